@@ -1,5 +1,6 @@
 //! Light of black bodies of any temperature, relative to one.
 
+use crate::color::luminance;
 use crate::color::spectral::{Curve, SECOND_RADIATION_CONSTANT, rgb_of};
 use crate::math::poly;
 
@@ -19,6 +20,9 @@ fn occupation(x: f32) -> f32 {
 }
 
 impl BlackBodies {
+    /// Cooler ones, of which next to nothing is seen, have the colour of this, in kelvins.
+    pub const COOLEST: f32 = 800.0;
+
     /// Those whose luminance is 1 at a temperature in kelvins.
     pub fn relative_to(kelvin: f32) -> BlackBodies {
         BlackBodies { reference: Curve::black_body(kelvin.into(), 1.0), kelvin }
@@ -33,6 +37,14 @@ impl BlackBodies {
         self.reference.at(nm) * (occupation(C2 / (nm * kelvin)) / occupation(C2 / (nm * self.kelvin)))
     }
 
+    /// What takes one of a temperature to a luminance that goes by the fourth power of the temperature, 1 at the reference; beside
+    /// [`BlackBodies::at`] of the same temperature, or of `COOLEST` below that.
+    pub fn power_over_luminance(&self, kelvin: f32) -> f32 {
+        let seen = kelvin.max(BlackBodies::COOLEST);
+        let luminance = luminance(rgb_of(|nm| f64::from(self.at(nm as f32, seen))).map(|v| v as f32));
+        (kelvin / self.kelvin).powi(4) / luminance
+    }
+
     /// What one of a temperature looks like, linear Rec. 709; what is beyond the gamut is 0.
     pub fn rgb(&self, kelvin: f32) -> [f32; 3] {
         rgb_of(|nm| f64::from(self.at(nm as f32, kelvin))).map(|v| v.max(0.0) as f32)
@@ -42,7 +54,6 @@ impl BlackBodies {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::color::luminance;
 
     #[test]
     fn light_is_that_of_curves_and_grows_by_planck() {
@@ -62,6 +73,11 @@ mod tests {
         let found = bodies.at(600.0, 2000.0) / bodies.at(600.0, 1500.0);
         assert!((f64::from(found) / wanted - 1.0).abs() < 1e-5, "{found} {wanted}");
         assert_eq!(bodies.at(600.0, 0.0), 0.0);
+        for (kelvin, seen, wanted) in [(1500.0, 1500.0, 1.0), (3000.0, 3000.0, 16.0), (150.0, 800.0, 1e-4)] {
+            let own = luminance(rgb_of(|nm| f64::from(bodies.at(nm as f32, seen))).map(|v| v as f32));
+            let power = bodies.power_over_luminance(kelvin) * own;
+            assert!((power / wanted - 1.0).abs() < 1e-3, "{kelvin} K: {power}");
+        }
         assert!(bodies.at(780.0, 1e6).is_finite() && bodies.at(380.0, 1.0) == 0.0);
     }
 }

@@ -6,7 +6,8 @@
 //! collisions of the probabilities that they are none (Novak et al. 2014, "Residual ratio tracking for estimating attenuation in
 //! participating media", section 3.1).
 
-use crate::math::{DVec3, Vec3, poly};
+use crate::color::Rgb;
+use crate::math::{DVec3, Mat3, Vec3, poly};
 use crate::sampling::hash::{hash32, unit};
 use crate::scene::Grid;
 use std::ops::{Add, Mul};
@@ -21,8 +22,8 @@ pub struct DensityGrid {
     size: [u32; 3],
     values: Arc<Vec<f32>>,
     /// From the compiled scene's coordinates to voxels: less this, times that.
-    min: Vec3,
-    voxels_per_metre: Vec3,
+    corner: Vec3,
+    voxels_from_world: Mat3,
     /// Largest value that interpolation finds in each block.
     bounds: Vec<f32>,
     blocks: [u32; 3],
@@ -41,14 +42,12 @@ impl DensityGrid {
     /// Prepares a grid; the world's origin moves to `anchor`.
     pub(super) fn new(grid: &Grid, anchor: DVec3) -> DensityGrid {
         let size = grid.size;
-        let extent = (grid.max - grid.min).as_vec3();
-        let counts = Vec3::new(size[0] as f32, size[1] as f32, size[2] as f32);
         let blocks = size.map(|n| n.div_ceil(BLOCK));
         let mut prepared = DensityGrid {
             size,
             values: grid.values.clone(),
-            min: (grid.min - anchor).as_vec3(),
-            voxels_per_metre: counts / extent,
+            corner: (grid.world_from_voxels.translation - anchor).as_vec3(),
+            voxels_from_world: grid.world_from_voxels.matrix3.inverse().as_mat3(),
             bounds: Vec::new(),
             blocks,
         };
@@ -90,8 +89,8 @@ impl DensityGrid {
     #[inline]
     pub fn ray(&self, origin: Vec3, direction: Vec3, extinction: f32) -> GridRay {
         GridRay {
-            origin: (origin - self.min) * self.voxels_per_metre,
-            direction: direction * self.voxels_per_metre,
+            origin: self.voxels_from_world * (origin - self.corner),
+            direction: self.voxels_from_world * direction,
             scale: extinction * direction.length(),
         }
     }
@@ -114,14 +113,22 @@ impl DensityGrid {
         mix(sheet(lower[2]), sheet(upper[2]), wz)
     }
 
-    /// Where a ray collides between two of its points, by numbers that follow `salt` and a first one in 0..1; infinite if
-    /// nowhere.
+    /// Where a ray collides between two of its points, by numbers that follow `salt` and a first one in 0..1, at the first collision
+    /// that `ends` it, told another number in 0..1; infinite if nowhere.
     #[inline]
-    pub fn collision(&self, ray: &GridRay, from: f32, to: f32, first: f32, salt: u32) -> f32 {
+    pub fn collision(
+        &self,
+        ray: &GridRay,
+        way: [f32; 2],
+        first: f32,
+        salt: u32,
+        mut ends: impl FnMut(f32) -> bool,
+    ) -> f32 {
         let mut found = f32::INFINITY;
         let mut numbers = Numbers(salt);
-        self.tentative(ray, [from, to], first, &mut numbers, |t, share, numbers| {
-            let collides = numbers.next() < share;
+        self.tentative(ray, way, first, &mut numbers, |t, share, numbers| {
+            let number = numbers.next();
+            let collides = number < share && ends(number / share);
             if collides {
                 found = t;
             }
@@ -133,17 +140,37 @@ impl DensityGrid {
     /// An estimate of what is left of light between two points of a ray.
     #[inline]
     pub fn left(&self, ray: &GridRay, from: f32, to: f32, salt: u32) -> f32 {
+        self.left_of(ray, [from, to], salt, 1.0, |left, share| left * (1.0 - share), |left| left)
+    }
+
+    /// The same by channel; `relative` has what each loses of what the ray says, 1 at most.
+    pub fn left_by_channel(&self, ray: &GridRay, [from, to]: [f32; 2], salt: u32, relative: Rgb) -> Rgb {
+        let take = |left: Rgb, share: f32| left * (Rgb::ONE - relative * share);
+        self.left_of(ray, [from, to], salt, Rgb::ONE, take, |left| left.max_element())
+    }
+
+    /// An estimate of what is left of `all`; `take` has what a collision of a probability leaves, and `largest` how much it is.
+    #[inline]
+    fn left_of<T: Copy + Mul<f32, Output = T>>(
+        &self,
+        ray: &GridRay,
+        way: [f32; 2],
+        salt: u32,
+        all: T,
+        take: impl Fn(T, f32) -> T,
+        largest: impl Fn(T) -> f32,
+    ) -> T {
         /// Less than this goes on in one of four cases, four times as much.
         const LITTLE: f32 = 0.1;
-        let mut left = 1.0;
+        let mut left = all;
         let mut numbers = Numbers(salt);
         let first = numbers.next();
-        self.tentative(ray, [from, to], first, &mut numbers, |_, share, numbers| {
-            left *= 1.0 - share;
-            if left < LITTLE {
-                left = if numbers.next() < 0.25 { left * 4.0 } else { 0.0 };
+        self.tentative(ray, way, first, &mut numbers, |_, share, numbers| {
+            left = take(left, share);
+            if largest(left) < LITTLE {
+                left = left * if numbers.next() < 0.25 { 4.0 } else { 0.0 };
             }
-            left > 0.0
+            largest(left) > 0.0
         });
         left
     }
@@ -321,7 +348,7 @@ mod tests {
         let value = |i: usize| ((i % 20) as f32) * 0.1 + ((i / 20 % 9) as f32) * 0.3;
         let values = Arc::new((0..20 * 9 * 3).map(value).collect());
         let (name, min, max) = (String::new(), DVec3::new(-1.0, 0.0, 0.0), DVec3::new(1.0, 3.0, 1.0));
-        DensityGrid::new(&Grid { name, size, values, min, max }, DVec3::ZERO)
+        DensityGrid::new(&Grid::in_box(name, size, values, min, max), DVec3::ZERO)
     }
 
     /// Mean free paths on a ray, by quadrature.
@@ -352,7 +379,7 @@ mod tests {
                     let salt = hash32(i);
                     left += f64::from(grid.left(&ray, 0.0, to, salt));
                     let first = unit(hash32(i ^ 0x5bd1_e995));
-                    let t = grid.collision(&ray, 0.0, to, first, salt);
+                    let t = grid.collision(&ray, [0.0, to], first, salt, |_| true);
                     passed += f64::from(u8::from(t == f32::INFINITY));
                     assert!(t == f32::INFINITY || (0.0..=to).contains(&t));
                 }
@@ -388,11 +415,11 @@ mod tests {
     fn dense_grids_far_away() {
         let values = Arc::new(vec![0.0, 1.0]);
         let (name, min, max) = (String::new(), DVec3::ZERO, DVec3::splat(1e-3));
-        let grid = DensityGrid::new(&Grid { name, size: [2, 1, 1], values, min, max }, DVec3::ZERO);
+        let grid = DensityGrid::new(&Grid::in_box(name, [2, 1, 1], values, min, max), DVec3::ZERO);
         for (x, is_clear) in [(1e-4, true), (2e-4, true), (9e-4, false)] {
             let ray = grid.ray(Vec3::new(x, 5e-4, 30.0), Vec3::NEG_Z, 5e7);
             for i in 0..20 {
-                let t = grid.collision(&ray, 0.0, f32::INFINITY, unit(hash32(!i)), hash32(i));
+                let t = grid.collision(&ray, [0.0, f32::INFINITY], unit(hash32(!i)), hash32(i), |_| true);
                 assert_eq!(t == f32::INFINITY, is_clear, "{x}: {t}");
                 assert!(is_clear || (t - 30.0).abs() < 2e-3, "{t}");
                 assert_eq!(grid.left(&ray, 0.0, 40.0, hash32(i)), f32::from(u8::from(is_clear)));
@@ -404,7 +431,7 @@ mod tests {
     fn one_voxel_and_rays_beside_the_grid() {
         let values = Arc::new(vec![2.0]);
         let (name, min, max) = (String::new(), DVec3::ZERO, DVec3::ONE);
-        let grid = DensityGrid::new(&Grid { name, size: [1; 3], values, min, max }, DVec3::ZERO);
+        let grid = DensityGrid::new(&Grid::in_box(name, [1; 3], values, min, max), DVec3::ZERO);
         let ray = grid.ray(Vec3::new(0.5, 0.5, -1.0), Vec3::Z, 1.0);
         let n = 20_000;
         let mean =
@@ -413,7 +440,7 @@ mod tests {
         for origin in [Vec3::new(1.5, 0.5, -1.0), Vec3::new(0.5, 0.5, 2.0)] {
             let ray = grid.ray(origin, Vec3::Z, 1.0);
             assert_eq!(grid.left(&ray, 0.0, 9.0, 1), 1.0);
-            assert_eq!(grid.collision(&ray, 0.0, 9.0, 0.99, 1), f32::INFINITY);
+            assert_eq!(grid.collision(&ray, [0.0, 9.0], 0.99, 1, |_| true), f32::INFINITY);
         }
     }
 }

@@ -24,6 +24,8 @@ struct Heat {
     /// Kelvins where the grid is 1.
     kelvin: f32,
     bodies: BlackBodies,
+    /// What they are taken times to go by their power, by the same steps as colours; none where they don't.
+    powers: Vec<f32>,
     /// Their colours from 0 to the hottest, and how many of them lie between values that are 1 apart.
     colors: Vec<Rgb>,
     per_value: f32,
@@ -37,9 +39,16 @@ impl Glow {
         let heat = glow.kelvin.map(|kelvin| {
             let bodies = BlackBodies::relative_to(scene::Glow::REFERENCE_KELVIN);
             let last = (COLORS - 1) as f32;
-            let color = |i: usize| Rgb::from_array(bodies.rgb(kelvin * hottest * (i as f32 / last)));
+            let heat = |i: usize| kelvin * hottest * (i as f32 / last);
+            let steps = 0..if glow.goes_by_power { COLORS } else { 0 };
+            let powers: Vec<f32> = steps.map(|i| bodies.power_over_luminance(heat(i))).collect();
+            let color = |i: usize| match powers.get(i) {
+                Some(power) => Rgb::from_array(bodies.rgb(heat(i).max(BlackBodies::COOLEST))) * *power,
+                None => Rgb::from_array(bodies.rgb(heat(i))),
+            };
             let colors = (0..COLORS).map(color).collect();
-            Heat { kelvin, colors, per_value: if hottest > 0.0 { last / hottest } else { 0.0 }, bodies }
+            let per_value = if hottest > 0.0 { last / hottest } else { 0.0 };
+            Heat { kelvin, colors, powers, per_value, bodies }
         });
         Glow { grid: prepared[index].clone(), heat }
     }
@@ -66,11 +75,19 @@ impl Glow {
 impl Heat {
     #[inline]
     fn at(&self, value: f32, waves: Option<&Wavelengths>) -> Rgb {
-        if let Some(waves) = waves {
-            return waves.map(|nm| self.bodies.at(nm, value * self.kelvin));
-        }
         let at = (value * self.per_value).clamp(0.0, (COLORS - 1) as f32);
         let i = (at as usize).min(COLORS - 2);
-        self.colors[i] + (self.colors[i + 1] - self.colors[i]) * (at - i as f32)
+        let share = at - i as f32;
+        let Some(waves) = waves else {
+            return self.colors[i] + (self.colors[i + 1] - self.colors[i]) * share;
+        };
+        let kelvin = value * self.kelvin;
+        match self.powers.get(i..i + 2) {
+            None => waves.map(|nm| self.bodies.at(nm, kelvin)),
+            Some(powers) => {
+                let power = powers[0] + (powers[1] - powers[0]) * share;
+                waves.map(|nm| self.bodies.at(nm, kelvin.max(BlackBodies::COOLEST))) * power
+            }
+        }
     }
 }

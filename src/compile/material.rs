@@ -166,7 +166,7 @@ fn emission_of(
     });
     let (light, light_spectrum) = light.map_or((None, None), |(slot, spectrum)| (Some(slot), spectrum));
     let emission = material.emission.zip(light).and_then(|(e, radiance)| {
-        let beam = Beam::new(material.lamp.unwrap_or_default().beam);
+        let beam = Beam::new(material.lamp.unwrap_or_default().beam, textures.profiles());
         (radiance.factor != [0.0; 3]).then_some(CompiledEmission {
             radiance,
             // Nothing shines where nothing is.

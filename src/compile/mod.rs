@@ -25,6 +25,7 @@ mod medium;
 mod moving;
 mod moving_emitters;
 mod objects;
+mod overlaps;
 mod placement;
 mod plan;
 mod reuse;

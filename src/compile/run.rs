@@ -140,7 +140,7 @@ fn textures(
         Some(textures) => textures.moved(anchor.as_vec3()),
         None => CompiledTextures::new(&scene.textures, &scene.images, anchor.as_vec3()),
     };
-    textures.with_spectra(&scene.textures, by_wavelength)
+    textures.with_profiles(&scene.profiles).with_spectra(&scene.textures, by_wavelength)
 }
 
 /// The environment with its portals; `kept` is that of an earlier moment, if it is the same.

@@ -95,6 +95,13 @@ impl Scattering {
         }
     }
 
+    /// Does light of all channels go as far?
+    #[inline]
+    pub fn is_grey(&self) -> bool {
+        let Rgb { r, g, b } = self.extinction;
+        r == g && g == b
+    }
+
     /// What is left of light after a way in the medium, metres.
     #[inline]
     pub fn transmittance(&self, distance: f32) -> Rgb {
@@ -121,8 +128,12 @@ impl Scattering {
         if let Some(grid) = &self.grid {
             let bits = [origin.x, origin.y, origin.z, direction.x, direction.y, direction.z, from];
             let salt = bits.into_iter().fold(0, |salt, x| hash32(salt ^ x.to_bits()));
-            let ray = grid.ray(origin, direction, self.extinction.r);
-            return Rgb::ONE * grid.left(&ray, from, to, salt);
+            let most = self.extinction.max_element();
+            let ray = grid.ray(origin, direction, most);
+            return match self.is_grey() {
+                true => Rgb::ONE * grid.left(&ray, from, to, salt),
+                false => grid.left_by_channel(&ray, [from, to], salt, self.extinction / most),
+            };
         }
         let [begin, end] = self.extent(origin, direction, from);
         let to = to.min(end);

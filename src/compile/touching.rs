@@ -2,6 +2,7 @@
 
 use super::geometry::Geometries;
 use super::material::CompiledMaterial;
+use super::overlaps::{self, Piece};
 use super::plan::part_materials;
 use crate::accel::Accel;
 use crate::math::{DAffine3, DVec3, Ray, gamma};
@@ -14,22 +15,22 @@ struct Solid {
     bounds: [DVec3; 2],
     /// It has several materials that light passes.
     has_several: bool,
-    /// Flat pieces of its surface: a point inside of each and its normal.
-    pieces: Pieces,
+    surface: Surface,
 }
 
-enum Pieces {
+enum Surface {
     Mesh {
         mesh: usize,
         placed: DAffine3,
     },
+    /// A corner and the edges that leave it.
     Quad([DVec3; 3]),
     /// A shape of the middle and this size.
     Shape(DVec3, f64),
 }
 
-/// Do some? Asked at the middle of each triangle that lies in the box around another solid. Where things move, solids whose boxes
-/// meet are taken to touch.
+/// Do some? Asked where triangles of two lie on each other, and at the middle of each triangle that lies in the box around a shape
+/// without triangles. Where things move, solids whose boxes meet are taken to touch.
 pub(super) fn exists(
     scene: &Scene,
     materials: &[CompiledMaterial],
@@ -40,16 +41,28 @@ pub(super) fn exists(
     solids.sort_by(|a, b| a.bounds[0].x.total_cmp(&b.bounds[0].x));
     let widest = solids.iter().map(|s| s.bounds[1].x - s.bounds[0].x).fold(0.0, f64::max);
     let reach = solids.iter().map(Solid::rounding).fold(0.0, f64::max);
-    let at = Places { materials, geometries, accel, anchor };
-    solids.iter().enumerate().any(|(i, solid)| {
-        let [low, high] = solid.bounds.map(|corner| corner.x);
+    let others = |i: usize| {
+        let [low, high] = solids[i].bounds.map(|corner| corner.x);
         let first = solids.partition_point(|s| s.bounds[0].x < low - widest - 2.0 * reach);
         let last = solids.partition_point(|s| s.bounds[0].x <= high + 2.0 * reach);
-        let others =
-            (first..last).filter(|&k| if k == i { solid.has_several } else { solid.meets(&solids[k]) });
-        let others: Vec<&Solid> = others.map(|k| &solids[k]).collect();
-        !others.is_empty() && (accel.is_moving() || solid.is_touched(&others, scene, &at))
-    })
+        let is_other = |&k: &usize| if k == i { solids[i].has_several } else { solids[i].meets(&solids[k]) };
+        (first..last).filter(is_other).map(|k| &solids[k]).collect::<Vec<&Solid>>()
+    };
+    let at = Places { materials, geometries, accel, anchor };
+    let mut pieces = Vec::new();
+    for (i, solid) in solids.iter().enumerate() {
+        let others = others(i);
+        if others.is_empty() {
+            continue;
+        }
+        let own = solid.pieces(i as u32, &others, scene);
+        if accel.is_moving() || solid.is_touched(&own, &others, &at) {
+            return true;
+        }
+        pieces.extend(own);
+    }
+    let may_touch = |a: u32, b: u32| a != b || solids[a as usize].has_several;
+    overlaps::any(pieces, may_touch, |point, normal| at.are_two_at(point, normal))
 }
 
 /// Where surfaces are looked for.
@@ -98,33 +111,56 @@ impl Solid {
         (low - reach).cmple(other_high).all() && (other_low - reach).cmple(high).all()
     }
 
-    /// Does a point lie in the box around it?
-    fn is_around(&self, p: DVec3, reach: f64) -> bool {
-        (self.bounds[0] - reach).cmple(p).all() && p.cmple(self.bounds[1] + reach).all()
-    }
-
-    /// Does one of the others lie on its surface?
-    fn is_touched(&self, others: &[&Solid], scene: &Scene, at: &Places) -> bool {
-        let is_near = |p: DVec3| others.iter().any(|b| b.is_around(p, self.rounding().max(b.rounding())));
-        match self.pieces {
-            Pieces::Mesh { mesh, placed } => {
+    /// The triangles of its surface that reach into the boxes around others, as those of solid `number`.
+    fn pieces(&self, number: u32, others: &[&Solid], scene: &Scene) -> Vec<Piece> {
+        let rounding = self.rounding();
+        let is_near = |[a, b, c]: [DVec3; 3]| {
+            let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+            others.iter().any(|other| {
+                let reach = rounding.max(other.rounding());
+                (low - reach).cmple(other.bounds[1]).all() && (other.bounds[0] - reach).cmple(high).all()
+            })
+        };
+        let near =
+            |corners: [DVec3; 3]| is_near(corners).then_some(Piece { corners, solid: number, rounding });
+        match self.surface {
+            Surface::Mesh { mesh, placed } => {
                 let mesh = &scene.meshes[mesh];
                 let corner =
                     |i: u32| placed.transform_point3(mesh.positions[i as usize].map(f64::from).into());
-                mesh.triangles.par_iter().any(|&t| {
-                    let [a, b, c] = t.map(corner);
-                    let middle = (a + b + c) / 3.0;
-                    is_near(middle) && at.are_two_at(middle, (b - a).cross(c - a).normalize_or_zero())
-                })
+                mesh.triangles.par_iter().filter_map(|&t| near(t.map(corner))).collect()
             }
-            Pieces::Quad([middle, u, v]) => at.are_two_at(middle, u.cross(v).normalize_or_zero()),
-            Pieces::Shape(middle, size) => others.iter().any(|other| match other.pieces {
-                Pieces::Shape(center, radius) => {
-                    center.distance(middle) <= self.rounding() && (radius - size).abs() <= self.rounding()
-                }
-                _ => false,
-            }),
+            Surface::Quad([a, u, v]) => {
+                [[a, a + u, a + u + v], [a, a + u + v, a + v]].into_iter().filter_map(near).collect()
+            }
+            Surface::Shape(..) => Vec::new(),
         }
+    }
+
+    /// Does a shape without triangles lie on its surface?
+    fn is_touched(&self, pieces: &[Piece], others: &[&Solid], at: &Places) -> bool {
+        let shapes = others.iter().filter_map(|other| match other.surface {
+            Surface::Shape(center, radius) => Some((center, radius, other)),
+            _ => None,
+        });
+        let shapes: Vec<(DVec3, f64, &&Solid)> = shapes.collect();
+        if let Surface::Shape(middle, size) = self.surface {
+            let is_same = |&(center, radius, _): &(DVec3, f64, &&Solid)| {
+                center.distance(middle) <= self.rounding() && (radius - size).abs() <= self.rounding()
+            };
+            return shapes.iter().any(is_same);
+        }
+        let is_around = |p: DVec3, other: &Solid| {
+            let reach = self.rounding().max(other.rounding());
+            (other.bounds[0] - reach).cmple(p).all() && p.cmple(other.bounds[1] + reach).all()
+        };
+        !shapes.is_empty()
+            && pieces.par_iter().any(|piece| {
+                let [a, b, c] = piece.corners;
+                let middle = (a + b + c) / 3.0;
+                let normal = (b - a).cross(c - a).normalize_or_zero();
+                shapes.iter().any(|&(.., other)| is_around(middle, other)) && at.are_two_at(middle, normal)
+            })
     }
 }
 
@@ -142,8 +178,8 @@ fn solids(scene: &Scene, materials: &[CompiledMaterial]) -> Vec<Solid> {
                 part_materials(mesh, instance).filter(|&id| is_solid(id)).collect();
             ids.sort_unstable();
             ids.dedup();
-            let pieces = Pieces::Mesh { mesh: instance.mesh.index(), placed };
-            Solid { bounds, has_several: ids.len() > 1, pieces }
+            let surface = Surface::Mesh { mesh: instance.mesh.index(), placed };
+            Solid { bounds, has_several: ids.len() > 1, surface }
         })
     });
     let quads = scene.quads.iter().filter(|quad| is_solid(quad.material)).map(|quad| {
@@ -151,16 +187,15 @@ fn solids(scene: &Scene, materials: &[CompiledMaterial]) -> Vec<Solid> {
             quad.edge_u.min(DVec3::ZERO) + quad.edge_v.min(DVec3::ZERO),
             quad.edge_u.max(DVec3::ZERO) + quad.edge_v.max(DVec3::ZERO),
         );
-        let middle = quad.corner + 0.5 * quad.edge_u + 0.5 * quad.edge_v;
         let bounds = [quad.corner + low, quad.corner + high];
-        Solid { bounds, has_several: false, pieces: Pieces::Quad([middle, quad.edge_u, quad.edge_v]) }
+        Solid { bounds, has_several: false, surface: Surface::Quad([quad.corner, quad.edge_u, quad.edge_v]) }
     });
     let shapes = scene.shapes.iter().filter(|shape| is_solid(shape.material)).map(|shape| {
         let half = DVec3::splat(shape.radius);
         Solid {
             bounds: [shape.center - half, shape.center + half],
             has_several: false,
-            pieces: Pieces::Shape(shape.center, shape.radius),
+            surface: Surface::Shape(shape.center, shape.radius),
         }
     });
     meshes.chain(quads).chain(shapes).collect()

@@ -31,7 +31,7 @@ impl Integrator<'_> {
         }
         let wo = -w.rays[i].direction;
         let radiance = self.emitted(at, wo, w.times.waves(w.arriving.carried.sample[i]));
-        let radiance = emission.beam.of(radiance, surface.ng, wo);
+        let radiance = emission.beam.of(radiance, surface.ng, wo, &self.scene.textures);
         let path = &w.arriving.carried;
         let mut weight = 1.0;
         if path.pdf[i] > 0.0

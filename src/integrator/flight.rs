@@ -6,11 +6,15 @@
 //! sees the ray (Kulla, Fajardo 2012, "Importance Sampling Techniques for Path Tracing in Participating Media", section
 //! 3.1). The weight is the value over the density of the whole mixture, as in Veach's balance heuristic with one sample: it is
 //! at most one over a channel's share, or two where a lamp is. The lamp that guides the choice is drawn for itself and lights nothing by it.
+//!
+//! On grids flights end at collisions, which need no weight where all channels lose the same. Where they differ, light collides as
+//! in the channel that loses most, and scatters or goes on by the toss of a coin; weights make up for it, channel by channel (Kutz,
+//! Habel, Li, Novak 2017, "Spectral and Decomposition Tracking for Rendering Heterogeneous Volumes", section 4).
 
 use super::interior::Interior;
 use crate::color::Rgb;
-use crate::compile::Scattering;
-use crate::math::{Vec3, poly};
+use crate::compile::{DensityGrid, GridRay, Scattering};
+use crate::math::{Ray, Vec3, poly};
 use crate::sampling::hash::hash32;
 use crate::simd::map_each;
 
@@ -39,8 +43,8 @@ pub(super) struct Flight {
     pub until: f32,
     /// It met nothing before.
     pub scatters: bool,
-    /// Found by tentative collisions on a grid, which need no weight.
-    is_tracked: bool,
+    /// Found by collisions on a grid.
+    tracked: Option<Tracked>,
     /// The boundary without a surface where it begins.
     pub crossed: Option<Crossed>,
 }
@@ -63,6 +67,16 @@ pub(super) struct ShadowWay {
     pub from: f32,
 }
 
+/// What a flight follows on a grid.
+#[derive(Clone, Copy, Debug)]
+struct Tracked {
+    /// The numbers that decide it: the first in 0..1.
+    first: f32,
+    salt: u32,
+    /// What it is taken times where it ends.
+    weight: Rgb,
+}
+
 /// How often a lamp guides, where one is.
 const GUIDED: f32 = 0.5;
 
@@ -79,7 +93,7 @@ impl Flight {
             guide: None,
             until: f32::INFINITY,
             scatters: false,
-            is_tracked: false,
+            tracked: None,
             crossed: None,
         }
     }
@@ -98,10 +112,10 @@ impl Flight {
         let extent = medium.extent(origin, direction, from);
         let mut flight = Flight::straight(index, extent);
         if let Some(grid) = &medium.grid {
-            let ray = grid.ray(origin, direction, medium.extinction.r);
             let salt = hash32(u[0].to_bits() ^ hash32(u[1].to_bits()));
-            flight.until = grid.collision(&ray, from, f32::INFINITY, u[0], salt);
-            flight.is_tracked = true;
+            let tracked = Tracked { first: u[0], salt, weight: Rgb::ZERO };
+            let (until, weight) = tracked.follow((medium, grid), (origin, direction), [from, f32::INFINITY]);
+            (flight.until, flight.tracked) = (until, Some(Tracked { weight, ..tracked }));
             return flight;
         }
         if extent[1] <= extent[0] || medium.scattered.max_element() <= 0.0 {
@@ -128,12 +142,20 @@ impl Flight {
         flight
     }
 
-    /// What the path's throughput is taken times where it arrives at a point without having scattered.
+    /// What the path's throughput is taken times where it arrives at a point of the flight's ray without having scattered.
     #[inline]
-    pub fn weight_of_passing(&self, medium: &Scattering, to: f32) -> Rgb {
-        if self.is_tracked {
-            return Rgb::ONE;
+    pub fn weight_of_passing(&self, medium: &Scattering, ray: &Ray, to: f32) -> Rgb {
+        match (&self.tracked, &medium.grid) {
+            (Some(tracked), Some(grid)) => {
+                tracked.weight_of_passing((medium, grid), ray, [self.extent[0], to])
+            }
+            _ => self.left_by_chance(medium, to),
         }
+    }
+
+    /// The same in a medium without a grid.
+    #[inline]
+    fn left_by_chance(&self, medium: &Scattering, to: f32) -> Rgb {
         let left = self.left(medium, to);
         if self.draws() { over(left, self.mixed(left, |guide| guide.beyond(to))) } else { left }
     }
@@ -141,8 +163,8 @@ impl Flight {
     /// What it is taken times where the path scatters.
     #[inline]
     pub fn weight_of_scattering(&self, medium: &Scattering) -> Rgb {
-        if self.is_tracked {
-            return medium.scattered / medium.extinction.r;
+        if let Some(tracked) = &self.tracked {
+            return tracked.weight;
         }
         let left = self.left(medium, self.until);
         let density = self.mixed(left * medium.extinction, |guide| guide.density(self.until));
@@ -163,7 +185,7 @@ impl Flight {
             return Rgb::ZERO;
         }
         let (x, density) = self.glowing_point(medium, shines, way, u);
-        over(shines * self.weight_of_passing(medium, begin + x), density)
+        over(shines * self.left_by_chance(medium, begin + x), density)
     }
 
     /// A point of a way of some length and its density per metre, for light that shines everywhere alike in its medium.
@@ -222,6 +244,60 @@ impl Flight {
             Some(guide) => GUIDED * of_guide(guide) + (1.0 - GUIDED) * sum,
             None => sum,
         }
+    }
+}
+
+impl Tracked {
+    /// Where light scatters between two points of a ray, infinite if nowhere; and what it is taken times.
+    #[inline]
+    fn follow(
+        &self,
+        (medium, grid): (&Scattering, &DensityGrid),
+        (origin, direction): (Vec3, Vec3),
+        way: [f32; 2],
+    ) -> (f32, Rgb) {
+        let ray = grid.ray(origin, direction, medium.extinction.max_element());
+        if medium.is_grey() {
+            let until = grid.collision(&ray, way, self.first, self.salt, |_| true);
+            return (until, medium.scattered / medium.extinction.r);
+        }
+        self.follow_channels(medium, grid, &ray, way)
+    }
+
+    /// The same where channels differ.
+    #[cold]
+    fn follow_channels(
+        &self,
+        medium: &Scattering,
+        grid: &DensityGrid,
+        ray: &GridRay,
+        way: [f32; 2],
+    ) -> (f32, Rgb) {
+        let most = medium.extinction.max_element();
+        let (scattered, passing) = (medium.scattered / most, Rgb::ONE - medium.extinction / most);
+        let sum = |rgb: Rgb| rgb.r + rgb.g + rgb.b;
+        let mut weight = Rgb::ONE;
+        let until = grid.collision(ray, way, self.first, self.salt, |number| {
+            let (ends, goes_on) = (weight * scattered, weight * passing);
+            let share = sum(ends) / (sum(ends) + sum(goes_on));
+            // Where all is absorbed the share is no number, and nothing goes on.
+            let is_end = share.is_nan() || number < share;
+            weight = if is_end { ends / share } else { goes_on / (1.0 - share) };
+            if share.is_nan() {
+                weight = Rgb::ZERO;
+            }
+            is_end
+        });
+        (until, weight)
+    }
+
+    /// What a path is taken times that arrives at a point before it scatters.
+    #[inline]
+    fn weight_of_passing(&self, in_medium: (&Scattering, &DensityGrid), ray: &Ray, way: [f32; 2]) -> Rgb {
+        if in_medium.0.is_grey() {
+            return Rgb::ONE;
+        }
+        self.follow(in_medium, (ray.origin, ray.direction), way).1
     }
 }
 

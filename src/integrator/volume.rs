@@ -153,7 +153,7 @@ impl Integrator<'_> {
                 group: 0,
             });
         }
-        flight.weight_of_passing(scattering, to)
+        flight.weight_of_passing(scattering, &w.rays[i], to)
     }
 
     /// What arriving path `i` is taken times at a point of its ray, which it reached.
@@ -163,7 +163,7 @@ impl Integrator<'_> {
             let flight = &w.flights[i];
             let medium = &self.scene.media[usize::from(flight.medium)];
             return match &medium.scattering {
-                Some(scattering) => flight.weight_of_passing(&scattering.in_lanes(waves), to),
+                Some(scattering) => flight.weight_of_passing(&scattering.in_lanes(waves), &w.rays[i], to),
                 None => medium.transmittance_at(to - flight.extent[0], waves),
             };
         }

@@ -238,7 +238,7 @@ impl AreaLight {
             target: offset_ray_origin(point, self.point_error, normal, -to_light),
             is_infinite: false,
             is_delta: false,
-            radiance: self.beam.of(self.radiance_at(textures, point), normal, -wi),
+            radiance: self.beam.of(self.radiance_at(textures, point), normal, -wi, textures),
             pdf_solid_angle,
         }
     }

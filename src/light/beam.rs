@@ -1,9 +1,12 @@
 //! Light that goes some ways more than others: the cones of spot lights, and beams of lamps with a surface.
 
+use super::profiled::{Aim, mean_share};
 use crate::color::Rgb;
 use crate::math::{DVec3, Vec3, poly};
-use crate::scene::{self, SpotFade};
+use crate::scene::{self, LightProfile, SpotFade};
+use crate::texture::CompiledTextures;
 use std::f32::consts::PI;
+use std::sync::Arc;
 
 /// A cone that fades towards its edge: attenuation is `fade` of scale * cos + offset, clamped to 0..1.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -74,11 +77,20 @@ pub enum Beam {
     },
     /// A cone about an axis.
     Cone(Cone),
+    /// A measured profile.
+    Profile {
+        /// Its number among the scene's.
+        number: u32,
+        /// How it is turned.
+        aim: Aim,
+        /// Its mean share over all directions.
+        mean: f32,
+    },
 }
 
 impl Beam {
-    /// Prepares a beam.
-    pub fn new(beam: scene::Beam) -> Beam {
+    /// Prepares a beam, by the scene's profiles. One that is not among them is even (`Scene::validate` reports it).
+    pub fn new(beam: scene::Beam, profiles: &[Arc<LightProfile>]) -> Beam {
         match beam {
             scene::Beam::Even => Beam::Even,
             scene::Beam::Grid { half_angle_rad } => {
@@ -89,18 +101,28 @@ impl Beam {
             scene::Beam::Cone { direction, inner_angle_rad, outer_angle_rad, fade } => {
                 Beam::Cone(Cone::new(direction, inner_angle_rad, outer_angle_rad, fade))
             }
+            scene::Beam::Profile { profile, rotation, cone } => {
+                profiles.get(profile.index()).map_or(Beam::Even, |of| Beam::Profile {
+                    number: profile.0,
+                    aim: Aim::new(rotation, cone),
+                    mean: mean_share(of),
+                })
+            }
         }
     }
 
-    /// What a surface of a radiance and a normal sends in a direction; both of unit length.
+    /// What a surface of a radiance and a normal sends in a direction, both of unit length; profiles lie beside textures.
     #[inline(always)]
-    pub fn of(&self, radiance: Rgb, normal: Vec3, direction: Vec3) -> Rgb {
-        if matches!(self, Beam::Even) { radiance } else { radiance * self.factor(normal, direction) }
+    pub fn of(&self, radiance: Rgb, normal: Vec3, direction: Vec3, textures: &CompiledTextures) -> Rgb {
+        if matches!(self, Beam::Even) {
+            return radiance;
+        }
+        radiance * self.factor(normal, direction, textures.profiles())
     }
 
     /// Factor on the radiance that leaves a surface of a normal in a direction; both of unit length.
     #[cold]
-    pub fn factor(&self, normal: Vec3, direction: Vec3) -> f32 {
+    pub fn factor(&self, normal: Vec3, direction: Vec3, profiles: &[Arc<LightProfile>]) -> f32 {
         match self {
             Beam::Even => 1.0,
             Beam::Grid { tan_half, scale } => {
@@ -109,6 +131,9 @@ impl Beam {
                 ((tan_half - sine / cosine.max(1e-9)) * scale).max(0.0)
             }
             Beam::Cone(cone) => cone.attenuation(direction.dot(cone.axis)),
+            Beam::Profile { number, aim, .. } => {
+                aim.share(profiles.get(*number as usize).map(|profile| &**profile), direction)
+            }
         }
     }
 
@@ -117,6 +142,7 @@ impl Beam {
         match self {
             Beam::Even | Beam::Grid { .. } => 1.0,
             Beam::Cone(cone) => cone.solid_angle() / (4.0 * PI),
+            Beam::Profile { mean, .. } => *mean,
         }
     }
 
@@ -126,6 +152,9 @@ impl Beam {
             Beam::Even | Beam::Grid { .. } => None,
             // A little wider, for rounding.
             Beam::Cone(cone) => Some((cone.axis, (cone.angles_rad()[1] + 1e-3).min(0.5 * PI))),
+            Beam::Profile { aim, .. } => {
+                Some(aim.cone().map_or((Vec3::Z, PI), |(axis, angle)| (axis, (angle + 1e-3).min(0.5 * PI))))
+            }
         }
     }
 }
@@ -137,18 +166,18 @@ mod tests {
     #[test]
     fn a_grid_keeps_the_power() {
         for half_angle_rad in [0.1f64, 0.7, 1.4] {
-            let beam = Beam::new(scene::Beam::Grid { half_angle_rad });
+            let beam = Beam::new(scene::Beam::Grid { half_angle_rad }, &[]);
             let n = 20_000;
             let sum: f64 = (0..n)
                 .map(|i| {
                     let t = (f64::from(i) + 0.5) / f64::from(n) * half_angle_rad;
                     let direction = Vec3::new(t.sin() as f32, 0.0, t.cos() as f32);
-                    f64::from(beam.factor(Vec3::Z, direction)) * t.cos() * t.sin()
+                    f64::from(beam.factor(Vec3::Z, direction, &[])) * t.cos() * t.sin()
                 })
                 .sum();
             let power = 2.0 * sum * half_angle_rad / f64::from(n);
             assert!((power - 1.0).abs() < 2e-3, "{half_angle_rad}: {power}");
-            assert_eq!(beam.factor(Vec3::Z, Vec3::X), 0.0);
+            assert_eq!(beam.factor(Vec3::Z, Vec3::X, &[]), 0.0);
         }
     }
 }

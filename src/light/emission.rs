@@ -125,7 +125,7 @@ impl Emission {
         let origin = offset_ray_origin(point, light.point_error(), normal, direction);
         Some(Emitted {
             ray: Ray::new(origin, direction),
-            radiance: light.beam.of(light.radiance_at(textures, point), normal, direction),
+            radiance: light.beam.of(light.radiance_at(textures, point), normal, direction, textures),
             scale: cosine.abs() * light.area() / pdf,
             light: 0,
             is_delta: false,

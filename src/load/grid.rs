@@ -19,6 +19,8 @@ pub(super) struct Choice<'a> {
     pub name: Option<&'a str>,
     /// The file's z points up, and becomes y.
     pub is_z_up: bool,
+    /// Values fall to nothing over a voxel around its box.
+    pub has_margin: bool,
 }
 
 /// Reads a grid file; an error is a sentence.
@@ -27,7 +29,7 @@ pub(super) fn read(path: &Path, choice: Choice) -> Result<Grid, String> {
     let extension = path.extension().map_or_else(String::new, |e| e.to_string_lossy().to_lowercase());
     let bytes = std::fs::read(path).map_err(|e| format!("{name}: {e}"))?;
     let grid = match extension.as_str() {
-        "vdb" => vdb::parse(&bytes, &name, choice.name, choice.is_z_up),
+        "vdb" => vdb::parse(&bytes, &name, choice.name, (choice.is_z_up, choice.has_margin)),
         "nvdb" => {
             Err("is a file of NanoVDB, which is not read: convert it by nanovdb_convert to .vdb".into())
         }
@@ -69,7 +71,7 @@ fn parse(bytes: &[u8], name: &str) -> Result<Grid, String> {
     let corner =
         |first: usize| DVec3::from_array([0, 1, 2].map(|i| f64::from(f32::from_bits(word(first + i)))));
     let values = data.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
-    Ok(Grid { name: name.to_string(), size, values: Arc::new(values), min: corner(5), max: corner(8) })
+    Ok(Grid::in_box(name.to_string(), size, Arc::new(values), corner(5), corner(8)))
 }
 
 #[cfg(test)]
@@ -88,7 +90,7 @@ mod tests {
     fn grids_are_read() {
         let grid = parse(&file([3, 2, 1], &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0]), "smoke").expect("a grid");
         assert_eq!((grid.size, grid.values[4]), ([3, 2, 1], 4.0));
-        assert_eq!((grid.min, grid.max), (DVec3::new(-1.0, 0.0, -2.0), DVec3::new(1.0, 3.0, 2.0)));
+        assert_eq!(grid.bounds(), (DVec3::new(-1.0, 0.0, -2.0), DVec3::new(1.0, 3.0, 2.0)));
     }
 
     #[test]

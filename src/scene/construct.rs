@@ -4,8 +4,9 @@ use super::{
     Camera, Grid, GridId, Image, ImageId, Instance, Light, LightKind, Material, MaterialId, Mesh, MeshId,
     MeshPart, Motion, Projection, Quad, Scene, Shape, ShapeKind, SpotFade, Texture, TextureId, looking_at,
 };
-use super::{LightLinks, ObjectTraits, RayKinds};
+use super::{LightLinks, LightProfile, ObjectTraits, ProfileId, RayKinds};
 use crate::math::{DAffine3, DMat3, DQuat, DVec3};
+use std::sync::Arc;
 
 /// Adds to a list; the id is the index.
 macro_rules! add {
@@ -35,6 +36,8 @@ add! {
     add_image: Image => images, ImageId;
     /// Adds a grid and returns its id, for media.
     add_grid: Grid => grids, GridId;
+    /// Adds a profile and returns its id, for the beams of lamps.
+    add_profile: Arc<LightProfile> => profiles, ProfileId;
 }
 
 impl Mesh {

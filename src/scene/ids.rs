@@ -36,3 +36,7 @@ id!(
     /// Index into `Scene::grids`.
     GridId
 );
+id!(
+    /// Index into `Scene::profiles`.
+    ProfileId
+);

@@ -1,6 +1,5 @@
 //! Materials as the user described them; `compile` turns each into the cheapest equivalent BSDF.
 
-use super::TextureId;
 use super::light::SpotFade;
 use super::medium::Medium;
 use super::model::Model;
@@ -9,7 +8,8 @@ use super::slot::{
     ColorSlot, FloatSlot, NormalMap, Parameter, ParameterMut, Parameters, parameters_of_fields,
 };
 use super::visibility::RayKinds;
-use crate::math::DVec3;
+use super::{ProfileId, TextureId};
+use crate::math::{DQuat, DVec3};
 
 /// Emitted radiance.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,6 +77,15 @@ pub enum Beam {
         outer_angle_rad: f64,
         /// How it fades in between.
         fade: SpotFade,
+    },
+    /// A measured profile, of which the radiance is the peak's.
+    Profile {
+        /// The profile; its largest value is 1.
+        profile: ProfileId,
+        /// Turns it into world space: it shines along -z, and its horizontal angles turn from x to y.
+        rotation: DQuat,
+        /// Half angles, radians, between which a cone about the way it shines fades by a smooth step, if there is one.
+        cone: Option<[f64; 2]>,
     },
 }
 

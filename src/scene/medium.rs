@@ -16,7 +16,8 @@ pub struct Medium {
     pub anisotropy: f32,
     /// Radiance that each metre adds.
     pub emission: [f32; 3],
-    /// Factors on the extinction, which is the same for all channels then, and on the emission where nothing else is.
+    /// Factors on the extinction, and on the emission where nothing else is; media that shine have the same extinction in all
+    /// channels then.
     pub grid: Option<GridId>,
     /// What the emission is taken times in place of that grid, where there is one.
     pub glow: Option<Glow>,
@@ -27,9 +28,12 @@ pub struct Medium {
 pub struct Glow {
     /// Factors on the emission, or temperatures.
     pub grid: GridId,
-    /// Kelvins where the grid is 1: the medium shines as a black body (Planck's law), and its emission is the luminance that
-    /// each metre of [`Glow::REFERENCE_KELVIN`] adds.
+    /// Kelvins where the grid is 1: the medium shines as a black body, and its emission is the luminance that each metre of
+    /// [`Glow::REFERENCE_KELVIN`] adds.
     pub kelvin: Option<f32>,
+    /// The luminance goes by the fourth power of the temperature, as all that a black body sends does (Stefan, Boltzmann), not
+    /// as what is seen of it (Planck's law).
+    pub goes_by_power: bool,
 }
 
 impl Glow {

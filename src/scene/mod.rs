@@ -51,7 +51,7 @@ pub use geometry::{Instance, Mesh, MeshPart, Motion, Quad};
 pub use grid::Grid;
 pub use groups::{DEFAULT_GROUP, GROUP_KEY, group_or_default, is_group_name};
 pub use hair::{hair_color, hair_color_scale};
-pub use ids::{GridId, ImageId, MaterialId, MeshId, TextureId};
+pub use ids::{GridId, ImageId, MaterialId, MeshId, ProfileId, TextureId};
 pub use light::{Light, LightKind, SpotFade};
 pub use links::{LightLinks, Link, ObjectSet, ObjectSets};
 pub use material::{AlphaMode, Beam, Displacement, Emission, Lamp, Material};
@@ -71,6 +71,7 @@ pub use texture::{Interpolation, MOST_NESTED_TEXTURES, Mapping, NoiseKind, Textu
 pub use visibility::{ObjectTraits, RayKinds};
 
 use crate::image::Image;
+use std::sync::Arc;
 
 /// Everything that a picture is made of.
 #[derive(Clone, Debug, Default)]
@@ -95,6 +96,8 @@ pub struct Scene {
     pub images: Vec<Image>,
     /// Grids of densities, by [`GridId`].
     pub grids: Vec<Grid>,
+    /// Profiles of lamps with a surface, by [`ProfileId`].
+    pub profiles: Vec<Arc<LightProfile>>,
     /// Point, spot and directional lights.
     pub lights: Vec<Light>,
     /// What is seen where nothing is hit.

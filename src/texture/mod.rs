@@ -17,12 +17,13 @@ pub use reader::PointReader;
 use crate::color::spectral::Spectrum;
 use crate::image::Image;
 use crate::math::Vec3;
-use crate::scene::{ImageId, Interpolation, NoiseKind, Texture, TextureId};
+use crate::scene::{ImageId, Interpolation, LightProfile, NoiseKind, Texture, TextureId};
 use compiled::Compiled;
 use coordinates::TextureCoordinates;
 use fold::{cut_endless_mixes, fold_constants};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
 
 /// All textures of a scene, by [`TextureId`].
 #[derive(Clone, Debug, Default)]
@@ -30,6 +31,8 @@ pub struct CompiledTextures {
     textures: Vec<Compiled>,
     /// Added to a world position before procedural lookups: the scene may have been moved near the camera.
     world_offset: Vec3,
+    /// How lamps shine, by [`ProfileId`](crate::scene::ProfileId).
+    profiles: Vec<Arc<LightProfile>>,
 }
 
 impl CompiledTextures {
@@ -41,12 +44,23 @@ impl CompiledTextures {
         fold_constants(&mut compiled);
         cut_endless_mixes(&mut compiled);
         number_grids(&mut compiled);
-        CompiledTextures { textures: compiled, world_offset }
+        CompiledTextures { textures: compiled, world_offset, profiles: Vec::new() }
     }
 
     /// The same textures in a world whose origin has moved otherwise.
     pub fn moved(self, world_offset: Vec3) -> CompiledTextures {
         CompiledTextures { world_offset, ..self }
+    }
+
+    /// The same beside the profiles of a scene's lamps.
+    #[must_use]
+    pub fn with_profiles(self, profiles: &[Arc<LightProfile>]) -> CompiledTextures {
+        CompiledTextures { profiles: profiles.to_vec(), ..self }
+    }
+
+    /// The profiles of lamps.
+    pub fn profiles(&self) -> &[Arc<LightProfile>] {
+        &self.profiles
     }
 
     /// The value everywhere, if it is the same everywhere.

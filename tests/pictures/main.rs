@@ -14,6 +14,7 @@ mod converged;
 mod curves;
 mod determinism;
 mod facing;
+mod grids;
 mod guiding;
 mod lamps;
 mod linking;

@@ -95,7 +95,7 @@ fn grids_agree_with_homogeneous_media() {
         let size = [19, 8, 30];
         let values = std::sync::Arc::new((0..19 * 8 * 30).map(value).collect());
         let (name, min, max) = ("smoke".to_string(), DVec3::splat(-2.0), DVec3::splat(2.0));
-        let grid = scene.add_grid(Grid { name, size, values, min, max });
+        let grid = scene.add_grid(Grid::in_box(name, size, values, min, max));
         let filled = body(scene, Medium { grid: Some(grid), ..medium(0.25, albedo, 0.3) });
         sphere(scene, [0.0; 3], 1.0, filled);
     };
@@ -137,7 +137,7 @@ fn grids_shine() {
         let along: Vec<f64> = (0..40).map(|z| f64::from(values[z * 6])).collect();
         let between: f64 = along.windows(2).map(|w| 0.5 * (w[0] + w[1])).sum();
         let mass = (between + 0.5 * (along[0] + along[39])) * 0.1;
-        let grid = scene.add_grid(Grid { name, size, values: std::sync::Arc::new(values), min, max });
+        let grid = scene.add_grid(Grid::in_box(name, size, std::sync::Arc::new(values), min, max));
         let shining = Medium { grid: Some(grid), emission: [0.6, 0.3, 0.15], ..medium(extinction, 0.0, 0.0) };
         let filled = body(&mut scene, shining);
         sphere(&mut scene, [0.0; 3], 4.0, filled);
@@ -154,7 +154,7 @@ fn grids_shine() {
     let mut scene = Scene::default();
     let values = std::sync::Arc::new(vec![1.0; 8]);
     let (name, min, max) = (String::new(), DVec3::splat(-300.0), DVec3::splat(300.0));
-    let grid = scene.add_grid(Grid { name, size: [2; 3], values, min, max });
+    let grid = scene.add_grid(Grid::in_box(name, [2; 3], values, min, max));
     let shining = Medium { grid: Some(grid), emission: [0.4; 3], ..medium(0.8, 0.5, 0.3) };
     let filled = body(&mut scene, shining);
     sphere(&mut scene, [0.0; 3], 200.0, filled);
@@ -175,7 +175,7 @@ fn grids_shine_by_other_grids() {
     let grid = |values: [f32; 2], z: [f64; 2]| {
         let (min, max) = (DVec3::new(-2.0, -2.0, z[0]), DVec3::new(2.0, 2.0, z[1]));
         let values = std::sync::Arc::new(values.to_vec());
-        Grid { name: String::new(), size: [1, 1, 2], values, min, max }
+        Grid::in_box(String::new(), [1, 1, 2], values, min, max)
     };
     // Linear between the middles of voxels, a quarter and three quarters of the way.
     let value = |[a, b]: [f32; 2], [from, to]: [f64; 2], z: f64| {
@@ -185,10 +185,10 @@ fn grids_shine_by_other_grids() {
     let (density, along) = ([0.5, 2.0], [-1.0, 1.0]);
     let (heat, hot) = ([0.2, 1.3], [-0.8, 1.6]);
     let bodies = BlackBodies::relative_to(Glow::REFERENCE_KELVIN);
-    for kelvin in [None, Some(1300.0)] {
+    for (kelvin, goes_by_power) in [(None, false), (Some(1300.0), false), (Some(1300.0), true)] {
         let mut scene = Scene::default();
         let [smoke, fire] = [grid(density, along), grid(heat, hot)].map(|grid| scene.add_grid(grid));
-        let glow = Some(Glow { grid: fire, kelvin });
+        let glow = Some(Glow { grid: fire, kelvin, goes_by_power });
         let burning = Medium { grid: Some(smoke), glow, emission: [0.6; 3], ..medium(0.7, 0.0, 0.0) };
         let filled = body(&mut scene, burning);
         sphere(&mut scene, [0.0; 3], 3.0, filled);
@@ -201,6 +201,11 @@ fn grids_shine_by_other_grids() {
             let heat = value(heat, hot, z);
             let shines = match kelvin {
                 None => [heat; 3],
+                Some(kelvin) if goes_by_power => {
+                    let kelvin = (heat * f64::from(kelvin)) as f32;
+                    let color = bodies.rgb(kelvin.max(BlackBodies::COOLEST));
+                    color.map(|c| f64::from(c * bodies.power_over_luminance(kelvin)))
+                }
                 Some(kelvin) => bodies.rgb((heat * f64::from(kelvin)) as f32).map(f64::from),
             };
             (0..3).for_each(|c| truth[c] += 0.6 * shines[c] * step * f64::exp(-depth - 0.5 * thickness));
@@ -210,7 +215,7 @@ fn grids_shine_by_other_grids() {
         let of_pixel = |i: u32| film.mean_rgba(i % 32, i / 32).map(f64::from);
         let all = (0..1024).map(of_pixel).reduce(|a, b| std::array::from_fn(|c| a[c] + b[c]));
         let found = all.expect("pixels").map(|sum| sum / 1024.0);
-        println!("{kelvin:?}: {found:?}, truth {truth:?}");
+        println!("{kelvin:?}, {goes_by_power}: {found:?}, truth {truth:?}");
         // A million paths: a quarter of a percent is ten standard errors or so.
         let is_close = |c: usize| (found[c] - truth[c]).abs() < 4e-3 * truth[0];
         assert!((0..3).all(is_close) && truth[0] > 0.1, "{found:?} {truth:?}");
@@ -384,7 +389,7 @@ pub fn everything() -> Scene {
     sphere(&mut scene, [-0.8, 0.0, 0.0], 0.7, smoke);
     let values = std::sync::Arc::new((0..9 * 5 * 4).map(|i| (i % 5) as f32).collect());
     let (min, max) = (DVec3::new(-0.5, 0.6, -0.6), DVec3::new(0.3, 1.1, 0.1));
-    let grid = scene.add_grid(Grid { name: "cloud".into(), size: [9, 5, 4], values, min, max });
+    let grid = scene.add_grid(Grid::in_box("cloud".into(), [9, 5, 4], values, min, max));
     let cloud = body(&mut scene, Medium { grid: Some(grid), ..medium(2.0, 0.9, 0.2) });
     sphere(&mut scene, [-0.1, 0.9, -0.2], 0.6, cloud);
     let tint = ColorSlot::constant([1.0; 3]);

@@ -107,11 +107,10 @@ fn grids_of_one_voxel_and_of_nothing_burn() {
     for (density, heat) in [(0.0f32, 0.0f32), (1.0, 0.0), (0.0, 1.0), (1e4, 1e-30), (1.0, 1e4)] {
         let mut scene = lit();
         let (min, max) = (DVec3::splat(-0.5), DVec3::splat(0.5));
-        let grid =
-            |value: f32| Grid { name: String::new(), size: [1; 3], values: Arc::new(vec![value]), min, max };
+        let grid = |value: f32| Grid::in_box(String::new(), [1; 3], Arc::new(vec![value]), min, max);
         let [smoke, fire] = [density, heat].map(|value| scene.add_grid(grid(value)));
         for kelvin in [None, Some(1.0), Some(1e6)] {
-            let glow = Some(Glow { grid: fire, kelvin });
+            let glow = Some(Glow { grid: fire, kelvin, goes_by_power: false });
             let medium =
                 Medium { grid: Some(smoke), glow, emission: [1.0, 0.5, 0.2], ..Medium::scattering([1.0; 3]) };
             let mut burning = scene.clone();

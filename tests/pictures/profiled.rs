@@ -1,8 +1,8 @@
 //! Points with measured profiles, against closed forms.
 
-use crate::support::{assert_radiance, camera, material, options, quad};
+use crate::support::{assert_radiance, camera, material, options, quad, sphere};
 use oscura::math::{DQuat, DVec3};
-use oscura::scene::{Light, LightKind, LightProfile, Material, Scene};
+use oscura::scene::{Beam, Lamp, Light, LightKind, LightProfile, Material, RayKinds, Scene};
 use std::f64::consts::PI;
 use std::sync::Arc;
 
@@ -76,6 +76,51 @@ fn a_cone_cuts_a_profile() {
     let beside = DVec3::new(4.0, 2.0, 0.0);
     let dark = floor(vec![lamp(beside, down, Some([0.0, outer]))]);
     assert_radiance("beside the cone", &dark, &options(16, 64, 1), 0.0, 1e-3);
+}
+
+/// Balls of the cosine of the vertical angle, below and beside them: over the cone of directions in which the floor sees the ball,
+/// E = L times the integral of that cosine and the floor's; and half of a ball that a cone cuts.
+#[test]
+fn balls_shine_by_profiles_and_soften_shadows() {
+    let vertical_deg: Vec<f32> = (0..=90).map(|k| k as f32).collect();
+    let values = vertical_deg.iter().map(|degrees| degrees.to_radians().cos().max(0.0)).collect();
+    let cosine = Arc::new(LightProfile { vertical_deg, horizontal_deg: vec![0.0], values });
+    let down = DQuat::from_rotation_arc(DVec3::NEG_Z, DVec3::NEG_Y);
+    for (position, radius) in [(DVec3::new(0.0, 2.0, 0.0), 0.8), (DVec3::new(1.2, 1.5, 0.4), 0.5)] {
+        let mut scene = floor(Vec::new());
+        let profile = scene.add_profile(cosine.clone());
+        let bulb = Material {
+            lamp: Some(Lamp {
+                visible_to: RayKinds::ALL,
+                is_obstacle: true,
+                beam: Beam::Profile { profile, rotation: down, cone: None },
+            }),
+            ..Material::emitter("bulb", [3.0; 3], false)
+        };
+        let bulb = material(&mut scene, bulb);
+        sphere(&mut scene, position.into(), radius, bulb);
+        // The mean of the squared cosine over a cone about an axis: both are the height of the direction.
+        let edge = (1.0 - radius * radius / position.length_squared()).sqrt();
+        let (axis, solid) = (position.y / position.length(), 2.0 * PI * (1.0 - edge));
+        let along = (1.0 + edge + edge * edge) / 3.0;
+        let squared = along * axis * axis + 0.5 * (1.0 - along) * (1.0 - axis * axis);
+        let truth = 3.0 * solid * squared * ALBEDO / PI;
+        assert_radiance(&format!("a ball at {position}"), &scene, &options(16, 256, 1), truth, 3e-3);
+
+        let halved = Beam::Profile { profile, rotation: down, cone: Some([1.2, 1.2001]) };
+        scene.materials[bulb.index()].lamp = Some(Lamp { beam: halved, ..Lamp::default() });
+        assert_radiance("within a wide cone", &scene, &options(16, 256, 1), truth, 3e-3);
+        let aside = DQuat::from_rotation_arc(DVec3::NEG_Z, DVec3::Y);
+        let away = Beam::Profile { profile, rotation: aside, cone: None };
+        scene.materials[bulb.index()].lamp = Some(Lamp { beam: away, ..Lamp::default() });
+        assert_radiance("turned away", &scene, &options(16, 256, 1), 0.0, 1e-3);
+        scene.profiles.clear();
+        let problems = scene.validate();
+        assert!(
+            problems.iter().any(|p| p.to_string().contains("one of the scene's profiles")),
+            "{problems:?}"
+        );
+    }
 }
 
 #[test]

@@ -73,7 +73,7 @@ fn shining_media_have_the_colour_of_their_integral() {
     let mut scene = ball(Medium::scattering([1.0; 3]), 0.0, 1e-3);
     let (name, min, max) = (String::new(), DVec3::splat(-1.0), DVec3::splat(1.0));
     let values = Arc::new(vec![1.0, 3.0]);
-    let grid = scene.add_grid(Grid { name, size: [1, 1, 2], values, min, max });
+    let grid = scene.add_grid(Grid::in_box(name, [1, 1, 2], values, min, max));
     let medium = Medium { albedo: [0.0; 3], emission, grid: Some(grid), ..Medium::scattering([0.7; 3]) };
     scene.materials[0].medium = Some(medium);
     let shines = coefficient(emission);

@@ -234,3 +234,43 @@ fn holes_stay_holes() {
     let truth = closed_form(0.0, &[(clear, 0.3), (air, 0.7), (clear, 0.5)]);
     assert_radiance("hole", &scene, &options(16, 256, 40), truth, 5e-3);
 }
+
+/// A liquid on glass that lies on its corner alone, where no triangle of either has its middle; and its bottom as a fan of many.
+#[test]
+fn faces_touch_wherever_they_share_an_area() {
+    let heights = [0.0, 0.5, 1.3];
+    let shift = DVec3::new(7.0, 0.0, 7.0);
+    for (is_fan, sine) in [(false, 0.0), (false, 0.5), (true, 0.5)] {
+        let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+        let wall = glass(&mut scene, GLASS.0 as f32, GLASS.1 as f32, 0);
+        let liquid = glass(&mut scene, LIQUID.0 as f32, LIQUID.1 as f32, 0);
+        add(&mut scene, &[([heights[0], heights[1]], 4.0, false)], wall, DAffine3::IDENTITY);
+        add(&mut scene, &[([heights[1], heights[2]], 4.0, false)], liquid, DAffine3::from_translation(shift));
+        if is_fan {
+            bottom_of_many(&mut scene.meshes[1], 64);
+        }
+        let at = DVec3::new(3.51, heights[2], 3.47);
+        let eye = DVec3::new(sine, (1.0 - sine * sine).sqrt(), 0.0) * 1.5;
+        scene.cameras.push(camera(at + eye, at, DVec3::Z, 1e-3));
+        let truth = closed_form(sine, &[(LIQUID, 0.8), (GLASS, 0.5)]);
+        assert_radiance(&format!("fan: {is_fan}, sine {sine}"), &scene, &options(8, 128, 40), truth, 5e-3);
+    }
+}
+
+/// Makes the bottom of a block a fan around its middle.
+fn bottom_of_many(mesh: &mut Mesh, count: usize) {
+    let corners = [0, 1, 5, 4].map(|i| mesh.positions[i]);
+    let is_bottom = |t: &[u32; 3]| t.iter().all(|i| [0, 1, 4, 5].contains(i));
+    mesh.triangles.retain(|t| !is_bottom(t));
+    let first = mesh.positions.len() as u32;
+    let mix = |a: [f32; 3], b: [f32; 3], share: f32| [0, 1, 2].map(|k| a[k] + (b[k] - a[k]) * share);
+    mesh.positions.push(mix(corners[0], corners[2], 0.5));
+    let along = count / 4;
+    for k in 0..count {
+        let (side, share) = (k / along, (k % along) as f32 / along as f32);
+        mesh.positions.push(mix(corners[side], corners[(side + 1) % 4], share));
+    }
+    let rim = |k: usize| first + 1 + (k % count) as u32;
+    mesh.triangles.extend((0..count).map(|k| [first, rim(k), rim(k + 1)]));
+    mesh.parts[0].triangle_count = mesh.triangles.len() as u32;
+}

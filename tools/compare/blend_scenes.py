@@ -53,7 +53,7 @@ from blend_sheets import drowned, glowing_glass, pool_sky, pool_sun, window_pane
 from blend_facing import facing_color, facing_light, facing_mix, facing_ramp
 from blend_places import places_color, places_forms, places_light, places_shaders
 from blend_layers import foggy, media_in_solids, reliefs, tinted_layers, translucent, waxen
-from blend_studio import catchers, libraries, mirrored, near_and_far, newer_shaders, patterns, profiles, strands, udims
+from blend_studio import catchers, libraries, mirrored, near_and_far, newer_shaders, patterns, profiles, soft_profiles, strands, udims
 from blend_trees import (
     bright_bakes,
     fresnel_behind,
@@ -65,6 +65,7 @@ from blend_trees import (
     two_sides,
     view_trees,
 )
+from blend_volumes import clouds, fire, flames, made_volumes
 
 SCENES = [
     area_lights, area_spread, one_spread, sun_and_world, points_and_spots, lamps_in_view, lamp_settings, gobo, lamp_picture, world_picture,
@@ -76,6 +77,7 @@ SCENES = [
     equirectangular, equirectangular_part, fisheye_equidistant, fisheye_equisolid, mirror_ball, panorama_out_of_focus,
     window_sheet, window_sheet_node, window_pane, window_within, pool_sky, pool_sun, drowned, glowing_glass,
     light_links, shadow_links, linked_instances, shadowless,
-    udims, near_and_far, newer_shaders, patterns, mirrored, profiles, libraries, strands, catchers,
+    udims, near_and_far, newer_shaders, patterns, mirrored, profiles, soft_profiles, libraries, strands, catchers,
+    clouds, fire, flames, made_volumes,
     kitchen, bottle, meadow, street, bust, titles,
 ]  # fmt: skip

@@ -176,13 +176,8 @@ def catchers():
     light("SUN", "Sun", 2, rotation=(0.6, 0.3, 0), angle=0.05)
 
 
-def profiles(folder):
-    """Lamps with profiles (IES), pictures and black bodies."""
-    floor()
-    camera()
-    world((0.02, 0.02, 0.02))
-    add("plane", material("wall", Base_Color=(0.7, 0.7, 0.7, 1)), (0, 3, 2.5), "Wall", size=10, rotation=(math.pi / 2, 0, 0))
-    # Bright below and to one side.
+def _profile(folder):
+    """A file of a profile, bright below and to one side."""
     path = folder / "profile.ies"
     polar, around = range(0, 91, 10), range(0, 361, 30)
     rows = (
@@ -192,19 +187,48 @@ def profiles(folder):
     head = f"IESNA:LM-63-2002\n[TEST] made\nTILT=NONE\n1 1000 1 {len(polar)} {len(around)} 1 2 0 0 0\n1 1 10\n"
     lines = " ".join(map(str, polar)), " ".join(map(str, around)), *rows
     path.write_text(head + "\n".join(lines) + "\n")
+    return path
+
+
+def _profiled(path, *of, **settings):
+    """A lamp with the profile of a file."""
+    lamp = light(*of, **settings)
+    lamp.data.use_nodes = True
+    tree = lamp.data.node_tree
+    node = tree.nodes.new("ShaderNodeTexIES")
+    node.mode, node.filepath = "EXTERNAL", str(path)
+    tree.links.new(node.outputs[0], tree.nodes["Emission"].inputs["Strength"])
+
+
+def profiles(folder):
+    """Lamps with profiles (IES), pictures and black bodies."""
+    floor()
+    camera()
+    world((0.02, 0.02, 0.02))
+    add("plane", material("wall", Base_Color=(0.7, 0.7, 0.7, 1)), (0, 3, 2.5), "Wall", size=10, rotation=(math.pi / 2, 0, 0))
+    path = _profile(folder)
     for kind, at, turn in (("POINT", (-2, 1.5, 3), (0.3, 0.1, 0.5)), ("SPOT", (0.5, -1, 3), (0.2, -0.1, 2.0))):
-        lamp = light(kind, f"Profiled {kind}", 0.15, at, turn, shadow_soft_size=0.0)
-        lamp.data.use_nodes = True
-        tree = lamp.data.node_tree
-        node = tree.nodes.new("ShaderNodeTexIES")
-        node.mode, node.filepath = "EXTERNAL", str(path)
-        tree.links.new(node.outputs[0], tree.nodes["Emission"].inputs["Strength"])
+        _profiled(path, kind, f"Profiled {kind}", 0.15, at, turn, shadow_soft_size=0.0)
     warm = light("POINT", "Warm", 30, (2, 1, 2), shadow_soft_size=0.1)
     warm.data.use_nodes = True
     tree = warm.data.node_tree
     body = tree.nodes.new("ShaderNodeBlackbody")
     body.inputs[0].default_value = 2700
     tree.links.new(body.outputs[0], tree.nodes["Emission"].inputs["Color"])
+
+
+def soft_profiles(folder):
+    """Lamps with profiles and a size, above things that stand in their light."""
+    floor()
+    camera()
+    world((0.02, 0.02, 0.02))
+    path = _profile(folder)
+    _profiled(path, "POINT", "Ball", 0.25, (-1.8, 0.5, 3), (0.3, 0.1, 0.5), shadow_soft_size=0.3, use_soft_falloff=False)
+    _profiled(path, "POINT", "Disk", 0.2, (2.2, 1.5, 2.6), (-0.2, 0.1, 1.5), shadow_soft_size=0.25)
+    _profiled(path, "SPOT", "Cone", 0.2, (0.5, -1.8, 3), (0.2, -0.1, 2.0), shadow_soft_size=0.2, spot_size=1.2)
+    for k in range(5):
+        post = material("post", Base_Color=(0.5, 0.5, 0.5, 1), Roughness=0.8)
+        add("cube", post, (-2.4 + 1.2 * k, 0.4 * (k % 2) - 0.4, 0.6), f"Post {k}", size=1, scale=(0.25, 0.25, 1.2))
 
 
 def libraries(folder):

@@ -28,6 +28,7 @@ const PACKAGE: &[(&str, &str)] = &[
     ("geometry.py", include_str!("../../../tools/blender/oscura_blender/geometry.py")),
     ("glb.py", include_str!("../../../tools/blender/oscura_blender/glb.py")),
     ("glow.py", include_str!("../../../tools/blender/oscura_blender/glow.py")),
+    ("grids.py", include_str!("../../../tools/blender/oscura_blender/grids.py")),
     ("hair.py", include_str!("../../../tools/blender/oscura_blender/hair.py")),
     ("kept_meshes.py", include_str!("../../../tools/blender/oscura_blender/kept_meshes.py")),
     ("lamp_trees.py", include_str!("../../../tools/blender/oscura_blender/lamp_trees.py")),
@@ -56,6 +57,7 @@ const PACKAGE: &[(&str, &str)] = &[
     ("variants.py", include_str!("../../../tools/blender/oscura_blender/variants.py")),
     ("view_table.py", include_str!("../../../tools/blender/oscura_blender/view_table.py")),
     ("views.py", include_str!("../../../tools/blender/oscura_blender/views.py")),
+    ("volumes.py", include_str!("../../../tools/blender/oscura_blender/volumes.py")),
     ("world.py", include_str!("../../../tools/blender/oscura_blender/world.py")),
 ];
 

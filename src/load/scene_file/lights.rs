@@ -9,8 +9,8 @@
 //! | `spot` | `{ position, target or direction, angle = 45, blend = 0.15, radius = 0, power or intensity }`: a cone of the full angle, which fades over the outer share `blend` of it; with `ies`, see below |
 //! | `sun` | `{ direction, angle = 0, irradiance }`: parallel light that travels that way, or that of a disk of a diameter of `angle` degrees, infinitely far away |
 //!
-//! `ies = "lamp.ies"` gives points and spots without a radius the profile of a luminaire (IES LM-63, photometry of type C; the
-//! path is relative to this file). It shines along `direction` or to `target`, points without either down, and `turn`
+//! `ies = "lamp.ies"` gives points and spots the profile of a luminaire (IES LM-63, photometry of type C; the path is relative to
+//! this file); with a radius each place of the sphere shines so, and shadows are soft. It shines along `direction` or to `target`, points without either down, and `turn`
 //! turns it about that way by so many degrees; a spot's cone cuts it. Horizontal angles turn counter-clockwise as seen from behind
 //! the lamp, with `clockwise = true` the other way, as Cycles has them. Without `power` and `intensity` it is as bright as the file says
 //! (candela times its factors, by 683 lm/W), times `strength`; `intensity` is that of its brightest direction, `power` that of all
@@ -166,6 +166,7 @@ fn add_profiled(
         Some(node) => Some(profiled::rotation(&node.now)),
         None => profiled::aimed(fields, center, axis),
     };
+    let radius = fields.number_in("radius", 0.0..1e9, 0.0);
     let (Some(rotation), Some((profile, intensity))) = (rotation, profile) else { return };
     let mut kind = turned(local, center, rotation);
     let motion = node.and_then(|node| node.motion.as_ref());
@@ -174,7 +175,16 @@ fn add_profiled(
         kind = carried(kind, &moved.at_moment);
         motion = moved.onwards.as_ref().map(|onwards| onwards.map(|by| carried(kind, by)));
     }
-    push(build, traits, (kind, motion), intensity, Some(profile));
+    match kind {
+        LightKind::Profiled { position, rotation, cone } if radius > 0.0 => {
+            let motion = motion.map(|moving| profiled::ball_motion(build, &traits.name, &kind, &moving));
+            let beam = Beam::Profile { profile: build.loaded.scene.add_profile(profile), rotation, cone };
+            let radiance = intensity / (PI * radius * radius);
+            let surface = Surface::Ball { position, radius };
+            light_shapes::add(build, (surface, motion), traits, beam, (radiance, None));
+        }
+        _ => push(build, traits, (kind, motion), intensity, Some(profile)),
+    }
 }
 
 fn add_sun(build: &mut Build, fields: &Fields, traits: LightTraits) {

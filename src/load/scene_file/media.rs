@@ -7,16 +7,19 @@
 //! | `color` | 1 | share of that light that is scattered, 0 to 1; the rest is absorbed |
 //! | `anisotropy` | 0 | mean cosine of the scattering angle, above -1 and below 1: 0 scatters to all sides, 0.8 forward as haze does |
 //! | `emission` | 0 | radiance that each metre adds |
-//! | `grid` | none | `.vdb` or `.vol` file of factors on the density, and on the emission, in solids only; `density` is one number then, and with `density = 0` the grid shines without hiding anything |
+//! | `grid` | none | `.vdb` or `.vol` file of factors on the density, and on the emission, in solids only; where there is an emission `density` is one number then, and with `density = 0` the grid shines without hiding anything |
 //! | `grid_name` | `density`, or the only one | which grid of a `.vdb` file |
 //! | `emission_grid` | none | another grid of the `.vdb` file, such as `flame` (beside a `.vol` file, another such file): factors on the emission in place of those of `grid` |
-//! | `temperature_grid` | none | another grid, likewise, such as `temperature`: it shines as a black body; `emission` is what each metre of 1500 K adds, and hotter ones more by Planck's law: some 15 times as much at 1800 K |
+//! | `temperature_grid` | none | another grid, likewise, such as `temperature`: it shines as a black body; `emission` is what each metre of 1500 K adds, and hotter ones more: by Planck's law some 15 times as much at 1800 K |
 //! | `temperature` | 1 | kelvins where `temperature_grid` is 1, which is right for grids of kelvins; for those of 0 to 1, such as Blender's, 1500 to 2500 |
+//! | `temperature_law` | `planck` | how what is seen grows with the temperature; `stefan-boltzmann`: as all of the power does, which goes by its fourth power (twice as much at 1800 K as at 1500 K): Blender's fire |
 //! | `up` | `y` | axis of a `.vdb` file that points up: `z` in those of Blender |
-//! | `min`, `max` | the file's | corners of the box that the grid fills, in the world; outside it nothing is |
+//! | `min`, `max` | the file's | corners of the box along the axes that the grid is fitted to; outside it nothing is |
+//! | `transform` | none | moves, turns, scales, mirrors or shears the grid (with what glows) from there to its place in the world, see `transform`; the solid around it is not moved |
 //!
 //! Files of OpenVDB hold one or more grids of floats (f32, f64 or f16; plain, zlib or Blosc with LZ4, as OpenVDB, Blender and Houdini write
-//! them), along the axes of the world and in boxes of up to 2^29 voxels. Level sets, vectors and NanoVDB's own files are not read.
+//! them), in boxes of up to 2^29 voxels, which may stand anyhow. Values fall to nothing over a voxel beyond the outermost ones,
+//! unless `min` or `max` say where the box ends. Level sets, vectors and NanoVDB's own files are not read.
 //! The solid that has the medium must enclose the grid: a box, say.
 //!
 //! A `.vol` file is a grid as Mitsuba reads it: `VOL` and the byte 3, then little-endian u32: 1 (for 32-bit floats), voxels along
@@ -43,8 +46,9 @@
 
 use super::build::Build;
 use super::fields::{Fields, Placed};
+use super::transform;
 use crate::load::grid;
-use crate::math::DVec3;
+use crate::math::{DAffine3, DMat3, DVec3};
 use crate::scene::{ColorSlot, DiffuseTransmission, FloatSlot, Fog, Glow, Grid, Medium, PbrMaterial};
 use std::path::Path;
 
@@ -58,23 +62,26 @@ pub(super) fn filling(build: &mut Build, fields: &Fields) -> Medium {
     let name = fields.string("grid_name").map(|name| name.value);
     let is_z_up = fields.choice("up", &[("y", false), ("z", true)]).unwrap_or(false);
     let glow = GlowKeys::read(fields);
+    let moved = transform::read(fields);
     let Some(file) = fields.string("grid") else {
-        if corners.iter().any(Option::is_some) || name.is_some() || is_z_up || glow.is_given() {
-            let message =
-                "'min', 'max', 'grid_name', 'up', 'emission_grid' and 'temperature_grid' are about a 'grid'";
+        let is_fitted = corners.iter().any(Option::is_some) || fields.has("transform");
+        if is_fitted || name.is_some() || is_z_up || glow.is_given() {
+            let message = "'min', 'max', 'transform', 'grid_name', 'up', 'emission_grid' and 'temperature_grid' are about a \
+                           'grid'";
             fields.problems.push(fields.span(), message);
         }
         return medium;
     };
     let path = build.beside(file.value);
     let [min, max] = corners.map(|c| c.map(|c| c.value));
+    let has_margin = min.is_none() && max.is_none();
     build.options.files.note(&path);
-    match grid::read(&path, grid::Choice { name, is_z_up }) {
+    match grid::read(&path, grid::Choice { name, is_z_up, has_margin }) {
         Ok(grid) => {
-            let own = (grid.min, grid.max);
-            let grid = Grid { min: min.unwrap_or(grid.min), max: max.unwrap_or(grid.max), ..grid };
-            let place = Place { own, given: (grid.min, grid.max), is_z_up };
-            let grid = Some(build.loaded.scene.add_grid(grid));
+            let own = grid.bounds();
+            let fitted = between(own, (min.unwrap_or(own.0), max.unwrap_or(own.1)));
+            let place = Place { moved: moved * fitted, is_z_up, has_margin };
+            let grid = Some(build.loaded.scene.add_grid(place.put(grid)));
             Medium { grid, glow: glow.of_file(build, fields, &path, place), ..medium }
         }
         Err(e) => {
@@ -84,18 +91,35 @@ pub(super) fn filling(build: &mut Build, fields: &Fields) -> Medium {
     }
 }
 
+/// What takes a box along the axes to another.
+fn between(from: (DVec3, DVec3), to: (DVec3, DVec3)) -> DAffine3 {
+    if from == to {
+        return DAffine3::IDENTITY;
+    }
+    let scale = (to.1 - to.0) / (from.1 - from.0);
+    DAffine3::from_mat3_translation(DMat3::from_diagonal(scale), to.0 - from.0 * scale)
+}
+
 /// The keys of what shines by a grid of its own.
 struct GlowKeys<'a> {
     factors: Option<Placed<&'a str>>,
     heat: Option<Placed<&'a str>>,
     kelvin: Option<f32>,
+    goes_by_power: Option<bool>,
 }
 
-/// Where a grid stands: by its file, and as the scene file says.
+/// How grids of a file stand in the world.
 struct Place {
-    own: (DVec3, DVec3),
-    given: (DVec3, DVec3),
+    /// What takes them from where the file has them to where they are.
+    moved: DAffine3,
     is_z_up: bool,
+    has_margin: bool,
+}
+
+impl Place {
+    fn put(&self, grid: Grid) -> Grid {
+        Grid { world_from_voxels: self.moved * grid.world_from_voxels, ..grid }
+    }
 }
 
 impl<'a> GlowKeys<'a> {
@@ -106,13 +130,15 @@ impl<'a> GlowKeys<'a> {
             factors: fields.string("emission_grid"),
             heat: fields.string("temperature_grid"),
             kelvin,
+            goes_by_power: fields.choice("temperature_law", &[("planck", false), ("stefan-boltzmann", true)]),
         };
         if keys.factors.is_some() && keys.heat.is_some() {
             let message = "'emission_grid' and 'temperature_grid' both say where it shines: leave one out";
             fields.problems.push(fields.span(), message);
         }
-        if keys.kelvin.is_some() && keys.heat.is_none() {
-            fields.problems.push(fields.span(), "'temperature' is about a 'temperature_grid'");
+        if (keys.kelvin.is_some() || keys.goes_by_power.is_some()) && keys.heat.is_none() {
+            let message = "'temperature' and 'temperature_law' are about a 'temperature_grid'";
+            fields.problems.push(fields.span(), message);
         }
         if keys.is_given() && !fields.has("emission") {
             let message =
@@ -126,22 +152,23 @@ impl<'a> GlowKeys<'a> {
         self.factors.is_some() || self.heat.is_some()
     }
 
-    /// The grid of the file that it names; it stands where that of densities does by the file, moved as that one is.
+    /// The grid of the file that it names; it stands where the file has it, moved as that of densities is.
     fn of_file(self, build: &mut Build, fields: &Fields, path: &Path, place: Place) -> Option<Glow> {
         let kelvin = self.heat.is_some().then(|| self.kelvin.unwrap_or(1.0));
         let name = self.heat.or(self.factors)?;
         let is_vdb = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("vdb"));
         let (file, choice) = match is_vdb {
-            true => (path.to_path_buf(), grid::Choice { name: Some(name.value), is_z_up: place.is_z_up }),
+            true => {
+                let Place { is_z_up, has_margin, .. } = place;
+                (path.to_path_buf(), grid::Choice { name: Some(name.value), is_z_up, has_margin })
+            }
             false => (build.beside(name.value), grid::Choice::default()),
         };
         build.options.files.note(&file);
         match grid::read(&file, choice) {
             Ok(grid) => {
-                let scale = (place.given.1 - place.given.0) / (place.own.1 - place.own.0);
-                let moved = |p: DVec3| place.given.0 + (p - place.own.0) * scale;
-                let grid = Grid { min: moved(grid.min), max: moved(grid.max), ..grid };
-                Some(Glow { grid: build.loaded.scene.add_grid(grid), kelvin })
+                let goes_by_power = self.goes_by_power.unwrap_or(false);
+                Some(Glow { grid: build.loaded.scene.add_grid(place.put(grid)), kelvin, goes_by_power })
             }
             Err(e) => {
                 fields.problems.push(name.span, e);

@@ -4,9 +4,10 @@ use super::build::Build;
 use super::fields::Fields;
 use super::light_traits::positive;
 use super::placement::{Placement, direction};
+use crate::error::Warning;
 use crate::load::ies;
-use crate::math::{DMat3, DQuat, DVec3};
-use crate::scene::{LightKind, LightProfile};
+use crate::math::{DAffine3, DMat3, DQuat, DVec3};
+use crate::scene::{LightKind, LightProfile, Moving};
 use std::f64::consts::PI;
 use std::sync::Arc;
 
@@ -52,12 +53,28 @@ pub(super) fn read(build: &Build, fields: &Fields) -> Option<(Arc<LightProfile>,
 
 /// The light as it shines along -z of its place. A spot's cone is given by its half angles.
 pub(super) fn local(fields: &Fields, cone: Option<[f64; 2]>) -> LightKind {
-    if fields.has("radius") {
-        let message = "a light with a profile has no radius: leave 'radius' or 'ies' out";
-        fields.problems.push(fields.span(), message);
-    }
     let turn_rad = fields.number_in("turn", -360.0..360.0, 0.0).to_radians();
     LightKind::Profiled { position: DVec3::ZERO, rotation: DQuat::from_rotation_z(turn_rad), cone }
+}
+
+/// How a ball with a profile moves on from where it is at the picture's moment. One that turns would have another beam at each
+/// time: it is warned about.
+pub(super) fn ball_motion(
+    build: &mut Build,
+    name: &str,
+    now: &LightKind,
+    moving: &Moving<LightKind>,
+) -> Moving<DAffine3> {
+    let place = |kind: &LightKind| match *kind {
+        LightKind::Profiled { position, rotation, .. } => (position, rotation),
+        _ => (DVec3::ZERO, DQuat::IDENTITY),
+    };
+    let (from, turn) = place(now);
+    if moving.all().any(|then| place(then).1.dot(turn).abs() < 1.0 - 1e-9) {
+        let message = "the profile of a light with a radius doesn't turn while the shutter is open: with radius = 0 it does";
+        build.loaded.warnings.push(Warning::new(build.file, name, message));
+    }
+    moving.map(|then| DAffine3::from_translation(place(then).0 - from))
 }
 
 /// How a light at a position is turned that shines along an axis. Points shine down unless they say otherwise.

@@ -1,5 +1,6 @@
 //! OpenVDB files (`.vdb`), in the versions 222 to 224 that OpenVDB writes since 2013: one grid of floats, with its values stored plainly, or
-//! packed by zlib or Blosc, as f64, f32 or f16. It becomes a dense grid over the box of its active voxels.
+//! packed by zlib or Blosc, as f64, f32 or f16. It becomes a dense grid over the box of its active voxels, one wider on each
+//! side: nothing is outside, and values fall to it over the distance of two voxels.
 
 mod blosc;
 mod bytes;
@@ -7,10 +8,9 @@ mod map;
 mod tree;
 mod values;
 
-use crate::math::DVec3;
+use crate::math::{DAffine3, DMat3, DVec3};
 use crate::scene::Grid;
 use bytes::Bytes;
-use map::Map;
 use std::sync::Arc;
 use tree::{Cube, Voxels};
 use values::{Number, Values};
@@ -19,6 +19,11 @@ const MAGIC: i64 = 0x5644_4220;
 const VERSIONS: std::ops::RangeInclusive<u32> = 222..=224;
 /// Most voxels of the box: two GiB.
 const MOST_VOXELS: u64 = 1 << 29;
+/// Makes z y, and y -z.
+const Z_UP: DAffine3 = DAffine3 {
+    matrix3: DMat3 { x_axis: DVec3::X, y_axis: DVec3::NEG_Z, z_axis: DVec3::Y },
+    translation: DVec3::ZERO,
+};
 /// Characters of a file's unique name.
 const UUID: usize = 36;
 
@@ -33,12 +38,20 @@ struct Entry {
 }
 
 /// Reads the grid of a name, or `density`, or the only one, of a world whose y or z points up; an error is a sentence.
-pub(super) fn parse(bytes: &[u8], file: &str, wanted: Option<&str>, is_z_up: bool) -> Result<Grid, String> {
+///
+/// Without a margin the box ends where its active voxels do.
+pub(super) fn parse(
+    bytes: &[u8],
+    file: &str,
+    wanted: Option<&str>,
+    (is_z_up, has_margin): (bool, bool),
+) -> Result<Grid, String> {
     let mut from = Bytes::new(bytes);
     let entries = entries(&mut from)?;
     let entry = chosen(&entries, wanted)?;
     let (map, cubes) = grid(&mut from, entry)?;
-    dense(&map, &cubes, format!("{file} ({})", entry.name), is_z_up)
+    let up = if is_z_up { Z_UP } else { DAffine3::IDENTITY };
+    dense(&(up * map), &cubes, format!("{file} ({})", entry.name), has_margin)
 }
 
 /// What grids the file has.
@@ -101,7 +114,7 @@ fn chosen<'a>(entries: &'a [Entry], wanted: Option<&str>) -> Result<&'a Entry, S
 }
 
 /// Reads what a grid's entry says is there.
-fn grid(from: &mut Bytes, entry: &Entry) -> Result<(Map, Vec<Cube>), String> {
+fn grid(from: &mut Bytes, entry: &Entry) -> Result<(DAffine3, Vec<Cube>), String> {
     let number = match entry.kind.as_str() {
         "Tree_float_5_4_3" => Number::Float,
         "Tree_float_5_4_3_HalfFloat" => Number::Half,
@@ -120,13 +133,13 @@ fn grid(from: &mut Bytes, entry: &Entry) -> Result<(Map, Vec<Cube>), String> {
     if about.iter().any(|(key, value)| key == "class" && value == "level set") {
         return Err(format!("has a level set in '{}', which are distances and no densities", entry.name));
     }
-    let map = Map::read(from)?;
+    let map = map::read(from)?;
     let mut values = Values { number, compression, background: 0.0 };
     Ok((map, tree::read(from, &mut values)?))
 }
 
-/// The box around cubes: its least corner, and voxels along each axis.
-fn box_of(cubes: &[Cube], name: &str) -> Result<([i64; 3], [u64; 3]), String> {
+/// The box around cubes and a margin: its least corner, and voxels along each axis; one voxel where there are no cubes.
+fn box_of(cubes: &[Cube], margin: i64) -> Result<([i64; 3], [u64; 3]), String> {
     let (mut low, mut high) = ([i64::MAX; 3], [i64::MIN; 3]);
     for cube in cubes {
         for k in 0..3 {
@@ -135,9 +148,11 @@ fn box_of(cubes: &[Cube], name: &str) -> Result<([i64; 3], [u64; 3]), String> {
         }
     }
     if cubes.is_empty() {
-        return Err(format!("{name} has no active voxels"));
+        // Before smoke rises there is none.
+        return Ok(([0; 3], [1; 3]));
     }
-    let size = [0, 1, 2].map(|k| (high[k] - low[k]) as u64);
+    let low = low.map(|c| c - margin);
+    let size = [0, 1, 2].map(|k| (high[k] + margin - low[k]) as u64);
     let voxels = size.iter().try_fold(1u64, |product, &n| product.checked_mul(n));
     let [x, y, z] = size;
     if voxels.is_none_or(|voxels| voxels > MOST_VOXELS) {
@@ -147,40 +162,14 @@ fn box_of(cubes: &[Cube], name: &str) -> Result<([i64; 3], [u64; 3]), String> {
     Ok((low, size))
 }
 
-/// Where the voxels of a file's box go in a grid: in the order of its axes, each from the least corner on.
-struct Order {
-    /// Numbers of voxels between neighbours along each of the file's axes.
-    strides: [usize; 3],
-    /// The last place along those whose order turns round.
-    turned_from: [Option<usize>; 3],
-}
-
-impl Order {
-    /// Axes whose scale is below 0 turn round. Where z points up, what was along y is along -z, and z becomes y.
-    fn new(size: [u64; 3], scale: DVec3, is_z_up: bool) -> Order {
-        let [x, y, z] = size.map(|n| n as usize);
-        let strides = if is_z_up { [1, x * z, x] } else { [1, x, x * y] };
-        let is_turned = [scale.x < 0.0, (scale.y < 0.0) != is_z_up, scale.z < 0.0];
-        let last = [x - 1, y - 1, z - 1];
-        Order { strides, turned_from: [0, 1, 2].map(|k| is_turned[k].then_some(last[k])) }
-    }
-
-    /// The number of a voxel.
-    #[inline]
-    fn index(&self, at: [usize; 3]) -> usize {
-        let place = |k: usize| self.turned_from[k].map_or(at[k], |last| last - at[k]);
-        place(0) * self.strides[0] + place(1) * self.strides[1] + place(2) * self.strides[2]
-    }
-}
-
-/// Puts cubes into one box, each voxel where it stays.
-fn dense(map: &Map, cubes: &[Cube], name: String, is_z_up: bool) -> Result<Grid, String> {
-    let (low, size) = box_of(cubes, &name)?;
-    let order = Order::new(size, map.scale, is_z_up);
+/// Puts cubes into one box, each voxel where it stays; the map is that from the middles of voxels to the world.
+fn dense(map: &DAffine3, cubes: &[Cube], name: String, has_margin: bool) -> Result<Grid, String> {
+    let (low, size) = box_of(cubes, i64::from(has_margin))?;
+    let [along_x, along_y, _] = size.map(|n| n as usize);
     let mut values = vec![0.0f32; size.iter().product::<u64>() as usize];
     let (mut negative, mut positive) = (0u64, 0u64);
     for cube in cubes {
-        let first = [0, 1, 2].map(|k| (i64::from(cube.origin[k]) - low[k]) as usize);
+        let [x, y, z] = [0, 1, 2].map(|k| (i64::from(cube.origin[k]) - low[k]) as usize);
         let edge = cube.edge as usize;
         for (i, j, k) in (0..edge * edge * edge).map(|n| (n / (edge * edge), n / edge % edge, n % edge)) {
             let value = match &cube.voxels {
@@ -190,7 +179,7 @@ fn dense(map: &Map, cubes: &[Cube], name: String, is_z_up: bool) -> Result<Grid,
             if !value.is_finite() {
                 return Err(format!("{name} holds values that are no numbers"));
             }
-            values[order.index([first[0] + i, first[1] + j, first[2] + k])] = value.max(0.0);
+            values[((z + k) * along_y + y + j) * along_x + x + i] = value.max(0.0);
             negative += u64::from(value < 0.0);
             positive += u64::from(value > 0.0);
         }
@@ -201,15 +190,9 @@ fn dense(map: &Map, cubes: &[Cube], name: String, is_z_up: bool) -> Result<Grid,
             "{name} holds more negative values than positive ones, as distances do, not densities"
         ));
     }
-    let corner = |of: [i64; 3]| {
-        let middle = DVec3::from_array(of.map(|c| c as f64 - 0.5));
-        let DVec3 { x, y, z } = middle * map.scale + map.origin;
-        if is_z_up { DVec3::new(x, z, -y) } else { DVec3::new(x, y, z) }
-    };
-    let (a, b) = (corner(low), corner([0, 1, 2].map(|k| low[k] + size[k] as i64)));
-    let [x, y, z] = size.map(|n| n as u32);
-    let size = if is_z_up { [x, z, y] } else { [x, y, z] };
-    Ok(Grid { name, size, values: Arc::new(values), min: a.min(b), max: a.max(b) })
+    let corner = DVec3::from_array(low.map(|c| c as f64 - 0.5));
+    let world_from_voxels = *map * DAffine3::from_translation(corner);
+    Ok(Grid { name, size: size.map(|n| n as u32), values: Arc::new(values), world_from_voxels })
 }
 
 #[cfg(test)]

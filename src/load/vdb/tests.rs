@@ -5,9 +5,9 @@ use flate2::Compression;
 use flate2::write::ZlibEncoder;
 use std::io::Write;
 
-/// A grid of a world whose y points up.
+/// A grid of a world whose y points up, without a margin.
 fn parse(bytes: &[u8], file: &str, wanted: Option<&str>) -> Result<Grid, String> {
-    super::parse(bytes, file, wanted, false)
+    super::parse(bytes, file, wanted, (false, false))
 }
 
 /// Two grids, packed by Blosc; the second, `density`, has 1 + i + 10 j + 100 k over 64 at the voxel (i - 2, j + 4, k + 1).
@@ -23,7 +23,8 @@ fn assert_is_the_density(grid: &Grid) {
     // Leaves from (-8, 0, 0) to (8, 16, 8).
     assert_eq!(grid.size, [16, 16, 8]);
     let (min, max) = (DVec3::new(-1.125, 1.875, 2.75), DVec3::new(2.875, 5.875, 6.75));
-    assert!(grid.min.distance(min) < 1e-12 && grid.max.distance(max) < 1e-12, "{} {}", grid.min, grid.max);
+    let (low, high) = grid.bounds();
+    assert!(low.distance(min) < 1e-12 && high.distance(max) < 1e-12, "{low} {high}");
     let mut sum = 0.0;
     for (i, j, k) in (0..300).map(|n| (n / 30, n / 5 % 6, n % 5)) {
         let expected = (1 + i + 10 * j + 100 * k) as f32 / 64.0;
@@ -45,12 +46,56 @@ fn files_of_openvdb_are_read() {
 #[test]
 fn z_becomes_y() {
     let grid = parse(BLOSC, "smoke.vdb", None).expect("a grid");
-    let up = super::parse(BLOSC, "smoke.vdb", None, true).expect("a grid that stands");
-    assert_eq!(up.size, [16, 8, 16]);
-    assert_eq!((up.min.y, up.max.y, up.min.z, up.max.z), (2.75, 6.75, -5.875, -1.875));
-    for at in [[6, 4, 1], [9, 7, 3], [15, 9, 5]] {
-        assert_eq!(value(&up, [at[0], at[2], 15 - at[1]]), value(&grid, at));
+    let up = super::parse(BLOSC, "smoke.vdb", None, (true, false)).expect("a grid that stands");
+    assert_eq!((up.size, &up.values), (grid.size, &grid.values));
+    for at in [[6.0, 4.0, 1.0], [9.0, 7.0, 3.0], [15.0, 9.0, 5.0]] {
+        let [flat, stands] =
+            [&grid, &up].map(|grid| grid.world_from_voxels.transform_point3(DVec3::from_array(at)));
+        assert!((stands - DVec3::new(flat.x, flat.z, -flat.y)).length() < 1e-12, "{stands} {flat}");
     }
+}
+
+#[test]
+fn margins_are_empty_and_move_nothing() {
+    let grid = parse(BLOSC, "smoke.vdb", None).expect("a grid");
+    let wide = super::parse(BLOSC, "smoke.vdb", None, (false, true)).expect("a wider one");
+    assert_eq!(wide.size, grid.size.map(|n| n + 2));
+    assert_eq!(wide.values.iter().sum::<f32>(), grid.values.iter().sum::<f32>());
+    for at in [[6, 4, 1], [9, 7, 3]] {
+        let beside = at.map(|k| k + 1);
+        assert_eq!(value(&wide, beside), value(&grid, at));
+        let [a, b] = [(&grid, at), (&wide, beside)]
+            .map(|(grid, at)| grid.world_from_voxels.transform_point3(DVec3::from_array(at.map(f64::from))));
+        assert!((a - b).length() < 1e-12, "{a} {b}");
+    }
+}
+
+/// Transforms as OpenVDB writes them: rows are what the axes become.
+#[test]
+fn grids_stand_as_their_maps_say() {
+    let map = |kind: &str, numbers: &[f64]| {
+        let mut w = Writer(Vec::new());
+        w.text(kind);
+        w.0.extend(numbers.iter().flat_map(|x| x.to_le_bytes()));
+        map::read(&mut Bytes::new(&w.0))
+    };
+    let turned = [0.0, 2.0, 0.0, 0.0, -1.0, 0.0, 0.5, 0.0, 0.0, 0.0, 3.0, 0.0, 7.0, 8.0, 9.0, 1.0];
+    let turned = map("AffineMap", &turned).expect("a map");
+    assert_eq!(turned.transform_point3(DVec3::new(1.0, 10.0, 100.0)), DVec3::new(-3.0, 10.0, 314.0));
+    let moved = map("TranslationMap", &[1.0, 2.0, 3.0]).expect("a map");
+    assert_eq!(moved.transform_point3(DVec3::ONE), DVec3::new(2.0, 3.0, 4.0));
+    let scaled = [&[1.0, 2.0, 3.0, 0.5, -0.25, 2.0][..], &[0.0; 12]].concat();
+    let scaled = map("ScaleTranslateMap", &scaled).expect("a map");
+    assert_eq!(scaled.transform_point3(DVec3::splat(4.0)), DVec3::new(3.0, 1.0, 11.0));
+    let flat = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0];
+    assert!(map("AffineMap", &flat).expect_err("flat").contains("flattens"));
+    assert!(map("FrustumMap", &[]).expect_err("a frustum").contains("FrustumMap"));
+}
+
+#[test]
+fn grids_without_voxels_are_empty() {
+    let grid = dense(&DAffine3::IDENTITY, &[], "no smoke yet".into(), true).expect("a grid");
+    assert_eq!((grid.size, grid.values.as_slice()), ([1; 3], &[0.0][..]));
 }
 
 /// How a file is written here.
@@ -163,7 +208,8 @@ fn all_ways_to_store_values_are_read() {
         assert_eq!(value(&grid, [0, 0, 3]), 0.0, "inactive");
         assert_eq!(value(&grid, [1, 2, 4]), (64 + 16 + 4 + 1) as f32);
         assert_eq!(value(&grid, [7, 7, 15]), 5.0);
-        assert_eq!((grid.min.z, grid.max.z), (-0.5, 15.5));
+        let (low, high) = grid.bounds();
+        assert_eq!((low.z, high.z), (-0.5, 15.5));
     }
 }
 

@@ -1,7 +1,7 @@
 //! Lights without a surface.
 
 use super::findings::{Findings, Place};
-use crate::math::DVec3;
+use crate::math::{DQuat, DVec3};
 use crate::scene::{LightKind, Scene};
 use std::f64::consts::PI;
 use std::mem::discriminant;
@@ -28,6 +28,10 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
         findings.require(is_same, place, "motion", moving.keys.len(), "lights of the same kind");
         moving.all().for_each(|kind| check_kind(kind, place, findings));
     }
+    for (index, profile) in scene.profiles.iter().enumerate() {
+        let place = Place { list: "profiles", index, name: "" };
+        findings.require(profile.is_sound(), place, "values", profile.values.len(), "a sound profile");
+    }
 }
 
 fn check_kind(kind: &LightKind, place: Place, findings: &mut Findings) {
@@ -45,16 +49,7 @@ fn check_kind(kind: &LightKind, place: Place, findings: &mut Findings) {
         }
         LightKind::Profiled { position, rotation, cone } => {
             check_position(position, place, findings);
-            findings.require(rotation.is_normalized(), place, "rotation", rotation, "a unit quaternion");
-            let [inner, outer] = cone.unwrap_or([0.0, 1.0]);
-            let is_cone = 0.0 <= inner && inner <= outer && outer > 0.0 && outer <= PI;
-            findings.require(
-                is_cone,
-                place,
-                "cone",
-                outer,
-                "angles of which the outer is above 0 and at most pi",
-            );
+            check_aim(rotation, cone, place, findings);
         }
         LightKind::Directional { direction } => check_direction(direction, place, findings),
         LightKind::Sun { direction, angle_rad } => {
@@ -63,6 +58,14 @@ fn check_kind(kind: &LightKind, place: Place, findings: &mut Findings) {
             findings.require(is_met, place, "angle_rad", angle_rad, "from 1e-5 to pi");
         }
     }
+}
+
+/// How a profile is turned and cut.
+pub(super) fn check_aim(rotation: DQuat, cone: Option<[f64; 2]>, place: Place, findings: &mut Findings) {
+    findings.require(rotation.is_normalized(), place, "rotation", rotation, "a unit quaternion");
+    let [inner, outer] = cone.unwrap_or([0.0, 1.0]);
+    let is_cone = 0.0 <= inner && inner <= outer && outer > 0.0 && outer <= PI;
+    findings.require(is_cone, place, "cone", outer, "angles of which the outer is above 0 and at most pi");
 }
 
 /// Smaller suns are no different from parallel light, but for rounding.

@@ -1,6 +1,7 @@
 //! Materials: every parameter that the visitor shows, and what it doesn't.
 
 use super::findings::{Findings, Place};
+use super::lights::check_aim;
 use super::media::check_medium;
 use crate::scene::{
     AlphaMode, Beam, ColorSlot, FloatSlot, Material, Medium, Model, Parameter, PbrMaterial, Scene, TextureId,
@@ -30,7 +31,7 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
         }
         let heights = material.displacement.map(|displacement| displacement.texture);
         check_channel(&heights, "displacement", place, findings);
-        check_beam(material.lamp.map(|lamp| lamp.beam), place, findings);
+        check_beam(material.lamp.map(|lamp| lamp.beam), scene.profiles.len(), place, findings);
     }
 }
 
@@ -45,7 +46,7 @@ fn check_attenuation(medium: &Medium, model: &Model, place: Place, findings: &mu
 /// The peak of narrower beams has no place among single-precision numbers.
 const LEAST_BEAM_RAD: f64 = 1e-4;
 
-fn check_beam(beam: Option<Beam>, place: Place, findings: &mut Findings) {
+fn check_beam(beam: Option<Beam>, profiles: usize, place: Place, findings: &mut Findings) {
     match beam {
         None | Some(Beam::Even) => {}
         Some(Beam::Grid { half_angle_rad: half }) => {
@@ -59,6 +60,11 @@ fn check_beam(beam: Option<Beam>, place: Place, findings: &mut Findings) {
             findings.require(is_cone, place, "outer_angle_rad", outer, "above 0 and at most pi");
             let is_inside = (0.0..=if is_cone { outer } else { PI }).contains(&inner);
             findings.require(is_inside, place, "inner_angle_rad", inner, "from 0 to the outer angle");
+        }
+        Some(Beam::Profile { profile, rotation, cone }) => {
+            let is_met = profile.index() < profiles;
+            findings.require(is_met, place, "profile", profile, "one of the scene's profiles");
+            check_aim(rotation, cone, place, findings);
         }
     }
 }

@@ -43,12 +43,26 @@ pub(super) fn check_medium(
         return findings.reject(place, "grid", id, "one of the scene's grids");
     };
     let [r, g, b] = medium.extinction;
-    findings.require(r == g && g == b, place, "extinction", medium.extinction, "grey where there is a grid");
+    let is_met = (r == g && g == b) || medium.emission == [0.0; 3];
+    findings.require(
+        is_met,
+        place,
+        "extinction",
+        medium.extinction,
+        "grey where there is a grid that shines",
+    );
+    let most = r.max(g).max(b);
     let thickest = grid.values.iter().fold(0.0f32, |most, x| most.max(*x));
-    let paths = f64::from(thickest) * f64::from(r) * (grid.max - grid.min).length();
+    let paths = f64::from(thickest) * f64::from(most) * longest_way(grid);
     // Numbers that are none have had their complaint.
     let is_met = paths.is_nan() || paths <= MOST_MEAN_FREE_PATHS;
     findings.require(is_met, place, "grid", paths, "at most 1e5 mean free paths across where it is thickest");
+}
+
+/// The longest of the diagonals of its box, metres.
+fn longest_way(grid: &Grid) -> f64 {
+    let [x, y, z] = [0, 1, 2].map(|k| grid.world_from_voxels.matrix3.col(k) * f64::from(grid.size[k]));
+    [x + y + z, x + y - z, x - y + z, x - y - z].into_iter().fold(0.0, |most, way| way.length().max(most))
 }
 
 fn check_grids(grids: &[Grid], findings: &mut Findings) {
@@ -60,13 +74,13 @@ fn check_grids(grids: &[Grid], findings: &mut Findings) {
         findings.require_finite(&grid.values, place, "values");
         let is_met = grid.values.iter().all(|x| x.is_nan() || *x >= 0.0);
         findings.require(is_met, place, "values", "negative", "numbers from 0 up");
-        let extent = grid.max - grid.min;
-        let is_met = extent.is_finite() && extent.min_element() > 0.0;
-        findings.require(is_met, place, "max", grid.max, "above 'min' along all axes");
-        let voxel = extent / DVec3::from_array(grid.size.map(f64::from));
-        // Numbers that are none, and extents of 0, have had their complaint.
+        let map = grid.world_from_voxels;
+        let is_met = map.is_finite() && map.matrix3.determinant() != 0.0;
+        findings.require(is_met, place, "world_from_voxels", map, "finite, and not flat");
+        let voxel = DVec3::from_array([0, 1, 2].map(|k| map.matrix3.col(k).length()));
+        // Numbers that are none, and what is flat, have had their complaint.
         let is_met = !(voxel.min_element() < 1e-18 || voxel.max_element() > 1e18) || !is_met;
-        findings.require(is_met, place, "size", voxel, "voxels between 1e-18 and 1e18 metres");
+        findings.require(is_met, place, "world_from_voxels", voxel, "voxels between 1e-18 and 1e18 metres");
     }
 }
 

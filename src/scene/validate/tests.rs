@@ -203,8 +203,8 @@ fn media_are_checked() {
     use crate::scene::{Fog, Glow, Grid, GridId, Medium};
     let good = Medium::scattering([1.0; 3]);
     let grid = |values: &[f32], size| {
-        let (name, min, max) = ("smoke".to_string(), DVec3::ZERO, DVec3::ONE);
-        Grid { name, size, values: std::sync::Arc::new(values.to_vec()), min, max }
+        let (name, values) = ("smoke".to_string(), std::sync::Arc::new(values.to_vec()));
+        Grid::in_box(name, size, values, DVec3::ZERO, DVec3::ONE)
     };
     let with = |medium: Medium, grids: Vec<Grid>| {
         let mut scene = Scene { grids, ..Scene::default() };
@@ -213,10 +213,12 @@ fn media_are_checked() {
     };
     assert!(with(good, Vec::new()).is_empty());
     let one = |values: &[f32]| vec![grid(values, [1; 3])];
+    let flat = |scale| vec![Grid { world_from_voxels: DAffine3::from_scale(scale), ..grid(&[1.0], [1; 3]) }];
     let gridded = Medium { grid: Some(GridId(0)), ..good };
     assert!(with(gridded, one(&[1.0])).is_empty());
     assert!(with(Medium { emission: [1.0; 3], ..gridded }, one(&[1.0])).is_empty());
-    let hot = |grid, kelvin| Some(Glow { grid: GridId(grid), kelvin });
+    assert!(with(Medium { extinction: [1.0, 2.0, 1.0], ..gridded }, one(&[1.0])).is_empty());
+    let hot = |grid, kelvin| Some(Glow { grid: GridId(grid), kelvin, goes_by_power: false });
     assert!(with(Medium { glow: hot(0, Some(1500.0)), ..gridded }, one(&[1.0])).is_empty());
     for (medium, grids, words) in [
         (Medium { glow: hot(0, None), ..good }, one(&[1.0]), "none where there is no grid"),
@@ -230,13 +232,14 @@ fn media_are_checked() {
         (Medium { anisotropy: f32::NAN, ..good }, Vec::new(), "anisotropy"),
         (Medium { emission: [f32::INFINITY; 3], ..good }, Vec::new(), "emission"),
         (gridded, Vec::new(), "one of the scene's grids"),
-        (Medium { extinction: [1.0, 2.0, 1.0], ..gridded }, one(&[1.0]), "grey"),
+        (Medium { extinction: [1.0, 2.0, 1.0], emission: [1.0; 3], ..gridded }, one(&[1.0]), "grey"),
         (good, one(&[-1.0]), "from 0 up"),
         (good, one(&[f32::NAN]), "NaN"),
         (good, vec![grid(&[1.0], [2, 1, 1])], "size"),
         (good, vec![grid(&[], [0, 1, 1])], "size"),
-        (good, vec![Grid { max: DVec3::ZERO, ..grid(&[1.0], [1; 3]) }], "max: is (0.0, 0.0, 0.0), but"),
-        (good, vec![Grid { max: DVec3::splat(1e-40), ..grid(&[1.0], [1; 3]) }], "1e-18"),
+        (good, flat(DVec3::new(1.0, 0.0, 1.0)), "finite, and not flat"),
+        (good, flat(DVec3::new(1.0, f64::NAN, 1.0)), "finite, and not flat"),
+        (good, flat(DVec3::splat(1e-40)), "1e-18"),
         (gridded, one(&[1e6]), "mean free paths"),
     ] {
         let problems = with(medium, grids);

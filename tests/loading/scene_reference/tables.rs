@@ -371,6 +371,11 @@ pub const TABLES: &[Table] = &[
     lines("medium", before!(material "medium"), &[("emission", "0.3", "0.4"), ("priority", "1", "-2")]),
     lines(
         "medium",
+        concat!(before!(material "medium"), "grid = \"one.vol\"\n"),
+        &[("transform", "[{ translate = [0, 1, 0] }]", "[{ scale = 2 }]")],
+    ),
+    lines(
+        "medium",
         concat!(before!(material "medium"), "grid = \"smoke.vdb\"\nemission = 3\n"),
         &[("emission_grid", "\"density\"", "\"temperature\"")],
     ),
@@ -385,7 +390,7 @@ pub const TABLES: &[Table] = &[
             before!(material "medium"),
             "grid = \"smoke.vdb\"\nemission = 3\ntemperature_grid = \"temperature\"\n"
         ),
-        &[("temperature", "1000", "2000")],
+        &[("temperature", "1000", "2000"), ("temperature_law", "\"stefan-boltzmann\"", "\"planck\"")],
     ),
     lines("dielectric", before!(material "dielectric"), &[("fresnel", "\"schlick\"", "\"exact\"")]),
     lines(
@@ -560,6 +565,7 @@ pub const TABLES: &[Table] = &[
             ("target", "[0, 0, 1]", "[0, 0, 2]"),
             ("turn", "30", "40"),
             ("strength", "2", "3"),
+            ("radius", "0.1", "0"),
         ],
     ),
     light(

@@ -195,7 +195,14 @@ fn add_lamps(scene: &mut Scene) {
     let direction = DVec3::new(0.3, -1.0, -0.5).normalize();
     let (inner_angle_rad, outer_angle_rad, fade) = (0.3, 0.7, SpotFade::Smooth);
     let cone = Beam::Cone { direction, inner_angle_rad, outer_angle_rad, fade };
-    for (i, beam) in [Beam::Even, Beam::Grid { half_angle_rad: 0.6 }, cone].into_iter().enumerate() {
+    let profile = scene.add_profile(Arc::new(LightProfile {
+        vertical_deg: vec![0.0, 180.0],
+        horizontal_deg: vec![0.0],
+        values: vec![1.0, 0.2],
+    }));
+    let measured = Beam::Profile { profile, rotation: DQuat::IDENTITY, cone: Some([0.3, 2.0]) };
+    let beams = [Beam::Even, Beam::Grid { half_angle_rad: 0.6 }, cone, measured];
+    for (i, beam) in beams.into_iter().enumerate() {
         let mut bulb = Material::emitter("bulb", [3.0; 3], false);
         bulb.lamp = Some(Lamp {
             visible_to: if i == 0 { oscura::scene::RayKinds::ALL } else { oscura::scene::RayKinds::SHADOW },

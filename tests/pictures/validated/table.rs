@@ -9,7 +9,7 @@ use oscura::scene::{
     Curves, DiffuseTransmission, Displacement, Emission, EnergyCompensation, Environment, Filter, FloatSlot,
     Fog, FresnelModel, Glow, Grid, GridId, ImageId, Instance, Interpolation, Iridescence, Lamp, Light,
     LightKind, LightLinks, LightProfile, Link, Mapping, Material, MaterialId, Medium, Mesh, MeshId, MeshPart,
-    Model, Motion, NoiseKind, NormalMap, ObjectSet, ObjectSets, ObjectTraits, PbrMaterial, Portal,
+    Model, Motion, NoiseKind, NormalMap, ObjectSet, ObjectSets, ObjectTraits, PbrMaterial, Portal, ProfileId,
     Projection, Quad, RayKinds, Scene, Settings, Shape, ShapeKind, Sheen, SpotFade, Texture, TextureId,
     TextureTransform, ThinLens, Wrap,
 };
@@ -68,15 +68,15 @@ impl Mutate for ObjectSets {
     }
 }
 
-ids! { GridId ImageId MaterialId MeshId TextureId }
+ids! { GridId ImageId MaterialId MeshId ProfileId TextureId }
 
 structs! {
     Medium { extinction, albedo, anisotropy, emission, grid, glow }
-    Glow { grid, kelvin }
-    Grid { name, size, values, min, max }
+    Glow { grid, kelvin, goes_by_power }
+    Grid { name, size, values, world_from_voxels }
     Fog { medium, center, radius }
     Scene {
-        name, meshes, instances, shapes, quads, curves, materials, textures, images, grids, lights, environment, fog, environment_visible_to,
+        name, meshes, instances, shapes, quads, curves, materials, textures, images, grids, profiles, lights, environment, fog, environment_visible_to,
         environment_unsampled, backdrop, environment_group, environment_sun, portals, cameras, motion, settings,
     }
     Curves { name, basis, strands, points, radii, colors, world_from_object, material, traits }
@@ -167,6 +167,7 @@ enums! {
         Even {}
         Grid { half_angle_rad }
         Cone { direction, inner_angle_rad, outer_angle_rad, fade }
+        Profile { profile, rotation, cone }
     } {}
     Backdrop {} { Color Picture }
     Environment { Black {} Gradient { nadir, zenith } Image { image, strength, rotation_rad } } { Constant }

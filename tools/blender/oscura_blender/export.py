@@ -9,7 +9,7 @@ import bpy
 
 import addon_utils  # isort: skip (bpy puts it on the path)
 
-from . import cache, camera, geometry, glb, hair, kept_meshes, lights, materials, mixes, motion, originals, settings, sidecar, sizes, trees, world
+from . import cache, camera, geometry, glb, hair, kept_meshes, lights, materials, mixes, motion, originals, settings, sidecar, sizes, trees, volumes, world
 from .report import Report, Stop
 
 OLDEST = (4, 2, 0)
@@ -60,7 +60,8 @@ def export(options, report):
         geometry.prepare(scene, layer)
         _go_to_moment(scene, options)
         layer.update()
-        found = geometry.collect(scene, layer, bpy.context.evaluated_depsgraph_get(), report)
+        grids = volumes.Store(options.folder, options.name, glb.Y_UP)
+        found = geometry.collect(scene, layer, bpy.context.evaluated_depsgraph_get(), grids, report)
         found.exposure = settings.film_exposure(scene)
         found.sight = sizes.Sight(scene.camera, scene, options.bake)
         tables, cameras, empties = _settings(scene, found, options, report)
@@ -174,6 +175,9 @@ def _go_to_moment(scene, options):
         frame = options.frame
     elif options.time is not None:
         frame = options.time * scene.render.fps / scene.render.fps_base
+    if any(volume.is_sequence for volume in bpy.data.volumes):
+        # Blender 4.2 has looked for another file while it opened the scene, and takes it for missing until the frame changes.
+        motion.go(scene, frame + 1)
     motion.go(scene, frame)
 
 

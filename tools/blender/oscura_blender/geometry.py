@@ -5,8 +5,9 @@ import re
 
 import bpy
 import numpy as np
+from mathutils import Matrix
 
-from . import hair, objectwise
+from . import hair, objectwise, volumes
 from .links import Links
 from .report import listed
 
@@ -22,7 +23,6 @@ VISIBILITY = {
 # What is seen in Blender and has no counterpart here.
 LOST = {
     "POINTCLOUD": "point clouds",
-    "VOLUME": "volumes",
     "GPENCIL": "Grease Pencil",
     "GREASEPENCIL": "Grease Pencil",
 }
@@ -65,6 +65,7 @@ class Collected:
 def prepare(scene, layer):
     """Makes the viewport's view of the scene that of a final render."""
     _show_what_is_rendered(scene, layer)
+    volumes.unpack()
     render = scene.render
     if render.use_simplify:
         render.simplify_subdivision = render.simplify_subdivision_render
@@ -109,8 +110,8 @@ def _show_what_is_rendered(scene, layer):
             obj.hide_set(False, view_layer=layer)
 
 
-def collect(scene, layer, graph, report):
-    """Collects everything."""
+def collect(scene, layer, graph, store, report):
+    """Collects everything; grids of volumes go to their store."""
     found = Collected()
     found.questions = objectwise.Questions(layer)
     found.links = Links(bpy.data.objects)
@@ -127,6 +128,8 @@ def collect(scene, layer, graph, report):
             found.light_marks.append(mark(instance))
         elif obj.type == "CURVES":
             hair.add_curves(found, obj, instance, _traits(_extras(obj, instance.parent)))
+        elif obj.type == "VOLUME":
+            _add_volume(found, obj, instance, store, report)
         elif obj.type in LOST:
             lost.setdefault(LOST[obj.type], []).append(original.name)
         elif obj.type == "MESH":
@@ -168,11 +171,31 @@ def _add_mesh(found, obj, instance, report):
     holder = found.objects[key]
     if holder is None:
         return
-    is_own = parent is None or parent.original == obj.original
-    name = obj.original.name if is_own else f"{parent.original.name}/{obj.original.name}"
+    name = _name(obj, parent)
     found.placements[holder.name].append((name, instance.matrix_world.copy()))
     found.marks[holder.name].append(mark(instance))
     found.links.place(name, _linked(obj, parent))
+
+
+def _add_volume(found, obj, instance, store, report):
+    parent = instance.parent if instance.is_instance else None
+    name = _name(obj, parent)
+    mesh = volumes.add(store, obj, instance, name, report)
+    if mesh is None:
+        return
+    holder = bpy.data.objects.new(f"oscura {len(found.objects)}", mesh)
+    found.objects[holder.name] = holder
+    if extras := _extras(obj, parent):
+        found.extras[holder.name] = extras
+    # It stands in the world and is marked as nothing else, so that nothing moves it.
+    found.placements[holder.name], found.marks[holder.name] = [(name, Matrix.Identity(4))], [("volume", holder.name)]
+    found.links.place(name, _linked(obj, parent))
+
+
+def _name(obj, parent):
+    """What an object is called, or an instance of it that is made by another."""
+    is_own = parent is None or parent.original == obj.original
+    return obj.original.name if is_own else f"{parent.original.name}/{obj.original.name}"
 
 
 def _linked(obj, parent):
@@ -275,4 +298,4 @@ def _tell_of_the_rest(obj, report):
     if obj.type in ("LIGHT", "CAMERA"):
         return
     if any(m.type == "FLUID" and m.fluid_type == "DOMAIN" and m.domain_settings.domain_type == "GAS" for m in obj.modifiers):
-        report.warn(obj.name, "smoke is not supported")
+        report.warn(obj.name, "smoke of fluid domains is left out: show it as a volume object (.vdb files of its cache)")

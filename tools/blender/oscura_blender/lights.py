@@ -30,9 +30,8 @@ def entries(obj, name, light, exposure, links, corners, folder, report):
             report.warn(obj.name, "light that takes light away is not supported: it is left out")
             continue
         kind, values = _shape(obj, name, light, energy, more, folder, report)
-        if values is not None:
-            common = {"name": obj.name + more.get("end", ""), "color": color, **_common(obj, light, links)}
-            found.append({**common, kind: {"node": name, **values}})
+        common = {"name": obj.name + more.get("end", ""), "color": color, **_common(obj, light, links)}
+        found.append({**common, kind: {"node": name, **values}})
     return found
 
 
@@ -63,11 +62,9 @@ def _shape(obj, name, light, energy, more, folder, report):
     if file is None:
         return kind, values
     power = values.pop("power")
-    if values.pop("radius") > 0:
-        report.note(obj.name, "a light with a profile (IES) has no size here: its shadows are sharp")
     if measured is None:
         return kind, {**values, "ies": file, "intensity": power / (4 * math.pi)}
-    strength = energy * OUR_LUMENS_PER_WATT / LUMENS_PER_WATT
+    strength = energy * _area_factor(light, _ball(light)) * OUR_LUMENS_PER_WATT / LUMENS_PER_WATT
     return kind, {**values, "ies": file, "strength": strength, "clockwise": True, "turn": 90}
 
 

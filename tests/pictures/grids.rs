@@ -1,0 +1,106 @@
+//! Media by grids that stand anyhow, and whose colours go different ways, against closed forms and quadrature.
+
+use crate::support::{assert_radiance, camera, material, options, picture, sphere};
+use oscura::math::{DAffine3, DMat3, DVec3};
+use oscura::render::RenderOptions;
+use oscura::scene::{
+    Camera, Environment, Grid, Light, LightKind, Material, Medium, Model, Projection, Scene,
+};
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+/// Parallel rays along -z, next to each other.
+fn beam(from: [f64; 3]) -> Camera {
+    let from = DVec3::from(from);
+    let mut view = camera(from, from - DVec3::Z, DVec3::Y, 1.0);
+    view.projection = Projection::Orthographic { half_height: 1e-3 };
+    view
+}
+
+/// A ball of a medium around the origin, seen along a ray.
+fn ball(medium: Medium, grid: Grid, radius: f64, environment: f32) -> Scene {
+    let mut scene = Scene { environment: Environment::Constant([environment; 3]), ..Scene::default() };
+    let medium = Some(Medium { grid: Some(scene.add_grid(grid)), ..medium });
+    let filled = material(&mut scene, Material { medium, ..Material::new("body", Model::Boundary {}) });
+    sphere(&mut scene, [0.0; 3], radius, filled);
+    scene.cameras.push(beam([0.1, 0.2, 2.0 * radius]));
+    scene
+}
+
+fn medium(extinction: [f32; 3], albedo: f32) -> Medium {
+    Medium { albedo: [albedo; 3], anisotropy: 0.3, ..Medium::scattering(extinction) }
+}
+
+/// The mean of all pixels, by channel.
+fn channels(scene: &Scene, options: &RenderOptions) -> [f64; 3] {
+    let film = picture(scene, options);
+    let count = options.width * options.height;
+    let of_pixel = |i: u32| film.mean_rgba(i % options.width, i / options.width);
+    [0, 1, 2].map(|c| (0..count).map(|i| f64::from(of_pixel(i)[c])).sum::<f64>() / f64::from(count))
+}
+
+fn assert_channels(what: &str, scene: &Scene, options: &RenderOptions, truth: [f64; 3], precision: f64) {
+    let found = channels(scene, options);
+    let is_close = |c: usize| (found[c] / truth[c] - 1.0).abs() < precision;
+    assert!((0..3).all(is_close), "{what}: {found:?}, truth {truth:?}");
+}
+
+/// Turned, sheared and scaled, also mirrored: what is left of light is what a walk through the voxels says.
+#[test]
+fn grids_stand_anyhow() {
+    let (x, y, z) = (DVec3::new(0.3, -0.9, 1.1), DVec3::new(1.9, 0.5, 0.3), DVec3::new(0.4, 1.7, -0.8));
+    for sign in [1.0, -1.0] {
+        let turned = DMat3::from_cols(x * sign, y, z);
+        let world_from_voxels = DAffine3::from_mat3_translation(turned, -turned * DVec3::new(1.0, 0.5, 0.5));
+        let values = Arc::new(vec![0.5, 3.0]);
+        let grid = Grid { name: "turned".into(), size: [2, 1, 1], values, world_from_voxels };
+        let scene = ball(medium([0.7; 3], 0.0), grid, 4.0, 1.0);
+        let (voxels_from_world, steps) = (world_from_voxels.inverse(), 100_000);
+        let depth: f64 = (0..steps)
+            .map(|i| {
+                let height = 4.0 - 8.0 * (f64::from(i) + 0.5) / f64::from(steps);
+                let at = voxels_from_world.transform_point3(DVec3::new(0.1, 0.2, height));
+                let is_inside = at.min_element() >= 0.0 && at.y <= 1.0 && at.z <= 1.0 && at.x <= 2.0;
+                let value = 0.5 + 2.5 * (at.x - 0.5).clamp(0.0, 1.0);
+                if is_inside { 0.7 * value * 8.0 / f64::from(steps) } else { 0.0 }
+            })
+            .sum();
+        assert!(depth > 0.3, "the ray meets the grid: {depth}");
+        assert_radiance(&format!("sign {sign}"), &scene, &options(16, 256, 4), (-depth).exp(), 4e-3);
+    }
+}
+
+/// Channels that light loses differently: what passes, what a lamp lights once, and in a white furnace.
+#[test]
+fn colored_media_on_grids() {
+    let grid = |value: &dyn Fn(usize) -> f32| {
+        let values = Arc::new((0..19 * 8 * 30).map(value).collect());
+        Grid::in_box("smoke".into(), [19, 8, 30], values, DVec3::splat(-2.0), DVec3::splat(2.0))
+    };
+    let extinction = [0.1f32, 0.25, 0.02];
+    let sigma = extinction.map(|x| 4.0 * f64::from(x));
+    let half = (1.0f64 - 0.1 * 0.1 - 0.2 * 0.2).sqrt();
+
+    let through = ball(medium(extinction, 0.0), grid(&|_| 4.0), 1.0, 1.0);
+    let truth = sigma.map(|s| (-s * 2.0 * half).exp());
+    assert_channels("through", &through, &options(16, 256, 4), truth, 6e-3);
+
+    let mut lit = ball(medium(extinction, 0.8), grid(&|_| 4.0), 1.0, 0.0);
+    lit.lights.push(Light::new(LightKind::Directional { direction: DVec3::NEG_Y }, [3.0; 3]));
+    let phase = (1.0 - 0.3f64 * 0.3) / (4.0 * PI * (1.0 + 0.3f64 * 0.3).powf(1.5));
+    let steps = 20_000;
+    let truth = sigma.map(|s| {
+        let step = 2.0 * half / f64::from(steps);
+        let at = |i: i32| {
+            let t = (f64::from(i) + 0.5) * step;
+            let up = (1.0 - 0.1 * 0.1 - (half - t) * (half - t)).sqrt() - 0.2;
+            0.8 * s * (-s * (t + up)).exp() * phase * 3.0 * step
+        };
+        (0..steps).map(at).sum()
+    });
+    assert_channels("one scattering", &lit, &options(16, 1024, 1), truth, 1.5e-2);
+
+    let uneven = grid(&|i| (i % 7) as f32 * 3.0);
+    let furnace = ball(medium(extinction, 1.0), uneven, 1.0, 1.0);
+    assert_channels("furnace", &furnace, &options(16, 64, 3000), [1.0; 3], 1e-2);
+}

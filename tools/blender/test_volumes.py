@@ -1,0 +1,181 @@
+"""Tries what the exporter makes of volume objects: files of grids, the boxes around them, and what shaders make of them.
+
+    python test_volumes.py           with a Python that has bpy
+"""
+
+import shutil
+import sys
+import unittest
+from pathlib import Path
+
+import bpy
+import numpy as np
+from testing import HERE, SceneTest, main, shader_tree
+
+# Grids 'temperature' and 'density', and others of 'density' and 'mask'.
+SMOKE, OTHER = (HERE.parents[1] / "src/load/vdb/tests" / name for name in ("blosc.vdb", "half.vdb"))
+
+
+def openvdb():
+    """OpenVDB's module; None where Blender comes without it."""
+    sys.path.extend(str(path) for path in Path(bpy.utils.resource_path("LOCAL")).glob("python/lib/python*/site-packages"))
+    try:
+        import openvdb as module
+    except ImportError:
+        return None
+    return module
+
+
+class VolumesTest(SceneTest):
+    def medium(self, name, kind, **inputs):
+        """A material of a volume; gives it, its tree and the volume's node."""
+        material, tree, shader, node = shader_tree(name, kind)
+        tree.nodes.remove(shader)
+        for key, value in inputs.items():
+            node.inputs[key].default_value = value
+        tree.links.new(node.outputs[0], tree.nodes["Material Output"].inputs["Volume"])
+        return material, tree, node
+
+    def add_volume(self, path, material, name="Cloud"):
+        data = bpy.data.volumes.new(name)
+        data.filepath = str(path)
+        if material is not None:
+            data.materials.append(material)
+        made = bpy.data.objects.new(name, data)
+        self.scene.collection.objects.link(made)
+        return made
+
+    def box(self, model, name):
+        """The least and the greatest corner of a mesh in the model, which stands in the world."""
+        (node,) = (node for node in model["nodes"] if node["name"] == name)
+        self.assertEqual(node["matrix"], np.eye(4).ravel().tolist())
+        number = model["meshes"][node["mesh"]]["primitives"][0]["attributes"]["POSITION"]
+        return (np.array(model["accessors"][number][key]) for key in ("min", "max"))
+
+    def test_volumes_stand_as_their_objects_do(self):
+        material, _, _ = self.medium("white", "VolumePrincipled", Density=2.0, Anisotropy=0.25)
+        cloud = self.add_volume(OTHER, material)
+        cloud.location, cloud.scale = (1, 2, 3), (2, 2, 2)
+        model, settings, answer = self.export()
+        self.assertEqual(answer["warnings"], [])
+        (found,) = settings["materials"].values()
+        matrix = np.array(found["transform"][0]["matrix"]).reshape(4, 4)
+        np.testing.assert_allclose(matrix, [[2, 0, 0, 1], [0, 2, 0, 3], [0, 0, 2, -2], [0, 0, 0, 1]], atol=1e-6)
+        # As much is in the way of light as at a scale of one.
+        expected = {"type": "medium", "grid": "scene.0.vdb", "up": "z", "grid_name": "density", "anisotropy": 0.25}
+        self.assertEqual({key: found[key] for key in expected}, expected)
+        self.assertEqual((found["density"], found["color"]), ([1.0] * 3, [0.5] * 3))
+        self.assertIn(b"density", (self.folder / "scene.0.vdb").read_bytes())
+        # The densities fill a box from (-1.125, 1.875, 2.75) to (2.875, 5.875, 6.75) or less, the mask one to (7.5, 7.5, 7.5).
+        low, high = self.box(model, "Cloud")
+        self.assertTrue((low < [-1.25, 8.5, -13.75]).all() and (high > [6.75, 16.5, -5.75]).all(), (low, high))
+        self.assertLess((high - low).max(), 2 * (7.5 + 1.125) + 4 * 2 * 0.5)
+
+    def test_densities_of_the_world_are_kept(self):
+        material, _, _ = self.medium("white", "VolumePrincipled", Density=2.0)
+        cloud = self.add_volume(SMOKE, material)
+        cloud.scale, cloud.data.render.space = (2, 2, 2), "WORLD"
+        _, settings, _ = self.export()
+        self.assertEqual(settings["materials"]["white (Cloud)"]["density"], [2.0] * 3)
+
+    def test_fire_by_temperature_and_light_by_attributes(self):
+        fire, _, node = self.medium("fire", "VolumePrincipled", Density=1.0, Temperature=3.0)
+        node.inputs["Blackbody Intensity"].default_value = 2.0
+        node.inputs["Blackbody Tint"].default_value = (1, 0.5, 0.25, 1)
+        glow, tree, node = self.medium("glow", "Emission")
+        asks, product = tree.nodes.new("ShaderNodeAttribute"), tree.nodes.new("ShaderNodeMath")
+        asks.attribute_name, product.operation, product.inputs[1].default_value = "temperature", "MULTIPLY", 4.0
+        tree.links.new(asks.outputs["Fac"], product.inputs[0])
+        tree.links.new(product.outputs[0], node.inputs["Strength"])
+        node.inputs["Color"].default_value = (1, 0.5, 0, 1)
+        self.add_volume(SMOKE, fire, "Fire")
+        self.add_volume(SMOKE, glow, "Glow").location = (50, 0, 0)
+        _, settings, answer = self.export()
+        self.assertEqual(answer["warnings"], [])
+        found = settings["materials"]["fire (Fire)"]
+        expected = {"grid_name": "density", "temperature_grid": "temperature", "temperature": 3.0, "temperature_law": "stefan-boltzmann"}
+        self.assertEqual({key: found[key] for key in expected}, expected)
+        np.testing.assert_allclose(found["emission"], np.array([2, 1, 0.5]) * 0.0913741, rtol=1e-4)
+        found = settings["materials"]["glow (Glow)"]
+        self.assertEqual((found["grid_name"], found["density"], found["emission"]), ("temperature", [0.0] * 3, [4.0, 2.0, 0.0]))
+        self.assertNotIn("emission_grid", found)
+
+    def test_scattering_and_absorption_of_one_grid_add_up(self):
+        material, tree, scatter = self.medium("both", "VolumeScatter", Color=(0.5, 0.25, 0, 1))
+        absorb, add, info = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("VolumeAbsorption", "AddShader", "VolumeInfo"))
+        absorb.inputs["Color"].default_value = (0.5, 0.75, 0, 1)
+        for k, node in enumerate((scatter, absorb)):
+            tree.links.new(info.outputs["Density"], node.inputs["Density"])
+            tree.links.new(node.outputs[0], add.inputs[k])
+        tree.links.new(add.outputs[0], tree.nodes["Material Output"].inputs["Volume"])
+        self.add_volume(SMOKE, material)
+        _, settings, answer = self.export()
+        self.assertEqual(answer["warnings"], [])
+        found = settings["materials"]["both (Cloud)"]
+        self.assertEqual((found["density"], found["color"]), ([1.0, 0.5, 1.0], [0.5, 0.5, 0.0]))
+
+    def test_what_is_lost_is_told_by_name(self):
+        material, _, _ = self.medium("white", "VolumePrincipled")
+        other, _, node = self.medium("other", "VolumePrincipled")
+        node.inputs["Density Attribute"].default_value = "mask"
+        self.add_volume(self.folder / "nowhere.vdb", material, "Gone")
+        self.add_volume(SMOKE, None, "Bare")
+        self.add_volume(OTHER, other, "Masked")
+        self.add_volume(SMOKE, material, "First").location = (50, 0, 0)
+        self.add_volume(SMOKE, material, "Second").location = (51, 0, 0)
+        _, settings, answer = self.export()
+        warnings = dict(answer["warnings"])
+        for name, words in (("Gone", "nowhere.vdb"), ("Bare", "no material"), ("Second", "overlaps 'First'")):
+            self.assertIn(words, warnings[name])
+        told = [message for place, message in answer["warnings"] if place == "Masked"]
+        self.assertTrue(any("'mask'" in message for message in told), told)
+        self.assertEqual({name for name in settings["materials"]}, {"white (First)", "white (Second)", "other (Masked)"})
+
+    def test_frames_of_sequences_and_packed_files(self):
+        for number, path in ((1, SMOKE), (2, OTHER)):
+            shutil.copyfile(path, self.folder / f"smoke_{number:04}.vdb")
+        material, _, _ = self.medium("white", "VolumePrincipled")
+        sequence = self.add_volume(self.folder / "smoke_0001.vdb", material, "Sequence").data
+        sequence.is_sequence, sequence.frame_start, sequence.frame_duration = True, 1, 2
+        for frame, has_temperature in ((1, True), (2, False)):
+            _, _, answer = self.export("--frame", str(frame))
+            self.assertEqual(answer["warnings"], [])
+            written = (self.folder / "scene.0.vdb").read_bytes()
+            self.assertEqual(b"temperature" in written, has_temperature)
+        sequence.is_sequence = False
+        bpy.ops.file.pack_all()
+        (self.folder / "smoke_0001.vdb").unlink()
+        _, settings, answer = self.export()
+        self.assertEqual((answer["warnings"], list(settings["materials"])), ([], ["white (Sequence)"]))
+
+    def test_volumes_of_nodes_stand_in_each_instance(self):
+        material, _, _ = self.medium("white", "VolumePrincipled")
+        tree = bpy.data.node_groups.new("Lumps", "GeometryNodeTree")
+        tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+        cube, paint, end = (tree.nodes.new(kind) for kind in ("GeometryNodeVolumeCube", "GeometryNodeSetMaterial", "NodeGroupOutput"))
+        paint.inputs["Material"].default_value = material
+        tree.links.new(cube.outputs[0], paint.inputs[0])
+        tree.links.new(paint.outputs[0], end.inputs[0])
+        for k in range(2):
+            made = bpy.data.objects.new(f"Lump {k}", bpy.data.meshes.new("empty"))
+            made.location = (0, 0, 9 * k)
+            made.modifiers.new("Lumps", "NODES").node_group = tree
+            self.scene.collection.objects.link(made)
+        model, settings, answer = self.export()
+        self.assertEqual(answer["warnings"], [])
+        heights = [found["transform"][0]["matrix"][7] for found in settings["materials"].values()]
+        self.assertEqual(sorted(heights), [0.0, 9.0])
+
+    @unittest.skipIf(openvdb() is None, "this Blender comes without OpenVDB's module")
+    def test_level_sets_are_told(self):
+        module = openvdb()
+        module.write(str(self.folder / "ball.vdb"), [module.createLevelSetSphere(radius=2.0)])
+        material, _, _ = self.medium("white", "VolumePrincipled")
+        self.add_volume(self.folder / "ball.vdb", material)
+        _, settings, answer = self.export()
+        self.assertIn("level set", dict(answer["warnings"])["Cloud"])
+        self.assertNotIn("materials", settings)
+
+
+if __name__ == "__main__":
+    main()

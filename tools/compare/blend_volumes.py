@@ -1,0 +1,138 @@
+"""Scenes of Blender with volume objects: .vdb files that stand anyhow, fire, volumes by modifiers and nodes."""
+
+import sys
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from blend_parts import add, ball, camera, floor, light, link, material, shader, world
+
+
+def _vdb():
+    """OpenVDB's module, which Blender 4.4 and newer bring along."""
+    sys.path.extend(str(path) for path in Path(bpy.utils.resource_path("LOCAL")).glob("python/lib/python*/site-packages"))
+    import openvdb
+
+    return openvdb
+
+
+def _places(size):
+    """Coordinates in -1 to 1 of the voxels of a grid."""
+    return np.meshgrid(*(np.linspace(-1, 1, n) for n in size), indexing="ij")
+
+
+def _write(path, voxel, origin, **grids):
+    vdb = _vdb()
+    made = []
+    for name, values in grids.items():
+        grid = vdb.FloatGrid()
+        grid.name = name
+        grid.copyFromArray(np.ascontiguousarray(values, np.float32), tolerance=0.0)
+        grid.transform = vdb.createLinearTransform([[voxel, 0, 0, 0], [0, voxel, 0, 0], [0, 0, voxel, 0], [*origin, 1]])
+        made.append(grid)
+    vdb.write(str(path), made)
+
+
+def _cloud(size=(40, 30, 24)):
+    """Lumps, nothing outside of a ball."""
+    x, y, z = _places(size)
+    lumps = 0.5 + 0.5 * np.sin(7 * x + 2) * np.sin(5 * y + 1) * np.sin(6 * z)
+    return np.maximum(1 - x**2 - y**2 - z**2, 0) * lumps * 2
+
+
+def volume(path, of, name, *place):
+    data = bpy.data.volumes.new(name)
+    data.filepath = str(path)
+    data.materials.append(of)
+    return link(name, data, *place)
+
+
+def of_volume(name, kind, **inputs):
+    """A material with nothing but a volume; gives its tree and the volume's node."""
+    made, tree, node = shader(name, kind, **inputs)
+    tree.links.remove(tree.nodes["Material Output"].inputs["Surface"].links[0])
+    tree.links.new(node.outputs[0], tree.nodes["Material Output"].inputs["Volume"])
+    return made, tree, node
+
+
+def _sunny():
+    floor()
+    world((0.3, 0.4, 0.5))
+    light("SUN", "Sun", 3, (0, 0, 5), (0.7, 0.3, 0), angle=0.05)
+
+
+def clouds(folder):
+    """A cloud that is turned and scaled, its mirror image, one that is bent and in the world's measure, and balls in between."""
+    _write(folder / "cloud.vdb", 0.05, (-1, -0.75, -0.6), density=_cloud())
+    _sunny()
+    white, _, _ = of_volume("white cloud", "VolumePrincipled", Density=4.0, Anisotropy=0.5, Color=(0.95, 0.9, 0.8, 1))
+    volume(folder / "cloud.vdb", white, "Turned", (-1.6, 0, 1.3), (0.4, 0.6, 0.9), (1.2, 0.8, 1.5))
+    volume(folder / "cloud.vdb", white, "Mirrored", (1.9, 1.2, 1.2), (0, 0.5, 0.2), (-1.1, 1.1, 1.1))
+    bent = volume(folder / "cloud.vdb", white, "Bent", (0, 0, 0), (0, 0, 0.7), (0.8, 0.8, 0.8))
+    bent.data.render.space = "WORLD"
+    holder = link("Holder", None, (0.8, -2, 0.9), (0, 0, 0.3), (1.6, 0.7, 1))
+    bent.parent = holder
+    ball(material("red", Base_Color=(0.8, 0.1, 0.1, 1)), (-0.2, 0.9, 0.6), 0.6)
+    camera()
+
+
+def fire(folder):
+    """A flame of a few thousand kelvins with its smoke above."""
+    x, y, z = _places((32, 32, 48))
+    ring = x**2 + y**2
+    heat = np.maximum(1 - 1.6 * ring - (z + 0.2) ** 2, 0)
+    smoke = np.maximum(1 - 1.2 * ring - (z - 0.3) ** 2 * 1.5, 0)
+    _write(folder / "fire.vdb", 0.05, (-0.8, -0.8, 0), density=smoke, temperature=heat * 2200)
+    floor()
+    world((0.05, 0.06, 0.08))
+    burning, _, node = of_volume("burning", "VolumePrincipled", Density=2.0, Color=(0.4, 0.4, 0.4, 1), Temperature=1.0)
+    node.inputs["Blackbody Intensity"].default_value = 2.0
+    volume(folder / "fire.vdb", burning, "Fire", (0, 0, 0.2), (0.2, 0, 0.4), (1, 1, 1.2))
+    ball(material("grey", Base_Color=(0.7, 0.7, 0.7, 1)), (1.8, -0.6, 0.6), 0.6)
+    camera()
+
+
+def flames(folder):
+    """What shines by a grid of its own, tinted, and coloured smoke by Attribute nodes."""
+    x, y, z = _places((24, 24, 24))
+    _write(folder / "flames.vdb", 0.06, (-0.7, -0.7, -0.7), density=_cloud((24, 24, 24)), flame=np.maximum(1 - x**2 - y**2 - z**2, 0))
+    _sunny()
+    smoke, tree, scatter = of_volume("colored", "VolumeScatter", Color=(0.9, 0.5, 0.2, 1), Anisotropy=0.3)
+    asks, product = tree.nodes.new("ShaderNodeAttribute"), tree.nodes.new("ShaderNodeMath")
+    asks.attribute_name, product.operation, product.inputs[1].default_value = "density", "MULTIPLY", 6.0
+    tree.links.new(asks.outputs["Fac"], product.inputs[0])
+    tree.links.new(product.outputs[0], scatter.inputs["Density"])
+    volume(folder / "flames.vdb", smoke, "Smoke", (-1.4, 0, 1.1), (0.3, 0.2, 0.1), (1.3, 1.3, 1.3))
+    lit, tree, node = of_volume("lit", "VolumePrincipled", Density=1.0, Color=(0.5, 0.5, 0.5, 1))
+    info, product = tree.nodes.new("ShaderNodeVolumeInfo"), tree.nodes.new("ShaderNodeMath")
+    product.operation, product.inputs[1].default_value = "MULTIPLY", 1.5
+    tree.links.new(info.outputs["Flame"], product.inputs[0])
+    tree.links.new(product.outputs[0], node.inputs["Emission Strength"])
+    node.inputs["Emission Color"].default_value = (1, 0.4, 0.1, 1)
+    volume(folder / "flames.vdb", lit, "Lit", (1.5, 0.3, 1.1), (0, 0.5, 0), (1.1, 1.1, 1.4))
+    camera()
+
+
+def made_volumes():
+    """Volumes by geometry nodes, placed twice, and one that a modifier makes of a mesh."""
+    _sunny()
+    haze, _, _ = of_volume("haze", "VolumePrincipled", Density=3.0)
+    tree = bpy.data.node_groups.new("Lumps", "GeometryNodeTree")
+    tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    cube, noise, paint, end = (tree.nodes.new(kind) for kind in ("GeometryNodeVolumeCube", "ShaderNodeTexNoise", "GeometryNodeSetMaterial", "NodeGroupOutput"))
+    noise.inputs["Scale"].default_value, paint.inputs["Material"].default_value = 2.0, haze
+    tree.links.new(noise.outputs[0], cube.inputs["Density"])
+    tree.links.new(cube.outputs[0], paint.inputs[0])
+    tree.links.new(paint.outputs[0], end.inputs[0])
+    for k, place in enumerate((((-1.8, 0.4, 1), (0, 0, 0.6), (0.9, 0.9, 0.9)), ((1.8, 1.4, 0.9), (0.6, 0, 0), (0.8, 0.8, 0.8)))):
+        obj = link(f"Lump {k}", bpy.data.meshes.new("empty"), *place)
+        obj.modifiers.new("Lumps", "NODES").node_group = tree
+    shape = add("torus", material("hidden"), (0, 0, 0), "Shape", major_radius=0.8, minor_radius=0.35)
+    shape.hide_render = True
+    data = bpy.data.volumes.new("Ring")
+    data.materials.append(haze)
+    ring = link("Ring", data, (0.2, -2.5, 0.9), (0.5, 0.2, 0))
+    made = ring.modifiers.new("Made", "MESH_TO_VOLUME")
+    made.object, made.voxel_amount, made.density = shape, 48, 1.5
+    camera()
