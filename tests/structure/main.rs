@@ -4,3 +4,4 @@ mod imports;
 mod layering;
 mod sizes;
 mod source;
+mod texts;
