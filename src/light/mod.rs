@@ -4,6 +4,7 @@ mod area;
 mod beam;
 mod bounds;
 mod choice;
+mod cone;
 mod emission;
 mod environment;
 mod moving;

@@ -1,6 +1,6 @@
 //! Points that shine as a measured profile says.
 
-use super::beam::Cone;
+use super::cone::Cone;
 use crate::math::{DQuat, DVec3, Quat, Vec3, poly};
 use crate::scene::{self, LightProfile, SpotFade};
 use std::sync::Arc;

@@ -1,6 +1,6 @@
 //! Lights without a surface (KHR_lights_punctual).
 
-use super::beam::Cone;
+use super::cone::Cone;
 use super::profiled::Profiled;
 use super::{LightBounds, LightSample, Sun};
 use crate::color::Rgb;

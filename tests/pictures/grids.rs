@@ -77,13 +77,13 @@ fn colored_media_on_grids() {
         let values = Arc::new((0..19 * 8 * 30).map(value).collect());
         Grid::in_box("smoke".into(), [19, 8, 30], values, DVec3::splat(-2.0), DVec3::splat(2.0))
     };
-    let extinction = [0.1f32, 0.25, 0.02];
+    let extinction = [0.1f32, 0.15, 0.02];
     let sigma = extinction.map(|x| 4.0 * f64::from(x));
     let half = (1.0f64 - 0.1 * 0.1 - 0.2 * 0.2).sqrt();
 
     let through = ball(medium(extinction, 0.0), grid(&|_| 4.0), 1.0, 1.0);
     let truth = sigma.map(|s| (-s * 2.0 * half).exp());
-    assert_channels("through", &through, &options(16, 256, 4), truth, 6e-3);
+    assert_channels("through", &through, &options(32, 1024, 4), truth, 6e-3);
 
     let mut lit = ball(medium(extinction, 0.8), grid(&|_| 4.0), 1.0, 0.0);
     lit.lights.push(Light::new(LightKind::Directional { direction: DVec3::NEG_Y }, [3.0; 3]));
@@ -98,9 +98,9 @@ fn colored_media_on_grids() {
         };
         (0..steps).map(at).sum()
     });
-    assert_channels("one scattering", &lit, &options(16, 1024, 1), truth, 1.5e-2);
+    assert_channels("one scattering", &lit, &options(32, 1024, 1), truth, 1.5e-2);
 
     let uneven = grid(&|i| (i % 7) as f32 * 3.0);
     let furnace = ball(medium(extinction, 1.0), uneven, 1.0, 1.0);
-    assert_channels("furnace", &furnace, &options(16, 64, 3000), [1.0; 3], 1e-2);
+    assert_channels("furnace", &furnace, &options(32, 128, 3000), [1.0; 3], 1e-2);
 }

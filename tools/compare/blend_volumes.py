@@ -128,11 +128,11 @@ def made_volumes():
     for k, place in enumerate((((-1.8, 0.4, 1), (0, 0, 0.6), (0.9, 0.9, 0.9)), ((1.8, 1.4, 0.9), (0.6, 0, 0), (0.8, 0.8, 0.8)))):
         obj = link(f"Lump {k}", bpy.data.meshes.new("empty"), *place)
         obj.modifiers.new("Lumps", "NODES").node_group = tree
-    shape = add("torus", material("hidden"), (0, 0, 0), "Shape", major_radius=0.8, minor_radius=0.35)
+    shape = add("torus", material("hidden"), (0.2, -2.8, 0.9), "Shape", major_radius=0.8, minor_radius=0.35)
     shape.hide_render = True
     data = bpy.data.volumes.new("Ring")
     data.materials.append(haze)
-    ring = link("Ring", data, (0.2, -2.5, 0.9), (0.5, 0.2, 0))
+    ring = link("Ring", data, (0.2, -2.8, 0.9), (0.5, 0.2, 0))
     made = ring.modifiers.new("Made", "MESH_TO_VOLUME")
     made.object, made.voxel_amount, made.density = shape, 48, 1.5
     camera()
