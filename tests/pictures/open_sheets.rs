@@ -139,8 +139,8 @@ fn room(front: f64) -> Scene {
     let of = material(&mut scene, glass(0.0));
     let (u, v) = ([0.0, 0.0, 2.0 * front], [0.0, 2.0, 0.0]);
     quad(&mut scene, [1.0, -1.0, -front], u, v, of);
-    let shine = material(&mut scene, Material::emitter("lamp", [4.0; 3], true));
-    quad(&mut scene, [2.0, 0.0, -0.6], [0.6, 1.0, 0.0], [0.0, 0.0, 1.2], shine);
+    let shine = material(&mut scene, Material::emitter("lamp", [1.0; 3], true));
+    quad(&mut scene, [1.6, -1.2, -1.4], [0.4, 2.4, 0.0], [0.0, 0.0, 2.8], shine);
     scene.cameras.push(camera(DVec3::new(0.0, 0.4, 3.2), DVec3::new(0.0, -0.1, 0.0), DVec3::Y, 40.0));
     scene
 }
