@@ -24,10 +24,13 @@ impl Integrator<'_> {
     pub(super) fn direct_light(&self, bounce: u32, sorted: &Sorted, w: &mut Workspace) {
         let guided = self.options.guide.is_some();
         self.weigh_light_samples(sorted, w);
+        let (branches, share) =
+            (self.paths_per_light_sample(bounce), 1.0 / self.light_samples(bounce) as f32);
+        let counts = Counts { branches, share };
         if self.softens_terminator() {
-            direct::<true>(self.branches(bounce) as f32, guided, sorted, w);
+            direct::<true>(counts, guided, sorted, w);
         } else {
-            direct::<false>(self.branches(bounce) as f32, guided, sorted, w);
+            direct::<false>(counts, guided, sorted, w);
         }
         let features = &self.scene.features;
         if (features.absorption || features.scattering) && !features.boundaries {
@@ -105,22 +108,22 @@ impl Integrator<'_> {
 }
 
 /// What the light samples bring to all classes of vertices; with softened shadow terminators or without.
-fn direct<const SOFT: bool>(branches: f32, guided: bool, sorted: &Sorted, w: &mut Workspace) {
+fn direct<const SOFT: bool>(counts: Counts, guided: bool, sorted: &Sorted, w: &mut Workspace) {
     let Workspace { wave, bsdfs, .. } = w;
     if guided {
-        dispatch(Direct::<_, SOFT> { wave, class: Guided(LambertClass), range: sorted.lambert(), branches });
+        dispatch(Direct::<_, SOFT> { wave, class: Guided(LambertClass), range: sorted.lambert(), counts });
         let class = Guided(MetalRoughClass);
-        dispatch(Direct::<_, SOFT> { wave, class, range: sorted.metal_rough(), branches });
+        dispatch(Direct::<_, SOFT> { wave, class, range: sorted.metal_rough(), counts });
     } else {
-        dispatch(Direct::<_, SOFT> { wave, class: LambertClass, range: sorted.lambert(), branches });
-        dispatch(Direct::<_, SOFT> { wave, class: MetalRoughClass, range: sorted.metal_rough(), branches });
+        dispatch(Direct::<_, SOFT> { wave, class: LambertClass, range: sorted.lambert(), counts });
+        dispatch(Direct::<_, SOFT> { wave, class: MetalRoughClass, range: sorted.metal_rough(), counts });
     }
     if !sorted.medium().is_empty() {
-        dispatch(Direct::<_, SOFT> { wave, class: MediumClass, range: sorted.medium(), branches });
+        dispatch(Direct::<_, SOFT> { wave, class: MediumClass, range: sorted.medium(), counts });
     }
     let range = sorted.rough();
     // Its loop has no use for a higher CPU level.
-    Direct::<_, SOFT> { wave, class: GeneralClass { bsdfs, first: range.start }, range, branches }.run();
+    Direct::<_, SOFT> { wave, class: GeneralClass { bsdfs, first: range.start }, range, counts }.run();
 }
 
 /// What the light samples bring to the vertices of a class.
@@ -128,8 +131,16 @@ pub(super) struct Direct<'a, C, const SOFT: bool> {
     pub wave: &'a mut Wave,
     pub class: C,
     pub range: Range<usize>,
-    /// How many paths the density of scattering counts for.
+    pub counts: Counts,
+}
+
+/// How many paths and light samples each vertex has.
+#[derive(Clone, Copy)]
+pub(super) struct Counts {
+    /// Paths that the density of scattering counts for.
     pub branches: f32,
+    /// The share of each light sample.
+    pub share: f32,
 }
 
 impl<C: VertexClass, const SOFT: bool> Kernel for Direct<'_, C, SOFT> {
@@ -149,8 +160,8 @@ impl<C: VertexClass, const SOFT: bool> Kernel for Direct<'_, C, SOFT> {
             let eval = closure.eval(wi);
             let height = wi.dot(ng);
             let side = if !C::Closure::OPAQUE && height < 0.0 { -1.0 } else { 1.0 };
-            let pdf = eval.pdf_solid_angle * self.branches * self.class.light_density(v, i);
-            let mut weight = light_weight(light_pdf, pdf);
+            let pdf = eval.pdf_solid_angle * self.counts.branches * self.class.light_density(v, i);
+            let mut weight = light_weight(light_pdf, pdf) * self.counts.share;
             if SOFT && !C::Closure::IN_MEDIUM && !closure.crosses(wi) {
                 weight *= terminator(ns * side, ng * side, wi);
             }

@@ -162,7 +162,7 @@ impl Integrator<'_> {
             let class = GeneralClass { bsdfs, first: sorted.general().start };
             class.closure(v, i).eval(wi).pdf_solid_angle
         };
-        power_heuristic(light_pdf, pdf * self.branches(bounce) as f32)
+        power_heuristic(light_pdf, pdf * self.paths_per_light_sample(bounce))
     }
 
     /// Leaves out the paths that left the scene by rays that don't see the environment.

@@ -77,6 +77,7 @@ use layers::Layers;
 use light_samplers::has_vector_sampler;
 use reuse::Tiling;
 use samples::Samples;
+use split::{end_light_samples, number_light_samples};
 use wave::PathParts;
 
 /// Options that concern paths.
@@ -342,7 +343,12 @@ impl<'a> Integrator<'a> {
 
     /// Takes light samples, and adds what arrives of them.
     fn connect_to_lights(&self, bounce: u32, sorted: &Sorted, w: &mut Workspace) {
-        if !self.scene.lights.is_empty() {
+        if self.scene.lights.is_empty() {
+            return;
+        }
+        let count = self.light_samples(bounce);
+        for number in 0..count {
+            number_light_samples(&mut w.wave.paths.carried, sorted, number, count);
             self.sample_lights(bounce, sorted, w);
             if self.is_spectral() {
                 self.take_lights_apart(sorted, w);
@@ -350,6 +356,7 @@ impl<'a> Integrator<'a> {
             self.leave_light_samples(bounce, sorted, w);
             self.direct_light(bounce, sorted, w);
         }
+        end_light_samples(&mut w.wave.paths.carried, sorted, count);
     }
 
     /// Are there normals that make the remedy necessary, and is it wanted?

@@ -12,7 +12,7 @@ pub(super) struct How<'a> {
     pub dimensions: &'a Dimensions,
     /// May paths end?
     pub roulette: bool,
-    /// How many paths the density of a direction counts for.
+    /// How many paths the density of a direction counts for, for each light sample.
     pub branches: f32,
 }
 

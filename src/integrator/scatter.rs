@@ -20,7 +20,7 @@ impl Integrator<'_> {
     /// Scatters each path at its vertex and ends some by roulette.
     pub(super) fn scatter(&self, bounce: u32, sorted: &Sorted, w: &mut Workspace) {
         let dimensions = &self.dimensions(bounce, Purpose::Scatter);
-        let branches = self.branches(bounce) as f32;
+        let branches = self.paths_per_light_sample(bounce);
         let how = How { dimensions, roulette: bounce >= FIRST_ROULETTE, branches };
         if self.softens_terminator() {
             self.scatter_all::<true>(bounce, how, sorted, w);

@@ -3,7 +3,8 @@
 //! with their surfaces, textures and light samples would.
 //!
 //! The paths of a sample carry its throughput divided by their number, take consecutive points of the pixel's sequence,
-//! and add to the same sample.
+//! and add to the same sample. Where they are many, what is left of the noise is that of the single light sample of the first
+//! surface: it takes several, too, which also take consecutive points and carry their shares.
 
 use super::group::Sorted;
 use super::lanes::{PerPath, repeat};
@@ -13,10 +14,29 @@ use super::{Integrator, WAVE};
 use crate::bsdf::Bsdf;
 use crate::sampling::sampler::SobolPoint;
 
+/// Paths that go on from a first surface for each of its light samples. (Rough metal on a floor under pictures with a sun, 8 paths: with
+/// two light samples in place of one 1.04 to 1.6 times as efficient; a polished helmet, 4 paths: with two .97 times.)
+const PATHS_PER_LIGHT_SAMPLE: u32 = 4;
+
 impl Integrator<'_> {
     /// Into how many paths each goes on at a bounce.
     pub(super) fn branches(&self, bounce: u32) -> u32 {
         if bounce == 0 { self.options.branches } else { 1 }
+    }
+
+    /// How many light samples each vertex takes at a bounce: a power of two. An even sky is found as well by scattering.
+    pub(super) fn light_samples(&self, bounce: u32) -> u32 {
+        let branches = self.branches(bounce);
+        if branches <= PATHS_PER_LIGHT_SAMPLE || self.scene.lights.are_an_even_sky() {
+            return 1;
+        }
+        branches / PATHS_PER_LIGHT_SAMPLE
+    }
+
+    /// How many paths go on at a bounce for each light sample: what the density of scattering counts against that of light
+    /// sampling.
+    pub(super) fn paths_per_light_sample(&self, bounce: u32) -> f32 {
+        (self.branches(bounce) / self.light_samples(bounce)) as f32
     }
 
     /// Camera rays of a wave, so that their paths find room in it.
@@ -60,6 +80,30 @@ impl Integrator<'_> {
                 w.sink.join(sample, part);
             }
         }
+    }
+}
+
+/// Gives the vertices the points of one of their `count` light samples, after those of the one before.
+pub(super) fn number_light_samples(path: &mut Carried, sorted: &Sorted, number: u32, count: u32) {
+    if count == 1 {
+        return;
+    }
+    let bits = count.trailing_zeros();
+    for i in sorted.all() {
+        let point = SobolPoint::from_parts(path.seed[i], path.shuffled[i]);
+        let point = if number == 0 { point } else { point.trunk(bits) };
+        (path.seed[i], path.shuffled[i]) = point.branch(number, bits).to_parts();
+    }
+}
+
+/// Gives the vertices their own points again, after those of their last light sample.
+pub(super) fn end_light_samples(path: &mut Carried, sorted: &Sorted, count: u32) {
+    if count == 1 {
+        return;
+    }
+    for i in sorted.all() {
+        let point = SobolPoint::from_parts(path.seed[i], path.shuffled[i]).trunk(count.trailing_zeros());
+        (path.seed[i], path.shuffled[i]) = point.to_parts();
     }
 }
 

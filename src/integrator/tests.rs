@@ -2,7 +2,7 @@
 
 use super::closure::{GeneralClass, LambertClass, VertexClass};
 use super::closure_metal_rough::{self, MetalRoughClass, store_material};
-use super::direct::Direct;
+use super::direct::{Counts, Direct};
 use super::lanes::{get, get_rgb, set, set_rgb};
 use super::light_samplers::{EnvironmentSampler, RectangleSampler, VectorSampler};
 use super::light_samples::{SampleLight, SampleRectangles};
@@ -79,8 +79,9 @@ fn assert_close(a: Rgb, b: Rgb, what: &str) {
 fn compare(mut wave: Box<Wave>, class: impl VertexClass + Copy, bsdfs: &[Bsdf]) {
     let mut general_wave = copy(&wave);
     let general = || GeneralClass { bsdfs, first: 0 };
-    dispatch(Direct::<_, true> { wave: &mut wave, class, range: 0..COUNT, branches: 1.0 });
-    Direct::<_, true> { wave: &mut general_wave, class: general(), range: 0..COUNT, branches: 1.0 }.run();
+    let counts = Counts { branches: 1.0, share: 1.0 };
+    dispatch(Direct::<_, true> { wave: &mut wave, class, range: 0..COUNT, counts });
+    Direct::<_, true> { wave: &mut general_wave, class: general(), range: 0..COUNT, counts }.run();
     let mut lit = 0;
     for i in 0..COUNT {
         let of = |w: &Wave| get_rgb(&w.vertices.light.contribution, i);

@@ -166,6 +166,12 @@ impl Lights {
         self.area.len() + self.punctual.len() + usize::from(self.environment.is_some())
     }
 
+    /// Is there nothing but an environment that is no picture, and without portals?
+    pub fn are_an_even_sky(&self) -> bool {
+        let is_even = |e: &EnvironmentLight| e.image_map().is_none() && !e.has_portals();
+        self.len() == 1 && self.environment.as_ref().is_some_and(is_even)
+    }
+
     /// The lights with a surface.
     #[inline(always)]
     pub fn area(&self) -> &[AreaLight] {

@@ -53,6 +53,12 @@ impl SobolPoint {
         SobolPoint { index_rev: (self.index_rev >> branch_bits) | branch.reverse_bits(), ..self }
     }
 
+    /// The point that this one is a branch of.
+    #[inline(always)]
+    pub fn trunk(self, branch_bits: u32) -> SobolPoint {
+        SobolPoint { index_rev: self.index_rev << branch_bits, ..self }
+    }
+
     /// The two numbers that the point is made of, for storage.
     #[inline(always)]
     pub fn to_parts(self) -> (u32, u32) {
@@ -166,6 +172,19 @@ mod tests {
             cells[(u * 16.0) as usize * 16 + (v * 16.0) as usize] += 1;
         }
         assert!(cells.iter().all(|&n| n == 1));
+    }
+
+    #[test]
+    fn branches_are_points_that_follow_each_other() {
+        for (branch_bits, index) in [(0, 5), (1, 0), (2, 77), (4, 4095)] {
+            let trunk = SobolPoint::of_branches(7, index, branch_bits);
+            for branch in 0..1 << branch_bits {
+                let point = trunk.branch(branch, branch_bits);
+                let there = SobolPoint::new(7, (index << branch_bits) + branch);
+                assert_eq!(point.to_parts(), there.to_parts(), "{branch} of {branch_bits} bits");
+                assert_eq!(point.trunk(branch_bits).to_parts(), trunk.to_parts());
+            }
+        }
     }
 
     #[test]

@@ -44,7 +44,7 @@ fn plain(options: RenderOptions) -> RenderOptions {
 #[ignore = "means of many pictures, which take long"]
 fn splitting_changes_no_mean() {
     let scene = yard();
-    for (depth, branches) in [(100, 4), (1, 2), (3, 16)] {
+    for (depth, branches) in [(100, 4), (1, 2), (2, 8), (3, 16)] {
         let options = plain(options(40, 64, depth));
         let what = format!("depth {depth}, {branches} branches");
         assert_same_means(&what, &scene, [&options, &options.splitting(Splitting::Into(branches))], 16);
@@ -77,10 +77,54 @@ fn splitting_lowers_the_noise_of_what_follows() {
     assert!(one > 2.0 * eight, "{one} {eight}");
 }
 
+/// In the penumbra of a small lamp, which scattered paths seldom hit, all noise is that of the light samples: one for four
+/// paths.
+#[test]
+fn many_paths_take_further_light_samples() {
+    let mut scene = Scene::default();
+    let chalk = material(&mut scene, Material::lambert("chalk", [0.8; 3]));
+    quad(&mut scene, [-2.0, 0.0, -2.0], [0.0, 0.0, 4.0], [4.0, 0.0, 0.0], chalk);
+    let board = material(&mut scene, Material::lambert("board", [0.0; 3]));
+    quad(&mut scene, [-3.0, 0.8, -3.0], [3.0, 0.0, 0.0], [0.0, 0.0, 6.0], board);
+    let lamp = material(&mut scene, Material::emitter("lamp", [50.0; 3], false));
+    quad(&mut scene, [-0.2, 2.0, -0.2], [0.4, 0.0, 0.0], [0.0, 0.0, 0.4], lamp);
+    scene.cameras.push(camera(DVec3::new(0.0, 0.6, 0.0), DVec3::ZERO, DVec3::Z, 20.0));
+    let options = plain(options(48, 8, 1));
+    let [four, sixteen] = [4, 16].map(|n| noise(&scene, &options.splitting(Splitting::Into(n))));
+    println!("variance / {:.2}", four / sixteen);
+    assert!(sixteen > 0.0 && four > 2.5 * sixteen, "{four} {sixteen}");
+}
+
+/// Paths find an even sky as well as light samples do, which stay one; a lamp beside it changes that.
+#[test]
+fn an_even_sky_takes_one_light_sample() {
+    let mut scene = Scene { environment: Environment::Constant([0.5; 3]), ..Scene::default() };
+    let chalk = material(&mut scene, Material::lambert("chalk", [0.8; 3]));
+    quad(&mut scene, [-2.0, 0.0, -2.0], [0.0, 0.0, 4.0], [4.0, 0.0, 0.0], chalk);
+    scene.cameras.push(camera(DVec3::new(0.0, 1.0, 0.0), DVec3::ZERO, DVec3::Z, 20.0));
+    // Rays of twelve further paths, over those of two.
+    let further = |scene: &Scene| {
+        let [two, four, sixteen] = [2, 4, 16].map(|branches| {
+            let mut rendering =
+                rendering(scene, &plain(options(32, 8, 1)).splitting(Splitting::Into(branches)));
+            rendering.run();
+            rendering.statistics().rays as f64
+        });
+        (sixteen - four) / (four - two)
+    };
+    let of_sky = further(&scene);
+    let lamp = material(&mut scene, Material::emitter("lamp", [50.0; 3], false));
+    quad(&mut scene, [-0.2, 2.0, -0.2], [0.4, 0.0, 0.0], [0.0, 0.0, 0.4], lamp);
+    let with_lamp = further(&scene);
+    println!("{of_sky:.3} {with_lamp:.3}");
+    assert!((5.8..6.2).contains(&of_sky), "{of_sky}");
+    assert!(with_lamp > 6.4, "{with_lamp}");
+}
+
 #[test]
 fn threads_and_cpu_levels_agree() {
     let scene = yard();
-    for splitting in [Splitting::Auto, Splitting::Into(4)] {
+    for splitting in [Splitting::Auto, Splitting::Into(4), Splitting::Into(16)] {
         let options = options(200, 4, 100).splitting(splitting);
         assert_same_bits(&format!("{splitting:?}"), &scene, &options);
     }
