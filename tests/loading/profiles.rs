@@ -75,7 +75,6 @@ fn damaged_profiles_are_named_with_their_light() {
         (point, &HALF[..HALF.len() - 6], "ends too early"),
         (point, &HALF.replace("1 2 0", "2 2 0"), "type 2"),
         ("point = { position = [0, 4, 0], ies = \"other.ies\" }", HALF, "other.ies: can't be read"),
-        ("point = { position = [0, 4, 0], ies = \"lamp.ies\", radius = 1 }", HALF, "no radius"),
         (
             "point = { position = [0, 4, 0], ies = \"lamp.ies\", strength = 2, power = 1 }",
             HALF,
