@@ -77,7 +77,6 @@ use layers::Layers;
 use light_samplers::has_vector_sampler;
 use reuse::Tiling;
 use samples::Samples;
-use split::{end_light_samples, number_light_samples};
 use wave::PathParts;
 
 /// Options that concern paths.
@@ -348,7 +347,7 @@ impl<'a> Integrator<'a> {
         }
         let count = self.light_samples(bounce);
         for number in 0..count {
-            number_light_samples(&mut w.wave.paths.carried, sorted, number, count);
+            Self::number_light_samples(&mut w.wave.paths.carried, sorted, number, count);
             self.sample_lights(bounce, sorted, w);
             if self.is_spectral() {
                 self.take_lights_apart(sorted, w);
@@ -356,7 +355,7 @@ impl<'a> Integrator<'a> {
             self.leave_light_samples(bounce, sorted, w);
             self.direct_light(bounce, sorted, w);
         }
-        end_light_samples(&mut w.wave.paths.carried, sorted, count);
+        Self::end_light_samples(&mut w.wave.paths.carried, sorted, count);
     }
 
     /// Are there normals that make the remedy necessary, and is it wanted?

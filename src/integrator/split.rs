@@ -81,29 +81,29 @@ impl Integrator<'_> {
             }
         }
     }
-}
 
-/// Gives the vertices the points of one of their `count` light samples, after those of the one before.
-pub(super) fn number_light_samples(path: &mut Carried, sorted: &Sorted, number: u32, count: u32) {
-    if count == 1 {
-        return;
+    /// Gives the vertices the points of one of their `count` light samples, after those of the one before.
+    pub(super) fn number_light_samples(path: &mut Carried, sorted: &Sorted, number: u32, count: u32) {
+        if count == 1 {
+            return;
+        }
+        let bits = count.trailing_zeros();
+        for i in sorted.all() {
+            let point = SobolPoint::from_parts(path.seed[i], path.shuffled[i]);
+            let point = if number == 0 { point } else { point.trunk(bits) };
+            (path.seed[i], path.shuffled[i]) = point.branch(number, bits).to_parts();
+        }
     }
-    let bits = count.trailing_zeros();
-    for i in sorted.all() {
-        let point = SobolPoint::from_parts(path.seed[i], path.shuffled[i]);
-        let point = if number == 0 { point } else { point.trunk(bits) };
-        (path.seed[i], path.shuffled[i]) = point.branch(number, bits).to_parts();
-    }
-}
 
-/// Gives the vertices their own points again, after those of their last light sample.
-pub(super) fn end_light_samples(path: &mut Carried, sorted: &Sorted, count: u32) {
-    if count == 1 {
-        return;
-    }
-    for i in sorted.all() {
-        let point = SobolPoint::from_parts(path.seed[i], path.shuffled[i]).trunk(count.trailing_zeros());
-        (path.seed[i], path.shuffled[i]) = point.to_parts();
+    /// Gives the vertices their own points again, after those of their last light sample.
+    pub(super) fn end_light_samples(path: &mut Carried, sorted: &Sorted, count: u32) {
+        if count == 1 {
+            return;
+        }
+        for i in sorted.all() {
+            let point = SobolPoint::from_parts(path.seed[i], path.shuffled[i]).trunk(count.trailing_zeros());
+            (path.seed[i], path.shuffled[i]) = point.to_parts();
+        }
     }
 }
 

@@ -38,6 +38,12 @@ pub(super) fn check(camera: &Camera, index: usize, findings: &mut Findings) {
     if let Some(aspect) = camera.aspect_ratio {
         findings.require_length(aspect, place, "aspect_ratio", aspect);
     }
+    check_frame(camera, place, findings);
+    check_lens(camera, place, findings);
+}
+
+/// What of the scene the picture shows.
+fn check_frame(camera: &Camera, place: Place, findings: &mut Findings) {
     let pixel = camera.pixel_aspect;
     let is_square = pixel == 1.0 || !matches!(camera.projection, Projection::Panorama(_));
     let is_met = PIXELS.contains(&pixel) && is_square;
@@ -55,28 +61,30 @@ pub(super) fn check(camera: &Camera, index: usize, findings: &mut Findings) {
             "two distances from 0 to 1e18, the second beyond the first",
         );
     }
-    if let Some(lens) = camera.lens {
-        let angle = lens.defocus_angle_rad;
-        let is_met = (0.0..PI).contains(&angle);
-        findings.require(is_met, place, "defocus_angle_rad", angle, "from 0 to below pi");
-        let distance = lens.focus_distance;
-        let is_met = distance > 0.0 && distance <= FARTHEST_FOCUS;
-        findings.require(is_met, place, "focus_distance", distance, "above 0 and at most 1e18");
-        let Aperture { blades, rotation_rad, ratio } = lens.aperture;
-        let is_met = blades == 0 || (3..=MOST_BLADES).contains(&blades);
-        findings.require(is_met, place, "blades", blades, "0, or from 3 to 256");
-        findings.require(rotation_rad.is_finite(), place, "rotation_rad", rotation_rad, "finite");
-        let is_met = (1e-3..=1e3).contains(&ratio);
-        findings.require(is_met, place, "ratio", ratio, "from 0.001 to 1000");
-        if matches!(camera.projection, Projection::Panorama(_)) {
-            findings.require(
-                blades == 0 && ratio == 1.0,
-                place,
-                "aperture",
-                lens.aperture,
-                "round for a panorama",
-            );
-        }
+}
+
+fn check_lens(camera: &Camera, place: Place, findings: &mut Findings) {
+    let Some(lens) = camera.lens else { return };
+    let angle = lens.defocus_angle_rad;
+    let is_met = (0.0..PI).contains(&angle);
+    findings.require(is_met, place, "defocus_angle_rad", angle, "from 0 to below pi");
+    let distance = lens.focus_distance;
+    let is_met = distance > 0.0 && distance <= FARTHEST_FOCUS;
+    findings.require(is_met, place, "focus_distance", distance, "above 0 and at most 1e18");
+    let Aperture { blades, rotation_rad, ratio } = lens.aperture;
+    let is_met = blades == 0 || (3..=MOST_BLADES).contains(&blades);
+    findings.require(is_met, place, "blades", blades, "0, or from 3 to 256");
+    findings.require(rotation_rad.is_finite(), place, "rotation_rad", rotation_rad, "finite");
+    let is_met = (1e-3..=1e3).contains(&ratio);
+    findings.require(is_met, place, "ratio", ratio, "from 0.001 to 1000");
+    if matches!(camera.projection, Projection::Panorama(_)) {
+        findings.require(
+            blades == 0 && ratio == 1.0,
+            place,
+            "aperture",
+            lens.aperture,
+            "round for a panorama",
+        );
     }
 }
 
