@@ -89,5 +89,7 @@ pub fn assert_same_means(what: &str, scene: &Scene, ways: [&RenderOptions; 2], s
     // Student's t with 15 degrees of freedom has a deviation of 1.07; there are some hundred values.
     assert!(rms < 1.4, "{what}: z rms {rms}");
     assert!(worst < 5.5, "{what}: worst z {worst}");
-    assert!(mean.abs() < 4.5 * error && error < 1e-3, "{what}: {mean} +- {error}");
+    // Ways that find the same paths differ by the rounding of single precision alone, which is no noise.
+    let rounded = error.max(1e-8);
+    assert!(mean.abs() < 4.5 * rounded && error < 1e-3, "{what}: {mean} +- {error}");
 }
