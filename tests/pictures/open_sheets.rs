@@ -148,18 +148,16 @@ fn room(front: f64) -> Scene {
 #[test]
 #[ignore = "means of many pictures, which take long"]
 fn all_ways_to_find_light_behind_a_sheet_agree() {
-    for front in [1.0, -1.0] {
-        let scene = room(front);
-        let plain = options(32, 64, 12).path_reuse(PathReuse::Off).splitting(Splitting::OFF);
-        let off = plain.caustics(Caustics::Off).guiding(Guiding::Off);
-        for (what, other) in [
-            ("caustics", off.caustics(Caustics::On)),
-            ("guiding", off.guiding(Guiding::On)),
-            ("sharing", off.path_reuse(PathReuse::Groups("2x2".parse().expect("a shape")))),
-            ("splitting", off.splitting(Splitting::Into(4))),
-        ] {
-            assert_same_means(&format!("{what}, {front}"), &scene, [&off, &other], 48);
-        }
+    let scene = room(1.0);
+    let plain = options(32, 64, 12).path_reuse(PathReuse::Off).splitting(Splitting::OFF);
+    let off = plain.caustics(Caustics::Off).guiding(Guiding::Off);
+    for (what, other) in [
+        ("caustics", off.caustics(Caustics::On)),
+        ("guiding", off.guiding(Guiding::On)),
+        ("sharing", off.path_reuse(PathReuse::Groups("2x2".parse().expect("a shape")))),
+        ("splitting", off.splitting(Splitting::Into(4))),
+    ] {
+        assert_same_means(what, &scene, [&off, &other], 48);
     }
 }
 
