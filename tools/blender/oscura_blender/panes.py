@@ -3,7 +3,7 @@ water) is a sheet that bends light by the sides of its normals, with nothing beh
 
 import numpy as np
 
-from . import shaders, trees
+from . import shaders, skins, trees
 
 # How much of a normal may point up or down in a pane that stands, and how far normals may differ.
 UPRIGHT, STRAIGHT = 0.5, 1e-3
@@ -48,10 +48,7 @@ def _has_volume(material):
 
 def _is_open(mesh):
     """Are there edges with a face on one side only?"""
-    edges = np.empty(len(mesh.loops), np.int32)
-    mesh.loops.foreach_get("edge_index", edges)
-    sides = np.bincount(edges)
-    return bool((sides == 1).any())
+    return bool((skins.sides_of_edges(mesh) == 1).any())
 
 
 def _stands(holder, slot, found):

@@ -61,13 +61,19 @@ def _close(holder, report):
 
 def _is_closed(mesh, slot):
     """Has each edge of the faces of a slot two of them?"""
-    slots, counts = np.empty(len(mesh.polygons), np.int32), np.empty(len(mesh.polygons), np.int32)
-    mesh.polygons.foreach_get("material_index", slots)
-    mesh.polygons.foreach_get("loop_total", counts)
+    return bool(np.isin(sides_of_edges(mesh, slot), (0, 2)).all())
+
+
+def sides_of_edges(mesh, slot=None):
+    """How many faces each edge has, all or those of a slot."""
     edges = np.empty(len(mesh.loops), np.int32)
     mesh.loops.foreach_get("edge_index", edges)
-    used = np.bincount(edges[np.repeat(slots == slot, counts)], minlength=1)
-    return bool(np.isin(used, (0, 2)).all())
+    if slot is not None:
+        slots, counts = np.empty(len(mesh.polygons), np.int32), np.empty(len(mesh.polygons), np.int32)
+        mesh.polygons.foreach_get("material_index", slots)
+        mesh.polygons.foreach_get("loop_total", counts)
+        edges = edges[np.repeat(slots == slot, counts)]
+    return np.bincount(edges, minlength=1)
 
 
 def is_wanted(material, name):
