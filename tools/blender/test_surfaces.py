@@ -10,17 +10,33 @@ from testing import SceneTest, main, shader_tree
 import bmesh  # isort: skip (bpy puts it on the path)
 
 
+def _points_of(radius, material):
+    """Nodes that make points of vertices, of radii by an attribute."""
+    group = bpy.data.node_groups.new("Points", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        group.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    kinds = ("NodeGroupInput", "NodeGroupOutput", "GeometryNodeMeshToPoints", "GeometryNodeInputNamedAttribute", "GeometryNodeSetMaterial")
+    begin, end, points, width, paint = map(group.nodes.new, kinds)
+    width.data_type, width.inputs["Name"].default_value = "FLOAT", radius
+    paint.inputs["Material"].default_value = material
+    group.links.new(begin.outputs[0], points.inputs["Mesh"])
+    group.links.new(width.outputs["Attribute"], points.inputs["Radius"])
+    group.links.new(points.outputs[0], paint.inputs["Geometry"])
+    group.links.new(paint.outputs[0], end.inputs[0])
+    return group
+
+
 class SurfacesTest(SceneTest):
     """What meshes and materials become where glTF has something else."""
 
     def values(self, model, number):
-        """The rows of an accessor of floats."""
+        """The rows of an accessor of floats, or of whole numbers up to 1."""
         accessor = model.json["accessors"][number]
         view = model.json["bufferViews"][accessor["bufferView"]]
-        width = {"VEC3": 3, "VEC4": 4}[accessor["type"]]
+        width, (kind, one) = {"VEC3": 3, "VEC4": 4}[accessor["type"]], {5126: ("<f4", 1), 5123: ("<u2", 65535), 5121: ("<u1", 255)}[accessor["componentType"]]
         start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
-        data = bytes(model.binary[start : start + 4 * width * accessor["count"]])
-        return np.frombuffer(data, "<f4").reshape(-1, width)
+        rows = np.frombuffer(bytes(model.binary[start:]), kind, width * accessor["count"])
+        return rows.reshape(-1, width) / one
 
     def add(self, kind, material, **settings):
         getattr(bpy.ops.mesh, f"primitive_{kind}_add")(**settings)
@@ -42,6 +58,78 @@ class SurfacesTest(SceneTest):
             self.scene.collection.objects.link(bpy.data.objects.new(name, data))
         model, _, _ = self.export()
         self.assertEqual(sorted(node["name"] for node in model["nodes"] if "mesh" in node), ["Balls", "Ring", "Text"])
+
+    def test_points_become_small_spheres_with_their_attributes(self):
+        """A cloud by nodes: 30 corners of a grid, of two radii and with a colour of their own."""
+        paint, tree, shader, attribute = shader_tree("paint", "Attribute")
+        attribute.attribute_name = "shade"
+        tree.links.new(attribute.outputs["Color"], shader.inputs["Base Color"])
+        bpy.ops.mesh.primitive_grid_add(x_subdivisions=5, y_subdivisions=4)
+        cloud = bpy.context.object
+        cloud.name, cloud.location = "Cloud", (0, 0, 2)
+        shades = cloud.data.attributes.new("shade", "FLOAT_COLOR", "POINT")
+        given = np.random.default_rng(1).uniform(size=(30, 4)).astype(np.float32)
+        shades.data.foreach_set("color", given.ravel())
+        radii = cloud.data.attributes.new("width", "FLOAT", "POINT")
+        radii.data.foreach_set("value", np.tile(np.array([0.1, 0.05], np.float32), 15))
+        cloud.modifiers.new("Points", "NODES").node_group = _points_of("width", paint)
+        glb, _, answer = self.export_glb()
+        self.assertEqual(answer["warnings"], [])
+        (node,) = (node for node in glb.json["nodes"] if node["name"] == "Cloud")
+        (primitive,) = glb.json["meshes"][node["mesh"]]["primitives"]
+        places, shown = (self.values(glb, primitive["attributes"][name]) for name in ("POSITION", "COLOR_0"))
+        grid = np.array([vertex.co for vertex in cloud.data.vertices])[:, [0, 2, 1]] * (1, 1, -1)
+        away = np.linalg.norm(places[:, None] - grid, axis=2)
+        nearest = away.argmin(1)
+        self.assertEqual(set(nearest), set(range(30)))
+        # As large as spheres when seen: corners lie a little outside.
+        ratio = away.min(1) / np.tile([0.1, 0.05], 15)[nearest]
+        self.assertTrue(((ratio > 1.0) & (ratio < 1.01)).all(), (ratio.min(), ratio.max()))
+        np.testing.assert_allclose(shown[:, :3], given[nearest, :3], atol=2e-5)
+
+    def test_colors_of_vertices_need_no_picture(self):
+        """Alone on a mesh, or with others of the same attribute; not beside a material without, there or elsewhere."""
+        def painted(name, kind, attribute):
+            material, tree, shader, node = shader_tree(name, kind)
+            setattr(node, attribute, "paint")
+            tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
+            return material
+
+        first, second, third = (
+            painted("first", "VertexColor", "layer_name"),
+            painted("second", "Attribute", "attribute_name"),
+            painted("third", "VertexColor", "layer_name"),
+        )
+        leaf, tree, shader, node, let_through, mix = shader_tree("leaf", "VertexColor", "BsdfTranslucent", "MixShader")
+        node.layer_name = "paint"
+        tree.links.new(node.outputs[0], shader.inputs["Base Color"])
+        for k, source in enumerate((shader, let_through), 1):
+            tree.links.new(source.outputs[0], mix.inputs[k])
+        tree.links.new(mix.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+        plain, _, _ = shader_tree("plain")
+        given = np.random.default_rng(2).uniform(size=(4, 4)).astype(np.float32)
+        for k, materials in enumerate(((first,), (first, second), (third,), (third, plain), (leaf,))):
+            bpy.ops.mesh.primitive_grid_add(x_subdivisions=len(materials), y_subdivisions=1, location=(3 * k, 0, 0))
+            grid = bpy.context.object
+            grid.name = f"Grid{k}"
+            colors = grid.data.color_attributes.new("paint", "FLOAT_COLOR", "POINT")
+            colors.data.foreach_set("color", np.resize(given, (len(colors.data), 4)).ravel())
+            for i, material in enumerate(materials):
+                grid.data.materials.append(material)
+                grid.data.polygons[i].material_index = i
+        glb, _, answer = self.export_glb()
+        self.assertEqual(answer["warnings"], [])
+        textured = {m["name"].split(".")[0] for m in glb.json["materials"] if "baseColorTexture" in m["pbrMetallicRoughness"]}
+        self.assertEqual(textured, {"third", "leaf"})
+        for node in (node for node in glb.json["nodes"] if node["name"].startswith("Grid")):
+            for primitive in glb.json["meshes"][node["mesh"]]["primitives"]:
+                number = primitive["attributes"].get("COLOR_0")
+                colors = np.ones((1, 3)) if number is None else self.values(glb, number)[:, :3]
+                if node["name"] in ("Grid0", "Grid1"):
+                    away = abs(colors[:, None] - given[:, :3]).max(2).min(1)
+                    self.assertTrue(len(colors) == 4 and (away < 2e-5).all(), (node["name"], away))
+                else:
+                    self.assertTrue((colors == 1).all(), (node["name"], colors))
 
     def test_glass_without_an_inside_is_a_sheet(self):
         glass, _, shader = shader_tree("glass")

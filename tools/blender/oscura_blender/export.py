@@ -237,6 +237,7 @@ def _write_model(path):
         export_materials="EXPORT",
         export_image_format="AUTO",
         export_vertex_color="MATERIAL",
+        export_all_vertex_colors=False,
         export_attributes=False,
         export_cameras=False,
         export_lights=False,

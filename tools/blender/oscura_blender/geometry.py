@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from . import hair, objectwise, volumes
+from . import hair, objectwise, points, volumes
 from .links import Links
 from .report import listed
 
@@ -20,9 +20,11 @@ VISIBILITY = {
     "visible_volume_scatter": "volume",
     "visible_shadow": "shadow",
 }
+# What has faces, or gets some.
+MESHES = ("MESH", "POINTCLOUD")
+
 # What is seen in Blender and has no counterpart here.
 LOST = {
-    "POINTCLOUD": "point clouds",
     "GPENCIL": "Grease Pencil",
     "GREASEPENCIL": "Grease Pencil",
 }
@@ -54,7 +56,7 @@ class Collected:
 
     def is_crowded(self, obj, report):
         """Would one more copy of an object's mesh be too much?"""
-        count = len(obj.data.polygons)
+        count = len(obj.data.polygons) if obj.type == "MESH" else points.count_of_faces(obj.data)
         if self.faces + count > MOST_FACES:
             report.warn(obj.original.name, "has too many copies: some get materials that are meant for others")
             return True
@@ -132,7 +134,7 @@ def collect(scene, layer, graph, store, report):
             _add_volume(found, obj, instance, store, report)
         elif obj.type in LOST:
             lost.setdefault(LOST[obj.type], []).append(original.name)
-        elif obj.type == "MESH":
+        elif obj.type in MESHES:
             # Curves, texts and metaballs come once more, with their faces, as instances of themselves.
             _add_mesh(found, obj, instance, report)
         if not instance.is_instance:
@@ -243,7 +245,7 @@ def _own_materials(obj):
 def _holder(found, obj):
     """A new object with the evaluated mesh; None where that has no faces."""
     # The data of instances made by nodes is that of no object: only a copy has it.
-    mesh = obj.data.copy()
+    mesh = points.as_mesh(obj.data) if obj.type == "POINTCLOUD" else obj.data.copy()
     mesh.name = obj.original.data.name if obj.original.data else obj.original.name
     if not mesh.polygons:
         return None

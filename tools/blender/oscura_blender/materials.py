@@ -5,7 +5,7 @@ import math
 
 import bpy
 
-from . import bake, brushed, closures, facing, means, media, mixes, panes, pictures, relief, shaders, skins, trees, uniform, variants, views
+from . import bake, brushed, closures, facing, means, media, mixes, panes, pictures, relief, shaders, skins, trees, uniform, variants, vertex_colors, views
 
 WHITE = closures.WHITE
 
@@ -34,6 +34,7 @@ def prepare(found, store, report):
             views.take_means(material, shaders.principled(material), report, mixed)
         _expose(material, found.exposure)
     uniform.fold(materials)
+    vertex_colors.settle(holders)
     means.take(holders, report)
     panes.settle(holders, found, report)
     skins.settle(holders, report)

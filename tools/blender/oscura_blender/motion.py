@@ -106,7 +106,7 @@ def _look(scene, graph, first, moves):
     for instance in graph.object_instances:
         obj = instance.object
         mark = geometry.mark(instance)
-        if obj.type == "LIGHT" or obj.type == "MESH" and _is_blurred(obj.original):
+        if obj.type == "LIGHT" or obj.type in geometry.MESHES and _is_blurred(obj.original):
             moves.matrices.setdefault(mark, []).append(instance.matrix_world.copy())
         if mark in first and obj.type == "MESH" and _may_deform(obj.original):
             moves.shapes.setdefault(first[mark], []).append(positions(obj.data))

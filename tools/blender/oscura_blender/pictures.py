@@ -3,7 +3,7 @@
 import bpy
 import numpy as np
 
-from . import shaders
+from . import shaders, vertex_colors
 
 # Inputs that may be pictures in glTF, with what their values are.
 COLOR, DATA, NORMAL = "color", "data", "normal"
@@ -29,6 +29,8 @@ def is_carried(name, socket):
     kind = INPUTS.get(name)
     if kind == NORMAL:
         return _is_normal_map(source)
+    if name == "Base Color" and vertex_colors.is_carried(source):
+        return True
     if kind == COLOR:
         return source.name == "Color" and _is_plain(source.node, is_data=False)
     if name == "Alpha":

@@ -1,0 +1,87 @@
+"""Point clouds: meshes of small spheres, which have the attributes of their points."""
+
+import bmesh
+import bpy
+import numpy as np
+
+# Of all spheres of a cloud together: the more there are the fewer each has.
+MOST_FACES = 1_000_000
+
+# Subdivisions of an icosahedron, from the finest; each takes a quarter of the faces of the one before.
+LEVELS = (4, 3, 2, 1)
+FACES = (1280, 320, 80, 20)
+
+# What an attribute of a kind is called in its values, its numbers, and of what type they are.
+KINDS = {
+    "FLOAT": ("value", 1, np.float32),
+    "INT": ("value", 1, np.int32),
+    "INT8": ("value", 1, np.int8),
+    "BOOLEAN": ("value", 1, bool),
+    "FLOAT2": ("vector", 2, np.float32),
+    "FLOAT_VECTOR": ("vector", 3, np.float32),
+    "FLOAT_COLOR": ("color", 4, np.float32),
+    "BYTE_COLOR": ("color", 4, np.float32),
+    "QUATERNION": ("value", 4, np.float32),
+}
+
+# What is in the shape already.
+SHAPE = ("position", "radius")
+
+
+def count_of_faces(cloud):
+    """How many faces the mesh of a point cloud has."""
+    return len(cloud.points) * FACES[_fineness(cloud)]
+
+
+def _fineness(cloud):
+    """Which of the spheres a cloud has."""
+    fitting = (k for k, faces in enumerate(FACES) if len(cloud.points) * faces <= MOST_FACES)
+    return next(fitting, len(FACES) - 1)
+
+
+def as_mesh(cloud):
+    """A mesh of an evaluated point cloud."""
+    count = len(cloud.points)
+    corners, faces = _sphere(LEVELS[_fineness(cloud)])
+    centers, radii = np.empty(3 * count, np.float32), np.empty(count, np.float32)
+    cloud.points.foreach_get("co", centers)
+    cloud.points.foreach_get("radius", radii)
+    places = centers.reshape(-1, 1, 3) + radii[:, None, None] * corners
+    numbers = faces + len(corners) * np.arange(count)[:, None, None]
+    mesh = bpy.data.meshes.new(cloud.name)
+    mesh.vertices.add(count * len(corners))
+    mesh.vertices.foreach_set("co", places.ravel())
+    mesh.loops.add(numbers.size)
+    mesh.loops.foreach_set("vertex_index", numbers.ravel().astype(np.int32))
+    mesh.polygons.add(count * len(faces))
+    mesh.polygons.foreach_set("loop_start", 3 * np.arange(count * len(faces), dtype=np.int32))
+    for attribute in cloud.attributes:
+        _repeat(attribute, mesh, len(corners))
+    for material in cloud.materials:
+        mesh.materials.append(material and material.original)
+    mesh.update(calc_edges=True)
+    return mesh
+
+
+def _sphere(level):
+    """The corners and triangles of a sphere that covers as much of a picture as one of radius 1 does, on average over all views."""
+    made = bmesh.new()
+    bmesh.ops.create_icosphere(made, subdivisions=level, radius=1.0)
+    # What a convex body covers is a quarter of its surface, on average (Cauchy).
+    area = sum(face.calc_area() for face in made.faces)
+    scale = np.sqrt(4 * np.pi / area)
+    corners = np.array([scale * np.array(vertex.co) for vertex in made.verts], np.float32)
+    faces = np.array([[vertex.index for vertex in face.verts] for face in made.faces], np.int64)
+    made.free()
+    return corners, faces
+
+
+def _repeat(attribute, mesh, corners):
+    """Gives all corners of a point's sphere what the point has."""
+    if attribute.name in SHAPE or attribute.name.startswith(".") or attribute.data_type not in KINDS:
+        return
+    key, size, kind = KINDS[attribute.data_type]
+    values = np.empty(size * len(attribute.data), kind)
+    attribute.data.foreach_get(key, values)
+    own = mesh.attributes.new(attribute.name, attribute.data_type, "POINT")
+    own.data.foreach_set(key, np.repeat(values.reshape(-1, size), corners, axis=0).ravel())
