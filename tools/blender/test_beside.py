@@ -63,6 +63,45 @@ class BesideTest(SceneTest):
         self.assertAlmostEqual(times["max"][0] - answer["moment"], 0.125 / answer["fps"], places=6)
         self.assertNotIn("animations", self.export("--shutter", "0")[0])
 
+    def test_node_trees_have_the_values_of_the_moment(self):
+        """Colours by keys and by drivers, as they are and baked, and the world's, which is rendered."""
+        def fade(socket):
+            for frame, color in ((1, (1, 0, 0, 1)), (11, (0, 1, 0, 1))):
+                socket.default_value = color
+                socket.keyframe_insert("default_value", frame=frame)
+
+        plain, _, shader = shader_tree("plain")
+        fade(shader.inputs["Base Color"])
+        driven, _, shader = shader_tree("driven")
+        driver = shader.inputs["Roughness"].driver_add("default_value").driver
+        driver.expression = "frame / 20"
+        baked, tree, shader, checker = shader_tree("baked", "TexChecker")
+        fade(checker.inputs["Color1"])
+        checker.inputs["Color2"].default_value = (0, 0, 1, 1)
+        tree.links.new(checker.outputs[0], shader.inputs["Base Color"])
+        for k, material in enumerate((plain, driven, baked)):
+            self.add_plane(material, material.name, (3 * k, 0, 0))
+        sky = bpy.data.worlds.new("Sky")
+        sky.use_nodes = True
+        background, checker = sky.node_tree.nodes["Background"], sky.node_tree.nodes.new("ShaderNodeTexChecker")
+        fade(checker.inputs["Color1"])
+        checker.inputs["Color2"].default_value = (0, 0, 1, 1)
+        sky.node_tree.links.new(checker.outputs[0], background.inputs["Color"])
+        self.scene.world = sky
+        self.scene.frame_set(1)
+        for options, expected in (((), 0.0), (("--frame", "11"), 1.0), (("--time", "0.25"), 0.5)):
+            model, settings, answer = self.export(*options)
+            self.assertEqual(answer["warnings"], [])
+            found = {material["name"]: material for material in model["materials"]}
+            red = np.array([1 - expected, expected, 0])
+            np.testing.assert_allclose(found["plain"]["pbrMetallicRoughness"]["baseColorFactor"][:3], red, atol=1e-6)
+            self.assertAlmostEqual(found["driven"]["pbrMetallicRoughness"]["roughnessFactor"], (1 + 10 * expected) / 20, places=6)
+            stored = np.where(red > 0.0031308, 1.055 * np.maximum(red, 1e-9) ** (1 / 2.4) - 0.055, 12.92 * red)
+            around = str(self.folder / settings["environment"]["image"])
+            for path, seen in ((self.picture(model, found["baked"]), stored), (around, red)):
+                away = abs(self.pixels(path)[..., :3] - seen).max(-1)
+                self.assertGreater((away < 0.01).mean(), 0.3, path)
+
     def test_settings_of_the_scene(self):
         view, render, cycles = self.scene.view_settings, self.scene.render, self.scene.cycles
         view.view_transform, view.exposure = "AgX", 1.5

@@ -1,8 +1,27 @@
-"""Which scene is open: operators look at it."""
+"""Which scene is open, and at which moment: operators look at it."""
 
 from contextlib import contextmanager
 
 import bpy
+
+
+# The frame of the moment that scenes are at, and its fraction.
+_moment = (1, 0.0)
+
+
+def go(scene, frame):
+    """Goes to a moment, in frames."""
+    global _moment
+    whole = int(frame // 1)
+    _moment = (whole, frame - whole)
+    scene.frame_set(whole, subframe=frame - whole)
+
+
+def new_scene(name):
+    """An empty scene at the same moment: what is animated, node trees as well, has the values of the scene that is evaluated."""
+    made = bpy.data.scenes.new(name)
+    made.frame_set(_moment[0], subframe=_moment[1])
+    return made
 
 
 @contextmanager

@@ -9,7 +9,7 @@ import bpy
 
 import addon_utils  # isort: skip (bpy puts it on the path)
 
-from . import cache, camera, geometry, glb, hair, kept_meshes, lights, materials, mixes, motion, originals, settings, sidecar, sizes, trees, volumes, world
+from . import cache, camera, context, geometry, glb, hair, kept_meshes, lights, materials, mixes, motion, originals, settings, sidecar, sizes, trees, volumes, world
 from .report import Report, Stop
 
 OLDEST = (4, 2, 0)
@@ -177,8 +177,8 @@ def _go_to_moment(scene, options):
         frame = options.time * scene.render.fps / scene.render.fps_base
     if any(volume.is_sequence for volume in bpy.data.volumes):
         # Blender 4.2 has looked for another file while it opened the scene, and takes it for missing until the frame changes.
-        motion.go(scene, frame + 1)
-    motion.go(scene, frame)
+        context.go(scene, frame + 1)
+    context.go(scene, frame)
 
 
 def _settings(scene, found, options, report):
@@ -215,7 +215,7 @@ def _settings(scene, found, options, report):
 
 def _open_alone(holders):
     """Opens a scene of these objects: Blender's exporter looks at what is open."""
-    model = bpy.data.scenes.new("oscura")
+    model = context.new_scene("oscura")
     for holder in holders:
         model.collection.objects.link(holder)
     for other in list(bpy.data.scenes):
@@ -243,6 +243,7 @@ def _write_model(path):
         export_lights=False,
         export_extras=True,
         export_animations=False,
+        export_current_frame=True,
         export_skins=False,
         export_morph=True,
         export_morph_normal=True,

@@ -5,12 +5,12 @@ from contextlib import contextmanager
 import bpy
 import numpy as np
 
-from .context import opened
+from . import context
 
 
 def new_scene():
     """A scene to bake in."""
-    kitchen = bpy.data.scenes.new("oscura bake")
+    kitchen = context.new_scene("oscura bake")
     kitchen.render.engine = "CYCLES"
     kitchen.cycles.device = "CPU"
     kitchen.cycles.samples = 1
@@ -24,7 +24,7 @@ def board(materials):
     scene, columns = new_scene(), int(np.ceil(len(materials) ** 0.5))
     mesh = _squares(materials, columns)
     try:
-        with opened(scene):
+        with context.opened(scene):
             plate = bpy.data.objects.new("oscura board", mesh)
             scene.collection.objects.link(plate)
             layer = scene.view_layers[0]

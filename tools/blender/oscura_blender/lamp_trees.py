@@ -10,7 +10,7 @@ import bmesh
 import bpy
 import numpy as np
 
-from . import glow, shaders, stills
+from . import context, glow, shaders, stills
 
 # Pixels along the longer side of an area light; steps around the axis of another lamp, and along it.
 EDGE, AROUND, ALONG = 256, 512, 256
@@ -77,7 +77,7 @@ def _alone(light):
     for key, value in (("exposure", 0.0), ("use_temperature", False), ("normalize", True), ("use_shadow", True)):
         if hasattr(own, key):
             setattr(own, key, value)
-    scene = bpy.data.scenes.new("oscura lamp")
+    scene = context.new_scene("oscura lamp")
     try:
         stills.place(scene, own, visible_camera=light.type == "AREA")
         screen = _stage(scene, own)

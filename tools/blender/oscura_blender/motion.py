@@ -4,7 +4,7 @@ another shape becomes an animation of the model, in which the picture has its mo
 import bpy
 import numpy as np
 
-from . import geometry
+from . import context, geometry
 
 POSITIONS = {"START": "start", "CENTER": "centre", "END": "end"}
 
@@ -78,19 +78,13 @@ def record(scene, layer, found, shutter):
     moves = Moves(offsets, scene.render.fps / scene.render.fps_base)
     first = {marks[0]: name for name, marks in found.marks.items() if marks}
     for offset in offsets:
-        go(scene, now + offset)
+        context.go(scene, now + offset)
         layer.update()
         _look(scene, bpy.context.evaluated_depsgraph_get(), first, moves)
-    go(scene, now)
+    context.go(scene, now)
     layer.update()
     moves.drop_the_still()
     return moves
-
-
-def go(scene, frame):
-    """Goes to a moment, in frames."""
-    whole = int(frame // 1)
-    scene.frame_set(whole, subframe=frame - whole)
 
 
 def _keys(found):

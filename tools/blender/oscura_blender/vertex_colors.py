@@ -55,4 +55,4 @@ def _layer(mesh, material):
     colors = mesh.color_attributes
     if name == "" and colors.render_color_index >= 0:
         name = colors[colors.render_color_index].name
-    return name if name in colors else None
+    return name if name and name in colors else None

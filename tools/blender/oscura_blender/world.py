@@ -6,7 +6,7 @@ import shutil
 
 import bpy
 
-from . import geometry, media, shaders, stills, trees
+from . import context, geometry, media, shaders, stills, trees
 from .settings import film_exposure
 
 # Colour spaces whose values are light as oscura has it.
@@ -146,7 +146,7 @@ def _rendered(world, folder, name, report):
     sizes = [n.image.size[0] for n in world.node_tree.nodes if n.bl_idname == "ShaderNodeTexEnvironment" and n.image]
     has_sun = any(n.bl_idname == "ShaderNodeTexSky" for n in world.node_tree.nodes)
     width = min(max([WIDTH, *sizes]), WIDEST)
-    scene = bpy.data.scenes.new("oscura world")
+    scene = context.new_scene("oscura world")
     try:
         world.cycles_visibility.camera = True
         scene.world = world
