@@ -54,6 +54,7 @@ const PACKAGE: &[(&str, &str)] = &[
     ("skins.py", include_str!("../../../tools/blender/oscura_blender/skins.py")),
     ("stills.py", include_str!("../../../tools/blender/oscura_blender/stills.py")),
     ("trees.py", include_str!("../../../tools/blender/oscura_blender/trees.py")),
+    ("undeformed.py", include_str!("../../../tools/blender/oscura_blender/undeformed.py")),
     ("uniform.py", include_str!("../../../tools/blender/oscura_blender/uniform.py")),
     ("variants.py", include_str!("../../../tools/blender/oscura_blender/variants.py")),
     ("vertex_colors.py", include_str!("../../../tools/blender/oscura_blender/vertex_colors.py")),

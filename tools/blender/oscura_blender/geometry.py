@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from . import hair, objectwise, points, volumes
+from . import hair, objectwise, points, undeformed, volumes
 from .links import Links
 from .report import listed
 
@@ -49,6 +49,7 @@ class Collected:
         self.exposure = 1.0  # the film's factor on all light
         self.hair = []  # of strands: name, strands, matrix, material, entries for rays and pictures
         self.strands = {}  # of particles, by object and system
+        self.generated = {}  # texture coordinates of vertices by the name of the object
         self.brushed = {}  # by the name of the mesh object: see there
         self.links = None  # what lights are linked to
         self.questions = None  # that materials ask about objects
@@ -72,7 +73,8 @@ def prepare(scene, layer):
     if render.use_simplify:
         render.simplify_subdivision = render.simplify_subdivision_render
         render.simplify_child_particles = render.simplify_child_particles_render
-    for obj in scene.objects:
+    # Also those that only instances of their collections show.
+    for obj in bpy.data.objects:
         for modifier in obj.modifiers:
             modifier.show_viewport = modifier.show_render
             if hasattr(modifier, "render_levels") and hasattr(modifier, "levels"):
@@ -115,6 +117,7 @@ def _show_what_is_rendered(scene, layer):
 def collect(scene, layer, graph, store, report):
     """Collects everything; grids of volumes go to their store."""
     found = Collected()
+    found.generated = undeformed.evaluate(bpy.data.objects)
     found.questions = objectwise.Questions(layer)
     found.links = Links(bpy.data.objects)
     lost = {}
@@ -256,9 +259,12 @@ def _holder(found, obj):
         mesh.materials.clear()
         mesh.materials.append(found.questions.layer.material_override)
         mesh.polygons.foreach_set("material_index", [0] * len(mesh.polygons))
+    undeformed.settle(mesh, found.generated.get(obj.original.name))
     _leave_out_unused(mesh)
     _round_beside_flat(mesh)
     holder = bpy.data.objects.new(f"oscura {len(found.objects)}", mesh)
+    # The mesh has its shape. Keys would give it another once more, or none where modifiers have made other vertices.
+    holder.shape_key_clear()
     found.placements[holder.name], found.marks[holder.name] = [], []
     return holder
 

@@ -5,7 +5,7 @@ import math
 
 import bpy
 
-from . import bake, brushed, closures, facing, means, media, mixes, panes, pictures, relief, shaders, skins, trees, uniform, variants, vertex_colors, views
+from . import bake, brushed, closures, facing, means, media, mixes, panes, pictures, relief, shaders, skins, trees, undeformed, uniform, variants, vertex_colors, views
 
 WHITE = closures.WHITE
 
@@ -19,6 +19,7 @@ def prepare(found, store, report):
     _fill_empty_slots(holders)
     for material in trees.of_materials(holders):
         material.use_backface_culling = False
+    undeformed.use(holders, [holder for holder in holders if relief.is_displaced(holder)])
     relief.displace(holders, found, report)
     variants.split(holders, report)
     materials = trees.of_materials(holders)

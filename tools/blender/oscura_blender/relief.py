@@ -35,7 +35,7 @@ def bumps(material, shader, report):
 
 def displace(holders, found, report):
     """Moves the vertices of all meshes with materials that displace them."""
-    wanted = [holder for holder in holders if any(_displaces(m) for m in holder.data.materials)]
+    wanted = [holder for holder in holders if is_displaced(holder)]
     if not wanted:
         return
     kitchen = glow.new_scene()
@@ -45,6 +45,11 @@ def displace(holders, found, report):
                 _displace(holder, found.placements[holder.name][0][1], kitchen, report)
     finally:
         bpy.data.scenes.remove(kitchen)
+
+
+def is_displaced(holder):
+    """Has it a material that moves its vertices?"""
+    return any(_displaces(material) for material in holder.data.materials)
 
 
 def _node(material):
