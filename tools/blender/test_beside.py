@@ -155,60 +155,6 @@ class BesideTest(SceneTest):
         self.assertEqual(self.export()[1]["render"]["view"], "srgb")
 
 
-    def strands(self, entry):
-        """Points of a file of strands, how many each has, and their radii."""
-        data = (self.folder / entry["file"]).read_bytes()
-        count, points, arrays = np.frombuffer(data, "<u4", 3, 4)
-        self.assertEqual((data[:4], arrays), (b"HAIR", 7))
-        counts = np.frombuffer(data, "<u2", count, 128) + 1
-        start = 128 + 2 * count
-        placed = np.frombuffer(data, "<f4", 3 * points, start).reshape(-1, 3)
-        radii = np.frombuffer(data, "<f4", points, start + 12 * points) / 2
-        self.assertEqual((counts.sum(), len(data)), (points, start + 16 * points))
-        return placed, counts, radii
-
-    def test_hair_becomes_strands(self):
-        made = bpy.data.hair_curves.new("Curves")
-        made.add_curves([3, 2])
-        points = [(0, 0, 0), (0, 0, 1), (0, 1, 1), (1, 0, 0), (1, 0, 2)]
-        made.position_data.foreach_set("vector", np.array(points, np.float32).ravel())
-        (made.attributes.get("radius") or made.attributes.new("radius", "FLOAT", "POINT")).data.foreach_set("value", [0.5, 0.25, 0, 1, 2])
-        fibre, _, node, *_ = shader_tree("fibre", "BsdfHairPrincipled")
-        node = fibre.node_tree.nodes["Principled Hair BSDF"]
-        fibre.node_tree.links.new(node.outputs[0], fibre.node_tree.nodes["Material Output"].inputs["Surface"])
-        node.parametrization = "MELANIN"
-        node.inputs["Melanin"].default_value = 0.25
-        made.materials.append(fibre)
-        placed = bpy.data.objects.new("Reed", made)
-        placed.location, placed.scale = (10, 0, 0), (2, 2, 2)
-        placed.visible_shadow = False
-        self.scene.collection.objects.link(placed)
-        bpy.ops.mesh.primitive_uv_sphere_add(radius=1)
-        body = bpy.context.object
-        body.data.materials.append(bpy.data.materials.new("skin"))
-        body.data.materials.append(fibre)
-        system = body.modifiers.new("Fur", "PARTICLE_SYSTEM").particle_system
-        system.settings.type, system.settings.count, system.settings.hair_length = "HAIR", 20, 0.5
-        system.settings.render_step, system.settings.material = 2, 2
-        system.settings.root_radius, system.settings.tip_radius, system.settings.radius_scale = 1, 0.5, 0.1
-        model, settings, answer = self.export()
-        by_name = {entry["name"]: entry for entry in settings["curves"]}
-        reed, fur = by_name["Reed"], by_name["Sphere/Fur"]
-        self.assertEqual(settings["materials"][reed["material"]]["melanin"], 0.25)
-        self.assertEqual(fur["material"], reed["material"])
-        self.assertNotIn("shadow", reed["visible_to"])
-        points, counts, radii = self.strands(reed)
-        np.testing.assert_allclose(points, [(10, 0, 0), (10, 2, 0), (10, 2, -2), (12, 0, 0), (12, 4, 0)], atol=1e-6)
-        self.assertEqual((counts.tolist(), radii.tolist()), ([3, 2], [1, 0.5, 0, 2, 4]))
-        points, counts, radii = self.strands(fur)
-        self.assertEqual(counts.tolist(), [5] * 20)
-        roots, tips = points[::5], points[4::5]
-        np.testing.assert_allclose(np.linalg.norm(roots, axis=1), 1, atol=0.03)
-        np.testing.assert_allclose(np.linalg.norm(tips - roots, axis=1), 0.5, rtol=0.05)
-        np.testing.assert_allclose(radii[:5], [0.05, 0.04375, 0.0375, 0.03125, 0], rtol=1e-5)
-        self.assertEqual([material["name"] for material in model["materials"]], ["skin"])
-        self.assertFalse(answer["warnings"])
-
     def test_profiles_of_lamps_and_the_reach_of_cameras(self):
         profile = "IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 2 1 1 2 0 0 0 1 1 10\n0 90\n0\n100 0\n"
         (self.folder / "lamp.ies").write_text(profile)

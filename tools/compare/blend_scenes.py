@@ -50,6 +50,7 @@ from blend_panoramas import (
 )
 from blend_points import points
 from blend_rooms import bottle, bust, kitchen, meadow, street, titles
+from blend_shapes import furs, generated, keyed_materials
 from blend_sheets import drowned, glowing_glass, pool_sky, pool_sun, window_pane, window_sheet, window_sheet_node, window_within
 from blend_facing import facing_color, facing_light, facing_mix, facing_ramp
 from blend_places import places_color, places_forms, places_light, places_shaders
@@ -70,7 +71,7 @@ from blend_volumes import clouds, fire, flames, made_volumes
 
 SCENES = [
     area_lights, area_spread, one_spread, sun_and_world, points_and_spots, lamps_in_view, lamp_settings, gobo, lamp_picture, world_picture,
-    world_sky, world_nodes, depth_of_field, blades, unseen, visibility, world_unseen, orthographic, portrait, sensor_fit, instances, hidden_things, other_objects, points,
+    world_sky, world_nodes, depth_of_field, blades, unseen, visibility, world_unseen, orthographic, portrait, sensor_fit, instances, hidden_things, other_objects, points, generated, furs, keyed_materials,
     glass, shaders, principled, procedural, textured, posed,
     groups, leaves, ray_kinds,
     blurred, blurred_camera, translucent, media_in_solids, foggy, waxen, tinted_layers, reliefs,

@@ -53,6 +53,7 @@ const PACKAGE: &[(&str, &str)] = &[
     ("sizes.py", include_str!("../../../tools/blender/oscura_blender/sizes.py")),
     ("skins.py", include_str!("../../../tools/blender/oscura_blender/skins.py")),
     ("stills.py", include_str!("../../../tools/blender/oscura_blender/stills.py")),
+    ("strand_colors.py", include_str!("../../../tools/blender/oscura_blender/strand_colors.py")),
     ("trees.py", include_str!("../../../tools/blender/oscura_blender/trees.py")),
     ("undeformed.py", include_str!("../../../tools/blender/oscura_blender/undeformed.py")),
     ("uniform.py", include_str!("../../../tools/blender/oscura_blender/uniform.py")),

@@ -6,7 +6,7 @@ import struct
 
 import numpy as np
 
-from . import shaders, sidecar
+from . import shaders, sidecar, strand_colors, undeformed
 
 # Radius of curves without one, metres.
 USUAL_RADIUS = 0.005
@@ -14,28 +14,53 @@ USUAL_RADIUS = 0.005
 # Of a strand in a file.
 MOST_POINTS = 65_536
 
+# Inputs that may vary.
+VARIED = ("Color", "Base Color", "Melanin")
+
+
+class Roots:
+    """What strands know of the place where they grow: texture coordinates and colours by the names of layers, and which of the
+    former are the usual ones; generated coordinates."""
+
+    def __init__(self, generated, uvs=None, colors=None, active=None):
+        self.generated, self.uvs, self.colors, self.active = generated, uvs or {}, colors or {}, active
+
+    def where(self, kept):
+        of_kept = lambda layers: {name: rows[kept] for name, rows in layers.items()}
+        return Roots(self.generated[kept], of_kept(self.uvs), of_kept(self.colors), self.active)
+
 
 class Strands:
-    """Points of strands one after another, how many each has, and their radii."""
+    """Points of strands one after another, how many each has, and their radii; what is known of their roots."""
 
-    def __init__(self, points, counts, radii):
-        self.points, self.counts, self.radii = points, counts, radii
+    def __init__(self, points, counts, radii, roots):
+        self.points, self.counts, self.radii, self.roots = points, counts, radii, roots
 
     def where(self, kept):
         """Some of the strands."""
         of_kept = np.repeat(kept, self.counts)
-        return Strands(self.points[of_kept], self.counts[kept], self.radii[of_kept])
+        return Strands(self.points[of_kept], self.counts[kept], self.radii[of_kept], self.roots.where(kept))
 
-    def write(self, path, matrix):
-        """Writes a file of Cem Yuksel's HAIR models, moved by a matrix."""
+    def lengths(self):
+        """How long the way from its root to each point is."""
+        steps = np.linalg.norm(np.diff(self.points, axis=0, prepend=self.points[:1]), axis=1)
+        first = np.cumsum(self.counts) - self.counts
+        steps[first] = 0
+        way = np.cumsum(steps)
+        return way - np.repeat(way[first], self.counts)
+
+    def write(self, path, matrix, colors=None):
+        """Writes a file of Cem Yuksel's HAIR models, moved by a matrix; with colours of points, if there are some."""
         matrix = np.array(matrix, np.float32)
         placed = self.points @ matrix[:3, :3].T + matrix[:3, 3]
         thickness = 2 * self.radii * abs(np.linalg.det(matrix[:3, :3])) ** (1 / 3)
-        # Which arrays there are: segments, points, thicknesses.
-        head = struct.pack("<4sIII", b"HAIR", len(self.counts), len(placed), 1 | 2 | 4)
+        # Which arrays there are: segments, points, thicknesses, colours.
+        arrays = 1 | 2 | 4 | (0 if colors is None else 16)
+        head = struct.pack("<4sIII", b"HAIR", len(self.counts), len(placed), arrays)
         with open(path, "wb") as file:
             file.write(head.ljust(128, b"\0"))
-            for values, kind in ((self.counts - 1, "<u2"), (placed, "<f4"), (thickness, "<f4")):
+            painted = [] if colors is None else [(colors, "<f4")]
+            for values, kind in ((self.counts - 1, "<u2"), (placed, "<f4"), (thickness, "<f4"), *painted):
                 file.write(np.ascontiguousarray(values, kind).tobytes())
 
 
@@ -46,11 +71,17 @@ def of_curves(data):
     radii = np.full(len(points), USUAL_RADIUS, np.float32)
     if (given := data.attributes.get("radius")) is not None and given.domain == "POINT":
         radii = _read(given.data, "value", 1, np.float32, len(points))
-    return Strands(points, counts, radii).where(counts > 1)
+    roots = points[np.cumsum(counts) - counts]
+    low, size = roots.min(0, initial=0), np.ptp(roots, axis=0) if len(roots) else 1
+    found = Roots((roots - low) / np.where(size == 0, 1, size))
+    if (given := data.attributes.get("surface_uv_coordinate")) is not None and given.domain == "CURVE":
+        found.uvs, found.active = {given.name: _read(given.data, "vector", 2, np.float32, len(counts))}, given.name
+    return Strands(points, counts, radii, found).where(counts > 1)
 
 
-def of_particles(obj, system):
-    """The strands of an evaluated object's particle system, in the object's own space."""
+def of_particles(obj, modifier, system, is_varied):
+    """The strands of an evaluated object's particle system, in the object's own space; with what is known of their roots, if their
+    colours vary."""
     settings = system.settings
     steps = 2**settings.render_step + 1
     parents, children = len(system.particles), len(system.child_particles)
@@ -63,7 +94,23 @@ def of_particles(obj, system):
     inverse = np.array(obj.matrix_world.inverted_safe(), np.float32)
     points = points.reshape(-1, 3) @ inverse[:3, :3].T + inverse[:3, 3]
     radii = np.tile(_profile(settings, steps), len(numbers))
-    return Strands(points, np.full(len(numbers), steps, np.int32), radii).where(kept)
+    roots = Roots(undeformed.coordinates(obj.data, points[::steps]))
+    if is_varied:
+        _add_layers(roots, obj.data, modifier, system, numbers)
+    return Strands(points, np.full(len(numbers), steps, np.int32), radii, roots).where(kept)
+
+
+def _add_layers(roots, mesh, modifier, system, numbers):
+    """What layers of a mesh have where particles grow."""
+    of = lambda i: {"particle": system.particles[min(i, len(system.particles) - 1)], "particle_no": i}
+    for k, layer in enumerate(mesh.uv_layers):
+        roots.uvs[layer.name] = np.array([system.uv_on_emitter(modifier, **of(i), uv_no=k) for i in numbers]).reshape(-1, 2)
+        if layer.active_render:
+            roots.active = layer.name
+    corners = (color for color in mesh.color_attributes if color.domain == "CORNER" and color.data_type == "BYTE_COLOR")
+    for k, layer in enumerate(corners):
+        rows = np.array([system.mcol_on_emitter(modifier, **of(i), vcol_no=k) for i in numbers]).reshape(-1, 3)
+        roots.colors[layer.name] = np.concatenate([rows, np.ones((len(rows), 1))], 1)
 
 
 def _profile(settings, steps):
@@ -93,35 +140,56 @@ def entries(found, turn, folder, name, report):
             strands = strands.where(is_short)
         if not len(strands.counts):
             continue
-        file = f"{name}.{number}.hair"
-        strands.write(os.path.join(folder, file), turn @ matrix)
         key = material.name if material is not None else ""
         if key not in materials:
             materials[key] = _material(material, report)
+        settings, paint = materials[key]
+        file = f"{name}.{number}.hair"
+        strands.write(os.path.join(folder, file), turn @ matrix, None if paint is None else np.clip(paint(strands, matrix), 0, 1))
         tables.append(("[[curves]]", {"name": place, "file": file, "basis": "catmull-rom", "material": f"{key} (strands)", **traits}))
-    named = [(f"[materials.{sidecar.value(f'{key} (strands)')}]", settings) for key, settings in materials.items()]
+    named = [(f"[materials.{sidecar.value(f'{key} (strands)')}]", settings) for key, (settings, _) in materials.items()]
     return named + tables
 
 
+def _shader(material):
+    """The shader of a material of strands, and what reads it; twice None where nothing does."""
+    node = shaders.output(material.node_tree) if material is not None and material.use_nodes and material.node_tree else None
+    read = {"ShaderNodeBsdfHairPrincipled": _fibre, "ShaderNodeBsdfPrincipled": _surface, "ShaderNodeBsdfDiffuse": _diffuse}
+    return (node, read[node.bl_idname]) if node is not None and node.bl_idname in read else (None, None)
+
+
+def _is_varied(material):
+    """Do colours of strands differ?"""
+    node, _ = _shader(material)
+    return node is not None and any(socket.name in VARIED and shaders.constant(socket) is None for socket in node.inputs)
+
+
 def _material(material, report):
-    """The settings of the material of strands."""
+    """The settings of the material of strands, and what gives the colours of their points that these are multiplied with; None
+    where all are alike."""
     grey = {"type": "pbr", "base_color": [0.8, 0.8, 0.8], "roughness": 0.5}
     if material is None or not material.use_nodes or material.node_tree is None:
-        return grey if material is None else {**grey, "base_color": list(material.diffuse_color[:3])}
-    node = shaders.output(material.node_tree)
-    read = {"ShaderNodeBsdfHairPrincipled": _fibre, "ShaderNodeBsdfPrincipled": _surface, "ShaderNodeBsdfDiffuse": _diffuse}
-    if node is None or node.bl_idname not in read:
+        return (grey if material is None else {**grey, "base_color": list(material.diffuse_color[:3])}), None
+    node, read = _shader(material)
+    if node is None:
+        node = shaders.output(material.node_tree)
         what = "without a shader" if node is None else f"by {node.bl_label}"
         report.warn(material.name, f"strands {what} are grey")
-        return grey
-    return read[node.bl_idname](_Inputs(node, material.name, report))
+        return grey, None
+    given = _Inputs(node, material, report)
+    return read(given), given.paint
 
 
 class _Inputs:
-    """The constants of a node's inputs."""
+    """The inputs of a node: constants, and a colour that may vary."""
 
-    def __init__(self, node, name, report):
-        self.node, self.name, self.report = node, name, report
+    def __init__(self, node, material, report):
+        self.node, self.material, self.report = node, material, report
+        self.paint = None  # colours by strands and the matrix of their object
+
+    @property
+    def name(self):
+        return self.material.name
 
     def __call__(self, key, otherwise):
         if key not in self.node.inputs:
@@ -131,6 +199,17 @@ class _Inputs:
             self.report.warn(self.name, f"{key} of strands varies and is taken as {otherwise}")
             return otherwise
         return list(found) if isinstance(found, tuple) else found
+
+    def color(self, key):
+        """A constant colour, or white where points have colours of their own."""
+        found = shaders.constant(self.node.inputs[key])
+        if found is not None:
+            return list(found)
+        self.paint = lambda strands, matrix: self.evaluated(key, strands, matrix)
+        return [1.0, 1.0, 1.0]
+
+    def evaluated(self, key, strands, matrix):
+        return strand_colors.evaluate(self.material, self.node, key, strands, matrix)
 
 
 def _fibre(given):
@@ -148,23 +227,40 @@ def _fibre(given):
     if node.parametrization == "ABSORPTION":
         return {**settings, "absorption": given("Absorption Coefficient", [0.245, 0.52, 1.365])}
     if node.parametrization == "MELANIN":
-        if min(given("Tint", [1.0] * 3)) < 1:
-            given.report.warn(given.name, "the tint of pigment is left out")
-        return {**settings, "melanin": given("Melanin", 0.8), "melanin_redness": given("Melanin Redness", 1.0)}
-    return {**settings, "color": given("Color", [0.017, 0.006, 0.002])}
+        return {**settings, **_pigment(given, settings["radial_roughness"])}
+    return {**settings, "color": given.color("Color")}
+
+
+def _pigment(given, radial):
+    """The colour of a fibre by its pigment, which may differ by chance from strand to strand."""
+    redness, tint, chance = given("Melanin Redness", 1.0), given("Tint", [1.0] * 3), given("Random Color", 0.0)
+    amount = shaders.constant(given.node.inputs["Melanin"])
+    if amount is not None and chance <= 0:
+        if min(tint) >= 1:
+            return {"melanin": amount, "melanin_redness": redness}
+        return {"color": strand_colors.of_pigment([amount], redness, tint, radial)[0].tolist()}
+
+    def paint(strands, matrix):
+        melanin = given.evaluated("Melanin", strands, matrix)[:, 0] if amount is None else np.full(len(strands.points), amount)
+        factors = 1 + 2 * (strand_colors.random(len(strands.counts)) - 0.5) * min(chance, 1.0)
+        melanin = np.clip(melanin * np.repeat(factors, strands.counts), 0, 1)
+        return strand_colors.of_pigment(melanin, redness, tint, radial)
+
+    given.paint = paint
+    return {"color": [1.0, 1.0, 1.0]}
 
 
 def _surface(given):
     return {
         "type": "pbr",
-        "base_color": given("Base Color", [0.8] * 3),
+        "base_color": given.color("Base Color"),
         "roughness": given("Roughness", 0.5),
         "metallic": given("Metallic", 0.0),
     }
 
 
 def _diffuse(given):
-    return {"type": "lambert", "color": given("Color", [0.8] * 3)}
+    return {"type": "lambert", "color": given.color("Color")}
 
 
 def shown_in_full(settings):
@@ -183,7 +279,7 @@ def add_particles(found, obj, instance, traits):
         material = slots[min(number, len(slots) - 1)].material if slots else None
         key = (obj.name, system.name)
         if key not in found.strands:
-            found.strands[key] = of_particles(obj, system)
+            found.strands[key] = of_particles(obj, modifier, system, _is_varied(_original(material)))
         place = f"{obj.original.name}/{system.name}"
         found.hair.append((place, found.strands[key], instance.matrix_world.copy(), _original(material), traits))
 

@@ -110,7 +110,7 @@ def _of_particle(_node, instance, _obj, _parent, _layer):
     if system is None:
         return {"Index": 0.0, "Random": 0.0, "Age": 0.0, "Lifetime": 0.0, "Size": 0.0}
     number = instance.persistent_id[0]
-    found = {"Index": float(number), "Random": _hashed(number) / MASK}
+    found = {"Index": float(number), "Random": hashed(number) / MASK}
     if number < len(system.particles):
         particle = system.particles[number]
         frame = bpy.context.scene.frame_current_final
@@ -133,10 +133,10 @@ def _random_of(instance, original):
     number = 0
     for byte in original.name.encode():
         number = (number * 37 + (byte if byte < 128 else byte - 256)) & MASK
-    return _hashed(number) / MASK
+    return hashed(number) / MASK
 
 
-def _hashed(number):
+def hashed(number):
     """The hash of two words, a number and 0 (Jenkins' lookup3)."""
     turned = lambda x, k: ((x << k) | (x >> (32 - k))) & MASK
     a = b = c = (0xDEADBEEF + (2 << 2) + 13) & MASK

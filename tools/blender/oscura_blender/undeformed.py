@@ -38,7 +38,7 @@ def evaluate(objects):
             scene.view_layers[0].update()
             graph = bpy.context.evaluated_depsgraph_get()
             places = {name: _places(copy.evaluated_get(graph).data.vertices) for name, copy in copies.items()}
-            return {name: _coordinates(bpy.data.objects[name].data, of) for name, of in places.items()}
+            return {name: coordinates(bpy.data.objects[name].data, of) for name, of in places.items()}
     finally:
         bpy.data.scenes.remove(scene)
         bpy.data.batch_remove([copy.data for copy in copies.values()] + list(copies.values()))
@@ -79,7 +79,7 @@ def use(holders, changed):
         return
     for holder in asking:
         if ATTRIBUTE not in holder.data.attributes:
-            _set(holder.data, _coordinates(holder.data, _places(holder.data.vertices)))
+            _set(holder.data, coordinates(holder.data, _places(holder.data.vertices)))
     for material in materials:
         look_up(material.node_tree)
 
@@ -118,7 +118,7 @@ def _places(vertices):
     return places.reshape(-1, 3)
 
 
-def _coordinates(mesh, places):
+def coordinates(mesh, places):
     """Generated coordinates of places in the space of a mesh."""
     middle, size = (np.array(value, np.float32) for value in (mesh.texspace_location, mesh.texspace_size))
     return (places - middle) / (2 * np.where(size == 0, 1, size)) + 0.5
