@@ -247,6 +247,24 @@ class TreesTest(SceneTest):
         for value in (0, 1):
             self.assertGreater((np.abs(alpha - value) < 0.02).mean(), 0.2, value)
 
+    def test_baked_colors_are_not_multiplied_by_alpha(self):
+        """A picture of one colour whose alpha is a ramp, and which is no plain one, since it ends at its edge."""
+        image = bpy.data.images.new("faint", 32, 32, alpha=True)
+        pixels = np.ones((32, 32, 4), np.float32)
+        pixels[..., :3], pixels[..., 3] = (0.25, 0.5, 0.75), np.linspace(0.5, 1, 32)
+        image.pixels[:] = pixels.ravel()
+        image.pack()
+        material, tree, shader, node = shader_tree("decal", "TexImage")
+        node.image, node.extension, node.interpolation = image, "CLIP", "Closest"
+        for name, output in (("Base Color", "Color"), ("Alpha", "Alpha")):
+            tree.links.new(node.outputs[output], shader.inputs[name])
+        self.add_plane(material)
+        model, _, answer = self.export()
+        self.assertEqual(answer["warnings"], [])
+        shown = self.pixels(self.picture(model, model["materials"][0]))
+        np.testing.assert_allclose(shown[..., :3], np.broadcast_to((0.25, 0.5, 0.75), shown[..., :3].shape), atol=0.012)
+        self.assertLess(shown[..., 3].min(), 0.55)
+
     def test_pictures_of_files_may_be_links(self):
         material, tree, shader, node = shader_tree("label", "TexImage")
         picture = bpy.data.images.new("picture", 8, 8)

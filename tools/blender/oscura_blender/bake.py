@@ -10,6 +10,9 @@ from .sizes import MOST_FACES
 
 UV = "oscura bake"
 
+# A factor that changes nothing.
+HARDLY = 1e-30
+
 AMBIENT = "ShaderNodeAmbientOcclusion"
 
 
@@ -20,6 +23,8 @@ def bake_all(holders, found, store, report):
         return
     names = sorted({m.name for _, needs in wanted for m, inputs in needs.items() if inputs})
     report.note("", f"node trees were baked to pictures: of {listed(names)}")
+    for material in dict.fromkeys(material for _, needs in wanted for material in needs):
+        _straighten(material)
     kitchen = glow.new_scene()
     try:
         with opened(kitchen):
@@ -100,6 +105,24 @@ def _is_needed(node, name):
     if name not in node.inputs or not node.inputs[name].is_linked:
         return False
     return not pictures.is_carried(name, node.inputs[name])
+
+
+def _straighten(material):
+    """Colours of pictures whose alpha is used are not multiplied by it. Cycles does so where only their colour is looked up, which is what
+    baking does: their alpha has to count a little."""
+    node = shaders.principled(material)
+    for tree, image in list(trees.nodes_with_trees(material.node_tree, ("ShaderNodeTexImage",))):
+        color, alpha = image.outputs["Color"], image.outputs["Alpha"]
+        is_left = lambda link: link.to_node == node and pictures.is_carried(link.to_socket.name, link.to_socket)
+        targets = [link.to_socket for link in color.links if not is_left(link)] if alpha.is_linked else []
+        if not targets:
+            continue
+        straight = tree.nodes.new("ShaderNodeVectorMath")
+        straight.operation, straight.inputs[1].default_value = "MULTIPLY_ADD", (HARDLY,) * 3
+        tree.links.new(alpha, straight.inputs[0])
+        tree.links.new(color, straight.inputs[2])
+        for target in targets:
+            tree.links.new(straight.outputs[0], target)
 
 
 def _own_materials(holder):
