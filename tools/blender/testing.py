@@ -41,6 +41,7 @@ class SceneTest(unittest.TestCase):
         bpy.ops.wm.read_factory_settings(use_empty=True)
         self.scene = bpy.context.scene
         self.scene.render.engine = "CYCLES"
+        self.scene.cycles.volume_bounces = 12
         eye = bpy.data.objects.new("Eye", bpy.data.cameras.new("Eye"))
         eye.location = (0, 0, 8)
         self.scene.collection.objects.link(eye)

@@ -69,6 +69,7 @@ def export(options, report):
         moves = motion.record(scene, layer, found, shutter) if shutter is not None else None
     store = cache.Store(options.cache)
     patches = materials.prepare(found, store, report)
+    settings.tell_of_volumes(scene, report)
     world.settle(dict(tables)["[environment]"], found)
     if moves is not None:
         motion.add_shapes(found, moves, report)

@@ -2,7 +2,8 @@
 
 import bpy
 
-from . import view_table
+from . import trees, view_table
+from .report import listed
 
 # The working space of oscura, and of Blender's scenes unless they say otherwise.
 REC709 = "Linear Rec.709"
@@ -10,6 +11,8 @@ REC709 = "Linear Rec.709"
 # The engine of the add-on (`engine/`).
 ENGINE = "OSCURA"
 
+# Fewer bounces in volumes than these show.
+FEW_BOUNCES = 8
 
 # The view that is the same here, by Blender's name, and the one whose steps no table can hold. The others become tables.
 VIEWS = {"Standard": "srgb", "False Color": "false-color"}
@@ -158,10 +161,24 @@ def _read_cycles(cycles, entries, report):
         entries["seed"] = cycles.seed
     if cycles.pixel_filter_type == "BOX":
         entries["filter"] = "box"
-    bounces = min(cycles.max_bounces, cycles.diffuse_bounces, cycles.glossy_bounces)
+    kinds = {kind: getattr(cycles, f"{kind}_bounces") for kind in ("diffuse", "glossy", "transmission", "volume")}
+    bounces = ", ".join(f"{min(number, cycles.max_bounces)} {kind}" for kind, number in kinds.items())
     clamps = [c for c in (cycles.sample_clamp_direct, cycles.sample_clamp_indirect) if c > 0]
     clamped = f", and clamps light at {min(clamps):.4g}" if clamps else ""
-    report.note("", f"Cycles ends paths after {bounces} bounces{clamped}; neither is carried over (--depth)")
+    report.note("", f"Cycles ends paths after bounces ({bounces}){clamped}; neither is carried over (--depth)")
+
+
+def tell_of_volumes(scene, report):
+    """Tells where Cycles ends light in volumes early, if there are some that scatter: that changes how bright they are."""
+    limit = min(scene.cycles.volume_bounces, scene.cycles.max_bounces)
+    names = [name for name, entries in trees.SETTINGS.items() if _scatters(entries) or _scatters(entries.get("medium", {}))]
+    if names and scene.render.engine == "CYCLES" and limit < FEW_BOUNCES:
+        message = f"Cycles ends light in volumes after {limit} bounces (Light Paths > Volume); here it scatters on"
+        report.warn("", f"{message}, so that these are brighter: {listed(sorted(names))}")
+
+
+def _scatters(entries):
+    return entries.get("type", "medium") == "medium" and any(entries.get("color", ()))
 
 
 def _tell_of_the_rest(scene, report):
