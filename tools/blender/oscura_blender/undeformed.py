@@ -8,11 +8,11 @@ from . import context, trees
 
 ATTRIBUTE = "oscura generated"
 
-# Modifiers that only move vertices: all others work on the mesh of coordinates, too.
+# Modifiers that only move vertices, or that simulate: all others work on the copy, too.
 DEFORMING = (
     "ARMATURE", "CAST", "CLOTH", "COLLISION", "CORRECTIVE_SMOOTH", "CURVE", "DISPLACE", "HOOK", "LAPLACIANDEFORM", "LAPLACIANSMOOTH",
     "LATTICE", "MESH_CACHE", "MESH_DEFORM", "PARTICLE_SYSTEM", "SHRINKWRAP", "SIMPLE_DEFORM", "SMOOTH", "SOFT_BODY", "SURFACE",
-    "SURFACE_DEFORM", "WARP", "WAVE",
+    "SURFACE_DEFORM", "WARP", "WAVE", "FLUID", "DYNAMIC_PAINT",
 )  # fmt: skip
 
 COORDINATES = "ShaderNodeTexCoord"
