@@ -74,7 +74,8 @@ impl Layered {
         if self.film.factor > 0.0 {
             opaque.layer_f0 = self.film.f0(opaque.layer_f0, opaque.layer_f90, opaque.layer_fresnel, above.z);
             opaque.metal_f0 = self.film.f0(opaque.metal_f0, 1.0, LayerFresnel::Schlick, above.z);
-            glass.reflectance = GlassReflectance::Between { f0: opaque.layer_f0, f90: opaque.layer_f90 };
+            let (color, f0, f90) = (glass.reflectance.color(), opaque.layer_f0, opaque.layer_f90);
+            glass.reflectance = GlassReflectance::Between { color, f0, f90 };
         }
         let rough = self.take_rough(&mut opaque);
         let opaque_closure = opaque.closure(above);

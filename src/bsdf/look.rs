@@ -16,6 +16,7 @@ use super::schlick_metal::SchlickMetal;
 use super::{Facets, Lobe, ggx};
 use crate::color::Rgb;
 use crate::math::Vec3;
+use crate::scene::GlassReflection;
 use std::f32::consts::FRAC_1_PI;
 
 /// What a surface looks like, whatever the light.
@@ -139,7 +140,13 @@ impl Shown for ThinDielectric {
 
 impl Shown for RoughDielectric {
     fn look(&self) -> Look {
-        Look::of_glass(self.ior, self.tint, roughness(self.surface.alpha()))
+        let look = Look::of_glass(self.ior, self.tint, roughness(self.surface.alpha()));
+        let color = match self.reflectance.color() {
+            GlassReflection::White => Rgb::ONE,
+            GlassReflection::Tinted => self.tint,
+            GlassReflection::None => Rgb::ZERO,
+        };
+        Look { glossy: look.glossy * color, ..look }
     }
 }
 

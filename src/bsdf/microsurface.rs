@@ -6,7 +6,7 @@ use super::anisotropic_table::{LARGEST_ROOT_RATIO, anisotropic_albedo, anisotrop
 use super::dielectric_curve::DielectricCurve;
 use super::dielectric_table::mean_cosine;
 use super::ggx::{self, MIN_ALPHA, Reflection};
-use super::program::{LocalFrame, Slots};
+use super::program::{LocalFrame, Slots, always};
 use crate::math::{Vec2, Vec3, poly};
 use crate::scene::{Anisotropy, ColorSlot, FloatSlot};
 use std::f32::consts::PI;
@@ -184,6 +184,11 @@ pub struct MicrosurfaceProgram {
 }
 
 impl MicrosurfaceProgram {
+    /// Are they smooth, whatever textures show?
+    pub fn is_always_smooth(&self) -> bool {
+        always(&self.roughness, 0.0) && self.anisotropy.is_none()
+    }
+
     /// The facets where the slots have these values.
     pub fn evaluate(&self, slots: &impl Slots, frame: &LocalFrame) -> Microsurface {
         let alpha = slots.alpha(&self.roughness);

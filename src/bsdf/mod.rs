@@ -62,7 +62,7 @@ pub use through::DiffuseThrough;
 
 use crate::color::Rgb;
 use crate::math::Vec3;
-use crate::scene::{ColorSlot, EnergyCompensation, FresnelModel, Model, PbrMaterial};
+use crate::scene::{ColorSlot, EnergyCompensation, FresnelModel, GlassReflection, Model, PbrMaterial};
 use microsurface::MicrosurfaceProgram;
 use program::always;
 use sample::with_side;
@@ -122,7 +122,19 @@ impl BsdfProgram {
     pub fn may_pass_straight(&self) -> bool {
         match self {
             BsdfProgram::ThinDielectric(_) => true,
+            BsdfProgram::RoughDielectric(glass) => {
+                glass.walls == Walls::Thin && glass.facets.is_always_smooth()
+            }
             BsdfProgram::Layered(layered) => layered.is_smooth_sheet(),
+            _ => false,
+        }
+    }
+
+    /// Is it smooth glass, whatever textures show?
+    pub fn is_smooth_glass(&self) -> bool {
+        match self {
+            BsdfProgram::Dielectric(_) | BsdfProgram::ThinDielectric(_) => true,
+            BsdfProgram::RoughDielectric(glass) => glass.facets.is_always_smooth(),
             _ => false,
         }
     }
@@ -180,6 +192,7 @@ impl BsdfProgram {
                 refraction,
                 tint: *tint,
                 tints_once: false,
+                reflection: GlassReflection::White,
                 energy_compensation,
             }
             .into(),
@@ -234,7 +247,8 @@ impl BsdfProgram {
     fn of_glass(pbr: &PbrMaterial, energy_compensation: EnergyCompensation) -> BsdfProgram {
         let (ior, tint, tints_once) = (pbr.ior, pbr.base_color, pbr.tints_once);
         let (walls, refraction) = (program_pbr::walls(pbr), program_pbr::refraction(pbr));
-        if !always(&pbr.roughness, 0.0) || pbr.anisotropy.is_some() {
+        let (reflection, is_white) = (pbr.glass_reflection, pbr.glass_reflection == GlassReflection::White);
+        if !always(&pbr.roughness, 0.0) || pbr.anisotropy.is_some() || !is_white {
             let facets = program_pbr::facets(pbr);
             return RoughDielectricProgram {
                 facets,
@@ -243,6 +257,7 @@ impl BsdfProgram {
                 refraction,
                 tint,
                 tints_once,
+                reflection,
                 energy_compensation,
             }
             .into();

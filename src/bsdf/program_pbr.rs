@@ -10,8 +10,8 @@ use super::rough_dielectric::{GlassReflectance, RoughDielectric, Walls};
 use super::{Coat, Refraction, Sheen, ThinFilm, fresnel};
 use crate::color::Rgb;
 use crate::scene::{
-    Clearcoat, ColorSlot, DiffuseTransmission, EnergyCompensation, FloatSlot, Iridescence, PbrMaterial,
-    ShadingModel,
+    Clearcoat, ColorSlot, DiffuseTransmission, EnergyCompensation, FloatSlot, GlassReflection, Iridescence,
+    PbrMaterial, ShadingModel,
 };
 
 /// Can light pass the interface? An index of refraction of 0 means that all is reflected.
@@ -127,6 +127,8 @@ pub struct LayeredProgram {
     walls: Walls,
     refraction: Refraction,
     tints_once: bool,
+    /// Colour of what the glass reflects.
+    reflection: GlassReflection,
     /// The glass reflects what its index of refraction says.
     is_plain: bool,
     coat_fresnel: LayerFresnel,
@@ -147,6 +149,7 @@ impl LayeredProgram {
             walls: walls(pbr),
             refraction: refraction(pbr),
             tints_once: pbr.tints_once,
+            reflection: pbr.glass_reflection,
             is_plain: is_plain(pbr),
             coat_fresnel: Coat::fresnel(shading.fresnel),
             clearcoat: pbr.clearcoat,
@@ -179,8 +182,12 @@ impl MaterialProgram for LayeredProgram {
         let base = plain.metal_f0;
         let mut opaque = plain.on(surface);
         let reflectance = match self.is_plain {
-            true => GlassReflectance::Plain,
-            false => GlassReflectance::Between { f0: opaque.layer_f0, f90: opaque.layer_f90 },
+            true => GlassReflectance::colored(self.reflection),
+            false => GlassReflectance::Between {
+                color: self.reflection,
+                f0: opaque.layer_f0,
+                f90: opaque.layer_f90,
+            },
         };
         let dielectric = 1.0 - opaque.metallic;
         let transmission = self.transmission.as_ref().map_or(0.0, |slot| slots.share(slot));

@@ -5,7 +5,7 @@ use super::microsurface::{Facets, Microsurface, MicrosurfaceProgram};
 use super::{LocalFrame, MaterialProgram, Refraction, Slots, fresnel};
 use crate::color::Rgb;
 use crate::math::Vec3;
-use crate::scene::{ColorSlot, EnergyCompensation};
+use crate::scene::{ColorSlot, EnergyCompensation, GlassReflection};
 
 /// Alpha times (ior - 1) below which refraction spreads light by less than single precision can tell from a single
 /// direction: the surface counts as smooth.
@@ -20,14 +20,18 @@ pub enum Walls {
     Thin,
 }
 
-/// Reflectance of the interface as KHR_materials_specular changes it: Fresnel's equations, stretched to run from `f0` to
-/// `f90`. Total reflection stays total.
+/// What the interface reflects.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum GlassReflectance {
     /// As physics says.
     Plain,
-    /// From `f0` at normal to `f90` at grazing incidence.
+    /// The same share of another colour.
+    Colored(GlassReflection),
+    /// As KHR_materials_specular changes it: Fresnel's equations, stretched to run from `f0` at normal to `f90` at grazing
+    /// incidence. Total reflection stays total.
     Between {
+        /// Its colour.
+        color: GlassReflection,
         /// Reflectance at normal incidence.
         f0: Rgb,
         /// Reflectance at grazing incidence.
@@ -57,7 +61,8 @@ pub enum GlassReflectance {
 /// Dividing by the albedo of single scattering (Turquin 2019, section 4) gives 0.05 and 11 %; within, near the horizon,
 /// that spreads the light more like walks do.
 ///
-/// Thin sheets divide by the directional albedo. A facet of glass with changed reflectance passes what its brightest
+/// Thin sheets divide by the directional albedo. Colours of what is reflected, as Cycles' Glass BSDF has them, change no share: they
+/// multiply what a facet mirrors, and the sum of all reflections within a thin sheet. A facet of glass with changed reflectance passes what its brightest
 /// channel does not reflect, so that channel keeps all energy as well, and the others less by what it alone reflects.
 #[derive(Clone, Copy, Debug)]
 pub struct RoughDielectric {
@@ -75,6 +80,25 @@ pub struct RoughDielectric {
     pub reflectance: GlassReflectance,
     /// Whether the energy that single scattering loses is given back.
     pub energy_compensation: EnergyCompensation,
+}
+
+impl GlassReflectance {
+    /// That of the index of refraction, of a colour.
+    pub fn colored(color: GlassReflection) -> GlassReflectance {
+        match color {
+            GlassReflection::White => GlassReflectance::Plain,
+            _ => GlassReflectance::Colored(color),
+        }
+    }
+
+    /// Its colour.
+    #[inline(always)]
+    pub fn color(&self) -> GlassReflection {
+        match *self {
+            GlassReflectance::Plain => GlassReflection::White,
+            GlassReflectance::Colored(color) | GlassReflectance::Between { color, .. } => color,
+        }
+    }
 }
 
 /// A facet as seen under one angle.
@@ -110,9 +134,9 @@ impl RoughDielectric {
         let interface = fresnel::exact(c, eta);
         let total = interface.cos_transmitted <= 0.0 && interface.reflectance > 0.0;
         let mut reflected = match self.reflectance {
-            GlassReflectance::Plain => Rgb::splat(interface.reflectance),
+            GlassReflectance::Plain | GlassReflectance::Colored(_) => Rgb::splat(interface.reflectance),
             GlassReflectance::Between { .. } if total => Rgb::ONE,
-            GlassReflectance::Between { f0, f90 } => {
+            GlassReflectance::Between { f0, f90, .. } => {
                 let normal = fresnel::f0_from_eta(eta);
                 let rise = (interface.reflectance - normal) / (1.0 - normal).max(1e-6);
                 (f0 + (Rgb::splat(f90) - f0) * rise).clamp(Rgb::ZERO, Rgb::ONE)
@@ -122,7 +146,12 @@ impl RoughDielectric {
             // All reflections between the two faces: R + T^2 R / (1 - R^2).
             reflected = reflected * 2.0 / (Rgb::ONE + reflected);
         }
-        let passes = if total { 0.0 } else { 1.0 - reflected.max_element() };
+        let mut passes = if total { 0.0 } else { 1.0 - reflected.max_element() };
+        match self.reflectance.color() {
+            GlassReflection::White => {}
+            GlassReflection::Tinted => reflected = reflected * self.tint,
+            GlassReflection::None => (reflected, passes) = (Rgb::ZERO, if total { 0.0 } else { 1.0 }),
+        }
         let transmitted = self.tint * passes;
         let (r, t) = (reflected.mean(), transmitted.mean());
         let sum = r + t;
@@ -153,7 +182,7 @@ impl RoughDielectric {
     }
 }
 
-/// The parameters of a [`RoughDielectric`] of plain reflectance.
+/// The parameters of a [`RoughDielectric`] that reflects the share that its index says.
 #[derive(Clone, Copy, Debug)]
 pub struct RoughDielectricProgram {
     /// See [`RoughDielectric::surface`].
@@ -168,6 +197,8 @@ pub struct RoughDielectricProgram {
     pub tint: ColorSlot,
     /// The tint is that of both crossings of a solid together.
     pub tints_once: bool,
+    /// Colour of what it reflects.
+    pub reflection: GlassReflection,
     /// See [`RoughDielectric::energy_compensation`].
     pub energy_compensation: EnergyCompensation,
 }
@@ -183,7 +214,7 @@ impl MaterialProgram for RoughDielectricProgram {
             walls: self.walls,
             refraction: self.refraction,
             tint: tint_of_crossing(slots.share_by_channel(&self.tint), self.tints_once),
-            reflectance: GlassReflectance::Plain,
+            reflectance: GlassReflectance::colored(self.reflection),
             energy_compensation: self.energy_compensation,
         }
     }

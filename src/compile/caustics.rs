@@ -33,12 +33,14 @@ pub enum Role {
 impl CompiledMaterial {
     /// Its role, the same at all points.
     pub fn role(&self) -> Role {
-        use BsdfClass::{Black, Conductor, Dielectric, Lambert, MetalRough, OrenNayar, SchlickMetal};
+        use BsdfClass::{
+            Black, Conductor, Dielectric, Lambert, MetalRough, OrenNayar, RoughDielectric, SchlickMetal,
+        };
         match self.class {
             _ if self.depends_on_viewer => Role::Neither,
             Lambert | OrenNayar => Role::Catches,
             Black => Role::Neither,
-            Dielectric => Role::Sends,
+            Dielectric | RoughDielectric if self.is_smooth_glass() => Role::Sends,
             MetalRough if self.catches() => Role::Catches,
             MetalRough | SchlickMetal | Conductor if self.is_polished() || self.is_painted_metal() => {
                 Role::Sends

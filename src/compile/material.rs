@@ -293,6 +293,11 @@ impl CompiledMaterial {
             || self.is_boundary
     }
 
+    /// Is it smooth glass, whatever textures show?
+    pub fn is_smooth_glass(&self) -> bool {
+        self.program.is_smooth_glass()
+    }
+
     /// Do the normals of vertices matter?
     pub fn uses_normals(&self) -> bool {
         self.class != BsdfClass::Black

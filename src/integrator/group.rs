@@ -177,7 +177,7 @@ fn group_of(material: &CompiledMaterial, by_wavelength: bool) -> Group {
                 Group::Lambert
             }
         }
-        BsdfClass::Dielectric | BsdfClass::ThinDielectric => Group::Specular,
+        _ if material.is_smooth_glass() => Group::Specular,
         _ => {
             // What is smooth in air need not be within another solid.
             let stays_smooth = |b: Bsdf| material.medium_index == 0 || b.with_ior(2.0).is_specular();

@@ -61,7 +61,7 @@ pub use motion::{Moving, SceneMotion, Vertices};
 pub use outline::{Outline, outline};
 pub(crate) use outline::{encloses, is_closed};
 pub use panorama::Panorama;
-pub use pbr::{Anisotropy, Clearcoat, DiffuseTransmission, Iridescence, PbrMaterial, Sheen};
+pub use pbr::{Anisotropy, Clearcoat, DiffuseTransmission, GlassReflection, Iridescence, PbrMaterial, Sheen};
 pub use portal::Portal;
 pub use profile::LightProfile;
 pub use settings::{Caught, EnergyCompensation, Filter, Settings, ShadingModel};

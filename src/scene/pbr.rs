@@ -1,7 +1,7 @@
 //! The glTF 2.0 material with the layers that its extensions add.
 
 use super::TextureId;
-use super::slot::{ColorSlot, FloatSlot, NormalMap, parameters_of_fields};
+use super::slot::{ColorSlot, FloatSlot, NormalMap, Parameters, parameters_of_fields};
 
 /// The glTF 2.0 material with its extensions, as the file says.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,6 +32,8 @@ pub struct PbrMaterial {
     /// towards the side of the viewer. A surface without a volume is then no thin wall, but one sheet that bends light by
     /// the sides of its normal, as the surface of a solid does, with nothing behind.
     pub keeps_radiance: bool,
+    /// Colour of what the interface reflects where light may pass it.
+    pub glass_reflection: GlassReflection,
     /// Colour of white light after `attenuation_distance` in the volume.
     pub attenuation_color: [f32; 3],
     /// Metres; infinite means no absorption.
@@ -49,6 +51,29 @@ pub struct PbrMaterial {
     /// Light scattered through the surface; `None` where there is none.
     pub diffuse_transmission: Option<DiffuseTransmission>,
 }
+
+/// Colour of what glass reflects, total reflection included.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum GlassReflection {
+    /// White, as physics has it.
+    #[default]
+    White,
+    /// That of light that crosses the surface once, as of the Glass BSDF of Cycles.
+    Tinted,
+    /// Nothing is reflected, and all light passes that can, as of the Refraction BSDF of Cycles.
+    None,
+}
+
+impl GlassReflection {
+    /// All of them with their names in scene files.
+    pub const ALL: [(&str, GlassReflection); 3] = [
+        ("white", GlassReflection::White),
+        ("tinted", GlassReflection::Tinted),
+        ("none", GlassReflection::None),
+    ];
+}
+
+impl Parameters for GlassReflection {}
 
 /// A clear dielectric layer of index of refraction 1.5 on top of all others (KHR_materials_clearcoat).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -120,6 +145,7 @@ impl Default for PbrMaterial {
             has_volume: false,
             tints_once: false,
             keeps_radiance: false,
+            glass_reflection: GlassReflection::White,
             attenuation_color: [1.0; 3],
             attenuation_distance: f32::INFINITY,
             dispersion: 0.0,
@@ -135,8 +161,8 @@ impl Default for PbrMaterial {
 parameters_of_fields! {
     PbrMaterial {
         base_color, metallic, roughness, diffuse_roughness, ior, specular, specular_color, transmission, has_volume,
-        tints_once, keeps_radiance, attenuation_color, attenuation_distance, dispersion, clearcoat, sheen, anisotropy, iridescence,
-        diffuse_transmission,
+        tints_once, keeps_radiance, glass_reflection, attenuation_color, attenuation_distance, dispersion, clearcoat, sheen, anisotropy,
+        iridescence, diffuse_transmission,
     }
     Clearcoat { factor, roughness, normal_map }
     Sheen { color, roughness }

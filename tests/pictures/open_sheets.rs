@@ -6,15 +6,22 @@ use crate::support::{assert_radiance, camera, material, options, quad};
 use oscura::math::DVec3;
 use oscura::render::{Caustics, Guiding, PathReuse, Splitting};
 use oscura::scene::{
-    ColorSlot, Environment, FloatSlot, Light, LightKind, Material, Model, PbrMaterial, Projection, Scene,
+    ColorSlot, Environment, FloatSlot, GlassReflection, Light, LightKind, Material, Model, PbrMaterial,
+    Projection, Scene,
 };
 use std::f64::consts::PI;
 
 const IOR: f64 = 1.5;
 
 fn glass(roughness: f32) -> Material {
+    colored(roughness, 1.0, GlassReflection::White)
+}
+
+/// Of a share of light that crosses it, and of what it reflects.
+fn colored(roughness: f32, share: f32, glass_reflection: GlassReflection) -> Material {
     let pbr = PbrMaterial {
-        base_color: ColorSlot::constant([1.0; 3]),
+        base_color: ColorSlot::constant([share; 3]),
+        glass_reflection,
         metallic: FloatSlot::constant(0.0),
         roughness: FloatSlot::constant(roughness),
         transmission: FloatSlot::constant(1.0),
@@ -25,8 +32,8 @@ fn glass(roughness: f32) -> Material {
 }
 
 /// A square of glass through the origin; its normal is `front`.
-fn sheet(scene: &mut Scene, front: DVec3, half: f64, roughness: f32) {
-    let of = material(scene, glass(roughness));
+fn sheet(scene: &mut Scene, front: DVec3, half: f64, of: Material) {
+    let of = material(scene, of);
     let u = front.cross(DVec3::new(0.3, 0.2, 0.9)).normalize() * (2.0 * half);
     let v = front.cross(u);
     let corner = -(u + v) / 2.0;
@@ -50,6 +57,20 @@ fn fresnel(wo: DVec3, normal: DVec3, eta: f64) -> (f64, DVec3) {
 /// behind; its radiance is that of the sky.
 #[test]
 fn a_sheet_bends_light_and_keeps_its_radiance() {
+    assert_bent(&glass(0.0), |reflectance| [reflectance, 1.0 - reflectance]);
+}
+
+/// Glass whose reflection has its colour darkens both alike; what reflects nothing lets all light through that can pass.
+#[test]
+fn what_a_sheet_reflects_has_its_colour_or_is_left_out() {
+    let tinted = colored(0.0, 0.6, GlassReflection::Tinted);
+    assert_bent(&tinted, |reflectance| [0.6 * reflectance, 0.6 * (1.0 - reflectance)]);
+    let clear = colored(0.0, 0.6, GlassReflection::None);
+    assert_bent(&clear, |reflectance| [0.0, if reflectance < 1.0 { 0.6 } else { 0.0 }]);
+}
+
+/// Asserts what is seen of a sky that differs with the direction, by the shares that a sheet reflects and refracts.
+fn assert_bent(of: &Material, shares: impl Fn(f64) -> [f64; 2]) {
     let front = DVec3::new(0.6, 0.8, 0.0);
     for degrees in [0.0f64, 30.0, 75.0, 150.0, 120.0] {
         let (sin, cos) = degrees.to_radians().sin_cos();
@@ -58,7 +79,7 @@ fn a_sheet_bends_light_and_keeps_its_radiance() {
             environment: Environment::Gradient { nadir: [0.2; 3], zenith: [2.0; 3] },
             ..Scene::default()
         };
-        sheet(&mut scene, front, 50.0, 0.0);
+        sheet(&mut scene, front, 50.0, of.clone());
         let mut view = camera(wo * 5.0, DVec3::ZERO, DVec3::Z, 1.0);
         view.projection = Projection::Orthographic { half_height: 0.1 };
         scene.cameras.push(view);
@@ -66,8 +87,10 @@ fn a_sheet_bends_light_and_keeps_its_radiance() {
         let (reflectance, refracted) = fresnel(wo, normal, eta);
         let sky = |d: DVec3| 1.1 + 0.9 * d.y;
         let mirrored = normal * (2.0 * wo.dot(normal)) - wo;
-        let truth = reflectance * sky(mirrored) + (1.0 - reflectance) * sky(refracted);
-        assert_radiance(&format!("{degrees} degrees"), &scene, &options(16, 256, 4), truth, 2e-3);
+        let [mirrors, refracts] = shares(reflectance);
+        let truth = mirrors * sky(mirrored) + refracts * sky(refracted);
+        let what = format!("{degrees} degrees, {mirrors} and {refracts}");
+        assert_radiance(&what, &scene, &options(16, 256, 4), truth, 2e-3);
     }
 }
 
@@ -76,7 +99,7 @@ fn a_sheet_bends_light_and_keeps_its_radiance() {
 fn no_light_is_lost_or_won() {
     for (roughness, side) in [(0.0, 1.0), (0.0, -1.0), (0.4, 1.0), (0.4, -1.0)] {
         let mut scene = Scene { environment: Environment::Constant([0.7; 3]), ..Scene::default() };
-        sheet(&mut scene, DVec3::Y, 50.0, roughness);
+        sheet(&mut scene, DVec3::Y, 50.0, glass(roughness));
         scene.cameras.push(camera(DVec3::new(3.0, 4.0 * side, 1.0), DVec3::ZERO, DVec3::Z, 10.0));
         let what = format!("roughness {roughness}, side {side}");
         assert_radiance(&what, &scene, &options(16, 64, 20), 0.7, 2e-3);

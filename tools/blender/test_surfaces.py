@@ -164,6 +164,135 @@ class SurfacesTest(SceneTest):
         self.assertEqual(len(model["materials"]), 2)
         self.assertFalse([said for _, said in answer["notes"] if "Solidify" in said])
 
+    def glass(self, name, kind="BsdfGlass", location=(0, 0, 0), **inputs):
+        """A cube of one shader; gives its material, tree and node."""
+        made, tree, _, node = shader_tree(name, kind)
+        for key, value in inputs.items():
+            node.inputs[key].default_value = value
+        tree.links.new(node.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+        self.add("cube", made, location=location)
+        return made, tree, node
+
+    def test_glass_reflects_what_its_node_does(self):
+        self.glass("white")
+        self.glass("green", location=(3, 0, 0), Color=(0.5, 1, 0.25, 1))
+        self.glass("bent", "BsdfRefraction", location=(6, 0, 0), Color=(0.5, 1, 0.25, 1))
+        # Refraction under gloss by Fresnel is glass.
+        made, tree, bent = self.glass("both", "BsdfRefraction", location=(9, 0, 0))
+        gloss, fresnel, mix = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("BsdfGlossy", "Fresnel", "MixShader"))
+        for k, source in enumerate((fresnel, bent, gloss)):
+            tree.links.new(source.outputs[0], mix.inputs[k])
+        tree.links.new(mix.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+        _, tree, painted = self.glass("painted", location=(12, 0, 0))
+        checker = tree.nodes.new("ShaderNodeTexChecker")
+        checker.inputs["Scale"].default_value = 2.0
+        checker.inputs["Color1"].default_value, checker.inputs["Color2"].default_value = (1, 1, 1, 1), (0.5, 1, 1, 1)
+        tree.links.new(checker.outputs["Color"], painted.inputs["Color"])
+        model, settings, answer = self.export("--bake", "256")
+        self.assertEqual(answer["warnings"], [])
+        found = {name.split(".")[0]: entries.get("glass_reflection") for name, entries in settings["materials"].items()}
+        self.assertEqual(found, {"white": None, "green": "tinted", "bent": "none", "both": None, "painted": "tinted"})
+        materials = {m["name"].split(".")[0]: m for m in model["materials"]}
+        for name in ("green", "bent"):
+            color = materials[name]["pbrMetallicRoughness"]["baseColorFactor"][:3]
+            np.testing.assert_allclose(color, [0.25, 1, 0.0625], atol=1e-6)
+        # What both surfaces let through, as a file has it.
+        pixels = self.pixels(self.picture(model, materials["painted"]))
+        code = 1.055 * 0.25 ** (1 / 2.4) - 0.055
+        for value in (1.0, code):
+            self.assertGreater((np.abs(pixels[..., 0] - value) < 0.02).mean(), 0.15, value)
+
+    @staticmethod
+    def index_at(made, nanometres):
+        """The index of refraction of a material at a wavelength, by KHR_materials_dispersion and Cauchy's law."""
+        extensions = made["extensions"]
+        ior, abbe = extensions["KHR_materials_ior"]["ior"], 20 / extensions["KHR_materials_dispersion"]["dispersion"]
+        inverse = lambda nm: 1e6 / nm**2
+        slope = (ior - 1) / abbe / (inverse(486.1) - inverse(656.3))
+        return ior + slope * (inverse(nanometres) - inverse(587.6))
+
+    def summed(self, tree, end, colors, iors):
+        """A sum of glass, linked to a socket; gives its shaders."""
+        last, made = None, []
+        for color, ior in zip(colors, iors):
+            node = tree.nodes.new("ShaderNodeBsdfGlass")
+            node.inputs["Color"].default_value, node.inputs["IOR"].default_value = (*color, 1), ior
+            node.inputs["Roughness"].default_value = 0.25
+            made.append(node)
+            if last is not None:
+                both = tree.nodes.new("ShaderNodeAddShader")
+                tree.links.new(last.outputs[0], both.inputs[0])
+                tree.links.new(node.outputs[0], both.inputs[1])
+                node = both
+            last = node
+        tree.links.new(last.outputs[0], end)
+        return made
+
+    def test_sums_of_glass_by_colours_split_light(self):
+        rgb = np.eye(3).tolist()
+        for k, (name, colors, iors) in enumerate((
+            ("gem", rgb, (2.40, 2.42, 2.45)),
+            ("even", (np.eye(3) * (0.5, 0.9, 0.25)).tolist(), (1.4,) * 3),
+            ("odd", rgb, (1.6, 1.55, 1.5)),
+            ("many", [*rgb, (1, 1, 1)], (1.5,) * 4),
+        )):
+            made, tree, _ = shader_tree(name)
+            self.summed(tree, tree.nodes["Material Output"].inputs["Surface"], colors, iors)
+            self.add("cube", made, location=(3 * k, 0, 0))
+        model, settings, answer = self.export()
+        told = {about: message for about, message in answer["warnings"]}
+        self.assertEqual(set(told), {"odd", "many"})
+        self.assertIn("bends red more", told["odd"])
+        self.assertIn("adds light", told["many"])
+        gem, even, odd, many = (next(m for m in model["materials"] if m["name"] == name) for name in ("gem", "even", "odd", "many"))
+        np.testing.assert_allclose([self.index_at(gem, 611.4), self.index_at(gem, 464.2)], [2.40, 2.45], atol=1e-5)
+        for plain, ior in ((even, 1.4), (odd, 1.55)):
+            self.assertNotIn("KHR_materials_dispersion", plain["extensions"])
+            self.assertAlmostEqual(plain["extensions"]["KHR_materials_ior"]["ior"], ior, places=5)
+        colors = [m["pbrMetallicRoughness"].get("baseColorFactor", [1, 1, 1])[:3] for m in (gem, even, many)]
+        np.testing.assert_allclose(colors, [[1, 1, 1], [0.25, 0.81, 0.0625], [1, 1, 1]], atol=1e-5)
+        reflections = {name: entries.get("glass_reflection") for name, entries in settings["materials"].items()}
+        self.assertEqual(reflections, {"gem": None, "even": "tinted", "odd": None, "many": None})
+        self.assertAlmostEqual(gem["pbrMetallicRoughness"]["roughnessFactor"], 0.25, places=5)
+
+    def test_sums_of_glass_in_groups_know_what_is_given_to_them(self):
+        inner = bpy.data.node_groups.new("splitting", "ShaderNodeTree")
+        inner.interface.new_socket("IOR", in_out="INPUT", socket_type="NodeSocketFloat")
+        inner.interface.new_socket("Shader", in_out="OUTPUT", socket_type="NodeSocketShader")
+        entries, ends = inner.nodes.new("NodeGroupInput"), inner.nodes.new("NodeGroupOutput")
+        for node, step in zip(self.summed(inner, ends.inputs[0], np.eye(3).tolist(), (0, 0, 0)), (0.0, 0.02, 0.04)):
+            added = inner.nodes.new("ShaderNodeMath")
+            inner.links.new(entries.outputs[0], added.inputs[0])
+            added.inputs[1].default_value = step
+            inner.links.new(added.outputs[0], node.inputs["IOR"])
+        made, tree, _, group = shader_tree("gem", "Group")
+        group.node_tree = inner
+        group.inputs[0].default_value = 1.5
+        tree.links.new(group.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+        self.add("cube", made)
+        model, _, answer = self.export()
+        self.assertEqual(answer["warnings"], [])
+        (gem,) = model["materials"]
+        np.testing.assert_allclose([self.index_at(gem, 611.4), self.index_at(gem, 464.2)], [1.5, 1.54], atol=1e-5)
+
+    def test_facets_scatter_as_often_as_all_shaders_say(self):
+        frosted, _, glass = self.glass("frosted", Roughness=0.5)
+        metal, _, shader = shader_tree("metal")
+        shader.inputs["Metallic"].default_value = 1.0
+        self.add("cube", metal, location=(3, 0, 0))
+        # What is smooth, or neither metal nor glass, loses little.
+        self.glass("smooth", location=(6, 0, 0), Roughness=0.0)
+        self.add("cube", shader_tree("plastic")[0], location=(9, 0, 0))
+        self.assertNotIn("microfacet", self.export()[1]["render"])
+        glass.distribution = "GGX"
+        _, settings, answer = self.export()
+        self.assertNotIn("microfacet", settings["render"])
+        self.assertEqual([about for about, message in answer["warnings"] if "facet" in message], ["frosted"])
+        shader.distribution = "GGX"
+        _, settings, answer = self.export()
+        self.assertEqual(settings["render"]["microfacet"], "single")
+        self.assertEqual(answer["warnings"], [])
+
     def test_even_worlds_are_left_to_paths_where_rays_see_different_things(self):
         material, _, _ = shader_tree("plain")
         made = self.add("cube", material)

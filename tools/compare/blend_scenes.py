@@ -39,6 +39,7 @@ from blend_objects import (
     world_unseen,
 )
 from blend_blur import blurred, blurred_camera
+from blend_glass import jewels, splitting_glass, tinted_glass
 from blend_links import light_links, linked_instances, shadow_links, shadowless
 from blend_panoramas import (
     equirectangular,
@@ -78,6 +79,7 @@ SCENES = [
     object_info, object_noise, instancer_attributes, two_sides, ray_tricks, fresnel_behind, view_trees, facing_color, facing_mix, facing_light, facing_ramp, places_color, places_forms, places_shaders, places_light, bright_bakes, nooks,
     equirectangular, equirectangular_part, fisheye_equidistant, fisheye_equisolid, mirror_ball, panorama_out_of_focus,
     window_sheet, window_sheet_node, window_pane, window_within, pool_sky, pool_sun, drowned, glowing_glass,
+    jewels, tinted_glass, splitting_glass,
     light_links, shadow_links, linked_instances, shadowless,
     udims, near_and_far, newer_shaders, patterns, mirrored, profiles, soft_profiles, libraries, strands, catchers,
     clouds, fire, flames, made_volumes,

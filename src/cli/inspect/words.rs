@@ -3,8 +3,8 @@
 use super::facts::material_images;
 use oscura::math::DVec3;
 use oscura::scene::{
-    AlphaMode, Camera, ColorSlot, Environment, FloatSlot, Light, LightKind, Material, Model, Panorama,
-    Parameter, Parameters, PbrMaterial, Projection, Scene,
+    AlphaMode, Camera, ColorSlot, Environment, FloatSlot, GlassReflection, Light, LightKind, Material, Model,
+    Panorama, Parameter, Parameters, PbrMaterial, Projection, Scene,
 };
 
 /// Up to four digits behind the point.
@@ -117,6 +117,8 @@ fn pbr(p: &PbrMaterial) -> String {
         ("iridescence", p.iridescence.is_some()),
         ("diffuse transmission", p.diffuse_transmission.is_some()),
         ("dispersion", p.dispersion > 0.0),
+        ("tinted reflection", p.glass_reflection == GlassReflection::Tinted),
+        ("no reflection", p.glass_reflection == GlassReflection::None),
     ];
     parts.extend(layers.iter().filter(|l| l.1).map(|l| l.0.to_string()));
     parts.join(", ")

@@ -12,6 +12,7 @@
 //! | `opacity` | 1 | the share of the surface that is there, or a texture: rays pass what is absent |
 //! | `volume` | false | the surface bounds a solid; otherwise it is a thin sheet |
 //! | `keeps_radiance` | false | refracted light keeps its radiance, as in Blender's Cycles; by physics it is divided by the square of the index. Without `volume` the surface is then one open sheet that bends light by the sides of its normal, as the surface of a solid does, with nothing behind |
+//! | `glass_reflection` | "white" | colour of what the surface reflects where light may pass: `"white"`, `"tinted"` (that of light that crosses it once, as Blender's Glass node) or `"none"` (nothing, and all light passes that can, as Blender's Refraction node) |
 //! | `attenuation_color`, `attenuation_distance` | 1, none | colour of white light after so many metres in the solid |
 //! | `medium` | none | what fills a solid that lets light in, see `media` |
 //! | `subsurface` | none | wax, skin, marble: `{ color, radius, scale, anisotropy }`, see `media`; in place of the diffuse base |
@@ -31,8 +32,8 @@ use super::media;
 use super::textures::Textures;
 use crate::load::gltf::Glass;
 use crate::scene::{
-    AlphaMode, Anisotropy, Clearcoat, ColorSlot, DiffuseTransmission, Emission, FloatSlot, Iridescence,
-    Material, Medium, Model, PbrMaterial, Sheen,
+    AlphaMode, Anisotropy, Clearcoat, ColorSlot, DiffuseTransmission, Emission, FloatSlot, GlassReflection,
+    Iridescence, Material, Medium, Model, PbrMaterial, Sheen,
 };
 
 /// Reads colours, numbers and names of textures in place of others.
@@ -99,6 +100,9 @@ pub(super) fn adjust(
     model.specular = slots.number("specular", model.specular);
     model.specular_color = slots.color("specular_color", model.specular_color);
     model.transmission = slots.number("transmission", model.transmission);
+    if let Some(reflection) = fields.choice("glass_reflection", &GlassReflection::ALL) {
+        model.glass_reflection = reflection;
+    }
     if fields.has("opacity") {
         material.alpha = slots.number_beside("opacity", FloatSlot::constant(1.0), alpha);
         material.alpha_mode = AlphaMode::Blend;

@@ -417,6 +417,7 @@ pub const TABLES: &[Table] = &[
             ("transmission", "0.3", "0.4"),
             ("volume", "true", ""),
             ("keeps_radiance", "true", "false"),
+            ("glass_reflection", "\"tinted\"", "\"none\""),
             ("attenuation_color", "[1, 0.5, 0.5]", "0.5"),
             ("attenuation_distance", "2", "3"),
             ("dispersion", "0.1", "0.2"),

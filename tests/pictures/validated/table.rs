@@ -7,11 +7,11 @@ use oscura::image::{Encoding, Image, Pixels};
 use oscura::scene::{
     AlphaMode, Anisotropy, Aperture, Backdrop, Beam, Camera, Caught, Clearcoat, ColorSlot, CurveBasis,
     Curves, DiffuseTransmission, Displacement, Emission, EnergyCompensation, Environment, Filter, FloatSlot,
-    Fog, FresnelModel, Glow, Grid, GridId, ImageId, Instance, Interpolation, Iridescence, Lamp, Light,
-    LightKind, LightLinks, LightProfile, Link, Mapping, Material, MaterialId, Medium, Mesh, MeshId, MeshPart,
-    Model, Motion, NoiseKind, NormalMap, ObjectSet, ObjectSets, ObjectTraits, PbrMaterial, Portal, ProfileId,
-    Projection, Quad, RayKinds, Scene, Settings, Shape, ShapeKind, Sheen, SpotFade, Texture, TextureId,
-    TextureTransform, ThinLens, Wrap,
+    Fog, FresnelModel, GlassReflection, Glow, Grid, GridId, ImageId, Instance, Interpolation, Iridescence,
+    Lamp, Light, LightKind, LightLinks, LightProfile, Link, Mapping, Material, MaterialId, Medium, Mesh,
+    MeshId, MeshPart, Model, Motion, NoiseKind, NormalMap, ObjectSet, ObjectSets, ObjectTraits, PbrMaterial,
+    Portal, ProfileId, Projection, Quad, RayKinds, Scene, Settings, Shape, ShapeKind, Sheen, SpotFade,
+    Texture, TextureId, TextureTransform, ThinLens, Wrap,
 };
 
 /// Ids mostly change to others that may exist.
@@ -98,8 +98,8 @@ structs! {
     NormalMap { texture, scale }
     PbrMaterial {
         base_color, metallic, roughness, diffuse_roughness, ior, specular, specular_color, transmission, has_volume,
-        tints_once, keeps_radiance, attenuation_color, attenuation_distance, dispersion, clearcoat, sheen, anisotropy, iridescence,
-        diffuse_transmission,
+        tints_once, keeps_radiance, glass_reflection, attenuation_color, attenuation_distance, dispersion, clearcoat, sheen, anisotropy,
+        iridescence, diffuse_transmission,
     }
     Clearcoat { factor, roughness, normal_map }
     Sheen { color, roughness }
@@ -127,6 +127,7 @@ enums! {
     CurveBasis { Linear {} Bezier {} BSpline {} CatmullRom {} } {}
     AlphaMode { Opaque {} Mask { cutoff } Blend {} } {}
     FresnelModel { Exact {} Schlick {} } {}
+    GlassReflection { White {} Tinted {} None {} } {}
     EnergyCompensation { On {} Off {} } {}
     Caught { All {} Shadows {} } {}
     Filter { Box {} Gaussian {} BlackmanHarris {} } {}

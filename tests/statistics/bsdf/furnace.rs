@@ -2,13 +2,16 @@
 
 use super::albedo::{COSINES, ROUGHNESSES, albedo, assert_no_gain};
 use super::lobes::{
-    Cases, anisotropy, coat, direction, glass, length, number, pbr, resolved, sheen, through,
+    Cases, anisotropy, coat, colored, direction, glass, length, number, pbr, resolved, resolved_with, sheen,
+    through,
 };
 use oscura::bsdf::{Bsdf, Dielectric, Lobe, OrenNayar, Phong, Refraction, SchlickMetal, ThinDielectric};
 use oscura::color::Rgb;
 use oscura::math::Vec3;
 use oscura::sampling::chi2::Random;
-use oscura::scene::{EnergyCompensation, FresnelModel, PbrMaterial};
+use oscura::scene::{
+    ColorSlot, EnergyCompensation, FresnelModel, GlassReflection, PbrMaterial, ShadingModel,
+};
 
 #[test]
 fn white_furnace_of_metal_is_one() {
@@ -171,6 +174,47 @@ fn black_glass_transmits_nothing() {
                 let f = bsdf.eval(wo, wi).f_cos;
                 let crosses = wo.z * wi.z < 0.0;
                 assert!(!crosses || (f.r == 0.0 && f.g == 0.0), "{ior} {roughness}: {wo} {wi} {f}");
+            }
+        }
+    }
+}
+
+/// A colour of what is reflected changes no share: all that leaves is what leaves white glass, times the colour. What reflects nothing
+/// mirrors nothing, and refracts all light, where white glass does not reflect it all.
+#[test]
+fn colours_of_reflection_change_no_share() {
+    let shading = ShadingModel { energy_compensation: EnergyCompensation::Off, ..ShadingModel::default() };
+    let of = |reflection, roughness, volume, color| {
+        let material = colored(reflection, roughness, volume);
+        resolved_with(PbrMaterial { base_color: ColorSlot::constant(color), ..material }, shading)
+    };
+    let color = Rgb::new(0.9, 0.5, 0.1);
+    let mut random = Random::new(9);
+    for (roughness, volume) in [(0.0, true), (0.0, false), (0.5, true), (0.5, false)] {
+        let white = of(GlassReflection::White, roughness, volume, [1.0; 3]);
+        let tinted = of(GlassReflection::Tinted, roughness, volume, color.to_array());
+        let grey = of(GlassReflection::Tinted, roughness, volume, [0.5; 3]);
+        let clear = of(GlassReflection::None, roughness, volume, color.to_array());
+        for _ in 0..5000 {
+            let (wo, wi) = (random.direction(), random.direction());
+            let what = format!("{roughness} {volume}: {wo} {wi}");
+            let f = white.eval(wo, wi).f_cos;
+            assert!(length(tinted.eval(wo, wi).f_cos - f * color) < 1e-5 * (1.0 + length(f)), "{what}");
+            let alone = clear.eval(wo, wi);
+            let mirrors = (wo.z < 0.0) == (wi.z < 0.0);
+            assert!(!mirrors || (alone.f_cos == Rgb::ZERO && alone.pdf_solid_angle == 0.0), "{what}");
+            let least = f * color * if mirrors { 0.0 } else { 1.0 };
+            assert!(alone.f_cos.r >= least.r * 0.999 && alone.f_cos.b >= least.b * 0.999, "{what}");
+            let u = [random.next(), random.next(), random.next()];
+            let (a, b) = (white.sample(wo, u), grey.sample(wo, u));
+            assert!((a.wi - b.wi).length() < 1e-4, "{what}: {a:?} {b:?}");
+            assert!(length(a.weight * 0.5 - b.weight) < 1e-4, "{what}: {a:?} {b:?}");
+            let s = clear.sample(wo, u);
+            let total = volume && 1.0 - wo.z * wo.z > 1.0 / 2.25 && wo.z < 0.0;
+            if roughness == 0.0 {
+                assert_eq!(s.pdf_solid_angle, if total { 0.0 } else { 1.0 }, "{what}");
+                let weight = s.weight * (s.eta * s.eta);
+                assert!(total || length(weight - color) < 1e-5 && s.is_transmission, "{what}: {s:?}");
             }
         }
     }

@@ -7,8 +7,8 @@ use oscura::bsdf::{
 use oscura::color::Rgb;
 use oscura::math::{Vec2, Vec3};
 use oscura::scene::{
-    Anisotropy, Clearcoat, ColorSlot, DiffuseTransmission, EnergyCompensation, FloatSlot, Iridescence, Model,
-    PbrMaterial, Sheen,
+    Anisotropy, Clearcoat, ColorSlot, DiffuseTransmission, EnergyCompensation, FloatSlot, GlassReflection,
+    Iridescence, Model, PbrMaterial, Sheen,
 };
 use std::cell::Cell;
 
@@ -109,6 +109,15 @@ pub fn glass(
     BsdfProgram::of(&model, shading).evaluate(&Factors, &LocalFrame::STRAIGHT)
 }
 
+/// Coloured glass that reflects so.
+pub fn colored(reflection: GlassReflection, roughness: f32, has_volume: bool) -> PbrMaterial {
+    pbr(|p| {
+        p.base_color.factor = [0.9, 0.5, 0.1];
+        (p.roughness, p.transmission, p.has_volume) = (number(roughness), number(1.0), has_volume);
+        p.glass_reflection = reflection;
+    })
+}
+
 /// A clearcoat.
 pub fn coat(factor: f32, roughness: f32) -> Option<Clearcoat> {
     Some(Clearcoat { factor: number(factor), roughness: number(roughness), normal_map: None })
@@ -182,6 +191,13 @@ pub fn finite() -> Vec<(String, Bsdf)> {
     add("coloured glass", glass(1.5, 0.8, false, [0.9, 0.3, 0.0], EnergyCompensation::On));
     add("bubble", glass(1.5, 0.6, false, [1.0; 3], EnergyCompensation::On).with_ior(0.6));
     add("thin glass", glass(1.5, 0.5, true, [0.9, 0.3, 0.1], EnergyCompensation::On));
+    for (name, reflection, volume) in [
+        ("glass of tinted reflection", GlassReflection::Tinted, true),
+        ("thin glass of tinted reflection", GlassReflection::Tinted, false),
+        ("refraction alone", GlassReflection::None, true),
+    ] {
+        add(name, resolved(colored(reflection, 0.6, volume)));
+    }
     add("half transmissive", basic(0.6, 0.0, 0.5, true));
     add("mixed", basic(0.6, 0.4, 0.5, false));
     add("brown hair", hair([0.3, 0.15, 0.05], [0.3, 0.3], 0.035, 0.0));
@@ -269,6 +285,10 @@ pub fn layers() -> Vec<(&'static str, PbrMaterial)> {
             }),
         ),
         (
+            "film on glass of tinted reflection",
+            PbrMaterial { iridescence: film(1.8, 400.0), ..colored(GlassReflection::Tinted, 0.5, true) },
+        ),
+        (
             "everything",
             pbr(|p| {
                 (p.clearcoat, p.sheen, p.anisotropy) =
@@ -294,5 +314,30 @@ fn layers_need_their_class() {
         assert_eq!(class, expected, "{name}");
         let is_layered = matches!(resolved(material), Bsdf::Layered(_));
         assert_eq!(is_layered, expected == BsdfClass::Layered, "{name}");
+    }
+}
+
+/// Smooth glass stays known as such, and thin one as what lights shine through, whatever it reflects.
+#[test]
+fn glass_of_coloured_reflection_is_known_as_smooth() {
+    for reflection in [GlassReflection::White, GlassReflection::Tinted, GlassReflection::None] {
+        for (roughness, has_volume) in [(0.0, true), (0.0, false), (0.4, true), (0.4, false)] {
+            let model = Model::Pbr(Box::new(colored(reflection, roughness, has_volume)));
+            let program = BsdfProgram::of(&model, ShadingModel::default());
+            let what = format!("{reflection:?} {roughness} {has_volume}");
+            assert_eq!(program.is_smooth_glass(), roughness == 0.0, "{what}");
+            assert_eq!(program.may_pass_straight(), roughness == 0.0 && !has_volume, "{what}");
+            let bsdf = program.evaluate(&Factors, &LocalFrame::STRAIGHT);
+            assert_eq!(bsdf.is_specular(), roughness == 0.0, "{what}");
+            let reflected = bsdf.look().glossy.to_array();
+            let factor = match reflection {
+                GlassReflection::White => [1.0; 3],
+                GlassReflection::Tinted => [0.9, 0.5, 0.1],
+                GlassReflection::None => [0.0; 3],
+            };
+            for c in 0..3 {
+                assert!((reflected[c] - 0.04 * factor[c]).abs() < 1e-6, "{what}: {reflected:?}");
+            }
+        }
     }
 }

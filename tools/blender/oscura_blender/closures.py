@@ -1,7 +1,7 @@
 """Shader nodes as inputs of one Principled shader: constants, or sockets of the tree that feed them. A mix of shaders becomes
 a mix of their inputs."""
 
-from . import facing, shaders, trees, views
+from . import facing, glasses, shaders, trees, views
 
 BLACK, WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
 
@@ -38,10 +38,6 @@ def diffuse(color, normal=None):
 
 def invisible():
     return {**diffuse(BLACK), "Alpha": 0.0}
-
-
-def glass(color, roughness, ior):
-    return {"Base Color": color, "Transmission Weight": 1.0, "Roughness": roughness, "IOR": ior}
 
 
 def build(tree, inputs, end=None):
@@ -98,6 +94,7 @@ class Reader:
         # Other users of the group keep theirs.
         node.node_tree = node.node_tree.copy()
         inner = node.node_tree
+        _settle_entries(node)
         ends = [n for n in inner.nodes if n.bl_idname == "NodeGroupOutput"]
         end = next((n for n in ends if n.is_active_output), None)
         within = next((s for s in end.inputs if s.identifier == identifier), None) if end else None
@@ -108,7 +105,7 @@ class Reader:
 
     @staticmethod
     def _from_group(node, end, name, value):
-        if value is None or isinstance(value, (int, float, tuple)):
+        if value is None or isinstance(value, (int, float, tuple, str)):
             return value
         if value.node.bl_idname == "NodeGroupInput":
             outer = next(s for s in node.inputs if s.identifier == value.identifier)
@@ -146,12 +143,21 @@ class Reader:
     _BsdfGlossy = _BsdfAnisotropic
 
     def _BsdfGlass(self, node):
-        color = self._value(node, "Color")
-        if isinstance(color, tuple):
-            # Glass tints at both surfaces, the Principled shader once on the whole way.
-            color = tuple(c * c for c in color)
-        found = glass(color, self._value(node, "Roughness"), self._value(node, "IOR"))
+        return self._clear(node, self._value(node, "Color"), self._value(node, "IOR"))
+
+    def _clear(self, node, color, ior):
+        """Glass, which tints at both surfaces, where the Principled shader does so once on the whole way."""
+        found = glasses.inputs(node, self._squared(color), self._value(node, "Roughness"), ior)
         return {**found, "Normal": self._normal(node)}
+
+    def _squared(self, color):
+        if isinstance(color, tuple):
+            return tuple(c * c for c in color)
+        node = self.tree.nodes.new("ShaderNodeVectorMath")
+        node.operation = "MULTIPLY"
+        for entry in node.inputs[:2]:
+            self.tree.links.new(color, entry)
+        return node.outputs[0]
 
     _BsdfRefraction = _BsdfGlass
 
@@ -161,7 +167,8 @@ class Reader:
             return invisible()
         # A sheet of one surface that colours what passes and reflects nothing.
         trees.settle(self.material, volume=False)
-        return {**glass(color, 0.0, 1.0), "Specular IOR Level": 0.0}
+        found = {"Base Color": color, "Transmission Weight": 1.0, "Roughness": 0.0, "IOR": 1.0}
+        return {**found, "Specular IOR Level": 0.0}
 
     def _BsdfTranslucent(self, node):
         color = self._value(node, "Color")
@@ -198,6 +205,10 @@ class Reader:
         return diffuse(BLACK)
 
     def _AddShader(self, node):
+        found = glasses.summed(node, lambda message: self.report.warn(self.name, message))
+        if found is not None:
+            color, ior, dispersion, first = found
+            return {**self._clear(first, color, ior), **({glasses.DISPERSION: dispersion} if dispersion else {})}
         first, second = (self.read(shaders.source(i)) for i in node.inputs)
         if not _shines(second):
             first, second = second, first
@@ -252,7 +263,9 @@ class Reader:
             # A sheet that reflects once, where one of glass does twice: it is there in part, by the angle of view.
             return None
         if under.get("Transmission Weight") == 1.0:
-            return {**under, "IOR": ior}
+            # What reflects is the gloss, and not what refracts.
+            colored = under.get(glasses.REFLECTION) == "tinted"
+            return {k: v for k, v in under.items() if colored or k != glasses.REFLECTION} | {"IOR": ior}
         if under.get("Metallic", 0.0) != 0.0:
             return None
         if under.get("Specular IOR Level") == 0.0:
@@ -315,6 +328,8 @@ class Reader:
             return a
         if a is None:
             return b
+        if name == glasses.REFLECTION:
+            return "tinted"
         if name == "Normal":
             return a
         if isinstance(factor, float) and isinstance(a, (float, tuple)) and isinstance(b, (float, tuple)):
@@ -361,6 +376,14 @@ def _with_ground(inputs, other):
     if inputs.get("Translucent Weight") != 1.0 or "Translucent Weight" in other:
         return inputs
     return {**other, **{name: inputs[name] for name in ("Translucent Weight", "Translucent Color")}}
+
+
+def _settle_entries(group):
+    """Puts the inputs of a group that are the same everywhere into its tree, so that what is made of them is known there."""
+    for entries in [n for n in group.node_tree.nodes if n.bl_idname == "NodeGroupInput"]:
+        for inner, outer in zip(entries.outputs, group.inputs):
+            if inner.type in ("VALUE", "RGBA", "VECTOR") and (value := shaders.constant(outer)) is not None:
+                trees.replace(group.node_tree, inner, shaders.as_type(value, inner.type != "VALUE"))
 
 
 def _has_gloss(inputs):

@@ -5,7 +5,7 @@ import math
 
 import bpy
 
-from . import bake, brushed, closures, facing, means, media, mixes, panes, pictures, relief, shaders, skins, trees, undeformed, uniform, variants, vertex_colors, views
+from . import bake, brushed, closures, facing, glasses, means, media, mixes, panes, pictures, relief, shaders, skins, trees, undeformed, uniform, variants, vertex_colors, views
 
 WHITE = closures.WHITE
 
@@ -112,6 +112,9 @@ def _normalize(material, report):
     found = closures.Reader(tree, material, report).read(surface)
     closures.build(tree, found, end)
     _let_through(material, found, report)
+    if found.get("Transmission Weight", 0.0) != 0.0:
+        known = {"glass_reflection": found.get(glasses.REFLECTION), "dispersion": found.get(glasses.DISPERSION)}
+        trees.settle(material, **{key: value for key, value in known.items() if value is not None})
 
 
 def _filling(material, report):
@@ -179,6 +182,8 @@ def patch(material, report):
         extensions["KHR_materials_ior"] = {"ior": 0.0}
     elif ior is not None and abs(ior - 1.5) > 1e-6:
         extensions["KHR_materials_ior"] = {"ior": max(ior, 1.0)}
+    if dispersion := trees.SETTINGS.get(material.name, {}).pop("dispersion", None):
+        extensions["KHR_materials_dispersion"] = {"dispersion": dispersion}
     if value("Sheen Weight"):
         tint = value("Sheen Tint") or (1.0, 1.0, 1.0)
         color = [min(max(value("Sheen Weight") * c, 0.0), 1.0) for c in tint]

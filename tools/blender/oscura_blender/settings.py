@@ -2,7 +2,7 @@
 
 import bpy
 
-from . import trees, view_table
+from . import facets, trees, view_table
 from .report import listed
 
 # The working space of oscura, and of Blender's scenes unless they say otherwise.
@@ -63,6 +63,7 @@ def read(scene, found, folder, name, report):
         _read_cycles(cycles, entries, report)
         if any("is_shadow_catcher" in extras for extras in found.extras.values()):
             entries["caught"] = "shadows"
+        entries["microfacet"] = facets.model([h for h in found.objects.values() if h is not None], report)
         entries["aovs"] = _passes(layer, report) or None
     elif scene.render.engine == ENGINE:
         entries.update(_chosen_for_us(scene))
