@@ -71,6 +71,7 @@ def export(options, report):
     patches = materials.prepare(found, store, report)
     world.settle(dict(tables)["[environment]"], found)
     if moves is not None:
+        motion.tell_of_volumes(found, moves, report)
         motion.add_shapes(found, moves, report)
         if moves.matrices or moves.shapes:
             report.tell(moment=moves.moment, fps=moves.fps)

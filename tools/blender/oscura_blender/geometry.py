@@ -48,6 +48,7 @@ class Collected:
         self.hair = []  # of strands: name, strands, matrix, material, entries for rays and pictures
         self.strands = {}  # of particles, by object and system
         self.brushed = {}  # by the name of the mesh object: see there
+        self.volumes = {}  # names of volume objects by what tells them from all else
         self.links = None  # what lights are linked to
         self.questions = None  # that materials ask about objects
         self.faces = 0  # of meshes that were made for the sake of materials
@@ -190,6 +191,7 @@ def _add_volume(found, obj, instance, store, report):
     # It stands in the world and is marked as nothing else, so that nothing moves it.
     found.placements[holder.name], found.marks[holder.name] = [(name, Matrix.Identity(4))], [("volume", holder.name)]
     found.links.place(name, _linked(obj, parent))
+    found.volumes[mark(instance)] = name
 
 
 def _name(obj, parent):
