@@ -247,16 +247,12 @@ impl Integrator<'_> {
             if may_have_neighbours { self.scene.geometries.is_back_of_flat(ray, hit, time) } else { None };
         let has_neighbours = is_back.is_some_and(|is_back| is_back || material.is_boundary || is_for_some);
         let is_another = hit.t > ray.t_min.next_up();
-        let is_crowded = match is_back {
-            Some(_) => material.is_boundary && !is_another,
-            None => material.is_boundary && self.scene.features.overlaps,
-        };
-        if is_crowded || has_neighbours && is_another {
-            ray.t_min = hit.t.next_down();
-            ray.origin_primitive = hit.into();
-        } else {
-            ray.t_min = hit.t;
+        if has_neighbours && is_another {
+            (ray.t_min, ray.origin_primitive) = (hit.t.next_down(), hit.into());
+            return false;
         }
+        let is_crowded = material.is_boundary && (has_neighbours || self.scene.features.overlaps);
+        ray.t_min = hit.t;
         is_crowded
     }
 

@@ -16,17 +16,8 @@ use crate::compile::Scattering;
 use crate::math::{Ray, Vec3};
 use crate::sampling::hash::{hash32, unit};
 
-/// Where a path begins to fly.
-pub(super) struct Start<'a> {
-    /// The solids around it.
-    pub interior: Interior,
-    /// What it carries.
-    pub waves: Option<&'a Wavelengths>,
-    pub throughput: Rgb,
-    /// Its ray, and where on that.
-    pub ray: &'a Ray,
-    pub from: f32,
-}
+/// A ray and where on it a flight begins.
+pub(super) type Start<'a> = (&'a Ray, f32);
 
 impl Integrator<'_> {
     /// Do other media fill the place of the one that a path is in?
@@ -36,45 +27,63 @@ impl Integrator<'_> {
     }
 
     /// Draws the flight of a path, by two numbers in 0..1; `list` gets those through the other media in the place.
-    #[inline]
+    #[inline(always)]
     pub(super) fn fly(
         &self,
-        start: &Start<'_>,
+        (interior, waves): (Interior, Option<&Wavelengths>),
+        start: Start<'_>,
+        throughput: Rgb,
         lamp: Option<Vec3>,
         u: [f32; 2],
         list: &mut Vec<Flight>,
     ) -> Flight {
-        let flight = self.fly_in(start.interior.medium(), start, lamp, u);
-        if self.scene.features.overlaps { self.fly_beside(flight, start, u, list) } else { flight }
+        let mut flight = self.fly_in((interior.medium(), waves), start, throughput, lamp, u);
+        if self.scene.features.overlaps {
+            self.fly_beside(&mut flight, (interior, waves), start, throughput, u, list);
+        }
+        flight
     }
 
     #[inline]
-    fn fly_in(&self, medium: u16, start: &Start<'_>, lamp: Option<Vec3>, u: [f32; 2]) -> Flight {
+    fn fly_in(
+        &self,
+        (medium, waves): (u16, Option<&Wavelengths>),
+        (ray, from): Start<'_>,
+        throughput: Rgb,
+        lamp: Option<Vec3>,
+        u: [f32; 2],
+    ) -> Flight {
         match &self.scene.media[usize::from(medium)].scattering {
             Some(s) => {
-                let scattering = (medium, &*s.in_lanes(start.waves));
-                let ray = (start.ray.origin, start.ray.direction);
-                Flight::draw(scattering, ray, start.from, start.throughput, lamp, u)
+                let scattering = (medium, &*s.in_lanes(waves));
+                Flight::draw(scattering, (ray.origin, ray.direction), from, throughput, lamp, u)
             }
-            None => Flight::straight(medium, [start.from, f32::INFINITY]),
+            None => Flight::straight(medium, [from, f32::INFINITY]),
         }
     }
 
-    /// The flight that ends first: the one through the first medium, or one through those in the same place. All end there.
+    /// Takes the flight that ends first in place of the one through the first medium: that, or one through those in the same place.
+    /// All end there.
     #[cold]
-    fn fly_beside(&self, flight: Flight, start: &Start<'_>, u: [f32; 2], list: &mut Vec<Flight>) -> Flight {
-        let (first, mut soonest) = (list.len(), flight);
-        for medium in start.interior.beside(&self.scene.media) {
-            let other = self.fly_in(medium, start, None, numbers_of(medium, u));
-            let later =
-                if other.until < soonest.until { std::mem::replace(&mut soonest, other) } else { other };
+    fn fly_beside(
+        &self,
+        soonest: &mut Flight,
+        (interior, waves): (Interior, Option<&Wavelengths>),
+        start: Start<'_>,
+        throughput: Rgb,
+        u: [f32; 2],
+        list: &mut Vec<Flight>,
+    ) {
+        let first = list.len();
+        for medium in interior.beside(&self.scene.media) {
+            let other = self.fly_in((medium, waves), start, throughput, None, numbers_of(medium, u));
+            let later = if other.until < soonest.until { std::mem::replace(soonest, other) } else { other };
             list.push(later);
         }
         for later in &mut list[first..] {
             later.until = soonest.until;
         }
         soonest.beside = [first as u32, list.len() as u32];
-        soonest
     }
 
     /// What path `i` is taken times at a point of its ray by the flights beside its own.

@@ -5,9 +5,9 @@ use crate::math::{Hit, Ray, Vec3};
 use bytemuck::Zeroable;
 
 /// The solids that a path is inside of, by the numbers of their media: up to [`Interior::MOST`], those entered last. Sixteen
-/// bits each, the last one lowest; 0 is none.
+/// bits each, the last one lowest; 0 is none. In two words, that nothing need be aligned to both.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Zeroable)]
-pub struct Interior(u128);
+pub struct Interior([u64; 2]);
 
 const BITS: u32 = u16::BITS;
 const _: () = assert!(Interior::MOST * BITS == u128::BITS);
@@ -17,18 +17,28 @@ impl Interior {
     pub const MOST: u32 = MOST_AROUND as u32;
 
     /// Inside of nothing.
-    pub const AIR: Interior = Interior(0);
+    pub const AIR: Interior = Interior([0; 2]);
+
+    #[inline(always)]
+    fn bits(self) -> u128 {
+        u128::from(self.0[1]) << u64::BITS | u128::from(self.0[0])
+    }
+
+    #[inline(always)]
+    fn of(bits: u128) -> Interior {
+        Interior([bits as u64, (bits >> u64::BITS) as u64])
+    }
 
     /// The medium around; 0 is that around the whole scene.
     #[inline(always)]
     pub fn medium(self) -> u16 {
-        self.0 as u16
+        self.0[0] as u16
     }
 
     /// The media that fill the same place as [`Interior::medium`] and add to it, each once: those below it in the list, as far
     /// down as media add up and none is of a lower priority, and that around the whole scene where there is nothing else below.
     pub fn beside(self, media: &[Medium]) -> impl Iterator<Item = u16> {
-        let number = move |k: u32| (self.0 >> (k * BITS)) as u16;
+        let number = move |k: u32| (self.bits() >> (k * BITS)) as u16;
         let top = &media[usize::from(self.medium())];
         let adds_up = move |medium: u16| {
             let medium = &media[usize::from(medium)];
@@ -48,7 +58,7 @@ impl Interior {
     /// After entering a solid of a medium.
     #[inline(always)]
     pub fn entered(self, medium: u16) -> Interior {
-        Interior(self.0 << BITS | u128::from(medium))
+        Interior::of(self.bits() << BITS | u128::from(medium))
     }
 
     /// After entering a solid of a medium where those of higher priorities stay in front of it.
@@ -56,33 +66,44 @@ impl Interior {
     pub fn entered_by_priority(self, medium: u16, media: &[Medium]) -> Interior {
         let own = media[usize::from(medium)].priority;
         let is_below = |&shift: &u32| {
-            let other = (self.0 >> shift) as u16;
+            let other = (self.bits() >> shift) as u16;
             other == 0 || media[usize::from(other)].priority <= own
         };
         let Some(shift) = (0..u128::BITS).step_by(BITS as usize).find(is_below) else { return self };
-        let inner = self.0 & ((1 << shift) - 1);
-        Interior((self.0 >> shift << BITS | u128::from(medium)) << shift | inner)
+        let inner = self.bits() & ((1 << shift) - 1);
+        Interior::of((self.bits() >> shift << BITS | u128::from(medium)) << shift | inner)
     }
 
     /// Without the solid of that medium entered last, if there is one.
     #[inline]
     pub fn left(self, medium: u16) -> Interior {
+        // Most are left soonest that were entered last.
+        if self.medium() == medium {
+            return Interior::of(self.bits() >> BITS);
+        }
         let Some(shift) = self.position(medium) else { return self };
-        let inner = self.0 & ((1 << shift) - 1);
-        let outer = self.0 >> shift >> BITS << shift;
-        Interior(outer | inner)
+        let inner = self.bits() & ((1 << shift) - 1);
+        let outer = self.bits() >> shift >> BITS << shift;
+        Interior::of(outer | inner)
     }
 
     /// Is a solid of that medium among them?
     #[inline]
     pub fn contains(self, medium: u16) -> bool {
-        self.position(medium).is_some()
+        self.medium() == medium || self.position(medium).is_some()
     }
 
     /// The lowest bit of the last entry of a medium.
     #[inline]
     fn position(self, medium: u16) -> Option<u32> {
-        (0..u128::BITS).step_by(BITS as usize).find(|&shift| (self.0 >> shift) as u16 == medium)
+        let (mut rest, mut shift) = (self.bits(), 0);
+        while rest != 0 {
+            if rest as u16 == medium {
+                return Some(shift);
+            }
+            (rest, shift) = (rest >> BITS, shift + BITS);
+        }
+        None
     }
 
     /// The solids around a point of a scene: a ray that leaves it crosses their surfaces from behind once more often than
@@ -204,7 +225,7 @@ mod tests {
         let some = [1, 2, 3].into_iter().fold(Interior::AIR, enter);
         assert_eq!(some, Interior::AIR.entered(1).entered(3).entered(2));
         assert_eq!(enter(some, 4), Interior::AIR.entered(4).entered(1).entered(3).entered(2));
-        assert_eq!(enter(enter(some, 4), 5), some.entered(5));
+        assert_eq!(enter(enter(some, 4), 5), enter(some, 4).entered(5));
         assert_eq!(enter(enter(enter(some, 4), 3), 4).left(2).medium(), 3);
         let full = (0..Interior::MOST).fold(Interior::AIR, |inside, _| enter(inside, 5));
         assert_eq!(enter(full, 4), full, "none is of a lower priority");

@@ -7,7 +7,6 @@
 
 use super::Integrator;
 use super::Purpose;
-use super::beside::Start;
 use super::flight::{Crossed, Flight, ShadowWay};
 use super::group::{Group, GroupCounts, Sorted};
 use super::interior::Interior;
@@ -48,8 +47,8 @@ impl Integrator<'_> {
             let lamp = self.guiding_lamp(medium, ray.origin, [lamp0, lamp1]);
             let throughput = get_rgb(&path.throughput, i);
             let waves = times.waves(path.sample[i]);
-            let start = Start { interior, waves, throughput, ray, from: 0.0 };
-            let flight = self.fly(&start, lamp, [distance, kind], flights_beside);
+            let carried = (interior, waves);
+            let flight = self.fly(carried, (ray, 0.0), throughput, lamp, [distance, kind], flights_beside);
             // Where cameras see surfaces up to a distance only, rays end there; what scatters beyond is seen.
             ray.t_max = flight.until.min(ray.t_max);
             flights.push(flight);
@@ -73,18 +72,20 @@ impl Integrator<'_> {
             let hit = w.hits[i];
             let mut weight = self.passed(bounce, i, hit.t, w);
             let time = w.times.of(w.arriving.carried.sample[i]);
-            let others = if hit.is_hit() { Rgb::ONE } else { self.passed_beside(i, w.flights[i].until, w) };
-            let flight = &mut w.flights[i];
+            let flight = &w.flights[i];
             if let Some(crossed) = flight.crossed.filter(|c| self.bounds_at(c, &w.rays[i], (&hit, time))) {
                 w.arriving.interior[i] = crossed.before;
             }
             if !hit.is_hit() && flight.until.is_finite() {
-                flight.scatters = true;
-                w.hits[i].t = flight.until;
                 let medium = &self.scene.media[usize::from(flight.medium)];
                 let waves = w.times.waves(w.arriving.carried.sample[i]);
                 let weigh = |s: &Scattering| flight.weight_of_scattering(&s.in_lanes(waves));
-                weight = others * medium.scattering.as_ref().map_or(Rgb::ZERO, weigh);
+                weight = medium.scattering.as_ref().map_or(Rgb::ZERO, weigh);
+                if !flight.is_alone() {
+                    weight *= self.passed_beside(i, flight.until, w);
+                }
+                w.hits[i].t = flight.until;
+                w.flights[i].scatters = true;
             }
             let throughput = get_rgb(&w.arriving.carried.throughput, i);
             set_rgb(&mut w.arriving.carried.throughput, i, throughput * weight);
@@ -107,25 +108,25 @@ impl Integrator<'_> {
     /// The weight of path `i` where it arrives at a point of its flight without having scattered. Adds what media emit on the
     /// way.
     pub(super) fn passed(&self, bounce: u32, i: usize, to: f32, w: &mut Workspace) -> Rgb {
-        let flight = w.flights[i];
-        if !flight.is_alone() {
+        if !w.flights[i].is_alone() {
             return self.passed_together(bounce, i, to, w);
         }
+        let flight = &w.flights[i];
         let medium = &self.scene.media[usize::from(flight.medium)];
         if let Some(scattering) = &medium.scattering
             && scattering.emission.max_element() > 0.0
         {
             let scattering = &scattering.in_lanes(w.times.waves(w.arriving.carried.sample[i]));
             let salt = self.glow_salt(bounce, i, w) ^ GLOW;
-            let value = self.glow(&flight, scattering, i, to, salt, w);
+            let value = self.glow(flight, scattering, i, to, salt, w);
             self.add_glow(bounce, i, value, w);
         }
-        self.weight_of_passing(&flight, i, to, w)
+        self.weight_of_passing(&w.flights[i], i, to, w)
     }
 
     /// What path `i` is taken times by one of its flights at a point of its ray, where it arrives without having scattered. What ends
     /// nowhere in a solid was not closed, and absorbs nothing.
-    #[inline]
+    #[inline(always)]
     pub(super) fn weight_of_passing(&self, flight: &Flight, i: usize, to: f32, w: &Workspace) -> Rgb {
         let medium = &self.scene.media[usize::from(flight.medium)];
         let waves = w.times.waves(w.arriving.carried.sample[i]);
@@ -258,8 +259,8 @@ impl Integrator<'_> {
             let salt = hash32(salt.wrapping_add(pass) ^ BOUNDARY);
             let u = [unit(salt), unit(hash32(salt))];
             let waves = w.times.waves(w.arriving.carried.sample[i]);
-            let start = Start { interior: beyond, waves, throughput, ray: &w.rays[i], from: hit.t };
-            let flight = self.fly(&start, None, u, &mut w.flights_beside);
+            let start = (&w.rays[i], hit.t);
+            let flight = self.fly((beyond, waves), start, throughput, None, u, &mut w.flights_beside);
             let far = if is_clipped { self.reach(w, i) } else { f32::INFINITY };
             w.rays[i].t_max = flight.until.min(far);
             w.flights[i] = flight;

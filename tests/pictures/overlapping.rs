@@ -167,9 +167,7 @@ fn places(media: [Medium; 2], kinds: [Kind; 2]) -> Vec<(&'static str, [Ball; 2],
 #[test]
 fn light_is_lost_in_all_media_of_a_place() {
     for extinction in [GREY, COLORED] {
-        for (kinds, albedo) in
-            KINDS.into_iter().flat_map(|k| [(k, [0.0, 0.0]), (k, [0.8, 0.0]), (k, [0.3, 0.9])])
-        {
+        for (kinds, albedo) in KINDS.into_iter().flat_map(|k| [(k, [0.0, 0.0]), (k, [0.3, 0.9])]) {
             let media = [0, 1].map(|k| medium(extinction[k], albedo[k], 0.2));
             for (what, balls, height) in places(media, kinds) {
                 let scene = beam(&balls, 1.0, height);
@@ -237,7 +235,7 @@ fn above(ball: &Ball, z: f64) -> f64 {
 #[test]
 fn media_shine_through_each_other() {
     for (kinds, extinction) in KINDS.into_iter().flat_map(|k| [(k, GREY), (k, COLORED)]) {
-        for albedo in [[0.0, 0.0], [0.0, 0.7], [0.7, 0.0], [0.6, 0.7]] {
+        for albedo in [[0.0, 0.7], [0.6, 0.7]] {
             let emission = [[0.5, 0.2, 0.1], [0.0, 0.3, 0.6]];
             let is_grey = kinds.map(|kind| kind == Kind::Grid);
             let media = [0, 1].map(|k| {
@@ -416,8 +414,8 @@ fn warnings(scene: &Scene) -> Vec<String> {
     report.warnings.iter().map(ToString::to_string).collect()
 }
 
-/// Boxes that share faces, on a floor that shines and lies in the plane of their bottoms: each is entered and left once, the floor
-/// is met, and rays through the edges of triangles see the same.
+/// Boxes that share faces, on a floor that shines and lies in the plane of their bottoms: each is entered and left once, and
+/// the floor is met.
 #[test]
 fn boxes_in_one_place_on_a_floor() {
     for count in [1, 2, 3, 5] {
@@ -452,7 +450,7 @@ fn boxes_in_one_place_on_a_floor() {
     }
 }
 
-/// A box over the floor as a mesh, in whose faces the ray of a pixel's corner runs along the diagonals.
+/// A box over the floor.
 fn cube(scene: &mut Scene, material: MaterialId) {
     let corner = |i: u32| [1, 2, 4].map(|bit| if i & bit == 0 { -1.0f32 } else { 1.0 });
     let positions = (0..8).map(|i| corner(i)).map(|[x, y, z]| [x, y, z + 1.0]).collect();
