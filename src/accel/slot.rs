@@ -1,7 +1,7 @@
 //! A ray in flight: where it is, what it has hit, and the tests that decide on hits.
 
 use super::layout::{CurvePacket, DONE, TrianglePacket, on_primitive};
-use crate::math::{Hit, NO_HIT, Ray};
+use crate::math::{Hit, NO_HIT, OriginPrimitive, Ray};
 use crate::shape::{PreparedRay, triangle};
 use crate::simd::{BoxRay, Entry, WIDEN, Wide};
 
@@ -139,8 +139,9 @@ impl<const N: usize> Slot<N> {
         packet: &TrianglePacket,
         mut lanes: u32,
         any_hit: bool,
+        before: Option<OriginPrimitive>,
     ) -> bool {
-        let before = self.limit;
+        let limit = self.limit;
         // Not waiting for the division where all is behind the ray pays for shadow rays, whose packets hold more than
         // the surface that they leave; for others it is one more branch that cannot be predicted.
         let asked = if any_hit { lanes } else { u32::MAX };
@@ -149,17 +150,17 @@ impl<const N: usize> Slot<N> {
             let lane = lanes.trailing_zeros() as usize & 3;
             lanes &= lanes - 1;
             if t[lane] > self.t_min && t[lane] <= self.best.t {
-                self.triangle(packet, lane, t[lane]);
+                self.triangle(packet, lane, t[lane], before);
             }
         }
-        self.limit < before
+        self.limit < limit
     }
 
     #[inline(always)]
-    fn triangle(&mut self, packet: &TrianglePacket, lane: usize, t: f32) {
+    fn triangle(&mut self, packet: &TrianglePacket, lane: usize, t: f32, before: Option<OriginPrimitive>) {
         let Some(weights) = triangle::weights(&packet.rows, lane, &self.ray, &self.boxes) else { return };
         let (u, v) = on_primitive(packet.part(lane), weights);
-        self.offer(t, u, v, packet.id(lane));
+        self.offer(t, u, v, packet.id(lane), before);
     }
 
     /// Tests the pieces of curves of a packet. A ray that starts on one does not meet it again.
@@ -173,19 +174,29 @@ impl<const N: usize> Slot<N> {
             let starts_near = starts_near(id, self.origin_primitive);
             let segment = packet.segment(lane);
             if let Some((t, u)) = segment.intersect(&self.ray, self.t_min, self.best.t, starts_near) {
-                self.offer(t, u, 0.0, id);
+                self.offer(t, u, 0.0, id, None);
             }
+        }
+    }
+
+    /// Where hits of a primitive of the present space begin to count. Rays that start just before a primitive, of which they
+    /// have met those up to this one (`before`), don't meet these there again.
+    #[inline(always)]
+    pub fn t_min_of(&self, prim: u32, before: Option<OriginPrimitive>) -> f32 {
+        match before {
+            Some(o) if (self.instance, prim) <= (o.instance, o.prim) => self.t_min.next_up(),
+            _ => self.t_min,
         }
     }
 
     /// Takes a hit if it lies in the ray's range and before the nearest one, or as near with a smaller id.
     #[inline(always)]
-    pub fn offer(&mut self, t: f32, u: f32, v: f32, prim: u32) {
+    pub fn offer(&mut self, t: f32, u: f32, v: f32, prim: u32, before: Option<OriginPrimitive>) {
         let nearer = t < self.best.t;
         let tie = t == self.best.t
             && self.best.prim != NO_HIT
             && (self.instance, prim) < (self.best.instance, self.best.prim);
-        if t > self.t_min && (nearer || tie) {
+        if t > self.t_min_of(prim, before) && (nearer || tie) {
             self.best = Hit { t, u, v, prim, instance: self.instance };
             self.limit = t * WIDEN;
         }

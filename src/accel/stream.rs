@@ -14,7 +14,7 @@ use super::layout::{
 };
 use super::motion::{Clock, triangles_at};
 use super::slot::{DeepSlot, ShallowSlot, Slot};
-use crate::math::{Hit, NO_HIT, Ray};
+use crate::math::{Hit, NO_HIT, OriginPrimitive, Ray};
 use crate::shape::{Analytic, Shape, triangle};
 use crate::simd::{Line, WIDEN, Wide, WideKernel, prefetch_lines};
 
@@ -25,6 +25,8 @@ pub const IN_FLIGHT: usize = 32;
 pub trait Output {
     /// Stop at the first hit of any kind?
     const ANY: bool;
+    /// Do hits where rays start count, of primitives behind the one there in the order of their numbers?
+    const NEXT: bool = false;
     /// Stores the result of a ray.
     fn emit(&mut self, index: usize, hit: &Hit);
 }
@@ -56,6 +58,17 @@ impl Output for Any<'_> {
     #[inline(always)]
     fn emit(&mut self, index: usize, hit: &Hit) {
         self.0[index] = *hit;
+    }
+}
+
+/// Hits that follow others in their order.
+pub struct Next<'a>(pub &'a mut Hit);
+impl Output for Next<'_> {
+    const ANY: bool = false;
+    const NEXT: bool = true;
+    #[inline(always)]
+    fn emit(&mut self, _index: usize, hit: &Hit) {
+        *self.0 = *hit;
     }
 }
 
@@ -152,6 +165,12 @@ fn take_lowest(rays: &mut Rays) -> usize {
     let id = lowest(*rays);
     *rays &= rays.wrapping_sub(1);
     id
+}
+
+/// The primitive on which a ray starts, where hits there are in order.
+#[inline(always)]
+fn first_of<O: Output>(rays: &[Ray], index: u32) -> Option<OriginPrimitive> {
+    if O::NEXT { Some(rays[index as usize].origin_primitive) } else { None }
 }
 
 struct Flight<'a, C, const N: usize> {
@@ -298,7 +317,8 @@ impl<C: Clock, const N: usize> Flight<'_, C, N> {
             return;
         };
         let slot = &mut self.slots[id];
-        if slot.triangles(w, packet, lanes, O::ANY) {
+        let before = first_of::<O>(self.rays, slot.index);
+        if slot.triangles(w, packet, lanes, O::ANY, before) {
             slot.put_back();
             self.waiting &= !(3 << (2 * id));
             self.pop_unless_done::<O>(id);
@@ -354,7 +374,7 @@ impl<C: Clock, const N: usize> Flight<'_, C, N> {
             if let Some(triangles) = triangles_at(self.lines, line_of(current), packet, time) {
                 let left = w.equal(triangles.ids(), slot.origin_primitive);
                 let lanes = triangle::candidates(w, &triangles.rows, &slot.ray, &slot.boxes) & !left;
-                slot.triangles(w, &triangles, lanes, O::ANY);
+                slot.triangles(w, &triangles, lanes, O::ANY, first_of::<O>(self.rays, slot.index));
             }
             return packet.next;
         }
@@ -362,12 +382,14 @@ impl<C: Clock, const N: usize> Flight<'_, C, N> {
             slot.curves(curves);
             return packet.next;
         }
+        let before = first_of::<O>(self.rays, slot.index);
         for lane in 0..4 {
             let Some(shape) = Analytic::unpack(&packet.packed(lane)) else { break };
             let leaves = shape.is_flat() && packet.id[lane] == slot.origin_primitive;
-            let met = shape.intersect(&slot.ray, slot.t_min, slot.best.t).filter(|_| !leaves);
+            let t_min = slot.t_min_of(packet.id[lane], before);
+            let met = shape.intersect(&slot.ray, t_min, slot.best.t).filter(|_| !leaves);
             if let Some(t) = met {
-                slot.offer(t, 0.0, 0.0, packet.id[lane]);
+                slot.offer(t, 0.0, 0.0, packet.id[lane], before);
             }
         }
         packet.next

@@ -4,7 +4,7 @@ use super::motion::{Motions, Running, Stopped};
 use super::parts::{BuildStats, Parts, Tree};
 use super::scan::{Scan, ScanAll, ScanWorkspace};
 use super::slot::ShallowSlot;
-use super::stream::{Any, Closest, Occluded, Output, Stream, Workspace};
+use super::stream::{Any, Closest, Next, Occluded, Output, Stream, Workspace};
 use crate::math::{Bounds3, Hit, Ray};
 use crate::simd::{Level, Line, best_level, dispatch_wide_at};
 use std::cell::RefCell;
@@ -97,6 +97,15 @@ impl Accel {
         let mut hit = [Hit::MISS];
         self.closest_in_time(std::slice::from_ref(ray), &[time], &mut hit);
         hit[0]
+    }
+
+    /// The hit of a ray that follows another one in the order of [`Accel::closest`], however many lie in one place; at a time, if
+    /// things move. Curves have no such order: of those in one place some are missed.
+    pub fn next_one(&self, ray: &Ray, hit: &Hit, time: f32) -> Hit {
+        let ray = Ray { t_min: hit.t.next_down(), origin_primitive: hit.into(), ..*ray };
+        let mut next = Hit::MISS;
+        self.walk_in_time(&[ray], &[time], Next(&mut next));
+        next
     }
 
     /// [`Accel::any`] where things move.

@@ -399,3 +399,46 @@ fn deep_trees_are_walked_to_their_end() {
         assert_eq!(trace(&deep, level, &rays), of_both, "{}", level.name());
     }
 }
+
+/// Three of each primitive in the same place, and instances of them there: all are met, one after another in the order of their
+/// numbers, where of one of each all are met by rays that start behind the last hit.
+#[test]
+fn many_primitives_in_one_place_follow_each_other() {
+    const MOST: usize = 200;
+    let single = soup(300, 0.6, 8);
+    let times = |count: usize| Geometry {
+        positions: single.positions.clone(),
+        triangles: single.triangles.repeat(count),
+        quads: single.quads.repeat(count),
+        analytic: single.analytic.repeat(count),
+        ..Geometry::default()
+    };
+    let here = AccelInstance { geometry: 1, world_from_object: DAffine3::IDENTITY };
+    let one = build(&[times(1)], &[]);
+    let many = build(&[times(3), times(2)], &[here, here]);
+    let (mut total, mut round) = (0, 0);
+    for ray in random_rays(600, 9) {
+        let mut expected = Vec::new();
+        let mut hit = one.closest_one(&ray);
+        while hit.is_hit() {
+            expected.push(hit.t);
+            hit = one.closest_one(&Ray { t_min: hit.t, ..ray });
+        }
+        let mut found = Vec::new();
+        let mut hit = many.closest_one(&ray);
+        while hit.is_hit() && found.len() < MOST * 7 {
+            found.push((hit.t, hit.instance, hit.prim));
+            hit = many.next_one(&ray, &hit, 0.0);
+        }
+        assert!(found.is_sorted_by(|a, b| a < b), "{found:?}");
+        assert_eq!(found.len(), 7 * expected.len());
+        for (k, &(t, instance, prim)) in found.iter().enumerate() {
+            assert_eq!(t, expected[k / 7]);
+            assert_eq!(instance, [0, 0, 0, 1, 1, 2, 2][k % 7]);
+            let first_round = [900 + 90, 600 + 60][usize::from(instance > 0)];
+            round += u32::from(prim >= first_round);
+        }
+        total += found.len();
+    }
+    assert!(total > 10_000 && round > 500, "{total} {round}");
+}

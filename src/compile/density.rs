@@ -178,10 +178,21 @@ impl DensityGrid {
     /// An estimate of the integral of the ray's extinction between two of its points: by one point of each of a few steps, which follow
     /// `salt`. (Extinction 1 gives the integral of the density over metres.)
     pub fn integral(&self, ray: &GridRay, from: f32, to: f32, salt: u32) -> f32 {
-        self.integral_of(ray, [from, to], salt, 0.0, |density| density)
+        self.integral_of(ray, [from, to], salt, 0.0, |density, _| density)
     }
 
-    /// The same of a function of the density; `zero` is what there is where nothing is.
+    /// The same where the density at a point of the ray is taken times something.
+    pub fn integral_times(
+        &self,
+        ray: &GridRay,
+        way: [f32; 2],
+        salt: u32,
+        factor: impl Fn(f32) -> Rgb,
+    ) -> Rgb {
+        self.integral_of(ray, way, salt, Rgb::ZERO, |density, t| factor(t) * density)
+    }
+
+    /// The same of a function of the density and of where on the ray it is; `zero` is what there is where nothing is.
     #[inline]
     pub(super) fn integral_of<T: Add<Output = T> + Mul<f32, Output = T>>(
         &self,
@@ -189,7 +200,7 @@ impl DensityGrid {
         [from, to]: [f32; 2],
         salt: u32,
         zero: T,
-        of: impl Fn(f32) -> T,
+        of: impl Fn(f32, f32) -> T,
     ) -> T {
         /// Voxels that a step crosses, and most steps.
         const STRIDE: f32 = 4.0;
@@ -201,7 +212,7 @@ impl DensityGrid {
         let mut sum = zero;
         for step in 0..steps as u32 {
             let t = (step as f32 + numbers.next()) / steps * way;
-            sum = sum + of(self.density(start + ray.direction * t));
+            sum = sum + of(self.density(start + ray.direction * t), begin + t);
         }
         sum * (ray.scale * way / steps)
     }

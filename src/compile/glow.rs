@@ -66,7 +66,26 @@ impl Glow {
         match &self.heat {
             None => Rgb::splat(self.grid.integral(&ray, from, to, salt)),
             Some(heat) => {
-                self.grid.integral_of(&ray, [from, to], salt, Rgb::ZERO, |value| heat.at(value, waves))
+                self.grid.integral_of(&ray, [from, to], salt, Rgb::ZERO, |value, _| heat.at(value, waves))
+            }
+        }
+    }
+
+    /// The same where what shines at a point of the ray is taken times something.
+    pub fn integral_times(
+        &self,
+        (origin, direction): (Vec3, Vec3),
+        way: [f32; 2],
+        salt: u32,
+        waves: Option<&Wavelengths>,
+        factor: impl Fn(f32) -> Rgb,
+    ) -> Rgb {
+        let ray: GridRay = self.grid.ray(origin, direction, 1.0);
+        match &self.heat {
+            None => self.grid.integral_times(&ray, way, salt, factor),
+            Some(heat) => {
+                let at = |value: f32, t: f32| heat.at(value, waves) * factor(t);
+                self.grid.integral_of(&ray, way, salt, Rgb::ZERO, at)
             }
         }
     }

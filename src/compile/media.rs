@@ -4,14 +4,17 @@ use super::density::DensityGrid;
 use super::glow::Glow;
 use super::material::CompiledMaterial;
 use super::medium::Medium;
+use super::plan::part_materials;
 use super::scattering::{Ball, Scattering};
 use super::scattering_spectra::ScatteringSpectra;
 use crate::color::Rgb;
 use crate::error::Warning;
-use crate::math::DVec3;
+use crate::math::{DAffine3, DVec3};
 use crate::scene::{
-    ColorSlot, Environment, FloatSlot, Fog, LightKind, Material, MaterialId, Model, Outline, Scene, outline,
+    ColorSlot, Environment, FloatSlot, Fog, Instance, LightKind, Material, MaterialId, Model, Motion, Moving,
+    Outline, Scene, outline,
 };
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 /// Gathers the media of a scene's materials after that of the environment, and tells the materials their numbers.
@@ -26,6 +29,7 @@ pub(super) fn number(
     warnings: &mut Vec<Warning>,
 ) -> Vec<Medium> {
     warn_of_endless_fog(scene, warnings);
+    warn_of_still_grids(scene, warnings);
     let grids = scene.grids.iter().map(|grid| Arc::new(DensityGrid::new(grid, anchor)));
     let grids: Vec<Arc<DensityGrid>> = grids.collect();
     let mut media = vec![surrounding(scene.fog.as_ref(), anchor, is_spectral)];
@@ -51,6 +55,7 @@ pub(super) fn number(
             Ok(index) => {
                 material.medium_index = index;
                 medium.priority = scene.materials[id].priority;
+                medium.adds_up = medium.is_boundary && medium.does_anything();
                 if let Some(scattering) = &mut medium.scattering {
                     let (grid, glow) = scene.materials[id].medium.map_or((None, None), |m| (m.grid, m.glow));
                     scattering.glow = glow.map(|glow| Arc::new(Glow::new(glow, &scene.grids, &grids)));
@@ -110,6 +115,50 @@ fn warn_of_endless_fog(scene: &Scene, warnings: &mut Vec<Warning>) {
     }
 }
 
+/// Objects that move with a medium on a grid, which stays where it is.
+fn warn_of_still_grids(scene: &Scene, warnings: &mut Vec<Warning>) {
+    let is_on_grid = |id: MaterialId| {
+        scene.materials.get(id.index()).and_then(|m| m.medium).is_some_and(|medium| medium.grid.is_some())
+    };
+    if !scene.materials.iter().any(|m| m.medium.is_some_and(|medium| medium.grid.is_some())) {
+        return;
+    }
+    // By more than rounding.
+    let differ = |a: &DAffine3, b: &DAffine3| !a.abs_diff_eq(*b, 1e-9);
+    let moves = |instance: &Instance| match instance.motion {
+        Motion::Still => false,
+        Motion::Moves | Motion::Deforms => true,
+        Motion::Keyed(number) => {
+            let placed = instance.world_from_object;
+            scene
+                .motion
+                .instances
+                .get(number as usize)
+                .is_some_and(|keys| keys.all().any(|key| differ(key, &placed)))
+        }
+    };
+    let displaced = |keys: Option<&Moving<DAffine3>>| {
+        keys.is_some_and(|k| k.all().any(|key| differ(key, &DAffine3::IDENTITY)))
+    };
+    let instances = scene.instances.iter().filter(|instance| moves(instance)).flat_map(|instance| {
+        let mesh = scene.meshes.get(instance.mesh.index());
+        let materials = mesh.into_iter().flat_map(|mesh| part_materials(mesh, instance));
+        materials.map(|id| (instance.name.as_str(), id))
+    });
+    let is_displaced = |moving: &BTreeMap<usize, Moving<DAffine3>>, i: usize| displaced(moving.get(&i));
+    let quads = scene.quads.iter().enumerate().filter(|(i, _)| is_displaced(&scene.motion.quads, *i));
+    let shapes = scene.shapes.iter().enumerate().filter(|(i, _)| is_displaced(&scene.motion.shapes, *i));
+    let quads = quads.map(|(_, quad)| (quad.name.as_str(), quad.material));
+    let shapes = shapes.map(|(_, shape)| (shape.name.as_str(), shape.material));
+    let moving = instances.chain(quads).chain(shapes).filter(|&(_, id)| is_on_grid(id));
+    for (object, id) in moving.collect::<BTreeSet<(&str, MaterialId)>>() {
+        let material = &scene.materials[id.index()].name;
+        warnings.push(Warning::general(format!(
+            "object '{object}' moves, but the grid of its medium, that of material '{material}', stands still in the world"
+        )));
+    }
+}
+
 /// Does nothing come through from infinitely far away?
 pub(super) fn is_opaque_to_far_light(fog: &Fog) -> bool {
     fog.radius.is_infinite() && fog.medium.extinction.iter().all(|&extinction| extinction > 0.0)
@@ -141,5 +190,5 @@ fn surrounding(fog: Option<&Fog>, anchor: DVec3, is_spectral: bool) -> Medium {
     };
     // Fog that only absorbs ends somewhere, too.
     let scattering = (is_there || whole.emission.max_element() > 0.0).then_some(whole);
-    Medium { scattering, ..Medium::AIR }
+    Medium { adds_up: scattering.is_some(), scattering, ..Medium::AIR }
 }

@@ -22,6 +22,9 @@ pub struct Medium {
     pub scattering: Option<Scattering>,
     /// It is bounded by no surface.
     pub is_boundary: bool,
+    /// It adds to others that fill the same place and do so, too. Solids with a surface displace what they overlap, and so does
+    /// what has no surface and does nothing.
+    pub adds_up: bool,
     /// Where solids overlap the one of the highest priority counts.
     pub priority: i32,
     /// What it does to each wavelength; where pictures are rendered by wavelength and it does not treat all alike.
@@ -44,6 +47,7 @@ impl Medium {
         absorption: None,
         scattering: None,
         is_boundary: false,
+        adds_up: false,
         priority: 0,
         spectra: None,
     };
@@ -121,6 +125,13 @@ impl Medium {
             }
             _ => self.transmittance(distance),
         }
+    }
+
+    /// Does light lose or gain anything in it?
+    pub fn does_anything(&self) -> bool {
+        let scatters = |s: &Scattering| s.extinction.max_element() > 0.0 || s.emission.max_element() > 0.0;
+        self.absorption.is_some_and(|a| a.max_element() > 0.0)
+            || self.scattering.as_ref().is_some_and(scatters)
     }
 
     /// Does its index of refraction differ between channels?

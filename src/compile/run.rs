@@ -2,6 +2,7 @@
 
 use super::blur;
 use super::classes::{self, Classes};
+use super::crowds;
 use super::emitters::{self, Emitters};
 use super::flat;
 use super::geometry::Geometries;
@@ -181,6 +182,7 @@ fn materials(
     };
     let mut materials: Vec<CompiledMaterial> = replaced.map(compiled).collect();
     let media = media::number(scene, anchor, &mut materials, shading.spectral, warnings);
+    crowds::warn(scene, &materials, warnings);
     let classes = Classes::of(scene);
     classes.extend(&mut materials);
     (materials, media, classes)
@@ -204,6 +206,7 @@ fn features(
         priorities: media.iter().skip(1).any(|m| m.priority != media[1].priority),
         scattering: boundaries || media.iter().any(|m| m.scattering.is_some()),
         boundaries,
+        overlaps: boundaries && media.iter().filter(|m| m.adds_up).count() > 1,
         touching: touching::exists(scene, materials, (geometries, accel, anchor)),
         walks: media.iter().filter_map(|m| m.scattering.as_ref()).any(|s| !s.counts),
         environment_visible_to: scene.environment_visible_to,

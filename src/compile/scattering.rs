@@ -122,12 +122,18 @@ impl Scattering {
         })
     }
 
-    /// What is left of light on a ray from `from` to `to`; where there is a grid, an estimate by numbers that follow from the ray.
+    /// What is left of light on a ray from one of its points to another; where there is a grid, an estimate by numbers that follow
+    /// from the ray and `apart`, which keeps media in the same place apart.
     #[inline]
-    pub fn transmittance_between(&self, origin: Vec3, direction: Vec3, from: f32, to: f32) -> Rgb {
+    pub fn transmittance_between(
+        &self,
+        (origin, direction): (Vec3, Vec3),
+        [from, to]: [f32; 2],
+        apart: u32,
+    ) -> Rgb {
         if let Some(grid) = &self.grid {
             let bits = [origin.x, origin.y, origin.z, direction.x, direction.y, direction.z, from];
-            let salt = bits.into_iter().fold(0, |salt, x| hash32(salt ^ x.to_bits()));
+            let salt = bits.into_iter().fold(apart, |salt, x| hash32(salt ^ x.to_bits()));
             let most = self.extinction.max_element();
             let ray = grid.ray(origin, direction, most);
             return match self.is_grey() {
@@ -164,7 +170,7 @@ mod tests {
     #[test]
     fn rays_cross_a_ball_of_fog() {
         let medium = ball(2.0);
-        let along = |origin: Vec3, to: f32| medium.transmittance_between(origin, Vec3::Z, 0.0, to);
+        let along = |origin: Vec3, to: f32| medium.transmittance_between((origin, Vec3::Z), [0.0, to], 0);
         let close = |a: Rgb, way: f32| {
             let b = Rgb::new((-0.5 * way).exp(), (-way).exp(), 1.0);
             assert!((a - b).to_array().iter().all(|d| d.abs() < 1e-5), "{a:?} {b:?}");
@@ -181,7 +187,7 @@ mod tests {
     #[test]
     fn nothing_is_seen_through_fog_without_an_end() {
         let medium = Scattering { ball: None, ..ball(1.0) };
-        let left = medium.transmittance_between(Vec3::ZERO, Vec3::Z, 0.0, f32::INFINITY);
+        let left = medium.transmittance_between((Vec3::ZERO, Vec3::Z), [0.0, f32::INFINITY], 0);
         assert_eq!(left, Rgb::new(0.0, 0.0, 1.0));
     }
 }

@@ -130,6 +130,8 @@ pub struct Features {
     pub touching: bool,
     /// Some media end where no surface is.
     pub boundaries: bool,
+    /// Several media may fill one place together.
+    pub overlaps: bool,
     /// Rays that see the environment.
     pub environment_visible_to: RayKinds,
     /// Objects or lights are visible to some kinds of rays only, the camera's aside.

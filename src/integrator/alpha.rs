@@ -55,16 +55,20 @@ impl Integrator<'_> {
                 pending, pending_rays, pending_hits, rays, hits, materials, arriving, times, ..
             } = &mut *w;
             let sample = |&i: &u32| arriving.carried.sample[i as usize];
+            let mut crowded = Vec::new();
             pending_rays.clear();
-            pending_rays.extend(pending.iter().map(|&i| {
+            pending_rays.extend(pending.iter().enumerate().map(|(k, &i)| {
                 let time = times.of(sample(&i));
                 let i = i as usize;
-                self.step_past(&mut rays[i], &hits[i], time);
+                if self.step_past(&mut rays[i], &hits[i], time) {
+                    crowded.push((k, hits[i], time));
+                }
                 rays[i]
             }));
             pending_hits.clear();
             pending_hits.resize(pending.len(), Hit::MISS);
             times.closest(&self.scene.accel, pending_rays, pending.iter().map(sample), pending_hits);
+            self.find_neighbours(&crowded, pending_rays, pending_hits);
             for (&i, &hit) in pending.iter().zip(&*pending_hits) {
                 hits[i as usize] = hit;
                 materials[i as usize] = if hit.is_hit() { self.scene.geometries.material(&hit) } else { 0 };
@@ -125,6 +129,7 @@ impl Integrator<'_> {
         let (shadow_ways, passed_kinds) = (&mut w.shadow_ways, &mut w.passed_kinds);
         let Wave { paths, vertices: Vertices { light, .. }, .. } = &mut **wave;
         let sample = |&vertex: &u32| paths.carried.sample[vertex as usize];
+        let mut crowded: Vec<(usize, Hit, f32)> = Vec::new();
         for pass in 0..MAX_PASSES {
             if pending.is_empty() {
                 return;
@@ -135,8 +140,16 @@ impl Integrator<'_> {
             pending_hits.resize(pending.len(), Hit::MISS);
             let samples = pending.iter().map(|&k| sample(&shadow_vertices[k as usize]));
             times.closest(&self.scene.accel, pending_rays, samples, pending_hits);
+            self.find_neighbours(&crowded, pending_rays, pending_hits);
+            crowded.clear();
             ray_counts.all += pending.len() as u64;
-            let mut at = 0;
+            let (mut at, mut kept) = (0, 0);
+            let mut step_past = |ray: &mut Ray, hit: Hit, time: f32| {
+                if self.step_past(ray, &hit, time) {
+                    crowded.push((kept, hit, time));
+                }
+                kept += 1;
+            };
             pending.retain(|&k| {
                 let hit = pending_hits[at];
                 at += 1;
@@ -147,7 +160,7 @@ impl Integrator<'_> {
                 let i = shadow_vertices[k] as usize;
                 let (path, time) = (&paths.carried, times.of(paths.carried.sample[i]));
                 if self.is_left_out(*without, &hit) || self.lets_pass(i as u32, &hit, light) {
-                    self.step_past(&mut shadow_rays[k], &hit, time);
+                    step_past(&mut shadow_rays[k], hit, time);
                     return true;
                 }
                 let salt = || hash32(path.seed[i] ^ hash32(!path.shuffled[i]) ^ (bounce << 16));
@@ -169,7 +182,7 @@ impl Integrator<'_> {
                 }
                 let (way, waves) = (shadow_ways.get_mut(k), times.waves(path.sample[i]));
                 self.cross_with_light(i, &shadow_rays[k], (&hit, time), way, light, waves);
-                self.step_past(&mut shadow_rays[k], &hit, time);
+                step_past(&mut shadow_rays[k], hit, time);
                 true
             });
         }
@@ -219,13 +232,14 @@ impl Integrator<'_> {
             && self.scene.geometries.is_back_of_flat(ray, hit, time) == Some(false)
     }
 
-    /// Takes a ray past a surface that isn't there. Its origin stays what densities refer to.
+    /// Takes a ray past a surface that isn't there. Its origin stays what densities refer to. Is another surface perhaps at the same
+    /// place that only [`Integrator::find_neighbours`] finds?
     ///
     /// A sheet that has another material on either side is often two at the same place, turned away from each other:
     /// behind a back that isn't there, what lies at the same distance still counts. So it does at flat boundaries of media:
     /// bodies of fog touch each other and stand on floors. And so it does where another surface at the same place is there
-    /// for other kinds of rays. Of several at one place two are found.
-    fn step_past(&self, ray: &mut Ray, hit: &Hit, time: f32) {
+    /// for other kinds of rays. Of many at one place two are found by leaving out the first; round boundaries are not left out.
+    fn step_past(&self, ray: &mut Ray, hit: &Hit, time: f32) -> bool {
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
         let is_for_some = material.visible_to() != RayKinds::ALL;
         let may_have_neighbours = material.is_boundary || material.is_absent_from_behind || is_for_some;
@@ -234,10 +248,18 @@ impl Integrator<'_> {
         let has_neighbours = is_back.is_some_and(|is_back| is_back || material.is_boundary || is_for_some);
         let is_another = hit.t > ray.t_min.next_up();
         if has_neighbours && is_another {
-            ray.t_min = hit.t.next_down();
-            ray.origin_primitive = hit.into();
-        } else {
-            ray.t_min = hit.t;
+            (ray.t_min, ray.origin_primitive) = (hit.t.next_down(), hit.into());
+            return false;
+        }
+        let is_crowded = material.is_boundary && (has_neighbours || self.scene.features.overlaps);
+        ray.t_min = hit.t;
+        is_crowded
+    }
+
+    /// Finds what follows the hits of some rays, by their number, of which others may lie at the same place.
+    fn find_neighbours(&self, crowded: &[(usize, Hit, f32)], rays: &[Ray], hits: &mut [Hit]) {
+        for (k, hit, time) in crowded {
+            hits[*k] = self.scene.accel.next_one(&rays[*k], hit, *time);
         }
     }
 

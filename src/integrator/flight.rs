@@ -11,6 +11,7 @@
 //! in the channel that loses most, and scatters or goes on by the toss of a coin; weights make up for it, channel by channel (Kutz,
 //! Habel, Li, Novak 2017, "Spectral and Decomposition Tracking for Rendering Heterogeneous Volumes", section 4).
 
+use super::distances::{Guide, Truncated};
 use super::interior::Interior;
 use crate::color::Rgb;
 use crate::compile::{DensityGrid, GridRay, Scattering};
@@ -18,22 +19,14 @@ use crate::math::{Ray, Vec3, poly};
 use crate::sampling::hash::hash32;
 use crate::simd::map_each;
 
-/// Angles in which a point sees a ray.
-#[derive(Clone, Copy, Debug)]
-struct Guide {
-    /// Where on the ray the point is closest.
-    closest: f32,
-    /// How far it is from there.
-    distance: f32,
-    /// The angles between the way there and those to the ray's first and last point.
-    angles: [f32; 2],
-}
-
 /// One way of a path from a point to the next in one medium.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Flight {
     /// Number of the medium.
     pub medium: u16,
+    /// Where the flights through the media that fill the same place lie in the list of them (see [`super::beside`]): from this to
+    /// that. This flight ends first then.
+    pub beside: [u32; 2],
     /// Where on the ray the medium begins and ends, metres.
     pub extent: [f32; 2],
     /// Shares of the channels in the choice; all 0 where there is none.
@@ -88,6 +81,7 @@ impl Flight {
     pub fn straight(medium: u16, extent: [f32; 2]) -> Flight {
         Flight {
             medium,
+            beside: [0; 2],
             extent,
             shares: [0.0; 3],
             guide: None,
@@ -142,6 +136,18 @@ impl Flight {
         flight
     }
 
+    /// Is it through one medium alone?
+    #[inline(always)]
+    pub fn is_alone(&self) -> bool {
+        self.beside[0] == self.beside[1]
+    }
+
+    /// Is what paths are taken times 1 wherever they arrive without having scattered?
+    pub fn passes_whole(&self, medium: &Scattering) -> bool {
+        let ends_by_chance = self.tracked.is_some() || self.draws() && self.guide.is_none();
+        medium.is_grey() && (ends_by_chance || medium.extinction.r == 0.0)
+    }
+
     /// What the path's throughput is taken times where it arrives at a point of the flight's ray without having scattered.
     #[inline]
     pub fn weight_of_passing(&self, medium: &Scattering, ray: &Ray, to: f32) -> Rgb {
@@ -188,11 +194,31 @@ impl Flight {
         over(shines * self.left_by_chance(medium, begin + x), density)
     }
 
+    /// The same of a flight beside others, which take what shines at a point of the ray times something.
+    pub fn glow_beside(
+        &self,
+        medium: &Scattering,
+        throughput: Rgb,
+        to: f32,
+        u: f32,
+        others: impl Fn(f32) -> Rgb,
+    ) -> Rgb {
+        let [begin, end] = self.extent;
+        let way = (to.min(self.until).min(end) - begin).clamp(0.0, Scattering::FARTHEST);
+        let shines = throughput * medium.emission;
+        if way <= 0.0 || shines.max_element() <= 0.0 {
+            return Rgb::ZERO;
+        }
+        let (x, density) = self.glowing_point(medium, shines, way, u);
+        let at = begin + x;
+        over(shines * self.left_by_chance(medium, at) * others(at), density)
+    }
+
     /// A point of a way of some length and its density per metre, for light that shines everywhere alike in its medium.
     ///
     /// What arrives from there falls off, channel by channel, with the extinction less that of the channel which flies
-    /// farthest: so far do flights reach that make up for it. Beside a guide, whose flights end farther away than exponentials
-    /// do, it falls off with the extinction itself. Each channel has its share of the points by what shines there.
+    /// farthest: so far do flights reach that make up for it. Where nothing ends flights, or a guide does so farther away than
+    /// exponentials, it falls off with the extinction itself. Each channel has its share of the points by what shines there.
     #[inline]
     fn glowing_point(&self, medium: &Scattering, shines: Rgb, way: f32, u: f32) -> (f32, f32) {
         let (extinction, shines) = (medium.extinction.to_array(), shines.to_array());
@@ -202,7 +228,7 @@ impl Flight {
                 least = least.min(extinction);
             }
         }
-        if self.guide.is_some() {
+        if self.guide.is_some() || !self.draws() {
             least = 0.0;
         }
         let sum = shines[0] + shines[1] + shines[2];
@@ -301,44 +327,6 @@ impl Tracked {
     }
 }
 
-/// An exponential density on a way of finite length.
-struct Truncated {
-    /// Per metre; 0 where it is even.
-    rate: f32,
-    length: f32,
-    /// What lies on the way of the density without an end.
-    whole: f32,
-}
-
-impl Truncated {
-    #[inline(always)]
-    fn new(rate: f32, length: f32) -> Truncated {
-        let depth = rate * length;
-        // Hardly a slope, and differences of numbers near 1.
-        if depth < 1e-3 {
-            return Truncated { rate: 0.0, length, whole: 1.0 };
-        }
-        Truncated { rate, length, whole: 1.0 - falling(depth) }
-    }
-
-    #[inline(always)]
-    fn sample(&self, u: f32) -> f32 {
-        let x = if self.rate > 0.0 { -poly::ln(1.0 - u * self.whole) / self.rate } else { u * self.length };
-        x.clamp(0.0, self.length)
-    }
-
-    #[inline(always)]
-    fn density(&self, x: f32) -> f32 {
-        if self.rate > 0.0 { self.rate * falling(self.rate * x) / self.whole } else { 1.0 / self.length }
-    }
-}
-
-/// The exponential of minus a depth; the polynomial ends at the least normal number.
-#[inline(always)]
-fn falling(depth: f32) -> f32 {
-    if depth < 87.0 { poly::exp(-depth) } else { 0.0 }
-}
-
 /// A value over a density; nothing where the density has vanished.
 #[inline(always)]
 fn over(value: Rgb, density: f32) -> Rgb {
@@ -358,48 +346,4 @@ fn shares(medium: &Scattering, throughput: Rgb) -> [f32; 3] {
     }
     let sum = shares[0] + shares[1] + shares[2];
     if sum > f32::MIN_POSITIVE { map_each(shares, |s| s / sum) } else { [1.0 / 3.0; 3] }
-}
-
-impl Guide {
-    /// `None` where the numbers give no angle.
-    #[inline]
-    fn new(origin: Vec3, direction: Vec3, extent: [f32; 2], lamp: Vec3) -> Option<Guide> {
-        let to_lamp = lamp - origin;
-        let closest = to_lamp.dot(direction);
-        // A ray through the lamp itself would see nothing but its point.
-        let least = 1e-3 * to_lamp.length();
-        let distance = (to_lamp - direction * closest).length().max(least);
-        let angle = |t: f32| {
-            if t.is_finite() { poly::atan2(t - closest, distance) } else { 0.5 * std::f32::consts::PI }
-        };
-        let angles = map_each(extent, angle);
-        let is_usable = distance > 0.0 && distance.is_finite() && angles[1] > angles[0];
-        is_usable.then_some(Guide { closest, distance, angles })
-    }
-
-    /// A point of the ray.
-    #[inline]
-    fn sample(&self, u: f32) -> f32 {
-        let [first, last] = self.angles;
-        let (sine, cosine) = poly::sin_cos(first + (last - first) * u);
-        if cosine > 0.0 { self.closest + self.distance * sine / cosine } else { f32::INFINITY }
-    }
-
-    /// Density of its points, per metre.
-    #[inline]
-    fn density(&self, t: f32) -> f32 {
-        let [first, last] = self.angles;
-        let along = t - self.closest;
-        self.distance / ((last - first) * (self.distance * self.distance + along * along))
-    }
-
-    /// The probability of a point behind this one.
-    #[inline]
-    fn beyond(&self, t: f32) -> f32 {
-        let [first, last] = self.angles;
-        if t == f32::INFINITY {
-            return 0.0;
-        }
-        ((last - poly::atan2(t - self.closest, self.distance)) / (last - first)).clamp(0.0, 1.0)
-    }
 }

@@ -1,30 +1,64 @@
 //! The solids that a path is inside of.
 
-use crate::compile::{CompiledScene, Medium, ObjectId, View};
-use crate::math::{OriginPrimitive, Ray, Vec3};
+use crate::compile::{CompiledScene, MOST_AROUND, Medium, ObjectId, View};
+use crate::math::{Hit, Ray, Vec3};
 use bytemuck::Zeroable;
 
-/// The solids that a path is inside of, by the numbers of their media: up to four, those entered last. Sixteen bits
-/// each, the last one lowest; 0 is none.
+/// The solids that a path is inside of, by the numbers of their media: up to [`Interior::MOST`], those entered last. Sixteen
+/// bits each, the last one lowest; 0 is none. In two words, that nothing need be aligned to both.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Zeroable)]
-pub struct Interior(u64);
+pub struct Interior([u64; 2]);
 
-const BITS: u32 = 16;
+const BITS: u32 = u16::BITS;
+const _: () = assert!(Interior::MOST * BITS == u128::BITS);
 
 impl Interior {
+    /// How many solids are known.
+    pub const MOST: u32 = MOST_AROUND as u32;
+
     /// Inside of nothing.
-    pub const AIR: Interior = Interior(0);
+    pub const AIR: Interior = Interior([0; 2]);
+
+    #[inline(always)]
+    fn bits(self) -> u128 {
+        u128::from(self.0[1]) << u64::BITS | u128::from(self.0[0])
+    }
+
+    #[inline(always)]
+    fn of(bits: u128) -> Interior {
+        Interior([bits as u64, (bits >> u64::BITS) as u64])
+    }
 
     /// The medium around; 0 is that around the whole scene.
     #[inline(always)]
     pub fn medium(self) -> u16 {
-        self.0 as u16
+        self.0[0] as u16
+    }
+
+    /// The media that fill the same place as [`Interior::medium`] and add to it, each once: those below it in the list, as far
+    /// down as media add up and none is of a lower priority, and that around the whole scene where there is nothing else below.
+    pub fn beside(self, media: &[Medium]) -> impl Iterator<Item = u16> {
+        let number = move |k: u32| (self.bits() >> (k * BITS)) as u16;
+        let top = &media[usize::from(self.medium())];
+        let adds_up = move |medium: u16| {
+            let medium = &media[usize::from(medium)];
+            medium.adds_up && medium.priority >= top.priority
+        };
+        let count = (0..Interior::MOST).take_while(|&k| number(k) != 0).count() as u32;
+        let deepest = if top.adds_up && count > 0 { count } else { 0 };
+        let is_first = move |k: u32| (0..k).all(|other| number(other) != number(k));
+        // Behind the last number is that of what is around the scene.
+        let of_place = move |k: u32| if k < count { number(k) } else { 0 };
+        (1..=deepest)
+            .map_while(move |k| adds_up(of_place(k)).then_some(k))
+            .filter(move |&k| k == count || is_first(k))
+            .map(of_place)
     }
 
     /// After entering a solid of a medium.
     #[inline(always)]
     pub fn entered(self, medium: u16) -> Interior {
-        Interior(self.0 << BITS | u64::from(medium))
+        Interior::of(self.bits() << BITS | u128::from(medium))
     }
 
     /// After entering a solid of a medium where those of higher priorities stay in front of it.
@@ -32,33 +66,44 @@ impl Interior {
     pub fn entered_by_priority(self, medium: u16, media: &[Medium]) -> Interior {
         let own = media[usize::from(medium)].priority;
         let is_below = |&shift: &u32| {
-            let other = (self.0 >> shift) as u16;
+            let other = (self.bits() >> shift) as u16;
             other == 0 || media[usize::from(other)].priority <= own
         };
-        let Some(shift) = (0..u64::BITS).step_by(BITS as usize).find(is_below) else { return self };
-        let inner = self.0 & ((1 << shift) - 1);
-        Interior((self.0 >> shift << BITS | u64::from(medium)) << shift | inner)
+        let Some(shift) = (0..u128::BITS).step_by(BITS as usize).find(is_below) else { return self };
+        let inner = self.bits() & ((1 << shift) - 1);
+        Interior::of((self.bits() >> shift << BITS | u128::from(medium)) << shift | inner)
     }
 
     /// Without the solid of that medium entered last, if there is one.
     #[inline]
     pub fn left(self, medium: u16) -> Interior {
+        // Most are left soonest that were entered last.
+        if self.medium() == medium {
+            return Interior::of(self.bits() >> BITS);
+        }
         let Some(shift) = self.position(medium) else { return self };
-        let inner = self.0 & ((1 << shift) - 1);
-        let outer = self.0 >> shift >> BITS << shift;
-        Interior(outer | inner)
+        let inner = self.bits() & ((1 << shift) - 1);
+        let outer = self.bits() >> shift >> BITS << shift;
+        Interior::of(outer | inner)
     }
 
     /// Is a solid of that medium among them?
     #[inline]
     pub fn contains(self, medium: u16) -> bool {
-        self.position(medium).is_some()
+        self.medium() == medium || self.position(medium).is_some()
     }
 
     /// The lowest bit of the last entry of a medium.
     #[inline]
     fn position(self, medium: u16) -> Option<u32> {
-        (0..u64::BITS).step_by(BITS as usize).find(|&shift| (self.0 >> shift) as u16 == medium)
+        let (mut rest, mut shift) = (self.bits(), 0);
+        while rest != 0 {
+            if rest as u16 == medium {
+                return Some(shift);
+            }
+            (rest, shift) = (rest >> BITS, shift + BITS);
+        }
+        None
     }
 
     /// The solids around a point of a scene: a ray that leaves it crosses their surfaces from behind once more often than
@@ -122,17 +167,20 @@ impl AroundCamera {
 /// Media of the solids around a point, by their number, the one that a ray leaves first at the end.
 fn solids_around(scene: &CompiledScene, p: Vec3, direction: Vec3, time: f32) -> Vec<u16> {
     const MOST_SURFACES: u32 = 256;
-    let mut ray = Ray::new(p, direction);
+    let ray = Ray::new(p, direction);
     let (mut entered, mut left): (Vec<(u16, Option<ObjectId>)>, Vec<u16>) = (Vec::new(), Vec::new());
-    for _ in 0..MOST_SURFACES {
-        let hit = scene.accel.closest_one_in_time(&ray, time);
+    // What lies on a surface is met next.
+    let has_neighbours = scene.features.touching || scene.features.overlaps;
+    let mut hit = Hit::MISS;
+    for number in 0..MOST_SURFACES {
+        hit = match number {
+            0 => scene.accel.closest_one_in_time(&ray, time),
+            _ if has_neighbours => scene.accel.next_one(&ray, &hit, time),
+            _ => scene.accel.closest_one_in_time(&Ray { t_min: hit.t, ..ray }, time),
+        };
         if !hit.is_hit() {
             break;
         }
-        // What touches the surface is met next.
-        let is_first_there = scene.features.touching && hit.t > ray.t_min.next_up();
-        ray.t_min = if is_first_there { hit.t.next_down() } else { hit.t };
-        ray.origin_primitive = if is_first_there { (&hit).into() } else { OriginPrimitive::NONE };
         let medium = scene.materials[scene.geometries.material(&hit) as usize].medium_index;
         let is_front = scene.geometries.surface(&ray, &hit, time).ng.dot(direction) < 0.0;
         if medium == 0 {
@@ -177,15 +225,46 @@ mod tests {
         let some = [1, 2, 3].into_iter().fold(Interior::AIR, enter);
         assert_eq!(some, Interior::AIR.entered(1).entered(3).entered(2));
         assert_eq!(enter(some, 4), Interior::AIR.entered(4).entered(1).entered(3).entered(2));
-        assert_eq!(enter(enter(some, 4), 5), some.entered(5));
+        assert_eq!(enter(enter(some, 4), 5), enter(some, 4).entered(5));
         assert_eq!(enter(enter(enter(some, 4), 3), 4).left(2).medium(), 3);
-        assert_eq!(enter(enter(some, 5), 4), some.entered(5), "none of the four is of a lower priority");
+        let full = (0..Interior::MOST).fold(Interior::AIR, |inside, _| enter(inside, 5));
+        assert_eq!(enter(full, 4), full, "none is of a lower priority");
     }
 
     #[test]
     fn the_outermost_of_many_is_forgotten() {
-        let five = (1..=5).fold(Interior::AIR, Interior::entered);
-        let left = [5, 4, 3, 2].into_iter().fold(five, Interior::left);
+        let all = (1..=Interior::MOST as u16 + 1).fold(Interior::AIR, Interior::entered);
+        let left = (2..=Interior::MOST as u16 + 1).fold(all, Interior::left);
         assert_eq!(left, Interior::AIR);
+    }
+
+    /// Of the media here 0 to 3 add up, 3 is of a higher priority, and 4 and 5 displace others.
+    #[test]
+    fn media_in_one_place() {
+        let of = |adds_up, priority| Medium { adds_up, priority, ..Medium::AIR };
+        let media = [of(true, 0), of(true, 0), of(true, 0), of(true, 1), of(false, 0), of(false, 0)];
+        let beside = |list: &[u16]| -> Vec<u16> {
+            let inside = list.iter().fold(Interior::AIR, |inside, &m| inside.entered_by_priority(m, &media));
+            inside.beside(&media).collect()
+        };
+        for (list, expected) in [
+            (&[][..], &[][..]),
+            (&[1], &[0]),
+            (&[1, 2], &[1, 0]),
+            (&[1, 2, 1, 1, 2], &[1, 0]),
+            (&[4], &[]),
+            (&[1, 4], &[]),
+            (&[1, 4, 2], &[]),
+            (&[1, 4, 2, 1], &[2]),
+            (&[3], &[]),
+            (&[1, 3, 2], &[]),
+        ] {
+            assert_eq!(beside(list), expected, "{list:?}");
+        }
+        let airless = [Medium::AIR, of(true, 0), of(true, 0)];
+        let inside = Interior::AIR.entered(1).entered(2);
+        assert_eq!(inside.beside(&airless).collect::<Vec<_>>(), [1]);
+        let full = (0..Interior::MOST).fold(Interior::AIR, |inside, k| inside.entered(1 + k as u16 % 2));
+        assert_eq!(full.beside(&media).collect::<Vec<_>>(), [1, 0]);
     }
 }

@@ -4,7 +4,8 @@
 //! A path carries a list of the solids that it has entered and not left. Light is absorbed, and refracted, by the one of the
 //! highest priority, and among equals by the one entered last (Schmidt, Budge 2002, "Simple Nested Dielectrics in Ray Traced
 //! Images"). So, without priorities, a solid inside another displaces it, two bodies of one material that overlap are one, and
-//! where a liquid overlaps its glass the boundary that is hit first counts.
+//! where a liquid overlaps its glass the boundary that is hit first counts. Media without a surface add up instead, with each other
+//! and with the fog around the scene, as long as they lie on top of each other in the list: see [`super::beside`].
 
 use super::Integrator;
 use super::group::Sorted;
@@ -80,20 +81,34 @@ impl Integrator<'_> {
         paths.interior[i]
     }
 
-    /// What is left of light on a ray between two of its points, all in one medium. What ends nowhere in a solid was not
-    /// closed, and absorbs nothing.
+    /// What is left of light on a ray between two of its points, within the same solids.
     pub(super) fn left_between(
         &self,
         interior: Interior,
-        (origin, direction): (Vec3, Vec3),
-        [from, to]: [f32; 2],
+        ray: (Vec3, Vec3),
+        way: [f32; 2],
         waves: Option<&Wavelengths>,
     ) -> Rgb {
-        let medium = &self.scene.media[usize::from(interior.medium())];
+        let left = self.left_in(interior.medium(), ray, way, waves, 0);
+        if self.scene.features.overlaps { left * self.left_beside(interior, ray, way, waves) } else { left }
+    }
+
+    /// The same of one medium; `apart` keeps estimates of several apart. What ends nowhere in a solid was not closed, and absorbs
+    /// nothing.
+    #[inline]
+    pub(super) fn left_in(
+        &self,
+        medium: u16,
+        ray: (Vec3, Vec3),
+        way: [f32; 2],
+        waves: Option<&Wavelengths>,
+        apart: u32,
+    ) -> Rgb {
+        let medium = &self.scene.media[usize::from(medium)];
         match &medium.scattering {
-            Some(scattering) => scattering.in_lanes(waves).transmittance_between(origin, direction, from, to),
-            None if medium.absorption.is_some() && to.is_finite() => {
-                medium.transmittance_at((to - from) * direction.length(), waves)
+            Some(scattering) => scattering.in_lanes(waves).transmittance_between(ray, way, apart),
+            None if medium.absorption.is_some() && way[1].is_finite() => {
+                medium.transmittance_at((way[1] - way[0]) * ray.1.length(), waves)
             }
             None => Rgb::ONE,
         }

@@ -13,6 +13,7 @@
 //! sample (and its group, where paths are shared): neither on threads nor on how samples are grouped into waves.
 
 mod alpha;
+mod beside;
 mod block;
 mod catcher;
 mod caustics;
@@ -20,6 +21,7 @@ mod clear;
 mod closure;
 mod closure_metal_rough;
 mod direct;
+mod distances;
 mod emission;
 mod first_hit;
 mod flat;

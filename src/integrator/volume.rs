@@ -1,5 +1,5 @@
 //! Media that scatter: paths fly through them until they scatter or meet a surface, shadow rays lose light in them, and
-//! both cross the boundaries of media where no surface is.
+//! both cross the boundaries of media where no surface is. Several media in one place are in [`super::beside`].
 //!
 //! How far a path flies is drawn before its ray is traced, and the ray ends there: what it would meet behind is not
 //! looked for. A boundary without a surface ends a flight, and another begins; the path stays what it was, with its origin and its
@@ -16,7 +16,7 @@ use super::wave::{LightLanes, Wave};
 use super::workspace::Workspace;
 use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
-use crate::compile::{Glow, Scattering};
+use crate::compile::Scattering;
 use crate::light::Receiver;
 use crate::math::{Hit, Ray, Vec3};
 use crate::sampling::hash::{hash32, unit};
@@ -30,11 +30,14 @@ impl Integrator<'_> {
     /// Draws how far each path flies through the medium that it is in, and lets its ray end there.
     pub(super) fn start_flights(&self, bounce: u32, w: &mut Workspace) {
         let dimensions = &self.dimensions(bounce, Purpose::Flight);
-        let Workspace { flights, rays, arriving, times, .. } = w;
+        let Workspace { flights, flights_beside, rays, arriving, times, .. } = w;
         flights.clear();
+        flights_beside.clear();
         for (i, ray) in rays.iter_mut().enumerate() {
-            let medium = arriving.interior[i].medium();
-            if self.scene.media[usize::from(medium)].scattering.is_none() {
+            let interior = arriving.interior[i];
+            let medium = interior.medium();
+            let scatters = self.scene.media[usize::from(medium)].scattering.is_some();
+            if !scatters && !self.has_beside(interior) {
                 flights.push(Flight::straight(medium, [0.0, f32::INFINITY]));
                 continue;
             }
@@ -44,28 +47,11 @@ impl Integrator<'_> {
             let lamp = self.guiding_lamp(medium, ray.origin, [lamp0, lamp1]);
             let throughput = get_rgb(&path.throughput, i);
             let waves = times.waves(path.sample[i]);
-            let flight = self.fly((medium, waves), ray, 0.0, throughput, lamp, [distance, kind]);
+            let carried = (interior, waves);
+            let flight = self.fly(carried, (ray, 0.0), throughput, lamp, [distance, kind], flights_beside);
             // Where cameras see surfaces up to a distance only, rays end there; what scatters beyond is seen.
             ray.t_max = flight.until.min(ray.t_max);
             flights.push(flight);
-        }
-    }
-
-    fn fly(
-        &self,
-        (medium, waves): (u16, Option<&Wavelengths>),
-        ray: &Ray,
-        from: f32,
-        throughput: Rgb,
-        lamp: Option<Vec3>,
-        u: [f32; 2],
-    ) -> Flight {
-        match &self.scene.media[usize::from(medium)].scattering {
-            Some(s) => {
-                let scattering = (medium, &*s.in_lanes(waves));
-                Flight::draw(scattering, (ray.origin, ray.direction), from, throughput, lamp, u)
-            }
-            None => Flight::straight(medium, [from, f32::INFINITY]),
         }
     }
 
@@ -86,17 +72,20 @@ impl Integrator<'_> {
             let hit = w.hits[i];
             let mut weight = self.passed(bounce, i, hit.t, w);
             let time = w.times.of(w.arriving.carried.sample[i]);
-            let flight = &mut w.flights[i];
+            let flight = &w.flights[i];
             if let Some(crossed) = flight.crossed.filter(|c| self.bounds_at(c, &w.rays[i], (&hit, time))) {
                 w.arriving.interior[i] = crossed.before;
             }
             if !hit.is_hit() && flight.until.is_finite() {
-                flight.scatters = true;
-                w.hits[i].t = flight.until;
                 let medium = &self.scene.media[usize::from(flight.medium)];
                 let waves = w.times.waves(w.arriving.carried.sample[i]);
                 let weigh = |s: &Scattering| flight.weight_of_scattering(&s.in_lanes(waves));
                 weight = medium.scattering.as_ref().map_or(Rgb::ZERO, weigh);
+                if !flight.is_alone() {
+                    weight *= self.passed_beside(i, flight.until, w);
+                }
+                w.hits[i].t = flight.until;
+                w.flights[i].scatters = true;
             }
             let throughput = get_rgb(&w.arriving.carried.throughput, i);
             set_rgb(&mut w.arriving.carried.throughput, i, throughput * weight);
@@ -116,59 +105,89 @@ impl Integrator<'_> {
         way * ray.direction.dot(surface.ng).abs() <= surface.ng.abs().dot(surface.p_error)
     }
 
-    /// The weight of path `i` where it arrives at a point of its flight without having scattered. Adds what the medium emits
-    /// on the way.
+    /// The weight of path `i` where it arrives at a point of its flight without having scattered. Adds what media emit on the
+    /// way.
     pub(super) fn passed(&self, bounce: u32, i: usize, to: f32, w: &mut Workspace) -> Rgb {
-        let flight = w.flights[i];
+        if !w.flights[i].is_alone() {
+            return self.passed_together(bounce, i, to, w);
+        }
+        let flight = &w.flights[i];
+        let medium = &self.scene.media[usize::from(flight.medium)];
+        if let Some(scattering) = &medium.scattering
+            && scattering.emission.max_element() > 0.0
+        {
+            let scattering = &scattering.in_lanes(w.times.waves(w.arriving.carried.sample[i]));
+            let salt = self.glow_salt(bounce, i, w) ^ GLOW;
+            let value = self.glow(flight, scattering, i, to, salt, w);
+            self.add_glow(bounce, i, value, w);
+        }
+        self.weight_of_passing(&w.flights[i], i, to, w)
+    }
+
+    /// What path `i` is taken times by one of its flights at a point of its ray, where it arrives without having scattered. What ends
+    /// nowhere in a solid was not closed, and absorbs nothing.
+    #[inline(always)]
+    pub(super) fn weight_of_passing(&self, flight: &Flight, i: usize, to: f32, w: &Workspace) -> Rgb {
         let medium = &self.scene.media[usize::from(flight.medium)];
         let waves = w.times.waves(w.arriving.carried.sample[i]);
-        let Some(scattering) = &medium.scattering else {
-            let is_absorbed = medium.absorption.is_some() && to.is_finite();
-            let way = to - flight.extent[0];
-            return if is_absorbed { medium.transmittance_at(way, waves) } else { Rgb::ONE };
-        };
-        let scattering = &*scattering.in_lanes(waves);
-        if scattering.emission.max_element() > 0.0 {
-            let path = &w.arriving.carried;
-            let salt = hash32(path.seed[i] ^ hash32(path.shuffled[i]) ^ (bounce << 16));
-            let u = unit(hash32(salt ^ GLOW ^ to.to_bits()));
-            let throughput = get_rgb(&path.throughput, i);
-            let value = match &scattering.grid {
-                Some(_) if scattering.glow.is_some() => {
-                    let ray = (w.rays[i].origin, w.rays[i].direction);
-                    let way = [flight.extent[0], to.min(flight.until)];
-                    let integral = |glow: &Glow| glow.integral(ray, way, salt ^ GLOW, waves);
-                    throughput * scattering.emission * scattering.glow.as_deref().map_or(Rgb::ZERO, integral)
-                }
-                Some(grid) => {
-                    // Where light would collide, the way ends: what lies before it shines whole.
-                    let ray = grid.ray(w.rays[i].origin, w.rays[i].direction, 1.0);
-                    let end = to.min(flight.until);
-                    throughput * scattering.emission * grid.integral(&ray, flight.extent[0], end, salt ^ GLOW)
-                }
-                None => flight.glow(scattering, throughput, to, u),
-            };
-            w.sink.contribute(path.sample[i], value, || Origin {
-                way: way_of_path(bounce, Way::Emission, &w.arriving.first_bounces, i),
-                group: 0,
-            });
+        match &medium.scattering {
+            Some(scattering) => flight.weight_of_passing(&scattering.in_lanes(waves), &w.rays[i], to),
+            None if medium.absorption.is_some() && to.is_finite() => {
+                medium.transmittance_at(to - flight.extent[0], waves)
+            }
+            None => Rgb::ONE,
         }
-        flight.weight_of_passing(scattering, &w.rays[i], to)
+    }
+
+    /// What the choices follow by which path `i` finds what shines on its way.
+    #[inline]
+    pub(super) fn glow_salt(&self, bounce: u32, i: usize, w: &Workspace) -> u32 {
+        let path = &w.arriving.carried;
+        hash32(path.seed[i] ^ hash32(path.shuffled[i]) ^ (bounce << 16))
+    }
+
+    /// What the medium of a flight adds to path `i` on its way to a point.
+    pub(super) fn glow(
+        &self,
+        flight: &Flight,
+        scattering: &Scattering,
+        i: usize,
+        to: f32,
+        salt: u32,
+        w: &Workspace,
+    ) -> Rgb {
+        let path = &w.arriving.carried;
+        let (throughput, waves) = (get_rgb(&path.throughput, i), w.times.waves(path.sample[i]));
+        let ray = (w.rays[i].origin, w.rays[i].direction);
+        // Where light would collide, the way ends: what lies before it shines whole.
+        let way = [flight.extent[0], to.min(flight.until)];
+        match (&scattering.glow, &scattering.grid) {
+            (Some(glow), Some(_)) => throughput * scattering.emission * glow.integral(ray, way, salt, waves),
+            (None, Some(grid)) => {
+                let ray = grid.ray(ray.0, ray.1, 1.0);
+                throughput * scattering.emission * grid.integral(&ray, way[0], way[1], salt)
+            }
+            (_, None) => flight.glow(scattering, throughput, to, unit(hash32(salt ^ to.to_bits()))),
+        }
+    }
+
+    /// Adds light of a medium to what path `i` has found.
+    pub(super) fn add_glow(&self, bounce: u32, i: usize, value: Rgb, w: &mut Workspace) {
+        let first_bounces = &w.arriving.first_bounces;
+        w.sink.contribute(w.arriving.carried.sample[i], value, || Origin {
+            way: way_of_path(bounce, Way::Emission, first_bounces, i),
+            group: 0,
+        });
     }
 
     /// What arriving path `i` is taken times at a point of its ray, which it reached.
     pub(super) fn left_on_the_way(&self, i: usize, to: f32, w: &Workspace) -> Rgb {
-        let waves = w.times.waves(w.arriving.carried.sample[i]);
         if self.scene.features.scattering {
-            let flight = &w.flights[i];
-            let medium = &self.scene.media[usize::from(flight.medium)];
-            return match &medium.scattering {
-                Some(scattering) => flight.weight_of_passing(&scattering.in_lanes(waves), &w.rays[i], to),
-                None => medium.transmittance_at(to - flight.extent[0], waves),
-            };
+            return self.weight_of_passing(&w.flights[i], i, to, w) * self.passed_beside(i, to, w);
         }
         match self.scene.features.absorption {
             true => {
+                let waves = w.times.waves(w.arriving.carried.sample[i]);
                 let medium = &self.scene.media[usize::from(w.arriving.interior[i].medium())];
                 medium.transmittance_at(to, waves)
             }
@@ -240,7 +259,8 @@ impl Integrator<'_> {
             let salt = hash32(salt.wrapping_add(pass) ^ BOUNDARY);
             let u = [unit(salt), unit(hash32(salt))];
             let waves = w.times.waves(w.arriving.carried.sample[i]);
-            let flight = self.fly((beyond.medium(), waves), &w.rays[i], hit.t, throughput, None, u);
+            let start = (&w.rays[i], hit.t);
+            let flight = self.fly((beyond, waves), start, throughput, None, u, &mut w.flights_beside);
             let far = if is_clipped { self.reach(w, i) } else { f32::INFINITY };
             w.rays[i].t_max = flight.until.min(far);
             w.flights[i] = flight;

@@ -62,6 +62,8 @@ pub struct Workspace {
     pub(super) pending_hits: Vec<Hit>,
     /// How the paths fly through media, and shadow rays cross them; where some scatter.
     pub(super) flights: Vec<Flight>,
+    /// Flights through media that fill the same place as others.
+    pub(super) flights_beside: Vec<Flight>,
     pub(super) shadow_ways: Vec<ShadowWay>,
     /// Where paths are shared.
     pub(super) reuse: Option<Box<Reuse>>,
@@ -106,6 +108,7 @@ impl Workspace {
             pending_rays: Vec::new(),
             pending_hits: Vec::new(),
             flights: Vec::new(),
+            flights_beside: Vec::new(),
             shadow_ways: Vec::new(),
             reuse: None,
             rays_before_split: None,

@@ -1,10 +1,12 @@
 //! Media by grids that stand anyhow, and whose colours go different ways, against closed forms and quadrature.
 
 use crate::support::{assert_radiance, camera, material, options, picture, sphere};
+use oscura::compile::{CompileOptions, compile};
 use oscura::math::{DAffine3, DMat3, DVec3};
 use oscura::render::RenderOptions;
 use oscura::scene::{
-    Camera, Environment, Grid, Light, LightKind, Material, Medium, Model, Projection, Scene,
+    Camera, Environment, Grid, Instance, Light, LightKind, Material, Medium, Mesh, Model, Motion, Moving,
+    Projection, Scene,
 };
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -103,4 +105,44 @@ fn colored_media_on_grids() {
     let uneven = grid(&|i| (i % 7) as f32 * 3.0);
     let furnace = ball(medium(extinction, 1.0), uneven, 1.0, 1.0);
     assert_channels("furnace", &furnace, &options(32, 128, 3000), [1.0; 3], 1e-2);
+}
+
+/// A grid stays where it is in the world, and what moves with a medium on it is told by name.
+#[test]
+fn objects_that_move_without_their_grid_are_told() {
+    let grid = || Grid::in_box("smoke".into(), [1; 3], Arc::new(vec![1.0]), DVec3::splat(-1.0), DVec3::ONE);
+    let still = ball(medium([0.5; 3], 0.5), grid(), 1.0, 1.0);
+    let places = [0.0, 0.5].map(|x| DAffine3::from_translation(DVec3::new(x, 0.0, 0.0)));
+    let keys = |keys: [DAffine3; 2]| Moving { keys: keys.to_vec(), neighbours: None };
+    let mut of_shape = still.clone();
+    of_shape.motion.shapes.insert(0, keys(places));
+    let mut of_instance = still.clone();
+    let body = of_instance.shapes.remove(0).material;
+    let triangles = vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
+    let positions = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let mesh = of_instance.add_mesh(Mesh::new("tetrahedron", positions, triangles, body));
+    of_instance.motion.instances.push(keys(places));
+    let instance = Instance::new(mesh, DAffine3::IDENTITY);
+    of_instance.instances.push(Instance { name: "puff".into(), motion: Motion::Keyed(0), ..instance });
+    let mut resting = of_instance.clone();
+    resting.motion.instances[0] = keys([DAffine3::IDENTITY; 2]);
+    let mut animated = of_instance.clone();
+    animated.instances[0].motion = Motion::Moves;
+    let mut homogeneous = of_instance.clone();
+    homogeneous.materials[body.index()].medium = Some(medium([0.5; 3], 0.5));
+    for (what, scene, name) in [
+        ("still", still, None),
+        ("a shape", of_shape, Some("sphere")),
+        ("an instance", of_instance, Some("puff")),
+        ("an animation", animated, Some("puff")),
+        ("keys that are the same", resting, None),
+        ("no grid", homogeneous, None),
+    ] {
+        let (_, report) = compile(&scene, &CompileOptions::default()).expect("the scene compiles");
+        let told = report.warnings.iter().map(ToString::to_string).find(|w| w.contains("stands still"));
+        assert_eq!(told.is_some(), name.is_some(), "{what}: {told:?}");
+        if let (Some(told), Some(name)) = (told, name) {
+            assert!(told.contains(&format!("'{name}'")) && told.contains("'body'"), "{what}: {told}");
+        }
+    }
 }

@@ -23,6 +23,7 @@ mod media_edges;
 mod media_stress;
 mod one_sided;
 mod open_sheets;
+mod overlapping;
 mod panoramas;
 mod parts;
 mod passes;

@@ -131,15 +131,43 @@ class VolumesTest(SceneTest):
         self.add_volume(self.folder / "nowhere.vdb", material, "Gone")
         self.add_volume(SMOKE, None, "Bare")
         self.add_volume(OTHER, other, "Masked")
-        self.add_volume(SMOKE, material, "First").location = (50, 0, 0)
-        self.add_volume(SMOKE, material, "Second").location = (51, 0, 0)
         _, settings, answer = self.export()
         warnings = dict(answer["warnings"])
-        for name, words in (("Gone", "nowhere.vdb"), ("Bare", "no material"), ("Second", "overlaps 'First'")):
+        for name, words in (("Gone", "nowhere.vdb"), ("Bare", "no material")):
             self.assertIn(words, warnings[name])
         told = [message for place, message in answer["warnings"] if place == "Masked"]
         self.assertTrue(any("'mask'" in message for message in told), told)
-        self.assertEqual({name for name in settings["materials"]}, {"white (First)", "white (Second)", "other (Masked)"})
+        self.assertEqual({name for name in settings["materials"]}, {"other (Masked)"})
+
+    def test_volumes_that_overlap_need_no_word(self):
+        material, _, _ = self.medium("white", "VolumePrincipled")
+        for k in range(2):
+            self.add_volume(SMOKE, material, f"Cloud {k}").location = (k, 0, 0)
+        _, settings, answer = self.export()
+        self.assertEqual((answer["warnings"], len(settings["materials"])), ([], 2))
+
+    def test_volumes_that_move_are_told(self):
+        material, _, _ = self.medium("white", "VolumePrincipled")
+        parent = bpy.data.objects.new("Parent", None)
+        self.scene.collection.objects.link(parent)
+        own, carried, sharp, _ = (self.add_volume(SMOKE, material, name) for name in ("Own", "Carried", "Sharp", "Still"))
+        carried.parent = parent
+        sharp.cycles.use_motion_blur = False
+        for thing in (own, parent, sharp):
+            for frame, place in ((1, 0.0), (3, 2.0)):
+                thing.location = (place, 0, 0)
+                thing.keyframe_insert("location", frame=frame)
+        self.scene.frame_set(2)
+        told = [place for place, message in self.export()[2]["warnings"] if "moves" in message]
+        self.assertEqual(told, [])
+        self.scene.render.use_motion_blur = True
+        told = [place for place, message in self.export()[2]["warnings"] if "moves" in message]
+        self.assertEqual(sorted(told), ["Carried", "Own"])
+        # Nothing moves before the first frame and behind the last one.
+        told = [place for place, message in self.export("--frame", "9")[2]["warnings"] if "moves" in message]
+        self.assertEqual(told, [])
+        told = [place for place, message in self.export("--shutter", "0", "--vectors", "yes")[2]["warnings"] if "moves" in message]
+        self.assertEqual(told, [])
 
     def test_frames_of_sequences_and_packed_files(self):
         for number, path in ((1, SMOKE), (2, OTHER)):

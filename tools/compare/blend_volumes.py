@@ -136,3 +136,64 @@ def made_volumes():
     made = ring.modifiers.new("Made", "MESH_TO_VOLUME")
     made.object, made.voxel_amount, made.density = shape, 48, 1.5
     camera()
+
+
+def _puff(size, power, *shift):
+    """A round lump."""
+    x, y, z = _places(size)
+    return np.maximum(1 - (x - shift[0]) ** 2 - (y - shift[1]) ** 2 - (z - shift[2]) ** 2, 0) ** power
+
+
+def clouds_together(folder):
+    """Three clouds that overlap, each of another colour and thickness, one of which scatters forward."""
+    _write(folder / "together.vdb", 0.05, (-1, -0.75, -0.6), density=_cloud())
+    _sunny()
+    for k, (density, color, cosine, *place) in enumerate((
+        (5.0, (0.9, 0.5, 0.3), 0.0, (-0.7, 0, 1.2), (0.4, 0.6, 0.9), (1.2, 0.9, 1.5)),
+        (3.0, (0.3, 0.7, 0.9), 0.6, (0.5, -0.2, 1.3), (0, 0.5, 0.2), (1.2, 1.1, 1.1)),
+        (2.0, (0.8, 0.8, 0.4), -0.3, (0.1, 0.5, 1.0), (0.9, 0, 0.4), (1.5, 1.4, 1.3)),
+    )):
+        of, _, _ = of_volume(f"cloud {k}", "VolumePrincipled", Density=density, Anisotropy=cosine, Color=(*color, 1))
+        volume(folder / "together.vdb", of, f"Cloud {k}", *place)
+    ball(material("red", Base_Color=(0.8, 0.1, 0.1, 1)), (0.2, 0.3, 0.9), 0.4)
+    camera()
+
+
+def fire_in_smoke(folder):
+    """A flame in smoke that is an object of its own, with the same box, both within a third cloud of coloured absorption."""
+    size = (32, 32, 48)
+    _write(folder / "flame.vdb", 0.05, (-0.8, -0.8, 0), density=_puff(size, 2, 0, 0, -0.2), temperature=_puff(size, 1, 0, 0, -0.3) * 2200)
+    _write(folder / "smoke.vdb", 0.05, (-0.8, -0.8, 0), density=_puff(size, 1, 0.1, 0.1, 0.3))
+    floor()
+    world((0.05, 0.06, 0.08))
+    burning, _, node = of_volume("burning", "VolumePrincipled", Density=1.0, Color=(0.4, 0.4, 0.4, 1), Temperature=1.0)
+    node.inputs["Blackbody Intensity"].default_value = 2.0
+    smoke, _, _ = of_volume("smoke", "VolumePrincipled", Density=3.0, Color=(0.5, 0.5, 0.5, 1))
+    colored, tree, absorb = of_volume("colored", "VolumeAbsorption", Color=(0.9, 0.5, 0.2, 1))
+    asks = tree.nodes.new("ShaderNodeVolumeInfo")
+    tree.links.new(asks.outputs["Density"], absorb.inputs["Density"])
+    for name, file, of in (("Flame", "flame", burning), ("Smoke", "smoke", smoke), ("Colored", "smoke", colored)):
+        volume(folder / f"{file}.vdb", of, name, (0, 0, 0.2), (0.2, 0, 0.4), (1, 1, 1.2))
+    ball(material("grey", Base_Color=(0.7, 0.7, 0.7, 1)), (1.8, -0.6, 0.6), 0.6)
+    camera()
+
+
+def foggy_room(folder):
+    """A box of fog around everything, a smaller box of coloured fog, a cloud in both, thin fog of the world, and a lamp inside. (Boxes that
+    stand on the floor lose their light there in Cycles: it meets both surfaces in one place.)"""
+    _write(folder / "inner.vdb", 0.05, (-1, -0.75, -0.6), density=_cloud())
+    floor()
+    camera()
+    world((0.1, 0.12, 0.15))
+    tree = bpy.context.scene.world.node_tree
+    haze = tree.nodes.new("ShaderNodeVolumeScatter")
+    haze.inputs["Density"].default_value = 0.01
+    tree.links.new(haze.outputs[0], tree.nodes["World Output"].inputs["Volume"])
+    fog, _, _ = of_volume("fog", "VolumeScatter", Color=(0.9, 0.9, 0.9, 1), Density=0.06, Anisotropy=0.4)
+    add("cube", fog, (0, 0, 2.9), "Fog", size=1, scale=(24, 24, 6.2))
+    blue, _, _ = of_volume("blue", "VolumePrincipled", Color=(0.4, 0.6, 0.9, 1), Density=0.5)
+    add("cube", blue, (0.3, 0.3, 0.7), "Blue", size=1, scale=(3, 3, 1.6))
+    white, _, _ = of_volume("white", "VolumePrincipled", Density=4.0, Color=(0.95, 0.9, 0.8, 1))
+    volume(folder / "inner.vdb", white, "Cloud", (-0.8, 0, 1.2), (0.4, 0.6, 0.9), (1.2, 0.8, 1.2))
+    light("POINT", "Lamp", 120, (1.0, -1.2, 2.4), shadow_soft_size=0.2)
+    ball(material("red", Base_Color=(0.8, 0.1, 0.1, 1)), (1.2, 0.9, 0.6), 0.6)

@@ -20,7 +20,11 @@
 //! Files of OpenVDB hold one or more grids of floats (f32, f64 or f16; plain, zlib or Blosc with LZ4, as OpenVDB, Blender and Houdini write
 //! them), in boxes of up to 2^29 voxels, which may stand anyhow. Values fall to nothing over a voxel beyond the outermost ones,
 //! unless `min` or `max` say where the box ends. Level sets, vectors and NanoVDB's own files are not read.
-//! The solid that has the medium must enclose the grid: a box, say.
+//! The solid that has the medium must enclose the grid: a box, say. A grid stands in the world: a solid that moves doesn't take it along.
+//!
+//! Media of solids without a surface (`type = "medium"`) add up where they overlap, with each other and with the fog, up to eight at a
+//! place; a `priority` above those of others displaces them, and a solid of `density = 0` that shines nowhere is a hole in them. Solids of
+//! one material that overlap are one.
 //!
 //! A `.vol` file is a grid as Mitsuba reads it: `VOL` and the byte 3, then little-endian u32: 1 (for 32-bit floats), voxels along
 //! x, y and z, 1 (channel); six f32: the least and the greatest corner of the box; then the values as f32, x fastest, z

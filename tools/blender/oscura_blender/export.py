@@ -72,6 +72,7 @@ def export(options, report):
     settings.tell_of_volumes(scene, report)
     world.settle(dict(tables)["[environment]"], found)
     if moves is not None:
+        motion.tell_of_volumes(found, moves, report)
         motion.add_shapes(found, moves, report)
         if moves.matrices or moves.shapes:
             report.tell(moment=moves.moment, fps=moves.fps)

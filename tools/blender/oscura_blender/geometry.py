@@ -51,6 +51,7 @@ class Collected:
         self.strands = {}  # of particles, by object and system
         self.generated = {}  # texture coordinates of vertices by the name of the object
         self.brushed = {}  # by the name of the mesh object: see there
+        self.volumes = {}  # names of volume objects by what tells them from all else
         self.links = None  # what lights are linked to
         self.questions = None  # that materials ask about objects
         self.faces = 0  # of meshes that were made for the sake of materials
@@ -195,6 +196,7 @@ def _add_volume(found, obj, instance, store, report):
     # It stands in the world and is marked as nothing else, so that nothing moves it.
     found.placements[holder.name], found.marks[holder.name] = [(name, Matrix.Identity(4))], [("volume", holder.name)]
     found.links.place(name, _linked(obj, parent))
+    found.volumes[mark(instance)] = name
 
 
 def _name(obj, parent):

@@ -23,9 +23,12 @@ class Shutter:
 
     def offsets(self, keys):
         """Moments to look at, frames from the picture's own on."""
+        return sorted({0.0, *self.open_at(keys), *((-1.0, 1.0) if self.has_vectors else ())})
+
+    def open_at(self, keys):
+        """Moments at which it is open."""
         begin = {"start": 0.0, "centre": -0.5, "end": -1.0}[self.position] * self.frames
-        open_at = {begin + self.frames * k / (keys - 1) for k in range(keys)} if self.frames > 0 else set()
-        return sorted({0.0, *open_at, *((-1.0, 1.0) if self.has_vectors else ())})
+        return {begin + self.frames * k / (keys - 1) for k in range(keys)} if self.frames > 0 else set()
 
 
 def shutter(scene, options, layer):
@@ -48,6 +51,7 @@ class Moves:
         self.moment = (max(-offsets[0], 1.0) + 1.0) / fps
         self.matrices = {}  # by what tells placements, cameras and lights apart
         self.shapes = {}  # positions of vertices by the name of the mesh object
+        self.volumes = {}  # matrices of volume objects while the shutter is open, by the same marks
 
     def times(self):
         return [self.moment + offset / self.fps for offset in self.offsets]
@@ -69,18 +73,20 @@ class Moves:
             for name, found in self.shapes.items()
             if len(found) == count and any(not np.array_equal(shape, found[0]) for shape in found)
         }
+        self.volumes = {mark: found for mark, found in self.volumes.items() if any(_differs(matrix, found[0]) for matrix in found)}
 
 
 def record(scene, layer, found, shutter):
     """Looks at all moments, and goes back to the picture's own."""
     now = scene.frame_current_final
-    offsets = shutter.offsets(_keys(found))
+    keys = _keys(found)
+    offsets, open_at = shutter.offsets(keys), shutter.open_at(keys)
     moves = Moves(offsets, scene.render.fps / scene.render.fps_base)
     first = {marks[0]: name for name, marks in found.marks.items() if marks}
     for offset in offsets:
         context.go(scene, now + offset)
         layer.update()
-        _look(scene, bpy.context.evaluated_depsgraph_get(), first, moves)
+        _look(scene, bpy.context.evaluated_depsgraph_get(), first, moves, offset in open_at)
     context.go(scene, now)
     layer.update()
     moves.drop_the_still()
@@ -95,13 +101,15 @@ def _keys(found):
     return max(KEYS, 2 ** min(steps, MOST_STEPS) + 1)
 
 
-def _look(scene, graph, first, moves):
-    """Notes where everything is at this moment."""
+def _look(scene, graph, first, moves, is_open):
+    """Notes where everything is at this moment, at which the shutter is open or not."""
     for instance in graph.object_instances:
         obj = instance.object
         mark = geometry.mark(instance)
         if obj.type == "LIGHT" or obj.type in geometry.MESHES and _is_blurred(obj.original):
             moves.matrices.setdefault(mark, []).append(instance.matrix_world.copy())
+        if is_open and obj.type == "VOLUME" and _is_blurred(obj.original):
+            moves.volumes.setdefault(mark, []).append(instance.matrix_world.copy())
         if mark in first and obj.type == "MESH" and _may_deform(obj.original):
             moves.shapes.setdefault(first[mark], []).append(positions(obj.data))
     for obj in scene.objects:
@@ -130,6 +138,13 @@ def positions(mesh):
 
 def _differs(a, b):
     return any(abs(x - y) > 1e-7 * max(1.0, abs(y)) for p, q in zip(a, b) for x, y in zip(p, q))
+
+
+def tell_of_volumes(found, moves, report):
+    """Tells of volume objects that move: their grids stand in the world."""
+    for mark in sorted(moves.volumes, key=str):
+        if mark in found.volumes:
+            report.warn(found.volumes[mark], "this volume moves while the shutter is open: it stands still, since volumes are not blurred")
 
 
 def add_shapes(found, moves, report):

@@ -42,7 +42,6 @@ class Store:
     def __init__(self, folder, name, up):
         self.folder, self.name, self.up = folder, name, up
         self.files = {}  # by what the data is
-        self.boxes = []  # (name of the object, corners)
 
     def file(self, data, place, report):
         """The name of the file of an evaluated object's grids; None where there is none."""
@@ -68,13 +67,6 @@ class Store:
             report.warn(place, "this volume is left out: it has a level set, which holds distances and no densities")
             return None
         return file
-
-    def overlaps(self, name, corners, report):
-        """Tells where a box overlaps one of those before it."""
-        for other, known in self.boxes:
-            if not _are_apart(known, corners):
-                report.warn(name, f"this volume overlaps '{other}': where both are only one of them is seen")
-        self.boxes.append((name, corners))
 
 
 def add(store, obj, instance, name, report):
@@ -110,7 +102,6 @@ def add(store, obj, instance, name, report):
     is_mirrored = matrix.determinant() < 0
     mesh.from_pydata([matrix @ Vector(corner) for corner in corners], [], [face[::-1] if is_mirrored else face for face in FACES])
     mesh.materials.append(made)
-    store.overlaps(name, [tuple(vertex.co) for vertex in mesh.vertices], report)
     return mesh
 
 
@@ -131,16 +122,3 @@ def _corners(obj, data, voxels):
         around = np.maximum(around, voxels * along.sum(1))
     low, high = low - around, high + around
     return [[(low, high)[k][axis] for axis, k in enumerate(corner)] for corner in CORNERS]
-
-
-def _are_apart(first, second):
-    """Does a plane part two boxes, by their eight corners?"""
-    first, second = np.array(first), np.array(second)
-    edges = [[box[k] - box[0] for k in (1, 2, 4)] for box in (first, second)]
-    axes = [np.cross(box[i], box[j]) for box in edges for i, j in ((0, 1), (0, 2), (1, 2))]
-    axes += [np.cross(a, b) for a in edges[0] for b in edges[1]]
-    for axis in axes:
-        a, b = first @ axis, second @ axis
-        if a.max() < b.min() or b.max() < a.min():
-            return True
-    return False
