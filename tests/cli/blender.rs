@@ -294,7 +294,16 @@ fn what_is_kept_of_exports_is_what_is_exported() {
 
 #[test]
 fn what_is_exported_of_trees_and_surfaces_and_beside_the_model() {
-    ["test_trees.py", "test_surfaces.py", "test_shapes.py", "test_hair.py", "test_volumes.py", "test_beside.py"].into_iter().for_each(python_test);
+    [
+        "test_trees.py",
+        "test_surfaces.py",
+        "test_shapes.py",
+        "test_hair.py",
+        "test_volumes.py",
+        "test_beside.py",
+    ]
+    .into_iter()
+    .for_each(python_test);
 }
 
 #[test]
