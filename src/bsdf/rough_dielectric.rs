@@ -149,7 +149,7 @@ impl RoughDielectric {
         let mut passes = if total { 0.0 } else { 1.0 - reflected.max_element() };
         match self.reflectance.color() {
             GlassReflection::White => {}
-            GlassReflection::Tinted => reflected = reflected * self.tint,
+            GlassReflection::Tinted => reflected *= self.tint,
             GlassReflection::None => (reflected, passes) = (Rgb::ZERO, if total { 0.0 } else { 1.0 }),
         }
         let transmitted = self.tint * passes;
