@@ -359,7 +359,7 @@ fn some_media_displace_others() {
         for (ball, priority) in [ball(1.0, 0.7), ball(0.5, inner)].iter().zip(priorities) {
             body(&mut scene, ball, ball.medium, priority);
         }
-        assert_channels(what, seen(&scene), exact([(-truth as f64).exp(); 3]), 1e-3);
+        assert_channels(what, seen(&scene), exact([f64::exp(-truth); 3]), 1e-3);
     }
     let mut scene = beam(&[], 1.0, 3.0);
     let own = Material { medium: Some(dense(0.7)), ..Material::new("one", Model::Boundary {}) };
@@ -453,7 +453,7 @@ fn boxes_in_one_place_on_a_floor() {
 /// A box over the floor.
 fn cube(scene: &mut Scene, material: MaterialId) {
     let corner = |i: u32| [1, 2, 4].map(|bit| if i & bit == 0 { -1.0f32 } else { 1.0 });
-    let positions = (0..8).map(|i| corner(i)).map(|[x, y, z]| [x, y, z + 1.0]).collect();
+    let positions = (0..8).map(corner).map(|[x, y, z]| [x, y, z + 1.0]).collect();
     let faces = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
     let triangles = faces.into_iter().flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
     let mesh = scene.add_mesh(Mesh::new("box", positions, triangles, material));
