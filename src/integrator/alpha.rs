@@ -7,6 +7,7 @@ use super::Integrator;
 use super::hit_point::HitPoint;
 use super::kinds::OF_LIGHT_SAMPLES;
 use super::lanes::{get_rgb, set_rgb};
+use super::times::Times;
 use super::wave::{Vertices, Wave};
 use super::workspace::Workspace;
 use crate::compile::CompiledMaterial;
@@ -65,10 +66,7 @@ impl Integrator<'_> {
                 }
                 rays[i]
             }));
-            pending_hits.clear();
-            pending_hits.resize(pending.len(), Hit::MISS);
-            times.closest(&self.scene.accel, pending_rays, pending.iter().map(sample), pending_hits);
-            self.find_neighbours(&crowded, pending_rays, pending_hits);
+            self.next_hits((times, pending.iter().map(sample)), pending_rays, &mut crowded, pending_hits);
             for (&i, &hit) in pending.iter().zip(&*pending_hits) {
                 hits[i as usize] = hit;
                 materials[i as usize] = if hit.is_hit() { self.scene.geometries.material(&hit) } else { 0 };
@@ -136,12 +134,8 @@ impl Integrator<'_> {
             }
             pending_rays.clear();
             pending_rays.extend(pending.iter().map(|&k| shadow_rays[k as usize]));
-            pending_hits.clear();
-            pending_hits.resize(pending.len(), Hit::MISS);
             let samples = pending.iter().map(|&k| sample(&shadow_vertices[k as usize]));
-            times.closest(&self.scene.accel, pending_rays, samples, pending_hits);
-            self.find_neighbours(&crowded, pending_rays, pending_hits);
-            crowded.clear();
+            self.next_hits((times, samples), pending_rays, &mut crowded, pending_hits);
             ray_counts.all += pending.len() as u64;
             let (mut at, mut kept) = (0, 0);
             let mut step_past = |ray: &mut Ray, hit: Hit, time: f32| {
@@ -151,9 +145,8 @@ impl Integrator<'_> {
                 kept += 1;
             };
             pending.retain(|&k| {
-                let hit = pending_hits[at];
+                let (hit, k) = (pending_hits[at], k as usize);
                 at += 1;
-                let k = k as usize;
                 if !hit.is_hit() {
                     return false;
                 }
@@ -254,6 +247,22 @@ impl Integrator<'_> {
         let is_crowded = material.is_boundary && (has_neighbours || self.scene.features.overlaps);
         ray.t_min = hit.t;
         is_crowded
+    }
+
+    /// Finds the nearest hits of rays whose paths have these samples; of those past places where others may lie, by their number, what
+    /// lies there as well. None of them is left.
+    fn next_hits(
+        &self,
+        (times, samples): (&mut Times, impl Iterator<Item = u32>),
+        rays: &[Ray],
+        crowded: &mut Vec<(usize, Hit, f32)>,
+        hits: &mut Vec<Hit>,
+    ) {
+        hits.clear();
+        hits.resize(rays.len(), Hit::MISS);
+        times.closest(&self.scene.accel, rays, samples, hits);
+        self.find_neighbours(crowded, rays, hits);
+        crowded.clear();
     }
 
     /// Finds what follows the hits of some rays, by their number, of which others may lie at the same place.
