@@ -160,11 +160,10 @@ impl Integrator<'_> {
                 match self
                     .response(&shadow_rays[k], &hit, time, OF_LIGHT_SAMPLES, || salt().wrapping_add(pass))
                 {
+                    Response::Stops if self.light_passes_sheet(i, &shadow_rays[k], &hit, time, light) => {}
                     Response::Stops => {
-                        if !self.light_passes_sheet(i, &shadow_rays[k], &hit, time, light) {
-                            occluded[k] = true;
-                            return false;
-                        }
+                        occluded[k] = true;
+                        return false;
                     }
                     Response::Passes => {}
                     Response::PassesUnseen(others) => {
