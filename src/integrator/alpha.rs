@@ -225,7 +225,7 @@ impl Integrator<'_> {
     }
 
     /// Takes a ray past a surface that isn't there. Its origin stays what densities refer to. Is another surface perhaps at the same
-    /// place that only [`Integrator::find_neighbours`] finds?
+    /// place that only [`Integrator::next_hits`] finds?
     ///
     /// A sheet that has another material on either side is often two at the same place, turned away from each other:
     /// behind a back that isn't there, what lies at the same distance still counts. So it does at flat boundaries of media:
@@ -260,14 +260,8 @@ impl Integrator<'_> {
         hits.clear();
         hits.resize(rays.len(), Hit::MISS);
         times.closest(&self.scene.accel, rays, samples, hits);
-        self.find_neighbours(crowded, rays, hits);
-        crowded.clear();
-    }
-
-    /// Finds what follows the hits of some rays, by their number, of which others may lie at the same place.
-    fn find_neighbours(&self, crowded: &[(usize, Hit, f32)], rays: &[Ray], hits: &mut [Hit]) {
-        for (k, hit, time) in crowded {
-            hits[*k] = self.scene.accel.next_one(&rays[*k], hit, *time);
+        for (k, hit, time) in crowded.drain(..) {
+            hits[k] = self.scene.accel.next_one(&rays[k], &hit, time);
         }
     }
 

@@ -181,20 +181,15 @@ impl Flight {
     /// of the way, which a number in 0..1 chooses.
     #[inline]
     pub fn glow(&self, medium: &Scattering, throughput: Rgb, to: f32, u: f32) -> Rgb {
-        let [begin, end] = self.extent;
-        let way = (to.min(self.until).min(end) - begin).clamp(0.0, Scattering::FARTHEST);
-        let shines = throughput * medium.emission;
         if !self.draws() {
-            return shines * medium.mean_transmittance(way) * way;
+            let way = self.way_before(to);
+            return throughput * medium.emission * medium.mean_transmittance(way) * way;
         }
-        if way <= 0.0 || shines.max_element() <= 0.0 {
-            return Rgb::ZERO;
-        }
-        let (x, density) = self.glowing_point(medium, shines, way, u);
-        over(shines * self.left_by_chance(medium, begin + x), density)
+        self.glow_beside(medium, throughput, to, u, |_| Rgb::ONE)
     }
 
     /// The same of a flight beside others, which take what shines at a point of the ray times something.
+    #[inline]
     pub fn glow_beside(
         &self,
         medium: &Scattering,
@@ -203,15 +198,21 @@ impl Flight {
         u: f32,
         others: impl Fn(f32) -> Rgb,
     ) -> Rgb {
-        let [begin, end] = self.extent;
-        let way = (to.min(self.until).min(end) - begin).clamp(0.0, Scattering::FARTHEST);
+        let way = self.way_before(to);
         let shines = throughput * medium.emission;
         if way <= 0.0 || shines.max_element() <= 0.0 {
             return Rgb::ZERO;
         }
         let (x, density) = self.glowing_point(medium, shines, way, u);
-        let at = begin + x;
+        let at = self.extent[0] + x;
         over(shines * self.left_by_chance(medium, at) * others(at), density)
+    }
+
+    /// How long the way in the medium is that lies before a point, and before the flight's end.
+    #[inline(always)]
+    fn way_before(&self, to: f32) -> f32 {
+        let [begin, end] = self.extent;
+        (to.min(self.until).min(end) - begin).clamp(0.0, Scattering::FARTHEST)
     }
 
     /// A point of a way of some length and its density per metre, for light that shines everywhere alike in its medium.

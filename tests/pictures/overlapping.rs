@@ -1,7 +1,7 @@
 //! Media without a surface that fill one place: they add up, against closed forms, quadrature, and single media of the sums.
 
 use crate::support::differences::assert_same_bits;
-use crate::support::{camera, material, options, picture, quad, sphere};
+use crate::support::{camera, cuboid, material, options, picture, quad, sphere};
 use oscura::compile::{CompileOptions, compile};
 use oscura::math::{DAffine3, DVec3};
 use oscura::render::{PassOutcome, RenderOptions, Rendering};
@@ -452,10 +452,7 @@ fn boxes_in_one_place_on_a_floor() {
 
 /// A box over the floor.
 fn cube(scene: &mut Scene, material: MaterialId) {
-    let corner = |i: u32| [1, 2, 4].map(|bit| if i & bit == 0 { -1.0f32 } else { 1.0 });
-    let positions = (0..8).map(corner).map(|[x, y, z]| [x, y, z + 1.0]).collect();
-    let faces = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
-    let triangles = faces.into_iter().flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+    let (positions, triangles) = cuboid([-1.0, -1.0, 0.0], [1.0, 1.0, 2.0]);
     let mesh = scene.add_mesh(Mesh::new("box", positions, triangles, material));
     scene.instances.push(Instance::new(mesh, DAffine3::IDENTITY));
 }

@@ -1,7 +1,7 @@
 //! Solids that overlap, of which the one of the higher priority counts: against closed forms, and against models whose solids
 //! touch exactly.
 
-use crate::support::{assert_radiance, camera, material, measure, options, quad};
+use crate::support::{assert_radiance, camera, cuboid, material, measure, options, quad};
 use oscura::math::{DAffine3, DVec3};
 use oscura::render::Caustics;
 use oscura::scene::{
@@ -27,16 +27,8 @@ pub fn glass(scene: &mut Scene, ior: f32, left: f32, priority: i32) -> MaterialI
 
 /// A closed block, wide in x and z, between two heights.
 fn slab(scene: &mut Scene, [low, high]: [f64; 2], half: f64, material: MaterialId) {
-    let corner = |i: u32| {
-        let y = if i & 2 == 0 { low } else { high };
-        let sign = |bit: u32| if i & bit == 0 { -half } else { half };
-        [sign(1) as f32, y as f32, sign(4) as f32]
-    };
-    // Counter-clockwise seen from outside.
-    let faces = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
-    let triangles = faces.into_iter().flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
-    let mesh = Mesh::new("slab", (0..8).map(corner).collect(), triangles, material);
-    let mesh = scene.add_mesh(mesh);
+    let (positions, triangles) = cuboid([-half, low, -half], [half, high, half]);
+    let mesh = scene.add_mesh(Mesh::new("slab", positions, triangles, material));
     scene.instances.push(Instance::new(mesh, DAffine3::IDENTITY));
 }
 

@@ -1,7 +1,7 @@
 //! Solids whose surfaces lie on each other, and solids whose normals point inwards, against closed forms.
 
 use crate::priorities::{assert_same, glass, reflectance};
-use crate::support::{assert_radiance, camera, material, measure, options, quad, tinted_solid};
+use crate::support::{assert_radiance, camera, cuboid, material, measure, options, quad, tinted_solid};
 use oscura::math::{DAffine3, DQuat, DVec3};
 use oscura::render::Caustics;
 use oscura::scene::{Environment, Instance, Light, LightKind, Material, MaterialId, Mesh, Projection, Scene};
@@ -19,15 +19,9 @@ const HALF: [f64; 2] = [4.0, 4.2];
 /// The box with half a width between two heights, turned inside out or not.
 fn block(mesh: &mut Mesh, [low, high]: [f64; 2], half: f64, turned: bool) {
     let first = mesh.positions.len() as u32;
-    mesh.positions.extend((0..8).map(|i: u32| {
-        let y = if i & 2 == 0 { low } else { high };
-        let sign = |bit: u32| if i & bit == 0 { -half } else { half };
-        [sign(1) as f32, y as f32, sign(4) as f32]
-    }));
-    // Counter-clockwise seen from outside.
-    let faces = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
-    let triangles = faces.into_iter().flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]);
-    let placed = triangles.map(|[a, b, c]: [u32; 3]| if turned { [a, c, b] } else { [a, b, c] });
+    let (positions, triangles) = cuboid([-half, low, -half], [half, high, half]);
+    mesh.positions.extend(positions);
+    let placed = triangles.into_iter().map(|[a, b, c]| if turned { [a, c, b] } else { [a, b, c] });
     mesh.triangles.extend(placed.map(|t| t.map(|i| i + first)));
 }
 

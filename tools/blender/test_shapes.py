@@ -18,6 +18,14 @@ class ShapesTest(SceneTest):
         made.data.materials.append(material)
         return made
 
+    def stretch(self, obj, axis, factor, share):
+        """Gives an object a key that stretches its mesh along an axis, in force by a share."""
+        obj.shape_key_add(name="Basis")
+        key = obj.shape_key_add(name="Stretched")
+        for point in key.data:
+            point.co[axis] *= factor
+        key.value = share
+
     def patterned(self):
         """A material of noise by generated coordinates, which are looked up where nothing is linked."""
         material, tree, shader, noise = shader_tree("pattern", "TexNoise")
@@ -27,11 +35,7 @@ class ShapesTest(SceneTest):
     def test_keys_and_modifiers_that_make_vertices(self):
         """A key that widens a cube, then a subdivision: the model is as wide as the evaluated mesh, once."""
         cube = self.add("cube", "Cube", self.patterned(), size=2)
-        cube.shape_key_add(name="Basis")
-        key = cube.shape_key_add(name="Wide")
-        for point in key.data:
-            point.co.x *= 3
-        key.value = 0.5
+        self.stretch(cube, 0, 3, 0.5)
         cube.modifiers.new("Fine", "SUBSURF").render_levels = 2
         model, _, answer = self.export()
         self.assertEqual(answer["warnings"], [])
@@ -50,11 +54,7 @@ class ShapesTest(SceneTest):
         array = row.modifiers.new("Array", "ARRAY")
         array.count, array.relative_offset_displace = 2, (1.5, 0, 0)
         bent = self.add("cube", "Bent", pattern, size=2)
-        bent.shape_key_add(name="Basis")
-        key = bent.shape_key_add(name="Tall")
-        for point in key.data:
-            point.co.z *= 5
-        key.value = 1.0
+        self.stretch(bent, 2, 5, 1.0)
         bent.modifiers.new("Bend", "SIMPLE_DEFORM").angle = 1
         half = self.add("cube", "Half", pattern, size=2)
         for vertex in half.data.vertices:

@@ -40,6 +40,7 @@ const PACKAGE: &[(&str, &str)] = &[
     ("materials.py", include_str!("../../../tools/blender/oscura_blender/materials.py")),
     ("means.py", include_str!("../../../tools/blender/oscura_blender/means.py")),
     ("media.py", include_str!("../../../tools/blender/oscura_blender/media.py")),
+    ("meshes.py", include_str!("../../../tools/blender/oscura_blender/meshes.py")),
     ("mixes.py", include_str!("../../../tools/blender/oscura_blender/mixes.py")),
     ("motion.py", include_str!("../../../tools/blender/oscura_blender/motion.py")),
     ("objectwise.py", include_str!("../../../tools/blender/oscura_blender/objectwise.py")),

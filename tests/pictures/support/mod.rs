@@ -131,6 +131,15 @@ pub fn tinted_solid(scene: &mut Scene, share: f32) -> MaterialId {
     material(scene, Material::new("solid", Model::Pbr(Box::new(pbr))))
 }
 
+/// Corners and triangles of a closed box, counter-clockwise seen from outside.
+pub fn cuboid(low: [f64; 3], high: [f64; 3]) -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
+    let corner =
+        |i: usize| [0, 1, 2].map(|axis| if i >> axis & 1 == 0 { low[axis] } else { high[axis] } as f32);
+    let faces = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+    let triangles = faces.into_iter().flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]);
+    ((0..8).map(corner).collect(), triangles.collect())
+}
+
 /// Adds a sphere.
 pub fn sphere(scene: &mut Scene, center: [f64; 3], radius: f64, material: MaterialId) {
     scene.shapes.push(Shape { name: "sphere".into(), ..Shape::sphere(center, radius, material) });

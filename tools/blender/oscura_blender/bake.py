@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 
 from . import cache, fingerprint, flat, glow, mixes, pictures, shaders, skins, trees
-from .context import opened
+from .context import choose, opened
 from .report import listed
 from .sizes import MOST_FACES
 
@@ -206,10 +206,7 @@ class Baking:
         return baked
 
     def select(self):
-        layer = self.kitchen.view_layers[0]
-        layer.update()
-        layer.objects.active = self.holder
-        self.holder.select_set(True, view_layer=layer)
+        choose(self.holder, self.kitchen)
 
     def _add_layer(self):
         """A layer of texture coordinates. What is there goes on looking up its own."""

@@ -38,3 +38,11 @@ def opened(scene):
     finally:
         if window is not None:
             window.scene = before
+
+
+def choose(obj, scene):
+    """Makes an object of a scene the one that operators work on."""
+    layer = scene.view_layers[0]
+    layer.update()
+    layer.objects.active = obj
+    obj.select_set(True, view_layer=layer)

@@ -27,10 +27,7 @@ def board(materials):
         with context.opened(scene):
             plate = bpy.data.objects.new("oscura board", mesh)
             scene.collection.objects.link(plate)
-            layer = scene.view_layers[0]
-            layer.update()
-            layer.objects.active = plate
-            plate.select_set(True, view_layer=layer)
+            context.choose(plate, scene)
             yield columns
     finally:
         bpy.data.meshes.remove(mesh)

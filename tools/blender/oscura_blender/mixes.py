@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 
 from . import facing, glow, pictures, shaders, trees, views
-from .context import opened
+from .context import choose, opened
 from .facing import LIGHT
 from .sizes import MOST_FACES
 from .views import ROWS
@@ -119,10 +119,7 @@ def _seen(material, holder, wanted):
     kitchen.collection.objects.link(shown)
     try:
         with opened(kitchen):
-            layer = kitchen.view_layers[0]
-            layer.update()
-            layer.objects.active = shown
-            shown.select_set(True, view_layer=layer)
+            choose(shown, kitchen)
             count = len(mesh.polygons) // ROWS
             return [_shone(own, names, count) for names in wanted]
     finally:
@@ -139,9 +136,8 @@ def _put_tables(tree):
     for inner, node in list(trees.nodes_with_trees(tree, views.DIRECTED)):
         for out in _directed(node):
             if is_by_cosine(node, out):
-                own, place = inner.nodes.new("ShaderNodeAttribute"), inner.nodes.new("ShaderNodeCombineXYZ")
-                own.attribute_type, own.attribute_name = "GEOMETRY", COSINE
-                inner.links.new(own.outputs["Fac"], place.inputs[0])
+                place = inner.nodes.new("ShaderNodeCombineXYZ")
+                trees.feed_attribute(inner, [place.inputs[0]], COSINE, "Fac")
                 images.append(facing.put(inner, out, views.rows(node, out.name), place.outputs[0]))
     return images
 

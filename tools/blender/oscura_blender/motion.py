@@ -4,7 +4,7 @@ another shape becomes an animation of the model, in which the picture has its mo
 import bpy
 import numpy as np
 
-from . import context, geometry
+from . import context, geometry, meshes
 
 POSITIONS = {"START": "start", "CENTER": "centre", "END": "end"}
 
@@ -111,7 +111,7 @@ def _look(scene, graph, first, moves, is_open):
         if is_open and obj.type == "VOLUME" and _is_blurred(obj.original):
             moves.volumes.setdefault(mark, []).append(instance.matrix_world.copy())
         if mark in first and obj.type == "MESH" and _may_deform(obj.original):
-            moves.shapes.setdefault(first[mark], []).append(positions(obj.data))
+            moves.shapes.setdefault(first[mark], []).append(meshes.positions(obj.data.vertices))
     for obj in scene.objects:
         if obj.type == "CAMERA":
             placed = obj.evaluated_get(graph).matrix_world.normalized()
@@ -127,13 +127,6 @@ def _may_deform(obj):
     if settings is not None and not (settings.use_motion_blur and settings.use_deform_motion):
         return False
     return bool(obj.modifiers) or getattr(obj.data, "shape_keys", None) is not None or obj.data.animation_data is not None
-
-
-def positions(mesh):
-    """Where vertices are, a row each."""
-    found = np.empty(3 * len(mesh.vertices), np.float32)
-    mesh.vertices.foreach_get("co", found)
-    return found.reshape(-1, 3)
 
 
 def _differs(a, b):
@@ -152,7 +145,7 @@ def add_shapes(found, moves, report):
     for name, shapes in list(moves.shapes.items()):
         holder = next(h for h in found.objects.values() if h is not None and h.name == name)
         now = shapes[moves.offsets.index(0.0)]
-        if any(len(shape) != len(holder.data.vertices) for shape in shapes) or not np.array_equal(now, positions(holder.data)):
+        if any(len(shape) != len(holder.data.vertices) for shape in shapes) or not np.array_equal(now, meshes.positions(holder.data.vertices)):
             report.warn(found.marks[name][0][0], "its change of shape is not blurred: its faces change, or its material moves them")
             del moves.shapes[name]
             continue

@@ -1,8 +1,9 @@
 """Point clouds: meshes of small spheres, which have the attributes of their points."""
 
 import bmesh
-import bpy
 import numpy as np
+
+from . import meshes
 
 # Of all spheres of a cloud together: the more there are the fewer each has.
 MOST_FACES = 1_000_000
@@ -43,23 +44,15 @@ def as_mesh(cloud):
     """A mesh of an evaluated point cloud."""
     count = len(cloud.points)
     corners, faces = _sphere(LEVELS[_fineness(cloud)])
-    centers, radii = np.empty(3 * count, np.float32), np.empty(count, np.float32)
-    cloud.points.foreach_get("co", centers)
+    radii = np.empty(count, np.float32)
     cloud.points.foreach_get("radius", radii)
-    places = centers.reshape(-1, 1, 3) + radii[:, None, None] * corners
-    numbers = faces + len(corners) * np.arange(count)[:, None, None]
-    mesh = bpy.data.meshes.new(cloud.name)
-    mesh.vertices.add(count * len(corners))
-    mesh.vertices.foreach_set("co", places.ravel())
-    mesh.loops.add(numbers.size)
-    mesh.loops.foreach_set("vertex_index", numbers.ravel().astype(np.int32))
-    mesh.polygons.add(count * len(faces))
-    mesh.polygons.foreach_set("loop_start", 3 * np.arange(count * len(faces), dtype=np.int32))
+    places = meshes.positions(cloud.points)[:, None] + radii[:, None, None] * corners
+    triangles = faces + len(corners) * np.arange(count)[:, None, None]
+    mesh = meshes.of_triangles(cloud.name, places.reshape(-1, 3), triangles.reshape(-1, 3))
     for attribute in cloud.attributes:
         _repeat(attribute, mesh, len(corners))
     for material in cloud.materials:
         mesh.materials.append(material and material.original)
-    mesh.update(calc_edges=True)
     return mesh
 
 

@@ -4,8 +4,8 @@ only meant as bumps becomes a Bump node."""
 import bpy
 import numpy as np
 
-from . import glow, shaders
-from .context import opened
+from . import glow, meshes, shaders
+from .context import choose, opened
 
 HEIGHTS = "oscura heights"
 
@@ -71,10 +71,7 @@ def _displace(holder, matrix, kitchen, report):
     kitchen.collection.objects.link(holder)
     undo = [_shine(material, matrix, report) for material in dict.fromkeys(mesh.materials)]
     try:
-        view = kitchen.view_layers[0]
-        view.update()
-        view.objects.active = holder
-        holder.select_set(True, view_layer=view)
+        choose(holder, kitchen)
         bpy.ops.object.bake(type="EMIT", target="VERTEX_COLORS")
         moved = np.empty(len(mesh.vertices) * 4, np.float32)
         mesh.color_attributes[HEIGHTS].data.foreach_get("color", moved)
@@ -90,11 +87,10 @@ def _displace(holder, matrix, kitchen, report):
 
 def _move(mesh, offsets):
     """Moves vertices, by numbers along their normals in the first channel less those in the second, and lets normals follow."""
-    positions, normals = (np.empty(3 * len(mesh.vertices), np.float32) for _ in range(2))
-    mesh.vertices.foreach_get("co", positions)
+    positions, normals = meshes.positions(mesh.vertices), np.empty(3 * len(mesh.vertices), np.float32)
     mesh.vertex_normals.foreach_get("vector", normals)
     along = (offsets[:, 0] - offsets[:, 1])[:, None]
-    mesh.vertices.foreach_set("co", (positions.reshape(-1, 3) + along * normals.reshape(-1, 3)).ravel())
+    mesh.vertices.foreach_set("co", (positions + along * normals.reshape(-1, 3)).ravel())
     if mesh.has_custom_normals:
         mesh.attributes.remove(mesh.attributes["custom_normal"])
     mesh.update()

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from mathutils import Vector
 
-from . import camera
+from . import camera, meshes
 from .settings import resolution
 
 LEAST, MOST = 256, 4096
@@ -40,9 +40,7 @@ class Sight:
             return min(1024, self.most)
         areas = np.empty(len(mesh.polygons), np.float32)
         mesh.polygons.foreach_get("area", areas)
-        positions = np.empty(3 * len(mesh.vertices), np.float32)
-        mesh.vertices.foreach_get("co", positions)
-        positions = positions.reshape(-1, 3)
+        positions = meshes.positions(mesh.vertices)
         low, high = positions.min(0), positions.max(0)
         wanted = max(self._pixels(float(areas.sum()), low, high, matrix) for matrix in matrices)
         power = math.ceil(math.log2(max(FINENESS * wanted, 1.0)))

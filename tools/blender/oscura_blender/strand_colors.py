@@ -6,8 +6,8 @@ import math
 import bpy
 import numpy as np
 
-from . import bake, glow, objectwise, shaders, trees, undeformed
-from .context import opened
+from . import bake, glow, meshes, objectwise, shaders, trees, undeformed
+from .context import choose, opened
 
 # Places along a strand where colours are evaluated, if they vary there.
 PLACES = 9
@@ -62,10 +62,7 @@ def evaluate(material, node, key, strands, matrix):
     edge = math.ceil(math.sqrt(count * along))
     try:
         with opened(kitchen):
-            layer = kitchen.view_layers[0]
-            layer.update()
-            layer.objects.active = shown
-            shown.select_set(True, view_layer=layer)
+            choose(shown, kitchen)
 
             def shine(image):
                 tree = own.node_tree
@@ -93,12 +90,8 @@ def _rewrite(tree):
     for inner, node in list(trees.nodes_with_trees(tree, (INFO,))):
         trees.replace(inner, node.outputs["Is Strand"], 1.0)
         for name, attribute in KNOWN.items():
-            targets = [link.to_socket for link in node.outputs[name].links]
-            if targets:
-                own = inner.nodes.new("ShaderNodeAttribute")
-                own.attribute_type, own.attribute_name = "GEOMETRY", attribute
-                for target in targets:
-                    inner.links.new(own.outputs["Fac"], target)
+            if targets := [link.to_socket for link in node.outputs[name].links]:
+                trees.feed_attribute(inner, targets, attribute, "Fac")
 
 
 def _triangles(strands, shares, material):
@@ -116,16 +109,9 @@ def _triangles(strands, shares, material):
         KNOWN["Thickness"]: between(2 * strands.radii),
         KNOWN["Random"]: np.repeat(random(count), along),
     }
-    places = between(strands.points).reshape(total, 1, 3)
-    mesh = bpy.data.meshes.new("oscura strands")
-    mesh.vertices.add(3 * total)
     small = 1e-5 * np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)])
-    mesh.vertices.foreach_set("co", (places + small).astype(np.float32).ravel())
-    mesh.loops.add(3 * total)
-    mesh.loops.foreach_set("vertex_index", np.arange(3 * total, dtype=np.int32))
-    mesh.polygons.add(total)
-    mesh.polygons.foreach_set("loop_start", 3 * np.arange(total, dtype=np.int32))
-    mesh.update(calc_edges=True)
+    places = (between(strands.points).reshape(total, 1, 3) + small).reshape(-1, 3)
+    mesh = meshes.of_triangles("oscura strands", places, np.arange(3 * total).reshape(-1, 3))
     for name, values in known.items():
         mesh.attributes.new(name, "FLOAT", "POINT").data.foreach_set("value", np.repeat(values.ravel(), 3).astype(np.float32))
     on_corners = lambda rows: np.repeat(rows, 3 * along, axis=0).astype(np.float32).ravel()

@@ -60,6 +60,14 @@ def replace(tree, socket, value):
     return made
 
 
+def feed_attribute(tree, targets, name, output):
+    """Feeds inputs by an attribute of the mesh."""
+    node = tree.nodes.new("ShaderNodeAttribute")
+    node.attribute_type, node.attribute_name = "GEOMETRY", name
+    for target in targets:
+        tree.links.new(node.outputs[output], target)
+
+
 def constant_node(tree, value, is_color=False):
     """The output of a new node with a value."""
     if isinstance(value, (int, float)):

@@ -4,7 +4,7 @@ final renders of Blender itself know that mesh: it is evaluated once more, and i
 import bpy
 import numpy as np
 
-from . import context, trees
+from . import context, meshes, trees
 
 ATTRIBUTE = "oscura generated"
 
@@ -37,7 +37,7 @@ def evaluate(objects):
         with context.opened(scene):
             scene.view_layers[0].update()
             graph = bpy.context.evaluated_depsgraph_get()
-            places = {name: _places(copy.evaluated_get(graph).data.vertices) for name, copy in copies.items()}
+            places = {name: meshes.positions(copy.evaluated_get(graph).data.vertices) for name, copy in copies.items()}
             return {name: coordinates(bpy.data.objects[name].data, of) for name, of in places.items()}
     finally:
         bpy.data.scenes.remove(scene)
@@ -55,7 +55,7 @@ def _copy(obj, scene):
     made.data = mesh
     made.shape_key_clear()
     if keys is not None:
-        mesh.vertices.foreach_set("co", _places(keys.reference_key.data).ravel())
+        mesh.vertices.foreach_set("co", meshes.positions(keys.reference_key.data).ravel())
         mesh.update()
     for modifier in list(made.modifiers):
         if modifier.type in DEFORMING:
@@ -79,43 +79,33 @@ def use(holders, changed):
         return
     for holder in asking:
         if ATTRIBUTE not in holder.data.attributes:
-            _set(holder.data, coordinates(holder.data, _places(holder.data.vertices)))
+            _set(holder.data, coordinates(holder.data, meshes.positions(holder.data.vertices)))
     for material in materials:
         look_up(material.node_tree)
 
 
 def look_up(tree):
     """Puts the attribute in the place of generated coordinates in a tree and its groups."""
-    for inner, node in list(trees.nodes_with_trees(tree, (COORDINATES, *TEXTURES))):
-        if node.bl_idname == COORDINATES:
-            targets = [link.to_socket for link in node.outputs["Generated"].links]
-        else:
-            targets = [] if node.inputs["Vector"].is_linked else [node.inputs["Vector"]]
-        if targets:
-            own = inner.nodes.new("ShaderNodeAttribute")
-            own.attribute_type, own.attribute_name = "GEOMETRY", ATTRIBUTE
-            for target in targets:
-                inner.links.new(own.outputs["Vector"], target)
+    for inner, targets in list(_lookups(tree)):
+        trees.feed_attribute(inner, targets, ATTRIBUTE, "Vector")
 
 
 def _asks(material):
     """Are generated coordinates looked up?"""
-    if not material.use_nodes or material.node_tree is None:
-        return False
-    for _, node in trees.nodes_with_trees(material.node_tree, (COORDINATES, *TEXTURES)):
+    return material.use_nodes and material.node_tree is not None and any(True for _ in _lookups(material.node_tree))
+
+
+def _lookups(tree):
+    """The inputs to which generated coordinates go, by nodes of a tree and its groups, each with its tree."""
+    for inner, node in trees.nodes_with_trees(tree, (COORDINATES, *TEXTURES)):
         if node.bl_idname == COORDINATES:
             # Those of another object are not of this mesh.
-            if node.outputs["Generated"].is_linked and not node.from_instancer:
-                return True
-        elif not node.inputs["Vector"].is_linked and any(out.is_linked for out in node.outputs):
-            return True
-    return False
-
-
-def _places(vertices):
-    places = np.empty(3 * len(vertices), np.float32)
-    vertices.foreach_get("co", places)
-    return places.reshape(-1, 3)
+            targets = [] if node.from_instancer else [link.to_socket for link in node.outputs["Generated"].links]
+        else:
+            is_idle = node.inputs["Vector"].is_linked or not any(out.is_linked for out in node.outputs)
+            targets = [] if is_idle else [node.inputs["Vector"]]
+        if targets:
+            yield inner, targets
 
 
 def coordinates(mesh, places):
