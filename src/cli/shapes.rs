@@ -34,6 +34,6 @@ impl ShapeCounts {
 /// A key for each kind.
 impl Serialize for ShapeCounts {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_map(self.iter().map(|(tag, count)| (tag.plural(), count)))
+        serializer.collect_map(self.iter().map(|(tag, count)| (tag.plural().replace(' ', "_"), count)))
     }
 }

@@ -116,7 +116,7 @@ pub(super) fn moving_shapes(
 fn placed(shape: &Shape, world_from_rest: &DAffine3, emits: bool) -> DAffine3 {
     let m = world_from_rest.matrix3;
     let scale = m.determinant().abs().cbrt();
-    let keeps_straight = emits && shape.kind == ShapeKind::Sphere;
+    let keeps_straight = emits && shape.kind != ShapeKind::Disk;
     let linear = if keeps_straight { DMat3::from_diagonal(DVec3::splat(scale)) } else { m };
     DAffine3 { matrix3: linear, translation: world_from_rest.transform_point3(shape.center) }
 }

@@ -270,7 +270,7 @@ impl Geometries {
                 let corners = [q.corner, q.corner + q.edge_u, q.corner + q.edge_v];
                 triangle_surface(map_each(corners, |c| c.to_array()), hit.u, hit.v)
             }
-            Primitive::Analytic(_, shape) => shape.surface(ray.at(hit.t)),
+            Primitive::Analytic(_, shape) => shape.surface(ray.at(hit.t), ray.origin),
             Primitive::Curve(_, segment) => segment.surface(ray.origin, ray.direction),
         };
         surface.material = material;

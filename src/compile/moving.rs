@@ -68,7 +68,9 @@ impl Moment<'_> {
                 let corners = [q.corner, q.corner + q.edge_u, q.corner + q.edge_v];
                 triangle_surface(corners.map(|c| c.to_array()), hit.u, hit.v)
             }
-            Primitive::Analytic(_, shape) => shape.surface(self.to_object(ray.at(hit.t))),
+            Primitive::Analytic(_, shape) => {
+                shape.surface(self.to_object(ray.at(hit.t)), self.to_object(ray.origin))
+            }
             Primitive::Curve(..) => unreachable!("curves stand still"),
         };
         surface.material = attributes.materials[hit.prim as usize];

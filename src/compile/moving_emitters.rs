@@ -76,7 +76,7 @@ fn shine(space: &Space, prim: u32, key: &Key) -> Option<Shine> {
             let (corner, edge_u, edge_v) = (point(q.corner), vector(q.edge_u), vector(q.edge_v));
             Some(Shine::Parallelogram(turned(Edges { corner, edge_u, edge_v })))
         }
-        Primitive::Analytic(_, Analytic::Sphere(_)) => {
+        Primitive::Analytic(_, Analytic::Sphere(_) | Analytic::FacingDisk(_) | Analytic::Shell(_)) => {
             let scale = m.matrix3.x_axis.length() as f32;
             let packed = sphere_of(&space.shapes, prim)?.pack();
             let [x, y, z, radius, ..] = packed.numbers;

@@ -2,7 +2,7 @@
 
 use super::{Beam, LightBounds, LightSample};
 use crate::color::Rgb;
-use crate::math::{Bounds3, Mat3, Vec2, Vec3, gamma, offset_ray_origin};
+use crate::math::{Bounds3, Mat3, Ray, Vec2, Vec3, gamma, offset_ray_origin};
 use crate::scene::TextureId;
 use crate::shape::{
     Analytic, LightPoint, Shape, SphericalParallelogram, SphericalRectangle, SphericalTriangle,
@@ -85,8 +85,7 @@ impl AreaLight {
             }
             AreaShape::Analytic(shape) => {
                 let (center, radius) = shape.center_and_radius();
-                let normal = if shape.is_flat() { shape.normal_at(center) } else { Vec3::Z };
-                (normal, center.abs() + Vec3::splat(radius))
+                (shape.normal().unwrap_or(Vec3::Z), center.abs() + Vec3::splat(radius))
             }
         };
         let point_error = extent * gamma(6);
@@ -138,7 +137,7 @@ impl AreaLight {
             }
             AreaShape::Analytic(shape) => (shape.bounds(), shape.largest_projection()),
         };
-        let is_round = matches!(&self.shape, AreaShape::Analytic(shape) if !shape.is_flat());
+        let is_round = matches!(&self.shape, AreaShape::Analytic(shape) if shape.normal().is_none());
         let weight = self.mean_luminance(textures) * area;
         if let Some((axis, emission_rad)) = self.beam.cone() {
             return LightBounds { bounds, weight, axis, normals_rad: 0.0, emission_rad };
@@ -179,7 +178,7 @@ impl AreaLight {
             Radiance::Analytic { texture, factor, object_from_world } => {
                 let uv = match &self.shape {
                     AreaShape::Analytic(shape) => {
-                        shape.texture_coordinates(point, shape.normal_at(point), object_from_world)
+                        shape.texture_coordinates(point, self.normal_at(point, point), object_from_world)
                     }
                     _ => Vec2::ZERO,
                 };
@@ -188,7 +187,12 @@ impl AreaLight {
         };
         let [r, g, b, _] = textures.eval_at(
             *texture,
-            &TexturePoint { uv, world: point, normal: self.normal_at(point), ..TexturePoint::default() },
+            &TexturePoint {
+                uv,
+                world: point,
+                normal: self.normal_at(point, point),
+                ..TexturePoint::default()
+            },
         );
         *factor * Rgb::new(r, g, b)
     }
@@ -204,11 +208,11 @@ impl AreaLight {
         }
     }
 
-    /// The front's unit normal at a point.
+    /// The front's unit normal at a point; `reference`, from where it is seen, counts for lights that turn.
     #[inline(always)]
-    pub fn normal_at(&self, point: Vec3) -> Vec3 {
+    pub fn normal_at(&self, point: Vec3, reference: Vec3) -> Vec3 {
         match self.shape {
-            AreaShape::Analytic(shape) => shape.normal_at(point),
+            AreaShape::Analytic(shape) => shape.normal_at(point, reference),
             _ => self.normal,
         }
     }
@@ -225,7 +229,7 @@ impl AreaLight {
             AreaShape::Triangle(e) => triangle(e, reference).sample(u),
             AreaShape::Analytic(shape) => shape.sample(reference, u),
         };
-        let normal = self.normal_at(point);
+        let normal = self.normal_at(point, reference);
         let to_light = point - reference;
         let distance = to_light.length();
         let is_lit = self.two_sided || to_light.dot(normal) < 0.0;
@@ -255,7 +259,7 @@ impl AreaLight {
             AreaShape::Analytic(shape) => {
                 let (center, _) = shape.center_and_radius();
                 let height = (reference - center).dot(self.normal).abs();
-                shape.is_flat() && height <= 4.0 * self.point_error.dot(self.normal.abs())
+                shape.normal().is_some() && height <= 4.0 * self.point_error.dot(self.normal.abs())
             }
         }
     }
@@ -268,6 +272,14 @@ impl AreaLight {
             AreaShape::Parallelogram(e) => parallelogram(e, reference).pdf_solid_angle(point),
             AreaShape::Triangle(e) => triangle(e, reference).pdf_solid_angle(point),
             AreaShape::Analytic(shape) => shape.pdf_solid_angle(reference, point),
+        }
+    }
+
+    /// How far behind its origin a ray of its light starts for a receiver on the ray, if it does: see [`Shape::starts_behind`].
+    pub fn starts_behind(&self, receiver: Vec3, ray: &Ray) -> Option<f32> {
+        match &self.shape {
+            AreaShape::Analytic(shape) => shape.starts_behind(receiver, ray),
+            _ => Some(0.0),
         }
     }
 

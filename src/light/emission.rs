@@ -1,10 +1,12 @@
 //! Light leaves lamps: a lamp is chosen, a point of it and a direction, or of lights infinitely far away a direction and a
 //! place. Only rays towards certain balls are wanted.
 
-use super::{AreaLight, Lights, PunctualLight, Source, Targets};
+use super::targets::Chosen;
+use super::{AreaLight, AreaShape, Lights, PunctualLight, Source, Targets};
 use crate::color::Rgb;
 use crate::math::{Frame, Ray, Vec3, offset_ray_origin};
 use crate::sampling::{AliasTable, warp};
+use crate::shape::{Analytic, Shape};
 use crate::texture::CompiledTextures;
 use std::f32::consts::PI;
 
@@ -106,10 +108,15 @@ impl Emission {
         of_point: [f32; 2],
         u: [f32; 3],
     ) -> Option<Emitted> {
+        if let AreaShape::Analytic(shape) = &light.shape
+            && shape.turns()
+        {
+            return self.leave_disk(light, shape, textures, of_point, u);
+        }
         let point = light.point_by_area(of_point);
-        let normal = light.normal_at(point);
+        let normal = light.normal_at(point, point);
         let (direction, pdf) = if self.targets.solid_angle(point) < WIDE {
-            let chosen = self.targets.direction(point, u)?;
+            let chosen = self.targets.direction(point, 0.0, u)?;
             (chosen.at, chosen.pdf)
         } else {
             let sides = if light.two_sided { 2.0 } else { 1.0 };
@@ -132,10 +139,32 @@ impl Emission {
         })
     }
 
+    /// From a disk that turns to the direction.
+    fn leave_disk(
+        &self,
+        light: &AreaLight,
+        shape: &Analytic,
+        textures: &CompiledTextures,
+        of_point: [f32; 2],
+        u: [f32; 3],
+    ) -> Option<Emitted> {
+        let (center, radius) = shape.center_and_radius();
+        let Chosen { at: direction, pdf } = self.targets.direction(center, radius, u)?;
+        let on_disk = warp::uniform_disk(of_point) * radius;
+        let point = center + Frame::from_normal(direction).to_world(on_disk.extend(0.0));
+        Some(Emitted {
+            ray: Ray::new(point, direction),
+            radiance: light.beam.of(light.radiance_at(textures, point), direction, direction, textures),
+            scale: shape.largest_projection() / pdf,
+            light: 0,
+            is_delta: false,
+        })
+    }
+
     fn leave_source(&self, light: &PunctualLight, of_point: [f32; 2], u: [f32; 3]) -> Option<Emitted> {
         match light.source() {
             Source::At(position) => {
-                let chosen = self.targets.direction(position, u)?;
+                let chosen = self.targets.direction(position, 0.0, u)?;
                 let (ray, radiance) = (Ray::new(position, chosen.at), light.intensity(chosen.at));
                 Some(Emitted { ray, radiance, scale: 1.0 / chosen.pdf, light: 0, is_delta: true })
             }

@@ -47,7 +47,7 @@ impl MovingLight<AreaLight> {
         let light = self.at(time);
         let sample = light.sample(textures, reference, u);
         let error = (reference.abs() + sample.target.abs()) * gamma(8);
-        let normal = light.normal_at(sample.target);
+        let normal = light.normal_at(sample.target, reference);
         LightSample { target: offset_ray_origin(sample.target, error, normal, -sample.wi), ..sample }
     }
 

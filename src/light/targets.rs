@@ -36,9 +36,10 @@ pub struct Chosen {
 }
 
 impl Ball {
-    fn cone_from(&self, p: Vec3) -> Cone {
-        let way = self.center - p;
-        let (squared, r2) = (way.length_squared(), self.radius * self.radius);
+    /// What points around `p`, as far away as `around`, see of it together.
+    fn cone_from(&self, p: Vec3, around: f32) -> Cone {
+        let (way, radius) = (self.center - p, self.radius + around);
+        let (squared, r2) = (way.length_squared(), radius * radius);
         if squared <= r2 {
             return Cone { axis: Vec3::Z, one_minus_cos: 2.0 };
         }
@@ -88,17 +89,21 @@ impl Targets {
 
     /// Solid angle of all balls from a point, each for itself.
     pub fn solid_angle(&self, p: Vec3) -> f32 {
-        self.balls.iter().map(|ball| 2.0 * PI * ball.cone_from(p).one_minus_cos).sum()
+        self.solid_angle_around(p, 0.0)
     }
 
-    /// A direction from a point to one of the balls: each by its solid angle, and there evenly, so that the density counts the
-    /// balls in a direction. `u[2]` chooses the ball.
-    pub fn direction(&self, p: Vec3, u: [f32; 3]) -> Option<Chosen> {
-        let total = self.solid_angle(p);
+    fn solid_angle_around(&self, p: Vec3, around: f32) -> f32 {
+        self.balls.iter().map(|ball| 2.0 * PI * ball.cone_from(p, around).one_minus_cos).sum()
+    }
+
+    /// A direction from a point, or from any point as near to it as `around`, to one of the balls: each by its solid angle, and there
+    /// evenly, so that the density counts the balls in a direction. `u[2]` chooses the ball.
+    pub fn direction(&self, p: Vec3, around: f32, u: [f32; 3]) -> Option<Chosen> {
+        let total = self.solid_angle_around(p, around);
         let mut rest = u[2] * total;
         let mut chosen = None;
         for ball in &self.balls {
-            let cone = ball.cone_from(p);
+            let cone = ball.cone_from(p, around);
             rest -= 2.0 * PI * cone.one_minus_cos;
             chosen = Some(cone);
             if rest < 0.0 {
@@ -106,7 +111,7 @@ impl Targets {
             }
         }
         let at = chosen?.sample([u[0], u[1]]);
-        let count = self.balls.iter().filter(|ball| ball.cone_from(p).contains(at)).count();
+        let count = self.balls.iter().filter(|ball| ball.cone_from(p, around).contains(at)).count();
         Some(Chosen { at, pdf: count.max(1) as f32 / total })
     }
 
@@ -162,22 +167,23 @@ mod tests {
     fn directions_have_their_density() {
         let targets = targets();
         assert_eq!(targets.balls().len(), 3);
-        for p in [Vec3::ZERO, Vec3::new(-1.0, 0.3, 2.0), Vec3::new(0.1, 0.0, 2.9)] {
-            let total = targets.solid_angle(p);
+        let places = [Vec3::ZERO, Vec3::new(-1.0, 0.3, 2.0), Vec3::new(0.1, 0.0, 2.9)];
+        for (p, around) in places.into_iter().flat_map(|p| [(p, 0.0), (p, 0.6)]) {
+            let total = targets.solid_angle_around(p, around);
             let mut sums = [0.0f64; 2];
             let n = 40_000u32;
             for i in 0..n {
                 let u =
                     [i.wrapping_mul(0xd1b5_4a33), i.wrapping_mul(0xab98_3a35), i.wrapping_mul(0x8f9d_1c75)];
-                let chosen = targets.direction(p, u.map(crate::sampling::hash::unit)).expect("balls");
+                let chosen = targets.direction(p, around, u.map(crate::sampling::hash::unit)).expect("balls");
                 // The measure of the union of the cones, against an even count over all directions.
                 sums[0] += 1.0 / f64::from(chosen.pdf) / f64::from(n);
                 let [a, b, _] = u.map(crate::sampling::hash::unit);
                 let even = warp::uniform_sphere([a, b]);
-                let is_in_one = targets.balls().iter().any(|ball| ball.cone_from(p).contains(even));
+                let is_in_one = targets.balls().iter().any(|ball| ball.cone_from(p, around).contains(even));
                 sums[1] += f64::from(u8::from(is_in_one)) * 4.0 * std::f64::consts::PI / f64::from(n);
             }
-            assert!((sums[0] / sums[1] - 1.0).abs() < 0.02, "{p}: {sums:?} of {total}");
+            assert!((sums[0] / sums[1] - 1.0).abs() < 0.02, "{p} {around}: {sums:?} of {total}");
         }
     }
 
@@ -186,7 +192,7 @@ mod tests {
         let targets = Targets::new([Ball { center: Vec3::new(0.0, 2.0, 0.0), radius: 1.0 }]);
         Chi2::new("targets", 1).assert_directions(
             &Square::sphere(),
-            |u| targets.direction(Vec3::ZERO, [u[0], u[1], 0.5]).map(|chosen| chosen.at),
+            |u| targets.direction(Vec3::ZERO, 0.0, [u[0], u[1], 0.5]).map(|chosen| chosen.at),
             |w| if w.y > 0.75f32.sqrt() { 1.0 / targets.solid_angle(Vec3::ZERO) } else { 0.0 },
         );
     }

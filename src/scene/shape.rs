@@ -102,6 +102,10 @@ kinds! {
     Sphere "sphere" "spheres" closed: true half_extent: |_| DVec3::ONE;
     /// A flat disk whose front faces z. Textures have x to the right and y up, and touch its edge.
     Disk "disk" "disks" closed: false half_extent: around_flat_disk;
+    /// A disk that turns its front to the origin of each ray: a lamp with a soft falloff. It has no textures.
+    FacingDisk "facing disk" "facing disks" closed: false half_extent: |_| DVec3::ONE;
+    /// A sphere that each ray meets once, from outside its near side and from inside its far one: a lamp that rays pass.
+    Shell "shell" "shells" closed: false half_extent: |_| DVec3::ONE;
 }
 
 /// How far a flat disk of radius 1 reaches along each axis.

@@ -1,11 +1,13 @@
 //! The closed list of shapes that are no triangles.
 
 use super::disk::Disk;
+use super::facing_disk::FacingDisk;
 use super::point::{LightPoint, Surface};
 use super::ray::PreparedRay;
+use super::shell::Shell;
 use super::sphere::Sphere;
 use super::traits::{Packed, Parametrization, Shape};
-use crate::math::{Bounds3, Mat3, Vec2, Vec3};
+use crate::math::{Bounds3, Mat3, Ray, Vec2, Vec3};
 use crate::scene::{self, Mesh, ShapeKind, ShapeTag};
 
 /// Makes [`Analytic`], and what is done with each shape alike, of a table: the type of each shape, named like its kind in
@@ -67,6 +69,8 @@ macro_rules! shapes {
 shapes! {
     Sphere,
     Disk,
+    FacingDisk,
+    Shell,
 }
 
 /// The kind in a packed shape: 0 is none.
@@ -96,13 +100,18 @@ impl Shape for Analytic {
     }
 
     #[inline(always)]
+    fn normal(&self) -> Option<Vec3> {
+        each!(self, shape => shape.normal())
+    }
+
+    #[inline(always)]
     fn intersect(&self, ray: &PreparedRay, t_min: f32, t_max: f32) -> Option<f32> {
         each!(self, shape => shape.intersect(ray, t_min, t_max))
     }
 
     #[inline(always)]
-    fn surface(&self, p: Vec3) -> Surface {
-        each!(self, shape => shape.surface(p))
+    fn surface(&self, p: Vec3, origin: Vec3) -> Surface {
+        each!(self, shape => shape.surface(p, origin))
     }
 
     #[inline]
@@ -124,8 +133,8 @@ impl Shape for Analytic {
     }
 
     #[inline(always)]
-    fn normal_at(&self, point: Vec3) -> Vec3 {
-        each!(self, shape => shape.normal_at(point))
+    fn normal_at(&self, point: Vec3, reference: Vec3) -> Vec3 {
+        each!(self, shape => shape.normal_at(point, reference))
     }
 
     fn point_by_area(&self, u: [f32; 2]) -> Vec3 {
@@ -140,6 +149,14 @@ impl Shape for Analytic {
     #[inline(always)]
     fn pdf_solid_angle(&self, reference: Vec3, point: Vec3) -> f32 {
         each!(self, shape => shape.pdf_solid_angle(reference, point))
+    }
+
+    fn turns(&self) -> bool {
+        each!(self, shape => shape.turns())
+    }
+
+    fn starts_behind(&self, receiver: Vec3, ray: &Ray) -> Option<f32> {
+        each!(self, shape => shape.starts_behind(receiver, ray))
     }
 
     fn numbers(&self) -> [f32; 6] {

@@ -54,7 +54,7 @@ impl Disk {
 
     /// The front's unit normal; zero for a disk without a radius.
     #[inline(always)]
-    fn normal(&self) -> Vec3 {
+    fn unit_normal(&self) -> Vec3 {
         self.axis.normalize_or_zero()
     }
 }
@@ -78,6 +78,11 @@ impl Shape for Disk {
     }
 
     #[inline(always)]
+    fn normal(&self) -> Option<Vec3> {
+        Some(self.unit_normal())
+    }
+
+    #[inline(always)]
     fn intersect(&self, ray: &PreparedRay, t_min: f32, t_max: f32) -> Option<f32> {
         let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
         let axis = map_each(self.axis.to_array(), f64::from);
@@ -94,8 +99,8 @@ impl Shape for Disk {
 
     /// The ray's point pulled back onto the plane.
     #[inline(always)]
-    fn surface(&self, p: Vec3) -> Surface {
-        let ng = self.normal();
+    fn surface(&self, p: Vec3, _: Vec3) -> Surface {
+        let ng = self.unit_normal();
         let offset = p - self.center;
         let p = self.center + (offset - ng * offset.dot(ng));
         let p_error = Vec3::splat(self.radius() * gamma(8)) + self.center.abs() * gamma(2);
@@ -127,13 +132,13 @@ impl Shape for Disk {
     }
 
     #[inline(always)]
-    fn normal_at(&self, _: Vec3) -> Vec3 {
-        self.normal()
+    fn normal_at(&self, _: Vec3, _: Vec3) -> Vec3 {
+        self.unit_normal()
     }
 
     fn point_by_area(&self, u: [f32; 2]) -> Vec3 {
         let Vec2 { x, y } = warp::uniform_disk(u) * self.radius();
-        let (tangent, bitangent) = orthonormal_basis(self.normal());
+        let (tangent, bitangent) = orthonormal_basis(self.unit_normal());
         self.center + tangent * x + bitangent * y
     }
 
@@ -145,7 +150,7 @@ impl Shape for Disk {
 
     #[inline(always)]
     fn pdf_solid_angle(&self, reference: Vec3, point: Vec3) -> f32 {
-        pdf_solid_angle_of_area(point - reference, self.normal(), self.area())
+        pdf_solid_angle_of_area(point - reference, self.unit_normal(), self.area())
     }
 
     fn numbers(&self) -> [f32; 6] {
@@ -169,7 +174,7 @@ mod tests {
     #[test]
     fn the_box_holds_the_rim_and_touches_it() {
         let disk = disk();
-        let (x, y) = orthonormal_basis(disk.normal());
+        let (x, y) = orthonormal_basis(disk.unit_normal());
         let rim = (0..100_000).map(|i| {
             let (sin, cos) = (i as f32 * (2.0 * PI / 100_000.0)).sin_cos();
             disk.center + (x * cos + y * sin) * disk.radius()
@@ -208,12 +213,12 @@ mod tests {
             let ray = Ray::new(origin, (aim - origin).normalize());
             let hit = accel.closest_one(&ray);
             let inside = (aim - disk.center).length() / disk.radius();
-            if (inside - 1.0).abs() > 1e-4 && (origin - disk.center).dot(disk.normal()).abs() > 1e-3 {
+            if (inside - 1.0).abs() > 1e-4 && (origin - disk.center).dot(disk.unit_normal()).abs() > 1e-3 {
                 assert_eq!(hit.is_hit(), inside < 1.0, "{ray:?}");
             }
             if hit.is_hit() {
                 met += 1;
-                let surface = disk.surface(ray.at(hit.t));
+                let surface = disk.surface(ray.at(hit.t), origin);
                 let direction = random.direction();
                 let origin = offset_ray_origin(surface.p, surface.p_error, surface.ng, direction);
                 assert_eq!(accel.closest_one(&Ray::new(origin, direction)), Hit::MISS);

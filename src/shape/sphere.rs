@@ -1,13 +1,13 @@
 //! Spheres: met without cancellation (Haines, Guenther, Akenine-Moeller, Ray Tracing Gems 2019, chapter 7) in double
 //! precision; as lights seen from outside the cone that they subtend (Pharr, Jakob, Humphreys 2023, section 6.2.4), from
-//! inside their whole surface.
+//! inside all directions.
 
 use super::icosphere::icosphere;
-use super::point::{LightPoint, Surface, pdf_solid_angle_of_area};
+use super::point::{LightPoint, Surface};
 use super::ray::PreparedRay;
 use super::traits::{Parametrization, Shape};
 use crate::math::{Bounds3, Frame, Mat3, Vec2, Vec3, gamma, poly};
-use crate::sampling::warp;
+use crate::sampling::warp::{self, UNIFORM_SPHERE_PDF_SOLID_ANGLE};
 use crate::scene::{self, Mesh};
 use crate::simd::map_each;
 use std::f32::consts::{FRAC_1_PI, PI, SQRT_2};
@@ -46,6 +46,28 @@ impl Sphere {
     pub(super) fn mesh() -> Mesh {
         icosphere(6)
     }
+
+    /// The parameters at which a line meets it, the smaller first.
+    #[inline(always)]
+    pub(super) fn roots(&self, ray: &PreparedRay) -> Option<[f64; 2]> {
+        let r = f64::from(self.radius);
+        let d = map_each(ray.direction, f64::from);
+        let center = self.center.to_array();
+        let f: [f64; 3] = std::array::from_fn(|k| f64::from(ray.origin[k]) - f64::from(center[k]));
+        let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        let a = dot(d, d);
+        let b = -dot(f, d);
+        // The point of the line nearest to the centre, seen from it: equation 7.3's discriminant, r^2 - |l|^2.
+        let l: [f64; 3] = std::array::from_fn(|k| f[k] + (b / a) * d[k]);
+        let discriminant = r * r - dot(l, l);
+        if discriminant < 0.0 || discriminant.is_nan() {
+            return None;
+        }
+        let c = power_of_point(self, ray, f);
+        let q = b + (a * discriminant).sqrt().copysign(b);
+        let (first, second) = (c / q, q / a);
+        Some(if first < second { [first, second] } else { [second, first] })
+    }
 }
 
 impl Shape for Sphere {
@@ -64,24 +86,13 @@ impl Shape for Sphere {
     }
 
     #[inline(always)]
+    fn normal(&self) -> Option<Vec3> {
+        None
+    }
+
+    #[inline(always)]
     fn intersect(&self, ray: &PreparedRay, t_min: f32, t_max: f32) -> Option<f32> {
-        let r = f64::from(self.radius);
-        let d = map_each(ray.direction, f64::from);
-        let center = self.center.to_array();
-        let f: [f64; 3] = std::array::from_fn(|k| f64::from(ray.origin[k]) - f64::from(center[k]));
-        let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-        let a = dot(d, d);
-        let b = -dot(f, d);
-        // The point of the line nearest to the centre, seen from it: equation 7.3's discriminant, r^2 - |l|^2.
-        let l: [f64; 3] = std::array::from_fn(|k| f[k] + (b / a) * d[k]);
-        let discriminant = r * r - dot(l, l);
-        if discriminant < 0.0 || discriminant.is_nan() {
-            return None;
-        }
-        let c = power_of_point(self, ray, f);
-        let q = b + (a * discriminant).sqrt().copysign(b);
-        let (first, second) = (c / q, q / a);
-        let (near, far) = if first < second { (first, second) } else { (second, first) };
+        let [near, far] = self.roots(ray)?;
         let accept = |t: f64| {
             let t = t as f32;
             (t > t_min && t <= t_max).then_some(t)
@@ -91,7 +102,7 @@ impl Shape for Sphere {
 
     /// The ray's point pulled back onto the sphere.
     #[inline(always)]
-    fn surface(&self, p: Vec3) -> Surface {
+    fn surface(&self, p: Vec3, _: Vec3) -> Surface {
         let ng = (p - self.center).normalize();
         let offset = ng * self.radius;
         Surface {
@@ -130,7 +141,7 @@ impl Shape for Sphere {
     }
 
     #[inline(always)]
-    fn normal_at(&self, point: Vec3) -> Vec3 {
+    fn normal_at(&self, point: Vec3, _: Vec3) -> Vec3 {
         (point - self.center) / self.radius
     }
 
@@ -144,8 +155,8 @@ impl Shape for Sphere {
     }
 
     #[inline(always)]
-    fn pdf_solid_angle(&self, reference: Vec3, point: Vec3) -> f32 {
-        SphereSampler::new(self.center, self.radius, reference).pdf_solid_angle(point)
+    fn pdf_solid_angle(&self, reference: Vec3, _: Vec3) -> f32 {
+        SphereSampler::new(self.center, self.radius, reference).pdf_solid_angle()
     }
 
     fn numbers(&self) -> [f32; 6] {
@@ -225,14 +236,23 @@ impl SphereSampler {
         if self.inside { 4.0 * PI } else { 2.0 * PI * self.one_minus_cos_max }
     }
 
-    /// A point on the sphere: the nearer intersection of a direction uniform in the cone; from inside uniform by area.
+    /// A point on the sphere: the nearer intersection of a direction uniform in the cone; from inside that of any direction.
     #[inline(always)]
     pub fn sample(&self, u: [f32; 2]) -> LightPoint {
-        let on_cone = self.outward_normal_in_cone(u);
-        let anywhere = warp::uniform_sphere(u);
-        let normal = if self.inside { anywhere } else { on_cone };
-        let point = self.center + normal * self.radius;
-        LightPoint { point, pdf_solid_angle: self.pdf_solid_angle(point) }
+        let on_cone = self.center + self.outward_normal_in_cone(u) * self.radius;
+        let anywhere = self.inside_at(warp::uniform_sphere(u));
+        let point = if self.inside { anywhere } else { on_cone };
+        LightPoint { point, pdf_solid_angle: self.pdf_solid_angle() }
+    }
+
+    /// Where a ray from inside in a direction of unit length meets the sphere.
+    #[inline(always)]
+    fn inside_at(&self, direction: Vec3) -> Vec3 {
+        let f = self.reference - self.center;
+        let b = f.dot(direction);
+        let across = f - direction * b;
+        let rest = self.radius * self.radius - across.length_squared();
+        self.center + across + direction * if rest > 0.0 { rest } else { 0.0 }.sqrt()
     }
 
     /// The sphere's outward unit normal where a random direction in the cone first meets it.
@@ -253,12 +273,10 @@ impl SphereSampler {
         self.frame.to_world(Vec3::new(sin_alpha * c, sin_alpha * s, -cos_alpha))
     }
 
-    /// Density per solid angle with which [`SphereSampler::sample`] returns a visible point of the sphere.
+    /// Density per solid angle with which [`SphereSampler::sample`] returns each visible point of the sphere.
     #[inline(always)]
-    pub fn pdf_solid_angle(&self, point: Vec3) -> f32 {
-        let area = 4.0 * PI * self.radius * self.radius;
-        let normal = (point - self.center) / self.radius;
-        let of_area = pdf_solid_angle_of_area(point - self.reference, normal, area);
-        if self.inside { of_area } else { warp::uniform_cone_pdf_solid_angle(self.one_minus_cos_max) }
+    pub fn pdf_solid_angle(&self) -> f32 {
+        let of_cone = warp::uniform_cone_pdf_solid_angle(self.one_minus_cos_max);
+        if self.inside { UNIFORM_SPHERE_PDF_SOLID_ANGLE } else { of_cone }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::point::{LightPoint, Surface};
 use super::ray::PreparedRay;
-use crate::math::{Bounds3, Mat3, Vec2, Vec3};
+use crate::math::{Bounds3, Mat3, Ray, Vec2, Vec3};
 
 /// What a shape must know of itself. Lengths are in metres, in the space of its geometry.
 pub trait Shape {
@@ -15,11 +15,14 @@ pub trait Shape {
     /// Has it two sides, and no ray that leaves it meets it again?
     fn is_flat(&self) -> bool;
 
+    /// The front's unit normal, if it is the same everywhere.
+    fn normal(&self) -> Option<Vec3>;
+
     /// The smallest parameter in `t_min < t <= t_max` at which a ray meets it.
     fn intersect(&self, ray: &PreparedRay, t_min: f32, t_max: f32) -> Option<f32>;
 
-    /// The surface where a ray met it, from the ray's point there.
-    fn surface(&self, p: Vec3) -> Surface;
+    /// The surface where a ray from `origin` met it, from the ray's point there.
+    fn surface(&self, p: Vec3, origin: Vec3) -> Surface;
 
     /// Texture coordinates at a point of the surface where the front's normal is `normal`; `object_from_world` turns
     /// them.
@@ -34,10 +37,10 @@ pub trait Shape {
     /// Area of its largest projection: of what it looks like from the direction from which most is seen.
     fn largest_projection(&self) -> f32;
 
-    /// The front's unit normal: the same everywhere on flat shapes.
-    fn normal_at(&self, point: Vec3) -> Vec3;
+    /// The front's unit normal at a point; `reference`, from where it is seen, counts for shapes that turn.
+    fn normal_at(&self, point: Vec3, reference: Vec3) -> Vec3;
 
-    /// A point of the surface, uniform by area.
+    /// A point of the surface, uniform by area; of shapes that turn, one of the sphere around it.
     fn point_by_area(&self, u: [f32; 2]) -> Vec3;
 
     /// A point of it as a light seen from `reference`.
@@ -45,6 +48,17 @@ pub trait Shape {
 
     /// Density per solid angle with which [`Shape::sample`] returns a point that is seen from `reference`.
     fn pdf_solid_angle(&self, reference: Vec3, point: Vec3) -> f32;
+
+    /// Is it a disk across whatever direction light leaves it in?
+    fn turns(&self) -> bool {
+        false
+    }
+
+    /// How far behind its origin a ray of light leaves the surface, as seen from a receiver on the ray; nothing, if the line
+    /// doesn't intersect the surface as seen from there.
+    fn starts_behind(&self, _receiver: Vec3, _ray: &Ray) -> Option<f32> {
+        Some(0.0)
+    }
 
     /// The numbers that it follows from.
     fn numbers(&self) -> [f32; 6];

@@ -127,7 +127,7 @@ fn a_file_of_blender_is_rendered_and_what_was_lost_is_said() {
     assert!(!said.contains("/scene."), "the temporary files are nobody's business: {said}");
     let report = report(&output);
     assert_eq!((&report["width"], report["samples_per_pixel"].as_f64()), (&40.into(), Some(2.0)));
-    assert_eq!(report["spheres"], 1);
+    assert_eq!(report["shells"], 1);
 
     let strict =
         place.run(None, &[&["render", "room.blend", "-o", "b.exr", "--strict"][..], &options].concat());

@@ -37,6 +37,7 @@ mod references;
 mod reuse;
 mod shadow;
 mod sheets;
+mod soft_lamps;
 mod solids;
 mod spectral;
 mod spectral_media;

@@ -159,7 +159,7 @@ fn spheres_pass_chi_square() {
                 let n = x * (r * cos) + y * (r * sin) + toward * c;
                 let point = center.as_dvec3() + n * f64::from(radius);
                 let to = point - reference;
-                let pdf = f64::from(s.pdf_solid_angle(point.as_vec3()));
+                let pdf = f64::from(s.pdf_solid_angle());
                 pdf * to.dot(n).abs() / to.length().powi(3) * measure
             },
         );

@@ -194,6 +194,17 @@ class BesideTest(SceneTest):
         tree = data.node_tree
         return (tree, tree.nodes["Emission"], *(tree.nodes.new(f"ShaderNode{kind}") for kind in kinds))
 
+    def test_lamps_with_a_soft_falloff(self):
+        for kind in ("POINT", "SPOT"):
+            for radius, soft in ((0.3, True), (0.3, False), (0.0, True)):
+                self.lamp(kind, name=f"{kind} {radius} {soft}", shadow_soft_size=radius, use_soft_falloff=soft)
+        bpy.ops.mesh.primitive_cube_add(size=1)
+        for light in self.export()[1]["lights"]:
+            kind, radius, soft = self.scene.objects[light["name"]].data.name.split()
+            shape = light[kind.lower()]
+            self.assertEqual(shape.get("soft_falloff", False), soft == "True" and radius == "0.3", light)
+            self.assertAlmostEqual(shape["radius"], float(radius), places=6)
+
     def profile(self, file):
         """Angles and values of a profile: rows by longitude."""
         lines = (self.folder / file).read_text().splitlines()[2:]

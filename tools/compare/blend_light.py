@@ -50,6 +50,23 @@ def points_and_spots():
     camera()
 
 
+def _near_lamps(soft):
+    """A large bulb and a large spot close to what they light, and partly within it."""
+    still_life()
+    world((0, 0, 0))
+    light("POINT", "Bulb", 120, (1.0, -1.2, 1.4), shadow_soft_size=0.9, use_soft_falloff=soft)
+    light("SPOT", "Spot", 320, (-1.0, -1.2, 1.6), (0.3, 0, 0), spot_size=2, shadow_soft_size=0.6, use_soft_falloff=soft)
+    camera()
+
+
+def near_soft_lamps():
+    _near_lamps(True)
+
+
+def near_hard_lamps():
+    _near_lamps(False)
+
+
 def lamps_in_view():
     """The camera sees through lamps, mirrors don't; no lamp shades another."""
     floor()

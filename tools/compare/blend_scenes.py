@@ -7,6 +7,8 @@ from blend_light import (
     lamp_picture,
     lamp_settings,
     lamps_in_view,
+    near_hard_lamps,
+    near_soft_lamps,
     one_spread,
     points_and_spots,
     ray_kinds,
@@ -71,7 +73,7 @@ from blend_trees import (
 from blend_volumes import clouds, clouds_together, fire, fire_in_smoke, flames, foggy_room, made_volumes
 
 SCENES = [
-    area_lights, area_spread, one_spread, sun_and_world, points_and_spots, lamps_in_view, lamp_settings, gobo, lamp_picture, world_picture,
+    area_lights, area_spread, one_spread, sun_and_world, points_and_spots, near_soft_lamps, near_hard_lamps, lamps_in_view, lamp_settings, gobo, lamp_picture, world_picture,
     world_sky, world_nodes, depth_of_field, blades, unseen, visibility, world_unseen, orthographic, portrait, sensor_fit, instances, hidden_things, other_objects, points, generated, furs, keyed_materials,
     glass, shaders, principled, procedural, textured, posed,
     groups, leaves, ray_kinds,

@@ -174,7 +174,7 @@ impl Integrator<'_> {
     pub(super) fn show(&self, caught: &[Caught], w: &mut Workspace, splats: &mut Vec<Splat>) -> CausticTally {
         let segments: Vec<Ray> = caught.iter().map(|c| c.segment).collect();
         let salts: Vec<u32> = caught.iter().map(|c| c.salt).collect();
-        let blocked = self.blocked(&segments, &salts, w);
+        let blocked = self.blocked(&segments, &salts, true, w);
         let mut tally = CausticTally::default();
         for (caught, _) in caught.iter().zip(&blocked).filter(|(_, blocked)| !**blocked) {
             let [x, y] = caught.film;

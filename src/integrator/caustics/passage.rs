@@ -51,8 +51,15 @@ impl Integrator<'_> {
         Ray { t_min: hit.t, ..*ray }
     }
 
-    /// Which of some segments towards the camera meet something; `salts` decide about partly transparent surfaces.
-    pub(super) fn blocked(&self, segments: &[Ray], salts: &[u32], w: &mut Workspace) -> Vec<bool> {
+    /// Which of some segments intersect something, with `are_seen` on their way to the camera; `salts` decide about partly
+    /// transparent surfaces.
+    pub(super) fn blocked(
+        &self,
+        segments: &[Ray],
+        salts: &[u32],
+        are_seen: bool,
+        w: &mut Workspace,
+    ) -> Vec<bool> {
         let mut blocked = vec![false; segments.len()];
         w.ray_counts.all += segments.len() as u64;
         if !self.scene.features.alpha {
@@ -69,7 +76,7 @@ impl Integrator<'_> {
             let mut next = Vec::new();
             for ((k, ray), hit) in pending.iter().zip(&hits).filter(|(_, hit)| hit.is_hit()) {
                 let salt = hash32(salts[*k].wrapping_add(pass));
-                match self.passage(ray, hit, salt, true).passes {
+                match self.passage(ray, hit, salt, are_seen).passes {
                     true => next.push((*k, self.past(ray, hit))),
                     false => blocked[*k] = true,
                 }

@@ -12,7 +12,7 @@ use crate::color::spectral::Wavelengths;
 use crate::compile::Role;
 use crate::film::Splat;
 use crate::light::Emitted;
-use crate::math::Hit;
+use crate::math::{Hit, Ray};
 use crate::sampling::hash::hash32;
 use crate::sampling::sampler::{Dimensions, SobolPoint};
 use std::ops::Range;
@@ -94,11 +94,15 @@ impl Integrator<'_> {
         caught: &mut Vec<Caught>,
     ) {
         let (seed, index) = path.point.to_parts();
-        let passage = self.passage(&path.ray, hit, hash32(seed ^ hash32(index)).wrapping_add(pass), false);
+        let salt = hash32(seed ^ hash32(index)).wrapping_add(pass);
+        let passage = self.passage(&path.ray, hit, salt, false);
         if passage.passes {
             next.push(LampPath { ray: self.past(&path.ray, hit), ..*path });
         }
         let Some(plan) = self.options.caustics.filter(|_| passage.meets) else { return };
+        if path.bounces == 0 && !self.is_lit_along(path, hit, salt, w) {
+            return;
+        }
         let material = self.scene.geometries.material(hit);
         let role = plan.role(material);
         let Step { shows, goes_on } = self.step(path, role);
@@ -120,6 +124,14 @@ impl Integrator<'_> {
         if goes_on {
             next.extend(self.go_on(&path, &at, role, material, w));
         }
+    }
+
+    /// Does a path that comes straight from its lamp bring light to where it hit? Its ray may start a little too near.
+    fn is_lit_along(&self, path: &LampPath, hit: &Hit, salt: u32, w: &mut Workspace) -> bool {
+        let Some(lamp) = self.scene.lights.area().get(path.light as usize) else { return true };
+        let Some(behind) = lamp.starts_behind(path.ray.at(hit.t), &path.ray) else { return false };
+        let start = Ray::segment(path.ray.origin, path.ray.direction * -behind);
+        behind == 0.0 || !self.blocked(&[start], &[salt], false, w)[0]
     }
 
     /// What a path does where it met a surface of a role.

@@ -24,8 +24,17 @@ pub(super) enum Surface {
     Rectangle { corner: DVec3, edge_u: DVec3, edge_v: DVec3 },
     /// An ellipse by its half axes, that shines along their cross product.
     Ellipse { center: DVec3, axis_u: DVec3, axis_v: DVec3 },
-    /// A sphere.
-    Ball { position: DVec3, radius: f64 },
+    /// A sphere, a shell or a disk that faces what it lights.
+    Ball { position: DVec3, radius: f64, kind: ShapeKind },
+}
+
+/// What a lamp with a radius is: a disk that faces what it lights if it has a soft falloff, and what rays pass shines inwards, too.
+pub(super) fn ball_kind(is_soft: bool, is_obstacle: bool) -> ShapeKind {
+    match is_obstacle {
+        _ if is_soft => ShapeKind::FacingDisk,
+        true => ShapeKind::Sphere,
+        false => ShapeKind::Shell,
+    }
 }
 
 /// Adds an area light.
@@ -108,11 +117,15 @@ pub(super) fn add(
     build.loaded.has_area_lights = true;
     let scene = &mut build.loaded.scene;
     let material = MaterialId(scene.materials.len() as u32);
-    let mut emitter = Material::emitter(&name, color.map(|c| c * radiance as f32), false);
+    let is_ball = |of| matches!(surface, Surface::Ball { kind, .. } if kind == of);
+    // What turns is in nothing's way.
+    let is_obstacle = lamp.is_obstacle && !is_ball(ShapeKind::FacingDisk);
+    let shines_inwards = is_ball(ShapeKind::Shell);
+    let mut emitter = Material::emitter(&name, color.map(|c| c * radiance as f32), shines_inwards);
     if let Some(emission) = &mut emitter.emission {
         emission.radiance.texture = picture;
     }
-    emitter.lamp = Some(Lamp { beam, ..lamp }).filter(|lamp| *lamp != Lamp::default());
+    emitter.lamp = Some(Lamp { is_obstacle, beam, ..lamp }).filter(|lamp| *lamp != Lamp::default());
     emitter.light_group = group;
     scene.materials.push(emitter);
     match surface {
@@ -120,9 +133,9 @@ pub(super) fn add(
             scene.motion.quads.extend(motion.map(|moving| (scene.quads.len(), moving)));
             scene.quads.push(Quad { name, traits, ..Quad::new(corner, edge_u, edge_v, material) });
         }
-        Surface::Ball { position, radius } => {
+        Surface::Ball { position, radius, kind } => {
             scene.motion.shapes.extend(motion.map(|moving| (scene.shapes.len(), moving)));
-            scene.shapes.push(Shape { name, traits, ..Shape::sphere(position, radius, material) });
+            scene.shapes.push(Shape { name, kind, traits, ..Shape::sphere(position, radius, material) });
         }
         Surface::Ellipse { center, axis_u, axis_v } => {
             let (u, v) = (axis_u.length(), axis_v.length());

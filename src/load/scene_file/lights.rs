@@ -5,9 +5,13 @@
 //! | Shape | Value |
 //! |---|---|
 //! | `area` | `{ center, target or direction, up = [0, 1, 0], size = [width, height], shape = "rectangle", spread = 180, image, power or radiance }`: a rectangle, or an `"ellipse"` of that size, that shines from its front, which faces the target; height is along `up`, or -z where the light shines along `up`. `spread` is the full angle in degrees of its beam, as slats in front of it would leave; the power stays. `image` is a file that covers the light, upright as seen from in front of it, and multiplies its radiance (power is that of a white one) |
-//! | `point` | `{ position, radius = 0, power or intensity }`: a sphere, if it has a radius; with `ies`, see below |
-//! | `spot` | `{ position, target or direction, angle = 45, blend = 0.15, radius = 0, power or intensity }`: a cone of the full angle, which fades over the outer share `blend` of it; with `ies`, see below |
+//! | `point` | `{ position, radius = 0, soft_falloff = false, power or intensity }`: a sphere, if it has a radius; with `ies`, see below |
+//! | `spot` | `{ position, target or direction, angle = 45, blend = 0.15, radius = 0, soft_falloff = false, power or intensity }`: a cone of the full angle, which fades over the outer share `blend` of it; with `ies`, see below |
 //! | `sun` | `{ direction, angle = 0, irradiance }`: parallel light that travels that way, or that of a disk of a diameter of `angle` degrees, infinitely far away |
+//!
+//! With `soft_falloff` a lamp with a radius r is a disk that faces whatever it lights, so that what is near it, or in it, is lit more
+//! softly: at a distance d it gives d^2 / (d^2 + r^2) of what a sphere gives. Blender's points and spots are so, unless that is switched
+//! off. Such lamps stop no light.
 //!
 //! `ies = "lamp.ies"` gives points and spots the profile of a luminaire (IES LM-63, photometry of type C; the path is relative to
 //! this file); with a radius each place of the sphere shines so, and shadows are soft. It shines along `direction` or to `target`, points without either down, and `turn`
@@ -24,11 +28,11 @@
 //! P / (4 pi), and so has a spot of the same power, as in Blender. Radiance is in W/sr/m2, intensity in W/sr,
 //! irradiance in W/m2 across the light. Area lights, and points and spots with a radius, are surfaces. With
 //! `visible_to_camera = false` the camera looks through them, and with `obstacle = false` they stop no light: rays pass and
-//! take theirs along. Blender's lamps are so. All other lights have no surface; mirrors show suns with an angle.
+//! take theirs along once, and spheres light what is within them. Blender's lamps are so. All other lights have no surface; mirrors show suns with an angle.
 
 use super::build::Build;
 use super::fields::Fields;
-use super::light_shapes::{self, Surface};
+use super::light_shapes::{self, Surface, ball_kind};
 use super::light_traits::{LightTraits, group, positive, strength};
 use super::placement::{Placed, Placement, at_node, direction};
 use super::visibility::visible_to;
@@ -129,6 +133,7 @@ fn add_local(build: &mut Build, is_spot: bool, fields: &Fields, traits: LightTra
             Beam::Cone { direction, inner_angle_rad, outer_angle_rad, fade },
         ),
     };
+    let is_soft = fields.flag("soft_falloff", false);
     if radius > 0.0 {
         // A ball of a radiance has the intensity of the disk that it looks like.
         let radiance = intensity / (PI * radius * radius);
@@ -136,7 +141,7 @@ fn add_local(build: &mut Build, is_spot: bool, fields: &Fields, traits: LightTra
             motion.map(|moving| light_shapes::ball_motion(build, &traits.name, position, &beam, &moving));
         return light_shapes::add(
             build,
-            (Surface::Ball { position, radius }, motion),
+            (Surface::Ball { position, radius, kind: ball_kind(is_soft, traits.lamp.is_obstacle) }, motion),
             traits,
             beam,
             (radiance, None),
@@ -167,6 +172,7 @@ fn add_profiled(
         None => profiled::aimed(fields, center, axis),
     };
     let radius = fields.number_in("radius", 0.0..1e9, 0.0);
+    let is_soft = fields.flag("soft_falloff", false);
     let (Some(rotation), Some((profile, intensity))) = (rotation, profile) else { return };
     let mut kind = turned(local, center, rotation);
     let motion = node.and_then(|node| node.motion.as_ref());
@@ -180,7 +186,8 @@ fn add_profiled(
             let motion = motion.map(|moving| profiled::ball_motion(build, &traits.name, &kind, &moving));
             let beam = Beam::Profile { profile: build.loaded.scene.add_profile(profile), rotation, cone };
             let radiance = intensity / (PI * radius * radius);
-            let surface = Surface::Ball { position, radius };
+            let kind = ball_kind(is_soft, traits.lamp.is_obstacle);
+            let surface = Surface::Ball { position, radius, kind };
             light_shapes::add(build, (surface, motion), traits, beam, (radiance, None));
         }
         _ => push(build, traits, (kind, motion), intensity, Some(profile)),

@@ -46,7 +46,7 @@ pub(super) fn of(scene: &Scene) -> Shine {
         power += radiances[material.index()] * area();
     };
     for s in &scene.shapes {
-        let share = if s.kind == ShapeKind::Sphere { 4.0 } else { 1.0 };
+        let share = if s.kind != ShapeKind::Disk { 4.0 } else { 1.0 };
         add(s.material, &|| share * std::f64::consts::PI * s.radius * s.radius);
     }
     for q in &scene.quads {

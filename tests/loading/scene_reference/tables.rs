@@ -550,7 +550,12 @@ pub const TABLES: &[Table] = &[
     light(
         "point",
         before!(light "point"),
-        &[("position", "[0, 3, 0]", "[0, 4, 0]"), ("radius", "0.1", "0"), ("power", "10", "20")],
+        &[
+            ("position", "[0, 3, 0]", "[0, 4, 0]"),
+            ("radius", "0.1", "0"),
+            ("soft_falloff", "false", "true"),
+            ("power", "10", "20"),
+        ],
     ),
     light(
         "point",
@@ -567,6 +572,7 @@ pub const TABLES: &[Table] = &[
             ("turn", "30", "40"),
             ("strength", "2", "3"),
             ("radius", "0.1", "0"),
+            ("soft_falloff", "true", "false"),
         ],
     ),
     light(
@@ -610,6 +616,7 @@ pub const TABLES: &[Table] = &[
             ("angle", "30", "40"),
             ("blend", "0.5", "0.25"),
             ("radius", "0.1", "0"),
+            ("soft_falloff", "true", "false"),
             ("power", "10", "20"),
         ],
     ),

@@ -123,7 +123,7 @@ structs! {
 
 enums! {
     Motion { Still {} Moves {} Deforms {} } { Keyed }
-    ShapeKind { Sphere {} Disk {} } {}
+    ShapeKind { Sphere {} Disk {} FacingDisk {} Shell {} } {}
     CurveBasis { Linear {} Bezier {} BSpline {} CatmullRom {} } {}
     AlphaMode { Opaque {} Mask { cutoff } Blend {} } {}
     FresnelModel { Exact {} Schlick {} } {}

@@ -77,13 +77,18 @@ def portal(obj, name, light):
 
 
 def _point(light, energy, _scale):
-    return "point", {"radius": light.shadow_soft_size, "power": energy * _area_factor(light, _ball(light))}
+    return "point", {**_size(light), "power": energy * _area_factor(light, _ball(light))}
 
 
 def _spot(light, energy, _scale):
     angle = {"angle": math.degrees(light.spot_size), "blend": light.spot_blend}
     power = energy * _area_factor(light, _ball(light))
-    return "spot", {**angle, "radius": light.shadow_soft_size, "power": power}
+    return "spot", {**angle, **_size(light), "power": power}
+
+
+def _size(light):
+    soft = getattr(light, "use_soft_falloff", False) and light.shadow_soft_size > 0
+    return {"radius": light.shadow_soft_size, **({"soft_falloff": True} if soft else {})}
 
 
 def _sun(light, energy, _scale):

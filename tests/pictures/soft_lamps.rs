@@ -1,0 +1,154 @@
+//! Lamps that face what they light, and lamps that also light what is within them, against closed forms.
+
+use crate::support::differences::assert_same_means;
+use crate::support::{assert_radiance, camera, material, options, quad, sphere};
+use oscura::math::{DAffine3, DVec3};
+use oscura::render::{Caustics, Guiding, PathReuse, RenderOptions, Splitting};
+use oscura::scene::{
+    Beam, ColorSlot, FloatSlot, FresnelModel, Lamp, Material, Model, Moving, PbrMaterial, RayKinds, Scene,
+    Shape, ShapeKind,
+};
+
+const RADIANCE: f32 = 3.0;
+
+/// A lamp of a kind that rays pass, unseen by the camera.
+fn lamp(scene: &mut Scene, kind: ShapeKind, center: DVec3, radius: f64) {
+    let visible_to = RayKinds::ALL.without(RayKinds::CAMERA);
+    let lamp = Some(Lamp { visible_to, is_obstacle: false, beam: Beam::Even });
+    let shines_inwards = kind == ShapeKind::Shell;
+    let shine = Material { lamp, ..Material::emitter("lamp", [RADIANCE; 3], shines_inwards) };
+    let shine = material(scene, shine);
+    scene.shapes.push(Shape { kind, ..Shape::sphere(center, radius, shine) });
+}
+
+/// A grey floor; the camera is aimed at its origin.
+fn floor() -> Scene {
+    let mut scene = Scene::default();
+    let grey = material(&mut scene, Material::lambert("grey", [0.8; 3]));
+    quad(&mut scene, [-50.0, 0.0, 50.0], [100.0, 0.0, 0.0], [0.0, 0.0, -100.0], grey);
+    scene.cameras.push(camera(DVec3::new(-3.0, 1.0, -2.0), DVec3::ZERO, DVec3::Y, 1e-3));
+    scene
+}
+
+/// A facing disk of radius r in a distance d gives an irradiance of pi L r^2 / (d^2 + r^2), by the cosine: near, and when the
+/// floor is within the sphere around it.
+#[test]
+fn what_a_facing_disk_gives() {
+    for (center, radius) in [
+        (DVec3::new(0.0, 3.0, 0.0), 0.5),
+        (DVec3::new(1.0, 1.0, 0.5), 0.6),
+        (DVec3::new(0.0, 0.4, 0.0), 0.5),
+        (DVec3::new(0.0, 0.05, 0.0), 0.5),
+    ] {
+        let mut scene = floor();
+        lamp(&mut scene, ShapeKind::FacingDisk, center, radius);
+        let squared = center.length_squared();
+        let share = radius * radius / (squared + radius * radius) * center.y / squared.sqrt();
+        let truth = 0.8 * f64::from(RADIANCE) * share;
+        assert_radiance(&format!("{center} {radius}"), &scene, &options(16, 256, 1), truth, 2e-3);
+    }
+}
+
+/// Within a shell it is equally bright everywhere; outside it is a sphere.
+#[test]
+fn what_a_shell_gives() {
+    for center in [DVec3::ZERO, DVec3::new(0.7, 0.6, 0.0), DVec3::new(-0.4, -0.3, 0.2)] {
+        let mut scene = floor();
+        lamp(&mut scene, ShapeKind::Shell, center, 1.0);
+        let truth = 0.8 * f64::from(RADIANCE);
+        assert_radiance(&format!("within {center}"), &scene, &options(16, 256, 1), truth, 4e-3);
+    }
+    let mut scene = floor();
+    lamp(&mut scene, ShapeKind::Shell, DVec3::new(0.0, 3.0, 0.0), 1.0);
+    let truth = 0.8 * f64::from(RADIANCE) / 9.0;
+    assert_radiance("outside", &scene, &options(16, 256, 1), truth, 2e-3);
+}
+
+/// A camera ray through a shell, or from its inside, intersects it once.
+#[test]
+fn a_shell_is_intersected_once() {
+    for (what, center) in [("through", [-1.5, 0.5, -1.0]), ("from inside", [-3.0, 1.0, -2.0])] {
+        let mut scene = Scene::default();
+        scene.cameras.push(camera(DVec3::new(-3.0, 1.0, -2.0), DVec3::ZERO, DVec3::Y, 1.0));
+        lamp(&mut scene, ShapeKind::Shell, center.into(), 0.4);
+        scene.materials.last_mut().and_then(|m| m.lamp.as_mut()).expect("a lamp").visible_to = RayKinds::ALL;
+        assert_radiance(what, &scene, &options(8, 4, 1), f64::from(RADIANCE), 1e-6);
+    }
+}
+
+/// Lamps that move by nothing light as they do at rest.
+#[test]
+fn lamps_in_motion() {
+    let center = DVec3::new(1.0, 1.0, 0.5);
+    let squared = center.length_squared();
+    for (kind, radius, share) in
+        [(ShapeKind::FacingDisk, 0.6, 0.36 / (squared + 0.36)), (ShapeKind::Shell, 0.6, 0.36 / squared)]
+    {
+        let mut scene = floor();
+        lamp(&mut scene, kind, center, radius);
+        let keys = vec![DAffine3::IDENTITY; 2];
+        scene.motion.shapes.insert(0, Moving { keys, neighbours: None });
+        let truth = 0.8 * f64::from(RADIANCE) * share * center.y / squared.sqrt();
+        assert_radiance(&format!("{kind:?}"), &scene, &options(16, 256, 1), truth, 4e-3);
+    }
+}
+
+fn polished() -> Material {
+    let pbr = PbrMaterial {
+        base_color: ColorSlot::constant([1.0; 3]),
+        metallic: FloatSlot::constant(1.0),
+        roughness: FloatSlot::constant(0.2),
+        ..PbrMaterial::default()
+    };
+    Material { double_sided: true, ..Material::new("metal", Model::Pbr(Box::new(pbr))) }
+}
+
+fn glass() -> Material {
+    let tint = ColorSlot::constant([1.0; 3]);
+    Material::new("glass", Model::Dielectric { ior: 1.5, tint, fresnel: FresnelModel::Exact })
+}
+
+/// Something above a floor, that is partly within a lamp.
+fn beneath_lamp(kind: ShapeKind, thing: Material) -> Scene {
+    let mut scene = Scene::default();
+    let grey = material(&mut scene, Material::lambert("grey", [0.7, 0.6, 0.5]));
+    quad(&mut scene, [-3.0, 0.0, 3.0], [6.0, 0.0, 0.0], [0.0, 0.0, -6.0], grey);
+    let thing = material(&mut scene, thing);
+    sphere(&mut scene, [0.1, 0.5, 0.1], 0.45, thing);
+    lamp(&mut scene, kind, DVec3::new(0.3, 1.3, 0.0), 0.6);
+    scene.cameras.push(camera(DVec3::new(0.2, 2.2, 3.0), DVec3::new(0.0, 0.2, 0.0), DVec3::Y, 35.0));
+    scene
+}
+
+fn plain(samples: u32) -> RenderOptions {
+    let options = options(32, samples, 12).path_reuse(PathReuse::Off).splitting(Splitting::OFF);
+    options.caustics(Caustics::Off).guiding(Guiding::Off)
+}
+
+/// Paths from lamps bring the light that paths from the camera find, also to things that are partly within a lamp, and from within
+/// glass.
+#[test]
+#[ignore = "means of many pictures, which take long"]
+fn caustics_of_such_lamps_change_no_mean() {
+    for kind in [ShapeKind::FacingDisk, ShapeKind::Shell] {
+        for (name, thing) in [("polished", polished()), ("glass", glass())] {
+            let (scene, off) = (beneath_lamp(kind, thing), plain(32));
+            assert_same_means(&format!("{kind:?}, {name}"), &scene, [&off, &off.caustics(Caustics::On)], 256);
+        }
+    }
+}
+
+/// Paths that split and guided ones bring the same light.
+#[test]
+#[ignore = "means of many pictures, which take long"]
+fn other_ways_to_such_lamps_change_no_mean() {
+    for kind in [ShapeKind::FacingDisk, ShapeKind::Shell] {
+        let scene = beneath_lamp(kind, Material::lambert("clay", [0.9, 0.7, 0.6]));
+        let off = plain(64);
+        for (name, way) in
+            [("split", off.splitting(Splitting::Into(4))), ("guided", off.guiding(Guiding::On))]
+        {
+            assert_same_means(&format!("{kind:?}, {name}"), &scene, [&off, &way], 24);
+        }
+    }
+}
