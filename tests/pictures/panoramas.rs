@@ -159,7 +159,7 @@ fn light_from_the_lamp_is_that_of_paths() {
         }
         // So many that paths from the camera often find what the ball mirrors to the edges of the floor: with 64 samples a
         // block there has one such path in all pictures, or none.
-        let off = plain(options(32, 1024, 12)).caustics(Caustics::Off);
+        let off = plain(options(32, 512, 12)).caustics(Caustics::Off);
         assert_same_means("panorama", &scene, [&off, &off.caustics(Caustics::On)], 32);
         scene.cameras[0].lens =
             Some(ThinLens { defocus_angle_rad: 0.2, focus_distance: 1.0, aperture: Default::default() });

@@ -131,9 +131,11 @@ fn plain(samples: u32) -> RenderOptions {
 #[ignore = "means of many pictures, which take long"]
 fn caustics_of_such_lamps_change_no_mean() {
     for kind in [ShapeKind::FacingDisk, ShapeKind::Shell] {
-        for (name, thing) in [("polished", polished()), ("glass", glass())] {
+        // A bias of light that started within glass showed with so many only.
+        for (name, thing, seeds) in [("polished", polished(), 64), ("glass", glass(), 256)] {
             let (scene, off) = (beneath_lamp(kind, thing), plain(32));
-            assert_same_means(&format!("{kind:?}, {name}"), &scene, [&off, &off.caustics(Caustics::On)], 256);
+            let on = off.caustics(Caustics::On);
+            assert_same_means(&format!("{kind:?}, {name}"), &scene, [&off, &on], seeds);
         }
     }
 }
