@@ -31,6 +31,7 @@ impl EnvironmentOverride {
             scene.scale_environment_sun(0.0);
             scene.environment_sun = None;
             scene.environment_unsampled = false;
+            scene.camera_environment = None;
         }
         if let Some(image) = &self.image {
             scene.images.push(image.clone());

@@ -58,9 +58,7 @@ pub(super) fn compile_after(
     let anchor = options.anchor.unwrap_or_else(|| default_anchor(scene));
     let mut report = CompileReport::default();
     let mut kept = earlier.map_or_else(Kept::default, |earlier| earlier.into_kept(scene));
-    if options.shading.spectral {
-        spectral::warn(scene, &mut report.warnings);
-    }
+    spectral::warn(scene, options.shading, &mut report.warnings);
     let mut textures = textures(kept.textures.take(), scene, anchor, options.shading.spectral);
     let (warnings, left_out) = (&mut report.warnings, &mut report.left_out);
     let (materials, media, classes) = materials(scene, (anchor, &mut textures), options.shading, warnings);
@@ -84,8 +82,8 @@ pub(super) fn compile_after(
     report.lights = lights.len() as u64;
     let light_kinds = classes::light_kinds(scene, &lights, (&emitters, &geometries, &materials));
     let caught_lights = classes::caught_lights(&emitters, &geometries, &materials);
-    let features = features(scene, (&geometries, &accel, anchor), &materials, &textures, &media);
-    let features = features.with_lights(!light_kinds.is_empty(), links.are_used());
+    let features = features(scene, (&geometries, &accel, anchor), &materials, &textures, &media)
+        .with_lights(!light_kinds.is_empty(), links.are_used());
     report.build_s = begin.elapsed().as_secs_f64();
     let compiled = CompiledScene {
         anchor,
@@ -96,6 +94,7 @@ pub(super) fn compile_after(
         media,
         textures,
         lights,
+        camera_environment: camera_environment(scene),
         light_groups,
         light_spectra,
         light_kinds,
@@ -142,6 +141,11 @@ fn textures(
         None => CompiledTextures::new(&scene.textures, &scene.images, anchor.as_vec3()),
     };
     textures.with_profiles(&scene.profiles).with_spectra(&scene.textures, by_wavelength)
+}
+
+/// What cameras see of the environment, if that is another one.
+fn camera_environment(scene: &Scene) -> Option<EnvironmentLight> {
+    scene.camera_environment.as_ref().and_then(|seen| EnvironmentLight::new(seen, &scene.images, false))
 }
 
 /// The environment with its portals; `kept` is that of an earlier moment, if it is the same.
@@ -210,6 +214,7 @@ fn features(
         touching: touching::exists(scene, materials, (geometries, accel, anchor)),
         walks: media.iter().filter_map(|m| m.scattering.as_ref()).any(|s| !s.counts),
         environment_visible_to: scene.environment_visible_to,
+        camera_environment: scene.camera_environment.is_some(),
         ray_kinds: materials
             .iter()
             .any(|m| !m.visible_to().contains(RayKinds::ALL.without(RayKinds::CAMERA))),

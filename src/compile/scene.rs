@@ -15,7 +15,7 @@ use crate::bsdf::ShadingModel;
 use crate::color::spectral::Spectrum;
 use crate::error::Warning;
 use crate::gauge::Gauge;
-use crate::light::Lights;
+use crate::light::{EnvironmentLight, Lights};
 use crate::math::{DVec3, Hit};
 use crate::scene::{RayKinds, Scene, ShapeTag};
 use crate::texture::CompiledTextures;
@@ -83,6 +83,8 @@ pub struct CompiledScene {
     pub textures: CompiledTextures,
     /// Everything that shines.
     pub lights: Lights,
+    /// What cameras see of the environment, if that is another one, unless it is black.
+    pub camera_environment: Option<EnvironmentLight>,
     /// Which group each is in.
     pub light_groups: LightGroups,
     /// Their spectra, by number; see [`CompiledScene::spectrum_of_light`].
@@ -134,6 +136,8 @@ pub struct Features {
     pub overlaps: bool,
     /// Rays that see the environment.
     pub environment_visible_to: RayKinds,
+    /// Do cameras see another environment than what lights the scene?
+    pub camera_environment: bool,
     /// Objects or lights are visible to some kinds of rays only, the camera's aside.
     pub ray_kinds: bool,
     /// Lights are linked to some objects only.

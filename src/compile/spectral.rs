@@ -10,8 +10,8 @@ use crate::scene::{Environment, Model, Scene, ShadingModel};
 use std::sync::Arc;
 
 /// What pictures by wavelength show otherwise than it may be meant.
-pub(super) fn warn(scene: &Scene, warnings: &mut Vec<Warning>) {
-    for material in &scene.materials {
+pub(super) fn warn(scene: &Scene, shading: ShadingModel, warnings: &mut Vec<Warning>) {
+    for material in scene.materials.iter().filter(|_| shading.spectral) {
         if let Model::Conductor { metal: None, .. } = material.model {
             let name = &material.name;
             warnings.push(Warning::general(format!(

@@ -90,6 +90,25 @@ impl Integrator<'_> {
         }
     }
 
+    /// Adds what cameras see of an environment that differs for them.
+    fn escape_to_camera(&self, w: &mut Workspace) {
+        let Some(seen) = &self.scene.camera_environment else { return };
+        look_up(seen, &w.rays, &w.escaped, &mut w.wave.scratch);
+        let path = &w.arriving.carried;
+        let [_, _, _, _, _, r, g, b, _] = &w.wave.scratch;
+        let group = self.scene.light_groups.of_light((self.scene.lights.len() as u32).saturating_sub(1));
+        for (k, &i) in w.escaped.iter().enumerate() {
+            let i = i as usize;
+            let radiance = Rgb::new(r[k], g[k], b[k]);
+            let radiance = self.lanes_of_light(radiance, None, w.times.waves(path.sample[i]));
+            w.sink.contribute(path.sample[i], get_rgb(&path.throughput, i) * radiance, || Origin {
+                way: way_of_path(0, Way::Environment, &w.arriving.first_bounces, i),
+                group,
+            });
+            w.sink.cover(path.sample[i]);
+        }
+    }
+
     /// Adds the environment to the paths that left the scene.
     pub(super) fn escape(&self, bounce: u32, w: &mut Workspace) {
         let lights = &self.scene.lights;
@@ -99,6 +118,8 @@ impl Integrator<'_> {
             }
         } else if !self.scene.features.environment_visible_to.contains(RayKinds::CAMERA) {
             return;
+        } else if self.scene.features.camera_environment {
+            return self.escape_to_camera(w);
         }
         self.add_suns(bounce, w);
         let Some(environment) = lights.environment() else { return };

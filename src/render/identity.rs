@@ -29,6 +29,7 @@ pub fn identity(scene: &mut Scene, settled: &Settled) -> Result<Identity> {
     let (name, cameras, settings) = (take(&mut rest.name), take(&mut rest.cameras), take(&mut rest.settings));
     let (materials, textures) = (take(&mut rest.materials), take(&mut rest.textures));
     let (lights, environment) = (take(&mut rest.lights), take(&mut rest.environment));
+    let camera_environment = take(&mut rest.camera_environment);
     let of_meshes = meshes.iter().fold(Fingerprint::START, |sum, mesh| sum.with_print(of_mesh(mesh)));
     let curves = take(&mut rest.curves);
     let of_curves = curves.iter().fold(of_meshes, |sum, curves| {
@@ -45,7 +46,7 @@ pub fn identity(scene: &mut Scene, settled: &Settled) -> Result<Identity> {
         ("the materials", of_debug(&materials).with_print(of_debug(&textures))),
         ("the textures", of_images),
         ("the light", of_debug(&lights).with_print(of_debug(&environment))),
-        ("the background", of_backdrop),
+        ("the background", of_backdrop.with_print(of_debug(&camera_environment))),
     ];
     *scene = Scene {
         name,
@@ -59,6 +60,7 @@ pub fn identity(scene: &mut Scene, settled: &Settled) -> Result<Identity> {
         textures,
         lights,
         environment,
+        camera_environment,
         ..rest
     };
     let prints = prints.map(|(name, print)| (name.to_string(), format!("{PRINT}{:016x}", print.value())));

@@ -102,6 +102,8 @@ pub struct Scene {
     pub lights: Vec<Light>,
     /// What is seen where nothing is hit.
     pub environment: Environment,
+    /// What cameras see there instead.
+    pub camera_environment: Option<Environment>,
     /// What fills the space around all solids.
     pub fog: Option<Fog>,
     /// Which rays see the environment. Where those of the camera don't, pictures are transparent.

@@ -247,3 +247,43 @@ fn surfaces_at_one_place_are_there_for_their_own_rays() {
         assert!((both / one - 1.0).abs() < 0.01, "{both} {one}");
     }
 }
+
+/// Cameras see another environment than what lights the scene and is in mirrors.
+#[test]
+fn cameras_see_an_environment_of_their_own() {
+    let lit = |seen| Scene {
+        environment: Environment::Constant([1.5; 3]),
+        camera_environment: seen,
+        ..floor(grey())
+    };
+    let sky = camera(EYE, EYE + DVec3::new(0.1, 1.0, 0.0), DVec3::X, 40.0);
+    for (seen, color) in [
+        (None, [1.5; 3]),
+        (Some(Environment::Constant([0.2, 0.4, 3.0])), [0.2, 0.4, 3.0]),
+        (Some(Environment::Black), [0.0; 3]),
+    ] {
+        let mut scene = lit(seen.clone());
+        assert_radiance(&format!("{seen:?}, floor"), &scene, &options(16, 64, 2), 0.8 * 1.5, 4e-3);
+        scene.cameras = vec![sky.clone()];
+        for rgba in picture(&scene, &options(8, 4, 2)).rgba() {
+            let alpha = if seen == Some(Environment::Black) { 0.0 } else { 1.0 };
+            assert_eq!(
+                rgba.map(|v| (v * 1e4).round()),
+                [color[0], color[1], color[2], alpha].map(|v: f32| (v * 1e4).round())
+            );
+        }
+    }
+    // In a mirror there is what lights the scene; behind a lamp that rays pass there is what the camera sees.
+    let metal = PbrMaterial {
+        metallic: FloatSlot::constant(1.0),
+        roughness: FloatSlot::constant(0.0),
+        ..PbrMaterial::default()
+    };
+    let mirror = Scene {
+        environment: Environment::Constant([1.5; 3]),
+        ..floor(Material::new("mirror", Model::Pbr(Box::new(metal))))
+    };
+    let other = Scene { camera_environment: Some(Environment::Constant([9.0; 3])), ..mirror.clone() };
+    let [mirror, other] = [mirror, other].map(|scene| mean(&picture(&scene, &options(8, 64, 4))));
+    assert_eq!(mirror, other);
+}

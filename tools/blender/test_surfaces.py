@@ -321,6 +321,29 @@ class SurfacesTest(SceneTest):
         world.cycles_visibility.camera = False
         self.assertIs(self.export()[1]["environment"]["visible_to_camera"], False)
 
+    def test_worlds_that_cameras_see_otherwise(self):
+        self.add("cube", shader_tree("plain")[0])
+        world = bpy.data.worlds.new("World")
+        self.scene.world, world.use_nodes = world, True
+        tree = world.node_tree
+        path, mix, other, sky = (tree.nodes.new(f"ShaderNode{k}") for k in ("LightPath", "MixShader", "Background", "TexSky"))
+        tree.nodes["Background"].inputs[0].default_value = (0.1, 0.2, 0.3, 1)
+        other.inputs[0].default_value = (0.5, 0.6, 0.7, 1)
+        for socket, shader in zip(mix.inputs[1:], (tree.nodes["Background"], other)):
+            tree.links.new(shader.outputs[0], socket)
+        tree.links.new(path.outputs["Is Camera Ray"], mix.inputs[0])
+        tree.links.new(mix.outputs[0], tree.nodes["World Output"].inputs["Surface"])
+        _, settings, answer = self.export()
+        np.testing.assert_allclose(settings["environment"]["background"], [0.1, 0.2, 0.3], rtol=1e-5)
+        np.testing.assert_allclose(settings["environment"]["seen"]["background"], [0.5, 0.6, 0.7], rtol=1e-5)
+        self.assertEqual(answer["warnings"], [])
+        tree.links.new(sky.outputs[0], other.inputs[0])
+        self.assertTrue((self.folder / self.export()[1]["environment"]["seen"]["image"]).is_file())
+        tree.links.new(path.outputs["Is Glossy Ray"], mix.inputs[0])
+        _, settings, answer = self.export()
+        self.assertEqual([about for about, message in answer["warnings"] if "kind of ray" in message], ["World"])
+        np.testing.assert_allclose(settings["environment"]["background"], [0.1, 0.2, 0.3], rtol=1e-5)
+
     def test_shadow_catchers_show_what_cycles_shows(self):
         material, _, _ = shader_tree("plain")
         made = self.add("plane", material)

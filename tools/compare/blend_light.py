@@ -195,6 +195,26 @@ def world_nodes():
     camera(rotation=(1.4, 0, 0.7))
 
 
+def world_for_the_camera():
+    """A picture with a small sun lights the scene, turned about all axes; the camera sees an even colour in its place."""
+    still_life()
+    tree, background = world()
+    sky, mapping, coordinates, path, mix, other = (
+        tree.nodes.new(f"ShaderNode{k}") for k in ("TexEnvironment", "Mapping", "TexCoord", "LightPath", "MixShader", "Background")
+    )
+    sky.image = sky_picture()
+    mapping.inputs["Rotation"].default_value = (0.2, 0.1, 1.3)
+    other.inputs["Color"].default_value = (0.9, 0.8, 0.6, 1)
+    tree.links.new(coordinates.outputs["Generated"], mapping.inputs["Vector"])
+    tree.links.new(mapping.outputs[0], sky.inputs["Vector"])
+    tree.links.new(sky.outputs["Color"], background.inputs["Color"])
+    tree.links.new(path.outputs["Is Camera Ray"], mix.inputs[0])
+    tree.links.new(background.outputs[0], mix.inputs[1])
+    tree.links.new(other.outputs[0], mix.inputs[2])
+    tree.links.new(mix.outputs[0], tree.nodes["World Output"].inputs["Surface"])
+    camera()
+
+
 def ray_kinds():
     """A world that the camera sees otherwise, and black lamps behind glass."""
     still_life()

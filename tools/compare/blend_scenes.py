@@ -13,6 +13,7 @@ from blend_light import (
     points_and_spots,
     ray_kinds,
     sun_and_world,
+    world_for_the_camera,
     world_nodes,
     world_picture,
     world_sky,
@@ -74,7 +75,7 @@ from blend_volumes import clouds, clouds_together, fire, fire_in_smoke, flames, 
 
 SCENES = [
     area_lights, area_spread, one_spread, sun_and_world, points_and_spots, near_soft_lamps, near_hard_lamps, lamps_in_view, lamp_settings, gobo, lamp_picture, world_picture,
-    world_sky, world_nodes, depth_of_field, blades, unseen, visibility, world_unseen, orthographic, portrait, sensor_fit, instances, hidden_things, other_objects, points, generated, furs, keyed_materials,
+    world_sky, world_nodes, world_for_the_camera, depth_of_field, blades, unseen, visibility, world_unseen, orthographic, portrait, sensor_fit, instances, hidden_things, other_objects, points, generated, furs, keyed_materials,
     glass, shaders, principled, procedural, textured, posed,
     groups, leaves, ray_kinds,
     blurred, blurred_camera, translucent, media_in_solids, foggy, waxen, tinted_layers, reliefs,

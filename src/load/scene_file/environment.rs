@@ -14,6 +14,9 @@
 //!
 //! `fog = { density = 0.1 }` fills the space around all solids (see `media`), and may stand alone.
 //!
+//! `seen = { background = [r, g, b] }` is what cameras see in place of it, which lights nothing: an even radiance, or an `image` with `rotation` and
+//! `strength` as above.
+//!
 //! A `group` names the group of lights that it is in. With `visible_to_camera = false` it lights the scene, but cameras see nothing of it: the picture is transparent there;
 //! `visible_to` lists the kinds of rays that see it, as for objects. With `sampled = false` only paths that leave the scene find its light,
 //! as in Cycles that of an even world: what objects hide of it from others is what those see that are scattered there, not what
@@ -30,17 +33,17 @@ use crate::load::sky::{PhysicalSky, SUN_ANGLE_RAD};
 use crate::scene::{Environment, RayKinds};
 
 pub(super) fn read(build: &mut Build, fields: &Fields) {
-    let background = fields.color("background");
     let sky = fields.table("sky");
-    let image = fields.string("image");
-    let rotation_rad = fields.number("rotation").map_or(0.0, |r| r.value.to_radians());
-    let strength = fields.number_in("strength", 0.0..f64::from(f32::MAX), 1.0) as f32;
+    let given = [fields.has("background"), fields.has("sky"), fields.has("image")];
+    let light = even_or_image(build, fields);
+    if let Some(seen) = fields.table("seen") {
+        build.loaded.scene.camera_environment = seen_by_camera(build, &seen);
+    }
     build.loaded.scene.environment_visible_to = visible_to(fields, RayKinds::ALL);
     build.loaded.scene.environment_unsampled = !fields.flag("sampled", true);
     build.loaded.scene.environment_group = group(fields, "group");
     build.loaded.scene.fog = media::fog(fields);
     fields.finish();
-    let given = [fields.has("background"), fields.has("sky"), fields.has("image")];
     let count = given.iter().filter(|g| **g).count();
     if count == 0 && fields.has("fog") {
         return;
@@ -49,12 +52,8 @@ pub(super) fn read(build: &mut Build, fields: &Fields) {
         let message = "'environment' needs exactly one of 'background', 'sky' and 'image', or 'fog' alone";
         return fields.problems.push(fields.span(), message);
     }
-    if !given[2] && (fields.has("rotation") || fields.has("strength")) {
-        fields.problems.push(fields.span(), "'rotation' and 'strength' belong to an environment image");
-    }
-    let environment = &mut build.loaded.scene.environment;
-    if let Some(c) = background {
-        *environment = Environment::Constant(c.value);
+    if let Some(light) = light {
+        build.loaded.scene.environment = light;
     } else if let Some(sky) = sky {
         let is_physical = PHYSICAL.into_iter().any(|key| sky.has(key));
         let nadir = sky.color("nadir").map_or([1.0; 3], |c| c.value);
@@ -62,14 +61,36 @@ pub(super) fn read(build: &mut Build, fields: &Fields) {
         if is_physical {
             add_physical(build, &sky);
         } else {
-            *environment = Environment::Gradient { nadir, zenith };
+            build.loaded.scene.environment = Environment::Gradient { nadir, zenith };
         }
         sky.finish();
-    } else if let Some(file) = image
-        && let Some(image) = read_image(build, file.value, file.span, Use::Environment)
-    {
-        build.loaded.scene.environment = Environment::Image { image, strength, rotation_rad };
     }
+}
+
+/// The same radiance from everywhere, or an image.
+fn even_or_image(build: &mut Build, fields: &Fields) -> Option<Environment> {
+    let background = fields.color("background");
+    let image = fields.string("image");
+    let rotation_rad = fields.number("rotation").map_or(0.0, |r| r.value.to_radians());
+    let strength = fields.number_in("strength", 0.0..f64::from(f32::MAX), 1.0) as f32;
+    if !fields.has("image") && (fields.has("rotation") || fields.has("strength")) {
+        fields.problems.push(fields.span(), "'rotation' and 'strength' belong to an environment image");
+    }
+    if let Some(c) = background {
+        return Some(Environment::Constant(c.value));
+    }
+    let file = image?;
+    let image = read_image(build, file.value, file.span, Use::Environment)?;
+    Some(Environment::Image { image, strength, rotation_rad })
+}
+
+fn seen_by_camera(build: &mut Build, fields: &Fields) -> Option<Environment> {
+    let seen = even_or_image(build, fields);
+    fields.finish();
+    if fields.has("background") == fields.has("image") {
+        fields.problems.push(fields.span(), "'seen' needs exactly one of 'background' and 'image'");
+    }
+    seen
 }
 
 const PHYSICAL: [&str; 7] =

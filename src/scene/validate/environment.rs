@@ -30,24 +30,31 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
         let rule = "edges at right angles, longer than 0";
         findings.require(is_rectangle, place, "edge_u, edge_v", [u, v], rule);
     }
-    match &scene.environment {
+    check_light(scene, &scene.environment, PLACE, findings);
+    if let Some(seen) = &scene.camera_environment {
+        check_light(scene, seen, "camera_environment", findings);
+    }
+}
+
+fn check_light(scene: &Scene, environment: &Environment, place: &'static str, findings: &mut Findings) {
+    match environment {
         Environment::Black => {}
-        Environment::Constant(rgb) => findings.require_color(rgb, PLACE, "Constant"),
+        Environment::Constant(rgb) => findings.require_color(rgb, place, "Constant"),
         Environment::Gradient { nadir, zenith } => {
-            findings.require_color(nadir, PLACE, "nadir");
-            findings.require_color(zenith, PLACE, "zenith");
+            findings.require_color(nadir, place, "nadir");
+            findings.require_color(zenith, place, "zenith");
         }
         Environment::Image { image, strength, rotation_rad } => {
             let is_met = strength.is_finite() && *strength >= 0.0;
-            findings.require(is_met, PLACE, "strength", strength, "a finite number from 0 up");
+            findings.require(is_met, place, "strength", strength, "a finite number from 0 up");
             let is_met = rotation_rad.is_finite();
-            findings.require(is_met, PLACE, "rotation_rad", rotation_rad, "a finite number");
+            findings.require(is_met, place, "rotation_rad", rotation_rad, "a finite number");
             let Some(map) = scene.images.get(image.index()) else {
-                return findings.reject(PLACE, "image", image, "one of the scene's images");
+                return findings.reject(place, "image", image, "one of the scene's images");
             };
             let texels = u64::from(map.width) * u64::from(map.height);
             let is_met = texels <= MOST_TEXELS;
-            findings.require(is_met, PLACE, "texels of the image", texels, "at most 2^29");
+            findings.require(is_met, place, "texels of the image", texels, "at most 2^29");
         }
     }
 }

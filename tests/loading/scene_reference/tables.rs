@@ -163,6 +163,7 @@ pub const TABLES: &[Table] = &[
         "[materials]\na = { type = \"lambert\" }\n[environment]\n",
         &[
             ("background", "[1, 2, 3]", "2"),
+            ("seen", "{ background = [1, 2, 3] }", "{ background = 1 }"),
             ("visible_to_camera", "false", "true"),
             ("visible_to", "[\"diffuse\", \"camera\"]", "[\"shadow\"]"),
             ("sampled", "false", "true"),

@@ -76,7 +76,7 @@ structs! {
     Grid { name, size, values, world_from_voxels }
     Fog { medium, center, radius }
     Scene {
-        name, meshes, instances, shapes, quads, curves, materials, textures, images, grids, profiles, lights, environment, fog, environment_visible_to,
+        name, meshes, instances, shapes, quads, curves, materials, textures, images, grids, profiles, lights, environment, camera_environment, fog, environment_visible_to,
         environment_unsampled, backdrop, environment_group, environment_sun, portals, cameras, motion, settings,
     }
     Curves { name, basis, strands, points, radii, colors, world_from_object, material, traits }

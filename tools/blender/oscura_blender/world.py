@@ -23,12 +23,11 @@ WIDEST = 8192
 def entries(scene, folder, name, report):
     """The entries of [environment]; pictures go to the folder."""
     world = scene.world
-    found = _light(world, folder, name, report)
     factor = film_exposure(scene)
-    if "background" in found:
-        found["background"] = [factor * c for c in found["background"]]
-    elif factor != 1:
-        found["strength"] = factor * found.get("strength", 1.0)
+    seen, found = _parts(world, folder, name, report)
+    found = _exposed(found, factor)
+    if seen is not None:
+        found["seen"] = _exposed(seen, factor)
     found.update(_fog(world, factor, report))
     hidden = scene.render.film_transparent
     if world is not None:
@@ -42,6 +41,12 @@ def entries(scene, folder, name, report):
     if hidden:
         found["visible_to_camera"] = False
     return found
+
+
+def _exposed(entries, factor):
+    if "background" in entries:
+        return {"background": [factor * c for c in entries["background"]]}
+    return {**entries, "strength": factor * entries.get("strength", 1.0)} if factor != 1 else entries
 
 
 def settle(entries, objects):
@@ -65,13 +70,34 @@ def _fog(world, factor, report):
     return {} if filling.is_nothing() else {"fog": filling.entries(factor)}
 
 
-def _light(world, folder, name, report):
+def _parts(world, folder, name, report):
+    """The entries of what cameras see, if that is something else, and of what lights the scene."""
+    tree = world.node_tree if world is not None and world.use_nodes else None
+    asked = _light_path_outputs(tree) if tree else set()
+    if not asked:
+        return None, _light(world, folder, name)
+    if asked != {"Is Camera Ray"}:
+        report.warn(world.name, "the world differs by the kind of ray: others than the camera's see what diffuse ones do")
+    return (_as_seen_by(world, rays, folder, file) for rays, file in ((_CAMERA, f"{name}.seen"), (_DIFFUSE, name)))
+
+
+def _as_seen_by(world, rays, folder, name):
+    """The entries of a world as rays of a kind see it."""
+    world = world.copy()
+    try:
+        _settle_light_paths(world.node_tree, rays)
+        return _light(world, folder, name)
+    finally:
+        bpy.data.worlds.remove(world)
+
+
+def _light(world, folder, name):
     if world is None:
         return {"background": [0, 0, 0]}
     if not world.use_nodes or world.node_tree is None:
         return {"background": list(world.color)}
     tree = world.node_tree
-    node = shaders.output(tree)
+    node = _mixed_in(shaders.output(tree))
     if node is None:
         return {"background": [0, 0, 0]}
     if node.bl_idname == "ShaderNodeBackground" and not node.mute:
@@ -82,7 +108,18 @@ def _light(world, folder, name, report):
             picture = _picture(shaders.source(node.inputs["Color"]), folder, name)
             if picture:
                 return {**picture, "strength": max(strength, 0.0)}
-    return {"image": _rendered(world, folder, name, report)}
+    return {"image": _rendered(world, folder, name)}
+
+
+def _mixed_in(node):
+    """The shader that a mix of shaders consists of alone, if it does."""
+    while node is not None and node.bl_idname == "ShaderNodeMixShader" and not node.mute:
+        share = shaders.constant(node.inputs[0])
+        if share not in (0.0, 1.0):
+            break
+        feeding = shaders.source(node.inputs[1 + int(share)])
+        node = feeding.node if feeding else None
+    return node
 
 
 def _picture(feeding, folder, name):
@@ -135,14 +172,9 @@ def _turn(vector):
     return rotation[2] if mapping.vector_type == "TEXTURE" else -rotation[2]
 
 
-def _rendered(world, folder, name, report):
+def _rendered(world, folder, name):
     """Renders what the world shows to a picture around the origin; gives its name."""
     world = world.copy()
-    if _neutralize_light_paths(world.node_tree):
-        report.warn(
-            world.name.rsplit(".", 1)[0],
-            "the world differs by the kind of ray: the camera sees what lights the scene",
-        )
     sizes = [n.image.size[0] for n in world.node_tree.nodes if n.bl_idname == "ShaderNodeTexEnvironment" and n.image]
     has_sun = any(n.bl_idname == "ShaderNodeTexSky" for n in world.node_tree.nodes)
     width = min(max([WIDTH, *sizes]), WIDEST)
@@ -160,19 +192,32 @@ def _rendered(world, folder, name, report):
     return f"{name}.world.exr"
 
 
-def _neutralize_light_paths(tree):
-    """Takes the answers for diffuse rays in place of those of Light Path nodes; says whether there were any."""
-    found = False
+# The outputs of Light Path nodes that are 1 for rays of a kind; all others are 0.
+_CAMERA = {"Is Camera Ray"}
+_DIFFUSE = {"Is Diffuse Ray", "Ray Depth"}
+
+
+def _light_path_outputs(tree):
+    """The names of the outputs of Light Path nodes that a tree uses."""
+    found = set()
+    for node in tree.nodes:
+        if node.bl_idname == "ShaderNodeGroup" and node.node_tree:
+            found |= _light_path_outputs(node.node_tree)
+        elif node.bl_idname == "ShaderNodeLightPath":
+            found |= {out.name for out in node.outputs if out.is_linked}
+    return found
+
+
+def _settle_light_paths(tree, rays):
+    """Puts the answers of Light Path nodes for rays of a kind in their place."""
     for node in list(tree.nodes):
         if node.bl_idname == "ShaderNodeGroup" and node.node_tree:
             node.node_tree = node.node_tree.copy()
-            found |= _neutralize_light_paths(node.node_tree)
+            _settle_light_paths(node.node_tree, rays)
         if node.bl_idname != "ShaderNodeLightPath":
             continue
         for out in node.outputs:
             for link in list(out.links):
                 value = tree.nodes.new("ShaderNodeValue")
-                value.outputs[0].default_value = 1.0 if out.name in ("Is Diffuse Ray", "Ray Depth") else 0.0
+                value.outputs[0].default_value = 1.0 if out.name in rays else 0.0
                 tree.links.new(value.outputs[0], link.to_socket)
-                found = True
-    return found
