@@ -42,6 +42,38 @@ class BesideTest(SceneTest):
         number = model["meshes"][0]["primitives"][0]["attributes"]["POSITION"]
         self.assertAlmostEqual(model["accessors"][number]["max"][1], 0.5, places=6)
 
+    def test_bumps_of_what_is_displaced_as_well_are_on_its_former_normals(self):
+        """A roof over a plane: smooth normals stay upright, the vertices rise, and the bumps are in a picture."""
+        for method in ("DISPLACEMENT", "BOTH"):
+            for by_place in (False, True):
+                material, tree, shader, relief, wave, place = shader_tree(f"{method} {by_place}", "Displacement", "TexWave", "TexCoord")
+                material.displacement_method, relief.inputs["Scale"].default_value = method, 1.0
+                wave.inputs["Scale"].default_value = 0.3
+                tree.links.new(place.outputs["UV"], wave.inputs["Vector"])
+                tree.links.new(wave.outputs["Fac" if "Fac" in wave.outputs else "Factor"], relief.inputs["Height"])
+                tree.links.new(relief.outputs[0], tree.nodes["Material Output"].inputs["Displacement"])
+                if by_place:
+                    tree.links.new(place.outputs["Object"], shader.inputs["Base Color"])
+                bpy.ops.mesh.primitive_grid_add(x_subdivisions=12, y_subdivisions=12)
+                bpy.ops.object.shade_smooth()
+                bpy.context.object.data.materials.append(material)
+        glb, _, answer = self.export_glb("--bake", "64")
+        self.assertEqual(answer["warnings"], [])
+        for mesh in glb.json["meshes"]:
+            (primitive,) = mesh["primitives"]
+            name, attributes = glb.json["materials"][primitive["material"]]["name"], primitive["attributes"]
+            self.assertNotIn("oscura offsets", str(attributes))
+            box = glb.json["accessors"][attributes["POSITION"]]
+            self.assertGreater(box["max"][1] - box["min"][1], 0.2, name)
+            self.assertEqual(np.allclose(self.rows(glb, attributes["NORMAL"])[:, 1], 1, atol=1e-3), name.startswith("BOTH"), name)
+            self.assertEqual("normalTexture" in glb.json["materials"][primitive["material"]], name.startswith("BOTH"), name)
+
+    def rows(self, glb, number):
+        """The rows of an accessor of three floats."""
+        accessor = glb.json["accessors"][number]
+        start = glb.json["bufferViews"][accessor["bufferView"]].get("byteOffset", 0) + accessor.get("byteOffset", 0)
+        return np.frombuffer(bytes(glb.binary[start:]), "<f4", 3 * accessor["count"]).reshape(-1, 3)
+
     def test_motion_of_objects_and_cameras_is_an_animation(self):
         moved = self.add_plane(None, "Moved")
         for thing, path in ((moved, (2, 0, 0)), (self.scene.camera, (0, 1, 8))):
@@ -108,7 +140,7 @@ class BesideTest(SceneTest):
         cycles.samples, cycles.use_adaptive_sampling, cycles.adaptive_threshold = 300, True, 0.02
         cycles.use_denoising, cycles.film_exposure = True, 2.0
         render.resolution_x, render.resolution_y, render.use_border = 200, 100, True
-        render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y = 0.25, 0.5, 0.1, 0.6
+        render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y = 0.25, 0.5, 0.1, 0.9
         layer = self.scene.view_layers[0]
         layer.use_pass_z = layer.use_pass_cryptomatte_object = layer.use_pass_mist = True
         lamp = bpy.data.lights.new("lamp", "POINT")
@@ -120,7 +152,8 @@ class BesideTest(SceneTest):
         self.assertAlmostEqual(self.shown(found["view"], 0.18), 0.4613, places=3)
         self.assertEqual((found["exposure"], found["samples"], found["denoise"]), (1.5, 300, True))
         self.assertAlmostEqual(found["noise"], 4.0, places=4)
-        self.assertEqual(found["crop"], [50, 40, 100, 90])
+        # 0.9 is less in single precision, but 0.9 * 100 isn't.
+        self.assertEqual(found["crop"], [50, 10, 100, 90])
         self.assertEqual(found["aovs"], ["depth", "crypto_object"])
         self.assertEqual(settings["lights"][0]["point"]["power"], 20.0)
         self.assertIn("Mist", answer["warnings"][0][1])
@@ -205,6 +238,50 @@ class BesideTest(SceneTest):
             self.assertEqual(shape.get("soft_falloff", False), soft == "True" and radius == "0.3", light)
             self.assertAlmostEqual(shape["radius"], float(radius), places=6)
 
+    def test_scales_stretch_the_cones_of_spots(self):
+        """Along x by 4, along y by 1: half the angle and the profile go by the tangent."""
+        self.lamp("SPOT", name="elliptic", spot_size=np.pi / 4, spot_blend=0.0)
+        self.lamp("SPOT", name="narrow", spot_size=np.pi / 2, spot_blend=0.0)
+        self.lamp("SPOT", name="even", spot_size=np.pi / 4, spot_blend=0.5)
+        scales = {"elliptic": (2, 0.5, 0.5), "narrow": (1, -1, 2), "even": (3, 3, 3)}
+        for obj in self.scene.objects:
+            if obj.type == "LIGHT":
+                obj.scale = scales[obj.data.name]
+        bpy.ops.mesh.primitive_cube_add(size=1)
+        _, settings, answer = self.export()
+        self.assertEqual(answer["warnings"], [])
+        spots = {self.scene.objects[light["name"]].data.name: light["spot"] for light in settings["lights"]}
+        self.assertEqual({name for name, spot in spots.items() if "ies" in spot}, {"elliptic"})
+        self.assertAlmostEqual(spots["narrow"]["angle"], 2 * np.degrees(np.arctan(0.5)), places=3)
+        self.assertAlmostEqual(spots["even"]["angle"], 45, places=3)
+        self.assertEqual((spots["narrow"]["power"], spots["even"]["blend"]), (10.0, 0.5))
+        elliptic, tangent = spots["elliptic"], np.tan(np.pi / 8)
+        self.assertAlmostEqual(elliptic["angle"], 2 * np.degrees(np.arctan(4 * tangent)), places=3)
+        self.assertAlmostEqual(elliptic["intensity"], 10 / (4 * np.pi), places=5)
+        down, around, values = self.profile(elliptic["ies"])
+        for longitude, factor in ((0, 4), (90, 1), (180, 4), (270, 1)):
+            (row,) = values[around == longitude]
+            edge = np.interp(0.5, row[::-1], down[::-1])
+            self.assertAlmostEqual(edge, np.degrees(np.arctan(factor * tangent)), delta=0.4, msg=f"{longitude}")
+
+    def test_area_lights_that_are_skewed_stand_upright(self):
+        self.lamp("AREA", shape="RECTANGLE", size=0.5, size_y=2.0)
+        (lamp,) = (obj for obj in self.scene.objects if obj.type == "LIGHT")
+        lamp.parent = bpy.data.objects.new("stretched", None)
+        self.scene.collection.objects.link(lamp.parent)
+        lamp.parent.scale, lamp.location, lamp.rotation_euler = (2, 1, 1), (0.5, 0, 3), (0, 0, np.pi / 4)
+        bpy.ops.mesh.primitive_cube_add(size=1)
+        model, settings, answer = self.export()
+        self.assertEqual([text for _, text in answer["warnings"]], ["is skewed by the scale of its parent: the nearest rectangle shines instead"])
+        (node,) = (node for node in model["nodes"] if node["name"] == settings["lights"][0]["area"]["node"])
+        # Edges that are as long as before, along the diagonals of the axes: glTF's y is Blender's z.
+        # Edges that are as long as before, along the diagonals of the axes: glTF's y is Blender's z.
+        u, v, w, place = np.array(node["matrix"]).reshape(4, 4)[:, :3]
+        np.testing.assert_allclose(place, (1, 3, 0), atol=1e-6)
+        np.testing.assert_allclose(w, (0, 1, 0), atol=1e-6)
+        np.testing.assert_allclose(u, (1.25**0.5, 0, -(1.25**0.5)), rtol=1e-5)
+        np.testing.assert_allclose(v, (-(1.25**0.5), 0, -(1.25**0.5)), rtol=1e-5)
+
     def profile(self, file):
         """Angles and values of a profile: rows by longitude."""
         lines = (self.folder / file).read_text().splitlines()[2:]
@@ -270,6 +347,23 @@ class BesideTest(SceneTest):
             tree.nodes.clear()
             end = tree.nodes.new("CompositorNodeComposite")
         return tree, tree.nodes.new("CompositorNodeRLayers"), end
+
+    def test_light_and_faces_that_cycles_makes_otherwise_are_told(self):
+        told = lambda kind: " ".join(message for _, message in self.export()[2][kind])
+        plane, cycles = self.add_plane(None, "Sea"), self.scene.cycles
+        fine = plane.modifiers.new("Fine", "SUBSURF")
+        for kind in ("warnings", "notes"):
+            for word in ("fast approximation", "caustics", "adaptive"):
+                self.assertNotIn(word, told(kind))
+        cycles.use_fast_gi, cycles.caustics_refractive = True, False
+        # Blender 5 and newer, or older ones.
+        if hasattr(fine, "use_adaptive_subdivision"):
+            fine.use_adaptive_subdivision = True
+        else:
+            cycles.feature_set, plane.cycles.use_adaptive_subdivision = "EXPERIMENTAL", True
+        answer = self.export()[2]
+        self.assertIn("Cycles leaves out refractive caustics; here they are rendered", [message for _, message in answer["notes"]])
+        self.assertEqual(sorted(place for place, _ in answer["warnings"]), ["", "Sea"])
 
     def test_what_changes_the_picture_afterwards_is_named(self):
         def told():

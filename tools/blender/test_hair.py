@@ -118,9 +118,28 @@ class HairTest(SceneTest):
         roots, tips = points[::5], points[4::5]
         np.testing.assert_allclose(np.linalg.norm(roots, axis=1), 1, atol=0.03)
         np.testing.assert_allclose(np.linalg.norm(tips - roots, axis=1), 0.5, rtol=0.05)
-        np.testing.assert_allclose(radii[:5], [0.05, 0.04375, 0.0375, 0.03125, 0], rtol=1e-5)
+        np.testing.assert_allclose(radii[:5], [0.05, 0.04375, 0.0375, 0.03125, 0], rtol=0.01)
         self.assertEqual([material["name"] for material in model["materials"]], ["skin"])
         self.assertFalse(answer["warnings"])
+
+    def test_strands_that_are_cut_end_where_they_are_cut(self):
+        """Half as long, and as thick there as whole ones at their tips; parents aren't shown beside their children."""
+        material, tree, _, shader = shader_tree("fibre", "BsdfDiffuse")
+        tree.links.new(shader.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+        self.grow(material)
+        bpy.context.object.location = (1, 2, 3)
+        settings = bpy.context.object.modifiers[0].particle_system.settings
+        settings.child_type, settings.rendered_child_count, settings.child_length = "SIMPLE", 3, 0.5
+        settings.use_parent_particles, settings.display_method = True, "NONE"
+        settings.root_radius, settings.tip_radius, settings.radius_scale, settings.use_close_tip = 1, 0.5, 0.1, True
+        _, found, answer = self.export()
+        self.assertEqual(answer["warnings"], [])
+        points, counts, radii, _ = self.strands(found["curves"][0])
+        self.assertEqual(len(counts), 120)
+        self.assertTrue((counts == 3).all(), counts)
+        lengths = np.linalg.norm(points[2::3] - points[::3], axis=1)
+        np.testing.assert_allclose(lengths, 0.25, rtol=0.05)
+        np.testing.assert_allclose(radii.reshape(-1, 3), np.broadcast_to((0.05, 0.0375, 0.025), (120, 3)), rtol=0.03)
 
 
 if __name__ == "__main__":

@@ -96,6 +96,95 @@ class ShapesTest(SceneTest):
         self.assertGreater(green, 5 * red)
         self.assertGreater(red, 0.01)
 
+    def count(self, model, name):
+        """How many vertices the meshes of a node have."""
+        (mesh,) = (model["meshes"][node["mesh"]] for node in model["nodes"] if node["name"] == name)
+        return sum(model["accessors"][part["attributes"]["POSITION"]]["count"] for part in mesh["primitives"])
+
+    def test_shapes_are_those_of_final_renders(self):
+        """An ocean, a screw and a surface are finer than in the viewport; nodes ask whether they are shown there."""
+        sea, spring, asking = (self.add("plane", name, None) for name in ("Sea", "Spring", "Asking"))
+        ocean = sea.modifiers.new("Ocean", "OCEAN")
+        ocean.resolution, ocean.viewport_resolution = 4, 2
+        screw = spring.modifiers.new("Screw", "SCREW")
+        screw.render_steps, screw.steps, screw.use_smooth_shade = 20, 3, True
+        bpy.ops.surface.primitive_nurbs_surface_surface_add()
+        bpy.context.object.name, data = "Sheet", bpy.context.object.data
+        data.resolution_u = data.resolution_v = 1
+        data.render_resolution_u, data.render_resolution_v = 2, 6
+        tree = bpy.data.node_groups.new("asking", "GeometryNodeTree")
+        for kind in ("INPUT", "OUTPUT"):
+            tree.interface.new_socket("Geometry", in_out=kind, socket_type="NodeSocketGeometry")
+        ends = [tree.nodes.new(f"NodeGroup{kind}") for kind in ("Input", "Output")]
+        switch, is_viewport, ball = (tree.nodes.new(f"GeometryNode{kind}") for kind in ("Switch", "IsViewport", "MeshIcoSphere"))
+        switch.input_type = "GEOMETRY"
+        by_name = {socket.name: socket for socket in switch.inputs if socket.enabled}
+        for output, target in (
+            (is_viewport.outputs[0], by_name["Switch"]),
+            (ends[0].outputs[0], by_name["True"]),
+            (ball.outputs[0], by_name["False"]),
+            (next(socket for socket in switch.outputs if socket.enabled), ends[1].inputs[0]),
+        ):
+            tree.links.new(output, target)
+        asking.modifiers.new("Nodes", "NODES").node_group = tree
+        model, _, _ = self.export()
+        self.assertGreaterEqual(self.count(model, "Sea"), 17 * 17)
+        self.assertGreaterEqual(self.count(model, "Spring"), 4 * 20)
+        self.assertGreaterEqual(self.count(model, "Sheet"), 2 * 6 * 9)
+        self.assertGreater(self.count(model, "Asking"), 4)
+
+    def test_instances_on_vertices_and_faces_replace_their_original(self):
+        base = self.add("plane", "Base", None, size=4)
+        self.add("cube", "Leaf", None, size=0.1).parent = base
+        for kind, count in (("VERTS", 4), ("FACES", 1), ("NONE", 1)):
+            base.instance_type = kind
+            names = [node["name"] for node in self.export()[0]["nodes"] if "mesh" in node]
+            of_leaves = [name for name in names if "Leaf" in name]
+            self.assertEqual(len(of_leaves), count, names)
+            self.assertEqual("Leaf" in of_leaves, kind == "NONE", names)
+
+    def test_collections_for_indirect_light_are_unseen(self):
+        """Also what is in another collection as well, and instances that an object in there makes."""
+        for name in ("Seen", "Unseen", "Inside"):
+            collection = bpy.data.collections.new(name)
+            if name != "Inside":
+                self.scene.collection.children.link(collection)
+        seen, unseen, inside = (bpy.data.collections[name] for name in ("Seen", "Unseen", "Inside"))
+        for name, homes in (("a", [seen]), ("b", [unseen]), ("c", [seen, unseen]), ("d", [inside])):
+            obj = self.add_plane(None, name, data=bpy.data.meshes.new_from_object(self.add_plane(None, "Source")))
+            bpy.data.objects.remove(bpy.data.objects["Source"])
+            self.scene.collection.objects.unlink(obj)
+            for home in homes:
+                home.objects.link(obj)
+        for home in (seen, unseen):
+            empty = bpy.data.objects.new(f"of {home.name}", None)
+            empty.instance_type, empty.instance_collection = "COLLECTION", inside
+            home.objects.link(empty)
+        self.scene.view_layers[0].layer_collection.children["Unseen"].indirect_only = True
+        model, _, _ = self.export()
+        extras = {node["name"]: node.get("extras", {}) for node in model["nodes"] if "mesh" in node}
+        names = {name for name, known in extras.items() if known == {"visible_camera": False}}
+        self.assertEqual(len(extras), 5)
+        self.assertEqual(names, {"b", "c", "of Unseen/d"})
+
+    def test_texture_coordinates_that_a_mesh_lacks_are_the_origin(self):
+        material, tree, shader, picture, place = shader_tree("label", "TexImage", "UVMap")
+        picture.image, place.uv_map = bpy.data.images.new("picture", 4, 4), "nowhere"
+        picture.image.pack()
+        tree.links.new(place.outputs[0], picture.inputs["Vector"])
+        tree.links.new(picture.outputs["Color"], shader.inputs["Base Color"])
+        self.add("plane", "Plane", material)
+        model, _, answer = self.export_glb()
+        self.assertEqual(answer["warnings"], [])
+        number = model.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"].get("texCoord", 0)
+        part = model.json["meshes"][0]["primitives"][0]["attributes"]
+        accessor = model.json["accessors"][part[f"TEXCOORD_{number}"]]
+        view = model.json["bufferViews"][accessor["bufferView"]]
+        start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
+        found = np.frombuffer(bytes(model.binary[start : start + 8 * accessor["count"]]), np.float32).reshape(-1, 2)
+        # glTF counts from the upper edge.
+        np.testing.assert_array_equal(found, np.broadcast_to((0, 1), found.shape))
+
 
 if __name__ == "__main__":
     main()

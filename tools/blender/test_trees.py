@@ -188,6 +188,71 @@ class TreesTest(SceneTest):
             share = (np.abs(first[..., :3] - color).max(-1) < 0.02).mean()
             self.assertGreater(share, 0.2, color)
 
+    def let_through(self, name, kind, factor=None, passed=(0.5, 0.4, 0.25), reflected=(0.2, 0.1, 0.1)):
+        """A material of translucent and diffuse shaders, its tree, both, and what joins them."""
+        material, tree, shader, through, front, joined = shader_tree(name, "BsdfTranslucent", "BsdfDiffuse", kind)
+        tree.nodes.remove(shader)
+        through.inputs["Color"].default_value, front.inputs["Color"].default_value = (*passed, 1), (*reflected, 1)
+        for entry, source in zip(list(joined.inputs)[-2:], (front, through)):
+            tree.links.new(source.outputs[0], entry)
+        if factor is not None:
+            joined.inputs[0].default_value = factor
+        tree.links.new(joined.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+        return material, tree, through, front, joined
+
+    def passed(self, model, name):
+        """Share and colour of what passes a material of the model, and its base colour."""
+        (found,) = (material for material in model["materials"] if material["name"] == name)
+        told = found["extensions"]["KHR_materials_diffuse_transmission"]
+        return told["diffuseTransmissionFactor"], told["diffuseTransmissionColorFactor"], found["pbrMetallicRoughness"].get("baseColorFactor")
+
+    def test_sums_of_diffuse_and_translucent_keep_both_colours(self):
+        for k, (name, passed, reflected) in enumerate((("paper", (0.6, 0.5, 0.25), (0.2, 0.1, 0.1)), ("bright", (1, 1, 0.5), (1, 0.5, 1)))):
+            self.add_plane(self.let_through(name, "AddShader", None, passed, reflected)[0], name, (3 * k, 0, 0))
+        model, _, answer = self.export()
+        self.assertEqual([name for name, _ in answer["warnings"]], ["bright"])
+        share, color, base = self.passed(model, "paper")
+        self.assertAlmostEqual(share, 0.75, places=5)
+        np.testing.assert_allclose(share * np.array(color), (0.6, 0.5, 0.25), rtol=1e-5)
+        np.testing.assert_allclose((1 - share) * np.array(base[:3]), (0.2, 0.1, 0.1), rtol=1e-5)
+        self.assertEqual(self.passed(model, "bright"), (0.5, [1, 1, 1], None))
+
+    def test_colours_and_shares_of_what_passes_may_be_pictures(self):
+        """A picture of light that passes, on two meshes, and one of how much of it does."""
+        leaf, tree, through, front, _ = self.let_through("leaf", "MixShader", 0.25)
+        image = tree.nodes.new("ShaderNodeTexImage")
+        image.image = bpy.data.images.new("green", 32, 32)
+        image.image.generated_color = (0, 0.7354, 0, 1)  # 0.5
+        image.image.pack()
+        tree.links.new(image.outputs[0], through.inputs["Color"])
+        worn, tree, _, _, joined = self.let_through("worn", "MixShader", None, (0.5, 0.25, 0.25), (0.25, 0.125, 0))
+        checker = tree.nodes.new("ShaderNodeTexChecker")
+        checker.inputs["Color1"].default_value, checker.inputs["Color2"].default_value = (1, 1, 1, 1), (0.25,) * 3 + (1,)
+        checker.inputs["Scale"].default_value = 1.5
+        tree.links.new(checker.outputs["Color"], joined.inputs[0])
+        for k, material in enumerate((leaf, leaf, worn)):
+            self.add_plane(material, f"Plane{k}", (3 * k, 0, 0))
+        model, settings, answer = self.export("--bake", "64")
+        self.assertEqual(answer["warnings"], [])
+        self.assertEqual(self.passed(model, "leaf")[0], 0.25)
+        for name, share, front, back in (
+            ("leaf", 0.25, {(0.2, 0.1, 0.1)}, {(0, 0.5, 0)}),
+            ("worn", 2 / 3, {(0, 0, 0), (0.5625, 0.28125, 0)}, {(0.75, 0.375, 0.375), (0.1875, 0.09375, 0.09375)}),
+        ):
+            # What is baked by mesh has a number after its name.
+            (told,), (material,) = (
+                [of for known, of in found if known.startswith(name)]
+                for found in (settings["materials"].items(), ((made["name"], made) for made in model["materials"]))
+            )
+            self.assertAlmostEqual(told["diffuse_transmission"], share, places=5)
+            texture = settings["textures"][told["diffuse_transmission_color"]]
+            self.assertEqual((texture["mapping"], texture["encoding"]), ("own", "srgb"))
+            for path, colors in ((self.picture(model, material), front), (str(self.folder / texture["file"]), back)):
+                pixels = self.pixels(path)[4:-4, 4:-4, :3]
+                linear = np.where(pixels <= 0.04045, pixels / 12.92, ((pixels + 0.055) / 1.055) ** 2.4)
+                for color in colors:
+                    self.assertGreater((np.abs(linear - color).max(-1) < 0.02).mean(), 0.9 / len(colors) - 0.1, (name, color))
+
     def test_materials_beside_one_that_is_mixed_keep_their_pictures(self):
         bpy.ops.mesh.primitive_grid_add(x_subdivisions=2, y_subdivisions=2)
         shown = bpy.context.object
@@ -214,6 +279,35 @@ class TreesTest(SceneTest):
         self.assertTrue(0.25 < share(pictures[1], (0, 1, 0)) < 0.6)
         self.assertGreater(share(pictures[0], (1, 0, 0)), 1.5 * share(pictures[1], (1, 0, 0)))
         self.assertGreater(share(pictures[1], (1, 0, 0)), 0.1)
+
+    def test_places_in_the_window_and_the_space_of_the_camera_are_baked(self):
+        """Seen from 8 m above a plane of 2 m, which is as wide as half of the picture."""
+        eye = self.scene.camera
+        eye.rotation_euler, eye.scale = (0, 0, np.pi / 2), (2, 2, 2)
+        eye.data.sensor_width, eye.data.lens = 36.0, 72.0
+        self.scene.render.resolution_x = self.scene.render.resolution_y = 64
+        window, tree, shader, place = shader_tree("window", "TexCoord")
+        tree.links.new(place.outputs["Window"], shader.inputs["Base Color"])
+        turned, tree, shader, place, there, again = shader_tree("turned", "TexCoord", "VectorTransform", "VectorTransform")
+        for node, ends in ((there, ("OBJECT", "CAMERA")), (again, ("CAMERA", "WORLD"))):
+            node.vector_type, (node.convert_from, node.convert_to) = "POINT", ends
+        tree.links.new(place.outputs["Object"], there.inputs[0])
+        for node, key in ((there, "Base Color"), (again, "Emission Color")):
+            tree.links.new(node.outputs[0], shader.inputs[key])
+        tree.links.new(there.outputs[0], again.inputs[0])
+        shader.inputs["Emission Strength"].default_value = 1.0
+        self.add_plane(window, "window")
+        self.add_plane(turned, "turned", (0, 0, 7.5))
+        glb, _, answer = self.export_glb("--bake", "64")
+        self.assertEqual(answer["warnings"], [])
+        found = {}
+        for material in glb.json["materials"]:
+            pixels = self.pixels(self.picture(glb.json, material))[..., :3]
+            linear = np.where(pixels <= 0.04045, pixels / 12.92, ((pixels + 0.055) / 1.055) ** 2.4)
+            found[material["name"]] = np.quantile(linear.reshape(-1, 3), (0.02, 0.98), axis=0)
+        np.testing.assert_allclose(found["window"], [(0.25, 0.25, 0), (0.75, 0.75, 0)], atol=0.03)
+        # The depth, and halves of the plane that have other signs are 0.
+        np.testing.assert_allclose(found["turned"], [(0, 0, 0.5), (1, 1, 0.5)], atol=0.06)
 
     def test_the_cosine_of_view_and_normal_is_a_weight(self):
         material, tree, shader, geometry, dot = shader_tree("dotted", "NewGeometry", "VectorMath")
@@ -264,6 +358,25 @@ class TreesTest(SceneTest):
         shown = self.pixels(self.picture(model, model["materials"][0]))
         np.testing.assert_allclose(shown[..., :3], np.broadcast_to((0.25, 0.5, 0.75), shown[..., :3].shape), atol=0.012)
         self.assertLess(shown[..., 3].min(), 0.55)
+
+    def test_colors_are_multiplied_by_alpha_that_nothing_uses(self):
+        """A picture file of one colour whose alpha is a half, and one of the same that is opaque: that is written as it is."""
+        for alpha, mode, expected in ((0.5, "STRAIGHT", 0.25), (0.5, "CHANNEL_PACKED", 0.5), (1.0, "STRAIGHT", 0.5)):
+            with self.subTest(alpha=alpha, mode=mode):
+                self.setUp()
+                image = bpy.data.images.new("faint", 8, 8, alpha=True)
+                image.pixels[:] = np.tile((0.5, 0.5, 0.5, alpha), 64)
+                image.filepath_raw, image.file_format = str(self.folder / "faint.png"), "PNG"
+                image.save()
+                material, tree, shader, node = shader_tree("label", "TexImage")
+                node.image = bpy.data.images.load(image.filepath_raw)
+                node.image.alpha_mode = mode
+                tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
+                self.add_plane(material)
+                model, _, answer = self.export()
+                self.assertEqual(any("baked" in message for _, message in answer["notes"]), expected < 0.5)
+                shown = self.pixels(self.picture(model, model["materials"][0]))[..., :3]
+                np.testing.assert_allclose(shown, np.full(shown.shape, expected), atol=0.01)
 
     def test_pictures_of_files_may_be_links(self):
         material, tree, shader, node = shader_tree("label", "TexImage")

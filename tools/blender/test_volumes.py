@@ -124,6 +124,42 @@ class VolumesTest(SceneTest):
         found = settings["materials"]["both (Cloud)"]
         self.assertEqual((found["density"], found["color"]), ([1.0, 0.5, 1.0], [0.5, 0.5, 0.0]))
 
+    def grid(self, entries):
+        """The values of a grid beside the model by slice, row and column, and the corners of its box."""
+        data = (self.folder / entries["grid"]).read_bytes()
+        self.assertEqual(data[:4], b"VOL\x03")
+        one, nx, ny, nz, channels = np.frombuffer(data, "<u4", 5, 4)
+        self.assertEqual((one, channels), (1, 1))
+        return np.frombuffer(data, "<f4", offset=48).reshape(nz, ny, nx), np.frombuffer(data, "<f4", 6, 24).reshape(2, 3)
+
+    def test_densities_that_are_trees_become_grids(self):
+        material, tree, node = self.medium("fog", "VolumeScatter", Color=(0.5, 0.25, 1, 1))
+        place, parts, times = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("TexCoord", "SeparateXYZ", "Math"))
+        times.operation, times.inputs[1].default_value = "MULTIPLY", 3.0
+        tree.links.new(place.outputs["Generated"], parts.inputs[0])
+        tree.links.new(parts.outputs["Z"], times.inputs[0])
+        tree.links.new(times.outputs[0], node.inputs["Density"])
+        bpy.ops.mesh.primitive_cube_add(size=2, location=(1, 2, 3))
+        box = bpy.context.object
+        box.scale = (1, 0.5, 2)
+        box.data.materials.append(material)
+        _, settings, answer = self.export()
+        self.assertEqual(answer["warnings"], [])
+        (found,) = (entries for entries in settings["materials"].values() if "grid" in entries)
+        self.assertEqual((found["type"], found["density"], found["color"]), ("medium", [0.5, 0.25, 1.0], [1.0] * 3))
+        values, (low, high) = self.grid(found)
+        self.assertEqual(values.shape, (130, 34, 66))
+        np.testing.assert_allclose(high, [1 + 2 / 64, 1 + 2 / 32, 1 + 2 / 128], rtol=1e-6)
+        # The middles of voxels from one below the box to one above.
+        truth = np.maximum(3 * (np.arange(130) - 0.5) / 128, 0)
+        np.testing.assert_allclose(values, np.broadcast_to(truth[:, None, None], values.shape), atol=2e-3)
+        (matrix,) = (np.reshape(step["matrix"], (4, 4)) for step in found["transform"])
+        np.testing.assert_allclose(matrix @ [1, 1, 1, 1], [2, 5, -2.5, 1], rtol=1e-6)
+        # Colours that vary are not carried.
+        tree.links.new(place.outputs["Generated"], node.inputs["Color"])
+        _, settings, answer = self.export()
+        self.assertEqual([about for about, message in answer["warnings"] if "left out" in message], ["fog"])
+
     def test_what_is_lost_is_told_by_name(self):
         material, _, _ = self.medium("white", "VolumePrincipled")
         other, _, node = self.medium("other", "VolumePrincipled")

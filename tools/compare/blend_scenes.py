@@ -71,7 +71,7 @@ from blend_trees import (
     two_sides,
     view_trees,
 )
-from blend_volumes import clouds, clouds_together, fire, fire_in_smoke, flames, foggy_room, made_volumes
+from blend_volumes import clouds, clouds_together, fire, fire_in_smoke, flames, foggy_room, made_densities, made_volumes
 
 SCENES = [
     area_lights, area_spread, one_spread, sun_and_world, points_and_spots, near_soft_lamps, near_hard_lamps, lamps_in_view, lamp_settings, gobo, lamp_picture, world_picture,
@@ -85,6 +85,6 @@ SCENES = [
     jewels, tinted_glass, splitting_glass,
     light_links, shadow_links, linked_instances, shadowless,
     udims, near_and_far, newer_shaders, patterns, mirrored, profiles, soft_profiles, libraries, strands, catchers,
-    clouds, fire, flames, made_volumes, clouds_together, fire_in_smoke, foggy_room,
+    clouds, fire, flames, made_volumes, clouds_together, fire_in_smoke, foggy_room, made_densities,
     kitchen, bottle, meadow, street, bust, titles,
 ]  # fmt: skip

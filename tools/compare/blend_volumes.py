@@ -197,3 +197,34 @@ def foggy_room(folder):
     volume(folder / "inner.vdb", white, "Cloud", (-0.8, 0, 1.2), (0.4, 0.6, 0.9), (1.2, 0.8, 1.2))
     light("POINT", "Lamp", 120, (1.0, -1.2, 2.4), shadow_soft_size=0.2)
     ball(material("red", Base_Color=(0.8, 0.1, 0.1, 1)), (1.2, 0.9, 0.6), 0.6)
+
+
+def made_densities():
+    """Volumes of meshes whose density is a node tree: fog by noise in a turned, stretched box, and a cloud by a ball's gradient and noise."""
+    floor()
+    camera()
+    world((0.3, 0.35, 0.4))
+    light("SUN", "Sun", 2, rotation=(0.7, 0.3, 0), angle=0.05)
+    fog, tree, shader_node = of_volume("fog", "VolumeScatter", Color=(0.7, 0.8, 0.9, 1), Anisotropy=0.3)
+    noise, more, coordinates = (tree.nodes.new(f"ShaderNode{k}") for k in ("TexNoise", "Math", "TexCoord"))
+    noise.inputs["Scale"].default_value = 4
+    more.operation, more.inputs[1].default_value = "MULTIPLY", 1.2
+    tree.links.new(coordinates.outputs["Generated"], noise.inputs[0])
+    tree.links.new(noise.outputs[0], more.inputs[0])
+    tree.links.new(more.outputs[0], shader_node.inputs["Density"])
+    add("cube", fog, (-1.2, 0.5, 0.9), "Fog", size=1, scale=(2.4, 1.2, 1.4), rotation=(0.1, 0.2, 0.5))
+    cloud, tree, shader_node = of_volume("cloud", "VolumePrincipled", Color=(0.9, 0.9, 0.9, 1))
+    coordinates, gradient, noise, sum_, ramp = (
+        tree.nodes.new(f"ShaderNode{k}") for k in ("TexCoord", "TexGradient", "TexNoise", "Math", "ValToRGB")
+    )
+    gradient.gradient_type, sum_.operation = "SPHERICAL", "MULTIPLY"
+    noise.inputs["Scale"].default_value = 3
+    tree.links.new(coordinates.outputs["Object"], gradient.inputs[0])
+    tree.links.new(coordinates.outputs["Object"], noise.inputs[0])
+    tree.links.new(gradient.outputs["Fac"], sum_.inputs[0])
+    tree.links.new(noise.outputs[0], sum_.inputs[1])
+    tree.links.new(sum_.outputs[0], ramp.inputs[0])
+    ramp.color_ramp.elements[0].position, ramp.color_ramp.elements[1].position = 0.1, 0.4
+    ramp.color_ramp.elements[1].color = (6, 6, 6, 1)
+    tree.links.new(ramp.outputs["Color"], shader_node.inputs["Density"])
+    add("uv_sphere", cloud, (1.2, -0.6, 1.1), "Cloud", radius=1)

@@ -1,10 +1,13 @@
 """Cameras: as glTF has them, and what it can't carry."""
 
 import math
+from collections import namedtuple
 
 import numpy as np
 
 from .settings import resolution
+
+Window = namedtuple("Window", ("is_perspective", "scale", "middle"))
 
 # Kinds of objects that are nothing to see.
 UNSEEN = ("CAMERA", "LIGHT", "EMPTY", "ARMATURE", "LIGHT_PROBE", "SPEAKER", "LATTICE")
@@ -40,6 +43,19 @@ def gltf(camera, scene):
     tangent = sensor / (2 * camera.lens) * (height / width if by_width else 1)
     lens = {"yfov": 2 * math.atan(tangent), "aspectRatio": width / height}
     return {"type": "perspective", "perspective": {**lens, **_range(camera)}}
+
+
+def window(camera, scene):
+    """Where a camera's picture lies in its space: factors and sums that take places, of perspective ones over their depth, to 0 to 1
+    over it; None for panoramas."""
+    if camera.type == "PANO":
+        return None
+    (kind, sides), (width, height) = list(gltf(camera, scene).items())[1], frame(scene)
+    half = sides["ymag"] if camera.type == "ORTHO" else math.tan(sides["yfov"] / 2)
+    scale = height / width / (2 * half), 1 / (2 * half)
+    edge = width if is_fitted_by_width(camera, width, height) else height
+    shift = camera.shift_x * edge / width, camera.shift_y * edge / height
+    return Window(kind == "perspective", scale, tuple(0.5 - part for part in shift))
 
 
 def _range(camera):

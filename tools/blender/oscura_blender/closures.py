@@ -1,7 +1,7 @@
 """Shader nodes as inputs of one Principled shader: constants, or sockets of the tree that feed them. A mix of shaders becomes
 a mix of their inputs."""
 
-from . import facing, glasses, shaders, trees, views
+from . import facing, glasses, passing, shaders, trees, views
 
 BLACK, WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
 
@@ -225,15 +225,20 @@ class Reader:
         """What reflects diffusely and lets light through diffusely, each with its whole colour."""
         if under.get("Translucent Weight") != 1.0 or "Translucent Weight" in over or over.get("Metallic") == 1.0:
             return None
-        # Half of either, of twice the colour.
-        front, back = (self._doubled(color) for color in (over.get("Base Color"), under.get("Translucent Color")))
-        return {**over, "Base Color": front, "Translucent Weight": 0.5, "Translucent Color": back}
+        reflected, passed = over.get("Base Color"), under.get("Translucent Color")
+        if passing.exceeds(reflected, passed):
+            self.report.warn(self.name, passing.TOO_BRIGHT)
+        # Each takes a share of the light, and more of that.
+        share = passing.share_of(reflected, passed)
+        front, back = self._brightened(reflected, 1 - share), self._brightened(passed, share)
+        return {**over, "Base Color": front, "Translucent Weight": share, "Translucent Color": back}
 
-    def _doubled(self, color):
-        """Twice a colour, or white where that is more."""
+    def _brightened(self, color, share):
+        """A colour over a share, or white where that is more."""
+        factor = 1 / max(share, 1e-6)
         if isinstance(color, tuple):
-            return tuple(min(2 * c, 1.0) for c in color)
-        for operation, value in (("MULTIPLY", 2.0), ("MINIMUM", 1.0)):
+            return tuple(min(factor * c, 1.0) for c in color)
+        for operation, value in (("MULTIPLY", factor), ("MINIMUM", 1.0)):
             node = self.tree.nodes.new("ShaderNodeVectorMath")
             node.operation, node.inputs[1].default_value = operation, (value,) * 3
             self.tree.links.new(color, node.inputs[0])

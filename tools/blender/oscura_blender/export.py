@@ -62,8 +62,9 @@ def export(options, report):
         layer.update()
         grids = volumes.Store(options.folder, options.name, glb.Y_UP)
         found = geometry.collect(scene, layer, bpy.context.evaluated_depsgraph_get(), grids, report)
-        found.exposure = settings.film_exposure(scene)
+        found.exposure, found.grids = settings.film_exposure(scene), grids
         found.sight = sizes.Sight(scene.camera, scene, options.bake)
+        found.window = camera.window(found.cameras[0].data, scene) if found.cameras else None
         tables, cameras, empties = _settings(scene, found, options, report)
         shutter = motion.shutter(scene, options, layer)
         moves = motion.record(scene, layer, found, shutter) if shutter is not None else None
@@ -209,7 +210,7 @@ def _settings(scene, found, options, report):
         exposure = settings.film_exposure(scene)
         entries = lights.entries(obj, name, obj.data, exposure, found.links, boxes, options.folder, report)
         if entries:
-            empties.append((name, matrix))
+            empties.append((name, lights.upright(matrix, obj.data, obj.name, report)))
             shining += [("[[lights]]", entry) for entry in entries]
     strands = hair.entries(found, glb.Y_UP, options.folder, options.name, report)
     return tables + named + shining + strands, cameras, empties

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from . import hair, objectwise, points, undeformed, volumes
+from . import hair, objectwise, points, trees, undeformed, volumes
 from .links import Links
 from .report import listed
 
@@ -29,6 +29,9 @@ LOST = {
     "GREASEPENCIL": "Grease Pencil",
 }
 
+
+# Of texture coordinates that a mesh gets: Blender has one more, which is left for baking.
+MOST_LAYERS = 7
 
 # More faces than this are not made for the sake of materials alone.
 MOST_FACES = 4_000_000
@@ -82,13 +85,34 @@ def prepare(scene, layer):
                 modifier.levels = modifier.render_levels
             if hasattr(modifier, "use_render_settings"):
                 modifier.use_render_settings = True
+            if modifier.type == "OCEAN":
+                modifier.viewport_resolution = modifier.resolution
+            if modifier.type == "SCREW":
+                modifier.steps = modifier.render_steps
             if modifier.type == "PARTICLE_SYSTEM":
                 hair.shown_in_full(modifier.particle_system.settings)
-        data = obj.data
-        if obj.type in ("CURVE", "SURFACE", "FONT") and data.render_resolution_u:
-            data.resolution_u = data.render_resolution_u
-        if obj.type == "META":
-            data.resolution = data.render_resolution
+        _refine(obj)
+    for tree in bpy.data.node_groups:
+        _answer_is_viewport(tree)
+
+
+def _refine(obj):
+    """Gives curves and metaballs their resolution for rendering."""
+    data = obj.data
+    if obj.type in ("CURVE", "SURFACE", "FONT"):
+        data.resolution_u = data.render_resolution_u or data.resolution_u
+        data.resolution_v = data.render_resolution_v or data.resolution_v
+    if obj.type == "META":
+        data.resolution = data.render_resolution
+
+
+def _answer_is_viewport(tree):
+    """Geometry nodes that ask whether they are evaluated for the viewport are told that they aren't."""
+    for node in [node for node in tree.nodes if node.bl_idname == "GeometryNodeIsViewport"]:
+        made = tree.nodes.new("FunctionNodeInputBool")
+        made.boolean = False
+        for target in [link.to_socket for link in node.outputs[0].links]:
+            tree.links.new(made.outputs[0], target)
 
 
 def _show_what_is_rendered(scene, layer):
@@ -125,15 +149,18 @@ def collect(scene, layer, graph, store, report):
     for instance in graph.object_instances:
         obj = instance.object
         original = obj.original
+        if _is_replaced(instance):
+            continue
+        traits = lambda: _traits(_extras(found, obj, instance.parent))
         if instance.show_particles and (instance.is_instance or not original.hide_render):
-            hair.add_particles(found, obj, instance, _traits(_extras(obj, instance.parent)))
+            hair.add_particles(found, obj, instance, traits())
         if not instance.show_self or (not instance.is_instance and original.hide_render):
             continue
         if obj.type == "LIGHT":
             found.lights.append((original, instance.matrix_world.copy()))
             found.light_marks.append(mark(instance))
         elif obj.type == "CURVES":
-            hair.add_curves(found, obj, instance, _traits(_extras(obj, instance.parent)))
+            hair.add_curves(found, obj, instance, traits())
         elif obj.type == "VOLUME":
             _add_volume(found, obj, instance, store, report)
         elif obj.type in LOST:
@@ -141,6 +168,8 @@ def collect(scene, layer, graph, store, report):
         elif obj.type in MESHES:
             # Curves, texts and metaballs come once more, with their faces, as instances of themselves.
             _add_mesh(found, obj, instance, report)
+        if _is_adaptive(original, scene):
+            report.warn(original.name, "adaptive subdivision is not supported: it is subdivided as often as its modifier says")
         if not instance.is_instance:
             _tell_of_the_rest(original, report)
     for what, names in lost.items():
@@ -152,6 +181,12 @@ def collect(scene, layer, graph, store, report):
     return found
 
 
+def _is_replaced(instance):
+    """An object that its parent puts on vertices or faces: a final render shows these instances alone."""
+    parent = instance.object.original.parent
+    return not instance.is_instance and parent is not None and parent.instance_type in ("VERTS", "FACES")
+
+
 def mark(instance):
     """What tells something that is shown from all else, at all times."""
     if not instance.is_instance:
@@ -161,7 +196,7 @@ def mark(instance):
 
 def _add_mesh(found, obj, instance, report):
     parent = instance.parent if instance.is_instance else None
-    extras = _extras(obj, parent)
+    extras = _extras(found, obj, parent)
     key = (obj.data.as_pointer(), *extras.items(), *_own_materials(obj).items(), found.links.key(_linked(obj, parent)))
     asking = [material for material in _materials(found, obj) if found.questions.is_asked(material)]
     told = objectwise.answers(instance, obj, parent, asking, found.questions.layer) if asking else ()
@@ -191,7 +226,7 @@ def _add_volume(found, obj, instance, store, report):
         return
     holder = bpy.data.objects.new(f"oscura {len(found.objects)}", mesh)
     found.objects[holder.name] = holder
-    if extras := _extras(obj, parent):
+    if extras := _extras(found, obj, parent):
         found.extras[holder.name] = extras
     # It stands in the world and is marked as nothing else, so that nothing moves it.
     found.placements[holder.name], found.marks[holder.name] = [(name, Matrix.Identity(4))], [("volume", holder.name)]
@@ -219,11 +254,17 @@ def _materials(found, obj):
     return list({material.name: material for material in (*own, *of_data)}.values())
 
 
-def _extras(obj, parent):
-    """What differs from objects that all rays see: of an instance, together with what makes it."""
-    both = [of.original for of in (obj, parent) if of is not None]
+def _extras(found, obj, parent):
+    """What differs from objects that all rays see: of an instance, together with what makes it. Collections of the view layer hold
+    the latter."""
+    both, layer = [of.original for of in (obj, parent) if of is not None], found.questions.layer
     extras = {key: False for key in VISIBILITY if not all(getattr(of, key, True) for of in both)}
-    extras.update({key: True for key in ("is_holdout", "is_shadow_catcher") if any(getattr(of, key, False) for of in both)})
+    marks = {key for key in ("is_holdout", "is_shadow_catcher") if any(getattr(of, key, False) for of in both)}
+    if both[-1].holdout_get(view_layer=layer):
+        marks.add("is_holdout")
+    elif both[-1].indirect_only_get(view_layer=layer):
+        extras = {key: False for key in VISIBILITY if key == "visible_camera" or key in extras}
+    extras.update({key: True for key in sorted(marks)})
     group = next(filter(None, map(light_group, both)), None)
     return {**extras, "light_group": group} if group else extras
 
@@ -262,6 +303,7 @@ def _holder(found, obj):
         mesh.materials.append(found.questions.layer.material_override)
         mesh.polygons.foreach_set("material_index", [0] * len(mesh.polygons))
     undeformed.settle(mesh, found.generated.get(obj.original.name))
+    _add_missing_coordinates(mesh)
     _leave_out_unused(mesh)
     _round_beside_flat(mesh)
     holder = bpy.data.objects.new(f"oscura {len(found.objects)}", mesh)
@@ -269,6 +311,15 @@ def _holder(found, obj):
     holder.shape_key_clear()
     found.placements[holder.name], found.marks[holder.name] = [], []
     return holder
+
+
+def _add_missing_coordinates(mesh):
+    """Cycles looks at the origin of texture coordinates that a mesh doesn't have, glTF at other ones."""
+    trees_of = (material.node_tree for material in mesh.materials if material is not None and material.node_tree is not None)
+    nodes = (node for tree in trees_of for _, node in trees.nodes_with_trees(tree, ("ShaderNodeUVMap",)))
+    missing = {node.uv_map for node in nodes if node.uv_map and not node.from_instancer} - set(mesh.attributes.keys())
+    for name in sorted(missing)[: max(MOST_LAYERS - len(mesh.uv_layers), 0)]:
+        mesh.uv_layers.new(name=name, do_init=False)
 
 
 def _leave_out_unused(mesh):
@@ -302,6 +353,17 @@ def _values(mesh, name, size):
     if name in mesh.attributes:
         mesh.attributes[name].data.foreach_get("value", found)
     return found
+
+
+def _is_adaptive(obj, scene):
+    """Does Cycles subdivide an object as finely as the camera sees it?"""
+    last = obj.modifiers[-1] if obj.modifiers else None
+    if last is None or last.type != "SUBSURF" or not last.show_render or scene.render.engine != "CYCLES":
+        return False
+    # Blender 5 and newer, or older ones.
+    if hasattr(last, "use_adaptive_subdivision"):
+        return last.use_adaptive_subdivision
+    return obj.cycles.use_adaptive_subdivision and scene.cycles.feature_set == "EXPERIMENTAL"
 
 
 def _tell_of_the_rest(obj, report):

@@ -83,21 +83,31 @@ def of_particles(obj, modifier, system, is_varied):
     """The strands of an evaluated object's particle system, in the object's own space; with what is known of their roots, if their
     colours vary."""
     settings = system.settings
-    steps = 2**settings.render_step + 1
+    steps = 2**settings.render_step + 1 + (settings.kink_extra_steps if settings.kink == "SPIRAL" else 0)
     parents, children = len(system.particles), len(system.child_particles)
-    first = 0 if children == 0 or settings.use_parent_particles else parents
+    # Cycles shows parents where there are no children, whatever the settings say.
+    first = 0 if children == 0 else parents
     numbers = range(first, parents + children)
     points = np.array([system.co_hair(obj, particle_no=i, step=step) for i in numbers for step in range(steps)], np.float32)
     points = points.reshape(len(numbers), steps, 3)
-    # What is cut off ends in the world's origin.
-    kept = np.linalg.norm(np.diff(points, axis=1), axis=2).sum(1) > 0
+    kept = _is_there(points)
     inverse = np.array(obj.matrix_world.inverted_safe(), np.float32)
     points = points.reshape(-1, 3) @ inverse[:3, :3].T + inverse[:3, 3]
-    radii = np.tile(_profile(settings, steps), len(numbers))
     roots = Roots(undeformed.coordinates(obj.data, points[::steps]))
     if is_varied:
         _add_layers(roots, obj.data, modifier, system, numbers)
-    return Strands(points, np.full(len(numbers), steps, np.int32), radii, roots).where(kept)
+    counts = kept.sum(1, dtype=np.int32)
+    strands = Strands(points[kept.ravel()], counts, np.zeros(counts.sum(), np.float32), roots).where(counts > 1)
+    strands.radii = _radii(settings, strands, steps)
+    return strands
+
+
+def _is_there(points):
+    """Which points of strands lie before their ends. What is cut off lies in the world's origin, or where the strand ends."""
+    up_to_last = lambda marks: np.logical_or.accumulate(marks[:, ::-1], axis=1)[:, ::-1]
+    is_whole = up_to_last((points != 0).any(2))
+    goes_on = (points[:, 1:] != points[:, :-1]).any(2) & is_whole[:, 1:]
+    return np.concatenate([is_whole[:, :1], up_to_last(goes_on)], 1)
 
 
 def _add_layers(roots, mesh, modifier, system, numbers):
@@ -113,14 +123,15 @@ def _add_layers(roots, mesh, modifier, system, numbers):
         roots.colors[layer.name] = np.concatenate([rows, np.ones((len(rows), 1))], 1)
 
 
-def _profile(settings, steps):
-    """Radii from root to tip."""
+def _radii(settings, strands, steps):
+    """Radii from root to tip by the way along each strand; only those of all steps are closed at the tip."""
     root, tip = (0.5 * settings.radius_scale * r for r in (settings.root_radius, settings.tip_radius))
-    left = 1 - np.linspace(0, 1, steps)
+    way, tips = strands.lengths(), np.cumsum(strands.counts) - 1
+    left = np.clip(1 - way / np.repeat(way[tips], strands.counts), 0, 1)
     power = 1 + settings.shape if settings.shape < 0 else 1 / max(1 - settings.shape, 1e-6)
     radii = left**power * (root - tip) + tip
     if settings.use_close_tip:
-        radii[-1] = 0
+        radii[tips[strands.counts == steps]] = 0
     return radii.astype(np.float32)
 
 
@@ -265,7 +276,7 @@ def _diffuse(given):
 
 def shown_in_full(settings):
     """Makes the viewport's strands those of a final render."""
-    settings.display_step, settings.display_percentage = settings.render_step, 100
+    settings.display_method, settings.display_step, settings.display_percentage = "RENDER", settings.render_step, 100
     settings.child_percent = settings.rendered_child_count
 
 

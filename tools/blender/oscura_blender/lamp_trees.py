@@ -62,7 +62,7 @@ def _profiles(quotient, reach, file, folder):
         if own.max() <= 0:
             continue
         path = f"{file}{end.replace(' ', '_')}.ies"
-        _write_profile(own / own.max(), reach, os.path.join(folder, path))
+        write_profile(own / own.max(), reach, os.path.join(folder, path))
         factor, tint, _ = _factor([color[c] if c in channels else 0.0 for c in range(3)])
         found.append((factor, tint, {"profile": path, "end": end}))
     return found
@@ -166,7 +166,7 @@ def _write_picture(pixels, path):
     bpy.data.images.remove(image)
 
 
-def _write_profile(values, reach, path):
+def write_profile(values, reach, path):
     """Writes a picture around a lamp, from its axis on, as a profile (IES LM-63): longitudes run clockwise in it."""
     rows, columns = values.shape
     steps = values[:, (columns // 2 - np.arange(columns + 1)) % columns]

@@ -6,13 +6,17 @@ import shutil
 
 import bpy
 import numpy as np
+from mathutils import Matrix
 
-from . import lamp_trees, shaders
+from . import cones, lamp_trees, shaders
 from .geometry import VISIBILITY, light_group
 
 
 # Watts of Cycles that a lumen of a profile is, and ours.
 LUMENS_PER_WATT, OUR_LUMENS_PER_WATT = 177.83, 683.0
+
+# Cosine between edges of area lights that are taken for orthogonal.
+SKEW = 1e-4
 
 
 def entries(obj, name, light, exposure, links, corners, folder, report):
@@ -54,7 +58,12 @@ def _common(obj, light, links):
 def _shape(obj, name, light, energy, more, folder, report):
     """The key of a light's shape, and its values."""
     shape = {"POINT": _point, "SPOT": _spot, "SUN": _sun, "AREA": _area}[light.type]
-    kind, values = shape(light, energy, obj.matrix_world.to_scale())
+    scale = obj.matrix_world.to_scale()
+    kind, values = shape(light, energy, scale)
+    if kind == "spot" and not (cone := cones.Cone(light, scale)).is_plain():
+        values = _stretched(values, cone, name, obj.name, more, folder, report)
+        if "ies" in values:
+            return kind, values
     if "image" in more:
         values["image"] = more["image"]
     measured = more.get("node")
@@ -76,14 +85,47 @@ def portal(obj, name, light):
     return {"name": obj.name, "node": name, "size": [max(s, 1e-9) for s in size]}
 
 
+def upright(matrix, light, place, report):
+    """The matrix of a light's node: that of an area light without the skew that a scaled parent gives it. Lengths and the plane of
+    its edges stay, and it shines to the side of its axis."""
+    if light.type != "AREA":
+        return matrix
+    u, v, w = (matrix.col[k].to_3d() for k in range(3))
+    lengths = [max(axis.length, 1e-12) for axis in (u, v, w)]
+    first, second, ahead = (axis / length for axis, length in zip((u, v, w), lengths))
+    if max(abs(first.dot(second)), abs(first.dot(ahead)), abs(second.dot(ahead))) < SKEW:
+        return matrix
+    report.warn(place, "is skewed by the scale of its parent: the nearest rectangle shines instead")
+    # As far from one edge as from the other.
+    middle, across = (first + second).normalized(), (first - second).normalized()
+    first, second = (middle + across).normalized(), (middle - across).normalized()
+    normal = first.cross(second)
+    axes = (first, second, normal if normal.dot(ahead) >= 0 else -normal)
+    made = Matrix([axis * length for axis, length in zip(axes, lengths)]).transposed().to_4x4()
+    made.translation = matrix.translation
+    return made
+
+
 def _point(light, energy, _scale):
     return "point", {**_size(light), "power": energy * _area_factor(light, _ball(light))}
 
 
-def _spot(light, energy, _scale):
-    angle = {"angle": math.degrees(light.spot_size), "blend": light.spot_blend}
+def _spot(light, energy, scale):
+    angle = {"angle": math.degrees(2 * cones.Cone(light, scale).mean()), "blend": light.spot_blend}
     power = energy * _area_factor(light, _ball(light))
     return "spot", {**angle, **_size(light), "power": power}
+
+
+def _stretched(values, cone, name, place, more, folder, report):
+    """The values of a spot whose scale changes its cone, by a profile unless its angle says all."""
+    if cone.is_round() and cone.blend == 0:
+        return values
+    if more.keys() & {"node", "profile", "image"}:
+        report.warn(place, "this light's scale stretches its cone, and its node tree is not stretched: its mean angle is taken")
+        return values
+    power = values.pop("power")
+    edge = {"angle": math.degrees(2 * cone.reach()), "blend": 0.0}
+    return {**values, **edge, "ies": cone.write(name, folder), "intensity": power / (4 * math.pi)}
 
 
 def _size(light):

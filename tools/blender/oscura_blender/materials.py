@@ -5,7 +5,7 @@ import math
 
 import bpy
 
-from . import bake, brushed, closures, facing, glasses, means, media, mixes, panes, pictures, relief, shaders, skins, trees, undeformed, uniform, variants, vertex_colors, views
+from . import bake, brushed, closures, densities, facing, glasses, means, media, mixes, panes, passing, pictures, relief, shaders, skins, trees, undeformed, uniform, variants, vertex_colors, views
 
 WHITE = closures.WHITE
 
@@ -22,13 +22,14 @@ def prepare(found, store, report):
     undeformed.use(holders, [holder for holder in holders if relief.is_displaced(holder)])
     relief.displace(holders, found, report)
     variants.split(holders, report)
+    densities.settle(holders, found, store, report)
     materials = trees.of_materials(holders)
     users = {m: [holder for holder in holders if m in list(holder.data.materials)] for m in materials}
     for material in materials:
         views.simplify(material, report)
         _normalize(material, report)
         relief.bumps(material, shaders.principled(material), report)
-        views.rewrite_cameras(material, found.cameras[0] if found.cameras else None)
+        views.rewrite_cameras(material, found.cameras[0] if found.cameras else None, found.window)
         if shaders.principled(material) is not None:
             facing.take(material, shaders.principled(material), found.exposure)
             mixed = mixes.fit(material, users[material])
@@ -40,8 +41,9 @@ def prepare(found, store, report):
     panes.settle(holders, found, report)
     skins.settle(holders, report)
     bake.bake_all(holders, found, store, report)
+    relief.finish(holders)
     found.brushed = brushed.read(holders, report)
-    return {m.name: patch(m, report) for holder in holders for m in holder.data.materials}
+    return {material.name: patch(material, report) for material in trees.of_materials(holders)}
 
 
 def _expose(material, factor):
@@ -111,7 +113,7 @@ def _normalize(material, report):
         return
     found = closures.Reader(tree, material, report).read(surface)
     closures.build(tree, found, end)
-    _let_through(material, found, report)
+    passing.settle(material, shaders.principled(material), found, report)
     if found.get("Transmission Weight", 0.0) != 0.0:
         known = {"glass_reflection": found.get(glasses.REFLECTION), "dispersion": found.get(glasses.DISPERSION)}
         trees.settle(material, **{key: value for key, value in known.items() if value is not None})
@@ -125,21 +127,6 @@ def _filling(material, report):
     except media.Varying as varying:
         report.warn(material.name, f"its volume differs from place to place ({varying}) and is left out")
         return media.Filling()
-
-
-def _let_through(material, found, report):
-    """Keeps what is known of light that passes diffusely: its share and its colour, None for that of the base."""
-    share, color = found.get("Translucent Weight", 0.0), found.get("Translucent Color")
-    if share == 0.0:
-        return
-    if not isinstance(share, float):
-        report.warn(material.name, "translucency of varying strength is not carried over: half of the light passes")
-        share = 0.5
-    if not isinstance(color, tuple):
-        if color != found.get("Base Color"):
-            report.warn(material.name, "what passes a translucent surface has the colour of what it reflects")
-        color = None
-    trees.settle(material, translucency=(share, color))
 
 
 def _tint_by_coat(tree, node, material, report):

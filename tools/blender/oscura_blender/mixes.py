@@ -20,6 +20,8 @@ INPUTS = {name: key for name, key in facing.INPUTS.items() if name in pictures.I
 # What is noted of materials until they are baked: by inputs the rows of A and B for each channel, and the shares of B by rows and
 # channels.
 WANTED = "oscura mixes"
+# Of base colours whose second picture is of light that passes diffusely: its share, in the place of the shares of B.
+PASSES = "oscura passes"
 
 # The second pictures, as their files are, by the names of their textures.
 PICTURES = {}
@@ -44,12 +46,14 @@ def fit(material, holders):
         wanted.append(list(LIGHT))
     if any(shaders.constant(shader.inputs[name]) != 0 for name in ("Subsurface Weight", "Transmission Weight")):
         wanted = [names for names in wanted if names != ["Base Color"]]
+    known = trees.SETTINGS.get(material.name, {}).get(WANTED, {})
+    wanted = [names for names in wanted if names[0] not in known]
     if not wanted or any(len(holder.data.polygons) > MOST_FACES for holder in holders):
         return []
     found = _fit(material, holders[:2], wanted)
     if found:
         trees.own_groups(material.node_tree)
-        trees.settle(material, **{WANTED: found})
+        trees.settle(material, **{WANTED: {**known, **found}})
     return [name for names in wanted if names[0] in found for name in names]
 
 
@@ -227,7 +231,8 @@ MEAN = ROWS
 
 def settle(material, name, image):
     """Notes a mix of the model's picture of an input with another one, for the file of settings."""
-    key, shares = INPUTS[name], wanted(material)[name]["shares"]
+    key, noted = INPUTS[name], wanted(material)[name]
+    passed = noted.get(PASSES)
     second, table, mix = (f"{material.name} {key} {part}" for part in ("second picture", "by the angle", "mixed"))
     if name == "Alpha":
         image = _as_alpha(image)
@@ -237,7 +242,10 @@ def settle(material, name, image):
     is_data = pictures.INPUTS[name] == pictures.DATA
     trees.TEXTURES[OWN] = {"type": "own"}
     trees.TEXTURES[second] = {"type": "image", "file": None, "mapping": "own", "encoding": "linear" if is_data else "srgb"}
-    trees.TEXTURES[table] = {"type": "facing", "colors": [facing.entry(row, is_data) for row in shares]}
+    if passed is not None:
+        trees.settle(material, diffuse_transmission=passed, diffuse_transmission_color=second)
+        return
+    trees.TEXTURES[table] = {"type": "facing", "colors": [facing.entry(row, is_data) for row in noted["shares"]]}
     trees.TEXTURES[mix] = {"type": "mix", "a": OWN, "b": second, "factor": table}
     trees.settle(material, **{key: mix})
 

@@ -32,7 +32,7 @@ def is_carried(name, socket):
     if name == "Base Color" and vertex_colors.is_carried(source):
         return True
     if kind == COLOR:
-        return source.name == "Color" and _is_plain(source.node, is_data=False)
+        return source.name == "Color" and _is_plain(source.node, is_data=False) and not _is_multiplied(source.node)
     if name == "Alpha":
         return source.name == "Alpha" and _is_plain(source.node, is_data=None)
     if source.node.bl_idname in ("ShaderNodeSeparateColor", "ShaderNodeSeparateRGB"):
@@ -62,6 +62,42 @@ def _is_plain(node, is_data):
     if is_data is not None and name != ("Non-Color" if is_data else "sRGB"):
         return False
     return node.projection == "FLAT" and node.extension in ("REPEAT", "EXTEND", "MIRROR") and _is_by_uv(node.inputs["Vector"])
+
+
+def _is_multiplied(node):
+    """Does Cycles multiply colours by alpha, which it does where nothing uses the latter?"""
+    return not node.outputs["Alpha"].is_linked and node.image.alpha_mode in ("STRAIGHT", "PREMUL") and _is_clear(node.image)
+
+
+def _is_clear(image):
+    """Is a picture anywhere less than opaque? Only those are decoded for this that have alpha by their headers."""
+    if image.session_uid not in _clear:
+        _clear[image.session_uid] = _may_be_clear(image) and _least_alpha(image) < 1
+    return _clear[image.session_uid]
+
+
+# What is known of pictures.
+_clear = {}
+
+
+def _may_be_clear(image):
+    """Has a picture alpha, as far as the header of its file tells?"""
+    media = kind(image)
+    if media != "image/png":
+        return media is None
+    head = content(image, 65_536)
+    # With alpha there are kinds 4 and 6; others have it in a chunk before the picture.
+    return head[25] in (4, 6) or b"tRNS" in head.split(b"IDAT")[0]
+
+
+def _least_alpha(image):
+    if image.channels < 4 or not image.size[0]:
+        return 1.0
+    values = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(values)
+    if image.source == "FILE" and not image.is_dirty:
+        image.buffers_free()
+    return float(values[3::4].min())
 
 
 def _has_eight_bits(image):

@@ -1,13 +1,23 @@
 """Displacement: heights are evaluated by Cycles at the vertices of a mesh, which is how Cycles displaces, and move them; what is
-only meant as bumps becomes a Bump node."""
+meant as bumps becomes a Bump node. Where it is meant as both, bumps are those of the mesh before it is displaced, and so are its
+smooth normals."""
 
 import bpy
 import numpy as np
 
-from . import glow, meshes, shaders
+from . import glow, meshes, shaders, trees
 from .context import choose, opened
 
-HEIGHTS = "oscura heights"
+HEIGHTS, OFFSETS = "oscura heights", "oscura offsets"
+
+# Nodes whose outputs follow from where a surface lies, and those outputs.
+PLACED = {
+    "ShaderNodeNewGeometry": ("Position", "Normal", "True Normal", "Incoming", "Pointiness"),
+    "ShaderNodeTexCoord": ("Object", "Camera", "Window", "Normal", "Reflection"),
+    "ShaderNodeCameraData": ("View Vector", "View Z Depth", "View Distance"),
+    "ShaderNodeAmbientOcclusion": ("Color", "AO"),
+    "ShaderNodeBevel": ("Normal",),
+}
 
 
 def bumps(material, shader, report):
@@ -34,7 +44,7 @@ def bumps(material, shader, report):
 
 
 def displace(holders, found, report):
-    """Moves the vertices of all meshes with materials that displace them."""
+    """Moves the vertices of all meshes with materials that displace them, or notes for `finish` by how much."""
     wanted = [holder for holder in holders if is_displaced(holder)]
     if not wanted:
         return
@@ -45,6 +55,13 @@ def displace(holders, found, report):
                 _displace(holder, found.placements[holder.name][0][1], kitchen, report)
     finally:
         bpy.data.scenes.remove(kitchen)
+
+
+def finish(holders):
+    """Moves the vertices of those meshes that had to be baked before."""
+    for holder in holders:
+        if OFFSETS in holder.data.attributes:
+            _move(holder.data)
 
 
 def is_displaced(holder):
@@ -82,18 +99,57 @@ def _displace(holder, matrix, kitchen, report):
         holder.matrix_world.identity()
         mesh.color_attributes.remove(mesh.color_attributes[HEIGHTS])
         mesh.color_attributes.active_color_index = min(active, len(mesh.color_attributes) - 1)
-    _move(mesh, np.nan_to_num(moved.reshape(-1, 4)[:, :3]))
+    _note(mesh, np.nan_to_num(moved.reshape(-1, 4)[:, :3]))
+    if not any(map(_is_both, mesh.materials)) or any(map(_asks_for_places, mesh.materials)):
+        _move(mesh)
 
 
-def _move(mesh, offsets):
-    """Moves vertices, by numbers along their normals in the first channel less those in the second, and lets normals follow."""
-    positions, normals = meshes.positions(mesh.vertices), np.empty(3 * len(mesh.vertices), np.float32)
+def _is_both(material):
+    return material.displacement_method == "BOTH" and _node(material) is not None
+
+
+def _asks_for_places(material):
+    """Does the surface depend on where it lies, beside its heights?"""
+    end = shaders.end(material.node_tree) if material.node_tree is not None else None
+    nodes = trees.upstream(end.inputs["Surface"]) if end is not None else ()
+    groups = [node.node_tree for node in nodes if getattr(node, "node_tree", None)]
+    inner = [node for tree in groups for _, node in trees.nodes_with_trees(tree, PLACED)]
+    return any(out.is_linked and out.name in PLACED.get(node.bl_idname, ()) for node in [*nodes, *inner] for out in node.outputs)
+
+
+def _note(mesh, heights):
+    """Keeps by how much vertices are to be moved: by numbers along their normals in the first channel less those in the second."""
+    normals = np.empty(3 * len(mesh.vertices), np.float32)
     mesh.vertex_normals.foreach_get("vector", normals)
-    along = (offsets[:, 0] - offsets[:, 1])[:, None]
-    mesh.vertices.foreach_set("co", (positions + along * normals.reshape(-1, 3)).ravel())
+    offsets = (heights[:, 0] - heights[:, 1])[:, None] * normals.reshape(-1, 3)
+    mesh.attributes.new(OFFSETS, "FLOAT_VECTOR", "POINT").data.foreach_set("vector", offsets.ravel())
+
+
+def _move(mesh):
+    """Moves vertices, and lets normals follow, but smooth ones of what has bumps beside."""
+    offsets, kept = np.empty(3 * len(mesh.vertices), np.float32), _kept_normals(mesh)
+    mesh.attributes[OFFSETS].data.foreach_get("vector", offsets)
+    mesh.attributes.remove(mesh.attributes[OFFSETS])
+    mesh.vertices.foreach_set("co", meshes.positions(mesh.vertices).ravel() + offsets)
     if mesh.has_custom_normals:
         mesh.attributes.remove(mesh.attributes["custom_normal"])
     mesh.update()
+    if kept.any():
+        mesh.normals_split_custom_set(kept.tolist())
+
+
+def _kept_normals(mesh):
+    """The normals of corners that stay as they are; 0 for others."""
+    count = len(mesh.polygons)
+    slots, corners, flat = np.empty(count, np.int32), np.empty(count, np.int32), np.zeros(count, bool)
+    mesh.polygons.foreach_get("material_index", slots)
+    mesh.polygons.foreach_get("loop_total", corners)
+    if "sharp_face" in mesh.attributes:
+        mesh.attributes["sharp_face"].data.foreach_get("value", flat)
+    stays = np.array([material.displacement_method == "BOTH" for material in mesh.materials])
+    normals = np.empty(3 * len(mesh.loops), np.float32)
+    mesh.corner_normals.foreach_get("vector", normals)
+    return normals.reshape(-1, 3) * np.repeat(stays[np.minimum(slots, len(stays) - 1)] & ~flat, corners)[:, None]
 
 
 def _shine(material, matrix, report):

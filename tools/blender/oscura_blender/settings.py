@@ -1,6 +1,7 @@
 """What the scene says about rendering."""
 
 import bpy
+import numpy as np
 
 from . import facets, trees, view_table
 from .report import listed
@@ -106,8 +107,10 @@ def _crop(render, width, height):
     """The region to render in pixels, rows from the top; None for the whole picture."""
     if not render.use_border:
         return None
-    left, right = (int(part * width) for part in (render.border_min_x, render.border_max_x))
-    bottom, top = (int(part * height) for part in (render.border_min_y, render.border_max_y))
+    # Blender multiplies in single precision.
+    edge = lambda part, size: int(np.float32(part) * np.float32(size))
+    left, right = (edge(part, width) for part in (render.border_min_x, render.border_max_x))
+    bottom, top = (edge(part, height) for part in (render.border_min_y, render.border_max_y))
     # Blender's regions have a pixel at least.
     return [left, height - max(top, bottom + 1), max(right, left + 1), height - bottom]
 
@@ -167,6 +170,16 @@ def _read_cycles(cycles, entries, report):
     clamps = [c for c in (cycles.sample_clamp_direct, cycles.sample_clamp_indirect) if c > 0]
     clamped = f", and clamps light at {min(clamps):.4g}" if clamps else ""
     report.note("", f"Cycles ends paths after bounces ({bounces}){clamped}; neither is carried over (--depth)")
+    _tell_of_light_left_out(cycles, report)
+
+
+def _tell_of_light_left_out(cycles, report):
+    """Tells which light Cycles leaves out or estimates; here all is followed."""
+    if cycles.use_fast_gi:
+        report.warn("", "Cycles' fast approximation of global illumination is not supported: light is followed through all bounces")
+    lost = [kind for kind in ("reflective", "refractive") if not getattr(cycles, f"caustics_{kind}")]
+    if lost:
+        report.note("", f"Cycles leaves out {' and '.join(lost)} caustics; here they are rendered")
 
 
 def tell_of_volumes(scene, report):

@@ -1,6 +1,10 @@
 """Node trees that ask from where they are seen. What depends on the camera's place alone is rewritten by places; what differs
 with the direction is taken as its mean, with a warning."""
 
+from functools import partial
+
+from mathutils import Matrix
+
 from . import shaders, trees
 
 # Nodes whose outputs differ with the direction, and the outputs that do.
@@ -13,26 +17,77 @@ DIRECTED = {
 WEIGHTS = ("ShaderNodeFresnel", "ShaderNodeLayerWeight")
 OF_CAMERA = ("ShaderNodeCameraData", "ShaderNodeTexCoord")
 
+# From the space of a camera object, in which z is behind, to that of shaders.
+AHEAD = Matrix.Diagonal((1, 1, -1, 1))
+
 STEPS = 64
 
 # Rows of a table: evenly spaced cosines from 0 to 1.
 ROWS = 64
 
 
-def rewrite_cameras(material, eye):
-    """Camera coordinates, depths and distances become what follows from the place of the camera."""
+def rewrite_cameras(material, eye, window):
+    """Camera and window coordinates, depths, distances, and vectors in the space of the camera become what follows from the place
+    of the camera; `window` is what `camera.window` gives."""
+    if eye is None:
+        return
+    made = {**_BY_EYE, **({"Window": partial(_on_window, window)} if window is not None else {})}
     for tree, node in list(trees.nodes_with_trees(material.node_tree, OF_CAMERA)):
-        wanted = [out for out in node.outputs if out.is_linked and out.name in _BY_EYE]
-        if not wanted or eye is None:
+        wanted = [out for out in node.outputs if out.is_linked and out.name in made]
+        if not wanted:
             continue
         place = tree.nodes.new("ShaderNodeTexCoord")
         place.object = eye
-        # Seen from the camera z is ahead, in its own space behind.
-        turned = _vector(tree, "MULTIPLY", place.outputs["Object"], (1.0, 1.0, -1.0))
+        # Seen from the camera z is ahead, in its own space behind; its scale doesn't count.
+        x, y, z = (column.length for column in eye.matrix_world.to_3x3().col)
+        turned = _vector(tree, "MULTIPLY", place.outputs["Object"], (x, y, -z))
         for out in wanted:
-            made = _BY_EYE[out.name](tree, turned)
-            for link in list(out.links):
-                tree.links.new(made, link.to_socket)
+            _put(tree, out, made[out.name](tree, turned))
+    for tree, node in list(trees.nodes_with_trees(material.node_tree, ("ShaderNodeVectorTransform",))):
+        if (node.convert_from == "CAMERA") != (node.convert_to == "CAMERA") and node.outputs[0].is_linked:
+            _transform(tree, node, AHEAD @ eye.matrix_world.normalized().inverted())
+
+
+def _put(tree, out, other):
+    for link in list(out.links):
+        tree.links.new(other, link.to_socket)
+
+
+def _on_window(window, tree, place):
+    """Window coordinates: 0 to 1 over the picture."""
+    if window.is_perspective:
+        depth = tree.nodes.new("ShaderNodeCombineXYZ")
+        for target in depth.inputs:
+            tree.links.new(_part(tree, place, 2), target)
+        divided = _vector(tree, "DIVIDE", place)
+        tree.links.new(depth.outputs[0], divided.node.inputs[1])
+        place = divided
+    scaled = _vector(tree, "MULTIPLY", place, (*window.scale, 0.0))
+    return _vector(tree, "ADD", scaled, (*window.middle, 0.0))
+
+
+def _transform(tree, node, to_camera):
+    """Puts what a Vector Transform to or from the space of the camera gives in its place: by way of the world."""
+    is_point, is_from = node.vector_type == "POINT", node.convert_from == "CAMERA"
+    own = tree.nodes.new("ShaderNodeVectorTransform")
+    own.vector_type = node.vector_type
+    own.convert_from, own.convert_to = ("WORLD", node.convert_to) if is_from else (node.convert_from, "WORLD")
+    entry = shaders.source(node.inputs[0]) or trees.constant_node(tree, tuple(node.inputs[0].default_value))
+    if is_from:
+        tree.links.new(_by_matrix(tree, entry, to_camera.inverted(), is_point), own.inputs[0])
+        _put(tree, node.outputs[0], own.outputs[0])
+        return
+    tree.links.new(entry, own.inputs[0])
+    found = _by_matrix(tree, own.outputs[0], to_camera, is_point)
+    _put(tree, node.outputs[0], _vector(tree, "NORMALIZE", found) if node.vector_type == "NORMAL" else found)
+
+
+def _by_matrix(tree, vector, matrix, is_point):
+    """A matrix times a vector, or a place."""
+    made = tree.nodes.new("ShaderNodeCombineXYZ")
+    for row, target in zip(matrix, made.inputs):
+        tree.links.new(_vector(tree, "DOT_PRODUCT", vector, row[:3]), target)
+    return _vector(tree, "ADD", made.outputs[0], tuple(matrix.translation)) if is_point else made.outputs[0]
 
 
 def simplify(material, report):
@@ -72,7 +127,7 @@ def _vector(tree, operation, first, second=None):
     tree.links.new(first, node.inputs[0])
     if second is not None:
         node.inputs[1].default_value = second
-    return node.outputs["Value"] if operation == "LENGTH" else node.outputs["Vector"]
+    return node.outputs["Value"] if operation in ("LENGTH", "DOT_PRODUCT") else node.outputs["Vector"]
 
 
 def _part(tree, vector, index):
