@@ -58,6 +58,7 @@ from blend_shapes import furs, generated, keyed_materials
 from blend_sheets import drowned, glowing_glass, pool_sky, pool_sun, window_pane, window_sheet, window_sheet_node, window_within
 from blend_facing import facing_color, facing_light, facing_mix, facing_ramp
 from blend_places import places_color, places_forms, places_light, places_shaders
+from blend_habits import clear_pictures, cut_hair, indirect_things, lampshades, stretched_lamps
 from blend_layers import foggy, media_in_solids, reliefs, tinted_layers, translucent, waxen
 from blend_studio import catchers, libraries, mirrored, near_and_far, newer_shaders, patterns, profiles, soft_profiles, strands, udims
 from blend_trees import (
@@ -85,6 +86,7 @@ SCENES = [
     jewels, tinted_glass, splitting_glass,
     light_links, shadow_links, linked_instances, shadowless,
     udims, near_and_far, newer_shaders, patterns, mirrored, profiles, soft_profiles, libraries, strands, catchers,
+    lampshades, clear_pictures, stretched_lamps, indirect_things, cut_hair,
     clouds, fire, flames, made_volumes, clouds_together, fire_in_smoke, foggy_room, made_densities,
     kitchen, bottle, meadow, street, bust, titles,
 ]  # fmt: skip

@@ -208,7 +208,7 @@ def _settings(scene, found, options, report):
             empties.append((name, matrix))
             shining.append(("[[portals]]", window))
         exposure = settings.film_exposure(scene)
-        entries = lights.entries(obj, name, obj.data, exposure, found.links, boxes, options.folder, report)
+        entries = lights.entries(obj, (name, matrix), obj.data, exposure, found.links, boxes, options.folder, report)
         if entries:
             empties.append((name, lights.upright(matrix, obj.data, obj.name, report)))
             shining += [("[[lights]]", entry) for entry in entries]

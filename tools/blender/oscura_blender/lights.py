@@ -19,13 +19,13 @@ LUMENS_PER_WATT, OUR_LUMENS_PER_WATT = 177.83, 683.0
 SKEW = 1e-4
 
 
-def entries(obj, name, light, exposure, links, corners, folder, report):
-    """The entries of [[lights]] for a light at the node `name`, times the film's exposure: none for what shines not, several
+def entries(obj, node, light, exposure, links, corners, folder, report):
+    """The entries of [[lights]] for a light at a node (its name and matrix), times the film's exposure: none for what shines not, several
     where its tree shines by pictures. Profiles and pictures go to the folder. `corners` are those of the boxes around all that
     is shown."""
     if light.type == "AREA" and light.cycles.is_portal:
         return []
-    found = []
+    found, (name, matrix) = [], node
     for strength, color, more in _shining(obj, name, light, corners, folder, report):
         energy = light.energy * strength * exposure
         if energy == 0 or not any(color):
@@ -33,7 +33,7 @@ def entries(obj, name, light, exposure, links, corners, folder, report):
         if energy < 0 or min(color) < 0:
             report.warn(obj.name, "light that takes light away is not supported: it is left out")
             continue
-        kind, values = _shape(obj, name, light, energy, more, folder, report)
+        kind, values = _shape(obj, (name, matrix.to_scale()), light, energy, more, folder, report)
         common = {"name": obj.name + more.get("end", ""), "color": color, **_common(obj, light, links)}
         found.append({**common, kind: {"node": name, **values}})
     return found
@@ -55,10 +55,10 @@ def _common(obj, light, links):
     return found
 
 
-def _shape(obj, name, light, energy, more, folder, report):
-    """The key of a light's shape, and its values."""
+def _shape(obj, node, light, energy, more, folder, report):
+    """The key of a light's shape at a node (its name and scale), and its values."""
+    name, scale = node
     shape = {"POINT": _point, "SPOT": _spot, "SUN": _sun, "AREA": _area}[light.type]
-    scale = obj.matrix_world.to_scale()
     kind, values = shape(light, energy, scale)
     if kind == "spot" and not (cone := cones.Cone(light, scale)).is_plain():
         values = _stretched(values, cone, name, obj.name, more, folder, report)
