@@ -59,6 +59,42 @@ impl Disk {
     }
 }
 
+#[inline(always)]
+pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// From a ray's origin to the middle of a disk.
+#[inline(always)]
+pub(super) fn to_center(center: Vec3, ray: &PreparedRay) -> [f64; 3] {
+    let center = center.to_array();
+    std::array::from_fn(|k| f64::from(center[k]) - f64::from(ray.origin[k]))
+}
+
+/// Where a ray intersects a disk across `axis`, of any length, with its middle at `f` from the ray's origin.
+#[inline(always)]
+pub(super) fn intersect_plane(
+    ray: &PreparedRay,
+    f: [f64; 3],
+    axis: [f64; 3],
+    squared_radius: f64,
+) -> Option<f32> {
+    let d = map_each(ray.direction, f64::from);
+    let t = dot(f, axis) / dot(d, axis);
+    let from_center: [f64; 3] = std::array::from_fn(|k| t * d[k] - f[k]);
+    // NaN and infinity, where the ray is parallel to the plane, fail this test or those of a range.
+    (dot(from_center, from_center) <= squared_radius).then_some(t as f32)
+}
+
+/// The surface of a disk, with a point pulled back onto its plane.
+#[inline(always)]
+pub(super) fn surface(p: Vec3, center: Vec3, radius: f32, ng: Vec3) -> Surface {
+    let offset = p - center;
+    let p = center + (offset - ng * offset.dot(ng));
+    let p_error = Vec3::splat(radius * gamma(8)) + center.abs() * gamma(2);
+    Surface { p, p_error, ng, ns: ng, material: 0 }
+}
+
 impl Shape for Disk {
     fn center_and_radius(&self) -> (Vec3, f32) {
         (self.center, self.radius())
@@ -84,27 +120,15 @@ impl Shape for Disk {
 
     #[inline(always)]
     fn intersect(&self, ray: &PreparedRay, t_min: f32, t_max: f32) -> Option<f32> {
-        let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
         let axis = map_each(self.axis.to_array(), f64::from);
-        let d = map_each(ray.direction, f64::from);
-        let center = self.center.to_array();
-        let f: [f64; 3] = std::array::from_fn(|k| f64::from(center[k]) - f64::from(ray.origin[k]));
-        let t = dot(f, axis) / dot(d, axis);
-        let from_center: [f64; 3] = std::array::from_fn(|k| t * d[k] - f[k]);
-        // NaN and infinity, where the ray is parallel to the plane, fail both tests.
-        let is_inside = dot(from_center, from_center) <= dot(axis, axis);
-        let t = t as f32;
-        (t > t_min && t <= t_max && is_inside).then_some(t)
+        let f = to_center(self.center, ray);
+        intersect_plane(ray, f, axis, dot(axis, axis)).filter(|t| *t > t_min && *t <= t_max)
     }
 
     /// The ray's point pulled back onto the plane.
     #[inline(always)]
     fn surface(&self, p: Vec3, _: Vec3) -> Surface {
-        let ng = self.unit_normal();
-        let offset = p - self.center;
-        let p = self.center + (offset - ng * offset.dot(ng));
-        let p_error = Vec3::splat(self.radius() * gamma(8)) + self.center.abs() * gamma(2);
-        Surface { p, p_error, ng, ns: ng, material: 0 }
+        surface(p, self.center, self.radius(), self.unit_normal())
     }
 
     /// The square around the disk, x of object space to the right and y up; z is the front's normal.

@@ -2,14 +2,14 @@
 //! has the tangent r / d, so that an irradiance never exceeds that of a half space of the lamp's radiance, and falls off by the square
 //! far away. (Cycles' point and spot lights are so where "Soft Falloff" is on.)
 
+use super::disk;
 use super::icosphere::icosphere;
 use super::point::{LightPoint, Surface};
 use super::ray::PreparedRay;
 use super::traits::{Parametrization, Shape};
-use crate::math::{Bounds3, Frame, Mat3, Ray, Vec2, Vec3, gamma, orthonormal_basis};
+use crate::math::{Bounds3, Frame, Mat3, Ray, Vec2, Vec3, orthonormal_basis};
 use crate::sampling::warp;
 use crate::scene::{self, Mesh};
-use crate::simd::map_each;
 use std::f32::consts::PI;
 
 /// A disk whose front faces the origin of each ray.
@@ -74,27 +74,14 @@ impl Shape for FacingDisk {
 
     #[inline(always)]
     fn intersect(&self, ray: &PreparedRay, t_min: f32, t_max: f32) -> Option<f32> {
-        let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-        let d = map_each(ray.direction, f64::from);
-        let center = self.center.to_array();
-        let f: [f64; 3] = std::array::from_fn(|k| f64::from(center[k]) - f64::from(ray.origin[k]));
-        let t = dot(f, f) / dot(d, f);
-        let from_center: [f64; 3] = std::array::from_fn(|k| t * d[k] - f[k]);
-        let r = f64::from(self.radius);
-        // NaN and infinity, where the ray is parallel to the disk, fail both tests.
-        let is_inside = dot(from_center, from_center) <= r * r;
-        let t = t as f32;
-        (t > t_min && t <= t_max && is_inside).then_some(t)
+        let (f, r) = (disk::to_center(self.center, ray), f64::from(self.radius));
+        disk::intersect_plane(ray, f, f, r * r).filter(|t| *t > t_min && *t <= t_max)
     }
 
     /// The ray's point pulled back onto the disk.
     #[inline(always)]
     fn surface(&self, p: Vec3, origin: Vec3) -> Surface {
-        let ng = self.normal_at(p, origin);
-        let offset = p - self.center;
-        let p = self.center + (offset - ng * offset.dot(ng));
-        let p_error = Vec3::splat(self.radius * gamma(8)) + self.center.abs() * gamma(2);
-        Surface { p, p_error, ng, ns: ng, material: 0 }
+        disk::surface(p, self.center, self.radius, self.normal_at(p, origin))
     }
 
     /// The middle of the picture: what turns has no place for one.

@@ -1,6 +1,6 @@
 //! What moves while the shutter is open, against closed forms, sums of still pictures, and itself seen otherwise.
 
-use crate::support::{assert_radiance, camera, material, mean, options, picture, quad, sphere};
+use crate::support::{assert_radiance, camera, grey_floor, material, mean, options, picture, quad, sphere};
 use oscura::film::Film;
 use oscura::math::{DAffine3, DVec3};
 use oscura::output::part::Region;
@@ -135,15 +135,6 @@ fn form_factor(a: f64, b: f64, height: f64) -> f64 {
     (x / rx * (y / rx).atan() + y / ry * (x / ry).atan()) / std::f64::consts::TAU
 }
 
-/// A floor seen at one spot.
-fn floor() -> Scene {
-    let mut scene = Scene::default();
-    let grey = material(&mut scene, Material::lambert("grey", [0.8; 3]));
-    quad(&mut scene, [-50.0, 0.0, 50.0], [100.0, 0.0, 0.0], [0.0, 0.0, -100.0], grey);
-    scene.cameras.push(camera(DVec3::new(-3.0, 1.0, -2.0), DVec3::ZERO, DVec3::Y, 1e-3));
-    scene
-}
-
 /// Lamps are sampled where they are at a path's time: a rectangle that slides away from above the floor, as a quad and as a mesh,
 /// alone and beside another.
 #[test]
@@ -152,7 +143,7 @@ fn a_moving_lamp_lights_by_the_mean_of_its_places() {
     let at = |x: f64| form_factor(x + a, b, height) - form_factor(x, b, height);
     let truth = (0..4000).map(|k| at(way * (f64::from(k) + 0.5) / 4000.0)).sum::<f64>() / 4000.0;
     for (is_mesh, others) in [(false, 0), (true, 0), (false, 1)] {
-        let mut scene = floor();
+        let mut scene = grey_floor();
         let light = material(&mut scene, Material::emitter("light", [3.0; 3], false));
         let keys = moving(vec![shift(0.0), shift(0.5 * way), shift(way)]);
         if is_mesh {
@@ -178,7 +169,7 @@ fn a_moving_lamp_lights_by_the_mean_of_its_places() {
 /// A point light that passes over the floor: the mean of its inverse squares.
 #[test]
 fn a_moving_point_light_is_the_mean_of_its_places() {
-    let mut scene = floor();
+    let mut scene = grey_floor();
     let place = |x: f64| Light::point([x, 1.0, 0.0], [2.0; 3]);
     let keys = vec![place(-1.0).kind, place(2.0).kind];
     scene.lights.push(Light { motion: Some(moving(keys)), ..place(0.5) });
@@ -194,7 +185,7 @@ fn lights_that_meet_go_their_own_ways() {
     let place = |x: f64| Light::point([x, 1.0, 0.0], [2.0; 3]);
     let at = |x: f64| 2.0 / (1.0 + x * x) / (1.0 + x * x).sqrt();
     let mean_to = |way: f64| (0..4000).map(|k| at(way * (f64::from(k) + 0.5) / 4000.0)).sum::<f64>() / 4000.0;
-    let mut scene = floor();
+    let mut scene = grey_floor();
     for way in [3.0, -1.0] {
         let keys = vec![place(0.0).kind, place(way).kind];
         scene.lights.push(Light { motion: Some(moving(keys)), ..place(0.0) });
@@ -226,7 +217,7 @@ fn a_moving_camera_is_a_world_that_moves_back() {
 
 /// Solid and lit: a box that turns and casts a moving shadow.
 fn busy() -> Scene {
-    let mut scene = floor();
+    let mut scene = grey_floor();
     let red = material(&mut scene, Material::lambert("red", [0.8, 0.2, 0.1]));
     let light = material(&mut scene, Material::emitter("light", [9.0; 3], false));
     quad(&mut scene, [-1.0, 3.0, -1.0], [2.0, 0.0, 0.0], [0.0, 0.0, 2.0], light);

@@ -1,6 +1,6 @@
 //! Light transport against answers that are known in closed form.
 
-use crate::support::{assert_radiance, camera, disk, material, options, quad, sphere, walls};
+use crate::support::{assert_radiance, camera, disk, grey_floor, material, options, quad, sphere, walls};
 use oscura::math::DVec3;
 use oscura::scene::{
     AlphaMode, ColorSlot, Environment, FloatSlot, FresnelModel, Light, LightKind, Material, Model,
@@ -75,21 +75,11 @@ fn closed_emitting_box() {
     }
 }
 
-/// A floor seen at one spot; only direct light.
-fn floor_scene() -> Scene {
-    let mut scene = Scene::default();
-    let grey = material(&mut scene, lambert(0.8));
-    quad(&mut scene, [-50.0, 0.0, 50.0], [100.0, 0.0, 0.0], [0.0, 0.0, -100.0], grey);
-    let eye = DVec3::new(-3.0, 1.0, -2.0);
-    scene.cameras.push(camera(eye, DVec3::ZERO, DVec3::Y, 1e-3));
-    scene
-}
-
 /// Irradiance of a parallel rectangle over the foot of one of its corners (Howell's catalogue, B-3).
 #[test]
 fn rectangle_light_on_a_plane() {
     for (a, b, height) in [(1.0f64, 0.5f64, 1.5f64), (4.0, 3.0, 0.5), (0.01, 0.02, 2.0)] {
-        let mut scene = floor_scene();
+        let mut scene = grey_floor();
         let light = material(&mut scene, Material::emitter("light", [3.0; 3], false));
         // u x v points down.
         quad(&mut scene, [0.0, height, 0.0], [a, 0.0, 0.0], [0.0, 0.0, b], light);
@@ -114,7 +104,7 @@ fn lamps_that_are_partly_absent() {
         (AlphaMode::Mask { cutoff: 0.2 }, full),
         (AlphaMode::Mask { cutoff: 0.5 }, 0.0),
     ] {
-        let mut scene = floor_scene();
+        let mut scene = grey_floor();
         let lamp = Material::emitter("lamp", [3.0; 3], false);
         let lamp = Material { alpha_mode: mode, alpha: FloatSlot::constant(0.25), ..lamp };
         let lamp = material(&mut scene, lamp);
@@ -127,7 +117,7 @@ fn lamps_that_are_partly_absent() {
 /// The light of many lamps of all kinds, below, above and across the floor's plane, is the sum of their lights.
 #[test]
 fn many_lights_of_all_kinds() {
-    let mut scene = floor_scene();
+    let mut scene = grey_floor();
     let lamp = material(&mut scene, Material::emitter("lamp", [2.0; 3], false));
     let dim = material(&mut scene, Material::emitter("dim", [0.05; 3], true));
     let mut truth = 0.0;
@@ -177,14 +167,14 @@ fn triangle_and_parallelogram_lights_on_a_plane() {
     };
     let corner = DVec3::new(-0.4, 1.0, 0.3);
     let (u, v) = (DVec3::new(1.2, 0.3, 0.0), DVec3::new(0.5, 0.1, 0.9));
-    let mut scene = floor_scene();
+    let mut scene = grey_floor();
     let light = material(&mut scene, Material::emitter("light", [2.0; 3], true));
     quad(&mut scene, corner.into(), u.into(), v.into(), light);
     let irradiance = 2.0 * polygon(&[corner, corner + u, corner + u + v, corner + v]);
     let truth = 0.8 / std::f64::consts::PI * irradiance;
     assert_radiance("parallelogram", &scene, &options(8, 64, 1), truth, 2e-3);
 
-    let mut scene = floor_scene();
+    let mut scene = grey_floor();
     let light = material(&mut scene, Material::emitter("light", [2.0; 3], true));
     let points = [corner, corner + u, corner + v];
     scene.meshes.push(oscura::scene::Mesh {
@@ -206,7 +196,7 @@ fn triangle_and_parallelogram_lights_on_a_plane() {
 #[test]
 fn sphere_light_on_a_plane() {
     for (center, radius) in [([0.0, 2.0, 0.0], 0.5), ([1.0, 1.0, -1.0], 0.9), ([3.0, 4.0, 0.0], 1e-3)] {
-        let mut scene = floor_scene();
+        let mut scene = grey_floor();
         let light = material(&mut scene, Material::emitter("light", [3.0; 3], false));
         sphere(&mut scene, center, radius, light);
         let c = DVec3::from(center);
@@ -220,7 +210,7 @@ fn sphere_light_on_a_plane() {
 #[test]
 fn disk_light_on_a_plane() {
     for (h, a, radius) in [(2.0, 0.0, 0.5), (1.0, 1.5, 0.9), (0.4, 0.3, 1.0), (5.0, 1.0, 1e-3f64)] {
-        let mut scene = floor_scene();
+        let mut scene = grey_floor();
         let light = material(&mut scene, Material::emitter("light", [3.0; 3], false));
         disk(&mut scene, [a, h, 0.0], [0.0, -1.0, 0.0], radius, light);
         let (h2, a2, r2) = (h * h, a * a, radius * radius);
@@ -257,7 +247,7 @@ fn punctual_lights_on_a_plane() {
     for (what, kind, per_intensity) in
         [("point", point, of_point), ("directional", sun, -direction.normalize().y)]
     {
-        let mut scene = floor_scene();
+        let mut scene = grey_floor();
         scene.lights.push(Light::new(kind, [5.0; 3]));
         let truth = albedo_over_pi * 5.0 * per_intensity;
         assert_radiance(what, &scene, &options(4, 4, 1), truth, 1e-4);

@@ -1,6 +1,6 @@
 //! Lamps as Blender has them, suns with a size, and environments that cameras don't see, against closed forms.
 
-use crate::support::{assert_radiance, camera, disk, material, options, picture, quad, sphere};
+use crate::support::{assert_radiance, camera, disk, grey_floor, material, options, picture, quad, sphere};
 use oscura::math::DVec3;
 use oscura::scene::{
     Beam, ColorSlot, Environment, FloatSlot, Fog, Lamp, Light, LightKind, Material, Medium, Model, RayKinds,
@@ -14,14 +14,6 @@ const EYE: DVec3 = DVec3::new(-3.0, 1.0, -2.0);
 /// All rays but those of the camera.
 fn unseen() -> RayKinds {
     RayKinds::ALL.without(RayKinds::CAMERA)
-}
-
-fn floor() -> Scene {
-    let mut scene = Scene::default();
-    let grey = material(&mut scene, Material::lambert("grey", [0.8; 3]));
-    quad(&mut scene, [-50.0, 0.0, 50.0], [100.0, 0.0, 0.0], [0.0, 0.0, -100.0], grey);
-    scene.cameras.push(camera(EYE, DVec3::ZERO, DVec3::Y, 1e-3));
-    scene
 }
 
 fn lamp(scene: &mut Scene, radiance: f32, lamp: Lamp) -> oscura::scene::MaterialId {
@@ -45,7 +37,7 @@ fn lamps_that_stop_no_light() {
         ("a lamp that is seen through", RayKinds::ALL, false, truth + 5.0),
         ("an obstacle that is not seen", unseen(), true, truth),
     ] {
-        let mut scene = floor();
+        let mut scene = grey_floor();
         let passed = Lamp { visible_to: unseen(), is_obstacle: false, beam: Beam::Even };
         let (a, b) = (lamp(&mut scene, 2.0, passed), lamp(&mut scene, 1.0, passed));
         let c = lamp(&mut scene, 5.0, Lamp { visible_to, is_obstacle, beam: Beam::Even });
@@ -76,7 +68,7 @@ fn a_lamp_and_a_sky_over_floors_of_all_sizes() {
 /// Fog without an end hides the sky, which takes no light samples from the lamp.
 #[test]
 fn an_endless_fog_leaves_light_samples_to_lamps() {
-    let mut scene = floor();
+    let mut scene = grey_floor();
     scene.environment = Environment::Constant([1000.0; 3]);
     let density = 0.05;
     let medium = Medium { albedo: [0.0; 3], ..Medium::scattering([density; 3]) };
@@ -93,7 +85,7 @@ fn an_endless_fog_leaves_light_samples_to_lamps() {
 /// An obstacle shades, seen or not.
 #[test]
 fn obstacles_shade() {
-    let mut scene = floor();
+    let mut scene = grey_floor();
     let far = lamp(&mut scene, 2.0, Lamp { visible_to: unseen(), ..Lamp::default() });
     let dark = lamp(&mut scene, 0.0, Lamp { visible_to: unseen(), ..Lamp::default() });
     sphere(&mut scene, [0.0, 3.0, 0.0], 0.2, far);
@@ -118,7 +110,7 @@ fn beams_of_a_grid() {
     };
     let truth = 0.8 * 3.0 * (0..n).map(ring).sum::<f64>();
     for lights in [1, 2] {
-        let mut scene = floor();
+        let mut scene = grey_floor();
         let lamp = lamp(&mut scene, 3.0, Lamp { visible_to: unseen(), is_obstacle: false, beam });
         disk(&mut scene, [0.0, height, 0.0], [0.0, -1.0, 0.0], radius, lamp);
         // The origin lies outside the second one's beam.
@@ -127,7 +119,7 @@ fn beams_of_a_grid() {
         }
         assert_radiance(&format!("grid, {lights}"), &scene, &options(16, 256, 1), truth, 4e-3);
     }
-    let mut scene = floor();
+    let mut scene = grey_floor();
     let lamp = lamp(&mut scene, 3.0, Lamp { beam, ..Lamp::default() });
     quad(&mut scene, [3.0, 2.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0], lamp);
     assert_radiance("outside the grid's beam", &scene, &options(8, 16, 1), 0.0, 1.0);
@@ -141,7 +133,7 @@ fn cones_of_a_ball() {
         let direction = (towards - center).normalize();
         let (inner_angle_rad, outer_angle_rad, fade) = (0.3, 0.6, SpotFade::Smooth);
         let beam = Beam::Cone { direction, inner_angle_rad, outer_angle_rad, fade };
-        let mut scene = floor();
+        let mut scene = grey_floor();
         let lamp = lamp(&mut scene, 3.0, Lamp { visible_to: unseen(), is_obstacle: false, beam });
         sphere(&mut scene, center.into(), 0.1, lamp);
         scene
@@ -159,13 +151,13 @@ fn suns_of_all_sizes() {
     for angle_rad in [0.0092, 0.5, 1.5] {
         let sun = Light::new(LightKind::Sun { direction, angle_rad }, [2.0; 3]);
         for lights in [1, 2] {
-            let mut scene = floor();
+            let mut scene = grey_floor();
             scene.lights = vec![sun.clone(); lights];
             let truth = lights as f64 * 0.8 / PI * 2.0 * -direction.y;
             let what = format!("{lights} suns of {angle_rad}");
             assert_radiance(&what, &scene, &options(16, 256, 1), truth, 4e-3);
         }
-        let mut scene = floor();
+        let mut scene = grey_floor();
         let (color, roughness) = (ColorSlot::constant([1.0; 3]), FloatSlot::constant(0.0));
         scene.materials[0].model = Model::SchlickMetal { color, roughness };
         let to_sun = -direction;
@@ -182,7 +174,7 @@ fn suns_of_all_sizes() {
 /// An environment that cameras don't see lights the floor; where nothing else is seen the picture is transparent.
 #[test]
 fn hidden_environments() {
-    let mut scene = Scene { environment_visible_to: unseen(), ..floor() };
+    let mut scene = Scene { environment_visible_to: unseen(), ..grey_floor() };
     scene.environment = Environment::Constant([1.0; 3]);
     assert_radiance("floor in a hidden environment", &scene, &options(16, 256, 1), 0.8, 1e-3);
     scene.cameras = vec![camera(EYE, EYE + DVec3::Y, DVec3::X, 1.0)];

@@ -1,21 +1,12 @@
 //! The shadow on first surfaces against closed forms, and passes in the camera's space.
 
-use crate::support::{camera, material, options, pbr, picture, quad, sphere};
+use crate::support::{camera, floor, material, options, pbr, picture, quad, sphere};
 use oscura::film::{Aov, AovSet, AovSpace, Film};
 use oscura::math::DVec3;
 use oscura::render::RenderOptions;
 use oscura::scene::{
     ColorSlot, Environment, FloatSlot, Light, Material, Model, ObjectTraits, RayKinds, Scene,
 };
-
-/// A floor seen from its side, where the picture is a point.
-fn floor(of: Material) -> Scene {
-    let mut scene = Scene::default();
-    let ground = material(&mut scene, of);
-    quad(&mut scene, [-50.0, 0.0, 50.0], [100.0, 0.0, 0.0], [0.0, 0.0, -100.0], ground);
-    scene.cameras.push(camera(DVec3::new(-3.0, 1.0, -2.0), DVec3::ZERO, DVec3::Y, 1e-3));
-    scene
-}
 
 fn grey() -> Material {
     Material::lambert("grey", [0.8, 0.5, 0.3])

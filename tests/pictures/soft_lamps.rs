@@ -1,7 +1,7 @@
 //! Lamps that face what they light, and lamps that also light what is within them, against closed forms.
 
 use crate::support::differences::assert_same_means;
-use crate::support::{assert_radiance, camera, material, options, quad, sphere};
+use crate::support::{assert_radiance, camera, grey_floor, material, options, quad, sphere};
 use oscura::math::{DAffine3, DVec3};
 use oscura::render::{Caustics, Guiding, PathReuse, RenderOptions, Splitting};
 use oscura::scene::{
@@ -21,15 +21,6 @@ fn lamp(scene: &mut Scene, kind: ShapeKind, center: DVec3, radius: f64) {
     scene.shapes.push(Shape { kind, ..Shape::sphere(center, radius, shine) });
 }
 
-/// A grey floor; the camera is aimed at its origin.
-fn floor() -> Scene {
-    let mut scene = Scene::default();
-    let grey = material(&mut scene, Material::lambert("grey", [0.8; 3]));
-    quad(&mut scene, [-50.0, 0.0, 50.0], [100.0, 0.0, 0.0], [0.0, 0.0, -100.0], grey);
-    scene.cameras.push(camera(DVec3::new(-3.0, 1.0, -2.0), DVec3::ZERO, DVec3::Y, 1e-3));
-    scene
-}
-
 /// A facing disk of radius r in a distance d gives an irradiance of pi L r^2 / (d^2 + r^2), by the cosine: near, and when the
 /// floor is within the sphere around it.
 #[test]
@@ -40,7 +31,7 @@ fn what_a_facing_disk_gives() {
         (DVec3::new(0.0, 0.4, 0.0), 0.5),
         (DVec3::new(0.0, 0.05, 0.0), 0.5),
     ] {
-        let mut scene = floor();
+        let mut scene = grey_floor();
         lamp(&mut scene, ShapeKind::FacingDisk, center, radius);
         let squared = center.length_squared();
         let share = radius * radius / (squared + radius * radius) * center.y / squared.sqrt();
@@ -53,12 +44,12 @@ fn what_a_facing_disk_gives() {
 #[test]
 fn what_a_shell_gives() {
     for center in [DVec3::ZERO, DVec3::new(0.7, 0.6, 0.0), DVec3::new(-0.4, -0.3, 0.2)] {
-        let mut scene = floor();
+        let mut scene = grey_floor();
         lamp(&mut scene, ShapeKind::Shell, center, 1.0);
         let truth = 0.8 * f64::from(RADIANCE);
         assert_radiance(&format!("within {center}"), &scene, &options(16, 256, 1), truth, 4e-3);
     }
-    let mut scene = floor();
+    let mut scene = grey_floor();
     lamp(&mut scene, ShapeKind::Shell, DVec3::new(0.0, 3.0, 0.0), 1.0);
     let truth = 0.8 * f64::from(RADIANCE) / 9.0;
     assert_radiance("outside", &scene, &options(16, 256, 1), truth, 2e-3);
@@ -84,7 +75,7 @@ fn lamps_in_motion() {
     for (kind, radius, share) in
         [(ShapeKind::FacingDisk, 0.6, 0.36 / (squared + 0.36)), (ShapeKind::Shell, 0.6, 0.36 / squared)]
     {
-        let mut scene = floor();
+        let mut scene = grey_floor();
         lamp(&mut scene, kind, center, radius);
         let keys = vec![DAffine3::IDENTITY; 2];
         scene.motion.shapes.insert(0, Moving { keys, neighbours: None });

@@ -1,6 +1,6 @@
 //! Objects and lights that some kinds of rays don't see, and holdouts.
 
-use crate::support::{assert_radiance, camera, material, mean, options, picture, quad, sphere};
+use crate::support::{assert_radiance, camera, floor, material, mean, options, picture, quad, sphere};
 use oscura::math::{DAffine3, DVec3};
 use oscura::render::RenderOptions;
 use oscura::scene::{
@@ -18,15 +18,6 @@ fn seen_by(kinds: &[RayKinds]) -> ObjectTraits {
 fn unseen_by(kinds: &[RayKinds]) -> ObjectTraits {
     let ObjectTraits { visible_to, .. } = seen_by(kinds);
     ObjectTraits { visible_to: RayKinds::ALL.without(visible_to), ..ObjectTraits::default() }
-}
-
-/// A floor, and a camera that looks at its middle.
-fn floor(of: Material) -> Scene {
-    let mut scene = Scene::default();
-    let ground = material(&mut scene, of);
-    quad(&mut scene, [-50.0, 0.0, 50.0], [100.0, 0.0, 0.0], [0.0, 0.0, -100.0], ground);
-    scene.cameras.push(camera(EYE, DVec3::ZERO, DVec3::Y, 1e-3));
-    scene
 }
 
 fn grey() -> Material {

@@ -3,14 +3,13 @@
 import bpy
 import numpy as np
 
-from blend_parts import add, ball, camera, floor, light, link, material, scene, shader, world
+from blend_parts import add, ball, camera, floor, light, link, lit, material, scene, shader, world
 
 
 def _daylight():
     floor()
     camera()
-    world((0.3, 0.35, 0.4))
-    light("AREA", "Key", 250, (-3, -4, 5), (0.6, -0.5, 0), size=2)
+    lit()
 
 
 def _waves(size=32, seed=0.0, alpha=False):

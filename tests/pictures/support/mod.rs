@@ -42,6 +42,20 @@ pub fn options(size: u32, samples: u32, max_depth: u32) -> RenderOptions {
         .filter(Filter::Box)
 }
 
+/// A floor of a material, seen at one spot: its origin.
+pub fn floor(of: Material) -> Scene {
+    let mut scene = Scene::default();
+    let ground = material(&mut scene, of);
+    quad(&mut scene, [-50.0, 0.0, 50.0], [100.0, 0.0, 0.0], [0.0, 0.0, -100.0], ground);
+    scene.cameras.push(camera(DVec3::new(-3.0, 1.0, -2.0), DVec3::ZERO, DVec3::Y, 1e-3));
+    scene
+}
+
+/// That of 80 % grey.
+pub fn grey_floor() -> Scene {
+    floor(Material::lambert("grey", [0.8; 3]))
+}
+
 /// Compiles a scene and is about to take its first pass.
 pub fn rendering(scene: &Scene, options: &RenderOptions) -> Rendering {
     let (compiled, _) = compile(scene, &CompileOptions::default()).expect("the scene compiles");

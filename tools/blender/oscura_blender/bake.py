@@ -127,12 +127,8 @@ def _straighten(material):
 
 def _own_materials(holder):
     """Baked pictures belong to one mesh."""
-    slots = holder.data.materials
-    copies = {}
-    for i, material in enumerate(slots):
-        if material.users > 1 and material.name not in copies:
-            copies[material.name] = trees.copied(material)
-        slots[i] = copies.get(material.name, material)
+    for material in dict.fromkeys(holder.data.materials):
+        trees.own(holder, material)
 
 
 class Baking:

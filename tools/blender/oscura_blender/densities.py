@@ -6,7 +6,7 @@ import struct
 import bpy
 import numpy as np
 
-from . import cache, fingerprint, glb, glow, media, shaders, trees
+from . import cache, fingerprint, glb, glow, grids, media, shaders, trees
 from .context import choose, opened
 from .report import listed
 
@@ -19,8 +19,9 @@ SHADERS = ("ShaderNodeVolumeAbsorption", "ShaderNodeVolumeScatter", "ShaderNodeV
 def settle(holders, found, store, report):
     """Bakes the densities of volumes that differ from place to place, where nothing else of them does. Meshes at several places are left
     alone: grids stand in the world."""
-    varying = [(holder, material) for holder in holders for material in dict.fromkeys(holder.data.materials) if _varies(material)]
-    varying = [(holder, material) for holder, material in varying if len(found.placements[holder.name]) == 1]
+    placed = [holder for holder in holders if len(found.placements[holder.name]) == 1]
+    known = {material: _filling(material) for material in trees.of_materials(placed)}
+    varying = [(holder, m) for holder in placed for m in dict.fromkeys(holder.data.materials) if known[m] is not None]
     if not varying:
         return
     report.note("", f"densities of volumes were baked to grids: of {listed(sorted({material.name for _, material in varying}))}")
@@ -29,7 +30,8 @@ def settle(holders, found, store, report):
         with opened(kitchen):
             for number, (holder, material) in enumerate(varying):
                 file = f"{found.grids.name}.density.{number}.vol"
-                Density(holder, _own(holder, material), found.placements[holder.name][0][1]).settle(kitchen, file, found, store, report)
+                density = Density(holder, trees.own(holder, material), found.placements[holder.name][0][1])
+                density.settle(known[material], kitchen, file, found, store, report)
     finally:
         bpy.data.scenes.remove(kitchen)
 
@@ -44,16 +46,15 @@ def _shader(material):
     return node if node is not None and node.bl_idname in SHADERS and not node.mute else None
 
 
-def _varies(material):
-    """Is it a volume whose density varies, and nothing else?"""
+def _filling(material):
+    """What fills a volume whose density varies where that is 1; None for all else, and where more varies than the density."""
     node = _shader(material)
     if node is None or shaders.constant(node.inputs["Density"]) is not None:
-        return False
+        return None
     try:
-        _of_density_one(material)
+        return _of_density_one(material)
     except media.Varying:
-        return False
-    return True
+        return None
 
 
 def _of_density_one(material):
@@ -68,22 +69,11 @@ def _of_density_one(material):
         bpy.data.materials.remove(own)
 
 
-def _own(holder, material):
-    """A material that no other mesh has."""
-    if material.users < 2:
-        return material
-    own = trees.copied(material)
-    for k, other in enumerate(holder.data.materials):
-        if other == material:
-            holder.data.materials[k] = own
-    return own
-
-
 class Density:
     """The density of a mesh's volume on voxels in its own space, with one more around the box of the mesh."""
 
     def __init__(self, holder, material, matrix):
-        self.holder, self.material, self.matrix = holder, material, matrix
+        self.material, self.matrix = material, matrix
         corners = np.array([vertex.co for vertex in holder.data.vertices] or [(0.0, 0.0, 0.0)])
         self.inner = corners.min(0), np.maximum(corners.max(0), corners.min(0) + 1e-6)
         extent = self.inner[1] - self.inner[0]
@@ -92,9 +82,9 @@ class Density:
         self.step = extent / counts
         self.low, self.high, self.size = self.inner[0] - self.step, self.inner[1] + self.step, counts + 2
 
-    def settle(self, kitchen, file, found, store, report):
+    def settle(self, filling, kitchen, file, found, store, report):
         """Writes the grid, and what the file of settings says about the material, which keeps no volume."""
-        filling, tree = _of_density_one(self.material), self.material.node_tree
+        tree = self.material.node_tree
         values = self._kept(kitchen, store)
         tree.links.remove(shaders.end(tree).inputs["Volume"].links[0])
         if values.max() <= 0 or filling.is_nothing():
@@ -103,8 +93,7 @@ class Density:
         entries = filling.entries()
         if "emission" in entries:
             report.warn(self.material.name, "the light of its volume goes by its density here")
-            mean = sum(entries["density"]) / 3
-            entries.update({"density": mean, "color": [min(c * d / mean, 1.0) if mean else 0.0 for c, d in zip(entries["color"], entries["density"])]})
+            entries = grids.greyed(entries)
         matrix = glb.Y_UP @ self.matrix
         trees.settle(self.material, type="medium", grid=file, transform=[{"matrix": [v for row in matrix for v in row]}], **entries)
 

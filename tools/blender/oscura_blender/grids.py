@@ -54,7 +54,7 @@ class Medium:
             found.update(self._light(shining, grid, scale, report))
             if len(set(found["density"])) > 1:
                 report.warn(self.name, "what shines takes the same of all colours from light here: the mean of what it has")
-                found = _greyed(found)
+                found = greyed(found)
         if not any(found["density"]) and "emission" not in found:
             return None
         if grid is None:
@@ -103,7 +103,7 @@ def _coefficients(parts, scale):
     return found
 
 
-def _greyed(found):
+def greyed(found):
     """The same with one density: what is scattered stays, by channel, as far as a share of it can be."""
     mean = sum(found["density"]) / 3
     color = [min(c * d / mean, 1.0) if mean > 0 else 0.0 for c, d in zip(found["color"], found["density"])]

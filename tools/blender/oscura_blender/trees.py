@@ -49,6 +49,17 @@ def copied(material):
     return own
 
 
+def own(holder, material):
+    """A mesh's material that no other mesh has: in the place of one that others have, a copy."""
+    if material.users < 2:
+        return material
+    made, slots = copied(material), holder.data.materials
+    for i, other in enumerate(slots):
+        if other == material:
+            slots[i] = made
+    return made
+
+
 def replace(tree, socket, value):
     """Puts a number, or three or four, in the place of an output; gives the new one."""
     targets = [link.to_socket for link in socket.links]

@@ -24,15 +24,14 @@ def entries(scene, folder, name, report):
     """The entries of [environment]; pictures go to the folder."""
     world = scene.world
     factor = film_exposure(scene)
-    seen, found = _parts(world, folder, name, report)
+    hidden = scene.render.film_transparent or (world is not None and not world.cycles_visibility.camera)
+    seen, found = _parts(world, folder, name, hidden, report)
     found = _exposed(found, factor)
     if seen is not None:
         found["seen"] = _exposed(seen, factor)
     found.update(_fog(world, factor, report))
-    hidden = scene.render.film_transparent
     if world is not None:
         visible = world.cycles_visibility
-        hidden = hidden or not visible.camera
         unseen = [kind for kind in RAYS if not getattr(visible, RAYS[kind], True)]
         if unseen:
             found["visible_to"] = [kind for kind in ("camera", *RAYS, "shadow") if kind not in unseen]
@@ -70,15 +69,16 @@ def _fog(world, factor, report):
     return {} if filling.is_nothing() else {"fog": filling.entries(factor)}
 
 
-def _parts(world, folder, name, report):
-    """The entries of what cameras see, if that is something else, and of what lights the scene."""
+def _parts(world, folder, name, is_hidden, report):
+    """The entries of what cameras see, if that is something else and not hidden from them, and of what lights the scene."""
     tree = world.node_tree if world is not None and world.use_nodes else None
     asked = _light_path_outputs(tree) if tree else set()
     if not asked:
         return None, _light(world, folder, name)
     if asked != {"Is Camera Ray"}:
         report.warn(world.name, "the world differs by the kind of ray: others than the camera's see what diffuse ones do")
-    return (_as_seen_by(world, rays, folder, file) for rays, file in ((_CAMERA, f"{name}.seen"), (_DIFFUSE, name)))
+    seen = None if is_hidden else _as_seen_by(world, _CAMERA, folder, f"{name}.seen")
+    return seen, _as_seen_by(world, _DIFFUSE, folder, name)
 
 
 def _as_seen_by(world, rays, folder, name):
