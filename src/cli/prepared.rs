@@ -8,13 +8,13 @@ use super::pictures::How;
 use super::settings::{check_glass, choices, png, without_exr};
 use super::waiting::{Telling, Waiting};
 use super::{limits, terms};
-use oscura::compile::{CompileReport, CompiledScene, Compiler};
+use oscura::compile::{CompileReport, CompiledScene, Compiler, MemoryPart};
 use oscura::error::{Result, Warning};
 use oscura::film::{Aov, AovSet};
 use oscura::load::Loaded;
 use oscura::load::stage::middle;
 use oscura::output::PngOptions;
-use oscura::render::{Labels, Settled, denoising_guides, shows_alpha};
+use oscura::render::{Labels, Settled, denoising_guides, film_bytes, shows_alpha};
 use oscura::scene::Camera;
 use std::sync::Arc;
 use std::time::Instant;
@@ -101,6 +101,8 @@ pub(super) fn prepare(
     notes.extend(build.notes.iter().cloned());
     left_out.append(&mut build.left_out);
     let labels = Labels::of(&loaded.scene, &settled.options);
+    let picture = film_bytes(&settled.options, &labels);
+    build.memory.push(MemoryPart { name: "picture", bytes: picture });
     let opaque = !shows_alpha(&scene, &settled.options);
     let png = png(args, settled.look.exposure, loaded.is_stage_lit, opaque);
     Ok(Prepared {

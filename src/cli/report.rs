@@ -162,6 +162,16 @@ pub(crate) struct Run {
 }
 
 impl Run {
+    /// The parts of memory that are at least a fiftieth of the peak, the largest first.
+    fn memory_by_part(&self, peak: u64) -> String {
+        let mut parts: Vec<_> =
+            self.compiled.memory.iter().filter(|part| part.bytes.saturating_mul(50) >= peak).collect();
+        parts.sort_by_key(|part| std::cmp::Reverse(part.bytes));
+        let words: Vec<String> =
+            parts.iter().map(|part| format!("{} {:.1}", part.name, mib(part.bytes))).collect();
+        if words.is_empty() { String::new() } else { format!(": {}", words.join(", ")) }
+    }
+
     /// The report for people.
     pub fn print(&self) {
         let (s, c) = (&self.statistics, &self.compiled);
@@ -204,7 +214,7 @@ impl Run {
             say!("noise    {:.2} % relative error, estimated", error * 100.0);
         }
         if let Some(bytes) = self.peak_memory {
-            say!("memory   {:.1} MiB at most", mib(bytes));
+            say!("memory   {:.1} MiB at most{}", mib(bytes), self.memory_by_part(bytes));
         }
         say!("warnings {}; left out {}", self.warnings.len(), self.left_out.len());
         if s.interrupted && self.outputs.is_empty() {

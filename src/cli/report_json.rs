@@ -5,6 +5,7 @@ use super::shapes::ShapeCounts;
 use oscura::accel::TreeQuality;
 use oscura::error::{Error, ErrorKind};
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::fmt::Display;
 
 /// A finished run; times in seconds, sizes in bytes.
@@ -37,6 +38,7 @@ struct RunReport<'a> {
     shapes: ShapeCounts,
     lights: u64,
     scene_bytes: u64,
+    memory: BTreeMap<&'static str, u64>,
     tree: &'static str,
     interrupted: bool,
     timed_out: bool,
@@ -76,6 +78,7 @@ pub(crate) fn of_run(run: &Run) -> impl Serialize {
         shapes: ShapeCounts(c.analytic),
         lights: c.lights,
         scene_bytes: c.bytes,
+        memory: c.memory.iter().map(|part| (part.name, part.bytes)).collect(),
         tree: if c.tree == TreeQuality::Fast { "fast" } else { "full" },
         interrupted: s.interrupted,
         timed_out: s.timed_out,

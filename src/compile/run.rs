@@ -106,6 +106,7 @@ pub(super) fn compile_after(
         vectors: Vectors::of(scene, anchor),
         sources: is_sequence.then(|| Sources::of(scene, &plan)),
     };
+    report.memory = compiled.memory();
     Ok((compiled, report))
 }
 

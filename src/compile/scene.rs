@@ -6,6 +6,7 @@ use super::groups::LightGroups;
 use super::links::Links;
 use super::material::CompiledMaterial;
 use super::medium::Medium;
+use super::memory::MemoryPart;
 use super::objects::ObjectId;
 use super::reuse::{Kept, Sources};
 use super::tree::Tree;
@@ -63,6 +64,8 @@ pub struct CompileReport {
     pub tree: TreeQuality,
     /// Memory of the accelerator.
     pub bytes: u64,
+    /// Memory by part, the accelerator included.
+    pub memory: Vec<MemoryPart>,
 }
 
 /// A scene ready to render. Immutable; rendering it can't fail. It knows no camera: see [`View`](super::View).

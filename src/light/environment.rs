@@ -69,6 +69,14 @@ pub struct TexelPosition {
 }
 
 impl EnvironmentLight {
+    /// Bytes that the picture takes, if it is one.
+    pub fn bytes(&self) -> usize {
+        match &self.kind {
+            Kind::Constant(_) | Kind::Gradient { .. } => 0,
+            Kind::Image(image) => size_of_val(&image.texels[..]) + image.map.bytes(),
+        }
+    }
+
     /// Nothing for a black environment (or one that is black throughout).
     ///
     /// `mis_compensation` leaves out of the sampling density what is darker than the average (Karlík, Šik, Vévoda,

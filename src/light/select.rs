@@ -69,6 +69,16 @@ impl Lights {
         lights
     }
 
+    /// Bytes that lights, the trees over them and the environment take.
+    pub fn bytes(&self) -> usize {
+        let choices = std::iter::once(&self.choice).chain(&self.linked);
+        size_of_val(&self.area[..])
+            + size_of_val(&self.punctual[..])
+            + size_of_val(&self.rectangles[..])
+            + choices.map(|choice| choice.tree.bytes()).sum::<usize>()
+            + self.environment.as_ref().map_or(0, EnvironmentLight::bytes)
+    }
+
     /// Lets the receivers of each class choose among the lights that are linked to it; of class and light.
     pub fn link(
         &mut self,

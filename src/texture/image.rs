@@ -42,6 +42,16 @@ impl ImageLookup {
         ImageLookup { wrap: [wrap_u, wrap_v], interpolation, ..self.clone() }
     }
 
+    /// Bytes of all levels.
+    pub fn bytes(&self) -> usize {
+        self.image.bytes() + self.pyramid_bytes()
+    }
+
+    /// The same for lookups in the same pixels.
+    pub fn identity(&self) -> usize {
+        Arc::as_ptr(&self.image.pixels) as usize
+    }
+
     /// Bytes that the pyramid takes besides the image.
     pub fn pyramid_bytes(&self) -> usize {
         self.coarser.iter().map(Image::bytes).sum()

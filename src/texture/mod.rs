@@ -22,7 +22,7 @@ use compiled::Compiled;
 use coordinates::TextureCoordinates;
 use fold::{cut_endless_mixes, fold_constants};
 use rayon::prelude::*;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::sync::Arc;
 
 /// All textures of a scene, by [`TextureId`].
@@ -122,6 +122,16 @@ impl CompiledTextures {
             }
         }
         false
+    }
+
+    /// Bytes that images and their pyramids take; images that several textures share count once.
+    pub fn bytes(&self) -> usize {
+        let mut known = HashSet::new();
+        let images = self.textures.iter().filter_map(|texture| match texture {
+            Compiled::Image { lookup, .. } => Some(lookup),
+            _ => None,
+        });
+        images.filter(|lookup| known.insert(lookup.identity())).map(ImageLookup::bytes).sum()
     }
 
     /// Do lookups depend on how much of a surface a path sees?

@@ -14,8 +14,9 @@
 //!
 //! `--techniques` measures instead what each technique brings, with `--seeds N` seeds (3) at the middle step of the ladder.
 //!
-//! `--growth` measures instead how time and memory grow with triangles (up to `--triangles N`, 10 million), lights, pixels, depth and
-//! threads.
+//! `--growth` measures instead how time and memory grow with meshes, instances, materials, textures, lights and so on, each alone, in
+//! renders of `--program PATH` (target/release/oscura). The exit code is 1 where a cost grows with a power above 1.1. `--only WORD`
+//! takes what has the word in its name, `--seconds N` (60) ends an axis where the next size would take longer.
 //!
 //! The reference is made here, by two renders with other seeds whose difference tells its own noise.
 
@@ -42,8 +43,8 @@ struct Arguments {
     what: What,
     /// Seeds of the calibration and of techniques.
     seeds: u32,
-    /// Most triangles of what grows.
-    triangles: u64,
+    /// How far costs are followed.
+    growth: growth::Limits,
     /// Results of another build.
     against: Option<PathBuf>,
 }
@@ -70,11 +71,7 @@ fn main() -> ExitCode {
 fn run(arguments: &Arguments) -> Result<()> {
     let (setup, seeds) = (&arguments.setup, arguments.seeds);
     if arguments.what == What::Growth {
-        let rows = growth::measure(setup, arguments.triangles)?;
-        let table = growth::markdown(&rows);
-        write(arguments, &[("growth.csv", growth::csv(&rows)), ("growth.md", table.clone())])?;
-        print!("{table}");
-        return Ok(());
+        return grow(arguments);
     }
     let generated;
     let scenes = if arguments.scenes.is_empty() {
@@ -99,6 +96,22 @@ fn run(arguments: &Arguments) -> Result<()> {
             of_all(&scenes, setup, |scene| techniques::compare(scene, setup, seeds), texts)
         }
         What::Ladder | What::Growth => climb(arguments, &scenes),
+    }
+}
+
+/// How costs grow.
+fn grow(arguments: &Arguments) -> Result<()> {
+    let growth::Growth { rows, failures } = growth::measure(&arguments.growth)?;
+    let table = growth::markdown(&rows);
+    write(arguments, &[("growth.csv", growth::csv(&rows)), ("growth.md", table.clone())])?;
+    print!("{table}");
+    let steep = rows.iter().filter(|row| row.is_too_steep());
+    let mut problems: Vec<String> =
+        steep.map(|row| format!("{} grows faster than in proportion", row.name())).collect();
+    problems.extend(failures);
+    match problems.is_empty() {
+        true => Ok(()),
+        false => Err(Error::usage(problems.join("\n"))),
     }
 }
 
@@ -154,7 +167,7 @@ fn parse(mut arguments: impl Iterator<Item = String>) -> Result<Arguments> {
         setup,
         what: What::Ladder,
         seeds: 3,
-        triangles: 10_000_000,
+        growth: growth::Limits::default(),
         against: None,
     };
     while let Some(argument) = arguments.next() {
@@ -192,7 +205,9 @@ fn set(all: &mut Arguments, option: &str, value: &str) -> Result<()> {
         "--threads" => setup.threads = Some(number(option, value)? as usize),
         "--ladder" => setup.ladder = value.split(',').map(|v| number(option, v)).collect::<Result<_>>()?,
         "--seeds" => all.seeds = number(option, value)?,
-        "--triangles" => all.triangles = number(option, value)?.into(),
+        "--program" => all.growth.program = value.into(),
+        "--only" => all.growth.only = value.into(),
+        "--seconds" => all.growth.seconds = number(option, value)?.into(),
         "--against" => all.against = Some(value.into()),
         _ => return Err(Error::usage(format!("unknown option {option}"))),
     }
