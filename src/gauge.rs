@@ -26,10 +26,15 @@ impl Gauge {
         self.0.done.fetch_add(units, Ordering::Relaxed);
     }
 
+    /// The units that are done, and all.
+    pub fn counts(&self) -> (u64, u64) {
+        (self.0.done.load(Ordering::Relaxed), self.0.total.load(Ordering::Relaxed))
+    }
+
     /// The share that is done, 0..1; `None` as long as nobody has said how much there is.
     pub fn share(&self) -> Option<f64> {
-        let total = self.0.total.load(Ordering::Relaxed);
-        (total > 0).then(|| (self.0.done.load(Ordering::Relaxed) as f64 / total as f64).min(1.0))
+        let (done, total) = self.counts();
+        (total > 0).then(|| (done as f64 / total as f64).min(1.0))
     }
 }
 

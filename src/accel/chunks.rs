@@ -46,7 +46,9 @@ fn sizes(
         }
         return vec![primitives.len()];
     }
-    let middle = if cuts < MAX_CUTS { part(primitives, space) } else { primitives.len() / 2 };
+    // Near the root there are fewer parts than threads.
+    let are_idle = 1 << cuts < rayon::current_num_threads();
+    let middle = if cuts < MAX_CUTS { part(primitives, space, are_idle) } else { primitives.len() / 2 };
     let (left, right) = primitives.split_at_mut(middle);
     let (mut sizes, more) = rayon::join(
         || sizes(left, space, (limit, gauge), cuts + 1),
@@ -119,7 +121,7 @@ impl Axis {
 }
 
 /// Reorders primitives so that some of them, whose number it returns, lie apart from the others.
-fn part(primitives: &mut [Primitive], space: &Space) -> usize {
+fn part(primitives: &mut [Primitive], space: &Space, are_idle: bool) -> usize {
     let halves = primitives.len() / 2;
     let Some(axis) = Axis::longest(primitives, space) else { return halves };
     let of_some = |some: &[Primitive]| {
@@ -136,7 +138,10 @@ fn part(primitives: &mut [Primitive], space: &Space) -> usize {
     };
     let bins = primitives.par_chunks(PARALLEL).map(of_some).reduce(|| [Bin::EMPTY; BINS], sum);
     let first = best_cut(&bins);
-    match partition(primitives, |p| axis.bin(center(p, space)) < first) {
+    let is_first = |p: &Primitive| axis.bin(center(p, space)) < first;
+    let middle =
+        if are_idle { partition(primitives, is_first) } else { partition_alone(primitives, is_first) };
+    match middle {
         middle if middle > 0 && middle < primitives.len() => middle,
         _ => halves,
     }
@@ -162,8 +167,9 @@ fn best_cut(bins: &[Bin; BINS]) -> usize {
     best
 }
 
-/// Moves those for which `is_first` to the front; returns their number.
-pub fn partition(primitives: &mut [Primitive], is_first: impl Fn(&Primitive) -> bool) -> usize {
+/// Moves those for which `is_first` to the front; returns their number. The first one that is to go to the back changes places with
+/// the last one that is to go to the front, the second one with the last but one, and so on.
+fn partition_alone(primitives: &mut [Primitive], is_first: impl Fn(&Primitive) -> bool) -> usize {
     let (mut low, mut high) = (0, primitives.len());
     loop {
         while low < high && is_first(&primitives[low]) {
@@ -178,5 +184,97 @@ pub fn partition(primitives: &mut [Primitive], is_first: impl Fn(&Primitive) -> 
         primitives.swap(low, high - 1);
         low += 1;
         high -= 1;
+    }
+}
+
+/// The same by all threads.
+pub fn partition(primitives: &mut [Primitive], is_first: impl Fn(&Primitive) -> bool + Sync) -> usize {
+    if primitives.len() <= PARALLEL {
+        return partition_alone(primitives, is_first);
+    }
+    let count = |some: &[Primitive]| some.iter().filter(|p| is_first(p)).count();
+    let middle = primitives.par_chunks(PARALLEL).map(count).sum();
+    let (front, back) = primitives.split_at_mut(middle);
+    let mut to_back: Vec<usize> = front.par_chunks(PARALLEL).map(|some| some.len() - count(some)).collect();
+    sum_up(&mut to_back);
+    let mut to_front: Vec<usize> = back.par_rchunks(PARALLEL).map(count).collect();
+    sum_up(&mut to_front);
+    // How much of the back's end holds what changes places with the front up to the end of each of its chunks.
+    let ends: Vec<usize> = to_back.par_iter().map(|&n| end_with(back, n, &to_front, &is_first)).collect();
+    let (mut jobs, mut rest, mut taken) = (Vec::with_capacity(ends.len()), back, 0);
+    for (chunk, end) in front.chunks_mut(PARALLEL).zip(ends) {
+        let (before, own) = rest.split_at_mut(rest.len() - (end - taken));
+        jobs.push((chunk, own));
+        (rest, taken) = (before, end);
+    }
+    jobs.into_par_iter().for_each(|(chunk, others)| {
+        let mut others = others.iter_mut().rev().filter(|p| is_first(p));
+        for own in chunk.iter_mut().filter(|p| !is_first(p)) {
+            if let Some(other) = others.next() {
+                std::mem::swap(own, other);
+            }
+        }
+    });
+    middle
+}
+
+/// Makes each number the sum of all up to it.
+fn sum_up(numbers: &mut [usize]) {
+    let mut sum = 0;
+    for number in numbers {
+        sum += *number;
+        *number = sum;
+    }
+}
+
+/// How many primitives at the end of a list hold `wanted` ones for which `is_first`; `sums` says how many are in the last chunk,
+/// the last two and so on.
+fn end_with(
+    list: &[Primitive],
+    wanted: usize,
+    sums: &[usize],
+    is_first: impl Fn(&Primitive) -> bool,
+) -> usize {
+    let chunks = sums.partition_point(|&sum| sum < wanted);
+    let before = chunks.checked_sub(1).map_or(0, |last| sums[last]);
+    let skipped = (chunks * PARALLEL).min(list.len());
+    let rest = list[..list.len() - skipped].iter().rev().enumerate().filter(|(_, p)| is_first(p));
+    let last = if wanted > before { rest.map(|(i, _)| i + 1).nth(wanted - before - 1) } else { Some(0) };
+    skipped + last.unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::gather::Kind;
+    use super::super::tests::Rng;
+    use super::*;
+    use crate::math::Bounds3;
+
+    #[test]
+    fn threads_part_primitives_as_one_does() {
+        let mut rng = Rng::new(4);
+        let mut list = |count: usize| -> Vec<Primitive> {
+            let one = |_| Primitive { kind: Kind::Triangle, id: rng.bits(), bounds: Bounds3::EMPTY };
+            (0..count).map(one).collect()
+        };
+        let ids = |list: &[Primitive]| list.iter().map(|p| p.id).collect::<Vec<u32>>();
+        for (count, share) in [(10, 0.5), (200_000, 0.5), (400_001, 0.9), (300_000, 0.0), (PARALLEL * 3, 1.0)]
+        {
+            let limit = (share * f64::from(u32::MAX)) as u32;
+            let is_first = |p: &Primitive| p.id < limit || limit == u32::MAX;
+            let (mut one, mut two) = (list(count), Vec::new());
+            two.extend_from_slice(&one);
+            let middle = partition_alone(&mut one, is_first);
+            assert_eq!(middle, two.iter().filter(|p| is_first(p)).count());
+            assert_eq!(partition(&mut two, is_first), middle);
+            assert!(ids(&one) == ids(&two), "{count} {share}");
+        }
+        // All of one kind come first.
+        let mut sorted = list(300_000);
+        sorted.sort_unstable_by_key(|p| std::cmp::Reverse(p.id));
+        let mut other = sorted.clone();
+        let is_first = |p: &Primitive| p.id < 1 << 30;
+        assert_eq!(partition_alone(&mut sorted, is_first), partition(&mut other, is_first));
+        assert!(ids(&sorted) == ids(&other));
     }
 }

@@ -1,14 +1,15 @@
 //! Writes the wide tree into cache lines, depth first. Places are given out in one pass over the wide nodes; then all
 //! nodes, each with the packets of its leaves right behind it, are written in parallel.
 
+use super::append::Full;
 use super::binary::Binary;
 use super::collapse::{Collapse, MAX_LANES, Piece};
 use super::gather::{Kind, Primitive, triangle_vertices};
 use super::input::Geometry;
 use super::layout::{
     ANALYTIC_LINES, AnalyticPacket, CURVES, CurvePacket, DONE, INSTANCE_LINES, InstanceRecord, KIND_ANALYTIC,
-    KIND_INSTANCE, KIND_TRIANGLES, NODE_LINES, Node, PART_QUAD_FIRST, PART_QUAD_SECOND, PART_TRIANGLE,
-    TRIANGLE_LINES, TrianglePacket, leaf_ref, line_of, view_mut,
+    KIND_INSTANCE, KIND_TRIANGLES, MAX_LINE, NODE_LINES, Node, PART_QUAD_FIRST, PART_QUAD_SECOND,
+    PART_TRIANGLE, TRIANGLE_LINES, TrianglePacket, leaf_ref, line_of, view_mut,
 };
 use super::motion;
 use crate::math::{Bounds3, Vec3};
@@ -58,17 +59,28 @@ struct Place {
 /// Wide nodes that a thread writes at a time.
 const CHUNK: usize = 512;
 
+/// Makes room for lines up to `end`.
+fn make_room(lines: &mut Vec<Line>, end: usize) -> Result<(), Full> {
+    if end > MAX_LINE {
+        return Err(Full);
+    }
+    reserve_lines(lines, end - lines.len());
+    Ok(())
+}
+
 impl Emit<'_> {
     /// Appends the whole tree to `lines`.
-    pub fn write(&self, lines: &mut Vec<Line>) -> Emitted {
+    pub fn write(&self, lines: &mut Vec<Line>) -> Result<Emitted, Full> {
         let start = lines.len();
         if self.collapse.is_leaf(0) {
-            lines.resize(start + self.shapes.packet_lines(&self.collapse.lanes(0)), Line::ZERO);
+            let end = start + self.shapes.packet_lines(&self.collapse.lanes(0));
+            make_room(lines, end)?;
+            lines.resize(end, Line::ZERO);
             let (root, _) = self.write_leaf(&mut lines[start..], start, 0);
-            return Emitted { root, depth: 1 };
+            return Ok(Emitted { root, depth: 1 });
         }
         let (places, line_of_node, depth, end) = self.places(start);
-        reserve_lines(lines, end - start);
+        make_room(lines, end)?;
         lines.resize(end, Line::ZERO);
         let mut jobs = Vec::with_capacity(places.len() / CHUNK + 1);
         let mut rest = &mut lines[start..];
@@ -85,7 +97,7 @@ impl Emit<'_> {
                 self.write_node(&mut region[place.line - base..], *place, &line_of_node);
             }
         });
-        Emitted { root: start as u32, depth }
+        Ok(Emitted { root: start as u32, depth })
     }
 
     /// All wide nodes in depth-first order, the line of each binary node that became one, the tree's depth, and the line

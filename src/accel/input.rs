@@ -21,6 +21,13 @@ pub struct Geometry {
     pub keys: Vec<Vec<[f32; 3]>>,
 }
 
+impl Geometry {
+    /// How many primitives there are.
+    pub fn primitives(&self) -> usize {
+        self.triangles.len() + self.quads.len() + self.analytic.len() + self.curves.len()
+    }
+}
+
 /// An instance that moves while rays are traced.
 #[derive(Clone, Debug)]
 pub struct MovingInstance {
@@ -69,6 +76,20 @@ pub struct AccelInput<'a> {
     pub quality: TreeQuality,
     /// Is told how far building is.
     pub gauge: Option<&'a Gauge>,
+}
+
+impl AccelInput<'_> {
+    /// By geometry: is it the world's, or does an instance use it? Only these are built.
+    pub fn used_geometries(&self) -> Vec<bool> {
+        let mut used = vec![false; self.geometries.len()];
+        let placed = self.instances.iter().map(|instance| instance.geometry as usize);
+        for geometry in [0].into_iter().chain(placed) {
+            if let Some(used) = used.get_mut(geometry) {
+                *used = true;
+            }
+        }
+        used
+    }
 }
 
 /// How much of an earlier structure a new one keeps. What is kept stays in its place in the buffer: the rest is cut off

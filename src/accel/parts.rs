@@ -32,19 +32,28 @@ pub struct BuildStats {
 }
 
 impl BuildStats {
+    /// Adds what is in a tree.
+    pub(super) fn add(&mut self, tree: &BuildStats) {
+        self.triangles += tree.triangles;
+        self.quads += tree.quads;
+        self.analytic.iter_mut().zip(tree.analytic).for_each(|(sum, n)| *sum += n);
+        self.curves += tree.curves;
+        self.dropped.add(tree.dropped);
+    }
+
+    /// Counts the primitives of a geometry, which are in the order of their ids.
     pub(super) fn count(&mut self, geometry: &Geometry, primitives: &[Primitive]) {
+        let first_of = |kinds: &[Kind]| primitives.partition_point(|p| kinds.contains(&p.kind));
+        let triangles = first_of(&[Kind::Triangle]);
+        let flat = first_of(&[Kind::Triangle, Kind::Quad]);
+        let analytic = first_of(&[Kind::Triangle, Kind::Quad, Kind::Analytic]);
+        self.triangles += triangles as u64;
+        self.quads += (flat - triangles) as u64;
         let first = geometry.triangles.len() + geometry.quads.len();
-        for primitive in primitives {
-            match primitive.kind {
-                Kind::Triangle => self.triangles += 1,
-                Kind::Quad => self.quads += 1,
-                Kind::Analytic => {
-                    self.analytic[geometry.analytic[primitive.id as usize - first].tag() as usize] += 1;
-                }
-                Kind::Curve => self.curves += 1,
-                _ => {}
-            }
+        for primitive in &primitives[flat..analytic] {
+            self.analytic[geometry.analytic[primitive.id as usize - first].tag() as usize] += 1;
         }
+        self.curves += (primitives.len() - analytic) as u64;
     }
 }
 

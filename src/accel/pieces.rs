@@ -4,21 +4,20 @@
 //! primitive and 66 to 78 of the tree, with 15 more for what two threads work on where there are 2 million triangles, and 1.5 where
 //! there are 20. The README of `tools/rays` has the figures, and what was tried and lost.
 
+use super::append::{Full, Part, Threads, append, empty_buffer};
 use super::binary::{self, Effort, Workspace};
 use super::chunks;
 use super::collapse::{Collapse, Piece};
 use super::emit::{Emit, Emitted, Shapes};
+use super::estimate::Estimate;
 use super::gather::{Kind, Primitive};
-use super::input::{AccelInput, TreeQuality};
+use super::input::{Geometry, TreeQuality};
 use super::normalize::Space;
-use super::relocate::move_references;
-use crate::gauge::Gauge;
+use super::tree::TreeBuilder;
 use crate::math::Bounds3;
 use crate::simd::{Line, reserve_lines};
 use rayon::prelude::*;
 use std::ops::Range;
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// There are at least so many chunks, where they may be no smaller than the smallest. (A thread needs some 450 bytes a
 /// primitive of the chunk that it works on.)
@@ -32,47 +31,45 @@ const LARGE: f64 = 0.25;
 /// At most one primitive of so many counts as large.
 const FEW: usize = 64;
 
-/// Lines that triangles take, at most, but for few scenes: room for them is asked for at once, since a buffer that grows is
-/// there twice for a moment. (What is not written to takes no memory.)
-fn room(primitives: &[Primitive]) -> usize {
-    let lanes: usize = primitives.iter().map(|p| if p.kind == Kind::Triangle { 1 } else { 2 }).sum();
-    lanes * 11 / 8
+/// Lines that these primitives take, at most, but for few scenes.
+fn room(primitives: &[Primitive], geometry: &Geometry) -> usize {
+    let mut estimate = Estimate::default();
+    estimate.add_geometry(geometry);
+    estimate.add_instances(primitives.len().saturating_sub(geometry.primitives()));
+    estimate.lines()
 }
-
-/// A piece is written behind so many lines of its own, since the first of all hold no instance (see [`DONE`]).
-///
-/// [`DONE`]: super::layout::DONE
-const UNUSED: usize = 2;
 
 /// Appends the tree over some primitives, and reorders these.
 pub fn build(
     primitives: &mut [Primitive],
     space: &Space,
     shapes: Shapes,
-    input: &AccelInput,
+    (builder, threads): (&TreeBuilder, Threads),
     lines: &mut Vec<Line>,
-) -> Emitted {
+) -> Result<Emitted, Full> {
+    reserve_lines(lines, room(primitives, shapes.geometry));
     let limit = (primitives.len() / CHUNKS).clamp(SMALLEST, LARGEST);
     let count = large_to_front(primitives, space, limit);
     let (large, primitives) = primitives.split_at_mut(count);
     // In the space of a ground, the triangles of a scan that stands on it may be too small to be told apart.
     let own_space = (count > 0).then(|| Space::of(primitives));
     let space = own_space.as_ref().unwrap_or(space);
-    let chunks = chunks::cut(primitives, space, limit, input.gauge);
-    let effort = match input.quality {
+    let chunks = chunks::cut(primitives, space, limit, builder.gauge);
+    let effort = match builder.quality {
         TreeQuality::Fast => Effort::Least,
         TreeQuality::Full => Effort::Chunk,
     };
-    let pieces = Pieces { primitives, space, shapes, effort, gauge: input.gauge }.build(&chunks, lines);
+    let pieces = Pieces { primitives, space, shapes, effort, builder }.append(&chunks, threads, lines)?;
+    builder.tell(2 * large.len());
     let of_piece =
         |(i, piece): (usize, &Piece)| Primitive { kind: Kind::Piece, id: i as u32, bounds: piece.bounds };
     let tops: Vec<Primitive> = pieces.iter().enumerate().map(of_piece).chain(large.iter().copied()).collect();
     let binary = binary::build(&tops, &Space::of(&tops), Effort::Most, &mut Workspace::default());
     let collapse = Collapse::new(&binary, &tops, &pieces);
     let top = Emit { binary: &binary, collapse: &collapse, primitives: &tops, shapes, pieces: &pieces };
-    let Emitted { root, depth } = top.write(lines);
+    let Emitted { root, depth } = top.write(lines)?;
     let deepest = pieces.iter().map(|piece| piece.depth).max().unwrap_or(0);
-    Emitted { root, depth: depth + deepest }
+    Ok(Emitted { root, depth: depth + deepest })
 }
 
 /// Moves large primitives to the front, and returns their number. In a chunk a wall would make a box as large as the room, and
@@ -100,60 +97,33 @@ struct Pieces<'a> {
     space: &'a Space,
     shapes: Shapes<'a>,
     effort: Effort,
-    /// Is told how many primitives are done.
-    gauge: Option<&'a Gauge>,
-}
-
-/// Where pieces go: one behind the other in the order of their chunks, however many threads there are.
-struct Output<'a> {
-    lines: &'a mut Vec<Line>,
-    pieces: Vec<Piece>,
-    /// What was built before its turn.
-    waiting: Vec<Option<(Piece, Vec<Line>)>>,
-}
-
-impl Output<'_> {
-    fn put(&mut self, index: usize, piece: Piece, lines: Vec<Line>) {
-        self.waiting[index] = Some((piece, lines));
-        while let Some((piece, mut lines)) = self.waiting.get_mut(self.pieces.len()).and_then(Option::take) {
-            let by = (self.lines.len() as u32).wrapping_sub(UNUSED as u32);
-            move_references(&mut lines, piece.root, by);
-            self.lines.extend_from_slice(&lines[UNUSED..]);
-            self.pieces.push(Piece { root: piece.root.wrapping_add(by), ..piece });
-        }
-    }
+    builder: &'a TreeBuilder<'a>,
 }
 
 impl Pieces<'_> {
     /// Appends the trees of the chunks.
-    fn build(&self, chunks: &[Range<usize>], lines: &mut Vec<Line>) -> Vec<Piece> {
-        reserve_lines(lines, room(self.primitives));
-        let waiting = vec![None; chunks.len()];
-        let output = Mutex::new(Output { lines, pieces: Vec::with_capacity(chunks.len()), waiting });
-        let next = AtomicUsize::new(0);
-        // Not a parallel loop over chunks: a thread that waits within one would begin another meanwhile.
-        rayon::broadcast(|_| {
-            let mut workspace = Workspace::default();
-            loop {
-                let index = next.fetch_add(1, Ordering::Relaxed);
-                let Some(chunk) = chunks.get(index) else { break };
-                let (piece, lines) = self.piece(&self.primitives[chunk.clone()], &mut workspace);
-                output.lock().expect("no thread fails").put(index, piece, lines);
-                if let Some(gauge) = self.gauge {
-                    gauge.add(chunk.len() as u64);
-                }
-            }
-        });
-        output.into_inner().expect("no thread fails").pieces
+    fn append(
+        &self,
+        chunks: &[Range<usize>],
+        threads: Threads,
+        lines: &mut Vec<Line>,
+    ) -> Result<Vec<Piece>, Full> {
+        let built = append(chunks.len(), threads, lines, |index, workspace| {
+            let chunk = &self.primitives[chunks[index].clone()];
+            let piece = self.piece(chunk, workspace);
+            self.builder.tell(chunk.len());
+            piece
+        })?;
+        Ok(built.into_iter().map(|(root, piece)| Piece { root, ..piece }).collect())
     }
 
     /// The tree over a chunk.
-    fn piece(&self, primitives: &[Primitive], workspace: &mut Workspace) -> (Piece, Vec<Line>) {
+    fn piece(&self, primitives: &[Primitive], workspace: &mut Workspace) -> Result<Part<Piece>, Full> {
         let binary = &binary::build(primitives, self.space, self.effort, workspace);
         let collapse = &Collapse::new(binary, primitives, &[]);
-        let mut lines = vec![Line::ZERO; UNUSED];
+        let mut lines = empty_buffer();
         let emit = Emit { binary, collapse, primitives, shapes: self.shapes, pieces: &[] };
-        let Emitted { root, depth } = emit.write(&mut lines);
-        (Piece { root, depth, bounds: binary.bounds[0], cost: collapse.cost() }, lines)
+        let Emitted { root, depth } = emit.write(&mut lines)?;
+        Ok(Part { root, lines, what: Piece { root, depth, bounds: binary.bounds[0], cost: collapse.cost() } })
     }
 }

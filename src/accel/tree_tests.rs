@@ -17,7 +17,8 @@ fn build(geometries: &[&Geometry], instances: &[AccelInstance], quality: TreeQua
         moving: &[],
         quality,
         gauge: None,
-    });
+    })
+    .expect("it can be addressed");
     accel.validate().expect("valid");
     assert_eq!(accel.stats().quality, quality);
     accel

@@ -9,6 +9,7 @@ use super::parts::Tree;
 use super::structure::Accel;
 use crate::math::{Bounds3, Vec3};
 use crate::shape::triangle::LANES;
+use std::collections::HashSet;
 
 /// What a walk over a tree found.
 #[derive(Default)]
@@ -22,16 +23,17 @@ impl Accel {
     /// Checks that all references stay in the buffer, that each child's box holds what is below it, that each primitive
     /// and instance is reached exactly once, and that no path is deeper than the stacks allow.
     pub fn validate(&self) -> Result<(), String> {
-        self.expected.iter().try_for_each(|tree| self.validate_tree(tree))
+        let roots: HashSet<u32> = self.expected.iter().map(|tree| tree.root).collect();
+        self.expected.iter().try_for_each(|tree| self.validate_tree(tree, &roots))
     }
 
-    fn validate_tree(&self, tree: &Tree) -> Result<(), String> {
+    fn validate_tree(&self, tree: &Tree, roots: &HashSet<u32>) -> Result<(), String> {
         let mut found = Found::default();
         let everywhere = Bounds3 { min: Vec3::NEG_INFINITY, max: Vec3::INFINITY };
         let mut stack = vec![(tree.root, everywhere, 1)];
         while let Some((reference, bounds, depth)) = stack.pop() {
             if reference & LEAF != 0 {
-                self.validate_leaf(reference, &bounds, &mut found)?;
+                self.validate_leaf(reference, &bounds, roots, &mut found)?;
                 continue;
             }
             if depth > tree.depth.max(1) {
@@ -71,7 +73,13 @@ impl Accel {
     }
 
     /// Walks the packets of a leaf.
-    fn validate_leaf(&self, first: u32, bounds: &Bounds3, found: &mut Found) -> Result<(), String> {
+    fn validate_leaf(
+        &self,
+        first: u32,
+        bounds: &Bounds3,
+        roots: &HashSet<u32>,
+        found: &mut Found,
+    ) -> Result<(), String> {
         let mut reference = first;
         while reference != DONE {
             let outside = || format!("packet {reference:#x} lies outside of the buffer");
@@ -98,7 +106,7 @@ impl Accel {
                 KIND_INSTANCE if reference != LEAVE_INSTANCE => {
                     let record =
                         view::<InstanceRecord, INSTANCE_LINES>(&self.lines, line).ok_or_else(outside)?;
-                    if !self.expected.iter().any(|tree| tree.root == record.root) {
+                    if !roots.contains(&record.root) {
                         return Err(format!("instance {} refers to no tree", record.instance));
                     }
                     found.instances += 1;

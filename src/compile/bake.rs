@@ -9,9 +9,11 @@ use super::placement::normal_matrix;
 use super::plan::{Place, Plan, Step, normal_map_set, part_materials};
 use super::tangents::with_tangents;
 use crate::accel::{self, AccelInstance, MovingInstance};
+use crate::error::Result;
 use crate::math::{Bounds3, DAffine3, DVec3, Mat3, Vec3};
 use crate::scene::{MaterialId, Mesh, Moving, Scene};
 use crate::shape::{Analytic, CurveSegments, Quad, Shape as _};
+use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -47,66 +49,99 @@ struct Needs {
 }
 
 /// Makes geometry for a scene whose world's origin moves to `origin`.
+///
+/// # Errors
+/// If curves are cut into more points than can be numbered.
 pub(super) fn bake(
     scene: &Scene,
     materials: &[CompiledMaterial],
     origin: DVec3,
     plan: &Plan,
     kept: Kept,
-) -> Baked {
+) -> Result<Baked> {
     let numbering = Numbering::of(scene);
     let mut shared: Vec<Option<Arc<Space>>> = kept.shared.into_iter().map(Some).collect();
     shared.resize(plan.meshes.len(), None);
-    let mut world = Space::EMPTY;
-    let mut tangents: Vec<Option<Mesh>> = vec![None; scene.meshes.len()];
-    let is_hidden = |id: MaterialId| materials[id.index()].is_invisible();
-    for step in &plan.steps {
-        let is_there = match step.place {
-            Place::World => kept.world.is_some(),
-            _ => shared[step.geometry].is_some(),
-        };
-        if is_there {
-            continue;
+    let wanted = wanted(plan, kept.world.is_some(), &shared);
+    let tangents = tangents(scene, &wanted);
+    let mesh = |step: &Step| {
+        let id = scene.instances[step.instance].mesh;
+        let made = tangents.get(&id.index()).filter(|(first, _)| *first <= step.instance);
+        made.map_or(&scene.meshes[id.index()], |(_, mesh)| mesh)
+    };
+    let of_shared = Needs::of_shared(materials, plan.keeps_uv);
+    let spaces = wanted.par_iter().filter(|step| step.place != Place::World).map(|step| {
+        let id = scene.instances[step.instance].mesh;
+        let class = plan.mesh_classes[step.geometry];
+        let mut space = share((mesh(step), plan.is_inside_out(id)), class, of_shared);
+        if step.place == Place::Moving {
+            space.take_keys(scene, id);
         }
-        let instance = &scene.instances[step.instance];
-        let mesh = &scene.meshes[instance.mesh.index()];
-        let made = &mut tangents[instance.mesh.index()];
-        // New tangents may come with new vertices, whose motion nobody knows: hits find their own then.
-        if made.is_none()
-            && !blur::deforms(scene, instance.mesh)
-            && let Some(uv_set) = normal_map_set(part_materials(mesh, instance), scene)
-        {
-            *made = with_tangents(mesh, uv_set);
-        }
-        let mesh = made.as_ref().unwrap_or(mesh);
-        if step.place == Place::World {
-            let mut needs = needs_of(part_materials(mesh, instance), materials);
-            needs.uv[0] |= plan.keeps_uv;
-            let first = world.shapes.triangles.len();
-            world.owners.begin(first, numbering.instance(step.instance));
-            let class = plan.classes.of_object(&instance.traits);
-            let placed = (&step.world_from_object, plan.is_inside_out(instance.mesh));
-            world.append(mesh, (instance.material, class), placed, needs, is_hidden);
-        } else {
-            let class = plan.mesh_classes[step.geometry];
-            let mut space = share((mesh, plan.is_inside_out(instance.mesh)), class, materials, plan.keeps_uv);
-            if step.place == Place::Moving {
-                space.take_keys(scene, instance.mesh);
-            }
-            shared[step.geometry] = Some(Arc::new(space));
-        }
-    }
-    let world = kept.world.unwrap_or_else(|| {
-        world.append_shapes(scene, materials, origin, &numbering, plan);
-        world.append_curves(scene, materials, origin, &numbering, &plan.classes);
-        world.measure();
-        Arc::new(world)
+        (step.geometry, Arc::new(space))
     });
+    for (geometry, space) in spaces.collect::<Vec<_>>() {
+        shared[geometry] = Some(space);
+    }
+    let world = match kept.world {
+        Some(world) => world,
+        None => {
+            let mut world = Space::EMPTY;
+            let is_hidden = |id: MaterialId| materials[id.index()].is_invisible();
+            for step in wanted.iter().filter(|step| step.place == Place::World) {
+                let instance = &scene.instances[step.instance];
+                let mesh = mesh(step);
+                let mut needs = needs_of(part_materials(mesh, instance), materials);
+                needs.uv[0] |= plan.keeps_uv;
+                world.owners.begin(world.shapes.triangles.len(), numbering.instance(step.instance));
+                let class = plan.classes.of_object(&instance.traits);
+                let placed = (&step.world_from_object, plan.is_inside_out(instance.mesh));
+                world.append(mesh, (instance.material, class), placed, needs, is_hidden);
+            }
+            world.append_shapes(scene, materials, origin, &numbering, plan);
+            world.append_curves(scene, materials, origin, &numbering, &plan.classes)?;
+            world.measure();
+            Arc::new(world)
+        }
+    };
     let shared = shared.into_iter().flatten().collect();
     let motions = plan.motions.clone();
     let geometries = Geometries { world, shared, placements: Vec::new(), motions, moves: false };
     let baked = place(scene, plan, &numbering, geometries);
-    with_motion(baked, scene, materials, (origin, &numbering), plan)
+    Ok(with_motion(baked, scene, materials, (origin, &numbering), plan))
+}
+
+/// Steps whose geometry is not there: all into the world, and the first of each mesh that is not copied.
+fn wanted<'a>(plan: &'a Plan, has_world: bool, shared: &[Option<Arc<Space>>]) -> Vec<&'a Step> {
+    let mut is_there: Vec<bool> = shared.iter().map(Option::is_some).collect();
+    let is_wanted = |step: &&Step| match step.place {
+        Place::World => !has_world,
+        _ => !std::mem::replace(&mut is_there[step.geometry], true),
+    };
+    plan.steps.iter().filter(is_wanted).collect()
+}
+
+/// Meshes with tangents, by index, where a normal map asks for those of its set of texture coordinates and none came with the
+/// mesh; each with the instance from which on it is used.
+fn tangents(scene: &Scene, wanted: &[&Step]) -> BTreeMap<usize, (usize, Mesh)> {
+    let mut sets: BTreeMap<usize, Vec<(usize, usize)>> = BTreeMap::new();
+    for step in wanted {
+        let instance = &scene.instances[step.instance];
+        let mesh = &scene.meshes[instance.mesh.index()];
+        // New tangents may come with new vertices, whose motion nobody knows: hits find their own then.
+        if !blur::deforms(scene, instance.mesh)
+            && let Some(set) = normal_map_set(part_materials(mesh, instance), scene)
+        {
+            let known = sets.entry(instance.mesh.index()).or_default();
+            if known.iter().all(|(_, other)| *other != set) {
+                known.push((step.instance, set));
+            }
+        }
+    }
+    let made = sets.into_par_iter().filter_map(|(mesh, sets)| {
+        let with = |(first, set)| Some((first, with_tangents(&scene.meshes[mesh], set)?));
+        Some((mesh, sets.into_iter().find_map(with)?))
+    });
+    made.collect()
 }
 
 /// With the shapes that move while the picture is taken.
@@ -176,21 +211,21 @@ fn needs_of(used: impl Iterator<Item = MaterialId>, materials: &[CompiledMateria
     needs
 }
 
+impl Needs {
+    /// Those of a mesh that is not copied: every use may bring its own material.
+    fn of_shared(materials: &[CompiledMaterial], keeps_uv: bool) -> Needs {
+        let any = |f: fn(&CompiledMaterial) -> bool| materials.iter().any(f);
+        Needs {
+            normals: true,
+            uv: [keeps_uv, false].map(|keeps| keeps || any(|m| m.uses_uv)),
+            tangents: any(CompiledMaterial::uses_tangents),
+            colors: any(|m| m.uses_vertex_colors),
+        }
+    }
+}
+
 /// A mesh in a space of its own.
-fn share(
-    (mesh, is_inside_out): (&Mesh, bool),
-    class: Class,
-    materials: &[CompiledMaterial],
-    keeps_uv: bool,
-) -> Space {
-    // Every use may bring its own material.
-    let any = |f: fn(&CompiledMaterial) -> bool| materials.iter().any(f);
-    let needs = Needs {
-        normals: true,
-        uv: [keeps_uv, false].map(|keeps| keeps || any(|m| m.uses_uv)),
-        tangents: any(CompiledMaterial::uses_tangents),
-        colors: any(|m| m.uses_vertex_colors),
-    };
+fn share((mesh, is_inside_out): (&Mesh, bool), class: Class, needs: Needs) -> Space {
     let mut space = Space::EMPTY;
     space.append(mesh, (None, class), (&DAffine3::IDENTITY, is_inside_out), needs, |_| false);
     space.measure();

@@ -7,8 +7,10 @@
 
 use super::classes::Classes;
 use super::geometry::{CurveAttributes, Space, SurfaceCoordinates, frame_of};
+use super::limits;
 use super::material::CompiledMaterial;
 use super::objects::Numbering;
+use crate::error::Result;
 use crate::math::{DVec3, Vec3};
 use crate::scene::{CurveBasis, Curves, Scene};
 use crate::shape::{CurveSegment, CurveSegments, Surface};
@@ -169,7 +171,10 @@ fn tangent(points: &[[f32; 4]], i: usize) -> [f32; 3] {
 }
 
 /// The pieces of curves in a world whose origin moves to `origin`.
-fn cut(curves: &Curves, origin: DVec3, has_colors: bool) -> Cut {
+///
+/// # Errors
+/// If their points are more than can be numbered.
+fn cut(curves: &Curves, origin: DVec3, has_colors: bool) -> Result<Cut> {
     let scale = curves.radius_scale();
     let node = |i: usize| Node {
         p: curves.world_from_object.transform_point3(DVec3::from(curves.points[i].map(f64::from))) - origin,
@@ -191,14 +196,18 @@ fn cut(curves: &Curves, origin: DVec3, has_colors: bool) -> Cut {
         cut
     };
     let parts: Vec<Cut> = strands.par_chunks(CHUNK).map(one).collect();
-    parts.into_iter().fold(Cut::default(), |mut all, part| {
+    limits::check_cut_points(parts.iter().map(|part| part.segments.points.len()).sum())?;
+    Ok(parts.into_iter().fold(Cut::default(), |mut all, part| {
         all.append(part);
         all
-    })
+    }))
 }
 
 impl Space {
     /// Appends all curves that are seen to the world's own geometry.
+    ///
+    /// # Errors
+    /// If their points are more than can be numbered.
     pub(super) fn append_curves(
         &mut self,
         scene: &Scene,
@@ -206,7 +215,7 @@ impl Space {
         origin: DVec3,
         numbering: &Numbering,
         classes: &Classes,
-    ) {
+    ) -> Result<()> {
         let is_seen = |curves: &&Curves| !materials[curves.material.index()].is_invisible();
         let has_colors =
             scene.curves.iter().filter(is_seen).any(|curves| {
@@ -217,13 +226,16 @@ impl Space {
             let materials = &mut self.attributes.materials;
             self.owners.begin(materials.len(), numbering.curves(i));
             let before = all.segments.len();
-            all.append(cut(curves, origin, has_colors));
+            let cut = cut(curves, origin, has_colors)?;
+            limits::check_cut_points(all.segments.points.len() + cut.segments.points.len())?;
+            all.append(cut);
             let count = all.segments.len() - before;
             let material = classes.of_object(&curves.traits).material(curves.material);
             materials.resize(materials.len() + count, material);
         }
         self.shapes.curves = all.segments;
         self.attributes.curves = CurveAttributes { along: all.along, colors: all.colors };
+        Ok(())
     }
 }
 

@@ -19,6 +19,7 @@ mod geometry;
 mod glow;
 mod groups;
 mod inside_out;
+mod limits;
 mod links;
 mod material;
 mod media;

@@ -2,10 +2,12 @@
 
 use super::bake::{self, Baked};
 use super::geometry::Geometries;
+use super::limits;
 use super::material::CompiledMaterial;
 use super::plan::{Keys, Plan};
 use super::tree::Tree;
-use crate::accel::{self, Accel, AccelInput, Reuse};
+use crate::accel::{self, Accel, AccelInput, Reuse, TooLarge};
+use crate::error::Result;
 use crate::gauge::Gauge;
 use crate::image::Image;
 use crate::light::{EnvironmentLight, Lights};
@@ -91,7 +93,7 @@ impl Kept {
         origin: DVec3,
         plan: &Plan,
         tree: (Tree, &Gauge),
-    ) -> Geometry {
+    ) -> Result<Geometry> {
         let earlier = self.geometry.take();
         let (reuse, kept, accel) = match (earlier, &plan.keys) {
             (Some((accel, geometries, before)), Some(now)) if before.shared == now.shared => {
@@ -103,9 +105,9 @@ impl Kept {
             }
             _ => (Reuse::Nothing, bake::Kept::default(), None),
         };
-        let baked = bake::bake(scene, materials, origin, plan, kept);
-        let accel = build(&baked, plan, tree, reuse, accel);
-        Geometry { geometries: baked.geometries, accel }
+        let baked = bake::bake(scene, materials, origin, plan, kept)?;
+        let accel = build(&baked, plan, tree, reuse, accel).map_err(limits::too_large)?;
+        Ok(Geometry { geometries: baked.geometries, accel })
     }
 }
 
@@ -115,7 +117,7 @@ fn build(
     (tree, gauge): (Tree, &Gauge),
     reuse: Reuse,
     earlier: Option<Accel>,
-) -> Accel {
+) -> std::result::Result<Accel, TooLarge> {
     let Geometries { world, shared, .. } = &baked.geometries;
     let geometries: Vec<&accel::Geometry> = [world].into_iter().chain(shared).map(|s| &s.shapes).collect();
     let triangles = geometries.iter().map(|g| (g.triangles.len() + g.curves.len()) as u64).sum();

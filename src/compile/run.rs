@@ -8,12 +8,13 @@ use super::flat;
 use super::geometry::Geometries;
 use super::groups::LightGroups;
 use super::inside_out;
+use super::limits;
 use super::links::Links;
 use super::material::CompiledMaterial;
 use super::media;
 use super::medium::Medium;
 use super::moving_emitters;
-use super::plan::{self, Place, Plan};
+use super::plan::{self, Plan};
 use super::reuse::{Geometry, Kept, Sources};
 use super::scene::{CompileOptions, CompileReport, CompiledScene, Features};
 use super::spectral;
@@ -28,16 +29,11 @@ use crate::scene::{RayKinds, Scene, ShadingModel};
 use crate::texture::CompiledTextures;
 use std::time::Instant;
 
-/// Most triangles that the accelerator can address.
-const MAX_TRIANGLES: usize = 400_000_000;
-/// Most vertices that triangles can refer to.
-const MAX_VERTICES: usize = u32::MAX as usize;
-
 /// Compiles a scene.
 ///
 /// # Errors
-/// An input error with all that [`Scene::validate`] finds, for an anchor that is not finite, or for a scene with more
-/// triangles or vertices than can be addressed.
+/// An input error with all that [`Scene::validate`] finds, for an anchor that is not finite, or for a scene with more of
+/// something than can be numbered or addressed.
 pub fn compile(scene: &Scene, options: &CompileOptions) -> Result<(CompiledScene, CompileReport)> {
     check(scene.validate())?;
     if let Some(anchor) = options.anchor.filter(|anchor| !anchor.is_finite()) {
@@ -65,9 +61,9 @@ pub(super) fn compile_after(
     let plan = plan::plan((scene, &classes), &materials, anchor, is_sequence, warnings, left_out);
     let inside_out = inside_out::find(scene, &materials, &mut report.warnings);
     let plan = Plan { keeps_uv: options.keeps_uv, classes, inside_out, ..plan };
-    check_size(scene, &plan)?;
+    limits::check_size(scene, &plan)?;
     let Geometry { geometries, accel } =
-        kept.geometry(scene, &materials, anchor, &plan, (options.tree, &options.gauge));
+        kept.geometry(scene, &materials, anchor, &plan, (options.tree, &options.gauge))?;
     report_accel(accel.stats(), &mut report, || flat::count(scene, &plan));
 
     let mut emitters = emitters::find(&geometries, &materials);
@@ -236,24 +232,6 @@ pub(super) fn check(problems: Vec<Problem>) -> Result<()> {
         true => Ok(()),
         false => Err(Error { kind: ErrorKind::Input, file: None, problems, source_text: None }),
     }
-}
-
-fn check_size(scene: &Scene, plan: &Plan) -> Result<()> {
-    let copied = plan.steps.iter().filter(|s| s.place == Place::World);
-    let copied = copied.map(|s| scene.instances[s.instance].mesh.index());
-    let meshes = || copied.clone().chain(plan.meshes.iter().copied()).map(|m| &scene.meshes[m]);
-    let counts = [
-        (meshes().map(|m| m.triangles.len()).sum::<usize>(), "triangles", MAX_TRIANGLES),
-        (meshes().map(|m| m.positions.len()).sum(), "vertices", MAX_VERTICES),
-    ];
-    let too_many = counts.into_iter().filter(|(count, _, most)| count > most);
-    check(
-        too_many
-            .map(|(count, what, most)| {
-                Problem::new("", format!("{count} {what} are more than the {most} possible"))
-            })
-            .collect(),
-    )
 }
 
 fn report_accel(stats: &BuildStats, report: &mut CompileReport, flat: impl Fn() -> u64) {

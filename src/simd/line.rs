@@ -1,6 +1,8 @@
 //! Memory in cache lines, and the hint that one will be needed soon.
 
 use bytemuck::{Pod, Zeroable};
+use std::mem::MaybeUninit;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// One cache line. A `Vec<Line>` is aligned to 64 bytes.
 #[repr(C, align(64))]
@@ -15,10 +17,67 @@ impl Line {
 const _: () = assert!(size_of::<Line>() == 64 && align_of::<Line>() == 64);
 
 /// Makes room for `additional` more lines, on huge pages where the system has them for the asking: a walk through much
-/// memory then misses fewer address translations.
+/// memory then misses fewer address translations. A list that has to grow at least doubles: however often that is, each line
+/// moves a few times at most.
 pub fn reserve_lines(lines: &mut Vec<Line>, additional: usize) {
-    lines.reserve_exact(additional);
-    prefer_huge_pages(lines);
+    if lines.capacity() - lines.len() < additional {
+        lines.reserve(additional);
+        prefer_huge_pages(lines);
+    }
+}
+
+/// The room behind the lines of a list, to be taken part by part: see [`append_claims`].
+pub struct Claims<'a> {
+    room: &'a mut [MaybeUninit<Line>],
+    claimed: &'a AtomicUsize,
+    filled: &'a AtomicUsize,
+}
+
+/// Some lines of that room.
+pub struct Claim<'a> {
+    room: &'a mut [MaybeUninit<Line>],
+    filled: &'a AtomicUsize,
+}
+
+/// Lets threads append to a list side by side, as far as it has room: claims, one behind the other, that any thread fills. If
+/// one is not filled, nothing is appended.
+pub fn append_claims<R>(lines: &mut Vec<Line>, work: impl FnOnce(Claims) -> R) -> R {
+    let before = lines.len();
+    let (claimed, filled) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let room = lines.spare_capacity_mut();
+    let result = work(Claims { room, claimed: &claimed, filled: &filled });
+    let (claimed, filled) = (claimed.into_inner(), filled.into_inner());
+    if filled == claimed {
+        // SAFETY: claims are cut one behind the other from the room behind the list's end, `claimed` lines in all, and a claim,
+        // which is used up by it, counts as filled when each of its lines is written. No claim outlives the call.
+        unsafe { lines.set_len(before + claimed) };
+    }
+    result
+}
+
+impl<'a> Claims<'a> {
+    /// The next lines; `None` where there is no room for them, and then for none after them.
+    pub fn claim(&mut self, count: usize) -> Option<Claim<'a>> {
+        let room = std::mem::take(&mut self.room);
+        let (own, rest) = room.split_at_mut_checked(count)?;
+        self.room = rest;
+        self.claimed.fetch_add(count, Ordering::Relaxed);
+        Some(Claim { room: own, filled: self.filled })
+    }
+}
+
+impl Claim<'_> {
+    /// Copies lines there.
+    ///
+    /// # Panics
+    /// If they are not as many as were claimed.
+    pub fn fill(self, lines: &[Line]) {
+        assert_eq!(self.room.len(), lines.len());
+        for (to, from) in self.room.iter_mut().zip(lines) {
+            to.write(*from);
+        }
+        self.filled.fetch_add(lines.len(), Ordering::Relaxed);
+    }
 }
 
 /// Asks that a list's memory, which nothing has been written to yet, come in huge pages: its first touch then takes a

@@ -24,7 +24,9 @@ mod x86;
 
 pub use block::{BlockQuery, TriangleBlock};
 pub use each::map_each;
-pub use line::{Line, prefer_huge_pages, prefetch_element, prefetch_lines, reserve_lines};
+pub use line::{
+    Claim, Claims, Line, append_claims, prefer_huge_pages, prefetch_element, prefetch_lines, reserve_lines,
+};
 pub use slab::{BoxRay, Entry, Planes, ShearedLine};
 pub use table::Table;
 pub use wide::{ScalarWide, WIDEN, Wide, WideKernel};

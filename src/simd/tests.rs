@@ -293,3 +293,42 @@ fn a_limit_changes_what_is_used_and_not_what_there_is() {
     limit_level(Level::HIGHEST);
     assert_eq!(Some(&best_level()), before.last());
 }
+
+/// Lines are counted that move because there was no room.
+#[test]
+fn lists_that_grow_in_parts_move_each_line_a_few_times() {
+    for parts in [10, 100, 1000, 10_000] {
+        let (mut lines, mut moved) = (Vec::new(), 0);
+        for _ in 0..parts {
+            let before = lines.capacity();
+            reserve_lines(&mut lines, 7);
+            moved += if lines.capacity() == before { 0 } else { lines.len() };
+            lines.resize(lines.len() + 7, Line::ZERO);
+        }
+        assert!(moved <= 7 * parts, "{moved} lines moved by {parts} parts");
+    }
+}
+
+#[test]
+fn claims_are_filled_in_any_order_as_far_as_there_is_room() {
+    let line = |n: usize| Line([n as u32; 16]);
+    let filled = |skips: bool| {
+        let mut lines = vec![line(0)];
+        lines.reserve_exact(10);
+        let room = lines.capacity();
+        append_claims(&mut lines, |mut claims| {
+            let first = claims.claim(2).expect("room");
+            let second = claims.claim(room - 4).expect("room");
+            assert!(claims.claim(2).is_none() && claims.claim(1).is_none());
+            second.fill(&vec![line(2); room - 4]);
+            if !skips {
+                first.fill(&[line(1); 2]);
+            }
+        });
+        lines
+    };
+    let lines = filled(false);
+    assert_eq!(lines[..4].iter().map(|l| l.0[3]).collect::<Vec<_>>(), [0, 1, 1, 2]);
+    // A claim that nobody fills is memory that nobody wrote to.
+    assert_eq!(filled(true).len(), 1);
+}

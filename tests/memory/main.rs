@@ -45,6 +45,7 @@ fn building_takes_at_most_150_bytes_a_triangle() {
                 quality,
                 gauge: None,
             })
+            .expect("it can be addressed")
         });
         let peak = (status("VmHWM:") - before) / triangles;
         let tree = accel.stats().bytes as f64 / triangles;

@@ -47,6 +47,7 @@ impl World {
             quality,
             gauge: None,
         })
+        .expect("it can be addressed")
     }
 
     /// The ray sets by their names.

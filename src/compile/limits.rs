@@ -1,0 +1,138 @@
+//! Scenes with more of something than can be numbered or addressed: an error with the numbers before work starts.
+
+use super::plan::{Place, Plan};
+use super::run::check;
+use crate::accel::{Estimate, TooLarge};
+use crate::error::{Error, ErrorKind, Problem, Result};
+use crate::scene::{CurveBasis, Curves, Moving, Scene};
+
+/// Most of what is numbered by 32 bits: vertices and primitives of a space, objects, materials, lights. The last number means
+/// none.
+const NUMBERED: u64 = u32::MAX as u64 - 1;
+
+/// Fails where a scene with its plan is too large.
+pub(super) fn check_size(scene: &Scene, plan: &Plan) -> Result<()> {
+    let objects = scene.instances.len() + scene.quads.len() + scene.shapes.len() + scene.curves.len();
+    // Quads and the like may all shine; so may triangles, which the accelerator limits.
+    let lights = scene.lights.len() + scene.quads.len() + scene.shapes.len();
+    let curves = scene.curves.iter().map(|curves| curves.points.len() as u64).sum();
+    let counts = [
+        ("vertices of meshes that are copied for each use", copied(scene, plan).map(|c| c.vertices).sum()),
+        ("objects (instances, quads, shapes and curves)", objects as u64),
+        ("lights, quads and shapes", lights as u64),
+        ("materials", scene.materials.len() as u64),
+        ("points of curves", curves),
+    ];
+    let too_many = counts.into_iter().filter(|(_, count)| *count > NUMBERED);
+    check(too_many.map(|(what, count)| too_many_of(what, count)).collect())?;
+    estimate(scene, plan).check().map_err(too_large)
+}
+
+/// Fails where curves are cut into more points than can be numbered.
+pub(super) fn check_cut_points(count: usize) -> Result<()> {
+    let is_too_many = count as u64 > NUMBERED;
+    let problem = || too_many_of("points of curves that were cut into straight pieces", count as u64);
+    check(is_too_many.then(problem).into_iter().collect())
+}
+
+fn too_many_of(what: &str, count: u64) -> Problem {
+    Problem::new("", format!("{count} {what} are more than the {NUMBERED} that can be numbered"))
+        .with_help("render parts of the scene apart, or leave some of it out")
+}
+
+/// The error of a scene whose acceleration structure can't be addressed.
+pub(super) fn too_large(error: TooLarge) -> Error {
+    let problems = vec![Problem::new("", error.to_string())];
+    Error { kind: ErrorKind::Input, file: None, problems, source_text: None }
+}
+
+/// What a copied mesh brings.
+struct Copied {
+    vertices: u64,
+    triangles: usize,
+}
+
+fn copied<'a>(scene: &'a Scene, plan: &'a Plan) -> impl Iterator<Item = Copied> + 'a {
+    let steps = plan.steps.iter().filter(|step| step.place == Place::World);
+    steps.map(|step| {
+        let mesh = &scene.meshes[scene.instances[step.instance].mesh.index()];
+        Copied { vertices: mesh.positions.len() as u64, triangles: mesh.triangles.len() }
+    })
+}
+
+/// What rays will meet, as far as it is known before curves are cut: they give at least as many pieces as they have spans.
+fn estimate(scene: &Scene, plan: &Plan) -> Estimate {
+    let mut estimate = Estimate::default();
+    copied(scene, plan).for_each(|mesh| estimate.add_triangles(mesh.triangles, 0));
+    for &mesh in &plan.meshes {
+        let keys = scene.motion.meshes.get(&mesh).filter(|moving| Moving::blurs(moving));
+        estimate
+            .add_triangles(scene.meshes[mesh].triangles.len(), keys.map_or(0, |moving| moving.keys.len()));
+    }
+    estimate.add_quads(scene.quads.len());
+    estimate.add_analytic(scene.shapes.len());
+    estimate.add_curves(scene.curves.iter().map(spans).sum());
+    estimate.add_instances(plan.steps.iter().filter(|step| step.place != Place::World).count());
+    estimate
+}
+
+/// Spans of curves, at least.
+fn spans(curves: &Curves) -> usize {
+    let of_strand = |&points: &u32| match curves.basis {
+        CurveBasis::Linear | CurveBasis::CatmullRom => points.saturating_sub(1) as usize,
+        CurveBasis::Bezier => points as usize / 3,
+        CurveBasis::BSpline => points.saturating_sub(3) as usize,
+    };
+    curves.strands.iter().map(of_strand).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::compile::plan::Step;
+    use crate::math::DAffine3;
+    use crate::scene::{Instance, Mesh, MeshId, Motion, ObjectTraits, Vertices};
+
+    /// A plan alone: nothing of this size is ever in memory.
+    fn plan(copies: usize, place: Place) -> Plan {
+        let world_from_object = DAffine3::IDENTITY;
+        let step = Step { instance: 0, place, world_from_object, geometry: 0, motion: None };
+        Plan { steps: vec![step; copies], ..Plan::default() }
+    }
+
+    #[test]
+    fn too_many_copies_are_an_error_with_numbers() {
+        let mut scene = Scene::default();
+        let mesh =
+            Mesh { triangles: vec![[0, 1, 2]; 1000], positions: vec![[0.0; 3]; 9000], ..Mesh::default() };
+        scene.meshes.push(mesh);
+        scene.instances.push(Instance {
+            name: String::new(),
+            mesh: MeshId(0),
+            world_from_object: DAffine3::IDENTITY,
+            material: None,
+            motion: Motion::default(),
+            traits: ObjectTraits::default(),
+            light_group: None,
+        });
+        assert!(check_size(&scene, &plan(300_000, Place::World)).is_ok());
+        assert!(check_size(&scene, &plan(1_000_000, Place::Still)).is_ok());
+        let message = check_size(&scene, &plan(400_000, Place::World)).expect_err("too large").to_string();
+        assert!(message.contains("400000000 triangles take about 32.8 GiB"), "{message}");
+        let message = check_size(&scene, &plan(480_000, Place::World)).expect_err("too large").to_string();
+        assert!(message.contains("4320000000 vertices of meshes"), "{message}");
+        assert!(check_cut_points(1 << 32).is_err() && check_cut_points(1 << 31).is_ok());
+    }
+
+    #[test]
+    fn keys_of_motion_count() {
+        let mut scene = Scene::default();
+        scene.meshes.push(Mesh { triangles: vec![[0, 1, 2]; 1 << 20], ..Mesh::default() });
+        let plan = Plan { meshes: vec![0; 100], ..Plan::default() };
+        assert!(check_size(&scene, &plan).is_ok());
+        let keys = vec![Vertices::default(); 16];
+        scene.motion.meshes.insert(0, Moving { keys, neighbours: None });
+        let message = check_size(&scene, &plan).expect_err("too large").to_string();
+        assert!(message.contains("104857600 triangles take about 118"), "{message}");
+    }
+}
