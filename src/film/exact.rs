@@ -55,6 +55,14 @@ impl SumList {
         })
     }
 
+    /// Adds sums of a tile, some numbers from each of its pixels.
+    pub fn add_strided<'a>(&mut self, at: usize, pixels: impl Iterator<Item = &'a [f64]>) {
+        let mut sums = self.high[at..].iter_mut().zip(&mut self.low[at..]);
+        for numbers in pixels {
+            numbers.iter().zip(&mut sums).for_each(|(value, (high, low))| add(high, low, on_grid(*value)));
+        }
+    }
+
     /// Adds sums of another list: those of a tile, or exact ones.
     pub fn merge(&mut self, at: usize, other: &SumList, from: usize, count: usize) {
         let (high, low) = (&mut self.high[at..at + count], &mut self.low[at..at + count]);
