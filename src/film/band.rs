@@ -1,10 +1,10 @@
 //! The bands of a film: rows that threads add to without meeting those that add to others.
 
+use super::Values;
 use super::channel::{Channel, Reduction, Source};
 use super::splats::{Splat, Splats};
 use super::sums::{Layout, Sums};
 use super::tile::FilmTile;
-use super::Values;
 use std::ops::Range;
 
 /// Rows of a band.
@@ -77,9 +77,8 @@ impl Rect {
     pub fn rows_of(self, other: Rect) -> impl Iterator<Item = (usize, usize, usize)> {
         let both = self.and(other);
         let rows = if both.x0 < both.x1 { both.y0..both.y1 } else { 0..0 };
-        let place = move |of: Rect, y: u32| {
-            (y - of.y0) as usize * of.width() as usize + (both.x0 - of.x0) as usize
-        };
+        let place =
+            move |of: Rect, y: u32| (y - of.y0) as usize * of.width() as usize + (both.x0 - of.x0) as usize;
         rows.map(move |y| (place(self, y), place(other, y), both.width() as usize))
     }
 }
@@ -118,7 +117,13 @@ impl Band {
     }
 
     /// Adds splats. Those outside the band are left out; gives the number of those that are not finite and left out, too.
-    pub fn add_splats(&mut self, own: Rect, splats: &[Splat], is_of_first_half: bool, layout: &Layout) -> u64 {
+    pub fn add_splats(
+        &mut self,
+        own: Rect,
+        splats: &[Splat],
+        is_of_first_half: bool,
+        layout: &Layout,
+    ) -> u64 {
         let (width, height) = (own.width(), own.height());
         let sums = self.splats(layout);
         let mut invalid = 0;

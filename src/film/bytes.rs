@@ -137,7 +137,8 @@ fn read_coverage(reader: &mut dyn Read, parts: Vec<&mut Coverage>) -> io::Result
     let length = count[0].saturating_mul(size_of::<Entry>() as u64);
     let mut entries = Vec::new();
     reader.take(length).read_to_end(&mut entries)?;
-    all.entries = if entries.len() as u64 == length { bytemuck::pod_collect_to_vec(&entries) } else { Vec::new() };
+    all.entries =
+        if entries.len() as u64 == length { bytemuck::pod_collect_to_vec(&entries) } else { Vec::new() };
     if entries.len() as u64 != length || !all.is_valid() {
         return Err(io::ErrorKind::InvalidData.into());
     }
@@ -212,17 +213,11 @@ impl AsKept for Splats {
     }
 }
 
-fn write<'a, T: Pod>(
-    writer: &mut dyn Write,
-    lists: impl IntoIterator<Item = &'a [T]>,
-) -> io::Result<()> {
+fn write<'a, T: Pod>(writer: &mut dyn Write, lists: impl IntoIterator<Item = &'a [T]>) -> io::Result<()> {
     lists.into_iter().try_for_each(|list| writer.write_all(bytemuck::cast_slice(list)))
 }
 
 /// Fills lists.
-fn read<'a, T: Pod>(
-    reader: &mut dyn Read,
-    lists: impl IntoIterator<Item = &'a mut [T]>,
-) -> io::Result<()> {
+fn read<'a, T: Pod>(reader: &mut dyn Read, lists: impl IntoIterator<Item = &'a mut [T]>) -> io::Result<()> {
     lists.into_iter().try_for_each(|list| reader.read_exact(bytemuck::cast_slice_mut(list)))
 }

@@ -4,10 +4,10 @@
 //! they are taken column by column. Where passes overlap, a tile of a later pass waits in its bands until all of the earlier
 //! one is there, so that each pixel gets its samples in one order.
 
+use super::Film;
 use super::band::{Band, Rect};
 use super::splats::Splat;
 use super::tile::FilmTile;
-use super::Film;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -129,4 +129,76 @@ impl SharedBand {
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::film::{Aov, AovSet};
+
+    /// The tile of a pass at a place: each sample tells its pass by its colour and by the id of its material.
+    fn tile(film: &SharedFilm, pass: usize, (x0, y0): (u32, u32)) -> FilmTile {
+        let mut tile = FilmTile::new(x0, y0, 16, 16, film.film.layout());
+        for pixel in 0..256 {
+            let id = f32::from_bits(1 + pass as u32);
+            // So large that sums depend on their order.
+            let value = [1e9, 0.1, 1e17][pass % 3];
+            tile.add_with_first_hit(pixel, [value; 3], 1.0, Some(&[id]));
+        }
+        tile
+    }
+
+    fn film() -> Film {
+        Film::new(50, 70, AovSet::from([Aov::MaterialId])).at(3, 5)
+    }
+
+    fn places() -> Vec<(u32, u32)> {
+        (0..6).flat_map(|y| (0..4).map(move |x| (16 * x, 16 * y))).collect()
+    }
+
+    #[test]
+    fn pixels_get_passes_in_their_order_whatever_the_order_of_tiles() {
+        let mut one_by_one = film();
+        let shared = film().into_shared();
+        let order: Vec<(usize, (u32, u32))> =
+            (0..4).flat_map(|pass| places().into_iter().map(move |place| (pass, place))).collect();
+        order.iter().for_each(|(pass, place)| one_by_one.merge(tile(&shared, *pass, *place)));
+        // Each number once, in another order.
+        let mixed = (0..order.len()).map(|i| order[(i * 41 + 17) % order.len()]);
+        mixed.for_each(|(pass, place)| drop(shared.merge(pass, tile(&shared, pass, place))));
+        let waits = |band: &Mutex<SharedBand>| !lock(band).waiting.is_empty();
+        assert!(!shared.bands.iter().any(waits));
+        assert_eq!(shared.into_film(), one_by_one);
+    }
+
+    /// Where a pass is not finished, later ones follow all the same in the end.
+    #[test]
+    fn what_waits_is_not_lost() {
+        let shared = film().into_shared();
+        let mut one_by_one = film();
+        for (pass, place) in [(2, (16, 16)), (1, (32, 16)), (0, (16, 16)), (1, (16, 16))] {
+            shared.merge(pass, tile(&shared, pass, place));
+        }
+        for (pass, place) in [(0, (16, 16)), (1, (16, 16)), (2, (16, 16)), (1, (32, 16))] {
+            one_by_one.merge(tile(&shared, pass, place));
+        }
+        assert_eq!(shared.into_film(), one_by_one);
+    }
+
+    /// No lock is common to all: tiles of other bands come in while a band is held.
+    #[test]
+    fn bands_do_not_wait_for_each_other() {
+        let shared = Film::new(64, 64, AovSet::NONE).into_shared();
+        let held = lock(&shared.bands[1]);
+        let layout = shared.film.layout();
+        for y0 in [0, 32, 48] {
+            assert!(shared.merge(0, FilmTile::new(0, y0, 64, 16, layout)).is_some());
+        }
+        drop(held);
+        let locks = |y0, height| shared.place.bands_over(Rect::new((0, y0), (16, height))).len();
+        assert_eq!(
+            [locks(0, 16), locks(48, 16), locks(8, 16), locks(32, 32), locks(64, 16)],
+            [1, 1, 2, 2, 0]
+        );
+    }
 }

@@ -11,6 +11,7 @@ use super::schedule::Pass;
 use super::technique::Choice;
 use crate::integrator::Block;
 use crate::sampling::Allotment;
+use rayon::prelude::*;
 
 /// Radius in pixels of each of the two averages over neighbours.
 const RADIUS: usize = 1;
@@ -88,7 +89,7 @@ impl ErrorMap {
         }
         let costs = averages(&self.costs, self.width);
         let scale = |(&e, &c): (&f32, &f32)| ((f64::from(e) + UNSEEN * mean) / f64::from(c)).sqrt();
-        let scales: Vec<f64> = errors.iter().zip(&costs).map(scale).collect();
+        let scales: Vec<f64> = errors.par_iter().zip(&costs).map(scale).collect();
         let least = f64::from(earlier.max(options.least_samples.min(total)));
         let most = (MOST * f64::from(total)).min(f64::from(options.most_samples.max(total)));
         // The least sum of e / n for a given sum of c n has n in proportion to the root of e / c.
@@ -100,7 +101,7 @@ impl ErrorMap {
             let middle = 0.5 * (low + high);
             *if sum_at(middle) < wanted { &mut low } else { &mut high } = middle;
         }
-        let counts: Vec<f32> = scales.iter().map(|s| (low * s).clamp(least, most) as f32).collect();
+        let counts: Vec<f32> = scales.par_iter().map(|s| (low * s).clamp(least, most) as f32).collect();
         let work = |n: &dyn Fn(usize) -> f32| {
             let sum = |of: &dyn Fn(usize) -> f32| (0..errors.len()).map(|i| f64::from(of(i))).sum::<f64>();
             sum(&|i| errors[i] / n(i)) * sum(&|i| costs[i] * n(i))
@@ -125,7 +126,7 @@ impl ErrorMap {
             let share = share(i % width, width) * share(i / width, height);
             ((averages[i] - share * self.values[i]) / (1.0 - share)).max(0.0)
         };
-        (0..averages.len()).map(others).collect()
+        (0..averages.len()).into_par_iter().map(others).collect()
     }
 }
 
@@ -142,17 +143,15 @@ fn averages(values: &[f32], width: usize) -> Vec<f32> {
 
 /// Averages over the neighbours in a row.
 fn of_rows(values: &[f32], width: usize) -> Vec<f32> {
-    let mut averages = Vec::with_capacity(values.len());
-    for row in values.chunks(width) {
-        for x in 0..width {
-            let around = &row[x.saturating_sub(RADIUS)..(x + RADIUS + 1).min(width)];
-            averages.push(around.iter().sum::<f32>() / around.len() as f32);
-        }
-    }
-    averages
+    let average = |i: usize| {
+        let (row, x) = (&values[i - i % width..][..width], i % width);
+        let around = &row[x.saturating_sub(RADIUS)..(x + RADIUS + 1).min(width)];
+        around.iter().sum::<f32>() / around.len() as f32
+    };
+    (0..values.len()).into_par_iter().map(average).collect()
 }
 
 fn transposed(values: &[f32], width: usize) -> Vec<f32> {
     let height = values.len() / width;
-    (0..values.len()).map(|i| values[i % height * width + i / height]).collect()
+    (0..values.len()).into_par_iter().map(|i| values[i % height * width + i / height]).collect()
 }

@@ -271,3 +271,43 @@ fn best_share(one: &CausticTally, rest: &Rest) -> (f64, f64) {
     let is_seen = one.sum >= LEAST_LIGHT * (rest.light + one.sum);
     (share, if is_seen { gain } else { 0.0 })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::compile::{CompileOptions, choose_camera, compile};
+    use std::path::Path;
+    use std::sync::atomic::{AtomicU32, Ordering};
+
+    /// Stops a trial when that was asked for so many times whether it is to stop. How often it was asked in all, and whether something
+    /// was decided.
+    fn tried(asked_before: u32, threads: usize) -> (u32, bool, Option<u32>) {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/cornell-spheres.toml");
+        let scene = crate::load::load(&path, &Default::default()).expect("the scene loads").scene;
+        let (compiled, _) = compile(&scene, &CompileOptions::default()).expect("it is valid");
+        let options = RenderOptions::default().size(64, 64).caustics(Caustics::On);
+        let view = View::new(&compiled, choose_camera(&scene, None).expect("a camera"), 64, 64);
+        let (filter, asked) = (FilterSampler::new(options.filter), AtomicU32::new(0));
+        let stop = || asked.fetch_add(1, Ordering::Relaxed) >= asked_before;
+        let mut choice = CausticChoice::default();
+        let decide = || choice.decide(&compiled, &view, &options, &filter, &stop);
+        let is_done = super::super::in_pool(Some(threads), decide).expect("the threads start");
+        (asked.into_inner(), is_done, choice.plan().map(CausticPlan::paths))
+    }
+
+    #[test]
+    fn a_trial_ends_when_it_is_stopped() {
+        let (asked, is_done, plan) = tried(u32::MAX, 3);
+        assert!(is_done && plan.is_some());
+        // Of all its parts, each of which asks twice, one thread begins one more.
+        let (asked_then, is_done, plan) = tried(5, 1);
+        assert!(!is_done && plan.is_none());
+        assert!(asked_then < 8 && asked > 60, "{asked_then} of {asked}");
+    }
+
+    #[test]
+    fn threads_do_not_change_the_trial() {
+        let of_one = tried(u32::MAX, 1);
+        assert_eq!([tried(u32::MAX, 3), tried(u32::MAX, 40)], [of_one; 2]);
+    }
+}

@@ -192,13 +192,20 @@ impl Rendering {
     /// until all samples are taken, or it is stopped. Without a time limit and a noise that is asked for, threads that have nothing left
     /// to do in a pass go on with the next one: what few passes at a time cost on many threads is saved.
     pub fn run_until(&mut self, is_due: impl Fn() -> bool + Sync) -> PassOutcome {
-        while self.next_passes(MOST_AT_ONCE, &is_due) == PassOutcome::Progressed && !is_due() {}
+        // What is gone on from lies before a pass that ends within a block.
+        let is_last = |own: &Rendering| own.finishes_passes && own.ends_within_block();
+        while self.next_passes(MOST_AT_ONCE, &is_due) == PassOutcome::Progressed {
+            if is_due() || is_last(self) {
+                break;
+            }
+        }
         self.outcome
     }
 
     /// Takes passes until all samples are taken or it is stopped.
     pub fn run(&mut self) -> PassOutcome {
-        self.run_until(|| false)
+        while self.run_until(|| false) == PassOutcome::Progressed {}
+        self.outcome
     }
 
     /// Takes so many passes at most.

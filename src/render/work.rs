@@ -218,7 +218,10 @@ impl<'a> PassWork<'a> {
             let waves: Vec<(u32, u32)> =
                 of_samples.flat_map(|sample| starts.iter().map(move |start| (sample, *start))).collect();
             let trace = || -> Option<Vec<Vec<Splat>>> {
-                waves.par_iter().map(|&(sample, start)| self.trace_wave(&tracer, plan, sample, start)).collect()
+                waves
+                    .par_iter()
+                    .map(|&(sample, start)| self.trace_wave(&tracer, plan, sample, start))
+                    .collect()
             };
             // What was traced before is added while threads go on.
             let last = traced.take();
