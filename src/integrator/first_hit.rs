@@ -158,7 +158,8 @@ impl FirstHits {
         }
         let count = if aovs.any() { count } else { 0 };
         // Values of samples that hit nothing are not looked at.
-        self.values.resize(count * self.stride(), 0.0);
+        let numbers = (count * self.stride()).max(self.values.len());
+        self.values.resize(numbers, 0.0);
         self.is_hit.clear();
         self.is_hit.resize(count, false);
     }

@@ -1,4 +1,4 @@
-//! Rendering: takes one pass at a time, and has a picture after each.
+//! Rendering: takes one pass at a time and has a picture after each, or takes several without a pause.
 
 use super::adaptive::ErrorMap;
 use super::cancel::CancelHandle;
@@ -37,8 +37,9 @@ use std::time::Instant;
 ///
 /// Between passes the film is a picture of the samples so far. With a time limit, passes are planned so that all pixels
 /// have the same number of samples; where a pass takes longer than it should, and when rendering is cancelled, the film
-/// has the tiles that were finished until then: pixels may differ in their number of samples by one pass. No sample is
-/// chosen by its value, so such a picture has the same mean.
+/// has the tiles that were finished until then: pixels may differ in their number of samples, by one pass after
+/// [`Rendering::next_pass`] and by a few after [`Rendering::run`]. No sample is chosen by its value, so such a picture has the
+/// same mean.
 ///
 /// ```
 /// use oscura::{Renderer, render::PassOutcome};
