@@ -351,7 +351,18 @@ impl Film {
 
     /// The components of an AOV, row by row from the top. `None` if the film doesn't have it.
     pub fn aov(&self, aov: Aov) -> Option<Vec<Values>> {
-        aov.info().names.iter().map(|name| self.plane(name)).collect()
+        self.components(aov.info().names)
+    }
+
+    /// Several components of one channel by their names in files, each row by row from the top. `None` if the film doesn't have them.
+    pub fn components(&self, names: &[&str]) -> Option<Vec<Values>> {
+        let first = names.first()?;
+        let mut channels = self.channels().iter().enumerate();
+        let (index, channel) = channels.find(|(_, channel)| channel.names.iter().any(|own| own == first))?;
+        let place = |name: &&str| channel.names.iter().position(|own| own == name);
+        let places = names.iter().map(place).collect::<Option<Vec<usize>>>()?;
+        let mut planes: Vec<Option<Values>> = self.planes_of(index, channel).into_iter().map(Some).collect();
+        places.into_iter().map(|place| planes[place].take()).collect()
     }
 
     /// Lays a colour behind each pixel where it is transparent; all pixels with samples become opaque.

@@ -463,24 +463,25 @@ impl Rendering {
         let (first, pass) = (&works[0], passes[0]);
         let mut choice = self.choice;
         let mut errors = ErrorMap::wanted(&self.options, choice, pass);
-        let mut taken = (1, takes == Takes::TrialsOnly || first.light_from_lamps());
-        if taken.1 {
+        let is_due = || is_due() || self.cancel.is_cancelled();
+        let take = || {
             let mut trials = pilot::trials(choice, &self.view, pass);
-            let best = if trials.is_empty() {
-                Some(choice.now)
-            } else {
+            if !trials.is_empty() {
                 let best = first.try_all(&mut trials, &mut errors);
                 choice = Choice::decided(best.unwrap_or(Technique::PLAIN));
-                best
-            };
-            let is_cancelled = || is_due() || self.cancel.is_cancelled();
-            taken = match (best, &mut errors) {
-                (None, _) => (1, false),
-                (Some(_), _) if takes == Takes::TrialsOnly => (1, true),
-                (Some(best), Some(errors)) => (1, first.take_with_errors(best, &trials, errors)),
-                (Some(best), None) => take_passes(&works, best, &trials, &is_cancelled),
-            };
-        }
+                if best.is_none() {
+                    return (1, false);
+                }
+            }
+            match &mut errors {
+                _ if takes == Takes::TrialsOnly => (1, true),
+                Some(errors) => (1, first.take_with_errors(choice.now, &trials, errors)),
+                None => take_passes(&works, choice.now, &trials, &is_due),
+            }
+        };
+        // Threads that find no path from a lamp left go on with tiles.
+        let light = || takes == Takes::TrialsOnly || first.light_from_lamps();
+        let (is_lit, (begun, is_done)) = rayon::join(light, take);
         drop(works);
         let film = film.into_film();
         if takes == Takes::All {
@@ -490,7 +491,7 @@ impl Rendering {
         if let Some(errors) = errors.filter(|_| choice.now.shape().is_none()) {
             self.allotment = errors.allot(&self.options, pass.samples);
         }
-        taken
+        (begun, is_lit && is_done)
     }
 }
 

@@ -89,10 +89,15 @@ fn replayed(spans: &[Span], threads: usize, rule: Rule) -> f64 {
             let joined = match (rule, span.stage) {
                 (Rule::Overlap, "tiles") => number.min(8),
                 (Rule::Overlap, "guiding") => number / (2 * threads).div_ceil(16) as u32,
-                (Rule::Overlap, "paths from lamps") => number / 8,
                 _ => number,
             };
-            if last != Some((span.stage, joined)) {
+            // Tiles begin while paths from lamps end.
+            let begins = match (rule, span.stage, last) {
+                (Rule::Overlap, "paths from lamps", Some(("paths from lamps", _))) => false,
+                (Rule::Overlap, "trials" | "tiles", Some(("paths from lamps", _))) => false,
+                _ => last != Some((span.stage, joined)),
+            };
+            if begins {
                 sum += makespan(&std::mem::take(&mut group), threads);
             }
             last = Some((span.stage, joined));
