@@ -76,6 +76,12 @@ impl<'a> Keeper<'a> {
         Ok(rendering)
     }
 
+    /// When the next checkpoint is to be written, if one is.
+    pub fn next_write(&self) -> Option<Instant> {
+        self.args.long.checkpoint.as_ref()?;
+        self.written.checked_add(self.args.long.checkpoint_interval)
+    }
+
     /// Writes the checkpoint if it is time to. A disk that is full for a while is no reason to lose the rest.
     pub fn before_pass(&mut self, rendering: &mut Rendering, said: &mut Said) {
         let is_due = self.written.elapsed() >= self.args.long.checkpoint_interval;

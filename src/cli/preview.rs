@@ -9,6 +9,7 @@ use oscura::error::Result;
 use oscura::output::PngOptions;
 use oscura::render::Rendering;
 use oscura::scene::Camera;
+use std::time::Instant;
 
 /// Who looks on.
 pub(super) enum Preview {
@@ -43,6 +44,14 @@ impl Preview {
         match self {
             Preview::Page(page) => page.begin(rendering, png, camera, triangles),
             Preview::Tev(tev) => tev.begin(rendering, said),
+        }
+    }
+
+    /// When the picture so far is to be shown next; `None` if nobody looks any more.
+    pub fn next_show(&self) -> Option<Instant> {
+        match self {
+            Preview::Page(page) => Some(page.next_show()),
+            Preview::Tev(tev) => tev.next_show(),
         }
     }
 

@@ -251,7 +251,13 @@ fn take_picture<'a>(
     let mut saved = Instant::now();
     loop {
         keeper.before_pass(&mut rendering, said);
-        if rendering.next_pass() != PassOutcome::Progressed {
+        let due = [
+            keeper.next_write(),
+            preview.as_ref().and_then(|shown| shown.next_show()),
+            args.long.save_every.and_then(|pause| saved.checked_add(pause)),
+        ];
+        let due = due.into_iter().flatten().min();
+        if rendering.run_until(|| due.is_some_and(|due| Instant::now() >= due)) != PassOutcome::Progressed {
             break;
         }
         preview.iter_mut().for_each(|shown| shown.show(&rendering, false, said));

@@ -70,6 +70,11 @@ impl Tev {
         self.check(sent, said);
     }
 
+    /// When the picture so far is to be sent next, if the viewer is still there.
+    pub fn next_show(&self) -> Option<Instant> {
+        self.client.as_ref().map(|_| self.next)
+    }
+
     /// Sends the picture so far, unless one was sent a moment ago.
     pub fn show(&mut self, rendering: &Rendering, is_finished: bool, said: &mut Said) {
         let start = Instant::now();

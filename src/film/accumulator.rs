@@ -16,6 +16,23 @@ pub enum Values {
 }
 
 impl Values {
+    /// None of a channel.
+    pub(super) fn empty(channel: &Channel) -> Values {
+        match channel.pixel_type {
+            PixelType::Uint => Values::Uint(Vec::new()),
+            PixelType::Half | PixelType::Float => Values::Float(Vec::new()),
+        }
+    }
+
+    /// Adds those of further pixels, which are of the same kind.
+    pub(super) fn append(&mut self, more: Values) {
+        match (self, more) {
+            (Values::Float(values), Values::Float(more)) => values.extend(more),
+            (Values::Uint(values), Values::Uint(more)) => values.extend(more),
+            _ => debug_assert!(false, "values of another kind"),
+        }
+    }
+
     /// As floats; integers above 2^24 lose their last digits.
     pub fn into_floats(self) -> Vec<f32> {
         match self {
@@ -93,9 +110,6 @@ impl Accumulator {
     pub fn add(&mut self, pixel: usize, values: &[f32], is_first: bool) {
         let places = places(pixel..pixel + 1, self.width);
         match &mut self.kept {
-            Kept::Sums(sums) => {
-                sums.high[places].iter_mut().zip(values).for_each(|(sum, &v)| *sum += f64::from(v));
-            }
             Kept::Moments { sums, squares } => {
                 let (sums, squares) = (&mut sums.high[places.clone()], &mut squares.high[places]);
                 for ((sum, square), v) in sums.iter_mut().zip(squares).zip(values) {
@@ -111,7 +125,8 @@ impl Accumulator {
             }
             Kept::First(first) if is_first => first[places].copy_from_slice(values),
             Kept::Coverage(lists) => lists.add(pixel, values[0].to_bits(), 1),
-            Kept::First(_) | Kept::Counts => {}
+            // Tiles sum by themselves.
+            Kept::First(_) | Kept::Counts | Kept::Sums(_) => {}
         }
     }
 

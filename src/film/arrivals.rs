@@ -1,8 +1,9 @@
 //! Splats arrive at a film.
 
-use super::channel::{Reduction, Source};
-use super::splats::{Splat, Splats};
-use super::{Film, Values};
+use super::Film;
+use super::band::Rect;
+use super::channel::Source;
+use super::splats::Splat;
 
 impl Film {
     /// Adds splats, in any order. Those outside the film are left out; those that are not finite, too, and counted as invalid
@@ -11,57 +12,21 @@ impl Film {
     /// # Panics
     /// If there is no memory for them.
     pub fn add_splats(&mut self, splats: &[Splat], is_of_first_half: bool) {
-        let (width, height, (x0, y0)) = (self.width, self.height, self.origin);
-        let mut invalid = 0;
-        let sums = self.splats();
+        let place = self.place();
         for splat in splats {
-            let (x, y) = (splat.x.wrapping_sub(x0), splat.y.wrapping_sub(y0));
-            if x < width && y < height {
-                let is_valid = sums.add(y as usize * width as usize + x as usize, splat, is_of_first_half);
-                invalid += u64::from(!is_valid);
+            for number in place.bands_over(Rect::new((splat.x, splat.y), (1, 1))) {
+                let one = std::slice::from_ref(splat);
+                let band = &mut self.bands[number];
+                self.invalid_samples +=
+                    band.add_splats(place.band(number), one, is_of_first_half, &self.layout);
             }
         }
-        self.invalid_samples += invalid;
     }
 
     /// Counts samples of each pixel all splats of which were added.
     pub fn count_splats(&mut self, samples: u32, is_of_first_half: bool) {
-        self.splats().count(samples, is_of_first_half);
-    }
-
-    /// Their sums, from now on there.
-    fn splats(&mut self) -> &mut Splats {
-        self.splats.get_or_insert_with(|| Splats::new(self.sums.count.len(), &self.layout))
-    }
-
-    /// Adds the splats of another film, as far as they are within this one.
-    pub(super) fn merge_splats(&mut self, other: &Film) {
-        let Some(theirs) = &other.splats else { return };
-        let (width, height, (x0, y0)) = (self.width, self.height, self.origin);
-        let ours = self.splats();
-        for from in 0..theirs.all.len() {
-            let (column, row) = (from as u32 % other.width, from as u32 / other.width);
-            let (x, y) =
-                ((column + other.origin.0).wrapping_sub(x0), (row + other.origin.1).wrapping_sub(y0));
-            if x < width && y < height {
-                ours.merge(y as usize * width as usize + x as usize, theirs, from);
-            }
-        }
-    }
-
-    /// The mean of a pixel's splats.
-    pub(super) fn splat(&self, pixel: usize) -> [f64; 3] {
-        self.splats.as_ref().map_or([0.0; 3], |splats| splats.mean(pixel))
-    }
-
-    /// Adds what splats bring to the values of a channel beyond colour.
-    pub(super) fn add_splats_to(&self, index: usize, planes: &mut [Values]) {
-        let Some(splats) = &self.splats else { return };
-        let channel = &self.channels()[index];
-        if channel.source == Source::PartOfColor {
-            splats.means_of_layer(self.layer_of(index)).into_iter().for_each(|means| add(planes, means));
-        } else if channel.reduction == Reduction::VarianceOfMean {
-            splats.variances().into_iter().for_each(|variances| add(planes, variances));
+        for band in &mut self.bands {
+            band.splats(&self.layout).count(samples, is_of_first_half);
         }
     }
 
@@ -71,21 +36,10 @@ impl Film {
     }
 }
 
-/// Adds values to those of planes, as many a pixel as there are planes.
-fn add(planes: &mut [Values], values: impl Iterator<Item = [f64; 3]>) {
-    for (pixel, values) in values.enumerate() {
-        for (plane, value) in planes.iter_mut().zip(values) {
-            if let Values::Float(plane) = plane {
-                plane[pixel] = (f64::from(plane[pixel]) + value) as f32;
-            }
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::film::{Aov, AovSet, FilmTile, SplatPart};
+    use crate::film::{Aov, AovSet, FilmTile, SplatPart, Values};
 
     /// All of it belongs to the first layer, half of it to the third.
     fn splat(x: u32, y: u32, value: f32) -> Splat {

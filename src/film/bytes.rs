@@ -1,10 +1,13 @@
-//! The sums of a film as bytes, and back: for files from which pictures are put together or gone on with.
+//! The sums of a film as bytes, and back: for files from which pictures are put together or gone on with. Each list has the
+//! pixels of the whole film, whatever bands it is kept in.
 
 use super::Film;
 use super::accumulator::{Accumulator, Kept};
-use super::coverage::Entry;
+use super::band::Band;
+use super::coverage::{Coverage, Entry};
 use super::exact::SumList;
 use super::splats::Splats;
+use bytemuck::Pod;
 use std::io::{self, Read, Write};
 
 impl Film {
@@ -13,16 +16,20 @@ impl Film {
     /// # Errors
     /// Those of the writer.
     pub fn write_sums(&self, writer: &mut dyn Write) -> io::Result<()> {
-        let sums = &self.sums;
+        let bands = &self.bands;
         writer.write_all(&self.invalid_samples.to_le_bytes())?;
-        writer.write_all(bytemuck::cast_slice(&sums.rgba))?;
-        writer.write_all(bytemuck::cast_slice(&sums.rgb_low))?;
-        writer.write_all(bytemuck::cast_slice(&sums.count))?;
-        writer.write_all(bytemuck::cast_slice(&sums.hits))?;
-        writer.write_all(bytemuck::cast_slice(&sums.first_half))?;
-        sums.further.iter().try_for_each(|accumulator| accumulator.write(writer))?;
-        writer.write_all(&[u8::from(self.splats.is_some())])?;
-        self.splats.iter().try_for_each(|splats| splats.write(writer))
+        write(writer, bands.iter().map(|band| &band.sums.rgba[..]))?;
+        write(writer, bands.iter().map(|band| &band.sums.rgb_low[..]))?;
+        write(writer, bands.iter().map(|band| &band.sums.count[..]))?;
+        write(writer, bands.iter().map(|band| &band.sums.hits[..]))?;
+        write(writer, bands.iter().map(|band| &band.sums.first_half[..]))?;
+        for channel in 0..self.layout.further().len() {
+            let parts: Vec<&Accumulator> = bands.iter().map(|band| &band.sums.further[channel]).collect();
+            write_channel(writer, &parts)?;
+        }
+        let splats: Vec<&Splats> = bands.iter().filter_map(|band| band.splats.as_ref()).collect();
+        writer.write_all(&[u8::from(!splats.is_empty())])?;
+        if splats.is_empty() { Ok(()) } else { write_splats(writer, &splats) }
     }
 
     /// Reads sums that [`Film::write_sums`] wrote, in place of those that there are. Nothing is allocated beyond what the
@@ -32,102 +39,185 @@ impl Film {
     /// Those of the reader, and of invalid data; the film is of no use then.
     pub fn read_sums(&mut self, reader: &mut dyn Read) -> io::Result<()> {
         let mut invalid = [0u64];
-        read(reader, &mut invalid)?;
+        read(reader, [&mut invalid[..]])?;
         self.invalid_samples = invalid[0];
-        let sums = &mut self.sums;
-        read(reader, &mut sums.rgba)?;
-        read(reader, &mut sums.rgb_low)?;
-        read(reader, &mut sums.count)?;
-        read(reader, &mut sums.hits)?;
-        read(reader, &mut sums.first_half)?;
-        sums.further.iter_mut().try_for_each(|accumulator| accumulator.read(reader))?;
+        let bands = &mut self.bands;
+        read(reader, bands.iter_mut().map(|band| &mut band.sums.rgba[..]))?;
+        read(reader, bands.iter_mut().map(|band| &mut band.sums.rgb_low[..]))?;
+        read(reader, bands.iter_mut().map(|band| &mut band.sums.count[..]))?;
+        read(reader, bands.iter_mut().map(|band| &mut band.sums.hits[..]))?;
+        read(reader, bands.iter_mut().map(|band| &mut band.sums.first_half[..]))?;
+        for channel in 0..self.layout.further().len() {
+            let parts = bands.iter_mut().map(|band| &mut band.sums.further[channel]).collect();
+            read_channel(reader, parts)?;
+        }
         let mut has_splats = [0u8];
-        read(reader, &mut has_splats)?;
-        self.splats = None;
+        read(reader, [&mut has_splats[..]])?;
+        bands.iter_mut().for_each(|band| band.splats = None);
         if has_splats[0] != 0 {
-            let mut splats = Splats::new(self.sums.count.len(), &self.layout);
-            splats.read(reader)?;
-            self.splats = Some(splats);
+            read_splats(reader, bands.iter_mut().map(|band: &mut Band| band.splats(&self.layout)).collect())?;
         }
         Ok(())
     }
 }
 
-impl Accumulator {
-    fn write(&self, writer: &mut dyn Write) -> io::Result<()> {
-        match &self.kept {
-            Kept::Sums(sums) => sums.write(writer),
-            Kept::Moments { sums, squares } => sums.write(writer).and_then(|()| squares.write(writer)),
-            Kept::Minimum(values) | Kept::First(values) => writer.write_all(bytemuck::cast_slice(values)),
-            Kept::Coverage(lists) => {
-                writer.write_all(bytemuck::cast_slice(&lists.heads))?;
-                writer.write_all(&(lists.entries.len() as u64).to_le_bytes())?;
-                writer.write_all(bytemuck::cast_slice(&lists.entries))
-            }
-            Kept::Counts => Ok(()),
-        }
+fn write_channel(writer: &mut dyn Write, parts: &[&Accumulator]) -> io::Result<()> {
+    let all = |list: fn(&Kept) -> Option<&SumList>| parts.iter().filter_map(move |part| list(&part.kept));
+    write_sums(writer, all(sums))?;
+    write_sums(writer, all(squares))?;
+    write(writer, parts.iter().filter_map(|part| values(&part.kept)))?;
+    let lists: Vec<&Coverage> = parts.iter().filter_map(|part| coverage(&part.kept)).collect();
+    if lists.is_empty() {
+        return Ok(());
     }
+    let Coverage { heads, entries } = Coverage::joined(&lists);
+    write(writer, [&heads[..]])?;
+    writer.write_all(&(entries.len() as u64).to_le_bytes())?;
+    write(writer, [&entries[..]])
+}
 
-    fn read(&mut self, reader: &mut dyn Read) -> io::Result<()> {
-        match &mut self.kept {
-            Kept::Sums(sums) => sums.read(reader),
-            Kept::Moments { sums, squares } => sums.read(reader).and_then(|()| squares.read(reader)),
-            Kept::Minimum(values) | Kept::First(values) => read(reader, values),
-            Kept::Coverage(lists) => {
-                let mut count = [0u64];
-                read(reader, &mut lists.heads)?;
-                read(reader, &mut count)?;
-                let length = count[0].saturating_mul(size_of::<Entry>() as u64);
-                let mut entries = Vec::new();
-                reader.take(length).read_to_end(&mut entries)?;
-                let is_whole = entries.len() as u64 == length;
-                lists.entries = bytemuck::pod_collect_to_vec(&entries);
-                let is_valid = is_whole && lists.is_valid();
-                is_valid.then_some(()).ok_or_else(|| io::ErrorKind::InvalidData.into())
-            }
-            Kept::Counts => Ok(()),
-        }
+fn read_channel(reader: &mut dyn Read, mut parts: Vec<&mut Accumulator>) -> io::Result<()> {
+    read_sums(reader, &mut parts, |kept| match kept {
+        Kept::Sums(sums) | Kept::Moments { sums, .. } => Some(sums),
+        _ => None,
+    })?;
+    read_sums(reader, &mut parts, |kept| match kept {
+        Kept::Moments { squares, .. } => Some(squares),
+        _ => None,
+    })?;
+    let lists = parts.iter_mut().filter_map(|part| match &mut part.kept {
+        Kept::Minimum(values) | Kept::First(values) => Some(&mut values[..]),
+        _ => None,
+    });
+    read(reader, lists)?;
+    let lists = parts.iter_mut().filter_map(|part| match &mut part.kept {
+        Kept::Coverage(lists) => Some(lists),
+        _ => None,
+    });
+    read_coverage(reader, lists.collect())
+}
+
+fn sums(kept: &Kept) -> Option<&SumList> {
+    match kept {
+        Kept::Sums(sums) | Kept::Moments { sums, .. } => Some(sums),
+        _ => None,
     }
 }
 
-impl Splats {
-    fn write(&self, writer: &mut dyn Write) -> io::Result<()> {
-        writer.write_all(bytemuck::cast_slice(&self.all))?;
-        writer.write_all(bytemuck::cast_slice(&self.first_half))?;
-        for layer in &self.layers {
-            writer.write_all(&[u8::from(layer.is_some())])?;
-            layer.iter().try_for_each(|sums| sums.write(writer))?;
-        }
-        self.squares.iter().try_for_each(|squares| squares.write(writer))
-    }
-
-    fn read(&mut self, reader: &mut dyn Read) -> io::Result<()> {
-        read(reader, &mut self.all)?;
-        read(reader, &mut self.first_half)?;
-        let pixels = self.all.len();
-        for layer in &mut self.layers {
-            let mut is_there = [0u8];
-            read(reader, &mut is_there)?;
-            *layer = (is_there[0] != 0).then(|| Splats::list(pixels));
-            layer.iter_mut().try_for_each(|sums| sums.read(reader))?;
-        }
-        self.squares.iter_mut().try_for_each(|squares| squares.read(reader))
+fn squares(kept: &Kept) -> Option<&SumList> {
+    match kept {
+        Kept::Moments { squares, .. } => Some(squares),
+        _ => None,
     }
 }
 
-impl SumList {
-    fn write(&self, writer: &mut dyn Write) -> io::Result<()> {
-        writer.write_all(bytemuck::cast_slice(&self.high))?;
-        writer.write_all(bytemuck::cast_slice(&self.low))
-    }
-
-    fn read(&mut self, reader: &mut dyn Read) -> io::Result<()> {
-        read(reader, &mut self.high)?;
-        read(reader, &mut self.low)
+fn values(kept: &Kept) -> Option<&[f32]> {
+    match kept {
+        Kept::Minimum(values) | Kept::First(values) => Some(values),
+        _ => None,
     }
 }
 
-/// Fills a list.
-fn read<T: bytemuck::Pod>(reader: &mut dyn Read, list: &mut [T]) -> io::Result<()> {
-    reader.read_exact(bytemuck::cast_slice_mut(list))
+fn coverage(kept: &Kept) -> Option<&Coverage> {
+    match kept {
+        Kept::Coverage(lists) => Some(lists),
+        _ => None,
+    }
+}
+
+fn read_coverage(reader: &mut dyn Read, parts: Vec<&mut Coverage>) -> io::Result<()> {
+    if parts.is_empty() {
+        return Ok(());
+    }
+    let pixels = parts.iter().map(|part| part.heads.len()).sum();
+    let mut all = Coverage { heads: vec![0; pixels], entries: Vec::new() };
+    let mut count = [0u64];
+    read(reader, [&mut all.heads[..]])?;
+    read(reader, [&mut count[..]])?;
+    let length = count[0].saturating_mul(size_of::<Entry>() as u64);
+    let mut entries = Vec::new();
+    reader.take(length).read_to_end(&mut entries)?;
+    all.entries =
+        if entries.len() as u64 == length { bytemuck::pod_collect_to_vec(&entries) } else { Vec::new() };
+    if entries.len() as u64 != length || !all.is_valid() {
+        return Err(io::ErrorKind::InvalidData.into());
+    }
+    let mut from = 0;
+    for part in parts {
+        let pixels = part.heads.len();
+        *part = all.of_pixels(from..from + pixels);
+        from += pixels;
+    }
+    Ok(())
+}
+
+fn write_splats(writer: &mut dyn Write, parts: &[&Splats]) -> io::Result<()> {
+    write(writer, parts.iter().map(|splats| &splats.all[..]))?;
+    write(writer, parts.iter().map(|splats| &splats.first_half[..]))?;
+    for layer in 0..parts[0].layers.len() {
+        writer.write_all(&[1])?;
+        write_sums(writer, parts.iter().map(|splats| &splats.layers[layer]))?;
+    }
+    write_sums(writer, parts.iter().filter_map(|splats| splats.squares.as_ref()))
+}
+
+fn read_splats(reader: &mut dyn Read, mut parts: Vec<&mut Splats>) -> io::Result<()> {
+    read(reader, parts.iter_mut().map(|splats| &mut splats.all[..]))?;
+    read(reader, parts.iter_mut().map(|splats| &mut splats.first_half[..]))?;
+    for layer in 0..parts.first().map_or(0, |splats| splats.layers.len()) {
+        // Earlier versions left out layers that had nothing.
+        let mut is_there = [0u8];
+        read(reader, [&mut is_there[..]])?;
+        if is_there[0] != 0 {
+            read_sums(reader, &mut parts, |splats| Some(&mut splats.layers[layer]))?;
+        }
+    }
+    read_sums(reader, &mut parts, |splats| splats.squares.as_mut())
+}
+
+fn write_sums<'a>(
+    writer: &mut dyn Write,
+    lists: impl Iterator<Item = &'a SumList> + Clone,
+) -> io::Result<()> {
+    write(writer, lists.clone().map(|list| &list.high[..]))?;
+    write(writer, lists.map(|list| &list.low[..]))
+}
+
+/// Reads the sums that each of some parts has, if it has some.
+fn read_sums<T: AsKept>(
+    reader: &mut dyn Read,
+    parts: &mut [&mut T],
+    list: impl Fn(&mut T::Kept) -> Option<&mut SumList>,
+) -> io::Result<()> {
+    read(reader, parts.iter_mut().filter_map(|part| Some(&mut list(part.kept())?.high[..])))?;
+    read(reader, parts.iter_mut().filter_map(|part| Some(&mut list(part.kept())?.low[..])))
+}
+
+/// What has lists of sums.
+trait AsKept {
+    type Kept;
+    fn kept(&mut self) -> &mut Self::Kept;
+}
+
+impl AsKept for Accumulator {
+    type Kept = Kept;
+    fn kept(&mut self) -> &mut Kept {
+        &mut self.kept
+    }
+}
+
+impl AsKept for Splats {
+    type Kept = Splats;
+    fn kept(&mut self) -> &mut Splats {
+        self
+    }
+}
+
+fn write<'a, T: Pod>(writer: &mut dyn Write, lists: impl IntoIterator<Item = &'a [T]>) -> io::Result<()> {
+    lists.into_iter().try_for_each(|list| writer.write_all(bytemuck::cast_slice(list)))
+}
+
+/// Fills lists.
+fn read<'a, T: Pod>(reader: &mut dyn Read, lists: impl IntoIterator<Item = &'a mut [T]>) -> io::Result<()> {
+    lists.into_iter().try_for_each(|list| reader.read_exact(bytemuck::cast_slice_mut(list)))
 }

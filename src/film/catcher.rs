@@ -60,7 +60,7 @@ impl Film {
                 Caught::All => (0..3).map(ratio).fold(1.0, f32::min).max(0.0),
                 Caught::Shadows => ((0..3).map(ratio).sum::<f32>() / 3.0).clamp(0.0, 1.0),
             };
-            let (sum, count) = (&mut self.sums.rgba[pixel], f64::from(self.sums.count[pixel]));
+            let (sum, count) = self.color_of(pixel);
             for c in 0..3 {
                 let taken = match caught {
                     Caught::All => least * without[c],

@@ -96,6 +96,13 @@ impl Channel {
     pub fn components(&self) -> usize {
         components(self.reduction, self.names.len())
     }
+
+    /// Are sums of these numbers all that is kept?
+    pub(super) fn is_summed(&self) -> bool {
+        let is_sum =
+            matches!(self.reduction, Reduction::Mean | Reduction::MeanOfHits { .. } | Reduction::Share);
+        is_sum && self.source != Source::Color
+    }
 }
 
 /// How many numbers each sample brings to a channel of so many names.

@@ -1,5 +1,7 @@
 //! Which ids cover each pixel: a list a pixel, as long as it needs to be.
 
+use std::ops::Range;
+
 /// Counts of ids a pixel. The lists are chains through one array: a picture has few ids a pixel, and most pixels one.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Coverage {
@@ -48,6 +50,29 @@ impl Coverage {
         let mut list: Vec<(u32, u32)> = self.of(pixel).map(|entry| (entry.id, entry.count)).collect();
         list.sort_unstable_by_key(|&(id, count)| (std::cmp::Reverse(count), id));
         list
+    }
+
+    /// The lists of some pixels, then of others, and so on.
+    pub fn joined(parts: &[&Coverage]) -> Coverage {
+        let mut all = Coverage::default();
+        for part in parts {
+            let before = u32::try_from(all.entries.len()).expect("fewer than 2^32 ids on all pixels");
+            let later = |place: u32| if place == 0 { 0 } else { place + before };
+            all.heads.extend(part.heads.iter().map(|&head| later(head)));
+            all.entries.extend(part.entries.iter().map(|entry| Entry { next: later(entry.next), ..*entry }));
+        }
+        all
+    }
+
+    /// The lists of some of the pixels.
+    pub fn of_pixels(&self, pixels: Range<usize>) -> Coverage {
+        let mut part = Coverage { heads: vec![0; pixels.len()], entries: Vec::new() };
+        for (own, pixel) in pixels.enumerate() {
+            let chain: Vec<&Entry> = self.of(pixel).collect();
+            // The last one that is added comes first.
+            chain.iter().rev().for_each(|entry| part.add(own, entry.id, entry.count));
+        }
+        part
     }
 
     /// Do all chains end, and does each entry belong to one pixel alone? Each entry is followed by an earlier one.

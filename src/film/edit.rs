@@ -14,12 +14,11 @@ impl Film {
     /// # Panics
     /// If it is outside the film.
     pub fn pixel(&self, x: u32, y: u32) -> Result<Film> {
-        let from = self.index(x, y);
+        self.index(x, y);
         let layout = Layout::new(self.channels().iter().skip(1).cloned()).with_halves(self.layout.has_halves);
         let mut film = Film::of_layout(1, 1, layout)?;
-        film.sums.add_row(0, &self.sums, from, 1, &self.layout);
-        let mut film = film.at(self.origin.0 + x, self.origin.1 + y);
-        film.merge_splats(self);
+        film = film.at(self.origin.0 + x, self.origin.1 + y);
+        film.add_bands(self);
         Ok(film)
     }
 
@@ -28,8 +27,12 @@ impl Film {
     /// # Panics
     /// If there are fewer values than pixels.
     pub fn set_color(&mut self, color: [&[f32]; 3]) {
-        self.sums.set_color(color);
-        self.splats.iter_mut().for_each(Splats::clear_color);
+        let mut from = 0;
+        for band in &mut self.bands {
+            band.sums.set_color(color.map(|values| &values[from..]));
+            band.splats.iter_mut().for_each(Splats::clear_color);
+            from += band.pixels();
+        }
     }
 
     /// Puts other values in place of those of a channel that has means over all samples, given by the name of its first
@@ -41,10 +44,14 @@ impl Film {
         let index =
             self.channels().iter().position(|c| c.names[0] == first && c.reduction == Reduction::Mean);
         let Some(index) = index.filter(|index| *index > 0) else { return };
-        self.sums.set_means(index - 1, values);
-        let layer = self.layer_of(index);
-        if let Some(of_layer) = self.splats.as_mut().and_then(|splats| splats.layers.get_mut(layer)) {
-            *of_layer = None;
+        let (layer, mut from) = (self.layer_of(index), 0);
+        for band in &mut self.bands {
+            let pixels = band.pixels();
+            band.sums.set_means(index - 1, values.map(|values| &values[from..]));
+            if let Some(of_layer) = band.splats.as_mut().and_then(|splats| splats.layers.get_mut(layer)) {
+                *of_layer = Splats::list(pixels);
+            }
+            from += pixels;
         }
     }
 
@@ -58,21 +65,23 @@ impl Film {
         for name in first_names {
             let Some(index) = self.channels().iter().position(|c| c.names[0] == name) else { continue };
             let layer = self.layer_of(index);
-            if let Some(splats) = &mut self.splats {
-                let removed = &self.layout.channels[index];
-                if removed.source == Source::PartOfColor {
-                    splats.layers.remove(layer);
-                } else if removed.reduction == Reduction::VarianceOfMean {
-                    splats.squares = None;
-                }
-            }
+            let removed = &self.layout.channels[index];
+            let (is_layer, is_variance) =
+                (removed.source == Source::PartOfColor, removed.reduction == Reduction::VarianceOfMean);
             let mut channels = self.channels().to_vec();
             channels.remove(index);
-            self.sums.remove(index - 1);
             let has_halves = self.layout.has_halves;
             self.layout = Arc::new(Layout::new(channels.into_iter().skip(1)).with_halves(has_halves));
-            if !self.layout.has_first_hits {
-                self.sums.forget_hits();
+            for band in &mut self.bands {
+                match &mut band.splats {
+                    Some(splats) if is_layer => drop(splats.layers.remove(layer)),
+                    Some(splats) if is_variance => splats.squares = None,
+                    _ => {}
+                }
+                band.sums.remove(index - 1);
+                if !self.layout.has_first_hits {
+                    band.sums.forget_hits();
+                }
             }
         }
     }

@@ -5,6 +5,7 @@
 //! rounded to the grid first, which is so fine that rounding is below what f32 addends of 1e-6 say themselves. Beyond, sums
 //! depend on the order by the last digit of an f64.
 
+use crate::simd::{Kernel, dispatch};
 use bytemuck::{Pod, Zeroable};
 
 /// Bits of the grid after the binary point.
@@ -55,20 +56,61 @@ impl SumList {
         })
     }
 
+    /// Adds sums of a tile, some numbers from each of its pixels.
+    pub fn add_strided<'a>(&mut self, mut at: usize, pixels: impl Iterator<Item = &'a [f64]>) {
+        let mut values = [0.0; GATHERED];
+        let mut count = 0;
+        for numbers in pixels {
+            if count + numbers.len() > GATHERED {
+                self.add_all(at, &values[..count]);
+                (at, count) = (at + count, 0);
+            }
+            values[count..count + numbers.len()].iter_mut().zip(numbers).for_each(|(to, from)| *to = *from);
+            count += numbers.len();
+        }
+        self.add_all(at, &values[..count]);
+    }
+
+    /// Adds plain sums to those from a place on.
+    fn add_all(&mut self, at: usize, values: &[f64]) {
+        let here = at..at + values.len();
+        dispatch(AddAll { high: &mut self.high[here.clone()], low: &mut self.low[here], values });
+    }
+
     /// Adds sums of another list: those of a tile, or exact ones.
     pub fn merge(&mut self, at: usize, other: &SumList, from: usize, count: usize) {
-        let (high, low) = (&mut self.high[at..at + count], &mut self.low[at..at + count]);
-        let sums = high.iter_mut().zip(low);
         let highs = &other.high[from..from + count];
         if other.low.is_empty() {
-            sums.zip(highs).for_each(|((high, low), value)| add(high, low, on_grid(*value)));
+            self.add_all(at, highs);
             return;
         }
+        let (high, low) = (&mut self.high[at..at + count], &mut self.low[at..at + count]);
+        let sums = high.iter_mut().zip(low);
         let others = highs.iter().zip(&other.low[from..from + count]);
         for ((high, low), (value, rest)) in sums.zip(others) {
             add(high, low, *value);
             add(high, low, f64::from(*rest));
         }
+    }
+}
+
+/// Numbers that are gathered from pixels before they are added.
+const GATHERED: usize = 96;
+
+/// Adds plain sums to exact ones.
+struct AddAll<'a> {
+    high: &'a mut [f64],
+    low: &'a mut [f32],
+    values: &'a [f64],
+}
+
+impl Kernel for AddAll<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let sums = self.high.iter_mut().zip(self.low).zip(self.values);
+        sums.for_each(|((high, low), value)| add(high, low, on_grid(*value)));
     }
 }
 

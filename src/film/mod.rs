@@ -2,13 +2,15 @@
 //!
 //! Every sample belongs to one pixel (filters are importance-sampled, see [`FilterSampler`]), so a pixel is a sum and a
 //! count. Sums of a tile are f64: adding f32 values to them loses nothing that a picture could show, however many samples.
-//! Sums of a film are exact (`exact.rs`): tiles and films may be added in any order.
+//! Sums of a film are exact (`exact.rs`): tiles and films may be added in any order. It is kept in bands of rows (`band.rs`), to
+//! which many threads add at once (`shared.rs`).
 
 mod accumulator;
 mod aov;
 mod aov_set;
 mod arrivals;
 mod backdrop;
+mod band;
 mod bytes;
 mod catcher;
 mod channel;
@@ -17,6 +19,7 @@ mod edit;
 mod exact;
 mod filter;
 mod matte;
+mod shared;
 mod splats;
 mod sums;
 mod tile;
@@ -28,15 +31,15 @@ pub use catcher::CATCHER_PARTS;
 pub use channel::{Channel, PixelType, Reduction, Source};
 pub use filter::FilterSampler;
 pub use matte::{MatteIds, matte_id, matte_key};
+pub use shared::SharedFilm;
 pub use splats::{Splat, SplatPart};
 pub use sums::Layout;
 pub use tile::FilmTile;
 
 use crate::error::{Choice, Error, Result};
+use band::{BAND_ROWS, Band, Rect};
 use rayon::prelude::*;
-use splats::Splats;
 use std::sync::Arc;
-use sums::Sums;
 
 /// A picture being made: a list of channels, the first of which is colour, for every pixel, rows from the top.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,9 +49,8 @@ pub struct Film {
     /// Where its first pixel stands in the picture that it is a part of.
     origin: (u32, u32),
     layout: Arc<Layout>,
-    sums: Sums,
-    /// Light from paths of lamps, once there is some.
-    splats: Option<Splats>,
+    /// Rows, [`BAND_ROWS`] in each but the last.
+    bands: Vec<Band>,
     invalid_samples: u64,
 }
 
@@ -86,37 +88,31 @@ impl Film {
     /// As for [`Film::try_new`].
     pub fn of_layout(width: u32, height: u32, layout: Layout) -> Result<Film> {
         let pixels = u64::from(width) * u64::from(height);
-        let sums = usize::try_from(pixels).ok().and_then(|pixels| Sums::try_new(pixels, &layout, true));
-        let sums = sums.ok_or_else(|| {
+        let bands = Film::try_bands((width, height), &layout);
+        let bands = bands.ok_or_else(|| {
             let gib = pixels as f64 * layout.bytes_per_pixel() as f64 / f64::from(1u32 << 30);
             Error::usage(format!(
                 "a picture of {width} x {height} pixels takes {gib:.1} GiB of memory, which the system refuses"
             ))
             .with_help(format!("make it smaller, or leave out {}", Choice::Aovs))
         })?;
-        Ok(Film {
-            width,
-            height,
-            origin: (0, 0),
-            layout: Arc::new(layout),
-            sums,
-            splats: None,
-            invalid_samples: 0,
-        })
+        Ok(Film { width, height, origin: (0, 0), layout: Arc::new(layout), bands, invalid_samples: 0 })
+    }
+
+    /// Its bands; `None` if the memory isn't there.
+    fn try_bands((width, height): (u32, u32), layout: &Layout) -> Option<Vec<Band>> {
+        // Systems refuse a large block that would not fit, but may promise many small ones.
+        let bytes = u64::from(width).checked_mul(u64::from(height))?.checked_mul(layout.bytes_per_pixel())?;
+        Vec::<u8>::new().try_reserve_exact(usize::try_from(bytes).ok()?).ok()?;
+        let place = Rect::new((0, 0), (width, height));
+        let band = |number| Band::try_new(usize::try_from(place.band(number).area()).ok()?, layout);
+        (0..height.div_ceil(BAND_ROWS) as usize).map(band).collect()
     }
 
     /// A film without pixels, for tiles of this layout.
     pub(crate) fn nowhere(layout: &Arc<Layout>) -> Film {
-        let sums = Sums::try_new(0, layout, true).expect("nothing takes no memory");
-        Film {
-            width: 0,
-            height: 0,
-            origin: (0, 0),
-            layout: layout.clone(),
-            sums,
-            splats: None,
-            invalid_samples: 0,
-        }
+        let (layout, bands) = (layout.clone(), Vec::new());
+        Film { width: 0, height: 0, origin: (0, 0), layout, bands, invalid_samples: 0 }
     }
 
     /// The same as a part of a larger picture, in which its first pixel stands at (`x0`, `y0`): tiles have their places in
@@ -163,7 +159,7 @@ impl Film {
 
     /// Pixels without a valid sample: black and transparent, because rendering stopped before or all samples were NaN.
     pub fn unsampled_pixels(&self) -> u64 {
-        self.sums.count.iter().filter(|&&n| n == 0).count() as u64
+        self.counts().filter(|&n| n == 0).count() as u64
     }
 
     /// An empty tile for the rectangle that starts at (`x0`, `y0`), cut off at the film's edges.
@@ -179,17 +175,11 @@ impl Film {
     pub fn merge(&mut self, tile: FilmTile) {
         let is_ours = Arc::ptr_eq(&tile.layout, &self.layout) || tile.layout == self.layout;
         assert!(is_ours, "a tile has other channels than the film");
-        self.add_sums(&tile.sums, (tile.x0, tile.y0), (tile.width, tile.height));
+        let place = self.place();
+        for number in place.bands_over(tile.place()) {
+            self.bands[number].add_tile(place.band(number), &tile);
+        }
         self.invalid_samples += tile.invalid_samples;
-    }
-
-    /// How many pixels of a rectangle of the picture are within the film.
-    pub fn pixels_within(&self, x0: u32, y0: u32, width: u32, height: u32) -> u64 {
-        let length = |from: u32, size: u32, own: u32, own_size: u32| {
-            (from + size).min(own + own_size).saturating_sub(from.max(own))
-        };
-        u64::from(length(x0, width, self.origin.0, self.width))
-            * u64::from(length(y0, height, self.origin.1, self.height))
     }
 
     /// Adds a film of the same picture with samples of its own, as far as it is within this one. Films may be added in any
@@ -199,46 +189,82 @@ impl Film {
     /// If it has other channels.
     pub fn merge_film(&mut self, other: &Film) {
         assert!(other.layout == self.layout, "films have different channels");
-        self.add_sums(&other.sums, other.origin, (other.width, other.height));
-        self.merge_splats(other);
+        self.add_bands(other);
         self.invalid_samples += other.invalid_samples;
     }
 
     /// Counts the samples that were left out, where each pixel was brought so many.
     pub fn count_invalid(&mut self, brought: u32) {
-        let brought = u64::from(brought) * self.sums.count.len() as u64;
-        let valid: u64 = self.sums.count.iter().map(|&n| u64::from(n)).sum();
+        let brought = u64::from(brought) * u64::from(self.width) * u64::from(self.height);
+        let valid: u64 = self.counts().map(u64::from).sum();
         self.invalid_samples = brought.saturating_sub(valid);
     }
 
-    /// Adds what is within the film of sums that stand at a place of the picture and are so large.
-    fn add_sums(&mut self, sums: &Sums, (x0, y0): (u32, u32), (width, height): (u32, u32)) {
-        let (left, top) = (x0.max(self.origin.0), y0.max(self.origin.1));
-        let right = (x0 + width).min(self.origin.0 + self.width);
-        let bottom = (y0 + height).min(self.origin.1 + self.height);
-        if left >= right {
-            return;
+    /// Adds what is within the film of the bands of another.
+    fn add_bands(&mut self, other: &Film) {
+        let (place, theirs) = (self.place(), other.place());
+        // All bands have splats, or none.
+        let has_splats = other.bands.iter().any(|band| band.splats.is_some());
+        for (number, band) in self.bands.iter_mut().enumerate() {
+            if has_splats {
+                band.splats(&self.layout);
+            }
+            let own = place.band(number);
+            for at in theirs.bands_over(own) {
+                band.add_band(own, &other.bands[at], theirs.band(at), &self.layout);
+            }
         }
-        for y in top..bottom {
-            let at = self.index(left - self.origin.0, y - self.origin.1);
-            let from = (y - y0) as usize * width as usize + (left - x0) as usize;
-            self.sums.add_row(at, sums, from, (right - left) as usize, &self.layout);
+    }
+
+    /// Its rectangle in the picture.
+    fn place(&self) -> Rect {
+        Rect::new(self.origin, (self.width, self.height))
+    }
+
+    /// Valid samples of each pixel.
+    fn counts(&self) -> impl Iterator<Item = u32> {
+        self.bands.iter().flat_map(|band| &band.sums.count).copied()
+    }
+
+    /// The band of a pixel, and its place there.
+    fn place_of(&self, pixel: usize) -> (usize, usize) {
+        let of_band = BAND_ROWS as usize * self.width as usize;
+        (pixel / of_band, pixel % of_band)
+    }
+
+    /// Sums of colour and alpha of a pixel, and how many samples it has.
+    fn color_of(&mut self, pixel: usize) -> (&mut [f64; 4], f64) {
+        let (band, pixel) = self.place_of(pixel);
+        let sums = &mut self.bands[band].sums;
+        (&mut sums.rgba[pixel], f64::from(sums.count[pixel]))
+    }
+
+    /// A value of each pixel, row by row from the top.
+    fn of_pixels<T: Send + Sync + Clone>(&self, of: impl Fn(&Band, usize) -> T + Sync) -> Vec<T> {
+        let rows = |band: &Band| (0..band.pixels()).map(|pixel| of(band, pixel)).collect::<Vec<T>>();
+        if self.bands.len() < 2 {
+            return self.bands.first().map(rows).unwrap_or_default();
         }
+        self.bands.par_iter().map(rows).collect::<Vec<_>>().concat()
     }
 
     /// Mean colour and alpha of all pixels, premultiplied, row by row from the top; zero where there are no samples yet.
     pub fn rgba(&self) -> Vec<[f32; 4]> {
-        (0..self.sums.count.len()).map(|pixel| self.mean_of(pixel)).collect()
+        self.of_pixels(Band::mean)
+    }
+
+    /// Mean colour of all pixels, premultiplied.
+    pub fn means(&self) -> Vec<[f32; 3]> {
+        self.of_pixels(|band, pixel| {
+            let [r, g, b, _] = band.mean(pixel);
+            [r, g, b]
+        })
     }
 
     /// Mean colour and alpha of a pixel, premultiplied; zero where there are no samples yet.
     pub fn mean_rgba(&self, x: u32, y: u32) -> [f32; 4] {
-        self.mean_of(self.index(x, y))
-    }
-
-    /// Mean colour and alpha of a pixel by its place in the film.
-    fn mean_of(&self, pixel: usize) -> [f32; 4] {
-        self.sums.mean_rgba_with(pixel, self.splat(pixel))
+        let (band, pixel) = self.place_of(self.index(x, y));
+        self.bands[band].mean(pixel)
     }
 
     /// Mean colour, premultiplied, of the first half of each pixel's samples and of the second one, row by row from the top;
@@ -246,25 +272,15 @@ impl Film {
     /// error of the mean of all. `None` unless the film keeps them apart (see
     /// [`RenderOptions::halves`](crate::render::RenderOptions::halves)).
     pub fn halves(&self) -> Option<[Vec<[f32; 3]>; 2]> {
-        let of = |half: usize| {
-            (0..self.sums.count.len()).map(move |pixel| self.halves_of(pixel).0[half]).collect()
-        };
+        let of = |half: usize| self.of_pixels(|band, pixel| band.halves(pixel).0[half]);
         self.layout.has_halves().then(|| [of(0), of(1)])
-    }
-
-    /// The means of a pixel's halves, and of how many samples they are.
-    fn halves_of(&self, pixel: usize) -> ([[f32; 3]; 2], [u32; 2]) {
-        let (means, counts) = self.sums.halves(pixel);
-        let splats = self.splats.as_ref().map_or([[0.0; 3]; 2], |splats| splats.halves(pixel));
-        let with = |half: usize, c: usize| (f64::from(means[half][c]) + splats[half][c]) as f32;
-        ([0, 1].map(|half| [0, 1, 2].map(|c| with(half, c))), counts)
     }
 
     /// How far each pixel's mean colour may be off, by its halves: half the difference of their means where they have as many
     /// samples, signed; red, green and blue. NaN where a half has no samples. `None` unless the film keeps halves apart.
     pub fn deviations(&self) -> Option<[Vec<f32>; 3]> {
-        let of = |pixel: usize, c: usize| {
-            let ([first, second], counts) = self.halves_of(pixel);
+        let of = |band: &Band, pixel: usize, c: usize| {
+            let ([first, second], counts) = band.halves(pixel);
             let [n, m] = counts.map(f64::from);
             match n > 0.0 && m > 0.0 {
                 // The mean of all is `(n a + m b) / (n + m)`, whose variance is `n m / (n + m)^2` times that of `a - b`.
@@ -272,19 +288,20 @@ impl Film {
                 false => f64::NAN,
             }
         };
-        let plane = |c| (0..self.sums.count.len()).map(|pixel| of(pixel, c) as f32).collect();
+        let plane = |c| self.of_pixels(|band, pixel| of(band, pixel, c) as f32);
         self.layout.has_halves().then(|| [0, 1, 2].map(plane))
     }
 
     /// Valid samples that pixels have on average.
     pub fn mean_samples(&self) -> f64 {
-        let counts = &self.sums.count;
-        counts.iter().map(|&count| f64::from(count)).sum::<f64>() / counts.len().max(1) as f64
+        let pixels = u64::from(self.width) * u64::from(self.height);
+        self.counts().map(f64::from).sum::<f64>() / pixels.max(1) as f64
     }
 
     /// Valid samples that a pixel has.
     pub fn samples(&self, x: u32, y: u32) -> u32 {
-        self.sums.count[self.index(x, y)]
+        let (band, pixel) = self.place_of(self.index(x, y));
+        self.bands[band].sums.count[pixel]
     }
 
     /// All components of all channels, each computed when its turn comes.
@@ -319,21 +336,33 @@ impl Film {
 
     /// The values of a channel, one list a name.
     fn planes_of(&self, index: usize, channel: &Channel) -> Vec<Values> {
-        if index > 0 {
-            let mut planes = self.sums.planes(index, channel);
-            self.add_splats_to(index, &mut planes);
-            return planes;
+        if index == 0 {
+            let rgba = self.rgba();
+            return [0, 1, 2, 3].map(|c| Values::Float(rgba.iter().map(|pixel| pixel[c]).collect())).into();
         }
-        let mut planes = [(); 4].map(|()| Vec::with_capacity(self.sums.count.len()));
-        for pixel in 0..self.sums.count.len() {
-            planes.iter_mut().zip(self.mean_of(pixel)).for_each(|(plane, value)| plane.push(value));
+        let layer = self.layer_of(index);
+        let mut bands = self.bands.iter().map(|band| band.planes(index, channel, layer));
+        let mut planes = bands.next().unwrap_or_else(|| vec![Values::empty(channel); channel.names.len()]);
+        for more in bands {
+            planes.iter_mut().zip(more).for_each(|(plane, values)| plane.append(values));
         }
-        planes.map(Values::Float).into()
+        planes
     }
 
     /// The components of an AOV, row by row from the top. `None` if the film doesn't have it.
     pub fn aov(&self, aov: Aov) -> Option<Vec<Values>> {
-        aov.info().names.iter().map(|name| self.plane(name)).collect()
+        self.components(aov.info().names)
+    }
+
+    /// Several components of one channel by their names in files, each row by row from the top. `None` if the film doesn't have them.
+    pub fn components(&self, names: &[&str]) -> Option<Vec<Values>> {
+        let first = names.first()?;
+        let mut channels = self.channels().iter().enumerate();
+        let (index, channel) = channels.find(|(_, channel)| channel.names.iter().any(|own| own == first))?;
+        let place = |name: &&str| channel.names.iter().position(|own| own == name);
+        let places = names.iter().map(place).collect::<Option<Vec<usize>>>()?;
+        let mut planes: Vec<Option<Values>> = self.planes_of(index, channel).into_iter().map(Some).collect();
+        places.into_iter().map(|place| planes[place].take()).collect()
     }
 
     /// Lays a colour behind each pixel where it is transparent; all pixels with samples become opaque.
@@ -341,7 +370,7 @@ impl Film {
         for y in 0..self.height {
             for x in 0..self.width {
                 let pixel = self.index(x, y);
-                let (sum, count) = (&mut self.sums.rgba[pixel], f64::from(self.sums.count[pixel]));
+                let (sum, count) = self.color_of(pixel);
                 let behind = color(x, y);
                 for c in 0..3 {
                     sum[c] += (count - sum[3]) * f64::from(behind[c]);

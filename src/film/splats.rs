@@ -2,7 +2,7 @@
 //! where they do. Its mean is added to that of the pixels' samples.
 
 use super::accumulator::reciprocal;
-use super::channel::{Reduction, Source};
+use super::channel::Reduction;
 use super::exact::{self, HalfSum, SumList};
 use super::sums::Layout;
 
@@ -40,8 +40,8 @@ pub(super) struct Splats {
     pub all: Vec<HalfSum>,
     /// Over those of the first half; empty where halves are not kept apart.
     pub first_half: Vec<HalfSum>,
-    /// What each layer has, three numbers a pixel, once it has something.
-    pub layers: Vec<Option<SumList>>,
+    /// What each layer has, three numbers a pixel.
+    pub layers: Vec<SumList>,
     /// Sums of squares, three numbers a pixel, where the film keeps a variance.
     pub squares: Option<SumList>,
 }
@@ -50,12 +50,11 @@ impl Splats {
     /// None yet. Panics if there is no memory for them.
     pub fn new(pixels: usize, layout: &Layout) -> Splats {
         let zeros = |count| vec![HalfSum::default(); count];
-        let layers = layout.further().iter().filter(|channel| channel.source == Source::PartOfColor).count();
         let has_variance = layout.further().iter().any(|c| c.reduction == Reduction::VarianceOfMean);
         Splats {
             all: zeros(pixels),
             first_half: zeros(if layout.has_halves() { pixels } else { 0 }),
-            layers: vec![None; layers],
+            layers: (0..layout.parts).map(|_| Splats::list(pixels)).collect(),
             squares: has_variance.then(|| Splats::list(pixels)),
         }
     }
@@ -72,14 +71,13 @@ impl Splats {
         if splat.rgb.iter().chain(parts).any(|value| !value.is_finite()) {
             return false;
         }
-        let pixels = self.all.len();
         self.all[pixel].add_exactly(splat.rgb);
         if let Some(sum) = self.first_half.get_mut(pixel).filter(|_| is_of_first_half) {
             sum.add_exactly(splat.rgb);
         }
         for part in of_layers {
             if let Some(layer) = self.layers.get_mut(usize::from(part.layer)) {
-                add(layer.get_or_insert_with(|| Splats::list(pixels)), pixel, part.rgb.map(f64::from));
+                add(layer, pixel, part.rgb.map(f64::from));
             }
         }
         if let Some(squares) = &mut self.squares {
@@ -98,16 +96,13 @@ impl Splats {
 
     /// Adds a pixel of others, which are of the same layout.
     pub fn merge(&mut self, pixel: usize, other: &Splats, from: usize) {
-        let pixels = self.all.len();
         self.all[pixel].merge(&other.all[from], false);
         if let Some((sum, more)) = self.first_half.get_mut(pixel).zip(other.first_half.get(from)) {
             sum.merge(more, false);
         }
         let (at, from) = (pixel * 3, from * 3);
         for (layer, more) in self.layers.iter_mut().zip(&other.layers) {
-            if let Some(more) = more {
-                layer.get_or_insert_with(|| Splats::list(pixels)).merge(at, more, from, 3);
-            }
+            layer.merge(at, more, from, 3);
         }
         if let Some((sum, more)) = self.squares.as_mut().zip(other.squares.as_ref()) {
             sum.merge(at, more, from, 3);
@@ -127,9 +122,9 @@ impl Splats {
         rgb.map(|sum| sum * reciprocal(count))
     }
 
-    /// Means of a layer, three numbers a pixel; `None` if it has nothing.
+    /// Means of a layer, three numbers a pixel.
     pub fn means_of_layer(&self, layer: usize) -> Option<impl Iterator<Item = [f64; 3]>> {
-        let sums = self.layers.get(layer)?.as_ref()?;
+        let sums = self.layers.get(layer)?;
         Some(self.all.iter().zip(sums.high.as_chunks::<3>().0).map(|(all, sums)| {
             let scale = reciprocal(all.count);
             sums.map(|sum| sum * scale)

@@ -1,8 +1,9 @@
-//! Sums of everything that samples bring, of a film or of a tile.
+//! Exact sums of everything that samples bring to some rows of a film.
 
-use super::accumulator::{Accumulator, Counts, Values, reciprocal};
-use super::channel::{Channel, Reduction, Source};
+use super::accumulator::{Accumulator, Counts, Kept, Values, reciprocal};
+use super::channel::{Channel, PixelType, Reduction, Source};
 use super::exact::{self, HalfSum};
+use super::tile::TileSums;
 
 /// What a film is a list of. The first channel is colour.
 #[derive(Debug, PartialEq)]
@@ -12,15 +13,54 @@ pub struct Layout {
     pub(super) has_first_hits: bool,
     /// Whether the colour of the first half of each pixel's samples is kept apart.
     pub(super) has_halves: bool,
+    /// Of each channel beyond colour the place of its first number among those that a sample brings to its source.
+    pub(super) offsets: Vec<usize>,
+    /// How many channels show parts of the colour.
+    pub(super) parts: usize,
+    /// Of each number of a first hit the bits that are all set where it is not finite; 0 for integers.
+    pub(super) exponents: Vec<u32>,
 }
+
+/// The bits of a float's exponent.
+const EXPONENT: u32 = 0x7f80_0000;
 
 impl Layout {
     /// Colour and further channels.
     pub fn new(further: impl IntoIterator<Item = Channel>) -> Layout {
-        let mut channels = vec![Channel::color()];
-        channels.extend(further);
-        let has_first_hits = channels.iter().any(|channel| channel.source == Source::FirstHit);
-        Layout { channels, has_first_hits, has_halves: false }
+        let mut layout = Layout {
+            channels: vec![Channel::color()],
+            has_first_hits: false,
+            has_halves: false,
+            offsets: Vec::new(),
+            parts: 0,
+            exponents: Vec::new(),
+        };
+        for channel in further {
+            layout.offsets.push(match channel.source {
+                Source::Color => 0,
+                Source::PartOfColor => 3 * layout.parts,
+                Source::FirstHit => layout.exponents.len(),
+            });
+            layout.parts += usize::from(channel.source == Source::PartOfColor);
+            if channel.source == Source::FirstHit {
+                layout.has_first_hits = true;
+                let bits = if channel.pixel_type == PixelType::Uint { 0 } else { EXPONENT };
+                layout.exponents.extend(std::iter::repeat_n(bits, channel.components()));
+            }
+            layout.channels.push(channel);
+        }
+        layout
+    }
+
+    /// Numbers that a sample brings of its first hit.
+    pub(super) fn first_hit_width(&self) -> usize {
+        self.exponents.len()
+    }
+
+    /// Are all floats of a first hit finite? Integers travel as bits.
+    pub(super) fn is_finite(&self, first_hit: &[f32]) -> bool {
+        let numbers = self.exponents.iter().zip(first_hit);
+        numbers.map(|(&exponent, value)| u32::from(value.to_bits() & exponent == EXPONENT)).sum::<u32>() == 0
     }
 
     /// The same, with the colour of the first half of each pixel's samples kept apart if `has_halves`.
@@ -31,11 +71,6 @@ impl Layout {
     /// All channels but colour.
     pub(super) fn further(&self) -> &[Channel] {
         &self.channels[1..]
-    }
-
-    /// Those that show first hits.
-    pub(super) fn first_hits(&self) -> impl Iterator<Item = &Channel> {
-        self.further().iter().filter(|channel| channel.source == Source::FirstHit)
     }
 
     /// Are there more than colour?
@@ -66,12 +101,12 @@ impl Layout {
     }
 }
 
-/// Sums and counts, one entry a pixel.
+/// Sums and counts, one entry a pixel. Those of tiles are [`TileSums`].
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Sums {
     /// Red, green, blue, alpha.
     pub rgba: Vec<[f64; 4]>,
-    /// What the sums of red, green and blue leave out; empty in tiles.
+    /// What the sums of red, green and blue leave out.
     pub(super) rgb_low: Vec<[f32; 3]>,
     /// Samples of each pixel.
     pub count: Vec<u32>,
@@ -84,36 +119,19 @@ pub(super) struct Sums {
 }
 
 impl Sums {
-    /// Empty sums of a film or of a tile; `None` if the memory isn't there.
-    pub fn try_new(pixels: usize, layout: &Layout, is_of_film: bool) -> Option<Sums> {
+    /// Empty sums; `None` if the memory isn't there.
+    pub fn try_new(pixels: usize, layout: &Layout) -> Option<Sums> {
         let counts = |pixels| bytemuck::try_zeroed_vec(pixels).ok();
-        let further =
-            layout.further().iter().map(|channel| Accumulator::try_new(channel, pixels, is_of_film));
+        let further = layout.further().iter().map(|channel| Accumulator::try_new(channel, pixels, true));
         let halves = if layout.has_halves { pixels } else { 0 };
         Some(Sums {
             rgba: bytemuck::try_zeroed_vec(pixels).ok()?,
-            rgb_low: bytemuck::try_zeroed_vec(if is_of_film { pixels } else { 0 }).ok()?,
+            rgb_low: bytemuck::try_zeroed_vec(pixels).ok()?,
             count: counts(pixels)?,
             hits: counts(if layout.has_first_hits { pixels } else { 0 })?,
             further: further.collect::<Option<_>>()?,
             first_half: bytemuck::try_zeroed_vec(halves).ok()?,
         })
-    }
-
-    /// Adds colour and alpha.
-    #[inline(always)]
-    pub fn add(&mut self, pixel: usize, rgb: [f32; 3], alpha: f32) {
-        let sum = &mut self.rgba[pixel];
-        sum[0] += f64::from(rgb[0]);
-        sum[1] += f64::from(rgb[1]);
-        sum[2] += f64::from(rgb[2]);
-        sum[3] += f64::from(alpha);
-        self.count[pixel] += 1;
-    }
-
-    /// Adds a sample of the first half, whose colour was added.
-    pub fn add_to_first_half(&mut self, pixel: usize, rgb: [f32; 3]) {
-        self.first_half[pixel].add(rgb);
     }
 
     /// Mean colour of the first and of the second half of a pixel's samples, zero where there are none; and how many each has.
@@ -129,43 +147,44 @@ impl Sums {
         (means, counts)
     }
 
-    /// Adds what the channels beyond colour take from a sample whose colour was added.
-    pub fn add_further(
-        &mut self,
-        pixel: usize,
-        rgb: [f32; 3],
-        first_hit: Option<&[f32]>,
-        parts: &[[f32; 3]],
-        layout: &Layout,
-    ) {
-        let (mut rest, mut parts) = (first_hit, parts.iter());
-        for (channel, accumulator) in layout.further().iter().zip(&mut self.further) {
-            match channel.source {
-                Source::Color => accumulator.add(pixel, &rgb, self.count[pixel] == 1),
-                Source::PartOfColor => {
-                    if let Some(part) = parts.next() {
-                        accumulator.add(pixel, part, self.count[pixel] == 1);
-                    }
-                }
-                Source::FirstHit => {
-                    let Some((values, others)) = rest.map(|all| all.split_at(channel.components())) else {
-                        continue;
-                    };
-                    accumulator.add(pixel, values, self.hits[pixel] == 0);
-                    rest = Some(others);
-                }
+    /// Adds one row of a tile.
+    pub fn add_tile_row(&mut self, at: usize, tile: &TileSums, from: usize, length: usize, layout: &Layout) {
+        let (here, there) = (at..at + length, from..from + length);
+        let mut others = tile.others.iter();
+        let places = layout.further().iter().zip(&layout.offsets);
+        for ((channel, &offset), into) in places.zip(&mut self.further) {
+            let (before, added, sums, stride) = match channel.source {
+                Source::Color => (&self.count, &tile.count, &[][..], 0),
+                Source::PartOfColor => (&self.count, &tile.count, &tile.parts[..], 3 * layout.parts),
+                Source::FirstHit => (&self.hits, &tile.hits, &tile.first_hits[..], layout.first_hit_width()),
+            };
+            if !channel.is_summed() {
+                let more = &others.next().expect("a tile has an accumulator for what is not summed").1;
+                into.merge(at, more, from, &before[here.clone()], &added[there.clone()]);
+            } else if let Kept::Sums(list) = &mut into.kept {
+                let width = channel.components();
+                let rows = sums.chunks_exact(stride).skip(from).take(length);
+                list.add_strided(at * width, rows.map(|numbers| &numbers[offset..offset + width]));
             }
         }
-        if first_hit.is_some() && layout.has_first_hits {
-            self.hits[pixel] += 1;
+        let colors = self.rgba[here.clone()].iter_mut().zip(&mut self.rgb_low[here.clone()]);
+        for ((sum, low), value) in colors.zip(&tile.rgba[there.clone()]) {
+            (0..3).for_each(|c| exact::add(&mut sum[c], &mut low[c], exact::on_grid(value[c])));
+            // Alphas of samples are on a grid, and their sums exact.
+            sum[3] += value[3];
+        }
+        add_counts(&mut self.count[here.clone()], &tile.count[there.clone()]);
+        if layout.has_halves {
+            let halves = self.first_half[here.clone()].iter_mut().zip(&tile.first_half[there.clone()]);
+            halves.for_each(|(into, from)| into.merge(from, true));
+        }
+        if layout.has_first_hits {
+            add_counts(&mut self.hits[here], &tile.hits[there]);
         }
     }
 
     /// Adds one row of other sums.
     pub fn add_row(&mut self, at: usize, other: &Sums, from: usize, length: usize, layout: &Layout) {
-        fn count(into: &mut [u32], from: &[u32]) {
-            into.iter_mut().zip(from).for_each(|(sum, value)| *sum = sum.saturating_add(*value));
-        }
         let (here, there) = (at..at + length, from..from + length);
         for ((channel, into), more) in layout.further().iter().zip(&mut self.further).zip(&other.further) {
             let (before, added) = match channel.source {
@@ -174,43 +193,26 @@ impl Sums {
             };
             into.merge(at, more, from, &before[here.clone()], &added[there.clone()]);
         }
-        self.add_colors(at, other, from, length);
-        count(&mut self.count[here.clone()], &other.count[there.clone()]);
-        if layout.has_halves {
-            let halves = self.first_half[here.clone()].iter_mut().zip(&other.first_half[there.clone()]);
-            halves.for_each(|(into, from)| into.merge(from, other.is_of_tile()));
-        }
-        if layout.has_first_hits {
-            count(&mut self.hits[here], &other.hits[there]);
-        }
-    }
-
-    /// Are these the sums of a tile, and not of a film?
-    fn is_of_tile(&self) -> bool {
-        self.rgb_low.is_empty()
-    }
-
-    /// Adds the colours of one row of other sums.
-    fn add_colors(&mut self, at: usize, other: &Sums, from: usize, length: usize) {
-        let here = self.rgba[at..at + length].iter_mut().zip(&mut self.rgb_low[at..at + length]);
-        let there = &other.rgba[from..from + length];
-        for ((sum, low), value) in here.zip(there) {
+        let colors = self.rgba[here.clone()].iter_mut().zip(&mut self.rgb_low[here.clone()]);
+        let others = other.rgba[there.clone()].iter().zip(&other.rgb_low[there.clone()]);
+        for ((sum, low), (value, rest)) in colors.zip(others) {
             for c in 0..3 {
-                let value = if other.rgb_low.is_empty() { exact::on_grid(value[c]) } else { value[c] };
-                exact::add(&mut sum[c], &mut low[c], value);
+                exact::add(&mut sum[c], &mut low[c], value[c]);
+                exact::add(&mut sum[c], &mut low[c], f64::from(rest[c]));
             }
-            // Alphas of samples are on a grid, and their sums exact.
             sum[3] += value[3];
         }
-        if let Some(lows) = other.rgb_low.get(from..from + length) {
-            let here = self.rgba[at..at + length].iter_mut().zip(&mut self.rgb_low[at..at + length]);
-            for ((sum, low), rest) in here.zip(lows) {
-                (0..3).for_each(|c| exact::add(&mut sum[c], &mut low[c], f64::from(rest[c])));
-            }
+        add_counts(&mut self.count[here.clone()], &other.count[there.clone()]);
+        if layout.has_halves {
+            let halves = self.first_half[here.clone()].iter_mut().zip(&other.first_half[there.clone()]);
+            halves.for_each(|(into, from)| into.merge(from, false));
+        }
+        if layout.has_first_hits {
+            add_counts(&mut self.hits[here], &other.hits[there]);
         }
     }
 
-    /// Sets the means of colour over all samples.
+    /// Sets the means of colour over all samples, by lists of at least as many.
     pub fn set_color(&mut self, color: [&[f32]; 3]) {
         for (pixel, sum) in self.rgba.iter_mut().enumerate() {
             let count = f64::from(self.count[pixel]);
@@ -250,4 +252,8 @@ impl Sums {
         };
         self.further[further].planes(channel, Counts { samples: &self.count, brought })
     }
+}
+
+fn add_counts(into: &mut [u32], from: &[u32]) {
+    into.iter_mut().zip(from).for_each(|(sum, value)| *sum = sum.saturating_add(*value));
 }

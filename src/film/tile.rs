@@ -1,7 +1,10 @@
 //! The part of a film that one thread fills.
 
-use super::channel::PixelType;
-use super::sums::{Layout, Sums};
+use super::accumulator::Accumulator;
+use super::band::Rect;
+use super::channel::Source;
+use super::exact::HalfSum;
+use super::sums::Layout;
 use std::sync::Arc;
 
 /// A rectangle of a film with its own sums. Pixels are counted row by row from the tile's top left corner.
@@ -16,8 +19,93 @@ pub struct FilmTile {
     /// Rows.
     pub height: u32,
     pub(super) layout: Arc<Layout>,
-    pub(super) sums: Sums,
+    pub(super) sums: TileSums,
     pub(super) invalid_samples: u64,
+}
+
+/// Plain sums of what the samples of a tile bring. The numbers that a sample brings to a source stand together, so that they are
+/// added in one go.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct TileSums {
+    /// Red, green, blue, alpha.
+    pub rgba: Vec<[f64; 4]>,
+    /// Samples of each pixel.
+    pub count: Vec<u32>,
+    /// Those that hit something; empty where no channel asks for it.
+    pub hits: Vec<u32>,
+    /// Empty where halves are not kept apart.
+    pub first_half: Vec<HalfSum>,
+    /// All numbers of first hits, pixel by pixel; of channels that are not summed they are of no use.
+    pub first_hits: Vec<f64>,
+    /// The parts of colour, three numbers for each.
+    pub parts: Vec<f64>,
+    /// The channels beyond colour that are not summed, with their places among these.
+    pub others: Vec<(usize, Accumulator)>,
+}
+
+impl TileSums {
+    /// Empties them for so many pixels; the memory stays. False if there is not enough.
+    fn restart(&mut self, pixels: usize, layout: &Layout) -> bool {
+        fn zeros<T: bytemuck::Zeroable + Clone>(list: &mut Vec<T>, count: usize) -> bool {
+            list.clear();
+            let is_there = list.try_reserve_exact(count).is_ok();
+            if is_there {
+                list.resize(count, T::zeroed());
+            }
+            is_there
+        }
+        let further = layout.further().iter().enumerate().filter(|(_, channel)| !channel.is_summed());
+        let others = further.map(|(k, c)| Some((k, Accumulator::try_new(c, pixels, false)?)));
+        let Some(others) = others.collect() else { return false };
+        self.others = others;
+        zeros(&mut self.rgba, pixels)
+            && zeros(&mut self.count, pixels)
+            && zeros(&mut self.hits, if layout.has_first_hits { pixels } else { 0 })
+            && zeros(&mut self.first_half, if layout.has_halves { pixels } else { 0 })
+            && zeros(&mut self.first_hits, pixels * layout.first_hit_width())
+            && zeros(&mut self.parts, pixels * 3 * layout.parts)
+    }
+
+    /// Adds what the channels beyond colour take from a sample whose colour was added.
+    fn add_further(
+        &mut self,
+        pixel: usize,
+        rgb: [f32; 3],
+        first_hit: Option<&[f32]>,
+        parts: &[[f32; 3]],
+        layout: &Layout,
+    ) {
+        let is_first = self.count[pixel] == 1;
+        for (place, accumulator) in &mut self.others {
+            let offset = layout.offsets[*place];
+            let channel = &layout.further()[*place];
+            match channel.source {
+                Source::Color => accumulator.add(pixel, &rgb, is_first),
+                Source::PartOfColor => {
+                    if let Some(part) = parts.get(offset / 3) {
+                        accumulator.add(pixel, part, is_first);
+                    }
+                }
+                Source::FirstHit => {
+                    if let Some(values) = first_hit {
+                        let values = &values[offset..offset + channel.components()];
+                        accumulator.add(pixel, values, self.hits[pixel] == 0);
+                    }
+                }
+            }
+        }
+        let of_pixel = &mut self.parts[3 * layout.parts * pixel..][..3 * layout.parts];
+        add(of_pixel, parts.as_flattened());
+        if let Some(values) = first_hit.filter(|_| layout.has_first_hits) {
+            let width = layout.first_hit_width();
+            add(&mut self.first_hits[width * pixel..][..width], values);
+            self.hits[pixel] += 1;
+        }
+    }
+}
+
+fn add(sums: &mut [f64], values: &[f32]) {
+    sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += f64::from(*value));
 }
 
 impl FilmTile {
@@ -26,9 +114,25 @@ impl FilmTile {
     /// # Panics
     /// If there is no memory for it.
     pub fn new(x0: u32, y0: u32, width: u32, height: u32, layout: &Arc<Layout>) -> FilmTile {
-        let sums = Sums::try_new(width as usize * height as usize, layout, false);
-        let sums = sums.expect("there is memory for a tile");
-        FilmTile { x0, y0, width, height, layout: layout.clone(), sums, invalid_samples: 0 }
+        let sums = TileSums::default();
+        let empty = FilmTile { x0, y0, width, height, layout: layout.clone(), sums, invalid_samples: 0 };
+        empty.restarted(x0, y0, width, height, layout)
+    }
+
+    /// The same in the memory of a tile that is not needed any more.
+    ///
+    /// # Panics
+    /// If there is no memory for it.
+    #[must_use]
+    pub fn restarted(mut self, x0: u32, y0: u32, width: u32, height: u32, layout: &Arc<Layout>) -> FilmTile {
+        let is_there = self.sums.restart(width as usize * height as usize, layout);
+        assert!(is_there, "there is no memory for a tile");
+        FilmTile { x0, y0, width, height, layout: layout.clone(), invalid_samples: 0, ..self }
+    }
+
+    /// Its rectangle in the picture.
+    pub(super) fn place(&self) -> Rect {
+        Rect::new((self.x0, self.y0), (self.width, self.height))
     }
 
     /// Adds a sample to the pixel `pixel` of the tile: premultiplied linear colour and alpha. A sample with NaN or an
@@ -42,7 +146,12 @@ impl FilmTile {
             self.invalid_samples += 1;
             return false;
         }
-        self.sums.add(pixel as usize, rgb, alpha);
+        let sum = &mut self.sums.rgba[pixel as usize];
+        sum[0] += f64::from(r);
+        sum[1] += f64::from(g);
+        sum[2] += f64::from(b);
+        sum[3] += f64::from(alpha);
+        self.sums.count[pixel as usize] += 1;
         true
     }
 
@@ -68,18 +177,9 @@ impl FilmTile {
             return;
         }
         if is_of_first_half && self.layout.has_halves {
-            self.sums.add_to_first_half(pixel as usize, rgb);
+            self.sums.first_half[pixel as usize].add(rgb);
         }
-        let first_hit = first_hit.filter(|values| self.is_finite(values));
+        let first_hit = first_hit.filter(|values| self.layout.is_finite(values));
         self.sums.add_further(pixel as usize, rgb, first_hit, parts, &self.layout);
-    }
-
-    /// Are all floats of a first hit finite? Integers travel as bits.
-    fn is_finite(&self, mut values: &[f32]) -> bool {
-        self.layout.first_hits().all(|channel| {
-            let (own, rest) = values.split_at(channel.components());
-            values = rest;
-            channel.pixel_type == PixelType::Uint || own.iter().all(|v| v.is_finite())
-        })
     }
 }

@@ -1,6 +1,6 @@
 //! What AOVs show of the first surface that a camera ray hits. Each has one line here; `film/channel.rs` has the table.
 
-use crate::bsdf::Bsdf;
+use crate::bsdf::{Bsdf, Look};
 use crate::compile::{CompiledScene, View};
 use crate::film::{Aov, AovSet, AovSpace, MatteIds};
 use crate::math::{Hit, Vec3};
@@ -28,15 +28,45 @@ pub(super) struct Shown<'a> {
     pub space: AovSpace,
 }
 
+/// What several AOVs show of a first surface.
+#[derive(Clone, Copy)]
+struct Common {
+    /// Number of its material, and of its object if that is shown.
+    material: u32,
+    object: u32,
+    /// 1 where the camera is on the side of its geometric normal, else -1.
+    side: f32,
+    /// Its colours, if they are shown.
+    look: Look,
+}
+
+/// AOVs that show a look, and those that show objects.
+const OF_LOOKS: [Aov; 4] = [Aov::Roughness, Aov::DiffuseColor, Aov::GlossyColor, Aov::TransmissionColor];
+const OF_OBJECTS: [Aov; 3] = [Aov::ObjectId, Aov::CryptoObject, Aov::CryptoAsset];
+
 impl FirstHit<'_> {
+    /// What AOVs have in common.
+    fn common(&self, aovs: AovSet, scene: &CompiledScene) -> Common {
+        let shows = |some: &[Aov]| some.iter().any(|&aov| aovs.contains(aov));
+        Common {
+            material: scene.described_material(self.surface.material),
+            object: if shows(&OF_OBJECTS) { scene.object_at(&self.hit).0 } else { 0 },
+            side: if self.surface.ng.dot(self.wo) < 0.0 { -1.0 } else { 1.0 },
+            look: if shows(&OF_LOOKS) { self.bsdf.look() } else { Look::BLACK },
+        }
+    }
+
     /// The components of an AOV, from the first; channels of fewer than three use as many as they have.
-    fn values(&self, aov: Aov, &Shown { scene, view, mattes, space }: &Shown) -> [f32; MOST_COMPONENTS] {
+    #[inline(always)]
+    fn values(
+        &self,
+        aov: Aov,
+        &Common { material, object, side, look }: &Common,
+        &Shown { scene, view, mattes, space }: &Shown,
+    ) -> [f32; MOST_COMPONENTS] {
         let one = |value: f32| [value, 0.0, 0.0, 0.0];
         let three = |[x, y, z]: [f32; 3]| [x, y, z, 0.0];
         let Surface { p, ng, ns, .. } = self.surface;
-        let material = scene.described_material(self.surface.material);
-        let side = if ng.dot(self.wo) < 0.0 { -1.0 } else { 1.0 };
-        let object = || scene.object_at(&self.hit).0;
         let normal = |n: Vec3| match space {
             AovSpace::World => three((n * side).to_array()),
             AovSpace::Camera => three(view.camera.along_axes(n * side).to_array()),
@@ -59,15 +89,15 @@ impl FirstHit<'_> {
             }
             Aov::Motion => self.motion(scene, view),
             Aov::Albedo => three(self.bsdf.albedo().to_array()),
-            Aov::Roughness => one(self.bsdf.look().roughness),
-            Aov::DiffuseColor => three(self.bsdf.look().diffuse.to_array()),
-            Aov::GlossyColor => three(self.bsdf.look().glossy.to_array()),
-            Aov::TransmissionColor => three(self.bsdf.look().transmission.to_array()),
-            Aov::ObjectId => one(f32::from_bits(object() + 1)),
+            Aov::Roughness => one(look.roughness),
+            Aov::DiffuseColor => three(look.diffuse.to_array()),
+            Aov::GlossyColor => three(look.glossy.to_array()),
+            Aov::TransmissionColor => three(look.transmission.to_array()),
+            Aov::ObjectId => one(f32::from_bits(object + 1)),
             Aov::MaterialId => one(f32::from_bits(material + 1)),
-            Aov::CryptoObject => id(&mattes.objects, object()),
+            Aov::CryptoObject => id(&mattes.objects, object),
             Aov::CryptoMaterial => id(&mattes.materials, material),
-            Aov::CryptoAsset => id(&mattes.assets, object()),
+            Aov::CryptoAsset => id(&mattes.assets, object),
             // Others show no surface, or what is found there later.
             _ => [0.0; MOST_COMPONENTS],
         }
@@ -105,8 +135,11 @@ const _: () = {
 #[derive(Default)]
 pub(super) struct FirstHits {
     aovs: AovSet,
+    /// The AOVs, each with the place of its first component.
+    places: Vec<(Aov, usize)>,
     /// Components of a sample.
     width: usize,
+    /// Behind the components of each sample there is room for the most that an AOV has: so all are written alike.
     values: Vec<f32>,
     is_hit: Vec<bool>,
 }
@@ -115,39 +148,56 @@ impl FirstHits {
     /// Empties it for `count` samples and AOVs that show first hits; without any it stays empty and
     /// [`record`](FirstHits::record) does nothing.
     pub fn reset(&mut self, count: usize, aovs: AovSet) {
-        let components = |aov: Aov| aov.info().components();
-        (self.aovs, self.width) = (aovs, aovs.iter().map(components).sum());
-        self.values.clear();
-        self.values.resize(count * self.width, 0.0);
+        if self.aovs != aovs {
+            self.aovs = aovs;
+            (self.width, self.places) = (0, Vec::new());
+            for aov in aovs.iter() {
+                self.places.push((aov, self.width));
+                self.width += aov.info().components();
+            }
+        }
+        let count = if aovs.any() { count } else { 0 };
+        // Values of samples that hit nothing are not looked at.
+        let numbers = (count * self.stride()).max(self.values.len());
+        self.values.resize(numbers, 0.0);
         self.is_hit.clear();
-        self.is_hit.resize(if aovs.any() { count } else { 0 }, false);
+        self.is_hit.resize(count, false);
+    }
+
+    /// Numbers from one sample to the next.
+    fn stride(&self) -> usize {
+        self.width + MOST_COMPONENTS
     }
 
     /// Takes down the first surface of a sample.
     pub fn record(&mut self, sample: usize, hit: &FirstHit, shown: &Shown) {
         let Some(is_hit) = self.is_hit.get_mut(sample) else { return };
         *is_hit = true;
-        let mut at = sample * self.width;
-        for aov in self.aovs.iter() {
-            let values = &hit.values(aov, shown)[..aov.info().components()];
-            self.values[at..at + values.len()].copy_from_slice(values);
-            at += values.len();
+        let stride = self.stride();
+        let own = &mut self.values[sample * stride..(sample + 1) * stride];
+        let common = hit.common(self.aovs, shown.scene);
+        for &(aov, place) in &self.places {
+            // The next one overwrites what this one doesn't have.
+            if let Some(own) = own[place..].first_chunk_mut() {
+                *own = hit.values(aov, &common, shown);
+            }
         }
     }
 
     /// Adds to the components of an AOV, if that is asked for and the sample hit something.
     pub fn add(&mut self, sample: usize, aov: Aov, values: [f32; 2]) {
-        if !self.aovs.contains(aov) || !self.is_hit.get(sample).is_some_and(|&is_hit| is_hit) {
+        if !self.is_hit.get(sample).is_some_and(|&is_hit| is_hit) {
             return;
         }
-        let before = self.aovs.iter().take_while(|&other| other != aov);
-        let at = sample * self.width + before.map(|aov| aov.info().components()).sum::<usize>();
-        self.values[at..].iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
+        if let Some((_, place)) = self.places.iter().find(|(other, _)| *other == aov) {
+            let at = sample * self.stride() + place;
+            self.values[at..].iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
+        }
     }
 
     /// The components of a sample, if it hit something.
     pub fn get(&self, sample: usize) -> Option<&[f32]> {
         let is_hit = self.is_hit.get(sample).is_some_and(|&is_hit| is_hit);
-        is_hit.then(|| &self.values[sample * self.width..][..self.width])
+        is_hit.then(|| &self.values[sample * self.stride()..][..self.width])
     }
 }

@@ -79,14 +79,39 @@ pub struct Layers {
     count: usize,
     /// Behind the groups are those of shadow catchers.
     catchers: bool,
+    /// How many passes there are, and the places of each: of emission, of the environment, and of diffuse, glossy and transmitted
+    /// light, direct and indirect.
+    pass_count: usize,
+    places: [Option<u8>; 2 + 2 * 3],
 }
+
+/// The passes in the order of their places.
+const PASSES: [Aov; 8] = [
+    Aov::Emission,
+    Aov::Environment,
+    Aov::DiffuseDirect,
+    Aov::GlossyDirect,
+    Aov::TransmissionDirect,
+    Aov::DiffuseIndirect,
+    Aov::GlossyIndirect,
+    Aov::TransmissionIndirect,
+];
 
 impl Layers {
     /// The light passes among AOVs, the first groups of lights, and what catchers catch.
     pub fn new(aovs: AovSet, groups: usize, catchers: bool) -> Layers {
         let passes = aovs.of(Source::PartOfColor);
         let of_catchers = if catchers { CATCHER_PARTS } else { 0 };
-        Layers { passes, groups, count: passes.iter().count() + groups + of_catchers, catchers }
+        let place = |aov| passes.iter().position(|other| other == aov).map(|place| place as u8);
+        let pass_count = passes.iter().count();
+        Layers {
+            passes,
+            groups,
+            count: pass_count + groups + of_catchers,
+            catchers,
+            pass_count,
+            places: PASSES.map(place),
+        }
     }
 
     /// How many there are.
@@ -107,7 +132,7 @@ impl Layers {
 
     /// The place of a group.
     pub fn of_group(&self, group: usize) -> Option<usize> {
-        (group < self.groups).then(|| self.passes.iter().count() + group)
+        (group < self.groups).then_some(self.pass_count + group)
     }
 
     /// The first place of what catchers catch.
@@ -115,23 +140,17 @@ impl Layers {
         self.catchers.then(|| self.count - CATCHER_PARTS)
     }
 
-    /// The place of a pass.
-    fn of_pass(&self, aov: Aov) -> Option<usize> {
-        self.passes.contains(aov).then(|| self.passes.iter().take_while(|&other| other != aov).count())
-    }
-
     /// The places of the passes that light of a way belongs to, and its shares there.
     pub fn shares(&self, way: Way) -> [(Option<usize>, Rgb); 2] {
-        let (first, [diffuse, glossy, transmission]) = match way {
-            Way::Emission => return [(self.of_pass(Aov::Emission), Rgb::ONE), (None, Rgb::ZERO)],
-            Way::Environment => return [(self.of_pass(Aov::Environment), Rgb::ONE), (None, Rgb::ZERO)],
-            Way::Direct(first) => (first, [Aov::DiffuseDirect, Aov::GlossyDirect, Aov::TransmissionDirect]),
-            Way::Indirect(first) => {
-                (first, [Aov::DiffuseIndirect, Aov::GlossyIndirect, Aov::TransmissionIndirect])
-            }
+        let place = |pass: usize| self.places[pass].map(usize::from);
+        let (first, diffuse) = match way {
+            Way::Emission => return [(place(0), Rgb::ONE), (None, Rgb::ZERO)],
+            Way::Environment => return [(place(1), Rgb::ONE), (None, Rgb::ZERO)],
+            Way::Direct(first) => (first, 2),
+            Way::Indirect(first) => (first, 5),
         };
-        let rest = if first.crosses { transmission } else { glossy };
-        [(self.of_pass(diffuse), first.diffuse), (self.of_pass(rest), Rgb::ONE - first.diffuse)]
+        let rest = diffuse + if first.crosses { 2 } else { 1 };
+        [(place(diffuse), first.diffuse), (place(rest), Rgb::ONE - first.diffuse)]
     }
 }
 

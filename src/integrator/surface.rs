@@ -268,8 +268,9 @@ impl Integrator<'_> {
         }
         if bounce == 0 && self.first_hits.any() {
             let surface = Surface { material: w.materials[i], ..vertex.surface };
-            let shown = if self.is_spectral() { self.shown_bsdf(&at, wo) } else { vertex.bsdf };
-            let hit = FirstHit { hit: w.hits[i], time: at.time, surface, wo, bsdf: &shown };
+            let of_rgb = self.is_spectral().then(|| self.shown_bsdf(&at, wo));
+            let bsdf = of_rgb.as_ref().unwrap_or(&vertex.bsdf);
+            let hit = FirstHit { hit: w.hits[i], time: at.time, surface, wo, bsdf };
             w.first_hits.record(w.arriving.carried.sample[i] as usize, &hit, &self.shown());
         }
         vertex

@@ -11,6 +11,7 @@ use super::schedule::Pass;
 use super::technique::Choice;
 use crate::integrator::Block;
 use crate::sampling::Allotment;
+use rayon::prelude::*;
 
 /// Radius in pixels of each of the two averages over neighbours.
 const RADIUS: usize = 1;
@@ -32,6 +33,9 @@ const LEAST_PIXELS: u32 = 128 * 128;
 /// The work for a given error must fall by this factor. (What is predicted is not quite reached: points that are evenly
 /// spread over a pixel make its error fall faster than their number grows. Of a predicted 2.0, 1.4 were measured.)
 const LEAST_GAIN: f64 = 1.4;
+
+/// How often the interval is halved in which the number of samples is found that an error gets.
+const HALVINGS: u32 = 50;
 
 /// Squared errors of the pixels of a picture, row by row, and what a sample costs there.
 pub(super) struct ErrorMap {
@@ -88,19 +92,15 @@ impl ErrorMap {
         }
         let costs = averages(&self.costs, self.width);
         let scale = |(&e, &c): (&f32, &f32)| ((f64::from(e) + UNSEEN * mean) / f64::from(c)).sqrt();
-        let scales: Vec<f64> = errors.iter().zip(&costs).map(scale).collect();
+        let scales: Vec<f64> = errors.par_iter().zip(&costs).map(scale).collect();
         let least = f64::from(earlier.max(options.least_samples.min(total)));
         let most = (MOST * f64::from(total)).min(f64::from(options.most_samples.max(total)));
         // The least sum of e / n for a given sum of c n has n in proportion to the root of e / c.
         let sum_at = |factor: f64| scales.iter().map(|s| (factor * s).clamp(least, most)).sum::<f64>();
         let wanted = f64::from(total) * scales.len() as f64;
         let largest = scales.iter().fold(0.0f64, |a, &b| a.max(b));
-        let (mut low, mut high) = (0.0, most * scales.len() as f64 / largest);
-        for _ in 0..50 {
-            let middle = 0.5 * (low + high);
-            *if sum_at(middle) < wanted { &mut low } else { &mut high } = middle;
-        }
-        let counts: Vec<f32> = scales.iter().map(|s| (low * s).clamp(least, most) as f32).collect();
+        let low = bisected((0.0, most * scales.len() as f64 / largest), |factor| sum_at(factor) < wanted);
+        let counts: Vec<f32> = scales.par_iter().map(|s| (low * s).clamp(least, most) as f32).collect();
         let work = |n: &dyn Fn(usize) -> f32| {
             let sum = |of: &dyn Fn(usize) -> f32| (0..errors.len()).map(|i| f64::from(of(i))).sum::<f64>();
             sum(&|i| errors[i] / n(i)) * sum(&|i| costs[i] * n(i))
@@ -125,8 +125,31 @@ impl ErrorMap {
             let share = share(i % width, width) * share(i / width, height);
             ((averages[i] - share * self.values[i]) / (1.0 - share)).max(0.0)
         };
-        (0..averages.len()).map(others).collect()
+        (0..averages.len()).into_par_iter().map(others).collect()
     }
+}
+
+/// The lower end of an interval that was halved many times, where the upper half is kept if the middle is below what is looked for.
+/// Threads that have nothing else to do look at the middles that may come next.
+fn bisected((mut low, mut high): (f64, f64), is_below: impl Fn(f64) -> bool + Sync) -> f64 {
+    let ahead = (rayon::current_num_threads() + 1).ilog2().clamp(1, 4);
+    let mut left = HALVINGS;
+    while left > 0 {
+        let halvings = ahead.min(left);
+        let mut intervals = vec![(low, high)];
+        let mut middles = Vec::new();
+        for i in 0..(1usize << halvings) - 1 {
+            let (low, high): (f64, f64) = intervals[i];
+            let middle = 0.5 * (low + high);
+            middles.push(middle);
+            intervals.extend([(low, middle), (middle, high)]);
+        }
+        let are_below: Vec<bool> = middles.par_iter().map(|&middle| is_below(middle)).collect();
+        let chosen = (0..halvings).fold(0, |at, _| 2 * at + 1 + usize::from(are_below[at]));
+        (low, high) = intervals[chosen];
+        left -= halvings;
+    }
+    low
 }
 
 /// Averages over the neighbours of each pixel, with weights that fall with the distance.
@@ -142,17 +165,31 @@ fn averages(values: &[f32], width: usize) -> Vec<f32> {
 
 /// Averages over the neighbours in a row.
 fn of_rows(values: &[f32], width: usize) -> Vec<f32> {
-    let mut averages = Vec::with_capacity(values.len());
-    for row in values.chunks(width) {
-        for x in 0..width {
-            let around = &row[x.saturating_sub(RADIUS)..(x + RADIUS + 1).min(width)];
-            averages.push(around.iter().sum::<f32>() / around.len() as f32);
-        }
-    }
-    averages
+    let average = |i: usize| {
+        let (row, x) = (&values[i - i % width..][..width], i % width);
+        let around = &row[x.saturating_sub(RADIUS)..(x + RADIUS + 1).min(width)];
+        around.iter().sum::<f32>() / around.len() as f32
+    };
+    (0..values.len()).into_par_iter().map(average).collect()
 }
 
 fn transposed(values: &[f32], width: usize) -> Vec<f32> {
     let height = values.len() / width;
-    (0..values.len()).map(|i| values[i % height * width + i / height]).collect()
+    (0..values.len()).into_par_iter().map(|i| values[i % height * width + i / height]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn looking_ahead_changes_nothing() {
+        let with = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+            pool.install(|| [0.3, 1e-9, 6.999, 8.0].map(|wanted| bisected((0.0, 7.0), |x| x * x < wanted)))
+        };
+        let one = with(1);
+        assert!((one[0] - 0.3f64.sqrt()).abs() < 1e-12);
+        assert_eq!([with(3), with(40)], [one; 2]);
+    }
 }

@@ -1,6 +1,8 @@
 //! Whether caustics are found from the lamp, and by how many paths: what some of them bring decides.
 
 use super::options::{Adaptive, Caustics, RenderOptions};
+use super::timeline;
+use super::work::WORKSPACE;
 use crate::compile::{CompiledScene, View};
 use crate::error::Warning;
 use crate::film::{AovSet, AovSpace, FilterSampler, MatteIds};
@@ -9,10 +11,14 @@ use crate::integrator::{
 };
 use crate::sampling::Arrangement;
 use crate::sampling::hash::r2_sequence;
+use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Paths from lamps that are tried.
 const TRIED_PATHS: u32 = 1 << 13;
+
+/// So many of them by one thread at a time.
+const PATHS_AT_A_TIME: u32 = 1 << 7;
 
 /// Squares of so many pixels, with this edge and two samples a pixel, tell how noisy the rest of the picture is.
 const SQUARES: u32 = 128;
@@ -54,21 +60,25 @@ impl CausticChoice {
         self.plan.as_deref()
     }
 
-    /// Decides, once.
+    /// Decides, once. False if it was stopped.
     pub fn decide(
         &mut self,
         scene: &CompiledScene,
         view: &View,
         options: &RenderOptions,
         filter: &FilterSampler,
-    ) {
-        if !std::mem::replace(&mut self.is_decided, true)
-            && options.caustics != Caustics::Off
-            && obstacle(scene, view, options).is_none()
-        {
-            self.plan =
-                Trial { scene, view, options, filter, mattes: MatteIds::default() }.plan().map(Arc::new);
+        stop: &(dyn Fn() -> bool + Sync),
+    ) -> bool {
+        if self.is_decided {
+            return true;
         }
+        if options.caustics != Caustics::Off && obstacle(scene, view, options).is_none() {
+            let trial = Trial { scene, view, options, filter, stop, mattes: MatteIds::default() };
+            let Ok(plan) = trial.plan() else { return false };
+            self.plan = plan.map(Arc::new);
+        }
+        self.is_decided = true;
+        true
     }
 }
 
@@ -102,8 +112,12 @@ struct Trial<'a> {
     view: &'a View,
     options: &'a RenderOptions,
     filter: &'a FilterSampler,
+    stop: &'a (dyn Fn() -> bool + Sync),
     mattes: MatteIds,
 }
+
+/// The trial was stopped.
+struct Stopped;
 
 /// What paths from the camera have shown, for one sample of each pixel.
 struct Rest {
@@ -124,20 +138,55 @@ impl Trial<'_> {
         (f64::from(most) * (self.pixels() / ALL_PIXELS).clamp(LEAST_TRIED, 1.0)) as u32
     }
 
-    fn plan(&self) -> Option<CausticPlan> {
+    fn plan(&self) -> Result<Option<CausticPlan>, Stopped> {
         // As many as pixels, to begin with.
-        let plan = CausticPlan::new(self.scene, self.options.seed, self.pixels() as u32)?;
-        let mut w = Workspace::new();
+        let plan = CausticPlan::new(self.scene, self.options.seed, self.pixels() as u32);
+        let Some(plan) = plan else { return Ok(None) };
         let tried = self.tried(TRIED_PATHS);
-        let tally = self.integrator(&plan).trace_from_lamps(u32::MAX, 0..tried, &mut w, &mut Vec::new());
+        let tally = self.try_paths(&plan, tried)?;
         if tally.sum <= 0.0 {
-            return None;
+            return Ok(None);
         }
-        let rest = self.rest(&plan, &mut w);
+        let rest = self.rest(&plan)?;
         let (share, gain) = best_share(&scaled(tally, self.pixels() / f64::from(tried)), &rest);
         let is_wanted = self.options.caustics == Caustics::On || gain >= LEAST_GAIN;
         let paths = (share * self.pixels()).round().max(1.0);
-        is_wanted.then(|| plan.with_paths(paths as u32))
+        Ok(is_wanted.then(|| plan.with_paths(paths as u32)))
+    }
+
+    /// Tries so many paths from lamps.
+    fn try_paths(&self, plan: &CausticPlan, tried: u32) -> Result<CausticTally, Stopped> {
+        let integrator = self.integrator(plan);
+        let group = timeline::group();
+        let starts: Vec<u32> = (0..tried).step_by(PATHS_AT_A_TIME as usize).collect();
+        let tallies = starts.into_par_iter().map(|start| {
+            let paths = start..tried.min(start + PATHS_AT_A_TIME);
+            self.in_workspace("caustics", group, |w| {
+                integrator.trace_from_lamps(u32::MAX, paths, w, &mut Vec::new())
+            })
+        });
+        let tallies = tallies.collect::<Result<Vec<CausticTally>, Stopped>>()?;
+        // In their order, so that the sums don't depend on threads.
+        Ok(tallies.into_iter().fold(CausticTally::default(), |sum, of_some| CausticTally {
+            sum: sum.sum + of_some.sum,
+            squares: sum.squares + of_some.squares,
+            squares_from_camera: sum.squares_from_camera + of_some.squares_from_camera,
+            rays: sum.rays + of_some.rays,
+        }))
+    }
+
+    /// Does some work of a thread, unless it was stopped.
+    fn in_workspace<T>(
+        &self,
+        stage: &'static str,
+        group: u32,
+        work: impl FnOnce(&mut Workspace) -> T,
+    ) -> Result<T, Stopped> {
+        if (self.stop)() {
+            return Err(Stopped);
+        }
+        let done = WORKSPACE.with(|w| timeline::item(stage, group, || work(&mut w.borrow_mut())));
+        if (self.stop)() { Err(Stopped) } else { Ok(done) }
     }
 
     fn integrator<'a>(&'a self, plan: &'a CausticPlan) -> Integrator<'a> {
@@ -163,32 +212,38 @@ impl Trial<'_> {
     }
 
     /// How noisy the picture is without the light that is taken.
-    fn rest(&self, plan: &CausticPlan, w: &mut Workspace) -> Rest {
+    fn rest(&self, plan: &CausticPlan) -> Result<Rest, Stopped> {
         let integrator = self.integrator(plan);
         let (width, height) = (EDGE.min(self.view.width), EDGE.min(self.view.height));
         let place = |fraction: u32, room: u32| ((u64::from(fraction) * u64::from(room + 1)) >> 32) as u32;
-        let (mut squares, mut light, before) = (Vec::new(), 0.0, w.ray_counts.all);
-        for [x, y] in (0..self.tried(SQUARES)).map(r2_sequence) {
+        let group = timeline::group();
+        let square = |[x, y]: [u32; 2]| {
             let (x0, y0) = (place(x, self.view.width - width), place(y, self.view.height - height));
             let block = Block { x0, y0, width, height, first_sample: 0, samples: 2 };
-            let mut first = 0.0;
-            let mut is_second = false;
-            let _ = integrator.trace(&block, w, &|| false, |sample: &PathSample<'_>| {
-                let value = f64::from(crate::color::luminance(sample.rgb));
-                light += 0.5 * value;
-                if is_second {
-                    squares.push(0.5 * (value - first).powi(2));
-                }
-                (first, is_second) = (value, !is_second);
-            });
+            self.in_workspace("caustics", group, |w| {
+                let (mut values, before) = (Vec::new(), w.ray_counts.all);
+                let _ = integrator.trace(&block, w, &self.stop, |sample: &PathSample<'_>| {
+                    values.push(f64::from(crate::color::luminance(sample.rgb)));
+                });
+                (values, w.ray_counts.all - before)
+            })
+        };
+        let places: Vec<[u32; 2]> = (0..self.tried(SQUARES)).map(r2_sequence).collect();
+        let found = places.into_par_iter().map(square).collect::<Result<Vec<_>, Stopped>>()?;
+        let (mut squares, mut light, mut rays) = (Vec::new(), 0.0, 0);
+        for (values, of_square) in &found {
+            values.iter().for_each(|value| light += 0.5 * value);
+            // The two samples of each pixel follow each other.
+            squares.extend(values.as_chunks::<2>().0.iter().map(|[a, b]| 0.5 * (b - a).powi(2)));
+            rays += of_square;
         }
         let count = squares.len().max(1) as f64;
         squares.sort_by(f64::total_cmp);
         let kept = (count * (1.0 - LEFT_OUT)).ceil() as usize;
         squares.truncate(kept.min(squares.len().saturating_sub(LEAST_LEFT_OUT)));
         let scale = self.pixels() / count;
-        let rays = (w.ray_counts.all - before) as f64 * 0.5 * scale;
-        Rest { squares: squares.iter().sum::<f64>() * scale, light: light * scale, rays }
+        let rays = rays as f64 * 0.5 * scale;
+        Ok(Rest { squares: squares.iter().sum::<f64>() * scale, light: light * scale, rays })
     }
 }
 
@@ -215,4 +270,44 @@ fn best_share(one: &CausticTally, rest: &Rest) -> (f64, f64) {
         ways.into_iter().fold(ways[0], |best, next| if next.2 < best.2 { next } else { best });
     let is_seen = one.sum >= LEAST_LIGHT * (rest.light + one.sum);
     (share, if is_seen { gain } else { 0.0 })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::compile::{CompileOptions, choose_camera, compile};
+    use std::path::Path;
+    use std::sync::atomic::{AtomicU32, Ordering};
+
+    /// Stops a trial when that was asked for so many times whether it is to stop. How often it was asked in all, and whether something
+    /// was decided.
+    fn tried(asked_before: u32, threads: usize) -> (u32, bool, Option<u32>) {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/cornell-spheres.toml");
+        let scene = crate::load::load(&path, &Default::default()).expect("the scene loads").scene;
+        let (compiled, _) = compile(&scene, &CompileOptions::default()).expect("it is valid");
+        let options = RenderOptions::default().size(64, 64).caustics(Caustics::On);
+        let view = View::new(&compiled, choose_camera(&scene, None).expect("a camera"), 64, 64);
+        let (filter, asked) = (FilterSampler::new(options.filter), AtomicU32::new(0));
+        let stop = || asked.fetch_add(1, Ordering::Relaxed) >= asked_before;
+        let mut choice = CausticChoice::default();
+        let decide = || choice.decide(&compiled, &view, &options, &filter, &stop);
+        let is_done = super::super::in_pool(Some(threads), decide).expect("the threads start");
+        (asked.into_inner(), is_done, choice.plan().map(CausticPlan::paths))
+    }
+
+    #[test]
+    fn a_trial_ends_when_it_is_stopped() {
+        let (asked, is_done, plan) = tried(u32::MAX, 3);
+        assert!(is_done && plan.is_some());
+        // Of all its parts, each of which asks twice, one thread begins one more.
+        let (asked_then, is_done, plan) = tried(5, 1);
+        assert!(!is_done && plan.is_none());
+        assert!(asked_then < 8 && asked > 60, "{asked_then} of {asked}");
+    }
+
+    #[test]
+    fn threads_do_not_change_the_trial() {
+        let of_one = tried(u32::MAX, 1);
+        assert_eq!([tried(u32::MAX, 3), tried(u32::MAX, 40)], [of_one; 2]);
+    }
 }

@@ -49,7 +49,7 @@ fn floats(planes: Option<Vec<Values>>) -> Option<[Vec<f32>; 3]> {
 
 /// Takes it out, and names the guides.
 fn take_noise_out(film: &mut Film, denoiser: &Denoiser) -> Result<String> {
-    let layer = |names: &[&str]| floats(names.iter().map(|name| film.plane(name)).collect());
+    let layer = |names: &[&str]| floats(film.components(names));
     let Some(color) = layer(&["R", "G", "B"]) else { return Ok(Guides::default().names()) };
     let (albedo, normal) = (floats(film.aov(Aov::Albedo)), floats(film.aov(Aov::Normal)));
     let depth = film.aov(Aov::Depth).map(|mut planes| planes.remove(0).into_floats());

@@ -7,6 +7,7 @@
 use super::clock::Stopwatch;
 use super::options::{Guiding, RenderOptions};
 use super::progress::{Listener, Progress};
+use super::timeline;
 use super::work::WORKSPACE;
 use crate::bsdf::BsdfClass;
 use crate::compile::{CompiledScene, View};
@@ -62,7 +63,7 @@ const SAMPLES_OF_CELL: f64 = 2000.0;
 /// Share of a time limit after which learning ends.
 const SHARE_OF_TIME: f64 = 0.1;
 
-/// Blocks that are learned from at a time: what they found is kept only until then.
+/// Blocks of a step, all over the picture: the first step decides how large cells are.
 const BLOCKS: usize = 16;
 
 /// Vertices that most paths don't exceed, and what is noted of each on the way into its cell.
@@ -122,10 +123,16 @@ pub fn guiding_bytes(options: &RenderOptions) -> u64 {
         return 0;
     }
     let pixels = u64::from(options.width) * u64::from(options.height);
-    let paths = part(options).min((BLOCKS * WAVE) as u64);
+    // Those that are learned from, and those that are traced meanwhile.
+    let paths = part(options).min((2 * steps_at_once() * BLOCKS * WAVE) as u64);
     let vertices = paths * u64::from(options.max_depth.min(MOST_VERTICES));
     // Samples of each pixel, and what vertices found.
     pixels * 12 + vertices * (size_of::<TrainingSample>() + CELL_SAMPLE_BYTES) as u64
+}
+
+/// Steps whose blocks are traced at the same time: twice as many blocks as threads at least, so that few wait for the last one.
+fn steps_at_once() -> usize {
+    (2 * rayon::current_num_threads()).div_ceil(BLOCKS)
 }
 
 /// Why they can't be.
@@ -239,15 +246,39 @@ impl Training<'_> {
         let seed = hash32(seed ^ hash32(SEED ^ number));
         let allotment = Allotment::new(seed, width, 0, 1, &vec![per_pixel as f32; pixels]);
         let integrator = self.integrator(SamplePlan::Allotted(&allotment), Some(guide));
-        let one = |block: &Block| self.in_workspace(stop, |w| integrator.learn(block, w, &stop));
         let blocks = blocks(width, height, per_pixel);
-        let steps = blocks.len().div_ceil(BLOCKS);
-        for first in 0..steps {
-            // From all over the picture.
-            let blocks: Vec<&Block> = blocks[first..].iter().step_by(steps).collect();
-            let found = blocks.into_par_iter().map(one).collect::<Result<Vec<BlockSamples>, Stopped>>()?;
-            state.learn(&found, PARTS * steps as u64);
+        let (steps, at_once) = (blocks.len().div_ceil(BLOCKS), steps_at_once());
+        let trace = |first: usize| -> Result<Vec<BlockSamples>, Stopped> {
+            let of_steps = first..(first + at_once).min(steps);
+            let group = timeline::group();
+            let one = |block: &Block| {
+                timeline::item("guiding", group, || {
+                    self.in_workspace(stop, |w| integrator.learn(block, w, &stop))
+                })
+            };
+            // Those of a step from all over the picture.
+            let of_all: Vec<&Block> =
+                of_steps.flat_map(|step| blocks[step..].iter().step_by(steps)).collect();
+            of_all.into_par_iter().map(one).collect()
+        };
+        let mut learn = |first: usize, mut found: Vec<BlockSamples>| {
+            // In the order of the steps, whatever threads there are.
+            for step in first..(first + at_once).min(steps) {
+                let of_step = found.drain(..blocks[step..].iter().step_by(steps).len()).collect();
+                state.learn(of_step, PARTS * steps as u64);
+            }
+        };
+        let mut traced: Option<(usize, Vec<BlockSamples>)> = None;
+        for first in (0..steps).step_by(at_once) {
+            // What was traced before is learned while threads go on.
+            let last = traced.take();
+            let (found, ()) = rayon::join(
+                || trace(first),
+                || last.into_iter().for_each(|(first, found)| learn(first, found)),
+            );
+            traced = Some((first, found?));
         }
+        traced.into_iter().for_each(|(first, found)| learn(first, found));
         Ok(())
     }
 
@@ -320,7 +351,11 @@ struct TrainingState {
 impl TrainingState {
     /// Takes in what some blocks of paths found, one of `of` such steps, in the order of the blocks, by shares of the cells. The
     /// first step decides how large cells are.
-    fn learn(&mut self, found: &[BlockSamples], of: u64) {
+    fn learn(&mut self, found: Vec<BlockSamples>, of: u64) {
+        timeline::parallel("learning", || self.learn_from(&found, of));
+    }
+
+    fn learn_from(&mut self, found: &[BlockSamples], of: u64) {
         self.luminance += found.iter().map(|l| l.luminance).sum::<f64>();
         self.samples += found.iter().map(|l| l.samples).sum::<u64>();
         let mean = self.luminance / self.samples.max(1) as f64;

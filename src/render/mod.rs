@@ -1,8 +1,9 @@
 //! Rendering: from a scene to a picture, at once or pass by pass; progress, stopping.
 //!
 //! The picture is made in passes of a few samples a pixel. In a pass, threads take tiles in any order and merge each into
-//! the film when it is done; tiles share no pixels and passes follow each other, so every pixel's sum has one order at
-//! any number of threads.
+//! the film when it is done; tiles share no pixels, and the tiles of a later pass wait for those of the earlier one where
+//! they lie, so every pixel's sum has one order at any number of threads. Passes overlap where nothing has to look at the
+//! picture between them: a time limit, an estimate of the noise and paths from lamps do.
 //!
 //! A rendering may take a share of a picture (`share.rs`), be written to a file and gone on from (`resume.rs`): its film's sums
 //! are exact, and the technique that the first pass decides on is part of what is written.
@@ -34,6 +35,8 @@ mod share;
 mod statistics;
 mod technique;
 mod tiles;
+#[doc(hidden)]
+pub mod timeline;
 mod warnings;
 mod work;
 

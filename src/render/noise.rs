@@ -24,6 +24,7 @@
 
 use crate::film::Film;
 use crate::integrator::reuse::INTERVAL;
+use rayon::prelude::*;
 use std::ops::Range;
 
 /// Samples below which nothing is estimated.
@@ -38,6 +39,13 @@ const RATIOS: std::ops::RangeInclusive<f64> = 0.125..=0.5;
 /// The part of all pixels, those that moved most, that is taken for such where single samples decide. A third or three times of it
 /// give the same estimates within a few percent.
 const TAIL: f64 = 0.01;
+
+/// Pixels whose numbers are summed one after another, and of which a thread takes so many at least.
+const RUN: usize = 1 << 12;
+const LEAST_OF_THREAD: usize = RUN;
+
+/// Numbers are of about the same size whose signs, exponents and first two digits are the same.
+const SIZE_SHIFT: u32 = 50;
 
 /// Bytes that it takes for each pixel: what is kept and what an estimate needs besides.
 pub(super) const BYTES_PER_PIXEL: u64 = 36 + 60;
@@ -64,8 +72,11 @@ type Parts = [f64; 2];
 impl Noise {
     /// Takes down a film whose pixels all have so many samples.
     pub fn observe(&mut self, film: &Film, samples: u32) {
-        let means = film.rgba().into_iter().map(|[r, g, b, _]| [r, g, b]).collect();
-        self.observe_means(means, film.width() as usize, samples);
+        if samples < LEAST {
+            self.now = samples;
+            return;
+        }
+        self.observe_means(film.means(), film.width() as usize, samples);
     }
 
     fn observe_means(&mut self, means: Vec<[f32; 3]>, width: usize, samples: u32) {
@@ -76,7 +87,7 @@ impl Noise {
         self.brightest.observe(&means, samples);
         let is_known = self.means.len() == means.len() && self.samples < samples;
         let values = self.brightest.values(&means, width, samples);
-        self.moved = if is_known { split(moves(&self.means, &means, &values)) } else { Parts::default() };
+        self.moved = if is_known { split(&moves(&self.means, &means, &values)) } else { Parts::default() };
         if samples.is_power_of_two() {
             if self.samples * 2 == samples && is_known {
                 self.losses.push(self.moved);
@@ -189,9 +200,10 @@ impl Brightest {
         let [n, m] = [self.samples, samples].map(|count| count as f32);
         // What went before where a picture goes on that was not looked at is no pass.
         if samples.saturating_sub(self.samples) == INTERVAL {
-            for ((sum, before), now) in self.sums.iter_mut().zip(&self.means).zip(means) {
+            let pixels = self.sums.par_iter_mut().zip(&self.means).zip(means).with_min_len(LEAST_OF_THREAD);
+            pixels.for_each(|((sum, before), now)| {
                 *sum = std::array::from_fn(|c| sum[c].max(m * now[c] - n * before[c]));
-            }
+            });
         }
         self.means.copy_from_slice(means);
         self.samples = samples;
@@ -201,21 +213,20 @@ impl Brightest {
     /// second brightest such of the eight around, if that's more.
     fn values(&self, means: &[[f32; 3]], width: usize, samples: u32) -> Vec<[f32; 3]> {
         let (m, others) = (samples as f32, samples.saturating_sub(INTERVAL).max(1) as f32);
+        // Before there is another pass, there is nothing to compare with; nor where no pass was looked at.
+        if samples <= INTERVAL || self.sums.len() != means.len() {
+            return means.to_vec();
+        }
         let without = |(now, sum): (&[f32; 3], &[f32; 3])| -> [f32; 3] {
             std::array::from_fn(|c| ((m * now[c] - sum[c]) / others).max(0.0))
         };
-        let rest: Vec<[f32; 3]> = means.iter().zip(&self.sums).map(without).collect();
-        let second = |at: usize| second_brightest_around(&rest, width, at);
+        let pixels = means.par_iter().zip(&self.sums).with_min_len(LEAST_OF_THREAD);
+        let rest: Vec<[f32; 3]> = pixels.map(without).collect();
         let value = |(at, now): (usize, &[f32; 3])| {
-            let around = second(at);
+            let around = second_brightest_around(&rest, width, at);
             std::array::from_fn(|c| now[c].min(rest[at][c].max(around[c])))
         };
-        // Before there is another pass, there is nothing to compare with; nor where no pass was looked at.
-        if samples <= INTERVAL || rest.len() != means.len() {
-            means.to_vec()
-        } else {
-            means.iter().enumerate().map(value).collect()
-        }
+        means.par_iter().enumerate().with_min_len(LEAST_OF_THREAD).map(value).collect()
     }
 }
 
@@ -235,33 +246,64 @@ fn second_brightest_around(values: &[[f32; 3]], width: usize, at: usize) -> [f32
 }
 
 /// By how much the means of pixels moved, relative to their values: the mean of the squares over colours.
-fn moves<'a>(
-    before: &'a [[f32; 3]],
-    now: &'a [[f32; 3]],
-    values: &'a [[f32; 3]],
-) -> impl Iterator<Item = f64> + Clone + 'a {
-    before.iter().zip(now).zip(values).map(|((before, now), value)| {
+fn moves(before: &[[f32; 3]], now: &[[f32; 3]], values: &[[f32; 3]]) -> Vec<f64> {
+    let pixels = before.par_iter().zip(now).zip(values).with_min_len(LEAST_OF_THREAD);
+    let squares = pixels.map(|((before, now), value)| {
         let squares = [0, 1, 2].map(|c| {
             let (moved, value) = (f64::from(now[c]) - f64::from(before[c]), f64::from(value[c]));
             moved * moved / (value * value + FLOOR)
         });
         squares.iter().sum::<f64>() / 3.0
-    })
+    });
+    squares.collect()
 }
 
-/// The mean over pixels, in two parts: of those that moved most, and of all others.
-fn split(moves: impl Iterator<Item = f64> + Clone) -> Parts {
-    let mut ranked: Vec<f64> = moves.clone().collect();
-    let (count, tail) = (ranked.len().max(1), (ranked.len() as f64 * TAIL) as usize);
-    if tail == 0 {
-        return [ranked.iter().sum::<f64>() / count as f64, 0.0];
-    }
-    let at = ranked.len() - tail;
-    let (_, &mut limit, _) = ranked.select_nth_unstable_by(at, f64::total_cmp);
-    // In the order of pixels, so that sums don't depend on how ranks are found.
-    let mut parts = Parts::default();
-    moves.for_each(|moved| parts[usize::from(moved >= limit)] += moved);
-    parts.map(|sum| sum / count as f64)
+/// The mean over pixels, in two parts: of those that moved most, and of all others. Sums are those of runs of pixels, in their
+/// order, so that they depend neither on threads nor on how ranks are found.
+fn split(moves: &[f64]) -> Parts {
+    let (count, tail) = (moves.len().max(1), (moves.len() as f64 * TAIL) as usize);
+    let limit = if tail == 0 { f64::INFINITY } else { ranked(moves, moves.len() - tail) };
+    let sums = moves.par_chunks(RUN).map(|run| {
+        let mut parts = Parts::default();
+        run.iter().for_each(|&moved| parts[usize::from(moved >= limit)] += moved);
+        parts
+    });
+    let sums: Vec<Parts> = sums.collect();
+    let both = sums.into_iter().fold(Parts::default(), |a, b| [a[0] + b[0], a[1] + b[1]]);
+    both.map(|sum| sum / count as f64)
+}
+
+/// The number that would stand at a place if they were sorted. Threads count them by size, and only those of about the same size
+/// are sorted.
+fn ranked(numbers: &[f64], mut place: usize) -> f64 {
+    // Ordered as the numbers are.
+    let key = |number: f64| {
+        let bits = number.to_bits();
+        if bits >> 63 == 0 { bits | 1 << 63 } else { !bits }
+    };
+    let size = |number: f64| (key(number) >> SIZE_SHIFT) as usize;
+    let counted = numbers.par_chunks(RUN).fold(
+        || vec![0usize; 1 << (64 - SIZE_SHIFT)],
+        |mut counts, run| {
+            run.iter().for_each(|&number| counts[size(number)] += 1);
+            counts
+        },
+    );
+    let counts = counted.reduce(Vec::new, |mut a, b| {
+        a.resize(b.len().max(a.len()), 0);
+        a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
+        a
+    });
+    let of_place = counts.iter().position(|&count| {
+        let is_there = place < count;
+        if !is_there {
+            place -= count;
+        }
+        is_there
+    });
+    let mut same: Vec<f64> =
+        numbers.par_iter().copied().filter(|&number| Some(size(number)) == of_place).collect();
+    *same.select_nth_unstable_by(place, f64::total_cmp).1
 }
 
 #[cfg(test)]
@@ -353,6 +395,39 @@ mod tests {
                 assert!((0.85..1.2).contains(&ratio), "{samples}: {estimated} for {real}");
             }
         }
+    }
+
+    /// However many threads look, each pixel counts once and all numbers are the same.
+    #[test]
+    fn threads_do_not_change_the_estimate() {
+        let play_on = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+            pool.install(|| play(7, |sample| if sample == 90 { 700.0 } else { 0.0 }))
+        };
+        let one = play_on(1);
+        assert!(one.len() > 10);
+        assert_eq!(play_on(3), one);
+        assert_eq!(play_on(40), one);
+    }
+
+    #[test]
+    fn ranks_are_those_of_sorted_numbers() {
+        let mut random = SplitMix64::new(5);
+        let mut numbers: Vec<f64> = (0..30_000).map(|_| (random.next_unit() - 0.1).powi(7)).collect();
+        numbers.extend([0.0, -0.0, f64::INFINITY, 1e-300, 1.0, 1.0]);
+        let mut sorted = numbers.clone();
+        sorted.sort_unstable_by(f64::total_cmp);
+        for place in [0, 1, 299, 15_000, 29_700, numbers.len() - 1] {
+            assert_eq!(ranked(&numbers, place).to_bits(), sorted[place].to_bits(), "{place}");
+        }
+        // Parts are all of it, by the places of the largest.
+        let squares: Vec<f64> = numbers.iter().take(30_000).map(|n| n * n).collect();
+        let (parts, count) = (split(&squares), squares.len() as f64);
+        let mut largest = squares.clone();
+        largest.sort_unstable_by(f64::total_cmp);
+        let tail: f64 = largest[largest.len() - 300..].iter().sum();
+        assert!((parts[1] - tail / count).abs() < 1e-12 * parts[1]);
+        assert!((parts[0] + parts[1] - squares.iter().sum::<f64>() / count).abs() < 1e-12);
     }
 
     #[test]

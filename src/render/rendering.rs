@@ -1,4 +1,4 @@
-//! Rendering: takes one pass at a time, and has a picture after each.
+//! Rendering: takes one pass at a time and has a picture after each, or takes several without a pause.
 
 use super::adaptive::ErrorMap;
 use super::cancel::CancelHandle;
@@ -14,10 +14,12 @@ use super::pilot;
 use super::progress::{Event, Listener, Progress};
 use super::schedule::{Pass, Schedule};
 use super::settle::Look;
+use super::share::SAMPLE_BLOCK;
 use super::statistics::{PassOutcome, Statistics};
 use super::technique::{Choice, Technique};
+use super::timeline;
 use super::warnings::of_film;
-use super::work::PassWork;
+use super::work::{PassWork, take_passes};
 use crate::compile::{CompiledScene, View};
 use crate::error::{Result, Warning};
 use crate::film::{Film, FilterSampler, MatteIds};
@@ -28,15 +30,16 @@ use crate::sampling::Allotment;
 use crate::scene::{Backdrop, Camera};
 use std::borrow::Cow;
 use std::path::Path;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Renders a scene, pass by pass, on the current rayon pool (see [`in_pool`](super::in_pool)).
 ///
 /// Between passes the film is a picture of the samples so far. With a time limit, passes are planned so that all pixels
 /// have the same number of samples; where a pass takes longer than it should, and when rendering is cancelled, the film
-/// has the tiles that were finished until then: pixels may differ in their number of samples by one pass. No sample is
-/// chosen by its value, so such a picture has the same mean.
+/// has the tiles that were finished until then: pixels may differ in their number of samples, by one pass after
+/// [`Rendering::next_pass`] and by a few after [`Rendering::run`]. No sample is chosen by its value, so such a picture has the
+/// same mean.
 ///
 /// ```
 /// use oscura::{Renderer, render::PassOutcome};
@@ -183,17 +186,36 @@ impl Rendering {
 
     /// Takes the next samples of all pixels, at most eight per pixel. Does nothing once all are taken or it was stopped.
     pub fn next_pass(&mut self) -> PassOutcome {
-        if self.outcome == PassOutcome::Progressed {
-            let stopwatch = Stopwatch::start(self.spent);
-            self.outcome = self.take_pass(&stopwatch);
-            self.spent = stopwatch.stop();
+        self.next_passes(1, &|| true)
+    }
+
+    /// Takes passes until `is_due` says that the picture is to be looked at, which is asked before each but the first, from any thread;
+    /// until all samples are taken, or it is stopped. Without a time limit and a noise that is asked for, threads that have nothing left
+    /// to do in a pass go on with the next one: what few passes at a time cost on many threads is saved.
+    pub fn run_until(&mut self, is_due: impl Fn() -> bool + Sync) -> PassOutcome {
+        // What is gone on from lies before a pass that ends within a block.
+        let is_last = |own: &Rendering| own.finishes_passes && own.ends_within_block();
+        while self.next_passes(MOST_AT_ONCE, &is_due) == PassOutcome::Progressed {
+            if is_due() || is_last(self) {
+                break;
+            }
         }
         self.outcome
     }
 
     /// Takes passes until all samples are taken or it is stopped.
     pub fn run(&mut self) -> PassOutcome {
-        while self.next_pass() == PassOutcome::Progressed {}
+        while self.run_until(|| false) == PassOutcome::Progressed {}
+        self.outcome
+    }
+
+    /// Takes so many passes at most.
+    fn next_passes(&mut self, most: usize, is_due: &(dyn Fn() -> bool + Sync)) -> PassOutcome {
+        if self.outcome == PassOutcome::Progressed {
+            let stopwatch = Stopwatch::start(self.spent);
+            self.outcome = self.take_passes(most, is_due, &stopwatch);
+            self.spent = stopwatch.stop();
+        }
         self.outcome
     }
 
@@ -283,22 +305,32 @@ impl Rendering {
         }
     }
 
-    fn take_pass(&mut self, stopwatch: &Stopwatch) -> PassOutcome {
+    fn take_passes(
+        &mut self,
+        most: usize,
+        is_due: &(dyn Fn() -> bool + Sync),
+        stopwatch: &Stopwatch,
+    ) -> PassOutcome {
         if self.has_converged() {
             return PassOutcome::Converged;
         }
-        self.caustics.decide(&self.scene, &self.view, &self.options, &self.filter);
-        if !self.learn(stopwatch) || !self.choose_technique(stopwatch) {
+        if !self.find_caustics() || !self.learn(stopwatch) || !self.choose_technique(stopwatch) {
             return PassOutcome::Cancelled;
         }
-        let Some(pass) = self.schedule.next(stopwatch.wall()) else {
+        let passes = self.plan_passes(most, stopwatch);
+        let Some(first) = passes.first() else {
             return if self.schedule.is_complete() { PassOutcome::Done } else { PassOutcome::TimedOut };
         };
         let start = Instant::now();
-        let is_finished = self.trace(pass, Takes::All, stopwatch);
-        self.schedule.finished(pass, start.elapsed());
+        let (begun, is_finished) = self.trace(&passes, Takes::All, is_due, stopwatch);
+        if let Some(next) = passes.get(begun) {
+            self.schedule.go_back_to(next.first_sample);
+        }
+        if begun == 1 {
+            self.schedule.finished(*first, start.elapsed());
+        }
         if is_finished && let Some(noise) = &mut self.noise {
-            noise.observe(&self.film, self.schedule.next_sample());
+            timeline::parallel("noise", || noise.observe(&self.film, self.schedule.next_sample()));
             self.forecast();
         }
         let is_cancelled = self.cancel.is_cancelled();
@@ -309,6 +341,31 @@ impl Rendering {
             _ if is_cancelled => PassOutcome::Cancelled,
             _ => PassOutcome::TimedOut,
         }
+    }
+
+    /// The next passes, several where nothing has to look at the picture between them and nothing is tried any more.
+    fn plan_passes(&mut self, most: usize, stopwatch: &Stopwatch) -> Vec<Pass> {
+        let overlap = self.options.time_limit.is_none()
+            && self.noise.is_none()
+            && self.caustics.plan().is_none()
+            && self.schedule.next_sample() >= SAMPLE_BLOCK;
+        let most = if overlap { most } else { 1 };
+        let mut passes = Vec::new();
+        while passes.len() < most {
+            // What is gone on from lies before a pass that ends within a block.
+            if !passes.is_empty() && self.finishes_passes && self.ends_within_block() {
+                break;
+            }
+            let Some(pass) = self.schedule.next(stopwatch.wall()) else { break };
+            passes.push(pass);
+        }
+        passes
+    }
+
+    /// Decides whether caustics are found from the lamp. False if it was stopped.
+    fn find_caustics(&mut self) -> bool {
+        let stop = || self.cancel.is_cancelled();
+        self.caustics.decide(&self.scene, &self.view, &self.options, &self.filter, &stop)
     }
 
     /// Tells how many samples the error that was asked for is likely to take.
@@ -362,56 +419,84 @@ impl Rendering {
         let Some(pass) = Schedule::new(0..self.options.samples, None).next(stopwatch.wall()) else {
             return true;
         };
-        self.trace(pass, Takes::TrialsOnly, stopwatch)
+        self.trace(&[pass], Takes::TrialsOnly, &|| false, stopwatch).1
     }
 
-    /// Takes a pass. False if it was stopped.
-    fn trace(&mut self, pass: Pass, takes: Takes, stopwatch: &Stopwatch) -> bool {
+    /// Takes passes that follow each other, until `is_due` asks to begin no more. How many were begun, and false if it was stopped.
+    fn trace(
+        &mut self,
+        passes: &[Pass],
+        takes: Takes,
+        is_due: &(dyn Fn() -> bool + Sync),
+        stopwatch: &Stopwatch,
+    ) -> (usize, bool) {
         let layout = self.film.layout().clone();
         // Samples that only decide on a technique go nowhere.
-        let mut nowhere = Film::nowhere(&layout);
-        let film = if takes == Takes::All { &mut self.film } else { &mut nowhere };
-        let work = PassWork {
+        let mut film = Film::nowhere(&layout);
+        if takes == Takes::All {
+            std::mem::swap(&mut film, &mut self.film);
+        }
+        let film = film.into_shared();
+        let stop = || {
+            let is_over = || self.cancel.is_cancelled() || self.schedule.is_late(stopwatch.wall());
+            !self.finishes_passes && is_over()
+        };
+        let work = |(number, &pass): (usize, &Pass)| PassWork {
             scene: &self.scene,
             view: &self.view,
             options: &self.options,
             labels: &self.labels,
             filter: &self.filter,
             pass,
+            number,
             layout: &layout,
-            film: Mutex::new(film),
+            film: &film,
             caustics: self.caustics.plan(),
             guide: self.guiding.guide(),
             allotment: self.allotment.as_ref(),
-            errors: ErrorMap::wanted(&self.options, self.choice, pass).map(Mutex::new),
             progress: &self.progress,
             listener: self.listener.as_deref(),
             stopwatch,
-            stop: &|| {
-                let is_over = || self.cancel.is_cancelled() || self.schedule.is_late(stopwatch.wall());
-                !self.finishes_passes && is_over()
-            },
+            stop: &stop,
         };
-        let is_finished = (takes == Takes::TrialsOnly || work.light_from_lamps()) && {
-            let mut trials = pilot::trials(self.choice, &self.view, pass);
-            let best = if trials.is_empty() {
-                Some(self.choice.now)
-            } else {
-                let best = work.try_all(&mut trials);
-                self.choice = Choice::decided(best.unwrap_or(Technique::PLAIN));
-                best
-            };
-            best.is_some_and(|best| takes == Takes::TrialsOnly || work.run(best, &trials))
+        let works: Vec<PassWork<'_>> = passes.iter().enumerate().map(work).collect();
+        let (first, pass) = (&works[0], passes[0]);
+        let mut choice = self.choice;
+        let mut errors = ErrorMap::wanted(&self.options, choice, pass);
+        let is_due = || is_due() || self.cancel.is_cancelled();
+        let take = || {
+            let mut trials = pilot::trials(choice, &self.view, pass);
+            if !trials.is_empty() {
+                let best = first.try_all(&mut trials, &mut errors);
+                choice = Choice::decided(best.unwrap_or(Technique::PLAIN));
+                if best.is_none() {
+                    return (1, false);
+                }
+            }
+            match &mut errors {
+                _ if takes == Takes::TrialsOnly => (1, true),
+                Some(errors) => (1, first.take_with_errors(choice.now, &trials, errors)),
+                None => take_passes(&works, choice.now, &trials, &is_due),
+            }
         };
-        if let Some(errors) =
-            work.errors.map(|e| e.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner()))
-            && self.choice.now.shape().is_none()
-        {
+        // Threads that find no path from a lamp left go on with tiles.
+        let light = || takes == Takes::TrialsOnly || first.light_from_lamps();
+        let (is_lit, (begun, is_done)) = rayon::join(light, take);
+        drop(works);
+        let film = film.into_film();
+        if takes == Takes::All {
+            self.film = film;
+        }
+        self.choice = choice;
+        if let Some(errors) = errors.filter(|_| choice.now.shape().is_none()) {
             self.allotment = errors.allot(&self.options, pass.samples);
         }
-        is_finished
+        (begun, is_lit && is_done)
     }
 }
+
+/// Passes that are taken without a pause, at most.
+const MOST_AT_ONCE: usize = 64;
 
 /// What is taken of a pass.
 #[derive(Clone, Copy, PartialEq, Eq)]

@@ -114,6 +114,11 @@ impl Schedule {
         (pass.samples > 0).then_some(pass)
     }
 
+    /// Goes back to this sample: what was planned from there on is not taken yet.
+    pub fn go_back_to(&mut self, sample: u32) {
+        self.next = sample;
+    }
+
     /// Takes down how long a pass took.
     pub fn finished(&mut self, pass: Pass, took: Duration) {
         self.sample_s = Some(took.as_secs_f64() / f64::from(pass.samples));

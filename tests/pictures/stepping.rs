@@ -49,6 +49,53 @@ fn after_each_pass_the_film_is_the_picture_of_that_many_samples() {
     assert!(bits(stepping.film()) == bits(&picture(&scene, &whole)));
 }
 
+/// However many passes are under way at a time, each pixel gets its samples in one order.
+#[test]
+fn passes_that_overlap_are_those_one_by_one() {
+    let scene = cornell();
+    for size in [5, 57] {
+        let options = options(size, 60, 100).aovs(all()).halves(true);
+        let mut stepping = rendering(&scene, &options);
+        while stepping.next_pass() == PassOutcome::Progressed {}
+        for threads in [1, 3, 40] {
+            let whole = || {
+                let mut whole = rendering(&scene, &options);
+                assert_eq!(whole.run(), PassOutcome::Done);
+                whole
+            };
+            let whole = oscura::render::in_pool(Some(threads), whole).expect("the threads start");
+            assert!(bits(whole.film()) == bits(stepping.film()), "{size} pixels, {threads} threads");
+            assert_eq!(whole.film().halves(), stepping.film().halves());
+        }
+    }
+}
+
+#[test]
+fn it_pauses_between_passes_when_it_is_due() {
+    let (scene, options) = (cornell(), options(57, 120, 100));
+    for threads in [1, 40] {
+        let paused = || {
+            let mut rendering = rendering(&scene, &options);
+            let mut samples = Vec::new();
+            loop {
+                let asked = AtomicU64::new(0);
+                let outcome = rendering.run_until(|| asked.fetch_add(1, Ordering::Relaxed) >= 3);
+                let film = rendering.film();
+                let of = |i: u32| film.samples(i % 57, i / 57);
+                assert!((0..57 * 57).all(|i| of(i) == of(0)), "all pixels have as many samples");
+                samples.push(of(0));
+                if outcome != PassOutcome::Progressed {
+                    assert_eq!(outcome, PassOutcome::Done);
+                    break (samples, bits(film));
+                }
+            }
+        };
+        let (samples, last) = oscura::render::in_pool(Some(threads), paused).expect("the threads start");
+        assert!(samples.len() > 3 && samples[1] - samples[0] > 8, "{samples:?}");
+        assert!(last == bits(&picture(&scene, &options)), "{threads} threads");
+    }
+}
+
 #[test]
 fn threads_agree_on_every_channel() {
     let scene = cornell();

@@ -62,6 +62,11 @@ impl PagePreview {
         });
     }
 
+    /// When the picture so far is to be shown next.
+    pub fn next_show(&self) -> Instant {
+        self.shown.map_or_else(Instant::now, |shown| shown + PAUSE)
+    }
+
     /// Shows the picture so far, unless one was shown a moment ago.
     pub fn show(&mut self, rendering: &Rendering, is_finished: bool) {
         if !is_finished && self.shown.is_some_and(|shown| shown.elapsed() < PAUSE) {

@@ -2,7 +2,7 @@
 //! reference, and writes a CSV, a markdown table and an SVG plot.
 //!
 //! `oscura-bench FOLDER [SCENE...] [--quick] [--width W] [--ladder 1,2,4,8] [--reference N] [--depth N] [--threads N]
-//! [--against CSV] [--noise | --techniques | --growth]`
+//! [--against CSV] [--noise | --techniques | --growth | --scaling]`
 //!
 //! Without scenes it measures fifteen: boxes, environments, a thousand lamps, light through a slit, caustics, leaves cut out by alpha, ten
 //! thousand instances, thirty materials, a place far from the origin. `--quick` sets a width of 96, the ladder 1,4,16 and a
@@ -18,11 +18,15 @@
 //! renders of `--program PATH` (target/release/oscura). The exit code is 1 where a cost grows with a power above 1.1. `--only WORD`
 //! takes what has the word in its name, `--seconds N` (60) ends an axis where the next size would take longer.
 //!
+//! `--scaling` times the parts of rendering on one thread, at the last step of the ladder, and replays them on up to 64: what threads
+//! would wait for each other, with a barrier after each pass and as it is.
+//!
 //! The reference is made here, by two renders with other seeds whose difference tells its own noise.
 
 mod calibrate;
 mod growth;
 mod measure;
+mod scaling;
 mod scenes;
 mod tables;
 mod techniques;
@@ -56,6 +60,7 @@ enum What {
     Noise,
     Techniques,
     Growth,
+    Scaling,
 }
 
 fn main() -> ExitCode {
@@ -94,6 +99,14 @@ fn run(arguments: &Arguments) -> Result<()> {
                 write(arguments, &[("techniques.csv", csv), ("techniques.md", table.clone())]).map(|()| table)
             };
             of_all(&scenes, setup, |scene| techniques::compare(scene, setup, seeds), texts)
+        }
+        What::Scaling => {
+            let one = Setup { threads: Some(1), ladder: setup.ladder.clone(), ..*setup };
+            let texts = |all: &[scaling::Timed]| {
+                let (csv, table) = (scaling::csv(all), scaling::markdown(all));
+                write(arguments, &[("scaling.csv", csv), ("scaling.md", table.clone())]).map(|()| table)
+            };
+            of_all(&scenes, &one, |scene| scaling::time(scene, &one), texts)
         }
         What::Ladder | What::Growth => climb(arguments, &scenes),
     }
@@ -176,6 +189,7 @@ fn parse(mut arguments: impl Iterator<Item = String>) -> Result<Arguments> {
             "--noise" => all.what = What::Noise,
             "--techniques" => all.what = What::Techniques,
             "--growth" => all.what = What::Growth,
+            "--scaling" => all.what = What::Scaling,
             "--quick" => (setup.width, setup.ladder, setup.reference) = (96, vec![1, 4, 16], 256),
             option if option.starts_with("--") => {
                 let value =

@@ -73,6 +73,11 @@ impl Subject {
         })
     }
 
+    /// Width and height of its pictures.
+    pub fn size(&self) -> [u32; 2] {
+        self.size
+    }
+
     /// A rendering of it that has not begun.
     pub fn rendering(&self, samples: u32, seed: u32, noise: Option<f32>) -> Result<Rendering> {
         self.rendering_with(samples, seed, |options| options.noise(noise))
