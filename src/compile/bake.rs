@@ -1,7 +1,6 @@
 //! Makes the geometry that a plan asks for: the world's own, and a space of its own for each mesh that is not copied.
 
 use super::blur::{self, MovingShape, moving_shapes};
-use super::classes::Class;
 use super::geometry::{Attributes, Geometries, Placement, Space, Transform};
 use super::material::CompiledMaterial;
 use super::objects::{Numbering, ObjectId, Owners};
@@ -60,6 +59,7 @@ pub(super) fn bake(
     let mut world = Space::EMPTY;
     let mut tangents: Vec<Option<Mesh>> = vec![None; scene.meshes.len()];
     let is_hidden = |id: MaterialId| materials[id.index()].is_invisible();
+    let any_needs = any_needs(materials, plan.keeps_uv);
     for step in &plan.steps {
         let is_there = match step.place {
             Place::World => kept.world.is_some(),
@@ -84,12 +84,12 @@ pub(super) fn bake(
             needs.uv[0] |= plan.keeps_uv;
             let first = world.shapes.triangles.len();
             world.owners.begin(first, numbering.instance(step.instance));
-            let class = plan.classes.of_object(&instance.traits);
+            let number = |id: MaterialId| plan.numbers.number(id, &instance.traits);
             let placed = (&step.world_from_object, plan.is_inside_out(instance.mesh));
-            world.append(mesh, (instance.material, class), placed, needs, is_hidden);
+            world.append(mesh, (instance.material, number), placed, needs, is_hidden);
         } else {
-            let class = plan.mesh_classes[step.geometry];
-            let mut space = share((mesh, plan.is_inside_out(instance.mesh)), class, materials, plan.keeps_uv);
+            let number = |id: MaterialId| plan.numbers.number(id, &plan.mesh_traits[step.geometry]);
+            let mut space = share((mesh, plan.is_inside_out(instance.mesh)), number, any_needs);
             if step.place == Place::Moving {
                 space.take_keys(scene, instance.mesh);
             }
@@ -98,7 +98,7 @@ pub(super) fn bake(
     }
     let world = kept.world.unwrap_or_else(|| {
         world.append_shapes(scene, materials, origin, &numbering, plan);
-        world.append_curves(scene, materials, origin, &numbering, &plan.classes);
+        world.append_curves(scene, materials, origin, &numbering, &plan.numbers);
         world.measure();
         Arc::new(world)
     });
@@ -117,7 +117,7 @@ fn with_motion(
     (origin, numbering): (DVec3, &Numbering),
     plan: &Plan,
 ) -> Baked {
-    let shapes = moving_shapes(scene, materials, origin, numbering, (&plan.classes, plan.keeps_uv));
+    let shapes = moving_shapes(scene, materials, origin, numbering, (&plan.numbers, plan.keeps_uv));
     shapes.into_iter().for_each(|shape| baked.add_shape(shape));
     baked.moving = moving(&baked.geometries);
     baked.geometries.moves = baked.geometries.placements.iter().any(|p| p.moves);
@@ -138,8 +138,8 @@ fn place(scene: &Scene, plan: &Plan, numbering: &Numbering, mut geometries: Geom
     for place in [Place::Still, Place::Moving] {
         first_moving = instances.len();
         for step in plan.steps.iter().filter(|s| s.place == place) {
-            let class = plan.mesh_classes[step.geometry];
-            let material = scene.instances[step.instance].material.map(|id| class.material(id));
+            let instance = &scene.instances[step.instance];
+            let material = plan.material_of(instance, &scene.meshes[instance.mesh.index()]);
             let mut placed = placement(step, material, numbering.instance(step.instance));
             let has_keys = |space: &Arc<Space>| !space.shapes.keys.is_empty();
             placed.moves |= geometries.shared.get(step.geometry).is_some_and(has_keys);
@@ -176,23 +176,21 @@ fn needs_of(used: impl Iterator<Item = MaterialId>, materials: &[CompiledMateria
     needs
 }
 
-/// A mesh in a space of its own.
-fn share(
-    (mesh, is_inside_out): (&Mesh, bool),
-    class: Class,
-    materials: &[CompiledMaterial],
-    keeps_uv: bool,
-) -> Space {
-    // Every use may bring its own material.
+/// What any material needs of a mesh that placements share: every one may bring its own.
+fn any_needs(materials: &[CompiledMaterial], keeps_uv: bool) -> Needs {
     let any = |f: fn(&CompiledMaterial) -> bool| materials.iter().any(f);
-    let needs = Needs {
+    Needs {
         normals: true,
         uv: [keeps_uv, false].map(|keeps| keeps || any(|m| m.uses_uv)),
         tangents: any(CompiledMaterial::uses_tangents),
         colors: any(|m| m.uses_vertex_colors),
-    };
+    }
+}
+
+/// A mesh in a space of its own.
+fn share((mesh, is_inside_out): (&Mesh, bool), number: impl Fn(MaterialId) -> u32, needs: Needs) -> Space {
     let mut space = Space::EMPTY;
-    space.append(mesh, (None, class), (&DAffine3::IDENTITY, is_inside_out), needs, |_| false);
+    space.append(mesh, (None, number), (&DAffine3::IDENTITY, is_inside_out), needs, |_| false);
     space.measure();
     space
 }
@@ -253,7 +251,7 @@ impl Space {
     fn append(
         &mut self,
         mesh: &Mesh,
-        (material, class): (Option<MaterialId>, Class),
+        (material, number): (Option<MaterialId>, impl Fn(MaterialId) -> u32),
         (placed, is_inside_out): (&DAffine3, bool),
         needs: Needs,
         is_hidden: impl Fn(MaterialId) -> bool,
@@ -283,7 +281,7 @@ impl Space {
             if !is_hidden(id) {
                 let triangles = mesh.triangles.iter().skip(part.first_triangle as usize);
                 shapes.triangles.extend(triangles.take(part.triangle_count as usize).map(turned));
-                attributes.materials.resize(shapes.triangles.len(), class.material(id));
+                attributes.materials.resize(shapes.triangles.len(), number(id));
             }
         }
         attributes.append(mesh, (placed, is_inside_out), needs, first as usize);
@@ -310,14 +308,14 @@ impl Space {
                 edge_u: quad.edge_u.as_vec3(),
                 edge_v: quad.edge_v.as_vec3(),
             });
-            attributes.materials.push(plan.classes.of_object(&quad.traits).material(quad.material));
+            attributes.materials.push(plan.numbers.number(quad.material, &quad.traits));
         }
         let turns = plan.keeps_uv || scene.shapes.iter().any(|s| materials[s.material.index()].uses_uv);
         let shown = scene.shapes.iter().enumerate();
         for (i, shape) in shown.filter(|(i, s)| is_seen(s.material) && stays(&motion.shapes, *i)) {
             self.owners.begin(attributes.materials.len(), numbering.shape(i));
             shapes.analytic.push(Analytic::of_scene(shape, (shape.center - origin).as_vec3()));
-            attributes.materials.push(plan.classes.of_object(&shape.traits).material(shape.material));
+            attributes.materials.push(plan.numbers.number(shape.material, &shape.traits));
             if turns {
                 attributes.object_from_world.push(Mat3::from_quat(shape.rotation.inverse().as_quat()));
             }

@@ -61,7 +61,8 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let mut palette = Palette {
         file: path,
         names: &materials,
-        libraries: &libraries,
+        // Of several materials of a name, the first counts.
+        libraries: libraries.iter().rev().map(|(file, mtl)| (mtl.name.as_str(), (file.as_path(), mtl))).collect(),
         maps: Maps::new(options),
         ids: HashMap::new(),
     };
@@ -76,6 +77,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         cloud::add(path, &points, origin, options, &mut loaded)?;
     }
     far::place(path, origin, &mut loaded);
+    let used: HashSet<&str> = materials.iter().map(|(name, _)| name.as_str()).collect();
     let mut defined = HashSet::new();
     for (library, m) in &libraries {
         if !defined.insert(&m.name) {
@@ -83,7 +85,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
             loaded.warnings.push(Warning::new(library, "", message));
             continue;
         }
-        if !materials.iter().any(|used| used.0 == m.name) {
+        if !used.contains(m.name.as_str()) {
             loaded.left_out.push(format!("material '{}': no face uses it", m.name));
         }
     }
@@ -188,8 +190,8 @@ struct Palette<'a> {
     file: &'a Path,
     /// The names that the file uses, with their lines.
     names: &'a [(String, usize)],
-    /// All materials with their library's file.
-    libraries: &'a [(PathBuf, Mtl)],
+    /// All materials by name, with their library's file.
+    libraries: HashMap<&'a str, (&'a Path, &'a Mtl)>,
     maps: Maps<'a>,
     /// By name and by whether vertex colours multiply it.
     ids: HashMap<(MaterialName, bool), MaterialId>,
@@ -201,8 +203,7 @@ impl Palette<'_> {
             return id;
         }
         let used = name.and_then(|n| self.names.get(n as usize)).filter(|_| !self.maps.options.geometry_only);
-        // Of several materials of a name, the first counts.
-        let found = used.and_then(|(name, _)| self.libraries.iter().find(|(_, m)| m.name == *name));
+        let found = used.and_then(|(name, _)| self.libraries.get(name.as_str()).copied());
         let mut material = match (found, used) {
             (Some((library, mtl)), _) => materials::convert(mtl, library, &mut self.maps, loaded),
             (None, Some((name, line))) => {
