@@ -1,14 +1,13 @@
 //! The statements of OBJ files (Wavefront, "Advanced Visualizer Manual", appendix B1), checked before `tobj` reads them.
 //!
-//! The file goes by twice: first its vertices reach `tobj`, then its faces, as nothing says that a vertex must precede
-//! the faces that use it. `tobj` stops at the first problem without its line, ends the program on some, takes `v x y z w`
+//! Nothing says that a vertex must precede the faces that use it. Nearly always it does, and the file goes by once; where it doesn't,
+//! or where something is wrong, the file goes by twice: first its vertices reach `tobj`, then its faces. `tobj` stops at the first problem without its line, ends the program on some, takes `v x y z w`
 //! as a division, and fills in references that corners lack by others; it knows neither smoothing groups nor, in a file
 //! with several libraries, materials. All this is settled and noted here: what reaches it is sound and even.
 
 use super::lines::{Clean, Words, decoded, double, float};
 use crate::error::Problem;
 use crate::load::words::integer;
-use crate::math::DVec3;
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::io::Write;
 
@@ -49,6 +48,17 @@ impl Piece {
     }
 }
 
+/// How the file goes by.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Passes {
+    /// Once.
+    #[default]
+    One,
+    /// For its vertices, and then for all else.
+    Vertices,
+    Faces,
+}
+
 /// Checks statements and notes what `tobj` drops.
 #[derive(Default)]
 pub(super) struct Statements {
@@ -58,11 +68,13 @@ pub(super) struct Statements {
     pub objects: Vec<String>,
     /// Where another material begins: number of the face in the file, and the material.
     pub runs: Vec<(usize, MaterialName)>,
-    /// The position, from 0, of each corner in turn, of pieces with a smoothing group; of all where there are colours, or polygons
-    /// are kept.
+    /// The position, from 0, of each corner in turn, of pieces with a smoothing group; of all where there are colours or positions that
+    /// may be far away, or polygons are kept.
     pub corners: Vec<u32>,
     /// Colours of the first positions as in the file, white where there is none.
     pub colors: Vec<[f32; 3]>,
+    /// The first positions as in the file, in double precision, where they may be far from the origin; else no numbers.
+    pub precise: Vec<[f64; 3]>,
     /// The names that `usemtl` statements use, with the line of the first.
     pub materials: Vec<(String, usize)>,
     /// What stands behind `mtllib`, with its line.
@@ -71,10 +83,9 @@ pub(super) struct Statements {
     pub points: Vec<u32>,
     /// Polygons are kept, of whole objects: groups within them are no objects of their own.
     pub keeps_polygons: bool,
-    /// What is subtracted from positions.
-    origin: DVec3,
-    /// The vertices have gone by.
-    faces_now: bool,
+    /// The file has to go by twice.
+    pub needs_two_passes: bool,
+    passes: Passes,
     /// Statements of positions, texture coordinates and normals in the file.
     totals: [usize; 3],
     /// Those so far.
@@ -108,27 +119,36 @@ impl Clean for Statements {
             _ => None,
         };
         match vertex {
-            Some(kind) if !self.faces_now => self.vertex(line, kind, words, out),
+            Some(kind) if self.passes != Passes::Faces => self.vertex(line, kind, words, out),
             Some(kind) => self.counts[kind] += usize::from(!self.broken.contains(&line)),
-            None if self.faces_now => self.statement(line, keyword, words, out),
+            None if self.passes != Passes::Vertices => self.statement(line, keyword, words, out),
             None => {}
         }
     }
 
+    fn gives_up(&self) -> bool {
+        self.needs_two_passes
+    }
+
     fn again(&mut self) -> bool {
-        !std::mem::replace(&mut self.faces_now, true)
+        let is_half = self.passes == Passes::Vertices;
+        if is_half {
+            self.passes = Passes::Faces;
+        }
+        is_half
     }
 }
 
 impl Statements {
-    /// For a file whose positions are to be relative to an origin.
-    pub fn around(origin: DVec3, keeps_polygons: bool) -> Statements {
-        Statements { origin, keeps_polygons, ..Statements::default() }
+    /// For a file that goes by once, or twice.
+    pub fn new(has_two_passes: bool, keeps_polygons: bool) -> Statements {
+        let passes = if has_two_passes { Passes::Vertices } else { Passes::One };
+        Statements { passes, keeps_polygons, ..Statements::default() }
     }
 
     /// Are the positions of a piece's corners noted?
     pub fn notes_corners(&self, group: Option<u32>) -> bool {
-        group.is_some() || !self.colors.is_empty() || self.keeps_polygons
+        group.is_some() || !self.colors.is_empty() || !self.precise.is_empty() || self.keeps_polygons
     }
 
     /// `v x y z`, `v x y z w`, `v x y z r g b`, `vt u`, `vt u v`, `vt u v w` and `vn x y z`.
@@ -136,11 +156,12 @@ impl Statements {
         let (name, least, most) = [("v", 3, 3), ("vt", 1, 2), ("vn", 3, 3)][kind];
         let start = out.len();
         out.extend(name.as_bytes());
-        let (mut sound, mut color) = (0, [0.0; 3]);
+        let (mut sound, mut color, mut may_be_far) = (0, [0.0; 3], false);
         for (i, word) in words.clone().take(if kind == 0 { 6 } else { most }).enumerate() {
             if i < most && is_number(word) {
                 out.push(b' ');
-                self.number(kind, i, word, out);
+                out.extend(word);
+                may_be_far |= kind == 0 && is_large(word);
             } else if let Some(value) = float(word).filter(|_| i >= most) {
                 color[i - most] = value;
             } else {
@@ -162,24 +183,29 @@ impl Statements {
         }
         out.push(b'\n');
         self.totals[kind] += 1;
+        if self.passes == Passes::One {
+            self.counts[kind] += 1;
+        }
+        if may_be_far {
+            self.needs_corners(self.precise.is_empty());
+            self.precise.resize(self.totals[0] - 1, [f64::NAN; 3]);
+            let mut numbers = words.clone().map(|word| double(word).unwrap_or(f64::NAN));
+            self.precise.push([0; 3].map(|_| numbers.next().unwrap_or(f64::NAN)));
+        }
         // A fourth number is the weight of rational curves.
         if kind == 0 && sound < 6 && words.count() > 4 {
             self.ignore(line, "colours of vertices that are not three numbers");
         }
         if kind == 0 && sound == 6 {
+            self.needs_corners(self.colors.is_empty());
             self.colors.resize(self.totals[0] - 1, [1.0; 3]);
             self.colors.push(color);
         }
     }
 
-    /// A number of a vertex as `tobj` gets it: positions relative to the origin.
-    #[inline]
-    fn number(&self, kind: usize, i: usize, word: &[u8], out: &mut Vec<u8>) {
-        match double(word).filter(|_| kind == 0 && self.origin[i] != 0.0) {
-            // All digits of the difference, which `tobj` rounds once. Writing to memory doesn't fail.
-            Some(value) => drop(write!(out, "{}", value - self.origin[i])),
-            None => out.extend(word),
-        }
+    /// The positions of corners are noted from now on, perhaps `for_once`. Those of faces that went by are lost.
+    fn needs_corners(&mut self, for_once: bool) {
+        self.needs_two_passes |= for_once && self.passes == Passes::One && self.faces > 0;
     }
 
     /// `p v1 v2 ...`.
@@ -316,6 +342,8 @@ impl Statements {
             *is_plain &= index > 0;
             let (before, total) = (self.counts[kind] as i64, self.totals[kind] as i64);
             let place = if index < 0 { before + index + 1 } else { index };
+            // It may come.
+            self.needs_two_passes |= self.passes == Passes::One && place > total;
             if (1..=total).contains(&place) {
                 corner[kind] = place as u32;
             } else if kind == 0 {
@@ -356,6 +384,8 @@ impl Statements {
 
     #[cold]
     fn problem(&mut self, line: usize, message: impl Into<String>) {
+        // What is said counts the statements of the whole file.
+        self.needs_two_passes |= self.passes == Passes::One;
         self.problem_count += 1;
         self.problems.insert(line, message.into());
         if self.problems.len() > LISTED {
@@ -414,6 +444,16 @@ fn is_number(word: &[u8]) -> bool {
     let dots = digits.iter().filter(|&&b| b == b'.').count();
     let is_decimal = digits.iter().all(|b| b.is_ascii_digit() || *b == b'.');
     is_decimal && dots < 2 && dots < digits.len() || float(word).is_some()
+}
+
+/// Has a number three digits before its point, or an exponent?
+fn is_large(number: &[u8]) -> bool {
+    let digits = number.iter().take_while(|b| **b != b'.').filter(|b| b.is_ascii_digit()).count();
+    digits > 2 || number.last().is_some_and(|b| !b.is_ascii_digit() && *b != b'.') || has_exponent(number)
+}
+
+fn has_exponent(number: &[u8]) -> bool {
+    number.iter().any(|b| b | 0x20 == b'e')
 }
 
 /// The indices of a corner without signs and zeros, which is what nearly all are.
