@@ -3,9 +3,10 @@
 use super::blur::{self, MovingShape, moving_shapes};
 use super::geometry::{Attributes, Geometries, Placement, Space, Transform};
 use super::material::CompiledMaterial;
+use super::object_materials::part_materials;
 use super::objects::{Numbering, ObjectId, Owners};
 use super::placement::normal_matrix;
-use super::plan::{Place, Plan, Step, normal_map_set, part_materials};
+use super::plan::{Place, Plan, Step, normal_map_set};
 use super::tangents::with_tangents;
 use crate::accel::{self, AccelInstance, MovingInstance};
 use crate::math::{Bounds3, DAffine3, DVec3, Mat3, Vec3};

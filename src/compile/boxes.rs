@@ -161,7 +161,10 @@ mod tests {
             NumberedBox { bounds: Bounds { low, high: low + 1.0 }, number: k }
         };
         let mut boxes: Vec<NumberedBox> = (0..25_000).map(cube).collect();
-        boxes.push(NumberedBox { bounds: Bounds { low: DVec3::ZERO, high: DVec3::splat(1e6) }, number: 25_000 });
+        boxes.push(NumberedBox {
+            bounds: Bounds { low: DVec3::ZERO, high: DVec3::splat(1e6) },
+            number: 25_000,
+        });
         let tree = BoxTree::sort(&mut boxes);
         let mut looked = 0;
         for item in boxes.iter().filter(|item| item.number < 25_000) {

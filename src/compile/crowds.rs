@@ -1,8 +1,8 @@
 //! Places that many media fill together: paths know a few at a time.
 
-use super::boxes::{BoxTree, Bounds, NumberedBox};
+use super::boxes::{Bounds, BoxTree, NumberedBox};
 use super::material::CompiledMaterial;
-use super::plan::part_materials;
+use super::object_materials::part_materials;
 use crate::error::Warning;
 use crate::math::DVec3;
 use crate::scene::{Instance, MaterialId, Quad, Scene, instance_extents};
@@ -58,12 +58,12 @@ fn crowded_place(mut boxes: Vec<Bounds>, most: usize) -> Option<DVec3> {
         return None;
     }
     boxes.sort_by(|a, b| a.low.x.total_cmp(&b.low.x));
-    let numbered =
-        |(number, &bounds): (usize, &Bounds)| NumberedBox { bounds, number: number as u32 };
+    let numbered = |(number, &bounds): (usize, &Bounds)| NumberedBox { bounds, number: number as u32 };
     let mut numbered: Vec<NumberedBox> = boxes.iter().enumerate().map(numbered).collect();
     let tree = BoxTree::sort(&mut numbered);
     let holds = |b: &Bounds, axis: usize, at: f64| b.low[axis] <= at && at < b.high[axis];
-    let meets = |a: &Bounds, b: &Bounds| [1, 2].into_iter().all(|k| a.low[k] < b.high[k] && b.low[k] < a.high[k]);
+    let meets =
+        |a: &Bounds, b: &Bounds| [1, 2].into_iter().all(|k| a.low[k] < b.high[k] && b.low[k] < a.high[k]);
     for own in &boxes {
         let x = own.low.x;
         let side = Bounds { high: DVec3::new(x, own.high.y, own.high.z), ..*own };

@@ -5,9 +5,9 @@
 //! Representation", section 2): negative, its triangles run clockwise. But a mesh of this kind within a body of the same
 //! material is a hole in it, as meant.
 
-use super::boxes::{BoxTree, Bounds, NumberedBox};
+use super::boxes::{Bounds, BoxTree, NumberedBox};
 use super::material::CompiledMaterial;
-use super::plan::part_materials;
+use super::object_materials::part_materials;
 use super::winding::Winding;
 use crate::error::{Warning, listed};
 use crate::math::DVec3;
@@ -133,7 +133,8 @@ impl Bodies<'_> {
         let has_material = |id: MaterialId| own.binary_search(&id).is_ok();
         let Some(body) = self.scene.instances.get(number) else {
             let shape = &self.scene.shapes[number - self.scene.instances.len()];
-            return has_material(shape.material) && points.iter().all(|p| p.distance(shape.center) < shape.radius);
+            return has_material(shape.material)
+                && points.iter().all(|p| p.distance(shape.center) < shape.radius);
         };
         if !part_materials_of(self.scene, body).any(has_material) {
             return false;

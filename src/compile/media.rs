@@ -4,15 +4,15 @@ use super::density::DensityGrid;
 use super::glow::Glow;
 use super::material::CompiledMaterial;
 use super::medium::Medium;
-use super::plan::part_materials;
+use super::object_materials::part_materials;
 use super::scattering::{Ball, Scattering};
 use super::scattering_spectra::ScatteringSpectra;
 use crate::color::Rgb;
 use crate::error::Warning;
 use crate::math::{DAffine3, DVec3};
 use crate::scene::{
-    ColorSlot, Environment, FloatSlot, Fog, Instance, LightKind, Material, MaterialId, MaterialUses, Model, Motion, Moving,
-    Outline, Scene,
+    ColorSlot, Environment, FloatSlot, Fog, Instance, LightKind, Material, MaterialId, MaterialUses, Model,
+    Motion, Moving, Outline, Scene,
 };
 use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet};

@@ -3,9 +3,8 @@
 use super::emitters::Emitters;
 use super::geometry::Geometries;
 use super::material::CompiledMaterial;
-use super::plan::part_materials;
 use crate::light::Lights;
-use crate::scene::{MaterialId, Mesh, ObjectTraits, RayKinds, Scene};
+use crate::scene::{Instance, MaterialId, Mesh, ObjectTraits, RayKinds, Scene};
 use std::collections::HashMap;
 
 /// The number of each material of each object. A copy is made of a material for the traits of an object that has it, and for no
@@ -78,6 +77,14 @@ impl ObjectMaterials {
     pub fn originals(&self) -> Vec<MaterialId> {
         self.copies.iter().map(|&(id, _)| id).collect()
     }
+}
+
+/// The materials of the parts of a placed mesh.
+pub(super) fn part_materials<'a>(
+    mesh: &'a Mesh,
+    instance: &'a Instance,
+) -> impl Iterator<Item = MaterialId> + 'a {
+    mesh.parts.iter().map(|part| instance.material.unwrap_or(part.material))
 }
 
 /// The one material of all parts of a mesh.

@@ -2,7 +2,7 @@
 //!
 //! They are found by a tree of boxes, so that each triangle meets few others.
 
-use super::boxes::{BoxTree, Bounds, Boxed};
+use super::boxes::{Bounds, BoxTree, Boxed};
 use crate::math::DVec3;
 use rayon::prelude::*;
 

@@ -3,7 +3,7 @@
 use super::blur;
 use super::content::{self, Fingerprint};
 use super::material::CompiledMaterial;
-use super::object_materials::{ObjectMaterials, only_material};
+use super::object_materials::{ObjectMaterials, only_material, part_materials};
 use crate::error::Warning;
 use crate::math::{DAffine3, DMat3, DVec3, TransformKeys};
 use crate::scene::{Instance, MaterialId, Mesh, MeshId, Motion, ObjectTraits, Scene};
@@ -181,7 +181,8 @@ impl Plan {
 
     /// The number of the material that a placement has instead of those of its mesh.
     pub fn material_of(&self, instance: &Instance, mesh: &Mesh) -> Option<u32> {
-        let of_traits = || (instance.traits != ObjectTraits::default()).then(|| only_material(mesh)).flatten();
+        let of_traits =
+            || (instance.traits != ObjectTraits::default()).then(|| only_material(mesh)).flatten();
         instance.material.or_else(of_traits).map(|id| self.numbers.number(id, &instance.traits))
     }
 
@@ -201,7 +202,8 @@ impl Plan {
             .iter()
             .zip(&self.mesh_traits)
             .map(|(&m, traits)| {
-                let used = scene.meshes[m].parts.iter().map(|part| self.numbers.number(part.material, traits));
+                let used =
+                    scene.meshes[m].parts.iter().map(|part| self.numbers.number(part.material, traits));
                 let sum = of_materials.with_print(of_meshes[m]);
                 if self.numbers.are_own() { sum } else { used.fold(sum, |sum, n| sum.with(u64::from(n))) }
             })
@@ -295,14 +297,6 @@ fn flatness(m: &DMat3) -> f64 {
 fn condition(m: &DMat3) -> f64 {
     let norm = |m: &DMat3| DVec3::new(m.x_axis.length(), m.y_axis.length(), m.z_axis.length()).length();
     norm(m) * norm(&m.inverse()) / 3.0
-}
-
-/// The materials of the parts of a placed mesh.
-pub(super) fn part_materials<'a>(
-    mesh: &'a Mesh,
-    instance: &'a Instance,
-) -> impl Iterator<Item = MaterialId> + 'a {
-    mesh.parts.iter().map(|part| instance.material.unwrap_or(part.material))
 }
 
 /// The set of texture coordinates that the first normal map among materials uses.

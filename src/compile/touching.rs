@@ -1,10 +1,10 @@
 //! Whether the surfaces of some solids lie on those of others: only then is it looked for where paths meet them.
 
-use super::boxes::{BoxTree, Bounds, NumberedBox};
+use super::boxes::{Bounds, BoxTree, NumberedBox};
 use super::geometry::Geometries;
 use super::material::CompiledMaterial;
+use super::object_materials::part_materials;
 use super::overlaps::{self, Piece};
-use super::plan::part_materials;
 use crate::accel::Accel;
 use crate::math::{DAffine3, DVec3, Ray, gamma};
 use crate::scene::{MaterialId, Scene};
@@ -186,7 +186,8 @@ impl Solids {
                 let [a, b, c] = piece.corners;
                 let middle = (a + b + c) / 3.0;
                 let normal = (b - a).cross(c - a).normalize_or_zero();
-                self.any_near(i, &Bounds { low: middle, high: middle }, is_shape) && at.are_two_at(middle, normal)
+                self.any_near(i, &Bounds { low: middle, high: middle }, is_shape)
+                    && at.are_two_at(middle, normal)
             })
     }
 }

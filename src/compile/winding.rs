@@ -42,7 +42,8 @@ pub(super) struct Winding {
 impl Winding {
     /// That of a mesh.
     pub fn of(mesh: &Mesh, world_from_object: &DAffine3) -> Winding {
-        let corner = |i: u32| world_from_object.transform_point3(mesh.positions[i as usize].map(f64::from).into());
+        let corner =
+            |i: u32| world_from_object.transform_point3(mesh.positions[i as usize].map(f64::from).into());
         let mut faces: Vec<Face> = mesh.triangles.iter().map(|t| Face(t.map(corner))).collect();
         let tree = BoxTree::sort(&mut faces);
         let areas = tree.nodes.iter().map(|node| Area::of(&faces[node.items()], node.bounds)).collect();
@@ -107,7 +108,8 @@ mod tests {
     /// A sphere of `n` by `2 n` patches; without its top rows open at the top.
     fn sphere(n: u32, without: u32) -> Mesh {
         let at = |i: u32, j: u32| {
-            let (theta, phi) = (f64::from(i) / f64::from(n) * TAU / 2.0, f64::from(j % (2 * n)) / f64::from(n) * TAU / 2.0);
+            let (theta, phi) =
+                (f64::from(i) / f64::from(n) * TAU / 2.0, f64::from(j % (2 * n)) / f64::from(n) * TAU / 2.0);
             [theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()].map(|x| x as f32)
         };
         let positions = (0..=n).flat_map(|i| (0..2 * n).map(move |j| at(i, j))).collect();

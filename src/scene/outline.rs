@@ -196,7 +196,10 @@ mod tests {
         }
         let uses = MaterialUses::of(&scene);
         assert_eq!(uses.of_materials.iter().map(|uses| uses.meshes.len()).sum::<usize>(), 100 + 99);
-        assert_eq!((&uses.of_materials[3].meshes[..], &uses.of_materials[0].meshes[..]), (&[3, 6, 7][..], &[0, 1][..]));
+        assert_eq!(
+            (&uses.of_materials[3].meshes[..], &uses.of_materials[0].meshes[..]),
+            (&[3, 6, 7][..], &[0, 1][..])
+        );
     }
 
     #[test]

@@ -54,7 +54,8 @@ impl ViewTransform {
 
     /// Is this the name of a file with a table, rather than that of a view?
     pub fn is_file(name: &str) -> bool {
-        let is_one = |ending: &std::ffi::OsStr| ["csp", "view"].iter().any(|known| ending.eq_ignore_ascii_case(known));
+        let is_one =
+            |ending: &std::ffi::OsStr| ["csp", "view"].iter().any(|known| ending.eq_ignore_ascii_case(known));
         Path::new(name).extension().is_some_and(is_one)
     }
 

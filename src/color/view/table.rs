@@ -256,7 +256,8 @@ impl<'a> Words<'a> {
 
     fn number<T: FromStr>(&mut self, what: &str) -> Result<T, String> {
         let word = self.peek().ok_or_else(|| format!("ends where {what} should be"))?;
-        let number = word.parse().map_err(|_| format!("line {}: '{word}' where {what} should be", self.line()))?;
+        let number =
+            word.parse().map_err(|_| format!("line {}: '{word}' where {what} should be", self.line()))?;
         self.next();
         Ok(number)
     }
@@ -355,8 +356,14 @@ mod tests {
         // 0, then 4.
         assert_eq!(said(19, 0x7f), "knots of a curve must ascend");
         let more = [binary(), vec![0]].concat();
-        assert_eq!(ViewTable::read(&more, Path::new("")).unwrap_err(), "has 1 bytes more than the table needs");
-        assert_eq!(ViewTable::read(text().as_bytes(), Path::new("")), ViewTable::parse(&text(), Path::new("")));
+        assert_eq!(
+            ViewTable::read(&more, Path::new("")).unwrap_err(),
+            "has 1 bytes more than the table needs"
+        );
+        assert_eq!(
+            ViewTable::read(text().as_bytes(), Path::new("")),
+            ViewTable::parse(&text(), Path::new(""))
+        );
     }
 
     #[test]

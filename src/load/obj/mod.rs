@@ -60,7 +60,11 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         file: path,
         names: &materials,
         // Of several materials of a name, the first counts.
-        libraries: libraries.iter().rev().map(|(file, mtl)| (mtl.name.as_str(), (file.as_path(), mtl))).collect(),
+        libraries: libraries
+            .iter()
+            .rev()
+            .map(|(file, mtl)| (mtl.name.as_str(), (file.as_path(), mtl)))
+            .collect(),
         maps: Maps::new(options),
         ids: HashMap::new(),
     };

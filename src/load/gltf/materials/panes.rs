@@ -28,7 +28,9 @@ impl Materials {
                 self.settle_body(id, (meshes, &users), report);
             }
             match glass {
-                Glass::Panes if self.needs[index].glass => self.settle_panes(id, (meshes, &users), instances, report),
+                Glass::Panes if self.needs[index].glass => {
+                    self.settle_panes(id, (meshes, &users), instances, report)
+                }
                 Glass::Auto if self.needs[index].glass && has_lamps => {
                     self.note_panes(id, (meshes, &users), instances, report);
                 }
@@ -111,7 +113,10 @@ impl Materials {
         let material = &self.list[id.index()];
         let Model::Pbr(model) = &material.model else { return };
         let is_clear = model.roughness.factor == 0.0 && model.transmission.factor > 0.0;
-        if !model.has_volume || !is_clear || panes(id, (meshes, users), instances).is_none_or(|list| list.is_empty()) {
+        if !model.has_volume
+            || !is_clear
+            || panes(id, (meshes, users), instances).is_none_or(|list| list.is_empty())
+        {
             return;
         }
         let message = format!(
