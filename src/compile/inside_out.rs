@@ -144,3 +144,71 @@ impl Bodies<'_> {
         points.iter().all(|&p| winding.is_around(p))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::DAffine3;
+    use crate::scene::{Material, MeshId, MeshPart};
+
+    /// A tetrahedron of a size whose faces point inwards.
+    fn inverted(name: usize, size: f32) -> Mesh {
+        let part = MeshPart { first_triangle: 0, triangle_count: 4, material: MaterialId(0) };
+        Mesh {
+            name: name.to_string(),
+            positions: [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+                .map(|p| p.map(|x| x * size))
+                .to_vec(),
+            triangles: vec![[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]],
+            parts: vec![part],
+            ..Mesh::default()
+        }
+    }
+
+    fn scene(places: &[([f64; 3], f32)]) -> Scene {
+        let mut scene = Scene::default();
+        scene.add_material(Material::lambert("glass", [0.5; 3]));
+        for (k, (place, size)) in places.iter().enumerate() {
+            scene.meshes.push(inverted(k, *size));
+            let at = DAffine3::from_translation(DVec3::from(*place));
+            scene.instances.push(Instance::new(MeshId(k as u32), at));
+        }
+        scene
+    }
+
+    /// The triangles of no body are looked at where none lies in another's box.
+    #[test]
+    fn bodies_apart_are_told_by_their_boxes() {
+        let places: Vec<([f64; 3], f32)> = (0..1000).map(|k| ([f64::from(k) * 2.0, 0.0, 0.0], 1.0)).collect();
+        let scene = scene(&places);
+        let bodies = Bodies::of(&scene);
+        assert!((0..1000).all(|i| !bodies.have_hole(i)));
+        assert!(bodies.windings.iter().all(|winding| winding.get().is_none()));
+        assert!(volume(&scene.meshes[0]) < 0.0 && is_closed(&scene.meshes[0]));
+    }
+
+    #[test]
+    fn holes_lie_in_bodies_of_their_material() {
+        let places = [([0.0; 3], 10.0), ([1.0; 3], 0.5), ([1.0, 5.0, 5.0], 0.5), ([-1.0; 3], 0.5)];
+        let mut scene = scene(&places);
+        let holes = |scene: &Scene| [0, 1, 2, 3].map(|i| Bodies::of(scene).have_hole(i));
+        // The third lies in the box of the first, not within it.
+        assert_eq!(holes(&scene), [false, true, false, false]);
+        scene.instances[1].material = Some(MaterialId(1));
+        assert_eq!(holes(&scene), [false; 4]);
+        scene.shapes.push(Shape::sphere([-1.0; 3], 2.0, MaterialId(0)));
+        assert_eq!(holes(&scene), [false, false, false, true]);
+    }
+
+    #[test]
+    fn many_meshes_are_one_warning() {
+        assert!(warning(&[]).is_none());
+        let said = |names: &[&str]| warning(names).expect("one").message;
+        assert!(said(&["a"]).starts_with("the normals of mesh 'a' point inwards: it is closed"));
+        let many = said(&["a", "b", "c", "d", "e"]);
+        assert!(
+            many.starts_with("the normals of 5 meshes point inwards ('a', 'b', 'c' and 2 more): they"),
+            "{many}"
+        );
+    }
+}

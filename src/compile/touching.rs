@@ -239,3 +239,28 @@ fn solids(scene: &Scene, materials: &[CompiledMaterial]) -> Vec<Solid> {
     });
     meshes.collect::<Vec<Solid>>().into_iter().chain(quads).chain(shapes).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Mesh;
+
+    /// A vertex far away makes the triangles of others no less precise, so that they meet no others that are not near.
+    #[test]
+    fn a_vertex_far_away_leaves_others_as_precise_as_they_are() {
+        let mut scene = Scene::default();
+        let positions = (0..100).map(|k| [k as f32 * 0.01, 1.0, 0.0]).collect();
+        scene.meshes.push(Mesh { positions, ..Mesh::default() });
+        let solid = |scene: &Scene| {
+            let points = scene.meshes[0].positions.iter().map(|p| DVec3::from(p.map(f64::from)));
+            let surface = Surface::Mesh { mesh: 0, placed: DAffine3::IDENTITY };
+            Solid { bounds: Bounds::of(points), has_several: false, surface }
+        };
+        let before = solid(&scene);
+        assert_eq!(before.least_rounding(&scene), before.rounding());
+        scene.meshes[0].positions[7] = [1e6, 0.0, 0.0];
+        let after = solid(&scene);
+        assert_eq!(after.least_rounding(&scene), before.rounding());
+        assert!(after.rounding() > 1e5 * before.rounding());
+    }
+}

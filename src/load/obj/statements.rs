@@ -157,7 +157,13 @@ impl Statements {
         let start = out.len();
         out.extend(name.as_bytes());
         let (mut sound, mut color, mut may_be_far) = (0, [0.0; 3], false);
-        for (i, word) in words.clone().take(if kind == 0 { 6 } else { most }).enumerate() {
+        let plain = plain_numbers(words.0).filter(|plain| plain.count == most);
+        if let Some(plain) = plain {
+            out.extend(words.0);
+            (sound, may_be_far) = (most, kind == 0 && plain.has_large);
+        }
+        let others = if kind == 0 { 6 } else { most };
+        for (i, word) in words.clone().take(if plain.is_none() { others } else { 0 }).enumerate() {
             if i < most && is_number(word) {
                 out.push(b' ');
                 out.extend(word);
@@ -193,7 +199,7 @@ impl Statements {
             self.precise.push([0; 3].map(|_| numbers.next().unwrap_or(f64::NAN)));
         }
         // A fourth number is the weight of rational curves.
-        if kind == 0 && sound < 6 && words.count() > 4 {
+        if kind == 0 && sound < 6 && plain.is_none() && words.count() > 4 {
             self.ignore(line, "colours of vertices that are not three numbers");
         }
         if kind == 0 && sound == 6 {
@@ -257,15 +263,17 @@ impl Statements {
     }
 
     fn face(&mut self, line: usize, mut words: Words, out: &mut Vec<u8>) {
-        self.face.clear();
-        let (text, mut is_plain) = (words.0, true);
-        for word in words.by_ref() {
-            match self.corner(line, word, &mut is_plain) {
-                Ok(corner) => self.face.push(corner),
-                Err(message) => return self.problem(line, message),
+        let (mut text, mut is_plain) = (words.0, true);
+        if !self.plain_face(text) {
+            self.face.clear();
+            for word in words.by_ref() {
+                match self.corner(line, word, &mut is_plain) {
+                    Ok(corner) => self.face.push(corner),
+                    Err(message) => return self.problem(line, message),
+                }
             }
+            text = &text[..text.len() - words.0.len()];
         }
-        let text = &text[..text.len() - words.0.len()];
         let corners = self.face.len();
         // Some exporters repeat a corner at once.
         self.face.dedup();
@@ -296,6 +304,24 @@ impl Statements {
         out.push(b'\n');
     }
 
+    /// Takes the corners of a face if all are plain and exist, which they nearly always do.
+    fn plain_face(&mut self, mut text: &[u8]) -> bool {
+        self.face.clear();
+        while let [first, rest @ ..] = text {
+            if matches!(first, b' ' | b'\t') {
+                text = rest;
+                continue;
+            }
+            let Some((corner, rest)) = plain_corner(text) else { return false };
+            if (0..3).any(|kind| corner[kind] as usize > self.totals[kind]) {
+                return false;
+            }
+            self.face.push(corner);
+            text = rest;
+        }
+        true
+    }
+
     /// Counts the current face to the last piece, or begins another.
     fn continue_piece(&mut self, has_uvs: bool, has_normals: bool, out: &mut Vec<u8>) {
         if self.objects.is_empty() {
@@ -324,7 +350,7 @@ impl Statements {
     /// is returned is not plain.
     #[inline]
     fn corner(&mut self, line: usize, word: &[u8], is_plain: &mut bool) -> Result<Corner, String> {
-        if let Some(corner) = plain_corner(word)
+        if let Some((corner, [])) = plain_corner(word)
             && (0..3).all(|kind| corner[kind] as usize <= self.totals[kind])
         {
             return Ok(corner);
@@ -456,18 +482,53 @@ fn has_exponent(number: &[u8]) -> bool {
     number.iter().any(|b| b | 0x20 == b'e')
 }
 
-/// The indices of a corner without signs and zeros, which is what nearly all are.
-fn plain_corner(word: &[u8]) -> Option<Corner> {
+/// Plain decimals, as nearly all numbers of vertices are.
+#[derive(Clone, Copy)]
+struct PlainNumbers {
+    count: usize,
+    /// One has three digits before its point.
+    has_large: bool,
+}
+
+/// What the numbers of a text are; `None` where some are no plain decimals.
+fn plain_numbers(mut text: &[u8]) -> Option<PlainNumbers> {
+    let mut numbers = PlainNumbers { count: 0, has_large: false };
+    while let [first, rest @ ..] = text {
+        if matches!(first, b' ' | b'\t') {
+            text = rest;
+            continue;
+        }
+        let digits = if *first == b'-' { rest } else { text };
+        let whole = digits.iter().take_while(|b| b.is_ascii_digit()).count();
+        let (mut length, mut parts) = (whole, 0);
+        if digits.get(whole) == Some(&b'.') {
+            parts = digits[whole + 1..].iter().take_while(|b| b.is_ascii_digit()).count();
+            length += 1 + parts;
+        }
+        text = &digits[length..];
+        if whole + parts == 0 || !matches!(text.first(), None | Some(b' ' | b'\t')) {
+            return None;
+        }
+        numbers.count += 1;
+        numbers.has_large |= whole > 2;
+    }
+    Some(numbers)
+}
+
+/// The indices of a corner without signs and zeros, which is what nearly all are, up to a blank; and what follows.
+#[inline]
+fn plain_corner(text: &[u8]) -> Option<(Corner, &[u8])> {
     let (mut corner, mut kind) = ([0u32; 3], 0);
-    for &b in word {
+    for (at, &b) in text.iter().enumerate() {
         match b {
             b'/' if kind < 2 && corner[0] > 0 => kind += 1,
             b'1'..=b'9' => corner[kind] = corner[kind].checked_mul(10)?.checked_add(u32::from(b - b'0'))?,
             b'0' if corner[kind] > 0 => corner[kind] = corner[kind].checked_mul(10)?,
+            b' ' | b'\t' if corner[0] > 0 => return Some((corner, &text[at..])),
             _ => return None,
         }
     }
-    (corner[0] > 0).then_some(corner)
+    (corner[0] > 0).then_some((corner, &[]))
 }
 
 /// ` v`, ` v/t`, ` v//n` or ` v/t/n`.
@@ -479,4 +540,68 @@ fn write_corner([position, uv, normal]: Corner, out: &mut Vec<u8>) {
         (0, _) => write!(out, " {position}//{normal}"),
         _ => write!(out, " {position}/{uv}/{normal}"),
     };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What becomes of the lines of a text in one pass.
+    fn once(text: &str) -> (Statements, String) {
+        let (mut statements, mut out) = (Statements::new(false, false), Vec::new());
+        for (number, line) in text.lines().enumerate() {
+            statements.line(number + 1, line.as_bytes(), &mut out);
+        }
+        assert!(!statements.again());
+        (statements, String::from_utf8(out).expect("text"))
+    }
+
+    /// Files whose vertices precede their faces go by once, those far from the origin too.
+    #[test]
+    fn one_pass_does_for_files_in_order() {
+        let near =
+            "v 0 0 0\nv 1.5 0 0\nv 0 -.5 1\nvt 0 1\nvn 0 0 1\nf 1/1/1 2/1/1 3/1/1\nv 7 7 7\nf 1 2 -1\n";
+        let (statements, out) = once(near);
+        assert!(!statements.needs_two_passes && statements.precise.is_empty());
+        let expected = near.replacen("f 1", "o\nf 1", 1).replace("f 1 2 -1", "o\nf 1 2 4");
+        assert_eq!(out, expected);
+        let far = "v 500000.25 0 1e3\nv 500001.25 0 0\nv 500000.25 1 0\nf 1 2 3\n";
+        let (statements, _) = once(far);
+        assert!(!statements.needs_two_passes);
+        assert_eq!(statements.precise[0], [500_000.25, 0.0, 1000.0]);
+        assert_eq!(statements.corners, [0, 1, 2]);
+    }
+
+    #[test]
+    fn what_one_pass_cannot_know_asks_for_two() {
+        let start = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+        for rest in [
+            // A vertex that may come, a colour and a place far away that faces before should have known of, what is wrong.
+            "f 1 2 4\nv 1 1 0\n",
+            "f 1/1 2/1 3/1\nvt 0 0\n",
+            "f 1 2 3\nv 1 1 0 0.5 0.5 0.5\n",
+            "f 1 2 3\nv 1000 1 0\n",
+            "f 1 2 x\n",
+        ] {
+            assert!(once(&format!("{start}{rest}")).0.needs_two_passes, "{rest}");
+        }
+    }
+
+    #[test]
+    fn plain_numbers_are_told_at_a_glance() {
+        for (text, expected) in [
+            (" 1 -2.5\t.5 3.", Some((4, false))),
+            (" 123 4", Some((2, true))),
+            ("", Some((0, false))),
+            (" 1e3", None),
+            (" 1 # 2", None),
+            (" -", None),
+            (" .", None),
+            (" 1.2.3", None),
+            (" +1", None),
+        ] {
+            let found = plain_numbers(text.as_bytes()).map(|found| (found.count, found.has_large));
+            assert_eq!(found, expected, "{text}");
+        }
+    }
 }
