@@ -196,6 +196,22 @@ impl Warning {
     }
 }
 
+/// Names in a message: the first few in quotation marks, and how many more there are.
+pub fn listed(names: &[impl AsRef<str>]) -> String {
+    /// So many are named.
+    const FIRST: usize = 3;
+    let shown = names.len().min(if names.len() == FIRST + 1 { FIRST + 1 } else { FIRST });
+    let mut parts: Vec<String> = names[..shown].iter().map(|name| format!("'{}'", name.as_ref())).collect();
+    if shown < names.len() {
+        parts.push(format!("{} more", names.len() - shown));
+    }
+    match parts.split_last() {
+        Some((last, [])) => last.clone(),
+        Some((last, rest)) => format!("{} and {last}", rest.join(", ")),
+        None => String::new(),
+    }
+}
+
 impl fmt::Display for Warning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Some(file) = &self.file {

@@ -1,12 +1,12 @@
 //! Makes the geometry that a plan asks for: the world's own, and a space of its own for each mesh that is not copied.
 
 use super::blur::{self, MovingShape, moving_shapes};
-use super::classes::Class;
 use super::geometry::{Attributes, Geometries, Placement, Space, Transform};
 use super::material::CompiledMaterial;
+use super::object_materials::part_materials;
 use super::objects::{Numbering, ObjectId, Owners};
 use super::placement::normal_matrix;
-use super::plan::{Place, Plan, Step, normal_map_set, part_materials};
+use super::plan::{Place, Plan, Step, normal_map_set};
 use super::tangents::with_tangents;
 use crate::accel::{self, AccelInstance, MovingInstance};
 use crate::error::Result;
@@ -72,8 +72,8 @@ pub(super) fn bake(
     let of_shared = Needs::of_shared(materials, plan.keeps_uv);
     let spaces = wanted.par_iter().filter(|step| step.place != Place::World).map(|step| {
         let id = scene.instances[step.instance].mesh;
-        let class = plan.mesh_classes[step.geometry];
-        let mut space = share((mesh(step), plan.is_inside_out(id)), class, of_shared);
+        let number = |id: MaterialId| plan.numbers.number(id, &plan.mesh_traits[step.geometry]);
+        let mut space = share((mesh(step), plan.is_inside_out(id)), number, of_shared);
         if step.place == Place::Moving {
             space.take_keys(scene, id);
         }
@@ -93,12 +93,12 @@ pub(super) fn bake(
                 let mut needs = needs_of(part_materials(mesh, instance), materials);
                 needs.uv[0] |= plan.keeps_uv;
                 world.owners.begin(world.shapes.triangles.len(), numbering.instance(step.instance));
-                let class = plan.classes.of_object(&instance.traits);
+                let number = |id: MaterialId| plan.numbers.number(id, &instance.traits);
                 let placed = (&step.world_from_object, plan.is_inside_out(instance.mesh));
-                world.append(mesh, (instance.material, class), placed, needs, is_hidden);
+                world.append(mesh, (instance.material, number), placed, needs, is_hidden);
             }
             world.append_shapes(scene, materials, origin, &numbering, plan);
-            world.append_curves(scene, materials, origin, &numbering, &plan.classes)?;
+            world.append_curves(scene, materials, origin, &numbering, &plan.numbers)?;
             world.measure();
             Arc::new(world)
         }
@@ -152,7 +152,7 @@ fn with_motion(
     (origin, numbering): (DVec3, &Numbering),
     plan: &Plan,
 ) -> Baked {
-    let shapes = moving_shapes(scene, materials, origin, numbering, (&plan.classes, plan.keeps_uv));
+    let shapes = moving_shapes(scene, materials, origin, numbering, (&plan.numbers, plan.keeps_uv));
     shapes.into_iter().for_each(|shape| baked.add_shape(shape));
     baked.moving = moving(&baked.geometries);
     baked.geometries.moves = baked.geometries.placements.iter().any(|p| p.moves);
@@ -173,8 +173,8 @@ fn place(scene: &Scene, plan: &Plan, numbering: &Numbering, mut geometries: Geom
     for place in [Place::Still, Place::Moving] {
         first_moving = instances.len();
         for step in plan.steps.iter().filter(|s| s.place == place) {
-            let class = plan.mesh_classes[step.geometry];
-            let material = scene.instances[step.instance].material.map(|id| class.material(id));
+            let instance = &scene.instances[step.instance];
+            let material = plan.material_of(instance, &scene.meshes[instance.mesh.index()]);
             let mut placed = placement(step, material, numbering.instance(step.instance));
             let has_keys = |space: &Arc<Space>| !space.shapes.keys.is_empty();
             placed.moves |= geometries.shared.get(step.geometry).is_some_and(has_keys);
@@ -225,9 +225,9 @@ impl Needs {
 }
 
 /// A mesh in a space of its own.
-fn share((mesh, is_inside_out): (&Mesh, bool), class: Class, needs: Needs) -> Space {
+fn share((mesh, is_inside_out): (&Mesh, bool), number: impl Fn(MaterialId) -> u32, needs: Needs) -> Space {
     let mut space = Space::EMPTY;
-    space.append(mesh, (None, class), (&DAffine3::IDENTITY, is_inside_out), needs, |_| false);
+    space.append(mesh, (None, number), (&DAffine3::IDENTITY, is_inside_out), needs, |_| false);
     space.measure();
     space
 }
@@ -288,7 +288,7 @@ impl Space {
     fn append(
         &mut self,
         mesh: &Mesh,
-        (material, class): (Option<MaterialId>, Class),
+        (material, number): (Option<MaterialId>, impl Fn(MaterialId) -> u32),
         (placed, is_inside_out): (&DAffine3, bool),
         needs: Needs,
         is_hidden: impl Fn(MaterialId) -> bool,
@@ -318,7 +318,7 @@ impl Space {
             if !is_hidden(id) {
                 let triangles = mesh.triangles.iter().skip(part.first_triangle as usize);
                 shapes.triangles.extend(triangles.take(part.triangle_count as usize).map(turned));
-                attributes.materials.resize(shapes.triangles.len(), class.material(id));
+                attributes.materials.resize(shapes.triangles.len(), number(id));
             }
         }
         attributes.append(mesh, (placed, is_inside_out), needs, first as usize);
@@ -345,14 +345,14 @@ impl Space {
                 edge_u: quad.edge_u.as_vec3(),
                 edge_v: quad.edge_v.as_vec3(),
             });
-            attributes.materials.push(plan.classes.of_object(&quad.traits).material(quad.material));
+            attributes.materials.push(plan.numbers.number(quad.material, &quad.traits));
         }
         let turns = plan.keeps_uv || scene.shapes.iter().any(|s| materials[s.material.index()].uses_uv);
         let shown = scene.shapes.iter().enumerate();
         for (i, shape) in shown.filter(|(i, s)| is_seen(s.material) && stays(&motion.shapes, *i)) {
             self.owners.begin(attributes.materials.len(), numbering.shape(i));
             shapes.analytic.push(Analytic::of_scene(shape, (shape.center - origin).as_vec3()));
-            attributes.materials.push(plan.classes.of_object(&shape.traits).material(shape.material));
+            attributes.materials.push(plan.numbers.number(shape.material, &shape.traits));
             if turns {
                 attributes.object_from_world.push(Mat3::from_quat(shape.rotation.inverse().as_quat()));
             }

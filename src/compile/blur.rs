@@ -1,8 +1,8 @@
 //! What of a scene moves while its picture is taken, in the spaces that it is compiled to.
 
-use super::classes::Classes;
 use super::geometry::Space;
 use super::material::CompiledMaterial;
+use super::object_materials::ObjectMaterials;
 use super::objects::{Numbering, ObjectId};
 use crate::light::{MovingLight, PunctualLight};
 use crate::math::{DAffine3, DMat3, DVec3, Mat3, TransformKeys, Vec3};
@@ -78,7 +78,7 @@ pub(super) fn moving_shapes(
     materials: &[CompiledMaterial],
     origin: DVec3,
     numbering: &Numbering,
-    (classes, keeps_uv): (&Classes, bool),
+    (numbers, keeps_uv): (&ObjectMaterials, bool),
 ) -> Vec<MovingShape> {
     let is_seen = |id: MaterialId| !materials[id.index()].is_invisible();
     let mut all = Vec::new();
@@ -91,7 +91,7 @@ pub(super) fn moving_shapes(
         let place = |world_from_rest: &DAffine3| {
             from_origin(&(*world_from_rest * DAffine3::from_translation(quad.corner)), origin)
         };
-        let material = classes.of_object(&quad.traits).material(quad.material);
+        let material = numbers.number(quad.material, &quad.traits);
         all.push(MovingShape::new(space, material, numbering.quad(i), moving, place));
     }
     let shapes = scene.motion.shapes.iter().filter(|(_, moving)| moving.blurs());
@@ -105,7 +105,7 @@ pub(super) fn moving_shapes(
         }
         let emits = materials[shape.material.index()].emission.is_some();
         let place = |world_from_rest: &DAffine3| from_origin(&placed(shape, world_from_rest, emits), origin);
-        let material = classes.of_object(&shape.traits).material(shape.material);
+        let material = numbers.number(shape.material, &shape.traits);
         all.push(MovingShape::new(space, material, numbering.shape(i), moving, place));
     }
     all

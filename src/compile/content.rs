@@ -5,6 +5,7 @@ use crate::math::{DAffine3, DVec3};
 use crate::sampling::hash::mix64;
 use crate::scene::{Curves, Mesh};
 use bytemuck::Pod;
+use rayon::prelude::*;
 
 /// A running fingerprint of 64 bits: by chance one pair of contents in 2^64 has the same.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -12,6 +13,9 @@ pub struct Fingerprint(u64);
 
 /// Odd, and half of its bits are set.
 const FACTOR: u64 = 0x9e37_79b9_7f4a_7c15;
+
+/// Bytes that one thread sums at a time.
+const BLOCK: usize = 1 << 20;
 
 impl Fingerprint {
     /// That of nothing.
@@ -32,9 +36,17 @@ impl Fingerprint {
         self.with(other.0)
     }
 
-    /// With a list more: its length and its bytes.
+    /// With a list more: its length and its bytes. Blocks of long ones are summed on all threads, and joined in their order.
     pub fn with_all<T: Pod>(self, list: &[T]) -> Fingerprint {
         let bytes: &[u8] = bytemuck::cast_slice(list);
+        if bytes.len() <= BLOCK {
+            return self.with_block(bytes);
+        }
+        let blocks = bytes.par_chunks(BLOCK).map(|block| Fingerprint::START.with_block(block));
+        blocks.collect::<Vec<_>>().into_iter().fold(self.with(bytes.len() as u64), Fingerprint::with_print)
+    }
+
+    fn with_block(self, bytes: &[u8]) -> Fingerprint {
         // Four lanes at a time: each waits for its own multiplication only.
         let mut lanes = [1u64, 2, 3, 4];
         let mut blocks = bytes.chunks_exact(32);
@@ -119,6 +131,23 @@ mod tests {
         let split = |at: usize| Fingerprint::START.with_all(&list[..at]).with_all(&list[at..]);
         assert_ne!(split(32), split(64));
         assert_ne!(split(0), split(100));
+    }
+
+    /// Every block of a long list counts, where it is and however many threads there are.
+    #[test]
+    fn blocks_of_long_lists_are_joined_in_order() {
+        let list: Vec<u32> = (0..BLOCK as u32).collect();
+        let of = |list: &[u32]| Fingerprint::START.with_all(list);
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
+        assert_eq!(pool.install(|| of(&list)), of(&list));
+        for place in [0, BLOCK / 4, BLOCK / 2 + 7, BLOCK - 1] {
+            let mut other = list.clone();
+            other[place] ^= 1;
+            assert_ne!(of(&other), of(&list), "{place}");
+        }
+        let mut swapped = list.clone();
+        swapped.rotate_left(BLOCK / 4);
+        assert_ne!(of(&swapped), of(&list));
     }
 
     #[test]

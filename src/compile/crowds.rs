@@ -1,7 +1,8 @@
 //! Places that many media fill together: paths know a few at a time.
 
+use super::boxes::{Bounds, BoxTree, NumberedBox};
 use super::material::CompiledMaterial;
-use super::plan::part_materials;
+use super::object_materials::part_materials;
 use crate::error::Warning;
 use crate::math::DVec3;
 use crate::scene::{Instance, MaterialId, Quad, Scene, instance_extents};
@@ -9,9 +10,6 @@ use std::collections::BTreeMap;
 
 /// Solids around a point that paths know.
 pub const MOST_AROUND: usize = 8;
-
-/// The least and the greatest corner of a box.
-type Bounds = [DVec3; 2];
 
 /// Tells of media without a surface of which more may overlap.
 pub(super) fn warn(scene: &Scene, materials: &[CompiledMaterial], warnings: &mut Vec<Warning>) {
@@ -35,18 +33,16 @@ fn bodies(scene: &Scene, materials: &[CompiledMaterial]) -> Vec<Bounds> {
     // Quads of one material belong together.
     let mut of_quads: BTreeMap<MaterialId, Bounds> = BTreeMap::new();
     for quad in scene.quads.iter().filter(|quad| is_body(quad.material)) {
-        let bounds = of_quads.entry(quad.material).or_insert([DVec3::INFINITY, DVec3::NEG_INFINITY]);
-        for corner in corners(quad) {
-            *bounds = [bounds[0].min(corner), bounds[1].max(corner)];
-        }
+        let bounds = of_quads.entry(quad.material).or_insert(Bounds::NONE);
+        *bounds = bounds.around(Bounds::of(corners(quad)));
     }
     let shapes = scene.shapes.iter().filter(|shape| is_body(shape.material));
-    let shapes = shapes.map(|s| [s.center - s.half_extent(), s.center + s.half_extent()]);
+    let shapes = shapes.map(|s| Bounds { low: s.center - s.half_extent(), high: s.center + s.half_extent() });
     let mut found: Vec<Bounds> = of_quads.into_values().chain(shapes).collect();
     let placed: Vec<usize> = (0..scene.instances.len()).filter(|&i| has_body(&scene.instances[i])).collect();
     if found.len() + placed.len() > MOST_AROUND {
         let extents = instance_extents(scene);
-        found.extend(placed.into_iter().filter_map(|i| extents[i].0).map(|(low, high)| [low, high]));
+        found.extend(placed.into_iter().filter_map(|i| extents[i].0).map(|(low, high)| Bounds { low, high }));
     }
     found
 }
@@ -61,26 +57,35 @@ fn crowded_place(mut boxes: Vec<Bounds>, most: usize) -> Option<DVec3> {
     if boxes.len() <= most {
         return None;
     }
-    boxes.sort_by(|a, b| a[0].x.total_cmp(&b[0].x));
-    let widest = boxes.iter().map(|b| b[1].x - b[0].x).fold(0.0, f64::max);
-    let holds = |b: &Bounds, axis: usize, at: f64| b[0][axis] <= at && at < b[1][axis];
-    let meets = |a: &Bounds, b: &Bounds| [1, 2].into_iter().all(|k| a[0][k] < b[1][k] && b[0][k] < a[1][k]);
+    boxes.sort_by(|a, b| a.low.x.total_cmp(&b.low.x));
+    let numbered = |(number, &bounds): (usize, &Bounds)| NumberedBox { bounds, number: number as u32 };
+    let mut numbered: Vec<NumberedBox> = boxes.iter().enumerate().map(numbered).collect();
+    let tree = BoxTree::sort(&mut numbered);
+    let holds = |b: &Bounds, axis: usize, at: f64| b.low[axis] <= at && at < b.high[axis];
+    let meets =
+        |a: &Bounds, b: &Bounds| [1, 2].into_iter().all(|k| a.low[k] < b.high[k] && b.low[k] < a.high[k]);
     for own in &boxes {
-        let x = own[0].x;
-        let first = boxes.partition_point(|b| b[0].x < x - widest);
-        let last = boxes.partition_point(|b| b[0].x <= x);
-        let near = boxes[first..last].iter().filter(|b| holds(b, 0, x) && meets(b, own));
-        let near: Vec<&Bounds> = near.collect();
+        let x = own.low.x;
+        let side = Bounds { high: DVec3::new(x, own.high.y, own.high.z), ..*own };
+        let mut near = Vec::new();
+        tree.any(&side, |place| {
+            let NumberedBox { bounds, number } = numbered[place];
+            near.extend((holds(&bounds, 0, x) && meets(&bounds, own)).then_some(number));
+            false
+        });
+        // In the order of the list: the first place that is found is told.
+        near.sort_unstable();
+        let near: Vec<&Bounds> = near.iter().map(|&number| &boxes[number as usize]).collect();
         if near.len() <= most {
             continue;
         }
-        for y in near.iter().map(|b| b[0].y) {
+        for y in near.iter().map(|b| b.low.y) {
             let row: Vec<&Bounds> = near.iter().copied().filter(|b| holds(b, 1, y)).collect();
             if row.len() <= most {
                 continue;
             }
             let is_crowded = |&z: &f64| row.iter().filter(|b| holds(b, 2, z)).count() > most;
-            if let Some(z) = row.iter().map(|b| b[0].z).find(is_crowded) {
+            if let Some(z) = row.iter().map(|b| b.low.z).find(is_crowded) {
                 return Some(DVec3::new(x, y, z));
             }
         }
@@ -93,7 +98,7 @@ mod tests {
     use super::*;
 
     fn cube([x, y, z]: [f64; 3], size: f64) -> Bounds {
-        [DVec3::new(x, y, z), DVec3::new(x, y, z) + size]
+        Bounds { low: DVec3::new(x, y, z), high: DVec3::new(x, y, z) + size }
     }
 
     #[test]
@@ -107,9 +112,9 @@ mod tests {
         assert!(place.x >= 1.0 && place.y == 0.0 && place.z == 0.0, "{place}");
         // Two bars across a third.
         let bars = vec![
-            [DVec3::ZERO, DVec3::new(9.0, 1.0, 1.0)],
-            [DVec3::ZERO, DVec3::new(1.0, 9.0, 1.0)],
-            [DVec3::new(0.0, 2.0, 0.0), DVec3::new(9.0, 3.0, 1.0)],
+            Bounds { low: DVec3::ZERO, high: DVec3::new(9.0, 1.0, 1.0) },
+            Bounds { low: DVec3::ZERO, high: DVec3::new(1.0, 9.0, 1.0) },
+            Bounds { low: DVec3::new(0.0, 2.0, 0.0), high: DVec3::new(9.0, 3.0, 1.0) },
         ];
         assert_eq!(crowded_place(bars, 2), None);
         let same = vec![cube([1.0, 2.0, 3.0], 4.0); 3];

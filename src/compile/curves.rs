@@ -5,10 +5,10 @@
 //! pieces. Points are moved outwards of bends by two thirds of that distance, so that pieces are on both sides of the strand alike. Pieces that run askew are shortened until their boxes, which rays are tested against, are not much larger than they
 //! are. Tangents are those of the strand, so that shading shows no pieces.
 
-use super::classes::Classes;
 use super::geometry::{CurveAttributes, Space, SurfaceCoordinates, frame_of};
 use super::limits;
 use super::material::CompiledMaterial;
+use super::object_materials::ObjectMaterials;
 use super::objects::Numbering;
 use crate::error::Result;
 use crate::math::{DVec3, Vec3};
@@ -214,7 +214,7 @@ impl Space {
         materials: &[CompiledMaterial],
         origin: DVec3,
         numbering: &Numbering,
-        classes: &Classes,
+        numbers: &ObjectMaterials,
     ) -> Result<()> {
         let is_seen = |curves: &&Curves| !materials[curves.material.index()].is_invisible();
         let has_colors =
@@ -230,7 +230,7 @@ impl Space {
             limits::check_cut_points(all.segments.points.len() + cut.segments.points.len())?;
             all.append(cut);
             let count = all.segments.len() - before;
-            let material = classes.of_object(&curves.traits).material(curves.material);
+            let material = numbers.number(curves.material, &curves.traits);
             materials.resize(materials.len() + count, material);
         }
         self.shapes.curves = all.segments;

@@ -2,6 +2,7 @@
 
 use super::emitters::Emitters;
 use super::geometry::Geometries;
+use super::object_materials::ObjectMaterials;
 use super::objects::ObjectId;
 use crate::scene::{Instance, Scene, group_or_default};
 
@@ -24,7 +25,11 @@ const MOST_GROUPS: usize = NONE as usize - 1;
 
 impl LightGroups {
     /// Those of the lights that were found in a scene; empty where all are in one group.
-    pub(super) fn of(scene: &Scene, emitters: &Emitters, geometries: &Geometries) -> LightGroups {
+    pub(super) fn of(
+        (scene, numbers): (&Scene, &ObjectMaterials),
+        emitters: &Emitters,
+        geometries: &Geometries,
+    ) -> LightGroups {
         let names = scene.light_groups();
         if names.len() < 2 {
             return LightGroups::default();
@@ -40,7 +45,7 @@ impl LightGroups {
         let mut groups = LightGroups { lights: Vec::new(), materials, objects: objects.collect() };
         let mut lights = vec![0; emitters.lights.len()];
         for (light, object, material) in emitters.owners(geometries) {
-            lights[light] = groups.of_surface(object, material % scene.materials.len() as u32);
+            lights[light] = groups.of_surface(object, numbers.original(material));
         }
         lights.extend(scene.lights.iter().map(|light| number(&light.group)));
         lights.push(number(&scene.environment_group));

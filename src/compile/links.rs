@@ -6,6 +6,7 @@ use super::material::CompiledMaterial;
 use crate::error::Problem;
 use crate::light::Lights;
 use crate::scene::{LightLinks, ObjectSets, Scene};
+use std::collections::HashMap;
 
 /// So many classes of receivers can be told apart.
 pub const MOST_CLASSES: usize = 1 << 15;
@@ -42,12 +43,12 @@ impl Links {
             return Links::default();
         }
         let mut classes = vec![ObjectSets::NONE];
+        let mut known = HashMap::from([(ObjectSets::NONE, 0)]);
         let mut class_of = |sets: ObjectSets| {
-            let known = classes.iter().position(|&class| class == sets);
-            known.unwrap_or_else(|| {
+            *known.entry(sets).or_insert_with(|| {
                 classes.push(sets);
-                classes.len() - 1
-            }) as u32
+                classes.len() as u32 - 1
+            })
         };
         let class_of_material = materials.iter().map(|material| class_of(material.sets())).collect();
         Links { of_lights, classes, class_of_material }

@@ -4,16 +4,17 @@ use super::density::DensityGrid;
 use super::glow::Glow;
 use super::material::CompiledMaterial;
 use super::medium::Medium;
-use super::plan::part_materials;
+use super::object_materials::part_materials;
 use super::scattering::{Ball, Scattering};
 use super::scattering_spectra::ScatteringSpectra;
 use crate::color::Rgb;
 use crate::error::Warning;
 use crate::math::{DAffine3, DVec3};
 use crate::scene::{
-    ColorSlot, Environment, FloatSlot, Fog, Instance, LightKind, Material, MaterialId, Model, Motion, Moving,
-    Outline, Scene, outline,
+    ColorSlot, Environment, FloatSlot, Fog, Instance, LightKind, Material, MaterialId, MaterialUses, Model,
+    Motion, Moving, Outline, Scene,
 };
+use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -34,9 +35,10 @@ pub(super) fn number(
     let grids: Vec<Arc<DensityGrid>> = grids.collect();
     let mut media = vec![surrounding(scene.fog.as_ref(), anchor, is_spectral)];
     let mut left_out = 0;
+    let uses = OnceCell::new();
     for (id, material) in materials.iter_mut().enumerate() {
         let Some(mut medium) = material.medium.clone() else { continue };
-        let is_kept = match outline(scene, MaterialId(id as u32)) {
+        let is_kept = match uses.get_or_init(|| MaterialUses::of(scene)).outline(MaterialId(id as u32)) {
             Outline::None => false,
             Outline::Open if medium.scattering.is_some() => {
                 let name = &scene.materials[id].name;
@@ -80,12 +82,14 @@ pub(super) fn number(
 /// What stands for the materials whose light scatters within a body (subsurface scattering), where their surfaces enclose none:
 /// all that enters would leave a sheet on its other side, whatever its colour. A diffuse base has the colour of a thick body.
 pub(super) fn without_bodies(scene: &Scene, warnings: &mut Vec<Warning>) -> Vec<Option<Material>> {
+    let uses = OnceCell::new();
+    let outline = |id: usize| uses.get_or_init(|| MaterialUses::of(scene)).outline(MaterialId(id as u32));
     let mut without_body = |(id, material): (usize, &Material)| {
         let (medium, pbr) = (material.medium?, material.model.pbr()?);
         let through = pbr.diffuse_transmission.filter(|t| t.factor == FloatSlot::constant(1.0))?;
         let scatters = (0..3).any(|c| medium.extinction[c] * medium.albedo[c] > 0.0);
         let is_subsurface = pbr.has_volume && pbr.transmission.factor == 0.0 && scatters;
-        if !is_subsurface || outline(scene, MaterialId(id as u32)) != Outline::Open {
+        if !is_subsurface || outline(id) != Outline::Open {
             return None;
         }
         let name = &material.name;

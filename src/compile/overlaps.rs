@@ -1,12 +1,10 @@
 //! Triangles that lie on each other: in one plane, with a common area.
 //!
-//! They are found by a tree of boxes, halved at the median of its longest side, so that each triangle meets few others.
+//! They are found by a tree of boxes, so that each triangle meets few others.
 
+use super::boxes::{Bounds, BoxTree, Boxed};
 use crate::math::DVec3;
 use rayon::prelude::*;
-
-/// Most triangles of a leaf.
-const LEAF: usize = 8;
 
 /// Cosine between the normals of triangles that lie on each other.
 const PARALLEL: f64 = 0.9999;
@@ -21,29 +19,17 @@ pub(super) struct Piece {
     pub rounding: f64,
 }
 
-/// A box around pieces.
-#[derive(Clone, Copy)]
-struct Bounds {
-    low: DVec3,
-    high: DVec3,
-}
+impl Boxed for Piece {
+    fn bounds(&self) -> Bounds {
+        Bounds::of(self.corners).widened(self.rounding)
+    }
 
-/// A box with the two halves of its pieces, or with a few of them.
-struct Node {
-    bounds: Bounds,
-    /// The number of the second half; the first one follows this node. 0 for leaves.
-    second: u32,
-    /// Where its pieces begin and end.
-    range: [u32; 2],
+    fn middle(&self, axis: usize) -> f64 {
+        self.corners.iter().map(|corner| corner[axis]).sum()
+    }
 }
 
 impl Piece {
-    fn bounds(&self) -> Bounds {
-        let [a, b, c] = self.corners;
-        let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-        Bounds { low: low - self.rounding, high: high + self.rounding }
-    }
-
     /// Its normal, as long as twice its area.
     fn normal(&self) -> DVec3 {
         let [a, b, c] = self.corners;
@@ -97,18 +83,6 @@ impl Piece {
     }
 }
 
-impl Bounds {
-    const NONE: Bounds = Bounds { low: DVec3::INFINITY, high: DVec3::NEG_INFINITY };
-
-    fn around(self, other: Bounds) -> Bounds {
-        Bounds { low: self.low.min(other.low), high: self.high.max(other.high) }
-    }
-
-    fn meets(&self, other: &Bounds) -> bool {
-        self.low.cmple(other.high).all() && other.low.cmple(self.high).all()
-    }
-}
-
 /// Do two triangles that `may_touch`, by the numbers of their solids, lie on each other at a point and a normal that
 /// `is_touched` agrees to?
 pub(super) fn any(
@@ -116,56 +90,15 @@ pub(super) fn any(
     may_touch: impl Fn(u32, u32) -> bool + Sync,
     is_touched: impl Fn(DVec3, DVec3) -> bool + Sync,
 ) -> bool {
-    let mut nodes = Vec::new();
-    if pieces.is_empty() {
-        return false;
-    }
-    build(&mut pieces, 0, &mut nodes);
+    let tree = BoxTree::sort(&mut pieces);
     pieces.par_iter().enumerate().any(|(number, piece)| {
-        visit(&nodes, &piece.bounds(), |k| {
+        tree.any(&piece.bounds(), |k| {
             let other = &pieces[k];
             k > number
                 && may_touch(piece.solid, other.solid)
                 && piece.overlap(other).is_some_and(|(point, normal)| is_touched(point, normal))
         })
     })
-}
-
-/// Adds the tree of some pieces, which start at a number.
-fn build(pieces: &mut [Piece], start: usize, nodes: &mut Vec<Node>) {
-    let bounds = pieces.iter().fold(Bounds::NONE, |bounds, piece| bounds.around(piece.bounds()));
-    let at = nodes.len();
-    let range = [start as u32, (start + pieces.len()) as u32];
-    nodes.push(Node { bounds, second: 0, range });
-    if pieces.len() <= LEAF {
-        return;
-    }
-    let size = bounds.high - bounds.low;
-    let axis = (0..3).fold(0, |best, k| if size[k] > size[best] { k } else { best });
-    let middle = |piece: &Piece| piece.corners.iter().map(|corner| corner[axis]).sum::<f64>();
-    let half = pieces.len() / 2;
-    pieces.select_nth_unstable_by(half, |a, b| middle(a).total_cmp(&middle(b)));
-    let (first, second) = pieces.split_at_mut(half);
-    build(first, start, nodes);
-    nodes[at].second = nodes.len() as u32;
-    build(second, start + half, nodes);
-}
-
-/// Shows pieces in boxes that meet one, by number, until one is found.
-fn visit(nodes: &[Node], bounds: &Bounds, mut is_found: impl FnMut(usize) -> bool) -> bool {
-    let mut pending = vec![0u32];
-    while let Some(at) = pending.pop() {
-        let node = &nodes[at as usize];
-        if !node.bounds.meets(bounds) {
-            continue;
-        }
-        if node.second > 0 {
-            pending.extend([at + 1, node.second]);
-        } else if (node.range[0]..node.range[1]).any(|k| is_found(k as usize)) {
-            return true;
-        }
-    }
-    false
 }
 
 #[cfg(test)]
@@ -260,11 +193,10 @@ mod tests {
         };
         let mut pieces = [grid(0, 0.0), grid(1, 0.0)].concat();
         let count = pieces.len();
-        let mut nodes = Vec::new();
-        build(&mut pieces, 0, &mut nodes);
+        let tree = BoxTree::sort(&mut pieces);
         let mut looked = 0;
         for piece in &pieces {
-            visit(&nodes, &piece.bounds(), |_| {
+            tree.any(&piece.bounds(), |_| {
                 looked += 1;
                 false
             });

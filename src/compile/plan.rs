@@ -1,12 +1,12 @@
 //! Where each instance goes: into the world's own geometry, or beside it as a placement of a mesh that is shared or moves.
 
 use super::blur;
-use super::classes::{Class, Classes};
 use super::content::{self, Fingerprint};
 use super::material::CompiledMaterial;
+use super::object_materials::{ObjectMaterials, only_material, part_materials};
 use crate::error::Warning;
 use crate::math::{DAffine3, DMat3, DVec3, TransformKeys};
-use crate::scene::{Instance, MaterialId, Mesh, MeshId, Motion, Scene};
+use crate::scene::{Instance, MaterialId, Mesh, MeshId, Motion, ObjectTraits, Scene};
 use rayon::prelude::*;
 use std::collections::HashMap;
 
@@ -54,16 +54,16 @@ pub(super) struct Plan {
     pub steps: Vec<Step>,
     /// The meshes that are not copied, by index in the scene.
     pub meshes: Vec<usize>,
-    /// Whose copies of materials these have.
-    pub mesh_classes: Vec<Class>,
+    /// The objects' traits for which each has its materials.
+    pub mesh_traits: Vec<ObjectTraits>,
     /// The first of these that changes its shape.
     pub first_changing: usize,
     /// How instances move while the picture is taken.
     pub motions: Vec<TransformKeys>,
     /// Texture coordinates are kept even if no material asks for them.
     pub keeps_uv: bool,
-    /// The objects with copies of materials of their own.
-    pub classes: Classes,
+    /// The numbers of the objects' materials.
+    pub numbers: ObjectMaterials,
     /// By mesh: are its fronts where its backs should be? Empty where none are.
     pub inside_out: Vec<bool>,
     /// What another moment must have in common to use the same geometry; `None` if nothing is to be kept.
@@ -81,7 +81,7 @@ pub(super) struct Keys {
 
 /// Decides. Instances that no ray can hit are left out, with the reason.
 pub(super) fn plan(
-    (scene, classes): (&Scene, &Classes),
+    (scene, numbers): (&Scene, ObjectMaterials),
     materials: &[CompiledMaterial],
     origin: DVec3,
     is_sequence: bool,
@@ -94,7 +94,7 @@ pub(super) fn plan(
     let triangles =
         || scene.instances.iter().filter(is_seen).map(|i| scene.meshes[i.mesh.index()].triangles.len());
     let keeps = is_sequence && triangles().sum::<usize>() >= MIN_KEPT_TRIANGLES;
-    let mut plan = Plan::default();
+    let mut plan = Plan { numbers, ..Plan::default() };
     let mut invisible = 0;
     for (index, instance) in scene.instances.iter().enumerate() {
         if !is_seen(&instance) {
@@ -124,10 +124,10 @@ pub(super) fn plan(
     if invisible > 0 {
         left_out.push(format!("{invisible} placements whose materials are fully transparent"));
     }
-    plan.number_meshes(scene, classes);
+    plan.number_meshes(scene);
     plan.report(scene, &uses, left_out);
     if keeps {
-        plan.keys = Some(plan.keys_of((scene, classes), materials, origin));
+        plan.keys = Some(plan.keys_of(scene, materials, origin));
     }
     plan
 }
@@ -139,20 +139,20 @@ impl Plan {
     }
 
     /// Gives each mesh that is not copied its number, those that change the last.
-    fn number_meshes(&mut self, scene: &Scene, classes: &Classes) {
+    fn number_meshes(&mut self, scene: &Scene) {
         for is_changing in [false, true] {
-            let mut known: HashMap<(usize, Class), usize> = HashMap::new();
+            let mut known: HashMap<(usize, ObjectTraits), usize> = HashMap::new();
             for step in self.steps.iter_mut().filter(|s| s.place != Place::World) {
                 let instance = &scene.instances[step.instance];
                 let deforms = instance.motion == Motion::Deforms || blur::changes(scene, instance.mesh);
                 let changes = step.place == Place::Moving && deforms;
                 if changes == is_changing {
                     let next = self.meshes.len();
-                    let class = classes.of_object(&instance.traits);
-                    step.geometry = *known.entry((instance.mesh.index(), class)).or_insert(next);
+                    let traits = mesh_traits(instance, &scene.meshes[instance.mesh.index()]);
+                    step.geometry = *known.entry((instance.mesh.index(), traits)).or_insert(next);
                     if step.geometry == next {
                         self.meshes.push(instance.mesh.index());
-                        self.mesh_classes.push(class);
+                        self.mesh_traits.push(traits);
                     }
                 }
             }
@@ -179,12 +179,14 @@ impl Plan {
         }
     }
 
-    fn keys_of(
-        &self,
-        (scene, classes): (&Scene, &Classes),
-        materials: &[CompiledMaterial],
-        origin: DVec3,
-    ) -> Keys {
+    /// The number of the material that a placement has instead of those of its mesh.
+    pub fn material_of(&self, instance: &Instance, mesh: &Mesh) -> Option<u32> {
+        let of_traits =
+            || (instance.traits != ObjectTraits::default()).then(|| only_material(mesh)).flatten();
+        instance.material.or_else(of_traits).map(|id| self.numbers.number(id, &instance.traits))
+    }
+
+    fn keys_of(&self, scene: &Scene, materials: &[CompiledMaterial], origin: DVec3) -> Keys {
         let normal_sets: Vec<Option<usize>> = (0..scene.materials.len())
             .map(|m| normal_map_set([MaterialId(m as u32)].into_iter(), scene))
             .collect();
@@ -198,28 +200,42 @@ impl Plan {
             .collect();
         let shared = self.meshes[..self.first_changing]
             .iter()
-            .zip(&self.mesh_classes)
-            .map(|(&m, class)| of_materials.with(u64::from(class.0)).with_print(of_meshes[m]))
+            .zip(&self.mesh_traits)
+            .map(|(&m, traits)| {
+                let used =
+                    scene.meshes[m].parts.iter().map(|part| self.numbers.number(part.material, traits));
+                let sum = of_materials.with_print(of_meshes[m]);
+                if self.numbers.are_own() { sum } else { used.fold(sum, |sum, n| sum.with(u64::from(n))) }
+            })
             .collect();
         let mut world = of_materials.with_vector(origin);
         for step in self.steps.iter().filter(|s| s.place != Place::Moving) {
             let instance = &scene.instances[step.instance];
-            let material = instance.material.map_or(u64::MAX, |m| u64::from(m.0));
+            let mesh = &scene.meshes[instance.mesh.index()];
+            let number = |id| u64::from(self.numbers.number(id, &instance.traits));
             world = world
                 .with(step.instance as u64)
                 .with(step.geometry as u64)
                 .with(u64::from(step.place == Place::World))
-                .with(material)
-                .with(u64::from(classes.of_object(&instance.traits).0))
+                .with(instance.material.map_or(u64::MAX, number))
                 .with_transform(&step.world_from_object)
                 .with_print(of_meshes[instance.mesh.index()]);
+            if !self.numbers.are_own() {
+                world = mesh.parts.iter().fold(world, |sum, part| sum.with(number(part.material)));
+            }
         }
-        let traits =
-            scene.quads.iter().map(|quad| &quad.traits).chain(scene.shapes.iter().map(|shape| &shape.traits));
-        let traits = traits.chain(scene.curves.iter().map(|curves| &curves.traits));
-        world = traits.fold(world, |sum, traits| sum.with(u64::from(classes.of_object(traits).0)));
+        let quads = scene.quads.iter().map(|quad| self.numbers.number(quad.material, &quad.traits));
+        let shapes = scene.shapes.iter().map(|shape| self.numbers.number(shape.material, &shape.traits));
+        let curves = scene.curves.iter().map(|c| self.numbers.number(c.material, &c.traits));
+        world = quads.chain(shapes).chain(curves).fold(world, |sum, number| sum.with(u64::from(number)));
         Keys { shared, world: with_shapes(world, scene) }
     }
+}
+
+/// The traits for which the mesh of a placement has its materials: the usual ones where the placement has a material of its own.
+fn mesh_traits(instance: &Instance, mesh: &Mesh) -> ObjectTraits {
+    let has_one = instance.material.is_some() || only_material(mesh).is_some();
+    if has_one { ObjectTraits::default() } else { instance.traits }
 }
 
 /// With the quads, shapes and curves of a scene.
@@ -281,14 +297,6 @@ fn flatness(m: &DMat3) -> f64 {
 fn condition(m: &DMat3) -> f64 {
     let norm = |m: &DMat3| DVec3::new(m.x_axis.length(), m.y_axis.length(), m.z_axis.length()).length();
     norm(m) * norm(&m.inverse()) / 3.0
-}
-
-/// The materials of the parts of a placed mesh.
-pub(super) fn part_materials<'a>(
-    mesh: &'a Mesh,
-    instance: &'a Instance,
-) -> impl Iterator<Item = MaterialId> + 'a {
-    mesh.parts.iter().map(|part| instance.material.unwrap_or(part.material))
 }
 
 /// The set of texture coordinates that the first normal map among materials uses.

@@ -1,7 +1,6 @@
 //! The way from a scene to a compiled one.
 
 use super::blur;
-use super::classes::{self, Classes};
 use super::crowds;
 use super::emitters::{self, Emitters};
 use super::flat;
@@ -14,6 +13,7 @@ use super::material::CompiledMaterial;
 use super::media;
 use super::medium::Medium;
 use super::moving_emitters;
+use super::object_materials::{self, ObjectMaterials};
 use super::plan::{self, Plan};
 use super::reuse::{Geometry, Kept, Sources};
 use super::scene::{CompileOptions, CompileReport, CompiledScene, Features};
@@ -57,10 +57,10 @@ pub(super) fn compile_after(
     spectral::warn(scene, options.shading, &mut report.warnings);
     let mut textures = textures(kept.textures.take(), scene, anchor, options.shading.spectral);
     let (warnings, left_out) = (&mut report.warnings, &mut report.left_out);
-    let (materials, media, classes) = materials(scene, (anchor, &mut textures), options.shading, warnings);
-    let plan = plan::plan((scene, &classes), &materials, anchor, is_sequence, warnings, left_out);
+    let (materials, media, numbers) = materials(scene, (anchor, &mut textures), options.shading, warnings);
+    let plan = plan::plan((scene, numbers), &materials, anchor, is_sequence, warnings, left_out);
     let inside_out = inside_out::find(scene, &materials, &mut report.warnings);
-    let plan = Plan { keeps_uv: options.keeps_uv, classes, inside_out, ..plan };
+    let plan = Plan { keeps_uv: options.keeps_uv, inside_out, ..plan };
     limits::check_size(scene, &plan)?;
     let Geometry { geometries, accel } =
         kept.geometry(scene, &materials, anchor, &plan, (options.tree, &options.gauge))?;
@@ -69,15 +69,15 @@ pub(super) fn compile_after(
     let mut emitters = emitters::find(&geometries, &materials);
     moving_emitters::add(&mut emitters, &geometries, &materials);
     let light_spectra = spectral::of_lights(scene, &emitters, &geometries, &materials, options.shading);
-    let light_groups = LightGroups::of(scene, &emitters, &geometries);
+    let light_groups = LightGroups::of((scene, &plan.numbers), &emitters, &geometries);
     let punctual = scene.lights.iter().map(|l| PunctualLight::new(l, anchor)).collect();
     let motions = LightMotions { area: emitters.moving.clone(), punctual: blur::lights(scene, anchor) };
     let environment = environment(scene, kept.environment.take(), anchor, &mut report.warnings);
     let lights = Lights::moving((emitters.lights.clone(), punctual), motions, environment, &textures);
     let (lights, links) = finished(scene, lights, (&emitters, &geometries, &materials), &textures)?;
     report.lights = lights.len() as u64;
-    let light_kinds = classes::light_kinds(scene, &lights, (&emitters, &geometries, &materials));
-    let caught_lights = classes::caught_lights(&emitters, &geometries, &materials);
+    let light_kinds = object_materials::light_kinds(scene, &lights, (&emitters, &geometries, &materials));
+    let caught_lights = object_materials::caught_lights(&emitters, &geometries, &materials);
     let features = features(scene, (&geometries, &accel, anchor), &materials, &textures, &media)
         .with_lights(!light_kinds.is_empty(), links.are_used());
     report.build_s = begin.elapsed().as_secs_f64();
@@ -97,6 +97,7 @@ pub(super) fn compile_after(
         links,
         caught_lights,
         own_materials: scene.materials.len() as u32,
+        originals: plan.numbers.originals(),
         features,
         emitters,
         vectors: Vectors::of(scene, anchor),
@@ -168,13 +169,13 @@ fn environment(
     environment
 }
 
-/// The materials, with the copies that objects have for themselves; the media of solids; and which objects have copies.
+/// The materials, with the copies that objects have for themselves; the media of solids; and the numbers that objects have.
 fn materials(
     scene: &Scene,
     (anchor, textures): (DVec3, &mut CompiledTextures),
     shading: ShadingModel,
     warnings: &mut Vec<Warning>,
-) -> (Vec<CompiledMaterial>, Vec<Medium>, Classes) {
+) -> (Vec<CompiledMaterial>, Vec<Medium>, ObjectMaterials) {
     let replaced = media::without_bodies(scene, warnings);
     let replaced = scene.materials.iter().zip(&replaced).map(|(m, other)| other.as_ref().unwrap_or(m));
     let compiled = |m| match shading.spectral {
@@ -184,9 +185,9 @@ fn materials(
     let mut materials: Vec<CompiledMaterial> = replaced.map(compiled).collect();
     let media = media::number(scene, anchor, &mut materials, shading.spectral, warnings);
     crowds::warn(scene, &materials, warnings);
-    let classes = Classes::of(scene);
-    classes.extend(&mut materials);
-    (materials, media, classes)
+    let numbers = ObjectMaterials::of(scene);
+    numbers.extend(&mut materials);
+    (materials, media, numbers)
 }
 
 fn features(

@@ -18,7 +18,7 @@ use crate::error::Warning;
 use crate::gauge::Gauge;
 use crate::light::{EnvironmentLight, Lights};
 use crate::math::{DVec3, Hit};
-use crate::scene::{RayKinds, Scene, ShapeTag};
+use crate::scene::{MaterialId, RayKinds, Scene, ShapeTag};
 use crate::texture::CompiledTextures;
 use std::sync::Arc;
 
@@ -100,6 +100,8 @@ pub struct CompiledScene {
     pub(super) caught_lights: Vec<bool>,
     /// Materials of the scene that it was compiled from: the first ones. Copies for objects with traits follow.
     pub(super) own_materials: u32,
+    /// What these are copies of, in their order.
+    pub(super) originals: Vec<MaterialId>,
     /// What the integrator may skip.
     pub features: Features,
     /// Which primitives are lights.
@@ -194,7 +196,8 @@ impl CompiledScene {
 
     /// The material of the scene that a compiled one stands for.
     pub fn described_material(&self, material: u32) -> u32 {
-        material % self.own_materials.max(1)
+        let copy = material.checked_sub(self.own_materials);
+        copy.map_or(material, |copy| self.originals[copy as usize].0)
     }
 
     /// The object of the scene at a hit.

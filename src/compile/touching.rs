@@ -1,9 +1,10 @@
 //! Whether the surfaces of some solids lie on those of others: only then is it looked for where paths meet them.
 
+use super::boxes::{Bounds, BoxTree, NumberedBox};
 use super::geometry::Geometries;
 use super::material::CompiledMaterial;
+use super::object_materials::part_materials;
 use super::overlaps::{self, Piece};
-use super::plan::part_materials;
 use crate::accel::Accel;
 use crate::math::{DAffine3, DVec3, Ray, gamma};
 use crate::scene::{MaterialId, Scene};
@@ -11,8 +12,8 @@ use rayon::prelude::*;
 
 /// A body that light passes.
 struct Solid {
-    /// Corners of the box around it, in the world.
-    bounds: [DVec3; 2],
+    /// The box around it, in the world.
+    bounds: Bounds,
     /// It has several materials that light passes.
     has_several: bool,
     surface: Surface,
@@ -36,32 +37,20 @@ pub(super) fn exists(
     materials: &[CompiledMaterial],
     (geometries, accel, anchor): (&Geometries, &Accel, DVec3),
 ) -> bool {
-    let mut solids = solids(scene, materials);
-    // By where they begin along x: those that can meet one are next to each other.
-    solids.sort_by(|a, b| a.bounds[0].x.total_cmp(&b.bounds[0].x));
-    let widest = solids.iter().map(|s| s.bounds[1].x - s.bounds[0].x).fold(0.0, f64::max);
-    let reach = solids.iter().map(Solid::rounding).fold(0.0, f64::max);
-    let others = |i: usize| {
-        let [low, high] = solids[i].bounds.map(|corner| corner.x);
-        let first = solids.partition_point(|s| s.bounds[0].x < low - widest - 2.0 * reach);
-        let last = solids.partition_point(|s| s.bounds[0].x <= high + 2.0 * reach);
-        let is_other = |&k: &usize| if k == i { solids[i].has_several } else { solids[i].meets(&solids[k]) };
-        (first..last).filter(is_other).map(|k| &solids[k]).collect::<Vec<&Solid>>()
-    };
+    let solids = Solids::of(scene, materials);
     let at = Places { materials, geometries, accel, anchor };
     let mut pieces = Vec::new();
-    for (i, solid) in solids.iter().enumerate() {
-        let others = others(i);
-        if others.is_empty() {
+    for i in 0..solids.all.len() {
+        if !solids.any_near(i, &solids.all[i].bounds, |_| true) {
             continue;
         }
-        let own = solid.pieces(i as u32, &others, scene);
-        if accel.is_moving() || solid.is_touched(&own, &others, &at) {
+        let own = solids.pieces(i, scene);
+        if accel.is_moving() || solids.is_touched(i, &own, &at) {
             return true;
         }
         pieces.extend(own);
     }
-    let may_touch = |a: u32, b: u32| a != b || solids[a as usize].has_several;
+    let may_touch = |a: u32, b: u32| a != b || solids.all[a as usize].has_several;
     overlaps::any(pieces, may_touch, |point, normal| at.are_two_at(point, normal))
 }
 
@@ -101,29 +90,72 @@ fn is_solid(material: &CompiledMaterial) -> bool {
 impl Solid {
     /// What coordinates may be off by.
     fn rounding(&self) -> f64 {
-        self.bounds[0].abs().max(self.bounds[1].abs()).max_element() * f64::from(gamma(64))
+        rounding(&self.bounds)
     }
 
-    /// Do the boxes around two meet?
-    fn meets(&self, other: &Solid) -> bool {
-        let reach = self.rounding().max(other.rounding());
-        let ([low, high], [other_low, other_high]) = (self.bounds, other.bounds);
-        (low - reach).cmple(other_high).all() && (other_low - reach).cmple(high).all()
+    /// Does a part in a box, of a solid whose coordinates may be off by `rounding`, reach into the box around this one?
+    fn is_near(&self, bounds: &Bounds, rounding: f64) -> bool {
+        let reach = rounding.max(self.rounding());
+        bounds.meets(&self.bounds.widened(reach))
     }
+}
 
-    /// The triangles of its surface that reach into the boxes around others, as those of solid `number`.
-    fn pieces(&self, number: u32, others: &[&Solid], scene: &Scene) -> Vec<Piece> {
-        let rounding = self.rounding();
-        let is_near = |[a, b, c]: [DVec3; 3]| {
-            let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-            others.iter().any(|other| {
-                let reach = rounding.max(other.rounding());
-                (low - reach).cmple(other.bounds[1]).all() && (other.bounds[0] - reach).cmple(high).all()
-            })
+/// What coordinates in a box may be off by.
+fn rounding(bounds: &Bounds) -> f64 {
+    bounds.low.abs().max(bounds.high.abs()).max_element() * f64::from(gamma(64))
+}
+
+/// All bodies that light passes.
+struct Solids {
+    all: Vec<Solid>,
+    /// The boxes around them, as far as they may be off.
+    boxes: Vec<NumberedBox>,
+    tree: BoxTree,
+}
+
+impl Solids {
+    fn of(scene: &Scene, materials: &[CompiledMaterial]) -> Solids {
+        let mut all = solids(scene, materials);
+        all.sort_by(|a, b| a.bounds.low.x.total_cmp(&b.bounds.low.x));
+        let numbered = |(number, solid): (usize, &Solid)| NumberedBox {
+            bounds: solid.bounds.widened(solid.rounding()),
+            number: number as u32,
         };
-        let near =
-            |corners: [DVec3; 3]| is_near(corners).then_some(Piece { corners, solid: number, rounding });
-        match self.surface {
+        let mut boxes: Vec<NumberedBox> = all.iter().enumerate().map(numbered).collect();
+        let tree = BoxTree::sort(&mut boxes);
+        Solids { all, boxes, tree }
+    }
+
+    /// Shows the solids that a part in a box of solid `i` may touch, until one is found.
+    fn any_near(&self, i: usize, bounds: &Bounds, mut is_found: impl FnMut(&Solid) -> bool) -> bool {
+        let rounding = self.all[i].rounding();
+        self.tree.any(&bounds.widened(rounding), |place| {
+            let k = self.boxes[place].number as usize;
+            (k != i || self.all[i].has_several)
+                && self.all[k].is_near(bounds, rounding)
+                && is_found(&self.all[k])
+        })
+    }
+
+    /// The triangles of solid `i` that reach into the boxes around others.
+    fn pieces(&self, i: usize, scene: &Scene) -> Vec<Piece> {
+        /// Of so many others each is asked, without the tree.
+        const FEW: usize = 8;
+        let (solid, mut few) = (&self.all[i], Vec::new());
+        let has_many = self.any_near(i, &solid.bounds, |other| {
+            few.push(other.bounds.widened(solid.rounding().max(other.rounding())));
+            few.len() > FEW
+        });
+        let least = solid.least_rounding(scene);
+        let near = |corners: [DVec3; 3]| {
+            let bounds = Bounds::of(corners);
+            let is_near = match has_many {
+                true => self.any_near(i, &bounds, |_| true),
+                false => few.iter().any(|other| bounds.meets(other)),
+            };
+            is_near.then(|| Piece { corners, solid: i as u32, rounding: rounding(&bounds).max(least) })
+        };
+        match solid.surface {
             Surface::Mesh { mesh, placed } => {
                 let mesh = &scene.meshes[mesh];
                 let corner =
@@ -137,43 +169,50 @@ impl Solid {
         }
     }
 
-    /// Does a shape without triangles lie on its surface?
-    fn is_touched(&self, pieces: &[Piece], others: &[&Solid], at: &Places) -> bool {
-        let shapes = others.iter().filter_map(|other| match other.surface {
-            Surface::Shape(center, radius) => Some((center, radius, other)),
-            _ => None,
-        });
-        let shapes: Vec<(DVec3, f64, &&Solid)> = shapes.collect();
-        if let Surface::Shape(middle, size) = self.surface {
-            let is_same = |&(center, radius, _): &(DVec3, f64, &&Solid)| {
-                center.distance(middle) <= self.rounding() && (radius - size).abs() <= self.rounding()
-            };
-            return shapes.iter().any(is_same);
+    /// Does a shape without triangles lie on the surface of solid `i`?
+    fn is_touched(&self, i: usize, pieces: &[Piece], at: &Places) -> bool {
+        let solid = &self.all[i];
+        if let Surface::Shape(middle, size) = solid.surface {
+            return self.any_near(i, &solid.bounds, |other| match other.surface {
+                Surface::Shape(center, radius) => {
+                    center.distance(middle) <= solid.rounding() && (radius - size).abs() <= solid.rounding()
+                }
+                _ => false,
+            });
         }
-        let is_around = |p: DVec3, other: &Solid| {
-            let reach = self.rounding().max(other.rounding());
-            (other.bounds[0] - reach).cmple(p).all() && p.cmple(other.bounds[1] + reach).all()
-        };
-        !shapes.is_empty()
+        let is_shape = |other: &Solid| matches!(other.surface, Surface::Shape(..));
+        self.any_near(i, &solid.bounds, is_shape)
             && pieces.par_iter().any(|piece| {
                 let [a, b, c] = piece.corners;
                 let middle = (a + b + c) / 3.0;
                 let normal = (b - a).cross(c - a).normalize_or_zero();
-                shapes.iter().any(|&(.., other)| is_around(middle, other)) && at.are_two_at(middle, normal)
+                self.any_near(i, &Bounds { low: middle, high: middle }, is_shape)
+                    && at.are_two_at(middle, normal)
             })
+    }
+}
+
+impl Solid {
+    /// What the coordinates of most of its vertices may be off by: a few that are far away make those of others no less precise.
+    fn least_rounding(&self, scene: &Scene) -> f64 {
+        let Surface::Mesh { mesh, placed } = self.surface else { return self.rounding() };
+        let size = |p: &[f32; 3]| placed.transform_point3(p.map(f64::from).into()).abs().max_element();
+        let mut sizes: Vec<f64> = scene.meshes[mesh].positions.iter().map(size).collect();
+        let most = sizes.len() * 9 / 10;
+        let (_, size, _) = sizes.select_nth_unstable_by(most, f64::total_cmp);
+        *size * f64::from(gamma(64))
     }
 }
 
 fn solids(scene: &Scene, materials: &[CompiledMaterial]) -> Vec<Solid> {
     let is_solid = |id: MaterialId| is_solid(&materials[id.index()]);
-    let meshes = scene.instances.iter().filter_map(|instance| {
+    let meshes = scene.instances.par_iter().filter_map(|instance| {
         let mesh = &scene.meshes[instance.mesh.index()];
         let placed = instance.world_from_object;
         let is_of_one = part_materials(mesh, instance).any(is_solid) && !mesh.positions.is_empty();
         is_of_one.then(|| {
             let points = mesh.positions.iter().map(|&p| placed.transform_point3(p.map(f64::from).into()));
-            let bounds = points
-                .fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], p| [low.min(p), high.max(p)]);
+            let bounds = Bounds::of(points);
             let mut ids: Vec<MaterialId> =
                 part_materials(mesh, instance).filter(|&id| is_solid(id)).collect();
             ids.sort_unstable();
@@ -187,16 +226,41 @@ fn solids(scene: &Scene, materials: &[CompiledMaterial]) -> Vec<Solid> {
             quad.edge_u.min(DVec3::ZERO) + quad.edge_v.min(DVec3::ZERO),
             quad.edge_u.max(DVec3::ZERO) + quad.edge_v.max(DVec3::ZERO),
         );
-        let bounds = [quad.corner + low, quad.corner + high];
+        let bounds = Bounds { low: quad.corner + low, high: quad.corner + high };
         Solid { bounds, has_several: false, surface: Surface::Quad([quad.corner, quad.edge_u, quad.edge_v]) }
     });
     let shapes = scene.shapes.iter().filter(|shape| is_solid(shape.material)).map(|shape| {
         let half = DVec3::splat(shape.radius);
         Solid {
-            bounds: [shape.center - half, shape.center + half],
+            bounds: Bounds { low: shape.center - half, high: shape.center + half },
             has_several: false,
             surface: Surface::Shape(shape.center, shape.radius),
         }
     });
-    meshes.chain(quads).chain(shapes).collect()
+    meshes.collect::<Vec<Solid>>().into_iter().chain(quads).chain(shapes).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Mesh;
+
+    /// A vertex far away makes the triangles of others no less precise, so that they meet no others that are not near.
+    #[test]
+    fn a_vertex_far_away_leaves_others_as_precise_as_they_are() {
+        let mut scene = Scene::default();
+        let positions = (0..100).map(|k| [k as f32 * 0.01, 1.0, 0.0]).collect();
+        scene.meshes.push(Mesh { positions, ..Mesh::default() });
+        let solid = |scene: &Scene| {
+            let points = scene.meshes[0].positions.iter().map(|p| DVec3::from(p.map(f64::from)));
+            let surface = Surface::Mesh { mesh: 0, placed: DAffine3::IDENTITY };
+            Solid { bounds: Bounds::of(points), has_several: false, surface }
+        };
+        let before = solid(&scene);
+        assert_eq!(before.least_rounding(&scene), before.rounding());
+        scene.meshes[0].positions[7] = [1e6, 0.0, 0.0];
+        let after = solid(&scene);
+        assert_eq!(after.least_rounding(&scene), before.rounding());
+        assert!(after.rounding() > 1e5 * before.rounding());
+    }
 }

@@ -33,7 +33,7 @@ use crate::error::{Error, Result};
 use crate::film::Film;
 use std::path::Path;
 
-/// Reads the file of a view (cinespace, `.csp`).
+/// Reads the file of a view (cinespace, `.csp`; or `.view`, of the exporter for Blender).
 ///
 /// # Errors
 /// Where it can't be read, and where it holds no such table, with the line.

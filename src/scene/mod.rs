@@ -58,7 +58,7 @@ pub use material::{AlphaMode, Beam, Displacement, Emission, Lamp, Material};
 pub use medium::{Fog, Glow, Medium, coefficients};
 pub use model::{FresnelModel, Model, Transmission};
 pub use motion::{Moving, SceneMotion, Vertices};
-pub use outline::{Outline, outline};
+pub use outline::{MaterialUses, Outline};
 pub(crate) use outline::{encloses, is_closed};
 pub use panorama::Panorama;
 pub use pbr::{Anisotropy, Clearcoat, DiffuseTransmission, GlassReflection, Iridescence, PbrMaterial, Sheen};

@@ -1,8 +1,9 @@
 //! Whether the surfaces of a material enclose something.
 
-use super::{Instance, MaterialId, Mesh, Scene};
+use super::{MaterialId, Mesh, Scene};
 use crate::math::DVec3;
 use crate::sampling::hash::mix64;
+use std::collections::HashSet;
 
 /// What the surfaces of a material are like together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,36 +16,73 @@ pub enum Outline {
     Closed,
 }
 
-/// The outline of all that has a material. Meshes count as wholes, since a body may have several materials; quads of one
-/// material belong together, spheres are always closed.
-pub fn outline(scene: &Scene, material: MaterialId) -> Outline {
-    let has = |i: &&Instance| match (i.material, scene.meshes.get(i.mesh.index())) {
-        (Some(own), _) => own == material,
-        (None, Some(mesh)) => mesh.parts.iter().any(|part| part.material == material),
-        (None, None) => false,
-    };
-    let mut meshes: Vec<usize> = scene.instances.iter().filter(has).map(|i| i.mesh.index()).collect();
-    meshes.sort_unstable();
-    meshes.dedup();
-    let (mut edges, mut count) = (Edges::default(), 0);
-    for mesh in meshes.into_iter().filter_map(|i| scene.meshes.get(i)) {
-        count += mesh.triangles.len();
-        edges.add_mesh(mesh);
+/// Which objects of a scene have each material, for all materials at once.
+pub struct MaterialUses<'s> {
+    scene: &'s Scene,
+    /// By material.
+    of_materials: Vec<Uses>,
+}
+
+/// The objects that have a material, by index; meshes once each, in order.
+#[derive(Clone, Default)]
+struct Uses {
+    meshes: Vec<usize>,
+    quads: Vec<usize>,
+    shapes: Vec<usize>,
+    has_curves: bool,
+}
+
+impl MaterialUses<'_> {
+    /// Those of a scene. Objects of materials that don't exist count for nothing.
+    pub fn of(scene: &Scene) -> MaterialUses<'_> {
+        let mut of_materials = vec![Uses::default(); scene.materials.len()];
+        let mut add = |id: MaterialId, to: &mut dyn FnMut(&mut Uses)| {
+            of_materials.get_mut(id.index()).map(to).unwrap_or_default();
+        };
+        let (mut is_placed, mut replaced) = (vec![false; scene.meshes.len()], HashSet::new());
+        for instance in &scene.instances {
+            match (instance.material, is_placed.get_mut(instance.mesh.index())) {
+                (Some(own), _) => drop(replaced.insert((own, instance.mesh.index()))),
+                (None, Some(is_placed)) => *is_placed = true,
+                (None, None) => {}
+            }
+        }
+        let of_parts = scene.meshes.iter().enumerate().filter(|(i, _)| is_placed[*i]);
+        let of_parts = of_parts.flat_map(|(i, mesh)| mesh.parts.iter().map(move |part| (part.material, i)));
+        for (id, mesh) in of_parts.chain(replaced.iter().copied()) {
+            add(id, &mut |uses| uses.meshes.push(mesh));
+        }
+        scene.quads.iter().enumerate().for_each(|(i, q)| add(q.material, &mut |uses| uses.quads.push(i)));
+        scene.shapes.iter().enumerate().for_each(|(i, s)| add(s.material, &mut |uses| uses.shapes.push(i)));
+        scene.curves.iter().for_each(|curves| add(curves.material, &mut |uses| uses.has_curves = true));
+        for uses in &mut of_materials {
+            uses.meshes.sort_unstable();
+            uses.meshes.dedup();
+        }
+        MaterialUses { scene, of_materials }
     }
-    for quad in scene.quads.iter().filter(|q| q.material == material) {
-        count += 1;
-        let c = quad.corner;
-        let corners = [c, c + quad.edge_u, c + quad.edge_u + quad.edge_v, c + quad.edge_v];
-        edges.add_polygon(&corners.map(|p| p.as_vec3().to_array()));
-    }
-    let mut shapes = scene.shapes.iter().filter(|s| s.material == material).map(|s| s.kind).peekable();
-    let has_shapes = shapes.peek().is_some();
-    let are_closed = shapes.all(|kind| kind.tag().is_closed());
-    let has_curves = scene.curves.iter().any(|c| c.material == material);
-    match count {
-        0 if !has_shapes && !has_curves => Outline::None,
-        _ if edges.sum == 0 && are_closed && !has_curves => Outline::Closed,
-        _ => Outline::Open,
+
+    /// The outline of all that has a material. Meshes count as wholes, since a body may have several materials; quads of one
+    /// material belong together, spheres are always closed.
+    pub fn outline(&self, material: MaterialId) -> Outline {
+        let Some(uses) = self.of_materials.get(material.index()) else { return Outline::None };
+        let (mut edges, mut count) = (Edges::default(), 0);
+        for mesh in uses.meshes.iter().filter_map(|&i| self.scene.meshes.get(i)) {
+            count += mesh.triangles.len();
+            edges.add_mesh(mesh);
+        }
+        for quad in uses.quads.iter().map(|&i| &self.scene.quads[i]) {
+            count += 1;
+            let c = quad.corner;
+            let corners = [c, c + quad.edge_u, c + quad.edge_u + quad.edge_v, c + quad.edge_v];
+            edges.add_polygon(&corners.map(|p| p.as_vec3().to_array()));
+        }
+        let are_closed = uses.shapes.iter().all(|&i| self.scene.shapes[i].kind.tag().is_closed());
+        match count {
+            0 if uses.shapes.is_empty() && !uses.has_curves => Outline::None,
+            _ if edges.sum == 0 && are_closed && !uses.has_curves => Outline::Closed,
+            _ => Outline::Open,
+        }
     }
 }
 
@@ -119,8 +157,8 @@ fn key(position: [f32; 3]) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::DVec3;
-    use crate::scene::Quad;
+    use crate::math::{DAffine3, DVec3};
+    use crate::scene::{Instance, Material, MeshId, MeshPart, Quad};
 
     /// A box of quads with some faces left out.
     fn outline_of_box(faces: usize) -> Outline {
@@ -131,7 +169,10 @@ mod tests {
         for &(corner, edge_u, edge_v) in &all[..faces] {
             scene.quads.push(Quad::new(corner, edge_u, edge_v, MaterialId(3)));
         }
-        outline(&scene, MaterialId(3))
+        for name in 0..4 {
+            scene.add_material(Material::lambert(name.to_string(), [0.5; 3]));
+        }
+        MaterialUses::of(&scene).outline(MaterialId(3))
     }
 
     #[test]
@@ -139,6 +180,26 @@ mod tests {
         assert_eq!([0, 1, 5, 6].map(outline_of_box), {
             [Outline::None, Outline::Open, Outline::Open, Outline::Closed]
         });
+    }
+
+    /// What is looked at for all materials together grows with the objects, not with their product with the materials.
+    #[test]
+    fn each_object_is_noted_for_its_own_materials_only() {
+        let mut scene = Scene::default();
+        for k in 0..100 {
+            let material = scene.add_material(Material::lambert(k.to_string(), [0.5; 3]));
+            let part = MeshPart { first_triangle: 0, triangle_count: 0, material };
+            scene.meshes.push(Mesh { parts: vec![part], ..Mesh::default() });
+            let placed = Instance::new(MeshId(k), DAffine3::IDENTITY);
+            let other = Instance { material: Some(MaterialId(k / 2)), ..placed.clone() };
+            scene.instances.extend([placed.clone(), placed, other]);
+        }
+        let uses = MaterialUses::of(&scene);
+        assert_eq!(uses.of_materials.iter().map(|uses| uses.meshes.len()).sum::<usize>(), 100 + 99);
+        assert_eq!(
+            (&uses.of_materials[3].meshes[..], &uses.of_materials[0].meshes[..]),
+            (&[3, 6, 7][..], &[0, 1][..])
+        );
     }
 
     #[test]

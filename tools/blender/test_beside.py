@@ -3,6 +3,8 @@
     python test_beside.py            with a Python that has bpy
 """
 
+import struct
+
 import bpy
 import numpy as np
 from testing import SceneTest, main, shader_tree
@@ -161,11 +163,14 @@ class BesideTest(SceneTest):
 
     def shown(self, table, grey):
         """What a table shows of a grey."""
-        lines = (self.folder / table).read_text().split("\n")
-        knots, values = ([float(word) for word in line.split()] for line in lines[8:10])
-        nodes = int(lines[17].split()[0])
+        content = (self.folder / table).read_bytes()
+        self.assertEqual(content[:8], b"OSCVIEW1")
+        (count,) = struct.unpack_from("<I", content, 8)
+        knots, values = np.frombuffer(content, "<f4", 2 * count, 12).reshape(2, count)
+        (nodes,) = struct.unpack_from("<I", content, 12 + 8 * count)
+        lattice = np.frombuffer(content, "<u2", 3 * nodes**3, 16 + 8 * count).reshape(nodes, nodes, nodes, 3)
         place = np.interp(grey, knots, values) * (nodes - 1)
-        greys = [float(lines[18 + k * (1 + nodes + nodes * nodes)].split()[1]) for k in range(nodes)]
+        greys = [lattice[k, k, k, 1] / 65535.0 for k in range(nodes)]
         return np.interp(place, range(nodes), greys)
 
     def test_views_with_looks_and_curves_are_tables(self):

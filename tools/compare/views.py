@@ -98,7 +98,7 @@ def main(out):
             shown = view_table.encoded(copy, given[::-1].reshape(-1, 3), os.path.join(out, f"{number}.blender.png"))
         theirs = shown.reshape(SIDE, SIDE, 3)[::-1]
         error = numpy.abs(read(ours) - theirs).max(axis=-1)
-        name = "a table" if chosen.endswith(".csp") else chosen
+        name = "a table" if chosen.endswith((".csp", ".view")) else chosen
         figures = f"{error.max():.4f} | {numpy.quantile(error, 0.99):.4f} | {numpy.sqrt((error**2).mean()):.5f}"
         print(f"| {view} | {look} | {', '.join(f'{k} {v}' for k, v in more.items())} | {name} | {figures} |", flush=True)
 

@@ -54,16 +54,17 @@ impl ViewTransform {
 
     /// Is this the name of a file with a table, rather than that of a view?
     pub fn is_file(name: &str) -> bool {
-        Path::new(name).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csp"))
+        let is_one =
+            |ending: &std::ffi::OsStr| ["csp", "view"].iter().any(|known| ending.eq_ignore_ascii_case(known));
+        Path::new(name).extension().is_some_and(is_one)
     }
 
-    /// The one of the bytes of a file with a table (cinespace, `.csp`).
+    /// The one of the bytes of a file with a table (cinespace, `.csp`; or `.view`, of the exporter for Blender).
     ///
     /// # Errors
-    /// Where they aren't such a table, with the line.
+    /// Where they aren't such a table; of a text with the line.
     pub fn from_table(bytes: &[u8], path: &Path) -> Result<ViewTransform, String> {
-        let text = std::str::from_utf8(bytes).map_err(|_| "is no text".to_string())?;
-        Ok(ViewTransform::Table(Arc::new(ViewTable::parse(text, path)?)))
+        Ok(ViewTransform::Table(Arc::new(ViewTable::read(bytes, path)?)))
     }
 
     /// What users call it: a name, or the path of a file.

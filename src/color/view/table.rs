@@ -1,8 +1,14 @@
-//! Views as tables, from files of the format cinespace (`.csp`): a curve a channel, then a lattice of colours. OpenColorIO
-//! writes it (`ociobakelut --format cinespace`), and so does the exporter of Blender's scenes.
+//! Views as tables: a curve a channel, then a lattice of colours; from files of the format cinespace (`.csp`), as OpenColorIO
+//! writes it (`ociobakelut --format cinespace`), and from those of the exporter of Blender's scenes (`.view`).
+//!
+//! A `.view` file has, in little-endian order: the eight bytes of [`MAGIC`]; the number of knots (`u32`), the knots and their
+//! values (`f32`), for all channels; the number of nodes along an edge (`u32`), and three `u16` a node, 65,535 for 1, red fastest.
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
+
+/// What `.view` files begin with.
+const MAGIC: &[u8] = b"OSCVIEW1";
 
 /// Most nodes along an edge of the lattice, and of a table a channel.
 const MOST_NODES: usize = 129;
@@ -34,13 +40,43 @@ enum Values {
 }
 
 impl ViewTable {
+    /// The table of a file's bytes.
+    ///
+    /// # Errors
+    /// What is wrong with it; of a text with the line.
+    pub fn read(bytes: &[u8], path: &Path) -> Result<ViewTable, String> {
+        match bytes.strip_prefix(MAGIC) {
+            Some(rest) => ViewTable::from_binary(rest, path),
+            None => ViewTable::parse(std::str::from_utf8(bytes).map_err(|_| "is no text".to_string())?, path),
+        }
+    }
+
+    fn from_binary(bytes: &[u8], path: &Path) -> Result<ViewTable, String> {
+        let mut rest = Binary(bytes);
+        let count = rest.count("knots of a curve", MOST_KNOTS)?;
+        let (knots, values) = (rest.floats(count)?, rest.floats(count)?);
+        if !knots.is_sorted_by(|a, b| a < b) {
+            return Err("knots of a curve must ascend".to_string());
+        }
+        let edge = rest.count("nodes along an edge", MOST_NODES)?;
+        let numbers = rest.take(6 * edge * edge * edge)?.as_chunks::<2>().0;
+        let share = |pair: [u8; 2]| f32::from(u16::from_le_bytes(pair)) / 65_535.0;
+        let nodes = numbers.as_chunks::<3>().0.iter().map(|node| node.map(share)).collect();
+        if !rest.0.is_empty() {
+            return Err(format!("has {} bytes more than the table needs", rest.0.len()));
+        }
+        let curve = Curve { knots, values };
+        let curves = [curve.clone(), curve.clone(), curve];
+        Ok(ViewTable { path: path.to_path_buf(), curves, values: Values::Lattice([edge; 3], nodes) })
+    }
+
     /// The table of a file's text.
     ///
     /// # Errors
     /// What is wrong with it, with the line.
     pub fn parse(text: &str, path: &Path) -> Result<ViewTable, String> {
         let mut words = Words::new(text);
-        let (head, kind) = (words.next().map_or("", |w| w.1), words.next().map_or("", |w| w.1));
+        let (head, kind) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
         if head != "CSPLUTV100" || !matches!(kind, "1D" | "3D") {
             return Err(
                 "is no table of the format cinespace: it begins with CSPLUTV100 and 1D or 3D".to_string()
@@ -52,8 +88,8 @@ impl ViewTable {
             "1D" => line(&mut words)?,
             _ => lattice(&mut words)?,
         };
-        match words.next() {
-            Some((line, word)) => Err(format!("line {line}: '{word}' is more than the table needs")),
+        match words.peek() {
+            Some(word) => Err(format!("line {}: '{word}' is more than the table needs", words.line())),
             None => Ok(ViewTable { path: path.to_path_buf(), curves, values }),
         }
     }
@@ -139,32 +175,78 @@ fn colors(words: &mut Words, count: usize) -> Result<Vec<[f32; 3]>, String> {
     Ok(words.numbers(3 * count)?.as_chunks().0.to_vec())
 }
 
-/// The words of a text with their lines, from 1.
+/// What is left of a `.view` file.
+struct Binary<'a>(&'a [u8]);
+
+impl<'a> Binary<'a> {
+    fn take(&mut self, count: usize) -> Result<&'a [u8], String> {
+        let (taken, rest) = self.0.split_at_checked(count).ok_or("ends before the table does")?;
+        self.0 = rest;
+        Ok(taken)
+    }
+
+    fn count(&mut self, what: &str, most: usize) -> Result<usize, String> {
+        let count = u32::from_le_bytes(self.take(4)?.try_into().unwrap_or_default()) as usize;
+        let is_met = (2..=most).contains(&count);
+        is_met.then_some(count).ok_or_else(|| format!("has {count} {what}, where 2 to {most} can be"))
+    }
+
+    fn floats(&mut self, count: usize) -> Result<Vec<f32>, String> {
+        let list: Vec<f32> =
+            self.take(4 * count)?.as_chunks().0.iter().map(|&bytes| f32::from_le_bytes(bytes)).collect();
+        match list.iter().all(|x| x.is_finite()) {
+            true => Ok(list),
+            false => Err("has a number that isn't finite".to_string()),
+        }
+    }
+}
+
+/// The words of a text with their lines, from 1. Lines are counted when one is asked for.
 struct Words<'a> {
-    words: std::iter::Peekable<Box<dyn Iterator<Item = (usize, &'a str)> + 'a>>,
+    text: &'a str,
+    /// Where the next word begins, if there is one.
+    at: usize,
+    /// A place whose line is known, and that line.
+    counted: (usize, usize),
 }
 
 impl<'a> Words<'a> {
     fn new(text: &'a str) -> Words<'a> {
-        let lines = text.lines().enumerate();
-        let words: Box<dyn Iterator<Item = _>> =
-            Box::new(lines.flat_map(|(i, line)| line.split_whitespace().map(move |word| (i + 1, word))));
-        Words { words: words.peekable() }
+        let mut words = Words { text, at: 0, counted: (0, 1) };
+        words.skip_blanks();
+        words
     }
 
-    fn next(&mut self) -> Option<(usize, &'a str)> {
-        self.words.next()
+    fn skip_blanks(&mut self) {
+        let rest = &self.text.as_bytes()[self.at..];
+        self.at += rest.iter().position(|b| !b.is_ascii_whitespace()).unwrap_or(rest.len());
+    }
+
+    fn peek(&self) -> Option<&'a str> {
+        let rest = &self.text[self.at..];
+        let end = rest.bytes().position(|b| b.is_ascii_whitespace()).unwrap_or(rest.len());
+        rest.get(..end).filter(|word| !word.is_empty())
+    }
+
+    fn next(&mut self) -> Option<&'a str> {
+        let word = self.peek()?;
+        self.at += word.len();
+        self.skip_blanks();
+        Some(word)
     }
 
     /// The line of the next word.
     fn line(&mut self) -> usize {
-        self.words.peek().map_or(0, |w| w.0)
+        let (from, line) = self.counted;
+        let ends = self.text.as_bytes()[from..self.at].iter().filter(|&&b| b == b'\n').count();
+        self.counted = (self.at, line + ends);
+        self.counted.1
     }
 
     fn skip_metadata(&mut self) {
-        if self.words.next_if(|w| w.1 == "BEGIN").is_some() {
+        if self.peek() == Some("BEGIN") {
             let mut last = "";
-            while let Some((_, word)) = self.words.next()
+            while let Some(word) = self.next()
                 && (last, word) != ("END", "METADATA")
             {
                 last = word;
@@ -173,8 +255,11 @@ impl<'a> Words<'a> {
     }
 
     fn number<T: FromStr>(&mut self, what: &str) -> Result<T, String> {
-        let (line, word) = self.next().ok_or_else(|| format!("ends where {what} should be"))?;
-        word.parse().map_err(|_| format!("line {line}: '{word}' where {what} should be"))
+        let word = self.peek().ok_or_else(|| format!("ends where {what} should be"))?;
+        let number =
+            word.parse().map_err(|_| format!("line {}: '{word}' where {what} should be", self.line()))?;
+        self.next();
+        Ok(number)
     }
 
     fn count(&mut self, what: &str, most: usize) -> Result<usize, String> {
@@ -187,13 +272,17 @@ impl<'a> Words<'a> {
     }
 
     fn numbers(&mut self, count: usize) -> Result<Vec<f32>, String> {
-        (0..count)
-            .map(|_| {
-                let line = self.line();
-                let number: f32 = self.number("a number")?;
-                number.is_finite().then_some(number).ok_or(format!("line {line}: a number isn't finite"))
-            })
-            .collect()
+        let mut list = Vec::with_capacity(count);
+        for _ in 0..count {
+            let before = self.at;
+            let number: f32 = self.number("a number")?;
+            if !number.is_finite() {
+                self.at = before;
+                return Err(format!("line {}: a number isn't finite", self.line()));
+            }
+            list.push(number);
+        }
+        Ok(list)
     }
 }
 
@@ -238,6 +327,43 @@ mod tests {
         let line = "CSPLUTV100\n1D\n2\n0 1\n0 1\n2\n0 1\n0 1\n2\n0 2\n0 1\n3\n0 0 0\n0.2 0.5 0.9\n1 1 1\n";
         let table = ViewTable::parse(line, Path::new("a.csp")).unwrap();
         assert_near(table.encode([0.25, 0.5, 1.0]), [0.1, 0.5, 0.9]);
+    }
+
+    /// A curve that is a square root up to 4, a lattice of 2 nodes along each edge.
+    fn binary() -> Vec<u8> {
+        let mut bytes = MAGIC.to_vec();
+        bytes.extend(3u32.to_le_bytes());
+        bytes.extend([0.0f32, 1.0, 4.0, 0.0, 0.5, 1.0].iter().flat_map(|x| x.to_le_bytes()));
+        bytes.extend(2u32.to_le_bytes());
+        let node = |i: u32| [i & 1, i >> 1 & 1, i >> 2].map(|x| x as u16 * 65_535);
+        bytes.extend((0..8).flat_map(node).flat_map(u16::to_le_bytes));
+        bytes
+    }
+
+    #[test]
+    fn binary_tables_are_read_and_broken_ones_are_refused() {
+        let table = ViewTable::read(&binary(), Path::new("a.view")).unwrap();
+        assert_near(table.encode([1.0, 2.5, 0.25]), [0.5, 0.75, 0.125]);
+        for cut in MAGIC.len()..binary().len() {
+            assert!(ViewTable::read(&binary()[..cut], Path::new("")).is_err(), "{cut} bytes");
+        }
+        let said = |at: usize, byte: u8| {
+            let mut bytes = binary();
+            bytes[at] = byte;
+            ViewTable::read(&bytes, Path::new("")).unwrap_err()
+        };
+        assert_eq!(said(8, 1), "has 1 knots of a curve, where 2 to 65536 can be");
+        // 0, then 4.
+        assert_eq!(said(19, 0x7f), "knots of a curve must ascend");
+        let more = [binary(), vec![0]].concat();
+        assert_eq!(
+            ViewTable::read(&more, Path::new("")).unwrap_err(),
+            "has 1 bytes more than the table needs"
+        );
+        assert_eq!(
+            ViewTable::read(text().as_bytes(), Path::new("")),
+            ViewTable::parse(&text(), Path::new(""))
+        );
     }
 
     #[test]

@@ -30,10 +30,11 @@ pub(super) struct Object {
     smooth: Vec<(u32, u32, u32)>,
 }
 
-/// The objects of a file, from the models that `tobj` made of the pieces.
-pub(super) fn objects(models: Vec<tobj::Model>, statements: &Statements) -> Vec<Object> {
+/// The objects of a file around an origin, from the models that `tobj` made of the pieces.
+pub(super) fn objects(models: Vec<tobj::Model>, statements: &Statements, origin: DVec3) -> Vec<Object> {
     let mut builder = Builder {
         statements,
+        origin,
         corners: &statements.corners,
         runs: statements.runs.iter().peekable(),
         face: 0,
@@ -76,6 +77,8 @@ pub(super) fn shared_points(objects: &[Object]) -> Option<String> {
 
 struct Builder<'s> {
     statements: &'s Statements,
+    /// What is subtracted from positions.
+    origin: DVec3,
     /// The noted positions of the corners to come.
     corners: &'s [u32],
     /// The materials to come.
@@ -108,9 +111,10 @@ impl Builder<'_> {
         let cage = self.statements.keeps_polygons.then(Default::default);
         let mut object = Object { mesh, runs: Vec::new(), cage, smooth: Vec::new() };
         let mut is_colored = false;
-        for (piece, model) in pieces.iter().zip(models) {
-            let triangles = self.triangles(&model, &mut object);
+        for (piece, mut model) in pieces.iter().zip(models) {
             let numbers = self.numbers(piece, &model);
+            self.subtract_origin(&mut model, &numbers);
+            let triangles = self.triangles(&model, &mut object);
             is_colored |= numbers.iter().any(|&n| (n as usize) < self.statements.colors.len());
             let part = Part { piece, model, triangles, numbers };
             self.add_to_group(&part);
@@ -125,6 +129,18 @@ impl Builder<'_> {
         }
         object.runs = each_material_once(&mut object.mesh.triangles, object.runs);
         object
+    }
+
+    /// Makes the positions of vertices relative to the origin, from those of these numbers in double precision.
+    fn subtract_origin(&self, model: &mut tobj::Mesh, numbers: &[u32]) {
+        for axis in (0..3).filter(|&axis| self.origin[axis] != 0.0) {
+            let positions = model.positions.as_chunks_mut::<3>().0;
+            for (position, &number) in positions.iter_mut().zip(numbers) {
+                let precise = self.statements.precise.get(number as usize).map_or(f64::NAN, |p| p[axis]);
+                let precise = if precise.is_nan() { f64::from(position[axis]) } else { precise };
+                position[axis] = (precise - self.origin[axis]) as f32;
+            }
+        }
     }
 
     /// The triangles of a model's polygons; notes where materials change.

@@ -4,8 +4,9 @@
 use crate::gauge::Gauge;
 use crate::load::guard;
 use crate::load::words::next_word;
+use memchr::memchr;
 use std::fs::File;
-use std::io::{BufRead, BufReader, Read, Result, Seek, SeekFrom};
+use std::io::{BufRead, ErrorKind, Read, Result, Seek, SeekFrom};
 use std::panic::resume_unwind;
 use std::sync::mpsc::{Receiver, sync_channel};
 
@@ -49,6 +50,11 @@ pub(super) trait Clean {
     /// Appends to `out` what the line with this number (that of its first, where lines are joined; from 1) becomes.
     fn line(&mut self, number: usize, text: &[u8], out: &mut Vec<u8>);
 
+    /// Is it pointless to go on?
+    fn gives_up(&self) -> bool {
+        false
+    }
+
     /// The file has ended: should it be read once more?
     fn again(&mut self) -> bool {
         false
@@ -57,7 +63,7 @@ pub(super) trait Clean {
 
 /// Hands the lines of a file to a cleaner.
 struct Cleaning<R, C> {
-    file: BufReader<R>,
+    file: R,
     cleaner: C,
     /// Lines taken so far.
     number: usize,
@@ -68,38 +74,60 @@ struct Cleaning<R, C> {
 
 impl<R: Read + Seek, C: Clean> Cleaning<R, C> {
     fn new(file: R, cleaner: C) -> Cleaning<R, C> {
-        let (file, joined) = (BufReader::with_capacity(CHUNK, file), (0, Vec::new()));
-        Cleaning { file, cleaner, number: 0, joined, out: Vec::new() }
+        Cleaning { file, cleaner, number: 0, joined: (0, Vec::new()), out: Vec::new() }
     }
 
     /// Gives what becomes of the file piece by piece.
     fn run(&mut self, mut give: impl FnMut(Vec<u8>)) -> Result<()> {
-        let mut raw = Vec::new();
+        // What of the file has been read and not been taken: the beginning of a line.
+        let (mut buffer, mut rest) = (vec![0; CHUNK], 0);
         loop {
-            if self.out.len() >= CHUNK {
-                give(std::mem::take(&mut self.out));
+            if rest == buffer.len() {
+                buffer.resize(2 * rest, 0);
             }
-            raw.clear();
-            if self.file.read_until(b'\n', &mut raw)? == 0 {
-                self.end_joined();
-                if !self.cleaner.again() {
+            let count = match self.file.read(&mut buffer[rest..]) {
+                Err(error) if error.kind() == ErrorKind::Interrupted => continue,
+                count => count?,
+            };
+            let (end, mut start, mut from) = (rest + count, 0, rest);
+            while let Some(length) = memchr(b'\n', &buffer[from..end]) {
+                self.with_end(&buffer[start..from + length]);
+                start = from + length + 1;
+                from = start;
+                if self.out.len() >= CHUNK {
                     give(std::mem::take(&mut self.out));
+                }
+                if self.cleaner.gives_up() {
                     return Ok(());
                 }
-                self.file.rewind()?;
-                self.number = 0;
+            }
+            buffer.copy_within(start..end, 0);
+            rest = end - start;
+            if count > 0 {
                 continue;
             }
-            let text = raw.strip_suffix(b"\n").unwrap_or(&raw);
-            let text = text.strip_suffix(b"\r").unwrap_or(text);
-            let is_first = self.number == 0;
-            let text = text.strip_prefix(b"\xef\xbb\xbf").filter(|_| is_first).unwrap_or(text);
-            // `contains` is fast where there is none, which is nearly always.
-            if text.contains(&b'\r') {
-                text.split(|&b| b == b'\r').for_each(|line| self.line(line));
-            } else {
-                self.line(text);
+            if rest > 0 {
+                self.with_end(&buffer[..rest]);
             }
+            self.end_joined();
+            if !self.cleaner.again() {
+                give(std::mem::take(&mut self.out));
+                return Ok(());
+            }
+            self.file.rewind()?;
+            (self.number, rest) = (0, 0);
+        }
+    }
+
+    /// A line up to its `\n`, or several that end otherwise.
+    fn with_end(&mut self, raw: &[u8]) {
+        let text = raw.strip_suffix(b"\r").unwrap_or(raw);
+        let is_first = self.number == 0;
+        let text = text.strip_prefix(b"\xef\xbb\xbf").filter(|_| is_first).unwrap_or(text);
+        // That is fast where there is none, which is nearly always.
+        match memchr(b'\r', text) {
+            Some(_) => text.split(|&b| b == b'\r').for_each(|line| self.line(line)),
+            None => self.line(text),
         }
     }
 

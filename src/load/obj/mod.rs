@@ -24,7 +24,7 @@ use super::shapes::Repairs;
 use super::words::is_utf_16;
 use super::{LoadOptions, Loaded, Up, UpHint, far};
 use crate::error::{Error, Result, Warning};
-use crate::math::{DAffine3, DVec3};
+use crate::math::DAffine3;
 use crate::scene::{Instance, Material, MaterialId, MeshId, MeshPart};
 use build::Object;
 use lines::{Counted, by_tobj};
@@ -39,15 +39,13 @@ use std::path::{Path, PathBuf};
 /// Reads an OBJ file and its material libraries: a mesh for each object and group.
 pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     options.files.note(path);
-    let (mut objects, mut statements) = read(path, DVec3::ZERO, options)?;
+    let (models, mut statements) = read(path, options)?;
     let points = statements.cloud();
-    let origin = match objects.is_empty() {
-        false => far::origin(objects.iter().flat_map(|o| &o.mesh.positions)),
+    let origin = match models.is_empty() {
+        false => far::origin(models.iter().flat_map(|m| m.mesh.positions.as_chunks().0)),
         true => far::origin(cloud::positions(path, &points)?.iter()),
     };
-    if origin != DVec3::ZERO {
-        (objects, statements) = read(path, origin, options)?;
-    }
+    let objects = build::objects(models, &statements, origin);
     let mut loaded = Loaded { up_hint: up_hint(path), ..Loaded::default() };
     loaded.scene.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     for (line, message) in statements.left_out() {
@@ -61,7 +59,12 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let mut palette = Palette {
         file: path,
         names: &materials,
-        libraries: &libraries,
+        // Of several materials of a name, the first counts.
+        libraries: libraries
+            .iter()
+            .rev()
+            .map(|(file, mtl)| (mtl.name.as_str(), (file.as_path(), mtl)))
+            .collect(),
         maps: Maps::new(options),
         ids: HashMap::new(),
     };
@@ -76,6 +79,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         cloud::add(path, &points, origin, options, &mut loaded)?;
     }
     far::place(path, origin, &mut loaded);
+    let used: HashSet<&str> = materials.iter().map(|(name, _)| name.as_str()).collect();
     let mut defined = HashSet::new();
     for (library, m) in &libraries {
         if !defined.insert(&m.name) {
@@ -83,7 +87,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
             loaded.warnings.push(Warning::new(library, "", message));
             continue;
         }
-        if !materials.iter().any(|used| used.0 == m.name) {
+        if !used.contains(m.name.as_str()) {
             loaded.left_out.push(format!("material '{}': no face uses it", m.name));
         }
     }
@@ -118,11 +122,23 @@ fn up_hint(path: &Path) -> UpHint {
     UpHint { writer: is_of_blender.then_some((Up::Y, "Blender, which wrote it")), is_mostly_y: true }
 }
 
-/// The objects of a file around an origin, and what else its statements say.
+/// What `tobj` makes of the faces of a file, and what else its statements say.
 ///
 /// # Errors
 /// An input error with all problems of the file.
-fn read(path: &Path, origin: DVec3, options: &LoadOptions) -> Result<(Vec<Object>, Statements)> {
+fn read(path: &Path, options: &LoadOptions) -> Result<(Vec<tobj::Model>, Statements)> {
+    match read_in(path, false, options) {
+        Ok((_, statements)) if statements.needs_two_passes => read_in(path, true, options),
+        read => read,
+    }
+}
+
+/// In one pass or two. Where one doesn't do, the statements say so, and nothing else counts.
+fn read_in(
+    path: &Path,
+    has_two_passes: bool,
+    options: &LoadOptions,
+) -> Result<(Vec<tobj::Model>, Statements)> {
     let unreadable = |e| Error::input(path, format!("can't be read: {e}"));
     let mut file = File::open(path).map_err(unreadable)?;
     let mut start = Vec::new();
@@ -132,19 +148,22 @@ fn read(path: &Path, origin: DVec3, options: &LoadOptions) -> Result<(Vec<Object
     }
     // Corners with the same indices become one vertex; polygons stay what they are.
     let even = tobj::LoadOptions { single_index: true, ..tobj::LoadOptions::default() };
-    let cleaner = Statements::around(origin, options.keeps_polygons);
+    let cleaner = Statements::new(has_two_passes, options.keeps_polygons);
     let no_library = |_: &Path| Err(tobj::LoadError::OpenFileFailed);
     let (models, statements) = by_tobj(Counted::new(file, &options.gauge), cleaner, |reader| {
         tobj::load_obj_buf(reader, &even, no_library).map(|(models, _)| models)
     })
     .map_err(|message| Error::input(path, message))?;
+    if statements.needs_two_passes {
+        return Ok((Vec::new(), statements));
+    }
     let problems = statements.problems();
     match (problems.is_empty(), models) {
         (false, _) => Err(Error::input_problems(path, problems)),
         // `tobj` refuses a file without faces.
         (true, Err(_)) if statements.pieces.is_empty() => Ok((Vec::new(), statements)),
         (true, Err(e)) => Err(Error::input(path, format!("can't be understood: {e}"))),
-        (true, Ok(models)) => Ok((build::objects(models, &statements), statements)),
+        (true, Ok(models)) => Ok((models, statements)),
     }
 }
 
@@ -188,8 +207,8 @@ struct Palette<'a> {
     file: &'a Path,
     /// The names that the file uses, with their lines.
     names: &'a [(String, usize)],
-    /// All materials with their library's file.
-    libraries: &'a [(PathBuf, Mtl)],
+    /// All materials by name, with their library's file.
+    libraries: HashMap<&'a str, (&'a Path, &'a Mtl)>,
     maps: Maps<'a>,
     /// By name and by whether vertex colours multiply it.
     ids: HashMap<(MaterialName, bool), MaterialId>,
@@ -201,8 +220,7 @@ impl Palette<'_> {
             return id;
         }
         let used = name.and_then(|n| self.names.get(n as usize)).filter(|_| !self.maps.options.geometry_only);
-        // Of several materials of a name, the first counts.
-        let found = used.and_then(|(name, _)| self.libraries.iter().find(|(_, m)| m.name == *name));
+        let found = used.and_then(|(name, _)| self.libraries.get(name.as_str()).copied());
         let mut material = match (found, used) {
             (Some((library, mtl)), _) => materials::convert(mtl, library, &mut self.maps, loaded),
             (None, Some((name, line))) => {

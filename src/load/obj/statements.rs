@@ -1,14 +1,13 @@
 //! The statements of OBJ files (Wavefront, "Advanced Visualizer Manual", appendix B1), checked before `tobj` reads them.
 //!
-//! The file goes by twice: first its vertices reach `tobj`, then its faces, as nothing says that a vertex must precede
-//! the faces that use it. `tobj` stops at the first problem without its line, ends the program on some, takes `v x y z w`
+//! Nothing says that a vertex must precede the faces that use it. Nearly always it does, and the file goes by once; where it doesn't,
+//! or where something is wrong, the file goes by twice: first its vertices reach `tobj`, then its faces. `tobj` stops at the first problem without its line, ends the program on some, takes `v x y z w`
 //! as a division, and fills in references that corners lack by others; it knows neither smoothing groups nor, in a file
 //! with several libraries, materials. All this is settled and noted here: what reaches it is sound and even.
 
 use super::lines::{Clean, Words, decoded, double, float};
 use crate::error::Problem;
 use crate::load::words::integer;
-use crate::math::DVec3;
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::io::Write;
 
@@ -49,6 +48,17 @@ impl Piece {
     }
 }
 
+/// How the file goes by.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Passes {
+    /// Once.
+    #[default]
+    One,
+    /// For its vertices, and then for all else.
+    Vertices,
+    Faces,
+}
+
 /// Checks statements and notes what `tobj` drops.
 #[derive(Default)]
 pub(super) struct Statements {
@@ -58,11 +68,13 @@ pub(super) struct Statements {
     pub objects: Vec<String>,
     /// Where another material begins: number of the face in the file, and the material.
     pub runs: Vec<(usize, MaterialName)>,
-    /// The position, from 0, of each corner in turn, of pieces with a smoothing group; of all where there are colours, or polygons
-    /// are kept.
+    /// The position, from 0, of each corner in turn, of pieces with a smoothing group; of all where there are colours or positions that
+    /// may be far away, or polygons are kept.
     pub corners: Vec<u32>,
     /// Colours of the first positions as in the file, white where there is none.
     pub colors: Vec<[f32; 3]>,
+    /// The first positions as in the file, in double precision, where they may be far from the origin; else no numbers.
+    pub precise: Vec<[f64; 3]>,
     /// The names that `usemtl` statements use, with the line of the first.
     pub materials: Vec<(String, usize)>,
     /// What stands behind `mtllib`, with its line.
@@ -71,10 +83,9 @@ pub(super) struct Statements {
     pub points: Vec<u32>,
     /// Polygons are kept, of whole objects: groups within them are no objects of their own.
     pub keeps_polygons: bool,
-    /// What is subtracted from positions.
-    origin: DVec3,
-    /// The vertices have gone by.
-    faces_now: bool,
+    /// The file has to go by twice.
+    pub needs_two_passes: bool,
+    passes: Passes,
     /// Statements of positions, texture coordinates and normals in the file.
     totals: [usize; 3],
     /// Those so far.
@@ -108,27 +119,36 @@ impl Clean for Statements {
             _ => None,
         };
         match vertex {
-            Some(kind) if !self.faces_now => self.vertex(line, kind, words, out),
+            Some(kind) if self.passes != Passes::Faces => self.vertex(line, kind, words, out),
             Some(kind) => self.counts[kind] += usize::from(!self.broken.contains(&line)),
-            None if self.faces_now => self.statement(line, keyword, words, out),
+            None if self.passes != Passes::Vertices => self.statement(line, keyword, words, out),
             None => {}
         }
     }
 
+    fn gives_up(&self) -> bool {
+        self.needs_two_passes
+    }
+
     fn again(&mut self) -> bool {
-        !std::mem::replace(&mut self.faces_now, true)
+        let is_half = self.passes == Passes::Vertices;
+        if is_half {
+            self.passes = Passes::Faces;
+        }
+        is_half
     }
 }
 
 impl Statements {
-    /// For a file whose positions are to be relative to an origin.
-    pub fn around(origin: DVec3, keeps_polygons: bool) -> Statements {
-        Statements { origin, keeps_polygons, ..Statements::default() }
+    /// For a file that goes by once, or twice.
+    pub fn new(has_two_passes: bool, keeps_polygons: bool) -> Statements {
+        let passes = if has_two_passes { Passes::Vertices } else { Passes::One };
+        Statements { passes, keeps_polygons, ..Statements::default() }
     }
 
     /// Are the positions of a piece's corners noted?
     pub fn notes_corners(&self, group: Option<u32>) -> bool {
-        group.is_some() || !self.colors.is_empty() || self.keeps_polygons
+        group.is_some() || !self.colors.is_empty() || !self.precise.is_empty() || self.keeps_polygons
     }
 
     /// `v x y z`, `v x y z w`, `v x y z r g b`, `vt u`, `vt u v`, `vt u v w` and `vn x y z`.
@@ -136,11 +156,18 @@ impl Statements {
         let (name, least, most) = [("v", 3, 3), ("vt", 1, 2), ("vn", 3, 3)][kind];
         let start = out.len();
         out.extend(name.as_bytes());
-        let (mut sound, mut color) = (0, [0.0; 3]);
-        for (i, word) in words.clone().take(if kind == 0 { 6 } else { most }).enumerate() {
+        let (mut sound, mut color, mut may_be_far) = (0, [0.0; 3], false);
+        let plain = plain_numbers(words.0).filter(|plain| plain.count == most);
+        if let Some(plain) = plain {
+            out.extend(words.0);
+            (sound, may_be_far) = (most, kind == 0 && plain.has_large);
+        }
+        let others = if kind == 0 { 6 } else { most };
+        for (i, word) in words.clone().take(if plain.is_none() { others } else { 0 }).enumerate() {
             if i < most && is_number(word) {
                 out.push(b' ');
-                self.number(kind, i, word, out);
+                out.extend(word);
+                may_be_far |= kind == 0 && is_large(word);
             } else if let Some(value) = float(word).filter(|_| i >= most) {
                 color[i - most] = value;
             } else {
@@ -162,24 +189,29 @@ impl Statements {
         }
         out.push(b'\n');
         self.totals[kind] += 1;
+        if self.passes == Passes::One {
+            self.counts[kind] += 1;
+        }
+        if may_be_far {
+            self.needs_corners(self.precise.is_empty());
+            self.precise.resize(self.totals[0] - 1, [f64::NAN; 3]);
+            let mut numbers = words.clone().map(|word| double(word).unwrap_or(f64::NAN));
+            self.precise.push([0; 3].map(|_| numbers.next().unwrap_or(f64::NAN)));
+        }
         // A fourth number is the weight of rational curves.
-        if kind == 0 && sound < 6 && words.count() > 4 {
+        if kind == 0 && sound < 6 && plain.is_none() && words.count() > 4 {
             self.ignore(line, "colours of vertices that are not three numbers");
         }
         if kind == 0 && sound == 6 {
+            self.needs_corners(self.colors.is_empty());
             self.colors.resize(self.totals[0] - 1, [1.0; 3]);
             self.colors.push(color);
         }
     }
 
-    /// A number of a vertex as `tobj` gets it: positions relative to the origin.
-    #[inline]
-    fn number(&self, kind: usize, i: usize, word: &[u8], out: &mut Vec<u8>) {
-        match double(word).filter(|_| kind == 0 && self.origin[i] != 0.0) {
-            // All digits of the difference, which `tobj` rounds once. Writing to memory doesn't fail.
-            Some(value) => drop(write!(out, "{}", value - self.origin[i])),
-            None => out.extend(word),
-        }
+    /// The positions of corners are noted from now on, perhaps `for_once`. Those of faces that went by are lost.
+    fn needs_corners(&mut self, for_once: bool) {
+        self.needs_two_passes |= for_once && self.passes == Passes::One && self.faces > 0;
     }
 
     /// `p v1 v2 ...`.
@@ -231,15 +263,17 @@ impl Statements {
     }
 
     fn face(&mut self, line: usize, mut words: Words, out: &mut Vec<u8>) {
-        self.face.clear();
-        let (text, mut is_plain) = (words.0, true);
-        for word in words.by_ref() {
-            match self.corner(line, word, &mut is_plain) {
-                Ok(corner) => self.face.push(corner),
-                Err(message) => return self.problem(line, message),
+        let (mut text, mut is_plain) = (words.0, true);
+        if !self.plain_face(text) {
+            self.face.clear();
+            for word in words.by_ref() {
+                match self.corner(line, word, &mut is_plain) {
+                    Ok(corner) => self.face.push(corner),
+                    Err(message) => return self.problem(line, message),
+                }
             }
+            text = &text[..text.len() - words.0.len()];
         }
-        let text = &text[..text.len() - words.0.len()];
         let corners = self.face.len();
         // Some exporters repeat a corner at once.
         self.face.dedup();
@@ -270,6 +304,24 @@ impl Statements {
         out.push(b'\n');
     }
 
+    /// Takes the corners of a face if all are plain and exist, which they nearly always do.
+    fn plain_face(&mut self, mut text: &[u8]) -> bool {
+        self.face.clear();
+        while let [first, rest @ ..] = text {
+            if matches!(first, b' ' | b'\t') {
+                text = rest;
+                continue;
+            }
+            let Some((corner, rest)) = plain_corner(text) else { return false };
+            if (0..3).any(|kind| corner[kind] as usize > self.totals[kind]) {
+                return false;
+            }
+            self.face.push(corner);
+            text = rest;
+        }
+        true
+    }
+
     /// Counts the current face to the last piece, or begins another.
     fn continue_piece(&mut self, has_uvs: bool, has_normals: bool, out: &mut Vec<u8>) {
         if self.objects.is_empty() {
@@ -298,7 +350,7 @@ impl Statements {
     /// is returned is not plain.
     #[inline]
     fn corner(&mut self, line: usize, word: &[u8], is_plain: &mut bool) -> Result<Corner, String> {
-        if let Some(corner) = plain_corner(word)
+        if let Some((corner, [])) = plain_corner(word)
             && (0..3).all(|kind| corner[kind] as usize <= self.totals[kind])
         {
             return Ok(corner);
@@ -316,6 +368,8 @@ impl Statements {
             *is_plain &= index > 0;
             let (before, total) = (self.counts[kind] as i64, self.totals[kind] as i64);
             let place = if index < 0 { before + index + 1 } else { index };
+            // It may come.
+            self.needs_two_passes |= self.passes == Passes::One && place > total;
             if (1..=total).contains(&place) {
                 corner[kind] = place as u32;
             } else if kind == 0 {
@@ -356,6 +410,8 @@ impl Statements {
 
     #[cold]
     fn problem(&mut self, line: usize, message: impl Into<String>) {
+        // What is said counts the statements of the whole file.
+        self.needs_two_passes |= self.passes == Passes::One;
         self.problem_count += 1;
         self.problems.insert(line, message.into());
         if self.problems.len() > LISTED {
@@ -416,18 +472,63 @@ fn is_number(word: &[u8]) -> bool {
     is_decimal && dots < 2 && dots < digits.len() || float(word).is_some()
 }
 
-/// The indices of a corner without signs and zeros, which is what nearly all are.
-fn plain_corner(word: &[u8]) -> Option<Corner> {
+/// Has a number three digits before its point, or an exponent?
+fn is_large(number: &[u8]) -> bool {
+    let digits = number.iter().take_while(|b| **b != b'.').filter(|b| b.is_ascii_digit()).count();
+    digits > 2 || number.last().is_some_and(|b| !b.is_ascii_digit() && *b != b'.') || has_exponent(number)
+}
+
+fn has_exponent(number: &[u8]) -> bool {
+    number.iter().any(|b| b | 0x20 == b'e')
+}
+
+/// Plain decimals, as nearly all numbers of vertices are.
+#[derive(Clone, Copy)]
+struct PlainNumbers {
+    count: usize,
+    /// One has three digits before its point.
+    has_large: bool,
+}
+
+/// What the numbers of a text are; `None` where some are no plain decimals.
+fn plain_numbers(mut text: &[u8]) -> Option<PlainNumbers> {
+    let mut numbers = PlainNumbers { count: 0, has_large: false };
+    while let [first, rest @ ..] = text {
+        if matches!(first, b' ' | b'\t') {
+            text = rest;
+            continue;
+        }
+        let digits = if *first == b'-' { rest } else { text };
+        let whole = digits.iter().take_while(|b| b.is_ascii_digit()).count();
+        let (mut length, mut parts) = (whole, 0);
+        if digits.get(whole) == Some(&b'.') {
+            parts = digits[whole + 1..].iter().take_while(|b| b.is_ascii_digit()).count();
+            length += 1 + parts;
+        }
+        text = &digits[length..];
+        if whole + parts == 0 || !matches!(text.first(), None | Some(b' ' | b'\t')) {
+            return None;
+        }
+        numbers.count += 1;
+        numbers.has_large |= whole > 2;
+    }
+    Some(numbers)
+}
+
+/// The indices of a corner without signs and zeros, which is what nearly all are, up to a blank; and what follows.
+#[inline]
+fn plain_corner(text: &[u8]) -> Option<(Corner, &[u8])> {
     let (mut corner, mut kind) = ([0u32; 3], 0);
-    for &b in word {
+    for (at, &b) in text.iter().enumerate() {
         match b {
             b'/' if kind < 2 && corner[0] > 0 => kind += 1,
             b'1'..=b'9' => corner[kind] = corner[kind].checked_mul(10)?.checked_add(u32::from(b - b'0'))?,
             b'0' if corner[kind] > 0 => corner[kind] = corner[kind].checked_mul(10)?,
+            b' ' | b'\t' if corner[0] > 0 => return Some((corner, &text[at..])),
             _ => return None,
         }
     }
-    (corner[0] > 0).then_some(corner)
+    (corner[0] > 0).then_some((corner, &[]))
 }
 
 /// ` v`, ` v/t`, ` v//n` or ` v/t/n`.
@@ -439,4 +540,68 @@ fn write_corner([position, uv, normal]: Corner, out: &mut Vec<u8>) {
         (0, _) => write!(out, " {position}//{normal}"),
         _ => write!(out, " {position}/{uv}/{normal}"),
     };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What becomes of the lines of a text in one pass.
+    fn once(text: &str) -> (Statements, String) {
+        let (mut statements, mut out) = (Statements::new(false, false), Vec::new());
+        for (number, line) in text.lines().enumerate() {
+            statements.line(number + 1, line.as_bytes(), &mut out);
+        }
+        assert!(!statements.again());
+        (statements, String::from_utf8(out).expect("text"))
+    }
+
+    /// Files whose vertices precede their faces go by once, those far from the origin too.
+    #[test]
+    fn one_pass_does_for_files_in_order() {
+        let near =
+            "v 0 0 0\nv 1.5 0 0\nv 0 -.5 1\nvt 0 1\nvn 0 0 1\nf 1/1/1 2/1/1 3/1/1\nv 7 7 7\nf 1 2 -1\n";
+        let (statements, out) = once(near);
+        assert!(!statements.needs_two_passes && statements.precise.is_empty());
+        let expected = near.replacen("f 1", "o\nf 1", 1).replace("f 1 2 -1", "o\nf 1 2 4");
+        assert_eq!(out, expected);
+        let far = "v 500000.25 0 1e3\nv 500001.25 0 0\nv 500000.25 1 0\nf 1 2 3\n";
+        let (statements, _) = once(far);
+        assert!(!statements.needs_two_passes);
+        assert_eq!(statements.precise[0], [500_000.25, 0.0, 1000.0]);
+        assert_eq!(statements.corners, [0, 1, 2]);
+    }
+
+    #[test]
+    fn what_one_pass_cannot_know_asks_for_two() {
+        let start = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+        for rest in [
+            // A vertex that may come, a colour and a place far away that faces before should have known of, what is wrong.
+            "f 1 2 4\nv 1 1 0\n",
+            "f 1/1 2/1 3/1\nvt 0 0\n",
+            "f 1 2 3\nv 1 1 0 0.5 0.5 0.5\n",
+            "f 1 2 3\nv 1000 1 0\n",
+            "f 1 2 x\n",
+        ] {
+            assert!(once(&format!("{start}{rest}")).0.needs_two_passes, "{rest}");
+        }
+    }
+
+    #[test]
+    fn plain_numbers_are_told_at_a_glance() {
+        for (text, expected) in [
+            (" 1 -2.5\t.5 3.", Some((4, false))),
+            (" 123 4", Some((2, true))),
+            ("", Some((0, false))),
+            (" 1e3", None),
+            (" 1 # 2", None),
+            (" -", None),
+            (" .", None),
+            (" 1.2.3", None),
+            (" +1", None),
+        ] {
+            let found = plain_numbers(text.as_bytes()).map(|found| (found.count, found.has_large));
+            assert_eq!(found, expected, "{text}");
+        }
+    }
 }

@@ -2,6 +2,7 @@
 
 use super::fields::Problems;
 use super::linked_sets::Linking;
+use super::node_paths::NodeIndex;
 use crate::load::{LoadOptions, Loaded, ShutterOptions};
 use std::path::{Path, PathBuf};
 
@@ -19,6 +20,8 @@ pub(super) struct Build<'a> {
     pub is_beside_model: bool,
     /// What lights are linked to.
     pub linking: Linking,
+    /// The nodes of the model by their names.
+    pub nodes: NodeIndex,
     /// The scene so far.
     pub loaded: Loaded,
 }

@@ -108,6 +108,11 @@ impl<'a> Fields<'a> {
         self.table.iter().map(|(k, v)| (k.get_ref().as_ref(), v))
     }
 
+    /// The value of a name, in tables whose keys are names.
+    pub fn entry(&self, name: &str) -> Option<&'a Spanned<DeValue<'a>>> {
+        self.table.get(name)
+    }
+
     fn typed<T>(
         &self,
         key: &'static str,
@@ -287,16 +292,16 @@ pub(super) fn named<'a>(
     span: Range<usize>,
     problems: &Problems,
 ) -> Option<&'a Spanned<DeValue<'a>>> {
-    let entries = || all.into_iter().flat_map(|fields| fields.entries());
-    let found = entries().find(|(n, _)| *n == name);
+    let found = all.and_then(|fields| fields.entry(name));
     if found.is_none() {
-        let help = match nearest(name, entries().map(|(n, _)| n)) {
+        let names = all.into_iter().flat_map(|fields| fields.entries()).map(|(n, _)| n);
+        let help = match nearest(name, names) {
             Some(near) => format!("did you mean '{near}'?"),
             None => format!("add a table [{kind}s.{name}]"),
         };
         problems.push_help(span, format!("there is no {kind} '{name}'"), help);
     }
-    found.map(|(_, value)| value)
+    found
 }
 
 /// The name most like `name`, if any is close enough to be what was meant.

@@ -9,8 +9,9 @@
 use super::build::Build;
 use super::fields::{Fields, nearest};
 use super::linked_sets::Names;
-use super::node_paths::is_on_path;
+use super::node_paths::NamesOnPaths;
 use crate::scene::{LightLinks, Link, ObjectSet, ObjectSets, Scene};
+use std::collections::{HashMap, HashSet};
 
 /// What a light or an object that shines is linked to; `None` where nothing is said.
 pub(super) fn read(build: &mut Build, fields: &Fields) -> Option<LightLinks> {
@@ -57,19 +58,30 @@ pub(super) fn resolve(build: &mut Build) {
     if sets.is_empty() {
         return;
     }
-    for (name, span) in sets.iter().flat_map(|set| set.include.iter().chain(&set.exclude)) {
-        if !names_of(&build.loaded.scene).any(|path| is_on_path(name, path)) {
-            let help = match nearest(name, names_of(&build.loaded.scene).flat_map(|path| path.split('/'))) {
-                Some(near) => format!("did you mean '{near}'?"),
-                None => "links name objects of the model or of the file".into(),
-            };
-            build.problems.push_help(span.clone(), format!("there is no object '{name}' to link to"), help);
+    let all = || sets.iter().flat_map(|set| set.include.iter().chain(&set.exclude));
+    let known = NamesOnPaths::of(all().map(|(name, _)| name.as_str()));
+    let found: HashSet<&str> = names_of(&build.loaded.scene).flat_map(|path| known.on_path(path)).collect();
+    for (name, span) in all().filter(|(name, _)| !found.contains(name.as_str())) {
+        let help = match nearest(name, names_of(&build.loaded.scene).flat_map(|path| path.split('/'))) {
+            Some(near) => format!("did you mean '{near}'?"),
+            None => "links name objects of the model or of the file".into(),
+        };
+        build.problems.push_help(span.clone(), format!("there is no object '{name}' to link to"), help);
+    }
+    // Each name with the sets that include it and those that exclude it, a bit for each.
+    let mut of_names: HashMap<&str, [u64; 2]> = HashMap::new();
+    for (number, set) in sets.iter().enumerate().take(ObjectSet::COUNT) {
+        for (which, names) in [&set.include, &set.exclude].into_iter().enumerate() {
+            names.iter().for_each(|(name, _)| of_names.entry(name).or_default()[which] |= 1 << number);
         }
     }
     let of_object = |path: &str| {
-        let is_in = |names: &Names| names.iter().any(|(name, _)| is_on_path(name, path));
-        let holding = (0..).zip(&sets).filter(|(_, set)| is_in(&set.include) && !is_in(&set.exclude));
-        holding.filter_map(|(number, _)| ObjectSet::new(number)).fold(ObjectSets::NONE, ObjectSets::with)
+        let [included, excluded] = known.on_path(path).fold([0; 2], |[a, b], name| {
+            let [included, excluded] = of_names[name];
+            [a | included, b | excluded]
+        });
+        let held = (0..ObjectSet::COUNT).filter(|number| (included & !excluded) >> number & 1 != 0);
+        held.filter_map(ObjectSet::new).fold(ObjectSets::NONE, ObjectSets::with)
     };
     build.loaded.scene.object_traits_mut().for_each(|(name, traits)| traits.sets = of_object(name));
 }

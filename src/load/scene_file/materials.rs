@@ -52,7 +52,7 @@ impl<'a> Materials<'a> {
 
     /// Is there a material of that name?
     pub fn contains(&self, name: &str) -> bool {
-        self.fields.iter().flat_map(|f| f.entries()).any(|(n, _)| n == name)
+        self.fields.as_ref().is_some_and(|fields| fields.entry(name).is_some())
     }
 
     /// The material of a name, read now if it hasn't been.

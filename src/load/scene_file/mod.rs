@@ -61,6 +61,7 @@ use assets::Assets;
 use build::Build;
 use fields::{Fields, Problems};
 use linked_sets::Linking;
+use node_paths::NodeIndex;
 use parts::{read_parts, read_text};
 use std::path::Path;
 use toml::de::DeTable;
@@ -91,6 +92,7 @@ fn build(path: &Path, text: &str, options: &LoadOptions, problems: &Problems) ->
         shutter,
         is_beside_model,
         linking: Linking::default(),
+        nodes: NodeIndex::default(),
     };
     build.loaded.scene.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     if !root.has("curves") {

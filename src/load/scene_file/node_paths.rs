@@ -1,5 +1,8 @@
 //! Names of nodes of a model, as files beside it give them.
 
+use crate::scene::Scene;
+use std::collections::{HashMap, HashSet};
+
 /// Is a name, or several joined by slashes, on the way of names to a node? With a slash before them the way begins so.
 pub(super) fn is_on_path(name: &str, path: &str) -> bool {
     let begins = |at: usize, name: &str| {
@@ -12,9 +15,148 @@ pub(super) fn is_on_path(name: &str, path: &str) -> bool {
     }
 }
 
+/// Names, of which those on the way to a node are found without asking each.
+pub(super) struct NamesOnPaths<'n> {
+    relative: HashSet<&'n str>,
+    /// Those with a slash before them, by what follows it.
+    absolute: HashMap<&'n str, &'n str>,
+    /// Parts of the one with the most.
+    most_parts: usize,
+}
+
+impl<'n> NamesOnPaths<'n> {
+    /// For some names.
+    pub fn of(names: impl Iterator<Item = &'n str> + Clone) -> NamesOnPaths<'n> {
+        NamesOnPaths {
+            relative: names.clone().filter(|name| !name.starts_with('/')).collect(),
+            absolute: names.clone().filter_map(|name| Some((name.strip_prefix('/')?, name))).collect(),
+            most_parts: names.map(|name| name.split('/').count()).max().unwrap_or(0),
+        }
+    }
+
+    /// Those on the way of names to a node; see [`is_on_path`].
+    pub fn on_path<'p>(&'p self, path: &'p str) -> impl Iterator<Item = &'n str> + 'p {
+        let starts = [0].into_iter().chain(path.match_indices('/').map(|(slash, _)| slash + 1));
+        let ends = |start: usize| {
+            let slashes = path[start..].match_indices('/').map(move |(slash, _)| start + slash);
+            slashes.chain([path.len()]).take(self.most_parts)
+        };
+        let relative = starts.flat_map(move |start| ends(start).map(move |end| &path[start..end]));
+        let relative = relative.filter_map(|name| self.relative.get(name));
+        let absolute = ends(0).filter_map(|end| self.absolute.get(&path[..end]));
+        relative.chain(absolute).copied()
+    }
+}
+
+/// The instances and lights of a model by the names of their nodes. Some may be hidden, until they are removed.
+#[derive(Default)]
+pub(super) struct NodeIndex {
+    /// Instances by each part of their paths.
+    instances: HashMap<String, Vec<usize>>,
+    /// Lights by their names.
+    lights: HashMap<String, Vec<usize>>,
+    /// Instances and lights of the scene that this was made for.
+    counts: [usize; 2],
+    hidden: [HashSet<usize>; 2],
+}
+
+impl NodeIndex {
+    /// Adds what has come to a scene since.
+    pub fn update(&mut self, scene: &Scene) {
+        let [instances, lights] = self.counts;
+        for (index, instance) in scene.instances.iter().enumerate().skip(instances) {
+            instance.name.split('/').for_each(|part| note(&mut self.instances, part, index));
+        }
+        for (index, light) in scene.lights.iter().enumerate().skip(lights) {
+            note(&mut self.lights, &light.name, index);
+        }
+        self.counts = [scene.instances.len(), scene.lights.len()];
+    }
+
+    /// The instances on whose paths a name is.
+    pub fn instances(&self, name: &str, scene: &Scene) -> Vec<usize> {
+        let first = name.strip_prefix('/').unwrap_or(name).split('/').next().unwrap_or_default();
+        let listed = self.instances.get(first).into_iter().flatten().copied();
+        let is_meant = |i: &usize| is_on_path(name, &scene.instances[*i].name) && !self.hidden[0].contains(i);
+        listed.filter(is_meant).collect()
+    }
+
+    /// The lights of a name.
+    pub fn lights(&self, name: &str) -> Vec<usize> {
+        let listed = self.lights.get(name).into_iter().flatten().copied();
+        listed.filter(|i| !self.hidden[1].contains(i)).collect()
+    }
+
+    /// Hides some.
+    pub fn hide(&mut self, instances: &[usize], lights: &[usize]) {
+        self.hidden[0].extend(instances);
+        self.hidden[1].extend(lights);
+    }
+
+    /// Removes what is hidden from the scene, after which this knows nothing.
+    pub fn remove_hidden(&mut self, scene: &mut Scene) {
+        let [instances, lights] = std::mem::take(self).hidden;
+        let mut index = 0..;
+        scene.instances.retain(|_| !index.next().is_some_and(|i| instances.contains(&i)));
+        let mut index = 0..;
+        scene.lights.retain(|_| !index.next().is_some_and(|i| lights.contains(&i)));
+    }
+}
+
+fn note(lists: &mut HashMap<String, Vec<usize>>, name: &str, index: usize) {
+    match lists.get_mut(name) {
+        Some(list) if list.last() == Some(&index) => {}
+        Some(list) => list.push(index),
+        None => drop(lists.insert(name.to_string(), vec![index])),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::DAffine3;
+    use crate::scene::{Instance, MeshId};
+
+    /// Names are found by sets and by lists as by asking for each.
+    #[test]
+    fn names_are_found_at_once() {
+        let names =
+            ["Fog", "Room", "/Room", "/Room/Fog", "/Fog", "a/a", "aa", "Room/Fog", "", "a/", "Fo", "a"];
+        let paths =
+            ["Fog", "Room/Fog", "Room/Fog/3", "ba/a/a", "aaa/aa", "aa/ba", "House/Room/Fog", "Foggy/x", "a/"];
+        let (set, mut index, mut scene) =
+            (NamesOnPaths::of(names.into_iter()), NodeIndex::default(), Scene::default());
+        for path in paths {
+            let found: HashSet<&str> = set.on_path(path).collect();
+            let expected = names.into_iter().filter(|name| is_on_path(name, path)).collect();
+            assert_eq!(found, expected, "{path}");
+            let placed = Instance::new(MeshId(0), DAffine3::IDENTITY);
+            scene.instances.push(Instance { name: path.to_string(), ..placed });
+            index.update(&scene);
+        }
+        for name in names {
+            let expected: Vec<usize> = (0..paths.len()).filter(|&i| is_on_path(name, paths[i])).collect();
+            assert_eq!(index.instances(name, &scene), expected, "{name}");
+        }
+        index.hide(&[0, 2], &[]);
+        assert_eq!(index.instances("Fog", &scene), [1, 6]);
+        index.remove_hidden(&mut scene);
+        assert_eq!(scene.instances.len(), paths.len() - 2);
+        assert_eq!(scene.instances[0].name, "Room/Fog");
+    }
+
+    /// As many instances as names: each name meets its own.
+    #[test]
+    fn few_instances_are_asked_for_a_name() {
+        let (mut index, mut scene) = (NodeIndex::default(), Scene::default());
+        for k in 0..1000 {
+            let placed = Instance::new(MeshId(0), DAffine3::IDENTITY);
+            scene.instances.push(Instance { name: format!("Scene/object {k}/mesh"), ..placed });
+        }
+        index.update(&scene);
+        let listed = (0..1000).map(|k| index.instances[&format!("object {k}")].len());
+        assert_eq!(listed.sum::<usize>(), 1000);
+    }
 
     #[test]
     fn names_are_those_of_nodes_on_the_way() {

@@ -51,7 +51,8 @@ pub(super) fn read<'a>(
 ) {
     if build.is_beside_model && root.raw("objects").is_some_and(|v| v.get_ref().is_table()) {
         let changed = root.table("objects");
-        return changed.into_iter().for_each(|all| overrides::objects(build, &all, materials, textures));
+        changed.into_iter().for_each(|all| overrides::objects(build, &all, materials, textures));
+        return build.nodes.remove_hidden(&mut build.loaded.scene);
     }
     let Some(list) = root.list("objects") else { return };
     for table in list.iter().filter_map(|v| v.get_ref().as_table()) {
@@ -82,6 +83,7 @@ pub(super) fn read<'a>(
         give_traits(build, &fields, before);
         fields.finish();
     }
+    build.nodes.remove_hidden(&mut build.loaded.scene);
 }
 
 /// How many instances, quads and shapes there are.

@@ -4,11 +4,10 @@ use super::build::Build;
 use super::fields::{Fields, nearest};
 use super::light_traits::group;
 use super::materials::Materials;
-use super::node_paths::is_on_path;
 use super::subdivided;
 use super::textures::Textures;
 use super::visibility::GivenTraits;
-use crate::scene::{Instance, Scene};
+use crate::scene::Instance;
 use std::ops::Range;
 
 /// Reads `[objects.NAME]`: changes of the model's own objects.
@@ -46,10 +45,9 @@ pub(super) fn object<'a>(
     let subdivision = subdivided::read(fields);
     fields.finish();
     let scene = &mut build.loaded.scene;
-    let is_meant = |path: &str| is_on_path(name, path);
-    let is_there =
-        scene.instances.iter().any(|i| is_meant(&i.name)) || scene.lights.iter().any(|l| l.name == name);
-    if !is_there {
+    build.nodes.update(scene);
+    let (instances, lights) = (build.nodes.instances(name, scene), build.nodes.lights(name));
+    if instances.is_empty() && lights.is_empty() {
         let nodes = scene.instances.iter().flat_map(|i| i.name.split('/'));
         let help = match nearest(name, nodes.chain(scene.lights.iter().map(|l| l.name.as_str()))) {
             Some(near) => format!("did you mean '{near}'?"),
@@ -58,39 +56,24 @@ pub(super) fn object<'a>(
         return fields.problems.push_help(span, format!("the model has no object '{name}'"), help);
     }
     if is_hidden {
-        scene.instances.retain(|i| !is_meant(&i.name));
-        scene.lights.retain(|l| l.name != name);
+        return build.nodes.hide(&instances, &lights);
     }
-    if let Some(group) = light_group {
-        let lights = scene.lights.iter_mut().filter(|l| l.name == name);
-        lights.for_each(|light| light.group.clone_from(&group));
-        let own = scene.instances.iter_mut().filter(|i| is_meant(&i.name));
-        own.for_each(|instance| instance.light_group = Some(group.clone()));
-    }
-    apply_traits(scene, name, &given);
-    if let Some(how) = subdivision {
-        let own: Vec<usize> =
-            (0..scene.instances.len()).filter(|&i| is_meant(&scene.instances[i].name)).collect();
-        for i in own {
-            let Instance { mesh, motion, .. } = build.loaded.scene.instances[i];
-            if let Some(mesh) = subdivided::mesh(build, fields, mesh, motion, how) {
-                build.loaded.scene.instances[i].mesh = mesh;
-            }
-        }
-    }
-    let scene = &mut build.loaded.scene;
-    if let Some(material) = material {
-        let own = scene.instances.iter_mut().filter(|i| is_meant(&i.name));
-        own.for_each(|instance| instance.material = Some(material));
-    }
-}
-
-/// Gives the lights and objects of a name their traits, and what they are linked to.
-fn apply_traits(scene: &mut Scene, name: &str, given: &GivenTraits) {
-    for light in scene.lights.iter_mut().filter(|l| l.name == name) {
+    for i in lights {
+        let light = &mut scene.lights[i];
+        light.group = light_group.clone().unwrap_or(std::mem::take(&mut light.group));
         light.visible_to = given.own.map_or(light.visible_to, |own| own.visible_to);
         light.links = given.links.unwrap_or(light.links);
     }
-    let own = scene.instances.iter_mut().filter(|i| is_on_path(name, &i.name));
-    own.for_each(|instance| given.apply(&mut instance.traits));
+    for &i in &instances {
+        let instance = &mut scene.instances[i];
+        instance.light_group = light_group.clone().or(instance.light_group.take());
+        given.apply(&mut instance.traits);
+        instance.material = material.or(instance.material);
+    }
+    for i in instances.into_iter().filter(|_| subdivision.is_some()) {
+        let Instance { mesh, motion, .. } = build.loaded.scene.instances[i];
+        if let Some(mesh) = subdivision.and_then(|how| subdivided::mesh(build, fields, mesh, motion, how)) {
+            build.loaded.scene.instances[i].mesh = mesh;
+        }
+    }
 }

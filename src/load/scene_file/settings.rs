@@ -12,7 +12,7 @@
 //! | `spectral` | `true` renders by wavelength, as `--spectral` | |
 //! | `aovs` | list of further channels of the EXR, as `--aov` takes them, beside those that it names | |
 //! | `exposure` | exposure of PNGs and the like in stops | -100 to 100 |
-//! | `view` | how they look: `srgb`, `filmic`, `agx`, `agx-punchy`, `pbr-neutral`, `false-color`, `gamma`, or the file of a table (cinespace, `.csp`, from linear Rec. 709 to sRGB; `ociobakelut` writes such, and the export of Blender's scenes) | |
+//! | `view` | how they look: `srgb`, `filmic`, `agx`, `agx-punchy`, `pbr-neutral`, `false-color`, `gamma`, or the file of a table (cinespace, `.csp`, from linear Rec. 709 to sRGB, as `ociobakelut` writes; or `.view`, as the export of Blender's scenes does) | |
 //! | `white_balance` | temperature of the light that looks white in them, kelvin | 1667 to 25,000 |
 //! | `noise` | relative error in percent at which the picture is done; `samples` are the most of a pixel then | above 0 to 1000 |
 //! | `denoise` | `true` takes the noise out of the finished picture | |

@@ -18,6 +18,7 @@ use super::build::Build;
 use super::camera;
 use super::fields::{Fields, Problems};
 use super::linked_sets::Linking;
+use super::node_paths::NodeIndex;
 use super::parts::{read_parts, read_text};
 use super::{placement, shutter, subdivided};
 use crate::error::{Choice, Result, Warning};
@@ -75,6 +76,7 @@ fn add(path: &Path, text: &str, options: &LoadOptions, problems: &Problems, load
         shutter,
         is_beside_model,
         linking: Linking::default(),
+        nodes: NodeIndex::default(),
     };
     let mut assets = Assets::default();
     read_parts(&mut build, &root, &mut assets, |build, assets| {

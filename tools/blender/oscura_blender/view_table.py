@@ -1,8 +1,9 @@
 """The view of a scene as a table: what Blender makes of the nodes of a lattice of
-colours. The file is one of the format cinespace, which compositing programs read as well."""
+colours. The file is binary: src/color/view/table.rs says how."""
 
 import contextlib
 import os
+import struct
 import tempfile
 
 import bpy
@@ -27,16 +28,11 @@ def write(scene, folder, name, with_light):
         node = numpy.interp(numpy.linspace(0.0, 1.0, NODES), values, knots)
         blue, green, red = numpy.meshgrid(node, node, node, indexing="ij")
         shown = encoded(copy, numpy.stack([red, green, blue], axis=-1).reshape(-1, 3), picture)
-    view = scene.view_settings
-    about = f"{view.view_transform}, look {view.look}, from linear Rec. 709 to sRGB"
-    lines = ["CSPLUTV100", "3D", "", "BEGIN METADATA", about.encode("ascii", "replace").decode(), "END METADATA", ""]
-    for _ in range(3):
-        lines += [str(len(knots)), " ".join(f"{x:.7g}" for x in knots), " ".join(f"{y:.7g}" for y in values)]
-    lines += ["", f"{NODES} {NODES} {NODES}"]
-    file = f"{name}.view.csp"
-    with open(os.path.join(folder, file), "w", encoding="ascii", newline="\n") as stream:
-        stream.write("\n".join(lines) + "\n")
-        stream.write("%.5f %.5f %.5f\n" * len(shown) % tuple(shown.ravel().tolist()))
+    file = f"{name}.view"
+    with open(os.path.join(folder, file), "wb") as stream:
+        stream.write(b"OSCVIEW1" + struct.pack("<I", len(knots)))
+        stream.write(numpy.stack([knots, values]).astype("<f4").tobytes())
+        stream.write(struct.pack("<I", NODES) + numpy.rint(shown * 65535.0).astype("<u2").tobytes())
     return file
 
 

@@ -6,6 +6,7 @@ use crate::load::gltf::options::Glass;
 use crate::load::gltf::report::Report;
 use crate::math::{DMat3, DVec3};
 use crate::scene::{Instance, MaterialId, Mesh, Model, PbrMaterial, Scene, encloses};
+use std::collections::HashMap;
 
 /// Share of a pane's surface that lies in its two planes, and the cosine within which a triangle counts to them.
 const FLAT_SHARE: f64 = 0.8;
@@ -15,26 +16,32 @@ impl Materials {
     /// Decides on glass that is solid where its meshes enclose a body, and says so; makes sheets of panes where the user
     /// wants that.
     pub fn settle_glass(&mut self, scene: &mut Scene, glass: Glass, report: &mut Report) {
+        if !self.needs.iter().any(|needs| needs.body || needs.glass) {
+            return;
+        }
         let has_lamps = !scene.lights.is_empty();
         let Scene { meshes, instances, .. } = scene;
+        let users = Users::of(meshes, instances);
         for index in 0..self.needs.len() {
             let id = MaterialId(index as u32);
             if std::mem::take(&mut self.needs[index].body) {
-                self.settle_body(id, meshes, report);
+                self.settle_body(id, (meshes, &users), report);
             }
             match glass {
-                Glass::Panes if self.needs[index].glass => self.settle_panes(id, meshes, instances, report),
+                Glass::Panes if self.needs[index].glass => {
+                    self.settle_panes(id, (meshes, &users), instances, report)
+                }
                 Glass::Auto if self.needs[index].glass && has_lamps => {
-                    self.note_panes(id, meshes, instances, report);
+                    self.note_panes(id, (meshes, &users), instances, report);
                 }
                 _ => {}
             }
         }
     }
 
-    fn settle_body(&mut self, id: MaterialId, meshes: &[Mesh], report: &mut Report) {
+    fn settle_body(&mut self, id: MaterialId, (meshes, users): (&[Mesh], &Users), report: &mut Report) {
         let material = &mut self.list[id.index()];
-        let is_solid = meshes.iter().any(|mesh| has(mesh, id) && encloses(mesh));
+        let is_solid = users.meshes(id).iter().any(|&mesh| encloses(&meshes[mesh]));
         if !is_solid && let Model::Pbr(model) = &mut material.model {
             (model.has_volume, model.tints_once) = (false, false);
         }
@@ -57,7 +64,7 @@ impl Materials {
     fn settle_panes(
         &mut self,
         id: MaterialId,
-        meshes: &mut [Mesh],
+        (meshes, users): (&mut [Mesh], &Users),
         instances: &[Instance],
         report: &mut Report,
     ) {
@@ -67,7 +74,7 @@ impl Materials {
             return;
         }
         let is_known = self.panes.contains(&id);
-        let panes: Option<Vec<(usize, Pane)>> = panes(id, meshes, instances);
+        let panes: Option<Vec<(usize, Pane)>> = panes(id, (meshes, users), instances);
         let thickest =
             panes.as_ref().map(|list| list.iter().fold(0.0, |most, (_, pane)| pane.thickness.max(most)));
         let (Some(thickness), true) = (thickest.or(is_known.then_some(0.0)), is_known || model.has_volume)
@@ -96,11 +103,20 @@ impl Materials {
     }
 
     /// Says that lamps without size don't shine through solid panes.
-    fn note_panes(&self, id: MaterialId, meshes: &[Mesh], instances: &[Instance], report: &mut Report) {
+    fn note_panes(
+        &self,
+        id: MaterialId,
+        (meshes, users): (&[Mesh], &Users),
+        instances: &[Instance],
+        report: &mut Report,
+    ) {
         let material = &self.list[id.index()];
         let Model::Pbr(model) = &material.model else { return };
         let is_clear = model.roughness.factor == 0.0 && model.transmission.factor > 0.0;
-        if !model.has_volume || !is_clear || panes(id, meshes, instances).is_none_or(|list| list.is_empty()) {
+        if !model.has_volume
+            || !is_clear
+            || panes(id, (meshes, users), instances).is_none_or(|list| list.is_empty())
+        {
             return;
         }
         let message = format!(
@@ -114,10 +130,14 @@ impl Materials {
 }
 
 /// The meshes with a material and the panes that they are; `None` if one is none.
-fn panes(id: MaterialId, meshes: &[Mesh], instances: &[Instance]) -> Option<Vec<(usize, Pane)>> {
-    let its = meshes.iter().enumerate().filter(|(_, mesh)| has(mesh, id));
+fn panes(
+    id: MaterialId,
+    (meshes, users): (&[Mesh], &Users),
+    instances: &[Instance],
+) -> Option<Vec<(usize, Pane)>> {
+    let its = users.meshes(id).iter().map(|&index| (index, &meshes[index]));
     its.map(|(index, mesh)| {
-        let placed = instances.iter().filter(|i| i.mesh.index() == index);
+        let placed = users.of_meshes[index].iter().map(|&i| &instances[i]);
         let mut panes = placed.map(|i| Pane::of(mesh, id, i.world_from_object.matrix3));
         let first = panes.next().unwrap_or_else(|| Pane::of(mesh, id, DMat3::IDENTITY))?;
         let all = panes.try_fold(first, |first, pane| pane.and_then(|pane| first.and(&pane)));
@@ -126,8 +146,34 @@ fn panes(id: MaterialId, meshes: &[Mesh], instances: &[Instance]) -> Option<Vec<
     .collect()
 }
 
-fn has(mesh: &Mesh, id: MaterialId) -> bool {
-    mesh.parts.iter().any(|part| part.material == id)
+/// Which meshes have each material, and which instances place each mesh, by index.
+struct Users {
+    of_materials: HashMap<MaterialId, Vec<usize>>,
+    of_meshes: Vec<Vec<usize>>,
+}
+
+impl Users {
+    fn of(meshes: &[Mesh], instances: &[Instance]) -> Users {
+        let mut of_materials: HashMap<MaterialId, Vec<usize>> = HashMap::new();
+        for (index, mesh) in meshes.iter().enumerate() {
+            for part in &mesh.parts {
+                let list = of_materials.entry(part.material).or_default();
+                if list.last() != Some(&index) {
+                    list.push(index);
+                }
+            }
+        }
+        let mut of_meshes = vec![Vec::new(); meshes.len()];
+        for (index, instance) in instances.iter().enumerate() {
+            of_meshes[instance.mesh.index()].push(index);
+        }
+        Users { of_materials, of_meshes }
+    }
+
+    /// Those with a material, in order.
+    fn meshes(&self, id: MaterialId) -> &[usize] {
+        self.of_materials.get(&id).map_or(&[], Vec::as_slice)
+    }
 }
 
 /// A flat closed body, as it is placed.
