@@ -248,6 +248,7 @@ impl Rendering {
         warnings.extend(caustics::warning(&self.scene, &self.view, &self.options));
         warnings.extend(self.guiding.warning(&self.scene, &self.options));
         warnings.extend(of_film(&self.film, has_stopped));
+        warnings.extend(self.scene.textures.on_demand().warnings);
         warnings
     }
 
