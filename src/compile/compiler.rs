@@ -38,7 +38,15 @@ impl Compiler {
 
     fn new(is_sequence: bool) -> Compiler {
         let (tree, gauge) = (Tree::default(), Gauge::default());
-        Compiler { is_sequence, latest: None, tree, keeps_uv: false, texture_memory: None, is_free: false, gauge }
+        Compiler {
+            is_sequence,
+            latest: None,
+            tree,
+            keeps_uv: false,
+            texture_memory: None,
+            is_free: false,
+            gauge,
+        }
     }
 
     /// Tells how far building is.
@@ -89,8 +97,7 @@ impl Compiler {
         let anchor = earlier.as_ref().filter(suits).map(|s| s.anchor);
         let anchor = Some(anchor.unwrap_or(camera.world_from_camera.translation));
         let (tree, keeps_uv, gauge) = (self.tree, self.keeps_uv, self.gauge.clone());
-        let picture =
-            (!self.is_free).then(|| ExpectedPicture { camera: camera.clone(), width, height });
+        let picture = (!self.is_free).then(|| ExpectedPicture { camera: camera.clone(), width, height });
         let texture_memory = self.texture_memory;
         let options = CompileOptions { shading, anchor, tree, keeps_uv, gauge, picture, texture_memory };
         // Who still renders the earlier moment keeps it.

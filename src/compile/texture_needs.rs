@@ -10,8 +10,8 @@ use super::scene::{CompileOptions, ExpectedPicture};
 use crate::camera::Camera;
 use crate::math::{DAffine3, DVec3, Vec2};
 use crate::scene::{
-    AlphaMode, Instance, Interpolation, MOST_NESTED_TEXTURES, Mapping, Material, Mesh, MeshPart, Motion, Scene,
-    ShapeKind, Texture, TextureId,
+    AlphaMode, Instance, Interpolation, MOST_NESTED_TEXTURES, Mapping, Material, Mesh, MeshPart, Motion,
+    Scene, ShapeKind, Texture, TextureId,
 };
 use crate::texture::TextureNeeds;
 use rayon::prelude::*;
@@ -27,10 +27,14 @@ pub(super) fn of(scene: &Scene, options: &CompileOptions) -> TextureNeeds {
         return TextureNeeds { finest: Vec::new(), limit };
     }
     let seen = seen(scene, options.picture.as_ref());
-    let mut least = vec![f32::INFINITY; scene.textures.len()];
+    // Of textures that nothing placed has, there is none.
+    let mut least = vec![None::<f32>; scene.textures.len()];
     for (material, seen) in scene.materials.iter().zip(&seen).filter(|(_, seen)| seen.is_used) {
         let mut note = |id: TextureId, footprint: &dyn Fn(&Mapping) -> f32| {
-            for_each_image(scene, id, &mut |at, mapping| least[at] = least[at].min(footprint(mapping)));
+            for_each_image(scene, id, &mut |at, mapping| {
+                let own = footprint(mapping);
+                least[at] = Some(least[at].map_or(own, |known| known.min(own)));
+            });
         };
         material.textures().for_each(|id| note(id, &|mapping| seen.footprint(mapping)));
         // Light samples and shadow rays look up points.
@@ -40,7 +44,7 @@ pub(super) fn of(scene: &Scene, options: &CompileOptions) -> TextureNeeds {
     for (texture, footprint) in scene.textures.iter().zip(least) {
         if let Texture::Image { image, interpolation, .. } = texture
             && let Some(finest) = finest.get_mut(image.index())
-            && footprint < f32::INFINITY
+            && let Some(footprint) = footprint
         {
             let image = &scene.images[image.index()];
             let texels = footprint * (f64::from(image.width) * f64::from(image.height)).sqrt() as f32;
@@ -133,7 +137,6 @@ fn seen(scene: &Scene, picture: Option<&ExpectedPicture>) -> Vec<Seen> {
         for (part, material) in mesh.parts.iter().zip(part_materials(mesh, instance)) {
             let of_part = match &eye {
                 Some(eye) if is_wanted[material.index()] && is_exact => eye.part(mesh, part, instance),
-                Some(_) if !is_wanted[material.index()] => Seen { is_used: true, ..Seen::NOWHERE },
                 _ => Seen::POINTS,
             };
             all[material.index()] = all[material.index()].and(of_part);
@@ -141,7 +144,8 @@ fn seen(scene: &Scene, picture: Option<&ExpectedPicture>) -> Vec<Seen> {
         all
     };
     let join = |a: Vec<Seen>, b: Vec<Seen>| a.into_iter().zip(b).map(|(a, b)| a.and(b)).collect();
-    let mut all = scene.instances.par_iter().with_min_len(64).fold(nothing, with_instance).reduce(nothing, join);
+    let mut all =
+        scene.instances.par_iter().with_min_len(64).fold(nothing, with_instance).reduce(nothing, join);
     let mut add = |material: usize, seen: Option<Seen>| {
         all[material] = all[material].and(seen.unwrap_or(Seen::POINTS));
     };
@@ -174,7 +178,8 @@ fn has_large_pyramid(scene: &Scene, material: &Material) -> bool {
     let mut has = false;
     for id in material.textures() {
         for_each_image(scene, id, &mut |at, _| {
-            if let Texture::Image { image, interpolation: Interpolation::Trilinear, .. } = &scene.textures[at] {
+            if let Texture::Image { image, interpolation: Interpolation::Trilinear, .. } = &scene.textures[at]
+            {
                 has |= scene.images.get(image.index()).is_some_and(|image| image.is_encoded());
             }
         });
@@ -220,9 +225,8 @@ impl Eye {
         let triangles = &mesh.triangles[first..first + part.triangle_count as usize];
         let mut seen = Seen { is_used: true, ..Seen::NOWHERE };
         for triangle in triangles {
-            let corner = |i: u32| {
-                world.transform_point3(DVec3::from(mesh.positions[i as usize].map(f64::from)))
-            };
+            let corner =
+                |i: u32| world.transform_point3(DVec3::from(mesh.positions[i as usize].map(f64::from)));
             let corners = triangle.map(corner);
             let width = self.width(corners);
             let area = (corners[1] - corners[0]).cross(corners[2] - corners[0]).length();

@@ -26,7 +26,12 @@ pub struct ImageLookup {
 
 impl ImageLookup {
     /// Reads an image this way; its pixels are shared, not copied.
-    pub(super) fn new(levels: &Levels, wrap_u: Wrap, wrap_v: Wrap, interpolation: Interpolation) -> ImageLookup {
+    pub(super) fn new(
+        levels: &Levels,
+        wrap_u: Wrap,
+        wrap_v: Wrap,
+        interpolation: Interpolation,
+    ) -> ImageLookup {
         let Levels { finest, coarser } = levels.clone();
         let coarser = if interpolation == Interpolation::Trilinear { coarser } else { Arc::default() };
         let mean_size = (f64::from(finest.image.width) * f64::from(finest.image.height)).sqrt() as f32;

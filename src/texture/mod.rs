@@ -192,17 +192,11 @@ impl CompiledTextures {
 
     /// Do lookups depend on how much of a surface a path sees?
     pub fn use_footprints(&self) -> bool {
-        self.textures
-            .iter()
-            .any(|t| matches!(t, Compiled::Image { lookup, .. } if lookup.has_pyramid()))
+        self.textures.iter().any(|t| matches!(t, Compiled::Image { lookup, .. } if lookup.has_pyramid()))
     }
 }
 
-fn compile(
-    texture: &Texture,
-    images: &[Image],
-    levels: &BTreeMap<ImageId, Option<Levels>>,
-) -> Compiled {
+fn compile(texture: &Texture, images: &[Image], levels: &BTreeMap<ImageId, Option<Levels>>) -> Compiled {
     match texture {
         Texture::Solid([r, g, b]) => Compiled::Constant([*r, *g, *b, 1.0]),
         Texture::Image { image, wrap_u, wrap_v, interpolation, mapping } => match images.get(image.index()) {
@@ -304,5 +298,7 @@ fn noise_value(kind: NoiseKind, p: Vec3, octaves: u32, seed: u32) -> f32 {
     value.clamp(0.0, 1.0)
 }
 
+#[cfg(test)]
+mod demand_tests;
 #[cfg(test)]
 mod tests;

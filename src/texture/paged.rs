@@ -65,7 +65,6 @@ impl PagedLevel {
             }
         })
     }
-
 }
 
 /// An image some of whose levels are not in memory.

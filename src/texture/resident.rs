@@ -131,7 +131,9 @@ impl Images {
     /// The levels of an image, if they do for other needs as well.
     fn sufficient(&self, id: ImageId, needs: &TextureNeeds) -> Option<&Option<Levels>> {
         let finest = |needs: &TextureNeeds| needs.finest(id.index()).unwrap_or(u32::MAX);
-        self.levels.get(&id).filter(|_| self.needs.limit == needs.limit && finest(&self.needs) <= finest(needs))
+        self.levels
+            .get(&id)
+            .filter(|_| self.needs.limit == needs.limit && finest(&self.needs) <= finest(needs))
     }
 }
 
@@ -337,8 +339,8 @@ fn build_one(plan: &Plan, full: Option<Image>, store: &Arc<Store>) -> Levels {
             let Some(image) = next.take() else { break };
             let is_resident = level >= plan.resident_from;
             // Needed, but not in memory: kept as long as there is room.
-            if level >= plan.needed_from && !is_resident && store.has_room(image.bytes() / 2) {
-                kept.push((level, PackedLevel::new(&image)));
+            if level >= plan.needed_from && !is_resident && store.has_room(image.bytes() / 8) {
+                kept.push((level, PackedLevel::new_by_all_threads(&image)));
             }
             next = (level + 1 < count).then(|| halved(&image));
             made.push(is_resident.then_some(image));

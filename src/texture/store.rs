@@ -111,8 +111,12 @@ impl Store {
     /// Counts a compressed level of an image; others go where there are too many. Must be called without any lock.
     pub fn keep(&self, of: &Arc<PagedImage>, level: usize, packed: &Arc<PackedLevel>) {
         self.touch(packed);
-        let entry =
-            KeptLevel { of: Arc::downgrade(of), level, packed: Arc::downgrade(packed), bytes: packed.bytes() };
+        let entry = KeptLevel {
+            of: Arc::downgrade(of),
+            level,
+            packed: Arc::downgrade(packed),
+            bytes: packed.bytes(),
+        };
         let evicted = lock(&self.packed).add(entry, self.most_packed);
         for KeptLevel { of, level, .. } in &evicted {
             of.upgrade().into_iter().for_each(|image| image.forget(*level));

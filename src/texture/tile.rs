@@ -5,6 +5,7 @@
 //! inside a tile: one of 12 KiB fits into the first level of a cache, where their order makes no difference.
 
 use crate::image::{Image, Pixels};
+use rayon::prelude::*;
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 
@@ -26,29 +27,30 @@ pub(super) struct PackedLevel {
 impl PackedLevel {
     /// Compresses a level of 8 or 16 bits. Others have no tiles.
     pub fn new(level: &Image) -> PackedLevel {
+        PackedLevel::of(level, (0..rows(level)).map(|row| packed_row(level, row)))
+    }
+
+    /// The same with the help of other threads.
+    pub fn new_by_all_threads(level: &Image) -> PackedLevel {
+        let packed: Vec<_> = (0..rows(level)).into_par_iter().map(|row| packed_row(level, row)).collect();
+        PackedLevel::of(level, packed.into_iter())
+    }
+
+    fn of(level: &Image, packed: impl Iterator<Item = (Vec<usize>, Vec<u8>)>) -> PackedLevel {
         let (mut starts, mut bytes) = (vec![0], Vec::new());
-        let mut residuals = Vec::new();
-        for tile in 0..count(level.width, level.height) {
-            let at = Area::of(tile, level.width, level.height);
-            residuals.clear();
-            match &*level.pixels {
-                Pixels::U8(data) => predict(data, level, &at, &mut residuals, |residual, out| out.push(residual)),
-                Pixels::U16(data) => predict(data, level, &at, &mut residuals, |residual, out| {
-                    // Around 0 on both sides, so that the upper byte is mostly 0.
-                    let [low, high] = (residual << 1 ^ 0u16.wrapping_sub(residual >> 15)).to_le_bytes();
-                    out.extend([high, low]);
-                }),
-                Pixels::F32(_) | Pixels::Encoded(_) => {}
-            }
-            bytes.extend(fdeflate::compress_to_vec(&residuals));
-            starts.push(bytes.len());
+        for (lengths, row) in packed {
+            starts.extend(lengths.iter().scan(bytes.len(), |end, length| {
+                *end += length;
+                Some(*end)
+            }));
+            bytes.extend(row);
         }
         bytes.shrink_to_fit();
-        let like = Image { pixels: Arc::new(Pixels::U8(Vec::new())), ..level.clone() };
-        let like = match &*level.pixels {
-            Pixels::U16(_) => Image { pixels: Arc::new(Pixels::U16(Vec::new())), ..like },
-            _ => like,
+        let pixels = match &*level.pixels {
+            Pixels::U16(_) => Pixels::U16(Vec::new()),
+            _ => Pixels::U8(Vec::new()),
         };
+        let like = Image { pixels: Arc::new(pixels), ..level.clone() };
         PackedLevel { like, starts, bytes, last_use: AtomicU64::new(0) }
     }
 
@@ -56,27 +58,30 @@ impl PackedLevel {
     pub fn tile(&self, tile: u32) -> Image {
         let at = Area::of(tile, self.like.width, self.like.height);
         let n = self.like.channels as usize;
+        let is_deep = matches!(*self.like.pixels, Pixels::U16(_));
         let count = (at.width * at.height) as usize * n;
         let packed = &self.bytes[self.starts[tile as usize]..self.starts[tile as usize + 1]];
-        // What was compressed here can be decompressed; nothing else is in the way of an empty tile becoming black.
-        let residuals = fdeflate::decompress_to_vec(packed).unwrap_or_default();
+        let mut residuals = vec![0; count * if is_deep { 2 } else { 1 }];
+        let mut decompressor = fdeflate::Decompressor::new();
+        decompressor.ignore_adler32();
+        // It was compressed here and lacks nothing.
+        let done = decompressor.read(packed, &mut residuals, 0, true);
+        debug_assert!(done.is_ok_and(|(_, written)| written == residuals.len()));
         let row = at.width as usize * n;
         let pixels = match &*self.like.pixels {
             Pixels::U16(_) => {
                 let mut values: Vec<u16> = residuals
                     .chunks_exact(2)
                     .map(|pair| {
-                        let folded = u16::from_le_bytes([pair[1], pair[0]]);
+                        let folded = u16::from_be_bytes([pair[0], pair[1]]);
                         folded >> 1 ^ 0u16.wrapping_sub(folded & 1)
                     })
                     .collect();
-                values.resize(count, 0);
                 restore(&mut values, row, n);
                 Pixels::U16(values)
             }
             _ => {
                 let mut values = residuals;
-                values.resize(count, 0);
                 restore(&mut values, row, n);
                 Pixels::U8(values)
             }
@@ -92,14 +97,38 @@ impl PackedLevel {
     }
 }
 
+/// Compresses the tiles of a row; gives the length of each, and the bytes.
+fn packed_row(level: &Image, row: u32) -> (Vec<usize>, Vec<u8>) {
+    let (mut lengths, mut bytes, mut residuals) = (Vec::new(), Vec::new(), Vec::new());
+    for column in 0..across(level.width) {
+        let at = Area::of(row * across(level.width) + column, level.width, level.height);
+        residuals.clear();
+        match &*level.pixels {
+            Pixels::U8(data) => predict(data, level, &at, &mut residuals),
+            Pixels::U16(data) => {
+                let mut wide = Vec::new();
+                predict(data, level, &at, &mut wide);
+                // Folded to both sides of 0, so that the upper byte is mostly 0.
+                let folded = wide.iter().map(|&r: &u16| r << 1 ^ 0u16.wrapping_sub(r >> 15));
+                residuals.extend(folded.flat_map(u16::to_be_bytes));
+            }
+            Pixels::F32(_) | Pixels::Encoded(_) => {}
+        }
+        let packed = fdeflate::compress_to_vec(&residuals);
+        lengths.push(packed.len());
+        bytes.extend(packed);
+    }
+    (lengths, bytes)
+}
+
 /// Tiles in a row.
 pub(super) fn across(width: u32) -> u32 {
     width.div_ceil(SIDE)
 }
 
-/// Tiles of a level.
-fn count(width: u32, height: u32) -> u32 {
-    across(width) * across(height)
+/// Rows of tiles.
+fn rows(level: &Image) -> u32 {
+    level.height.div_ceil(SIDE)
 }
 
 /// The texels of a tile.
@@ -143,39 +172,47 @@ impl Code for u16 {
     }
 }
 
-/// What the predictor misses in a tile, each number handed to `write`.
-fn predict<T: Code>(
-    data: &[T],
-    level: &Image,
-    at: &Area,
-    out: &mut Vec<u8>,
-    write: impl Fn(T, &mut Vec<u8>),
-) {
+/// Adds what the predictor misses in a tile.
+fn predict<T: Code>(data: &[T], level: &Image, at: &Area, out: &mut Vec<T>) {
     let n = level.channels as usize;
     let (stride, row) = (level.width as usize * n, at.width as usize * n);
-    let line = |y: u32| {
-        let start = (at.y + y) as usize * stride + at.x as usize * n;
-        &data[start..start + row]
-    };
     // Differences to the line above, then to the left.
     let mut rises = vec![T::default(); row];
     for y in 0..at.height {
-        let here = line(y);
+        let start = (at.y + y) as usize * stride + at.x as usize * n;
+        let here = &data[start..start + row];
         match y {
             0 => rises.copy_from_slice(here),
             _ => {
-                let above = line(y - 1);
-                (0..row).for_each(|i| rises[i] = here[i].minus(above[i]));
+                let above = &data[start - stride..start - stride + row];
+                let pairs = here.iter().zip(above);
+                rises.iter_mut().zip(pairs).for_each(|(rise, (here, above))| *rise = here.minus(*above));
             }
         }
-        (0..row).for_each(|i| write(if i < n { rises[i] } else { rises[i].minus(rises[i - n]) }, out));
+        out.extend_from_slice(&rises[..n]);
+        out.extend(rises[n..].iter().zip(&rises).map(|(rise, left)| rise.minus(*left)));
     }
 }
 
 /// The numbers of a tile from the residuals, in place.
 fn restore<T: Code>(values: &mut [T], row: usize, n: usize) {
+    match n {
+        1 => restore_channels::<T, 1>(values, row),
+        2 => restore_channels::<T, 2>(values, row),
+        3 => restore_channels::<T, 3>(values, row),
+        _ => restore_channels::<T, 4>(values, row),
+    }
+}
+
+fn restore_channels<T: Code, const N: usize>(values: &mut [T], row: usize) {
     for line in values.chunks_exact_mut(row) {
-        (n..row).for_each(|i| line[i] = line[i].plus(line[i - n]));
+        let mut left = [T::default(); N];
+        for texel in line.chunks_exact_mut(N) {
+            for (value, left) in texel.iter_mut().zip(&mut left) {
+                *left = left.plus(*value);
+                *value = *left;
+            }
+        }
     }
     for start in (row..values.len()).step_by(row) {
         let (above, here) = values[start - row..start + row].split_at_mut(row);

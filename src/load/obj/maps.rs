@@ -66,7 +66,8 @@ impl<'a> Maps<'a> {
         loaded: &mut Loaded,
     ) -> Option<NormalMap> {
         let (path, image) = self.image(map, library, Use::Data, loaded)?;
-        let as_it_is = |scene: &mut Scene| NormalMap { texture: push_texture(scene, map, image), scale: map.bump };
+        let as_it_is =
+            |scene: &mut Scene| NormalMap { texture: push_texture(scene, map, image), scale: map.bump };
         if !is_height {
             return Some(as_it_is(&mut loaded.scene));
         }
@@ -115,9 +116,8 @@ impl<'a> Maps<'a> {
         let known = self.images.get(&(path.clone(), purpose)).copied();
         let id = known.unwrap_or_else(|| {
             let (library, place) = (library.to_path_buf(), format!("line {}", map.line));
-            let without = move |e: Error| {
-                Warning::new(&library, place.as_str(), format!("texture left out: {e}"))
-            };
+            let without =
+                move |e: Error| Warning::new(&library, place.as_str(), format!("texture left out: {e}"));
             let later = without.clone();
             let on_damage = Arc::new(move |e| Damage::LeftOut(later(e)));
             match image::read_for_texture(&path, purpose, &mut loaded.warnings, on_damage) {

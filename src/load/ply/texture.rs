@@ -66,8 +66,9 @@ fn try_add(
     }
     let file = find_file(path, name, options)?;
     let (path, name) = (path.to_path_buf(), name.to_string());
-    let on_damage =
-        move |error| Damage::LeftOut(Warning::new(&path, "", left_out(&name, &format!(", {}", reason(error)))));
+    let on_damage = move |error| {
+        Damage::LeftOut(Warning::new(&path, "", left_out(&name, &format!(", {}", reason(error)))))
+    };
     let image = image::read_for_texture(&file, Use::Color, &mut loaded.warnings, Arc::new(on_damage));
     let image = image.map_err(reason)?;
     let image = loaded.scene.add_image(image);
