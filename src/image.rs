@@ -1,9 +1,12 @@
-//! Pixel buffers in memory; no codecs. What was 8-bit in the file stays 8-bit here.
+//! Pixel buffers in memory; no codecs. What was 8-bit in the file stays 8-bit here. Pixels may still be encoded; then only the size of
+//! the image is known, and whoever needs its pixels [decodes](Image::decoded) it.
 
+use crate::error::{Error, Warning};
+use std::fmt::Debug;
 use std::sync::Arc;
 
 /// How the stored numbers map to linear values.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Encoding {
     /// Stored values are linear (0..1 for integers).
     Linear,
@@ -20,6 +23,41 @@ pub enum Pixels {
     U16(Vec<u16>),
     /// As they are.
     F32(Vec<f32>),
+    /// Not decoded yet.
+    Encoded(Encoded),
+}
+
+/// Pixels that are decoded when they are needed.
+#[derive(Clone, Debug)]
+pub struct Encoded {
+    /// Bits of each number once it is decoded: 8 or 16.
+    pub bits: u32,
+    /// Where they come from.
+    pub source: Arc<dyn ImageSource>,
+}
+
+/// Where the pixels of an encoded image come from. Decoding gives the same numbers each time, unless a file has changed.
+pub trait ImageSource: Debug + Send + Sync {
+    /// The decoded image; its name and its encoding are those of the image that asks.
+    ///
+    /// # Errors
+    /// [`Damage`] if the image can't be decoded, or has another size than it had when the scene was loaded.
+    fn decode(&self) -> Result<Image, Damage>;
+
+    /// Hands over the encoded bytes; nothing if they can't be read any more.
+    fn with_bytes(&self, take: &mut dyn FnMut(&[u8]));
+
+    /// Bytes of memory that hold encoded pixels.
+    fn bytes_held(&self) -> usize;
+}
+
+/// An image that can't be decoded.
+#[derive(Debug)]
+pub enum Damage {
+    /// Its textures are left out of the materials that use them.
+    LeftOut(Warning),
+    /// Its scene can't be rendered.
+    Fatal(Error),
 }
 
 /// A rectangle of pixels with 1 to 4 interleaved channels (grey, grey + alpha, RGB, RGBA).
@@ -53,7 +91,23 @@ impl Image {
         }
     }
 
-    /// One pixel as linear RGBA. Grey spreads over RGB; missing alpha is 1. `x` and `y` must be inside.
+    /// Are its pixels still encoded?
+    pub fn is_encoded(&self) -> bool {
+        matches!(*self.pixels, Pixels::Encoded(_))
+    }
+
+    /// The image with its pixels: decoded, if they are encoded. Keeps nothing.
+    ///
+    /// # Errors
+    /// As for [`ImageSource::decode`].
+    pub fn decoded(&self) -> Result<Image, Damage> {
+        let Pixels::Encoded(encoded) = &*self.pixels else { return Ok(self.clone()) };
+        let Image { pixels, .. } = encoded.source.decode()?;
+        Ok(Image { pixels, ..self.clone() })
+    }
+
+    /// One pixel as linear RGBA. Grey spreads over RGB; missing alpha is 1. `x` and `y` must be inside. Those of an image that is
+    /// still encoded are black.
     #[inline]
     pub fn rgba(&self, x: u32, y: u32) -> [f32; 4] {
         let n = self.channels as usize;
@@ -83,6 +137,7 @@ impl Image {
                 }
             }
             Pixels::F32(data) => raw[..n].copy_from_slice(&data[at..at + n]),
+            Pixels::Encoded(_) => {}
         }
         match n {
             1 => [raw[0], raw[0], raw[0], 1.0],
@@ -92,13 +147,14 @@ impl Image {
         }
     }
 
-    /// Bytes that the pixels take.
+    /// Bytes that the pixels take once they are decoded.
     pub fn bytes(&self) -> usize {
         let n = self.width as usize * self.height as usize * self.channels as usize;
         match &*self.pixels {
             Pixels::U8(_) => n,
             Pixels::U16(_) => n * 2,
             Pixels::F32(_) => n * 4,
+            Pixels::Encoded(encoded) => n * encoded.bits as usize / 8,
         }
     }
 }

@@ -50,6 +50,10 @@ pub(crate) struct LongArgs {
     /// Refuse pictures and scenes that take more memory, such as 8G or 500M [default: what the machine has].
     #[arg(long, value_name = "SIZE", value_parser = bytes)]
     pub memory_limit: Option<u64>,
+    /// Memory for the images of textures, such as 4G or 500M: what is beyond is decoded again when it is needed. The picture doesn't depend
+    /// on it [default: a quarter of the machine's].
+    #[arg(long, value_name = "SIZE", value_parser = bytes)]
+    pub texture_memory: Option<u64>,
 }
 
 fn percent(text: &str) -> Result<f32, String> {

@@ -92,6 +92,8 @@ pub(super) fn prepare(
     let size = (settled.options.width, settled.options.height);
     compiler.set_tree(settled.tree(wants.pictures));
     compiler.keep_uv(wants.keeps_uv || settled.options.aovs.contains(Aov::Uv));
+    let quarter = || super::process::memory_of_machine().map(|bytes| bytes / 4);
+    compiler.set_texture_memory(args.long.texture_memory.or_else(quarter));
     let telling = Telling::of(args.quiet, args.long.progress);
     let waiting = Waiting::new(telling, "build", compiler.gauge());
     let (scene, mut build) = compiler.compile(&loaded.scene, settled.shading, &camera, size)?;

@@ -185,6 +185,9 @@ impl Run {
             mib(c.bytes),
             if c.tree == TreeQuality::Fast { ", fast tree" } else { "" }
         );
+        if let Some(line) = textures(c, s) {
+            say!("{line}");
+        }
         let shared =
             s.path_reuse.map(|shape| format!(", shared by {} pixels", shape.pixels())).unwrap_or_default();
         let branches = if s.branches > 1 { format!(" of {} branches", s.branches) } else { String::new() };
@@ -228,6 +231,22 @@ impl Run {
             say!("wrote    {output}");
         }
     }
+}
+
+/// What large images of textures take.
+fn textures(c: &CompileReport, s: &Statistics) -> Option<String> {
+    let t = &c.textures;
+    if t.decoded + t.unneeded == 0 {
+        return None;
+    }
+    let kept = format!("textures {:.1} of {:.1} MiB in memory", mib(t.bytes), mib(t.all_bytes));
+    Some(match s.tiles_on_demand {
+        0 => kept,
+        tiles => {
+            let images = counted(s.images_on_demand, "image");
+            format!("{kept}; {images} decoded on demand, {}", counted(tiles, "tile"))
+        }
+    })
 }
 
 /// `1 light`, `2 lights`.

@@ -2,7 +2,7 @@
 
 use super::reuse::Sources;
 use super::run::{check, compile_after};
-use super::scene::{CompileOptions, CompileReport, CompiledScene};
+use super::scene::{CompileOptions, CompileReport, CompiledScene, ExpectedPicture};
 use super::tree::Tree;
 use super::view::View;
 use crate::bsdf::ShadingModel;
@@ -20,6 +20,8 @@ pub struct Compiler {
     latest: Option<Arc<CompiledScene>>,
     tree: Tree,
     keeps_uv: bool,
+    texture_memory: Option<u64>,
+    is_free: bool,
     gauge: Gauge,
 }
 
@@ -36,7 +38,15 @@ impl Compiler {
 
     fn new(is_sequence: bool) -> Compiler {
         let (tree, gauge) = (Tree::default(), Gauge::default());
-        Compiler { is_sequence, latest: None, tree, keeps_uv: false, gauge }
+        Compiler {
+            is_sequence,
+            latest: None,
+            tree,
+            keeps_uv: false,
+            texture_memory: None,
+            is_free: false,
+            gauge,
+        }
     }
 
     /// Tells how far building is.
@@ -52,6 +62,16 @@ impl Compiler {
     /// Keeps texture coordinates that no material asks for.
     pub fn keep_uv(&mut self, keeps_uv: bool) {
         self.keeps_uv = keeps_uv;
+    }
+
+    /// Limits the bytes that the images of textures take; see [`CompileOptions::texture_memory`]. Default: any number.
+    pub fn set_texture_memory(&mut self, bytes: Option<u64>) {
+        self.texture_memory = bytes;
+    }
+
+    /// Other cameras will look at the same scene: images of textures are kept as they are.
+    pub fn expect_other_cameras(&mut self) {
+        self.is_free = true;
     }
 
     /// Compiles a moment for a camera's picture of `width` x `height` pixels. The anchor stays where it was as long as
@@ -77,7 +97,9 @@ impl Compiler {
         let anchor = earlier.as_ref().filter(suits).map(|s| s.anchor);
         let anchor = Some(anchor.unwrap_or(camera.world_from_camera.translation));
         let (tree, keeps_uv, gauge) = (self.tree, self.keeps_uv, self.gauge.clone());
-        let options = CompileOptions { shading, anchor, tree, keeps_uv, gauge };
+        let picture = (!self.is_free).then(|| ExpectedPicture { camera: camera.clone(), width, height });
+        let texture_memory = self.texture_memory;
+        let options = CompileOptions { shading, anchor, tree, keeps_uv, gauge, picture, texture_memory };
         // Who still renders the earlier moment keeps it.
         let earlier = earlier.and_then(|scene| Arc::try_unwrap(scene).ok());
         let (compiled, report) = compile_after(earlier, scene, &options, self.is_sequence)?;

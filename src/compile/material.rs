@@ -190,13 +190,14 @@ impl CompiledMaterial {
             is_obstacle: l.is_obstacle || alpha.is_some(),
             ..Presence::FULL
         });
-        let normal_map = material.normal_map.filter(|n| n.scale != 0.0 && class != BsdfClass::Black);
+        let is_usable = |n: &NormalMap| n.scale != 0.0 && !textures.is_lost(n.texture);
+        let normal_map = material.normal_map.filter(|n| is_usable(n) && class != BsdfClass::Black);
         let is_textured = has_texture(&model, |id| textures.spectrum(id).is_none());
         let is_spectral = shading.spectral
             && (has_texture(&model, |id| textures.spectrum(id).is_some()) || program.depends_on_wavelength());
         let uses_vertex_colors = material.use_vertex_colors && class != BsdfClass::Black;
         let coat = model.pbr().and_then(|pbr| pbr.clearcoat);
-        let coat_normal_map = coat.and_then(|c| c.normal_map).filter(|n| n.scale != 0.0);
+        let coat_normal_map = coat.and_then(|c| c.normal_map).filter(is_usable);
         let is_hair = matches!(model, Model::Hair { .. });
         let has_axis = is_hair || model.pbr().is_some_and(|pbr| pbr.anisotropy.is_some());
         // The coat's normal differs from the base's where one of them is mapped.

@@ -18,6 +18,7 @@ use super::plan::{self, Plan};
 use super::reuse::{Geometry, Kept, Sources};
 use super::scene::{CompileOptions, CompileReport, CompiledScene, Features};
 use super::spectral;
+use super::texture_needs;
 use super::touching;
 use super::uplift;
 use super::vectors::Vectors;
@@ -55,7 +56,7 @@ pub(super) fn compile_after(
     let mut report = CompileReport::default();
     let mut kept = earlier.map_or_else(Kept::default, |earlier| earlier.into_kept(scene));
     spectral::warn(scene, options.shading, &mut report.warnings);
-    let mut textures = textures(kept.textures.take(), scene, anchor, options.shading.spectral);
+    let mut textures = textures(kept.textures.take(), scene, (anchor, options), &mut report)?;
     let (warnings, left_out) = (&mut report.warnings, &mut report.left_out);
     let (materials, media, numbers) = materials(scene, (anchor, &mut textures), options.shading, warnings);
     let plan = plan::plan((scene, numbers), &materials, anchor, is_sequence, warnings, left_out);
@@ -131,14 +132,23 @@ fn finished(
 fn textures(
     kept: Option<CompiledTextures>,
     scene: &Scene,
-    anchor: DVec3,
-    by_wavelength: bool,
-) -> CompiledTextures {
+    (anchor, options): (DVec3, &CompileOptions),
+    report: &mut CompileReport,
+) -> Result<CompiledTextures> {
+    let needs = texture_needs::of(scene, options);
     let textures = match kept {
-        Some(textures) => textures.moved(anchor.as_vec3()),
-        None => CompiledTextures::new(&scene.textures, &scene.images, anchor.as_vec3()),
+        Some(textures) if textures.suit(&needs) => textures.moved(anchor.as_vec3()),
+        earlier => {
+            let (list, images) = (&scene.textures, &scene.images);
+            let made = CompiledTextures::after(earlier, list, images, anchor.as_vec3(), needs);
+            let (textures, mut said) = made?;
+            report.warnings.append(&mut said.warnings);
+            report.left_out.extend(said.left_out());
+            report.textures = said;
+            textures
+        }
     };
-    textures.with_profiles(&scene.profiles).with_spectra(&scene.textures, by_wavelength)
+    Ok(textures.with_profiles(&scene.profiles).with_spectra(&scene.textures, options.shading.spectral))
 }
 
 /// What cameras see of the environment, if that is another one.

@@ -18,8 +18,8 @@ use crate::error::Warning;
 use crate::gauge::Gauge;
 use crate::light::{EnvironmentLight, Lights};
 use crate::math::{DVec3, Hit};
-use crate::scene::{MaterialId, RayKinds, Scene, ShapeTag};
-use crate::texture::CompiledTextures;
+use crate::scene::{Camera, MaterialId, RayKinds, Scene, ShapeTag};
+use crate::texture::{CompiledTextures, TextureReport};
 use std::sync::Arc;
 
 /// What to compile for.
@@ -37,6 +37,23 @@ pub struct CompileOptions {
     pub keeps_uv: bool,
     /// Is told how far the building of trees is.
     pub gauge: Gauge,
+    /// The picture that will be rendered, or the first of several. Images of textures are kept only as finely as it shows them; others
+    /// may be rendered as well, and take longer where they show more. Without it images are kept as they are.
+    pub picture: Option<ExpectedPicture>,
+    /// Bytes that the images of textures may take; what is beyond is decoded again and again while pictures are rendered. By default
+    /// any number.
+    pub texture_memory: Option<u64>,
+}
+
+/// A picture that will be rendered.
+#[derive(Clone, Debug)]
+pub struct ExpectedPicture {
+    /// Where it is seen from.
+    pub camera: Camera,
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
 }
 
 /// What compiling did.
@@ -66,6 +83,8 @@ pub struct CompileReport {
     pub bytes: u64,
     /// Memory by part, the accelerator included.
     pub memory: Vec<MemoryPart>,
+    /// What became of the images of textures.
+    pub textures: TextureReport,
 }
 
 /// A scene ready to render. Immutable; rendering it can't fail. It knows no camera: see [`View`](super::View).

@@ -205,7 +205,7 @@ fn many_samples_of_a_rectangle_are_as_single_ones() {
     let edges = Edges { corner: Vec3::new(-0.5, 3.0, -0.5), edge_u: Vec3::X, edge_v: Vec3::Z };
     let radiance = Radiance::Constant(Rgb::new(3.0, 2.0, 1.0));
     let light = AreaLight::new(AreaShape::Rectangle(edges), true, radiance);
-    let textures = CompiledTextures::new(&[], &[], Vec3::ZERO);
+    let textures = CompiledTextures::resident(&[], &[], Vec3::ZERO);
     let lights = Lights::new(vec![light], Vec::new(), None, &textures);
     let sampler = RectangleSampler::of(&lights).expect("one rectangle");
     compare_samples(sampler, |p, u| light.sample(&textures, p, u));
@@ -224,7 +224,7 @@ fn many_samples_of_many_rectangles_are_as_single_ones() {
         let radiance = Radiance::Constant(Rgb::new(color.x, color.y, color.z));
         area.push(AreaLight::new(AreaShape::Rectangle(edges), k % 2 == 0, radiance));
     }
-    let textures = CompiledTextures::new(&[], &[], Vec3::ZERO);
+    let textures = CompiledTextures::resident(&[], &[], Vec3::ZERO);
     let lights = Lights::new(area, Vec::new(), None, &textures);
     let rectangles = Table::new(lights.rectangles().expect("nothing but rectangles"));
     let mut wave = random_wave(&mut random);
@@ -249,7 +249,7 @@ fn many_samples_of_an_environment_are_as_single_ones() {
     let image = Image::from_linear_rgb("random", 32, 16, pixels);
     let environment = Environment::Image { image: ImageId(0), rotation_rad: 0.3, strength: 2.0 };
     let environment = EnvironmentLight::new(&environment, &[image], true);
-    let textures = CompiledTextures::new(&[], &[], Vec3::ZERO);
+    let textures = CompiledTextures::resident(&[], &[], Vec3::ZERO);
     let lights = Lights::new(Vec::new(), Vec::new(), environment, &textures);
     let sampler = EnvironmentSampler::of(&lights).expect("one picture");
     compare_samples(sampler, |p, u| lights.sample(&textures, 0, p, u));

@@ -379,7 +379,7 @@ mod tests {
         };
         let sun = Light::new(LightKind::Directional { direction: DVec3::NEG_Y }, [2.0; 3]);
         let sky = EnvironmentLight::new(&Environment::Constant([0.5; 3]), &[], true);
-        let textures = CompiledTextures::new(&[], &[], Vec3::ZERO);
+        let textures = CompiledTextures::resident(&[], &[], Vec3::ZERO);
         let area = (0..5).map(|i| lamp(i as f32)).collect();
         Lights::new(area, vec![PunctualLight::new(&sun, DVec3::ZERO)], sky, &textures)
     }

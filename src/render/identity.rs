@@ -133,6 +133,11 @@ fn with_image(sum: Fingerprint, image: &Image) -> Fingerprint {
         Pixels::U8(values) => sum.with(8).with_all(values),
         Pixels::U16(values) => sum.with(16).with_all(values),
         Pixels::F32(values) => sum.with(32).with_all(values),
+        Pixels::Encoded(encoded) => {
+            let mut sum = sum.with(encoded.bits.into());
+            encoded.source.with_bytes(&mut |bytes| sum = sum.with_all(bytes));
+            sum
+        }
     }
 }
 

@@ -38,6 +38,7 @@ pub struct Renderer {
     choices: Choices,
     cancel: CancelHandle,
     listener: Option<Box<Listener>>,
+    texture_memory: Option<u64>,
 }
 
 impl Renderer {
@@ -52,7 +53,8 @@ impl Renderer {
 
     /// The same for a scene that is rendered several times: nothing of it is copied.
     pub fn shared(loaded: Arc<Loaded>) -> Renderer {
-        Renderer { loaded, choices: Choices::default(), cancel: CancelHandle::new(), listener: None }
+        let (choices, cancel) = (Choices::default(), CancelHandle::new());
+        Renderer { loaded, choices, cancel, listener: None, texture_memory: None }
     }
 
     /// Width and height in pixels.
@@ -69,6 +71,13 @@ impl Renderer {
     /// Height in pixels. The width, unless it is given as well, follows by the aspect ratio of the scene or its camera.
     pub fn height(mut self, height: u32) -> Renderer {
         self.choices.settings.height = Some(height);
+        self
+    }
+
+    /// Bytes that the images of textures may take; what is beyond is decoded again when it is needed. The picture doesn't depend on
+    /// it. By default any number.
+    pub fn texture_memory(mut self, bytes: u64) -> Renderer {
+        self.texture_memory = Some(bytes);
         self
     }
 
@@ -238,6 +247,7 @@ impl Renderer {
         let mut compiler = Compiler::single();
         compiler.set_tree(settled.tree(1));
         compiler.keep_uv(settled.options.aovs.contains(Aov::Uv));
+        compiler.set_texture_memory(self.texture_memory);
         let (compiled, mut report) = compiler.compile(scene, settled.shading, camera, size)?;
         warnings.append(&mut report.warnings);
         warnings.append(&mut report.notes);

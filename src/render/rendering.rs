@@ -270,6 +270,7 @@ impl Rendering {
         warnings.extend(caustics::warning(&self.scene, &self.view, &self.options));
         warnings.extend(self.guiding.warning(&self.scene, &self.options));
         warnings.extend(of_film(&self.film, has_stopped));
+        warnings.extend(self.scene.textures.on_demand().warnings);
         warnings
     }
 
@@ -287,6 +288,7 @@ impl Rendering {
     pub fn statistics(&self) -> Statistics {
         let samples = self.progress.samples();
         let pixels = f64::from(self.film.width()) * f64::from(self.film.height());
+        let on_demand = self.scene.textures.on_demand();
         Statistics {
             render_s: self.spent.wall.as_secs_f64(),
             render_cpu_s: self.spent.cpu.as_secs_f64(),
@@ -298,6 +300,8 @@ impl Rendering {
             is_adaptive: self.allotment.is_some(),
             lamp_paths: self.caustics.plan().map(CausticPlan::paths),
             guide_cells: self.guiding.guide().map(|guide| guide.cells() as u32),
+            images_on_demand: on_demand.decodes,
+            tiles_on_demand: on_demand.tiles,
             invalid_samples: self.film.invalid_samples(),
             interrupted: self.outcome == PassOutcome::Cancelled,
             timed_out: self.outcome == PassOutcome::TimedOut,

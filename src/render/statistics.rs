@@ -42,6 +42,10 @@ pub struct Statistics {
     pub lamp_paths: Option<u32>,
     /// How many places a guide of the paths knew something of, if they were guided.
     pub guide_cells: Option<u32>,
+    /// Images of textures that were decoded on demand, each as often as it was.
+    pub images_on_demand: u64,
+    /// Tiles of textures that were found on demand.
+    pub tiles_on_demand: u64,
     /// Samples that were NaN or infinite and left out.
     pub invalid_samples: u64,
     /// Stopped by a [`CancelHandle`](super::CancelHandle) before all samples were done.

@@ -1,7 +1,8 @@
 //! Image lookup: wrap modes; nearest, bilinear, and trilinear between the levels of a pyramid.
 
-use super::pyramid::coarser_levels;
-use super::texels::{Texels, WithTexels, with_texels};
+use super::level::Level;
+use super::resident::Levels;
+use super::texels::{Texels, WithTexels, with_texels_of_level};
 use crate::image::Image;
 use crate::math::Vec2;
 use crate::scene::{Interpolation, Wrap};
@@ -14,9 +15,9 @@ const NO_FRACTION: f32 = 8_388_608.0;
 /// An image with the way in which it is read. Texel centres lie at `(i + 0.5) / width`; v points down.
 #[derive(Clone, Debug)]
 pub struct ImageLookup {
-    image: Image,
+    finest: Level,
     /// Ever coarser copies; none unless they are used.
-    coarser: Arc<[Image]>,
+    coarser: Arc<[Level]>,
     wrap: [Wrap; 2],
     interpolation: Interpolation,
     /// Geometric mean of width and height.
@@ -24,37 +25,22 @@ pub struct ImageLookup {
 }
 
 impl ImageLookup {
-    /// Reads `image` this way; its pixels are shared, not copied.
-    pub fn new(image: Image, wrap_u: Wrap, wrap_v: Wrap, interpolation: Interpolation) -> ImageLookup {
-        let coarser = match interpolation {
-            Interpolation::Trilinear => coarser_levels(&image).into(),
-            _ => Arc::default(),
-        };
-        let mean_size = (f64::from(image.width) * f64::from(image.height)).sqrt() as f32;
-        ImageLookup { image, coarser, wrap: [wrap_u, wrap_v], interpolation, mean_size }
+    /// Reads an image this way; its pixels are shared, not copied.
+    pub(super) fn new(
+        levels: &Levels,
+        wrap_u: Wrap,
+        wrap_v: Wrap,
+        interpolation: Interpolation,
+    ) -> ImageLookup {
+        let Levels { finest, coarser } = levels.clone();
+        let coarser = if interpolation == Interpolation::Trilinear { coarser } else { Arc::default() };
+        let mean_size = (f64::from(finest.image.width) * f64::from(finest.image.height)).sqrt() as f32;
+        ImageLookup { finest, coarser, wrap: [wrap_u, wrap_v], interpolation, mean_size }
     }
 
-    /// The same image read in another way; the pyramid, if both have one, is shared.
-    pub fn reread(&self, wrap_u: Wrap, wrap_v: Wrap, interpolation: Interpolation) -> ImageLookup {
-        if interpolation == Interpolation::Trilinear && self.coarser.is_empty() {
-            return ImageLookup::new(self.image.clone(), wrap_u, wrap_v, interpolation);
-        }
-        ImageLookup { wrap: [wrap_u, wrap_v], interpolation, ..self.clone() }
-    }
-
-    /// Bytes of all levels.
-    pub fn bytes(&self) -> usize {
-        self.image.bytes() + self.pyramid_bytes()
-    }
-
-    /// The same for lookups in the same pixels.
-    pub fn identity(&self) -> usize {
-        Arc::as_ptr(&self.image.pixels) as usize
-    }
-
-    /// Bytes that the pyramid takes besides the image.
-    pub fn pyramid_bytes(&self) -> usize {
-        self.coarser.iter().map(Image::bytes).sum()
+    /// Do lookups depend on how much of a surface a path sees?
+    pub fn has_pyramid(&self) -> bool {
+        !self.coarser.is_empty()
     }
 
     /// Linear RGBA at texture coordinates; values are decoded before they are blended. Coordinates that are no numbers
@@ -73,25 +59,25 @@ impl ImageLookup {
         if self.interpolation != Interpolation::Trilinear
             || texels.partial_cmp(&1.0) != Some(Ordering::Greater)
         {
-            return blend(&self.image, taps(&self.image, 0));
+            return blend(&self.finest, taps(&self.finest.image, 0));
         }
         // Between the two levels whose texels are just smaller and just larger than the footprint; the larger one's
         // share grows linearly with it.
         let bits = texels.to_bits();
         let level = (bits >> 23) as usize - 127;
         let share = f32::from_bits((bits & 0x007f_ffff) | 0x3f80_0000) - 1.0;
-        let fine = if level == 0 { Some(&self.image) } else { self.coarser.get(level - 1) };
+        let fine = if level == 0 { Some(&self.finest) } else { self.coarser.get(level - 1) };
         let (Some(fine), Some(coarse)) = (fine, self.coarser.get(level)) else {
-            let last = self.coarser.last().unwrap_or(&self.image);
-            return blend(last, taps(last, self.coarser.len()));
+            let last = self.coarser.last().unwrap_or(&self.finest);
+            return blend(last, taps(&last.image, self.coarser.len()));
         };
-        let (a, b) = (blend(fine, taps(fine, level)), blend(coarse, taps(coarse, level + 1)));
+        let (a, b) = (blend(fine, taps(&fine.image, level)), blend(coarse, taps(&coarse.image, level + 1)));
         std::array::from_fn(|i| a[i] + share * (b[i] - a[i]))
     }
 
     /// What decides which texels are found at given coordinates.
     pub(super) fn grid(&self) -> (u32, u32, [Wrap; 2], Interpolation) {
-        (self.image.width, self.image.height, self.wrap, self.interpolation)
+        (self.finest.image.width, self.finest.image.height, self.wrap, self.interpolation)
     }
 
     /// The texels of a level at texture coordinates.
@@ -121,8 +107,8 @@ pub(super) struct Taps {
 }
 
 #[inline(always)]
-fn blend(image: &Image, taps: Taps) -> [f32; 4] {
-    with_texels(image, Blend(taps))
+fn blend(level: &Level, taps: Taps) -> [f32; 4] {
+    with_texels_of_level(level, Blend(taps))
 }
 
 struct Blend(Taps);
@@ -211,8 +197,14 @@ mod tests {
         Image::from_linear_rgb("ramp", 4, 3, rgb)
     }
 
+    /// Reads an image all of which is in memory.
+    fn lookup(image: Image, wrap: Wrap, interpolation: Interpolation) -> ImageLookup {
+        let levels = Levels::resident(image, interpolation == Interpolation::Trilinear);
+        ImageLookup::new(&levels, wrap, wrap, interpolation)
+    }
+
     fn red(wrap: Wrap, interpolation: Interpolation, u: f32) -> f32 {
-        ImageLookup::new(ramp(), wrap, wrap, interpolation).eval(Vec2::new(u, 0.5), 0.0)[0]
+        lookup(ramp(), wrap, interpolation).eval(Vec2::new(u, 0.5), 0.0)[0]
     }
 
     #[test]
@@ -250,7 +242,7 @@ mod tests {
             encoding: Encoding::Srgb,
             pixels: Arc::new(Pixels::U8(vec![0, 255])),
         };
-        let lookup = ImageLookup::new(image, Wrap::Clamp, Wrap::Clamp, Interpolation::Bilinear);
+        let lookup = lookup(image, Wrap::Clamp, Interpolation::Bilinear);
         assert!((lookup.eval(Vec2::new(0.5, 0.5), 0.0)[1] - 0.5).abs() < 1e-6);
     }
 
@@ -259,9 +251,9 @@ mod tests {
         let rgb = (0..64).flat_map(|i| [((i % 8) / 4) as f32, (i % 2) as f32, 1.0]).collect();
         let image = Image::from_linear_rgb("stripes", 8, 8, rgb);
         let wrap = Wrap::Repeat;
-        let lookup = ImageLookup::new(image.clone(), wrap, wrap, Interpolation::Trilinear);
+        let sharp = lookup(image.clone(), wrap, Interpolation::Bilinear);
+        let lookup = lookup(image, wrap, Interpolation::Trilinear);
         let at = |footprint: f32| lookup.eval(Vec2::new(2.5 / 8.0, 0.5), footprint / 8.0);
-        let sharp = ImageLookup::new(image, wrap, wrap, Interpolation::Bilinear);
         let green = |footprint: f32| at(footprint)[1];
         // A texel centre at the finest level; stripes of one texel are grey from the next one on.
         assert_eq!(at(0.0), sharp.eval(Vec2::new(2.5 / 8.0, 0.5), 1.0));
@@ -271,6 +263,6 @@ mod tests {
             assert_eq!(at(footprint), [0.5, 0.5, 1.0, 1.0], "{footprint}");
         }
         assert_eq!(at(f32::NAN), at(0.0));
-        assert_eq!(lookup.pyramid_bytes(), (16 + 4 + 1) * 12);
+        assert_eq!(lookup.coarser.iter().map(Level::bytes).sum::<usize>(), (16 + 4 + 1) * 12);
     }
 }

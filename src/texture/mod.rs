@@ -1,27 +1,36 @@
-//! Textures ready for lookup: transforms folded, constants known, 8-bit images left as they are and decoded by table.
+//! Textures ready for lookup: transforms folded, constants known, 8-bit images left as they are and decoded by table. Images are in
+//! memory as far as a picture needs them; the rest is decoded on demand.
 
 mod compiled;
 mod coordinates;
 mod fold;
 mod image;
+mod level;
 mod noise;
+mod paged;
 mod pyramid;
 mod reader;
+mod resident;
+mod store;
 mod texels;
+mod tile;
 
 pub use coordinates::TexturePoint;
 pub use image::ImageLookup;
 pub use noise::{marble, perlin, turbulence};
 pub use reader::PointReader;
+pub use resident::{TextureNeeds, TextureReport};
+pub use store::TexturesOnDemand;
 
 use crate::color::spectral::Spectrum;
+use crate::error::Error;
 use crate::image::Image;
 use crate::math::Vec3;
-use crate::scene::{ImageId, Interpolation, LightProfile, NoiseKind, Texture, TextureId};
+use crate::scene::{ImageId, LightProfile, NoiseKind, Texture, TextureId};
 use compiled::Compiled;
 use coordinates::TextureCoordinates;
 use fold::{cut_endless_mixes, fold_constants};
-use rayon::prelude::*;
+use resident::{Images, Levels};
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::sync::Arc;
 
@@ -33,18 +42,80 @@ pub struct CompiledTextures {
     world_offset: Vec3,
     /// How lamps shine, by [`ProfileId`](crate::scene::ProfileId).
     profiles: Vec<Arc<LightProfile>>,
+    /// Textures whose images are damaged.
+    lost: HashSet<TextureId>,
+    /// The images that they look into.
+    images: Images,
 }
 
 impl CompiledTextures {
     /// Compiles textures with the images they refer to. `world_offset` is what `compile` subtracted from world
     /// positions. References that lead nowhere count as black (`Scene::validate` reports them).
-    pub fn new(textures: &[Texture], images: &[Image], world_offset: Vec3) -> CompiledTextures {
-        let pyramids = pyramids(textures, images);
-        let mut compiled: Vec<Compiled> = textures.iter().map(|t| compile(t, images, &pyramids)).collect();
+    ///
+    /// # Errors
+    /// That of a damaged image without which the scene can't be rendered. Other damaged images are white, and in the report.
+    pub fn new(
+        textures: &[Texture],
+        images: &[Image],
+        world_offset: Vec3,
+        needs: TextureNeeds,
+    ) -> Result<(CompiledTextures, TextureReport), Error> {
+        CompiledTextures::after(None, textures, images, world_offset, needs)
+    }
+
+    /// The same with images of an earlier picture of the same textures and images, as far as they suffice.
+    ///
+    /// # Errors
+    /// As for [`CompiledTextures::new`].
+    pub fn after(
+        earlier: Option<CompiledTextures>,
+        textures: &[Texture],
+        images: &[Image],
+        world_offset: Vec3,
+        needs: TextureNeeds,
+    ) -> Result<(CompiledTextures, TextureReport), Error> {
+        let mut report = TextureReport::default();
+        let earlier = earlier.map(|textures| textures.images);
+        let made = resident::of(earlier, (textures, images), needs, &mut report)?;
+        let levels = &made.levels;
+        let mut compiled: Vec<Compiled> = textures.iter().map(|t| compile(t, images, levels)).collect();
         fold_constants(&mut compiled);
         cut_endless_mixes(&mut compiled);
         number_grids(&mut compiled);
-        CompiledTextures { textures: compiled, world_offset, profiles: Vec::new() }
+        let is_lost = |texture: &Texture| match texture {
+            Texture::Image { image, .. } => matches!(levels.get(image), Some(None)),
+            _ => false,
+        };
+        let lost = (0..).map(TextureId).zip(textures).filter(|(_, t)| is_lost(t)).map(|(id, _)| id).collect();
+        let profiles = Vec::new();
+        Ok((CompiledTextures { textures: compiled, world_offset, profiles, lost, images: made }, report))
+    }
+
+    /// Textures all of which are in memory, of images without damage.
+    #[cfg(test)]
+    pub(crate) fn resident(textures: &[Texture], images: &[Image], world_offset: Vec3) -> CompiledTextures {
+        let made = CompiledTextures::new(textures, images, world_offset, TextureNeeds::default());
+        made.expect("no image is damaged").0
+    }
+
+    /// Bytes of images that stay in memory.
+    pub fn bytes(&self) -> usize {
+        self.images.bytes() as usize
+    }
+
+    /// Is the image of a texture damaged, so that materials do without it?
+    pub fn is_lost(&self, id: TextureId) -> bool {
+        self.lost.contains(&id)
+    }
+
+    /// Are they made for what another picture needs as well?
+    pub fn suit(&self, needs: &TextureNeeds) -> bool {
+        self.images.needs.limit == needs.limit && self.images.needs.cover(needs)
+    }
+
+    /// What was decoded on demand since they were made.
+    pub fn on_demand(&self) -> TexturesOnDemand {
+        self.images.on_demand()
     }
 
     /// The same textures in a world whose origin has moved otherwise.
@@ -124,58 +195,27 @@ impl CompiledTextures {
         false
     }
 
-    /// Bytes that images and their pyramids take; images that several textures share count once.
-    pub fn bytes(&self) -> usize {
-        let mut known = HashSet::new();
-        let images = self.textures.iter().filter_map(|texture| match texture {
-            Compiled::Image { lookup, .. } => Some(lookup),
-            _ => None,
-        });
-        images.filter(|lookup| known.insert(lookup.identity())).map(ImageLookup::bytes).sum()
-    }
-
     /// Do lookups depend on how much of a surface a path sees?
     pub fn use_footprints(&self) -> bool {
-        self.textures
-            .iter()
-            .any(|t| matches!(t, Compiled::Image { lookup, .. } if lookup.pyramid_bytes() > 0))
+        self.textures.iter().any(|t| matches!(t, Compiled::Image { lookup, .. } if lookup.has_pyramid()))
     }
 }
 
-/// One lookup for each image that has a pyramid.
-fn pyramids(textures: &[Texture], images: &[Image]) -> BTreeMap<ImageId, ImageLookup> {
-    let mut used: Vec<(ImageId, &Image)> = Vec::new();
-    for texture in textures {
-        if let Texture::Image { image: id, interpolation: Interpolation::Trilinear, .. } = texture
-            && let Some(image) = images.get(id.index())
-            && (image.width, image.height) != (1, 1)
-            && !used.iter().any(|(known, _)| known == id)
-        {
-            used.push((*id, image));
-        }
-    }
-    let build = |(id, image): (ImageId, &Image)| {
-        (
-            id,
-            ImageLookup::new(image.clone(), Default::default(), Default::default(), Interpolation::Trilinear),
-        )
-    };
-    used.into_par_iter().map(build).collect()
-}
-
-fn compile(texture: &Texture, images: &[Image], pyramids: &BTreeMap<ImageId, ImageLookup>) -> Compiled {
+fn compile(texture: &Texture, images: &[Image], levels: &BTreeMap<ImageId, Option<Levels>>) -> Compiled {
     match texture {
         Texture::Solid([r, g, b]) => Compiled::Constant([*r, *g, *b, 1.0]),
         Texture::Image { image, wrap_u, wrap_v, interpolation, mapping } => match images.get(image.index()) {
             None => Compiled::Constant([0.0, 0.0, 0.0, 1.0]),
-            Some(image) if image.width == 1 && image.height == 1 => Compiled::Constant(image.rgba(0, 0)),
-            Some(pixels) => {
-                let lookup = match pyramids.get(image) {
-                    Some(same) => same.reread(*wrap_u, *wrap_v, *interpolation),
-                    None => ImageLookup::new(pixels.clone(), *wrap_u, *wrap_v, *interpolation),
-                };
-                Compiled::Image { lookup, coordinates: TextureCoordinates::new(mapping), grid: 0 }
-            }
+            Some(pixels) => match levels.get(image) {
+                // A single pixel.
+                None => Compiled::Constant(pixels.rgba(0, 0)),
+                // Factors of materials count alone.
+                Some(None) => Compiled::Constant([1.0; 4]),
+                Some(Some(levels)) => {
+                    let lookup = ImageLookup::new(levels, *wrap_u, *wrap_v, *interpolation);
+                    Compiled::Image { lookup, coordinates: TextureCoordinates::new(mapping), grid: 0 }
+                }
+            },
         },
         Texture::Checker { even, odd, cell_size, mapping } => Compiled::Checker {
             even: even.0,
@@ -263,5 +303,7 @@ fn noise_value(kind: NoiseKind, p: Vec3, octaves: u32, seed: u32) -> f32 {
     value.clamp(0.0, 1.0)
 }
 
+#[cfg(test)]
+mod demand_tests;
 #[cfg(test)]
 mod tests;

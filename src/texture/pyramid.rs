@@ -6,23 +6,26 @@ use crate::image::{Encoding, Image, Pixels};
 use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
 
-/// The levels above the image itself, down to one texel; each in the image's own format.
-pub(super) fn coarser_levels(image: &Image) -> Vec<Image> {
-    let mut levels: Vec<Image> = Vec::new();
-    loop {
-        let finer = levels.last().unwrap_or(image);
-        if finer.width == 1 && finer.height == 1 {
-            return levels;
-        }
-        let next = halved(finer);
-        levels.push(next);
-    }
+/// The next coarser level, in the image's own format: half the size, rounded down but at least 1. Each texel is the mean of the area
+/// that it covers, in linear values; colours weigh by their alpha, so that invisible ones don't bleed into others.
+pub(super) fn halved(image: &Image) -> Image {
+    halved_by(image, Threads::All)
 }
 
-/// Half the size, rounded down but at least 1. Each texel is the mean of the area that it covers, in linear values;
-/// colours weigh by their alpha, so that invisible ones don't bleed into others.
-fn halved(image: &Image) -> Image {
-    let means = Halves::new(image);
+/// The same without help of other threads.
+pub(super) fn halved_by_one_thread(image: &Image) -> Image {
+    halved_by(image, Threads::This)
+}
+
+/// Who works.
+#[derive(Clone, Copy)]
+enum Threads {
+    All,
+    This,
+}
+
+fn halved_by(image: &Image, threads: Threads) -> Image {
+    let means = Halves::new(image, threads);
     let is_srgb = image.encoding == Encoding::Srgb;
     let pixels = match &*image.pixels {
         Pixels::U8(_) => {
@@ -36,6 +39,7 @@ fn halved(image: &Image) -> Image {
             Pixels::U16(means.encoded(color, linear))
         }
         Pixels::F32(_) => Pixels::F32(means.encoded(|v| v, |v| v)),
+        Pixels::Encoded(_) => unreachable!("images are decoded before they are averaged"),
     };
     let (width, height) = (means.columns.len() as u32, means.rows.len() as u32);
     Image { name: image.name.clone(), width, height, pixels: Arc::new(pixels), ..*image }
@@ -77,15 +81,16 @@ struct Halves<'a> {
     image: &'a Image,
     columns: Vec<Taps>,
     rows: Vec<Taps>,
+    threads: Threads,
 }
 
 impl<'a> Halves<'a> {
-    fn new(image: &'a Image) -> Halves<'a> {
+    fn new(image: &'a Image, threads: Threads) -> Halves<'a> {
         let taps = |fine: u32| {
             let coarse = (fine / 2).max(1);
             (0..coarse).map(|i| Taps::new(i, coarse, fine)).collect::<Vec<_>>()
         };
-        Halves { image, columns: taps(image.width), rows: taps(image.height) }
+        Halves { image, columns: taps(image.width), rows: taps(image.height), threads }
     }
 
     /// All texels in the image's own format: colours by one function, alphas by the other.
@@ -111,19 +116,26 @@ impl<'a> Halves<'a> {
     {
         let width = self.columns.len();
         let mut values = vec![T::zeroed(); width * self.rows.len() * N];
-        let rows = values.par_chunks_exact_mut(width * N).zip(&self.rows).with_min_len(16);
-        rows.for_each_init(
-            || vec![[0.0; 4]; width],
-            |means, (values, row)| {
-                with_texels(self.image, Means { of: self, row, means });
-                for (mean, texel) in means.iter().zip(values.chunks_exact_mut(N)) {
-                    for (c, value) in texel.iter_mut().enumerate() {
-                        let is_alpha = N.is_multiple_of(2) && c == N - 1;
-                        *value = if is_alpha { alpha(mean[3]) } else { color(mean[c]) };
-                    }
+        let means = || vec![[0.0; 4]; width];
+        let fill = |means: &mut Vec<[f32; 4]>, (values, row): (&mut [T], &Taps)| {
+            with_texels(self.image, Means { of: self, row, means });
+            for (mean, texel) in means.iter().zip(values.chunks_exact_mut(N)) {
+                for (c, value) in texel.iter_mut().enumerate() {
+                    let is_alpha = N.is_multiple_of(2) && c == N - 1;
+                    *value = if is_alpha { alpha(mean[3]) } else { color(mean[c]) };
                 }
-            },
-        );
+            }
+        };
+        match self.threads {
+            Threads::All => {
+                let rows = values.par_chunks_exact_mut(width * N).zip(&self.rows).with_min_len(16);
+                rows.for_each_init(means, fill);
+            }
+            Threads::This => {
+                let mut means = means();
+                values.chunks_exact_mut(width * N).zip(&self.rows).for_each(|row| fill(&mut means, row));
+            }
+        }
         values
     }
 
@@ -231,6 +243,12 @@ impl SrgbCodes {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// All levels above the image itself.
+    fn coarser_levels(image: &Image) -> Vec<Image> {
+        let next = |i: &Image| ((i.width, i.height) != (1, 1)).then(|| halved(i));
+        std::iter::successors(next(image), next).collect()
+    }
 
     fn grey(width: u32, height: u32) -> Image {
         let rgb = (0..width * height * 3).map(|i| ((i * 7919) % 101) as f32 * 0.01).collect();

@@ -10,7 +10,7 @@ fn checker(mapping: Mapping, odd: [f32; 3]) -> CompiledTextures {
         Texture::Solid([1.0; 3]),
         Texture::Solid(odd),
     ];
-    CompiledTextures::new(&textures, &[], Vec3::ZERO)
+    CompiledTextures::resident(&textures, &[], Vec3::ZERO)
 }
 
 #[test]
@@ -29,7 +29,7 @@ fn constants_fold_and_circles_are_black() {
     assert_eq!(checker(Mapping::World, [0.5; 3]).constant(TextureId(0)), None);
     let circle =
         Texture::Checker { even: TextureId(0), odd: TextureId(9), cell_size: 1.0, mapping: Mapping::World };
-    let t = CompiledTextures::new(&[circle], &[], Vec3::ZERO);
+    let t = CompiledTextures::resident(&[circle], &[], Vec3::ZERO);
     assert_eq!(t.eval(TextureId(0), Vec2::ZERO, Vec3::ZERO), [0.0, 0.0, 0.0, 1.0]);
     assert_eq!(t.eval(TextureId(7), Vec2::ZERO, Vec3::ZERO), [0.0, 0.0, 0.0, 1.0]);
 }
@@ -43,7 +43,7 @@ fn tables_by_the_cosine_are_linear() {
         table(&[]),
         Texture::Checker { even: TextureId(0), odd: TextureId(1), cell_size: 1.0, mapping: Mapping::World },
     ];
-    let t = CompiledTextures::new(&textures, &[], Vec3::ZERO);
+    let t = CompiledTextures::resident(&textures, &[], Vec3::ZERO);
     let at = |cosine| t.eval_at(TextureId(0), &TexturePoint { cosine, ..TexturePoint::default() });
     assert_eq!(at(0.0), [0.0, 0.0, 0.0, 1.0]);
     assert_eq!(at(0.25), [0.5, 0.25, 0.125, 1.0]);
@@ -72,7 +72,7 @@ fn mixes_follow_their_factor() {
         mix(8, 0, 3),
         mix(0, 99, 3),
     ];
-    let t = CompiledTextures::new(&textures, &[], Vec3::ZERO);
+    let t = CompiledTextures::resident(&textures, &[], Vec3::ZERO);
     let at = |id, x, cosine| {
         let uv = [Vec2::new(x, 0.1); 2];
         t.eval_at(TextureId(id), &TexturePoint { uv, cosine, ..TexturePoint::default() })
@@ -98,7 +98,7 @@ fn circles_of_checkers_and_mixes_end() {
         Texture::Mix { a: TextureId(0), b: TextureId(2), factor: TextureId(0) },
         Texture::Solid([1.0; 3]),
     ];
-    let t = CompiledTextures::new(&textures, &[], Vec3::ZERO);
+    let t = CompiledTextures::resident(&textures, &[], Vec3::ZERO);
     assert_eq!(t.eval(TextureId(1), Vec2::ZERO, Vec3::ZERO), [0.0, 0.0, 0.0, 1.0]);
 }
 
@@ -112,8 +112,8 @@ fn world_offset_moves_patterns_back() {
         high: [1.0, 2.0, 3.0],
         seed: 5,
     };
-    let here = CompiledTextures::new(std::slice::from_ref(&noise), &[], Vec3::ZERO);
-    let moved = CompiledTextures::new(&[noise], &[], Vec3::splat(8.0));
+    let here = CompiledTextures::resident(std::slice::from_ref(&noise), &[], Vec3::ZERO);
+    let moved = CompiledTextures::resident(&[noise], &[], Vec3::splat(8.0));
     let p = Vec3::new(0.25, 0.5, 0.125);
     let value = moved.eval(TextureId(0), Vec2::ZERO, p);
     assert_eq!(value, here.eval(TextureId(0), Vec2::ZERO, p + 8.0));
@@ -122,7 +122,7 @@ fn world_offset_moves_patterns_back() {
 
 #[test]
 fn normals_become_colours() {
-    let t = CompiledTextures::new(&[Texture::Normal], &[], Vec3::ZERO);
+    let t = CompiledTextures::resident(&[Texture::Normal], &[], Vec3::ZERO);
     assert_eq!(t.constant(TextureId(0)), None);
     let point = TexturePoint { normal: Vec3::new(0.6, 0.0, -0.8), ..TexturePoint::default() };
     let value = t.eval_at(TextureId(0), &point);
@@ -141,6 +141,6 @@ fn one_pixel_images_are_constants() {
         interpolation: Default::default(),
         mapping: Mapping::default(),
     };
-    let t = CompiledTextures::new(&[texture], &[image], Vec3::ZERO);
+    let t = CompiledTextures::resident(&[texture], &[image], Vec3::ZERO);
     assert_eq!(t.constant(TextureId(0)), Some([0.1, 0.2, 0.3, 1.0]));
 }

@@ -1,6 +1,7 @@
 //! Images by way of the files that refer to them: textures and environments of scene files, maps of OBJ materials.
 
 use image::{ImageFormat, Rgb, RgbImage};
+use oscura::compile::{CompileOptions, compile};
 use oscura::error::Error;
 use oscura::image::Encoding;
 use oscura::load::image::load_environment;
@@ -135,4 +136,61 @@ fn damaged_exr_files_never_panic() {
         }
     }
     assert!(refused > 50, "only {refused} were refused");
+}
+
+/// A PNG file of some noise whose pixels take more than a mebibyte.
+fn large_png() -> Vec<u8> {
+    let mut out = Cursor::new(Vec::new());
+    let noise = |x: u32, y: u32| (x.wrapping_mul(2_654_435_761) ^ y.wrapping_mul(40_503)).to_le_bytes();
+    let picture = RgbImage::from_fn(700, 600, |x, y| Rgb([noise(x, y)[1], noise(x, y)[2], (x / 4) as u8]));
+    picture.write_to(&mut out, ImageFormat::Png).expect("encoded");
+    out.into_inner()
+}
+
+#[test]
+fn large_images_of_textures_are_decoded_when_a_scene_is_compiled() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("s.toml");
+    std::fs::write(&path, SCENE).expect("written");
+    std::fs::write(folder.path().join("a.png"), large_png()).expect("written");
+    let loaded = load(&path, &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
+    let image = &loaded.scene.images[0];
+    assert!(image.is_encoded() && (image.width, image.height, image.channels) == (700, 600, 3));
+    let decoded = image.decoded().expect("it is whole");
+    assert_eq!((decoded.bytes(), decoded.encoding), (700 * 600 * 3, Encoding::Srgb));
+    let (_, report) = compile(&loaded.scene, &CompileOptions::default()).expect("it is whole");
+    assert_eq!((report.textures.decoded, report.textures.bytes), (1, 700 * 600 * 3));
+    // Another file in its place.
+    std::fs::write(folder.path().join("a.png"), png(3, 2)).expect("written");
+    let error = compile(&loaded.scene, &CompileOptions::default()).map(drop).expect_err("it has changed");
+    let shown = error.to_string();
+    assert!(shown.contains("line 2") && shown.contains("has changed since the scene was loaded"), "{shown}");
+}
+
+#[test]
+fn damage_inside_large_images_is_told_as_that_of_small_ones() {
+    let whole = large_png();
+    let cut = &whole[..whole.len() / 2];
+    let loaded = load_files_kept(&[("s.toml", SCENE.as_bytes()), ("a.png", cut)]);
+    let error = compile(&loaded.0.scene, &CompileOptions::default()).map(drop).expect_err("a cut picture");
+    let shown = error.to_string();
+    assert!(shown.contains("line 2") && shown.contains("a.png: can't be read as an image"), "{shown}");
+    assert!(error.source_text.is_some());
+    let mtl = "newmtl m\nKd .5 .5 .5\nmap_Kd a.png\n";
+    let obj = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3\n";
+    let files = [("m.obj", obj.as_bytes()), ("m.mtl", mtl.as_bytes()), ("a.png", cut)];
+    let loaded = load_files_kept(&files);
+    let (_, report) = compile(&loaded.0.scene, &CompileOptions::default()).expect("textures are left out");
+    let shown: Vec<String> = report.warnings.iter().map(ToString::to_string).collect();
+    assert!(shown[0].contains("m.mtl") && shown[0].contains("line 3: texture left out: "), "{shown:?}");
+}
+
+/// Loads the first of some files, which stay as long as their folder.
+fn load_files_kept(files: &[(&str, &[u8])]) -> (Loaded, tempfile::TempDir) {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for (name, content) in files {
+        std::fs::write(folder.path().join(name), content).expect("written");
+    }
+    let loaded = load(folder.path().join(files[0].0), &LoadOptions::default());
+    (loaded.unwrap_or_else(|e| panic!("{e}")), folder)
 }

@@ -14,8 +14,11 @@ use super::report::print_line;
 use super::scene_path;
 use super::terms;
 use oscura::error::Result;
+use oscura::image::Damage;
 use oscura::load::stage::StageOptions;
-use oscura::load::{LoadOptions, load};
+use oscura::load::{LoadOptions, Loaded, load};
+use std::collections::HashSet;
+use std::sync::Arc;
 
 pub(crate) fn run(args: &InspectArgs) -> Result<Outcome> {
     scene_path::check(&args.scene)?;
@@ -30,6 +33,7 @@ pub(crate) fn run(args: &InspectArgs) -> Result<Outcome> {
         ..LoadOptions::default()
     };
     let mut loaded = load(&args.scene, &options)?;
+    decode_images(&mut loaded)?;
     terms::in_loaded(&mut loaded);
     if args.json {
         json::print(&to_json::of(&args.scene, &loaded));
@@ -37,4 +41,20 @@ pub(crate) fn run(args: &InspectArgs) -> Result<Outcome> {
         text::lines(&args.scene, &loaded).iter().for_each(|l| print_line(l));
     }
     Ok(Outcome::Done)
+}
+
+/// Decodes the images that are still encoded, one after the other, to tell of those that are damaged as rendering would.
+fn decode_images(loaded: &mut Loaded) -> Result<()> {
+    let mut seen = HashSet::new();
+    for image in &loaded.scene.images {
+        if !image.is_encoded() || !seen.insert(Arc::as_ptr(&image.pixels)) {
+            continue;
+        }
+        match image.decoded() {
+            Ok(_) => {}
+            Err(Damage::LeftOut(warning)) => loaded.warnings.push(warning),
+            Err(Damage::Fatal(error)) => return Err(error),
+        }
+    }
+    Ok(())
 }

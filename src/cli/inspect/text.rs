@@ -87,6 +87,8 @@ fn image_line(image: &Image) -> String {
         Pixels::U8(_) => "8 bits",
         Pixels::U16(_) => "16 bits",
         Pixels::F32(_) => "32-bit floats",
+        Pixels::Encoded(encoded) if encoded.bits == 8 => "8 bits",
+        Pixels::Encoded(_) => "16 bits",
     };
     let encoding = match image.encoding {
         Encoding::Linear => "linear",

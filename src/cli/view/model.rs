@@ -65,6 +65,7 @@ impl Model {
         let options = LoadOptions { files: files.clone(), ..load_options(args)? };
         let mut loaded = load_scene(args, cancel, &options)?;
         let mut compiler = Compiler::sequence();
+        compiler.expect_other_cameras();
         let wants = Wants { has_exr: true, keeps_uv: true, pictures: 1 };
         let prepared = prepare(args, wants, Some(&environment), &mut loaded, start, &mut compiler)?;
         let Prepared { scene, settled, png, notes, warnings, build, .. } = prepared;

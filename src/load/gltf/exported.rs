@@ -68,15 +68,18 @@ fn lamps(doc: &Document, hierarchy: &Hierarchy, report: &mut Report) -> Vec<(Str
 /// Is alpha below 1 somewhere in a texture's image?
 fn has_alpha(scene: &Scene, texture: TextureId) -> bool {
     let Some(Texture::Image { image, .. }) = scene.textures.get(texture.index()) else { return false };
-    let Some(Image { channels, pixels, .. }) = scene.images.get(image.index()) else { return false };
-    let n = *channels as usize;
+    let Some(image) = scene.images.get(image.index()) else { return false };
+    let n = image.channels as usize;
     if n != 2 && n != 4 {
         return false;
     }
-    match &**pixels {
+    // What can't be decoded is told of when the scene is compiled.
+    let Ok(Image { pixels, .. }) = image.decoded() else { return false };
+    match &*pixels {
         Pixels::U8(data) => data.chunks_exact(n).any(|p| p[n - 1] < u8::MAX),
         Pixels::U16(data) => data.chunks_exact(n).any(|p| p[n - 1] < u16::MAX),
         Pixels::F32(data) => data.chunks_exact(n).any(|p| p[n - 1] < 1.0),
+        Pixels::Encoded(_) => false,
     }
 }
 

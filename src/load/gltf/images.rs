@@ -1,13 +1,15 @@
-//! The images that textures need: fetched one after the other, decoded in parallel, each once.
+//! The images that textures need: fetched one after the other, each once; small ones are decoded in parallel, large ones stay encoded.
 
 use super::buffers::Fetched;
 use super::document::{Document, name_of, pointer};
 use super::report::{Report, Sound};
 use super::textures::ImageNeed;
-use crate::error::{Problem, Warning};
-use crate::image::{Encoding, Image, Pixels};
-use crate::load::image::{Use, decode, unused};
+use crate::error::{Error, Problem, Warning};
+use crate::image::{Damage, Encoding, Image, Pixels};
+use crate::load::image::{ImageFile, OnDamage, Use, decode, for_texture, unused};
 use rayon::prelude::*;
+use std::borrow::Cow;
+use std::collections::{HashMap, HashSet};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -17,25 +19,27 @@ struct Source<'d> {
     need: ImageNeed,
     name: String,
     fetched: Fetched<'d>,
+    /// For damage that is found later.
+    on_damage: OnDamage,
 }
 
 /// Decodes what is needed, in the order of the needs. Problems are noted; the list is complete only without any.
 pub(super) fn read(doc: &Document, needs: &[ImageNeed], report: &mut Report) -> Vec<Image> {
-    let (images, unreadable) = read_what_can_be(doc, needs, report);
+    let (images, unreadable) = read_what_can_be(doc, needs, false, report);
     unreadable.into_iter().for_each(|(_, problem)| {
         report.add(problem);
     });
     images.into_iter().flatten().collect()
 }
 
-/// Decodes the images of textures, in the order of the needs. A white pixel stands for those whose bytes are no image, which
+/// Reads the images of textures, in the order of the needs. A white pixel stands for those whose bytes are no image, which
 /// come with what is said of them. Other problems are noted.
 pub(super) fn read_textures(
     doc: &Document,
     needs: &[ImageNeed],
     report: &mut Report,
 ) -> (Vec<Image>, Vec<(usize, String)>) {
-    let (images, unreadable) = read_what_can_be(doc, needs, report);
+    let (images, unreadable) = read_what_can_be(doc, needs, true, report);
     let blank = || Image {
         name: String::new(),
         width: 1,
@@ -56,34 +60,53 @@ pub(super) fn read_textures(
     (images, lost)
 }
 
-/// Decodes what is needed, in the order of the needs, and gives the problems of what can't be decoded by its index.
+/// Bytes of images that are read before they are decoded, and forgotten as far as images stay encoded.
+const READ_TOGETHER: usize = 256 << 20;
+
+/// Reads what is needed, in the order of the needs, and gives the problems of what can't be decoded by its index. Large images stay
+/// encoded if `is_lazy`.
 fn read_what_can_be(
     doc: &Document,
     needs: &[ImageNeed],
+    is_lazy: bool,
     report: &mut Report,
 ) -> (Vec<Option<Image>>, Vec<(usize, Problem)>) {
-    let mut sources: Vec<Source> = Vec::new();
-    for &need in needs {
-        if !sources.iter().any(|s| s.need.index == need.index) {
-            sources.extend(fetch(doc, need, report));
-        }
-    }
+    // Numbers of sources, which several needs may have in common. Roughness is made of pixels.
+    let mut numbers: HashMap<usize, usize> = HashMap::new();
+    let is_gloss: HashSet<usize> = needs.iter().filter(|n| n.gloss.is_some()).map(|n| n.index).collect();
+    let (mut decoded, mut unreadable, mut pending, mut bytes) = (Vec::new(), Vec::new(), Vec::new(), 0);
     let path = doc.path;
-    let decoded: Vec<_> = sources.par_iter().map(|source| decode_source(path, source)).collect();
-    let mut unreadable = Vec::new();
-    for (source, Decoded { image, warnings, notes }) in sources.iter().zip(&decoded) {
-        report.extend(warnings);
-        report.extend_notes(notes);
-        if let Err(problem) = image {
-            unreadable.push((source.need.index, problem.clone()));
+    let mut decode = |sources: &mut Vec<Source>, report: &mut Report| {
+        let read = |source: &Source| {
+            let is_lazy = is_lazy && !is_gloss.contains(&source.need.index);
+            decode_source(path, source, is_lazy)
+        };
+        let images: Vec<Decoded> = sources.par_iter().map(read).collect();
+        for (source, Decoded { image, warnings, notes }) in sources.drain(..).zip(images) {
+            report.extend(&warnings);
+            report.extend_notes(&notes);
+            decoded.push(image.map_err(|problem| unreadable.push((source.need.index, problem))).ok());
+        }
+    };
+    for &need in needs {
+        if !numbers.contains_key(&need.index)
+            && let Ok(source) = fetch(doc, need, report)
+        {
+            bytes += source.fetched.bytes.len();
+            pending.push(source);
+            numbers.insert(need.index, numbers.len());
+            if bytes > READ_TOGETHER {
+                decode(&mut pending, report);
+                bytes = 0;
+            }
         }
     }
+    decode(&mut pending, report);
     let image = |need: &ImageNeed| {
-        let at = sources.iter().position(|s| s.need.index == need.index)?;
-        let image = decoded.get(at)?.image.as_ref().ok()?;
+        let image = decoded.get(*numbers.get(&need.index)?)?.as_ref()?;
         let encoding = match *image.pixels {
             Pixels::F32(_) => Encoding::Linear,
-            Pixels::U8(_) | Pixels::U16(_) => need.encoding,
+            Pixels::U8(_) | Pixels::U16(_) | Pixels::Encoded(_) => need.encoding,
         };
         let image = Image { encoding, ..image.clone() };
         Some(match need.gloss {
@@ -127,7 +150,8 @@ fn fetch<'d>(doc: &'d Document, need: ImageNeed, report: &mut Report) -> Sound<S
         }
     };
     fetched.mime = json.mime_type.map(|m| m.0).or(fetched.mime);
-    Ok(Source { need, name, fetched })
+    let on_damage = on_damage(doc, name.clone(), at);
+    Ok(Source { need, name, fetched, on_damage })
 }
 
 /// An image, or the problem of the asset that it is, and what is to be said of it.
@@ -138,26 +162,49 @@ struct Decoded {
     notes: Vec<Warning>,
 }
 
-fn decode_source(asset: &Path, source: &Source) -> Decoded {
+fn decode_source(asset: &Path, source: &Source, is_lazy: bool) -> Decoded {
     let Fetched { bytes, mime, file } = &source.fetched;
     let purpose = if source.need.encoding == Encoding::Srgb { Use::Color } else { Use::Data };
     let at = pointer("images", source.need.index);
     let mut warnings = Vec::new();
-    let (place, inside) = match file {
+    let place = match file {
         Some(file) => (file.as_path(), ""),
         None => (asset, at.as_str()),
     };
-    let image = match decode(bytes, place, inside, mime.as_deref(), purpose, &mut warnings) {
-        Ok(image) => Ok(Image { name: source.name.clone(), ..image }),
-        Err(error) => {
-            let messages: Vec<String> = error.problems.iter().map(|p| p.message.clone()).collect();
-            let help = error.problems.into_iter().find_map(|p| p.help);
-            Err(Problem {
-                help,
-                ..Problem::new(at.as_str(), format!("'{}' {}", source.name, messages.join("; ")))
-            })
+    let (own_file, mime) = (file.as_deref(), mime.as_deref());
+    let image = match is_lazy {
+        true => {
+            let of = ImageFile { bytes: Cow::Borrowed(bytes), own_file, place, mime };
+            for_texture(of, purpose, &mut warnings, source.on_damage.clone())
         }
+        false => decode(bytes, place.0, place.1, mime, purpose, &mut warnings),
     };
-    let notes = if image.is_ok() { unused(bytes, place, inside, purpose) } else { Vec::new() };
+    let image = match image {
+        Ok(image) => Ok(Image { name: source.name.clone(), ..image }),
+        Err(error) => Err(problem(error, &source.name, &at)),
+    };
+    let notes = if image.is_ok() { unused(bytes, place.0, place.1, purpose) } else { Vec::new() };
     Decoded { image, warnings, notes }
+}
+
+/// What the asset says of an image that can't be decoded.
+fn problem(error: Error, name: &str, at: &str) -> Problem {
+    let messages: Vec<String> = error.problems.iter().map(|p| p.message.clone()).collect();
+    let help = error.problems.into_iter().find_map(|p| p.help);
+    Problem { help, ..Problem::new(at, format!("'{name}' {}", messages.join("; "))) }
+}
+
+/// Later on, damaged images are told of as they are now.
+fn on_damage(doc: &Document, name: String, at: String) -> OnDamage {
+    let file = doc.path.to_path_buf();
+    let in_names = doc.in_names(&at);
+    Arc::new(move |error| match problem(error, &name, &at) {
+        problem if problem.help.is_some() => Damage::Fatal(Error::input_problems(&file, vec![problem])),
+        problem => Damage::LeftOut(Warning::new(&file, in_names.as_str(), without_texture(&problem.message))),
+    })
+}
+
+/// What is said of a material that refers to an image that can't be decoded.
+pub(super) fn without_texture(why: &str) -> String {
+    format!("{why}; the material's constants are used alone")
 }

@@ -2,6 +2,7 @@
 
 use super::document::{Document, pointer};
 use super::extensions::is_read;
+use super::images::without_texture;
 use super::report::{Report, Sound};
 use crate::image::Encoding;
 use crate::math::Vec2;
@@ -58,7 +59,7 @@ impl Reference {
 }
 
 /// An image that some texture needs.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) struct ImageNeed {
     /// Its index in the file.
     pub index: usize,
@@ -141,8 +142,7 @@ impl Textures {
         };
         let image = doc.raw("images", index, &format!("{at}/source"), report)?;
         if let Some(why) = self.unreadable.get(&index) {
-            let message = format!("{why}; the material's constants are used alone");
-            return Err(report.warn(pointer("images", index), message));
+            return Err(report.warn(pointer("images", index), without_texture(why)));
         }
         let uri = image.get("uri").and_then(Value::as_str);
         if let Some(file) = uri.and_then(|uri| doc.missing_file(uri)) {

@@ -6,6 +6,7 @@
 #[cfg(feature = "ktx2")]
 mod basis;
 mod bytes;
+mod deferred;
 mod ktx2;
 mod layered;
 mod limits;
@@ -13,6 +14,7 @@ mod openexr;
 mod source;
 mod unused;
 
+pub(crate) use deferred::{ImageFile, OnDamage, for_texture, read_for_texture};
 pub use layered::{ChannelInfo, Layered, load_layered};
 pub(crate) use source::Use;
 
@@ -26,6 +28,9 @@ use source::Source;
 use std::io::Cursor;
 use std::path::Path;
 use std::sync::Arc;
+
+/// What is said of a JPEG file without its end.
+const CUT_SHORT: &str = "the JPEG lacks its end, so that a part of it may be missing; the rest is grey";
 
 /// Reads an image file as a picture to look at.
 ///
@@ -177,8 +182,7 @@ fn decode_common(
         DynamicImage::from_decoder(decoder).map_err(broken)?
     };
     if format == ImageFormat::Jpeg && !jpeg_is_complete(source.bytes) {
-        let message = "the JPEG lacks its end, so that a part of it may be missing; the rest is grey";
-        warnings.push(source.warning(message));
+        warnings.push(source.warning(CUT_SHORT));
     }
     let (width, height) = (decoded.width(), decoded.height());
     let (pixels, channels) = match decoded {

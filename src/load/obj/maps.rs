@@ -2,7 +2,8 @@
 
 use super::files::find;
 use super::mtl::Map;
-use crate::error::Warning;
+use crate::error::{Error, Warning};
+use crate::image::Damage;
 use crate::load::heights::{BUMP_HEIGHT, holds_normals, normals_of_heights};
 use crate::load::image::{self, Use};
 use crate::load::{LoadOptions, Loaded};
@@ -12,13 +13,14 @@ use crate::scene::{
 };
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// The images read so far; `None` for those that can't be.
 pub(super) struct Maps<'a> {
     pub options: &'a LoadOptions,
     images: HashMap<(PathBuf, Use), Option<ImageId>>,
-    /// Normal maps made of height maps, by file and height.
-    bumps: HashMap<(PathBuf, u32), ImageId>,
+    /// Normal maps made of height maps, by file and height; `None` where files that are said to hold heights hold normals.
+    bumps: HashMap<(PathBuf, u32), Option<ImageId>>,
 }
 
 impl<'a> Maps<'a> {
@@ -64,16 +66,33 @@ impl<'a> Maps<'a> {
         loaded: &mut Loaded,
     ) -> Option<NormalMap> {
         let (path, image) = self.image(map, library, Use::Data, loaded)?;
-        if !is_height || holds_normals(&loaded.scene.images[image.index()]) {
-            let texture = push_texture(&mut loaded.scene, map, image);
-            return Some(NormalMap { texture, scale: map.bump });
+        let as_it_is =
+            |scene: &mut Scene| NormalMap { texture: push_texture(scene, map, image), scale: map.bump };
+        if !is_height {
+            return Some(as_it_is(&mut loaded.scene));
         }
-        let scene = &mut loaded.scene;
-        let id = *self.bumps.entry((path, map.bump.to_bits())).or_insert_with(|| {
-            scene.images.push(normals_of_heights(&scene.images[image.index()], map.bump * BUMP_HEIGHT));
-            ImageId(scene.images.len() as u32 - 1)
-        });
-        Some(NormalMap { texture: push_texture(scene, map, id), scale: 1.0 })
+        let key = (path, map.bump.to_bits());
+        let id = match self.bumps.get(&key) {
+            Some(known) => *known,
+            None => {
+                let made = match loaded.scene.images[image.index()].decoded() {
+                    Ok(heights) if holds_normals(&heights) => None,
+                    Ok(heights) => Some(normals_of_heights(&heights, map.bump * BUMP_HEIGHT)),
+                    Err(Damage::LeftOut(warning)) => {
+                        loaded.warnings.push(warning);
+                        return None;
+                    }
+                    // Damage of these files leaves nothing but textures out.
+                    Err(Damage::Fatal(_)) => return None,
+                };
+                let id = made.map(|normals| loaded.scene.add_image(normals));
+                *self.bumps.entry(key).or_insert(id)
+            }
+        };
+        Some(match id {
+            Some(id) => NormalMap { texture: push_texture(&mut loaded.scene, map, id), scale: 1.0 },
+            None => as_it_is(&mut loaded.scene),
+        })
     }
 
     fn image(
@@ -95,15 +114,18 @@ impl<'a> Maps<'a> {
             }
         };
         let known = self.images.get(&(path.clone(), purpose)).copied();
-        let id = known.unwrap_or_else(|| match image::read(&path, purpose, &mut loaded.warnings) {
-            Ok(image) => {
-                loaded.scene.images.push(image);
-                Some(ImageId(loaded.scene.images.len() as u32 - 1))
-            }
-            Err(e) => {
-                let place = format!("line {}", map.line);
-                loaded.warnings.push(Warning::new(library, place, format!("texture left out: {e}")));
-                None
+        let id = known.unwrap_or_else(|| {
+            let (library, place) = (library.to_path_buf(), format!("line {}", map.line));
+            let without =
+                move |e: Error| Warning::new(&library, place.as_str(), format!("texture left out: {e}"));
+            let later = without.clone();
+            let on_damage = Arc::new(move |e| Damage::LeftOut(later(e)));
+            match image::read_for_texture(&path, purpose, &mut loaded.warnings, on_damage) {
+                Ok(image) => Some(loaded.scene.add_image(image)),
+                Err(e) => {
+                    loaded.warnings.push(without(e));
+                    None
+                }
             }
         });
         self.images.insert((path.clone(), purpose), id);

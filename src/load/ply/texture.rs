@@ -1,12 +1,14 @@
 //! The pictures that comments of a PLY file name.
 
 use super::wedges::Run;
-use crate::error::Warning;
+use crate::error::{Error, Warning};
+use crate::image::Damage;
 use crate::load::image::{self, Use};
 use crate::load::obj::find_file;
 use crate::load::{LoadOptions, Loaded};
 use crate::scene::{ColorSlot, Interpolation, Mapping, Model, Texture, Wrap};
 use std::path::Path;
+use std::sync::Arc;
 
 /// By material of the mesh: which of the files is on it, if any.
 pub(super) fn numbers(runs: Option<&[Run]>, files: &[String]) -> Vec<Option<usize>> {
@@ -36,10 +38,20 @@ pub(super) fn add(
             None => Err(String::new()),
         };
         if let Err(why) = outcome {
-            let message = format!("the texture '{name}' of a comment: left out{why}");
-            loaded.warnings.push(Warning::new(path, "", message));
+            loaded.warnings.push(Warning::new(path, "", left_out(name, &why)));
         }
     }
+}
+
+/// What is said of a texture that is left out.
+fn left_out(name: &str, why: &str) -> String {
+    format!("the texture '{name}' of a comment: left out{why}")
+}
+
+/// Why its image can't be read.
+fn reason(error: Error) -> String {
+    let messages: Vec<String> = error.problems.into_iter().map(|p| p.message).collect();
+    format!("since it {}", messages.join("; "))
 }
 
 fn try_add(
@@ -53,10 +65,12 @@ fn try_add(
         return Err("since the vertices have no texture coordinates".into());
     }
     let file = find_file(path, name, options)?;
-    let image = image::read(&file, Use::Color, &mut loaded.warnings).map_err(|error| {
-        let messages: Vec<String> = error.problems.iter().map(|p| p.message.clone()).collect();
-        format!("since it {}", messages.join("; "))
-    })?;
+    let (path, name) = (path.to_path_buf(), name.to_string());
+    let on_damage = move |error| {
+        Damage::LeftOut(Warning::new(&path, "", left_out(&name, &format!(", {}", reason(error)))))
+    };
+    let image = image::read_for_texture(&file, Use::Color, &mut loaded.warnings, Arc::new(on_damage));
+    let image = image.map_err(reason)?;
     let image = loaded.scene.add_image(image);
     let texture = loaded.scene.add_texture(Texture::Image {
         image,

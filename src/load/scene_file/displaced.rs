@@ -25,7 +25,7 @@
 
 use super::build::Build;
 use super::fields::Fields;
-use super::textures::read_image;
+use super::textures::{read_image, read_pixels};
 use crate::error::Warning;
 use crate::load::heights::{BUMP_HEIGHT, holds_normals, normals_of_heights};
 use crate::load::image::Use;
@@ -47,7 +47,7 @@ pub(super) fn read(build: &mut Build, fields: &Fields, is_check: bool) -> Option
     if is_check {
         return None;
     }
-    let image = read_image(build, image.value, image.span, Use::Data)?;
+    let image = read_pixels(build, image.value, image.span, Use::Data)?;
     let texture = (placed.texture(build, image), 0);
     Some(Displacement { texture, scale: scale.value as f32, midlevel, edge })
 }
@@ -97,10 +97,11 @@ pub(super) fn normals(build: &mut Build, fields: &Fields, is_check: bool) -> Opt
     if is_check {
         return None;
     }
-    let mut image = read_image(build, name, span, Use::Data)?;
     if !is_height {
+        let image = read_image(build, name, span, Use::Data)?;
         return Some(NormalMap { texture: placed.texture(build, image), scale });
     }
+    let mut image = read_pixels(build, name, span, Use::Data)?;
     let heights = &build.loaded.scene.images[image.index()];
     if holds_normals(heights) {
         let message =

@@ -26,7 +26,7 @@ use super::build::Build;
 use super::fields::Fields;
 use super::light_traits::group;
 use super::media;
-use super::textures::read_image;
+use super::textures::read_pixels;
 use super::visibility::visible_to;
 use crate::load::image::Use;
 use crate::load::sky::{PhysicalSky, SUN_ANGLE_RAD};
@@ -80,7 +80,7 @@ fn even_or_image(build: &mut Build, fields: &Fields) -> Option<Environment> {
         return Some(Environment::Constant(c.value));
     }
     let file = image?;
-    let image = read_image(build, file.value, file.span, Use::Environment)?;
+    let image = read_pixels(build, file.value, file.span, Use::Environment)?;
     Some(Environment::Image { image, strength, rotation_rad })
 }
 

@@ -2,22 +2,25 @@
 
 use crate::error::{Error, Problem, Result};
 use crate::math::DVec3;
-use std::cell::RefCell;
+use std::cell::{OnceCell, RefCell};
 use std::ops::Range;
 use std::path::Path;
+use std::sync::Arc;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 /// The problems found so far.
 pub(super) struct Problems<'a> {
     text: &'a str,
+    /// The same for errors that outlive the reading.
+    shared_text: OnceCell<Arc<str>>,
     list: RefCell<Vec<Problem>>,
 }
 
 impl<'a> Problems<'a> {
     /// No problems yet in `text`.
     pub fn new(text: &'a str) -> Problems<'a> {
-        Problems { text, list: RefCell::new(Vec::new()) }
+        Problems { text, shared_text: OnceCell::new(), list: RefCell::new(Vec::new()) }
     }
 
     /// Notes a problem about a range of the text.
@@ -36,6 +39,17 @@ impl<'a> Problems<'a> {
         let mut problem = Problem::new(format!("line {line}"), message).with_span(span);
         problem.help = help;
         self.list.borrow_mut().push(problem);
+    }
+
+    /// Makes errors about a range of the text that turn up when the text has long been read.
+    pub fn later(&self, file: &Path, span: Range<usize>) -> impl Fn(String) -> Error + Send + Sync + use<> {
+        let text = self.shared_text.get_or_init(|| self.text.into()).clone();
+        let file = file.to_path_buf();
+        move |message| {
+            let problems = Problems::new(&text);
+            problems.push(span.clone(), message);
+            Error::input_problems(&file, problems.list.into_inner()).with_source(&*text)
+        }
     }
 
     /// All of them, in the order of the text, as an error of the file; nothing if there are none.

@@ -15,7 +15,8 @@
 use super::build::Build;
 use super::fields::{Fields, color, named};
 use super::spectra;
-use crate::image::{Encoding, Image, Pixels};
+use crate::error::Error;
+use crate::image::{Damage, Encoding, Image, Pixels};
 use crate::load::image::{self, Use};
 use crate::scene::{
     ColorSlot, FloatSlot, ImageId, Interpolation, Mapping, NoiseKind, Texture, TextureId, Wrap,
@@ -366,7 +367,16 @@ pub(super) fn read_image(build: &mut Build, name: &str, span: Range<usize>, purp
         return Some(ImageId(i as u32));
     }
     build.options.files.note(&path);
-    match image::read(&path, purpose, &mut build.loaded.warnings) {
+    let warnings = &mut build.loaded.warnings;
+    let image = match purpose {
+        Use::Environment => image::read(&path, purpose, warnings),
+        Use::Color | Use::Data => {
+            let error = build.problems.later(build.file, span.clone());
+            let on_damage = move |e: Error| Damage::Fatal(error(e.to_string()));
+            image::read_for_texture(&path, purpose, warnings, Arc::new(on_damage))
+        }
+    };
+    match image {
         Ok(image) => {
             images.push(image);
             Some(ImageId(images.len() as u32 - 1))
@@ -376,4 +386,23 @@ pub(super) fn read_image(build: &mut Build, name: &str, span: Range<usize>, purp
             None
         }
     }
+}
+
+/// Reads an image file, as [`read_image`] does, whose pixels are needed at once.
+pub(super) fn read_pixels(
+    build: &mut Build,
+    name: &str,
+    span: Range<usize>,
+    purpose: Use,
+) -> Option<ImageId> {
+    let id = read_image(build, name, span.clone(), purpose)?;
+    let image = &mut build.loaded.scene.images[id.index()];
+    match image.decoded() {
+        Ok(decoded) => *image = decoded,
+        Err(Damage::LeftOut(warning)) => build.problems.push(span, warning.message),
+        Err(Damage::Fatal(error)) => {
+            error.problems.into_iter().for_each(|p| build.problems.push(span.clone(), p.message));
+        }
+    }
+    (!image.is_encoded()).then_some(id)
 }

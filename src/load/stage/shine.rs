@@ -94,7 +94,11 @@ fn mean(scene: &Scene, slot: &ColorSlot) -> f64 {
 
 fn mean_of_texture(scene: &Scene, id: TextureId) -> [f32; 3] {
     match scene.textures.get(id.index()) {
-        Some(Texture::Image { image, .. }) => scene.images.get(image.index()).map_or([1.0; 3], mean_of_image),
+        Some(Texture::Image { image, .. }) => {
+            // What can't be decoded is told of when the scene is compiled, and left out.
+            let image = scene.images.get(image.index()).and_then(|image| image.decoded().ok());
+            image.as_ref().map_or([1.0; 3], mean_of_image)
+        }
         Some(Texture::Solid(color)) => *color,
         // Patterns are made to be seen.
         _ => [1.0; 3],

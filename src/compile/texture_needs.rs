@@ -1,0 +1,251 @@
+//! How fine the images of textures are needed: the least that a path can see of each surface bounds it, before any image is decoded.
+//!
+//! What a path sees of a surface is at least as wide as what a camera ray sees at that distance from the camera: along a path widths only
+//! grow, and no path is shorter than the straight way. Lookups average over that width times the density of texture coordinates
+//! (`TexturePoint`), and read the level of a pyramid whose texels are just smaller. These are expectations only: whatever else lookups ask
+//! for is decoded then.
+
+use super::object_materials::part_materials;
+use super::scene::{CompileOptions, ExpectedPicture};
+use crate::camera::Camera;
+use crate::math::{DAffine3, DVec3, Vec2};
+use crate::scene::{
+    AlphaMode, Instance, Interpolation, MOST_NESTED_TEXTURES, Mapping, Material, Mesh, MeshPart, Motion,
+    Scene, ShapeKind, Texture, TextureId,
+};
+use crate::texture::TextureNeeds;
+use rayon::prelude::*;
+use std::f64::consts::{PI, SQRT_2};
+
+/// Beyond so many triangles, those of all placements together, the boxes of meshes bound what is seen.
+const MOST_TRIANGLES: u64 = 1 << 24;
+
+/// The needs of the images of a scene.
+pub(super) fn of(scene: &Scene, options: &CompileOptions) -> TextureNeeds {
+    let limit = options.texture_memory;
+    if !scene.images.iter().any(|image| image.is_encoded()) {
+        return TextureNeeds { finest: Vec::new(), limit };
+    }
+    let seen = seen(scene, options.picture.as_ref());
+    // Of textures that nothing placed has, there is none.
+    let mut least = vec![None::<f32>; scene.textures.len()];
+    for (material, seen) in scene.materials.iter().zip(&seen).filter(|(_, seen)| seen.is_used) {
+        let mut note = |id: TextureId, footprint: &dyn Fn(&Mapping) -> f32| {
+            for_each_image(scene, id, &mut |at, mapping| {
+                let own = footprint(mapping);
+                least[at] = Some(least[at].map_or(own, |known| known.min(own)));
+            });
+        };
+        material.textures().for_each(|id| note(id, &|mapping| seen.footprint(mapping)));
+        // Light samples and shadow rays look up points.
+        points(material).for_each(|id| note(id, &|_| 0.0));
+    }
+    let mut finest = vec![None::<u32>; scene.images.len()];
+    for (texture, footprint) in scene.textures.iter().zip(least) {
+        if let Texture::Image { image, interpolation, .. } = texture
+            && let Some(finest) = finest.get_mut(image.index())
+            && let Some(footprint) = footprint
+        {
+            let image = &scene.images[image.index()];
+            let texels = footprint * (f64::from(image.width) * f64::from(image.height)).sqrt() as f32;
+            let level = match interpolation {
+                // A little is for rounding.
+                Interpolation::Trilinear if texels > 1.0 => (texels * 0.999).log2().max(0.0) as u32,
+                _ => 0,
+            };
+            *finest = Some(finest.map_or(level, |known: u32| known.min(level)));
+        }
+    }
+    TextureNeeds { finest, limit }
+}
+
+/// The textures of a material that are looked up at points: what shines, and what is partly absent.
+fn points(material: &Material) -> impl Iterator<Item = TextureId> {
+    let radiance = material.emission.map(|emission| emission.radiance);
+    let shining = radiance.filter(|slot| slot.factor != [0.0; 3]).and_then(|slot| slot.texture);
+    let is_partial = material.alpha_mode != AlphaMode::Opaque;
+    let alpha = material.alpha.texture.filter(|_| is_partial).map(|(id, _)| id);
+    shining.into_iter().chain(alpha)
+}
+
+/// Calls `f` with the image textures that a texture is made of, by number, and how they lie.
+fn for_each_image(scene: &Scene, id: TextureId, f: &mut dyn FnMut(usize, &Mapping)) {
+    let mut pending = vec![(id, 0)];
+    while let Some((id, depth)) = pending.pop() {
+        let mut add = |parts: &[TextureId]| {
+            if depth < MOST_NESTED_TEXTURES {
+                pending.extend(parts.iter().map(|&part| (part, depth + 1)));
+            }
+        };
+        match scene.textures.get(id.index()) {
+            Some(Texture::Image { mapping, .. }) => f(id.index(), mapping),
+            Some(Texture::Checker { even, odd, .. }) => add(&[*even, *odd]),
+            Some(Texture::Mix { a, b, factor }) => add(&[*a, *b, *factor]),
+            _ => {}
+        }
+    }
+}
+
+/// What is seen of the surfaces of a material at the least.
+#[derive(Clone, Copy, Debug)]
+struct Seen {
+    /// Some surface has it.
+    is_used: bool,
+    /// Width in metres.
+    width: f32,
+    /// Width in each set of texture coordinates.
+    of_sets: [f32; 2],
+}
+
+impl Seen {
+    const NOWHERE: Seen = Seen { is_used: false, width: f32::INFINITY, of_sets: [f32::INFINITY; 2] };
+    const POINTS: Seen = Seen { is_used: true, width: 0.0, of_sets: [0.0; 2] };
+
+    /// A surface of one density of texture coordinates.
+    fn at(width: f64, uv_per_metre: f64) -> Seen {
+        let of_sets = [(width * uv_per_metre) as f32; 2];
+        Seen { is_used: true, width: width as f32, of_sets }
+    }
+
+    fn and(self, other: Seen) -> Seen {
+        let of_sets = [0, 1].map(|set| self.of_sets[set].min(other.of_sets[set]));
+        Seen { is_used: self.is_used || other.is_used, width: self.width.min(other.width), of_sets }
+    }
+
+    /// The least footprint of lookups.
+    fn footprint(&self, mapping: &Mapping) -> f32 {
+        match mapping {
+            Mapping::Uv { set, transform } => {
+                let Vec2 { x, y } = transform.scale;
+                self.of_sets[(*set as usize).min(1)] * (x * y).abs().sqrt()
+            }
+            Mapping::World => self.width,
+            Mapping::Triplanar { size } => self.width / size,
+        }
+    }
+}
+
+/// What is seen of each material.
+fn seen(scene: &Scene, picture: Option<&ExpectedPicture>) -> Vec<Seen> {
+    let nothing = || vec![Seen::NOWHERE; scene.materials.len()];
+    let eye = picture.map(Eye::new);
+    let is_wanted: Vec<bool> = scene.materials.iter().map(|m| has_large_pyramid(scene, m)).collect();
+    let triangles = scene.instances.iter().map(|i| scene.meshes[i.mesh.index()].triangles.len() as u64);
+    let is_exact = triangles.sum::<u64>() <= MOST_TRIANGLES;
+    let with_instance = |mut all: Vec<Seen>, instance: &Instance| {
+        let mesh = &scene.meshes[instance.mesh.index()];
+        for (part, material) in mesh.parts.iter().zip(part_materials(mesh, instance)) {
+            let of_part = match &eye {
+                Some(eye) if is_wanted[material.index()] && is_exact => eye.part(mesh, part, instance),
+                _ => Seen::POINTS,
+            };
+            all[material.index()] = all[material.index()].and(of_part);
+        }
+        all
+    };
+    let join = |a: Vec<Seen>, b: Vec<Seen>| a.into_iter().zip(b).map(|(a, b)| a.and(b)).collect();
+    let mut all =
+        scene.instances.par_iter().with_min_len(64).fold(nothing, with_instance).reduce(nothing, join);
+    let mut add = |material: usize, seen: Option<Seen>| {
+        all[material] = all[material].and(seen.unwrap_or(Seen::POINTS));
+    };
+    for quad in &scene.quads {
+        let corners = [quad.corner, quad.corner + quad.edge_u, quad.corner + quad.edge_v];
+        let fourth = quad.corner + quad.edge_u + quad.edge_v;
+        let density = quad.edge_u.cross(quad.edge_v).length().sqrt().recip();
+        let seen = eye.as_ref().map(|eye| Seen::at(eye.width(corners.into_iter().chain([fourth])), density));
+        add(quad.material.index(), seen);
+    }
+    for shape in &scene.shapes {
+        let density = match shape.kind {
+            ShapeKind::Sphere => Some(1.0 / (SQRT_2 * PI * shape.radius)),
+            ShapeKind::Disk => Some(0.5 / shape.radius),
+            _ => None,
+        };
+        let reach = DVec3::splat(shape.radius);
+        let corners = [shape.center - reach, shape.center + reach];
+        add(
+            shape.material.index(),
+            eye.as_ref().zip(density).map(|(eye, density)| Seen::at(eye.width(corners), density)),
+        );
+    }
+    scene.curves.iter().for_each(|curves| add(curves.material.index(), None));
+    all
+}
+
+/// Do lookups of a material read the pyramid of an image that is not decoded yet?
+fn has_large_pyramid(scene: &Scene, material: &Material) -> bool {
+    let mut has = false;
+    for id in material.textures() {
+        for_each_image(scene, id, &mut |at, _| {
+            if let Texture::Image { image, interpolation: Interpolation::Trilinear, .. } = &scene.textures[at]
+            {
+                has |= scene.images.get(image.index()).is_some_and(|image| image.is_encoded());
+            }
+        });
+    }
+    has
+}
+
+/// Where a picture is seen from.
+struct Eye {
+    positions: Vec<DVec3>,
+    /// How far rays may start from there.
+    lens_radius: f64,
+    /// Width of what a camera ray sees at its start, and its growth over a metre.
+    cone: [f64; 2],
+}
+
+impl Eye {
+    fn new(picture: &ExpectedPicture) -> Eye {
+        let ExpectedPicture { camera, width, height } = picture;
+        let (start, growth) = Camera::new(camera, *width, *height, DVec3::ZERO).pixel_cone();
+        let keys = camera.motion.iter().flat_map(|motion| &motion.keys);
+        let positions = keys.chain([&camera.world_from_camera]).map(|m| m.translation).collect();
+        let lens_radius = camera.lens.map_or(0.0, |l| l.focus_distance * (l.defocus_angle_rad * 0.5).tan());
+        Eye { positions, lens_radius, cone: [start.into(), growth.into()] }
+    }
+
+    /// Least width of what is seen in the box around points.
+    fn width(&self, points: impl IntoIterator<Item = DVec3>) -> f64 {
+        let empty = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+        let [low, high] = points.into_iter().fold(empty, |[low, high], p| [low.min(p), high.max(p)]);
+        let distance = |eye: &DVec3| (low - *eye).max(*eye - high).max(DVec3::ZERO).length();
+        let nearest = self.positions.iter().map(distance).fold(f64::INFINITY, f64::min);
+        self.cone[0] + self.cone[1] * (nearest - self.lens_radius).max(0.0)
+    }
+
+    /// What is seen of a part of a placed mesh, triangle by triangle.
+    fn part(&self, mesh: &Mesh, part: &MeshPart, instance: &Instance) -> Seen {
+        if matches!(instance.motion, Motion::Keyed(_)) {
+            return Seen::POINTS;
+        }
+        let world: &DAffine3 = &instance.world_from_object;
+        let first = part.first_triangle as usize;
+        let triangles = &mesh.triangles[first..first + part.triangle_count as usize];
+        let mut seen = Seen { is_used: true, ..Seen::NOWHERE };
+        for triangle in triangles {
+            let corner =
+                |i: u32| world.transform_point3(DVec3::from(mesh.positions[i as usize].map(f64::from)));
+            let corners = triangle.map(corner);
+            let width = self.width(corners);
+            let area = (corners[1] - corners[0]).cross(corners[2] - corners[0]).length();
+            seen.width = seen.width.min(width as f32);
+            for (set, least) in mesh.uv_sets.iter().zip(&mut seen.of_sets) {
+                let Some([a, b, c]) = corners_of(set, triangle) else { continue };
+                let density = (f64::from((b - a).perp_dot(c - a)).abs() / area).sqrt();
+                // Where texture coordinates don't change, one texel is read.
+                if density > 0.0 {
+                    *least = least.min((width * density) as f32);
+                }
+            }
+        }
+        seen
+    }
+}
+
+fn corners_of(set: &[[f32; 2]], triangle: &[u32; 3]) -> Option<[Vec2; 3]> {
+    let at = |i: u32| set.get(i as usize).copied().map(Vec2::from_array);
+    let [a, b, c] = triangle.map(at);
+    Some([a?, b?, c?])
+}

@@ -1,0 +1,216 @@
+//! Large images that become textures stay encoded while a scene is loaded: only their headers are read.
+
+use super::source::{Source, Use};
+use super::{bytes, decode, format_of, jpeg_is_complete, limits, unused};
+use crate::error::{Error, Result, Warning};
+use crate::image::{Damage, Encoded, Encoding, Image, ImageSource, Pixels};
+use image::{ColorType, ImageDecoder, ImageFormat, ImageReader};
+use std::borrow::Cow;
+use std::fmt::{self, Debug};
+use std::io::Cursor;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::SystemTime;
+
+/// Images that take fewer bytes are decoded at once.
+const LARGE: u64 = 1 << 20;
+
+/// Says what becomes of a scene one of whose images turns out to be damaged.
+pub(crate) type OnDamage = Arc<dyn Fn(Error) -> Damage + Send + Sync>;
+
+/// An image file in memory, and what is known of it.
+pub(crate) struct ImageFile<'a> {
+    pub bytes: Cow<'a, [u8]>,
+    /// The file that holds the image and nothing else, if there is one: it is read again when the image is decoded. Other bytes stay in
+    /// memory.
+    pub own_file: Option<&'a Path>,
+    /// Where it lies, for messages: a file, and a JSON pointer inside it.
+    pub place: (&'a Path, &'a str),
+    pub mime: Option<&'a str>,
+}
+
+/// The image of a texture: decoded if it is small or of a format that has no plain header, else encoded. Only images of 8 and 16 bits
+/// stay encoded; their decoders have nothing to warn of that the header doesn't tell.
+///
+/// # Errors
+/// As for [`super::decode`]; damage behind the header of a large image is told by `on_damage` when that is decoded.
+pub(crate) fn for_texture(
+    of: ImageFile,
+    purpose: Use,
+    warnings: &mut Vec<Warning>,
+    on_damage: OnDamage,
+) -> Result<Image> {
+    let (file, pointer) = of.place;
+    let source = Source { bytes: &of.bytes, file, pointer };
+    let mut own = Vec::new();
+    // Errors are found once more by the decoder, with all that is to be said.
+    let header = bytes::guarded(&source, || header(&source, of.mime, &mut own)).ok().flatten();
+    let Some(Header { size: [width, height], channels, bits }) = header else {
+        return decode(&of.bytes, file, pointer, of.mime, purpose, warnings);
+    };
+    warnings.append(&mut own);
+    let origin = match of.own_file.map(|path| (path, Stamp::of(path))) {
+        Some((path, Some(stamp))) => Origin::File(path.to_path_buf(), stamp),
+        _ => Origin::Memory(of.bytes.as_ref().into()),
+    };
+    let encoding = if purpose == Use::Data { Encoding::Linear } else { Encoding::Srgb };
+    let name = source.name();
+    let (file, pointer) = (file.to_path_buf(), pointer.to_string());
+    let mime = of.mime.map(str::to_string);
+    let deferred = Deferred { origin, file, pointer, mime, size: [width, height], channels, bits, on_damage };
+    let pixels = Arc::new(Pixels::Encoded(Encoded { bits, source: Arc::new(deferred) }));
+    Ok(Image { name, width, height, channels, encoding, pixels })
+}
+
+/// Reads the file of an image that becomes a texture; see [`for_texture`].
+///
+/// # Errors
+/// As for [`super::read`].
+pub(crate) fn read_for_texture(
+    path: &Path,
+    purpose: Use,
+    warnings: &mut Vec<Warning>,
+    on_damage: OnDamage,
+) -> Result<Image> {
+    let bytes = bytes::read_bytes(path)?;
+    let said = unused(&bytes, path, "", purpose);
+    let file = ImageFile { bytes: bytes.into(), own_file: Some(path), place: (path, ""), mime: None };
+    let image = for_texture(file, purpose, warnings, on_damage)?;
+    warnings.extend(said);
+    Ok(image)
+}
+
+struct Header {
+    size: [u32; 2],
+    channels: u32,
+    bits: u32,
+}
+
+/// What the header of a large image says; `None` if it is better decoded at once.
+fn header(source: &Source, mime: Option<&str>, warnings: &mut Vec<Warning>) -> Result<Option<Header>> {
+    if super::ktx2::is_ktx2(source.bytes) {
+        return Ok(None);
+    }
+    let format = format_of(source, mime, warnings)?;
+    if matches!(format, ImageFormat::OpenExr | ImageFormat::Hdr) {
+        return Ok(None);
+    }
+    let broken = |e: image::ImageError| source.error(format!("can't be read as an image: {e}"));
+    let mut reader = ImageReader::with_format(Cursor::new(source.bytes), format);
+    reader.limits(limits::for_decoder(source));
+    let decoder = reader.into_decoder().map_err(broken)?;
+    let (width, height) = decoder.dimensions();
+    limits::check(source, width.into(), height.into())?;
+    let (channels, bits) = match decoder.color_type() {
+        ColorType::L8 => (1, 8),
+        ColorType::La8 => (2, 8),
+        ColorType::Rgb8 => (3, 8),
+        ColorType::Rgba8 => (4, 8),
+        ColorType::L16 => (1, 16),
+        ColorType::La16 => (2, 16),
+        ColorType::Rgb16 => (3, 16),
+        ColorType::Rgba16 => (4, 16),
+        _ => return Ok(None),
+    };
+    let bytes = u64::from(width) * u64::from(height) * u64::from(channels * bits / 8);
+    if bytes < LARGE {
+        return Ok(None);
+    }
+    if format == ImageFormat::Jpeg && !jpeg_is_complete(source.bytes) {
+        warnings.push(source.warning(super::CUT_SHORT));
+    }
+    Ok(Some(Header { size: [width, height], channels, bits }))
+}
+
+/// Length of a file, and when it was written last.
+type StampOfFile = (u64, Option<SystemTime>);
+
+struct Stamp;
+
+impl Stamp {
+    fn of(path: &Path) -> Option<StampOfFile> {
+        let metadata = std::fs::metadata(path).ok()?;
+        Some((metadata.len(), metadata.modified().ok()))
+    }
+}
+
+/// Where the bytes are.
+enum Origin {
+    File(PathBuf, StampOfFile),
+    Memory(Arc<[u8]>),
+}
+
+/// An image that is decoded later.
+struct Deferred {
+    origin: Origin,
+    file: PathBuf,
+    pointer: String,
+    mime: Option<String>,
+    size: [u32; 2],
+    channels: u32,
+    bits: u32,
+    on_damage: OnDamage,
+}
+
+impl Deferred {
+    /// Its bytes, if they are those of which the header was read.
+    fn bytes(&self) -> Result<Cow<'_, [u8]>> {
+        match &self.origin {
+            Origin::Memory(bytes) => Ok(Cow::Borrowed(bytes)),
+            Origin::File(path, stamp) => {
+                let bytes = bytes::read_bytes(path)?;
+                match Stamp::of(path) == Some(*stamp) {
+                    true => Ok(Cow::Owned(bytes)),
+                    false => Err(self.changed()),
+                }
+            }
+        }
+    }
+
+    fn changed(&self) -> Error {
+        let source = Source { bytes: &[], file: &self.file, pointer: &self.pointer };
+        source.error("has changed since the scene was loaded")
+    }
+
+    fn try_decode(&self) -> Result<Image> {
+        let bytes = self.bytes()?;
+        let mime = self.mime.as_deref();
+        // Integers are the same for all uses, and the header has told all that there is to warn of.
+        let image = decode(&bytes, &self.file, &self.pointer, mime, Use::Data, &mut Vec::new())?;
+        let bits = match *image.pixels {
+            Pixels::U8(_) => 8,
+            Pixels::U16(_) => 16,
+            Pixels::F32(_) | Pixels::Encoded(_) => 0,
+        };
+        let is_same =
+            ([image.width, image.height], image.channels, bits) == (self.size, self.channels, self.bits);
+        if is_same { Ok(image) } else { Err(self.changed()) }
+    }
+}
+
+impl ImageSource for Deferred {
+    fn decode(&self) -> std::result::Result<Image, Damage> {
+        self.try_decode().map_err(|error| (self.on_damage)(error))
+    }
+
+    fn with_bytes(&self, take: &mut dyn FnMut(&[u8])) {
+        if let Ok(bytes) = self.bytes() {
+            take(&bytes);
+        }
+    }
+
+    fn bytes_held(&self) -> usize {
+        match &self.origin {
+            Origin::File(..) => 0,
+            Origin::Memory(bytes) => bytes.len(),
+        }
+    }
+}
+
+impl Debug for Deferred {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [width, height] = self.size;
+        let Deferred { file, pointer, channels, bits, .. } = self;
+        write!(f, "{}{pointer}, {width} x {height}, {channels} channels of {bits} bits", file.display())
+    }
+}

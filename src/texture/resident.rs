@@ -1,0 +1,371 @@
+//! Which levels of the images stay in memory, and how they come there.
+//!
+//! Levels that no lookup is expected to ask for are left out, and so are the finest of those that are, where they take more than the
+//! limit; [`paged`](super::paged) finds their texels on demand. Images are decoded a few at a time, so that not much more is in memory
+//! than what stays there.
+
+use super::level::{Level, sizes};
+use super::paged::{PagedImage, PagedLevel, resized};
+use super::pyramid::halved;
+use super::store::{Store, TexturesOnDemand};
+use super::tile::{PackedLevel, SIDE};
+use crate::error::{Error, Warning};
+use crate::image::{Damage, Image};
+use crate::scene::{ImageId, Interpolation, Texture};
+use rayon::prelude::*;
+use std::collections::{BTreeMap, BinaryHeap, HashMap};
+use std::sync::Arc;
+
+/// What a picture needs of the images of its scene's textures.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TextureNeeds {
+    /// The finest level of each image that lookups are expected to ask for, where 0 is the image itself; `None` where none is expected
+    /// at all. Images beyond the list are needed as they are. Lookups that ask for more than was expected find the same texels, but
+    /// later.
+    pub finest: Vec<Option<u32>>,
+    /// Bytes that images may take. Those that are not decoded by the time a scene is compiled count; others are in memory anyway.
+    pub limit: Option<u64>,
+}
+
+impl TextureNeeds {
+    /// The finest level of an image that is needed.
+    fn finest(&self, image: usize) -> Option<u32> {
+        self.finest.get(image).copied().unwrap_or(Some(0))
+    }
+
+    /// Does what was made for these needs do for others as well?
+    pub fn cover(&self, other: &TextureNeeds) -> bool {
+        let finest = |needs: &TextureNeeds, image| needs.finest(image).unwrap_or(u32::MAX);
+        let images = self.finest.len().max(other.finest.len());
+        (0..images).all(|image| finest(self, image) <= finest(other, image))
+    }
+
+    /// Bytes of images that are decoded at the same time.
+    fn decoding(&self) -> u64 {
+        self.limit.map_or(1 << 30, |limit| (limit / 32).max(256 << 20))
+    }
+}
+
+/// What became of the images of textures.
+#[derive(Clone, Debug, Default)]
+pub struct TextureReport {
+    /// Images that were decoded.
+    pub decoded: u64,
+    /// Images that were not, since nothing in the picture needs them.
+    pub unneeded: u64,
+    /// Images whose finest levels were left out.
+    pub reduced: u64,
+    /// Images of which levels that are needed are in memory as compressed tiles only, or not at all.
+    pub paged: u64,
+    /// Bytes of what stays in memory, the images that scenes hold decoded included.
+    pub bytes: u64,
+    /// Bytes that all levels of all images would take.
+    pub all_bytes: u64,
+    /// Damaged images.
+    pub warnings: Vec<Warning>,
+}
+
+impl TextureReport {
+    /// What the picture does not need, with what leaving it out saved.
+    pub fn left_out(&self) -> Vec<String> {
+        const MIB: f64 = 1_048_576.0;
+        let mut list = Vec::new();
+        if self.unneeded > 0 {
+            let message = "images of textures: nothing that is placed has them; not decoded";
+            list.push(format!("{} {message}", self.unneeded));
+        }
+        if self.reduced > 0 {
+            let (all, kept) = (self.all_bytes as f64 / MIB, self.bytes as f64 / MIB);
+            let message = "finer than any path of the picture can tell apart";
+            list.push(format!(
+                "the levels of {} textures that are {message}: {kept:.1} of {all:.1} MiB are kept",
+                self.reduced
+            ));
+        }
+        list
+    }
+}
+
+/// The levels of an image that textures look into.
+#[derive(Clone, Debug)]
+pub(super) struct Levels {
+    /// The image itself.
+    pub finest: Level,
+    /// Its pyramid; empty unless some texture wants it.
+    pub coarser: Arc<[Level]>,
+}
+
+impl Levels {
+    /// All levels of an image in memory.
+    #[cfg(test)]
+    pub fn resident(image: Image, has_pyramid: bool) -> Levels {
+        let next = |finer: &Image| ((finer.width, finer.height) != (1, 1)).then(|| halved(finer));
+        let coarser = std::iter::successors(next(&image).filter(|_| has_pyramid), next);
+        let coarser = coarser.map(Level::resident).collect();
+        Levels { finest: Level::resident(image), coarser }
+    }
+
+    /// Bytes of what stays in memory.
+    fn bytes(&self) -> u64 {
+        std::iter::once(&self.finest).chain(&*self.coarser).map(|level| level.bytes() as u64).sum()
+    }
+}
+
+/// The images that textures look into.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Images {
+    /// By image; `None` for damaged ones.
+    pub levels: BTreeMap<ImageId, Option<Levels>>,
+    /// Finds what is not in memory.
+    store: Option<Arc<Store>>,
+    /// What they are made for.
+    pub needs: TextureNeeds,
+}
+
+impl Images {
+    /// What was decoded on demand since they were made.
+    pub fn on_demand(&self) -> TexturesOnDemand {
+        self.store.as_ref().map_or_else(TexturesOnDemand::default, |store| store.on_demand())
+    }
+
+    /// Bytes of what stays in memory.
+    pub fn bytes(&self) -> u64 {
+        self.levels.values().flatten().map(Levels::bytes).sum()
+    }
+
+    /// The levels of an image, if they do for other needs as well.
+    fn sufficient(&self, id: ImageId, needs: &TextureNeeds) -> Option<&Option<Levels>> {
+        let finest = |needs: &TextureNeeds| needs.finest(id.index()).unwrap_or(u32::MAX);
+        self.levels
+            .get(&id)
+            .filter(|_| self.needs.limit == needs.limit && finest(&self.needs) <= finest(needs))
+    }
+}
+
+/// Makes the levels of all images that textures look into; `earlier` are those of another picture of the same textures and images.
+pub(super) fn of(
+    earlier: Option<Images>,
+    (textures, images): (&[Texture], &[Image]),
+    mut needs: TextureNeeds,
+    report: &mut TextureReport,
+) -> Result<Images, Error> {
+    let earlier = earlier.unwrap_or_default();
+    let mut plans = plans(textures, images, &needs);
+    let resident = within_limit(&mut plans, needs.limit);
+    tell_of(&plans, report);
+    let left = needs.limit.map_or(u64::MAX, |limit| limit.saturating_sub(resident));
+    let new_store = || Arc::new(Store::new(left, needs.decoding()));
+    let store = earlier.store.clone().unwrap_or_else(new_store);
+    let mut levels = BTreeMap::new();
+    plans.retain(|plan| match earlier.sufficient(plan.id, &needs) {
+        Some(known) => {
+            levels.insert(plan.id, known.clone());
+            false
+        }
+        None => true,
+    });
+    let kept: Vec<ImageId> = levels.keys().copied().collect();
+    for batch in batches(plans, needs.decoding()) {
+        let built: Vec<_> = batch.into_par_iter().map(|group| build(group, &store)).collect();
+        for (id, built) in built.into_iter().flatten() {
+            let built = match built {
+                Ok(built) => Some(built),
+                Err(Some(Damage::Fatal(error))) => return Err(error),
+                Err(Some(Damage::LeftOut(warning))) => {
+                    report.warnings.push(warning);
+                    None
+                }
+                Err(None) => None,
+            };
+            levels.insert(id, built);
+        }
+    }
+    // They were made for what was needed then.
+    for id in kept {
+        if let Some(finest) = needs.finest.get_mut(id.index()) {
+            *finest = earlier.needs.finest(id.index());
+        }
+    }
+    let made = Images { levels, store: Some(store), needs };
+    report.bytes = made.bytes();
+    Ok(made)
+}
+
+/// Counts what becomes of images.
+fn tell_of(plans: &[Plan], report: &mut TextureReport) {
+    let count = |is_one: &dyn Fn(&Plan) -> bool| plans.iter().filter(|plan| is_one(plan)).count() as u64;
+    report.decoded = count(&|plan| plan.is_decoded());
+    report.unneeded = count(&|plan| plan.image.is_encoded() && !plan.is_decoded());
+    report.reduced = count(&|plan| plan.is_decoded() && plan.needed_from > 0);
+    report.paged = count(&|plan| plan.resident_from > plan.needed_from);
+    report.all_bytes = plans.iter().flat_map(|p| (0..p.sizes.len()).map(|level| p.bytes_of(level))).sum();
+}
+
+/// What becomes of an image.
+struct Plan<'a> {
+    id: ImageId,
+    image: &'a Image,
+    /// Size of each level that textures look into.
+    sizes: Vec<[u32; 2]>,
+    /// The finest level that is needed, and the finest that stays in memory. Equal to the number of levels where there is none.
+    needed_from: usize,
+    resident_from: usize,
+}
+
+impl Plan<'_> {
+    fn bytes_of(&self, level: usize) -> u64 {
+        let [width, height] = self.sizes[level].map(u64::from);
+        let Image { width: w, height: h, .. } = *self.image;
+        self.image.bytes() as u64 / (u64::from(w) * u64::from(h)).max(1) * width * height
+    }
+
+    fn resident_bytes(&self) -> u64 {
+        (self.resident_from..self.sizes.len()).map(|level| self.bytes_of(level)).sum()
+    }
+
+    /// May its finest level in memory be left out as well?
+    fn may_shrink(&self) -> bool {
+        let last = self.sizes.len();
+        self.image.is_encoded()
+            && self.resident_from < last
+            && (last == 1 || self.sizes[self.resident_from].iter().any(|&size| size > SIDE))
+    }
+}
+
+fn plans<'a>(textures: &[Texture], images: &'a [Image], needs: &TextureNeeds) -> Vec<Plan<'a>> {
+    // By image: do some textures want its pyramid?
+    let mut uses: BTreeMap<ImageId, bool> = BTreeMap::new();
+    for texture in textures {
+        if let Texture::Image { image, interpolation, .. } = texture {
+            *uses.entry(*image).or_default() |= *interpolation == Interpolation::Trilinear;
+        }
+    }
+    let plan = |(id, has_pyramid): (ImageId, bool)| {
+        let image = images.get(id.index()).filter(|i| (i.width, i.height) != (1, 1) || i.is_encoded())?;
+        let count = if has_pyramid { usize::MAX } else { 1 };
+        let sizes: Vec<[u32; 2]> = sizes(image.width, image.height).take(count).collect();
+        let finest = needs.finest(id.index()).filter(|_| image.is_encoded());
+        let needed_from = match (image.is_encoded(), finest) {
+            (false, _) => 0,
+            (true, None) => sizes.len(),
+            (true, Some(finest)) => (finest as usize).min(sizes.len() - 1),
+        };
+        Some(Plan { id, image, sizes, needed_from, resident_from: needed_from })
+    };
+    uses.into_iter().filter_map(plan).collect()
+}
+
+/// Leaves the largest levels out of memory where all together take more than the limit; half of that is for what comes back on demand.
+/// Gives the bytes that stay.
+fn within_limit(plans: &mut [Plan], limit: Option<u64>) -> u64 {
+    let mut resident: u64 =
+        plans.iter().filter(|plan| plan.image.is_encoded()).map(Plan::resident_bytes).sum();
+    let Some(limit) = limit.filter(|&limit| resident > limit) else { return resident };
+    let largest = |plans: &[Plan], i: usize| {
+        plans[i].may_shrink().then(|| (plans[i].bytes_of(plans[i].resident_from), i))
+    };
+    let mut levels: BinaryHeap<(u64, usize)> = (0..plans.len()).filter_map(|i| largest(plans, i)).collect();
+    while resident > limit / 2
+        && let Some((bytes, i)) = levels.pop()
+    {
+        plans[i].resident_from += 1;
+        resident -= bytes;
+        levels.extend(largest(plans, i));
+    }
+    resident
+}
+
+/// Images that are decoded together: those with the same pixels at once, and several as long as they don't take too much.
+fn batches(plans: Vec<Plan>, most: u64) -> Vec<Vec<Vec<Plan>>> {
+    let mut numbers: HashMap<*const (), usize> = HashMap::new();
+    let mut groups: Vec<Vec<Plan>> = Vec::new();
+    for plan in plans {
+        let pixels = Arc::as_ptr(&plan.image.pixels).cast();
+        let group = *numbers.entry(pixels).or_insert_with(|| {
+            groups.push(Vec::new());
+            groups.len() - 1
+        });
+        groups[group].push(plan);
+    }
+    let (mut batches, mut bytes) = (vec![Vec::new()], 0);
+    for group in groups {
+        let own = group.iter().any(Plan::is_decoded).then(|| group[0].image.bytes() as u64).unwrap_or(0);
+        if bytes + own > most && bytes > 0 {
+            batches.push(Vec::new());
+            bytes = 0;
+        }
+        bytes += own;
+        batches.last_mut().expect("there is a first one").push(group);
+    }
+    batches
+}
+
+impl Plan<'_> {
+    /// Is the image decoded before a picture is begun?
+    fn is_decoded(&self) -> bool {
+        self.image.is_encoded() && self.needed_from < self.sizes.len()
+    }
+}
+
+/// Makes the levels of images with the same pixels.
+fn build(group: Vec<Plan>, store: &Arc<Store>) -> Vec<(ImageId, Result<Levels, Option<Damage>>)> {
+    let is_needed = group.iter().any(|plan| !plan.image.is_encoded() || plan.is_decoded());
+    let mut decoded = match is_needed.then(|| group[0].image.decoded()).transpose() {
+        Ok(decoded) => decoded,
+        Err(damage) => {
+            // Told once; the others are left out with it.
+            let mut damage = Some(damage);
+            return group.into_iter().map(|plan| (plan.id, Err(damage.take()))).collect();
+        }
+    };
+    let count = group.len();
+    let mut made = Vec::with_capacity(count);
+    for (i, plan) in group.into_iter().enumerate() {
+        // The last one may free the pixels as soon as the next coarser level is made.
+        let full = if i + 1 == count { decoded.take() } else { decoded.clone() };
+        let encoding = plan.image.encoding;
+        let full = full.map(|full| Image { encoding, name: plan.image.name.clone(), ..full });
+        made.push((plan.id, Ok(build_one(&plan, full, store))));
+    }
+    made
+}
+
+fn build_one(plan: &Plan, full: Option<Image>, store: &Arc<Store>) -> Levels {
+    let count = plan.sizes.len();
+    let mut made: Vec<Option<Image>> = Vec::with_capacity(count);
+    let mut kept: Vec<(usize, PackedLevel)> = Vec::new();
+    let paged = plan.image.is_encoded() && plan.resident_from > 0;
+    let stand_in = match &full {
+        Some(full) if paged => resized(full, full.width.min(SIDE), full.height.min(SIDE), full.encoding),
+        _ => plan.image.clone(),
+    };
+    if let Some(full) = full {
+        let mut next = Some(full);
+        for level in 0..count {
+            let Some(image) = next.take() else { break };
+            let is_resident = level >= plan.resident_from;
+            // Needed, but not in memory: kept as long as there is room.
+            if level >= plan.needed_from && !is_resident && store.has_room(image.bytes() / 8) {
+                kept.push((level, PackedLevel::new_by_all_threads(&image)));
+            }
+            next = (level + 1 < count).then(|| halved(&image));
+            made.push(is_resident.then_some(image));
+        }
+    }
+    made.resize_with(count, || None);
+    let of = Arc::new(PagedImage::new(plan.image.clone(), count, plan.resident_from, stand_in, store));
+    let level = |(level, image): (usize, Option<Image>)| match image {
+        Some(image) => Level::resident(image),
+        None => {
+            let [width, height] = plan.sizes[level];
+            let paged = Some(Arc::new(PagedLevel::new(&of, level, width)));
+            Level { image: Image { width, height, ..plan.image.clone() }, paged }
+        }
+    };
+    for (level, packed) in kept {
+        of.keep(level, packed);
+    }
+    let mut levels = made.into_iter().enumerate().map(level);
+    let finest = levels.next().unwrap_or_else(|| Level::resident(plan.image.clone()));
+    Levels { finest, coarser: levels.collect() }
+}
