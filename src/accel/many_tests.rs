@@ -106,11 +106,11 @@ fn estimates_hold() {
         Geometry { curves: strands, ..Geometry::default() },
         Geometry { keys: vec![moved(0.0), moved(0.01), moved(0.0)], ..surface.clone() },
     ];
-    for (i, (geometry, most)) in kinds.iter().zip([100, 150, 150, 100, 100]).enumerate() {
+    for (i, geometry) in kinds.iter().enumerate() {
         let mut estimate = Estimate::default();
         estimate.add_geometry(geometry);
         let bytes = Accel::build(std::slice::from_ref(geometry), &[]).stats().bytes;
-        let is_near = (estimate.bytes / 3..=estimate.bytes * most / 100).contains(&bytes);
+        let is_near = (estimate.bytes / 3..=estimate.bytes * 11 / 10).contains(&bytes);
         assert!(is_near, "{i}: {bytes} {}", estimate.bytes);
     }
     let one = Geometry { analytic: all.analytic[..1].to_vec(), ..Geometry::default() };
