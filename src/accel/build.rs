@@ -4,7 +4,7 @@ use super::append::{Full, Part, Threads, append, empty_buffer};
 use super::collapse::WIDTH;
 use super::estimate::{Estimate, TooLarge};
 use super::gather::{Kind, Primitive, is_in_reach};
-use super::input::{AccelInput, AccelInstance, Geometry, Reuse, TreeQuality};
+use super::input::{AccelInput, AccelInstance, BuildOptions, Geometry, Reuse, TreeQuality};
 use super::layout::{DONE, InstanceRecord};
 use super::motion::{self, Motions};
 use super::parts::{BuildStats, Built, Mark, NOTHING, Parts, Tree};
@@ -108,10 +108,9 @@ impl<'a> Builder<'a> {
         Builder {
             input: *input,
             tree: TreeBuilder {
-                quality: input.quality,
+                options: BuildOptions { quality: input.quality, gauge: input.gauge },
                 // Two trees may lie one below the other, and a third where something moves.
                 max_depth: if is_apart { MAX_DEPTH * 2 / 3 } else { MAX_DEPTH },
-                gauge: input.gauge,
             },
             lines,
             stats: BuildStats::default(),
@@ -184,7 +183,7 @@ impl<'a> Builder<'a> {
         let size = |g: &usize| geometries[*g].primitives();
         let total: usize = wanted.iter().map(size).sum();
         // One of many threads should not be the last for long. (Trees are the same either way.)
-        let whole = largest_whole(self.tree.quality);
+        let whole = largest_whole(self.input.quality);
         let largest = (total / (4 * rayon::current_num_threads())).clamp(whole, LARGEST_BESIDE.max(whole));
         for run in wanted.chunk_by(|a, b| size(a).max(size(b)) <= largest) {
             let built = match run {

@@ -246,15 +246,14 @@ fn end_with(
 #[cfg(test)]
 mod tests {
     use super::super::gather::Kind;
-    use super::super::tests::Rng;
     use super::*;
     use crate::math::Bounds3;
 
     #[test]
     fn threads_part_primitives_as_one_does() {
-        let mut rng = Rng::new(4);
-        let mut list = |count: usize| -> Vec<Primitive> {
-            let one = |_| Primitive { kind: Kind::Triangle, id: rng.bits(), bounds: Bounds3::EMPTY };
+        let list = |count: usize| -> Vec<Primitive> {
+            let id = |i: usize| (i as u32).wrapping_mul(0x9e37_79b9) ^ (i as u32).wrapping_mul(i as u32) << 7;
+            let one = |i| Primitive { kind: Kind::Triangle, id: id(i), bounds: Bounds3::EMPTY };
             (0..count).map(one).collect()
         };
         let ids = |list: &[Primitive]| list.iter().map(|p| p.id).collect::<Vec<u32>>();

@@ -31,6 +31,11 @@ const fn in_packets(lines: u64, per: u64) -> u64 {
     lines * LINE * 3 / (2 * per) + LINE / 4
 }
 
+/// The memory of a primitive that has a packet of so many lines alone, as strewn ones do. Not all of a node's children are leaves.
+const fn in_own_packet(lines: u64) -> u64 {
+    lines * LINE + 3 * LINE / 4
+}
+
 impl Estimate {
     /// The most memory that references can address.
     pub const LIMIT: u64 = MAX_LINE as u64 * LINE;
@@ -67,13 +72,13 @@ impl Estimate {
     /// Adds quads, of which each is two triangles in a packet.
     pub fn add_quads(&mut self, count: usize) {
         self.shapes += count as u64;
-        self.add(count, in_packets(TRIANGLE_LINES as u64, LANES as u64 / 2));
+        self.add(count, in_own_packet(TRIANGLE_LINES as u64));
     }
 
     /// Adds spheres, disks and the like.
     pub fn add_analytic(&mut self, count: usize) {
         self.shapes += count as u64;
-        self.add(count, in_packets(ANALYTIC_LINES as u64, LANES as u64));
+        self.add(count, in_own_packet(ANALYTIC_LINES as u64));
     }
 
     /// Adds pieces of curves.

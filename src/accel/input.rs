@@ -92,6 +92,24 @@ impl AccelInput<'_> {
     }
 }
 
+/// How trees are built, and who is told.
+#[derive(Clone, Copy)]
+pub struct BuildOptions<'a> {
+    /// How good they are.
+    pub quality: TreeQuality,
+    /// Is told how many primitives are done, each twice: where it is cut out and where it is built.
+    pub gauge: Option<&'a Gauge>,
+}
+
+impl BuildOptions<'_> {
+    /// Counts primitives as done.
+    pub fn tell(&self, primitives: usize) {
+        if let Some(gauge) = self.gauge {
+            gauge.add(primitives as u64);
+        }
+    }
+}
+
 /// How much of an earlier structure a new one keeps. What is kept stays in its place in the buffer: the rest is cut off
 /// and built behind it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -11,9 +11,8 @@ use super::collapse::{Collapse, Piece};
 use super::emit::{Emit, Emitted, Shapes};
 use super::estimate::Estimate;
 use super::gather::{Kind, Primitive};
-use super::input::{Geometry, TreeQuality};
+use super::input::{BuildOptions, Geometry, TreeQuality};
 use super::normalize::Space;
-use super::tree::TreeBuilder;
 use crate::math::Bounds3;
 use crate::simd::{Line, reserve_lines};
 use rayon::prelude::*;
@@ -44,7 +43,7 @@ pub fn build(
     primitives: &mut [Primitive],
     space: &Space,
     shapes: Shapes,
-    (builder, threads): (&TreeBuilder, Threads),
+    (options, threads): (BuildOptions, Threads),
     lines: &mut Vec<Line>,
 ) -> Result<Emitted, Full> {
     reserve_lines(lines, room(primitives, shapes.geometry));
@@ -54,13 +53,13 @@ pub fn build(
     // In the space of a ground, the triangles of a scan that stands on it may be too small to be told apart.
     let own_space = (count > 0).then(|| Space::of(primitives));
     let space = own_space.as_ref().unwrap_or(space);
-    let chunks = chunks::cut(primitives, space, limit, builder.gauge);
-    let effort = match builder.quality {
+    let chunks = chunks::cut(primitives, space, limit, options.gauge);
+    let effort = match options.quality {
         TreeQuality::Fast => Effort::Least,
         TreeQuality::Full => Effort::Chunk,
     };
-    let pieces = Pieces { primitives, space, shapes, effort, builder }.append(&chunks, threads, lines)?;
-    builder.tell(2 * large.len());
+    let pieces = Pieces { primitives, space, shapes, effort, options }.append(&chunks, threads, lines)?;
+    options.tell(2 * large.len());
     let of_piece =
         |(i, piece): (usize, &Piece)| Primitive { kind: Kind::Piece, id: i as u32, bounds: piece.bounds };
     let tops: Vec<Primitive> = pieces.iter().enumerate().map(of_piece).chain(large.iter().copied()).collect();
@@ -97,7 +96,7 @@ struct Pieces<'a> {
     space: &'a Space,
     shapes: Shapes<'a>,
     effort: Effort,
-    builder: &'a TreeBuilder<'a>,
+    options: BuildOptions<'a>,
 }
 
 impl Pieces<'_> {
@@ -111,7 +110,7 @@ impl Pieces<'_> {
         let built = append(chunks.len(), threads, lines, |index, workspace| {
             let chunk = &self.primitives[chunks[index].clone()];
             let piece = self.piece(chunk, workspace);
-            self.builder.tell(chunk.len());
+            self.options.tell(chunk.len());
             piece
         })?;
         Ok(built.into_iter().map(|(root, piece)| Piece { root, ..piece }).collect())

@@ -6,12 +6,11 @@ use super::collapse::Collapse;
 use super::emit::{Emit, Emitted, Shapes};
 use super::gather::{Primitive, gather};
 use super::halves;
-use super::input::{Geometry, TreeQuality};
+use super::input::{BuildOptions, Geometry, TreeQuality};
 use super::layout::InstanceRecord;
 use super::normalize::Space;
 use super::parts::{BuildStats, Built, NOTHING, Tree};
 use super::pieces;
-use crate::gauge::Gauge;
 use crate::simd::Line;
 
 /// More primitives than these are built in pieces. (For fast trees sooner: it is faster even with one thread.)
@@ -39,25 +38,16 @@ impl<'a> Contents<'a> {
     }
 }
 
-/// How trees are built.
+/// Builds trees.
 #[derive(Clone, Copy)]
 pub struct TreeBuilder<'a> {
-    /// How good they are.
-    pub quality: TreeQuality,
+    /// How.
+    pub options: BuildOptions<'a>,
     /// Deeper trees are built anew, in halves.
     pub max_depth: usize,
-    /// Is told how many primitives are done, each twice: where it is cut out and where it is built.
-    pub gauge: Option<&'a Gauge>,
 }
 
 impl TreeBuilder<'_> {
-    /// Counts primitives as done.
-    pub fn tell(&self, steps: usize) {
-        if let Some(gauge) = self.gauge {
-            gauge.add(steps as u64);
-        }
-    }
-
     /// Appends a tree, and counts what is in it.
     pub fn append(
         &self,
@@ -72,21 +62,21 @@ impl TreeBuilder<'_> {
         stats.count(geometry, &primitives);
         let counts = (primitives.len(), placed.len());
         primitives.extend(placed);
-        self.tell(2 * (all - primitives.len()));
+        self.options.tell(2 * (all - primitives.len()));
         if primitives.is_empty() {
             return Ok((NOTHING, stats));
         }
         let start = lines.len();
         let space = Space::of(&primitives);
         let shapes = Shapes { geometry, records };
-        let mut emitted = if primitives.len() > largest_whole(self.quality) {
-            pieces::build(&mut primitives, &space, shapes, (self, threads), lines)?
+        let mut emitted = if primitives.len() > largest_whole(self.options.quality) {
+            pieces::build(&mut primitives, &space, shapes, (self.options, threads), lines)?
         } else {
             let own = &mut Workspace::default();
             let workspace = if let Threads::This(workspace) = threads { workspace } else { own };
             let binary = binary::build(&primitives, &space, Effort::Most, workspace);
             let emitted = emit_whole(&binary, &primitives, shapes, lines)?;
-            self.tell(2 * primitives.len());
+            self.options.tell(2 * primitives.len());
             emitted
         };
         if emitted.depth > self.max_depth {

@@ -37,7 +37,7 @@ fn trace(accel: &Accel, rays: &[Ray]) -> (Vec<Hit>, Vec<bool>) {
 }
 
 /// A sheet of `2 n n` triangles with bends.
-fn sheet(n: u32) -> Geometry {
+pub fn sheet(n: u32) -> Geometry {
     let mut sheet = Geometry::default();
     for (x, y) in (0..=n).flat_map(|y| (0..=n).map(move |x| (x as f32 / n as f32, y as f32 / n as f32))) {
         sheet.positions.push([x - 0.5, y - 0.5, 0.02 * (9.0 * x).sin() * (7.0 * y).cos()]);

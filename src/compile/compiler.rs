@@ -1,7 +1,8 @@
 //! Moments of a sequence, each compiled from what it has in common with the one before.
 
+use super::limits::check;
 use super::reuse::Sources;
-use super::run::{check, compile_after};
+use super::run::compile_after;
 use super::scene::{CompileOptions, CompileReport, CompiledScene, ExpectedPicture};
 use super::tree::Tree;
 use super::view::View;

@@ -1,7 +1,6 @@
 //! Scenes with more of something than can be numbered or addressed: an error with the numbers before work starts.
 
 use super::plan::{Place, Plan};
-use super::run::check;
 use crate::accel::{Estimate, TooLarge};
 use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::scene::{CurveBasis, Curves, Moving, Scene};
@@ -9,6 +8,14 @@ use crate::scene::{CurveBasis, Curves, Moving, Scene};
 /// Most of what is numbered by 32 bits: vertices and primitives of a space, objects, materials, lights. The last number means
 /// none.
 const NUMBERED: u64 = u32::MAX as u64 - 1;
+
+/// Fails where there are problems: nothing after it looks for them.
+pub(super) fn check(problems: Vec<Problem>) -> Result<()> {
+    match problems.is_empty() {
+        true => Ok(()),
+        false => Err(Error { kind: ErrorKind::Input, file: None, problems, source_text: None }),
+    }
+}
 
 /// Fails where a scene with its plan is too large.
 pub(super) fn check_size(scene: &Scene, plan: &Plan) -> Result<()> {

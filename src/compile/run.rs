@@ -7,7 +7,7 @@ use super::flat;
 use super::geometry::Geometries;
 use super::groups::LightGroups;
 use super::inside_out;
-use super::limits;
+use super::limits::{check, check_size};
 use super::links::Links;
 use super::material::CompiledMaterial;
 use super::media;
@@ -23,7 +23,7 @@ use super::touching;
 use super::uplift;
 use super::vectors::Vectors;
 use crate::accel::{Accel, BuildStats};
-use crate::error::{Error, ErrorKind, Problem, Result, Warning};
+use crate::error::{Problem, Result, Warning};
 use crate::light::{EnvironmentLight, LightMotions, Lights, PunctualLight};
 use crate::math::DVec3;
 use crate::scene::{RayKinds, Scene, ShadingModel};
@@ -62,7 +62,7 @@ pub(super) fn compile_after(
     let plan = plan::plan((scene, numbers), &materials, anchor, is_sequence, warnings, left_out);
     let inside_out = inside_out::find(scene, &materials, &mut report.warnings);
     let plan = Plan { keeps_uv: options.keeps_uv, inside_out, ..plan };
-    limits::check_size(scene, &plan)?;
+    check_size(scene, &plan)?;
     let Geometry { geometries, accel } =
         kept.geometry(scene, &materials, anchor, &plan, (options.tree, &options.gauge))?;
     report_accel(accel.stats(), &mut report, || flat::count(scene, &plan));
@@ -235,14 +235,6 @@ fn features(
 
 fn default_anchor(scene: &Scene) -> DVec3 {
     scene.cameras.first().map_or(DVec3::ZERO, |camera| camera.world_from_camera.translation)
-}
-
-/// Fails where there are problems: nothing after it looks for them.
-pub(super) fn check(problems: Vec<Problem>) -> Result<()> {
-    match problems.is_empty() {
-        true => Ok(()),
-        false => Err(Error { kind: ErrorKind::Input, file: None, problems, source_text: None }),
-    }
 }
 
 fn report_accel(stats: &BuildStats, report: &mut CompileReport, flat: impl Fn() -> u64) {
