@@ -1,8 +1,8 @@
 //! Splats arrive at a film.
 
 use super::Film;
-use super::band::Rect;
 use super::channel::Source;
+use super::rect::Rect;
 use super::splats::Splat;
 
 impl Film {

@@ -18,7 +18,9 @@ mod coverage;
 mod edit;
 mod exact;
 mod filter;
+mod layout;
 mod matte;
+mod rect;
 mod shared;
 mod splats;
 mod sums;
@@ -30,15 +32,16 @@ pub use aov_set::AovSet;
 pub use catcher::CATCHER_PARTS;
 pub use channel::{Channel, PixelType, Reduction, Source};
 pub use filter::FilterSampler;
+pub use layout::Layout;
 pub use matte::{MatteIds, matte_id, matte_key};
 pub use shared::SharedFilm;
 pub use splats::{Splat, SplatPart};
-pub use sums::Layout;
 pub use tile::FilmTile;
 
 use crate::error::{Choice, Error, Result};
-use band::{BAND_ROWS, Band, Rect};
+use band::Band;
 use rayon::prelude::*;
+use rect::{BAND_ROWS, Rect};
 use std::sync::Arc;
 
 /// A picture being made: a list of channels, the first of which is colour, for every pixel, rows from the top.

@@ -5,7 +5,8 @@
 //! one is there, so that each pixel gets its samples in one order.
 
 use super::Film;
-use super::band::{Band, Rect};
+use super::band::Band;
+use super::rect::Rect;
 use super::splats::Splat;
 use super::tile::FilmTile;
 use rayon::prelude::*;

@@ -4,7 +4,7 @@
 use super::accumulator::reciprocal;
 use super::channel::Reduction;
 use super::exact::{self, HalfSum, SumList};
-use super::sums::Layout;
+use super::layout::Layout;
 
 /// Light that a path from a lamp brings to a pixel.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,10 +1,10 @@
 //! The part of a film that one thread fills.
 
 use super::accumulator::Accumulator;
-use super::band::Rect;
 use super::channel::Source;
 use super::exact::HalfSum;
-use super::sums::Layout;
+use super::layout::Layout;
+use super::rect::Rect;
 use std::sync::Arc;
 
 /// A rectangle of a film with its own sums. Pixels are counted row by row from the tile's top left corner.

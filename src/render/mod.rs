@@ -22,6 +22,7 @@ mod layout;
 mod metadata;
 mod noise;
 mod options;
+mod passes;
 mod picture;
 mod pilot;
 mod pool;

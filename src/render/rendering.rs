@@ -1,28 +1,23 @@
 //! Rendering: takes one pass at a time and has a picture after each, or takes several without a pause.
 
-use super::adaptive::ErrorMap;
 use super::cancel::CancelHandle;
 use super::caustics::{self, CausticChoice};
 use super::clock::{Spent, Stopwatch};
-use super::guiding::{GuidingChoice, Training};
+use super::guiding::GuidingChoice;
 use super::labels::Labels;
 use super::layout::layout;
 use super::noise::Noise;
 use super::options::RenderOptions;
 use super::picture::{self, Picture};
-use super::pilot;
 use super::progress::{Event, Listener, Progress};
-use super::schedule::{Pass, Schedule};
+use super::schedule::Schedule;
 use super::settle::Look;
-use super::share::SAMPLE_BLOCK;
 use super::statistics::{PassOutcome, Statistics};
-use super::technique::{Choice, Technique};
-use super::timeline;
+use super::technique::Choice;
 use super::warnings::of_film;
-use super::work::{PassWork, take_passes};
 use crate::compile::{CompiledScene, View};
 use crate::error::{Result, Warning};
-use crate::film::{Film, FilterSampler, MatteIds};
+use crate::film::{Film, FilterSampler};
 use crate::integrator::CausticPlan;
 use crate::math::DVec3;
 use crate::output::OutputOptions;
@@ -31,7 +26,6 @@ use crate::scene::{Backdrop, Camera};
 use std::borrow::Cow;
 use std::path::Path;
 use std::sync::Arc;
-use std::time::Instant;
 
 /// Renders a scene, pass by pass, on the current rayon pool (see [`in_pool`](super::in_pool)).
 ///
@@ -57,14 +51,14 @@ pub struct Rendering {
     pub(super) view: View,
     pub(super) labels: Labels,
     pub(super) options: RenderOptions,
-    filter: FilterSampler,
+    pub(super) filter: FilterSampler,
     pub(super) film: Film,
     pub(super) schedule: Schedule,
     pub(super) progress: Progress,
     pub(super) spent: Spent,
-    outcome: PassOutcome,
-    cancel: CancelHandle,
-    listener: Option<Box<Listener>>,
+    pub(super) outcome: PassOutcome,
+    pub(super) cancel: CancelHandle,
+    pub(super) listener: Option<Box<Listener>>,
     /// What came up before the first pass.
     earlier: Vec<Warning>,
     pub(super) look: Look,
@@ -76,15 +70,18 @@ pub struct Rendering {
     pub(super) denoised: Option<String>,
     pub(super) choice: Choice,
     /// Whether caustics are found from the lamp.
-    caustics: CausticChoice,
+    pub(super) caustics: CausticChoice,
     /// What guides paths.
-    guiding: GuidingChoice,
-    allotment: Option<Allotment>,
+    pub(super) guiding: GuidingChoice,
+    pub(super) allotment: Option<Allotment>,
     /// Passes are finished even when it is cancelled or late.
     pub(super) finishes_passes: bool,
     /// How noisy the picture is, where that is asked for.
     pub(super) noise: Option<Noise>,
 }
+
+/// Passes that are taken without a pause, at most.
+const MOST_AT_ONCE: usize = 64;
 
 impl Rendering {
     /// The picture of a compiled scene by one of its description's cameras, with no sample yet. Scenes may be shared by
@@ -308,204 +305,4 @@ impl Rendering {
             error: self.noise.as_ref().and_then(Noise::error),
         }
     }
-
-    fn take_passes(
-        &mut self,
-        most: usize,
-        is_due: &(dyn Fn() -> bool + Sync),
-        stopwatch: &Stopwatch,
-    ) -> PassOutcome {
-        if self.has_converged() {
-            return PassOutcome::Converged;
-        }
-        if !self.find_caustics() || !self.learn(stopwatch) || !self.choose_technique(stopwatch) {
-            return PassOutcome::Cancelled;
-        }
-        let passes = self.plan_passes(most, stopwatch);
-        let Some(first) = passes.first() else {
-            return if self.schedule.is_complete() { PassOutcome::Done } else { PassOutcome::TimedOut };
-        };
-        let start = Instant::now();
-        let (begun, is_finished) = self.trace(&passes, Takes::All, is_due, stopwatch);
-        if let Some(next) = passes.get(begun) {
-            self.schedule.go_back_to(next.first_sample);
-        }
-        if begun == 1 {
-            self.schedule.finished(*first, start.elapsed());
-        }
-        if is_finished && let Some(noise) = &mut self.noise {
-            timeline::parallel("noise", || noise.observe(&self.film, self.schedule.next_sample()));
-            self.forecast();
-        }
-        let is_cancelled = self.cancel.is_cancelled();
-        match is_finished {
-            true if self.schedule.is_complete() => PassOutcome::Done,
-            true if self.has_converged() => PassOutcome::Converged,
-            true if !(self.finishes_passes && is_cancelled) => PassOutcome::Progressed,
-            _ if is_cancelled => PassOutcome::Cancelled,
-            _ => PassOutcome::TimedOut,
-        }
-    }
-
-    /// The next passes, several where nothing has to look at the picture between them and nothing is tried any more.
-    fn plan_passes(&mut self, most: usize, stopwatch: &Stopwatch) -> Vec<Pass> {
-        let overlap = self.options.time_limit.is_none()
-            && self.noise.is_none()
-            && self.caustics.plan().is_none()
-            && self.schedule.next_sample() >= SAMPLE_BLOCK;
-        let most = if overlap { most } else { 1 };
-        let mut passes = Vec::new();
-        while passes.len() < most {
-            // What is gone on from lies before a pass that ends within a block.
-            if !passes.is_empty() && self.finishes_passes && self.ends_within_block() {
-                break;
-            }
-            let Some(pass) = self.schedule.next(stopwatch.wall()) else { break };
-            passes.push(pass);
-        }
-        passes
-    }
-
-    /// Decides whether caustics are found from the lamp. False if it was stopped.
-    fn find_caustics(&mut self) -> bool {
-        let stop = || self.cancel.is_cancelled();
-        self.caustics.decide(&self.scene, &self.view, &self.options, &self.filter, &stop)
-    }
-
-    /// Tells how many samples the error that was asked for is likely to take.
-    fn forecast(&self) {
-        let Some((noise, wanted)) = self.noise.as_ref().zip(self.options.noise) else { return };
-        let (least, taken) = (self.options.least_samples, self.options.taken());
-        if let Some((error, samples)) = noise.error().zip(noise.samples_for(f64::from(wanted), least, taken))
-        {
-            let pixels = u64::from(self.film.width()) * u64::from(self.film.height());
-            self.progress.expect(pixels * u64::from(samples), error);
-        }
-    }
-
-    /// Is the picture as good as it was to be?
-    fn has_converged(&self) -> bool {
-        if self.schedule.next_sample() < self.options.least_samples {
-            return false;
-        }
-        let error = self.noise.as_ref().and_then(Noise::error);
-        error.zip(self.options.noise).is_some_and(|(error, wanted)| error <= f64::from(wanted))
-    }
-
-    /// Lets some paths train a guide, if that is asked for. False if it was stopped.
-    fn learn(&mut self, stopwatch: &Stopwatch) -> bool {
-        if self.schedule.is_complete() {
-            return true;
-        }
-        let training = Training {
-            scene: &self.scene,
-            view: &self.view,
-            options: &self.options,
-            filter: &self.filter,
-            caustics: self.caustics.plan(),
-            mattes: MatteIds::default(),
-            progress: &self.progress,
-            listener: self.listener.as_deref(),
-            stopwatch,
-            // Nothing of a picture is lost by that.
-            stop: &|| self.cancel.is_cancelled(),
-        };
-        self.guiding.decide(&training)
-    }
-
-    /// Decides by what the picture's first pass would show how to trace samples that come later, if none of these has been
-    /// taken. False if it was stopped.
-    fn choose_technique(&mut self, stopwatch: &Stopwatch) -> bool {
-        let first = self.options.taken().start;
-        if first == 0 || self.schedule.next_sample() > first || !self.choice.is_open() {
-            return true;
-        }
-        let Some(pass) = Schedule::new(0..self.options.samples, None).next(stopwatch.wall()) else {
-            return true;
-        };
-        self.trace(&[pass], Takes::TrialsOnly, &|| false, stopwatch).1
-    }
-
-    /// Takes passes that follow each other, until `is_due` asks to begin no more. How many were begun, and false if it was stopped.
-    fn trace(
-        &mut self,
-        passes: &[Pass],
-        takes: Takes,
-        is_due: &(dyn Fn() -> bool + Sync),
-        stopwatch: &Stopwatch,
-    ) -> (usize, bool) {
-        let layout = self.film.layout().clone();
-        // Samples that only decide on a technique go nowhere.
-        let mut film = Film::nowhere(&layout);
-        if takes == Takes::All {
-            std::mem::swap(&mut film, &mut self.film);
-        }
-        let film = film.into_shared();
-        let stop = || {
-            let is_over = || self.cancel.is_cancelled() || self.schedule.is_late(stopwatch.wall());
-            !self.finishes_passes && is_over()
-        };
-        let work = |(number, &pass): (usize, &Pass)| PassWork {
-            scene: &self.scene,
-            view: &self.view,
-            options: &self.options,
-            labels: &self.labels,
-            filter: &self.filter,
-            pass,
-            number,
-            layout: &layout,
-            film: &film,
-            caustics: self.caustics.plan(),
-            guide: self.guiding.guide(),
-            allotment: self.allotment.as_ref(),
-            progress: &self.progress,
-            listener: self.listener.as_deref(),
-            stopwatch,
-            stop: &stop,
-        };
-        let works: Vec<PassWork<'_>> = passes.iter().enumerate().map(work).collect();
-        let (first, pass) = (&works[0], passes[0]);
-        let mut choice = self.choice;
-        let mut errors = ErrorMap::wanted(&self.options, choice, pass);
-        let is_due = || is_due() || self.cancel.is_cancelled();
-        let take = || {
-            let mut trials = pilot::trials(choice, &self.view, pass);
-            if !trials.is_empty() {
-                let best = first.try_all(&mut trials, &mut errors);
-                choice = Choice::decided(best.unwrap_or(Technique::PLAIN));
-                if best.is_none() {
-                    return (1, false);
-                }
-            }
-            match &mut errors {
-                _ if takes == Takes::TrialsOnly => (1, true),
-                Some(errors) => (1, first.take_with_errors(choice.now, &trials, errors)),
-                None => take_passes(&works, choice.now, &trials, &is_due),
-            }
-        };
-        // Threads that find no path from a lamp left go on with tiles.
-        let light = || takes == Takes::TrialsOnly || first.light_from_lamps();
-        let (is_lit, (begun, is_done)) = rayon::join(light, take);
-        drop(works);
-        let film = film.into_film();
-        if takes == Takes::All {
-            self.film = film;
-        }
-        self.choice = choice;
-        if let Some(errors) = errors.filter(|_| choice.now.shape().is_none()) {
-            self.allotment = errors.allot(&self.options, pass.samples);
-        }
-        (begun, is_lit && is_done)
-    }
-}
-
-/// Passes that are taken without a pause, at most.
-const MOST_AT_ONCE: usize = 64;
-
-/// What is taken of a pass.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Takes {
-    All,
-    /// What decides on the technique, and the picture gets nothing of it.
-    TrialsOnly,
 }

@@ -11,7 +11,7 @@ use super::pilot::{self, Best, Errors, Tally, Trial};
 use super::progress::{Listener, Progress};
 use super::schedule::Pass;
 use super::share::within;
-use super::technique::Technique;
+use super::technique::{Choice, Technique};
 use super::tiles::{Tiles, parts};
 use super::timeline;
 use crate::compile::{CompiledScene, View};
@@ -60,6 +60,43 @@ pub(super) struct PassWork<'a> {
     pub stop: &'a (dyn Fn() -> bool + Sync),
 }
 
+/// Takes passes that follow each other, the first one with what is tried in it and with its paths from lamps, until `is_due`
+/// asks to begin no more. How many were begun, and false if it was stopped.
+pub(super) fn take_all(
+    works: &[PassWork<'_>],
+    choice: &mut Choice,
+    errors: &mut Option<ErrorMap>,
+    is_due: &(dyn Fn() -> bool + Sync),
+) -> (usize, bool) {
+    let first = &works[0];
+    let take = || {
+        let Some(trials) = try_techniques(first, choice, errors) else { return (1, false) };
+        match errors {
+            Some(errors) => (1, first.take_with_errors(choice.now, &trials, errors)),
+            None => take_passes(works, choice.now, &trials, is_due),
+        }
+    };
+    // Threads that find no path from a lamp left go on with tiles.
+    let (is_lit, (begun, is_done)) = rayon::join(|| first.light_from_lamps(), take);
+    (begun, is_lit && is_done)
+}
+
+/// Decides on a technique, if that is open and the pass is one that may try some. The trials whose squares need not be taken again;
+/// `None` if it was stopped.
+pub(super) fn try_techniques(
+    work: &PassWork<'_>,
+    choice: &mut Choice,
+    errors: &mut Option<ErrorMap>,
+) -> Option<Vec<Trial>> {
+    let mut trials = pilot::trials(*choice, work.view, work.pass);
+    if !trials.is_empty() {
+        let best = work.try_all(&mut trials, errors);
+        *choice = Choice::decided(best.unwrap_or(Technique::PLAIN));
+        best?;
+    }
+    Some(trials)
+}
+
 /// A pass that is to be taken.
 struct Planned<'a> {
     work: &'a PassWork<'a>,
@@ -72,7 +109,7 @@ struct Planned<'a> {
 /// Takes all tiles of passes that follow each other, but those of trials in the first one. Before each but the first `is_due` may ask
 /// to begin no more. Says how many were begun, and whether all of their tiles were taken: else it was stopped, and some have not got
 /// their samples.
-pub(super) fn take_passes(
+fn take_passes(
     works: &[PassWork<'_>],
     technique: Technique,
     trials: &[Trial],
