@@ -54,13 +54,12 @@ pub(super) fn bake(
     plan: &Plan,
     kept: Kept,
 ) -> Baked {
-    let numbering = Numbering::of(scene);
+    let (numbering, any_needs) = (Numbering::of(scene), any_needs(materials, plan.keeps_uv));
     let mut shared: Vec<Option<Arc<Space>>> = kept.shared.into_iter().map(Some).collect();
     shared.resize(plan.meshes.len(), None);
     let mut world = Space::EMPTY;
     let mut tangents: Vec<Option<Mesh>> = vec![None; scene.meshes.len()];
     let is_hidden = |id: MaterialId| materials[id.index()].is_invisible();
-    let any_needs = any_needs(materials, plan.keeps_uv);
     for step in &plan.steps {
         let is_there = match step.place {
             Place::World => kept.world.is_some(),
