@@ -146,7 +146,9 @@ mod tests {
         let looked = |n: u32| {
             let winding = Winding::of(&sphere(n, 0), &DAffine3::IDENTITY);
             let mut count = 0;
-            (0..100).map(point).for_each(|p| drop(winding.about(p, &mut |_| count += 1)));
+            for p in (0..100).map(point) {
+                winding.about(p, &mut |_| count += 1);
+            }
             count
         };
         // Sixteen times the triangles.

@@ -353,8 +353,9 @@ mod tests {
             ViewTable::read(&bytes, Path::new("")).unwrap_err()
         };
         assert_eq!(said(8, 1), "has 1 knots of a curve, where 2 to 65536 can be");
-        // 0, then 4.
-        assert_eq!(said(19, 0x7f), "knots of a curve must ascend");
+        // 0, 16, 4; and 0, infinity, 4.
+        assert_eq!(said(19, 0x41), "knots of a curve must ascend");
+        assert_eq!(said(19, 0x7f), "has a number that isn't finite");
         let more = [binary(), vec![0]].concat();
         assert_eq!(
             ViewTable::read(&more, Path::new("")).unwrap_err(),

@@ -1,7 +1,8 @@
 //! From the models that `tobj` returns to meshes: polygons become triangles, models of one object one mesh, and vertices
 //! without a normal of the file get that of their face or of their smoothing group.
 
-use super::statements::{MaterialName, Piece, Statements};
+use super::piece::Piece;
+use super::statements::{MaterialName, Statements};
 use crate::color::linear_from_srgb;
 use crate::load::polygon::triangulate;
 use crate::load::subdivide::Cage;

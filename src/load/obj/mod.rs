@@ -16,6 +16,8 @@ mod lines;
 mod maps;
 mod materials;
 mod mtl;
+mod numbers;
+mod piece;
 mod statements;
 
 pub(in crate::load) use files::find as find_file;
