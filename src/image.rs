@@ -46,9 +46,6 @@ pub trait ImageSource: Debug + Send + Sync {
 
     /// Hands over the encoded bytes; nothing if they can't be read any more.
     fn with_bytes(&self, take: &mut dyn FnMut(&[u8]));
-
-    /// Bytes of memory that hold encoded pixels.
-    fn bytes_held(&self) -> usize;
 }
 
 /// An image that can't be decoded.

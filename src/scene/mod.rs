@@ -92,7 +92,7 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// Textures, by [`TextureId`].
     pub textures: Vec<Texture>,
-    /// Images, by [`ImageId`].
+    /// Images, by [`ImageId`]. Large ones that only textures use may still be [encoded](crate::image::Pixels::Encoded).
     pub images: Vec<Image>,
     /// Grids of densities, by [`GridId`].
     pub grids: Vec<Grid>,

@@ -24,10 +24,6 @@ impl ImageSource for Counted {
     }
 
     fn with_bytes(&self, _: &mut dyn FnMut(&[u8])) {}
-
-    fn bytes_held(&self) -> usize {
-        0
-    }
 }
 
 /// Noise and a ramp, of 8 or 16 bits.
@@ -92,8 +88,10 @@ fn texels_found_on_demand_are_those_in_memory() {
                     let (on_demand, source) = encoded(&image, u64::MAX);
                     let needs = TextureNeeds { finest: vec![finest], limit };
                     let (textures, _) = made(&textures, &[on_demand], &needs);
-                    let found = look(&textures, 0, 2000, 0.2);
-                    assert!(found == expected, "{width} {kind:?} {finest:?} {limit:?}");
+                    // With next to no memory images are decoded all the time.
+                    let count = if limit == Some(1) { 20 } else { 2000 };
+                    let found = look(&textures, 0, count, 0.2);
+                    assert!(found[..] == expected[..found.len()], "{width} {kind:?} {finest:?} {limit:?}");
                     assert!(source.decodes.load(Relaxed) > 0);
                 }
             }

@@ -128,7 +128,8 @@ impl PagedImage {
             all[*level] = Some(packed.clone());
         }
         drop(all);
-        for (level, packed) in &made {
+        // The one that is asked for last: it stays longest.
+        for (level, packed) in made.iter().rev() {
             self.store.keep(self, *level, packed);
         }
         made[0].1.clone()

@@ -257,7 +257,7 @@ mod tests {
 
     #[test]
     fn smooth_images_take_less_room() {
-        let codes = (0..256 * 256u32).map(|i| ((i % 256 + i / 256) / 2) as u8).collect();
+        let codes = (0..256 * 256u32).map(|i| (i % 256 / 8 + i / 2048) as u8).collect();
         let smooth = Image { pixels: Arc::new(Pixels::U8(codes)), ..level(256, 256, 1, false) };
         assert!(PackedLevel::new(&smooth).bytes() < 256 * 256 / 4);
     }

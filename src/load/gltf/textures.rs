@@ -76,6 +76,7 @@ pub(super) struct Textures {
     pub list: Vec<Texture>,
     /// The images that they need; their ids count along.
     pub images: Vec<ImageNeed>,
+    numbers: HashMap<ImageNeed, usize>,
     /// What is said of images whose bytes are none, by index in the file.
     pub unreadable: BTreeMap<usize, String>,
     known: HashMap<Key, Sound<TextureId>>,
@@ -181,8 +182,7 @@ impl Textures {
     }
 
     fn image(&mut self, need: ImageNeed) -> ImageId {
-        let known = self.images.iter().position(|&n| n == need);
-        let index = known.unwrap_or_else(|| {
+        let index = *self.numbers.entry(need).or_insert_with(|| {
             self.images.push(need);
             self.images.len() - 1
         });

@@ -198,13 +198,6 @@ impl ImageSource for Deferred {
             take(&bytes);
         }
     }
-
-    fn bytes_held(&self) -> usize {
-        match &self.origin {
-            Origin::File(..) => 0,
-            Origin::Memory(bytes) => bytes.len(),
-        }
-    }
 }
 
 impl Debug for Deferred {

@@ -1,6 +1,7 @@
 //! The environment.
 
 use super::findings::{Findings, Place};
+use super::images::DECODED;
 use crate::scene::{Backdrop, Environment, LightKind, Scene};
 
 /// Most texels of an environment's image: tables over it have 32-bit indices.
@@ -55,6 +56,7 @@ fn check_light(scene: &Scene, environment: &Environment, place: &'static str, fi
             let texels = u64::from(map.width) * u64::from(map.height);
             let is_met = texels <= MOST_TEXELS;
             findings.require(is_met, place, "texels of the image", texels, "at most 2^29");
+            findings.require(!map.is_encoded(), place, "pixels of the image", "encoded", DECODED);
         }
     }
 }

@@ -4,6 +4,9 @@ use super::findings::{Findings, Place};
 use crate::image::{Image, Pixels};
 use crate::scene::{Backdrop, Scene, Texture};
 
+/// What images must be that are more than textures.
+pub(super) const DECODED: &str = "decoded";
+
 pub(super) fn check(scene: &Scene, findings: &mut Findings) {
     // The environment counts texels that are no numbers as black; textures hand them on.
     let mut is_texture = vec![false; scene.images.len()];
@@ -18,6 +21,8 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
         check_image(image, Place { list: "images", index, name: &image.name }, is_texture[index], findings);
     }
     if let Some(Backdrop::Picture(image)) = &scene.backdrop {
+        let place = Place { list: "backdrop", index: 0, name: &image.name };
+        findings.require(!image.is_encoded(), place, "pixels", "encoded", DECODED);
         check_image(image, Place { list: "backdrop", index: 0, name: &image.name }, true, findings);
     }
 }
