@@ -19,9 +19,12 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 /// Tiles that each thread keeps at hand.
 const AT_HAND: usize = 64;
 
+/// A tile and what it is of.
+type KnownTile = (TileKey, Arc<Image>);
+
 thread_local! {
     /// The tiles that a thread looked into last, each in a place that follows from where it lies.
-    static LATEST: RefCell<Vec<Option<(TileKey, Arc<Image>)>>> = const { RefCell::new(Vec::new()) };
+    static LATEST: RefCell<Vec<Option<KnownTile>>> = const { RefCell::new(Vec::new()) };
 }
 
 /// A level whose texels are decoded on demand.

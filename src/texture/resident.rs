@@ -289,7 +289,9 @@ fn batches(plans: Vec<Plan>, most: u64) -> Vec<Vec<Vec<Plan>>> {
     }
     let (mut batches, mut bytes) = (vec![Vec::new()], 0);
     for group in groups {
-        let own = group.iter().any(Plan::is_decoded).then(|| group[0].image.bytes() as u64).unwrap_or(0);
+        // Pixels that stay take no more memory while they are decoded.
+        let is_passing = |plan: &Plan| plan.is_decoded() && plan.resident_from > 0;
+        let own = if group.iter().any(is_passing) { group[0].image.bytes() as u64 } else { 0 };
         if bytes + own > most && bytes > 0 {
             batches.push(Vec::new());
             bytes = 0;

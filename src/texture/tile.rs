@@ -228,7 +228,7 @@ mod tests {
     /// A level of some texture with noise, of any numbers.
     fn level(width: u32, height: u32, channels: u32, is_deep: bool) -> Image {
         let count = width * height * channels;
-        let value = |i: u32| i.wrapping_mul(2_654_435_761) >> 20 ^ i / 7;
+        let value = |i: u32| (i.wrapping_mul(2_654_435_761) >> 20) ^ (i / 7);
         let pixels = match is_deep {
             true => Pixels::U16((0..count).map(|i| (value(i) * 31) as u16).collect()),
             false => Pixels::U8((0..count).map(|i| value(i) as u8).collect()),

@@ -15,6 +15,9 @@ use std::time::SystemTime;
 /// Images that take fewer bytes are decoded at once.
 const LARGE: u64 = 1 << 20;
 
+/// Bytes that hold the headers of most JPEG files.
+const BEGINNING: usize = 1 << 16;
+
 /// Says what becomes of a scene one of whose images turns out to be damaged.
 pub(crate) type OnDamage = Arc<dyn Fn(Error) -> Damage + Send + Sync>;
 
@@ -95,13 +98,16 @@ fn header(source: &Source, mime: Option<&str>, warnings: &mut Vec<Warning>) -> R
     if matches!(format, ImageFormat::OpenExr | ImageFormat::Hdr) {
         return Ok(None);
     }
-    let broken = |e: image::ImageError| source.error(format!("can't be read as an image: {e}"));
-    let mut reader = ImageReader::with_format(Cursor::new(source.bytes), format);
-    reader.limits(limits::for_decoder(source));
-    let decoder = reader.into_decoder().map_err(broken)?;
-    let (width, height) = decoder.dimensions();
+    // The decoder of JPEG copies what it is given.
+    let beginning = &source.bytes[..source.bytes.len().min(BEGINNING)];
+    let found = match format {
+        ImageFormat::Jpeg => size_and_type(source, beginning, format).ok(),
+        _ => None,
+    };
+    let ((width, height), color_type) =
+        found.map_or_else(|| size_and_type(source, source.bytes, format), Ok)?;
     limits::check(source, width.into(), height.into())?;
-    let (channels, bits) = match decoder.color_type() {
+    let (channels, bits) = match color_type {
         ColorType::L8 => (1, 8),
         ColorType::La8 => (2, 8),
         ColorType::Rgb8 => (3, 8),
@@ -120,6 +126,15 @@ fn header(source: &Source, mime: Option<&str>, warnings: &mut Vec<Warning>) -> R
         warnings.push(source.warning(super::CUT_SHORT));
     }
     Ok(Some(Header { size: [width, height], channels, bits }))
+}
+
+/// What a decoder says of an image before it decodes it.
+fn size_and_type(source: &Source, bytes: &[u8], format: ImageFormat) -> Result<((u32, u32), ColorType)> {
+    let broken = |e: image::ImageError| source.error(format!("can't be read as an image: {e}"));
+    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
+    reader.limits(limits::for_decoder(source));
+    let decoder = reader.into_decoder().map_err(broken)?;
+    Ok((decoder.dimensions(), decoder.color_type()))
 }
 
 /// Length of a file, and when it was written last.

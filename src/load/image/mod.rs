@@ -205,8 +205,8 @@ fn decode_common(
 /// Does an end-of-image marker follow the last scan? The decoder fills what is missing with grey and says nothing.
 /// Inside a scan's data a 0xff is always followed by 0, so markers can't be mistaken.
 fn jpeg_is_complete(bytes: &[u8]) -> bool {
-    let last = |marker: u8| bytes.windows(2).rposition(|w| w == [0xff, marker]);
-    last(0xd9) > last(0xda)
+    let end = bytes.windows(2).rposition(|w| w == [0xff, 0xd9]);
+    end.is_some_and(|end| bytes[end..].windows(2).all(|w| w != [0xff, 0xda]))
 }
 
 /// Sets numbers that no picture can use to 0 and counts them.
