@@ -177,6 +177,11 @@ fn emission_of(
     (emission, light_spectrum)
 }
 
+/// A map that bends normals.
+fn usable(map: Option<NormalMap>, textures: &CompiledTextures) -> Option<NormalMap> {
+    map.filter(|map| map.scale != 0.0 && !textures.is_lost(map.texture))
+}
+
 impl CompiledMaterial {
     pub(super) fn new(material: &Material, textures: &CompiledTextures, shading: ShadingModel) -> Self {
         let model = fold_model(&material.model, textures);
@@ -190,14 +195,13 @@ impl CompiledMaterial {
             is_obstacle: l.is_obstacle || alpha.is_some(),
             ..Presence::FULL
         });
-        let is_usable = |n: &NormalMap| n.scale != 0.0 && !textures.is_lost(n.texture);
-        let normal_map = material.normal_map.filter(|n| is_usable(n) && class != BsdfClass::Black);
+        let normal_map = usable(material.normal_map, textures).filter(|_| class != BsdfClass::Black);
         let is_textured = has_texture(&model, |id| textures.spectrum(id).is_none());
         let is_spectral = shading.spectral
             && (has_texture(&model, |id| textures.spectrum(id).is_some()) || program.depends_on_wavelength());
         let uses_vertex_colors = material.use_vertex_colors && class != BsdfClass::Black;
         let coat = model.pbr().and_then(|pbr| pbr.clearcoat);
-        let coat_normal_map = coat.and_then(|c| c.normal_map).filter(is_usable);
+        let coat_normal_map = usable(coat.and_then(|c| c.normal_map), textures);
         let is_hair = matches!(model, Model::Hair { .. });
         let has_axis = is_hair || model.pbr().is_some_and(|pbr| pbr.anisotropy.is_some());
         // The coat's normal differs from the base's where one of them is mapped.

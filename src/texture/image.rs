@@ -2,7 +2,7 @@
 
 use super::level::Level;
 use super::resident::Levels;
-use super::texels::{Texels, WithTexels, with_texels_of_level};
+use super::texels::{Texels, WithTexels};
 use crate::image::Image;
 use crate::math::Vec2;
 use crate::scene::{Interpolation, Wrap};
@@ -108,7 +108,7 @@ pub(super) struct Taps {
 
 #[inline(always)]
 fn blend(level: &Level, taps: Taps) -> [f32; 4] {
-    with_texels_of_level(level, Blend(taps))
+    level.with_texels(Blend(taps))
 }
 
 struct Blend(Taps);

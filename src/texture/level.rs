@@ -1,6 +1,7 @@
 //! One level of an image's pyramid: its texels, or where they are found when somebody asks for them.
 
 use super::paged::PagedLevel;
+use super::texels::{Texels, WithTexels, with_common_texels};
 use crate::image::Image;
 use std::sync::Arc;
 
@@ -23,10 +24,25 @@ impl Level {
     pub fn bytes(&self) -> usize {
         if self.paged.is_some() { 0 } else { self.image.bytes() }
     }
+
+    /// Lets `task` work on the texels.
+    #[inline(always)]
+    pub fn with_texels<T: WithTexels>(&self, task: T) -> T::Output {
+        with_common_texels(&self.image, task, |task| task.run(OtherTexels(self)))
+    }
 }
 
-/// Width and height of an image's levels, from itself down to one texel.
-pub(super) fn sizes(width: u32, height: u32) -> impl Iterator<Item = [u32; 2]> {
-    let next = |&[w, h]: &[u32; 2]| ([w, h] != [1, 1]).then(|| [(w / 2).max(1), (h / 2).max(1)]);
-    std::iter::successors(Some([width, height]), next)
+/// Texels of rare formats, and those that are not in memory.
+struct OtherTexels<'a>(&'a Level);
+
+impl Texels for OtherTexels<'_> {
+    #[inline]
+    fn texel(&self, at: usize) -> [f32; 4] {
+        let Level { image, paged } = self.0;
+        if let Some(paged) = paged {
+            return paged.texel(at);
+        }
+        let width = image.width as usize;
+        image.rgba((at % width) as u32, (at / width) as u32)
+    }
 }

@@ -8,8 +8,8 @@
 //! Nothing here waits for other work of the thread pool: a thread that waits there may begin another tile of the picture and ask for
 //! what it holds itself.
 
-use super::pyramid::halved_by_one_thread;
-use super::store::{Store, TileKey};
+use super::pyramid::{halved_by_one_thread, sizes};
+use super::store::{KeepsLevels, Store, TileKey};
 use super::tile::{PackedLevel, SIDE, across};
 use crate::image::{Encoding, Image, Pixels};
 use std::cell::RefCell;
@@ -101,12 +101,7 @@ impl PagedImage {
     pub fn keep(self: &Arc<Self>, level: usize, packed: PackedLevel) {
         let packed = Arc::new(packed);
         lock(&self.packed)[level] = Some(packed.clone());
-        self.store.keep(self, level, &packed);
-    }
-
-    /// Forgets the compressed tiles of a level.
-    pub fn forget(&self, level: usize) {
-        lock(&self.packed)[level] = None;
+        self.store.keep(self.clone(), level, &packed);
     }
 
     fn tile(self: &Arc<Self>, level: &PagedLevel, key: TileKey) -> Arc<Image> {
@@ -133,7 +128,7 @@ impl PagedImage {
         drop(all);
         // The one that is asked for last: it stays longest.
         for (level, packed) in made.iter().rev() {
-            self.store.keep(self, *level, packed);
+            self.store.keep(self.clone(), *level, packed);
         }
         made[0].1.clone()
     }
@@ -161,9 +156,14 @@ impl PagedImage {
 
     /// A level made of the coarse copy.
     fn stand_in(&self, level: usize) -> Image {
-        let [width, height] =
-            super::level::sizes(self.image.width, self.image.height).nth(level).unwrap_or([1, 1]);
+        let [width, height] = sizes(self.image.width, self.image.height).nth(level).unwrap_or([1, 1]);
         resized(&self.stand_in, width, height, self.image.encoding)
+    }
+}
+
+impl KeepsLevels for PagedImage {
+    fn forget(&self, level: usize) {
+        lock(&self.packed)[level] = None;
     }
 }
 

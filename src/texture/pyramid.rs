@@ -6,6 +6,12 @@ use crate::image::{Encoding, Image, Pixels};
 use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
 
+/// Width and height of an image's levels, from itself down to one texel.
+pub(super) fn sizes(width: u32, height: u32) -> impl Iterator<Item = [u32; 2]> {
+    let next = |&[w, h]: &[u32; 2]| ([w, h] != [1, 1]).then(|| [(w / 2).max(1), (h / 2).max(1)]);
+    std::iter::successors(Some([width, height]), next)
+}
+
 /// The next coarser level, in the image's own format: half the size, rounded down but at least 1. Each texel is the mean of the area
 /// that it covers, in linear values; colours weigh by their alpha, so that invisible ones don't bleed into others.
 pub(super) fn halved(image: &Image) -> Image {

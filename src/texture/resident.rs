@@ -4,9 +4,9 @@
 //! limit; [`paged`](super::paged) finds their texels on demand. Images are decoded a few at a time, so that not much more is in memory
 //! than what stays there.
 
-use super::level::{Level, sizes};
+use super::level::Level;
 use super::paged::{PagedImage, PagedLevel, resized};
-use super::pyramid::halved;
+use super::pyramid::{halved, sizes};
 use super::store::{Store, TexturesOnDemand};
 use super::tile::{PackedLevel, SIDE};
 use crate::error::{Error, Warning};

@@ -1,15 +1,21 @@
 //! What the levels that are not in memory have in common: the tiles in use, how much of everything may be there, and counts.
 
-use super::paged::PagedImage;
 use super::tile::PackedLevel;
 use crate::error::Warning;
 use crate::image::{Damage, Image};
 use std::collections::HashMap;
+use std::fmt::Debug;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, Weak};
 
 /// Parts of the tiles in use that have a lock each, so that threads seldom meet.
 const SHARDS: usize = 64;
+
+/// Who keeps compressed levels.
+pub(super) trait KeepsLevels: Debug + Send + Sync {
+    /// Forgets the compressed tiles of a level.
+    fn forget(&self, level: usize);
+}
 
 /// Names a tile among all of all images.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -109,10 +115,10 @@ impl Store {
     }
 
     /// Counts a compressed level of an image; others go where there are too many. Must be called without any lock.
-    pub fn keep(&self, of: &Arc<PagedImage>, level: usize, packed: &Arc<PackedLevel>) {
+    pub fn keep(&self, of: Arc<dyn KeepsLevels>, level: usize, packed: &Arc<PackedLevel>) {
         self.touch(packed);
         let entry = KeptLevel {
-            of: Arc::downgrade(of),
+            of: Arc::downgrade(&of),
             level,
             packed: Arc::downgrade(packed),
             bytes: packed.bytes(),
@@ -234,7 +240,7 @@ struct Packed {
 
 #[derive(Debug)]
 struct KeptLevel {
-    of: Weak<PagedImage>,
+    of: Weak<dyn KeepsLevels>,
     level: usize,
     packed: Weak<PackedLevel>,
     bytes: usize,

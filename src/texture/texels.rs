@@ -1,7 +1,5 @@
 //! Texels of an image decoded to linear values; the format is chosen once a lookup, not once a texel.
 
-use super::level::Level;
-use super::paged::PagedLevel;
 use crate::color::srgb_table;
 use crate::image::{Encoding, Image, Pixels};
 use std::sync::OnceLock;
@@ -24,17 +22,16 @@ pub(super) trait WithTexels {
 /// Lets `task` work on the texels of `image`.
 #[inline(always)]
 pub(super) fn with_texels<T: WithTexels>(image: &Image, task: T) -> T::Output {
-    with_texels_of(image, None, task)
+    with_common_texels(image, task, |task| task.run(Any(image)))
 }
 
-/// Lets `task` work on the texels of a level.
+/// Lets `task` work on the texels of `image` if they are in memory and of a common format; else `otherwise` does what is to be done.
 #[inline(always)]
-pub(super) fn with_texels_of_level<T: WithTexels>(level: &Level, task: T) -> T::Output {
-    with_texels_of(&level.image, level.paged.as_deref(), task)
-}
-
-#[inline(always)]
-fn with_texels_of<T: WithTexels>(image: &Image, paged: Option<&PagedLevel>, task: T) -> T::Output {
+pub(super) fn with_common_texels<T: WithTexels>(
+    image: &Image,
+    task: T,
+    otherwise: impl FnOnce(T) -> T::Output,
+) -> T::Output {
     match &*image.pixels {
         Pixels::U8(data) => {
             let color = if image.encoding == Encoding::Srgb { srgb_table() } else { linear_table() };
@@ -46,7 +43,7 @@ fn with_texels_of<T: WithTexels>(image: &Image, paged: Option<&PagedLevel>, task
             }
         }
         Pixels::F32(data) if image.channels == 3 => task.run(Floats { data }),
-        _ => task.run(Any { image, paged }),
+        _ => otherwise(task),
     }
 }
 
@@ -85,20 +82,14 @@ impl Texels for Floats<'_> {
     }
 }
 
-/// Rare formats, and texels that are not in memory.
-struct Any<'a> {
-    image: &'a Image,
-    paged: Option<&'a PagedLevel>,
-}
+/// Rare formats.
+struct Any<'a>(&'a Image);
 
 impl Texels for Any<'_> {
     #[inline]
     fn texel(&self, at: usize) -> [f32; 4] {
-        if let Some(paged) = self.paged {
-            return paged.texel(at);
-        }
-        let width = self.image.width as usize;
-        self.image.rgba((at % width) as u32, (at / width) as u32)
+        let width = self.0.width as usize;
+        self.0.rgba((at % width) as u32, (at / width) as u32)
     }
 }
 

@@ -3,7 +3,7 @@
 use super::buffers::Fetched;
 use super::document::{Document, name_of, pointer};
 use super::report::{Report, Sound};
-use super::textures::ImageNeed;
+use super::textures::{ImageNeed, without_texture};
 use crate::error::{Error, Problem, Warning};
 use crate::image::{Damage, Encoding, Image, Pixels};
 use crate::load::image::{ImageFile, OnDamage, Use, decode, for_texture, unused};
@@ -202,9 +202,4 @@ fn on_damage(doc: &Document, name: String, at: String) -> OnDamage {
         problem if problem.help.is_some() => Damage::Fatal(Error::input_problems(&file, vec![problem])),
         problem => Damage::LeftOut(Warning::new(&file, in_names.as_str(), without_texture(&problem.message))),
     })
-}
-
-/// What is said of a material that refers to an image that can't be decoded.
-pub(super) fn without_texture(why: &str) -> String {
-    format!("{why}; the material's constants are used alone")
 }

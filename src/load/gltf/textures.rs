@@ -2,7 +2,6 @@
 
 use super::document::{Document, pointer};
 use super::extensions::is_read;
-use super::images::without_texture;
 use super::report::{Report, Sound};
 use crate::image::Encoding;
 use crate::math::Vec2;
@@ -188,6 +187,11 @@ impl Textures {
         });
         ImageId(index as u32)
     }
+}
+
+/// What is said of a material that refers to an image that can't be decoded.
+pub(super) fn without_texture(why: &str) -> String {
+    format!("{why}; the material's constants are used alone")
 }
 
 /// The image of a texture: that of KHR_texture_basisu, of EXT_texture_webp, or the plain source.
