@@ -22,7 +22,7 @@ pub struct Splat {
 /// What a layer has of a splat.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SplatPart {
-    /// Which of the channels whose source is [`Source::PartOfColor`], in their order; beyond them: none.
+    /// Which of the channels whose source is `Source::PartOfColor`, in their order; beyond them: none.
     pub layer: u16,
     /// See [`Splat::rgb`].
     pub rgb: [f32; 3],
