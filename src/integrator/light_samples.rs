@@ -83,12 +83,15 @@ impl Kernel for SelectLights<'_> {
             [u0[i], u1[i], choice0[i], choice1[i]] = point.sample_4d(self.dimensions);
         }
         for first in (0..count).step_by(TOGETHER) {
-            let receiver = |lane: usize| {
-                let normal = if first + lane < self.opaque { get(&v.ns, first + lane) } else { Vec3::ZERO };
-                Receiver { p: get(&v.p, first + lane), normal }
-            };
-            let receivers: [Receiver; TOGETHER] = std::array::from_fn(receiver);
-            let numbers = std::array::from_fn(|lane| [choice0[first + lane], choice1[first + lane]]);
+            // Loops, since `array::from_fn` is not always inlined, and slow then.
+            let mut receivers = [Receiver { p: Vec3::ZERO, normal: Vec3::ZERO }; TOGETHER];
+            let mut numbers = [[0.0; 2]; TOGETHER];
+            for lane in 0..TOGETHER {
+                let i = first + lane;
+                let normal = if i < self.opaque { get(&v.ns, i) } else { Vec3::ZERO };
+                receivers[lane] = Receiver { p: get(&v.p, i), normal };
+                numbers[lane] = [choice0[i], choice1[i]];
+            }
             let lanes = TOGETHER.min(count - first);
             let chosen = match self.linked {
                 false => self.lights.select_together(&receivers, &numbers, lanes),

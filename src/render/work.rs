@@ -147,7 +147,7 @@ fn take_passes(
 /// Is the last of these passes begun? It is decided once, by the thread that comes first.
 fn begins(passes: &[Planned<'_>], is_due: &(dyn Fn() -> bool + Sync)) -> bool {
     let Some((last, before)) = passes.split_last() else { return true };
-    *last.begins.get_or_init(|| before.is_empty() || begins(before, is_due) && !is_due())
+    *last.begins.get_or_init(|| begins(before, is_due) && !is_due())
 }
 
 impl<'a> Planned<'a> {
@@ -156,7 +156,9 @@ impl<'a> Planned<'a> {
         let mut blocks = work.blocks(technique, &tracer, trials);
         // Column by column, so that those which are taken at the same time lie in other bands of the film.
         blocks.sort_by_key(|block| (block.x0, block.y0));
-        Planned { work, tracer, blocks, begins: OnceLock::new() }
+        // The first one is begun in any case, even where trials leave it no tile.
+        let begins = if work.number == 0 { OnceLock::from(true) } else { OnceLock::new() };
+        Planned { work, tracer, blocks, begins }
     }
 }
 
