@@ -177,8 +177,13 @@ fn shipped() -> Vec<(String, Scene)> {
         "scenes/thesis/world-map.toml",
     ];
     let load = |name: &str| {
-        let loaded = oscura::load::load(root.join(name), &Default::default()).expect("the scene loads");
-        (name.to_string(), loaded.scene)
+        let mut scene =
+            oscura::load::load(root.join(name), &Default::default()).expect("the scene loads").scene;
+        // Sizes and pixels of images are changed, too.
+        for image in &mut scene.images {
+            *image = image.decoded().expect("it is sound");
+        }
+        (name.to_string(), scene)
     };
     names.into_iter().map(load).collect()
 }
