@@ -92,8 +92,7 @@ pub(super) fn prepare(
     let size = (settled.options.width, settled.options.height);
     compiler.set_tree(settled.tree(wants.pictures));
     compiler.keep_uv(wants.keeps_uv || settled.options.aovs.contains(Aov::Uv));
-    let quarter = || super::process::memory_of_machine().map(|bytes| bytes / 4);
-    compiler.set_texture_memory(args.long.texture_memory.or_else(quarter));
+    compiler.set_texture_memory(texture_memory(args));
     let telling = Telling::of(args.quiet, args.long.progress);
     let waiting = Waiting::new(telling, "build", compiler.gauge());
     let (scene, mut build) = compiler.compile(&loaded.scene, settled.shading, &camera, size)?;
@@ -103,8 +102,7 @@ pub(super) fn prepare(
     notes.extend(build.notes.iter().cloned());
     left_out.append(&mut build.left_out);
     let labels = Labels::of(&loaded.scene, &settled.options);
-    let picture = film_bytes(&settled.options, &labels);
-    build.memory.push(MemoryPart { name: "picture", bytes: picture });
+    build.memory.push(MemoryPart { name: "picture", bytes: film_bytes(&settled.options, &labels) });
     let opaque = !shows_alpha(&scene, &settled.options);
     let png = png(args, settled.look.exposure, loaded.is_stage_lit, opaque);
     Ok(Prepared {
@@ -121,6 +119,12 @@ pub(super) fn prepare(
         warnings,
         left_out,
     })
+}
+
+/// What textures may take: a quarter of the machine's memory, unless the user says something else.
+fn texture_memory(args: &RenderArgs) -> Option<u64> {
+    let quarter = || super::process::memory_of_machine().map(|bytes| bytes / 4);
+    args.long.texture_memory.or_else(quarter)
 }
 
 /// All options, without channels that no file could hold.

@@ -2,17 +2,8 @@
 
 use super::geometry::{Attributes, Space};
 use super::material::CompiledMaterial;
-use super::scene::CompiledScene;
+use super::scene::{CompiledScene, MemoryPart};
 use crate::accel::Geometry;
-
-/// A part of a scene or picture and the bytes that it takes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct MemoryPart {
-    /// Its name in reports.
-    pub name: &'static str,
-    /// Bytes.
-    pub bytes: u64,
-}
 
 impl CompiledScene {
     /// The bytes of each large part: lists by their lengths, without what few scenes have (tables of grids and profiles).

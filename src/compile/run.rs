@@ -51,9 +51,8 @@ pub(super) fn compile_after(
     options: &CompileOptions,
     is_sequence: bool,
 ) -> Result<(CompiledScene, CompileReport)> {
-    let begin = Instant::now();
+    let (begin, mut report) = (Instant::now(), CompileReport::default());
     let anchor = options.anchor.unwrap_or_else(|| default_anchor(scene));
-    let mut report = CompileReport::default();
     let mut kept = earlier.map_or_else(Kept::default, |earlier| earlier.into_kept(scene));
     spectral::warn(scene, options.shading, &mut report.warnings);
     let mut textures = textures(kept.textures.take(), scene, (anchor, options), &mut report)?;
@@ -66,15 +65,14 @@ pub(super) fn compile_after(
     let Geometry { geometries, accel } =
         kept.geometry(scene, &materials, anchor, &plan, (options.tree, &options.gauge))?;
     report_accel(accel.stats(), &mut report, || flat::count(scene, &plan));
-
     let mut emitters = emitters::find(&geometries, &materials);
     moving_emitters::add(&mut emitters, &geometries, &materials);
     let light_spectra = spectral::of_lights(scene, &emitters, &geometries, &materials, options.shading);
     let light_groups = LightGroups::of((scene, &plan.numbers), &emitters, &geometries);
     let punctual = scene.lights.iter().map(|l| PunctualLight::new(l, anchor)).collect();
     let motions = LightMotions { area: emitters.moving.clone(), punctual: blur::lights(scene, anchor) };
-    let environment = environment(scene, kept.environment.take(), anchor, &mut report.warnings);
-    let lights = Lights::moving((emitters.lights.clone(), punctual), motions, environment, &textures);
+    let sky = environment(scene, kept.environment.take(), anchor, &mut report.warnings);
+    let lights = Lights::moving((emitters.lights.clone(), punctual), motions, sky, &textures);
     let (lights, links) = finished(scene, lights, (&emitters, &geometries, &materials), &textures)?;
     report.lights = lights.len() as u64;
     let light_kinds = object_materials::light_kinds(scene, &lights, (&emitters, &geometries, &materials));

@@ -6,7 +6,6 @@ use super::groups::LightGroups;
 use super::links::Links;
 use super::material::CompiledMaterial;
 use super::medium::Medium;
-use super::memory::MemoryPart;
 use super::objects::ObjectId;
 use super::reuse::{Kept, Sources};
 use super::tree::Tree;
@@ -54,6 +53,15 @@ pub struct ExpectedPicture {
     pub width: u32,
     /// Height in pixels.
     pub height: u32,
+}
+
+/// A part of a scene or picture and the bytes that it takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MemoryPart {
+    /// Its name in reports.
+    pub name: &'static str,
+    /// Bytes.
+    pub bytes: u64,
 }
 
 /// What compiling did.
