@@ -2,6 +2,7 @@
 //! Blender; with a real one (`OSCURA_BLENDER` names it, or a Python with `bpy`) the exporter itself is tried.
 
 use crate::program::*;
+use crate::skip::skip;
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
@@ -204,7 +205,7 @@ fn without_blender_the_error_says_how_to_get_one() {
             l.any(|e| e.is_ok_and(|e| e.file_name().to_string_lossy().starts_with("blender")))
         })
     }) {
-        return println!("skipped: this machine has Blender where it is looked for");
+        return skip("no-blender", "this machine has Blender where it is looked for");
     }
     let output = place.run(None, &["render", "room.blend", "-o", "a.exr"]);
     assert_eq!(code(&output), 3);
@@ -249,7 +250,7 @@ bpy.ops.wm.save_as_mainfile(filepath=sys.argv[1])
 #[test]
 fn blender_itself_exports_what_is_rendered() {
     let Some(python) = python_with_bpy() else {
-        return println!("skipped: neither OSCURA_BLENDER nor python3 has the module bpy");
+        return skip("bpy", "neither OSCURA_BLENDER nor python3 has the module bpy");
     };
     let place = Place::new();
     fs::write(place.path("build.py"), BUILD).expect("written");
@@ -274,7 +275,7 @@ fn blender_itself_exports_what_is_rendered() {
 /// Runs one of the scripts of tests in `tools/blender`.
 fn python_test(script: &str) {
     let Some(python) = python_with_bpy() else {
-        return println!("skipped: neither OSCURA_BLENDER nor python3 has the module bpy");
+        return skip("bpy", "neither OSCURA_BLENDER nor python3 has the module bpy");
     };
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tools/blender").join(script);
     let output = Command::new(python).arg(script).env("OSCURA", env!("CARGO_BIN_EXE_oscura")).output();

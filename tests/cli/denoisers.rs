@@ -1,6 +1,7 @@
 //! What takes the noise out: of parts, of files, and by the library that may be there for it.
 
 use crate::program::*;
+use crate::skip::skip;
 use std::path::{Path, PathBuf};
 
 fn run(folder: &Path, line: &str) -> String {
@@ -91,7 +92,7 @@ fn a_library_that_is_not_there_is_told_before_work() {
 fn library() -> Option<PathBuf> {
     let named = std::env::var_os("OSCURA_TEST_OIDN").map(PathBuf::from).filter(|path| path.exists());
     if named.is_none() {
-        println!("skipped: OSCURA_TEST_OIDN names no libOpenImageDenoise (the wheel 'pyoidn' has one)");
+        skip("oidn", "OSCURA_TEST_OIDN names no libOpenImageDenoise (the wheel 'pyoidn' has one)");
     }
     named
 }

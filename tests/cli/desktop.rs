@@ -1,6 +1,7 @@
 //! `oscura install-thumbnailer`, and what it installs.
 
 use crate::program::*;
+use crate::skip::skip;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
@@ -90,7 +91,7 @@ fn the_types_are_understood() {
     let data = folder.path().join("data");
     install(&data, &[]);
     if !data.join("mime/globs2").is_file() {
-        println!("skipped: update-mime-database (shared-mime-info) is not installed");
+        skip("shared-mime-info", "update-mime-database (shared-mime-info) is not installed");
         return;
     }
     let globs = fs::read_to_string(data.join("mime/globs2")).unwrap();

@@ -1,5 +1,6 @@
 //! Every program of `examples/` runs and leaves the picture that it promises.
 
+use crate::skip::skip;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -12,7 +13,7 @@ fn program(name: &str) -> Option<PathBuf> {
     let profile = own.parent().and_then(Path::parent).expect("the folder of a profile");
     let path = profile.join("examples").join(format!("{name}{}", std::env::consts::EXE_SUFFIX));
     if !path.is_file() {
-        println!("skipped: {} is not built; a plain `cargo test` builds it", path.display());
+        skip("examples", &format!("{} is not built; a plain `cargo test` builds it", path.display()));
         return None;
     }
     Some(path)

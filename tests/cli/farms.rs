@@ -1,6 +1,7 @@
 //! Farms: what `tools/farm` holds is run by the engines that are installed, and gives the pictures of single runs.
 
 use crate::program::*;
+use crate::skip::skip;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -11,7 +12,7 @@ const OSCURA: &str = env!("CARGO_BIN_EXE_oscura");
 fn farm() -> Option<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tools/farm");
     if !folder.exists() {
-        println!("skipped: the package is without tools");
+        skip("tools", "the package is without tools");
     }
     Some(folder).filter(|folder| folder.exists())
 }
@@ -20,7 +21,7 @@ fn farm() -> Option<PathBuf> {
 fn run(command: &mut Command, what: &str) -> Option<Output> {
     let output = command.output();
     if output.is_err() {
-        println!("skipped: there is no {what} in the PATH");
+        skip(what, &format!("there is no {what} in the PATH"));
     }
     output.ok()
 }

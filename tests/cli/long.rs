@@ -1,6 +1,7 @@
 //! Renders that are killed, gone on with, divided and put together, as users do it.
 
 use crate::program::*;
+use crate::skip::skip;
 use std::fs;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -322,7 +323,7 @@ fn a_folder_that_becomes_read_only_keeps_its_checkpoint() {
     let output = Command::new("unshare").args(["-rm", "sh", "-c", &script]).current_dir(folder).output();
     match output {
         Ok(output) if folder.join("code").exists() => assert_eq!(code(&output), 0, "{}", stderr(&output)),
-        _ => return println!("skipped: this system lets users mount nothing"),
+        _ => return skip("mounts", "this system lets users mount nothing"),
     }
     let read = |name: &str| fs::read_to_string(folder.join(name)).unwrap();
     assert_eq!((read("code").trim(), read("names").trim()), ("4", "c.part"), "{}", read("said"));

@@ -23,6 +23,8 @@ mod readme;
 mod sequence;
 #[cfg(target_os = "linux")]
 mod signals;
+#[path = "../common/skip.rs"]
+mod skip;
 mod stage;
 mod teaching;
 mod terminal;

@@ -5,6 +5,7 @@
 //! commands of cargo are not repeated here. Files that the README's user has are made by [`fixtures`], scripts stand for
 //! Blender and ffmpeg, and `view` is asked for its page and ended. `tools/python` tries the page of the Python module.
 
+use crate::skip::skip;
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
@@ -280,7 +281,7 @@ fn carry_out(folder: &Path, line: &str) -> bool {
     let needs_stand_in =
         [".blend", ".mp4", ".webm"].iter().any(|end| arguments.iter().any(|a| a.ends_with(end)));
     if needs_stand_in && !folder.join("bin").exists() {
-        println!("skipped: {line}; no script can stand for the other program");
+        skip("sh", &format!("{line}: no script can stand for the other program"));
         return false;
     }
     match arguments.first().map(String::as_str) {
@@ -430,7 +431,7 @@ fn existing_files(name: &str) -> u32 {
     let mut count = 0;
     for (file, path) in links.chain(files.map(|file| (file, root.join(file)))) {
         if file.contains("tools/") && !root.join("tools").exists() {
-            println!("skipped: {file}; the package on crates.io is without tools");
+            skip("tools", &format!("{file}: the package on crates.io is without tools"));
             continue;
         }
         assert!(path.exists(), "{name} names {file}, which doesn't exist");

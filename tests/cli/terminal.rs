@@ -1,6 +1,7 @@
 //! `--show`: pictures drawn in a terminal.
 
 use crate::program::*;
+use crate::skip::skip;
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -20,7 +21,7 @@ fn in_terminal(folder: &Path, term: &str, words: &[&str]) -> Option<(i32, String
         command.env_remove(name);
     }
     let Ok(output) = command.env("TERM", term).output() else {
-        println!("skipped: there is no python3");
+        skip("python3", "there is no python3");
         return None;
     };
     Some((code(&output), String::from_utf8_lossy(&output.stdout).replace("\r\n", "\n")))

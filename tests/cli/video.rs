@@ -1,6 +1,7 @@
 //! Moving pictures of turntables and sequences, by ffmpeg where it is installed.
 
 use crate::program::*;
+use crate::skip::skip;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
@@ -9,7 +10,7 @@ use std::process::{Command, Output};
 fn has_ffmpeg() -> bool {
     let is_there = Command::new("ffprobe").arg("-version").output().is_ok();
     if !is_there {
-        println!("skipped: ffmpeg and ffprobe are not installed");
+        skip("ffmpeg", "ffmpeg and ffprobe are not installed");
     }
     is_there
 }

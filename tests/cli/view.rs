@@ -1,6 +1,7 @@
 //! `oscura view`: what its page asks for, and the page itself in a browser where there is one.
 
 use crate::program::*;
+use crate::skip::skip;
 use serde_json::Value;
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -329,7 +330,7 @@ fn what_does_not_fit_into_memory_is_refused() {
     // A file with nothing in it, which takes no room.
     let file = fs::File::create(folder.path().join("scene.glb")).unwrap();
     if file.set_len(1 << 43).is_err() {
-        return println!("skipped: this disk holds no files of 8 TiB");
+        return skip("large-files", "this disk holds no files of 8 TiB");
     }
     let output = oscura(folder.path(), &["view", "scene.glb", "--no-open"]);
     assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
@@ -402,7 +403,7 @@ fn python_with_browser() -> Result<PathBuf, &'static str> {
 fn the_page_works_in_a_browser() {
     let python = match python_with_browser() {
         Ok(python) => python,
-        Err(reason) => return println!("skipped: {reason}"),
+        Err(reason) => return skip("playwright", reason),
     };
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cli/view_page.py");
     let output = Command::new(python).arg(script).arg(env!("CARGO_BIN_EXE_oscura")).output().unwrap();

@@ -1,5 +1,6 @@
 //! Images by way of the files that refer to them: textures and environments of scene files, maps of OBJ materials.
 
+use crate::skip::skip;
 use image::{ImageFormat, Rgb, RgbImage};
 use oscura::compile::{CompileOptions, compile};
 use oscura::error::Error;
@@ -126,7 +127,7 @@ fn damaged_exr_files_never_panic() {
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared"), PathBuf::from);
     let folder = shared.join("data/broken/exr");
     let Ok(entries) = std::fs::read_dir(&folder) else {
-        return println!("skipped: {} is absent", folder.display());
+        return skip("shared", &format!("{} is absent", folder.display()));
     };
     let mut refused = 0;
     for path in entries.map(|e| e.expect("an entry").path()).filter(|p| p.is_file()) {

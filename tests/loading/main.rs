@@ -13,4 +13,6 @@ mod regressions;
 mod scene_file;
 mod scene_reference;
 mod sidecar;
+#[path = "../common/skip.rs"]
+mod skip;
 mod subdivision;

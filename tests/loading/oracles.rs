@@ -1,5 +1,6 @@
 //! Our readers against others: `tobj` for OBJ, `image` for pictures, and the official validator's reports for glTF.
 
+use crate::skip::skip;
 use image::{DynamicImage, ImageBuffer, ImageFormat, Luma, Rgb, Rgba};
 use oscura::color::linear_from_srgb;
 use oscura::load::{LoadOptions, Loaded, load};
@@ -31,7 +32,7 @@ fn shared(inside: &str, extension: &str) -> Vec<PathBuf> {
         }
     }
     if files.is_empty() {
-        println!("skipped: {} holds no .{extension}", folder.display());
+        skip("shared", &format!("{} holds no .{extension}", folder.display()));
     }
     files.sort();
     files

@@ -1,5 +1,6 @@
 //! Scene files: what they build, and that every problem is reported with its line.
 
+use crate::skip::skip;
 use oscura::error::Error;
 use oscura::load::{LoadOptions, Loaded, load};
 use oscura::math::DVec3;
@@ -34,11 +35,11 @@ fn every_example_loads_without_warnings() {
         if path.extension().is_some_and(|e| e == "toml") {
             // Its mesh is too large for the repository.
             if path.ends_with("million-triangles.toml") && !scenes().join("meshes/million.ply").exists() {
-                println!("skipped: {} needs a mesh that a program makes first", path.display());
+                skip("made-meshes", &format!("{} needs a mesh that a program makes first", path.display()));
                 continue;
             }
             if path.ends_with("fur.toml") && !scenes().join("curves/fur.hair").exists() {
-                println!("skipped: {} needs strands that a program makes first", path.display());
+                skip("made-meshes", &format!("{} needs strands that a program makes first", path.display()));
                 continue;
             }
             let loaded = load(&path, &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"));

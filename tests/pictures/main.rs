@@ -37,6 +37,8 @@ mod references;
 mod reuse;
 mod shadow;
 mod sheets;
+#[path = "../common/skip.rs"]
+mod skip;
 mod soft_lamps;
 mod solids;
 mod spectral;

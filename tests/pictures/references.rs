@@ -1,5 +1,6 @@
 //! Pictures of the whole program against converged references that another renderer made.
 
+use crate::skip::skip;
 use crate::support::{options, picture};
 use oscura::bsdf::ShadingModel;
 use oscura::compile::{CompileOptions, compile};
@@ -27,7 +28,7 @@ fn shared(name: &str) -> Option<PathBuf> {
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared"), PathBuf::from);
     let path = shared.join(name);
     if !path.is_file() {
-        println!("skipped: {} is absent", path.display());
+        skip("shared", &format!("{} is absent", path.display()));
         return None;
     }
     Some(path)

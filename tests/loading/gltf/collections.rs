@@ -3,6 +3,7 @@
 #![cfg_attr(not(feature = "decoders"), allow(unused_imports, dead_code))]
 
 use super::asset::{load_with, open, triangle_bytes, triangle_with};
+use crate::skip::skip;
 use oscura::color::linear_from_srgb;
 use oscura::error::Error;
 use oscura::load::Loaded;
@@ -15,7 +16,7 @@ fn everything(inside: &str) -> Vec<PathBuf> {
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared"), PathBuf::from);
     let folder = shared.join("data").join(inside);
     if !folder.is_dir() {
-        println!("skipped: {} is absent", folder.display());
+        skip("shared", &format!("{} is absent", folder.display()));
         return Vec::new();
     }
     let mut files = Vec::new();

@@ -6,6 +6,7 @@ mod mtl;
 mod obj;
 mod ply;
 
+use crate::skip::skip;
 use oscura::error::Error;
 use oscura::load::{LoadOptions, Loaded, load};
 use oscura::scene::Scene;
@@ -70,7 +71,7 @@ fn real_models_have_their_triangles() {
     for (name, triangles) in [("stanford-bunny.obj", 69_451), ("spot.obj", 5_856), ("teapot.ply", 2_256)] {
         let path = shared.join("data/models").join(name);
         if !path.is_file() {
-            println!("skipped: {} is absent", path.display());
+            skip("shared", &format!("{} is absent", path.display()));
             continue;
         }
         let loaded = load(&path, &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"));

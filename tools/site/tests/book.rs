@@ -1,5 +1,9 @@
 //! The book: all pages of the guide are in it, links lead somewhere, and mdbook builds it where it is installed.
 
+#[path = "../../../tests/common/skip.rs"]
+mod skip;
+
+use skip::skip;
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -73,7 +77,7 @@ fn files_outside_of_the_book_are_named_or_linked() {
 #[test]
 fn mdbook_builds_it() {
     if Command::new("mdbook").arg("--version").output().is_err() {
-        return println!("skipped: mdbook is not installed");
+        return skip("mdbook", "mdbook is not installed");
     }
     let folder = write("built", &[]);
     let output = Command::new("mdbook").arg("build").arg(&folder).output().expect("mdbook starts");
