@@ -1,20 +1,14 @@
 //! Cameras, compiled: a point on the film and a point on the lens give a ray.
 
-mod aperture;
 mod importance;
-mod moving;
-mod ndc;
 mod panorama;
-mod sight;
 
-pub use moving::MovingCamera;
-pub use ndc::ndc_from_world;
-
-use crate::math::{DVec3, Ray, Vec3};
-use crate::scene;
-use aperture::Aperture;
+use crate::math::{DMat4, DVec3, DVec4, Ray, Vec3, poly, segment};
+use crate::scene::{self, Projection};
+pub use importance::Sight;
 use panorama::Panorama;
-pub use sight::Sight;
+use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
 
 /// A camera ready to shoot rays. It lives in coordinates around the compiled scene's anchor.
 #[derive(Clone, Copy, Debug)]
@@ -43,14 +37,14 @@ impl Camera {
         let m = camera.world_from_camera.matrix3;
         let (right, up, back) = (m.x_axis.normalize(), m.y_axis.normalize(), m.z_axis.normalize());
         let panorama = match &camera.projection {
-            scene::Projection::Panorama(own) => Some(Panorama::new(own, width, height, camera.shift)),
+            Projection::Panorama(own) => Some(Panorama::new(own, width, height, camera.shift)),
             _ => None,
         };
         let half_height = match camera.projection {
-            scene::Projection::Perspective { vfov_rad } => (vfov_rad * 0.5).tan(),
-            scene::Projection::Orthographic { half_height } => half_height,
+            Projection::Perspective { vfov_rad } => (vfov_rad * 0.5).tan(),
+            Projection::Orthographic { half_height } => half_height,
             // Only the size of pixels counts.
-            scene::Projection::Panorama(_) => {
+            Projection::Panorama(_) => {
                 0.5 * f64::from(height) * f64::from(panorama.map_or(0.0, |p| p.pixel_rad()))
             }
         };
@@ -58,7 +52,7 @@ impl Camera {
         let across = pixel * camera.pixel_aspect;
         let [shift_x, shift_y] = camera.shift.map(|s| s * 2.0 * half_height);
         let to_corner = right * (shift_x - across * 0.5 * f64::from(width)) + up * (half_height + shift_y);
-        let is_perspective = !matches!(camera.projection, scene::Projection::Orthographic { .. });
+        let is_perspective = !matches!(camera.projection, Projection::Orthographic { .. });
         let corner = if is_perspective { to_corner - back } else { to_corner };
         Camera {
             origin: (camera.world_from_camera.translation - anchor).as_vec3(),
@@ -223,6 +217,113 @@ impl Camera {
     }
 }
 
+/// From the world to normalized device coordinates as OpenEXR defines them for its attribute `worldToNDC` (after RenderMan):
+/// what is seen has x from 0 at the left edge of a picture of `width` x `height` pixels to 1 at the right one, and y from 0 at
+/// the top to 1 at the bottom. z is one over the depth with perspective, the depth with parallel rays. Column vectors. No matrix says it of a panorama.
+pub fn ndc_from_world(camera: &scene::Camera, width: u32, height: u32) -> Option<DMat4> {
+    let world_from_camera = camera.world_from_camera;
+    let m = world_from_camera.matrix3;
+    let (right, up, back) = (m.x_axis.normalize(), m.y_axis.normalize(), m.z_axis.normalize());
+    let eye = world_from_camera.translation;
+    // Rows that give a point's place along an axis, from where the camera stands.
+    let along = |axis: DVec3| axis.extend(-axis.dot(eye));
+    let (x, y, depth, one) = (along(right), along(up), -along(back), DVec4::W);
+    let (half_height, weight) = match camera.projection {
+        Projection::Perspective { vfov_rad } => ((0.5 * vfov_rad).tan(), depth),
+        Projection::Orthographic { half_height } => (half_height, one),
+        Projection::Panorama(_) => return None,
+    };
+    let half_width = half_height * camera.pixel_aspect * f64::from(width) / f64::from(height);
+    let [shift_x, shift_y] = camera.shift.map(|shift| shift * 2.0 * half_height);
+    let ndc_x = (x + weight * (half_width - shift_x)) / (2.0 * half_width);
+    let ndc_y = (weight * (half_height + shift_y) - y) / (2.0 * half_height);
+    let z = if weight == one { depth } else { one };
+    Some(DMat4::from_cols(ndc_x, ndc_y, z, weight).transpose())
+}
+
+/// A camera at equal steps of time; between two of them the corners of its picture move along straight lines.
+#[derive(Clone, Debug)]
+pub struct MovingCamera(Arc<[Camera]>);
+
+impl MovingCamera {
+    /// From what it is at each step, two or more.
+    pub fn new(keys: impl Iterator<Item = Camera>) -> MovingCamera {
+        MovingCamera(keys.collect())
+    }
+
+    /// The camera at a time in 0..1.
+    #[inline]
+    pub fn at(&self, time: f32) -> Camera {
+        let (key, share) = segment(self.0.len(), time);
+        let (from, to) = (&self.0[key], &self.0[(key + 1).min(self.0.len() - 1)]);
+        let mix = |a: Vec3, b: Vec3| a + (b - a) * share;
+        Camera {
+            origin: mix(from.origin, to.origin),
+            corner: mix(from.corner, to.corner),
+            step_x: mix(from.step_x, to.step_x),
+            step_y: mix(from.step_y, to.step_y),
+            forward: mix(from.forward, to.forward),
+            right: mix(from.right, to.right),
+            up: mix(from.up, to.up),
+            ..*from
+        }
+    }
+}
+
+/// An opening ready to choose points in.
+#[derive(Clone, Copy, Debug)]
+struct Aperture {
+    /// Radius of the disk, and of the circle through the polygon's corners, metres; 0 is a pinhole.
+    pub radius: f32,
+    /// Number of the polygon's corners; 0 is a disk.
+    blades: f32,
+    /// Cosine and sine of half the angle between two corners.
+    half_sector: (f32, f32),
+    /// Turns from the right to the middle of the first side, counter-clockwise.
+    rotation_turns: f32,
+    /// Width over height.
+    width: f32,
+}
+
+impl Aperture {
+    /// The opening of a lens.
+    pub fn new(lens: Option<scene::ThinLens>) -> Aperture {
+        let radius = lens.map_or(0.0, |l| (l.defocus_angle_rad * 0.5).tan() * l.focus_distance) as f32;
+        let aperture = lens.map_or(scene::Aperture::default(), |l| l.aperture);
+        let half = PI / f64::from(aperture.blades.max(1));
+        Aperture {
+            radius,
+            blades: aperture.blades as f32,
+            half_sector: (half.cos() as f32, half.sin() as f32),
+            rotation_turns: (aperture.rotation_rad / TAU).rem_euclid(1.0) as f32,
+            width: (1.0 / aperture.ratio) as f32,
+        }
+    }
+
+    /// The point for `u` in 0..1 squared, to the right and up, metres; all points of the opening are as likely.
+    ///
+    /// A polygon is a fan of triangles: `u[0]` chooses one, and its rest with `u[1]` a point in it (Shirley and Chiu, "A low
+    /// distortion map between disk and square", 1997, for the disk; Turk, "Generating random points in triangles", 1990,
+    /// for triangles).
+    #[inline(always)]
+    pub fn point(&self, u: [f32; 2]) -> (f32, f32) {
+        if self.blades == 0.0 {
+            let radius = self.radius * u[0].sqrt();
+            let (sin, cos) = poly::sin_cos_turns(u[1]);
+            return (radius * cos * self.width, radius * sin);
+        }
+        let scaled = u[0] * self.blades;
+        let sector = scaled.floor().min(self.blades - 1.0);
+        // From the middle to the side, and along it from one corner to the next.
+        let outwards = (scaled - sector).sqrt();
+        let along = outwards * (2.0 * u[1] - 1.0);
+        let (x, y) = (outwards * self.half_sector.0, along * self.half_sector.1);
+        let (sin, cos) = poly::sin_cos_turns(sector / self.blades + self.rotation_turns);
+        let (x, y) = (x * cos - y * sin, x * sin + y * cos);
+        (self.radius * x * self.width, self.radius * y)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -232,7 +333,7 @@ mod tests {
         scene::Camera {
             name: String::new(),
             world_from_camera: DAffine3::from_translation(DVec3::new(10.0, 0.0, 0.0)),
-            projection: scene::Projection::Perspective { vfov_rad: std::f64::consts::FRAC_PI_2 },
+            projection: Projection::Perspective { vfov_rad: std::f64::consts::FRAC_PI_2 },
             aspect_ratio: None,
             pixel_aspect: 1.0,
             lens: None,
@@ -256,7 +357,7 @@ mod tests {
     fn a_shift_moves_the_picture_by_its_own_heights() {
         for (projection, top) in [
             (pinhole().projection, Vec3::new(0.0, 1.0, -1.0)),
-            (scene::Projection::Orthographic { half_height: 1.0 }, Vec3::NEG_Z),
+            (Projection::Orthographic { half_height: 1.0 }, Vec3::NEG_Z),
         ] {
             let camera = scene::Camera { shift: [0.25, -0.5], projection, ..pinhole() };
             let camera = Camera::new(&camera, 200, 100, DVec3::ZERO);
@@ -286,5 +387,78 @@ mod tests {
         }
         let rim = camera.ray(32.0, 32.0, [1.0, 0.25]).origin - Vec3::new(10.0, 0.0, 0.0);
         assert!((rim.length() - 5.0 * 0.1f32.tan()).abs() < 1e-5);
+    }
+}
+
+#[cfg(test)]
+mod ndc_tests {
+    use super::*;
+
+    #[test]
+    fn points_are_where_the_picture_shows_them() {
+        let (width, height) = (40, 30);
+        let mut camera = scene::Camera::look_at([1.0, 2.0, 5.0], [0.2, 0.1, -0.3], 35.0);
+        camera.shift = [0.1, -0.2];
+        camera.pixel_aspect = 1.4;
+        let parallel = Projection::Orthographic { half_height: 1.5 };
+        for camera in [camera.clone(), scene::Camera { projection: parallel, ..camera }] {
+            let shown = Camera::new(&camera, width, height, DVec3::ZERO);
+            let matrix = ndc_from_world(&camera, width, height).expect("no panorama");
+            for p in [DVec3::ZERO, DVec3::new(0.7, -0.4, 1.0), DVec3::new(-1.0, 0.8, -3.0)] {
+                let [x, y] = shown.film_point(p.as_vec3());
+                let ndc = matrix.project_point3(p);
+                let expected = [f64::from(x) / 40.0, f64::from(y) / 30.0];
+                assert!((ndc.x - expected[0]).abs() < 1e-6 && (ndc.y - expected[1]).abs() < 1e-6, "{ndc}");
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod aperture_tests {
+    use super::*;
+    use crate::sampling::hash::r2_sequence;
+
+    fn points(aperture: scene::Aperture) -> Vec<(f32, f32)> {
+        let lens = scene::ThinLens { defocus_angle_rad: PI / 2.0, focus_distance: 1.0, aperture };
+        let aperture = Aperture::new(Some(lens));
+        assert!((aperture.radius - 1.0).abs() < 1e-6);
+        let unit = |bits: u32| (bits >> 8) as f32 / (1 << 24) as f32;
+        (0..40_000).map(|i| aperture.point(r2_sequence(i).map(unit))).collect()
+    }
+
+    #[test]
+    fn points_fill_a_polygon_evenly() {
+        for blades in [3, 5, 6, 9] {
+            let rotation_rad = 0.3;
+            let all = points(scene::Aperture { blades, rotation_rad, ratio: 1.0 });
+            let half = PI / f64::from(blades);
+            let mut squares = 0.0;
+            for &(x, y) in &all {
+                let (x, y) = (f64::from(x), f64::from(y));
+                // Within every side.
+                for k in 0..blades {
+                    let angle = rotation_rad + 2.0 * half * f64::from(k);
+                    assert!(x * angle.cos() + y * angle.sin() <= half.cos() + 1e-5, "{blades}: {x} {y}");
+                }
+                squares += x * x + y * y;
+            }
+            let mean = |f: fn(&(f32, f32)) -> f32| {
+                all.iter().map(|p| f64::from(f(p))).sum::<f64>() / all.len() as f64
+            };
+            assert!(mean(|p| p.0).abs() < 2e-3 && mean(|p| p.1).abs() < 2e-3);
+            // Polar moment of a regular polygon over its area, for corners at distance 1.
+            let expected = (2.0 + (2.0 * half).cos()) / 6.0;
+            assert!((squares / all.len() as f64 - expected).abs() < 2e-3, "{blades}");
+        }
+    }
+
+    #[test]
+    fn a_ratio_makes_the_opening_narrow() {
+        for blades in [0, 6] {
+            let all = points(scene::Aperture { blades, rotation_rad: 0.0, ratio: 2.0 });
+            let most = |f: fn(&(f32, f32)) -> f32| all.iter().map(f).fold(0.0f32, f32::max);
+            assert!(most(|p| p.0.abs()) < 0.5 + 1e-5 && most(|p| p.1.abs()) > 0.85, "{blades}");
+        }
     }
 }

@@ -1,4 +1,6 @@
-//! Distributions over indices by an alias table.
+//! Tabulated distributions: indices by an alias table, positions in a texture by its bilinear interpolant.
+
+use crate::simd::Table;
 
 /// One entry of an [`AliasTable`].
 #[derive(Clone, Copy, Debug)]
@@ -100,6 +102,284 @@ fn cleaned(weights: &[f32]) -> Vec<f64> {
     if clean.iter().sum::<f64>() > 0.0 { clean } else { vec![1.0; weights.len().max(1)] }
 }
 
+// Bilinear densities: positions in a texture with a density proportional to its bilinear interpolant, wrapped along u, clamped along v.
+//
+// A density that is constant per texel under a bilinear lookup misses the light that a bright texel spreads over its
+// neighbours and is a large source of noise on skies with a sun; this one matches the lookup everywhere.
+
+/// Texels per entry of the coarse distribution function.
+const BLOCK: u32 = 4;
+
+/// Positions with their densities.
+#[derive(Clone, Copy, Debug)]
+pub struct MapSamples<const N: usize> {
+    /// In 0..1, along u.
+    pub u: [f32; N],
+    /// In 0..1, along v.
+    pub v: [f32; N],
+    /// Densities per area of the unit square.
+    pub pdf_area: [f32; N],
+}
+
+/// A position with its density.
+#[derive(Clone, Copy, Debug)]
+pub struct MapSample {
+    /// Position in 0..1 along both axes.
+    pub uv: [f32; 2],
+    /// Density per area of the unit square.
+    pub pdf_area: f32,
+}
+
+/// A density on the unit square, interpolated bilinearly between values at texel centres `((i + 0.5) / width,
+/// (j + 0.5) / height)`.
+///
+/// Along v the density's marginal is linear between row centres and constant in the outer half rows; at a given v the
+/// density along u is linear between column centres, a blend of the two rows. Both are inverted exactly and
+/// monotonically, so stratified numbers stay stratified.
+#[derive(Clone, Debug)]
+pub struct BilinearMap {
+    width: u32,
+    height: u32,
+    /// Values scaled to a mean of 1, row by row, each row with its first value repeated at the end.
+    values: Vec<f32>,
+    /// For each row the integral from its first texel centre up to every [`BLOCK`]th one, and to the end, in texels.
+    coarse: Vec<f32>,
+    /// Row means; the marginal's values at row centres.
+    rows: Vec<f32>,
+    /// Integral of the marginal at its breakpoints 0, 0.5, 1.5, .., height - 0.5, height, divided by the height.
+    row_cumulative: Vec<f32>,
+    /// Where the search for a block starts: the largest power of two below their number.
+    first_step: u32,
+    /// The same for a piece of the marginal.
+    first_row_step: u32,
+}
+
+impl BilinearMap {
+    /// From one weight a texel, row by row; negative and non-finite ones count as 0. All zero gives the uniform
+    /// density. `weights` must hold `width * height` values, both at least 1.
+    pub fn new(width: usize, height: usize, weights: &[f32]) -> BilinearMap {
+        assert!(width > 0 && height > 0 && weights.len() == width * height, "a weight for every texel");
+        assert!((width + 1) * height < u32::MAX as usize, "an image of at most 2^32 texels");
+        let clean = |w: f32| if w.is_finite() && w > 0.0 { f64::from(w) } else { 0.0 };
+        let total: f64 = weights.iter().map(|&w| clean(w)).sum();
+        let mean = total / weights.len() as f64;
+        let scaled = |w: f32| if total > 0.0 { (clean(w) / mean) as f32 } else { 1.0 };
+        let blocks = width.div_ceil(BLOCK as usize);
+        let mut values = Vec::with_capacity((width + 1) * height);
+        let mut coarse = Vec::with_capacity((blocks + 1) * height);
+        let mut rows = Vec::with_capacity(height);
+        for row in weights.chunks_exact(width) {
+            let start = values.len();
+            values.extend(row.iter().map(|&w| scaled(w)));
+            values.push(values[start]);
+            let mut sum = 0.0f64;
+            for (i, pair) in values[start..].windows(2).enumerate() {
+                if i % BLOCK as usize == 0 {
+                    coarse.push(sum as f32);
+                }
+                sum += 0.5 * (f64::from(pair[0]) + f64::from(pair[1]));
+            }
+            coarse.push(sum as f32);
+            rows.push((sum / width as f64) as f32);
+        }
+        let row_cumulative = cumulative_of_rows(&rows);
+        let first_step = (blocks.next_power_of_two() / 2) as u32;
+        let first_row_step = ((height + 1).next_power_of_two() / 2) as u32;
+        let (width, height) = (width as u32, height as u32);
+        BilinearMap { width, height, values, coarse, rows, row_cumulative, first_step, first_row_step }
+    }
+
+    /// Columns and rows.
+    pub fn size(&self) -> [usize; 2] {
+        [self.width as usize, self.height as usize]
+    }
+
+    /// The densities at the texel centres of a row; the first one comes again at the end.
+    pub fn row(&self, y: usize) -> &[f32] {
+        let stride = self.width as usize + 1;
+        &self.values[y * stride..(y + 1) * stride]
+    }
+
+    /// Bytes that it takes.
+    pub fn bytes(&self) -> usize {
+        4 * (self.values.len() + self.coarse.len() + self.rows.len() + self.row_cumulative.len())
+    }
+
+    /// Density per area of the unit square at a position in 0..1.
+    #[inline(always)]
+    pub fn pdf_area(&self, uv: [f32; 2]) -> f32 {
+        let rows = self.row_pair(uv[1] * self.height as f32 - 0.5);
+        let x = uv[0] * self.width as f32 - 0.5;
+        let x = if x < 0.0 { x + self.width as f32 } else { x };
+        let i = (x as u32).min(self.width - 1);
+        let s = x - i as f32;
+        let (a, b) = (self.blend(&rows, i), self.blend(&rows, i + 1));
+        a + s * (b - a)
+    }
+
+    /// A position with density proportional to the interpolant.
+    #[inline(always)]
+    pub fn sample(&self, u: [f32; 2]) -> MapSample {
+        let many = self.sample_many([[u[0]], [u[1]]]);
+        MapSample { uv: [many.u[0], many.v[0]], pdf_area: many.pdf_area[0] }
+    }
+
+    /// The same from many pairs of numbers, the first ones of all pairs first. All take the same steps, without branches,
+    /// so that loops over them vectorise.
+    #[inline(always)]
+    pub fn sample_many<const N: usize>(&self, u: [[f32; N]; 2]) -> MapSamples<N> {
+        let y = self.sample_rows(u[1]);
+        let mut rows = [RowPair::default(); N];
+        for i in 0..N {
+            rows[i] = self.row_pair(y[i]);
+        }
+        let (mut x, pdf_area) = self.sample_columns(u[0], &rows);
+        let mut v = [0.0; N];
+        for i in 0..N {
+            let moved = x[i] + 0.5;
+            let moved = if moved >= self.width as f32 { moved - self.width as f32 } else { moved };
+            x[i] = moved / self.width as f32;
+            v[i] = (y[i] + 0.5) / self.height as f32;
+        }
+        MapSamples { u: x, v, pdf_area }
+    }
+
+    /// The rows around a position in texel centres.
+    #[inline(always)]
+    fn row_pair(&self, y: f32) -> RowPair {
+        let last = self.height - 1;
+        let y = if y > 0.0 { y } else { 0.0 };
+        let low = (y as u32).min(last);
+        RowPair { low, high: (low + 1).min(last), share: y - low as f32 }
+    }
+
+    #[inline(always)]
+    fn blend(&self, rows: &RowPair, i: u32) -> f32 {
+        let (values, stride) = (Table::new(&self.values), self.width + 1);
+        let (a, b) = (values.at(rows.low * stride + i), values.at(rows.high * stride + i));
+        a + rows.share * (b - a)
+    }
+
+    /// Inverts the marginal along v: positions in texel centres, -0.5 to height - 0.5.
+    #[inline(always)]
+    fn sample_rows<const N: usize>(&self, u: [f32; N]) -> [f32; N] {
+        let (cumulative, values) = (Table::new(&self.row_cumulative), Table::new(&self.rows));
+        let total = cumulative.at(self.height + 1);
+        // The last piece that starts at or before the target.
+        let mut pieces = [0u32; N];
+        let mut step = self.first_row_step;
+        while step > 0 {
+            for i in 0..N {
+                let next = pieces[i] + step;
+                let is_before = (next <= self.height) & (cumulative.at(next) <= u[i] * total);
+                pieces[i] += if is_before { step } else { 0 };
+            }
+            step /= 2;
+        }
+        let mut y = [0.0; N];
+        for i in 0..N {
+            let piece = pieces[i];
+            let rest = (u[i] * total - cumulative.at(piece)) * self.height as f32;
+            let first = if piece > 0 { piece - 1 } else { 0 };
+            let (a, b) = (values.at(first), values.at(piece));
+            // The outer pieces are half a row long and constant.
+            let outer = (piece == 0) | (piece == self.height);
+            let length = if outer { 0.5 } else { 1.0 };
+            let start = if piece == 0 { -0.5 } else { piece as f32 - 1.0 };
+            let t = invert_linear(a * length, b * length, rest) * length;
+            let end = self.height as f32 - 0.5;
+            y[i] = if start + t < end { start + t } else { end };
+        }
+        y
+    }
+
+    /// Inverts the density along u at blends of two rows: positions in texel centres, 0 to width, and the densities.
+    #[inline(always)]
+    fn sample_columns<const N: usize>(&self, u: [f32; N], rows: &[RowPair; N]) -> ([f32; N], [f32; N]) {
+        let coarse = Table::new(&self.coarse);
+        let blocks = self.width.div_ceil(BLOCK);
+        let stride = blocks + 1;
+        let sum_before = |rows: &RowPair, block: u32| {
+            let (a, b) = (coarse.at(rows.low * stride + block), coarse.at(rows.high * stride + block));
+            a + rows.share * (b - a)
+        };
+        let (mut targets, mut found) = ([0.0; N], [0u32; N]);
+        for i in 0..N {
+            targets[i] = u[i] * sum_before(&rows[i], blocks);
+        }
+        // The last block whose start is at or before the target.
+        let mut step = self.first_step;
+        while step > 0 {
+            for i in 0..N {
+                let next = found[i] + step;
+                let next = if next < blocks { next } else { blocks };
+                let is_before = (next < blocks) & (sum_before(&rows[i], next) <= targets[i]);
+                found[i] += if is_before { step } else { 0 };
+            }
+            step /= 2;
+        }
+        let (mut x, mut density) = ([0.0; N], [0.0; N]);
+        for i in 0..N {
+            (x[i], density[i]) =
+                self.sample_block(targets[i] - sum_before(&rows[i], found[i]), &rows[i], found[i]);
+        }
+        (x, density)
+    }
+
+    /// Inverts the density within a block of texels, from the integral since its start.
+    #[inline(always)]
+    fn sample_block(&self, rest: f32, rows: &RowPair, block: u32) -> (f32, f32) {
+        let (mut rest, mut i) = (rest, block * BLOCK);
+        let (mut a, mut b) = (self.blend(rows, i), self.blend(rows, i + 1));
+        let mut is_searching = true;
+        for k in 2..=BLOCK {
+            let area = 0.5 * (a + b);
+            is_searching &= (rest >= area) & (i + 1 < self.width);
+            let next = self.blend(rows, block * BLOCK + k);
+            rest -= if is_searching { area } else { 0.0 };
+            i += u32::from(is_searching);
+            a = if is_searching { b } else { a };
+            b = if is_searching { next } else { b };
+        }
+        let s = invert_linear(a, b, rest);
+        (i as f32 + s, a + s * (b - a))
+    }
+}
+
+/// Two rows, and the share of the second one.
+#[derive(Clone, Copy, Default)]
+struct RowPair {
+    low: u32,
+    high: u32,
+    share: f32,
+}
+
+/// Integrals of the marginal along v at its breakpoints, over the height.
+fn cumulative_of_rows(rows: &[f32]) -> Vec<f32> {
+    let n = rows.len() as f64;
+    let (first, last) = (f64::from(rows[0]), f64::from(rows[rows.len() - 1]));
+    let mut sum = 0.5 * first / n;
+    let mut cumulative = vec![0.0, sum as f32];
+    for pair in rows.windows(2) {
+        sum += 0.5 * (f64::from(pair[0]) + f64::from(pair[1])) / n;
+        cumulative.push(sum as f32);
+    }
+    cumulative.push((sum + 0.5 * last / n) as f32);
+    cumulative
+}
+
+/// Where in 0..1 the integral of the function that goes linearly from `a` to `b` reaches `area`: the root of
+/// (b - a) t^2 / 2 + a t = area in the form that does not cancel.
+#[inline(always)]
+fn invert_linear(a: f32, b: f32, area: f32) -> f32 {
+    let discriminant = a * a + 2.0 * (b - a) * area;
+    let root = if discriminant > 0.0 { discriminant } else { 0.0 }.sqrt();
+    let denominator = a + root;
+    let t = 2.0 * area / if denominator > 0.0 { denominator } else { 1.0 };
+    let t = if t > 0.0 { t } else { 0.0 };
+    if t < 1.0 { t } else { 1.0 }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -126,5 +406,52 @@ mod tests {
         let weights = [0.0, f32::NAN, -1.0, f32::INFINITY];
         assert_eq!(AliasTable::new(&weights).pdf_discrete(2), 0.25);
         assert_eq!(AliasTable::new(&[]).sample(0.5).index, 0);
+    }
+}
+
+#[cfg(test)]
+mod bilinear_tests {
+    use super::*;
+    use crate::sampling::chi2::{Chi2, Random};
+
+    fn noise(width: usize, height: usize) -> Vec<f32> {
+        let mut random = Random::new(7);
+        (0..width * height).map(|_| random.next().powi(3)).collect()
+    }
+
+    fn check(name: &str, map: &BilinearMap, cells: [usize; 2]) {
+        let test = Chi2::new(name, 6).cells(cells[0], cells[1]);
+        test.assert(
+            |u| Some(map.sample([u[0], u[1]]).uv.map(f64::from)),
+            |p| f64::from(map.pdf_area([p[0] as f32, p[1] as f32])),
+        );
+        let mut random = Random::new(3);
+        for _ in 0..20_000 {
+            let s = map.sample([random.next(), random.next()]);
+            let again = map.pdf_area(s.uv);
+            assert!(s.pdf_area > 0.0, "{name}: {s:?}");
+            assert!((s.pdf_area - again).abs() <= 2e-3 * s.pdf_area + 1e-3, "{name}: {s:?} {again}");
+        }
+    }
+
+    #[test]
+    fn maps_pass_chi_square() {
+        check("noise", &BilinearMap::new(40, 20, &noise(40, 20)), [40, 20]);
+        check("odd sizes", &BilinearMap::new(17, 5, &noise(17, 5)), [34, 20]);
+        let mut sun = vec![1e-3; 64 * 32];
+        sun[9 * 64] = 1e3;
+        check("sun at the seam", &BilinearMap::new(64, 32, &sun), [64, 32]);
+        check("one texel", &BilinearMap::new(1, 1, &[3.0]), [8, 8]);
+        check("one row", &BilinearMap::new(9, 1, &noise(9, 1)), [18, 4]);
+        let mut top = vec![0.0; 12];
+        top[1] = 1.0;
+        check("only the top row", &BilinearMap::new(4, 3, &top), [16, 24]);
+    }
+
+    #[test]
+    fn nothing_anywhere_is_uniform() {
+        let map = BilinearMap::new(3, 2, &[0.0, f32::NAN, -1.0, 0.0, 0.0, 0.0]);
+        assert_eq!(map.pdf_area([0.3, 0.9]), 1.0);
+        assert!(map.bytes() < 200);
     }
 }

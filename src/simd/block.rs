@@ -1,10 +1,8 @@
-//! Sixteen triangles against the line of a ray, one lane a triangle.
+//! Scalar data and kernels of traversal: rays against boxes (slabs), rays against blocks of sixteen triangles, and the
+//! compaction of lanes.
 
-#[cfg(target_arch = "aarch64")]
-use super::compress::LANES_OF_MASK;
-#[cfg(target_arch = "x86_64")]
-use super::compress::compress;
-use super::slab::ShearedLine;
+use bytemuck::{Pod, Zeroable};
+
 #[cfg(target_arch = "aarch64")]
 use core::arch::aarch64::*;
 #[cfg(target_arch = "x86_64")]
@@ -235,5 +233,206 @@ fn mask_of_16(lanes: [uint32x4_t; 4]) -> u32 {
         let bits = vpaddq_u8(bits, bits);
         let bits = vpaddq_u8(bits, bits);
         u32::from(vgetq_lane_u16::<0>(vreinterpretq_u16_u8(bits)))
+    }
+}
+
+/// Eight boxes: min x, max x, min y, max y, min z, max z of each.
+pub type Planes = [[f32; 8]; 6];
+
+/// A ray against boxes: it passes plane p of an axis at `p * inverse + offset`, in one rounding where the CPU has fused
+/// multiplication. `offset` is `-origin / direction`, moved down for the near planes and up for the far ones by more
+/// than its own error, so that what is left are a few roundings relative to the result.
+#[derive(Clone, Copy, Debug)]
+pub struct BoxRay {
+    pub(super) inverse: [f32; 3],
+    pub(super) near_offset: [f32; 3],
+    pub(super) far_offset: [f32; 3],
+    /// Byte offset of the near planes in [`Planes`]: 64 for each axis, 32 more where the direction is negative. The far
+    /// planes are at `near ^ 32`. (The fourth is not used.)
+    pub(super) near: [u8; 4],
+    /// The axes in the order x, y, z of the sheared space; a permutation of 0, 1, 2. (The fourth is not used.)
+    pub(super) axes: [u8; 4],
+}
+
+/// Direction components below this count as this much, with the sign kept.
+const SMALLEST: f32 = 1.0 / (1u128 << 80) as f32;
+
+/// [`BoxRay::near`] for each combination of signs.
+const NEAR: [[u8; 4]; 8] = {
+    let mut table = [[0, 64, 128, 0]; 8];
+    let mut signs = 0;
+    while signs < 8 {
+        table[signs][0] += 32 * (signs as u8 & 1);
+        table[signs][1] += 32 * (signs as u8 >> 1 & 1);
+        table[signs][2] += 32 * (signs as u8 >> 2);
+        signs += 1;
+    }
+    table
+};
+
+/// [`BoxRay::axes`] for each longest axis of the direction.
+const AXES: [[u8; 4]; 3] = [[1, 2, 0, 0], [2, 0, 1, 0], [0, 1, 2, 0]];
+
+/// The axes in the order x, y, z of the sheared space: the last is the longest of the direction.
+#[inline(always)]
+fn axes(direction: [f32; 3]) -> [u8; 4] {
+    let [x, y, z] = [direction[0].abs(), direction[1].abs(), direction[2].abs()];
+    // In numbers, since a branch could not be predicted.
+    let is_z = usize::from((z >= x) & (z >= y));
+    AXES[2 * is_z + (usize::from(y >= x) & (1 - is_z))]
+}
+
+/// Axes as indices. Without `map`, as all here: it would be compiled for the lowest CPU level.
+#[inline(always)]
+fn indices(axes: [u8; 4]) -> [usize; 3] {
+    [usize::from(axes[0].min(2)), usize::from(axes[1].min(2)), usize::from(axes[2].min(2))]
+}
+
+/// The line of a ray in the space that is sheared along it.
+#[derive(Clone, Copy, Debug)]
+pub struct ShearedLine {
+    /// The axes of the world that are x, y and z there; a permutation of 0, 1, 2.
+    pub(super) axes: [usize; 3],
+    /// The ray's origin, in the order of the sheared space.
+    pub origin: [f32; 3],
+    /// What x and y move by along z.
+    pub shear: [f32; 2],
+}
+
+impl ShearedLine {
+    /// Meets nothing in particular; fills unused places.
+    pub const NONE: ShearedLine = ShearedLine { axes: [0, 1, 2], origin: [0.0; 3], shear: [0.0; 2] };
+
+    /// The axes of the world that are x, y and z there; a permutation of 0, 1, 2.
+    #[inline(always)]
+    pub fn axes(&self) -> [usize; 3] {
+        self.axes
+    }
+
+    /// For a direction whose largest component lies in [1, 2).
+    #[inline(always)]
+    pub fn new(origin: [f32; 3], direction: [f32; 3]) -> ShearedLine {
+        let [kx, ky, kz] = indices(axes(direction));
+        let inverse = 1.0 / direction[kz];
+        ShearedLine {
+            axes: [kx, ky, kz],
+            origin: [origin[kx], origin[ky], origin[kz]],
+            shear: [direction[kx] * inverse, direction[ky] * inverse],
+        }
+    }
+}
+
+impl BoxRay {
+    /// Meets nothing in particular; fills unused slots.
+    pub const NONE: BoxRay = BoxRay {
+        inverse: [1.0; 3],
+        near_offset: [0.0; 3],
+        far_offset: [0.0; 3],
+        near: NEAR[0],
+        axes: AXES[2],
+    };
+
+    /// For a direction whose largest component lies in [1, 2), and boxes within `reach` of the coordinates' origin.
+    #[inline(always)]
+    pub fn set(&mut self, origin: [f32; 3], direction: [f32; 3], reach: f32) {
+        let far_away = (origin[0].abs() + origin[1].abs()) + (origin[2].abs() + reach);
+        // Four lanes, the last one idle, since that is what vectors hold.
+        let (o, d) =
+            ([origin[0], origin[1], origin[2], 0.0], [direction[0], direction[1], direction[2], 1.0]);
+        let (mut inverse, mut near, mut far) = ([0.0; 4], [0.0; 4], [0.0; 4]);
+        for k in 0..4 {
+            let length: f32 = f32::abs(d[k]);
+            let tiny = length < SMALLEST;
+            inverse[k] = 1.0 / (if tiny { SMALLEST } else { length }).copysign(d[k]);
+            let offset: f32 = -(o[k] * inverse[k]);
+            // Two roundings of the offset's are 2^-23 of it. A component that was replaced moves the ray aside by less
+            // than SMALLEST times the parameter, which is at most `far_away`.
+            let replaced = if tiny { 2.0 * far_away } else { 0.0 };
+            let error = offset.abs() * (1.0 / 4_194_304.0) + replaced;
+            near[k] = offset - error;
+            far[k] = offset + error;
+        }
+        self.inverse = [inverse[0], inverse[1], inverse[2]];
+        self.near_offset = [near[0], near[1], near[2]];
+        self.far_offset = [far[0], far[1], far[2]];
+        let sign = |k: usize| (direction[k].to_bits() >> 31) as usize;
+        self.near = NEAR[sign(0) | (sign(1) << 1) | (sign(2) << 2)];
+        self.axes = axes(direction);
+    }
+
+    /// One over a component of the direction that is not tiny.
+    #[inline(always)]
+    pub fn inverse(&self, axis: usize) -> f32 {
+        self.inverse[axis]
+    }
+
+    /// The components of a vector in the order of the sheared space.
+    #[inline(always)]
+    pub fn permute(&self, v: [f32; 3]) -> [f32; 3] {
+        let [x, y, z] = self.axes();
+        [v[x], v[y], v[z]]
+    }
+
+    /// The line of the ray, with its origin and shear.
+    #[inline(always)]
+    pub fn line(&self, origin: [f32; 3], shear: [f32; 2]) -> ShearedLine {
+        ShearedLine { axes: self.axes(), origin: self.permute(origin), shear }
+    }
+
+    /// The axes in the order of the sheared space.
+    #[inline(always)]
+    pub fn axes(&self) -> [usize; 3] {
+        indices(self.axes)
+    }
+}
+
+/// What a ray visits later, and how far away it starts.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct Entry {
+    /// What.
+    pub reference: u32,
+    /// The ray's parameter at its box.
+    pub distance: f32,
+}
+
+/// For each mask of lanes the numbers of its lanes, in order, one a byte; then [`NO_LANE`].
+pub static LANES_OF_MASK: [u64; 256] = lanes_of_masks();
+
+/// Stands behind the last lane: its last three bits are those of lane 0, and four times it is beyond the bytes of eight lanes.
+const NO_LANE: u64 = 32;
+
+const fn lanes_of_masks() -> [u64; 256] {
+    let mut table = [0x0101_0101_0101_0101 * NO_LANE; 256];
+    let mut mask = 0;
+    while mask < 256 {
+        let (mut lane, mut count) = (0u32, 0u32);
+        while lane < 8 {
+            if mask >> lane & 1 == 1 {
+                table[mask] ^= (lane as u64 ^ NO_LANE) << (8 * count);
+                count += 1;
+            }
+            lane += 1;
+        }
+        mask += 1;
+    }
+    table
+}
+
+/// Moves the lanes of a mask to the front; the others become `fill` (AVX-512) or anything (AVX2).
+///
+/// # Safety
+/// The CPU must have AVX2 (`AVX512`: AVX-512 VL too).
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+pub unsafe fn compress<const AVX512: bool>(x: __m256i, mask: u32) -> __m256i {
+    // SAFETY: the caller's level has these instructions; the table has an entry for each 8-bit mask.
+    unsafe {
+        if AVX512 {
+            _mm256_maskz_compress_epi32(mask as u8, x)
+        } else {
+            let order = _mm_cvtsi64_si128(LANES_OF_MASK[(mask & 255) as usize] as i64);
+            _mm256_permutevar8x32_epi32(x, _mm256_cvtepu8_epi32(order))
+        }
     }
 }

@@ -8,27 +8,20 @@
 #![allow(unsafe_code)]
 
 mod block;
-#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
-mod compress;
-mod each;
-mod line;
+mod cache_line;
 #[cfg(target_arch = "aarch64")]
 mod neon;
-mod slab;
-mod table;
 #[cfg(test)]
 mod tests;
 mod wide;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
-pub use block::{BlockQuery, TriangleBlock};
-pub use each::map_each;
-pub use line::{
-    Claim, Claims, Line, append_claims, prefer_huge_pages, prefetch_element, prefetch_lines, reserve_lines,
+pub use block::{BlockQuery, BoxRay, Entry, Planes, ShearedLine, TriangleBlock};
+pub use cache_line::{
+    Claim, Claims, Line, Table, append_claims, prefer_huge_pages, prefetch_element, prefetch_lines,
+    reserve_lines,
 };
-pub use slab::{BoxRay, Entry, Planes, ShearedLine};
-pub use table::Table;
 pub use wide::{ScalarWide, WIDEN, Wide, WideKernel};
 
 use std::sync::OnceLock;
@@ -217,4 +210,16 @@ fn run_wide_avx512<K: WideKernel>(kernel: K) -> K::Output {
 fn run_wide_avx2<K: WideKernel>(kernel: K) -> K::Output {
     // SAFETY: as above.
     kernel.run(unsafe { x86::X86::<false>::new() })
+}
+
+/// The same function of each number of an array. Such loops must contain all that they call, and the standard library's
+/// `map` is seldom inlined.
+#[inline(always)]
+#[allow(clippy::needless_range_loop)]
+pub fn map_each<T: Copy, U: Copy + Default, const N: usize>(values: [T; N], f: impl Fn(T) -> U) -> [U; N] {
+    let mut mapped = [U::default(); N];
+    for i in 0..N {
+        mapped[i] = f(values[i]);
+    }
+    mapped
 }

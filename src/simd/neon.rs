@@ -1,9 +1,7 @@
 //! The NEON level of [`Wide`]: eight lanes are two registers of four. No instruction here looks at what a lane that is not
 //! asked for holds, and none is fused but the box test's.
 
-use super::block::{self, BlockQuery, TriangleBlock};
-use super::compress::LANES_OF_MASK;
-use super::slab::{BoxRay, Entry, Planes};
+use super::block::{self, BlockQuery, BoxRay, Entry, LANES_OF_MASK, Planes, TriangleBlock};
 use super::wide::{WIDEN_UNITS, Wide};
 use core::arch::aarch64::*;
 

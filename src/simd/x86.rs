@@ -1,8 +1,6 @@
 //! The x86 levels of [`Wide`]: the same registers and instructions, but for AVX-512's compression.
 
-use super::block::{self, BlockQuery, TriangleBlock};
-use super::compress::compress;
-use super::slab::{BoxRay, Entry, Planes};
+use super::block::{self, BlockQuery, BoxRay, Entry, Planes, TriangleBlock, compress};
 use super::wide::{WIDEN_UNITS, Wide};
 use core::arch::x86_64::*;
 
