@@ -1,18 +1,27 @@
-//! Light that paths find by themselves: emitting surfaces and the environment, weighted against light sampling.
+//! Emission that paths hit: surfaces and the environment, MIS-weighted against light sampling; spectra of lights.
+//!
+//! Spectral rendering (hero wavelength sampling: Wilkie et al. 2014): throughput, BSDFs, absorption and emission have one value
+//! for each of a path's wavelengths in place of red, green and blue. Sampling decisions treat the wavelengths alike, which
+//! weights them as the balance heuristic does; where a direction belongs to one wavelength only (dispersion), the path
+//! continues with one of them, drawn in proportion to its throughput. Colours are converted to spectra where they are read, and
+//! [`RadianceBuffer::convert_to_rgb`](super::radiance_buffer::RadianceBuffer::convert_to_rgb) converts the result.
 
-use super::Integrator;
-use super::hit_point::HitPoint;
-use super::lanes::{LENGTH, WAVE, get, get_rgb};
-use super::layers::{Origin, Way, way_of_path};
-use super::linking::class;
-use super::wave::{Paths, Scratch};
+use super::radiance_buffer::{PathClass, RadianceOrigin, class_of_path};
+use super::shading_geometry::HitPoint;
+use super::shading_groups::SortedVertices;
+use super::visibility::class;
+use super::wave::{LENGTH, Paths, Scratch, WAVE, get, get_rgb, set_rgb};
 use super::workspace::Workspace;
+use super::{Integrator, Purpose};
+use crate::bsdf::{Bsdf, Slots};
 use crate::color::Rgb;
+use crate::color::spectral::{Spectrum, Wavelengths, uplifted_light};
 use crate::light::{
     EnvironmentLight, ImageMap, Lights, Receiver, SelectedSun, TexelPosition, solid_angle_density,
 };
 use crate::math::{Ray, Vec3};
 use crate::sampling::power_heuristic;
+use crate::sampling::sampler::SobolPoint;
 use crate::scene::RayKinds;
 use crate::simd::{Kernel, dispatch};
 
@@ -26,7 +35,7 @@ impl Integrator<'_> {
             return;
         }
         let links = self.links_of(material, light.is_some());
-        if !self.finds_linked(bounce, i, links, &w.arriving) {
+        if !self.is_linked_emission(bounce, i, links, &w.arriving) {
             return;
         }
         let wo = -w.rays[i].direction;
@@ -48,15 +57,17 @@ impl Integrator<'_> {
             let pdf_discrete = self.scene.lights.pdf_discrete(class, &receiver, index);
             weight = power_heuristic(path.pdf[i], area.pdf_solid_angle(p, surface.p) * pdf_discrete);
         }
-        w.sink.contribute(path.sample[i], get_rgb(&path.throughput, i) * radiance * weight, || Origin {
-            way: way_of_path(bounce, Way::Emission, &w.arriving.first_bounces, i),
-            group: match light {
-                Some(index) => self.scene.light_groups.of_light(index),
-                None => {
-                    let material = self.scene.described_material(surface.material);
-                    self.scene.light_groups.of_surface(self.scene.object_at(hit), material)
-                }
-            },
+        w.sink.contribute(path.sample[i], get_rgb(&path.throughput, i) * radiance * weight, || {
+            RadianceOrigin {
+                way: class_of_path(bounce, PathClass::Emission, &w.arriving.first_bounces, i),
+                group: match light {
+                    Some(index) => self.scene.light_groups.of_light(index),
+                    None => {
+                        let material = self.scene.described_material(surface.material);
+                        self.scene.light_groups.of_surface(self.scene.object_at(hit), material)
+                    }
+                },
+            }
         });
     }
 
@@ -67,7 +78,7 @@ impl Integrator<'_> {
             let index = *index;
             let path = &w.arriving.carried;
             for i in w.escaped.iter().map(|&i| i as usize).filter(|&i| sun.contains(w.rays[i].direction)) {
-                if self.parts.kinds && !self.brings_light(bounce, i, index, &w.arriving) {
+                if self.parts.kinds && !self.sees_light(bounce, i, index, &w.arriving) {
                     continue;
                 }
                 let receiver = Receiver { p: w.rays[i].origin, normal: get(&w.arriving.receiver_normal, i) };
@@ -80,10 +91,10 @@ impl Integrator<'_> {
                     continue;
                 }
                 let waves = w.times.waves(path.sample[i]);
-                let radiance = self.lanes_of_light(sun.radiance, Some(index), waves);
+                let radiance = self.uplift_light(sun.radiance, Some(index), waves);
                 let value = get_rgb(&path.throughput, i) * radiance * weight;
-                w.sink.contribute(path.sample[i], value, || Origin {
-                    way: way_of_path(bounce, Way::Environment, &w.arriving.first_bounces, i),
+                w.sink.contribute(path.sample[i], value, || RadianceOrigin {
+                    way: class_of_path(bounce, PathClass::Environment, &w.arriving.first_bounces, i),
                     group: self.scene.light_groups.of_light(index),
                 });
             }
@@ -100,9 +111,9 @@ impl Integrator<'_> {
         for (k, &i) in w.escaped.iter().enumerate() {
             let i = i as usize;
             let radiance = Rgb::new(r[k], g[k], b[k]);
-            let radiance = self.lanes_of_light(radiance, None, w.times.waves(path.sample[i]));
-            w.sink.contribute(path.sample[i], get_rgb(&path.throughput, i) * radiance, || Origin {
-                way: way_of_path(0, Way::Environment, &w.arriving.first_bounces, i),
+            let radiance = self.uplift_light(radiance, None, w.times.waves(path.sample[i]));
+            w.sink.contribute(path.sample[i], get_rgb(&path.throughput, i) * radiance, || RadianceOrigin {
+                way: class_of_path(0, PathClass::Environment, &w.arriving.first_bounces, i),
                 group,
             });
             w.sink.cover(path.sample[i]);
@@ -114,7 +125,7 @@ impl Integrator<'_> {
         let lights = &self.scene.lights;
         if bounce > 0 {
             if self.parts.clear {
-                self.see_through(w);
+                self.add_clear_background(w);
             }
         } else if !self.scene.features.environment_visible_to.contains(RayKinds::CAMERA) {
             return;
@@ -154,10 +165,12 @@ impl Integrator<'_> {
                 _ => 1.0,
             };
             let radiance = Rgb::new(r[k], g[k], b[k]);
-            let radiance = self.lanes_of_light(radiance, Some(light), w.times.waves(path.sample[i]));
-            w.sink.contribute(path.sample[i], get_rgb(&path.throughput, i) * radiance * weight, || Origin {
-                way: way_of_path(bounce, Way::Environment, &w.arriving.first_bounces, i),
-                group: self.scene.light_groups.of_light(light),
+            let radiance = self.uplift_light(radiance, Some(light), w.times.waves(path.sample[i]));
+            w.sink.contribute(path.sample[i], get_rgb(&path.throughput, i) * radiance * weight, || {
+                RadianceOrigin {
+                    way: class_of_path(bounce, PathClass::Environment, &w.arriving.first_bounces, i),
+                    group: self.scene.light_groups.of_light(light),
+                }
             });
             if bounce == 0 {
                 w.sink.cover(path.sample[i]);
@@ -213,8 +226,8 @@ struct LookUp<'a> {
 }
 
 /// So many lookups ahead texels are asked for.
-const AHEAD: usize = 16;
-const _: () = assert!(WAVE + AHEAD <= LENGTH);
+const PREFETCH_DISTANCE: usize = 16;
+const _: () = assert!(WAVE + PREFETCH_DISTANCE <= LENGTH);
 
 impl Kernel for LookUp<'_> {
     type Output = ();
@@ -251,7 +264,7 @@ fn locate(map: &ImageMap, scratch: &mut Scratch, count: usize) {
 fn read(map: &ImageMap, scratch: &mut Scratch, count: usize) {
     let [x, y, z, s, t, r, g, b, pdf] = scratch;
     for k in 0..count {
-        map.prefetch(pdf[k + AHEAD].to_bits());
+        map.prefetch(pdf[k + PREFETCH_DISTANCE].to_bits());
         let at = TexelPosition { first: pdf[k].to_bits(), shares: [s[k], t[k]] };
         let (radiance, density) = map.read(&at);
         [r[k], g[k], b[k]] = radiance.to_array();
@@ -259,5 +272,83 @@ fn read(map: &ImageMap, scratch: &mut Scratch, count: usize) {
     }
     for k in 0..count {
         pdf[k] *= solid_angle_density(Vec3::new(x[k], y[k], z[k]));
+    }
+}
+
+/// The spectrum of light whose spectrum looks like a colour, but for its strength.
+fn scaled(spectrum: &Spectrum, rgb: Rgb, waves: &Wavelengths) -> Rgb {
+    let look = spectrum.rgb().max(Rgb::ZERO).mean();
+    let strength = if look > 0.0 { rgb.mean() / look } else { 0.0 };
+    spectrum.at(waves) * strength
+}
+
+impl Integrator<'_> {
+    /// Do paths carry wavelengths?
+    #[inline(always)]
+    pub(super) fn is_spectral(&self) -> bool {
+        self.scene.shading.spectral
+    }
+
+    /// Draws the wavelengths of each new path.
+    #[cold]
+    pub(super) fn start_wavelengths(&self, w: &mut Workspace) {
+        let Workspace { times, arriving, pixels, .. } = w;
+        let dimensions = self.dimensions(0, Purpose::Wavelength);
+        let path = &arriving.carried;
+        let draw = |i: usize| {
+            let [u, ..] = SobolPoint::from_parts(path.seed[i], path.shuffled[i]).sample_4d(&dimensions);
+            Wavelengths::draw(u)
+        };
+        times.start_wavelengths((0..pixels.len()).map(draw), self.options.branches);
+    }
+
+    /// What light of a colour is in the lanes of a path; `light` is the light that it comes from, if its spectrum may be known.
+    #[inline]
+    pub(super) fn uplift_light(&self, rgb: Rgb, light: Option<u32>, waves: Option<&Wavelengths>) -> Rgb {
+        let Some(waves) = waves else { return rgb };
+        match light.and_then(|light| self.scene.spectrum_of_light(light)) {
+            Some(spectrum) => scaled(spectrum, rgb, waves),
+            None => uplifted_light(rgb, waves),
+        }
+    }
+
+    /// From colours of light samples to what they are in the lanes of paths.
+    #[cold]
+    pub(super) fn uplift_light_samples(&self, sorted: &SortedVertices, w: &mut Workspace) {
+        let Workspace { wave, times, .. } = w;
+        let light = &mut wave.vertices.light;
+        for i in sorted.lit() {
+            let rgb = get_rgb(&light.radiance, i);
+            if rgb.max_element() > 0.0 {
+                let index = self.only_light.unwrap_or(light.index[i]);
+                let waves = times.waves(wave.paths.carried.sample[i]);
+                set_rgb(&mut light.radiance, i, self.uplift_light(rgb, Some(index), waves));
+            }
+        }
+    }
+
+    /// The radiance that a surface emits towards `wo`, everywhere alike or at a point by its texture, in the lanes of a path.
+    pub(super) fn emitted(&self, at: &HitPoint<'_>, wo: Vec3, waves: Option<&Wavelengths>) -> Rgb {
+        let HitPoint { surface, hit, material, time, .. } = at;
+        let Some(emission) = material.emission else { return Rgb::ZERO };
+        let rgb = match emission.radiance.texture {
+            None => Rgb::from_array(emission.radiance.factor),
+            Some(_) => {
+                // A point: light sampling, which this is weighted against, uses points too.
+                let at = self.scene.geometries.coordinates(surface, hit, false, *time);
+                self.slots(&at, surface, wo, 0.0).color(&emission.radiance)
+            }
+        };
+        match (waves, &material.light_spectrum) {
+            (None, _) => rgb,
+            (Some(waves), Some(spectrum)) => scaled(spectrum, rgb, waves),
+            (Some(waves), None) => uplifted_light(rgb, waves),
+        }
+    }
+
+    /// The BSDF that outputs show of a surface, which are by red, green and blue.
+    #[cold]
+    pub(super) fn rgb_bsdf(&self, at: &HitPoint<'_>, wo: Vec3) -> Bsdf {
+        self.read_material(at, 0.0, wo, None).0
     }
 }

@@ -1,4 +1,4 @@
-//! What AOVs show of the first surface that a camera ray hits. Each has one line here; `film/channel.rs` has the table.
+//! AOVs of the first surface that a camera ray hits. One line for each; `film/channel.rs` has the table.
 
 use crate::bsdf::{Bsdf, Look};
 use crate::compile::{CompiledScene, View};
@@ -21,7 +21,7 @@ pub(super) struct FirstHit<'a> {
 }
 
 /// What first surfaces are part of.
-pub(super) struct Shown<'a> {
+pub(super) struct AovContext<'a> {
     pub scene: &'a CompiledScene,
     pub view: &'a View,
     pub mattes: &'a MatteIds,
@@ -62,7 +62,7 @@ impl FirstHit<'_> {
         &self,
         aov: Aov,
         &Common { material, object, side, look }: &Common,
-        &Shown { scene, view, mattes, space }: &Shown,
+        &AovContext { scene, view, mattes, space }: &AovContext,
     ) -> [f32; MOST_COMPONENTS] {
         let one = |value: f32| [value, 0.0, 0.0, 0.0];
         let three = |[x, y, z]: [f32; 3]| [x, y, z, 0.0];
@@ -170,7 +170,7 @@ impl FirstHits {
     }
 
     /// Takes down the first surface of a sample.
-    pub fn record(&mut self, sample: usize, hit: &FirstHit, shown: &Shown) {
+    pub fn record(&mut self, sample: usize, hit: &FirstHit, shown: &AovContext) {
         let Some(is_hit) = self.is_hit.get_mut(sample) else { return };
         *is_hit = true;
         let stride = self.stride();

@@ -1,23 +1,22 @@
-//! Paths start: camera rays.
+//! Camera rays, with their times and wavelengths.
 
-use super::interior::{AroundCamera, Interior};
-use super::lanes::{WAVE, get, get_rgb, set, set_rgb};
-use super::samples::Samples;
-use super::wave::{Carried, Scratch, Vertices};
+use super::interior::{CameraInterior, Interior};
+use super::sampling::CameraSamples;
+use super::wave::{PathState, Scratch, Vertices, WAVE, get, get_rgb, set, set_rgb};
 use super::workspace::Workspace;
 use super::{Integrator, Purpose};
 use crate::camera::Camera;
 use crate::color::Rgb;
 use crate::film::FilterSampler;
-use crate::math::Ray;
+use crate::math::{Hit, Ray};
 use crate::sampling::sampler::{Dimensions, SobolPoint};
 use crate::scene::RayKinds;
 use crate::simd::{Kernel, dispatch};
 
 impl Integrator<'_> {
     /// Starts the next samples of a block, as many as fit into a wave; none once all were started.
-    pub(super) fn generate(&self, samples: &mut Samples<'_>, w: &mut Workspace) {
-        self.number_samples(samples, w);
+    pub(super) fn generate(&self, samples: &mut CameraSamples<'_>, w: &mut Workspace) {
+        self.start_camera_samples(samples, w);
         let count = w.pixels.len();
         w.rays.clear();
         w.rays_before_split = None;
@@ -41,18 +40,18 @@ impl Integrator<'_> {
             self.start_times(w);
         }
         if self.is_spectral() {
-            self.start_waves(w);
+            self.start_wavelengths(w);
         }
         let is_clipped = camera.is_clipped();
         if is_clipped {
-            self.start_within(count, w);
+            self.clip_ray_starts(count, w);
         }
-        self.start_parts(count, w);
+        self.start_optional_state(count, w);
         let vertices = &w.wave.vertices;
         let start = |i| Ray::new(get(&vertices.next_origin, i), get(&vertices.next_direction, i));
         w.rays.extend((0..count).map(start));
         if is_clipped {
-            self.end_within(count, w);
+            self.clip_ray_ends(count, w);
         }
         if camera.is_panorama() {
             end_blank_rays(&w.arriving.carried, &mut w.rays);
@@ -75,7 +74,7 @@ impl Integrator<'_> {
     }
 
     /// Paths start where the camera sees something.
-    fn start_within(&self, count: usize, w: &mut Workspace) {
+    fn clip_ray_starts(&self, count: usize, w: &mut Workspace) {
         for i in 0..count {
             let [near, _] = self.range(w, i);
             let vertices = &mut w.wave.vertices;
@@ -85,7 +84,7 @@ impl Integrator<'_> {
     }
 
     /// Their rays end where it sees nothing any more, and stand for as much as they would from the camera.
-    fn end_within(&self, count: usize, w: &mut Workspace) {
+    fn clip_ray_ends(&self, count: usize, w: &mut Workspace) {
         for i in 0..count {
             let [near, far] = self.range(w, i);
             w.rays[i].t_max = far - near;
@@ -97,7 +96,7 @@ impl Integrator<'_> {
     }
 
     /// The state of paths at the camera, as far as the scene needs it.
-    fn start_parts(&self, count: usize, w: &mut Workspace) {
+    fn start_optional_state(&self, count: usize, w: &mut Workspace) {
         let (paths, vertices) = (&mut *w.arriving, &w.wave.vertices);
         if self.parts.footprints {
             let (width, spread) = self.view.camera.pixel_cone();
@@ -106,8 +105,8 @@ impl Integrator<'_> {
         }
         if self.parts.interiors {
             match self.camera_interior {
-                AroundCamera::Same(interior) => paths.interior[..count].fill(interior),
-                AroundCamera::Differs => {
+                CameraInterior::Same(interior) => paths.interior[..count].fill(interior),
+                CameraInterior::Differs => {
                     for i in 0..count {
                         let origin = get(&vertices.next_origin, i);
                         paths.interior[i] =
@@ -132,7 +131,7 @@ impl Integrator<'_> {
 
     /// Gives each path its sequence's seed and its sample's number there, and the first lanes of the scratch memory the
     /// pixel's corner.
-    fn number_samples(&self, samples: &mut Samples<'_>, w: &mut Workspace) {
+    fn start_camera_samples(&self, samples: &mut CameraSamples<'_>, w: &mut Workspace) {
         let (path, [film_x, film_y, ..]) = (&mut w.arriving.carried, &mut w.wave.scratch);
         w.pixels.clear();
         for (i, sample) in samples.take(self.samples_per_wave()).enumerate() {
@@ -147,7 +146,7 @@ impl Integrator<'_> {
 /// Starts paths from their pixels' seeds, samples' numbers and pixels' corners; the rays go to `vertices.next_origin` and
 /// `vertices.next_direction`.
 struct StartPaths<'a> {
-    path: &'a mut Carried,
+    path: &'a mut PathState,
     vertices: &'a mut Vertices,
     scratch: &'a mut Scratch,
     count: usize,
@@ -176,7 +175,7 @@ impl StartPaths<'_> {
 }
 
 /// The rays of paths that carry nothing meet nothing.
-fn end_blank_rays(path: &Carried, rays: &mut [Ray]) {
+fn end_blank_rays(path: &PathState, rays: &mut [Ray]) {
     for (i, ray) in rays.iter_mut().enumerate() {
         if get_rgb(&path.throughput, i) == Rgb::ZERO {
             ray.t_max = 0.0;
@@ -228,7 +227,7 @@ impl Kernel for StartBehindPinhole<'_> {
 /// Starts paths. Their numbers in 0..1 go to the lanes of the scratch memory behind the first two.
 #[inline(always)]
 fn draw<const LENS: bool>(
-    path: &mut Carried,
+    path: &mut PathState,
     scratch: &mut Scratch,
     dimensions: &Dimensions,
     branch_bits: u32,
@@ -271,5 +270,46 @@ fn shoot<const LENS: bool>(v: &mut Vertices, scratch: &Scratch, camera: &Camera,
         };
         set(&mut v.next_origin, i, ray.origin);
         set(&mut v.next_direction, i, ray.direction);
+    }
+}
+
+impl Integrator<'_> {
+    /// Does anything move while the picture is taken?
+    pub(super) fn is_moving(&self) -> bool {
+        self.scene.is_moving() || self.view.moving.is_some()
+    }
+
+    /// Finds which of the shadow rays are occluded, where all surfaces are there.
+    #[inline]
+    pub(super) fn occluded(&self, w: &mut Workspace) {
+        let Workspace { wave, shadow_rays, shadow_vertices, occluded, pending_hits, times, .. } = w;
+        if !self.scene.accel.is_moving() {
+            return self.scene.accel.occluded(shadow_rays, occluded);
+        }
+        pending_hits.clear();
+        pending_hits.resize(shadow_rays.len(), Hit::MISS);
+        let sample = |&vertex: &u32| wave.paths.carried.sample[vertex as usize];
+        times.any(&self.scene.accel, shadow_rays, shadow_vertices.iter().map(sample), pending_hits);
+        for (occluded, hit) in occluded.iter_mut().zip(&*pending_hits) {
+            *occluded = hit.is_hit();
+        }
+    }
+
+    /// Draws a time for each new path; where the camera moves, its ray is that of the camera at that time.
+    #[cold]
+    pub(super) fn start_times(&self, w: &mut Workspace) {
+        let Workspace { times, arriving, wave, pixels, .. } = w;
+        let dimensions = self.dimensions(0, Purpose::Time);
+        let path = &arriving.carried;
+        let draw =
+            |i: usize| SobolPoint::from_parts(path.seed[i], path.shuffled[i]).sample_4d(&dimensions)[0];
+        times.start((0..pixels.len()).map(draw), self.options.branches);
+        let Some(moving) = &self.view.moving else { return };
+        let [x, y, _, _, lens_u, lens_v, ..] = &wave.scratch;
+        for (i, &time) in times.all().iter().enumerate() {
+            let ray = moving.at(time).ray(x[i], y[i], [lens_u[i], lens_v[i]]);
+            set(&mut wave.vertices.next_origin, i, ray.origin);
+            set(&mut wave.vertices.next_direction, i, ray.direction);
+        }
     }
 }

@@ -1,4 +1,4 @@
-//! The solids that a path is inside of.
+//! The list of solids that a path is within (the "interior list" of Schmidt and Budge 2002).
 
 use crate::compile::{CompiledScene, MOST_AROUND, Medium, ObjectId, View};
 use crate::math::{Hit, Ray, Vec3};
@@ -125,25 +125,25 @@ impl Interior {
 
 /// The solids around the points where a camera's rays start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum AroundCamera {
+pub enum CameraInterior {
     /// They are the same everywhere.
     Same(Interior),
     /// They differ over the plane of an orthographic camera, or while something moves.
     Differs,
 }
 
-impl AroundCamera {
+impl CameraInterior {
     /// Rays of an orthographic camera start all over its plane: points of a lattice there are asked; where something moves,
     /// also some times.
-    pub fn of(scene: &CompiledScene, view: &View) -> AroundCamera {
+    pub fn of(scene: &CompiledScene, view: &View) -> CameraInterior {
         /// Cells of the lattice along each side of the picture and along time. What lies between its points is found only by
         /// the rays that hit its surface from behind.
         const CELLS: u32 = 8;
         if !scene.features.media {
-            return AroundCamera::Same(Interior::AIR);
+            return CameraInterior::Same(Interior::AIR);
         }
         if view.camera.is_clipped() {
-            return AroundCamera::Differs;
+            return CameraInterior::Differs;
         }
         let is_moving = scene.is_moving() || view.moving.is_some();
         let times = if is_moving { 0..=CELLS } else { 0..=0 };
@@ -160,7 +160,7 @@ impl AroundCamera {
             let time = k as f32 / CELLS as f32;
             cells.clone().any(|j| cells.clone().any(|i| around(time, i, j) != first))
         });
-        if differs { AroundCamera::Differs } else { AroundCamera::Same(first) }
+        if differs { CameraInterior::Differs } else { CameraInterior::Same(first) }
     }
 }
 

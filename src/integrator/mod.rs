@@ -12,73 +12,47 @@
 //! connected to each other at the end of the wave: see [`reuse`]. Results depend on nothing but the scene, the options and the
 //! sample (and its group, where paths are shared): neither on threads nor on how samples are grouped into waves.
 
-mod alpha;
-mod beside;
-mod block;
-mod catcher;
 mod caustics;
-mod clear;
-mod closure;
-mod closure_metal_rough;
-mod direct;
-mod distances;
+mod direct_light;
 mod emission;
 mod first_hit;
-mod flat;
-mod flight;
 mod generate;
-mod group;
 mod guiding;
-mod hit_point;
+mod interfaces;
 mod interior;
-mod kinds;
-mod lanes;
-mod layers;
-mod light_samplers;
-mod light_samples;
-mod linking;
-mod media;
-mod normals;
-mod passes;
-mod phase;
-mod ray_counts;
+mod medium_segment;
+mod radiance_buffer;
 pub mod reuse;
-mod roulette;
-mod samples;
+mod sampling;
 mod scatter;
-mod shadow;
-mod sheets;
-mod shutter;
-mod sink;
-mod spectra;
-mod split;
+mod shading_geometry;
+mod shading_groups;
 mod surface;
 #[cfg(test)]
 mod tests;
-mod textured;
-mod times;
-mod touching;
-mod volume;
+mod transparency;
+mod visibility;
+mod volumes;
 mod wave;
 mod workspace;
 
-pub use block::Block;
 pub use caustics::{CausticPlan, CausticTally};
 pub use guiding::{BlockSamples, CellSamples, Grid, Guide, TrainedCells, TrainingSample};
-pub use lanes::WAVE;
-pub use ray_counts::RayCounts;
-pub use samples::SamplePlan;
+pub use sampling::Block;
+pub use sampling::SamplePlan;
+pub use wave::WAVE;
+pub use workspace::RayCounts;
 pub use workspace::Workspace;
 
 use crate::compile::{CompiledScene, View};
 use crate::film::{AovSet, AovSpace, FilterSampler, MatteIds, Source};
 use crate::sampling::sampler::Dimensions;
-use group::{Group, Sorted, groups_of};
-use interior::AroundCamera;
-use layers::Layers;
-use light_samplers::has_vector_sampler;
+use direct_light::has_vector_sampler;
+use interior::CameraInterior;
+use radiance_buffer::Layers;
 use reuse::Tiling;
-use samples::Samples;
+use sampling::CameraSamples;
+use shading_groups::{ShadingGroup, SortedVertices, groups_of};
 use wave::PathParts;
 
 /// Options that concern paths.
@@ -142,19 +116,19 @@ pub struct Integrator<'a> {
     view: &'a View,
     options: PathOptions<'a>,
     /// Shading group of each material.
-    groups: Vec<Group>,
+    groups: Vec<ShadingGroup>,
     /// By material: may its surfaces be absent in places?
     may_be_absent: Vec<bool>,
     /// By material: is it left out where what shadow catchers catch is told?
-    left_out: Vec<bool>,
+    excluded: Vec<bool>,
     /// By material: that, or may its surfaces be absent?
-    absent_or_left_out: Vec<bool>,
+    absent_or_excluded: Vec<bool>,
     /// Those of the AOVs that show first hits.
     first_hits: AovSet,
     /// Layers of the radiance that are kept.
     layers: Layers,
     /// Solids around the camera.
-    camera_interior: AroundCamera,
+    camera_interior: CameraInterior,
     /// What paths carry.
     parts: PathParts,
     /// The scene's light, where it has one that is sampled without a choice.
@@ -177,7 +151,7 @@ const STOP_INTERVAL: u32 = 64;
 
 /// What paths may scatter within solids besides: a body that absorbs nothing is left by nearly all paths even where it is a
 /// hundred mean free paths thick, which take some ten thousand steps at most.
-const WALK: u32 = 1 << 16;
+const MAX_WALK_STEPS: u32 = 1 << 16;
 
 /// Which of a path's sets of four Sobol dimensions is for what.
 #[derive(Clone, Copy)]
@@ -189,7 +163,7 @@ enum Purpose {
     /// Direction (2), lobe, roulette.
     Scatter,
     /// How far a path flies through a medium (2), the lamp that guides it (2).
-    Flight,
+    MediumSegment,
     /// When it looks at the scene (1).
     Time,
     /// Which wavelengths it carries (1).
@@ -203,8 +177,8 @@ impl<'a> Integrator<'a> {
         let groups = groups_of(scene);
         let dimensions = (0..sets).map(Dimensions::new).collect();
         let layers = Layers::new(options.aovs, options.light_groups, options.catchers);
-        let left_out = scene.materials.iter().map(|m| m.is_of_caught_object()).collect();
-        let absent_or_left_out =
+        let excluded = scene.materials.iter().map(|m| m.is_of_caught_object()).collect();
+        let absent_or_excluded =
             scene.materials.iter().map(|m| m.may_be_absent() || m.is_of_caught_object()).collect();
         let may_be_absent = scene.materials.iter().map(|m| m.may_be_absent()).collect();
         Integrator {
@@ -212,11 +186,11 @@ impl<'a> Integrator<'a> {
             view,
             groups,
             may_be_absent,
-            left_out,
-            absent_or_left_out,
+            excluded,
+            absent_or_excluded,
             first_hits: options.aovs.of(Source::FirstHit),
             layers,
-            camera_interior: AroundCamera::of(scene, view),
+            camera_interior: CameraInterior::of(scene, view),
             parts: PathParts::of(
                 &scene.features,
                 scene.lights.use_tree(),
@@ -242,24 +216,27 @@ impl<'a> Integrator<'a> {
         stop: &dyn Fn() -> bool,
         mut sink: impl FnMut(&PathSample<'_>),
     ) -> bool {
-        let mut samples = Samples::new(self.options.plan, block, self.options.branches.trailing_zeros());
+        let mut samples =
+            CameraSamples::new(self.options.plan, block, self.options.branches.trailing_zeros());
         loop {
             self.generate(&mut samples, w);
             if w.pixels.is_empty() {
                 return true;
             }
-            if self.catches() {
-                self.keep_starts(w);
+            if self.has_shadow_catchers() {
+                self.save_camera_paths(w);
             }
-            if !self.trace_wave(block, w, stop) || self.catches() && !self.trace_without(w, stop) {
+            if !self.trace_wave(block, w, stop)
+                || self.has_shadow_catchers() && !self.trace_without_casters(w, stop)
+            {
                 return false;
             }
             if self.is_spectral() {
-                w.sink.convert_to_rgb(w.times.all_waves());
+                w.sink.convert_to_rgb(w.times.all_wavelengths());
             }
-            let divides = w.sink.divides();
+            let has_layers = w.sink.has_layers();
             for (i, (&[r, g, b, alpha], &pixel)) in w.sink.samples().iter().zip(&w.pixels).enumerate() {
-                let (parts, plain) = (if divides { w.sink.parts(i) } else { &[] }, w.sink.plain(i));
+                let (parts, plain) = (if has_layers { w.sink.parts(i) } else { &[] }, w.sink.plain(i));
                 let first_hit = w.first_hits.get(i);
                 sink(&PathSample { pixel, rgb: [r, g, b], alpha, first_hit, parts, plain });
             }
@@ -287,26 +264,26 @@ impl<'a> Integrator<'a> {
     /// Traces the paths of a wave to their ends; false if `stop` said so.
     fn trace_paths(&self, w: &mut Workspace, stop: &dyn Fn() -> bool) -> bool {
         let shares = self.options.reuse.is_some();
-        let most = self.options.max_depth.saturating_add(if self.parts.depths { WALK } else { 0 });
+        let most = self.options.max_depth.saturating_add(if self.parts.depths { MAX_WALK_STEPS } else { 0 });
         for bounce in 0..=most {
             if bounce % STOP_INTERVAL == STOP_INTERVAL - 1 && stop() {
                 return false;
             }
             if self.scene.features.scattering {
-                self.start_flights(bounce, w);
+                self.start_medium_segments(bounce, w);
             }
             w.intersect(&self.scene.accel);
             self.arrive_in_chains(w);
             if self.scene.features.alpha {
-                self.pass_absent_surfaces(bounce, w);
+                self.skip_absent_surfaces(bounce, w);
                 if bounce == 0 {
-                    self.find_special(w);
+                    self.find_camera_exceptions(w);
                 }
             }
             let is_last = bounce == most;
             let sorted = self.surfaces(bounce, is_last, w);
             if bounce == 0 {
-                self.decide_alpha(&sorted, w);
+                self.set_alpha(&sorted, w);
             }
             if sorted.all().is_empty() {
                 return true;
@@ -319,22 +296,22 @@ impl<'a> Integrator<'a> {
             let sorted = if self.branches(bounce) > 1 { self.split(&sorted, w) } else { sorted };
             self.scatter(bounce, &sorted, w);
             if self.parts.clear {
-                self.keep_clear(&sorted, w);
+                self.update_clear_paths(&sorted, w);
             }
             self.end_stretched_chains(bounce, &sorted, w);
             if self.options.records_training {
                 self.record_vertices(&sorted, w);
             }
             if bounce == 0 && self.parts.first_bounces {
-                self.keep_first_bounces(&sorted, w);
+                self.record_first_bounces(&sorted, w);
             }
             if self.parts.kinds {
-                self.choose_kinds(bounce, &sorted, w);
+                self.choose_ray_kinds(bounce, &sorted, w);
             }
             if shares {
                 self.divide_lobes(bounce, &sorted, w);
             }
-            self.next_rays(&sorted, w);
+            self.spawn_rays(&sorted, w);
             if w.rays.is_empty() {
                 return true;
             }
@@ -343,7 +320,7 @@ impl<'a> Integrator<'a> {
     }
 
     /// Takes light samples, and adds what arrives of them.
-    fn connect_to_lights(&self, bounce: u32, sorted: &Sorted, w: &mut Workspace) {
+    fn connect_to_lights(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         if self.scene.lights.is_empty() {
             return;
         }
@@ -352,7 +329,7 @@ impl<'a> Integrator<'a> {
             Self::number_light_samples(&mut w.wave.paths.carried, sorted, number, count);
             self.sample_lights(bounce, sorted, w);
             if self.is_spectral() {
-                self.take_lights_apart(sorted, w);
+                self.uplift_light_samples(sorted, w);
             }
             self.leave_light_samples(bounce, sorted, w);
             self.direct_light(bounce, sorted, w);
@@ -371,7 +348,7 @@ impl<'a> Integrator<'a> {
             Purpose::Light => 1 + 2 * bounce,
             Purpose::Scatter => 2 + 2 * bounce,
             // Behind those of all bounces.
-            Purpose::Flight => u32::MAX - bounce,
+            Purpose::MediumSegment => u32::MAX - bounce,
             Purpose::Time => TIME_SET,
             Purpose::Wavelength => WAVELENGTH_SET,
         };

@@ -1,25 +1,24 @@
-//! From hits to vertices: sorts the surfaces that paths hit by the loops that shade them, adds what they emit, and makes
-//! the vertices of each group.
+//! From hits to vertices: sorts hits by shading group, adds emission, evaluates geometry and textures.
 
 use super::Integrator;
-use super::closure_metal_rough::{self, store_material};
-use super::first_hit::{FirstHit, Shown};
-use super::flat::store;
-use super::group::{Group, GroupCounts, Sorted};
-use super::hit_point::HitPoint;
+use super::first_hit::{AovContext, FirstHit};
+use super::interfaces::CoincidentHit;
 use super::interior::Interior;
-use super::lanes::{set, set_rgb};
-use super::normals::scattering_normal;
-use super::touching::Met;
-use super::wave::Vertices;
+use super::shading_geometry::{HitPoint, scattering_normal};
+use super::shading_groups::{
+    ShadingGroup, ShadingGroupCounts, SortedVertices, load_material, prepare, store_material,
+};
+use super::wave::{CornerLanes, Lanes3, TexturedLanes, Vertices, WAVE, get, set, set_rgb};
 use super::workspace::Workspace;
 use crate::bsdf::{Bsdf, BsdfClass, LocalFrame, MetalRough};
 use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
 use crate::compile::SurfaceCoordinates;
-use crate::math::{Frame, Hit, Ray, Vec3};
-use crate::shape::Surface;
+use crate::math::{Frame, Hit, Ray, Vec2, Vec3, select};
+use crate::shape::{Surface, shading_normal, triangle_surface};
+use crate::simd::{Kernel, dispatch, map_each};
 use crate::texture::{PointReader, TexturePoint};
+use std::ops::Range;
 
 /// A surface with its BSDF.
 struct Vertex {
@@ -36,9 +35,9 @@ struct Vertex {
 impl Integrator<'_> {
     /// Adds what the arriving paths hit to their radiance and makes sorted vertices of the surfaces where they go on.
     /// With `is_last` none goes on.
-    pub(super) fn surfaces(&self, bounce: u32, is_last: bool, w: &mut Workspace) -> Sorted {
+    pub(super) fn surfaces(&self, bounce: u32, is_last: bool, w: &mut Workspace) -> SortedVertices {
         if self.scene.features.scattering {
-            self.end_flights(bounce, w);
+            self.end_medium_segments(bounce, w);
         }
         if self.scene.features.footprints {
             let footprints = &mut w.arriving.footprints;
@@ -64,7 +63,7 @@ impl Integrator<'_> {
         self.make_plain(sorted.plain(), &mut w.wave.vertices);
         self.make_plain(sorted.plain_metal_rough(), &mut w.wave.vertices);
         self.make_textured(bounce, sorted.textured(), w);
-        closure_metal_rough::prepare(&mut w.wave, sorted.metal_rough(), self.scene.shading);
+        prepare(&mut w.wave, sorted.metal_rough(), self.scene.shading);
         self.end_bent_chains(bounce, &sorted, w);
         sorted
     }
@@ -75,8 +74,8 @@ impl Integrator<'_> {
         bounce: u32,
         is_last: bool,
         w: &mut Workspace,
-    ) -> GroupCounts {
-        let mut counts = GroupCounts::new();
+    ) -> ShadingGroupCounts {
+        let mut counts = ShadingGroupCounts::new();
         let needs_details = bounce == 0 && self.first_hits.any();
         let scattering = self.scene.features.scattering;
         w.groups.clear();
@@ -84,20 +83,22 @@ impl Integrator<'_> {
             w.materials.clear();
         }
         for (i, hit) in w.hits.iter().enumerate() {
-            let (mut material, mut group) = (0, Group::None);
+            let (mut material, mut group) = (0, ShadingGroup::None);
             if hit.is_hit() {
                 material = if KNOWS_MATERIALS { w.materials[i] } else { self.scene.geometries.material(hit) };
                 group = match self.groups[material as usize] {
-                    _ if is_last => Group::None,
-                    Group::Textured if !self.scene.geometries.is_plainly_textured(hit) => Group::MetalRough,
-                    group @ (Group::Plain | Group::PlainMetalRough) => {
+                    _ if is_last => ShadingGroup::None,
+                    ShadingGroup::Textured if !self.scene.geometries.is_plainly_textured(hit) => {
+                        ShadingGroup::MetalRough
+                    }
+                    group @ (ShadingGroup::Plain | ShadingGroup::PlainMetalRough) => {
                         let is_plain = !needs_details && self.scene.geometries.is_flat(hit);
                         if is_plain { group } else { group.of_any_shape() }
                     }
                     group => group,
                 };
-            } else if scattering && !is_last && w.flights[i].scatters {
-                group = Group::Medium;
+            } else if scattering && !is_last && w.medium_segments[i].scatters {
+                group = ShadingGroup::Medium;
             }
             counts.add(group);
             w.groups.push(group);
@@ -109,7 +110,7 @@ impl Integrator<'_> {
     }
 
     /// Moves the arriving paths to their places in the order of groups, with their vertices or what those are made of.
-    fn sort(&self, bounce: u32, sorted: &Sorted, w: &mut Workspace) {
+    fn sort(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         let mut next = sorted.starts();
         let general = sorted.general();
         w.escaped.clear();
@@ -123,25 +124,25 @@ impl Integrator<'_> {
             let k = next[group as usize];
             next[group as usize] += 1;
             match group {
-                Group::None if !w.hits[i].is_hit() => {
+                ShadingGroup::None if !w.hits[i].is_hit() => {
                     if !self.ends_in_medium(bounce, i, w) {
                         w.escaped.push(i as u32);
                     }
                     continue;
                 }
-                Group::None => {
-                    self.end_at(bounce, i, w);
+                ShadingGroup::None => {
+                    self.end_at_surface(bounce, i, w);
                     continue;
                 }
-                Group::Plain => self.gather_plain(i, k, w),
-                Group::PlainMetalRough => self.gather_plain_metal_rough(i, k, w),
-                Group::Textured => self.gather_textured(i, k, w),
-                Group::Lambert => {
+                ShadingGroup::Plain => self.gather_plain(i, k, w),
+                ShadingGroup::PlainMetalRough => self.gather_plain_metal_rough(i, k, w),
+                ShadingGroup::Textured => self.gather_textured(i, k, w),
+                ShadingGroup::Lambert => {
                     let vertex = self.vertex(bounce, i, w);
                     set_rgb(&mut w.wave.vertices.albedo, k, vertex.bsdf.albedo());
                     store_opaque(&mut w.wave.vertices, k, vertex);
                 }
-                Group::MetalRough => {
+                ShadingGroup::MetalRough => {
                     let vertex = self.vertex(bounce, i, w);
                     let material = match vertex.bsdf {
                         Bsdf::MetalRough(material) => material,
@@ -150,8 +151,8 @@ impl Integrator<'_> {
                     store_material(&mut w.wave.vertices.metal_rough, k, &material);
                     store_opaque(&mut w.wave.vertices, k, vertex);
                 }
-                Group::Medium => self.place_in_medium(i, k, w),
-                Group::Rough | Group::Specular => {
+                ShadingGroup::Medium => self.make_medium_vertex(i, k, w),
+                ShadingGroup::Rough | ShadingGroup::Specular => {
                     let vertex = self.vertex(bounce, i, w);
                     w.bsdfs[k - general.start] = vertex.bsdf;
                     store_general(&mut w.wave.vertices, k, vertex);
@@ -162,7 +163,7 @@ impl Integrator<'_> {
             }
             w.arriving.copy_to(i, &mut w.wave.paths, k, self.parts);
             if links {
-                self.keep_class(i, k, w);
+                self.record_receiver_class(i, k, w);
             }
             w.wave.vertices.origin_primitives[k] = (&w.hits[i]).into();
         }
@@ -188,7 +189,7 @@ impl Integrator<'_> {
     }
 
     /// The path ends at a surface: adds its emission.
-    fn end_at(&self, bounce: u32, i: usize, w: &mut Workspace) {
+    fn end_at_surface(&self, bounce: u32, i: usize, w: &mut Workspace) {
         let material = &self.scene.materials[w.materials[i] as usize];
         if bounce == 0 && self.first_hits.any() || material.medium_index != 0 {
             self.vertex(bounce, i, w);
@@ -233,7 +234,7 @@ impl Integrator<'_> {
         let waves = w.times.waves(w.arriving.carried.sample[i]);
         let (mut bsdf, ns) = self.read_material(&at, w.arriving.footprints.width[i], wo, waves);
         if material.passes_straight && w.arriving.carried.pdf[i] > 0.0 {
-            bsdf = self.stop_at_sheet(bsdf, i, w);
+            bsdf = self.scatter_at_thin_glass(bsdf, i, w);
         }
         let mut vertex = Vertex {
             surface: Surface { ns, ..at.surface },
@@ -250,9 +251,9 @@ impl Integrator<'_> {
             let boundary = match self.touching(&w.rays[i], &at) {
                 None => self.boundary(bsdf, material, is_back, (bounce, i), &mut w.arriving, waves),
                 Some(touching) => {
-                    let met = Met { at, bsdf, ns, width: w.arriving.footprints.width[i] };
+                    let met = CoincidentHit { at, bsdf, ns, width: w.arriving.footprints.width[i] };
                     let (met, boundary) =
-                        self.boundary_of_touching(met, touching, wo, (bounce, i), &mut w.arriving, waves);
+                        self.coincident_interface(met, touching, wo, (bounce, i), &mut w.arriving, waves);
                     vertex.surface = Surface { ns: met.ns, ..met.at.surface };
                     boundary
                 }
@@ -268,7 +269,7 @@ impl Integrator<'_> {
         }
         if bounce == 0 && self.first_hits.any() {
             let surface = Surface { material: w.materials[i], ..vertex.surface };
-            let of_rgb = self.is_spectral().then(|| self.shown_bsdf(&at, wo));
+            let of_rgb = self.is_spectral().then(|| self.rgb_bsdf(&at, wo));
             let bsdf = of_rgb.as_ref().unwrap_or(&vertex.bsdf);
             let hit = FirstHit { hit: w.hits[i], time: at.time, surface, wo, bsdf };
             w.first_hits.record(w.arriving.carried.sample[i] as usize, &hit, &self.shown());
@@ -277,8 +278,8 @@ impl Integrator<'_> {
     }
 
     /// What first surfaces are part of.
-    pub(super) fn shown(&self) -> Shown<'_> {
-        Shown {
+    pub(super) fn shown(&self) -> AovContext<'_> {
+        AovContext {
             scene: self.scene,
             view: self.view,
             mattes: self.options.mattes,
@@ -355,4 +356,263 @@ fn store_general(v: &mut Vertices, k: usize, vertex: Vertex) {
     store(v, k, &surface);
     set(&mut v.wo, k, wo);
     v.beyond[k] = beyond;
+}
+
+impl Integrator<'_> {
+    /// Collects what vertex `k`, where ray `i` hit a triangle or quad, is made of.
+    #[inline(always)]
+    pub(super) fn gather_corners(&self, i: usize, k: usize, w: &mut Workspace) {
+        let hit = &w.hits[i];
+        let Some(corners) = self.scene.geometries.corners(hit) else { return };
+        let v = &mut w.wave.vertices;
+        for c in 0..3 {
+            set(&mut v.corners.positions[c], k, corners.positions[c].into());
+        }
+        if self.scene.features.normals {
+            for c in 0..3 {
+                set(&mut v.corners.normals[c], k, corners.normals[c].into());
+            }
+        }
+        (v.corners.weights[0][k], v.corners.weights[1][k]) = (hit.u, hit.v);
+        set(&mut v.wo, k, -w.rays[i].direction);
+    }
+
+    /// Makes surfaces from corners, with normals on the front.
+    pub(super) fn make_surfaces(&self, range: Range<usize>, vertices: &mut Vertices) {
+        if self.scene.features.normals {
+            dispatch(MakeSurfaces::<true> { vertices, range });
+        } else {
+            dispatch(MakeSurfaces::<false> { vertices, range });
+        }
+    }
+
+    /// Makes plain vertices: surfaces, normals towards the viewer.
+    pub(super) fn make_plain(&self, range: Range<usize>, vertices: &mut Vertices) {
+        self.make_surfaces(range.clone(), vertices);
+        dispatch(OrientNormals { vertices, range });
+    }
+}
+
+/// Keeps a surface.
+#[inline(always)]
+pub(super) fn store(v: &mut Vertices, k: usize, surface: &Surface) {
+    set(&mut v.p, k, surface.p);
+    set(&mut v.ng, k, surface.ng);
+    set(&mut v.ns, k, surface.ns);
+    v.offset[k] = surface.ng.abs().dot(surface.p_error);
+}
+
+/// Positions or normals of the corners of vertex `i`.
+#[inline(always)]
+pub(super) fn corners(lanes: &[Lanes3; 3], i: usize) -> [[f32; 3]; 3] {
+    [get(&lanes[0], i).to_array(), get(&lanes[1], i).to_array(), get(&lanes[2], i).to_array()]
+}
+
+/// Surfaces from corners, with shading normals or without.
+struct MakeSurfaces<'a, const SMOOTH: bool> {
+    vertices: &'a mut Vertices,
+    range: Range<usize>,
+}
+
+impl<const SMOOTH: bool> Kernel for MakeSurfaces<'_, SMOOTH> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let v = self.vertices;
+        for i in self.range.start..self.range.end.min(WAVE) {
+            let CornerLanes { positions, normals, weights: [a, b] } = &v.corners;
+            let mut surface = triangle_surface(corners(positions, i), a[i], b[i]);
+            if SMOOTH {
+                surface.ns = shading_normal(corners(normals, i), a[i], b[i], surface.ng);
+            }
+            store(v, i, &surface);
+        }
+    }
+}
+
+/// Turns the normals of plain vertices to the viewers.
+struct OrientNormals<'a> {
+    vertices: &'a mut Vertices,
+    range: Range<usize>,
+}
+
+impl Kernel for OrientNormals<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let v = self.vertices;
+        for i in self.range.start..self.range.end.min(WAVE) {
+            let (ng, ns) = (get(&v.ng, i), get(&v.ns, i));
+            let side = if ng.dot(get(&v.wo, i)) < 0.0 { -1.0 } else { 1.0 };
+            set(&mut v.ng, i, ng * side);
+            set(&mut v.ns, i, ns * side);
+        }
+    }
+}
+
+impl Integrator<'_> {
+    /// Collects what textured vertex `k`, where ray `i` hit a triangle, is made of.
+    #[inline(always)]
+    pub(super) fn gather_textured(&self, i: usize, k: usize, w: &mut Workspace) {
+        self.gather_corners(i, k, w);
+        let Some(corners) = self.scene.geometries.texture_corners(&w.hits[i]) else { return };
+        let t = &mut w.wave.vertices.textured;
+        for c in 0..3 {
+            (t.corner_uv[c][0][k], t.corner_uv[c][1][k]) = (corners.uv[c][0], corners.uv[c][1]);
+            let [x, y, z, _] = corners.tangents[c];
+            set(&mut t.tangents[c], k, Vec3::new(x, y, z));
+        }
+        let [x, y, z, w] = corners.tangents[0];
+        t.handedness[k] = if [x, y, z, w] == [0.0; 4] { 0.0 } else { 1.0f32.copysign(w) };
+        t.ray[k] = i as u32;
+    }
+
+    /// Makes textured vertices from their corners and textures.
+    pub(super) fn make_textured(&self, bounce: u32, range: Range<usize>, w: &mut Workspace) {
+        let vertices = &mut w.wave.vertices;
+        self.make_surfaces(range.clone(), vertices);
+        dispatch(TextureFrames { vertices, range: range.clone() });
+        for k in range.clone() {
+            self.read_textures(bounce, k, w);
+        }
+        dispatch(BendNormals { vertices: &mut w.wave.vertices, range: range.clone() });
+        if bounce == 0 && self.first_hits.any() {
+            for k in range {
+                self.record_first_hit(k, w);
+            }
+        }
+    }
+
+    /// Keeps what outputs besides colour show of vertex `k`, the first of its path.
+    fn record_first_hit(&self, k: usize, w: &mut Workspace) {
+        let v = &w.wave.vertices;
+        let i = v.textured.ray[k] as usize;
+        let surface = Surface {
+            p: get(&v.p, k),
+            p_error: Vec3::ZERO,
+            ng: get(&v.ng, k),
+            ns: get(&v.ns, k),
+            material: w.materials[i],
+        };
+        let bsdf = Bsdf::MetalRough(load_material(&v.metal_rough, k, self.scene.shading));
+        // Nothing that moves is in this group.
+        let hit = FirstHit { hit: w.hits[i], time: 0.0, surface, wo: get(&v.wo, k), bsdf: &bsdf };
+        w.first_hits.record(w.wave.paths.carried.sample[k] as usize, &hit, &self.shown());
+    }
+
+    /// Reads the textures of vertex `k`: what its normal map says, its material, its emission.
+    fn read_textures(&self, bounce: u32, k: usize, w: &mut Workspace) {
+        let v = &mut w.wave.vertices;
+        let i = v.textured.ray[k] as usize;
+        let material = &self.scene.materials[w.materials[i] as usize];
+        let (p, ng) = (get(&v.p, k), get(&v.ng, k));
+        let uv = Vec2::new(v.textured.uv[0][k], v.textured.uv[1][k]);
+        let point = TexturePoint {
+            uv: [uv, Vec2::ZERO],
+            world: p,
+            normal: ng,
+            // What depends on it is shaded elsewhere.
+            cosine: 1.0,
+            width: w.arriving.footprints.width[i],
+            uv_per_metre: [v.textured.uv_per_metre[k], 0.0],
+        };
+        let reader = PointReader::new(&self.scene.textures, point);
+        set(&mut v.textured.mapped, k, material.mapped(&reader));
+        let read = match material.bsdf(&reader, &LocalFrame::STRAIGHT, Rgb::ONE) {
+            Bsdf::MetalRough(m) => m,
+            _ => MetalRough::BLACK,
+        };
+        store_material(&mut v.metal_rough, k, &read);
+        if material.emission.is_some() {
+            let is_back = ng.dot(get(&v.wo, k)) < 0.0;
+            let surface = Surface { p, p_error: Vec3::ZERO, ng, ns: ng, material: w.materials[i] };
+            let hit = w.hits[i];
+            self.emit(bounce, i, &HitPoint { surface, hit, material, is_back, time: 0.0 }, w);
+        }
+    }
+}
+
+/// Texture coordinates and tangents from corners and shading normals.
+struct TextureFrames<'a> {
+    vertices: &'a mut Vertices,
+    range: Range<usize>,
+}
+
+impl Kernel for TextureFrames<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let v = self.vertices;
+        for i in self.range.start..self.range.end.min(WAVE) {
+            let CornerLanes { positions, weights: [second, third], .. } = &v.corners;
+            let weights = [1.0 - second[i] - third[i], second[i], third[i]];
+            let n = get(&v.ns, i);
+            let corners = map_each(corners(positions, i), Vec3::from_array);
+            let (e1, e2) = (corners[1] - corners[0], corners[2] - corners[0]);
+            let t = &mut v.textured;
+            let uv = |c: usize| Vec2::new(t.corner_uv[c][0][i], t.corner_uv[c][1][i]);
+            let (d1, d2) = (uv(1) - uv(0), uv(2) - uv(0));
+            let at = uv(0) * weights[0] + uv(1) * weights[1] + uv(2) * weights[2];
+            let determinant = d1.x * d2.y - d1.y * d2.x;
+            let per_metre = (determinant.abs() / e1.cross(e2).length()).sqrt();
+            // Tangents of the vertices where there are some, else where texture coordinates grow; v grows downwards.
+            let sign = if determinant < 0.0 { -1.0 } else { 1.0 };
+            let by_uv = (e1 * d2.y - e2 * d1.y) * sign;
+            let up = (e1 * d2.x - e2 * d1.x) * sign;
+            let of_vertices = (0..3).fold(Vec3::ZERO, |sum, c| sum + get(&t.tangents[c], i) * weights[c]);
+            let hand_by_uv = if n.cross(by_uv).dot(up) < 0.0 { -1.0 } else { 1.0 };
+            let given = flat(of_vertices, n);
+            let uses_given = (t.handedness[i] != 0.0) & (given.length_squared() > LEAST_SQUARED);
+            let tangent = select(uses_given, given, flat(by_uv, n));
+            let hand = if uses_given { t.handedness[i] } else { hand_by_uv };
+            let length = tangent.length();
+            let scale = if length * length > LEAST_SQUARED { 1.0 / length } else { 0.0 };
+            let tangent = tangent * scale;
+            let bitangent = n.cross(tangent) * if hand < 0.0 { -1.0 } else { 1.0 };
+            (t.uv[0][i], t.uv[1][i]) = (at.x, at.y);
+            t.uv_per_metre[i] = per_metre;
+            set(&mut t.tangent, i, tangent);
+            set(&mut t.bitangent, i, bitangent);
+        }
+    }
+}
+
+/// Shorter tangents count as none.
+const LEAST_SQUARED: f32 = 1e-30;
+
+/// The part of a vector that is perpendicular to a normal.
+#[inline(always)]
+fn flat(v: Vec3, n: Vec3) -> Vec3 {
+    v - n * n.dot(v)
+}
+
+/// Bends normals as the maps say, and turns them to the viewers.
+struct BendNormals<'a> {
+    vertices: &'a mut Vertices,
+    range: Range<usize>,
+}
+
+impl Kernel for BendNormals<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let v = self.vertices;
+        for i in self.range.start..self.range.end.min(WAVE) {
+            let (ns, ng) = (get(&v.ns, i), get(&v.ng, i));
+            let TexturedLanes { tangent, bitangent, mapped, .. } = &v.textured;
+            let (t, m) = (get(tangent, i), get(mapped, i));
+            let bent = t * m.x + get(bitangent, i) * m.y + ns * m.z;
+            let length = bent.length();
+            // Not where the map leads to the other side, nor where it has no directions to go by.
+            let is_mapped = (bent.dot(ns) > 0.0) & (length > 0.0) & (t.length_squared() > 0.0);
+            let n = select(is_mapped, bent / if length > 0.0 { length } else { 1.0 }, ns);
+            let side = if ng.dot(get(&v.wo, i)) < 0.0 { -1.0 } else { 1.0 };
+            set(&mut v.ng, i, ng * side);
+            set(&mut v.ns, i, n * side);
+        }
+    }
 }

@@ -1,15 +1,15 @@
 //! Every vectorised loop against the general one, or against the scalar code that it repeats, on random vertices.
 
-use super::closure::{GeneralClass, LambertClass, VertexClass};
-use super::closure_metal_rough::{self, MetalRoughClass, store_material};
-use super::direct::{Counts, Direct};
-use super::lanes::{get, get_rgb, set, set_rgb};
-use super::light_samplers::{EnvironmentSampler, RectangleSampler, VectorSampler};
-use super::light_samples::{SampleLight, SampleRectangles};
-use super::normals::scattering_normal;
-use super::roulette::How;
+use super::direct_light::{
+    Direct, DirectParams, EnvironmentSampler, RectangleSampler, SampleLight, SampleRectangles, VectorSampler,
+};
+use super::sampling::ScatterParams;
 use super::scatter::Scatter;
-use super::wave::Wave;
+use super::shading_geometry::scattering_normal;
+use super::shading_groups::{
+    GeneralClass, LambertClass, MetalRoughClass, VertexClass, prepare, store_material,
+};
+use super::wave::{Wave, get, get_rgb, set, set_rgb};
 use crate::bsdf::{Bsdf, Isotropic, Lambert, LayerFresnel, MetalRough, ShadingModel};
 use crate::color::Rgb;
 use crate::image::Image;
@@ -79,7 +79,7 @@ fn assert_close(a: Rgb, b: Rgb, what: &str) {
 fn compare(mut wave: Box<Wave>, class: impl VertexClass + Copy, bsdfs: &[Bsdf]) {
     let mut general_wave = copy(&wave);
     let general = || GeneralClass { bsdfs, first: 0 };
-    let counts = Counts { branches: 1.0, share: 1.0 };
+    let counts = DirectParams { branches: 1.0, share: 1.0 };
     dispatch(Direct::<_, true> { wave: &mut wave, class, range: 0..COUNT, counts });
     Direct::<_, true> { wave: &mut general_wave, class: general(), range: 0..COUNT, counts }.run();
     let mut lit = 0;
@@ -97,7 +97,7 @@ fn compare(mut wave: Box<Wave>, class: impl VertexClass + Copy, bsdfs: &[Bsdf]) 
     }
     assert!(lit > COUNT / 8, "{lit} lit");
 
-    let how = How { dimensions: &Dimensions::new(2), roulette: true, branches: 1.0 };
+    let how = ScatterParams { dimensions: &Dimensions::new(2), roulette: true, branches: 1.0 };
     dispatch(Scatter::<_, true> { wave: &mut wave, class, range: 0..COUNT, how });
     Scatter::<_, true> { wave: &mut general_wave, class: general(), range: 0..COUNT, how }.run();
     let (mut scattered, mut borderline) = (0, 0);
@@ -159,7 +159,7 @@ fn gltf_loops_do_as_the_general_ones() {
             bsdfs.push(Bsdf::MetalRough(material));
         }
         let shading = ShadingModel { energy_compensation, fresnel, ..ShadingModel::default() };
-        closure_metal_rough::prepare(&mut wave, 0..COUNT, shading);
+        prepare(&mut wave, 0..COUNT, shading);
         compare(wave, MetalRoughClass, &bsdfs);
     }
 }

@@ -1,19 +1,41 @@
-//! The memory of a wave: some thousand paths side by side, one array a quantity. Each array means one thing; what a stage
-//! needs for itself is in [`Scratch`].
+//! The state of a wave: paths and vertices as structures of arrays, so that loops over paths vectorise.
 
 use super::interior::Interior;
-use super::lanes::{LENGTH, Lanes, Lanes3, PerPath, RgbLanes, Words, per_path};
-use super::layers::FirstBounces;
+use crate::color::Rgb;
 use crate::compile::Features;
-use crate::math::OriginPrimitive;
+use crate::math::{OriginPrimitive, Vec3};
 use bytemuck::Zeroable;
+
+/// Declares a struct of things kept for each path together with the [`PerPath`] that copies all of them.
+macro_rules! per_path {
+    ($(#[$of_struct:meta])* $visible:vis struct $name:ident {
+        $($(#[$of_field:meta])* $field_visible:vis $field:ident: $type:ty,)*
+    }) => {
+        $(#[$of_struct])*
+        #[derive(bytemuck::Zeroable)]
+        $visible struct $name {
+            $($(#[$of_field])* $field_visible $field: $type,)*
+        }
+
+        impl $crate::integrator::wave::PerPath for $name {
+            #[inline(always)]
+            fn copy_to(&self, i: usize, other: &mut Self, k: usize) {
+                $($crate::integrator::wave::PerPath::copy_to(&self.$field, i, &mut other.$field, k);)*
+            }
+
+            fn repeat(&mut self, count: usize, times: usize) {
+                $($crate::integrator::wave::PerPath::repeat(&mut self.$field, count, times);)*
+            }
+        }
+    };
+}
 
 /// The solids around each path.
 pub type Interiors = [Interior; LENGTH];
 
 per_path! {
     /// State that every path carries from bounce to bounce.
-    pub struct Carried {
+    pub struct PathState {
         /// Product of all weights so far.
         pub throughput: RgbLanes,
         /// Density per solid angle of the last scattering; 0 after a specular one and at the camera; negative where the
@@ -41,10 +63,49 @@ per_path! {
     }
 }
 
+per_path! {
+    /// The first scattering of each path.
+    pub struct FirstBounces {
+        /// The share of it that is diffuse.
+        pub diffuse: RgbLanes,
+        /// 1 where it led to the other side of the surface, else 0.
+        pub crosses: Lanes,
+    }
+}
+
+/// The first scattering of a path.
+#[derive(Clone, Copy, Debug)]
+pub struct FirstBounce {
+    /// The share of it that is diffuse.
+    pub diffuse: Rgb,
+    /// Did it lead to the other side of the surface?
+    pub crosses: bool,
+}
+
+impl FirstBounce {
+    /// Of ideally diffuse reflection.
+    pub const DIFFUSE: FirstBounce = FirstBounce { diffuse: Rgb::ONE, crosses: false };
+}
+
+impl FirstBounces {
+    /// That of a path.
+    #[inline]
+    pub fn get(&self, i: usize) -> FirstBounce {
+        FirstBounce { diffuse: get_rgb(&self.diffuse, i), crosses: self.crosses[i] > 0.0 }
+    }
+
+    /// Sets that of a path.
+    #[inline]
+    pub fn set(&mut self, i: usize, first: FirstBounce) {
+        set_rgb(&mut self.diffuse, i, first.diffuse);
+        self.crosses[i] = f32::from(u8::from(first.crosses));
+    }
+}
+
 /// State of the paths between bounces, by the features of scenes that need it.
 #[derive(Zeroable)]
 pub struct Paths {
-    pub carried: Carried,
+    pub carried: PathState,
     /// Where textures depend on how much of a surface a path covers.
     pub footprints: Footprints,
     /// For the choice among lights at the last vertex: the normal that light had to come from, or zero; where that choice
@@ -331,7 +392,7 @@ pub struct GuidedLanes {
     pub carried: Lanes,
 }
 
-/// Where paths hit surfaces, and what is computed there. Vertices are sorted by [`Group`].
+/// Where paths hit surfaces, and what is computed there. Vertices are sorted by [`ShadingGroup`].
 #[derive(Zeroable)]
 pub struct Vertices {
     /// At vertices on flat primitives.
@@ -375,4 +436,90 @@ pub struct Wave {
     pub paths: Paths,
     pub vertices: Vertices,
     pub scratch: Scratch,
+}
+
+/// Paths in flight. The arrays that a scene makes use of stay within a core's second-level cache, or nearly.
+pub const WAVE: usize = 2048;
+
+/// Length of an array: one cache line more than needed, because arrays a power of two apart would all fall into the same
+/// cache set.
+pub const LENGTH: usize = WAVE + 16;
+
+/// One number a path.
+pub type Lanes = [f32; LENGTH];
+/// One integer a path.
+pub type Words = [u32; LENGTH];
+/// One vector a path, by component.
+pub type Lanes3 = [Lanes; 3];
+/// One colour a path, by channel.
+pub type RgbLanes = [Lanes; 3];
+
+/// Element `i` as a vector.
+#[inline(always)]
+pub fn get(v: &Lanes3, i: usize) -> Vec3 {
+    Vec3::new(v[0][i], v[1][i], v[2][i])
+}
+
+/// Sets element `i`.
+#[inline(always)]
+pub fn set(v: &mut Lanes3, i: usize, value: Vec3) {
+    v[0][i] = value.x;
+    v[1][i] = value.y;
+    v[2][i] = value.z;
+}
+
+/// Element `i` as a colour.
+#[inline(always)]
+pub fn get_rgb(v: &RgbLanes, i: usize) -> Rgb {
+    Rgb::new(v[0][i], v[1][i], v[2][i])
+}
+
+/// Sets element `i`.
+#[inline(always)]
+pub fn set_rgb(v: &mut RgbLanes, i: usize, value: Rgb) {
+    [v[0][i], v[1][i], v[2][i]] = value.to_array();
+}
+
+/// Something kept for each path.
+pub trait PerPath {
+    /// Copies element `i` to element `k` of `other`.
+    fn copy_to(&self, i: usize, other: &mut Self, k: usize);
+
+    /// Makes each of the first `count` elements several, one after the other.
+    fn repeat(&mut self, count: usize, times: usize);
+}
+
+/// Makes each of the first `count` elements several, one after the other.
+pub fn repeat<T: Copy>(elements: &mut [T], count: usize, times: usize) {
+    // From the end, so that each is read before something else is in its place.
+    for i in (0..count).rev() {
+        let element = elements[i];
+        elements[i * times..(i + 1) * times].fill(element);
+    }
+}
+
+impl<T: Copy> PerPath for [T; LENGTH] {
+    #[inline(always)]
+    fn copy_to(&self, i: usize, other: &mut Self, k: usize) {
+        other[k] = self[i];
+    }
+
+    fn repeat(&mut self, count: usize, times: usize) {
+        repeat(self, count, times);
+    }
+}
+
+impl PerPath for Lanes3 {
+    #[inline(always)]
+    fn copy_to(&self, i: usize, other: &mut Self, k: usize) {
+        for c in 0..3 {
+            other[c][k] = self[c][i];
+        }
+    }
+
+    fn repeat(&mut self, count: usize, times: usize) {
+        for component in self {
+            component.repeat(count, times);
+        }
+    }
 }

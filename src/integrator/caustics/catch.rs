@@ -1,11 +1,11 @@
 //! Caustics show: light that arrives at a surface is scattered to the camera.
 
 use super::super::Integrator;
-use super::super::group::Group;
-use super::super::hit_point::HitPoint;
-use super::super::interior::{AroundCamera, Interior};
-use super::super::layers::{FirstBounce, Way};
-use super::super::normals::{scattering_normal, terminator};
+use super::super::interior::{CameraInterior, Interior};
+use super::super::radiance_buffer::PathClass;
+use super::super::shading_geometry::{HitPoint, scattering_normal, terminator};
+use super::super::shading_groups::ShadingGroup;
+use super::super::wave::FirstBounce;
 use super::super::workspace::Workspace;
 use super::passage::STILL;
 use super::path::{CausticTally, LampPath};
@@ -94,8 +94,8 @@ impl Integrator<'_> {
         let [near, _] = self.view.camera.range(-sight.direction);
         let start = if near > 0.0 { sight.lens - sight.direction * near } else { sight.lens };
         let around = match self.camera_interior {
-            AroundCamera::Same(interior) => interior,
-            AroundCamera::Differs => Interior::around(self.scene, start, STILL),
+            CameraInterior::Same(interior) => interior,
+            CameraInterior::Differs => Interior::around(self.scene, start, STILL),
         };
         let medium = &self.scene.media[usize::from(around.medium())];
         let left = if self.scene.features.absorption {
@@ -123,9 +123,12 @@ impl Integrator<'_> {
     /// A surface with this BSDF and these normals, for shading and geometric.
     pub(super) fn catcher(&self, material: u32, bsdf: Bsdf, [ns, ng]: [Vec3; 2]) -> Catcher {
         let group = self.groups[material as usize];
-        let is_lambert = matches!(group, Group::Plain | Group::Lambert);
-        let is_opaque =
-            is_lambert || matches!(group, Group::PlainMetalRough | Group::Textured | Group::MetalRough);
+        let is_lambert = matches!(group, ShadingGroup::Plain | ShadingGroup::Lambert);
+        let is_opaque = is_lambert
+            || matches!(
+                group,
+                ShadingGroup::PlainMetalRough | ShadingGroup::Textured | ShadingGroup::MetalRough
+            );
         Catcher { bsdf, is_lambert, is_opaque, ng, ns, wo: ng, wi: ng }
     }
 
@@ -165,7 +168,7 @@ impl Integrator<'_> {
             true => FirstBounce::DIFFUSE,
             false => FirstBounce::of(bsdf, [scattering_normal(*ns, *ng, *wo), *ng], *wo, *wi),
         };
-        let [a, b] = self.layers.shares(Way::Indirect(first));
+        let [a, b] = self.layers.shares(PathClass::Indirect(first));
         let group = self.layers.of_group(usize::from(self.scene.light_groups.of_light(light)));
         Some([a, b, (group, Rgb::ONE)])
     }

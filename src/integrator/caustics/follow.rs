@@ -1,10 +1,9 @@
 //! Paths from the camera leave to those from lamps what these take.
 
 use super::super::Integrator;
-use super::super::group::Sorted;
-use super::super::lanes::get;
-use super::super::normals::bent_normal;
-use super::super::wave::Vertices;
+use super::super::shading_geometry::bent_normal;
+use super::super::shading_groups::SortedVertices;
+use super::super::wave::{Vertices, get};
 use super::super::workspace::Workspace;
 use crate::compile::Role;
 use crate::math::Vec3;
@@ -65,7 +64,7 @@ impl Integrator<'_> {
     }
 
     /// The same for sorted vertices whose normals are bent already.
-    pub(in super::super) fn end_bent_chains(&self, bounce: u32, sorted: &Sorted, w: &mut Workspace) {
+    pub(in super::super) fn end_bent_chains(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         if bounce >= 1 && self.parts.chains && self.scene.features.bent_normals {
             for i in sorted.metal_rough() {
                 let chain = &mut w.wave.paths.chains[i];
@@ -77,7 +76,12 @@ impl Integrator<'_> {
     }
 
     /// Where paths went on in ways that those from lamps don't take.
-    pub(in super::super) fn end_stretched_chains(&self, bounce: u32, sorted: &Sorted, w: &mut Workspace) {
+    pub(in super::super) fn end_stretched_chains(
+        &self,
+        bounce: u32,
+        sorted: &SortedVertices,
+        w: &mut Workspace,
+    ) {
         if bounce >= 1 && self.parts.chains && self.scene.features.bent_normals {
             for i in sorted.all() {
                 let is_sender = w.wave.paths.chains[i] & GOES_BY_SENDER != 0;
@@ -105,7 +109,12 @@ impl Integrator<'_> {
     }
 
     /// Takes back the light samples that are left to paths from lamps.
-    pub(in super::super) fn leave_light_samples(&self, bounce: u32, sorted: &Sorted, w: &mut Workspace) {
+    pub(in super::super) fn leave_light_samples(
+        &self,
+        bounce: u32,
+        sorted: &SortedVertices,
+        w: &mut Workspace,
+    ) {
         let Some(plan) = self.options.caustics.filter(|_| bounce >= 1) else { return };
         let (chains, v) = (&w.wave.paths.chains, &mut w.wave.vertices);
         for i in sorted.lit() {

@@ -1,11 +1,10 @@
 //! Light goes on: it is sent by smooth glass, mirrors and polished metal, and spread by other surfaces.
 
 use super::super::Integrator;
-use super::super::hit_point::HitPoint;
+use super::super::interfaces::CoincidentHit;
 use super::super::interior::Interior;
-use super::super::lanes::{get_rgb, set_rgb};
-use super::super::normals::{bent_normal, scattering_normal, terminator};
-use super::super::touching::Met;
+use super::super::shading_geometry::{HitPoint, bent_normal, scattering_normal, terminator};
+use super::super::wave::{get_rgb, set_rgb};
 use super::super::workspace::Workspace;
 use super::follow::is_stretched;
 use super::path::LampPath;
@@ -115,9 +114,9 @@ impl Integrator<'_> {
             let boundary = match self.touching(&path.ray, at) {
                 None => self.boundary(bsdf, material, at.is_back, (path.bounces, 0), arriving, waves),
                 Some(touching) => {
-                    let met = Met { at: *at, bsdf, ns, width: 0.0 };
+                    let met = CoincidentHit { at: *at, bsdf, ns, width: 0.0 };
                     let (met, boundary) =
-                        self.boundary_of_touching(met, touching, wo, (path.bounces, 0), arriving, waves);
+                        self.coincident_interface(met, touching, wo, (path.bounces, 0), arriving, waves);
                     surface = met.at.surface;
                     (sender.ng, sender.ns) = (surface.ng, met.ns);
                     boundary

@@ -68,7 +68,7 @@ impl Integrator<'_> {
             let waves = (!hero.is_nan()).then(|| Wavelengths::draw(hero));
             Some(LampPath {
                 ray,
-                radiance: self.lanes_of_light(radiance, Some(light), waves.as_ref()),
+                radiance: self.uplift_light(radiance, Some(light), waves.as_ref()),
                 hero,
                 scale,
                 interior: Interior::AIR,

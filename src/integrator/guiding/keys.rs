@@ -1,7 +1,6 @@
 //! Keys of the cells of many vertices at a time.
 
-use super::super::lanes::{WAVE, get};
-use super::super::wave::Wave;
+use super::super::wave::{WAVE, Wave, get};
 use super::grid::Grid;
 use crate::math::Frame;
 use crate::sampling::hash::hash32;

@@ -1,10 +1,9 @@
 //! Paths that train a guide: what they find is recorded where they scattered.
 
 use super::super::Integrator;
-use super::super::block::Block;
-use super::super::group::Sorted;
-use super::super::lanes::{WAVE, get};
-use super::super::wave::{Vertices, Wave};
+use super::super::sampling::Block;
+use super::super::shading_groups::SortedVertices;
+use super::super::wave::{Vertices, WAVE, Wave, get};
 use super::super::workspace::Workspace;
 use super::guide::NO_MEAN;
 use super::histogram;
@@ -48,7 +47,7 @@ impl Integrator<'_> {
     }
 
     /// Takes down the vertices of a bounce that are guided, once they are scattered.
-    pub(in super::super) fn record_vertices(&self, sorted: &Sorted, w: &mut Workspace) {
+    pub(in super::super) fn record_vertices(&self, sorted: &SortedVertices, w: &mut Workspace) {
         let (Some(guide), range) = (self.options.guide, sorted.guided()) else { return };
         let Wave { vertices, paths, .. } = &mut *w.wave;
         dispatch(FindBins { vertices, range: range.clone() });

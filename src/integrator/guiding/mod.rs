@@ -33,11 +33,8 @@ pub(super) use scatter::{Guided, scatter, scatter_metal_rough};
 pub use training::{CellSamples, TrainedCells, TrainingSample};
 
 use super::Integrator;
-use super::closure::VertexClass;
-use super::closure_metal_rough::MetalRoughClass;
-use super::group::Sorted;
-use super::lanes::{WAVE, get};
-use super::wave::{Vertices, Wave};
+use super::shading_groups::{MetalRoughClass, SortedVertices, VertexClass};
+use super::wave::{Vertices, WAVE, Wave, get};
 use super::workspace::Workspace;
 use crate::math::{Frame, Vec3};
 use crate::sampling::warp;
@@ -47,7 +44,7 @@ use std::ops::Range;
 
 impl Integrator<'_> {
     /// Finds the cells of the vertices that are guided.
-    pub(super) fn find_cells(&self, bounce: u32, sorted: &Sorted, w: &mut Workspace) {
+    pub(super) fn find_cells(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         let (Some(guide), range) = (self.options.guide, sorted.guided()) else { return };
         let wave = &mut *w.wave;
         dispatch(FindKeys { grid: guide.grid, wave, range: range.clone(), bounce });
@@ -58,7 +55,7 @@ impl Integrator<'_> {
     }
 
     /// Finds how densely the vertices would have chosen the directions of their light samples.
-    pub(super) fn weigh_light_samples(&self, sorted: &Sorted, w: &mut Workspace) {
+    pub(super) fn weigh_light_samples(&self, sorted: &SortedVertices, w: &mut Workspace) {
         if let Some(guide) = self.options.guide {
             let densities = guide.densities();
             let vertices = &mut w.wave.vertices;

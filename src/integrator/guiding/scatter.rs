@@ -1,12 +1,10 @@
 //! Lambertian vertices scatter by a guide, and paths end by what is expected of them.
 
 use super::super::Integrator;
-use super::super::closure::{Closure, VertexClass};
-use super::super::closure_metal_rough::MetalRoughClass;
-use super::super::lanes::{WAVE, get, get_rgb, set, set_rgb};
-use super::super::normals::terminator;
-use super::super::roulette::{FIRST_ROULETTE, How, survival};
-use super::super::wave::{Vertices, Wave};
+use super::super::sampling::{FIRST_ROULETTE, ScatterParams, survival};
+use super::super::shading_geometry::terminator;
+use super::super::shading_groups::{Closure, MetalRoughClass, VertexClass};
+use super::super::wave::{Vertices, WAVE, Wave, get, get_rgb, set, set_rgb};
 use super::guide::{Guide, NO_MEAN};
 use super::place;
 use crate::math::{Frame, offset_along};
@@ -53,7 +51,7 @@ impl Integrator<'_> {
 
 /// Scatters at Lambertian vertices.
 pub(in super::super) fn scatter<const SOFT: bool>(
-    how: How<'_>,
+    how: ScatterParams<'_>,
     uses_adjoint_roulette: bool,
     guide: &Guide,
     range: Range<usize>,
@@ -66,7 +64,7 @@ pub(in super::super) fn scatter<const SOFT: bool>(
 
 /// Scatters at vertices of opaque glTF materials, whose diffuse lobes are guided.
 pub(in super::super) fn scatter_metal_rough<const SOFT: bool>(
-    how: How<'_>,
+    how: ScatterParams<'_>,
     uses_adjoint_roulette: bool,
     guide: &Guide,
     range: Range<usize>,
@@ -118,7 +116,7 @@ impl Judge {
 /// Chooses points of the square of directions, and gets roulette's number and the mean of the cell: into the first four lanes of the
 /// scratch memory.
 struct Choose<'a> {
-    how: How<'a>,
+    how: ScatterParams<'a>,
     guide: &'a Guide,
     range: Range<usize>,
     wave: &'a mut Wave,
@@ -145,7 +143,7 @@ impl Kernel for Choose<'_> {
 
 /// Makes directions of the chosen points, and plays roulette.
 struct GoOn<'a, const SOFT: bool> {
-    how: How<'a>,
+    how: ScatterParams<'a>,
     judge: Judge,
     range: Range<usize>,
     wave: &'a mut Wave,
@@ -187,7 +185,7 @@ impl<const SOFT: bool> Kernel for GoOn<'_, SOFT> {
 
 /// As [`Choose`], for the diffuse lobes of opaque glTF materials: the points of others stay; the lobe's number into a fifth lane.
 struct ChooseLobe<'a> {
-    how: How<'a>,
+    how: ScatterParams<'a>,
     guide: &'a Guide,
     range: Range<usize>,
     wave: &'a mut Wave,
@@ -217,7 +215,7 @@ impl Kernel for ChooseLobe<'_> {
 
 /// Makes directions of the chosen points and lobes, and plays roulette.
 struct GoOnRough<'a, const SOFT: bool> {
-    how: How<'a>,
+    how: ScatterParams<'a>,
     judge: Judge,
     densities: Table<'a, f32>,
     range: Range<usize>,

@@ -1,10 +1,9 @@
 //! The paths of a group are shared: each prefix is connected to each suffix.
 
 use super::super::Integrator;
-use super::super::closure::LambertClass;
-use super::super::closure_metal_rough::MetalRoughClass;
-use super::super::lanes::{WAVE, get, get_rgb, set_rgb};
-use super::super::normals::bent_normal;
+use super::super::shading_geometry::bent_normal;
+use super::super::shading_groups::{LambertClass, MetalRoughClass};
+use super::super::wave::{WAVE, get, get_rgb, set_rgb};
 use super::super::workspace::Workspace;
 use super::Tiling;
 use super::layer::{LEAST_REST, layer_rest};
@@ -146,9 +145,8 @@ impl Integrator<'_> {
         };
         let accel = &self.scene.accel;
         let FanHits { stopped, unknown } = match self.scene.features.alpha {
-            true => {
-                accel.occluded_fan(&fan, |prim| self.is_doubtful(&Hit { prim, instance: 0, ..Hit::MISS }))
-            }
+            true => accel
+                .occluded_fan(&fan, |prim| self.may_be_absent_at(&Hit { prim, instance: 0, ..Hit::MISS })),
             false => accel.occluded_fan(&fan, |_| false),
         };
         fans.count(2 * unknown.count_ones() > asked.count_ones());

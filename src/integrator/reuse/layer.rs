@@ -1,6 +1,6 @@
 //! The layer of glTF materials above their diffuse part: for every viewer it leaves another share of that.
 
-use super::super::closure_metal_rough::load_material;
+use super::super::shading_groups::load_material;
 use super::super::wave::MetalRoughMaterials;
 use crate::bsdf::{ShadingModel, above};
 use crate::math::{Frame, Vec3};

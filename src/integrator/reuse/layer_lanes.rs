@@ -1,7 +1,7 @@
 //! What a wave keeps to share the layers of its paths: see [`super::layers`].
 
-use super::super::lanes::RgbLanes;
-use super::super::layers::Layers;
+use super::super::radiance_buffer::Layers;
+use super::super::wave::RgbLanes;
 use bytemuck::Zeroable;
 
 /// What a wave keeps to share the layers of its paths, by place.

@@ -2,11 +2,9 @@
 //! of its passes it belongs to, the first scattering of the prefix says; where the prefix ends at it, the direction to the
 //! suffix does. What groups of lights bring is radiance at the suffix, shared with the same weights as all.
 
-use super::super::closure::VertexClass;
-use super::super::closure_metal_rough::MetalRoughClass;
-use super::super::lanes::{RgbLanes, WAVE, get, get_rgb, set_rgb};
-use super::super::layers::Way;
-use super::super::sink::Sink;
+use super::super::radiance_buffer::{PathClass, RadianceBuffer};
+use super::super::shading_groups::{MetalRoughClass, VertexClass};
+use super::super::wave::{RgbLanes, WAVE, get, get_rgb, set_rgb};
 use super::layer_lanes::{Diffuse, GroupLanes, SharedLayers};
 use super::pairs::{Exchange, group_of};
 use super::state::{DIRECT, METAL_ROUGH, Pairs, Prefixes, Reuse, SCATTERED, Suffixes};
@@ -21,13 +19,13 @@ impl SharedLayers {
         s: &Suffixes,
         own: Rgb,
         is_usable: bool,
-        sink: &mut Sink,
+        sink: &mut RadianceBuffer,
     ) {
         let throughput = get_rgb(&s.throughput, k);
         if let Some(diffuse) = &mut self.diffuse {
             let first = s.first_bounces.get(k);
             set_rgb(&mut diffuse.throughput, k, throughput * first.diffuse);
-            sink.add_to_passes(sample, throughput * own, Way::Indirect(first));
+            sink.add_to_passes(sample, throughput * own, PathClass::Indirect(first));
         }
         for (g, group) in self.groups.iter_mut().enumerate() {
             let direct = sink.radiance_of(sample + DIRECT, g);
@@ -56,14 +54,14 @@ impl SharedLayers {
     }
 
     /// Brings what prefixes got, of all `total`, to the layers of a sample.
-    pub fn deliver(&self, k: usize, sample: u32, total: Rgb, prefixes: &Prefixes, sink: &mut Sink) {
+    pub fn deliver(&self, k: usize, sample: u32, total: Rgb, prefixes: &Prefixes, sink: &mut RadianceBuffer) {
         if let Some(diffuse) = &self.diffuse {
             let mut first = prefixes.first_bounces.get(k);
             let of_diffuse = get_rgb(&diffuse.gained, k).min(total);
             first.diffuse = Rgb::ONE;
-            sink.add_to_passes(sample, of_diffuse, Way::Indirect(first));
+            sink.add_to_passes(sample, of_diffuse, PathClass::Indirect(first));
             first.diffuse = Rgb::ZERO;
-            sink.add_to_passes(sample, total - of_diffuse, Way::Indirect(first));
+            sink.add_to_passes(sample, total - of_diffuse, PathClass::Indirect(first));
         }
         for (g, group) in self.groups.iter().enumerate() {
             sink.add_to_group(sample, get_rgb(&group.gained, k), g as u16);
@@ -91,7 +89,7 @@ fn fill_diffuse(senders: &[u16], group: usize, prefixes: &Prefixes, pairs: &Pair
 
 impl Reuse {
     /// Brings what all prefixes got to their samples.
-    pub fn deliver(&self, sink: &mut Sink) {
+    pub fn deliver(&self, sink: &mut RadianceBuffer) {
         for (k, &sample) in self.samples[..WAVE].iter().enumerate() {
             let (sample, gained) = (u32::from(sample), get_rgb(&self.gained, k));
             sink.add(sample, gained);

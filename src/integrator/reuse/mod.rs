@@ -37,7 +37,7 @@ mod tiling;
 
 pub use tiling::{GroupShape, INTERVAL, Tiling};
 
-use super::lanes::WAVE;
+use super::wave::WAVE;
 use super::workspace::Workspace;
 use super::{Block, Integrator};
 use state::{Fans, NONE, Reuse};

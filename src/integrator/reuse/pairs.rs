@@ -1,10 +1,9 @@
 //! Prefixes against suffixes: what every prefix of a group would get from one suffix, in vectorised loops.
 
-use super::super::closure::{Closure, VertexClass};
-use super::super::closure_metal_rough::MetalRoughClass;
 use super::super::guiding;
-use super::super::lanes::{RgbLanes, WAVE, get, get_rgb, set_rgb};
-use super::super::normals::terminator;
+use super::super::shading_geometry::terminator;
+use super::super::shading_groups::{Closure, MetalRoughClass, VertexClass};
+use super::super::wave::{RgbLanes, WAVE, get, get_rgb, set_rgb};
 use super::state::{LAMBERT, METAL_ROUGH, Pairs, Prefixes, Suffixes};
 use super::tiling::GroupShape;
 use crate::color::Rgb;

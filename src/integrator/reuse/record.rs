@@ -2,14 +2,10 @@
 
 use super::super::Integrator;
 use super::super::caustics::leaves_light;
-use super::super::closure::VertexClass;
-use super::super::closure_metal_rough::{MetalRoughClass, copy_metal_rough};
-use super::super::group::Sorted;
 use super::super::interior::Interior;
-use super::super::lanes::{PerPath, get, get_rgb, set, set_rgb};
-use super::super::layers::FirstBounce;
-use super::super::roulette::FIRST_ROULETTE;
-use super::super::wave::{Vertices, Wave};
+use super::super::sampling::FIRST_ROULETTE;
+use super::super::shading_groups::{MetalRoughClass, SortedVertices, VertexClass, copy_metal_rough};
+use super::super::wave::{FirstBounce, PerPath, Vertices, Wave, get, get_rgb, set, set_rgb};
 use super::super::workspace::Workspace;
 use super::layer::{LEAST_REST, layer_rest};
 use super::state::{DIRECT, LAMBERT, METAL_ROUGH, NONE, Prefixes, Reuse, SCATTERED, Suffixes};
@@ -27,7 +23,7 @@ const LEAST_ALPHA: f32 = 0.1;
 impl Integrator<'_> {
     /// Keeps the vertices where paths are cut. What suffixes bring from now on arrives on its own, as if their
     /// throughput was 1.
-    pub(in super::super) fn cut_paths(&self, bounce: u32, sorted: &Sorted, w: &mut Workspace) {
+    pub(in super::super) fn cut_paths(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         if bounce > LAST_BOUNCE + 1 {
             return;
         }
@@ -74,7 +70,7 @@ impl Integrator<'_> {
     }
 
     /// Finds the diffuse share of what suffixes at glTF materials bring, after they were scattered.
-    pub(in super::super) fn divide_lobes(&self, bounce: u32, sorted: &Sorted, w: &mut Workspace) {
+    pub(in super::super) fn divide_lobes(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         if bounce > LAST_BOUNCE + 1 {
             return;
         }

@@ -1,8 +1,8 @@
 //! What a wave keeps to share its paths: ends of prefixes and starts of suffixes, by place (see [`super::Tiling`]).
 
-use super::super::lanes::{LENGTH, Lanes, Lanes3, RgbLanes, WAVE, Words, get_rgb};
-use super::super::layers::FirstBounces;
-use super::super::wave::{MetalRoughMaterials, Vertices};
+use super::super::wave::{
+    FirstBounces, LENGTH, Lanes, Lanes3, MetalRoughMaterials, RgbLanes, Vertices, WAVE, Words, get_rgb,
+};
 use super::layer_lanes::SharedLayers;
 use crate::color::Rgb;
 use bytemuck::Zeroable;

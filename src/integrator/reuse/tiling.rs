@@ -1,7 +1,7 @@
 //! Which samples of a picture share their paths.
 
-use super::super::block::{Block, Cursor};
-use super::super::lanes::{LENGTH, WAVE};
+use super::super::sampling::{Block, SampleCursor};
+use super::super::wave::{LENGTH, WAVE};
 use crate::error::{Error, Result};
 use crate::sampling::hash::{hash32, r2_sequence};
 use std::fmt;
@@ -131,7 +131,7 @@ impl Tiling {
         let column_of = |x: u32| (x + left) / edge;
         let (first_column, first_row) = (column_of(block.x0), (block.y0 + top) / edge);
         let columns = column_of(block.x0 + block.width - 1) - first_column + 1;
-        let mut at = Cursor::new(block, 0);
+        let mut at = SampleCursor::new(block, 0);
         for place in &mut places[..count.min(WAVE)] {
             let (x, y) = (at.x + left, at.y + top);
             let region = (y / edge - first_row) * columns + x / edge - first_column;

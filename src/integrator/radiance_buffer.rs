@@ -1,16 +1,134 @@
-//! Where the radiance of paths arrives.
+//! Radiance of the samples of a wave, and its layers: light passes and light groups.
+//!
+//! All light passes sum to the picture, and so do all light groups. The first scattering event of a path decides its pass: its
+//! diffuse fraction, by channel, follows from the values of the BSDF's lobes for the two directions (as in Cycles); the rest is
+//! glossy, or transmitted. Light is direct where the path found it with one scattering event.
 
-use super::lanes::WAVE;
-use super::layers::{Layers, Origin, Way};
+use super::wave::{FirstBounce, FirstBounces, WAVE};
 use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
+use crate::film::{Aov, AovSet, CATCHER_PARTS, Source};
+
+/// The way of light to the camera.
+#[derive(Clone, Copy, Debug)]
+pub enum PathClass {
+    /// From an emitting surface that the camera sees.
+    Emission,
+    /// From the environment that it sees.
+    Environment,
+    /// By one scattering.
+    Direct(FirstBounce),
+    /// By several.
+    Indirect(FirstBounce),
+}
+
+/// Where light came from.
+#[derive(Clone, Copy, Debug)]
+pub struct RadianceOrigin {
+    /// Its way to the camera.
+    pub way: PathClass,
+    /// Group of its light.
+    pub group: u16,
+}
+
+/// Which layers are kept, and where: passes first, then groups.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Layers {
+    passes: AovSet,
+    groups: usize,
+    count: usize,
+    /// Behind the groups are those of shadow catchers.
+    catchers: bool,
+    /// How many passes there are, and the places of each: of emission, of the environment, and of diffuse, glossy and transmitted
+    /// light, direct and indirect.
+    pass_count: usize,
+    places: [Option<u8>; 2 + 2 * 3],
+}
+
+/// The passes in the order of their places.
+const PASSES: [Aov; 8] = [
+    Aov::Emission,
+    Aov::Environment,
+    Aov::DiffuseDirect,
+    Aov::GlossyDirect,
+    Aov::TransmissionDirect,
+    Aov::DiffuseIndirect,
+    Aov::GlossyIndirect,
+    Aov::TransmissionIndirect,
+];
+
+impl Layers {
+    /// The light passes among AOVs, the first groups of lights, and what catchers catch.
+    pub fn new(aovs: AovSet, groups: usize, catchers: bool) -> Layers {
+        let passes = aovs.of(Source::PartOfColor);
+        let of_catchers = if catchers { CATCHER_PARTS } else { 0 };
+        let place = |aov| passes.iter().position(|other| other == aov).map(|place| place as u8);
+        let pass_count = passes.iter().count();
+        Layers {
+            passes,
+            groups,
+            count: pass_count + groups + of_catchers,
+            catchers,
+            pass_count,
+            places: PASSES.map(place),
+        }
+    }
+
+    /// How many there are.
+    #[inline(always)]
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// Are there light passes?
+    pub fn has_passes(&self) -> bool {
+        self.passes.any()
+    }
+
+    /// How many groups of lights there are.
+    pub fn groups(&self) -> usize {
+        self.groups
+    }
+
+    /// The place of a group.
+    pub fn of_group(&self, group: usize) -> Option<usize> {
+        (group < self.groups).then_some(self.pass_count + group)
+    }
+
+    /// The first place of what catchers catch.
+    pub fn of_catchers(&self) -> Option<usize> {
+        self.catchers.then(|| self.count - CATCHER_PARTS)
+    }
+
+    /// The places of the passes that light of a way belongs to, and its shares there.
+    pub fn shares(&self, way: PathClass) -> [(Option<usize>, Rgb); 2] {
+        let place = |pass: usize| self.places[pass].map(usize::from);
+        let (first, diffuse) = match way {
+            PathClass::Emission => return [(place(0), Rgb::ONE), (None, Rgb::ZERO)],
+            PathClass::Environment => return [(place(1), Rgb::ONE), (None, Rgb::ZERO)],
+            PathClass::Direct(first) => (first, 2),
+            PathClass::Indirect(first) => (first, 5),
+        };
+        let rest = diffuse + if first.crosses { 2 } else { 1 };
+        [(place(diffuse), first.diffuse), (place(rest), Rgb::ONE - first.diffuse)]
+    }
+}
+
+/// The way of light that a path found at its end, after so many scatterings.
+pub fn class_of_path(bounce: u32, seen: PathClass, first_bounces: &FirstBounces, i: usize) -> PathClass {
+    match bounce {
+        0 => seen,
+        1 => PathClass::Direct(first_bounces.get(i)),
+        _ => PathClass::Indirect(first_bounces.get(i)),
+    }
+}
 
 /// Alphas are multiples of one over this: coarse enough that single floats hold all that occur, and sums in doubles of 2^31
 /// of them are exact.
 const ALPHA_GRID: f32 = 1_048_576.0;
 
 /// Radiance and alpha of the samples of a wave, and the layers of the radiance that are asked for.
-pub struct Sink {
+pub struct RadianceBuffer {
     samples: Vec<[f32; 4]>,
     /// Samples of the wave; behind them are radiances that are shared or joined later.
     count: usize,
@@ -23,10 +141,10 @@ pub struct Sink {
     parts: Vec<[f32; 3]>,
 }
 
-impl Sink {
+impl RadianceBuffer {
     /// Without samples.
-    pub fn new() -> Sink {
-        Sink {
+    pub fn new() -> RadianceBuffer {
+        RadianceBuffer {
             samples: Vec::with_capacity(WAVE),
             count: 0,
             with_passes: 0,
@@ -51,7 +169,7 @@ impl Sink {
         self.parts.resize(count * self.layers.count(), [0.0; 3]);
     }
 
-    /// Takes further indices below `count` for what branches of samples find: see [`Sink::join`].
+    /// Takes further indices below `count` for what branches of samples find: see [`RadianceBuffer::join`].
     pub fn extend_with_passes(&mut self, count: usize) {
         self.with_passes = count;
         self.extend(count);
@@ -68,7 +186,7 @@ impl Sink {
         }
     }
 
-    /// Remembers what the samples have alone; further radiances follow by [`Sink::add_plain`].
+    /// Remembers what the samples have alone; further radiances follow by [`RadianceBuffer::add_plain`].
     pub fn keep_plain(&mut self) {
         self.plain.clear();
         self.plain.extend(self.samples[..self.count].iter().map(|&[r, g, b, _]| [r, g, b]));
@@ -100,24 +218,24 @@ impl Sink {
     /// Adds light to an index, all weights included: the way for radiance into the picture. `origin` is asked where layers
     /// are kept.
     #[inline(always)]
-    pub fn contribute(&mut self, index: u32, value: Rgb, origin: impl FnOnce() -> Origin) {
+    pub fn contribute(&mut self, index: u32, value: Rgb, origin: impl FnOnce() -> RadianceOrigin) {
         self.add(index, value);
-        if self.divides() {
+        if self.has_layers() {
             self.divide(index, value, origin);
         }
     }
 
     /// Are there layers?
     #[inline(always)]
-    pub fn divides(&self) -> bool {
+    pub fn has_layers(&self) -> bool {
         self.layers.count() > 0
     }
 
     /// Adds light to the layers of an index. Out of the way of those who keep none.
     #[cold]
     #[inline(never)]
-    pub fn divide(&mut self, index: u32, value: Rgb, origin: impl FnOnce() -> Origin) {
-        let Origin { way, group } = origin();
+    pub fn divide(&mut self, index: u32, value: Rgb, origin: impl FnOnce() -> RadianceOrigin) {
+        let RadianceOrigin { way, group } = origin();
         self.add_to_passes(index, value, way);
         self.add_to_group(index, value, group);
     }
@@ -133,7 +251,7 @@ impl Sink {
     }
 
     /// Adds light to the passes of a sample. Of radiances that are no sample, it is known when they are shared.
-    pub fn add_to_passes(&mut self, index: u32, value: Rgb, way: Way) {
+    pub fn add_to_passes(&mut self, index: u32, value: Rgb, way: PathClass) {
         if (index as usize) < self.with_passes && self.layers.has_passes() {
             for (layer, share) in self.layers.shares(way) {
                 self.add_to_layer(index, layer, value * share);
@@ -176,7 +294,7 @@ impl Sink {
     }
 
     /// Keeps what a sample found on a shadow catcher: with other objects, and without.
-    pub fn set_caught(&mut self, sample: u32, with: Rgb, without: Rgb) {
+    pub fn set_catcher(&mut self, sample: u32, with: Rgb, without: Rgb) {
         if let Some(first) = self.layers.of_catchers() {
             let at = sample as usize * self.layers.count() + first;
             self.parts[at] = with.to_array();

@@ -1,17 +1,17 @@
-//! How far paths fly through a scattering medium: distances in proportion to what is left of light there, or to what a
-//! lamp sends there, and the weights that make up for the choice.
+//! Segments of paths through participating media: sampling of the distance to the next scattering event, and weights.
 //!
-//! A distance is drawn from a mixture of densities: for each channel the exponential of its extinction, chosen in
-//! proportion to what the path carries there; and where a lamp is, as often as not, one that is even over the angles in which the lamp
-//! sees the ray (Kulla, Fajardo 2012, "Importance Sampling Techniques for Path Tracing in Participating Media", section
-//! 3.1). The weight is the value over the density of the whole mixture, as in Veach's balance heuristic with one sample: it is
-//! at most one over a channel's share, or two where a lamp is. The lamp that guides the choice is drawn for itself and lights nothing by it.
+//! A distance is drawn from a mixture of densities: for each channel an exponential with its extinction, selected in proportion
+//! to the throughput; and, where a light guides, with probability 1/2 a density that is uniform over the angle at which the
+//! light sees the ray (equiangular sampling: Kulla, Fajardo 2012, "Importance Sampling Techniques for Path Tracing in
+//! Participating Media", section 3.1). The weight is the value over the density of the whole mixture (one-sample balance
+//! heuristic, Veach 1997): at most one over a channel's share, or two where a light guides. The guiding light is drawn
+//! independently and contributes nothing by this.
 //!
-//! On grids flights end at collisions, which need no weight where all channels lose the same. Where they differ, light collides as
-//! in the channel that loses most, and scatters or goes on by the toss of a coin; weights make up for it, channel by channel (Kutz,
-//! Habel, Li, Novak 2017, "Spectral and Decomposition Tracking for Rendering Heterogeneous Volumes", section 4).
+//! On density grids segments end at collisions (delta tracking), which need no weight where all channels have the same
+//! extinction. Else collisions follow the channel of the largest extinction, a random number decides between scattering and a
+//! null collision, and weights correct each channel (Kutz, Habel, Li, Novak 2017, "Spectral and Decomposition Tracking for
+//! Rendering Heterogeneous Volumes", section 4).
 
-use super::distances::{Guide, Truncated};
 use super::interior::Interior;
 use crate::color::Rgb;
 use crate::compile::{DensityGrid, GridRay, Scattering};
@@ -21,7 +21,7 @@ use crate::simd::map_each;
 
 /// One way of a path from a point to the next in one medium.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Flight {
+pub(super) struct MediumSegment {
     /// Number of the medium.
     pub medium: u16,
     /// Where the flights through the media that fill the same place lie in the list of them (see [`super::beside`]): from this to
@@ -37,14 +37,14 @@ pub(super) struct Flight {
     /// It met nothing before.
     pub scatters: bool,
     /// Found by collisions on a grid.
-    tracked: Option<Tracked>,
+    tracked: Option<DeltaTracking>,
     /// The boundary without a surface where it begins.
-    pub crossed: Option<Crossed>,
+    pub crossed: Option<BoundaryCrossing>,
 }
 
 /// Where a path crossed a boundary without a surface.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Crossed {
+pub(super) struct BoundaryCrossing {
     /// Where on the ray.
     pub at: f32,
     /// The solids in front of it.
@@ -53,7 +53,7 @@ pub(super) struct Crossed {
 
 /// What a shadow ray has crossed so far.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct ShadowWay {
+pub(super) struct ShadowSegment {
     /// The solids around it.
     pub interior: Interior,
     /// Where on it the light that is left was last reckoned.
@@ -62,7 +62,7 @@ pub(super) struct ShadowWay {
 
 /// What a flight follows on a grid.
 #[derive(Clone, Copy, Debug)]
-struct Tracked {
+struct DeltaTracking {
     /// The numbers that decide it: the first in 0..1.
     first: f32,
     salt: u32,
@@ -71,15 +71,15 @@ struct Tracked {
 }
 
 /// How often a lamp guides, where one is.
-const GUIDED: f32 = 0.5;
+const EQUIANGULAR_PROBABILITY: f32 = 0.5;
 
 /// What channels that are only absorbed count: they too must be met by some.
-const LEAST_ALBEDO: f32 = 0.1;
+const MIN_ALBEDO: f32 = 0.1;
 
-impl Flight {
+impl MediumSegment {
     /// Through a medium without a place where it scatters.
-    pub fn straight(medium: u16, extent: [f32; 2]) -> Flight {
-        Flight {
+    pub fn straight(medium: u16, extent: [f32; 2]) -> MediumSegment {
+        MediumSegment {
             medium,
             beside: [0; 2],
             extent,
@@ -102,38 +102,45 @@ impl Flight {
         throughput: Rgb,
         lamp: Option<Vec3>,
         u: [f32; 2],
-    ) -> Flight {
+    ) -> MediumSegment {
         let extent = medium.extent(origin, direction, from);
-        let mut flight = Flight::straight(index, extent);
+        let mut segment = MediumSegment::straight(index, extent);
         if let Some(grid) = &medium.grid {
             let salt = hash32(u[0].to_bits() ^ hash32(u[1].to_bits()));
-            let tracked = Tracked { first: u[0], salt, weight: Rgb::ZERO };
+            let tracked = DeltaTracking { first: u[0], salt, weight: Rgb::ZERO };
             let (until, weight) = tracked.follow((medium, grid), (origin, direction), [from, f32::INFINITY]);
-            (flight.until, flight.tracked) = (until, Some(Tracked { weight, ..tracked }));
-            return flight;
+            (segment.until, segment.tracked) = (until, Some(DeltaTracking { weight, ..tracked }));
+            return segment;
         }
         if extent[1] <= extent[0] || medium.scattered.max_element() <= 0.0 {
-            return flight;
+            return segment;
         }
-        flight.shares = shares(medium, throughput);
-        flight.guide = lamp.and_then(|lamp| Guide::new(origin, direction, extent, lamp));
-        let (guided, mut choice) = match flight.guide {
-            Some(_) => (u[1] < GUIDED, if u[1] < GUIDED { 0.0 } else { (u[1] - GUIDED) / (1.0 - GUIDED) }),
+        segment.shares = shares(medium, throughput);
+        segment.guide = lamp.and_then(|lamp| Guide::new(origin, direction, extent, lamp));
+        let (guided, mut choice) = match segment.guide {
+            Some(_) => (
+                u[1] < EQUIANGULAR_PROBABILITY,
+                if u[1] < EQUIANGULAR_PROBABILITY {
+                    0.0
+                } else {
+                    (u[1] - EQUIANGULAR_PROBABILITY) / (1.0 - EQUIANGULAR_PROBABILITY)
+                },
+            ),
             None => (false, u[1]),
         };
-        let until = match flight.guide.filter(|_| guided) {
+        let until = match segment.guide.filter(|_| guided) {
             Some(guide) => guide.sample(u[0]),
             None => {
                 let mut channel = 0;
-                while channel < 2 && choice >= flight.shares[channel] {
-                    choice -= flight.shares[channel];
+                while channel < 2 && choice >= segment.shares[channel] {
+                    choice -= segment.shares[channel];
                     channel += 1;
                 }
                 extent[0] - poly::ln(1.0 - u[0]) / medium.extinction.to_array()[channel]
             }
         };
-        flight.until = if until < extent[1] { until } else { f32::INFINITY };
-        flight
+        segment.until = if until < extent[1] { until } else { f32::INFINITY };
+        segment
     }
 
     /// Is it through one medium alone?
@@ -143,7 +150,7 @@ impl Flight {
     }
 
     /// Is what paths are taken times 1 wherever they arrive without having scattered?
-    pub fn passes_whole(&self, medium: &Scattering) -> bool {
+    pub fn is_unweighted(&self, medium: &Scattering) -> bool {
         let ends_by_chance = self.tracked.is_some() || self.draws() && self.guide.is_none();
         medium.is_grey() && (ends_by_chance || medium.extinction.r == 0.0)
     }
@@ -155,13 +162,13 @@ impl Flight {
             (Some(tracked), Some(grid)) => {
                 tracked.weight_of_passing((medium, grid), ray, [self.extent[0], to])
             }
-            _ => self.left_by_chance(medium, to),
+            _ => self.ungridded_passing_weight(medium, to),
         }
     }
 
     /// The same in a medium without a grid.
     #[inline]
-    fn left_by_chance(&self, medium: &Scattering, to: f32) -> Rgb {
+    fn ungridded_passing_weight(&self, medium: &Scattering, to: f32) -> Rgb {
         let left = self.left(medium, to);
         if self.draws() { over(left, self.mixed(left, |guide| guide.beyond(to))) } else { left }
     }
@@ -185,12 +192,12 @@ impl Flight {
             let way = self.way_before(to);
             return throughput * medium.emission * medium.mean_transmittance(way) * way;
         }
-        self.glow_beside(medium, throughput, to, u, |_| Rgb::ONE)
+        self.overlapping_emission(medium, throughput, to, u, |_| Rgb::ONE)
     }
 
     /// The same of a flight beside others, which take what shines at a point of the ray times something.
     #[inline]
-    pub fn glow_beside(
+    pub fn overlapping_emission(
         &self,
         medium: &Scattering,
         throughput: Rgb,
@@ -203,9 +210,9 @@ impl Flight {
         if way <= 0.0 || shines.max_element() <= 0.0 {
             return Rgb::ZERO;
         }
-        let (x, density) = self.glowing_point(medium, shines, way, u);
+        let (x, density) = self.emission_point(medium, shines, way, u);
         let at = self.extent[0] + x;
-        over(shines * self.left_by_chance(medium, at) * others(at), density)
+        over(shines * self.ungridded_passing_weight(medium, at) * others(at), density)
     }
 
     /// How long the way in the medium is that lies before a point, and before the flight's end.
@@ -221,7 +228,7 @@ impl Flight {
     /// farthest: so far do flights reach that make up for it. Where nothing ends flights, or a guide does so farther away than
     /// exponentials, it falls off with the extinction itself. Each channel has its share of the points by what shines there.
     #[inline]
-    fn glowing_point(&self, medium: &Scattering, shines: Rgb, way: f32, u: f32) -> (f32, f32) {
+    fn emission_point(&self, medium: &Scattering, shines: Rgb, way: f32, u: f32) -> (f32, f32) {
         let (extinction, shines) = (medium.extinction.to_array(), shines.to_array());
         let mut least = f32::INFINITY;
         for (share, &extinction) in self.shares.iter().zip(&extinction) {
@@ -240,10 +247,10 @@ impl Flight {
         }
         let u = (rest / shines[channel].max(f32::MIN_POSITIVE)).clamp(0.0, 1.0f32.next_down());
         let rates = map_each(extinction, |x| (x - least).max(0.0));
-        let x = Truncated::new(rates[channel], way).sample(u);
+        let x = TruncatedExponential::new(rates[channel], way).sample(u);
         let mut density = 0.0;
         for c in 0..3 {
-            density += shines[c] / sum * Truncated::new(rates[c], way).density(x);
+            density += shines[c] / sum * TruncatedExponential::new(rates[c], way).density(x);
         }
         (x, density)
     }
@@ -268,13 +275,13 @@ impl Flight {
         let [r, g, b] = of_channels.to_array();
         let sum = self.shares[0] * r + self.shares[1] * g + self.shares[2] * b;
         match &self.guide {
-            Some(guide) => GUIDED * of_guide(guide) + (1.0 - GUIDED) * sum,
+            Some(guide) => EQUIANGULAR_PROBABILITY * of_guide(guide) + (1.0 - EQUIANGULAR_PROBABILITY) * sum,
             None => sum,
         }
     }
 }
 
-impl Tracked {
+impl DeltaTracking {
     /// Where light scatters between two points of a ray, infinite if nowhere; and what it is taken times.
     #[inline]
     fn follow(
@@ -343,8 +350,101 @@ fn shares(medium: &Scattering, throughput: Rgb) -> [f32; 3] {
     let mut shares = [0.0; 3];
     for c in 0..3 {
         let albedo = if extinction[c] > 0.0 { scattered[c] / extinction[c] } else { 0.0 };
-        shares[c] = carried[c] * (albedo + LEAST_ALBEDO);
+        shares[c] = carried[c] * (albedo + MIN_ALBEDO);
     }
     let sum = shares[0] + shares[1] + shares[2];
     if sum > f32::MIN_POSITIVE { map_each(shares, |s| s / sum) } else { [1.0 / 3.0; 3] }
+}
+
+/// Angles in which a point sees a ray.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Guide {
+    /// Where on the ray the point is closest.
+    closest: f32,
+    /// How far it is from there.
+    distance: f32,
+    /// The angles between the way there and those to the ray's first and last point.
+    angles: [f32; 2],
+}
+
+impl Guide {
+    /// `None` where the numbers give no angle.
+    #[inline]
+    pub(super) fn new(origin: Vec3, direction: Vec3, extent: [f32; 2], lamp: Vec3) -> Option<Guide> {
+        let to_lamp = lamp - origin;
+        let closest = to_lamp.dot(direction);
+        // A ray through the lamp itself would see nothing but its point.
+        let least = 1e-3 * to_lamp.length();
+        let distance = (to_lamp - direction * closest).length().max(least);
+        let angle = |t: f32| {
+            if t.is_finite() { poly::atan2(t - closest, distance) } else { 0.5 * std::f32::consts::PI }
+        };
+        let angles = map_each(extent, angle);
+        let is_usable = distance > 0.0 && distance.is_finite() && angles[1] > angles[0];
+        is_usable.then_some(Guide { closest, distance, angles })
+    }
+
+    /// A point of the ray.
+    #[inline]
+    pub(super) fn sample(&self, u: f32) -> f32 {
+        let [first, last] = self.angles;
+        let (sine, cosine) = poly::sin_cos(first + (last - first) * u);
+        if cosine > 0.0 { self.closest + self.distance * sine / cosine } else { f32::INFINITY }
+    }
+
+    /// Density of its points, per metre.
+    #[inline]
+    pub(super) fn density(&self, t: f32) -> f32 {
+        let [first, last] = self.angles;
+        let along = t - self.closest;
+        self.distance / ((last - first) * (self.distance * self.distance + along * along))
+    }
+
+    /// The probability of a point behind this one.
+    #[inline]
+    pub(super) fn beyond(&self, t: f32) -> f32 {
+        let [first, last] = self.angles;
+        if t == f32::INFINITY {
+            return 0.0;
+        }
+        ((last - poly::atan2(t - self.closest, self.distance)) / (last - first)).clamp(0.0, 1.0)
+    }
+}
+
+/// An exponential density on a way of finite length.
+pub(super) struct TruncatedExponential {
+    /// Per metre; 0 where it is even.
+    rate: f32,
+    length: f32,
+    /// What lies on the way of the density without an end.
+    whole: f32,
+}
+
+impl TruncatedExponential {
+    #[inline(always)]
+    pub(super) fn new(rate: f32, length: f32) -> TruncatedExponential {
+        let depth = rate * length;
+        // Hardly a slope, and differences of numbers near 1.
+        if depth < 1e-3 {
+            return TruncatedExponential { rate: 0.0, length, whole: 1.0 };
+        }
+        TruncatedExponential { rate, length, whole: 1.0 - falling(depth) }
+    }
+
+    #[inline(always)]
+    pub(super) fn sample(&self, u: f32) -> f32 {
+        let x = if self.rate > 0.0 { -poly::ln(1.0 - u * self.whole) / self.rate } else { u * self.length };
+        x.clamp(0.0, self.length)
+    }
+
+    #[inline(always)]
+    pub(super) fn density(&self, x: f32) -> f32 {
+        if self.rate > 0.0 { self.rate * falling(self.rate * x) / self.whole } else { 1.0 / self.length }
+    }
+}
+
+/// The exponential of minus a depth; the polynomial ends at the least normal number.
+#[inline(always)]
+fn falling(depth: f32) -> f32 {
+    if depth < 87.0 { poly::exp(-depth) } else { 0.0 }
 }

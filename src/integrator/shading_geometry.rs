@@ -1,6 +1,20 @@
-//! What to do where the normal that a surface is shaded with is not its geometric one.
+//! Surface hits and corrections of shading normals.
 
-use crate::math::{Vec3, select};
+use crate::compile::CompiledMaterial;
+use crate::math::{Hit, Vec3, select};
+use crate::shape::Surface;
+
+/// Where a ray hit a surface.
+#[derive(Clone, Copy)]
+pub(super) struct HitPoint<'a> {
+    pub surface: Surface,
+    pub hit: Hit,
+    pub material: &'a CompiledMaterial,
+    /// The ray came from behind.
+    pub is_back: bool,
+    /// When, where something moves.
+    pub time: f32,
+}
 
 /// Smallest cosine between the viewer and the normal that lobes are evaluated around.
 const LEAST: f32 = 1e-4;

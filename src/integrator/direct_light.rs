@@ -1,0 +1,509 @@
+//! Direct lighting: light samples at the vertices, their MIS weights against BSDF sampling, and shadow rays.
+//!
+//! Where the scene has one light of a kind with a [`VectorSampler`], one loop, generic over it, samples all vertices; else each
+//! vertex selects a light first.
+//!
+//! The shadow AOV ([`Aov::Shadow`]) holds the fraction of the light samples' unweighted luminance that is blocked. MIS weights
+//! are divided out: BSDF sampling finds part of the light that arrives, but none of the light that is blocked, so weighted sums
+//! would not be comparable.
+
+use super::guiding::Guided;
+use super::radiance_buffer::RadianceOrigin;
+use super::shading_geometry::terminator;
+use super::shading_groups::{
+    Closure, GeneralClass, LambertClass, MediumClass, MetalRoughClass, SortedVertices, VertexClass,
+};
+use super::visibility::class;
+use super::wave::{Lanes, Vertices, WAVE, Wave, get, get_rgb, set, set_rgb};
+use super::workspace::Workspace;
+use super::{Integrator, Purpose};
+use crate::color::Rgb;
+use crate::film::Aov;
+use crate::light::{
+    EnvironmentLight, EvenRectangle, ImageMap, LightDirection, LightSample, Lights, RECTANGLE_NUMBERS,
+    Receiver, solid_angle_density,
+};
+use crate::math::{Ray, Vec3, offset_along};
+use crate::sampling::power_heuristic;
+use crate::sampling::sampler::{Dimensions, SobolPoint};
+use crate::scene::RayKinds;
+use crate::simd::{Kernel, Table, dispatch};
+use std::ops::Range;
+
+/// Vertices for which lights and points on them are chosen in one batch; results beyond the last vertex are not used.
+const BATCH: usize = 16;
+/// Prefetch distance for rectangle lights, vertices.
+const PREFETCH_DISTANCE: usize = 2 * BATCH;
+
+const _: () = assert!(WAVE.is_multiple_of(BATCH));
+
+/// Has the scene a single light that is sampled without a choice?
+pub(super) fn has_vector_sampler(lights: &Lights) -> bool {
+    RectangleSampler::of(lights).is_some() || EnvironmentSampler::of(lights).is_some()
+}
+
+/// A light that is sampled at many vertices at a time. The steps are loops of one kind each: together they would not
+/// vectorise.
+pub(super) trait VectorSampler {
+    /// It is infinitely far away.
+    const IS_INFINITE: bool;
+
+    /// Turns the first `count` pairs of uniform numbers into coordinates of points on the light, with densities in those
+    /// coordinates.
+    fn choose(&self, u: &mut Lanes, v: &mut Lanes, pdf: &mut Lanes, count: usize);
+
+    /// Its radiance at a point.
+    fn radiance(&self, uv: [f32; 2]) -> Rgb;
+
+    /// The direction from `p` to a point chosen with a density.
+    fn direction(&self, p: Vec3, uv: [f32; 2], pdf: f32) -> LightDirection;
+}
+
+/// A rectangle of constant radiance, by solid angle.
+pub(super) struct RectangleSampler {
+    rectangle: EvenRectangle,
+}
+
+impl RectangleSampler {
+    /// The scene's light, if it has just one that is such a rectangle.
+    pub fn of(lights: &Lights) -> Option<Self> {
+        match lights.rectangles()? {
+            [numbers] => Some(RectangleSampler { rectangle: EvenRectangle::unpack(*numbers) }),
+            _ => None,
+        }
+    }
+}
+
+impl VectorSampler for RectangleSampler {
+    const IS_INFINITE: bool = false;
+
+    #[inline(always)]
+    fn choose(&self, _u: &mut Lanes, _v: &mut Lanes, _pdf: &mut Lanes, _count: usize) {}
+
+    #[inline(always)]
+    fn radiance(&self, _uv: [f32; 2]) -> Rgb {
+        self.rectangle.radiance
+    }
+
+    #[inline(always)]
+    fn direction(&self, p: Vec3, uv: [f32; 2], _pdf: f32) -> LightDirection {
+        self.rectangle.direction(p, uv)
+    }
+}
+
+/// A picture around the scene.
+pub(super) struct EnvironmentSampler<'a> {
+    map: &'a ImageMap,
+}
+
+impl<'a> EnvironmentSampler<'a> {
+    /// The scene's light, if it is a picture around it and nothing else.
+    pub fn of(lights: &'a Lights) -> Option<Self> {
+        let environment =
+            lights.environment().filter(|e| lights.len() == 1 && e.is_sampled() && !e.has_portals());
+        environment.and_then(EnvironmentLight::image_map).map(|map| EnvironmentSampler { map })
+    }
+}
+
+impl VectorSampler for EnvironmentSampler<'_> {
+    const IS_INFINITE: bool = true;
+
+    #[inline(always)]
+    fn choose(&self, u: &mut Lanes, v: &mut Lanes, pdf: &mut Lanes, count: usize) {
+        for first in (0..count).step_by(BATCH) {
+            let at = first..first + BATCH;
+            let mut uniform = [[0.0; BATCH]; 2];
+            uniform[0].copy_from_slice(&u[at.clone()]);
+            uniform[1].copy_from_slice(&v[at.clone()]);
+            let chosen = self.map.sample_many_uv(uniform);
+            u[at.clone()].copy_from_slice(&chosen.u);
+            v[at.clone()].copy_from_slice(&chosen.v);
+            pdf[at].copy_from_slice(&chosen.pdf_area);
+        }
+    }
+
+    #[inline(always)]
+    fn radiance(&self, uv: [f32; 2]) -> Rgb {
+        self.map.lookup(uv)
+    }
+
+    #[inline(always)]
+    fn direction(&self, _p: Vec3, uv: [f32; 2], pdf: f32) -> LightDirection {
+        let wi = self.map.direction(uv);
+        LightDirection { wi, target: Vec3::ZERO, pdf_solid_angle: pdf * solid_angle_density(wi) }
+    }
+}
+
+impl Integrator<'_> {
+    /// Chooses a point of a light for each vertex that light can reach.
+    pub(super) fn sample_lights(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
+        let dimensions = &self.dimensions(bounce, Purpose::Light);
+        let (wave, times, count) = (&mut *w.wave, &w.times, sorted.lit().end);
+        if let Some(sampler) = RectangleSampler::of(&self.scene.lights) {
+            return dispatch(SampleLight { wave, count, dimensions, sampler });
+        }
+        if let Some(sampler) = EnvironmentSampler::of(&self.scene.lights) {
+            return dispatch(SampleLight { wave, count, dimensions, sampler });
+        }
+        let (lights, opaque) = (&self.scene.lights, sorted.metal_rough().end);
+        let linked = self.scene.features.links;
+        dispatch(SelectLights { wave, count, opaque, lights, dimensions, linked });
+        if let Some(rectangles) = lights.rectangles() {
+            return dispatch(SampleRectangles { wave, count, rectangles: Table::new(rectangles) });
+        }
+        let Wave { vertices: v, paths, scratch: [u0, u1, ..] } = wave;
+        for i in 0..count {
+            let (index, pdf_discrete) = (v.light.index[i], v.light.pdf_discrete[i]);
+            let sample = match pdf_discrete > 0.0 {
+                true if lights.are_moving() => {
+                    let (p, time) = (get(&v.p, i), times.of(paths.carried.sample[i]));
+                    lights.sample_at(&self.scene.textures, index, p, [u0[i], u1[i]], time)
+                }
+                true => lights.sample(&self.scene.textures, index, get(&v.p, i), [u0[i], u1[i]]),
+                false => LightSample::NONE,
+            };
+            store(v, i, &sample, pdf_discrete);
+        }
+    }
+}
+
+/// Keeps a light sample. Lights without size have a negative density.
+fn store(v: &mut Vertices, i: usize, sample: &LightSample, pdf_discrete: f32) {
+    let light = &mut v.light;
+    set(&mut light.wi, i, sample.wi);
+    set(&mut light.target, i, sample.target);
+    set_rgb(&mut light.radiance, i, sample.radiance);
+    light.is_infinite[i] = f32::from(u8::from(sample.is_infinite));
+    let pdf = sample.pdf_solid_angle * pdf_discrete;
+    light.pdf[i] = if sample.is_delta { -pdf } else { pdf };
+}
+
+/// Chooses a light for each vertex. Two random numbers for a point on it go to the first lanes of the scratch memory.
+struct SelectLights<'a> {
+    wave: &'a mut Wave,
+    count: usize,
+    /// So many opaque vertices come first: light from behind does nothing there.
+    opaque: usize,
+    lights: &'a Lights,
+    dimensions: &'a Dimensions,
+    /// Lights are linked to some objects only.
+    linked: bool,
+}
+
+impl Kernel for SelectLights<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Wave { paths, vertices: v, scratch: [u0, u1, choice0, choice1, ..] } = self.wave;
+        let count = self.count.min(WAVE);
+        for i in 0..count {
+            let point = SobolPoint::from_parts(paths.carried.seed[i], paths.carried.shuffled[i]);
+            [u0[i], u1[i], choice0[i], choice1[i]] = point.sample_4d(self.dimensions);
+        }
+        for first in (0..count).step_by(BATCH) {
+            // Loops, since `array::from_fn` is not always inlined, and slow then.
+            let mut receivers = [Receiver { p: Vec3::ZERO, normal: Vec3::ZERO }; BATCH];
+            let mut numbers = [[0.0; 2]; BATCH];
+            for lane in 0..BATCH {
+                let i = first + lane;
+                let normal = if i < self.opaque { get(&v.ns, i) } else { Vec3::ZERO };
+                receivers[lane] = Receiver { p: get(&v.p, i), normal };
+                numbers[lane] = [choice0[i], choice1[i]];
+            }
+            let lanes = BATCH.min(count - first);
+            let chosen = match self.linked {
+                false => self.lights.select_together(&receivers, &numbers, lanes),
+                true => {
+                    let class = |lane| class(first + lane, paths, true);
+                    self.lights.select_by_class(class, &receivers, &numbers, lanes)
+                }
+            };
+            for (i, lane) in (first..first + lanes).zip(0..) {
+                set(&mut paths.receiver_normal, i, receivers[lane].normal);
+                (v.light.index[i], v.light.pdf_discrete[i]) = (chosen[lane].index, chosen[lane].pdf_discrete);
+            }
+        }
+    }
+}
+
+/// Points of the lights that were selected, which are all rectangles.
+pub(super) struct SampleRectangles<'a> {
+    pub wave: &'a mut Wave,
+    pub count: usize,
+    pub rectangles: Table<'a, [f32; RECTANGLE_NUMBERS]>,
+}
+
+impl Kernel for SampleRectangles<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop)]
+    fn run(self) {
+        let Wave { vertices: v, scratch: [u0, u1, ..], .. } = self.wave;
+        let light = &mut v.light;
+        for first in (0..self.count.min(WAVE)).step_by(BATCH) {
+            let mut numbers = [[0.0; BATCH]; RECTANGLE_NUMBERS];
+            for lane in 0..BATCH {
+                // Of many lamps, most are not in the caches.
+                self.rectangles.prefetch(light.index[(first + lane + PREFETCH_DISTANCE).min(WAVE)]);
+            }
+            for lane in 0..BATCH {
+                let rectangle = self.rectangles.at(light.index[first + lane]);
+                for k in 0..RECTANGLE_NUMBERS {
+                    numbers[k][lane] = rectangle[k];
+                }
+            }
+            for lane in 0..BATCH {
+                let i = first + lane;
+                let mut of_lane = [0.0; RECTANGLE_NUMBERS];
+                for k in 0..RECTANGLE_NUMBERS {
+                    of_lane[k] = numbers[k][lane];
+                }
+                let rectangle = EvenRectangle::unpack(of_lane);
+                let direction = rectangle.direction(get(&v.p, i), [u0[i], u1[i]]);
+                let pdf_discrete = light.pdf_discrete[i];
+                let pdf = direction.pdf_solid_angle * pdf_discrete;
+                set_rgb(&mut light.radiance, i, rectangle.radiance);
+                set(&mut light.wi, i, direction.wi);
+                set(&mut light.target, i, direction.target);
+                light.pdf[i] = if pdf_discrete > 0.0 { pdf } else { 0.0 };
+                light.is_infinite[i] = 0.0;
+            }
+        }
+    }
+}
+
+/// Light samples of a scene with one light.
+pub(super) struct SampleLight<'a, S> {
+    pub wave: &'a mut Wave,
+    pub count: usize,
+    pub dimensions: &'a Dimensions,
+    pub sampler: S,
+}
+
+impl<S: VectorSampler> Kernel for SampleLight<'_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Wave { paths, vertices, scratch: [u, v, pdf, ..] } = self.wave;
+        let (light, count, sampler) = (&mut vertices.light, self.count.min(WAVE), self.sampler);
+        for i in 0..count {
+            let point = SobolPoint::from_parts(paths.carried.seed[i], paths.carried.shuffled[i]);
+            [u[i], v[i], ..] = point.sample_4d(self.dimensions);
+        }
+        sampler.choose(u, v, pdf, count);
+        for i in 0..count {
+            set_rgb(&mut light.radiance, i, sampler.radiance([u[i], v[i]]));
+        }
+        for i in 0..count {
+            let direction = sampler.direction(get(&vertices.p, i), [u[i], v[i]], pdf[i]);
+            set(&mut light.wi, i, direction.wi);
+            if !S::IS_INFINITE {
+                set(&mut light.target, i, direction.target);
+            }
+            light.pdf[i] = direction.pdf_solid_angle;
+            light.is_infinite[i] = if S::IS_INFINITE { 1.0 } else { 0.0 };
+        }
+    }
+}
+
+impl Integrator<'_> {
+    /// Adds the light that reaches the vertices from their light samples.
+    pub(super) fn direct_light(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
+        let guided = self.options.guide.is_some();
+        self.weigh_light_samples(sorted, w);
+        let (branches, share) =
+            (self.bsdf_samples_per_light_sample(bounce), 1.0 / self.light_samples(bounce) as f32);
+        let counts = DirectParams { branches, share };
+        if self.softens_terminator() {
+            direct::<true>(counts, guided, sorted, w);
+        } else {
+            direct::<false>(counts, guided, sorted, w);
+        }
+        let features = &self.scene.features;
+        if (features.absorption || features.scattering) && !features.boundaries {
+            self.absorb_light_samples(sorted, &mut w.wave, &w.times);
+        }
+        self.trace_shadow_rays(bounce, sorted, w);
+    }
+
+    /// Traces a shadow ray for each contribution and adds those that arrive.
+    fn trace_shadow_rays(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
+        w.shadow_rays.clear();
+        w.shadow_vertices.clear();
+        let (v, light) = (&w.wave.vertices, &w.wave.vertices.light);
+        let all_light = !w.without && !self.scene.features.links;
+        for i in sorted.lit() {
+            let [r, g, b] = &light.contribution;
+            if (all_light || self.is_linked_to_light(i, w)) && r[i].max(g[i]).max(b[i]) > 0.0 {
+                let t_max = if light.is_infinite[i] > 0.0 { f32::INFINITY } else { 1.0 };
+                let ray = Ray::new(get(&light.origin, i), get(&light.direction, i));
+                w.shadow_rays.push(Ray { t_max, origin_primitive: v.origin_primitives[i], ..ray });
+                w.shadow_vertices.push(i as u32);
+            }
+        }
+        if self.scene.features.boundaries {
+            self.start_shadow_segments(sorted, w);
+        }
+        let shows_shadow = bounce == 0 && self.first_hits.contains(Aov::Shadow) && !w.without;
+        if shows_shadow {
+            self.save_unoccluded(w);
+        }
+        self.test_shadow_rays(bounce, w);
+        if self.scene.features.boundaries {
+            self.end_shadow_segments(w);
+        }
+        if shows_shadow {
+            self.record_shadows(bounce, sorted, w);
+        }
+        let Workspace { wave, bsdfs, sink, shadow_vertices, occluded, passed_kinds, .. } = w;
+        let (Wave { paths, vertices: v, .. }, has_layers) = (&**wave, sink.has_layers());
+        for (k, (&i, &occluded)) in shadow_vertices.iter().zip(&*occluded).enumerate() {
+            if !occluded {
+                let i = i as usize;
+                let mut value = get_rgb(&v.light.contribution, i);
+                if self.parts.kinds {
+                    let passed = passed_kinds.get(k).copied().unwrap_or(RayKinds::NONE);
+                    value *= self.visible_fraction((bounce, i), passed, sorted, wave, bsdfs);
+                }
+                sink.add(paths.carried.sample[i], value);
+                if has_layers {
+                    sink.divide(paths.carried.sample[i], value, || {
+                        let light = self.only_light.unwrap_or(v.light.index[i]);
+                        let way = self.class_of_light_sample(bounce, sorted, wave, bsdfs, i);
+                        RadianceOrigin { way, group: self.scene.light_groups.of_light(light) }
+                    });
+                }
+            }
+        }
+    }
+
+    /// Finds which of the shadow rays are occluded.
+    pub(super) fn test_shadow_rays(&self, bounce: u32, w: &mut Workspace) {
+        w.occluded.clear();
+        w.occluded.resize(w.shadow_rays.len(), false);
+        w.passed_kinds.clear();
+        if self.parts.kinds {
+            w.passed_kinds.resize(w.shadow_rays.len(), RayKinds::NONE);
+        }
+        if self.scene.features.alpha {
+            self.test_shadow_rays_with_alpha(bounce, w);
+        } else {
+            self.occluded(w);
+            w.ray_counts.all += w.shadow_rays.len() as u64;
+        }
+    }
+}
+
+/// What the light samples bring to all classes of vertices; with softened shadow terminators or without.
+fn direct<const SOFT: bool>(counts: DirectParams, guided: bool, sorted: &SortedVertices, w: &mut Workspace) {
+    let Workspace { wave, bsdfs, .. } = w;
+    if guided {
+        dispatch(Direct::<_, SOFT> { wave, class: Guided(LambertClass), range: sorted.lambert(), counts });
+        let class = Guided(MetalRoughClass);
+        dispatch(Direct::<_, SOFT> { wave, class, range: sorted.metal_rough(), counts });
+    } else {
+        dispatch(Direct::<_, SOFT> { wave, class: LambertClass, range: sorted.lambert(), counts });
+        dispatch(Direct::<_, SOFT> { wave, class: MetalRoughClass, range: sorted.metal_rough(), counts });
+    }
+    if !sorted.medium().is_empty() {
+        dispatch(Direct::<_, SOFT> { wave, class: MediumClass, range: sorted.medium(), counts });
+    }
+    let range = sorted.rough();
+    // Its loop has no use for a higher CPU level.
+    Direct::<_, SOFT> { wave, class: GeneralClass { bsdfs, first: range.start }, range, counts }.run();
+}
+
+/// What the light samples bring to the vertices of a class.
+pub(super) struct Direct<'a, C, const SOFT: bool> {
+    pub wave: &'a mut Wave,
+    pub class: C,
+    pub range: Range<usize>,
+    pub counts: DirectParams,
+}
+
+/// How many paths and light samples each vertex has.
+#[derive(Clone, Copy)]
+pub(super) struct DirectParams {
+    /// Paths that the density of scattering counts for.
+    pub branches: f32,
+    /// The share of each light sample.
+    pub share: f32,
+}
+
+impl<C: VertexClass, const SOFT: bool> Kernel for Direct<'_, C, SOFT> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Wave { paths, vertices: v, .. } = self.wave;
+        for i in self.range.start..self.range.end.min(WAVE) {
+            let light_pdf = v.light.pdf[i];
+            if C::Closure::BRANCHES && light_pdf == 0.0 {
+                set_rgb(&mut v.light.contribution, i, Rgb::ZERO);
+                continue;
+            }
+            let closure = self.class.closure(v, i);
+            let (wi, ng, ns) = (get(&v.light.wi, i), get(&v.ng, i), get(&v.ns, i));
+            let eval = closure.eval(wi);
+            let height = wi.dot(ng);
+            let side = if !C::Closure::OPAQUE && height < 0.0 { -1.0 } else { 1.0 };
+            let pdf = eval.pdf_solid_angle * self.counts.branches * self.class.light_density(v, i);
+            let mut weight = weight_over_pdf(light_pdf, pdf) * self.counts.share;
+            if SOFT && !C::Closure::IN_MEDIUM && !closure.crosses(wi) {
+                weight *= terminator(ns * side, ng * side, wi);
+            }
+            let is_lit = (light_pdf != 0.0) & (!C::Closure::OPAQUE | (height > 0.0));
+            let weight = if is_lit { weight } else { 0.0 };
+            let (throughput, radiance) =
+                (get_rgb(&paths.carried.throughput, i), get_rgb(&v.light.radiance, i));
+            let contribution = closure.scattered(eval, weight, throughput, radiance);
+            set_rgb(&mut v.light.contribution, i, contribution);
+            let origin = offset_along(get(&v.p, i), ng * side, v.offset[i]);
+            set(&mut v.light.origin, i, origin);
+            let to_light = get(&v.light.target, i) - origin;
+            set(&mut v.light.direction, i, if v.light.is_infinite[i] > 0.0 { wi } else { to_light });
+        }
+    }
+}
+
+/// Weight over density of a light sample; lights without size (negative density) have no competitor.
+#[inline(always)]
+fn weight_over_pdf(light_pdf: f32, bsdf_pdf: f32) -> f32 {
+    let is_delta = light_pdf < 0.0;
+    let pdf = light_pdf.abs();
+    let weight = power_heuristic(pdf, if is_delta { 0.0 } else { bsdf_pdf });
+    weight / if pdf > 0.0 { pdf } else { 1.0 }
+}
+
+impl Integrator<'_> {
+    /// Remembers what the shadow rays would bring if nothing was in their way.
+    pub(super) fn save_unoccluded(&self, w: &mut Workspace) {
+        let light = &w.wave.vertices.light;
+        w.unoccluded.clear();
+        w.unoccluded.extend(w.shadow_vertices.iter().map(|&i| get_rgb(&light.contribution, i as usize)));
+    }
+
+    /// Takes down what of it was blocked, and what arrived.
+    pub(super) fn record_shadows(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
+        let Workspace {
+            wave, bsdfs, shadow_vertices, occluded, unoccluded, passed_kinds, first_hits, ..
+        } = w;
+        for (k, (&i, &unoccluded)) in shadow_vertices.iter().zip(&*unoccluded).enumerate() {
+            let i = i as usize;
+            let (mut all, mut arrived) = (unoccluded, get_rgb(&wave.vertices.light.contribution, i));
+            if self.parts.kinds {
+                let share = |passed| self.visible_fraction((bounce, i), passed, sorted, wave, bsdfs);
+                let passed = passed_kinds.get(k).copied().unwrap_or(RayKinds::NONE);
+                (all, arrived) = (all * share(RayKinds::NONE), arrived * share(passed));
+            }
+            let weight = self.light_sample_mis_weight(bounce, sorted, wave, bsdfs, i).max(f32::MIN_POSITIVE);
+            let arrived = if occluded[k] { 0.0 } else { arrived.luminance() / weight };
+            let blocked = (all.luminance() / weight - arrived).max(0.0);
+            let sample = wave.paths.carried.sample[i] as usize;
+            first_hits.add(sample, Aov::Shadow, [blocked, arrived]);
+        }
+    }
+}

@@ -1,0 +1,541 @@
+//! Surfaces that rays pass: alpha, one-sided surfaces, invisible objects, thin glass, clear glass and shadow catchers.
+//!
+//! Rays pass surfaces with alpha stochastically, which is unbiased for paths and shadow rays alike. Emitters that cast no
+//! shadow let all rays pass, which collect their emission. One-sided surfaces let rays from behind pass; shadow rays start at
+//! the path's side, so that they and scattered rays see the same surfaces.
+//!
+//! Thin glass: smooth thin sheets transmit light without a change of direction, so light samples reach through them,
+//! attenuated. So that no light counts twice, a scattered ray that competes with light sampling (a positive pdf) passes the
+//! sheet with a probability and keeps its origin and pdf; lights behind are then weighted as any others. Else it scatters by
+//! the BSDF without the straight transmission. Rays that don't compete (from the camera, from mirrors) scatter at sheets as at
+//! all surfaces.
+
+use super::Integrator;
+use super::interior::CameraInterior;
+use super::shading_geometry::{HitPoint, scattering_normal};
+use super::shading_groups::SortedVertices;
+use super::visibility::LIGHT_SAMPLE_KINDS;
+use super::wave::{LightLanes, PathParts, PathState, Vertices, Wave, get, get_rgb, set_rgb};
+use super::workspace::{SampleTimes, Workspace};
+use crate::bsdf::Bsdf;
+use crate::color::Rgb;
+use crate::compile::CompiledMaterial;
+use crate::math::{Frame, Hit, Ray, Vec3};
+use crate::sampling::hash::{hash32, unit};
+use crate::scene::RayKinds;
+use crate::shape::Surface;
+
+/// Surfaces in a row that a ray may pass; a guard against endless stacks.
+const MAX_PASSED_SURFACES: u32 = 4096;
+
+impl Integrator<'_> {
+    /// Moves hits on absent surfaces to the next present one, and finds the materials of all.
+    pub(super) fn skip_absent_surfaces(&self, bounce: u32, w: &mut Workspace) {
+        self.find_materials(w);
+        for pass in 0..MAX_PASSED_SURFACES {
+            let Workspace { pending, rays, hits, arriving, without, times, .. } = &mut *w;
+            pending.retain(|&i| {
+                let i = i as usize;
+                if self.is_excluded(*without, &hits[i]) {
+                    return true;
+                }
+                let carried = &arriving.carried;
+                let salt = hash32(carried.seed[i] ^ hash32(carried.shuffled[i]) ^ (bounce << 16));
+                let salt = salt.wrapping_add(pass);
+                let time = times.of(carried.sample[i]);
+                match self.response(&rays[i], &hits[i], time, self.kind(bounce, i, arriving), || salt) {
+                    HitResponse::Stops => {
+                        self.passes_thin_glass(i, &rays[i], &hits[i], time, salt, &mut arriving.carried)
+                    }
+                    HitResponse::Passes => true,
+                    HitResponse::PassUnseen(others) => {
+                        self.record_unseen(i, others, arriving);
+                        true
+                    }
+                }
+            });
+            if pending.is_empty() {
+                return;
+            }
+            self.add_passed_emission(bounce, w);
+            if self.scene.features.boundaries {
+                self.cross_boundaries(bounce, pass, w);
+            }
+            let Workspace {
+                pending, pending_rays, pending_hits, rays, hits, materials, arriving, times, ..
+            } = &mut *w;
+            let sample = |&i: &u32| arriving.carried.sample[i as usize];
+            let mut crowded = Vec::new();
+            pending_rays.clear();
+            pending_rays.extend(pending.iter().enumerate().map(|(k, &i)| {
+                let time = times.of(sample(&i));
+                let i = i as usize;
+                if self.advance_past(&mut rays[i], &hits[i], time) {
+                    crowded.push((k, hits[i], time));
+                }
+                rays[i]
+            }));
+            self.intersect_past(
+                (times, pending.iter().map(sample)),
+                pending_rays,
+                &mut crowded,
+                pending_hits,
+            );
+            for (&i, &hit) in pending.iter().zip(&*pending_hits) {
+                hits[i as usize] = hit;
+                materials[i as usize] = if hit.is_hit() { self.scene.geometries.material(&hit) } else { 0 };
+            }
+            w.ray_counts.all += w.pending.len() as u64;
+        }
+    }
+
+    /// Finds the materials of all hits; those that may be absent are pending.
+    fn find_materials(&self, w: &mut Workspace) {
+        let possibly_absent = self.possibly_absent(w.without);
+        w.pending.clear();
+        w.materials.clear();
+        for (i, hit) in w.hits.iter().enumerate() {
+            let mut material = 0;
+            if hit.is_hit() {
+                material = self.scene.geometries.material(hit);
+                if possibly_absent[material as usize] {
+                    w.pending.push(i as u32);
+                }
+            }
+            w.materials.push(material);
+        }
+    }
+
+    /// Adds the light of the lamps that pending rays are about to pass.
+    fn add_passed_emission(&self, bounce: u32, w: &mut Workspace) {
+        for k in 0..w.pending.len() {
+            let i = w.pending[k] as usize;
+            let hit = w.hits[i];
+            if self.is_excluded(w.without, &hit) {
+                continue;
+            }
+            let material = &self.scene.materials[self.scene.geometries.material(&hit) as usize];
+            let kind = self.kind(bounce, i, &w.arriving);
+            if material.emission.is_none()
+                || !material.presence.is_some_and(|p| !p.is_obstacle && p.visible_to.contains(kind))
+            {
+                continue;
+            }
+            let time = w.times.of(w.arriving.carried.sample[i]);
+            let surface = self.scene.geometries.surface(&w.rays[i], &hit, time);
+            let is_back = surface.ng.dot(w.rays[i].direction) > 0.0;
+            let throughput = get_rgb(&w.arriving.carried.throughput, i);
+            let left = self.transmittance_to_hit(i, hit.t, w);
+            set_rgb(&mut w.arriving.carried.throughput, i, throughput * left);
+            self.emit(bounce, i, &HitPoint { surface, hit, material, is_back, time }, w);
+            set_rgb(&mut w.arriving.carried.throughput, i, throughput);
+        }
+    }
+
+    /// Any-hit for shadow rays among surfaces that may be absent.
+    pub(super) fn test_shadow_rays_with_alpha(&self, bounce: u32, w: &mut Workspace) {
+        self.find_possible_occluders(w);
+        let Workspace { wave, shadow_rays, shadow_vertices, occluded, ray_counts, without, times, .. } = w;
+        let (pending, pending_rays, pending_hits) =
+            (&mut w.pending, &mut w.pending_rays, &mut w.pending_hits);
+        let (shadow_segments, passed_kinds) = (&mut w.shadow_segments, &mut w.passed_kinds);
+        let Wave { paths, vertices: Vertices { light, .. }, .. } = &mut **wave;
+        let sample = |&vertex: &u32| paths.carried.sample[vertex as usize];
+        let mut crowded: Vec<(usize, Hit, f32)> = Vec::new();
+        for pass in 0..MAX_PASSED_SURFACES {
+            if pending.is_empty() {
+                return;
+            }
+            pending_rays.clear();
+            pending_rays.extend(pending.iter().map(|&k| shadow_rays[k as usize]));
+            let samples = pending.iter().map(|&k| sample(&shadow_vertices[k as usize]));
+            self.intersect_past((times, samples), pending_rays, &mut crowded, pending_hits);
+            ray_counts.all += pending.len() as u64;
+            let (mut at, mut kept) = (0, 0);
+            let mut advance_past = |ray: &mut Ray, hit: Hit, time: f32| {
+                if self.advance_past(ray, &hit, time) {
+                    crowded.push((kept, hit, time));
+                }
+                kept += 1;
+            };
+            pending.retain(|&k| {
+                let (hit, k) = (pending_hits[at], k as usize);
+                at += 1;
+                if !hit.is_hit() {
+                    return false;
+                }
+                let i = shadow_vertices[k] as usize;
+                let (path, time) = (&paths.carried, times.of(paths.carried.sample[i]));
+                if self.is_excluded(*without, &hit) || self.is_not_a_blocker(i as u32, &hit, light) {
+                    advance_past(&mut shadow_rays[k], hit, time);
+                    return true;
+                }
+                let salt = || hash32(path.seed[i] ^ hash32(!path.shuffled[i]) ^ (bounce << 16));
+                match self
+                    .response(&shadow_rays[k], &hit, time, LIGHT_SAMPLE_KINDS, || salt().wrapping_add(pass))
+                {
+                    HitResponse::Stops
+                        if self.shadow_ray_passes_thin_glass(i, &shadow_rays[k], &hit, time, light) => {}
+                    HitResponse::Stops => {
+                        occluded[k] = true;
+                        return false;
+                    }
+                    HitResponse::Passes => {}
+                    HitResponse::PassUnseen(others) => {
+                        if let Some(passed) = passed_kinds.get_mut(k) {
+                            *passed = passed.with(others);
+                        }
+                    }
+                }
+                let (way, waves) = (shadow_segments.get_mut(k), times.waves(path.sample[i]));
+                self.cross_with_shadow_ray(i, &shadow_rays[k], (&hit, time), way, light, waves);
+                advance_past(&mut shadow_rays[k], hit, time);
+                true
+            });
+        }
+    }
+
+    /// Finds the shadow rays that hit what may be absent; of others it is known whether they are occluded.
+    fn find_possible_occluders(&self, w: &mut Workspace) {
+        let Workspace { wave, shadow_rays, shadow_vertices, occluded, ray_counts, without, times, .. } = w;
+        let (pending, pending_hits) = (&mut w.pending, &mut w.pending_hits);
+        let sample = |&vertex: &u32| wave.paths.carried.sample[vertex as usize];
+        if pending_hits.len() < shadow_rays.len() {
+            pending_hits.resize(shadow_rays.len(), Hit::MISS);
+        }
+        times.any(&self.scene.accel, shadow_rays, shadow_vertices.iter().map(sample), pending_hits);
+        ray_counts.all += shadow_rays.len() as u64;
+        let possibly_absent = self.possibly_absent(*without);
+        // Most hit nothing, or something that is there.
+        pending.clear();
+        for (k, (hit, occluded)) in pending_hits.iter().zip(&mut **occluded).enumerate() {
+            let vertex = shadow_vertices[k];
+            let is_front = || self.is_surely_front(&shadow_rays[k], hit, times.of(sample(&vertex)));
+            let may_be_absent =
+                || possibly_absent[self.scene.geometries.material(hit) as usize] && (*without || !is_front());
+            let may_be_absent_at =
+                hit.is_hit() && (may_be_absent() || self.is_not_a_blocker(vertex, hit, &wave.vertices.light));
+            *occluded = hit.is_hit() && !may_be_absent_at;
+            if may_be_absent_at {
+                pending.push(k as u32);
+            }
+        }
+    }
+
+    /// Is there a hit, on a surface that may be absent?
+    #[inline(always)]
+    pub(super) fn may_be_absent_at(&self, hit: &Hit) -> bool {
+        hit.is_hit() && self.may_be_absent[self.scene.geometries.material(hit) as usize]
+    }
+
+    /// Is the hit on the front of a surface that is absent from behind only, wherever it hit the primitive?
+    #[inline(always)]
+    fn is_surely_front(&self, ray: &Ray, hit: &Hit, time: f32) -> bool {
+        let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
+        material.alpha.is_none()
+            && material.presence.is_none()
+            && !material.passes_straight
+            && !material.is_boundary
+            && self.scene.geometries.is_back_of_flat(ray, hit, time) == Some(false)
+    }
+
+    /// Takes a ray past a surface that isn't there. Its origin stays what densities refer to. Is another surface perhaps at the same
+    /// place that only [`Integrator::intersect_past`] finds?
+    ///
+    /// A sheet that has another material on either side is often two at the same place, turned away from each other:
+    /// behind a back that isn't there, what lies at the same distance still counts. So it does at flat boundaries of media:
+    /// bodies of fog touch each other and stand on floors. And so it does where another surface at the same place is there
+    /// for other kinds of rays. Of many at one place two are found by leaving out the first; round boundaries are not left out.
+    fn advance_past(&self, ray: &mut Ray, hit: &Hit, time: f32) -> bool {
+        let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
+        let is_for_some = material.visible_to() != RayKinds::ALL;
+        let may_have_neighbours = material.is_boundary || material.is_absent_from_behind || is_for_some;
+        let is_back =
+            if may_have_neighbours { self.scene.geometries.is_back_of_flat(ray, hit, time) } else { None };
+        let has_neighbours = is_back.is_some_and(|is_back| is_back || material.is_boundary || is_for_some);
+        let is_another = hit.t > ray.t_min.next_up();
+        if has_neighbours && is_another {
+            (ray.t_min, ray.origin_primitive) = (hit.t.next_down(), hit.into());
+            return false;
+        }
+        let is_crowded = material.is_boundary && (has_neighbours || self.scene.features.overlaps);
+        ray.t_min = hit.t;
+        is_crowded
+    }
+
+    /// Finds the nearest hits of rays whose paths have these samples; of those past places where others may lie, by their number, what
+    /// lies there as well. None of them is left.
+    fn intersect_past(
+        &self,
+        (times, samples): (&mut SampleTimes, impl Iterator<Item = u32>),
+        rays: &[Ray],
+        crowded: &mut Vec<(usize, Hit, f32)>,
+        hits: &mut Vec<Hit>,
+    ) {
+        hits.clear();
+        hits.resize(rays.len(), Hit::MISS);
+        times.closest(&self.scene.accel, rays, samples, hits);
+        for (k, hit, time) in crowded.drain(..) {
+            hits[k] = self.scene.accel.next_one(&rays[k], &hit, time);
+        }
+    }
+
+    /// What a ray of a kind does where it hit. Nothing hit stops it: there is nothing to pass.
+    #[inline(always)]
+    fn response(
+        &self,
+        ray: &Ray,
+        hit: &Hit,
+        time: f32,
+        kind: RayKinds,
+        salt: impl Fn() -> u32,
+    ) -> HitResponse {
+        if !hit.is_hit() {
+            return HitResponse::Stops;
+        }
+        let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
+        let is_absent = material.is_boundary
+            || material.is_absent_from_behind && self.scene.geometries.is_back(ray, hit, time);
+        let is_there = !is_absent && self.is_present(material, ray, hit, time, salt);
+        match material.presence {
+            _ if !is_there => HitResponse::Passes,
+            None => HitResponse::Stops,
+            Some(presence) if !presence.is_obstacle => HitResponse::Passes,
+            Some(presence) if presence.visible_to.contains(kind) => HitResponse::Stops,
+            Some(presence) => HitResponse::PassUnseen(presence.visible_to),
+        }
+    }
+
+    /// Does alpha say that the surface is there?
+    #[inline(always)]
+    fn is_present(
+        &self,
+        material: &CompiledMaterial,
+        ray: &Ray,
+        hit: &Hit,
+        time: f32,
+        salt: impl Fn() -> u32,
+    ) -> bool {
+        material.alpha.is_none() || unit(hash32(salt())) < self.presence(ray, hit, time, material)
+    }
+
+    /// The probability that a surface of a material is there where a ray hit it.
+    pub(super) fn presence(&self, ray: &Ray, hit: &Hit, time: f32, material: &CompiledMaterial) -> f32 {
+        let Some(alpha) = material.alpha else { return 1.0 };
+        let surface: Surface = self.scene.geometries.surface(ray, hit, time);
+        let at = self.scene.geometries.coordinates(&surface, hit, false, time);
+        let vertex_alpha = if material.uses_vertex_colors { at.color[3] } else { 1.0 };
+        // Those of shadow rays are as long as their way.
+        let wo = if alpha.depends_on_viewer { -ray.direction.normalize() } else { Vec3::ZERO };
+        alpha.presence(&self.slots(&at, &surface, wo, 0.0), vertex_alpha)
+    }
+}
+
+/// What a ray does where it hit a surface.
+enum HitResponse {
+    /// It ends there.
+    Stops,
+    /// It goes on: nothing is there, or what only takes its light along.
+    Passes,
+    /// It goes on, but rays of these kinds end there.
+    PassUnseen(RayKinds),
+}
+
+/// Keeps the choice whether to pass a sheet apart from others with the same salt.
+const SHEET: u32 = 0x5bd1_e995;
+
+impl Integrator<'_> {
+    /// Does the ray of arriving path `i` pass the sheet that it hit, if it is one? The path then carries what is left.
+    pub(super) fn passes_thin_glass(
+        &self,
+        i: usize,
+        ray: &Ray,
+        hit: &Hit,
+        time: f32,
+        salt: u32,
+        path: &mut PathState,
+    ) -> bool {
+        if path.pdf[i] <= 0.0 {
+            return false;
+        }
+        let passing = self.straight(ray, hit, time);
+        let probability = passing.max_element().min(1.0);
+        let passes = unit(hash32(salt ^ SHEET)) < probability;
+        if passes {
+            let throughput = get_rgb(&path.throughput, i);
+            set_rgb(&mut path.throughput, i, throughput * passing / probability);
+        }
+        passes
+    }
+
+    /// What arriving path `i`, which did not pass a sheet though it might have, finds there.
+    pub(super) fn scatter_at_thin_glass(&self, bsdf: Bsdf, i: usize, w: &mut Workspace) -> Bsdf {
+        let time = w.times.of(w.arriving.carried.sample[i]);
+        let stops = 1.0 - self.straight(&w.rays[i], &w.hits[i], time).max_element();
+        let throughput = &mut w.arriving.carried.throughput;
+        let value = get_rgb(throughput, i);
+        set_rgb(throughput, i, if stops > 0.0 { value / stops } else { Rgb::ZERO });
+        bsdf.without_straight()
+    }
+
+    /// Does the light of the sample of vertex `i` pass the sheet that its shadow ray hit, if it is one? The contribution
+    /// becomes what is left.
+    pub(super) fn shadow_ray_passes_thin_glass(
+        &self,
+        i: usize,
+        ray: &Ray,
+        hit: &Hit,
+        time: f32,
+        light: &mut LightLanes,
+    ) -> bool {
+        let contribution = get_rgb(&light.contribution, i) * self.straight(ray, hit, time);
+        let passes = contribution.max_element() > 0.0;
+        if passes {
+            set_rgb(&mut light.contribution, i, contribution);
+        }
+        passes
+    }
+
+    /// Share of light that passes straight on where a ray hit; zero at all but smooth thin sheets.
+    fn straight(&self, ray: &Ray, hit: &Hit, time: f32) -> Rgb {
+        if !hit.is_hit() {
+            return Rgb::ZERO;
+        }
+        let index = self.scene.geometries.material(hit);
+        if !self.scene.materials[index as usize].passes_straight {
+            return Rgb::ZERO;
+        }
+        let wo = -ray.direction.normalize();
+        let at = self.point_of(ray, *hit, index, time);
+        // A point, as all that competes with light sampling.
+        let (bsdf, ns) = self.read_material(&at, 0.0, wo, None);
+        let ns = scattering_normal(ns, at.surface.ng, wo);
+        bsdf.straight(Frame::from_normal(ns).to_local(wo))
+    }
+}
+
+impl Integrator<'_> {
+    /// What is special to pictures becomes transparent; other samples may do so later.
+    pub(super) fn set_alpha(&self, sorted: &SortedVertices, w: &mut Workspace) {
+        if !w.uncovered.is_empty() {
+            self.uncover(w);
+        }
+        if self.parts.clear {
+            self.start_clear(sorted, w);
+        }
+    }
+
+    /// All paths whose samples are opaque may see through glass: what catchers and holdouts are has an alpha of its own.
+    fn start_clear(&self, sorted: &SortedVertices, w: &mut Workspace) {
+        let paths = &mut w.wave.paths;
+        for i in sorted.all() {
+            paths.clear[i] = u32::from(w.sink.is_covered(paths.carried.sample[i]));
+        }
+    }
+
+    /// What throughput says less of light that comes into the medium around the camera: there, radiance is larger by the square of
+    /// its index of refraction, which is no matter of how much passes.
+    fn share_of_outside(&self) -> Rgb {
+        let CameraInterior::Same(interior) = self.camera_interior else { return Rgb::ONE };
+        let iors = self.scene.media[usize::from(interior.medium())].iors.unwrap_or([1.0; 3]);
+        Rgb::from_array(iors.map(|ior| 1.0 / (ior * ior)))
+    }
+
+    /// Takes down which paths just passed a smooth surface, and nothing else before.
+    pub(super) fn update_clear_paths(&self, sorted: &SortedVertices, w: &mut Workspace) {
+        let (paths, v) = (&mut w.wave.paths, &w.wave.vertices);
+        let general = sorted.general();
+        for i in sorted.all() {
+            let (wo, wi, ng) = (get(&v.wo, i), get(&v.next_direction, i), get(&v.ng, i));
+            let passes = general.contains(&i) && paths.carried.pdf[i] == 0.0 && wo.dot(ng) * wi.dot(ng) < 0.0;
+            paths.clear[i] &= u32::from(passes);
+        }
+    }
+
+    /// Makes the samples of clear paths that leave the scene transparent; these paths find no light then.
+    pub(super) fn add_clear_background(&self, w: &mut Workspace) {
+        let Workspace { escaped, arriving, sink, .. } = w;
+        let share = self.share_of_outside();
+        escaped.retain(|&i| {
+            let i = i as usize;
+            let is_clear = arriving.clear[i] != 0;
+            if is_clear {
+                let left = get_rgb(&arriving.carried.throughput, i) * share;
+                sink.make_transparent(arriving.carried.sample[i], (left.r + left.g + left.b) / 3.0);
+            }
+            !is_clear
+        });
+    }
+}
+
+/// All that paths carry.
+const WHOLE: PathParts = PathParts::ALL;
+
+impl Integrator<'_> {
+    /// Are there catchers, and is what they catch asked for?
+    pub(super) fn has_shadow_catchers(&self) -> bool {
+        self.options.catchers && self.scene.features.catchers
+    }
+
+    /// Is the object at a hit one that is left out now?
+    #[inline(always)]
+    pub(super) fn is_excluded(&self, without: bool, hit: &Hit) -> bool {
+        without && hit.is_hit() && self.excluded[self.scene.geometries.material(hit) as usize]
+    }
+
+    /// By material: may its surfaces be passed now?
+    #[inline(always)]
+    pub(super) fn possibly_absent(&self, without: bool) -> &[bool] {
+        if without { &self.absent_or_excluded } else { &self.may_be_absent }
+    }
+
+    /// Remembers how the paths of a wave start.
+    pub(super) fn save_camera_paths(&self, w: &mut Workspace) {
+        let count = w.rays.len();
+        let starts = w.starts.get_or_insert_with(bytemuck::zeroed_box);
+        for i in 0..count {
+            w.arriving.copy_to(i, starts, i, WHOLE);
+        }
+        w.start_rays.clone_from(&w.rays);
+    }
+
+    /// Finds the samples whose camera rays hit catchers.
+    pub(super) fn find_catchers(&self, w: &mut Workspace) {
+        w.caught.clear();
+        for (i, hit) in w.hits.iter().enumerate() {
+            let material = &self.scene.materials[w.materials[i] as usize];
+            if hit.is_hit() && material.presence.is_some_and(|p| p.is_catcher && !p.is_holdout) {
+                w.caught.push(w.arriving.carried.sample[i]);
+            }
+        }
+        w.uncovered.extend_from_slice(&w.caught);
+    }
+
+    /// Traces the samples that see catchers without other objects, and keeps both radiances. False if `stop` said so.
+    pub(super) fn trace_without_casters(&self, w: &mut Workspace, stop: &dyn Fn() -> bool) -> bool {
+        if w.caught.is_empty() {
+            return true;
+        }
+        let samples = std::mem::take(&mut w.caught);
+        let count = w.pixels.len();
+        w.sink.extend(2 * count);
+        w.times.repeat();
+        w.rays.clear();
+        if let Some(starts) = &w.starts {
+            for (k, &sample) in samples.iter().enumerate() {
+                starts.copy_to(sample as usize, &mut w.arriving, k, WHOLE);
+                w.arriving.carried.sample[k] = sample + count as u32;
+                w.rays.push(w.start_rays[sample as usize]);
+            }
+        }
+        w.without = true;
+        let is_done = self.trace_paths(w, stop);
+        w.without = false;
+        for &sample in &samples {
+            let (with, without) = (w.sink.radiance(sample), w.sink.radiance(sample + count as u32));
+            w.sink.set_catcher(sample, with, without);
+        }
+        w.caught = samples;
+        is_done
+    }
+}

@@ -1,0 +1,383 @@
+//! Ray kinds, light linking and holdouts: which objects and lights are visible to which rays and receivers.
+//!
+//! The lobe that scatters a path decides the kind of its next ray. At surfaces with several lobes, one kind is drawn in
+//! proportion to its fraction of the BSDF's value, so that each kind alone is unbiased.
+//!
+//! Whether sampled light arrives is decided by one set of objects, however the light is found: for diffuse reflection and media
+//! the set visible to shadow rays, for glossy reflection and transmission the set visible to their own rays, as in mirrors. So
+//! light samples and scattered rays agree where an object is visible to one of them only: a diffuse ray that passed a shadow
+//! caster brings no sampled light from behind it, and a light sample that passed something which stops diffuse rays has MIS
+//! weight 1, since they cannot find the light. For environments that are not sampled, the visibility to the rays that find them
+//! decides.
+//!
+//! Light linking: the last vertex of a path is the receiver, whether a light sample or the next ray finds the light. Light
+//! samples select among the lights linked to the receiver's class. Where a light's blockers are named, its shadow rays pass all
+//! other objects; scattered rays would find a different amount of its light, so that light is left to light samples, except for
+//! mirrors and the camera.
+
+use super::Integrator;
+use super::radiance_buffer::PathClass;
+use super::shading_groups::{
+    Closure, GeneralClass, LambertClass, MediumClass, MetalRoughClass, SortedVertices, VertexClass,
+};
+use super::wave::{FirstBounce, LightLanes, Paths, Vertices, Wave, get, get_rgb, set_rgb};
+use super::workspace::Workspace;
+use crate::bsdf::Bsdf;
+use crate::color::Rgb;
+use crate::compile::{CompiledMaterial, MOST_CLASSES};
+use crate::math::{Frame, Hit, Vec3};
+use crate::sampling::hash::{hash32, unit};
+use crate::sampling::power_heuristic;
+use crate::scene::{LightLinks, Link, RayKinds};
+
+/// Keeps the choice of a kind apart from others with the same salt.
+const KIND: u32 = 0x27d4_eb2f;
+
+/// Kinds of rays that a light sample stands for: it ends at what all of them see.
+pub(super) const LIGHT_SAMPLE_KINDS: RayKinds =
+    RayKinds::SHADOW.with(RayKinds::GLOSSY).with(RayKinds::TRANSMISSION);
+
+/// The kind of rays whose objects decide whether a light sample arrives at what scatters light by rays of a kind.
+fn deciding_kind(kind: RayKinds) -> RayKinds {
+    if kind == RayKinds::DIFFUSE || kind == RayKinds::VOLUME { RayKinds::SHADOW } else { kind }
+}
+
+/// Behind the bits of the kind: the ray passed something that shadow rays see.
+const SHADOWED: u32 = 1 << 16;
+
+impl Integrator<'_> {
+    /// The kind of the ray of arriving path `i`.
+    #[inline(always)]
+    pub(super) fn kind(&self, bounce: u32, i: usize, arriving: &Paths) -> RayKinds {
+        match bounce {
+            0 => RayKinds::CAMERA,
+            _ if self.parts.kinds => RayKinds::from_bits(arriving.kinds[i]),
+            // Objects differ for the camera only.
+            _ => RayKinds::DIFFUSE,
+        }
+    }
+
+    /// Takes down that an arriving path passed something that is there for other kinds of rays.
+    pub(super) fn record_unseen(&self, i: usize, others: RayKinds, arriving: &mut Paths) {
+        if self.parts.kinds && others.contains(deciding_kind(RayKinds::from_bits(arriving.kinds[i]))) {
+            arriving.kinds[i] |= SHADOWED;
+        }
+    }
+
+    /// Does light sampling decide whether light that arriving path `i` found arrives, and has it that it doesn't?
+    #[inline(always)]
+    pub(super) fn is_shadowed(&self, i: usize, arriving: &Paths) -> bool {
+        self.parts.kinds && arriving.kinds[i] & SHADOWED != 0 && arriving.carried.pdf[i] > 0.0
+    }
+
+    /// Is light `index` visible to the ray of arriving path `i`, and not shadowed?
+    pub(super) fn sees_light(&self, bounce: u32, i: usize, index: u32, arriving: &Paths) -> bool {
+        let kinds = self.scene.kinds_of_light(index);
+        let links = self.scene.links.of_light(index);
+        kinds.contains(self.kind(bounce, i, arriving))
+            && !self.is_shadowed(i, arriving)
+            && self.is_linked_emission(bounce, i, links, arriving)
+    }
+
+    /// Decides of which kind the next rays of the paths are.
+    pub(super) fn choose_ray_kinds(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
+        let Workspace { wave, bsdfs, .. } = w;
+        for i in sorted.all() {
+            let Wave { paths, vertices: v, .. } = &mut **wave;
+            if sorted.medium().contains(&i) {
+                paths.kinds[i] = with_class_of(RayKinds::VOLUME.bits(), paths.kinds[i]);
+                continue;
+            }
+            let mut first = self.scattering(sorted, v, bsdfs, i, get(&v.next_direction, i));
+            if paths.carried.pdf[i] == 0.0 {
+                first.diffuse = Rgb::ZERO;
+            }
+            let is_diffuse = draw_diffuse(first, bounce, i, paths);
+            let kind = match (first.crosses, is_diffuse) {
+                (true, _) => RayKinds::TRANSMISSION,
+                (false, true) => RayKinds::DIFFUSE,
+                (false, false) => RayKinds::GLOSSY,
+            };
+            paths.kinds[i] = with_class_of(kind.bits(), paths.kinds[i]);
+            if bounce == 0 && self.parts.first_bounces && !first.crosses {
+                let diffuse = if is_diffuse { Rgb::ONE } else { Rgb::ZERO };
+                paths.first_bounces.set(i, FirstBounce { diffuse, ..first });
+            }
+        }
+    }
+
+    /// What the light sample of vertex `i`, which arrives, is taken times: the share of what the vertex scatters that the
+    /// light is visible to, and from which nothing hides it. On its way it passed what is there for some kinds of rays.
+    pub(super) fn visible_fraction(
+        &self,
+        (bounce, i): (u32, usize),
+        passed: RayKinds,
+        sorted: &SortedVertices,
+        wave: &Wave,
+        bsdfs: &[Bsdf],
+    ) -> Rgb {
+        let v = &wave.vertices;
+        let light = self.only_light.unwrap_or(v.light.index[i]);
+        let (kinds, links) = (self.scene.kinds_of_light(light), self.scene.links.of_light(light));
+        if passed == RayKinds::NONE && kinds == RayKinds::ALL && links.blockers.is_all() {
+            return Rgb::ONE;
+        }
+        let alone = match passed {
+            RayKinds::NONE if links.blockers.is_all() => 1.0,
+            _ => 1.0 / self.light_sample_mis_weight(bounce, sorted, wave, bsdfs, i).max(f32::MIN_POSITIVE),
+        };
+        let of = |kind: RayKinds, share: Rgb| {
+            let is_alone = passed.contains(kind) || !links.blockers.is_all();
+            let weight = if is_alone { alone } else { 1.0 };
+            let arrives = kinds.contains(kind) && !passed.contains(deciding_kind(kind));
+            if arrives { share * weight } else { Rgb::ZERO }
+        };
+        if sorted.medium().contains(&i) {
+            return of(RayKinds::VOLUME, Rgb::ONE);
+        }
+        let found = self.scattering(sorted, v, bsdfs, i, get(&v.light.wi, i));
+        match found.crosses {
+            true => of(RayKinds::TRANSMISSION, Rgb::ONE),
+            false => of(RayKinds::DIFFUSE, found.diffuse) + of(RayKinds::GLOSSY, Rgb::ONE - found.diffuse),
+        }
+    }
+
+    /// The weight that the light sample of a vertex has against scattering.
+    pub(super) fn light_sample_mis_weight(
+        &self,
+        bounce: u32,
+        sorted: &SortedVertices,
+        wave: &Wave,
+        bsdfs: &[Bsdf],
+        i: usize,
+    ) -> f32 {
+        let v = &wave.vertices;
+        let (wi, light_pdf) = (get(&v.light.wi, i), v.light.pdf[i]);
+        if light_pdf < 0.0 {
+            return 1.0;
+        }
+        let pdf = if sorted.lambert().contains(&i) {
+            LambertClass.closure(v, i).eval(wi).pdf_solid_angle * self.light_density(v, i)
+        } else if sorted.metal_rough().contains(&i) {
+            MetalRoughClass.closure(v, i).eval(wi).pdf_solid_angle * self.light_density(v, i)
+        } else if sorted.medium().contains(&i) {
+            MediumClass.closure(v, i).eval(wi).pdf_solid_angle
+        } else {
+            let class = GeneralClass { bsdfs, first: sorted.general().start };
+            class.closure(v, i).eval(wi).pdf_solid_angle
+        };
+        power_heuristic(light_pdf, pdf * self.bsdf_samples_per_light_sample(bounce))
+    }
+
+    /// Leaves out the paths that left the scene by rays that don't see the environment.
+    pub(super) fn keep_visible_escapes(&self, bounce: u32, w: &mut Workspace) {
+        let Workspace { escaped, arriving, .. } = w;
+        let seen = self.scene.features.environment_visible_to;
+        let is_sampled = self.scene.lights.samples_environment();
+        escaped.retain(|&i| {
+            let i = i as usize;
+            let is_shadowed = is_sampled && self.is_shadowed(i, arriving);
+            seen.contains(self.kind(bounce, i, arriving)) && !is_shadowed
+        });
+    }
+
+    /// Finds camera rays that hit what is special to pictures: holdouts, where their paths end, and shadow catchers.
+    pub(super) fn find_camera_exceptions(&self, w: &mut Workspace) {
+        w.uncovered.clear();
+        if self.scene.features.holdouts {
+            self.cut_out_holdouts(w);
+        }
+        if self.has_shadow_catchers() && !w.without {
+            self.find_catchers(w);
+        }
+    }
+
+    /// Ends the paths of camera rays that hit objects which cut a hole into the picture.
+    fn cut_out_holdouts(&self, w: &mut Workspace) {
+        for i in 0..w.hits.len() {
+            let material = &self.scene.materials[w.materials[i] as usize];
+            if w.hits[i].is_hit() && material.presence.is_some_and(|p| p.is_holdout) {
+                if self.scene.features.scattering {
+                    // What glows before it stays.
+                    self.passed(0, i, w.hits[i].t, w);
+                }
+                w.uncovered.push(w.arriving.carried.sample[i]);
+                w.hits[i] = Hit::MISS;
+                w.materials[i] = 0;
+                set_rgb(&mut w.arriving.carried.throughput, i, Rgb::ZERO);
+            }
+        }
+    }
+
+    /// Makes the picture transparent where the camera sees what is special to it.
+    pub(super) fn uncover(&self, w: &mut Workspace) {
+        for &sample in &w.uncovered {
+            w.sink.uncover(sample);
+        }
+    }
+}
+
+/// Is what path `i` goes on with diffuse reflection? It goes on with that share, or with the rest.
+fn draw_diffuse(first: FirstBounce, bounce: u32, i: usize, paths: &mut Paths) -> bool {
+    let throughput = get_rgb(&paths.carried.throughput, i);
+    let part = throughput * first.diffuse;
+    let (part_sum, sum) = (part.r + part.g + part.b, throughput.r + throughput.g + throughput.b);
+    let probability = if sum > 0.0 { part_sum / sum } else { 1.0 };
+    if first.crosses || probability <= 0.0 {
+        return false;
+    }
+    if probability >= 1.0 {
+        return true;
+    }
+    let path = &mut paths.carried;
+    let salt = hash32(path.seed[i] ^ hash32(path.shuffled[i]) ^ (bounce << 16));
+    let is_diffuse = unit(hash32(salt ^ KIND)) < probability;
+    let rest = match is_diffuse {
+        true => part / probability,
+        false => (throughput - part) / (1.0 - probability),
+    };
+    set_rgb(&mut path.throughput, i, rest);
+    is_diffuse
+}
+
+/// Where the class of receivers begins in the words that tell of the kinds of rays.
+const CLASS_SHIFT: u32 = 17;
+/// What those words hold besides.
+const OTHERS: u32 = (1 << CLASS_SHIFT) - 1;
+const _: () = assert!(MOST_CLASSES <= 1 << (u32::BITS - CLASS_SHIFT));
+
+/// A word with the class of another one.
+pub(super) fn with_class_of(word: u32, other: u32) -> u32 {
+    word & OTHERS | other & !OTHERS
+}
+
+/// The class of the vertex of path `i`, or of that where its ray began.
+#[inline(always)]
+pub(super) fn class(i: usize, paths: &Paths, are_linked: bool) -> u32 {
+    if are_linked { paths.kinds[i] >> CLASS_SHIFT } else { 0 }
+}
+
+impl Integrator<'_> {
+    /// Takes down the class of vertex `k`, which arriving path `i` found.
+    pub(super) fn record_receiver_class(&self, i: usize, k: usize, w: &mut Workspace) {
+        let class = if w.hits[i].is_hit() { self.scene.links.class_of(w.materials[i]) } else { 0 };
+        let kinds = &mut w.wave.paths.kinds[k];
+        *kinds = *kinds & OTHERS | class << CLASS_SHIFT;
+    }
+
+    /// Does emission with such links reach what arriving path `i` came from, and is it left to its ray?
+    pub(super) fn is_linked_emission(
+        &self,
+        bounce: u32,
+        i: usize,
+        links: LightLinks,
+        arriving: &Paths,
+    ) -> bool {
+        if bounce == 0 || links == LightLinks::ALL {
+            return true;
+        }
+        let is_left_to_samples = !links.blockers.is_all() && arriving.carried.pdf[i] > 0.0;
+        !is_left_to_samples && self.scene.links.reach(links, class(i, arriving, true))
+    }
+
+    /// The links of what a material emits. Light samples pass what casts no shadow, but not all surfaces are sampled.
+    pub(super) fn links_of(&self, material: &CompiledMaterial, is_sampled: bool) -> LightLinks {
+        match (self.scene.features.links, is_sampled) {
+            (false, _) => LightLinks::ALL,
+            (true, true) => material.links(),
+            (true, false) => LightLinks { blockers: Link::All, ..material.links() },
+        }
+    }
+
+    /// Is the light of the sample of vertex `i` there, and linked to it?
+    pub(super) fn is_linked_to_light(&self, i: usize, w: &Workspace) -> bool {
+        let index = self.only_light.unwrap_or(w.wave.vertices.light.index[i]);
+        let is_excluded = w.without && self.scene.is_caught_light(index);
+        let class = class(i, &w.wave.paths, self.scene.features.links);
+        !is_excluded && self.scene.links.reach(self.scene.links.of_light(index), class)
+    }
+
+    /// Does what the shadow ray of a vertex hit cast no shadow in the light of its sample?
+    #[inline(always)]
+    pub(super) fn is_not_a_blocker(&self, vertex: u32, hit: &Hit, light: &LightLanes) -> bool {
+        self.scene.features.links && {
+            let index = self.only_light.unwrap_or_else(|| light.index[vertex as usize]);
+            let links = self.scene.links.of_light(index);
+            !self.scene.links.block(links, self.scene.geometries.material(hit))
+        }
+    }
+}
+
+/// The share of `whole` that `part` is, by channel.
+fn share(part: Rgb, whole: Rgb) -> Rgb {
+    let (part, whole) = (part.to_array(), whole.to_array());
+    let of = |c: usize| {
+        let share = part[c] / whole[c];
+        // Nothing of nothing is no number.
+        if share > 0.0 { share.min(1.0) } else { 0.0 }
+    };
+    Rgb::from_array([of(0), of(1), of(2)])
+}
+
+impl FirstBounce {
+    /// Of a BSDF about the normal `ns` of a surface whose own is `ng`, but for specular lobes.
+    pub fn of(bsdf: &Bsdf, [ns, ng]: [Vec3; 2], wo: Vec3, wi: Vec3) -> FirstBounce {
+        let frame = Frame::from_normal(ns);
+        let crosses = wi.dot(ng) * wo.dot(ng) < 0.0;
+        let (wo, wi) = (frame.to_local(wo), frame.to_local(wi));
+        FirstBounce { diffuse: share(bsdf.diffuse_part(wo, wi), bsdf.eval(wo, wi).f_cos), crosses }
+    }
+}
+
+impl Integrator<'_> {
+    /// How vertex `i` scatters light from `wi`, but for specular lobes.
+    pub(super) fn scattering(
+        &self,
+        sorted: &SortedVertices,
+        v: &Vertices,
+        bsdfs: &[Bsdf],
+        i: usize,
+        wi: Vec3,
+    ) -> FirstBounce {
+        // Media scatter to all sides: they count as diffuse.
+        if sorted.lambert().contains(&i) || sorted.medium().contains(&i) {
+            return FirstBounce::DIFFUSE;
+        }
+        if sorted.metal_rough().contains(&i) {
+            let diffuse = MetalRoughClass.closure(v, i).diffuse_share(wi);
+            return FirstBounce { diffuse, crosses: false };
+        }
+        let bsdf = &bsdfs[i - sorted.general().start];
+        FirstBounce::of(bsdf, [get(&v.ns, i), get(&v.ng, i)], get(&v.wo, i), wi)
+    }
+
+    /// The way of light that the light sample of vertex `i` brings.
+    pub(super) fn class_of_light_sample(
+        &self,
+        bounce: u32,
+        sorted: &SortedVertices,
+        wave: &Wave,
+        bsdfs: &[Bsdf],
+        i: usize,
+    ) -> PathClass {
+        let Wave { paths, vertices: v, .. } = wave;
+        if bounce > 0 {
+            return PathClass::Indirect(paths.first_bounces.get(i));
+        }
+        PathClass::Direct(self.scattering(sorted, v, bsdfs, i, get(&v.light.wi, i)))
+    }
+
+    /// Takes down how the paths scattered first.
+    pub(super) fn record_first_bounces(&self, sorted: &SortedVertices, w: &mut Workspace) {
+        let Workspace { wave, bsdfs, .. } = w;
+        for i in sorted.all() {
+            let Wave { paths, vertices: v, .. } = &mut **wave;
+            let wi = get(&v.next_direction, i);
+            let mut first = self.scattering(sorted, v, bsdfs, i, wi);
+            if paths.carried.pdf[i] == 0.0 {
+                first.diffuse = Rgb::ZERO;
+            }
+            paths.first_bounces.set(i, first);
+        }
+    }
+}
