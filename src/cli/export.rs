@@ -8,7 +8,7 @@ use oscura::error::{Error, ErrorKind, Problem, Result};
 use oscura::load::blender::{BlenderOptions, export};
 use oscura::load::gltf::GltfOptions;
 use oscura::load::{LoadOptions, is_of_blender};
-use oscura::output::place_folder;
+use oscura::output::{check_folder, move_folder};
 use std::path::Path;
 
 pub(crate) fn run(args: &ExportArgs) -> Result<Outcome> {
@@ -17,7 +17,7 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Outcome> {
         return Err(Error::usage(message));
     }
     scene_path::check(&args.scene)?;
-    place_folder::check(&args.output, args.force).map_err(|error| match error.kind {
+    check_folder(&args.output, args.force).map_err(|error| match error.kind {
         ErrorKind::Usage => error.with_help("choose another name, or replace its files by --force"),
         _ => error,
     })?;
@@ -40,7 +40,7 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Outcome> {
         let error = Error { kind: ErrorKind::Input, file, problems, source_text: None };
         return Err(error.with_help("--strict makes warnings errors"));
     }
-    let names = place_folder::place(&exported.folder, &args.output)?;
+    let names = move_folder(&exported.folder, &args.output)?;
     if !args.quiet {
         for name in names {
             say!("wrote    {}", args.output.join(name).display());

@@ -10,7 +10,7 @@ use oscura::error::{Error, Result};
 use oscura::film::AovSet;
 use oscura::load::{LoadOptions, Loaded, is_of_blender, load};
 use oscura::output::{
-    Format, PngOptions, ViewTransform, check_target, encode, is_same_target, place_folder, write_atomically,
+    Format, PngOptions, ViewTransform, check_target, encode, is_same_target, make_folder, write_atomically,
 };
 use oscura::render::{
     CancelHandle, Caustics, Guiding, PathReuse, Renderer, Splitting, denoising_guides, in_pool,
@@ -42,7 +42,7 @@ fn targets(args: &ThumbArgs) -> Result<Vec<PathBuf>> {
         };
     }
     if let Some(folder) = &args.output {
-        place_folder::make(folder)?;
+        make_folder(folder)?;
     }
     let mut targets: Vec<PathBuf> = Vec::new();
     for model in &args.models {

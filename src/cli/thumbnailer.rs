@@ -5,7 +5,7 @@ use super::Outcome;
 use super::report::print_text;
 use super::thumb_args::ThumbnailerArgs;
 use oscura::error::{Error, Result};
-use oscura::output::{place_folder, remove_file, write_atomically};
+use oscura::output::{make_folder, remove_file, write_atomically};
 use std::env;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -67,7 +67,7 @@ pub(crate) fn run(args: &ThumbnailerArgs) -> Result<Outcome> {
             true if remove_file(path)? => say("removed", path),
             true => {}
             false => {
-                place_folder::make(path.parent().unwrap_or(Path::new(".")))?;
+                make_folder(path.parent().unwrap_or(Path::new(".")))?;
                 write_atomically(path, text.as_bytes())?;
                 say("wrote", path);
             }

@@ -5,44 +5,33 @@
 //! Sums of a film are exact (`exact.rs`): tiles and films may be added in any order. It is kept in bands of rows (`band.rs`), to
 //! which many threads add at once (`shared.rs`).
 
-mod accumulator;
 mod aov;
-mod aov_set;
-mod arrivals;
-mod backdrop;
 mod band;
-mod bytes;
-mod catcher;
 mod channel;
-mod coverage;
-mod edit;
-mod exact;
+mod cryptomatte;
+mod exact_sum;
 mod filter;
-mod layout;
-mod matte;
-mod rect;
-mod shared;
+mod serialize;
+mod shadow_catcher;
 mod splats;
-mod sums;
 mod tile;
 
-pub use accumulator::Values;
-pub use aov::{Aov, AovInfo, AovSpace, BACKGROUND_DEPTH, MATTE_LEVELS};
-pub use aov_set::AovSet;
-pub use catcher::CATCHER_PARTS;
-pub use channel::{Channel, PixelType, Reduction, Source};
-pub use filter::FilterSampler;
-pub use layout::Layout;
-pub use matte::{MatteIds, matte_id, matte_key};
-pub use shared::SharedFilm;
-pub use splats::{Splat, SplatPart};
-pub use tile::FilmTile;
-
 use crate::error::{Choice, Error, Result};
+use crate::image::Image;
+use crate::scene::Backdrop;
+pub use aov::{Aov, AovInfo, AovSet, AovSpace, BACKGROUND_DEPTH, MATTE_LEVELS};
 use band::Band;
+pub use band::SharedFilm;
+pub use channel::{Channel, Layout, PixelType, Reduction, Source, Values};
+pub use cryptomatte::{MatteIds, matte_id, matte_key};
+pub use filter::FilterSampler;
 use rayon::prelude::*;
-use rect::{BAND_ROWS, Rect};
+pub use shadow_catcher::CATCHER_PARTS;
+use splats::Splats;
+pub use splats::{Splat, SplatPart};
 use std::sync::Arc;
+pub use tile::FilmTile;
+use tile::{BAND_ROWS, Rect};
 
 /// A picture being made: a list of channels, the first of which is colour, for every pixel, rows from the top.
 #[derive(Clone, Debug, PartialEq)]
@@ -391,3 +380,121 @@ impl Film {
 
 #[cfg(test)]
 mod tests;
+
+// Changes of finished films: what a denoiser puts in place of what was rendered, and single pixels taken out.
+
+impl Film {
+    /// One pixel as a film of its own: its numbers without those of all others.
+    ///
+    /// # Errors
+    /// As for [`Film::try_new`].
+    ///
+    /// # Panics
+    /// If it is outside the film.
+    pub fn pixel(&self, x: u32, y: u32) -> Result<Film> {
+        self.index(x, y);
+        let layout = Layout::new(self.channels().iter().skip(1).cloned()).with_halves(self.layout.has_halves);
+        let mut film = Film::of_layout(1, 1, layout)?;
+        film = film.at(self.origin.0 + x, self.origin.1 + y);
+        film.add_bands(self);
+        Ok(film)
+    }
+
+    /// Puts other colours in place of the mean colours, rows from the top. Alpha and numbers of samples stay.
+    ///
+    /// # Panics
+    /// If there are fewer values than pixels.
+    pub fn set_color(&mut self, color: [&[f32]; 3]) {
+        let mut from = 0;
+        for band in &mut self.bands {
+            band.sums.set_color(color.map(|values| &values[from..]));
+            band.splats.iter_mut().for_each(Splats::clear_color);
+            from += band.pixels();
+        }
+    }
+
+    /// Puts other values in place of those of a channel that has means over all samples, given by the name of its first
+    /// component. Does nothing if there is none.
+    ///
+    /// # Panics
+    /// If there are fewer values than pixels.
+    pub fn set_means(&mut self, first: &str, values: [&[f32]; 3]) {
+        let index =
+            self.channels().iter().position(|c| c.names[0] == first && c.reduction == Reduction::Mean);
+        let Some(index) = index.filter(|index| *index > 0) else { return };
+        let (layer, mut from) = (self.layer_of(index), 0);
+        for band in &mut self.bands {
+            let pixels = band.pixels();
+            band.sums.set_means(index - 1, values.map(|values| &values[from..]));
+            if let Some(of_layer) = band.splats.as_mut().and_then(|splats| splats.layers.get_mut(layer)) {
+                *of_layer = Splats::list(pixels);
+            }
+            from += pixels;
+        }
+    }
+
+    /// Forgets AOVs that only the way to the picture needed.
+    pub fn forget(&mut self, aovs: impl IntoIterator<Item = Aov>) {
+        self.forget_channels(aovs.into_iter().map(|aov| aov.info().names[0]));
+    }
+
+    /// The same for channels by the names of their first components.
+    fn forget_channels<'a>(&mut self, first_names: impl IntoIterator<Item = &'a str>) {
+        for name in first_names {
+            let Some(index) = self.channels().iter().position(|c| c.names[0] == name) else { continue };
+            let layer = self.layer_of(index);
+            let removed = &self.layout.channels[index];
+            let (is_layer, is_variance) =
+                (removed.source == Source::PartOfColor, removed.reduction == Reduction::VarianceOfMean);
+            let mut channels = self.channels().to_vec();
+            channels.remove(index);
+            let has_halves = self.layout.has_halves;
+            self.layout = Arc::new(Layout::new(channels.into_iter().skip(1)).with_halves(has_halves));
+            for band in &mut self.bands {
+                match &mut band.splats {
+                    Some(splats) if is_layer => drop(splats.layers.remove(layer)),
+                    Some(splats) if is_variance => splats.squares = None,
+                    _ => {}
+                }
+                band.sums.remove(index - 1);
+                if !self.layout.has_first_hits {
+                    band.sums.forget_hits();
+                }
+            }
+        }
+    }
+}
+
+// What lies behind a picture where it is transparent.
+
+impl Film {
+    /// Lays a scene's backdrop behind the pixels that are transparent.
+    pub fn lay_behind(&mut self, backdrop: &Backdrop) {
+        match backdrop {
+            Backdrop::Color(color) => self.put_behind(|_, _| *color),
+            Backdrop::Picture(image) => {
+                let (width, height) = (self.width(), self.height());
+                let scale = (f64::from(image.width) / f64::from(width))
+                    .min(f64::from(image.height) / f64::from(height));
+                self.put_behind(|x, y| {
+                    let place = |p: u32, own: u32, of: u32| {
+                        let from_middle = f64::from(p) + 0.5 - f64::from(own) / 2.0;
+                        f64::from(of) / 2.0 + scale * from_middle
+                    };
+                    bilinear(image, place(x, width, image.width), place(y, height, image.height))
+                });
+            }
+        }
+    }
+}
+
+/// The colour of an image at a place in pixels from its corner, blended from the four around it.
+fn bilinear(image: &Image, x: f64, y: f64) -> [f32; 3] {
+    let low = |v: f64, size: u32| (v - 0.5).clamp(0.0, f64::from(size - 1));
+    let (x, y) = (low(x, image.width), low(y, image.height));
+    let (x0, y0) = (x as u32, y as u32);
+    let (x1, y1) = ((x0 + 1).min(image.width - 1), (y0 + 1).min(image.height - 1));
+    let (u, v) = (x.fract() as f32, y.fract() as f32);
+    let [a, b, c, d] = [(x0, y0), (x1, y0), (x0, y1), (x1, y1)].map(|(x, y)| image.rgba(x, y));
+    std::array::from_fn(|k| (a[k] * (1.0 - u) + b[k] * u) * (1.0 - v) + (c[k] * (1.0 - u) + d[k] * u) * v)
+}

@@ -1,8 +1,8 @@
 //! Pictures for looking at: display-referred, with straight alpha where they have holes. PNG, JPEG, TIFF and WebP; and
 //! Radiance HDR, which is linear.
 
-use super::encoded::Encoded;
-use super::format::Format;
+use super::Encoded;
+use super::Format;
 use crate::color::{ViewTransform, white_balance};
 use crate::film::Film;
 use image::codecs::hdr::HdrEncoder;

@@ -29,7 +29,7 @@ pub(super) fn on_grid(value: f64) -> f64 {
 
 /// Adds to a sum (Knuth 1969; Dekker 1971, "A Floating-Point Technique for Extending the Available Precision").
 #[inline(always)]
-pub(super) fn add(high: &mut f64, low: &mut f32, value: f64) {
+pub(super) fn add_exact(high: &mut f64, low: &mut f32, value: f64) {
     let sum = *high + value;
     let of_value = sum - *high;
     let error = (*high - (sum - of_value)) + (value - of_value);
@@ -88,8 +88,8 @@ impl SumList {
         let sums = high.iter_mut().zip(low);
         let others = highs.iter().zip(&other.low[from..from + count]);
         for ((high, low), (value, rest)) in sums.zip(others) {
-            add(high, low, *value);
-            add(high, low, f64::from(*rest));
+            add_exact(high, low, *value);
+            add_exact(high, low, f64::from(*rest));
         }
     }
 }
@@ -110,7 +110,7 @@ impl Kernel for AddAll<'_> {
     #[inline(always)]
     fn run(self) {
         let sums = self.high.iter_mut().zip(self.low).zip(self.values);
-        sums.for_each(|((high, low), value)| add(high, low, on_grid(*value)));
+        sums.for_each(|((high, low), value)| add_exact(high, low, on_grid(*value)));
     }
 }
 
@@ -133,7 +133,7 @@ impl HalfSum {
     /// Adds a value by itself, without a count.
     pub fn add_exactly(&mut self, rgb: [f32; 3]) {
         for ((sum, low), value) in self.rgb.iter_mut().zip(&mut self.low).zip(rgb) {
-            add(sum, low, on_grid(f64::from(value)));
+            add_exact(sum, low, on_grid(f64::from(value)));
         }
     }
 
@@ -141,9 +141,9 @@ impl HalfSum {
     pub fn merge(&mut self, other: &HalfSum, is_of_tile: bool) {
         for c in 0..3 {
             let value = if is_of_tile { on_grid(other.rgb[c]) } else { other.rgb[c] };
-            add(&mut self.rgb[c], &mut self.low[c], value);
+            add_exact(&mut self.rgb[c], &mut self.low[c], value);
             if !is_of_tile {
-                add(&mut self.rgb[c], &mut self.low[c], f64::from(other.low[c]));
+                add_exact(&mut self.rgb[c], &mut self.low[c], f64::from(other.low[c]));
             }
         }
         self.count = self.count.saturating_add(other.count);

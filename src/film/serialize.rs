@@ -2,10 +2,10 @@
 //! pixels of the whole film, whatever bands it is kept in.
 
 use super::Film;
-use super::accumulator::{Accumulator, Kept};
 use super::band::Band;
-use super::coverage::{Coverage, Entry};
-use super::exact::SumList;
+use super::channel::{Accumulator, Kept};
+use super::cryptomatte::{Coverage, Entry};
+use super::exact_sum::SumList;
 use super::splats::Splats;
 use bytemuck::Pod;
 use std::io::{self, Read, Write};

@@ -1,0 +1,640 @@
+//! Files of sums (`.part`): a part of a picture, or one that is not finished. EXR can't hold them: sums are pairs of an f64
+//! and an f32, and lists of ids, where EXR has no type above 32 bits.
+//!
+//! A file is: 16 bytes that tell what it is; the length of the head as a u64; the head, JSON; the film's sums; the picture
+//! behind it, if any; what rendering needs to go on; and the CRC-32 of all that. Numbers are little-endian.
+
+use super::atomic::write_with;
+use crate::error::{Error, Problem, Result};
+use crate::film::{Aov, AovSet, Channel, Film, Layout};
+use crate::image::{Encoding, Image, Pixels};
+use crate::scene::{Backdrop, Caught, is_group_name};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io;
+use std::io::{BufReader, Read, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+// Reading and writing files of sums.
+
+/// What files begin with; the number is that of the format.
+const MAGIC: &[u8; 16] = b"oscura part 0002";
+
+/// Longest head.
+const LONGEST_HEAD: u64 = 64 << 20;
+
+/// All that a file holds.
+pub struct PartFile {
+    /// What it says about itself.
+    pub header: PartHeader,
+    /// The sums, at their place in the picture.
+    pub film: Film,
+    /// What lies behind the picture.
+    pub backdrop: Option<Backdrop>,
+    /// What rendering needs besides to go on.
+    pub further: Vec<u8>,
+}
+
+/// Passes bytes on and keeps their checksum.
+struct Checked<T> {
+    inner: T,
+    sum: crc32fast::Hasher,
+}
+
+impl<T> Checked<T> {
+    fn new(inner: T) -> Checked<T> {
+        Checked { inner, sum: crc32fast::Hasher::new() }
+    }
+}
+
+impl<T: Write> Write for Checked<T> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let count = self.inner.write(bytes)?;
+        self.sum.update(&bytes[..count]);
+        Ok(count)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.inner.flush()
+    }
+}
+
+impl<T: Read> Read for Checked<T> {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        let count = self.inner.read(bytes)?;
+        self.sum.update(&bytes[..count]);
+        Ok(count)
+    }
+}
+
+/// Writes a file of sums, whole or not at all. The header's notes on what lies behind and on what follows are made here.
+///
+/// # Errors
+/// An output error; an older file of that name is unharmed then.
+pub fn write_part(
+    path: &Path,
+    mut header: PartHeader,
+    film: &Film,
+    backdrop: Option<&Backdrop>,
+    further: &[u8],
+) -> Result<()> {
+    header.further_bytes = further.len() as u64;
+    header.finish.behind = match backdrop {
+        None => Behind::Nothing,
+        Some(Backdrop::Color(color)) => Behind::Color(color.map(f32::to_bits)),
+        Some(Backdrop::Picture(image)) => Behind::Picture(image.width, image.height),
+    };
+    let head = serde_json::to_vec(&header).map_err(|e| Error::output(path, e.to_string()))?;
+    write_with(path, &mut |writer| {
+        let mut writer = Checked::new(writer);
+        writer.write_all(MAGIC)?;
+        writer.write_all(&(head.len() as u64).to_le_bytes())?;
+        writer.write_all(&head)?;
+        film.write_sums(&mut writer)?;
+        if let Some(Backdrop::Picture(image)) = backdrop {
+            let places = (0..image.height).flat_map(|y| (0..image.width).map(move |x| (x, y)));
+            places.map(|(x, y)| image.rgba(x, y)).try_for_each(|rgba| {
+                let bytes: [[u8; 4]; 4] = rgba.map(f32::to_le_bytes);
+                writer.write_all(bytes.as_flattened())
+            })?;
+        }
+        writer.write_all(further)?;
+        let sum = writer.sum.clone().finalize();
+        writer.write_all(&sum.to_le_bytes())
+    })
+}
+
+/// Reads the head of a file of sums. Whether the rest is there and whole, [`read_part`] finds out.
+///
+/// # Errors
+/// An input error if it is no such file.
+pub fn read_header(path: &Path) -> Result<PartHeader> {
+    let opened = open(path)?;
+    Ok(opened.header)
+}
+
+/// Reads a file of sums.
+///
+/// # Errors
+/// An input error if it is none or damaged, a usage error if there is no memory for it.
+pub fn read_part(path: &Path) -> Result<PartFile> {
+    let Opened { mut reader, header, left } = open(path)?;
+    let region = header.region;
+    let layout = header.channels.layout().ok_or_else(|| damaged(path, "its channels are unknown"))?;
+    let pixels = u64::from(region.width()) * u64::from(region.height());
+    let behind = match header.finish.behind {
+        Behind::Picture(width, height) => (u64::from(width) * u64::from(height)).checked_mul(16),
+        _ => Some(0),
+    };
+    // Before anything is allocated by what the head says.
+    let needed = pixels.checked_mul(layout.bytes_per_pixel()).and_then(|n| n.checked_add(behind?));
+    let needed = needed.and_then(|n| n.checked_add(header.further_bytes));
+    if needed.is_none_or(|needed| needed > left) {
+        return Err(damaged(path, "it ends early"));
+    }
+    let mut film = Film::of_layout(region.width(), region.height(), layout)?.at(region.x0, region.y0);
+    let rest = film.read_sums(&mut reader).and_then(|()| {
+        let backdrop = read_backdrop(&mut reader, &header.finish.behind)?;
+        let mut further = Vec::new();
+        Read::by_ref(&mut reader).take(header.further_bytes).read_to_end(&mut further)?;
+        let sum = reader.sum.clone().finalize();
+        let mut end = Vec::new();
+        Read::by_ref(&mut reader).take(5).read_to_end(&mut end)?;
+        Ok((backdrop, further, end == sum.to_le_bytes()))
+    });
+    match rest {
+        Ok((backdrop, further, true)) => Ok(PartFile { header, film, backdrop, further }),
+        Ok(_) => Err(damaged(path, "its checksum is wrong")),
+        Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => Err(damaged(path, "it ends early")),
+        Err(error) => Err(damaged(path, &error.to_string())),
+    }
+}
+
+/// A file behind its head.
+struct Opened {
+    reader: Checked<BufReader<File>>,
+    header: PartHeader,
+    /// Bytes that follow.
+    left: u64,
+}
+
+fn open(path: &Path) -> Result<Opened> {
+    let unreadable = |e: io::Error| Error::input(path, format!("can't be read: {e}"));
+    let file = File::open(path).map_err(unreadable)?;
+    let size = file.metadata().map_err(unreadable)?.len();
+    let mut reader = Checked::new(BufReader::new(file));
+    let (mut magic, mut length) = ([0; 16], [0; 8]);
+    let begun = reader.read_exact(&mut magic).and_then(|()| reader.read_exact(&mut length));
+    let is_part = begun.is_ok() && magic[..12] == MAGIC[..12];
+    if !is_part {
+        let help = "such files are written by rendering a part of a picture, or as checkpoints";
+        return Err(Error::input(path, "is no file of sums").with_help(help));
+    }
+    if &magic != MAGIC {
+        let message = "is a file of sums of another version of the program";
+        return Err(Error::input(path, message).with_help("render it again"));
+    }
+    let length = u64::from_le_bytes(length);
+    let left = size.saturating_sub(24).checked_sub(length);
+    let left = left.filter(|_| length <= LONGEST_HEAD).ok_or_else(|| damaged(path, "it ends early"))?;
+    let mut head = Vec::new();
+    Read::by_ref(&mut reader).take(length).read_to_end(&mut head).map_err(unreadable)?;
+    let header: PartHeader =
+        serde_json::from_slice(&head).map_err(|e| damaged(path, &format!("its head can't be read: {e}")))?;
+    check(&header).map_err(|what| damaged(path, what))?;
+    Ok(Opened { reader, header, left })
+}
+
+/// Do the numbers of a head make sense together?
+fn check(header: &PartHeader) -> std::result::Result<(), &'static str> {
+    let PartHeader { width, height, samples, region, first_sample, end_sample, .. } = header;
+    let is_within =
+        region.x0 <= region.x1 && region.x1 <= *width && region.y0 <= region.y1 && region.y1 <= *height;
+    let has_samples = first_sample <= end_sample && end_sample <= samples;
+    let has_behind = match header.finish.behind {
+        Behind::Picture(width, height) => width > 0 && height > 0,
+        _ => true,
+    };
+    if is_within && has_samples && has_behind { Ok(()) } else { Err("its numbers make no sense") }
+}
+
+fn read_backdrop(reader: &mut dyn Read, behind: &Behind) -> io::Result<Option<Backdrop>> {
+    Ok(match *behind {
+        Behind::Nothing => None,
+        Behind::Color(bits) => Some(Backdrop::Color(bits.map(f32::from_bits))),
+        Behind::Picture(width, height) => {
+            let mut pixels = vec![0.0f32; width as usize * height as usize * 4];
+            reader.read_exact(bytemuck::cast_slice_mut(&mut pixels))?;
+            let pixels = Arc::new(Pixels::F32(pixels));
+            let name = String::new();
+            Some(Backdrop::Picture(Image {
+                name,
+                width,
+                height,
+                channels: 4,
+                encoding: Encoding::Linear,
+                pixels,
+            }))
+        }
+    })
+}
+
+fn damaged(path: &Path, what: &str) -> Error {
+    Error::input(path, format!("is damaged: {what}")).with_help("render it again")
+}
+
+// What a file of sums says about itself.
+
+/// What a picture depends on, by name: options with their values, and fingerprints of what is too long to be told.
+pub type Identity = BTreeMap<String, String>;
+
+/// Values of identities that begin so are fingerprints.
+pub const PRINT: &str = "#";
+
+/// What differs between two identities, in words.
+pub fn differences(ours: &Identity, theirs: &Identity) -> Vec<String> {
+    let names = ours.keys().chain(theirs.keys().filter(|name| !ours.contains_key(*name)));
+    let differing = names.filter(|name| ours.get(*name) != theirs.get(*name));
+    let word = |value: Option<&String>| value.map_or("missing", String::as_str).to_string();
+    let told = differing.map(|name| {
+        let (ours, theirs) = (word(ours.get(name)), word(theirs.get(name)));
+        match ours.starts_with(PRINT) || theirs.starts_with(PRINT) {
+            true => format!("{name} changed"),
+            false => format!("{name} is {ours} here and {theirs} there"),
+        }
+    });
+    told.collect()
+}
+
+/// A rectangle of pixels: from column `x0` and row `y0` up to, not including, column `x1` and row `y1`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Region {
+    /// Left column.
+    pub x0: u32,
+    /// Top row.
+    pub y0: u32,
+    /// Column right of the last.
+    pub x1: u32,
+    /// Row below the last.
+    pub y1: u32,
+}
+
+impl Region {
+    /// Columns.
+    pub fn width(&self) -> u32 {
+        self.x1.saturating_sub(self.x0)
+    }
+
+    /// Rows.
+    pub fn height(&self) -> u32 {
+        self.y1.saturating_sub(self.y0)
+    }
+}
+
+impl std::fmt::Display for Region {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{},{},{},{}", self.x0, self.y0, self.x1, self.y1)
+    }
+}
+
+/// How paths are traced.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Way {
+    /// Paths that go on from the first surface of each sample.
+    pub branches: u32,
+    /// In which groups pixels share paths.
+    pub shared: Option<String>,
+}
+
+/// What was spent.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Effort {
+    /// Seconds of rendering by the wall's clock.
+    pub wall_s: f64,
+    /// The same of processors.
+    pub cpu_s: f64,
+    /// Paths.
+    pub paths: u64,
+    /// Rays.
+    pub rays: u64,
+}
+
+/// Which channels a film has.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Channels {
+    /// AOVs by their options.
+    pub aovs: Vec<String>,
+    /// Ranks of ids of mattes.
+    pub matte_levels: u32,
+    /// Names of the groups of lights that have channels.
+    pub light_groups: Vec<String>,
+    /// Are the halves of the samples kept apart?
+    pub halves: bool,
+    /// Is what shadow catchers catch kept?
+    #[serde(default)]
+    pub catchers: bool,
+    /// Are only shadows shown of it?
+    #[serde(default)]
+    pub shadows_only: bool,
+}
+
+impl Channels {
+    /// What is shown of what shadow catchers catch.
+    pub fn caught(&self) -> Caught {
+        if self.shadows_only { Caught::Shadows } else { Caught::All }
+    }
+
+    /// The AOVs; `None` if one is unknown.
+    pub fn aovs(&self) -> Option<AovSet> {
+        self.aovs.iter().map(|name| Aov::from_option(name)).collect()
+    }
+
+    /// The film's layout; `None` if there is none of the kind.
+    pub fn layout(&self) -> Option<Layout> {
+        const MOST_LEVELS: u32 = 64;
+        let aovs = self.aovs().filter(|_| (1..=MOST_LEVELS).contains(&self.matte_levels))?;
+        if !self.light_groups.iter().all(|name| is_group_name(name)) {
+            return None;
+        }
+        let groups = self.light_groups.iter().map(|name| Channel::light_group(name));
+        let caught = self.catchers.then(Channel::of_catchers).into_iter().flatten();
+        let further = aovs.channels_with(self.matte_levels).chain(groups).chain(caught);
+        Some(Layout::new(further).with_halves(self.halves))
+    }
+}
+
+/// What lies behind a picture where it is transparent. A picture follows the sums.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub enum Behind {
+    /// Nothing.
+    #[default]
+    Nothing,
+    /// The bits of a linear colour.
+    Color([u32; 3]),
+    /// A picture so wide and high, RGBA in single floats.
+    Picture(u32, u32),
+}
+
+/// How pictures are written that are made of the sums. Floats are kept as bits.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Finish {
+    /// Seed of all randomness.
+    pub seed: u32,
+    /// From world to camera space, by columns.
+    pub world_to_camera: [u64; 16],
+    /// From there to normalized device coordinates, if that is known.
+    #[serde(default)]
+    pub world_to_ndc: Option<[u64; 16]>,
+    /// Width over height of a pixel; square where there is none.
+    #[serde(default)]
+    pub pixel_aspect: Option<u64>,
+    /// Which space AOVs of places and directions are in, by name; the world's where there is none.
+    #[serde(default)]
+    pub aov_space: String,
+    /// How far from the world's origin the scene's coordinates have theirs.
+    pub world_offset: Option<[u64; 3]>,
+    /// Names that the mattes may show, matte by matte.
+    pub mattes: Vec<Vec<String>>,
+    /// What was ignored, approximated or repaired before the first sample.
+    pub warnings: Vec<String>,
+    /// The noise is to be taken out; then only these AOVs stay, by their options.
+    #[serde(default)]
+    pub denoise: Option<Vec<String>>,
+    /// Whose picture it is.
+    pub owner: Option<String>,
+    /// 32-bit colours in EXRs.
+    pub float: bool,
+    /// Leave times and dates out.
+    pub reproducible: bool,
+    /// View transform of PNGs and the like, by name.
+    pub view: String,
+    /// The temperature of the light that looks white in them, kelvin, as bits.
+    pub white_balance: Option<u32>,
+    /// Have they 16 bits a channel?
+    pub deep: bool,
+    /// Their exposure, stops.
+    pub exposure: u32,
+    /// Are they dithered?
+    pub dither: bool,
+    /// Do they stand before black?
+    #[serde(default)]
+    pub opaque: bool,
+    /// What lies behind the picture.
+    pub behind: Behind,
+}
+
+/// A file's head.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PartHeader {
+    /// What the picture depends on.
+    pub identity: Identity,
+    /// Width of the whole picture in pixels.
+    pub width: u32,
+    /// Its height.
+    pub height: u32,
+    /// Samples a pixel that the whole picture is to have.
+    pub samples: u32,
+    /// The pixels that the file has.
+    pub region: Region,
+    /// Which of their samples: from this one.
+    pub first_sample: u32,
+    /// Up to, not including, this one.
+    pub end_sample: u32,
+    /// How they were traced; `None` if that was still open.
+    pub way: Option<Way>,
+    /// Channels.
+    pub channels: Channels,
+    /// What was spent.
+    pub effort: Effort,
+    /// How pictures are written.
+    pub finish: Finish,
+    /// Bytes of what follows the sums and the picture behind.
+    pub further_bytes: u64,
+}
+
+// Do parts make up a picture?
+
+/// Most items that an error lists.
+const LISTED: usize = 20;
+
+/// Samples of pixels: columns, rows, samples.
+type Bounds = [(u32, u32); 3];
+
+fn bounds(header: &PartHeader) -> Bounds {
+    let Region { x0, y0, x1, y1 } = header.region;
+    [(x0, x1), (y0, y1), (header.first_sample, header.end_sample)]
+}
+
+fn volume(bounds: &Bounds) -> u128 {
+    bounds.iter().map(|(from, to)| u128::from(to - from)).product()
+}
+
+/// What two have in common.
+fn common(a: &Bounds, b: &Bounds) -> Option<Bounds> {
+    let both: Bounds = std::array::from_fn(|k| (a[k].0.max(b[k].0), a[k].1.min(b[k].1)));
+    both.iter().all(|(from, to)| from < to).then_some(both)
+}
+
+fn words(&[(x0, x1), (y0, y1), (from, to)]: &Bounds) -> String {
+    format!("samples {from}..{to} of the pixels {}", Region { x0, y0, x1, y1 })
+}
+
+/// Checks that all parts belong to the same picture and none has what another has. Returns what no part has.
+///
+/// # Errors
+/// An input error that lists all that are wrong.
+pub fn check_parts(parts: &[(PathBuf, PartHeader)]) -> Result<Vec<String>> {
+    let Some((first_file, first)) = most_common(parts) else { return Ok(Vec::new()) };
+    let foreign = parts.iter().filter_map(|(file, header)| {
+        let mut different = differences(&first.identity, &header.identity);
+        if (header.width, header.height, header.samples) != (first.width, first.height, first.samples)
+            || header.channels != first.channels
+        {
+            different.push("it has other channels or numbers".to_string());
+        }
+        // What has no sample yet has been traced in no way.
+        let is_empty = |header: &PartHeader| header.first_sample == header.end_sample;
+        if header.way != first.way && !is_empty(header) && !is_empty(first) {
+            different.push("its paths are traced in another way".to_string());
+        }
+        let what = format!("is of another picture than {}: {}", first_file.display(), different.join("; "));
+        (!different.is_empty()).then(|| Problem::new(file.display().to_string(), what))
+    });
+    let mut problems: Vec<Problem> = foreign.collect();
+    if problems.is_empty() {
+        problems = overlaps(parts);
+    }
+    if !problems.is_empty() {
+        let more = problems.len().saturating_sub(LISTED);
+        problems.truncate(LISTED);
+        if more > 0 {
+            problems.push(Problem::new("", format!("and {more} more")));
+        }
+        return Err(Error::input_problems(first_file, problems));
+    }
+    Ok(missing(parts, first))
+}
+
+/// A part of the picture that most are of.
+fn most_common(parts: &[(PathBuf, PartHeader)]) -> Option<&(PathBuf, PartHeader)> {
+    let mut counts: Vec<(&(PathBuf, PartHeader), usize)> = Vec::new();
+    for part in parts {
+        match counts.iter_mut().find(|(other, _)| other.1.identity == part.1.identity) {
+            Some((_, count)) => *count += 1,
+            None => counts.push((part, 1)),
+        }
+    }
+    counts.into_iter().rev().max_by_key(|(_, count)| *count).map(|(part, _)| part)
+}
+
+/// Pairs of parts that have something in common.
+fn overlaps(parts: &[(PathBuf, PartHeader)]) -> Vec<Problem> {
+    let mut problems = Vec::new();
+    for (at, (file, header)) in parts.iter().enumerate() {
+        for (earlier, other) in &parts[..at] {
+            if let Some(both) = common(&bounds(header), &bounds(other)) {
+                let message = format!("has {}, which {} has as well", words(&both), earlier.display());
+                problems.push(Problem::new(file.display().to_string(), message));
+            }
+        }
+    }
+    problems
+}
+
+/// What no part has, of parts that don't overlap.
+fn missing(parts: &[(PathBuf, PartHeader)], first: &PartHeader) -> Vec<String> {
+    let whole = [(0, first.width), (0, first.height), (0, first.samples)];
+    let all: Vec<Bounds> = parts.iter().map(|(_, header)| bounds(header)).collect();
+    if all.iter().map(volume).sum::<u128>() == volume(&whole) {
+        return Vec::new();
+    }
+    // Of the whole, take away one part after another.
+    let mut left = vec![whole];
+    for part in &all {
+        left = left.iter().flat_map(|bounds| without(bounds, part)).collect();
+    }
+    let more = left.len().saturating_sub(LISTED);
+    let mut list: Vec<String> = left.iter().take(LISTED).map(words).collect();
+    list.extend((more > 0).then(|| format!("and {more} more")));
+    list
+}
+
+/// What is left of a box without another: at most six boxes.
+fn without(bounds: &Bounds, other: &Bounds) -> Vec<Bounds> {
+    let Some(both) = common(bounds, other) else { return vec![*bounds] };
+    let (mut left, mut rest) = (Vec::new(), *bounds);
+    // Samples first, so that what is missing of whole pictures is told as such.
+    for k in [2, 1, 0] {
+        for (from, to) in [(rest[k].0, both[k].0), (both[k].1, rest[k].1)] {
+            if from < to {
+                let mut piece = rest;
+                piece[k] = (from, to);
+                left.push(piece);
+            }
+        }
+        rest[k] = both[k];
+    }
+    left
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn differences_name_what_differs() {
+        let of = |pairs: &[(&str, &str)]| -> Identity {
+            pairs.iter().map(|(name, value)| (name.to_string(), value.to_string())).collect()
+        };
+        let ours = of(&[("depth", "5"), ("the meshes", "#1"), ("seed", "0"), ("version", "1")]);
+        let theirs = of(&[("depth", "8"), ("the meshes", "#2"), ("seed", "0")]);
+        let expected =
+            ["depth is 5 here and 8 there", "the meshes changed", "version is 1 here and missing there"];
+        assert_eq!(differences(&ours, &theirs), expected);
+        assert!(differences(&ours, &ours).is_empty());
+    }
+}
+
+#[cfg(test)]
+mod cover_tests {
+    use super::*;
+    use crate::output::part::{Channels, Effort, Finish, Identity};
+
+    fn part(name: &str, region: [u32; 4], first_sample: u32, end_sample: u32) -> (PathBuf, PartHeader) {
+        let [x0, y0, x1, y1] = region;
+        let channels = Channels {
+            aovs: Vec::new(),
+            matte_levels: 6,
+            light_groups: Vec::new(),
+            halves: false,
+            catchers: false,
+            shadows_only: false,
+        };
+        let header = PartHeader {
+            identity: Identity::from([("seed".to_string(), "0".to_string())]),
+            width: 40,
+            height: 30,
+            samples: 32,
+            region: Region { x0, y0, x1, y1 },
+            first_sample,
+            end_sample,
+            way: None,
+            channels,
+            effort: Effort::default(),
+            finish: Finish::default(),
+            further_bytes: 0,
+        };
+        (name.into(), header)
+    }
+
+    #[test]
+    fn what_is_missing_is_told() {
+        let (left, right) = ([0, 0, 20, 30], [20, 0, 40, 30]);
+        let mut parts = vec![part("a", left, 0, 32), part("b", right, 8, 32), part("c", right, 0, 8)];
+        assert_eq!(check_parts(&parts).unwrap(), Vec::<String>::new());
+        parts.pop();
+        assert_eq!(check_parts(&parts).unwrap(), ["samples 0..8 of the pixels 20,0,40,30"]);
+        parts.pop();
+        assert_eq!(check_parts(&parts).unwrap(), ["samples 0..32 of the pixels 20,0,40,30"]);
+        assert_eq!(check_parts(&[part("d", [5, 5, 6, 6], 8, 16)]).unwrap().len(), 6);
+    }
+
+    #[test]
+    fn what_overlaps_or_is_foreign_is_refused() {
+        let all = [0, 0, 40, 30];
+        let error = check_parts(&[part("a", all, 0, 16), part("b", [3, 3, 5, 5], 8, 32)]).unwrap_err();
+        assert!(
+            error.to_string().contains("b: has samples 8..16 of the pixels 3,3,5,5, which a has"),
+            "{error}"
+        );
+        let mut other = part("b", all, 16, 32);
+        other.1.identity.insert("seed".to_string(), "1".to_string());
+        let error = check_parts(&[part("a", all, 0, 16), other]).unwrap_err();
+        assert!(
+            error.to_string().contains("b: is of another picture than a: seed is 0 here and 1 there"),
+            "{error}"
+        );
+    }
+}
