@@ -1,10 +1,10 @@
 //! The bands of a film: rows that threads add to without meeting those that add to others.
 
+use super::Film;
 use super::channel::{Accumulator, Channel, Counts, Kept, Layout, Reduction, Source, Values, reciprocal};
 use super::exact_sum::{HalfSum, add_exact, on_grid};
 use super::splats::{Splat, Splats};
 use super::tile::{FilmTile, Rect, TileSums};
-use super::Film;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
