@@ -1,10 +1,13 @@
 //! Buffers and buffer views, checked before anything looks into them.
 
-use super::document::{Document, pointer};
+use super::document::{Document, Unpacked, pointer};
 use super::meshopt;
 use super::report::{Report, Sound};
-use crate::load::uri::{self, Target};
-use gltf::json::{Buffer, buffer};
+use crate::load::uri;
+use crate::load::uri::Target;
+use gltf::json::accessor::{ComponentType, Type};
+use gltf::json::validation::Checked;
+use gltf::json::{Buffer, accessor, buffer};
 use serde_json::Value;
 use std::borrow::Cow;
 use std::path::PathBuf;
@@ -153,4 +156,273 @@ pub(super) struct Fetched<'a> {
     pub mime: Option<String>,
     /// The file that they come from; `None` for data in the URI itself.
     pub file: Option<PathBuf>,
+}
+
+// Accessors: typed numbers in buffers. [`Accessor::open`] checks everything, reading can't fail.
+
+/// Elements that an accessor without a buffer view (all zeros, or sparse) may have beyond those that the file's size
+/// justifies.
+const FREE_ZEROS: u64 = 1 << 16;
+
+/// A checked accessor.
+pub(super) struct Accessor<'d> {
+    /// Its JSON pointer.
+    pub pointer: String,
+    /// Number of elements.
+    pub count: usize,
+    /// Scalar, vector or matrix.
+    pub kind: Type,
+    /// What the components are stored as.
+    pub component: ComponentType,
+    /// Do integers stand for 0..1 or -1..1?
+    pub normalized: bool,
+    /// The elements; `None` means zeros.
+    dense: Option<Elements<'d>>,
+    sparse: Option<Sparse<'d>>,
+}
+
+/// Elements in memory: `bytes` starts at the first and ends with the last.
+#[derive(Clone, Copy)]
+struct Elements<'d> {
+    bytes: &'d [u8],
+    stride: usize,
+}
+
+/// Elements that replace others.
+struct Sparse<'d> {
+    /// Strictly increasing and below the accessor's count.
+    indices: Vec<u32>,
+    values: Elements<'d>,
+}
+
+impl<'d> Accessor<'d> {
+    /// Opens the accessor of an index; `from` points to what refers to it. Problems are noted.
+    pub fn open(doc: &'d Document, index: usize, from: &str, report: &mut Report) -> Sound<Accessor<'d>> {
+        let json: gltf::json::Accessor = doc.entry("accessors", index, from, report)?;
+        let at = pointer("accessors", index);
+        let Checked::Valid(accessor::GenericComponentType(component)) = json.component_type else {
+            return Err(report.problem(format!("{at}/componentType"), "is no component type of glTF 2.0"));
+        };
+        let Checked::Valid(kind) = json.type_ else {
+            return Err(report.problem(format!("{at}/type"), "is no type of glTF 2.0"));
+        };
+        let mut accessor = Accessor {
+            count: usize::try_from(json.count.0)
+                .map_err(|_| report.problem(format!("{at}/count"), "is beyond what memory can hold"))?,
+            kind,
+            component,
+            normalized: json.normalized,
+            dense: None,
+            sparse: None,
+            pointer: at.clone(),
+        };
+        if let Some(unpacked) = doc.accessors.get(index).and_then(|cell| cell.get()) {
+            accessor.dense = Some(accessor.open_unpacked(unpacked, report)?);
+        } else if let Some(view) = json.buffer_view {
+            let place = Place {
+                view: view.value(),
+                offset: json.byte_offset.unwrap_or_default().0,
+                element: accessor.element_size(),
+                count: accessor.count,
+            };
+            accessor.dense = Some(place.elements(doc, &at, report)?);
+        } else if accessor.count as u64 > FREE_ZEROS.saturating_add(doc.bytes_read()) {
+            let message =
+                format!("{} elements without a bufferView are more than the file justifies", accessor.count);
+            return Err(report.problem(at, message));
+        }
+        if let Some(sparse) = json.sparse {
+            accessor.sparse = Some(accessor.open_sparse(doc, &sparse, report)?);
+        }
+        Ok(accessor)
+    }
+
+    /// The elements that a compressed primitive holds.
+    fn open_unpacked(&mut self, unpacked: &'d Unpacked, report: &mut Report) -> Sound<Elements<'d>> {
+        if unpacked.count != self.count {
+            let (says, holds) = (self.count, unpacked.count);
+            let message =
+                format!("has {says} elements, but the compressed primitive {holds}; the latter counts");
+            report.warn(self.pointer.clone(), message);
+        }
+        (self.count, self.component) = (unpacked.count, unpacked.component);
+        let stride = self.element_size();
+        if unpacked.count.checked_mul(stride) != Some(unpacked.bytes.len()) {
+            let message =
+                format!("holds {}, which is not what the compressed primitive holds", self.contents());
+            return Err(report.problem(self.pointer.clone(), message));
+        }
+        Ok(Elements { bytes: &unpacked.bytes, stride })
+    }
+
+    fn open_sparse(
+        &self,
+        doc: &'d Document,
+        sparse: &accessor::sparse::Sparse,
+        report: &mut Report,
+    ) -> Sound<Sparse<'d>> {
+        let at = format!("{}/sparse", self.pointer);
+        let count = usize::try_from(sparse.count.0).ok().filter(|&n| n <= self.count);
+        let Some(count) = count else {
+            let message = format!("{} elements replace some of {}", sparse.count.0, self.count);
+            return Err(report.problem(format!("{at}/count"), message));
+        };
+        let Checked::Valid(accessor::IndexComponentType(component)) = sparse.indices.component_type else {
+            return Err(report.problem(format!("{at}/indices/componentType"), "is no type of indices"));
+        };
+        let places = Place {
+            view: sparse.indices.buffer_view.value(),
+            offset: sparse.indices.byte_offset.0,
+            element: component.size(),
+            count,
+        };
+        let places = places.elements(doc, &format!("{at}/indices"), report);
+        let values = Place {
+            view: sparse.values.buffer_view.value(),
+            offset: sparse.values.byte_offset.0,
+            element: self.element_size(),
+            count,
+        };
+        let values = values.elements(doc, &format!("{at}/values"), report);
+        let mut indices = vec![0; count];
+        read_integers(places?, component, &mut indices);
+        let increasing = indices.windows(2).all(|w| w[0] < w[1]);
+        if !increasing || indices.last().is_some_and(|&last| last as usize >= self.count) {
+            let message = format!("are not increasing and below {}", self.count);
+            return Err(report.problem(format!("{at}/indices"), message));
+        }
+        Ok(Sparse { indices, values: values? })
+    }
+
+    /// What it holds, for messages: `VEC3 of U8`.
+    pub fn contents(&self) -> String {
+        format!("{} of {:?}", format!("{:?}", self.kind).to_uppercase(), self.component)
+    }
+
+    /// Bytes of one element. Columns of matrices start at multiples of four bytes; only matrices of floats are read.
+    fn element_size(&self) -> usize {
+        self.kind.multiplicity() * self.component.size()
+    }
+
+    /// Reads the elements as N floats each; the accessor must have N components, `out` as many entries as it has.
+    pub fn read_floats<const N: usize>(&self, out: &mut [[f32; N]]) {
+        debug_assert!(self.kind.multiplicity() == N && out.len() == self.count);
+        if let Some(dense) = self.dense {
+            read_floats(dense, self.component, self.normalized, out);
+        }
+        if let Some(sparse) = &self.sparse {
+            let mut values = vec![[0.0; N]; sparse.indices.len()];
+            read_floats(sparse.values, self.component, self.normalized, &mut values);
+            for (&at, value) in sparse.indices.iter().zip(values) {
+                out[at as usize] = value;
+            }
+        }
+    }
+
+    /// Reads the first elements of a scalar accessor of unsigned integers; `out` has at most as many entries.
+    pub fn read_indices(&self, out: &mut [u32]) {
+        debug_assert!(self.kind == Type::Scalar && out.len() <= self.count);
+        if let Some(dense) = self.dense {
+            read_integers(dense, self.component, out);
+        }
+        if let Some(sparse) = &self.sparse {
+            let mut values = vec![0; sparse.indices.len()];
+            read_integers(sparse.values, self.component, &mut values);
+            for (&at, value) in sparse.indices.iter().zip(values) {
+                if let Some(out) = out.get_mut(at as usize) {
+                    *out = value;
+                }
+            }
+        }
+    }
+}
+
+/// Where elements lie in the file.
+struct Place {
+    view: usize,
+    offset: u64,
+    element: usize,
+    count: usize,
+}
+
+impl Place {
+    /// The elements, inside their view for certain.
+    fn elements<'d>(&self, doc: &'d Document, at: &str, report: &mut Report) -> Sound<Elements<'d>> {
+        let view = doc.view(self.view, &format!("{at}/bufferView"), report)?;
+        let stride = view.stride.unwrap_or(self.element);
+        if stride < self.element {
+            let message = format!("elements of {} bytes don't fit a byteStride of {stride}", self.element);
+            return Err(report.problem(at, message));
+        }
+        let last = (self.count as u64).checked_sub(1);
+        let length = match last {
+            None => Some(0),
+            Some(last) => last.checked_mul(stride as u64).and_then(|n| n.checked_add(self.element as u64)),
+        };
+        let end =
+            length.and_then(|n| n.checked_add(self.offset)).filter(|&end| end <= view.bytes.len() as u64);
+        let Some(end) = end else {
+            let message = format!(
+                "{} elements of {} bytes from byte {} on reach beyond their bufferView of {} bytes",
+                self.count,
+                self.element,
+                self.offset,
+                view.bytes.len()
+            );
+            return Err(report.problem(at, message));
+        };
+        Ok(Elements { bytes: &view.bytes[self.offset.min(end) as usize..end as usize], stride })
+    }
+}
+
+/// Converts components to floats (glTF 2.0, section 3.11 for normalised integers).
+fn read_floats<const N: usize>(
+    from: Elements,
+    component: ComponentType,
+    normalized: bool,
+    out: &mut [[f32; N]],
+) {
+    let part_of = |x: f32, largest: f32| if normalized { (x / largest).max(-1.0) } else { x };
+    match component {
+        ComponentType::F32 if cfg!(target_endian = "little") && from.stride == N * 4 => {
+            bytemuck::cast_slice_mut::<f32, u8>(out.as_flattened_mut()).copy_from_slice(from.bytes);
+        }
+        ComponentType::F32 => fill(from, out, f32::from_le_bytes),
+        ComponentType::U8 => fill(from, out, |[b]| part_of(f32::from(b), 255.0)),
+        ComponentType::I8 => fill(from, out, |b| part_of(f32::from(i8::from_le_bytes(b)), 127.0)),
+        ComponentType::U16 => fill(from, out, |b| part_of(f32::from(u16::from_le_bytes(b)), 65535.0)),
+        ComponentType::I16 => fill(from, out, |b| part_of(f32::from(i16::from_le_bytes(b)), 32767.0)),
+        ComponentType::U32 => fill(from, out, |b| u32::from_le_bytes(b) as f32),
+    }
+}
+
+fn fill<const N: usize, const S: usize>(
+    from: Elements,
+    out: &mut [[f32; N]],
+    decode: impl Fn([u8; S]) -> f32,
+) {
+    for (element, out) in from.bytes.chunks(from.stride).zip(out) {
+        for (component, out) in element.as_chunks::<S>().0.iter().zip(out) {
+            *out = decode(*component);
+        }
+    }
+}
+
+/// Reads unsigned integers; other component types were refused before.
+fn read_integers(from: Elements, component: ComponentType, out: &mut [u32]) {
+    let elements = from.bytes.chunks(from.stride).zip(out.iter_mut());
+    match component {
+        ComponentType::U8 => elements.for_each(|(b, out)| *out = u32::from(b[0])),
+        ComponentType::U16 => {
+            elements.for_each(|(b, out)| *out = u32::from(u16::from_le_bytes([b[0], b[1]])))
+        }
+        ComponentType::U32 if cfg!(target_endian = "little") && from.stride == 4 => {
+            let length = out.len() * 4;
+            bytemuck::cast_slice_mut::<_, u8>(out).copy_from_slice(&from.bytes[..length]);
+        }
+        ComponentType::U32 => {
+            elements.for_each(|(b, out)| *out = u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
+        }
+        ComponentType::I8 | ComponentType::I16 | ComponentType::F32 => {}
+    }
 }

@@ -1,15 +1,19 @@
 //! The JSON document: its objects are taken as the types of the `gltf` crate one by one, when something that is seen
 //! needs them. So a broken object that nothing uses does no harm, and each problem has its JSON pointer.
 
-use super::container::Parts;
 use super::options::GltfOptions;
 use super::report::{Report, Sound};
+use crate::error::{Choice, Error, Problem, Result};
+use crate::load::decoders::Decoder;
+use crate::load::words::is_utf_16;
 use crate::load::{LoadOptions, SavedFiles};
 use gltf::json::accessor::ComponentType;
+use gltf::{Glb, binary};
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use std::borrow::Cow;
 use std::cell::{Cell, OnceCell};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// A glTF file in memory.
@@ -260,5 +264,272 @@ pub(super) fn name_of(object: &Value, kind: &str, index: usize) -> String {
     match object.get("name").and_then(Value::as_str).filter(|n| !n.is_empty()) {
         Some(name) => name.to_string(),
         None => format!("{kind} {index}"),
+    }
+}
+
+// The binary container (GLB) and the JSON text in it or by itself.
+
+/// First four bytes of a GLB file.
+const MAGIC: &[u8] = b"glTF";
+/// Bytes of the file's header.
+const HEADER: usize = 12;
+
+/// The parts of a glTF file.
+pub(super) struct Parts<'a> {
+    /// The JSON document, an object.
+    pub json: Value,
+    /// The binary chunk of a GLB.
+    pub binary: Option<Cow<'a, [u8]>>,
+}
+
+/// Takes a `.gltf` or `.glb` apart, told apart by content.
+///
+/// # Errors
+/// An input error if the container or its JSON is broken.
+pub(super) fn open<'a>(path: &Path, bytes: &'a [u8]) -> Result<Parts<'a>> {
+    if bytes.is_empty() {
+        return Err(Error::input(path, "is empty"));
+    }
+    let (text, binary) = if bytes.starts_with(MAGIC) { chunks(path, bytes)? } else { (bytes.into(), None) };
+    let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&text);
+    if is_utf_16(text) {
+        return Err(Error::input(path, "is UTF-16 text").with_help("save the file as UTF-8"));
+    }
+    let json: Value = serde_json::from_slice(text)
+        .map_err(|e| Error::input(path, format!("is not a glTF file: its JSON can't be read: {e}")))?;
+    if !json.is_object() {
+        return Err(Error::input(path, "is not a glTF file: its JSON is not an object"));
+    }
+    Ok(Parts { json, binary })
+}
+
+/// The JSON chunk and the binary chunk.
+type Chunks<'a> = (Cow<'a, [u8]>, Option<Cow<'a, [u8]>>);
+
+/// Takes a GLB apart (glTF 2.0, section 4.4). Chunks behind these two are skipped, as it demands; so is one of unknown type
+/// in the second's place, which the crate refuses.
+fn chunks<'a>(path: &Path, bytes: &'a [u8]) -> Result<Chunks<'a>> {
+    let fail = |message: String| Error::input(path, format!("is a broken GLB: {message}"));
+    // The crate subtracts its header's length from this without a look, and reads on behind the file's end by it.
+    let length = bytes.get(8..HEADER).and_then(|b| b.try_into().ok()).map(u32::from_le_bytes);
+    let Some(length) = length.map(|length| length as usize) else {
+        return Err(fail(format!("it ends after {} bytes, inside its header", bytes.len())));
+    };
+    if length > bytes.len() {
+        let held = bytes.len();
+        return Err(fail(format!(
+            "its header promises {length} bytes, but there are {held}: it was cut off"
+        )));
+    }
+    if length < HEADER {
+        return Err(fail(format!("its header promises {length} bytes, fewer than its own")));
+    }
+    let file = &bytes[..length];
+    let error = match Glb::from_slice(file) {
+        Ok(glb) => return Ok((glb.json, glb.bin)),
+        Err(gltf::Error::Binary(error)) => error,
+        Err(other) => return Err(fail(other.to_string())),
+    };
+    Err(match error {
+        binary::Error::Version(version) => Error::input(path, format!("is a GLB of version {version}"))
+            .with_help("only glTF 2.0 is read; convert the file"),
+        binary::Error::UnknownChunkType(_) if file.get(16..20) == Some(b"JSON") => {
+            let end = file[12..16].try_into().map_or(0, u32::from_le_bytes) as usize;
+            return Ok((file[20..20 + end].into(), None));
+        }
+        binary::Error::UnknownChunkType(kind) => {
+            fail(format!("its first chunk has the type '{}', not JSON", kind.escape_ascii()))
+        }
+        binary::Error::ChunkLength { ty, length, length_read } => {
+            fail(format!("its {ty:?} chunk promises {length} bytes, but {length_read} are left"))
+        }
+        binary::Error::ChunkType(ty) => fail(format!("a {ty:?} chunk is out of place")),
+        binary::Error::Io(_) => fail(format!("it ends after {length} bytes, inside the header of a chunk")),
+        other => fail(other.to_string()),
+    })
+}
+
+// Versions and extensions: what the file demands, and what it uses that is not understood.
+
+/// Extensions that are read, some of them by a decoder that a build may lack.
+const READ: &[&str] = &[
+    "EXT_lights_area",
+    "EXT_lights_ies",
+    "EXT_lights_image_based",
+    "EXT_mesh_gpu_instancing",
+    "EXT_mesh_primitive_restart",
+    "EXT_meshopt_compression",
+    "EXT_texture_webp",
+    "KHR_animation_pointer",
+    "KHR_draco_mesh_compression",
+    "KHR_lights_punctual",
+    "KHR_materials_anisotropy",
+    "KHR_materials_clearcoat",
+    "KHR_materials_diffuse_roughness",
+    "KHR_materials_diffuse_transmission",
+    "KHR_materials_dispersion",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_iridescence",
+    "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_scatter",
+    "KHR_materials_sheen",
+    "KHR_materials_specular",
+    "KHR_materials_transmission",
+    "KHR_materials_unlit",
+    "KHR_materials_variants",
+    "KHR_materials_volume",
+    "KHR_materials_volume_scatter",
+    "KHR_mesh_primitive_restart",
+    "KHR_mesh_quantization",
+    "KHR_meshopt_compression",
+    "KHR_node_visibility",
+    "KHR_texture_basisu",
+    "KHR_texture_transform",
+];
+
+/// Extensions that may be demanded though they are not read: without them the picture is one that the file means, too.
+const HARMLESS: &[(&str, &str)] = &[("KHR_xmp_json_ld", "metadata are not read")];
+
+/// Extensions that change no picture: they are left out without a word.
+const OF_INTERACTION: &[&str] = &["KHR_interactivity", "KHR_node_hoverability", "KHR_node_selectability"];
+
+/// Extensions that are not read, and what that means.
+const UNREAD: &[(&str, &str)] =
+    &[("KHR_gaussian_splatting", "splats are not surfaces and can't be rendered; export a mesh of them")];
+
+impl Document<'_> {
+    /// Does the file declare the use of an extension?
+    pub fn extension_used(&self, name: &str) -> bool {
+        self.lists("extensionsUsed", name)
+    }
+
+    /// Does the file demand an extension?
+    #[cfg(not(feature = "draco"))]
+    pub fn extension_required(&self, name: &str) -> bool {
+        self.lists("extensionsRequired", name)
+    }
+
+    fn lists(&self, key: &str, name: &str) -> bool {
+        let list = self.json.get(key).and_then(Value::as_array);
+        list.is_some_and(|list| list.iter().any(|v| v.as_str() == Some(name)))
+    }
+}
+
+/// Is an extension read by this build?
+pub(super) fn is_read(name: &str) -> bool {
+    READ.contains(&name) && lacking_decoder(name).is_none()
+}
+
+/// The decoder for want of which an extension is not read.
+fn lacking_decoder(name: &str) -> Option<Decoder> {
+    let decoder = match name {
+        "EXT_texture_webp" => Decoder::WebP,
+        "KHR_draco_mesh_compression" => Decoder::Draco,
+        "KHR_texture_basisu" => Decoder::Ktx2,
+        _ => return None,
+    };
+    (!decoder.is_built_in()).then_some(decoder)
+}
+
+/// Checks the version and the extensions that the file demands.
+pub(super) fn check(doc: &Document, report: &mut Report) {
+    let asset = doc.json.get("asset").unwrap_or(&Value::Null);
+    let major = |key: &str| asset.get(key).and_then(Value::as_str).map(|v| v.split('.').next() == Some("2"));
+    match (major("version"), asset.get("minVersion").and_then(Value::as_str)) {
+        (Some(true), None | Some("2.0")) => {}
+        (None, _) => {
+            report.problem("/asset/version", "is missing: this is no glTF 2.0 file");
+        }
+        _ => {
+            let problem = Problem::new("/asset/version", "is not 2.0");
+            report.add(problem.with_help("only glTF 2.0 is read; convert the file"));
+        }
+    }
+    let Some(required) = doc.json.get("extensionsRequired") else { return };
+    let Some(required) = required.as_array() else {
+        report.problem("/extensionsRequired", "is not a list of names");
+        return;
+    };
+    for (i, name) in required.iter().enumerate() {
+        let at = pointer("extensionsRequired", i);
+        match name.as_str() {
+            None => {
+                report.problem(at, "is not a name");
+            }
+            Some(name) if is_read(name) || HARMLESS.iter().any(|(h, _)| *h == name) => {}
+            Some(name) if OF_INTERACTION.contains(&name) => {}
+            Some(name) => {
+                let (reason, remedy) = match lacking_decoder(name) {
+                    Some(decoder) => (format!(": {}", decoder.lack()), decoder.remedy()),
+                    None => {
+                        let known = UNREAD.iter().find(|(unread, _)| *unread == name);
+                        let why = known.map_or(String::new(), |(_, effect)| format!(": {effect}"));
+                        (format!(", which is not supported{why}"), "export it without this extension".into())
+                    }
+                };
+                let message = format!("the file demands {name}{reason}");
+                if doc.options.force {
+                    report.warn(at, format!("{message}; {} goes on", Choice::Force));
+                } else {
+                    let help = format!("{remedy}, or go on without it by {}", Choice::Force);
+                    report.add(Problem::new(at, message).with_help(help));
+                }
+            }
+        }
+    }
+}
+
+/// Notes a problem where the extensions of an object, or one that is read, are none: what they say would be lost.
+pub(super) fn check_shape(object: &Value, at: &str, report: &mut Report) {
+    let Some(extensions) = object.get("extensions") else { return };
+    let Some(all) = extensions.as_object() else {
+        report.problem(format!("{at}/extensions"), "is not an object");
+        return;
+    };
+    for (name, _) in all.iter().filter(|(name, e)| READ.contains(&name.as_str()) && !e.is_object()) {
+        report.problem(format!("{at}/extensions/{name}"), "is not an object");
+    }
+}
+
+/// Warns of each extension that is in use and not read, with the number of places.
+pub(super) fn warn_unread(doc: &Document, report: &mut Report) {
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    count(&doc.json, &mut counts);
+    for (name, places) in counts.into_iter().filter(|(name, _)| is_missed(name)) {
+        let harmless =
+            HARMLESS.iter().chain(UNREAD).find(|(h, _)| *h == name).map(|(_, effect)| effect.to_string());
+        let lack =
+            || lacking_decoder(name).map(|decoder| format!("{}; {}", decoder.lack(), decoder.remedy()));
+        let effect = harmless.or_else(lack).map_or(String::new(), |effect| format!(": {effect}"));
+        let times = if places == 1 { "one place".to_string() } else { format!("{places} places") };
+        report.warn("", format!("{name} is not read, in {times}{effect}"));
+    }
+}
+
+/// Is an extension one whose absence is to be told?
+fn is_missed(name: &str) -> bool {
+    !is_read(name) && !OF_INTERACTION.contains(&name)
+}
+
+/// Counts the extensions that stand in objects; the parser bounds the depth.
+fn count<'v>(value: &'v Value, counts: &mut BTreeMap<&'v str, usize>) {
+    match value {
+        Value::Object(object) => {
+            for (key, child) in object {
+                match child.as_object().filter(|_| key == "extensions") {
+                    Some(extensions) => {
+                        for (name, extension) in extensions {
+                            *counts.entry(name).or_default() += 1;
+                            count(extension, counts);
+                        }
+                    }
+                    None if key == "extras" => {}
+                    None => count(child, counts),
+                }
+            }
+        }
+        Value::Array(list) => list.iter().for_each(|child| count(child, counts)),
+        _ => {}
     }
 }

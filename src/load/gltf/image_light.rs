@@ -6,9 +6,9 @@
 //! which are seen from outside. PNGs with alpha are RGBD: sRGB-encoded colour over alpha.
 
 use super::document::{Document, index_of, number_of, numbers_of, pointer, required};
-use super::images;
-use super::keep::Kept;
+use super::place::Kept;
 use super::report::{Report, Sound};
+use super::textures;
 use super::textures::ImageNeed;
 use crate::image::{Encoding, Image, Pixels};
 use crate::math::{DQuat, DVec3};
@@ -90,7 +90,7 @@ fn faces(doc: &Document, raw: &Value, at: &str, report: &mut Report) -> Sound<Ve
     };
     let need = |&index: &usize| ImageNeed { index, encoding: Encoding::Srgb, gloss: None };
     let needs: Vec<ImageNeed> = list.iter().map(need).collect();
-    let images = images::read(doc, &needs, report);
+    let images = textures::read(doc, &needs, report);
     if images.len() < needs.len() {
         return Err(report.problem(at, "holds a picture that can't be read"));
     }

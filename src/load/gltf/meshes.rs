@@ -1,16 +1,22 @@
 //! Meshes: one mesh of the scene for each of the file, with a part for each primitive. Primitives without normals are
 //! flat, so a mesh that has both kinds becomes two, and likewise for tangents.
 
-use super::accessor::Accessor;
+use super::buffers::Accessor;
 use super::document::{Document, name_of, pointer};
+use super::draco;
 use super::materials::Materials;
+use super::options::GltfOptions;
 use super::report::{Report, Sound};
-use super::triangles::Corners;
 use super::vertices::{Attributes, Deformation, add_vertices, attributes};
-use super::{draco, repair, triangles, variants};
+use crate::error::Problem;
+use crate::load::shapes::{clear_unusable, normalize_normals};
+use crate::math::all_finite;
 use crate::scene::{MaterialId, Mesh, MeshPart};
+use crate::simd::prefer_huge_pages;
+use gltf::json::accessor::{ComponentType, Type};
 use gltf::json::mesh::{Mode, Primitive};
 use gltf::json::validation::Checked;
+use serde_json::Value;
 use std::collections::HashMap;
 
 /// The extensions by which the largest index begins another strip or fan. `EXT_mesh_primitive_restart` first had lists of primitives
@@ -79,7 +85,7 @@ impl MeshReader<'_, '_> {
         let finish = |group: Group| {
             let mut mesh = Mesh { name: name.clone(), ..group.mesh };
             pad(&mut mesh);
-            repair::repair(&mut mesh, &pointer("meshes", index), self.report);
+            repair(&mut mesh, &pointer("meshes", index), self.report);
             mesh
         };
         groups.into_iter().map(finish).filter(|mesh| !mesh.triangles.is_empty()).collect()
@@ -116,7 +122,7 @@ impl MeshReader<'_, '_> {
         let is_compressed = self.report.lasting(|report| draco::unpack(doc, primitive, at, report))?;
         // A compressed primitive is a list of triangles, whatever it was made from.
         let mode = if is_compressed { Mode::Triangles } else { mode };
-        let material = variants::material(doc, primitive, at, self.report);
+        let material = variant_material(doc, primitive, at, self.report);
         let material = self.materials.get(doc, material, &format!("{at}/material"), self.report)?;
         let needs = self.materials.needs(material);
         let attributes = attributes(primitive, needs, &self.deformation, at, self.report)?;
@@ -154,7 +160,7 @@ impl MeshReader<'_, '_> {
         let first = mesh.triangles.len();
         let may_restart = RESTARTS.iter().any(|name| doc.extension_used(name));
         let corners = Corners { mode, indices: indices.as_ref(), vertices: count, may_restart };
-        triangles::append(corners, base, at, &mut mesh.triangles, self.report)?;
+        append_triangles(corners, base, at, &mut mesh.triangles, self.report)?;
         add_part(mesh, first, material, at, self.report)
     }
 }
@@ -188,5 +194,227 @@ fn pad(mesh: &mut Mesh) {
     }
     for set in mesh.uv_sets.iter_mut().filter(|set| !set.is_empty()) {
         set.resize(count, [0.0; 2]);
+    }
+}
+
+// The triangles of a primitive: lists, strips and fans, with or without indices.
+
+/// What the triangles of a primitive are made of.
+pub(super) struct Corners<'c, 'd> {
+    /// How corners become triangles.
+    pub mode: Mode,
+    /// Which vertices they are; all in order without.
+    pub indices: Option<&'c Accessor<'d>>,
+    /// How many vertices there are.
+    pub vertices: usize,
+    /// May the largest index there is begin another strip or fan (KHR_mesh_primitive_restart)?
+    pub may_restart: bool,
+}
+
+/// Appends a primitive's triangles to `triangles`, with `base` added to each index. Every index is below `base` plus
+/// the number of vertices afterwards; nothing is appended if the file says otherwise.
+pub(super) fn append_triangles(
+    Corners { mode, indices, vertices, may_restart }: Corners,
+    base: u32,
+    at: &str,
+    triangles: &mut Vec<[u32; 3]>,
+    report: &mut Report,
+) -> Sound<()> {
+    let count = indices.map_or(vertices, |a| a.count);
+    indices.map_or(Ok(()), |accessor| check_indices(accessor, report))?;
+    let whole = match mode {
+        Mode::Triangles => count.is_multiple_of(3),
+        _ => count == 0 || count >= 3,
+    };
+    if !whole {
+        report.warn(at, format!("{count} corners make no whole number of triangles; the rest is ignored"));
+    }
+    let first = triangles.len();
+    if mode == Mode::Triangles {
+        if first == 0 {
+            // Fresh zeros come from the system without being written.
+            *triangles = vec![[0; 3]; count / 3];
+            prefer_huge_pages(triangles);
+        } else {
+            triangles.resize(first + count / 3, [0; 3]);
+        }
+        read(indices, bytemuck::cast_slice_mut(&mut triangles[first..]));
+    } else {
+        let mut corners = vec![0; count];
+        read(indices, &mut corners);
+        let restart = indices.filter(|_| may_restart).map(restart_index);
+        let pieces = corners.split(|&corner| Some(corner) == restart);
+        match mode {
+            Mode::TriangleStrip => triangles.extend(pieces.flat_map(strip)),
+            Mode::TriangleFan => triangles.extend(pieces.flat_map(fan)),
+            _ => {}
+        }
+    }
+    let added: &mut [u32] = bytemuck::cast_slice_mut(&mut triangles[first..]);
+    let largest = added.iter().copied().max();
+    if let Some(largest) = largest.filter(|&i| i as usize >= vertices) {
+        let at = indices.map_or(at, |a| &a.pointer);
+        let message = format!("holds the index {largest}, but there are {vertices} vertices");
+        let is_restart = mode != Mode::Triangles && indices.is_some_and(|a| restart_index(a) == largest);
+        let help = "where that index begins another strip or fan, the file must say so in \
+                    extensionsUsed and extensionsRequired: KHR_mesh_primitive_restart";
+        triangles.truncate(first);
+        let problem = Problem::new(at, message);
+        return Err(report.add(if is_restart { problem.with_help(help) } else { problem }));
+    }
+    if base > 0 {
+        added.iter_mut().for_each(|i| *i += base);
+    }
+    Ok(())
+}
+
+/// The index that no vertex can have: the largest of its type.
+fn restart_index(accessor: &Accessor) -> u32 {
+    match accessor.component {
+        ComponentType::U8 => u32::from(u8::MAX),
+        ComponentType::U16 => u32::from(u16::MAX),
+        _ => u32::MAX,
+    }
+}
+
+fn check_indices(accessor: &Accessor, report: &mut Report) -> Sound<()> {
+    let unsigned = matches!(accessor.component, ComponentType::U8 | ComponentType::U16 | ComponentType::U32);
+    let fits = unsigned && accessor.kind == Type::Scalar && !accessor.normalized;
+    if !fits {
+        let message = format!("holds {}; indices are unsigned scalars, not normalised", accessor.contents());
+        return Err(report.problem(accessor.pointer.clone(), message));
+    }
+    Ok(())
+}
+
+fn read(indices: Option<&Accessor>, out: &mut [u32]) {
+    match indices {
+        Some(accessor) => accessor.read_indices(out),
+        None => out.iter_mut().zip(0..).for_each(|(out, i)| *out = i),
+    }
+}
+
+/// The triangles of a strip (glTF 2.0, section 3.7.2.1); those with two equal corners only join pieces and are left out.
+fn strip(corners: &[u32]) -> impl Iterator<Item = [u32; 3]> {
+    let turned = |(i, w): (usize, &[u32])| if i % 2 == 0 { [w[0], w[1], w[2]] } else { [w[0], w[2], w[1]] };
+    corners.windows(3).enumerate().map(turned).filter(|[a, b, c]| a != b && b != c && c != a)
+}
+
+/// The triangles of a fan about the first corner.
+fn fan(corners: &[u32]) -> impl Iterator<Item = [u32; 3]> {
+    let center = corners.first().copied().unwrap_or_default();
+    corners.get(1..).unwrap_or_default().windows(2).map(move |w| [w[0], w[1], center])
+}
+
+// What files get wrong in the numbers of meshes: each repair is counted in a warning. Sound meshes cost one look.
+
+/// Largest difference of a normal's squared length from 1 that is left alone.
+const UNIT_TOLERANCE: f32 = 1e-4;
+
+/// Drops triangles with corners that are not finite, and mends normals, tangents, colours and coordinates.
+fn repair(mesh: &mut Mesh, at: &str, report: &mut Report) {
+    if !all_finite(mesh.positions.as_flattened()) {
+        let dropped = drop_triangles(mesh);
+        report.warn(at, format!("{dropped} triangles with corners that are not finite numbers were dropped"));
+    }
+    // Without a branch inside, so that many are looked at in one step; NaN is no unit length.
+    let is_unit = |[x, y, z]: [f32; 3]| (x * x + y * y + z * z - 1.0).abs() <= UNIT_TOLERANCE;
+    if !mesh.normals.iter().fold(true, |all, &n| all & is_unit(n)) {
+        normalize_normals(mesh);
+        report.warn(at, "has normals that are not of unit length; they were normalised");
+    }
+    let zeroed = clear_unusable(mesh);
+    if zeroed > 0 {
+        report.warn(at, format!("{zeroed} texture coordinates or colours that are not finite became 0"));
+    }
+    if !all_finite(mesh.tangents.as_flattened()) {
+        mesh.tangents.clear();
+        report.warn(at, "has tangents that are not finite; they are made from its texture coordinates");
+    }
+    for tangent in &mut mesh.tangents {
+        tangent[3] = 1f32.copysign(tangent[3]);
+    }
+}
+
+/// Removes triangles that use vertices which are not finite (these become the origin); returns how many.
+fn drop_triangles(mesh: &mut Mesh) -> usize {
+    let usable: Vec<bool> = mesh.positions.iter().map(|p| all_finite(p)).collect();
+    let before = mesh.triangles.len();
+    let mut kept = Vec::with_capacity(before);
+    for part in &mut mesh.parts {
+        let first = part.first_triangle as usize;
+        let old = &mesh.triangles[first..first + part.triangle_count as usize];
+        part.first_triangle = kept.len() as u32;
+        kept.extend(old.iter().filter(|t| t.iter().all(|&i| usable[i as usize])));
+        part.triangle_count = kept.len() as u32 - part.first_triangle;
+    }
+    mesh.triangles = kept;
+    for (p, _) in mesh.positions.iter_mut().zip(&usable).filter(|(_, usable)| !**usable) {
+        *p = [0.0; 3];
+    }
+    before - mesh.triangles.len()
+}
+
+// KHR_materials_variants: the material of a primitive in the variant that is shown.
+
+const VARIANTS: &str = "/extensions/KHR_materials_variants/variants";
+
+/// Checks that the variant that the user wants exists.
+pub(super) fn check_variant(doc: &Document, report: &mut Report) {
+    let Some(wanted) = &doc.options.variant else { return };
+    if let Err(help) = GltfOptions::find(&variant_names(doc), wanted) {
+        let message = format!("there is no variant '{wanted}' of the materials");
+        report.add(Problem::new("/extensions", message).with_help(help));
+    }
+}
+
+/// The names of a file's variants.
+pub(super) fn variant_names(doc: &Document) -> Vec<String> {
+    let list = doc.json.pointer(VARIANTS).and_then(Value::as_array);
+    let name = |v: &Value| v.get("name").and_then(Value::as_str).unwrap_or_default().to_string();
+    list.into_iter().flatten().map(name).collect()
+}
+
+/// The material of a primitive: that of the chosen variant, or its own.
+fn variant_material(doc: &Document, primitive: &Primitive, at: &str, report: &mut Report) -> Option<usize> {
+    let own = primitive.material.map(|m| m.value());
+    let Some(chosen) =
+        doc.options.variant.as_ref().and_then(|v| GltfOptions::find(&variant_names(doc), v).ok())
+    else {
+        return own;
+    };
+    let extension = doc.json.pointer(&format!("{at}/extensions/KHR_materials_variants/mappings"));
+    let mappings = extension.and_then(Value::as_array).map_or(&[][..], Vec::as_slice);
+    if mappings.is_empty() && extension.is_some() {
+        report.warn(at, "has variants, but no list of them; its own material is shown");
+    }
+    let is_chosen = |mapping: &&Value| {
+        let variants = mapping.get("variants").and_then(Value::as_array);
+        variants.is_some_and(|list| list.iter().any(|v| v.as_u64() == Some(chosen as u64)))
+    };
+    let Some(mapping) = mappings.iter().find(is_chosen) else { return own };
+    let material = mapping.get("material").and_then(Value::as_u64).and_then(|m| usize::try_from(m).ok());
+    if material.is_none() {
+        report.warn(at, "has a variant without a material; its own material is shown");
+    }
+    material.or(own)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn strips_keep_their_winding() {
+        let triangles: Vec<_> = strip(&[0, 1, 2, 3, 3, 4]).collect();
+        assert_eq!(triangles, [[0, 1, 2], [1, 3, 2]]);
+        assert_eq!(strip(&[0, 1]).count(), 0);
+    }
+
+    #[test]
+    fn fans_turn_about_the_first() {
+        let triangles: Vec<_> = fan(&[5, 6, 7, 8]).collect();
+        assert_eq!(triangles, [[6, 7, 5], [7, 8, 5]]);
+        assert_eq!(fan(&[]).count(), 0);
     }
 }

@@ -8,42 +8,23 @@
 //! colours; metallic-roughness materials with emission, alpha and normal maps; cameras; the extensions listed in
 //! `extensions.rs`. `extras` of the scene may hold `width`, `height` and `bounces`.
 
-mod accessor;
 mod animation;
-mod area_lights;
 mod buffers;
-mod cameras;
-mod container;
 mod document;
 mod draco;
 mod exported;
-mod extensions;
-mod ies_lights;
 mod image_light;
-mod images;
-mod instancing;
-mod keep;
+mod lights;
 mod materials;
 mod meshes;
 mod meshopt;
-mod morph;
 mod nodes;
-mod opener;
 mod options;
 mod place;
 mod pointers;
-mod portals;
-mod repair;
 mod report;
-mod samplers;
 mod shutter;
-mod skin;
 mod textures;
-mod track;
-mod traits;
-mod transform;
-mod triangles;
-mod variants;
 mod vertices;
 
 pub use options::{Glass, GltfOptions, LightUnits};
@@ -54,8 +35,9 @@ use crate::scene::Scene;
 use crate::simd::prefer_huge_pages;
 use animation::Pose;
 use document::{Document, pointer};
-use keep::{Kept, StillMesh};
-use place::Builder;
+use nodes::Family;
+
+use place::{Builder, Kept, StillMesh};
 use pointers::Played;
 use report::Report;
 use serde_json::Value;
@@ -63,7 +45,6 @@ use shutter::Moments;
 use std::io::Read;
 use std::ops::ControlFlow;
 use std::path::Path;
-use transform::Family;
 
 /// Loads a `.gltf` or `.glb` file (told apart by content).
 ///
@@ -92,7 +73,7 @@ pub(super) fn load_moments(
 ) -> Result<()> {
     options.files.note(path);
     let bytes = read_file(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))?;
-    let parts = container::open(path, &bytes)?;
+    let parts = document::open(path, &bytes)?;
     let mut doc = Document::new(path, parts, bytes.len(), options);
     let (mut report, mut kept) = (Report::new(path), Kept::default());
     kept.materials.geometry_only = options.geometry_only;
@@ -139,8 +120,8 @@ fn at(
     kept: &mut Kept,
     report: &mut Report,
 ) -> Result<(Loaded, Vec<StillMesh>)> {
-    extensions::check(doc, report);
-    variants::check(doc, report);
+    document::check(doc, report);
+    meshes::check_variant(doc, report);
     let pose = time_s.map_or_else(Pose::default, |time_s| animation::pose(doc, time_s, report));
     let family = Family::new(doc, &pose);
     let hierarchy = nodes::walk(doc, &pose, &family, report);
@@ -158,7 +139,7 @@ fn at(
     moments.into_iter().for_each(|moments| moments.tell(&mut scene, report));
     read_scene(doc, hierarchy.scene, &mut scene, report);
     let blender = exported::signs_of_loss(doc, &hierarchy, &scene, &kept.materials.signs, report);
-    extensions::warn_unread(doc, report);
+    document::warn_unread(doc, report);
     let problems = report.take_problems();
     if !problems.is_empty() {
         return Err(Error::input_problems(doc.path, problems));

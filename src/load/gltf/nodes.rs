@@ -1,13 +1,16 @@
 //! The node hierarchy: which nodes are seen, and where they stand.
 
 use super::animation::{NodePose, Pose};
-use super::document::{Document, index_of, list_of_indices, name_of, names_of, pointer, required};
+use super::buffers::Accessor;
+use super::document;
+use super::document::{
+    Document, index_of, list_of_indices, name_of, names_of, numbers_of, pointer, required,
+};
 use super::options::GltfOptions;
 use super::report::{Report, Sound};
-use super::transform::{self, Family};
-use super::{extensions, instancing};
 use crate::error::Problem;
-use crate::math::DAffine3;
+use crate::math::{DAffine3, DMat3, DQuat, DVec3};
+use gltf::json::accessor::{ComponentType, Type};
 use serde_json::Value;
 
 /// A node that is seen.
@@ -121,13 +124,13 @@ pub(super) fn walk(doc: &Document, pose: &Pose, family: &Family, report: &mut Re
         let Ok(raw) = doc.raw("nodes", step.node, &step.from, report) else { continue };
         reached[step.node] = true;
         let at = pointer("nodes", step.node);
-        extensions::check_shape(raw, &at, report);
+        document::check_shape(raw, &at, report);
         if is_hidden(raw, &at, report) {
             hidden += 1;
             continue;
         }
         let parent = step.parent.map(|p| hierarchy.nodes[p].world_from_node).or(above).unwrap_or_default();
-        let Ok(local) = transform::local(raw, pose.node(step.node), &at, report) else { continue };
+        let Ok(local) = local(raw, pose.node(step.node), &at, report) else { continue };
         let world_from_node = parent * local;
         if !world_from_node.is_finite() {
             report.problem(at, "stands beyond the range of numbers");
@@ -150,7 +153,7 @@ pub(super) fn walk(doc: &Document, pose: &Pose, family: &Family, report: &mut Re
             camera,
             light: light(raw, &at, report).unwrap_or(None),
             skin,
-            instances: instancing::placements(doc, raw, &at, report).unwrap_or(None),
+            instances: placements(doc, raw, &at, report).unwrap_or(None),
         });
     }
     if hidden > 0 {
@@ -234,4 +237,193 @@ fn roots(doc: &Document, report: &mut Report) -> (Option<usize>, Vec<Step>) {
         }
     }
     (None, (0..count).filter(|&i| !is_child[i]).map(|i| step(i, String::new())).collect())
+}
+
+// Where nodes stand. Transforms are taken from the JSON in full precision and composed in f64.
+
+/// A node's own transform at the pose's moment: its matrix, or translation * rotation * scale.
+pub(super) fn local(node: &Value, pose: Option<&NodePose>, at: &str, report: &mut Report) -> Sound<DAffine3> {
+    let moves = pose.is_some_and(|p| p.translation.is_some() || p.rotation.is_some() || p.scale.is_some());
+    let transform = if node.get("matrix").is_some() {
+        if ["translation", "rotation", "scale"].iter().any(|key| node.get(key).is_some()) {
+            return Err(report.problem(at, "has a matrix and also a translation, rotation or scale"));
+        }
+        if moves {
+            report.warn(format!("{at}/matrix"), "an animated node must not have a matrix; the matrix counts");
+        }
+        matrix(node, at, report)?
+    } else {
+        let translation = vector(node, "translation", 0.0, at, report)?;
+        let scale = vector(node, "scale", 1.0, at, report)?;
+        let rotation = rotation(node, at, report)?;
+        DAffine3::from_scale_rotation_translation(
+            pose.and_then(|p| p.scale).unwrap_or(scale),
+            pose.and_then(|p| p.rotation).unwrap_or(rotation),
+            pose.and_then(|p| p.translation).unwrap_or(translation),
+        )
+    };
+    if !transform.is_finite() {
+        return Err(report.problem(at, "has a transform beyond the range of numbers"));
+    }
+    Ok(transform)
+}
+
+fn matrix(node: &Value, at: &str, report: &mut Report) -> Sound<DAffine3> {
+    let m: [f64; 16] = required(numbers_of(node, "matrix", at, report), "matrix", at, report)?;
+    if [m[3], m[7], m[11], m[15]] != [0.0, 0.0, 0.0, 1.0] {
+        report.warn(format!("{at}/matrix"), "is a projection; its last row is taken as 0 0 0 1");
+    }
+    Ok(affine(&m))
+}
+
+/// The affine part of a matrix given column by column.
+pub(super) fn affine(m: &[f64; 16]) -> DAffine3 {
+    let column = |i: usize| DVec3::new(m[i], m[i + 1], m[i + 2]);
+    DAffine3::from_mat3_translation(DMat3::from_cols(column(0), column(4), column(8)), column(12))
+}
+
+fn vector(node: &Value, key: &str, default: f64, at: &str, report: &mut Report) -> Sound<DVec3> {
+    Ok(numbers_of(node, key, at, report)?.map_or(DVec3::splat(default), DVec3::from_array))
+}
+
+fn rotation(node: &Value, at: &str, report: &mut Report) -> Sound<DQuat> {
+    let Some(rotation) = numbers_of(node, "rotation", at, report)? else { return Ok(DQuat::IDENTITY) };
+    let rotation = DQuat::from_array(rotation);
+    let length = rotation.length();
+    if !(length > 1e-6 && length.is_finite()) {
+        return Err(report.problem(format!("{at}/rotation"), "is no rotation: a unit quaternion is needed"));
+    }
+    if (length - 1.0).abs() > 1e-3 {
+        report.warn(format!("{at}/rotation"), format!("has the length {length:.4}; it was normalised"));
+    }
+    Ok(rotation.normalize())
+}
+
+/// The parents of all nodes, for placing nodes that the walk over the shown scene doesn't reach: joints of skins, and
+/// the ancestors of a node that is shown alone.
+pub(super) struct Family<'d, 'a> {
+    doc: &'d Document<'a>,
+    pose: &'d Pose,
+    parents: Vec<Option<usize>>,
+}
+
+impl<'d, 'a> Family<'d, 'a> {
+    /// Reads who is whose child. Broken lists of children are left to the walk, which names them.
+    pub fn new(doc: &'d Document<'a>, pose: &'d Pose) -> Family<'d, 'a> {
+        let count = doc.count("nodes");
+        let mut parents = vec![None; count];
+        let nodes = doc.json.get("nodes").and_then(Value::as_array);
+        for (parent, node) in nodes.into_iter().flatten().enumerate() {
+            let children = node.get("children").and_then(Value::as_array);
+            for child in children.into_iter().flatten().filter_map(Value::as_u64) {
+                if let Some(slot) = usize::try_from(child).ok().and_then(|c| parents.get_mut(c)) {
+                    *slot = Some(parent);
+                }
+            }
+        }
+        Family { doc, pose, parents }
+    }
+
+    /// The parent of a node.
+    pub fn parent(&self, index: usize) -> Option<usize> {
+        self.parents.get(index).copied().flatten()
+    }
+
+    /// The placement of a node in the world.
+    pub fn world_from_node(&self, index: usize, report: &mut Report) -> Sound<DAffine3> {
+        let mut world = DAffine3::IDENTITY;
+        let mut next = Some(index);
+        let mut left = self.parents.len();
+        while let Some(node) = next {
+            if left == 0 {
+                return Err(
+                    report.problem(pointer("nodes", index), "is its own ancestor: nodes form a cycle")
+                );
+            }
+            left -= 1;
+            let at = pointer("nodes", node);
+            let raw = self.doc.raw("nodes", node, &at, report)?;
+            world = local(raw, self.pose.node(node), &at, report)? * world;
+            next = self.parent(node);
+        }
+        if !world.is_finite() {
+            return Err(report.problem(pointer("nodes", index), "stands beyond the range of numbers"));
+        }
+        Ok(world)
+    }
+}
+
+// EXT_mesh_gpu_instancing: one node shows its mesh many times.
+
+/// Bytes that one more instance takes in the scene, roughly, with its name.
+const BYTES_PER_INSTANCE: u64 = 256;
+
+/// Where the instances of a node stand in its space; `None` if it has no instancing.
+pub(super) fn placements(
+    doc: &Document,
+    node: &Value,
+    at: &str,
+    report: &mut Report,
+) -> Sound<Option<Vec<DAffine3>>> {
+    let Some(extension) = node.pointer("/extensions/EXT_mesh_gpu_instancing") else { return Ok(None) };
+    let at = format!("{at}/extensions/EXT_mesh_gpu_instancing/attributes");
+    let Some(attributes) = extension.get("attributes").filter(|a| a.is_object()) else {
+        return Err(report.problem(at, "is missing, or no object"));
+    };
+    let mut count = None;
+    let mut open = |name: &str, kind: Type, report: &mut Report| -> Sound<Option<Accessor<'_>>> {
+        let Some(index) = index_of(attributes, name, &at, report)? else { return Ok(None) };
+        let accessor = Accessor::open(doc, index, &format!("{at}/{name}"), report)?;
+        let small = accessor.normalized && accessor.component != ComponentType::U32;
+        if accessor.kind != kind || !(accessor.component == ComponentType::F32 || small) {
+            let wanted = format!("{kind:?}").to_uppercase();
+            let message = format!("holds {}; this attribute needs {wanted} of F32", accessor.contents());
+            return Err(report.problem(accessor.pointer.clone(), message));
+        }
+        let expected = *count.get_or_insert(accessor.count);
+        if accessor.count != expected {
+            let message = format!("has {} elements for {expected} instances", accessor.count);
+            return Err(report.problem(accessor.pointer.clone(), message));
+        }
+        Ok(Some(accessor))
+    };
+    let translations = open("TRANSLATION", Type::Vec3, report);
+    let rotations = open("ROTATION", Type::Vec4, report);
+    let scales = open("SCALE", Type::Vec3, report);
+    let (translations, rotations, scales) = (translations?, rotations?, scales?);
+    // Instances without a transform (only custom attributes) all stand where the node does: one is enough to see.
+    let count = count.unwrap_or(1);
+    if !doc.may_decode(BYTES_PER_INSTANCE.saturating_mul(count as u64)) {
+        return Err(
+            report.problem(at, format!("{count} instances are more than the size of the file justifies"))
+        );
+    }
+    let translations = read(translations.as_ref(), count, [0.0; 3]);
+    let rotations = read(rotations.as_ref(), count, [0.0, 0.0, 0.0, 1.0]);
+    let scales = read(scales.as_ref(), count, [1.0; 3]);
+    let mut unusable = 0usize;
+    let mut list = Vec::with_capacity(count);
+    for ((t, r), s) in translations.into_iter().zip(rotations).zip(scales) {
+        let rotation = DQuat::from_array(r.map(f64::from)).normalize();
+        let [translation, scale] = [t, s].map(|v| DVec3::from_array(v.map(f64::from)));
+        let placement = DAffine3::from_scale_rotation_translation(scale, rotation, translation);
+        if placement.is_finite() && placement.matrix3.determinant() != 0.0 {
+            list.push(placement);
+        } else {
+            unusable += 1;
+        }
+    }
+    if unusable > 0 {
+        report.warn(at, format!("{unusable} instances are flattened or not finite, and left out"));
+    }
+    Ok(Some(list))
+}
+
+fn read<const N: usize>(accessor: Option<&Accessor>, count: usize, default: [f32; N]) -> Vec<[f32; N]> {
+    let mut values = vec![default; count];
+    if let Some(accessor) = accessor {
+        values.fill([0.0; N]);
+        accessor.read_floats(&mut values);
+    }
+    values
 }

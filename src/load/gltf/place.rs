@@ -1,22 +1,17 @@
 //! Puts what the nodes show into the scene: meshes, each shape once, cameras and lights.
 
-use super::area_lights::{self, AreaLight};
+use super::animation::{Pose, WeightsPose};
 use super::document::Document;
-use super::keep::{Kept, StillMesh};
-use super::meshes::MeshReader;
-use super::nodes::{Hierarchy, Node};
+use super::lights::{AreaLight, Profiles};
+use super::materials::Materials;
+use super::meshes::{MeshReader, Skipped};
+use super::nodes::{Family, Hierarchy, Node};
 use super::report::{Report, Sound};
-use super::skin::{self, SkinPose};
-use super::traits;
-use super::transform::Family;
-use super::vertices::Deformation;
-use super::{
-    animation::{Pose, WeightsPose},
-    images,
-};
-use super::{cameras, ies_lights, portals};
+use super::vertices::{Deformation, SkinPose};
+use super::{lights, textures, vertices};
+use crate::image::Image;
 use crate::math::DAffine3;
-use crate::scene::{Instance, MeshId, Motion, Scene};
+use crate::scene::{Instance, Mesh, MeshId, Motion, Scene};
 use serde_json::Value;
 use std::collections::{HashMap, HashSet};
 
@@ -77,20 +72,20 @@ impl<'b, 'a> Builder<'b, 'a> {
                 let _: Sound<()> = self.add_mesh(hierarchy, entry, node, mesh, report);
             }
             if let Some(index) = node.camera {
-                self.scene.cameras.extend(cameras::camera(self.doc, node, index, report));
+                self.scene.cameras.extend(lights::camera(self.doc, node, index, report));
             }
             if let Some(index) = node.light {
-                self.scene.lights.extend(cameras::light(self.doc, node, index, report));
+                self.scene.lights.extend(lights::punctual_light(self.doc, node, index, report));
             }
-            self.scene.portals.extend(portals::portal(self.doc, node, report));
-            if let Some(light) = ies_lights::light(self.doc, node, &mut self.kept.profiles, report) {
+            self.scene.portals.extend(lights::portal(self.doc, node, report));
+            if let Some(light) = lights::ies_light(self.doc, node, &mut self.kept.profiles, report) {
                 self.scene.lights.extend(light);
             }
             let may_move = self.is_one_of_many && node.moves;
-            self.area_lights.extend(area_lights::light(self.doc, node, may_move, report));
+            self.area_lights.extend(lights::area_light(self.doc, node, may_move, report));
         }
         let punctual = self.scene.lights.iter().filter(|light| light.profile.is_none()).count();
-        cameras::note_units(self.doc, punctual + self.area_lights.len(), report);
+        lights::note_units(self.doc, punctual + self.area_lights.len(), report);
         self.kept.skipped.warn(report);
     }
 
@@ -106,7 +101,7 @@ impl<'b, 'a> Builder<'b, 'a> {
             Some(index) => {
                 let from = format!("{}/skin", node.pointer());
                 let world = node.world_from_node;
-                Some(skin::pose(self.doc, index, &from, world, self.family, report)?)
+                Some(vertices::skin_pose(self.doc, index, &from, world, self.family, report)?)
             }
             None if node.world_from_node.matrix3.determinant() == 0.0 => {
                 return Err(report
@@ -132,8 +127,8 @@ impl<'b, 'a> Builder<'b, 'a> {
         let name = hierarchy.path(self.doc, entry);
         let motion = self.motion(node, mesh);
         let raw = self.doc.json.pointer(&node.pointer());
-        let traits = raw.map(|raw| traits::of_node(raw, &node.pointer(), report)).unwrap_or_default();
-        let group = raw.and_then(|raw| cameras::light_group(raw, &node.pointer(), report));
+        let traits = raw.map(|raw| lights::object_traits(raw, &node.pointer(), report)).unwrap_or_default();
+        let group = raw.and_then(|raw| lights::light_group(raw, &node.pointer(), report));
         for (i, &world_from_object) in placements.iter().enumerate() {
             for &mesh in &meshes {
                 let name = if node.instances.is_some() { format!("{name}/{i}") } else { name.clone() };
@@ -261,7 +256,7 @@ impl<'b, 'a> Builder<'b, 'a> {
         let Builder { mut scene, kept, doc, shapes, area_lights, .. } = self;
         let needs = &kept.materials.textures.images;
         let further = &needs[kept.images.len()..];
-        let (further, unreadable) = report.lasting(|report| images::read_textures(doc, further, report));
+        let (further, unreadable) = report.lasting(|report| textures::read_textures(doc, further, report));
         kept.images.extend(further);
         kept.lose_textures(unreadable);
         scene.images = kept.images.clone();
@@ -271,5 +266,67 @@ impl<'b, 'a> Builder<'b, 'a> {
         area_lights.into_iter().for_each(|light| light.add_to(&mut scene));
         let still = shapes.into_iter().filter(|(shape, _)| shape.is_still());
         (scene, still.map(|(shape, meshes)| StillMesh { mesh: shape.mesh, meshes }).collect())
+    }
+}
+
+// What is read once for all moments of a file: materials, images, and the meshes that nothing deforms.
+
+/// Everything that outlives a moment. Lists only grow, so that ids stay what they are.
+#[derive(Default)]
+pub(super) struct Kept {
+    /// The materials and textures met so far.
+    pub materials: Materials,
+    /// The images that they need, in the order of the needs.
+    pub images: Vec<Image>,
+    /// Meshes of the file, by index, without the deformation by a skin or morph targets; absent while a scene has them.
+    pub still: HashMap<usize, Vec<Mesh>>,
+    /// The profiles of EXT_lights_ies met so far.
+    pub profiles: Profiles,
+    /// The picture of EXT_lights_image_based, once it was asked for.
+    pub surroundings: Option<Sound<Image>>,
+    /// What the meshes left out.
+    pub skipped: Skipped,
+    /// Images turned out to be none: materials that have been read refer to them.
+    loses_textures: bool,
+}
+
+/// Where a scene has what became of a mesh of the file that nothing deforms.
+pub(super) struct StillMesh {
+    /// The mesh of the file.
+    pub mesh: usize,
+    /// The scene's meshes, in a row.
+    pub meshes: Vec<MeshId>,
+}
+
+impl Kept {
+    /// These images, with what is said of them, can't be read.
+    pub fn lose_textures(&mut self, unreadable: Vec<(usize, String)>) {
+        self.loses_textures |= !unreadable.is_empty();
+        self.materials.textures.unreadable.extend(unreadable);
+    }
+
+    /// Forgets the materials if some refer to images that can't be read; then they are to be read again, without them.
+    pub fn forget_lost_textures(&mut self) -> bool {
+        let loses = std::mem::take(&mut self.loses_textures);
+        if loses {
+            self.forget_materials();
+        }
+        loses
+    }
+
+    /// Forgets the materials and the meshes, which refer to them by number. Images stay decoded.
+    pub fn forget_materials(&mut self) {
+        self.materials.forget();
+        self.still.clear();
+    }
+
+    /// Takes meshes back from a scene that is not needed any more. Where it lacks any of them, they are read again.
+    pub fn take_back(&mut self, scene: &mut Scene, still: Vec<StillMesh>) {
+        for StillMesh { mesh, meshes } in still {
+            let taken = meshes.iter().map(|id| scene.meshes.get_mut(id.index()).map(std::mem::take));
+            if let Some(taken) = taken.collect() {
+                self.still.insert(mesh, taken);
+            }
+        }
     }
 }

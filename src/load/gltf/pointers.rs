@@ -2,10 +2,10 @@
 //! part of the pose; everything else is written into the document before the moment is read, and put back after it.
 
 use super::animation::of_pose;
+use super::animation::{Element, Samplers};
 use super::document::Document;
-use super::keep::Kept;
+use super::place::Kept;
 use super::report::{Report, Sound};
-use super::samplers::{Element, Samplers};
 use serde_json::{Map, Value};
 use std::f64::consts::PI;
 

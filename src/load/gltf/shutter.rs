@@ -2,14 +2,14 @@
 //! elsewhere or has another shape then moves.
 
 use super::animation;
-use super::area_lights::world_from_quad;
 use super::document::Document;
-use super::keep::Kept;
+use super::lights::world_from_quad;
 use super::nodes;
+use super::nodes::Family;
 use super::place::Builder;
+use super::place::Kept;
 use super::report::Report;
-use super::skin;
-use super::transform::Family;
+use super::vertices;
 use crate::load::LoadOptions;
 use crate::math::{DAffine3, DMat3, DVec3};
 use crate::scene::{Camera, Instance, Light, LightKind, Mesh, Motion, Moving, Scene, Vertices};
@@ -211,7 +211,7 @@ fn places(doc: &Document, time_s: f64, report: &mut Report, lit: &BTreeSet<Strin
             places.push(node.world_from_node);
         }
         if let Some(skin) = node.skin {
-            places.extend(skin::places(doc, skin, &family, report));
+            places.extend(vertices::joint_transforms(doc, skin, &family, report));
         }
         let Some(mesh) = node.mesh else { continue };
         let weights = [pose.node_weights(node.index), pose.mesh_weights(mesh)];

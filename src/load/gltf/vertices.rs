@@ -1,17 +1,15 @@
 //! Vertices of primitives: their attributes, checked, read, morphed and skinned.
 
-use super::accessor::Accessor;
-use super::document::Document;
+use super::buffers::Accessor;
+use super::document::{Document, index_of, list_of_indices, pointer};
 use super::materials::Needs;
-use super::morph::{self, Target};
-use super::opener::{Kind, Opener};
-use super::report::{Report, Sound};
-use super::skin::{self, Influence, SkinPose};
-use crate::math::Vec3;
+use super::nodes::{Family, affine};
+use super::report::{Noted, Report, Sound};
+use crate::math::{DAffine3, DMat3, DVec3, Vec3};
 use crate::scene::Mesh;
 use crate::simd::prefer_huge_pages;
 use gltf::json::accessor::{ComponentType, Type};
-use gltf::json::mesh::{Primitive, Semantic};
+use gltf::json::mesh::{MorphTarget, Primitive, Semantic};
 use gltf::json::validation::Checked;
 
 /// The accessors of a primitive's vertices, by what they are read as; primitives with the same share vertices.
@@ -79,7 +77,7 @@ pub(super) fn attributes(
         tangents: accessor(Semantic::Tangents).filter(|_| needs.tangents && normals.is_some()),
         colors: accessor(Semantic::Colors(0)),
         uv_slots: [needs.uv_slots.sets[0].or(Some(0)), needs.uv_slots.sets[1]].map(uv),
-        targets: morph::shown(primitive.targets.as_ref(), deformation.weights),
+        targets: shown(primitive.targets.as_ref(), deformation.weights),
         influences,
     })
 }
@@ -127,7 +125,7 @@ pub(super) fn add_vertices(
         uv.read_floats(tail(&mut mesh.uv_sets[slot], base, count, [0.0; 2]));
     }
     for target in &attributes.targets {
-        morph::apply(doc, target, at, mesh, base, report)?;
+        apply_morph_targets(doc, target, at, mesh, base, report)?;
     }
     if let Some(skin) = skin {
         add_skin(doc, attributes, skin, at, mesh, base, report)?;
@@ -181,7 +179,7 @@ fn add_skin(
     if influences.is_empty() {
         report.warn(at, "hangs on a skin, but has no JOINTS_0 and WEIGHTS_0; it is shown unskinned");
     }
-    let uneven = skin::apply(skin, &influences, mesh, base);
+    let uneven = apply_skin(skin, &influences, mesh, base);
     if uneven > 0 && !influences.is_empty() {
         let message = format!("{uneven} vertices have weights of joints that do not add up to 1; normalised");
         report.warn(at, message);
@@ -212,4 +210,332 @@ fn tail<T: Copy>(list: &mut Vec<T>, base: usize, count: usize, default: T) -> &m
         list.resize(base + count, default);
     }
     &mut list[base..]
+}
+
+// The accessors of a primitive's attributes, checked one by one and together.
+
+/// Which component types an attribute may have.
+#[derive(Clone, Copy)]
+pub(super) enum Kind {
+    /// Floats; signed or unsigned small integers with KHR_mesh_quantization.
+    Signed,
+    /// Floats and normalised unsigned integers.
+    Unsigned,
+    /// The same, and any small integers with KHR_mesh_quantization.
+    Coordinate,
+    /// Small unsigned integers as they are.
+    Joints,
+}
+
+/// Opens the accessors of one primitive's attributes, all of them even if one has problems.
+pub(super) struct Opener<'d, 'a, 'r> {
+    doc: &'d Document<'a>,
+    at: &'r str,
+    /// Between the primitive's pointer and the attribute's name.
+    inside: &'r str,
+    report: &'r mut Report,
+    quantized: bool,
+    /// The number of vertices, known from the first attribute on.
+    count: Option<usize>,
+    /// Are all attributes so far sound?
+    sound: Sound<()>,
+}
+
+impl<'d, 'a, 'r> Opener<'d, 'a, 'r> {
+    /// For attributes that stand at `at` + `inside` in the file, and that have `count` elements each, if that is known.
+    pub fn new(
+        doc: &'d Document<'a>,
+        at: &'r str,
+        inside: &'r str,
+        count: Option<usize>,
+        report: &'r mut Report,
+    ) -> Opener<'d, 'a, 'r> {
+        let quantized = doc.extension_used("KHR_mesh_quantization");
+        Opener { doc, at, inside, report, quantized, count, sound: Ok(()) }
+    }
+
+    /// The accessor of an attribute; `None` if there is no such attribute, or it has problems (which `finish` tells).
+    pub fn open(
+        &mut self,
+        index: Option<usize>,
+        name: &str,
+        types: &[Type],
+        kind: Kind,
+    ) -> Option<Accessor<'d>> {
+        let from = format!("{}{}/{name}", self.at, self.inside);
+        let opened = Accessor::open(self.doc, index?, &from, self.report);
+        let usable = opened.and_then(|accessor| self.check(accessor, types, kind));
+        usable.map_err(|noted: Noted| self.sound = Err(noted)).ok()
+    }
+
+    fn check(&mut self, accessor: Accessor<'d>, types: &[Type], kind: Kind) -> Sound<Accessor<'d>> {
+        let expected = *self.count.get_or_insert(accessor.count);
+        check_type(&accessor, types, kind, self.quantized, self.report)?;
+        if accessor.count != expected {
+            let message = format!("has {} elements for {expected} vertices", accessor.count);
+            return Err(self.report.problem(accessor.pointer.clone(), message));
+        }
+        Ok(accessor)
+    }
+
+    /// The number of vertices, if all is sound and the file justifies the memory they take after `base` others.
+    pub fn finish(self, base: usize, bytes_per_vertex: u64) -> Sound<usize> {
+        self.sound?;
+        let Some(count) = self.count else { return Err(self.report.problem(self.at, "has no attributes")) };
+        let fits = base.checked_add(count).is_some_and(|n| u32::try_from(n).is_ok());
+        if fits && self.doc.may_decode(bytes_per_vertex.saturating_mul(count as u64)) {
+            return Ok(count);
+        }
+        let message = format!("{count} vertices are more than the size of the file justifies");
+        Err(self.report.problem(self.at, message))
+    }
+}
+
+/// Has an accessor the type that its attribute needs (glTF 2.0, section 3.7.2.1, and KHR_mesh_quantization)?
+fn check_type(
+    accessor: &Accessor,
+    types: &[Type],
+    kind: Kind,
+    quantized: bool,
+    report: &mut Report,
+) -> Sound<()> {
+    let small = matches!(
+        accessor.component,
+        ComponentType::I8 | ComponentType::U8 | ComponentType::I16 | ComponentType::U16
+    );
+    let unsigned =
+        matches!(accessor.component, ComponentType::U8 | ComponentType::U16) && accessor.normalized;
+    let component = match kind {
+        Kind::Signed => small && quantized,
+        Kind::Unsigned => unsigned,
+        Kind::Coordinate => unsigned || small && quantized,
+        // Normalised indices are wrong, but what they mean is clear only if they are not.
+        Kind::Joints => {
+            matches!(accessor.component, ComponentType::U8 | ComponentType::U16) && !accessor.normalized
+        }
+    };
+    let is_float = accessor.component == ComponentType::F32 && !matches!(kind, Kind::Joints);
+    let fits = types.contains(&accessor.kind) && (component || is_float);
+    if !fits {
+        let named: Vec<String> = types.iter().map(|t| format!("{t:?}").to_uppercase()).collect();
+        let component = if matches!(kind, Kind::Joints) { "U8 or U16" } else { "F32" };
+        let (held, named) = (accessor.contents(), named.join(" or "));
+        let message = format!("holds {held}; this attribute needs {named} of {component}");
+        return Err(report.problem(accessor.pointer.clone(), message));
+    }
+    Ok(())
+}
+
+// Morph targets: displacements of positions, normals and tangents, each times its weight.
+
+/// A target with a weight other than 0: its accessors.
+#[derive(Clone, PartialEq, Eq, Hash)]
+pub(super) struct Target {
+    /// Its place in the primitive's list.
+    number: usize,
+    weight: u32,
+    positions: Option<usize>,
+    normals: Option<usize>,
+    tangents: Option<usize>,
+}
+
+/// The targets of a primitive that show.
+pub(super) fn shown(targets: Option<&Vec<MorphTarget>>, weights: &[f32]) -> Vec<Target> {
+    let targets = targets.into_iter().flatten().zip(weights).enumerate();
+    let shown = targets.filter(|(_, (_, weight))| **weight != 0.0);
+    let target = |(number, (json, weight)): (usize, (&MorphTarget, &f32))| Target {
+        number,
+        weight: weight.to_bits(),
+        positions: json.positions.map(|i| i.value()),
+        normals: json.normals.map(|i| i.value()),
+        tangents: json.tangents.map(|i| i.value()),
+    };
+    shown.map(target).collect()
+}
+
+/// Adds the displacements of a target to the vertices of a mesh from `base` on. Normals and tangents are left with
+/// other lengths than 1.
+pub(super) fn apply_morph_targets(
+    doc: &Document,
+    target: &Target,
+    at: &str,
+    mesh: &mut Mesh,
+    base: usize,
+    report: &mut Report,
+) -> Sound<()> {
+    let count = mesh.positions.len() - base;
+    let at = format!("{at}/targets/{}", target.number);
+    let mut opener = Opener::new(doc, &at, "", Some(count), report);
+    let vector = &[Type::Vec3];
+    let positions = opener.open(target.positions, "POSITION", vector, Kind::Signed);
+    let normals = opener.open(target.normals, "NORMAL", vector, Kind::Signed);
+    let tangents = opener.open(target.tangents, "TANGENT", vector, Kind::Signed);
+    opener.finish(0, 3 * 12)?;
+    let weight = f32::from_bits(target.weight);
+    let mut offsets = vec![[0.0; 3]; count];
+    if let Some(accessor) = positions {
+        accessor.read_floats(&mut offsets);
+        add(&mut mesh.positions[base..], &offsets, weight);
+    }
+    if let Some(accessor) = normals.filter(|_| !mesh.normals.is_empty()) {
+        offsets.fill([0.0; 3]);
+        accessor.read_floats(&mut offsets);
+        add(&mut mesh.normals[base..], &offsets, weight);
+    }
+    if let Some(accessor) = tangents.filter(|_| !mesh.tangents.is_empty()) {
+        offsets.fill([0.0; 3]);
+        accessor.read_floats(&mut offsets);
+        add(&mut mesh.tangents[base..], &offsets, weight);
+    }
+    Ok(())
+}
+
+fn add<const N: usize>(values: &mut [[f32; N]], offsets: &[[f32; 3]], weight: f32) {
+    for (value, offset) in values.iter_mut().zip(offsets) {
+        value.iter_mut().zip(offset).for_each(|(v, o)| *v += o * weight);
+    }
+}
+
+// Skins: joints that move the vertices of a mesh (glTF 2.0, section 3.7.3.3). A skinned mesh stands where its joints
+// are, whatever the transform of its node.
+
+/// Four joints and their weights for each vertex.
+pub(super) struct Influence {
+    /// Indices into the skin's joints.
+    pub joints: Vec<[f32; 4]>,
+    /// How far each moves the vertex.
+    pub weights: Vec<[f32; 4]>,
+}
+
+/// A skin at a moment.
+pub(super) struct SkinPose {
+    /// From the space in which the mesh was modelled to the pose, for each joint; relative to `origin`, so that f32
+    /// coordinates keep their precision wherever the skeleton stands.
+    joints: Vec<DAffine3>,
+    /// Where vertices go that no joint moves: the node's own transform, relative to `origin`.
+    rest: DAffine3,
+    /// Where the first joint stands in the world.
+    pub origin: DVec3,
+}
+
+impl SkinPose {
+    /// How many joints there are.
+    pub fn joint_count(&self) -> usize {
+        self.joints.len()
+    }
+}
+
+/// The pose of a skin whose mesh hangs on a node that stands at `world_from_node`.
+pub(super) fn skin_pose(
+    doc: &Document,
+    index: usize,
+    from: &str,
+    world_from_node: DAffine3,
+    family: &Family,
+    report: &mut Report,
+) -> Sound<SkinPose> {
+    let raw = doc.raw("skins", index, from, report)?;
+    let at = pointer("skins", index);
+    let joints = list_of_indices(raw, "joints", &at, report);
+    if joints.is_empty() {
+        return Err(report.problem(format!("{at}/joints"), "is empty or missing"));
+    }
+    let mut bind = vec![DAffine3::IDENTITY; joints.len()];
+    if let Some(accessor) = index_of(raw, "inverseBindMatrices", &at, report)? {
+        let accessor = Accessor::open(doc, accessor, &format!("{at}/inverseBindMatrices"), report)?;
+        bind = inverse_binds(doc, &accessor, joints.len(), report)?;
+    }
+    let placed: Vec<_> = joints.iter().map(|&joint| family.world_from_node(joint, report)).collect();
+    let placed: Vec<DAffine3> = placed.into_iter().collect::<Sound<_>>()?;
+    let origin = placed[0].translation;
+    let back = DAffine3::from_translation(-origin);
+    let joints = placed.iter().zip(bind).map(|(world, bind)| back * *world * bind).collect();
+    Ok(SkinPose { joints, rest: back * world_from_node, origin })
+}
+
+/// Where the joints of a skin stand in the world. What is wrong with it is noted where it is used.
+pub(super) fn joint_transforms(
+    doc: &Document,
+    index: usize,
+    family: &Family,
+    report: &mut Report,
+) -> Vec<DAffine3> {
+    let Ok(raw) = doc.raw("skins", index, "/skins", report) else { return Vec::new() };
+    let joints = list_of_indices(raw, "joints", &pointer("skins", index), report);
+    let place = |joint: usize| family.world_from_node(joint, report).unwrap_or_default();
+    joints.into_iter().map(place).collect()
+}
+
+fn inverse_binds(
+    doc: &Document,
+    accessor: &Accessor,
+    joints: usize,
+    report: &mut Report,
+) -> Sound<Vec<DAffine3>> {
+    if accessor.kind != Type::Mat4 || accessor.component != ComponentType::F32 || accessor.count < joints {
+        let message = format!(
+            "holds {} of {}; a skin of {joints} joints needs as many MAT4 of F32",
+            accessor.count,
+            accessor.contents()
+        );
+        return Err(report.problem(accessor.pointer.clone(), message));
+    }
+    if !doc.may_decode((accessor.count as u64).saturating_mul(160)) {
+        return Err(report
+            .problem(accessor.pointer.clone(), "holds more matrices than the size of the file justifies"));
+    }
+    let mut matrices = vec![[0.0f32; 16]; accessor.count];
+    accessor.read_floats(&mut matrices);
+    let binds: Vec<DAffine3> = matrices.iter().map(|m| affine(&m.map(f64::from))).collect();
+    if binds.iter().any(|m| !m.is_finite()) {
+        return Err(report.problem(accessor.pointer.clone(), "holds numbers that are not finite"));
+    }
+    Ok(binds)
+}
+
+/// Moves the vertices of a mesh from `base` on; gives how many had weights that do not add up to 1.
+///
+/// Each vertex goes by the mean of its joints' transforms, weighted; normals by the inverse transpose of the same,
+/// which the cofactors give up to length. Lengths other than 1 are left to the repair of meshes.
+pub(super) fn apply_skin(pose: &SkinPose, influences: &[Influence], mesh: &mut Mesh, base: usize) -> usize {
+    let mut uneven = 0;
+    for i in base..mesh.positions.len() {
+        let mut blended = DMat3::ZERO;
+        let mut moved = DVec3::ZERO;
+        let mut sum = 0.0;
+        for influence in influences {
+            for (joint, weight) in influence.joints[i - base].iter().zip(influence.weights[i - base]) {
+                let Some(joint) = pose.joints.get(*joint as usize).filter(|_| weight > 0.0) else { continue };
+                let weight = f64::from(weight);
+                blended += joint.matrix3 * weight;
+                moved += joint.translation * weight;
+                sum += weight;
+            }
+        }
+        uneven += usize::from((sum - 1.0).abs() > 0.02);
+        let transform = if sum > 0.0 {
+            DAffine3::from_mat3_translation(blended * (1.0 / sum), moved / sum)
+        } else {
+            pose.rest
+        };
+        move_vertex(&transform, mesh, i);
+    }
+    uneven
+}
+
+fn move_vertex(transform: &DAffine3, mesh: &mut Mesh, i: usize) {
+    let vector = |v: &[f32]| DVec3::new(v[0].into(), v[1].into(), v[2].into());
+    mesh.positions[i] = transform.transform_point3(vector(&mesh.positions[i])).as_vec3().to_array();
+    let m = transform.matrix3;
+    if let Some(normal) = mesh.normals.get_mut(i) {
+        let cofactors =
+            DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis));
+        // A mirroring transform turns the cofactors' normals inside.
+        let turned = cofactors * vector(normal) * m.determinant().signum();
+        *normal = turned.normalize_or_zero().as_vec3().to_array();
+    }
+    if let Some(tangent) = mesh.tangents.get_mut(i) {
+        let [x, y, z] = (m * vector(tangent)).normalize_or_zero().as_vec3().to_array();
+        *tangent = [x, y, z, tangent[3]];
+    }
 }

@@ -1,24 +1,24 @@
 //! Materials: the metallic-roughness model with its extensions, and the older specular-glossiness model in its terms.
 //! Each is built when the first primitive that is seen asks for it.
 
-mod base;
-mod builder;
-mod layers;
-mod needs;
-mod panes;
-mod scattering;
-mod signs;
-mod specular_glossiness;
+mod extensions;
+mod glass;
 
-pub(super) use needs::Needs;
-pub(super) use signs::Signs;
-
-use super::cameras;
-use super::document::{Document, name_of, pointer};
+use super::document::{Document, name_of, number_of, numbers_of, pointer};
+use super::lights;
+use super::options::Glass;
 use super::report::{Report, Sound};
-use super::textures::Textures;
-use crate::scene::{AlphaMode, Emission, FloatSlot, Material, MaterialId, Model};
-use builder::Builder;
+use super::textures::{Gloss, Reference, Textures};
+use crate::image::Encoding;
+use crate::scene::{
+    AlphaMode, ColorSlot, Emission, FloatSlot, Material, MaterialId, Model, NormalMap, PbrMaterial, TextureId,
+};
+use gltf::json::extensions::material as ext;
+use gltf::json::extensions::texture::TextureTransform;
+use gltf::json::material::AlphaMode as AlphaModeJson;
+use gltf::json::texture::Info;
+use gltf::json::validation::Checked;
+use serde::de::DeserializeOwned;
 use serde_json::Value;
 use std::collections::HashMap;
 
@@ -140,7 +140,7 @@ fn build(
         alpha: FloatSlot { factor: base.alpha, texture: base.color.texture.map(|texture| (texture, 3)) },
         ..Material::new(name, Model::Black)
     };
-    material.light_group = cameras::light_group(raw, &builder.at, builder.report).unwrap_or_default();
+    material.light_group = lights::light_group(raw, &builder.at, builder.report).unwrap_or_default();
     material.priority = priority(raw, &builder.at, builder.report);
     material.alpha_mode = builder.alpha_mode(&json);
     if material.alpha_mode == AlphaMode::Opaque {
@@ -167,4 +167,388 @@ fn build(
     let needs = Needs { tangents: tangents || material.normal_map.is_some(), ..builder.needs };
     let signs = Signs::of(&builder, base.color, material.alpha_mode);
     Ok((material, needs, signs))
+}
+
+// Slots, numbers and textures of one material, checked while they are taken from the file.
+
+/// Largest factor on a normal map's slopes; beyond, the surface is a comb of vertical walls.
+const MOST_NORMAL_SCALE: f32 = 1000.0;
+
+/// Colour and opacity of a surface.
+#[derive(Clone, Copy)]
+struct Base {
+    /// Its colour.
+    pub color: ColorSlot,
+    /// Factor on the alpha of the colour's texture.
+    pub alpha: f32,
+}
+
+/// One material being built.
+struct Builder<'b, 'a> {
+    /// The file.
+    pub doc: &'b Document<'a>,
+    /// The material as it stands in the file.
+    pub raw: &'b Value,
+    /// The material's JSON pointer.
+    pub at: String,
+    /// The textures of all materials.
+    pub textures: &'b mut Textures,
+    /// Problems and warnings.
+    pub report: &'b mut Report,
+    /// What it needs from meshes.
+    pub needs: Needs,
+}
+
+impl<'b> Builder<'b, '_> {
+    /// An extension of the material, with its place.
+    pub fn extension(&self, name: &str) -> Option<(&'b Value, String)> {
+        let extension = self.raw.get("extensions")?.get(name)?;
+        Some((extension, format!("/extensions/{name}")))
+    }
+
+    fn texture(&mut self, reference: Reference, encoding: Encoding) -> Sound<TextureId> {
+        let (mut slots, set) = (self.needs.uv_slots, reference.effective_uv_set());
+        let Some(slot) = slots.take(set) else {
+            let message =
+                format!("uses the texture coordinates {set}, the third set of its material; left out");
+            return Err(self.report.warn(reference.at.clone(), message));
+        };
+        let reference = Reference { slot, ..reference };
+        let id = self.textures.get(self.doc, &reference, encoding, self.report)?;
+        self.needs.uv_slots = slots;
+        Ok(id)
+    }
+
+    /// A colour slot; places are relative to the material.
+    pub fn color(&mut self, factor: [f32; 3], info: Option<&Info>, place: &str) -> ColorSlot {
+        let reference = info.map(|info| Reference::new(info, format!("{}{place}", self.at)));
+        ColorSlot { factor, texture: reference.and_then(|r| self.texture(r, Encoding::Srgb).ok()) }
+    }
+
+    /// A slot of a number that stands in a channel of a texture.
+    pub fn float(&mut self, factor: f32, info: Option<&Info>, channel: u8, place: &str) -> FloatSlot {
+        let reference = info.map(|info| Reference::new(info, format!("{}{place}", self.at)));
+        let texture = reference.and_then(|r| self.texture(r, Encoding::Linear).ok());
+        FloatSlot { factor, texture: texture.map(|id| (id, channel)) }
+    }
+
+    /// The roughness that a texture of glossiness and its factor mean.
+    pub fn roughness_of_gloss(&mut self, factor: f32, info: &Info, place: &str) -> FloatSlot {
+        let at = format!("{}{place}", self.at);
+        let reference = Reference { gloss: Some(Gloss::new(factor)), ..Reference::new(info, at) };
+        match self.texture(reference, Encoding::Linear) {
+            Ok(id) => FloatSlot { factor: 1.0, texture: Some((id, 0)) },
+            Err(_) => FloatSlot::constant(1.0 - factor),
+        }
+    }
+
+    /// A factor that should be in 0..1; clamped with a warning.
+    pub fn unit(&mut self, value: f32, place: &str) -> f32 {
+        self.clamped(value, 0.0, 1.0, place)
+    }
+
+    /// A number that should be in a range; clamped with a warning.
+    pub fn clamped(&mut self, value: f32, least: f32, most: f32, place: &str) -> f32 {
+        if !(least..=most).contains(&value) {
+            let message = format!("{value} is not in {least}..{most} and was clamped");
+            self.report.warn(format!("{}{place}", self.at), message);
+        }
+        value.max(least).min(most)
+    }
+
+    /// A number of an extension within a range.
+    pub fn number(&mut self, from: (&Value, &str), key: &str, default: f32, range: [f32; 2]) -> f32 {
+        let (extension, place) = from;
+        let number = number_of(extension, key, &format!("{}{place}", self.at), self.report);
+        let value = number.unwrap_or(None).map_or(default, |n| n as f32);
+        self.clamped(value, range[0], range[1], &format!("{place}/{key}"))
+    }
+
+    /// A colour of an extension within 0..1.
+    pub fn numbers<const N: usize>(
+        &mut self,
+        from: (&Value, &str),
+        key: &str,
+        default: [f32; N],
+    ) -> [f32; N] {
+        let (extension, place) = from;
+        let numbers = numbers_of::<N>(extension, key, &format!("{}{place}", self.at), self.report);
+        let value = numbers.unwrap_or(None).map_or(default, |n| n.map(|v| v as f32));
+        value.map(|v| self.unit(v, &format!("{place}/{key}")))
+    }
+
+    /// A reference to a texture in an extension; none if it has a problem, which is noted.
+    pub fn info(&mut self, from: (&Value, &str), key: &str) -> Option<Info> {
+        let (extension, place) = from;
+        let raw = extension.get(key)?;
+        understood(raw, &format!("{}{place}/{key}", self.at), self.report).ok()
+    }
+
+    /// A texture of an extension that holds numbers.
+    pub fn data_texture(&mut self, from: (&Value, &str), key: &str) -> Option<TextureId> {
+        let info = self.info(from, key)?;
+        let reference = Reference::new(&info, format!("{}{}/{key}", self.at, from.1));
+        self.texture(reference, Encoding::Linear).ok()
+    }
+
+    /// The normal map at a place in the material; none if it has a problem, which is noted.
+    pub fn normal_map_at(&mut self, place: &str) -> Option<NormalMap> {
+        let raw = self.raw.pointer(place)?;
+        self.normal_map_of(raw, place).ok()
+    }
+
+    fn normal_map_of(&mut self, raw: &Value, place: &str) -> Sound<NormalMap> {
+        let at = format!("{}{place}", self.at);
+        let info: Info = understood(raw, &at, self.report)?;
+        // The crate leaves the transform of these references to the extensions that it does not know.
+        let key = "/extensions/KHR_texture_transform";
+        let transform: Option<TextureTransform> = match raw.pointer(key) {
+            Some(raw) => Some(understood(raw, &format!("{at}{key}"), self.report)?),
+            None => None,
+        };
+        let reference = Reference { transform, ..Reference::new(&info, at.clone()) };
+        let texture = self.texture(reference, Encoding::Linear)?;
+        let scale = number_of(raw, "scale", &at, self.report)?.map_or(1.0, |s| s as f32);
+        let scale = self.clamped(scale, -MOST_NORMAL_SCALE, MOST_NORMAL_SCALE, &format!("{place}/scale"));
+        Ok(NormalMap { texture, scale })
+    }
+}
+
+/// A part of the file as a type of the `gltf` crate.
+fn understood<T: DeserializeOwned>(raw: &Value, at: &str, report: &mut Report) -> Sound<T> {
+    T::deserialize(raw).map_err(|e| report.problem(at, format!("can't be understood: {e}")))
+}
+
+// The metallic-roughness model, and what all models share: emission, alpha, normal maps.
+
+impl Builder<'_, '_> {
+    /// The base colour, white where nothing is said.
+    pub fn base_color(&mut self, json: &gltf::json::Material) -> Base {
+        let pbr = &json.pbr_metallic_roughness;
+        let place = "/pbrMetallicRoughness/baseColorFactor";
+        let [r, g, b, alpha] = pbr.base_color_factor.0.map(|c| self.unit(c, place));
+        let texture = pbr.base_color_texture.as_ref();
+        Base { color: self.color([r, g, b], texture, "/pbrMetallicRoughness/baseColorTexture"), alpha }
+    }
+
+    /// What alpha does.
+    pub fn alpha_mode(&mut self, json: &gltf::json::Material) -> AlphaMode {
+        match json.alpha_mode {
+            Checked::Valid(AlphaModeJson::Opaque) => AlphaMode::Opaque,
+            Checked::Valid(AlphaModeJson::Blend) => AlphaMode::Blend,
+            Checked::Valid(AlphaModeJson::Mask) => {
+                AlphaMode::Mask { cutoff: json.alpha_cutoff.map_or(0.5, |c| c.0) }
+            }
+            Checked::Invalid => {
+                let at = format!("{}/alphaMode", self.at);
+                self.report.problem(at, "is none of OPAQUE, MASK and BLEND");
+                AlphaMode::Opaque
+            }
+        }
+    }
+
+    /// Radiance is emissiveFactor * emissiveStrength * texture; `None` for a factor of 0.
+    pub fn emission(&mut self, json: &gltf::json::Material, extensions: &ext::Material) -> Option<Emission> {
+        let strength = extensions.emissive_strength.as_ref().map_or(1.0, |e| e.emissive_strength.0);
+        let place = "/extensions/KHR_materials_emissive_strength/emissiveStrength";
+        let strength = self.clamped(strength, 0.0, f32::MAX, place);
+        let factor = json.emissive_factor.0.map(|c| self.clamped(c, 0.0, f32::MAX, "/emissiveFactor"));
+        let factor = factor.map(|c| (c * strength).min(f32::MAX));
+        if factor == [0.0; 3] {
+            return None;
+        }
+        let radiance = self.color(factor, json.emissive_texture.as_ref(), "/emissiveTexture");
+        if json.emissive_texture.is_some() && radiance.texture.is_none() {
+            let place = format!("{}/emissiveTexture", self.at);
+            self.report.warn(place, "is lost: the material does not shine, rather than everywhere alike");
+            return None;
+        }
+        Some(Emission { radiance, two_sided: json.double_sided })
+    }
+
+    /// The normal map of the base.
+    pub fn normal_map(&mut self, json: &gltf::json::Material) -> Option<NormalMap> {
+        json.normal_texture.as_ref()?;
+        self.normal_map_at("/normalTexture")
+    }
+
+    /// The metallic-roughness model with the extensions that change its parameters.
+    pub fn model(
+        &mut self,
+        json: &gltf::json::Material,
+        base_color: ColorSlot,
+        extensions: &ext::Material,
+    ) -> PbrMaterial {
+        let pbr = &json.pbr_metallic_roughness;
+        if self.doc.is_from_blender() && self.says_nothing() {
+            return self.lost_nodes(base_color);
+        }
+        let texture = pbr.metallic_roughness_texture.as_ref();
+        let metallic = self.unit(pbr.metallic_factor.0, "/pbrMetallicRoughness/metallicFactor");
+        let roughness = self.unit(pbr.roughness_factor.0, "/pbrMetallicRoughness/roughnessFactor");
+        let place = "/pbrMetallicRoughness/metallicRoughnessTexture";
+        let mut model = PbrMaterial {
+            base_color,
+            metallic: self.float(metallic, texture.filter(|_| metallic > 0.0), 2, place),
+            roughness: self.float(roughness, texture.filter(|_| roughness > 0.0), 1, place),
+            ..PbrMaterial::default()
+        };
+        if let Some(ior) = &extensions.ior {
+            model.ior = self.ior(ior.ior.0);
+        }
+        if let Some(specular) = &extensions.specular {
+            self.specular(specular, &mut model);
+        }
+        if let Some(transmission) = &extensions.transmission {
+            let place = "/extensions/KHR_materials_transmission";
+            let factor =
+                self.unit(transmission.transmission_factor.0, &format!("{place}/transmissionFactor"));
+            let texture = transmission.transmission_texture.as_ref().filter(|_| factor > 0.0);
+            model.transmission = self.float(factor, texture, 0, &format!("{place}/transmissionTexture"));
+        }
+        if let Some(volume) = &extensions.volume {
+            let place = "/extensions/KHR_materials_volume";
+            model.has_volume = volume.thickness_factor.0 > 0.0;
+            model.attenuation_color =
+                volume.attenuation_color.0.map(|c| self.unit(c, &format!("{place}/attenuationColor")));
+            let distance = volume.attenuation_distance.0;
+            let place = format!("{place}/attenuationDistance");
+            model.attenuation_distance = self.clamped(distance, f32::MIN_POSITIVE, f32::INFINITY, &place);
+        }
+        if model.transmission.factor > 0.0 {
+            self.glass(&mut model);
+        }
+        model
+    }
+
+    /// Does the material say nothing about how its surface scatters?
+    pub fn says_nothing(&self) -> bool {
+        let extensions = self.raw.get("extensions").and_then(Value::as_object);
+        let emits_at_most = |name: &String| name == "KHR_materials_emissive_strength";
+        self.raw.get("pbrMetallicRoughness").is_none()
+            && extensions.is_none_or(|all| all.keys().all(emits_at_most))
+    }
+
+    /// A material by Blender that says nothing about its surface: the exporter writes that for shader nodes that glTF
+    /// has no words for. By the specification it would be a white metal.
+    fn lost_nodes(&mut self, base_color: ColorSlot) -> PbrMaterial {
+        let message = "has no pbrMetallicRoughness: Blender could not export its nodes (only Principled BSDF \
+                       goes over); taken as white and diffuse";
+        self.report.warn(&*self.at, message);
+        PbrMaterial {
+            base_color,
+            metallic: FloatSlot::constant(0.0),
+            specular: FloatSlot::constant(0.0),
+            ..PbrMaterial::default()
+        }
+    }
+
+    /// Decides whether a transparent material is solid or a thin wall.
+    fn glass(&mut self, model: &mut PbrMaterial) {
+        self.needs.glass = true;
+        match self.doc.options.glass {
+            Glass::Solid => make_solid(model),
+            Glass::Auto if self.doc.is_our_export() => make_solid(model),
+            Glass::Auto | Glass::Panes if !model.has_volume && self.doc.is_from_blender() => {
+                self.needs.body = true;
+                make_solid(model);
+            }
+            Glass::Thin | Glass::Auto | Glass::Panes => {}
+        }
+    }
+
+    fn specular(&mut self, specular: &ext::Specular, model: &mut PbrMaterial) {
+        let place = "/extensions/KHR_materials_specular";
+        let factor = self.unit(specular.specular_factor.0, &format!("{place}/specularFactor"));
+        let texture = specular.specular_texture.as_ref().filter(|_| factor > 0.0);
+        model.specular = self.float(factor, texture, 3, &format!("{place}/specularTexture"));
+        let at = format!("{place}/specularColorFactor");
+        let color = specular.specular_color_factor.0.map(|c| self.clamped(c, 0.0, f32::MAX, &at));
+        let texture = specular.specular_color_texture.as_ref().filter(|_| factor > 0.0);
+        model.specular_color = self.color(color, texture, &format!("{place}/specularColorTexture"));
+    }
+
+    /// The index of refraction is 0 (total reflection) or at least 1.
+    fn ior(&mut self, ior: f32) -> f32 {
+        if ior == 0.0 { 0.0 } else { self.clamped(ior, 1.0, f32::MAX, "/extensions/KHR_materials_ior/ior") }
+    }
+}
+
+/// Gives a body to glass that has none in the file. Its exporters mean a solid whose colour shows once in light that has
+/// passed all of it.
+fn make_solid(model: &mut PbrMaterial) {
+    model.tints_once |= !model.has_volume;
+    model.has_volume = true;
+}
+
+// What materials need from the meshes that they are on.
+
+/// The two sets of texture coordinates that a mesh keeps for a material, of the many that a file may have.
+#[derive(Clone, Copy, Default)]
+pub(in crate::load::gltf) struct UvSlots {
+    /// The file's set in each slot; `None` where no texture needs one.
+    pub sets: [Option<u32>; 2],
+}
+
+impl UvSlots {
+    /// The slot of a set, taken now if it has none yet; `None` if both hold others. The first set goes into the first
+    /// slot, which is also what materials of scene files use; others rather go into the second.
+    pub fn take(&mut self, set: u32) -> Option<u32> {
+        let order: &[usize] = if set == 0 { &[0] } else { &[1, 0] };
+        let known = self.sets.iter().position(|s| *s == Some(set));
+        let slot = known.or_else(|| order.iter().copied().find(|&slot| self.sets[slot].is_none()))?;
+        self.sets[slot] = Some(set);
+        Some(slot as u32)
+    }
+}
+
+/// What a material needs from a mesh.
+#[derive(Clone, Copy, Default)]
+pub(in crate::load::gltf) struct Needs {
+    /// Which sets of texture coordinates its textures use.
+    pub uv_slots: UvSlots,
+    /// Tangents.
+    pub tangents: bool,
+    /// A body: it is glass that is solid where the meshes enclose one, and thin else.
+    pub body: bool,
+    /// To be looked at for whether they are panes: it is glass.
+    pub glass: bool,
+}
+
+// What tells that a material lost something on its way into the file.
+
+/// The signs of one material of a file by Blender.
+#[derive(Clone, Copy, Default)]
+pub(in crate::load::gltf) struct Signs {
+    /// It says nothing about how its surface scatters.
+    pub is_lost: bool,
+    /// It is opaque, pure white and without a texture.
+    pub is_white: bool,
+    /// It is a metal of roughness 1 without a texture, and not black.
+    pub is_rough_metal: bool,
+    /// The texture of its base colour, where its alpha, if it has one, does nothing.
+    pub ignores_alpha_of: Option<TextureId>,
+}
+
+impl Signs {
+    /// Looks for them; none in files of others.
+    fn of(builder: &Builder, base: ColorSlot, alpha: AlphaMode) -> Signs {
+        let extension = |name: &str| builder.raw.get("extensions").is_some_and(|e| e.get(name).is_some());
+        if !builder.doc.is_from_blender() || builder.doc.is_our_export() || extension("KHR_materials_unlit") {
+            return Signs::default();
+        }
+        let pbr = builder.raw.get("pbrMetallicRoughness");
+        let has = |key: &str| pbr.and_then(|pbr| pbr.get(key)).is_some_and(|v| *v != Value::Null);
+        Signs {
+            is_lost: builder.says_nothing(),
+            is_white: pbr.is_some()
+                && !has("baseColorFactor")
+                && !has("baseColorTexture")
+                && !extension("KHR_materials_transmission"),
+            is_rough_metal: pbr.is_some()
+                && base.factor != [0.0; 3]
+                && !["metallicFactor", "roughnessFactor", "metallicRoughnessTexture"].into_iter().any(has),
+            ignores_alpha_of: base.texture.filter(|_| alpha == AlphaMode::Opaque),
+        }
+    }
 }

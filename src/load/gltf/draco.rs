@@ -1,15 +1,67 @@
-//! The compressed stream of a primitive, by `draco-core`.
+//! KHR_draco_mesh_compression: primitives whose vertices and indices are one compressed stream. What it holds stands in
+//! for the contents of the primitive's accessors.
 
-use super::{Compressed, DRACO};
+use super::document::{Document, Unpacked, pointer};
+use super::report::{Report, Sound};
 use crate::error::Problem;
-use crate::load::gltf::document::Unpacked;
-use crate::load::gltf::report::{Report, Sound};
 use crate::load::guard;
 use draco_core::{
     DataType, DecodeLimits, DecoderBuffer, FaceIndex, Mesh, MeshDecoder, PointAttribute, PointIndex,
 };
 use gltf::json::accessor::ComponentType;
+use gltf::json::mesh::Primitive;
 use serde_json::Value;
+
+/// The extension's name.
+const DRACO: &str = "KHR_draco_mesh_compression";
+
+/// A primitive that is compressed.
+struct Compressed<'p, 'd> {
+    doc: &'p Document<'d>,
+    primitive: &'p Primitive,
+    /// JSON pointer of the extension.
+    at: String,
+}
+
+/// Unpacks a primitive, if it is compressed, so that its accessors can be read; says whether it is.
+pub(super) fn unpack(doc: &Document, primitive: &Primitive, at: &str, report: &mut Report) -> Sound<bool> {
+    let at = format!("{at}/extensions/{DRACO}");
+    match doc.json.pointer(&at) {
+        Some(extension) => Compressed { doc, primitive, at }.unpack(extension, report),
+        None => Ok(false),
+    }
+}
+
+impl Compressed<'_, '_> {
+    /// Has the primitive plain data for all that it needs, beside the compressed?
+    fn has_plain_copies(&self) -> bool {
+        self.primitive.attributes.values().chain(&self.primitive.indices).all(|i| self.is_plain(i.value()))
+    }
+
+    /// Has an accessor, if there is one, data of its own?
+    fn is_plain(&self, index: usize) -> bool {
+        let accessor = self.doc.json.pointer(&pointer("accessors", index));
+        accessor.is_none_or(|a| a.get("bufferView").is_some() || a.get("sparse").is_some())
+    }
+
+    /// Without a decoder the extension is one that is not read: the plain copy counts, or nothing is there.
+    #[cfg(not(feature = "draco"))]
+    fn unpack(self, _: &serde_json::Value, report: &mut Report) -> Sound<bool> {
+        use crate::error::Problem;
+        use crate::load::decoders::Decoder;
+        if self.has_plain_copies() {
+            return Ok(false);
+        }
+        // A file that demands the extension has had its problem, unless the user wants what can be read.
+        if self.doc.options.force || self.doc.extension_required(DRACO) {
+            let message = format!("{}: left out", Decoder::Draco.lack());
+            return Err(report.warn(self.at, message));
+        }
+        Err(report.add(Problem::new(self.at, Decoder::Draco.lack()).with_help(Decoder::Draco.remedy())))
+    }
+}
+
+// The compressed stream of a primitive, by `draco-core`.
 
 /// Points and faces that a stream of any size may hold, and for each of its bytes. A constant attribute takes no room
 /// in a stream, so the ratio is wide.
@@ -18,7 +70,7 @@ const PER_BYTE: u64 = 64;
 
 impl Compressed<'_, '_> {
     /// Hands the contents of the stream to the accessors; false where the plain copy beside a broken one is read.
-    pub(super) fn unpack(self, extension: &Value, report: &mut Report) -> Sound<bool> {
+    fn unpack(self, extension: &Value, report: &mut Report) -> Sound<bool> {
         let (doc, primitive) = (self.doc, self.primitive);
         let indices = primitive.indices.iter().map(|i| ("indices".to_string(), i.value()));
         let accessors: Vec<(String, usize)> = indices.chain(self.attribute_accessors(extension)).collect();

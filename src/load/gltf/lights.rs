@@ -1,0 +1,564 @@
+//! Cameras and lights of nodes.
+
+use super::document::{Document, index_of, name_of, number_of, numbers_of, pointer, required};
+use super::nodes::Node;
+use super::options::LightUnits;
+use super::report::{Report, Sound};
+use crate::error::Choice;
+use crate::load::ies;
+use crate::load::ies::LUMENS_PER_WATT;
+use crate::math::{DAffine3, DMat3, DQuat, DVec3};
+use crate::scene::{
+    Camera, GROUP_KEY, Instance, Lamp, Light, LightKind, LightLinks, LightProfile, Material, MaterialId,
+    Mesh, MeshId, MeshPart, ObjectTraits, Portal, Projection, Quad, RayKinds, Scene, Shape, ShapeKind,
+    SpotFade, is_group_name,
+};
+use crate::shape::mesh_of;
+use gltf::json::camera::Type;
+use gltf::json::validation::Checked;
+use serde_json::Value;
+use std::borrow::Cow;
+use std::collections::HashMap;
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
+use std::sync::Arc;
+
+/// The list of KHR_lights_punctual.
+const PUNCTUAL_LIGHTS: &str = "extensions/KHR_lights_punctual/lights";
+
+/// The camera of a node, unless it shows nothing.
+pub(super) fn camera(doc: &Document, node: &Node, index: usize, report: &mut Report) -> Sound<Camera> {
+    let from = format!("{}/camera", node.pointer());
+    let camera: gltf::json::Camera = doc.entry("cameras", index, &from, report)?;
+    let raw = doc.raw("cameras", index, &from, report)?;
+    let at = pointer("cameras", index);
+    let Some(world_from_camera) = without_scale(&node.world_from_node) else {
+        return Err(report.warn(node.pointer(), "flattens its camera, which is left out"));
+    };
+    let (projection, aspect_ratio) = match camera.type_ {
+        Checked::Valid(Type::Perspective) => perspective(raw, &at, report)?,
+        Checked::Valid(Type::Orthographic) => orthographic(raw, &at, report)?,
+        Checked::Invalid => {
+            return Err(report.problem(format!("{at}/type"), "is neither perspective nor orthographic"));
+        }
+    };
+    let node_raw = doc.json.pointer(&node.pointer()).unwrap_or(&Value::Null);
+    let name = match raw.get("name") {
+        Some(_) => name_of(raw, "camera", index),
+        None => name_of(node_raw, "camera of node", node.index),
+    };
+    let (lens, shift, motion) = (None, [0.0; 2], None);
+    Ok(Camera {
+        name,
+        world_from_camera,
+        projection,
+        aspect_ratio,
+        pixel_aspect: 1.0,
+        lens,
+        shift,
+        clip: None,
+        motion,
+    })
+}
+
+fn perspective(camera: &Value, at: &str, report: &mut Report) -> Sound<(Projection, Option<f64>)> {
+    let at = format!("{at}/perspective");
+    let Some(perspective) = camera.get("perspective") else {
+        return Err(report.problem(at, "is missing"));
+    };
+    let vfov_rad = required(number_of(perspective, "yfov", &at, report), "yfov", &at, report)?;
+    if !(vfov_rad > 0.0 && vfov_rad < PI) {
+        return Err(report.warn(
+            format!("{at}/yfov"),
+            format!("{vfov_rad} is not between 0 and pi: the camera is left out"),
+        ));
+    }
+    let given = number_of(perspective, "aspectRatio", &at, report)?;
+    let aspect = given.filter(|a| *a > 0.0 && a.is_finite());
+    if let (Some(given), None) = (given, aspect) {
+        let message = format!("{given} is not above 0: the picture's own is taken");
+        report.warn(format!("{at}/aspectRatio"), message);
+    }
+    Ok((Projection::Perspective { vfov_rad }, aspect))
+}
+
+fn orthographic(camera: &Value, at: &str, report: &mut Report) -> Sound<(Projection, Option<f64>)> {
+    let at = format!("{at}/orthographic");
+    let Some(orthographic) = camera.get("orthographic") else {
+        return Err(report.problem(at, "is missing"));
+    };
+    let mut size = |key: &str| match number_of(orthographic, key, &at, report)? {
+        Some(size) if size != 0.0 && size.is_finite() => Ok(size.abs()),
+        _ => Err(report.warn(format!("{at}/{key}"), "is missing or 0: the camera is left out")),
+    };
+    let (half_width, half_height) = (size("xmag")?, size("ymag")?);
+    let aspect = Some(half_width / half_height).filter(|a| *a > 0.0 && a.is_finite());
+    Ok((Projection::Orthographic { half_height }, aspect))
+}
+
+/// The rotation and translation of a transform: axes z, y and x made orthonormal in this order, right-handed. `None` for
+/// a transform that flattens.
+fn without_scale(transform: &DAffine3) -> Option<DAffine3> {
+    let m = transform.matrix3;
+    let z = m.z_axis.try_normalize()?;
+    let y = (m.y_axis - z * m.y_axis.dot(z)).try_normalize()?;
+    let rotation = DMat3::from_cols(y.cross(z), y, z);
+    let placed = DAffine3::from_mat3_translation(rotation, transform.translation);
+    placed.is_finite().then_some(placed)
+}
+
+/// What the intensities of lights, in candela and lux in the file, are divided by to be W/sr and W/m2: of point and spot lights, and of directional ones.
+///
+/// Blender's exporter writes candela and lux in its default mode; its mode "Unitless" leaves the factor of 683 out,
+/// and its mode "Raw" also that of 4 pi between the watts of a lamp and its intensity.
+fn divisors(units: LightUnits) -> (f64, f64) {
+    match units {
+        LightUnits::Auto | LightUnits::Spec => (LUMENS_PER_WATT, LUMENS_PER_WATT),
+        LightUnits::Compat => (1.0, 1.0),
+        LightUnits::Raw => (4.0 * PI, 1.0),
+    }
+}
+
+/// What luminances in the file, cd/m2, are divided by to be radiances.
+pub(super) fn lumens_per_watt(doc: &Document) -> f64 {
+    divisors(doc.options.light_units).1
+}
+
+/// How spot lights fade: Blender's own way in its files, which KHR_lights_punctual has no words for, unless the user
+/// wants the specification's.
+fn fade(doc: &Document) -> SpotFade {
+    if doc.is_from_blender() && doc.options.light_units != LightUnits::Spec {
+        SpotFade::Smooth
+    } else {
+        SpotFade::Square
+    }
+}
+
+/// Says what was done to the numbers of so many lights.
+pub(super) fn note_units(doc: &Document, lights: usize, report: &mut Report) {
+    if lights == 0 {
+        return;
+    }
+    let message = match doc.options.light_units {
+        LightUnits::Auto => {
+            let origin = if doc.is_from_blender() {
+                ", Blender's default for exporting watts, and spot lights fade as in Blender"
+            } else {
+                ""
+            };
+            let units = LUMENS_PER_WATT;
+            let intensities = match lights {
+                1 => "the intensity of 1 light was".to_string(),
+                n => format!("the intensities of {n} lights were"),
+            };
+            format!("{intensities} divided by {units} lm/W{origin} ({})", Choice::LightUnits)
+        }
+        // The user knows.
+        LightUnits::Spec | LightUnits::Compat | LightUnits::Raw => return,
+    };
+    report.note(format!("/{PUNCTUAL_LIGHTS}"), message);
+}
+
+/// The group of lights that the `extras` of something name.
+pub(super) fn light_group(raw: &Value, at: &str, report: &mut Report) -> Option<String> {
+    let name = raw.get("extras")?.get(GROUP_KEY)?.as_str()?;
+    if is_group_name(name) {
+        return Some(name.to_string());
+    }
+    let message = format!(
+        "'{name}' can't be the name of a group of lights (1 to 64 letters, digits, _ and -); ignored"
+    );
+    report.warn(format!("{at}/extras/{GROUP_KEY}"), message);
+    None
+}
+
+/// The light of a node.
+pub(super) fn punctual_light(doc: &Document, node: &Node, index: usize, report: &mut Report) -> Sound<Light> {
+    let from = format!("{}/extensions/KHR_lights_punctual/light", node.pointer());
+    let raw = doc.raw(PUNCTUAL_LIGHTS, index, &from, report)?;
+    let at = pointer(PUNCTUAL_LIGHTS, index);
+    let color = numbers_of(raw, "color", &at, report)?.unwrap_or([1.0; 3]);
+    let strength = number_of(raw, "intensity", &at, report)?.unwrap_or(1.0);
+    let is_directional = raw.get("type").and_then(Value::as_str) == Some("directional");
+    let (local, directional) = divisors(doc.options.light_units);
+    let divisor = if is_directional { directional } else { local };
+    let intensity = color.map(|c| (c * strength / divisor) as f32);
+    if intensity.iter().any(|i| !(i.is_finite() && *i >= 0.0)) {
+        return Err(report
+            .problem(at, "has a colour or an intensity that is negative or beyond the range of numbers"));
+    }
+    if raw.get("range").is_some() {
+        report.warn(
+            at.clone(),
+            "has a range, which is not physical and ignored: light fades by distance alone",
+        );
+    }
+    let position = node.world_from_node.translation;
+    let direction = (-node.world_from_node.matrix3.z_axis).try_normalize();
+    let kind = match raw.get("type").and_then(Value::as_str) {
+        Some("point") => Some(LightKind::Point { position }),
+        Some("directional") => direction.map(|direction| LightKind::Directional { direction }),
+        Some("spot") => {
+            let (inner_angle_rad, outer_angle_rad) = cone(raw, &at, report)?;
+            direction.map(|direction| LightKind::Spot {
+                position,
+                direction,
+                inner_angle_rad,
+                outer_angle_rad,
+                fade: fade(doc),
+            })
+        }
+        _ => {
+            return Err(report.problem(format!("{at}/type"), "is none of point, spot and directional"));
+        }
+    };
+    let Some(kind) = kind else {
+        return Err(report.warn(node.pointer(), "flattens its light, which is left out"));
+    };
+    let node_raw = doc.json.pointer(&node.pointer()).unwrap_or(&Value::Null);
+    let of_node = light_group(node_raw, &node.pointer(), report);
+    let group = of_node.or_else(|| light_group(raw, &at, report)).unwrap_or_default();
+    let ObjectTraits { visible_to, .. } = object_traits(node_raw, &node.pointer(), report);
+    let name = name_of(node_raw, "light of node", node.index);
+    Ok(Light {
+        name,
+        kind,
+        intensity,
+        profile: None,
+        group,
+        visible_to,
+        links: LightLinks::ALL,
+        motion: None,
+    })
+}
+
+/// Inner and outer half angle of a spot light, in order.
+fn cone(light: &Value, at: &str, report: &mut Report) -> Sound<(f64, f64)> {
+    let at = format!("{at}/spot");
+    let spot = light.get("spot").unwrap_or(&Value::Null);
+    let inner = number_of(spot, "innerConeAngle", &at, report)?.unwrap_or(0.0);
+    let outer = number_of(spot, "outerConeAngle", &at, report)?.unwrap_or(FRAC_PI_4);
+    // The specification wants a slope; Blender writes none where a cone ends at once (blend 0).
+    if !(0.0 <= inner && inner <= outer && 0.0 < outer && outer <= FRAC_PI_2 + 1e-6) {
+        report.warn(
+            at,
+            format!("the cone's angles {inner} and {outer} are not 0 <= inner <= outer <= pi/2; clamped"),
+        );
+    }
+    let outer = outer.clamp(1e-6, FRAC_PI_2);
+    Ok((inner.clamp(0.0, outer), outer))
+}
+
+// What the `extras` of a node say about rays, as exporters write custom properties: `visible_to`, kinds of rays in a list or
+// separated by commas or spaces, or one true or false for each kind, `visible_camera`, `visible_diffuse`, `visible_glossy`,
+// `visible_transmission`, `visible_volume` (or `visible_volume_scatter`) and `visible_shadow`; and `holdout` and
+// `shadow_catcher`, also with `is_` before them.
+
+/// The traits of a node, from its JSON.
+pub(super) fn object_traits(raw: &Value, at: &str, report: &mut Report) -> ObjectTraits {
+    let Some(extras) = raw.get("extras").filter(|extras| extras.is_object()) else {
+        return ObjectTraits::default();
+    };
+    let at = format!("{at}/extras");
+    let mut visible_to = listed(extras, &at, report);
+    for (name, kind) in RayKinds::NAMED {
+        let keys = [format!("visible_{name}"), format!("visible_{name}_scatter")];
+        for key in keys.iter().take(if kind == RayKinds::VOLUME { 2 } else { 1 }) {
+            if let Some(is_seen) = flag(extras, key, &at, report) {
+                visible_to = visible_to.set(kind, is_seen);
+            }
+        }
+    }
+    let mut is = |keys: [&str; 2]| keys.iter().any(|key| flag(extras, key, &at, report) == Some(true));
+    let is_holdout = is(["holdout", "is_holdout"]);
+    let is_shadow_catcher = is(["shadow_catcher", "is_shadow_catcher"]);
+    ObjectTraits { visible_to, is_holdout, is_shadow_catcher, ..ObjectTraits::default() }
+}
+
+/// The kinds that are listed; all where none are.
+fn listed(extras: &Value, at: &str, report: &mut Report) -> RayKinds {
+    let Some(value) = extras.get("visible_to") else { return RayKinds::ALL };
+    let names: Option<Vec<&str>> = match value {
+        Value::String(text) => Some(text.split([',', ' ']).filter(|name| !name.is_empty()).collect()),
+        Value::Array(list) => list.iter().map(Value::as_str).collect(),
+        _ => None,
+    };
+    let kind = |name: &&str| RayKinds::NAMED.iter().find(|(other, _)| other == name).map(|(_, kind)| *kind);
+    let kinds: Option<Vec<RayKinds>> = names.and_then(|names| names.iter().map(kind).collect());
+    match kinds {
+        Some(kinds) => kinds.into_iter().fold(RayKinds::NONE, RayKinds::with),
+        None => {
+            let known = RayKinds::NAMED.map(|(name, _)| name).join(", ");
+            report.warn(format!("{at}/visible_to"), format!("holds more than {known}; ignored"));
+            RayKinds::ALL
+        }
+    }
+}
+
+/// True or false, which custom properties may also say by 1 and 0.
+fn flag(extras: &Value, key: &str, at: &str, report: &mut Report) -> Option<bool> {
+    let value = extras.get(key)?;
+    let found = match value.as_f64() {
+        Some(1.0) => Some(true),
+        Some(0.0) => Some(false),
+        _ => value.as_bool(),
+    };
+    if found.is_none() {
+        report.warn(format!("{at}/{key}"), "is neither true nor false; ignored");
+    }
+    found
+}
+
+// EXT_lights_area (a draft): rectangles and disks that shine evenly from the side that faces -z.
+
+const AREA_LIGHT: &str = "extensions/EXT_lights_area";
+const AREA_LIGHTS: &str = "extensions/EXT_lights_area/lights";
+
+/// A light with a surface, placed in the world.
+pub(super) struct AreaLight {
+    name: String,
+    radiance: [f32; 3],
+    group: String,
+    lamp: Lamp,
+    form: Form,
+    /// The axes across, along and against the light, of the length of width, height and 1, and the middle.
+    world_from_unit: DAffine3,
+}
+
+/// The form of a light.
+#[derive(Clone, Copy, PartialEq)]
+enum Form {
+    Rectangle,
+    Disk,
+    /// A disk that may move: rays to lights know none as such.
+    DiskOfTriangles,
+}
+
+/// The light of a node, if it has one of these.
+pub(super) fn area_light(doc: &Document, node: &Node, moves: bool, report: &mut Report) -> Option<AreaLight> {
+    let raw = node.area_light(doc)?;
+    // What is wrong with one was noted.
+    let mut light = read_area_light(doc, (node, raw), report).ok()?;
+    if moves && light.form == Form::Disk {
+        light.form = Form::DiskOfTriangles;
+    }
+    Some(light)
+}
+
+fn read_area_light(doc: &Document, (node, raw): (&Node, &Value), report: &mut Report) -> Sound<AreaLight> {
+    let at = format!("{}/{AREA_LIGHT}", node.pointer());
+    let index = required(index_of(raw, "light", &at, report), "light", &at, report)?;
+    let light = doc.raw(AREA_LIGHTS, index, &format!("{at}/light"), report)?;
+    let at = pointer(AREA_LIGHTS, index);
+    report.warn("", "EXT_lights_area is a draft: what is made of it may change");
+    let form = match light.get("type").and_then(Value::as_str) {
+        Some("rect") => Form::Rectangle,
+        Some("disk") => Form::Disk,
+        _ => return Err(report.problem(format!("{at}/type"), "is neither rect nor disk")),
+    };
+    let height = positive(light, "size", &at, report)?;
+    let aspect = match light.get("rect").filter(|_| form == Form::Rectangle) {
+        Some(rect) => positive(rect, "aspect", &format!("{at}/rect"), report)?,
+        None => 1.0,
+    };
+    let color = numbers_of(light, "color", &at, report)?.unwrap_or([1.0; 3]);
+    let luminance = number_of(light, "intensity", &at, report)?.unwrap_or(1000.0);
+    let radiance = color.map(|c| (c * luminance / lumens_per_watt(doc)) as f32);
+    if radiance.iter().any(|r| !(r.is_finite() && *r >= 0.0)) {
+        return Err(report
+            .problem(at, "has a colour or an intensity that is negative or beyond the range of numbers"));
+    }
+    let Some(world_from_unit) = world_from_unit(&node.world_from_node, [height * aspect, height]) else {
+        return Err(report.warn(node.pointer(), "flattens its light, which is left out"));
+    };
+    let node_raw = doc.json.pointer(&node.pointer()).unwrap_or(&Value::Null);
+    let of_node = light_group(node_raw, &node.pointer(), report);
+    let group = of_node.or_else(|| light_group(light, &at, report)).unwrap_or_default();
+    let ObjectTraits { visible_to, .. } = object_traits(node_raw, &node.pointer(), report);
+    let lamp = Lamp { visible_to, ..Lamp::default() };
+    let name = name_of(node_raw, "light of node", node.index);
+    Ok(AreaLight { name, radiance, group, lamp, form, world_from_unit })
+}
+
+/// A size above 0, which is 1 where nothing is said.
+fn positive(object: &Value, key: &str, at: &str, report: &mut Report) -> Sound<f64> {
+    let size = number_of(object, key, at, report)?.unwrap_or(1.0);
+    // Squares of sizes are areas in single precision.
+    if (1e-15..=1e15).contains(&size) {
+        return Ok(size);
+    }
+    Err(report.problem(format!("{at}/{key}"), format!("{size} is no size above 0 (1e-15 to 1e15)")))
+}
+
+/// The place of a light: the rotation of a transform, axes z and y made orthonormal in this order, and the largest of its scales for
+/// both sides. `None` for a transform that flattens.
+fn world_from_unit(world_from_node: &DAffine3, size: [f64; 2]) -> Option<DAffine3> {
+    let m = world_from_node.matrix3;
+    let z = m.z_axis.try_normalize()?;
+    let y = (m.y_axis - z * m.y_axis.dot(z)).try_normalize()?;
+    let scale = [m.x_axis, m.y_axis, m.z_axis].map(DVec3::length).into_iter().fold(0.0, f64::max);
+    let [width, height] = size.map(|s| s * scale);
+    let axes = DMat3::from_cols(y.cross(z) * width, y * height, z);
+    let placed = DAffine3::from_mat3_translation(axes, world_from_node.translation);
+    placed.is_finite().then_some(placed)
+}
+
+impl AreaLight {
+    /// Puts the light into a scene that has its other materials already.
+    pub fn add_to(self, scene: &mut Scene) {
+        let AreaLight { name, radiance, group, lamp, form, world_from_unit } = self;
+        let mut emitter = Material::emitter(&name, radiance, false);
+        emitter.light_group = group;
+        emitter.lamp = Some(lamp).filter(|lamp| *lamp != Lamp::default());
+        let material = scene.add_material(emitter);
+        let (x, y, center) =
+            (world_from_unit.matrix3.x_axis, world_from_unit.matrix3.y_axis, world_from_unit.translation);
+        match form {
+            Form::Rectangle => {
+                // The front is on the side of the cross product: -z.
+                let quad = Quad::new(center - (x + y) / 2.0, y, x, material);
+                scene.quads.push(Quad { name, ..quad });
+            }
+            Form::Disk => {
+                let disk = Shape::disk(center, -world_from_unit.matrix3.z_axis, y.length() / 2.0, material);
+                scene.shapes.push(Shape { name, ..disk });
+            }
+            Form::DiskOfTriangles => {
+                let mesh = disk_of_triangles(scene, &name, material);
+                let half = DMat3::from_cols(y / 2.0, x / 2.0, -world_from_unit.matrix3.z_axis);
+                let placed = Instance::new(mesh, DAffine3::from_mat3_translation(half, center));
+                scene.instances.push(Instance { name, ..placed });
+            }
+        }
+    }
+}
+
+fn disk_of_triangles(scene: &mut Scene, name: &str, material: MaterialId) -> MeshId {
+    let mut mesh = Mesh { name: format!("{name} (disk)"), ..mesh_of(ShapeKind::Disk) };
+    let triangle_count = mesh.triangles.len() as u32;
+    mesh.parts.push(MeshPart { first_triangle: 0, triangle_count, material });
+    scene.add_mesh(mesh)
+}
+
+/// From a rectangle of unit sides to where a quad is.
+pub(super) fn world_from_quad(quad: &Quad) -> DAffine3 {
+    let axes = DMat3::from_cols(quad.edge_u, quad.edge_v, quad.edge_u.cross(quad.edge_v).normalize_or_zero());
+    DAffine3::from_mat3_translation(axes, quad.corner)
+}
+
+// EXT_lights_ies: lights with the profiles of luminaires.
+
+const IES_LIGHT: &str = "extensions/EXT_lights_ies";
+const IES_LIGHTS: &str = "extensions/EXT_lights_ies/lights";
+
+/// The profiles of a file by index, with the largest value 1, and what that is in candela.
+pub(super) type Profiles = HashMap<usize, Sound<(Arc<LightProfile>, f64)>>;
+
+/// The light of a node, if it has one of these.
+pub(super) fn ies_light(
+    doc: &Document,
+    node: &Node,
+    profiles: &mut Profiles,
+    report: &mut Report,
+) -> Option<Sound<Light>> {
+    node.profiled_light(doc).map(|raw| read_ies_light(doc, (node, raw), profiles, report))
+}
+
+fn read_ies_light(
+    doc: &Document,
+    (node, raw): (&Node, &Value),
+    profiles: &mut Profiles,
+    report: &mut Report,
+) -> Sound<Light> {
+    let at = format!("{}/{IES_LIGHT}", node.pointer());
+    let index = required(index_of(raw, "light", &at, report), "light", &at, report)?;
+    let known = match profiles.get(&index) {
+        Some(known) => known.clone(),
+        None => {
+            let read = report.lasting(|report| profile(doc, index, &at, report));
+            profiles.insert(index, read.clone());
+            read
+        }
+    };
+    let (profile, candela) = known?;
+    let factor = number_of(raw, "multiplier", &at, report)?.unwrap_or(1.0);
+    let color = numbers_of(raw, "color", &at, report)?.unwrap_or([1.0; 3]);
+    let intensity = color.map(|c| (c.clamp(0.0, 1.0) * factor * candela / LUMENS_PER_WATT) as f32);
+    if intensity.iter().any(|i| !(i.is_finite() && *i >= 0.0)) {
+        return Err(report
+            .problem(at, "has a multiplier or a colour that is negative or beyond the range of numbers"));
+    }
+    let Some(rotation) = rotation(&node.world_from_node.matrix3) else {
+        return Err(report.warn(node.pointer(), "flattens its light, which is left out"));
+    };
+    let kind = LightKind::Profiled { position: node.world_from_node.translation, rotation, cone: None };
+    let node_raw = doc.json.pointer(&node.pointer()).unwrap_or(&Value::Null);
+    let group = light_group(node_raw, &node.pointer(), report).unwrap_or_default();
+    let ObjectTraits { visible_to, .. } = object_traits(node_raw, &node.pointer(), report);
+    let name = name_of(node_raw, "light of node", node.index);
+    Ok(Light { name, group, visible_to, profile: Some(profile), ..Light::new(kind, intensity) })
+}
+
+/// The axes z, then x, made orthonormal; `None` for a transform that flattens.
+fn rotation(m: &DMat3) -> Option<DQuat> {
+    let z: DVec3 = m.z_axis.try_normalize()?;
+    let x = (m.x_axis - z * m.x_axis.dot(z)).try_normalize()?;
+    Some(DQuat::from_mat3(&DMat3::from_cols(x, z.cross(x), z)).normalize())
+}
+
+fn profile(doc: &Document, index: usize, from: &str, report: &mut Report) -> Sound<(Arc<LightProfile>, f64)> {
+    let raw = doc.raw(IES_LIGHTS, index, &format!("{from}/light"), report)?;
+    let at = pointer(IES_LIGHTS, index);
+    let bytes: Cow<[u8]> = match raw.get("uri").and_then(Value::as_str) {
+        Some(uri) => doc.fetch(uri, &format!("{at}/uri"), report)?.bytes,
+        None => {
+            let view = index_of(raw, "bufferView", &at, report)?;
+            let Some(view) = view else {
+                return Err(report.problem(at, "has neither a uri nor a bufferView"));
+            };
+            Cow::Borrowed(doc.view(view, &format!("{at}/bufferView"), report)?.bytes)
+        }
+    };
+    match ies::parse(&bytes) {
+        Ok(profile) => {
+            let (profile, candela) = ies::relative(profile);
+            Ok((Arc::new(profile), candela))
+        }
+        Err(message) => Err(report.problem(at, message)),
+    }
+}
+
+// Portals of nodes: `portal` in the `extras`, as Blender exports custom properties, is the width and height of a rectangle around the
+// node through which light of the environment comes in along -z.
+
+/// The portal of a node, if it is one.
+pub(super) fn portal(doc: &Document, node: &Node, report: &mut Report) -> Option<Portal> {
+    let raw = doc.json.pointer(&node.pointer())?;
+    let value = raw.get("extras")?.get("portal")?;
+    let at = format!("{}/extras/portal", node.pointer());
+    let size = match value {
+        Value::Bool(false) => return None,
+        Value::Bool(true) => Some([1.0, 1.0]),
+        Value::Array(list) => match list[..] {
+            [ref width, ref height] => width.as_f64().zip(height.as_f64()).map(|(w, h)| [w, h]),
+            _ => None,
+        },
+        _ => None,
+    };
+    let Some([width, height]) = size.filter(|size| size.iter().all(|s| *s > 0.0 && s.is_finite())) else {
+        report.warn(at, "is neither true nor a width and a height above 0; ignored");
+        return None;
+    };
+    let matrix = node.world_from_node;
+    let [x, y] = [matrix.matrix3.x_axis * width, matrix.matrix3.y_axis * height];
+    let (across, along) = (x.try_normalize(), y.try_normalize());
+    let Some((across, along)) = across.zip(along).filter(|(a, b)| a.dot(*b).abs() < 1e-3) else {
+        report.warn(at, "is flattened or sheared by the transform of its node; ignored");
+        return None;
+    };
+    // Light comes in along -z, whatever the node mirrors.
+    let inwards = -matrix.matrix3.z_axis;
+    let (edge_u, edge_v): (DVec3, DVec3) =
+        if across.cross(along).dot(inwards) > 0.0 { (x, y) } else { (y, x) };
+    let name = raw.get("name").and_then(Value::as_str).unwrap_or("portal").to_string();
+    Some(Portal { name, corner: matrix.translation - (x + y) / 2.0, edge_u, edge_v })
+}
