@@ -9,17 +9,14 @@ mod far;
 mod formats;
 pub mod gltf;
 mod grid;
-mod guard;
 mod heights;
 mod ies;
 pub mod image;
-mod loaded;
-mod losses;
 pub mod obj;
+mod options;
 pub mod ply;
 mod points;
 mod polygon;
-mod saved;
 pub mod scene_file;
 mod shapes;
 mod shutter;
@@ -34,8 +31,8 @@ mod vdb;
 mod words;
 
 pub use formats::extensions;
-pub use loaded::{BlenderExport, EmptyNode, LoadOptions, Loaded};
-pub use saved::SavedFiles;
+pub use options::SavedFiles;
+pub use options::{BlenderExport, EmptyNode, LoadOptions, Loaded};
 pub use shutter::{LONGEST_SHUTTER, ShutterOptions, ShutterPosition};
 pub use upright::{Up, UpHint};
 
@@ -207,7 +204,7 @@ fn complete(path: &Path, options: &LoadOptions, loaded: &mut Loaded) -> Result<(
         options.files.note(&beside);
         match beside.is_file() {
             true => scene_file::sidecar::apply(&beside, options, loaded)?,
-            false => losses::say(path, loaded),
+            false => gltf::warn_of_losses(path, loaded),
         }
     }
     if matches!(formats::of(path), Format::Model(model) if model.leaves_up_open) {

@@ -4,13 +4,10 @@
 //! Such files can hold scripts. They are opened with scripts off, with Blender's factory settings and offline.
 
 pub mod cache;
-mod host;
-mod options;
 mod process;
-mod report;
 
+pub use crate::load::options::BlenderOptions;
 pub use cache::default_cache;
-pub use options::BlenderOptions;
 
 use super::{LoadOptions, Loaded, SavedFiles, ShutterOptions, gltf, scene_file};
 use crate::error::{Error, Result, Warning};
@@ -48,7 +45,7 @@ pub fn export(path: &Path, options: &LoadOptions, parent: &Path) -> Result<Expor
 fn exported(path: &Path, options: &LoadOptions, parent: &Path, links: bool) -> Result<Exported> {
     // Blender's own folder of work is another.
     let path = fs::canonicalize(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))?;
-    let host = host::find(&path, options.blender.program.as_deref())?;
+    let host = process::find(&path, options.blender.program.as_deref())?;
     let made = tempfile::Builder::new().prefix(".oscura-").tempdir_in(parent).and_then(|work| {
         let folder = work.path().join("export");
         fs::create_dir(&folder).map(|()| (work, folder))

@@ -1,15 +1,16 @@
 //! Displacement: meshes whose materials have height maps are subdivided and moved along their normals when a scene is loaded, so that
 //! what follows knows of triangles only.
 
-mod heights;
-mod lift;
-mod subdivide;
+mod tessellate;
 
 use super::Loaded;
 use crate::error::Warning;
-use crate::math::{DAffine3, DVec3};
-use crate::scene::{Displacement, Instance, MaterialId, Mesh, MeshId, Motion, Quad, Scene};
-use heights::{Heights, Parts};
+use crate::image::{Encoding, Image};
+use crate::math::{DAffine3, DVec3, Vec2, Vec3};
+use crate::scene::{
+    Displacement, Instance, Mapping, MaterialId, Mesh, MeshId, Motion, Quad, Scene, Texture, TextureId,
+    TextureTransform, Wrap,
+};
 use std::collections::HashMap;
 
 /// Most triangles that all displaced meshes of a scene may have together.
@@ -124,14 +125,14 @@ fn displaced(own: &Mesh, parts: &Parts, budget: usize, warnings: &mut Vec<Warnin
         .map(|part| part.map(|(d, _)| if d.edge > 0.0 { d.edge } else { DEFAULT_EDGE * diagonal(own) }))
         .collect();
     let edges = affordable(own, edges, budget, warnings);
-    let (fine, longest) = subdivide::subdivided(own, &edges, budget);
+    let (fine, longest) = tessellate::subdivided(own, &edges, budget);
     if let Some(longest) = longest {
         let message = format!(
             "is subdivided to edges of {longest:.3}, not finer: all displaced meshes together may have {MOST_TRIANGLES} triangles"
         );
         warn(warnings, &own.name, message);
     }
-    Some(lift::lifted(fine, parts))
+    Some(lifted(fine, parts))
 }
 
 /// Edges that are not far too short: where so many triangles are out of reach, nothing is gained by cutting until the limit.
@@ -143,7 +144,7 @@ fn affordable(
 ) -> Vec<Option<f32>> {
     /// Times as many triangles as may be.
     const FAR: f64 = 16.0;
-    let least = subdivide::least_triangles(own, &edges);
+    let least = tessellate::least_triangles(own, &edges);
     if least <= FAR * budget as f64 {
         return edges;
     }
@@ -173,5 +174,383 @@ fn diagonal(mesh: &Mesh) -> f32 {
     (0..3).map(|k| (high[k] - low[k]).powi(2)).sum::<f32>().sqrt()
 }
 
+// Heights from an image by texture coordinates.
+
+/// What lies over the parts of a mesh: displacement and its heights.
+type Parts<'a> = Vec<Option<(&'a Displacement, &'a Heights)>>;
+
+/// The values of a channel, bilinear between the middles of texels.
+struct Heights {
+    size: [usize; 2],
+    values: Vec<f32>,
+    wrap: [Wrap; 2],
+    set: u32,
+    transform: TextureTransform,
+}
+
+impl Heights {
+    /// Of a texture, which must be an image by texture coordinates; else the reason.
+    pub fn of(scene: &Scene, (id, channel): (TextureId, u8)) -> Result<Heights, String> {
+        let texture = scene.textures.get(id.index());
+        let Some(Texture::Image { image, wrap_u, wrap_v, mapping: Mapping::Uv { set, transform }, .. }) =
+            texture
+        else {
+            return Err("is displaced by images only, which lie by texture coordinates".into());
+        };
+        let image = scene.images.get(image.index()).ok_or("is displaced by an image that is not there")?;
+        let image = image.decoded().map_err(|_| "is displaced by an image that can't be decoded")?;
+        // Heights are no colours, whatever else the image is used for.
+        let image = Image { encoding: Encoding::Linear, ..image };
+        let size = [image.width as usize, image.height as usize];
+        let texel =
+            |i: usize| image.rgba((i % size[0]) as u32, (i / size[0]) as u32)[usize::from(channel.min(3))];
+        Ok(Heights {
+            size,
+            values: (0..size[0] * size[1]).map(texel).collect(),
+            wrap: [*wrap_u, *wrap_v],
+            set: *set,
+            transform: *transform,
+        })
+    }
+
+    /// The set of texture coordinates that it takes.
+    pub fn set(&self) -> usize {
+        self.set as usize
+    }
+
+    /// The height at coordinates of that set.
+    pub fn at(&self, uv: [f32; 2]) -> f32 {
+        let TextureTransform { offset, rotation_rad, scale } = self.transform;
+        let scaled = Vec2::from_array(uv) * scale;
+        let (sin, cos) = rotation_rad.sin_cos();
+        let turned = Vec2::new(cos * scaled.x + sin * scaled.y, cos * scaled.y - sin * scaled.x);
+        let at = (offset + turned).to_array();
+        let texel = |k: usize| f64::from(at[k]) * self.size[k] as f64 - 0.5;
+        let (x, y) = (texel(0), texel(1));
+        let (s, t) = ((x - x.floor()) as f32, (y - y.floor()) as f32);
+        let value = |i: i64, j: i64| {
+            let column = wrapped(x.floor() as i64 + i, self.size[0], self.wrap[0]);
+            let row = wrapped(y.floor() as i64 + j, self.size[1], self.wrap[1]);
+            self.values[row * self.size[0] + column]
+        };
+        let mix = |a: f32, b: f32, share: f32| a + (b - a) * share;
+        mix(mix(value(0, 0), value(1, 0), s), mix(value(0, 1), value(1, 1), s), t)
+    }
+}
+
+fn wrapped(at: i64, size: usize, wrap: Wrap) -> usize {
+    let size = size as i64;
+    let inside = match wrap {
+        Wrap::Repeat => at.rem_euclid(size),
+        Wrap::Mirror => {
+            let twice = at.rem_euclid(2 * size);
+            twice.min(2 * size - 1 - twice)
+        }
+        Wrap::Clamp => at.clamp(0, size - 1),
+    };
+    inside as usize
+}
+
+// Moves the vertices of a fine mesh by heights, and finds its normals anew.
+
+/// A point by its bits, with both zeros alike.
+type Key = [u32; 3];
+
+fn key(p: [f32; 3]) -> Key {
+    p.map(|x| (x + 0.0).to_bits())
+}
+
+/// What vertices in one place have in common: at seams of texture coordinates and at hard edges they are several, and move as one.
+#[derive(Clone, Copy, Default)]
+struct Place {
+    direction: Vec3,
+    /// Sum of the lengths of what `direction` is the sum of.
+    length: f32,
+    heights: f32,
+    count: f32,
+}
+
+impl Place {
+    /// The way of a vertex whose own direction is given. The sides of a card cancel each other: each goes its own way.
+    fn direction_of(&self, own: Vec3) -> Vec3 {
+        let is_shared = self.direction.length() > SHARED * self.length;
+        if is_shared { self.direction.normalize_or_zero() } else { own.normalize_or_zero() }
+    }
+}
+
+/// How long the sum of the directions of a place must be, as a share of all their lengths, for its vertices to move as one.
+const SHARED: f32 = 0.1;
+
+/// The mesh with the vertices of its displaced parts moved along their normals.
+fn lifted(mut mesh: Mesh, parts: &Parts) -> Mesh {
+    let over = vertices_over(&mesh, parts);
+    let own = directions(&mesh);
+    let mut places: HashMap<Key, Place> = HashMap::new();
+    for (vertex, part) in over.iter().enumerate() {
+        let Some((displacement, heights)) = part.and_then(|part| parts[part]) else { continue };
+        let place = places.entry(key(mesh.positions[vertex])).or_default();
+        place.heights +=
+            displacement.scale * (heights.at(mesh.uv_sets[heights.set()][vertex]) - displacement.midlevel);
+        place.count += 1.0;
+    }
+    for (vertex, direction) in own.iter().enumerate() {
+        if let Some(place) = places.get_mut(&key(mesh.positions[vertex])) {
+            place.direction += *direction;
+            place.length += direction.length();
+        }
+    }
+    // Normals are smooth where they were: where vertices of one place had the same. Flat meshes become smooth.
+    let smooth: Vec<(Key, Key)> = (0..mesh.positions.len())
+        .map(|v| (key(mesh.positions[v]), mesh.normals.get(v).map_or([0; 3], |n| key(*n))))
+        .collect();
+    for vertex in (0..over.len()).filter(|&vertex| over[vertex].is_some()) {
+        let Some(place) = places.get(&smooth[vertex].0) else { continue };
+        let moved = place.direction_of(own[vertex]) * (place.heights / place.count);
+        let p = Vec3::from_array(mesh.positions[vertex]) + moved;
+        if p.is_finite() {
+            mesh.positions[vertex] = p.to_array();
+        }
+    }
+    set_normals(&mut mesh, &over, &smooth);
+    mesh
+}
+
+/// The displaced part that each vertex belongs to: the first that uses it.
+fn vertices_over(mesh: &Mesh, parts: &Parts) -> Vec<Option<usize>> {
+    let mut over = vec![None; mesh.positions.len()];
+    for (index, part) in mesh.parts.iter().enumerate().filter(|(index, _)| parts[*index].is_some()) {
+        let first = part.first_triangle as usize;
+        for vertex in mesh.triangles[first..first + part.triangle_count as usize].as_flattened() {
+            over[*vertex as usize].get_or_insert(index);
+        }
+    }
+    over
+}
+
+/// Normals of vertices, or where there are none those of the triangles around, weighted by their areas.
+fn directions(mesh: &Mesh) -> Vec<Vec3> {
+    if !mesh.normals.is_empty() {
+        return mesh.normals.iter().map(|n| Vec3::from_array(*n)).collect();
+    }
+    let mut sums = vec![Vec3::ZERO; mesh.positions.len()];
+    for (triangle, normal) in mesh.triangles.iter().zip(face_normals(mesh)) {
+        triangle.iter().for_each(|&vertex| sums[vertex as usize] += normal);
+    }
+    sums
+}
+
+/// Normals of triangles, twice their areas long.
+fn face_normals(mesh: &Mesh) -> impl Iterator<Item = Vec3> + '_ {
+    mesh.triangles.iter().map(|triangle| {
+        let [a, b, c] = triangle.map(|v| Vec3::from_array(mesh.positions[v as usize]));
+        (b - a).cross(c - a)
+    })
+}
+
+/// Means of the normals of the triangles around, weighted by their areas.
+fn set_normals(mesh: &mut Mesh, over: &[Option<usize>], smooth: &[(Key, Key)]) {
+    let mut sums: HashMap<(Key, Key), Vec3> = HashMap::new();
+    for (triangle, normal) in mesh.triangles.iter().zip(face_normals(mesh)) {
+        for vertex in triangle {
+            *sums.entry(smooth[*vertex as usize]).or_default() += normal;
+        }
+    }
+    let had_normals = !mesh.normals.is_empty();
+    let normals = (0..mesh.positions.len()).map(|vertex| {
+        let sum = sums.get(&smooth[vertex]).and_then(|sum| sum.try_normalize());
+        let kept = mesh.normals.get(vertex).copied();
+        match (over[vertex].is_some() || !had_normals, sum) {
+            (true, Some(sum)) => sum.to_array(),
+            _ => kept.unwrap_or([0.0, 1.0, 0.0]),
+        }
+    });
+    mesh.normals = normals.collect();
+}
+
 #[cfg(test)]
-mod tests;
+mod tests {
+    use super::*;
+    use crate::image::{Encoding, Image, Pixels};
+    use crate::math::Vec3;
+    use crate::scene::{Interpolation, Mapping, Material, Shape, Texture, TextureTransform, Wrap};
+    use std::sync::Arc;
+
+    /// A material displaced by heights on a square of `n` texels, of `scale` over `midlevel`.
+    fn displaced_by(scene: &mut Scene, n: u32, edge: f32, height: impl Fn(u32, u32) -> f32) -> MaterialId {
+        let texels = (0..n * n).map(|i| height(i % n, i / n)).collect();
+        let image = scene.add_image(Image {
+            name: "heights".into(),
+            width: n,
+            height: n,
+            channels: 1,
+            encoding: Encoding::Linear,
+            pixels: Arc::new(Pixels::F32(texels)),
+        });
+        let transform = TextureTransform::default();
+        scene.textures.push(Texture::Image {
+            image,
+            wrap_u: Wrap::Clamp,
+            wrap_v: Wrap::Repeat,
+            interpolation: Interpolation::Bilinear,
+            mapping: Mapping::Uv { set: 0, transform },
+        });
+        let texture = (TextureId(scene.textures.len() as u32 - 1), 0);
+        let displacement = Some(Displacement { texture, scale: 0.5, midlevel: 0.25, edge });
+        scene.add_material(Material { displacement, ..Material::lambert("rock", [0.5; 3]) })
+    }
+
+    fn applied(scene: Scene) -> Loaded {
+        let mut loaded = Loaded::from(scene);
+        apply(&mut loaded);
+        assert!(loaded.scene.materials.iter().all(|m| m.displacement.is_none()));
+        assert!(loaded.scene.validate().is_empty(), "{:?}", loaded.scene.validate());
+        loaded
+    }
+
+    fn vertex(mesh: &Mesh, v: u32) -> Vec3 {
+        Vec3::from_array(mesh.positions[v as usize])
+    }
+
+    /// A quad of 2 x 1 under a ramp along u: between the middles of the outer texels the surface is a plane, with its slope and normal.
+    #[test]
+    fn a_ramp_tilts_a_quad() {
+        let mut scene = Scene::default();
+        let n = 16;
+        let rock = displaced_by(&mut scene, n, 0.05, |x, _| (x as f32 + 0.5) / 16.0);
+        scene.quads.push(Quad::new([1.0, 0.0, 1.0], [2.0, 0.0, 0.0], [0.0, 0.0, -1.0], rock));
+        let loaded = applied(scene);
+        assert!(loaded.warnings.is_empty() && loaded.scene.quads.is_empty());
+        let instance = &loaded.scene.instances[0];
+        let mesh = &loaded.scene.meshes[instance.mesh.index()];
+        assert!(mesh.triangles.len() > 800, "{} triangles", mesh.triangles.len());
+        let slope = Vec3::new(-0.25, 1.0, 0.0).normalize();
+        for (v, (p, normal)) in mesh.positions.iter().zip(&mesh.normals).enumerate() {
+            let u = f64::from(p[0]) / 2.0;
+            let height = (u.clamp(0.5 / 16.0, 15.5 / 16.0) - 0.25) * 0.5;
+            assert!((f64::from(p[1]) - height).abs() < 1e-6, "{p:?} {height}");
+            let is_inner = (0.1..0.9).contains(&u) && (-0.95..-0.05).contains(&p[2]);
+            let normal = Vec3::from_array(*normal);
+            assert!(!is_inner || normal.distance(slope) < 1e-4, "{v}: {p:?} {normal}");
+        }
+    }
+
+    #[test]
+    fn no_edge_is_longer_than_wanted_and_no_crack_opens() {
+        let mut scene = Scene::default();
+        let rock = displaced_by(&mut scene, 32, 0.11, |x, y| ((x * 7 + y * 5) % 11) as f32 / 11.0);
+        // A cube with vertices of its own for each face, as hard edges need.
+        let (mut positions, mut normals, mut uv) = (Vec::new(), Vec::new(), Vec::new());
+        let mut triangles = Vec::new();
+        for axis in 0..3 {
+            for side in [-1.0f32, 1.0] {
+                let first = positions.len() as u32;
+                for [a, b] in [[-1.0f32, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]] {
+                    let mut p = [0.0; 3];
+                    (p[axis], p[(axis + 1) % 3], p[(axis + 2) % 3]) = (side, a * side, b);
+                    let mut normal = [0.0; 3];
+                    normal[axis] = side;
+                    positions.push(p);
+                    normals.push(normal);
+                    uv.push([0.5 * a + 0.5, 0.5 * b + 0.5]);
+                }
+                triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+            }
+        }
+        let mesh = Mesh { normals, uv_sets: vec![uv], ..Mesh::new("cube", positions, triangles, rock) };
+        let (fine, longest) = tessellate::subdivided(&mesh, &[Some(0.11)], usize::MAX);
+        assert!(longest.is_none());
+        for t in &fine.triangles {
+            for [a, b] in [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]] {
+                assert!(vertex(&fine, a).distance(vertex(&fine, b)) <= 0.11001);
+            }
+        }
+        let id = scene.add_mesh(mesh);
+        scene.instances.push(Instance::new(id, DAffine3::IDENTITY));
+        scene.instances.push(Instance::new(id, DAffine3::from_translation(DVec3::X * 5.0)));
+        let loaded = applied(scene);
+        assert_eq!(loaded.scene.instances[0].mesh, loaded.scene.instances[1].mesh, "made once");
+        let mesh = &loaded.scene.meshes[loaded.scene.instances[0].mesh.index()];
+        assert_eq!(mesh.triangles.len(), fine.triangles.len());
+        // Closed: every edge, by the places of its ends, has a twin the other way.
+        let mut open: HashMap<[[u32; 3]; 2], i32> = HashMap::new();
+        for t in &mesh.triangles {
+            for [a, b] in [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]] {
+                let [a, b] = [a, b].map(|v| vertex(mesh, v).to_array().map(f32::to_bits));
+                *open.entry([a, b]).or_default() += 1;
+                *open.entry([b, a]).or_default() -= 1;
+            }
+        }
+        assert!(open.values().all(|&count| count == 0), "cracks");
+    }
+
+    #[test]
+    fn the_limit_of_triangles_is_kept_and_told() {
+        let mut scene = Scene::default();
+        let rock = displaced_by(&mut scene, 4, 0.1, |_, _| 1.0);
+        let mesh =
+            Mesh::new("sheet", vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], vec![[0, 1, 2]], rock);
+        let (fine, longest) = tessellate::subdivided(&mesh, &[Some(1e-3)], 5000);
+        assert!(fine.triangles.len() <= 5000 && fine.triangles.len() > 1000);
+        assert!(longest.is_some_and(|longest| (0.01..0.1).contains(&longest)), "{longest:?}");
+    }
+
+    #[test]
+    fn what_can_not_be_displaced_is_told() {
+        let mut scene = Scene::default();
+        let rock = displaced_by(&mut scene, 4, 0.1, |_, _| 1.0);
+        let sheet =
+            Mesh::new("sheet", vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], vec![[0, 1, 2]], rock);
+        let id = scene.add_mesh(sheet);
+        scene.instances.push(Instance::new(id, DAffine3::IDENTITY));
+        scene.shapes.push(Shape::sphere([0.0; 3], 1.0, rock));
+        let loaded = applied(scene);
+        let warnings: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
+        let all = warnings.join("\n");
+        assert!(all.contains("no texture coordinates") && all.contains("no spheres"), "{all}");
+        assert_eq!(loaded.scene.instances[0].mesh, id);
+    }
+
+    /// Neighbouring numbers at 1e8 are 8 apart: an edge between them has no middle, and is left as it is.
+    #[test]
+    fn edges_without_a_middle_are_left() {
+        let positions = vec![[1e8, 0.0, 0.0], [1e8 + 32.0, 0.0, 0.0], [1e8, 0.0, 1e-3]];
+        let rock = displaced_by(&mut Scene::default(), 4, 1.0, |_, _| 1.0);
+        let mesh = Mesh::new("far", positions, vec![[0, 1, 2]], rock);
+        let (fine, longest) = tessellate::subdivided(&mesh, &[Some(1.0)], 10_000);
+        assert!(longest.is_none() && (4..100).contains(&fine.triangles.len()), "{}", fine.triangles.len());
+        let steps = fine.positions.iter().map(|p| (p[0] - 1e8) / 8.0);
+        assert_eq!(steps.clone().fold(0.0, f32::max), 4.0);
+        assert!([0.0, 1.0, 2.0, 3.0].iter().all(|n| steps.clone().any(|step| step == *n)));
+    }
+
+    /// The sides of a card share their places, and their normals cancel: each goes its own way.
+    #[test]
+    fn both_sides_of_a_card_are_displaced() {
+        let mut scene = Scene::default();
+        let rock = displaced_by(&mut scene, 4, 10.0, |_, _| 1.0);
+        let square = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+        let normals = [[0.0, 0.0, 1.0]; 4].into_iter().chain([[0.0, 0.0, -1.0]; 4]).collect();
+        let uv = vec![[0.5, 0.5]; 8];
+        let triangles = vec![[0, 1, 2], [0, 2, 3], [6, 5, 4], [7, 6, 4]];
+        let mesh = Mesh::new("card", [square, square].concat(), triangles, rock);
+        let id = scene.add_mesh(Mesh { normals, uv_sets: vec![uv], ..mesh });
+        scene.instances.push(Instance::new(id, DAffine3::IDENTITY));
+        let loaded = applied(scene);
+        let mesh = &loaded.scene.meshes[loaded.scene.instances[0].mesh.index()];
+        let heights: Vec<f32> = mesh.positions.iter().map(|p| p[2]).collect();
+        assert_eq!(heights, [0.375, 0.375, 0.375, 0.375, -0.375, -0.375, -0.375, -0.375]);
+    }
+
+    /// Edges that no number of triangles reaches are told at once.
+    #[test]
+    fn edges_that_are_far_too_short() {
+        let mut scene = Scene::default();
+        let rock = displaced_by(&mut scene, 4, 1e-6, |x, _| x as f32 / 4.0);
+        scene.quads.push(Quad::new([0.0; 3], [2.0, 0.0, 0.0], [0.0, 1.0, 0.0], rock));
+        let loaded = applied(scene);
+        let told: Vec<String> = loaded.warnings.iter().map(|w| w.message.clone()).collect();
+        assert!(told.iter().any(|w| w.contains("at least") && w.contains("is possible")), "{told:?}");
+        let triangles: usize = loaded.scene.meshes.iter().map(|mesh| mesh.triangles.len()).max().unwrap_or(0);
+        assert!((10_000..1_000_000).contains(&triangles), "{triangles}");
+    }
+}

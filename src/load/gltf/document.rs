@@ -1,10 +1,10 @@
 //! The JSON document: its objects are taken as the types of the `gltf` crate one by one, when something that is seen
 //! needs them. So a broken object that nothing uses does no harm, and each problem has its JSON pointer.
 
-use super::options::GltfOptions;
 use super::report::{Report, Sound};
 use crate::error::{Choice, Error, Problem, Result};
 use crate::load::decoders::Decoder;
+use crate::load::options::GltfOptions;
 use crate::load::words::is_utf_16;
 use crate::load::{LoadOptions, SavedFiles};
 use gltf::json::accessor::ComponentType;

@@ -4,7 +4,7 @@
 use super::document::{Document, Unpacked, pointer};
 use super::report::{Report, Sound};
 use crate::error::Problem;
-use crate::load::guard;
+use crate::load::decoders;
 use draco_core::{
     DataType, DecodeLimits, DecoderBuffer, FaceIndex, Mesh, MeshDecoder, PointAttribute, PointIndex,
 };
@@ -158,7 +158,7 @@ fn decode(bytes: &[u8]) -> Result<Mesh, String> {
         let mut mesh = Mesh::new();
         MeshDecoder::new().decode(&mut buffer, &mut mesh).map(|()| mesh).map_err(|e| e.to_string())
     };
-    let mesh = guard::catch(decode)??;
+    let mesh = decoders::catch(decode)??;
     if mesh.num_points() as u64 > most {
         return Err(format!("it claims {} vertices in {} bytes", mesh.num_points(), bytes.len()));
     }

@@ -2,11 +2,11 @@
 
 use super::document::{Document, index_of, name_of, number_of, numbers_of, pointer, required};
 use super::nodes::Node;
-use super::options::LightUnits;
 use super::report::{Report, Sound};
 use crate::error::Choice;
 use crate::load::ies;
 use crate::load::ies::LUMENS_PER_WATT;
+use crate::load::options::LightUnits;
 use crate::math::{DAffine3, DMat3, DQuat, DVec3};
 use crate::scene::{
     Camera, GROUP_KEY, Instance, Lamp, Light, LightKind, LightLinks, LightProfile, Material, MaterialId,

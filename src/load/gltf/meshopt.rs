@@ -728,16 +728,16 @@ mod tests {
     #[test]
     fn octahedral_vectors_are_unit_vectors() {
         let mut up = [0u8, 0, 127, 5];
-        filters::octahedral8(&mut up);
+        octahedral8(&mut up);
         assert_eq!(up, [0, 0, 127, 5]);
         // (1, 1) of the octahedron lies straight below.
         let mut down = [127u8, 127, 127, 0];
-        filters::octahedral8(&mut down);
+        octahedral8(&mut down);
         assert_eq!(down, [0, 0, (-127i8) as u8, 0]);
         let ten_bits =
             [(-300i16).to_le_bytes(), 150i16.to_le_bytes(), 511i16.to_le_bytes(), 7i16.to_le_bytes()];
         let mut bytes = ten_bits.concat();
-        filters::octahedral16(&mut bytes);
+        octahedral16(&mut bytes);
         let v: Vec<f32> =
             bytes.chunks(2).map(|b| f32::from(i16::from_le_bytes([b[0], b[1]])) / 32767.0).collect();
         let length = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
@@ -752,7 +752,7 @@ mod tests {
         let largest_3 = one & !3 | 3;
         let z = i16::try_from(2047).expect("it fits");
         let mut bytes = [0i16, 0, z, largest_3].map(i16::to_le_bytes).concat();
-        filters::quaternion(&mut bytes);
+        quaternion(&mut bytes);
         let q: Vec<i16> = bytes.chunks(2).map(|b| i16::from_le_bytes([b[0], b[1]])).collect();
         let s = (32767.0 * std::f32::consts::FRAC_1_SQRT_2).round() as i16;
         assert_eq!((q[0], q[1]), (0, 0));
@@ -763,7 +763,7 @@ mod tests {
     fn exponents_scale_exactly() {
         let packed = [(-2i32 << 24) | 5, (3 << 24) | 0x00ff_ffff, 100 << 24 | 1];
         let mut bytes: Vec<u8> = packed.iter().flat_map(|v: &i32| v.to_le_bytes()).collect();
-        filters::exponential(&mut bytes);
+        exponential(&mut bytes);
         let floats: Vec<f32> =
             bytes.chunks(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
         assert_eq!(floats, [1.25, -8.0, 2f32.powi(100)]);
@@ -778,7 +778,7 @@ mod tests {
         let cg = (g - t) / 2;
         let y = t + cg;
         let mut bytes = [y as u8, co as i8 as u8, cg as i8 as u8, 0x80 | 64];
-        filters::color8(&mut bytes);
+        color8(&mut bytes);
         assert!(
             bytes[0].abs_diff(r as u8) <= 1
                 && bytes[1].abs_diff(g as u8) <= 1

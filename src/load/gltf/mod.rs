@@ -19,7 +19,6 @@ mod materials;
 mod meshes;
 mod meshopt;
 mod nodes;
-mod options;
 mod place;
 mod pointers;
 mod report;
@@ -27,7 +26,9 @@ mod shutter;
 mod textures;
 mod vertices;
 
-pub use options::{Glass, GltfOptions, LightUnits};
+pub use crate::load::options::{Glass, GltfOptions, LightUnits};
+
+pub(super) use exported::warn_of_losses;
 
 use super::{EmptyNode, LoadOptions, Loaded};
 use crate::error::{Error, Result, Warning};

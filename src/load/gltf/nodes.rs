@@ -6,9 +6,9 @@ use super::document;
 use super::document::{
     Document, index_of, list_of_indices, name_of, names_of, numbers_of, pointer, required,
 };
-use super::options::GltfOptions;
 use super::report::{Report, Sound};
 use crate::error::Problem;
+use crate::load::options::GltfOptions;
 use crate::math::{DAffine3, DMat3, DQuat, DVec3};
 use gltf::json::accessor::{ComponentType, Type};
 use serde_json::Value;

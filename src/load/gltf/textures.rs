@@ -5,7 +5,7 @@ use super::document::{Document, is_read, name_of, pointer};
 use super::report::{Report, Sound};
 use crate::error::{Error, Problem, Warning};
 use crate::image::{Damage, Encoding, Image, Pixels};
-use crate::load::image::{ImageFile, OnDamage, Use, decode, for_texture, unused};
+use crate::load::image::{ImageFile, OnDamage, Use, decode, for_texture, metadata_warnings};
 use crate::math::Vec2;
 use crate::scene::{ImageId, Interpolation, Mapping, Texture, TextureId, TextureTransform, Wrap};
 use gltf::json::extensions::texture::TextureTransform as TransformJson;
@@ -411,7 +411,7 @@ fn decode_source(asset: &Path, source: &Source, is_lazy: bool) -> Decoded {
         Ok(image) => Ok(Image { name: source.name.clone(), ..image }),
         Err(error) => Err(problem(error, &source.name, &at)),
     };
-    let notes = if image.is_ok() { unused(bytes, place.0, place.1, purpose) } else { Vec::new() };
+    let notes = if image.is_ok() { metadata_warnings(bytes, place.0, place.1, purpose) } else { Vec::new() };
     Decoded { image, warnings, notes }
 }
 

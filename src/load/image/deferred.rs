@@ -1,7 +1,7 @@
 //! Large images that become textures stay encoded while a scene is loaded: only their headers are read.
 
 use super::source::{Source, Use};
-use super::{bytes, decode, format_of, jpeg_is_complete, limits, unused};
+use super::{decode, format_of, jpeg_is_complete, metadata_warnings, source};
 use crate::error::{Error, Result, Warning};
 use crate::image::{Damage, Encoded, Encoding, Image, ImageSource, Pixels};
 use image::{ColorType, ImageDecoder, ImageFormat, ImageReader};
@@ -47,7 +47,7 @@ pub(crate) fn for_texture(
     let source = Source { bytes: &of.bytes, file, pointer };
     let mut own = Vec::new();
     // Errors are found once more by the decoder, with all that is to be said.
-    let header = bytes::guarded(&source, || header(&source, of.mime, &mut own)).ok().flatten();
+    let header = source::guarded(&source, || header(&source, of.mime, &mut own)).ok().flatten();
     let Some(Header { size: [width, height], channels, bits }) = header else {
         return decode(&of.bytes, file, pointer, of.mime, purpose, warnings);
     };
@@ -75,8 +75,8 @@ pub(crate) fn read_for_texture(
     warnings: &mut Vec<Warning>,
     on_damage: OnDamage,
 ) -> Result<Image> {
-    let bytes = bytes::read_bytes(path)?;
-    let said = unused(&bytes, path, "", purpose);
+    let bytes = source::read_bytes(path)?;
+    let said = metadata_warnings(&bytes, path, "", purpose);
     let file = ImageFile { bytes: bytes.into(), own_file: Some(path), place: (path, ""), mime: None };
     let image = for_texture(file, purpose, warnings, on_damage)?;
     warnings.extend(said);
@@ -106,7 +106,7 @@ fn header(source: &Source, mime: Option<&str>, warnings: &mut Vec<Warning>) -> R
     };
     let ((width, height), color_type) =
         found.map_or_else(|| size_and_type(source, source.bytes, format), Ok)?;
-    limits::check(source, width.into(), height.into())?;
+    source::check(source, width.into(), height.into())?;
     let (channels, bits) = match color_type {
         ColorType::L8 => (1, 8),
         ColorType::La8 => (2, 8),
@@ -132,7 +132,7 @@ fn header(source: &Source, mime: Option<&str>, warnings: &mut Vec<Warning>) -> R
 fn size_and_type(source: &Source, bytes: &[u8], format: ImageFormat) -> Result<((u32, u32), ColorType)> {
     let broken = |e: image::ImageError| source.error(format!("can't be read as an image: {e}"));
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
-    reader.limits(limits::for_decoder(source));
+    reader.limits(source::for_decoder(source));
     let decoder = reader.into_decoder().map_err(broken)?;
     Ok((decoder.dimensions(), decoder.color_type()))
 }
@@ -173,7 +173,7 @@ impl Deferred {
         match &self.origin {
             Origin::Memory(bytes) => Ok(Cow::Borrowed(bytes)),
             Origin::File(path, stamp) => {
-                let bytes = bytes::read_bytes(path)?;
+                let bytes = source::read_bytes(path)?;
                 match Stamp::of(path) == Some(*stamp) {
                     true => Ok(Cow::Owned(bytes)),
                     false => Err(self.changed()),

@@ -1,10 +1,12 @@
 //! KTX2 to pixels: Basis Universal textures (ETC1S, UASTC and their relatives, KHR_texture_basisu), and plain 8-bit
 //! pixels, also deflated by Zstandard or ZLIB. The first level of the first layer is read.
 
-use super::limits;
+use super::source;
 use super::source::{Source, Use};
 use crate::error::{Result, Warning};
 use crate::image::{Encoding, Image, Pixels};
+use basisu::{DecodeFlags, SourceFormat, TargetFormat, Transcoder};
+use half::f16;
 use std::sync::Arc;
 
 /// The first bytes of each KTX2 file.
@@ -40,7 +42,7 @@ pub(super) fn decode(source: &Source, purpose: Use, warnings: &mut Vec<Warning>)
     }
     // A height of 0 marks a one-dimensional texture.
     let (width, height) = (u64::from(header.width), u64::from(header.height.max(1)));
-    limits::check(source, width, height)?;
+    source::check(source, width, height)?;
     if header.level[2] > 16 * width * height + 4096 {
         return Err(source.error(format!("claims {} bytes for {width} x {height} pixels", header.level[2])));
     }
@@ -141,10 +143,50 @@ fn unzstd(source: &Source, _: &[u8], _: usize) -> Result<Vec<u8>> {
 /// Basis Universal as RGB(A), 8-bit or float.
 #[cfg(feature = "ktx2")]
 fn basis(source: &Source, pixels: u64) -> Result<(u32, Pixels)> {
-    super::basis::transcode(source, pixels)
+    transcode(source, pixels)
 }
 
 #[cfg(not(feature = "ktx2"))]
 fn basis(source: &Source, _: u64) -> Result<(u32, Pixels)> {
     Err(source.lacks(crate::load::decoders::Decoder::Ktx2))
+}
+
+// Basis Universal textures in KTX2 files (ETC1S, UASTC and their relatives), by `basisu`.
+
+/// Red, green, blue, and alpha if there is any, 8-bit or float: the number of channels and the pixels.
+///
+/// # Errors
+/// An input error if the texture is broken or doesn't have that many pixels.
+pub(super) fn transcode(source: &Source, pixels: u64) -> Result<(u32, Pixels)> {
+    let transcode = || {
+        let texture = Transcoder::new(source.bytes).map_err(|e| format!("{e:?}"))?;
+        let is_hdr = matches!(
+            texture.source_format(),
+            SourceFormat::UastcHdr4x4 | SourceFormat::AstcHdr6x6 | SourceFormat::UastcHdr6x6
+        );
+        let target = if is_hdr { TargetFormat::RgbaHalf } else { TargetFormat::Rgba32 };
+        let bytes =
+            texture.transcode_image(0, 0, 0, target, DecodeFlags::NONE).map_err(|e| format!("{e:?}"))?;
+        Ok((is_hdr, texture.has_alpha(), bytes))
+    };
+    let (is_hdr, has_alpha, bytes) = transcode()
+        .map_err(|e: String| source.error(format!("can't be read as a Basis Universal texture: {e}")))?;
+    let expected = pixels * if is_hdr { 8 } else { 4 };
+    if bytes.len() as u64 != expected {
+        let found = bytes.len();
+        return Err(source.error(format!("holds {found} bytes of pixels in place of {expected}")));
+    }
+    let kept = if has_alpha { 4 } else { 3 };
+    let pixels = if is_hdr {
+        let halves = bytes.as_chunks::<8>().0.iter().flat_map(|pixel| {
+            let channel = |c: usize| f16::from_le_bytes([pixel[2 * c], pixel[2 * c + 1]]).to_f32();
+            (0..kept).map(channel)
+        });
+        Pixels::F32(halves.collect())
+    } else if has_alpha {
+        Pixels::U8(bytes)
+    } else {
+        Pixels::U8(bytes.as_chunks::<4>().0.iter().flat_map(|p| [p[0], p[1], p[2]]).collect())
+    };
+    Ok((kept as u32, pixels))
 }

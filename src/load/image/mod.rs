@@ -3,28 +3,23 @@
 //! What was 8-bit in the file stays 8-bit. The format is told by the content; TGA, which has no signature, by its media
 //! type or name. Sizes are compared with the file's length before anything is allocated (`limits`).
 
-#[cfg(feature = "ktx2")]
-mod basis;
-mod bytes;
 mod deferred;
 mod ktx2;
-mod layered;
-mod limits;
+mod metadata;
 mod openexr;
 mod source;
-mod unused;
 
 pub(crate) use deferred::{ImageFile, OnDamage, for_texture, read_for_texture};
-pub use layered::{ChannelInfo, Layered, load_layered};
+pub use openexr::{ChannelInfo, Layered, load_layered};
 pub(crate) use source::Use;
 
 use crate::error::{Result, Warning};
 use crate::image::{Encoding, Image, Pixels};
 use crate::load::decoders::Decoder;
-use bytes::{guarded, read_bytes, signature};
 use image::codecs::hdr::HdrDecoder;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 use source::Source;
+use source::{guarded, read_bytes, signature};
 use std::io::Cursor;
 use std::path::Path;
 use std::sync::Arc;
@@ -48,16 +43,16 @@ pub fn load_picture(path: &Path, warnings: &mut Vec<Warning>) -> Result<Image> {
 pub(crate) fn read(path: &Path, purpose: Use, warnings: &mut Vec<Warning>) -> Result<Image> {
     let bytes = read_bytes(path)?;
     let image = decode(&bytes, path, "", None, purpose, warnings)?;
-    warnings.extend(unused(&bytes, path, "", purpose));
+    warnings.extend(metadata_warnings(&bytes, path, "", purpose));
     Ok(image)
 }
 
 /// What an image that [`decode`] has read says about its pixels that they are taken without, and further frames and
 /// pages.
-pub(crate) fn unused(bytes: &[u8], file: &Path, pointer: &str, purpose: Use) -> Vec<Warning> {
+pub(crate) fn metadata_warnings(bytes: &[u8], file: &Path, pointer: &str, purpose: Use) -> Vec<Warning> {
     let source = Source { bytes, file, pointer };
     let format = signature(bytes);
-    let messages = format.map_or(Vec::new(), |format| unused::messages(&source, format, purpose));
+    let messages = format.map_or(Vec::new(), |format| metadata::messages(&source, format, purpose));
     messages.into_iter().map(|message| source.warning(message)).collect()
 }
 
@@ -171,14 +166,14 @@ fn decode_common(
     let decoded = if format == ImageFormat::Hdr {
         let decoder = HdrDecoder::new_nonstrict(Cursor::new(source.bytes)).map_err(broken)?;
         let size = decoder.metadata();
-        limits::check(source, size.width.into(), size.height.into())?;
+        source::check(source, size.width.into(), size.height.into())?;
         DynamicImage::from_decoder(decoder).map_err(broken)?
     } else {
         let mut reader = ImageReader::with_format(Cursor::new(source.bytes), format);
-        reader.limits(limits::for_decoder(source));
+        reader.limits(source::for_decoder(source));
         let decoder = reader.into_decoder().map_err(broken)?;
         let (width, height) = decoder.dimensions();
-        limits::check(source, width.into(), height.into())?;
+        source::check(source, width.into(), height.into())?;
         DynamicImage::from_decoder(decoder).map_err(broken)?
     };
     if format == ImageFormat::Jpeg && !jpeg_is_complete(source.bytes) {
@@ -232,5 +227,298 @@ fn repair(source: &Source, numbers: &mut [f32], purpose: Use, warnings: &mut Vec
     }
 }
 
+/// Every format from bytes made here, whole, cut short and with impossible sizes.
 #[cfg(test)]
-mod tests;
+mod tests {
+    use super::*;
+    use exr::image::{AnyChannel, AnyChannels, FlatSamples};
+    use exr::meta::attribute::IntegerBounds;
+    use exr::meta::header::{ImageAttributes, LayerAttributes};
+    use exr::prelude::WritableImage;
+    use image::{GrayImage, ImageBuffer, Luma, RgbImage, RgbaImage};
+
+    const NAMELESS: &str = "picture";
+
+    fn encode(picture: impl Into<DynamicImage>, format: ImageFormat) -> Vec<u8> {
+        let mut out = Cursor::new(Vec::new());
+        picture.into().write_to(&mut out, format).expect("encoded");
+        out.into_inner()
+    }
+
+    /// Formats that keep 8-bit colours as they are, of those that this build reads.
+    fn lossless() -> impl Iterator<Item = ImageFormat> {
+        let all = [ImageFormat::Png, ImageFormat::WebP, ImageFormat::Bmp, ImageFormat::Tiff];
+        all.into_iter().filter(ImageFormat::reading_enabled)
+    }
+
+    fn rgb() -> RgbImage {
+        RgbImage::from_fn(4, 2, |x, y| image::Rgb([x as u8 * 60, y as u8 * 200, 7]))
+    }
+
+    /// Decodes bytes that came without a name or media type; the warnings become texts.
+    fn decoded(bytes: &[u8], purpose: Use) -> (Result<Image>, Vec<String>) {
+        let mut warnings = Vec::new();
+        let image = decode(bytes, Path::new(NAMELESS), "/images/3", None, purpose, &mut warnings);
+        (image, warnings.iter().map(ToString::to_string).collect())
+    }
+
+    fn good(bytes: &[u8], purpose: Use) -> Image {
+        let (image, warnings) = decoded(bytes, purpose);
+        assert!(warnings.is_empty(), "{warnings:?}");
+        image.expect("it can be read")
+    }
+
+    fn error(bytes: &[u8]) -> String {
+        let text = decoded(bytes, Use::Color).0.expect_err("it can't be read").to_string();
+        assert!(text.starts_with("picture: /images/3: "), "{text}");
+        text
+    }
+
+    fn exr(
+        width: usize,
+        height: usize,
+        pixel: impl Sync + Fn(usize, usize) -> (f32, f32, f32, f32),
+    ) -> Vec<u8> {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a.exr");
+        exr::prelude::write_rgba_file(&path, width, height, pixel).expect("written");
+        std::fs::read(path).expect("read")
+    }
+
+    /// A Radiance HDR file without run lengths.
+    fn hdr(width: u32, height: u32, pixels: &[[u8; 4]]) -> Vec<u8> {
+        let mut bytes =
+            format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n").into_bytes();
+        bytes.extend(pixels.as_flattened());
+        bytes
+    }
+
+    #[test]
+    fn lossless_formats_give_their_pixels_and_stay_8_bit() {
+        for format in lossless() {
+            let image = good(&encode(rgb(), format), Use::Color);
+            assert_eq!((image.width, image.height, image.channels), (4, 2, 3), "{format:?}");
+            assert_eq!(image.encoding, Encoding::Srgb);
+            let Pixels::U8(numbers) = &*image.pixels else { panic!("{format:?} is not 8-bit") };
+            assert_eq!(*numbers, rgb().into_raw(), "{format:?}");
+            assert_eq!(image.name, "picture#/images/3");
+        }
+    }
+
+    #[test]
+    fn grey_alpha_and_16_bit_keep_their_kind() {
+        let grey = good(&encode(GrayImage::from_pixel(3, 1, Luma([9])), ImageFormat::Png), Use::Data);
+        assert_eq!((grey.channels, grey.encoding), (1, Encoding::Linear));
+        let alpha = encode(RgbaImage::from_pixel(1, 1, image::Rgba([1, 2, 3, 128])), ImageFormat::Png);
+        assert!((good(&alpha, Use::Color).rgba(0, 0)[3] - 128.0 / 255.0).abs() < 1e-6);
+        let deep: ImageBuffer<Luma<u16>, Vec<u16>> = ImageBuffer::from_pixel(2, 2, Luma([40_000]));
+        let deep = good(&encode(deep, ImageFormat::Png), Use::Data);
+        assert!(matches!(&*deep.pixels, Pixels::U16(v) if v[..] == [40_000; 4]));
+    }
+
+    #[test]
+    fn jpeg_is_read_and_a_cut_one_is_reported() {
+        let flat = RgbImage::from_pixel(64, 64, image::Rgb([200, 100, 50]));
+        let bytes = encode(flat, ImageFormat::Jpeg);
+        let whole = good(&bytes, Use::Data).rgba(60, 60).map(|v| v * 255.0);
+        assert!((whole[0] - 200.0).abs() < 4.0 && (whole[2] - 50.0).abs() < 4.0, "{whole:?}");
+        let (image, warnings) = decoded(&bytes[..bytes.len() - 12], Use::Color);
+        match image {
+            Ok(_) => assert!(warnings.iter().any(|w| w.contains("lacks its end")), "{warnings:?}"),
+            Err(e) => assert!(e.to_string().contains("can't be read"), "{e}"),
+        }
+    }
+
+    #[test]
+    fn tga_is_told_by_media_type_or_name() {
+        let bytes = encode(rgb(), ImageFormat::Tga);
+        let mut warnings = Vec::new();
+        let mut read =
+            |file: &str, mime| decode(&bytes, Path::new(file), "", mime, Use::Color, &mut warnings);
+        for image in [read("a.tga", None), read("a", Some("image/x-tga"))] {
+            assert!(
+                matches!(&*image.expect("it can be read").pixels, Pixels::U8(v) if *v == rgb().into_raw())
+            );
+        }
+        assert!(read("a", None).is_err() && read("a.png", None).is_err());
+    }
+
+    #[test]
+    fn a_wrong_media_type_is_a_warning() {
+        let mut warnings = Vec::new();
+        let bytes = encode(rgb(), ImageFormat::Png);
+        let mime = Some("image/jpeg");
+        decode(&bytes, Path::new("a.glb"), "/images/0", mime, Use::Color, &mut warnings)
+            .expect("content decides");
+        assert_eq!(
+            warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
+            ["a.glb: /images/0: is declared as image/jpeg, but its content is image/png"]
+        );
+    }
+
+    #[test]
+    fn hdr_is_radiance() {
+        // Mantissa and exponent: 128 * 2^(e - 136).
+        let image = good(&hdr(2, 1, &[[128, 64, 0, 130], [128, 128, 128, 129]]), Use::Environment);
+        assert_eq!(image.encoding, Encoding::Linear);
+        assert_eq!(image.rgba(0, 0), [2.0, 1.0, 0.0, 1.0]);
+        assert_eq!(image.rgba(1, 0), [1.0, 1.0, 1.0, 1.0]);
+    }
+
+    #[test]
+    fn exr_colour_is_divided_by_alpha_only_where_alpha_stays() {
+        let bytes = exr(4, 2, |x, _| if x == 0 { (0.5, 0.25, 4.0, 0.5) } else { (1.0, 2.0, 3.0, 1.0) });
+        let colour = good(&bytes, Use::Color);
+        assert_eq!((colour.channels, colour.rgba(0, 1)), (4, [1.0, 0.5, 8.0, 0.5]));
+        let data = good(&bytes, Use::Data);
+        assert_eq!((data.channels, data.rgba(0, 1)), (3, [0.5, 0.25, 4.0, 1.0]));
+        assert_eq!(data.rgba(3, 0), [1.0, 2.0, 3.0, 1.0]);
+    }
+
+    /// A layer of one value a channel.
+    fn layer(name: Option<&str>, channels: &[(&str, f32)]) -> exr::image::Layer<AnyChannels<FlatSamples>> {
+        let channel = |&(name, value)| AnyChannel::new(name, FlatSamples::F32(vec![value; 8]));
+        let attributes = name.map_or(LayerAttributes::default(), LayerAttributes::named);
+        let channels = AnyChannels::sort(channels.iter().map(channel).collect());
+        exr::image::Layer::new((4, 2), attributes, exr::image::Encoding::UNCOMPRESSED, channels)
+    }
+
+    fn layered(layers: Vec<exr::image::Layer<AnyChannels<FlatSamples>>>) -> Vec<u8> {
+        let mut bytes = Cursor::new(Vec::new());
+        let attributes = ImageAttributes::new(IntegerBounds::from_dimensions((4, 2)));
+        let image = exr::image::Image::from_layers(attributes, exr::image::Layers::from(layers));
+        image.write().non_parallel().to_buffered(&mut bytes).expect("written");
+        bytes.into_inner()
+    }
+
+    #[test]
+    fn layers_and_channels_of_an_exr_that_are_left_out_are_named() {
+        let beauty = || layer(Some("beauty"), &[("R", 1.0), ("G", 2.0), ("B", 3.0), ("A", 1.0)]);
+        let (image, warnings) = decoded(&layered(vec![beauty()]), Use::Environment);
+        assert_eq!((image.expect("it can be read").rgba(0, 0), warnings.len()), ([1.0, 2.0, 3.0, 1.0], 0));
+        let first = layer(Some("depth"), &[("Z", 9.0)]);
+        let (image, warnings) = decoded(&layered(vec![first, beauty()]), Use::Environment);
+        assert_eq!(image.expect("it can be read").rgba(0, 0), [1.0, 2.0, 3.0, 1.0]);
+        let place = "picture: /images/3: is taken from the channels";
+        assert_eq!(warnings, [format!("{place} RGB of layer 'beauty'; left out: layer 'depth'")]);
+        // One part of several passes: the channels of a pass stay together.
+        let passes = [("a.B", 1.0), ("a.Z", 1.0), ("b.R", 4.0), ("b.G", 5.0), ("b.B", 6.0), ("c.R", 7.0)];
+        let (image, warnings) = decoded(&layered(vec![layer(None, &passes)]), Use::Color);
+        assert_eq!(image.expect("it can be read").rgba(0, 0), [4.0, 5.0, 6.0, 1.0]);
+        assert_eq!(
+            warnings,
+            [format!("{place} b.RGB; left out: channel 'a.B', channel 'a.Z', channel 'c.R'")]
+        );
+    }
+
+    #[test]
+    fn images_whose_decoder_a_build_lacks_are_refused_with_the_remedy() {
+        for (decoder, bytes, feature) in [
+            (Decoder::WebP, &b"RIFF\x10\0\0\0WEBPVP8 "[..], "webp"),
+            (Decoder::Tiff, b"II*\0\x08\0\0\0", "tiff"),
+        ] {
+            let message = error(bytes);
+            let remedy = format!("build it with `--features {feature}`, or convert the image");
+            assert_eq!(message.contains(&remedy), !decoder.is_built_in(), "{message}");
+        }
+    }
+
+    #[test]
+    fn bad_texels_of_an_environment_become_0_and_are_counted() {
+        let bytes = exr(4, 2, |x, y| match (x, y) {
+            (0, 0) => (f32::NAN, 1.0, f32::INFINITY, 1.0),
+            (1, 0) => (-1.0, 1.0, -0.5, 1.0),
+            (2, 1) => (1.0, 1.0, -2.0, 1.0),
+            _ => (1.0, 1.0, 1.0, 1.0),
+        });
+        let (image, warnings) = decoded(&bytes, Use::Environment);
+        let image = image.expect("it can be read");
+        assert_eq!((image.rgba(0, 0), image.rgba(1, 0)), ([0.0, 1.0, 0.0, 1.0], [0.0, 1.0, 0.0, 1.0]));
+        assert_eq!(
+            warnings,
+            [
+                "picture: /images/3: 2 of 24 numbers are NaN or infinite and became 0",
+                "picture: /images/3: 3 of 24 numbers are negative and became 0"
+            ]
+        );
+        // As data, negative numbers mean something.
+        assert_eq!(decoded(&bytes, Use::Data).0.expect("it can be read").rgba(2, 1)[2], -2.0);
+    }
+
+    #[test]
+    fn an_environment_of_another_shape_is_a_warning() {
+        let (image, warnings) = decoded(&encode(RgbImage::new(4, 4), ImageFormat::Png), Use::Environment);
+        assert!(image.is_ok());
+        assert_eq!(
+            warnings,
+            ["picture: /images/3: is 4 x 4; an equirectangular image is twice as wide as high"]
+        );
+    }
+
+    #[test]
+    fn files_cut_anywhere_give_an_error_or_a_warning_but_no_panic() {
+        let noise =
+            RgbImage::from_fn(40, 30, |x, y| image::Rgb([(x * 97 + y * 31) as u8, (x * y) as u8, x as u8]));
+        let mut files: Vec<(String, Vec<u8>)> =
+            lossless().map(|f| (format!("{f:?}"), encode(noise.clone(), f))).collect();
+        files.push(("exr".into(), exr(40, 30, |x, y| (x as f32, y as f32, (x * y) as f32, 1.0))));
+        files.push(("hdr".into(), hdr(4, 4, &[[9, 9, 9, 130]; 16])));
+        for (name, bytes) in files {
+            for keep in (0..16).map(|k| bytes.len() * k / 16).chain([bytes.len() / 2 + 1]) {
+                let (image, warnings) = decoded(&bytes[..keep], Use::Color);
+                assert!(image.is_err() || !warnings.is_empty(), "{name} cut to {keep} of {}", bytes.len());
+            }
+        }
+        assert!(error(b"").contains("is empty"));
+        assert!(error(b"hello, this is text").contains("not an image of a known format"));
+        assert!(error(b"GIF89a......").contains("PNG, JPEG"));
+    }
+
+    #[test]
+    fn tiny_files_that_claim_a_billion_pixels_are_refused() {
+        let mut png = encode(rgb(), ImageFormat::Png);
+        png[16..20].copy_from_slice(&32_768u32.to_be_bytes());
+        png[20..24].copy_from_slice(&32_768u32.to_be_bytes());
+        let crc = crc32(&png[12..29]);
+        png[29..33].copy_from_slice(&crc.to_be_bytes());
+        assert!(error(&png).contains("claims 32768 x 32768 pixels in"), "{}", error(&png));
+        assert!(error(&hdr(32_768, 32_768, &[])).contains("claims 32768 x 32768"));
+        let mut bmp = encode(rgb(), ImageFormat::Bmp);
+        bmp[18..22].copy_from_slice(&32_768u32.to_le_bytes());
+        bmp[22..26].copy_from_slice(&32_767u32.to_le_bytes());
+        assert!(error(&bmp).contains("claims"), "{}", error(&bmp));
+        let mut wide = exr(4, 2, |_, _| (1.0, 1.0, 1.0, 1.0));
+        let window = b"dataWindow\0box2i\0";
+        let at =
+            wide.windows(window.len()).position(|w| w == window).expect("a data window") + window.len() + 4;
+        wide[at + 8..at + 16].copy_from_slice(&[0xff, 0x7f, 0, 0, 0xff, 0x7f, 0, 0]);
+        assert!(error(&wide).contains("claims 32768 x 32768"), "{}", error(&wide));
+    }
+
+    /// The checksum of PNG chunks, bit by bit (PNG specification, annex D).
+    fn crc32(bytes: &[u8]) -> u32 {
+        let step = |c: u32| if c & 1 == 1 { 0xedb8_8320 ^ (c >> 1) } else { c >> 1 };
+        let fold = |c: u32, &b: &u8| (0..8).fold(c ^ u32::from(b), |c, _| step(c));
+        !bytes.iter().fold(!0, fold)
+    }
+
+    #[test]
+    fn linear_pictures_are_exr_or_hdr_and_keep_every_number() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = |name: &str, bytes: &[u8]| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, bytes).expect("written");
+            path
+        };
+        let path = file("a.exr", &exr(2, 1, |x, _| (f32::NAN, -1.0, x as f32, 0.5)));
+        let image = load_linear_rgb(&path).expect("it can be read");
+        let Pixels::F32(numbers) = &*image.pixels else { panic!("not floats") };
+        assert!(numbers[0].is_nan() && numbers[1] == -1.0 && numbers[5] == 1.0 && image.channels == 3);
+        assert!(load_linear_rgb(&file("b.hdr", &hdr(1, 1, &[[128, 128, 128, 129]]))).is_ok());
+        let refused =
+            load_linear_rgb(&file("c.png", &encode(rgb(), ImageFormat::Png))).expect_err("not linear");
+        assert!(refused.to_string().contains("neither an EXR nor a Radiance HDR"));
+        let missing = load_linear_rgb(&folder.path().join("none.exr")).expect_err("missing");
+        assert!(missing.to_string().contains("none.exr: can't be read"));
+    }
+}

@@ -1,7 +1,9 @@
 //! An image before it is decoded: its bytes, where they come from, and what it is for.
 
-use crate::error::{Error, Problem, Warning};
+use crate::error::{Error, Problem, Result, Warning};
+use crate::load::decoders;
 use crate::load::decoders::Decoder;
+use image::{ImageFormat, Limits};
 use std::path::Path;
 
 /// What an image is for, which decides how its numbers are understood.
@@ -42,4 +44,57 @@ impl Source<'_> {
         let file = self.file.display();
         if self.pointer.is_empty() { file.to_string() } else { format!("{file}#{}", self.pointer) }
     }
+}
+
+// From a file to its bytes, and from them to what they hold.
+
+/// Decoders return errors for damaged files; should one panic all the same, that is an error, too.
+pub(super) fn guarded<T>(source: &Source, decode: impl FnOnce() -> Result<T>) -> Result<T> {
+    let broken = |message| source.error(format!("can't be read as an image: {message}"));
+    decoders::catch(decode).map_err(broken)?
+}
+
+/// A file's bytes.
+pub(super) fn read_bytes(path: &Path) -> Result<Vec<u8>> {
+    std::fs::read(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))
+}
+
+/// The format that the first bytes tell.
+pub(super) fn signature(bytes: &[u8]) -> Option<ImageFormat> {
+    if bytes.starts_with(b"#?") { Some(ImageFormat::Hdr) } else { image::guess_format(bytes).ok() }
+}
+
+// How large an image may be, judged by the file that claims it.
+
+/// Pixels that any file may claim: some codecs store a uniform picture of any size in a few bytes.
+const ALWAYS: u64 = 1 << 24;
+/// Pixels that a byte can stand for: deflate packs at most 1032 bytes into one, and a byte holds 8 bilevel pixels.
+const PER_BYTE: u64 = 1032 * 8;
+/// Most pixels of an image, whatever its file: 32,768 x 16,384.
+const MOST: u64 = 1 << 29;
+
+/// Most pixels that a file of this length can justify.
+pub(super) fn pixels(file_length: usize) -> u64 {
+    (file_length as u64).saturating_mul(PER_BYTE).clamp(ALWAYS, MOST)
+}
+
+/// Refuses sizes of zero and beyond what the file's length can justify.
+pub(super) fn check(source: &Source, width: u64, height: u64) -> Result<()> {
+    let most = pixels(source.bytes.len());
+    match width.checked_mul(height) {
+        Some(0) => Err(source.error("has no pixels")),
+        Some(n) if n <= most && width.max(height) <= u64::from(u32::MAX) => Ok(()),
+        _ => {
+            let bytes = source.bytes.len();
+            let claim = format!("claims {width} x {height} pixels in {bytes} bytes; at most {most} pixels");
+            Err(source.error(format!("{claim} are accepted for a file of that length")))
+        }
+    }
+}
+
+/// The same limit for the buffers that decoders allocate: 16 bytes a pixel.
+pub(super) fn for_decoder(source: &Source) -> Limits {
+    let mut limits = Limits::no_limits();
+    limits.max_alloc = Some(pixels(source.bytes.len()) * 16);
+    limits
 }

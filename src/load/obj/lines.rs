@@ -2,7 +2,7 @@
 //! joined where a `\` says that a line goes on; and what is made of them, for `tobj` to read.
 
 use crate::gauge::Gauge;
-use crate::load::guard;
+use crate::load::decoders;
 use crate::load::words::next_word;
 use memchr::memchr;
 use std::fs::File;
@@ -218,7 +218,7 @@ pub(super) fn by_tobj<C: Clean + Send, T>(
                 let _ = sender.send(piece);
             })
         });
-        let parsed = guard::catch(|| parse(&mut Pieces { pieces, piece: Vec::new(), at: 0 }));
+        let parsed = decoders::catch(|| parse(&mut Pieces { pieces, piece: Vec::new(), at: 0 }));
         (parsed, read.join().unwrap_or_else(|panic| resume_unwind(panic)))
     });
     read.map_err(|e| format!("can't be read: {e}"))?;

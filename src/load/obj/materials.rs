@@ -16,16 +16,21 @@
 //! | `norm`, `bump` | normal map; a `bump` of grey heights is converted |
 //! | other maps | ignored, with a warning |
 
-use super::maps::Maps;
-use super::mtl::Mtl;
-use crate::error::Warning;
-use crate::load::Loaded;
+use super::mtl::{Map, Mtl};
+use crate::error::{Choice, Error, Warning};
+use crate::image::Damage;
+use crate::load::heights::{BUMP_HEIGHT, holds_normals, normals_of_heights};
 use crate::load::image::Use;
+use crate::load::{LoadOptions, Loaded, image};
+use crate::math::Vec2;
 use crate::scene::{
-    AlphaMode, Anisotropy, Clearcoat, ColorSlot, Displacement, Emission, FloatSlot, FresnelModel, Material,
-    Model, PbrMaterial, Sheen,
+    AlphaMode, Anisotropy, Clearcoat, ColorSlot, Displacement, Emission, FloatSlot, FresnelModel, ImageId,
+    Interpolation, Mapping, Material, Model, NormalMap, PbrMaterial, Scene, Sheen, Texture, TextureId,
+    TextureTransform, Wrap,
 };
-use std::path::Path;
+use std::collections::HashMap;
+use std::path::{Component, Path, PathBuf};
+use std::sync::Arc;
 
 /// Indices of refraction that count.
 const IORS: std::ops::RangeInclusive<f32> = 1.0..=10.0;
@@ -141,7 +146,7 @@ impl Conversion<'_, '_> {
         (radiance.factor != [0.0; 3]).then_some(Emission { radiance, two_sided: true })
     }
 
-    fn normal_map(&mut self) -> Option<crate::scene::NormalMap> {
+    fn normal_map(&mut self) -> Option<NormalMap> {
         let (map, is_height) = match (self.source.map("norm"), self.source.map("bump")) {
             (Some(map), _) => (map, false),
             (None, Some(map)) => (map, true),
@@ -159,7 +164,7 @@ impl Conversion<'_, '_> {
         slot
     }
 
-    fn color_map(&mut self, key: &str) -> Option<crate::scene::TextureId> {
+    fn color_map(&mut self, key: &str) -> Option<TextureId> {
         let map = self.source.map(key)?;
         self.maps.texture(&map, self.library, Use::Color, self.loaded)
     }
@@ -172,7 +177,7 @@ impl Conversion<'_, '_> {
         }
     }
 
-    fn number_map(&mut self, key: &str, alpha_first: bool) -> Option<(crate::scene::TextureId, u8)> {
+    fn number_map(&mut self, key: &str, alpha_first: bool) -> Option<(TextureId, u8)> {
         let map = self.source.map(key)?;
         self.maps.number(&map, self.library, alpha_first, self.loaded)
     }
@@ -245,4 +250,242 @@ fn unit(x: f32) -> f32 {
 
 fn colour(rgb: [f32; 3]) -> [f32; 3] {
     rgb.map(unit)
+}
+
+// Images of MTL materials as textures; each file is decoded once for each use.
+
+/// The images read so far; `None` for those that can't be.
+pub(super) struct Maps<'a> {
+    pub options: &'a LoadOptions,
+    images: HashMap<(PathBuf, Use), Option<ImageId>>,
+    /// Normal maps made of height maps, by file and height; `None` where files that are said to hold heights hold normals.
+    bumps: HashMap<(PathBuf, u32), Option<ImageId>>,
+}
+
+impl<'a> Maps<'a> {
+    /// Nothing read yet.
+    pub fn new(options: &'a LoadOptions) -> Maps<'a> {
+        Maps { options, images: HashMap::new(), bumps: HashMap::new() }
+    }
+
+    /// The texture of a statement in the library `library`; a missing or broken file is a warning and gives none.
+    pub fn texture(
+        &mut self,
+        map: &Map,
+        library: &Path,
+        purpose: Use,
+        loaded: &mut Loaded,
+    ) -> Option<TextureId> {
+        let (_, image) = self.image(map, library, purpose, loaded)?;
+        Some(push_texture(&mut loaded.scene, map, image))
+    }
+
+    /// A texture of numbers and the channel to take: that of `-imfchan`, else alpha where `alpha_first` and the image has
+    /// one, else red.
+    pub fn number(
+        &mut self,
+        map: &Map,
+        library: &Path,
+        alpha_first: bool,
+        loaded: &mut Loaded,
+    ) -> Option<(TextureId, u8)> {
+        let (_, image) = self.image(map, library, Use::Data, loaded)?;
+        let channels = loaded.scene.images[image.index()].channels;
+        let has_alpha = channels == 2 || channels == 4;
+        let channel = map.channel.unwrap_or(if alpha_first && has_alpha { 3 } else { 0 });
+        Some((push_texture(&mut loaded.scene, map, image), channel))
+    }
+
+    /// A normal map: `is_height` says that the statement promises heights, which many files that hold normals do, too.
+    pub fn normal(
+        &mut self,
+        map: &Map,
+        library: &Path,
+        is_height: bool,
+        loaded: &mut Loaded,
+    ) -> Option<NormalMap> {
+        let (path, image) = self.image(map, library, Use::Data, loaded)?;
+        let as_it_is =
+            |scene: &mut Scene| NormalMap { texture: push_texture(scene, map, image), scale: map.bump };
+        if !is_height {
+            return Some(as_it_is(&mut loaded.scene));
+        }
+        let key = (path, map.bump.to_bits());
+        let id = match self.bumps.get(&key) {
+            Some(known) => *known,
+            None => {
+                let made = match loaded.scene.images[image.index()].decoded() {
+                    Ok(heights) if holds_normals(&heights) => None,
+                    Ok(heights) => Some(normals_of_heights(&heights, map.bump * BUMP_HEIGHT)),
+                    Err(Damage::LeftOut(warning)) => {
+                        loaded.warnings.push(warning);
+                        return None;
+                    }
+                    // Damage of these files leaves nothing but textures out.
+                    Err(Damage::Fatal(_)) => return None,
+                };
+                let id = made.map(|normals| loaded.scene.add_image(normals));
+                *self.bumps.entry(key).or_insert(id)
+            }
+        };
+        Some(match id {
+            Some(id) => NormalMap { texture: push_texture(&mut loaded.scene, map, id), scale: 1.0 },
+            None => as_it_is(&mut loaded.scene),
+        })
+    }
+
+    fn image(
+        &mut self,
+        map: &Map,
+        library: &Path,
+        purpose: Use,
+        loaded: &mut Loaded,
+    ) -> Option<(PathBuf, ImageId)> {
+        let mut complain = |message: String| {
+            let place = format!("line {}", map.line);
+            loaded.warnings.push(Warning::new(library, place, format!("texture left out: {message}")));
+        };
+        let path = match find(library, &map.file, self.options) {
+            Ok(path) => path,
+            Err(message) => {
+                complain(message);
+                return None;
+            }
+        };
+        let known = self.images.get(&(path.clone(), purpose)).copied();
+        let id = known.unwrap_or_else(|| {
+            let (library, place) = (library.to_path_buf(), format!("line {}", map.line));
+            let without =
+                move |e: Error| Warning::new(&library, place.as_str(), format!("texture left out: {e}"));
+            let later = without.clone();
+            let on_damage = Arc::new(move |e| Damage::LeftOut(later(e)));
+            match image::read_for_texture(&path, purpose, &mut loaded.warnings, on_damage) {
+                Ok(image) => Some(loaded.scene.add_image(image)),
+                Err(e) => {
+                    loaded.warnings.push(without(e));
+                    None
+                }
+            }
+        });
+        self.images.insert((path.clone(), purpose), id);
+        Some((path, id?))
+    }
+}
+
+/// Adds a texture with the options of the statement. With v turned to grow downwards, `v s + o` becomes
+/// `v s + 1 - s - o`.
+fn push_texture(scene: &mut Scene, map: &Map, image: ImageId) -> TextureId {
+    let ([u, v], [ou, ov]) = (map.scale, map.offset);
+    let transform = TextureTransform {
+        offset: Vec2::new(ou, 1.0 - v - ov),
+        scale: Vec2::new(u, v),
+        ..TextureTransform::default()
+    };
+    let wrap = if map.clamp { Wrap::Clamp } else { Wrap::Repeat };
+    scene.textures.push(Texture::Image {
+        image,
+        wrap_u: wrap,
+        wrap_v: wrap,
+        interpolation: Interpolation::Bilinear,
+        mapping: Mapping::Uv { set: 0, transform },
+    });
+    TextureId(scene.textures.len() as u32 - 1)
+}
+
+// Files that OBJ and MTL files name: relative to their folder, with the names of other systems forgiven.
+
+/// The file that `name` means beside `file`: as written, with `\` for `/`, its last part alone (for paths of another
+/// machine), and each of these in other capitals.
+///
+/// # Errors
+/// Says why there is none.
+pub(in crate::load) fn find(file: &Path, name: &str, options: &LoadOptions) -> Result<PathBuf, String> {
+    let found = look_for(file, name, options.allow_external);
+    match &found {
+        Ok(path) => options.files.note(path),
+        // It may come.
+        Err(_) => options.files.note(file.parent().unwrap_or(Path::new("")).join(name.replace('\\', "/"))),
+    }
+    found
+}
+
+fn look_for(file: &Path, name: &str, allow_external: bool) -> Result<PathBuf, String> {
+    let folder = file.parent().unwrap_or(Path::new(""));
+    let slashed = name.replace('\\', "/");
+    let last = slashed.rsplit('/').next().unwrap_or_default();
+    let mut leads_out = false;
+    for wanted in [name, slashed.as_str(), last] {
+        let relative = Path::new(wanted);
+        if wanted.is_empty() || wanted.contains('\0') {
+            continue;
+        }
+        if !allow_external && leaves(relative) {
+            leads_out |= folder.join(relative).is_file();
+            continue;
+        }
+        let path = folder.join(relative);
+        if path.is_file() {
+            return Ok(path);
+        }
+        if let Some(path) = in_other_capitals(&path) {
+            return Ok(path);
+        }
+    }
+    Err(if leads_out {
+        format!("'{name}' leads out of the folder; permit it by {}", Choice::AllowExternal)
+    } else {
+        format!("'{name}' does not exist")
+    })
+}
+
+/// Does a relative path climb above where it starts, or start elsewhere?
+fn leaves(path: &Path) -> bool {
+    let mut depth = 0i64;
+    path.components().any(|part| {
+        match part {
+            Component::Normal(_) => depth += 1,
+            Component::CurDir => {}
+            Component::ParentDir => depth -= 1,
+            Component::RootDir | Component::Prefix(_) => depth = -1,
+        }
+        depth < 0
+    })
+}
+
+/// The only file of that name if capitals don't count.
+fn in_other_capitals(path: &Path) -> Option<PathBuf> {
+    let name = path.file_name()?.to_str()?.to_lowercase();
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let entries = std::fs::read_dir(folder).ok()?.flatten();
+    let mut same = entries.filter(|e| e.file_name().to_str().is_some_and(|n| n.to_lowercase() == name));
+    let found = same.next()?.path();
+    (same.next().is_none() && found.is_file()).then_some(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_other_systems_are_found_and_the_folder_is_not_left() {
+        let outer = tempfile::tempdir().expect("a folder");
+        let folder = outer.path().join("model");
+        std::fs::create_dir_all(folder.join("maps")).expect("made");
+        for name in ["model/a b.png", "model/maps/C.png", "secret.png", "model/back\\slash.png"] {
+            std::fs::write(outer.path().join(name), "").expect("written");
+        }
+        let obj = folder.join("a.obj");
+        let options = LoadOptions::default();
+        let found = |name: &str| find(&obj, name, &options);
+        let inside = |name: &str| folder.join(name);
+        assert_eq!(found("a b.png"), Ok(inside("a b.png")));
+        assert_eq!(found("maps\\c.PNG"), Ok(inside("maps/C.png")));
+        assert_eq!(found("D:\\work\\A B.png"), Ok(inside("a b.png")));
+        assert_eq!(found("back\\slash.png"), Ok(inside("back\\slash.png")));
+        assert!(found("../secret.png").expect_err("outside").contains(&Choice::AllowExternal.to_string()));
+        assert!(found("nothing.png").is_err() && found("").is_err());
+        let options = LoadOptions { allow_external: true, ..LoadOptions::default() };
+        let outside = find(&obj, "../secret.png", &options).expect("permitted");
+        assert!(outside.ends_with("../secret.png"));
+    }
 }

@@ -1,10 +1,10 @@
 //! Polygons and strips to triangles, with their indices checked.
 
-use super::elements::Face;
-use super::wedges::Wedges;
+use super::rows::Face;
 use crate::error::Problem;
 use crate::load::polygon::triangulate;
 use crate::scene::Mesh;
+use std::collections::HashMap;
 
 /// How a list of indices is meant.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -114,5 +114,123 @@ fn add_strip(mesh: &mut Mesh, indices: &[i64]) {
     for run in indices.split(|&v| v == -1) {
         let flip = |k: usize| if k.is_multiple_of(2) { [0, 1, 2] } else { [1, 0, 2] };
         mesh.triangles.extend(run.windows(3).enumerate().map(|(k, w)| flip(k).map(|c| w[c] as u32)));
+    }
+}
+
+// What the corners of faces have of their own ("wedges", as MeshLab calls them): texture coordinates, of which a vertex has
+// different ones where a seam runs through it, and the picture that a face shows.
+
+/// Wedges of all triangles so far.
+#[derive(Default)]
+pub(super) struct Wedges {
+    /// Texture coordinates; v grows downwards.
+    corners: Vec<[[f32; 2]; 3]>,
+    /// Numbers of pictures.
+    pictures: Vec<i64>,
+    /// Faces whose list has not two numbers a corner.
+    pub odd: usize,
+}
+
+/// Triangles in a row that show the same picture.
+pub(super) struct Run {
+    pub picture: i64,
+    pub triangles: Vec<[u32; 3]>,
+}
+
+impl Wedges {
+    /// Adds the triangles that a face was cut into, by numbers of its corners. Coordinates that it lacks are 0.
+    #[inline]
+    pub fn add(&mut self, face: &Face, cut: &[[usize; 3]]) {
+        let is_even = face.wedges.len() == 2 * face.indices.len();
+        // An empty list is a face without coordinates.
+        self.odd += usize::from(!is_even && !face.wedges.is_empty());
+        let uv = |k: usize| match (is_even, face.wedges.get(2 * k..2 * k + 2)) {
+            (true, Some(&[u, v])) => [u, 1.0 - v],
+            _ => [0.0; 2],
+        };
+        self.corners.extend(cut.iter().map(|t| t.map(uv)));
+        self.pictures.resize(self.corners.len(), if face.wedges.is_empty() { -1 } else { face.picture });
+    }
+
+    /// Triangles up to this number that have no wedges: those of strips.
+    pub fn pad(&mut self, triangles: usize) {
+        self.corners.resize(triangles, [[0.0; 2]; 3]);
+        self.pictures.resize(triangles, -1);
+    }
+
+    /// Gives each vertex of the mesh one pair of texture coordinates: vertices with several become several.
+    pub fn split(&self, mesh: &mut Mesh) {
+        let count = mesh.positions.len();
+        let mut first: Vec<Option<[u32; 2]>> = vec![None; count];
+        let mut others: HashMap<(u32, [u32; 2]), u32> = HashMap::new();
+        let mut uvs = vec![[0.0; 2]; count];
+        for (triangle, corners) in mesh.triangles.iter_mut().zip(&self.corners) {
+            for (vertex, uv) in triangle.iter_mut().zip(corners) {
+                let (old, key) = (*vertex as usize, uv.map(f32::to_bits));
+                if *first[old].get_or_insert(key) == key {
+                    uvs[old] = *uv;
+                    continue;
+                }
+                *vertex = *others.entry((*vertex, key)).or_insert_with(|| {
+                    uvs.push(*uv);
+                    mesh.positions.push(mesh.positions[old]);
+                    let (normal, color) = (mesh.normals.get(old).copied(), mesh.colors.get(old).copied());
+                    mesh.normals.extend(normal);
+                    mesh.colors.extend(color);
+                    // Not more than there are corners; those fit, or the mesh is refused.
+                    (mesh.positions.len() - 1) as u32
+                });
+            }
+        }
+        mesh.uv_sets = vec![uvs];
+    }
+
+    /// The mesh's triangles by picture, of which those below 0 and from `pictures` on are none, as -1; the first comes first.
+    pub fn runs(&self, triangles: &[[u32; 3]], pictures: usize) -> Vec<Run> {
+        let mut runs: Vec<Run> = Vec::new();
+        let mut place: HashMap<i64, usize> = HashMap::new();
+        for (triangle, &picture) in triangles.iter().zip(&self.pictures) {
+            let is_there = usize::try_from(picture).is_ok_and(|picture| picture < pictures);
+            let picture = if is_there { picture } else { -1 };
+            let at = *place.entry(picture).or_insert_with(|| {
+                runs.push(Run { picture, triangles: Vec::new() });
+                runs.len() - 1
+            });
+            runs[at].triangles.push(*triangle);
+        }
+        runs.sort_by_key(|run| run.picture);
+        runs
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn face(indices: &[i64], wedges: &[f32], picture: i64) -> Face {
+        Face { indices: indices.to_vec(), wedges: wedges.to_vec(), picture }
+    }
+
+    #[test]
+    fn vertices_on_seams_are_split_and_others_shared() {
+        let mut mesh = Mesh { positions: vec![[0.0; 3], [1.0; 3], [2.0; 3], [3.0; 3]], ..Mesh::default() };
+        mesh.colors = (0..4).map(|i| [i as f32; 4]).collect();
+        mesh.triangles = vec![[0, 1, 2], [1, 2, 3], [2, 3, 0]];
+        let mut wedges = Wedges::default();
+        wedges.add(&face(&[0, 1, 2], &[0.0, 0.0, 0.5, 0.0, 0.25, 1.0], 0), &[[0, 1, 2]]);
+        wedges.add(&face(&[1, 2, 3], &[0.5, 0.0, 0.75, 1.0, 0.0, 0.0], 1), &[[0, 1, 2]]);
+        wedges.add(&face(&[2, 3, 0], &[0.0; 4], 7), &[[0, 1, 2]]);
+        assert_eq!(wedges.odd, 1);
+        wedges.split(&mut mesh);
+        // Vertex 2 has three pairs, vertices 0 and 3 two.
+        assert_eq!(mesh.triangles, [[0, 1, 2], [1, 4, 3], [5, 6, 7]]);
+        assert_eq!(mesh.uv_sets[0][2], [0.25, 0.0]);
+        assert_eq!(mesh.uv_sets[0][4], [0.75, 0.0]);
+        assert_eq!((mesh.positions[4], mesh.colors[6]), ([2.0; 3], [3.0; 4]));
+        let runs = wedges.runs(&mesh.triangles, 2);
+        assert_eq!(
+            runs.iter().map(|r| (r.picture, r.triangles.len())).collect::<Vec<_>>(),
+            [(-1, 1), (0, 1), (1, 1)]
+        );
     }
 }

@@ -3,10 +3,7 @@
 //! `ply-rs` panics on numbers beyond 64 bits, trusts counts and reports wrong lines, so the header's shape and counts
 //! are checked here against the bytes that the file really holds, and lines are counted here.
 
-use super::ascii::{self, Lines};
-use super::binary;
-use super::elements::{Face, Record, Vertex};
-use super::lines::{cut, split_line};
+use super::rows::{self, Face, Lines, Record, Vertex, cut, split_line};
 use crate::error::Problem;
 use crate::gauge::Gauge;
 use crate::load::Up;
@@ -216,11 +213,11 @@ impl<'a> Source<'a> {
             each(row, record);
         };
         let big = match self.header.encoding {
-            Encoding::Ascii => return ascii::read(&mut self.lines, definition, each),
+            Encoding::Ascii => return rows::read_ascii(&mut self.lines, definition, each),
             Encoding::BinaryBigEndian => true,
             Encoding::BinaryLittleEndian => false,
         };
-        binary::read(&mut self.rest, definition, big, each).map_err(|i| cut(definition, i))
+        rows::read_binary(&mut self.rest, definition, big, each).map_err(|i| cut(definition, i))
     }
 
     fn check_counts(&self) -> Result<()> {
@@ -323,7 +320,7 @@ fn header_text(bytes: &[u8]) -> Result<HeaderText> {
 
 fn smallest_size(data: &PropertyType) -> usize {
     match data {
-        PropertyType::Scalar(s) => binary::size(s),
-        PropertyType::List(count, _) => binary::size(count),
+        PropertyType::Scalar(s) => rows::size(s),
+        PropertyType::List(count, _) => rows::size(count),
     }
 }

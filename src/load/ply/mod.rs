@@ -10,27 +10,28 @@
 //! cloud, which becomes spheres. Positions beyond the precision of single floats are kept around an origin of their own.
 //! Gaussian splats are refused by their name.
 
-mod ascii;
-mod binary;
-mod elements;
 mod faces;
 mod header;
-mod lines;
-mod texture;
-mod wedges;
+mod rows;
 
+use super::image::Use;
+use super::obj::find_file;
 use super::points::Cloud;
 use super::shapes::Repairs;
-use super::{LoadOptions, Loaded, UpHint, far};
+use super::{LoadOptions, Loaded, UpHint, far, image};
 use crate::error::{Error, Problem, Result, Warning};
 use crate::gauge::Gauge;
+use crate::image::Damage;
 use crate::math::{DAffine3, DVec3};
-use crate::scene::{Instance, Material, MaterialId, Mesh, MeshId, MeshPart};
-use elements::{Face, Skipped, Vertex};
-use faces::{Faces, Kind};
+use crate::scene::{
+    ColorSlot, Instance, Interpolation, Mapping, Material, MaterialId, Mesh, MeshId, MeshPart, Model,
+    Texture, Wrap,
+};
+use faces::{Faces, Kind, Run, Wedges};
 use header::{Source, Unread};
+use rows::{Face, Skipped, Vertex};
 use std::path::Path;
-use wedges::{Run, Wedges};
+use std::sync::Arc;
 
 /// Reads a PLY file as one mesh with a white diffuse material.
 pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
@@ -49,10 +50,10 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         wedges.split(&mut mesh);
         wedges.runs(&mesh.triangles, left_out.texture_files.len())
     });
-    let pictures = texture::numbers(runs.as_deref(), &left_out.texture_files);
+    let pictures = texture_numbers(runs.as_deref(), &left_out.texture_files);
     let mut loaded = finish(path, mesh, runs, origin, options)?;
     loaded.up_hint = UpHint { writer: left_out.writer_up, is_mostly_y: false };
-    texture::add(path, &left_out.texture_files, &pictures, options, &mut loaded);
+    add_textures(path, &left_out.texture_files, &pictures, options, &mut loaded);
     let warning = |what| Warning::new(path, "", format!("{what}: left out"));
     loaded.warnings.extend(left_out.shown.into_iter().map(warning));
     loaded.left_out.extend(left_out.rest.into_iter().map(|what| format!("{what}: no picture shows it")));
@@ -186,4 +187,81 @@ fn in_runs(mesh: &mut Mesh, runs: Vec<Run>) -> Vec<u32> {
             count
         })
         .collect()
+}
+
+// The pictures that comments of a PLY file name.
+
+/// By material of the mesh: which of the files is on it, if any.
+fn texture_numbers(runs: Option<&[Run]>, files: &[String]) -> Vec<Option<usize>> {
+    match runs {
+        None => vec![(!files.is_empty()).then_some(0)],
+        Some(runs) => runs.iter().map(|run| usize::try_from(run.picture).ok()).collect(),
+    }
+}
+
+/// Gives the mesh's materials their pictures, if there are any and the mesh has texture coordinates; says why not.
+fn add_textures(
+    path: &Path,
+    files: &[String],
+    numbers: &[Option<usize>],
+    options: &LoadOptions,
+    loaded: &mut Loaded,
+) {
+    if options.geometry_only {
+        return;
+    }
+    for (number, name) in files.iter().enumerate() {
+        let outcome = match numbers.iter().position(|n| *n == Some(number)) {
+            // A mesh without triangles has no material.
+            Some(material) => {
+                add_texture(path, name, material, options, loaded).map_err(|why| format!(", {why}"))
+            }
+            None => Err(String::new()),
+        };
+        if let Err(why) = outcome {
+            loaded.warnings.push(Warning::new(path, "", left_out(name, &why)));
+        }
+    }
+}
+
+/// What is said of a texture that is left out.
+fn left_out(name: &str, why: &str) -> String {
+    format!("the texture '{name}' of a comment: left out{why}")
+}
+
+/// Why its image can't be read.
+fn reason(error: Error) -> String {
+    let messages: Vec<String> = error.problems.into_iter().map(|p| p.message).collect();
+    format!("since it {}", messages.join("; "))
+}
+
+fn add_texture(
+    path: &Path,
+    name: &str,
+    material: usize,
+    options: &LoadOptions,
+    loaded: &mut Loaded,
+) -> std::result::Result<(), String> {
+    if loaded.scene.meshes.first().is_none_or(|mesh| mesh.uv_sets.is_empty()) {
+        return Err("since the vertices have no texture coordinates".into());
+    }
+    let file = find_file(path, name, options)?;
+    let (path, name) = (path.to_path_buf(), name.to_string());
+    let on_damage = move |error| {
+        Damage::LeftOut(Warning::new(&path, "", left_out(&name, &format!(", {}", reason(error)))))
+    };
+    let image = image::read_for_texture(&file, Use::Color, &mut loaded.warnings, Arc::new(on_damage));
+    let image = image.map_err(reason)?;
+    let image = loaded.scene.add_image(image);
+    let texture = loaded.scene.add_texture(Texture::Image {
+        image,
+        wrap_u: Wrap::default(),
+        wrap_v: Wrap::default(),
+        interpolation: Interpolation::default(),
+        mapping: Mapping::default(),
+    });
+    if let Some(material) = loaded.scene.materials.get_mut(material) {
+        material.model = Model::Lambert { albedo: ColorSlot::texture(texture) };
+    }
+    Ok(())
 }

@@ -1,8 +1,8 @@
 //! What a bare model stands on.
 
+use super::framing::{Outline, on_grid};
 use super::light;
 use super::options::{Background, Ground, StageOptions};
-use super::outline::{Outline, on_grid};
 use crate::color::luminance;
 use crate::error::{Choice, Warning};
 use crate::image::Image;

@@ -1,27 +1,20 @@
 //! What bare models lack: a camera that sees all of them, light, a ground that takes their shadow, a material. What a file
 //! brings stays as it is: a scene with a camera is a scene, and only gets light where it has none at all.
 
-mod clay;
-mod direction;
+mod framing;
 mod ground;
 mod light;
 mod options;
-mod orbit;
-mod outline;
-mod shine;
-mod stray;
-mod view;
-
-pub use direction::ViewFrom;
-pub use options::{Background, Ground, StageLight, StageOptions};
-pub use orbit::Turntable;
 
 use super::Loaded;
 use crate::error::{Choice, Warning};
 use crate::math::DVec3;
-use crate::scene::{Backdrop, Environment, Scene};
-use outline::Outline;
-use shine::Shine;
+use crate::scene::{Backdrop, ColorSlot, Environment, FloatSlot, Material, Model, PbrMaterial, Scene};
+use framing::Outline;
+pub use framing::Turntable;
+use light::Shine;
+pub use options::ViewFrom;
+pub use options::{Background, Ground, StageLight, StageOptions};
 
 /// Radiance of the soft sky straight down and straight up. The mean over the sphere of a blend linear in y is that
 /// of the two: (0.560, 0.6, 0.640), a luminance of 0.59. It is dark below, so that pale models stand out from what is
@@ -52,7 +45,7 @@ pub fn complete(loaded: &mut Loaded, options: &StageOptions, brings_environment:
     if is_bare {
         set_up(loaded, options, is_lit);
     } else {
-        let shine = shine::of(&loaded.scene);
+        let shine = light::of(&loaded.scene);
         let is_dark = !is_lit && (is_chosen || lacks_light(loaded, shine));
         if is_dark {
             light_scene(loaded, options, shine);
@@ -107,7 +100,7 @@ fn set_up(loaded: &mut Loaded, options: &StageOptions, is_lit: bool) {
         let message = format!("{stray}, would make all else a dot: the camera frames the rest");
         loaded.warnings.push(Warning::general(message));
     }
-    let framed = view::frame(&outline, options, &loaded.scene.settings);
+    let framed = framing::frame(&outline, options, &loaded.scene.settings);
     let is_studio = !is_lit && options.light.is_stage();
     loaded.turntable = Some(Turntable::new(loaded.offset + framed.target, is_studio));
     loaded.is_stage_lit = is_studio;
@@ -115,7 +108,7 @@ fn set_up(loaded: &mut Loaded, options: &StageOptions, is_lit: bool) {
     camera.world_from_camera.translation += loaded.offset;
     loaded.scene.cameras.push(camera);
     if options.light.is_stage() {
-        clay::apply(loaded);
+        apply(loaded);
     }
     if is_lit || !options.light.is_stage() {
         let message = format!("no camera: the whole model is shown from {}", options.view);
@@ -144,7 +137,7 @@ fn set_up(loaded: &mut Loaded, options: &StageOptions, is_lit: bool) {
 fn light_plainly(loaded: &mut Loaded, options: &StageOptions) {
     if options.light == StageLight::Soft {
         soften(loaded);
-    } else if lamps_in_words(&loaded.scene).is_empty() && shine::of(&loaded.scene) == Shine::None {
+    } else if lamps_in_words(&loaded.scene).is_empty() && light::of(&loaded.scene) == Shine::None {
         let message = format!("no light at all: the picture will be black ({} adds light)", Choice::Stage);
         loaded.warnings.push(Warning::general(message));
     }
@@ -179,7 +172,7 @@ fn lamps_in_words(scene: &Scene) -> &'static str {
 /// The soft sky, with a warning.
 fn soften(loaded: &mut Loaded) {
     let scene = &mut loaded.scene;
-    let message = match shine::of(scene) {
+    let message = match light::of(scene) {
         Shine::None => "no light: lit by a soft default sky of mean radiance 0.6".to_string(),
         _ => format!(
             "no light but parts that shine: lit by a soft default sky of mean radiance 0.6, too ({} for none)",
@@ -221,5 +214,353 @@ fn background(loaded: &mut Loaded, options: &StageOptions) {
     }
 }
 
+// The material of models that bring none.
+
+/// Linear reflectance of clay: dark enough for light to model it, a little warm.
+const COLOR: [f32; 3] = [0.60, 0.57, 0.53];
+/// Perceptual roughness: a slight gloss.
+const ROUGHNESS: f32 = 0.5;
+
+/// Gives what the file left without a material the look of clay; vertex colours and pictures take the place of its colour.
+fn apply(loaded: &mut Loaded) {
+    for id in std::mem::take(&mut loaded.stand_ins) {
+        let Some(material) = loaded.scene.materials.get_mut(id.index()) else { continue };
+        let base_color = match &material.model {
+            Model::Lambert { albedo } if albedo.texture.is_some() || material.use_vertex_colors => *albedo,
+            Model::Pbr(_) if material.use_vertex_colors => ColorSlot::constant([1.0; 3]),
+            Model::Lambert { .. } | Model::Pbr(_) => ColorSlot::constant(COLOR),
+            // Something has changed it since.
+            _ => continue,
+        };
+        let clay = PbrMaterial {
+            base_color,
+            metallic: FloatSlot::constant(0.0),
+            roughness: FloatSlot::constant(ROUGHNESS),
+            ..PbrMaterial::default()
+        };
+        *material = Material { model: Model::Pbr(Box::new(clay)), ..material.clone() };
+    }
+}
+
 #[cfg(test)]
-mod tests;
+mod tests {
+    use super::*;
+    use crate::math::{DVec2, DVec3};
+    use crate::scene::{Instance, Material, MaterialId, Mesh, MeshId, Motion, Projection, RayKinds, Shape};
+
+    fn ball(center: DVec3, radius: f64, material: Material) -> Loaded {
+        let mut loaded = Loaded::default();
+        loaded.scene.materials.push(material);
+        loaded.scene.shapes.push(Shape::sphere(center, radius, MaterialId(0)));
+        loaded
+    }
+
+    fn grey() -> Material {
+        Material::lambert("grey", [0.5; 3])
+    }
+
+    fn soft() -> StageOptions {
+        StageOptions::default()
+    }
+
+    /// A mesh of these points, three a triangle.
+    fn points(positions: &[DVec3]) -> Loaded {
+        let mut loaded = Loaded::default();
+        loaded.scene.materials.push(grey());
+        let list = positions.iter().map(|p| p.as_vec3().to_array()).collect();
+        let triangles = (0..positions.len() as u32 / 3).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+        loaded.scene.meshes.push(Mesh::new("points", list, triangles, MaterialId(0)));
+        loaded.scene.instances.push(Instance {
+            motion: Motion::Still,
+            ..Instance::new(MeshId(0), crate::math::DAffine3::IDENTITY)
+        });
+        loaded
+    }
+
+    /// Where a point is in the picture: -1 to 1 over the height, times the aspect across.
+    fn seen(loaded: &Loaded, p: DVec3) -> DVec2 {
+        let camera = &loaded.scene.cameras[0];
+        let Projection::Perspective { vfov_rad } = camera.projection else { panic!("a perspective") };
+        let local = camera.world_from_camera.inverse().transform_point3(p);
+        assert!(local.z < 0.0, "{p} is behind the camera");
+        DVec2::new(local.x, local.y) / (-local.z * (vfov_rad / 2.0).tan())
+    }
+
+    #[test]
+    fn models_fill_the_picture_with_even_margins_from_everywhere() {
+        let mut state = 1u64;
+        let mut random = || {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (state >> 40) as f64 / f64::from(1u32 << 24)
+        };
+        for (extent, aspect) in
+            [([3.0, 1.0, 0.2], 1.0), ([0.3, 5.0, 1.0], 16.0 / 9.0), ([1.0, 1.0, 9.0], 0.5)]
+        {
+            for view in ["three-quarter", "front", "iso", "top", "-200,-35"] {
+                let cloud: Vec<DVec3> = (0..300)
+                    .map(|_| {
+                        DVec3::new(random() * extent[0], random() * extent[1], 5.0 + random() * extent[2])
+                    })
+                    .collect();
+                let mut loaded = points(&cloud);
+                let view = view.parse().expect("a view");
+                let options = StageOptions { view, aspect: Some(aspect), ..StageOptions::studio() };
+                complete(&mut loaded, &options, false);
+                let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+                for p in cloud.iter().map(|p| DVec3::from(p.as_vec3())) {
+                    let at = seen(&loaded, p);
+                    (low, high) = (low.min(at), high.max(at));
+                }
+                let free = 0.2 * aspect.min(1.0);
+                let room = DVec2::new(aspect - free, 1.0 - free);
+                assert!((low + high).abs().max_element() < 0.01, "{view}: {low} {high}");
+                let fill = (high - low) / (2.0 * room);
+                assert!(fill.max_element() > 0.97 && fill.max_element() < 1.01, "{view}: {fill}");
+            }
+        }
+    }
+
+    /// A wavy sheet of some hundred triangles within a metre of the middle.
+    fn sheet() -> Vec<DVec3> {
+        let corner = |i: u32, j: u32| {
+            let (x, z) = (f64::from(i) * 0.1 - 0.9, f64::from(j) * 0.1 - 0.9);
+            DVec3::new(x, 0.2 * (3.0 * x).sin(), z)
+        };
+        let cell = |i: u32, j: u32| [corner(i, j), corner(i, j + 1), corner(i + 1, j)];
+        (0..18).flat_map(|i| (0..18).flat_map(move |j| cell(i, j))).collect()
+    }
+
+    #[test]
+    fn what_lies_far_from_all_else_is_not_framed_and_is_named() {
+        let names =
+            |loaded: &Loaded| loaded.warnings.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n");
+        // Another object, and triangles of the same one.
+        let mut apart = points(&sheet());
+        let mut crumb = points(&[1e6, 1e6 + 1.0, 1e6 + 2.0].map(|x| DVec3::new(x, 2.0, x * x % 1.0)));
+        apart.scene.meshes.append(&mut crumb.scene.meshes);
+        let crumb = Instance { mesh: MeshId(1), ..crumb.scene.instances[0].clone() };
+        apart.scene.instances.push(Instance { name: "crumb".into(), ..crumb });
+        let noise = [40.0, 41.0, 40.0].map(|x| DVec3::new(-x, x, 0.0));
+        let mut inside = points(&[sheet(), noise.to_vec()].concat());
+        inside.scene.instances[0].name = "scan".into();
+        for (mut loaded, name) in [(apart, "'crumb', some 1000000 m away"), (inside, "parts of 'scan', some")]
+        {
+            complete(&mut loaded, &StageOptions::studio(), false);
+            assert!(names(&loaded).contains(name), "{}", names(&loaded));
+            let most =
+                sheet().iter().fold(0.0, |most: f64, &p| most.max(seen(&loaded, p).abs().max_element()));
+            assert!((0.5..2.0).contains(&most), "{most}");
+            assert!(middle(&loaded).length() < 0.3);
+        }
+        // Nearer, it belongs to the picture; so does a ground that reaches far; and of two nobody knows which is stray.
+        let near = [10.0, 11.0, 10.0].map(|x| DVec3::new(-x, x, 0.0));
+        let ground = [[-1e4, 0.0, -1e4], [1e4, 0.0, -1e4], [0.0, 0.0, 1e4]].map(DVec3::from);
+        let twin = sheet().iter().map(|&p| p + DVec3::X * 1e4).collect();
+        for more in [near.to_vec(), ground.to_vec(), twin] {
+            let mut loaded = points(&[sheet(), more.clone()].concat());
+            complete(&mut loaded, &StageOptions::studio(), false);
+            assert_eq!(names(&loaded), "");
+            more.iter().for_each(|&p| assert!(seen(&loaded, p).abs().max_element() < 2.0));
+        }
+    }
+
+    #[test]
+    fn what_would_be_added_is_told_and_left_out() {
+        let mut loaded = ball(DVec3::ZERO, 1.0, grey());
+        loaded.stand_ins.push(MaterialId(0));
+        complete(&mut loaded, &StageOptions { is_foretold: true, ..StageOptions::studio() }, false);
+        let scene = &loaded.scene;
+        assert!(loaded.notes[0].message.contains("studio light, on a ground"), "{:?}", loaded.notes);
+        assert_eq!((scene.shapes.len(), scene.images.len(), scene.cameras.len()), (1, 0, 1));
+        assert_eq!((scene.textures.len(), scene.materials.len()), (0, 1));
+        assert_eq!((&scene.environment, &scene.materials[0]), (&Environment::Black, &grey()));
+        assert!(scene.backdrop.is_none());
+        assert!(scene.environment_visible_to.contains(RayKinds::CAMERA));
+    }
+
+    #[test]
+    fn a_model_that_turns_stays_in_view() {
+        let corners = [[-1.0, 0.0, -2.0], [1.0, 0.0, 2.0], [0.9, 1.0, -2.0]].map(DVec3::from);
+        let mut loaded = points(&corners);
+        let options = StageOptions { is_orbit: true, aspect: Some(1.0), ..StageOptions::studio() };
+        complete(&mut loaded, &options, false);
+        let table = loaded.turntable.expect("a turntable");
+        let first = loaded.scene.cameras[0].clone();
+        let mut most = 0.0f64;
+        for step in 0..36 {
+            loaded.scene.cameras[0] = table.camera(&first, f64::from(step) * 0.1745);
+            corners.iter().for_each(|&p| most = most.max(seen(&loaded, p).abs().max_element()));
+        }
+        assert!(most < 0.83 && most > 0.7, "{most}");
+    }
+
+    #[test]
+    fn parts_that_shine_light_scenes_but_not_bare_models() {
+        let shining = || ball(DVec3::ZERO, 1.0, Material::emitter("lamp", [1.0; 3], false));
+        let mut bare = shining();
+        complete(&mut bare, &soft(), false);
+        assert!(matches!(bare.scene.environment, Environment::Gradient { .. }));
+        let said: Vec<String> = bare.warnings.iter().map(ToString::to_string).collect();
+        assert!(said.len() == 2 && said[1].contains("parts that shine"), "{said:?}");
+        let mut scene = shining();
+        scene.scene.cameras = bare.scene.cameras.clone();
+        complete(&mut scene, &StageOptions::studio(), false);
+        assert_eq!((&scene.scene.environment, scene.warnings.len()), (&Environment::Black, 0));
+        let mut without = shining();
+        complete(&mut without, &soft(), true);
+        assert_eq!((&without.scene.environment, without.warnings.len()), (&Environment::Black, 1));
+    }
+
+    /// A room of 4 m with a camera and a ball of this radius that shines.
+    fn glowing(radius: f64, radiance: f32) -> Loaded {
+        let mut loaded = ball(DVec3::ZERO, radius, Material::emitter("led", [radiance; 3], false));
+        loaded.scene.materials.push(grey());
+        loaded.scene.shapes.push(Shape::sphere(DVec3::new(0.0, -2.0, 0.0), 2.0, MaterialId(1)));
+        loaded.scene.cameras.push(crate::scene::Camera::look_at([0.0, 0.0, 5.0], [0.0; 3], 40.0));
+        loaded.is_model = true;
+        loaded
+    }
+
+    #[test]
+    fn models_with_cameras_are_lit_unless_parts_of_them_are_lamps() {
+        let outcome = |mut loaded: Loaded| {
+            complete(&mut loaded, &StageOptions::studio(), false);
+            let said: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
+            (loaded.scene.environment != Environment::Black, said.join("\n"))
+        };
+        let (is_lit, said) = outcome(glowing(0.05, 1.0));
+        assert!(is_lit && said.contains("parts that shine") && said.contains("soft default sky"), "{said}");
+        let (is_lit, said) = outcome(glowing(0.05, 9.0));
+        assert!(!is_lit && said.contains("will be dark") && said.contains("StageOptions::light"), "{said}");
+        // A lamp that lights the room, whether it is large or strong.
+        assert_eq!(outcome(glowing(0.7, 1.0)), (false, String::new()));
+        assert_eq!(outcome(glowing(0.05, 300.0)), (false, String::new()));
+        // Whoever writes scene files for this program means the light that they have.
+        assert_eq!(outcome(Loaded { is_model: false, ..glowing(0.05, 1.0) }), (false, String::new()));
+    }
+
+    #[test]
+    fn the_mean_of_a_picture_tells_how_brightly_a_part_shines() {
+        for (value, expected) in [(0.0, Shine::Glow), (1.0, Shine::Light)] {
+            let mut loaded = glowing(0.7, 1.0);
+            let rgb = vec![value; 3 * 600 * 4];
+            let image = loaded.scene.add_image(crate::image::Image::from_linear_rgb("glow", 600, 4, rgb));
+            let texture = loaded.scene.add_texture(crate::scene::Texture::Image {
+                image,
+                wrap_u: Default::default(),
+                wrap_v: Default::default(),
+                interpolation: Default::default(),
+                mapping: Default::default(),
+            });
+            loaded.scene.materials[0].emission.as_mut().unwrap().radiance.texture = Some(texture);
+            assert_eq!(light::of(&loaded.scene), expected);
+        }
+    }
+
+    #[test]
+    fn a_chosen_light_reaches_scenes_with_a_camera() {
+        let chosen = StageOptions { is_light_chosen: true, ..StageOptions::studio() };
+        let lit = |mut loaded: Loaded, brings: bool| {
+            complete(&mut loaded, &chosen, brings);
+            let said =
+                loaded.notes.iter().chain(&loaded.warnings).map(ToString::to_string).collect::<Vec<_>>();
+            (matches!(loaded.scene.environment, Environment::Image { .. }), said.join("\n"))
+        };
+        for radius in [0.05, 0.7] {
+            let (is_lit, said) = lit(glowing(radius, 1.0), false);
+            assert!(is_lit && said.contains("parts that shine: studio light, too"), "{said}");
+        }
+        let mut sunny = glowing(0.05, 1.0);
+        sunny.scene.environment = Environment::Constant([1.0; 3]);
+        let (is_lit, said) = lit(sunny, false);
+        assert!(is_lit && said.contains("in place of the environment"), "{said}");
+        let (is_lit, said) = lit(glowing(0.05, 1.0), true);
+        assert!(!is_lit && said.contains("changes nothing: another environment is asked for"), "{said}");
+    }
+
+    #[test]
+    fn the_studio_is_for_bare_models_alone() {
+        let mut bare = ball(DVec3::ZERO, 1.0, grey());
+        complete(&mut bare, &StageOptions::studio(), false);
+        assert!(matches!(bare.scene.environment, Environment::Image { .. }));
+        assert_eq!(bare.scene.shapes.len(), 2, "the ball and the ground");
+        assert!(
+            !bare.scene.environment_visible_to.contains(RayKinds::CAMERA) && bare.scene.backdrop.is_some()
+        );
+        assert_eq!((bare.warnings.len(), bare.notes.len()), (0, 1), "{:?}", bare.notes);
+        assert!(bare.scene.validate().is_empty());
+        // A camera of its own: only light, as it has none.
+        let mut scene = ball(DVec3::ZERO, 1.0, grey());
+        scene.scene.cameras = bare.scene.cameras.clone();
+        complete(&mut scene, &StageOptions::studio(), false);
+        assert!(matches!(scene.scene.environment, Environment::Gradient { .. }));
+        assert_eq!((scene.scene.shapes.len(), scene.warnings.len()), (1, 1));
+        // Light of its own: only a camera.
+        let mut lit = ball(DVec3::ZERO, 1.0, grey());
+        lit.scene.environment = Environment::Constant([1.0; 3]);
+        complete(&mut lit, &StageOptions::studio(), false);
+        assert_eq!(lit.scene.environment, Environment::Constant([1.0; 3]));
+        assert_eq!((lit.scene.shapes.len(), lit.scene.cameras.len()), (1, 1));
+        assert!(lit.scene.environment_visible_to.contains(RayKinds::CAMERA) && lit.scene.backdrop.is_none());
+    }
+
+    /// Behind what no ground can look like it catches shadows; floors and grounds before an environment fade.
+    #[test]
+    fn grounds_melt_into_whatever_is_behind_them() {
+        let picture = crate::image::Image::from_linear_rgb("sky", 1, 1, vec![0.2; 3]);
+        let none = StageOptions::studio;
+        let before = |background| StageOptions { background: Some(background), ..none() };
+        let on = |ground, options| StageOptions { ground: Some(ground), ..options };
+        for (options, is_lit, is_catcher, is_fading) in [
+            (none(), false, false, false),
+            (before(Background::Color([0.5, 0.01, 0.01])), false, false, false),
+            (before(Background::Color([0.9; 3])), false, false, false),
+            (before(Background::Color([1.5; 3])), false, true, false),
+            (StageOptions { light: StageLight::White, ..none() }, false, true, false),
+            (before(Background::Transparent), false, true, false),
+            (before(Background::Picture(picture)), false, true, false),
+            (on(Ground::Floor, none()), false, false, true),
+            (on(Ground::Shadow, none()), true, false, true),
+            (on(Ground::Shadow, before(Background::Transparent)), true, true, false),
+        ] {
+            let mut loaded = ball(DVec3::ZERO, 1.0, grey());
+            complete(&mut loaded, &options, is_lit);
+            let ground = loaded.scene.shapes.last().expect("a ground");
+            let material = &loaded.scene.materials[ground.material.index()];
+            assert_eq!(ground.traits.is_shadow_catcher, is_catcher, "{options:?}");
+            assert_eq!(material.alpha.texture.is_some(), is_fading, "{options:?}");
+            assert!(loaded.scene.validate().is_empty());
+        }
+    }
+
+    #[test]
+    fn files_without_materials_get_clay() {
+        let mut loaded = ball(DVec3::ZERO, 1.0, grey());
+        loaded.stand_ins.push(MaterialId(0));
+        complete(&mut loaded, &StageOptions::studio(), false);
+        assert!(loaded.scene.materials[0].model.pbr().is_some());
+        let mut own = ball(DVec3::ZERO, 1.0, grey());
+        complete(&mut own, &StageOptions::studio(), false);
+        assert_eq!(own.scene.materials[0], grey());
+    }
+
+    #[test]
+    fn a_caller_with_an_environment_gets_no_other_light() {
+        for options in [soft(), StageOptions::studio()] {
+            let mut loaded = ball(DVec3::ZERO, 1.0, grey());
+            complete(&mut loaded, &options, true);
+            assert_eq!(loaded.scene.environment, Environment::Black);
+            assert_eq!(loaded.warnings.len(), 1, "{:?}", loaded.warnings);
+        }
+    }
+
+    #[test]
+    fn an_empty_scene_gets_a_finite_camera() {
+        for options in [soft(), StageOptions::studio()] {
+            let mut loaded = Loaded::default();
+            complete(&mut loaded, &options, false);
+            assert!(loaded.scene.cameras[0].world_from_camera.is_finite());
+            assert!(loaded.scene.validate().is_empty());
+        }
+    }
+}

@@ -77,7 +77,7 @@ fn grids_stand_as_their_maps_say() {
         let mut w = Writer(Vec::new());
         w.text(kind);
         w.0.extend(numbers.iter().flat_map(|x| x.to_le_bytes()));
-        map::read(&mut Bytes::new(&w.0))
+        read_map(&mut Bytes::new(&w.0))
     };
     let turned = [0.0, 2.0, 0.0, 0.0, -1.0, 0.0, 0.5, 0.0, 0.0, 0.0, 3.0, 0.0, 7.0, 8.0, 9.0, 1.0];
     let turned = map("AffineMap", &turned).expect("a map");

@@ -2,8 +2,8 @@
 
 use super::Materials;
 use crate::error::Choice;
-use crate::load::gltf::options::Glass;
 use crate::load::gltf::report::Report;
+use crate::load::options::Glass;
 use crate::math::{DMat3, DVec3};
 use crate::scene::{Instance, MaterialId, Mesh, Model, PbrMaterial, Scene, encloses};
 use std::collections::HashMap;

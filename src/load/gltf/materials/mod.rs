@@ -6,10 +6,10 @@ mod glass;
 
 use super::document::{Document, name_of, number_of, numbers_of, pointer};
 use super::lights;
-use super::options::Glass;
 use super::report::{Report, Sound};
 use super::textures::{Gloss, Reference, Textures};
 use crate::image::Encoding;
+use crate::load::options::Glass;
 use crate::scene::{
     AlphaMode, ColorSlot, Emission, FloatSlot, Material, MaterialId, Model, NormalMap, PbrMaterial, TextureId,
 };

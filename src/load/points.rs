@@ -1,7 +1,5 @@
 //! Point clouds: vertices without faces, shown as spheres.
 
-mod spacing;
-
 use super::{LoadOptions, Loaded};
 use crate::error::{Choice, Error, Result, Warning};
 use crate::math::DVec3;
@@ -68,7 +66,7 @@ impl Cloud<'_> {
 
     /// A radius that closes the gaps between neighbours, with a note.
     fn radius_by_spacing(&self, path: &Path, loaded: &mut Loaded) -> f64 {
-        let radius = spacing::radius(self.positions);
+        let radius = radius(self.positions);
         let message = format!(
             "a point cloud: {} points are shown as spheres of radius {radius:.3e}, by their spacing ({})",
             self.positions.len(),
@@ -97,4 +95,95 @@ impl Cloud<'_> {
 
 fn sane(x: f32) -> f32 {
     if x.is_nan() { 0.0 } else { x.clamp(0.0, 1.0) }
+}
+
+// How far the points of a cloud lie apart.
+
+/// Points whose neighbours are looked for.
+const PROBES: usize = 2000;
+/// Which neighbour counts, from the nearest: points of a square grid have four.
+const NEIGHBOUR: usize = 4;
+/// Radius over the distance of that neighbour: half a square's diagonal, so that spheres on a grid leave no gaps.
+const RADIUS: f64 = 0.71;
+/// Points that a cell of the search should hold, if they lie on a surface.
+const IN_CELL: f64 = 4.0;
+/// Largest radius, as a share of the cloud's size: few points stay small.
+const MOST: f64 = 0.02;
+/// Radius of a cloud whose points have no distance, as a share of its size, or in metres where it has none.
+const LEAST: f64 = 1e-3;
+
+/// A radius for the points' spheres, above 0: by the median distance of the fourth neighbour.
+fn radius(positions: &[[f32; 3]]) -> f64 {
+    let points: Vec<DVec3> =
+        positions.iter().map(|p| DVec3::from(p.map(f64::from))).filter(|p| p.is_finite()).collect();
+    let min = points.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+    let max = points.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+    let size = if points.is_empty() { 0.0 } else { (max - min).length() };
+    if size <= 0.0 {
+        return LEAST;
+    }
+    let grid = Grid::new(&points, min, size * (IN_CELL / points.len() as f64).sqrt().min(1.0));
+    let step = points.len().div_ceil(PROBES);
+    let mut distances: Vec<f64> = points.iter().step_by(step).filter_map(|&p| grid.neighbour(p)).collect();
+    distances.sort_by(f64::total_cmp);
+    let median = distances.get(distances.len() / 2).copied().unwrap_or(0.0);
+    if median > 0.0 { (RADIUS * median).min(MOST * size) } else { LEAST * size }
+}
+
+/// Points by the cubes that they are in.
+struct Grid<'p> {
+    points: &'p [DVec3],
+    min: DVec3,
+    side: f64,
+    cells: HashMap<[i32; 3], Vec<u32>>,
+}
+
+impl Grid<'_> {
+    fn new(points: &[DVec3], min: DVec3, side: f64) -> Grid<'_> {
+        let mut grid = Grid { points, min, side, cells: HashMap::new() };
+        for (i, &p) in (0u32..).zip(points) {
+            let cell = grid.cell(p);
+            grid.cells.entry(cell).or_default().push(i);
+        }
+        grid
+    }
+
+    fn cell(&self, p: DVec3) -> [i32; 3] {
+        ((p - self.min) / self.side).floor().as_ivec3().to_array()
+    }
+
+    /// The distance of the neighbour that counts, of points apart from `p`: exact up to a cell's side, else that of the
+    /// farthest in the cells around.
+    fn neighbour(&self, p: DVec3) -> Option<f64> {
+        let middle = self.cell(p);
+        let mut near: Vec<f64> = Vec::new();
+        for k in 0..27 {
+            let cell = [k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1];
+            let at: [i32; 3] = std::array::from_fn(|c| middle[c].saturating_add(cell[c]));
+            let found = self.cells.get(&at).into_iter().flatten();
+            near.extend(found.map(|&i| self.points[i as usize].distance(p)).filter(|&d| d > 0.0));
+        }
+        near.sort_by(f64::total_cmp);
+        near.get(NEIGHBOUR - 1).or(near.last()).copied()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_grid_of_points_becomes_closed() {
+        let row = |y: u16| (0..100u16).map(move |x| [f32::from(x) * 0.5, f32::from(y) * 0.5, 0.0]);
+        let points: Vec<[f32; 3]> = (0..100).flat_map(row).collect();
+        let found = radius(&points);
+        assert!((found - 0.355).abs() < 1e-6, "{found}");
+    }
+
+    #[test]
+    fn clouds_without_extent_have_a_radius() {
+        for points in [vec![], vec![[1.0; 3]], vec![[2.0; 3]; 9], vec![[f32::NAN; 3]; 3]] {
+            assert!(radius(&points) > 0.0);
+        }
+    }
 }

@@ -1,13 +1,68 @@
-//! A guess which axis of a model points up: y or z, the only two that are common.
-//!
-//! In the spirit of Fu, Cohen-Or, Dror, Sheffer 2008, "Upright Orientation of Man-Made Objects": things stand on flat or
-//! wide bases below their middle, and are mirrored left and right, not up and down. Weights and thresholds here were set by
-//! a dozen models and their copies turned on their backs.
+//! Which axis of a model points up, where its format leaves that open.
 
-use super::{Up, UpHint};
-use crate::load::Loaded;
-use crate::math::{DVec2, DVec3};
-use crate::scene::Scene;
+pub use super::options::{Up, UpHint};
+use super::{LoadOptions, Loaded};
+use crate::error::{Choice, Warning};
+use crate::math::{DAffine3, DQuat, DVec2, DVec3};
+use crate::scene::{Environment, Scene};
+use std::path::Path;
+
+/// Turns a model as the caller says.
+pub(super) fn stand(scene: &mut Scene, up: Up) {
+    if matches!(up, Up::Auto | Up::Y) {
+        return;
+    }
+    let rotation = up.rotation();
+    let turn = DAffine3::from_mat3(rotation);
+    for instance in &mut scene.instances {
+        instance.world_from_object = turn * instance.world_from_object;
+    }
+    for curves in &mut scene.curves {
+        curves.world_from_object = turn * curves.world_from_object;
+    }
+    let quaternion = DQuat::from_mat3(&rotation);
+    for shape in &mut scene.shapes {
+        shape.center = rotation * shape.center;
+        shape.rotation = quaternion * shape.rotation;
+    }
+}
+
+/// Turns a whole model with all that goes with it.
+fn stand_all(loaded: &mut Loaded, up: Up) {
+    stand(&mut loaded.scene, up);
+    loaded.offset = up.rotation() * loaded.offset;
+}
+
+/// Turns a model of a format that leaves its axis open: before anything is put beside it where the caller says how
+/// (`is_last` is false), else when all is there, and only where neither camera nor lights show what is meant.
+pub(super) fn apply(path: &Path, options: &LoadOptions, loaded: &mut Loaded, is_last: bool) {
+    if options.up != Up::Auto {
+        if !is_last {
+            stand_all(loaded, options.up);
+        }
+        return;
+    }
+    let scene = &loaded.scene;
+    let is_bare = scene.cameras.is_empty() && scene.lights.is_empty();
+    if !is_last || !is_bare || scene.environment != Environment::Black {
+        return;
+    }
+    let (up, why) = up(loaded);
+    if up != Up::Y {
+        let message = format!("{} points up, by {why} ({} decides)", up.name(), Choice::Up);
+        loaded.notes.push(Warning::new(path, "", message));
+        stand_all(loaded, up);
+    } else if let Some(why) = Some(why).filter(|why| !why.is_empty()) {
+        let message = format!("y points up, by {why} ({} decides)", Choice::Up);
+        loaded.notes.push(Warning::new(path, "", message));
+    }
+}
+
+// A guess which axis of a model points up: y or z, the only two that are common.
+//
+// In the spirit of Fu, Cohen-Or, Dror, Sheffer 2008, "Upright Orientation of Man-Made Objects": things stand on flat or
+// wide bases below their middle, and are mirrored left and right, not up and down. Weights and thresholds here were set by
+// a dozen models and their copies turned on their backs.
 
 /// Most triangles that are looked at.
 const MOST_TRIANGLES: usize = 200_000;
@@ -22,7 +77,7 @@ const TERRAIN: usize = 100;
 
 /// The axis, and why in words; without words where nothing speaks for either. Where a model stands in the world says nothing:
 /// it is the same for a copy that was moved to the origin.
-pub(super) fn up(loaded: &Loaded) -> (Up, &'static str) {
+fn up(loaded: &Loaded) -> (Up, &'static str) {
     let UpHint { writer, is_mostly_y } = loaded.up_hint;
     if let Some((up, why)) = writer {
         return (up, why);

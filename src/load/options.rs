@@ -1,0 +1,406 @@
+//! What loading is asked for, and what it gives.
+
+use super::shutter::ShutterOptions;
+use super::stage::{StageOptions, Turntable};
+use super::subdivide::{Polygons, Subdivision};
+use crate::error::Warning;
+use crate::gauge::Gauge;
+use crate::math::{DAffine3, DMat3, DVec3};
+use crate::scene::{MaterialId, Moving, Scene};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard};
+use std::time::SystemTime;
+
+/// What the user may choose about loading.
+#[derive(Clone, Debug, Default)]
+pub struct LoadOptions {
+    /// The files that a glTF asset refers to may lie outside its folder.
+    pub allow_external: bool,
+    /// The caller lights the scene with an environment of its own, or wants none: a scene without light gets no default
+    /// sky.
+    pub brings_environment: bool,
+    /// Choices about files of Blender.
+    pub blender: BlenderOptions,
+    /// Choices about glTF assets.
+    pub gltf: GltfOptions,
+    /// Radius, in metres, of the spheres that the points of a point cloud become; without it such a file is refused.
+    pub point_radius: Option<f64>,
+    /// Leave out the materials, textures and images of mesh files: the caller replaces all of them.
+    pub geometry_only: bool,
+    /// Which axis of an OBJ or PLY file points up: its model is turned to stand upright.
+    pub up: Up,
+    /// Smooth normals for meshes of OBJ and PLY files that have none: the angle between two faces, in radians from 0 to pi, up to
+    /// which the edge between them is rounded. `None` shows their facets.
+    pub smooth_rad: Option<f64>,
+    /// Catmull-Clark subdivision of the meshes of OBJ and PLY files.
+    pub subdivision: Option<Subdivision>,
+    /// Keep the polygons of OBJ files ([`Loaded::polygons`]), as something asks for subdivision.
+    pub keeps_polygons: bool,
+    /// How long the shutter is open, and when.
+    pub shutter: ShutterOptions,
+    /// Names of empty nodes of the model where lights will be placed: the shutter needs as many keys as their ways. What a
+    /// file beside the model says is added.
+    pub lit_nodes: BTreeSet<String>,
+    /// How a model without camera or light is shown.
+    pub stage: StageOptions,
+    /// Is told which files are read or looked for.
+    pub files: SavedFiles,
+    /// Is told how far reading is, of PLY and OBJ files.
+    pub gauge: Gauge,
+    /// Don't look for a file of settings beside the model (`model.oscura.toml` beside `model.glb`).
+    pub no_sidecar: bool,
+}
+
+/// A scene and what happened on the way to it.
+#[derive(Debug, Default)]
+pub struct Loaded {
+    /// The scene; loaders have validated it.
+    pub scene: Scene,
+    /// What was ignored, approximated or repaired.
+    pub warnings: Vec<Warning>,
+    /// What the user may want to know, though nothing is amiss: a choice that was made, a file that was found.
+    pub notes: Vec<Warning>,
+    /// What was not read because the picture doesn't need it, with what that saved; for `--explain`.
+    pub left_out: Vec<String>,
+    /// Nodes of the model that hold nothing themselves.
+    pub empties: Vec<EmptyNode>,
+    /// What Blender's own exporter left out of the file, where it wrote it.
+    pub blender: Option<BlenderExport>,
+    /// Some surfaces are lamps by the file's own word, however little they light.
+    pub has_area_lights: bool,
+    /// Materials of faces for which the file has none.
+    pub stand_ins: Vec<MaterialId>,
+    /// The polygons that meshes were cut from, where they are kept, until all is subdivided.
+    pub polygons: Polygons,
+    /// What the file tells about which axis points up.
+    pub up_hint: UpHint,
+    /// How far from the world's origin the model's meshes have their own, metres: coordinates beyond the precision of
+    /// their single floats are kept as sums with it. The scene stands where the file says.
+    pub offset: DVec3,
+    /// It comes from a model as other programs write them, whose shining parts need not be meant as its light.
+    pub is_model: bool,
+    /// Its light is that of a stage, which loading added.
+    pub is_stage_lit: bool,
+    /// What a camera that loading added goes around.
+    pub turntable: Option<Turntable>,
+}
+
+/// A node of a model that holds nothing itself: where a file beside the model may put a light, as exporters leave such nodes in the
+/// place of what glTF can't carry.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EmptyNode {
+    /// Its name.
+    pub name: String,
+    /// Where it stands at the picture's moment.
+    pub world_from_node: DAffine3,
+    /// Where it stands at other times, if it moves while the shutter is open.
+    pub motion: Option<Moving<DAffine3>>,
+}
+
+/// What tells in a glTF file by Blender that its exporter left something out. All by name.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BlenderExport {
+    /// Empty nodes with names of lamps: what becomes of area lights.
+    pub lamps: Vec<String>,
+    /// Materials that are pure white and without a texture, as those become whose colour comes from other nodes.
+    pub white: Vec<String>,
+    /// Metals of roughness 1 without a texture, as those become whose roughness or metalness comes from other nodes.
+    pub rough_metal: Vec<String>,
+    /// Materials without any parameters, as those become that are made of other nodes than Principled BSDF.
+    pub lost: Vec<String>,
+    /// Opaque materials whose base colour has an image with alpha.
+    pub unused_alpha: Vec<String>,
+    /// Objects of such lost materials that enclose a camera or a lamp, as the cubes of fogs do: with the name of that.
+    pub enclosing: Vec<(String, String)>,
+}
+
+impl From<Scene> for Loaded {
+    /// A scene that was built in code.
+    fn from(scene: Scene) -> Loaded {
+        Loaded { scene, ..Loaded::default() }
+    }
+}
+
+// Choices about files of Blender.
+
+/// What the user may choose about files of Blender.
+#[derive(Clone, Debug, Default)]
+pub struct BlenderOptions {
+    /// Blender's program, or a Python that has `bpy`; else what the environment variable `OSCURA_BLENDER` names, else
+    /// what is found.
+    pub program: Option<PathBuf>,
+    /// The frame to show, by Blender's numbers; else that of the moment that is asked for, else the file's current one.
+    pub frame: Option<u32>,
+    /// The view layer to show, by its name; else the first that is rendered.
+    pub view_layer: Option<String>,
+    /// Largest edge of pictures that node trees are baked to, pixels; else 4096.
+    pub bake: Option<u32>,
+    /// A folder in which exported meshes and baked pictures are kept for the next time, made if it is missing; `None`
+    /// keeps nothing.
+    pub cache: Option<PathBuf>,
+}
+
+// What the user may choose about a glTF asset.
+
+/// Choices about one glTF asset; the defaults show what the file says is shown, at rest.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct GltfOptions {
+    /// The moment of its animations, seconds; `None` shows the pose in which the file rests.
+    pub time_s: Option<f64>,
+    /// The scene to show, by name or number, in place of the file's default.
+    pub scene: Option<String>,
+    /// The node to show with all below it, by name or number, in place of a whole scene.
+    pub node: Option<String>,
+    /// The variant of its materials (KHR_materials_variants), by name or number.
+    pub variant: Option<String>,
+    /// What the numbers of its lights mean.
+    pub light_units: LightUnits,
+    /// What transparent materials without a volume are.
+    pub glass: Glass,
+    /// Go on without the extensions that the file demands and that are not supported.
+    pub force: bool,
+}
+
+/// Units of the lights of KHR_lights_punctual. The file doesn't say which mode its exporter used.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum LightUnits {
+    /// What the specification says, which is also the default of Blender's exporter; spot lights in files by Blender
+    /// fade as they do there.
+    #[default]
+    Auto,
+    /// Candela and lux, turned into watts by 683 lm/W.
+    Spec,
+    /// Watts per steradian and per square metre (Blender's mode "Unitless").
+    Compat,
+    /// Watts of the whole light as Blender shows them; sun lights in watts per square metre (Blender's mode "Raw").
+    Raw,
+}
+
+/// How materials with transmission and without a volume (thickness 0) are understood. Where they become solids, their
+/// colour is that of light that has passed the whole body, as in Blender; the colour of solids that the file declares is
+/// met at each crossing of their surface, as the specification says.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Glass {
+    /// Solid in files by Blender, which leaves the volume out for ordinary glass, where the meshes enclose bodies; thin
+    /// where they don't, and in all other files, as the specification says. In what was exported of files of Blender here all
+    /// is solid, as in Blender, but for open sheets, which bend light all the same.
+    #[default]
+    Auto,
+    /// They refract like the surface of a solid body.
+    Solid,
+    /// As [`Glass::Auto`]; and flat closed meshes, the panes of windows, become single sheets, whether a volume is declared or
+    /// not: light samples pass those, where a solid leaves light behind it to chance. They don't bend light and have no
+    /// edges. So do the open sheets of what was exported of files of Blender.
+    Panes,
+    /// They are thin walls that do not refract, as the specification says.
+    Thin,
+}
+
+impl GltfOptions {
+    /// Finds an entry by name or number; `names` are those of all entries in order.
+    ///
+    /// # Errors
+    /// A remedy in words that lists what there is.
+    pub(super) fn find(names: &[String], wanted: &str) -> Result<usize, String> {
+        const LISTED: usize = 20;
+        let by_number = || wanted.parse::<usize>().ok().filter(|&i| i < names.len());
+        names.iter().position(|n| n == wanted).or_else(by_number).ok_or_else(|| {
+            let mut list: Vec<String> =
+                names.iter().take(LISTED).enumerate().map(|(i, name)| format!("{i} '{name}'")).collect();
+            if names.len() > LISTED {
+                list.push(format!("and {} more", names.len() - LISTED));
+            }
+            if list.is_empty() { "the file has none".into() } else { format!("it has: {}", list.join(", ")) }
+        })
+    }
+}
+
+// Axes of files.
+
+/// Which axis of the file points up.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Up {
+    /// Guessed by what the file says about its origin and by the model's shape.
+    Auto,
+    /// x.
+    X,
+    /// y, as everywhere here.
+    #[default]
+    Y,
+    /// z, as in Blender and most scans and CAD.
+    Z,
+    /// Against x.
+    NegX,
+    /// Against y.
+    NegY,
+    /// Against z.
+    NegZ,
+}
+
+/// What a file tells about who wrote it and how.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct UpHint {
+    /// The axis that this writer's files have up.
+    pub writer: Option<(Up, &'static str)>,
+    /// Files of this format mostly have y up; else they have z up about as often.
+    pub is_mostly_y: bool,
+}
+
+impl Up {
+    /// All of them.
+    pub const ALL: [Up; 7] = [Up::Auto, Up::X, Up::Y, Up::Z, Up::NegX, Up::NegY, Up::NegZ];
+
+    /// As users write it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Up::Auto => "auto",
+            Up::X => "x",
+            Up::Y => "y",
+            Up::Z => "z",
+            Up::NegX => "-x",
+            Up::NegY => "-y",
+            Up::NegZ => "-z",
+        }
+    }
+
+    /// The rotation that brings it up, exact in every number. The front stays where most programs have it: -y of models
+    /// with z up comes to the front, z.
+    pub(super) fn rotation(self) -> DMat3 {
+        let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
+        let (x, y, z) = match self {
+            Up::Auto | Up::Y => (x, y, z),
+            Up::Z => (x, -z, y),
+            Up::NegY => (x, -y, -z),
+            Up::NegZ => (x, z, -y),
+            Up::X => (y, -x, z),
+            Up::NegX => (-y, x, z),
+        };
+        DMat3::from_cols(x, y, z)
+    }
+}
+
+// Which files a scene was made of, and when they were saved.
+
+/// When a file was saved and its bytes; `None` for one that isn't there.
+type Stamp = Option<(Option<SystemTime>, u64)>;
+
+/// The files that loading has read or looked for in vain. Clones are the same list.
+#[derive(Clone, Debug, Default)]
+pub struct SavedFiles(Arc<Mutex<BTreeMap<PathBuf, Stamp>>>);
+
+impl SavedFiles {
+    /// Notes a file as it is now, before it is read.
+    pub fn note(&self, path: impl AsRef<Path>) {
+        let path = path.as_ref();
+        self.lock().entry(path.to_path_buf()).or_insert_with(|| stamp(path));
+    }
+
+    /// Was any of them saved, removed or made since it was noted or this was asked?
+    pub fn have_changed(&self) -> bool {
+        let mut has_any = false;
+        for (path, known) in self.lock().iter_mut() {
+            let now = stamp(path);
+            has_any |= now != *known;
+            *known = now;
+        }
+        has_any
+    }
+
+    /// Takes the files of a newer load: all in place of these, or, where that failed, besides these.
+    pub fn take_over(&self, newer: &SavedFiles, has_failed: bool) {
+        let newer = newer.lock().clone();
+        let mut own = self.lock();
+        if !has_failed {
+            own.clear();
+        }
+        own.extend(newer);
+    }
+
+    /// Their paths.
+    pub fn paths(&self) -> Vec<PathBuf> {
+        self.lock().keys().cloned().collect()
+    }
+
+    fn lock(&self) -> MutexGuard<'_, BTreeMap<PathBuf, Stamp>> {
+        self.0.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+    }
+}
+
+fn stamp(path: &Path) -> Stamp {
+    let data = path.metadata().ok()?;
+    Some((data.modified().ok(), data.len()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_come_before_numbers() {
+        let names = ["1".to_string(), "b".to_string(), "c".to_string()];
+        assert_eq!(GltfOptions::find(&names, "1"), Ok(0));
+        assert_eq!(GltfOptions::find(&names, "2"), Ok(2));
+        assert_eq!(GltfOptions::find(&names, "b"), Ok(1));
+        let error = GltfOptions::find(&names, "3").expect_err("there is none");
+        assert!(error.contains("2 'c'"), "{error}");
+    }
+}
+
+#[cfg(test)]
+mod saved_tests {
+    use super::*;
+    use crate::load::{LoadOptions, load};
+    use std::fs;
+
+    /// A grid of one voxel.
+    fn grid() -> Vec<u8> {
+        let mut bytes = b"VOL\x03".to_vec();
+        [1u32, 1, 1, 1, 1].iter().for_each(|n| bytes.extend(n.to_le_bytes()));
+        [0.0f32, 0.0, 0.0, 1.0, 1.0, 1.0, 0.5].iter().for_each(|v| bytes.extend(v.to_le_bytes()));
+        bytes
+    }
+
+    #[test]
+    fn what_a_scene_is_made_of_is_watched_and_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = |name: &str| folder.path().join(name);
+        fs::create_dir(file("scenes")).unwrap();
+        fs::write(file("part.obj"), "mtllib part.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+        fs::write(file("smoke.vol"), grid()).unwrap();
+        let scene = file("scenes/a.toml");
+        let text = "[materials.smoke]\ntype = \"dielectric\"\nmedium = { density = 1.0, grid = \"../smoke.vol\" }\n\
+                    [[objects]]\nmesh = \"../part.obj\"\n[[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\n\
+                    material = \"smoke\"\n";
+        fs::write(&scene, text).unwrap();
+        let options = LoadOptions::default();
+        load(&scene, &options).unwrap();
+        let files = &options.files;
+        let read = files.paths();
+        for name in ["a.toml", "../part.obj", "../part.mtl", "../smoke.vol"] {
+            assert!(read.contains(&file("scenes").join(name)), "{name}: {read:?}");
+        }
+        assert!(!files.have_changed());
+        for other in ["picture.png", "scenes/b.toml", "scenes/c.exr"] {
+            fs::write(file(other), "no part").unwrap();
+        }
+        assert!(!files.have_changed(), "files that the scene isn't made of");
+        for (name, text) in [("smoke.vol", ""), ("part.mtl", "newmtl a\n"), ("part.obj", "v 0 0 0")] {
+            fs::write(file(name), text).unwrap();
+            assert!(files.have_changed() && !files.have_changed(), "{name} was saved");
+        }
+        fs::remove_file(scene).unwrap();
+        assert!(files.have_changed());
+    }
+
+    #[test]
+    fn a_load_that_failed_is_watched_besides() {
+        let (own, newer) = (SavedFiles::default(), SavedFiles::default());
+        own.note("a");
+        newer.note("b");
+        own.take_over(&newer, true);
+        assert_eq!(own.paths().len(), 2);
+        own.take_over(&newer, false);
+        assert_eq!(own.paths(), [PathBuf::from("b")]);
+    }
+}

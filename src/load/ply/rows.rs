@@ -1,0 +1,477 @@
+//! Typed records that are filled property by property: from text by `ascii`, from bytes by `binary`.
+
+use crate::color::{linear_from_srgb, srgb_table};
+use crate::error::Problem;
+use crate::load::words::{integer, next_word};
+use ply_rs::ply::{ElementDef, Property, PropertyAccess, PropertyType, ScalarType};
+
+/// What a row of an element becomes.
+pub(super) trait Record {
+    /// A record with defaults for what the file lacks.
+    fn new() -> Self;
+    /// Where a scalar property goes, if anywhere.
+    fn slot(name: &str) -> Option<Slot>;
+    /// Stores a scalar property.
+    fn set(&mut self, slot: Slot, value: &Property);
+    /// Where the list property of that name goes, if anywhere.
+    fn list(&mut self, name: &str) -> Option<List<'_>>;
+}
+
+/// What a list becomes.
+pub(super) enum List<'a> {
+    Integers(&'a mut Vec<i64>),
+    Numbers(&'a mut Vec<f32>),
+}
+
+/// Which number of a vertex.
+#[derive(Clone, Copy)]
+pub(super) enum Slot {
+    Position(usize),
+    Normal(usize),
+    Uv(usize),
+    Color(usize),
+    Alpha,
+    /// The number of a face's picture.
+    Picture,
+}
+
+/// One vertex; what the file lacks keeps its default.
+pub(super) struct Vertex {
+    pub position: [f64; 3],
+    pub normal: [f32; 3],
+    /// As in the file: v grows upwards.
+    pub uv: [f32; 2],
+    /// Linear RGBA.
+    pub color: [f32; 4],
+}
+
+impl Record for Vertex {
+    fn new() -> Vertex {
+        Vertex { position: [0.0; 3], normal: [0.0; 3], uv: [0.0; 2], color: [1.0; 4] }
+    }
+
+    fn slot(name: &str) -> Option<Slot> {
+        Some(match name {
+            "x" => Slot::Position(0),
+            "y" => Slot::Position(1),
+            "z" => Slot::Position(2),
+            "nx" => Slot::Normal(0),
+            "ny" => Slot::Normal(1),
+            "nz" => Slot::Normal(2),
+            "s" | "u" | "texture_u" | "texture_s" => Slot::Uv(0),
+            "t" | "v" | "texture_v" | "texture_t" => Slot::Uv(1),
+            "red" | "r" | "diffuse_red" => Slot::Color(0),
+            "green" | "g" | "diffuse_green" => Slot::Color(1),
+            "blue" | "b" | "diffuse_blue" => Slot::Color(2),
+            "alpha" | "a" => Slot::Alpha,
+            _ => return None,
+        })
+    }
+
+    #[inline]
+    fn set(&mut self, slot: Slot, value: &Property) {
+        match slot {
+            Slot::Position(i) => self.position[i] = exact(value),
+            Slot::Normal(i) => self.normal[i] = number(value),
+            Slot::Uv(i) => self.uv[i] = number(value),
+            Slot::Color(i) => self.color[i] = color(value),
+            Slot::Alpha => self.color[3] = unit(value),
+            Slot::Picture => {}
+        }
+    }
+
+    fn list(&mut self, _: &str) -> Option<List<'_>> {
+        None
+    }
+}
+
+/// One polygon or strip: indices as the file says, not yet checked.
+#[derive(Clone)]
+pub(super) struct Face {
+    pub indices: Vec<i64>,
+    /// Texture coordinates of its corners, u and v in turn, as in the file: v grows upwards.
+    pub wedges: Vec<f32>,
+    /// Which of the file's pictures is on it.
+    pub picture: i64,
+}
+
+impl Record for Face {
+    fn new() -> Face {
+        Face { indices: Vec::new(), wedges: Vec::new(), picture: 0 }
+    }
+
+    fn slot(name: &str) -> Option<Slot> {
+        (name == "texnumber").then_some(Slot::Picture)
+    }
+
+    fn set(&mut self, slot: Slot, value: &Property) {
+        if matches!(slot, Slot::Picture) {
+            // `as` saturates; what is no number is the first.
+            self.picture = exact(value) as i64;
+        }
+    }
+
+    #[inline]
+    fn list(&mut self, name: &str) -> Option<List<'_>> {
+        match name {
+            "vertex_index" | "vertex_indices" => Some(List::Integers(&mut self.indices)),
+            "texcoord" => Some(List::Numbers(&mut self.wedges)),
+            _ => None,
+        }
+    }
+}
+
+/// An element that nothing is taken from.
+pub(super) struct Skipped;
+
+impl Record for Skipped {
+    fn new() -> Skipped {
+        Skipped
+    }
+
+    fn slot(_: &str) -> Option<Slot> {
+        None
+    }
+
+    fn set(&mut self, _: Slot, _: &Property) {}
+
+    fn list(&mut self, _: &str) -> Option<List<'_>> {
+        None
+    }
+}
+
+/// The parser of the header wants a type of rows.
+impl PropertyAccess for Skipped {
+    fn new() -> Skipped {
+        Skipped
+    }
+}
+
+/// A scalar as it is; lists (refused by the header check) give NaN.
+#[inline]
+pub(super) fn number(value: &Property) -> f32 {
+    match *value {
+        Property::Char(v) => f32::from(v),
+        Property::UChar(v) => f32::from(v),
+        Property::Short(v) => f32::from(v),
+        Property::UShort(v) => f32::from(v),
+        Property::Int(v) => v as f32,
+        Property::UInt(v) => v as f32,
+        Property::Float(v) => v,
+        Property::Double(v) => v as f32,
+        _ => f32::NAN,
+    }
+}
+
+/// The same, as exact as it is in the file.
+#[inline]
+fn exact(value: &Property) -> f64 {
+    match *value {
+        Property::Int(v) => f64::from(v),
+        Property::UInt(v) => f64::from(v),
+        Property::Double(v) => v,
+        _ => f64::from(number(value)),
+    }
+}
+
+/// A share of 1: integers count in their type's maximum.
+fn unit(value: &Property) -> f32 {
+    match *value {
+        Property::UChar(v) => f32::from(v) / 255.0,
+        Property::UShort(v) => f32::from(v) / 65535.0,
+        _ => number(value),
+    }
+}
+
+/// A linear colour channel: integers are sRGB-encoded, as every common exporter writes them.
+fn color(value: &Property) -> f32 {
+    match value {
+        Property::UChar(v) => srgb_table()[usize::from(*v)],
+        Property::UShort(_) => linear_from_srgb(unit(value)),
+        _ => number(value),
+    }
+}
+
+// Rows of ascii elements, one a line.
+
+/// The lines of an ascii payload.
+pub(super) struct Lines<'a> {
+    rest: &'a [u8],
+    /// Number of the line that was taken last, from 1.
+    number: usize,
+}
+
+impl<'a> Lines<'a> {
+    /// The lines of `bytes`, which follow line `before` of the file.
+    pub fn new(bytes: &'a [u8], before: usize) -> Lines<'a> {
+        Lines { rest: bytes, number: before }
+    }
+
+    /// The next line that isn't blank.
+    fn next(&mut self) -> Option<&'a [u8]> {
+        while !self.rest.is_empty() {
+            let (line, next) = split_line(self.rest);
+            self.rest = &self.rest[next..];
+            self.number += 1;
+            let line = line.trim_ascii();
+            if !line.is_empty() {
+                return Some(line);
+            }
+        }
+        None
+    }
+}
+
+/// Where a property goes.
+enum Target<'a> {
+    Scalar(&'a ScalarType, Option<Slot>),
+    List(&'a str),
+}
+
+/// Reads all rows of an element and hands each with its number to `each`.
+///
+/// # Errors
+/// The line that doesn't fit the definition, or the row in which the file ends.
+pub(super) fn read_ascii<E: Record>(
+    lines: &mut Lines,
+    definition: &ElementDef,
+    mut each: impl FnMut(usize, &E),
+) -> Result<(), Problem> {
+    let targets: Vec<Target> = definition
+        .properties
+        .iter()
+        .map(|(name, p)| match &p.data_type {
+            PropertyType::Scalar(kind) => Target::Scalar(kind, E::slot(name)),
+            PropertyType::List(..) => Target::List(name),
+        })
+        .collect();
+    let mut record = E::new();
+    for row in 0..definition.count {
+        let line = lines.next().ok_or_else(|| cut(definition, row))?;
+        read_row(line, &targets, &mut record).ok_or_else(|| {
+            let shown: String = String::from_utf8_lossy(line).chars().take(60).collect();
+            let message = format!("'{shown}' is not a '{}' as the header defines it", definition.name);
+            Problem::new(format!("line {}", lines.number), message)
+        })?;
+        each(row, &record);
+    }
+    Ok(())
+}
+
+/// Fills the record from a line, which must hold exactly its values.
+#[inline]
+fn read_row<E: Record>(line: &[u8], targets: &[Target], record: &mut E) -> Option<()> {
+    let mut words = Words(line);
+    for target in targets {
+        let word = words.next()?;
+        match target {
+            Target::Scalar(_, None) => {}
+            Target::Scalar(kind, Some(slot)) => record.set(*slot, &scalar(kind, *slot, word)?),
+            Target::List(name) => {
+                let length = usize::try_from(integer(word)?).ok()?;
+                match record.list(name) {
+                    Some(List::Integers(list)) => {
+                        list.clear();
+                        for _ in 0..length {
+                            list.push(integer(words.next()?)?);
+                        }
+                    }
+                    Some(List::Numbers(list)) => {
+                        list.clear();
+                        for _ in 0..length {
+                            list.push(std::str::from_utf8(words.next()?).ok()?.parse().ok()?);
+                        }
+                    }
+                    None => {
+                        for _ in 0..length {
+                            words.next()?;
+                        }
+                    }
+                }
+            }
+        }
+    }
+    words.next().is_none().then_some(())
+}
+
+/// The words of a line.
+struct Words<'a>(&'a [u8]);
+
+impl<'a> Iterator for Words<'a> {
+    type Item = &'a [u8];
+
+    #[inline]
+    fn next(&mut self) -> Option<&'a [u8]> {
+        let (word, rest) = next_word(self.0)?;
+        self.0 = rest;
+        Some(word)
+    }
+}
+
+/// A number of a type; those of whole types that are out of range count as their type's limits.
+/// Positions keep all digits that are written.
+#[inline]
+fn scalar(kind: &ScalarType, slot: Slot, word: &[u8]) -> Option<Property> {
+    let text = std::str::from_utf8(word).ok()?;
+    Some(match kind {
+        ScalarType::Float if matches!(slot, Slot::Position(_)) => Property::Double(text.parse().ok()?),
+        ScalarType::Float => Property::Float(text.parse().ok()?),
+        ScalarType::Double => Property::Double(text.parse().ok()?),
+        // `as` saturates.
+        ScalarType::Char => Property::Char(whole(text)? as i8),
+        ScalarType::UChar => Property::UChar(whole(text)? as u8),
+        ScalarType::Short => Property::Short(whole(text)? as i16),
+        ScalarType::UShort => Property::UShort(whole(text)? as u16),
+        ScalarType::Int => Property::Int(whole(text)? as i32),
+        ScalarType::UInt => Property::UInt(whole(text)? as u32),
+    })
+}
+
+/// A whole number, also when it is written as `3.0`.
+fn whole(text: &str) -> Option<f64> {
+    text.parse::<f64>().ok().filter(|v| v.is_finite())
+}
+
+// Rows of binary elements, decoded from the file's bytes into one record that is used again for every row.
+//
+// `ply-rs` makes a string for every property and a list for every face, which takes most of its time.
+
+/// A property of the rows.
+struct Field<'a> {
+    name: &'a str,
+    data: &'a PropertyType,
+    slot: Option<Slot>,
+}
+
+/// Reads all rows of an element from the front of `rest` and hands each with its number to `each`.
+///
+/// # Errors
+/// The number of the row in which the bytes end, or whose list has an impossible length.
+pub(super) fn read_binary<E: Record>(
+    rest: &mut &[u8],
+    definition: &ElementDef,
+    big: bool,
+    mut each: impl FnMut(usize, &E),
+) -> Result<(), usize> {
+    let properties = definition.properties.iter();
+    let fields: Vec<Field> =
+        properties.map(|(name, p)| Field { name, data: &p.data_type, slot: E::slot(name) }).collect();
+    let mut record = E::new();
+    for row in 0..definition.count {
+        for field in &fields {
+            read_field(rest, field, big, &mut record).ok_or(row)?;
+        }
+        each(row, &record);
+    }
+    Ok(())
+}
+
+#[inline]
+fn read_field<E: Record>(rest: &mut &[u8], field: &Field, big: bool, record: &mut E) -> Option<()> {
+    match field.data {
+        PropertyType::Scalar(kind) => {
+            let bytes = take(rest, size(kind))?;
+            if let Some(slot) = field.slot {
+                record.set(slot, &binary_scalar(kind, bytes, big));
+            }
+        }
+        PropertyType::List(count, item) => {
+            let length = match binary_scalar(count, take(rest, size(count))?, big) {
+                Property::Char(n) => usize::try_from(n).ok()?,
+                Property::UChar(n) => usize::from(n),
+                Property::Short(n) => usize::try_from(n).ok()?,
+                Property::UShort(n) => usize::from(n),
+                Property::Int(n) => usize::try_from(n).ok()?,
+                Property::UInt(n) => usize::try_from(n).ok()?,
+                _ => return None,
+            };
+            let bytes = take(rest, length.checked_mul(size(item))?)?;
+            match record.list(field.name) {
+                Some(List::Integers(list)) => integers(item, bytes, big, list),
+                Some(List::Numbers(list)) => {
+                    list.clear();
+                    list.extend(bytes.chunks_exact(size(item)).map(|b| number(&binary_scalar(item, b, big))));
+                }
+                None => {}
+            }
+        }
+    }
+    Some(())
+}
+
+#[inline]
+fn take<'a>(rest: &mut &'a [u8], length: usize) -> Option<&'a [u8]> {
+    let (bytes, after) = rest.split_at_checked(length)?;
+    *rest = after;
+    Some(bytes)
+}
+
+/// Bytes of a number.
+pub(super) fn size(kind: &ScalarType) -> usize {
+    match kind {
+        ScalarType::Char | ScalarType::UChar => 1,
+        ScalarType::Short | ScalarType::UShort => 2,
+        ScalarType::Int | ScalarType::UInt | ScalarType::Float => 4,
+        ScalarType::Double => 8,
+    }
+}
+
+/// The first `N` bytes in little-endian order; 0 where there are fewer.
+#[inline]
+fn ordered<const N: usize>(bytes: &[u8], big: bool) -> [u8; N] {
+    let mut out = bytes.first_chunk::<N>().copied().unwrap_or([0; N]);
+    if big {
+        out.reverse();
+    }
+    out
+}
+
+#[inline]
+fn binary_scalar(kind: &ScalarType, bytes: &[u8], big: bool) -> Property {
+    match kind {
+        ScalarType::Char => Property::Char(i8::from_le_bytes(ordered(bytes, big))),
+        ScalarType::UChar => Property::UChar(u8::from_le_bytes(ordered(bytes, big))),
+        ScalarType::Short => Property::Short(i16::from_le_bytes(ordered(bytes, big))),
+        ScalarType::UShort => Property::UShort(u16::from_le_bytes(ordered(bytes, big))),
+        ScalarType::Int => Property::Int(i32::from_le_bytes(ordered(bytes, big))),
+        ScalarType::UInt => Property::UInt(u32::from_le_bytes(ordered(bytes, big))),
+        ScalarType::Float => Property::Float(f32::from_le_bytes(ordered(bytes, big))),
+        ScalarType::Double => Property::Double(f64::from_le_bytes(ordered(bytes, big))),
+    }
+}
+
+/// Replaces the list by the integers in `bytes`. The header check refuses index lists of other types.
+fn integers(kind: &ScalarType, bytes: &[u8], big: bool, list: &mut Vec<i64>) {
+    fn fill<const N: usize>(list: &mut Vec<i64>, bytes: &[u8], big: bool, value: fn([u8; N]) -> i64) {
+        list.clear();
+        list.extend(bytes.chunks_exact(N).map(|b| value(ordered(b, big))));
+    }
+    match kind {
+        ScalarType::Char => fill(list, bytes, big, |b| i8::from_le_bytes(b).into()),
+        ScalarType::UChar => fill(list, bytes, big, |b| u8::from_le_bytes(b).into()),
+        ScalarType::Short => fill(list, bytes, big, |b| i16::from_le_bytes(b).into()),
+        ScalarType::UShort => fill(list, bytes, big, |b| u16::from_le_bytes(b).into()),
+        ScalarType::Int => fill(list, bytes, big, |b| i32::from_le_bytes(b).into()),
+        ScalarType::UInt => fill(list, bytes, big, |b| u32::from_le_bytes(b).into()),
+        ScalarType::Float | ScalarType::Double => list.clear(),
+    }
+}
+
+// Lines of a file, and the problem of one that ends too early.
+
+/// The line's content and the offset of the next line; ends are LF, CR LF or CR.
+pub(super) fn split_line(bytes: &[u8]) -> (&[u8], usize) {
+    match bytes.iter().position(|&b| b == b'\n' || b == b'\r') {
+        None => (bytes, bytes.len()),
+        Some(end) => {
+            let pair = bytes[end] == b'\r' && bytes.get(end + 1) == Some(&b'\n');
+            (&bytes[..end], end + if pair { 2 } else { 1 })
+        }
+    }
+}
+
+/// The file ends inside row `i` of an element.
+pub(super) fn cut(definition: &ElementDef, i: usize) -> Problem {
+    let message = format!("the file ends inside '{}' {i} of {}", definition.name, definition.count);
+    Problem::new("", message).with_help("export or download the file again")
+}

@@ -1,0 +1,473 @@
+//! The camera that frames a model.
+
+use super::options::StageOptions;
+use crate::math::{DAffine3, DQuat, DVec3};
+use crate::scene::{
+    Camera, Curves, Environment, Extent, Instance, Mesh, Projection, Scene, Settings, Shape,
+    instance_extents, scene_extent, visit_points,
+};
+
+/// Share of the picture's shorter side that stays free on each side of the model.
+const MARGIN: f64 = 0.1;
+
+/// A camera and where it looks, relative to the outline's coordinates.
+pub(super) struct Framed {
+    pub camera: Camera,
+    /// The middle of the model.
+    pub target: DVec3,
+}
+
+/// Half the picture that the model may fill, as tangents, across and up.
+fn tangents(options: &StageOptions, settings: &Settings) -> [f64; 2] {
+    let of_scene = match (settings.width, settings.height) {
+        (Some(w), Some(h)) if w > 0 && h > 0 => f64::from(w) / f64::from(h),
+        _ => 16.0 / 9.0,
+    };
+    let aspect = options.aspect.unwrap_or(of_scene).clamp(1e-3, 1e3);
+    let half = (options.vfov_degrees.to_radians() / 2.0).tan();
+    let shorter = aspect.min(1.0);
+    [half * (aspect - 2.0 * MARGIN * shorter), half * (1.0 - 2.0 * MARGIN * shorter)]
+}
+
+/// The nearest camera in the wanted direction that sees the whole model with even margins.
+pub(super) fn frame(outline: &Outline, options: &StageOptions, settings: &Settings) -> Framed {
+    let axes = options.view.axes();
+    let center = outline.center();
+    let points: Vec<DVec3> = match options.is_orbit {
+        false => outline.points.iter().map(|&p| axes.transpose() * (p - center)).collect(),
+        true => swept(outline).into_iter().map(|p| axes.transpose() * p).collect(),
+    };
+    let size = outline.radius();
+    let local = fit(&points, tangents(options, settings), size);
+    let eye = on_grid(center + axes * local, size);
+    let vfov_rad = 2.0 * ((options.vfov_degrees.to_radians() / 2.0).tan() / options.zoom).atan();
+    let world_from_camera = DAffine3::from_mat3_translation(axes, eye);
+    let camera = Camera {
+        name: "default".to_string(),
+        world_from_camera,
+        projection: Projection::Perspective { vfov_rad },
+        aspect_ratio: None,
+        pixel_aspect: 1.0,
+        lens: None,
+        shift: [0.0; 2],
+        clip: None,
+        motion: None,
+    };
+    Framed { camera, target: on_grid(center, size) }
+}
+
+/// The outline's points, turned about the vertical axis through its middle in 48 steps.
+fn swept(outline: &Outline) -> Vec<DVec3> {
+    let center = outline.center();
+    // All that counts is how far points are from the axis, at each height.
+    const HEIGHTS: usize = 128;
+    let height = (outline.max.y - outline.min.y).max(1e-300);
+    let mut rings: Vec<Option<DVec3>> = vec![None; HEIGHTS];
+    let away = |p: DVec3| p.x.hypot(p.z);
+    for p in outline.points.iter().map(|&p| p - center) {
+        let at = (((p.y / height + 0.5) * HEIGHTS as f64) as usize).min(HEIGHTS - 1);
+        if rings[at].is_none_or(|before| away(p) > away(before)) {
+            rings[at] = Some(p);
+        }
+    }
+    let turned = |p: DVec3| {
+        (0..48).map(move |i| {
+            let (s, c) = (f64::from(i) / 48.0 * std::f64::consts::TAU).sin_cos();
+            DVec3::new(away(p) * c, p.y, away(p) * s)
+        })
+    };
+    rings.into_iter().flatten().flat_map(turned).collect()
+}
+
+/// The eye from which points, given by right, up and back, fill a picture of half these tangents.
+///
+/// For an eye (x, y, z) a point p is within the tangent t if p.x - x and x - p.x are at most t (z - p.z): four planes, each
+/// of which bounds a sum of the eye's coordinates by a maximum over all points. The direction that binds decides z; in the
+/// other the model is moved to the middle.
+fn fit(points: &[DVec3], [tan_x, tan_y]: [f64; 2], size: f64) -> DVec3 {
+    let most = |value: &dyn Fn(&DVec3) -> f64| points.iter().map(value).fold(f64::NEG_INFINITY, f64::max);
+    let bound = |axis: usize, tan: f64| {
+        let high = most(&|p| p[axis] + tan * p.z);
+        let low = most(&|p| -p[axis] + tan * p.z);
+        (high + low) / (2.0 * tan)
+    };
+    let nearest = most(&|p| p.z) + 0.05 * size;
+    let z = bound(0, tan_x).max(bound(1, tan_y)).max(nearest);
+    DVec3::new(middle(points, 0, z), middle(points, 1, z), z)
+}
+
+/// Where the eye must be along an axis for the picture of the points to lie in the middle.
+fn middle(points: &[DVec3], axis: usize, z: f64) -> f64 {
+    let off_middle = |eye: f64| {
+        let slopes = points.iter().map(|p| (p[axis] - eye) / (z - p.z));
+        let (low, high) =
+            slopes.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), s| (low.min(s), high.max(s)));
+        low + high
+    };
+    let ends = points.iter().map(|p| p[axis]);
+    let (mut low, mut high) =
+        ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
+    for _ in 0..60 {
+        let eye = 0.5 * (low + high);
+        if off_middle(eye) > 0.0 { low = eye } else { high = eye }
+    }
+    0.5 * (low + high)
+}
+
+// Points that stand for a whole scene when it is framed.
+
+/// Directions are told apart by the cells of a cube's faces, each so many by so many.
+const CELLS: usize = 32;
+
+/// Models with coordinates beyond this can't be framed: squares of them would be infinite.
+const FARTHEST: f64 = 1e150;
+
+/// The farthest points of a scene in all directions.
+pub(super) struct Outline {
+    /// Relative to the offset it was made with, metres.
+    pub points: Vec<DVec3>,
+    /// Least corner of the box around them.
+    pub min: DVec3,
+    /// Greatest corner.
+    pub max: DVec3,
+    /// What lies so far away from all else that it is left out, in words.
+    pub stray: Option<String>,
+}
+
+impl Outline {
+    /// Of a scene whose coordinates are far from the origin by `offset`. A scene without anything gets a box of 2 m.
+    pub fn of(scene: &Scene, offset: DVec3) -> Outline {
+        let bounds = scene_extent(scene, &instance_extents(scene)).0;
+        let fits = |p: DVec3| p.is_finite() && p.abs().max_element() < FARTHEST;
+        let Some((min, max)) = bounds.filter(|&(min, max)| fits(min) && fits(max)) else {
+            let (min, max) = (DVec3::splat(-1.0), DVec3::splat(1.0));
+            return Outline { points: corners(min, max).to_vec(), min, max, stray: None };
+        };
+        let limit = limit(scene);
+        let visit = |each: &mut dyn FnMut(DVec3)| {
+            let mut near = |p: DVec3| {
+                if limit.as_ref().is_none_or(|limit| limit.holds(p)) {
+                    each(p);
+                }
+            };
+            visit_points(scene, &mut near);
+            for shape in &scene.shapes {
+                visit_shape(shape, scene.shapes.len(), &mut near);
+            }
+        };
+        let (mut low, mut high) = (min, max);
+        if limit.is_some() {
+            (low, high) = (max, min);
+            visit(&mut |p| (low, high) = (low.min(p), high.max(p)));
+        }
+        let (min, max) = (low - offset, high - offset);
+        let mut far = Farthest::new((min + max) * 0.5, (max - min) * 0.5);
+        visit(&mut |p| far.add(p - offset));
+        let points = far.points();
+        // Meshes of one point are no reason for a division by zero.
+        let points = if points.is_empty() { corners(min, max).to_vec() } else { points };
+        Outline { points, min, max, stray: limit.map(|limit| limit.beyond) }
+    }
+
+    /// The middle of the box.
+    pub fn center(&self) -> DVec3 {
+        (self.min + self.max) * 0.5
+    }
+
+    /// Half the diagonal of the box, above 0.
+    pub fn radius(&self) -> f64 {
+        ((self.max - self.min).length() * 0.5).max(1e-6)
+    }
+}
+
+/// The corners of a box.
+fn corners(min: DVec3, max: DVec3) -> [DVec3; 8] {
+    std::array::from_fn(|i| {
+        let pick = |k: usize| if i >> k & 1 == 0 { min[k] } else { max[k] };
+        DVec3::new(pick(0), pick(1), pick(2))
+    })
+}
+
+/// Points around a shape: more of them where there are few shapes.
+fn visit_shape(shape: &Shape, count: usize, add: &mut dyn FnMut(DVec3)) {
+    let half = shape.half_extent();
+    let rings = if count > 1000 { 2 } else { 16 };
+    for ring in 0..=rings {
+        let (y, r) = (f64::from(ring) / f64::from(rings) * std::f64::consts::PI).sin_cos();
+        for step in 0..2 * rings {
+            let (s, c) = (f64::from(step) / f64::from(rings) * std::f64::consts::PI).sin_cos();
+            add(shape.center + half * DVec3::new(y * c, r, y * s));
+        }
+    }
+}
+
+/// The farthest point from a middle in each cell of directions. What others hide differs from the true hull by less than
+/// a cell is wide, a few percent of the model's size where it is smooth, nothing at its corners.
+struct Farthest {
+    middle: DVec3,
+    /// Factors that make the box around all a cube, so that its sides have equally many cells.
+    scale: DVec3,
+    /// All points, while they are fewer than cells.
+    few: Vec<DVec3>,
+    cells: Vec<Option<(f64, DVec3)>>,
+}
+
+impl Farthest {
+    fn new(middle: DVec3, half: DVec3) -> Farthest {
+        let scale = half.max(DVec3::splat(1e-6 * half.max_element().max(1e-300))).recip();
+        Farthest { middle, scale, few: Vec::new(), cells: vec![None; 6 * CELLS * CELLS] }
+    }
+
+    fn add(&mut self, p: DVec3) {
+        if self.few.len() <= self.cells.len() && p.is_finite() {
+            self.few.push(p);
+        }
+        let d = (p - self.middle) * self.scale;
+        let a = d.abs();
+        let axis = if a.x >= a.y && a.x >= a.z {
+            0
+        } else if a.y >= a.z {
+            1
+        } else {
+            2
+        };
+        let long = a[axis].max(1e-300);
+        let cell = |v: f64| (((v / long + 1.0) * 0.5 * CELLS as f64) as usize).min(CELLS - 1);
+        let (u, v) = (cell(d[(axis + 1) % 3]), cell(d[(axis + 2) % 3]));
+        let face = 2 * axis + usize::from(d[axis] < 0.0);
+        let (distance, slot) = (d.length_squared(), &mut self.cells[(face * CELLS + u) * CELLS + v]);
+        if distance.is_finite() && slot.is_none_or(|(before, _)| distance > before) {
+            *slot = Some((distance, p));
+        }
+    }
+
+    fn points(self) -> Vec<DVec3> {
+        match self.few.len() <= self.cells.len() {
+            true => self.few,
+            false => self.cells.into_iter().flatten().map(|(_, p)| p).collect(),
+        }
+    }
+}
+
+/// A place rounded to a power of two that is fine beside `size`: sums with coordinates far away stay exact.
+pub(super) fn on_grid(p: DVec3, size: f64) -> DVec3 {
+    let step = (size.max(1e-300).log2().floor() - 20.0).exp2();
+    if step > 0.0 && step.is_finite() { (p / step).round() * step } else { p }
+}
+
+// What lies so far from all else that a picture of everything would show nothing.
+
+/// What is this many times as far from the middle as all that is nearer, with nothing between, is stray.
+const GAP: f64 = 20.0;
+/// Share of the scene that must be nearer than a gap, by numbers of triangles; all other shapes weigh as much together as all
+/// triangles.
+const MOST: f64 = 0.9;
+/// Triangles that are looked at; in larger scenes every second, third, ... one of each mesh stands for all.
+const MOST_TRIANGLES: usize = 1 << 19;
+/// Middles of triangles that the median is taken of, at most.
+const MEDIAN: usize = 50_000;
+/// Names in a message.
+const LISTED: usize = 3;
+
+/// A part of a scene.
+#[derive(Clone, Copy)]
+struct Item {
+    min: DVec3,
+    max: DVec3,
+    weight: f64,
+}
+
+impl Item {
+    fn middle(&self) -> DVec3 {
+        (self.min + self.max) * 0.5
+    }
+
+    /// Distance of its box from a point.
+    fn near(&self, p: DVec3) -> f64 {
+        (self.min - p).max(p - self.max).max(DVec3::ZERO).length()
+    }
+
+    /// Distance of its box's farthest corner.
+    fn far(&self, p: DVec3) -> f64 {
+        (self.min - p).abs().max((self.max - p).abs()).length()
+    }
+}
+
+/// Where the scene ends, and what lies beyond.
+pub(super) struct Limit {
+    middle: DVec3,
+    distance: f64,
+    /// In words: what lies beyond, and how far.
+    pub beyond: String,
+}
+
+impl Limit {
+    /// Is a point part of the scene?
+    pub fn holds(&self, p: DVec3) -> bool {
+        p.distance(self.middle) <= self.distance
+    }
+}
+
+/// Finds where a scene ends before a gap beyond which next to nothing lies; `None` where there is no such gap. The scene
+/// need not be valid.
+pub(super) fn limit(scene: &Scene) -> Option<Limit> {
+    let extents = instance_extents(scene);
+    let items = items(scene);
+    let middle = median(&items)?;
+    let all: f64 = items.iter().map(|item| item.weight).sum();
+    let mut reach: Vec<(f64, f64, f64)> =
+        items.iter().map(|i| (i.near(middle), i.far(middle), i.weight)).collect();
+    reach.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    let (mut far, mut weight) = (0.0f64, 0.0);
+    for &(near, its_far, its_weight) in &reach {
+        if near > GAP * far && far > 0.0 && weight >= MOST * all {
+            let distance = 0.5 * (far + near);
+            let beyond = beyond(scene, &extents, middle, distance, near);
+            return Some(Limit { middle, distance, beyond });
+        }
+        far = far.max(its_far);
+        weight += its_weight;
+    }
+    None
+}
+
+/// All parts of a scene that have a place.
+fn items(scene: &Scene) -> Vec<Item> {
+    let mesh_of = |i: &Instance| scene.meshes.get(i.mesh.index());
+    let count = |i: &Instance| mesh_of(i).map_or(0, |mesh| mesh.triangles.len());
+    let total = scene.instances.iter().fold(0usize, |sum, i| sum.saturating_add(count(i)));
+    let step = total.div_ceil(MOST_TRIANGLES).max(1);
+    let placed = scene.instances.iter().filter_map(|i| Some((i, mesh_of(i)?)));
+    let mut items: Vec<Item> = placed.flat_map(|(i, mesh)| triangles(i, mesh, step)).collect();
+    let others = scene.shapes.len() + scene.quads.len() + scene.curves.len();
+    let weight = total.max(1) as f64 / others.max(1) as f64;
+    items.extend(scene.shapes.iter().map(|s| {
+        let half = s.half_extent();
+        Item { min: s.center - half, max: s.center + half, weight }
+    }));
+    items.extend(scene.quads.iter().map(|q| {
+        let (u, v) = (q.edge_u, q.edge_v);
+        let (low, high) = (u.min(DVec3::ZERO) + v.min(DVec3::ZERO), u.max(DVec3::ZERO) + v.max(DVec3::ZERO));
+        Item { min: q.corner + low, max: q.corner + high, weight }
+    }));
+    items.extend(scene.curves.iter().filter_map(|curves| {
+        let (min, max) = curves_box(curves)?;
+        Some(Item { min, max, weight })
+    }));
+    items.retain(|item| item.min.is_finite() && item.max.is_finite());
+    items
+}
+
+/// The box around the points of curves.
+fn curves_box(curves: &Curves) -> Option<(DVec3, DVec3)> {
+    let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    curves.visit(&mut |p, _| (min, max) = (min.min(p), max.max(p)));
+    (min.x <= max.x).then_some((min, max))
+}
+
+/// Every so manieth triangle of a mesh that is placed.
+fn triangles<'s>(
+    instance: &'s Instance,
+    mesh: &'s Mesh,
+    step: usize,
+) -> impl Iterator<Item = Item> + use<'s> {
+    let corner = move |i: u32| {
+        let p = mesh.positions.get(i as usize)?;
+        Some(instance.world_from_object.transform_point3(DVec3::from(p.map(f64::from))))
+    };
+    mesh.triangles.iter().step_by(step).filter_map(move |&[a, b, c]| {
+        let [a, b, c] = [corner(a)?, corner(b)?, corner(c)?];
+        Some(Item { min: a.min(b).min(c), max: a.max(b).max(c), weight: step as f64 })
+    })
+}
+
+/// The median of the middles, axis by axis.
+fn median(items: &[Item]) -> Option<DVec3> {
+    let step = items.len().div_ceil(MEDIAN).max(1);
+    let mut picked: Vec<(DVec3, f64)> = items.iter().step_by(step).map(|i| (i.middle(), i.weight)).collect();
+    let all: f64 = picked.iter().map(|(_, weight)| weight).sum();
+    let mut along = |axis: usize| {
+        picked.sort_unstable_by(|a, b| a.0[axis].total_cmp(&b.0[axis]));
+        let mut sum = 0.0;
+        let middle = picked.iter().find(|(_, weight)| {
+            sum += weight;
+            sum >= 0.5 * all
+        });
+        middle.map(|(p, _)| p[axis])
+    };
+    Some(DVec3::new(along(0)?, along(1)?, along(2)?))
+}
+
+/// Names what lies beyond a distance, of which the nearest is so far away.
+fn beyond(scene: &Scene, extents: &[Extent], middle: DVec3, distance: f64, near: f64) -> String {
+    let box_of = |(min, max)| Item { min, max, weight: 1.0 };
+    let mut names: Vec<String> = Vec::new();
+    let mut add = |name: &str, item: Item| {
+        if item.far(middle) > distance {
+            let part = if item.near(middle) < distance { "parts of " } else { "" };
+            let name = if name.is_empty() { "an object".to_string() } else { format!("'{name}'") };
+            names.push(format!("{part}{name}"));
+        }
+    };
+    for (instance, extent) in scene.instances.iter().zip(extents) {
+        extent.0.into_iter().for_each(|bounds| add(&instance.name, box_of(bounds)));
+    }
+    for shape in &scene.shapes {
+        let half = shape.half_extent();
+        add(&shape.name, box_of((shape.center - half, shape.center + half)));
+    }
+    for quad in &scene.quads {
+        let far = quad.corner + quad.edge_u + quad.edge_v;
+        add(&quad.name, box_of((quad.corner.min(far), quad.corner.max(far))));
+    }
+    for curves in &scene.curves {
+        curves_box(curves).into_iter().for_each(|bounds| add(&curves.name, box_of(bounds)));
+    }
+    let more = names.len().saturating_sub(LISTED);
+    names.truncate(LISTED);
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    // Three digits tell how far.
+    let unit = 10f64.powf(near.log10().floor() - 2.0);
+    let meters = (near / unit).round() * unit;
+    format!("{}{more}, some {meters} m away", names.join(", "))
+}
+
+// A camera that goes around a model.
+
+/// What frames of a turntable turn about.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Turntable {
+    /// A point of the vertical axis.
+    middle: DVec3,
+    /// The stage's light goes with the camera, as if the model turned.
+    turns_light: bool,
+}
+
+impl Turntable {
+    /// About the vertical axis through a point.
+    pub fn new(middle: DVec3, turns_light: bool) -> Turntable {
+        Turntable { middle, turns_light }
+    }
+
+    /// The middle of what is turned.
+    pub fn middle(&self) -> DVec3 {
+        self.middle
+    }
+
+    /// The camera after an angle, radians, counter-clockwise seen from above. It stands still there.
+    pub fn camera(&self, camera: &Camera, angle_rad: f64) -> Camera {
+        let turn = DAffine3::from_translation(self.middle)
+            * DAffine3::from_quat(DQuat::from_rotation_y(angle_rad))
+            * DAffine3::from_translation(-self.middle);
+        Camera { world_from_camera: turn * camera.world_from_camera, motion: None, ..camera.clone() }
+    }
+
+    /// Sets the stage's light for the same angle.
+    pub fn light(&self, scene: &mut Scene, angle_rad: f64) {
+        if let Environment::Image { rotation_rad, .. } = &mut scene.environment
+            && self.turns_light
+        {
+            *rotation_rad = angle_rad;
+        }
+    }
+}
