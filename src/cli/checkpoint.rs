@@ -9,7 +9,6 @@ use oscura::load::Loaded;
 use oscura::output::part::{Finish, Identity, Region, read_header, read_part};
 use oscura::output::{PngOptions, check_target, is_same_target, remove_leftovers};
 use oscura::render::{Rendering, Settled, identity};
-
 use oscura::scene::Backdrop;
 use std::path::{Path, PathBuf};
 use std::time::Instant;

@@ -1,9 +1,8 @@
 //! `oscura compare`: errors against a reference, and whether a difference is more than noise.
 
-use super::Outcome;
 use super::args::CompareArgs;
-use super::json;
 use super::report::print_line;
+use super::{Outcome, json};
 use oscura::error::{Error, Result};
 use oscura::image::Image;
 use oscura::load::image::load_linear_rgb;

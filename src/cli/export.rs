@@ -1,11 +1,12 @@
 //! `oscura export`: a Blender file as a folder of files that other programs read, too.
 
 use super::Outcome;
-use super::args::ExportArgs;
-use super::report::Said;
-use super::scene_path;
+use super::args::{CacheArgs, ExportArgs};
+use super::report::{Said, print_line};
+use super::scene_args::check_scene_path;
 use oscura::error::{Error, ErrorKind, Problem, Result};
-use oscura::load::blender::{BlenderOptions, export};
+use oscura::load::blender::cache::{clear, kept};
+use oscura::load::blender::{BlenderOptions, default_cache, export};
 use oscura::load::gltf::GltfOptions;
 use oscura::load::{LoadOptions, is_of_blender};
 use oscura::output::{check_folder, move_folder};
@@ -16,7 +17,7 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Outcome> {
         let message = format!("{} is no .blend file: there is nothing to export", args.scene.display());
         return Err(Error::usage(message));
     }
-    scene_path::check(&args.scene)?;
+    check_scene_path(&args.scene)?;
     check_folder(&args.output, args.force).map_err(|error| match error.kind {
         ErrorKind::Usage => error.with_help("choose another name, or replace its files by --force"),
         _ => error,
@@ -46,5 +47,21 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Outcome> {
             say!("wrote    {}", args.output.join(name).display());
         }
     }
+    Ok(Outcome::Done)
+}
+
+// `oscura cache`: what is kept of Blender files for the next time.
+
+pub(crate) fn run_cache(args: &CacheArgs) -> Result<Outcome> {
+    let Some(folder) = args.folder.clone().or_else(default_cache) else {
+        let error = Error::usage("this system names no folder for caches: nothing is kept");
+        return Err(error.with_help("name a folder by --cache"));
+    };
+    let (found, verb) = match args.clear {
+        true => (clear(&folder)?, "deleted"),
+        false => (kept(&folder)?, "kept"),
+    };
+    let mib = found.bytes as f64 / f64::from(1 << 20);
+    print_line(&format!("{}: {} files of {mib:.1} MiB {verb}", folder.display(), found.files));
     Ok(Outcome::Done)
 }

@@ -1,8 +1,6 @@
 //! Arguments about how EXRs lie on the disk, and which part of the frame they hold.
 
-use super::long_args::region;
-use super::named::named;
-use super::numbers::number;
+use super::parsers::{named, number, region};
 use clap::Args;
 use clap::builder::TypedValueParser;
 use oscura::error::{Error, Result};

@@ -1,11 +1,13 @@
 //! `oscura merge`: a picture from its parts.
 
-use super::limits::before_merging;
-use super::merge_args::MergeArgs;
-use super::outcome::Outcome;
+use super::exr_args::ExrFormatArgs;
+use super::parsers::stops;
+use super::picture_args::{DenoiserArgs, views};
 use super::pictures::{How, Pictures, Shot, Targets};
-use super::report::{self, counted};
-use super::{json, process};
+use super::report::counted;
+use super::settings::check_memory_before_merging;
+use super::{Outcome, json, process, report};
+use clap::Args;
 use oscura::error::{Error, Problem, Result, Warning};
 use oscura::film::{Aov, AovSet, Film};
 use oscura::math::{DMat4, DVec3};
@@ -55,7 +57,7 @@ fn merge(args: &MergeArgs) -> Result<Outcome> {
         let error = Error::input_problems(&parts[0].0, problems);
         return Err(error.with_help("render what is missing, or take what is there by --allow-missing"));
     }
-    before_merging(&parts)?;
+    check_memory_before_merging(&parts)?;
     let (mut film, behind) = sum(&parts)?;
     args.exr.check(film.names().any(|name| name.starts_with("Crypto")))?;
     let warnings = film_warnings(&film);
@@ -212,4 +214,51 @@ fn say(args: &MergeArgs, report: &MergeReport, warnings: &[Warning]) {
     if args.json {
         json::print(report);
     }
+}
+
+// Arguments of `oscura merge`.
+
+#[derive(Args, Debug)]
+pub(crate) struct MergeArgs {
+    /// The parts, in any order: .part files of one picture.
+    #[arg(required = true, value_name = "PART")]
+    pub parts: Vec<PathBuf>,
+    /// File to write, .exr or .png; may be given several times.
+    #[arg(short, long, required = true, value_name = "FILE")]
+    pub output: Vec<PathBuf>,
+    /// Write the picture even where parts are missing: pixels have fewer samples there, or none.
+    #[arg(long)]
+    pub allow_missing: bool,
+    /// Take the noise out of the picture, its light passes and light groups, as when the parts were rendered with --denoise;
+    /// of other parts better with --aov albedo,normal,depth,variance.
+    #[arg(long)]
+    pub denoise: bool,
+    #[command(flatten)]
+    pub denoiser: DenoiserArgs,
+    /// Write the EXR's colour as 32-bit floats, as when the parts were rendered so.
+    #[arg(long)]
+    pub float: bool,
+    #[command(flatten)]
+    pub exr: ExrFormatArgs,
+    /// How PNGs and the like look: a name, or a table (cinespace, .csp) [default: as when the parts were rendered].
+    #[arg(long, value_name = "VIEW", value_parser = views())]
+    pub view: Option<ViewTransform>,
+    /// Exposure of PNGs and the like in stops, -100 to 100 [default: as when the parts were rendered].
+    #[arg(long, value_name = "STOPS", allow_negative_numbers = true, value_parser = stops)]
+    pub exposure: Option<f32>,
+    /// Leave times and dates out of the files, as when the parts were rendered so.
+    #[arg(long)]
+    pub reproducible: bool,
+    /// Whose picture it is, for the EXR's header [default: as the parts say].
+    #[arg(long, value_name = "NAME")]
+    pub owner: Option<String>,
+    /// Threads [default: one a core].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_negative_numbers = true)]
+    pub threads: Option<u16>,
+    /// Print errors only.
+    #[arg(long)]
+    pub quiet: bool,
+    /// Print one JSON object about the run on standard output.
+    #[arg(long)]
+    pub json: bool,
 }

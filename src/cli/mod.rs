@@ -1,6 +1,10 @@
 //! The command line: arguments become options, options run. The only place that prints. Reports go to standard error;
 //! standard output is for what `--json` and `compare` and `inspect` answer.
 
+use command_line::{Arguments, Command};
+use oscura::error::{Error, ErrorKind};
+use std::ffi::OsString;
+
 /// Prints a line on standard error. Nobody listening any more is no reason to stop.
 macro_rules! say {
     ($($text:tt)*) => {{
@@ -9,79 +13,34 @@ macro_rules! say {
     }};
 }
 
-mod alike;
-mod aov_arg;
 mod args;
-mod asset_args;
-mod batch;
-mod beside;
-mod blender_args;
-mod cache;
 mod camera_args;
 mod checkpoint;
 mod command_line;
 mod compare;
 mod convert;
 mod denoise;
-mod denoiser_args;
-mod denoising;
-mod environment;
-mod excerpt;
 mod export;
 mod exr_args;
-mod frames;
-mod glyphs;
-mod guiding_args;
-mod help;
-mod idle;
 mod info;
 mod inspect;
 mod json;
-mod limits;
-mod long_args;
-mod markdown;
 mod merge;
-mod merge_args;
-mod moving;
-mod named;
-mod new;
-mod numbers;
-mod of_scene;
-mod orbit;
-mod outcome;
+mod new_scene;
 mod page;
+mod parsers;
 mod picture_args;
 mod pictures;
-mod prepared;
 mod preview;
-mod preview_arg;
 mod process;
 mod progress;
-mod rec709;
 mod render;
 mod report;
-mod report_json;
-mod scene_path;
+mod scene_args;
 mod settings;
-mod shapes;
-mod sheet;
-mod shot;
 mod show;
-mod show_arg;
-mod shutter_args;
-mod stage_args;
-mod terms;
-mod tev;
-mod thumb;
-mod thumb_args;
-mod thumbnailer;
+mod thumbnail;
 mod view;
-mod waiting;
-
-use command_line::{Arguments, Command};
-use oscura::error::Error;
-use outcome::{Outcome, exit_code};
-use std::ffi::OsString;
 
 /// Runs the program with these arguments, the first of which is its own name. Returns the exit code: 0 done, 1 pictures
 /// disagree, 2 usage, 3 bad input, 4 output failed, 130 interrupted.
@@ -93,7 +52,7 @@ pub fn main(arguments: impl Iterator<Item = OsString>) -> u8 {
         Err(error) => return refuse(error, wants_json),
     };
     let (json, result) = match arguments.command {
-        Command::Render(a) => (a.json, batch::run(&a)),
+        Command::Render(a) => (a.json, render::run(&a)),
         Command::Merge(a) => (a.json, merge::run(&a)),
         Command::Inspect(a) => (a.json, inspect::run(&a)),
         Command::Export(a) => (false, export::run(&a)),
@@ -102,13 +61,13 @@ pub fn main(arguments: impl Iterator<Item = OsString>) -> u8 {
         Command::Denoise(a) => (false, denoise::run(&a)),
         Command::Convert(a) => (false, convert::run(&a)),
         Command::Info(a) => (a.json, info::run(&a)),
-        Command::Thumb(a) => (false, thumb::run(&a)),
-        Command::InstallThumbnailer(a) => (false, thumbnailer::run(&a)),
-        Command::New(a) => (false, new::run(&a)),
-        Command::Cache(a) => (false, cache::run(&a)),
-        Command::Help(a) => (false, help::run(&a)),
-        Command::Completions(a) => (false, help::completions(&a)),
-        Command::Man(a) => (false, help::man(&a)),
+        Command::Thumb(a) => (false, thumbnail::run(&a)),
+        Command::InstallThumbnailer(a) => (false, thumbnail::install(&a)),
+        Command::New(a) => (false, new_scene::run(&a)),
+        Command::Cache(a) => (false, export::run_cache(&a)),
+        Command::Help(a) => (false, command_line::run(&a)),
+        Command::Completions(a) => (false, command_line::completions(&a)),
+        Command::Man(a) => (false, command_line::man(&a)),
     };
     match result {
         Ok(Outcome::Done) => 0,
@@ -116,11 +75,11 @@ pub fn main(arguments: impl Iterator<Item = OsString>) -> u8 {
         Ok(Outcome::Interrupted) => 130,
         Ok(Outcome::Failed(code)) => code,
         Err(error) => {
-            let error = terms::in_error(error);
+            let error = report::name_options_in_error(error);
             report::error(&error);
             let code = exit_code(&error);
             if json {
-                json::print(&report_json::of_error(&error, code));
+                json::print(&json::of_error(&error, code));
             }
             code
         }
@@ -129,11 +88,11 @@ pub fn main(arguments: impl Iterator<Item = OsString>) -> u8 {
 
 /// Says what is wrong with the arguments, or what they ask about the program. Returns the exit code.
 fn refuse(error: clap::Error, wants_json: bool) -> u8 {
-    if let Some(table) = aov_arg::asked_for(&error) {
+    if let Some(table) = parsers::aov_table_requested(&error) {
         report::print_text(table);
         return 0;
     }
-    let error = scene_path::explain(error);
+    let error = scene_args::explain_subcommand(error);
     // Nobody listening is no reason to end otherwise.
     let _ = error.print();
     let code = u8::try_from(error.exit_code()).unwrap_or(2);
@@ -142,7 +101,31 @@ fn refuse(error: clap::Error, wants_json: bool) -> u8 {
         let text = error.to_string();
         let message = text.lines().next().unwrap_or_default();
         let error = Error::usage(message.strip_prefix("error: ").unwrap_or(message));
-        json::print(&report_json::of_error(&error, code));
+        json::print(&json::of_error(&error, code));
     }
     code
+}
+
+// How commands end.
+
+/// How a command ended.
+pub(crate) enum Outcome {
+    /// As asked.
+    Done,
+    /// `compare` found that the pictures disagree.
+    Disagreement,
+    /// Stopped by a signal; what was there is written.
+    Interrupted,
+    /// Some of many failed, which has been said; the exit code of the worst.
+    Failed(u8),
+}
+
+/// The exit code of an error.
+pub(crate) fn exit_code(error: &Error) -> u8 {
+    match error.kind {
+        ErrorKind::Usage => 2,
+        ErrorKind::Input => 3,
+        ErrorKind::Output => 4,
+        ErrorKind::Interrupted => 130,
+    }
 }

@@ -1,9 +1,10 @@
 //! Arguments about pictures after rendering, and of the commands that read them.
 
-use super::denoiser_args::DenoiserArgs;
-use super::numbers::{number, stops};
-use clap::Args;
+use super::parsers::{number, stops};
 use clap::builder::{PossibleValue, PossibleValuesParser, StringValueParser, TypedValueParser};
+use clap::{Args, ValueEnum};
+use oscura::denoise::Denoiser;
+use oscura::error::{Error, Result};
 use oscura::output::{ViewTransform, read_view};
 use oscura::render::Caustics;
 use std::ffi::OsStr;
@@ -26,7 +27,7 @@ impl TypedValueParser for Views {
         command: &clap::Command,
         argument: Option<&clap::Arg>,
         value: &OsStr,
-    ) -> Result<ViewTransform, clap::Error> {
+    ) -> std::result::Result<ViewTransform, clap::Error> {
         let is_file = value.to_str().is_some_and(ViewTransform::is_file);
         match is_file {
             true => {
@@ -73,7 +74,7 @@ pub(crate) struct PictureArgs {
     pub deep: bool,
 }
 
-fn kelvin(text: &str) -> Result<f32, String> {
+fn kelvin(text: &str) -> std::result::Result<f32, String> {
     let fits = |v| (1667.0..=25_000.0).contains(&v);
     number(text, fits, "a number of kelvin from 1667 to 25000").map(|v| v as f32)
 }
@@ -139,4 +140,61 @@ pub(crate) struct ConvertArgs {
     /// Print errors only.
     #[arg(long)]
     pub quiet: bool,
+}
+
+// Arguments about what takes the noise out.
+
+/// The variable that names the library.
+const VARIABLE: &str = "OSCURA_OIDN";
+
+/// What takes the noise out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum DenoiserArg {
+    /// What the program brings: light passes and light groups add up afterwards.
+    Own,
+    /// Intel's Open Image Denoise, if its library is there.
+    Oidn,
+}
+
+#[derive(Args, Clone, Debug)]
+pub(crate) struct DenoiserArgs {
+    /// What takes the noise out [default: own].
+    #[arg(long, value_name = "DENOISER")]
+    pub denoiser: Option<DenoiserArg>,
+    /// The library of --denoiser oidn, libOpenImageDenoise [default: what OSCURA_OIDN names, else the system's].
+    #[arg(long, value_name = "FILE", requires = "denoiser")]
+    pub oidn_library: Option<PathBuf>,
+}
+
+impl DenoiserArgs {
+    /// The denoiser.
+    ///
+    /// # Errors
+    /// A usage error if its library can't be loaded, or isn't asked for.
+    pub fn load(&self) -> Result<Denoiser> {
+        match (self.denoiser, &self.oidn_library) {
+            (Some(DenoiserArg::Oidn), given) => {
+                let named = || std::env::var_os(VARIABLE).filter(|name| !name.is_empty()).map(PathBuf::from);
+                let library = given.clone().or_else(named);
+                Denoiser::oidn(library.as_deref()).map_err(|error| {
+                    error.with_help(format!(
+                        "name libOpenImageDenoise by --oidn-library or {VARIABLE} (the wheel 'pyoidn' has it), or leave out --denoiser"
+                    ))
+                })
+            }
+            (_, Some(_)) => Err(Error::usage("--oidn-library has no effect without --denoiser oidn")),
+            (_, None) => Ok(Denoiser::Own),
+        }
+    }
+
+    /// Is there a choice where nothing is denoised?
+    ///
+    /// # Errors
+    /// A usage error then.
+    pub fn check(&self, denoises: bool) -> Result<()> {
+        match self.denoiser.is_some() && !denoises {
+            true => Err(Error::usage("--denoiser has no effect without --denoise")),
+            false => Ok(()),
+        }
+    }
 }

@@ -1,17 +1,20 @@
 //! The pictures that a run writes: where they go, what their headers say.
 
 use super::args::RenderArgs;
-use super::moving::is_moving;
-use super::terms;
+use super::progress::{Telling, Waiting};
+use super::report::{Said, name_options_in_warnings};
+use oscura::denoise::Denoiser;
 use oscura::error::{Error, Result, Warning};
-use oscura::film::Film;
+use oscura::film::{AovSet, Film};
+use oscura::gauge::Gauge;
 use oscura::output::{
-    ExrOptions, ExrWindow, Format, Metadata, OutputOptions, PngOptions, check_target, encode, is_same_target,
-    write_atomically,
+    Animation, AnimationFormat, ExrOptions, ExrWindow, Format, Metadata, OutputOptions, PngOptions, Video,
+    VideoFormat, check_target, encode, is_same_target, write_atomically,
 };
 use oscura::render::{Picture, Rendering};
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 /// The extension of files of sums.
 const PART: &str = "part";
@@ -178,7 +181,7 @@ impl<'a> Pictures<'a> {
             });
             files.push((path.as_path(), bytes));
         }
-        terms::in_warnings(&mut warnings);
+        name_options_in_warnings(&mut warnings);
         Pictures { files, warnings }
     }
 
@@ -192,5 +195,146 @@ impl<'a> Pictures<'a> {
         let Some(mut first) = failed.next() else { return Ok(()) };
         failed.for_each(|error| first.append(error));
         Err(first)
+    }
+}
+
+// Taking the noise out of what was rendered.
+
+/// What is to be done about the noise.
+pub(super) struct Denoising<'a> {
+    args: &'a RenderArgs,
+    denoiser: Denoiser,
+    /// AOVs that the files are to have.
+    kept: AovSet,
+    /// Parts keep the noise.
+    has_pictures: bool,
+}
+
+impl<'a> Denoising<'a> {
+    /// As the arguments say, of files that are to have these AOVs.
+    ///
+    /// # Errors
+    /// A usage error if the denoiser is not there.
+    pub fn of(args: &'a RenderArgs, targets: &Targets, kept: AovSet) -> Result<Denoising<'a>> {
+        let denoiser = args.picture.denoiser.load()?;
+        Ok(Denoising { args, denoiser, kept, has_pictures: targets.has_pictures() })
+    }
+
+    /// The AOVs that stay when the noise is taken out, if it is to be.
+    pub fn kept(&self) -> Option<AovSet> {
+        self.args.picture.denoise.then_some(self.kept)
+    }
+
+    /// Takes the noise out if that is asked for; returns how long it took, seconds. A picture whose noise can't be taken out is
+    /// kept as it is.
+    pub fn run(&self, rendering: &mut Rendering, said: &mut Said) -> (Option<f64>, Option<Warning>) {
+        let Some(kept) = self.kept().filter(|_| self.has_pictures) else { return (None, None) };
+        let start = Instant::now();
+        let telling = Telling::of(self.args.quiet, self.args.long.progress);
+        let waiting = Waiting::new(telling, "denoise", &Gauge::default());
+        let done = rendering.denoise_by(&self.denoiser, kept);
+        drop(waiting);
+        let failed = |error| Warning::general(format!("the picture keeps its noise: {error}"));
+        let warning = done.err().map(failed);
+        if !self.args.quiet {
+            said.warnings(warning.as_slice());
+        }
+        (Some(start.elapsed().as_secs_f64()), warning)
+    }
+}
+
+// Moving pictures of turntables and sequences: GIF, APNG and video.
+
+/// Does the name of a file ask for a moving picture?
+pub(crate) fn is_moving(path: &Path) -> bool {
+    AnimationFormat::of(path).is_some() || VideoFormat::of(path).is_some()
+}
+
+/// The files of single pictures among those that are asked for.
+pub(crate) fn still(paths: &[PathBuf]) -> Vec<PathBuf> {
+    paths.iter().filter(|path| !is_moving(path)).cloned().collect()
+}
+
+/// Moving pictures that are being made.
+pub(super) struct MovingPictures {
+    /// Frames for those that are encoded at the end.
+    animation: Animation,
+    animations: Vec<(PathBuf, AnimationFormat)>,
+    videos: Vec<(PathBuf, Video)>,
+    frames_a_second: f64,
+}
+
+impl MovingPictures {
+    /// Those that the arguments ask for.
+    ///
+    /// # Errors
+    /// If one of them can't be written, or there is no encoder for it.
+    pub fn new(args: &RenderArgs) -> Result<MovingPictures> {
+        let frames_a_second = args.fps;
+        let (mut animations, mut videos) = (Vec::new(), Vec::new());
+        for path in args.output.iter().filter(|path| is_moving(path)) {
+            if args.long.resume {
+                let message = "--resume leaves out frames that exist, and a moving picture takes them all";
+                return Err(
+                    Error::usage(format!("{}: {message}", path.display())).with_help("leave one of both out")
+                );
+            }
+            check_target(path)?;
+            animations.extend(AnimationFormat::of(path).map(|format| (path.clone(), format)));
+            videos.extend(Video::new(path, frames_a_second)?.map(|video| (path.clone(), video)));
+        }
+        Ok(MovingPictures { animation: Animation::default(), animations, videos, frames_a_second })
+    }
+
+    /// Can they hold pictures of this size?
+    ///
+    /// # Errors
+    /// A usage error for the first that can't.
+    pub fn check_size(&self, width: u32, height: u32) -> Result<()> {
+        self.videos.iter().try_for_each(|(_, video)| video.check_size(width, height))
+    }
+
+    /// Says that none of them is written, since the run ended before its last frame.
+    pub fn say_unfinished(&self, args: &RenderArgs) {
+        if args.quiet {
+            return;
+        }
+        let videos = self.videos.iter().map(|(path, _)| path);
+        for path in self.animations.iter().map(|(path, _)| path).chain(videos) {
+            say!("{} is not written, as not all frames are there", path.display());
+        }
+    }
+
+    /// Adds a picture to all of them.
+    ///
+    /// # Errors
+    /// An output error if an encoder fails.
+    pub fn add(&mut self, film: &Film, png: &PngOptions) -> Result<()> {
+        if !self.animations.is_empty() {
+            self.animation.add_film(film, png);
+        }
+        self.videos.iter_mut().try_for_each(|(_, video)| video.add_film(film, png))
+    }
+
+    /// Writes them.
+    ///
+    /// # Errors
+    /// An output error for the first that can't be written.
+    pub fn finish(self, args: &RenderArgs) -> Result<()> {
+        let say = |path: &Path| {
+            if !args.quiet {
+                say!("wrote    {}", path.display());
+            }
+        };
+        for (path, format) in &self.animations {
+            let bytes = self.animation.encode(*format, self.frames_a_second);
+            write_atomically(path, &bytes.map_err(|message| Error::output(path, message))?)?;
+            say(path);
+        }
+        for (path, video) in self.videos {
+            video.finish()?;
+            say(&path);
+        }
+        Ok(())
     }
 }

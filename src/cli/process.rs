@@ -2,6 +2,7 @@
 
 use oscura::error::{Error, Result};
 use oscura::render::CancelHandle;
+use std::ffi::OsString;
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
@@ -26,6 +27,19 @@ pub(crate) fn cancel_by_signals() -> Result<CancelHandle> {
     }
     *watched = Some(cancel.clone());
     Ok(cancel)
+}
+
+/// The command line that was read last: a process may run the program several times (Python).
+static WORDS: Mutex<Vec<OsString>> = Mutex::new(Vec::new());
+
+/// The words of the command line behind the program's name.
+pub(crate) fn words() -> impl Iterator<Item = OsString> {
+    WORDS.lock().unwrap_or_else(PoisonError::into_inner).clone().into_iter().skip(1)
+}
+
+/// Remembers the words of a command line for [`words`].
+pub(crate) fn remember_words(words: &[OsString]) {
+    WORDS.lock().unwrap_or_else(PoisonError::into_inner).clone_from(&words.to_vec());
 }
 
 /// The most memory that the process had, bytes; where the system tells (Linux).

@@ -1,22 +1,34 @@
 //! `oscura render`: load, compile, render, write, report.
 
 use super::args::RenderArgs;
-use super::environment::EnvironmentOverride;
-use super::frames::Frames;
-use super::moving::{MovingPictures, still};
-use super::pictures::Targets;
-use super::settings::choices;
-use super::shot::{Kept, load_options, load_scene, run_one};
-use super::{Outcome, checkpoint, limits, orbit, scene_path};
+use super::checkpoint::Keeper;
+use super::parsers::Frames;
+use super::pictures::{Denoising, MovingPictures, Pictures, Shot, Targets, still};
+use super::preview::Preview;
+use super::process::{cancel_by_signals, peak_memory};
+use super::progress::{Ends, Progress, Telling, Waiting};
+use super::report::{Run, Said, name_options_in_error};
+use super::scene_args::check_scene_path;
+use super::settings::{
+    EnvironmentOverride, Prepared, Wants, check_memory_before_loading, choices, completed, prepare,
+    unused_option_warnings,
+};
+use super::{Outcome, checkpoint, exit_code, json, report, show};
 use oscura::compile::Compiler;
-use oscura::error::Result;
-use oscura::load::{is_of_blender, load_frames};
-use oscura::render::{CancelHandle, in_pool};
+use oscura::error::{Error, ErrorKind, Problem, Result, Warning};
+use oscura::film::Aov;
+use oscura::load::stage::{Background, Turntable, middle};
+use oscura::load::{LoadOptions, Loaded, is_of_blender, load, load_frames};
+use oscura::output::is_same_target;
+use oscura::render::{CancelHandle, PassOutcome, Rendering, Statistics, in_pool};
+use std::f64::consts::TAU;
 use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Renders what the arguments say of their scene.
-pub(super) fn run(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
+fn run_scene(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
     in_pool(args.threads.map(usize::from), || run_all(args, cancel))?
 }
 
@@ -25,7 +37,7 @@ fn run_all(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
     choices(args).check_size()?;
     checkpoint::check(args)?;
     if let Some(count) = args.orbit {
-        return orbit::run(args, count, cancel);
+        return run_turntable(args, count, cancel);
     }
     match args.frames {
         None => run_picture(args, cancel),
@@ -37,8 +49,8 @@ fn run_all(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
 fn run_picture(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
     let targets = Targets::check(&args.output)?;
     let start = Instant::now();
-    scene_path::check(&args.scene)?;
-    limits::before_loading(args)?;
+    check_scene_path(&args.scene)?;
+    check_memory_before_loading(args)?;
     let environment = EnvironmentOverride::load(args)?;
     let mut loaded = load_scene(args, cancel, &load_options(args)?)?;
     let mut kept = Kept::new(args, Compiler::single())?;
@@ -66,8 +78,8 @@ fn run_frames(args: &RenderArgs, frames: Frames, cancel: &CancelHandle) -> Resul
     say_existing(args, frames.numbers().count() - missing.len());
     let (mut start, mut numbers, mut outcome) = (Instant::now(), missing.iter().copied(), Outcome::Done);
     let mut kept = Kept { moving, ..Kept::new(args, Compiler::sequence())? };
-    scene_path::check(&args.scene)?;
-    limits::before_loading(args)?;
+    check_scene_path(&args.scene)?;
+    check_memory_before_loading(args)?;
     let environment = EnvironmentOverride::load(args)?;
     let rendered =
         load_frames(&args.scene, &load_options(args)?, missing.iter().copied(), args.fps, &mut |loaded| {
@@ -100,4 +112,410 @@ fn say_existing(args: &RenderArgs, frames: usize) {
     if !args.quiet && frames > 0 {
         say!("resume   {frames} frames exist and are left out");
     }
+}
+
+// `oscura render` of one scene or of several, one after another.
+
+/// What stands for a scene's name in names of files.
+const STEMS: [&str; 2] = ["{stem}", "{name}"];
+
+/// Renders all scenes. Those that fail are told at the end, and the worst decides the exit code.
+pub(crate) fn run(args: &RenderArgs) -> Result<Outcome> {
+    let shots: Vec<RenderArgs> = args.scenes.iter().map(|scene| of_scene(args, scene)).collect();
+    check(&shots)?;
+    show::check(args)?;
+    let cancel = cancel_by_signals()?;
+    match &shots[..] {
+        [only] => run_scene(only, &cancel),
+        _ => all(args, &shots, &cancel),
+    }
+}
+
+/// The arguments about one of the scenes.
+fn of_scene(args: &RenderArgs, scene: &Path) -> RenderArgs {
+    let stem = scene.file_stem().unwrap_or_default().to_string_lossy();
+    let has_stem = |path: &PathBuf| STEMS.iter().any(|mark| path.to_string_lossy().contains(mark));
+    let named = |path: &PathBuf| match has_stem(path) {
+        true => PathBuf::from(
+            STEMS.iter().fold(path.to_string_lossy().into_owned(), |name, mark| name.replace(mark, &stem)),
+        ),
+        false => path.clone(),
+    };
+    let mut own = args.clone();
+    own.scene = scene.to_path_buf();
+    own.output = args.output.iter().map(named).collect();
+    own.long.checkpoint = args.long.checkpoint.as_ref().map(named);
+    own
+}
+
+/// Can all files be written, and do several scenes write different ones?
+fn check(shots: &[RenderArgs]) -> Result<()> {
+    for shot in shots.iter().filter(|shot| shot.frames.is_none() && shot.orbit.is_none()) {
+        Targets::check(&shot.output)?;
+    }
+    for (at, shot) in shots.iter().enumerate() {
+        for earlier in &shots[..at] {
+            let files = |args: &RenderArgs| -> Vec<PathBuf> {
+                args.output.iter().chain(&args.long.checkpoint).cloned().collect()
+            };
+            let theirs = files(earlier);
+            let same =
+                files(shot).into_iter().find(|own| theirs.iter().any(|file| is_same_target(own, file)));
+            if let Some(file) = same {
+                let (a, b) = (earlier.scene.display(), shot.scene.display());
+                let message = format!("{a} and {b} would both write {}", file.display());
+                return Err(Error::usage(message)
+                    .with_help("put {stem} into the names of files, such as -o '{stem}.exr'"));
+            }
+        }
+    }
+    Ok(())
+}
+
+fn all(args: &RenderArgs, shots: &[RenderArgs], cancel: &CancelHandle) -> Result<Outcome> {
+    let mut failures: Vec<(&Path, u8)> = Vec::new();
+    for shot in shots {
+        if !args.quiet {
+            say!("scene    {}", shot.scene.display());
+        }
+        match run_scene(shot, cancel) {
+            Ok(Outcome::Interrupted) => return Ok(Outcome::Interrupted),
+            Ok(Outcome::Failed(code)) => failures.push((&shot.scene, code)),
+            Ok(_) => {}
+            Err(error) => {
+                let error = name_options_in_error(error);
+                let code = exit_code(&error);
+                report::error(&error);
+                if args.json {
+                    json::print(&json::of_error(&error, code));
+                }
+                failures.push((&shot.scene, code));
+            }
+        }
+        if cancel.is_cancelled() {
+            return Ok(Outcome::Interrupted);
+        }
+    }
+    let Some(worst) = failures.iter().map(|(_, code)| *code).max() else { return Ok(Outcome::Done) };
+    say!("{} of {} scenes failed:", failures.len(), shots.len());
+    failures.iter().for_each(|(scene, code)| say!("  {} (exit code {code})", scene.display()));
+    Ok(Outcome::Failed(worst))
+}
+
+// One picture of `oscura render`: load, compile, render, write, report.
+
+/// Loads the scene; says so if it takes a while.
+pub(super) fn load_scene(args: &RenderArgs, cancel: &CancelHandle, options: &LoadOptions) -> Result<Loaded> {
+    say_export(args);
+    let telling = Telling::of(args.quiet, args.long.progress);
+    let waiting = Waiting::new(telling, "load", &options.gauge);
+    let loaded = load(&args.scene, options);
+    drop(waiting);
+    // A signal ends Blender, too, whose failure is then no news.
+    stop_before_pixels(cancel)?;
+    loaded
+}
+
+/// Says what takes a while.
+fn say_export(args: &RenderArgs) {
+    if !args.quiet && is_of_blender(&args.scene) {
+        say!("export   {} by Blender", args.scene.display());
+    }
+}
+
+pub(super) fn load_options(args: &RenderArgs) -> Result<LoadOptions> {
+    let aspect = args.width.zip(args.height).map(|(w, h)| f64::from(w) / f64::from(h));
+    let mut stage = args.stage.options(aspect, &mut Vec::new())?;
+    if args.transparent {
+        stage.background = Some(Background::Transparent);
+    }
+    Ok(LoadOptions {
+        allow_external: args.allow_external,
+        brings_environment: args.env.is_some(),
+        gltf: args.asset.options(),
+        shutter: args.shutter.options(args.fps, args.aov.iter().any(|aovs| aovs.contains(Aov::Motion))),
+        point_radius: args.point_radius,
+        up: args.stage.up,
+        smooth_rad: args.stage.smooth.map(f64::to_radians),
+        subdivision: args.stage.subdivision(),
+        stage,
+        no_sidecar: args.no_sidecar,
+        blender: args.blender.options(),
+        ..LoadOptions::default()
+    })
+}
+
+/// What outlives a picture.
+pub(super) struct Kept {
+    pub said: Said,
+    pub compiler: Compiler,
+    /// Moving pictures so far, where there are to be any.
+    pub moving: Option<MovingPictures>,
+    /// What shows it on the way.
+    pub preview: Option<Preview>,
+}
+
+impl Kept {
+    /// At the start of a run.
+    ///
+    /// # Errors
+    /// If what is to show it isn't there.
+    pub fn new(args: &RenderArgs, compiler: Compiler) -> Result<Kept> {
+        let preview = args.preview.as_ref().map(|how| Preview::open(args, how)).transpose()?;
+        Ok(Kept { said: Said::default(), compiler, moving: None, preview })
+    }
+}
+
+/// Renders one picture of a scene that began to load at `start`; `environment` is what the arguments put in place of the
+/// scene's, unless that has been done.
+pub(super) fn run_one(
+    args: &RenderArgs,
+    cancel: &CancelHandle,
+    targets: &Targets,
+    environment: Option<&EnvironmentOverride>,
+    loaded: &mut Loaded,
+    start: Instant,
+    Kept { said, compiler, moving, preview }: &mut Kept,
+) -> Result<Outcome> {
+    let (given, args) = (args, &completed(args, &loaded.scene.settings));
+    let prepared = prepare_files((given, args), targets, environment, loaded, start, compiler)?;
+    // Files tell of all that is not in the picture, be it as it must.
+    let Prepared { scene, labels, camera, settled, how, kept_aovs, png, build, load_s, .. } = prepared;
+    let Prepared { notes, mut warnings, left_out, .. } = prepared;
+    let told: Vec<Warning> = warnings.iter().chain(&build.notes).cloned().collect();
+    let (width, height) = (settled.options.width, settled.options.height);
+    check_size(targets, moving.as_ref(), (width, height))?;
+    say_scene(args, said, (&notes, &warnings, &left_out));
+    refuse_warnings(args, &warnings, ErrorKind::Input)?;
+    stop_before_pixels(cancel)?;
+
+    let denoising = Denoising::of(args, targets, kept_aovs)?;
+    let encode = |shot: Shot| Pictures::encode(&how, targets, shot, &png, &told);
+    let mut keeper = Keeper::new(args, targets, loaded, &settled, &png, &told, denoising.kept())?;
+    let rendering = Rendering::labelled(scene, labels, &camera, settled.options)?;
+    let rendering = keeper.begin(rendering.placed(loaded.scene.backdrop.clone(), loaded.offset))?;
+    preview.iter_mut().for_each(|shown| shown.begin(&rendering, &png, &camera, build.triangles, said));
+    let (mut rendering, kept) =
+        take_picture(args, cancel, rendering, &mut keeper, &encode, said, preview.as_mut())?;
+    if is_unfinished_frame(args, &rendering) {
+        return Ok(Outcome::Interrupted);
+    }
+    let (denoise_s, noisy) = denoising.run(&mut rendering, said);
+    let outputs = targets.names(rendering.is_complete());
+    let picture = rendering.into_picture();
+    let start = Instant::now();
+    let pictures = encode(Shot::from(&picture));
+    say_pictures(args, said, &pictures, picture.statistics().interrupted)?;
+    warnings.extend(pictures.warnings.iter().cloned().chain(noisy));
+    warnings.extend(noise_warning(args, picture.statistics(), said));
+    pictures.write()?;
+    kept?; // after the pictures: who runs out of space for the one may have some for the others
+    moving.iter_mut().try_for_each(|moving| moving.add(picture.film(), &png))?;
+    let run = Run {
+        load_s,
+        denoise_s,
+        write_s: start.elapsed().as_secs_f64(),
+        width,
+        height,
+        seed: settled.options.seed,
+        compiled: build,
+        statistics: *picture.statistics(),
+        peak_memory: peak_memory(),
+        outputs,
+        notes,
+        warnings,
+        left_out,
+    };
+    show::draw(args, picture.film(), &png);
+    say_run(args, &run);
+    Ok(if run.statistics.interrupted { Outcome::Interrupted } else { Outcome::Done })
+}
+
+/// Are files for pictures of this size?
+fn check_size(targets: &Targets, moving: Option<&MovingPictures>, (width, height): (u32, u32)) -> Result<()> {
+    targets.check_size(width, height)?;
+    moving.map_or(Ok(()), |moving| moving.check_size(width, height))
+}
+
+/// Prepares a scene for files, and looks for options that these have no use for; the arguments are those that were given, and
+/// those with what the scene says.
+fn prepare_files(
+    (given, args): (&RenderArgs, &RenderArgs),
+    targets: &Targets,
+    environment: Option<&EnvironmentOverride>,
+    loaded: &mut Loaded,
+    start: Instant,
+    compiler: &mut Compiler,
+) -> Result<Prepared> {
+    let wants = Wants::of_files(args, targets.has_exr());
+    let mut prepared = prepare(args, wants, environment, loaded, start, compiler)?;
+    prepared.warnings.extend(unused_option_warnings(given, &loaded.scene, &prepared));
+    Ok(prepared)
+}
+
+/// Was a frame of a sequence interrupted? With --resume it would pass for a finished one, so it is not written, which is said.
+fn is_unfinished_frame(args: &RenderArgs, rendering: &Rendering) -> bool {
+    let is_unfinished = args.frames.is_some() && rendering.statistics().interrupted;
+    if is_unfinished {
+        say!("the frame that was being rendered is not written");
+    }
+    is_unfinished
+}
+
+/// Says what came up while pictures were encoded. Who stops a run wants what is there, `--strict` or not.
+fn say_pictures(args: &RenderArgs, said: &mut Said, pictures: &Pictures, is_interrupted: bool) -> Result<()> {
+    if !args.quiet {
+        said.warnings(&pictures.warnings);
+    }
+    if is_interrupted { Ok(()) } else { refuse_warnings(args, &pictures.warnings, ErrorKind::Output) }
+}
+
+/// Where the noise is not known to be as low as was asked for, that is said.
+fn noise_warning(args: &RenderArgs, statistics: &Statistics, said: &mut Said) -> Option<Warning> {
+    let asked = args.long.noise.filter(|_| !statistics.interrupted)?;
+    let message = match statistics.error {
+        Some(error) if error <= f64::from(asked) / 100.0 => return None,
+        Some(error) => {
+            format!("the noise is {:.2} %, not the {asked} % asked for", error * 100.0)
+        }
+        None => "there are too few samples to tell the noise: at least 32 a pixel are needed".to_string(),
+    };
+    let warning = Warning::general(message);
+    if !args.quiet {
+        said.warnings(std::slice::from_ref(&warning));
+    }
+    Some(warning)
+}
+
+/// Says how a run went.
+fn say_run(args: &RenderArgs, run: &Run) {
+    if !args.quiet {
+        run.print();
+    }
+    if args.json {
+        json::print(&json::of_run(run));
+    }
+}
+
+/// Says what there is to say about a scene that was loaded: notes, warnings, and what was left out, if that is asked for.
+fn say_scene(
+    args: &RenderArgs,
+    said: &mut Said,
+    (notes, warnings, left_out): (&[Warning], &[Warning], &[String]),
+) {
+    if args.quiet {
+        return;
+    }
+    said.notes(notes);
+    said.warnings(warnings);
+    if args.explain {
+        left_out.iter().for_each(|what| say!("left out: {what}"));
+    }
+}
+
+/// Renders until all samples are taken or something stops it; writes what `encode` makes of the picture so far as often as
+/// it is wanted.
+fn take_picture<'a>(
+    args: &RenderArgs,
+    cancel: &CancelHandle,
+    rendering: Rendering,
+    keeper: &mut Keeper,
+    encode: &dyn Fn(Shot) -> Pictures<'a>,
+    said: &mut Said,
+    mut preview: Option<&mut Preview>,
+) -> Result<(Rendering, Result<()>)> {
+    let ends = Ends { limit: args.long.time_limit, by_noise: args.long.noise.is_some() };
+    let progress = Arc::new(Progress::new(args.quiet, args.long.progress, ends));
+    let shown = progress.clone();
+    let mut rendering =
+        rendering.with_cancel_handle(cancel.clone()).on_event(move |event| shown.show(&event));
+    let mut saved = Instant::now();
+    loop {
+        keeper.before_pass(&mut rendering, said);
+        let due = [
+            keeper.next_write(),
+            preview.as_ref().and_then(|shown| shown.next_show()),
+            args.long.save_every.and_then(|pause| saved.checked_add(pause)),
+        ];
+        let due = due.into_iter().flatten().min();
+        if rendering.run_until(|| due.is_some_and(|due| Instant::now() >= due)) != PassOutcome::Progressed {
+            break;
+        }
+        preview.iter_mut().for_each(|shown| shown.show(&rendering, false, said));
+        if args.long.save_every.is_some_and(|pause| saved.elapsed() >= pause) {
+            // A disk that is full for a while is no reason to lose the rest.
+            if let Err(error) = encode(Shot::from(&rendering)).write() {
+                said.warnings(&[Warning::general(format!("the picture so far was not written: {error}"))]);
+            }
+            saved = Instant::now();
+        }
+    }
+    preview.iter_mut().for_each(|shown| shown.show(&rendering, true, said));
+    progress.finish(rendering.is_complete());
+    let kept = keeper.finish(&mut rendering);
+    Ok((rendering, kept))
+}
+
+/// With `--strict`, warnings are problems.
+fn refuse_warnings(args: &RenderArgs, warnings: &[Warning], kind: ErrorKind) -> Result<()> {
+    if !args.strict || warnings.is_empty() {
+        return Ok(());
+    }
+    let problems = warnings.iter().map(|w| Problem::new("", w.to_string())).collect();
+    let error = Error { kind, file: Some(args.scene.clone()), problems, source_text: None };
+    Err(error.with_help("--strict makes warnings errors"))
+}
+
+/// A signal before the first sample: there is nothing to write.
+fn stop_before_pixels(cancel: &CancelHandle) -> Result<()> {
+    if cancel.is_cancelled() {
+        let message = "stopped by a signal before the first sample; nothing was written";
+        return Err(Error { kind: ErrorKind::Interrupted, ..Error::usage(message) });
+    }
+    Ok(())
+}
+
+// `oscura render --orbit N`: the camera goes once around the model.
+
+/// Renders all pictures, from the camera's own place on, counter-clockwise seen from above.
+fn run_turntable(args: &RenderArgs, count: u32, cancel: &CancelHandle) -> Result<Outcome> {
+    let still = still(&args.output);
+    let files = |k: u32| still.iter().map(|path| Frames::file(path, k)).collect::<Vec<_>>();
+    (0..count).try_for_each(|k| Targets::check(&files(k)).map(drop))?;
+    let moving = Some(MovingPictures::new(args)?);
+    let mut start = Instant::now();
+    check_scene_path(&args.scene)?;
+    let environment = EnvironmentOverride::load(args)?;
+    let mut options = load_options(args)?;
+    options.stage.is_orbit = true;
+    let mut loaded = load_scene(args, cancel, &options)?;
+    let warnings = environment.apply(args, &mut loaded.scene);
+    loaded.warnings.extend(warnings);
+    let number = choices(args).settle(&loaded.scene)?.camera.unwrap_or(0);
+    let first = loaded.scene.cameras.get(number).cloned();
+    let first = first.ok_or_else(|| Error::input(&args.scene, "has no camera"))?;
+    let table = turntable(&loaded);
+    let mut kept = Kept { moving, ..Kept::new(args, Compiler::sequence())? };
+    for k in 0..count {
+        if !args.quiet {
+            say!("frame    {k} of {count}");
+        }
+        let angle = f64::from(k) / f64::from(count) * TAU;
+        loaded.scene.cameras[number] = table.camera(&first, angle);
+        table.light(&mut loaded.scene, angle);
+        let targets = Targets::check(&files(k))?;
+        let outcome = run_one(args, cancel, &targets, None, &mut loaded, start, &mut kept);
+        if !matches!(outcome, Ok(Outcome::Done)) {
+            kept.moving.iter().for_each(|moving| moving.say_unfinished(args));
+            return outcome;
+        }
+        start = Instant::now();
+    }
+    kept.moving.map_or(Ok(()), |moving| moving.finish(args))?;
+    Ok(Outcome::Done)
+}
+
+/// About the model that loading framed, else about the middle of the scene.
+fn turntable(loaded: &Loaded) -> Turntable {
+    loaded.turntable.unwrap_or_else(|| Turntable::new(middle(loaded), false))
 }

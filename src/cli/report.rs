@@ -1,16 +1,17 @@
 //! What the user reads: errors, warnings and the report at the end.
 
-use super::alike::{Line, shortened};
-use super::excerpt::Excerpt;
-use super::shapes::ShapeCounts;
 use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode};
 use oscura::accel::TreeQuality;
 use oscura::compile::CompileReport;
-use oscura::error::{Error, Problem, Warning};
+use oscura::error::{Choice, Error, Problem, Warning};
+use oscura::load::Loaded;
 use oscura::render::Statistics;
-use std::collections::HashSet;
+use oscura::scene::{Scene, ShapeTag};
+use serde::{Serialize, Serializer};
+use std::collections::{HashMap, HashSet};
 use std::fmt;
 use std::io::Write;
+use std::ops::Range;
 
 /// One problem with the line of the file that it is about.
 #[derive(Debug)]
@@ -256,4 +257,259 @@ pub(super) fn counted(n: u64, what: &str) -> String {
 
 fn mib(bytes: u64) -> f64 {
     bytes as f64 / (1024.0 * 1024.0)
+}
+
+// Messages of one kind: the first few are shown, the others counted.
+
+/// Messages of a kind that are shown.
+const FIRST: usize = 5;
+
+/// What is shown in place of a list of messages.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) enum Line<'m, T> {
+    /// One of them.
+    One(&'m T),
+    /// So many more are of the kind of the one before.
+    More(usize),
+}
+
+/// A list in its order without those that are like many before them, by their texts.
+pub(crate) fn shortened<'m, T>(list: &'m [T], text: impl Fn(&T) -> &str) -> Vec<Line<'m, T>> {
+    let kinds: Vec<String> = list.iter().map(|item| kind(text(item))).collect();
+    let mut counts: HashMap<&str, usize> = HashMap::new();
+    kinds.iter().for_each(|kind| *counts.entry(kind).or_default() += 1);
+    let mut shown: HashMap<&str, usize> = HashMap::new();
+    let mut lines = Vec::new();
+    for (item, kind) in list.iter().zip(&kinds) {
+        let (count, at) = (counts[kind.as_str()], shown.entry(kind).or_default());
+        *at += 1;
+        // A line about one more would be as long as that.
+        if *at <= FIRST || count == FIRST + 1 {
+            lines.push(Line::One(item));
+        }
+        if *at == FIRST && count > FIRST + 1 {
+            lines.push(Line::More(count - FIRST));
+        }
+    }
+    lines
+}
+
+/// What messages have in common that differ in names and numbers only.
+fn kind(text: &str) -> String {
+    let mut out = String::new();
+    let (mut rest, mut is_in_word) = (text, false);
+    while let Some(first) = rest.chars().next() {
+        // An apostrophe begins no name.
+        let quoted = rest.strip_prefix('\'').filter(|_| !is_in_word);
+        let quoted = quoted.and_then(|inner| Some(inner.find('\'')? + 2));
+        let digits = rest.find(|c: char| !c.is_ascii_digit()).unwrap_or(rest.len());
+        let (mark, length) = match quoted {
+            Some(length) => ('\'', length),
+            None if digits > 0 => ('0', digits),
+            None => (first, first.len_utf8()),
+        };
+        out.push(mark);
+        is_in_word = mark.is_alphanumeric();
+        rest = &rest[length..];
+    }
+    out
+}
+
+// The part of a very long line that a problem is about: scene files by programs may have all in one line.
+
+/// Characters of the longest line that is shown as a whole.
+const LONGEST: usize = 240;
+/// Characters shown on each side of the place.
+const AROUND: usize = 40;
+
+/// A place in a text.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) struct Excerpt {
+    /// Number of the line, from 1.
+    pub line: usize,
+    /// Number of the character in it, from 1.
+    pub column: usize,
+    /// What stands there, with dots where it is cut.
+    pub shown: String,
+    /// Marks under it.
+    pub marker: String,
+}
+
+impl Excerpt {
+    /// The place of a span of bytes in a line that is too long to show, or whose neighbours are; `None` where lines are
+    /// short, and for a span that doesn't fit the text.
+    pub fn of_long_line(text: &str, span: &Range<usize>) -> Option<Excerpt> {
+        let (before, rest) = (text.get(..span.start)?, text.get(span.start..)?);
+        let line = before.matches('\n').count();
+        let neighbours = text.lines().skip(line.saturating_sub(1)).take(if line == 0 { 2 } else { 3 });
+        if neighbours.map(str::len).max()? <= LONGEST {
+            return None;
+        }
+        let start = before.rfind('\n').map_or(0, |at| at + 1);
+        let rest = rest.lines().next().unwrap_or_default();
+        let column = before[start..].chars().count();
+        let head: String = before[start..].chars().skip(column.saturating_sub(AROUND)).collect();
+        let marked = text.get(span.clone()).and_then(|t| t.lines().next()).map_or(1, |t| t.chars().count());
+        let marked = marked.clamp(1, AROUND);
+        let tail: String = rest.chars().take(marked + AROUND).collect();
+        let (left, right) = (
+            if column > AROUND { "..." } else { "" },
+            if rest.chars().count() > marked + AROUND { "..." } else { "" },
+        );
+        // Tabs and the like would move the marks.
+        let shown = format!("{left}{head}{tail}{right}").replace(char::is_control, " ");
+        let indent = left.len() + head.chars().count();
+        let marker = " ".repeat(indent) + &"^".repeat(marked);
+        Some(Excerpt { line: line + 1, column: column + 1, shown, marker })
+    }
+}
+
+// How many of each kind of shape there are, in words and for programs.
+
+/// A count for each of [`ShapeTag::ALL`].
+#[derive(Clone, Copy)]
+pub(crate) struct ShapeCounts(pub [u64; ShapeTag::ALL.len()]);
+
+impl ShapeCounts {
+    /// The shapes of a scene.
+    pub fn of(scene: &Scene) -> ShapeCounts {
+        let mut counts = ShapeCounts([0; ShapeTag::ALL.len()]);
+        for shape in &scene.shapes {
+            counts.0[shape.kind.tag() as usize] += 1;
+        }
+        counts
+    }
+
+    fn iter(self) -> impl Iterator<Item = (ShapeTag, u64)> {
+        ShapeTag::ALL.iter().copied().zip(self.0)
+    }
+
+    /// `1 sphere, 2 disks, `: the kinds that are there, each with a comma.
+    pub fn words(self) -> String {
+        let there = self.iter().filter(|(_, count)| *count > 0);
+        let one = |(tag, count): (ShapeTag, u64)| {
+            format!("{count} {}, ", if count == 1 { tag.name() } else { tag.plural() })
+        };
+        there.map(one).collect()
+    }
+}
+
+/// A key for each kind.
+impl Serialize for ShapeCounts {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_map(self.iter().map(|(tag, count)| (tag.plural().replace(' ', "_"), count)))
+    }
+}
+
+// The library's names of choices, replaced by those of the options that make them here.
+
+/// How a choice is made on the command line.
+fn option(choice: Choice) -> &'static str {
+    match choice {
+        Choice::AllowExternal => "--allow-external",
+        Choice::Aovs => "--aov",
+        Choice::Background => "--background",
+        Choice::Beside => "the file that 'oscura new --beside FILE' writes",
+        Choice::Blender => "--blender PATH",
+        Choice::Environment => "--env ''",
+        Choice::Float => "--float",
+        Choice::Force => "--force",
+        Choice::Glass => "--glass",
+        Choice::Ground => "--ground",
+        Choice::LightUnits => "--light-units",
+        Choice::NoSidecar => "--no-sidecar",
+        Choice::PointRadius => "--point-radius METRES",
+        Choice::Smooth => "--smooth",
+        Choice::Subdivide => "--subdivide",
+        Choice::Stage => "--stage",
+        Choice::Up => "--up AXIS",
+        Choice::ViewFrom => "--view-from",
+        Choice::Zoom => "--zoom",
+    }
+}
+
+fn replace(text: &mut String) {
+    for choice in Choice::ALL {
+        let term = choice.to_string();
+        if text.contains(&term) {
+            *text = text.replace(&term, option(choice));
+        }
+    }
+}
+
+/// Names options in an error.
+pub(crate) fn name_options_in_error(mut error: Error) -> Error {
+    for problem in &mut error.problems {
+        replace(&mut problem.message);
+        if let Some(help) = &mut problem.help {
+            replace(help);
+        }
+    }
+    error
+}
+
+/// Names options in warnings or notes.
+pub(crate) fn name_options_in_warnings(warnings: &mut [Warning]) {
+    warnings.iter_mut().for_each(|warning| replace(&mut warning.message));
+}
+
+/// Names options in all that loading said.
+pub(crate) fn name_options_in_loaded(loaded: &mut Loaded) {
+    name_options_in_warnings(&mut loaded.warnings);
+    name_options_in_warnings(&mut loaded.notes);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_and_numbers_make_no_kinds() {
+        assert_eq!(kind("there is no material 'm7' in 12 files"), "there is no material ' in 0 files");
+        assert_eq!(kind("it's the ä 'x"), "it's the ä 'x");
+        assert_ne!(kind("2 triangles"), kind("2 quads"));
+    }
+
+    #[test]
+    fn the_first_of_each_kind_are_shown() {
+        let list: Vec<String> =
+            (0..20).flat_map(|i| [format!("no '{i}'"), format!("other {i}")]).take(27).collect();
+        let lines = shortened(&list, |text| text);
+        let count = |line: &Line<String>| match line {
+            Line::One(_) => 1,
+            Line::More(n) => *n,
+        };
+        assert_eq!(lines.iter().map(count).sum::<usize>(), 27);
+        assert_eq!(lines.len(), 12);
+        assert_eq!((&lines[9], &lines[11]), (&Line::More(9), &Line::More(8)));
+        // Six are shown: no line is saved by counting one.
+        assert_eq!(shortened(&list[..12], |text| text).len(), 12);
+    }
+}
+
+#[cfg(test)]
+mod excerpt_tests {
+    use super::*;
+
+    #[test]
+    fn only_long_lines_are_cut() {
+        assert_eq!(Excerpt::of_long_line("a = 1\nb = 2\n", &(6..7)), None);
+        let long = format!("a = 1\nb = [{} \u{e4}\u{1f600}X, 9 ]", "0, ".repeat(1000));
+        let at = long.find('X').expect("the mark");
+        let excerpt = Excerpt::of_long_line(&long, &(at..at + 1)).expect("a long line");
+        assert_eq!((excerpt.line, excerpt.column), (2, 3009));
+        assert!(excerpt.shown.starts_with("...") && excerpt.shown.ends_with("X, 9 ]"), "{excerpt:?}");
+        assert!(excerpt.shown.len() < 120, "{excerpt:?}");
+        assert_eq!(excerpt.shown.chars().nth(excerpt.marker.find('^').expect("a mark")), Some('X'));
+        // A neighbour would be shown too.
+        assert!(Excerpt::of_long_line(&long, &(0..1)).is_some());
+    }
+
+    #[test]
+    fn spans_at_and_beyond_the_end() {
+        let long = "x".repeat(1000);
+        assert_eq!(Excerpt::of_long_line(&long, &(1000..1000)).map(|e| e.column), Some(1001));
+        assert_eq!(Excerpt::of_long_line(&long, &(2000..2001)), None);
+        assert!(Excerpt::of_long_line(&long, &(0..1000)).is_some_and(|e| e.marker.len() <= 40));
+    }
 }

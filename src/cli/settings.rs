@@ -1,11 +1,34 @@
 //! What the command line says about a picture.
 
-use super::args::{FilterArg, FresnelArg, MicrofacetArg, RenderArgs, TerminatorArg, TreeArg};
-use oscura::error::{Error, Result};
-use oscura::film::AovSet;
-use oscura::output::{PngOptions, ViewTransform};
-use oscura::render::{Choices, TreeChoice};
-use oscura::scene::{EnergyCompensation, Environment, Filter, FresnelModel, RayKinds, Scene, Settings};
+use super::args::{
+    CRYPTO_LEVELS, FRAME_RATE, FilterArg, FresnelArg, MicrofacetArg, RenderArgs, TerminatorArg, TreeArg,
+};
+use super::checkpoint::cropped;
+use super::exr_args::Framed;
+use super::pictures::{How, is_moving};
+use super::process;
+use super::progress::{Telling, Waiting};
+use super::report::name_options_in_loaded;
+use oscura::compile::{CompileReport, CompiledScene, Compiler, MemoryPart};
+use oscura::error::{Error, Result, Warning};
+use oscura::film::{Aov, AovSet, AovSpace, Source};
+use oscura::image::Image;
+use oscura::load::Loaded;
+use oscura::load::image::load_environment;
+use oscura::load::stage::middle;
+use oscura::output::part::{PartHeader, Region};
+use oscura::output::{Format, PngOptions, ViewTransform};
+use oscura::render::{
+    Adaptive, Choices, Labels, Settled, TreeChoice, denoising_guides, film_bytes, guiding_bytes, shows_alpha,
+    splat_bytes,
+};
+use oscura::scene::{
+    Camera, EnergyCompensation, Environment, Filter, FresnelModel, ImageId, Model, Motion, Moving, RayKinds,
+    Scene, Settings,
+};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
 
 /// Samples a pixel at most where the noise decides on their number.
 const MOST_SAMPLES: u32 = 1 << 16;
@@ -101,5 +124,405 @@ pub(crate) fn png(args: &RenderArgs, exposure: f32, is_stage_lit: bool, opaque: 
         dither: args.dither,
         deep: args.picture.deep,
         opaque,
+    }
+}
+
+// All that rendering needs of a scene that was loaded: options settled, memory checked, geometry compiled.
+
+/// What pictures are wanted for.
+pub(super) struct Wants {
+    /// Can anything hold AOVs?
+    pub has_exr: bool,
+    /// May texture coordinates be asked for later on?
+    pub keeps_uv: bool,
+    /// How many pictures there will be.
+    pub pictures: u64,
+}
+
+impl Wants {
+    /// Pictures that become files.
+    pub fn of_files(args: &RenderArgs, has_exr: bool) -> Wants {
+        let pictures = args.frames.map_or(1, |frames| frames.numbers().count() as u64);
+        Wants { has_exr, keeps_uv: false, pictures }
+    }
+}
+
+pub(super) struct Prepared {
+    pub scene: Arc<CompiledScene>,
+    pub labels: Labels,
+    pub camera: Camera,
+    pub settled: Settled,
+    /// How files are written.
+    pub how: How,
+    /// AOVs that the files are to have.
+    pub kept_aovs: AovSet,
+    pub png: PngOptions,
+    pub build: CompileReport,
+    pub load_s: f64,
+    pub notes: Vec<Warning>,
+    pub warnings: Vec<Warning>,
+    pub left_out: Vec<String>,
+}
+
+/// Settles options and compiles what was loaded since `start`; `environment` is what the arguments put in place of the
+/// scene's, unless that has been done.
+///
+/// # Errors
+/// If arguments don't fit the scene, if there is not enough memory, and as compiling has them.
+pub(super) fn prepare(
+    args: &RenderArgs,
+    wants: Wants,
+    environment: Option<&EnvironmentOverride>,
+    loaded: &mut Loaded,
+    start: Instant,
+    compiler: &mut Compiler,
+) -> Result<Prepared> {
+    name_options_in_loaded(loaded);
+    let mut warnings = std::mem::take(&mut loaded.warnings);
+    let mut settled = settle(args, wants.has_exr, loaded)?;
+    let kept_aovs = settled.options.aovs;
+    if args.picture.denoise {
+        settled.options = settled.options.aovs(kept_aovs.union(denoising_guides())).halves(true);
+    }
+    warnings.extend(environment.map_or(Vec::new(), |e| e.apply(args, &mut loaded.scene)));
+    check_glass(args, &loaded.scene)?;
+    let load_s = start.elapsed().as_secs_f64();
+
+    args.place.apply(loaded, settled.camera.unwrap_or(0), args.stage.fov, middle)?;
+    let frame = (settled.options.width, settled.options.height);
+    args.exr.format.check(settled.options.aovs.mattes().next().is_some())?;
+    let framed = args.exr.window(frame, cropped(args), loaded.scene.backdrop.as_ref())?;
+    let mut camera = settled.camera(&loaded.scene)?.clone();
+    if let Some(framed) = framed {
+        framed.check_camera(&camera)?;
+        camera = framed.widened(camera);
+        settled.options = settled.options.size(framed.size.0, framed.size.1).region(framed.region);
+    }
+    check_memory_before_building(args, loaded, &settled)?;
+    let size = (settled.options.width, settled.options.height);
+    compiler.set_tree(settled.tree(wants.pictures));
+    compiler.keep_uv(wants.keeps_uv || settled.options.aovs.contains(Aov::Uv));
+    compiler.set_texture_memory(texture_memory(args));
+    let telling = Telling::of(args.quiet, args.long.progress);
+    let waiting = Waiting::new(telling, "build", compiler.gauge());
+    let (scene, mut build) = compiler.compile(&loaded.scene, settled.shading, &camera, size)?;
+    drop(waiting);
+    warnings.append(&mut build.warnings);
+    let (mut notes, mut left_out) = (std::mem::take(&mut loaded.notes), std::mem::take(&mut loaded.left_out));
+    notes.extend(build.notes.iter().cloned());
+    left_out.append(&mut build.left_out);
+    let labels = Labels::of(&loaded.scene, &settled.options);
+    build.memory.push(MemoryPart { name: "picture", bytes: film_bytes(&settled.options, &labels) });
+    let opaque = !shows_alpha(&scene, &settled.options);
+    let png = png(args, settled.look.exposure, loaded.is_stage_lit, opaque);
+    Ok(Prepared {
+        scene,
+        labels,
+        camera,
+        settled,
+        how: How::of(args, framed.map(Framed::window)),
+        kept_aovs,
+        png,
+        build,
+        load_s,
+        notes,
+        warnings,
+        left_out,
+    })
+}
+
+/// What textures may take: a quarter of the machine's memory, unless the user says something else.
+fn texture_memory(args: &RenderArgs) -> Option<u64> {
+    let quarter = || process::memory_of_machine().map(|bytes| bytes / 4);
+    args.long.texture_memory.or_else(quarter)
+}
+
+/// All options, without channels that no file could hold.
+fn settle(args: &RenderArgs, has_exr: bool, loaded: &mut Loaded) -> Result<Settled> {
+    if has_exr {
+        return choices(args).settle(&loaded.scene);
+    }
+    let mut settled = without_exr(choices(args)).settle(&loaded.scene)?;
+    // Those of the scene file have been checked, and go nowhere.
+    settled.options = settled.options.aovs(AovSet::NONE);
+    loaded.scene.settings.aovs = None;
+    Ok(settled)
+}
+
+// What a scene says about the making of its pictures, where the command line says nothing.
+
+/// The arguments with what the scene says.
+pub(super) fn completed(args: &RenderArgs, settings: &Settings) -> RenderArgs {
+    let mut args = args.clone();
+    args.view = args.view.or_else(|| settings.view.clone());
+    args.picture.white_balance = args.picture.white_balance.or(settings.white_balance);
+    args.picture.denoise |= settings.denoise == Some(true) && !args.picture.no_denoise;
+    if args.long.region.is_none() {
+        let region = |[x0, y0, x1, y1]: [u32; 4]| Region { x0, y0, x1, y1 };
+        args.exr.crop = args.exr.crop.or(settings.crop.map(region));
+    }
+    // Numbers of samples that are asked for are just those.
+    let is_part = args.long.sample_range.is_some() || args.long.region.is_some();
+    let is_counted = args.spp.is_some() || is_part || args.long.plan.is_some();
+    let has_own_noise = args.long.noise.is_some() || args.adaptive == Adaptive::Auto;
+    if !is_counted && !has_own_noise && settings.noise.is_some() {
+        args.long.noise = settings.noise;
+        args.long.max_spp = args.long.max_spp.or(settings.samples);
+    }
+    args
+}
+
+// Refusing what won't fit into memory before work starts.
+
+/// Memory that building the tree over a triangle takes at most, bytes.
+const BYTES_A_TRIANGLE: u64 = 150;
+
+/// Memory that each key of a triangle takes that changes its shape, bytes: in the tree, and twice with its vertices.
+const BYTES_A_KEY: u64 = 100;
+
+/// Is the file alone too large?
+pub(super) fn check_memory_before_loading(args: &RenderArgs) -> Result<()> {
+    let size = process::size_of(&args.scene).unwrap_or(0);
+    refuse(args.long.memory_limit, &[("the file", size)]).map_err(smaller)
+}
+
+/// Will the picture of these parts fit?
+pub(super) fn check_memory_before_merging(parts: &[(PathBuf, PartHeader)]) -> Result<()> {
+    let bytes_of = |pixels: u64, header: &PartHeader| {
+        let a_pixel = header.channels.layout().map_or(0, |layout| layout.bytes_per_pixel());
+        pixels.saturating_mul(a_pixel)
+    };
+    let whole = |(_, h): &(PathBuf, PartHeader)| bytes_of(u64::from(h.width) * u64::from(h.height), h);
+    let part = |(_, h): &(PathBuf, PartHeader)| {
+        bytes_of(u64::from(h.region.width()) * u64::from(h.region.height()), h)
+    };
+    let [picture, largest] = [parts.iter().map(whole).max(), parts.iter().map(part).max()];
+    refuse(None, &[("the picture", picture.unwrap_or(0)), ("the largest part", largest.unwrap_or(0))])
+        .map_err(|error| error.with_help("merge it on a machine with more"))
+}
+
+/// Will the loaded scene, what is built of it, and the picture fit?
+pub(super) fn check_memory_before_building(
+    args: &RenderArgs,
+    loaded: &Loaded,
+    settled: &Settled,
+) -> Result<()> {
+    let scene = &loaded.scene;
+    let triangles: usize = scene.meshes.iter().map(|mesh| mesh.triangles.len()).sum();
+    let keys = |(&mesh, moving): (&usize, &Moving<_>)| {
+        scene.meshes.get(mesh).map_or(0, |mesh| mesh.triangles.len() * moving.keys.len())
+    };
+    let of_keys: usize = scene.motion.meshes.iter().map(keys).sum();
+    let labels = Labels::of(scene, &settled.options);
+    refuse(
+        args.long.memory_limit,
+        &[
+            ("the scene as loaded", process::memory_now().unwrap_or(0)),
+            (
+                "building the tree over its triangles",
+                triangles as u64 * BYTES_A_TRIANGLE + of_keys as u64 * BYTES_A_KEY,
+            ),
+            ("the picture", film_bytes(&settled.options, &labels)),
+            ("light from lamps", if may_send(scene) { splat_bytes(&settled.options, &labels) } else { 0 }),
+            ("learning what guides paths", guiding_bytes(&settled.options)),
+            (
+                "taking the noise out",
+                if args.picture.denoise { denoising_bytes(settled, &labels) } else { 0 },
+            ),
+        ],
+    )
+    .map_err(smaller)
+}
+
+/// May something in the scene send light on, so that it shows as caustics?
+fn may_send(scene: &Scene) -> bool {
+    scene.materials.iter().any(|material| !matches!(material.model, Model::Lambert { .. }))
+}
+
+fn smaller(error: Error) -> Error {
+    error.with_help("make the picture smaller, render parts of it by --region, or leave out --aov")
+}
+
+/// What denoising takes besides the film, at most: planes of the picture, its guides and the parts of its light, before and
+/// after.
+fn denoising_bytes(settled: &Settled, labels: &Labels) -> u64 {
+    let options = &settled.options;
+    let planes =
+        60 + 9 * (options.aovs.of(Source::PartOfColor).iter().count() + labels.light_groups.len()) as u64;
+    u64::from(options.width) * u64::from(options.height) * 4 * planes
+}
+
+/// In GiB, or in MiB where that says more.
+fn readable(bytes: u64) -> String {
+    match bytes >> 30 {
+        0 => format!("{:.0} MiB", bytes as f64 / f64::from(1u32 << 20)),
+        _ => format!("{:.1} GiB", bytes as f64 / f64::from(1u32 << 30)),
+    }
+}
+
+/// Refuses what takes more than there may be: what is allowed, or what the machine has.
+fn refuse(allowed: Option<u64>, needed: &[(&str, u64)]) -> Result<()> {
+    let Some(limit) = allowed.or_else(process::memory_of_machine) else { return Ok(()) };
+    let all = needed.iter().fold(0u64, |sum, (_, bytes)| sum.saturating_add(*bytes));
+    if all <= limit {
+        return Ok(());
+    }
+    let items: Vec<String> = (needed.iter().filter(|(_, bytes)| *bytes > 0))
+        .map(|(what, bytes)| format!("{what} {}", readable(*bytes)))
+        .collect();
+    let whose = if allowed.is_some() { "--memory-limit allows" } else { "the machine has" };
+    let message = format!("this takes more memory than {whose}, {}: {}", readable(limit), items.join(", "));
+    Err(Error::usage(message))
+}
+
+// Options that change nothing in a run, each with why: nobody should look for an effect that can't come.
+
+/// What a run makes.
+struct Made {
+    /// EXRs, or parts that may become some.
+    exr: bool,
+    /// Pictures that are shaped for looking at, also on a page, in the terminal, or of parts.
+    shown: bool,
+    /// The same, or Radiance HDR.
+    exposed: bool,
+    /// Pictures that may have 16 bits a channel.
+    deep: bool,
+    /// GIF, APNG or video.
+    moving: bool,
+}
+
+impl Made {
+    fn of(args: &RenderArgs) -> Made {
+        let is = |wanted: &[Format]| {
+            let fits = |path: &&PathBuf| Format::of(path).is_ok_and(|f| wanted.contains(&f));
+            args.output.iter().any(|path| fits(&path))
+        };
+        let is_part = |path: &Path| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("part"));
+        let part = args.output.iter().any(|path| is_part(path));
+        let moving = args.output.iter().any(|path| is_moving(path));
+        let live = args.show.is_some() || args.preview.is_some();
+        let pictures = is(&[Format::Png, Format::Jpeg, Format::Tiff, Format::WebP]);
+        let shown = pictures || moving || live || part;
+        Made {
+            exr: part || is(&[Format::Exr]),
+            shown,
+            exposed: shown || is(&[Format::Hdr]),
+            deep: part || is(&[Format::Png, Format::Tiff]),
+            moving,
+        }
+    }
+}
+
+const NO_EXR: &str = "no output is an EXR";
+const NOT_SHOWN: &str = "no output is a picture for looking at, such as a PNG";
+
+/// Warnings of all options that are given and change nothing.
+pub(super) fn unused_option_warnings(args: &RenderArgs, scene: &Scene, prepared: &Prepared) -> Vec<Warning> {
+    let made = Made::of(args);
+    let aovs = prepared.kept_aovs;
+    let given = args.aov.iter().fold(AovSet::NONE, |all, aovs| all.union(*aovs));
+    let aovs = given.union(aovs);
+    let has_mattes = aovs.mattes().next().is_some();
+    let placed = [Aov::Position, Aov::Normal, Aov::GeometricNormal];
+    let has_placed = placed.into_iter().any(|aov| aovs.contains(aov));
+    let is_space_chosen = args.aov_space != AovSpace::default();
+    let has_groups = scene.light_groups().len() > 1;
+    let moves = scene.instances.iter().any(|i| !matches!(i.motion, Motion::Still))
+        || scene.cameras.iter().any(|camera| camera.motion.is_some())
+        || args.shutter.shutter.is_some();
+    let timed = args.frames.is_some() || args.orbit.is_some() && made.moving || moves;
+    // Each option: is it given, does it change anything, and why not.
+    let options = [
+        ("--aov", !args.aov.is_empty(), made.exr, NO_EXR),
+        ("--light-groups", args.light_groups, made.exr, NO_EXR),
+        (
+            "--light-groups",
+            args.light_groups && made.exr,
+            has_groups,
+            "the scene has no groups of lights to keep apart",
+        ),
+        ("--float", args.float, made.exr, NO_EXR),
+        ("--owner", args.owner.is_some(), made.exr, NO_EXR),
+        ("what --exr-... and --working-space say", args.exr.format.is_given(), made.exr, NO_EXR),
+        ("--crypto-levels", args.crypto_levels != CRYPTO_LEVELS, has_mattes, "--aov has no Cryptomatte"),
+        ("--aov-space", is_space_chosen, has_placed, "--aov has no position, normal or geometric_normal"),
+        ("--view", args.view.is_some(), made.shown, NOT_SHOWN),
+        ("--exposure", args.exposure.is_some(), made.exposed, NOT_SHOWN),
+        ("--white-balance", args.picture.white_balance.is_some(), made.exposed, NOT_SHOWN),
+        ("--dither", args.dither, made.shown, NOT_SHOWN),
+        ("--deep", args.picture.deep, made.deep, "no output is a PNG or TIFF"),
+        (
+            "--fps",
+            args.fps != FRAME_RATE,
+            timed,
+            "there is no sequence, no moving picture and no open shutter",
+        ),
+    ];
+    let idle = options.into_iter().filter(|(_, is_given, works, _)| *is_given && !works);
+    idle.map(|(option, _, _, why)| Warning::general(format!("{option} has no effect: {why}"))).collect()
+}
+
+// The environment as the arguments ask for it, in place of the scene's.
+
+/// What `--env` brings, read once for all pictures of a sequence.
+pub(crate) struct EnvironmentOverride {
+    image: Option<Image>,
+    warnings: Vec<Warning>,
+}
+
+impl EnvironmentOverride {
+    /// Reads the picture that the arguments name, if any.
+    ///
+    /// # Errors
+    /// An input error if it can't be read.
+    pub fn load(args: &RenderArgs) -> Result<EnvironmentOverride> {
+        let mut warnings = Vec::new();
+        let path = args.env.as_ref().filter(|path| !path.as_os_str().is_empty());
+        let image = path.map(|path| load_environment(path, &mut warnings)).transpose()?;
+        Ok(EnvironmentOverride { image, warnings })
+    }
+
+    /// Replaces or adjusts a scene's environment; gives all warnings about it.
+    pub fn apply(&self, args: &RenderArgs, scene: &mut Scene) -> Vec<Warning> {
+        let mut warnings = self.warnings.clone();
+        if args.env.is_some() {
+            scene.scale_environment_sun(0.0);
+            scene.environment_sun = None;
+            scene.environment_unsampled = false;
+            scene.camera_environment = None;
+        }
+        if let Some(image) = &self.image {
+            scene.images.push(image.clone());
+            let image = ImageId((scene.images.len() - 1) as u32);
+            scene.environment = Environment::Image { image, strength: 1.0, rotation_rad: 0.0 };
+        } else if args.env.is_some() {
+            scene.environment = Environment::Black;
+        }
+        let factor = args.env_strength;
+        match &mut scene.environment {
+            Environment::Image { strength, .. } => {
+                let before = *strength;
+                *strength = factor.unwrap_or(before);
+                let ratio = if before > 0.0 { *strength / before } else { 1.0 };
+                scene.scale_environment_sun(ratio);
+                if let Some(degrees) = args.env_rotation {
+                    scene.turn_environment(degrees.to_radians());
+                }
+                return warnings;
+            }
+            Environment::Constant(color) => *color = color.map(|v| v * factor.unwrap_or(1.0)),
+            Environment::Gradient { nadir, zenith } => {
+                *nadir = nadir.map(|v| v * factor.unwrap_or(1.0));
+                *zenith = zenith.map(|v| v * factor.unwrap_or(1.0));
+            }
+            Environment::Black if factor.is_some() => {
+                warnings.push(Warning::general("--env-strength has no effect: there is no environment"));
+            }
+            Environment::Black => {}
+        }
+        if args.env_rotation.is_some() {
+            warnings.push(Warning::general("--env-rotation has no effect: there is no environment picture"));
+        }
+        warnings
     }
 }

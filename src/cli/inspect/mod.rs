@@ -1,18 +1,12 @@
 //! `oscura inspect`: what is in a scene, and what would not be rendered.
 
-mod facts;
-mod objects;
-mod objects_json;
+mod scene_json;
 mod text;
-mod to_json;
-mod words;
 
-use super::Outcome;
 use super::args::InspectArgs;
-use super::json;
-use super::report::print_line;
-use super::scene_path;
-use super::terms;
+use super::report::{name_options_in_loaded, print_line};
+use super::scene_args::check_scene_path;
+use super::{Outcome, json};
 use oscura::error::Result;
 use oscura::image::Damage;
 use oscura::load::stage::StageOptions;
@@ -21,7 +15,7 @@ use std::collections::HashSet;
 use std::sync::Arc;
 
 pub(crate) fn run(args: &InspectArgs) -> Result<Outcome> {
-    scene_path::check(&args.scene)?;
+    check_scene_path(&args.scene)?;
     let options = LoadOptions {
         allow_external: args.allow_external,
         point_radius: args.point_radius,
@@ -34,9 +28,9 @@ pub(crate) fn run(args: &InspectArgs) -> Result<Outcome> {
     };
     let mut loaded = load(&args.scene, &options)?;
     decode_images(&mut loaded)?;
-    terms::in_loaded(&mut loaded);
+    name_options_in_loaded(&mut loaded);
     if args.json {
-        json::print(&to_json::of(&args.scene, &loaded));
+        json::print(&scene_json::of(&args.scene, &loaded));
     } else {
         text::lines(&args.scene, &loaded).iter().for_each(|l| print_line(l));
     }

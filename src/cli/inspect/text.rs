@@ -1,12 +1,15 @@
 //! The answer for people.
 
-use super::super::shapes::ShapeCounts;
-use super::facts::{placed_triangles, used_images, used_materials};
-use super::objects::tree;
-use super::words;
+use crate::cli::report::ShapeCounts;
 use oscura::image::{Encoding, Image, Pixels};
 use oscura::load::Loaded;
-use oscura::scene::{EnergyCompensation, FresnelModel, Scene, instance_extents, scene_extent};
+use oscura::math::DVec3;
+use oscura::scene::{
+    AlphaMode, Camera, ColorSlot, EnergyCompensation, Environment, FloatSlot, FresnelModel, GlassReflection,
+    Instance, Light, LightKind, Material, MaterialId, Model, Panorama, Parameter, Parameters, PbrMaterial,
+    Projection, Scene, Texture, instance_extents, scene_extent,
+};
+use std::collections::HashMap;
 use std::path::Path;
 
 /// Everything, line by line.
@@ -21,20 +24,20 @@ pub fn lines(path: &Path, loaded: &Loaded) -> Vec<String> {
     section(&mut out, "materials", scene.materials.len());
     for (m, used) in scene.materials.iter().zip(used_materials(scene)) {
         let unused = if used { "" } else { "; not used" };
-        out.push(format!("    '{}': {}{unused}", m.name, words::material(scene, m)));
+        out.push(format!("    '{}': {}{unused}", m.name, describe_material(scene, m)));
     }
     section(&mut out, "lights", scene.lights.len());
     for l in &scene.lights {
-        out.push(format!("    '{}': {}", l.name, words::light(l)));
+        out.push(format!("    '{}': {}", l.name, describe_light(l)));
     }
-    out.push(format!("  environment {}", words::environment(scene)));
+    out.push(format!("  environment {}", describe_environment(scene)));
     section(&mut out, "images", scene.images.len());
     for (image, used) in scene.images.iter().zip(used_images(scene)) {
         out.push(format!("    {}, {}", image_line(image), if used { "used" } else { "not used" }));
     }
     section(&mut out, "cameras", scene.cameras.len());
     for (i, camera) in scene.cameras.iter().enumerate() {
-        out.push(format!("    {i} '{}': {}", camera.name, words::camera(camera)));
+        out.push(format!("    {i} '{}': {}", camera.name, describe_camera(camera)));
     }
     let settings = settings(scene);
     if !settings.is_empty() {
@@ -67,7 +70,7 @@ fn geometry(scene: &Scene, out: &mut Vec<String>) {
         strands(scene)
     ));
     if let Some((low, high)) = scene_extent(scene, &instance_extents(scene)).0 {
-        let (from, to) = (words::list(&low.to_array()), words::list(&high.to_array()));
+        let (from, to) = (list(&low.to_array()), list(&high.to_array()));
         out.push(format!("  extent     {from} to {to} m"));
     }
     let count = scene.instances.len() + scene.shapes.len() + scene.quads.len() + scene.curves.len();
@@ -136,4 +139,424 @@ fn settings(scene: &Scene) -> Vec<String> {
     shown.extend(s.caught.map(|caught| format!("caught {caught:?}").to_lowercase()));
     shown.extend(s.crop.map(|[x0, y0, x1, y1]| format!("crop {x0},{y0},{x1},{y1}")));
     shown
+}
+
+// Materials, lights, cameras and the environment in words and units.
+
+/// Up to four digits behind the point.
+pub fn number(x: f64) -> String {
+    let text = format!("{x:.4}");
+    let trimmed = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+    match trimmed {
+        "0" | "-0" if x != 0.0 => format!("{x:.3e}"),
+        "-0" => "0".to_string(),
+        _ => trimmed.to_string(),
+    }
+}
+
+/// Numbers in brackets.
+pub fn list<T: Into<f64> + Copy>(values: &[T]) -> String {
+    let shown: Vec<String> = values.iter().map(|&v| number(v.into())).collect();
+    format!("({})", shown.join(", "))
+}
+
+/// A material's properties that differ from the default.
+pub fn describe_material(scene: &Scene, m: &Material) -> String {
+    let mut parts = vec![match &m.model {
+        Model::SchlickMetal { color: c, roughness } => {
+            format!("metal, colour {}, roughness {}", color(c), share(roughness))
+        }
+        Model::Conductor { eta, k, roughness, .. } => {
+            format!("metal of index {} + i {}, roughness {}", list(eta), list(k), share(roughness))
+        }
+        Model::Dielectric { ior, tint, .. } => {
+            format!("glass of index {}, tint {}", number((*ior).into()), color(tint))
+        }
+        Model::Glass { ior, tint, roughness, is_thin } => {
+            let (ior, kind) = (number((*ior).into()), if *is_thin { "thin glass" } else { "glass" });
+            format!("{kind} of index {ior}, tint {}, roughness {}", color(tint), share(roughness))
+        }
+        Model::Pbr(p) => pbr(p),
+        plain => parameters(plain),
+    }];
+    if let Some(e) = &m.emission {
+        let sides = if e.two_sided { "both sides" } else { "its front" };
+        parts.push(format!("emits {} W/sr/m2 from {sides}", color(&e.radiance)));
+    }
+    if let Some(medium) = &m.medium {
+        let (extinction, albedo) = (list(&medium.extinction), list(&medium.albedo));
+        parts.push(format!("filled with a medium of extinction {extinction} a metre, albedo {albedo}"));
+    }
+    match m.alpha_mode {
+        AlphaMode::Opaque => {}
+        AlphaMode::Mask { cutoff } => {
+            parts.push(format!("alpha {} cut at {}", share(&m.alpha), number(cutoff.into())))
+        }
+        AlphaMode::Blend => parts.push(format!("alpha {}", share(&m.alpha))),
+    }
+    if m.normal_map.is_some() {
+        parts.push("normal map".to_string());
+    }
+    if !m.double_sided {
+        parts.push("one-sided".to_string());
+    }
+    if m.use_vertex_colors {
+        parts.push("vertex colours".to_string());
+    }
+    let images: Vec<String> =
+        material_images(scene, m).into_iter().map(|i| format!("'{}'", scene.images[i].name)).collect();
+    if !images.is_empty() {
+        parts.push(format!("images {}", images.join(", ")));
+    }
+    parts.join("; ")
+}
+
+/// The name of a model and its parameters.
+fn parameters(model: &Model) -> String {
+    let mut text = model.name().to_string();
+    model.visit("", &mut |name, parameter| {
+        let name = if name == "color" { "colour" } else { name };
+        match parameter {
+            Parameter::Color(slot) => text += &format!(", {name} {}", color(slot)),
+            Parameter::Number(slot) => text += &format!(", {name} {}", share(slot)),
+            Parameter::Constant(value) => text += &format!(", {name} {}", number((*value).into())),
+            Parameter::Texture(_) => {}
+        }
+    });
+    text
+}
+
+fn pbr(p: &PbrMaterial) -> String {
+    let mut parts = vec![format!(
+        "glTF, base colour {}, metallic {}, roughness {}",
+        color(&p.base_color),
+        share(&p.metallic),
+        share(&p.roughness)
+    )];
+    if p.transmission.factor > 0.0 {
+        let wall = match (p.has_volume, p.keeps_radiance) {
+            (true, _) => "solid",
+            (false, true) => "an open sheet that bends light",
+            (false, false) => "thin-walled",
+        };
+        let ior = number(p.ior.into());
+        parts.push(format!("transmission {} ({wall}, index {ior})", share(&p.transmission)));
+    }
+    if p.specular.factor != 1.0 || p.specular.texture.is_some() {
+        parts.push(format!("specular {}", share(&p.specular)));
+    }
+    let layers = [
+        ("rough diffuse", p.diffuse_roughness.factor > 0.0),
+        ("clearcoat", p.clearcoat.is_some()),
+        ("sheen", p.sheen.is_some()),
+        ("anisotropy", p.anisotropy.is_some()),
+        ("iridescence", p.iridescence.is_some()),
+        ("diffuse transmission", p.diffuse_transmission.is_some()),
+        ("dispersion", p.dispersion > 0.0),
+        ("tinted reflection", p.glass_reflection == GlassReflection::Tinted),
+        ("no reflection", p.glass_reflection == GlassReflection::None),
+    ];
+    parts.extend(layers.iter().filter(|l| l.1).map(|l| l.0.to_string()));
+    parts.join(", ")
+}
+
+fn color(slot: &ColorSlot) -> String {
+    match (slot.texture, slot.factor) {
+        (None, c) => list(&c),
+        (Some(_), [1.0, 1.0, 1.0]) => "texture".to_string(),
+        (Some(_), c) => format!("texture x {}", list(&c)),
+    }
+}
+
+fn share(slot: &FloatSlot) -> String {
+    match (slot.texture, slot.factor) {
+        (None, x) => number(x.into()),
+        (Some(_), 1.0) => "texture".to_string(),
+        (Some(_), x) => format!("texture x {}", number(x.into())),
+    }
+}
+
+/// The kind of a light, and the unit of its strength.
+pub fn light_kind(light: &Light) -> (&'static str, &'static str) {
+    match light.kind {
+        LightKind::Point { .. } => ("point", "W/sr"),
+        LightKind::Spot { .. } => ("spot", "W/sr"),
+        LightKind::Profiled { .. } => ("profiled", "W/sr"),
+        LightKind::Directional { .. } => ("directional", "W/m2"),
+        LightKind::Sun { .. } => ("sun", "W/m2"),
+    }
+}
+
+/// A light with its strength and place.
+pub fn describe_light(light: &Light) -> String {
+    let (kind, unit) = light_kind(light);
+    let place = match light.kind {
+        LightKind::Point { position } => format!("at {}", list(&position.to_array())),
+        LightKind::Spot { position, direction, inner_angle_rad, outer_angle_rad, .. } => format!(
+            "at {} towards {}, full to {} and dark from {} degrees off its axis",
+            list(&position.to_array()),
+            list(&direction.to_array()),
+            number(inner_angle_rad.to_degrees()),
+            number(outer_angle_rad.to_degrees())
+        ),
+        LightKind::Profiled { position, rotation, .. } => format!(
+            "at {} towards {}",
+            list(&position.to_array()),
+            list(&(rotation * DVec3::NEG_Z).to_array())
+        ),
+        LightKind::Directional { direction } => format!("towards {}", list(&direction.to_array())),
+        LightKind::Sun { direction, angle_rad } => format!(
+            "towards {}, {} degrees wide",
+            list(&direction.to_array()),
+            number(angle_rad.to_degrees())
+        ),
+    };
+    format!("{kind}, {} {unit}, {place}", list(&light.intensity))
+}
+
+/// The kind of the environment.
+pub fn environment_name(environment: &Environment) -> &'static str {
+    match environment {
+        Environment::Black => "none",
+        Environment::Constant(_) => "constant",
+        Environment::Gradient { .. } => "gradient",
+        Environment::Image { .. } => "image",
+    }
+}
+
+/// The environment with its radiance.
+pub fn describe_environment(scene: &Scene) -> String {
+    match &scene.environment {
+        Environment::Black => "none".to_string(),
+        Environment::Constant(c) => format!("constant, {} W/sr/m2", list(c)),
+        Environment::Gradient { nadir, zenith } => {
+            format!("gradient, {} W/sr/m2 below to {} above", list(nadir), list(zenith))
+        }
+        Environment::Image { image, strength, rotation_rad } => format!(
+            "image '{}', strength {}, turned by {} degrees",
+            scene.images[image.index()].name,
+            number((*strength).into()),
+            number(rotation_rad.to_degrees())
+        ),
+    }
+}
+
+/// What a panorama shows.
+fn words_of_panorama(panorama: &Panorama) -> String {
+    let from_to = |[from, to]: [f64; 2]| {
+        format!("{} to {} degrees", number(from.to_degrees()), number(to.to_degrees()))
+    };
+    let fisheye =
+        |kind: &str, fov_rad: f64| format!("{kind} fisheye of {} degrees", number(fov_rad.to_degrees()));
+    match *panorama {
+        Panorama::Equirectangular { longitude_rad, latitude_rad } => format!(
+            "equirectangular panorama, longitude {}, latitude {}",
+            from_to(longitude_rad),
+            from_to(latitude_rad)
+        ),
+        Panorama::FisheyeEquidistant { fov_rad } => fisheye("equidistant", fov_rad),
+        Panorama::FisheyeEquisolid { fov_rad, .. } => fisheye("equisolid", fov_rad),
+    }
+}
+
+/// A camera with its projection, place and lens.
+pub fn describe_camera(camera: &Camera) -> String {
+    let projection = match camera.projection {
+        Projection::Perspective { vfov_rad } => {
+            format!("perspective, {} degrees high", number(vfov_rad.to_degrees()))
+        }
+        Projection::Orthographic { half_height } => {
+            format!("orthographic, {} m high", number(2.0 * half_height))
+        }
+        Projection::Panorama(panorama) => words_of_panorama(&panorama),
+    };
+    let placement = camera.world_from_camera;
+    let mut text = format!(
+        "{projection}, at {} towards {}",
+        list(&placement.translation.to_array()),
+        list(&(-placement.matrix3.z_axis).to_array())
+    );
+    if let Some(aspect) = camera.aspect_ratio {
+        text += &format!(", {} times as wide", number(aspect));
+    }
+    if camera.pixel_aspect != 1.0 {
+        text += &format!(", pixels {} times as wide as high", number(camera.pixel_aspect));
+    }
+    if let Some(lens) = camera.lens {
+        let radius = lens.focus_distance * (lens.defocus_angle_rad / 2.0).tan();
+        text += &format!(
+            ", lens of radius {} mm in focus at {} m",
+            number(radius * 1000.0),
+            number(lens.focus_distance)
+        );
+    }
+    text
+}
+
+// The objects of a scene as a tree: the names of instances are paths of nodes.
+
+/// Lines of the tree that are shown.
+const MOST_LINES: usize = 400;
+
+#[derive(Default)]
+struct Node<'a> {
+    name: &'a str,
+    /// What is placed here.
+    content: Vec<String>,
+    children: Vec<usize>,
+}
+
+/// The tree of all objects, indented by two blanks a level.
+pub fn tree(scene: &Scene) -> Vec<String> {
+    let mut nodes: Vec<Node> = vec![Node::default()];
+    let mut known: HashMap<(usize, &str), usize> = HashMap::new();
+    for instance in &scene.instances {
+        let mesh = &scene.meshes[instance.mesh.index()];
+        let materials: Vec<String> =
+            instance_materials(scene, instance).into_iter().map(|m| material_name(scene, m)).collect();
+        let content =
+            format!("mesh '{}', {} triangles, {}", mesh.name, mesh.triangles.len(), materials.join(", "));
+        insert(&mut nodes, &mut known, &instance.name, content);
+    }
+    for s in &scene.shapes {
+        let content =
+            format!("{} of radius {}, {}", s.kind.tag().name(), s.radius, material_name(scene, s.material));
+        insert(&mut nodes, &mut known, &s.name, content);
+    }
+    for q in &scene.quads {
+        let (u, v) = (q.edge_u.length(), q.edge_v.length());
+        let content = format!("quad of {u:.4} x {v:.4} m, {}", material_name(scene, q.material));
+        insert(&mut nodes, &mut known, &q.name, content);
+    }
+    for c in &scene.curves {
+        let (strands, points) = (c.strands.len(), c.points.len());
+        let material = material_name(scene, c.material);
+        let content = format!("{strands} {} curves of {points} points, {material}", c.basis.name());
+        insert(&mut nodes, &mut known, &c.name, content);
+    }
+    let mut lines = Vec::new();
+    let mut stack: Vec<(usize, usize)> = nodes[0].children.iter().rev().map(|&c| (c, 0)).collect();
+    while let Some((at, depth)) = stack.pop() {
+        let node = &nodes[at];
+        let name = if node.name.is_empty() { "(unnamed)" } else { node.name };
+        lines.push(format!("{}{name}{}", "  ".repeat(depth), described(&node.content)));
+        stack.extend(node.children.iter().rev().map(|&c| (c, depth + 1)));
+    }
+    if lines.len() > MOST_LINES {
+        let more = lines.len() - MOST_LINES;
+        lines.truncate(MOST_LINES);
+        lines.push(format!("... and {more} more"));
+    }
+    lines
+}
+
+fn insert<'a>(
+    nodes: &mut Vec<Node<'a>>,
+    known: &mut HashMap<(usize, &'a str), usize>,
+    path: &'a str,
+    content: String,
+) {
+    let mut at = 0;
+    for name in path.split('/') {
+        let next = nodes.len();
+        let child = *known.entry((at, name)).or_insert(next);
+        if child == next {
+            nodes.push(Node { name, ..Node::default() });
+            nodes[at].children.push(child);
+        }
+        at = child;
+    }
+    nodes[at].content.push(content);
+}
+
+/// What a node places, in one line; the same things are counted.
+fn described(content: &[String]) -> String {
+    let Some(first) = content.first() else { return String::new() };
+    if content.iter().all(|c| c == first) && content.len() > 1 {
+        return format!(": {} times {first}", content.len());
+    }
+    let shown: Vec<&str> = content.iter().take(3).map(String::as_str).collect();
+    let more = if content.len() > 3 { format!(" and {} more", content.len() - 3) } else { String::new() };
+    format!(": {}{more}", shown.join("; "))
+}
+
+fn material_name(scene: &Scene, id: MaterialId) -> String {
+    format!("'{}'", scene.materials[id.index()].name)
+}
+
+// Counts and sizes of a scene.
+
+/// Triangles that the instances place; those of a mesh count as often as it is placed.
+pub fn placed_triangles(scene: &Scene) -> u64 {
+    scene.instances.iter().map(|i| scene.meshes[i.mesh.index()].triangles.len() as u64).sum()
+}
+
+/// The materials of an instance, each once.
+pub fn instance_materials(scene: &Scene, instance: &Instance) -> Vec<MaterialId> {
+    if let Some(material) = instance.material {
+        return vec![material];
+    }
+    let mut ids: Vec<MaterialId> = Vec::new();
+    for part in &scene.meshes[instance.mesh.index()].parts {
+        if !ids.contains(&part.material) {
+            ids.push(part.material);
+        }
+    }
+    ids
+}
+
+/// Which materials something uses.
+pub fn used_materials(scene: &Scene) -> Vec<bool> {
+    let mut used = vec![false; scene.materials.len()];
+    let surfaces = scene.shapes.iter().map(|s| s.material).chain(scene.quads.iter().map(|q| q.material));
+    let surfaces = surfaces.chain(scene.curves.iter().map(|c| c.material));
+    let instances = scene.instances.iter().flat_map(|i| instance_materials(scene, i));
+    for id in surfaces.chain(instances) {
+        used[id.index()] = true;
+    }
+    used
+}
+
+/// Which images a material in use or the environment reaches.
+pub fn used_images(scene: &Scene) -> Vec<bool> {
+    let used = used_materials(scene);
+    let materials = scene.materials.iter().zip(used).filter(|(_, used)| *used);
+    let mut images = vec![false; scene.images.len()];
+    for (material, _) in materials {
+        for image in material_images(scene, material) {
+            images[image] = true;
+        }
+    }
+    if let Environment::Image { image, .. } = scene.environment {
+        images[image.index()] = true;
+    }
+    images
+}
+
+/// The images that a material reaches, by index, each once and in order.
+pub fn material_images(scene: &Scene, material: &Material) -> Vec<usize> {
+    let mut textures = vec![false; scene.textures.len()];
+    for id in material.textures() {
+        textures[id.index()] = true;
+    }
+    let mut images = Vec::new();
+    // A texture comes after those that it is made of, so one pass backwards reaches them all.
+    for (i, texture) in scene.textures.iter().enumerate().rev() {
+        match *texture {
+            Texture::Image { image, .. } if textures[i] => images.push(image.index()),
+            Texture::Checker { even, odd, .. } if textures[i] => {
+                textures[even.index()] = true;
+                textures[odd.index()] = true;
+            }
+            Texture::Mix { a, b, factor } if textures[i] => {
+                for part in [a, b, factor] {
+                    textures[part.index()] = true;
+                }
+            }
+            _ => {}
+        }
+    }
+    images.sort_unstable();
+    images.dedup();
+    images
 }

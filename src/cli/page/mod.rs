@@ -1,19 +1,94 @@
 //! A page in the browser that shows a picture while it renders: what it asks for and how it is served. [`state`] is shared by
 //! the threads that answer requests and the one that renders.
 
-mod answer;
-mod door;
-mod frame;
 mod http;
 mod pose;
-mod preview;
 mod server;
 mod state;
-mod told;
 
-pub(super) use frame::{Frame, Look};
+use super::args::RenderArgs;
+use oscura::error::Result;
+use oscura::film::Aov;
+use oscura::output::PngOptions;
+use oscura::render::Rendering;
+use oscura::scene::Camera;
 pub(super) use pose::Pose;
-pub(super) use preview::PagePreview;
 pub(super) use server::{Page, bind};
-pub(super) use state::{Facts, Order, Shared, Wish};
-pub(super) use told::own_command;
+pub(super) use state::{Facts, Frame, Look, Order, Shared, Wish, own_command};
+use std::time::{Duration, Instant};
+
+// `oscura render --preview`: the page shows what is rendered anyway.
+
+/// Between two pictures.
+const PAUSE: Duration = Duration::from_millis(250);
+/// For pages to fetch the last picture.
+const FAREWELL: Duration = Duration::from_millis(300);
+
+/// A page that looks on.
+pub(crate) struct PagePreview {
+    page: Page,
+    shown: Option<Instant>,
+}
+
+impl PagePreview {
+    /// Opens the page, in a browser too if that is wanted.
+    ///
+    /// # Errors
+    /// A usage error if this machine has no port for it.
+    pub fn open(args: &RenderArgs, opens: bool) -> Result<PagePreview> {
+        let server = bind(0)?;
+        let pose = Pose::new(Camera::look_at([0.0, 0.0, 1.0], [0.0; 3], 30.0), 1.0);
+        let wish = Wish { pose, camera: 0, size: (1, 1), rotation: None, aov: None, loads: 0 };
+        let facts = Facts {
+            name: args.scene.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+            command: std::iter::once("oscura".to_string()).chain(state::arguments()).collect(),
+            ..Facts::default()
+        };
+        let look = Look::new(PngOptions::default());
+        let shared = Shared::new(wish, look, facts, Vec::new());
+        Ok(PagePreview { page: Page::open(server, shared, opens, args.quiet), shown: None })
+    }
+
+    /// A picture begins.
+    pub fn begin(&mut self, rendering: &Rendering, png: &PngOptions, camera: &Camera, triangles: u64) {
+        let film = rendering.film();
+        let has = |aov: &&Aov| film.aov(**aov).is_some();
+        let size = (film.width(), film.height());
+        self.shown = None;
+        self.page.shared.wish(|state| {
+            state.wish.pose = Pose::new(camera.clone(), 1.0);
+            state.wish.size = size;
+            state.look = Look { aov: state.look.aov, ..Look::new(png.clone()) };
+            state.facts.sizes = vec![size];
+            state.facts.cameras = vec![camera.name.clone()];
+            state.facts.triangles = triangles;
+            let passes = Aov::ALL.iter().filter(has);
+            state.facts.passes = passes.map(|aov| (aov.info().option, aov.info().about)).collect();
+            state.facts.samples = rendering.samples();
+        });
+    }
+
+    /// When the picture so far is to be shown next.
+    pub fn next_show(&self) -> Instant {
+        self.shown.map_or_else(Instant::now, |shown| shown + PAUSE)
+    }
+
+    /// Shows the picture so far, unless one was shown a moment ago.
+    pub fn show(&mut self, rendering: &Rendering, is_finished: bool) {
+        if !is_finished && self.shown.is_some_and(|shown| shown.elapsed() < PAUSE) {
+            return;
+        }
+        let order = self.page.shared.lock().wishes;
+        let frame = Frame::of(rendering, is_finished, order);
+        self.page.shared.show(|state| state.frame = Some(frame.into()));
+        self.shown = Some(Instant::now());
+    }
+}
+
+impl Drop for PagePreview {
+    fn drop(&mut self) {
+        if self.shown.is_some() {
+            std::thread::sleep(FAREWELL);
+        }
+    }
+}

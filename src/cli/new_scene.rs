@@ -1,8 +1,6 @@
-//! `oscura new --beside MODEL`: a file of settings for what the model can't carry, with what the model tells filled in.
-
 use super::Outcome;
 use super::args::NewArgs;
-use super::terms;
+use super::report::name_options_in_error;
 use oscura::error::{Error, Result};
 use oscura::load::scene_file::sidecar;
 use oscura::load::{BlenderExport, LoadOptions, Loaded, load};
@@ -11,7 +9,37 @@ use oscura::scene::Scene;
 use std::fmt::Write;
 use std::path::Path;
 
-pub(crate) fn run(model: &Path, args: &NewArgs) -> Result<Outcome> {
+// `oscura new`: a commented scene to start from, or settings for a model ([`beside`]).
+
+/// The scene that is written.
+const STARTER: &str = include_str!("starter.toml");
+
+pub(crate) fn run(args: &NewArgs) -> Result<Outcome> {
+    let path = match (&args.beside, &args.scene) {
+        (Some(model), _) => return write_sidecar(model, args),
+        (None, Some(path)) => path,
+        (None, None) => return Err(Error::usage("name the file to write")),
+    };
+    if path.extension().is_none_or(|e| !e.eq_ignore_ascii_case("toml")) {
+        return Err(Error::usage(format!("{}: scene files end in .toml", path.display())));
+    }
+    if path.exists() && !args.force {
+        let message = format!("{} exists already", path.display());
+        return Err(Error::usage(message).with_help("choose another name, or replace it by --force"));
+    }
+    check_target(path)?;
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    write_atomically(path, STARTER.replace("THIS-FILE.toml", &name).as_bytes())?;
+    if !args.quiet {
+        say!("wrote    {}", path.display());
+        say!("next     oscura render {0} -o {1}.png", path.display(), name.trim_end_matches(".toml"));
+    }
+    Ok(Outcome::Done)
+}
+
+// `oscura new --beside MODEL`: a file of settings for what the model can't carry, with what the model tells filled in.
+
+fn write_sidecar(model: &Path, args: &NewArgs) -> Result<Outcome> {
     let path = sidecar::path_for(model);
     if path == model || model.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
         let message = format!("{} is no model", model.display());
@@ -23,7 +51,7 @@ pub(crate) fn run(model: &Path, args: &NewArgs) -> Result<Outcome> {
     }
     check_target(&path)?;
     let options = LoadOptions { no_sidecar: true, brings_environment: true, ..LoadOptions::default() };
-    let loaded = load(model, &options).map_err(terms::in_error)?;
+    let loaded = load(model, &options).map_err(name_options_in_error)?;
     write_atomically(&path, text(model, &loaded).as_bytes())?;
     if !args.quiet {
         say!("wrote    {}", path.display());

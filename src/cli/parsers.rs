@@ -1,0 +1,302 @@
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::error::{ContextKind, ContextValue, ErrorKind};
+use clap::{Arg, Command, ValueEnum};
+use oscura::film::{Aov, AovInfo, AovSet, PixelType};
+use oscura::output::part::Region;
+use oscura::render::ALL_AOVS;
+use std::borrow::Cow;
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+// Numbers among the arguments.
+
+/// A number for which `is_valid` holds.
+pub(super) fn number(text: &str, is_valid: impl Fn(f64) -> bool, what: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|&v| is_valid(v)).ok_or_else(|| format!("must be {what}"))
+}
+
+/// Stops of exposure; the range is that of scene files.
+pub(super) fn stops(text: &str) -> Result<f32, String> {
+    number(text, |v| (-100.0..=100.0).contains(&v), "a number from -100 to 100").map(|v| v as f32)
+}
+
+/// A rectangle of pixels, `X0,Y0,X1,Y1`.
+pub(super) fn region(text: &str) -> Result<Region, String> {
+    let numbers: Option<Vec<u32>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[x0, y0, x1, y1]) if x0 < x1 && y0 < y1 => Ok(Region { x0, y0, x1, y1 }),
+        _ => {
+            Err("not a region such as 0,0,640,360: left, top, right and bottom, the last two not included"
+                .into())
+        }
+    }
+}
+
+// Arguments that are one of some names of the library's.
+
+/// One of `all`, by its name; `about` says what it is, where that is not empty.
+pub(super) fn named<T: Copy + Send + Sync + 'static>(
+    all: &'static [T],
+    name: fn(T) -> &'static str,
+    about: fn(T) -> &'static str,
+) -> impl TypedValueParser<Value = T> {
+    let value = move |&one: &T| match about(one) {
+        "" => PossibleValue::new(name(one)),
+        about => PossibleValue::new(name(one)).help(about),
+    };
+    let parser = PossibleValuesParser::new(all.iter().map(value));
+    parser.try_map(move |text| all.iter().copied().find(|&one| name(one) == text).ok_or("is no such name"))
+}
+
+// The argument of `--preview`.
+
+/// Where a running tev listens unless told otherwise.
+const TEV: &str = "127.0.0.1:14158";
+
+/// Where a running render is shown.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum PreviewArg {
+    /// On a page that a browser opens.
+    Page,
+    /// On a page whose address is printed only.
+    Address,
+    /// By the viewer tev, which listens at an address.
+    Tev(String),
+}
+
+impl FromStr for PreviewArg {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<PreviewArg, String> {
+        match text {
+            "page" => Ok(PreviewArg::Page),
+            "address" => Ok(PreviewArg::Address),
+            "tev" => Ok(PreviewArg::Tev(TEV.to_string())),
+            _ => match text.strip_prefix("tev:") {
+                Some(address) if address.contains(':') => Ok(PreviewArg::Tev(address.to_string())),
+                _ => Err("it is page, address, tev, or tev:HOST:PORT".to_string()),
+            },
+        }
+    }
+}
+
+// The argument of `--show`.
+
+/// How pictures are drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ShowArg {
+    /// As the terminal can, by what its variables say.
+    Auto,
+    /// Characters of two pixels each.
+    Blocks,
+    /// The protocol of kitty, which others know, too.
+    Kitty,
+    /// Sixel graphics.
+    Sixel,
+}
+
+// Numbered sequences of pictures: `--frames 1-10x2`.
+
+/// Most pictures of one command; beyond, the range is surely a slip.
+const MOST: u64 = 1 << 20;
+
+/// Most digits of a number in a name.
+const MOST_DIGITS: usize = 20;
+
+/// A range of frames: first, last (included) and step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Frames {
+    first: u32,
+    last: u32,
+    step: u32,
+}
+
+impl FromStr for Frames {
+    type Err = String;
+
+    /// `7`, `1-10` or `1-10x2`.
+    fn from_str(text: &str) -> Result<Frames, String> {
+        let wrong = || "not a range of frames such as 7, 1-10 or 1-10x2".to_string();
+        let number = |text: &str| text.parse::<u32>().map_err(|_| wrong());
+        let (range, step) = match text.split_once('x') {
+            Some((range, step)) => (range, number(step)?),
+            None => (text, 1),
+        };
+        let (first, last) = match range.split_once('-') {
+            Some((first, last)) => (number(first)?, number(last)?),
+            None => (number(range)?, number(range)?),
+        };
+        if step == 0 || last < first {
+            return Err("the last frame comes before the first, or the step is 0".to_string());
+        }
+        if u64::from(last - first) / u64::from(step) >= MOST {
+            return Err(format!("more than {MOST} frames"));
+        }
+        Ok(Frames { first, last, step })
+    }
+}
+
+impl Frames {
+    /// The numbers of the frames.
+    pub(crate) fn numbers(self) -> impl Iterator<Item = u32> {
+        (self.first..=self.last).step_by(self.step as usize)
+    }
+
+    /// The file for a frame: `#` in the name stand for the digits of its number, as `%04d` does for four; without any,
+    /// `.####` comes before the extension.
+    pub(crate) fn file(path: &Path, number: u32) -> PathBuf {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let name = with_marks(&name);
+        let pattern = match name.contains('#') {
+            true => name.to_string(),
+            false => {
+                let (stem, extension) = name.rsplit_once('.').unwrap_or((&name, ""));
+                format!("{stem}.####.{extension}")
+            }
+        };
+        let start = pattern.find('#').unwrap_or(0);
+        let width = pattern[start..].chars().take_while(|c| *c == '#').count();
+        let (head, tail) = (&pattern[..start], &pattern[start + width..]);
+        path.with_file_name(format!("{head}{number:0width$}{tail}"))
+    }
+}
+
+/// A name with `#` in place of the first `%d`, `%4d` or `%04d` of C.
+fn with_marks(name: &str) -> Cow<'_, str> {
+    for (at, _) in name.match_indices('%') {
+        let rest = &name[at + 1..];
+        let digits = rest.find(|c: char| !c.is_ascii_digit()).unwrap_or(rest.len());
+        let width = if digits == 0 { Some(1) } else { rest[..digits].parse().ok() };
+        if let (Some(tail), Some(width @ 1..=MOST_DIGITS)) = (rest[digits..].strip_prefix('d'), width) {
+            return Cow::Owned(format!("{}{}{tail}", &name[..at], "#".repeat(width)));
+        }
+    }
+    Cow::Borrowed(name)
+}
+
+// `--aov`: names of the film's table of channels, `all`, and `help` for the table.
+
+/// Reads one name.
+#[derive(Clone)]
+pub(super) struct AovParser;
+
+impl AovParser {
+    fn inner() -> PossibleValuesParser {
+        let value = |aov: &Aov| PossibleValue::new(aov.info().option).help(aov.info().about);
+        let further = [
+            PossibleValue::new(ALL_AOVS).help("All of these"),
+            PossibleValue::new("help").help("Lists them with the names and types of their channels"),
+            // Names of earlier versions.
+            PossibleValue::new("nearest").hide(true),
+            PossibleValue::new("material").hide(true),
+        ];
+        PossibleValuesParser::new(Aov::ALL.iter().map(value).chain(further))
+    }
+}
+
+impl TypedValueParser for AovParser {
+    type Value = AovSet;
+
+    fn parse_ref(&self, cmd: &Command, arg: Option<&Arg>, value: &OsStr) -> Result<AovSet, clap::Error> {
+        if value == "help" {
+            let mut error = clap::Error::new(ErrorKind::DisplayHelp).with_cmd(cmd);
+            error.insert(ContextKind::ValidValue, ContextValue::String(table()));
+            return Err(error);
+        }
+        let name = AovParser::inner().parse_ref(cmd, arg, value)?;
+        let one = Aov::from_option(&name).map(AovSet::from);
+        Ok(one.unwrap_or_else(AovSet::all))
+    }
+
+    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
+        Some(Box::new(AovParser::inner().possible_values()?.collect::<Vec<_>>().into_iter()))
+    }
+}
+
+/// The table, if that is what was asked for.
+pub(super) fn aov_table_requested(error: &clap::Error) -> Option<&str> {
+    match (error.kind(), error.get(ContextKind::ValidValue)) {
+        (ErrorKind::DisplayHelp, Some(ContextValue::String(table))) => Some(table),
+        _ => None,
+    }
+}
+
+/// All AOVs with their channels.
+fn table() -> String {
+    let mut text = String::from("Channels of EXRs besides R, G, B and A:\n\n");
+    for info in Aov::ALL.iter().map(|aov| aov.info()) {
+        text += &format!("{:<22} {} ({})\n{:22} {}\n", info.option, names(info), kind(info), "", info.about);
+    }
+    text += "\nThe passes from diffuse_direct to environment add up to R, G and B.\n";
+    text
+}
+
+/// `DiffDir.RGB` for three names of a layer.
+fn names(info: &AovInfo) -> String {
+    let layer = |name: &'static str| name.rsplit_once('.').map_or(("", name), |parts| parts);
+    let mut layers: Vec<(&str, String)> = Vec::new();
+    for (of, component) in info.names.iter().map(|name| layer(name)) {
+        match layers.last_mut().filter(|(last, _)| *last == of) {
+            Some((_, components)) => components.push_str(component),
+            None => layers.push((of, component.to_string())),
+        }
+    }
+    let shown = |(of, components): &(&str, String)| match of.is_empty() {
+        true => components.clone(),
+        false => format!("{of}.{components}"),
+    };
+    layers.iter().map(shown).collect::<Vec<_>>().join(", ")
+}
+
+fn kind(info: &AovInfo) -> &'static str {
+    match info.pixel_type {
+        PixelType::Half => "half, float with --float",
+        PixelType::Float => "float",
+        PixelType::Uint => "32-bit integer",
+        _ => "",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn viewers_are_named() {
+        assert_eq!("address".parse(), Ok(PreviewArg::Address));
+        assert_eq!("tev".parse(), Ok(PreviewArg::Tev("127.0.0.1:14158".to_string())));
+        assert_eq!("tev:[::1]:99".parse(), Ok(PreviewArg::Tev("[::1]:99".to_string())));
+        for wrong in ["tev:", "tev:host", "Page", ""] {
+            assert!(wrong.parse::<PreviewArg>().is_err(), "{wrong}");
+        }
+    }
+}
+
+#[cfg(test)]
+mod frames_tests {
+    use super::*;
+
+    #[test]
+    fn ranges() {
+        let list = |text: &str| Frames::from_str(text).map(|f| f.numbers().collect::<Vec<_>>());
+        assert_eq!(list("7"), Ok(vec![7]));
+        assert_eq!(list("1-4"), Ok(vec![1, 2, 3, 4]));
+        assert_eq!(list("0-9x4"), Ok(vec![0, 4, 8]));
+        for wrong in ["", "a", "3-1", "1-5x0", "-3", "1-", "0-4294967295"] {
+            assert!(list(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn names() {
+        let file = |path: &str, n| Frames::file(Path::new(path), n).to_string_lossy().replace('\\', "/");
+        assert_eq!(file("a/out.exr", 7), "a/out.0007.exr");
+        assert_eq!(file("a/out_##.exr", 7), "a/out_07.exr");
+        assert_eq!(file("out.##.exr", 123), "out.123.exr");
+        assert_eq!(file("a%d/out.%04d.exr", 7), "a%d/out.0007.exr");
+        assert_eq!(file("out_%d.exr", 7), "out_7.exr");
+        assert_eq!(file("100%-%3d.exr", 7), "100%-007.exr");
+        assert_eq!(file("50%.exr", 7), "50%.0007.exr");
+    }
+}

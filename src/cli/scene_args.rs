@@ -1,0 +1,387 @@
+use super::parsers::number;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::error::{ContextKind, ContextValue, ErrorKind};
+use clap::{Args, ValueEnum};
+use oscura::error::{Error, Result, Warning};
+use oscura::load::blender::{BlenderOptions, default_cache};
+use oscura::load::gltf::{Glass, GltfOptions, LightUnits};
+use oscura::load::image::load_picture;
+use oscura::load::stage::{Background, Ground, StageLight, StageOptions, ViewFrom};
+use oscura::load::subdivide::{MOST_LEVELS, Subdivision};
+use oscura::load::{Up, extensions, is_named_as_scene};
+use std::path::{Path, PathBuf};
+
+// Arguments about glTF assets, the same for all commands that load them.
+
+/// Units of lights.
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+pub(crate) enum LightUnitsArg {
+    /// As the specification says; so does Blender by default.
+    #[default]
+    Auto,
+    /// Candela and lux, divided by 683 lm/W.
+    Spec,
+    /// Watts per steradian (Blender's mode Unitless).
+    Compat,
+    /// Watts of the whole light (Blender's mode Raw).
+    Raw,
+}
+
+/// What transparent materials without a volume are.
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+pub(crate) enum GlassArg {
+    /// Solid in files by Blender where meshes are closed, thin else.
+    #[default]
+    Auto,
+    /// Refracting solids.
+    Solid,
+    /// As auto, and flat solid panes of windows are single sheets, which light samples pass.
+    Panes,
+    /// Thin walls, as the specification says.
+    Thin,
+}
+
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "glTF assets")]
+pub(crate) struct AssetArgs {
+    /// Show animations at this moment, seconds [default: the file's rest state].
+    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = moment)]
+    pub time: Option<f64>,
+    /// Scene by name or number, from 0 [default: the file's default].
+    #[arg(long = "scene", value_name = "SCENE")]
+    pub scene_name: Option<String>,
+    /// Show only this node, by name or number, with all below it.
+    #[arg(long, value_name = "NODE")]
+    pub node: Option<String>,
+    /// Variant of the materials, by name or number.
+    #[arg(long, value_name = "VARIANT")]
+    pub variant: Option<String>,
+    /// What the numbers of lights mean.
+    #[arg(long, value_name = "UNITS", default_value = "auto")]
+    pub light_units: LightUnitsArg,
+    /// What transparent materials without a volume are.
+    #[arg(long, value_name = "KIND", default_value = "auto")]
+    pub glass: GlassArg,
+    /// Go on without extensions that the file demands and that are not supported.
+    #[arg(long)]
+    pub force: bool,
+}
+
+impl AssetArgs {
+    pub(crate) fn options(&self) -> GltfOptions {
+        GltfOptions {
+            time_s: self.time,
+            scene: self.scene_name.clone(),
+            node: self.node.clone(),
+            variant: self.variant.clone(),
+            light_units: match self.light_units {
+                LightUnitsArg::Auto => LightUnits::Auto,
+                LightUnitsArg::Spec => LightUnits::Spec,
+                LightUnitsArg::Compat => LightUnits::Compat,
+                LightUnitsArg::Raw => LightUnits::Raw,
+            },
+            glass: match self.glass {
+                GlassArg::Auto => Glass::Auto,
+                GlassArg::Solid => Glass::Solid,
+                GlassArg::Panes => Glass::Panes,
+                GlassArg::Thin => Glass::Thin,
+            },
+            force: self.force,
+        }
+    }
+}
+
+fn moment(text: &str) -> std::result::Result<f64, String> {
+    let value = text.parse().ok().filter(|t: &f64| t.is_finite());
+    value.ok_or_else(|| "not a number of seconds".to_string())
+}
+
+// Arguments about files of Blender, the same for all commands that load them.
+
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Blender files")]
+pub(crate) struct BlenderArgs {
+    /// Blender's program, or a Python that has bpy [default: OSCURA_BLENDER, else what is found].
+    #[arg(long, value_name = "PATH")]
+    pub blender: Option<PathBuf>,
+    /// View layer by name [default: the first that is rendered].
+    #[arg(long, value_name = "LAYER")]
+    pub view_layer: Option<String>,
+    /// Largest edge of pictures that node trees are baked to, 16 to 16384 pixels; each is as large as its mesh appears
+    /// [default: 4096].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(16..=16384), allow_negative_numbers = true)]
+    pub bake: Option<u32>,
+    /// Folder that keeps meshes and baked pictures for the next time [default: see 'oscura cache'].
+    #[arg(long, value_name = "FOLDER", conflicts_with = "no_cache")]
+    pub cache: Option<PathBuf>,
+    /// Keep nothing, and use nothing that was kept.
+    #[arg(long)]
+    pub no_cache: bool,
+}
+
+impl BlenderArgs {
+    /// What they choose.
+    pub(crate) fn options(&self) -> BlenderOptions {
+        let cache = self.cache.clone().or_else(default_cache).filter(|_| !self.no_cache);
+        BlenderOptions {
+            program: self.blender.clone(),
+            view_layer: self.view_layer.clone(),
+            bake: self.bake,
+            cache,
+            frame: None,
+        }
+    }
+}
+
+// Arguments about how models without a camera or light are shown, the same for all commands that render them.
+
+/// What lights scenes without light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum StageArg {
+    /// Soft boxes: key, fill and rim light.
+    Studio,
+    /// A blue sky with a hazy sun.
+    Sky,
+    /// A low, warm sun.
+    Sunset,
+    /// White from all around.
+    White,
+    /// No light, ground or material is added.
+    None,
+}
+
+/// What bare models stand on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum GroundArg {
+    /// Nothing.
+    None,
+    /// A ground like the background, which takes shadow and a trace of reflection.
+    Shadow,
+    /// A shiny floor.
+    Floor,
+}
+
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Models without camera or light")]
+pub(crate) struct StageArgs {
+    /// What lights a scene that has no light [default: studio].
+    #[arg(long, value_name = "STAGE")]
+    pub stage: Option<StageArg>,
+    /// What a model without a camera stands on [default: shadow on a stage, none with --env].
+    #[arg(long, value_name = "GROUND")]
+    pub ground: Option<GroundArg>,
+    /// Behind everything: #rrggbb, white, grey, black, transparent, or a picture [default: the stage's, else the environment].
+    #[arg(long, value_name = "COLOR|FILE", value_parser = background)]
+    pub background: Option<BackgroundArg>,
+    /// From where: three-quarter, front, right, back, left, top, bottom, iso, or azimuth and elevation such as 30,20
+    /// [default: three-quarter].
+    #[arg(long, value_name = "VIEW", allow_hyphen_values = true)]
+    pub view_from: Option<ViewFrom>,
+    /// Factor on the model's size in the picture.
+    #[arg(long, value_name = "F", default_value = "1", value_parser = zoom, allow_negative_numbers = true)]
+    pub zoom: f64,
+    /// Field of view, vertical, degrees [default: the camera's, 30 for models without one].
+    #[arg(long, value_name = "DEG", value_parser = fov, allow_negative_numbers = true)]
+    pub fov: Option<f64>,
+    /// Axis of OBJ and PLY files that points up; auto goes by the file's writer and the model's shape.
+    #[arg(long, value_name = "AXIS", default_value = "auto", value_parser = up(), allow_hyphen_values = true)]
+    pub up: Up,
+    /// Give meshes of OBJ and PLY files without normals smooth ones; edges where faces meet at more than so many degrees stay
+    /// sharp [30 if none is given].
+    #[arg(long, value_name = "DEG", num_args = 0..=1, require_equals = true, default_missing_value = "30", value_parser = crease)]
+    pub smooth: Option<f64>,
+    /// Subdivide the polygons of OBJ and the triangles of PLY files so many times (Catmull-Clark): smooth surfaces of coarse meshes.
+    #[arg(long, value_name = "LEVELS", value_parser = clap::value_parser!(u32).range(0..=i64::from(MOST_LEVELS)), allow_negative_numbers = true)]
+    pub subdivide: Option<u32>,
+}
+
+/// What `--background` names.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum BackgroundArg {
+    Transparent,
+    /// sRGB, 0..1.
+    Color([f32; 3]),
+    File(PathBuf),
+}
+
+impl StageArgs {
+    /// What `--subdivide` asks for.
+    pub fn subdivision(&self) -> Option<Subdivision> {
+        self.subdivide.map(|levels| Subdivision { levels, has_round_corners: false })
+    }
+
+    /// No colour of the background is chosen, which would have to look as it was given.
+    pub fn leaves_view_open(&self) -> bool {
+        self.stage != Some(StageArg::White)
+            && matches!(self.background, None | Some(BackgroundArg::Transparent))
+    }
+
+    /// The choices, for a picture of this width over height; reads the background's picture.
+    ///
+    /// # Errors
+    /// An input error if that can't be read.
+    pub fn options(&self, aspect: Option<f64>, warnings: &mut Vec<Warning>) -> Result<StageOptions> {
+        let light = match self.stage {
+            None | Some(StageArg::Studio) => StageLight::Studio,
+            Some(StageArg::Sky) => StageLight::Sky,
+            Some(StageArg::Sunset) => StageLight::Sunset,
+            Some(StageArg::White) => StageLight::White,
+            Some(StageArg::None) => StageLight::None,
+        };
+        let ground = self.ground.map(|ground| match ground {
+            GroundArg::None => Ground::None,
+            GroundArg::Shadow => Ground::Shadow,
+            GroundArg::Floor => Ground::Floor,
+        });
+        let background = match &self.background {
+            None => None,
+            Some(BackgroundArg::Transparent) => Some(Background::Transparent),
+            Some(BackgroundArg::Color(srgb)) => Some(Background::Color(srgb.map(linear))),
+            Some(BackgroundArg::File(path)) => Some(Background::Picture(load_picture(path, warnings)?)),
+        };
+        Ok(StageOptions {
+            light,
+            is_light_chosen: self.stage.is_some_and(|s| s != StageArg::None),
+            ground,
+            background,
+            view: self.view_from.unwrap_or_default(),
+            is_view_chosen: self.view_from.is_some(),
+            zoom: self.zoom,
+            vfov_degrees: self.fov.unwrap_or(StageOptions::default().vfov_degrees),
+            aspect,
+            is_orbit: false,
+            is_foretold: false,
+        })
+    }
+}
+
+/// The transfer function of sRGB.
+fn linear(v: f32) -> f32 {
+    oscura::color::linear_from_srgb(v)
+}
+
+/// A colour, `transparent`, or the name of a file.
+fn background(text: &str) -> std::result::Result<BackgroundArg, String> {
+    let named = match text {
+        "" => return Err("must be a colour such as #e0e0e0, transparent, or a picture".into()),
+        "transparent" | "none" => return Ok(BackgroundArg::Transparent),
+        "white" => Some([1.0; 3]),
+        "black" => Some([0.0; 3]),
+        "grey" | "gray" => Some([0.5; 3]),
+        _ => None,
+    };
+    if let Some(color) = named {
+        return Ok(BackgroundArg::Color(color));
+    }
+    let Some(digits) = text.strip_prefix('#') else {
+        if Path::new(text).extension().is_none() && !Path::new(text).exists() {
+            return Err(
+                "is neither white, grey, black, a colour such as #e0e0e0, transparent, nor a picture".into(),
+            );
+        }
+        return Ok(BackgroundArg::File(text.into()));
+    };
+    let is_hex = digits.len() == 6 && digits.bytes().all(|b| b.is_ascii_hexdigit());
+    let value = u32::from_str_radix(digits, 16).ok().filter(|_| is_hex);
+    let value = value.ok_or("a colour has six hexadecimal digits, such as #e0e0e0")?;
+    Ok(BackgroundArg::Color([16, 8, 0].map(|shift| (value >> shift & 255) as f32 / 255.0)))
+}
+
+fn zoom(text: &str) -> std::result::Result<f64, String> {
+    number(text, |v| (0.001..=1000.0).contains(&v), "a number from 0.001 to 1000")
+}
+
+fn fov(text: &str) -> std::result::Result<f64, String> {
+    number(text, |v| (0.1..=170.0).contains(&v), "a number of degrees from 0.1 to 170")
+}
+
+fn crease(text: &str) -> std::result::Result<f64, String> {
+    number(text, |v| (0.0..=180.0).contains(&v), "a number of degrees from 0 to 180")
+}
+
+/// Axes by name.
+pub(crate) fn up() -> impl TypedValueParser<Value = Up> {
+    let names = Up::ALL.iter().map(|up| PossibleValue::new(up.name()));
+    let parser = PossibleValuesParser::new(names);
+    parser.try_map(|name| Up::ALL.iter().copied().find(|up| up.name() == name).ok_or("is no axis"))
+}
+
+// What was given in the place of a scene: a file that isn't there, or a folder.
+
+/// Most files that a message lists.
+const LISTED: usize = 8;
+
+/// Extensions of files that may have been meant as the picture to write.
+const PICTURES: [&str; 5] = ["exr", "hdr", "png", "jpg", "jpeg"];
+
+/// Is there a file? Loading it tells what else may be wrong with it.
+///
+/// # Errors
+/// An input error with its remedy where there is none.
+pub(crate) fn check_scene_path(path: &Path) -> Result<()> {
+    if path.is_dir() {
+        return Err(Error::input(path, "is a folder").with_help(scenes_in(path)));
+    }
+    // What else may be wrong with a path, reading it tells.
+    if matches!(path.try_exists(), Ok(false)) {
+        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let (message, help) = match folder.is_dir() {
+            true => ("there is no such file".to_string(), scenes_in(folder)),
+            false => {
+                (format!("the folder {} does not exist", folder.display()), "check the path".to_string())
+            }
+        };
+        return Err(Error::input(path, message).with_help(help));
+    }
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    if PICTURES.contains(&extension.as_str()) {
+        let message = format!("files of type '.{extension}' can't be rendered");
+        let help = "it is a picture; the scene comes first: oscura render scene.glb -o picture.png";
+        return Err(Error::input(path, message).with_help(help));
+    }
+    Ok(())
+}
+
+/// Adds what to type where a scene stands in the place of a command.
+pub(crate) fn explain_subcommand(mut error: clap::Error) -> clap::Error {
+    let Some(ContextValue::String(word)) = error.get(ContextKind::InvalidSubcommand) else { return error };
+    if error.kind() == ErrorKind::InvalidSubcommand && is_named_as_scene(Path::new(word)) {
+        let tip = format!("to render it: oscura render {word} -o picture.png");
+        error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
+    }
+    error
+}
+
+/// Names the scenes in a folder.
+fn scenes_in(folder: &Path) -> String {
+    let entries = folder.read_dir().into_iter().flatten().flatten();
+    let mut names: Vec<String> = entries
+        .map(|entry| entry.file_name())
+        .filter(|name| is_named_as_scene(Path::new(name)))
+        .map(|name| name.to_string_lossy().into_owned())
+        .collect();
+    names.sort();
+    let more = names.len().saturating_sub(LISTED);
+    names.truncate(LISTED);
+    match (names.is_empty(), more) {
+        (true, _) => {
+            let types: Vec<String> = extensions().map(|extension| format!(".{extension}")).collect();
+            format!("there are no scenes ({}) in this folder", types.join(", "))
+        }
+        (false, 0) => format!("the scenes there: {}", names.join(", ")),
+        (false, more) => format!("the scenes there: {}, and {more} more", names.join(", ")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn backgrounds() {
+        assert_eq!(background("#ff8000"), Ok(BackgroundArg::Color([1.0, 128.0 / 255.0, 0.0])));
+        assert_eq!(background("transparent"), Ok(BackgroundArg::Transparent));
+        assert_eq!(background("sky.png"), Ok(BackgroundArg::File("sky.png".into())));
+        assert!(background("#fff").is_err() && background("#+1+1+1").is_err() && background("").is_err());
+    }
+}

@@ -1,0 +1,400 @@
+use super::process::cancel_by_signals;
+use super::report::{name_options_in_error, print_text};
+use super::scene_args::{StageArgs, check_scene_path};
+use super::{Outcome, exit_code, report};
+use clap::Args;
+use oscura::error::{Error, Result};
+use oscura::film::AovSet;
+use oscura::load::{LoadOptions, Loaded, is_of_blender, load};
+use oscura::output::{
+    Format, PngOptions, ViewTransform, check_target, encode, is_same_target, make_folder, remove_file,
+    write_atomically,
+};
+use oscura::render::{
+    CancelHandle, Caustics, Guiding, PathReuse, Renderer, Splitting, denoising_guides, in_pool,
+};
+use std::env;
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::Instant;
+
+// `oscura thumb`: small pictures of many models.
+
+/// Scattering events of a path: more are not seen at this size.
+const DEPTH: u32 = 6;
+
+/// What helps where a picture would replace something else.
+const ELSEWHERE: &str = "give another place by -o FOLDER or --file FILE";
+
+/// Makes all pictures; models that fail are listed, and the worst decides the exit code.
+pub(super) fn run(args: &ThumbArgs) -> Result<Outcome> {
+    let cancel = cancel_by_signals()?;
+    let targets = targets(args)?;
+    let threads = args.threads.map(usize::from);
+    in_pool(threads, || all(args, &targets, &cancel))?
+}
+
+/// Where each picture goes.
+fn targets(args: &ThumbArgs) -> Result<Vec<PathBuf>> {
+    if let Some(file) = &args.file {
+        return match args.models.len() {
+            1 => Ok(vec![file.clone()]),
+            many => Err(Error::usage(format!("--file is the picture of one model, not of {many}"))
+                .with_help("give a folder by -o")),
+        };
+    }
+    if let Some(folder) = &args.output {
+        make_folder(folder)?;
+    }
+    let mut targets: Vec<PathBuf> = Vec::new();
+    for model in &args.models {
+        let beside = model.with_extension("png");
+        let target = match &args.output {
+            Some(folder) => folder.join(beside.file_name().unwrap_or_default()),
+            None => beside,
+        };
+        if targets.contains(&target) {
+            let message = format!("two models would become {}", target.display());
+            return Err(Error::usage(message).with_help("give those of one name apart, or without -o"));
+        }
+        targets.push(target);
+    }
+    Ok(targets)
+}
+
+fn all(args: &ThumbArgs, targets: &[PathBuf], cancel: &CancelHandle) -> Result<Outcome> {
+    let mut failures: Vec<(&Path, Error)> = Vec::new();
+    for (model, target) in args.models.iter().zip(targets) {
+        let start = Instant::now();
+        match one(args, model, target, cancel) {
+            Ok(true) if !args.quiet => {
+                say!("wrote    {} in {:.1} s", target.display(), start.elapsed().as_secs_f64());
+            }
+            Ok(_) => {}
+            Err(error) => {
+                let error = name_options_in_error(error);
+                report::error(&error);
+                failures.push((model, error));
+            }
+        }
+        if cancel.is_cancelled() {
+            return Ok(Outcome::Interrupted);
+        }
+    }
+    let worst = failures.iter().map(|(_, error)| exit_code(error)).max();
+    let Some(worst) = worst else { return Ok(Outcome::Done) };
+    say!("{} of {} models failed:", failures.len(), args.models.len());
+    failures.iter().for_each(|(model, _)| say!("  {}", model.display()));
+    Ok(Outcome::Failed(worst))
+}
+
+/// Makes one; false if it was stopped.
+fn one(args: &ThumbArgs, model: &Path, target: &Path, cancel: &CancelHandle) -> Result<bool> {
+    check_scene_path(model)?;
+    check_target(target)?;
+    refuse_part(model, target, &[model.to_path_buf()])?;
+    if args.file.is_none() && args.output.is_none() && is_of_blender(model) && target.exists() {
+        // Only Blender knows which textures such a file has.
+        let message = format!("{} exists, and may be a texture of {}", target.display(), model.display());
+        return Err(Error::usage(message).with_help(ELSEWHERE));
+    }
+    let stage = args.stage.options(Some(1.0), &mut Vec::new())?;
+    let options = LoadOptions {
+        allow_external: args.allow_external,
+        up: args.stage.up,
+        smooth_rad: args.stage.smooth.map(f64::to_radians),
+        subdivision: args.stage.subdivision(),
+        stage,
+        ..LoadOptions::default()
+    };
+    let loaded = load(model, &options)?;
+    refuse_part(model, target, &options.files.paths())?;
+    let is_stage_lit = loaded.is_stage_lit;
+    let (width, height) = size(args.size, &loaded);
+    // Denoising does more for a few samples than what makes each of them better, in less time.
+    let mut rendering = Renderer::new(loaded)
+        .size(width, height)
+        .samples(args.spp)
+        .max_depth(DEPTH)
+        .caustics(Caustics::Off)
+        .guiding(Guiding::Off)
+        .path_reuse(PathReuse::Off)
+        .splitting(Splitting::OFF)
+        .aovs(denoising_guides())
+        .halves(true)
+        .cancel_by(cancel)
+        .start()?;
+    rendering.run();
+    if cancel.is_cancelled() {
+        return Ok(false);
+    }
+    rendering.denoise(AovSet::NONE);
+    let picture = rendering.into_picture();
+    let view = match is_stage_lit && args.stage.leaves_view_open() {
+        true => ViewTransform::Filmic,
+        false => ViewTransform::Srgb,
+    };
+    let mut output = picture.output_options().clone();
+    output.png = PngOptions { view, ..output.png };
+    // By what they hold, not by the name: that of a file manager's temporary file may end in anything.
+    let encoded = encode(picture.film(), Format::Png, &output, target)?;
+    write_atomically(target, &encoded.bytes)?;
+    Ok(true)
+}
+
+/// The picture must not replace the model or a file that it is made of, such as a texture of its name. A texture that is missing
+/// counts as well: the picture would become it.
+fn refuse_part(model: &Path, target: &Path, parts: &[PathBuf]) -> Result<()> {
+    if !parts.iter().any(|part| is_same_target(part, target)) {
+        return Ok(());
+    }
+    let model = model.display();
+    let message = format!("the picture would be {}, which {model} is made of", target.display());
+    Err(Error::usage(message).with_help(ELSEWHERE))
+}
+
+/// Square for models that were framed; else of the shape that the scene asks for.
+fn size(longer: u32, loaded: &Loaded) -> (u32, u32) {
+    let settings = &loaded.scene.settings;
+    let of_scene = match (settings.width, settings.height) {
+        (Some(w), Some(h)) if h > 0 => Some(f64::from(w) / f64::from(h)),
+        _ => loaded.scene.cameras.first().and_then(|c| c.aspect_ratio),
+    };
+    let aspect = of_scene.filter(|a| *a > 0.0 && a.is_finite() && loaded.turntable.is_none()).unwrap_or(1.0);
+    let of = |share: f64| ((f64::from(longer) * share).round() as u32).max(1);
+    (of(aspect.min(1.0)), of(1.0 / aspect.max(1.0)))
+}
+
+// Arguments of the commands about small pictures.
+
+#[derive(Args, Debug)]
+pub(crate) struct ThumbArgs {
+    /// The models or scenes: .gltf, .glb, .obj, .ply, .toml or .blend.
+    #[arg(required = true, value_name = "MODEL")]
+    pub models: Vec<PathBuf>,
+    /// Folder for the pictures, MODEL.png each [default: beside each model].
+    #[arg(short, long, value_name = "FOLDER")]
+    pub output: Option<PathBuf>,
+    /// The picture of the only model: a PNG, whatever its name is.
+    #[arg(long, value_name = "FILE", conflicts_with = "output")]
+    pub file: Option<PathBuf>,
+    /// Longer side in pixels.
+    #[arg(long, value_name = "N", default_value = "512", value_parser = clap::value_parser!(u32).range(1..=8192), allow_negative_numbers = true)]
+    pub size: u32,
+    /// Samples a pixel; their noise is taken out.
+    #[arg(long, value_name = "N", default_value = "4", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
+    pub spp: u32,
+    /// Threads [default: one a core].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_negative_numbers = true)]
+    pub threads: Option<u16>,
+    /// Let glTF and OBJ files refer to files outside their folder.
+    #[arg(long)]
+    pub allow_external: bool,
+    /// Print errors only.
+    #[arg(long)]
+    pub quiet: bool,
+    #[command(flatten)]
+    pub stage: StageArgs,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct ThumbnailerArgs {
+    /// Print what would be written, and where, and write nothing.
+    #[arg(long, conflicts_with = "remove")]
+    pub print: bool,
+    /// Remove what was written.
+    #[arg(long)]
+    pub remove: bool,
+    /// Print errors only.
+    #[arg(long)]
+    pub quiet: bool,
+}
+
+// `oscura install-thumbnailer`: the files by which file managers find out that `oscura thumb` makes small pictures of models
+// (the thumbnailers of GNOME and Xfce, and the shared MIME database of freedesktop.org).
+
+/// Types of models: name, what people call it, extension, and what such files begin with, if that is the same for all.
+const TYPES: [(&str, &str, &str, Option<&str>); 4] = [
+    ("model/gltf-binary", "glTF model (binary)", "glb", Some("glTF")),
+    ("model/gltf+json", "glTF model", "gltf", None),
+    ("model/obj", "Wavefront OBJ model", "obj", None),
+    ("model/x-ply", "PLY model or point cloud", "ply", Some("ply")),
+];
+
+/// The program that reads the folder of types anew.
+const UPDATE: &str = "update-mime-database";
+
+/// What is written.
+struct Installed {
+    thumbnailer: (PathBuf, String),
+    types: (PathBuf, String),
+    /// The folder of all types.
+    mime: PathBuf,
+}
+
+impl Installed {
+    /// Below the user's folder of data.
+    fn below(data: &Path) -> Installed {
+        let mime = data.join("mime");
+        Installed {
+            thumbnailer: (data.join("thumbnailers/oscura.thumbnailer"), thumbnailer(&program())),
+            types: (mime.join("packages/oscura.xml"), types()),
+            mime,
+        }
+    }
+
+    fn files(&self) -> [&(PathBuf, String); 2] {
+        [&self.thumbnailer, &self.types]
+    }
+}
+
+/// Writes, prints or removes the files.
+pub(crate) fn install(args: &ThumbnailerArgs) -> Result<Outcome> {
+    if args.print {
+        // Where nothing is written, the usual place says enough (packages are built without a home).
+        let installed = Installed::below(&data_folder().unwrap_or_else(|_| "~/.local/share".into()));
+        for (path, text) in installed.files() {
+            print_text(&format!("# {}\n{text}\n", path.display()));
+        }
+        return Ok(Outcome::Done);
+    }
+    let installed = Installed::below(&data_folder()?);
+    let say = |what: &str, path: &Path| {
+        if !args.quiet {
+            say!("{what:<8} {}", path.display());
+        }
+    };
+    for (path, text) in installed.files() {
+        match args.remove {
+            true if remove_file(path)? => say("removed", path),
+            true => {}
+            false => {
+                make_folder(path.parent().unwrap_or(Path::new(".")))?;
+                write_atomically(path, text.as_bytes())?;
+                say("wrote", path);
+            }
+        }
+    }
+    if !args.quiet {
+        explain(args.remove, update(&installed.mime), &installed.mime);
+    }
+    Ok(Outcome::Done)
+}
+
+/// Says what else is to know.
+fn explain(is_removal: bool, is_updated: bool, mime: &Path) {
+    if !is_updated {
+        say!("next     {UPDATE} {} (it was not found or failed; types show after it)", mime.display());
+    }
+    if is_removal {
+        return;
+    }
+    say!(
+        "note     pictures show when file managers have started anew; they keep failures: ~/.cache/thumbnails/fail"
+    );
+    if !program().starts_with("/usr") {
+        let path = program();
+        say!(
+            "note     GNOME's file manager lets thumbnailers see /usr only; it needs the program there, not at {}",
+            path.display()
+        );
+    }
+    say!("undo     oscura install-thumbnailer --remove");
+}
+
+/// Lets the system read the types again, if it has the means.
+fn update(mime: &Path) -> bool {
+    let mut command = Command::new(UPDATE);
+    command.arg(mime).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    mime.is_dir() && command.status().is_ok_and(|status| status.success())
+}
+
+/// `$XDG_DATA_HOME`, else `~/.local/share` (XDG Base Directory Specification).
+fn data_folder() -> Result<PathBuf> {
+    let given = |name: &str| env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
+    let usual = || given("HOME").map(|home| home.join(".local/share"));
+    given("XDG_DATA_HOME").or_else(usual).ok_or_else(|| {
+        Error::usage("can't tell where the user's data are").with_help("set XDG_DATA_HOME to a folder")
+    })
+}
+
+/// How the system starts this program: by its file, or by its name where it runs inside of another (Python).
+fn program() -> PathBuf {
+    let own = env::current_exe().ok().filter(|path| path.file_stem().is_some_and(|stem| stem == "oscura"));
+    let on_path = || {
+        let folders: OsString = env::var_os("PATH")?;
+        env::split_paths(&folders).map(|folder| folder.join("oscura")).find(|path| path.is_file())
+    };
+    own.or_else(on_path).unwrap_or_else(|| PathBuf::from("oscura"))
+}
+
+/// The entry of a thumbnailer; `%s` is the size in pixels, `%o` the picture and `%i` the model.
+fn thumbnailer(program: &Path) -> String {
+    let names: Vec<&str> = TYPES.iter().map(|(name, ..)| *name).collect();
+    let program = program.display().to_string();
+    // The specification has no quotes in TryExec.
+    let (tried, run) = (value(&program), value(&quoted(&program)));
+    format!(
+        "[Thumbnailer Entry]\nTryExec={tried}\nExec={run} thumb --quiet --size %s --file %o %i\nMimeType={};\n",
+        names.join(";")
+    )
+}
+
+/// A word of a command, in quotes (Desktop Entry Specification, "The Exec key").
+fn quoted(word: &str) -> String {
+    let mut out = String::from("\"");
+    for c in word.chars() {
+        match c {
+            '%' => out.push('%'),
+            '"' | '`' | '$' | '\\' => out.push('\\'),
+            _ => {}
+        }
+        out.push(c);
+    }
+    out + "\""
+}
+
+/// A string as the value of a key, which is read before its quotes are (Desktop Entry Specification, "Possible value types").
+fn value(text: &str) -> String {
+    text.replace('\\', r"\\").replace('\n', r"\n").replace('\t', r"\t").replace('\r', r"\r")
+}
+
+/// The types with their extensions, which systems may know already.
+fn types() -> String {
+    let of = |(name, about, extension, magic): &(&str, &str, &str, Option<&str>)| {
+        let magic = magic.map_or_else(String::new, |start| {
+            format!(
+                "    <magic priority=\"60\"><match type=\"string\" value=\"{start}\" offset=\"0\"/></magic>\n"
+            )
+        });
+        format!(
+            "  <mime-type type=\"{name}\">\n    <comment>{about}</comment>\n{magic}    <glob pattern=\"*.{extension}\"/>\n  \
+             </mime-type>\n"
+        )
+    };
+    let all: String = TYPES.iter().map(of).collect();
+    format!(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
+         <mime-info xmlns=\"http://www.freedesktop.org/standards/shared-mime-info\">\n{all}</mime-info>\n"
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paths_with_characters_of_the_command_are_escaped() {
+        let line = |path: &str, key: &str| {
+            let entry = thumbnailer(Path::new(path));
+            let found = entry.lines().find_map(|line| line.strip_prefix(key)).map(str::to_string);
+            found.expect("the key")
+        };
+        let path = r#"/opt/50% $off `a` "b" c\d/oscura"#;
+        let program = r#""/opt/50%% \\$off \\`a\\` \\"b\\" c\\\\d/oscura""#;
+        assert_eq!(line(path, "Exec="), format!("{program} thumb --quiet --size %s --file %o %i"));
+        assert_eq!(line(path, "TryExec="), r#"/opt/50% $off `a` "b" c\\d/oscura"#);
+        assert!(line("/usr/bin/oscura", "Exec=").starts_with("\"/usr/bin/oscura\" thumb"));
+    }
+}
