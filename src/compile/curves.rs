@@ -8,8 +8,8 @@
 use super::geometry::{CurveAttributes, Space, SurfaceCoordinates, frame_of};
 use super::limits;
 use super::material::CompiledMaterial;
-use super::object_materials::ObjectMaterials;
 use super::objects::Numbering;
+use super::objects::ObjectMaterials;
 use crate::error::Result;
 use crate::math::{DVec3, Vec3};
 use crate::scene::{CurveBasis, Curves, Scene};

@@ -1,14 +1,15 @@
 //! Finds what shines: emitting primitives become area lights, pairs of triangles that form a parallelogram one light.
 
-use super::geometry::{Attributes, Geometries, Space};
+use super::geometry::{Geometries, Placement, Primitive, Space, primitive, vertices};
 use super::material::{CompiledEmission, CompiledMaterial};
 use super::objects::ObjectId;
 use crate::accel::{self, is_in_reach};
 use crate::color::Rgb;
 use crate::light::{AreaLight, AreaShape, Edges, MovingLight, Radiance};
-use crate::math::{Bounds3, Hit, Mat3, Vec2, Vec3};
-use crate::shape::{Analytic, Shape};
+use crate::math::{Bounds3, DAffine3, Hit, Mat3, Vec2, Vec3};
+use crate::shape::{Analytic, Packed, Shape};
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 /// Area lights and which primitives they are.
 #[derive(Debug, Default)]
@@ -23,102 +24,74 @@ pub struct Emitters {
     pub moving_primitives: BTreeMap<(u32, u32), u32>,
 }
 
-/// All emitting primitives of the world's own geometry; no other has any, but for what moves.
+/// All emitting primitives: those of the world's own geometry, and those of placements that move. (Other placements have none.)
 pub fn find(geometries: &Geometries, materials: &[CompiledMaterial]) -> Emitters {
     let mut emitters = Emitters::default();
-    if materials.iter().all(|m| m.emission.is_none()) {
-        return emitters;
-    }
-    let Space { shapes, attributes, .. } = &*geometries.world;
-    let material = |prim: usize| attributes.materials[prim] as usize;
-    let emits = |prim: usize| sampled_emission(&materials[material(prim)]).is_some();
-    let (triangles, quads) = (shapes.triangles.len(), shapes.quads.len());
-    let mut prim = 0;
-    while prim < triangles {
-        if !emits(prim) {
-            prim += 1;
-            continue;
-        }
-        let shape = triangle_edges(shapes, prim);
-        let is_pair = prim + 1 < triangles && material(prim) == material(prim + 1);
-        let merged = (is_pair && shape.is_some()).then(|| parallelogram(shapes, prim)).flatten();
-        let is_constant = materials[material(prim)].emission.is_some_and(|e| e.radiance.texture.is_none());
-        match (merged, shape) {
-            (Some(edges), _) if is_constant => {
-                emitters.add(flat(edges), &materials[material(prim)], None, &[prim, prim + 1]);
-                prim += 2;
-            }
-            (_, Some(edges)) => {
-                let uv = triangle_uv(attributes, shapes.triangles[prim]);
-                emitters.add(AreaShape::Triangle(edges), &materials[material(prim)], Some(uv), &[prim]);
-                prim += 1;
-            }
-            _ => prim += 1,
-        }
-    }
-    for (i, quad) in shapes.quads.iter().enumerate() {
-        let edges = Edges { corner: quad.corner, edge_u: quad.edge_u, edge_v: quad.edge_v };
-        if quad.edge_u.cross(quad.edge_v).length() > 0.0 && is_reached(quad.bounds()) {
-            let uv = [[Vec2::ZERO, Vec2::X, Vec2::Y]; 2];
-            emitters.add(flat(edges), &materials[material(triangles + i)], Some(uv), &[triangles + i]);
-        }
-    }
-    for (i, shape) in shapes.analytic.iter().enumerate().filter(|(_, shape)| is_reached(shape.bounds())) {
-        let prim = triangles + quads + i;
-        let rotation = attributes.object_from_world(i);
-        emitters.add_analytic(*shape, &materials[material(prim)], rotation, prim);
+    if materials.iter().any(|m| m.emission.is_some()) {
+        emitters.add_still(&geometries.world, materials);
+        emitters.add_moving(geometries, materials);
     }
     emitters
 }
 
 /// The emission that light sampling knows of. Where a surface is partly absent, or shines otherwise for each viewer, only paths that
 /// meet it find its light.
-pub(super) fn sampled_emission(material: &CompiledMaterial) -> Option<CompiledEmission> {
+fn sampled_emission(material: &CompiledMaterial) -> Option<CompiledEmission> {
     material.emission.filter(|_| material.alpha.is_none() && !material.shines_by_viewer)
 }
 
 impl Emitters {
-    fn add(
-        &mut self,
-        shape: AreaShape,
-        material: &CompiledMaterial,
-        uv: Option<[[Vec2; 3]; 2]>,
-        prims: &[usize],
-    ) {
-        let Some(emission) = sampled_emission(material) else { return };
-        let factor = Rgb::from_array(emission.radiance.factor);
-        let radiance = match (emission.radiance.texture, uv) {
-            (Some(texture), Some(uv)) => Radiance::Flat { texture, factor, uv },
-            _ => Radiance::Constant(factor),
-        };
-        self.push(AreaLight::new(shape, emission.two_sided, radiance).with_beam(emission.beam), prims);
+    fn add_still(&mut self, world: &Space, materials: &[CompiledMaterial]) {
+        let Space { shapes, attributes, .. } = world;
+        let numbers = &attributes.materials;
+        let mut prim = 0;
+        while prim < numbers.len() {
+            let first = prim;
+            prim += 1;
+            let Some(emission) = sampled_emission(&materials[numbers[first] as usize]) else { continue };
+            let Some(shape) = area_shape(shapes, first as u32, None) else { continue };
+            let is_pair = prim < shapes.triangles.len() && numbers[first] == numbers[prim];
+            let is_uniform = emission.radiance.texture.is_none();
+            match (is_pair && is_uniform).then(|| parallelogram(shapes, first)).flatten() {
+                Some(edges) => {
+                    prim += 1;
+                    let radiance = Radiance::Constant(Rgb::from_array(emission.radiance.factor));
+                    self.push(emission.light(right_angled(edges), radiance), first..prim);
+                }
+                None => {
+                    let radiance = radiance(world, first as u32, &emission, false);
+                    self.push(emission.light(shape, radiance), first..prim);
+                }
+            }
+        }
     }
 
-    fn add_analytic(
-        &mut self,
-        shape: Analytic,
-        material: &CompiledMaterial,
-        object_from_world: Mat3,
-        prim: usize,
-    ) {
-        let Some(emission) = sampled_emission(material) else { return };
-        let factor = Rgb::from_array(emission.radiance.factor);
-        let radiance = match emission.radiance.texture {
-            Some(texture) => Radiance::Analytic { texture, factor, object_from_world },
-            None => Radiance::Constant(factor),
-        };
-        let light = AreaLight::new(AreaShape::Analytic(shape), emission.two_sided, radiance);
-        self.push(light.with_beam(emission.beam), &[prim]);
+    /// Adds each primitive of a placement that moves as one light with a key for each of the placement's. Shapes other than spheres
+    /// are left out: paths find their light by hitting them.
+    fn add_moving(&mut self, geometries: &Geometries, materials: &[CompiledMaterial]) {
+        for (index, placement) in geometries.placements.iter().enumerate().filter(|(_, p)| p.moves) {
+            let space = &*geometries.shared[placement.geometry as usize];
+            let keys = keys_of(geometries, placement, space);
+            for (prim, own) in space.attributes.materials.iter().enumerate() {
+                let (prim, material) = (prim as u32, placement.material.unwrap_or(*own));
+                let Some(emission) = sampled_emission(&materials[material as usize]) else { continue };
+                let shapes = keys.iter().map(|key| area_shape(&space.shapes, prim, Some(key)));
+                let Some(shapes) = shapes.collect::<Option<Vec<AreaShape>>>() else { continue };
+                let radiance = radiance(space, prim, &emission, keys[0].mirrors());
+                let lights = shapes.into_iter().map(|shape| emission.light(shape, radiance)).collect();
+                self.push_moving((index as u32 + 1, prim), lights);
+            }
+        }
     }
 
-    fn push(&mut self, light: AreaLight, prims: &[usize]) {
+    fn push(&mut self, light: AreaLight, prims: Range<usize>) {
         let index = self.lights.len() as u32;
-        self.light_of_primitive.extend(prims.iter().map(|&p| (p as u32, index)));
+        self.light_of_primitive.extend(prims.map(|p| (p as u32, index)));
         self.lights.push(light);
     }
 
     /// Adds a light that moves, at its keys.
-    pub(super) fn push_moving(&mut self, primitive: (u32, u32), keys: Vec<AreaLight>) {
+    fn push_moving(&mut self, primitive: (u32, u32), keys: Vec<AreaLight>) {
         let Some(&first) = keys.first() else { return };
         let index = self.lights.len();
         self.moving_primitives.insert(primitive, index as u32);
@@ -153,37 +126,14 @@ impl Emitters {
     }
 }
 
+impl CompiledEmission {
+    fn light(&self, shape: AreaShape, radiance: Radiance) -> AreaLight {
+        AreaLight::new(shape, self.two_sided, radiance).with_beam(self.beam)
+    }
+}
+
 fn corners(shapes: &accel::Geometry, prim: usize) -> [Vec3; 3] {
     shapes.triangles[prim].map(|i| Vec3::from_array(shapes.positions[i as usize]))
-}
-
-/// Can rays reach what lies in a box? The accelerator drops what they can't, which then shines no more than it is seen.
-pub(super) fn is_reached(bounds: Bounds3) -> bool {
-    is_in_reach(bounds.min) && is_in_reach(bounds.max)
-}
-
-/// The triangle at its first vertex; `None` without area or too far away (the accelerator drops it).
-fn triangle_edges(shapes: &accel::Geometry, prim: usize) -> Option<Edges> {
-    let [a, b, c] = corners(shapes, prim);
-    if ![a, b, c].into_iter().all(is_in_reach) {
-        return None;
-    }
-    let edges = Edges { corner: a, edge_u: b - a, edge_v: c - a };
-    let area = edges.edge_u.cross(edges.edge_v).length();
-    (area > 0.0 && area.is_finite()).then_some(edges)
-}
-
-fn triangle_uv(attributes: &Attributes, t: [u32; 3]) -> [[Vec2; 3]; 2] {
-    [0, 1].map(|set| {
-        let list = &attributes.uv[set];
-        t.map(|i| list.get(i as usize).map_or(Vec2::ZERO, |&uv| Vec2::from_array(uv)))
-    })
-}
-
-fn flat(edges: Edges) -> AreaShape {
-    let (u, v) = (edges.edge_u, edges.edge_v);
-    let is_right_angled = u.dot(v).abs() <= 1e-6 * u.length() * v.length();
-    if is_right_angled { AreaShape::Rectangle(edges) } else { AreaShape::Parallelogram(edges) }
 }
 
 /// The parallelogram that a triangle and the next one form, if they do: they share an edge that they run through in
@@ -205,4 +155,119 @@ fn parallelogram(shapes: &accel::Geometry, prim: usize) -> Option<Edges> {
         }
     }
     None
+}
+
+/// A key of a placement's motion: its transform, and the vertices of its mesh.
+struct Key<'a> {
+    world_from_object: DAffine3,
+    positions: &'a [[f32; 3]],
+}
+
+impl Key<'_> {
+    fn point(&self, p: Vec3) -> Vec3 {
+        self.world_from_object.transform_point3(p.as_dvec3()).as_vec3()
+    }
+
+    fn vector(&self, v: Vec3) -> Vec3 {
+        self.world_from_object.transform_vector3(v.as_dvec3()).as_vec3()
+    }
+
+    fn mirrors(&self) -> bool {
+        self.world_from_object.matrix3.determinant() < 0.0
+    }
+
+    /// A shape that has a centre and a radius only; `None` for others.
+    fn sphere(&self, shape: &Analytic) -> Option<Analytic> {
+        let (Analytic::Sphere(_) | Analytic::FacingDisk(_) | Analytic::Shell(_)) = shape else { return None };
+        let packed = shape.pack();
+        let [x, y, z, radius, ..] = packed.numbers;
+        let [x, y, z] = self.point(Vec3::new(x, y, z)).to_array();
+        let scale = self.world_from_object.matrix3.x_axis.length() as f32;
+        Analytic::unpack(&Packed { numbers: [x, y, z, radius * scale, 0.0, 0.0], ..packed })
+    }
+}
+
+fn keys_of<'a>(geometries: &Geometries, placement: &Placement, space: &'a Space) -> Vec<Key<'a>> {
+    let transforms = placement.motion.map_or(0, |motion| geometries.motions[motion as usize].len());
+    let count = transforms.max(space.shapes.keys.len()).max(1);
+    let key = |k: usize| {
+        let time = k as f32 / (count - 1).max(1) as f32;
+        let positions = space.shapes.keys.get(k).unwrap_or(&space.shapes.positions);
+        Key { world_from_object: geometries.world_from_object(placement, time), positions }
+    };
+    (0..count).map(key).collect()
+}
+
+/// A primitive as a light, at a key if it moves; `None` if it has no area, if rays can't reach it, and for curves.
+fn area_shape(shapes: &accel::Geometry, prim: u32, key: Option<&Key>) -> Option<AreaShape> {
+    let point = |p: Vec3| key.map_or(p, |key| key.point(p));
+    let vector = |v: Vec3| key.map_or(v, |key| key.vector(v));
+    // The front of a mirror image is the mirror image of the front.
+    let oriented = |edges: Edges| match key.is_some_and(Key::mirrors) {
+        true => Edges { edge_u: edges.edge_v, edge_v: edges.edge_u, ..edges },
+        false => edges,
+    };
+    let shape = match primitive(shapes, prim) {
+        Primitive::Triangle(t) => {
+            let positions = key.map_or(&shapes.positions[..], |key| key.positions);
+            let [a, b, c] = vertices(positions, t).map(|p| point(Vec3::from_array(p)));
+            AreaShape::Triangle(oriented(Edges { corner: a, edge_u: b - a, edge_v: c - a }))
+        }
+        Primitive::Quad(q) => {
+            let (corner, edge_u, edge_v) = (point(q.corner), vector(q.edge_u), vector(q.edge_v));
+            let edges = oriented(Edges { corner, edge_u, edge_v });
+            // Interpolation between keys need not keep a right angle.
+            if key.is_some() { AreaShape::Parallelogram(edges) } else { right_angled(edges) }
+        }
+        Primitive::Analytic(_, shape) => AreaShape::Analytic(match key {
+            None => *shape,
+            Some(key) => key.sphere(shape)?,
+        }),
+        Primitive::Curve(..) => return None,
+    };
+    is_usable(&shape).then_some(shape)
+}
+
+/// Has a light an area, and can rays reach it? The accelerator drops primitives that they can't reach.
+fn is_usable(shape: &AreaShape) -> bool {
+    let is_reached = |bounds: Bounds3| is_in_reach(bounds.min) && is_in_reach(bounds.max);
+    match shape {
+        AreaShape::Triangle(e) | AreaShape::Parallelogram(e) | AreaShape::Rectangle(e) => {
+            let area = e.edge_u.cross(e.edge_v).length();
+            let corners = [e.corner, e.corner + e.edge_u, e.corner + e.edge_v];
+            let opposite = if let AreaShape::Triangle(_) = shape { e.corner } else { corners[2] + e.edge_u };
+            area > 0.0 && area.is_finite() && is_reached(Bounds3::of(corners.into_iter().chain([opposite])))
+        }
+        AreaShape::Analytic(shape) => is_reached(shape.bounds()),
+    }
+}
+
+/// A rectangle, if the edges of a parallelogram have a right angle but for rounding.
+fn right_angled(edges: Edges) -> AreaShape {
+    let (u, v) = (edges.edge_u, edges.edge_v);
+    let is_right_angled = u.dot(v).abs() <= 1e-6 * u.length() * v.length();
+    if is_right_angled { AreaShape::Rectangle(edges) } else { AreaShape::Parallelogram(edges) }
+}
+
+/// What a primitive emits. The edges of mirror images are swapped, and so are their texture coordinates.
+fn radiance(space: &Space, prim: u32, emission: &CompiledEmission, mirrors: bool) -> Radiance {
+    let order = |[a, b, c]: [Vec2; 3]| if mirrors { [a, c, b] } else { [a, b, c] };
+    let factor = Rgb::from_array(emission.radiance.factor);
+    let Some(texture) = emission.radiance.texture else { return Radiance::Constant(factor) };
+    match primitive(&space.shapes, prim) {
+        Primitive::Triangle(t) => {
+            let of = |list: &Vec<[f32; 2]>| {
+                order(t.map(|i| list.get(i as usize).map_or(Vec2::ZERO, |&uv| Vec2::from_array(uv))))
+            };
+            Radiance::Flat { texture, factor, uv: [of(&space.attributes.uv[0]), of(&space.attributes.uv[1])] }
+        }
+        Primitive::Quad(_) => {
+            Radiance::Flat { texture, factor, uv: [order([Vec2::ZERO, Vec2::X, Vec2::Y]); 2] }
+        }
+        Primitive::Analytic(index, _) => {
+            let object_from_world: Mat3 = space.attributes.object_from_world(index);
+            Radiance::Analytic { texture, factor, object_from_world }
+        }
+        Primitive::Curve(..) => unreachable!("curves don't shine"),
+    }
 }

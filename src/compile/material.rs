@@ -1,17 +1,14 @@
 //! Materials ready for shading: constant slots folded, constant BSDFs made once, others as programs that hits run.
 
-use super::alpha::{Alpha, alpha_of};
-use super::fold::{fold_color, fold_model};
 use super::medium::{Medium, lets_light_in};
-use super::uplift;
 use crate::bsdf::{Bsdf, BsdfClass, BsdfProgram, Factors, LocalFrame, ShadingModel, Slots};
 use crate::color::Rgb;
 use crate::color::spectral::{Spectrum, Wavelengths, uplifted_share};
 use crate::light::Beam;
 use crate::math::{Frame, Mat3, Vec3};
 use crate::scene::{
-    ColorSlot, FloatSlot, LightLinks, Material, Model, NormalMap, ObjectSets, ObjectTraits, Parameters,
-    RayKinds, TextureId, Transmission,
+    AlphaMode, ColorSlot, FloatSlot, LightLinks, Material, Model, NormalMap, ObjectSets, ObjectTraits,
+    ParameterMut, Parameters, PbrMaterial, RayKinds, TextureId, Transmission,
 };
 use crate::shape::Surface;
 use crate::texture::{CompiledTextures, PointReader};
@@ -161,7 +158,7 @@ fn emission_of(
     is_absent_from_behind: bool,
 ) -> (Option<CompiledEmission>, Option<Arc<Spectrum>>) {
     let light = material.emission.map(|e| match shading.spectral {
-        true => uplift::of_light(e.radiance, textures),
+        true => light_spectrum(e.radiance, textures),
         false => (fold_color(e.radiance, textures), None),
     });
     let (light, light_spectrum) = light.map_or((None, None), |(slot, spectrum)| (Some(slot), spectrum));
@@ -417,4 +414,128 @@ fn has_texture(model: &Model, holds: impl Fn(TextureId) -> bool) -> bool {
     let mut found = false;
     model.visit("", &mut |_, parameter| found |= parameter.texture().is_some_and(&holds));
     found
+}
+
+// Surfaces that are partly absent, by the alpha of their material.
+
+/// Partial presence.
+#[derive(Clone, Copy, Debug)]
+pub struct Alpha {
+    pub(super) slot: FloatSlot,
+    cutoff: Option<f32>,
+    /// It differs with the direction of the ray.
+    pub depends_on_viewer: bool,
+}
+
+impl Alpha {
+    /// Zero alpha stays zero whatever vertices and textures multiply it with.
+    pub(super) fn is_never_present(&self) -> bool {
+        self.slot.factor == 0.0 && self.cutoff.is_none_or(|cutoff| cutoff > 0.0)
+    }
+
+    /// The probability that the surface is present at a point.
+    #[inline]
+    pub fn presence(&self, slots: &PointReader<'_>, vertex_alpha: f32) -> f32 {
+        let alpha = slots.number(&self.slot) * vertex_alpha;
+        match self.cutoff {
+            Some(cutoff) => f32::from(u8::from(alpha >= cutoff)),
+            None => alpha.clamp(0.0, 1.0),
+        }
+    }
+}
+
+/// The partial presence of a material; `None` where it is there everywhere.
+fn alpha_of(material: &Material, textures: &CompiledTextures) -> Option<Alpha> {
+    let slot = fold_float(material.alpha, textures);
+    let depends_on_viewer = slot.texture.is_some_and(|(id, _)| textures.depends_on_viewer(id));
+    let alpha = match material.alpha_mode {
+        AlphaMode::Opaque => return None,
+        AlphaMode::Mask { cutoff } => Alpha { slot, cutoff: Some(cutoff), depends_on_viewer },
+        AlphaMode::Blend => Alpha { slot, cutoff: None, depends_on_viewer },
+    };
+    // Present everywhere: nothing to do.
+    let present = |a: f32| alpha.cutoff.map_or(a >= 1.0, |cutoff| a >= cutoff);
+    let constant = slot.texture.is_none() && !material.use_vertex_colors;
+    (!(constant && present(slot.factor))).then_some(alpha)
+}
+
+// Constant textures become part of the factors that they are multiplied with.
+
+/// A colour with a constant texture folded in.
+fn fold_color(slot: ColorSlot, textures: &CompiledTextures) -> ColorSlot {
+    match slot.texture.and_then(|id| textures.constant(id)) {
+        Some(c) => ColorSlot::constant([0, 1, 2].map(|i| slot.factor[i] * c[i])),
+        None if slot.factor == [0.0; 3] => ColorSlot::constant([0.0; 3]),
+        None => slot,
+    }
+}
+
+/// A number with a constant texture folded in.
+fn fold_float(slot: FloatSlot, textures: &CompiledTextures) -> FloatSlot {
+    match slot.texture.and_then(|(id, channel)| Some((textures.constant(id)?, channel))) {
+        Some((c, channel)) => FloatSlot::constant(slot.factor * c[usize::from(channel & 3)]),
+        None if slot.factor == 0.0 => FloatSlot::constant(0.0),
+        None => slot,
+    }
+}
+
+/// A model with constant textures folded in and without layers that do nothing.
+fn fold_model(model: &Model, textures: &CompiledTextures) -> Model {
+    let mut folded = model.clone();
+    folded.visit_mut("", &mut |_, parameter| match parameter {
+        ParameterMut::Color(slot) => *slot = fold_color(*slot, textures),
+        ParameterMut::Number(slot) => *slot = fold_float(*slot, textures),
+        ParameterMut::Texture(_) | ParameterMut::Constant(_) => {}
+    });
+    if let Model::Pbr(pbr) = &mut folded {
+        drop_absent_layers(pbr);
+    }
+    folded
+}
+
+fn drop_absent_layers(pbr: &mut PbrMaterial) {
+    let is_zero = |slot: &FloatSlot| slot.factor <= 0.0;
+    pbr.clearcoat = pbr.clearcoat.filter(|c| !is_zero(&c.factor));
+    pbr.sheen = pbr.sheen.filter(|s| s.color.factor != [0.0; 3]);
+    pbr.anisotropy = pbr.anisotropy.filter(|a| a.strength > 0.0);
+    pbr.iridescence = pbr.iridescence.filter(|i| !is_zero(&i.factor));
+    pbr.diffuse_transmission = pbr.diffuse_transmission.filter(|d| !is_zero(&d.factor));
+}
+
+// Colours of materials as spectra, where pictures are rendered by wavelength. Greys stay as they are.
+
+/// A material whose constant colours are spectra among the textures.
+pub(super) fn with_spectra(material: &Material, textures: &mut CompiledTextures) -> Material {
+    let mut uplifted = material.clone();
+    uplifted.model.visit_mut("", &mut |_, parameter| {
+        if let ParameterMut::Color(slot) = parameter {
+            let folded = fold_color(*slot, textures);
+            let spectrum = Spectrum::of_share(Rgb::from_array(folded.factor));
+            *slot = match (folded.texture, spectrum) {
+                (None, spectrum @ Spectrum::Uplifted { .. }) => {
+                    ColorSlot::texture(textures.add_spectrum(spectrum))
+                }
+                _ => folded,
+            };
+        }
+    });
+    uplifted
+}
+
+/// What shines: the slot with a constant colour in place of a spectrum, and the spectrum.
+fn light_spectrum(slot: ColorSlot, textures: &CompiledTextures) -> (ColorSlot, Option<Arc<Spectrum>>) {
+    let slot = fold_color(slot, textures);
+    match slot.texture {
+        Some(id) => match textures.spectrum(id) {
+            Some(spectrum) => {
+                let look = spectrum.rgb().max(Rgb::ZERO) * Rgb::from_array(slot.factor);
+                (ColorSlot::constant(look.to_array()), Some(Arc::new(spectrum.clone())))
+            }
+            None => (slot, None),
+        },
+        None => match Spectrum::of_light(Rgb::from_array(slot.factor)) {
+            Spectrum::Grey(_) => (slot, None),
+            spectrum => (slot, Some(Arc::new(spectrum))),
+        },
+    }
 }

@@ -1,68 +1,41 @@
 //! From what the user described to what the renderer needs: flat geometry with its accelerator, folded materials and
 //! textures, lights. Whatever the picture does not need is left out, and said so.
 
-mod alpha;
 mod bake;
-mod black_body;
-mod blur;
-mod boxes;
+mod box_tree;
 mod caustics;
+mod coincident_surfaces;
 mod compiler;
-mod content;
-mod crowds;
 mod curves;
-mod density;
+mod density_grid;
 mod emitters;
-mod flat;
-mod fold;
+mod fingerprint;
 mod geometry;
-mod glow;
-mod groups;
 mod inside_out;
+mod light_tables;
 mod limits;
-mod links;
 mod material;
 mod media;
 mod medium;
-mod memory;
-mod moving;
-mod moving_emitters;
-mod object_materials;
+mod motion;
 mod objects;
-mod overlaps;
-mod placement;
 mod plan;
 mod reuse;
-mod run;
-mod scattering;
-mod scattering_spectra;
 mod scene;
-mod spectral;
-mod tangents;
 mod texture_needs;
-mod touching;
-mod tree;
-mod uplift;
-mod vectors;
-mod view;
-mod winding;
 
-pub use alpha::Alpha;
-pub use black_body::BlackBodies;
 pub use caustics::Role;
-pub use compiler::Compiler;
-pub use content::{Fingerprint, of_curves, of_mesh};
-pub use crowds::MOST_AROUND;
-pub use density::{DensityGrid, GridRay};
+pub use compiler::{Compiler, compile};
+pub use density_grid::{BlackBodies, DensityGrid, Glow, GridRay};
+pub use fingerprint::{Fingerprint, of_curves, of_mesh};
 pub use geometry::{Corners, Geometries, Placement, Space, SurfaceCoordinates, TextureCorners, Transform};
-pub use glow::Glow;
-pub use links::MOST_CLASSES;
-pub use material::{CompiledEmission, CompiledMaterial, Presence};
-pub use medium::Medium;
+pub use light_tables::MOST_CLASSES;
+pub use material::{Alpha, CompiledEmission, CompiledMaterial, Presence};
+pub use media::MOST_AROUND;
+pub use medium::{Ball, Medium, Scattering};
+pub use motion::{Vectors, Way};
 pub use objects::ObjectId;
-pub use run::compile;
-pub use scattering::{Ball, Scattering};
-pub use scene::{CompileOptions, CompileReport, CompiledScene, ExpectedPicture, Features, MemoryPart};
-pub use tree::Tree;
-pub use vectors::{Vectors, Way};
-pub use view::{View, choose_camera};
+pub use scene::{
+    CompileOptions, CompileReport, CompiledScene, ExpectedPicture, Features, MemoryPart, Tree, View,
+    choose_camera,
+};

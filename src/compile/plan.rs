@@ -1,12 +1,12 @@
 //! Where each instance goes: into the world's own geometry, or beside it as a placement of a mesh that is shared or moves.
 
-use super::blur;
-use super::content::{self, Fingerprint};
+use super::fingerprint::Fingerprint;
 use super::material::CompiledMaterial;
-use super::object_materials::{ObjectMaterials, only_material, part_materials};
+use super::objects::{ObjectMaterials, only_material, part_materials};
+use super::{fingerprint, motion};
 use crate::error::Warning;
 use crate::math::{DAffine3, DMat3, DVec3, TransformKeys};
-use crate::scene::{Instance, MaterialId, Mesh, MeshId, Motion, ObjectTraits, Scene};
+use crate::scene::{Instance, MaterialId, Mesh, MeshId, Motion, ObjectTraits, Quad, Scene};
 use rayon::prelude::*;
 use std::collections::HashMap;
 
@@ -109,12 +109,12 @@ pub(super) fn plan(
         let emits = part_materials(mesh, instance).any(|m| materials[m.index()].emission.is_some());
         let can_be_placed = !emits && condition(&world_from_object.matrix3) <= MAX_SHARED_CONDITION;
         let is_shared = uses[instance.mesh.index()] > 1 && mesh.triangles.len() >= MIN_SHARED_TRIANGLES;
-        let motion = blur::keys(scene, instance, origin).map(|keys| {
+        let motion = motion::keys(scene, instance, origin).map(|keys| {
             plan.motions.push(keys);
             plan.motions.len() as u32 - 1
         });
         let place = match instance.motion {
-            Motion::Keyed(_) if motion.is_some() || blur::deforms(scene, instance.mesh) => Place::Moving,
+            Motion::Keyed(_) if motion.is_some() || motion::deforms(scene, instance.mesh) => Place::Moving,
             Motion::Moves | Motion::Deforms | Motion::Keyed(_) if keeps && can_be_placed => Place::Moving,
             _ if is_shared && can_be_placed => Place::Still,
             _ => Place::World,
@@ -144,7 +144,7 @@ impl Plan {
             let mut known: HashMap<(usize, ObjectTraits), usize> = HashMap::new();
             for step in self.steps.iter_mut().filter(|s| s.place != Place::World) {
                 let instance = &scene.instances[step.instance];
-                let deforms = instance.motion == Motion::Deforms || blur::changes(scene, instance.mesh);
+                let deforms = instance.motion == Motion::Deforms || motion::changes(scene, instance.mesh);
                 let changes = step.place == Place::Moving && deforms;
                 if changes == is_changing {
                     let next = self.meshes.len();
@@ -190,13 +190,13 @@ impl Plan {
         let normal_sets: Vec<Option<usize>> = (0..scene.materials.len())
             .map(|m| normal_map_set([MaterialId(m as u32)].into_iter(), scene))
             .collect();
-        let of_materials = content::of_materials(&materials[..scene.materials.len()], &normal_sets);
+        let of_materials = fingerprint::of_materials(&materials[..scene.materials.len()], &normal_sets);
         let mut is_used = vec![false; scene.meshes.len()];
         let stays = |s: &&Step| s.place == Place::World;
         let copied = self.steps.iter().filter(stays).map(|s| scene.instances[s.instance].mesh.index());
         copied.chain(self.meshes[..self.first_changing].iter().copied()).for_each(|m| is_used[m] = true);
         let of_meshes: Vec<Fingerprint> = (scene.meshes.par_iter().zip(&is_used))
-            .map(|(mesh, used)| if *used { content::of_mesh(mesh) } else { Fingerprint::START })
+            .map(|(mesh, used)| if *used { fingerprint::of_mesh(mesh) } else { Fingerprint::START })
             .collect();
         let shared = self.meshes[..self.first_changing]
             .iter()
@@ -251,7 +251,7 @@ fn with_shapes(mut sum: Fingerprint, scene: &Scene) -> Fingerprint {
         sum = rotation.into_iter().fold(sum, |sum, x| sum.with(x.to_bits()));
         sum = sum.with(u64::from(shape.material.0));
     }
-    sum = scene.curves.iter().fold(sum, |sum, curves| sum.with_print(content::of_curves(curves)));
+    sum = scene.curves.iter().fold(sum, |sum, curves| sum.with_print(fingerprint::of_curves(curves)));
     sum.with(scene.quads.len() as u64).with(scene.instances.len() as u64)
 }
 
@@ -307,4 +307,41 @@ pub(super) fn normal_map_set(mut used: impl Iterator<Item = MaterialId>, scene: 
         Texture::Image { mapping: Mapping::Uv { set, .. }, .. } => Some(*set as usize),
         _ => None,
     }
+}
+
+// Primitives that have no area as they are in the scene, wherever they are seen from.
+
+/// Edges of this part of the longest one are none: corners that were computed to be the same differ by as much.
+const ROUNDING: f64 = 4.0 * f32::EPSILON as f64;
+
+/// How many of those that a plan builds.
+pub(super) fn count_degenerate(scene: &Scene, plan: &Plan) -> u64 {
+    let copied = plan.steps.iter().filter(|step| step.place == Place::World);
+    let copied = copied.map(|step| scene.instances[step.instance].mesh.index());
+    let mut counts: Vec<Option<u64>> = vec![None; scene.meshes.len()];
+    let of_meshes: u64 = copied
+        .chain(plan.meshes.iter().copied())
+        .map(|mesh| *counts[mesh].get_or_insert_with(|| triangles(&scene.meshes[mesh])))
+        .sum();
+    let round = scene.shapes.iter().filter(|shape| shape.radius <= 0.0).count() as u64;
+    of_meshes + round + scene.quads.iter().filter(|quad| is_flat(quad)).count() as u64
+}
+
+/// Triangles that are lines or points but for rounding, as those at the poles of spheres.
+fn triangles(mesh: &Mesh) -> u64 {
+    let at = |i: u32| mesh.positions.get(i as usize).map_or(DVec3::NAN, |p| DVec3::from(p.map(f64::from)));
+    let is_flat = |&&[a, b, c]: &&[u32; 3]| {
+        let [a, b, c] = [at(a), at(b), at(c)];
+        let edges = [a.distance(b), b.distance(c), c.distance(a)];
+        let (shortest, longest) =
+            edges.iter().fold((f64::INFINITY, 0.0f64), |(s, l), &e| (s.min(e), l.max(e)));
+        shortest <= ROUNDING * longest
+    };
+    mesh.triangles.iter().filter(is_flat).count() as u64
+}
+
+/// Both halves have corners that are the same.
+fn is_flat(quad: &Quad) -> bool {
+    let Quad { edge_u: u, edge_v: v, .. } = *quad;
+    u == DVec3::ZERO || v == DVec3::ZERO
 }

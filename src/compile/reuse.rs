@@ -5,7 +5,7 @@ use super::geometry::Geometries;
 use super::limits;
 use super::material::CompiledMaterial;
 use super::plan::{Keys, Plan};
-use super::tree::Tree;
+use super::scene::Tree;
 use crate::accel::{self, Accel, AccelInput, Reuse, TooLarge};
 use crate::error::Result;
 use crate::gauge::Gauge;

@@ -1,22 +1,21 @@
 //! A scene ready to render, and what it is compiled for.
 
 use super::emitters::Emitters;
-use super::geometry::Geometries;
-use super::groups::LightGroups;
-use super::links::Links;
+use super::geometry::{Attributes, Geometries, Space};
+use super::light_tables::{LightGroups, Links};
 use super::material::CompiledMaterial;
 use super::medium::Medium;
+use super::motion::Vectors;
 use super::objects::ObjectId;
 use super::reuse::{Kept, Sources};
-use super::tree::Tree;
-use super::vectors::Vectors;
-use crate::accel::{Accel, TreeQuality};
+use crate::accel::{Accel, Geometry, TreeQuality};
 use crate::bsdf::ShadingModel;
+use crate::camera::{self, MovingCamera, ndc_from_world};
 use crate::color::spectral::Spectrum;
-use crate::error::Warning;
+use crate::error::{Error, ErrorKind, Problem, Result, Warning};
 use crate::gauge::Gauge;
 use crate::light::{EnvironmentLight, Lights};
-use crate::math::{DVec3, Hit};
+use crate::math::{DMat4, DVec3, Hit, gamma};
 use crate::scene::{Camera, MaterialId, RayKinds, Scene, ShapeTag};
 use crate::texture::{CompiledTextures, TextureReport};
 use std::sync::Arc;
@@ -239,5 +238,187 @@ impl CompiledScene {
             Some(sources) => Kept::of(sources, (accel, geometries), textures, lights, scene),
             None => Kept::default(),
         }
+    }
+}
+
+// What a compiled scene takes in memory, by part.
+
+impl CompiledScene {
+    /// The bytes of each large part: lists by their lengths, without what few scenes have (tables of grids and profiles).
+    pub fn memory(&self) -> Vec<MemoryPart> {
+        let spaces = || std::iter::once(&self.geometries.world).chain(&self.geometries.shared);
+        let of_spaces = |bytes: fn(&Space) -> usize| spaces().map(|space| bytes(space)).sum::<usize>();
+        let placements = &self.geometries.placements;
+        let parts = [
+            ("BVH", self.accel.stats().bytes as usize),
+            ("geometry", of_spaces(|space| of_shapes(&space.shapes))),
+            ("attributes", of_spaces(|space| of_attributes(&space.attributes))),
+            ("instances", size_of_val(&placements[..])),
+            ("materials", self.materials.len() * size_of::<CompiledMaterial>()),
+            ("textures", self.textures.bytes()),
+            ("lights", self.lights.bytes()),
+        ];
+        parts.into_iter().map(|(name, bytes)| MemoryPart { name, bytes: bytes as u64 }).collect()
+    }
+}
+
+fn of_keys<T>(keys: &[Vec<T>]) -> usize {
+    keys.iter().map(|key| size_of_val(&key[..])).sum()
+}
+
+fn of_shapes(shapes: &Geometry) -> usize {
+    let curves = &shapes.curves;
+    size_of_val(&shapes.positions[..])
+        + size_of_val(&shapes.triangles[..])
+        + size_of_val(&shapes.quads[..])
+        + size_of_val(&shapes.analytic[..])
+        + size_of_val(&curves.points[..])
+        + size_of_val(&curves.tangents[..])
+        + size_of_val(&curves.segments[..])
+        + of_keys(&shapes.keys)
+}
+
+fn of_attributes(attributes: &Attributes) -> usize {
+    size_of_val(&attributes.normals[..])
+        + of_keys(&attributes.normal_keys)
+        + of_keys(&attributes.uv)
+        + size_of_val(&attributes.tangents[..])
+        + size_of_val(&attributes.colors[..])
+        + size_of_val(&attributes.materials[..])
+        + size_of_val(&attributes.object_from_world[..])
+        + size_of_val(&attributes.curves.along[..])
+        + size_of_val(&attributes.curves.colors[..])
+}
+
+// How much is done for the trees that rays walk.
+
+/// How good the trees over a scene's shapes are. Rays meet the same shapes either way (see [`TreeQuality`]), so pictures don't
+/// depend on it: a full tree takes longer to build and makes rays faster.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Tree {
+    /// Built soon.
+    Fast,
+    /// The fewest steps a ray.
+    #[default]
+    Full,
+    /// What takes less time in all for so many camera rays (and what follows them): by numbers alone, so that the same
+    /// command always builds the same tree.
+    For {
+        /// Pixels times samples.
+        camera_rays: u64,
+    },
+}
+
+/// Scenes of fewer triangles have full trees: they take less than a third of a second.
+const MIN_TRIANGLES: u64 = 1 << 17;
+
+/// So many camera rays a triangle pay for a full tree. (Measured: see the README of `tools/rays`.)
+const RAYS_A_TRIANGLE: u64 = 4;
+
+impl Tree {
+    /// The quality for so many triangles.
+    pub fn quality(self, triangles: u64) -> TreeQuality {
+        match self {
+            Tree::Fast => TreeQuality::Fast,
+            Tree::For { camera_rays }
+                if triangles >= MIN_TRIANGLES && camera_rays < triangles.saturating_mul(RAYS_A_TRIANGLE) =>
+            {
+                TreeQuality::Fast
+            }
+            _ => TreeQuality::Full,
+        }
+    }
+}
+
+// A camera's view of a compiled scene: all that depends on the camera, made in no time.
+
+/// A camera and the size of its picture, for a [`CompiledScene`].
+#[derive(Clone, Debug)]
+pub struct View {
+    /// Camera rays, in the compiled scene's coordinates.
+    pub camera: camera::Camera,
+    /// The same while the shutter is open, if it moves then.
+    pub moving: Option<MovingCamera>,
+    /// The same a frame before and a frame after, where that is known.
+    pub neighbours: [camera::Camera; 2],
+    /// Picture width in pixels.
+    pub width: u32,
+    /// Picture height in pixels.
+    pub height: u32,
+    /// Width over height of a pixel.
+    pub pixel_aspect: f64,
+    /// From the scene's world to the camera's own space.
+    pub camera_from_world: DMat4,
+    /// From there to normalized device coordinates; panoramas have no such matrix.
+    pub ndc_from_world: Option<DMat4>,
+}
+
+impl View {
+    /// The view of a camera on a picture of `width` x `height` pixels. Takes no time to speak of: nothing is built.
+    pub fn new(compiled: &CompiledScene, camera: &Camera, width: u32, height: u32) -> View {
+        let at = |world_from_camera| {
+            let camera = Camera { world_from_camera, ..camera.clone() };
+            camera::Camera::new(&camera, width, height, compiled.anchor)
+        };
+        let motion = camera.motion.as_ref();
+        let blurring = motion.filter(|m| m.blurs());
+        let neighbours = motion.and_then(|m| m.neighbours).unwrap_or([camera.world_from_camera; 2]);
+        View {
+            moving: blurring.map(|m| MovingCamera::new(m.keys.iter().copied().map(at))),
+            neighbours: neighbours.map(at),
+            camera: at(camera.world_from_camera),
+            width,
+            height,
+            pixel_aspect: camera.pixel_aspect,
+            camera_from_world: DMat4::from(camera.world_from_camera.inverse()),
+            ndc_from_world: ndc_from_world(camera, width, height),
+        }
+    }
+
+    /// Is single precision too coarse where the camera stands, so that the scene should be compiled around an anchor near
+    /// it?
+    ///
+    /// Coordinates near a camera that is D away from the anchor are rounded by up to 2^-24 D, and points of surfaces,
+    /// from which paths go on, lie within [`gamma`]`(7)` D, about 7 times as much, of where they should. That may be a
+    /// quarter of a pixel at the nearest surface: with pixels of a thousandth of the distance, D may be 600 times the
+    /// distance of the nearest surface.
+    pub fn needs_new_anchor(&self, compiled: &CompiledScene) -> bool {
+        let position = self.camera.position();
+        let (width, spread) = self.camera.pixel_cone();
+        let displacement = gamma(7) * position.length();
+        let pixel = |distance: f32| 2.0 * (width + spread * distance);
+        // NaN counts as too coarse.
+        let suits = |distance: f32| displacement <= 0.25 * pixel(distance);
+        displacement != 0.0 && !suits(compiled.accel.distance(position))
+    }
+}
+
+/// The scene's camera of an index; the first without one.
+///
+/// # Errors
+/// A usage error for a camera that does not exist, an input error for a scene without a camera.
+pub fn choose_camera(scene: &Scene, index: Option<usize>) -> Result<&Camera> {
+    scene.cameras.get(index.unwrap_or(0)).ok_or_else(|| match index {
+        Some(i) => Error::usage(format!("there is no camera {i}: the scene has {}", scene.cameras.len())),
+        None => {
+            let problems = vec![Problem::new("", "the scene has no camera")];
+            Error { kind: ErrorKind::Input, file: None, problems, source_text: None }
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn few_rays_into_many_triangles_ask_for_a_fast_tree() {
+        let quality = |camera_rays, triangles| Tree::For { camera_rays }.quality(triangles);
+        assert_eq!(quality(1, 100_000), TreeQuality::Full);
+        assert_eq!(quality(7_999_999, 2_000_000), TreeQuality::Fast);
+        assert_eq!(quality(8_000_000, 2_000_000), TreeQuality::Full);
+        assert_eq!(quality(u64::MAX, u64::MAX), TreeQuality::Full);
+        assert_eq!(Tree::Fast.quality(1), TreeQuality::Fast);
+        assert_eq!(Tree::default().quality(u64::MAX), TreeQuality::Full);
     }
 }

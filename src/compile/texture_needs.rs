@@ -5,7 +5,7 @@
 //! (`TexturePoint`), and read the level of a pyramid whose texels are just smaller. These are expectations only: whatever else lookups ask
 //! for is decoded then.
 
-use super::object_materials::part_materials;
+use super::objects::part_materials;
 use super::scene::{CompileOptions, ExpectedPicture};
 use crate::camera::Camera;
 use crate::math::{DAffine3, DVec3, Vec2};

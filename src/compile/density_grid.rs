@@ -6,9 +6,11 @@
 //! collisions of the probabilities that they are none (Novak et al. 2014, "Residual ratio tracking for estimating attenuation in
 //! participating media", section 3.1).
 
-use crate::color::Rgb;
+use crate::color::spectral::{Curve, SECOND_RADIATION_CONSTANT, Wavelengths, rgb_of};
+use crate::color::{Rgb, luminance};
 use crate::math::{DVec3, Mat3, Vec3, poly};
 use crate::sampling::hash::{hash32, unit};
+use crate::scene;
 use crate::scene::Grid;
 use std::ops::{Add, Mul};
 use std::sync::Arc;
@@ -349,6 +351,160 @@ impl Walk {
     }
 }
 
+// Media that shine by a grid of their own: factors on their emission, or temperatures of black bodies.
+
+/// Temperatures whose colours are known; between them colours are linear.
+const COLORS: usize = 1024;
+
+/// What the emission of a medium is taken times.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Glow {
+    grid: Arc<DensityGrid>,
+    heat: Option<Heat>,
+}
+
+/// Values of the grid are temperatures.
+#[derive(Clone, Debug, PartialEq)]
+struct Heat {
+    /// Kelvins where the grid is 1.
+    kelvin: f32,
+    bodies: BlackBodies,
+    /// What they are taken times to go by their power, by the same steps as colours; none where they don't.
+    powers: Vec<f32>,
+    /// Their colours from 0 to the hottest, and how many of them lie between values that are 1 apart.
+    colors: Vec<Rgb>,
+    per_value: f32,
+}
+
+impl Glow {
+    /// Of a medium, by the scene's grids.
+    pub(super) fn new(glow: scene::Glow, grids: &[Grid], prepared: &[Arc<DensityGrid>]) -> Glow {
+        let index = glow.grid.index();
+        let hottest = grids[index].values.iter().fold(0.0f32, |most, x| most.max(*x));
+        let heat = glow.kelvin.map(|kelvin| {
+            let bodies = BlackBodies::relative_to(scene::Glow::REFERENCE_KELVIN);
+            let last = (COLORS - 1) as f32;
+            let heat = |i: usize| kelvin * hottest * (i as f32 / last);
+            let steps = 0..if glow.goes_by_power { COLORS } else { 0 };
+            let powers: Vec<f32> = steps.map(|i| bodies.power_over_luminance(heat(i))).collect();
+            let color = |i: usize| match powers.get(i) {
+                Some(power) => Rgb::from_array(bodies.rgb(heat(i).max(BlackBodies::COOLEST))) * *power,
+                None => Rgb::from_array(bodies.rgb(heat(i))),
+            };
+            let colors = (0..COLORS).map(color).collect();
+            let per_value = if hottest > 0.0 { last / hottest } else { 0.0 };
+            Heat { kelvin, colors, powers, per_value, bodies }
+        });
+        Glow { grid: prepared[index].clone(), heat }
+    }
+
+    /// An estimate of the integral over metres of what emission is taken times, between two points of a ray; see
+    /// [`DensityGrid::integral`].
+    pub fn integral(
+        &self,
+        (origin, direction): (Vec3, Vec3),
+        [from, to]: [f32; 2],
+        salt: u32,
+        waves: Option<&Wavelengths>,
+    ) -> Rgb {
+        let ray: GridRay = self.grid.ray(origin, direction, 1.0);
+        match &self.heat {
+            None => Rgb::splat(self.grid.integral(&ray, from, to, salt)),
+            Some(heat) => {
+                self.grid.integral_of(&ray, [from, to], salt, Rgb::ZERO, |value, _| heat.at(value, waves))
+            }
+        }
+    }
+
+    /// The same where what shines at a point of the ray is taken times something.
+    pub fn integral_times(
+        &self,
+        (origin, direction): (Vec3, Vec3),
+        way: [f32; 2],
+        salt: u32,
+        waves: Option<&Wavelengths>,
+        factor: impl Fn(f32) -> Rgb,
+    ) -> Rgb {
+        let ray: GridRay = self.grid.ray(origin, direction, 1.0);
+        match &self.heat {
+            None => self.grid.integral_times(&ray, way, salt, factor),
+            Some(heat) => {
+                let at = |value: f32, t: f32| heat.at(value, waves) * factor(t);
+                self.grid.integral_of(&ray, way, salt, Rgb::ZERO, at)
+            }
+        }
+    }
+}
+
+impl Heat {
+    #[inline]
+    fn at(&self, value: f32, waves: Option<&Wavelengths>) -> Rgb {
+        let at = (value * self.per_value).clamp(0.0, (COLORS - 1) as f32);
+        let i = (at as usize).min(COLORS - 2);
+        let share = at - i as f32;
+        let Some(waves) = waves else {
+            return self.colors[i] + (self.colors[i + 1] - self.colors[i]) * share;
+        };
+        let kelvin = value * self.kelvin;
+        match self.powers.get(i..i + 2) {
+            None => waves.map(|nm| self.bodies.at(nm, kelvin)),
+            Some(powers) => {
+                let power = powers[0] + (powers[1] - powers[0]) * share;
+                waves.map(|nm| self.bodies.at(nm, kelvin.max(BlackBodies::COOLEST))) * power
+            }
+        }
+    }
+}
+
+// Light of black bodies of any temperature, relative to one.
+
+const C2: f32 = SECOND_RADIATION_CONSTANT as f32;
+
+/// The light of black bodies by Planck's law, relative to D65 and to the luminance of one of a reference temperature.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BlackBodies {
+    reference: Curve,
+    kelvin: f32,
+}
+
+/// 1 / (exp(x) - 1).
+fn occupation(x: f32) -> f32 {
+    // The polynomial ends at the least normal number.
+    if x > 87.0 { 0.0 } else { poly::exp(-x) / (1.0 - poly::exp(-x)).max(f32::MIN_POSITIVE) }
+}
+
+impl BlackBodies {
+    /// Cooler ones, of which next to nothing is seen, have the colour of this, in kelvins.
+    pub const COOLEST: f32 = 800.0;
+
+    /// Those whose luminance is 1 at a temperature in kelvins.
+    pub fn relative_to(kelvin: f32) -> BlackBodies {
+        BlackBodies { reference: Curve::black_body(kelvin.into(), 1.0), kelvin }
+    }
+
+    /// At a wavelength in nanometres and a temperature in kelvins; nothing at 0.
+    #[inline]
+    pub fn at(&self, nm: f32, kelvin: f32) -> f32 {
+        if kelvin <= 0.0 {
+            return 0.0;
+        }
+        self.reference.at(nm) * (occupation(C2 / (nm * kelvin)) / occupation(C2 / (nm * self.kelvin)))
+    }
+
+    /// What takes one of a temperature to a luminance that goes by the fourth power of the temperature, 1 at the reference; beside
+    /// [`BlackBodies::at`] of the same temperature, or of `COOLEST` below that.
+    pub fn power_over_luminance(&self, kelvin: f32) -> f32 {
+        let seen = kelvin.max(BlackBodies::COOLEST);
+        let luminance = luminance(rgb_of(|nm| f64::from(self.at(nm as f32, seen))).map(|v| v as f32));
+        (kelvin / self.kelvin).powi(4) / luminance
+    }
+
+    /// What one of a temperature looks like, linear Rec. 709; what is beyond the gamut is 0.
+    pub fn rgb(&self, kelvin: f32) -> [f32; 3] {
+        rgb_of(|nm| f64::from(self.at(nm as f32, kelvin))).map(|v| v.max(0.0) as f32)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -453,5 +609,36 @@ mod tests {
             assert_eq!(grid.left(&ray, 0.0, 9.0, 1), 1.0);
             assert_eq!(grid.collision(&ray, [0.0, 9.0], 0.99, 1, |_| true), f32::INFINITY);
         }
+    }
+}
+
+#[cfg(test)]
+mod black_body_tests {
+    use super::*;
+
+    #[test]
+    fn light_is_that_of_curves_and_grows_by_planck() {
+        let bodies = BlackBodies::relative_to(1500.0);
+        for kelvin in [900.0, 1500.0, 2500.0, 6500.0] {
+            let curve = Curve::black_body(kelvin, 1.0);
+            let own =
+                luminance(rgb_of(|nm| f64::from(bodies.at(nm as f32, kelvin as f32))).map(|v| v as f32));
+            for nm in [420.0, 507.0, 561.0, 650.0] {
+                let ratio = bodies.at(nm, kelvin as f32) / own / curve.at(nm);
+                assert!((ratio - 1.0).abs() < 1e-3, "{kelvin} K, {nm} nm: {ratio}");
+            }
+        }
+        // Radiances at one wavelength: exp(C2 / (l T)) decides.
+        let c2 = SECOND_RADIATION_CONSTANT;
+        let wanted = (c2 / (600.0 * 1500.0)).exp_m1() / (c2 / (600.0 * 2000.0)).exp_m1();
+        let found = bodies.at(600.0, 2000.0) / bodies.at(600.0, 1500.0);
+        assert!((f64::from(found) / wanted - 1.0).abs() < 1e-5, "{found} {wanted}");
+        assert_eq!(bodies.at(600.0, 0.0), 0.0);
+        for (kelvin, seen, wanted) in [(1500.0, 1500.0, 1.0), (3000.0, 3000.0, 16.0), (150.0, 800.0, 1e-4)] {
+            let own = luminance(rgb_of(|nm| f64::from(bodies.at(nm as f32, seen))).map(|v| v as f32));
+            let power = bodies.power_over_luminance(kelvin) * own;
+            assert!((power / wanted - 1.0).abs() < 1e-3, "{kelvin} K: {power}");
+        }
+        assert!(bodies.at(780.0, 1e6).is_finite() && bodies.at(380.0, 1.0) == 0.0);
     }
 }

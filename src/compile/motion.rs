@@ -1,16 +1,16 @@
-//! What of a scene moves while its picture is taken, in the spaces that it is compiled to.
-
-use super::geometry::Space;
+use super::geometry::{Geometries, Primitive, Space, primitive, vertices};
 use super::material::CompiledMaterial;
-use super::object_materials::ObjectMaterials;
-use super::objects::{Numbering, ObjectId};
+use super::objects::{Numbering, ObjectId, ObjectMaterials};
 use crate::light::{MovingLight, PunctualLight};
-use crate::math::{DAffine3, DMat3, DVec3, Mat3, TransformKeys, Vec3};
+use crate::math::{DAffine3, DMat3, DVec3, Hit, Mat3, TransformKeys, Vec3};
 use crate::scene::{
     Instance, Light, LightKind, MaterialId, MeshId, Motion, Moving, Scene, Shape, ShapeKind, Vertices,
 };
+use crate::shape::triangle::interpolate;
 use crate::shape::{Analytic, Quad};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
+
+// What of a scene moves while its picture is taken, in the spaces that it is compiled to.
 
 /// Where an instance stands while the shutter is open, from an origin; `None` if it stands still.
 pub(super) fn keys(scene: &Scene, instance: &Instance, origin: DVec3) -> Option<TransformKeys> {
@@ -35,7 +35,7 @@ pub(super) fn changes(scene: &Scene, mesh: MeshId) -> bool {
 }
 
 /// The lights without a surface that move while the shutter is open, by their place in the scene's list.
-pub(super) fn lights(scene: &Scene, origin: DVec3) -> BTreeMap<usize, MovingLight<PunctualLight>> {
+pub(super) fn moving_lights(scene: &Scene, origin: DVec3) -> BTreeMap<usize, MovingLight<PunctualLight>> {
     let moving = |(i, light): (usize, &Light)| {
         let found = light.motion.as_ref().filter(|m| m.blurs())?;
         let at = |kind: &LightKind| PunctualLight::new(&Light { kind: *kind, ..light.clone() }, origin);
@@ -134,4 +134,89 @@ impl MovingShape {
         let world_from_object = place(&DAffine3::IDENTITY);
         MovingShape { space, object, world_from_object, keys: moving.keys.iter().map(place).collect() }
     }
+}
+
+// Where surfaces are a frame before and after the picture: for motion vectors.
+
+/// How something stands at the picture's moment, and a frame before and after.
+#[derive(Clone, Copy, Debug)]
+struct Places {
+    now: DAffine3,
+    neighbours: [DAffine3; 2],
+}
+
+/// A point of a surface at the picture's moment, a frame before and a frame after.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Way {
+    /// At the picture's moment.
+    pub now: Vec3,
+    /// A frame before, and a frame after.
+    pub neighbours: [Vec3; 2],
+}
+
+/// The motion of a scene's objects from frame to frame; empty unless it is asked for.
+#[derive(Clone, Debug, Default)]
+pub struct Vectors {
+    objects: HashMap<ObjectId, Places>,
+}
+
+impl Vectors {
+    /// Those of a scene whose origin moves to `origin`.
+    pub(super) fn of(scene: &Scene, origin: DVec3) -> Vectors {
+        let (numbering, motion) = (Numbering::of(scene), &scene.motion);
+        let to_origin = DAffine3::from_translation(-origin);
+        let mut objects = HashMap::new();
+        let mut add =
+            |object, moving: &Moving<DAffine3>, now: DAffine3, of: &dyn Fn(&DAffine3) -> DAffine3| {
+                if let Some([before, after]) = &moving.neighbours {
+                    let neighbours = [to_origin * of(before), to_origin * of(after)];
+                    objects.insert(object, Places { now: to_origin * now, neighbours });
+                }
+            };
+        for (i, instance) in scene.instances.iter().enumerate() {
+            let Motion::Keyed(number) = instance.motion else { continue };
+            if let Some(moving) = motion.instances.get(number as usize) {
+                add(numbering.instance(i), moving, instance.world_from_object, &|m| *m);
+            }
+        }
+        // Their spaces begin at their corners and middles.
+        for (&i, moving) in &motion.quads {
+            let Some(quad) = scene.quads.get(i) else { continue };
+            let own = DAffine3::from_translation(quad.corner);
+            add(numbering.quad(i), moving, own, &|m| *m * own);
+        }
+        for (&i, moving) in &motion.shapes {
+            let Some(shape) = scene.shapes.get(i) else { continue };
+            let own = DAffine3::from_translation(shape.center);
+            add(numbering.shape(i), moving, own, &|m| *m * own);
+        }
+        Vectors { objects }
+    }
+
+    /// The way of the point `p` of a surface that was hit at a time.
+    pub fn way(&self, geometries: &Geometries, hit: &Hit, p: Vec3, time: f32) -> Way {
+        let still = Way { now: p, neighbours: [p; 2] };
+        if self.objects.is_empty() {
+            return still;
+        }
+        let Some(places) = self.objects.get(&geometries.object(hit)) else { return still };
+        let placement = geometries.placements.get((hit.instance as usize).wrapping_sub(1));
+        let here = placement.map_or(places.now, |placement| geometries.world_from_object(placement, time));
+        let object = here.inverse().transform_point3(p.as_dvec3());
+        let [now, before, after] = placement
+            .and_then(|placement| deformed(geometries, placement.geometry as usize, hit))
+            .unwrap_or([object; 3]);
+        let place = |m: &DAffine3, p: DVec3| m.transform_point3(p).as_vec3();
+        let [m0, m1] = &places.neighbours;
+        Way { now: place(&places.now, now), neighbours: [place(m0, before), place(m1, after)] }
+    }
+}
+
+/// A point of a mesh that changes its shape: at the picture's moment, a frame before and a frame after.
+fn deformed(geometries: &Geometries, geometry: usize, hit: &Hit) -> Option<[DVec3; 3]> {
+    let space = &geometries.shared[geometry];
+    let [before, after] = space.neighbours.as_ref()?;
+    let Primitive::Triangle(t) = primitive(&space.shapes, hit.prim) else { return None };
+    let lists = [&space.shapes.positions, before, after];
+    Some(lists.map(|list| interpolate(vertices(list, t), hit.u, hit.v).as_dvec3()))
 }

@@ -1,0 +1,255 @@
+//! Tables indexed by light: light groups, light links, ray visibility and spectra. Lights are numbered as in [`Lights`]: area lights,
+//! lights without a surface, the environment.
+
+use super::emitters::Emitters;
+use super::geometry::Geometries;
+use super::material::CompiledMaterial;
+use super::objects::{ObjectId, ObjectMaterials};
+use crate::color::Rgb;
+use crate::color::spectral::Spectrum;
+use crate::error::Problem;
+use crate::light::Lights;
+use crate::scene::{
+    Environment, Instance, LightLinks, ObjectSets, RayKinds, Scene, ShadingModel, group_or_default,
+};
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// All tables that are indexed by light.
+pub(super) struct LightTables {
+    pub groups: LightGroups,
+    pub links: Links,
+    /// Empty unless the renderer is spectral; `None` for white and for textured lights.
+    pub spectra: Vec<Option<Arc<Spectrum>>>,
+    /// Empty if every light is visible to all kinds of rays.
+    pub ray_kinds: Vec<RayKinds>,
+    /// Does an area light belong to an object that the reference picture of the shadow catchers leaves out? Empty without catchers.
+    pub caught: Vec<bool>,
+}
+
+impl LightTables {
+    /// The tables of a scene's lights.
+    pub fn new(
+        (scene, numbers, shading): (&Scene, &ObjectMaterials, ShadingModel),
+        lights: &Lights,
+        surfaces: (&Emitters, &Geometries, &[CompiledMaterial]),
+    ) -> LightTables {
+        let (emitters, geometries, materials) = surfaces;
+        LightTables {
+            groups: LightGroups::of((scene, numbers), emitters, geometries),
+            links: Links::of(scene, lights, surfaces),
+            spectra: spectra(scene, surfaces, shading),
+            ray_kinds: ray_kinds(scene, lights, surfaces),
+            caught: caught(emitters, geometries, materials),
+        }
+    }
+}
+
+/// The groups of lights by number: their order is that of [`Scene::light_groups`].
+#[derive(Clone, Debug, Default)]
+pub struct LightGroups {
+    /// By light.
+    lights: Vec<u16>,
+    /// By material: that of what it emits.
+    materials: Vec<u16>,
+    /// By object, [`NONE`] where its materials decide; those of instances, or none where materials always do.
+    objects: Vec<u16>,
+}
+
+/// No group.
+const NONE: u16 = u16::MAX;
+
+/// Further groups count as the last.
+const MOST_GROUPS: usize = NONE as usize - 1;
+
+impl LightGroups {
+    /// Those of the lights that were found in a scene; empty where all are in one group.
+    pub(super) fn of(
+        (scene, numbers): (&Scene, &ObjectMaterials),
+        emitters: &Emitters,
+        geometries: &Geometries,
+    ) -> LightGroups {
+        let names = scene.light_groups();
+        if names.len() < 2 {
+            return LightGroups::default();
+        }
+        let number = |name: &str| {
+            let found = names.binary_search_by(|own| own.as_str().cmp(group_or_default(name)));
+            found.unwrap_or(0).min(MOST_GROUPS) as u16
+        };
+        let materials: Vec<u16> = scene.materials.iter().map(|m| number(&m.light_group)).collect();
+        let own = |instance: &Instance| instance.light_group.as_deref().map_or(NONE, number);
+        let has_own = scene.instances.iter().any(|instance| instance.light_group.is_some());
+        let objects = scene.instances.iter().filter(|_| has_own).map(own);
+        let mut groups = LightGroups { lights: Vec::new(), materials, objects: objects.collect() };
+        let mut lights = vec![0; emitters.lights.len()];
+        for (light, object, material) in emitters.owners(geometries) {
+            lights[light] = groups.of_surface(object, numbers.original(material));
+        }
+        lights.extend(scene.lights.iter().map(|light| number(&light.group)));
+        lights.push(number(&scene.environment_group));
+        groups.lights = lights;
+        groups
+    }
+
+    /// The group of a light.
+    pub fn of_light(&self, light: u32) -> u16 {
+        self.lights.get(light as usize).copied().unwrap_or(0)
+    }
+
+    /// The group of what a surface emits.
+    pub fn of_surface(&self, object: ObjectId, material: u32) -> u16 {
+        let own = self.objects.get(object.0 as usize).copied().filter(|&group| group != NONE);
+        own.or_else(|| self.materials.get(material as usize).copied()).unwrap_or(0)
+    }
+}
+
+/// So many classes of receivers can be told apart.
+pub const MOST_CLASSES: usize = 1 << 15;
+
+/// What lights are linked to; nothing is kept where all are linked to all.
+#[derive(Clone, Debug, Default)]
+pub struct Links {
+    /// By light.
+    of_lights: Vec<LightLinks>,
+    /// Classes of receivers, by the sets that they are in; that of media, and of objects in no set, is the first.
+    classes: Vec<ObjectSets>,
+    /// By material, with the copies that objects have for themselves.
+    class_of_material: Vec<u32>,
+}
+
+impl Links {
+    /// Those of a scene.
+    pub(super) fn of(
+        scene: &Scene,
+        lights: &Lights,
+        (emitters, geometries, materials): (&Emitters, &Geometries, &[CompiledMaterial]),
+    ) -> Links {
+        let mut of_lights = vec![LightLinks::ALL; lights.area().len()];
+        if materials.iter().any(|m| m.links() != LightLinks::ALL) {
+            for (light, _, material) in emitters.owners(geometries) {
+                of_lights[light] = materials[material as usize].links();
+            }
+        }
+        of_lights.extend(scene.lights.iter().map(|light| light.links));
+        of_lights.extend(lights.environment().map(|_| LightLinks::ALL));
+        // Emission that light samples do not know is linked, too.
+        let is_linked = |links: &LightLinks| *links != LightLinks::ALL;
+        if !of_lights.iter().any(is_linked) && !materials.iter().any(|m| is_linked(&m.links())) {
+            return Links::default();
+        }
+        let mut classes = vec![ObjectSets::NONE];
+        let mut known = HashMap::from([(ObjectSets::NONE, 0)]);
+        let mut class_of = |sets: ObjectSets| {
+            *known.entry(sets).or_insert_with(|| {
+                classes.push(sets);
+                classes.len() as u32 - 1
+            })
+        };
+        let class_of_material = materials.iter().map(|material| class_of(material.sets())).collect();
+        Links { of_lights, classes, class_of_material }
+    }
+
+    /// More classes than can be told apart.
+    pub(super) fn problems(&self) -> Vec<Problem> {
+        let count = self.classes.len();
+        let message =
+            format!("objects are in {count} combinations of sets of links, of {MOST_CLASSES} possible");
+        if count > MOST_CLASSES { vec![Problem::new("", message)] } else { Vec::new() }
+    }
+
+    /// Is any light linked to some objects only?
+    pub fn are_used(&self) -> bool {
+        !self.classes.is_empty()
+    }
+
+    /// How many classes of receivers there are.
+    pub fn classes(&self) -> usize {
+        self.classes.len()
+    }
+
+    /// The class of the objects that have a material.
+    #[inline]
+    pub fn class_of(&self, material: u32) -> u32 {
+        self.class_of_material.get(material as usize).copied().unwrap_or(0)
+    }
+
+    /// The links of a light.
+    #[inline]
+    pub fn of_light(&self, index: u32) -> LightLinks {
+        self.of_lights.get(index as usize).copied().unwrap_or_default()
+    }
+
+    /// Do such links let light reach receivers of a class?
+    #[inline]
+    pub fn reach(&self, links: LightLinks, class: u32) -> bool {
+        links.receivers.is_all() || links.receivers.holds(self.classes[class as usize])
+    }
+
+    /// Do objects with a material cast shadows in the light of such links?
+    #[inline]
+    pub fn block(&self, links: LightLinks, material: u32) -> bool {
+        links.blockers.is_all() || links.blockers.holds(self.classes[self.class_of(material) as usize])
+    }
+}
+
+/// The spectra of uniform coloured lights, by light; empty unless the renderer is spectral.
+fn spectra(
+    scene: &Scene,
+    (emitters, geometries, materials): (&Emitters, &Geometries, &[CompiledMaterial]),
+    shading: ShadingModel,
+) -> Vec<Option<Arc<Spectrum>>> {
+    if !shading.spectral {
+        return Vec::new();
+    }
+    let of_color = |rgb: [f32; 3]| match Spectrum::of_light(Rgb::from_array(rgb)) {
+        Spectrum::Grey(_) => None,
+        spectrum => Some(Arc::new(spectrum)),
+    };
+    let mut spectra = vec![None; emitters.lights.len()];
+    for (light, _, material) in emitters.owners(geometries) {
+        spectra[light].clone_from(&materials[material as usize].light_spectrum);
+    }
+    spectra.extend(scene.lights.iter().map(|light| of_color(light.intensity)));
+    // The environment is the last one.
+    spectra.extend(match scene.environment {
+        Environment::Constant(rgb) => Some(of_color(rgb)),
+        _ => None,
+    });
+    spectra
+}
+
+/// The kinds of rays that each light is visible to, by light; empty if every light is visible to all kinds that light sampling serves.
+fn ray_kinds(
+    scene: &Scene,
+    lights: &Lights,
+    (emitters, geometries, materials): (&Emitters, &Geometries, &[CompiledMaterial]),
+) -> Vec<RayKinds> {
+    let mut kinds = vec![RayKinds::ALL; lights.area().len()];
+    for (light, _, material) in emitters.owners(geometries) {
+        kinds[light] = materials[material as usize].visible_to();
+    }
+    kinds.extend(scene.lights.iter().map(|light| light.visible_to));
+    if lights.environment().is_some() {
+        kinds.push(scene.environment_visible_to);
+    }
+    if kinds.iter().all(|&kinds| lights_all(kinds)) { Vec::new() } else { kinds }
+}
+
+/// By area light: does it belong to an object that is left out of the reference picture of the shadow catchers? Empty without
+/// catchers.
+fn caught(emitters: &Emitters, geometries: &Geometries, materials: &[CompiledMaterial]) -> Vec<bool> {
+    if !materials.iter().any(|m| m.presence.is_some_and(|p| p.is_catcher)) {
+        return Vec::new();
+    }
+    let mut caught = vec![false; emitters.lights.len()];
+    for (light, _, material) in emitters.owners(geometries) {
+        caught[light] = materials[material as usize].is_of_caught_object();
+    }
+    caught
+}
+
+/// Does a set of ray kinds contain every kind that lights are sampled for?
+fn lights_all(kinds: RayKinds) -> bool {
+    kinds.contains(RayKinds::ALL.without(RayKinds::CAMERA).without(RayKinds::SHADOW))
+}
