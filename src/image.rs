@@ -30,6 +30,8 @@ pub enum Pixels {
 /// Pixels that are decoded when they are needed.
 #[derive(Clone, Debug)]
 pub struct Encoded {
+    /// Width, height and channels of the decoded image. [`Scene::validate`](crate::scene::Scene::validate) compares the image's own.
+    pub size: [u32; 3],
     /// Bits of each number once it is decoded: 8 or 16.
     pub bits: u32,
     /// Where they come from.

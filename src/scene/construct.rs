@@ -1,8 +1,9 @@
-//! Building scenes in code: what most things are, in one call.
+//! Methods of [`Scene`], and constructors for scenes that are built in code.
 
 use super::{
-    Camera, Grid, GridId, Image, ImageId, Instance, Light, LightKind, Material, MaterialId, Mesh, MeshId,
-    MeshPart, Motion, Projection, Quad, Scene, Shape, ShapeKind, SpotFade, Texture, TextureId, looking_at,
+    Camera, Environment, Grid, GridId, Image, ImageId, Instance, Light, LightKind, Material, MaterialId,
+    Mesh, MeshId, MeshPart, Motion, Projection, Quad, Scene, Shape, ShapeKind, SpotFade, Texture, TextureId,
+    group_or_default, looking_at,
 };
 use super::{LightLinks, LightProfile, ObjectTraits, ProfileId, RayKinds};
 use crate::math::{DAffine3, DMat3, DQuat, DVec3};
@@ -208,6 +209,42 @@ impl Scene {
     /// Are there shadow catchers?
     pub fn has_catchers(&self) -> bool {
         self.object_traits().any(|traits| traits.is_shadow_catcher)
+    }
+
+    /// The groups of everything that shines, in alphabetical order. Every light is in exactly one.
+    pub fn light_groups(&self) -> Vec<String> {
+        let emitters = self.materials.iter().filter(|m| m.emission.is_some()).map(|m| &m.light_group);
+        let environment = (self.environment != Environment::Black).then_some(&self.environment_group);
+        let all = emitters
+            .chain(self.instances.iter().filter_map(|instance| instance.light_group.as_ref()))
+            .chain(self.lights.iter().map(|l| &l.group))
+            .chain(environment);
+        let mut names: Vec<String> = all.map(|name| group_or_default(name).to_string()).collect();
+        names.sort_unstable();
+        names.dedup();
+        names
+    }
+
+    /// Turns an environment's picture, what cameras see instead and the sun that belongs to it, to an angle. Others have no angle.
+    pub fn turn_environment(&mut self, to_rad: f64) {
+        let Environment::Image { rotation_rad, .. } = &mut self.environment else { return };
+        let by = DQuat::from_rotation_y(to_rad - *rotation_rad);
+        if let Some(Environment::Image { rotation_rad: seen, .. }) = &mut self.camera_environment {
+            *seen += to_rad - *rotation_rad;
+        }
+        *rotation_rad = to_rad;
+        let sun = self.environment_sun.and_then(|sun| self.lights.get_mut(sun as usize));
+        if let Some(LightKind::Sun { direction, .. }) = sun.map(|sun| &mut sun.kind) {
+            *direction = by * *direction;
+        }
+    }
+
+    /// Multiplies the light of the environment's sun, if it has one.
+    pub fn scale_environment_sun(&mut self, factor: f32) {
+        let sun = self.environment_sun.and_then(|sun| self.lights.get_mut(sun as usize));
+        if let Some(sun) = sun {
+            sun.intensity = sun.intensity.map(|v| v * factor);
+        }
     }
 }
 

@@ -1,7 +1,7 @@
-//! Meshes, their placements, and parallelograms.
+//! Meshes and their instances, parallelograms, analytic shapes, and curves.
 
 use super::{MaterialId, MeshId, ObjectTraits};
-use crate::math::{DAffine3, DVec3};
+use crate::math::{DAffine3, DQuat, DVec3};
 
 /// Triangles with one set of vertices. Front faces are counter-clockwise.
 #[derive(Clone, Debug, Default)]
@@ -84,4 +84,219 @@ pub struct Quad {
     pub material: MaterialId,
     /// What it is to rays and pictures.
     pub traits: ObjectTraits,
+}
+
+// Shapes that are no meshes: spheres, disks and the like.
+
+/// A shape that is no mesh, in world space.
+#[derive(Clone, Debug)]
+pub struct Shape {
+    /// For reports.
+    pub name: String,
+    /// Which shape it is.
+    pub kind: ShapeKind,
+    /// Its middle.
+    pub center: DVec3,
+    /// Radius, above 0.
+    pub radius: f64,
+    /// Turns the shape with its texture coordinates and object-space textures; the identity for most spheres.
+    pub rotation: DQuat,
+    /// Its material.
+    pub material: MaterialId,
+    /// What it is to rays and pictures.
+    pub traits: ObjectTraits,
+}
+
+/// Makes [`ShapeKind`] and [`ShapeTag`] of a table: each kind with the numbers that it needs beside a radius, what one
+/// and many of it are called, whether it encloses anything, and half the size of the box around one of radius 1 by its
+/// rotation.
+macro_rules! kinds {
+    ($(
+        $(#[$about:meta])*
+        $kind:ident $({ $($(#[$about_number:meta])* $number:ident),* $(,)? })?
+        $one:literal $many:literal closed: $closed:literal half_extent: $half_extent:expr;
+    )*) => {
+        /// Kinds of shapes that are no meshes. What is said of x, y and z holds before the shape is turned.
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        #[non_exhaustive]
+        pub enum ShapeKind {
+            $($(#[$about])* $kind $({ $($(#[$about_number])* $number: f64),* })?,)*
+        }
+
+        /// Which of the kinds of shapes, without its numbers.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        #[non_exhaustive]
+        pub enum ShapeTag {
+            $($(#[$about])* $kind,)*
+        }
+
+        impl ShapeKind {
+            /// Which kind it is.
+            pub fn tag(&self) -> ShapeTag {
+                match self {
+                    $(ShapeKind::$kind { .. } => ShapeTag::$kind,)*
+                }
+            }
+
+            /// Its numbers beside the radius.
+            pub fn numbers(&self) -> Vec<f64> {
+                match *self {
+                    $(ShapeKind::$kind $({ $($number),* })? => vec![$($($number),*)?],)*
+                }
+            }
+
+            /// Half the size of the box around one of radius 1.
+            #[allow(unused_variables)]
+            fn half_extent(&self, rotation: DQuat) -> DVec3 {
+                match *self {
+                    $(ShapeKind::$kind $({ $($number),* })? => ($half_extent)(rotation),)*
+                }
+            }
+        }
+
+        impl ShapeTag {
+            /// All of them; each is in the place that its number says.
+            pub const ALL: &[ShapeTag] = &[$(ShapeTag::$kind),*];
+
+            /// What one is called.
+            pub fn name(self) -> &'static str {
+                match self {
+                    $(ShapeTag::$kind => $one,)*
+                }
+            }
+
+            /// What many are called.
+            pub fn plural(self) -> &'static str {
+                match self {
+                    $(ShapeTag::$kind => $many,)*
+                }
+            }
+
+            /// Does it enclose anything?
+            pub fn is_closed(self) -> bool {
+                match self {
+                    $(ShapeTag::$kind => $closed,)*
+                }
+            }
+        }
+    };
+}
+
+kinds! {
+    /// A sphere. Textures go around the y axis.
+    Sphere "sphere" "spheres" closed: true half_extent: |_| DVec3::ONE;
+    /// A flat disk whose front faces z. Textures have x to the right and y up, and touch its edge.
+    Disk "disk" "disks" closed: false half_extent: around_flat_disk;
+    /// A disk that turns its front to the origin of each ray: a lamp with a soft falloff. It has no textures.
+    FacingDisk "facing disk" "facing disks" closed: false half_extent: |_| DVec3::ONE;
+    /// A sphere that each ray meets once, from outside its near side and from inside its far one: a lamp that rays pass.
+    Shell "shell" "shells" closed: false half_extent: |_| DVec3::ONE;
+}
+
+/// How far a flat disk of radius 1 reaches along each axis.
+fn around_flat_disk(rotation: DQuat) -> DVec3 {
+    let normal = rotation * DVec3::Z;
+    (DVec3::ONE - normal * normal).max(DVec3::ZERO).map(f64::sqrt)
+}
+
+impl Shape {
+    /// Half the size of the box around it.
+    pub fn half_extent(&self) -> DVec3 {
+        self.kind.half_extent(self.rotation) * self.radius
+    }
+}
+
+// Curves with a thickness: hair, fur, grass, threads.
+
+/// How a strand runs between its points.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum CurveBasis {
+    /// Straight from point to point.
+    Linear,
+    /// Cubic Bezier curves end to end: every third point lies on the strand.
+    Bezier,
+    /// A uniform cubic B-spline that begins near its first and ends near its last point.
+    BSpline,
+    /// A cubic curve through all points.
+    #[default]
+    CatmullRom,
+}
+
+impl CurveBasis {
+    /// All of them.
+    pub const ALL: [CurveBasis; 4] =
+        [CurveBasis::Linear, CurveBasis::Bezier, CurveBasis::BSpline, CurveBasis::CatmullRom];
+
+    /// Its name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            CurveBasis::Linear => "linear",
+            CurveBasis::Bezier => "bezier",
+            CurveBasis::BSpline => "bspline",
+            CurveBasis::CatmullRom => "catmull-rom",
+        }
+    }
+
+    /// The basis of a name.
+    pub fn of_name(name: &str) -> Option<CurveBasis> {
+        CurveBasis::ALL.into_iter().find(|basis| basis.name() == name)
+    }
+
+    /// May a strand have so many points?
+    pub fn takes(self, points: usize) -> bool {
+        match self {
+            CurveBasis::Linear | CurveBasis::CatmullRom => points >= 2,
+            CurveBasis::Bezier => points >= 4 && points % 3 == 1,
+            CurveBasis::BSpline => points >= 4,
+        }
+    }
+
+    /// What [`CurveBasis::takes`] asks for, in words.
+    pub fn asks_for(self) -> &'static str {
+        match self {
+            CurveBasis::Linear | CurveBasis::CatmullRom => "2 or more",
+            CurveBasis::Bezier => "4, 7, 10, ...",
+            CurveBasis::BSpline => "4 or more",
+        }
+    }
+}
+
+/// Strands of one material, placed in the world.
+#[derive(Clone, Debug)]
+pub struct Curves {
+    /// For reports.
+    pub name: String,
+    /// How strands run between their points.
+    pub basis: CurveBasis,
+    /// How many points each strand has, one strand after the other.
+    pub strands: Vec<u32>,
+    /// The points of all strands, in object space.
+    pub points: Vec<[f32; 3]>,
+    /// The radius at each point, from 0 up; between points it runs as the strand does.
+    pub radii: Vec<f32>,
+    /// Linear colours by point, which the material's colour is multiplied with if it uses the colours of vertices; empty
+    /// where there are none.
+    pub colors: Vec<[f32; 3]>,
+    /// Placement; radii grow with the cube root of its determinant.
+    pub world_from_object: DAffine3,
+    /// Their material.
+    pub material: MaterialId,
+    /// What they are to rays and pictures.
+    pub traits: ObjectTraits,
+}
+
+impl Curves {
+    /// The factor that the placement scales radii by.
+    pub fn radius_scale(&self) -> f64 {
+        self.world_from_object.matrix3.determinant().abs().cbrt()
+    }
+
+    /// Hands each point to `each`, in world space, with its radius there.
+    pub fn visit(&self, each: &mut dyn FnMut(DVec3, f64)) {
+        let scale = self.radius_scale();
+        for (point, radius) in self.points.iter().zip(&self.radii) {
+            let point = DVec3::from(point.map(f64::from));
+            each(self.world_from_object.transform_point3(point), f64::from(*radius) * scale);
+        }
+    }
 }

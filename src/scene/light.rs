@@ -1,10 +1,8 @@
-//! Lights without a surface.
+//! Lights without a surface, measured light profiles, and light groups.
 
-use super::links::LightLinks;
 use super::motion::Moving;
-use super::profile::LightProfile;
-use super::visibility::RayKinds;
-use crate::math::{DQuat, DVec3};
+use super::object_traits::{LightLinks, RayKinds};
+use crate::math::{DQuat, DVec3, poly};
 use std::sync::Arc;
 
 /// A light without a surface (KHR_lights_punctual).
@@ -84,4 +82,204 @@ pub enum SpotFade {
     /// A smooth step in the cosine of the angle, as Blender fades; the inner cone stands for its blend, which is
     /// 1 - inner / outer of the cone's cap.
     Smooth,
+}
+
+// How much light a lamp sends in which direction, as it was measured.
+
+/// Intensities over a sphere, as the files of luminaires hold them (IES LM-63, photometry of type C): the vertical angle is
+/// counted from the way the lamp shines, the horizontal one about it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LightProfile {
+    /// Increasing, within 0..180 degrees; beyond them it is dark.
+    pub vertical_deg: Vec<f32>,
+    /// Increasing, within 0..360 degrees: 0 alone, or from 0 to 90, 180 or 360, or from 90 to 270; the rest follows by
+    /// symmetry.
+    pub horizontal_deg: Vec<f32>,
+    /// Relative intensities, from 0 up, those of a horizontal angle one after another.
+    pub values: Vec<f32>,
+}
+
+impl LightProfile {
+    /// The intensity at two angles, degrees, 0..180 and 0..360, linear in both between those of the file.
+    pub fn at(&self, vertical_deg: f32, horizontal_deg: f32) -> f32 {
+        let Some((row, down)) = between(&self.vertical_deg, vertical_deg) else { return 0.0 };
+        let folded = self.folded(horizontal_deg);
+        let (column, around) = between(&self.horizontal_deg, folded).unwrap_or((0, 0.0));
+        let rows = self.vertical_deg.len();
+        let along = |column: usize| {
+            let value = |row: usize| self.values[column * rows + row.min(rows - 1)];
+            mix(value(row), value(row + 1), down)
+        };
+        mix(along(column), along((column + 1).min(self.horizontal_deg.len() - 1)), around)
+    }
+
+    /// The horizontal angle of the file that stands for one.
+    fn folded(&self, horizontal_deg: f32) -> f32 {
+        let (first, last) = (self.horizontal_deg[0], self.horizontal_deg[self.horizontal_deg.len() - 1]);
+        let turn = horizontal_deg.rem_euclid(360.0);
+        let half = if turn > 180.0 { 360.0 - turn } else { turn };
+        if first >= 90.0 {
+            // Mirrored at the plane of 90 and 270 degrees.
+            return if turn < 90.0 {
+                180.0 - turn
+            } else if turn > 270.0 {
+                540.0 - turn
+            } else {
+                turn
+            };
+        }
+        if last > 180.0 {
+            turn
+        } else if last > 90.0 {
+            half
+        } else if last > 0.0 {
+            if half > 90.0 { 180.0 - half } else { half }
+        } else {
+            0.0
+        }
+    }
+
+    /// The same with its horizontal angles the other way round.
+    #[must_use]
+    pub fn mirrored(mut self) -> LightProfile {
+        // The others are symmetric.
+        let (first, last) = (self.horizontal_deg[0], self.horizontal_deg[self.horizontal_deg.len() - 1]);
+        if first >= 90.0 || last > 180.0 {
+            self.horizontal_deg.iter_mut().for_each(|angle| *angle = 360.0 - *angle);
+            self.horizontal_deg.reverse();
+            let columns = self.values.chunks_exact(self.vertical_deg.len()).rev();
+            self.values = columns.flatten().copied().collect();
+        }
+        self
+    }
+
+    /// The largest intensity.
+    pub fn peak(&self) -> f32 {
+        self.values.iter().fold(0.0, |most, value| most.max(*value))
+    }
+
+    /// The mean over all directions, by a sum over `steps` heights of equal area and twice as many directions at each.
+    pub fn mean(&self, steps: u32) -> f32 {
+        let mut sum = 0.0;
+        for i in 0..steps {
+            let cosine = 1.0 - 2.0 * (i as f32 + 0.5) / steps as f32;
+            let vertical_deg = poly::acos(cosine).to_degrees();
+            for j in 0..2 * steps {
+                sum += f64::from(self.at(vertical_deg, 180.0 * (j as f32 + 0.5) / steps as f32));
+            }
+        }
+        (sum / (2.0 * f64::from(steps) * f64::from(steps))) as f32
+    }
+
+    /// Is it what the fields say, so that it can be looked up?
+    pub fn is_sound(&self) -> bool {
+        let increases = |list: &[f32], most: f32| {
+            list.windows(2).all(|w| w[0] < w[1])
+                && list.first().is_some_and(|first| *first >= 0.0)
+                && list.last().is_some_and(|last| *last <= most)
+        };
+        increases(&self.vertical_deg, 180.0)
+            && increases(&self.horizontal_deg, 360.0)
+            && self.values.len() == self.vertical_deg.len() * self.horizontal_deg.len()
+            && self.values.iter().all(|value| value.is_finite() && *value >= 0.0)
+    }
+}
+
+/// The entry of an increasing list before a number, and how far towards the next it lies; `None` beyond the list.
+fn between(list: &[f32], number: f32) -> Option<(usize, f32)> {
+    let (first, last) = (*list.first()?, *list.last()?);
+    // Rounding of angles must not leave a gap.
+    const SLACK: f32 = 1e-3;
+    if !(first - SLACK..=last + SLACK).contains(&number) {
+        return None;
+    }
+    let before = list.partition_point(|x| *x <= number).clamp(1, list.len()) - 1;
+    let Some(next) = list.get(before + 1) else { return Some((before, 0.0)) };
+    Some((before, ((number - list[before]) / (next - list[before])).clamp(0.0, 1.0)))
+}
+
+fn mix(a: f32, b: f32, share: f32) -> f32 {
+    a + (b - a) * share
+}
+
+// Groups of lights, which pictures may hold apart.
+
+/// The group of what has no other.
+pub const DEFAULT_GROUP: &str = "default";
+
+/// The key of `extras` in glTF files that names a group.
+pub const GROUP_KEY: &str = "light_group";
+
+/// The name of a group, which users may leave empty.
+pub fn group_or_default(name: &str) -> &str {
+    if name.is_empty() { DEFAULT_GROUP } else { name }
+}
+
+/// May a group be called so? Its name becomes part of the names of channels.
+pub fn is_group_name(name: &str) -> bool {
+    let is_right = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+    (1..=64).contains(&name.len()) && name.chars().all(is_right)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn profile(vertical_deg: &[f32], horizontal_deg: &[f32], values: &[f32]) -> LightProfile {
+        let profile = LightProfile {
+            vertical_deg: vertical_deg.into(),
+            horizontal_deg: horizontal_deg.into(),
+            values: values.into(),
+        };
+        assert!(profile.is_sound());
+        profile
+    }
+
+    #[test]
+    fn angles_are_looked_up_linearly_and_by_symmetry() {
+        let round = profile(&[0.0, 90.0], &[0.0], &[4.0, 2.0]);
+        assert_eq!([0.0, 45.0, 90.0, 91.0].map(|v| round.at(v, 123.0)), [4.0, 3.0, 2.0, 0.0]);
+        // Each horizontal angle has one value.
+        let at = |horizontal: &[f32], values: &[f32], h: f32| {
+            let twice: Vec<f32> = values.iter().flat_map(|v| [*v, *v]).collect();
+            profile(&[0.0, 180.0], horizontal, &twice).at(30.0, h)
+        };
+        let quarter = |h| at(&[0.0, 90.0], &[0.0, 9.0], h);
+        assert_eq!(
+            [0.0, 60.0, 90.0, 120.0, 180.0, 270.0, 330.0].map(quarter),
+            [0.0, 6.0, 9.0, 6.0, 0.0, 9.0, 3.0]
+        );
+        let half = |h| at(&[0.0, 180.0], &[0.0, 18.0], h);
+        assert_eq!([0.0, 60.0, 180.0, 240.0, 350.0].map(half), [0.0, 6.0, 18.0, 12.0, 1.0]);
+        let side = |h| at(&[90.0, 270.0], &[0.0, 18.0], h);
+        assert_eq!([90.0, 180.0, 270.0, 0.0, 60.0, 300.0].map(side), [0.0, 9.0, 18.0, 9.0, 3.0, 15.0]);
+        let lists: [(&[f32], &[f32]); 4] = [
+            (&[0.0, 100.0, 270.0, 360.0], &[1.0, 2.0, 5.0, 1.0]),
+            (&[90.0, 120.0, 270.0], &[0.0, 9.0, 18.0]),
+            (&[0.0, 50.0, 180.0], &[0.0, 9.0, 18.0]),
+            (&[0.0], &[3.0]),
+        ];
+        for (horizontal, values) in lists {
+            let rows: Vec<f32> = values.iter().flat_map(|v| [*v, 2.0 * *v]).collect();
+            let own = profile(&[0.0, 180.0], horizontal, &rows);
+            let mirrored = own.clone().mirrored();
+            assert!(mirrored.is_sound());
+            for degrees in [0.0, 30.0, 90.0, 100.0, 181.0, 300.0] {
+                let (found, expected) = (mirrored.at(45.0, degrees), own.at(45.0, 360.0 - degrees));
+                assert!((found - expected).abs() < 1e-5, "{horizontal:?} {degrees}: {found} {expected}");
+            }
+        }
+        let all = |h| at(&[0.0, 270.0, 360.0], &[0.0, 27.0, 0.0], h);
+        assert_eq!([0.0, 90.0, 315.0, 360.0].map(all), [0.0, 9.0, 13.5, 0.0]);
+    }
+
+    /// A half sphere of intensity 1 has the mean 1/2; a line from 1 to 0 over the angle t in 0..pi has the mean
+    /// 1/2 as well.
+    #[test]
+    fn means_are_those_over_the_sphere() {
+        let half = profile(&[0.0, 90.0], &[0.0], &[1.0, 1.0]);
+        assert!((half.mean(64) - 0.5).abs() < 1e-3 && half.peak() == 1.0);
+        let line = profile(&[0.0, 180.0], &[0.0], &[1.0, 0.0]);
+        assert!((line.mean(64) - 0.5).abs() < 1e-3);
+    }
 }

@@ -2,12 +2,11 @@
 
 use super::light::SpotFade;
 use super::medium::Medium;
-use super::model::Model;
-use super::pbr::PbrMaterial;
+use super::model::{Model, PbrMaterial};
+use super::object_traits::RayKinds;
 use super::slot::{
     ColorSlot, FloatSlot, NormalMap, Parameter, ParameterMut, Parameters, parameters_of_fields,
 };
-use super::visibility::RayKinds;
 use super::{ProfileId, TextureId};
 use crate::math::{DQuat, DVec3};
 

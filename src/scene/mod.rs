@@ -17,58 +17,42 @@
 mod bounds;
 mod camera;
 mod construct;
-mod curves;
 mod environment;
 mod geometry;
-mod grid;
-mod groups;
-mod hair;
 mod ids;
 mod light;
-mod links;
 mod material;
 mod medium;
 mod model;
 mod motion;
+mod object_traits;
 mod outline;
-mod panorama;
-mod pbr;
-mod portal;
-mod profile;
 mod settings;
-mod shape;
 mod slot;
 mod texture;
-mod turning;
 mod validate;
-mod visibility;
 
 pub use bounds::{Extent, instance_extents, scene_extent, visit_points};
-pub use camera::{Aperture, Camera, Projection, ThinLens, looking_at};
-pub use curves::{CurveBasis, Curves};
-pub use environment::{Backdrop, Environment};
-pub use geometry::{Instance, Mesh, MeshPart, Motion, Quad};
-pub use grid::Grid;
-pub use groups::{DEFAULT_GROUP, GROUP_KEY, group_or_default, is_group_name};
-pub use hair::{hair_color, hair_color_scale};
+pub use camera::{Aperture, Camera, Panorama, Projection, ThinLens, looking_at};
+pub use environment::{Backdrop, Environment, Portal};
+pub use geometry::{CurveBasis, Curves, Instance, Mesh, MeshPart, Motion, Quad, Shape, ShapeKind, ShapeTag};
 pub use ids::{GridId, ImageId, MaterialId, MeshId, ProfileId, TextureId};
-pub use light::{Light, LightKind, SpotFade};
-pub use links::{LightLinks, Link, ObjectSet, ObjectSets};
+pub use light::{
+    DEFAULT_GROUP, GROUP_KEY, Light, LightKind, LightProfile, SpotFade, group_or_default, is_group_name,
+};
 pub use material::{AlphaMode, Beam, Displacement, Emission, Lamp, Material};
-pub use medium::{Fog, Glow, Medium, coefficients};
-pub use model::{FresnelModel, Model, Transmission};
+pub use medium::{Fog, Glow, Grid, Medium, coefficients};
+pub use model::{
+    Anisotropy, Clearcoat, DiffuseTransmission, FresnelModel, GlassReflection, Iridescence, Model,
+    PbrMaterial, Sheen, Transmission, hair_color, hair_color_scale,
+};
 pub use motion::{Moving, SceneMotion, Vertices};
+pub use object_traits::{LightLinks, Link, ObjectSet, ObjectSets, ObjectTraits, RayKinds};
 pub use outline::{MaterialUses, Outline};
 pub(crate) use outline::{encloses, is_closed};
-pub use panorama::Panorama;
-pub use pbr::{Anisotropy, Clearcoat, DiffuseTransmission, GlassReflection, Iridescence, PbrMaterial, Sheen};
-pub use portal::Portal;
-pub use profile::LightProfile;
 pub use settings::{Caught, EnergyCompensation, Filter, Settings, ShadingModel};
-pub use shape::{Shape, ShapeKind, ShapeTag};
 pub use slot::{ColorSlot, FloatSlot, NormalMap, Parameter, ParameterMut, Parameters};
 pub use texture::{Interpolation, MOST_NESTED_TEXTURES, Mapping, NoiseKind, Texture, TextureTransform, Wrap};
-pub use visibility::{ObjectTraits, RayKinds};
 
 use crate::image::Image;
 use std::sync::Arc;

@@ -41,7 +41,8 @@ fn decoded(width: u32, height: u32, channels: u32, is_deep: bool, seed: u32) -> 
 fn encoded(image: &Image, most: u64) -> (Image, Arc<Counted>) {
     let bits = if matches!(*image.pixels, Pixels::U16(_)) { 16 } else { 8 };
     let source = Arc::new(Counted { image: image.clone(), decodes: AtomicU64::new(0), most });
-    let pixels = Arc::new(Pixels::Encoded(Encoded { bits, source: source.clone() }));
+    let size = [image.width, image.height, image.channels];
+    let pixels = Arc::new(Pixels::Encoded(Encoded { size, bits, source: source.clone() }));
     (Image { pixels, ..image.clone() }, source)
 }
 

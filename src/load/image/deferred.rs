@@ -61,7 +61,8 @@ pub(crate) fn for_texture(
     let (file, pointer) = (file.to_path_buf(), pointer.to_string());
     let mime = of.mime.map(str::to_string);
     let deferred = Deferred { origin, file, pointer, mime, size: [width, height], channels, bits, on_damage };
-    let pixels = Arc::new(Pixels::Encoded(Encoded { bits, source: Arc::new(deferred) }));
+    let size = [width, height, channels];
+    let pixels = Arc::new(Pixels::Encoded(Encoded { size, bits, source: Arc::new(deferred) }));
     Ok(Image { name, width, height, channels, encoding, pixels })
 }
 

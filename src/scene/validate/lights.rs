@@ -1,12 +1,16 @@
-//! Lights without a surface.
+//! Checks of lights, the environment, light groups and cameras.
 
 use super::findings::{Findings, Place};
-use crate::math::{DQuat, DVec3};
-use crate::scene::{LightKind, Scene};
-use std::f64::consts::PI;
+use super::materials::DECODED;
+use crate::math::{DAffine3, DQuat, DVec3};
+use crate::scene::{
+    Aperture, Backdrop, Camera, Environment, LightKind, Panorama, Projection, Scene, is_group_name,
+};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::mem::discriminant;
+use std::ops::RangeInclusive;
 
-pub(super) fn check(scene: &Scene, findings: &mut Findings) {
+pub(super) fn check_lights(scene: &Scene, findings: &mut Findings) {
     for (index, light) in scene.lights.iter().enumerate() {
         let place = Place { list: "lights", index, name: &light.name };
         findings.require_color(&light.intensity, place, "intensity");
@@ -79,3 +83,201 @@ fn check_direction(direction: DVec3, place: Place, findings: &mut Findings) {
     let is_met = direction.try_normalize().is_some();
     findings.require(is_met, place, "direction", direction, "a finite vector of a length above 0");
 }
+
+// The environment.
+
+/// Most texels of an environment's image: tables over it have 32-bit indices.
+const MOST_TEXELS: u64 = 1 << 29;
+
+/// Places of portals, metres.
+const FARTHEST: f64 = 1e18;
+
+const PLACE: &str = "environment";
+
+pub(super) fn check_environment(scene: &Scene, findings: &mut Findings) {
+    if let Some(Backdrop::Color(rgb)) = &scene.backdrop {
+        findings.require_color(rgb, "backdrop", "Color");
+    }
+    if let Some(sun) = scene.environment_sun {
+        let kind = scene.lights.get(sun as usize).map(|light| light.kind);
+        let is_met = matches!(kind, Some(LightKind::Sun { .. }));
+        findings.require(is_met, PLACE, "sun", sun, "one of the scene's lights, a sun");
+    }
+    for (index, portal) in scene.portals.iter().enumerate() {
+        let place = Place { list: "portals", index, name: &portal.name };
+        let [u, v] = [portal.edge_u, portal.edge_v];
+        let is_finite = portal.corner.is_finite() && portal.corner.length() < FARTHEST;
+        findings.require(is_finite, place, "corner", portal.corner, "a finite point");
+        let is_rectangle = [u, v].iter().all(|e| (1e-9..FARTHEST).contains(&e.length()))
+            && u.normalize_or_zero().dot(v.normalize_or_zero()).abs() < 1e-3;
+        let rule = "edges at right angles, longer than 0";
+        findings.require(is_rectangle, place, "edge_u, edge_v", [u, v], rule);
+    }
+    check_light(scene, &scene.environment, PLACE, findings);
+    if let Some(seen) = &scene.camera_environment {
+        check_light(scene, seen, "camera_environment", findings);
+    }
+}
+
+fn check_light(scene: &Scene, environment: &Environment, place: &'static str, findings: &mut Findings) {
+    match environment {
+        Environment::Black => {}
+        Environment::Constant(rgb) => findings.require_color(rgb, place, "Constant"),
+        Environment::Gradient { nadir, zenith } => {
+            findings.require_color(nadir, place, "nadir");
+            findings.require_color(zenith, place, "zenith");
+        }
+        Environment::Image { image, strength, rotation_rad } => {
+            let is_met = strength.is_finite() && *strength >= 0.0;
+            findings.require(is_met, place, "strength", strength, "a finite number from 0 up");
+            let is_met = rotation_rad.is_finite();
+            findings.require(is_met, place, "rotation_rad", rotation_rad, "a finite number");
+            let Some(map) = scene.images.get(image.index()) else {
+                return findings.reject(place, "image", image, "one of the scene's images");
+            };
+            let texels = u64::from(map.width) * u64::from(map.height);
+            let is_met = texels <= MOST_TEXELS;
+            findings.require(is_met, place, "texels of the image", texels, "at most 2^29");
+            findings.require(!map.is_encoded(), place, "pixels of the image", "encoded", DECODED);
+        }
+    }
+}
+
+// Groups of lights: their names become names of channels.
+
+/// More than a picture could hold apart.
+const MOST_GROUPS: usize = 1 << 15;
+
+pub(super) fn check_groups(scene: &Scene, findings: &mut Findings) {
+    let groups = scene.light_groups();
+    for name in &groups {
+        let allowed = "1 to 64 letters, digits, _ and -";
+        findings.require(is_group_name(name), "light groups", "name", name, allowed);
+    }
+    findings.require(groups.len() <= MOST_GROUPS, "light groups", "number", groups.len(), "at most 32768");
+}
+
+// Cameras.
+
+/// May a camera stand so?
+fn is_placed(m: &DAffine3) -> bool {
+    let axes = [m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis].map(|axis| axis.try_normalize());
+    match axes {
+        // Compared by angles: cameras may have any scale.
+        [Some(x), Some(y), Some(z)] => m.translation.is_finite() && x.cross(y).dot(z).abs() > 1e-9,
+        _ => false,
+    }
+}
+
+pub(super) fn check_camera(camera: &Camera, index: usize, findings: &mut Findings) {
+    let place = Place { list: "cameras", index, name: &camera.name };
+    let m = &camera.world_from_camera;
+    let allowed = "finite, with three axes that lie in no plane";
+    findings.require(is_placed(m), place, "world_from_camera", m, allowed);
+    if let Some(moving) = &camera.motion {
+        let is_met = moving.all().all(is_placed);
+        findings.require(is_met, place, "motion", moving.keys.len(), allowed);
+    }
+    match camera.projection {
+        Projection::Perspective { vfov_rad } => {
+            let is_met = vfov_rad > 0.0 && vfov_rad < PI;
+            findings.require(is_met, place, "vfov_rad", vfov_rad, "above 0 and below pi");
+        }
+        Projection::Orthographic { half_height } => {
+            findings.require_length(half_height, place, "half_height", half_height);
+        }
+        Projection::Panorama(panorama) => check_panorama(&panorama, place, findings),
+    }
+    if let Some(aspect) = camera.aspect_ratio {
+        findings.require_length(aspect, place, "aspect_ratio", aspect);
+    }
+    check_frame(camera, place, findings);
+    check_lens(camera, place, findings);
+}
+
+/// What of the scene the picture shows.
+fn check_frame(camera: &Camera, place: Place, findings: &mut Findings) {
+    let pixel = camera.pixel_aspect;
+    let is_square = pixel == 1.0 || !matches!(camera.projection, Projection::Panorama(_));
+    let is_met = PIXELS.contains(&pixel) && is_square;
+    findings.require(is_met, place, "pixel_aspect", pixel, "from 0.001 to 1000, and 1 for a panorama");
+    let [x, y] = camera.shift;
+    let is_met = x.abs() <= FARTHEST_SHIFT && y.abs() <= FARTHEST_SHIFT;
+    findings.require(is_met, place, "shift", camera.shift, "at most 1000 heights of the picture");
+    if let Some([near, far]) = camera.clip {
+        let is_met = near >= 0.0 && far > near && far <= FARTHEST_FOCUS;
+        findings.require(
+            is_met,
+            place,
+            "clip",
+            [near, far],
+            "two distances from 0 to 1e18, the second beyond the first",
+        );
+    }
+}
+
+fn check_lens(camera: &Camera, place: Place, findings: &mut Findings) {
+    let Some(lens) = camera.lens else { return };
+    let angle = lens.defocus_angle_rad;
+    let is_met = (0.0..PI).contains(&angle);
+    findings.require(is_met, place, "defocus_angle_rad", angle, "from 0 to below pi");
+    let distance = lens.focus_distance;
+    let is_met = distance > 0.0 && distance <= FARTHEST_FOCUS;
+    findings.require(is_met, place, "focus_distance", distance, "above 0 and at most 1e18");
+    let Aperture { blades, rotation_rad, ratio } = lens.aperture;
+    let is_met = blades == 0 || (3..=MOST_BLADES).contains(&blades);
+    findings.require(is_met, place, "blades", blades, "0, or from 3 to 256");
+    findings.require(rotation_rad.is_finite(), place, "rotation_rad", rotation_rad, "finite");
+    let is_met = (1e-3..=1e3).contains(&ratio);
+    findings.require(is_met, place, "ratio", ratio, "from 0.001 to 1000");
+    if matches!(camera.projection, Projection::Panorama(_)) {
+        findings.require(
+            blades == 0 && ratio == 1.0,
+            place,
+            "aperture",
+            lens.aperture,
+            "round for a panorama",
+        );
+    }
+}
+
+fn check_panorama(panorama: &Panorama, place: Place, findings: &mut Findings) {
+    match *panorama {
+        Panorama::Equirectangular { longitude_rad, latitude_rad } => {
+            for (field, [from, to], most, allowed) in [
+                ("longitude_rad", longitude_rad, PI, "growing, from -pi to pi"),
+                ("latitude_rad", latitude_rad, FRAC_PI_2, "growing, from -pi/2 to pi/2"),
+            ] {
+                let is_met = -most <= from && to <= most && to - from >= LEAST_ANGLE;
+                findings.require(is_met, place, field, [from, to], allowed);
+            }
+        }
+        Panorama::FisheyeEquidistant { fov_rad } => check_fov(fov_rad, place, findings),
+        Panorama::FisheyeEquisolid { fov_rad, focal_length, sensor: [width, height] } => {
+            check_fov(fov_rad, place, findings);
+            findings.require_length(focal_length, place, "focal_length", focal_length);
+            findings.require_length(width, place, "sensor", width);
+            findings.require_length(height, place, "sensor", height);
+        }
+    }
+}
+
+fn check_fov(fov_rad: f64, place: Place, findings: &mut Findings) {
+    let is_met = (LEAST_ANGLE..=TAU).contains(&fov_rad);
+    findings.require(is_met, place, "fov_rad", fov_rad, "above 0 and at most 2 pi");
+}
+
+/// Narrowest view of a panorama, radians.
+const LEAST_ANGLE: f64 = 1e-5;
+
+/// Of more, an opening is round.
+const MOST_BLADES: u32 = 256;
+
+/// Width over height of pixels.
+const PIXELS: RangeInclusive<f64> = 1e-3..=1e3;
+
+/// Largest shift, in heights of the picture.
+const FARTHEST_SHIFT: f64 = 1e3;
+
+/// Nothing is seen beyond, metres.
+const FARTHEST_FOCUS: f64 = 1e18;

@@ -1,14 +1,15 @@
-//! Materials: every parameter that the visitor shows, and what it doesn't.
+//! Checks of materials, media, images and textures.
 
 use super::findings::{Findings, Place};
 use super::lights::check_aim;
-use super::media::check_medium;
+use crate::image::{Image, Pixels};
+use crate::math::DVec3;
 use crate::scene::{
-    AlphaMode, Beam, ColorSlot, FloatSlot, Material, Medium, Model, Parameter, PbrMaterial, Scene, TextureId,
-    coefficients,
+    AlphaMode, Backdrop, Beam, ColorSlot, FloatSlot, Fog, Grid, MOST_NESTED_TEXTURES, Mapping, Material,
+    Medium, Model, Parameter, PbrMaterial, Scene, Texture, TextureId, coefficients,
 };
-
 use std::f64::consts::{FRAC_PI_2, PI};
+use std::fmt::Display;
 
 const FINITE: &str = "a finite number";
 const FROM_ZERO: &str = "a finite number from 0 up";
@@ -17,7 +18,7 @@ const MOST_INDEX: f32 = 1e4;
 const INDEX: &str = "numbers from 0 to 10,000";
 const CHANNEL: &str = "a channel from 0 to 3";
 
-pub(super) fn check(scene: &Scene, findings: &mut Findings) {
+pub(super) fn check_materials(scene: &Scene, findings: &mut Findings) {
     for (index, material) in scene.materials.iter().enumerate() {
         let place = Place { list: "materials", index, name: &material.name };
         material.parameters(&mut |field, parameter| {
@@ -142,5 +143,241 @@ fn check_pbr(pbr: &PbrMaterial, place: Place, findings: &mut Findings) {
     findings.require(is_index, place, "ior", pbr.ior, "0, or a finite number from 1 up");
     if let Some(film) = &pbr.iridescence {
         check_channel(&film.thickness_texture, "thickness_texture", place, findings);
+    }
+}
+
+// What fills spaces: fog and the insides of solids.
+
+/// Flights in denser media are shorter than positions are precise.
+const MOST_EXTINCTION: f32 = 1e9;
+
+/// Rays look at so many points of a grid at most, times a small number.
+const MOST_MEAN_FREE_PATHS: f64 = 1e5;
+
+fn check_medium(medium: &Medium, grids: &[Grid], place: impl Display + Copy, findings: &mut Findings) {
+    let is_met = medium.extinction.iter().all(|x| (0.0..=MOST_EXTINCTION).contains(x));
+    findings.require(is_met, place, "extinction", medium.extinction, "numbers from 0 to 1e9 per metre");
+    let is_met = medium.albedo.iter().all(|x| (0.0..=1.0).contains(x));
+    findings.require(is_met, place, "albedo", medium.albedo, "numbers from 0 to 1");
+    let is_met = medium.anisotropy.abs() < 1.0;
+    findings.require(is_met, place, "anisotropy", medium.anisotropy, "above -1 and below 1");
+    findings.require_color(&medium.emission, place, "emission");
+    if let Some(glow) = medium.glow {
+        findings.require(
+            medium.grid.is_some(),
+            place,
+            "glow",
+            glow.grid,
+            "none where there is no grid of densities",
+        );
+        if grids.get(glow.grid.index()).is_none() {
+            findings.reject(place, "glow", glow.grid, "one of the scene's grids");
+        }
+        let is_met = glow.kelvin.is_none_or(|kelvin| (1e-6..=1e6).contains(&kelvin));
+        findings.require(is_met, place, "kelvin", glow.kelvin, "from 1e-6 to 1e6");
+    }
+    let Some(id) = medium.grid else { return };
+    let Some(grid) = grids.get(id.index()) else {
+        return findings.reject(place, "grid", id, "one of the scene's grids");
+    };
+    let [r, g, b] = medium.extinction;
+    let is_met = (r == g && g == b) || medium.emission == [0.0; 3];
+    findings.require(
+        is_met,
+        place,
+        "extinction",
+        medium.extinction,
+        "grey where there is a grid that shines",
+    );
+    let most = r.max(g).max(b);
+    let thickest = grid.values.iter().fold(0.0f32, |most, x| most.max(*x));
+    let paths = f64::from(thickest) * f64::from(most) * longest_way(grid);
+    // Numbers that are none have had their complaint.
+    let is_met = paths.is_nan() || paths <= MOST_MEAN_FREE_PATHS;
+    findings.require(is_met, place, "grid", paths, "at most 1e5 mean free paths across where it is thickest");
+}
+
+/// The longest of the diagonals of its box, metres.
+fn longest_way(grid: &Grid) -> f64 {
+    let [x, y, z] = [0, 1, 2].map(|k| grid.world_from_voxels.matrix3.col(k) * f64::from(grid.size[k]));
+    [x + y + z, x + y - z, x - y + z, x - y - z].into_iter().fold(0.0, |most, way| way.length().max(most))
+}
+
+fn check_grids(grids: &[Grid], findings: &mut Findings) {
+    for (index, grid) in grids.iter().enumerate() {
+        let place = Place { list: "grids", index, name: &grid.name };
+        let voxels = grid.size.iter().try_fold(1usize, |product, &n| product.checked_mul(n as usize));
+        let is_met = voxels.is_some_and(|n| n > 0 && n == grid.values.len());
+        findings.require(is_met, place, "size", grid.size, "above 0 and as many as there are values");
+        findings.require_finite(&grid.values, place, "values");
+        let is_met = grid.values.iter().all(|x| x.is_nan() || *x >= 0.0);
+        findings.require(is_met, place, "values", "negative", "numbers from 0 up");
+        let map = grid.world_from_voxels;
+        let is_met = map.is_finite() && map.matrix3.determinant() != 0.0;
+        findings.require(is_met, place, "world_from_voxels", map, "finite, and not flat");
+        let voxel = DVec3::from_array([0, 1, 2].map(|k| map.matrix3.col(k).length()));
+        // Numbers that are none, and what is flat, have had their complaint.
+        let is_met = !(voxel.min_element() < 1e-18 || voxel.max_element() > 1e18) || !is_met;
+        findings.require(is_met, place, "world_from_voxels", voxel, "voxels between 1e-18 and 1e18 metres");
+    }
+}
+
+pub(super) fn check_media(scene: &Scene, findings: &mut Findings) {
+    const PLACE: &str = "fog";
+    check_grids(&scene.grids, findings);
+    let Some(Fog { medium, center, radius }) = &scene.fog else { return };
+    check_medium(medium, &[], PLACE, findings);
+    findings.require(medium.grid.is_none(), PLACE, "grid", medium.grid, "none: grids are for solids");
+    findings.require(center.is_finite(), PLACE, "center", center, "finite numbers");
+    let is_met = *radius > 0.0;
+    findings.require(is_met, PLACE, "radius", radius, "above 0, or infinite");
+    let channels = medium.emission.iter().zip(&medium.extinction);
+    let is_bounded = radius.is_finite() || channels.into_iter().all(|(e, x)| *e == 0.0 || *x > 0.0);
+    findings.require(is_bounded, PLACE, "emission", medium.emission, "0 where fog without an end is clear");
+}
+
+// Images: as many numbers as width, height and channels say.
+
+/// What images must be that are more than textures.
+pub(super) const DECODED: &str = "decoded";
+
+pub(super) fn check_images(scene: &Scene, findings: &mut Findings) {
+    // The environment counts texels that are no numbers as black; textures hand them on.
+    let mut is_texture = vec![false; scene.images.len()];
+    for texture in &scene.textures {
+        if let Texture::Image { image, .. } = texture
+            && let Some(is_texture) = is_texture.get_mut(image.index())
+        {
+            *is_texture = true;
+        }
+    }
+    for (index, image) in scene.images.iter().enumerate() {
+        check_image(image, Place { list: "images", index, name: &image.name }, is_texture[index], findings);
+    }
+    if let Some(Backdrop::Picture(image)) = &scene.backdrop {
+        let place = Place { list: "backdrop", index: 0, name: &image.name };
+        findings.require(!image.is_encoded(), place, "pixels", "encoded", DECODED);
+        check_image(image, Place { list: "backdrop", index: 0, name: &image.name }, true, findings);
+    }
+}
+
+/// Checks an image, and its numbers as well where those must be finite.
+fn check_image(image: &Image, place: Place, is_finite: bool, findings: &mut Findings) {
+    findings.require(image.width > 0, place, "width", image.width, "at least 1");
+    findings.require(image.height > 0, place, "height", image.height, "at least 1");
+    let channels = image.channels;
+    findings.require((1..=4).contains(&channels), place, "channels", channels, "1 to 4");
+    let length = match &*image.pixels {
+        Pixels::U8(list) => list.len(),
+        Pixels::U16(list) => list.len(),
+        Pixels::F32(list) => list.len(),
+        Pixels::Encoded(encoded) => {
+            let size = [image.width, image.height, image.channels];
+            let is_met = size == encoded.size;
+            findings.require(is_met, place, "width, height, channels", size, "those of the encoded image");
+            return;
+        }
+    };
+    let expected = u128::from(image.width) * u128::from(image.height) * u128::from(channels);
+    let is_met = length as u128 == expected;
+    findings.require(is_met, place, "length of pixels", length, "width * height * channels");
+    if let Pixels::F32(numbers) = &*image.pixels
+        && is_finite
+    {
+        findings.require_finite(numbers, place, "pixels");
+    }
+}
+
+// Textures: what they refer to, and how they lie on surfaces.
+
+pub(super) fn check_textures(scene: &Scene, findings: &mut Findings) {
+    // How many textures lie one in the other, up to each one.
+    let mut depths: Vec<u32> = Vec::with_capacity(scene.textures.len());
+    // How many are looked up for each one.
+    let mut lookups: Vec<u64> = Vec::with_capacity(scene.textures.len());
+    let of = |lookups: &[u64], part: TextureId| lookups.get(part.index()).copied().unwrap_or(1);
+    for (index, texture) in scene.textures.iter().enumerate() {
+        let place = Place { list: "textures", index, name: "" };
+        let (mut depth, mut looked_up) = (1, 1);
+        match texture {
+            Texture::Solid(rgb) => findings.require_color(rgb, place, "Solid"),
+            Texture::Image { image, mapping, .. } => {
+                let exists = image.index() < scene.images.len();
+                findings.require(exists, place, "image", image, "one of the scene's images");
+                check_mapping(mapping, place, findings);
+            }
+            Texture::Checker { even, odd, cell_size, mapping } => {
+                findings.require_length(f64::from(*cell_size), place, "cell_size", cell_size);
+                check_mapping(mapping, place, findings);
+                for (field, cell) in [("even", *even), ("odd", *odd)] {
+                    depth = depth.max(1 + check_part(cell, field, &depths, place, findings));
+                }
+                looked_up = of(&lookups, *even).max(of(&lookups, *odd));
+                let is_met = depth <= MOST_NESTED_TEXTURES;
+                findings.require(is_met, place, "nesting", depth, NESTING);
+            }
+            Texture::Mix { a, b, factor } => {
+                for (field, part) in [("a", *a), ("b", *b), ("factor", *factor)] {
+                    depth = depth.max(1 + check_part(part, field, &depths, place, findings));
+                }
+                looked_up =
+                    [*a, *b, *factor].map(|part| of(&lookups, part)).into_iter().fold(0, u64::saturating_add);
+                findings.require(depth <= MOST_NESTED_TEXTURES, place, "nesting", depth, NESTING);
+                let is_met = looked_up <= MOST_LOOKUPS;
+                findings.require(
+                    is_met,
+                    place,
+                    "mixes",
+                    looked_up,
+                    "made of at most 4096 textures that are no mixes",
+                );
+            }
+            Texture::Normal | Texture::Spectrum(_) => {}
+            Texture::Facing(colors) => {
+                let count = colors.len();
+                findings.require(count > 0, place, "Facing", count, "at least one colour");
+                colors.iter().for_each(|rgb| findings.require_color(rgb, place, "Facing"));
+            }
+            Texture::Noise { frequency, low, high, .. } => {
+                findings.require(frequency.is_finite(), place, "frequency", frequency, "a finite number");
+                findings.require_color(low, place, "low");
+                findings.require_color(high, place, "high");
+            }
+        }
+        depths.push(depth);
+        lookups.push(looked_up);
+    }
+}
+
+/// Of one texture at one place.
+const MOST_LOOKUPS: u64 = 4096;
+
+const NESTING: &str = "at most 64 textures, one in the other";
+
+/// The depth of a part of a texture; 0 where there is none.
+fn check_part(
+    part: TextureId,
+    field: &'static str,
+    depths: &[u32],
+    place: Place,
+    findings: &mut Findings,
+) -> u32 {
+    let depth = depths.get(part.index()).copied();
+    // This also rules out circles.
+    findings.require(depth.is_some(), place, field, part, "a texture that comes before this one");
+    depth.unwrap_or(0)
+}
+
+fn check_mapping(mapping: &Mapping, place: Place, findings: &mut Findings) {
+    match mapping {
+        Mapping::Uv { set, transform } => {
+            findings.require(*set <= 1, place, "set", set, "0 or 1: materials use at most two sets");
+            let numbers = [transform.offset.to_array(), transform.scale.to_array()];
+            let is_finite = numbers.as_flattened().iter().all(|x| x.is_finite());
+            let is_met = is_finite && transform.rotation_rad.is_finite();
+            findings.require(is_met, place, "transform", transform, "made of finite numbers");
+        }
+        Mapping::World => {}
+        Mapping::Triplanar { size } => findings.require_length(f64::from(*size), place, "size", size),
     }
 }

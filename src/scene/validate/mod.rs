@@ -5,24 +5,14 @@
 //! What is repaired on the way to a picture is no problem here: shares beyond 0..1 (clamped), normals of any length
 //! (normalised), primitives without area or farther away than 1e18 m and placements that flatten (left out, with a warning).
 
-mod cameras;
-mod curves;
-mod environment;
 mod findings;
-mod groups;
-mod images;
+mod geometry;
 mod lights;
 mod materials;
-mod media;
-mod meshes;
-mod motion;
-mod objects;
-mod settings;
 #[cfg(test)]
 mod tests;
-mod textures;
 
-use super::{Camera, Scene};
+use super::{Camera, Scene, Settings};
 use crate::error::Problem;
 use findings::Findings;
 
@@ -33,21 +23,21 @@ impl Scene {
     /// addressed.
     pub fn validate(&self) -> Vec<Problem> {
         let mut findings = Findings::default();
-        meshes::check(self, &mut findings);
-        objects::check(self, &mut findings);
-        curves::check(self, &mut findings);
-        materials::check(self, &mut findings);
-        textures::check(self, &mut findings);
-        images::check(self, &mut findings);
-        lights::check(self, &mut findings);
-        environment::check(self, &mut findings);
-        media::check(self, &mut findings);
-        groups::check(self, &mut findings);
-        motion::check(self, &mut findings);
+        geometry::check_meshes(self, &mut findings);
+        geometry::check_objects(self, &mut findings);
+        geometry::check_curves(self, &mut findings);
+        materials::check_materials(self, &mut findings);
+        materials::check_textures(self, &mut findings);
+        materials::check_images(self, &mut findings);
+        lights::check_lights(self, &mut findings);
+        lights::check_environment(self, &mut findings);
+        materials::check_media(self, &mut findings);
+        lights::check_groups(self, &mut findings);
+        geometry::check_motion(self, &mut findings);
         for (i, camera) in self.cameras.iter().enumerate() {
-            cameras::check(camera, i, &mut findings);
+            lights::check_camera(camera, i, &mut findings);
         }
-        settings::check(&self.settings, &mut findings);
+        check_settings(&self.settings, &mut findings);
         findings.into_problems()
     }
 }
@@ -56,7 +46,28 @@ impl Camera {
     /// The same for a camera that is in no scene.
     pub fn validate(&self) -> Vec<Problem> {
         let mut findings = Findings::default();
-        cameras::check(self, 0, &mut findings);
+        lights::check_camera(self, 0, &mut findings);
         findings.into_problems()
+    }
+}
+
+// Settings of rendering.
+
+const PLACE: &str = "settings";
+
+fn check_settings(settings: &Settings, findings: &mut Findings) {
+    let counts = [("width", settings.width), ("height", settings.height), ("samples", settings.samples)];
+    for (field, count) in counts {
+        if let Some(count) = count {
+            findings.require(count > 0, PLACE, field, count, "at least 1");
+        }
+    }
+    for (field, value) in [("noise", settings.noise), ("white_balance", settings.white_balance)] {
+        if let Some(value) = value.filter(|value| !(value.is_finite() && *value > 0.0)) {
+            findings.require(false, PLACE, field, value, "a number above 0");
+        }
+    }
+    if let Some(exposure) = settings.exposure {
+        findings.require(exposure.is_finite(), PLACE, "exposure", exposure, "a finite number");
     }
 }

@@ -1,6 +1,6 @@
 //! What is said about broken scenes, word for word.
 
-use crate::image::Image;
+use crate::image::{Damage, Encoded, Image, ImageSource, Pixels};
 use crate::math::{DAffine3, DVec3};
 use crate::scene::{
     Camera, ColorSlot, Environment, ImageId, Instance, Light, LightKind, Mapping, Material, MaterialId, Mesh,
@@ -137,6 +137,34 @@ fn textures_and_images() {
             "environment, image: is ImageId(1), but must be one of the scene's images",
         ]
     );
+}
+
+/// An image that is still encoded, whose size was changed in code: lookups would read beyond its pixels.
+#[test]
+fn encoded_images_keep_their_size() {
+    #[derive(Debug)]
+    struct Source(Image);
+
+    impl ImageSource for Source {
+        fn decode(&self) -> Result<Image, Damage> {
+            Ok(self.0.clone())
+        }
+
+        fn with_bytes(&self, _: &mut dyn FnMut(&[u8])) {}
+    }
+
+    let image = Image::from_linear_rgb("wood", 2, 1, vec![0.5; 6]);
+    let source = std::sync::Arc::new(Source(image.clone()));
+    let pixels = std::sync::Arc::new(Pixels::Encoded(Encoded { size: [2, 1, 3], bits: 8, source }));
+    let with = |width, height, channels| {
+        let image = Image { width, height, channels, pixels: pixels.clone(), ..image.clone() };
+        told(&Scene { images: vec![image], ..Scene::default() })
+    };
+    assert_eq!(with(2, 1, 3), [""; 0]);
+    for (width, height, channels) in [(3, 1, 3), (2, 2, 3), (2, 1, 4)] {
+        let problems = with(width, height, channels);
+        assert!(problems.len() == 1 && problems[0].contains("images[0] 'wood'"), "{problems:?}");
+    }
 }
 
 #[test]

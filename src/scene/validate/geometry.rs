@@ -1,0 +1,190 @@
+//! Checks of meshes, curves, other objects and their motion: references, list lengths, finite numbers. Lists of numbers take one
+//! branch-free pass each, so that a check takes as long as reading the list.
+
+use super::findings::{BLOCK, Findings, Place};
+use crate::math::DAffine3;
+use crate::scene::{Curves, Material, MaterialId, Mesh, Motion, Scene, Transmission};
+use rayon::prelude::*;
+
+// Meshes: indices, lengths of lists, runs of materials, and that every number is finite. One pass over each list, without
+// branches, so that it takes as long as reading it.
+
+pub(super) fn check_meshes(scene: &Scene, findings: &mut Findings) {
+    for (index, mesh) in scene.meshes.iter().enumerate() {
+        let place = Place { list: "meshes", index, name: &mesh.name };
+        check_triangles(mesh, place, findings);
+        check_numbers(mesh, place, findings);
+        check_lengths(mesh, place, findings);
+        check_parts(mesh, scene.materials.len(), place, findings);
+    }
+}
+
+fn check_triangles(mesh: &Mesh, place: Place, findings: &mut Findings) {
+    let (indices, vertices) = (mesh.triangles.as_flattened(), mesh.positions.len());
+    // More vertices than indices can tell apart: all are in range.
+    let Ok(vertices) = u32::try_from(vertices) else { return };
+    let are_in_range = |block: &[u32]| !block.iter().fold(false, |bad, &i| bad | (i >= vertices));
+    if !indices.par_chunks(BLOCK).all(are_in_range) {
+        let largest = indices.iter().fold(0, |largest, &i| largest.max(i));
+        findings.reject(place, "triangles", largest, "indices below the number of positions");
+    }
+}
+
+fn check_numbers(mesh: &Mesh, place: Place, findings: &mut Findings) {
+    let mut check = |field, numbers: &[f32]| findings.require_finite(numbers, place, field);
+    check("positions", mesh.positions.as_flattened());
+    check("normals", mesh.normals.as_flattened());
+    check("tangents", mesh.tangents.as_flattened());
+    check("colors", mesh.colors.as_flattened());
+    mesh.uv_sets.iter().for_each(|set| check("uv_sets", set.as_flattened()));
+}
+
+fn check_lengths(mesh: &Mesh, place: Place, findings: &mut Findings) {
+    let vertices = mesh.positions.len();
+    let mut check = |field, length: usize| {
+        let is_met = length == 0 || length == vertices;
+        findings.require(is_met, place, field, length, "as many as the positions, or empty");
+    };
+    check("length of normals", mesh.normals.len());
+    check("length of tangents", mesh.tangents.len());
+    check("length of colors", mesh.colors.len());
+    mesh.uv_sets.iter().for_each(|set| check("length of a set of uv_sets", set.len()));
+}
+
+fn check_parts(mesh: &Mesh, materials: usize, place: Place, findings: &mut Findings) {
+    const IN_ORDER: &str = "in order, without gaps, and cover all triangles";
+    let mut next = 0u64;
+    for part in &mesh.parts {
+        let is_met = part.material.index() < materials;
+        findings.require(is_met, place, "material of a part", part.material, "one of the scene's materials");
+        if u64::from(part.first_triangle) != next {
+            return findings.reject(place, "parts", part, IN_ORDER);
+        }
+        next += u64::from(part.triangle_count);
+    }
+    findings.require(next == mesh.triangles.len() as u64, place, "parts", mesh.parts.last(), IN_ORDER);
+}
+
+// Curves: their lists, and whether their material is one that curves can have.
+
+pub(super) fn check_curves(scene: &Scene, findings: &mut Findings) {
+    for (index, curves) in scene.curves.iter().enumerate() {
+        let place = Place { list: "curves", index, name: &curves.name };
+        lists(curves, place, findings);
+        match scene.materials.get(curves.material.index()) {
+            None => findings.reject(place, "material", curves.material, "one of the scene's materials"),
+            Some(material) => suits(material, place, findings),
+        }
+    }
+}
+
+fn lists(curves: &Curves, place: Place, findings: &mut Findings) {
+    let sum: u64 = curves.strands.iter().map(|n| u64::from(*n)).sum();
+    let points = curves.points.len();
+    findings.require(sum == points as u64, place, "strands", sum, "as many points as there are");
+    let odd = curves.strands.iter().find(|n| !curves.basis.takes(**n as usize));
+    findings.require(odd.is_none(), place, "strands", odd, curves.basis.asks_for());
+    findings.require(curves.radii.len() == points, place, "radii", curves.radii.len(), "one a point");
+    let has_colors = [0, points].contains(&curves.colors.len());
+    findings.require(has_colors, place, "colors", curves.colors.len(), "one a point, or none");
+    findings.require_finite(curves.points.as_flattened(), place, "points");
+    findings.require_finite(&curves.radii, place, "radii");
+    findings.require_finite(curves.colors.as_flattened(), place, "colors");
+    let negative = curves.radii.iter().find(|r| **r < 0.0);
+    findings.require(negative.is_none(), place, "radii", negative, "from 0 up");
+    let is_finite = curves.world_from_object.is_finite();
+    findings.require(is_finite, place, "world_from_object", curves.world_from_object, "finite");
+}
+
+/// Rays meet curves from outside only: they have no inside, and are no lights.
+fn suits(material: &Material, place: Place, findings: &mut Findings) {
+    let is_solid = match material.model.transmission() {
+        Transmission::Clear(_) => true,
+        Transmission::Pbr(pbr) => pbr.has_volume || pbr.keeps_radiance,
+        Transmission::None | Transmission::Thin => false,
+    };
+    let name = &material.name;
+    let opaque = "no solid glass and filled with no medium: curves take opaque and thin materials and 'hair'";
+    findings.require(!is_solid && material.medium.is_none(), place, "material", name, opaque);
+    let dark = "one that does not shine: curves are no lights";
+    findings.require(material.emission.is_none(), place, "material", name, dark);
+}
+
+// What is seen: instances, shapes and quads.
+
+const MATERIAL: &str = "one of the scene's materials";
+const FINITE: &str = "finite";
+
+pub(super) fn check_objects(scene: &Scene, findings: &mut Findings) {
+    let exists = |id: MaterialId| id.index() < scene.materials.len();
+    for (index, instance) in scene.instances.iter().enumerate() {
+        let place = Place { list: "instances", index, name: &instance.name };
+        let has_mesh = instance.mesh.index() < scene.meshes.len();
+        findings.require(has_mesh, place, "mesh", instance.mesh, "one of the scene's meshes");
+        findings.require(
+            instance.material.is_none_or(exists),
+            place,
+            "material",
+            instance.material,
+            MATERIAL,
+        );
+    }
+    for (index, shape) in scene.shapes.iter().enumerate() {
+        let place = Place { list: "shapes", index, name: &shape.name };
+        findings.require(exists(shape.material), place, "material", shape.material, MATERIAL);
+        findings.require(shape.center.is_finite(), place, "center", shape.center, FINITE);
+        findings.require_length(shape.radius, place, "radius", shape.radius);
+        for number in shape.kind.numbers() {
+            findings.require(number.is_finite(), place, "kind", number, FINITE);
+        }
+        findings.require(shape.rotation.is_normalized(), place, "rotation", shape.rotation, "of unit length");
+    }
+    for (index, quad) in scene.quads.iter().enumerate() {
+        let place = Place { list: "quads", index, name: &quad.name };
+        findings.require(exists(quad.material), place, "material", quad.material, MATERIAL);
+        findings.require(quad.corner.is_finite(), place, "corner", quad.corner, FINITE);
+        findings.require(quad.edge_u.is_finite(), place, "edge_u", quad.edge_u, FINITE);
+        findings.require(quad.edge_v.is_finite(), place, "edge_v", quad.edge_v, FINITE);
+    }
+}
+
+// What moves while the picture is taken: objects. (Cameras and lights are checked with their motion.)
+
+pub(super) fn check_motion(scene: &Scene, findings: &mut Findings) {
+    let motion = &scene.motion;
+    for (index, instance) in scene.instances.iter().enumerate() {
+        if let Motion::Keyed(number) = instance.motion {
+            let place = Place { list: "instances", index, name: &instance.name };
+            let exists = (number as usize) < motion.instances.len();
+            findings.require(exists, place, "motion", number, "the number of one of the scene's motions");
+        }
+    }
+    let lists = [("motion.quads", &motion.quads), ("motion.shapes", &motion.shapes)];
+    let listed = lists.iter().flat_map(|(list, all)| all.iter().map(move |(i, moving)| (*list, *i, moving)));
+    let instances = motion.instances.iter().enumerate().map(|(i, moving)| ("motion.instances", i, moving));
+    for (list, index, moving) in listed.chain(instances) {
+        let place = Place { list, index, name: "" };
+        findings.require(
+            moving.all().all(DAffine3::is_finite),
+            place,
+            "keys",
+            moving.keys.len(),
+            "finite transforms",
+        );
+    }
+    for (&index, moving) in &motion.meshes {
+        let mesh = scene.meshes.get(index);
+        let place = Place { list: "motion.meshes", index, name: mesh.map_or("", |m| &m.name) };
+        findings.require(mesh.is_some(), place, "mesh", index, "one of the scene's meshes");
+        let Some(mesh) = mesh else { continue };
+        let counts = (mesh.positions.len(), mesh.normals.len());
+        let fits = moving.all().all(|key| (key.positions.len(), key.normals.len()) == counts);
+        findings.require(
+            fits,
+            place,
+            "keys",
+            moving.keys.len(),
+            "as many positions and normals as the mesh has",
+        );
+    }
+}
