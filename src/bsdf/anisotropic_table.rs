@@ -1,8 +1,8 @@
 //! Directional albedo of facets with two roughnesses: that of one roughness, corrected by a table.
 
 use super::albedo_table::{DirectionalAlbedo, LEAST_ROUGHNESS};
-use super::dielectric_curve::DielectricCurve;
 use super::dielectric_table::mean_cosine;
+use super::fresnel::DielectricCurve;
 use super::ggx::MIN_ALPHA;
 use crate::math::Vec3;
 

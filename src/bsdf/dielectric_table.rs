@@ -1,7 +1,7 @@
 //! Directional albedo of GGX facets with the exact Fresnel curve of a dielectric, from a table.
 
 use super::albedo_table::LEAST_ROUGHNESS;
-use super::dielectric_curve::DielectricCurve;
+use super::fresnel::DielectricCurve;
 
 /// Nodes by roughness r = sqrt(alpha) from the least to 1, by index of refraction (see [`index_axis`]), and by view
 /// cosine, as s (1 + r) / (s + r) with s its square root.
@@ -82,7 +82,7 @@ pub fn mean_cosine(cos_o: f32, alpha: f32, curve: DielectricCurve) -> f32 {
 mod tests {
     use super::*;
     use crate::bsdf::DirectionalAlbedo;
-    use crate::bsdf::dielectric_curve::LARGEST_AMPLITUDE;
+    use crate::bsdf::fresnel::LARGEST_AMPLITUDE;
     use crate::bsdf::reference::{direction, fresnel, reflections};
     use crate::sampling::chi2::Random;
 

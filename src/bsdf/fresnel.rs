@@ -1,6 +1,7 @@
 //! Reflectance of smooth interfaces.
 
 use crate::color::Rgb;
+use crate::scene::FresnelModel;
 
 /// (1 - cos)^5, the weight of grazing reflectance (Schlick 1994).
 #[inline(always)]
@@ -78,6 +79,95 @@ pub fn schlick_dielectric(cos_theta: f32, eta: f32) -> Interface {
     Interface { reflectance: f0 + (1.0 - f0) * schlick_weight(cosine), cos_transmitted }
 }
 
+// The exact Fresnel curve of a dielectric, as the weight of what it reflects at grazing incidence.
+
+/// Fresnel term of a dielectric layer: the weight by which its reflectance goes from F0 to F90.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum LayerFresnel {
+    /// Schlick's (1 - cos)^5.
+    Schlick,
+    /// The curve of its index of refraction.
+    Exact(DielectricCurve),
+}
+
+impl LayerFresnel {
+    /// That of a model for a layer of an index of refraction (see [`DielectricCurve::of_ior`]).
+    #[inline(always)]
+    pub fn new(model: FresnelModel, ior: f32) -> LayerFresnel {
+        match model {
+            FresnelModel::Schlick => LayerFresnel::Schlick,
+            FresnelModel::Exact => LayerFresnel::Exact(DielectricCurve::of_ior(ior)),
+        }
+    }
+
+    /// From 0 at normal to 1 at grazing incidence.
+    #[inline(always)]
+    pub fn weight(self, cosine: f32) -> f32 {
+        match self {
+            LayerFresnel::Schlick => schlick_weight(cosine),
+            LayerFresnel::Exact(curve) => curve.weight(cosine),
+        }
+    }
+
+    /// Reflectance between that at normal and that at grazing incidence.
+    #[inline(always)]
+    pub fn reflectance(self, f0: Rgb, f90: Rgb, cosine: f32) -> Rgb {
+        f0 + (f90 - f0) * self.weight(cosine)
+    }
+}
+
+/// How the reflectance of a dielectric rises from normal to grazing incidence, seen from outside: with F the Fresnel
+/// reflectance of unpolarised light, the weight (F(cos) - F(1)) / (1 - F(1)), which takes the place of Schlick's
+/// (1 - cos)^5 between an F0 and an F90 of any value.
+///
+/// F rises all the way as long as F(1) is at most 1/3, up to an index of 2 + sqrt(3) = 3.73. Beyond, it falls before it
+/// rises, and remapped to a small F0 would become negative: denser materials have the curve of that index.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct DielectricCurve {
+    /// (n - 1) / (n + 1): the amplitude reflected at normal incidence, 0 to 1 / sqrt(3).
+    pub amplitude: f32,
+}
+
+/// That of an index of 2 + sqrt(3): 1 / sqrt(3).
+pub(super) const LARGEST_AMPLITUDE: f32 = 0.577_350_26;
+
+impl DielectricCurve {
+    /// By the index of refraction over that of the outside, at least 1; 0 stands for infinity, as in KHR_materials_ior.
+    /// Between 0 and 1 it counts as its inverse.
+    #[inline(always)]
+    pub fn of_ior(ior: f32) -> DielectricCurve {
+        DielectricCurve { amplitude: ((ior - 1.0) / (ior + 1.0)).abs().min(LARGEST_AMPLITUDE) }
+    }
+
+    /// Fresnel's equations for unpolarised light. `cosine` in 0..1.
+    ///
+    /// With k = n^2 and g = n cos_t, so that g^2 = k - 1 + c^2, the amplitudes (c - g) / (c + g) and (k c - g) / (k c + g)
+    /// have squares whose mean is ((k - 1) / d)^2 (sin^4 + c^2 g^2) with d = k c^2 + (k + 1) c g + g^2: one root, one
+    /// division, and nothing cancels as n goes to 1. Here d and g are scaled by powers of p = 1 - q, with q the amplitude
+    /// at normal incidence and n = (1 + q) / (1 - q).
+    #[inline(always)]
+    pub fn reflectance(self, cosine: f32) -> f32 {
+        let q = self.amplitude;
+        let (p, m) = (1.0 - q, 1.0 + q);
+        let (pp, mm, cc) = (p * p, m * m, cosine * cosine);
+        let sin_squared = 1.0 - cc;
+        let gg = 4.0 * q + pp * cc;
+        let d = p * (mm * cc + gg) + (mm + pp) * (cosine * gg.sqrt());
+        let ratio = 4.0 * q / if d > 1e-30 { d } else { 1e-30 };
+        ratio * ratio * (pp * (sin_squared * sin_squared) + cc * gg)
+    }
+
+    /// The weight, from 0 at normal to 1 at grazing incidence. `cosine` may be above 1 by rounding.
+    #[inline(always)]
+    pub fn weight(self, cosine: f32) -> f32 {
+        let cosine = if cosine < 1.0 { cosine } else { 1.0 };
+        let normal = self.amplitude * self.amplitude;
+        let weight = (self.reflectance(cosine) - normal) / (1.0 - normal);
+        let weight = if weight > 0.0 { weight } else { 0.0 };
+        if weight < 1.0 { weight } else { 1.0 }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -124,5 +214,71 @@ mod tests {
                 assert!((back.cos_transmitted - c).abs() < 1e-5, "{c}");
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod dielectric_curve_tests {
+    use super::*;
+    use crate::bsdf::reference::fresnel;
+
+    fn curve_in_f64(cosine: f64, ior: f64) -> f64 {
+        let normal = fresnel(1.0, ior).0;
+        (fresnel(cosine, ior).0 - normal) / (1.0 - normal)
+    }
+
+    #[test]
+    fn curves_are_fresnels_equations() {
+        let mut largest = [0.0f64; 2];
+        for i in 0..=400 {
+            let ior = 1.0 + 2.732 * (f64::from(i) / 400.0).powi(3);
+            let curve = DielectricCurve::of_ior(ior as f32);
+            // The index that single precision keeps of it.
+            let amplitude = f64::from(curve.amplitude);
+            let kept = (1.0 + amplitude) / (1.0 - amplitude);
+            for k in 0..=1000 {
+                let cosine = (k as f32 / 1000.0).powi(2);
+                let c = f64::from(cosine);
+                // Glass as thin as air reflects nothing but along the surface, where the index of f32 is too coarse.
+                if kept == 1.0 {
+                    assert_eq!(curve.weight(cosine), 0.0);
+                    continue;
+                }
+                let reflectance = (f64::from(curve.reflectance(cosine)) - fresnel(c, kept).0).abs();
+                let weight = (f64::from(curve.weight(cosine)) - curve_in_f64(c, kept)).abs();
+                largest = [largest[0].max(reflectance), largest[1].max(weight)];
+            }
+        }
+        println!("largest errors: {largest:?}");
+        assert!(largest.iter().all(|e| *e < 1e-6), "{largest:?}");
+    }
+
+    #[test]
+    fn curves_rise_from_0_to_1() {
+        for ior in [0.0, 1.0 + 1e-6, 1.001, 1.05, 1.33, 1.5, 2.4, 3.0, 3.7, 4.0, 10.0, 1e6, f32::MAX] {
+            let curve = DielectricCurve::of_ior(ior);
+            assert_eq!(curve.weight(1.0 + 1e-6), curve.weight(1.0), "{ior}");
+            assert!((curve.weight(0.0) - 1.0).abs() < 1e-6, "{ior}: {}", curve.weight(0.0));
+            assert!(curve.weight(1.0) < 1e-6, "{ior}");
+            let mut before = 1.0f32;
+            for i in 0..=1000 {
+                let weight = curve.weight(i as f32 / 1000.0);
+                assert!((0.0..=before + 1e-6).contains(&weight), "{ior} {i}: {weight} after {before}");
+                before = weight;
+            }
+        }
+    }
+
+    /// Glass of 1.5 at 60 degrees reflects 8.9 %, and Schlick's approximation has 7.0 %.
+    #[test]
+    fn glass_at_60_degrees() {
+        // cos_t = sqrt(1 - 3/4 / 9/4) = sqrt(2/3); both amplitudes by hand.
+        let t = (2.0f64 / 3.0).sqrt();
+        let (s, p) = ((0.5 - 1.5 * t) / (0.5 + 1.5 * t), (0.75 - t) / (0.75 + t));
+        let exact = 0.5 * (s * s + p * p);
+        let found = f64::from(DielectricCurve::of_ior(1.5).reflectance(0.5));
+        assert!((found - exact).abs() < 1e-7 && (exact - 0.0892).abs() < 1e-4, "{found} {exact}");
+        let schlick = schlick_weight(0.5) * 0.96 + 0.04;
+        assert!((schlick - 0.07).abs() < 1e-6);
     }
 }

@@ -1,9 +1,9 @@
 //! The opaque glTF 2.0 material: a GGX layer over a diffuse base, mixed with metal.
 
 use super::albedo_table::DirectionalAlbedo;
-use super::dielectric_curve::{DielectricCurve, LayerFresnel};
+use super::fresnel::{DielectricCurve, LayerFresnel};
+use super::lobe::LEAST_ALBEDO;
 use super::microsurface::{Facets, Isotropic};
-use super::sample::LEAST_ALBEDO;
 use super::{BsdfEval, BsdfSample, Lobe, fresnel, ggx};
 use crate::color::Rgb;
 use crate::math::{Vec3, select};

@@ -3,10 +3,10 @@
 
 use super::albedo_table::DirectionalAlbedo;
 use super::anisotropic_table::{LARGEST_ROOT_RATIO, anisotropic_albedo, anisotropic_dielectric_grazing};
-use super::dielectric_curve::DielectricCurve;
 use super::dielectric_table::mean_cosine;
+use super::fresnel::DielectricCurve;
 use super::ggx::{self, MIN_ALPHA, Reflection};
-use super::program::{LocalFrame, Slots, always};
+use super::lobe::{LocalFrame, Slots, always};
 use crate::math::{Vec2, Vec3, poly};
 use crate::scene::{Anisotropy, ColorSlot, FloatSlot};
 use std::f32::consts::PI;

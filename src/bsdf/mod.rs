@@ -7,80 +7,66 @@
 
 pub mod albedo_table;
 pub mod anisotropic_table;
-mod coat;
-mod conductor;
+mod appearance;
 mod dielectric;
-pub mod dielectric_curve;
 pub mod dielectric_table;
+mod diffuse;
 mod dispatch;
-mod facet_reflection;
 pub mod fresnel;
 pub mod ggx;
 mod hair;
-mod lambert;
 mod layered;
 mod lobe;
-mod look;
+mod metal;
 mod metal_rough;
 mod microsurface;
-mod oren_nayar;
 pub mod phase;
 mod phong;
-mod program;
-mod program_pbr;
 #[cfg(test)]
 mod reference;
-#[cfg(test)]
-mod reference_walk;
 mod rough_dielectric;
-mod rough_dielectric_lobe;
-mod sample;
-mod schlick_metal;
 mod sheen;
 #[allow(clippy::approx_constant, reason = "a number of the table happens to be near a sixth of pi")]
 mod sheen_data;
-mod solid_glass;
 mod thin_film;
-mod through;
 
 pub use crate::scene::ShadingModel;
 pub use albedo_table::DirectionalAlbedo;
-pub use coat::Coat;
-pub use dielectric_curve::{DielectricCurve, LayerFresnel};
+pub use appearance::{Look, Shown};
 pub use dielectric_table::mean_cosine;
+pub use diffuse::DiffuseThrough;
+pub use fresnel::{DielectricCurve, LayerFresnel};
 pub use ggx::above;
-pub use lobe::{Lobe, Transmissive};
-pub use look::{Look, Shown};
+pub use layered::Coat;
+pub use lobe::{
+    BsdfEval, BsdfSample, Factors, Lobe, LocalFrame, MaterialProgram, Refraction, Slots, Transmissive,
+};
 pub use metal_rough::MetalRoughClosure;
 pub use microsurface::{Facets, Isotropic, Microsurface};
-pub use program::{Factors, LocalFrame, MaterialProgram, Slots};
 pub use rough_dielectric::{GlassReflectance, Walls};
-pub use sample::{BsdfEval, BsdfSample, Refraction};
 pub use sheen::Sheen;
 pub use thin_film::ThinFilm;
-pub use through::DiffuseThrough;
 
 use crate::color::Rgb;
 use crate::math::Vec3;
 use crate::scene::{ColorSlot, EnergyCompensation, FresnelModel, GlassReflection, Model, PbrMaterial};
+use lobe::{always, with_side};
 use microsurface::MicrosurfaceProgram;
-use program::always;
-use sample::with_side;
 
 dispatch::bsdfs! {
     opaque {
         /// Ideal diffuse reflection.
-        lambert::Lambert(lambert::LambertProgram),
+        diffuse::Lambert(diffuse::LambertProgram),
         /// Rough diffuse reflection.
-        oren_nayar::OrenNayar(oren_nayar::OrenNayarProgram),
+        diffuse::OrenNayar(diffuse::OrenNayarProgram),
         /// The modified Phong model.
         phong::Phong(phong::PhongProgram),
         /// A metal of a colour, with Schlick's Fresnel term.
-        schlick_metal::SchlickMetal(schlick_metal::SchlickMetalProgram),
+        metal::SchlickMetal(metal::SchlickMetalProgram),
         /// A metal of a complex index of refraction.
-        conductor::Conductor(conductor::ConductorProgram),
+        metal::Conductor(metal::ConductorProgram),
         /// The opaque glTF material.
-        metal_rough::MetalRough(program_pbr::MetalRoughProgram),
+        metal_rough::MetalRough(layered::MetalRoughProgram),
     }
     transmissive {
         /// Smooth solid glass.
@@ -90,7 +76,7 @@ dispatch::bsdfs! {
         /// Glass of any roughness, solid or thin.
         rough_dielectric::RoughDielectric(rough_dielectric::RoughDielectricProgram),
         /// The glTF material with all layers.
-        layered::Layered(program_pbr::LayeredProgram),
+        layered::Layered(layered::LayeredProgram),
         /// A fibre of hair.
         hair::Hair(hair::HairProgram),
     }
@@ -213,12 +199,12 @@ impl BsdfProgram {
         let energy_compensation = shading.energy_compensation;
         let layered = || LayeredProgram::new(pbr, shading).into();
         let is_dielectric = always(&pbr.metallic, 0.0);
-        let is_rough = program_pbr::is_rough_diffuse(pbr);
-        if program_pbr::is_layered(pbr) {
+        let is_rough = layered::is_rough_diffuse(pbr);
+        if layered::is_layered(pbr) {
             return layered();
         }
-        if program_pbr::transmits(pbr) {
-            let is_clear = is_dielectric && always(&pbr.transmission, 1.0) && program_pbr::is_plain(pbr);
+        if layered::transmits(pbr) {
+            let is_clear = is_dielectric && always(&pbr.transmission, 1.0) && layered::is_plain(pbr);
             return if is_clear { BsdfProgram::of_glass(pbr, energy_compensation) } else { layered() };
         }
         if is_dielectric && always(&pbr.specular, 0.0) {
@@ -246,10 +232,10 @@ impl BsdfProgram {
     /// Glass without anything else.
     fn of_glass(pbr: &PbrMaterial, energy_compensation: EnergyCompensation) -> BsdfProgram {
         let (ior, tint, tints_once) = (pbr.ior, pbr.base_color, pbr.tints_once);
-        let (walls, refraction) = (program_pbr::walls(pbr), program_pbr::refraction(pbr));
+        let (walls, refraction) = (layered::walls(pbr), layered::refraction(pbr));
         let (reflection, is_white) = (pbr.glass_reflection, pbr.glass_reflection == GlassReflection::White);
         if !always(&pbr.roughness, 0.0) || pbr.anisotropy.is_some() || !is_white {
-            let facets = program_pbr::facets(pbr);
+            let facets = layered::facets(pbr);
             return RoughDielectricProgram {
                 facets,
                 ior,

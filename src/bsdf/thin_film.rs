@@ -1,7 +1,7 @@
 //! Interference in a thin film (KHR_materials_iridescence).
 
-use super::dielectric_curve::LayerFresnel;
 use super::fresnel;
+use super::fresnel::LayerFresnel;
 use crate::color::Rgb;
 use crate::math::poly;
 use std::f32::consts::{PI, TAU};

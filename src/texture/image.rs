@@ -1,8 +1,8 @@
 //! Image lookup: wrap modes; nearest, bilinear, and trilinear between the levels of a pyramid.
 
-use super::level::Level;
-use super::resident::Levels;
-use super::texels::{Texels, WithTexels};
+use super::levels::Level;
+use super::levels::Levels;
+use super::pyramid::{Texels, WithTexels};
 use crate::image::Image;
 use crate::math::Vec2;
 use crate::scene::{Interpolation, Wrap};

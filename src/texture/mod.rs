@@ -1,38 +1,30 @@
 //! Textures ready for lookup: transforms folded, constants known, 8-bit images left as they are and decoded by table. Images are in
 //! memory as far as a picture needs them; the rest is decoded on demand.
 
-mod compiled;
 mod coordinates;
-mod fold;
 mod image;
-mod level;
+mod levels;
 mod noise;
-mod paged;
 mod pyramid;
-mod reader;
-mod resident;
-mod store;
-mod texels;
-mod tile;
+mod tiles;
 
-pub use coordinates::TexturePoint;
-pub use image::ImageLookup;
-pub use noise::{marble, perlin, turbulence};
-pub use reader::PointReader;
-pub use resident::{TextureNeeds, TextureReport};
-pub use store::TexturesOnDemand;
-
-use crate::color::spectral::Spectrum;
+use crate::color::Rgb;
+use crate::color::spectral::{Spectrum, Wavelengths, uplifted_share};
 use crate::error::Error;
 use crate::image::Image;
-use crate::math::Vec3;
-use crate::scene::{ImageId, LightProfile, NoiseKind, Texture, TextureId};
-use compiled::Compiled;
-use coordinates::TextureCoordinates;
-use fold::{cut_endless_mixes, fold_constants};
-use resident::{Images, Levels};
+use crate::math::{Vec2, Vec3};
+use crate::scene::{ImageId, LightProfile, MOST_NESTED_TEXTURES, NoiseKind, Texture, TextureId};
+pub use coordinates::TexturePoint;
+use coordinates::{TextureCoordinates, UvMap, triplanar};
+pub use image::ImageLookup;
+use image::Taps;
+use levels::{Images, Levels};
+pub use levels::{TextureNeeds, TextureReport};
+pub use noise::{marble, perlin, turbulence};
+use std::cell::Cell;
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::sync::Arc;
+pub use tiles::TexturesOnDemand;
 
 /// All textures of a scene, by [`TextureId`].
 #[derive(Clone, Debug, Default)]
@@ -76,7 +68,7 @@ impl CompiledTextures {
     ) -> Result<(CompiledTextures, TextureReport), Error> {
         let mut report = TextureReport::default();
         let earlier = earlier.map(|textures| textures.images);
-        let made = resident::of(earlier, (textures, images), needs, &mut report)?;
+        let made = levels::of(earlier, (textures, images), needs, &mut report)?;
         let levels = &made.levels;
         let mut compiled: Vec<Compiled> = textures.iter().map(|t| compile(t, images, levels)).collect();
         fold_constants(&mut compiled);
@@ -307,3 +299,237 @@ fn noise_value(kind: NoiseKind, p: Vec3, octaves: u32, seed: u32) -> f32 {
 mod demand_tests;
 #[cfg(test)]
 mod tests;
+
+// A texture ready for lookup.
+
+/// A texture; others by their numbers.
+#[derive(Clone, Debug)]
+enum Compiled {
+    Constant([f32; 4]),
+    /// Images that share a grid find the same texels at the same coordinates.
+    Image {
+        lookup: ImageLookup,
+        coordinates: TextureCoordinates,
+        grid: u32,
+    },
+    Checker {
+        even: u32,
+        odd: u32,
+        inverse_size: f32,
+        coordinates: TextureCoordinates,
+    },
+    /// Two textures by a third.
+    Mix([u32; 3]),
+    Normal,
+    /// By the cosine, from 0 to 1; two colours or more.
+    Facing(Arc<[[f32; 3]]>),
+    Spectrum(Spectrum),
+    Noise {
+        kind: NoiseKind,
+        frequency: f32,
+        octaves: u32,
+        low: [f32; 3],
+        high: [f32; 3],
+        seed: u32,
+    },
+}
+
+// Textures of others: constants of constants, mixes, and an end to circles.
+
+/// A checker of two equal constants is a constant, and so is a mix of constants.
+fn fold_constants(textures: &mut [Compiled]) {
+    for _ in 0..MOST_NESTED_TEXTURES {
+        for i in 0..textures.len() {
+            let value = |at: u32| match textures.get(at as usize) {
+                Some(Compiled::Constant(c)) => Some(*c),
+                Some(_) => None,
+                None => Some([0.0, 0.0, 0.0, 1.0]),
+            };
+            let folded = match textures[i] {
+                Compiled::Checker { even, odd, .. } => value(even).filter(|even| value(odd) == Some(*even)),
+                Compiled::Mix(parts) => {
+                    let [a, b, factor] = parts.map(value);
+                    a.zip(b).zip(factor).map(|((a, b), factor)| mixed(a, b, factor))
+                }
+                _ => None,
+            };
+            if let Some(constant) = folded {
+                textures[i] = Compiled::Constant(constant);
+            }
+        }
+    }
+}
+
+/// Mixes that contain themselves, or too many others, become black: they are followed without a bound.
+fn cut_endless_mixes(textures: &mut [Compiled]) {
+    if !textures.iter().any(|texture| matches!(texture, Compiled::Mix(_))) {
+        return;
+    }
+    let mut depths = vec![1; textures.len()];
+    for _ in 0..=MOST_NESTED_TEXTURES {
+        for i in 0..textures.len() {
+            let depth = |part: u32| depths.get(part as usize).map_or(1, |depth: &u32| depth + 1);
+            depths[i] = match textures[i] {
+                Compiled::Checker { even, odd, .. } => depth(even).max(depth(odd)),
+                Compiled::Mix(parts) => parts.map(depth).into_iter().max().unwrap_or(1),
+                _ => 1,
+            };
+        }
+    }
+    for (texture, depth) in textures.iter_mut().zip(depths) {
+        if matches!(texture, Compiled::Mix(_)) && depth > MOST_NESTED_TEXTURES {
+            *texture = Compiled::Constant([0.0, 0.0, 0.0, 1.0]);
+        }
+    }
+}
+
+/// `a + factor (b - a)` by channel; alpha by the mean of the factor's colours.
+fn mixed(a: [f32; 4], b: [f32; 4], [red, green, blue, _]: [f32; 4]) -> [f32; 4] {
+    let share = [red, green, blue, (red + green + blue) / 3.0];
+    std::array::from_fn(|i| a[i] + share[i] * (b[i] - a[i]))
+}
+
+// All textures at one point: what several of them share is computed once.
+
+/// Reads textures at a point. Materials ask for one texture several times (a channel each), and their textures mostly
+/// have one size and one set of coordinates: the last value and the last texels found are kept.
+#[derive(Debug)]
+pub struct PointReader<'a> {
+    textures: &'a CompiledTextures,
+    point: TexturePoint,
+    last: Cell<(u32, [f32; 4])>,
+    /// By the parity of the level: a lookup takes texels of at most two levels, which follow each other.
+    taps: [Cell<(u64, Taps)>; 2],
+}
+
+impl<'a> PointReader<'a> {
+    /// Textures at a point.
+    #[inline(always)]
+    pub fn new(textures: &'a CompiledTextures, point: TexturePoint) -> PointReader<'a> {
+        let nothing = (u64::MAX, Taps::default());
+        let taps = [Cell::new(nothing), Cell::new(nothing)];
+        PointReader { textures, point, last: Cell::new((u32::MAX, [0.0; 4])), taps }
+    }
+
+    /// Linear RGBA of a texture.
+    #[inline]
+    pub fn eval(&self, id: TextureId) -> [f32; 4] {
+        let (last, value) = self.last.get();
+        if last == id.0 {
+            return value;
+        }
+        let value = self.look_up(id);
+        self.last.set((id.0, value));
+        value
+    }
+
+    /// A texture times a factor in the lanes of a path: a spectrum, or that of a colour.
+    pub fn by_wavelength(&self, id: TextureId, factor: Rgb, waves: &Wavelengths) -> Rgb {
+        let mut at = id;
+        for _ in 0..MOST_NESTED_TEXTURES {
+            match self.textures.textures.get(at.index()) {
+                Some(Compiled::Checker { even, odd, inverse_size, coordinates }) => {
+                    let is_odd = checker_is_odd(coordinates, *inverse_size, &self.moved());
+                    at = TextureId(if is_odd { *odd } else { *even });
+                }
+                Some(Compiled::Spectrum(spectrum)) => {
+                    return spectrum.at(waves) * uplifted_share(factor, waves);
+                }
+                _ => break,
+            }
+        }
+        let [r, g, b, _] = self.eval(id);
+        uplifted_share(factor * Rgb::new(r, g, b), waves)
+    }
+
+    fn look_up(&self, id: TextureId) -> [f32; 4] {
+        let mut at = id.index();
+        for _ in 0..MOST_NESTED_TEXTURES {
+            match self.textures.textures.get(at) {
+                Some(Compiled::Checker { even, odd, inverse_size, coordinates }) => {
+                    let is_odd = checker_is_odd(coordinates, *inverse_size, &self.moved());
+                    at = if is_odd { *odd } else { *even } as usize;
+                }
+                Some(Compiled::Constant(c)) => return *c,
+                Some(Compiled::Image { lookup, coordinates: TextureCoordinates::Uv(map), grid }) => {
+                    return self.image(lookup, map, *grid);
+                }
+                Some(Compiled::Image { lookup, coordinates, .. }) => {
+                    return projected(lookup, coordinates, &self.moved());
+                }
+                Some(Compiled::Spectrum(spectrum)) => return rgba(spectrum),
+                Some(Compiled::Normal) => {
+                    let [r, g, b] = (0.5 + 0.5 * self.point.normal).to_array();
+                    return [r, g, b, 1.0];
+                }
+                Some(Compiled::Mix(parts)) => return self.mix(*parts),
+                Some(Compiled::Facing(colors)) => return color_by_cosine(colors, self.point.cosine),
+                Some(Compiled::Noise { kind, frequency, octaves, low, high, seed }) => {
+                    let value = noise_value(*kind, self.moved().world * *frequency, *octaves, *seed);
+                    let [r, g, b] = std::array::from_fn(|i| low[i] + value * (high[i] - low[i]));
+                    return [r, g, b, 1.0];
+                }
+                None => break,
+            }
+        }
+        [0.0, 0.0, 0.0, 1.0]
+    }
+
+    #[inline(never)]
+    fn mix(&self, parts: [u32; 3]) -> [f32; 4] {
+        let [a, b, factor] = parts.map(|part| self.look_up(TextureId(part)));
+        mixed(a, b, factor)
+    }
+
+    /// The point in the world as it was before `compile` moved it.
+    #[inline(always)]
+    fn moved(&self) -> TexturePoint {
+        TexturePoint { world: self.point.world + self.textures.world_offset, ..self.point }
+    }
+
+    #[inline(always)]
+    fn image(&self, lookup: &ImageLookup, map: &UvMap, grid: u32) -> [f32; 4] {
+        lookup.eval_by(map.footprint(&self.point), |image, level| {
+            let key = u64::from(grid) << 32 | level as u64;
+            let (known, taps) = self.taps[level % 2].get();
+            if known == key {
+                return taps;
+            }
+            let taps = lookup.taps(image, map.apply(&self.point));
+            self.taps[level % 2].set((key, taps));
+            taps
+        })
+    }
+}
+
+impl CompiledTextures {
+    /// Linear RGBA of a point of a texture with one set of texture coordinates.
+    #[inline]
+    pub fn eval(&self, id: TextureId, uv: Vec2, world: Vec3) -> [f32; 4] {
+        self.eval_at(id, &TexturePoint { uv: [uv, uv], world, ..TexturePoint::default() })
+    }
+
+    /// Linear RGBA of a texture.
+    #[inline]
+    pub fn eval_at(&self, id: TextureId, point: &TexturePoint) -> [f32; 4] {
+        PointReader::new(self, *point).eval(id)
+    }
+}
+
+/// An image whose coordinates come from the point's place in the world.
+fn projected(lookup: &ImageLookup, coordinates: &TextureCoordinates, point: &TexturePoint) -> [f32; 4] {
+    match coordinates {
+        TextureCoordinates::Uv(map) => lookup.eval(map.apply(point), map.footprint(point)),
+        TextureCoordinates::World => lookup.eval(Vec2::new(point.world.x, point.world.z), point.width),
+        TextureCoordinates::Triplanar(inverse_size) => {
+            let mut sum = [0.0; 4];
+            for (uv, weight) in triplanar(point, *inverse_size) {
+                if weight > 0.0 {
+                    let value = lookup.eval(uv, point.width * inverse_size);
+                    sum = std::array::from_fn(|i| sum[i] + weight * value[i]);
+                }
+            }
+            sum
+        }
+    }
+}

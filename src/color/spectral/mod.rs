@@ -6,18 +6,12 @@
 //! Colours of Rec. 709 get smooth spectra by the method of Jakob and Hanika (2019, "A Low-Dimensional Function Space for
 //! Efficient Spectral Upsampling"), of [`Sigmoid`]s.
 
-mod curve;
-mod fit;
 mod metal;
-mod metals;
-mod observer;
-mod sigmoid;
-mod spectrum;
-mod table;
+mod uplift;
 mod wavelengths;
 
-pub use curve::{Curve, SECOND_RADIATION_CONSTANT};
 pub use metal::Metal;
-pub use sigmoid::Sigmoid;
-pub use spectrum::{Spectrum, uplifted_light, uplifted_share};
+pub use uplift::Sigmoid;
+pub use uplift::{Spectrum, uplifted_light, uplifted_share};
+pub use wavelengths::{Curve, SECOND_RADIATION_CONSTANT};
 pub use wavelengths::{FIRST_NM, LANES, LAST_NM, Wavelengths, rgb_of};

@@ -2,17 +2,17 @@
 //! roughness, and how much of what a pair of directions scatters is diffuse. Diffuse are, as in Cycles, also sheen and what
 //! passes a surface diffusely.
 
-use super::conductor::Conductor;
 use super::dielectric::{Dielectric, ThinDielectric};
+use super::diffuse::Lambert;
+use super::diffuse::OrenNayar;
 use super::fresnel::f0_from_eta;
 use super::hair::Hair;
-use super::lambert::Lambert;
 use super::layered::Layered;
+use super::metal::Conductor;
+use super::metal::SchlickMetal;
 use super::metal_rough::MetalRough;
-use super::oren_nayar::OrenNayar;
 use super::phong::Phong;
 use super::rough_dielectric::RoughDielectric;
-use super::schlick_metal::SchlickMetal;
 use super::{Facets, Lobe, ggx};
 use crate::color::Rgb;
 use crate::math::Vec3;

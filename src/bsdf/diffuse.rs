@@ -1,11 +1,74 @@
-//! Rough diffuse reflection that keeps its energy.
-
 use super::{BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Slots};
 use crate::color::Rgb;
 use crate::math::{Vec3, poly};
 use crate::sampling::warp;
 use crate::scene::{ColorSlot, FloatSlot};
 use std::f32::consts::{FRAC_1_PI, PI};
+
+// Ideal diffuse reflection.
+
+/// Ideal diffuse reflection on both sides (Lambert 1760): f = albedo / pi.
+#[derive(Clone, Copy, Debug)]
+pub struct Lambert {
+    /// Share of light reflected, 0..1.
+    pub albedo: Rgb,
+}
+
+impl Lobe for Lambert {
+    #[inline(always)]
+    fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
+        let up = warp::cosine_hemisphere([u[0], u[1]]);
+        BsdfSample {
+            wi: Vec3::new(up.x, up.y, up.z.copysign(wo.z)),
+            weight: self.albedo,
+            pdf_solid_angle: up.z * FRAC_1_PI,
+            eta: 1.0,
+            flux: 1.0,
+            is_specular: false,
+            is_transmission: false,
+        }
+    }
+
+    #[inline(always)]
+    fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
+        let same_side = (wo.z < 0.0) == (wi.z < 0.0);
+        let pdf_solid_angle = if same_side { wi.z.abs() * FRAC_1_PI } else { 0.0 };
+        BsdfEval { f_cos: self.albedo * pdf_solid_angle, pdf_solid_angle }
+    }
+
+    #[inline(always)]
+    fn is_specular(&self) -> bool {
+        false
+    }
+
+    #[inline(always)]
+    fn tinted(self, color: Rgb) -> Self {
+        Lambert { albedo: self.albedo * color }
+    }
+
+    #[inline(always)]
+    fn albedo(&self) -> Rgb {
+        self.albedo
+    }
+}
+
+/// The parameters of a [`Lambert`].
+#[derive(Clone, Copy, Debug)]
+pub struct LambertProgram {
+    /// See [`Lambert::albedo`].
+    pub albedo: ColorSlot,
+}
+
+impl MaterialProgram for LambertProgram {
+    type Lobe = Lambert;
+
+    #[inline]
+    fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> Lambert {
+        Lambert { albedo: slots.share_by_channel(&self.albedo) }
+    }
+}
+
+// Rough diffuse reflection that keeps its energy.
 
 /// Fujii's form of the Oren-Nayar model with the light that bounces between its facets (Portsmouth, Kutz, Hill 2024,
 /// "EON: A Practical Energy-Preserving Rough Diffuse BRDF"). Both sides alike; reciprocal; white
@@ -110,5 +173,36 @@ impl MaterialProgram for OrenNayarProgram {
     #[inline]
     fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> OrenNayar {
         OrenNayar { color: slots.share_by_channel(&self.color), roughness: slots.share(&self.roughness) }
+    }
+}
+
+// Light scattered diffusely through a surface (KHR_materials_diffuse_transmission).
+
+/// Ideal diffuse transmission of all light, to both sides alike: f = 1 / pi.
+#[derive(Clone, Copy, Debug)]
+pub struct DiffuseThrough;
+
+impl DiffuseThrough {
+    /// See [`super::Bsdf::sample`].
+    #[inline(always)]
+    pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
+        let up = warp::cosine_hemisphere([u[0], u[1]]);
+        BsdfSample {
+            wi: Vec3::new(up.x, up.y, up.z.copysign(-wo.z)),
+            weight: Rgb::ONE,
+            pdf_solid_angle: up.z * FRAC_1_PI,
+            eta: 1.0,
+            flux: 1.0,
+            is_specular: false,
+            is_transmission: true,
+        }
+    }
+
+    /// See [`super::Bsdf::eval`].
+    #[inline(always)]
+    pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
+        let crosses = (wo.z < 0.0) != (wi.z < 0.0);
+        let pdf_solid_angle = if crosses { wi.z.abs() * FRAC_1_PI } else { 0.0 };
+        BsdfEval { f_cos: Rgb::splat(pdf_solid_angle), pdf_solid_angle }
     }
 }

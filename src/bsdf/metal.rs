@@ -1,0 +1,293 @@
+use super::albedo_table::DirectionalAlbedo;
+use super::ggx::MIN_ALPHA;
+use super::microsurface::{Facets, Microsurface};
+use super::{BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Slots, fresnel, ggx};
+use crate::color::Rgb;
+use crate::color::spectral::{Metal, Wavelengths};
+use crate::math::Vec3;
+use crate::scene::{ColorSlot, EnergyCompensation, FloatSlot};
+
+// Metal: GGX microfacets with Schlick's Fresnel term.
+
+/// A metal; both sides alike.
+///
+/// With [`EnergyCompensation::On`] the light that single scattering loses is given back by a factor 1 + f0 (1 - E) / E,
+/// with E the directional albedo for a reflectance of 1 (Turquin 2019, "Practical multiple scattering compensation for
+/// microfacet models", eq. 16). For f0 = 1 it keeps all energy, up to the 0.04 % by which the table of E may be wrong; it
+/// is not reciprocal.
+#[derive(Clone, Copy, Debug)]
+pub struct SchlickMetal {
+    /// Reflectance at normal incidence; it rises to 1 at grazing incidence.
+    pub f0: Rgb,
+    /// GGX alpha 0..1; below [`super::ggx::MIN_ALPHA`] an exact mirror.
+    pub alpha: f32,
+    /// Whether the energy that single scattering loses is given back.
+    pub energy_compensation: EnergyCompensation,
+}
+
+impl SchlickMetal {
+    #[inline(always)]
+    fn lobe(&self) -> FacetReflection<impl Fn(f32) -> Rgb> {
+        let SchlickMetal { f0, alpha, energy_compensation } = *self;
+        let reflectance = move |cosine| fresnel::schlick(f0, Rgb::ONE, cosine);
+        FacetReflection { alpha, f0, reflectance, energy_compensation }
+    }
+
+    /// Is it an exact mirror?
+    #[inline(always)]
+    pub fn is_mirror(&self) -> bool {
+        self.lobe().is_mirror()
+    }
+}
+
+impl Lobe for SchlickMetal {
+    #[inline(always)]
+    fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
+        self.lobe().sample(wo, u)
+    }
+
+    #[inline(always)]
+    fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
+        self.lobe().eval(wo, wi)
+    }
+
+    #[inline(always)]
+    fn is_specular(&self) -> bool {
+        self.is_mirror()
+    }
+
+    #[inline(always)]
+    fn tinted(self, color: Rgb) -> Self {
+        SchlickMetal { f0: self.f0 * color, ..self }
+    }
+
+    #[inline(always)]
+    fn albedo(&self) -> Rgb {
+        self.f0
+    }
+}
+
+/// The parameters of a [`SchlickMetal`].
+#[derive(Clone, Copy, Debug)]
+pub struct SchlickMetalProgram {
+    /// See [`SchlickMetal::f0`].
+    pub color: ColorSlot,
+    /// Perceptual roughness.
+    pub roughness: FloatSlot,
+    /// See [`SchlickMetal::energy_compensation`].
+    pub energy_compensation: EnergyCompensation,
+}
+
+impl MaterialProgram for SchlickMetalProgram {
+    type Lobe = SchlickMetal;
+
+    #[inline]
+    fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> SchlickMetal {
+        SchlickMetal {
+            f0: slots.share_by_channel(&self.color),
+            alpha: slots.alpha(&self.roughness),
+            energy_compensation: self.energy_compensation,
+        }
+    }
+}
+
+// Metals of a measured index of refraction.
+
+/// A metal with the exact Fresnel term of its complex index of refraction; both sides alike.
+///
+/// Compensated like [`super::SchlickMetal`], with the reflectance at normal incidence as f0.
+#[derive(Clone, Copy, Debug)]
+pub struct Conductor {
+    /// Real part of the index of refraction by channel.
+    pub eta: Rgb,
+    /// Extinction coefficient by channel.
+    pub k: Rgb,
+    /// Its facets; smooth ones are an exact mirror.
+    pub surface: Microsurface,
+    /// Whether the energy that single scattering loses is given back.
+    pub energy_compensation: EnergyCompensation,
+}
+
+impl Conductor {
+    /// Reflectance under a cosine.
+    #[inline]
+    pub fn reflectance(&self, cosine: f32) -> Rgb {
+        let (eta, k) = (self.eta.to_array(), self.k.to_array());
+        Rgb::from_array([0, 1, 2].map(|c| fresnel::conductor(cosine, eta[c], k[c])))
+    }
+
+    /// The factor that gives back what single scattering loses.
+    #[inline(always)]
+    fn compensation(&self, above: Vec3) -> Rgb {
+        match self.energy_compensation {
+            EnergyCompensation::On => {
+                self.surface.directional_albedo(above).compensation(self.reflectance(1.0))
+            }
+            EnergyCompensation::Off => Rgb::ONE,
+        }
+    }
+}
+
+impl Lobe for Conductor {
+    #[inline]
+    fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
+        let above = ggx::above(wo);
+        if self.surface.is_mirror() {
+            return BsdfSample::mirror(wo, self.reflectance(above.z), 1.0);
+        }
+        let normal = self.surface.sample_visible_normal(above, [u[0], u[1]]);
+        let wi = normal * (2.0 * above.dot(normal)) - above;
+        let outward = Vec3::new(wi.x, wi.y, wi.z.copysign(wo.z));
+        let value = self.eval(wo, outward);
+        if wi.z <= 0.0 || value.pdf_solid_angle <= 0.0 {
+            return BsdfSample::ABSORBED;
+        }
+        BsdfSample {
+            wi: outward,
+            weight: value.f_cos / value.pdf_solid_angle,
+            pdf_solid_angle: value.pdf_solid_angle,
+            eta: 1.0,
+            flux: 1.0,
+            is_specular: false,
+            is_transmission: false,
+        }
+    }
+
+    #[inline]
+    fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
+        if self.surface.is_mirror() || (wo.z < 0.0) != (wi.z < 0.0) || wi.z == 0.0 {
+            return BsdfEval::ZERO;
+        }
+        let above = ggx::above(wo);
+        let r = self.surface.reflection(above, Vec3::new(wi.x, wi.y, wi.z.abs()));
+        let factor = self.reflectance(r.cos_half.min(1.0)) * self.compensation(above);
+        BsdfEval { f_cos: factor * r.f_cos, pdf_solid_angle: r.pdf_solid_angle }
+    }
+
+    #[inline(always)]
+    fn is_specular(&self) -> bool {
+        self.surface.is_mirror()
+    }
+
+    #[inline(always)]
+    fn tinted(self, _color: Rgb) -> Self {
+        // The colour of a measured metal is its own.
+        self
+    }
+
+    #[inline(always)]
+    fn albedo(&self) -> Rgb {
+        self.reflectance(1.0)
+    }
+}
+
+/// The parameters of a [`Conductor`].
+#[derive(Clone, Copy, Debug)]
+pub struct ConductorProgram {
+    /// See [`Conductor::eta`].
+    pub eta: Rgb,
+    /// See [`Conductor::k`].
+    pub k: Rgb,
+    /// Whose they are, if their values at all wavelengths are known.
+    pub metal: Option<Metal>,
+    /// Perceptual roughness.
+    pub roughness: FloatSlot,
+    /// See [`Conductor::energy_compensation`].
+    pub energy_compensation: EnergyCompensation,
+}
+
+/// An index given by channel at other wavelengths: straight between those at which the primaries of Rec. 709 dominate, 464.2, 549.1
+/// and 611.4 nm, and constant beyond.
+fn between_channels(index: Rgb, waves: &Wavelengths) -> Rgb {
+    let mix = |from: f32, to: f32, share: f32| from + (to - from) * share.clamp(0.0, 1.0);
+    waves.map(|nm| match nm {
+        nm if nm < 549.1 => mix(index.b, index.g, (nm - 464.2) / (549.1 - 464.2)),
+        nm => mix(index.g, index.r, (nm - 549.1) / (611.4 - 549.1)),
+    })
+}
+
+impl MaterialProgram for ConductorProgram {
+    type Lobe = Conductor;
+
+    #[inline]
+    fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> Conductor {
+        let [eta, k] = match (slots.wavelengths(), self.metal) {
+            (None, _) => [self.eta, self.k],
+            (Some(waves), Some(metal)) => metal.index(waves),
+            (Some(waves), None) => [self.eta, self.k].map(|index| between_channels(index, waves)),
+        };
+        Conductor {
+            eta,
+            k,
+            surface: Microsurface::isotropic(slots.alpha(&self.roughness)),
+            energy_compensation: self.energy_compensation,
+        }
+    }
+}
+
+// Reflection by GGX facets of one roughness: the lobe of metals of a colour and of clearcoats.
+
+/// Facets and what they reflect; both sides alike.
+pub(super) struct FacetReflection<R: Fn(f32) -> Rgb> {
+    /// GGX alpha 0..1; below [`MIN_ALPHA`] an exact mirror.
+    pub alpha: f32,
+    /// Reflectance at normal incidence, by which lost energy is given back (Turquin 2019, eq. 16).
+    pub f0: Rgb,
+    /// Reflectance under a cosine.
+    pub reflectance: R,
+    /// Whether the energy that single scattering loses is given back.
+    pub energy_compensation: EnergyCompensation,
+}
+
+impl<R: Fn(f32) -> Rgb> FacetReflection<R> {
+    /// Is it an exact mirror?
+    #[inline(always)]
+    pub fn is_mirror(&self) -> bool {
+        self.alpha < MIN_ALPHA
+    }
+
+    /// The compensation for a view cosine.
+    #[inline(always)]
+    fn compensation(&self, cos_o: f32) -> Rgb {
+        match self.energy_compensation {
+            EnergyCompensation::On => DirectionalAlbedo::at(cos_o, self.alpha).compensation(self.f0),
+            EnergyCompensation::Off => Rgb::ONE,
+        }
+    }
+
+    /// See [`super::Bsdf::sample`].
+    #[inline(always)]
+    pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
+        let above = ggx::above(wo);
+        if self.is_mirror() {
+            return BsdfSample::mirror(wo, (self.reflectance)(above.z), 1.0);
+        }
+        let normal = ggx::sample_visible_normal(above, [self.alpha; 2], [u[0], u[1]]);
+        let wi = normal * (2.0 * above.dot(normal)) - above;
+        let lost = wi.z <= 0.0;
+        let r = ggx::reflection(above, wi, self.alpha);
+        let factor = (self.reflectance)(r.cos_half) * self.compensation(above.z);
+        let weight = factor * (r.f_cos / r.pdf_solid_angle.max(f32::MIN_POSITIVE));
+        BsdfSample {
+            wi: Vec3::new(wi.x, wi.y, wi.z.copysign(wo.z)),
+            weight: if lost { Rgb::ZERO } else { weight },
+            pdf_solid_angle: if lost { 0.0 } else { r.pdf_solid_angle },
+            eta: 1.0,
+            flux: 1.0,
+            is_specular: false,
+            is_transmission: false,
+        }
+    }
+
+    /// See [`super::Bsdf::eval`].
+    #[inline(always)]
+    pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
+        if self.is_mirror() || (wo.z < 0.0) != (wi.z < 0.0) || wi.z == 0.0 {
+            return BsdfEval::ZERO;
+        }
+        let above = ggx::above(wo);
+        let r = ggx::reflection(above, Vec3::new(wi.x, wi.y, wi.z.abs()), self.alpha);
+        let factor = (self.reflectance)(r.cos_half) * self.compensation(above.z);
+        BsdfEval { f_cos: factor * r.f_cos, pdf_solid_angle: r.pdf_solid_angle }
+    }
+}
