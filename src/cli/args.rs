@@ -15,12 +15,12 @@ use oscura::render::{Adaptive, Guiding, PathReuse, Splitting};
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Ranks of ids in Cryptomattes, unless the user says so.
+/// Default number of Cryptomatte ranks.
 pub(crate) const CRYPTO_LEVELS: u32 = 6;
-/// Frames a second, unless the user says so.
+/// Default frame rate, frames per second.
 pub(crate) const FRAME_RATE: f64 = 24.0;
 
-/// Shells with completions.
+/// Shells that have completion scripts.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub(crate) enum ShellArg {
     Bash,
@@ -32,13 +32,14 @@ pub(crate) enum ShellArg {
 
 #[derive(Args, Debug)]
 pub(crate) struct NewArgs {
-    /// The file to write, .toml.
+    /// Scene file to write (.toml).
     #[arg(required_unless_present = "beside", conflicts_with = "beside")]
     pub scene: Option<PathBuf>,
-    /// Write MODEL.oscura.toml beside a model: what its format can't carry, with what it tells filled in.
+    /// Write a sidecar MODEL.oscura.toml next to a model, pre-filled with its materials, lights and cameras: settings
+    /// that the model's format cannot store.
     #[arg(long, value_name = "MODEL")]
     pub beside: Option<PathBuf>,
-    /// Replace a file that exists.
+    /// Overwrite an existing file.
     #[arg(long)]
     pub force: bool,
     /// Print errors only.
@@ -48,29 +49,29 @@ pub(crate) struct NewArgs {
 
 #[derive(Args, Debug)]
 pub(crate) struct CacheArgs {
-    /// The folder [default: oscura/blender in the user's folder of caches].
+    /// Cache folder [default: oscura/blender in the user's cache directory].
     #[arg(long = "cache", value_name = "FOLDER")]
     pub folder: Option<PathBuf>,
-    /// Delete what is kept.
+    /// Delete all cached files.
     #[arg(long)]
     pub clear: bool,
 }
 
 #[derive(Args, Debug)]
 pub(crate) struct HelpArgs {
-    /// A command, 'scene-file', or a part of scene files.
+    /// A command, 'scene-file', or a section of scene files.
     pub topic: Option<String>,
 }
 
 #[derive(Args, Debug)]
 pub(crate) struct CompletionsArgs {
-    /// Which shell.
+    /// Shell.
     pub shell: ShellArg,
 }
 
 #[derive(Args, Debug)]
 pub(crate) struct ManArgs {
-    /// The command; without one, the program.
+    /// Command [default: the program itself].
     pub command: Option<String>,
 }
 
@@ -82,7 +83,7 @@ pub(crate) enum FilterArg {
     BlackmanHarris,
 }
 
-/// Single or multiple scattering between microfacets.
+/// Single or multiple scattering between microfacets (energy compensation).
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub(crate) enum MicrofacetArg {
     Multi,
@@ -92,171 +93,176 @@ pub(crate) enum MicrofacetArg {
 /// Fresnel terms.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub(crate) enum FresnelArg {
-    /// The curve of the index of refraction.
+    /// Dielectric Fresnel equations for the index of refraction.
     Exact,
     /// Schlick's approximation of it, as the glTF specification suggests.
     Schlick,
 }
 
-/// How good the tree over the triangles is.
+/// Quality of the BVH.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub(crate) enum TreeArg {
-    /// Fast where few rays will follow, else full.
+    /// Fast for renders of few rays, else full.
     Auto,
-    /// Built soon.
+    /// Fast to build.
     Fast,
-    /// Fewest steps a ray.
+    /// Fewest traversal steps per ray.
     Full,
 }
 
-/// What to do about self-shadowing on shapes with shading normals.
+/// Shadow terminator of meshes with shading normals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum TerminatorArg {
-    /// Let light fade where it sinks below the triangles.
+    /// Fade the light smoothly towards the terminator.
     Soft,
-    /// Let the triangles cut it off.
+    /// Shadow by the triangles as they are.
     Off,
 }
 
 #[derive(Args, Clone, Debug)]
 pub(crate) struct RenderArgs {
-    /// The scenes, one or more: .gltf, .glb, .obj, .ply, .toml or .blend.
+    /// Scenes to render, one or more: .gltf, .glb, .obj, .ply, .toml or .blend.
     #[arg(required = true, value_name = "SCENE")]
     pub scenes: Vec<PathBuf>,
-    /// The one of them that is rendered now.
+    /// The one of `scenes` that is being rendered.
     #[arg(skip)]
     pub scene: PathBuf,
-    /// File to write, .exr, .png, .jpg, .tif, .webp, .hdr or .part, of --orbit and --frames also .gif, .apng, .mp4 or .webm
-    /// (video takes the program ffmpeg); may be given several times. In a sequence, #### or %04d stands for the frame; {stem} or {name} stands for the scene's name without its extension.
+    /// Output file: .exr, .png, .jpg, .tif, .webp, .hdr or .part; for --orbit and --frames also .gif, .apng, .mp4 or
+    /// .webm (video needs the program ffmpeg). May be given several times. #### or %04d is replaced by the frame number,
+    /// {stem} or {name} by the scene's name without extension.
     #[arg(short, long, required_unless_present = "show", value_name = "FILE")]
     pub output: Vec<PathBuf>,
-    /// Render a sequence, such as 1-10 or 1-10x2: frame N shows the moment N / fps, of .blend files Blender's frame N.
+    /// Render an animation: a frame range such as 1-10, or 1-10x2 with a step. Frame N is the time N / fps; in .blend
+    /// files it is Blender's frame N.
     #[arg(long, value_name = "A-B", conflicts_with = "time")]
     pub frames: Option<Frames>,
-    /// Frames a second of a sequence or a moving picture.
+    /// Frame rate of animations, frames per second.
     #[arg(long, value_name = "N", default_value_t = FRAME_RATE, value_parser = frames_per_second, allow_negative_numbers = true)]
     pub fps: f64,
-    /// Render N pictures while the camera goes once around: numbered files, or one moving picture.
+    /// Render a turntable: N frames while the camera orbits the model once, as numbered files or as one animation.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=100_000), conflicts_with = "frames", allow_negative_numbers = true)]
     pub orbit: Option<u32>,
-    /// Samples a pixel [default: 128].
+    /// Samples per pixel [default: 128].
     #[arg(long, alias = "samples", value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     pub spp: Option<u32>,
-    /// Width in pixels [default: from the height or 1280].
+    /// Image width in pixels [default: from the height, else 1280].
     #[arg(long, value_name = "W", value_parser = clap::value_parser!(u32).range(1..=65536), allow_negative_numbers = true)]
     pub width: Option<u32>,
-    /// Height in pixels [default: from the width and the camera's aspect ratio, else 16:9].
+    /// Image height in pixels [default: from the width and the camera's aspect ratio, else 16:9].
     #[arg(long, value_name = "H", value_parser = clap::value_parser!(u32).range(1..=65536), allow_negative_numbers = true)]
     pub height: Option<u32>,
-    /// Most scattering events of a path; 0 shows emission only [default: 100].
+    /// Maximum number of bounces of a path; 0 renders directly visible emission only [default: 100].
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub depth: Option<u32>,
-    /// Seed of all randomness [default: 0].
+    /// Random seed [default: 0].
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub seed: Option<u32>,
-    /// Threads [default: one a core]. The picture doesn't depend on it.
+    /// Number of threads [default: one per core]. The image does not depend on it.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_negative_numbers = true)]
     pub threads: Option<u16>,
-    /// Camera by name or number, from 0 [default: 0].
+    /// Camera by name or by index from 0 [default: 0].
     #[arg(long, value_name = "CAMERA")]
     pub camera: Option<String>,
-    /// Environment picture (.exr, .hdr or 8-bit), equirectangular; '' for none.
+    /// Environment map (HDRI): an equirectangular .exr, .hdr or 8-bit image; '' for none.
     #[arg(long, value_name = "FILE", value_parser = OsStringValueParser::new().map(PathBuf::from))]
     pub env: Option<PathBuf>,
-    /// Factor on the environment.
+    /// Strength of the environment: factor on its radiance.
     #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = strength)]
     pub env_strength: Option<f32>,
-    /// Turns the environment picture about the vertical axis, degrees.
+    /// Rotation of the environment map about the vertical axis, degrees.
     #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = degrees)]
     pub env_rotation: Option<f64>,
-    /// Keep the environment out of the camera's sight: pictures are transparent there, and its light stays.
+    /// Transparent background: the camera does not see the environment, which still lights the scene.
     #[arg(long, conflicts_with = "background")]
     pub transparent: bool,
-    /// Make smooth glass transparent, too, where nothing is behind it (with --transparent); its reflections stay.
+    /// With --transparent, also make smooth glass in front of the background transparent; its reflections stay.
     #[arg(long)]
     pub transparent_glass: bool,
     /// Let glTF and OBJ files refer to files outside their folder.
     #[arg(long)]
     pub allow_external: bool,
-    /// Show the points of a point cloud as spheres of this radius, metres.
+    /// Radius of the spheres that the points of a point cloud are rendered as, metres.
     #[arg(long, value_name = "R", allow_negative_numbers = true)]
     pub point_radius: Option<f64>,
-    /// Don't use the settings that lie beside the model (model.oscura.toml beside model.glb).
+    /// Ignore the model's sidecar file (model.oscura.toml next to model.glb).
     #[arg(long)]
     pub no_sidecar: bool,
     /// Reconstruction filter [default: blackman-harris].
     #[arg(long)]
     pub filter: Option<FilterArg>,
-    /// Show the picture in the browser while it renders; =address prints the page's address only, =tev (or =tev:HOST:PORT) has a running tev show it.
+    /// Show the image in the browser while it renders; =address only prints the page's address, =tev (or =tev:HOST:PORT)
+    /// sends the image to a running tev.
     #[arg(long, value_name = "HOW", num_args = 0..=1, require_equals = true, default_missing_value = "page")]
     pub preview: Option<PreviewArg>,
-    /// Draw the finished picture in the terminal: =blocks, =kitty or =sixel in place of what the terminal is known for.
+    /// Show the finished image in the terminal; =blocks, =kitty or =sixel overrides the detected graphics protocol.
     #[arg(long, value_name = "HOW", num_args = 0..=1, require_equals = true, default_missing_value = "auto", hide_possible_values = true)]
     pub show: Option<ShowArg>,
-    /// Write the EXR's colour as 32-bit floats.
+    /// Write the colour channels of EXRs as 32-bit floats instead of half floats.
     #[arg(long)]
     pub float: bool,
-    /// Further channels of the EXR.
+    /// AOVs (render passes) to write as further EXR channels.
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = AovParser)]
     pub aov: Vec<AovSet>,
-    /// The space of position, normal and geometric_normal: world or camera.
+    /// Coordinate space of the AOVs position, normal and geometric_normal: world or camera.
     #[arg(long, value_name = "SPACE", default_value = "world")]
     pub aov_space: AovSpace,
-    /// Further channels RGBA_key of the EXR for the light of each group of lights.
+    /// Write the contribution of each light group as EXR channels RGBA_group.
     #[arg(long)]
     pub light_groups: bool,
-    /// Ranks of ids in Cryptomattes.
+    /// Number of Cryptomatte ranks: ids per pixel.
     #[arg(long, value_name = "N", default_value_t = CRYPTO_LEVELS, value_parser = clap::value_parser!(u32).range(1..=64), allow_negative_numbers = true)]
     pub crypto_levels: u32,
-    /// Microfacet model [default: multi].
+    /// Microfacet scattering: multi compensates the energy that single scattering loses [default: multi].
     #[arg(long)]
     pub microfacet: Option<MicrofacetArg>,
-    /// How dielectric layers of glTF materials reflect more towards grazing incidence [default: exact].
+    /// Fresnel term of the dielectric layers of glTF materials [default: exact].
     #[arg(long)]
     pub fresnel: Option<FresnelArg>,
-    /// Render by wavelength instead of red, green and blue.
+    /// Spectral rendering: sample wavelengths instead of red, green and blue.
     #[arg(long)]
     pub spectral: bool,
-    /// Remedy for the jagged edge of self-shadowing on shapes with shading normals.
+    /// Soften the shadow terminator of meshes with shading normals.
     #[arg(long, default_value = "soft")]
     pub terminator: TerminatorArg,
-    /// Share paths between neighbouring pixels: auto, off, or groups such as 4x4 [default: auto].
+    /// Path reuse between neighbouring pixels: auto, off, or a pixel block such as 4x4 [default: auto].
     #[arg(long, value_name = "REUSE", default_value = "auto", hide_default_value = true)]
     pub path_reuse: PathReuse,
-    /// Let several paths go on from the first surface of each sample: auto, off, 2, 4, 8 or 16 [default: auto].
+    /// Path splitting: number of paths that continue from the first hit of each camera ray; auto, off, 2, 4, 8 or 16
+    /// [default: auto].
     #[arg(long, value_name = "PATHS", default_value = "auto", hide_default_value = true)]
     pub splitting: Splitting,
-    /// Give noisy pixels more samples and others fewer: auto or off [default: off].
+    /// Adaptive sampling: more samples for noisy pixels, fewer for others; auto or off [default: off].
     #[arg(long, value_name = "CHOICE", default_value = "off", hide_default_value = true)]
     pub adaptive: Adaptive,
-    /// The tree over the triangles, which pictures don't depend on: fast to build, or full for fast rays.
+    /// BVH quality: fast builds sooner, full traces faster. The image does not depend on it.
     #[arg(long, default_value = "auto")]
     pub tree: TreeArg,
-    /// How PNGs and the like look: a name, or a table (cinespace, .csp) [default: srgb; filmic for models that a stage lights, unless their background is chosen].
+    /// View transform of PNG and other 8- or 16-bit output: a name, or a lookup table (cinespace, .csp) [default: srgb;
+    /// filmic for models lit by a stage, unless --background is given].
     #[arg(long, value_name = "VIEW", value_parser = views())]
     pub view: Option<ViewTransform>,
-    /// Exposure of PNGs and the like in stops, -100 to 100 [default: 0].
+    /// Exposure of PNG and other display-referred output, stops, -100 to 100 [default: 0].
     #[arg(long, value_name = "STOPS", allow_negative_numbers = true, value_parser = stops)]
     pub exposure: Option<f32>,
-    /// Dither pictures of 8 bits.
+    /// Dither 8-bit output.
     #[arg(long)]
     pub dither: bool,
-    /// Whose picture it is, for the EXR's header.
+    /// Owner of the image, for the EXR header.
     #[arg(long, value_name = "NAME")]
     pub owner: Option<String>,
-    /// Leave times and dates out of the files: the same command gives the same bytes.
+    /// Write no dates and render times: the same command writes the same bytes.
     #[arg(long)]
     pub reproducible: bool,
     /// Treat warnings as errors.
     #[arg(long)]
     pub strict: bool,
-    /// Say what was left out because the picture doesn't need it.
+    /// List scene content that was skipped because it does not affect the image.
     #[arg(long)]
     pub explain: bool,
     /// Print errors only.
     #[arg(long)]
     pub quiet: bool,
-    /// Print one JSON object about the run on standard output; one a frame for a sequence.
+    /// Print a JSON report of the render on standard output; one per frame of an animation.
     #[arg(long)]
     pub json: bool,
     #[command(flatten)]
@@ -281,15 +287,15 @@ pub(crate) struct RenderArgs {
 
 #[derive(Args, Debug)]
 pub(crate) struct InspectArgs {
-    /// The scene: .gltf, .glb, .obj, .ply, .toml or .blend.
+    /// Scene: .gltf, .glb, .obj, .ply, .toml or .blend.
     pub scene: PathBuf,
     /// Let glTF and OBJ files refer to files outside their folder.
     #[arg(long)]
     pub allow_external: bool,
-    /// Show the points of a point cloud as spheres of this radius, metres.
+    /// Radius of the spheres that the points of a point cloud are rendered as, metres.
     #[arg(long, value_name = "R", allow_negative_numbers = true)]
     pub point_radius: Option<f64>,
-    /// Don't use the settings that lie beside the model (model.oscura.toml beside model.glb).
+    /// Ignore the model's sidecar file (model.oscura.toml next to model.glb).
     #[arg(long)]
     pub no_sidecar: bool,
     /// Print one JSON object on standard output.
@@ -303,18 +309,18 @@ pub(crate) struct InspectArgs {
 
 #[derive(Args, Debug)]
 pub(crate) struct ExportArgs {
-    /// The scene: .blend.
+    /// Blender file (.blend).
     pub scene: PathBuf,
-    /// Folder to write, new or empty.
+    /// Output folder, new or empty.
     #[arg(short, long, value_name = "FOLDER")]
     pub output: PathBuf,
-    /// Replace files of the same names in a folder that is not empty.
+    /// Write into a folder that is not empty, overwriting files of the same names.
     #[arg(long)]
     pub force: bool,
-    /// Scene by name [default: the one that was open].
+    /// Scene by name [default: the active one].
     #[arg(long = "scene", value_name = "SCENE")]
     pub scene_name: Option<String>,
-    /// Frame to export [default: the file's current one].
+    /// Frame to export [default: the current frame of the file].
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub frame: Option<u32>,
     /// Print errors only.
@@ -329,20 +335,20 @@ pub(crate) struct ExportArgs {
 
 #[derive(Args, Debug)]
 pub(crate) struct CompareArgs {
-    /// The picture (.exr or .hdr).
+    /// Image to test (.exr or .hdr).
     pub picture: PathBuf,
-    /// The reference.
+    /// Reference image.
     pub reference: PathBuf,
-    /// The same picture with another seed, for a statistical test; exit code 1 if it fails.
+    /// The tested image rendered with another seed, for a z-test of the mean; exit code 1 if the test fails.
     #[arg(long, value_name = "FILE", requires = "var")]
     pub other_seed: Option<PathBuf>,
-    /// Variance of the reference's pixels.
+    /// Per-pixel variance of the reference image.
     #[arg(long, value_name = "FILE", requires = "other_seed")]
     pub var: Option<PathBuf>,
-    /// Write the signed difference as a picture: red where the picture is brighter, blue where it is darker.
+    /// Write the signed difference as a PNG: red where the image is brighter than the reference, blue where darker.
     #[arg(short, long, value_name = "FILE.png")]
     pub output: Option<PathBuf>,
-    /// Write the picture, the reference and their FLIP differences beside each other.
+    /// Write a PNG of the image, the reference and their FLIP error map side by side.
     #[arg(long, value_name = "FILE.png")]
     pub side_by_side: Option<PathBuf>,
     /// Print one JSON object on standard output.
@@ -368,49 +374,51 @@ fn degrees(text: &str) -> Result<f64, String> {
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Long renders")]
 pub(crate) struct LongArgs {
-    /// Stop when the picture's relative error is about P percent, at --max-spp samples at most [default then: 65536].
+    /// Noise threshold: stop when the estimated relative error of the image is below P percent, or after --max-spp
+    /// samples [default then: 65536].
     #[arg(long, value_name = "P", value_parser = percent, allow_negative_numbers = true)]
     pub noise: Option<f32>,
-    /// Fewest samples of a pixel with --noise or --adaptive auto.
+    /// Minimum samples per pixel with --noise or --adaptive auto.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     pub min_spp: Option<u32>,
-    /// Most samples of a pixel with --noise (where --spp says the same) or --adaptive auto.
+    /// Maximum samples per pixel with --noise (same as --spp) or --adaptive auto.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     pub max_spp: Option<u32>,
-    /// Stop after this many seconds of rendering and write what is there.
+    /// Time limit of rendering, seconds; the image so far is written.
     #[arg(long, value_name = "S", value_parser = seconds)]
     pub time_limit: Option<Duration>,
-    /// Also write the picture so far, each time that so many seconds of rendering have passed.
+    /// Write the unfinished image every S seconds of rendering.
     #[arg(long, value_name = "S", value_parser = seconds)]
     pub save_every: Option<Duration>,
-    /// Keep in FILE what --resume goes on from: written now and then, at a signal, and at the end.
+    /// Checkpoint file for --resume, written periodically, on interruption and at the end.
     #[arg(long, value_name = "FILE")]
     pub checkpoint: Option<PathBuf>,
-    /// Seconds between two writings of the checkpoint.
+    /// Seconds between checkpoints.
     #[arg(long, value_name = "S", value_parser = seconds, default_value = "60", requires = "checkpoint")]
     pub checkpoint_interval: Duration,
-    /// Go on from the checkpoint, if there is one, to as many samples as before or to more. Of a sequence, leave out those
-    /// frames whose pictures exist; a frame that is interrupted is not written.
+    /// Resume from the checkpoint, if it exists, with the same or a higher number of samples. For animations: skip frames
+    /// whose files exist; an interrupted frame is not written.
     #[arg(long)]
     pub resume: bool,
-    /// Arrange samples so that a picture of at most 256 a pixel can be gone on from to N later.
+    /// Arrange the sample pattern for N samples per pixel, so that a render of up to 256 can be resumed to N later.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     pub plan: Option<u32>,
-    /// Take only the samples A to B, B not included, of all --spp, in blocks of eight, and write a .part file.
+    /// Render only the samples A to B (exclusive) of each pixel, in blocks of eight, into a .part file.
     #[arg(long, value_name = "A..B", value_parser = range)]
     pub sample_range: Option<(u32, u32)>,
-    /// Take only the pixels from column X0 and row Y0 to before column X1 and row Y1: into a .part file to be merged with
-    /// others, or into a picture as --crop does.
+    /// Render only the pixels of a rectangle (X1 and Y1 exclusive): into a .part file for 'oscura merge', or into an
+    /// image as --crop does.
     #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = region)]
     pub region: Option<Region>,
-    /// How progress is told: plain lines, json or openjd lines on standard output, none [default: a bar on a terminal].
+    /// Progress reports: plain lines on standard error, json or openjd lines on standard output, or none [default: a
+    /// progress bar on a terminal].
     #[arg(long, value_name = "KIND")]
     pub progress: Option<ProgressArg>,
-    /// Refuse pictures and scenes that take more memory, such as 8G or 500M [default: what the machine has].
+    /// Memory limit, such as 8G or 500M: larger images and scenes are refused [default: the machine's memory].
     #[arg(long, value_name = "SIZE", value_parser = bytes)]
     pub memory_limit: Option<u64>,
-    /// Memory for the images of textures, such as 4G or 500M: what is beyond is decoded again when it is needed. The picture doesn't depend
-    /// on it [default: a quarter of the machine's].
+    /// Texture cache size, such as 4G or 500M; textures beyond it are decoded again on demand. The image does not depend
+    /// on it [default: a quarter of the machine's memory].
     #[arg(long, value_name = "SIZE", value_parser = bytes)]
     pub texture_memory: Option<u64>,
 }
@@ -456,9 +464,9 @@ fn bytes(text: &str) -> Result<u64, String> {
 
 #[derive(Args, Clone, Debug)]
 pub(crate) struct GuidingArgs {
-    /// Guide paths at diffuse surfaces to where light came from, and end them where little is expected of them: on, off, or auto,
-    /// where it makes indirect light less noisy. Learning takes a fifth of the work of the whole picture, also for a part of it; rooms
-    /// lit through a door gain several times that.
+    /// Path guiding at diffuse surfaces, with guided Russian roulette: on, off, or auto, where it lowers the noise of
+    /// indirect light. Training takes a fifth of the samples of the whole image, also for a part of it; rooms lit through
+    /// a door gain several times that.
     #[arg(long, value_name = "G", default_value = "auto")]
     pub guiding: Guiding,
 }

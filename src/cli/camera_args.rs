@@ -14,19 +14,19 @@ const DEFAULT_FOCUS: f64 = 10.0;
 #[derive(Args, Clone, Debug, Default)]
 #[command(next_help_heading = "Camera")]
 pub(crate) struct CameraArgs {
-    /// Where the camera stands, metres.
+    /// Camera position X,Y,Z, metres.
     #[arg(long, value_name = "X,Y,Z", conflicts_with = "orbit", allow_hyphen_values = true, value_parser = point)]
     pub eye: Option<DVec3>,
-    /// What it is aimed at; y is up [default: the middle of the scene].
+    /// Look-at point X,Y,Z, metres; y is up [default: the centre of the scene].
     #[arg(long, value_name = "X,Y,Z", requires = "eye", allow_hyphen_values = true, value_parser = point)]
     pub target: Option<DVec3>,
-    /// Visible height of a camera of parallel rays, metres.
+    /// Height of the view of an orthographic camera, metres.
     #[arg(long, value_name = "M", value_parser = positive, allow_negative_numbers = true)]
     pub view_height: Option<f64>,
-    /// Distance of the plane that is in focus, metres.
+    /// Focus distance, metres.
     #[arg(long, value_name = "M", value_parser = positive, allow_negative_numbers = true)]
     pub focus: Option<f64>,
-    /// How wide the lens is open: the angle of its edge from a point in focus, degrees; 0 has everything in focus.
+    /// Aperture of the thin lens: angle that its radius subtends from a point in focus, degrees; 0 is a pinhole camera.
     #[arg(long, value_name = "DEG", value_parser = defocus, allow_negative_numbers = true)]
     pub defocus: Option<f64>,
 }
@@ -128,14 +128,15 @@ fn defocus(text: &str) -> std::result::Result<f64, String> {
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Motion blur")]
 pub(crate) struct ShutterArgs {
-    /// How long the shutter is open, in frames: what moves in that time is blurred [default: the scene's, else 0].
+    /// Motion blur: shutter time in frames [default: the scene's, else 0].
     #[arg(long, value_name = "FRAMES", value_parser = frames, allow_negative_numbers = true)]
     pub shutter: Option<f64>,
-    /// When it is open: from the picture's moment on (start), around it (centre) or up to it (end) [default: the scene's, else
-    /// centre].
+    /// Shutter position: open from the frame's time on (start), around it (centre) or until it (end) [default: the
+    /// scene's, else centre].
     #[arg(long, value_name = "WHEN", value_parser = position(), hide_possible_values = true)]
     pub shutter_position: Option<ShutterPosition>,
-    /// At how many moments of that time to look at what moves, 2 or more [default: as many as its paths need, at most 65].
+    /// Motion blur steps: number of times at which moving objects are evaluated while the shutter is open, 2 or more
+    /// [default: as many as their motion needs, at most 65].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1000), allow_negative_numbers = true)]
     pub motion_keys: Option<u32>,
 }

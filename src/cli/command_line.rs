@@ -62,33 +62,33 @@ impl Arguments {
 pub(crate) enum Command {
     /// Render a scene to EXR and PNG files.
     Render(Box<RenderArgs>),
-    /// Put a picture together from parts.
+    /// Merge partial renders (.part files) into one image.
     Merge(MergeArgs),
-    /// Say what is in a scene and what would not be rendered.
+    /// List a scene's contents, and what would not be rendered.
     Inspect(InspectArgs),
-    /// Export a Blender file as .glb with an .oscura.toml of what glTF can't carry.
+    /// Export a Blender file as .glb, with an .oscura.toml for what glTF cannot represent.
     Export(ExportArgs),
-    /// Measure how far a picture is from a reference.
+    /// Compare an image with a reference: error metrics, FLIP, statistical tests.
     Compare(CompareArgs),
-    /// Take the noise out of a picture.
+    /// Denoise an image.
     Denoise(DenoiseArgs),
-    /// Make a picture to look at of an EXR or of one of its layers.
+    /// Convert an EXR or one of its layers to PNG, JPEG, TIFF, WebP or HDR.
     Convert(ConvertArgs),
-    /// Say what is in an EXR: channels, their ranges, what is not a number, the header.
+    /// Print an EXR's channels, value ranges, NaN counts and header.
     Info(InfoArgs),
-    /// Show a scene in the browser while it renders, and turn it.
+    /// Interactive viewer: render a scene in the browser and move its camera.
     View(Box<ViewArgs>),
-    /// Write small pictures of many models.
+    /// Render thumbnails of models.
     Thumb(ThumbArgs),
-    /// Let file managers show small pictures of models (freedesktop.org: Linux and other free systems).
+    /// Install a thumbnailer for file managers (freedesktop.org: Linux and BSD).
     InstallThumbnailer(ThumbnailerArgs),
     /// Write a commented scene file to start from.
     New(NewArgs),
-    /// Say what is kept of Blender files for the next time, or delete it.
+    /// Show or clear the cache of exported Blender files.
     Cache(CacheArgs),
-    /// Explain a command, scene files (scene-file), or a part of them (materials, camera, ...).
+    /// Help on a command, on scene files (scene-file), or on a section of them (materials, camera, ...).
     Help(HelpArgs),
-    /// Print completions for a shell.
+    /// Print a shell completion script.
     Completions(CompletionsArgs),
     /// Print the manual page of the program or of a command.
     Man(ManArgs),

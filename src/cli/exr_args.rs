@@ -21,25 +21,25 @@ fn spaces() -> impl TypedValueParser<Value = WorkingSpace> {
     named(&WorkingSpace::ALL, WorkingSpace::name, WorkingSpace::about)
 }
 
-/// How EXRs lie on the disk.
+/// Format of EXR files.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct ExrFormatArgs {
-    /// How the channels of EXRs are arranged.
+    /// Channel layout of EXRs.
     #[arg(long, value_name = "LAYOUT", default_value = "single", value_parser = layouts())]
     pub exr_layout: ExrLayout,
-    /// How EXRs are compressed; from pxr24 on with losses.
+    /// Compression of EXRs; pxr24 and those after it are lossy.
     #[arg(long, value_name = "KIND", default_value = "zip", value_parser = compressions())]
     pub exr_compression: ExrCompression,
-    /// Write EXRs in tiles of N x N pixels.
+    /// Write tiled EXRs with tiles of N x N pixels.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(8..=4096), allow_negative_numbers = true)]
     pub exr_tiles: Option<u32>,
-    /// The space of the colours in EXRs.
+    /// Colour space of EXRs.
     #[arg(long, value_name = "SPACE", default_value = "rec709", value_parser = spaces())]
     pub working_space: WorkingSpace,
-    /// Layers or channels of EXRs that are written as 16-bit floats: N, Z, rgba, ...
+    /// EXR layers or channels to write as half floats: N, Z, rgba, ...
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub exr_half: Vec<String>,
-    /// Those that are written as 32-bit floats.
+    /// EXR layers or channels to write as 32-bit floats.
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub exr_float: Vec<String>,
 }
@@ -48,11 +48,11 @@ pub(crate) struct ExrFormatArgs {
 pub(crate) struct ExrArgs {
     #[command(flatten)]
     pub format: ExrFormatArgs,
-    /// Render only the pixels from column X0 and row Y0 to before column X1 and row Y1: in EXRs a data window within the frame.
+    /// Crop: render only the pixels of a rectangle (X1 and Y1 exclusive), the data window of EXRs.
     #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = region, conflicts_with = "region")]
     pub crop: Option<Region>,
-    /// Render so many percent of the frame's width and height beyond each edge, or around what --crop takes: in EXRs the frame
-    /// stays, and pixels surround it.
+    /// Overscan: extend the frame, or the --crop rectangle, by this percentage of the frame's width and height at each
+    /// edge. The display window of EXRs stays the frame.
     #[arg(long, value_name = "PERCENT", value_parser = percent, allow_negative_numbers = true, conflicts_with = "checkpoint")]
     pub overscan: Option<f64>,
 }

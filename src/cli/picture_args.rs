@@ -52,24 +52,25 @@ fn named_views() -> impl Iterator<Item = PossibleValue> {
 
 #[derive(Args, Clone, Debug)]
 pub(crate) struct PictureArgs {
-    /// Find caustics from the lamp, by smooth glass, mirrors and polished metal, and what they light in turn, on diffuse surfaces that
-    /// the camera sees directly: auto where the picture gains by it; on; off. Nothing else finds what points, spots and suns without
-    /// a size send so.
+    /// Trace caustics from the lights: light focused by smooth glass, mirrors and polished metal onto diffuse surfaces
+    /// that the camera sees directly; auto (where it lowers the noise), on or off. Caustics of point, spot and sun lights
+    /// without a size are found in no other way.
     #[arg(long, value_name = "C", default_value = "auto")]
     pub caustics: Caustics,
-    /// Take the noise out of the finished picture, its light passes and light groups. (Pictures on the way, of --save-every,
-    /// keep it, and have what 'oscura denoise' needs; parts are for 'oscura merge', which takes it out.)
+    /// Denoise the finished image, its light passes and light groups. (Images of --save-every stay noisy and contain the
+    /// guides for 'oscura denoise'; .part files are denoised by 'oscura merge'.)
     #[arg(long)]
     pub denoise: bool,
-    /// Leave the noise in, though the scene's file asks for the contrary.
+    /// Do not denoise, even if the scene file asks for it.
     #[arg(long, conflicts_with = "denoise")]
     pub no_denoise: bool,
     #[command(flatten)]
     pub denoiser: DenoiserArgs,
-    /// Light of this temperature looks white in PNGs and the like, kelvin (1667 to 25000; daylight is 6500).
+    /// White balance of PNG and other display-referred output: colour temperature that looks white, kelvin (1667 to
+    /// 25000; daylight is 6500).
     #[arg(long, value_name = "K", value_parser = kelvin, allow_negative_numbers = true)]
     pub white_balance: Option<f32>,
-    /// Write PNGs and TIFFs with 16 bits a channel.
+    /// Write PNGs and TIFFs with 16 bits per channel.
     #[arg(long)]
     pub deep: bool,
 }
@@ -81,18 +82,19 @@ fn kelvin(text: &str) -> std::result::Result<f32, String> {
 
 #[derive(Args, Debug)]
 pub(crate) struct DenoiseArgs {
-    /// The picture (.exr) with R, G, B; better with albedo.R, .G, .B, N.X, .Y, .Z and Z (--aov albedo,normal,depth).
+    /// Image to denoise (.exr) with R, G, B; better with the guides albedo.R, .G, .B, N.X, .Y, .Z and Z (--aov
+    /// albedo,normal,depth).
     pub picture: PathBuf,
-    /// File to write, .exr: all that the picture has, its colour and light passes without noise.
+    /// Output file (.exr): all channels of the input, its colour and light passes denoised.
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
-    /// The same picture with another seed: both are averaged, and their difference tells the noise. Without it, the channels
-    /// variance.R, .G, .B do (--aov variance), or else the picture's finest details.
+    /// The same image rendered with another seed: both are averaged, and their difference estimates the noise. Without
+    /// it, the noise is estimated from the channels variance.R, .G, .B (--aov variance), else from the image itself.
     #[arg(long, value_name = "FILE")]
     pub other_seed: Option<PathBuf>,
     #[command(flatten)]
     pub denoiser: DenoiserArgs,
-    /// Threads [default: one a core]. The picture doesn't depend on it.
+    /// Number of threads [default: one per core]. The image does not depend on it.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_negative_numbers = true)]
     pub threads: Option<u16>,
     /// Print errors only.
@@ -102,7 +104,7 @@ pub(crate) struct DenoiseArgs {
 
 #[derive(Args, Debug)]
 pub(crate) struct InfoArgs {
-    /// The picture (.exr).
+    /// Image (.exr).
     pub picture: PathBuf,
     /// Print one JSON object on standard output.
     #[arg(long)]
@@ -111,30 +113,30 @@ pub(crate) struct InfoArgs {
 
 #[derive(Args, Debug)]
 pub(crate) struct ConvertArgs {
-    /// The picture (.exr).
+    /// Image (.exr).
     pub picture: PathBuf,
-    /// File to write: .png, .jpg, .tif, .webp or .hdr.
+    /// Output file: .png, .jpg, .tif, .webp or .hdr.
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
-    /// A layer, a part or a channel instead of the picture itself: N, DiffDir, Z, ...
+    /// Layer, part or channel to convert instead of the combined image: N, DiffDir, Z, ...
     #[arg(long, value_name = "LAYER")]
     pub layer: Option<String>,
-    /// All layers beside each other, small, with their names: colours as they look, other values by their ranges.
+    /// Contact sheet: thumbnails of all layers with their names; data channels are scaled to their ranges.
     #[arg(long, conflicts_with_all = ["layer", "dither", "deep"])]
     pub sheet: bool,
-    /// How it looks: a name, or a table (cinespace, .csp).
+    /// View transform: a name, or a lookup table (cinespace, .csp).
     #[arg(long, value_name = "VIEW", default_value = "srgb", value_parser = views())]
     pub view: ViewTransform,
     /// Exposure in stops, -100 to 100.
     #[arg(long, value_name = "STOPS", default_value = "0", allow_negative_numbers = true, value_parser = stops)]
     pub exposure: f32,
-    /// Light of this temperature looks white, kelvin (1667 to 25000; daylight is 6500).
+    /// White balance: colour temperature that looks white, kelvin (1667 to 25000; daylight is 6500).
     #[arg(long, value_name = "K", value_parser = kelvin, allow_negative_numbers = true)]
     pub white_balance: Option<f32>,
-    /// Hide the steps between 8-bit values.
+    /// Dither 8-bit output.
     #[arg(long)]
     pub dither: bool,
-    /// 16 bits a channel in PNGs and TIFFs.
+    /// Write PNGs and TIFFs with 16 bits per channel.
     #[arg(long)]
     pub deep: bool,
     /// Print errors only.
@@ -144,24 +146,24 @@ pub(crate) struct ConvertArgs {
 
 // Arguments about what takes the noise out.
 
-/// The variable that names the library.
+/// Environment variable with the path of the library.
 const VARIABLE: &str = "OSCURA_OIDN";
 
-/// What takes the noise out.
+/// Denoisers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum DenoiserArg {
-    /// What the program brings: light passes and light groups add up afterwards.
+    /// The built-in denoiser: denoised light passes and light groups still add up.
     Own,
-    /// Intel's Open Image Denoise, if its library is there.
+    /// Intel Open Image Denoise, if its library is installed.
     Oidn,
 }
 
 #[derive(Args, Clone, Debug)]
 pub(crate) struct DenoiserArgs {
-    /// What takes the noise out [default: own].
+    /// Denoiser [default: own].
     #[arg(long, value_name = "DENOISER")]
     pub denoiser: Option<DenoiserArg>,
-    /// The library of --denoiser oidn, libOpenImageDenoise [default: what OSCURA_OIDN names, else the system's].
+    /// Path of the library libOpenImageDenoise for --denoiser oidn [default: OSCURA_OIDN, else the system's].
     #[arg(long, value_name = "FILE", requires = "denoiser")]
     pub oidn_library: Option<PathBuf>,
 }
@@ -187,7 +189,7 @@ impl DenoiserArgs {
         }
     }
 
-    /// Is there a choice where nothing is denoised?
+    /// Checks that no denoiser is chosen where nothing is denoised.
     ///
     /// # Errors
     /// A usage error then.

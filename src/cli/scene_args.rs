@@ -13,10 +13,10 @@ use std::path::{Path, PathBuf};
 
 // Arguments about glTF assets, the same for all commands that load them.
 
-/// Units of lights.
+/// Units of light intensities.
 #[derive(Clone, Copy, Debug, Default, ValueEnum)]
 pub(crate) enum LightUnitsArg {
-    /// As the specification says; so does Blender by default.
+    /// As the glTF specification says, which Blender's exporter follows by default.
     #[default]
     Auto,
     /// Candela and lux, divided by 683 lm/W.
@@ -27,42 +27,42 @@ pub(crate) enum LightUnitsArg {
     Raw,
 }
 
-/// What transparent materials without a volume are.
+/// Interpretation of transmissive materials without a volume.
 #[derive(Clone, Copy, Debug, Default, ValueEnum)]
 pub(crate) enum GlassArg {
-    /// Solid in files by Blender where meshes are closed, thin else.
+    /// Solid for closed meshes of Blender's exporter, else thin.
     #[default]
     Auto,
-    /// Refracting solids.
+    /// Solid: refracts.
     Solid,
-    /// As auto, and flat solid panes of windows are single sheets, which light samples pass.
+    /// As auto, but flat window panes become single sheets, which do not block shadow rays.
     Panes,
-    /// Thin walls, as the specification says.
+    /// Thin-walled, as the glTF specification says.
     Thin,
 }
 
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "glTF assets")]
 pub(crate) struct AssetArgs {
-    /// Show animations at this moment, seconds [default: the file's rest state].
+    /// Time of the animation, seconds [default: the rest pose].
     #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = moment)]
     pub time: Option<f64>,
-    /// Scene by name or number, from 0 [default: the file's default].
+    /// Scene by name or by index from 0 [default: the file's default].
     #[arg(long = "scene", value_name = "SCENE")]
     pub scene_name: Option<String>,
-    /// Show only this node, by name or number, with all below it.
+    /// Render only this node, by name or index, and its descendants.
     #[arg(long, value_name = "NODE")]
     pub node: Option<String>,
-    /// Variant of the materials, by name or number.
+    /// Material variant by name or index.
     #[arg(long, value_name = "VARIANT")]
     pub variant: Option<String>,
-    /// What the numbers of lights mean.
+    /// Units of light intensities.
     #[arg(long, value_name = "UNITS", default_value = "auto")]
     pub light_units: LightUnitsArg,
-    /// What transparent materials without a volume are.
+    /// Interpretation of transmissive materials without a volume.
     #[arg(long, value_name = "KIND", default_value = "auto")]
     pub glass: GlassArg,
-    /// Go on without extensions that the file demands and that are not supported.
+    /// Ignore required glTF extensions that are not supported.
     #[arg(long)]
     pub force: bool,
 }
@@ -101,20 +101,20 @@ fn moment(text: &str) -> std::result::Result<f64, String> {
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Blender files")]
 pub(crate) struct BlenderArgs {
-    /// Blender's program, or a Python that has bpy [default: OSCURA_BLENDER, else what is found].
+    /// Blender executable, or a Python with the module bpy [default: OSCURA_BLENDER, else searched].
     #[arg(long, value_name = "PATH")]
     pub blender: Option<PathBuf>,
-    /// View layer by name [default: the first that is rendered].
+    /// View layer by name [default: the first that is enabled for rendering].
     #[arg(long, value_name = "LAYER")]
     pub view_layer: Option<String>,
-    /// Largest edge of pictures that node trees are baked to, 16 to 16384 pixels; each is as large as its mesh appears
+    /// Maximum size of baked textures, 16 to 16384 pixels; each texture is sized by its mesh's area in the image
     /// [default: 4096].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(16..=16384), allow_negative_numbers = true)]
     pub bake: Option<u32>,
-    /// Folder that keeps meshes and baked pictures for the next time [default: see 'oscura cache'].
+    /// Cache folder of exported meshes and baked textures [default: see 'oscura cache'].
     #[arg(long, value_name = "FOLDER", conflicts_with = "no_cache")]
     pub cache: Option<PathBuf>,
-    /// Keep nothing, and use nothing that was kept.
+    /// Neither read nor write the cache.
     #[arg(long)]
     pub no_cache: bool,
 }
@@ -135,62 +135,63 @@ impl BlenderArgs {
 
 // Arguments about how models without a camera or light are shown, the same for all commands that render them.
 
-/// What lights scenes without light.
+/// Lighting of scenes without lights.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum StageArg {
-    /// Soft boxes: key, fill and rim light.
+    /// Studio softboxes: key, fill and rim light.
     Studio,
-    /// A blue sky with a hazy sun.
+    /// Blue sky with a hazy sun.
     Sky,
     /// A low, warm sun.
     Sunset,
-    /// White from all around.
+    /// Uniform white environment.
     White,
     /// No light, ground or material is added.
     None,
 }
 
-/// What bare models stand on.
+/// Ground of models without a camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum GroundArg {
     /// Nothing.
     None,
-    /// A ground like the background, which takes shadow and a trace of reflection.
+    /// Ground in the colour of the background that receives shadows and faint reflections.
     Shadow,
-    /// A shiny floor.
+    /// Glossy floor.
     Floor,
 }
 
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Models without camera or light")]
 pub(crate) struct StageArgs {
-    /// What lights a scene that has no light [default: studio].
+    /// Lighting of a scene without lights [default: studio].
     #[arg(long, value_name = "STAGE")]
     pub stage: Option<StageArg>,
-    /// What a model without a camera stands on [default: shadow on a stage, none with --env].
+    /// Ground under a model without a camera [default: shadow on a stage, none with --env].
     #[arg(long, value_name = "GROUND")]
     pub ground: Option<GroundArg>,
-    /// Behind everything: #rrggbb, white, grey, black, transparent, or a picture [default: the stage's, else the environment].
+    /// Background: #rrggbb, white, grey, black, transparent, or an image file [default: the stage's, else the
+    /// environment].
     #[arg(long, value_name = "COLOR|FILE", value_parser = background)]
     pub background: Option<BackgroundArg>,
-    /// From where: three-quarter, front, right, back, left, top, bottom, iso, or azimuth and elevation such as 30,20
-    /// [default: three-quarter].
+    /// View direction: three-quarter, front, right, back, left, top, bottom, iso, or azimuth and elevation in degrees
+    /// such as 30,20 [default: three-quarter].
     #[arg(long, value_name = "VIEW", allow_hyphen_values = true)]
     pub view_from: Option<ViewFrom>,
-    /// Factor on the model's size in the picture.
+    /// Zoom: factor on the model's size in the image.
     #[arg(long, value_name = "F", default_value = "1", value_parser = zoom, allow_negative_numbers = true)]
     pub zoom: f64,
-    /// Field of view, vertical, degrees [default: the camera's, 30 for models without one].
+    /// Vertical field of view, degrees [default: the camera's, 30 for models without one].
     #[arg(long, value_name = "DEG", value_parser = fov, allow_negative_numbers = true)]
     pub fov: Option<f64>,
-    /// Axis of OBJ and PLY files that points up; auto goes by the file's writer and the model's shape.
+    /// Up axis of OBJ and PLY files; auto guesses it from the exporting program and the model's shape.
     #[arg(long, value_name = "AXIS", default_value = "auto", value_parser = up(), allow_hyphen_values = true)]
     pub up: Up,
-    /// Give meshes of OBJ and PLY files without normals smooth ones; edges where faces meet at more than so many degrees stay
-    /// sharp [30 if none is given].
+    /// Smooth shading of OBJ and PLY meshes without normals, except at edges sharper than this crease angle, degrees [30
+    /// if no angle is given].
     #[arg(long, value_name = "DEG", num_args = 0..=1, require_equals = true, default_missing_value = "30", value_parser = crease)]
     pub smooth: Option<f64>,
-    /// Subdivide the polygons of OBJ and the triangles of PLY files so many times (Catmull-Clark): smooth surfaces of coarse meshes.
+    /// Catmull-Clark subdivision levels of OBJ and PLY meshes.
     #[arg(long, value_name = "LEVELS", value_parser = clap::value_parser!(u32).range(0..=i64::from(MOST_LEVELS)), allow_negative_numbers = true)]
     pub subdivide: Option<u32>,
 }

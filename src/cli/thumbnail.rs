@@ -170,22 +170,22 @@ fn size(longer: u32, loaded: &Loaded) -> (u32, u32) {
 
 #[derive(Args, Debug)]
 pub(crate) struct ThumbArgs {
-    /// The models or scenes: .gltf, .glb, .obj, .ply, .toml or .blend.
+    /// Models or scenes: .gltf, .glb, .obj, .ply, .toml or .blend.
     #[arg(required = true, value_name = "MODEL")]
     pub models: Vec<PathBuf>,
-    /// Folder for the pictures, MODEL.png each [default: beside each model].
+    /// Output folder for the thumbnails, MODEL.png each [default: next to each model].
     #[arg(short, long, value_name = "FOLDER")]
     pub output: Option<PathBuf>,
-    /// The picture of the only model: a PNG, whatever its name is.
+    /// Output file for a single model; always a PNG, whatever its extension.
     #[arg(long, value_name = "FILE", conflicts_with = "output")]
     pub file: Option<PathBuf>,
-    /// Longer side in pixels.
+    /// Longer side of the thumbnail, pixels.
     #[arg(long, value_name = "N", default_value = "512", value_parser = clap::value_parser!(u32).range(1..=8192), allow_negative_numbers = true)]
     pub size: u32,
-    /// Samples a pixel; their noise is taken out.
+    /// Samples per pixel; the thumbnail is denoised.
     #[arg(long, value_name = "N", default_value = "4", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     pub spp: u32,
-    /// Threads [default: one a core].
+    /// Number of threads [default: one per core].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_negative_numbers = true)]
     pub threads: Option<u16>,
     /// Let glTF and OBJ files refer to files outside their folder.
@@ -200,10 +200,10 @@ pub(crate) struct ThumbArgs {
 
 #[derive(Args, Debug)]
 pub(crate) struct ThumbnailerArgs {
-    /// Print what would be written, and where, and write nothing.
+    /// Dry run: print the files and their contents without writing them.
     #[arg(long, conflicts_with = "remove")]
     pub print: bool,
-    /// Remove what was written.
+    /// Uninstall: remove the files.
     #[arg(long)]
     pub remove: bool,
     /// Print errors only.

@@ -122,13 +122,13 @@ const UNUSED: [&str; 38] = [
 pub(crate) struct ViewArgs {
     #[command(flatten)]
     pub picture: RenderArgs,
-    /// Port of the page, on this machine only [default: a free one].
+    /// Port of the local web server [default: a free one].
     #[arg(long, value_name = "N", default_value = "0", hide_default_value = true)]
     pub port: u16,
-    /// Don't open a browser: print the page's address only.
+    /// Print the page's address without opening a browser.
     #[arg(long)]
     pub no_open: bool,
-    /// Load the scene again when a file of it was saved.
+    /// Reload the scene when one of its files changes.
     #[arg(long)]
     pub watch: bool,
 }
