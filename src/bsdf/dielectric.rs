@@ -1,7 +1,8 @@
 //! Smooth glass: solid, and as a thin sheet.
 
 use super::{
-    BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Refraction, Slots, Transmissive, fresnel,
+    Appearance, BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Refraction, Slots, Transmissive,
+    fresnel,
 };
 use crate::color::Rgb;
 use crate::math::Vec3;
@@ -66,6 +67,10 @@ impl Lobe for Dielectric {
     fn albedo(&self) -> Rgb {
         self.tint
     }
+
+    fn appearance(&self) -> Appearance {
+        Appearance::of_glass(self.ior, self.tint, 0.0)
+    }
 }
 
 /// A thin smooth sheet of glass: light passes straight on; the reflections between its two faces are summed.
@@ -122,6 +127,10 @@ impl Lobe for ThinDielectric {
     #[inline(always)]
     fn albedo(&self) -> Rgb {
         self.tint
+    }
+
+    fn appearance(&self) -> Appearance {
+        Appearance::of_glass(self.ior, self.tint, 0.0)
     }
 }
 
@@ -186,6 +195,10 @@ impl MaterialProgram for DielectricProgram {
         let tint = tint_of_crossing(slots.share_by_channel(&self.tint), self.tints_once);
         Dielectric { ior: self.ior, refraction: self.refraction, tint, fresnel: self.fresnel }
     }
+
+    fn is_smooth_glass(&self) -> bool {
+        true
+    }
 }
 
 /// The parameters of a [`ThinDielectric`].
@@ -203,6 +216,14 @@ impl MaterialProgram for ThinDielectricProgram {
     #[inline]
     fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> ThinDielectric {
         ThinDielectric { ior: self.ior, tint: slots.share_by_channel(&self.tint) }
+    }
+
+    fn may_pass_straight(&self) -> bool {
+        true
+    }
+
+    fn is_smooth_glass(&self) -> bool {
+        true
     }
 }
 

@@ -1,4 +1,4 @@
-use super::{BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Slots};
+use super::{Appearance, BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Slots};
 use crate::color::Rgb;
 use crate::math::{Vec3, poly};
 use crate::sampling::warp;
@@ -49,6 +49,14 @@ impl Lobe for Lambert {
     #[inline(always)]
     fn albedo(&self) -> Rgb {
         self.albedo
+    }
+
+    fn appearance(&self) -> Appearance {
+        Appearance { diffuse: self.albedo, ..Appearance::BLACK }
+    }
+
+    fn diffuse_part(&self, wo: Vec3, wi: Vec3) -> Rgb {
+        self.eval(wo, wi).f_cos
     }
 }
 
@@ -155,6 +163,14 @@ impl Lobe for OrenNayar {
     #[inline(always)]
     fn albedo(&self) -> Rgb {
         self.color
+    }
+
+    fn appearance(&self) -> Appearance {
+        Appearance { diffuse: self.color, ..Appearance::BLACK }
+    }
+
+    fn diffuse_part(&self, wo: Vec3, wi: Vec3) -> Rgb {
+        self.eval(wo, wi).f_cos
     }
 }
 

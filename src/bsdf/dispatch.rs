@@ -79,6 +79,33 @@ macro_rules! bsdfs {
                     })*
                 }
             }
+
+            /// See [`MaterialProgram::may_pass_straight`].
+            pub fn may_pass_straight(&self) -> bool {
+                match self {
+                    BsdfProgram::Black => false,
+                    $(BsdfProgram::$opaque(program) => program.may_pass_straight(),)*
+                    $(BsdfProgram::$transmissive(program) => program.may_pass_straight(),)*
+                }
+            }
+
+            /// See [`MaterialProgram::is_smooth_glass`].
+            pub fn is_smooth_glass(&self) -> bool {
+                match self {
+                    BsdfProgram::Black => false,
+                    $(BsdfProgram::$opaque(program) => program.is_smooth_glass(),)*
+                    $(BsdfProgram::$transmissive(program) => program.is_smooth_glass(),)*
+                }
+            }
+
+            /// See [`MaterialProgram::depends_on_wavelength`].
+            pub fn depends_on_wavelength(&self) -> bool {
+                match self {
+                    BsdfProgram::Black => false,
+                    $(BsdfProgram::$opaque(program) => program.depends_on_wavelength(),)*
+                    $(BsdfProgram::$transmissive(program) => program.depends_on_wavelength(),)*
+                }
+            }
         }
 
         impl BsdfClass {
@@ -183,16 +210,16 @@ macro_rules! bsdfs {
                 }
             }
 
-            /// What it looks like, whatever the light.
-            pub fn look(&self) -> Look {
+            /// See [`Lobe::appearance`].
+            pub fn appearance(&self) -> Appearance {
                 match self {
-                    Bsdf::Black => Look::BLACK,
-                    $(Bsdf::$opaque(lobe) => lobe.look(),)*
-                    $(Bsdf::$transmissive(lobe) => lobe.look(),)*
+                    Bsdf::Black => Appearance::BLACK,
+                    $(Bsdf::$opaque(lobe) => lobe.appearance(),)*
+                    $(Bsdf::$transmissive(lobe) => lobe.appearance(),)*
                 }
             }
 
-            /// The diffuse part of the value for two directions.
+            /// See [`Lobe::diffuse_part`].
             pub fn diffuse_part(&self, wo: Vec3, wi: Vec3) -> Rgb {
                 let (wo, wi) = (with_side(wo), with_side(wi));
                 match self {

@@ -1,6 +1,8 @@
 //! Hair and fur: a fibre of glass with scales and pigment.
 
-use super::{BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Slots, Transmissive, fresnel};
+use super::{
+    Appearance, BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Slots, Transmissive, fresnel,
+};
 use crate::color::Rgb;
 use crate::math::{Vec2, Vec3, poly};
 use crate::scene::{ColorSlot, FloatSlot, hair_color_scale};
@@ -293,6 +295,11 @@ impl Lobe for Hair {
     #[inline]
     fn albedo(&self) -> Rgb {
         self.color()
+    }
+
+    /// As Cycles, which counts all that hair scatters as gloss.
+    fn appearance(&self) -> Appearance {
+        Appearance { glossy: self.albedo(), ..Appearance::BLACK }
     }
 }
 

@@ -20,7 +20,7 @@ use super::microsurface::{Facets, Isotropic, Microsurface, MicrosurfaceProgram};
 use super::rough_dielectric::{GlassReflectance, RoughDielectric, Walls};
 use super::sheen::Sheen;
 use super::thin_film::ThinFilm;
-use super::{BsdfEval, BsdfSample, Lobe, Refraction, Transmissive, fresnel, ggx};
+use super::{Appearance, BsdfEval, BsdfSample, Lobe, Refraction, Transmissive, fresnel, ggx};
 use crate::color::Rgb;
 use crate::math::{Frame, Vec3};
 use crate::scene::{
@@ -273,6 +273,22 @@ impl Lobe for Layered {
         let opaque = (self.opaque.albedo() + self.through).min(Rgb::ONE);
         opaque * (1.0 - self.glass_share) + self.glass.tint * self.glass_share
     }
+
+    fn appearance(&self) -> Appearance {
+        let opaque = self.opaque.appearance();
+        let glass = self.glass.appearance();
+        let mix = |a: Rgb, b: Rgb| (a * (1.0 - self.glass_share) + b * self.glass_share).min(Rgb::ONE);
+        Appearance {
+            diffuse: mix(opaque.diffuse + self.through + self.sheen.color, Rgb::ZERO),
+            glossy: mix(opaque.glossy, glass.glossy),
+            transmission: mix(Rgb::ZERO, glass.transmission),
+            roughness: opaque.roughness,
+        }
+    }
+
+    fn diffuse_part(&self, wo: Vec3, wi: Vec3) -> Rgb {
+        self.eval_diffuse(wo, wi)
+    }
 }
 
 impl Transmissive for Layered {
@@ -462,18 +478,6 @@ impl LayeredProgram {
     }
 }
 
-impl LayeredProgram {
-    /// Is there a thin film?
-    pub(super) fn has_film(&self) -> bool {
-        self.iridescence.is_some()
-    }
-
-    /// Is it a thin wall that light passes without being blurred?
-    pub(super) fn is_smooth_sheet(&self) -> bool {
-        self.transmission.is_some() && self.walls == Walls::Thin && always(&self.facets.roughness, 0.0)
-    }
-}
-
 impl MaterialProgram for LayeredProgram {
     type Lobe = Layered;
 
@@ -532,6 +536,14 @@ impl MaterialProgram for LayeredProgram {
                 energy_compensation,
             }),
         }
+    }
+
+    fn may_pass_straight(&self) -> bool {
+        self.transmission.is_some() && self.walls == Walls::Thin && always(&self.facets.roughness, 0.0)
+    }
+
+    fn depends_on_wavelength(&self) -> bool {
+        self.iridescence.is_some()
     }
 }
 
@@ -655,5 +667,60 @@ impl Coat {
         }
         let frame = Frame::from_normal(self.normal);
         self.lobe().eval(frame.to_local(wo), frame.to_local(wi))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bsdf::{Bsdf, Isotropic};
+    use crate::sampling::chi2::Random;
+
+    /// The diffuse part of a material with a layer is what the material would be without its facets.
+    #[test]
+    fn the_parts_of_glossy_materials_add_up() {
+        let m = MetalRough {
+            diffuse: Rgb::new(0.5, 0.3, 0.1),
+            layer_f0: Rgb::splat(0.04),
+            layer_f90: 1.0,
+            layer_fresnel: LayerFresnel::Schlick,
+            metal_f0: Rgb::ZERO,
+            metallic: 0.0,
+            surface: Isotropic { alpha: 0.3 },
+            energy_compensation: EnergyCompensation::On,
+        };
+        let layered = Layered {
+            opaque: m.on(Microsurface::isotropic(0.3)),
+            diffuse_roughness: 0.0,
+            through: Rgb::ZERO,
+            glass: RoughDielectric {
+                surface: Microsurface::isotropic(0.3),
+                ior: 1.5,
+                walls: Walls::Thin,
+                refraction: Refraction::Scales,
+                tint: Rgb::ONE,
+                reflectance: GlassReflectance::Plain,
+                energy_compensation: EnergyCompensation::On,
+            },
+            glass_share: 0.0,
+            film: ThinFilm::NONE,
+            sheen: Sheen::NONE,
+            coat: Coat::NONE,
+        };
+        let mut random = Random::new(5);
+        for _ in 0..1000 {
+            let (mut wo, mut wi) = (random.direction(), random.direction());
+            (wo.z, wi.z) = (wo.z.abs(), wi.z.abs());
+            let all = m.eval(wo, wi).f_cos.to_array();
+            let facets = MetalRough { diffuse: Rgb::ZERO, ..m }.eval(wo, wi).f_cos.to_array();
+            let diffuse = Bsdf::MetalRough(m).diffuse_part(wo, wi).to_array();
+            let other = Bsdf::Layered(layered).diffuse_part(wo, wi).to_array();
+            for c in 0..3 {
+                assert!((all[c] - facets[c] - diffuse[c]).abs() < 1e-5 * all[c].max(1.0), "{wo} {wi}");
+                assert!((diffuse[c] - other[c]).abs() < 1e-5, "{wo} {wi}");
+            }
+        }
+        assert_eq!(m.appearance().diffuse, m.diffuse);
+        assert!((m.appearance().roughness - 0.3f32.sqrt()).abs() < 1e-6);
     }
 }

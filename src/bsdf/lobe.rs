@@ -1,5 +1,6 @@
 //! What every way of scattering offers.
 
+use super::fresnel::f0_from_eta;
 use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
 use crate::math::{Vec2, Vec3};
@@ -22,6 +23,48 @@ pub trait Lobe: Copy {
 
     /// A plain colour for the albedo output: reflectance at normal incidence, white for clear glass.
     fn albedo(&self) -> Rgb;
+
+    /// Colours and roughness for the AOVs of compositing.
+    fn appearance(&self) -> Appearance;
+
+    /// The diffuse part of what [`Lobe::eval`] gives for these directions, for the AOVs of direct and indirect diffuse light. Sheen and
+    /// diffuse transmission count as diffuse, as in Cycles.
+    fn diffuse_part(&self, _wo: Vec3, _wi: Vec3) -> Rgb {
+        Rgb::ZERO
+    }
+}
+
+/// Colours and roughness of a surface whatever the light: what AOVs for compositing show.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Appearance {
+    /// Diffuse colour.
+    pub diffuse: Rgb,
+    /// Reflectance of the microfacets at normal incidence.
+    pub glossy: Rgb,
+    /// Colour of transmitted light.
+    pub transmission: Rgb,
+    /// Perceptual roughness: the square root of the GGX alpha (of the geometric mean of two); 1 without microfacets.
+    pub roughness: f32,
+}
+
+impl Appearance {
+    /// Of a surface that scatters nothing.
+    pub const BLACK: Appearance =
+        Appearance { diffuse: Rgb::ZERO, glossy: Rgb::ZERO, transmission: Rgb::ZERO, roughness: 1.0 };
+
+    pub(super) fn of_glass(ior: f32, tint: Rgb, roughness: f32) -> Appearance {
+        Appearance {
+            glossy: Rgb::splat(f0_from_eta(ior)),
+            transmission: tint,
+            roughness,
+            ..Appearance::BLACK
+        }
+    }
+
+    /// The perceptual roughness of two GGX alphas.
+    pub(super) fn roughness([a, b]: [f32; 2]) -> f32 {
+        (a * b).sqrt().sqrt()
+    }
 }
 
 /// A [`Lobe`] that light may pass.
@@ -173,6 +216,21 @@ pub trait MaterialProgram {
 
     /// The BSDF where the slots have these values.
     fn evaluate(&self, slots: &impl Slots, frame: &LocalFrame) -> Self::Lobe;
+
+    /// May light pass [straight on](super::Bsdf::straight)? Not asked of textures: false where only a texture makes a thin sheet smooth.
+    fn may_pass_straight(&self) -> bool {
+        false
+    }
+
+    /// Is it smooth glass, whatever its textures hold?
+    fn is_smooth_glass(&self) -> bool {
+        false
+    }
+
+    /// Does the BSDF depend on the wavelength other than by its colours?
+    fn depends_on_wavelength(&self) -> bool {
+        false
+    }
 }
 
 /// Where the values of a material's slots come from at a hit.

@@ -1,7 +1,7 @@
 use super::albedo_table::DirectionalAlbedo;
 use super::ggx::MIN_ALPHA;
 use super::microsurface::{Facets, Microsurface};
-use super::{BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Slots, fresnel, ggx};
+use super::{Appearance, BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Slots, fresnel, ggx};
 use crate::color::Rgb;
 use crate::color::spectral::{Metal, Wavelengths};
 use crate::math::Vec3;
@@ -64,6 +64,10 @@ impl Lobe for SchlickMetal {
     #[inline(always)]
     fn albedo(&self) -> Rgb {
         self.f0
+    }
+
+    fn appearance(&self) -> Appearance {
+        Appearance { glossy: self.f0, roughness: Appearance::roughness([self.alpha; 2]), ..Appearance::BLACK }
     }
 }
 
@@ -179,6 +183,14 @@ impl Lobe for Conductor {
     fn albedo(&self) -> Rgb {
         self.reflectance(1.0)
     }
+
+    fn appearance(&self) -> Appearance {
+        Appearance {
+            glossy: self.albedo(),
+            roughness: Appearance::roughness(self.surface.alpha()),
+            ..Appearance::BLACK
+        }
+    }
 }
 
 /// The parameters of a [`Conductor`].
@@ -222,6 +234,10 @@ impl MaterialProgram for ConductorProgram {
             surface: Microsurface::isotropic(slots.alpha(&self.roughness)),
             energy_compensation: self.energy_compensation,
         }
+    }
+
+    fn depends_on_wavelength(&self) -> bool {
+        true
     }
 }
 

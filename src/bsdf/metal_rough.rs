@@ -4,7 +4,7 @@ use super::albedo_table::DirectionalAlbedo;
 use super::fresnel::{DielectricCurve, LayerFresnel};
 use super::lobe::LEAST_ALBEDO;
 use super::microsurface::{Facets, Isotropic};
-use super::{BsdfEval, BsdfSample, Lobe, fresnel, ggx};
+use super::{Appearance, BsdfEval, BsdfSample, Lobe, fresnel, ggx};
 use crate::color::Rgb;
 use crate::math::{Vec3, select};
 use crate::sampling::warp;
@@ -175,6 +175,18 @@ impl<S: Facets> Lobe for MetalRough<S> {
     fn albedo(&self) -> Rgb {
         let reflected = self.layer_f0 * (1.0 - self.metallic) + self.metal_f0 * self.metallic;
         (self.diffuse + reflected).min(Rgb::ONE)
+    }
+
+    fn appearance(&self) -> Appearance {
+        let glossy = self.layer_f0 * (1.0 - self.metallic) + self.metal_f0 * self.metallic;
+        let roughness = Appearance::roughness(self.surface.alpha());
+        Appearance { diffuse: self.diffuse, glossy: glossy.min(Rgb::ONE), roughness, ..Appearance::BLACK }
+    }
+
+    fn diffuse_part(&self, wo: Vec3, wi: Vec3) -> Rgb {
+        let is_reflected = (wo.z < 0.0) == (wi.z < 0.0);
+        let diffuse = self.closure(ggx::above(wo)).diffuse;
+        diffuse * if is_reflected { FRAC_1_PI * wi.z.abs() } else { 0.0 }
     }
 }
 

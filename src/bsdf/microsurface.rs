@@ -15,6 +15,8 @@ use std::f32::consts::PI;
 pub trait Facets: Copy {
     /// Is it an exact mirror?
     fn is_mirror(&self) -> bool;
+    /// GGX alphas along two axes at right angles.
+    fn alpha(&self) -> [f32; 2];
     /// What single scattering returns from a direction, with a reflectance of 1.
     fn directional_albedo(&self, wo: Vec3) -> DirectionalAlbedo;
     /// The part of it that the curve of a dielectric weighs, beside that by Schlick's weight in the albedo.
@@ -33,6 +35,11 @@ pub struct Isotropic {
 }
 
 impl Facets for Isotropic {
+    #[inline(always)]
+    fn alpha(&self) -> [f32; 2] {
+        [self.alpha; 2]
+    }
+
     #[inline(always)]
     fn is_mirror(&self) -> bool {
         self.alpha < MIN_ALPHA
@@ -88,12 +95,6 @@ impl Microsurface {
         Microsurface::new([alpha; 2], [1.0, 0.0])
     }
 
-    /// The two alphas.
-    #[inline(always)]
-    pub fn alpha(&self) -> [f32; 2] {
-        self.alpha
-    }
-
     /// Both alphas, where they are the same.
     #[inline(always)]
     pub fn isotropic_alpha(&self) -> Option<f32> {
@@ -133,6 +134,11 @@ impl Microsurface {
 }
 
 impl Facets for Microsurface {
+    #[inline(always)]
+    fn alpha(&self) -> [f32; 2] {
+        self.alpha
+    }
+
     #[inline(always)]
     fn is_mirror(&self) -> bool {
         self.alpha[0] < MIN_ALPHA

@@ -7,7 +7,6 @@
 
 pub mod albedo_table;
 pub mod anisotropic_table;
-mod appearance;
 mod dielectric;
 pub mod dielectric_table;
 mod diffuse;
@@ -26,20 +25,18 @@ mod phong;
 mod reference;
 mod rough_dielectric;
 mod sheen;
-#[allow(clippy::approx_constant, reason = "a number of the table happens to be near a sixth of pi")]
-mod sheen_data;
 mod thin_film;
 
 pub use crate::scene::ShadingModel;
 pub use albedo_table::DirectionalAlbedo;
-pub use appearance::{Look, Shown};
 pub use dielectric_table::mean_cosine;
 pub use diffuse::DiffuseThrough;
 pub use fresnel::{DielectricCurve, LayerFresnel};
 pub use ggx::above;
 pub use layered::Coat;
 pub use lobe::{
-    BsdfEval, BsdfSample, Factors, Lobe, LocalFrame, MaterialProgram, Refraction, Slots, Transmissive,
+    Appearance, BsdfEval, BsdfSample, Factors, Lobe, LocalFrame, MaterialProgram, Refraction, Slots,
+    Transmissive,
 };
 pub use metal_rough::MetalRoughClosure;
 pub use microsurface::{Facets, Isotropic, Microsurface};
@@ -104,36 +101,6 @@ impl Bsdf {
 }
 
 impl BsdfProgram {
-    /// May light pass [straight on](Bsdf::straight)? Where only a texture makes a sheet smooth it is not looked for.
-    pub fn may_pass_straight(&self) -> bool {
-        match self {
-            BsdfProgram::ThinDielectric(_) => true,
-            BsdfProgram::RoughDielectric(glass) => {
-                glass.walls == Walls::Thin && glass.facets.is_always_smooth()
-            }
-            BsdfProgram::Layered(layered) => layered.is_smooth_sheet(),
-            _ => false,
-        }
-    }
-
-    /// Is it smooth glass, whatever textures show?
-    pub fn is_smooth_glass(&self) -> bool {
-        match self {
-            BsdfProgram::Dielectric(_) | BsdfProgram::ThinDielectric(_) => true,
-            BsdfProgram::RoughDielectric(glass) => glass.facets.is_always_smooth(),
-            _ => false,
-        }
-    }
-
-    /// Does it depend on the wavelength, though its colours don't?
-    pub fn depends_on_wavelength(&self) -> bool {
-        match self {
-            BsdfProgram::Conductor(_) => true,
-            BsdfProgram::Layered(layered) => layered.has_film(),
-            _ => false,
-        }
-    }
-
     /// The program of the cheapest BSDF that is equivalent to a model, wherever its textures are looked up.
     pub fn of(model: &Model, shading: ShadingModel) -> BsdfProgram {
         let (energy_compensation, refraction) = (shading.energy_compensation, Refraction::Scales);

@@ -1,6 +1,6 @@
 //! The modified Phong model of older files.
 
-use super::{BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Slots};
+use super::{Appearance, BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Slots};
 use crate::color::Rgb;
 use crate::math::{Vec3, poly};
 use crate::sampling::warp;
@@ -102,6 +102,22 @@ impl Lobe for Phong {
     #[inline(always)]
     fn albedo(&self) -> Rgb {
         self.diffuse + self.specular
+    }
+
+    /// Its lobe is about as wide as that of facets of this alpha (Walter et al. 2007, section 5.2).
+    fn appearance(&self) -> Appearance {
+        let alpha = (2.0 / (self.exponent + 2.0)).sqrt();
+        Appearance {
+            diffuse: self.diffuse,
+            glossy: self.specular,
+            roughness: Appearance::roughness([alpha; 2]),
+            ..Appearance::BLACK
+        }
+    }
+
+    fn diffuse_part(&self, wo: Vec3, wi: Vec3) -> Rgb {
+        let is_reflected = (wo.z < 0.0) == (wi.z < 0.0);
+        self.diffuse * if is_reflected { FRAC_1_PI * wi.z.abs() } else { 0.0 }
     }
 }
 

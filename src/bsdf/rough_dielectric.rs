@@ -3,7 +3,8 @@
 use super::dielectric::tint_of_crossing;
 use super::microsurface::{Facets, Microsurface, MicrosurfaceProgram};
 use super::{
-    BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Refraction, Slots, Transmissive, fresnel, ggx,
+    Appearance, BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Refraction, Slots, Transmissive,
+    fresnel, ggx,
 };
 use crate::color::Rgb;
 use crate::math::Vec3;
@@ -220,6 +221,14 @@ impl MaterialProgram for RoughDielectricProgram {
             energy_compensation: self.energy_compensation,
         }
     }
+
+    fn may_pass_straight(&self) -> bool {
+        self.walls == Walls::Thin && self.facets.is_always_smooth()
+    }
+
+    fn is_smooth_glass(&self) -> bool {
+        self.facets.is_always_smooth()
+    }
 }
 
 // How glass of any roughness scatters: solid, thin and smooth.
@@ -346,6 +355,16 @@ impl Lobe for RoughDielectric {
     #[inline(always)]
     fn albedo(&self) -> Rgb {
         self.tint
+    }
+
+    fn appearance(&self) -> Appearance {
+        let plain = Appearance::of_glass(self.ior, self.tint, Appearance::roughness(self.surface.alpha()));
+        let color = match self.reflectance.color() {
+            GlassReflection::White => Rgb::ONE,
+            GlassReflection::Tinted => self.tint,
+            GlassReflection::None => Rgb::ZERO,
+        };
+        Appearance { glossy: plain.glossy * color, ..plain }
     }
 }
 

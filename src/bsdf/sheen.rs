@@ -1,14 +1,27 @@
 //! Sheen: the light that fibres standing on a surface scatter back, as on velvet, cloth or dust.
 
-use super::sheen_data::SHEEN;
 use super::{BsdfEval, BsdfSample, ggx};
 use crate::color::Rgb;
 use crate::math::Vec3;
 use crate::sampling::warp;
 use std::f32::consts::FRAC_1_PI;
 
-/// Nodes along each axis of the table: roughness, then view cosine.
-pub const NODES: usize = 16;
+/// Nodes along each axis of the table: roughness 0..1, then view cosine 0..1.
+const NODES: usize = 16;
+
+/// Triples (a, b, R), by roughness and view cosine: little-endian numbers of single precision.
+static SHEEN: [[[f32; 3]; NODES]; NODES] = decoded(include_bytes!("sheen.bin"));
+
+const fn decoded(bytes: &[u8; 12 * NODES * NODES]) -> [[[f32; 3]; NODES]; NODES] {
+    let mut table = [[[0.0; 3]; NODES]; NODES];
+    let mut i = 0;
+    while i < 3 * NODES * NODES {
+        let b = [bytes[4 * i], bytes[4 * i + 1], bytes[4 * i + 2], bytes[4 * i + 3]];
+        table[i / 3 / NODES][i / 3 % NODES][i % 3] = f32::from_le_bytes(b);
+        i += 1;
+    }
+    table
+}
 
 /// A layer of normally oriented fibres (Zeltner, Burley, Chiang 2022, "Practical Multiple-Scattering Sheen Using Linearly
 /// Transformed Cosines"): all orders of scattering in a slab of SGGX microflakes, fitted by a linearly transformed cosine
@@ -179,11 +192,8 @@ mod tests {
     #[test]
     fn table_is_the_simulation() {
         if std::env::var_os("OSCURA_WRITE_TABLES").is_some() {
-            let mut text = String::from(
-                "//! Data of `sheen`: rows by roughness, columns by cosine, triples (a, b, R). Written by its test\n//! `table_is_the_simulation`.\n\n#[rustfmt::skip]\npub static SHEEN: [[[f32; 3]; 16]; 16] = [\n",
-            );
+            let mut bytes = Vec::new();
             for i in 0..NODES {
-                text += "    [\n";
                 let mut last = [1.0, 0.0];
                 for j in 0..NODES {
                     let [r, c] = [i, j].map(|k| k as f64 / (NODES - 1) as f64);
@@ -192,12 +202,12 @@ mod tests {
                         last = fit(&up, last);
                     }
                     let b = if j + 1 == NODES { 0.0 } else { last[1] };
-                    text += &format!("        [{:.5}, {b:.5}, {reflectance:.5}],\n", last[0]);
+                    // Five decimals are within the noise of the simulation.
+                    let rounded = [last[0], b, reflectance].map(|x| ((x * 1e5).round() * 1e-5) as f32);
+                    bytes.extend(rounded.into_iter().flat_map(f32::to_le_bytes));
                 }
-                text += "    ],\n";
             }
-            let path = concat!(env!("CARGO_MANIFEST_DIR"), "/src/bsdf/sheen_data.rs");
-            std::fs::write(path, text + "];\n").unwrap();
+            std::fs::write(concat!(env!("CARGO_MANIFEST_DIR"), "/src/bsdf/sheen.bin"), bytes).unwrap();
             return;
         }
         for (i, j) in [(3, 2), (7, 5), (12, 9), (15, 15), (15, 1), (5, 12)] {

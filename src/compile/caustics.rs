@@ -58,7 +58,7 @@ impl CompiledMaterial {
     }
 
     fn is_polished(&self) -> bool {
-        let look = self.alike().map(|bsdf| bsdf.look());
+        let look = self.alike().map(|bsdf| bsdf.appearance());
         look.is_some_and(|look| look.diffuse.max_element() <= 0.0 && look.roughness <= MOST_ROUGHNESS)
     }
 

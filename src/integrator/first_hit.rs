@@ -1,6 +1,6 @@
 //! AOVs of the first surface that a camera ray hits. One line for each; `film/channel.rs` has the table.
 
-use crate::bsdf::{Bsdf, Look};
+use crate::bsdf::{Appearance, Bsdf};
 use crate::compile::{CompiledScene, View};
 use crate::film::{Aov, AovSet, AovSpace, MatteIds};
 use crate::math::{Hit, Vec3};
@@ -37,7 +37,7 @@ struct Common {
     /// 1 where the camera is on the side of its geometric normal, else -1.
     side: f32,
     /// Its colours, if they are shown.
-    look: Look,
+    look: Appearance,
 }
 
 /// AOVs that show a look, and those that show objects.
@@ -52,7 +52,7 @@ impl FirstHit<'_> {
             material: scene.described_material(self.surface.material),
             object: if shows(&OF_OBJECTS) { scene.object_at(&self.hit).0 } else { 0 },
             side: if self.surface.ng.dot(self.wo) < 0.0 { -1.0 } else { 1.0 },
-            look: if shows(&OF_LOOKS) { self.bsdf.look() } else { Look::BLACK },
+            look: if shows(&OF_LOOKS) { self.bsdf.appearance() } else { Appearance::BLACK },
         }
     }
 
