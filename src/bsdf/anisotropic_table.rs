@@ -81,7 +81,7 @@ fn cosine_axis(cosine: f32, equivalent: f32) -> f32 {
 }
 
 /// A direction above facets of two roughnesses, and the facets of one that look alike.
-struct Seen {
+struct EquivalentFacets {
     cosine: f32,
     /// Alpha of the facets that look alike.
     equivalent: f32,
@@ -92,10 +92,10 @@ struct Seen {
     grazing: f32,
 }
 
-impl Seen {
+impl EquivalentFacets {
     /// For facets with alphas along x and y.
     #[inline(always)]
-    fn new(wo: Vec3, alpha: [f32; 2]) -> Seen {
+    fn new(wo: Vec3, alpha: [f32; 2]) -> EquivalentFacets {
         let (along, across, x, y) = match alpha[0] >= alpha[1] {
             true => (alpha[0], alpha[1], wo.x, wo.y),
             false => (alpha[1], alpha[0], wo.y, wo.x),
@@ -109,7 +109,7 @@ impl Seen {
             (equivalent_alpha(0.0, squared, [along, across]).sqrt() - small) / (large - small).max(1e-6);
         let spread = (large - small) / (largest(small) - small).max(1e-6);
         let [lost, grazing] = interpolate([small_axis(small), spread, seen, cosine_axis(cosine, equivalent)]);
-        Seen { cosine, equivalent, spread, lost, grazing }
+        EquivalentFacets { cosine, equivalent, spread, lost, grazing }
     }
 
     /// Light of a Fresnel term's rise, by that of the facets that look alike. More by the larger errors, so that not too
@@ -123,7 +123,7 @@ impl Seen {
 /// The albedo of facets with alphas along x and y under a direction.
 #[inline]
 pub fn anisotropic_albedo(wo: Vec3, alpha: [f32; 2]) -> DirectionalAlbedo {
-    let seen = Seen::new(wo, alpha);
+    let seen = EquivalentFacets::new(wo, alpha);
     let isotropic = DirectionalAlbedo::at(seen.cosine, seen.equivalent);
     let lost = (1.0 - isotropic.full + FLOOR) * seen.lost - FLOOR;
     // In doubt too much by the larger errors between nodes, so that compensation adds no light.
@@ -136,7 +136,7 @@ pub fn anisotropic_albedo(wo: Vec3, alpha: [f32; 2]) -> DirectionalAlbedo {
 /// larger than what that gives, and in one of a hundred places more than 0.0036 smaller.
 #[inline]
 pub fn anisotropic_dielectric_grazing(wo: Vec3, alpha: [f32; 2], curve: DielectricCurve) -> f32 {
-    let seen = Seen::new(wo, alpha);
+    let seen = EquivalentFacets::new(wo, alpha);
     let full = DirectionalAlbedo::at(seen.cosine, seen.equivalent).full;
     let isotropic = full * curve.weight(mean_cosine(seen.cosine, seen.equivalent, curve));
     // Smaller for indices near 1.

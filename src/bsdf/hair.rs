@@ -87,7 +87,7 @@ struct Around {
 }
 
 /// What the lobes of a viewer have in common.
-struct Seen {
+struct HairClosure {
     wo: Around,
     /// Attenuations.
     share: [Rgb; LOBES],
@@ -146,7 +146,7 @@ impl Hair {
 
     /// What a viewer sees.
     #[inline]
-    fn seen(&self, wo: Around) -> Seen {
+    fn seen(&self, wo: Around) -> HairClosure {
         // Sine and cosine of the angle between the normal and the viewer in the plane across.
         let (h, cos_gamma) = poly::sin_cos(wo.angle);
         let cos_gamma = cos_gamma.max(0.0);
@@ -173,12 +173,12 @@ impl Hair {
             Some(&(s, c)) => (wo.sine * c + wo.cosine * s, (wo.cosine * c - wo.sine * s).abs()),
             None => (wo.sine, wo.cosine),
         });
-        Seen { wo, share, probability: share.map(|s| s.mean() / sum), turned, middle }
+        HairClosure { wo, share, probability: share.map(|s| s.mean() / sum), turned, middle }
     }
 
     /// The longitudinal lobe: d'Eon et al. 2011, eq. 7, with the exponents taken together, which none is too large for.
     #[inline(always)]
-    fn longitudinal(&self, p: usize, seen: &Seen, wi: Around) -> f32 {
+    fn longitudinal(&self, p: usize, seen: &HairClosure, wi: Around) -> f32 {
         let v = self.variance[p.min(2)];
         let (sine, cosine) = seen.turned[p];
         let (ds, dc) = (wi.sine + sine, wi.cosine - cosine);
@@ -188,7 +188,7 @@ impl Hair {
 
     /// The azimuthal lobe.
     #[inline(always)]
-    fn azimuthal(&self, p: usize, seen: &Seen, wi: Around) -> f32 {
+    fn azimuthal(&self, p: usize, seen: &HairClosure, wi: Around) -> f32 {
         let Some(middle) = seen.middle.get(p) else { return 1.0 / TAU };
         let off = wrapped(wi.angle - seen.wo.angle - middle).abs();
         let e = poly::exp(-off / self.scale);
@@ -204,7 +204,7 @@ impl Hair {
     }
 
     #[inline]
-    fn eval_seen(&self, seen: &Seen, wi: Around) -> BsdfEval {
+    fn eval_seen(&self, seen: &HairClosure, wi: Around) -> BsdfEval {
         let mut eval = BsdfEval::ZERO;
         for p in 0..LOBES {
             let lobe = self.longitudinal(p, seen, wi) * self.azimuthal(p, seen, wi);
@@ -216,7 +216,7 @@ impl Hair {
 
     /// A direction of lobe `p` by three numbers.
     #[inline]
-    fn sample_lobe(&self, p: usize, seen: &Seen, u: [f32; 3]) -> Around {
+    fn sample_lobe(&self, p: usize, seen: &HairClosure, u: [f32; 3]) -> Around {
         // d'Eon, Marschner, Hanika 2013, "Importance Sampling for Physically-Based Hair Fiber Models", eq. 6 and 7. One minus
         // the cosine is what keeps its digits where the lobe is narrow.
         let v = self.variance[p.min(2)];

@@ -6,7 +6,7 @@ use super::motion;
 use super::motion::{MovingShape, moving_shapes};
 use super::objects::part_materials;
 use super::objects::{Numbering, ObjectId, Owners};
-use super::plan::{Place, Plan, Step, normal_map_set};
+use super::plan::{InstanceMode, Plan, Step, normal_map_set};
 use crate::accel;
 use crate::accel::{AccelInstance, MovingInstance};
 use crate::error::Result;
@@ -33,7 +33,7 @@ pub(super) struct Baked {
 
 /// What of an earlier moment's geometry is used again.
 #[derive(Debug, Default)]
-pub(super) struct Kept {
+pub(super) struct EarlierSpaces {
     /// The world.
     pub world: Option<Arc<Space>>,
     /// The meshes that are not copied and don't change; all or none.
@@ -58,7 +58,7 @@ pub(super) fn bake(
     materials: &[CompiledMaterial],
     origin: DVec3,
     plan: &Plan,
-    kept: Kept,
+    kept: EarlierSpaces,
 ) -> Result<Baked> {
     let numbering = Numbering::of(scene);
     let mut shared: Vec<Option<Arc<Space>>> = kept.shared.into_iter().map(Some).collect();
@@ -71,11 +71,11 @@ pub(super) fn bake(
         made.map_or(&scene.meshes[id.index()], |(_, mesh)| mesh)
     };
     let of_shared = Needs::of_shared(materials, plan.keeps_uv);
-    let spaces = wanted.par_iter().filter(|step| step.place != Place::World).map(|step| {
+    let spaces = wanted.par_iter().filter(|step| step.mode != InstanceMode::Merged).map(|step| {
         let id = scene.instances[step.instance].mesh;
         let number = |id: MaterialId| plan.numbers.number(id, &plan.mesh_traits[step.geometry]);
         let mut space = share((mesh(step), plan.is_inside_out(id)), number, of_shared);
-        if step.place == Place::Moving {
+        if step.mode == InstanceMode::Moving {
             space.take_keys(scene, id);
         }
         (step.geometry, Arc::new(space))
@@ -88,7 +88,7 @@ pub(super) fn bake(
         None => {
             let mut world = Space::EMPTY;
             let is_hidden = |id: MaterialId| materials[id.index()].is_invisible();
-            for step in wanted.iter().filter(|step| step.place == Place::World) {
+            for step in wanted.iter().filter(|step| step.mode == InstanceMode::Merged) {
                 let instance = &scene.instances[step.instance];
                 let mesh = mesh(step);
                 let mut needs = needs_of(part_materials(mesh, instance), materials);
@@ -114,8 +114,8 @@ pub(super) fn bake(
 /// Steps whose geometry is not there: all into the world, and the first of each mesh that is not copied.
 fn wanted<'a>(plan: &'a Plan, has_world: bool, shared: &[Option<Arc<Space>>]) -> Vec<&'a Step> {
     let mut is_there: Vec<bool> = shared.iter().map(Option::is_some).collect();
-    let is_wanted = |step: &&Step| match step.place {
-        Place::World => !has_world,
+    let is_wanted = |step: &&Step| match step.mode {
+        InstanceMode::Merged => !has_world,
         _ => !std::mem::replace(&mut is_there[step.geometry], true),
     };
     plan.steps.iter().filter(is_wanted).collect()
@@ -171,9 +171,9 @@ fn moving(geometries: &Geometries) -> Vec<MovingInstance> {
 /// Adds the placements: those that stand still, then those that move.
 fn place(scene: &Scene, plan: &Plan, numbering: &Numbering, mut geometries: Geometries) -> Baked {
     let (mut instances, mut first_moving) = (Vec::new(), 0);
-    for place in [Place::Still, Place::Moving] {
+    for mode in [InstanceMode::Shared, InstanceMode::Moving] {
         first_moving = instances.len();
-        for step in plan.steps.iter().filter(|s| s.place == place) {
+        for step in plan.steps.iter().filter(|s| s.mode == mode) {
             let instance = &scene.instances[step.instance];
             let material = plan.material_of(instance, &scene.meshes[instance.mesh.index()]);
             let mut placed = placement(step, material, numbering.instance(step.instance));
@@ -434,14 +434,14 @@ pub(super) fn with_tangents(mesh: &Mesh, uv_set: usize) -> Option<Mesh> {
     if uv.is_empty() || mesh.normals.is_empty() || !mesh.tangents.is_empty() {
         return None;
     }
-    let mut corners = Corners { mesh, uv, tangents: vec![[[0.0; 4]; 3]; mesh.triangles.len()] };
+    let mut corners = TangentMesh { mesh, uv, tangents: vec![[[0.0; 4]; 3]; mesh.triangles.len()] };
     // The error type has no values.
     generate_tangents(&mut corners).ok()?;
     Some(split(mesh, &corners.tangents))
 }
 
 /// The triangles as the algorithm sees them.
-struct Corners<'a> {
+struct TangentMesh<'a> {
     mesh: &'a Mesh,
     uv: &'a [[f32; 2]],
     tangents: Vec<[[f32; 4]; 3]>,
@@ -460,13 +460,13 @@ impl Ops for Exact {
     }
 }
 
-impl Corners<'_> {
+impl TangentMesh<'_> {
     fn vertex(&self, face: usize, corner: usize) -> usize {
         self.mesh.triangles[face][corner] as usize
     }
 }
 
-impl Geometry<Exact> for Corners<'_> {
+impl Geometry<Exact> for TangentMesh<'_> {
     fn num_faces(&self) -> usize {
         self.mesh.triangles.len()
     }

@@ -1,4 +1,4 @@
-//! A tree of boxes, halved at the median of the longest side: what meets a box is found without asking all.
+//! A binary tree of axis-aligned boxes, split at the median along the longest side: overlap queries between objects at compile time.
 
 use crate::math::DVec3;
 
@@ -32,23 +32,23 @@ impl Bounds {
         Bounds { low: self.low - by, high: self.high + by }
     }
 
-    /// Have two boxes a point in common?
+    /// Do two boxes overlap?
     pub fn meets(&self, other: &Bounds) -> bool {
         self.low.cmple(other.high).all() && other.low.cmple(self.high).all()
     }
 
-    /// Does another box lie in this one?
+    /// Does it contain another box?
     pub fn holds(&self, other: &Bounds) -> bool {
         self.low.cmple(other.low).all() && other.high.cmple(self.high).all()
     }
 }
 
-/// What trees are made over.
+/// An item of a [`BoxTree`].
 pub(super) trait Boxed {
     /// The box around it.
     fn bounds(&self) -> Bounds;
 
-    /// Where it is along an axis, in any measure that grows along it.
+    /// Its sort key along an axis: twice the centre unless overridden.
     fn middle(&self, axis: usize) -> f64 {
         let Bounds { low, high } = self.bounds();
         low[axis] + high[axis]
@@ -68,18 +68,18 @@ impl Boxed for NumberedBox {
     }
 }
 
-/// A box with the two halves of its items, or with a few of them.
+/// An inner node with two children, or a leaf with a range of items.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Node {
     pub bounds: Bounds,
-    /// The number of the second half; the first one follows this node. 0 for leaves.
+    /// Index of the second child; the first child follows this node. 0 for leaves.
     second: u32,
-    /// Where its items begin and end.
+    /// First item, and one past the last.
     range: [u32; 2],
 }
 
 impl Node {
-    /// The places of its items.
+    /// The indices of its items.
     pub fn items(&self) -> std::ops::Range<usize> {
         self.range[0] as usize..self.range[1] as usize
     }
@@ -92,7 +92,7 @@ pub(super) struct BoxTree {
 }
 
 impl BoxTree {
-    /// The tree of items, which it sorts.
+    /// Builds the tree and sorts the items into its order.
     pub fn sort<T: Boxed>(items: &mut [T]) -> BoxTree {
         let mut nodes = Vec::new();
         if !items.is_empty() {
@@ -101,7 +101,7 @@ impl BoxTree {
         BoxTree { nodes }
     }
 
-    /// Shows the places of items in leaves that meet a box, until one is found.
+    /// Calls `is_found` with the indices of items in leaves that overlap a box, until it returns true.
     pub fn any(&self, bounds: &Bounds, mut is_found: impl FnMut(usize) -> bool) -> bool {
         let mut is_one_found = false;
         self.walk(|_, node, is_leaf| {
@@ -114,7 +114,7 @@ impl BoxTree {
         is_one_found
     }
 
-    /// Shows nodes from the root down by their numbers, those below each that `goes_down` agrees to; and whether they are leaves.
+    /// Visits nodes depth first, with their indices and whether they are leaves; descends below a node if `goes_down` returns true.
     pub fn walk(&self, mut goes_down: impl FnMut(usize, &Node, bool) -> bool) {
         if self.nodes.is_empty() {
             return;
@@ -130,7 +130,7 @@ impl BoxTree {
     }
 }
 
-/// Adds the tree of some items, which start at a place.
+/// Appends the subtree of the items that start at index `start`.
 fn build<T: Boxed>(items: &mut [T], start: usize, nodes: &mut Vec<Node>) {
     let bounds = items.iter().fold(Bounds::NONE, |bounds, item| bounds.around(item.bounds()));
     let at = nodes.len();

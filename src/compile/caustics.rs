@@ -1,4 +1,4 @@
-//! What caustics are made by and where they show: which materials light passes on its way there, and which catch it.
+//! Materials that cast and that receive caustics, and bounding spheres of the casters for light tracing.
 
 use super::geometry::Space;
 use super::material::CompiledMaterial;
@@ -10,14 +10,14 @@ use crate::scene::FloatSlot;
 use crate::shape::Shape;
 use std::collections::BTreeMap;
 
-/// Metals up to this roughness (the root of GGX alpha) reflect light to caustics.
-const MOST_ROUGHNESS: f32 = 0.25;
+/// Metals up to this perceptual roughness (the square root of GGX alpha) cast caustics.
+const MAX_CASTER_ROUGHNESS: f32 = 0.25;
 
-/// Materials with facets on top catch caustics from this roughness on: they don't show lamps as mirrors do.
-const LEAST_ROUGHNESS: f32 = 0.4;
+/// Materials with a microfacet layer receive caustics from this perceptual roughness on.
+const MIN_RECEIVER_ROUGHNESS: f32 = 0.4;
 
-/// Balls around what makes caustics, at most.
-const MOST_TARGETS: usize = 16;
+/// Most bounding spheres of casters.
+const MAX_TARGETS: usize = 16;
 
 /// What a material does to the light of lamps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,13 +59,13 @@ impl CompiledMaterial {
 
     fn is_polished(&self) -> bool {
         let look = self.alike().map(|bsdf| bsdf.appearance());
-        look.is_some_and(|look| look.diffuse.max_element() <= 0.0 && look.roughness <= MOST_ROUGHNESS)
+        look.is_some_and(|look| look.diffuse.max_element() <= 0.0 && look.roughness <= MAX_CASTER_ROUGHNESS)
     }
 
     /// Is it a metal as smooth as that, whatever colours its textures show?
     fn is_painted_metal(&self) -> bool {
         let is_smooth =
-            |roughness: FloatSlot| roughness.texture.is_none() && roughness.factor <= MOST_ROUGHNESS;
+            |roughness: FloatSlot| roughness.texture.is_none() && roughness.factor <= MAX_CASTER_ROUGHNESS;
         match &self.program {
             BsdfProgram::MetalRough(program) => {
                 let metallic = program.metallic();
@@ -80,7 +80,7 @@ impl CompiledMaterial {
     fn catches(&self) -> bool {
         let BsdfProgram::MetalRough(program) = &self.program else { return false };
         let (metallic, roughness) = (program.metallic(), program.roughness());
-        metallic.factor == 0.0 && roughness.texture.is_none() && roughness.factor >= LEAST_ROUGHNESS
+        metallic.factor == 0.0 && roughness.texture.is_none() && roughness.factor >= MIN_RECEIVER_ROUGHNESS
     }
 }
 
@@ -110,7 +110,7 @@ impl CompiledScene {
         }
         let mut groups: Vec<(Bounds3, Vec<u32>)> =
             boxes.into_iter().map(|(object, b)| (b, vec![object])).collect();
-        while groups.len() > MOST_TARGETS {
+        while groups.len() > MAX_TARGETS {
             unite_neighbours(&mut groups);
         }
         let group_of = |(group, (_, objects)): (usize, &(Bounds3, Vec<u32>))| -> Vec<(u32, usize)> {

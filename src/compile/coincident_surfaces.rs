@@ -9,16 +9,16 @@ use rayon::prelude::*;
 
 // Whether the surfaces of some solids lie on those of others: only then is it looked for where paths meet them.
 
-/// A body that light passes.
+/// A transmissive solid.
 struct Solid {
     /// The box around it, in the world.
     bounds: Bounds,
     /// It has several materials that light passes.
     has_several: bool,
-    surface: Surface,
+    surface: SolidSurface,
 }
 
-enum Surface {
+enum SolidSurface {
     Mesh {
         mesh: usize,
         placed: DAffine3,
@@ -29,15 +29,15 @@ enum Surface {
     Shape(DVec3, f64),
 }
 
-/// Do some? Asked where triangles of two lie on each other, and at the middle of each triangle that lies in the box around a shape
-/// without triangles. Where things move, solids whose boxes meet are taken to touch.
+/// Do surfaces of two solids coincide? Tested by rays where triangles of two solids overlap in a plane, and at the centre of each
+/// triangle within the box of an analytic shape. With motion blur, solids with overlapping boxes count as coincident.
 pub(super) fn exist(
     scene: &Scene,
     materials: &[CompiledMaterial],
     (geometries, accel, anchor): (&Geometries, &Accel, DVec3),
 ) -> bool {
     let solids = Solids::of(scene, materials);
-    let at = Places { materials, geometries, accel, anchor };
+    let at = SurfaceQuery { materials, geometries, accel, anchor };
     let mut pieces = Vec::new();
     for i in 0..solids.all.len() {
         if !solids.any_near(i, &solids.all[i].bounds, |_| true) {
@@ -54,14 +54,14 @@ pub(super) fn exist(
 }
 
 /// Where surfaces are looked for.
-struct Places<'a> {
+struct SurfaceQuery<'a> {
     materials: &'a [CompiledMaterial],
     geometries: &'a Geometries,
     accel: &'a Accel,
     anchor: DVec3,
 }
 
-impl Places<'_> {
+impl SurfaceQuery<'_> {
     /// Do the surfaces of two solids lie at a point with this normal?
     fn are_two_at(&self, p: DVec3, normal: DVec3) -> bool {
         let reach = (p.abs().max_element() + (p - self.anchor).abs().max_element()) * f64::from(gamma(32));
@@ -104,7 +104,7 @@ fn rounding(bounds: &Bounds) -> f64 {
     bounds.low.abs().max(bounds.high.abs()).max_element() * f64::from(gamma(64))
 }
 
-/// All bodies that light passes.
+/// All transmissive solids.
 struct Solids {
     all: Vec<Solid>,
     /// The boxes around them, as far as they may be off.
@@ -137,7 +137,7 @@ impl Solids {
     }
 
     /// The triangles of solid `i` that reach into the boxes around others.
-    fn pieces(&self, i: usize, scene: &Scene) -> Vec<Piece> {
+    fn pieces(&self, i: usize, scene: &Scene) -> Vec<SolidTriangle> {
         /// Of so many others each is asked, without the tree.
         const FEW: usize = 8;
         let (solid, mut few) = (&self.all[i], Vec::new());
@@ -152,34 +152,38 @@ impl Solids {
                 true => self.any_near(i, &bounds, |_| true),
                 false => few.iter().any(|other| bounds.meets(other)),
             };
-            is_near.then(|| Piece { corners, solid: i as u32, rounding: rounding(&bounds).max(least) })
+            is_near.then(|| SolidTriangle {
+                corners,
+                solid: i as u32,
+                rounding: rounding(&bounds).max(least),
+            })
         };
         match solid.surface {
-            Surface::Mesh { mesh, placed } => {
+            SolidSurface::Mesh { mesh, placed } => {
                 let mesh = &scene.meshes[mesh];
                 let corner =
                     |i: u32| placed.transform_point3(mesh.positions[i as usize].map(f64::from).into());
                 mesh.triangles.par_iter().filter_map(|&t| near(t.map(corner))).collect()
             }
-            Surface::Quad([a, u, v]) => {
+            SolidSurface::Quad([a, u, v]) => {
                 [[a, a + u, a + u + v], [a, a + u + v, a + v]].into_iter().filter_map(near).collect()
             }
-            Surface::Shape(..) => Vec::new(),
+            SolidSurface::Shape(..) => Vec::new(),
         }
     }
 
     /// Does a shape without triangles lie on the surface of solid `i`?
-    fn is_touched(&self, i: usize, pieces: &[Piece], at: &Places) -> bool {
+    fn is_touched(&self, i: usize, pieces: &[SolidTriangle], at: &SurfaceQuery) -> bool {
         let solid = &self.all[i];
-        if let Surface::Shape(middle, size) = solid.surface {
+        if let SolidSurface::Shape(middle, size) = solid.surface {
             return self.any_near(i, &solid.bounds, |other| match other.surface {
-                Surface::Shape(center, radius) => {
+                SolidSurface::Shape(center, radius) => {
                     center.distance(middle) <= solid.rounding() && (radius - size).abs() <= solid.rounding()
                 }
                 _ => false,
             });
         }
-        let is_shape = |other: &Solid| matches!(other.surface, Surface::Shape(..));
+        let is_shape = |other: &Solid| matches!(other.surface, SolidSurface::Shape(..));
         self.any_near(i, &solid.bounds, is_shape)
             && pieces.par_iter().any(|piece| {
                 let [a, b, c] = piece.corners;
@@ -194,7 +198,7 @@ impl Solids {
 impl Solid {
     /// What the coordinates of most of its vertices may be off by: a few that are far away make those of others no less precise.
     fn least_rounding(&self, scene: &Scene) -> f64 {
-        let Surface::Mesh { mesh, placed } = self.surface else { return self.rounding() };
+        let SolidSurface::Mesh { mesh, placed } = self.surface else { return self.rounding() };
         let size = |p: &[f32; 3]| placed.transform_point3(p.map(f64::from).into()).abs().max_element();
         let mut sizes: Vec<f64> = scene.meshes[mesh].positions.iter().map(size).collect();
         let most = sizes.len() * 9 / 10;
@@ -216,7 +220,7 @@ fn solids(scene: &Scene, materials: &[CompiledMaterial]) -> Vec<Solid> {
                 part_materials(mesh, instance).filter(|&id| is_solid(id)).collect();
             ids.sort_unstable();
             ids.dedup();
-            let surface = Surface::Mesh { mesh: instance.mesh.index(), placed };
+            let surface = SolidSurface::Mesh { mesh: instance.mesh.index(), placed };
             Solid { bounds, has_several: ids.len() > 1, surface }
         })
     });
@@ -226,29 +230,31 @@ fn solids(scene: &Scene, materials: &[CompiledMaterial]) -> Vec<Solid> {
             quad.edge_u.max(DVec3::ZERO) + quad.edge_v.max(DVec3::ZERO),
         );
         let bounds = Bounds { low: quad.corner + low, high: quad.corner + high };
-        Solid { bounds, has_several: false, surface: Surface::Quad([quad.corner, quad.edge_u, quad.edge_v]) }
+        Solid {
+            bounds,
+            has_several: false,
+            surface: SolidSurface::Quad([quad.corner, quad.edge_u, quad.edge_v]),
+        }
     });
     let shapes = scene.shapes.iter().filter(|shape| is_solid(shape.material)).map(|shape| {
         let half = DVec3::splat(shape.radius);
         Solid {
             bounds: Bounds { low: shape.center - half, high: shape.center + half },
             has_several: false,
-            surface: Surface::Shape(shape.center, shape.radius),
+            surface: SolidSurface::Shape(shape.center, shape.radius),
         }
     });
     meshes.collect::<Vec<Solid>>().into_iter().chain(quads).chain(shapes).collect()
 }
 
-// Triangles that lie on each other: in one plane, with a common area.
-//
-// They are found by a tree of boxes, so that each triangle meets few others.
+// Coplanar triangles with a common area, found by a tree of boxes.
 
 /// Cosine between the normals of triangles that lie on each other.
 const PARALLEL: f64 = 0.9999;
 
 /// A triangle of a solid.
 #[derive(Clone, Copy, Debug)]
-struct Piece {
+struct SolidTriangle {
     pub corners: [DVec3; 3],
     /// Number of the solid.
     pub solid: u32,
@@ -256,7 +262,7 @@ struct Piece {
     pub rounding: f64,
 }
 
-impl Boxed for Piece {
+impl Boxed for SolidTriangle {
     fn bounds(&self) -> Bounds {
         Bounds::of(self.corners).widened(self.rounding)
     }
@@ -266,7 +272,7 @@ impl Boxed for Piece {
     }
 }
 
-impl Piece {
+impl SolidTriangle {
     /// Its normal, as long as twice its area.
     fn normal(&self) -> DVec3 {
         let [a, b, c] = self.corners;
@@ -274,7 +280,7 @@ impl Piece {
     }
 
     /// A point of the common area of two triangles, and the normal there, if they lie on each other.
-    pub fn overlap(&self, other: &Piece) -> Option<(DVec3, DVec3)> {
+    pub fn overlap(&self, other: &SolidTriangle) -> Option<(DVec3, DVec3)> {
         let normal = self.normal().try_normalize()?;
         let is_parallel = other.normal().try_normalize()?.dot(normal).abs() >= PARALLEL;
         let reach = self.rounding + other.rounding;
@@ -323,7 +329,7 @@ impl Piece {
 /// Do two triangles that `may_touch`, by the numbers of their solids, lie on each other at a point and a normal that
 /// `is_touched` agrees to?
 fn any_overlap(
-    mut pieces: Vec<Piece>,
+    mut pieces: Vec<SolidTriangle>,
     may_touch: impl Fn(u32, u32) -> bool + Sync,
     is_touched: impl Fn(DVec3, DVec3) -> bool + Sync,
 ) -> bool {
@@ -351,7 +357,7 @@ mod tests {
         scene.meshes.push(Mesh { positions, ..Mesh::default() });
         let solid = |scene: &Scene| {
             let points = scene.meshes[0].positions.iter().map(|p| DVec3::from(p.map(f64::from)));
-            let surface = Surface::Mesh { mesh: 0, placed: DAffine3::IDENTITY };
+            let surface = SolidSurface::Mesh { mesh: 0, placed: DAffine3::IDENTITY };
             Solid { bounds: Bounds::of(points), has_several: false, surface }
         };
         let before = solid(&scene);
@@ -368,19 +374,19 @@ mod overlaps_tests {
     use super::*;
     use std::f64::consts::TAU;
 
-    fn piece(solid: u32, corners: [[f64; 3]; 3]) -> Piece {
-        Piece { corners: corners.map(DVec3::from), solid, rounding: 1e-6 }
+    fn piece(solid: u32, corners: [[f64; 3]; 3]) -> SolidTriangle {
+        SolidTriangle { corners: corners.map(DVec3::from), solid, rounding: 1e-6 }
     }
 
     /// The two triangles of a square of side 2 around a point.
-    fn square(solid: u32, [x, y, z]: [f64; 3]) -> Vec<Piece> {
+    fn square(solid: u32, [x, y, z]: [f64; 3]) -> Vec<SolidTriangle> {
         let at = |dx: f64, dy: f64| [x + dx, y + dy, z];
         let (a, b, c, d) = (at(-1.0, -1.0), at(1.0, -1.0), at(1.0, 1.0), at(-1.0, 1.0));
         vec![piece(solid, [a, b, c]), piece(solid, [a, c, d])]
     }
 
     /// A disk of `count` triangles around its middle, facing down.
-    fn fan(solid: u32, count: u32, radius: f64, z: f64) -> Vec<Piece> {
+    fn fan(solid: u32, count: u32, radius: f64, z: f64) -> Vec<SolidTriangle> {
         let rim = |i: u32| {
             let angle = TAU * f64::from(i) / f64::from(count);
             [radius * angle.cos(), radius * angle.sin(), z]
@@ -388,7 +394,7 @@ mod overlaps_tests {
         (0..count).map(|i| piece(solid, [[0.0, 0.0, z], rim(i + 1), rim(i)])).collect()
     }
 
-    fn touch(pieces: &[Vec<Piece>]) -> bool {
+    fn touch(pieces: &[Vec<SolidTriangle>]) -> bool {
         any_overlap(pieces.concat(), |a, b| a != b, |_, _| true)
     }
 
@@ -443,7 +449,7 @@ mod overlaps_tests {
     #[test]
     fn few_boxes_are_looked_into() {
         let n = 60;
-        let grid = |solid: u32, z: f64| -> Vec<Piece> {
+        let grid = |solid: u32, z: f64| -> Vec<SolidTriangle> {
             let at = |i: i32, j: i32| [f64::from(i), f64::from(j), z];
             (0..n * n)
                 .flat_map(|k| {

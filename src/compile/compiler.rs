@@ -1,4 +1,4 @@
-//! Moments of a sequence, each compiled from what it has in common with the one before.
+//! Compiles a scene, or the frames of a sequence, each of which takes over what did not change since the frame before.
 
 use super::emitters::Emitters;
 use super::geometry::Geometries;
@@ -6,10 +6,10 @@ use super::light_tables::LightTables;
 use super::limits::{check, check_size};
 use super::material::CompiledMaterial;
 use super::medium::Medium;
-use super::motion::Vectors;
+use super::motion::MotionVectors;
 use super::objects::ObjectMaterials;
 use super::plan::Plan;
-use super::reuse::{Geometry, Kept, Sources};
+use super::reuse::{BuiltGeometry, Reusable, Sources};
 use super::scene::{CompileOptions, CompileReport, CompiledScene, ExpectedPicture, Features, Tree, View};
 use super::{coincident_surfaces, emitters, inside_out, material, media, motion, plan, texture_needs};
 use crate::accel::{Accel, BuildStats};
@@ -122,8 +122,6 @@ impl Compiler {
     }
 }
 
-// The way from a scene to a compiled one.
-
 /// Compiles a scene.
 ///
 /// # Errors
@@ -146,7 +144,7 @@ fn compile_after(
 ) -> Result<(CompiledScene, CompileReport)> {
     let (begin, mut report) = (Instant::now(), CompileReport::default());
     let anchor = options.anchor.unwrap_or_else(|| default_anchor(scene));
-    let mut kept = earlier.map_or_else(Kept::default, |earlier| earlier.into_kept(scene));
+    let mut kept = earlier.map_or_else(Reusable::default, |earlier| earlier.into_reusable(scene));
     warn_of_interpolated_metals(scene, options.shading, &mut report.warnings);
     let mut textures = textures(kept.textures.take(), scene, (anchor, options), &mut report)?;
     let (warnings, left_out) = (&mut report.warnings, &mut report.left_out);
@@ -155,7 +153,7 @@ fn compile_after(
     let inside_out = inside_out::find(scene, &materials, &mut report.warnings);
     let plan = Plan { keeps_uv: options.keeps_uv, inside_out, ..plan };
     check_size(scene, &plan)?;
-    let Geometry { geometries, accel } =
+    let BuiltGeometry { geometries, accel } =
         kept.geometry(scene, &materials, anchor, &plan, (options.tree, &options.gauge))?;
     report_accel(accel.stats(), &mut report, || plan::count_degenerate(scene, &plan));
     let emitters = emitters::find(&geometries, &materials);
@@ -186,7 +184,7 @@ fn compile_after(
         originals: plan.numbers.originals(),
         features,
         emitters,
-        vectors: Vectors::of(scene, anchor),
+        vectors: MotionVectors::of(scene, anchor),
         sources: is_sequence.then(|| Sources::of(scene, &plan)),
     };
     report.memory = compiled.memory();
@@ -324,8 +322,8 @@ fn features(
         scattering: boundaries || media.iter().any(|m| m.scattering.is_some()),
         boundaries,
         overlaps: boundaries && media.iter().filter(|m| m.adds_up).count() > 1,
-        touching: coincident_surfaces::exist(scene, materials, (geometries, accel, anchor)),
-        walks: media.iter().filter_map(|m| m.scattering.as_ref()).any(|s| !s.counts),
+        coincident_surfaces: coincident_surfaces::exist(scene, materials, (geometries, accel, anchor)),
+        subsurface: media.iter().filter_map(|m| m.scattering.as_ref()).any(|s| !s.counts),
         environment_visible_to: scene.environment_visible_to,
         camera_environment: scene.camera_environment.is_some(),
         ray_kinds: materials

@@ -23,38 +23,39 @@ const OUTWARDS: f64 = 2.0 / 3.0;
 /// The square root of the area of a piece's box without its radius, over that radius, at most.
 const LARGEST_BOX: f64 = 12.0;
 /// Most pieces between two points of a strand.
-const MOST_PIECES: usize = 64;
+const MAX_PIECES: usize = 64;
 /// Strands that a thread cuts at a time.
 const CHUNK: usize = 256;
 
 /// A point of a strand.
 #[derive(Clone, Copy)]
-struct Node {
+struct ControlPoint {
     p: DVec3,
     radius: f64,
     color: DVec3,
 }
 
-impl Node {
-    fn mix(nodes: [Node; 4], weights: [f64; 4]) -> Node {
-        let sum = |of: fn(&Node) -> DVec3| (0..4).map(|i| of(&nodes[i]) * weights[i]).sum();
+impl ControlPoint {
+    fn mix(nodes: [ControlPoint; 4], weights: [f64; 4]) -> ControlPoint {
+        let sum = |of: fn(&ControlPoint) -> DVec3| (0..4).map(|i| of(&nodes[i]) * weights[i]).sum();
         let radius = (0..4).map(|i| nodes[i].radius * weights[i]).sum();
-        Node { p: sum(|n| n.p), radius, color: sum(|n| n.color) }
+        ControlPoint { p: sum(|n| n.p), radius, color: sum(|n| n.color) }
     }
 }
 
 /// The pieces of some strands.
 #[derive(Default)]
-struct Cut {
+struct CutStrands {
     segments: CurveSegments,
     along: Vec<f32>,
     colors: Vec<[f32; 3]>,
 }
 
 /// The control points of the Bezier curves that a strand consists of.
-fn spans(basis: CurveBasis, n: &[Node]) -> Vec<[Node; 4]> {
+fn spans(basis: CurveBasis, n: &[ControlPoint]) -> Vec<[ControlPoint; 4]> {
     let last = n.len() - 1;
-    let thirds = |a: Node, b: Node| Node::mix([a, b, a, a], [2.0 / 3.0, 1.0 / 3.0, 0.0, 0.0]);
+    let thirds =
+        |a: ControlPoint, b: ControlPoint| ControlPoint::mix([a, b, a, a], [2.0 / 3.0, 1.0 / 3.0, 0.0, 0.0]);
     match basis {
         CurveBasis::Linear => {
             n.windows(2).map(|w| [w[0], thirds(w[0], w[1]), thirds(w[1], w[0]), w[1]]).collect()
@@ -63,13 +64,14 @@ fn spans(basis: CurveBasis, n: &[Node]) -> Vec<[Node; 4]> {
             (0..last).step_by(3).map(|i| std::array::from_fn(|k| n[(i + k).min(last)])).collect()
         }
         CurveBasis::BSpline => {
-            let at = |w: &[Node], i: usize| {
-                Node::mix([w[i], w[i + 1], w[i + 2], w[i]], [1.0 / 6.0, 4.0 / 6.0, 1.0 / 6.0, 0.0])
+            let at = |w: &[ControlPoint], i: usize| {
+                ControlPoint::mix([w[i], w[i + 1], w[i + 2], w[i]], [1.0 / 6.0, 4.0 / 6.0, 1.0 / 6.0, 0.0])
             };
             n.windows(4).map(|w| [at(w, 0), thirds(w[1], w[2]), thirds(w[2], w[1]), at(w, 1)]).collect()
         }
         CurveBasis::CatmullRom => {
-            let beyond = |a: Node, b: Node| Node::mix([a, b, a, a], [2.0, -1.0, 0.0, 0.0]);
+            let beyond =
+                |a: ControlPoint, b: ControlPoint| ControlPoint::mix([a, b, a, a], [2.0, -1.0, 0.0, 0.0]);
             let at = |i: isize| match i {
                 -1 => beyond(n[0], n[1]),
                 i if i as usize > last => beyond(n[last], n[last - 1]),
@@ -77,8 +79,8 @@ fn spans(basis: CurveBasis, n: &[Node]) -> Vec<[Node; 4]> {
             };
             let span = |i: usize| {
                 let [a, b, c, d] = [-1, 0, 1, 2].map(|k| at(i as isize + k));
-                let sixth = |at: Node, to: Node, from: Node| {
-                    Node::mix([at, to, from, at], [1.0, 1.0 / 6.0, -1.0 / 6.0, 0.0])
+                let sixth = |at: ControlPoint, to: ControlPoint, from: ControlPoint| {
+                    ControlPoint::mix([at, to, from, at], [1.0, 1.0 / 6.0, -1.0 / 6.0, 0.0])
                 };
                 [b, sixth(b, c, a), sixth(c, b, d), c]
             };
@@ -88,9 +90,9 @@ fn spans(basis: CurveBasis, n: &[Node]) -> Vec<[Node; 4]> {
 }
 
 /// Into how many pieces a Bezier curve is cut.
-fn pieces(span: &[Node; 4]) -> usize {
+fn pieces(span: &[ControlPoint; 4]) -> usize {
     let radius = span.iter().map(|n| n.radius).fold(0.0, f64::max);
-    let bend = |a: Node, b: Node, c: Node| {
+    let bend = |a: ControlPoint, b: ControlPoint, c: ControlPoint| {
         let of_radius = (a.radius - 2.0 * b.radius + c.radius).abs();
         (a.p - 2.0 * b.p + c.p).length().max(of_radius)
     };
@@ -99,28 +101,28 @@ fn pieces(span: &[Node; 4]) -> usize {
     let of_error = (6.0 / 8.0 * OUTWARDS * bend / (ERROR * radius)).sqrt();
     let way = (span[3].p - span[0].p).abs();
     let of_box = (way.x * way.y + way.y * way.z + way.z * way.x).sqrt() / (LARGEST_BOX * radius);
-    let most = MOST_PIECES as f64;
+    let most = MAX_PIECES as f64;
     // NaN, of a strand without radius, gives one.
     of_error.max(of_box).min(most).ceil().max(1.0) as usize
 }
 
-fn bezier(span: &[Node; 4], t: f64) -> Node {
+fn bezier(span: &[ControlPoint; 4], t: f64) -> ControlPoint {
     let s = 1.0 - t;
-    Node::mix(*span, [s * s * s, 3.0 * s * s * t, 3.0 * s * t * t, t * t * t])
+    ControlPoint::mix(*span, [s * s * s, 3.0 * s * s * t, 3.0 * s * t * t, t * t * t])
 }
 
 /// A point of a strand, out of the bend there by [`OUTWARDS`] of the chords' distance from the strand, an eighth of the second
 /// difference.
-fn moved_outwards(cuts: &[(Node, f64)], i: usize) -> DVec3 {
+fn moved_outwards(cuts: &[(ControlPoint, f64)], i: usize) -> DVec3 {
     let here = cuts[i].0.p;
     let neighbours = i.checked_sub(1).and_then(|before| cuts.get(before)).zip(cuts.get(i + 1));
     neighbours
         .map_or(here, |((before, _), (after, _))| here - (before.p - 2.0 * here + after.p) * (OUTWARDS / 8.0))
 }
 
-impl Cut {
+impl CutStrands {
     /// Appends a strand.
-    fn strand(&mut self, basis: CurveBasis, nodes: &[Node], has_colors: bool) {
+    fn strand(&mut self, basis: CurveBasis, nodes: &[ControlPoint], has_colors: bool) {
         let spans = spans(basis, nodes);
         let first = self.segments.points.len();
         let mut cuts = Vec::new();
@@ -151,7 +153,7 @@ impl Cut {
     }
 
     /// Appends other strands.
-    fn append(&mut self, other: Cut) {
+    fn append(&mut self, other: CutStrands) {
         let first = self.segments.points.len() as u32;
         self.segments.points.extend(other.segments.points);
         self.segments.tangents.extend(other.segments.tangents);
@@ -174,9 +176,9 @@ fn tangent(points: &[[f32; 4]], i: usize) -> [f32; 3] {
 ///
 /// # Errors
 /// If their points are more than can be numbered.
-fn cut(curves: &Curves, origin: DVec3, has_colors: bool) -> Result<Cut> {
+fn cut(curves: &Curves, origin: DVec3, has_colors: bool) -> Result<CutStrands> {
     let scale = curves.radius_scale();
-    let node = |i: usize| Node {
+    let node = |i: usize| ControlPoint {
         p: curves.world_from_object.transform_point3(DVec3::from(curves.points[i].map(f64::from))) - origin,
         radius: f64::from(curves.radii[i]) * scale,
         color: curves.colors.get(i).map_or(DVec3::ONE, |c| DVec3::from(c.map(f64::from))),
@@ -188,16 +190,16 @@ fn cut(curves: &Curves, origin: DVec3, has_colors: bool) -> Result<Cut> {
     });
     let strands: Vec<_> = starts.collect();
     let one = |strands: &[std::ops::Range<usize>]| {
-        let mut cut = Cut::default();
+        let mut cut = CutStrands::default();
         for strand in strands {
-            let nodes: Vec<Node> = strand.clone().map(node).collect();
+            let nodes: Vec<ControlPoint> = strand.clone().map(node).collect();
             cut.strand(curves.basis, &nodes, has_colors);
         }
         cut
     };
-    let parts: Vec<Cut> = strands.par_chunks(CHUNK).map(one).collect();
+    let parts: Vec<CutStrands> = strands.par_chunks(CHUNK).map(one).collect();
     limits::check_cut_points(parts.iter().map(|part| part.segments.points.len()).sum())?;
-    Ok(parts.into_iter().fold(Cut::default(), |mut all, part| {
+    Ok(parts.into_iter().fold(CutStrands::default(), |mut all, part| {
         all.append(part);
         all
     }))
@@ -221,7 +223,7 @@ impl Space {
             scene.curves.iter().filter(is_seen).any(|curves| {
                 !curves.colors.is_empty() && materials[curves.material.index()].uses_vertex_colors
             });
-        let mut all = Cut::default();
+        let mut all = CutStrands::default();
         for (i, curves) in scene.curves.iter().enumerate().filter(|(_, curves)| is_seen(curves)) {
             let materials = &mut self.attributes.materials;
             self.owners.begin(materials.len(), numbering.curves(i));

@@ -1,4 +1,4 @@
-//! Densities on a grid, with what rays need to fly through them: an upper bound for each block of voxels.
+//! Density grids for delta tracking and ratio tracking, with a majorant for each block of voxels.
 //!
 //! Rays meet tentative collisions in proportion to the bounds, block by block, and each is real with the probability of the density
 //! there over the bound (Woodcock et al. 1965; with a grid of bounds Szirmay-Kalos et al. 2011, "Free path sampling in high
@@ -23,15 +23,15 @@ const BLOCK: u32 = 8;
 pub struct DensityGrid {
     size: [u32; 3],
     values: Arc<Vec<f32>>,
-    /// From the compiled scene's coordinates to voxels: less this, times that.
+    /// Voxel coordinates are `voxels_from_world * (p - corner)`.
     corner: Vec3,
     voxels_from_world: Mat3,
-    /// Largest value that interpolation finds in each block.
+    /// The majorant of each block: an upper bound of interpolated values.
     bounds: Vec<f32>,
     blocks: [u32; 3],
 }
 
-/// A ray in voxels: densities are met at parameters of the ray itself.
+/// A ray in voxel coordinates, with the parameter of the world-space ray.
 #[derive(Clone, Copy, Debug)]
 pub struct GridRay {
     origin: Vec3,
@@ -127,7 +127,7 @@ impl DensityGrid {
         mut ends: impl FnMut(f32) -> bool,
     ) -> f32 {
         let mut found = f32::INFINITY;
-        let mut numbers = Numbers(salt);
+        let mut numbers = RandomSequence(salt);
         self.tentative(ray, way, first, &mut numbers, |t, share, numbers| {
             let number = numbers.next();
             let collides = number < share && ends(number / share);
@@ -139,21 +139,28 @@ impl DensityGrid {
         found
     }
 
-    /// An estimate of what is left of light between two points of a ray.
+    /// An unbiased estimate of the transmittance between two points of a ray, by ratio tracking.
     #[inline]
-    pub fn left(&self, ray: &GridRay, from: f32, to: f32, salt: u32) -> f32 {
-        self.left_of(ray, [from, to], salt, 1.0, |left, share| left * (1.0 - share), |left| left)
+    pub fn transmittance(&self, ray: &GridRay, from: f32, to: f32, salt: u32) -> f32 {
+        self.ratio_tracking(ray, [from, to], salt, 1.0, |left, share| left * (1.0 - share), |left| left)
     }
 
-    /// The same by channel; `relative` has what each loses of what the ray says, 1 at most.
-    pub fn left_by_channel(&self, ray: &GridRay, [from, to]: [f32; 2], salt: u32, relative: Rgb) -> Rgb {
+    /// The same by channel; `relative` is the extinction of each channel over that of the ray, at most 1.
+    pub fn transmittance_by_channel(
+        &self,
+        ray: &GridRay,
+        [from, to]: [f32; 2],
+        salt: u32,
+        relative: Rgb,
+    ) -> Rgb {
         let take = |left: Rgb, share: f32| left * (Rgb::ONE - relative * share);
-        self.left_of(ray, [from, to], salt, Rgb::ONE, take, |left| left.max_element())
+        self.ratio_tracking(ray, [from, to], salt, Rgb::ONE, take, |left| left.max_element())
     }
 
-    /// An estimate of what is left of `all`; `take` has what a collision of a probability leaves, and `largest` how much it is.
+    /// Ratio tracking of a value that starts as `all`; `take` applies a tentative collision of some probability, and `largest` measures
+    /// the rest for Russian roulette.
     #[inline]
-    fn left_of<T: Copy + Mul<f32, Output = T>>(
+    fn ratio_tracking<T: Copy + Mul<f32, Output = T>>(
         &self,
         ray: &GridRay,
         way: [f32; 2],
@@ -162,10 +169,10 @@ impl DensityGrid {
         take: impl Fn(T, f32) -> T,
         largest: impl Fn(T) -> f32,
     ) -> T {
-        /// Less than this goes on in one of four cases, four times as much.
+        /// Below this, Russian roulette with a survival probability of 1/4.
         const LITTLE: f32 = 0.1;
         let mut left = all;
-        let mut numbers = Numbers(salt);
+        let mut numbers = RandomSequence(salt);
         let first = numbers.next();
         self.tentative(ray, way, first, &mut numbers, |_, share, numbers| {
             left = take(left, share);
@@ -210,7 +217,7 @@ impl DensityGrid {
         let Some([begin, end]) = self.entry(ray, from, to) else { return zero };
         let (start, way) = (ray.origin + ray.direction * begin, end - begin);
         let steps = (ray.direction.length() * way / STRIDE).ceil().clamp(1.0, MOST);
-        let mut numbers = Numbers(salt);
+        let mut numbers = RandomSequence(salt);
         let mut sum = zero;
         for step in 0..steps as u32 {
             let t = (step as f32 + numbers.next()) / steps * way;
@@ -219,7 +226,7 @@ impl DensityGrid {
         sum * (ray.scale * way / steps)
     }
 
-    /// Where a ray enters and leaves the grid between two of its points; `None` where it misses it.
+    /// The ray parameters within a range at which a ray enters and leaves the grid; `None` if it misses the grid.
     fn entry(&self, ray: &GridRay, from: f32, to: f32) -> Option<[f32; 2]> {
         let (mut begin, mut end) = (from, to);
         for axis in 0..3 {
@@ -237,20 +244,20 @@ impl DensityGrid {
         (begin < end).then_some([begin, end])
     }
 
-    /// Shows `visit` tentative collisions, each with the probability that it is real, until that says false.
+    /// Calls `visit` with the ray parameter of each tentative collision and its probability of being real, until it returns false.
     #[inline]
     fn tentative(
         &self,
         ray: &GridRay,
         [from, to]: [f32; 2],
         first: f32,
-        numbers: &mut Numbers,
-        mut visit: impl FnMut(f32, f32, &mut Numbers) -> bool,
+        numbers: &mut RandomSequence,
+        mut visit: impl FnMut(f32, f32, &mut RandomSequence) -> bool,
     ) {
         let Some(begin) = self.entry(ray, from, to) else { return };
         // From where the grid begins on: far away from it parameters are coarser than its voxels.
         let ray = &GridRay { origin: ray.origin + ray.direction * begin[0], ..*ray };
-        let mut walk = Walk::new(self, ray, begin[1] - begin[0]);
+        let mut walk = BlockTraversal::new(self, ray, begin[1] - begin[0]);
         // So many mean free paths to the next one.
         let mut depth = -poly::ln(1.0 - first);
         loop {
@@ -278,10 +285,10 @@ impl DensityGrid {
     }
 }
 
-/// Numbers in 0..1 that follow a salt.
-struct Numbers(u32);
+/// Pseudorandom numbers in 0..1, seeded by a salt.
+struct RandomSequence(u32);
 
-impl Numbers {
+impl RandomSequence {
     #[inline]
     fn next(&mut self) -> f32 {
         self.0 = self.0.wrapping_add(0x9e37_79b9);
@@ -289,8 +296,8 @@ impl Numbers {
     }
 }
 
-/// A ray's way from block to block (Amanatides, Woo 1987).
-struct Walk {
+/// Traversal of a ray from block to block (Amanatides, Woo 1987, "A Fast Voxel Traversal Algorithm for Ray Tracing").
+struct BlockTraversal {
     t: f32,
     end: f32,
     block: [i32; 3],
@@ -300,11 +307,17 @@ struct Walk {
     between: [f32; 3],
 }
 
-impl Walk {
+impl BlockTraversal {
     /// Of a ray that starts where it enters the grid and leaves it at `end`.
-    fn new(grid: &DensityGrid, ray: &GridRay, end: f32) -> Walk {
-        let mut walk =
-            Walk { t: 0.0, end, block: [0; 3], step: [0; 3], leaves: [f32::INFINITY; 3], between: [0.0; 3] };
+    fn new(grid: &DensityGrid, ray: &GridRay, end: f32) -> BlockTraversal {
+        let mut walk = BlockTraversal {
+            t: 0.0,
+            end,
+            block: [0; 3],
+            step: [0; 3],
+            leaves: [f32::INFINITY; 3],
+            between: [0.0; 3],
+        };
         for axis in 0..3 {
             let (o, d) = (ray.origin[axis], ray.direction[axis]);
             let at = (o / BLOCK as f32).floor() as i32;
@@ -351,21 +364,21 @@ impl Walk {
     }
 }
 
-// Media that shine by a grid of their own: factors on their emission, or temperatures of black bodies.
+// Emission grids: factors on a medium's emission, or temperatures of black bodies.
 
-/// Temperatures whose colours are known; between them colours are linear.
+/// Tabulated temperatures; colours are linear between them.
 const COLORS: usize = 1024;
 
-/// What the emission of a medium is taken times.
+/// Factor on the emission of a medium.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Glow {
+pub struct CompiledEmissionGrid {
     grid: Arc<DensityGrid>,
-    heat: Option<Heat>,
+    heat: Option<BlackBodyEmission>,
 }
 
-/// Values of the grid are temperatures.
+/// Black-body emission, if the values of the grid are temperatures.
 #[derive(Clone, Debug, PartialEq)]
-struct Heat {
+struct BlackBodyEmission {
     /// Kelvins where the grid is 1.
     kelvin: f32,
     bodies: BlackBodies,
@@ -376,16 +389,20 @@ struct Heat {
     per_value: f32,
 }
 
-impl Glow {
+impl CompiledEmissionGrid {
     /// Of a medium, by the scene's grids.
-    pub(super) fn new(glow: scene::Glow, grids: &[Grid], prepared: &[Arc<DensityGrid>]) -> Glow {
+    pub(super) fn new(
+        glow: scene::EmissionGrid,
+        grids: &[Grid],
+        prepared: &[Arc<DensityGrid>],
+    ) -> CompiledEmissionGrid {
         let index = glow.grid.index();
         let hottest = grids[index].values.iter().fold(0.0f32, |most, x| most.max(*x));
         let heat = glow.kelvin.map(|kelvin| {
-            let bodies = BlackBodies::relative_to(scene::Glow::REFERENCE_KELVIN);
+            let bodies = BlackBodies::relative_to(scene::EmissionGrid::REFERENCE_KELVIN);
             let last = (COLORS - 1) as f32;
             let heat = |i: usize| kelvin * hottest * (i as f32 / last);
-            let steps = 0..if glow.goes_by_power { COLORS } else { 0 };
+            let steps = 0..if glow.scales_with_power { COLORS } else { 0 };
             let powers: Vec<f32> = steps.map(|i| bodies.power_over_luminance(heat(i))).collect();
             let color = |i: usize| match powers.get(i) {
                 Some(power) => Rgb::from_array(bodies.rgb(heat(i).max(BlackBodies::COOLEST))) * *power,
@@ -393,9 +410,9 @@ impl Glow {
             };
             let colors = (0..COLORS).map(color).collect();
             let per_value = if hottest > 0.0 { last / hottest } else { 0.0 };
-            Heat { kelvin, colors, powers, per_value, bodies }
+            BlackBodyEmission { kelvin, colors, powers, per_value, bodies }
         });
-        Glow { grid: prepared[index].clone(), heat }
+        CompiledEmissionGrid { grid: prepared[index].clone(), heat }
     }
 
     /// An estimate of the integral over metres of what emission is taken times, between two points of a ray; see
@@ -436,7 +453,7 @@ impl Glow {
     }
 }
 
-impl Heat {
+impl BlackBodyEmission {
     #[inline]
     fn at(&self, value: f32, waves: Option<&Wavelengths>) -> Rgb {
         let at = (value * self.per_value).clamp(0.0, (COLORS - 1) as f32);
@@ -455,8 +472,6 @@ impl Heat {
         }
     }
 }
-
-// Light of black bodies of any temperature, relative to one.
 
 const C2: f32 = SECOND_RADIATION_CONSTANT as f32;
 
@@ -544,7 +559,7 @@ mod tests {
                 let (mut left, mut passed) = (0.0, 0.0);
                 for i in 0..n {
                     let salt = hash32(i);
-                    left += f64::from(grid.left(&ray, 0.0, to, salt));
+                    left += f64::from(grid.transmittance(&ray, 0.0, to, salt));
                     let first = unit(hash32(i ^ 0x5bd1_e995));
                     let t = grid.collision(&ray, [0.0, to], first, salt, |_| true);
                     passed += f64::from(u8::from(t == f32::INFINITY));
@@ -589,7 +604,7 @@ mod tests {
                 let t = grid.collision(&ray, [0.0, f32::INFINITY], unit(hash32(!i)), hash32(i), |_| true);
                 assert_eq!(t == f32::INFINITY, is_clear, "{x}: {t}");
                 assert!(is_clear || (t - 30.0).abs() < 2e-3, "{t}");
-                assert_eq!(grid.left(&ray, 0.0, 40.0, hash32(i)), f32::from(u8::from(is_clear)));
+                assert_eq!(grid.transmittance(&ray, 0.0, 40.0, hash32(i)), f32::from(u8::from(is_clear)));
             }
         }
     }
@@ -601,12 +616,12 @@ mod tests {
         let grid = DensityGrid::new(&Grid::in_box(name, [1; 3], values, min, max), DVec3::ZERO);
         let ray = grid.ray(Vec3::new(0.5, 0.5, -1.0), Vec3::Z, 1.0);
         let n = 20_000;
-        let mean =
-            (0..n).map(|i| f64::from(grid.left(&ray, 0.0, 9.0, hash32(i)))).sum::<f64>() / f64::from(n);
+        let mean = (0..n).map(|i| f64::from(grid.transmittance(&ray, 0.0, 9.0, hash32(i)))).sum::<f64>()
+            / f64::from(n);
         assert!((mean - (-2.0f64).exp()).abs() < 0.01, "{mean}");
         for origin in [Vec3::new(1.5, 0.5, -1.0), Vec3::new(0.5, 0.5, 2.0)] {
             let ray = grid.ray(origin, Vec3::Z, 1.0);
-            assert_eq!(grid.left(&ray, 0.0, 9.0, 1), 1.0);
+            assert_eq!(grid.transmittance(&ray, 0.0, 9.0, 1), 1.0);
             assert_eq!(grid.collision(&ray, [0.0, 9.0], 0.99, 1, |_| true), f32::INFINITY);
         }
     }

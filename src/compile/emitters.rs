@@ -1,4 +1,5 @@
-//! Finds what shines: emitting primitives become area lights, pairs of triangles that form a parallelogram one light.
+//! Emitting primitives as area lights. Two triangles that form a parallelogram are one light; a primitive that moves is one light with
+//! a key for each key of its motion.
 
 use super::geometry::{Geometries, Placement, Primitive, Space, primitive, vertices};
 use super::material::{CompiledEmission, CompiledMaterial};
@@ -34,8 +35,8 @@ pub fn find(geometries: &Geometries, materials: &[CompiledMaterial]) -> Emitters
     emitters
 }
 
-/// The emission that light sampling knows of. Where a surface is partly absent, or shines otherwise for each viewer, only paths that
-/// meet it find its light.
+/// The emission that light sampling serves. Emission of surfaces with alpha, or that depends on the view direction, is found only by
+/// paths that hit them.
 fn sampled_emission(material: &CompiledMaterial) -> Option<CompiledEmission> {
     material.emission.filter(|_| material.alpha.is_none() && !material.shines_by_viewer)
 }

@@ -1,4 +1,4 @@
-//! Fingerprints of what is compiled: what has the same one need not be compiled again.
+//! 64-bit fingerprints of inputs: equal ones need not be compiled again.
 
 use super::material::CompiledMaterial;
 use crate::math::{DAffine3, DVec3};

@@ -1,4 +1,4 @@
-//! What a hit looks like: the point with its error bound, normals, texture coordinates.
+//! Surfaces at hits: position with error bound, normals, texture coordinates, vertex colours and tangents.
 
 use super::objects::{ObjectId, Owners};
 use crate::accel;

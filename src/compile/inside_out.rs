@@ -1,4 +1,4 @@
-//! Closed meshes of solids whose fronts are where their backs should be: they are taken as turned around.
+//! Closed meshes of solids whose triangles are oriented inwards: their orientation is flipped.
 //!
 //! Which side of a surface is inside decides what light is refracted by. A closed mesh tells it by its volume, the sum of the
 //! tetrahedra between its triangles and a point (Zhang, Chen 2001, "Efficient Feature Extraction for 2D/3D Objects in Mesh

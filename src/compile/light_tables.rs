@@ -56,7 +56,7 @@ pub struct LightGroups {
     objects: Vec<u16>,
 }
 
-/// No group.
+/// Marks objects without a light group of their own.
 const NONE: u16 = u16::MAX;
 
 /// Further groups count as the last.
@@ -104,15 +104,15 @@ impl LightGroups {
     }
 }
 
-/// So many classes of receivers can be told apart.
-pub const MOST_CLASSES: usize = 1 << 15;
+/// Most classes of receivers.
+pub const MAX_RECEIVER_CLASSES: usize = 1 << 15;
 
-/// What lights are linked to; nothing is kept where all are linked to all.
+/// Light linking and shadow linking by light; empty if every light is linked to every object.
 #[derive(Clone, Debug, Default)]
 pub struct Links {
     /// By light.
     of_lights: Vec<LightLinks>,
-    /// Classes of receivers, by the sets that they are in; that of media, and of objects in no set, is the first.
+    /// Classes of receivers: the combinations of object sets. The first class is that of media and of objects in no set.
     classes: Vec<ObjectSets>,
     /// By material, with the copies that objects have for themselves.
     class_of_material: Vec<u32>,
@@ -153,9 +153,10 @@ impl Links {
     /// More classes than can be told apart.
     pub(super) fn problems(&self) -> Vec<Problem> {
         let count = self.classes.len();
-        let message =
-            format!("objects are in {count} combinations of sets of links, of {MOST_CLASSES} possible");
-        if count > MOST_CLASSES { vec![Problem::new("", message)] } else { Vec::new() }
+        let message = format!(
+            "objects are in {count} combinations of sets of links, of {MAX_RECEIVER_CLASSES} possible"
+        );
+        if count > MAX_RECEIVER_CLASSES { vec![Problem::new("", message)] } else { Vec::new() }
     }
 
     /// Is any light linked to some objects only?

@@ -1,15 +1,15 @@
-//! Scenes with more of something than can be numbered or addressed: an error with the numbers before work starts.
+//! Size limits of 32-bit indices and of the acceleration structure, checked before anything is built.
 
-use super::plan::{Place, Plan};
+use super::plan::{InstanceMode, Plan};
 use crate::accel::{Estimate, TooLarge};
 use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::scene::{CurveBasis, Curves, Moving, Scene};
 
-/// Most of what is numbered by 32 bits: vertices and primitives of a space, objects, materials, lights. The last number means
+/// Largest count of anything with a 32-bit index: vertices and primitives of a space, objects, materials, lights. `u32::MAX` means
 /// none.
-const NUMBERED: u64 = u32::MAX as u64 - 1;
+const MAX_INDEX: u64 = u32::MAX as u64 - 1;
 
-/// Fails where there are problems: nothing after it looks for them.
+/// An error if there are problems.
 pub(super) fn check(problems: Vec<Problem>) -> Result<()> {
     match problems.is_empty() {
         true => Ok(()),
@@ -30,20 +30,20 @@ pub(super) fn check_size(scene: &Scene, plan: &Plan) -> Result<()> {
         ("materials", scene.materials.len() as u64),
         ("points of curves", curves),
     ];
-    let too_many = counts.into_iter().filter(|(_, count)| *count > NUMBERED);
+    let too_many = counts.into_iter().filter(|(_, count)| *count > MAX_INDEX);
     check(too_many.map(|(what, count)| too_many_of(what, count)).collect())?;
     estimate(scene, plan).check().map_err(too_large)
 }
 
 /// Fails where curves are cut into more points than can be numbered.
 pub(super) fn check_cut_points(count: usize) -> Result<()> {
-    let is_too_many = count as u64 > NUMBERED;
+    let is_too_many = count as u64 > MAX_INDEX;
     let problem = || too_many_of("points of curves that were cut into straight pieces", count as u64);
     check(is_too_many.then(problem).into_iter().collect())
 }
 
 fn too_many_of(what: &str, count: u64) -> Problem {
-    Problem::new("", format!("{count} {what} are more than the {NUMBERED} that can be numbered"))
+    Problem::new("", format!("{count} {what} are more than the {MAX_INDEX} that can be numbered"))
         .with_help("render parts of the scene apart, or leave some of it out")
 }
 
@@ -53,21 +53,21 @@ pub(super) fn too_large(error: TooLarge) -> Error {
     Error { kind: ErrorKind::Input, file: None, problems, source_text: None }
 }
 
-/// What a copied mesh brings.
+/// Size of a merged mesh.
 struct Copied {
     vertices: u64,
     triangles: usize,
 }
 
 fn copied<'a>(scene: &'a Scene, plan: &'a Plan) -> impl Iterator<Item = Copied> + 'a {
-    let steps = plan.steps.iter().filter(|step| step.place == Place::World);
+    let steps = plan.steps.iter().filter(|step| step.mode == InstanceMode::Merged);
     steps.map(|step| {
         let mesh = &scene.meshes[scene.instances[step.instance].mesh.index()];
         Copied { vertices: mesh.positions.len() as u64, triangles: mesh.triangles.len() }
     })
 }
 
-/// What rays will meet, as far as it is known before curves are cut: they give at least as many pieces as they have spans.
+/// Estimated primitives. Curves are not subdivided yet: each span gives at least one segment.
 fn estimate(scene: &Scene, plan: &Plan) -> Estimate {
     let mut estimate = Estimate::default();
     copied(scene, plan).for_each(|mesh| estimate.add_triangles(mesh.triangles, 0));
@@ -79,7 +79,7 @@ fn estimate(scene: &Scene, plan: &Plan) -> Estimate {
     estimate.add_quads(scene.quads.len());
     estimate.add_analytic(scene.shapes.len());
     estimate.add_curves(scene.curves.iter().map(spans).sum());
-    estimate.add_instances(plan.steps.iter().filter(|step| step.place != Place::World).count());
+    estimate.add_instances(plan.steps.iter().filter(|step| step.mode != InstanceMode::Merged).count());
     estimate
 }
 
@@ -101,9 +101,9 @@ mod tests {
     use crate::scene::{Instance, Mesh, MeshId, Motion, ObjectTraits, Vertices};
 
     /// A plan alone: nothing of this size is ever in memory.
-    fn plan(copies: usize, place: Place) -> Plan {
+    fn plan(copies: usize, mode: InstanceMode) -> Plan {
         let world_from_object = DAffine3::IDENTITY;
-        let step = Step { instance: 0, place, world_from_object, geometry: 0, motion: None };
+        let step = Step { instance: 0, mode, world_from_object, geometry: 0, motion: None };
         Plan { steps: vec![step; copies], ..Plan::default() }
     }
 
@@ -122,11 +122,13 @@ mod tests {
             traits: ObjectTraits::default(),
             light_group: None,
         });
-        assert!(check_size(&scene, &plan(300_000, Place::World)).is_ok());
-        assert!(check_size(&scene, &plan(1_000_000, Place::Still)).is_ok());
-        let message = check_size(&scene, &plan(400_000, Place::World)).expect_err("too large").to_string();
+        assert!(check_size(&scene, &plan(300_000, InstanceMode::Merged)).is_ok());
+        assert!(check_size(&scene, &plan(1_000_000, InstanceMode::Shared)).is_ok());
+        let message =
+            check_size(&scene, &plan(400_000, InstanceMode::Merged)).expect_err("too large").to_string();
         assert!(message.contains("400000000 triangles take about 32.8 GiB"), "{message}");
-        let message = check_size(&scene, &plan(480_000, Place::World)).expect_err("too large").to_string();
+        let message =
+            check_size(&scene, &plan(480_000, InstanceMode::Merged)).expect_err("too large").to_string();
         assert!(message.contains("4320000000 vertices of meshes"), "{message}");
         assert!(check_cut_points(1 << 32).is_err() && check_cut_points(1 << 31).is_ok());
     }

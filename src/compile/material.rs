@@ -1,6 +1,7 @@
-//! Materials ready for shading: constant slots folded, constant BSDFs made once, others as programs that hits run.
+//! Materials ready for shading: constant textures folded into factors, constant BSDFs evaluated once, others as programs evaluated at
+//! each hit.
 
-use super::medium::{Medium, lets_light_in};
+use super::medium::{Medium, is_transmissive_interface};
 use crate::bsdf::{Bsdf, BsdfClass, BsdfProgram, Factors, LocalFrame, ShadingModel, Slots};
 use crate::color::Rgb;
 use crate::color::spectral::{Spectrum, Wavelengths, uplifted_share};
@@ -17,46 +18,45 @@ use std::sync::Arc;
 /// A material as the integrator sees it.
 #[derive(Clone, Debug)]
 pub struct CompiledMaterial {
-    /// Which loop shades it.
+    /// The class of its BSDF: the key of shading groups.
     pub class: BsdfClass,
-    /// The same BSDF everywhere.
+    /// Its BSDF, if that is the same everywhere.
     pub constant: Option<Bsdf>,
-    /// The same but for its colours, where pictures are rendered by wavelength.
+    /// In spectral rendering: its BSDF with RGB colours, if that is the same everywhere.
     pub example: Option<Bsdf>,
-    /// Its albedo there; black otherwise.
+    /// The albedo of `constant`; black without one.
     pub albedo: Rgb,
     /// Emission, if any.
     pub emission: Option<CompiledEmission>,
-    /// The spectrum of its emission, where pictures are rendered by wavelength and it is the same everywhere and not white.
+    /// In spectral rendering: the spectrum of its emission, if that is uniform and not white.
     pub light_spectrum: Option<Arc<Spectrum>>,
-    /// Paths that come from behind pass it, as if it wasn't there.
+    /// Single-sided: rays that arrive from behind pass.
     pub is_absent_from_behind: bool,
-    /// A smooth thin sheet, which light passes straight on: light samples reach through it.
+    /// A smooth thin sheet that transmits straight on: shadow rays pass it.
     pub passes_straight: bool,
-    /// Light passes it as if nothing was there; it bounds a medium.
+    /// Index-matched interface: it only bounds a medium.
     pub is_boundary: bool,
     /// What its solids are filled with; `None` for opaque and thin-walled ones.
     pub medium: Option<Medium>,
     /// Number of that medium in [`super::CompiledScene::media`]; 0 where there is none.
     pub medium_index: u16,
-    /// Bends shading normals.
+    /// Perturbs shading normals.
     pub normal_map: Option<NormalMap>,
-    /// Where the surface is absent; `None` is nowhere.
+    /// Alpha; `None` for opaque surfaces.
     pub alpha: Option<Alpha>,
-    /// It is absent for some rays, or a hole in the picture.
+    /// Ray visibility, holdout and catcher; `None` for usual surfaces.
     pub presence: Option<Presence>,
     /// Vertex colours multiply the base colour.
     pub uses_vertex_colors: bool,
-    /// What it reflects for a direction of light differs with the viewer otherwise than its BSDF's form says: others can't tell from
-    /// what they know of one viewer, nor paths that come from lamps.
+    /// The BSDF's parameters depend on the view direction, so that it can be neither evaluated for another viewer nor traced from lights.
     pub depends_on_viewer: bool,
-    /// What it emits differs with the viewer, and with the normals of vertices: only paths that meet it find its light.
+    /// Its emission depends on the view direction and on vertex normals: light sampling leaves it out.
     pub shines_by_viewer: bool,
     /// Texture coordinates are needed.
     pub uses_uv: bool,
     /// The BSDF depends on tangents or on a second normal.
     pub uses_frame: bool,
-    /// Bends the normals of the clearcoat.
+    /// Perturbs the normals of the clearcoat.
     coat_normal_map: Option<NormalMap>,
     pub(super) program: BsdfProgram,
 }
@@ -72,16 +72,16 @@ pub struct CompiledEmission {
     pub beam: Beam,
 }
 
-/// Which rays meet a surface; see [`Lamp`](crate::scene::Lamp) and [`ObjectTraits`].
+/// Which rays intersect a surface; see [`Lamp`](crate::scene::Lamp) and [`ObjectTraits`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Presence {
-    /// Rays of other kinds pass as if nothing was there.
+    /// Rays of other kinds pass.
     pub visible_to: RayKinds,
-    /// Rays end at it; else they take its light along.
+    /// Rays end at it; else they add its emission and go on.
     pub is_obstacle: bool,
-    /// Camera rays end at it without light, and the picture is transparent there.
+    /// Holdout: camera rays end at it, black and with alpha 0.
     pub is_holdout: bool,
-    /// The camera sees only what other objects change on it.
+    /// Shadow catcher.
     pub is_catcher: bool,
     /// The sets of objects that its object is in.
     pub sets: ObjectSets,
@@ -405,7 +405,7 @@ fn is_transmissive(model: &Model) -> bool {
     match model.transmission() {
         Transmission::None => false,
         Transmission::Thin | Transmission::Clear(_) => true,
-        Transmission::Pbr(pbr) => lets_light_in(pbr),
+        Transmission::Pbr(pbr) => is_transmissive_interface(pbr),
     }
 }
 
@@ -416,9 +416,7 @@ fn has_texture(model: &Model, holds: impl Fn(TextureId) -> bool) -> bool {
     found
 }
 
-// Surfaces that are partly absent, by the alpha of their material.
-
-/// Partial presence.
+/// Alpha of a material.
 #[derive(Clone, Copy, Debug)]
 pub struct Alpha {
     pub(super) slot: FloatSlot,
@@ -459,7 +457,7 @@ fn alpha_of(material: &Material, textures: &CompiledTextures) -> Option<Alpha> {
     (!(constant && present(slot.factor))).then_some(alpha)
 }
 
-// Constant textures become part of the factors that they are multiplied with.
+// Constant folding: a constant texture is multiplied into the factor of its slot.
 
 /// A colour with a constant texture folded in.
 fn fold_color(slot: ColorSlot, textures: &CompiledTextures) -> ColorSlot {
@@ -502,7 +500,7 @@ fn drop_absent_layers(pbr: &mut PbrMaterial) {
     pbr.diffuse_transmission = pbr.diffuse_transmission.filter(|d| !is_zero(&d.factor));
 }
 
-// Colours of materials as spectra, where pictures are rendered by wavelength. Greys stay as they are.
+// Spectral rendering: constant colours of materials are uplifted to spectra. Greys stay factors.
 
 /// A material whose constant colours are spectra among the textures.
 pub(super) fn with_spectra(material: &Material, textures: &mut CompiledTextures) -> Material {

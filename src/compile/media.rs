@@ -1,7 +1,7 @@
-//! The media of a scene's solids, numbered.
+//! The numbered media of a scene: that around all solids first, then those of materials. Warnings about media that overlap too much.
 
 use super::box_tree::{Bounds, BoxTree, NumberedBox};
-use super::density_grid::{DensityGrid, Glow};
+use super::density_grid::{CompiledEmissionGrid, DensityGrid};
 use super::material::CompiledMaterial;
 use super::medium::{Ball, Medium, Scattering, ScatteringSpectra};
 use super::objects::part_materials;
@@ -58,7 +58,8 @@ pub(super) fn number(
                 medium.adds_up = medium.is_boundary && medium.does_anything();
                 if let Some(scattering) = &mut medium.scattering {
                     let (grid, glow) = scene.materials[id].medium.map_or((None, None), |m| (m.grid, m.glow));
-                    scattering.glow = glow.map(|glow| Arc::new(Glow::new(glow, &scene.grids, &grids)));
+                    scattering.glow =
+                        glow.map(|glow| Arc::new(CompiledEmissionGrid::new(glow, &scene.grids, &grids)));
                     scattering.grid = grid.map(|grid| grids[grid.index()].clone());
                     scattering.counts = material.is_boundary;
                 }
@@ -195,22 +196,20 @@ fn surrounding(fog: Option<&Fog>, anchor: DVec3, is_spectral: bool) -> Medium {
     Medium { adds_up: scattering.is_some(), scattering, ..Medium::AIR }
 }
 
-// Places that many media fill together: paths know a few at a time.
+/// Most enclosing solids that a path keeps track of.
+pub const OVERLAP_LIMIT: usize = 8;
 
-/// Solids around a point that paths know.
-pub const MOST_AROUND: usize = 8;
-
-/// Tells of media without a surface of which more may overlap.
+/// Warns if more than [`OVERLAP_LIMIT`] index-matched media may overlap at a point.
 pub(super) fn warn_of_overlaps(scene: &Scene, materials: &[CompiledMaterial], warnings: &mut Vec<Warning>) {
-    let Some(place) = crowded_place(bodies(scene, materials), MOST_AROUND) else { return };
+    let Some(place) = crowded_place(bodies(scene, materials), OVERLAP_LIMIT) else { return };
     warnings.push(Warning::general(format!(
-        "more than {MOST_AROUND} media without a surface overlap, by the boxes around them, as at ({:.4}, {:.4}, {:.4}): paths know the \
-         {MOST_AROUND} that they entered last, and what the others do is missing in such places; make bodies smaller, or one of several",
+        "more than {OVERLAP_LIMIT} media without a surface overlap, by the boxes around them, as at ({:.4}, {:.4}, {:.4}): paths know the \
+         {OVERLAP_LIMIT} that they entered last, and what the others do is missing in such places; make bodies smaller, or one of several",
         place.x, place.y, place.z
     )));
 }
 
-/// The boxes around all bodies of media without a surface; none where there are few.
+/// The bounding boxes of all index-matched media; empty if there are no more than [`OVERLAP_LIMIT`].
 fn bodies(scene: &Scene, materials: &[CompiledMaterial]) -> Vec<Bounds> {
     let is_body = |id: MaterialId| {
         materials.get(id.index()).is_some_and(|material| material.is_boundary && material.medium_index != 0)
@@ -229,7 +228,7 @@ fn bodies(scene: &Scene, materials: &[CompiledMaterial]) -> Vec<Bounds> {
     let shapes = shapes.map(|s| Bounds { low: s.center - s.half_extent(), high: s.center + s.half_extent() });
     let mut found: Vec<Bounds> = of_quads.into_values().chain(shapes).collect();
     let placed: Vec<usize> = (0..scene.instances.len()).filter(|&i| has_body(&scene.instances[i])).collect();
-    if found.len() + placed.len() > MOST_AROUND {
+    if found.len() + placed.len() > OVERLAP_LIMIT {
         let extents = instance_extents(scene);
         found.extend(placed.into_iter().filter_map(|i| extents[i].0).map(|(low, high)| Bounds { low, high }));
     }
@@ -241,7 +240,7 @@ fn corners(quad: &Quad) -> [DVec3; 4] {
     [quad.corner, quad.corner + quad.edge_u, quad.corner + quad.edge_v, opposite]
 }
 
-/// A point that lies in more than `most` boxes. If there is one, then such whose coordinates are those of least corners.
+/// A point in more than `most` boxes. If there is one, then there is one whose coordinates are those of lower corners of boxes.
 fn crowded_place(mut boxes: Vec<Bounds>, most: usize) -> Option<DVec3> {
     if boxes.len() <= most {
         return None;

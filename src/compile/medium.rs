@@ -1,7 +1,7 @@
-//! What solids are filled with: indices of refraction and absorption.
+//! Participating media ready for rendering: indices of refraction, absorption, scattering and emission, and their spectra.
 
+use super::density_grid::CompiledEmissionGrid;
 use super::density_grid::DensityGrid;
-use super::density_grid::Glow;
 use crate::bsdf::BsdfClass;
 use crate::color::Rgb;
 use crate::color::spectral::{Spectrum, Wavelengths};
@@ -12,7 +12,7 @@ use crate::scene::{Model, PbrMaterial, Transmission};
 use std::borrow::Cow;
 use std::sync::Arc;
 
-/// The inside of a solid that light passes.
+/// The interior of a transmissive solid, or what surrounds the scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Medium {
     /// Index of refraction of the red, green and blue channel, relative to air; `None` where the surface reflects all
@@ -23,12 +23,12 @@ pub struct Medium {
     pub absorption: Option<Rgb>,
     /// What scatters or shines.
     pub scattering: Option<Scattering>,
-    /// It is bounded by no surface.
+    /// Its boundary is index-matched: no surface reflects or refracts there.
     pub is_boundary: bool,
-    /// It adds to others that fill the same place and do so, too. Solids with a surface displace what they overlap, and so does
-    /// what has no surface and does nothing.
+    /// Its coefficients add to those of other such media at the same point. Solids with a surface displace what they overlap, and so do
+    /// index-matched media that are clear.
     pub adds_up: bool,
-    /// Where solids overlap the one of the highest priority counts.
+    /// Nested dielectrics: where solids overlap, the highest priority counts.
     pub priority: i32,
     /// What it does to each wavelength; where pictures are rendered by wavelength and it does not treat all alike.
     pub spectra: Option<MediumSpectra>,
@@ -39,7 +39,7 @@ pub struct Medium {
 pub struct MediumSpectra {
     /// Index of refraction of a dispersive one: these are A and B, with wavelengths in micrometres, of Cauchy's A + B / l^2.
     cauchy: Option<[f32; 2]>,
-    /// What of light is left after a way of so many metres.
+    /// Transmittance after a distance in metres.
     left: Option<(Spectrum, f32)>,
 }
 
@@ -77,7 +77,7 @@ impl Medium {
             Transmission::None | Transmission::Thin => None,
             Transmission::Clear(ior) => Some(clear(relative_to_air([ior; 3]))),
             Transmission::Pbr(pbr) => {
-                let has_inside = class.refracts() && pbr.has_volume && lets_light_in(pbr);
+                let has_inside = class.refracts() && pbr.has_volume && is_transmissive_interface(pbr);
                 let iors = dispersion(pbr).unwrap_or([pbr.ior; 3]);
                 has_inside.then(|| Medium { absorption: absorption(pbr), ..clear(relative_to_air(iors)) })
             }
@@ -117,7 +117,7 @@ impl Medium {
         }
     }
 
-    /// What is left of light in the lanes of a path after a way through the medium, in metres.
+    /// Transmittance at a path's wavelengths over a distance in metres.
     #[inline]
     pub fn transmittance_at(&self, distance: f32, waves: Option<&Wavelengths>) -> Rgb {
         let left = self.spectra.as_ref().and_then(|spectra| spectra.left.as_ref());
@@ -130,7 +130,7 @@ impl Medium {
         }
     }
 
-    /// Does light lose or gain anything in it?
+    /// Does it absorb, scatter or emit?
     pub fn does_anything(&self) -> bool {
         let scatters = |s: &Scattering| s.extinction.max_element() > 0.0 || s.emission.max_element() > 0.0;
         self.absorption.is_some_and(|a| a.max_element() > 0.0)
@@ -143,7 +143,7 @@ impl Medium {
         self.iors.is_some_and(|[r, g, b]| r != g || g != b)
     }
 
-    /// What is left of light after a way through the medium, in metres.
+    /// Transmittance over a distance in metres (Beer's law).
     #[inline]
     pub fn transmittance(&self, distance: f32) -> Rgb {
         let Some(absorption) = self.absorption else { return Rgb::ONE };
@@ -191,30 +191,28 @@ fn spread(pbr: &PbrMaterial) -> Option<f64> {
 }
 
 /// Does light pass the surface?
-pub(super) fn lets_light_in(pbr: &PbrMaterial) -> bool {
+pub(super) fn is_transmissive_interface(pbr: &PbrMaterial) -> bool {
     pbr.transmission.factor > 0.0 || pbr.diffuse_transmission.is_some()
 }
 
-// Media that scatter or shine, ready for rendering.
-
-/// A medium that scatters or shines.
+/// A medium that scatters or emits.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scattering {
     /// Extinction coefficient, per metre.
     pub extinction: Rgb,
-    /// The part of it that is scattered.
+    /// Scattering coefficient, per metre.
     pub scattered: Rgb,
-    /// Radiance that each metre adds.
+    /// Emitted radiance per metre.
     pub emission: Rgb,
     /// Mean cosine of the scattering angle.
     pub anisotropy: f32,
-    /// Where it ends, if not at the surfaces of solids.
+    /// Bounding sphere of fog; `None` for media of solids and for unbounded fog.
     pub ball: Option<Ball>,
     /// Factors on the coefficients, the same for all channels; `None` where it is homogeneous.
     pub grid: Option<Arc<DensityGrid>>,
-    /// What the emission is taken times in place of that grid; `None` where it is not known apart.
-    pub glow: Option<Arc<Glow>>,
-    /// What it scatters counts as bounces. Walks within solids that have a surface don't.
+    /// Grid of factors on the emission; without one `grid` is used.
+    pub glow: Option<Arc<CompiledEmissionGrid>>,
+    /// Scattering counts as bounces; false for subsurface scattering.
     pub counts: bool,
     /// The coefficients by wavelength; where pictures are rendered by wavelength and they are coloured.
     pub spectra: Option<Arc<ScatteringSpectra>>,
@@ -249,7 +247,7 @@ impl Scattering {
         does_anything.then_some(medium)
     }
 
-    /// The medium as the lanes of a path meet it.
+    /// The medium with its coefficients at a path's wavelengths.
     #[inline(always)]
     pub fn in_lanes(&self, waves: Option<&Wavelengths>) -> Cow<'_, Scattering> {
         match (&self.spectra, waves) {
@@ -264,7 +262,7 @@ impl Scattering {
         Scattering { extinction, scattered, emission, spectra: None, ..self.clone() }
     }
 
-    /// Where a ray enters and leaves the medium, behind `from`; empty where the second is not above the first.
+    /// The ray parameters from `from` on at which a ray enters and leaves the medium; the range is empty unless the second is larger.
     #[inline]
     pub fn extent(&self, origin: Vec3, direction: Vec3, from: f32) -> [f32; 2] {
         let Some(Ball { center, radius }) = self.ball else { return [from, f32::INFINITY] };
@@ -281,14 +279,14 @@ impl Scattering {
         }
     }
 
-    /// Does light of all channels go as far?
+    /// Is the extinction the same in all channels?
     #[inline]
     pub fn is_grey(&self) -> bool {
         let Rgb { r, g, b } = self.extinction;
         r == g && g == b
     }
 
-    /// What is left of light after a way in the medium, metres.
+    /// Transmittance over a distance in metres.
     #[inline]
     pub fn transmittance(&self, distance: f32) -> Rgb {
         // Far away an extinction of 0 would be no number.
@@ -297,7 +295,7 @@ impl Scattering {
         (self.extinction * distance).map(|depth| if depth < 87.0 { poly::exp(-depth) } else { 0.0 })
     }
 
-    /// The mean of what is left over a way in the medium, metres.
+    /// Mean transmittance over a distance in metres: the integral over the distance, divided by it.
     #[inline]
     pub fn mean_transmittance(&self, distance: f32) -> Rgb {
         let distance = distance.min(Scattering::FARTHEST);
@@ -308,8 +306,8 @@ impl Scattering {
         })
     }
 
-    /// What is left of light on a ray from one of its points to another; where there is a grid, an estimate by numbers that follow
-    /// from the ray and `apart`, which keeps media in the same place apart.
+    /// Transmittance between two points of a ray; with a grid an unbiased estimate, by random numbers hashed from the ray and `apart`, a
+    /// salt that differs between overlapping media.
     #[inline]
     pub fn transmittance_between(
         &self,
@@ -323,8 +321,8 @@ impl Scattering {
             let most = self.extinction.max_element();
             let ray = grid.ray(origin, direction, most);
             return match self.is_grey() {
-                true => Rgb::ONE * grid.left(&ray, from, to, salt),
-                false => grid.left_by_channel(&ray, [from, to], salt, self.extinction / most),
+                true => Rgb::ONE * grid.transmittance(&ray, from, to, salt),
+                false => grid.transmittance_by_channel(&ray, [from, to], salt, self.extinction / most),
             };
         }
         let [begin, end] = self.extent(origin, direction, from);
@@ -332,8 +330,6 @@ impl Scattering {
         if to > begin { self.transmittance((to - begin) * direction.length()) } else { Rgb::ONE }
     }
 }
-
-// Coloured media that scatter or shine, by wavelength.
 
 /// The coefficients of a medium as spectra.
 #[derive(Clone, Debug, PartialEq)]

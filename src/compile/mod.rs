@@ -1,5 +1,5 @@
-//! From what the user described to what the renderer needs: flat geometry with its accelerator, folded materials and
-//! textures, lights. Whatever the picture does not need is left out, and said so.
+//! Compiles a scene description for rendering: flat geometry and its acceleration structure, materials as flat programs with constants
+//! folded, textures, lights, media. What no picture of the scene can show is left out and reported.
 
 mod bake;
 mod box_tree;
@@ -26,14 +26,14 @@ mod texture_needs;
 
 pub use caustics::Role;
 pub use compiler::{Compiler, compile};
-pub use density_grid::{BlackBodies, DensityGrid, Glow, GridRay};
+pub use density_grid::{BlackBodies, CompiledEmissionGrid, DensityGrid, GridRay};
 pub use fingerprint::{Fingerprint, of_curves, of_mesh};
 pub use geometry::{Corners, Geometries, Placement, Space, SurfaceCoordinates, TextureCorners, Transform};
-pub use light_tables::MOST_CLASSES;
+pub use light_tables::MAX_RECEIVER_CLASSES;
 pub use material::{Alpha, CompiledEmission, CompiledMaterial, Presence};
-pub use media::MOST_AROUND;
+pub use media::OVERLAP_LIMIT;
 pub use medium::{Ball, Medium, Scattering};
-pub use motion::{Vectors, Way};
+pub use motion::{MotionVectors, PointMotion};
 pub use objects::ObjectId;
 pub use scene::{
     CompileOptions, CompileReport, CompiledScene, ExpectedPicture, Features, MemoryPart, Tree, View,

@@ -140,14 +140,14 @@ impl MovingShape {
 
 /// How something stands at the picture's moment, and a frame before and after.
 #[derive(Clone, Copy, Debug)]
-struct Places {
+struct ObjectPoses {
     now: DAffine3,
     neighbours: [DAffine3; 2],
 }
 
 /// A point of a surface at the picture's moment, a frame before and a frame after.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Way {
+pub struct PointMotion {
     /// At the picture's moment.
     pub now: Vec3,
     /// A frame before, and a frame after.
@@ -156,13 +156,13 @@ pub struct Way {
 
 /// The motion of a scene's objects from frame to frame; empty unless it is asked for.
 #[derive(Clone, Debug, Default)]
-pub struct Vectors {
-    objects: HashMap<ObjectId, Places>,
+pub struct MotionVectors {
+    objects: HashMap<ObjectId, ObjectPoses>,
 }
 
-impl Vectors {
+impl MotionVectors {
     /// Those of a scene whose origin moves to `origin`.
-    pub(super) fn of(scene: &Scene, origin: DVec3) -> Vectors {
+    pub(super) fn of(scene: &Scene, origin: DVec3) -> MotionVectors {
         let (numbering, motion) = (Numbering::of(scene), &scene.motion);
         let to_origin = DAffine3::from_translation(-origin);
         let mut objects = HashMap::new();
@@ -170,7 +170,7 @@ impl Vectors {
             |object, moving: &Moving<DAffine3>, now: DAffine3, of: &dyn Fn(&DAffine3) -> DAffine3| {
                 if let Some([before, after]) = &moving.neighbours {
                     let neighbours = [to_origin * of(before), to_origin * of(after)];
-                    objects.insert(object, Places { now: to_origin * now, neighbours });
+                    objects.insert(object, ObjectPoses { now: to_origin * now, neighbours });
                 }
             };
         for (i, instance) in scene.instances.iter().enumerate() {
@@ -190,12 +190,12 @@ impl Vectors {
             let own = DAffine3::from_translation(shape.center);
             add(numbering.shape(i), moving, own, &|m| *m * own);
         }
-        Vectors { objects }
+        MotionVectors { objects }
     }
 
     /// The way of the point `p` of a surface that was hit at a time.
-    pub fn way(&self, geometries: &Geometries, hit: &Hit, p: Vec3, time: f32) -> Way {
-        let still = Way { now: p, neighbours: [p; 2] };
+    pub fn point_motion(&self, geometries: &Geometries, hit: &Hit, p: Vec3, time: f32) -> PointMotion {
+        let still = PointMotion { now: p, neighbours: [p; 2] };
         if self.objects.is_empty() {
             return still;
         }
@@ -208,7 +208,7 @@ impl Vectors {
             .unwrap_or([object; 3]);
         let place = |m: &DAffine3, p: DVec3| m.transform_point3(p).as_vec3();
         let [m0, m1] = &places.neighbours;
-        Way { now: place(&places.now, now), neighbours: [place(m0, before), place(m1, after)] }
+        PointMotion { now: place(&places.now, now), neighbours: [place(m0, before), place(m1, after)] }
     }
 }
 

@@ -1,4 +1,4 @@
-//! Where each instance goes: into the world's own geometry, or beside it as a placement of a mesh that is shared or moves.
+//! How each instance is compiled: merged into the world's geometry, as a placement of a shared mesh, or as a placement that moves.
 
 use super::fingerprint::Fingerprint;
 use super::material::CompiledMaterial;
@@ -10,36 +10,35 @@ use crate::scene::{Instance, MaterialId, Mesh, MeshId, Motion, ObjectTraits, Qua
 use rayon::prelude::*;
 use std::collections::HashMap;
 
-/// Meshes with fewer triangles are copied for each use: a copy costs less than the step into a shared one.
+/// Meshes with fewer triangles are merged: a copy costs less than traversal into an instance.
 const MIN_SHARED_TRIANGLES: usize = 1024;
 
-/// Meshes whose transform stretches less evenly than this are copied: rays that an f32 matrix takes to object space would
-/// lose as much precision.
+/// Largest condition number of an instance's linear transform; others are merged. A ray transformed to object space in single precision
+/// loses as many digits.
 const MAX_SHARED_CONDITION: f64 = 1e3;
 
-/// With fewer visible triangles the moments of a sequence are compiled each for itself: that takes some milliseconds, and
-/// rays are faster in a world that is one.
+/// Frames of a sequence with fewer visible triangles are compiled from scratch: that takes milliseconds, and traversal is faster
+/// without instances.
 const MIN_KEPT_TRIANGLES: usize = 1 << 16;
 
-/// Where an instance goes.
+/// How an instance is compiled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Place {
-    /// Its mesh is copied into the world's own geometry.
-    World,
-    /// It shares its mesh and stands still.
-    Still,
-    /// It moves, apart from the world.
+pub(super) enum InstanceMode {
+    /// Its triangles are copied into the world's geometry.
+    Merged,
+    /// A static placement of a mesh that several instances share.
+    Shared,
+    /// A placement that moves, or whose mesh deforms.
     Moving,
 }
 
-/// An instance that is seen.
+/// A visible instance.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Step {
     /// Its index in the scene.
     pub instance: usize,
-    /// Where it goes.
-    pub place: Place,
-    /// Placement; the world's origin has moved.
+    pub mode: InstanceMode,
+    /// Its transform, relative to the anchor.
     pub world_from_object: DAffine3,
     /// Index of its mesh among those that are not copied.
     pub geometry: usize,
@@ -47,10 +46,10 @@ pub(super) struct Step {
     pub motion: Option<u32>,
 }
 
-/// All instances that are seen, in the scene's order.
+/// All visible instances, in the scene's order.
 #[derive(Debug, Default)]
 pub(super) struct Plan {
-    /// What is done with each.
+    /// One entry for each visible instance.
     pub steps: Vec<Step>,
     /// The meshes that are not copied, by index in the scene.
     pub meshes: Vec<usize>,
@@ -70,7 +69,7 @@ pub(super) struct Plan {
     pub keys: Option<Keys>,
 }
 
-/// What geometry was made of.
+/// Fingerprints of the inputs of geometry.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Keys {
     /// The meshes that are not copied and don't change.
@@ -79,7 +78,7 @@ pub(super) struct Keys {
     pub world: Fingerprint,
 }
 
-/// Decides. Instances that no ray can hit are left out, with the reason.
+/// Makes the plan. Instances that no ray can hit are left out and reported.
 pub(super) fn plan(
     (scene, numbers): (&Scene, ObjectMaterials),
     materials: &[CompiledMaterial],
@@ -113,13 +112,17 @@ pub(super) fn plan(
             plan.motions.push(keys);
             plan.motions.len() as u32 - 1
         });
-        let place = match instance.motion {
-            Motion::Keyed(_) if motion.is_some() || motion::deforms(scene, instance.mesh) => Place::Moving,
-            Motion::Moves | Motion::Deforms | Motion::Keyed(_) if keeps && can_be_placed => Place::Moving,
-            _ if is_shared && can_be_placed => Place::Still,
-            _ => Place::World,
+        let mode = match instance.motion {
+            Motion::Keyed(_) if motion.is_some() || motion::deforms(scene, instance.mesh) => {
+                InstanceMode::Moving
+            }
+            Motion::Moves | Motion::Deforms | Motion::Keyed(_) if keeps && can_be_placed => {
+                InstanceMode::Moving
+            }
+            _ if is_shared && can_be_placed => InstanceMode::Shared,
+            _ => InstanceMode::Merged,
         };
-        plan.steps.push(Step { instance: index, place, world_from_object, geometry: 0, motion });
+        plan.steps.push(Step { instance: index, mode, world_from_object, geometry: 0, motion });
     }
     if invisible > 0 {
         left_out.push(format!("{invisible} placements whose materials are fully transparent"));
@@ -142,10 +145,10 @@ impl Plan {
     fn number_meshes(&mut self, scene: &Scene) {
         for is_changing in [false, true] {
             let mut known: HashMap<(usize, ObjectTraits), usize> = HashMap::new();
-            for step in self.steps.iter_mut().filter(|s| s.place != Place::World) {
+            for step in self.steps.iter_mut().filter(|s| s.mode != InstanceMode::Merged) {
                 let instance = &scene.instances[step.instance];
                 let deforms = instance.motion == Motion::Deforms || motion::changes(scene, instance.mesh);
-                let changes = step.place == Place::Moving && deforms;
+                let changes = step.mode == InstanceMode::Moving && deforms;
                 if changes == is_changing {
                     let next = self.meshes.len();
                     let traits = mesh_traits(instance, &scene.meshes[instance.mesh.index()]);
@@ -169,7 +172,7 @@ impl Plan {
             left_out.push(format!("{} meshes that nothing places ({triangles} triangles)", unused().count()));
         }
         let mut placements = vec![0; scene.meshes.len()];
-        for step in self.steps.iter().filter(|s| s.place != Place::World) {
+        for step in self.steps.iter().filter(|s| s.mode != InstanceMode::Merged) {
             placements[scene.instances[step.instance].mesh.index()] += 1;
         }
         for (mesh, placed) in scene.meshes.iter().zip(placements).filter(|(_, placed)| *placed > 1) {
@@ -192,7 +195,7 @@ impl Plan {
             .collect();
         let of_materials = fingerprint::of_materials(&materials[..scene.materials.len()], &normal_sets);
         let mut is_used = vec![false; scene.meshes.len()];
-        let stays = |s: &&Step| s.place == Place::World;
+        let stays = |s: &&Step| s.mode == InstanceMode::Merged;
         let copied = self.steps.iter().filter(stays).map(|s| scene.instances[s.instance].mesh.index());
         copied.chain(self.meshes[..self.first_changing].iter().copied()).for_each(|m| is_used[m] = true);
         let of_meshes: Vec<Fingerprint> = (scene.meshes.par_iter().zip(&is_used))
@@ -209,14 +212,14 @@ impl Plan {
             })
             .collect();
         let mut world = of_materials.with_vector(origin);
-        for step in self.steps.iter().filter(|s| s.place != Place::Moving) {
+        for step in self.steps.iter().filter(|s| s.mode != InstanceMode::Moving) {
             let instance = &scene.instances[step.instance];
             let mesh = &scene.meshes[instance.mesh.index()];
             let number = |id| u64::from(self.numbers.number(id, &instance.traits));
             world = world
                 .with(step.instance as u64)
                 .with(step.geometry as u64)
-                .with(u64::from(step.place == Place::World))
+                .with(u64::from(step.mode == InstanceMode::Merged))
                 .with(instance.material.map_or(u64::MAX, number))
                 .with_transform(&step.world_from_object)
                 .with_print(of_meshes[instance.mesh.index()]);
@@ -255,7 +258,7 @@ fn with_shapes(mut sum: Fingerprint, scene: &Scene) -> Fingerprint {
     sum.with(scene.quads.len() as u64).with(scene.instances.len() as u64)
 }
 
-/// Can rays meet what a transform places? Warns where they can't, or hardly.
+/// Is a transform invertible? Warns of singular and nearly singular ones.
 fn is_usable(instance: &Instance, linear: &DMat3, warnings: &mut Vec<Warning>) -> bool {
     let message = if !is_invertible(linear) {
         "a transform that flattens it (or is not finite) hides it; it was left out"
@@ -309,14 +312,14 @@ pub(super) fn normal_map_set(mut used: impl Iterator<Item = MaterialId>, scene: 
     }
 }
 
-// Primitives that have no area as they are in the scene, wherever they are seen from.
+// Primitives of zero area in the scene description, as opposed to those that lose their area in single precision.
 
-/// Edges of this part of the longest one are none: corners that were computed to be the same differ by as much.
+/// Edges shorter than this share of the longest edge count as zero: rounding of equal corners.
 const ROUNDING: f64 = 4.0 * f32::EPSILON as f64;
 
-/// How many of those that a plan builds.
+/// The number of degenerate primitives that a plan builds.
 pub(super) fn count_degenerate(scene: &Scene, plan: &Plan) -> u64 {
-    let copied = plan.steps.iter().filter(|step| step.place == Place::World);
+    let copied = plan.steps.iter().filter(|step| step.mode == InstanceMode::Merged);
     let copied = copied.map(|step| scene.instances[step.instance].mesh.index());
     let mut counts: Vec<Option<u64>> = vec![None; scene.meshes.len()];
     let of_meshes: u64 = copied
@@ -327,7 +330,7 @@ pub(super) fn count_degenerate(scene: &Scene, plan: &Plan) -> u64 {
     of_meshes + round + scene.quads.iter().filter(|quad| is_flat(quad)).count() as u64
 }
 
-/// Triangles that are lines or points but for rounding, as those at the poles of spheres.
+/// The number of degenerate triangles of a mesh, as at the poles of a tessellated sphere.
 fn triangles(mesh: &Mesh) -> u64 {
     let at = |i: u32| mesh.positions.get(i as usize).map_or(DVec3::NAN, |p| DVec3::from(p.map(f64::from)));
     let is_flat = |&&[a, b, c]: &&[u32; 3]| {

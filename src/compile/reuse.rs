@@ -1,4 +1,4 @@
-//! What the moments of a sequence have in common: found by what they were made of.
+//! Reuse of textures, environment and geometry between frames of a sequence, by fingerprints of their inputs.
 
 use super::bake::{self, Baked};
 use super::geometry::Geometries;
@@ -16,7 +16,7 @@ use crate::scene::{Environment, Scene, Texture};
 use crate::texture::CompiledTextures;
 use std::sync::Arc;
 
-/// What a compiled scene was made of, as far as another moment may have it in common.
+/// The inputs of a compiled scene whose results the next frame may reuse.
 pub(super) struct Sources {
     keys: Option<Keys>,
     textures: Vec<Texture>,
@@ -50,9 +50,9 @@ impl Sources {
     }
 }
 
-/// What is left of an earlier moment for another one.
+/// Parts of the frame before that a frame may reuse.
 #[derive(Default)]
-pub(super) struct Kept {
+pub(super) struct Reusable {
     /// The same textures.
     pub textures: Option<CompiledTextures>,
     /// The same environment, if there is one at all.
@@ -60,13 +60,13 @@ pub(super) struct Kept {
     geometry: Option<(Accel, Geometries, Keys)>,
 }
 
-/// What rays meet.
-pub(super) struct Geometry {
+/// Geometry and its acceleration structure.
+pub(super) struct BuiltGeometry {
     pub geometries: Geometries,
     pub accel: Accel,
 }
 
-impl Kept {
+impl Reusable {
     /// What an earlier moment, made of `sources`, may have in common with a scene.
     pub fn of(
         sources: Sources,
@@ -74,11 +74,11 @@ impl Kept {
         textures: CompiledTextures,
         lights: Lights,
         scene: &Scene,
-    ) -> Kept {
+    ) -> Reusable {
         let same_images = sources.has_images_of(scene);
         let same_textures = same_images && sources.textures == scene.textures;
         let same_environment = same_images && sources.environment == scene.environment;
-        Kept {
+        Reusable {
             textures: same_textures.then_some(textures),
             environment: same_environment.then(|| lights.into_environment()),
             geometry: sources.keys.map(|keys| (accel, geometries, keys)),
@@ -93,7 +93,7 @@ impl Kept {
         origin: DVec3,
         plan: &Plan,
         tree: (Tree, &Gauge),
-    ) -> Result<Geometry> {
+    ) -> Result<BuiltGeometry> {
         let earlier = self.geometry.take();
         let (reuse, kept, accel) = match (earlier, &plan.keys) {
             (Some((accel, geometries, before)), Some(now)) if before.shared == now.shared => {
@@ -101,13 +101,13 @@ impl Kept {
                 shared.truncate(now.shared.len());
                 let is_same = before.world == now.world;
                 let reuse = if is_same { Reuse::World } else { Reuse::Shared };
-                (reuse, bake::Kept { world: is_same.then_some(world), shared }, Some(accel))
+                (reuse, bake::EarlierSpaces { world: is_same.then_some(world), shared }, Some(accel))
             }
-            _ => (Reuse::Nothing, bake::Kept::default(), None),
+            _ => (Reuse::Nothing, bake::EarlierSpaces::default(), None),
         };
         let baked = bake::bake(scene, materials, origin, plan, kept)?;
         let accel = build(&baked, plan, tree, reuse, accel).map_err(limits::too_large)?;
-        Ok(Geometry { geometries: baked.geometries, accel })
+        Ok(BuiltGeometry { geometries: baked.geometries, accel })
     }
 }
 

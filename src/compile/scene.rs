@@ -1,13 +1,13 @@
-//! A scene ready to render, and what it is compiled for.
+//! A scene ready to render, compile options and report, and a camera's view of the scene.
 
 use super::emitters::Emitters;
 use super::geometry::{Attributes, Geometries, Space};
 use super::light_tables::{LightGroups, Links};
 use super::material::CompiledMaterial;
 use super::medium::Medium;
-use super::motion::Vectors;
+use super::motion::MotionVectors;
 use super::objects::ObjectId;
-use super::reuse::{Kept, Sources};
+use super::reuse::{Reusable, Sources};
 use crate::accel::{Accel, Geometry, TreeQuality};
 use crate::bsdf::ShadingModel;
 use crate::camera::{self, MovingCamera, ndc_from_world};
@@ -133,15 +133,15 @@ pub struct CompiledScene {
     /// Which primitives are lights.
     pub(super) emitters: Emitters,
     /// Where objects are at the neighbouring frames.
-    pub vectors: Vectors,
+    pub vectors: MotionVectors,
     /// What it was made of, for what may be made of it.
     pub(super) sources: Option<Sources>,
 }
 
-/// What a scene makes use of.
+/// Features that a scene uses: the integrator leaves out the stages of the others.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Features {
-    /// Some surface is absent in places or for some rays.
+    /// Some surface has alpha or is invisible to some rays.
     pub alpha: bool,
     /// Some vertices have shading normals.
     pub normals: bool,
@@ -149,21 +149,21 @@ pub struct Features {
     pub bent_normals: bool,
     /// Some textures depend on how much of a surface a path sees.
     pub footprints: bool,
-    /// Light passes through solids.
+    /// Some solids are transmissive.
     pub media: bool,
-    /// Some of them absorb it and do nothing else.
+    /// Some medium only absorbs.
     pub absorption: bool,
-    /// Some medium scatters or shines, or ends where no surface is.
+    /// Some medium scatters or emits, or has an index-matched boundary.
     pub scattering: bool,
-    /// Some medium scatters within a solid that has a surface.
-    pub walks: bool,
-    /// Some solids displace others wherever they overlap.
+    /// Some solid scatters beneath its surface (random-walk subsurface scattering).
+    pub subsurface: bool,
+    /// Solids have different priorities (nested dielectrics).
     pub priorities: bool,
-    /// The surfaces of some solids lie on those of others.
-    pub touching: bool,
-    /// Some media end where no surface is.
+    /// Surfaces of some solids coincide.
+    pub coincident_surfaces: bool,
+    /// Some media have index-matched boundaries.
     pub boundaries: bool,
-    /// Several media may fill one place together.
+    /// Several media may overlap.
     pub overlaps: bool,
     /// Rays that see the environment.
     pub environment_visible_to: RayKinds,
@@ -173,9 +173,9 @@ pub struct Features {
     pub ray_kinds: bool,
     /// Lights are linked to some objects only.
     pub links: bool,
-    /// Some objects cut holes into pictures.
+    /// Some objects are holdouts.
     pub holdouts: bool,
-    /// Of some objects cameras see only what others change on them.
+    /// Some objects are shadow catchers.
     pub catchers: bool,
 }
 
@@ -205,7 +205,7 @@ impl CompiledScene {
 
     /// The kinds of rays that light `index` is visible to.
     #[inline]
-    pub fn kinds_of_light(&self, index: u32) -> RayKinds {
+    pub fn ray_kinds_of_light(&self, index: u32) -> RayKinds {
         self.light_kinds.get(index as usize).copied().unwrap_or(RayKinds::ALL)
     }
 
@@ -232,16 +232,14 @@ impl CompiledScene {
     }
 
     /// What another moment may have in common with this one.
-    pub(super) fn into_kept(self, scene: &Scene) -> Kept {
+    pub(super) fn into_reusable(self, scene: &Scene) -> Reusable {
         let CompiledScene { accel, geometries, textures, lights, sources, .. } = self;
         match sources {
-            Some(sources) => Kept::of(sources, (accel, geometries), textures, lights, scene),
-            None => Kept::default(),
+            Some(sources) => Reusable::of(sources, (accel, geometries), textures, lights, scene),
+            None => Reusable::default(),
         }
     }
 }
-
-// What a compiled scene takes in memory, by part.
 
 impl CompiledScene {
     /// The bytes of each large part: lists by their lengths, without what few scenes have (tables of grids and profiles).
@@ -290,8 +288,6 @@ fn of_attributes(attributes: &Attributes) -> usize {
         + size_of_val(&attributes.curves.colors[..])
 }
 
-// How much is done for the trees that rays walk.
-
 /// How good the trees over a scene's shapes are. Rays meet the same shapes either way (see [`TreeQuality`]), so pictures don't
 /// depend on it: a full tree takes longer to build and makes rays faster.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -329,8 +325,6 @@ impl Tree {
         }
     }
 }
-
-// A camera's view of a compiled scene: all that depends on the camera, made in no time.
 
 /// A camera and the size of its picture, for a [`CompiledScene`].
 #[derive(Clone, Debug)]

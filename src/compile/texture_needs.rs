@@ -1,4 +1,5 @@
-//! How fine the images of textures are needed: the least that a path can see of each surface bounds it, before any image is decoded.
+//! The finest mip level that each texture image is needed at, bounded before any image is decoded by the smallest ray footprint on each
+//! surface.
 //!
 //! What a path sees of a surface is at least as wide as what a camera ray sees at that distance from the camera: along a path widths only
 //! grow, and no path is shorter than the straight way. Lookups average over that width times the density of texture coordinates
@@ -10,7 +11,7 @@ use super::scene::{CompileOptions, ExpectedPicture};
 use crate::camera::Camera;
 use crate::math::{DAffine3, DVec3, Vec2};
 use crate::scene::{
-    AlphaMode, Instance, Interpolation, MOST_NESTED_TEXTURES, Mapping, Material, Mesh, MeshPart, Motion,
+    AlphaMode, Instance, Interpolation, MAX_TEXTURE_NESTING, Mapping, Material, Mesh, MeshPart, Motion,
     Scene, ShapeKind, Texture, TextureId,
 };
 use crate::texture::TextureNeeds;
@@ -18,7 +19,7 @@ use rayon::prelude::*;
 use std::f64::consts::{PI, SQRT_2};
 
 /// Beyond so many triangles, those of all placements together, the boxes of meshes bound what is seen.
-const MOST_TRIANGLES: u64 = 1 << 24;
+const MAX_EXACT_TRIANGLES: u64 = 1 << 24;
 
 /// The needs of the images of a scene.
 pub(super) fn of(scene: &Scene, options: &CompileOptions) -> TextureNeeds {
@@ -73,7 +74,7 @@ fn for_each_image(scene: &Scene, id: TextureId, f: &mut dyn FnMut(usize, &Mappin
     let mut pending = vec![(id, 0)];
     while let Some((id, depth)) = pending.pop() {
         let mut add = |parts: &[TextureId]| {
-            if depth < MOST_NESTED_TEXTURES {
+            if depth < MAX_TEXTURE_NESTING {
                 pending.extend(parts.iter().map(|&part| (part, depth + 1)));
             }
         };
@@ -86,9 +87,9 @@ fn for_each_image(scene: &Scene, id: TextureId, f: &mut dyn FnMut(usize, &Mappin
     }
 }
 
-/// What is seen of the surfaces of a material at the least.
+/// The smallest footprint of rays on the surfaces of a material.
 #[derive(Clone, Copy, Debug)]
-struct Seen {
+struct Footprint {
     /// Some surface has it.
     is_used: bool,
     /// Width in metres.
@@ -97,19 +98,20 @@ struct Seen {
     of_sets: [f32; 2],
 }
 
-impl Seen {
-    const NOWHERE: Seen = Seen { is_used: false, width: f32::INFINITY, of_sets: [f32::INFINITY; 2] };
-    const POINTS: Seen = Seen { is_used: true, width: 0.0, of_sets: [0.0; 2] };
+impl Footprint {
+    const NOWHERE: Footprint =
+        Footprint { is_used: false, width: f32::INFINITY, of_sets: [f32::INFINITY; 2] };
+    const POINTS: Footprint = Footprint { is_used: true, width: 0.0, of_sets: [0.0; 2] };
 
     /// A surface of one density of texture coordinates.
-    fn at(width: f64, uv_per_metre: f64) -> Seen {
+    fn at(width: f64, uv_per_metre: f64) -> Footprint {
         let of_sets = [(width * uv_per_metre) as f32; 2];
-        Seen { is_used: true, width: width as f32, of_sets }
+        Footprint { is_used: true, width: width as f32, of_sets }
     }
 
-    fn and(self, other: Seen) -> Seen {
+    fn and(self, other: Footprint) -> Footprint {
         let of_sets = [0, 1].map(|set| self.of_sets[set].min(other.of_sets[set]));
-        Seen { is_used: self.is_used || other.is_used, width: self.width.min(other.width), of_sets }
+        Footprint { is_used: self.is_used || other.is_used, width: self.width.min(other.width), of_sets }
     }
 
     /// The least footprint of lookups.
@@ -126,34 +128,35 @@ impl Seen {
 }
 
 /// What is seen of each material.
-fn seen(scene: &Scene, picture: Option<&ExpectedPicture>) -> Vec<Seen> {
-    let nothing = || vec![Seen::NOWHERE; scene.materials.len()];
-    let eye = picture.map(Eye::new);
+fn seen(scene: &Scene, picture: Option<&ExpectedPicture>) -> Vec<Footprint> {
+    let nothing = || vec![Footprint::NOWHERE; scene.materials.len()];
+    let eye = picture.map(Viewpoint::new);
     let is_wanted: Vec<bool> = scene.materials.iter().map(|m| has_large_pyramid(scene, m)).collect();
     let triangles = scene.instances.iter().map(|i| scene.meshes[i.mesh.index()].triangles.len() as u64);
-    let is_exact = triangles.sum::<u64>() <= MOST_TRIANGLES;
-    let with_instance = |mut all: Vec<Seen>, instance: &Instance| {
+    let is_exact = triangles.sum::<u64>() <= MAX_EXACT_TRIANGLES;
+    let with_instance = |mut all: Vec<Footprint>, instance: &Instance| {
         let mesh = &scene.meshes[instance.mesh.index()];
         for (part, material) in mesh.parts.iter().zip(part_materials(mesh, instance)) {
             let of_part = match &eye {
                 Some(eye) if is_wanted[material.index()] && is_exact => eye.part(mesh, part, instance),
-                _ => Seen::POINTS,
+                _ => Footprint::POINTS,
             };
             all[material.index()] = all[material.index()].and(of_part);
         }
         all
     };
-    let join = |a: Vec<Seen>, b: Vec<Seen>| a.into_iter().zip(b).map(|(a, b)| a.and(b)).collect();
+    let join = |a: Vec<Footprint>, b: Vec<Footprint>| a.into_iter().zip(b).map(|(a, b)| a.and(b)).collect();
     let mut all =
         scene.instances.par_iter().with_min_len(64).fold(nothing, with_instance).reduce(nothing, join);
-    let mut add = |material: usize, seen: Option<Seen>| {
-        all[material] = all[material].and(seen.unwrap_or(Seen::POINTS));
+    let mut add = |material: usize, seen: Option<Footprint>| {
+        all[material] = all[material].and(seen.unwrap_or(Footprint::POINTS));
     };
     for quad in &scene.quads {
         let corners = [quad.corner, quad.corner + quad.edge_u, quad.corner + quad.edge_v];
         let fourth = quad.corner + quad.edge_u + quad.edge_v;
         let density = quad.edge_u.cross(quad.edge_v).length().sqrt().recip();
-        let seen = eye.as_ref().map(|eye| Seen::at(eye.width(corners.into_iter().chain([fourth])), density));
+        let seen =
+            eye.as_ref().map(|eye| Footprint::at(eye.width(corners.into_iter().chain([fourth])), density));
         add(quad.material.index(), seen);
     }
     for shape in &scene.shapes {
@@ -166,7 +169,7 @@ fn seen(scene: &Scene, picture: Option<&ExpectedPicture>) -> Vec<Seen> {
         let corners = [shape.center - reach, shape.center + reach];
         add(
             shape.material.index(),
-            eye.as_ref().zip(density).map(|(eye, density)| Seen::at(eye.width(corners), density)),
+            eye.as_ref().zip(density).map(|(eye, density)| Footprint::at(eye.width(corners), density)),
         );
     }
     scene.curves.iter().for_each(|curves| add(curves.material.index(), None));
@@ -187,8 +190,8 @@ fn has_large_pyramid(scene: &Scene, material: &Material) -> bool {
     has
 }
 
-/// Where a picture is seen from.
-struct Eye {
+/// The camera positions of a picture.
+struct Viewpoint {
     positions: Vec<DVec3>,
     /// How far rays may start from there.
     lens_radius: f64,
@@ -196,14 +199,14 @@ struct Eye {
     cone: [f64; 2],
 }
 
-impl Eye {
-    fn new(picture: &ExpectedPicture) -> Eye {
+impl Viewpoint {
+    fn new(picture: &ExpectedPicture) -> Viewpoint {
         let ExpectedPicture { camera, width, height } = picture;
         let (start, growth) = Camera::new(camera, *width, *height, DVec3::ZERO).pixel_cone();
         let keys = camera.motion.iter().flat_map(|motion| &motion.keys);
         let positions = keys.chain([&camera.world_from_camera]).map(|m| m.translation).collect();
         let lens_radius = camera.lens.map_or(0.0, |l| l.focus_distance * (l.defocus_angle_rad * 0.5).tan());
-        Eye { positions, lens_radius, cone: [start.into(), growth.into()] }
+        Viewpoint { positions, lens_radius, cone: [start.into(), growth.into()] }
     }
 
     /// Least width of what is seen in the box around points.
@@ -216,14 +219,14 @@ impl Eye {
     }
 
     /// What is seen of a part of a placed mesh, triangle by triangle.
-    fn part(&self, mesh: &Mesh, part: &MeshPart, instance: &Instance) -> Seen {
+    fn part(&self, mesh: &Mesh, part: &MeshPart, instance: &Instance) -> Footprint {
         if matches!(instance.motion, Motion::Keyed(_)) {
-            return Seen::POINTS;
+            return Footprint::POINTS;
         }
         let world: &DAffine3 = &instance.world_from_object;
         let first = part.first_triangle as usize;
         let triangles = &mesh.triangles[first..first + part.triangle_count as usize];
-        let mut seen = Seen { is_used: true, ..Seen::NOWHERE };
+        let mut seen = Footprint { is_used: true, ..Footprint::NOWHERE };
         for triangle in triangles {
             let corner =
                 |i: u32| world.transform_point3(DVec3::from(mesh.positions[i as usize].map(f64::from)));

@@ -15,10 +15,10 @@
 //! own, as Cycles has them ("shadow catcher" pass, to be multiplied).
 //!
 //! Cycles' own pictures have nothing but alpha there: a = 1 - min(1, mean of W / O over the channels) and no rgb, so that colours that
-//! objects cast are grey, and what is brighter than without the scene is lost ([`Caught::Shadows`]).
+//! objects cast are grey, and what is brighter than without the scene is lost ([`CatcherOutput::Shadows`]).
 
 use super::{Channel, Film, PixelType, Reduction, Source};
-use crate::scene::Caught;
+use crate::scene::CatcherOutput;
 use std::borrow::Cow;
 
 /// Names of the layer that stays, and of what is only needed on the way.
@@ -47,7 +47,7 @@ impl Channel {
 impl Film {
     /// Turns what was found on shadow catchers into colour and alpha, and into the layer of factors. Does nothing without
     /// catchers, and the second time.
-    pub fn settle_catchers(&mut self, caught: Caught) {
+    pub fn settle_catchers(&mut self, caught: CatcherOutput) {
         let plane = |name: &str| self.plane(name).map(super::Values::into_floats);
         let Some(share) = plane(SHARE[0]) else { return };
         let of = |names: [&str; 3]| names.map(|name| plane(name).unwrap_or_default());
@@ -57,14 +57,14 @@ impl Film {
             let (with, without) = ([0, 1, 2].map(|c| with[c][pixel]), [0, 1, 2].map(|c| without[c][pixel]));
             let ratio = |c: usize| if without[c] > DARK { with[c] / without[c] } else { 1.0 };
             let least = match caught {
-                Caught::All => (0..3).map(ratio).fold(1.0, f32::min).max(0.0),
-                Caught::Shadows => ((0..3).map(ratio).sum::<f32>() / 3.0).clamp(0.0, 1.0),
+                CatcherOutput::All => (0..3).map(ratio).fold(1.0, f32::min).max(0.0),
+                CatcherOutput::Shadows => ((0..3).map(ratio).sum::<f32>() / 3.0).clamp(0.0, 1.0),
             };
             let (sum, count) = self.color_of(pixel);
             for c in 0..3 {
                 let taken = match caught {
-                    Caught::All => least * without[c],
-                    Caught::Shadows => with[c],
+                    CatcherOutput::All => least * without[c],
+                    CatcherOutput::Shadows => with[c],
                 };
                 let left = sum[c] / count.max(1.0) - f64::from(taken);
                 // Nothing but rounding.
@@ -108,7 +108,7 @@ mod tests {
             ([0.1, 0.2, 0.3], [0.0, 0.0, 0.0]),
         ] {
             let mut film = film(with, without);
-            film.settle_catchers(Caught::All);
+            film.settle_catchers(CatcherOutput::All);
             let [r, g, b, alpha] = film.mean_rgba(0, 0);
             for c in 0..3 {
                 let whole = [r, g, b][c] + (1.0 - alpha) * without[c];
@@ -124,13 +124,13 @@ mod tests {
     #[test]
     fn grey_shadows_are_alpha_alone() {
         let mut film = film([0.1; 3], [0.4; 3]);
-        film.settle_catchers(Caught::All);
+        film.settle_catchers(CatcherOutput::All);
         let [r, g, b, alpha] = film.mean_rgba(0, 0);
         assert!([r, g, b].iter().all(|v| (v - 0.25).abs() < 1e-6) && (alpha - 0.5 - 0.375).abs() < 1e-6);
         let factor = film.plane("ShadowCatcher.R").expect("the layer").into_floats();
         assert!((factor[0] - (0.5 + 0.5 * 0.25)).abs() < 1e-6 && factor[1] == 1.0);
         let before = film.rgba();
-        film.settle_catchers(Caught::All);
+        film.settle_catchers(CatcherOutput::All);
         assert_eq!(film.rgba(), before);
     }
 
@@ -144,7 +144,7 @@ mod tests {
             ([0.1, 0.1, 0.1], [0.2, 0.1, 0.0], 1.0 / 6.0),
         ] {
             let mut film = film(with, without);
-            film.settle_catchers(Caught::Shadows);
+            film.settle_catchers(CatcherOutput::Shadows);
             let [r, g, b, a] = film.mean_rgba(0, 0);
             let is_rest = [r, g, b].iter().all(|v| (v - 0.25).abs() < 1e-6);
             assert!(

@@ -106,7 +106,7 @@ impl FirstHit<'_> {
     /// How far what is seen goes in the picture, in pixels to the right and up: from here to where it was a frame before, and to
     /// where it will be a frame after. What lies beside the camera then has nowhere to go.
     fn motion(&self, scene: &CompiledScene, view: &View) -> [f32; 4] {
-        let way = scene.vectors.way(&scene.geometries, &self.hit, self.surface.p, self.time);
+        let way = scene.vectors.point_motion(&scene.geometries, &self.hit, self.surface.p, self.time);
         let [x, y] = view.camera.film_point(way.now);
         let to = |k: usize| {
             let [x1, y1] = view.neighbours[k].film_point(way.neighbours[k]);

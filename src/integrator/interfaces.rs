@@ -278,7 +278,7 @@ impl Integrator<'_> {
     /// The surfaces of other solids that lie on the one that a ray hit, if there are any.
     #[inline]
     pub(super) fn touching(&self, ray: &Ray, at: &HitPoint<'_>) -> Option<CoincidentSurfaces<'_>> {
-        if self.scene.features.touching { self.find_coincident_surfaces(ray, at) } else { None }
+        if self.scene.features.coincident_surfaces { self.find_coincident_surfaces(ray, at) } else { None }
     }
 
     fn find_coincident_surfaces(&self, ray: &Ray, at: &HitPoint<'_>) -> Option<CoincidentSurfaces<'_>> {

@@ -1,6 +1,6 @@
 //! The list of solids that a path is within (the "interior list" of Schmidt and Budge 2002).
 
-use crate::compile::{CompiledScene, MOST_AROUND, Medium, ObjectId, View};
+use crate::compile::{CompiledScene, Medium, OVERLAP_LIMIT, ObjectId, View};
 use crate::math::{Hit, Ray, Vec3};
 use bytemuck::Zeroable;
 
@@ -14,7 +14,7 @@ const _: () = assert!(Interior::MOST * BITS == u128::BITS);
 
 impl Interior {
     /// How many solids are known.
-    pub const MOST: u32 = MOST_AROUND as u32;
+    pub const MOST: u32 = OVERLAP_LIMIT as u32;
 
     /// Inside of nothing.
     pub const AIR: Interior = Interior([0; 2]);
@@ -170,7 +170,7 @@ fn solids_around(scene: &CompiledScene, p: Vec3, direction: Vec3, time: f32) -> 
     let ray = Ray::new(p, direction);
     let (mut entered, mut left): (Vec<(u16, Option<ObjectId>)>, Vec<u16>) = (Vec::new(), Vec::new());
     // What lies on a surface is met next.
-    let has_neighbours = scene.features.touching || scene.features.overlaps;
+    let has_neighbours = scene.features.coincident_surfaces || scene.features.overlaps;
     let mut hit = Hit::MISS;
     for number in 0..MOST_SURFACES {
         hit = match number {

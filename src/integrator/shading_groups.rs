@@ -167,7 +167,7 @@ pub fn groups_of(scene: &CompiledScene) -> Vec<ShadingGroup> {
     let mut groups: Vec<ShadingGroup> = own.collect();
     let is_rough =
         |(group, m): (&ShadingGroup, &CompiledMaterial)| *group == ShadingGroup::Rough && m.medium_index != 0;
-    if scene.features.touching && groups.iter().zip(&scene.materials).any(is_rough) {
+    if scene.features.coincident_surfaces && groups.iter().zip(&scene.materials).any(is_rough) {
         // Where a smooth solid touches a rough one, the surface that counts may be the other's.
         for (group, material) in groups.iter_mut().zip(&scene.materials) {
             if *group == ShadingGroup::Specular && material.medium_index != 0 {

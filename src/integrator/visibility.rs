@@ -24,7 +24,7 @@ use super::wave::{FirstBounce, LightLanes, Paths, Vertices, Wave, get, get_rgb, 
 use super::workspace::Workspace;
 use crate::bsdf::Bsdf;
 use crate::color::Rgb;
-use crate::compile::{CompiledMaterial, MOST_CLASSES};
+use crate::compile::{CompiledMaterial, MAX_RECEIVER_CLASSES};
 use crate::math::{Frame, Hit, Vec3};
 use crate::sampling::hash::{hash32, unit};
 use crate::sampling::power_heuristic;
@@ -72,7 +72,7 @@ impl Integrator<'_> {
 
     /// Is light `index` visible to the ray of arriving path `i`, and not shadowed?
     pub(super) fn sees_light(&self, bounce: u32, i: usize, index: u32, arriving: &Paths) -> bool {
-        let kinds = self.scene.kinds_of_light(index);
+        let kinds = self.scene.ray_kinds_of_light(index);
         let links = self.scene.links.of_light(index);
         kinds.contains(self.kind(bounce, i, arriving))
             && !self.is_shadowed(i, arriving)
@@ -118,7 +118,7 @@ impl Integrator<'_> {
     ) -> Rgb {
         let v = &wave.vertices;
         let light = self.only_light.unwrap_or(v.light.index[i]);
-        let (kinds, links) = (self.scene.kinds_of_light(light), self.scene.links.of_light(light));
+        let (kinds, links) = (self.scene.ray_kinds_of_light(light), self.scene.links.of_light(light));
         if passed == RayKinds::NONE && kinds == RayKinds::ALL && links.blockers.is_all() {
             return Rgb::ONE;
         }
@@ -244,7 +244,7 @@ fn draw_diffuse(first: FirstBounce, bounce: u32, i: usize, paths: &mut Paths) ->
 const CLASS_SHIFT: u32 = 17;
 /// What those words hold besides.
 const OTHERS: u32 = (1 << CLASS_SHIFT) - 1;
-const _: () = assert!(MOST_CLASSES <= 1 << (u32::BITS - CLASS_SHIFT));
+const _: () = assert!(MAX_RECEIVER_CLASSES <= 1 << (u32::BITS - CLASS_SHIFT));
 
 /// A word with the class of another one.
 pub(super) fn with_class_of(word: u32, other: u32) -> u32 {

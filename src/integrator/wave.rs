@@ -168,7 +168,7 @@ impl PathParts {
         references: bool,
         clear: bool,
     ) -> PathParts {
-        let Features { footprints, media: interiors, walks: depths, ray_kinds: kinds, .. } = *features;
+        let Features { footprints, media: interiors, subsurface: depths, ray_kinds: kinds, .. } = *features;
         let of_scene = footprints || receiver_normals || interiors || kinds;
         let any = of_scene || first_bounces || chains || references || clear;
         PathParts {

@@ -8,7 +8,7 @@ use super::atomic::write_with;
 use crate::error::{Error, Problem, Result};
 use crate::film::{Aov, AovSet, Channel, Film, Layout};
 use crate::image::{Encoding, Image, Pixels};
-use crate::scene::{Backdrop, Caught, is_group_name};
+use crate::scene::{Backdrop, CatcherOutput, is_group_name};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -322,8 +322,8 @@ pub struct Channels {
 
 impl Channels {
     /// What is shown of what shadow catchers catch.
-    pub fn caught(&self) -> Caught {
-        if self.shadows_only { Caught::Shadows } else { Caught::All }
+    pub fn caught(&self) -> CatcherOutput {
+        if self.shadows_only { CatcherOutput::Shadows } else { CatcherOutput::All }
     }
 
     /// The AOVs; `None` if one is unknown.

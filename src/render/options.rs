@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use crate::film::{AovSet, AovSpace, MATTE_LEVELS};
 use crate::integrator::reuse::GroupShape;
 use crate::output::part::Region;
-use crate::scene::{Caught, Filter};
+use crate::scene::{CatcherOutput, Filter};
 use std::str::FromStr;
 use std::time::Duration;
 
@@ -146,8 +146,8 @@ pub struct RenderOptions {
     pub light_groups: bool,
     /// Tell what shadow catchers catch: see [`Film::settle_catchers`](crate::film::Film::settle_catchers). Default false.
     pub catchers: bool,
-    /// What is shown of that. Default [`Caught::All`].
-    pub caught: Caught,
+    /// What is shown of that. Default [`CatcherOutput::All`].
+    pub caught: CatcherOutput,
     /// Make the picture transparent where smooth glass is before nothing: a sample whose path passes from the camera through
     /// smooth surfaces only, by transmission, and leaves the scene there doesn't show the environment, and its alpha is 1 less
     /// the mean of the path's throughput over the three channels. Reflections stay opaque. Default false.
@@ -283,7 +283,7 @@ impl Default for RenderOptions {
             matte_levels: MATTE_LEVELS,
             light_groups: false,
             catchers: false,
-            caught: Caught::default(),
+            caught: CatcherOutput::default(),
             transparent_glass: false,
             halves: false,
             soft_terminator: true,

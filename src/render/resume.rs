@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::output::part::{
     Channels, Effort, Finish, Identity, PartFile, PartHeader, Way, differences, write_part,
 };
-use crate::scene::{Backdrop, Caught};
+use crate::scene::{Backdrop, CatcherOutput};
 use std::path::Path;
 use std::time::Duration;
 
@@ -100,7 +100,7 @@ impl Rendering {
             light_groups: self.labels.light_groups.clone(),
             halves: self.options.halves,
             catchers: self.options.catchers,
-            shadows_only: self.options.caught == Caught::Shadows,
+            shadows_only: self.options.caught == CatcherOutput::Shadows,
         }
     }
 

@@ -21,23 +21,23 @@ pub struct Medium {
     /// channels then.
     pub grid: Option<GridId>,
     /// What the emission is taken times in place of that grid, where there is one.
-    pub glow: Option<Glow>,
+    pub glow: Option<EmissionGrid>,
 }
 
 /// Where a medium with a grid shines, by another one.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Glow {
+pub struct EmissionGrid {
     /// Factors on the emission, or temperatures.
     pub grid: GridId,
     /// Kelvins where the grid is 1: the medium shines as a black body, and its emission is the luminance that each metre of
-    /// [`Glow::REFERENCE_KELVIN`] adds.
+    /// [`EmissionGrid::REFERENCE_KELVIN`] adds.
     pub kelvin: Option<f32>,
     /// The luminance goes by the fourth power of the temperature, as all that a black body sends does (Stefan, Boltzmann), not
     /// as what is seen of it (Planck's law).
-    pub goes_by_power: bool,
+    pub scales_with_power: bool,
 }
 
-impl Glow {
+impl EmissionGrid {
     /// The temperature at which black bodies have the emission that is given.
     pub const REFERENCE_KELVIN: f32 = 1500.0;
 }

@@ -41,7 +41,7 @@ pub use light::{
     DEFAULT_GROUP, GROUP_KEY, Light, LightKind, LightProfile, SpotFade, group_or_default, is_group_name,
 };
 pub use material::{AlphaMode, Beam, Displacement, Emission, Lamp, Material};
-pub use medium::{Fog, Glow, Grid, Medium, coefficients};
+pub use medium::{EmissionGrid, Fog, Grid, Medium, coefficients};
 pub use model::{
     Anisotropy, Clearcoat, DiffuseTransmission, FresnelModel, GlassReflection, Iridescence, Model,
     PbrMaterial, Sheen, Transmission, hair_color, hair_color_scale,
@@ -50,9 +50,9 @@ pub use motion::{Moving, SceneMotion, Vertices};
 pub use object_traits::{LightLinks, Link, ObjectSet, ObjectSets, ObjectTraits, RayKinds};
 pub use outline::{MaterialUses, Outline};
 pub(crate) use outline::{encloses, is_closed};
-pub use settings::{Caught, EnergyCompensation, Filter, Settings, ShadingModel};
+pub use settings::{CatcherOutput, EnergyCompensation, Filter, Settings, ShadingModel};
 pub use slot::{ColorSlot, FloatSlot, NormalMap, Parameter, ParameterMut, Parameters};
-pub use texture::{Interpolation, MOST_NESTED_TEXTURES, Mapping, NoiseKind, Texture, TextureTransform, Wrap};
+pub use texture::{Interpolation, MAX_TEXTURE_NESTING, Mapping, NoiseKind, Texture, TextureTransform, Wrap};
 
 use crate::image::Image;
 use std::sync::Arc;

@@ -29,7 +29,7 @@ pub enum EnergyCompensation {
 
 /// What pictures show of shadow catchers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Caught {
+pub enum CatcherOutput {
     /// Shadows as alpha, and the light and colours that other objects bring besides: laid over a plate of what the catcher stands
     /// for, the picture shows the catcher as it would be among them.
     #[default]
@@ -85,7 +85,7 @@ pub struct Settings {
     /// Names of further channels to record.
     pub aovs: Option<Vec<String>>,
     /// What is shown of shadow catchers.
-    pub caught: Option<Caught>,
+    pub caught: Option<CatcherOutput>,
 }
 
 impl Settings {

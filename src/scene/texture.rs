@@ -6,7 +6,7 @@ use crate::math::Vec2;
 use std::sync::Arc;
 
 /// How many textures may lie one in the other: checkers and mixes, and what is in the cells of the innermost.
-pub const MOST_NESTED_TEXTURES: u32 = 64;
+pub const MAX_TEXTURE_NESTING: u32 = 64;
 
 /// What happens outside 0..1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]

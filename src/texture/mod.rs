@@ -13,7 +13,7 @@ use crate::color::spectral::{Spectrum, Wavelengths, uplifted_share};
 use crate::error::Error;
 use crate::image::Image;
 use crate::math::{Vec2, Vec3};
-use crate::scene::{ImageId, LightProfile, MOST_NESTED_TEXTURES, NoiseKind, Texture, TextureId};
+use crate::scene::{ImageId, LightProfile, MAX_TEXTURE_NESTING, NoiseKind, Texture, TextureId};
 pub use coordinates::TexturePoint;
 use coordinates::{TextureCoordinates, UvMap, triplanar};
 pub use image::ImageLookup;
@@ -338,7 +338,7 @@ enum Compiled {
 
 /// A checker of two equal constants is a constant, and so is a mix of constants.
 fn fold_constants(textures: &mut [Compiled]) {
-    for _ in 0..MOST_NESTED_TEXTURES {
+    for _ in 0..MAX_TEXTURE_NESTING {
         for i in 0..textures.len() {
             let value = |at: u32| match textures.get(at as usize) {
                 Some(Compiled::Constant(c)) => Some(*c),
@@ -366,7 +366,7 @@ fn cut_endless_mixes(textures: &mut [Compiled]) {
         return;
     }
     let mut depths = vec![1; textures.len()];
-    for _ in 0..=MOST_NESTED_TEXTURES {
+    for _ in 0..=MAX_TEXTURE_NESTING {
         for i in 0..textures.len() {
             let depth = |part: u32| depths.get(part as usize).map_or(1, |depth: &u32| depth + 1);
             depths[i] = match textures[i] {
@@ -377,7 +377,7 @@ fn cut_endless_mixes(textures: &mut [Compiled]) {
         }
     }
     for (texture, depth) in textures.iter_mut().zip(depths) {
-        if matches!(texture, Compiled::Mix(_)) && depth > MOST_NESTED_TEXTURES {
+        if matches!(texture, Compiled::Mix(_)) && depth > MAX_TEXTURE_NESTING {
             *texture = Compiled::Constant([0.0, 0.0, 0.0, 1.0]);
         }
     }
@@ -426,7 +426,7 @@ impl<'a> PointReader<'a> {
     /// A texture times a factor in the lanes of a path: a spectrum, or that of a colour.
     pub fn by_wavelength(&self, id: TextureId, factor: Rgb, waves: &Wavelengths) -> Rgb {
         let mut at = id;
-        for _ in 0..MOST_NESTED_TEXTURES {
+        for _ in 0..MAX_TEXTURE_NESTING {
             match self.textures.textures.get(at.index()) {
                 Some(Compiled::Checker { even, odd, inverse_size, coordinates }) => {
                     let is_odd = checker_is_odd(coordinates, *inverse_size, &self.moved());
@@ -444,7 +444,7 @@ impl<'a> PointReader<'a> {
 
     fn look_up(&self, id: TextureId) -> [f32; 4] {
         let mut at = id.index();
-        for _ in 0..MOST_NESTED_TEXTURES {
+        for _ in 0..MAX_TEXTURE_NESTING {
             match self.textures.textures.get(at) {
                 Some(Compiled::Checker { even, odd, inverse_size, coordinates }) => {
                     let is_odd = checker_is_odd(coordinates, *inverse_size, &self.moved());

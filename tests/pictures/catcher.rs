@@ -4,7 +4,7 @@ use crate::spectral::pixels;
 use crate::support::{camera, material, options, picture, quad, sphere};
 use oscura::math::DVec3;
 use oscura::render::RenderOptions;
-use oscura::scene::{Caught, Environment, Light, Material, ObjectTraits, Scene};
+use oscura::scene::{CatcherOutput, Environment, Light, Material, ObjectTraits, Scene};
 
 const SEEDS: u32 = 10;
 const SIZE: u32 = 16;
@@ -129,7 +129,7 @@ fn shadows_alone_have_no_colour() {
     scene.cameras[0] = camera(DVec3::new(1.1, 1.0, 0.4), DVec3::new(1.1, 0.0, 0.4), DVec3::Z, 40.0);
     let options = options(8, 64, 4).catchers(true);
     let mut alone = options;
-    alone.caught = Caught::Shadows;
+    alone.caught = CatcherOutput::Shadows;
     let (all, shadows) = (picture(&scene, &options), picture(&scene, &alone));
     let factors = ["R", "G", "B"].map(|channel| {
         let plane = shadows.plane(&format!("ShadowCatcher.{channel}"));

@@ -171,7 +171,7 @@ fn grids_shine() {
 #[test]
 fn grids_shine_by_other_grids() {
     use oscura::compile::BlackBodies;
-    use oscura::scene::Glow;
+    use oscura::scene::EmissionGrid;
     let grid = |values: [f32; 2], z: [f64; 2]| {
         let (min, max) = (DVec3::new(-2.0, -2.0, z[0]), DVec3::new(2.0, 2.0, z[1]));
         let values = std::sync::Arc::new(values.to_vec());
@@ -184,11 +184,11 @@ fn grids_shine_by_other_grids() {
     };
     let (density, along) = ([0.5, 2.0], [-1.0, 1.0]);
     let (heat, hot) = ([0.2, 1.3], [-0.8, 1.6]);
-    let bodies = BlackBodies::relative_to(Glow::REFERENCE_KELVIN);
-    for (kelvin, goes_by_power) in [(None, false), (Some(1300.0), false), (Some(1300.0), true)] {
+    let bodies = BlackBodies::relative_to(EmissionGrid::REFERENCE_KELVIN);
+    for (kelvin, scales_with_power) in [(None, false), (Some(1300.0), false), (Some(1300.0), true)] {
         let mut scene = Scene::default();
         let [smoke, fire] = [grid(density, along), grid(heat, hot)].map(|grid| scene.add_grid(grid));
-        let glow = Some(Glow { grid: fire, kelvin, goes_by_power });
+        let glow = Some(EmissionGrid { grid: fire, kelvin, scales_with_power });
         let burning = Medium { grid: Some(smoke), glow, emission: [0.6; 3], ..medium(0.7, 0.0, 0.0) };
         let filled = body(&mut scene, burning);
         sphere(&mut scene, [0.0; 3], 3.0, filled);
@@ -201,7 +201,7 @@ fn grids_shine_by_other_grids() {
             let heat = value(heat, hot, z);
             let shines = match kelvin {
                 None => [heat; 3],
-                Some(kelvin) if goes_by_power => {
+                Some(kelvin) if scales_with_power => {
                     let kelvin = (heat * f64::from(kelvin)) as f32;
                     let color = bodies.rgb(kelvin.max(BlackBodies::COOLEST));
                     color.map(|c| f64::from(c * bodies.power_over_luminance(kelvin)))
@@ -215,7 +215,7 @@ fn grids_shine_by_other_grids() {
         let of_pixel = |i: u32| film.mean_rgba(i % 32, i / 32).map(f64::from);
         let all = (0..1024).map(of_pixel).reduce(|a, b| std::array::from_fn(|c| a[c] + b[c]));
         let found = all.expect("pixels").map(|sum| sum / 1024.0);
-        println!("{kelvin:?}, {goes_by_power}: {found:?}, truth {truth:?}");
+        println!("{kelvin:?}, {scales_with_power}: {found:?}, truth {truth:?}");
         // A million paths: a quarter of a percent is ten standard errors or so.
         let is_close = |c: usize| (found[c] - truth[c]).abs() < 4e-3 * truth[0];
         assert!((0..3).all(is_close) && truth[0] > 0.1, "{found:?} {truth:?}");

@@ -6,8 +6,8 @@ use oscura::compile::{CompileOptions, compile};
 use oscura::math::{DAffine3, DVec3};
 use oscura::render::{PassOutcome, RenderOptions, Rendering};
 use oscura::scene::{
-    Environment, Fog, Glow, Grid, GridId, Instance, Light, LightKind, Material, MaterialId, Medium, Mesh,
-    Model, Projection, Scene, ShadingModel,
+    EmissionGrid, Environment, Fog, Grid, GridId, Instance, Light, LightKind, Material, MaterialId, Medium,
+    Mesh, Model, Projection, Scene, ShadingModel,
 };
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -462,7 +462,7 @@ fn cube(scene: &mut Scene, material: MaterialId) {
 fn pictures_of_overlapping_media_have_the_same_bits_everywhere() {
     let mut scene = lumps(&[0.5, 0.5], true);
     let flame = constant(&mut scene, 0.9, [3, 3, 3]);
-    let glow = Some(Glow { grid: flame, kelvin: Some(1900.0), goes_by_power: true });
+    let glow = Some(EmissionGrid { grid: flame, kelvin: Some(1900.0), scales_with_power: true });
     let fire = Medium { grid: Some(flame), glow, emission: [0.4; 3], ..medium([0.5; 3], 0.5, 0.0) };
     let colored = medium([0.2, 0.5, 1.0], 0.8, 0.2);
     for (radius, own) in [(0.7, fire), (1.1, colored)] {

@@ -53,7 +53,7 @@ use super::fields::{Fields, Placed};
 use super::transform;
 use crate::load::grid;
 use crate::math::{DAffine3, DMat3, DVec3};
-use crate::scene::{ColorSlot, DiffuseTransmission, FloatSlot, Fog, Glow, Grid, Medium, PbrMaterial};
+use crate::scene::{ColorSlot, DiffuseTransmission, EmissionGrid, FloatSlot, Fog, Grid, Medium, PbrMaterial};
 use std::path::Path;
 
 /// Most that an extinction coefficient may be: flights in denser media are shorter than positions are precise.
@@ -109,7 +109,7 @@ struct GlowKeys<'a> {
     factors: Option<Placed<&'a str>>,
     heat: Option<Placed<&'a str>>,
     kelvin: Option<f32>,
-    goes_by_power: Option<bool>,
+    scales_with_power: Option<bool>,
 }
 
 /// How grids of a file stand in the world.
@@ -134,13 +134,14 @@ impl<'a> GlowKeys<'a> {
             factors: fields.string("emission_grid"),
             heat: fields.string("temperature_grid"),
             kelvin,
-            goes_by_power: fields.choice("temperature_law", &[("planck", false), ("stefan-boltzmann", true)]),
+            scales_with_power: fields
+                .choice("temperature_law", &[("planck", false), ("stefan-boltzmann", true)]),
         };
         if keys.factors.is_some() && keys.heat.is_some() {
             let message = "'emission_grid' and 'temperature_grid' both say where it shines: leave one out";
             fields.problems.push(fields.span(), message);
         }
-        if (keys.kelvin.is_some() || keys.goes_by_power.is_some()) && keys.heat.is_none() {
+        if (keys.kelvin.is_some() || keys.scales_with_power.is_some()) && keys.heat.is_none() {
             let message = "'temperature' and 'temperature_law' are about a 'temperature_grid'";
             fields.problems.push(fields.span(), message);
         }
@@ -157,7 +158,7 @@ impl<'a> GlowKeys<'a> {
     }
 
     /// The grid of the file that it names; it stands where the file has it, moved as that of densities is.
-    fn of_file(self, build: &mut Build, fields: &Fields, path: &Path, place: Place) -> Option<Glow> {
+    fn of_file(self, build: &mut Build, fields: &Fields, path: &Path, place: Place) -> Option<EmissionGrid> {
         let kelvin = self.heat.is_some().then(|| self.kelvin.unwrap_or(1.0));
         let name = self.heat.or(self.factors)?;
         let is_vdb = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("vdb"));
@@ -171,8 +172,12 @@ impl<'a> GlowKeys<'a> {
         build.options.files.note(&file);
         match grid::read(&file, choice) {
             Ok(grid) => {
-                let goes_by_power = self.goes_by_power.unwrap_or(false);
-                Some(Glow { grid: build.loaded.scene.add_grid(place.put(grid)), kelvin, goes_by_power })
+                let scales_with_power = self.scales_with_power.unwrap_or(false);
+                Some(EmissionGrid {
+                    grid: build.loaded.scene.add_grid(place.put(grid)),
+                    kelvin,
+                    scales_with_power,
+                })
             }
             Err(e) => {
                 fields.problems.push(name.span, e);

@@ -22,7 +22,7 @@
 use super::build::Build;
 use super::fields::Fields;
 use crate::color::ViewTransform;
-use crate::scene::{Caught, EnergyCompensation, Filter, FresnelModel, Settings};
+use crate::scene::{CatcherOutput, EnergyCompensation, Filter, FresnelModel, Settings};
 use std::ops::Range;
 
 /// A list of names.
@@ -77,7 +77,7 @@ pub(super) fn read(build: &Build, fields: &Fields) -> Settings {
         denoise: fields.has("denoise").then(|| fields.flag("denoise", false)),
         crop: crop(fields),
         exposure: number(fields, "exposure", -100.0..100.0),
-        caught: fields.choice("caught", &[("all", Caught::All), ("shadows", Caught::Shadows)]),
+        caught: fields.choice("caught", &[("all", CatcherOutput::All), ("shadows", CatcherOutput::Shadows)]),
     };
     fields.finish();
     settings

@@ -12,7 +12,7 @@ pub(super) const BLOCK: usize = 1 << 16;
 
 /// An entry of one of the scene's lists.
 #[derive(Clone, Copy)]
-pub(super) struct Place<'a> {
+pub(super) struct Entry<'a> {
     /// The list's field in the scene.
     pub list: &'static str,
     /// Which entry.
@@ -21,7 +21,7 @@ pub(super) struct Place<'a> {
     pub name: &'a str,
 }
 
-impl Display for Place<'_> {
+impl Display for Entry<'_> {
     fn fmt(&self, f: &mut Formatter<'_>) -> Result {
         write!(f, "{}[{}]", self.list, self.index)?;
         if self.name.is_empty() { Ok(()) } else { write!(f, " '{}'", self.name) }
@@ -29,7 +29,7 @@ impl Display for Place<'_> {
 }
 
 /// How often one kind of problem was found.
-struct Kind {
+struct RepeatedProblem {
     field: &'static str,
     what: &'static str,
     count: usize,
@@ -39,7 +39,7 @@ struct Kind {
 #[derive(Default)]
 pub(super) struct Findings {
     list: Vec<Problem>,
-    kinds: Vec<Kind>,
+    kinds: Vec<RepeatedProblem>,
 }
 
 impl Findings {
@@ -104,7 +104,7 @@ impl Findings {
     /// All problems, with a line for each kind that has more than are listed.
     pub fn into_problems(self) -> Vec<Problem> {
         let Findings { mut list, kinds } = self;
-        for Kind { field, what, count } in kinds.into_iter().filter(|k| k.count > MOST_ALIKE) {
+        for RepeatedProblem { field, what, count } in kinds.into_iter().filter(|k| k.count > MOST_ALIKE) {
             let more = count - MOST_ALIKE;
             list.push(Problem::new("", format!("{more} more of this kind: {field} must be {what}")));
         }
@@ -115,7 +115,7 @@ impl Findings {
     fn is_listed(&mut self, field: &'static str, what: &'static str) -> bool {
         let known = self.kinds.iter().position(|k| k.field == field && k.what == what);
         let at = known.unwrap_or_else(|| {
-            self.kinds.push(Kind { field, what, count: 0 });
+            self.kinds.push(RepeatedProblem { field, what, count: 0 });
             self.kinds.len() - 1
         });
         self.kinds[at].count += 1;

@@ -1,7 +1,7 @@
 //! Checks of meshes, curves, other objects and their motion: references, list lengths, finite numbers. Lists of numbers take one
 //! branch-free pass each, so that a check takes as long as reading the list.
 
-use super::findings::{BLOCK, Findings, Place};
+use super::findings::{BLOCK, Entry, Findings};
 use crate::math::DAffine3;
 use crate::scene::{Curves, Material, MaterialId, Mesh, Motion, Scene, Transmission};
 use rayon::prelude::*;
@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 pub(super) fn check_meshes(scene: &Scene, findings: &mut Findings) {
     for (index, mesh) in scene.meshes.iter().enumerate() {
-        let place = Place { list: "meshes", index, name: &mesh.name };
+        let place = Entry { list: "meshes", index, name: &mesh.name };
         check_triangles(mesh, place, findings);
         check_numbers(mesh, place, findings);
         check_lengths(mesh, place, findings);
@@ -19,7 +19,7 @@ pub(super) fn check_meshes(scene: &Scene, findings: &mut Findings) {
     }
 }
 
-fn check_triangles(mesh: &Mesh, place: Place, findings: &mut Findings) {
+fn check_triangles(mesh: &Mesh, place: Entry, findings: &mut Findings) {
     let (indices, vertices) = (mesh.triangles.as_flattened(), mesh.positions.len());
     // More vertices than indices can tell apart: all are in range.
     let Ok(vertices) = u32::try_from(vertices) else { return };
@@ -30,7 +30,7 @@ fn check_triangles(mesh: &Mesh, place: Place, findings: &mut Findings) {
     }
 }
 
-fn check_numbers(mesh: &Mesh, place: Place, findings: &mut Findings) {
+fn check_numbers(mesh: &Mesh, place: Entry, findings: &mut Findings) {
     let mut check = |field, numbers: &[f32]| findings.require_finite(numbers, place, field);
     check("positions", mesh.positions.as_flattened());
     check("normals", mesh.normals.as_flattened());
@@ -39,7 +39,7 @@ fn check_numbers(mesh: &Mesh, place: Place, findings: &mut Findings) {
     mesh.uv_sets.iter().for_each(|set| check("uv_sets", set.as_flattened()));
 }
 
-fn check_lengths(mesh: &Mesh, place: Place, findings: &mut Findings) {
+fn check_lengths(mesh: &Mesh, place: Entry, findings: &mut Findings) {
     let vertices = mesh.positions.len();
     let mut check = |field, length: usize| {
         let is_met = length == 0 || length == vertices;
@@ -51,7 +51,7 @@ fn check_lengths(mesh: &Mesh, place: Place, findings: &mut Findings) {
     mesh.uv_sets.iter().for_each(|set| check("length of a set of uv_sets", set.len()));
 }
 
-fn check_parts(mesh: &Mesh, materials: usize, place: Place, findings: &mut Findings) {
+fn check_parts(mesh: &Mesh, materials: usize, place: Entry, findings: &mut Findings) {
     const IN_ORDER: &str = "in order, without gaps, and cover all triangles";
     let mut next = 0u64;
     for part in &mesh.parts {
@@ -69,7 +69,7 @@ fn check_parts(mesh: &Mesh, materials: usize, place: Place, findings: &mut Findi
 
 pub(super) fn check_curves(scene: &Scene, findings: &mut Findings) {
     for (index, curves) in scene.curves.iter().enumerate() {
-        let place = Place { list: "curves", index, name: &curves.name };
+        let place = Entry { list: "curves", index, name: &curves.name };
         lists(curves, place, findings);
         match scene.materials.get(curves.material.index()) {
             None => findings.reject(place, "material", curves.material, "one of the scene's materials"),
@@ -78,7 +78,7 @@ pub(super) fn check_curves(scene: &Scene, findings: &mut Findings) {
     }
 }
 
-fn lists(curves: &Curves, place: Place, findings: &mut Findings) {
+fn lists(curves: &Curves, place: Entry, findings: &mut Findings) {
     let sum: u64 = curves.strands.iter().map(|n| u64::from(*n)).sum();
     let points = curves.points.len();
     findings.require(sum == points as u64, place, "strands", sum, "as many points as there are");
@@ -97,7 +97,7 @@ fn lists(curves: &Curves, place: Place, findings: &mut Findings) {
 }
 
 /// Rays meet curves from outside only: they have no inside, and are no lights.
-fn suits(material: &Material, place: Place, findings: &mut Findings) {
+fn suits(material: &Material, place: Entry, findings: &mut Findings) {
     let is_solid = match material.model.transmission() {
         Transmission::Clear(_) => true,
         Transmission::Pbr(pbr) => pbr.has_volume || pbr.keeps_radiance,
@@ -118,7 +118,7 @@ const FINITE: &str = "finite";
 pub(super) fn check_objects(scene: &Scene, findings: &mut Findings) {
     let exists = |id: MaterialId| id.index() < scene.materials.len();
     for (index, instance) in scene.instances.iter().enumerate() {
-        let place = Place { list: "instances", index, name: &instance.name };
+        let place = Entry { list: "instances", index, name: &instance.name };
         let has_mesh = instance.mesh.index() < scene.meshes.len();
         findings.require(has_mesh, place, "mesh", instance.mesh, "one of the scene's meshes");
         findings.require(
@@ -130,7 +130,7 @@ pub(super) fn check_objects(scene: &Scene, findings: &mut Findings) {
         );
     }
     for (index, shape) in scene.shapes.iter().enumerate() {
-        let place = Place { list: "shapes", index, name: &shape.name };
+        let place = Entry { list: "shapes", index, name: &shape.name };
         findings.require(exists(shape.material), place, "material", shape.material, MATERIAL);
         findings.require(shape.center.is_finite(), place, "center", shape.center, FINITE);
         findings.require_length(shape.radius, place, "radius", shape.radius);
@@ -140,7 +140,7 @@ pub(super) fn check_objects(scene: &Scene, findings: &mut Findings) {
         findings.require(shape.rotation.is_normalized(), place, "rotation", shape.rotation, "of unit length");
     }
     for (index, quad) in scene.quads.iter().enumerate() {
-        let place = Place { list: "quads", index, name: &quad.name };
+        let place = Entry { list: "quads", index, name: &quad.name };
         findings.require(exists(quad.material), place, "material", quad.material, MATERIAL);
         findings.require(quad.corner.is_finite(), place, "corner", quad.corner, FINITE);
         findings.require(quad.edge_u.is_finite(), place, "edge_u", quad.edge_u, FINITE);
@@ -154,7 +154,7 @@ pub(super) fn check_motion(scene: &Scene, findings: &mut Findings) {
     let motion = &scene.motion;
     for (index, instance) in scene.instances.iter().enumerate() {
         if let Motion::Keyed(number) = instance.motion {
-            let place = Place { list: "instances", index, name: &instance.name };
+            let place = Entry { list: "instances", index, name: &instance.name };
             let exists = (number as usize) < motion.instances.len();
             findings.require(exists, place, "motion", number, "the number of one of the scene's motions");
         }
@@ -163,7 +163,7 @@ pub(super) fn check_motion(scene: &Scene, findings: &mut Findings) {
     let listed = lists.iter().flat_map(|(list, all)| all.iter().map(move |(i, moving)| (*list, *i, moving)));
     let instances = motion.instances.iter().enumerate().map(|(i, moving)| ("motion.instances", i, moving));
     for (list, index, moving) in listed.chain(instances) {
-        let place = Place { list, index, name: "" };
+        let place = Entry { list, index, name: "" };
         findings.require(
             moving.all().all(DAffine3::is_finite),
             place,
@@ -174,7 +174,7 @@ pub(super) fn check_motion(scene: &Scene, findings: &mut Findings) {
     }
     for (&index, moving) in &motion.meshes {
         let mesh = scene.meshes.get(index);
-        let place = Place { list: "motion.meshes", index, name: mesh.map_or("", |m| &m.name) };
+        let place = Entry { list: "motion.meshes", index, name: mesh.map_or("", |m| &m.name) };
         findings.require(mesh.is_some(), place, "mesh", index, "one of the scene's meshes");
         let Some(mesh) = mesh else { continue };
         let counts = (mesh.positions.len(), mesh.normals.len());

@@ -1,6 +1,6 @@
 //! Checks of lights, the environment, light groups and cameras.
 
-use super::findings::{Findings, Place};
+use super::findings::{Entry, Findings};
 use super::materials::DECODED;
 use crate::math::{DAffine3, DQuat, DVec3};
 use crate::scene::{
@@ -12,7 +12,7 @@ use std::ops::RangeInclusive;
 
 pub(super) fn check_lights(scene: &Scene, findings: &mut Findings) {
     for (index, light) in scene.lights.iter().enumerate() {
-        let place = Place { list: "lights", index, name: &light.name };
+        let place = Entry { list: "lights", index, name: &light.name };
         findings.require_color(&light.intensity, place, "intensity");
         check_kind(&light.kind, place, findings);
         let is_profiled = matches!(light.kind, LightKind::Profiled { .. });
@@ -33,12 +33,12 @@ pub(super) fn check_lights(scene: &Scene, findings: &mut Findings) {
         moving.all().for_each(|kind| check_kind(kind, place, findings));
     }
     for (index, profile) in scene.profiles.iter().enumerate() {
-        let place = Place { list: "profiles", index, name: "" };
+        let place = Entry { list: "profiles", index, name: "" };
         findings.require(profile.is_sound(), place, "values", profile.values.len(), "a sound profile");
     }
 }
 
-fn check_kind(kind: &LightKind, place: Place, findings: &mut Findings) {
+fn check_kind(kind: &LightKind, place: Entry, findings: &mut Findings) {
     match *kind {
         LightKind::Point { position } => check_position(position, place, findings),
         LightKind::Spot { position, direction, inner_angle_rad, outer_angle_rad, .. } => {
@@ -65,7 +65,7 @@ fn check_kind(kind: &LightKind, place: Place, findings: &mut Findings) {
 }
 
 /// How a profile is turned and cut.
-pub(super) fn check_aim(rotation: DQuat, cone: Option<[f64; 2]>, place: Place, findings: &mut Findings) {
+pub(super) fn check_aim(rotation: DQuat, cone: Option<[f64; 2]>, place: Entry, findings: &mut Findings) {
     findings.require(rotation.is_normalized(), place, "rotation", rotation, "a unit quaternion");
     let [inner, outer] = cone.unwrap_or([0.0, 1.0]);
     let is_cone = 0.0 <= inner && inner <= outer && outer > 0.0 && outer <= PI;
@@ -75,11 +75,11 @@ pub(super) fn check_aim(rotation: DQuat, cone: Option<[f64; 2]>, place: Place, f
 /// Smaller suns are no different from parallel light, but for rounding.
 const LEAST_SUN_RAD: f64 = 1e-5;
 
-fn check_position(position: DVec3, place: Place, findings: &mut Findings) {
+fn check_position(position: DVec3, place: Entry, findings: &mut Findings) {
     findings.require(position.is_finite(), place, "position", position, "finite");
 }
 
-fn check_direction(direction: DVec3, place: Place, findings: &mut Findings) {
+fn check_direction(direction: DVec3, place: Entry, findings: &mut Findings) {
     let is_met = direction.try_normalize().is_some();
     findings.require(is_met, place, "direction", direction, "a finite vector of a length above 0");
 }
@@ -104,7 +104,7 @@ pub(super) fn check_environment(scene: &Scene, findings: &mut Findings) {
         findings.require(is_met, PLACE, "sun", sun, "one of the scene's lights, a sun");
     }
     for (index, portal) in scene.portals.iter().enumerate() {
-        let place = Place { list: "portals", index, name: &portal.name };
+        let place = Entry { list: "portals", index, name: &portal.name };
         let [u, v] = [portal.edge_u, portal.edge_v];
         let is_finite = portal.corner.is_finite() && portal.corner.length() < FARTHEST;
         findings.require(is_finite, place, "corner", portal.corner, "a finite point");
@@ -170,7 +170,7 @@ fn is_placed(m: &DAffine3) -> bool {
 }
 
 pub(super) fn check_camera(camera: &Camera, index: usize, findings: &mut Findings) {
-    let place = Place { list: "cameras", index, name: &camera.name };
+    let place = Entry { list: "cameras", index, name: &camera.name };
     let m = &camera.world_from_camera;
     let allowed = "finite, with three axes that lie in no plane";
     findings.require(is_placed(m), place, "world_from_camera", m, allowed);
@@ -196,7 +196,7 @@ pub(super) fn check_camera(camera: &Camera, index: usize, findings: &mut Finding
 }
 
 /// What of the scene the picture shows.
-fn check_frame(camera: &Camera, place: Place, findings: &mut Findings) {
+fn check_frame(camera: &Camera, place: Entry, findings: &mut Findings) {
     let pixel = camera.pixel_aspect;
     let is_square = pixel == 1.0 || !matches!(camera.projection, Projection::Panorama(_));
     let is_met = PIXELS.contains(&pixel) && is_square;
@@ -216,7 +216,7 @@ fn check_frame(camera: &Camera, place: Place, findings: &mut Findings) {
     }
 }
 
-fn check_lens(camera: &Camera, place: Place, findings: &mut Findings) {
+fn check_lens(camera: &Camera, place: Entry, findings: &mut Findings) {
     let Some(lens) = camera.lens else { return };
     let angle = lens.defocus_angle_rad;
     let is_met = (0.0..PI).contains(&angle);
@@ -241,7 +241,7 @@ fn check_lens(camera: &Camera, place: Place, findings: &mut Findings) {
     }
 }
 
-fn check_panorama(panorama: &Panorama, place: Place, findings: &mut Findings) {
+fn check_panorama(panorama: &Panorama, place: Entry, findings: &mut Findings) {
     match *panorama {
         Panorama::Equirectangular { longitude_rad, latitude_rad } => {
             for (field, [from, to], most, allowed) in [
@@ -262,7 +262,7 @@ fn check_panorama(panorama: &Panorama, place: Place, findings: &mut Findings) {
     }
 }
 
-fn check_fov(fov_rad: f64, place: Place, findings: &mut Findings) {
+fn check_fov(fov_rad: f64, place: Entry, findings: &mut Findings) {
     let is_met = (LEAST_ANGLE..=TAU).contains(&fov_rad);
     findings.require(is_met, place, "fov_rad", fov_rad, "above 0 and at most 2 pi");
 }

@@ -1,11 +1,11 @@
 //! Checks of materials, media, images and textures.
 
-use super::findings::{Findings, Place};
+use super::findings::{Entry, Findings};
 use super::lights::check_aim;
 use crate::image::{Image, Pixels};
 use crate::math::DVec3;
 use crate::scene::{
-    AlphaMode, Backdrop, Beam, ColorSlot, FloatSlot, Fog, Grid, MOST_NESTED_TEXTURES, Mapping, Material,
+    AlphaMode, Backdrop, Beam, ColorSlot, FloatSlot, Fog, Grid, MAX_TEXTURE_NESTING, Mapping, Material,
     Medium, Model, Parameter, PbrMaterial, Scene, Texture, TextureId, coefficients,
 };
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -20,7 +20,7 @@ const CHANNEL: &str = "a channel from 0 to 3";
 
 pub(super) fn check_materials(scene: &Scene, findings: &mut Findings) {
     for (index, material) in scene.materials.iter().enumerate() {
-        let place = Place { list: "materials", index, name: &material.name };
+        let place = Entry { list: "materials", index, name: &material.name };
         material.parameters(&mut |field, parameter| {
             check_parameter(field, parameter, scene.textures.len(), place, findings);
         });
@@ -37,7 +37,7 @@ pub(super) fn check_materials(scene: &Scene, findings: &mut Findings) {
 }
 
 /// A grid makes a medium thinner and thicker for all channels alike: what a solid absorbs everywhere has no place there.
-fn check_attenuation(medium: &Medium, model: &Model, place: Place, findings: &mut Findings) {
+fn check_attenuation(medium: &Medium, model: &Model, place: Entry, findings: &mut Findings) {
     let Some(pbr) = model.pbr().filter(|pbr| pbr.has_volume && medium.grid.is_some()) else { return };
     let is_met = coefficients(pbr.attenuation_color, pbr.attenuation_distance).is_none();
     let rule = "infinite where the medium has a grid: give the medium a 'color' instead";
@@ -47,7 +47,7 @@ fn check_attenuation(medium: &Medium, model: &Model, place: Place, findings: &mu
 /// The peak of narrower beams has no place among single-precision numbers.
 const LEAST_BEAM_RAD: f64 = 1e-4;
 
-fn check_beam(beam: Option<Beam>, profiles: usize, place: Place, findings: &mut Findings) {
+fn check_beam(beam: Option<Beam>, profiles: usize, place: Entry, findings: &mut Findings) {
     match beam {
         None | Some(Beam::Even) => {}
         Some(Beam::Grid { half_angle_rad: half }) => {
@@ -74,7 +74,7 @@ fn check_parameter(
     field: &'static str,
     parameter: Parameter<'_>,
     textures: usize,
-    place: Place,
+    place: Entry,
     findings: &mut Findings,
 ) {
     if let Some(id) = parameter.texture() {
@@ -104,7 +104,7 @@ fn check_parameter(
 fn check_channel(
     texture: &Option<(TextureId, u8)>,
     field: &'static str,
-    place: Place,
+    place: Entry,
     findings: &mut Findings,
 ) {
     if let Some((_, channel)) = *texture {
@@ -112,14 +112,14 @@ fn check_channel(
     }
 }
 
-fn check_alpha(material: &Material, place: Place, findings: &mut Findings) {
+fn check_alpha(material: &Material, place: Entry, findings: &mut Findings) {
     if let AlphaMode::Mask { cutoff } = material.alpha_mode {
         findings.require(!cutoff.is_nan(), place, "cutoff", cutoff, "a number");
     }
 }
 
 /// What is no parameter, or has limits of its own. Other models need nothing here: every parameter was visited.
-fn check_model(model: &Model, place: Place, findings: &mut Findings) {
+fn check_model(model: &Model, place: Entry, findings: &mut Findings) {
     match model {
         Model::Conductor { eta, k, .. } => {
             let is_index = |rgb: &[f32; 3]| rgb.iter().all(|c| (0.0..=MOST_INDEX).contains(c));
@@ -137,7 +137,7 @@ fn check_model(model: &Model, place: Place, findings: &mut Findings) {
     }
 }
 
-fn check_pbr(pbr: &PbrMaterial, place: Place, findings: &mut Findings) {
+fn check_pbr(pbr: &PbrMaterial, place: Entry, findings: &mut Findings) {
     findings.require_color(&pbr.attenuation_color, place, "attenuation_color");
     let is_index = !(pbr.ior > 0.0 && pbr.ior < 1.0);
     findings.require(is_index, place, "ior", pbr.ior, "0, or a finite number from 1 up");
@@ -205,7 +205,7 @@ fn longest_way(grid: &Grid) -> f64 {
 
 fn check_grids(grids: &[Grid], findings: &mut Findings) {
     for (index, grid) in grids.iter().enumerate() {
-        let place = Place { list: "grids", index, name: &grid.name };
+        let place = Entry { list: "grids", index, name: &grid.name };
         let voxels = grid.size.iter().try_fold(1usize, |product, &n| product.checked_mul(n as usize));
         let is_met = voxels.is_some_and(|n| n > 0 && n == grid.values.len());
         findings.require(is_met, place, "size", grid.size, "above 0 and as many as there are values");
@@ -252,17 +252,17 @@ pub(super) fn check_images(scene: &Scene, findings: &mut Findings) {
         }
     }
     for (index, image) in scene.images.iter().enumerate() {
-        check_image(image, Place { list: "images", index, name: &image.name }, is_texture[index], findings);
+        check_image(image, Entry { list: "images", index, name: &image.name }, is_texture[index], findings);
     }
     if let Some(Backdrop::Picture(image)) = &scene.backdrop {
-        let place = Place { list: "backdrop", index: 0, name: &image.name };
+        let place = Entry { list: "backdrop", index: 0, name: &image.name };
         findings.require(!image.is_encoded(), place, "pixels", "encoded", DECODED);
-        check_image(image, Place { list: "backdrop", index: 0, name: &image.name }, true, findings);
+        check_image(image, Entry { list: "backdrop", index: 0, name: &image.name }, true, findings);
     }
 }
 
 /// Checks an image, and its numbers as well where those must be finite.
-fn check_image(image: &Image, place: Place, is_finite: bool, findings: &mut Findings) {
+fn check_image(image: &Image, place: Entry, is_finite: bool, findings: &mut Findings) {
     findings.require(image.width > 0, place, "width", image.width, "at least 1");
     findings.require(image.height > 0, place, "height", image.height, "at least 1");
     let channels = image.channels;
@@ -297,7 +297,7 @@ pub(super) fn check_textures(scene: &Scene, findings: &mut Findings) {
     let mut lookups: Vec<u64> = Vec::with_capacity(scene.textures.len());
     let of = |lookups: &[u64], part: TextureId| lookups.get(part.index()).copied().unwrap_or(1);
     for (index, texture) in scene.textures.iter().enumerate() {
-        let place = Place { list: "textures", index, name: "" };
+        let place = Entry { list: "textures", index, name: "" };
         let (mut depth, mut looked_up) = (1, 1);
         match texture {
             Texture::Solid(rgb) => findings.require_color(rgb, place, "Solid"),
@@ -313,7 +313,7 @@ pub(super) fn check_textures(scene: &Scene, findings: &mut Findings) {
                     depth = depth.max(1 + check_part(cell, field, &depths, place, findings));
                 }
                 looked_up = of(&lookups, *even).max(of(&lookups, *odd));
-                let is_met = depth <= MOST_NESTED_TEXTURES;
+                let is_met = depth <= MAX_TEXTURE_NESTING;
                 findings.require(is_met, place, "nesting", depth, NESTING);
             }
             Texture::Mix { a, b, factor } => {
@@ -322,7 +322,7 @@ pub(super) fn check_textures(scene: &Scene, findings: &mut Findings) {
                 }
                 looked_up =
                     [*a, *b, *factor].map(|part| of(&lookups, part)).into_iter().fold(0, u64::saturating_add);
-                findings.require(depth <= MOST_NESTED_TEXTURES, place, "nesting", depth, NESTING);
+                findings.require(depth <= MAX_TEXTURE_NESTING, place, "nesting", depth, NESTING);
                 let is_met = looked_up <= MOST_LOOKUPS;
                 findings.require(
                     is_met,
@@ -359,7 +359,7 @@ fn check_part(
     part: TextureId,
     field: &'static str,
     depths: &[u32],
-    place: Place,
+    place: Entry,
     findings: &mut Findings,
 ) -> u32 {
     let depth = depths.get(part.index()).copied();
@@ -368,7 +368,7 @@ fn check_part(
     depth.unwrap_or(0)
 }
 
-fn check_mapping(mapping: &Mapping, place: Place, findings: &mut Findings) {
+fn check_mapping(mapping: &Mapping, place: Entry, findings: &mut Findings) {
     match mapping {
         Mapping::Uv { set, transform } => {
             findings.require(*set <= 1, place, "set", set, "0 or 1: materials use at most two sets");

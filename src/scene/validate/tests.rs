@@ -228,7 +228,7 @@ fn lights_cameras_shapes_and_settings() {
 
 #[test]
 fn media_are_checked() {
-    use crate::scene::{Fog, Glow, Grid, GridId, Medium};
+    use crate::scene::{EmissionGrid, Fog, Grid, GridId, Medium};
     let good = Medium::scattering([1.0; 3]);
     let grid = |values: &[f32], size| {
         let (name, values) = ("smoke".to_string(), std::sync::Arc::new(values.to_vec()));
@@ -246,7 +246,7 @@ fn media_are_checked() {
     assert!(with(gridded, one(&[1.0])).is_empty());
     assert!(with(Medium { emission: [1.0; 3], ..gridded }, one(&[1.0])).is_empty());
     assert!(with(Medium { extinction: [1.0, 2.0, 1.0], ..gridded }, one(&[1.0])).is_empty());
-    let hot = |grid, kelvin| Some(Glow { grid: GridId(grid), kelvin, goes_by_power: false });
+    let hot = |grid, kelvin| Some(EmissionGrid { grid: GridId(grid), kelvin, scales_with_power: false });
     assert!(with(Medium { glow: hot(0, Some(1500.0)), ..gridded }, one(&[1.0])).is_empty());
     for (medium, grids, words) in [
         (Medium { glow: hot(0, None), ..good }, one(&[1.0]), "none where there is no grid"),

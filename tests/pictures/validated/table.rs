@@ -5,13 +5,13 @@ use super::dice::Dice;
 use super::mutate::{Mutate, enums, fields, structs};
 use oscura::image::{Encoding, Image, Pixels};
 use oscura::scene::{
-    AlphaMode, Anisotropy, Aperture, Backdrop, Beam, Camera, Caught, Clearcoat, ColorSlot, CurveBasis,
-    Curves, DiffuseTransmission, Displacement, Emission, EnergyCompensation, Environment, Filter, FloatSlot,
-    Fog, FresnelModel, GlassReflection, Glow, Grid, GridId, ImageId, Instance, Interpolation, Iridescence,
-    Lamp, Light, LightKind, LightLinks, LightProfile, Link, Mapping, Material, MaterialId, Medium, Mesh,
-    MeshId, MeshPart, Model, Motion, NoiseKind, NormalMap, ObjectSet, ObjectSets, ObjectTraits, PbrMaterial,
-    Portal, ProfileId, Projection, Quad, RayKinds, Scene, Settings, Shape, ShapeKind, Sheen, SpotFade,
-    Texture, TextureId, TextureTransform, ThinLens, Wrap,
+    AlphaMode, Anisotropy, Aperture, Backdrop, Beam, Camera, CatcherOutput, Clearcoat, ColorSlot, CurveBasis,
+    Curves, DiffuseTransmission, Displacement, Emission, EmissionGrid, EnergyCompensation, Environment,
+    Filter, FloatSlot, Fog, FresnelModel, GlassReflection, Grid, GridId, ImageId, Instance, Interpolation,
+    Iridescence, Lamp, Light, LightKind, LightLinks, LightProfile, Link, Mapping, Material, MaterialId,
+    Medium, Mesh, MeshId, MeshPart, Model, Motion, NoiseKind, NormalMap, ObjectSet, ObjectSets, ObjectTraits,
+    PbrMaterial, Portal, ProfileId, Projection, Quad, RayKinds, Scene, Settings, Shape, ShapeKind, Sheen,
+    SpotFade, Texture, TextureId, TextureTransform, ThinLens, Wrap,
 };
 
 /// Ids mostly change to others that may exist.
@@ -72,7 +72,7 @@ ids! { GridId ImageId MaterialId MeshId ProfileId TextureId }
 
 structs! {
     Medium { extinction, albedo, anisotropy, emission, grid, glow }
-    Glow { grid, kelvin, goes_by_power }
+    EmissionGrid { grid, kelvin, scales_with_power }
     Grid { name, size, values, world_from_voxels }
     Fog { medium, center, radius }
     Scene {
@@ -129,7 +129,7 @@ enums! {
     FresnelModel { Exact {} Schlick {} } {}
     GlassReflection { White {} Tinted {} None {} } {}
     EnergyCompensation { On {} Off {} } {}
-    Caught { All {} Shadows {} } {}
+    CatcherOutput { All {} Shadows {} } {}
     Filter { Box {} Gaussian {} BlackmanHarris {} } {}
     Model {
         Black {}

@@ -329,7 +329,7 @@ fn glass_of_coloured_reflection_is_known_as_smooth() {
             assert_eq!(program.may_pass_straight(), roughness == 0.0 && !has_volume, "{what}");
             let bsdf = program.evaluate(&Factors, &LocalFrame::STRAIGHT);
             assert_eq!(bsdf.is_specular(), roughness == 0.0, "{what}");
-            let reflected = bsdf.look().glossy.to_array();
+            let reflected = bsdf.appearance().glossy.to_array();
             let factor = match reflection {
                 GlassReflection::White => [1.0; 3],
                 GlassReflection::Tinted => [0.9, 0.5, 0.1],
