@@ -1,7 +1,7 @@
 //! All memory of a thread: the wave, queues of rays and hits, results, times and wavelengths, ray counts.
 
 use super::first_hit::FirstHits;
-use super::guiding::training::{TrainingSample, VertexRecord};
+use super::guiding::guide::{TrainingSample, VertexRecord};
 use super::medium_segment::{MediumSegment, ShadowSegment};
 use super::radiance_buffer::RadianceBuffer;
 use super::reuse::state::Reuse;

@@ -1,15 +1,14 @@
-//! Where a picture needs more samples than elsewhere: errors of its pixels after the first pass tell.
+//! Adaptive sampling: more samples in noisy pixels, by the errors after the first pass.
 //!
-//! A pixel's number of samples must not depend on its own, or its expected value would: few where the first ones happened
-//! to agree. So it follows from the errors of its neighbours alone. (Its own samples are among the hundreds of a tile that
-//! tell what a sample costs, and among all that tell how many there are to share: their part in its number is far below the
-//! step from one sample to the next.)
+//! The number of samples of a pixel must not depend on its own samples, or its expected value would: it would get few where the first
+//! ones happened to agree. So it follows from the errors of its neighbours alone. (Its own samples are among the hundreds of a tile
+//! that measure the cost of a sample, and among all that normalise the sum: their part in its number is far below one sample.)
 
 use super::options::{Adaptive, RenderOptions};
-use super::pilot::Change;
+use super::progress::Statistics;
 use super::schedule::Pass;
-use super::technique::Choice;
-use crate::integrator::Block;
+use super::technique::{ErrorMap, Request, Target, Technique, first_reason};
+use crate::integrator::{PathOptions, SamplePlan};
 use crate::sampling::Allotment;
 use rayon::prelude::*;
 
@@ -18,10 +17,6 @@ const RADIUS: usize = 1;
 
 /// Part of the mean squared error that every pixel is taken to have besides its own: what it has not shown yet.
 const UNSEEN: f64 = 0.01;
-
-/// What a sample costs whose camera ray hits nothing, in further rays with all that belongs to them. (Before a textured helmet
-/// that fills two fifths of a picture: hardly anything beside the others.)
-const COST_OF_MISS: f32 = 0.05;
 
 /// Most samples of a pixel, for each that the average one has.
 const MOST: f64 = 8.0;
@@ -37,53 +32,67 @@ const LEAST_GAIN: f64 = 1.4;
 /// How often the interval is halved in which the number of samples is found that an error gets.
 const HALVINGS: u32 = 50;
 
-/// Squared errors of the pixels of a picture, row by row, and what a sample costs there.
-pub(super) struct ErrorMap {
-    width: usize,
-    values: Vec<f32>,
-    costs: Vec<f32>,
+/// Samples that follow the errors of pixels after the first pass.
+#[derive(Default)]
+pub(super) struct AdaptiveSampling {
+    /// Where the samples after the first pass go, once that is decided.
+    allotment: Option<Allotment>,
+}
+
+impl AdaptiveSampling {
+    /// Do pixels get different numbers of samples?
+    pub fn is_allotted(&self) -> bool {
+        self.allotment.is_some()
+    }
+}
+
+impl Technique for AdaptiveSampling {
+    fn request(&self, options: &RenderOptions) -> Request {
+        match options.adaptive {
+            Adaptive::Off => Request::Off,
+            Adaptive::Auto => Request::Auto,
+        }
+    }
+
+    fn refusal(&self) -> &'static str {
+        "all pixels get the same number of samples"
+    }
+
+    fn obstacle(&self, target: &Target<'_>) -> Option<&'static str> {
+        let options = target.options;
+        first_reason(&[
+            (options.time_limit.is_some(), "rendering has a time limit"),
+            (options.samples < LEAST_SAMPLES, "there are too few samples"),
+            (options.width * options.height < LEAST_PIXELS, "the picture has too few pixels"),
+        ])
+    }
+
+    fn configure<'a>(&'a self, paths: &mut PathOptions<'a>) {
+        if let Some(allotment) = &self.allotment {
+            paths.plan = SamplePlan::Allotted(allotment);
+        }
+    }
+
+    fn learns_from(&self, target: &Target<'_>, pass: Pass, shares_paths: bool) -> bool {
+        self.request(target.options) == Request::Auto
+            && self.obstacle(target).is_none()
+            && pass.first_sample == 0
+            && !shares_paths
+    }
+
+    fn learn(&mut self, options: &RenderOptions, pass: Pass, errors: &ErrorMap) {
+        self.allotment = errors.allot(options, pass.samples);
+    }
+
+    fn report(&self, statistics: &mut Statistics) {
+        statistics.is_adaptive = self.is_allotted();
+    }
 }
 
 impl ErrorMap {
-    /// The map of a pass after which samples may be allotted.
-    pub fn wanted(options: &RenderOptions, choice: Choice, pass: Pass) -> Option<ErrorMap> {
-        let is_wanted = options.adaptive == Adaptive::Auto
-            && options.time_limit.is_none()
-            && options.samples >= LEAST_SAMPLES
-            && options.width * options.height >= LEAST_PIXELS
-            && pass.first_sample == 0
-            && choice.now.shape().is_none();
-        is_wanted.then(|| ErrorMap::new(options.width, options.height))
-    }
-
-    fn new(width: u32, height: u32) -> ErrorMap {
-        let zeros = vec![0.0; width as usize * height as usize];
-        ErrorMap { width: width as usize, costs: zeros.clone(), values: zeros }
-    }
-
-    /// Sets the errors of a block's pixels, and the rays of a sample there.
-    pub fn set(&mut self, block: &Block, errors: &[f32], rays: f64) {
-        let cost = COST_OF_MISS + (rays as f32 - 1.0).max(0.0);
-        for (row, errors) in errors.chunks(block.width as usize).enumerate() {
-            let from = (block.y0 as usize + row) * self.width + block.x0 as usize;
-            self.values[from..from + errors.len()].copy_from_slice(errors);
-            self.costs[from..from + errors.len()].fill(cost);
-        }
-    }
-
-    /// Changes the errors and costs of a block's pixels.
-    pub fn change(&mut self, block: &Block, change: Change) {
-        for row in block.y0 as usize..(block.y0 + block.height) as usize {
-            let from = row * self.width + block.x0 as usize;
-            let pixels = from..from + block.width as usize;
-            self.values[pixels.clone()].iter_mut().for_each(|error| *error *= change.error as f32);
-            self.costs[pixels].iter_mut().for_each(|cost| *cost *= change.cost as f32);
-        }
-    }
-
-    /// Allots the samples that are left so that the sum of squared errors is least, where that gains enough: all pixels have
-    /// `earlier` samples, and the average one is to have those of the options.
-    pub fn allot(&self, options: &RenderOptions, earlier: u32) -> Option<Allotment> {
+    /// Distributes the remaining samples so that the sum of squared errors is least, if that gains enough: all pixels have `earlier`
+    /// samples, and the average one will have those of the options.
+    fn allot(&self, options: &RenderOptions, earlier: u32) -> Option<Allotment> {
         let total = options.samples;
         let errors = self.of_neighbours();
         let mean = errors.iter().map(|&e| f64::from(e)).sum::<f64>() / errors.len() as f64;
@@ -113,8 +122,8 @@ impl ErrorMap {
 
     /// Averages over the neighbours of each pixel, itself left out, with weights that fall with the distance.
     fn of_neighbours(&self) -> Vec<f32> {
-        let (width, height) = (self.width, self.values.len() / self.width);
-        let averages = averages(&self.values, width);
+        let (width, height) = (self.width, self.errors.len() / self.width);
+        let averages = averages(&self.errors, width);
         // The part of a pixel in the average around it.
         let share = |at: usize, size: usize| {
             let overlap = |at: usize| (at.min(RADIUS) + (size - 1 - at).min(RADIUS) + 1) as f32;
@@ -123,7 +132,7 @@ impl ErrorMap {
         };
         let others = |i: usize| {
             let share = share(i % width, width) * share(i / width, height);
-            ((averages[i] - share * self.values[i]) / (1.0 - share)).max(0.0)
+            ((averages[i] - share * self.errors[i]) / (1.0 - share)).max(0.0)
         };
         (0..averages.len()).into_par_iter().map(others).collect()
     }

@@ -1,18 +1,14 @@
-//! Whether caustics are found from the lamp, and by how many paths: what some of them bring decides.
+//! Caustics by light tracing: whether paths from lights find them, and how many such paths a pass has. A trial measures what some
+//! of them bring.
 
 use super::options::{Adaptive, Caustics, RenderOptions};
+use super::progress::Statistics;
+use super::technique::{Request, Stopped, Target, Technique, Trial, first_reason};
 use super::timeline;
-use super::work::WORKSPACE;
-use crate::compile::{CompiledScene, View};
-use crate::error::Warning;
-use crate::film::{AovSet, AovSpace, FilterSampler, MatteIds};
-use crate::integrator::{
-    Block, CausticPlan, CausticTally, Integrator, PathOptions, PathSample, SamplePlan, Workspace,
-};
+use crate::integrator::{Block, CausticPlan, CausticTally, Integrator, PathOptions, PathSample, SamplePlan};
 use crate::sampling::Arrangement;
 use crate::sampling::hash::r2_sequence;
 use rayon::prelude::*;
-use std::sync::Arc;
 
 /// Paths from lamps that are tried.
 const TRIED_PATHS: u32 = 1 << 13;
@@ -47,77 +43,70 @@ const LEAST_LIGHT: f64 = 1e-5;
 /// box: 1.41 times the processor time for 1.13 times the rays.)
 const RAY_COST: f64 = 3.0;
 
-/// What is decided about caustics.
+/// Caustics by paths from lights.
 #[derive(Clone, Debug, Default)]
-pub(super) struct CausticChoice {
-    is_decided: bool,
-    plan: Option<Arc<CausticPlan>>,
+pub(super) struct LightTracing {
+    /// Which light the paths from lights find, and how many of them there are; none where the technique is not used.
+    plan: Option<CausticPlan>,
 }
 
-impl CausticChoice {
-    /// The plan, if there is one.
+impl LightTracing {
+    /// The plan, if the technique is used.
     pub fn plan(&self) -> Option<&CausticPlan> {
-        self.plan.as_deref()
+        self.plan.as_ref()
     }
+}
 
-    /// Decides, once. False if it was stopped.
-    pub fn decide(
-        &mut self,
-        scene: &CompiledScene,
-        view: &View,
-        options: &RenderOptions,
-        filter: &FilterSampler,
-        stop: &(dyn Fn() -> bool + Sync),
-    ) -> bool {
-        if self.is_decided {
-            return true;
+impl Technique for LightTracing {
+    fn request(&self, options: &RenderOptions) -> Request {
+        match options.caustics {
+            Caustics::Off => Request::Off,
+            Caustics::Auto => Request::Auto,
+            Caustics::On => Request::On,
         }
-        if options.caustics != Caustics::Off && obstacle(scene, view, options).is_none() {
-            let trial = Trial { scene, view, options, filter, stop, mattes: MatteIds::default() };
-            let Ok(plan) = trial.plan() else { return false };
-            self.plan = plan.map(Arc::new);
-        }
-        self.is_decided = true;
-        true
+    }
+
+    fn refusal(&self) -> &'static str {
+        "caustics are not found from the lamp"
+    }
+
+    fn obstacle(&self, target: &Target<'_>) -> Option<&'static str> {
+        let Target { scene, view, options } = target;
+        let features = &scene.features;
+        let is_moving = scene.is_moving() || view.moving.is_some();
+        first_reason(&[
+            (features.scattering, "the scene has media that scatter or end where no surface is"),
+            (scene.materials.iter().any(|m| m.passes_straight), "the scene has thin sheets of glass"),
+            (is_moving, "something moves in the scene, or the camera does"),
+            (features.links, "lights of the scene are linked to some objects only"),
+            (features.ray_kinds, "objects or lights of the scene are visible to some kinds of rays only"),
+            (features.holdouts || options.catchers, "the scene has holdouts or shadow catchers"),
+            (options.adaptive != Adaptive::Off, "pixels get different numbers of samples"),
+            (options.max_depth < 2, "there is no indirect light with so few bounces"),
+        ])
+    }
+
+    fn try_before_first_pass(&mut self, trial: &Trial<'_>) -> Result<(), Stopped> {
+        self.plan = LightTrial(trial).plan()?;
+        Ok(())
+    }
+
+    fn configure<'a>(&'a self, paths: &mut PathOptions<'a>) {
+        paths.caustics = self.plan();
+    }
+
+    // Splats of a pass are added before the next one begins.
+    fn separates_passes(&self) -> bool {
+        self.plan.is_some()
+    }
+
+    fn report(&self, statistics: &mut Statistics) {
+        statistics.lamp_paths = self.plan().map(CausticPlan::paths);
     }
 }
 
-/// What is said where caustics were to be found from the lamp and are not.
-pub(super) fn warning(scene: &CompiledScene, view: &View, options: &RenderOptions) -> Option<Warning> {
-    if options.caustics != Caustics::On {
-        return None;
-    }
-    let reason = obstacle(scene, view, options)?;
-    Some(Warning::general(format!("caustics are not found from the lamp: {reason}")))
-}
-
-/// Why they can't be.
-fn obstacle(scene: &CompiledScene, view: &View, options: &RenderOptions) -> Option<&'static str> {
-    let reasons = [
-        (scene.features.scattering, "the scene has media that scatter or end where no surface is"),
-        (scene.materials.iter().any(|m| m.passes_straight), "the scene has thin sheets of glass"),
-        (scene.is_moving() || view.moving.is_some(), "something moves in the scene, or the camera does"),
-        (scene.features.links, "lights of the scene are linked to some objects only"),
-        (scene.features.ray_kinds, "objects or lights of the scene are visible to some kinds of rays only"),
-        (scene.features.holdouts || options.catchers, "the scene has holdouts or shadow catchers"),
-        (options.adaptive != Adaptive::Off, "pixels get different numbers of samples"),
-        (options.max_depth < 2, "there is no indirect light with so few bounces"),
-    ];
-    reasons.into_iter().find(|(holds, _)| *holds).map(|(_, reason)| reason)
-}
-
-/// Tries paths from lamps.
-struct Trial<'a> {
-    scene: &'a CompiledScene,
-    view: &'a View,
-    options: &'a RenderOptions,
-    filter: &'a FilterSampler,
-    stop: &'a (dyn Fn() -> bool + Sync),
-    mattes: MatteIds,
-}
-
-/// The trial was stopped.
-struct Stopped;
+/// Tries paths from lights.
+struct LightTrial<'a>(&'a Trial<'a>);
 
 /// What paths from the camera have shown, for one sample of each pixel.
 struct Rest {
@@ -128,9 +117,9 @@ struct Rest {
     rays: f64,
 }
 
-impl Trial<'_> {
+impl LightTrial<'_> {
     fn pixels(&self) -> f64 {
-        f64::from(self.view.width) * f64::from(self.view.height)
+        f64::from(self.0.target.view.width) * f64::from(self.0.target.view.height)
     }
 
     /// How much of what is tried in large pictures is worth while in this one.
@@ -140,7 +129,7 @@ impl Trial<'_> {
 
     fn plan(&self) -> Result<Option<CausticPlan>, Stopped> {
         // As many as pixels, to begin with.
-        let plan = CausticPlan::new(self.scene, self.options.seed, self.pixels() as u32);
+        let plan = CausticPlan::new(self.0.target.scene, self.0.target.options.seed, self.pixels() as u32);
         let Some(plan) = plan else { return Ok(None) };
         let tried = self.tried(TRIED_PATHS);
         let tally = self.try_paths(&plan, tried)?;
@@ -149,7 +138,7 @@ impl Trial<'_> {
         }
         let rest = self.rest(&plan)?;
         let (share, gain) = best_share(&scaled(tally, self.pixels() / f64::from(tried)), &rest);
-        let is_wanted = self.options.caustics == Caustics::On || gain >= LEAST_GAIN;
+        let is_wanted = self.0.target.options.caustics == Caustics::On || gain >= LEAST_GAIN;
         let paths = (share * self.pixels()).round().max(1.0);
         Ok(is_wanted.then(|| plan.with_paths(paths as u32)))
     }
@@ -161,71 +150,41 @@ impl Trial<'_> {
         let starts: Vec<u32> = (0..tried).step_by(PATHS_AT_A_TIME as usize).collect();
         let tallies = starts.into_par_iter().map(|start| {
             let paths = start..tried.min(start + PATHS_AT_A_TIME);
-            self.in_workspace("caustics", group, |w| {
-                integrator.trace_from_lamps(u32::MAX, paths, w, &mut Vec::new())
+            self.0.run(("caustics", group), self.0.stop, |w| {
+                Some(integrator.trace_from_lamps(u32::MAX, paths, w, &mut Vec::new()))
             })
         });
         let tallies = tallies.collect::<Result<Vec<CausticTally>, Stopped>>()?;
         // In their order, so that the sums don't depend on threads.
-        Ok(tallies.into_iter().fold(CausticTally::default(), |sum, of_some| CausticTally {
-            sum: sum.sum + of_some.sum,
-            squares: sum.squares + of_some.squares,
-            squares_from_camera: sum.squares_from_camera + of_some.squares_from_camera,
-            rays: sum.rays + of_some.rays,
-        }))
-    }
-
-    /// Does some work of a thread, unless it was stopped.
-    fn in_workspace<T>(
-        &self,
-        stage: &'static str,
-        group: u32,
-        work: impl FnOnce(&mut Workspace) -> T,
-    ) -> Result<T, Stopped> {
-        if (self.stop)() {
-            return Err(Stopped);
-        }
-        let done = WORKSPACE.with(|w| timeline::item(stage, group, || work(&mut w.borrow_mut())));
-        if (self.stop)() { Err(Stopped) } else { Ok(done) }
+        Ok(tallies.into_iter().fold(CausticTally::default(), CausticTally::plus))
     }
 
     fn integrator<'a>(&'a self, plan: &'a CausticPlan) -> Integrator<'a> {
-        let paths = PathOptions {
-            max_depth: self.options.max_depth,
-            plan: SamplePlan::Even(Arrangement::new(self.options.seed, 2, 1)),
-            filter: self.filter,
-            aovs: AovSet::NONE,
-            aov_space: AovSpace::World,
-            mattes: &self.mattes,
-            light_groups: 0,
-            catchers: false,
-            transparent_glass: false,
-            soft_terminator: self.options.soft_terminator,
-            reuse: None,
-            branches: 1,
-            keeps_plain: false,
-            caustics: Some(plan),
-            guide: None,
-            records_training: false,
-        };
-        Integrator::new(self.scene, self.view, paths)
+        let Target { scene, view, options } = self.0.target;
+        let samples = SamplePlan::Even(Arrangement::new(options.seed, 2, 1));
+        Integrator::new(
+            scene,
+            view,
+            PathOptions { plan: samples, caustics: Some(plan), ..self.0.paths.clone() },
+        )
     }
 
     /// How noisy the picture is without the light that is taken.
     fn rest(&self, plan: &CausticPlan) -> Result<Rest, Stopped> {
         let integrator = self.integrator(plan);
-        let (width, height) = (EDGE.min(self.view.width), EDGE.min(self.view.height));
+        let (width, height) = (EDGE.min(self.0.target.view.width), EDGE.min(self.0.target.view.height));
         let place = |fraction: u32, room: u32| ((u64::from(fraction) * u64::from(room + 1)) >> 32) as u32;
         let group = timeline::group();
         let square = |[x, y]: [u32; 2]| {
-            let (x0, y0) = (place(x, self.view.width - width), place(y, self.view.height - height));
+            let (x0, y0) =
+                (place(x, self.0.target.view.width - width), place(y, self.0.target.view.height - height));
             let block = Block { x0, y0, width, height, first_sample: 0, samples: 2 };
-            self.in_workspace("caustics", group, |w| {
+            self.0.run(("caustics", group), self.0.stop, |w| {
                 let (mut values, before) = (Vec::new(), w.ray_counts.all);
-                let _ = integrator.trace(&block, w, &self.stop, |sample: &PathSample<'_>| {
+                let _ = integrator.trace(&block, w, &self.0.stop, |sample: &PathSample<'_>| {
                     values.push(f64::from(crate::color::luminance(sample.rgb)));
                 });
-                (values, w.ray_counts.all - before)
+                Some((values, w.ray_counts.all - before))
             })
         };
         let places: Vec<[u32; 2]> = (0..self.tried(SQUARES)).map(r2_sequence).collect();
@@ -275,24 +234,35 @@ fn best_share(one: &CausticTally, rest: &Rest) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::compile::{CompileOptions, choose_camera, compile};
+    use crate::compile::{CompileOptions, View, choose_camera, compile};
+    use crate::film::{FilterSampler, MatteIds};
+    use crate::render::progress::{Progress, Spent, Stopwatch};
+    use crate::render::technique::plain_paths;
     use std::path::Path;
     use std::sync::atomic::{AtomicU32, Ordering};
 
-    /// Stops a trial when that was asked for so many times whether it is to stop. How often it was asked in all, and whether something
-    /// was decided.
-    fn tried(asked_before: u32, threads: usize) -> (u32, bool, Option<u32>) {
+    /// Runs a trial that is stopped after this many calls of `stop`: the number of calls, whether the trial was finished, and the
+    /// number of paths of its plan.
+    fn tried(calls_before: u32, threads: usize) -> (u32, bool, Option<u32>) {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/cornell-spheres.toml");
         let scene = crate::load::load(&path, &Default::default()).expect("the scene loads").scene;
         let (compiled, _) = compile(&scene, &CompileOptions::default()).expect("it is valid");
         let options = RenderOptions::default().size(64, 64).caustics(Caustics::On);
         let view = View::new(&compiled, choose_camera(&scene, None).expect("a camera"), 64, 64);
-        let (filter, asked) = (FilterSampler::new(options.filter), AtomicU32::new(0));
-        let stop = || asked.fetch_add(1, Ordering::Relaxed) >= asked_before;
-        let mut choice = CausticChoice::default();
-        let decide = || choice.decide(&compiled, &view, &options, &filter, &stop);
-        let is_done = super::super::in_pool(Some(threads), decide).expect("the threads start");
-        (asked.into_inner(), is_done, choice.plan().map(CausticPlan::paths))
+        let (filter, mattes, calls) =
+            (FilterSampler::new(options.filter), MatteIds::default(), AtomicU32::new(0));
+        let trial = Trial {
+            target: Target { scene: &compiled, view: &view, options: &options },
+            paths: plain_paths(&options, &filter, &mattes),
+            progress: &Progress::new(0),
+            listener: None,
+            stopwatch: &Stopwatch::start(Spent::default()),
+            stop: &|| calls.fetch_add(1, Ordering::Relaxed) >= calls_before,
+        };
+        let mut technique = LightTracing::default();
+        let decide = || technique.try_before_first_pass(&trial).is_ok();
+        let is_done = crate::render::in_pool(Some(threads), decide).expect("the threads start");
+        (calls.into_inner(), is_done, technique.plan().map(CausticPlan::paths))
     }
 
     #[test]

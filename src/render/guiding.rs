@@ -1,26 +1,21 @@
-//! What guides paths is learned before the first pass, from the whole picture, by samples that are thrown away: so it depends on
-//! the scene, the view and the options alone, and parts of a picture are guided alike.
+//! Path guiding: training before the first pass, by samples of the whole picture that are discarded. So a guide depends on the scene,
+//! the view and the options alone, and partial renders are guided alike.
 //!
-//! Whether learning is worth while tells the noise of what diffuse vertices find: some paths measure it first, and the first
-//! passes that learn show whether it falls. (Where direct light or mirrors make the noise, guides can't lower it.)
+//! The noise of the radiance that diffuse vertices find decides whether training pays: some paths measure it first, and the first
+//! training passes show whether it falls. (Where direct light or mirrors cause the noise, guides can't lower it.)
 
-use super::clock::Stopwatch;
 use super::options::{Guiding, RenderOptions};
-use super::progress::{Listener, Progress};
+use super::progress::Statistics;
+use super::technique::{Request, Stopped, Target, Technique, Trial, first_reason};
 use super::timeline;
-use super::work::WORKSPACE;
 use crate::bsdf::BsdfClass;
-use crate::compile::{CompiledScene, View};
-use crate::error::Warning;
-use crate::film::{AovSet, AovSpace, FilterSampler, MatteIds};
 use crate::integrator::{
-    Block, BlockSamples, CausticPlan, CellSamples, Grid, Guide, Integrator, PathOptions, SamplePlan,
-    TrainedCells, TrainingSample, WAVE, Workspace,
+    Block, BlockSamples, CellSamples, Grid, Guide, Integrator, PathOptions, SamplePlan, TrainedCells,
+    TrainingSample, WAVE,
 };
 use crate::sampling::hash::hash32;
 use crate::sampling::{Allotment, MOST_ARRANGED};
 use rayon::prelude::*;
-use std::sync::Arc;
 
 /// Share of the planned samples that are taken to learn from.
 const SHARE: f64 = 0.2;
@@ -76,44 +71,57 @@ const SEED: u32 = 0x7c15_9e37;
 /// The number of the part that only finds out whether learning is worth while.
 const OF_PROBE: u32 = u32::MAX;
 
-/// What is decided about guiding.
+/// Guided paths.
 #[derive(Clone, Debug, Default)]
-pub(super) struct GuidingChoice {
-    is_decided: bool,
-    guide: Option<Arc<Guide>>,
+pub(super) struct PathGuiding {
+    guide: Option<Guide>,
+    is_trained: bool,
 }
 
-impl GuidingChoice {
-    /// The guide, if there is one.
-    pub fn guide(&self) -> Option<&Guide> {
-        self.guide.as_deref()
+impl Technique for PathGuiding {
+    fn request(&self, options: &RenderOptions) -> Request {
+        match options.guiding {
+            Guiding::Off => Request::Off,
+            Guiding::Auto => Request::Auto,
+            Guiding::On => Request::On,
+        }
     }
 
-    /// Decides, once. False if it was stopped.
-    pub fn decide(&mut self, training: &Training<'_>) -> bool {
-        if self.is_decided || training.options.guiding == Guiding::Off {
-            return true;
-        }
-        if obstacle(training.scene, training.options).is_none() {
-            let Ok(guide) = training.train() else { return false };
-            self.guide = guide.map(Arc::new);
-        }
-        self.is_decided = true;
-        true
+    fn refusal(&self) -> &'static str {
+        "paths are not guided"
     }
 
-    /// What is said where paths were to be guided and are not.
-    pub fn warning(&self, scene: &CompiledScene, options: &RenderOptions) -> Option<Warning> {
-        if options.guiding != Guiding::On {
-            return None;
-        }
-        let nothing = match options.time_limit {
+    fn obstacle(&self, target: &Target<'_>) -> Option<&'static str> {
+        let Target { scene, options, .. } = target;
+        let is_diffuse = |class: BsdfClass| matches!(class, BsdfClass::Lambert | BsdfClass::MetalRough);
+        first_reason(&[
+            (scene.shading.spectral, "paths carry wavelengths"),
+            (!scene.materials.iter().any(|m| is_diffuse(m.class)), "no surface of the scene is diffuse"),
+            (options.max_depth < 2, "there is no indirect light with so few bounces"),
+            (part(options) < least_part(options), "there are too few samples to learn from"),
+        ])
+    }
+
+    fn failure(&self, options: &RenderOptions) -> Option<&'static str> {
+        let reason = match options.time_limit {
             None => "no path found a diffuse surface",
             Some(_) => "no path found a diffuse surface in the time there was to learn",
         };
-        let in_vain = (self.is_decided && self.guide.is_none()).then_some(nothing);
-        let reason = obstacle(scene, options).or(in_vain)?;
-        Some(Warning::general(format!("paths are not guided: {reason}")))
+        (self.is_trained && self.guide.is_none()).then_some(reason)
+    }
+
+    fn try_before_first_pass(&mut self, trial: &Trial<'_>) -> Result<(), Stopped> {
+        self.guide = Training(trial).train()?;
+        self.is_trained = true;
+        Ok(())
+    }
+
+    fn configure<'a>(&'a self, paths: &mut PathOptions<'a>) {
+        paths.guide = self.guide.as_ref();
+    }
+
+    fn report(&self, statistics: &mut Statistics) {
+        statistics.guide_cells = self.guide.as_ref().map(|guide| guide.cells() as u32);
     }
 }
 
@@ -135,18 +143,6 @@ fn steps_at_once() -> usize {
     (2 * rayon::current_num_threads()).div_ceil(BLOCKS)
 }
 
-/// Why they can't be.
-fn obstacle(scene: &CompiledScene, options: &RenderOptions) -> Option<&'static str> {
-    let is_diffuse = |class: BsdfClass| matches!(class, BsdfClass::Lambert | BsdfClass::MetalRough);
-    let reasons = [
-        (scene.shading.spectral, "paths carry wavelengths"),
-        (!scene.materials.iter().any(|m| is_diffuse(m.class)), "no surface of the scene is diffuse"),
-        (options.max_depth < 2, "there is no indirect light with so few bounces"),
-        (part(options) < least_part(options), "there are too few samples to learn from"),
-    ];
-    reasons.into_iter().find(|(holds, _)| *holds).map(|(_, reason)| reason)
-}
-
 /// Paths of a part of those that learn. (It may not depend on the number of samples but as their arrangement does: rendering may
 /// go on to more.)
 fn part(options: &RenderOptions) -> u64 {
@@ -165,33 +161,24 @@ fn least_part(options: &RenderOptions) -> u64 {
     if options.guiding == Guiding::Auto { PROBE * LEAST_PROBE } else { LEAST_PART }
 }
 
-/// Learning was stopped.
-struct Stopped;
-
-/// How paths train a guide.
-pub(super) struct Training<'a> {
-    pub scene: &'a CompiledScene,
-    pub view: &'a View,
-    pub options: &'a RenderOptions,
-    pub filter: &'a FilterSampler,
-    pub caustics: Option<&'a CausticPlan>,
-    pub mattes: MatteIds,
-    pub progress: &'a Progress,
-    pub listener: Option<&'a Listener>,
-    pub stopwatch: &'a Stopwatch,
-    pub stop: &'a (dyn Fn() -> bool + Sync),
-}
+/// Trains a guide.
+struct Training<'a>(&'a Trial<'a>);
 
 impl Training<'_> {
     /// A guide; none if paths found no diffuse surface, or if it would not be worth while.
     fn train(&self) -> Result<Option<Guide>, Stopped> {
         let mut state =
-            TrainingState { is_proven: self.options.guiding == Guiding::On, ..Default::default() };
-        let ends = self.options.time_limit.map(|limit| self.stopwatch.wall() + limit.mul_f64(SHARE_OF_TIME));
-        let is_late = || ends.is_some_and(|end| self.stopwatch.wall() > end);
-        let learned = self.take_passes(&mut state, &|| is_late() || (self.stop)());
+            TrainingState { is_proven: self.0.target.options.guiding == Guiding::On, ..Default::default() };
+        let ends = self
+            .0
+            .target
+            .options
+            .time_limit
+            .map(|limit| self.0.stopwatch.wall() + limit.mul_f64(SHARE_OF_TIME));
+        let is_late = || ends.is_some_and(|end| self.0.stopwatch.wall() > end);
+        let learned = self.take_passes(&mut state, &|| is_late() || (self.0.stop)());
         // Late is no reason to forget what was learned until then.
-        if learned.is_err() && (self.stop)() { Err(Stopped) } else { Ok(state.proven_guide()) }
+        if learned.is_err() && (self.0.stop)() { Err(Stopped) } else { Ok(state.proven_guide()) }
     }
 
     fn take_passes(
@@ -207,11 +194,11 @@ impl Training<'_> {
             let guide = state.guide().unwrap_or_else(Guide::blank);
             state.finds = Finds::default();
             for _ in 0..parts {
-                self.take_part(&guide, number, part(self.options), state, stop)?;
+                self.take_part(&guide, number, part(self.0.target.options), state, stop)?;
                 number += 1;
             }
             let noise = state.finds.noise();
-            if self.options.guiding == Guiding::Auto {
+            if self.0.target.options.guiding == Guiding::Auto {
                 let left = noise / *noise_of_first.get_or_insert(noise);
                 // Not so where there is nothing to compare.
                 let goes_on = left <= most_left;
@@ -227,7 +214,7 @@ impl Training<'_> {
     /// Is what diffuse vertices find so noisy that a guide may help?
     fn may_be_worth_while(&self, stop: &(dyn Fn() -> bool + Sync)) -> Result<bool, Stopped> {
         let mut state = TrainingState::default();
-        self.take_part(&Guide::blank(), OF_PROBE, part(self.options) / PROBE, &mut state, stop)?;
+        self.take_part(&Guide::blank(), OF_PROBE, part(self.0.target.options) / PROBE, &mut state, stop)?;
         Ok(state.finds.noise() >= LEAST_NOISE)
     }
 
@@ -240,22 +227,19 @@ impl Training<'_> {
         state: &mut TrainingState,
         stop: &(dyn Fn() -> bool + Sync),
     ) -> Result<(), Stopped> {
-        let RenderOptions { width, height, seed, .. } = *self.options;
+        let RenderOptions { width, height, seed, .. } = *self.0.target.options;
         let pixels = width as usize * height as usize;
         let per_pixel = paths as f64 / pixels as f64;
         let seed = hash32(seed ^ hash32(SEED ^ number));
         let allotment = Allotment::new(seed, width, 0, 1, &vec![per_pixel as f32; pixels]);
-        let integrator = self.integrator(SamplePlan::Allotted(&allotment), Some(guide));
+        let integrator = self.integrator(SamplePlan::Allotted(&allotment), guide);
         let blocks = blocks(width, height, per_pixel);
         let (steps, at_once) = (blocks.len().div_ceil(BLOCKS), steps_at_once());
         let trace = |first: usize| -> Result<Vec<BlockSamples>, Stopped> {
             let of_steps = first..(first + at_once).min(steps);
             let group = timeline::group();
-            let one = |block: &Block| {
-                timeline::item("guiding", group, || {
-                    self.in_workspace(stop, |w| integrator.learn(block, w, &stop))
-                })
-            };
+            let one =
+                |block: &Block| self.0.run(("guiding", group), stop, |w| integrator.learn(block, w, &stop));
             // Those of a step from all over the picture.
             let of_all: Vec<&Block> =
                 of_steps.flat_map(|step| blocks[step..].iter().step_by(steps)).collect();
@@ -282,41 +266,9 @@ impl Training<'_> {
         Ok(())
     }
 
-    fn integrator<'a>(&'a self, plan: SamplePlan<'a>, guide: Option<&'a Guide>) -> Integrator<'a> {
-        let paths = PathOptions {
-            max_depth: self.options.max_depth,
-            plan,
-            filter: self.filter,
-            aovs: AovSet::NONE,
-            aov_space: AovSpace::World,
-            mattes: &self.mattes,
-            light_groups: 0,
-            catchers: false,
-            transparent_glass: false,
-            soft_terminator: self.options.soft_terminator,
-            reuse: None,
-            branches: 1,
-            keeps_plain: false,
-            caustics: self.caustics,
-            guide,
-            records_training: true,
-        };
-        Integrator::new(self.scene, self.view, paths)
-    }
-
-    /// Does some work of a thread and counts its rays.
-    fn in_workspace<T>(
-        &self,
-        stop: &(dyn Fn() -> bool + Sync),
-        work: impl FnOnce(&mut Workspace) -> Option<T>,
-    ) -> Result<T, Stopped> {
-        WORKSPACE.with(|workspace| {
-            let w = &mut *workspace.borrow_mut();
-            let before = w.ray_counts;
-            let done = work(w);
-            self.progress.add(0, w.ray_counts.since(before).all, self.stopwatch.wall(), self.listener);
-            done.filter(|_| !stop()).ok_or(Stopped)
-        })
+    fn integrator<'a>(&'a self, plan: SamplePlan<'a>, guide: &'a Guide) -> Integrator<'a> {
+        let paths = PathOptions { plan, guide: Some(guide), records_training: true, ..self.0.paths.clone() };
+        Integrator::new(self.0.target.scene, self.0.target.view, paths)
     }
 }
 

@@ -1,9 +1,14 @@
-//! What comes out of rendering.
+//! A picture: the channels of its film, the names in its files, denoising, saving.
 
-use super::statistics::Statistics;
+use super::noise;
+use super::options::{Caustics, RenderOptions};
+use super::progress::Statistics;
+use crate::compile::{CompiledScene, ObjectId};
+use crate::denoise::{Denoiser, Guides, Noise, Noisy, slices};
 use crate::error::{Result, Warning};
-use crate::film::Film;
-use crate::output::{Format, OutputOptions, encode, write_atomically};
+use crate::film::{Aov, AovSet, Channel, Film, Layout, MatteIds, Source, Values, matte_id};
+use crate::output::{Format, Matte, OutputOptions, encode, write_atomically};
+use crate::scene::{RayKinds, Scene};
 use std::path::Path;
 
 /// A rendered picture with its warnings and statistics.
@@ -70,4 +75,194 @@ pub(super) fn save(film: &Film, path: &Path, options: &OutputOptions) -> Result<
     write_atomically(path, &encoded.bytes)?;
     let named = |warning| Warning { file: Some(path.to_path_buf()), ..warning };
     Ok(encoded.warnings.into_iter().map(named).collect())
+}
+
+// The channels of the film.
+
+/// The channels of the film of a picture.
+pub(super) fn layout(options: &RenderOptions, labels: &Labels) -> Layout {
+    let groups = labels.light_groups.iter().map(|name| Channel::light_group(name));
+    let caught = options.catchers.then(Channel::of_catchers).into_iter().flatten();
+    let further = options.aovs.channels_with(options.matte_levels).chain(groups).chain(caught);
+    Layout::new(further).with_halves(options.halves)
+}
+
+/// Bytes that light from lamps takes in a film at most, where there is such.
+pub fn splat_bytes(options: &RenderOptions, labels: &Labels) -> u64 {
+    let region = options.pixels();
+    let pixels = u64::from(region.width()) * u64::from(region.height());
+    if options.caustics == Caustics::Off {
+        0
+    } else {
+        pixels * layout(options, labels).splat_bytes_per_pixel()
+    }
+}
+
+/// Bytes that the film of a picture takes, and what its error is estimated by.
+pub fn film_bytes(options: &RenderOptions, labels: &Labels) -> u64 {
+    let region = options.pixels();
+    let of_noise = if options.noise.is_some() { noise::BYTES_PER_PIXEL } else { 0 };
+    let a_pixel = layout(options, labels).bytes_per_pixel() + of_noise;
+    u64::from(region.width()) * u64::from(region.height()) * a_pixel
+}
+
+// Names of the scene in files: groups of lights, and objects and materials in mattes.
+
+/// Names and ids that a picture asks for; others are left out.
+#[derive(Clone, Debug, Default)]
+pub struct Labels {
+    /// The scene's groups of lights.
+    pub light_groups: Vec<String>,
+    /// The ids that mattes show.
+    pub ids: MatteIds,
+    /// What the header says about each matte.
+    pub mattes: Vec<Matte>,
+}
+
+impl Labels {
+    /// Those of a scene that a picture with these options asks for.
+    pub fn of(scene: &Scene, options: &RenderOptions) -> Labels {
+        let mut labels = Labels::default();
+        if options.light_groups {
+            labels.light_groups = scene.light_groups();
+        }
+        for (aov, kind) in options.aovs.mattes() {
+            let names = match aov {
+                Aov::CryptoObject => object_names(scene, &mut labels.ids.objects, object_name),
+                Aov::CryptoAsset => object_names(scene, &mut labels.ids.assets, asset_name),
+                _ => {
+                    labels.ids.materials = scene.materials.iter().map(|m| matte_id(&m.name)).collect();
+                    scene.materials.iter().map(|m| m.name.clone()).collect()
+                }
+            };
+            labels.mattes.push(Matte::new(kind, names));
+        }
+        labels
+    }
+}
+
+/// The names of all objects, as one part of the path there says; and their ids.
+fn object_names(scene: &Scene, ids: &mut Vec<u32>, part: fn(&str) -> &str) -> Vec<String> {
+    let paths = ObjectId::all(scene).map(|object| object.name(scene).unwrap_or_default());
+    let names: Vec<String> = paths.map(|path| part(path).to_string()).collect();
+    *ids = names.iter().map(|name| matte_id(name)).collect();
+    names
+}
+
+/// An object without those above it. What a sequence of copies is called by number keeps the name that they have in common.
+fn object_name(path: &str) -> &str {
+    let parts = || path.rsplit('/');
+    let is_number = |part: &str| part.bytes().all(|b| b.is_ascii_digit());
+    parts().find(|part| !is_number(part)).unwrap_or(path)
+}
+
+/// What stands above all of an object's parents.
+fn asset_name(path: &str) -> &str {
+    path.split('/').next().unwrap_or(path)
+}
+
+// Denoising.
+
+/// The AOVs that a picture to be denoised needs.
+pub fn denoising_guides() -> AovSet {
+    AovSet::from([Aov::Albedo, Aov::Normal, Aov::Depth])
+}
+
+/// What [`Rendering::denoise_by`] does to a film; without the halves of samples the variance tells the noise. Says what took
+/// the noise out, by what.
+///
+/// # Errors
+/// As [`Denoiser::denoise`]; the film is as it was then.
+pub fn denoise_film(film: &mut Film, denoiser: &Denoiser, keep: AovSet) -> Result<String> {
+    let guides = take_noise_out(film, denoiser)?;
+    let is_extra = |aov: &Aov| denoising_guides().contains(*aov) && !keep.contains(*aov);
+    film.forget(Aov::ALL.iter().copied().filter(is_extra));
+    Ok(format!("{}; guides {guides}", denoiser.name()))
+}
+
+/// The components of a layer.
+fn floats(planes: Option<Vec<Values>>) -> Option<[Vec<f32>; 3]> {
+    let lists: Vec<Vec<f32>> = planes?.into_iter().map(Values::into_floats).collect();
+    lists.try_into().ok()
+}
+
+/// Takes it out, and names the guides.
+fn take_noise_out(film: &mut Film, denoiser: &Denoiser) -> Result<String> {
+    let layer = |names: &[&str]| floats(film.components(names));
+    let Some(color) = layer(&["R", "G", "B"]) else { return Ok(Guides::default().names()) };
+    let (albedo, normal) = (floats(film.aov(Aov::Albedo)), floats(film.aov(Aov::Normal)));
+    let depth = film.aov(Aov::Depth).map(|mut planes| planes.remove(0).into_floats());
+    let deviations = film.deviations();
+    let variance = floats(film.aov(Aov::Variance));
+    let noise = match (&deviations, &variance) {
+        (Some(planes), _) => Noise::Deviations(slices(planes)),
+        (None, Some(planes)) => Noise::Variance(slices(planes)),
+        (None, None) => Noise::Unknown,
+    };
+    let guides = Guides {
+        albedo: albedo.as_ref().map(slices),
+        normal: normal.as_ref().map(slices),
+        depth: depth.as_deref(),
+    };
+    let parts: Vec<(String, [Vec<f32>; 3])> = film
+        .channels()
+        .iter()
+        .filter(|channel| channel.source == Source::PartOfColor)
+        .filter_map(|channel| {
+            let names: Vec<&str> = channel.names.iter().map(AsRef::as_ref).collect();
+            Some((names[0].to_string(), layer(&names)?))
+        })
+        .collect();
+    let result = denoiser.denoise(&Noisy {
+        width: film.width() as usize,
+        height: film.height() as usize,
+        color: slices(&color),
+        noise,
+        guides,
+        parts: parts.iter().map(|(_, part)| slices(part)).collect(),
+    })?;
+    film.set_color(slices(&result.color));
+    for ((first, _), part) in parts.iter().zip(&result.parts) {
+        film.set_means(first, slices(part));
+    }
+    Ok(guides.names())
+}
+
+// Warnings about samples, and alpha in files.
+
+/// What has to be said about the samples of a finished film.
+pub fn film_warnings(film: &Film) -> Vec<Warning> {
+    of_film(film, true)
+}
+
+/// The same; pixels without a sample are none of its while rendering goes on.
+pub(super) fn of_film(film: &Film, has_stopped: bool) -> Vec<Warning> {
+    let invalid = film.invalid_samples();
+    let unsampled = if has_stopped { film.unsampled_pixels() } else { 0 };
+    let all = u64::from(film.width()) * u64::from(film.height());
+    let messages = [
+        (invalid, format!("{invalid} samples were NaN or infinite and were left out")),
+        (unsampled, format!("{unsampled} of {all} pixels have no sample and are black and transparent")),
+    ];
+    messages.into_iter().filter(|(count, _)| *count > 0).map(|(_, text)| Warning::general(text)).collect()
+}
+
+/// Are pictures for looking at to be transparent where nothing is? Only where that is asked for: by an environment that
+/// cameras don't see, by transparent glass, holdouts or shadow catchers. Others stand before black; EXRs have alpha always.
+pub fn shows_alpha(scene: &CompiledScene, options: &RenderOptions) -> bool {
+    let features = &scene.features;
+    let is_hidden = !features.environment_visible_to.contains(RayKinds::CAMERA);
+    is_hidden || features.catchers || features.holdouts || options.transparent_glass
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paths_have_objects_and_assets() {
+        assert_eq!((object_name("car/wheel/tyre"), asset_name("car/wheel/tyre")), ("tyre", "car"));
+        assert_eq!((object_name("field/tree/12"), asset_name("field/tree/12")), ("tree", "field"));
+        assert_eq!((object_name("7"), asset_name("lamp")), ("7", "lamp"));
+    }
 }

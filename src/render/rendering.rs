@@ -1,31 +1,26 @@
 //! Rendering: takes one pass at a time and has a picture after each, or takes several without a pause.
 
-use super::cancel::CancelHandle;
-use super::caustics::{self, CausticChoice};
-use super::clock::{Spent, Stopwatch};
-use super::guiding::GuidingChoice;
-use super::labels::Labels;
-use super::layout::layout;
 use super::noise::Noise;
 use super::options::RenderOptions;
-use super::picture::{self, Picture};
-use super::progress::{Event, Listener, Progress};
-use super::schedule::Schedule;
-use super::settle::Look;
-use super::statistics::{PassOutcome, Statistics};
-use super::technique::Choice;
-use super::warnings::of_film;
+use super::pass::{PassWork, take_all, try_strategies};
+use super::picture::{Labels, Picture, denoise_film, layout, of_film, shows_alpha};
+use super::progress::{CancelHandle, Event, Listener, PassOutcome, Progress, Spent, Statistics, Stopwatch};
+use super::resolve_options::Look;
+use super::schedule::{Pass, SAMPLE_BLOCK, Schedule};
+use super::technique::{Target, Trial, plain_paths};
+use super::techniques::Techniques;
+use super::{picture, timeline};
 use crate::compile::{CompiledScene, View};
+use crate::denoise::Denoiser;
 use crate::error::{Result, Warning};
-use crate::film::{Film, FilterSampler};
-use crate::integrator::CausticPlan;
+use crate::film::{AovSet, Film, FilterSampler, MatteIds};
 use crate::math::DVec3;
-use crate::output::OutputOptions;
-use crate::sampling::Allotment;
+use crate::output::{Metadata, OutputOptions, PngOptions};
 use crate::scene::{Backdrop, Camera};
 use std::borrow::Cow;
 use std::path::Path;
 use std::sync::Arc;
+use std::time::{Instant, SystemTime};
 
 /// Renders a scene, pass by pass, on the current rayon pool (see [`in_pool`](super::in_pool)).
 ///
@@ -68,12 +63,7 @@ pub struct Rendering {
     pub(super) world_offset: DVec3,
     /// How noise was taken out of the film, if it was.
     pub(super) denoised: Option<String>,
-    pub(super) choice: Choice,
-    /// Whether caustics are found from the lamp.
-    pub(super) caustics: CausticChoice,
-    /// What guides paths.
-    pub(super) guiding: GuidingChoice,
-    pub(super) allotment: Option<Allotment>,
+    pub(super) techniques: Techniques,
     /// Passes are finished even when it is cancelled or late.
     pub(super) finishes_passes: bool,
     /// How noisy the picture is, where that is asked for.
@@ -120,10 +110,7 @@ impl Rendering {
         let pixels = u64::from(region.width()) * u64::from(region.height());
         let samples = options.taken();
         Ok(Rendering {
-            choice: Choice::new(&scene, &options),
-            caustics: CausticChoice::default(),
-            guiding: GuidingChoice::default(),
-            allotment: None,
+            techniques: Techniques::new(&Target { scene: &scene, view: &view, options: &options }),
             scene,
             view,
             labels,
@@ -263,9 +250,7 @@ impl Rendering {
         // Between passes all pixels have the same number.
         let has_stopped = self.outcome != PassOutcome::Progressed;
         let mut warnings = self.earlier.clone();
-        warnings.extend(self.choice.warning(&self.scene, &self.options));
-        warnings.extend(caustics::warning(&self.scene, &self.view, &self.options));
-        warnings.extend(self.guiding.warning(&self.scene, &self.options));
+        warnings.extend(self.techniques.warnings(&self.target()));
         warnings.extend(of_film(&self.film, has_stopped));
         warnings.extend(self.scene.textures.on_demand().warnings);
         warnings
@@ -286,23 +271,257 @@ impl Rendering {
         let samples = self.progress.samples();
         let pixels = f64::from(self.film.width()) * f64::from(self.film.height());
         let on_demand = self.scene.textures.on_demand();
-        Statistics {
+        let mut statistics = Statistics {
             render_s: self.spent.wall.as_secs_f64(),
             render_cpu_s: self.spent.cpu.as_secs_f64(),
             rays: self.progress.rays(),
             samples,
             samples_per_pixel: samples as f64 / pixels,
-            path_reuse: self.choice.now.shape(),
-            branches: self.choice.now.branches(),
-            is_adaptive: self.allotment.is_some(),
-            lamp_paths: self.caustics.plan().map(CausticPlan::paths),
-            guide_cells: self.guiding.guide().map(|guide| guide.cells() as u32),
             images_on_demand: on_demand.decodes,
             tiles_on_demand: on_demand.tiles,
             invalid_samples: self.film.invalid_samples(),
             interrupted: self.outcome == PassOutcome::Cancelled,
             timed_out: self.outcome == PassOutcome::TimedOut,
             error: self.noise.as_ref().and_then(Noise::error),
+            ..Statistics::default()
+        };
+        self.techniques.report(&mut statistics);
+        statistics
+    }
+
+    /// How [`Rendering::save`] writes the picture so far.
+    pub fn output_options(&self) -> OutputOptions {
+        self.options_with(&self.warnings())
+    }
+
+    pub(super) fn options_with(&self, warnings: &[Warning]) -> OutputOptions {
+        let statistics = self.statistics();
+        let stopped_by = match statistics {
+            Statistics { interrupted: true, .. } => Some("cancelled"),
+            Statistics { timed_out: true, .. } => Some("time limit"),
+            _ => None,
+        };
+        let metadata = Metadata {
+            samples: statistics.samples_per_pixel,
+            seed: self.options.seed,
+            owner: None,
+            render_s: Some(statistics.render_s),
+            captured: Some(SystemTime::now()),
+            world_to_camera: Some(self.view.camera_from_world),
+            world_to_ndc: self.view.ndc_from_world,
+            pixel_aspect: Some(self.view.pixel_aspect),
+            aov_space: self.options.aov_space,
+            denoised: self.denoised.clone(),
+            mattes: self.labels.mattes.clone(),
+            world_offset: Some(self.world_offset).filter(|o| *o != DVec3::ZERO),
+            stopped_by: stopped_by.map(str::to_string),
+            warnings: warnings.iter().map(Warning::to_string).collect(),
+        };
+        OutputOptions {
+            png: PngOptions {
+                exposure: self.look.exposure,
+                view: self.look.view.clone(),
+                white_balance: self.look.white_balance,
+                opaque: !shows_alpha(&self.scene, &self.options),
+                ..PngOptions::default()
+            },
+            metadata,
+            ..OutputOptions::default()
         }
     }
+
+    /// Takes the noise out of the picture so far, its light passes and groups of lights, which add up to it afterwards as before.
+    /// It should have what [`denoising_guides`] names, and the halves of its samples apart
+    /// ([`Renderer::halves`](super::Renderer::halves)). Alpha stays. AOVs that are not in `keep` are left out afterwards.
+    pub fn denoise(&mut self, keep: AovSet) {
+        self.denoise_by(&Denoiser::Own, keep).expect("it needs nothing that could fail");
+    }
+
+    /// The same by another denoiser.
+    ///
+    /// # Errors
+    /// As [`Denoiser::denoise`]; the picture is as it was then.
+    #[doc(hidden)]
+    pub fn denoise_by(&mut self, denoiser: &Denoiser, keep: AovSet) -> Result<()> {
+        self.denoised = Some(denoise_film(&mut self.film, denoiser, keep)?);
+        Ok(())
+    }
+}
+
+// Passes: what is decided before them, which of them overlap, and what is done after them.
+
+impl Rendering {
+    /// Takes so many passes at most, until `is_due` asks to begin no more.
+    pub(super) fn take_passes(
+        &mut self,
+        most: usize,
+        is_due: &(dyn Fn() -> bool + Sync),
+        stopwatch: &Stopwatch,
+    ) -> PassOutcome {
+        if self.has_converged() {
+            return PassOutcome::Converged;
+        }
+        if !self.try_techniques(stopwatch) || !self.try_strategies(stopwatch) {
+            return PassOutcome::Cancelled;
+        }
+        let passes = self.plan_passes(most, stopwatch);
+        let Some(first) = passes.first() else {
+            return if self.schedule.is_complete() { PassOutcome::Done } else { PassOutcome::TimedOut };
+        };
+        let start = Instant::now();
+        let (begun, is_finished) = self.trace(&passes, Takes::All, is_due, stopwatch);
+        if let Some(next) = passes.get(begun) {
+            self.schedule.go_back_to(next.first_sample);
+        }
+        if begun == 1 {
+            self.schedule.finished(*first, start.elapsed());
+        }
+        if is_finished && let Some(noise) = &mut self.noise {
+            timeline::parallel("noise", || noise.observe(&self.film, self.schedule.next_sample()));
+            self.forecast();
+        }
+        let is_cancelled = self.cancel.is_cancelled();
+        match is_finished {
+            true if self.schedule.is_complete() => PassOutcome::Done,
+            true if self.has_converged() => PassOutcome::Converged,
+            true if !(self.finishes_passes && is_cancelled) => PassOutcome::Progressed,
+            _ if is_cancelled => PassOutcome::Cancelled,
+            _ => PassOutcome::TimedOut,
+        }
+    }
+
+    /// The next passes, several where nothing has to look at the picture between them and nothing is tried any more.
+    fn plan_passes(&mut self, most: usize, stopwatch: &Stopwatch) -> Vec<Pass> {
+        let overlap = self.options.time_limit.is_none()
+            && self.noise.is_none()
+            && !self.techniques.separate_passes()
+            && self.schedule.next_sample() >= SAMPLE_BLOCK;
+        let most = if overlap { most } else { 1 };
+        let mut passes = Vec::new();
+        while passes.len() < most {
+            // What is gone on from lies before a pass that ends within a block.
+            if !passes.is_empty() && self.finishes_passes && self.ends_within_block() {
+                break;
+            }
+            let Some(pass) = self.schedule.next(stopwatch.wall()) else { break };
+            passes.push(pass);
+        }
+        passes
+    }
+
+    /// What techniques are for.
+    pub(super) fn target(&self) -> Target<'_> {
+        Target { scene: &self.scene, view: &self.view, options: &self.options }
+    }
+
+    /// Runs the trials before the first pass. False if they were stopped.
+    fn try_techniques(&mut self, stopwatch: &Stopwatch) -> bool {
+        if self.schedule.is_complete() {
+            return true;
+        }
+        let mattes = MatteIds::default();
+        let trial = Trial {
+            // Not by a method: the techniques are borrowed mutably.
+            target: Target { scene: &self.scene, view: &self.view, options: &self.options },
+            paths: plain_paths(&self.options, &self.filter, &mattes),
+            progress: &self.progress,
+            listener: self.listener.as_deref(),
+            stopwatch,
+            // The picture loses nothing by that.
+            stop: &|| self.cancel.is_cancelled(),
+        };
+        self.techniques.prepare(&trial).is_ok()
+    }
+
+    /// Tells how many samples the error that was asked for is likely to take.
+    fn forecast(&self) {
+        let Some((noise, wanted)) = self.noise.as_ref().zip(self.options.noise) else { return };
+        let (least, taken) = (self.options.least_samples, self.options.taken());
+        if let Some((error, samples)) = noise.error().zip(noise.samples_for(f64::from(wanted), least, taken))
+        {
+            let pixels = u64::from(self.film.width()) * u64::from(self.film.height());
+            self.progress.expect(pixels * u64::from(samples), error);
+        }
+    }
+
+    /// Is the picture as good as it was to be?
+    fn has_converged(&self) -> bool {
+        if self.schedule.next_sample() < self.options.least_samples {
+            return false;
+        }
+        let error = self.noise.as_ref().and_then(Noise::error);
+        error.zip(self.options.noise).is_some_and(|(error, wanted)| error <= f64::from(wanted))
+    }
+
+    /// Decides by what the picture's first pass would show how to trace samples that come later, if none of these has been
+    /// taken. False if it was stopped.
+    fn try_strategies(&mut self, stopwatch: &Stopwatch) -> bool {
+        let first = self.options.taken().start;
+        if first == 0 || self.schedule.next_sample() > first || !self.techniques.strategy.is_open() {
+            return true;
+        }
+        let Some(pass) = Schedule::new(0..self.options.samples, None).next(stopwatch.wall()) else {
+            return true;
+        };
+        self.trace(&[pass], Takes::TrialsOnly, &|| false, stopwatch).1
+    }
+
+    /// Takes passes that follow each other, until `is_due` asks to begin no more. How many were begun, and false if it was stopped.
+    fn trace(
+        &mut self,
+        passes: &[Pass],
+        takes: Takes,
+        is_due: &(dyn Fn() -> bool + Sync),
+        stopwatch: &Stopwatch,
+    ) -> (usize, bool) {
+        let layout = self.film.layout().clone();
+        // Samples that only decide on a technique go nowhere.
+        let mut film = Film::nowhere(&layout);
+        if takes == Takes::All {
+            std::mem::swap(&mut film, &mut self.film);
+        }
+        let film = film.into_shared();
+        let stop = || {
+            let is_over = || self.cancel.is_cancelled() || self.schedule.is_late(stopwatch.wall());
+            !self.finishes_passes && is_over()
+        };
+        let work = |(number, &pass): (usize, &Pass)| PassWork {
+            target: self.target(),
+            labels: &self.labels,
+            filter: &self.filter,
+            pass,
+            number,
+            layout: &layout,
+            film: &film,
+            techniques: &self.techniques,
+            progress: &self.progress,
+            listener: self.listener.as_deref(),
+            stopwatch,
+            stop: &stop,
+        };
+        let works: Vec<PassWork<'_>> = passes.iter().enumerate().map(work).collect();
+        let (mut strategy, pass) = (self.techniques.strategy, passes[0]);
+        let mut errors = self.techniques.error_map(&self.target(), pass, strategy.now.shape().is_some());
+        let is_due = || is_due() || self.cancel.is_cancelled();
+        let taken = match takes {
+            Takes::All => take_all(&works, &mut strategy, &mut errors, &is_due),
+            Takes::TrialsOnly => (1, try_strategies(&works[0], &mut strategy, &mut errors).is_some()),
+        };
+        drop(works);
+        let film = film.into_film();
+        if takes == Takes::All {
+            self.film = film;
+        }
+        let target = Target { scene: &self.scene, view: &self.view, options: &self.options };
+        self.techniques.learn(&target, pass, strategy, errors);
+        taken
+    }
+}
+
+/// What is taken of a pass.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Takes {
+    All,
+    /// The trials that decide on the strategy; the picture gets nothing of them.
+    TrialsOnly,
 }

@@ -1,7 +1,13 @@
-//! How many samples each pass takes: a wave's worth a tile, or what fits into the time that is left.
+//! Which pixels and samples a rendering takes: the range of samples and the region of a partial render, the passes, their
+//! tiles, and which samples belong to the first half.
 
-use crate::integrator::WAVE;
-use crate::integrator::reuse::INTERVAL;
+use super::options::{Adaptive, RenderOptions};
+use crate::compile::View;
+use crate::error::{Error, Result};
+use crate::integrator::reuse::{INTERVAL, Tiling};
+use crate::integrator::{Block, WAVE};
+use crate::output::part::Region;
+use crate::sampling::MOST_ARRANGED;
 use std::ops::Range;
 use std::time::Duration;
 
@@ -130,6 +136,186 @@ impl Schedule {
     }
 }
 
+// The share of a picture that a rendering takes: all of it, or some pixels, or some samples of each.
+
+/// Samples go in blocks of so many.
+pub const SAMPLE_BLOCK: u32 = INTERVAL;
+
+impl RenderOptions {
+    /// The pixels that are rendered.
+    pub(super) fn pixels(&self) -> Region {
+        self.region.unwrap_or(Region { x0: 0, y0: 0, x1: self.width, y1: self.height })
+    }
+
+    /// The samples that are taken of each. A block of [`SAMPLE_BLOCK`] belongs to the range that its first sample is in:
+    /// ranges that follow each other still do.
+    pub(super) fn taken(&self) -> Range<u32> {
+        let (from, until) = self.sample_range.unwrap_or((0, self.samples));
+        let whole = |sample: u32| sample.checked_next_multiple_of(SAMPLE_BLOCK).unwrap_or(u32::MAX);
+        whole(from).min(self.samples)..whole(until).min(self.samples)
+    }
+
+    /// Is only a part of the picture rendered?
+    pub(super) fn is_part(&self) -> bool {
+        self.region.is_some() || self.sample_range.is_some()
+    }
+
+    /// Can there be such a part?
+    pub(super) fn check_share(&self) -> Result<()> {
+        let Region { x0, y0, x1, y1 } = self.pixels();
+        let is_outside = x0 >= x1 || y0 >= y1 || x1 > self.width || y1 > self.height;
+        if self.region.is_some() && is_outside {
+            let message = format!("the region {} has no pixels in the picture", self.pixels());
+            let help = format!("the picture has {} x {} pixels", self.width, self.height);
+            return Err(Error::usage(message).with_help(help));
+        }
+        if let Some((from, until)) = self.sample_range.filter(|(a, b)| a >= b || *b > self.samples) {
+            let message = format!("the range of samples {from}..{until} is none of the picture's");
+            return Err(Error::usage(message).with_help(format!("it has the samples 0..{}", self.samples)));
+        }
+        if self.is_part() && self.adaptive == Adaptive::Auto {
+            let message = "parts of pictures whose pixels get different numbers of samples can't be rendered";
+            return Err(Error::usage(message).with_help("leave adaptive sampling off"));
+        }
+        if self.is_part() && self.time_limit.is_some() {
+            return Err(Error::usage("parts of pictures have all their samples, whatever time that takes"));
+        }
+        if self.is_part() && self.noise.is_some() {
+            return Err(Error::usage("how noisy a picture is, no part of it can tell"));
+        }
+        Ok(())
+    }
+}
+
+/// What of a block is within a region: the block itself if its pixels can't be told apart (`is_whole`).
+pub(super) fn within(region: &Region, block: &Block, is_whole: bool) -> Option<Block> {
+    let (x0, y0) = (block.x0.max(region.x0), block.y0.max(region.y0));
+    let (x1, y1) = ((block.x0 + block.width).min(region.x1), (block.y0 + block.height).min(region.y1));
+    if x0 >= x1 || y0 >= y1 {
+        return None;
+    }
+    Some(if is_whole { *block } else { Block { x0, y0, width: x1 - x0, height: y1 - y0, ..*block } })
+}
+
+// How a picture is divided among threads.
+
+/// The tiles of a pass.
+pub(super) struct Tiles {
+    width: u32,
+    height: u32,
+    /// How far their grid is shifted to the left and up.
+    shift: (u32, u32),
+    /// Samples of a tile that are traced at a time.
+    samples: u32,
+}
+
+impl Tiles {
+    pub fn of(pass: Pass, reuse: Option<&Tiling>, allotted: bool) -> Tiles {
+        let (samples, shift) = (pass.samples, reuse.map_or((0, 0), Tiling::shift));
+        let ((width, height), samples) = match reuse {
+            None if allotted => ((32, 32), samples),
+            None => (pass.tile(), samples),
+            Some(tiling) => pass.tile_of_regions(tiling.region()),
+        };
+        Tiles { width, height, shift, samples }
+    }
+
+    /// Samples of a tile that are traced at a time.
+    pub fn samples(&self) -> u32 {
+        self.samples
+    }
+
+    /// The tiles of a whole picture.
+    pub fn blocks(&self, view: &View, pass: Pass) -> Vec<Block> {
+        let Pass { first_sample, samples } = pass;
+        let all = Block { x0: 0, y0: 0, width: view.width, height: view.height, first_sample, samples };
+        self.divide(all).collect()
+    }
+
+    /// The tiles of a block which begins where one of them does, row by row.
+    pub fn divide(&self, block: Block) -> impl Iterator<Item = Block> {
+        let (left, top) = self.shift;
+        let width = self.width;
+        let row = move |(y, height)| {
+            let columns = starts(block.width, width, left);
+            columns.map(move |(x, width)| Block {
+                x0: block.x0 + x,
+                y0: block.y0 + y,
+                width,
+                height,
+                ..block
+            })
+        };
+        starts(block.height, self.height, top).flat_map(row)
+    }
+}
+
+/// Divides a length into steps, the first of which is shorter by `shift`: starts and lengths.
+fn starts(length: u32, step: u32, shift: u32) -> impl Iterator<Item = (u32, u32)> {
+    let ends = (step - shift..length + step).step_by(step as usize);
+    ends.map(move |end| {
+        let start = end.saturating_sub(step);
+        (start, end.min(length) - start)
+    })
+}
+
+/// A block in parts of some samples each.
+pub(super) fn parts(block: &Block, samples: u32) -> impl Iterator<Item = Block> {
+    let block = *block;
+    (0..block.samples).step_by(samples as usize).map(move |skipped| Block {
+        first_sample: block.first_sample + skipped,
+        samples: samples.min(block.samples - skipped),
+        ..block
+    })
+}
+
+// Which of a pixel's samples are the first half of them, where halves are kept apart.
+
+/// How samples are halved. Samples that follow each other are well spread together, so halves are made of runs of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Halving {
+    /// The first so many are the first half.
+    Before(u32),
+    /// Runs take turns, so that there are two halves wherever rendering ends.
+    Turns,
+}
+
+impl RenderOptions {
+    /// Halves are runs up to the middle where it is known beforehand. Where samples end early or go on later, or where
+    /// pixels' numbers differ (`is_allotted`), runs take turns.
+    pub(super) fn halving(&self, is_allotted: bool) -> Halving {
+        let is_open = self.time_limit.is_some() || self.noise.is_some() || self.planned > 0;
+        match is_open || is_allotted || self.samples > MOST_ARRANGED {
+            true => Halving::Turns,
+            false => Halving::Before(self.samples / 2),
+        }
+    }
+}
+
+impl Halving {
+    /// How many of `samples` from `first_sample` on belong to the first half: they come first. They lie within one block of
+    /// [`INTERVAL`] samples.
+    pub fn of_first_half(self, first_sample: u32, samples: u32) -> u32 {
+        let left = match self {
+            Halving::Before(middle) => middle.saturating_sub(first_sample),
+            Halving::Turns => {
+                // Shorter runs at first: pictures of few samples have halves, too.
+                let turn = if first_sample < 2 * INTERVAL { INTERVAL } else { 2 * INTERVAL };
+                (turn / 2).saturating_sub(first_sample % turn)
+            }
+        };
+        left.min(samples)
+    }
+
+    /// Its name, where a picture goes on from another one.
+    pub fn name(self) -> &'static str {
+        match self {
+            Halving::Before(_) => "at the middle",
+            Halving::Turns => "by turns",
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -170,5 +356,83 @@ mod tests {
             let (w, h) = Pass { first_sample: 0, samples }.tile();
             assert_eq!((w * h * samples) as usize, paths);
         }
+    }
+}
+
+#[cfg(test)]
+mod share_tests {
+    use super::*;
+
+    /// Whatever the ranges that a picture is divided into, each block is in one.
+    #[test]
+    fn ranges_that_follow_each_other_still_do() {
+        let options = RenderOptions::default().samples(100);
+        let taken = |from, until| RenderOptions { sample_range: Some((from, until)), ..options }.taken();
+        let cuts = [0, 3, 8, 9, 30, 33, 64, 97, 100];
+        let ranges: Vec<_> = cuts.windows(2).map(|w| taken(w[0], w[1])).collect();
+        assert_eq!((ranges[0].start, ranges.last().unwrap().end), (0, 100));
+        assert!(ranges.windows(2).all(|w| w[0].end == w[1].start && (w[0].end % 8 == 0 || w[0].end == 100)));
+        assert_eq!((taken(3, 8), taken(96, 97), options.taken()), (8..8, 96..100, 0..100));
+    }
+}
+
+#[cfg(test)]
+mod tiles_tests {
+    use super::*;
+    use crate::integrator::WAVE;
+    use crate::integrator::reuse::GroupShape;
+
+    #[test]
+    fn tiles_cover_every_pixel_once() {
+        let shapes = [None, Some("2x2/1"), Some("4x4/4"), Some("8x8/4")];
+        let passes = [(0, 8), (8, 1), (16, 2), (40, 3), (80, 5), (800, 7)];
+        let sizes = [(1, 1), (31, 50), (64, 64), (100, 33)];
+        for ((first_sample, samples), shape) in passes.iter().flat_map(|p| shapes.map(|s| (*p, s))) {
+            let pass = Pass { first_sample, samples };
+            let reuse = shape.map(|s| Tiling::new(s.parse::<GroupShape>().unwrap(), first_sample));
+            let tiles = Tiles::of(pass, reuse.as_ref(), false);
+            for (width, height) in sizes {
+                let mut counts = vec![0; (width * height) as usize];
+                for tile in tiles.divide(Block { x0: 0, y0: 0, width, height, first_sample, samples }) {
+                    let of_parts: u32 = parts(&tile, tiles.samples()).map(|part| part.samples).sum();
+                    assert_eq!(of_parts, samples);
+                    let is_wave = tile.width * tile.height * tiles.samples() <= WAVE as u32;
+                    assert!(is_wave || reuse.is_none(), "{shape:?} {pass:?}");
+                    for (x, y) in (0..tile.height).flat_map(|y| (0..tile.width).map(move |x| (x, y))) {
+                        counts[((tile.y0 + y) * width + tile.x0 + x) as usize] += 1;
+                    }
+                }
+                assert!(counts.iter().all(|&n| n == 1), "{shape:?} {pass:?} {width} {height}");
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod halving_tests {
+    use super::*;
+
+    #[test]
+    fn halves_are_as_large_at_multiples_of_a_block() {
+        for end in (INTERVAL..400).step_by(INTERVAL as usize) {
+            let of = |rule: Halving| -> u32 {
+                (0..end).step_by(INTERVAL as usize).map(|first| rule.of_first_half(first, INTERVAL)).sum()
+            };
+            assert_eq!(of(Halving::Before(end / 2)), end / 2);
+            let turns = of(Halving::Turns);
+            assert!(turns.abs_diff(end - turns) <= INTERVAL, "{turns} of {end}");
+        }
+        // However passes divide a block.
+        let parts = [(0, 1), (1, 4), (5, 3)].map(|(first, n)| Halving::Turns.of_first_half(first, n));
+        assert_eq!(parts, [1, 3, 0]);
+    }
+
+    #[test]
+    fn more_samples_do_not_change_halves_that_may_go_on() {
+        let of = |samples| RenderOptions { samples, ..RenderOptions::default() }.halving(false);
+        assert_eq!(of(MOST_ARRANGED + 8), of(4 * MOST_ARRANGED));
+        assert_eq!(of(64), Halving::Before(32));
+        let planned = RenderOptions { samples: 64, planned: 128, ..RenderOptions::default() };
+        assert_eq!(planned.halving(false), RenderOptions { samples: 128, ..planned }.halving(false));
     }
 }

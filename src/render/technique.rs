@@ -1,115 +1,195 @@
-//! How the samples of a picture are taken: what the first pass decides.
+//! What a technique is: a way to trace paths that lowers the noise of some pictures and is decided on automatically.
+//!
+//! A technique says what prevents it for a scene, tries whether the picture gains by it, adds to the options of the paths, and may
+//! learn from a pass. `techniques.rs` lists them and runs their trials.
 
-use super::options::{PathReuse, RenderOptions, Splitting};
-use crate::compile::CompiledScene;
+use super::options::RenderOptions;
+use super::progress::{Listener, Progress, Statistics, Stopwatch};
+use super::schedule::Pass;
+use super::timeline;
+use crate::compile::{CompiledScene, View};
 use crate::error::Warning;
-use crate::integrator::reuse::GroupShape;
+use crate::film::{AovSet, AovSpace, FilterSampler, MatteIds};
+use crate::integrator::{Block, PathOptions, SamplePlan, Workspace};
+use crate::sampling::Arrangement;
+use std::cell::RefCell;
 
-/// How paths are traced.
+thread_local! {
+    pub(super) static WORKSPACE: RefCell<Workspace> = RefCell::new(Workspace::new());
+}
+
+/// What the options say about a technique.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Technique {
-    /// Each alone, with so many paths from the first surface of each sample on.
-    Alone {
-        /// A power of two.
-        branches: u32,
-    },
-    /// Shared in groups of pixels.
-    Shared(GroupShape),
+pub(super) enum Request {
+    /// It is not used.
+    Off,
+    /// Its trial decides.
+    Auto,
+    /// It is used wherever that is possible; else a warning gives the reason.
+    On,
 }
 
-impl Technique {
-    /// Each path alone.
-    pub const PLAIN: Technique = Technique::Alone { branches: 1 };
+/// The picture that a technique is for.
+#[derive(Clone, Copy)]
+pub(super) struct Target<'a> {
+    pub scene: &'a CompiledScene,
+    pub view: &'a View,
+    pub options: &'a RenderOptions,
+}
 
-    /// In which groups pixels share paths, if they do.
-    pub fn shape(self) -> Option<GroupShape> {
-        match self {
-            Technique::Alone { .. } => None,
-            Technique::Shared(shape) => Some(shape),
+/// A technique. Decisions depend on the scene, the view and the options alone, so that partial renders decide alike.
+pub(super) trait Technique {
+    /// What the options ask for.
+    fn request(&self, options: &RenderOptions) -> Request;
+
+    /// The first reason that prevents the technique, for a warning.
+    fn obstacle(&self, target: &Target<'_>) -> Option<&'static str>;
+
+    /// What the warning says is not done, such as "paths are not guided".
+    fn refusal(&self) -> &'static str;
+
+    /// Why the trial found no use for a technique that was asked for, for a warning.
+    fn failure(&self, _options: &RenderOptions) -> Option<&'static str> {
+        None
+    }
+
+    /// Decides before the first pass by paths that the picture gets nothing of. Runs only where the technique is asked for and
+    /// nothing prevents it.
+    fn try_before_first_pass(&mut self, _trial: &Trial<'_>) -> Result<(), Stopped> {
+        Ok(())
+    }
+
+    /// Adds to the options of the paths what was decided.
+    fn configure<'a>(&'a self, paths: &mut PathOptions<'a>);
+
+    /// Must the film be complete between two passes?
+    fn separates_passes(&self) -> bool {
+        false
+    }
+
+    /// Does it learn from the errors of the pixels after this pass, in which pixels share paths or don't?
+    fn learns_from(&self, _target: &Target<'_>, _pass: Pass, _shares_paths: bool) -> bool {
+        false
+    }
+
+    /// Learns from the errors of the pixels after a pass.
+    fn learn(&mut self, _options: &RenderOptions, _pass: Pass, _errors: &ErrorMap) {}
+
+    /// Adds what it does to the statistics.
+    fn report(&self, statistics: &mut Statistics);
+}
+
+/// What a warning says if a technique was asked for and is not used.
+pub(super) fn warning(technique: &dyn Technique, target: &Target<'_>) -> Option<Warning> {
+    if technique.request(target.options) != Request::On {
+        return None;
+    }
+    let reason = technique.obstacle(target).or_else(|| technique.failure(target.options))?;
+    Some(Warning::general(format!("{}: {reason}", technique.refusal())))
+}
+
+/// The first of some reasons that holds.
+pub(super) fn first_reason(reasons: &[(bool, &'static str)]) -> Option<&'static str> {
+    reasons.iter().find(|(holds, _)| *holds).map(|(_, reason)| *reason)
+}
+
+/// A trial was stopped.
+pub(super) struct Stopped;
+
+/// What a trial before the first pass has.
+pub(super) struct Trial<'a> {
+    pub target: Target<'a>,
+    /// Options of paths that record radiance alone, with what the techniques before this one add.
+    pub paths: PathOptions<'a>,
+    pub progress: &'a Progress,
+    pub listener: Option<&'a Listener>,
+    pub stopwatch: &'a Stopwatch,
+    pub stop: &'a (dyn Fn() -> bool + Sync),
+}
+
+impl Trial<'_> {
+    /// Does one task of a group on this thread and counts its rays. `work` returns `None` if it was stopped.
+    pub fn run<T>(
+        &self,
+        (stage, group): (&'static str, u32),
+        stop: &(dyn Fn() -> bool + Sync),
+        work: impl FnOnce(&mut Workspace) -> Option<T>,
+    ) -> Result<T, Stopped> {
+        if stop() {
+            return Err(Stopped);
+        }
+        WORKSPACE.with(|workspace| {
+            let w = &mut *workspace.borrow_mut();
+            let before = w.ray_counts;
+            let done = timeline::item(stage, group, || work(w));
+            self.progress.add(0, w.ray_counts.since(before).all, self.stopwatch.wall(), self.listener);
+            done.filter(|_| !stop()).ok_or(Stopped)
+        })
+    }
+}
+
+/// Options of paths that record radiance alone, without any technique.
+pub(super) fn plain_paths<'a>(
+    options: &RenderOptions,
+    filter: &'a FilterSampler,
+    mattes: &'a MatteIds,
+) -> PathOptions<'a> {
+    PathOptions {
+        max_depth: options.max_depth,
+        plan: SamplePlan::Even(Arrangement::new(options.seed, options.samples.max(options.planned), 1)),
+        filter,
+        aovs: AovSet::NONE,
+        aov_space: AovSpace::World,
+        mattes,
+        light_groups: 0,
+        catchers: false,
+        transparent_glass: false,
+        soft_terminator: options.soft_terminator,
+        reuse: None,
+        branches: 1,
+        keeps_plain: false,
+        caustics: None,
+        guide: None,
+        records_training: false,
+    }
+}
+
+/// Relative squared errors of the pixels of a picture and the costs of a sample there, row by row.
+pub(super) struct ErrorMap {
+    pub width: usize,
+    pub errors: Vec<f32>,
+    /// Rays of a sample behind its camera ray, and a little for that one.
+    pub costs: Vec<f32>,
+}
+
+/// Cost of a sample whose camera ray hits nothing, in further rays with all that belongs to them. (Measured in front of a textured
+/// helmet that fills two fifths of a picture: hardly anything compared with the others.)
+const COST_OF_MISS: f32 = 0.05;
+
+impl ErrorMap {
+    /// Zeros.
+    pub fn new(width: u32, height: u32) -> ErrorMap {
+        let zeros = vec![0.0; width as usize * height as usize];
+        ErrorMap { width: width as usize, costs: zeros.clone(), errors: zeros }
+    }
+
+    /// Sets the errors of a block's pixels, and the rays of a sample there.
+    pub fn set(&mut self, block: &Block, errors: &[f32], rays_per_sample: f64) {
+        let cost = COST_OF_MISS + (rays_per_sample as f32 - 1.0).max(0.0);
+        for (row, errors) in errors.chunks(block.width as usize).enumerate() {
+            let from = (block.y0 as usize + row) * self.width + block.x0 as usize;
+            self.errors[from..from + errors.len()].copy_from_slice(errors);
+            self.costs[from..from + errors.len()].fill(cost);
         }
     }
 
-    /// Paths that go on from the first surface of each sample.
-    pub fn branches(self) -> u32 {
-        match self {
-            Technique::Alone { branches } => branches,
-            Technique::Shared(_) => 1,
+    /// Multiplies the errors and the costs of a block's pixels.
+    pub fn scale(&mut self, block: &Block, error: f32, cost: f32) {
+        for row in block.y0 as usize..(block.y0 + block.height) as usize {
+            let from = row * self.width + block.x0 as usize;
+            let pixels = from..from + block.width as usize;
+            self.errors[pixels.clone()].iter_mut().for_each(|e| *e *= error);
+            self.costs[pixels].iter_mut().for_each(|c| *c *= cost);
         }
-    }
-}
-
-/// Which techniques are still to be tried, and which one holds until then.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Choice {
-    pub now: Technique,
-    pub may_share: bool,
-    pub may_split: bool,
-}
-
-/// Are there surfaces that some paths pass, by chance?
-fn has_random_surfaces(scene: &CompiledScene) -> bool {
-    scene.materials.iter().any(|material| material.alpha.is_some() || material.passes_straight)
-}
-
-impl Choice {
-    /// What the options leave open.
-    pub fn new(scene: &CompiledScene, options: &RenderOptions) -> Choice {
-        // Surfaces that are absent at random let visibility be known at random only.
-        // Connections would have to cross media that scatter.
-        // They would not know the kinds of rays that they stand for, and what one path found may stand elsewhere at
-        // another's time.
-        // Paths of other wavelengths have found something else.
-        let is_rgb = !scene.shading.spectral;
-        let is_plain =
-            is_rgb && !has_random_surfaces(scene) && !scene.features.scattering && !scene.is_moving();
-        let can_share = is_plain && !scene.features.ray_kinds && !options.catchers && options.max_depth >= 2;
-        let branches = match options.splitting {
-            Splitting::Into(branches) if options.max_depth >= 1 && !options.catchers => branches,
-            _ => 1,
-        };
-        let open = Choice {
-            now: Technique::Alone { branches },
-            may_share: can_share
-                && options.path_reuse == PathReuse::Auto
-                && matches!(options.splitting, Splitting::Auto | Splitting::OFF),
-            may_split: options.max_depth >= 1 && options.splitting == Splitting::Auto && !options.catchers,
-        };
-        match options.path_reuse {
-            PathReuse::Groups(shape) if can_share => Choice::decided(Technique::Shared(shape)),
-            _ => open,
-        }
-    }
-
-    /// Is anything still to be tried?
-    pub fn is_open(self) -> bool {
-        self.may_share || self.may_split
-    }
-
-    /// Nothing is open any more.
-    pub fn decided(now: Technique) -> Choice {
-        Choice { now, may_share: false, may_split: false }
-    }
-
-    /// What is said where paths were to be shared and are not.
-    pub fn warning(self, scene: &CompiledScene, options: &RenderOptions) -> Option<Warning> {
-        let is_refused = matches!(options.path_reuse, PathReuse::Groups(_)) && self.now.shape().is_none();
-        let reason = if scene.shading.spectral {
-            "they carry wavelengths of their own"
-        } else if has_random_surfaces(scene) {
-            "the scene has surfaces that are partly transparent"
-        } else if scene.features.scattering {
-            "the scene has media that scatter"
-        } else if options.catchers {
-            "the scene has shadow catchers"
-        } else if scene.features.links {
-            "lights of the scene are linked to some objects only"
-        } else if scene.features.ray_kinds {
-            "objects or lights of the scene are visible to some kinds of rays only"
-        } else if scene.is_moving() {
-            "something moves in the scene"
-        } else {
-            "there is no indirect light with so few bounces"
-        };
-        is_refused.then(|| Warning::general(format!("paths are not shared between pixels: {reason}")))
     }
 }

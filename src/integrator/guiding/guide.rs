@@ -1,8 +1,7 @@
 //! What was learned, fixed: histograms to choose directions by, and how much light to expect.
 
-use super::grid::{CELLS_OF_PARENT, Grid, Numbers, key_of, parent};
-use super::histogram::{BINS, Bins, Histogram};
-use super::training::{CellSums, TrainedCells};
+use crate::math::Vec3;
+use crate::sampling::hash::mix64;
 use crate::simd::Table;
 
 /// The part of all histograms that is uniform, so that no direction is left out (defensive sampling).
@@ -106,7 +105,7 @@ impl Guide {
         Table::new(&self.densities)
     }
 
-    /// How many cells it knows something of.
+    /// ScatterParams many cells it knows something of.
     pub fn cells(&self) -> usize {
         self.histograms.len() - 1
     }
@@ -136,5 +135,551 @@ impl CellEstimate {
             false => above.weights[k],
         });
         CellEstimate { weights, mean: if mean.is_finite() { mean } else { above.mean } }
+    }
+}
+
+// Cells of space and of normals, and their numbers.
+
+/// What is added to coordinates in cells, so that they are positive, and that no plane through the origin, where walls often
+/// are, divides cells.
+const SHIFT: f32 = 32_768.37;
+
+/// Marks a key: none is 0.
+const IS_KEY: u64 = 1 << 63;
+
+/// Marks the key of a larger cell.
+const IS_PARENT: u64 = 1 << 62;
+
+/// ScatterParams many times longer the edges of a larger cell are, in bits.
+const PARENT_BITS: u32 = 2;
+
+/// Cells of a larger one's surface, about.
+pub const CELLS_OF_PARENT: f32 = (1 << (2 * PARENT_BITS)) as f32;
+
+/// Space in cubes, each divided by the direction of normals. Cubes far beyond the others (32,768 edges away) share their cells.
+#[derive(Clone, Copy, Debug)]
+pub struct Grid {
+    /// Cells along a metre.
+    pub scale: f32,
+}
+
+impl Grid {
+    /// Of cubes with edges of this many metres.
+    pub fn new(edge: f32) -> Grid {
+        Grid { scale: 1.0 / edge }
+    }
+
+    /// The key of the cell at a point with a normal.
+    pub fn key(self, p: Vec3, n: Vec3) -> u64 {
+        let [low, high] = self.halves(p * self.scale, n);
+        key_of(low, high)
+    }
+
+    /// The halves of the key at a point, in cells.
+    #[inline(always)]
+    pub fn halves(self, p: Vec3, n: Vec3) -> [u32; 2] {
+        // Positive numbers, cut off.
+        let place = |x: f32| (x + SHIFT) as i32 as u32 & 0xffff;
+        let side = |x: f32| (x * 2.0 + 2.5) as i32 as u32;
+        let sides = side(n.x) | (side(n.y) << 3) | (side(n.z) << 6);
+        [place(p.x) | (place(p.y) << 16), place(p.z) | (sides << 16)]
+    }
+}
+
+/// The key of its halves.
+#[inline(always)]
+pub fn key_of(low: u32, high: u32) -> u64 {
+    IS_KEY | u64::from(low) | (u64::from(high) << 32)
+}
+
+/// The key of the larger cell that a cell is in.
+pub fn parent(key: u64) -> u64 {
+    let place = |shift: u32| (((key >> shift) & 0xffff) >> PARENT_BITS) << shift;
+    (key & !0xffff_ffff_ffff) | IS_PARENT | place(0) | place(16) | place(32)
+}
+
+/// Numbers of keys, in the order in which they came.
+#[derive(Clone, Debug, Default)]
+pub struct Numbers {
+    /// Keys, 0 where there is none, with their numbers; a power of two.
+    slots: Vec<(u64, u32)>,
+    count: u32,
+}
+
+impl Numbers {
+    /// The number of a key, if it has one.
+    #[inline]
+    pub fn get(&self, key: u64) -> Option<u32> {
+        if self.slots.is_empty() {
+            return None;
+        }
+        let (found, number) = self.slots[self.slot(key)];
+        (found == key).then_some(number)
+    }
+
+    /// The number of a key: that of those before, if it is new.
+    pub fn insert(&mut self, key: u64) -> u32 {
+        if let Some(number) = self.get(key) {
+            return number;
+        }
+        if 2 * (self.count as usize + 1) > self.slots.len() {
+            let larger = (2 * self.slots.len()).max(64);
+            let old = std::mem::replace(&mut self.slots, vec![(0, 0); larger]);
+            for (key, number) in old.into_iter().filter(|(key, _)| *key != 0) {
+                let slot = self.slot(key);
+                self.slots[slot] = (key, number);
+            }
+        }
+        let (slot, number) = (self.slot(key), self.count);
+        self.slots[slot] = (key, number);
+        self.count += 1;
+        number
+    }
+
+    /// The slot of a key, or the free one where it belongs.
+    #[inline]
+    fn slot(&self, key: u64) -> usize {
+        let mask = self.slots.len() - 1;
+        let mut at = mix64(key) as usize & mask;
+        while self.slots[at].0 != key && self.slots[at].0 != 0 {
+            at = (at + 1) & mask;
+        }
+        at
+    }
+}
+
+// Histograms over the square of directions: made, sampled, looked up.
+
+/// Edge of a histogram.
+pub const EDGE: usize = 8;
+
+/// Its bins: row by row, a row for each step of the square's first coordinate.
+pub const BINS: usize = EDGE * EDGE;
+
+/// A number for each bin.
+pub type Bins = [f32; BINS];
+
+/// Upper ends of steps: the last is 1.
+pub type Steps = [f32; EDGE];
+
+/// Below 1 by more than rounding up to [`EDGE`] takes.
+const BELOW_ONE: f32 = 0.999_999;
+
+/// A histogram, ready to be sampled: what is needed together lies together.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(64))]
+pub struct Histogram {
+    /// Cumulated shares of the rows.
+    pub rows: Steps,
+    /// A number that is kept here for the cell.
+    pub mean: f32,
+    /// In each row, cumulated shares of its bins.
+    pub columns: [Steps; EDGE],
+}
+
+impl Histogram {
+    /// With densities in proportion to positive weights, as far as steps are rounded.
+    pub fn new(weights: &Bins, mean: f32) -> Histogram {
+        let (rows, _) = weights.as_chunks::<EDGE>();
+        let mut histogram = Histogram { rows: [0.0; EDGE], mean, columns: [[0.0; EDGE]; EDGE] };
+        let mut sums = [0.0; EDGE];
+        for (row, weights) in rows.iter().enumerate() {
+            sums[row] = weights.iter().sum();
+            histogram.columns[row] = cumulated(weights);
+        }
+        histogram.rows = cumulated(&sums);
+        histogram
+    }
+
+    /// The point of the square that two uniform numbers choose, and the density there: 1 on average.
+    #[inline(always)]
+    pub fn sample(&self, u: [f32; 2]) -> ([f32; 2], f32) {
+        let (row, x, height) = choose(&self.rows, u[0]);
+        let (_, y, width) = choose(&self.columns[row], u[1]);
+        ([x, y], density(height, width))
+    }
+
+    /// The densities of all bins, as [`Histogram::sample`] says.
+    pub fn densities(&self) -> Bins {
+        let mut bins = [0.0; BINS];
+        for row in 0..EDGE {
+            for column in 0..EDGE {
+                let (height, width) = (share(&self.rows, row), share(&self.columns[row], column));
+                bins[row * EDGE + column] = density(height, width);
+            }
+        }
+        bins
+    }
+}
+
+#[inline(always)]
+fn density(height: f32, width: f32) -> f32 {
+    height * width * BINS as f32
+}
+
+/// Cumulated shares of positive weights.
+fn cumulated(weights: &[f32; EDGE]) -> Steps {
+    let total: f32 = weights.iter().sum();
+    let mut steps = [1.0; EDGE];
+    let mut sum = 0.0;
+    for k in 0..EDGE - 1 {
+        sum += weights[k];
+        steps[k] = (sum / total).min(1.0);
+    }
+    steps
+}
+
+/// The share of a step.
+#[inline(always)]
+fn share(steps: &Steps, k: usize) -> f32 {
+    steps[k] - if k > 0 { steps[k - 1] } else { 0.0 }
+}
+
+/// Chooses a step by a number in 0..1: which, a coordinate in it, in 0..1 over all steps, and its share.
+#[inline(always)]
+fn choose(steps: &Steps, u: f32) -> (usize, f32, f32) {
+    let mut below = 0;
+    for step in &steps[..EDGE - 1] {
+        below += usize::from(u >= *step);
+    }
+    let k = below.min(EDGE - 1);
+    let start = if k > 0 { steps[k - 1] } else { 0.0 };
+    let share = steps[k] - start;
+    let within = (u - start) / share;
+    // Not so for steps of no length, which are not chosen but by rounding.
+    let within = if within < BELOW_ONE { within } else { BELOW_ONE };
+    let within = if within > 0.0 { within } else { 0.0 };
+    (k, (k as f32 + within) * (1.0 / EDGE as f32), share)
+}
+
+/// The bin of a point of the square.
+#[inline(always)]
+pub fn bin([u, v]: [f32; 2]) -> u32 {
+    let step = |x: f32| {
+        let k = (x * EDGE as f32) as i32;
+        if k < EDGE as i32 - 1 { k as u32 } else { EDGE as u32 - 1 }
+    };
+    step(u) * EDGE as u32 + step(v)
+}
+
+// Training data: radiance by point and direction, summed by cell.
+
+/// What a path found where it had scattered.
+#[derive(Clone, Copy, Debug)]
+pub struct TrainingSample {
+    /// The point, metres.
+    pub p: [f32; 3],
+    /// Its shading normal.
+    pub n: [f32; 3],
+    /// Where in the square of directions the path went.
+    pub bin: u32,
+    /// Luminance that came from there over the density of the direction, in units of the cosine lobe's density: its mean over
+    /// directions is the irradiance over pi, but for what light samples find.
+    pub value: f32,
+}
+
+/// A vertex of a path of which it is not yet known what it will find.
+#[derive(Clone, Copy, Debug)]
+pub struct VertexRecord {
+    /// All but the value.
+    pub training_sample: TrainingSample,
+    pub sample: u32,
+    /// Luminance that its sample had so far.
+    pub before: f32,
+    /// Luminance that a value of 1 brings to the sample.
+    pub carried: f32,
+    /// Mean of such values that is expected there; negative where that is not known.
+    pub expected: f32,
+    pub ends: bool,
+}
+
+/// A training sample for a cell.
+#[derive(Clone, Copy, Debug)]
+pub struct CellSample {
+    key: u64,
+    bin: u32,
+    value: f32,
+}
+
+/// Training samples by which the size of cells is chosen, at most.
+const TRIED: usize = 1 << 15;
+
+/// Parts of the cells, which may learn at the same time.
+const SHARES: usize = 16;
+
+/// The samples of a block, by the share of cells that they are for.
+pub type CellSamples = [Vec<CellSample>; SHARES];
+
+impl Grid {
+    /// Cells so large that at least half of the samples are in cells with `wanted` of them once there are `total`, and as
+    /// small as that allows; `None` without samples.
+    pub fn suited_to(samples: &[TrainingSample], total: f64, wanted: f64) -> Option<Grid> {
+        let step = samples.len().div_ceil(TRIED).max(1);
+        let tried: Vec<&TrainingSample> = samples.iter().step_by(step).collect();
+        // As far as most are: a few on the horizon don't count.
+        let mut distances: Vec<f32> =
+            tried.iter().map(|l| l.p.iter().fold(0.0f32, |most, x| most.max(x.abs()))).collect();
+        distances.sort_unstable_by(f32::total_cmp);
+        let farthest = *distances.get(distances.len() * 9 / 10)?;
+        if farthest <= 0.0 || !farthest.is_finite() {
+            return None;
+        }
+        // Of those tried, a cell must have so many; a few at least, or chance decides.
+        let least = (wanted * tried.len() as f64 / total).max(4.0) as usize;
+        let mut edge = farthest / 8192.0;
+        loop {
+            let grid = Grid::new(edge);
+            let mut keys: Vec<u64> = tried.iter().map(|l| grid.key(l.p.into(), l.n.into())).collect();
+            keys.sort_unstable();
+            let full: usize = keys.chunk_by(|a, b| a == b).map(<[u64]>::len).filter(|n| *n >= least).sum();
+            if 2 * full >= tried.len() || edge > farthest {
+                return Some(grid);
+            }
+            edge *= std::f32::consts::SQRT_2;
+        }
+    }
+
+    /// Sorts samples by cells.
+    pub fn cell_samples(self, samples: &[TrainingSample]) -> CellSamples {
+        let mut cell_samples: CellSamples = Default::default();
+        for sample in samples {
+            let key = self.key(sample.p.into(), sample.n.into());
+            // By other bits than those by which tables are sorted.
+            let share = (mix64(key) >> 60) as usize;
+            cell_samples[share].push(CellSample { key, bin: sample.bin, value: sample.value });
+        }
+        cell_samples
+    }
+}
+
+/// What a cell has learned.
+#[derive(Clone, Copy, Debug)]
+pub struct CellSums {
+    pub key: u64,
+    /// Sums of values by bin.
+    pub bins: Bins,
+    /// Of all values and of their squares, and how many there are.
+    pub sum: f64,
+    pub squares: f64,
+    pub count: u32,
+}
+
+impl CellSums {
+    /// Nothing yet.
+    pub fn new(key: u64) -> CellSums {
+        CellSums { key, bins: [0.0; BINS], sum: 0.0, squares: 0.0, count: 0 }
+    }
+
+    /// Adds what another has learned.
+    pub fn add(&mut self, other: &CellSums) {
+        for (sum, bin) in self.bins.iter_mut().zip(&other.bins) {
+            *sum += bin;
+        }
+        self.sum += other.sum;
+        self.squares += other.squares;
+        self.count = self.count.saturating_add(other.count);
+    }
+}
+
+/// A share of the cells.
+#[derive(Clone, Debug, Default)]
+pub struct Share {
+    numbers: Numbers,
+    cells: Vec<CellSums>,
+}
+
+impl Share {
+    /// Learns. Sums depend on the order of the samples.
+    pub fn learn(&mut self, cell_samples: &[CellSample]) {
+        for cell_sample in cell_samples {
+            let number = self.numbers.insert(cell_sample.key) as usize;
+            if number == self.cells.len() {
+                self.cells.push(CellSums::new(cell_sample.key));
+            }
+            let cell = &mut self.cells[number];
+            cell.bins[cell_sample.bin as usize % BINS] += cell_sample.value;
+            let value = f64::from(cell_sample.value);
+            cell.sum += value;
+            cell.squares += value * value;
+            cell.count = cell.count.saturating_add(1);
+        }
+    }
+}
+
+/// All that was learned.
+#[derive(Clone, Debug)]
+pub struct TrainedCells {
+    pub grid: Grid,
+    pub shares: [Share; SHARES],
+}
+
+impl TrainedCells {
+    /// None yet.
+    pub fn new(grid: Grid) -> TrainedCells {
+        TrainedCells { grid, shares: Default::default() }
+    }
+
+    /// The cells, in an order that does not depend on threads.
+    pub fn cells(&self) -> impl Iterator<Item = &CellSums> {
+        self.shares.iter().flat_map(|share| &share.cells)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::{Frame, Vec3};
+    use crate::sampling::chi2::{Chi2, Random, Square};
+    use crate::sampling::warp;
+
+    /// Weights with some bins of hardly any.
+    fn weights(random: &mut Random) -> [f32; BINS] {
+        std::array::from_fn(|k| if k % 5 == 0 { 1e-6 } else { random.next() + 0.01 })
+    }
+
+    #[test]
+    fn histograms_pass_chi_square() {
+        let mut random = Random::new(4);
+        for _ in 0..4 {
+            let histogram = Histogram::new(&weights(&mut random), 0.0);
+            let densities = histogram.densities();
+            Chi2::new("histogram", 4).assert(
+                |u| Some(histogram.sample([u[0], u[1]]).0.map(f64::from)),
+                |p| f64::from(densities[bin(p.map(|x| x as f32)) as usize]),
+            );
+        }
+    }
+
+    /// Directions by a histogram have the density that is looked up for them.
+    #[test]
+    fn guided_directions_pass_chi_square() {
+        let mut random = Random::new(5);
+        let histogram = Histogram::new(&weights(&mut random), 0.0);
+        let densities = histogram.densities();
+        let frame = Frame::from_normal(Vec3::new(0.48, -0.6, 0.64));
+        let of = |w: Vec3| densities[bin(warp::square_of_cosine_hemisphere(frame.to_local(w))) as usize];
+        Chi2::new("guided directions", 1).assert_directions(
+            &Square::sphere(),
+            |u| Some(frame.to_world(warp::cosine_hemisphere(histogram.sample([u[0], u[1]]).0))),
+            |w| warp::cosine_hemisphere_pdf_solid_angle(frame.to_local(w).z) * of(w),
+        );
+    }
+
+    #[test]
+    fn samples_lie_in_the_bins_of_their_densities() {
+        let mut random = Random::new(6);
+        let histogram = Histogram::new(&weights(&mut random), 0.0);
+        let densities = histogram.densities();
+        let below_one = 1.0f32.next_down();
+        let corners = [[0.0, 0.0], [below_one, below_one], [0.0, below_one], [0.5, 0.25]];
+        let many = (0..20_000).map(|_| [random.next(), random.next()]);
+        for u in corners.into_iter().chain(many) {
+            let (point, density) = histogram.sample(u);
+            assert!(point.iter().all(|x| (0.0..1.0).contains(x)), "{u:?} {point:?}");
+            assert_eq!(densities[bin(point) as usize], density, "{u:?}");
+        }
+        assert!((densities.iter().sum::<f32>() / BINS as f32 - 1.0).abs() < 1e-5);
+    }
+
+    #[test]
+    fn keys_have_numbers_in_their_order() {
+        let mut numbers = Numbers::default();
+        assert_eq!(numbers.get(7), None);
+        let keys: Vec<u64> = (1..5000u64).map(|k| k.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1).collect();
+        for (number, &key) in keys.iter().enumerate() {
+            assert_eq!(numbers.insert(key), number as u32);
+            assert_eq!(numbers.insert(keys[number / 2]), (number / 2) as u32);
+        }
+        assert!(keys.iter().enumerate().all(|(number, &key)| numbers.get(key) == Some(number as u32)));
+        assert_eq!(numbers.get(2), None);
+    }
+
+    fn training_sample(p: Vec3, n: Vec3, bin: u32, value: f32) -> TrainingSample {
+        TrainingSample { p: p.to_array(), n: n.to_array(), bin, value }
+    }
+
+    #[test]
+    fn cells_are_as_large_as_samples_ask_for() {
+        let mut random = Random::new(7);
+        let floor =
+            |random: &mut Random| Vec3::new(random.next() * 4.0 - 2.0, 0.0, random.next() * 4.0 - 2.0);
+        let samples: Vec<TrainingSample> =
+            (0..20_000).map(|_| training_sample(floor(&mut random), Vec3::Y, 0, 1.0)).collect();
+        for wanted in [500.0, 2000.0] {
+            let grid = Grid::suited_to(&samples, 320_000.0, wanted).expect("samples");
+            let mut keys: Vec<u64> = samples.iter().map(|l| grid.key(l.p.into(), l.n.into())).collect();
+            keys.sort_unstable();
+            keys.dedup();
+            let mean = 320_000.0 / keys.len() as f64;
+            assert!((0.5 * wanted..4.0 * wanted).contains(&mean), "{wanted}: {mean}");
+        }
+        assert!(Grid::suited_to(&[], 1.0, 100.0).is_none());
+        let grid = Grid::new(0.5);
+        let (a, b) = (Vec3::new(0.1, 0.2, 0.3), Vec3::new(0.9, 0.2, 0.3));
+        assert_ne!(grid.key(a, Vec3::Y), grid.key(a, Vec3::X));
+        assert_ne!(grid.key(a, Vec3::Y), grid.key(b, Vec3::Y));
+        assert_eq!(parent(grid.key(a, Vec3::Y)), parent(grid.key(b, Vec3::Y)));
+    }
+
+    /// A guide leads to where light came from, and expects as much as came; of other places it knows nothing.
+    #[test]
+    fn guides_know_what_they_learned() {
+        let (mut random, grid) = (Random::new(8), Grid::new(1.0));
+        let here = Vec3::new(0.1, 0.0, 0.1);
+        let found: Vec<TrainingSample> = (0..4000)
+            .map(|_| {
+                let bin = (random.next() * BINS as f32) as u32;
+                training_sample(here, Vec3::Y, bin, if bin == 20 { 64.0 } else { 0.0 })
+            })
+            .collect();
+        let mut trained = TrainedCells::new(grid);
+        let cell_samples = grid.cell_samples(&found);
+        for (share, cell_samples) in trained.shares.iter_mut().zip(&cell_samples) {
+            share.learn(cell_samples);
+        }
+        let guide = Guide::new(&trained, 1.0);
+        let key = grid.key(here, Vec3::Y);
+        let cell = guide.find(key as u32, (key >> 32) as u32) as usize;
+        assert_ne!(cell as u32, UNKNOWN);
+        let densities = &guide.densities[cell * BINS..(cell + 1) * BINS];
+        assert!(densities[20] > 20.0 && densities.iter().all(|d| *d > 0.2), "{densities:?}");
+        let mean = guide.histograms[cell].mean;
+        assert!((0.8..1.2).contains(&mean), "{mean}");
+        let elsewhere = grid.key(Vec3::splat(50.0), Vec3::Y);
+        assert_eq!(guide.find(elsewhere as u32, (elsewhere >> 32) as u32), UNKNOWN);
+        // A neighbour's larger cell knows something.
+        let beside = grid.key(Vec3::new(1.3, 0.0, 0.1), Vec3::Y);
+        let found = guide.find(beside as u32, (beside >> 32) as u32);
+        assert!(found != UNKNOWN && found as usize != cell);
+        assert_eq!(guide.cells(), 2);
+    }
+
+    /// Values near the ends of the range of floats leave a guide that is of use: all that is beyond it says nothing.
+    #[test]
+    fn values_of_any_size_make_usable_guides() {
+        let (mut random, grid) = (Random::new(9), Grid::new(1.0));
+        let here = Vec3::new(0.1, 0.0, 0.1);
+        for size in [1e-38, 1e-20, 1e20, 1e30, 1e38, f32::INFINITY] {
+            let found: Vec<TrainingSample> = (0..4000)
+                .map(|_| {
+                    let bin = (random.next() * BINS as f32) as u32;
+                    training_sample(here, Vec3::Y, bin, if bin == 20 { size } else { 0.0 })
+                })
+                .collect();
+            let mut trained = TrainedCells::new(grid);
+            for (share, samples) in trained.shares.iter_mut().zip(&grid.cell_samples(&found)) {
+                share.learn(samples);
+            }
+            let guide = Guide::new(&trained, 1.0);
+            let is_usable = |density: &f32| (0.2..=BINS as f32).contains(density);
+            assert!(guide.densities.iter().all(is_usable), "{size}: {:?}", guide.densities);
+            for densities in guide.densities.chunks(BINS) {
+                assert!(
+                    (densities.iter().sum::<f32>() / BINS as f32 - 1.0).abs() < 1e-4,
+                    "{size}: {densities:?}"
+                );
+            }
+            assert!(guide.histograms.iter().all(|h| h.mean.is_finite()), "{size}");
+        }
     }
 }

@@ -16,30 +16,22 @@
 //! What a path may still bring is its throughput times the albedo times the mean of the cell. Roulette compares that with the
 //! same at the path's first guided vertex.
 
-mod grid;
-mod guide;
-mod histogram;
-mod keys;
-mod learn;
+pub(super) mod guide;
 mod scatter;
-#[cfg(test)]
-mod tests;
-pub(super) mod training;
+mod training;
 
-pub use grid::Grid;
-pub use guide::Guide;
-pub use learn::BlockSamples;
+pub use guide::{CellSamples, Grid, Guide, TrainedCells, TrainingSample};
 pub(super) use scatter::{Guided, scatter, scatter_metal_rough};
-pub use training::{CellSamples, TrainedCells, TrainingSample};
+pub use training::BlockSamples;
 
 use super::Integrator;
 use super::shading_groups::{MetalRoughClass, SortedVertices, VertexClass};
 use super::wave::{Vertices, WAVE, Wave, get};
 use super::workspace::Workspace;
 use crate::math::{Frame, Vec3};
+use crate::sampling::hash::hash32;
 use crate::sampling::warp;
 use crate::simd::{Kernel, Table, dispatch};
-use keys::FindKeys;
 use std::ops::Range;
 
 impl Integrator<'_> {
@@ -79,7 +71,7 @@ impl Integrator<'_> {
 #[inline(always)]
 pub(super) fn place(cell: u32, ns: Vec3, wi: Vec3) -> u32 {
     let local = Frame::from_normal(ns).to_local(wi);
-    cell * histogram::BINS as u32 + histogram::bin(warp::square_of_cosine_hemisphere(local))
+    cell * guide::BINS as u32 + guide::bin(warp::square_of_cosine_hemisphere(local))
 }
 
 struct LightDensities<'a> {
@@ -117,6 +109,38 @@ impl Kernel for LightFactors<'_> {
         for i in self.range.start..self.range.end.min(WAVE) {
             let closure = MetalRoughClass.closure(v, i);
             v.guided.light_density[i] = closure.guided(get(&v.light.wi, i), v.guided.light_density[i]);
+        }
+    }
+}
+
+/// Keeps the random numbers here apart from all others of a path.
+const SEED: u32 = 0x51ed_270b;
+
+/// Finds the halves of the keys of vertices. Points are moved along the surface, by at most half a cell either way, so that the
+/// borders between cells are blurred.
+struct FindKeys<'a> {
+    grid: Grid,
+    wave: &'a mut Wave,
+    range: Range<usize>,
+    bounce: u32,
+}
+
+impl Kernel for FindKeys<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Wave { paths, vertices: v, .. } = self.wave;
+        let salt = hash32(self.bounce ^ SEED);
+        for i in self.range.start..self.range.end.min(WAVE) {
+            let n = get(&v.ns, i);
+            let frame = Frame::from_normal(n);
+            let hash = hash32(hash32(paths.carried.seed[i] ^ salt) ^ paths.carried.shuffled[i]);
+            let (s, t) = ((hash & 0xffff) as i32 as f32, (hash >> 16) as i32 as f32);
+            let (s, t) = (s * (1.0 / 65_536.0) - 0.5, t * (1.0 / 65_536.0) - 0.5);
+            let p = get(&v.p, i) * self.grid.scale + frame.s * s + frame.t * t;
+            let [low, high] = self.grid.halves(p, n);
+            (v.guided.key_low[i], v.guided.key_high[i]) = (low, high);
         }
     }
 }

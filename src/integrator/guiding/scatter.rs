@@ -1,12 +1,14 @@
 //! Lambertian vertices scatter by a guide, and paths end by what is expected of them.
 
-use super::super::Integrator;
-use super::super::sampling::{FIRST_ROULETTE, ScatterParams, survival};
-use super::super::shading_geometry::terminator;
-use super::super::shading_groups::{Closure, MetalRoughClass, VertexClass};
-use super::super::wave::{Vertices, WAVE, Wave, get, get_rgb, set, set_rgb};
 use super::guide::{Guide, NO_MEAN};
 use super::place;
+use crate::integrator::Integrator;
+use crate::integrator::sampling::{FIRST_ROULETTE, ScatterParams, survival};
+use crate::integrator::shading_geometry::terminator;
+use crate::integrator::shading_groups::MetalRoughClass;
+use crate::integrator::shading_groups::{Closure, VertexClass};
+use crate::integrator::wave::{Vertices, Wave};
+use crate::integrator::wave::{WAVE, get, get_rgb, set, set_rgb};
 use crate::math::{Frame, offset_along};
 use crate::sampling::sampler::SobolPoint;
 use crate::sampling::warp;

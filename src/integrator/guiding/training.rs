@@ -1,166 +1,130 @@
-//! What guides learn from: how much light came to a point from a direction, by cells.
+//! Paths that train a guide: what they find is recorded where they scattered.
 
-use super::grid::{Grid, Numbers};
-use super::histogram::{BINS, Bins};
-use crate::sampling::hash::mix64;
+use super::guide;
+use super::guide::{NO_MEAN, TrainingSample, VertexRecord};
+use crate::color::luminance;
+use crate::integrator::Integrator;
+use crate::integrator::sampling::Block;
+use crate::integrator::shading_groups::SortedVertices;
+use crate::integrator::wave::{Vertices, Wave};
+use crate::integrator::wave::{WAVE, get};
+use crate::integrator::workspace::Workspace;
+use crate::math::Frame;
+use crate::sampling::warp;
+use crate::simd::{Kernel, dispatch};
+use std::ops::Range;
 
-/// What a path found where it had scattered.
-#[derive(Clone, Copy, Debug)]
-pub struct TrainingSample {
-    /// The point, metres.
-    pub p: [f32; 3],
-    /// Its shading normal.
-    pub n: [f32; 3],
-    /// Where in the square of directions the path went.
-    pub bin: u32,
-    /// Luminance that came from there over the density of the direction, in units of the cosine lobe's density: its mean over
-    /// directions is the irradiance over pi, but for what light samples find.
-    pub value: f32,
-}
-
-/// A vertex of a path of which it is not yet known what it will find.
-#[derive(Clone, Copy, Debug)]
-pub struct VertexRecord {
-    /// All but the value.
-    pub training_sample: TrainingSample,
-    pub sample: u32,
-    /// Luminance that its sample had so far.
-    pub before: f32,
-    /// Luminance that a value of 1 brings to the sample.
-    pub carried: f32,
-    /// Mean of such values that is expected there; negative where that is not known.
-    pub expected: f32,
-    pub ends: bool,
-}
-
-/// A training sample for a cell.
-#[derive(Clone, Copy, Debug)]
-pub struct CellSample {
-    key: u64,
-    bin: u32,
-    value: f32,
-}
-
-/// Training samples by which the size of cells is chosen, at most.
-const TRIED: usize = 1 << 15;
-
-/// Parts of the cells, which may learn at the same time.
-const SHARES: usize = 16;
-
-/// The samples of a block, by the share of cells that they are for.
-pub type CellSamples = [Vec<CellSample>; SHARES];
-
-impl Grid {
-    /// Cells so large that at least half of the samples are in cells with `wanted` of them once there are `total`, and as
-    /// small as that allows; `None` without samples.
-    pub fn suited_to(samples: &[TrainingSample], total: f64, wanted: f64) -> Option<Grid> {
-        let step = samples.len().div_ceil(TRIED).max(1);
-        let tried: Vec<&TrainingSample> = samples.iter().step_by(step).collect();
-        // As far as most are: a few on the horizon don't count.
-        let mut distances: Vec<f32> =
-            tried.iter().map(|l| l.p.iter().fold(0.0f32, |most, x| most.max(x.abs()))).collect();
-        distances.sort_unstable_by(f32::total_cmp);
-        let farthest = *distances.get(distances.len() * 9 / 10)?;
-        if farthest <= 0.0 || !farthest.is_finite() {
-            return None;
-        }
-        // Of those tried, a cell must have so many; a few at least, or chance decides.
-        let least = (wanted * tried.len() as f64 / total).max(4.0) as usize;
-        let mut edge = farthest / 8192.0;
-        loop {
-            let grid = Grid::new(edge);
-            let mut keys: Vec<u64> = tried.iter().map(|l| grid.key(l.p.into(), l.n.into())).collect();
-            keys.sort_unstable();
-            let full: usize = keys.chunk_by(|a, b| a == b).map(<[u64]>::len).filter(|n| *n >= least).sum();
-            if 2 * full >= tried.len() || edge > farthest {
-                return Some(grid);
-            }
-            edge *= std::f32::consts::SQRT_2;
-        }
-    }
-
-    /// Sorts samples by cells.
-    pub fn cell_samples(self, samples: &[TrainingSample]) -> CellSamples {
-        let mut cell_samples: CellSamples = Default::default();
-        for sample in samples {
-            let key = self.key(sample.p.into(), sample.n.into());
-            // By other bits than those by which tables are sorted.
-            let share = (mix64(key) >> 60) as usize;
-            cell_samples[share].push(CellSample { key, bin: sample.bin, value: sample.value });
-        }
-        cell_samples
-    }
-}
-
-/// What a cell has learned.
-#[derive(Clone, Copy, Debug)]
-pub struct CellSums {
-    pub key: u64,
-    /// Sums of values by bin.
-    pub bins: Bins,
-    /// Of all values and of their squares, and how many there are.
-    pub sum: f64,
-    pub squares: f64,
-    pub count: u32,
-}
-
-impl CellSums {
-    /// Nothing yet.
-    pub fn new(key: u64) -> CellSums {
-        CellSums { key, bins: [0.0; BINS], sum: 0.0, squares: 0.0, count: 0 }
-    }
-
-    /// Adds what another has learned.
-    pub fn add(&mut self, other: &CellSums) {
-        for (sum, bin) in self.bins.iter_mut().zip(&other.bins) {
-            *sum += bin;
-        }
-        self.sum += other.sum;
-        self.squares += other.squares;
-        self.count = self.count.saturating_add(other.count);
-    }
-}
-
-/// A share of the cells.
+/// What the paths of a block found.
 #[derive(Clone, Debug, Default)]
-pub struct Share {
-    numbers: Numbers,
-    cells: Vec<CellSums>,
+pub struct BlockSamples {
+    /// In an order that depends on the block alone.
+    pub training_samples: Vec<TrainingSample>,
+    /// Sum of the luminances of the samples, and how many there are.
+    pub luminance: f64,
+    pub samples: u64,
+    /// Sum over the vertices of the squared luminance that each brought to its sample.
+    pub squares: f64,
 }
 
-impl Share {
-    /// Learns. Sums depend on the order of the samples.
-    pub fn learn(&mut self, cell_samples: &[CellSample]) {
-        for cell_sample in cell_samples {
-            let number = self.numbers.insert(cell_sample.key) as usize;
-            if number == self.cells.len() {
-                self.cells.push(CellSums::new(cell_sample.key));
+/// Least part of what a sample has that is told from rounding.
+const LEAST_SHARE: f32 = 1e-6;
+
+impl Integrator<'_> {
+    /// Traces the samples of a block to learn from them; `None` if `stop` said so.
+    pub fn learn(&self, block: &Block, w: &mut Workspace, stop: &dyn Fn() -> bool) -> Option<BlockSamples> {
+        w.training_samples.clear();
+        w.vertex_records.clear();
+        w.brought_squares = 0.0;
+        let (mut light, mut samples) = (0.0, 0);
+        let is_done = self.trace(block, w, stop, |sample| {
+            let value = f64::from(luminance(sample.rgb));
+            light += if value.is_finite() { value } else { 0.0 };
+            samples += 1;
+        });
+        let training_samples = std::mem::take(&mut w.training_samples);
+        let squares = w.brought_squares;
+        is_done.then_some(BlockSamples { training_samples, luminance: light, samples, squares })
+    }
+
+    /// Takes down the vertices of a bounce that are guided, once they are scattered.
+    pub(in super::super) fn record_vertices(&self, sorted: &SortedVertices, w: &mut Workspace) {
+        let (Some(guide), range) = (self.options.guide, sorted.guided()) else { return };
+        let Wave { vertices, paths, .. } = &mut *w.wave;
+        dispatch(FindBins { vertices, range: range.clone() });
+        for i in range {
+            let is_lambert = sorted.lambert().contains(&i);
+            // Mirrors and metals have no use for a guide.
+            let is_diffuse = vertices.metal_rough_closures.probability_diffuse[i] > 0.0;
+            if !is_lambert && (paths.carried.pdf[i] == 0.0 || !is_diffuse) {
+                continue;
             }
-            let cell = &mut self.cells[number];
-            cell.bins[cell_sample.bin as usize % BINS] += cell_sample.value;
-            let value = f64::from(cell_sample.value);
-            cell.sum += value;
-            cell.squares += value * value;
-            cell.count = cell.count.saturating_add(1);
+            let sample = paths.carried.sample[i];
+            let training_sample = TrainingSample {
+                p: get(&vertices.p, i).to_array(),
+                n: get(&vertices.ns, i).to_array(),
+                bin: vertices.guided.bin[i],
+                value: 0.0,
+            };
+            w.vertex_records.push(VertexRecord {
+                training_sample,
+                sample,
+                before: w.sink.radiance(sample).luminance(),
+                carried: vertices.guided.carried[i],
+                // Facets bring more than what is expected of the cell.
+                expected: if is_lambert {
+                    guide.histograms[vertices.guided.cell[i] as usize].mean
+                } else {
+                    NO_MEAN
+                },
+                ends: paths.carried.pdf[i] < 0.0,
+            });
         }
     }
-}
 
-/// All that was learned.
-#[derive(Clone, Debug)]
-pub struct TrainedCells {
-    pub grid: Grid,
-    pub shares: [Share; SHARES],
-}
-
-impl TrainedCells {
-    /// None yet.
-    pub fn new(grid: Grid) -> TrainedCells {
-        TrainedCells { grid, shares: Default::default() }
+    /// Makes training samples of the vertices of a wave whose paths have ended.
+    ///
+    /// Of a path that came to another such vertex, of which the guide knows something already, what it found up to there counts
+    /// and then what is expected from there on: that is less noisy than what it really found (Dahm, Keller 2017, "Learning Light
+    /// Transport the Reinforced Way").
+    pub(in super::super) fn make_training_samples(&self, w: &mut Workspace) {
+        if !self.options.records_training {
+            return;
+        }
+        // From the end, so that the next vertex of each path is known.
+        let mut next: Vec<Option<VertexRecord>> = vec![None; w.pixels.len()];
+        for &record in w.vertex_records.iter().rev() {
+            let VertexRecord { training_sample, sample, before, carried, ends, .. } = record;
+            let after = match next[sample as usize].replace(record) {
+                Some(next) if next.expected >= 0.0 => next.before + next.carried * next.expected,
+                _ => w.sink.radiance(sample).luminance(),
+            };
+            let value = (after - before) / carried;
+            let counts = !ends && value.is_finite() && after - before > LEAST_SHARE * after;
+            if counts {
+                w.brought_squares += f64::from(after - before).powi(2);
+            }
+            w.training_samples
+                .push(TrainingSample { value: if counts { value } else { 0.0 }, ..training_sample });
+        }
+        w.vertex_records.clear();
     }
+}
 
-    /// The cells, in an order that does not depend on threads.
-    pub fn cells(&self) -> impl Iterator<Item = &CellSums> {
-        self.shares.iter().flat_map(|share| &share.cells)
+/// Finds the bins of the directions in which paths go on.
+struct FindBins<'a> {
+    vertices: &'a mut Vertices,
+    range: Range<usize>,
+}
+
+impl Kernel for FindBins<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let v = self.vertices;
+        for i in self.range.start..self.range.end.min(WAVE) {
+            let local = Frame::from_normal(get(&v.ns, i)).to_local(get(&v.next_direction, i));
+            v.guided.bin[i] = guide::bin(warp::square_of_cosine_hemisphere(local));
+        }
     }
 }

@@ -26,12 +26,7 @@
 //! Where a prefix ends depends on the random numbers before its last scattering only, and each scattering has a set of
 //! dimensions of its own, scrambled independently. So suffixes are independent of whether others take part.
 
-mod gather;
-mod layer;
-mod layer_lanes;
-mod layers;
-mod pairs;
-mod record;
+mod connect;
 pub(super) mod state;
 mod tiling;
 

@@ -1,10 +1,13 @@
 //! What a wave keeps to share its paths: ends of prefixes and starts of suffixes, by place (see [`super::Tiling`]).
 
-use super::super::wave::{
-    FirstBounces, LENGTH, Lanes, Lanes3, MetalRoughMaterials, RgbLanes, Vertices, WAVE, Words, get_rgb,
-};
-use super::layer_lanes::SharedLayers;
+use crate::bsdf::{ShadingModel, above};
 use crate::color::Rgb;
+use crate::integrator::radiance_buffer::Layers;
+use crate::integrator::shading_groups::load_material;
+use crate::integrator::wave::FirstBounces;
+use crate::integrator::wave::{LENGTH, Lanes, Lanes3, RgbLanes, WAVE, Words, get_rgb};
+use crate::integrator::wave::{MetalRoughMaterials, Vertices};
+use crate::math::{Frame, Vec3};
 use bytemuck::Zeroable;
 
 /// No vertex.
@@ -23,11 +26,11 @@ pub struct Prefixes {
     pub throughput: RgbLanes,
     /// Which class of vertices: [`NONE`], [`LAMBERT`] or [`METAL_ROUGH`].
     pub class: Words,
-    /// How many times the path scattered before.
+    /// ScatterParams many times the path scattered before.
     pub bounce: Words,
     /// That, and whether light that suffixes find is left to paths from lamps, as a number: only prefixes alike share suffixes.
     pub ends: Words,
-    /// How it scattered first; of prefixes that end there, diffusely. Where light passes are asked for.
+    /// ScatterParams it scattered first; of prefixes that end there, diffusely. Where light passes are asked for.
     pub first_bounces: FirstBounces,
 }
 
@@ -58,7 +61,7 @@ pub struct Suffixes {
     pub scattered_share: RgbLanes,
     /// Radiance that leaves towards everybody; of glTF materials, before what the layer takes.
     pub radiance: RgbLanes,
-    /// How the path scattered first; where light passes are asked for.
+    /// ScatterParams the path scattered first; where light passes are asked for.
     pub first_bounces: FirstBounces,
 }
 
@@ -83,7 +86,7 @@ pub struct Pairs {
     /// Where the suffix starts, and its normal.
     pub y: Lanes3,
     pub ng: Lanes3,
-    /// How prefixes must have ended (see [`Prefixes::ends`]); none has so where there is no suffix.
+    /// ScatterParams prefixes must have ended (see [`Prefixes::ends`]); none has so where there is no suffix.
     pub ends: Words,
     /// Density per area with which the prefix might have found the suffix.
     pub density: Lanes,
@@ -111,7 +114,7 @@ pub struct Reuse {
     pub fans: Fans,
 }
 
-/// How testing the visibility of whole groups went in a block.
+/// ScatterParams testing the visibility of whole groups went in a block.
 #[derive(Clone, Copy, Default)]
 pub struct Fans {
     tried: u32,
@@ -160,3 +163,51 @@ pub const DIRECT: u32 = WAVE as u32;
 
 /// Index of the radiance that arrives there from where the path goes on.
 pub const SCATTERED: u32 = 2 * WAVE as u32;
+
+// The layer of glTF materials above their diffuse part: for every viewer it leaves another share of that.
+
+/// Least share that a layer must leave for a viewer: below, few directions are sampled for the diffuse part, and what they
+/// bring would be scaled up for others.
+pub const LEAST_REST: f32 = 0.1;
+
+/// The share that the layer of material `k` leaves towards a viewer.
+pub fn layer_rest(m: &MetalRoughMaterials, k: usize, ns: Vec3, wo: Vec3, shading: ShadingModel) -> f32 {
+    let material = load_material(m, k, shading);
+    material.closure(above(Frame::from_normal(ns).to_local(wo))).rest
+}
+
+// Buffers for sharing light passes and light groups: see `connect.rs`.
+
+/// What a wave keeps to share the layers of its paths, by place.
+#[derive(Default)]
+pub struct SharedLayers {
+    /// Of light passes: the diffuse parts of what pairs would get, of the throughputs of suffixes, and of what prefixes got;
+    /// nothing without passes.
+    pub diffuse: Option<Box<Diffuse>>,
+    /// Of groups of lights.
+    pub groups: Vec<Box<GroupLanes>>,
+}
+
+/// What concerns the diffuse passes.
+#[derive(Zeroable)]
+pub struct Diffuse {
+    pub value: RgbLanes,
+    pub throughput: RgbLanes,
+    pub gained: RgbLanes,
+}
+
+/// What leaves suffixes of the light of a group, and what prefixes got of it.
+#[derive(Zeroable)]
+pub struct GroupLanes {
+    pub radiance: RgbLanes,
+    pub gained: RgbLanes,
+}
+
+impl SharedLayers {
+    /// Empties them for a wave.
+    pub fn reset(&mut self, layers: Layers) {
+        self.diffuse = layers.has_passes().then(bytemuck::zeroed_box);
+        self.groups.clear();
+        self.groups.resize_with(layers.groups(), bytemuck::zeroed_box);
+    }
+}

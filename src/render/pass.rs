@@ -1,121 +1,103 @@
-//! The work of passes: tiles are taken by all threads and merged into the film.
+//! Passes: threads take tiles and merge them into the film.
 //!
-//! Passes that nothing has to look at between them follow each other without a pause: a thread that finds no tile of a pass left goes
-//! on with the next one.
+//! Passes between which nothing has to look at the picture overlap: a thread that finds no tile of a pass left goes on with the next
+//! pass.
 
-use super::adaptive::ErrorMap;
-use super::clock::Stopwatch;
-use super::labels::Labels;
-use super::options::RenderOptions;
-use super::pilot::{self, Best, Errors, Tally, Trial};
-use super::progress::{Listener, Progress};
-use super::schedule::Pass;
-use super::share::within;
-use super::technique::{Choice, Technique};
-use super::tiles::{Tiles, parts};
+use super::path_strategy::{self, BlockTally, Candidate, Errors, PathStrategy, SquareTrial, StrategyTrials};
+use super::picture::Labels;
+use super::progress::{Listener, Progress, Stopwatch};
+use super::schedule::{Pass, Tiles, parts, within};
+use super::technique::{ErrorMap, Target, WORKSPACE, plain_paths};
+use super::techniques::Techniques;
 use super::timeline;
-use crate::compile::{CompiledScene, View};
 use crate::film::{FilmTile, FilterSampler, Layout, SharedFilm, Splat};
-use crate::integrator::reuse::Tiling;
-use crate::integrator::{
-    Block, CausticPlan, Guide, Integrator, PathOptions, PathSample, SamplePlan, WAVE, Workspace,
-};
-use crate::sampling::{Allotment, Arrangement};
+use crate::integrator::{Block, CausticPlan, Integrator, PathOptions, PathSample, WAVE, Workspace};
 use rayon::prelude::*;
 use std::cell::{Cell, RefCell};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
 
 thread_local! {
-    pub(super) static WORKSPACE: RefCell<Workspace> = RefCell::new(Workspace::new());
-    /// A tile whose memory the next one takes.
+    /// A merged tile whose memory the next tile reuses.
     static SPARE: Cell<Option<FilmTile>> = const { Cell::new(None) };
 }
 
-/// Paths from lamps that are traced before their splats are added, at least: so many that no thread waits long for the last ones.
-const LAMP_PATHS: u32 = 1 << 19;
+/// Fewest paths from lights between two additions of splats: so many that threads hardly wait for the last ones.
+const PATHS_PER_SPLATTING: u32 = 1 << 19;
 
-/// What all threads share in a pass.
+/// A pass, as all threads share it.
 #[derive(Clone)]
 pub(super) struct PassWork<'a> {
-    pub scene: &'a CompiledScene,
-    pub view: &'a View,
-    pub options: &'a RenderOptions,
+    pub target: Target<'a>,
     pub labels: &'a Labels,
     pub filter: &'a FilterSampler,
     pub pass: Pass,
-    /// Its number among those that the film is shared for.
+    /// Its index among the passes for which the film is shared.
     pub number: usize,
     pub layout: &'a Arc<Layout>,
     pub film: &'a SharedFilm,
-    /// Which light is left to paths from lamps, if any.
-    pub caustics: Option<&'a CausticPlan>,
-    /// Guides the paths, if any.
-    pub guide: Option<&'a Guide>,
-    /// Where samples go that are left after the first pass, if that is decided.
-    pub allotment: Option<&'a Allotment>,
+    pub techniques: &'a Techniques,
     pub progress: &'a Progress,
     pub listener: Option<&'a Listener>,
     pub stopwatch: &'a Stopwatch,
     pub stop: &'a (dyn Fn() -> bool + Sync),
 }
 
-/// Takes passes that follow each other, the first one with what is tried in it and with its paths from lamps, until `is_due`
-/// asks to begin no more. How many were begun, and false if it was stopped.
+/// Renders consecutive passes, the first one with its trials and its paths from lights, until `is_due` asks to begin no more. Returns
+/// how many were begun, and false if it was stopped.
 pub(super) fn take_all(
     works: &[PassWork<'_>],
-    choice: &mut Choice,
+    strategies: &mut StrategyTrials,
     errors: &mut Option<ErrorMap>,
     is_due: &(dyn Fn() -> bool + Sync),
 ) -> (usize, bool) {
     let first = &works[0];
     let take = || {
-        let Some(trials) = try_techniques(first, choice, errors) else { return (1, false) };
+        let Some(trials) = try_strategies(first, strategies, errors) else { return (1, false) };
         match errors {
-            Some(errors) => (1, first.take_with_errors(choice.now, &trials, errors)),
-            None => take_passes(works, choice.now, &trials, is_due),
+            Some(errors) => (1, first.take_with_errors(strategies.now, &trials, errors)),
+            None => take_passes(works, strategies.now, &trials, is_due),
         }
     };
-    // Threads that find no path from a lamp left go on with tiles.
-    let (is_lit, (begun, is_done)) = rayon::join(|| first.light_from_lamps(), take);
+    // Threads that find no path from a light left go on with tiles.
+    let (is_lit, (begun, is_done)) = rayon::join(|| first.trace_light_paths(), take);
     (begun, is_lit && is_done)
 }
 
-/// Decides on a technique, if that is open and the pass is one that may try some. The trials whose squares need not be taken again;
+/// Decides on a strategy, if that is open and the pass allows trials. Returns the trials whose squares need not be rendered again;
 /// `None` if it was stopped.
-pub(super) fn try_techniques(
+pub(super) fn try_strategies(
     work: &PassWork<'_>,
-    choice: &mut Choice,
+    strategies: &mut StrategyTrials,
     errors: &mut Option<ErrorMap>,
-) -> Option<Vec<Trial>> {
-    let mut trials = pilot::trials(*choice, work.view, work.pass);
+) -> Option<Vec<SquareTrial>> {
+    let mut trials = path_strategy::trials(*strategies, work.target.view, work.pass);
     if !trials.is_empty() {
         let best = work.try_all(&mut trials, errors);
-        *choice = Choice::decided(best.unwrap_or(Technique::PLAIN));
+        *strategies = StrategyTrials::decided(best.unwrap_or(PathStrategy::PLAIN));
         best?;
     }
     Some(trials)
 }
 
-/// A pass that is to be taken.
+/// A pass with its tiles.
 struct Planned<'a> {
     work: &'a PassWork<'a>,
     tracer: Tracer<'a>,
     blocks: Vec<Block>,
-    /// Whether it is begun, once that is decided.
+    /// Whether the pass is begun, once that is decided.
     begins: OnceLock<bool>,
 }
 
-/// Takes all tiles of passes that follow each other, but those of trials in the first one. Before each but the first `is_due` may ask
-/// to begin no more. Says how many were begun, and whether all of their tiles were taken: else it was stopped, and some have not got
-/// their samples.
+/// Renders the tiles of consecutive passes, except those of trials in the first one. Before each pass but the first, `is_due` may ask to
+/// begin no more. Returns how many were begun, and whether all of their tiles were rendered: otherwise rendering was stopped.
 fn take_passes(
     works: &[PassWork<'_>],
-    technique: Technique,
-    trials: &[Trial],
+    strategy: PathStrategy,
+    trials: &[SquareTrial],
     is_due: &(dyn Fn() -> bool + Sync),
 ) -> (usize, bool) {
-    let plan = |work| Planned::new(work, technique, if work.number == 0 { trials } else { &[] });
+    let plan = |work| Planned::new(work, strategy, if work.number == 0 { trials } else { &[] });
     let passes: Vec<Planned<'_>> = works.iter().map(plan).collect();
     let count = |sum: &mut usize, pass: &Planned<'_>| {
         *sum += pass.blocks.len();
@@ -132,7 +114,7 @@ fn take_passes(
             }
             let Planned { work, tracer, blocks, .. } = &passes[pass];
             let block = &blocks[tile + blocks.len() - ends[pass]];
-            // All of them: stopping is a look at a clock for each tile that is left.
+            // No early exit: after a stop, each remaining tile costs one call of `stop`.
             let is_taken = timeline::item("tiles", work.pass.first_sample, || work.take(tracer, block, None));
             if !is_taken {
                 is_done.store(false, Ordering::Relaxed);
@@ -144,113 +126,123 @@ fn take_passes(
     (begun, is_done.into_inner())
 }
 
-/// Is the last of these passes begun? It is decided once, by the thread that comes first.
+/// Is the last of these passes begun? The first thread to ask decides.
 fn begins(passes: &[Planned<'_>], is_due: &(dyn Fn() -> bool + Sync)) -> bool {
     let Some((last, before)) = passes.split_last() else { return true };
     *last.begins.get_or_init(|| begins(before, is_due) && !is_due())
 }
 
 impl<'a> Planned<'a> {
-    fn new(work: &'a PassWork<'a>, technique: Technique, trials: &[Trial]) -> Planned<'a> {
-        let tracer = work.tracer(technique, false);
-        let mut blocks = work.blocks(technique, &tracer, trials);
-        // Column by column, so that those which are taken at the same time lie in other bands of the film.
+    fn new(work: &'a PassWork<'a>, strategy: PathStrategy, trials: &[SquareTrial]) -> Planned<'a> {
+        let tracer = work.tracer(strategy, false);
+        let mut blocks = work.blocks(strategy, &tracer, trials);
+        // Column by column, so that tiles rendered at the same time lie in different bands of the film.
         blocks.sort_by_key(|block| (block.x0, block.y0));
-        // The first one is begun in any case, even where trials leave it no tile.
+        // The first pass is always begun, even where trials leave it no tile.
         let begins = if work.number == 0 { OnceLock::from(true) } else { OnceLock::new() };
         Planned { work, tracer, blocks, begins }
     }
 }
 
 impl<'a> PassWork<'a> {
-    /// The tiles, but for those of trials.
-    fn blocks(&self, technique: Technique, tracer: &Tracer<'_>, trials: &[Trial]) -> Vec<Block> {
-        let blocks = pilot::without(tracer.tiles.blocks(self.view, self.pass), trials);
-        let region = self.options.pixels();
-        let shares = technique.shape().is_some();
+    /// The tiles outside the squares of trials.
+    fn blocks(&self, strategy: PathStrategy, tracer: &Tracer<'_>, trials: &[SquareTrial]) -> Vec<Block> {
+        let blocks = path_strategy::without(tracer.tiles.blocks(self.target.view, self.pass), trials);
+        let region = self.target.options.pixels();
+        let shares = strategy.shape().is_some();
         blocks.iter().filter_map(|b| within(&region, b, shares)).collect()
     }
 
-    /// Takes all tiles but those of trials, and takes down their errors. False if it was stopped.
-    pub fn take_with_errors(&self, technique: Technique, trials: &[Trial], errors: &mut ErrorMap) -> bool {
-        let tracer = self.tracer(technique, false);
+    /// Renders the tiles outside the squares of trials and records their errors. False if it was stopped.
+    pub fn take_with_errors(
+        &self,
+        strategy: PathStrategy,
+        trials: &[SquareTrial],
+        errors: &mut ErrorMap,
+    ) -> bool {
+        let tracer = self.tracer(strategy, false);
         let one = |block: &Block| {
-            let mut tally = Tally::new(block);
+            let mut tally = BlockTally::new(block);
             let take = || self.take(&tracer, block, Some(&mut tally));
             let is_done = timeline::item("tiles", self.pass.first_sample, take);
-            (*block, tally.of_picture(), tally.rays_per_sample(), is_done)
+            (*block, tally.pixel_errors(), tally.rays_per_sample(), is_done)
         };
-        let taken: Vec<_> = self.blocks(technique, &tracer, trials).par_iter().map(one).collect();
+        let taken: Vec<_> = self.blocks(strategy, &tracer, trials).par_iter().map(one).collect();
         taken.iter().for_each(|(block, of_block, rays, _)| errors.set(block, of_block, *rays));
         taken.iter().all(|(.., is_done)| *is_done)
     }
 
-    /// Takes the squares of trials, as far as each is worth it, and leaves only those in the list that need not be taken again.
-    /// What gains most; `None` if it was stopped.
-    pub fn try_all(&self, trials: &mut Vec<Trial>, map: &mut Option<ErrorMap>) -> Option<Technique> {
+    /// Runs trials, as far as each is worth it, and keeps those in the list whose squares need not be rendered again. Returns the best
+    /// strategy; `None` if it was stopped.
+    pub fn try_all(&self, trials: &mut Vec<SquareTrial>, map: &mut Option<ErrorMap>) -> Option<PathStrategy> {
         let (mut results, mut tried) = (Vec::new(), Vec::new());
         for trial in trials.drain(..) {
-            if let Some(technique) = pilot::technique_of(&trial, &results) {
-                let (errors, taken) = self.try_one(technique, &trial.squares, map);
+            if let Some(strategy) = path_strategy::strategy_of(&trial, &results) {
+                let (errors, taken) = self.try_one(strategy, &trial.squares, map);
                 tried.push((trial, taken));
                 let Some(errors) = errors else {
-                    // What there is is all that these squares will get.
+                    // These samples are all that the squares will get.
                     tried.into_iter().for_each(|(_, taken)| self.keep_all(taken));
                     return None;
                 };
-                results.push((technique, errors));
+                results.push((strategy, errors));
             }
         }
-        let best = pilot::best(&results);
-        for ((trial, taken), (technique, errors)) in tried.into_iter().zip(&results) {
-            if !best.replaces(*technique, errors) {
+        let best = path_strategy::best(&results);
+        for ((trial, taken), (strategy, errors)) in tried.into_iter().zip(&results) {
+            if !best.replaces(*strategy, errors) {
                 self.keep_all(taken);
                 trials.push(trial);
             }
         }
-        let Best { technique, change, .. } = best;
+        let Candidate { strategy, change, .. } = best;
         if let Some(map) = map {
-            trials.iter().flat_map(|trial| &trial.squares).for_each(|square| map.change(square, change));
+            trials
+                .iter()
+                .flat_map(|trial| &trial.squares)
+                .for_each(|square| map.scale(square, change.error as f32, change.cost as f32));
         }
-        Some(technique)
+        Some(strategy)
     }
 
-    /// Takes the squares of a trial, for the picture or for nothing but what they show, which is `None` if it was stopped.
+    /// Renders the squares of a trial. The errors are `None` if it was stopped.
     fn try_one(
         &self,
-        technique: Technique,
+        strategy: PathStrategy,
         squares: &[Block],
         map: &mut Option<ErrorMap>,
-    ) -> (Option<Errors>, Vec<Taken>) {
-        let tracer = self.tracer(technique, true);
+    ) -> (Option<Errors>, Vec<RenderedTile>) {
+        let tracer = self.tracer(strategy, true);
         let blocks: Vec<Block> = squares.iter().flat_map(|s| tracer.tiles.divide(*s)).collect();
         let group = timeline::group();
         let try_block = |block: &Block| {
-            let mut tally = Tally::new(block);
+            let mut tally = BlockTally::new(block);
             let taken = timeline::item("trials", group, || self.fill(&tracer, block, Some(&mut tally)))?;
             self.progress.add(0, taken.rays, self.stopwatch.wall(), self.listener);
-            Some((tally, Taken { rays: 0, ..taken }))
+            Some((tally, RenderedTile { rays: 0, ..taken }))
         };
-        let blocks: Vec<Option<(Tally, Taken)>> = blocks.par_iter().map(try_block).collect();
+        let blocks: Vec<Option<(BlockTally, RenderedTile)>> = blocks.par_iter().map(try_block).collect();
         if let Some(map) = map {
-            for (tally, Taken { block, .. }) in blocks.iter().flatten() {
-                map.set(block, &tally.of_plain(), tally.plain_rays_per_sample());
+            for (tally, RenderedTile { block, .. }) in blocks.iter().flatten() {
+                map.set(block, &tally.plain_pixel_errors(), tally.plain_rays_per_sample());
             }
         }
-        // In their order, so that the sum does not depend on threads.
-        let sum = |sum: Errors, block: &Option<(Tally, Taken)>| Some(sum.plus(block.as_ref()?.0.finish()));
+        // In order, so that the sum does not depend on threads.
+        let sum = |sum: Errors, block: &Option<(BlockTally, RenderedTile)>| {
+            Some(sum.plus(block.as_ref()?.0.errors()))
+        };
         let errors = blocks.iter().try_fold(Errors::default(), sum);
         (errors, blocks.into_iter().flatten().map(|(_, taken)| taken).collect())
     }
 
-    /// Traces the paths from lamps that belong to the pass, if there are some. False if it was stopped: the samples whose paths
-    /// were not all traced have got none.
-    pub fn light_from_lamps(&self) -> bool {
-        let Some(plan) = self.caustics else { return true };
-        let tracer = self.tracer(Technique::PLAIN, false);
+    /// Traces the paths from lights of the pass, if there are any. False if it was stopped: samples whose paths were not all traced get
+    /// none of them.
+    pub fn trace_light_paths(&self) -> bool {
+        let Some(plan) = self.techniques.caustics() else { return true };
+        let tracer = self.tracer(PathStrategy::PLAIN, false);
         let starts: Vec<u32> = (0..plan.paths()).step_by(WAVE).collect();
         let Pass { first_sample, samples } = self.pass;
-        let at_once = (LAMP_PATHS / plan.paths()).clamp(1, samples);
+        let at_once = (PATHS_PER_SPLATTING / plan.paths()).clamp(1, samples);
         let mut traced: Option<(u32, Vec<Vec<Splat>>)> = None;
         for first in (first_sample..first_sample + samples).step_by(at_once as usize) {
             let of_samples = first..(first + at_once).min(first_sample + samples);
@@ -262,7 +254,7 @@ impl<'a> PassWork<'a> {
                     .map(|&(sample, start)| self.trace_wave(&tracer, plan, sample, start))
                     .collect()
             };
-            // What was traced before is added while threads go on.
+            // Adds the previous splats while other threads trace.
             let last = traced.take();
             let (splats, ()) = rayon::join(trace, || self.add_splats(last, starts.len()));
             let Some(splats) = splats else { return false };
@@ -272,7 +264,7 @@ impl<'a> PassWork<'a> {
         true
     }
 
-    /// Traces a wave of the paths from lamps of a sample; `None` if it was stopped.
+    /// Traces a wave of the paths from lights of a sample; `None` if it was stopped.
     fn trace_wave(
         &self,
         tracer: &Tracer<'_>,
@@ -283,7 +275,7 @@ impl<'a> PassWork<'a> {
         if (self.stop)() {
             return None;
         }
-        timeline::item("paths from lamps", sample, || {
+        timeline::item("light paths", sample, || {
             let paths = start..plan.paths().min(start.saturating_add(WAVE as u32));
             let mut splats = Vec::new();
             let trace = |w: &RefCell<Workspace>| {
@@ -296,7 +288,7 @@ impl<'a> PassWork<'a> {
         })
     }
 
-    /// Adds all splats of some samples, the first of which is given, by waves, so many of which are a sample.
+    /// Adds the splats of consecutive samples from the given first one on, by waves; a sample has `waves` of them.
     fn add_splats(&self, traced: Option<(u32, Vec<Vec<Splat>>)>, waves: usize) {
         let Some((first, splats)) = traced else { return };
         timeline::parallel("splats", || {
@@ -311,62 +303,55 @@ impl<'a> PassWork<'a> {
         self.of_first_half(&pixel) > 0
     }
 
-    fn tracer(&self, technique: Technique, keeps_plain: bool) -> Tracer<'a> {
-        let branches = technique.branches();
-        let even = || {
-            let RenderOptions { seed, samples, planned, .. } = *self.options;
-            Arrangement::new(seed, samples.max(planned), branches)
-        };
-        let reuse = technique.shape().map(|shape| Tiling::new(shape, self.pass.first_sample));
-        let tiles = Tiles::of(self.pass, reuse.as_ref(), self.allotment.is_some());
-        let paths = PathOptions {
-            max_depth: self.options.max_depth,
-            plan: self.allotment.map_or_else(|| SamplePlan::Even(even()), SamplePlan::Allotted),
-            filter: self.filter,
-            aovs: self.options.aovs,
-            aov_space: self.options.aov_space,
-            mattes: &self.labels.ids,
+    fn tracer(&self, strategy: PathStrategy, keeps_plain: bool) -> Tracer<'a> {
+        let Target { scene, view, options } = self.target;
+        let mut paths = PathOptions {
+            aovs: options.aovs,
+            aov_space: options.aov_space,
             light_groups: self.labels.light_groups.len(),
-            catchers: self.options.catchers,
-            transparent_glass: self.options.transparent_glass,
-            soft_terminator: self.options.soft_terminator,
-            reuse,
-            branches,
+            catchers: options.catchers,
+            transparent_glass: options.transparent_glass,
             keeps_plain,
-            caustics: self.caustics,
-            guide: self.guide,
-            records_training: false,
+            ..plain_paths(options, self.filter, &self.labels.ids)
         };
-        Tracer { integrator: Integrator::new(self.scene, self.view, paths), tiles }
+        self.techniques.configure(&mut paths);
+        strategy.configure(self.pass, options, &mut paths);
+        let tiles = Tiles::of(self.pass, paths.reuse.as_ref(), self.techniques.are_samples_allotted());
+        Tracer { integrator: Integrator::new(scene, view, paths), tiles }
     }
 
-    /// Takes a tile. False if it was stopped.
-    fn take(&self, tracer: &Tracer<'_>, block: &Block, tally: Option<&mut Tally>) -> bool {
+    /// Renders a tile into the film. False if it was stopped.
+    fn take(&self, tracer: &Tracer<'_>, block: &Block, tally: Option<&mut BlockTally>) -> bool {
         self.fill(tracer, block, tally).map(|taken| self.keep(taken)).is_some()
     }
 
-    /// Adds tiles to the picture.
-    fn keep_all(&self, taken: Vec<Taken>) {
+    /// Adds tiles to the film.
+    fn keep_all(&self, taken: Vec<RenderedTile>) {
         taken.into_par_iter().for_each(|taken| self.keep(taken));
     }
 
-    /// Adds a tile to the picture.
-    fn keep(&self, Taken { tile, block, paths, rays }: Taken) {
+    /// Adds a tile to the film.
+    fn keep(&self, RenderedTile { tile, block, paths, rays }: RenderedTile) {
         SPARE.set(self.film.merge(self.number, tile));
         let pixels = self.film.pixels_within(block.x0, block.y0, block.width, block.height);
-        // Samples of a trial that lie beside the picture are none of it.
+        // Samples of a trial outside the region don't count.
         let paths = paths * pixels / (u64::from(block.width) * u64::from(block.height)).max(1);
         self.progress.add(paths, rays, self.stopwatch.wall(), self.listener);
     }
 
-    /// How many of the samples of a block's pixels belong to the first half: they come first.
+    /// How many of the samples of a block's pixels belong to the first half. They come first.
     fn of_first_half(&self, block: &Block) -> u64 {
-        let rule = self.options.halving(self.allotment.is_some());
+        let rule = self.target.options.halving(self.techniques.are_samples_allotted());
         u64::from(rule.of_first_half(block.first_sample, block.samples))
     }
 
     /// Traces a block into a tile of its own; `None` if it was stopped.
-    fn fill(&self, tracer: &Tracer<'_>, block: &Block, mut tally: Option<&mut Tally>) -> Option<Taken> {
+    fn fill(
+        &self,
+        tracer: &Tracer<'_>,
+        block: &Block,
+        mut tally: Option<&mut BlockTally>,
+    ) -> Option<RenderedTile> {
         if (self.stop)() {
             return None;
         }
@@ -385,7 +370,7 @@ impl<'a> PassWork<'a> {
                 let before = paths;
                 let sink = |sample: &PathSample<'_>| {
                     if has_more {
-                        // Pixel by pixel, all have as many samples.
+                        // All pixels have the same number of samples.
                         let is_of_first_half = (paths - before) % u64::from(part.samples) < of_first_half;
                         add_all(&mut tile, sample, is_of_first_half);
                     } else {
@@ -402,7 +387,7 @@ impl<'a> PassWork<'a> {
             if let Some(tally) = tally {
                 tally.count(rays);
             }
-            is_done.then_some(Taken { tile, block: *block, paths, rays: rays.all })
+            is_done.then_some(RenderedTile { tile, block: *block, paths, rays: rays.all })
         })
     }
 }
@@ -414,15 +399,15 @@ fn add_all(tile: &mut FilmTile, sample: &PathSample<'_>, is_of_first_half: bool)
     tile.add_with_parts(pixel, rgb, alpha, first_hit, parts, is_of_first_half);
 }
 
-/// A tile with its samples, and what it took.
-struct Taken {
+/// A rendered tile, and the paths and rays that it took.
+struct RenderedTile {
     tile: FilmTile,
     block: Block,
     paths: u64,
     rays: u64,
 }
 
-/// What takes tiles.
+/// Renders tiles.
 struct Tracer<'a> {
     integrator: Integrator<'a>,
     tiles: Tiles,

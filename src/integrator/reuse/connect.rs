@@ -1,0 +1,691 @@
+use super::Tiling;
+use super::state::{
+    DIRECT, Diffuse, GroupLanes, LAMBERT, LEAST_REST, METAL_ROUGH, NONE, Pairs, Prefixes, Reuse, SCATTERED,
+    SharedLayers, Suffixes, layer_rest,
+};
+use super::tiling::GroupShape;
+use crate::accel::{Bits, Fan, FanHits};
+use crate::color::Rgb;
+use crate::integrator::caustics::leaves_light;
+use crate::integrator::interior::Interior;
+use crate::integrator::radiance_buffer::PathClass;
+use crate::integrator::radiance_buffer::RadianceBuffer;
+use crate::integrator::sampling::FIRST_ROULETTE;
+use crate::integrator::shading_geometry::{bent_normal, terminator};
+use crate::integrator::shading_groups::SortedVertices;
+use crate::integrator::shading_groups::{Closure, LambertClass, VertexClass};
+use crate::integrator::shading_groups::{MetalRoughClass, copy_metal_rough};
+use crate::integrator::wave::FirstBounce;
+use crate::integrator::wave::{PerPath, RgbLanes, WAVE, get, get_rgb, set, set_rgb};
+use crate::integrator::wave::{Vertices, Wave};
+use crate::integrator::workspace::Workspace;
+use crate::integrator::{Integrator, guiding};
+use crate::math::{Hit, Ray, offset_along};
+use crate::simd::{Kernel, Table, dispatch};
+use std::f32::consts::FRAC_1_PI;
+use std::ops::Range;
+
+// Paths are cut: vertices that end prefixes or start suffixes are kept.
+
+/// The last bounce at which a prefix may end: before roulette begins.
+const LAST_BOUNCE: u32 = 2;
+const _: () = assert!(LAST_BOUNCE < FIRST_ROULETTE);
+
+/// Smallest alpha of facets for which connections to other suffixes are worth their rays, if there is no diffuse part.
+const LEAST_ALPHA: f32 = 0.1;
+
+impl Integrator<'_> {
+    /// Keeps the vertices where paths are cut. What suffixes bring from now on arrives on its own, as if their
+    /// throughput was 1.
+    pub(in super::super) fn cut_paths(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
+        if bounce > LAST_BOUNCE + 1 {
+            return;
+        }
+        let Workspace { wave, reuse: Some(reuse), .. } = w else { return };
+        for i in sorted.lambert() {
+            self.cut(bounce, i, LAMBERT, wave, reuse);
+        }
+        for i in sorted.metal_rough() {
+            self.cut(bounce, i, METAL_ROUGH, wave, reuse);
+        }
+    }
+
+    #[inline(always)]
+    fn cut(&self, bounce: u32, i: usize, class: u32, wave: &mut Wave, reuse: &mut Reuse) {
+        let Wave { paths, vertices: v, .. } = wave;
+        let path = &mut paths.carried;
+        let k = reuse.place(path.sample[i]);
+        let Reuse { prefixes, suffixes, .. } = reuse;
+        if prefixes.class[k] == NONE {
+            let is_in_air = !self.parts.interiors || paths.interior[i] == Interior::AIR;
+            if bounce <= LAST_BOUNCE && is_in_air && spreads(v, i, class) {
+                prefixes.keep(k, class, bounce, v, i, get_rgb(&path.throughput, i));
+                let leaves = self.parts.chains && leaves_light(paths.chains[i]);
+                prefixes.ends[k] = if leaves { bounce + LAST_BOUNCE + 1 } else { bounce };
+                if self.parts.first_bounces {
+                    let is_first = bounce == 0;
+                    let first = if is_first { FirstBounce::DIFFUSE } else { paths.first_bounces.get(i) };
+                    prefixes.first_bounces.set(k, first);
+                }
+            }
+        } else if prefixes.bounce[k] + 1 == bounce && path.pdf[i] > 0.0 {
+            let Some(rest) = self.shared_part(v, i, class) else { return };
+            let throughput = get_rgb(&path.throughput, i);
+            suffixes.keep(k, class, v, i, throughput, path.pdf[i]);
+            suffixes.rest[k] = rest;
+            if self.parts.first_bounces {
+                paths.first_bounces.copy_to(i, &mut suffixes.first_bounces, k);
+            }
+            // The roulette judges paths by all of their throughput.
+            path.eta_squared[i] *= throughput.max_element();
+            set_rgb(&mut path.throughput, i, Rgb::ONE);
+            path.sample[i] += DIRECT;
+        }
+    }
+
+    /// Finds the diffuse share of what suffixes at glTF materials bring, after they were scattered.
+    pub(in super::super) fn divide_lobes(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
+        if bounce > LAST_BOUNCE + 1 {
+            return;
+        }
+        let Workspace { wave, reuse: Some(reuse), .. } = w else { return };
+        let Wave { paths, vertices: v, .. } = &mut **wave;
+        for i in sorted.metal_rough() {
+            let sample = &mut paths.carried.sample[i];
+            let k = reuse.place(*sample);
+            let is_new = (DIRECT..SCATTERED).contains(sample) && reuse.prefixes.bounce[k] + 1 == bounce;
+            if !is_new {
+                continue;
+            }
+            *sample += SCATTERED - DIRECT;
+            let closure = MetalRoughClass.closure(v, i);
+            let material = get_rgb(&v.metal_rough.diffuse, i);
+            let share = |wi| closure.share_of(material * FRAC_1_PI, wi);
+            set_rgb(&mut reuse.suffixes.direct_share, k, share(get(&v.light.wi, i)));
+            let is_mirrored = paths.carried.pdf[i] == 0.0;
+            let scattered = if is_mirrored { Rgb::ZERO } else { share(get(&v.next_direction, i)) };
+            set_rgb(&mut reuse.suffixes.scattered_share, k, scattered);
+        }
+    }
+}
+
+impl Integrator<'_> {
+    /// What a layer leaves of the part of what leaves vertex `i` that is shared with others; `None` if none is.
+    #[inline(always)]
+    fn shared_part(&self, v: &Vertices, i: usize, class: u32) -> Option<f32> {
+        if class == LAMBERT {
+            return Some(1.0);
+        }
+        if get_rgb(&v.metal_rough.diffuse, i) == Rgb::ZERO || v.is_bent[i] > 0.0 {
+            return None;
+        }
+        let rest = layer_rest(&v.metal_rough, i, get(&v.ns, i), get(&v.wo, i), self.scene.shading);
+        (rest >= LEAST_REST).then_some(rest)
+    }
+}
+
+/// Does a surface spread light enough for its viewers to be connected to other suffixes?
+#[inline(always)]
+fn spreads(v: &Vertices, i: usize, class: u32) -> bool {
+    class == LAMBERT
+        || v.metal_rough.alpha[i] >= LEAST_ALPHA
+        || v.metal_rough_closures.probability_diffuse[i] > 0.1
+}
+
+impl Prefixes {
+    /// Keeps vertex `i` of a wave as the end of the prefix at place `k`.
+    #[inline(always)]
+    fn keep(&mut self, k: usize, class: u32, bounce: u32, from: &Vertices, i: usize, throughput: Rgb) {
+        let to = &mut self.vertices;
+        let ng = get(&from.ng, i);
+        set(&mut to.next_origin, k, offset_along(get(&from.p, i), ng, from.offset[i]));
+        to.origin_primitives[k] = from.origin_primitives[i];
+        set(&mut to.ng, k, ng);
+        from.ns.copy_to(i, &mut to.ns, k);
+        match class {
+            LAMBERT => from.albedo.copy_to(i, &mut to.albedo, k),
+            _ => {
+                from.wo.copy_to(i, &mut to.wo, k);
+                copy_metal_rough(from, i, to, k);
+            }
+        }
+        from.guided.cell.copy_to(i, &mut to.guided.cell, k);
+        set_rgb(&mut self.throughput, k, throughput);
+        self.class[k] = class;
+        self.bounce[k] = bounce;
+    }
+}
+
+impl Suffixes {
+    /// Keeps vertex `i` of a wave as the start of the suffix at place `k`.
+    #[inline(always)]
+    fn keep(&mut self, k: usize, class: u32, from: &Vertices, i: usize, throughput: Rgb, pdf: f32) {
+        let (p, ng) = (get(&from.p, i), get(&from.ng, i));
+        set(&mut self.p, k, p);
+        set(&mut self.ng, k, ng);
+        from.ns.copy_to(i, &mut self.ns, k);
+        from.wo.copy_to(i, &mut self.wo, k);
+        set(&mut self.target, k, offset_along(p, ng, from.offset[i]));
+        set_rgb(&mut self.throughput, k, throughput);
+        self.pdf[k] = pdf;
+        self.class[k] = class;
+        if class == METAL_ROUGH {
+            from.metal_rough.copy_to(i, &mut self.material, k);
+        }
+    }
+}
+
+// Prefixes against suffixes: what every prefix of a group would get from one suffix, in vectorised loops.
+
+/// Places that loops take together: of one group or of several.
+pub const RUN: usize = 16;
+const _: () = assert!(WAVE.is_multiple_of(RUN) && WAVE.is_multiple_of(GroupShape::MOST_PIXELS as usize));
+
+/// Fills density and value of the prefixes of a class at runs of places.
+pub struct Connect<'a, C, const SOFT: bool> {
+    pub class: C,
+    /// The class in [`Prefixes::class`].
+    pub class_id: u32,
+    pub runs: &'a [u16],
+    pub prefixes: &'a Prefixes,
+    pub pairs: &'a mut Pairs,
+}
+
+impl<C: VertexClass, const SOFT: bool> Kernel for Connect<'_, C, SOFT> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Connect { class, class_id, runs, prefixes, pairs } = self;
+        let v = &prefixes.vertices;
+        for &run in runs {
+            // The bound is for the compiler, which then needs no check in the loop.
+            let first = (usize::from(run) * RUN).min(WAVE - RUN);
+            for i in first..first + RUN {
+                let way = get(&pairs.y, i) - get(&v.next_origin, i);
+                let squared = way.dot(way);
+                let wi = way / squared.sqrt();
+                let (ng, ns) = (get(&v.ng, i), get(&v.ns, i));
+                let eval = class.closure(v, i).eval(wi);
+                let cosine = -wi.dot(get(&pairs.ng, i));
+                let geometry = cosine / squared;
+                let mut value = get_rgb(&prefixes.throughput, i) * eval.f_cos;
+                if SOFT {
+                    value *= terminator(ns, ng, wi);
+                }
+                let faces = (cosine > 0.0) & (wi.dot(ng) > 0.0) & (eval.pdf_solid_angle > 0.0);
+                // Paths without throughput end: a prefix can't have found what it gets nothing from.
+                let [r, g, b] = value.to_array();
+                let has_value = (r > 0.0) | (g > 0.0) | (b > 0.0);
+                let has_ended_there = prefixes.ends[i] == pairs.ends[i];
+                let connects = faces & has_value & has_ended_there;
+                let is_own_class = prefixes.class[i] == class_id;
+                let density = if connects { eval.pdf_solid_angle * geometry } else { 0.0 };
+                pairs.density[i] = if is_own_class { density } else { pairs.density[i] };
+                let value = value * geometry;
+                let other = get_rgb(&pairs.value, i);
+                let chosen = Rgb::select(is_own_class, value, other);
+                set_rgb(&mut pairs.value, i, chosen);
+            }
+        }
+    }
+}
+
+/// Makes the densities of prefixes at runs of places those of guided ones.
+pub struct GuidePairs<'a> {
+    pub runs: &'a [u16],
+    pub densities: Table<'a, f32>,
+    pub prefixes: &'a Prefixes,
+    pub pairs: &'a mut Pairs,
+}
+
+impl Kernel for GuidePairs<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let GuidePairs { runs, densities, prefixes, pairs } = self;
+        let v = &prefixes.vertices;
+        for &run in runs {
+            let first = (usize::from(run) * RUN).min(WAVE - RUN);
+            for i in first..first + RUN {
+                let way = get(&pairs.y, i) - get(&v.next_origin, i);
+                let wi = way / way.dot(way).sqrt();
+                let is_lambert = prefixes.class[i] == LAMBERT;
+                let is_metal_rough = prefixes.class[i] == METAL_ROUGH;
+                // Others have no cell.
+                let cell = v.guided.cell[i] * u32::from(is_lambert | is_metal_rough);
+                let density = densities.at(guiding::place(cell, get(&v.ns, i), wi));
+                let factor = MetalRoughClass.closure(v, i).guided(wi, density);
+                let factor = if is_metal_rough { factor } else { 1.0 };
+                pairs.density[i] *= if is_lambert { density } else { factor };
+            }
+        }
+    }
+}
+
+/// The places of the group of `group` places that a place belongs to.
+#[inline(always)]
+pub fn group_of(place: usize, group: usize) -> Range<usize> {
+    let first = place - place % group;
+    first..(first + group).min(WAVE)
+}
+
+/// The suffixes of a round and the prefixes that get something from them.
+#[derive(Clone, Copy)]
+pub struct Exchange<'a> {
+    /// Places of the suffixes.
+    pub senders: &'a [u16],
+    /// Places of a group.
+    pub group: usize,
+    pub prefixes: &'a Prefixes,
+    pub suffixes: &'a Suffixes,
+    pub pairs: &'a Pairs,
+}
+
+impl Exchange<'_> {
+    /// Adds to what the prefixes gained, by place. `radiance` leaves the suffixes; by `throughput` their owners get it, by
+    /// `value` others (see [`Pairs::value`]).
+    pub fn receive(
+        self,
+        radiance: &RgbLanes,
+        throughput: &RgbLanes,
+        value: &RgbLanes,
+        gained: &mut RgbLanes,
+    ) {
+        dispatch(Receive { exchange: self, radiance, throughput, value, gained });
+    }
+}
+
+/// The work of [`Exchange::receive`]. (The sum runs in an order that does not depend on the CPU.)
+struct Receive<'a> {
+    exchange: Exchange<'a>,
+    radiance: &'a RgbLanes,
+    throughput: &'a RgbLanes,
+    value: &'a RgbLanes,
+    gained: &'a mut RgbLanes,
+}
+
+impl Kernel for Receive<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Exchange { senders, group, prefixes, suffixes: s, pairs } = self.exchange;
+        let gained = self.gained;
+        for &sender in senders {
+            let sender = usize::from(sender).min(WAVE - 1);
+            let places = group_of(sender, group);
+            let mut sums = [0.0; 4];
+            let (fours, rest) = pairs.density[places.clone()].as_chunks::<4>();
+            for four in fours {
+                for k in 0..4 {
+                    sums[k] += four[k];
+                }
+            }
+            for (sum, density) in sums.iter_mut().zip(rest) {
+                *sum += density;
+            }
+            let own = s.own_density(sender, prefixes);
+            let sum = own + ((sums[0] + sums[1]) + (sums[2] + sums[3]));
+            let radiance = get_rgb(self.radiance, sender);
+            // Points next to each other have densities beyond all numbers.
+            let is_finite = own > 0.0 && sum < f32::INFINITY;
+            let share = if is_finite { own / sum } else { 1.0 };
+            let value = get_rgb(self.throughput, sender) * radiance * (s.rest[sender] * share);
+            let total = get_rgb(gained, sender) + value;
+            set_rgb(gained, sender, total);
+            if is_finite {
+                let is_layered = s.class[sender] == METAL_ROUGH;
+                let scaled = (radiance * (1.0 / sum)).to_array();
+                for c in 0..3 {
+                    for i in places.clone() {
+                        let rest = if is_layered { pairs.rest[i] } else { 1.0 };
+                        let value = self.value[c][i] * (scaled[c] * rest);
+                        gained[c][i] += if pairs.density[i] > 0.0 { value } else { 0.0 };
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl Suffixes {
+    /// Density per area with which the owner found its suffix.
+    #[inline(always)]
+    fn own_density(&self, k: usize, prefixes: &Prefixes) -> f32 {
+        let way = get(&self.p, k) - get(&prefixes.vertices.next_origin, k);
+        let cosine = get(&self.wo, k).dot(get(&self.ng, k));
+        self.pdf[k] * cosine / way.dot(way)
+    }
+}
+
+// Shared paths by layers. What a prefix gets from a suffix is light that scattered at both, so all of it is indirect. Which
+// of its passes it belongs to, the first scattering of the prefix says; where the prefix ends at it, the direction to the
+// suffix does. What groups of lights bring is radiance at the suffix, shared with the same weights as all.
+
+impl SharedLayers {
+    /// Takes what leaves suffix `k` of each group of lights, and gives what of its light stays with it to its owner.
+    pub fn finish_suffix(
+        &mut self,
+        k: usize,
+        sample: u32,
+        s: &Suffixes,
+        own: Rgb,
+        is_usable: bool,
+        sink: &mut RadianceBuffer,
+    ) {
+        let throughput = get_rgb(&s.throughput, k);
+        if let Some(diffuse) = &mut self.diffuse {
+            let first = s.first_bounces.get(k);
+            set_rgb(&mut diffuse.throughput, k, throughput * first.diffuse);
+            sink.add_to_passes(sample, throughput * own, PathClass::Indirect(first));
+        }
+        for (g, group) in self.groups.iter_mut().enumerate() {
+            let direct = sink.radiance_of(sample + DIRECT, g);
+            let scattered = sink.radiance_of(sample + SCATTERED, g);
+            let (radiance, own) = match is_usable {
+                true => s.divide(k, direct, scattered),
+                false => (Rgb::ZERO, direct + scattered),
+            };
+            set_rgb(&mut group.radiance, k, radiance);
+            sink.add_to_group(sample, throughput * own, g as u16);
+        }
+    }
+
+    /// Adds what the prefixes get from the suffixes of a round.
+    pub fn receive(&mut self, exchange: Exchange<'_>) {
+        let Exchange { senders, group, prefixes, suffixes: s, pairs } = exchange;
+        if let Some(diffuse) = &mut self.diffuse {
+            let Diffuse { value, throughput, gained } = &mut **diffuse;
+            fill_diffuse(senders, group, prefixes, pairs, value);
+            exchange.receive(&s.radiance, throughput, value, gained);
+        }
+        for group_lanes in &mut self.groups {
+            let GroupLanes { radiance, gained } = &mut **group_lanes;
+            exchange.receive(radiance, &s.throughput, &pairs.value, gained);
+        }
+    }
+
+    /// Brings what prefixes got, of all `total`, to the layers of a sample.
+    pub fn deliver(&self, k: usize, sample: u32, total: Rgb, prefixes: &Prefixes, sink: &mut RadianceBuffer) {
+        if let Some(diffuse) = &self.diffuse {
+            let mut first = prefixes.first_bounces.get(k);
+            let of_diffuse = get_rgb(&diffuse.gained, k).min(total);
+            first.diffuse = Rgb::ONE;
+            sink.add_to_passes(sample, of_diffuse, PathClass::Indirect(first));
+            first.diffuse = Rgb::ZERO;
+            sink.add_to_passes(sample, total - of_diffuse, PathClass::Indirect(first));
+        }
+        for (g, group) in self.groups.iter().enumerate() {
+            sink.add_to_group(sample, get_rgb(&group.gained, k), g as u16);
+        }
+    }
+}
+
+/// The diffuse part of what prefixes would get from the suffixes of their turn.
+fn fill_diffuse(senders: &[u16], group: usize, prefixes: &Prefixes, pairs: &Pairs, value: &mut RgbLanes) {
+    let v = &prefixes.vertices;
+    for &sender in senders {
+        for i in group_of(usize::from(sender), group).filter(|&i| pairs.density[i] > 0.0) {
+            let is_first = prefixes.bounce[i] == 0 && prefixes.class[i] == METAL_ROUGH;
+            let share = match is_first {
+                true => {
+                    let wi = (get(&pairs.y, i) - get(&v.next_origin, i)).normalize();
+                    MetalRoughClass.closure(v, i).diffuse_share(wi)
+                }
+                false => prefixes.first_bounces.get(i).diffuse,
+            };
+            set_rgb(value, i, get_rgb(&pairs.value, i) * share);
+        }
+    }
+}
+
+impl Reuse {
+    /// Brings what all prefixes got to their samples.
+    pub fn deliver(&self, sink: &mut RadianceBuffer) {
+        for (k, &sample) in self.samples[..WAVE].iter().enumerate() {
+            let (sample, gained) = (u32::from(sample), get_rgb(&self.gained, k));
+            sink.add(sample, gained);
+            self.layers.deliver(k, sample, gained, &self.prefixes, sink);
+        }
+    }
+}
+
+// The paths of a group are shared: each prefix is connected to each suffix.
+
+/// Groups from this size on test visibility together: fewer rays are sooner tested one by one.
+const FAN: usize = 16;
+
+/// So do sets of at least this many rays.
+const LEAST_RAYS: u32 = 5;
+
+/// ScatterParams prefixes end for a suffix that isn't there.
+const NO_END: u32 = u32::MAX;
+
+impl Integrator<'_> {
+    /// Brings to every prefix what the suffixes of its group found.
+    pub(in super::super) fn share_paths(&self, tiling: &Tiling, w: &mut Workspace) {
+        let Some(mut reuse) = w.reuse.take() else { return };
+        self.finish_suffixes(&mut reuse, w);
+        let has = |class| reuse.prefixes.class[..WAVE].contains(&class);
+        let classes = [LAMBERT, METAL_ROUGH].map(has);
+        reuse.gained.as_flattened_mut().fill(0.0);
+        let mut round = Round { group: tiling.group(), ..Round::default() };
+        for turn in 0..tiling.group() {
+            round.take_turn(turn, &mut reuse);
+            if round.runs.is_empty() {
+                continue;
+            }
+            if self.softens_terminator() {
+                connect::<true>(classes, &round.runs, &mut reuse);
+            } else {
+                connect::<false>(classes, &round.runs, &mut reuse);
+            }
+            self.guide_pairs(&round, &mut reuse);
+            self.test_visibility(&round, &mut reuse, w);
+            let Reuse { prefixes, suffixes, pairs, gained, layers, .. } = &mut *reuse;
+            let exchange =
+                Exchange { senders: &round.senders, group: round.group, prefixes, suffixes, pairs };
+            exchange.receive(&suffixes.radiance, &suffixes.throughput, &pairs.value, gained);
+            layers.receive(exchange);
+        }
+        reuse.deliver(&mut w.sink);
+        w.reuse = Some(reuse);
+    }
+
+    /// Sums up what leaves each suffix. What is not shared goes to its owner.
+    fn finish_suffixes(&self, reuse: &mut Reuse, w: &mut Workspace) {
+        if self.options.keeps_plain {
+            w.sink.keep_plain();
+        }
+        let Reuse { suffixes: s, samples, layers, .. } = reuse;
+        for (k, &sample) in samples[..WAVE].iter().enumerate() {
+            if s.class[k] == NONE {
+                continue;
+            }
+            let sample = u32::from(sample);
+            let (direct, scattered) = (w.sink.radiance(sample + DIRECT), w.sink.radiance(sample + SCATTERED));
+            let throughput = get_rgb(&s.throughput, k);
+            if self.options.keeps_plain {
+                w.sink.add_plain(sample, throughput * (direct + scattered));
+            }
+            let (radiance, mut own) = s.divide(k, direct, scattered);
+            let is_usable = radiance.is_finite() && radiance.max_element() > 0.0;
+            if !is_usable {
+                own = direct + scattered;
+            }
+            w.sink.add(sample, throughput * own);
+            layers.finish_suffix(k, sample, s, own, is_usable, &mut w.sink);
+            if !is_usable {
+                s.class[k] = NONE;
+            }
+            set_rgb(&mut s.radiance, k, radiance);
+        }
+    }
+
+    /// Makes the densities those of prefixes that are guided.
+    fn guide_pairs(&self, round: &Round, reuse: &mut Reuse) {
+        if let Some(guide) = self.options.guide {
+            let Reuse { prefixes, pairs, .. } = reuse;
+            let densities = guide.densities();
+            dispatch(GuidePairs { runs: &round.runs, densities, prefixes, pairs });
+        }
+    }
+
+    /// Prefixes that can't reach the suffix of their turn get no density; neither does the owner, which needs no test.
+    fn test_visibility(&self, round: &Round, reuse: &mut Reuse, w: &mut Workspace) {
+        for &sender in &round.senders {
+            reuse.pairs.density[usize::from(sender)] = 0.0;
+        }
+        self.test_layers(round, reuse);
+        w.shadow_rays.clear();
+        w.shadow_vertices.clear();
+        for &sender in &round.senders {
+            let sender = usize::from(sender);
+            let places = group_of(sender, round.group);
+            let mut asked = positive(&reuse.pairs.density[places.clone()]);
+            if round.group >= FAN && reuse.fans.are_worth_it() {
+                asked = self.test_fan(sender, round.group, asked, reuse, w);
+            }
+            let Reuse { prefixes, suffixes, .. } = &*reuse;
+            let target = get(&suffixes.target, sender);
+            for k in Bits(asked) {
+                let i = places.start + k;
+                let origin = get(&prefixes.vertices.next_origin, i);
+                let origin_primitive = prefixes.vertices.origin_primitives[i];
+                w.shadow_rays.push(Ray { origin_primitive, ..Ray::segment(origin, target - origin) });
+                w.shadow_vertices.push(i as u32);
+            }
+        }
+        let before = w.ray_counts.all;
+        // Whatever the bounce: surfaces that are absent at random, whose random numbers differ by it, are in no scene that is
+        // shared; lamps that stop no light may be.
+        self.test_shadow_rays(1, w);
+        w.ray_counts.single += w.ray_counts.all - before;
+        for (&i, &occluded) in w.shadow_vertices.iter().zip(&w.occluded) {
+            if occluded {
+                reuse.pairs.density[i as usize] = 0.0;
+            }
+        }
+    }
+
+    /// The prefixes of a group together against a suffix. Returns those that must be tested one by one.
+    fn test_fan(&self, sender: usize, group: usize, asked: u64, reuse: &mut Reuse, w: &mut Workspace) -> u64 {
+        if asked.count_ones() < LEAST_RAYS {
+            return asked;
+        }
+        let Reuse { prefixes, suffixes, pairs, fans, .. } = reuse;
+        let places = group_of(sender, group);
+        let vertices = &prefixes.vertices;
+        let fan = Fan {
+            target: get(&suffixes.target, sender),
+            origins: vertices.next_origin.each_ref().map(|lanes| &lanes[places.clone()]),
+            origin_primitives: &vertices.origin_primitives[places.clone()],
+            rays: asked,
+        };
+        let accel = &self.scene.accel;
+        let FanHits { stopped, unknown } = match self.scene.features.alpha {
+            true => accel
+                .occluded_fan(&fan, |prim| self.may_be_absent_at(&Hit { prim, instance: 0, ..Hit::MISS })),
+            false => accel.occluded_fan(&fan, |_| false),
+        };
+        fans.count(2 * unknown.count_ones() > asked.count_ones());
+        for k in Bits(stopped) {
+            pairs.density[places.start + k] = 0.0;
+        }
+        let known = u64::from((asked & !unknown).count_ones());
+        w.ray_counts.all += known;
+        w.ray_counts.in_fans += known;
+        unknown
+    }
+
+    /// What the layers of glTF materials at the suffixes leave towards the prefixes; too little is as good as hidden.
+    fn test_layers(&self, round: &Round, reuse: &mut Reuse) {
+        let Reuse { prefixes, suffixes, pairs, .. } = reuse;
+        for &sender in &round.senders {
+            let sender = usize::from(sender);
+            if suffixes.class[sender] != METAL_ROUGH {
+                continue;
+            }
+            let (p, ns, ng) =
+                (get(&suffixes.p, sender), get(&suffixes.ns, sender), get(&suffixes.ng, sender));
+            for i in group_of(sender, round.group) {
+                if pairs.density[i] <= 0.0 {
+                    continue;
+                }
+                let wo = (get(&prefixes.vertices.next_origin, i) - p).normalize();
+                pairs.rest[i] = layer_rest(&suffixes.material, sender, ns, wo, self.scene.shading);
+                let (_, is_bent) = bent_normal(ns, ng, wo);
+                // As for the owner.
+                if is_bent || pairs.rest[i] < LEAST_REST {
+                    pairs.density[i] = 0.0;
+                }
+            }
+        }
+    }
+}
+
+/// Which numbers are positive, one bit each.
+fn positive(densities: &[f32]) -> u64 {
+    densities.iter().enumerate().fold(0, |set, (k, density)| set | u64::from(*density > 0.0) << k)
+}
+
+/// Which suffixes are connected at a time: one of each group.
+#[derive(Default)]
+struct Round {
+    /// Places of a group.
+    group: usize,
+    /// Which member of each group.
+    turn: usize,
+    /// Runs of places with a suffix.
+    runs: Vec<u16>,
+    /// Places of the suffixes.
+    senders: Vec<u16>,
+}
+
+impl Round {
+    /// Hands the suffixes of a member of each group to the members.
+    fn take_turn(&mut self, turn: usize, reuse: &mut Reuse) {
+        let Reuse { prefixes, suffixes: s, pairs, .. } = reuse;
+        self.turn = turn;
+        self.senders.clear();
+        self.runs.clear();
+        for first in (0..WAVE).step_by(self.group) {
+            let sender = first + turn;
+            let places = first..first + self.group;
+            if s.class[sender] == NONE {
+                pairs.ends[places].fill(NO_END);
+                continue;
+            }
+            pairs.ends[places.clone()].fill(prefixes.ends[sender]);
+            for c in 0..3 {
+                pairs.y[c][places.clone()].fill(s.p[c][sender]);
+                pairs.ng[c][places.clone()].fill(s.ng[c][sender]);
+            }
+            self.senders.push(sender as u16);
+            for run in first / RUN..(first + self.group).div_ceil(RUN) {
+                if self.runs.last() != Some(&(run as u16)) {
+                    self.runs.push(run as u16);
+                }
+            }
+        }
+    }
+}
+
+/// Fills the pairs of a round, by the loops of the classes that there are.
+fn connect<const SOFT: bool>([lambert, metal_rough]: [bool; 2], runs: &[u16], reuse: &mut Reuse) {
+    let Reuse { prefixes, pairs, .. } = reuse;
+    for &run in runs {
+        let places = usize::from(run) * RUN..(usize::from(run) + 1) * RUN;
+        pairs.density[places].fill(0.0);
+    }
+    if lambert {
+        let (class, class_id) = (LambertClass, LAMBERT);
+        dispatch(Connect::<_, SOFT> { class, class_id, runs, prefixes, pairs });
+    }
+    if metal_rough {
+        let (class, class_id) = (MetalRoughClass, METAL_ROUGH);
+        dispatch(Connect::<_, SOFT> { class, class_id, runs, prefixes, pairs });
+    }
+}

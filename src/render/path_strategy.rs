@@ -1,0 +1,535 @@
+//! How the samples of a pass trace their paths: each alone, split at the first surface, or shared between pixels. Trials on some
+//! squares of the first pass decide.
+
+use super::options::{PathReuse, RenderOptions, Splitting};
+use super::progress::Statistics;
+use super::schedule::Pass;
+use super::technique::{Request, Target, Technique, first_reason};
+use crate::compile::{CompiledScene, View};
+use crate::integrator::reuse::{GroupShape, INTERVAL, Tiling};
+use crate::integrator::{Block, PathOptions, PathSample, RayCounts, SamplePlan};
+use crate::sampling::Arrangement;
+use crate::sampling::hash::r2_sequence;
+use std::collections::HashSet;
+
+/// How samples trace their paths.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum PathStrategy {
+    /// Each sample alone, with this many paths from its first surface on.
+    Alone {
+        /// A power of two.
+        branches: u32,
+    },
+    /// Shared in groups of pixels.
+    Shared(GroupShape),
+}
+
+impl PathStrategy {
+    /// Each path alone.
+    pub const PLAIN: PathStrategy = PathStrategy::Alone { branches: 1 };
+
+    /// In which groups pixels share paths, if they do.
+    pub fn shape(self) -> Option<GroupShape> {
+        match self {
+            PathStrategy::Alone { .. } => None,
+            PathStrategy::Shared(shape) => Some(shape),
+        }
+    }
+
+    /// Paths that go on from the first surface of each sample.
+    pub fn branches(self) -> u32 {
+        match self {
+            PathStrategy::Alone { branches } => branches,
+            PathStrategy::Shared(_) => 1,
+        }
+    }
+
+    /// Adds to the options of the paths of a pass.
+    pub fn configure(self, pass: Pass, options: &RenderOptions, paths: &mut PathOptions<'_>) {
+        paths.branches = self.branches();
+        paths.reuse = self.shape().map(|shape| Tiling::new(shape, pass.first_sample));
+        if let SamplePlan::Even(_) = paths.plan {
+            let planned = options.samples.max(options.planned);
+            paths.plan = SamplePlan::Even(Arrangement::new(options.seed, planned, self.branches()));
+        }
+    }
+}
+
+/// Path sharing or splitting: the strategy, and what trials in the first pass may still decide.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct StrategyTrials {
+    /// The strategy that holds until trials decide otherwise.
+    pub now: PathStrategy,
+    may_share: bool,
+    may_split: bool,
+}
+
+/// Are there surfaces that some paths pass through at random?
+fn has_random_surfaces(scene: &CompiledScene) -> bool {
+    scene.materials.iter().any(|material| material.alpha.is_some() || material.passes_straight)
+}
+
+/// Why paths can't be shared.
+fn obstacle_to_sharing(target: &Target<'_>) -> Option<&'static str> {
+    let Target { scene, options, .. } = target;
+    let features = &scene.features;
+    first_reason(&[
+        // Paths of other wavelengths have found other radiance.
+        (scene.shading.spectral, "they carry wavelengths of their own"),
+        // The weights need the visibility of each connection, not a random estimate.
+        (has_random_surfaces(scene), "the scene has surfaces that are partly transparent"),
+        // Connections would have to estimate transmittance.
+        (features.scattering, "the scene has media that scatter"),
+        (options.catchers, "the scene has shadow catchers"),
+        // Connections don't have the ray kind of the paths that they replace.
+        (features.links, "lights of the scene are linked to some objects only"),
+        (features.ray_kinds, "objects or lights of the scene are visible to some kinds of rays only"),
+        // Paths have times of their own.
+        (scene.is_moving(), "something moves in the scene"),
+        (options.max_depth < 2, "there is no indirect light with so few bounces"),
+    ])
+}
+
+impl StrategyTrials {
+    /// What the options leave open.
+    pub fn new(target: &Target<'_>) -> StrategyTrials {
+        let options = target.options;
+        let can_share = obstacle_to_sharing(target).is_none();
+        let can_split = options.max_depth >= 1 && !options.catchers;
+        if let PathReuse::Groups(shape) = options.path_reuse
+            && can_share
+        {
+            return StrategyTrials::decided(PathStrategy::Shared(shape));
+        }
+        let branches = match options.splitting {
+            Splitting::Into(branches) if can_split => branches,
+            _ => 1,
+        };
+        StrategyTrials {
+            now: PathStrategy::Alone { branches },
+            may_share: can_share
+                && options.path_reuse == PathReuse::Auto
+                && matches!(options.splitting, Splitting::Auto | Splitting::OFF),
+            may_split: can_split && options.splitting == Splitting::Auto,
+        }
+    }
+
+    /// May trials still change the strategy?
+    pub fn is_open(self) -> bool {
+        self.may_share || self.may_split
+    }
+
+    /// Without further trials.
+    pub fn decided(now: PathStrategy) -> StrategyTrials {
+        StrategyTrials { now, may_share: false, may_split: false }
+    }
+}
+
+impl Technique for StrategyTrials {
+    fn request(&self, options: &RenderOptions) -> Request {
+        match options.path_reuse {
+            PathReuse::Groups(_) => Request::On,
+            PathReuse::Auto => Request::Auto,
+            PathReuse::Off if options.splitting == Splitting::OFF => Request::Off,
+            PathReuse::Off => Request::Auto,
+        }
+    }
+
+    fn refusal(&self) -> &'static str {
+        "paths are not shared between pixels"
+    }
+
+    fn obstacle(&self, target: &Target<'_>) -> Option<&'static str> {
+        obstacle_to_sharing(target)
+    }
+
+    // Which strategy a pass has is decided within the first one: `pass.rs` calls `PathStrategy::configure`.
+    fn configure<'a>(&'a self, _paths: &mut PathOptions<'a>) {}
+
+    fn report(&self, statistics: &mut Statistics) {
+        statistics.path_reuse = self.now.shape();
+        statistics.branches = self.now.branches();
+    }
+}
+
+/// Edge of a square in pixels.
+const EDGE: u32 = 32;
+
+/// Of this many squares, one takes part in trials.
+const SQUARES_PER_TRIAL: u32 = 24;
+
+/// Fewest squares for each candidate: a single one could be exceptional.
+const LEAST_SQUARES: u32 = 3;
+
+/// Width, height and spacing of the groups that are tried, in pixels. The last ones are large and are tried only where there are few
+/// connections.
+const SHAPES: [(u32, u32, u32); 3] = [(2, 2, 2), (4, 4, 4), (8, 8, 4)];
+
+/// Paths per sample in a trial of splitting; the gain for other numbers is computed from it.
+const BRANCHES: u32 = 4;
+
+/// Most paths per sample that trials may decide on.
+const MOST_BRANCHES: u32 = 8;
+
+/// Least ratio of the efficiency with path sharing to that without.
+const LEAST_GAIN: f64 = 1.25;
+
+/// Least ratio of the efficiency with splitting to that without. Larger, as a few bright pixels may hide errors of others.
+const LEAST_GAIN_OF_SPLITTING: f64 = 1.4;
+
+/// Squares whose trial left more than this many times the squared error of the best strategy are rendered again with that one. (Over
+/// all samples of a picture that pays from twice the error on, and earlier where samples are so evenly distributed that the error
+/// falls faster than one over their number.)
+const REPLACED_ERROR: f64 = 1.5;
+
+/// Ratio of the number of squares that try splitting, or the best shape again where its gain is unclear, to the number that try a
+/// shape: the gain varies over the picture (a polished helmet under a sky gains nothing by splitting; a trial on 4 of its 256 squares
+/// found a gain in one of seven runs, a trial on 12 in one of forty).
+const MORE_SQUARES: u32 = 3;
+
+/// Gain by splitting on the first squares, as many as try a shape, from which on the other squares try it.
+const PROMISING: f64 = 1.15;
+
+/// Gain of the smallest groups from which on larger ones are tried: these share nothing that the smallest can't.
+const HOPEFUL: f64 = 0.8;
+
+/// Gain by sharing from which on splitting is not tried: it seldom gains as much.
+const CLEAR_GAIN: f64 = 3.0;
+
+/// Time of a connection, relative to that of another ray with all that belongs to it; and the fixed time of sharing, relative to the
+/// time without it. (The processor time of the Cornell box, a room lit through a door and a room with 1000 lights with groups of 4x4
+/// pixels was 2.0, 1.2 and 1.5 times that without on an Intel Xeon with AVX-512, at 1.5, 0.1 and 1.3 connections per other ray.)
+const CONNECTION_COST: f64 = 0.85;
+const FIXED_COST: f64 = 0.05;
+
+/// Time of a connection whose visibility was tested together with that of the others to the same suffix. (The Cornell box: 1.4 times at
+/// 1.5 connections per other ray, 2.0 times at 7.)
+const FAN_CONNECTION_COST: f64 = 0.17;
+
+/// Time of all connections, relative to that of the other rays, up to which larger groups are tried.
+const MOST_COST: f64 = 0.5;
+
+/// What a trial tries.
+#[derive(Clone, Copy, Debug)]
+enum Tried {
+    /// Sharing in groups of a shape.
+    Shape(GroupShape),
+    /// The best shape again, where its gain is unclear.
+    BestShape,
+    /// Splitting, on a few squares.
+    Splitting,
+    /// Splitting on more squares, if the first ones gained.
+    MoreSplitting,
+}
+
+/// A trial and its squares.
+pub(super) struct SquareTrial {
+    tried: Tried,
+    pub squares: Vec<Block>,
+}
+
+/// The trials of a pass in their order; none if it has a single sample or the picture is too small.
+pub(super) fn trials(open: StrategyTrials, view: &View, pass: Pass) -> Vec<SquareTrial> {
+    let (columns, rows) = (view.width / EDGE, view.height / EDGE);
+    let shapes = SHAPES.len() as u32;
+    let of_each = (columns * rows).div_ceil(SQUARES_PER_TRIAL * shapes).max(LEAST_SQUARES);
+    // The groups of later passes cross the borders of squares.
+    let is_possible = pass.samples >= 2 && pass.first_sample < INTERVAL;
+    if !is_possible || columns * rows < 3 * shapes * of_each {
+        return Vec::new();
+    }
+    let more = (MORE_SQUARES * of_each).min(columns * rows / 10) as usize;
+    let mut taken = HashSet::new();
+    let new = square_positions(columns, rows).filter(|&position| taken.insert(position));
+    let count = (shapes * of_each) as usize + 2 * more;
+    let squares: Vec<Block> = new.take(count).map(|(x, y)| square(x, y, pass)).collect();
+    let (of_shapes, others) = squares.split_at((shapes * of_each) as usize);
+    let (of_splitting, again) = others.split_at(more);
+    let shape = |&(width, height, spacing): &(u32, u32, u32)| GroupShape::new(width, height, spacing);
+    let mut trials = Vec::new();
+    if open.may_share {
+        // Interleaved, so that the squares of each shape are spread evenly.
+        let of_turn = |turn| of_shapes.iter().skip(turn).step_by(SHAPES.len()).copied().collect();
+        let shared = SHAPES.iter().filter_map(shape).enumerate();
+        trials.extend(shared.map(|(turn, s)| SquareTrial { tried: Tried::Shape(s), squares: of_turn(turn) }));
+        trials.push(SquareTrial { tried: Tried::BestShape, squares: again.to_vec() });
+    }
+    if open.may_split {
+        let (first, others) = of_splitting.split_at(more.min(of_each as usize));
+        trials.push(SquareTrial { tried: Tried::Splitting, squares: first.to_vec() });
+        trials.push(SquareTrial { tried: Tried::MoreSplitting, squares: others.to_vec() });
+    }
+    trials
+}
+
+fn square(x: u32, y: u32, pass: Pass) -> Block {
+    let Pass { first_sample, samples } = pass;
+    Block { x0: x * EDGE, y0: y * EDGE, width: EDGE, height: EDGE, first_sample, samples }
+}
+
+/// The strategy that a trial tries, by the results of the earlier trials; none if it is skipped.
+pub(super) fn strategy_of(trial: &SquareTrial, results: &[(PathStrategy, Errors)]) -> Option<PathStrategy> {
+    let so_far = best(results);
+    let splitting = PathStrategy::Alone { branches: BRANCHES };
+    match trial.tried {
+        Tried::Shape(shape) => {
+            let is_hopeful = match results {
+                [] => true,
+                [(_, smallest)] => smallest.gain_of_sharing() >= HOPEFUL,
+                // The last shape's groups have four times as many connections as these.
+                [.., (_, last)] => {
+                    last.gain_of_sharing() >= LEAST_GAIN && last.cost_of_connections() < MOST_COST
+                }
+            };
+            is_hopeful.then_some(PathStrategy::Shared(shape))
+        }
+        Tried::BestShape => Some(so_far.strategy).filter(|t| t.shape().is_some() && so_far.gain < CLEAR_GAIN),
+        Tried::Splitting => Some(splitting).filter(|_| so_far.gain < CLEAR_GAIN),
+        Tried::MoreSplitting => {
+            let tried = results.last().filter(|(strategy, _)| *strategy == splitting);
+            tried.filter(|(_, errors)| errors.gain_of_splitting() >= PROMISING).map(|_| splitting)
+        }
+    }
+}
+
+/// A low-discrepancy sequence of cells of a grid.
+fn square_positions(columns: u32, rows: u32) -> impl Iterator<Item = (u32, u32)> {
+    let scaled = |fraction: u32, size: u32| {
+        let from_middle = fraction.wrapping_add(1 << 31);
+        ((u64::from(from_middle) * u64::from(size)) >> 32) as u32
+    };
+    (0..).map(r2_sequence).map(move |[x, y]| (scaled(x, columns), scaled(y, rows)))
+}
+
+/// The tiles outside the squares of trials.
+pub(super) fn without(mut tiles: Vec<Block>, trials: &[SquareTrial]) -> Vec<Block> {
+    let squares = trials.iter().flat_map(|trial| &trial.squares);
+    let covered: HashSet<_> = squares.map(|s| (s.x0 / EDGE, s.y0 / EDGE)).collect();
+    let is_in_square = |t: &Block| t.x0 % EDGE + t.width <= EDGE && t.y0 % EDGE + t.height <= EDGE;
+    debug_assert!(covered.is_empty() || tiles.iter().all(is_in_square), "tiles don't cross squares");
+    tiles.retain(|tile| !covered.contains(&(tile.x0 / EDGE, tile.y0 / EDGE)));
+    tiles
+}
+
+/// The samples of a pixel, with the strategy that is tried and without it.
+#[derive(Clone, Copy, Default)]
+struct PixelTally {
+    tried: HalfSums,
+    plain: HalfSums,
+    count: u32,
+}
+
+/// The samples and the rays of a block.
+pub(super) struct BlockTally {
+    pixels: Vec<PixelTally>,
+    /// Half the number of samples of a pixel.
+    half: u32,
+    rays: RayCounts,
+}
+
+impl BlockTally {
+    pub fn new(block: &Block) -> BlockTally {
+        let pixels = vec![PixelTally::default(); (block.width * block.height) as usize];
+        BlockTally { pixels, half: block.samples / 2, rays: RayCounts::default() }
+    }
+
+    pub fn add(&mut self, sample: &PathSample<'_>) {
+        let pixel = &mut self.pixels[sample.pixel as usize];
+        let half = pixel.count / self.half;
+        pixel.count += 1;
+        pixel.tried.add(half, sample.rgb);
+        pixel.plain.add(half, sample.plain);
+    }
+
+    /// Counts rays.
+    pub fn count(&mut self, rays: RayCounts) {
+        self.rays = self.rays.plus(rays);
+    }
+
+    /// Mean number of rays of a sample.
+    pub fn rays_per_sample(&self) -> f64 {
+        self.rays.all as f64 / f64::from(self.samples().max(1))
+    }
+
+    fn samples(&self) -> u32 {
+        self.pixels.iter().map(|pixel| pixel.count).sum()
+    }
+
+    /// The same without the strategy that is tried.
+    pub fn plain_rays_per_sample(&self) -> f64 {
+        let RayCounts { all, single, in_fans, in_branches } = self.rays;
+        let others = (all - single - in_fans - in_branches) as f64;
+        (others + in_branches as f64 / f64::from(BRANCHES)) / f64::from(self.samples().max(1))
+    }
+
+    /// Squared errors of the pixels.
+    pub fn pixel_errors(&self) -> Vec<f32> {
+        self.pixels.iter().map(|pixel| pixel.tried.squared_error(self.half, &pixel.tried) as f32).collect()
+    }
+
+    /// Squared errors of the pixels without the strategy that is tried.
+    pub fn plain_pixel_errors(&self) -> Vec<f32> {
+        self.pixels.iter().map(|pixel| pixel.plain.squared_error(self.half, &pixel.tried) as f32).collect()
+    }
+
+    /// The sums of squared errors.
+    pub fn errors(&self) -> Errors {
+        let mut errors = Errors { rays: self.rays, ..Errors::default() };
+        for pixel in &self.pixels {
+            errors.tried += pixel.tried.squared_error(self.half, &pixel.tried);
+            errors.plain += pixel.plain.squared_error(self.half, &pixel.tried);
+        }
+        errors
+    }
+}
+
+/// Sums of relative squared errors of some pixels, with and without what is tried, and their rays.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Errors {
+    pub tried: f64,
+    pub plain: f64,
+    pub rays: RayCounts,
+}
+
+impl Errors {
+    pub fn plus(self, other: Errors) -> Errors {
+        Errors {
+            tried: self.tried + other.tried,
+            plain: self.plain + other.plain,
+            rays: self.rays.plus(other.rays),
+        }
+    }
+
+    /// Time of the connections, relative to that of all other rays.
+    fn cost_of_connections(&self) -> f64 {
+        let RayCounts { all, single, in_fans, .. } = self.rays;
+        let others = (all - single - in_fans).max(1) as f64;
+        (CONNECTION_COST * single as f64 + FAN_CONNECTION_COST * in_fans as f64) / others
+    }
+
+    /// Ratio of the squared errors with and without what was tried.
+    fn error_ratio(&self) -> f64 {
+        if self.plain > 0.0 { self.tried / self.plain } else { 1.0 }
+    }
+
+    /// Ratio of the efficiencies with sharing and without.
+    fn gain_of_sharing(&self) -> f64 {
+        if self.tried <= 0.0 {
+            return 0.0;
+        }
+        let cost = 1.0 + FIXED_COST + self.cost_of_connections();
+        self.plain / self.tried / cost
+    }
+
+    /// Ratio of the efficiencies with splitting, for the best number of paths, and without.
+    fn gain_of_splitting(&self) -> f64 {
+        numbers_of_branches().map(|branches| self.splitting_into(branches).gain).fold(0.0, f64::max)
+    }
+
+    /// The prediction for splitting into this many paths: their part of the squared error falls as one over their number, and their rays
+    /// grow in proportion.
+    fn splitting_into(&self, branches: u32) -> Candidate {
+        let (tried, number) = (f64::from(BRANCHES), f64::from(branches));
+        let suffixes = (1.0 - self.tried / self.plain.max(1e-30)) / (1.0 - 1.0 / tried);
+        let suffixes = suffixes.clamp(0.0, 1.0);
+        let suffix_rays = self.rays.in_branches as f64 / tried;
+        let prefix_rays = (self.rays.all - self.rays.in_branches) as f64;
+        let change = Change {
+            error: 1.0 - suffixes + suffixes / number,
+            cost: (prefix_rays + number * suffix_rays) / (prefix_rays + suffix_rays).max(1.0),
+        };
+        let (strategy, gain) = (PathStrategy::Alone { branches }, 1.0 / (change.error * change.cost));
+        Candidate { strategy, change, error: change.error, gain }
+    }
+}
+
+/// Factors of the squared error and of the rays of a sample.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Change {
+    pub error: f64,
+    pub cost: f64,
+}
+
+impl Change {
+    pub const NONE: Change = Change { error: 1.0, cost: 1.0 };
+}
+
+/// A strategy and its predicted gain.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Candidate {
+    pub strategy: PathStrategy,
+    /// How splitting changes errors and costs.
+    pub change: Change,
+    /// Ratio of its squared error to that of the plain strategy.
+    error: f64,
+    /// Ratio of its efficiency to that of the plain strategy.
+    gain: f64,
+}
+
+impl Candidate {
+    /// Are squares with the strategy that was tried so noisy that rendering them again with this one pays? Never where the plain strategy
+    /// is best.
+    pub fn replaces(&self, tried: PathStrategy, errors: &Errors) -> bool {
+        let is_other = tried != self.strategy && self.strategy != PathStrategy::PLAIN;
+        is_other && errors.error_ratio() > REPLACED_ERROR * self.error
+    }
+}
+
+/// Possible numbers of paths per sample.
+fn numbers_of_branches() -> impl Iterator<Item = u32> {
+    (1..=MOST_BRANCHES.trailing_zeros()).map(|bits| 1 << bits)
+}
+
+/// The strategy with the largest gain, or the plain one if none gains enough.
+pub(super) fn best(results: &[(PathStrategy, Errors)]) -> Candidate {
+    // The sums of all squares that tried the same.
+    let of = |strategy: PathStrategy| {
+        let same = results.iter().filter(|(other, _)| *other == strategy);
+        same.fold(Errors::default(), |sum, (_, errors)| sum.plus(*errors))
+    };
+    let candidates = results.iter().map(|(strategy, _)| *strategy).flat_map(|strategy| match strategy {
+        PathStrategy::Shared(_) => {
+            let gain = of(strategy).gain_of_sharing();
+            let best = Candidate { strategy, change: Change::NONE, error: of(strategy).error_ratio(), gain };
+            if gain >= LEAST_GAIN { vec![best] } else { Vec::new() }
+        }
+        PathStrategy::Alone { .. } => {
+            let splittings = numbers_of_branches().map(|branches| of(strategy).splitting_into(branches));
+            splittings.filter(|s| s.gain >= LEAST_GAIN_OF_SPLITTING).collect()
+        }
+    });
+    let plain = Candidate { strategy: PathStrategy::PLAIN, change: Change::NONE, error: 1.0, gain: 1.0 };
+    candidates.fold(plain, |best, next| if next.gain > best.gain { next } else { best })
+}
+
+// Error estimates of pixels by the difference of the means of two halves of their samples.
+
+/// Bound on the relative error of a pixel: otherwise a few fireflies would decide.
+const LARGEST_ERROR: f64 = 3.0;
+
+/// Sums over the first and the second half of a pixel's samples.
+#[derive(Clone, Copy, Default)]
+struct HalfSums([[f64; 3]; 2]);
+
+impl HalfSums {
+    /// Adds a sample to half 0 or 1; others are ignored.
+    pub fn add(&mut self, half: u32, rgb: [f32; 3]) {
+        if let Some(sum) = self.0.get_mut(half as usize) {
+            sum.iter_mut().zip(rgb).for_each(|(sum, v)| *sum += f64::from(v));
+        }
+    }
+
+    /// Squared difference of the means of the halves, of `half` samples each, relative to the pixel's value in `whole`; the sum over the
+    /// channels.
+    pub fn squared_error(&self, half: u32, whole: &HalfSums) -> f64 {
+        let scale = 1.0 / f64::from(half);
+        let of_channel = |c: usize| {
+            let mean = 0.5 * scale * (whole.0[0][c] + whole.0[1][c]);
+            let difference = (self.0[0][c] - self.0[1][c]) * scale;
+            let squared = difference * difference / (mean * mean + 0.01);
+            // NaN counts as 0.
+            if squared > 0.0 { squared.min(LARGEST_ERROR * LARGEST_ERROR) } else { 0.0 }
+        };
+        (0..3).map(of_channel).sum()
+    }
+}

@@ -1,0 +1,120 @@
+//! The list of techniques, in the order in which they decide, and the place that runs their trials.
+
+use super::adaptive::AdaptiveSampling;
+use super::caustics::LightTracing;
+use super::guiding::PathGuiding;
+use super::path_strategy::StrategyTrials;
+use super::progress::Statistics;
+use super::schedule::Pass;
+use super::technique::{ErrorMap, Request, Stopped, Target, Technique, Trial, warning};
+use crate::error::Warning;
+use crate::integrator::{CausticPlan, PathOptions};
+
+/// All techniques.
+pub(super) struct Techniques {
+    /// Caustics by paths from lights.
+    light_tracing: LightTracing,
+    /// Path guiding.
+    guiding: PathGuiding,
+    /// Path sharing or splitting.
+    pub strategy: StrategyTrials,
+    /// More samples in noisy pixels.
+    adaptive: AdaptiveSampling,
+    are_prepared: bool,
+}
+
+impl Techniques {
+    /// Nothing is tried yet.
+    pub fn new(target: &Target<'_>) -> Techniques {
+        Techniques {
+            light_tracing: LightTracing::default(),
+            guiding: PathGuiding::default(),
+            strategy: StrategyTrials::new(target),
+            adaptive: AdaptiveSampling::default(),
+            are_prepared: false,
+        }
+    }
+
+    /// The list. A technique sees in its trial what those before it add.
+    fn list(&self) -> [&dyn Technique; 4] {
+        [&self.light_tracing, &self.guiding, &self.strategy, &self.adaptive]
+    }
+
+    fn list_mut(&mut self) -> [&mut dyn Technique; 4] {
+        [&mut self.light_tracing, &mut self.guiding, &mut self.strategy, &mut self.adaptive]
+    }
+
+    /// Runs the trials before the first pass, once.
+    pub fn prepare(&mut self, trial: &Trial<'_>) -> Result<(), Stopped> {
+        if self.are_prepared {
+            return Ok(());
+        }
+        let mut list = self.list_mut();
+        for i in 0..list.len() {
+            let (earlier, rest) = list.split_at_mut(i);
+            let mut paths = trial.paths.clone();
+            earlier.iter().for_each(|technique| technique.configure(&mut paths));
+            let technique = &mut *rest[0];
+            let is_wanted = technique.request(trial.target.options) != Request::Off;
+            if is_wanted && technique.obstacle(&trial.target).is_none() {
+                technique.try_before_first_pass(&Trial { paths, ..*trial })?;
+            }
+        }
+        self.are_prepared = true;
+        Ok(())
+    }
+
+    /// Adds to the options of the paths of a picture what all techniques add.
+    pub fn configure<'a>(&'a self, paths: &mut PathOptions<'a>) {
+        self.list().iter().for_each(|technique| technique.configure(paths));
+    }
+
+    /// A map of errors for a pass from which a technique learns.
+    pub fn error_map(&self, target: &Target<'_>, pass: Pass, shares_paths: bool) -> Option<ErrorMap> {
+        let learns = |technique: &&dyn Technique| technique.learns_from(target, pass, shares_paths);
+        let options = target.options;
+        self.list().iter().any(learns).then(|| ErrorMap::new(options.width, options.height))
+    }
+
+    /// Takes over the strategy that was decided on in a pass, and lets the techniques learn from its errors.
+    pub fn learn(
+        &mut self,
+        target: &Target<'_>,
+        pass: Pass,
+        strategy: StrategyTrials,
+        errors: Option<ErrorMap>,
+    ) {
+        self.strategy = strategy;
+        let Some(errors) = errors else { return };
+        for technique in self.list_mut() {
+            if technique.learns_from(target, pass, strategy.now.shape().is_some()) {
+                technique.learn(target.options, pass, &errors);
+            }
+        }
+    }
+
+    /// Must the film be complete between two passes?
+    pub fn separate_passes(&self) -> bool {
+        self.list().iter().any(|technique| technique.separates_passes())
+    }
+
+    /// Do pixels get different numbers of samples?
+    pub fn are_samples_allotted(&self) -> bool {
+        self.adaptive.is_allotted()
+    }
+
+    /// Which light is found by paths from lights, if any.
+    pub fn caustics(&self) -> Option<&CausticPlan> {
+        self.light_tracing.plan()
+    }
+
+    /// What is said where techniques were asked for and are not used.
+    pub fn warnings(&self, target: &Target<'_>) -> Vec<Warning> {
+        self.list().iter().filter_map(|technique| warning(*technique, target)).collect()
+    }
+
+    /// Adds what techniques do to the statistics.
+    pub fn report(&self, statistics: &mut Statistics) {
+        self.list().iter().for_each(|technique| technique.report(statistics));
+    }
+}
