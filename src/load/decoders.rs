@@ -43,7 +43,7 @@ impl Decoder {
     }
 }
 
-// Decoders that others wrote, kept from ending the program: their panics on damaged data become errors, and stay off
+// Panics of third-party decoders on damaged data become errors and stay off
 // the terminal.
 
 thread_local! {

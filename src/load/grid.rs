@@ -14,7 +14,7 @@ const HEADER: usize = 48;
 
 /// What is chosen of a file of OpenVDB; others have one grid and y up.
 #[derive(Clone, Copy, Default)]
-pub(super) struct Choice<'a> {
+pub(super) struct GridChoice<'a> {
     /// The name of the grid; by default `density`, or the only one.
     pub name: Option<&'a str>,
     /// The file's z points up, and becomes y.
@@ -24,7 +24,7 @@ pub(super) struct Choice<'a> {
 }
 
 /// Reads a grid file; an error is a sentence.
-pub(super) fn read(path: &Path, choice: Choice) -> Result<Grid, String> {
+pub(super) fn read(path: &Path, choice: GridChoice) -> Result<Grid, String> {
     let name = path.display().to_string();
     let extension = path.extension().map_or_else(String::new, |e| e.to_string_lossy().to_lowercase());
     let bytes = std::fs::read(path).map_err(|e| format!("{name}: {e}"))?;

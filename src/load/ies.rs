@@ -21,7 +21,7 @@ pub(super) fn relative(profile: LightProfile) -> (LightProfile, f64) {
 
 /// Reads a profile, in candela; an error is a sentence about the file.
 pub(super) fn parse(bytes: &[u8]) -> Result<LightProfile, String> {
-    // What stands before the numbers may be in any code.
+    // Text before the numbers may have any encoding.
     let text = String::from_utf8_lossy(bytes);
     let mut lines = text.lines().enumerate();
     let tilt = lines.find_map(|(_, line)| {

@@ -121,8 +121,8 @@ pub fn load_moments(
     ended.break_value().unwrap_or(Ok(()))
 }
 
-/// Loads the frames of a sequence one after another and hands each to `each`, until that breaks off. Frames of a `.blend`
-/// file are Blender's own; of all others, frame N shows the moment N / `fps`, as [`load_moments`] does.
+/// Loads the frames of a sequence in order and calls `each` with every one until it breaks. Frames of a `.blend`
+/// file are Blender's own; of all others, frame N is the time N / `fps`, as in [`load_moments`].
 ///
 /// # Errors
 /// As for [`load`], and those of `each`.

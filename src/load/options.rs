@@ -1,4 +1,4 @@
-//! What loading is asked for, and what it gives.
+//! Options and result of loading.
 
 use super::shutter::ShutterOptions;
 use super::stage::{StageOptions, Turntable};
@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::SystemTime;
 
-/// What the user may choose about loading.
+/// Options of loading.
 #[derive(Clone, Debug, Default)]
 pub struct LoadOptions {
     /// The files that a glTF asset refers to may lie outside its folder.
@@ -20,15 +20,15 @@ pub struct LoadOptions {
     /// The caller lights the scene with an environment of its own, or wants none: a scene without light gets no default
     /// sky.
     pub brings_environment: bool,
-    /// Choices about files of Blender.
+    /// Options for Blender's files.
     pub blender: BlenderOptions,
-    /// Choices about glTF assets.
+    /// Options for glTF assets.
     pub gltf: GltfOptions,
     /// Radius, in metres, of the spheres that the points of a point cloud become; without it such a file is refused.
     pub point_radius: Option<f64>,
     /// Leave out the materials, textures and images of mesh files: the caller replaces all of them.
     pub geometry_only: bool,
-    /// Which axis of an OBJ or PLY file points up: its model is turned to stand upright.
+    /// The up axis of OBJ and PLY files; models are rotated to y up.
     pub up: Up,
     /// Smooth normals for meshes of OBJ and PLY files that have none: the angle between two faces, in radians from 0 to pi, up to
     /// which the edge between them is rounded. `None` shows their facets.
@@ -39,66 +39,66 @@ pub struct LoadOptions {
     pub keeps_polygons: bool,
     /// How long the shutter is open, and when.
     pub shutter: ShutterOptions,
-    /// Names of empty nodes of the model where lights will be placed: the shutter needs as many keys as their ways. What a
-    /// file beside the model says is added.
+    /// Names of empty nodes of the model where lights will be placed: the shutter's keys cover their trajectories. Those of a
+    /// sidecar are added.
     pub lit_nodes: BTreeSet<String>,
     /// How a model without camera or light is shown.
     pub stage: StageOptions,
-    /// Is told which files are read or looked for.
+    /// Records the files that are read or looked for.
     pub files: SavedFiles,
-    /// Is told how far reading is, of PLY and OBJ files.
+    /// Progress of reading PLY and OBJ files.
     pub gauge: Gauge,
-    /// Don't look for a file of settings beside the model (`model.oscura.toml` beside `model.glb`).
+    /// Don't look for the model's sidecar (`model.oscura.toml` next to `model.glb`).
     pub no_sidecar: bool,
 }
 
-/// A scene and what happened on the way to it.
+/// A loaded scene with warnings and metadata.
 #[derive(Debug, Default)]
 pub struct Loaded {
     /// The scene; loaders have validated it.
     pub scene: Scene,
     /// What was ignored, approximated or repaired.
     pub warnings: Vec<Warning>,
-    /// What the user may want to know, though nothing is amiss: a choice that was made, a file that was found.
+    /// Notes about choices made and files found, where nothing is wrong.
     pub notes: Vec<Warning>,
     /// What was not read because the picture doesn't need it, with what that saved; for `--explain`.
     pub left_out: Vec<String>,
-    /// Nodes of the model that hold nothing themselves.
+    /// Empty nodes of the model.
     pub empties: Vec<EmptyNode>,
     /// What Blender's own exporter left out of the file, where it wrote it.
     pub blender: Option<BlenderExport>,
-    /// Some surfaces are lamps by the file's own word, however little they light.
+    /// The file declares area lights, however dim.
     pub has_area_lights: bool,
     /// Materials of faces for which the file has none.
     pub stand_ins: Vec<MaterialId>,
-    /// The polygons that meshes were cut from, where they are kept, until all is subdivided.
+    /// The polygons of meshes, for subdivision.
     pub polygons: Polygons,
-    /// What the file tells about which axis points up.
+    /// What the file says about its up axis.
     pub up_hint: UpHint,
     /// How far from the world's origin the model's meshes have their own, metres: coordinates beyond the precision of
-    /// their single floats are kept as sums with it. The scene stands where the file says.
+    /// f32 are stored relative to it. The scene is placed where the file says.
     pub offset: DVec3,
     /// It comes from a model as other programs write them, whose shining parts need not be meant as its light.
     pub is_model: bool,
-    /// Its light is that of a stage, which loading added.
+    /// It is lit by a stage that loading added.
     pub is_stage_lit: bool,
-    /// What a camera that loading added goes around.
+    /// The turntable of a camera that loading added.
     pub turntable: Option<Turntable>,
 }
 
-/// A node of a model that holds nothing itself: where a file beside the model may put a light, as exporters leave such nodes in the
-/// place of what glTF can't carry.
+/// A node without mesh, camera or light: a sidecar may place a light there, as exporters leave such nodes in
+/// place of objects that glTF doesn't support.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EmptyNode {
     /// Its name.
     pub name: String,
-    /// Where it stands at the picture's moment.
+    /// Its world transform at the picture's time.
     pub world_from_node: DAffine3,
-    /// Where it stands at other times, if it moves while the shutter is open.
+    /// Its world transform at other times, if it moves while the shutter is open.
     pub motion: Option<Moving<DAffine3>>,
 }
 
-/// What tells in a glTF file by Blender that its exporter left something out. All by name.
+/// Signs in a glTF file by Blender that its exporter dropped something. All by name.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BlenderExport {
     /// Empty nodes with names of lamps: what becomes of area lights.
@@ -130,13 +130,13 @@ pub struct BlenderOptions {
     /// Blender's program, or a Python that has `bpy`; else what the environment variable `OSCURA_BLENDER` names, else
     /// what is found.
     pub program: Option<PathBuf>,
-    /// The frame to show, by Blender's numbers; else that of the moment that is asked for, else the file's current one.
+    /// The frame to render, in Blender's numbering; else that of the requested time, else the file's current one.
     pub frame: Option<u32>,
     /// The view layer to show, by its name; else the first that is rendered.
     pub view_layer: Option<String>,
     /// Largest edge of pictures that node trees are baked to, pixels; else 4096.
     pub bake: Option<u32>,
-    /// A folder in which exported meshes and baked pictures are kept for the next time, made if it is missing; `None`
+    /// The cache folder for exported meshes and baked images, created if it is missing; `None`
     /// keeps nothing.
     pub cache: Option<PathBuf>,
 }
@@ -146,7 +146,7 @@ pub struct BlenderOptions {
 /// Choices about one glTF asset; the defaults show what the file says is shown, at rest.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct GltfOptions {
-    /// The moment of its animations, seconds; `None` shows the pose in which the file rests.
+    /// The time of its animations, seconds; `None` shows the rest pose.
     pub time_s: Option<f64>,
     /// The scene to show, by name or number, in place of the file's default.
     pub scene: Option<String>,
@@ -238,7 +238,7 @@ pub enum Up {
     NegZ,
 }
 
-/// What a file tells about who wrote it and how.
+/// The writer of a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct UpHint {
     /// The axis that this writer's files have up.

@@ -7,7 +7,7 @@ use crate::scene::{Material, MaterialId, Shape};
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
-/// Distinct colours that are kept as they are; more are rounded.
+/// Maximum number of distinct colours; more are quantized.
 const MOST_COLORS: usize = 1 << 15;
 /// Levels of each channel (as its square root, which is nearly even to the eye) where colours are rounded.
 const LEVELS: f32 = 31.0;
@@ -80,7 +80,7 @@ impl Cloud<'_> {
         self.colors.get(i).map_or([0.8; 3], |c| [c[0], c[1], c[2]].map(sane))
     }
 
-    /// The number of different colours, counted up to just beyond the most that are kept.
+    /// The number of distinct colours, counted up to one more than the maximum.
     fn distinct_colors(&self) -> usize {
         let mut seen = HashSet::new();
         for i in 0..self.colors.len() {

@@ -1,19 +1,19 @@
-//! When the shutter of the camera is open, and at how many moments of that time to look at what moves.
+//! Shutter interval and number of motion keys.
 
 use crate::math::{DAffine3, DVec3, mix};
 
 /// What the user may choose about the shutter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShutterOptions {
-    /// How long it is open, frames; `None`: as the scene says, and else not at all.
+    /// Shutter time, frames; `None`: as the scene says, else 0 (no motion blur).
     pub frames: Option<f64>,
-    /// When it is open; `None`: as the scene says, and else around the picture's moment.
+    /// When it is open; `None`: as the scene says, else centred at the picture's time.
     pub position: Option<ShutterPosition>,
-    /// Frames a second, for what moves by seconds.
+    /// Frames per second, for animations in seconds.
     pub fps: f64,
-    /// At how many moments to look at what moves, 2 or more; `None`: as many as its paths need.
+    /// Number of motion keys, 2 or more; `None`: as many as the trajectories need.
     pub keys: Option<u32>,
-    /// Look a frame back and a frame ahead, too, for motion vectors.
+    /// Sample the previous and the next frame, too, for motion vectors.
     pub vectors: bool,
 }
 
@@ -26,12 +26,12 @@ impl Default for ShutterOptions {
 /// When the shutter is open.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ShutterPosition {
-    /// It opens at the picture's moment.
+    /// It opens at the picture's time.
     Start,
-    /// The picture's moment is in the middle.
+    /// The picture's time is the middle of the interval.
     #[default]
     Centre,
-    /// It closes at the picture's moment.
+    /// It closes at the picture's time.
     End,
 }
 
@@ -44,36 +44,36 @@ impl ShutterPosition {
     ];
 }
 
-/// Longest time that the shutter is open, frames.
+/// Maximum shutter time, frames.
 pub const LONGEST_SHUTTER: f64 = 1000.0;
 
-/// Most keys that are chosen for something.
+/// Maximum number of keys chosen automatically.
 const MOST_KEYS: usize = 65;
 
-/// Interpolated axes may be off by this part of their length, and places by this part of the whole way.
+/// Tolerance of interpolated transforms: axes relative to their length, positions relative to the whole trajectory.
 const TOLERANCE: f64 = 1e-3;
 
-/// The same where there can't be more keys: beyond, it is said.
+/// The tolerance at the maximum number of keys; beyond, a warning is given.
 const LAST_TOLERANCE: f64 = 1e-2;
 
 impl ShutterOptions {
-    /// With what a scene says, where the user has not chosen.
+    /// With the scene's settings where the user has none.
     #[must_use]
     pub fn or(self, frames: Option<f64>, position: Option<ShutterPosition>) -> ShutterOptions {
         ShutterOptions { frames: self.frames.or(frames), position: self.position.or(position), ..self }
     }
 
-    /// Is it open for a while?
+    /// Is the shutter time above 0?
     pub fn is_open(&self) -> bool {
         self.frames.is_some_and(|frames| frames > 0.0)
     }
 
-    /// Is anything to be known of other moments?
+    /// Are samples at other times needed?
     pub fn wants_motion(&self) -> bool {
         self.is_open() || self.vectors
     }
 
-    /// A moment of the time that it is open, by a share of it: frames from the picture's moment on.
+    /// A time in the shutter interval (`share` 0 to 1), frames relative to the picture's time.
     pub fn frame_at(&self, share: f64) -> f64 {
         let frames = self.frames.unwrap_or(0.0);
         match self.position.unwrap_or_default() {
@@ -83,15 +83,15 @@ impl ShutterOptions {
         }
     }
 
-    /// The moments of so many keys, frames from the picture's moment on.
+    /// The times of `keys` keys, frames relative to the picture's time.
     pub fn key_frames(&self, keys: usize) -> impl Iterator<Item = f64> + use<> {
         let options = *self;
         let last = keys.saturating_sub(1).max(1) as f64;
         (0..keys).map(move |key| options.frame_at(key as f64 / last))
     }
 
-    /// How many keys things need whose places at a moment `places` tells, always as many: so many that they are between
-    /// keys where interpolation has them. And are these enough?
+    /// Number of keys that objects need whose transforms at a frame are `places(frame)` (always as many): so many that they are between
+    /// keys where interpolation has them, within the tolerance. And are these enough?
     pub fn keys_for(&self, places: &mut dyn FnMut(f64) -> Vec<DAffine3>) -> (usize, bool) {
         if !self.is_open() {
             return (0, true);
@@ -110,7 +110,7 @@ impl ShutterOptions {
         (steps + 1, self.is_even(steps, places, &ways, LAST_TOLERANCE))
     }
 
-    /// How far things go while it is open, roughly.
+    /// Approximate lengths of the trajectories in the shutter interval.
     fn ways(&self, places: &mut dyn FnMut(f64) -> Vec<DAffine3>) -> Vec<f64> {
         const STEPS: u32 = 8;
         let mut before = places(self.frame_at(0.0));
@@ -125,7 +125,7 @@ impl ShutterOptions {
         ways
     }
 
-    /// Does interpolation between so many steps meet the places in between?
+    /// Is interpolation between so many steps within the tolerance?
     fn is_even(
         &self,
         steps: usize,
@@ -133,7 +133,7 @@ impl ShutterOptions {
         ways: &[f64],
         tolerance: f64,
     ) -> bool {
-        // Some on each step; uneven numbers, that what goes round and round is not always met at the same place.
+        // Some per step, at irregular times: periodic motion must not alias.
         let between = (7 / steps).max(2);
         let inner = |k: usize| (k as f64 + 0.9) / (between as f64 + 0.8);
         let (mut from, mut is_even) = (places(self.frame_at(0.0)), true);
@@ -156,11 +156,11 @@ impl ShutterOptions {
     }
 }
 
-/// Is a place near another, of something that goes a certain way in all?
+/// Does a transform approximate another within the tolerance? `way` is the length of the trajectory.
 fn is_near(found: &DAffine3, met: &DAffine3, tolerance: f64, way: f64) -> bool {
     let axes = |m: &DAffine3| [m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis];
     let is_near = |(found, met): (DVec3, DVec3)| (found - met).length() <= tolerance * met.length();
-    // What moves by less than numbers can tell stands still.
+    // Motion below the precision of f64 counts as none.
     let distance = tolerance * way + 1e-12 * met.translation.length();
     let is_placed = found.translation.distance(met.translation) <= distance;
     is_placed && axes(found).into_iter().zip(axes(met)).all(is_near)

@@ -10,14 +10,14 @@ use rayon::prelude::*;
 const NONE: u32 = u32::MAX;
 
 /// Gives a mesh without normals smooth ones; the angle, in radians, is that between the normals of two faces up to which the
-/// edge between them is rounded. Vertices at creases are doubled. Faces meet where their corners have the same positions,
+/// edge between them is rounded. Vertices at creases are duplicated. Faces are adjacent where their corners have equal positions,
 /// whatever else they have. Nothing happens to a mesh with normals; false then.
 pub(super) fn smooth(mesh: &mut Mesh, crease_rad: f64) -> bool {
     if !mesh.normals.is_empty() || mesh.triangles.is_empty() {
         return false;
     }
     let faces: Vec<DVec3> = mesh.triangles.par_iter().map(|t| face_normal(mesh, t)).collect();
-    let around = Around::of(mesh);
+    let around = VertexFaces::of(mesh);
     let least_cos = crease_rad.cos() - 1e-9;
     let normals: Vec<Vec<(u32, [f32; 3])>> = (0..around.starts.len() - 1)
         .into_par_iter()
@@ -50,7 +50,7 @@ fn face_normal(mesh: &Mesh, triangle: &[u32; 3]) -> DVec3 {
 }
 
 /// Corners of triangles, three a triangle, by the points that they are at.
-struct Around {
+struct VertexFaces {
     /// The number of the point of each vertex.
     points: Vec<u32>,
     /// Where the corners of each point begin, and where those of the last end.
@@ -58,8 +58,8 @@ struct Around {
     corners: Vec<u32>,
 }
 
-impl Around {
-    fn of(mesh: &Mesh) -> Around {
+impl VertexFaces {
+    fn of(mesh: &Mesh) -> VertexFaces {
         let key = |v: u32| cleaned(mesh.positions[v as usize]).map(f32::to_bits);
         let mut order: Vec<u32> = (0..mesh.positions.len() as u32).collect();
         order.par_sort_unstable_by_key(|&v| (key(v), v));
@@ -82,7 +82,7 @@ impl Around {
             corners[*at as usize] = corner as u32;
             *at += 1;
         }
-        Around { points, starts, corners }
+        VertexFaces { points, starts, corners }
     }
 
     fn corners_of(&self, point: usize) -> &[u32] {
@@ -94,7 +94,7 @@ impl Around {
 fn of_point(
     mesh: &Mesh,
     faces: &[DVec3],
-    around: &Around,
+    around: &VertexFaces,
     point: usize,
     least_cos: f64,
 ) -> Vec<(u32, [f32; 3])> {

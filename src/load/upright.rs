@@ -7,7 +7,7 @@ use crate::math::{DAffine3, DQuat, DVec2, DVec3};
 use crate::scene::{Environment, Scene};
 use std::path::Path;
 
-/// Turns a model as the caller says.
+/// Rotates a model from an up axis to y up.
 pub(super) fn stand(scene: &mut Scene, up: Up) {
     if matches!(up, Up::Auto | Up::Y) {
         return;
@@ -27,7 +27,7 @@ pub(super) fn stand(scene: &mut Scene, up: Up) {
     }
 }
 
-/// Turns a whole model with all that goes with it.
+/// Rotates a model with its offset.
 fn stand_all(loaded: &mut Loaded, up: Up) {
     stand(&mut loaded.scene, up);
     loaded.offset = up.rotation() * loaded.offset;
@@ -68,14 +68,14 @@ pub(super) fn apply(path: &Path, options: &LoadOptions, loaded: &mut Loaded, is_
 const MOST_TRIANGLES: usize = 200_000;
 /// Share of the height that counts as the base.
 const BASE: f64 = 0.03;
-/// Cells along each axis of the grid that tells whether a model is mirrored.
+/// Cells along each axis of the grid for the symmetry test.
 const CELLS: usize = 16;
 /// By how much the evidence for z must exceed that for y: in formats that mostly have y up, and in others.
 const LEAD: [f64; 2] = [0.45, 0.1];
 /// Open surfaces whose faces mostly look one way are terrain, if they have so many triangles.
 const TERRAIN: usize = 100;
 
-/// The axis, and why in words; without words where nothing speaks for either. Where a model stands in the world says nothing:
+/// The axis and the reason; an empty reason without evidence. A model's position in the world is no evidence:
 /// it is the same for a copy that was moved to the origin.
 fn up(loaded: &Loaded) -> (Up, &'static str) {
     let UpHint { writer, is_mostly_y } = loaded.up_hint;
@@ -172,7 +172,7 @@ impl Surface {
         (down.map(|f| -f.1[axis]).sum::<f64>() * step / (floor.x * floor.y)).min(1.0)
     }
 
-    /// What the model stands on: the hull of its lowest points as a share of the box's floor, where the middle lies above
+    /// The base: the hull of the lowest points as a share of the box's floor, where the center is above
     /// it; less than nothing where it would fall over.
     fn support(&self, axis: usize) -> f64 {
         let top = self.min[axis] + BASE * self.size[axis];

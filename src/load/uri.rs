@@ -10,7 +10,7 @@ use std::path::{Component, Path, PathBuf};
 /// What a URI leads to.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Target {
-    /// The bytes stand in the URI itself.
+    /// A `data:` URI, decoded.
     Embedded {
         /// The media type, if given.
         mime: Option<String>,

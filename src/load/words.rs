@@ -9,7 +9,7 @@ pub(super) fn next_word(text: &[u8]) -> Option<(&[u8], &[u8])> {
     Some(text.split_at(length))
 }
 
-/// Does UTF-16 text begin like that? It has a mark of its byte order, or a zero beside each letter.
+/// Does UTF-16 text begin like that: with a byte order mark, or with a zero byte after each letter?
 pub(super) fn is_utf_16(start: &[u8]) -> bool {
     let is_letter = |pair: &[u8]| matches!(pair, [0, 1..=127] | [1..=127, 0]);
     matches!(start, [0xff, 0xfe, ..] | [0xfe, 0xff, ..])

@@ -1,4 +1,4 @@
-//! What the exporter keeps for the next time: meshes as glTF has them, and baked pictures. Each file of the folder is one of
+//! The exporter's cache: meshes as glTF has them, and baked images. Each file of the folder is one of
 //! them, named by a hash of all that it was made from (32 hexadecimal digits and `.oscura`), so that none is ever out of
 //! date. The exporter deletes those that were not used for longest once there is too much (`cache.py`).
 
@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 /// The extension of the files.
 const EXTENSION: &str = "oscura";
 
-/// How much is kept.
+/// Size of the cache.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Kept {
     /// Number of files.
@@ -20,7 +20,7 @@ pub struct Kept {
     pub bytes: u64,
 }
 
-/// Where things are kept unless the user says otherwise: `oscura/blender` in the folder that the system has for caches
+/// The default cache folder: `oscura/blender` in the system's folder for caches
 /// (`XDG_CACHE_HOME` or `~/.cache`, `~/Library/Caches`, `LOCALAPPDATA`); `None` where there is no such folder.
 pub fn default_cache() -> Option<PathBuf> {
     let named = |name: &str| env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);

@@ -26,7 +26,7 @@ pub struct Exported {
     pub warnings: Vec<Warning>,
     /// What the user may want to know.
     pub notes: Vec<Warning>,
-    /// The moment of the picture in the model's animations, seconds, if something moves.
+    /// The picture's time in the model's animations, seconds, if something moves.
     pub moment: Option<f64>,
     /// Frames a second in them.
     pub fps: Option<f64>,

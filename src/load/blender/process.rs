@@ -327,7 +327,7 @@ type Messages = Vec<(String, String)>;
 pub(super) struct Report {
     /// Why there is no export.
     pub error: Option<String>,
-    /// The moment of the picture in the model's animations, seconds, if it has any.
+    /// The picture's time in the model's animations, seconds, if it has any.
     pub moment: Option<f64>,
     /// Frames a second in them.
     pub fps: Option<f64>,

@@ -176,7 +176,7 @@ fn diagonal(mesh: &Mesh) -> f32 {
 
 // Heights from an image by texture coordinates.
 
-/// What lies over the parts of a mesh: displacement and its heights.
+/// Displacement and height map of each part of a mesh.
 type Parts<'a> = Vec<Option<(&'a Displacement, &'a Heights)>>;
 
 /// The values of a channel, bilinear between the middles of texels.
@@ -251,7 +251,7 @@ fn wrapped(at: i64, size: usize, wrap: Wrap) -> usize {
     inside as usize
 }
 
-// Moves the vertices of a fine mesh by heights, and finds its normals anew.
+// Displaces the vertices of a tessellated mesh and recomputes its normals.
 
 /// A point by its bits, with both zeros alike.
 type Key = [u32; 3];
@@ -541,7 +541,7 @@ mod tests {
         assert_eq!(heights, [0.375, 0.375, 0.375, 0.375, -0.375, -0.375, -0.375, -0.375]);
     }
 
-    /// Edges that no number of triangles reaches are told at once.
+    /// Edge lengths that no number of triangles reaches are reported at once.
     #[test]
     fn edges_that_are_far_too_short() {
         let mut scene = Scene::default();

@@ -1,9 +1,9 @@
-//! Animations at one moment: what they make of the nodes' transforms and of the weights of morph targets. All animations
+//! Animations at one time: animated transforms of nodes and weights of morph targets. All animations
 //! of the file play together; where two move the same thing, the first counts.
 
 use super::buffers::Accessor;
 use super::document::{Document, index_of, pointer, required};
-use super::report::{Report, Sound};
+use super::report::{Report, Valid};
 use crate::math::{DQuat, DVec3};
 use gltf::json::accessor::{ComponentType, Type};
 use serde_json::Value;
@@ -41,7 +41,7 @@ impl NodePose {
         }
     }
 
-    fn set(&mut self, property: Property, value: &[f64], at: &str, report: &mut Report) -> Sound<()> {
+    fn set(&mut self, property: Property, value: &[f64], at: &str, report: &mut Report) -> Valid<()> {
         match property {
             Property::Translation => self.translation = Some(DVec3::from_slice(value)),
             Property::Rotation => self.rotation = Some(unit(DQuat::from_slice(value), at, report)?),
@@ -145,7 +145,7 @@ pub(super) enum Property {
     Weights(Option<usize>),
 }
 
-/// The pose at a moment, seconds. Before a channel's first key its first value holds, after its last key the last
+/// The pose at a time, seconds. Before a channel's first key its first value holds, after its last key the last
 /// (glTF 2.0, section 3.11).
 pub(super) fn pose(doc: &Document, time_s: f64, report: &mut Report) -> Pose {
     let mut reader = Reader {
@@ -165,7 +165,7 @@ pub(super) fn pose(doc: &Document, time_s: f64, report: &mut Report) -> Pose {
         };
         for (c, channel) in channels.iter().enumerate() {
             // What is wrong with a channel doesn't concern the others.
-            let _: Sound<()> = reader.channel(animation, channel, &format!("{at}/{c}"), report);
+            let _: Valid<()> = reader.channel(animation, channel, &format!("{at}/{c}"), report);
         }
     }
     if reader.targetless > 0 {
@@ -197,7 +197,7 @@ struct Reader<'d, 'a> {
 }
 
 impl Reader<'_, '_> {
-    fn channel(&mut self, animation: &Value, channel: &Value, at: &str, report: &mut Report) -> Sound<()> {
+    fn channel(&mut self, animation: &Value, channel: &Value, at: &str, report: &mut Report) -> Valid<()> {
         let Some(target) = channel.get("target") else {
             return Err(report.problem(format!("{at}/target"), "is missing"));
         };
@@ -290,14 +290,14 @@ pub(super) fn of_pose(target: &Value) -> Option<Posed> {
     }
 }
 
-fn unit(q: DQuat, at: &str, report: &mut Report) -> Sound<DQuat> {
+fn unit(q: DQuat, at: &str, report: &mut Report) -> Valid<DQuat> {
     if q.length() > 1e-6 {
         return Ok(q.normalize());
     }
     Err(report.warn(at, "has a rotation of length 0; the channel stands still"))
 }
 
-// Samplers of animations: the keys in accessors, and the value at a moment.
+// Animation samplers: keyframes in accessors, and the value at a time.
 
 /// What a channel drives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -323,21 +323,21 @@ impl Element {
     }
 }
 
-/// Reads samplers at one moment.
+/// Evaluates samplers at one time.
 pub(super) struct Samplers<'d, 'a> {
     doc: &'d Document<'a>,
     time_s: f64,
     /// Key times by accessor; channels share them.
-    times: HashMap<usize, Sound<Rc<Vec<f32>>>>,
+    times: HashMap<usize, Valid<Rc<Vec<f32>>>>,
 }
 
 impl<'d, 'a> Samplers<'d, 'a> {
-    /// Those of a file at a moment, seconds.
+    /// Of a file at a time, seconds.
     pub fn new(doc: &'d Document<'a>, time_s: f64) -> Samplers<'d, 'a> {
         Samplers { doc, time_s, times: HashMap::new() }
     }
 
-    /// The value of a channel at the moment.
+    /// The value of a channel at that time.
     pub fn value(
         &mut self,
         animation: &Value,
@@ -345,7 +345,7 @@ impl<'d, 'a> Samplers<'d, 'a> {
         element: Element,
         at: &str,
         report: &mut Report,
-    ) -> Sound<Vec<f64>> {
+    ) -> Valid<Vec<f64>> {
         let index = required(index_of(channel, "sampler", at, report), "sampler", at, report)?;
         let Some(sampler) = animation.get("samplers").and_then(|s| s.get(index)) else {
             return Err(report.problem(
@@ -389,7 +389,7 @@ impl<'d, 'a> Samplers<'d, 'a> {
         Ok(value)
     }
 
-    fn key_times(&mut self, index: usize, at: &str, report: &mut Report) -> Sound<Rc<Vec<f32>>> {
+    fn key_times(&mut self, index: usize, at: &str, report: &mut Report) -> Valid<Rc<Vec<f32>>> {
         if let Some(known) = self.times.get(&index) {
             return known.clone();
         }
@@ -398,7 +398,7 @@ impl<'d, 'a> Samplers<'d, 'a> {
         times
     }
 
-    fn read_times(&self, index: usize, at: &str, report: &mut Report) -> Sound<Vec<f32>> {
+    fn read_times(&self, index: usize, at: &str, report: &mut Report) -> Valid<Vec<f32>> {
         let accessor = Accessor::open(self.doc, index, at, report)?;
         if accessor.kind != Type::Scalar || accessor.component != ComponentType::F32 {
             let message = format!("holds {}; the times of keys are SCALAR of F32", accessor.contents());
@@ -417,7 +417,7 @@ impl<'d, 'a> Samplers<'d, 'a> {
         Ok(times)
     }
 
-    fn values(&self, index: usize, element: Element, at: &str, report: &mut Report) -> Sound<Vec<f32>> {
+    fn values(&self, index: usize, element: Element, at: &str, report: &mut Report) -> Valid<Vec<f32>> {
         let accessor = Accessor::open(self.doc, index, at, report)?;
         let width = element.width();
         let kind = match width {
@@ -446,7 +446,7 @@ impl<'d, 'a> Samplers<'d, 'a> {
         })
     }
 
-    fn affordable(&self, accessor: &Accessor, report: &mut Report) -> Sound<usize> {
+    fn affordable(&self, accessor: &Accessor, report: &mut Report) -> Valid<usize> {
         let bytes = (accessor.count as u64).saturating_mul(16);
         if !self.doc.may_decode(bytes) {
             return Err(report
@@ -469,7 +469,7 @@ fn read<const N: usize>(accessor: &Accessor, count: usize) -> Vec<f32> {
 pub(super) enum Interpolation {
     /// The first.
     Step,
-    /// A line; for rotations the shorter way round.
+    /// Linear; for rotations slerp along the shorter arc.
     Linear,
     /// A Hermite spline.
     Cubic,
@@ -489,7 +489,7 @@ pub(super) struct Track<'t> {
 }
 
 impl Track<'_> {
-    /// The value at a moment (glTF 2.0, appendix C).
+    /// The value at a time (glTF 2.0, appendix C).
     pub fn at(&self, time_s: f64, is_rotation: bool) -> Vec<f64> {
         let after = self.times.partition_point(|&t| f64::from(t) <= time_s);
         let last = self.times.len() - 1;
@@ -512,7 +512,7 @@ impl Track<'_> {
             return (0..self.width).map(blend).collect();
         }
         if is_rotation {
-            // The shorter way round, at constant speed.
+            // Slerp along the shorter arc.
             let [a, b] = [from, to].map(|v| DQuat::from_slice(&v));
             return a.normalize().slerp(b.normalize(), t).to_array().to_vec();
         }

@@ -1,8 +1,8 @@
 //! Buffers and buffer views, checked before anything looks into them.
 
-use super::document::{Document, Unpacked, pointer};
+use super::document::{DecodedAccessor, Document, pointer};
 use super::meshopt;
-use super::report::{Report, Sound};
+use super::report::{Report, Valid};
 use crate::load::uri;
 use crate::load::uri::Target;
 use gltf::json::accessor::{ComponentType, Type};
@@ -23,7 +23,7 @@ pub(super) struct BufferView<'d> {
 
 impl<'a> Document<'a> {
     /// The bytes of a buffer view, inside its buffer for certain; `from` points to what refers to it.
-    pub fn view(&self, index: usize, from: &str, report: &mut Report) -> Sound<BufferView<'_>> {
+    pub fn view(&self, index: usize, from: &str, report: &mut Report) -> Valid<BufferView<'_>> {
         let view: buffer::View = self.entry("bufferViews", index, from, report)?;
         let at = pointer("bufferViews", index);
         let stride = view.byte_stride.map(|s| s.0);
@@ -46,7 +46,7 @@ impl<'a> Document<'a> {
     }
 
     /// Bytes of a buffer; `at` points to what asks for them.
-    fn range(&self, buffer: usize, offset: u64, length: u64, at: &str, report: &mut Report) -> Sound<&[u8]> {
+    fn range(&self, buffer: usize, offset: u64, length: u64, at: &str, report: &mut Report) -> Valid<&[u8]> {
         let bytes = self.buffer(buffer, &format!("{at}/buffer"), report)?;
         let range = offset.checked_add(length).filter(|&end| end <= bytes.len() as u64);
         let Some(end) = range else {
@@ -60,7 +60,7 @@ impl<'a> Document<'a> {
     }
 
     /// Decompresses a buffer view.
-    fn unpack(&self, packed: &Value, at: &str, report: &mut Report) -> Sound<Vec<u8>> {
+    fn unpack(&self, packed: &Value, at: &str, report: &mut Report) -> Valid<Vec<u8>> {
         let layout = meshopt::Layout::new(packed, at, report)?;
         let bytes = self.range(layout.buffer, layout.offset, layout.length, at, report)?;
         if !self.may_decode(layout.size()) {
@@ -76,7 +76,7 @@ impl<'a> Document<'a> {
     }
 
     /// The contents of a buffer, read when first asked for.
-    fn buffer(&self, index: usize, from: &str, report: &mut Report) -> Sound<&[u8]> {
+    fn buffer(&self, index: usize, from: &str, report: &mut Report) -> Valid<&[u8]> {
         let Some(cell) = self.buffers.get(index) else {
             let message = format!("refers to /buffers/{index}, but there are {}", self.buffers.len());
             return Err(report.problem(from, message));
@@ -85,7 +85,7 @@ impl<'a> Document<'a> {
         read.as_deref().map_err(|noted| *noted)
     }
 
-    fn read_buffer(&self, index: usize, from: &str, report: &mut Report) -> Sound<Cow<'a, [u8]>> {
+    fn read_buffer(&self, index: usize, from: &str, report: &mut Report) -> Valid<Cow<'a, [u8]>> {
         let at = pointer("buffers", index);
         let buffer: Buffer = self.entry("buffers", index, from, report)?;
         let bytes: Cow<'a, [u8]> = match (&buffer.uri, &self.binary) {
@@ -105,7 +105,7 @@ impl<'a> Document<'a> {
                 format!("promises {promised} bytes, but there are {held}"),
             ));
         }
-        // What lies beyond (padding of a GLB's chunk) belongs to no view.
+        // Bytes beyond it (padding of a GLB's chunk) belong to no view.
         Ok(match bytes {
             Cow::Borrowed(b) => Cow::Borrowed(&b[..promised as usize]),
             Cow::Owned(mut b) => {
@@ -116,15 +116,15 @@ impl<'a> Document<'a> {
     }
 
     /// The bytes that a URI leads to.
-    pub fn fetch(&self, uri: &str, at: &str, report: &mut Report) -> Sound<Fetched<'a>> {
+    pub fn fetch(&self, uri: &str, at: &str, report: &mut Report) -> Valid<FetchedFile<'a>> {
         match uri::resolve(uri, self.path, self.allow_external) {
-            Ok(Target::Embedded { mime, bytes }) => Ok(Fetched { bytes: bytes.into(), mime, file: None }),
+            Ok(Target::Embedded { mime, bytes }) => Ok(FetchedFile { bytes: bytes.into(), mime, file: None }),
             Ok(Target::File(path)) => {
                 self.files.note(&path);
                 match std::fs::read(&path) {
                     Ok(bytes) => {
                         self.note_read(bytes.len());
-                        Ok(Fetched { bytes: bytes.into(), mime: None, file: Some(path) })
+                        Ok(FetchedFile { bytes: bytes.into(), mime: None, file: Some(path) })
                     }
                     Err(e) => {
                         let message = format!("the file {} can't be read: {e}", path.display());
@@ -149,7 +149,7 @@ impl<'a> Document<'a> {
 }
 
 /// What a URI leads to.
-pub(super) struct Fetched<'a> {
+pub(super) struct FetchedFile<'a> {
     /// The bytes.
     pub bytes: Cow<'a, [u8]>,
     /// Their media type, if the URI states it.
@@ -174,7 +174,7 @@ pub(super) struct Accessor<'d> {
     pub kind: Type,
     /// What the components are stored as.
     pub component: ComponentType,
-    /// Do integers stand for 0..1 or -1..1?
+    /// Are integers normalized to 0..1 or -1..1?
     pub normalized: bool,
     /// The elements; `None` means zeros.
     dense: Option<Elements<'d>>,
@@ -197,7 +197,7 @@ struct Sparse<'d> {
 
 impl<'d> Accessor<'d> {
     /// Opens the accessor of an index; `from` points to what refers to it. Problems are noted.
-    pub fn open(doc: &'d Document, index: usize, from: &str, report: &mut Report) -> Sound<Accessor<'d>> {
+    pub fn open(doc: &'d Document, index: usize, from: &str, report: &mut Report) -> Valid<Accessor<'d>> {
         let json: gltf::json::Accessor = doc.entry("accessors", index, from, report)?;
         let at = pointer("accessors", index);
         let Checked::Valid(accessor::GenericComponentType(component)) = json.component_type else {
@@ -219,7 +219,7 @@ impl<'d> Accessor<'d> {
         if let Some(unpacked) = doc.accessors.get(index).and_then(|cell| cell.get()) {
             accessor.dense = Some(accessor.open_unpacked(unpacked, report)?);
         } else if let Some(view) = json.buffer_view {
-            let place = Place {
+            let place = ElementLayout {
                 view: view.value(),
                 offset: json.byte_offset.unwrap_or_default().0,
                 element: accessor.element_size(),
@@ -238,7 +238,7 @@ impl<'d> Accessor<'d> {
     }
 
     /// The elements that a compressed primitive holds.
-    fn open_unpacked(&mut self, unpacked: &'d Unpacked, report: &mut Report) -> Sound<Elements<'d>> {
+    fn open_unpacked(&mut self, unpacked: &'d DecodedAccessor, report: &mut Report) -> Valid<Elements<'d>> {
         if unpacked.count != self.count {
             let (says, holds) = (self.count, unpacked.count);
             let message =
@@ -260,7 +260,7 @@ impl<'d> Accessor<'d> {
         doc: &'d Document,
         sparse: &accessor::sparse::Sparse,
         report: &mut Report,
-    ) -> Sound<Sparse<'d>> {
+    ) -> Valid<Sparse<'d>> {
         let at = format!("{}/sparse", self.pointer);
         let count = usize::try_from(sparse.count.0).ok().filter(|&n| n <= self.count);
         let Some(count) = count else {
@@ -270,14 +270,14 @@ impl<'d> Accessor<'d> {
         let Checked::Valid(accessor::IndexComponentType(component)) = sparse.indices.component_type else {
             return Err(report.problem(format!("{at}/indices/componentType"), "is no type of indices"));
         };
-        let places = Place {
+        let places = ElementLayout {
             view: sparse.indices.buffer_view.value(),
             offset: sparse.indices.byte_offset.0,
             element: component.size(),
             count,
         };
         let places = places.elements(doc, &format!("{at}/indices"), report);
-        let values = Place {
+        let values = ElementLayout {
             view: sparse.values.buffer_view.value(),
             offset: sparse.values.byte_offset.0,
             element: self.element_size(),
@@ -338,16 +338,16 @@ impl<'d> Accessor<'d> {
 }
 
 /// Where elements lie in the file.
-struct Place {
+struct ElementLayout {
     view: usize,
     offset: u64,
     element: usize,
     count: usize,
 }
 
-impl Place {
+impl ElementLayout {
     /// The elements, inside their view for certain.
-    fn elements<'d>(&self, doc: &'d Document, at: &str, report: &mut Report) -> Sound<Elements<'d>> {
+    fn elements<'d>(&self, doc: &'d Document, at: &str, report: &mut Report) -> Valid<Elements<'d>> {
         let view = doc.view(self.view, &format!("{at}/bufferView"), report)?;
         let stride = view.stride.unwrap_or(self.element);
         if stride < self.element {

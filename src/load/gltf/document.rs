@@ -1,7 +1,7 @@
 //! The JSON document: its objects are taken as the types of the `gltf` crate one by one, when something that is seen
 //! needs them. So a broken object that nothing uses does no harm, and each problem has its JSON pointer.
 
-use super::report::{Report, Sound};
+use super::report::{Report, Valid};
 use crate::error::{Choice, Error, Problem, Result};
 use crate::load::decoders::Decoder;
 use crate::load::options::GltfOptions;
@@ -26,16 +26,16 @@ pub(super) struct Document<'a> {
     pub binary: Option<Cow<'a, [u8]>>,
     /// May URIs lead out of the asset's folder?
     pub allow_external: bool,
-    /// Is told which files are read.
+    /// Records the files that are read.
     pub files: &'a SavedFiles,
-    /// What the user chose.
+    /// Options of loading.
     pub options: &'a GltfOptions,
     /// The contents of each buffer, once read.
-    pub(super) buffers: Vec<OnceCell<Sound<Cow<'a, [u8]>>>>,
+    pub(super) buffers: Vec<OnceCell<Valid<Cow<'a, [u8]>>>>,
     /// The contents of compressed buffer views, once decoded.
-    pub(super) views: Vec<OnceCell<Sound<Vec<u8>>>>,
+    pub(super) views: Vec<OnceCell<Valid<Vec<u8>>>>,
     /// The contents of accessors that compressed primitives bring along, once decoded.
-    pub(super) accessors: Vec<OnceCell<Unpacked>>,
+    pub(super) accessors: Vec<OnceCell<DecodedAccessor>>,
     /// Bytes of all the files read so far.
     read: Cell<u64>,
     /// Bytes that accessors were decoded into.
@@ -43,7 +43,7 @@ pub(super) struct Document<'a> {
 }
 
 /// What a compressed primitive holds for an accessor: elements without gaps.
-pub(super) struct Unpacked {
+pub(super) struct DecodedAccessor {
     /// The elements.
     pub bytes: Vec<u8>,
     /// Their number.
@@ -102,8 +102,8 @@ impl<'a> Document<'a> {
         total <= allowed
     }
 
-    /// Starts with another moment of the file: what the last one decoded is gone, or kept and not decoded again.
-    pub fn begin_moment(&self) {
+    /// Begins another time sample: resets the decoding budget.
+    pub fn begin_time(&self) {
         self.decoded.set(0);
     }
 
@@ -153,8 +153,8 @@ impl<'a> Document<'a> {
         self.json.pointer(&format!("/{list}")).and_then(Value::as_array)
     }
 
-    /// The object at an index of a list, as it stands in the file; `from` points to what refers to it.
-    pub fn raw(&self, list: &str, index: usize, from: &str, report: &mut Report) -> Sound<&Value> {
+    /// The raw JSON object at an index of a list; `from` is the JSON pointer of the reference to it.
+    pub fn raw(&self, list: &str, index: usize, from: &str, report: &mut Report) -> Valid<&Value> {
         match self.list(list).and_then(|l| l.get(index)) {
             Some(value) if value.is_object() => Ok(value),
             Some(_) => Err(report.problem(pointer(list, index), "is not an object")),
@@ -172,7 +172,7 @@ impl<'a> Document<'a> {
         index: usize,
         from: &str,
         report: &mut Report,
-    ) -> Sound<T> {
+    ) -> Valid<T> {
         let raw = self.raw(list, index, from, report)?;
         T::deserialize(raw)
             .map_err(|e| report.problem(pointer(list, index), format!("can't be understood: {e}")))
@@ -210,7 +210,7 @@ pub(super) fn list_of_indices(object: &Value, key: &str, at: &str, report: &mut 
 }
 
 /// An optional index held by an object of the document.
-pub(super) fn index_of(object: &Value, key: &str, at: &str, report: &mut Report) -> Sound<Option<usize>> {
+pub(super) fn index_of(object: &Value, key: &str, at: &str, report: &mut Report) -> Valid<Option<usize>> {
     let index = |v: &Value| v.as_u64().and_then(|i| usize::try_from(i).ok());
     optional(object, key, at, "an index", index, report)
 }
@@ -221,7 +221,7 @@ pub(super) fn numbers_of<const N: usize>(
     key: &str,
     at: &str,
     report: &mut Report,
-) -> Sound<Option<[f64; N]>> {
+) -> Valid<Option<[f64; N]>> {
     let numbers = |value: &Value| {
         let list = value.as_array().filter(|a| a.len() == N)?;
         let mut numbers = [0.0; N];
@@ -234,7 +234,7 @@ pub(super) fn numbers_of<const N: usize>(
 }
 
 /// An optional number held by an object.
-pub(super) fn number_of(object: &Value, key: &str, at: &str, report: &mut Report) -> Sound<Option<f64>> {
+pub(super) fn number_of(object: &Value, key: &str, at: &str, report: &mut Report) -> Valid<Option<f64>> {
     optional(object, key, at, "a number", Value::as_f64, report)
 }
 
@@ -245,7 +245,7 @@ fn optional<T>(
     what: &str,
     convert: impl Fn(&Value) -> Option<T>,
     report: &mut Report,
-) -> Sound<Option<T>> {
+) -> Valid<Option<T>> {
     let Some(value) = object.get(key) else { return Ok(None) };
     let value = convert(value);
     if value.is_none() {
@@ -255,7 +255,7 @@ fn optional<T>(
 }
 
 /// What an object must hold: the value of [`index_of`] and its like.
-pub(super) fn required<T>(value: Sound<Option<T>>, key: &str, at: &str, report: &mut Report) -> Sound<T> {
+pub(super) fn required<T>(value: Valid<Option<T>>, key: &str, at: &str, report: &mut Report) -> Valid<T> {
     value?.ok_or_else(|| report.problem(format!("{at}/{key}"), "is missing"))
 }
 
@@ -282,7 +282,7 @@ pub(super) struct Parts<'a> {
     pub binary: Option<Cow<'a, [u8]>>,
 }
 
-/// Takes a `.gltf` or `.glb` apart, told apart by content.
+/// Splits a `.gltf` or `.glb` file, distinguished by content, into JSON and binary chunk.
 ///
 /// # Errors
 /// An input error if the container or its JSON is broken.
@@ -307,7 +307,7 @@ pub(super) fn open<'a>(path: &Path, bytes: &'a [u8]) -> Result<Parts<'a>> {
 type Chunks<'a> = (Cow<'a, [u8]>, Option<Cow<'a, [u8]>>);
 
 /// Takes a GLB apart (glTF 2.0, section 4.4). Chunks behind these two are skipped, as it demands; so is one of unknown type
-/// in the second's place, which the crate refuses.
+/// instead of the second, which the crate refuses.
 fn chunks<'a>(path: &Path, bytes: &'a [u8]) -> Result<Chunks<'a>> {
     let fail = |message: String| Error::input(path, format!("is a broken GLB: {message}"));
     // The crate subtracts its header's length from this without a look, and reads on behind the file's end by it.
@@ -492,7 +492,7 @@ pub(super) fn check_shape(object: &Value, at: &str, report: &mut Report) {
     }
 }
 
-/// Warns of each extension that is in use and not read, with the number of places.
+/// Warns of each extension that is in use but not supported, with the number of uses.
 pub(super) fn warn_unread(doc: &Document, report: &mut Report) {
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     count(&doc.json, &mut counts);
@@ -507,12 +507,12 @@ pub(super) fn warn_unread(doc: &Document, report: &mut Report) {
     }
 }
 
-/// Is an extension one whose absence is to be told?
+/// Does ignoring an extension need a warning?
 fn is_missed(name: &str) -> bool {
     !is_read(name) && !OF_INTERACTION.contains(&name)
 }
 
-/// Counts the extensions that stand in objects; the parser bounds the depth.
+/// Counts the extensions in objects; the parser bounds the depth.
 fn count<'v>(value: &'v Value, counts: &mut BTreeMap<&'v str, usize>) {
     match value {
         Value::Object(object) => {

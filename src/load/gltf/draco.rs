@@ -1,8 +1,8 @@
-//! KHR_draco_mesh_compression: primitives whose vertices and indices are one compressed stream. What it holds stands in
-//! for the contents of the primitive's accessors.
+//! KHR_draco_mesh_compression: primitives whose vertices and indices are one compressed stream. Its contents replace
+//! those of the primitive's accessors.
 
-use super::document::{Document, Unpacked, pointer};
-use super::report::{Report, Sound};
+use super::document::{DecodedAccessor, Document, pointer};
+use super::report::{Report, Valid};
 use crate::error::Problem;
 use crate::load::decoders;
 use draco_core::{
@@ -24,7 +24,7 @@ struct Compressed<'p, 'd> {
 }
 
 /// Unpacks a primitive, if it is compressed, so that its accessors can be read; says whether it is.
-pub(super) fn unpack(doc: &Document, primitive: &Primitive, at: &str, report: &mut Report) -> Sound<bool> {
+pub(super) fn unpack(doc: &Document, primitive: &Primitive, at: &str, report: &mut Report) -> Valid<bool> {
     let at = format!("{at}/extensions/{DRACO}");
     match doc.json.pointer(&at) {
         Some(extension) => Compressed { doc, primitive, at }.unpack(extension, report),
@@ -33,7 +33,7 @@ pub(super) fn unpack(doc: &Document, primitive: &Primitive, at: &str, report: &m
 }
 
 impl Compressed<'_, '_> {
-    /// Has the primitive plain data for all that it needs, beside the compressed?
+    /// Has the primitive uncompressed data for all its attributes, too?
     fn has_plain_copies(&self) -> bool {
         self.primitive.attributes.values().chain(&self.primitive.indices).all(|i| self.is_plain(i.value()))
     }
@@ -46,7 +46,7 @@ impl Compressed<'_, '_> {
 
     /// Without a decoder the extension is one that is not read: the plain copy counts, or nothing is there.
     #[cfg(not(feature = "draco"))]
-    fn unpack(self, _: &serde_json::Value, report: &mut Report) -> Sound<bool> {
+    fn unpack(self, _: &serde_json::Value, report: &mut Report) -> Valid<bool> {
         use crate::error::Problem;
         use crate::load::decoders::Decoder;
         if self.has_plain_copies() {
@@ -69,8 +69,8 @@ const FREE: u64 = 1 << 16;
 const PER_BYTE: u64 = 64;
 
 impl Compressed<'_, '_> {
-    /// Hands the contents of the stream to the accessors; false where the plain copy beside a broken one is read.
-    fn unpack(self, extension: &Value, report: &mut Report) -> Sound<bool> {
+    /// Stores the decoded stream as contents of the accessors; false where the uncompressed fallback of a broken stream is read.
+    fn unpack(self, extension: &Value, report: &mut Report) -> Valid<bool> {
         let (doc, primitive) = (self.doc, self.primitive);
         let indices = primitive.indices.iter().map(|i| ("indices".to_string(), i.value()));
         let accessors: Vec<(String, usize)> = indices.chain(self.attribute_accessors(extension)).collect();
@@ -165,15 +165,15 @@ fn decode(bytes: &[u8]) -> Result<Mesh, String> {
     Ok(mesh)
 }
 
-fn indices(mesh: &Mesh) -> Unpacked {
+fn indices(mesh: &Mesh) -> DecodedAccessor {
     let faces = (0..mesh.num_faces() as u32).map(|i| mesh.face(FaceIndex(i)));
     let corners = faces.flat_map(|face| face.map(|point| point.0.to_le_bytes()));
     let bytes: Vec<u8> = corners.flatten().collect();
-    Unpacked { count: mesh.num_faces() * 3, bytes, component: ComponentType::U32 }
+    DecodedAccessor { count: mesh.num_faces() * 3, bytes, component: ComponentType::U32 }
 }
 
 /// The values of an attribute for all points in order; an error says what is wrong with it.
-fn attribute(mesh: &Mesh, extension: &Value, name: &str) -> Result<Unpacked, String> {
+fn attribute(mesh: &Mesh, extension: &Value, name: &str) -> Result<DecodedAccessor, String> {
     let id = extension.pointer(&format!("/attributes/{name}")).and_then(Value::as_u64);
     let id = id.and_then(|id| u32::try_from(id).ok());
     let attribute = id.and_then(|id| mesh.attribute_by_unique_id(id));
@@ -190,7 +190,7 @@ fn attribute(mesh: &Mesh, extension: &Value, name: &str) -> Result<Unpacked, Str
     let count = mesh.num_points();
     let element = component.size() * usize::from(attribute.num_components());
     let bytes = gather(attribute, count, element).ok_or("lacks values in the compressed stream")?;
-    Ok(Unpacked { bytes, count, component })
+    Ok(DecodedAccessor { bytes, count, component })
 }
 
 /// The bytes of one element a point; `None` if the stream has no value for some point.

@@ -6,8 +6,8 @@
 //! which are seen from outside. PNGs with alpha are RGBD: sRGB-encoded colour over alpha.
 
 use super::document::{Document, index_of, number_of, numbers_of, pointer, required};
-use super::place::Kept;
-use super::report::{Report, Sound};
+use super::report::{Report, Valid};
+use super::scene_builder::SharedAssets;
 use super::textures;
 use super::textures::ImageNeed;
 use crate::image::{Encoding, Image, Pixels};
@@ -27,23 +27,23 @@ const RAYS: u32 = 2;
 pub(super) fn light(
     doc: &Document,
     index: Option<usize>,
-    (scene, kept): (&mut Scene, &mut Kept),
+    (scene, shared): (&mut Scene, &mut SharedAssets),
     report: &mut Report,
 ) {
     let Some(at) = index.map(|index| pointer("scenes", index)) else { return };
     let at = format!("{at}/extensions/EXT_lights_image_based");
     let Some(raw) = doc.json.pointer(&at) else { return };
-    let known = kept.surroundings.take();
+    let known = shared.surroundings.take();
     let image = known.unwrap_or_else(|| report.lasting(|report| read(doc, raw, &at, report)));
     if let Ok(image) = &image {
         let image = scene.add_image(image.clone());
         scene.environment = Environment::Image { image, strength: 1.0, rotation_rad: 0.0 };
     }
-    kept.surroundings = Some(image);
+    shared.surroundings = Some(image);
 }
 
 /// The picture of the light that a scene refers to, in radiances.
-fn read(doc: &Document, reference: &Value, from: &str, report: &mut Report) -> Sound<Image> {
+fn read(doc: &Document, reference: &Value, from: &str, report: &mut Report) -> Valid<Image> {
     let index = required(index_of(reference, "light", from, report), "light", from, report)?;
     let raw = doc.raw(LIGHTS, index, &format!("{from}/light"), report)?;
     let at = format!("/{LIGHTS}/{index}");
@@ -83,7 +83,7 @@ fn sharpest(raw: &Value) -> Option<Vec<usize>> {
 }
 
 /// The six sharpest pictures, squares of one size.
-fn faces(doc: &Document, raw: &Value, at: &str, report: &mut Report) -> Sound<Vec<Image>> {
+fn faces(doc: &Document, raw: &Value, at: &str, report: &mut Report) -> Valid<Vec<Image>> {
     let at = format!("{at}/specularImages");
     let Some(list) = sharpest(raw).filter(|list| list.len() == 6) else {
         return Err(report.problem(format!("{at}/0"), "is no list of six images, the sides of a cube"));
@@ -158,7 +158,7 @@ impl Cube<'_> {
     }
 }
 
-/// The face in a direction, and the place on it, -1 to 1 to the right and down, as seen from within.
+/// The face in a direction, and the position on it, -1 to 1 to the right and down, as seen from within.
 fn on_cube(d: DVec3) -> (usize, f64, f64) {
     let size = d.abs();
     let (axis, largest) = if size.x >= size.y && size.x >= size.z {

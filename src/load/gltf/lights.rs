@@ -2,7 +2,7 @@
 
 use super::document::{Document, index_of, name_of, number_of, numbers_of, pointer, required};
 use super::nodes::Node;
-use super::report::{Report, Sound};
+use super::report::{Report, Valid};
 use crate::error::Choice;
 use crate::load::ies;
 use crate::load::ies::LUMENS_PER_WATT;
@@ -25,8 +25,8 @@ use std::sync::Arc;
 /// The list of KHR_lights_punctual.
 const PUNCTUAL_LIGHTS: &str = "extensions/KHR_lights_punctual/lights";
 
-/// The camera of a node, unless it shows nothing.
-pub(super) fn camera(doc: &Document, node: &Node, index: usize, report: &mut Report) -> Sound<Camera> {
+/// The camera of a node.
+pub(super) fn camera(doc: &Document, node: &Node, index: usize, report: &mut Report) -> Valid<Camera> {
     let from = format!("{}/camera", node.pointer());
     let camera: gltf::json::Camera = doc.entry("cameras", index, &from, report)?;
     let raw = doc.raw("cameras", index, &from, report)?;
@@ -60,7 +60,7 @@ pub(super) fn camera(doc: &Document, node: &Node, index: usize, report: &mut Rep
     })
 }
 
-fn perspective(camera: &Value, at: &str, report: &mut Report) -> Sound<(Projection, Option<f64>)> {
+fn perspective(camera: &Value, at: &str, report: &mut Report) -> Valid<(Projection, Option<f64>)> {
     let at = format!("{at}/perspective");
     let Some(perspective) = camera.get("perspective") else {
         return Err(report.problem(at, "is missing"));
@@ -81,7 +81,7 @@ fn perspective(camera: &Value, at: &str, report: &mut Report) -> Sound<(Projecti
     Ok((Projection::Perspective { vfov_rad }, aspect))
 }
 
-fn orthographic(camera: &Value, at: &str, report: &mut Report) -> Sound<(Projection, Option<f64>)> {
+fn orthographic(camera: &Value, at: &str, report: &mut Report) -> Valid<(Projection, Option<f64>)> {
     let at = format!("{at}/orthographic");
     let Some(orthographic) = camera.get("orthographic") else {
         return Err(report.problem(at, "is missing"));
@@ -106,7 +106,7 @@ fn without_scale(transform: &DAffine3) -> Option<DAffine3> {
     placed.is_finite().then_some(placed)
 }
 
-/// What the intensities of lights, in candela and lux in the file, are divided by to be W/sr and W/m2: of point and spot lights, and of directional ones.
+/// Divisors from the file's units (candela, lux) to W/sr and W/m2: of point and spot lights, and of directional lights.
 ///
 /// Blender's exporter writes candela and lux in its default mode; its mode "Unitless" leaves the factor of 683 out,
 /// and its mode "Raw" also that of 4 pi between the watts of a lamp and its intensity.
@@ -118,12 +118,12 @@ fn divisors(units: LightUnits) -> (f64, f64) {
     }
 }
 
-/// What luminances in the file, cd/m2, are divided by to be radiances.
+/// Divisor from luminance (cd/m2) to radiance (W/sr/m2).
 pub(super) fn lumens_per_watt(doc: &Document) -> f64 {
     divisors(doc.options.light_units).1
 }
 
-/// How spot lights fade: Blender's own way in its files, which KHR_lights_punctual has no words for, unless the user
+/// Falloff of spot lights: Blender's in its files, which KHR_lights_punctual can't express, unless the user
 /// wants the specification's.
 fn fade(doc: &Document) -> SpotFade {
     if doc.is_from_blender() && doc.options.light_units != LightUnits::Spec {
@@ -133,7 +133,7 @@ fn fade(doc: &Document) -> SpotFade {
     }
 }
 
-/// Says what was done to the numbers of so many lights.
+/// Adds a note about the unit conversion of `lights` lights.
 pub(super) fn note_units(doc: &Document, lights: usize, report: &mut Report) {
     if lights == 0 {
         return;
@@ -158,7 +158,7 @@ pub(super) fn note_units(doc: &Document, lights: usize, report: &mut Report) {
     report.note(format!("/{PUNCTUAL_LIGHTS}"), message);
 }
 
-/// The group of lights that the `extras` of something name.
+/// The light group named in the `extras` of an object.
 pub(super) fn light_group(raw: &Value, at: &str, report: &mut Report) -> Option<String> {
     let name = raw.get("extras")?.get(GROUP_KEY)?.as_str()?;
     if is_group_name(name) {
@@ -172,7 +172,7 @@ pub(super) fn light_group(raw: &Value, at: &str, report: &mut Report) -> Option<
 }
 
 /// The light of a node.
-pub(super) fn punctual_light(doc: &Document, node: &Node, index: usize, report: &mut Report) -> Sound<Light> {
+pub(super) fn punctual_light(doc: &Document, node: &Node, index: usize, report: &mut Report) -> Valid<Light> {
     let from = format!("{}/extensions/KHR_lights_punctual/light", node.pointer());
     let raw = doc.raw(PUNCTUAL_LIGHTS, index, &from, report)?;
     let at = pointer(PUNCTUAL_LIGHTS, index);
@@ -232,7 +232,7 @@ pub(super) fn punctual_light(doc: &Document, node: &Node, index: usize, report: 
 }
 
 /// Inner and outer half angle of a spot light, in order.
-fn cone(light: &Value, at: &str, report: &mut Report) -> Sound<(f64, f64)> {
+fn cone(light: &Value, at: &str, report: &mut Report) -> Valid<(f64, f64)> {
     let at = format!("{at}/spot");
     let spot = light.get("spot").unwrap_or(&Value::Null);
     let inner = number_of(spot, "innerConeAngle", &at, report)?.unwrap_or(0.0);
@@ -248,12 +248,12 @@ fn cone(light: &Value, at: &str, report: &mut Report) -> Sound<(f64, f64)> {
     Ok((inner.clamp(0.0, outer), outer))
 }
 
-// What the `extras` of a node say about rays, as exporters write custom properties: `visible_to`, kinds of rays in a list or
+// Ray visibility flags in the `extras` of a node, as exporters write custom properties: `visible_to`, ray types in a list or
 // separated by commas or spaces, or one true or false for each kind, `visible_camera`, `visible_diffuse`, `visible_glossy`,
 // `visible_transmission`, `visible_volume` (or `visible_volume_scatter`) and `visible_shadow`; and `holdout` and
 // `shadow_catcher`, also with `is_` before them.
 
-/// The traits of a node, from its JSON.
+/// Visibility flags of a node, from its JSON.
 pub(super) fn object_traits(raw: &Value, at: &str, report: &mut Report) -> ObjectTraits {
     let Some(extras) = raw.get("extras").filter(|extras| extras.is_object()) else {
         return ObjectTraits::default();
@@ -274,7 +274,7 @@ pub(super) fn object_traits(raw: &Value, at: &str, report: &mut Report) -> Objec
     ObjectTraits { visible_to, is_holdout, is_shadow_catcher, ..ObjectTraits::default() }
 }
 
-/// The kinds that are listed; all where none are.
+/// The ray types in `visible_to`; all by default.
 fn listed(extras: &Value, at: &str, report: &mut Report) -> RayKinds {
     let Some(value) = extras.get("visible_to") else { return RayKinds::ALL };
     let names: Option<Vec<&str>> = match value {
@@ -294,7 +294,7 @@ fn listed(extras: &Value, at: &str, report: &mut Report) -> RayKinds {
     }
 }
 
-/// True or false, which custom properties may also say by 1 and 0.
+/// A boolean; custom properties may also be 1 and 0.
 fn flag(extras: &Value, key: &str, at: &str, report: &mut Report) -> Option<bool> {
     let value = extras.get(key)?;
     let found = match value.as_f64() {
@@ -308,19 +308,19 @@ fn flag(extras: &Value, key: &str, at: &str, report: &mut Report) -> Option<bool
     found
 }
 
-// EXT_lights_area (a draft): rectangles and disks that shine evenly from the side that faces -z.
+// EXT_lights_area (draft): rectangles and disks of constant radiance, one-sided, facing -z.
 
 const AREA_LIGHT: &str = "extensions/EXT_lights_area";
 const AREA_LIGHTS: &str = "extensions/EXT_lights_area/lights";
 
-/// A light with a surface, placed in the world.
+/// An area light in world space.
 pub(super) struct AreaLight {
     name: String,
     radiance: [f32; 3],
     group: String,
     lamp: Lamp,
     form: Form,
-    /// The axes across, along and against the light, of the length of width, height and 1, and the middle.
+    /// From the unit square, centered at the origin with normal -z, to world space.
     world_from_unit: DAffine3,
 }
 
@@ -329,14 +329,14 @@ pub(super) struct AreaLight {
 enum Form {
     Rectangle,
     Disk,
-    /// A disk that may move: rays to lights know none as such.
+    /// A moving disk: light sampling supports those as meshes only.
     DiskOfTriangles,
 }
 
-/// The light of a node, if it has one of these.
+/// The light of a node, if it has this extension.
 pub(super) fn area_light(doc: &Document, node: &Node, moves: bool, report: &mut Report) -> Option<AreaLight> {
     let raw = node.area_light(doc)?;
-    // What is wrong with one was noted.
+    // Its problems have been reported.
     let mut light = read_area_light(doc, (node, raw), report).ok()?;
     if moves && light.form == Form::Disk {
         light.form = Form::DiskOfTriangles;
@@ -344,7 +344,7 @@ pub(super) fn area_light(doc: &Document, node: &Node, moves: bool, report: &mut 
     Some(light)
 }
 
-fn read_area_light(doc: &Document, (node, raw): (&Node, &Value), report: &mut Report) -> Sound<AreaLight> {
+fn read_area_light(doc: &Document, (node, raw): (&Node, &Value), report: &mut Report) -> Valid<AreaLight> {
     let at = format!("{}/{AREA_LIGHT}", node.pointer());
     let index = required(index_of(raw, "light", &at, report), "light", &at, report)?;
     let light = doc.raw(AREA_LIGHTS, index, &format!("{at}/light"), report)?;
@@ -379,8 +379,8 @@ fn read_area_light(doc: &Document, (node, raw): (&Node, &Value), report: &mut Re
     Ok(AreaLight { name, radiance, group, lamp, form, world_from_unit })
 }
 
-/// A size above 0, which is 1 where nothing is said.
-fn positive(object: &Value, key: &str, at: &str, report: &mut Report) -> Sound<f64> {
+/// A size above 0; 1 by default.
+fn positive(object: &Value, key: &str, at: &str, report: &mut Report) -> Valid<f64> {
     let size = number_of(object, key, at, report)?.unwrap_or(1.0);
     // Squares of sizes are areas in single precision.
     if (1e-15..=1e15).contains(&size) {
@@ -389,7 +389,7 @@ fn positive(object: &Value, key: &str, at: &str, report: &mut Report) -> Sound<f
     Err(report.problem(format!("{at}/{key}"), format!("{size} is no size above 0 (1e-15 to 1e15)")))
 }
 
-/// The place of a light: the rotation of a transform, axes z and y made orthonormal in this order, and the largest of its scales for
+/// The placement of a light: the rotation of a transform (axes z and y orthonormalized in this order) and its largest scale factor for
 /// both sides. `None` for a transform that flattens.
 fn world_from_unit(world_from_node: &DAffine3, size: [f64; 2]) -> Option<DAffine3> {
     let m = world_from_node.matrix3;
@@ -403,7 +403,7 @@ fn world_from_unit(world_from_node: &DAffine3, size: [f64; 2]) -> Option<DAffine
 }
 
 impl AreaLight {
-    /// Puts the light into a scene that has its other materials already.
+    /// Adds the light to a scene that has its other materials already.
     pub fn add_to(self, scene: &mut Scene) {
         let AreaLight { name, radiance, group, lamp, form, world_from_unit } = self;
         let mut emitter = Material::emitter(&name, radiance, false);
@@ -445,21 +445,21 @@ pub(super) fn world_from_quad(quad: &Quad) -> DAffine3 {
     DAffine3::from_mat3_translation(axes, quad.corner)
 }
 
-// EXT_lights_ies: lights with the profiles of luminaires.
+// EXT_lights_ies: point lights with photometric profiles (IES LM-63).
 
 const IES_LIGHT: &str = "extensions/EXT_lights_ies";
 const IES_LIGHTS: &str = "extensions/EXT_lights_ies/lights";
 
-/// The profiles of a file by index, with the largest value 1, and what that is in candela.
-pub(super) type Profiles = HashMap<usize, Sound<(Arc<LightProfile>, f64)>>;
+/// The profiles of a file by index: relative intensities (maximum 1), and the maximum in candela.
+pub(super) type Profiles = HashMap<usize, Valid<(Arc<LightProfile>, f64)>>;
 
-/// The light of a node, if it has one of these.
+/// The light of a node, if it has this extension.
 pub(super) fn ies_light(
     doc: &Document,
     node: &Node,
     profiles: &mut Profiles,
     report: &mut Report,
-) -> Option<Sound<Light>> {
+) -> Option<Valid<Light>> {
     node.profiled_light(doc).map(|raw| read_ies_light(doc, (node, raw), profiles, report))
 }
 
@@ -468,7 +468,7 @@ fn read_ies_light(
     (node, raw): (&Node, &Value),
     profiles: &mut Profiles,
     report: &mut Report,
-) -> Sound<Light> {
+) -> Valid<Light> {
     let at = format!("{}/{IES_LIGHT}", node.pointer());
     let index = required(index_of(raw, "light", &at, report), "light", &at, report)?;
     let known = match profiles.get(&index) {
@@ -505,7 +505,7 @@ fn rotation(m: &DMat3) -> Option<DQuat> {
     Some(DQuat::from_mat3(&DMat3::from_cols(x, z.cross(x), z)).normalize())
 }
 
-fn profile(doc: &Document, index: usize, from: &str, report: &mut Report) -> Sound<(Arc<LightProfile>, f64)> {
+fn profile(doc: &Document, index: usize, from: &str, report: &mut Report) -> Valid<(Arc<LightProfile>, f64)> {
     let raw = doc.raw(IES_LIGHTS, index, &format!("{from}/light"), report)?;
     let at = pointer(IES_LIGHTS, index);
     let bytes: Cow<[u8]> = match raw.get("uri").and_then(Value::as_str) {

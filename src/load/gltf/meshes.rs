@@ -5,7 +5,7 @@ use super::buffers::Accessor;
 use super::document::{Document, name_of, pointer};
 use super::draco;
 use super::materials::Materials;
-use super::report::{Report, Sound};
+use super::report::{Report, Valid};
 use super::vertices::{Attributes, Deformation, add_vertices, attributes};
 use crate::error::Problem;
 use crate::load::options::GltfOptions;
@@ -23,14 +23,14 @@ use std::collections::HashMap;
 /// that may be drawn as one: those are read one by one, which is the same.
 const RESTARTS: [&str; 2] = ["KHR_mesh_primitive_restart", "EXT_mesh_primitive_restart"];
 
-/// What the meshes of a file left out.
+/// Primitives of a file without surface, which are skipped.
 #[derive(Default)]
-pub(super) struct Skipped {
+pub(super) struct SkippedPrimitives {
     /// By mesh, the numbers of primitives that are points and lines.
     by_mesh: HashMap<usize, [usize; 2]>,
 }
 
-impl Skipped {
+impl SkippedPrimitives {
     /// Says so.
     pub fn warn(&self, report: &mut Report) {
         for (kind, what) in ["points", "lines"].into_iter().enumerate() {
@@ -44,23 +44,23 @@ impl Skipped {
     }
 }
 
-/// A mesh being put together from primitives with the same kinds of attributes.
+/// A mesh under construction, of primitives with the same kinds of attributes.
 struct Group {
     has_normals: bool,
     has_tangents: bool,
     mesh: Mesh,
-    /// The first vertex of each set of attributes that is in the mesh, and how many it has.
+    /// First vertex and number of vertices of each set of attributes in the mesh.
     vertices: HashMap<Attributes, (u32, usize)>,
 }
 
-/// What reading meshes needs and fills.
+/// The state of reading a mesh.
 pub(super) struct MeshReader<'b, 'a> {
     /// The file.
     pub doc: &'b Document<'a>,
-    /// The materials, built as they are met.
+    /// The materials, built on first use.
     pub materials: &'b mut Materials,
-    /// What is left out.
-    pub skipped: &'b mut Skipped,
+    /// Primitives that are skipped.
+    pub skipped: &'b mut SkippedPrimitives,
     /// Problems and warnings.
     pub report: &'b mut Report,
     /// How the mesh is deformed.
@@ -106,7 +106,7 @@ impl MeshReader<'_, '_> {
             Checked::Valid(Mode::Lines | Mode::LineLoop | Mode::LineStrip) => skipped[1] += 1,
             Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) => {
                 // What is wrong with a primitive doesn't concern the others.
-                let _: Sound<()> = self.add_triangles(primitive, mode, at, groups);
+                let _: Valid<()> = self.add_triangles(primitive, mode, at, groups);
             }
         }
     }
@@ -117,7 +117,7 @@ impl MeshReader<'_, '_> {
         mode: Mode,
         at: &str,
         groups: &mut Vec<Group>,
-    ) -> Sound<()> {
+    ) -> Valid<()> {
         let doc = self.doc;
         let is_compressed = self.report.lasting(|report| draco::unpack(doc, primitive, at, report))?;
         // A compressed primitive is a list of triangles, whatever it was made from.
@@ -159,7 +159,7 @@ impl MeshReader<'_, '_> {
         let mesh = &mut group.mesh;
         let first = mesh.triangles.len();
         let may_restart = RESTARTS.iter().any(|name| doc.extension_used(name));
-        let corners = Corners { mode, indices: indices.as_ref(), vertices: count, may_restart };
+        let corners = PrimitiveIndices { mode, indices: indices.as_ref(), vertices: count, may_restart };
         append_triangles(corners, base, at, &mut mesh.triangles, self.report)?;
         add_part(mesh, first, material, at, self.report)
     }
@@ -177,7 +177,7 @@ fn group_of<'g>(attributes: &Attributes, groups: &'g mut Vec<Group>) -> &'g mut 
 }
 
 /// Covers the triangles from `first` on by a part.
-fn add_part(mesh: &mut Mesh, first: usize, material: MaterialId, at: &str, report: &mut Report) -> Sound<()> {
+fn add_part(mesh: &mut Mesh, first: usize, material: MaterialId, at: &str, report: &mut Report) -> Valid<()> {
     let (Ok(first_triangle), Ok(end)) = (u32::try_from(first), u32::try_from(mesh.triangles.len())) else {
         mesh.triangles.truncate(first);
         return Err(report.problem(at, "takes its mesh beyond 4,294,967,295 triangles"));
@@ -199,11 +199,11 @@ fn pad(mesh: &mut Mesh) {
 
 // The triangles of a primitive: lists, strips and fans, with or without indices.
 
-/// What the triangles of a primitive are made of.
-pub(super) struct Corners<'c, 'd> {
+/// The index list of a primitive.
+pub(super) struct PrimitiveIndices<'c, 'd> {
     /// How corners become triangles.
     pub mode: Mode,
-    /// Which vertices they are; all in order without.
+    /// The indices; all vertices in order without.
     pub indices: Option<&'c Accessor<'d>>,
     /// How many vertices there are.
     pub vertices: usize,
@@ -214,12 +214,12 @@ pub(super) struct Corners<'c, 'd> {
 /// Appends a primitive's triangles to `triangles`, with `base` added to each index. Every index is below `base` plus
 /// the number of vertices afterwards; nothing is appended if the file says otherwise.
 pub(super) fn append_triangles(
-    Corners { mode, indices, vertices, may_restart }: Corners,
+    PrimitiveIndices { mode, indices, vertices, may_restart }: PrimitiveIndices,
     base: u32,
     at: &str,
     triangles: &mut Vec<[u32; 3]>,
     report: &mut Report,
-) -> Sound<()> {
+) -> Valid<()> {
     let count = indices.map_or(vertices, |a| a.count);
     indices.map_or(Ok(()), |accessor| check_indices(accessor, report))?;
     let whole = match mode {
@@ -277,7 +277,7 @@ fn restart_index(accessor: &Accessor) -> u32 {
     }
 }
 
-fn check_indices(accessor: &Accessor, report: &mut Report) -> Sound<()> {
+fn check_indices(accessor: &Accessor, report: &mut Report) -> Valid<()> {
     let unsigned = matches!(accessor.component, ComponentType::U8 | ComponentType::U16 | ComponentType::U32);
     let fits = unsigned && accessor.kind == Type::Scalar && !accessor.normalized;
     if !fits {
@@ -306,7 +306,7 @@ fn fan(corners: &[u32]) -> impl Iterator<Item = [u32; 3]> {
     corners.get(1..).unwrap_or_default().windows(2).map(move |w| [w[0], w[1], center])
 }
 
-// What files get wrong in the numbers of meshes: each repair is counted in a warning. Sound meshes cost one look.
+// What files get wrong in the numbers of meshes: each repair is counted in a warning. Valid meshes cost one look.
 
 /// Largest difference of a normal's squared length from 1 that is left alone.
 const UNIT_TOLERANCE: f32 = 1e-4;
@@ -340,15 +340,15 @@ fn repair(mesh: &mut Mesh, at: &str, report: &mut Report) {
 fn drop_triangles(mesh: &mut Mesh) -> usize {
     let usable: Vec<bool> = mesh.positions.iter().map(|p| all_finite(p)).collect();
     let before = mesh.triangles.len();
-    let mut kept = Vec::with_capacity(before);
+    let mut shared = Vec::with_capacity(before);
     for part in &mut mesh.parts {
         let first = part.first_triangle as usize;
         let old = &mesh.triangles[first..first + part.triangle_count as usize];
-        part.first_triangle = kept.len() as u32;
-        kept.extend(old.iter().filter(|t| t.iter().all(|&i| usable[i as usize])));
-        part.triangle_count = kept.len() as u32 - part.first_triangle;
+        part.first_triangle = shared.len() as u32;
+        shared.extend(old.iter().filter(|t| t.iter().all(|&i| usable[i as usize])));
+        part.triangle_count = shared.len() as u32 - part.first_triangle;
     }
-    mesh.triangles = kept;
+    mesh.triangles = shared;
     for (p, _) in mesh.positions.iter_mut().zip(&usable).filter(|(_, usable)| !**usable) {
         *p = [0.0; 3];
     }

@@ -4,7 +4,7 @@
 //! Decoders check each read: a damaged stream is an error, whatever it holds.
 
 use super::document::{index_of, required};
-use super::report::{Report, Sound};
+use super::report::{Report, Valid};
 use crate::error::Problem;
 use serde_json::Value;
 
@@ -53,7 +53,7 @@ pub(super) struct Layout {
 
 impl Layout {
     /// Reads and checks it.
-    pub fn new(packed: &Value, at: &str, report: &mut Report) -> Sound<Layout> {
+    pub fn new(packed: &Value, at: &str, report: &mut Report) -> Valid<Layout> {
         let mut whole = |key: &str| required(index_of(packed, key, at, report), key, at, report);
         let (buffer, length) = (whole("buffer"), whole("byteLength"));
         let (stride, count) = (whole("byteStride"), whole("count"));
@@ -274,7 +274,7 @@ fn restore(channel: Channel, last: [u8; 4], delta: [u8; 4]) -> [u8; 4] {
     }
 }
 
-/// Reads the differences of one block: those of byte position k stand from `k * lane` on.
+/// Reads the deltas of one block: those of byte position k start at `k * lane`.
 fn read_deltas(
     stream: &mut Stream,
     version: u8,
@@ -310,7 +310,7 @@ fn read_deltas(
     Ok(())
 }
 
-/// Reads 16 numbers of so many bits; those with all bits set stand for a byte that follows the group.
+/// Reads 16 numbers of so many bits; one with all bits set is an escape for a byte that follows the group.
 fn read_group(stream: &mut Stream, bits: usize, out: &mut [u8]) -> Result<(), String> {
     match bits {
         0 => out.fill(0),
@@ -399,7 +399,7 @@ impl Decoder<'_> {
         }
     }
 
-    /// A triangle on an edge that was met before.
+    /// A triangle on an edge of the edge FIFO.
     fn with_edge(&mut self, edge: u8, low: u8) -> Result<[u32; 3], String> {
         let (a, b) = self.edges.get(edge)?;
         let (c, is_new) = match low {
@@ -487,7 +487,7 @@ fn indices(bytes: &[u8], count: usize) -> Result<Vec<u32>, String> {
     Ok(out)
 }
 
-// What is done to attributes after decoding (appendix B of the specification). Each works on whole elements in place;
+// Filters of decoded attributes (appendix B of the specification). Each works on whole elements in place;
 // elements that no encoder writes give some value or other.
 
 /// Unit vectors of four signed bytes, two of which hold octahedral coordinates.
@@ -548,7 +548,7 @@ fn exponential(bytes: &mut [u8]) {
     }
 }
 
-/// Colours of four bytes: luma, two differences of colour, and alpha that also tells their number of bits.
+/// Colours of four bytes: luma, two colour differences, and alpha, which also encodes their number of bits.
 fn color8(bytes: &mut [u8]) {
     for element in bytes.as_chunks_mut::<4>().0 {
         let [y, co, cg, a] = *element;
@@ -730,7 +730,7 @@ mod tests {
         let mut up = [0u8, 0, 127, 5];
         octahedral8(&mut up);
         assert_eq!(up, [0, 0, 127, 5]);
-        // (1, 1) of the octahedron lies straight below.
+        // (1, 1) of the octahedron is -z.
         let mut down = [127u8, 127, 127, 0];
         octahedral8(&mut down);
         assert_eq!(down, [0, 0, (-127i8) as u8, 0]);

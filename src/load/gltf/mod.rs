@@ -1,4 +1,4 @@
-//! glTF 2.0, as `.gltf` with files beside it or as `.glb`. Objects are taken as the types of the `gltf` crate; what they
+//! glTF 2.0: `.gltf` with separate files, or `.glb`. Objects are deserialized as types of the `gltf` crate; what they
 //! point to is checked here, because the crate's own reader trusts it.
 //!
 //! Only what the shown scene reaches is read: buffers, meshes, materials and images that nothing visible uses may even
@@ -6,29 +6,29 @@
 //!
 //! Read: triangles of all modes, sparse and interleaved accessors, normals, tangents, texture coordinates, vertex
 //! colours; metallic-roughness materials with emission, alpha and normal maps; cameras; the extensions listed in
-//! `extensions.rs`. `extras` of the scene may hold `width`, `height` and `bounces`.
+//! `document.rs`. `extras` of the scene may hold `width`, `height` and `bounces`.
 
 mod animation;
+mod blender_export;
 mod buffers;
 mod document;
 mod draco;
-mod exported;
 mod image_light;
 mod lights;
 mod materials;
 mod meshes;
 mod meshopt;
 mod nodes;
-mod place;
 mod pointers;
 mod report;
+mod scene_builder;
 mod shutter;
 mod textures;
 mod vertices;
 
 pub use crate::load::options::{Glass, GltfOptions, LightUnits};
 
-pub(super) use exported::warn_of_losses;
+pub(super) use blender_export::warn_of_losses;
 
 use super::{EmptyNode, LoadOptions, Loaded};
 use crate::error::{Error, Result, Warning};
@@ -36,18 +36,18 @@ use crate::scene::Scene;
 use crate::simd::prefer_huge_pages;
 use animation::Pose;
 use document::{Document, pointer};
-use nodes::Family;
+use nodes::NodeParents;
 
-use place::{Builder, Kept, StillMesh};
-use pointers::Played;
+use pointers::PointerAnimation;
 use report::Report;
+use scene_builder::{SceneBuilder, SharedAssets, StaticMesh};
 use serde_json::Value;
-use shutter::Moments;
+use shutter::ShutterSamples;
 use std::io::Read;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-/// Loads a `.gltf` or `.glb` file (told apart by content).
+/// Loads a `.gltf` or `.glb` file (distinguished by content).
 ///
 /// # Errors
 /// An input error with all the problems of what the shown scene reaches.
@@ -60,7 +60,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     Ok(only)
 }
 
-/// Loads a file and hands its scene at each moment to `each`, until that breaks off. The file, its images, its materials
+/// Loads a file and calls `each` with its scene at each time, until that breaks. The file, its images, its materials
 /// and the meshes that nothing deforms are read once; `each` may change what it gets, but the scene's first meshes must
 /// stay what they are.
 ///
@@ -76,26 +76,26 @@ pub(super) fn load_moments(
     let bytes = read_file(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))?;
     let parts = document::open(path, &bytes)?;
     let mut doc = Document::new(path, parts, bytes.len(), options);
-    let (mut report, mut kept) = (Report::new(path), Kept::default());
-    kept.materials.geometry_only = options.geometry_only;
-    let mut played = Played::default();
+    let (mut report, mut shared) = (Report::new(path), SharedAssets::default());
+    shared.materials.geometry_only = options.geometry_only;
+    let mut pointer_animation = PointerAnimation::default();
     for time_s in moments {
-        let mut read = |kept: &mut Kept| {
-            report.begin_moment();
-            doc.begin_moment();
-            played.play(&mut doc, time_s, kept, &mut report);
-            let moments = Moments::read(&doc, time_s, options, kept, &mut report);
-            at(&doc, time_s, moments.as_ref(), kept, &mut report)
+        let mut read = |shared: &mut SharedAssets| {
+            report.begin_time();
+            doc.begin_time();
+            pointer_animation.play(&mut doc, time_s, shared, &mut report);
+            let moments = ShutterSamples::read(&doc, time_s, options, shared, &mut report);
+            at(&doc, time_s, moments.as_ref(), shared, &mut report)
         };
-        let mut moment = read(&mut kept)?;
-        if kept.forget_lost_textures() {
-            moment = read(&mut kept)?;
+        let mut moment = read(&mut shared)?;
+        if shared.forget_lost_textures() {
+            moment = read(&mut shared)?;
         }
         let (mut loaded, still) = moment;
         if each(&mut loaded)?.is_break() {
             break;
         }
-        kept.take_back(&mut loaded.scene, still);
+        shared.take_back(&mut loaded.scene, still);
     }
     Ok(())
 }
@@ -113,20 +113,20 @@ fn read_file(path: &Path) -> std::io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The scene at a moment, seconds; `None` is the file's rest state.
+/// The scene at a time, seconds; `None` is the file's rest pose.
 fn at(
     doc: &Document,
     time_s: Option<f64>,
-    moments: Option<&Moments>,
-    kept: &mut Kept,
+    moments: Option<&ShutterSamples>,
+    shared: &mut SharedAssets,
     report: &mut Report,
-) -> Result<(Loaded, Vec<StillMesh>)> {
+) -> Result<(Loaded, Vec<StaticMesh>)> {
     document::check(doc, report);
     meshes::check_variant(doc, report);
     let pose = time_s.map_or_else(Pose::default, |time_s| animation::pose(doc, time_s, report));
-    let family = Family::new(doc, &pose);
-    let hierarchy = nodes::walk(doc, &pose, &family, report);
-    let mut builder = Builder::new(doc, &pose, &family, kept).one_of_many(moments.is_some());
+    let node_parents = NodeParents::new(doc, &pose);
+    let hierarchy = nodes::walk(doc, &pose, &node_parents, report);
+    let mut builder = SceneBuilder::new(doc, &pose, &node_parents, shared).for_shutter(moments.is_some());
     builder.add(&hierarchy, report);
     let empty = |(index, name, world_from_node)| {
         let motion = moments.and_then(|moments| moments.empty(index, &world_from_node));
@@ -136,10 +136,11 @@ fn at(
     let left_out = left_out(doc, &builder, hierarchy.scene, &pose);
     let has_area_lights = builder.has_area_lights();
     let (mut scene, still) = builder.finish(report);
-    image_light::light(doc, hierarchy.scene, (&mut scene, kept), report);
+    image_light::light(doc, hierarchy.scene, (&mut scene, shared), report);
     moments.into_iter().for_each(|moments| moments.tell(&mut scene, report));
-    read_scene(doc, hierarchy.scene, &mut scene, report);
-    let blender = exported::signs_of_loss(doc, &hierarchy, &scene, &kept.materials.signs, report);
+    read_scene_extras(doc, hierarchy.scene, &mut scene, report);
+    let blender =
+        blender_export::blender_losses(doc, &hierarchy, &scene, &shared.materials.export_losses, report);
     document::warn_unread(doc, report);
     let problems = report.take_problems();
     if !problems.is_empty() {
@@ -155,8 +156,8 @@ fn at(
     Ok((loaded, still))
 }
 
-/// What the scene's `extras` say about the picture.
-fn read_scene(doc: &Document, index: Option<usize>, scene: &mut Scene, report: &mut Report) {
+/// Image settings in the scene's `extras`.
+fn read_scene_extras(doc: &Document, index: Option<usize>, scene: &mut Scene, report: &mut Report) {
     let Some(raw) = index.and_then(|i| doc.json.pointer(&pointer("scenes", i))) else { return };
     scene.name = raw.get("name").and_then(Value::as_str).unwrap_or_default().to_string();
     let mut setting = |key: &str, least: u64| {
@@ -173,8 +174,8 @@ fn read_scene(doc: &Document, index: Option<usize>, scene: &mut Scene, report: &
     scene.settings.depth = setting("bounces", 0);
 }
 
-/// What was not read because nothing that is seen uses it.
-fn left_out(doc: &Document, builder: &Builder, scene: Option<usize>, pose: &Pose) -> Vec<String> {
+/// What was not read because nothing visible uses it.
+fn left_out(doc: &Document, builder: &SceneBuilder, scene: Option<usize>, pose: &Pose) -> Vec<String> {
     let mut images = builder.images();
     images.extend(image_light::images_of(doc, scene));
     let used_buffers = doc.buffers.iter().filter(|b| b.get().is_some()).count();

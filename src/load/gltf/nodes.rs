@@ -1,4 +1,4 @@
-//! The node hierarchy: which nodes are seen, and where they stand.
+//! The node hierarchy: visible nodes and their world transforms.
 
 use super::animation::{NodePose, Pose};
 use super::buffers::Accessor;
@@ -6,7 +6,7 @@ use super::document;
 use super::document::{
     Document, index_of, list_of_indices, name_of, names_of, numbers_of, pointer, required,
 };
-use super::report::{Report, Sound};
+use super::report::{Report, Valid};
 use crate::error::Problem;
 use crate::load::options::GltfOptions;
 use crate::math::{DAffine3, DMat3, DQuat, DVec3};
@@ -31,7 +31,7 @@ pub(super) struct Node {
     pub light: Option<usize>,
     /// The skin that moves its mesh.
     pub skin: Option<usize>,
-    /// Where copies of its mesh stand in the node's space, in place of the one mesh.
+    /// Transforms of the instances of its mesh in the node's space (EXT_mesh_gpu_instancing).
     pub instances: Option<Vec<DAffine3>>,
 }
 
@@ -98,16 +98,21 @@ impl Hierarchy {
     }
 }
 
-/// Walks the scene or the node that is shown. A node that is reached twice (a cycle, or a child of two parents) is a
+/// Traverses the selected scene or node. A node that is reached twice (a cycle, or a child of two parents) is a
 /// problem.
-pub(super) fn walk(doc: &Document, pose: &Pose, family: &Family, report: &mut Report) -> Hierarchy {
+pub(super) fn walk(
+    doc: &Document,
+    pose: &Pose,
+    node_parents: &NodeParents,
+    report: &mut Report,
+) -> Hierarchy {
     let (scene, roots) = match &doc.options.node {
         Some(wanted) => (None, root(doc, wanted, report)),
         None => roots(doc, report),
     };
     let above = match roots.as_slice() {
         [Step { node, .. }] if doc.options.node.is_some() => {
-            family.parent(*node).and_then(|parent| family.world_from_node(parent, report).ok())
+            node_parents.parent(*node).and_then(|parent| node_parents.world_from_node(parent, report).ok())
         }
         _ => None,
     };
@@ -173,20 +178,20 @@ fn is_hidden(node: &Value, at: &str, report: &mut Report) -> bool {
 }
 
 /// The light that a node holds.
-fn light(node: &Value, at: &str, report: &mut Report) -> Sound<Option<usize>> {
+fn light(node: &Value, at: &str, report: &mut Report) -> Valid<Option<usize>> {
     let Some(extension) = node.pointer("/extensions/KHR_lights_punctual") else { return Ok(None) };
     let at = format!("{at}/extensions/KHR_lights_punctual");
     required(index_of(extension, "light", &at, report), "light", &at, report).map(Some)
 }
 
-/// A node to be visited.
+/// A node on the traversal stack.
 struct Step {
     node: usize,
     parent: Option<usize>,
     from: String,
 }
 
-/// The one root when a node is shown alone.
+/// The root when a single node was selected.
 fn root(doc: &Document, wanted: &str, report: &mut Report) -> Vec<Step> {
     match GltfOptions::find(&names_of(doc, "nodes"), wanted) {
         Ok(node) => vec![Step { node, parent: None, from: String::new() }],
@@ -239,10 +244,10 @@ fn roots(doc: &Document, report: &mut Report) -> (Option<usize>, Vec<Step>) {
     (None, (0..count).filter(|&i| !is_child[i]).map(|i| step(i, String::new())).collect())
 }
 
-// Where nodes stand. Transforms are taken from the JSON in full precision and composed in f64.
+// Transforms of nodes, read from the JSON in full precision and composed in f64.
 
-/// A node's own transform at the pose's moment: its matrix, or translation * rotation * scale.
-pub(super) fn local(node: &Value, pose: Option<&NodePose>, at: &str, report: &mut Report) -> Sound<DAffine3> {
+/// A node's local transform at the pose's time: its matrix, or translation * rotation * scale.
+pub(super) fn local(node: &Value, pose: Option<&NodePose>, at: &str, report: &mut Report) -> Valid<DAffine3> {
     let moves = pose.is_some_and(|p| p.translation.is_some() || p.rotation.is_some() || p.scale.is_some());
     let transform = if node.get("matrix").is_some() {
         if ["translation", "rotation", "scale"].iter().any(|key| node.get(key).is_some()) {
@@ -268,7 +273,7 @@ pub(super) fn local(node: &Value, pose: Option<&NodePose>, at: &str, report: &mu
     Ok(transform)
 }
 
-fn matrix(node: &Value, at: &str, report: &mut Report) -> Sound<DAffine3> {
+fn matrix(node: &Value, at: &str, report: &mut Report) -> Valid<DAffine3> {
     let m: [f64; 16] = required(numbers_of(node, "matrix", at, report), "matrix", at, report)?;
     if [m[3], m[7], m[11], m[15]] != [0.0, 0.0, 0.0, 1.0] {
         report.warn(format!("{at}/matrix"), "is a projection; its last row is taken as 0 0 0 1");
@@ -282,11 +287,11 @@ pub(super) fn affine(m: &[f64; 16]) -> DAffine3 {
     DAffine3::from_mat3_translation(DMat3::from_cols(column(0), column(4), column(8)), column(12))
 }
 
-fn vector(node: &Value, key: &str, default: f64, at: &str, report: &mut Report) -> Sound<DVec3> {
+fn vector(node: &Value, key: &str, default: f64, at: &str, report: &mut Report) -> Valid<DVec3> {
     Ok(numbers_of(node, key, at, report)?.map_or(DVec3::splat(default), DVec3::from_array))
 }
 
-fn rotation(node: &Value, at: &str, report: &mut Report) -> Sound<DQuat> {
+fn rotation(node: &Value, at: &str, report: &mut Report) -> Valid<DQuat> {
     let Some(rotation) = numbers_of(node, "rotation", at, report)? else { return Ok(DQuat::IDENTITY) };
     let rotation = DQuat::from_array(rotation);
     let length = rotation.length();
@@ -299,17 +304,17 @@ fn rotation(node: &Value, at: &str, report: &mut Report) -> Sound<DQuat> {
     Ok(rotation.normalize())
 }
 
-/// The parents of all nodes, for placing nodes that the walk over the shown scene doesn't reach: joints of skins, and
+/// The parents of all nodes, for world transforms of nodes outside the traversed scene: joints of skins, and
 /// the ancestors of a node that is shown alone.
-pub(super) struct Family<'d, 'a> {
+pub(super) struct NodeParents<'d, 'a> {
     doc: &'d Document<'a>,
     pose: &'d Pose,
     parents: Vec<Option<usize>>,
 }
 
-impl<'d, 'a> Family<'d, 'a> {
-    /// Reads who is whose child. Broken lists of children are left to the walk, which names them.
-    pub fn new(doc: &'d Document<'a>, pose: &'d Pose) -> Family<'d, 'a> {
+impl<'d, 'a> NodeParents<'d, 'a> {
+    /// Reads the lists of children. Invalid ones are reported by the traversal.
+    pub fn new(doc: &'d Document<'a>, pose: &'d Pose) -> NodeParents<'d, 'a> {
         let count = doc.count("nodes");
         let mut parents = vec![None; count];
         let nodes = doc.json.get("nodes").and_then(Value::as_array);
@@ -321,7 +326,7 @@ impl<'d, 'a> Family<'d, 'a> {
                 }
             }
         }
-        Family { doc, pose, parents }
+        NodeParents { doc, pose, parents }
     }
 
     /// The parent of a node.
@@ -329,8 +334,8 @@ impl<'d, 'a> Family<'d, 'a> {
         self.parents.get(index).copied().flatten()
     }
 
-    /// The placement of a node in the world.
-    pub fn world_from_node(&self, index: usize, report: &mut Report) -> Sound<DAffine3> {
+    /// The world transform of a node.
+    pub fn world_from_node(&self, index: usize, report: &mut Report) -> Valid<DAffine3> {
         let mut world = DAffine3::IDENTITY;
         let mut next = Some(index);
         let mut left = self.parents.len();
@@ -353,25 +358,25 @@ impl<'d, 'a> Family<'d, 'a> {
     }
 }
 
-// EXT_mesh_gpu_instancing: one node shows its mesh many times.
+// EXT_mesh_gpu_instancing: many instances of a node's mesh.
 
-/// Bytes that one more instance takes in the scene, roughly, with its name.
+/// Approximate size of an instance in the scene, bytes, with its name.
 const BYTES_PER_INSTANCE: u64 = 256;
 
-/// Where the instances of a node stand in its space; `None` if it has no instancing.
+/// Transforms of the instances of a node in its space; `None` without the extension.
 pub(super) fn placements(
     doc: &Document,
     node: &Value,
     at: &str,
     report: &mut Report,
-) -> Sound<Option<Vec<DAffine3>>> {
+) -> Valid<Option<Vec<DAffine3>>> {
     let Some(extension) = node.pointer("/extensions/EXT_mesh_gpu_instancing") else { return Ok(None) };
     let at = format!("{at}/extensions/EXT_mesh_gpu_instancing/attributes");
     let Some(attributes) = extension.get("attributes").filter(|a| a.is_object()) else {
         return Err(report.problem(at, "is missing, or no object"));
     };
     let mut count = None;
-    let mut open = |name: &str, kind: Type, report: &mut Report| -> Sound<Option<Accessor<'_>>> {
+    let mut open = |name: &str, kind: Type, report: &mut Report| -> Valid<Option<Accessor<'_>>> {
         let Some(index) = index_of(attributes, name, &at, report)? else { return Ok(None) };
         let accessor = Accessor::open(doc, index, &format!("{at}/{name}"), report)?;
         let small = accessor.normalized && accessor.component != ComponentType::U32;
@@ -391,7 +396,7 @@ pub(super) fn placements(
     let rotations = open("ROTATION", Type::Vec4, report);
     let scales = open("SCALE", Type::Vec3, report);
     let (translations, rotations, scales) = (translations?, rotations?, scales?);
-    // Instances without a transform (only custom attributes) all stand where the node does: one is enough to see.
+    // Instances without a transform (only custom attributes) coincide: one is enough.
     let count = count.unwrap_or(1);
     if !doc.may_decode(BYTES_PER_INSTANCE.saturating_mul(count as u64)) {
         return Err(

@@ -1,17 +1,17 @@
 //! KHR_animation_pointer: channels that drive what JSON pointers lead to. Transforms of nodes and weights of morph targets are
-//! part of the pose; everything else is written into the document before the moment is read, and put back after it.
+//! part of the pose; all other values are written into the document before a time sample is read, and restored after it.
 
 use super::animation::of_pose;
 use super::animation::{Element, Samplers};
 use super::document::Document;
-use super::place::Kept;
-use super::report::{Report, Sound};
+use super::report::{Report, Valid};
+use super::scene_builder::SharedAssets;
 use serde_json::{Map, Value};
 use std::f64::consts::PI;
 
 const NAME: &str = "KHR_animation_pointer";
 
-/// What pointers may lead to and how many numbers it is; `*` is any index.
+/// Supported JSON pointers and their number of components; `*` is any index.
 const PROPERTIES: &[(&str, usize)] = &[
     ("/cameras/*/orthographic/xmag", 1),
     ("/cameras/*/orthographic/ymag", 1),
@@ -86,7 +86,7 @@ const WITHOUT_EFFECT: &[&str] = &[
     "/cameras/*/perspective/znear",
 ];
 
-/// Objects that stand for their defaults where the file leaves them out.
+/// Objects that may be missing in the file: defaults are inserted.
 const IMPLIED: &[&str] = &[
     "KHR_materials_emissive_strength",
     "KHR_node_visibility",
@@ -105,18 +105,24 @@ const FIELD_OF_VIEW: &str = "/cameras/*/perspective/yfov";
 /// What is written at a pointer.
 type Change = (String, Value);
 
-/// What animations wrote into a document for a moment.
+/// Values that animations wrote into a document for a time sample.
 #[derive(Default)]
-pub(super) struct Played {
-    /// The entries of lists that were changed, as they stand in the file.
+pub(super) struct PointerAnimation {
+    /// The original entries of lists that were changed.
     originals: Vec<Change>,
-    /// The changes with which the materials that are kept were read.
+    /// The changes under which the cached materials were read.
     of_materials: Vec<Change>,
 }
 
-impl Played {
-    /// Writes what holds at a moment, seconds; `None` is the file's rest state.
-    pub fn play(&mut self, doc: &mut Document, time_s: Option<f64>, kept: &mut Kept, report: &mut Report) {
+impl PointerAnimation {
+    /// Writes the values at a time, seconds; `None` is the file's rest pose.
+    pub fn play(
+        &mut self,
+        doc: &mut Document,
+        time_s: Option<f64>,
+        shared: &mut SharedAssets,
+        report: &mut Report,
+    ) {
         for (entry, value) in self.originals.drain(..) {
             if let Some(place) = doc.json.pointer_mut(&entry) {
                 *place = value;
@@ -136,13 +142,13 @@ impl Played {
         let of_materials: Vec<Change> =
             changes.into_iter().filter(|(pointer, _)| pointer.starts_with("/materials/")).collect();
         if of_materials != self.of_materials {
-            kept.forget_materials();
+            shared.forget_materials();
             self.of_materials = of_materials;
         }
     }
 }
 
-/// All that pointers lead to at a moment but the pose of nodes. Where two channels drive the same, the first counts.
+/// The values of all pointers at a time, except for poses of nodes. Of two channels with one target, the first counts.
 fn changes(doc: &Document, time_s: f64, report: &mut Report) -> Vec<Change> {
     let mut samplers = Samplers::new(doc, time_s);
     let mut changes: Vec<Change> = Vec::new();
@@ -193,7 +199,7 @@ fn target<'v>(
     channel: &'v Value,
     at: &str,
     report: &mut Report,
-) -> Sound<Option<(&'v str, Element)>> {
+) -> Valid<Option<(&'v str, Element)>> {
     let place = format!("{at}/target/extensions/{NAME}/pointer");
     let pointer = channel.pointer(&format!("/target/extensions/{NAME}/pointer"));
     let Some(pointer) = pointer.and_then(Value::as_str) else {
@@ -242,7 +248,7 @@ fn fits(pattern: &str, pointer: &str) -> bool {
         && pattern.split('/').zip(pointer.split('/')).all(is_alike)
 }
 
-/// Is there the object whose property a pointer names, or one that stands for its default?
+/// Does the object of a pointer's property exist, or is there a default for it?
 fn leads_somewhere(json: &Value, pointer: &str) -> bool {
     let mut steps: Vec<&str> = pointer.split('/').skip(1).collect();
     steps.pop();

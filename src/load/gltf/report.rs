@@ -1,4 +1,4 @@
-//! What is said about a glTF file while it is read.
+//! Problems, warnings and notes about a glTF file.
 
 use crate::error::{Problem, Warning};
 use std::collections::{HashMap, HashSet};
@@ -10,25 +10,25 @@ const ALIKE: usize = 8;
 
 /// How much something matters.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
-enum Kind {
+enum Severity {
     /// Something was ignored, approximated or repaired.
     Warning,
-    /// Something was understood in one of several ways that are all right.
+    /// A choice among several valid interpretations.
     Note,
 }
 
 /// The proof that a problem or a warning was noted, which only a [`Report`] gives. What reads a part of a file and can't
 /// returns one, so that nothing is left out in silence.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::load::gltf) struct Noted(());
+pub(in crate::load::gltf) struct Reported(());
 
 /// A part of a file, or the proof that what is wrong with it was noted.
-pub(in crate::load::gltf) type Sound<T> = Result<T, Noted>;
+pub(in crate::load::gltf) type Valid<T> = Result<T, Reported>;
 
 /// One warning or note.
 struct Entry {
-    kind: Kind,
-    /// It is about something that is read once and kept for all moments.
+    kind: Severity,
+    /// It concerns something that is read once for all time samples.
     is_lasting: bool,
     said: Warning,
 }
@@ -40,7 +40,7 @@ pub(in crate::load::gltf) struct Report {
     unlisted: usize,
     entries: Vec<Entry>,
     seen: HashSet<(String, String)>,
-    /// What is said now is about something that is kept.
+    /// Entries being added concern something that is read once for all time samples.
     is_lasting: bool,
 }
 
@@ -57,13 +57,13 @@ impl Report {
         }
     }
 
-    /// Starts with another moment of the file: of what was said, only that about things that are kept holds on.
-    pub fn begin_moment(&mut self) {
+    /// Begins another time sample: drops all entries but those of things that are read once.
+    pub fn begin_time(&mut self) {
         self.entries.retain(|e| e.is_lasting);
         self.seen = self.entries.iter().map(|e| (e.said.place.clone(), e.said.message.clone())).collect();
     }
 
-    /// Does something whose result is kept: what is said about it holds at all later moments.
+    /// Runs `of` for something that is read once: its entries stay for all later time samples.
     pub fn lasting<T>(&mut self, work: impl FnOnce(&mut Report) -> T) -> T {
         let before = std::mem::replace(&mut self.is_lasting, true);
         let result = work(self);
@@ -72,33 +72,33 @@ impl Report {
     }
 
     /// Notes a problem.
-    pub fn problem(&mut self, pointer: impl Into<String>, message: impl Into<String>) -> Noted {
+    pub fn problem(&mut self, pointer: impl Into<String>, message: impl Into<String>) -> Reported {
         self.add(Problem::new(pointer, message))
     }
 
     /// Notes a problem with its remedy.
-    pub fn add(&mut self, problem: Problem) -> Noted {
+    pub fn add(&mut self, problem: Problem) -> Reported {
         let is_new = self.seen.insert((problem.place.clone(), problem.message.clone()));
         if is_new && self.problems.len() < LISTED {
             self.problems.push(problem);
         } else if is_new {
             self.unlisted += 1;
         }
-        Noted(())
+        Reported(())
     }
 
     /// Notes a warning.
-    pub fn warn(&mut self, pointer: impl Into<String>, message: impl Into<String>) -> Noted {
-        self.say(Kind::Warning, pointer.into(), message.into());
-        Noted(())
+    pub fn warn(&mut self, pointer: impl Into<String>, message: impl Into<String>) -> Reported {
+        self.say(Severity::Warning, pointer.into(), message.into());
+        Reported(())
     }
 
-    /// Notes how something was understood that has more than one sound meaning.
+    /// Adds a note about the choice among several valid interpretations.
     pub fn note(&mut self, pointer: impl Into<String>, message: impl Into<String>) {
-        self.say(Kind::Note, pointer.into(), message.into());
+        self.say(Severity::Note, pointer.into(), message.into());
     }
 
-    fn say(&mut self, kind: Kind, pointer: String, message: String) {
+    fn say(&mut self, kind: Severity, pointer: String, message: String) {
         if self.seen.insert((pointer.clone(), message.clone())) {
             let said = Warning::new(&self.file, pointer, message);
             self.entries.push(Entry { kind, is_lasting: self.is_lasting, said });
@@ -107,15 +107,15 @@ impl Report {
 
     /// Adds warnings from elsewhere.
     pub fn extend(&mut self, warnings: &[Warning]) {
-        self.append(Kind::Warning, warnings);
+        self.append(Severity::Warning, warnings);
     }
 
-    /// Adds notes that name their place themselves.
+    /// Adds notes with locations of their own.
     pub fn extend_notes(&mut self, notes: &[Warning]) {
-        self.append(Kind::Note, notes);
+        self.append(Severity::Note, notes);
     }
 
-    fn append(&mut self, kind: Kind, list: &[Warning]) {
+    fn append(&mut self, kind: Severity, list: &[Warning]) {
         let is_lasting = self.is_lasting;
         self.entries.extend(list.iter().map(|said| Entry { kind, is_lasting, said: said.clone() }));
     }
@@ -131,15 +131,15 @@ impl Report {
 
     /// All warnings, with a line for each kind of which there are many.
     pub fn warnings(&self) -> Vec<Warning> {
-        self.list(Kind::Warning)
+        self.list(Severity::Warning)
     }
 
     /// All notes, likewise.
     pub fn notes(&self) -> Vec<Warning> {
-        self.list(Kind::Note)
+        self.list(Severity::Note)
     }
 
-    fn list(&self, kind: Kind) -> Vec<Warning> {
+    fn list(&self, kind: Severity) -> Vec<Warning> {
         let (mut list, mut alike) = (Vec::new(), HashMap::<&str, usize>::new());
         for entry in self.entries.iter().filter(|e| e.kind == kind) {
             let count = alike.entry(&entry.said.message).or_default();

@@ -1,49 +1,49 @@
-//! What animations do while the shutter is open: the scene is read at some moments of that time as at any other, and what stands
-//! elsewhere or has another shape then moves.
+//! Motion while the shutter is open: the scene is read at several times of that interval, and objects whose transform
+//! or shape differs become animated.
 
 use super::animation;
 use super::document::Document;
 use super::lights::world_from_quad;
 use super::nodes;
-use super::nodes::Family;
-use super::place::Builder;
-use super::place::Kept;
+use super::nodes::NodeParents;
 use super::report::Report;
+use super::scene_builder::SceneBuilder;
+use super::scene_builder::SharedAssets;
 use super::vertices;
 use crate::load::LoadOptions;
 use crate::math::{DAffine3, DMat3, DVec3};
 use crate::scene::{Camera, Instance, Light, LightKind, Mesh, Motion, Moving, Scene, Vertices};
 use std::collections::{BTreeSet, HashMap};
 
-/// What is known of one moment.
-struct Moment {
-    /// Placements with their meshes, by name and how many had it before.
+/// The scene at one time.
+struct ShutterSample {
+    /// Transforms and meshes of instances, by name and number of earlier instances of that name.
     instances: HashMap<(String, usize), (DAffine3, usize)>,
     /// Meshes that are deformed, by index.
     meshes: HashMap<usize, Vertices>,
     cameras: Vec<Camera>,
     lights: Vec<Light>,
-    /// Rectangles that shine: their names, and where each is.
+    /// Emissive rectangles: names and transforms.
     quads: Vec<(String, DAffine3)>,
-    /// Where nodes stand that hold nothing, by their index.
+    /// World transforms of empty nodes, by index.
     empties: HashMap<usize, DAffine3>,
 }
 
 /// The moments of the shutter, then, if motion vectors are wanted, those a frame before and after.
-pub(super) struct Moments {
-    keys: Vec<Moment>,
-    neighbours: Option<[Moment; 2]>,
+pub(super) struct ShutterSamples {
+    keys: Vec<ShutterSample>,
+    neighbours: Option<[ShutterSample; 2]>,
 }
 
-impl Moments {
-    /// Reads what is to be known of a file around a moment, seconds; `None` if that is nothing.
+impl ShutterSamples {
+    /// Samples a file around a time, seconds; `None` if the shutter needs no samples.
     pub fn read(
         doc: &Document,
         time_s: Option<f64>,
         LoadOptions { shutter, lit_nodes: lit, .. }: &LoadOptions,
-        kept: &mut Kept,
+        shared: &mut SharedAssets,
         report: &mut Report,
-    ) -> Option<Moments> {
+    ) -> Option<ShutterSamples> {
         if !shutter.wants_motion() || doc.count("animations") == 0 {
             return None;
         }
@@ -55,16 +55,16 @@ impl Moments {
         let at = |frames: f64| time_s + frames / shutter.fps;
         let (keys, is_enough) = shutter.keys_for(&mut |frames| places(doc, at(frames), report, lit));
         let mut moment = |frames: f64| {
-            report.begin_moment();
-            doc.begin_moment();
-            moment(doc, at(frames), kept, report)
+            report.begin_time();
+            doc.begin_time();
+            moment(doc, at(frames), shared, report)
         };
-        let moments = Moments {
+        let moments = ShutterSamples {
             keys: shutter.key_frames(keys).map(&mut moment).collect(),
             neighbours: shutter.vectors.then(|| [moment(-1.0), moment(1.0)]),
         };
-        report.begin_moment();
-        doc.begin_moment();
+        report.begin_time();
+        doc.begin_time();
         if !is_enough {
             let message = format!(
                 "something turns too far or changes too unevenly while the shutter is open for {keys} keys"
@@ -74,8 +74,8 @@ impl Moments {
         Some(moments)
     }
 
-    /// Something at all moments; `None` where it isn't there at one of them.
-    fn all<T>(&self, of: impl Fn(&Moment) -> Option<T>) -> Option<Moving<T>> {
+    /// A value at all times; `None` where one is missing.
+    fn all<T>(&self, of: impl Fn(&ShutterSample) -> Option<T>) -> Option<Moving<T>> {
         let neighbours = match &self.neighbours {
             Some([before, after]) => Some([of(before)?, of(after)?]),
             None => None,
@@ -83,7 +83,7 @@ impl Moments {
         Some(Moving { keys: self.keys.iter().map(of).collect::<Option<_>>()?, neighbours })
     }
 
-    /// Says in a scene, that of the picture's moment, what moves.
+    /// Adds the motion to the scene at the picture's time.
     pub fn tell(&self, scene: &mut Scene, report: &mut Report) {
         let (mut absent, mut unlike) = (0, 0);
         let names = numbered(&scene.instances);
@@ -125,21 +125,21 @@ impl Moments {
         self.tell_quads(scene);
     }
 
-    /// Is a placed mesh deformed at a moment?
+    /// Is an instance's mesh deformed at some time?
     fn is_deformed(&self, met: &Moving<(DAffine3, usize)>) -> bool {
         let mut keys = self.keys.iter().zip(&met.keys);
         keys.any(|(moment, met)| moment.meshes.contains_key(&met.1))
     }
 
-    /// How a node that holds nothing moves; `None` if it stands still.
+    /// The motion of an empty node; `None` if it is static.
     pub fn empty(&self, node: usize, now: &DAffine3) -> Option<Moving<DAffine3>> {
         self.all(|m| m.empties.get(&node).copied()).filter(|moving| differs(moving, now))
     }
 
-    /// The shapes of a placed mesh, if it is deformed.
+    /// The vertices of an instance's mesh at all times, if it is deformed.
     fn vertices(&self, met: &Moving<(DAffine3, usize)>, mesh: &Mesh) -> Option<Moving<Vertices>> {
         let counts = (mesh.positions.len(), mesh.normals.len());
-        let of = |moment: &Moment, mesh: usize| {
+        let of = |moment: &ShutterSample, mesh: usize| {
             moment.meshes.get(&mesh).filter(|v| (v.positions.len(), v.normals.len()) == counts).cloned()
         };
         let keys = self.keys.iter().zip(&met.keys).map(|(moment, met)| of(moment, met.1));
@@ -152,15 +152,16 @@ impl Moments {
 
     fn tell_cameras(&self, scene: &mut Scene) {
         for (i, camera) in scene.cameras.iter_mut().enumerate() {
-            let place =
-                |m: &Moment| m.cameras.get(i).filter(|c| c.name == camera.name).map(|c| c.world_from_camera);
+            let place = |m: &ShutterSample| {
+                m.cameras.get(i).filter(|c| c.name == camera.name).map(|c| c.world_from_camera)
+            };
             camera.motion = self.all(place).filter(|moving| differs(moving, &camera.world_from_camera));
         }
     }
 
     fn tell_lights(&self, scene: &mut Scene) {
         for (i, light) in scene.lights.iter_mut().enumerate() {
-            let kind = |m: &Moment| m.lights.get(i).filter(|l| l.name == light.name).map(|l| l.kind);
+            let kind = |m: &ShutterSample| m.lights.get(i).filter(|l| l.name == light.name).map(|l| l.kind);
             let differs = |moving: &Moving<LightKind>| differs(moving, &light.kind);
             light.motion = self.all(kind).filter(differs);
         }
@@ -169,8 +170,9 @@ impl Moments {
     fn tell_quads(&self, scene: &mut Scene) {
         for (i, quad) in scene.quads.iter().enumerate() {
             let now = world_from_quad(quad);
-            let place =
-                |m: &Moment| m.quads.get(i).filter(|(name, _)| *name == quad.name).map(|(_, place)| *place);
+            let place = |m: &ShutterSample| {
+                m.quads.get(i).filter(|(name, _)| *name == quad.name).map(|(_, place)| *place)
+            };
             if let Some(moving) = self.all(place).filter(|moving| differs(moving, &now)) {
                 scene.motion.quads.insert(i, moving.map(|then| *then * now.inverse()));
             }
@@ -178,17 +180,17 @@ impl Moments {
     }
 }
 
-/// Is anything of a list another than at the picture's moment?
+/// Does any key differ from the value at the picture's time?
 fn differs<T: PartialEq>(moving: &Moving<T>, now: &T) -> bool {
     moving.all().any(|then| then != now)
 }
 
-/// Is a mesh at any time another than at the picture's moment?
+/// Do the vertices at any time differ from those at the picture's time?
 fn is_other(moving: &Moving<Vertices>, now: &Mesh) -> bool {
     moving.all().any(|then| then.positions != now.positions || then.normals != now.normals)
 }
 
-/// Names of instances, with numbers that tell those of one name apart.
+/// Names of instances, with a number that makes them unique.
 fn numbered(instances: &[Instance]) -> Vec<(String, usize)> {
     let mut counts: HashMap<&str, usize> = HashMap::new();
     let mut names = Vec::with_capacity(instances.len());
@@ -200,18 +202,18 @@ fn numbered(instances: &[Instance]) -> Vec<(String, usize)> {
     names
 }
 
-/// Where everything stands at a moment that may move: also empty nodes of some names, at which there are lights.
+/// The transforms of everything that may move at a time, including empty nodes at which the sidecar has lights.
 fn places(doc: &Document, time_s: f64, report: &mut Report, lit: &BTreeSet<String>) -> Vec<DAffine3> {
     let pose = animation::pose(doc, time_s, report);
-    let family = Family::new(doc, &pose);
-    let hierarchy = nodes::walk(doc, &pose, &family, report);
+    let node_parents = NodeParents::new(doc, &pose);
+    let hierarchy = nodes::walk(doc, &pose, &node_parents, report);
     let mut places = Vec::new();
     for node in &hierarchy.nodes {
         if node.shows(doc) && node.moves {
             places.push(node.world_from_node);
         }
         if let Some(skin) = node.skin {
-            places.extend(vertices::joint_transforms(doc, skin, &family, report));
+            places.extend(vertices::joint_transforms(doc, skin, &node_parents, report));
         }
         let Some(mesh) = node.mesh else { continue };
         let weights = [pose.node_weights(node.index), pose.mesh_weights(mesh)];
@@ -223,27 +225,27 @@ fn places(doc: &Document, time_s: f64, report: &mut Report, lit: &BTreeSet<Strin
     places
 }
 
-/// A weight of a morph target as a shear, whose tolerance is a share of a weight of 1 where the weight is smaller.
+/// A morph target's weight as a shear, so that the tolerance of transforms applies to weights, relative to 1.
 fn as_place(weight: f32) -> DAffine3 {
     DAffine3::from_mat3(DMat3::from_cols(DVec3::new(1.0, f64::from(weight), 0.0), DVec3::Y, DVec3::Z))
 }
 
-/// The scene at a moment.
-fn moment(doc: &Document, time_s: f64, kept: &mut Kept, report: &mut Report) -> Moment {
+/// The scene at a time.
+fn moment(doc: &Document, time_s: f64, shared: &mut SharedAssets, report: &mut Report) -> ShutterSample {
     let pose = animation::pose(doc, time_s, report);
-    let family = Family::new(doc, &pose);
-    let hierarchy = nodes::walk(doc, &pose, &family, report);
-    let mut builder = Builder::new(doc, &pose, &family, kept).one_of_many(true);
+    let node_parents = NodeParents::new(doc, &pose);
+    let hierarchy = nodes::walk(doc, &pose, &node_parents, report);
+    let mut builder = SceneBuilder::new(doc, &pose, &node_parents, shared).for_shutter(true);
     builder.add(&hierarchy, report);
     let (mut scene, still) = builder.finish(report);
-    kept.take_back(&mut scene, still);
+    shared.take_back(&mut scene, still);
     let places = scene.instances.iter().map(|i| (i.world_from_object, i.mesh.index()));
     let instances = numbered(&scene.instances).into_iter().zip(places).collect();
-    // What is left of others was taken back.
+    // Static meshes were moved back to the cache.
     let deformed = scene.meshes.into_iter().enumerate().filter(|(_, mesh)| !mesh.positions.is_empty());
     let vertices = deformed.map(|(i, m)| (i, Vertices { positions: m.positions, normals: m.normals }));
     let empties = hierarchy.empties(doc).into_iter().map(|(index, _, place)| (index, place));
-    Moment {
+    ShutterSample {
         instances,
         meshes: vertices.collect(),
         cameras: scene.cameras,

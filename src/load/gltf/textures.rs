@@ -1,8 +1,8 @@
 //! Textures of materials: samplers, KHR_texture_transform, and the list of images that they need.
 
-use super::buffers::Fetched;
+use super::buffers::FetchedFile;
 use super::document::{Document, is_read, name_of, pointer};
-use super::report::{Report, Sound};
+use super::report::{Report, Valid};
 use crate::error::{Error, Problem, Warning};
 use crate::image::{Damage, Encoding, Image, Pixels};
 use crate::load::image::{ImageFile, OnDamage, Use, decode, for_texture, metadata_warnings};
@@ -24,7 +24,7 @@ pub(super) struct Reference {
     pub texture: usize,
     /// Set of texture coordinates of the file.
     pub uv_set: u32,
-    /// Where the mesh keeps that set for this material ([`UvSlots`](super::materials::UvSlots)).
+    /// The mesh's slot of that set for this material ([`UvSlots`](super::materials::UvSlots)).
     pub slot: u32,
     /// Applied to the coordinates.
     pub transform: Option<TransformJson>,
@@ -34,7 +34,7 @@ pub(super) struct Reference {
     pub gloss: Option<Gloss>,
 }
 
-/// Asks for an image of the roughness 1 - factor * alpha in place of the image itself.
+/// Requests an image of the roughness 1 - factor * alpha instead of the image itself.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) struct Gloss(u32);
 
@@ -84,12 +84,12 @@ pub(super) struct Textures {
     numbers: HashMap<ImageNeed, usize>,
     /// What is said of images whose bytes are none, by index in the file.
     pub unreadable: BTreeMap<usize, String>,
-    known: HashMap<Key, Sound<TextureId>>,
+    known: HashMap<TextureKey, Valid<TextureId>>,
 }
 
 /// What makes two references the same texture.
 #[derive(PartialEq, Eq, Hash)]
-struct Key {
+struct TextureKey {
     texture: usize,
     slot: u32,
     transform: [u32; 5],
@@ -111,10 +111,10 @@ impl Textures {
         reference: &Reference,
         encoding: Encoding,
         report: &mut Report,
-    ) -> Sound<TextureId> {
+    ) -> Valid<TextureId> {
         let transform = transform(reference);
         let [o, s] = [transform.offset.to_array(), transform.scale.to_array()];
-        let key = Key {
+        let key = TextureKey {
             texture: reference.texture,
             slot: reference.slot,
             transform: [o[0], o[1], s[0], s[1], transform.rotation_rad].map(f32::to_bits),
@@ -136,7 +136,7 @@ impl Textures {
         transform: TextureTransform,
         encoding: Encoding,
         report: &mut Report,
-    ) -> Sound<TextureId> {
+    ) -> Valid<TextureId> {
         let at = pointer("textures", reference.texture);
         let from = format!("{}/index", reference.at);
         let json: gltf::json::Texture = doc.entry("textures", reference.texture, &from, report)?;
@@ -216,7 +216,7 @@ fn wrap(mode: Checked<WrappingMode>) -> Wrap {
     }
 }
 
-/// The filter for magnification decides; where it is not given, that for minification, which also tells whether ever
+/// The magnification filter decides; without one, the minification filter, which also tells whether ever
 /// coarser copies of the image are wanted.
 fn filter(sampler: &Sampler) -> Interpolation {
     match (sampler.mag_filter, sampler.min_filter) {
@@ -246,7 +246,7 @@ struct Source<'d> {
     /// Its first need; another may differ in the encoding alone.
     need: ImageNeed,
     name: String,
-    fetched: Fetched<'d>,
+    fetched: FetchedFile<'d>,
     /// For damage that is found later.
     on_damage: OnDamage,
 }
@@ -361,14 +361,14 @@ fn roughness(image: &Image, factor: f32) -> Image {
     }
 }
 
-fn fetch<'d>(doc: &'d Document, need: ImageNeed, report: &mut Report) -> Sound<Source<'d>> {
+fn fetch<'d>(doc: &'d Document, need: ImageNeed, report: &mut Report) -> Valid<Source<'d>> {
     let at = pointer("images", need.index);
     let json: gltf::json::Image = doc.entry("images", need.index, &at, report)?;
     let name = name_of(doc.raw("images", need.index, &at, report)?, "image", need.index);
     let mut fetched = match (json.uri, json.buffer_view) {
         (Some(uri), _) => doc.fetch(&uri, &format!("{at}/uri"), report)?,
         (None, Some(view)) => match doc.view(view.value(), &format!("{at}/bufferView"), report) {
-            Ok(view) => Fetched { bytes: view.bytes.into(), mime: None, file: None },
+            Ok(view) => FetchedFile { bytes: view.bytes.into(), mime: None, file: None },
             Err(_) => {
                 return Err(report.problem(at, "has no bytes that can be read"));
             }
@@ -391,7 +391,7 @@ struct Decoded {
 }
 
 fn decode_source(asset: &Path, source: &Source, is_lazy: bool) -> Decoded {
-    let Fetched { bytes, mime, file } = &source.fetched;
+    let FetchedFile { bytes, mime, file } = &source.fetched;
     let purpose = if source.need.encoding == Encoding::Srgb { Use::Color } else { Use::Data };
     let at = pointer("images", source.need.index);
     let mut warnings = Vec::new();
@@ -422,7 +422,7 @@ fn problem(error: Error, name: &str, at: &str) -> Problem {
     Problem { help, ..Problem::new(at, format!("'{name}' {}", messages.join("; "))) }
 }
 
-/// Later on, damaged images are told of as they are now.
+/// Deferred decoding reports damaged images as this does.
 fn on_damage(doc: &Document, name: String, at: String) -> OnDamage {
     let file = doc.path.to_path_buf();
     let in_names = doc.in_names(&at);

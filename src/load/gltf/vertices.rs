@@ -2,9 +2,9 @@
 
 use super::buffers::Accessor;
 use super::document::{Document, index_of, list_of_indices, pointer};
-use super::materials::Needs;
-use super::nodes::{Family, affine};
-use super::report::{Noted, Report, Sound};
+use super::materials::MaterialNeeds;
+use super::nodes::{NodeParents, affine};
+use super::report::{Report, Reported, Valid};
 use crate::math::{DAffine3, DMat3, DVec3, Vec3};
 use crate::scene::Mesh;
 use crate::simd::prefer_huge_pages;
@@ -25,7 +25,7 @@ pub(super) struct Attributes {
     /// For each slot of texture coordinates, the set of the file in it and its accessor.
     pub uv_slots: [Option<(u32, usize)>; 2],
     /// Morph targets that show.
-    targets: Vec<Target>,
+    targets: Vec<MorphTargetData>,
     /// Accessors of joints and of weights; empty without a skin.
     influences: Vec<(usize, usize)>,
 }
@@ -46,11 +46,11 @@ const MOST_INFLUENCE_SETS: u32 = 4;
 /// The first slot of texture coordinates is always filled: a scene file may replace the material.
 pub(super) fn attributes(
     primitive: &Primitive,
-    needs: Needs,
+    needs: MaterialNeeds,
     deformation: &Deformation,
     at: &str,
     report: &mut Report,
-) -> Sound<Attributes> {
+) -> Valid<Attributes> {
     let accessor =
         |semantic: Semantic| primitive.attributes.get(&Checked::Valid(semantic)).map(|index| index.value());
     let Some(positions) = accessor(Semantic::Positions) else {
@@ -90,16 +90,18 @@ pub(super) fn add_vertices(
     at: &str,
     mesh: &mut Mesh,
     report: &mut Report,
-) -> Sound<(u32, usize)> {
+) -> Valid<(u32, usize)> {
     let base = mesh.positions.len();
-    let mut opener = Opener::new(doc, at, "/attributes", None, report);
-    let positions = opener.open(Some(attributes.positions), "POSITION", &[Type::Vec3], Kind::Signed);
-    let normals = opener.open(attributes.normals, "NORMAL", &[Type::Vec3], Kind::Signed);
-    let tangents = opener.open(attributes.tangents, "TANGENT", &[Type::Vec4], Kind::Signed);
-    let colors = opener.open(attributes.colors, "COLOR_0", &[Type::Vec3, Type::Vec4], Kind::Unsigned);
+    let mut opener = AttributeReader::new(doc, at, "/attributes", None, report);
+    let positions =
+        opener.open(Some(attributes.positions), "POSITION", &[Type::Vec3], AttributeFormat::Signed);
+    let normals = opener.open(attributes.normals, "NORMAL", &[Type::Vec3], AttributeFormat::Signed);
+    let tangents = opener.open(attributes.tangents, "TANGENT", &[Type::Vec4], AttributeFormat::Signed);
+    let colors =
+        opener.open(attributes.colors, "COLOR_0", &[Type::Vec3, Type::Vec4], AttributeFormat::Unsigned);
     let uv_slots = attributes.uv_slots.map(|slot| {
         let (set, index) = slot?;
-        opener.open(Some(index), &format!("TEXCOORD_{set}"), &[Type::Vec2], Kind::Coordinate)
+        opener.open(Some(index), &format!("TEXCOORD_{set}"), &[Type::Vec2], AttributeFormat::Coordinate)
     });
     let count = opener.finish(base, 12 + 12 + 16 + 16 + 8 * uv_slots.len() as u64)?;
     // Small integers can't hold unit vectors to more than their precision, which is no fault of the file.
@@ -155,15 +157,17 @@ fn add_skin(
     mesh: &mut Mesh,
     base: usize,
     report: &mut Report,
-) -> Sound<()> {
+) -> Valid<()> {
     let count = mesh.positions.len() - base;
     let mut influences = Vec::new();
     for (set, &(joints, weights)) in attributes.influences.iter().enumerate() {
-        let mut opener = Opener::new(doc, at, "/attributes", Some(count), report);
-        let joints = opener.open(Some(joints), &format!("JOINTS_{set}"), &[Type::Vec4], Kind::Joints);
-        let weights = opener.open(Some(weights), &format!("WEIGHTS_{set}"), &[Type::Vec4], Kind::Unsigned);
+        let mut opener = AttributeReader::new(doc, at, "/attributes", Some(count), report);
+        let joints =
+            opener.open(Some(joints), &format!("JOINTS_{set}"), &[Type::Vec4], AttributeFormat::Joints);
+        let weights =
+            opener.open(Some(weights), &format!("WEIGHTS_{set}"), &[Type::Vec4], AttributeFormat::Unsigned);
         opener.finish(0, 32)?;
-        let mut influence = Influence { joints: vec![[0.0; 4]; count], weights: vec![[0.0; 4]; count] };
+        let mut influence = JointWeights { joints: vec![[0.0; 4]; count], weights: vec![[0.0; 4]; count] };
         let (Some(joints), Some(weights)) = (joints, weights) else { continue };
         joints.read_floats(&mut influence.joints);
         weights.read_floats(&mut influence.weights);
@@ -216,7 +220,7 @@ fn tail<T: Copy>(list: &mut Vec<T>, base: usize, count: usize, default: T) -> &m
 
 /// Which component types an attribute may have.
 #[derive(Clone, Copy)]
-pub(super) enum Kind {
+pub(super) enum AttributeFormat {
     /// Floats; signed or unsigned small integers with KHR_mesh_quantization.
     Signed,
     /// Floats and normalised unsigned integers.
@@ -228,7 +232,7 @@ pub(super) enum Kind {
 }
 
 /// Opens the accessors of one primitive's attributes, all of them even if one has problems.
-pub(super) struct Opener<'d, 'a, 'r> {
+pub(super) struct AttributeReader<'d, 'a, 'r> {
     doc: &'d Document<'a>,
     at: &'r str,
     /// Between the primitive's pointer and the attribute's name.
@@ -238,37 +242,42 @@ pub(super) struct Opener<'d, 'a, 'r> {
     /// The number of vertices, known from the first attribute on.
     count: Option<usize>,
     /// Are all attributes so far sound?
-    sound: Sound<()>,
+    sound: Valid<()>,
 }
 
-impl<'d, 'a, 'r> Opener<'d, 'a, 'r> {
-    /// For attributes that stand at `at` + `inside` in the file, and that have `count` elements each, if that is known.
+impl<'d, 'a, 'r> AttributeReader<'d, 'a, 'r> {
+    /// For attributes at the JSON pointer `at` + `inside`, of `count` elements each, if that is known.
     pub fn new(
         doc: &'d Document<'a>,
         at: &'r str,
         inside: &'r str,
         count: Option<usize>,
         report: &'r mut Report,
-    ) -> Opener<'d, 'a, 'r> {
+    ) -> AttributeReader<'d, 'a, 'r> {
         let quantized = doc.extension_used("KHR_mesh_quantization");
-        Opener { doc, at, inside, report, quantized, count, sound: Ok(()) }
+        AttributeReader { doc, at, inside, report, quantized, count, sound: Ok(()) }
     }
 
-    /// The accessor of an attribute; `None` if there is no such attribute, or it has problems (which `finish` tells).
+    /// The accessor of an attribute; `None` if it is missing, or invalid (which `finish` reports).
     pub fn open(
         &mut self,
         index: Option<usize>,
         name: &str,
         types: &[Type],
-        kind: Kind,
+        kind: AttributeFormat,
     ) -> Option<Accessor<'d>> {
         let from = format!("{}{}/{name}", self.at, self.inside);
         let opened = Accessor::open(self.doc, index?, &from, self.report);
         let usable = opened.and_then(|accessor| self.check(accessor, types, kind));
-        usable.map_err(|noted: Noted| self.sound = Err(noted)).ok()
+        usable.map_err(|noted: Reported| self.sound = Err(noted)).ok()
     }
 
-    fn check(&mut self, accessor: Accessor<'d>, types: &[Type], kind: Kind) -> Sound<Accessor<'d>> {
+    fn check(
+        &mut self,
+        accessor: Accessor<'d>,
+        types: &[Type],
+        kind: AttributeFormat,
+    ) -> Valid<Accessor<'d>> {
         let expected = *self.count.get_or_insert(accessor.count);
         check_type(&accessor, types, kind, self.quantized, self.report)?;
         if accessor.count != expected {
@@ -279,7 +288,7 @@ impl<'d, 'a, 'r> Opener<'d, 'a, 'r> {
     }
 
     /// The number of vertices, if all is sound and the file justifies the memory they take after `base` others.
-    pub fn finish(self, base: usize, bytes_per_vertex: u64) -> Sound<usize> {
+    pub fn finish(self, base: usize, bytes_per_vertex: u64) -> Valid<usize> {
         self.sound?;
         let Some(count) = self.count else { return Err(self.report.problem(self.at, "has no attributes")) };
         let fits = base.checked_add(count).is_some_and(|n| u32::try_from(n).is_ok());
@@ -295,10 +304,10 @@ impl<'d, 'a, 'r> Opener<'d, 'a, 'r> {
 fn check_type(
     accessor: &Accessor,
     types: &[Type],
-    kind: Kind,
+    kind: AttributeFormat,
     quantized: bool,
     report: &mut Report,
-) -> Sound<()> {
+) -> Valid<()> {
     let small = matches!(
         accessor.component,
         ComponentType::I8 | ComponentType::U8 | ComponentType::I16 | ComponentType::U16
@@ -306,19 +315,19 @@ fn check_type(
     let unsigned =
         matches!(accessor.component, ComponentType::U8 | ComponentType::U16) && accessor.normalized;
     let component = match kind {
-        Kind::Signed => small && quantized,
-        Kind::Unsigned => unsigned,
-        Kind::Coordinate => unsigned || small && quantized,
+        AttributeFormat::Signed => small && quantized,
+        AttributeFormat::Unsigned => unsigned,
+        AttributeFormat::Coordinate => unsigned || small && quantized,
         // Normalised indices are wrong, but what they mean is clear only if they are not.
-        Kind::Joints => {
+        AttributeFormat::Joints => {
             matches!(accessor.component, ComponentType::U8 | ComponentType::U16) && !accessor.normalized
         }
     };
-    let is_float = accessor.component == ComponentType::F32 && !matches!(kind, Kind::Joints);
+    let is_float = accessor.component == ComponentType::F32 && !matches!(kind, AttributeFormat::Joints);
     let fits = types.contains(&accessor.kind) && (component || is_float);
     if !fits {
         let named: Vec<String> = types.iter().map(|t| format!("{t:?}").to_uppercase()).collect();
-        let component = if matches!(kind, Kind::Joints) { "U8 or U16" } else { "F32" };
+        let component = if matches!(kind, AttributeFormat::Joints) { "U8 or U16" } else { "F32" };
         let (held, named) = (accessor.contents(), named.join(" or "));
         let message = format!("holds {held}; this attribute needs {named} of {component}");
         return Err(report.problem(accessor.pointer.clone(), message));
@@ -330,8 +339,8 @@ fn check_type(
 
 /// A target with a weight other than 0: its accessors.
 #[derive(Clone, PartialEq, Eq, Hash)]
-pub(super) struct Target {
-    /// Its place in the primitive's list.
+pub(super) struct MorphTargetData {
+    /// Its index in the primitive's list.
     number: usize,
     weight: u32,
     positions: Option<usize>,
@@ -340,10 +349,10 @@ pub(super) struct Target {
 }
 
 /// The targets of a primitive that show.
-pub(super) fn shown(targets: Option<&Vec<MorphTarget>>, weights: &[f32]) -> Vec<Target> {
+pub(super) fn shown(targets: Option<&Vec<MorphTarget>>, weights: &[f32]) -> Vec<MorphTargetData> {
     let targets = targets.into_iter().flatten().zip(weights).enumerate();
     let shown = targets.filter(|(_, (_, weight))| **weight != 0.0);
-    let target = |(number, (json, weight)): (usize, (&MorphTarget, &f32))| Target {
+    let target = |(number, (json, weight)): (usize, (&MorphTarget, &f32))| MorphTargetData {
         number,
         weight: weight.to_bits(),
         positions: json.positions.map(|i| i.value()),
@@ -357,19 +366,19 @@ pub(super) fn shown(targets: Option<&Vec<MorphTarget>>, weights: &[f32]) -> Vec<
 /// other lengths than 1.
 pub(super) fn apply_morph_targets(
     doc: &Document,
-    target: &Target,
+    target: &MorphTargetData,
     at: &str,
     mesh: &mut Mesh,
     base: usize,
     report: &mut Report,
-) -> Sound<()> {
+) -> Valid<()> {
     let count = mesh.positions.len() - base;
     let at = format!("{at}/targets/{}", target.number);
-    let mut opener = Opener::new(doc, &at, "", Some(count), report);
+    let mut opener = AttributeReader::new(doc, &at, "", Some(count), report);
     let vector = &[Type::Vec3];
-    let positions = opener.open(target.positions, "POSITION", vector, Kind::Signed);
-    let normals = opener.open(target.normals, "NORMAL", vector, Kind::Signed);
-    let tangents = opener.open(target.tangents, "TANGENT", vector, Kind::Signed);
+    let positions = opener.open(target.positions, "POSITION", vector, AttributeFormat::Signed);
+    let normals = opener.open(target.normals, "NORMAL", vector, AttributeFormat::Signed);
+    let tangents = opener.open(target.tangents, "TANGENT", vector, AttributeFormat::Signed);
     opener.finish(0, 3 * 12)?;
     let weight = f32::from_bits(target.weight);
     let mut offsets = vec![[0.0; 3]; count];
@@ -396,25 +405,25 @@ fn add<const N: usize>(values: &mut [[f32; N]], offsets: &[[f32; 3]], weight: f3
     }
 }
 
-// Skins: joints that move the vertices of a mesh (glTF 2.0, section 3.7.3.3). A skinned mesh stands where its joints
-// are, whatever the transform of its node.
+// Skins (glTF 2.0, section 3.7.3.3): linear blend skinning by joints. A skinned mesh is placed by its joints
+// alone, whatever the transform of its node.
 
 /// Four joints and their weights for each vertex.
-pub(super) struct Influence {
+pub(super) struct JointWeights {
     /// Indices into the skin's joints.
     pub joints: Vec<[f32; 4]>,
     /// How far each moves the vertex.
     pub weights: Vec<[f32; 4]>,
 }
 
-/// A skin at a moment.
+/// The joint matrices of a skin at a time.
 pub(super) struct SkinPose {
     /// From the space in which the mesh was modelled to the pose, for each joint; relative to `origin`, so that f32
-    /// coordinates keep their precision wherever the skeleton stands.
+    /// coordinates keep their precision far from the origin.
     joints: Vec<DAffine3>,
-    /// Where vertices go that no joint moves: the node's own transform, relative to `origin`.
+    /// The transform of vertices without joint weights: the node's own, relative to `origin`.
     rest: DAffine3,
-    /// Where the first joint stands in the world.
+    /// World position of the first joint.
     pub origin: DVec3,
 }
 
@@ -425,15 +434,15 @@ impl SkinPose {
     }
 }
 
-/// The pose of a skin whose mesh hangs on a node that stands at `world_from_node`.
+/// The joint matrices of a skin whose mesh belongs to a node at `world_from_node`.
 pub(super) fn skin_pose(
     doc: &Document,
     index: usize,
     from: &str,
     world_from_node: DAffine3,
-    family: &Family,
+    node_parents: &NodeParents,
     report: &mut Report,
-) -> Sound<SkinPose> {
+) -> Valid<SkinPose> {
     let raw = doc.raw("skins", index, from, report)?;
     let at = pointer("skins", index);
     let joints = list_of_indices(raw, "joints", &at, report);
@@ -445,24 +454,24 @@ pub(super) fn skin_pose(
         let accessor = Accessor::open(doc, accessor, &format!("{at}/inverseBindMatrices"), report)?;
         bind = inverse_binds(doc, &accessor, joints.len(), report)?;
     }
-    let placed: Vec<_> = joints.iter().map(|&joint| family.world_from_node(joint, report)).collect();
-    let placed: Vec<DAffine3> = placed.into_iter().collect::<Sound<_>>()?;
+    let placed: Vec<_> = joints.iter().map(|&joint| node_parents.world_from_node(joint, report)).collect();
+    let placed: Vec<DAffine3> = placed.into_iter().collect::<Valid<_>>()?;
     let origin = placed[0].translation;
     let back = DAffine3::from_translation(-origin);
     let joints = placed.iter().zip(bind).map(|(world, bind)| back * *world * bind).collect();
     Ok(SkinPose { joints, rest: back * world_from_node, origin })
 }
 
-/// Where the joints of a skin stand in the world. What is wrong with it is noted where it is used.
+/// World transforms of the joints of a skin. Problems are reported where the skin is used.
 pub(super) fn joint_transforms(
     doc: &Document,
     index: usize,
-    family: &Family,
+    node_parents: &NodeParents,
     report: &mut Report,
 ) -> Vec<DAffine3> {
     let Ok(raw) = doc.raw("skins", index, "/skins", report) else { return Vec::new() };
     let joints = list_of_indices(raw, "joints", &pointer("skins", index), report);
-    let place = |joint: usize| family.world_from_node(joint, report).unwrap_or_default();
+    let place = |joint: usize| node_parents.world_from_node(joint, report).unwrap_or_default();
     joints.into_iter().map(place).collect()
 }
 
@@ -471,7 +480,7 @@ fn inverse_binds(
     accessor: &Accessor,
     joints: usize,
     report: &mut Report,
-) -> Sound<Vec<DAffine3>> {
+) -> Valid<Vec<DAffine3>> {
     if accessor.kind != Type::Mat4 || accessor.component != ComponentType::F32 || accessor.count < joints {
         let message = format!(
             "holds {} of {}; a skin of {joints} joints needs as many MAT4 of F32",
@@ -493,11 +502,16 @@ fn inverse_binds(
     Ok(binds)
 }
 
-/// Moves the vertices of a mesh from `base` on; gives how many had weights that do not add up to 1.
+/// Skins the vertices of a mesh from `base` on; returns the number of vertices whose weights don't sum to 1.
 ///
-/// Each vertex goes by the mean of its joints' transforms, weighted; normals by the inverse transpose of the same,
-/// which the cofactors give up to length. Lengths other than 1 are left to the repair of meshes.
-pub(super) fn apply_skin(pose: &SkinPose, influences: &[Influence], mesh: &mut Mesh, base: usize) -> usize {
+/// Each vertex is transformed by the weighted mean of its joint matrices; normals by the inverse transpose of the same,
+/// which the cofactor matrix gives up to length. Lengths other than 1 are left to the repair of meshes.
+pub(super) fn apply_skin(
+    pose: &SkinPose,
+    influences: &[JointWeights],
+    mesh: &mut Mesh,
+    base: usize,
+) -> usize {
     let mut uneven = 0;
     for i in base..mesh.positions.len() {
         let mut blended = DMat3::ZERO;

@@ -27,16 +27,16 @@ pub(crate) struct ImageFile<'a> {
     /// The file that holds the image and nothing else, if there is one: it is read again when the image is decoded. Other bytes stay in
     /// memory.
     pub own_file: Option<&'a Path>,
-    /// Where it lies, for messages: a file, and a JSON pointer inside it.
+    /// Its location for messages: a file, and a JSON pointer inside it.
     pub place: (&'a Path, &'a str),
     pub mime: Option<&'a str>,
 }
 
 /// The image of a texture: decoded if it is small or of a format that has no plain header, else encoded. Only images of 8 and 16 bits
-/// stay encoded; their decoders have nothing to warn of that the header doesn't tell.
+/// stay encoded; their decoders give no warnings beyond those about the header.
 ///
 /// # Errors
-/// As for [`super::decode`]; damage behind the header of a large image is told by `on_damage` when that is decoded.
+/// As for [`super::decode`]; damage behind the header of a large image is reported by `on_damage` when it is decoded.
 pub(crate) fn for_texture(
     of: ImageFile,
     purpose: Use,
@@ -191,7 +191,7 @@ impl Deferred {
     fn try_decode(&self) -> Result<Image> {
         let bytes = self.bytes()?;
         let mime = self.mime.as_deref();
-        // Integers are the same for all uses, and the header has told all that there is to warn of.
+        // Integers are the same for all uses, and warnings have been given from the header.
         let image = decode(&bytes, &self.file, &self.pointer, mime, Use::Data, &mut Vec::new())?;
         let bits = match *image.pixels {
             Pixels::U8(_) => 8,

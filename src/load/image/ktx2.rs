@@ -94,7 +94,7 @@ fn plain_channels(format: u32) -> Option<u32> {
     }
 }
 
-/// Pixels as they stand in the file.
+/// Pixels in the file's layout.
 fn plain(source: &Source, header: &Header, channels: u32) -> Result<Pixels> {
     let [offset, length, _] = header.level;
     let size = u64::from(header.width) * u64::from(header.height.max(1)) * u64::from(channels);

@@ -1,4 +1,4 @@
-//! What an image file says about its pixels that they are taken without: how to turn them, a colour profile; and further
+//! Metadata of image files that is ignored, with a warning: orientation, colour profile; and further
 //! frames and pages.
 //!
 //! Pixels are taken as they are stored. glTF demands it (2.0, section 3.8.2: embedded ICC profiles, gamma and animation "MUST
@@ -13,7 +13,7 @@ use image::{ImageDecoder, ImageFormat};
 use std::borrow::Cow;
 use std::io::Cursor;
 
-/// What stands before the pixels of a file.
+/// The header of a file, before its pixels.
 #[derive(Default)]
 struct Unused<'a> {
     orientation: Option<Orientation>,
@@ -57,7 +57,7 @@ pub(super) fn messages(source: &Source, format: ImageFormat, purpose: Use) -> Ve
 /// Colours are taken as sRGB: says so where a file means others.
 fn profile_message(found: &Unused) -> Option<String> {
     let Some(profile) = &found.profile else {
-        // 1 / 2.2 stands for sRGB (PNG third edition, annex on gamma).
+        // 1 / 2.2 means sRGB (PNG third edition, annex on gamma).
         let gamma = found.gamma.filter(|gamma| (gamma - 1.0 / 2.2).abs() > 0.01)?;
         return Some(format!("says that its colours have gamma {gamma:.3}, which is ignored"));
     };
@@ -137,14 +137,14 @@ fn of_webp(bytes: &[u8]) -> Unused<'_> {
     found
 }
 
-/// `None` where a directory lies outside the file.
+/// `None` where a directory is outside the file.
 fn of_tiff(bytes: &[u8]) -> Option<Unused<'_>> {
     let number = if bytes.starts_with(b"II") { le } else { be };
     // Bytes of an offset, of the number of entries, and of an entry.
     let (offset, count, entry) = if number(bytes, 2, 2)? == 43 { (8, 8, 20) } else { (4, 2, 12) };
     let mut found = Unused::default();
     let mut at = number(bytes, if offset == 8 { 8 } else { 4 }, offset)?;
-    // Each directory takes room of its own, so that no more fit in; a chain that bites its tail ends here, too.
+    // Bounds the number of directories by the file size; cyclic chains end here, too.
     for index in 0..bytes.len() / (count + offset) {
         let entries = number(bytes, at, count)?;
         let mut is_smaller_version = false;

@@ -56,7 +56,7 @@ pub(crate) fn metadata_warnings(bytes: &[u8], file: &Path, pointer: &str, purpos
     messages.into_iter().map(|message| source.warning(message)).collect()
 }
 
-/// Decodes an image that lies inside `file` at `pointer` (a JSON pointer; empty for the whole file). `mime` is its
+/// Decodes an image inside `file` at `pointer` (a JSON pointer; empty for the whole file). `mime` is its
 /// declared media type, if any.
 ///
 /// # Errors
@@ -101,7 +101,7 @@ pub fn load_environment(path: &Path, warnings: &mut Vec<Warning>) -> Result<Imag
     read(path, Use::Environment, warnings)
 }
 
-/// Reads red, green and blue of an EXR or HDR file, told apart by content, every number as it is in the file, but for colours of
+/// Reads red, green and blue of an EXR or HDR file, distinguished by content, every number as it is in the file, but for colours of
 /// another space that an EXR names, which become linear Rec. 709. Alpha and
 /// other channels are left out; a layered EXR gives its first layer with R, G and B.
 ///

@@ -77,7 +77,7 @@ struct Colour<'a> {
     /// R, G and B, or Y.
     color: Vec<&'a AnyChannel<FlatSamples>>,
     alpha: Option<&'a AnyChannel<FlatSamples>>,
-    /// What stands before their letters (`diffuse.` of `diffuse.R`).
+    /// The prefix of the channels (`diffuse.` of `diffuse.R`).
     prefix: String,
 }
 
@@ -289,7 +289,7 @@ impl Layered {
         plain_name(self.render_layer(part).as_deref(), name).to_string()
     }
 
-    /// What stands before the names of a part's channels, with its dot, if that is a render layer.
+    /// The prefix of a part's channel names, with its dot, if that is a render layer.
     fn render_layer(&self, part: usize) -> Option<String> {
         let list = &self.file.layer_data[part].channel_data.list;
         let layer =

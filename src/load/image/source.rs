@@ -59,7 +59,7 @@ pub(super) fn read_bytes(path: &Path) -> Result<Vec<u8>> {
     std::fs::read(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))
 }
 
-/// The format that the first bytes tell.
+/// The format by the first bytes.
 pub(super) fn signature(bytes: &[u8]) -> Option<ImageFormat> {
     if bytes.starts_with(b"#?") { Some(ImageFormat::Hdr) } else { image::guess_format(bytes).ok() }
 }
@@ -68,7 +68,7 @@ pub(super) fn signature(bytes: &[u8]) -> Option<ImageFormat> {
 
 /// Pixels that any file may claim: some codecs store a uniform picture of any size in a few bytes.
 const ALWAYS: u64 = 1 << 24;
-/// Pixels that a byte can stand for: deflate packs at most 1032 bytes into one, and a byte holds 8 bilevel pixels.
+/// Maximum number of pixels per byte: deflate packs at most 1032 bytes into one, and a byte holds 8 bilevel pixels.
 const PER_BYTE: u64 = 1032 * 8;
 /// Most pixels of an image, whatever its file: 32,768 x 16,384.
 const MOST: u64 = 1 << 29;

@@ -16,22 +16,22 @@ const CHUNK: usize = 1 << 18;
 /// Pieces that the cleaner may be ahead of `tobj`.
 const AHEAD: usize = 4;
 
-/// A file that tells how much of it has been read.
-pub(super) struct Counted<'a> {
+/// A reader that reports progress.
+pub(super) struct GaugedReader<'a> {
     file: File,
     gauge: &'a Gauge,
 }
 
-impl<'a> Counted<'a> {
-    /// The file from where it stands.
-    pub fn new(file: File, gauge: &'a Gauge) -> Counted<'a> {
+impl<'a> GaugedReader<'a> {
+    /// The file from its current position.
+    pub fn new(file: File, gauge: &'a Gauge) -> GaugedReader<'a> {
         // A pipe has no length, and no share that is done.
         gauge.begin(file.metadata().map_or(0, |data| data.len()));
-        Counted { file, gauge }
+        GaugedReader { file, gauge }
     }
 }
 
-impl Read for Counted<'_> {
+impl Read for GaugedReader<'_> {
     fn read(&mut self, out: &mut [u8]) -> Result<usize> {
         let count = self.file.read(out)?;
         self.gauge.add(count as u64);
@@ -39,14 +39,14 @@ impl Read for Counted<'_> {
     }
 }
 
-impl Seek for Counted<'_> {
+impl Seek for GaugedReader<'_> {
     fn seek(&mut self, to: SeekFrom) -> Result<u64> {
         self.file.seek(to)
     }
 }
 
 /// Says what `tobj` gets to see of a line.
-pub(super) trait Clean {
+pub(super) trait LineFilter {
     /// Appends to `out` what the line with this number (that of its first, where lines are joined; from 1) becomes.
     fn line(&mut self, number: usize, text: &[u8], out: &mut Vec<u8>);
 
@@ -72,7 +72,7 @@ struct Cleaning<R, C> {
     out: Vec<u8>,
 }
 
-impl<R: Read + Seek, C: Clean> Cleaning<R, C> {
+impl<R: Read + Seek, C: LineFilter> Cleaning<R, C> {
     fn new(file: R, cleaner: C) -> Cleaning<R, C> {
         Cleaning { file, cleaner, number: 0, joined: (0, Vec::new()), out: Vec::new() }
     }
@@ -160,7 +160,7 @@ impl<R: Read + Seek, C: Clean> Cleaning<R, C> {
 }
 
 /// Hands all lines of a file to a cleaner, and gives it back; what it makes of them is left out.
-pub(super) fn each_line<C: Clean>(file: File, cleaner: C) -> Result<C> {
+pub(super) fn each_line<C: LineFilter>(file: File, cleaner: C) -> Result<C> {
     let mut cleaning = Cleaning::new(file, cleaner);
     cleaning.run(|_| {})?;
     Ok(cleaning.cleaner)
@@ -203,7 +203,7 @@ type Parsed<T> = std::result::Result<T, tobj::LoadError>;
 ///
 /// # Errors
 /// Says in words why the file can't be read.
-pub(super) fn by_tobj<C: Clean + Send, T>(
+pub(super) fn by_tobj<C: LineFilter + Send, T>(
     file: impl Read + Seek + Send,
     cleaner: C,
     parse: impl FnOnce(&mut Pieces) -> Parsed<T>,
@@ -291,7 +291,7 @@ mod tests {
     /// Repeats every line in brackets with its number; the whole file once more if so wanted.
     struct Echo(bool);
 
-    impl Clean for Echo {
+    impl LineFilter for Echo {
         fn line(&mut self, number: usize, text: &[u8], out: &mut Vec<u8>) {
             out.extend(format!("{number}[{}]", decoded(text)).bytes());
         }

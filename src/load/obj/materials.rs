@@ -155,7 +155,7 @@ impl Conversion<'_, '_> {
         self.maps.normal(&map, self.library, is_height, self.loaded)
     }
 
-    /// A colour with its map; a black factor beside a map is white if `lift`.
+    /// A colour with its map; a black factor with a map is white if `lift`.
     fn color(&mut self, key: &str, factor: [f32; 3], lift: bool) -> ColorSlot {
         let mut slot = ColorSlot { factor: colour(factor), texture: self.color_map(key) };
         if lift && slot.texture.is_some() && slot.factor == [0.0; 3] {
@@ -394,7 +394,7 @@ fn push_texture(scene: &mut Scene, map: &Map, image: ImageId) -> TextureId {
 
 // Files that OBJ and MTL files name: relative to their folder, with the names of other systems forgiven.
 
-/// The file that `name` means beside `file`: as written, with `\` for `/`, its last part alone (for paths of another
+/// The file that `name` means relative to `file`: as written, with `\` for `/`, its last part alone (for paths of another
 /// machine), and each of these in other capitals.
 ///
 /// # Errors

@@ -24,7 +24,7 @@ use crate::color::linear_from_srgb;
 use crate::error::{Error, Result, Warning};
 use crate::math::{DAffine3, DVec3};
 use crate::scene::{Instance, Material, MaterialId, Mesh, MeshId, MeshPart};
-use lines::{Clean, Counted, Words, by_tobj, each_line, float};
+use lines::{GaugedReader, LineFilter, Words, by_tobj, each_line, float};
 use materials::Maps;
 pub(in crate::load) use materials::find as find_file;
 use mtl::Mtl;
@@ -113,7 +113,7 @@ fn warn_of_missing_coordinates(path: &Path, loaded: &mut Loaded) {
     }
 }
 
-/// What the comments at a file's head tell about who wrote it.
+/// The writer named in the comments at a file's head.
 fn up_hint(path: &Path) -> UpHint {
     let mut head = Vec::new();
     // What can't be read has been an error before.
@@ -151,7 +151,7 @@ fn read_in(
     let even = tobj::LoadOptions { single_index: true, ..tobj::LoadOptions::default() };
     let cleaner = Statements::new(has_two_passes, options.keeps_polygons);
     let no_library = |_: &Path| Err(tobj::LoadError::OpenFileFailed);
-    let (models, statements) = by_tobj(Counted::new(file, &options.gauge), cleaner, |reader| {
+    let (models, statements) = by_tobj(GaugedReader::new(file, &options.gauge), cleaner, |reader| {
         tobj::load_obj_buf(reader, &even, no_library).map(|(models, _)| models)
     })
     .map_err(|message| Error::input(path, message))?;
@@ -300,7 +300,7 @@ struct Object {
     pub mesh: Mesh,
     /// Runs of triangles, each material once.
     pub runs: Vec<Run>,
-    /// Its polygons and the material of each, where they are kept; materials of the cage are not known yet.
+    /// Its polygons and the material of each, for subdivision; the cage's materials are resolved later.
     pub cage: Option<(Cage, Vec<MaterialName>)>,
     /// Vertices whose normal comes from a smoothing group: vertex, position of the file, group.
     smooth: Vec<(u32, u32, u32)>,
@@ -332,7 +332,7 @@ fn objects(models: Vec<tobj::Model>, statements: &Statements, origin: DVec3) -> 
     objects
 }
 
-/// Says which objects share points, where polygons are kept: each is subdivided for itself.
+/// Warns of objects that share points, each of which is subdivided by itself.
 fn shared_points(objects: &[Object]) -> Option<String> {
     let mut owners: HashMap<u32, usize> = HashMap::new();
     for (number, object) in objects.iter().enumerate() {
@@ -366,7 +366,7 @@ struct Builder<'s> {
     sums: HashMap<(u32, u32), [f32; 3]>,
 }
 
-/// What `tobj` made of a piece, and what it doesn't tell.
+/// A model from `tobj` with the statements that `tobj` drops.
 struct Part<'s> {
     piece: &'s Piece,
     model: tobj::Mesh,
@@ -516,7 +516,7 @@ impl Object {
         }
     }
 
-    /// Appends a part. Where flat faces meet smooth ones in a mesh, each corner of the flat ones gets a vertex of its own.
+    /// Appends a part. Flat faces of a mesh that also has smooth ones get vertices of their own.
     fn add(&mut self, part: &Part, is_flat: bool, colors: &[[f32; 3]]) {
         let Part { piece, model, triangles, numbers } = part;
         let (base, mesh) = (self.mesh.positions.len() as u32, &mut self.mesh);
@@ -597,7 +597,7 @@ struct Positions {
     has_colors: bool,
 }
 
-impl Clean for Positions {
+impl LineFilter for Positions {
     fn line(&mut self, _: usize, text: &[u8], _: &mut Vec<u8>) {
         let mut words = Words(text);
         if words.next() != Some(b"v") {

@@ -5,7 +5,7 @@
 //! keywords in one spelling only, and has no lines. It gets sound statements in its own spelling; before the file name of
 //! a texture stands the line.
 
-use super::lines::{Clean, Words, by_tobj, decoded, float};
+use super::lines::{LineFilter, Words, by_tobj, decoded, float};
 use crate::error::Warning;
 use crate::load::words::is_utf_16;
 use std::fs::File;
@@ -108,7 +108,7 @@ pub(super) fn read(path: &Path, warnings: &mut Vec<Warning>) -> Result<Vec<Mtl>,
     Ok(named.map(|(name, statements)| Mtl { name, statements }).collect())
 }
 
-/// Checks statements and notes what is ignored.
+/// Checks statements and records what is ignored.
 #[derive(Default)]
 struct Library {
     /// The materials' names, which may be empty.
@@ -119,7 +119,7 @@ struct Library {
     ignored: Vec<(usize, String)>,
 }
 
-impl Clean for Library {
+impl LineFilter for Library {
     fn line(&mut self, line: usize, text: &[u8], out: &mut Vec<u8>) {
         let mut words = Words(text);
         let Some(keyword) = words.next() else { return };

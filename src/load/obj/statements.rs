@@ -5,7 +5,7 @@
 //! as a division, and fills in references that corners lack by others; it knows neither smoothing groups nor, in a file
 //! with several libraries, materials. All this is settled and noted here: what reaches it is sound and even.
 
-use super::lines::{Clean, Words, decoded, double, float};
+use super::lines::{LineFilter, Words, decoded, double, float};
 use crate::error::Problem;
 use crate::load::words::integer;
 use std::collections::{BTreeMap, HashMap, HashSet};
@@ -31,7 +31,7 @@ enum Passes {
     Faces,
 }
 
-/// Checks statements and notes what `tobj` drops.
+/// Checks statements and records what `tobj` drops.
 #[derive(Default)]
 pub(super) struct Statements {
     /// The models that `tobj` returns, in order.
@@ -41,7 +41,7 @@ pub(super) struct Statements {
     /// Where another material begins: number of the face in the file, and the material.
     pub runs: Vec<(usize, MaterialName)>,
     /// The position, from 0, of each corner in turn, of pieces with a smoothing group; of all where there are colours or positions that
-    /// may be far away, or polygons are kept.
+    /// may be far away, or polygons are stored for subdivision.
     pub corners: Vec<u32>,
     /// Colours of the first positions as in the file, white where there is none.
     pub colors: Vec<[f32; 3]>,
@@ -49,11 +49,11 @@ pub(super) struct Statements {
     pub precise: Vec<[f64; 3]>,
     /// The names that `usemtl` statements use, with the line of the first.
     pub materials: Vec<(String, usize)>,
-    /// What stands behind `mtllib`, with its line.
+    /// The argument of `mtllib`, with its line.
     pub libraries: Vec<(String, usize)>,
     /// Positions that are points (`p`), from 0.
     pub points: Vec<u32>,
-    /// Polygons are kept, of whole objects: groups within them are no objects of their own.
+    /// Polygons are stored for subdivision, by object: groups don't split them.
     pub keeps_polygons: bool,
     /// The file has to go by twice.
     pub needs_two_passes: bool,
@@ -80,7 +80,7 @@ pub(super) struct Statements {
     ignored: BTreeMap<String, (usize, usize)>,
 }
 
-impl Clean for Statements {
+impl LineFilter for Statements {
     fn line(&mut self, line: usize, text: &[u8], out: &mut Vec<u8>) {
         let mut words = Words(text);
         let Some(keyword) = words.next() else { return };
@@ -436,12 +436,12 @@ impl Statements {
     }
 }
 
-// Numbers of vertices and corners of faces: what nearly all are like is told without converting it.
+// Fast paths for vertex coordinates and face corners in plain decimal notation, without conversion.
 
 /// Indices of a corner's position, texture coordinates and normal, from 1; 0 for none.
 pub(super) type Corner = [u32; 3];
 
-/// Is a word a number? Plain decimals are told without being converted, which `tobj` does once more.
+/// Is a word a number? Plain decimals are recognized without conversion, which `tobj` does anyway.
 pub(super) fn is_number(word: &[u8]) -> bool {
     let digits = word.strip_prefix(b"-").unwrap_or(word);
     let dots = digits.iter().filter(|&&b| b == b'.').count();

@@ -8,9 +8,9 @@ use std::collections::HashMap;
 
 /// How a list of indices is meant.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum FaceLayout {
     Polygon,
-    /// Triangles that share edges; -1 begins anew.
+    /// Triangle strips; -1 restarts.
     Strip,
 }
 
@@ -22,8 +22,8 @@ const LISTED: usize = 10;
 pub(super) struct Faces {
     problems: Vec<Problem>,
     bad: usize,
-    /// Faces that stand before the vertices in the file.
-    waiting: Vec<(Kind, usize, Face)>,
+    /// Faces that precede the vertices in the file.
+    waiting: Vec<(FaceLayout, usize, Face)>,
     vertices_known: bool,
     /// What corners have of their own, where the file has that.
     pub wedges: Option<Wedges>,
@@ -39,14 +39,14 @@ impl Faces {
 
     /// Adds row `i` of the faces or strips.
     #[inline]
-    pub fn add(&mut self, mesh: &mut Mesh, kind: Kind, i: usize, face: &Face) {
+    pub fn add(&mut self, mesh: &mut Mesh, kind: FaceLayout, i: usize, face: &Face) {
         if !self.vertices_known {
             return self.waiting.push((kind, i, face.clone()));
         }
         let indices = &face.indices[..];
         let count = mesh.positions.len() as i64;
         let inside = |v: i64| (0..count).contains(&v);
-        if let ([a, b, c], Kind::Polygon) = (indices, kind)
+        if let ([a, b, c], FaceLayout::Polygon) = (indices, kind)
             && inside(*a)
             && inside(*b)
             && inside(*c)
@@ -56,10 +56,10 @@ impl Faces {
             }
             return mesh.triangles.push([*a, *b, *c].map(|v| v as u32));
         }
-        match indices.iter().find(|&&v| !(inside(v) || kind == Kind::Strip && v == -1)) {
+        match indices.iter().find(|&&v| !(inside(v) || kind == FaceLayout::Strip && v == -1)) {
             Some(&v) => self.complain(kind, i, v, count),
             None if indices.len() < 3 => self.short += 1,
-            None if kind == Kind::Polygon => {
+            None if kind == FaceLayout::Polygon => {
                 let cut = cut_polygon(mesh, indices);
                 if let Some(wedges) = &mut self.wedges {
                     wedges.add(face, &cut);
@@ -92,10 +92,10 @@ impl Faces {
     }
 
     #[cold]
-    fn complain(&mut self, kind: Kind, i: usize, vertex: i64, count: i64) {
+    fn complain(&mut self, kind: FaceLayout, i: usize, vertex: i64, count: i64) {
         self.bad += 1;
         if self.bad <= LISTED {
-            let name = if kind == Kind::Polygon { "face" } else { "tristrips" };
+            let name = if kind == FaceLayout::Polygon { "face" } else { "tristrips" };
             let message = format!("refers to vertex {vertex}, but there are {count}");
             self.problems.push(Problem::new(format!("{name} {i}"), message));
         }

@@ -28,7 +28,7 @@ pub(super) struct Source<'a> {
     lines: Lines<'a>,
     /// Lines of the header that mean nothing.
     strays: Vec<String>,
-    /// Is told how many rows have been read.
+    /// Progress: number of rows read.
     gauge: &'a Gauge,
 }
 
@@ -98,7 +98,7 @@ impl<'a> Source<'a> {
     /// Checks and reads the header, and begins to count rows.
     pub fn open(bytes: &'a [u8], gauge: &'a Gauge) -> Result<Source<'a>> {
         let HeaderText { text, length, lines, strays } = header_text(bytes)?;
-        let header = Parser::<super::Skipped>::new()
+        let header = Parser::<super::SkippedElement>::new()
             .read_header(&mut text.as_bytes())
             .map_err(|e| Problem::new("header", first_line(&e.to_string())))?;
         let rest = &bytes[length..];
@@ -304,7 +304,7 @@ fn header_text(bytes: &[u8]) -> Result<HeaderText> {
             continue;
         }
         if !matches!(first, "comment" | "obj_info")
-            // The parser reads digits wherever they stand, also before letters.
+            // The parser also accepts digits before letters.
             && words.any(|w| w.split(|c: char| !c.is_ascii_digit()).any(|n| n.len() > 18))
         {
             return Err(Problem::new(format!("line {lines}"), "holds a number that is too large"));

@@ -27,9 +27,9 @@ use crate::scene::{
     ColorSlot, Instance, Interpolation, Mapping, Material, MaterialId, Mesh, MeshId, MeshPart, Model,
     Texture, Wrap,
 };
-use faces::{Faces, Kind, Run, Wedges};
+use faces::{FaceLayout, Faces, Run, Wedges};
 use header::{Source, Unread};
-use rows::{Face, Skipped, Vertex};
+use rows::{Face, SkippedElement, Vertex};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -92,13 +92,13 @@ fn parse(path: &Path, bytes: &[u8], origin: DVec3, gauge: &Gauge) -> Result<(Mes
                 faces.catch_up(&mut mesh);
             }
             "face" | "tristrips" => {
-                let kind = if name == "face" { Kind::Polygon } else { Kind::Strip };
-                mesh.triangles.reserve_exact(if kind == Kind::Polygon { definition.count } else { 0 });
+                let kind = if name == "face" { FaceLayout::Polygon } else { FaceLayout::Strip };
+                mesh.triangles.reserve_exact(if kind == FaceLayout::Polygon { definition.count } else { 0 });
                 let add = |i, face: &Face| faces.add(&mut mesh, kind, i, face);
                 source.read(&definition, add).map_err(fail)?;
             }
             _ => {
-                source.read(&definition, |_, _: &Skipped| {}).map_err(fail)?;
+                source.read(&definition, |_, _: &SkippedElement| {}).map_err(fail)?;
                 let count = definition.count;
                 if count > 0 {
                     left_out.shown.push(format!("{count} of the element '{name}', which is no surface"));

@@ -122,11 +122,11 @@ impl Record for Face {
 }
 
 /// An element that nothing is taken from.
-pub(super) struct Skipped;
+pub(super) struct SkippedElement;
 
-impl Record for Skipped {
-    fn new() -> Skipped {
-        Skipped
+impl Record for SkippedElement {
+    fn new() -> SkippedElement {
+        SkippedElement
     }
 
     fn slot(_: &str) -> Option<Slot> {
@@ -141,9 +141,9 @@ impl Record for Skipped {
 }
 
 /// The parser of the header wants a type of rows.
-impl PropertyAccess for Skipped {
-    fn new() -> Skipped {
-        Skipped
+impl PropertyAccess for SkippedElement {
+    fn new() -> SkippedElement {
+        SkippedElement
     }
 }
 
@@ -223,7 +223,7 @@ impl<'a> Lines<'a> {
 }
 
 /// Where a property goes.
-enum Target<'a> {
+enum FieldTarget<'a> {
     Scalar(&'a ScalarType, Option<Slot>),
     List(&'a str),
 }
@@ -237,12 +237,12 @@ pub(super) fn read_ascii<E: Record>(
     definition: &ElementDef,
     mut each: impl FnMut(usize, &E),
 ) -> Result<(), Problem> {
-    let targets: Vec<Target> = definition
+    let targets: Vec<FieldTarget> = definition
         .properties
         .iter()
         .map(|(name, p)| match &p.data_type {
-            PropertyType::Scalar(kind) => Target::Scalar(kind, E::slot(name)),
-            PropertyType::List(..) => Target::List(name),
+            PropertyType::Scalar(kind) => FieldTarget::Scalar(kind, E::slot(name)),
+            PropertyType::List(..) => FieldTarget::List(name),
         })
         .collect();
     let mut record = E::new();
@@ -260,14 +260,14 @@ pub(super) fn read_ascii<E: Record>(
 
 /// Fills the record from a line, which must hold exactly its values.
 #[inline]
-fn read_row<E: Record>(line: &[u8], targets: &[Target], record: &mut E) -> Option<()> {
+fn read_row<E: Record>(line: &[u8], targets: &[FieldTarget], record: &mut E) -> Option<()> {
     let mut words = Words(line);
     for target in targets {
         let word = words.next()?;
         match target {
-            Target::Scalar(_, None) => {}
-            Target::Scalar(kind, Some(slot)) => record.set(*slot, &scalar(kind, *slot, word)?),
-            Target::List(name) => {
+            FieldTarget::Scalar(_, None) => {}
+            FieldTarget::Scalar(kind, Some(slot)) => record.set(*slot, &scalar(kind, *slot, word)?),
+            FieldTarget::List(name) => {
                 let length = usize::try_from(integer(word)?).ok()?;
                 match record.list(name) {
                     Some(List::Integers(list)) => {

@@ -1,7 +1,7 @@
 //! Mesh files that a scene file refers to: each is read once, however often it is placed, and only what the scene uses
 //! of it: materials where an object doesn't replace them, everything but cameras where it isn't placed.
 
-use super::build::Build;
+use super::builder::SceneFileBuilder;
 use crate::error::{Error, Result, Warning};
 use crate::load::formats::{self, Format};
 use crate::load::{LoadOptions, Loaded, smooth};
@@ -37,20 +37,20 @@ pub(super) struct Assets {
 
 impl Assets {
     /// Says that a file will be placed with its own materials. To be called for all of them before the first is read.
-    pub fn expect_materials(&mut self, build: &Build, name: &str) {
-        self.with_materials.insert(key(&build.beside(name)));
+    pub fn expect_materials(&mut self, build: &SceneFileBuilder, name: &str) {
+        self.with_materials.insert(key(&build.resolve_path(name)));
     }
 
     /// Says that a file will be subdivided. To be called for all of them before the first is read.
-    pub fn expect_polygons(&mut self, build: &Build, name: &str) {
-        self.with_polygons.insert(key(&build.beside(name)));
+    pub fn expect_polygons(&mut self, build: &SceneFileBuilder, name: &str) {
+        self.with_polygons.insert(key(&build.resolve_path(name)));
     }
 
     /// What a file brings, with smooth normals by an angle of creases in radians; `None` where it has problems, which have been
     /// noted.
     pub fn get(
         &mut self,
-        build: &mut Build,
+        build: &mut SceneFileBuilder,
         name: &str,
         span: Range<usize>,
         crease_rad: Option<f64>,
@@ -65,8 +65,8 @@ impl Assets {
         Some(Cow::Owned(asset))
     }
 
-    fn get_once(&mut self, build: &mut Build, name: &str, span: Range<usize>) -> Option<&Asset> {
-        let path = build.beside(name);
+    fn get_once(&mut self, build: &mut SceneFileBuilder, name: &str, span: Range<usize>) -> Option<&Asset> {
+        let path = build.resolve_path(name);
         let key = key(&path);
         if !self.files.contains_key(&key) {
             let geometry_only = !self.with_materials.contains(&key);
@@ -81,8 +81,13 @@ impl Assets {
     }
 
     /// The cameras of a file.
-    pub fn cameras(&mut self, build: &mut Build, name: &str, span: Range<usize>) -> Option<Vec<Camera>> {
-        let path = build.beside(name);
+    pub fn cameras(
+        &mut self,
+        build: &mut SceneFileBuilder,
+        name: &str,
+        span: Range<usize>,
+    ) -> Option<Vec<Camera>> {
+        let path = build.resolve_path(name);
         if let Some(known) = self.files.get(&key(&path)) {
             return known.as_ref().map(|a| a.cameras.clone());
         }
@@ -95,7 +100,7 @@ impl Assets {
 
     fn read(
         &self,
-        build: &Build,
+        build: &SceneFileBuilder,
         path: &Path,
         name: &str,
         span: &Range<usize>,
@@ -144,7 +149,7 @@ fn read(path: &Path, options: &LoadOptions) -> Result<Loaded> {
 }
 
 /// Moves a file's meshes, materials, textures and images into the scene; its lights stay behind, with a note.
-fn absorb(build: &mut Build, path: &Path, mut loaded: Loaded) -> Asset {
+fn absorb(build: &mut SceneFileBuilder, path: &Path, mut loaded: Loaded) -> Asset {
     build.loaded.warnings.append(&mut loaded.warnings);
     build.loaded.notes.append(&mut loaded.notes);
     build.loaded.left_out.append(&mut loaded.left_out);

@@ -22,23 +22,39 @@
 //!
 //! or `camera = { from = "file.glb", name = "..." }`; without a name the file's first camera. The keys of the lens,
 //! `shift`, `clip`, `pixel_aspect` and `motion` may follow; `focus_distance` or `focus_at` is then required with `defocus_angle` and `f_stop`.
+//!
+//! How a camera sees:
+//!
+//! | Projection | Meaning | Default |
+//! |---|---|---|
+//! | `type` | `"perspective"`; `"orthographic"`: parallel rays; `"panorama"`: around itself | `"perspective"`, or as the model has it |
+//! | `view_height` | orthographic: visible height, metres | required |
+//! | `projection` | panorama: `"equirectangular"`: longitude and latitude along the edges; `"fisheye_equidistant"`: an ellipse that fits into the picture, where angles with the axis grow evenly; `"fisheye_equisolid"`: all parts of the picture see equal solid angles | `"equirectangular"` |
+//! | `longitude`, `latitude` | equirectangular: angles at the left and right, and at the lower and upper edge, degrees; 0 is ahead, above it lies what is to the right and above | `[-180, 180]`, `[-90, 90]` |
+//! | `fov` | fisheye: full angle of view, degrees, up to 360; beyond it the picture is black | 180 |
+//! | `fisheye_lens`, `sensor` | fisheye_equisolid: focal length, and width and height of the sensor, millimetres | 10.5, `[36, 24]` |
+//!
+//! Panoramas have lenses that face every point of the picture, whose `focus_distance` is that of a sphere; they are round (no `blades`,
+//! no `aperture_ratio`). Depth is the distance from the camera there.
 
 use super::assets::Assets;
-use super::build::Build;
-use super::fields::{Fields, nearest};
-use super::{motion, projection, shutter};
+use super::builder::SceneFileBuilder;
+use super::fields::{Fields, nearest, number};
+use super::transform;
+use crate::load::{LONGEST_SHUTTER, ShutterOptions, ShutterPosition};
 use crate::math::{DAffine3, DVec3};
-use crate::scene::{Aperture, Camera, ThinLens, looking_at};
+use crate::scene::{Aperture, Camera, Panorama, Projection, ThinLens, looking_at};
+use std::ops::Range;
 
 /// Reads the camera of a scene file.
-pub(super) fn read(build: &mut Build, fields: &Fields, assets: &mut Assets) {
+pub(super) fn read(build: &mut SceneFileBuilder, fields: &Fields, assets: &mut Assets) {
     let camera = moved(build, fields, assets);
     finish(build, fields);
     build.loaded.scene.cameras = camera.into_iter().collect();
 }
 
-/// Reads what the file beside a model says about its cameras.
-pub(super) fn adjust(build: &mut Build, fields: &Fields, assets: &mut Assets) {
+/// Reads what the file next to a model says about its cameras.
+pub(super) fn adjust(build: &mut SceneFileBuilder, fields: &Fields, assets: &mut Assets) {
     if fields.has("look_from") || fields.has("from") {
         let camera = moved(build, fields, assets);
         finish(build, fields);
@@ -48,7 +64,7 @@ pub(super) fn adjust(build: &mut Build, fields: &Fields, assets: &mut Assets) {
     let name = fields.string("name");
     let cameras = &mut build.loaded.scene.cameras;
     let mut found = false;
-    let (frame, projection) = (Frame::read(fields), projection::read(fields));
+    let (frame, projection) = (Frame::read(fields), read_projection(fields));
     if fields.flag("default", false)
         && let Some(at) = cameras.iter().position(|c| name.as_ref().is_none_or(|n| n.value == c.name))
     {
@@ -59,8 +75,8 @@ pub(super) fn adjust(build: &mut Build, fields: &Fields, assets: &mut Assets) {
         // Its problems are the same for every camera: once is enough.
         let Some(lens) = lens(fields, &camera.world_from_camera, None) else { break };
         camera.lens = lens.or(camera.lens);
-        frame.change(camera);
-        projection::change(camera, projection);
+        frame.apply_to(camera);
+        change_projection(camera, projection);
     }
     if !found {
         match name {
@@ -85,19 +101,19 @@ pub(super) fn adjust(build: &mut Build, fields: &Fields, assets: &mut Assets) {
 }
 
 /// Reads the picture's size and ends the table.
-fn finish(build: &mut Build, fields: &Fields) {
+fn finish(build: &mut SceneFileBuilder, fields: &Fields) {
     let settings = &mut build.loaded.scene.settings;
     let (width, height) = (fields.integer("width", 1, 65_536), fields.integer("height", 1, 65_536));
     settings.width = settings.width.or(width);
     settings.height = settings.height.or(height);
-    shutter::check(fields);
+    check_shutter(fields);
     fields.finish();
 }
 
-/// The camera at the picture's moment, and how it moves on.
-fn moved(build: &mut Build, fields: &Fields, assets: &mut Assets) -> Option<Camera> {
+/// The camera at the picture's time, and its motion.
+fn moved(build: &mut SceneFileBuilder, fields: &Fields, assets: &mut Assets) -> Option<Camera> {
     let camera = chosen(build, fields, assets);
-    let Some(moved) = motion::rigid(build, fields, "the camera") else { return camera };
+    let Some(moved) = transform::rigid_motion(build, fields, "the camera") else { return camera };
     let mut camera = camera?;
     if camera.motion.is_some() {
         let message = "this camera is moved by its file: leave 'motion' out";
@@ -110,7 +126,7 @@ fn moved(build: &mut Build, fields: &Fields, assets: &mut Assets) -> Option<Came
 }
 
 /// The camera of a file, or the one that the table places.
-fn chosen(build: &mut Build, fields: &Fields, assets: &mut Assets) -> Option<Camera> {
+fn chosen(build: &mut SceneFileBuilder, fields: &Fields, assets: &mut Assets) -> Option<Camera> {
     let mut camera = match fields.string("from") {
         Some(file) => {
             let name = fields.string("name");
@@ -141,8 +157,8 @@ fn chosen(build: &mut Build, fields: &Fields, assets: &mut Assets) -> Option<Cam
         }
         None => return placed(fields),
     }?;
-    Frame::read(fields).change(&mut camera);
-    projection::change(&mut camera, projection::read(fields));
+    Frame::read(fields).apply_to(&mut camera);
+    change_projection(&mut camera, read_projection(fields));
     camera.lens = lens(fields, &camera.world_from_camera, None)?.or(camera.lens);
     Some(camera)
 }
@@ -164,7 +180,7 @@ impl Frame {
         }
     }
 
-    fn change(&self, camera: &mut Camera) {
+    fn apply_to(&self, camera: &mut Camera) {
         camera.pixel_aspect = self.pixel_aspect.unwrap_or(camera.pixel_aspect);
         camera.shift = self.shift.unwrap_or(camera.shift);
         camera.clip = self.clip.or(camera.clip);
@@ -275,8 +291,8 @@ fn placed(fields: &Fields) -> Option<Camera> {
     let target = fields.require("look_at", fields.vector("look_at"));
     let up = fields.vector("view_up").map(|v| v.value);
     let projection = match fields.has("type") {
-        true => projection::read(fields),
-        false => Some(projection::perspective(fields)),
+        true => read_projection(fields),
+        false => Some(perspective(fields)),
     };
     let aspect_ratio = fields.has("aspect_ratio").then(|| fields.number_in("aspect_ratio", 1e-4..1e4, 1.0));
     let frame = Frame::read(fields);
@@ -296,13 +312,168 @@ fn placed(fields: &Fields) -> Option<Camera> {
         name: "camera".to_string(),
         world_from_camera: placement,
         projection,
-        aspect_ratio: aspect_ratio.or(projection::aspect_ratio(&projection)),
+        aspect_ratio: aspect_ratio.or(projection_aspect_ratio(&projection)),
         pixel_aspect: 1.0,
         lens,
         shift: [0.0; 2],
         clip: None,
         motion: None,
     };
-    frame.change(&mut camera);
+    frame.apply_to(&mut camera);
     Some(camera)
+}
+
+/// The kinds of panoramas, by what they are with the other keys of a table.
+#[derive(Clone, Copy)]
+enum CameraType {
+    Equirectangular,
+    Equidistant,
+    Equisolid,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Type {
+    Perspective,
+    Orthographic,
+    Panorama,
+}
+
+/// What a table says about the projection, if it says something; else the keys of a perspective are unread. Tells problems.
+fn read_projection(fields: &Fields) -> Option<Projection> {
+    let types = [
+        ("perspective", Type::Perspective),
+        ("orthographic", Type::Orthographic),
+        ("panorama", Type::Panorama),
+    ];
+    match fields.choice("type", &types)? {
+        Type::Perspective => Some(perspective(fields)),
+        Type::Orthographic => {
+            fields.require("view_height", fields.number("view_height"))?;
+            Some(Projection::Orthographic {
+                half_height: 0.5 * fields.number_in("view_height", 1e-6..1e12, 1.0),
+            })
+        }
+        Type::Panorama => {
+            let panorama = panorama(fields)?;
+            is_round(fields).then_some(Projection::Panorama(panorama))
+        }
+    }
+}
+
+/// What `vfov` says.
+pub(super) fn perspective(fields: &Fields) -> Projection {
+    Projection::Perspective { vfov_rad: fields.number_in("vfov", 1e-3..179.999, 40.0).to_radians() }
+}
+
+/// Gives a camera of a model the projection that a table says.
+pub(super) fn change_projection(camera: &mut Camera, projection: Option<Projection>) {
+    let Some(projection) = projection else { return };
+    camera.projection = projection;
+    camera.aspect_ratio = projection_aspect_ratio(&projection).or(camera.aspect_ratio);
+}
+
+/// Width over height of pictures of a projection, if that says it.
+pub(super) fn projection_aspect_ratio(projection: &Projection) -> Option<f64> {
+    match projection {
+        Projection::Panorama(panorama) => Some(panorama.aspect_ratio()),
+        _ => None,
+    }
+}
+
+/// The lens of a panorama is round.
+fn is_round(fields: &Fields) -> bool {
+    let Some(key) = ["blades", "blade_rotation", "aperture_ratio"].into_iter().find(|key| fields.has(key))
+    else {
+        return true;
+    };
+    let message = format!("'{key}' has no meaning for panoramas, whose lenses are round");
+    fields.problems.push_help(fields.span(), message, "leave it out");
+    false
+}
+
+fn panorama(fields: &Fields) -> Option<Panorama> {
+    let kinds = [
+        ("equirectangular", CameraType::Equirectangular),
+        ("fisheye_equidistant", CameraType::Equidistant),
+        ("fisheye_equisolid", CameraType::Equisolid),
+    ];
+    let kind = match fields.has("projection") {
+        true => fields.choice("projection", &kinds)?,
+        false => CameraType::Equirectangular,
+    };
+    Some(match kind {
+        CameraType::Equirectangular => Panorama::Equirectangular {
+            longitude_rad: limits(fields, "longitude", 180.0)?,
+            latitude_rad: limits(fields, "latitude", 90.0)?,
+        },
+        CameraType::Equidistant => Panorama::FisheyeEquidistant { fov_rad: fov(fields) },
+        CameraType::Equisolid => {
+            let size = 1e-3..1e6;
+            let sensor = fields.numbers::<2>("sensor");
+            if let Some(wrong) = sensor.as_ref().filter(|s| !s.value.iter().all(|v| size.contains(v))) {
+                fields
+                    .problems
+                    .push(wrong.span.clone(), "'sensor' must be a width and a height, millimetres");
+                return None;
+            }
+            Panorama::FisheyeEquisolid {
+                fov_rad: fov(fields),
+                focal_length: fields.number_in("fisheye_lens", size, 10.5),
+                sensor: sensor.map_or([36.0, 24.0], |s| s.value),
+            }
+        }
+    })
+}
+
+fn fov(fields: &Fields) -> f64 {
+    fields.number_in("fov", FOVS, 180.0).to_radians()
+}
+
+/// Angles of view of fisheyes, degrees.
+const FOVS: Range<f64> = 1e-3..360.0;
+
+/// Narrowest part of a panorama, degrees.
+const LEAST: f64 = 1e-3;
+
+/// Two angles that grow, radians; all that there are without the key.
+fn limits(fields: &Fields, key: &'static str, most: f64) -> Option<[f64; 2]> {
+    let Some(limits) = fields.numbers::<2>(key) else {
+        return (!fields.has(key)).then_some([-most, most].map(f64::to_radians));
+    };
+    let [from, to] = limits.value;
+    if !(-most <= from && to <= most && to - from >= LEAST) {
+        let message = format!("'{key}' must be two angles that grow, from -{most} to {most} degrees");
+        fields.problems.push(limits.span, message);
+        return None;
+    }
+    Some([from, to].map(f64::to_radians))
+}
+
+/// What the user chose, else what the camera's table says. To be known before objects are read; what is wrong with it is noted
+/// where the camera is.
+pub(super) fn shutter_options(options: ShutterOptions, root: &Fields) -> ShutterOptions {
+    let options = ShutterOptions { vectors: options.vectors || asks_for_vectors(root), ..options };
+    let Some(camera) = root.raw("camera").map(|v| v.get_ref()) else { return options };
+    let list = camera.as_array().into_iter().flat_map(|list| list.iter().map(|v| v.get_ref()));
+    let tables = [camera].into_iter().chain(list).filter_map(|v| v.as_table());
+    tables.fold(options, |options, table| {
+        let frames = table.get("shutter").and_then(|v| number(v.get_ref()));
+        let position = table.get("shutter_position").and_then(|v| v.get_ref().as_str());
+        let named = position.and_then(|name| ShutterPosition::ALL.iter().find(|(known, _)| *known == name));
+        let frames = frames.filter(|f| (0.0..=LONGEST_SHUTTER).contains(f));
+        options.or(frames, named.map(|(_, position)| *position))
+    })
+}
+
+/// Are motion vectors among the channels that `[render]` asks for?
+fn asks_for_vectors(root: &Fields) -> bool {
+    let aovs = root.raw("render").and_then(|v| v.get_ref().as_table()?.get("aovs")?.get_ref().as_array());
+    let mut names = aovs.into_iter().flat_map(|list| list.iter()).filter_map(|v| v.get_ref().as_str());
+    names.any(|name| name == "motion" || name == "all")
+}
+
+/// Reports its problems.
+fn check_shutter(camera: &Fields) {
+    camera.number_in("shutter", 0.0..LONGEST_SHUTTER, 0.0);
+    camera.choice("shutter_position", &ShutterPosition::ALL);
 }

@@ -14,11 +14,11 @@
 //! from 0 at its root to 1 at its tip, and v around it. Colours of a file multiply the `color` of the material. Curves are met from
 //! outside only, don't shine and stand still while the picture is taken.
 
-use super::build::Build;
+use super::builder::SceneFileBuilder;
 use super::fields::{Fields, number, numbers};
 use super::materials::Materials;
 use super::textures::Textures;
-use super::{transform, visibility};
+use super::{traits, transform};
 use crate::error::Warning;
 use crate::load::curves::{self, CurveFile};
 use crate::scene::{CurveBasis, Curves};
@@ -26,7 +26,7 @@ use std::ops::Range;
 
 /// Reads all tables.
 pub(super) fn read<'a>(
-    build: &mut Build,
+    build: &mut SceneFileBuilder,
     root: &Fields<'a>,
     materials: &mut Materials<'a>,
     textures: &mut Textures<'a>,
@@ -40,7 +40,7 @@ pub(super) fn read<'a>(
 }
 
 fn one<'a>(
-    build: &mut Build,
+    build: &mut SceneFileBuilder,
     fields: &Fields<'a>,
     name: String,
     materials: &mut Materials<'a>,
@@ -48,7 +48,7 @@ fn one<'a>(
 ) -> Option<Curves> {
     let named = fields.string("material").map_or(("default", fields.span()), |m| (m.value, m.span));
     let material = materials.get(build, textures, named.0, named.1);
-    let traits = visibility::traits(fields).unwrap_or_default();
+    let traits = traits::traits(fields).unwrap_or_default();
     let world_from_object = transform::read(fields);
     let basis = fields.choice("basis", &CurveBasis::ALL.map(|basis| (basis.name(), basis)));
     let radius = radius(fields);
@@ -105,7 +105,7 @@ fn radius(fields: &Fields) -> Option<[f64; 2]> {
         let message = "'radius' must be a number above 0, or two from 0 up: at the root and at the tip";
         fields.problems.push(value.span(), message);
     }
-    // What is wrong has been told.
+    // Problems have been reported.
     ends.or(Some([1.0; 2]))
 }
 
@@ -139,12 +139,12 @@ fn strands(fields: &Fields) -> Option<CurveFile> {
 }
 
 fn from_file(
-    build: &mut Build,
+    build: &mut SceneFileBuilder,
     fields: &Fields,
     name: &str,
 ) -> Option<(CurveFile, Range<usize>, CurveBasis)> {
     let given = fields.string("file")?;
-    let path = build.beside(given.value);
+    let path = build.resolve_path(given.value);
     build.options.files.note(&path);
     match curves::read(&path) {
         Ok(file) => {

@@ -21,18 +21,34 @@
 //! `visible_to` lists the kinds of rays that see it, as for objects. With `sampled = false` only paths that leave the scene find its light,
 //! as in Cycles that of an even world: what objects hide of it from others is what those see that are scattered there, not what
 //! shadow rays see.
+//!
+//! # portals
+//!
+//! `[[portals]]`: windows and other rectangles through which light of the environment is looked for from within a room. They are no
+//! surfaces and change no light, only the noise of it: what comes through no portal is still found, with more noise. A picture
+//! around the scene that is seen through a window is where they help most.
+//!
+//! | Key | Value |
+//! |---|---|
+//! | `name` | for reports |
+//! | `center`, `target` or `direction`, `up`, `size` | where the middle is, the way light comes in, and width and height, as of an area light |
+//! | `corner`, `u`, `v` | or a corner and the edges from there, at right angles; light comes in along u x v |
+//!
+//! Beside a model, `node = "NAME"` and `size` place one at an empty node, where light comes in along the node's -z: as Blender's area lights
+//! that are portals. In glTF itself, `portal` in the `extras` of a node is its size, `[width, height]`, or true for 1 x 1.
 
-use super::build::Build;
+use super::builder::SceneFileBuilder;
 use super::fields::Fields;
-use super::light_traits::group;
 use super::media;
 use super::textures::read_pixels;
-use super::visibility::visible_to;
+use super::traits::{group, visible_to};
+use super::transform::{MovingPlacement, Placement, at_node, placed};
 use crate::load::image::Use;
 use crate::load::sky::{PhysicalSky, SUN_ANGLE_RAD};
-use crate::scene::{Environment, RayKinds};
+use crate::math::DVec3;
+use crate::scene::{Environment, Portal, RayKinds};
 
-pub(super) fn read(build: &mut Build, fields: &Fields) {
+pub(super) fn read(build: &mut SceneFileBuilder, fields: &Fields) {
     let sky = fields.table("sky");
     let given = [fields.has("background"), fields.has("sky"), fields.has("image")];
     let light = even_or_image(build, fields);
@@ -68,7 +84,7 @@ pub(super) fn read(build: &mut Build, fields: &Fields) {
 }
 
 /// The same radiance from everywhere, or an image.
-fn even_or_image(build: &mut Build, fields: &Fields) -> Option<Environment> {
+fn even_or_image(build: &mut SceneFileBuilder, fields: &Fields) -> Option<Environment> {
     let background = fields.color("background");
     let image = fields.string("image");
     let rotation_rad = fields.number("rotation").map_or(0.0, |r| r.value.to_radians());
@@ -84,7 +100,7 @@ fn even_or_image(build: &mut Build, fields: &Fields) -> Option<Environment> {
     Some(Environment::Image { image, strength, rotation_rad })
 }
 
-fn seen_by_camera(build: &mut Build, fields: &Fields) -> Option<Environment> {
+fn seen_by_camera(build: &mut SceneFileBuilder, fields: &Fields) -> Option<Environment> {
     let seen = even_or_image(build, fields);
     fields.finish();
     if fields.has("background") == fields.has("image") {
@@ -97,7 +113,7 @@ const PHYSICAL: [&str; 7] =
     ["sun_elevation", "sun_azimuth", "turbidity", "ground_albedo", "sun", "sun_size", "strength"];
 
 /// A clear sky, as an image and a light.
-fn add_physical(build: &mut Build, sky: &Fields) {
+fn add_physical(build: &mut SceneFileBuilder, sky: &Fields) {
     if sky.has("nadir") || sky.has("zenith") {
         let message =
             "'nadir' and 'zenith' make a blend, 'sun_elevation' and the like a clear sky: give one of both";
@@ -121,4 +137,47 @@ fn add_physical(build: &mut Build, sky: &Fields) {
     if let Err(error) = physical.add_to(&mut build.loaded.scene) {
         sky.problems.push(sky.span(), error.to_string());
     }
+}
+
+pub(super) fn read_portals(build: &mut SceneFileBuilder, root: &Fields) {
+    for (i, fields) in root.tables("portals").iter().enumerate() {
+        let name = fields.string("name").map_or(format!("portal {}", i + 1), |n| n.value.to_string());
+        let portal = match fields.has("corner") {
+            true => by_corner(fields),
+            false => by_middle(build, fields),
+        };
+        fields.finish();
+        if let Some([corner, edge_u, edge_v]) = portal {
+            build.loaded.scene.portals.push(Portal { name, corner, edge_u, edge_v });
+        }
+    }
+}
+
+fn by_corner(fields: &Fields) -> Option<[DVec3; 3]> {
+    let [corner, u, v] = ["corner", "u", "v"].map(|key| fields.require(key, fields.vector(key)));
+    let (corner, u, v) = (corner?, u?, v?);
+    let (across, along) = (u.value.try_normalize(), v.value.try_normalize());
+    let cosine = across.zip(along).map(|(a, b)| a.dot(b).abs());
+    match cosine {
+        Some(cosine) if cosine < 1e-3 => Some([corner.value, u.value, v.value]),
+        _ => {
+            let message = "the edges 'u' and 'v' of a portal must be longer than 0 and at right angles";
+            fields.problems.push_help(v.span, message, "take a rectangle that covers the window");
+            None
+        }
+    }
+}
+
+fn by_middle(build: &mut SceneFileBuilder, fields: &Fields) -> Option<[DVec3; 3]> {
+    let size = fields.require("size", fields.numbers::<2>("size"));
+    let placement = if fields.has("node") { at_node(build, fields) } else { placed(fields) };
+    let MovingPlacement { now: Placement { center, direction, right, scale }, .. } = placement?;
+    let size = size?;
+    if size.value.iter().any(|s| *s <= 0.0) {
+        fields.problems.push(size.span, "'size' of a portal must be above 0");
+        return None;
+    }
+    let [width, height] = [size.value[0] * scale[0], size.value[1] * scale[1]];
+    let (edge_u, edge_v) = (right * width, direction.cross(right) * height);
+    Some([center - (edge_u + edge_v) / 2.0, edge_u, edge_v])
 }

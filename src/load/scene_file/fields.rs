@@ -75,7 +75,7 @@ pub(super) struct Fields<'a> {
 
 /// A value with its place.
 #[derive(Clone)]
-pub(super) struct Placed<T> {
+pub(super) struct Located<T> {
     pub value: T,
     pub span: Range<usize>,
 }
@@ -132,17 +132,17 @@ impl<'a> Fields<'a> {
         key: &'static str,
         expected: &str,
         read: impl Fn(&'a DeValue<'a>) -> Option<T>,
-    ) -> Option<Placed<T>> {
+    ) -> Option<Located<T>> {
         let value = self.raw(key)?;
         let found = read(value.get_ref());
         if found.is_none() {
             self.problems.push(value.span(), format!("'{key}' of {} must be {expected}", self.what));
         }
-        found.map(|v| Placed { value: v, span: value.span() })
+        found.map(|v| Located { value: v, span: value.span() })
     }
 
     /// A finite number.
-    pub fn number(&self, key: &'static str) -> Option<Placed<f64>> {
+    pub fn number(&self, key: &'static str) -> Option<Located<f64>> {
         self.typed(key, "a finite number", number)
     }
 
@@ -181,7 +181,7 @@ impl<'a> Fields<'a> {
     }
 
     /// A string.
-    pub fn string(&self, key: &'static str) -> Option<Placed<&'a str>> {
+    pub fn string(&self, key: &'static str) -> Option<Located<&'a str>> {
         self.typed(key, "a string", DeValue::as_str)
     }
 
@@ -198,17 +198,17 @@ impl<'a> Fields<'a> {
     }
 
     /// Exactly `N` finite numbers.
-    pub fn numbers<const N: usize>(&self, key: &'static str) -> Option<Placed<[f64; N]>> {
+    pub fn numbers<const N: usize>(&self, key: &'static str) -> Option<Located<[f64; N]>> {
         self.typed(key, &format!("a list of {N} finite numbers"), numbers)
     }
 
     /// A point or vector.
-    pub fn vector(&self, key: &'static str) -> Option<Placed<DVec3>> {
-        self.numbers::<3>(key).map(|v| Placed { value: DVec3::from(v.value), span: v.span })
+    pub fn vector(&self, key: &'static str) -> Option<Located<DVec3>> {
+        self.numbers::<3>(key).map(|v| Located { value: DVec3::from(v.value), span: v.span })
     }
 
     /// A colour or radiance: three numbers from 0 up, or one for grey.
-    pub fn color(&self, key: &'static str) -> Option<Placed<[f32; 3]>> {
+    pub fn color(&self, key: &'static str) -> Option<Located<[f32; 3]>> {
         self.typed(key, "a colour: three numbers, or one for grey, from 0 up", color)
     }
 

@@ -30,22 +30,29 @@
 //! `visible_to_camera = false` the camera looks through them, and with `obstacle = false` they stop no light: rays pass and
 //! take theirs along once, and spheres light what is within them. Blender's lamps are so. All other lights have no surface; mirrors show suns with an angle.
 
-use super::build::Build;
+use super::builder::SceneFileBuilder;
 use super::fields::Fields;
-use super::light_shapes::{self, Surface, ball_kind};
-use super::light_traits::{LightTraits, group, positive, strength};
-use super::placement::{Placed, Placement, at_node, direction};
-use super::visibility::visible_to;
-use super::{linking, motion, profiled};
-use crate::math::{DAffine3, DQuat, DVec3};
-use crate::scene::{Beam, Lamp, Light, LightKind, LightProfile, Moving, RayKinds, SpotFade};
-use std::f64::consts::PI;
+use super::textures::read_image;
+use super::traits::{LightTraits, group, positive, strength, visible_to};
+use super::transform::{MovingPlacement, Placement, at_node, direction, placed};
+use super::{fields, traits, transform};
+use crate::error::Warning;
+use crate::load::ies;
+use crate::load::image::Use;
+use crate::math::{DAffine3, DMat3, DQuat, DVec3, Vec2};
+use crate::scene::{
+    Beam, Instance, Interpolation, Lamp, Light, LightKind, LightProfile, Mapping, Material, MaterialId, Mesh,
+    MeshId, MeshPart, Motion, Moving, ObjectTraits, Quad, RayKinds, Shape, ShapeKind, SpotFade, Texture,
+    TextureId, TextureTransform, Wrap,
+};
+use crate::shape::mesh_of;
+use std::f64::consts::{FRAC_PI_4, PI};
 use std::sync::Arc;
 
 const SHAPES: [&str; 4] = ["area", "point", "spot", "sun"];
 
 /// Reads all lights.
-pub(super) fn read(build: &mut Build, root: &Fields) {
+pub(super) fn read(build: &mut SceneFileBuilder, root: &Fields) {
     let Some(list) = root.list("lights") else { return };
     for (i, value) in list.iter().enumerate() {
         let Some(table) = value.get_ref().as_table() else {
@@ -62,8 +69,8 @@ pub(super) fn read(build: &mut Build, root: &Fields) {
             is_obstacle: fields.flag("obstacle", true),
             beam: Beam::Even,
         };
-        let links = linking::read(build, &fields).unwrap_or_default();
-        let moved = motion::rigid(build, &fields, &name);
+        let links = traits::read_links(build, &fields).unwrap_or_default();
+        let moved = transform::rigid_motion(build, &fields, &name);
         let given: Vec<&'static str> = SHAPES.into_iter().filter(|s| fields.has(s)).collect();
         match given[..] {
             [shape] => {
@@ -85,16 +92,16 @@ pub(super) fn read(build: &mut Build, root: &Fields) {
     }
 }
 
-fn add(build: &mut Build, shape: &str, fields: &Fields, traits: LightTraits) {
+fn add(build: &mut SceneFileBuilder, shape: &str, fields: &Fields, traits: LightTraits) {
     match shape {
-        "area" => light_shapes::add_area(build, fields, traits),
+        "area" => add_area(build, fields, traits),
         "sun" => add_sun(build, fields, traits),
         _ => add_local(build, shape == "spot", fields, traits),
     }
 }
 
 /// Adds a point or a spot.
-fn add_local(build: &mut Build, is_spot: bool, fields: &Fields, traits: LightTraits) {
+fn add_local(build: &mut SceneFileBuilder, is_spot: bool, fields: &Fields, traits: LightTraits) {
     let node = fields.has("node").then(|| at_node(build, fields));
     let position = match &node {
         Some(node) => node.as_ref().map(|n| n.now.center),
@@ -119,11 +126,14 @@ fn add_local(build: &mut Build, is_spot: bool, fields: &Fields, traits: LightTra
     let radius = fields.number_in("radius", 0.0..1e9, 0.0);
     let given = position.map(|position| {
         let axis = cone.flatten().map_or(DVec3::Y, |(axis, ..)| axis);
-        Placed { now: Placement::of_axis(position, axis), motion: node.flatten().and_then(|n| n.motion) }
+        MovingPlacement {
+            now: Placement::of_axis(position, axis),
+            motion: node.flatten().and_then(|n| n.motion),
+        }
     });
     let given = given.map(|given| given.moved(traits.moved.as_ref()));
     let intensity = strength(fields, "intensity", 1.0 / (4.0 * PI));
-    let (Some(Placed { now, motion }), Some(intensity)) = (given, intensity) else { return };
+    let (Some(MovingPlacement { now, motion }), Some(intensity)) = (given, intensity) else { return };
     let (position, direction) = (now.center, now.direction);
     let (kind, beam) = match cone {
         None => (LightKind::Point { position }, Beam::Even),
@@ -137,9 +147,8 @@ fn add_local(build: &mut Build, is_spot: bool, fields: &Fields, traits: LightTra
     if radius > 0.0 {
         // A ball of a radiance has the intensity of the disk that it looks like.
         let radiance = intensity / (PI * radius * radius);
-        let motion =
-            motion.map(|moving| light_shapes::ball_motion(build, &traits.name, position, &beam, &moving));
-        return light_shapes::add(
+        let motion = motion.map(|moving| ball_motion(build, &traits.name, position, &beam, &moving));
+        return add_surface(
             build,
             (Surface::Ball { position, radius, kind: ball_kind(is_soft, traits.lamp.is_obstacle) }, motion),
             traits,
@@ -153,23 +162,23 @@ fn add_local(build: &mut Build, is_spot: bool, fields: &Fields, traits: LightTra
 
 /// Adds a point or a spot with a profile.
 fn add_profiled(
-    build: &mut Build,
+    build: &mut SceneFileBuilder,
     fields: &Fields,
     traits: LightTraits,
-    (position, node): (Option<DVec3>, Option<&Placed>),
+    (position, node): (Option<DVec3>, Option<&MovingPlacement>),
     cone: Option<Option<(DVec3, f64, f64, SpotFade)>>,
 ) {
-    let profile = profiled::read(build, fields);
+    let profile = read_profile(build, fields);
     let axis = cone.flatten().map(|(axis, ..)| axis);
     if cone.is_some() && axis.is_none() {
         return;
     }
     let Some(center) = position else { return };
     let angles = cone.flatten().map(|(_, inner, outer, _)| [inner, outer]);
-    let local = profiled::local(fields, angles);
+    let local = local(fields, angles);
     let rotation = match node {
-        Some(node) => Some(profiled::rotation(&node.now)),
-        None => profiled::aimed(fields, center, axis),
+        Some(node) => Some(rotation(&node.now)),
+        None => aimed(fields, center, axis),
     };
     let radius = fields.number_in("radius", 0.0..1e9, 0.0);
     let is_soft = fields.flag("soft_falloff", false);
@@ -183,18 +192,18 @@ fn add_profiled(
     }
     match kind {
         LightKind::Profiled { position, rotation, cone } if radius > 0.0 => {
-            let motion = motion.map(|moving| profiled::ball_motion(build, &traits.name, &kind, &moving));
+            let motion = motion.map(|moving| profile_ball_motion(build, &traits.name, &kind, &moving));
             let beam = Beam::Profile { profile: build.loaded.scene.add_profile(profile), rotation, cone };
             let radiance = intensity / (PI * radius * radius);
             let kind = ball_kind(is_soft, traits.lamp.is_obstacle);
             let surface = Surface::Ball { position, radius, kind };
-            light_shapes::add(build, (surface, motion), traits, beam, (radiance, None));
+            add_surface(build, (surface, motion), traits, beam, (radiance, None));
         }
         _ => push(build, traits, (kind, motion), intensity, Some(profile)),
     }
 }
 
-fn add_sun(build: &mut Build, fields: &Fields, traits: LightTraits) {
+fn add_sun(build: &mut SceneFileBuilder, fields: &Fields, traits: LightTraits) {
     let node = fields.has("node").then(|| at_node(build, fields));
     let direction: Option<DVec3> = match &node {
         Some(node) => node.as_ref().map(|n| n.now.direction),
@@ -203,9 +212,9 @@ fn add_sun(build: &mut Build, fields: &Fields, traits: LightTraits) {
     let angle_rad = fields.number_in("angle", 0.0..180.0, 0.0).to_radians();
     let irradiance = fields.require("irradiance", positive(fields, "irradiance"));
     let motion = node.flatten().and_then(|node| node.motion);
-    let given = direction.map(|way| Placed { now: Placement::of_axis(DVec3::ZERO, way), motion });
+    let given = direction.map(|way| MovingPlacement { now: Placement::of_axis(DVec3::ZERO, way), motion });
     let given = given.map(|given| given.moved(traits.moved.as_ref()));
-    if let (Some(Placed { now, motion }), Some(irradiance)) = (given, irradiance) {
+    if let (Some(MovingPlacement { now, motion }), Some(irradiance)) = (given, irradiance) {
         let direction = now.direction;
         // Smaller ones are points.
         let kind = match angle_rad > 1e-5 {
@@ -224,7 +233,7 @@ fn at(mut kind: LightKind, place: &Placement) -> LightKind {
         LightKind::Spot { position, direction, .. } => {
             (*position, *direction) = (place.center, place.direction);
         }
-        LightKind::Profiled { .. } => return turned(kind, place.center, profiled::rotation(place)),
+        LightKind::Profiled { .. } => return turned(kind, place.center, rotation(place)),
         LightKind::Directional { direction } | LightKind::Sun { direction, .. } => {
             *direction = place.direction;
         }
@@ -250,7 +259,7 @@ fn turned(mut kind: LightKind, center: DVec3, by: DQuat) -> LightKind {
 }
 
 fn push(
-    build: &mut Build,
+    build: &mut SceneFileBuilder,
     traits: LightTraits,
     (kind, motion): (LightKind, Option<Moving<LightKind>>),
     strength: f64,
@@ -269,4 +278,241 @@ fn push(
         links,
         motion,
     });
+}
+
+/// Largest spread, degrees, that is a beam: beyond, and by default, light goes everywhere.
+const WIDEST_BEAM: f64 = 179.9;
+
+/// The surface of a light.
+pub(super) enum Surface {
+    /// A parallelogram that emits towards edge_u x edge_v.
+    Rectangle { corner: DVec3, edge_u: DVec3, edge_v: DVec3 },
+    /// An ellipse by its half axes that emits towards their cross product.
+    Ellipse { center: DVec3, axis_u: DVec3, axis_v: DVec3 },
+    /// A sphere, a shell or a disk that faces what it lights.
+    Ball { position: DVec3, radius: f64, kind: ShapeKind },
+}
+
+/// What a lamp with a radius is: a disk that faces what it lights if it has a soft falloff, and what rays pass shines inwards, too.
+pub(super) fn ball_kind(is_soft: bool, is_obstacle: bool) -> ShapeKind {
+    match is_obstacle {
+        _ if is_soft => ShapeKind::FacingDisk,
+        true => ShapeKind::Sphere,
+        false => ShapeKind::Shell,
+    }
+}
+
+/// Adds an area light.
+pub(super) fn add_area(build: &mut SceneFileBuilder, fields: &Fields, traits: LightTraits) {
+    fields.know(&["power", "radiance"]);
+    let size = fields.require("size", fields.numbers::<2>("size"));
+    let is_ellipse = fields.choice("shape", &[("rectangle", false), ("ellipse", true)]).unwrap_or(false);
+    let spread = fields.number_in("spread", 0.1..180.0, 180.0);
+    let placement = if fields.has("node") { at_node(build, fields) } else { placed(fields) };
+    let Some(size) = size else { return };
+    if size.value.iter().any(|s| *s <= 0.0) {
+        return fields.problems.push(size.span, "'size' of an area light must be above 0");
+    }
+    let placement = placement.map(|placed| placed.moved(traits.moved.as_ref()));
+    let Some(MovingPlacement { now, motion }) = placement else { return };
+    let Placement { center, direction, right, scale } = now;
+    let [width, height] = [size.value[0] * scale[0], size.value[1] * scale[1]];
+    let area = width * height * if is_ellipse { FRAC_PI_4 } else { 1.0 };
+    let Some(radiance) = strength(fields, "radiance", 1.0 / (PI * area)) else { return };
+    let (edge_u, edge_v) = (right * width, direction.cross(right) * height);
+    let surface = match is_ellipse {
+        true => Surface::Ellipse { center, axis_u: edge_u / 2.0, axis_v: edge_v / 2.0 },
+        false => Surface::Rectangle { corner: center - (edge_u + edge_v) / 2.0, edge_u, edge_v },
+    };
+    let beam = match spread < WIDEST_BEAM {
+        true => Beam::Grid { half_angle_rad: spread.to_radians() / 2.0 },
+        false => Beam::Even,
+    };
+    let picture = fields.string("image").and_then(|image| picture(build, image, is_ellipse));
+    let unit_from_world = now.world_from_unit().inverse();
+    let motion = motion.map(|moving| moving.map(|then| then.world_from_unit() * unit_from_world));
+    add_surface(build, (surface, motion), traits, beam, (radiance, picture));
+}
+
+/// A picture that covers a light, upright for who looks at it. Rows of images go along v of rectangles, which runs upwards; disks have
+/// their own coordinates.
+fn picture(
+    build: &mut SceneFileBuilder,
+    image: fields::Located<&str>,
+    is_ellipse: bool,
+) -> Option<TextureId> {
+    let image = read_image(build, image.value, image.span, Use::Color)?;
+    let transform = match is_ellipse {
+        true => TextureTransform::default(),
+        false => TextureTransform { offset: Vec2::Y, scale: Vec2::new(1.0, -1.0), ..Default::default() },
+    };
+    Some(build.loaded.scene.add_texture(Texture::Image {
+        image,
+        wrap_u: Wrap::Clamp,
+        wrap_v: Wrap::Clamp,
+        interpolation: Interpolation::Bilinear,
+        mapping: Mapping::Uv { set: 0, transform },
+    }))
+}
+
+/// The motion of a sphere relative to the picture's time. A rotating cone would be another beam at each time: it is warned
+/// about.
+pub(super) fn ball_motion(
+    build: &mut SceneFileBuilder,
+    name: &str,
+    position: DVec3,
+    beam: &Beam,
+    moving: &Moving<Placement>,
+) -> Moving<DAffine3> {
+    if let Beam::Cone { direction, .. } = beam
+        && moving.all().any(|then| then.direction.distance(*direction) > 1e-6)
+    {
+        let message = "the cone of a spot with a radius doesn't turn while the shutter is open: with radius = 0 it does";
+        build.loaded.warnings.push(Warning::new(build.file, name, message));
+    }
+    moving.map(|then| DAffine3::from_translation(then.center - position))
+}
+
+/// Adds a light with a surface of a radiance, times a picture if it has one, which may move on from where it is.
+fn add_surface(
+    build: &mut SceneFileBuilder,
+    (surface, motion): (Surface, Option<Moving<DAffine3>>),
+    traits: LightTraits,
+    beam: Beam,
+    (radiance, picture): (f64, Option<TextureId>),
+) {
+    let LightTraits { name, color, lamp, group, links, .. } = traits;
+    let traits = ObjectTraits { links, ..ObjectTraits::default() };
+    build.loaded.has_area_lights = true;
+    let scene = &mut build.loaded.scene;
+    let material = MaterialId(scene.materials.len() as u32);
+    let is_ball = |of| matches!(surface, Surface::Ball { kind, .. } if kind == of);
+    // What turns is in nothing's way.
+    let is_obstacle = lamp.is_obstacle && !is_ball(ShapeKind::FacingDisk);
+    let shines_inwards = is_ball(ShapeKind::Shell);
+    let mut emitter = Material::emitter(&name, color.map(|c| c * radiance as f32), shines_inwards);
+    if let Some(emission) = &mut emitter.emission {
+        emission.radiance.texture = picture;
+    }
+    emitter.lamp = Some(Lamp { is_obstacle, beam, ..lamp }).filter(|lamp| *lamp != Lamp::default());
+    emitter.light_group = group;
+    scene.materials.push(emitter);
+    match surface {
+        Surface::Rectangle { corner, edge_u, edge_v } => {
+            scene.motion.quads.extend(motion.map(|moving| (scene.quads.len(), moving)));
+            scene.quads.push(Quad { name, traits, ..Quad::new(corner, edge_u, edge_v, material) });
+        }
+        Surface::Ball { position, radius, kind } => {
+            scene.motion.shapes.extend(motion.map(|moving| (scene.shapes.len(), moving)));
+            scene.shapes.push(Shape { name, kind, traits, ..Shape::sphere(position, radius, material) });
+        }
+        Surface::Ellipse { center, axis_u, axis_v } => {
+            let (u, v) = (axis_u.length(), axis_v.length());
+            // Rays to lights find no disks that move.
+            if (u - v).abs() <= 1e-6 * u && motion.is_none() {
+                let normal = axis_u.cross(axis_v).normalize_or_zero();
+                let disk = Shape::disk(center, normal, u, material);
+                let turned = DMat3::from_cols(axis_u / u, normal.cross(axis_u / u), normal);
+                let rotation =
+                    if picture.is_some() { DQuat::from_mat3(&turned).normalize() } else { disk.rotation };
+                scene.shapes.push(Shape { name, rotation, traits, ..disk });
+                return;
+            }
+            let mut mesh = Mesh { name: format!("{name} (ellipse)"), ..mesh_of(ShapeKind::Disk) };
+            let triangle_count = mesh.triangles.len() as u32;
+            mesh.parts.push(MeshPart { first_triangle: 0, triangle_count, material });
+            scene.meshes.push(mesh);
+            let mesh = MeshId(scene.meshes.len() as u32 - 1);
+            let axes = DMat3::from_cols(axis_u, axis_v, axis_u.cross(axis_v).normalize_or_zero());
+            let world_from_object = DAffine3::from_mat3_translation(axes, center);
+            let mut instance = Instance { name, traits, ..Instance::new(mesh, world_from_object) };
+            if let Some(moving) = motion {
+                instance.motion = Motion::Keyed(scene.motion.instances.len() as u32);
+                scene.motion.instances.push(moving.map(|key| *key * world_from_object));
+            }
+            scene.instances.push(instance);
+        }
+    }
+}
+
+/// Heights at which the mean of a profile is taken.
+const STEPS: u32 = 256;
+
+/// The profile of a light, with its largest value 1, and the intensity that this is, W/sr; `None` if it has problems.
+fn read_profile(build: &SceneFileBuilder, fields: &Fields) -> Option<(Arc<LightProfile>, f64)> {
+    let file = fields.string("ies")?;
+    let path = build.resolve_path(file.value);
+    build.options.files.note(&path);
+    let bytes = std::fs::read(&path).map_err(|e| format!("can't be read: {e}"));
+    let profile = match bytes.and_then(|bytes| ies::parse(&bytes)) {
+        Ok(profile) => Some(profile),
+        Err(message) => {
+            fields.problems.push(file.span, format!("{}: {message}", path.display()));
+            None
+        }
+    };
+    // Read in any case: what is asked for is known.
+    let told = (positive(fields, "power"), positive(fields, "intensity"));
+    let strength = positive(fields, "strength");
+    if strength.is_some() && told != (None, None) {
+        let message =
+            "'strength' is a factor on what the 'ies' file says, which 'power' and 'intensity' replace";
+        fields.problems.push(fields.span(), message);
+    }
+    let is_clockwise = fields.flag("clockwise", false);
+    let profile = if is_clockwise { profile.map(LightProfile::mirrored) } else { profile };
+    let (profile, peak) = ies::relative(profile?);
+    let intensity = match told {
+        (None, None) => strength.unwrap_or(1.0) * peak / ies::LUMENS_PER_WATT,
+        (Some(power), None) => power / (4.0 * PI * f64::from(profile.mean(STEPS)).max(1e-9)),
+        (None, Some(intensity)) => intensity,
+        (Some(_), Some(_)) => {
+            let message = "the light takes either 'power' or 'intensity', or neither with 'ies'";
+            fields.problems.push(fields.span(), message);
+            return None;
+        }
+    };
+    Some((Arc::new(profile), intensity))
+}
+
+/// The light in local space, where it emits along -z. A spot's cone is given by its half angles.
+pub(super) fn local(fields: &Fields, cone: Option<[f64; 2]>) -> LightKind {
+    let turn_rad = fields.number_in("turn", -360.0..360.0, 0.0).to_radians();
+    LightKind::Profiled { position: DVec3::ZERO, rotation: DQuat::from_rotation_z(turn_rad), cone }
+}
+
+/// How a ball with a profile moves on from where it is at the picture's moment. One that turns would have another beam at each
+/// time: it is warned about.
+pub(super) fn profile_ball_motion(
+    build: &mut SceneFileBuilder,
+    name: &str,
+    now: &LightKind,
+    moving: &Moving<LightKind>,
+) -> Moving<DAffine3> {
+    let place = |kind: &LightKind| match *kind {
+        LightKind::Profiled { position, rotation, .. } => (position, rotation),
+        _ => (DVec3::ZERO, DQuat::IDENTITY),
+    };
+    let (from, turn) = place(now);
+    if moving.all().any(|then| place(then).1.dot(turn).abs() < 1.0 - 1e-9) {
+        let message = "the profile of a light with a radius doesn't turn while the shutter is open: with radius = 0 it does";
+        build.loaded.warnings.push(Warning::new(build.file, name, message));
+    }
+    moving.map(|then| DAffine3::from_translation(place(then).0 - from))
+}
+
+/// The rotation of a light at a position with an axis. Point lights face down by default.
+pub(super) fn aimed(fields: &Fields, position: DVec3, axis: Option<DVec3>) -> Option<DQuat> {
+    let is_aimed = fields.has("target") || fields.has("direction");
+    let axis = match axis {
+        None if is_aimed => direction(fields, Some(position))?,
+        axis => axis.unwrap_or(DVec3::NEG_Y),
+    };
+    Some(DQuat::from_rotation_arc(DVec3::NEG_Z, axis))
+}
+
+/// The rotation of a placement applied to -z.
+pub(super) fn rotation(place: &Placement) -> DQuat {
+    let back = -place.direction;
+    DQuat::from_mat3(&DMat3::from_cols(place.right, back.cross(place.right), back)).normalize()
 }

@@ -18,23 +18,65 @@
 //! one of the highest priority counts: glass of priority 1 around a liquid that reaches into its wall ends where the glass says. Among
 //! equals the one that light entered last counts, so that ice in water and air in glass need none.
 //!
-//! ## Fuzz
-//! The thesis adds `fuzz * u` to the mirror direction, u uniform on the unit sphere. At normal incidence the mean cosine
-//! between the result and the mirror direction is `1 - f^2 / 3` (integrate `(1 + f m) / sqrt(1 + f^2 + 2 f m)` over m in
-//! -1..1). GGX with `a = alpha^2` draws normals with `tan^2 = s` of density `a / (a + s)^2`, so that the mean of
-//! `cos(2 theta) = 2 / (1 + s) - 1` is `2 (1 / (1 - a) + a ln a / (1 - a)^2) - 1`. The alpha whose mean is that of the
-//! fuzz is taken (fuzz 0.3 gives alpha 0.056, fuzz 1 gives 0.31), and roughness is its square root.
+//! Metals by name, in `type = "metal"`: `name = "gold"` in place of a colour.
+//!
+//! Known are aluminium, beryllium, chromium, copper, gold, iridium, molybdenum, niobium, rhodium, silver, tantalum,
+//! titanium-nitride and tungsten.
+//!
+//! `type = "hair"` (Chiang et al. 2016) is a fibre of glass with pigment, for `[[curves]]`. On other shapes fibres lie where texture
+//! coordinate u grows.
+//!
+//! | Key | Value |
+//! |---|---|
+//! | `color` | what much of it looks like (0.8), or one of the next two in its place |
+//! | `melanin` | how much pigment, 0 (white) to 1 (black); `melanin_redness`, 0 (brown) to 1 (red), is 0.5 by default |
+//! | `absorption` | by channel, per radius: three numbers from 0 up, or one |
+//! | `roughness` | along the fibre, 0 to 1 (0.3) |
+//! | `radial_roughness` | around the fibre, 0 to 1 (0.3) |
+//! | `ior` | 1 to 3 (1.55) |
+//! | `tilt` | of the scales towards the root, degrees, -45 to 45 (2) |
+//! | `coat` | 0 to 1 (0): makes what the surface reflects less rough, as wet or cared-for hair is |
+//!
+//! Any material may have `displacement = { image = "heights.png", scale = 0.1 }`: meshes, boxes and quads with it are subdivided when the
+//! scene is loaded, and moved along their normals.
+//!
+//! | Displacement | Default | Meaning |
+//! |---|---|---|
+//! | `image` | required | file of heights, by texture coordinates; the red channel as it is stored, 0 to 1 |
+//! | `scale` | required | how far white lies above black, in the units of the mesh: metres, unless its placement scales |
+//! | `midlevel` | 0.5 | the value that stays where the mesh is |
+//! | `edge` | 1/256 of the mesh's box | longest edge of triangles, in the same units; about the size of a texel shows all of the image. All displaced meshes together may have 16 million triangles |
+//! | `wrap` | `repeat` | or `mirror`, `clamp` |
+//! | `repeat` | [1, 1] | how often the image lies along u and v |
+//!
+//! Parts of a mesh with displacements of different `edge` or `scale`, or next to one that is not displaced, come apart where they meet: give
+//! both the same, with heights that end at `midlevel` there.
+//!
+//! And any may have `normal = { image = "normals.png" }` or `bump = { image = "heights.png" }`: light falls on it as if its surface were
+//! uneven, while its shape stays. They go by texture coordinates, which meshes must have; quads, spheres and disks have their own.
+//!
+//! | Normals | Default | Meaning |
+//! |---|---|---|
+//! | `image` | required | `normal`: normals as in glTF, (n + 1) / 2 with y up; `bump`: heights in the red channel |
+//! | `scale` | 1 | factor on the slopes; of `bump`, at 1 white lies a hundredth of the image's width above black, as with `-bm 1` of MTL files |
+//! | `wrap` | `repeat` | or `clamp`; of `normal` also `mirror` |
+//! | `repeat` | [1, 1] | how often the image lies along u and v |
 
-use super::build::Build;
+use super::builder::SceneFileBuilder;
 use super::fields::{Fields, named, nearest};
-use super::light_traits::group;
 use super::pbr::Slots;
-use super::textures::Textures;
-use super::{adjusted, displaced, hair, media, metals, pbr};
+use super::textures::{Textures, read_image, read_pixels};
+use super::traits::{group, visible_to};
+use super::{media, pbr};
+use crate::color::spectral::Metal;
 use crate::error::Warning;
+use crate::load::heights::{BUMP_HEIGHT, holds_normals, normals_of_heights};
+use crate::load::image::Use;
+use crate::math::Vec2;
 use crate::scene::{
-    ColorSlot, Emission, FloatSlot, FresnelModel, Material, MaterialId, Model, Parameter, ParameterMut,
-    Parameters,
+    AlphaMode, ColorSlot, Displacement, Emission, FloatSlot, FresnelModel, ImageId, Interpolation, Lamp,
+    Mapping, Material, MaterialId, Model, NormalMap, Parameter, ParameterMut, Parameters, Texture, TextureId,
+    TextureTransform, Wrap, hair_color,
 };
 use std::collections::HashMap;
 use std::ops::Range;
@@ -58,7 +100,7 @@ impl<'a> Materials<'a> {
     /// The material of a name, read now if it hasn't been.
     pub fn get(
         &mut self,
-        build: &mut Build,
+        build: &mut SceneFileBuilder,
         textures: &mut Textures<'a>,
         name: &str,
         span: Range<usize>,
@@ -67,13 +109,13 @@ impl<'a> Materials<'a> {
             return *done;
         }
         // Beside a model its own materials are known, too.
-        if build.is_beside_model && !self.contains(name) {
+        if build.is_sidecar && !self.contains(name) {
             let own = build.loaded.scene.materials.iter().position(|m| m.name == name);
             if let Some(index) = own {
                 return Some(MaterialId(index as u32));
             }
             let own_tables = self.fields.iter().flat_map(|f| f.entries()).map(|(n, _)| n);
-            if nearest(name, own_tables).is_none() && adjusted::push_unknown(build, name, span.clone()) {
+            if nearest(name, own_tables).is_none() && push_unknown(build, name, span.clone()) {
                 return None;
             }
         }
@@ -97,7 +139,7 @@ impl<'a> Materials<'a> {
 
     /// Changes the materials of a model that tables are named as: all of a material where there is a `type`, else what the
     /// keys say.
-    pub fn override_model(&mut self, build: &mut Build, textures: &mut Textures<'a>) {
+    pub fn override_model(&mut self, build: &mut SceneFileBuilder, textures: &mut Textures<'a>) {
         let Some(all) = &self.fields else { return };
         for (name, value) in all.entries() {
             let own = 0..build.loaded.scene.materials.len();
@@ -107,7 +149,7 @@ impl<'a> Materials<'a> {
                 let fields = Fields::new(format!("material '{name}'"), table, value.span(), all.problems);
                 let changed = match fields.has("type") {
                     true => read(build, textures, &fields, name),
-                    false => adjusted::adjusted(build, textures, &fields, index),
+                    false => adjust_material(build, textures, &fields, index),
                 };
                 if let Some(changed) = changed {
                     build.loaded.scene.materials[index] = changed;
@@ -118,7 +160,7 @@ impl<'a> Materials<'a> {
     }
 
     /// Notes materials that nothing refers to. Their keys are checked, but their images not opened.
-    pub fn check_unused(&self, build: &mut Build, textures: &mut Textures<'a>) {
+    pub fn check_unused(&self, build: &mut SceneFileBuilder, textures: &mut Textures<'a>) {
         textures.only_check();
         let Some(all) = &self.fields else { return };
         for (name, value) in all.entries().filter(|(n, _)| !self.done.contains_key(*n)) {
@@ -126,16 +168,16 @@ impl<'a> Materials<'a> {
                 Some(table) => {
                     let fields = Fields::new(format!("material '{name}'"), table, value.span(), all.problems);
                     // It means to change one of the model's.
-                    let is_change = build.is_beside_model && !fields.has("type");
-                    if is_change && adjusted::push_unknown(build, name, value.span()) {
+                    let is_change = build.is_sidecar && !fields.has("type");
+                    if is_change && push_unknown(build, name, value.span()) {
                         continue;
                     }
                     read(build, textures, &fields, name);
                 }
                 None => build.problems.push(value.span(), format!("material '{name}' must be a table")),
             }
-            match build.is_beside_model {
-                true => adjusted::warn_of_unknown(build, name),
+            match build.is_sidecar {
+                true => warn_of_unknown(build, name),
                 false => build.loaded.left_out.push(format!("material '{name}': nothing refers to it")),
             }
         }
@@ -144,7 +186,7 @@ impl<'a> Materials<'a> {
 
 /// Models with a reader of their own; others are read parameter by parameter.
 #[derive(Clone, Copy)]
-enum Kind {
+enum MaterialType {
     Metal,
     Dielectric,
     Medium,
@@ -154,15 +196,15 @@ enum Kind {
     Plain(fn() -> Model),
 }
 
-fn kinds() -> Vec<(&'static str, Kind)> {
-    let plain = Model::PLAIN.iter().map(|&(key, default)| (key, Kind::Plain(default)));
+fn kinds() -> Vec<(&'static str, MaterialType)> {
+    let plain = Model::PLAIN.iter().map(|&(key, default)| (key, MaterialType::Plain(default)));
     let others = [
-        ("metal", Kind::Metal),
-        ("dielectric", Kind::Dielectric),
-        ("medium", Kind::Medium),
-        ("emissive", Kind::Emissive),
-        ("hair", Kind::Hair),
-        ("pbr", Kind::Pbr),
+        ("metal", MaterialType::Metal),
+        ("dielectric", MaterialType::Dielectric),
+        ("medium", MaterialType::Medium),
+        ("emissive", MaterialType::Emissive),
+        ("hair", MaterialType::Hair),
+        ("pbr", MaterialType::Pbr),
     ];
     plain.chain(others).collect()
 }
@@ -187,7 +229,7 @@ fn plain(fields: &Fields, mut model: Model, mut slot: impl FnMut(&'static str, f
 }
 
 fn read<'a>(
-    build: &mut Build,
+    build: &mut SceneFileBuilder,
     textures: &mut Textures<'a>,
     fields: &Fields<'a>,
     name: &str,
@@ -197,37 +239,37 @@ fn read<'a>(
     let mut slot =
         |key, default: f32| textures.slot(build, fields, key).unwrap_or(ColorSlot::constant([default; 3]));
     let light_group = match kind {
-        Kind::Emissive | Kind::Pbr => group(fields, "light_group"),
+        MaterialType::Emissive | MaterialType::Pbr => group(fields, "light_group"),
         _ => String::new(),
     };
     let mut material = match kind {
-        Kind::Plain(default) => Material::new(name, plain(fields, default(), slot)),
-        Kind::Metal => metal(fields, name, slot("color", 0.8)),
-        Kind::Dielectric => {
+        MaterialType::Plain(default) => Material::new(name, plain(fields, default(), slot)),
+        MaterialType::Metal => metal(fields, name, slot("color", 0.8)),
+        MaterialType::Dielectric => {
             let model = dielectric(fields, slot("tint", 1.0));
             Material { medium: media::table(build, fields, "medium"), ..Material::new(name, model) }
         }
-        Kind::Medium => Material {
+        MaterialType::Medium => Material {
             medium: Some(media::filling(build, fields)),
             ..Material::new(name, Model::Boundary {})
         },
-        Kind::Emissive => {
+        MaterialType::Emissive => {
             fields.require("radiance", fields.raw("radiance"));
             let radiance = slot("radiance", 0.0);
             let two_sided = fields.flag("two_sided", false);
             let emission = Some(Emission { radiance, two_sided });
             Material { emission, ..Material::new(name, Model::Black) }
         }
-        Kind::Hair => Material::new(name, hair::read(fields, slot)),
-        Kind::Pbr => {
+        MaterialType::Hair => Material::new(name, read_hair(fields, slot)),
+        MaterialType::Pbr => {
             let medium = media::table(build, fields, "medium");
             pbr::material(name, medium, &mut Slots { build, textures, fields, of_model: false })
         }
     };
     material.light_group = light_group;
-    material.displacement = displaced::read(build, fields, textures.is_check());
-    material.normal_map = displaced::normals(build, fields, textures.is_check());
-    if let Kind::Dielectric | Kind::Medium | Kind::Pbr = kind {
+    material.displacement = read_displacement(build, fields, textures.is_check());
+    material.normal_map = read_normal_map(build, fields, textures.is_check());
+    if let MaterialType::Dielectric | MaterialType::Medium | MaterialType::Pbr = kind {
         material.priority = media::priority(fields).unwrap_or(0);
     }
     fields.finish();
@@ -236,7 +278,7 @@ fn read<'a>(
 }
 
 /// Colours beyond 1, which were likely meant as 0 to 255, make more light than arrives.
-fn warn_of_brightness(build: &mut Build, material: &Material) {
+fn warn_of_brightness(build: &mut SceneFileBuilder, material: &Material) {
     let mut bright = None;
     material.parameters(&mut |name, parameter| {
         if let Parameter::Color(slot) = parameter
@@ -256,7 +298,7 @@ fn warn_of_brightness(build: &mut Build, material: &Material) {
 }
 
 fn metal(fields: &Fields, name: &str, color: ColorSlot) -> Material {
-    let measured = metals::named(fields);
+    let measured = measured_metal(fields);
     let fuzz = fields.has("fuzz").then(|| fields.number_in("fuzz", 0.0..1.0, 0.0));
     if fuzz.is_some() && fields.has("roughness") {
         fields.problems.push(fields.span(), "'fuzz' and 'roughness' say the same: leave one out");
@@ -294,7 +336,13 @@ fn dielectric(fields: &Fields, tint: ColorSlot) -> Model {
     Model::Glass { ior, tint, roughness: FloatSlot::constant(roughness), is_thin }
 }
 
-/// The roughness (square root of the GGX alpha) whose lobe at normal incidence has the mean cosine of the thesis's fuzz.
+/// The roughness (square root of the GGX alpha) whose lobe at normal incidence has the same mean cosine as the fuzz of
+/// Shirley, "Ray Tracing in One Weekend": the mirror direction plus `fuzz * u`, u uniform on the unit sphere.
+///
+/// At normal incidence that mean is `1 - f^2 / 3` (integrate `(1 + f m) / sqrt(1 + f^2 + 2 f m)` over m in -1..1). GGX
+/// with `a = alpha^2` samples normals with `tan^2 = s` of density `a / (a + s)^2`, so that the mean of
+/// `cos(2 theta) = 2 / (1 + s) - 1` is `2 (1 / (1 - a) + a ln a / (1 - a)^2) - 1`. Fuzz 0.3 gives alpha 0.056, fuzz 1
+/// gives 0.31.
 fn roughness_of_fuzz(fuzz: f64) -> f64 {
     if fuzz <= 0.0 {
         return 0.0;
@@ -308,6 +356,224 @@ fn roughness_of_fuzz(fuzz: f64) -> f64 {
         if deviation < wanted { low = a } else { high = a }
     }
     (0.5f64 * (low + high)).sqrt().sqrt()
+}
+
+/// Complex index of refraction eta + i k by channel of linear Rec.709.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct MeasuredMetal {
+    pub eta: [f32; 3],
+    pub k: [f32; 3],
+    /// The same by wavelength.
+    pub metal: Option<Metal>,
+}
+
+const fn rgb_metal(eta: [f32; 3], k: [f32; 3]) -> MeasuredMetal {
+    MeasuredMetal { eta, k, metal: None }
+}
+
+/// Measured spectra (Palik 1998, "Handbook of Optical Constants of Solids"), weighted with the CIE 1931 matching functions
+/// and converted to linear Rec.709.
+const METALS: [(&str, MeasuredMetal); 13] = [
+    ("aluminium", rgb_metal([1.6575, 0.880_405, 0.521_244], [9.223_81, 6.2695, 4.837])),
+    ("beryllium", rgb_metal([4.185_01, 3.185_03, 2.784_06], [3.835_47, 3.010_12, 2.868_99])),
+    ("chromium", rgb_metal([4.369_67, 2.916_51, 1.6549], [5.206_55, 4.231_31, 3.7547])),
+    ("copper", rgb_metal([0.201_005, 0.923_75, 1.102_22], [3.913_26, 2.453_05, 2.142_09])),
+    ("gold", rgb_metal([0.143_036, 0.375_307, 1.442_05], [3.983, 2.385_56, 1.603_36])),
+    ("iridium", rgb_metal([3.0863, 2.082_19, 1.617_91], [5.592_15, 4.067_09, 3.267_31])),
+    ("molybdenum", rgb_metal([4.483_97, 3.525_13, 2.776_31], [4.111_44, 3.420_83, 3.150_61])),
+    ("niobium", rgb_metal([3.420_07, 2.790_09, 2.395_63], [3.441_39, 2.737_67, 2.579_75])),
+    ("rhodium", rgb_metal([2.585_79, 1.860_22, 1.554_26], [6.782_26, 4.702_99, 3.976_07])),
+    ("silver", rgb_metal([0.155_276, 0.116_728, 0.138_388], [4.828_35, 3.122_22, 2.1469])),
+    ("tantalum", rgb_metal([2.062_72, 2.392_94, 2.627_93], [2.408_36, 1.741_49, 1.947_03])),
+    ("titanium-nitride", rgb_metal([1.648_45, 1.150_52, 1.379_82], [3.368_33, 1.9435, 1.102_07])),
+    ("tungsten", rgb_metal([4.370_82, 3.300_25, 2.998_41], [3.500_64, 2.604_87, 2.273_23])),
+];
+
+/// The metal that `name` asks for, if it does.
+pub(super) fn measured_metal(fields: &Fields) -> Option<MeasuredMetal> {
+    let found = fields.choice("name", &METALS);
+    let name = fields.string("name").map_or("", |name| name.value);
+    let found = found.map(|found| MeasuredMetal { metal: Metal::named(name), ..found });
+    if found.is_some() && fields.has("color") {
+        fields.problems.push(fields.span(), "'name' gives the metal its colour: leave 'color' out");
+    }
+    found
+}
+
+fn read_hair(fields: &Fields, mut slot: impl FnMut(&'static str, f32) -> ColorSlot) -> Model {
+    let share = |key, otherwise| fields.number_in(key, 0.0..1.0, otherwise) as f32;
+    let radial = share("radial_roughness", 0.3);
+    let ways = ["color", "melanin", "absorption"];
+    if ways.into_iter().filter(|key| fields.has(key)).count() > 1 {
+        let message = "'color', 'melanin' and 'absorption' say the same: keep one";
+        fields.problems.push(fields.span(), message);
+    }
+    if fields.has("melanin_redness") && !fields.has("melanin") {
+        fields.problems.push(fields.span(), "'melanin_redness' needs 'melanin'");
+    }
+    let color = if fields.has("melanin") {
+        let absorption = absorption_of_melanin(share("melanin", 0.5), share("melanin_redness", 0.5));
+        ColorSlot::constant(hair_color(absorption, radial))
+    } else if let Some(absorption) = fields.color("absorption") {
+        ColorSlot::constant(hair_color(absorption.value, radial))
+    } else {
+        slot("color", 0.8)
+    };
+    Model::Hair {
+        color,
+        roughness: FloatSlot::constant(share("roughness", 0.3)),
+        radial_roughness: FloatSlot::constant(radial),
+        ior: fields.number_in("ior", 1.0..3.0, 1.55) as f32,
+        tilt_rad: fields.number_in("tilt", -45.0..45.0, 2.0).to_radians() as f32,
+        coat: FloatSlot::constant(share("coat", 0.0)),
+    }
+}
+
+/// Absorption per radius of eumelanin (brown) and pheomelanin (red), by the concentrations that Cycles gives these numbers.
+fn absorption_of_melanin(melanin: f32, redness: f32) -> [f32; 3] {
+    let amount = -(1.0 - melanin).max(1e-4).ln();
+    let (brown, red) = (amount * (1.0 - redness), amount * redness);
+    let of = |brown_unit: f32, red_unit: f32| brown * brown_unit + red * red_unit;
+    [of(0.506, 0.343), of(0.841, 0.733), of(1.653, 1.924)]
+}
+
+/// The displacement of a material, with a texture of its own. A check opens no image.
+fn read_displacement(build: &mut SceneFileBuilder, fields: &Fields, is_check: bool) -> Option<Displacement> {
+    let table = fields.table("displacement")?;
+    let image = table.require("image", table.string("image"));
+    let scale = table.require("scale", table.number("scale"));
+    let midlevel = table.number("midlevel").map_or(0.5, |m| m.value as f32);
+    let edge = table.number_in("edge", 1e-9..f64::from(f32::MAX), 0.0) as f32;
+    let placed = on_surface(&table, &WRAPS);
+    table.finish();
+    let (image, scale) = (image?, scale?);
+    if is_check {
+        return None;
+    }
+    let image = read_pixels(build, image.value, image.span, Use::Data)?;
+    let texture = (placed.texture(build, image), 0);
+    Some(Displacement { texture, scale: scale.value as f32, midlevel, edge })
+}
+
+/// Ways to go on beyond the edges of an image.
+const WRAPS: [(&str, Wrap); 3] = [("repeat", Wrap::Repeat), ("mirror", Wrap::Mirror), ("clamp", Wrap::Clamp)];
+
+/// The mapping of an image to a surface.
+struct OnSurface {
+    wrap: Wrap,
+    times: [f64; 2],
+}
+
+fn on_surface(table: &Fields, wraps: &[(&'static str, Wrap)]) -> OnSurface {
+    let wrap = table.choice("wrap", wraps).unwrap_or(Wrap::Repeat);
+    OnSurface { wrap, times: table.numbers::<2>("repeat").map_or([1.0; 2], |r| r.value) }
+}
+
+impl OnSurface {
+    /// The image as a texture, which is added to the scene.
+    fn texture(&self, build: &mut SceneFileBuilder, image: ImageId) -> TextureId {
+        let scale = Vec2::new(self.times[0] as f32, self.times[1] as f32);
+        let transform = TextureTransform { scale, ..Default::default() };
+        build.loaded.scene.add_texture(Texture::Image {
+            image,
+            wrap_u: self.wrap,
+            wrap_v: self.wrap,
+            interpolation: Interpolation::Bilinear,
+            mapping: Mapping::Uv { set: 0, transform },
+        })
+    }
+}
+
+/// The normals that a material is shaded with, from `normal` or `bump`. A check opens no image.
+pub(super) fn read_normal_map(
+    build: &mut SceneFileBuilder,
+    fields: &Fields,
+    is_check: bool,
+) -> Option<NormalMap> {
+    if fields.has("normal") && fields.has("bump") {
+        fields.problems.push(fields.span(), "'normal' and 'bump' say the same: leave one out");
+    }
+    let (key, is_height) = if fields.has("bump") { ("bump", true) } else { ("normal", false) };
+    let table = fields.table(key)?;
+    let image = table.require("image", table.string("image"));
+    let scale = table.number_in("scale", -1000.0..1000.0, 1.0) as f32;
+    // Where heights are mirrored, their slopes would have to turn round.
+    let placed = on_surface(&table, if is_height { &[WRAPS[0], WRAPS[2]] } else { &WRAPS });
+    table.finish();
+    let (name, span) = image.map(|image| (image.value, image.span))?;
+    if is_check {
+        return None;
+    }
+    if !is_height {
+        let image = read_image(build, name, span, Use::Data)?;
+        return Some(NormalMap { texture: placed.texture(build, image), scale });
+    }
+    let mut image = read_pixels(build, name, span, Use::Data)?;
+    let heights = &build.loaded.scene.images[image.index()];
+    if holds_normals(heights) {
+        let message =
+            format!("'{name}' of 'bump' looks like a map of normals: say 'normal' in place of 'bump'");
+        build.loaded.warnings.push(Warning::new(build.file, "", message));
+    }
+    let normals = normals_of_heights(heights, scale * BUMP_HEIGHT);
+    image = build.loaded.scene.add_image(normals);
+    Some(NormalMap { texture: placed.texture(build, image), scale: 1.0 })
+}
+
+/// The material of a model, with what the keys say; `None` if it has no parameters to change.
+pub(super) fn adjust_material<'a>(
+    build: &mut SceneFileBuilder,
+    textures: &mut Textures<'a>,
+    fields: &Fields<'a>,
+    index: usize,
+) -> Option<Material> {
+    let mut material = build.loaded.scene.materials[index].clone();
+    let Model::Pbr(mut model) = material.model.clone() else {
+        let message = format!("material '{}' of the model is unlit and has no parameters", material.name);
+        fields.problems.push_help(fields.span(), message, "give it a 'type'");
+        return None;
+    };
+    let medium = media::table(build, fields, "medium");
+    let slots = &mut Slots { build, textures, fields, of_model: true };
+    pbr::adjust((&mut material, &mut model), medium, slots);
+    let modes = [
+        ("opaque", AlphaMode::Opaque),
+        ("mask", AlphaMode::Mask { cutoff: 0.5 }),
+        ("blend", AlphaMode::Blend),
+    ];
+    if let Some(mode) = fields.choice("alpha", &modes) {
+        if material.alpha_mode == AlphaMode::Opaque {
+            material.alpha = pbr::alpha_of(&material, &model);
+        }
+        material.alpha_mode = mode;
+    }
+    if fields.has("visible_to") || fields.has("visible_to_camera") {
+        let lamp = material.lamp.unwrap_or_default();
+        material.lamp = Some(Lamp { visible_to: visible_to(fields, lamp.visible_to), ..lamp });
+    }
+    material.displacement = read_displacement(build, fields, false).or(material.displacement);
+    material.normal_map = read_normal_map(build, fields, false).or(material.normal_map);
+    material.priority = media::priority(fields).unwrap_or(material.priority);
+    fields.finish();
+    Some(Material { model: Model::Pbr(model), ..material })
+}
+
+/// Notes a problem if a material of the model may be meant by a name that none of them has; did it?
+pub(super) fn push_unknown(build: &SceneFileBuilder, name: &str, span: Range<usize>) -> bool {
+    let near = nearest(name, build.loaded.scene.materials.iter().map(|m| m.name.as_str()));
+    if let Some(near) = near {
+        let message = format!("there is no material '{name}'");
+        build.problems.push_help(span, message, format!("did you mean '{near}' of the model?"));
+    }
+    near.is_some()
+}
+
+/// Warns of a table that is named as no material of the model and that no object refers to.
+pub(super) fn warn_of_unknown(build: &mut SceneFileBuilder, name: &str) {
+    let names = build.loaded.scene.materials.iter().map(|m| m.name.as_str());
+    let help = nearest(name, names).map_or_else(String::new, |near| format!(" (did you mean '{near}'?)"));
+    let message = format!("the model has no material '{name}' and no object asks for it{help}");
+    build.loaded.warnings.push(Warning::new(build.file, "", message));
 }
 
 #[cfg(test)]

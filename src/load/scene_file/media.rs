@@ -9,7 +9,7 @@
 //! | `emission` | 0 | radiance that each metre adds |
 //! | `grid` | none | `.vdb` or `.vol` file of factors on the density, and on the emission, in solids only; where there is an emission `density` is one number then, and with `density = 0` the grid shines without hiding anything |
 //! | `grid_name` | `density`, or the only one | which grid of a `.vdb` file |
-//! | `emission_grid` | none | another grid of the `.vdb` file, such as `flame` (beside a `.vol` file, another such file): factors on the emission in place of those of `grid` |
+//! | `emission_grid` | none | another grid of the `.vdb` file, such as `flame` (next to a `.vol` file, another such file): factors on the emission in place of those of `grid` |
 //! | `temperature_grid` | none | another grid, likewise, such as `temperature`: it shines as a black body; `emission` is what each metre of 1500 K adds, and hotter ones more: by Planck's law some 15 times as much at 1800 K |
 //! | `temperature` | 1 | kelvins where `temperature_grid` is 1, which is right for grids of kelvins; for those of 0 to 1, such as Blender's, 1500 to 2500 |
 //! | `temperature_law` | `planck` | how what is seen grows with the temperature; `stefan-boltzmann`: as all of the power does, which goes by its fourth power (twice as much at 1800 K as at 1500 K): Blender's fire |
@@ -48,8 +48,8 @@
 //! way in and out: a skin that is painted by the root of its colour over that of the body.
 //! A mesh with edges has no inside: it gets a diffuse base of the `color`, and a warning says so.
 
-use super::build::Build;
-use super::fields::{Fields, Placed};
+use super::builder::SceneFileBuilder;
+use super::fields::{Fields, Located};
 use super::transform;
 use crate::load::grid;
 use crate::math::{DAffine3, DMat3, DVec3};
@@ -60,7 +60,7 @@ use std::path::Path;
 const MOST_DENSITY: f32 = 1e9;
 
 /// The keys of a medium that fills a solid.
-pub(super) fn filling(build: &mut Build, fields: &Fields) -> Medium {
+pub(super) fn filling(build: &mut SceneFileBuilder, fields: &Fields) -> Medium {
     let medium = medium(fields);
     let corners = [fields.vector("min"), fields.vector("max")];
     let name = fields.string("grid_name").map(|name| name.value);
@@ -76,15 +76,15 @@ pub(super) fn filling(build: &mut Build, fields: &Fields) -> Medium {
         }
         return medium;
     };
-    let path = build.beside(file.value);
+    let path = build.resolve_path(file.value);
     let [min, max] = corners.map(|c| c.map(|c| c.value));
     let has_margin = min.is_none() && max.is_none();
     build.options.files.note(&path);
-    match grid::read(&path, grid::Choice { name, is_z_up, has_margin }) {
+    match grid::read(&path, grid::GridChoice { name, is_z_up, has_margin }) {
         Ok(grid) => {
             let own = grid.bounds();
             let fitted = between(own, (min.unwrap_or(own.0), max.unwrap_or(own.1)));
-            let place = Place { moved: moved * fitted, is_z_up, has_margin };
+            let place = GridTransform { moved: moved * fitted, is_z_up, has_margin };
             let grid = Some(build.loaded.scene.add_grid(place.put(grid)));
             Medium { grid, glow: glow.of_file(build, fields, &path, place), ..medium }
         }
@@ -104,23 +104,23 @@ fn between(from: (DVec3, DVec3), to: (DVec3, DVec3)) -> DAffine3 {
     DAffine3::from_mat3_translation(DMat3::from_diagonal(scale), to.0 - from.0 * scale)
 }
 
-/// The keys of what shines by a grid of its own.
+/// The keys of emission by a grid of its own.
 struct GlowKeys<'a> {
-    factors: Option<Placed<&'a str>>,
-    heat: Option<Placed<&'a str>>,
+    factors: Option<Located<&'a str>>,
+    heat: Option<Located<&'a str>>,
     kelvin: Option<f32>,
     scales_with_power: Option<bool>,
 }
 
-/// How grids of a file stand in the world.
-struct Place {
+/// Transform of a file's grids to world space.
+struct GridTransform {
     /// What takes them from where the file has them to where they are.
     moved: DAffine3,
     is_z_up: bool,
     has_margin: bool,
 }
 
-impl Place {
+impl GridTransform {
     fn put(&self, grid: Grid) -> Grid {
         Grid { world_from_voxels: self.moved * grid.world_from_voxels, ..grid }
     }
@@ -157,17 +157,23 @@ impl<'a> GlowKeys<'a> {
         self.factors.is_some() || self.heat.is_some()
     }
 
-    /// The grid of the file that it names; it stands where the file has it, moved as that of densities is.
-    fn of_file(self, build: &mut Build, fields: &Fields, path: &Path, place: Place) -> Option<EmissionGrid> {
+    /// The grid of the named file; placed as in the file, with the transform of the density grid.
+    fn of_file(
+        self,
+        build: &mut SceneFileBuilder,
+        fields: &Fields,
+        path: &Path,
+        place: GridTransform,
+    ) -> Option<EmissionGrid> {
         let kelvin = self.heat.is_some().then(|| self.kelvin.unwrap_or(1.0));
         let name = self.heat.or(self.factors)?;
         let is_vdb = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("vdb"));
         let (file, choice) = match is_vdb {
             true => {
-                let Place { is_z_up, has_margin, .. } = place;
-                (path.to_path_buf(), grid::Choice { name: Some(name.value), is_z_up, has_margin })
+                let GridTransform { is_z_up, has_margin, .. } = place;
+                (path.to_path_buf(), grid::GridChoice { name: Some(name.value), is_z_up, has_margin })
             }
-            false => (build.beside(name.value), grid::Choice::default()),
+            false => (build.resolve_path(name.value), grid::GridChoice::default()),
         };
         build.options.files.note(&file);
         match grid::read(&file, choice) {
@@ -227,7 +233,7 @@ fn anisotropy(fields: &Fields) -> f32 {
 }
 
 /// The table of a medium under a key.
-pub(super) fn table(build: &mut Build, fields: &Fields, key: &'static str) -> Option<Medium> {
+pub(super) fn table(build: &mut SceneFileBuilder, fields: &Fields, key: &'static str) -> Option<Medium> {
     let table = fields.table(key)?;
     let medium = filling(build, &table);
     table.finish();

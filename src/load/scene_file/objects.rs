@@ -23,35 +23,67 @@
 //! (`oscura help lights`).
 //!
 //! Shapes without a material take `[materials.default]`. Quads stay what they are under every transform.
+//!
+//! Shapes with a middle and a radius:
+//!
+//! | Shape | Value |
+//! |---|---|
+//! | `sphere` | `{ center, radius }` |
+//! | `disk` | `{ center, normal, radius }`; flat, its front where `normal` points (default y, up) |
+//!
+//! They stay what they are under rotation, translation and even scaling, and become meshes, with a warning, under any other
+//! transform (a sphere one of 81,920 triangles), and so do spheres that shine where their motion bends them. A texture on a disk touches its edge; its top points up (of a level disk
+//! to -z) and turns with it.
+//!
+//! # subdivision
+//!
+//! `subdivide = 2`, or `subdivide = { levels = 2 }`, subdivides the meshes of an object when they are loaded, by Catmull and Clark: quads of OBJ
+//! files become smooth surfaces, as modellers mean them. Vertices lie on the limit surface and have its normals. Meshes of other files
+//! are subdivided by their triangles.
+//!
+//! | Subdivision | Default | Meaning |
+//! |---|---|---|
+//! | `levels` | required | steps, 0 to 10; each makes four faces of one. All subdivided meshes together may have 16 million triangles |
+//! | `scheme` | `catmull-clark` | there is no other |
+//! | `corners` | `sharp` | corners of open sheets, which one face only has, stay where they are; `round`: they become round, as by default in Blender |
+//!
+//! Open edges, and those of more than two faces, become smooth curves. Seams of texture coordinates stay where they are.
 
 use super::assets::Assets;
-use super::build::Build;
-use super::fields::{Fields, numbers};
+use super::builder::SceneFileBuilder;
+use super::fields::{Fields, nearest, number, numbers};
 use super::materials::Materials;
-use super::object::{Object, add_placed};
 use super::textures::Textures;
-use super::visibility::GivenTraits;
-use super::{overrides, round, subdivided};
-use crate::load::shapes::{Faces, box_faces, pyramid_faces, triangle_faces};
-use crate::math::{DAffine3, DVec3};
-use crate::scene::{Instance, MaterialId, MeshPart, Quad, Shape};
+use super::traits::{TraitOverrides, group};
+use super::transform;
+use crate::error::Warning;
+use crate::load::shapes::{Faces, box_faces, pyramid_faces, triangle_faces, uniform_scale};
+use crate::load::subdivide::{MOST_LEVELS, Subdivision};
+use crate::load::subdivided::{CHANGES_FORM, in_scene};
+use crate::math::{DAffine3, DMat3, DQuat, DVec3, transform_at};
+use crate::scene::{
+    Instance, MaterialId, Mesh, MeshId, MeshPart, Motion, Moving, Quad, SceneMotion, Shape, ShapeKind,
+};
+use crate::shape::mesh_of;
+use std::ops::Range;
+use toml::de::DeValue;
 
 /// The keys of shapes.
 fn shapes() -> impl Iterator<Item = &'static str> {
-    ["mesh"].into_iter().chain(round::keys()).chain(["quad", "box", "pyramid", "triangle"])
+    ["mesh"].into_iter().chain(round_keys()).chain(["quad", "box", "pyramid", "triangle"])
 }
 
 /// Reads all objects.
 pub(super) fn read<'a>(
-    build: &mut Build,
+    build: &mut SceneFileBuilder,
     root: &Fields<'a>,
     materials: &mut Materials<'a>,
     textures: &mut Textures<'a>,
     assets: &mut Assets,
 ) {
-    if build.is_beside_model && root.raw("objects").is_some_and(|v| v.get_ref().is_table()) {
+    if build.is_sidecar && root.raw("objects").is_some_and(|v| v.get_ref().is_table()) {
         let changed = root.table("objects");
-        changed.into_iter().for_each(|all| overrides::objects(build, &all, materials, textures));
+        changed.into_iter().for_each(|all| override_objects(build, &all, materials, textures));
         return build.nodes.remove_hidden(&mut build.loaded.scene);
     }
     let Some(list) = root.list("objects") else { return };
@@ -70,10 +102,10 @@ pub(super) fn read<'a>(
             continue;
         };
         let fields = Fields::new(format!("object {}", i + 1), table, value.span(), root.problems);
-        if build.is_beside_model
+        if build.is_sidecar
             && let Some(node) = fields.string("node")
         {
-            overrides::object(build, &fields, (node.value, node.span), materials, textures);
+            override_object(build, &fields, (node.value, node.span), materials, textures);
             continue;
         }
         let name = fields.string("name").map_or_else(|| format!("object {}", i + 1), |n| n.value.to_string());
@@ -87,14 +119,14 @@ pub(super) fn read<'a>(
 }
 
 /// How many instances, quads and shapes there are.
-fn counts(build: &Build) -> [usize; 3] {
+fn counts(build: &SceneFileBuilder) -> [usize; 3] {
     let scene = &build.loaded.scene;
     [scene.instances.len(), scene.quads.len(), scene.shapes.len()]
 }
 
 /// Gives what was added to the scene the traits that its object has.
-fn give_traits(build: &mut Build, fields: &Fields, [instances, quads, shapes]: [usize; 3]) {
-    let given = GivenTraits::read(build, fields);
+fn give_traits(build: &mut SceneFileBuilder, fields: &Fields, [instances, quads, shapes]: [usize; 3]) {
+    let given = TraitOverrides::read(build, fields);
     let scene = &mut build.loaded.scene;
     scene.instances[instances..].iter_mut().for_each(|instance| given.apply(&mut instance.traits));
     scene.quads[quads..].iter_mut().for_each(|quad| given.apply(&mut quad.traits));
@@ -102,7 +134,7 @@ fn give_traits(build: &mut Build, fields: &Fields, [instances, quads, shapes]: [
 }
 
 fn read_object<'a>(
-    build: &mut Build,
+    build: &mut SceneFileBuilder,
     fields: &Fields<'a>,
     object: &Object,
     materials: &mut Materials<'a>,
@@ -156,12 +188,12 @@ fn read_object<'a>(
                 add_faces(build, object, &faces, &vec![id; faces.faces.len()]);
             }
         }
-        round => round::add(build, fields, object, round, id),
+        _ => add_round(build, fields, object, shape, id),
     }
 }
 
 fn add_mesh(
-    build: &mut Build,
+    build: &mut SceneFileBuilder,
     fields: &Fields,
     object: &Object,
     material: Option<MaterialId>,
@@ -169,11 +201,11 @@ fn add_mesh(
 ) {
     let Some(file) = fields.string("mesh") else { return };
     let crease = fields.has("smooth").then(|| fields.number_in("smooth", 0.0..180.0, 0.0).to_radians());
-    let how = subdivided::read(fields);
+    let how = read_subdivision(fields);
     let Some(mut asset) = assets.get(build, file.value, file.span.clone(), crease) else { return };
     if let Some(how) = how {
         for i in &mut asset.to_mut().instances {
-            i.mesh = subdivided::mesh(build, fields, i.mesh, i.motion, how).unwrap_or(i.mesh);
+            i.mesh = subdivided_mesh(build, fields, i.mesh, i.motion, how).unwrap_or(i.mesh);
         }
     }
     let scene = &mut build.loaded.scene;
@@ -188,17 +220,17 @@ fn add_mesh(
         let message = "the points of a point cloud can't move";
         return fields.problems.push_help(file.span, message, "leave 'motion' out");
     }
-    if round::placed(object, first.clone()).is_none() {
+    if placed_shape(object, first.clone()).is_none() {
         let message = "the points of a point cloud are spheres, which this transform bends";
         return fields.problems.push_help(file.span, message, "scale by the same factor along all axes");
     }
-    let shapes = asset.shapes.iter().filter_map(|shape| round::placed(object, shape.clone()));
+    let shapes = asset.shapes.iter().filter_map(|shape| placed_shape(object, shape.clone()));
     let shapes = shapes.map(|s| Shape { material: material.unwrap_or(s.material), ..s });
     build.loaded.scene.shapes.extend(shapes);
 }
 
 fn face_materials<'a>(
-    build: &mut Build,
+    build: &mut SceneFileBuilder,
     fields: &Fields<'a>,
     count: usize,
     materials: &mut Materials<'a>,
@@ -262,7 +294,7 @@ fn read_triangle(fields: &Fields) -> Option<Faces> {
 }
 
 /// Adds flat faces as one mesh with a part for each face.
-fn add_faces(build: &mut Build, object: &Object, faces: &Faces, ids: &[MaterialId]) {
+fn add_faces(build: &mut SceneFileBuilder, object: &Object, faces: &Faces, ids: &[MaterialId]) {
     let origin = faces.faces[0][0].0;
     let (mut mesh, counts) = faces.to_mesh(&object.name, origin);
     let mut first_triangle = 0;
@@ -273,7 +305,7 @@ fn add_faces(build: &mut Build, object: &Object, faces: &Faces, ids: &[MaterialI
     add_placed(build, object, mesh, object.world_from_object * DAffine3::from_translation(origin));
 }
 
-fn add_quad(build: &mut Build, object_fields: &Fields, object: &Object, material: MaterialId) {
+fn add_quad(build: &mut SceneFileBuilder, object_fields: &Fields, object: &Object, material: MaterialId) {
     let Some(fields) = object_fields.table("quad") else { return };
     let corner = fields.require("corner", fields.vector("corner"));
     let u = fields.require("u", fields.vector("u"));
@@ -294,4 +326,298 @@ fn add_quad(build: &mut Build, object_fields: &Fields, object: &Object, material
     let scene = &mut build.loaded.scene;
     scene.motion.quads.extend(object.motion.clone().map(|moving| (scene.quads.len(), moving)));
     scene.quads.push(Quad { name: object.name.clone(), ..Quad::new(corner, edge_u, edge_v, material) });
+}
+
+/// A table of `[[objects]]`.
+pub(super) struct Object {
+    /// Its name.
+    pub name: String,
+    /// Its transform.
+    pub world_from_object: DAffine3,
+    /// How it moves on from there.
+    pub motion: Option<Moving<DAffine3>>,
+}
+
+impl Object {
+    /// What a table says of its place.
+    pub fn read(build: &mut SceneFileBuilder, fields: &Fields, name: String) -> Object {
+        let world_from_object = transform::read(fields);
+        match transform::read_motion(build, fields, &name) {
+            None => Object { name, world_from_object, motion: None },
+            Some(moved) => {
+                let world_from_object = moved.at_moment * world_from_object;
+                Object { name, world_from_object, motion: moved.onwards }
+            }
+        }
+    }
+
+    /// How an instance of a file moves that the object places.
+    pub fn moved(&self, motion: &mut SceneMotion, instance: &Instance) -> Motion {
+        let own = match instance.motion {
+            Motion::Keyed(number) => motion.instances.get(number as usize).cloned(),
+            _ => None,
+        };
+        let moving = match (&self.motion, own) {
+            (None, None) => return instance.motion,
+            (Some(moving), None) => {
+                moving.map(|key| *key * self.world_from_object * instance.world_from_object)
+            }
+            (None, Some(own)) => own.map(|key| self.world_from_object * *key),
+            (Some(moving), Some(own)) => both(moving, &own, &self.world_from_object),
+        };
+        motion.instances.push(moving);
+        Motion::Keyed(motion.instances.len() as u32 - 1)
+    }
+}
+
+/// An object that moves and whose file moves, too; at as many keys as either has.
+fn both(moving: &Moving<DAffine3>, own: &Moving<DAffine3>, place: &DAffine3) -> Moving<DAffine3> {
+    let count = moving.keys.len().max(own.keys.len());
+    let at = |i: usize| {
+        let time = i as f32 / count.saturating_sub(1).max(1) as f32;
+        transform_at(&moving.keys, time) * *place * transform_at(&own.keys, time)
+    };
+    let neighbours = moving.neighbours.zip(own.neighbours);
+    let neighbours = neighbours.map(|(m, o)| [m[0] * *place * o[0], m[1] * *place * o[1]]);
+    Moving { keys: (0..count).map(at).collect(), neighbours }
+}
+
+/// Adds a mesh, placed.
+pub(super) fn add_placed(
+    build: &mut SceneFileBuilder,
+    object: &Object,
+    mesh: Mesh,
+    world_from_object: DAffine3,
+) {
+    let scene = &mut build.loaded.scene;
+    scene.meshes.push(mesh);
+    let mesh = MeshId(scene.meshes.len() as u32 - 1);
+    let mut motion = Motion::Still;
+    if let Some(moving) = &object.motion {
+        motion = Motion::Keyed(scene.motion.instances.len() as u32);
+        scene.motion.instances.push(moving.map(|key| *key * world_from_object));
+    }
+    let name = object.name.clone();
+    scene.instances.push(Instance { name, motion, ..Instance::new(mesh, world_from_object) });
+}
+
+/// Reads `[objects.NAME]`: changes of the model's own objects.
+pub(super) fn override_objects<'a>(
+    build: &mut SceneFileBuilder,
+    all: &Fields<'a>,
+    materials: &mut Materials<'a>,
+    textures: &mut Textures<'a>,
+) {
+    for (name, value) in all.entries() {
+        match value.get_ref().as_table() {
+            Some(table) => {
+                let fields = Fields::new(format!("object '{name}'"), table, value.span(), all.problems);
+                override_object(build, &fields, (name, value.span()), materials, textures);
+            }
+            None => all.problems.push(value.span(), format!("object '{name}' must be a table")),
+        }
+    }
+}
+
+/// Changes what a node of the model shows, and what the nodes below it show: `hidden`, another `material`,
+/// the `light_group` of what they emit and what that is linked to, subdivided meshes; to which rays (see [`super::traits`]).
+pub(super) fn override_object<'a>(
+    build: &mut SceneFileBuilder,
+    fields: &Fields<'a>,
+    (name, span): (&str, Range<usize>),
+    materials: &mut Materials<'a>,
+    textures: &mut Textures<'a>,
+) {
+    let is_hidden = fields.flag("hidden", false);
+    let wanted = fields.string("material");
+    let material = wanted.and_then(|wanted| materials.get(build, textures, wanted.value, wanted.span));
+    let given = TraitOverrides::read(build, fields);
+    let light_group = fields.has("light_group").then(|| group(fields, "light_group"));
+    let subdivision = read_subdivision(fields);
+    fields.finish();
+    let scene = &mut build.loaded.scene;
+    build.nodes.update(scene);
+    let (instances, lights) = (build.nodes.instances(name, scene), build.nodes.lights(name));
+    if instances.is_empty() && lights.is_empty() {
+        let nodes = scene.instances.iter().flat_map(|i| i.name.split('/'));
+        let help = match nearest(name, nodes.chain(scene.lights.iter().map(|l| l.name.as_str()))) {
+            Some(near) => format!("did you mean '{near}'?"),
+            None => format!("it has {} placed meshes", scene.instances.len()),
+        };
+        return fields.problems.push_help(span, format!("the model has no object '{name}'"), help);
+    }
+    if is_hidden {
+        return build.nodes.hide(&instances, &lights);
+    }
+    for i in lights {
+        let light = &mut scene.lights[i];
+        light.group = light_group.clone().unwrap_or(std::mem::take(&mut light.group));
+        light.visible_to = given.own.map_or(light.visible_to, |own| own.visible_to);
+        light.links = given.links.unwrap_or(light.links);
+    }
+    for &i in &instances {
+        let instance = &mut scene.instances[i];
+        instance.light_group = light_group.clone().or(instance.light_group.take());
+        given.apply(&mut instance.traits);
+        instance.material = material.or(instance.material);
+    }
+    for i in instances.into_iter().filter(|_| subdivision.is_some()) {
+        let Instance { mesh, motion, .. } = build.loaded.scene.instances[i];
+        if let Some(mesh) = subdivision.and_then(|how| subdivided_mesh(build, fields, mesh, motion, how)) {
+            build.loaded.scene.instances[i].mesh = mesh;
+        }
+    }
+}
+
+/// Reads the keys of a kind of shapes that not all have: the kind with its numbers, and how it is turned. `None` where
+/// there is a problem, which has been noted.
+type ReadKind = fn(&Fields) -> Option<(ShapeKind, DQuat)>;
+
+/// The kinds of shapes by their key.
+const KINDS: &[(&str, ReadKind)] = &[
+    ("sphere", |_| Some((ShapeKind::Sphere, DQuat::IDENTITY))),
+    ("disk", |fields| Some((ShapeKind::Disk, facing_normal(fields)?))),
+];
+
+/// Their keys.
+pub(super) fn round_keys() -> impl Iterator<Item = &'static str> {
+    KINDS.iter().map(|(key, _)| *key)
+}
+
+/// Adds the shape of an object by its key; nothing for other keys.
+fn add_round(
+    build: &mut SceneFileBuilder,
+    object_fields: &Fields,
+    object: &Object,
+    key: &'static str,
+    material: MaterialId,
+) {
+    let Some((_, read_kind)) = KINDS.iter().find(|(known, _)| *known == key) else { return };
+    let Some(fields) = object_fields.table(key) else { return };
+    let (center, radius) = center_and_radius(&fields, key);
+    let kind = read_kind(&fields);
+    fields.finish();
+    let (Some(center), Some(radius), Some((kind, rotation))) = (center, radius, kind) else { return };
+    let shape =
+        Shape { name: object.name.clone(), kind, rotation, ..Shape::sphere(center, radius, material) };
+    add_shape(build, object, shape);
+}
+
+fn center_and_radius(fields: &Fields, shape: &str) -> (Option<DVec3>, Option<f64>) {
+    let center = fields.require("center", fields.vector("center"));
+    let radius = fields.require("radius", fields.number("radius"));
+    let radius = radius.and_then(|r| match r.value > 0.0 {
+        true => Some(r.value),
+        false => {
+            fields.problems.push(r.span, format!("'radius' of a {shape} must be above 0"));
+            None
+        }
+    });
+    (center.map(|c| c.value), radius)
+}
+
+/// The rotation that takes z to the key `normal`: y without it.
+fn facing_normal(fields: &Fields) -> Option<DQuat> {
+    let Some(normal) = fields.vector("normal") else { return Some(facing(DVec3::Y)) };
+    let unit = normal.value.try_normalize();
+    if unit.is_none() {
+        fields.problems.push(normal.span, "'normal' has length 0");
+    }
+    unit.map(facing)
+}
+
+/// The rotation that takes z to a unit normal and y as nearly up as may be: to -z where the normal is upright.
+fn facing(normal: DVec3) -> DQuat {
+    let is_upright = normal.y.abs() > 1.0 - 1e-9;
+    let up = if is_upright { DVec3::NEG_Z } else { DVec3::Y };
+    let right = up.cross(normal).normalize();
+    DQuat::from_mat3(&DMat3::from_cols(right, normal.cross(right), normal)).normalize()
+}
+
+/// A shape under the transform of its object; `None` where that bends it.
+pub(super) fn placed_shape(object: &Object, shape: Shape) -> Option<Shape> {
+    let m = object.world_from_object;
+    let scale = uniform_scale(&m)?;
+    let turn = DMat3::from_cols(m.matrix3.x_axis / scale, m.matrix3.y_axis / scale, m.matrix3.z_axis / scale);
+    Some(Shape {
+        center: m.transform_point3(shape.center),
+        radius: shape.radius * scale,
+        rotation: DQuat::from_mat3(&turn) * shape.rotation,
+        ..shape
+    })
+}
+
+/// Is it a sphere that shines, and that its motion stretches more along one axis than along another? What samples the light of
+/// spheres asks for round ones.
+fn is_stretched_light(build: &SceneFileBuilder, object: &Object, shape: &Shape) -> bool {
+    let material = build.loaded.scene.materials.get(shape.material.index());
+    let shines = material.is_some_and(|material| material.emission.is_some());
+    let stretches = |moving: &Moving<DAffine3>| moving.all().any(|key| uniform_scale(key).is_none());
+    shines && shape.kind == ShapeKind::Sphere && object.motion.as_ref().is_some_and(stretches)
+}
+
+/// Adds a shape under the transform of its object; as a mesh, with a warning, where that bends it.
+fn add_shape(build: &mut SceneFileBuilder, object: &Object, shape: Shape) {
+    let (is_stretched, kind) = (is_stretched_light(build, object, &shape), shape.kind.tag().name());
+    let reason = if is_stretched { "motion stretches the shining" } else { "transform bends the" };
+    if let Some(placed) = placed_shape(object, shape.clone()).filter(|_| !is_stretched) {
+        let scene = &mut build.loaded.scene;
+        scene.motion.shapes.extend(object.motion.clone().map(|moving| (scene.shapes.len(), moving)));
+        return scene.shapes.push(placed);
+    }
+    let mut mesh = Mesh { name: shape.name.clone(), ..mesh_of(shape.kind) };
+    let triangle_count = mesh.triangles.len() as u32;
+    mesh.parts.push(MeshPart { first_triangle: 0, triangle_count, material: shape.material });
+    let message =
+        format!("{}: its {reason} {kind}, which becomes a mesh of {triangle_count} triangles", shape.name);
+    build.loaded.warnings.push(Warning::new(build.file, "", message));
+    let scale = DVec3::splat(shape.radius);
+    let unit = DAffine3::from_scale_rotation_translation(scale, shape.rotation, shape.center);
+    add_placed(build, object, mesh, object.world_from_object * unit);
+}
+
+/// Does some object ask for it, of whatever kind of file?
+pub(super) fn is_subdivision_asked(root: &Fields) -> bool {
+    let asks = |value: &DeValue| value.as_table().is_some_and(|table| table.contains_key("subdivide"));
+    match root.raw("objects").map(|objects| objects.get_ref()) {
+        Some(DeValue::Array(list)) => list.iter().any(|value| asks(value.get_ref())),
+        Some(DeValue::Table(all)) => all.values().any(|value| asks(value.get_ref())),
+        _ => false,
+    }
+}
+
+/// What an object asks for.
+fn read_subdivision(fields: &Fields) -> Option<Subdivision> {
+    let given = fields.raw("subdivide")?;
+    if number(given.get_ref()).is_some() {
+        let levels = fields.integer("subdivide", 0, MOST_LEVELS)?;
+        return Some(Subdivision { levels, has_round_corners: false });
+    }
+    let Some(table) = given.get_ref().as_table() else {
+        let message = format!("'subdivide' of {} must be a number of levels or a table", fields.what());
+        fields.problems.push_help(given.span(), message, "write subdivide = 2");
+        return None;
+    };
+    let table = Fields::new("'subdivide'", table, given.span(), fields.problems);
+    let levels = table.require("levels", table.integer("levels", 0, MOST_LEVELS));
+    table.choice("scheme", &[("catmull-clark", ())]);
+    let corners = table.choice("corners", &[("sharp", false), ("round", true)]);
+    table.finish();
+    Some(Subdivision { levels: levels?, has_round_corners: corners.unwrap_or(false) })
+}
+
+/// A mesh of the scene as it is asked for; `None` where it can't be, which is a problem of the key.
+pub(super) fn subdivided_mesh(
+    build: &mut SceneFileBuilder,
+    fields: &Fields,
+    id: MeshId,
+    motion: Motion,
+    how: Subdivision,
+) -> Option<MeshId> {
+    let fine = match motion {
+        Motion::Deforms => Err(CHANGES_FORM.to_string()),
+        _ => in_scene(&mut build.loaded, id, how),
+    };
+    let span = fields.raw("subdivide").map_or(fields.span(), |value| value.span());
+    fine.map_err(|message| fields.problems.push(span, message)).ok()
 }

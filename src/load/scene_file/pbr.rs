@@ -26,7 +26,7 @@
 //! | `emission` | none | radiance |
 //! | `two_sided` | true | the back scatters (and shines) as the front does; false: seen from behind the surface is not there |
 
-use super::build::Build;
+use super::builder::SceneFileBuilder;
 use super::fields::Fields;
 use super::media;
 use super::textures::Textures;
@@ -38,7 +38,7 @@ use crate::scene::{
 
 /// Reads colours, numbers and names of textures in place of others.
 pub(super) struct Slots<'s, 'a, 'b> {
-    pub build: &'s mut Build<'b>,
+    pub build: &'s mut SceneFileBuilder<'b>,
     pub textures: &'s mut Textures<'a>,
     pub fields: &'s Fields<'a>,
     /// The others are those of a model, which textures may refer to.

@@ -1,51 +1,56 @@
-//! What scene files may hold, in words: the documentation of the modules that read them, which is beside the code that
-//! reads each key. `tests/loading/scene_reference/` holds it against what the parser takes.
+//! The reference of scene files (`oscura help`, the guide): the module documentation of the parsers.
+//! `tests/loading/scene_reference/` compares it with the keys that the parsers accept.
 
-/// One part of the reference.
+/// One chapter of the reference.
 #[derive(Clone, Copy, Debug)]
 pub struct Chapter {
-    /// What it is about, as written in a scene file.
+    /// Its subject, as written in a scene file.
     pub title: &'static str,
-    /// The sources of the modules that read it.
-    sources: &'static [&'static str],
+    sections: &'static [Section],
 }
 
-const fn chapter(title: &'static str, sources: &'static [&'static str]) -> Chapter {
-    Chapter { title, sources }
+/// Module documentation of a source file from a heading (`//! # heading`) to the next one.
+#[derive(Clone, Copy, Debug)]
+struct Section {
+    source: &'static str,
+    /// Empty: the text before the first heading.
+    heading: &'static str,
 }
 
-/// All parts, in the order of a scene file.
+const fn section(source: &'static str, heading: &'static str) -> Section {
+    Section { source, heading }
+}
+
+const fn chapter(title: &'static str, sections: &'static [Section]) -> Chapter {
+    Chapter { title, sections }
+}
+
+/// All chapters, in the order of a scene file.
 pub const CHAPTERS: &[Chapter] = &[
-    chapter("scene files", &[include_str!("mod.rs")]),
-    chapter("[camera]", &[include_str!("camera.rs"), include_str!("projection.rs")]),
-    chapter("[environment]", &[include_str!("environment.rs")]),
-    chapter("media", &[include_str!("media.rs")]),
-    chapter("[render]", &[include_str!("settings.rs")]),
-    chapter("[textures]", &[include_str!("textures.rs"), include_str!("spectra.rs")]),
+    chapter("scene files", &[section(include_str!("mod.rs"), "")]),
+    chapter("[camera]", &[section(include_str!("camera.rs"), "")]),
+    chapter("[environment]", &[section(include_str!("environment.rs"), "")]),
+    chapter("media", &[section(include_str!("media.rs"), "")]),
+    chapter("[render]", &[section(include_str!("render_settings.rs"), "")]),
+    chapter("[textures]", &[section(include_str!("textures.rs"), "")]),
+    chapter("[materials]", &[section(include_str!("materials.rs"), ""), section(include_str!("pbr.rs"), "")]),
+    chapter("[[objects]]", &[section(include_str!("objects.rs"), "")]),
+    chapter("subdivision", &[section(include_str!("objects.rs"), "subdivision")]),
+    chapter("[[curves]]", &[section(include_str!("curves.rs"), "")]),
+    chapter("transform", &[section(include_str!("transform.rs"), "")]),
+    chapter("motion", &[section(include_str!("transform.rs"), "motion")]),
     chapter(
-        "[materials]",
-        &[
-            include_str!("materials.rs"),
-            include_str!("metals.rs"),
-            include_str!("hair.rs"),
-            include_str!("pbr.rs"),
-            include_str!("displaced.rs"),
-        ],
+        "[[lights]]",
+        &[section(include_str!("lights.rs"), ""), section(include_str!("traits.rs"), "linking")],
     ),
-    chapter("[[objects]]", &[include_str!("objects.rs"), include_str!("round.rs")]),
-    chapter("subdivision", &[include_str!("subdivided.rs")]),
-    chapter("[[curves]]", &[include_str!("curves.rs")]),
-    chapter("transform", &[include_str!("transform.rs")]),
-    chapter("motion", &[include_str!("motion.rs")]),
-    chapter("[[lights]]", &[include_str!("lights.rs"), include_str!("linking.rs")]),
-    chapter("[[portals]]", &[include_str!("portals.rs")]),
-    chapter("sidecar", &[include_str!("sidecar.rs")]),
+    chapter("[[portals]]", &[section(include_str!("environment.rs"), "portals")]),
+    chapter("sidecar", &[section(include_str!("sidecar.rs"), "")]),
 ];
 
 impl Chapter {
-    /// The modules' documentation in markdown, of each up to its first heading: derivations follow there.
+    /// The text in markdown.
     pub fn markdown(&self) -> String {
-        self.sources.iter().map(|s| documentation(s)).collect::<Vec<_>>().join("\n\n")
+        self.sections.iter().map(Section::markdown).collect::<Vec<_>>().join("\n\n")
     }
 
     /// The chapter of a title, with or without its brackets.
@@ -59,10 +64,18 @@ impl Chapter {
     }
 }
 
-fn documentation(source: &str) -> String {
-    let lines = source.lines().map_while(|l| l.strip_prefix("//!"));
-    let lines = lines.take_while(|l| !l.starts_with(" #"));
-    let text = lines.map(|l| l.strip_prefix(' ').unwrap_or(l)).collect::<Vec<_>>().join("\n");
-    // Links to neighbours become their names.
-    text.replace("[`super::", "`").replace("`super::", "`").replace("`]", "`").trim_end().to_string()
+impl Section {
+    fn markdown(&self) -> String {
+        let lines = self.source.lines().map_while(|l| l.strip_prefix("//!"));
+        let lines = lines.map(|l| l.strip_prefix(' ').unwrap_or(l));
+        let mut heading = "";
+        let lines = lines.filter(|line| {
+            let next = line.strip_prefix("# ");
+            heading = next.unwrap_or(heading);
+            next.is_none() && heading == self.heading
+        });
+        let text = lines.collect::<Vec<_>>().join("\n");
+        // Links to sibling modules become their names.
+        text.replace("[`super::", "`").replace("`super::", "`").replace("`]", "`").trim().to_string()
+    }
 }

@@ -1,4 +1,4 @@
-//! `model.oscura.toml` beside `model.glb`: what the model's format can't carry. Its parts are those of scene files, all
+//! `model.oscura.toml` next to `model.glb`: what the model's format can't carry. Its parts are those of scene files, all
 //! optional, and added to the model:
 //!
 //! | Part | Effect |
@@ -13,86 +13,71 @@
 //! | `[[portals]]` | windows through which light of the environment is looked for |
 //! | `[render]` | settings of rendering |
 
-use super::assets::Assets;
-use super::build::Build;
-use super::camera;
-use super::fields::{Fields, Problems};
-use super::linked_sets::Linking;
-use super::node_paths::NodeIndex;
-use super::parts::{read_parts, read_text};
-use super::{placement, shutter, subdivided};
+use super::fields::Problems;
+use super::{TomlFile, TomlText, camera, objects, transform};
 use crate::error::{Choice, Result, Warning};
 use crate::load::{LoadOptions, Loaded};
 use std::path::{Path, PathBuf};
-use toml::de::DeTable;
 
-/// Where the settings of a model would be: its name with `.oscura.toml` for the extension.
+/// The sidecar's path for a model: its name with `.oscura.toml` for the extension.
 pub fn path_for(model: &Path) -> PathBuf {
     model.with_extension("oscura.toml")
 }
 
-/// Adds what the file at `path` says to a model that has been loaded, with a note that says so.
+/// The options with those settings of a model's sidecar that the model's reader needs; see [`Sidecar::reader_options`].
+pub(in crate::load) fn asked_first(model: &Path, options: &LoadOptions) -> LoadOptions {
+    match TomlText::read(&path_for(model), options) {
+        Ok(text) => Sidecar::parse(&text).reader_options(options),
+        Err(_) => options.clone(),
+    }
+}
+
+/// Adds the sidecar at `path` to its model, with a note about it.
 ///
 /// # Errors
 /// All problems of that file.
 pub(in crate::load) fn apply(path: &Path, options: &LoadOptions, loaded: &mut Loaded) -> Result<()> {
-    let text = read_text(path, options)?;
-    let problems = Problems::new(&text);
-    let message = add(path, &text, options, &problems, loaded);
-    problems.into_result(path, &text)?;
-    loaded.notes.push(Warning::new(path, "", message));
-    Ok(())
+    let text = TomlText::read(path, options)?;
+    Sidecar::parse(&text).apply(options, loaded)
 }
 
-/// With what the file beside a model says about the shutter, the nodes where its lights stand and subdivision, which is to be known
-/// before the model is read. What is wrong with the file is found later.
-pub(in crate::load) fn asked_first(model: &Path, options: &LoadOptions) -> LoadOptions {
-    let Ok(text) = read_text(&path_for(model), options) else { return options.clone() };
-    let problems = Problems::new(&text);
-    let (root, _) = DeTable::parse_recoverable(&text);
-    let root = Fields::new("the file", root.get_ref(), 0..0, &problems);
-    let shutter = shutter::chosen(options.shutter, &root);
-    let lit_nodes = options.lit_nodes.iter().cloned().chain(placement::nodes_of_lights(&root)).collect();
-    let keeps_polygons = options.keeps_polygons || subdivided::is_asked(&root);
-    LoadOptions { shutter, lit_nodes, keeps_polygons, ..options.clone() }
+/// The sidecar of a model, parsed.
+struct Sidecar<'t> {
+    file: TomlFile<'t>,
 }
 
-/// What was added, in words.
-fn add(path: &Path, text: &str, options: &LoadOptions, problems: &Problems, loaded: &mut Loaded) -> String {
-    let (root, errors) = DeTable::parse_recoverable(text);
-    if !errors.is_empty() {
-        super::tell_of_syntax(text, &errors, problems);
-        return String::new();
+impl<'t> Sidecar<'t> {
+    /// Syntax errors are reported by [`Sidecar::apply`].
+    fn parse(text: &'t TomlText) -> Sidecar<'t> {
+        Sidecar { file: TomlFile::parse(text) }
     }
-    let own = std::mem::take(&mut loaded.scene.settings);
-    let root = Fields::new("the file", root.get_ref(), 0..0, problems);
-    let shutter = shutter::chosen(options.shutter, &root);
-    let (taken, is_beside_model) = (std::mem::take(loaded), true);
-    let mut build = Build {
-        file: path,
-        options,
-        problems,
-        loaded: taken,
-        shutter,
-        is_beside_model,
-        linking: Linking::default(),
-        nodes: NodeIndex::default(),
-    };
-    let mut assets = Assets::default();
-    read_parts(&mut build, &root, &mut assets, |build, assets| {
-        for fields in root.tables("camera") {
-            camera::adjust(build, &fields, assets);
-        }
-    });
-    *loaded = build.loaded;
-    loaded.scene.settings = loaded.scene.settings.or(&own);
-    let parts: Vec<&str> = ["environment", "materials", "lights", "portals", "objects", "camera", "render"]
-        .into_iter()
-        .filter(|p| root.has(p))
-        .collect();
-    format!(
-        "lies beside the model and was used: {} ({} leaves it out)",
-        if parts.is_empty() { "it is empty".to_string() } else { parts.join(", ") },
-        Choice::NoSidecar
-    )
+
+    /// The options with those settings of the sidecar that the model's reader needs: the shutter, the empty nodes at which
+    /// lights are placed, and whether some mesh is subdivided. Problems of the file are reported by [`Sidecar::apply`].
+    fn reader_options(&self, options: &LoadOptions) -> LoadOptions {
+        let problems = Problems::new(self.file.text);
+        let root = self.file.root(true, &problems);
+        let shutter = camera::shutter_options(options.shutter, &root);
+        let lit_nodes = options.lit_nodes.iter().cloned().chain(transform::nodes_of_lights(&root)).collect();
+        let keeps_polygons = options.keeps_polygons || objects::is_subdivision_asked(&root);
+        LoadOptions { shutter, lit_nodes, keeps_polygons, ..options.clone() }
+    }
+
+    /// Adds the sidecar's contents to its model, with a note about it.
+    ///
+    /// # Errors
+    /// All problems of the file.
+    fn apply(&self, options: &LoadOptions, loaded: &mut Loaded) -> Result<()> {
+        *loaded = self.file.add_to(std::mem::take(loaded), options, true)?;
+        loaded.notes.push(Warning::new(self.file.path, "", self.note()));
+        Ok(())
+    }
+
+    fn note(&self) -> String {
+        let parts = ["environment", "materials", "lights", "portals", "objects", "camera", "render"];
+        let used: Vec<&str> =
+            parts.into_iter().filter(|part| self.file.root.get_ref().contains_key(*part)).collect();
+        let used = if used.is_empty() { "it is empty".to_string() } else { used.join(", ") };
+        format!("lies beside the model and was used: {used} ({} leaves it out)", Choice::NoSidecar)
+    }
 }

@@ -6,18 +6,32 @@
 //! | `"image"` | `file`; `wrap` = `repeat`, `mirror` or `clamp`; `interpolation` = `trilinear`, `bilinear` or `nearest`; `encoding` = `srgb` or `linear` of integers; `mapping` = `uv`, `triplanar` with the `size` that the image covers (1 m), or `own`: as the texture `"own"` lies, with its `wrap` and `interpolation` |
 //! | `"checker"` | `even`, `odd` (colours or names of textures); `size` of a cell; `mapping` = `world` (cubes) or `uv` |
 //! | `"mix"` | `a`, `b`, `factor` (colours, numbers or names of textures): `a + factor (b - a)`, each channel by its own, alpha by the mean of the factor's |
-//! | `"own"` | none: the texture that a material of a model has where the file beside the model names this one, or what this is a part of; white where it has none. The model's factor and channel stay |
+//! | `"own"` | none: the texture that a material of a model has where the file next to the model names this one, or what this is a part of; white where it has none. The model's factor and channel stay |
 //! | `"normal"` | none: the surface's normal n in world space as a colour, (n + 1) / 2 |
 //! | `"facing"` | `colors`, a list of colours or numbers by the cosine of the angle between the view and the normal, evenly spaced from 0 (seen at grazing angles) to 1 (head on), linear between; at least two |
 //! | `"spectrum"` | a measured spectrum, see `spectra` |
 //! | `"perlin"`, `"turbulence"`, `"marble"` | `frequency` (cells a metre; 1), `octaves` (1 to 16; 7), `low`, `high` colours, `seed` |
+//!
+//! Textures of `type = "spectrum"`: measured spectra. Pictures by wavelength (`spectral` in `[render]`, or `--spectral`) are made
+//! with them, others with the colour that they look like.
+//!
+//! | Key | Meaning |
+//! |---|---|
+//! | `values` | a list of pairs of a wavelength (nm, rising) and a value; or of values alone |
+//! | `from`, `to` | wavelengths of the first and the last of values alone, with even steps between (nm) |
+//! | `light` | `true`: the power of a light by wavelength in any unit, for `radiance` and `emission`; else shares of light, 0 to 1 (`false`) |
+//! | `black_body` | in place of `values`: the light of a black body of so many kelvins, 100 to 100,000 |
+//! | `luminance` | of a light: the luminance of its radiance, where white of radiance 1 has 1 (1) |
+//!
+//! Between values a spectrum is straight, beyond the first and the last it is constant; 380 to 780 nm count, in steps of 1 nm.
 
-use super::build::Build;
-use super::fields::{Fields, color, named};
-use super::spectra;
+use super::builder::SceneFileBuilder;
+use super::fields::{Fields, color, named, number, numbers};
+use crate::color::spectral::Curve;
 use crate::error::Error;
 use crate::image::{Damage, Encoding, Image, Pixels};
-use crate::load::image::{self, Use};
+use crate::load::image;
+use crate::load::image::Use;
 use crate::scene::{
     ColorSlot, FloatSlot, ImageId, Interpolation, Mapping, NoiseKind, Texture, TextureId, Wrap,
 };
@@ -28,7 +42,7 @@ use toml::Spanned;
 use toml::de::DeValue;
 
 #[derive(Clone, Copy)]
-enum Kind {
+enum TextureType {
     Solid,
     Image,
     Checker,
@@ -40,18 +54,18 @@ enum Kind {
     Noise(NoiseKind),
 }
 
-const KINDS: [(&str, Kind); 11] = [
-    ("solid", Kind::Solid),
-    ("image", Kind::Image),
-    ("checker", Kind::Checker),
-    ("mix", Kind::Mix),
-    ("own", Kind::Own),
-    ("normal", Kind::Normal),
-    ("facing", Kind::Facing),
-    ("spectrum", Kind::Spectrum),
-    ("perlin", Kind::Noise(NoiseKind::Perlin)),
-    ("turbulence", Kind::Noise(NoiseKind::Turbulence)),
-    ("marble", Kind::Noise(NoiseKind::Marble)),
+const KINDS: [(&str, TextureType); 11] = [
+    ("solid", TextureType::Solid),
+    ("image", TextureType::Image),
+    ("checker", TextureType::Checker),
+    ("mix", TextureType::Mix),
+    ("own", TextureType::Own),
+    ("normal", TextureType::Normal),
+    ("facing", TextureType::Facing),
+    ("spectrum", TextureType::Spectrum),
+    ("perlin", TextureType::Noise(NoiseKind::Perlin)),
+    ("turbulence", TextureType::Noise(NoiseKind::Turbulence)),
+    ("marble", TextureType::Noise(NoiseKind::Marble)),
 ];
 
 /// The named textures and which of them have been read.
@@ -59,7 +73,7 @@ pub(super) struct Textures<'a> {
     fields: Option<Fields<'a>>,
     /// `None` while a texture is being read, and for one that has problems.
     done: HashMap<String, Option<TextureId>>,
-    /// Those that are read anew for each place in a model's materials.
+    /// Types that are read separately for each slot of a model's materials.
     of_models: HashSet<String>,
     /// Only the keys are checked: nothing is opened and nothing added to the scene.
     checking: bool,
@@ -85,7 +99,12 @@ impl<'a> Textures<'a> {
     }
 
     /// A colour: constant, or the name of a texture.
-    pub fn slot(&mut self, build: &mut Build, fields: &Fields<'a>, key: &'static str) -> Option<ColorSlot> {
+    pub fn slot(
+        &mut self,
+        build: &mut SceneFileBuilder,
+        fields: &Fields<'a>,
+        key: &'static str,
+    ) -> Option<ColorSlot> {
         let value = fields.raw(key)?;
         match value.get_ref().as_str() {
             Some(name) => self.get(build, name, value.span()).map(ColorSlot::texture),
@@ -96,7 +115,7 @@ impl<'a> Textures<'a> {
     /// The same in the place of a colour of a model's material.
     pub fn color_in_place(
         &mut self,
-        build: &mut Build,
+        build: &mut SceneFileBuilder,
         fields: &Fields<'a>,
         key: &'static str,
         own: ColorSlot,
@@ -109,7 +128,7 @@ impl<'a> Textures<'a> {
     /// A texture in the place of a number of a model's material; `None` without one.
     pub fn number_in_place(
         &mut self,
-        build: &mut Build,
+        build: &mut SceneFileBuilder,
         fields: &Fields<'a>,
         key: &'static str,
         own: FloatSlot,
@@ -127,7 +146,7 @@ impl<'a> Textures<'a> {
     /// A slot where a model's material has a texture of its own; is that one a part of it?
     fn in_place(
         &mut self,
-        build: &mut Build,
+        build: &mut SceneFileBuilder,
         fields: &Fields<'a>,
         key: &'static str,
         texture: Option<TextureId>,
@@ -138,7 +157,7 @@ impl<'a> Textures<'a> {
     }
 
     /// The texture of a name, read now if it hasn't been.
-    pub fn get(&mut self, build: &mut Build, name: &str, span: Range<usize>) -> Option<TextureId> {
+    pub fn get(&mut self, build: &mut SceneFileBuilder, name: &str, span: Range<usize>) -> Option<TextureId> {
         if let Some(done) = self.done.get(name) {
             return *done;
         }
@@ -163,7 +182,12 @@ impl<'a> Textures<'a> {
         id
     }
 
-    fn read(&mut self, build: &mut Build, name: &str, value: &'a Spanned<DeValue<'a>>) -> Option<Texture> {
+    fn read(
+        &mut self,
+        build: &mut SceneFileBuilder,
+        name: &str,
+        value: &'a Spanned<DeValue<'a>>,
+    ) -> Option<Texture> {
         let Some(table) = value.get_ref().as_table() else {
             build.problems.push(value.span(), format!("texture '{name}' must be a table"));
             return None;
@@ -172,21 +196,23 @@ impl<'a> Textures<'a> {
         let fields = Fields::new(format!("texture '{name}'"), table, value.span(), problems);
         fields.require("type", fields.string("type"));
         let texture = match fields.choice("type", &KINDS)? {
-            Kind::Solid => fields.require("color", fields.color("color")).map(|c| Texture::Solid(c.value)),
-            Kind::Image => self.image(build, &fields),
-            Kind::Checker => self.checker(build, &fields, name),
-            Kind::Mix => self.mix(build, &fields, name),
-            Kind::Own => self.own(build, &fields),
-            Kind::Normal => Some(Texture::Normal),
-            Kind::Facing => facing(&fields),
-            Kind::Spectrum => spectra::read(&fields).map(|curve| Texture::Spectrum(Arc::new(curve))),
-            Kind::Noise(kind) => Some(noise(&fields, kind)),
+            TextureType::Solid => {
+                fields.require("color", fields.color("color")).map(|c| Texture::Solid(c.value))
+            }
+            TextureType::Image => self.image(build, &fields),
+            TextureType::Checker => self.checker(build, &fields, name),
+            TextureType::Mix => self.mix(build, &fields, name),
+            TextureType::Own => self.own(build, &fields),
+            TextureType::Normal => Some(Texture::Normal),
+            TextureType::Facing => facing(&fields),
+            TextureType::Spectrum => read_spectrum(&fields).map(|curve| Texture::Spectrum(Arc::new(curve))),
+            TextureType::Noise(kind) => Some(noise(&fields, kind)),
         };
         fields.finish();
         texture
     }
 
-    fn checker(&mut self, build: &mut Build, fields: &Fields<'a>, name: &str) -> Option<Texture> {
+    fn checker(&mut self, build: &mut SceneFileBuilder, fields: &Fields<'a>, name: &str) -> Option<Texture> {
         let even = self.part(build, fields, "even", name);
         let odd = self.part(build, fields, "odd", name);
         let cell_size = fields.number_in("size", 1e-9..1e9, 1.0) as f32;
@@ -195,13 +221,13 @@ impl<'a> Textures<'a> {
         Some(Texture::Checker { even: even?, odd: odd?, cell_size, mapping })
     }
 
-    fn mix(&mut self, build: &mut Build, fields: &Fields<'a>, name: &str) -> Option<Texture> {
+    fn mix(&mut self, build: &mut SceneFileBuilder, fields: &Fields<'a>, name: &str) -> Option<Texture> {
         let [a, b, factor] = ["a", "b", "factor"].map(|key| self.part(build, fields, key, name));
         Some(Texture::Mix { a: a?, b: b?, factor: factor? })
     }
 
     /// The model's own texture, marked as asked for.
-    fn own(&mut self, build: &mut Build, fields: &Fields<'a>) -> Option<Texture> {
+    fn own(&mut self, build: &mut SceneFileBuilder, fields: &Fields<'a>) -> Option<Texture> {
         if self.checking {
             return Some(Texture::Solid([1.0; 3]));
         }
@@ -216,7 +242,7 @@ impl<'a> Textures<'a> {
         Some(texture.unwrap_or(Texture::Solid([1.0; 3])))
     }
 
-    fn image(&mut self, build: &mut Build, fields: &Fields<'a>) -> Option<Texture> {
+    fn image(&mut self, build: &mut SceneFileBuilder, fields: &Fields<'a>) -> Option<Texture> {
         let (texture, lies) = image_texture(build, fields, self.checking)?;
         if lies != Lies::Own {
             return Some(texture);
@@ -243,7 +269,7 @@ impl<'a> Textures<'a> {
 
     fn part(
         &mut self,
-        build: &mut Build,
+        build: &mut SceneFileBuilder,
         fields: &Fields<'a>,
         key: &'static str,
         own: &str,
@@ -270,7 +296,7 @@ impl<'a> Textures<'a> {
     }
 
     /// Notes textures that nothing refers to. Their keys are checked, but their images not opened.
-    pub fn check_unused(&mut self, build: &mut Build) {
+    pub fn check_unused(&mut self, build: &mut SceneFileBuilder) {
         self.checking = true;
         let mut unused: Vec<_> = self.fields.iter().flat_map(|f| f.entries()).collect();
         unused.retain(|(name, _)| !self.done.contains_key(*name) && !self.of_models.contains(*name));
@@ -281,13 +307,13 @@ impl<'a> Textures<'a> {
     }
 }
 
-fn push(build: &mut Build, texture: Texture) -> TextureId {
+fn push(build: &mut SceneFileBuilder, texture: Texture) -> TextureId {
     let textures = &mut build.loaded.scene.textures;
     textures.push(texture);
     TextureId(textures.len() as u32 - 1)
 }
 
-/// How an image lies on surfaces.
+/// The mapping of an image to surfaces.
 #[derive(Clone, Copy, PartialEq)]
 enum Lies {
     Uv,
@@ -297,7 +323,7 @@ enum Lies {
 
 const MAPPINGS: [(&str, Lies); 3] = [("uv", Lies::Uv), ("triplanar", Lies::Triplanar), ("own", Lies::Own)];
 
-fn image_texture(build: &mut Build, fields: &Fields, checking: bool) -> Option<(Texture, Lies)> {
+fn image_texture(build: &mut SceneFileBuilder, fields: &Fields, checking: bool) -> Option<(Texture, Lies)> {
     let wraps = [("repeat", Wrap::Repeat), ("mirror", Wrap::Mirror), ("clamp", Wrap::Clamp)];
     let wrap = fields.choice("wrap", &wraps).unwrap_or_default();
     let interpolations = [
@@ -354,8 +380,13 @@ fn noise(fields: &Fields, kind: NoiseKind) -> Texture {
 }
 
 /// Reads an image file, named relative to the scene file, into the scene.
-pub(super) fn read_image(build: &mut Build, name: &str, span: Range<usize>, purpose: Use) -> Option<ImageId> {
-    let path = build.beside(name);
+pub(super) fn read_image(
+    build: &mut SceneFileBuilder,
+    name: &str,
+    span: Range<usize>,
+    purpose: Use,
+) -> Option<ImageId> {
+    let path = build.resolve_path(name);
     let images = &mut build.loaded.scene.images;
     // One file serves several textures, but colours are other numbers than heights.
     let known = path.display().to_string();
@@ -390,7 +421,7 @@ pub(super) fn read_image(build: &mut Build, name: &str, span: Range<usize>, purp
 
 /// Reads an image file, as [`read_image`] does, whose pixels are needed at once.
 pub(super) fn read_pixels(
-    build: &mut Build,
+    build: &mut SceneFileBuilder,
     name: &str,
     span: Range<usize>,
     purpose: Use,
@@ -405,4 +436,64 @@ pub(super) fn read_pixels(
         }
     }
     (!image.is_encoded()).then_some(id)
+}
+
+/// Wavelengths that may be given, nanometres.
+const RANGE_NM: Range<f64> = 1.0..1e6;
+
+/// Largest luminance, and largest value.
+const MOST: f64 = 1e9;
+
+fn read_spectrum(fields: &Fields) -> Option<Curve> {
+    let is_light = fields.flag("light", false);
+    let luminance = fields.has("luminance").then(|| fields.number_in("luminance", 0.0..MOST, 1.0));
+    let kelvin = fields.has("black_body").then(|| fields.number_in("black_body", 100.0..100_000.0, 5000.0));
+    if let Some(kelvin) = kelvin {
+        if fields.has("values") {
+            fields.problems.push(fields.span(), "'black_body' has its values: leave 'values' out");
+        }
+        return Some(Curve::black_body(kelvin, luminance.unwrap_or(1.0)));
+    }
+    let values = values(fields)?;
+    if is_light {
+        return Some(Curve::light(&values, luminance.unwrap_or(1.0)));
+    }
+    if luminance.is_some() {
+        fields.problems.push(fields.span(), "only lights have a 'luminance': add light = true");
+    }
+    if values.iter().any(|(_, value)| *value > 1.0) {
+        let help = "divide by the largest, or add light = true";
+        fields.problems.push_help(fields.span(), "shares of light are at most 1", help);
+    }
+    Some(Curve::share(&values))
+}
+
+/// Pairs of a wavelength and a value.
+fn values(fields: &Fields) -> Option<Vec<(f64, f64)>> {
+    let list = fields.require("values", fields.list("values"))?;
+    let ends = ["from", "to"].map(|key| fields.has(key).then(|| fields.number_in(key, RANGE_NM, 0.0)));
+    let pairs: Option<Vec<(f64, f64)>> = match ends {
+        [Some(from), Some(to)] => {
+            let step = (to - from) / (list.len().max(2) - 1) as f64;
+            let at = |i: usize| from + step * i as f64;
+            list.iter().enumerate().map(|(i, v)| Some((at(i), number(v.get_ref())?))).collect()
+        }
+        _ => list.iter().map(|v| numbers::<2>(v.get_ref()).map(|[nm, value]| (nm, value))).collect(),
+    };
+    let Some(pairs) = pairs.filter(|pairs| !pairs.is_empty()) else {
+        let message =
+            "'values' must be a list of pairs of a wavelength and a value, or of values with 'from' and 'to'";
+        fields.problems.push(fields.span(), message);
+        return None;
+    };
+    let rises = pairs.windows(2).all(|pair| pair[0].0 < pair[1].0);
+    if !rises || pairs.iter().any(|(nm, _)| !RANGE_NM.contains(nm)) {
+        fields.problems.push(fields.span(), "wavelengths must rise, in nanometres from 1 on");
+        return None;
+    }
+    if pairs.iter().any(|(_, value)| !(0.0..=MOST).contains(value)) {
+        fields.problems.push(fields.span(), format!("values of spectra must be from 0 to {MOST}"));
+        return None;
+    }
+    Some(pairs)
 }

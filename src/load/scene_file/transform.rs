@@ -4,9 +4,25 @@
 //! axis's tip), `{ euler = [x, y, z] }` (degrees; about the world's x, then y, then z axis),
 //! `{ quaternion = [x, y, z, w] }`, `{ scale = s }` or `{ scale = [x, y, z] }`, and `{ matrix = [16 numbers] }` row by
 //! row for column vectors: the translation is in places 4, 8 and 12, and the last row is 0 0 0 1.
+//!
+//! # motion
+//!
+//! `motion` of an object, of the camera or of a light: how it moves on from the place that it has, an object by its `transform`. Cameras and
+//! lights can't grow; those at a node of a model move along with it. Times are in frames; 0 is the moment of a
+//! single picture, and N that of frame N of a sequence. With `shutter` of `[camera]` (`--shutter`) pictures show the way that it
+//! takes while the shutter is open.
+//!
+//! | Key | Meaning |
+//! |---|---|
+//! | `translate` | `[x, y, z]`: so many metres a frame |
+//! | `rotate` | `{ axis, angle, center = [0, 0, 0] }`: so many degrees a frame about an axis through a point of the world |
+//! | `keys` | instead of both: a list of `{ frame, transform }` in the order of time; at such a time the steps of `transform` follow those of the object. In between, places, angles and sizes change evenly; before the first and after the last key it stands still |
 
-use super::fields::{Fields, number};
+use super::builder::SceneFileBuilder;
+use super::fields::{Fields, nearest, number};
+use crate::error::Warning;
 use crate::math::{DAffine3, DMat3, DQuat, DVec3};
+use crate::scene::Moving;
 
 /// The composed transform of an object; the identity without one.
 pub(super) fn read(object: &Fields) -> DAffine3 {
@@ -97,4 +113,302 @@ fn matrix(fields: &Fields, m: [f64; 16]) -> Option<DAffine3> {
     let column = |c: usize| DVec3::new(m[c], m[4 + c], m[8 + c]);
     let linear = DMat3::from_cols(column(0), column(1), column(2));
     Some(DAffine3::from_mat3_translation(linear, column(3)))
+}
+
+/// How an object moves.
+enum Trajectory {
+    /// Evenly.
+    Even { a_frame: DVec3, axis: DVec3, rad_a_frame: f64, center: DVec3 },
+    /// From key to key.
+    Keys(Vec<(f64, DAffine3)>),
+}
+
+impl Trajectory {
+    /// Where it has moved to from the place of its transform.
+    fn at(&self, frame: f64) -> DAffine3 {
+        match self {
+            Trajectory::Even { a_frame, axis, rad_a_frame, center } => {
+                let turn = DAffine3::from_axis_angle(*axis, rad_a_frame * frame);
+                let to_center = DAffine3::from_translation(-*center);
+                DAffine3::from_translation(*center + *a_frame * frame) * turn * to_center
+            }
+            Trajectory::Keys(keys) => between(keys, frame),
+        }
+    }
+}
+
+/// Between two keys parts change evenly, not the matrix.
+fn between(keys: &[(f64, DAffine3)], frame: f64) -> DAffine3 {
+    let after = keys.partition_point(|(at, _)| *at <= frame);
+    let nearest = |at: usize| keys.get(at).map_or(DAffine3::IDENTITY, |key| key.1);
+    if after == 0 || after == keys.len() {
+        return nearest(after.saturating_sub(1));
+    }
+    let ((start, from), (end, to)) = (keys[after - 1], keys[after]);
+    let share = (frame - start) / (end - start);
+    let (scale0, turn0, place0) = from.to_scale_rotation_translation();
+    let (scale1, turn1, place1) = to.to_scale_rotation_translation();
+    DAffine3::from_scale_rotation_translation(
+        scale0.lerp(scale1, share),
+        turn0.slerp(turn1, share),
+        place0.lerp(place1, share),
+    )
+}
+
+/// A motion evaluated at the picture's time and around it.
+pub(super) struct EvaluatedMotion {
+    /// From the place of its transform.
+    pub at_moment: DAffine3,
+    /// Relative to the picture's time, if other times are sampled.
+    pub onwards: Option<Moving<DAffine3>>,
+}
+
+/// The motion of something that keeps its size: of the camera, of a light.
+pub(super) fn rigid_motion(
+    build: &mut SceneFileBuilder,
+    fields: &Fields,
+    name: &str,
+) -> Option<EvaluatedMotion> {
+    let moved = read_motion(build, fields, name)?;
+    let is_rigid = |m: &DAffine3| {
+        let m = m.matrix3;
+        (m * m.transpose()).abs_diff_eq(DMat3::IDENTITY, 1e-6) && m.determinant() > 0.0
+    };
+    let others = moved.onwards.iter().flat_map(Moving::all);
+    if std::iter::once(&moved.at_moment).chain(others).all(is_rigid) {
+        return Some(moved);
+    }
+    let message = "cameras and lights are moved and turned only: their 'motion' scales or mirrors";
+    fields.problems.push(fields.span(), message);
+    None
+}
+
+/// The motion of an object's table; none without the key.
+pub(super) fn read_motion(
+    build: &mut SceneFileBuilder,
+    object: &Fields,
+    name: &str,
+) -> Option<EvaluatedMotion> {
+    let fields = object.table("motion")?;
+    let track = read_track(&fields);
+    fields.finish();
+    let track = track?;
+    let now = build.frame();
+    let at_moment = track.at(now);
+    let back = at_moment.inverse();
+    let moved = |frames: f64| track.at(now + frames) * back;
+    let shutter = build.shutter;
+    if !shutter.wants_motion() {
+        say_closed(build);
+        return Some(EvaluatedMotion { at_moment, onwards: None });
+    }
+    let (keys, is_enough) = shutter.keys_for(&mut |frames| vec![moved(frames)]);
+    if !is_enough {
+        let message = format!("'{name}' turns too far while the shutter is open for {keys} keys");
+        build.loaded.warnings.push(Warning::new(build.file, "", message));
+    }
+    let keys = shutter.key_frames(keys).map(&moved).collect();
+    let neighbours = shutter.vectors.then(|| [moved(-1.0), moved(1.0)]);
+    Some(EvaluatedMotion { at_moment, onwards: Some(Moving { keys, neighbours }) })
+}
+
+fn say_closed(build: &mut SceneFileBuilder) {
+    let message = "something moves, but the shutter is closed: 'shutter' of [camera] opens it";
+    let note = Warning::new(build.file, "", message);
+    if build.options.shutter.frames.is_none() && !build.loaded.notes.iter().any(|n| n.message == note.message)
+    {
+        build.loaded.notes.push(note);
+    }
+}
+
+fn read_track(fields: &Fields) -> Option<Trajectory> {
+    if fields.has("keys") {
+        if fields.has("translate") || fields.has("rotate") {
+            fields.problems.push(fields.span(), "'keys' say all: leave 'translate' and 'rotate' out");
+            return None;
+        }
+        return read_keys(fields).map(Trajectory::Keys);
+    }
+    let a_frame = fields.vector("translate").map(|t| t.value);
+    let mut turn = (DVec3::Y, 0.0, DVec3::ZERO);
+    if let Some(rotate) = fields.table("rotate") {
+        let axis = rotate.require("axis", rotate.vector("axis"));
+        let angle = rotate.require("angle", rotate.number("angle"));
+        let center = rotate.vector("center").map_or(DVec3::ZERO, |c| c.value);
+        rotate.finish();
+        let axis = axis?;
+        let Some(unit) = axis.value.try_normalize() else {
+            fields.problems.push(axis.span, "'axis' has length 0");
+            return None;
+        };
+        turn = (unit, angle?.value.to_radians(), center);
+    } else if !fields.has("translate") {
+        fields.problems.push(fields.span(), "'motion' needs 'translate', 'rotate' or 'keys'");
+        return None;
+    }
+    let (axis, rad_a_frame, center) = turn;
+    Some(Trajectory::Even { a_frame: a_frame.unwrap_or(DVec3::ZERO), axis, rad_a_frame, center })
+}
+
+fn read_keys(fields: &Fields) -> Option<Vec<(f64, DAffine3)>> {
+    let list = fields.list("keys")?;
+    let mut keys: Vec<(f64, DAffine3)> = Vec::new();
+    for value in list {
+        let Some(table) = value.get_ref().as_table() else {
+            fields.problems.push(value.span(), "a key of 'motion' must be a table");
+            return None;
+        };
+        let key = Fields::new("a key of 'motion'", table, value.span(), fields.problems);
+        let frame = key.require("frame", key.number("frame"));
+        let place = read(&key);
+        key.finish();
+        let frame = frame?;
+        if keys.last().is_some_and(|(before, _)| *before >= frame.value) {
+            let help = "each key must come after the one before it";
+            fields.problems.push_help(frame.span, "the frames of 'keys' don't increase", help);
+            return None;
+        }
+        keys.push((frame.value, place));
+    }
+    if keys.is_empty() {
+        fields.problems.push(fields.span(), "'keys' of 'motion' is empty");
+        return None;
+    }
+    Some(keys)
+}
+
+/// A light's place, and how it moves on from there.
+pub(super) struct MovingPlacement {
+    /// At the picture's time.
+    pub now: Placement,
+    /// At other times, if it moves while the shutter is open.
+    pub motion: Option<Moving<Placement>>,
+}
+
+/// The place of a light.
+#[derive(Clone, Copy)]
+pub(super) struct Placement {
+    /// Its middle.
+    pub center: DVec3,
+    /// The direction of emission, of unit length.
+    pub direction: DVec3,
+    /// The axis of its width, of unit length, orthogonal to the direction.
+    pub right: DVec3,
+    /// Factors on width and height.
+    pub scale: [f64; 2],
+}
+
+impl MovingPlacement {
+    /// With the motion that its table gives it.
+    pub fn moved(self, moved: Option<&EvaluatedMotion>) -> MovingPlacement {
+        let Some(EvaluatedMotion { at_moment, onwards }) = moved else { return self };
+        let now = self.now.moved(at_moment);
+        MovingPlacement { now, motion: onwards.as_ref().map(|onwards| onwards.map(|by| now.moved(by))) }
+    }
+}
+
+impl Placement {
+    /// That of a light at a node; `None` if the node is flattened. Sheared axes are made square, so that the light stays a
+    /// rectangle.
+    fn of_node(m: &DAffine3) -> Option<Placement> {
+        let (x, y, z) = (m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis);
+        let direction = (-z).try_normalize()?;
+        let right = -(x - direction * x.dot(direction)).try_normalize()?;
+        let scale = [x.length(), y.length()];
+        (scale[1] > 0.0).then_some(Placement { center: m.translation, direction, right, scale })
+    }
+
+    /// From a position and a direction.
+    pub fn of_axis(center: DVec3, direction: DVec3) -> Placement {
+        Placement { center, direction, right: direction.any_orthonormal_vector(), scale: [1.0; 2] }
+    }
+
+    /// Where a motion without scales brings it.
+    pub fn moved(&self, by: &DAffine3) -> Placement {
+        let turned = |v: DVec3| by.transform_vector3(v).normalize_or(v);
+        let (direction, right) = (turned(self.direction), turned(self.right));
+        Placement { center: by.transform_point3(self.center), direction, right, scale: self.scale }
+    }
+
+    /// From the unit square around the origin in the xy plane, which emits along z.
+    pub fn world_from_unit(&self) -> DAffine3 {
+        let [width, height] = self.scale;
+        let (u, v) = (self.right * width, self.direction.cross(self.right) * height);
+        DAffine3::from_mat3_translation(DMat3::from_cols(u, v, self.direction), self.center)
+    }
+}
+
+/// An area light that the table places.
+pub(super) fn placed(fields: &Fields) -> Option<MovingPlacement> {
+    let center = fields.require("center", fields.vector("center"));
+    let up = fields.vector("up").map_or(DVec3::Y, |u| u.value);
+    let center = center?.value;
+    let direction = direction(fields, Some(center))?;
+    // Lights that emit along `up`, as ceiling lights do, have their width along x.
+    let sides = [up.normalize_or_zero(), DVec3::NEG_Z].map(|up| up.cross(direction));
+    let right = sides.into_iter().find(|s| s.length() > 1e-6).map(DVec3::normalize);
+    let right = right.unwrap_or_else(|| direction.any_orthonormal_vector());
+    Some(MovingPlacement { now: Placement { center, direction, right, scale: [1.0; 2] }, motion: None })
+}
+
+/// A light at an empty node of the model: it emits along the node's -z, as glTF's lights do. Seen that way, x
+/// goes to the right.
+pub(super) fn at_node(build: &mut SceneFileBuilder, fields: &Fields) -> Option<MovingPlacement> {
+    let name = fields.string("node")?;
+    let empties = &build.loaded.empties;
+    let Some(empty) = empties.iter().find(|empty| empty.name == name.value) else {
+        let message = format!("the model has no empty node '{}'", name.value);
+        let help = match nearest(name.value, empties.iter().map(|empty| empty.name.as_str())) {
+            Some(near) => format!("did you mean '{near}'?"),
+            None => format!("it has {} nodes that hold nothing", empties.len()),
+        };
+        fields.problems.push_help(name.span, message, help);
+        return None;
+    };
+    let Some(now) = Placement::of_node(&empty.world_from_node) else {
+        fields.problems.push(name.span, format!("the node '{}' is flattened to nothing", name.value));
+        return None;
+    };
+    let motion = empty.motion.as_ref().map(|moving| moving.map(Placement::of_node));
+    let is_flattened = motion.as_ref().is_some_and(|m| m.all().any(Option::is_none));
+    if is_flattened {
+        let message =
+            "the node of a light is flattened to nothing while the shutter is open: it stands still";
+        let place = format!("node '{}'", name.value);
+        build.loaded.warnings.push(Warning::new(build.file, place, message));
+    }
+    let motion = motion.filter(|_| !is_flattened).map(|moving| moving.map(|then| then.unwrap_or(now)));
+    Some(MovingPlacement { now, motion })
+}
+
+/// The names of the nodes at which a file places lights.
+pub(super) fn nodes_of_lights(root: &Fields) -> Vec<String> {
+    let list = root.raw("lights").and_then(|lights| lights.get_ref().as_array());
+    let lights = list.into_iter().flat_map(|list| list.iter()).filter_map(|light| light.get_ref().as_table());
+    let shapes = lights.flat_map(|light| light.iter()).filter_map(|(_, shape)| shape.get_ref().as_table());
+    let nodes = shapes.filter_map(|shape| shape.get("node")?.get_ref().as_str());
+    nodes.map(str::to_string).collect()
+}
+
+/// The way the light travels: `direction`, or from `position` to `target`.
+pub(super) fn direction(fields: &Fields, position: Option<DVec3>) -> Option<DVec3> {
+    let target = position.and_then(|p| fields.vector("target").map(|t| (t.value - p, t.span)));
+    let direction = fields.vector("direction").map(|d| (d.value, d.span));
+    let (vector, span) = match (target, direction) {
+        (Some(one), None) | (None, Some(one)) => one,
+        (Some(_), Some((_, span))) => {
+            fields.problems.push(span, "'target' and 'direction' say the same: leave one out");
+            return None;
+        }
+        (None, None) => {
+            let keys = if position.is_some() { "'target' or 'direction'" } else { "'direction'" };
+            fields.problems.push(fields.span(), format!("the light needs {keys}"));
+            return None;
+        }
+    };
+    let unit = vector.try_normalize();
+    if unit.is_none() {
+        fields.problems.push(span, "the light has no direction: its length is 0");
+    }
+    unit
 }

@@ -260,7 +260,7 @@ impl Channel {
     }
 }
 
-/// Mean radiance of the sun's disk, linear Rec. 709; what lies outside of that is cut off.
+/// Mean radiance of the sun's disk, linear Rec. 709; out-of-gamut values are clipped.
 fn sun_radiance(turbidity: f64, elevation_rad: f64) -> [f64; 3] {
     let place = (2.0 * elevation_rad / PI).cbrt() * SEGMENTS as f64;
     let segment = (place as usize).min(SEGMENTS - 1);

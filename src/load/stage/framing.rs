@@ -114,12 +114,12 @@ fn middle(points: &[DVec3], axis: usize, z: f64) -> f64 {
     0.5 * (low + high)
 }
 
-// Points that stand for a whole scene when it is framed.
+// The outline: points whose hull approximates the scene's, for framing.
 
-/// Directions are told apart by the cells of a cube's faces, each so many by so many.
+/// Directions are binned into cells of a cube map: `CELLS` by `CELLS` per face.
 const CELLS: usize = 32;
 
-/// Models with coordinates beyond this can't be framed: squares of them would be infinite.
+/// Models with coordinates beyond this can't be framed: their squares would overflow.
 const FARTHEST: f64 = 1e150;
 
 /// The farthest points of a scene in all directions.
@@ -130,7 +130,7 @@ pub(super) struct Outline {
     pub min: DVec3,
     /// Greatest corner.
     pub max: DVec3,
-    /// What lies so far away from all else that it is left out, in words.
+    /// Names of outliers that are left out.
     pub stray: Option<String>,
 }
 
@@ -249,20 +249,20 @@ impl Farthest {
     }
 }
 
-/// A place rounded to a power of two that is fine beside `size`: sums with coordinates far away stay exact.
+/// A position rounded to a power of two well below `size`: sums with distant coordinates stay exact.
 pub(super) fn on_grid(p: DVec3, size: f64) -> DVec3 {
     let step = (size.max(1e-300).log2().floor() - 20.0).exp2();
     if step > 0.0 && step.is_finite() { (p / step).round() * step } else { p }
 }
 
-// What lies so far from all else that a picture of everything would show nothing.
+// Outliers: objects so distant that a picture of everything would show nothing.
 
-/// What is this many times as far from the middle as all that is nearer, with nothing between, is stray.
+/// Objects this many times as far from the center as all nearer ones, with nothing between, are outliers.
 const GAP: f64 = 20.0;
 /// Share of the scene that must be nearer than a gap, by numbers of triangles; all other shapes weigh as much together as all
 /// triangles.
 const MOST: f64 = 0.9;
-/// Triangles that are looked at; in larger scenes every second, third, ... one of each mesh stands for all.
+/// Maximum number of triangles considered; of larger scenes every second, third, ... one of each mesh is.
 const MOST_TRIANGLES: usize = 1 << 19;
 /// Middles of triangles that the median is taken of, at most.
 const MEDIAN: usize = 50_000;
@@ -293,11 +293,11 @@ impl Item {
     }
 }
 
-/// Where the scene ends, and what lies beyond.
+/// The sphere that holds the scene without outliers.
 pub(super) struct Limit {
     middle: DVec3,
     distance: f64,
-    /// In words: what lies beyond, and how far.
+    /// The outliers' names and distance.
     pub beyond: String,
 }
 
@@ -308,7 +308,7 @@ impl Limit {
     }
 }
 
-/// Finds where a scene ends before a gap beyond which next to nothing lies; `None` where there is no such gap. The scene
+/// Finds the gap that separates outliers from the scene; `None` where there is no such gap. The scene
 /// need not be valid.
 pub(super) fn limit(scene: &Scene) -> Option<Limit> {
     let extents = instance_extents(scene);
@@ -365,7 +365,7 @@ fn curves_box(curves: &Curves) -> Option<(DVec3, DVec3)> {
     (min.x <= max.x).then_some((min, max))
 }
 
-/// Every so manieth triangle of a mesh that is placed.
+/// Every `step`-th triangle of an instance.
 fn triangles<'s>(
     instance: &'s Instance,
     mesh: &'s Mesh,
@@ -398,7 +398,7 @@ fn median(items: &[Item]) -> Option<DVec3> {
     Some(DVec3::new(along(0)?, along(1)?, along(2)?))
 }
 
-/// Names what lies beyond a distance, of which the nearest is so far away.
+/// Names the objects beyond `distance`; the nearest is `near` away.
 fn beyond(scene: &Scene, extents: &[Extent], middle: DVec3, distance: f64, near: f64) -> String {
     let box_of = |(min, max)| Item { min, max, weight: 1.0 };
     let mut names: Vec<String> = Vec::new();
@@ -426,7 +426,7 @@ fn beyond(scene: &Scene, extents: &[Extent], middle: DVec3, distance: f64, near:
     let more = names.len().saturating_sub(LISTED);
     names.truncate(LISTED);
     let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-    // Three digits tell how far.
+    // Three significant digits.
     let unit = 10f64.powf(near.log10().floor() - 2.0);
     let meters = (near / unit).round() * unit;
     format!("{}{more}, some {meters} m away", names.join(", "))
@@ -434,7 +434,7 @@ fn beyond(scene: &Scene, extents: &[Extent], middle: DVec3, distance: f64, near:
 
 // A camera that goes around a model.
 
-/// What frames of a turntable turn about.
+/// The axis of a turntable animation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Turntable {
     /// A point of the vertical axis.
@@ -454,7 +454,7 @@ impl Turntable {
         self.middle
     }
 
-    /// The camera after an angle, radians, counter-clockwise seen from above. It stands still there.
+    /// The camera at an angle, radians, counter-clockwise seen from above, without motion.
     pub fn camera(&self, camera: &Camera, angle_rad: f64) -> Camera {
         let turn = DAffine3::from_translation(self.middle)
             * DAffine3::from_quat(DQuat::from_rotation_y(angle_rad))

@@ -13,11 +13,11 @@ use crate::scene::{
     RayKinds, Scene, Shape, Texture, TextureTransform, Wrap,
 };
 
-/// Radius of the ground in radii of the model: its edge lies a degree below the horizon.
+/// Radius of the ground in radii of the model: its edge is a degree below the horizon.
 const REACH: f64 = 60.0;
-/// How far the ground lies below the lowest point, in radii of the model: no face of the model lies in it.
+/// Distance of the ground below the lowest point, in radii of the model: avoids coplanar faces.
 const GAP: f64 = 2e-4;
-/// Roughness of the ground: it shows a trace of what stands on it.
+/// Roughness of the ground: slightly reflective.
 const ROUGHNESS: f32 = 0.4;
 /// Strength of its gloss: less than that of glass.
 const SPECULAR: f32 = 0.45;

@@ -159,7 +159,7 @@ pub(super) fn reflected(light: StageLight, horizon: [f32; 3], normal: DVec3) -> 
     sum.map(|v| v * cell / PI)
 }
 
-// How much light the shining parts of a scene give.
+// Light emitted by the surfaces of a scene.
 
 /// Parts light a scene where the light that they send out, spread evenly over the inside of the box around all, makes white
 /// walls of at least this radiance. A PNG shows it as 38 of 255; the soft sky makes some 30 times of it.
@@ -170,7 +170,7 @@ const TEXELS: u32 = 256;
 
 /// What shining parts do for a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Shine {
+pub(super) enum EmittedLight {
     /// There are none.
     None,
     /// They glow: they show themselves, and light nothing worth looking at. None is brighter than white paper in full
@@ -183,7 +183,7 @@ pub(super) enum Shine {
 }
 
 /// What the shining parts of a scene do, which need not be valid. Materials count only where something uses them.
-pub(super) fn of(scene: &Scene) -> Shine {
+pub(super) fn of(scene: &Scene) -> EmittedLight {
     let radiances: Vec<f64> =
         scene.materials.iter().map(|m| m.emission.map_or(0.0, |e| mean(scene, &e.radiance))).collect();
     let strength = |id: MaterialId| {
@@ -220,11 +220,11 @@ pub(super) fn of(scene: &Scene) -> Shine {
         }
     }
     match (strongest, power / inside(scene)) {
-        (strongest, _) if strongest <= 0.0 => Shine::None,
+        (strongest, _) if strongest <= 0.0 => EmittedLight::None,
         // Areas that are not finite are no reason to light anything.
-        (_, radiance) if radiance.is_nan() || radiance >= ENOUGH => Shine::Light,
-        (strongest, _) if strongest <= 1.0 => Shine::Glow,
-        _ => Shine::Dim,
+        (_, radiance) if radiance.is_nan() || radiance >= ENOUGH => EmittedLight::Light,
+        (strongest, _) if strongest <= 1.0 => EmittedLight::Glow,
+        _ => EmittedLight::Dim,
     }
 }
 
@@ -249,7 +249,7 @@ fn mean(scene: &Scene, slot: &ColorSlot) -> f64 {
 fn mean_of_texture(scene: &Scene, id: TextureId) -> [f32; 3] {
     match scene.textures.get(id.index()) {
         Some(Texture::Image { image, .. }) => {
-            // What can't be decoded is told of when the scene is compiled, and left out.
+            // Images that can't be decoded are reported and left out when the scene is compiled.
             let image = scene.images.get(image.index()).and_then(|image| image.decoded().ok());
             image.as_ref().map_or([1.0; 3], mean_of_image)
         }

@@ -12,7 +12,7 @@ use crate::math::DVec3;
 use crate::scene::{Backdrop, ColorSlot, Environment, FloatSlot, Material, Model, PbrMaterial, Scene};
 use framing::Outline;
 pub use framing::Turntable;
-use light::Shine;
+use light::EmittedLight;
 pub use options::ViewFrom;
 pub use options::{Background, Ground, StageLight, StageOptions};
 
@@ -45,10 +45,10 @@ pub fn complete(loaded: &mut Loaded, options: &StageOptions, brings_environment:
     if is_bare {
         set_up(loaded, options, is_lit);
     } else {
-        let shine = light::of(&loaded.scene);
-        let is_dark = !is_lit && (is_chosen || lacks_light(loaded, shine));
+        let emitted_light = light::of(&loaded.scene);
+        let is_dark = !is_lit && (is_chosen || lacks_light(loaded, emitted_light));
         if is_dark {
-            light_scene(loaded, options, shine);
+            light_scene(loaded, options, emitted_light);
         }
         say_unused(loaded, options, brings_environment);
     }
@@ -82,15 +82,15 @@ pub fn middle(loaded: &Loaded) -> DVec3 {
 }
 
 /// Does a scene with a camera but without lamps need light? One of little light says so.
-fn lacks_light(loaded: &mut Loaded, shine: Shine) -> bool {
-    if shine == Shine::Dim && loaded.is_model {
+fn lacks_light(loaded: &mut Loaded, emitted_light: EmittedLight) -> bool {
+    if emitted_light == EmittedLight::Dim && loaded.is_model {
         let message = format!(
             "no light but parts that shine, of little power: the picture will be dark ({} adds light)",
             Choice::Stage
         );
         loaded.warnings.push(Warning::general(message));
     }
-    shine == Shine::None || shine == Shine::Glow && loaded.is_model
+    emitted_light == EmittedLight::None || emitted_light == EmittedLight::Glow && loaded.is_model
 }
 
 /// The whole stage around a model without a camera.
@@ -137,17 +137,17 @@ fn set_up(loaded: &mut Loaded, options: &StageOptions, is_lit: bool) {
 fn light_plainly(loaded: &mut Loaded, options: &StageOptions) {
     if options.light == StageLight::Soft {
         soften(loaded);
-    } else if lamps_in_words(&loaded.scene).is_empty() && light::of(&loaded.scene) == Shine::None {
+    } else if lamps_in_words(&loaded.scene).is_empty() && light::of(&loaded.scene) == EmittedLight::None {
         let message = format!("no light at all: the picture will be black ({} adds light)", Choice::Stage);
         loaded.warnings.push(Warning::general(message));
     }
 }
 
 /// Light alone, for a scene that has a camera.
-fn light_scene(loaded: &mut Loaded, options: &StageOptions, shine: Shine) {
+fn light_scene(loaded: &mut Loaded, options: &StageOptions, emitted_light: EmittedLight) {
     if options.is_light_chosen && options.light.is_stage() {
-        let message = match (lamps_in_words(&loaded.scene), shine) {
-            ("", Shine::None) => format!("no light: {}", options.light),
+        let message = match (lamps_in_words(&loaded.scene), emitted_light) {
+            ("", EmittedLight::None) => format!("no light: {}", options.light),
             ("", _) => format!("no light but parts that shine: {}, too", options.light),
             (lamps, _) => format!("{}{lamps}", options.light),
         };
@@ -173,7 +173,7 @@ fn lamps_in_words(scene: &Scene) -> &'static str {
 fn soften(loaded: &mut Loaded) {
     let scene = &mut loaded.scene;
     let message = match light::of(scene) {
-        Shine::None => "no light: lit by a soft default sky of mean radiance 0.6".to_string(),
+        EmittedLight::None => "no light: lit by a soft default sky of mean radiance 0.6".to_string(),
         _ => format!(
             "no light but parts that shine: lit by a soft default sky of mean radiance 0.6, too ({} for none)",
             Choice::Environment
@@ -441,7 +441,7 @@ mod tests {
 
     #[test]
     fn the_mean_of_a_picture_tells_how_brightly_a_part_shines() {
-        for (value, expected) in [(0.0, Shine::Glow), (1.0, Shine::Light)] {
+        for (value, expected) in [(0.0, EmittedLight::Glow), (1.0, EmittedLight::Light)] {
             let mut loaded = glowing(0.7, 1.0);
             let rgb = vec![value; 3 * 600 * 4];
             let image = loaded.scene.add_image(crate::image::Image::from_linear_rgb("glow", 600, 4, rgb));

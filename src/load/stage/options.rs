@@ -53,7 +53,7 @@ impl fmt::Display for StageLight {
     }
 }
 
-/// What a bare model stands on.
+/// The ground of a model without camera and light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ground {
     /// Nothing.
@@ -93,11 +93,11 @@ pub struct StageOptions {
     pub light: StageLight,
     /// The caller asked for this light; scenes that have a camera get it, too.
     pub is_light_chosen: bool,
-    /// What models stand on; by default what suits the light and the background.
+    /// The ground; by default one that suits the light and the background.
     pub ground: Option<Ground>,
     /// What is behind everything; by default what suits the light. Holds for every scene.
     pub background: Option<Background>,
-    /// Where the camera stands.
+    /// The camera's direction.
     pub view: ViewFrom,
     /// The caller asked for this view.
     pub is_view_chosen: bool,
@@ -109,7 +109,7 @@ pub struct StageOptions {
     pub aspect: Option<f64>,
     /// The camera will go around the model, which is to stay in view all the time.
     pub is_orbit: bool,
-    /// Only say what would be added beside a camera.
+    /// Report only what would be added next to an existing camera.
     pub is_foretold: bool,
 }
 
@@ -158,7 +158,7 @@ impl StageOptions {
 
 // Directions from which models are seen.
 
-/// Where the camera stands, seen from the model, whose front is taken to be z.
+/// The camera's direction as seen from the model, whose front is +z.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ViewFrom {
     /// From the front towards x, degrees.

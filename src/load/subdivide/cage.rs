@@ -137,7 +137,7 @@ impl Cage {
     }
 }
 
-// Which faces meet at edges and around points.
+// Adjacency of faces at edges and vertices.
 
 /// No corner, edge.
 pub(super) const NONE: u32 = u32::MAX;

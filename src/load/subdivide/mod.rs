@@ -53,7 +53,7 @@ impl Polygons {
         self.made.insert((id, how), fine);
     }
 
-    /// A mesh, by its polygons if they are kept, else by its triangles.
+    /// A mesh: its polygons if they are stored, else its triangles.
     ///
     /// # Errors
     /// A message, if all would have too many triangles.

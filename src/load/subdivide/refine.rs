@@ -17,7 +17,7 @@ pub(super) enum Edges {
 }
 
 /// What a value is.
-enum Place {
+enum VertexRule {
     /// The middle of a ring of so many faces.
     Inner(f64),
     /// On a curve between two neighbours.
@@ -25,9 +25,9 @@ enum Place {
     Fixed,
 }
 
-fn place(fans: &Fans, value: usize, edges: Edges) -> Place {
+fn place(fans: &Fans, value: usize, edges: Edges) -> VertexRule {
     if fans.is_inner(value) {
-        return Place::Inner(f64::from(fans.faces[value]));
+        return VertexRule::Inner(f64::from(fans.faces[value]));
     }
     let sharp = fans.sharp[value];
     let is_fixed = match edges {
@@ -35,7 +35,7 @@ fn place(fans: &Fans, value: usize, edges: Edges) -> Place {
         Edges::RoundCorners => false,
         Edges::Fixed => true,
     };
-    if sharp.count == 2 && !is_fixed { Place::Curve(sharp.ends) } else { Place::Fixed }
+    if sharp.count == 2 && !is_fixed { VertexRule::Curve(sharp.ends) } else { VertexRule::Fixed }
 }
 
 fn sum<const N: usize>(a: [f64; N], b: [f64; N]) -> [f64; N] {
@@ -121,7 +121,7 @@ impl<const N: usize> Layer<N> {
         let moved = |value: usize| {
             let own = self.values[value];
             match place(fans, value, edges) {
-                Place::Inner(n) => {
+                VertexRule::Inner(n) => {
                     let mut around = [0.0; N];
                     for c in fans.around(fans.first[value]) {
                         let middle = middles[fans.edges[c as usize] as usize];
@@ -130,11 +130,11 @@ impl<const N: usize> Layer<N> {
                     }
                     scaled(sum(scaled(around, 1.0 / n), scaled(own, n - 3.0)), 1.0 / n)
                 }
-                Place::Curve([a, b]) => {
+                VertexRule::Curve([a, b]) => {
                     let ends = sum(self.values[a as usize], self.values[b as usize]);
                     sum(scaled(own, 0.75), scaled(ends, 0.125))
                 }
-                Place::Fixed => own,
+                VertexRule::Fixed => own,
             }
         };
         (0..self.values.len()).map(moved).collect()
@@ -146,7 +146,7 @@ impl<const N: usize> Layer<N> {
         let limit = |value: usize| {
             let own = self.values[value];
             match place(fans, value, edges) {
-                Place::Inner(n) => {
+                VertexRule::Inner(n) => {
                     let mut around = [0.0; N];
                     for c in fans.around(fans.first[value]) {
                         let next = fans.next[c as usize];
@@ -155,11 +155,11 @@ impl<const N: usize> Layer<N> {
                     }
                     scaled(sum(scaled(own, n * n), around), 1.0 / (n * (n + 5.0)))
                 }
-                Place::Curve([a, b]) => {
+                VertexRule::Curve([a, b]) => {
                     let ends = sum(self.values[a as usize], self.values[b as usize]);
                     scaled(sum(scaled(own, 4.0), ends), 1.0 / 6.0)
                 }
-                Place::Fixed => own,
+                VertexRule::Fixed => own,
             }
         };
         (0..self.values.len()).map(limit).collect()

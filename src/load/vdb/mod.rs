@@ -195,7 +195,7 @@ fn dense(map: &DAffine3, cubes: &[Cube], name: String, has_margin: bool) -> Resu
 #[cfg(test)]
 mod tests;
 
-// Where a grid is: the ways that OpenVDB writes a transform from voxels to the world.
+// The maps of OpenVDB (transforms from index space to world space).
 
 /// Reads the transform of a grid: from voxels, whose middles are at whole numbers, to the file's world.
 fn read_map(from: &mut Bytes) -> Result<DAffine3, String> {
@@ -305,7 +305,7 @@ fn read_tree(from: &mut Bytes, values: &mut Values) -> Result<Vec<Cube>, String>
     Ok(cubes)
 }
 
-/// What hangs off the root lies on a lattice, each in a place of its own: voxels are there once.
+/// Children of the root must be aligned and distinct, so that no voxel occurs twice.
 fn check_origin(origin: [i32; 3], taken: &mut HashSet<[i32; 3]>) -> Result<(), String> {
     let is_aligned = origin.iter().all(|c| c.trailing_zeros() >= UPPER.0);
     match is_aligned && taken.insert(origin) {

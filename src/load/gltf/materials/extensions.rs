@@ -1,7 +1,7 @@
-//! Extensions that add a layer or another way of scattering: rough diffuse reflection, clearcoat, sheen, anisotropy, iridescence, dispersion and
+//! Extensions that add a layer or a lobe: rough diffuse reflection, clearcoat, sheen, anisotropy, iridescence, dispersion and
 //! diffuse transmission. A layer with a factor of 0 is left out, with its textures.
 
-use super::{Base, Builder};
+use super::{Base, MaterialBuilder};
 use crate::scene::{
     Anisotropy, Clearcoat, ColorSlot, DiffuseTransmission, FloatSlot, Iridescence, Medium, PbrMaterial,
     Sheen, coefficients,
@@ -10,7 +10,7 @@ use serde_json::Value;
 
 const UNIT: [f32; 2] = [0.0, 1.0];
 
-impl Builder<'_, '_> {
+impl MaterialBuilder<'_, '_> {
     /// Adds all that the material has.
     pub fn add_layers(&mut self, model: &mut PbrMaterial) {
         self.diffuse_roughness(model);
@@ -135,7 +135,7 @@ struct Scatter {
     anisotropy: f32,
 }
 
-impl Builder<'_, '_> {
+impl MaterialBuilder<'_, '_> {
     /// What scatters in the solid. Thin sheets that scatter become such that transmit diffusely.
     pub fn scattering(&mut self, model: &mut PbrMaterial) -> Option<Medium> {
         let is_solid = self.raw.pointer("/extensions/KHR_materials_volume/thicknessFactor");
@@ -293,7 +293,7 @@ impl SpecularGlossiness {
     }
 }
 
-impl Builder<'_, '_> {
+impl MaterialBuilder<'_, '_> {
     /// The older model, if the material has it.
     pub fn specular_glossiness(&mut self) -> Option<SpecularGlossiness> {
         let (extension, place) = self.extension("KHR_materials_pbrSpecularGlossiness")?;

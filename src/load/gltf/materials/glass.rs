@@ -8,14 +8,14 @@ use crate::math::{DMat3, DVec3};
 use crate::scene::{Instance, MaterialId, Mesh, Model, PbrMaterial, Scene, encloses};
 use std::collections::HashMap;
 
-/// Share of a pane's surface that lies in its two planes, and the cosine within which a triangle counts to them.
+/// Share of a pane's area in its two planes, and the cosine within which a triangle counts to them.
 const FLAT_SHARE: f64 = 0.8;
 const FLAT_COSINE: f64 = 0.999;
 
 impl Materials {
     /// Decides on glass that is solid where its meshes enclose a body, and says so; makes sheets of panes where the user
     /// wants that.
-    pub fn settle_glass(&mut self, scene: &mut Scene, glass: Glass, report: &mut Report) {
+    pub fn resolve_glass(&mut self, scene: &mut Scene, glass: Glass, report: &mut Report) {
         if !self.needs.iter().any(|needs| needs.body || needs.glass) {
             return;
         }
@@ -102,7 +102,7 @@ impl Materials {
         }
     }
 
-    /// Says that lamps without size don't shine through solid panes.
+    /// Warns that solid panes block the light of point lights.
     fn note_panes(
         &self,
         id: MaterialId,
@@ -146,7 +146,7 @@ fn panes(
     .collect()
 }
 
-/// Which meshes have each material, and which instances place each mesh, by index.
+/// The meshes of each material and the instances of each mesh, by index.
 struct Users {
     of_materials: HashMap<MaterialId, Vec<usize>>,
     of_meshes: Vec<Vec<usize>>,
@@ -176,7 +176,7 @@ impl Users {
     }
 }
 
-/// A flat closed body, as it is placed.
+/// A flat closed mesh under its instance's transform.
 struct Pane {
     /// Normal of its faces in the mesh's own space, of unit length.
     axis: DVec3,
@@ -219,20 +219,20 @@ impl Pane {
 
     /// Removes all triangles but those of one face.
     fn leave_one_face(&self, mesh: &mut Mesh) {
-        let mut kept = Vec::new();
+        let mut shared = Vec::new();
         let mut parts = mesh.parts.clone();
         for part in &mut parts {
             let first = part.first_triangle as usize;
             let of_part = &mesh.triangles[first..first + part.triangle_count as usize];
-            part.first_triangle = kept.len() as u32;
+            part.first_triangle = shared.len() as u32;
             let is_front = |t: &&[u32; 3]| {
                 let v = vector_area(mesh, **t);
                 v.dot(self.axis) >= FLAT_COSINE * v.length()
             };
-            kept.extend(of_part.iter().filter(is_front).copied());
-            part.triangle_count = kept.len() as u32 - part.first_triangle;
+            shared.extend(of_part.iter().filter(is_front).copied());
+            part.triangle_count = shared.len() as u32 - part.first_triangle;
         }
-        (mesh.triangles, mesh.parts) = (kept, parts);
+        (mesh.triangles, mesh.parts) = (shared, parts);
     }
 }
 

@@ -6,7 +6,7 @@ mod glass;
 
 use super::document::{Document, name_of, number_of, numbers_of, pointer};
 use super::lights;
-use super::report::{Report, Sound};
+use super::report::{Report, Valid};
 use super::textures::{Gloss, Reference, Textures};
 use crate::image::Encoding;
 use crate::load::options::Glass;
@@ -29,14 +29,14 @@ pub(super) struct Materials {
     pub list: Vec<Material>,
     /// Their textures.
     pub textures: Textures,
-    /// The caller replaces all materials: none is read, and the default stands for each.
+    /// The caller replaces all materials: none is read, all are the default.
     pub geometry_only: bool,
-    /// What tells that they lost something, in the order of the list.
-    pub signs: Vec<Signs>,
-    needs: Vec<Needs>,
+    /// Export losses, parallel to the list.
+    pub export_losses: Vec<ExportLosses>,
+    needs: Vec<MaterialNeeds>,
     /// Those that are on panes, which became sheets.
     panes: Vec<MaterialId>,
-    known: HashMap<Option<usize>, Sound<MaterialId>>,
+    known: HashMap<Option<usize>, Valid<MaterialId>>,
 }
 
 impl Materials {
@@ -47,18 +47,18 @@ impl Materials {
         index: Option<usize>,
         from: &str,
         report: &mut Report,
-    ) -> Sound<MaterialId> {
+    ) -> Valid<MaterialId> {
         let index = index.filter(|_| !self.geometry_only);
         if let Some(known) = self.known.get(&index) {
             return *known;
         }
         let built = match index {
             Some(index) => report.lasting(|report| build(doc, index, from, &mut self.textures, report)),
-            None => Ok((default_material(), Needs::default(), Signs::default())),
+            None => Ok((default_material(), MaterialNeeds::default(), ExportLosses::default())),
         };
-        let id = built.map(|(material, needs, signs)| {
+        let id = built.map(|(material, needs, export_losses)| {
             self.list.push(material);
-            self.signs.push(signs);
+            self.export_losses.push(export_losses);
             self.needs.push(needs);
             MaterialId(self.list.len() as u32 - 1)
         });
@@ -74,7 +74,7 @@ impl Materials {
     }
 
     /// What a material needs from the meshes that it is on.
-    pub fn needs(&self, material: MaterialId) -> Needs {
+    pub fn needs(&self, material: MaterialId) -> MaterialNeeds {
         self.needs[material.index()]
     }
 
@@ -123,12 +123,12 @@ fn build(
     from: &str,
     textures: &mut Textures,
     report: &mut Report,
-) -> Sound<(Material, Needs, Signs)> {
+) -> Valid<(Material, MaterialNeeds, ExportLosses)> {
     let json: gltf::json::Material = doc.entry("materials", index, from, report)?;
     let raw = doc.raw("materials", index, from, report)?;
     let name = name_of(raw, "material", index);
     let at = pointer("materials", index);
-    let mut builder = Builder { doc, raw, at, textures, report, needs: Needs::default() };
+    let mut builder = MaterialBuilder { doc, raw, at, textures, report, needs: MaterialNeeds::default() };
     let extensions = json.extensions.clone().unwrap_or_default();
     let old = builder.specular_glossiness();
     let base = match &old {
@@ -164,9 +164,9 @@ fn build(
         Model::Pbr(p) => p.anisotropy.is_some() || p.clearcoat.is_some_and(|c| c.normal_map.is_some()),
         _ => false,
     };
-    let needs = Needs { tangents: tangents || material.normal_map.is_some(), ..builder.needs };
-    let signs = Signs::of(&builder, base.color, material.alpha_mode);
-    Ok((material, needs, signs))
+    let needs = MaterialNeeds { tangents: tangents || material.normal_map.is_some(), ..builder.needs };
+    let export_losses = ExportLosses::of(&builder, base.color, material.alpha_mode);
+    Ok((material, needs, export_losses))
 }
 
 // Slots, numbers and textures of one material, checked while they are taken from the file.
@@ -184,10 +184,10 @@ struct Base {
 }
 
 /// One material being built.
-struct Builder<'b, 'a> {
+struct MaterialBuilder<'b, 'a> {
     /// The file.
     pub doc: &'b Document<'a>,
-    /// The material as it stands in the file.
+    /// The material's raw JSON.
     pub raw: &'b Value,
     /// The material's JSON pointer.
     pub at: String,
@@ -196,17 +196,17 @@ struct Builder<'b, 'a> {
     /// Problems and warnings.
     pub report: &'b mut Report,
     /// What it needs from meshes.
-    pub needs: Needs,
+    pub needs: MaterialNeeds,
 }
 
-impl<'b> Builder<'b, '_> {
+impl<'b> MaterialBuilder<'b, '_> {
     /// An extension of the material, with its place.
     pub fn extension(&self, name: &str) -> Option<(&'b Value, String)> {
         let extension = self.raw.get("extensions")?.get(name)?;
         Some((extension, format!("/extensions/{name}")))
     }
 
-    fn texture(&mut self, reference: Reference, encoding: Encoding) -> Sound<TextureId> {
+    fn texture(&mut self, reference: Reference, encoding: Encoding) -> Valid<TextureId> {
         let (mut slots, set) = (self.needs.uv_slots, reference.effective_uv_set());
         let Some(slot) = slots.take(set) else {
             let message =
@@ -219,13 +219,13 @@ impl<'b> Builder<'b, '_> {
         Ok(id)
     }
 
-    /// A colour slot; places are relative to the material.
+    /// A colour slot; JSON pointers are relative to the material.
     pub fn color(&mut self, factor: [f32; 3], info: Option<&Info>, place: &str) -> ColorSlot {
         let reference = info.map(|info| Reference::new(info, format!("{}{place}", self.at)));
         ColorSlot { factor, texture: reference.and_then(|r| self.texture(r, Encoding::Srgb).ok()) }
     }
 
-    /// A slot of a number that stands in a channel of a texture.
+    /// A scalar slot: a channel of a texture times a factor.
     pub fn float(&mut self, factor: f32, info: Option<&Info>, channel: u8, place: &str) -> FloatSlot {
         let reference = info.map(|info| Reference::new(info, format!("{}{place}", self.at)));
         let texture = reference.and_then(|r| self.texture(r, Encoding::Linear).ok());
@@ -291,13 +291,13 @@ impl<'b> Builder<'b, '_> {
         self.texture(reference, Encoding::Linear).ok()
     }
 
-    /// The normal map at a place in the material; none if it has a problem, which is noted.
+    /// The normal map at a JSON pointer in the material; none if it has a problem, which is reported.
     pub fn normal_map_at(&mut self, place: &str) -> Option<NormalMap> {
         let raw = self.raw.pointer(place)?;
         self.normal_map_of(raw, place).ok()
     }
 
-    fn normal_map_of(&mut self, raw: &Value, place: &str) -> Sound<NormalMap> {
+    fn normal_map_of(&mut self, raw: &Value, place: &str) -> Valid<NormalMap> {
         let at = format!("{}{place}", self.at);
         let info: Info = understood(raw, &at, self.report)?;
         // The crate leaves the transform of these references to the extensions that it does not know.
@@ -315,13 +315,13 @@ impl<'b> Builder<'b, '_> {
 }
 
 /// A part of the file as a type of the `gltf` crate.
-fn understood<T: DeserializeOwned>(raw: &Value, at: &str, report: &mut Report) -> Sound<T> {
+fn understood<T: DeserializeOwned>(raw: &Value, at: &str, report: &mut Report) -> Valid<T> {
     T::deserialize(raw).map_err(|e| report.problem(at, format!("can't be understood: {e}")))
 }
 
 // The metallic-roughness model, and what all models share: emission, alpha, normal maps.
 
-impl Builder<'_, '_> {
+impl MaterialBuilder<'_, '_> {
     /// The base colour, white where nothing is said.
     pub fn base_color(&mut self, json: &gltf::json::Material) -> Base {
         let pbr = &json.pbr_metallic_roughness;
@@ -421,7 +421,7 @@ impl Builder<'_, '_> {
         model
     }
 
-    /// Does the material say nothing about how its surface scatters?
+    /// Has the material no parameters of its surface?
     pub fn says_nothing(&self) -> bool {
         let extensions = self.raw.get("extensions").and_then(Value::as_object);
         let emits_at_most = |name: &String| name == "KHR_materials_emissive_strength";
@@ -483,7 +483,7 @@ fn make_solid(model: &mut PbrMaterial) {
 
 // What materials need from the meshes that they are on.
 
-/// The two sets of texture coordinates that a mesh keeps for a material, of the many that a file may have.
+/// The two sets of texture coordinates that a mesh stores for a material, of the many that a file may have.
 #[derive(Clone, Copy, Default)]
 pub(in crate::load::gltf) struct UvSlots {
     /// The file's set in each slot; `None` where no texture needs one.
@@ -504,7 +504,7 @@ impl UvSlots {
 
 /// What a material needs from a mesh.
 #[derive(Clone, Copy, Default)]
-pub(in crate::load::gltf) struct Needs {
+pub(in crate::load::gltf) struct MaterialNeeds {
     /// Which sets of texture coordinates its textures use.
     pub uv_slots: UvSlots,
     /// Tangents.
@@ -515,12 +515,12 @@ pub(in crate::load::gltf) struct Needs {
     pub glass: bool,
 }
 
-// What tells that a material lost something on its way into the file.
+// Losses of a material on export.
 
-/// The signs of one material of a file by Blender.
+/// Losses of one material in a file by Blender's exporter.
 #[derive(Clone, Copy, Default)]
-pub(in crate::load::gltf) struct Signs {
-    /// It says nothing about how its surface scatters.
+pub(in crate::load::gltf) struct ExportLosses {
+    /// It has no parameters of its surface.
     pub is_lost: bool,
     /// It is opaque, pure white and without a texture.
     pub is_white: bool,
@@ -530,16 +530,16 @@ pub(in crate::load::gltf) struct Signs {
     pub ignores_alpha_of: Option<TextureId>,
 }
 
-impl Signs {
+impl ExportLosses {
     /// Looks for them; none in files of others.
-    fn of(builder: &Builder, base: ColorSlot, alpha: AlphaMode) -> Signs {
+    fn of(builder: &MaterialBuilder, base: ColorSlot, alpha: AlphaMode) -> ExportLosses {
         let extension = |name: &str| builder.raw.get("extensions").is_some_and(|e| e.get(name).is_some());
         if !builder.doc.is_from_blender() || builder.doc.is_our_export() || extension("KHR_materials_unlit") {
-            return Signs::default();
+            return ExportLosses::default();
         }
         let pbr = builder.raw.get("pbrMetallicRoughness");
         let has = |key: &str| pbr.and_then(|pbr| pbr.get(key)).is_some_and(|v| *v != Value::Null);
-        Signs {
+        ExportLosses {
             is_lost: builder.says_nothing(),
             is_white: pbr.is_some()
                 && !has("baseColorFactor")

@@ -10,7 +10,7 @@
 //! | `microfacet` | `multi` or `single` scattering | |
 //! | `fresnel` | `exact` or `schlick`: how dielectric layers of glTF materials reflect more towards grazing incidence | |
 //! | `spectral` | `true` renders by wavelength, as `--spectral` | |
-//! | `aovs` | list of further channels of the EXR, as `--aov` takes them, beside those that it names | |
+//! | `aovs` | list of further channels of the EXR, as `--aov` takes them, next to those that it names | |
 //! | `exposure` | exposure of PNGs and the like in stops | -100 to 100 |
 //! | `view` | how they look: `srgb`, `filmic`, `agx`, `agx-punchy`, `pbr-neutral`, `false-color`, `gamma`, or the file of a table (cinespace, `.csp`, from linear Rec. 709 to sRGB, as `ociobakelut` writes; or `.view`, as the export of Blender's scenes does) | |
 //! | `white_balance` | temperature of the light that looks white in them, kelvin | 1667 to 25,000 |
@@ -19,7 +19,7 @@
 //! | `caught` | what shadow catchers show: `all`, shadows as alpha and the light that objects bring besides; or `shadows`, alpha alone by the mean of the channels, as Cycles | |
 //! | `crop` | `[x0, y0, x1, y1]`: only the pixels from column x0 and row y0 to before column x1 and row y1 | within the picture |
 
-use super::build::Build;
+use super::builder::SceneFileBuilder;
 use super::fields::Fields;
 use crate::color::ViewTransform;
 use crate::scene::{CatcherOutput, EnergyCompensation, Filter, FresnelModel, Settings};
@@ -55,7 +55,7 @@ fn crop(fields: &Fields) -> Option<[u32; 4]> {
     Some(found.value.map(|v| v as u32))
 }
 
-pub(super) fn read(build: &Build, fields: &Fields) -> Settings {
+pub(super) fn read(build: &SceneFileBuilder, fields: &Fields) -> Settings {
     let filters =
         [("box", Filter::Box), ("gaussian", Filter::Gaussian), ("blackman-harris", Filter::BlackmanHarris)];
     let settings = Settings {
@@ -83,13 +83,13 @@ pub(super) fn read(build: &Build, fields: &Fields) -> Settings {
     settings
 }
 
-fn view(build: &Build, fields: &Fields) -> Option<ViewTransform> {
+fn view(build: &SceneFileBuilder, fields: &Fields) -> Option<ViewTransform> {
     let given = fields.string("view")?;
     if !ViewTransform::is_file(given.value) {
         let names = ViewTransform::NAMED.map(|(_, name, _)| (name, name));
         return fields.choice("view", &names).and_then(ViewTransform::from_name);
     }
-    let path = build.beside(given.value);
+    let path = build.resolve_path(given.value);
     build.options.files.note(&path);
     let bytes = std::fs::read(&path).map_err(|error| format!("can't be read: {error}"));
     bytes

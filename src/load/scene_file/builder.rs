@@ -1,7 +1,56 @@
-//! Names of nodes of a model, as files beside it give them.
+//! A scene in the making.
 
-use crate::scene::Scene;
+use super::fields::{Fields, Problems};
+use crate::load::{LoadOptions, Loaded, ShutterOptions};
+use crate::scene::{ObjectSet, Scene};
 use std::collections::{HashMap, HashSet};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+/// The scene under construction, with the context for reading a file's tables.
+pub(super) struct SceneFileBuilder<'a> {
+    /// The scene file, for relative paths and messages.
+    pub file: &'a Path,
+    /// Options of loading.
+    pub options: &'a LoadOptions,
+    /// Problems of the file.
+    pub problems: &'a Problems<'a>,
+    /// The shutter: the user's options, else the file's.
+    pub shutter: ShutterOptions,
+    /// The file is the sidecar of a model, whose parts it may change.
+    pub is_sidecar: bool,
+    /// The sets of light linking.
+    pub linking: Linking,
+    /// The nodes of the model by their names.
+    pub nodes: NodeIndex,
+    /// The scene so far.
+    pub loaded: Loaded,
+}
+
+impl<'a> SceneFileBuilder<'a> {
+    /// Nothing read yet from `file`, whose contents will be added to `loaded`.
+    pub fn new(
+        file: &'a Path,
+        options: &'a LoadOptions,
+        problems: &'a Problems<'a>,
+        shutter: ShutterOptions,
+        is_sidecar: bool,
+        loaded: Loaded,
+    ) -> SceneFileBuilder<'a> {
+        let (linking, nodes) = (Linking::default(), NodeIndex::default());
+        SceneFileBuilder { file, options, problems, shutter, is_sidecar, linking, nodes, loaded }
+    }
+
+    /// The path of a file that the scene file names.
+    pub fn resolve_path(&self, name: &str) -> PathBuf {
+        self.file.parent().unwrap_or(self.file).join(name)
+    }
+
+    /// The picture's time, frames.
+    pub fn frame(&self) -> f64 {
+        self.options.gltf.time_s.map_or(0.0, |time_s| time_s * self.shutter.fps)
+    }
+}
 
 /// Is a name, or several joined by slashes, on the way of names to a node? With a slash before them the way begins so.
 pub(super) fn is_on_path(name: &str, path: &str) -> bool {
@@ -108,6 +157,46 @@ fn note(lists: &mut HashMap<String, Vec<usize>>, name: &str, index: usize) {
         Some(list) if list.last() == Some(&index) => {}
         Some(list) => list.push(index),
         None => drop(lists.insert(name.to_string(), vec![index])),
+    }
+}
+
+/// Names of objects, and where they are written.
+pub(super) type Names = Vec<(String, Range<usize>)>;
+
+/// The sets of objects that lights of a file are linked to.
+#[derive(Default)]
+pub(super) struct Linking {
+    sets: Vec<NamedSet>,
+}
+
+/// The objects of the first list that are not in the second.
+pub(super) struct NamedSet {
+    pub include: Names,
+    pub exclude: Names,
+}
+
+impl Linking {
+    /// The sets, by number; none are left.
+    pub fn take(&mut self) -> Vec<NamedSet> {
+        std::mem::take(&mut self.sets)
+    }
+
+    /// The set of objects of such names; the same lists give the same one.
+    pub fn add(&mut self, include: Names, exclude: Names, fields: &Fields) -> Option<ObjectSet> {
+        let is_same = |a: &Names, b: &Names| a.iter().map(|n| &n.0).eq(b.iter().map(|n| &n.0));
+        let known =
+            self.sets.iter().position(|s| is_same(&s.include, &include) && is_same(&s.exclude, &exclude));
+        let number = known.unwrap_or(self.sets.len());
+        let Some(set) = ObjectSet::new(number) else {
+            let most = ObjectSet::COUNT;
+            let message = format!("the lights of the file are linked to more than {most} sets of objects");
+            fields.problems.push_help(fields.span(), message, "give lights the same lists of names");
+            return None;
+        };
+        if known.is_none() {
+            self.sets.push(NamedSet { include, exclude });
+        }
+        Some(set)
     }
 }
 

@@ -1,7 +1,7 @@
-//! What Blender's own exporter left out of a file, as far as the file shows it.
+//! Detects and reports what Blender's own glTF exporter dropped.
 
 use super::document::{Document, list_of_indices};
-use super::materials::Signs;
+use super::materials::ExportLosses;
 use super::nodes::Hierarchy;
 use super::report::Report;
 use crate::error::{Choice, Warning};
@@ -13,28 +13,28 @@ use serde_json::Value;
 use std::collections::HashSet;
 use std::path::Path;
 
-/// What the file shows; `None` where Blender did not write it. `signs` are those of the scene's materials.
-pub(super) fn signs_of_loss(
+/// Losses of Blender's own exporter that the file shows; `None` for other writers. `export_losses`: one per material.
+pub(super) fn blender_losses(
     doc: &Document,
     hierarchy: &Hierarchy,
     scene: &Scene,
-    signs: &[Signs],
+    export_losses: &[ExportLosses],
     report: &mut Report,
 ) -> Option<BlenderExport> {
     if !doc.is_from_blender() || doc.is_our_export() {
         return None;
     }
     let lamps = lamps(doc, hierarchy, report);
-    let named = |is_meant: &dyn Fn(&Signs) -> bool| {
-        let materials = scene.materials.iter().zip(signs);
-        each_once(materials.filter(|(_, signs)| is_meant(signs)).map(|(m, _)| m.name.clone()))
+    let named = |is_meant: &dyn Fn(&ExportLosses) -> bool| {
+        let materials = scene.materials.iter().zip(export_losses);
+        each_once(materials.filter(|(_, export_losses)| is_meant(export_losses)).map(|(m, _)| m.name.clone()))
     };
     Some(BlenderExport {
         white: named(&|s| s.is_white),
         rough_metal: named(&|s| s.is_rough_metal),
         lost: named(&|s| s.is_lost),
         unused_alpha: named(&|s| s.ignores_alpha_of.is_some_and(|texture| has_alpha(scene, texture))),
-        enclosing: enclosing(scene, signs, &lamps),
+        enclosing: enclosing(scene, export_losses, &lamps),
         lamps: lamps.into_iter().map(|(name, _)| name).collect(),
     })
 }
@@ -50,7 +50,7 @@ fn is_of_lamp(name: &str) -> bool {
     PARTS_OF_NAMES.iter().any(|part| lower.contains(part)) || words.any(|word| NAMES.contains(&word))
 }
 
-/// The empty nodes that are named like lamps, with their places. Joints of skins and nodes with others below them are none.
+/// Empty nodes named like lights, with their positions; joints of skins and nodes with children don't count.
 fn lamps(doc: &Document, hierarchy: &Hierarchy, report: &mut Report) -> Vec<(String, DAffine3)> {
     let skins = doc.json.get("skins").and_then(Value::as_array).into_iter().flatten();
     let joints: HashSet<usize> =
@@ -75,7 +75,7 @@ fn has_alpha(scene: &Scene, texture: TextureId) -> bool {
     if n != 2 && n != 4 {
         return false;
     }
-    // What can't be decoded is told of when the scene is compiled.
+    // Images that can't be decoded are reported when the scene is compiled.
     let Ok(Image { pixels, .. }) = image.decoded() else { return false };
     match &*pixels {
         Pixels::U8(data) => data.chunks_exact(n).any(|p| p[n - 1] < u8::MAX),
@@ -86,13 +86,17 @@ fn has_alpha(scene: &Scene, texture: TextureId) -> bool {
 }
 
 /// Objects all of whose materials are lost, with a camera or a lamp inside.
-fn enclosing(scene: &Scene, signs: &[Signs], lamps: &[(String, DAffine3)]) -> Vec<(String, String)> {
-    if !signs.iter().any(|s| s.is_lost) {
+fn enclosing(
+    scene: &Scene,
+    export_losses: &[ExportLosses],
+    lamps: &[(String, DAffine3)],
+) -> Vec<(String, String)> {
+    if !export_losses.iter().any(|s| s.is_lost) {
         return Vec::new();
     }
     let is_lost = |index: usize| {
         let parts = &scene.meshes[scene.instances[index].mesh.index()].parts;
-        parts.iter().all(|part| signs.get(part.material.index()).is_some_and(|s| s.is_lost))
+        parts.iter().all(|part| export_losses.get(part.material.index()).is_some_and(|s| s.is_lost))
     };
     let cameras =
         scene.cameras.iter().map(|c| (format!("camera '{}'", c.name), c.world_from_camera.translation));
@@ -128,7 +132,7 @@ fn each_once<T: PartialEq>(all: impl Iterator<Item = T>) -> Vec<T> {
 /// Most names in one warning.
 const LISTED: usize = 8;
 
-/// Says what a file lost on its way from Blender. Where a file beside the model says what the model can't, its writer
+/// Warns of what Blender's exporter dropped. Where a sidecar adds what the model can't store, its writer
 /// knows.
 pub(in crate::load) fn warn_of_losses(path: &Path, loaded: &mut Loaded) {
     let Some(lost) = &loaded.blender else { return };

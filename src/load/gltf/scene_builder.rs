@@ -1,12 +1,12 @@
-//! Puts what the nodes show into the scene: meshes, each shape once, cameras and lights.
+//! Builds the scene from the visible nodes: meshes (each once), instances, cameras and lights.
 
 use super::animation::{Pose, WeightsPose};
 use super::document::Document;
 use super::lights::{AreaLight, Profiles};
 use super::materials::Materials;
-use super::meshes::{MeshReader, Skipped};
-use super::nodes::{Family, Hierarchy, Node};
-use super::report::{Report, Sound};
+use super::meshes::{MeshReader, SkippedPrimitives};
+use super::nodes::{Hierarchy, Node, NodeParents};
+use super::report::{Report, Valid};
 use super::vertices::{Deformation, SkinPose};
 use super::{lights, textures, vertices};
 use crate::image::Image;
@@ -15,9 +15,9 @@ use crate::scene::{Instance, Mesh, MeshId, Motion, Scene};
 use serde_json::Value;
 use std::collections::{HashMap, HashSet};
 
-/// What makes two placed meshes the same mesh of the scene.
+/// Nodes with equal keys are instances of the same mesh of the scene.
 #[derive(PartialEq, Eq, Hash)]
-struct Shape {
+struct MeshKey {
     mesh: usize,
     /// Weights of morph targets, as bits.
     weights: Vec<u32>,
@@ -27,49 +27,58 @@ struct Shape {
     changing: Option<usize>,
 }
 
-impl Shape {
-    /// Does it look the same at all moments?
+impl MeshKey {
+    /// Is the mesh the same at all times?
     fn is_still(&self) -> bool {
         self.weights.is_empty() && self.skin.is_none() && self.changing.is_none()
     }
 }
 
 /// The scene being put together.
-pub(super) struct Builder<'b, 'a> {
+pub(super) struct SceneBuilder<'b, 'a> {
     doc: &'b Document<'a>,
     pose: &'b Pose,
-    family: &'b Family<'b, 'a>,
+    node_parents: &'b NodeParents<'b, 'a>,
     scene: Scene,
-    kept: &'b mut Kept,
-    /// Other moments of the scene are to be compared with this one.
-    is_one_of_many: bool,
-    shapes: HashMap<Shape, Vec<MeshId>>,
-    /// Lights with a surface, whose materials come after all others.
+    shared: &'b mut SharedAssets,
+    /// The scene is one of several time samples that will be compared.
+    is_shutter_sample: bool,
+    meshes_by_key: HashMap<MeshKey, Vec<MeshId>>,
+    /// Area lights; their materials come after all others.
     area_lights: Vec<AreaLight>,
 }
 
-impl<'b, 'a> Builder<'b, 'a> {
+impl<'b, 'a> SceneBuilder<'b, 'a> {
     /// An empty scene.
     pub fn new(
         doc: &'b Document<'a>,
         pose: &'b Pose,
-        family: &'b Family<'b, 'a>,
-        kept: &'b mut Kept,
-    ) -> Builder<'b, 'a> {
-        let (scene, shapes, area_lights) = (Scene::default(), HashMap::new(), Vec::new());
-        Builder { doc, pose, family, scene, kept, is_one_of_many: false, shapes, area_lights }
+        node_parents: &'b NodeParents<'b, 'a>,
+        shared: &'b mut SharedAssets,
+    ) -> SceneBuilder<'b, 'a> {
+        let (scene, meshes_by_key, area_lights) = (Scene::default(), HashMap::new(), Vec::new());
+        SceneBuilder {
+            doc,
+            pose,
+            node_parents,
+            scene,
+            shared,
+            is_shutter_sample: false,
+            meshes_by_key,
+            area_lights,
+        }
     }
 
-    /// The same for one of the moments of a shutter, in all of which nodes whose morph targets are animated have meshes of their own.
-    pub fn one_of_many(self, is_one_of_many: bool) -> Builder<'b, 'a> {
-        Builder { is_one_of_many, ..self }
+    /// For a time sample of the shutter: nodes with animated morph targets get meshes of their own in all samples.
+    pub fn for_shutter(self, is_shutter_sample: bool) -> SceneBuilder<'b, 'a> {
+        SceneBuilder { is_shutter_sample, ..self }
     }
 
-    /// Adds what all nodes show. What is wrong with one doesn't concern the others.
+    /// Adds the contents of all nodes. A problem of one node doesn't affect the others.
     pub fn add(&mut self, hierarchy: &Hierarchy, report: &mut Report) {
         for (entry, node) in hierarchy.nodes.iter().enumerate() {
             if let Some(mesh) = node.mesh {
-                let _: Sound<()> = self.add_mesh(hierarchy, entry, node, mesh, report);
+                let _: Valid<()> = self.add_mesh(hierarchy, entry, node, mesh, report);
             }
             if let Some(index) = node.camera {
                 self.scene.cameras.extend(lights::camera(self.doc, node, index, report));
@@ -78,15 +87,15 @@ impl<'b, 'a> Builder<'b, 'a> {
                 self.scene.lights.extend(lights::punctual_light(self.doc, node, index, report));
             }
             self.scene.portals.extend(lights::portal(self.doc, node, report));
-            if let Some(light) = lights::ies_light(self.doc, node, &mut self.kept.profiles, report) {
+            if let Some(light) = lights::ies_light(self.doc, node, &mut self.shared.profiles, report) {
                 self.scene.lights.extend(light);
             }
-            let may_move = self.is_one_of_many && node.moves;
+            let may_move = self.is_shutter_sample && node.moves;
             self.area_lights.extend(lights::area_light(self.doc, node, may_move, report));
         }
         let punctual = self.scene.lights.iter().filter(|light| light.profile.is_none()).count();
         lights::note_units(self.doc, punctual + self.area_lights.len(), report);
-        self.kept.skipped.warn(report);
+        self.shared.skipped.warn(report);
     }
 
     fn add_mesh(
@@ -96,12 +105,12 @@ impl<'b, 'a> Builder<'b, 'a> {
         node: &Node,
         mesh: usize,
         report: &mut Report,
-    ) -> Sound<()> {
+    ) -> Valid<()> {
         let skin = match node.skin {
             Some(index) => {
                 let from = format!("{}/skin", node.pointer());
                 let world = node.world_from_node;
-                Some(vertices::skin_pose(self.doc, index, &from, world, self.family, report)?)
+                Some(vertices::skin_pose(self.doc, index, &from, world, self.node_parents, report)?)
             }
             None if node.world_from_node.matrix3.determinant() == 0.0 => {
                 return Err(report
@@ -139,7 +148,7 @@ impl<'b, 'a> Builder<'b, 'a> {
         Ok(())
     }
 
-    /// The meshes of the scene for a mesh of the file in a shape; read when first asked for.
+    /// The scene's meshes for a key; read on first use.
     fn meshes(
         &mut self,
         node: &Node,
@@ -148,33 +157,33 @@ impl<'b, 'a> Builder<'b, 'a> {
         skin: Option<&SkinPose>,
         report: &mut Report,
     ) -> Vec<MeshId> {
-        let shape = Shape {
+        let key = MeshKey {
             mesh,
             weights: weights.iter().map(|w| w.to_bits()).collect(),
             skin: node.skin.map(|skin| (skin, node.index)),
-            changing: (self.is_one_of_many && self.has_moving_weights(node, mesh)).then_some(node.index),
+            changing: (self.is_shutter_sample && self.has_moving_weights(node, mesh)).then_some(node.index),
         };
-        if let Some(known) = self.shapes.get(&shape) {
+        if let Some(known) = self.meshes_by_key.get(&key) {
             return known.clone();
         }
-        let Kept { materials, skipped, still, .. } = &mut *self.kept;
+        let SharedAssets { materials, skipped, still, .. } = &mut *self.shared;
         let (doc, from) = (self.doc, format!("{}/mesh", node.pointer()));
         let mut read = |report: &mut Report| {
             let deformation = Deformation { weights, skin };
             MeshReader { doc, materials, skipped, report, deformation }.read(mesh, &from)
         };
-        let read = match shape.is_still() {
+        let read = match key.is_still() {
             true => still.remove(&mesh).unwrap_or_else(|| report.lasting(read)),
             false => read(report),
         };
         let first = self.scene.meshes.len() as u32;
         self.scene.meshes.extend(read);
         let ids: Vec<MeshId> = (first..self.scene.meshes.len() as u32).map(MeshId).collect();
-        self.shapes.insert(shape, ids.clone());
+        self.meshes_by_key.insert(key, ids.clone());
         ids
     }
 
-    /// What other moments make of a node's mesh.
+    /// How a node's mesh changes over time.
     fn motion(&self, node: &Node, mesh: usize) -> Motion {
         if self.has_moving_weights(node, mesh) || node.skin.is_some() && self.pose.animations > 0 {
             Motion::Deforms
@@ -190,9 +199,9 @@ impl<'b, 'a> Builder<'b, 'a> {
         self.pose.node_weights(node.index).or(self.pose.mesh_weights(mesh)).is_some()
     }
 
-    /// The weights of a node's morph targets: its own, else its mesh's, each as animations leave them. None if all are 0.
+    /// The weights of a node's morph targets (its own, else its mesh's), animated; without trailing zeros.
     fn weights(&self, node: &Node, mesh: usize, report: &mut Report) -> Vec<f32> {
-        // What is no number, or no list of them, is found below.
+        // Values that aren't numbers become NaN, which is reported below.
         let number = |w: &Value| w.as_f64().unwrap_or(f64::NAN) as f32;
         let list = |pointer: String| {
             let list = self.doc.json.pointer(&pointer)?;
@@ -231,81 +240,81 @@ impl<'b, 'a> Builder<'b, 'a> {
         weights
     }
 
-    /// Are there lights with a surface?
+    /// Are there area lights?
     pub fn has_area_lights(&self) -> bool {
         !self.area_lights.is_empty()
     }
 
-    /// How many meshes of the file are shown.
+    /// Number of meshes of the file in use.
     pub fn used_meshes(&self) -> usize {
-        self.shapes.keys().map(|shape| shape.mesh).collect::<HashSet<_>>().len()
+        self.meshes_by_key.keys().map(|key| key.mesh).collect::<HashSet<_>>().len()
     }
 
-    /// How many materials of the file are shown.
+    /// Number of materials of the file in use.
     pub fn used_materials(&self) -> usize {
-        self.kept.materials.used()
+        self.shared.materials.used()
     }
 
     /// The images of the file that are needed.
     pub fn images(&self) -> HashSet<usize> {
-        self.kept.materials.textures.images.iter().map(|need| need.index).collect()
+        self.shared.materials.textures.images.iter().map(|need| need.index).collect()
     }
 
-    /// Decodes the images and gives the scene, with the places in it of the meshes that can be kept.
-    pub fn finish(self, report: &mut Report) -> (Scene, Vec<StillMesh>) {
-        let Builder { mut scene, kept, doc, shapes, area_lights, .. } = self;
-        let needs = &kept.materials.textures.images;
-        let further = &needs[kept.images.len()..];
+    /// Decodes the images; returns the scene and the meshes that later time samples can reuse.
+    pub fn finish(self, report: &mut Report) -> (Scene, Vec<StaticMesh>) {
+        let SceneBuilder { mut scene, shared, doc, meshes_by_key, area_lights, .. } = self;
+        let needs = &shared.materials.textures.images;
+        let further = &needs[shared.images.len()..];
         let (further, unreadable) = report.lasting(|report| textures::read_textures(doc, further, report));
-        kept.images.extend(further);
-        kept.lose_textures(unreadable);
-        scene.images = kept.images.clone();
-        kept.materials.settle_glass(&mut scene, doc.options.glass, report);
-        scene.materials = kept.materials.list.clone();
-        scene.textures = kept.materials.textures.list.clone();
+        shared.images.extend(further);
+        shared.lose_textures(unreadable);
+        scene.images = shared.images.clone();
+        shared.materials.resolve_glass(&mut scene, doc.options.glass, report);
+        scene.materials = shared.materials.list.clone();
+        scene.textures = shared.materials.textures.list.clone();
         area_lights.into_iter().for_each(|light| light.add_to(&mut scene));
-        let still = shapes.into_iter().filter(|(shape, _)| shape.is_still());
-        (scene, still.map(|(shape, meshes)| StillMesh { mesh: shape.mesh, meshes }).collect())
+        let still = meshes_by_key.into_iter().filter(|(key, _)| key.is_still());
+        (scene, still.map(|(key, meshes)| StaticMesh { mesh: key.mesh, meshes }).collect())
     }
 }
 
-// What is read once for all moments of a file: materials, images, and the meshes that nothing deforms.
+// Assets read once for all time samples: materials, images, and meshes without skin or morph targets.
 
-/// Everything that outlives a moment. Lists only grow, so that ids stay what they are.
+/// Assets shared by all time samples. Lists only grow, so that ids stay valid.
 #[derive(Default)]
-pub(super) struct Kept {
-    /// The materials and textures met so far.
+pub(super) struct SharedAssets {
+    /// The materials and textures read so far.
     pub materials: Materials,
     /// The images that they need, in the order of the needs.
     pub images: Vec<Image>,
     /// Meshes of the file, by index, without the deformation by a skin or morph targets; absent while a scene has them.
     pub still: HashMap<usize, Vec<Mesh>>,
-    /// The profiles of EXT_lights_ies met so far.
+    /// The profiles of EXT_lights_ies read so far.
     pub profiles: Profiles,
-    /// The picture of EXT_lights_image_based, once it was asked for.
-    pub surroundings: Option<Sound<Image>>,
-    /// What the meshes left out.
-    pub skipped: Skipped,
-    /// Images turned out to be none: materials that have been read refer to them.
+    /// The equirectangular image of EXT_lights_image_based, once read.
+    pub surroundings: Option<Valid<Image>>,
+    /// Primitives that were skipped.
+    pub skipped: SkippedPrimitives,
+    /// Some images could not be decoded; materials already read refer to them.
     loses_textures: bool,
 }
 
-/// Where a scene has what became of a mesh of the file that nothing deforms.
-pub(super) struct StillMesh {
+/// The scene's meshes of a mesh of the file without skin or morph targets.
+pub(super) struct StaticMesh {
     /// The mesh of the file.
     pub mesh: usize,
     /// The scene's meshes, in a row.
     pub meshes: Vec<MeshId>,
 }
 
-impl Kept {
-    /// These images, with what is said of them, can't be read.
+impl SharedAssets {
+    /// Registers images that can't be decoded, with their messages.
     pub fn lose_textures(&mut self, unreadable: Vec<(usize, String)>) {
         self.loses_textures |= !unreadable.is_empty();
         self.materials.textures.unreadable.extend(unreadable);
     }
 
-    /// Forgets the materials if some refer to images that can't be read; then they are to be read again, without them.
+    /// Drops the materials if some refer to images that can't be decoded; returns whether the scene must be read again.
     pub fn forget_lost_textures(&mut self) -> bool {
         let loses = std::mem::take(&mut self.loses_textures);
         if loses {
@@ -314,15 +323,15 @@ impl Kept {
         loses
     }
 
-    /// Forgets the materials and the meshes, which refer to them by number. Images stay decoded.
+    /// Drops the materials, and the meshes, which refer to them by index. Images stay decoded.
     pub fn forget_materials(&mut self) {
         self.materials.forget();
         self.still.clear();
     }
 
-    /// Takes meshes back from a scene that is not needed any more. Where it lacks any of them, they are read again.
-    pub fn take_back(&mut self, scene: &mut Scene, still: Vec<StillMesh>) {
-        for StillMesh { mesh, meshes } in still {
+    /// Moves static meshes from a finished scene back into the cache. Missing ones will be read again.
+    pub fn take_back(&mut self, scene: &mut Scene, still: Vec<StaticMesh>) {
+        for StaticMesh { mesh, meshes } in still {
             let taken = meshes.iter().map(|id| scene.meshes.get_mut(id.index()).map(std::mem::take));
             if let Some(taken) = taken.collect() {
                 self.still.insert(mesh, taken);

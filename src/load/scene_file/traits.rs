@@ -1,0 +1,194 @@
+//! Which rays see objects and lights: `visible_to`, a list of kinds of rays, among `camera`, `diffuse`, `glossy`,
+//! `transmission`, `volume` and `shadow`; by default all. Rays of other kinds pass as if nothing was there, and get no light
+//! of it. `visible_to_camera = false` leaves the camera out of them. What `shadow` rays don't see casts no shadow. With
+//! `holdout = true` the picture is transparent where the camera sees the object; with `shadow_catcher = true` it shows there only
+//! what other objects change.
+//!
+//! # linking
+//!
+//! `light_link = { include = ["Figure"] }` has a light shine on these objects only, `{ exclude = ["Floor"] }` on all but these;
+//! `shadow_link` says in the same way which objects cast shadows in its light. With both lists, those of the first that
+//! are not in the second. Lights have them, and objects that shine. Names are those of objects of the file or of nodes of a model, and
+//! mean all below these; with a slash before it, that of a node without a parent.
+//!
+//! What receives light is the surface where a path was scattered last: mirrors show a lamp that they are not linked to as
+//! black, cameras see it. Fog and other media are in no list. Lamps with a `shadow_link` light rough surfaces by light samples only.
+
+use super::builder::{Names, NamesOnPaths, SceneFileBuilder};
+use super::fields::{Fields, nearest};
+use super::transform::EvaluatedMotion;
+use crate::scene::{
+    Lamp, LightLinks, Link, ObjectSet, ObjectSets, ObjectTraits, RayKinds, Scene, is_group_name,
+};
+use std::collections::{HashMap, HashSet};
+
+/// The rays that see something; `own` where nothing is said.
+pub(super) fn visible_to(fields: &Fields, own: RayKinds) -> RayKinds {
+    let listed = fields.list("visible_to").map(|list| {
+        list.iter().fold(RayKinds::NONE, |sum, value| {
+            let named = |name: &str| RayKinds::NAMED.iter().find(|(other, _)| *other == name);
+            match value.get_ref().as_str().and_then(named) {
+                Some((_, kind)) => sum.with(*kind),
+                None => {
+                    let help = format!("one of: {}", RayKinds::NAMED.map(|(name, _)| name).join(", "));
+                    fields.problems.push_help(value.span(), "'visible_to' must hold kinds of rays", help);
+                    sum
+                }
+            }
+        })
+    });
+    let kinds = listed.unwrap_or(own);
+    let by_camera = fields.flag("visible_to_camera", kinds.contains(RayKinds::CAMERA));
+    kinds.set(RayKinds::CAMERA, by_camera)
+}
+
+/// What a table says of an object's traits.
+pub(super) struct TraitOverrides {
+    /// What the object is to rays and pictures.
+    pub own: Option<ObjectTraits>,
+    /// What the light that it emits is linked to.
+    pub links: Option<LightLinks>,
+}
+
+impl TraitOverrides {
+    /// Reads them.
+    pub fn read(build: &mut SceneFileBuilder, fields: &Fields) -> TraitOverrides {
+        TraitOverrides { own: traits(fields), links: read_links(build, fields) }
+    }
+
+    /// Changes what is said; the rest stays.
+    pub fn apply(&self, traits: &mut ObjectTraits) {
+        if let Some(own) = self.own {
+            *traits = ObjectTraits { links: traits.links, ..own };
+        }
+        traits.links = self.links.unwrap_or(traits.links);
+    }
+}
+
+/// What an object is to rays and pictures; `None` where nothing is said.
+pub(super) fn traits(fields: &Fields) -> Option<ObjectTraits> {
+    // All keys are asked for, so that all are known.
+    let given = ["visible_to", "visible_to_camera", "holdout", "shadow_catcher"].map(|key| fields.has(key));
+    let visible_to = visible_to(fields, RayKinds::ALL);
+    let is_holdout = fields.flag("holdout", false);
+    let is_shadow_catcher = fields.flag("shadow_catcher", false);
+    let traits = ObjectTraits { visible_to, is_holdout, is_shadow_catcher, ..ObjectTraits::default() };
+    given.contains(&true).then_some(traits)
+}
+
+/// The light links of a light or an emissive object; `None` where none are given.
+pub(super) fn read_links(build: &mut SceneFileBuilder, fields: &Fields) -> Option<LightLinks> {
+    let given = ["light_link", "shadow_link"].map(|key| fields.has(key));
+    let receivers = link(build, fields, "light_link");
+    let blockers = link(build, fields, "shadow_link");
+    given.contains(&true).then_some(LightLinks { receivers, blockers })
+}
+
+fn link(build: &mut SceneFileBuilder, fields: &Fields, key: &'static str) -> Link {
+    let Some(table) = fields.table(key) else { return Link::All };
+    let (include, exclude) = (names(&table, "include"), names(&table, "exclude"));
+    table.finish();
+    match (include, exclude) {
+        (None, None) => {
+            fields.problems.push(table.span(), format!("'{key}' needs 'include' or 'exclude'"));
+            Link::All
+        }
+        (None, Some(exclude)) => {
+            build.linking.add(exclude, Vec::new(), &table).map_or(Link::All, Link::AllBut)
+        }
+        (Some(include), exclude) => {
+            build.linking.add(include, exclude.unwrap_or_default(), &table).map_or(Link::All, Link::Only)
+        }
+    }
+}
+
+/// A list of names.
+fn names(fields: &Fields, key: &'static str) -> Option<Names> {
+    let list = fields.list(key)?;
+    let name = |value: &toml::Spanned<toml::de::DeValue>| {
+        let name = value.get_ref().as_str();
+        if name.is_none() {
+            fields.problems.push(value.span(), format!("'{key}' must hold names of objects"));
+        }
+        Some((name?.to_string(), value.span()))
+    };
+    Some(list.iter().filter_map(name).collect())
+}
+
+/// Finds the objects of the names, once all are there.
+pub(super) fn resolve_links(build: &mut SceneFileBuilder) {
+    let sets = build.linking.take();
+    if sets.is_empty() {
+        return;
+    }
+    let all = || sets.iter().flat_map(|set| set.include.iter().chain(&set.exclude));
+    let known = NamesOnPaths::of(all().map(|(name, _)| name.as_str()));
+    let found: HashSet<&str> = names_of(&build.loaded.scene).flat_map(|path| known.on_path(path)).collect();
+    for (name, span) in all().filter(|(name, _)| !found.contains(name.as_str())) {
+        let help = match nearest(name, names_of(&build.loaded.scene).flat_map(|path| path.split('/'))) {
+            Some(near) => format!("did you mean '{near}'?"),
+            None => "links name objects of the model or of the file".into(),
+        };
+        build.problems.push_help(span.clone(), format!("there is no object '{name}' to link to"), help);
+    }
+    // Each name with the sets that include it and those that exclude it, a bit for each.
+    let mut of_names: HashMap<&str, [u64; 2]> = HashMap::new();
+    for (number, set) in sets.iter().enumerate().take(ObjectSet::COUNT) {
+        for (which, names) in [&set.include, &set.exclude].into_iter().enumerate() {
+            names.iter().for_each(|(name, _)| of_names.entry(name).or_default()[which] |= 1 << number);
+        }
+    }
+    let of_object = |path: &str| {
+        let [included, excluded] = known.on_path(path).fold([0; 2], |[a, b], name| {
+            let [included, excluded] = of_names[name];
+            [a | included, b | excluded]
+        });
+        let held = (0..ObjectSet::COUNT).filter(|number| (included & !excluded) >> number & 1 != 0);
+        held.filter_map(ObjectSet::new).fold(ObjectSets::NONE, ObjectSets::with)
+    };
+    build.loaded.scene.object_traits_mut().for_each(|(name, traits)| traits.sets = of_object(name));
+}
+
+/// The names of all that may be linked to; lamps may be, and nothing is lit of those without a surface.
+fn names_of(scene: &Scene) -> impl Iterator<Item = &str> {
+    scene.object_names().chain(scene.lights.iter().map(|light| light.name.as_str()))
+}
+
+/// What all shapes of lights have.
+pub(super) struct LightTraits {
+    pub name: String,
+    pub color: [f32; 3],
+    pub lamp: Lamp,
+    pub group: String,
+    pub links: LightLinks,
+    /// Where it moves.
+    pub moved: Option<EvaluatedMotion>,
+}
+
+/// The name of a group of lights; empty where none is given.
+pub(super) fn group(fields: &Fields, key: &'static str) -> String {
+    let Some(name) = fields.string(key) else { return String::new() };
+    if !is_group_name(name.value) {
+        let message = format!("'{}' can't be the name of a group of lights", name.value);
+        fields.problems.push_help(name.span, message, "use 1 to 64 letters, digits, _ and -");
+    }
+    name.value.to_string()
+}
+
+/// `power` times a factor, or the quantity itself.
+pub(super) fn strength(fields: &Fields, quantity: &'static str, per_watt: f64) -> Option<f64> {
+    match (positive(fields, "power"), positive(fields, quantity)) {
+        (Some(power), None) => Some(power * per_watt),
+        (None, Some(own)) => Some(own),
+        _ => {
+            let message = format!("the light needs either 'power' or '{quantity}'");
+            fields.problems.push(fields.span(), message);
+            None
+        }
+    }
+}
+
+/// A number from 0 up.
+pub(super) fn positive(fields: &Fields, key: &'static str) -> Option<f64> {
+    fields.has(key).then(|| fields.number_in(key, 0.0..f64::from(f32::MAX), 0.0))
+}
