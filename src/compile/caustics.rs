@@ -19,14 +19,14 @@ const MIN_RECEIVER_ROUGHNESS: f32 = 0.4;
 /// Most bounding spheres of casters.
 const MAX_TARGETS: usize = 16;
 
-/// What a material does to the light of lamps.
+/// Role of a material for caustics.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
-    /// It sends it on: smooth glass, mirrors, polished metals.
-    Sends,
-    /// It scatters it to all sides, so that caustics show on it.
-    Catches,
-    /// Neither for sure.
+    /// Sends light on: smooth glass, mirrors, polished metals.
+    Caster,
+    /// Scatters light into all directions, so that caustics are visible on it.
+    Receiver,
+    /// Neither in all cases.
     Neither,
 }
 
@@ -38,15 +38,15 @@ impl CompiledMaterial {
         };
         match self.class {
             _ if self.depends_on_viewer => Role::Neither,
-            Lambert | OrenNayar => Role::Catches,
+            Lambert | OrenNayar => Role::Receiver,
             Black => Role::Neither,
-            Dielectric | RoughDielectric if self.is_smooth_glass() => Role::Sends,
-            MetalRough if self.catches() => Role::Catches,
+            Dielectric | RoughDielectric if self.is_smooth_glass() => Role::Caster,
+            MetalRough if self.catches() => Role::Receiver,
             MetalRough | SchlickMetal | Conductor if self.is_polished() || self.is_painted_metal() => {
-                Role::Sends
+                Role::Caster
             }
             _ => match self.alike() {
-                Some(bsdf) if bsdf.is_specular() && self.is_the_same_in_solids(bsdf) => Role::Sends,
+                Some(bsdf) if bsdf.is_specular() && self.is_the_same_in_solids(bsdf) => Role::Caster,
                 _ => Role::Neither,
             },
         }
@@ -136,7 +136,7 @@ impl CompiledScene {
 
     /// Calls `visit` with balls within which all primitives lie that send light on, and their objects.
     fn visit_senders(&self, roles: &[Role], mut visit: impl FnMut(u32, Ball)) {
-        let sends = |material: u32| roles.get(material as usize) == Some(&Role::Sends);
+        let sends = |material: u32| roles.get(material as usize) == Some(&Role::Caster);
         let world = &self.geometries.world;
         let senders = world.attributes.materials.iter().enumerate().filter(|(_, m)| sends(**m));
         let (mut object, mut end) = (0, 0);

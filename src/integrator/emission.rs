@@ -31,7 +31,7 @@ impl Integrator<'_> {
         let HitPoint { surface, hit, material, is_back, time } = at;
         let Some(emission) = material.emission.filter(|e| e.two_sided || !is_back) else { return };
         let light = self.scene.light_at(hit);
-        if self.is_left_to_lamps(bounce, i, light, w) {
+        if self.is_left_to_light_paths(bounce, i, light, w) {
             return;
         }
         let links = self.links_of(material, light.is_some());
@@ -87,7 +87,7 @@ impl Integrator<'_> {
                 let pdf_discrete = pdf_discrete[class as usize] * far;
                 let pdf = sun.pdf_solid_angle() * pdf_discrete;
                 let weight = if path.pdf[i] > 0.0 { power_heuristic(path.pdf[i], pdf) } else { 1.0 };
-                if self.is_left_to_lamps(bounce, i, Some(index), w) {
+                if self.is_left_to_light_paths(bounce, i, Some(index), w) {
                     continue;
                 }
                 let waves = w.times.waves(path.sample[i]);

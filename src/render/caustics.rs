@@ -10,36 +10,36 @@ use crate::sampling::Arrangement;
 use crate::sampling::hash::r2_sequence;
 use rayon::prelude::*;
 
-/// Paths from lamps that are tried.
+/// Light paths of a trial.
 const TRIED_PATHS: u32 = 1 << 13;
 
-/// So many of them by one thread at a time.
+/// Light paths of one task.
 const PATHS_AT_A_TIME: u32 = 1 << 7;
 
-/// Squares of so many pixels, with this edge and two samples a pixel, tell how noisy the rest of the picture is.
+/// Number and edge in pixels of the squares that measure the noise of the rest of the picture, with two samples per pixel.
 const SQUARES: u32 = 128;
 const EDGE: u32 = 4;
 
-/// In pictures of fewer pixels, as much less is tried of both, and at least one part in so many.
+/// In pictures with fewer pixels, trials are smaller in proportion, down to this fraction.
 const ALL_PIXELS: f64 = 65_536.0;
 const LEAST_TRIED: f64 = 1.0 / 4.0;
 
-/// The share of pixels, the noisiest, that don't count there: what is left to paths from the camera is noisy enough.
+/// Fraction of the noisiest pixels that are left out of that.
 const LEFT_OUT: f64 = 0.01;
 
-/// So many are left out at least.
+/// Fewest pixels that are left out.
 const LEAST_LEFT_OUT: usize = 12;
 
-/// Numbers of paths from lamps for each pixel and sample.
+/// Candidates for the number of light paths per pixel and sample.
 const SHARES: [f64; 6] = [0.0625, 0.125, 0.25, 0.5, 1.0, 2.0];
 
-/// They must make the picture more efficient by this factor.
+/// Least ratio of the efficiencies with light tracing and without.
 const LEAST_GAIN: f64 = 1.3;
 
-/// Where nothing else finds the light, it must be this part of the picture's.
+/// Least fraction of the picture's light that light paths must find.
 const LEAST_LIGHT: f64 = 1e-5;
 
-/// Time of a ray from a lamp with all that belongs to it, as a part of that of one from the camera. (Glass and metal balls in a
+/// Time of a ray of a light path with all that belongs to it, relative to a ray of a path from the camera. (Glass and metal balls in a
 /// box: 1.41 times the processor time for 1.13 times the rays.)
 const RAY_COST: f64 = 3.0;
 
@@ -108,7 +108,7 @@ impl Technique for LightTracing {
 /// Tries paths from lights.
 struct LightTrial<'a>(&'a Trial<'a>);
 
-/// What paths from the camera have shown, for one sample of each pixel.
+/// Measurements of paths from the camera, for one sample of each pixel.
 struct Rest {
     /// Sum of the squared errors of luminances.
     squares: f64,
@@ -122,13 +122,13 @@ impl LightTrial<'_> {
         f64::from(self.0.target.view.width) * f64::from(self.0.target.view.height)
     }
 
-    /// How much of what is tried in large pictures is worth while in this one.
+    /// Size of the trial for this picture, given that for large ones.
     fn tried(&self, most: u32) -> u32 {
         (f64::from(most) * (self.pixels() / ALL_PIXELS).clamp(LEAST_TRIED, 1.0)) as u32
     }
 
     fn plan(&self) -> Result<Option<CausticPlan>, Stopped> {
-        // As many as pixels, to begin with.
+        // One path per pixel, to begin with.
         let plan = CausticPlan::new(self.0.target.scene, self.0.target.options.seed, self.pixels() as u32);
         let Some(plan) = plan else { return Ok(None) };
         let tried = self.tried(TRIED_PATHS);
@@ -143,7 +143,7 @@ impl LightTrial<'_> {
         Ok(is_wanted.then(|| plan.with_paths(paths as u32)))
     }
 
-    /// Tries so many paths from lamps.
+    /// Traces this many light paths.
     fn try_paths(&self, plan: &CausticPlan, tried: u32) -> Result<CausticTally, Stopped> {
         let integrator = self.integrator(plan);
         let group = timeline::group();
@@ -151,11 +151,11 @@ impl LightTrial<'_> {
         let tallies = starts.into_par_iter().map(|start| {
             let paths = start..tried.min(start + PATHS_AT_A_TIME);
             self.0.run(("caustics", group), self.0.stop, |w| {
-                Some(integrator.trace_from_lamps(u32::MAX, paths, w, &mut Vec::new()))
+                Some(integrator.trace_light_paths(u32::MAX, paths, w, &mut Vec::new()))
             })
         });
         let tallies = tallies.collect::<Result<Vec<CausticTally>, Stopped>>()?;
-        // In their order, so that the sums don't depend on threads.
+        // In order, so that the sums don't depend on threads.
         Ok(tallies.into_iter().fold(CausticTally::default(), CausticTally::plus))
     }
 
@@ -169,7 +169,7 @@ impl LightTrial<'_> {
         )
     }
 
-    /// How noisy the picture is without the light that is taken.
+    /// Measures the noise of the picture without the light that light paths find.
     fn rest(&self, plan: &CausticPlan) -> Result<Rest, Stopped> {
         let integrator = self.integrator(plan);
         let (width, height) = (EDGE.min(self.0.target.view.width), EDGE.min(self.0.target.view.height));
@@ -215,8 +215,8 @@ fn scaled(tally: CausticTally, factor: f64) -> CausticTally {
     }
 }
 
-/// How many paths from lamps for each pixel and sample are best, and how many times more efficient the picture is by them; `one`
-/// is what one for each pixel brings.
+/// The best number of light paths per pixel and sample, and the ratio of the efficiencies with them and without. `one` is the
+/// measurement for one path per pixel.
 fn best_share(one: &CausticTally, rest: &Rest) -> (f64, f64) {
     let way = |share: f64| {
         let error = rest.squares + one.squares / share;

@@ -17,58 +17,58 @@ use crate::sampling::hash::hash32;
 use crate::sampling::{Allotment, MOST_ARRANGED};
 use rayon::prelude::*;
 
-/// Share of the planned samples that are taken to learn from.
+/// Fraction of the planned samples spent on training.
 const SHARE: f64 = 0.2;
 
-/// Sizes of the passes that learn, in parts of all: each is guided by what the earlier ones learned.
+/// Sizes of the training passes, in parts: each is guided by the results of the earlier ones.
 const PASSES: [u64; 5] = [1, 1, 2, 4, 8];
 const PARTS: u64 = 16;
 
-/// Share of a part that is taken to find out whether learning may be worth while, and fewest paths of that.
+/// The first test whether training may pay takes one part over this number; fewest paths of the test.
 const PROBE: u64 = 4;
 const LEAST_PROBE: u64 = 1 << 10;
 
-/// What diffuse vertices find must be so noisy (see [`Finds`]) for that.
+/// Least noise of the radiance that diffuse vertices find (see [`Finds`]) for training.
 ///
 /// Of fifty scenes at 128 x 128 pixels with 64 samples, five had 4 or more: rooms lit through a gap of a door, a slit and a window (1000,
 /// 330 and 6 to 12), which guided are 4.3, 3.1 and 1.3 times as efficient (learning included), and two with caustics (43 and 10), which don't
 /// gain. The others, with 3 or less, are guided .64 to .88 times as efficient.
 const LEAST_NOISE: f64 = 4.0;
 
-/// After the second and the third pass, so much of the first one's noise may be left at most. Of the rooms it was .06 to .6 and .05 to
+/// Largest ratio of the noise of a training pass to that of the first one. Of the rooms it was .06 to .6 and .05 to
 /// .54, of one with glossy walls .77 and .42, of the scenes with caustics .4 to 2 and .45 to .8.
 const MOST_LEFT: [f64; PASSES.len()] = [f64::INFINITY, 0.9, 0.5, f64::INFINITY, f64::INFINITY];
 
-/// Parts after which a guide has proven itself.
+/// Parts after which a guide is accepted.
 const PROVEN: u32 = 4;
 
-/// Share of a picture's mean luminance below which noise is told by that.
+/// Fraction of the picture's mean luminance that bounds the scale of noise from below.
 const LEAST_LUMINANCE: f64 = 0.2;
 
-/// Samples of a pixel that are planned for where noise ends a picture and guiding is automatic: there may be fewer.
+/// Samples per pixel assumed where a noise level ends rendering and guiding is automatic.
 const PLANNED_BY_NOISE: u32 = 64;
 
-/// Fewest paths of a part, where guiding is asked for, and most.
+/// Fewest paths of a part where guiding is requested, and most paths of a part.
 const LEAST_PART: u64 = 1 << 9;
 const MOST_PART: u64 = 1 << 18;
 
-/// Training samples that cells are to have in the end.
+/// Aim for the final number of training samples per cell.
 const SAMPLES_OF_CELL: f64 = 2000.0;
 
-/// Share of a time limit after which learning ends.
+/// Fraction of a time limit after which training ends.
 const SHARE_OF_TIME: f64 = 0.1;
 
-/// Blocks of a step, all over the picture: the first step decides how large cells are.
+/// Blocks of a step, spread over the picture. The first step decides the size of cells.
 const BLOCKS: usize = 16;
 
-/// Vertices that most paths don't exceed, and what is noted of each on the way into its cell.
+/// Bound on the vertices of most paths, and bytes of a training sample while cells are updated.
 const MOST_VERTICES: u32 = 64;
 const CELL_SAMPLE_BYTES: usize = 24;
 
-/// What separates the random numbers here from those of pictures with the same seed.
+/// Separates the random numbers of training from those of pictures with the same seed.
 const SEED: u32 = 0x7c15_9e37;
 
-/// The number of the part that only finds out whether learning is worth while.
+/// The number of the part that tests whether training may pay.
 const OF_PROBE: u32 = u32::MAX;
 
 /// Guided paths.
@@ -125,26 +125,26 @@ impl Technique for PathGuiding {
     }
 }
 
-/// Memory that learning takes at most, bytes.
+/// Most memory of training, bytes.
 pub fn guiding_bytes(options: &RenderOptions) -> u64 {
     if options.guiding == Guiding::Off || part(options) < least_part(options) {
         return 0;
     }
     let pixels = u64::from(options.width) * u64::from(options.height);
-    // Those that are learned from, and those that are traced meanwhile.
+    // Those of the current update, and those traced at the same time.
     let paths = part(options).min((2 * steps_at_once() * BLOCKS * WAVE) as u64);
     let vertices = paths * u64::from(options.max_depth.min(MOST_VERTICES));
     // Samples of each pixel, and what vertices found.
     pixels * 12 + vertices * (size_of::<TrainingSample>() + CELL_SAMPLE_BYTES) as u64
 }
 
-/// Steps whose blocks are traced at the same time: twice as many blocks as threads at least, so that few wait for the last one.
+/// Steps whose blocks are traced at the same time: at least twice as many blocks as threads, so that few threads wait.
 fn steps_at_once() -> usize {
     (2 * rayon::current_num_threads()).div_ceil(BLOCKS)
 }
 
-/// Paths of a part of those that learn. (It may not depend on the number of samples but as their arrangement does: rendering may
-/// go on to more.)
+/// Paths of a part of training. (It depends on the number of samples only as their arrangement does, since rendering may be continued
+/// with more.)
 fn part(options: &RenderOptions) -> u64 {
     let most = match options.noise {
         Some(_) if options.guiding == Guiding::Auto => PLANNED_BY_NOISE,
@@ -165,7 +165,7 @@ fn least_part(options: &RenderOptions) -> u64 {
 struct Training<'a>(&'a Trial<'a>);
 
 impl Training<'_> {
-    /// A guide; none if paths found no diffuse surface, or if it would not be worth while.
+    /// A guide; none if paths found no diffuse surface, or if it doesn't pay.
     fn train(&self) -> Result<Option<Guide>, Stopped> {
         let mut state =
             TrainingState { is_proven: self.0.target.options.guiding == Guiding::On, ..Default::default() };
@@ -177,7 +177,7 @@ impl Training<'_> {
             .map(|limit| self.0.stopwatch.wall() + limit.mul_f64(SHARE_OF_TIME));
         let is_late = || ends.is_some_and(|end| self.0.stopwatch.wall() > end);
         let learned = self.take_passes(&mut state, &|| is_late() || (self.0.stop)());
-        // Late is no reason to forget what was learned until then.
+        // A time limit ends training, but keeps its results.
         if learned.is_err() && (self.0.stop)() { Err(Stopped) } else { Ok(state.proven_guide()) }
     }
 
@@ -186,7 +186,7 @@ impl Training<'_> {
         state: &mut TrainingState,
         stop: &(dyn Fn() -> bool + Sync),
     ) -> Result<(), Stopped> {
-        if !state.is_proven && !self.may_be_worth_while(stop)? {
+        if !state.is_proven && !self.may_pay(stop)? {
             return Ok(());
         }
         let (mut number, mut noise_of_first) = (0, None);
@@ -200,7 +200,7 @@ impl Training<'_> {
             let noise = state.finds.noise();
             if self.0.target.options.guiding == Guiding::Auto {
                 let left = noise / *noise_of_first.get_or_insert(noise);
-                // Not so where there is nothing to compare.
+                // False for NaN.
                 let goes_on = left <= most_left;
                 if !goes_on {
                     return Ok(());
@@ -211,14 +211,14 @@ impl Training<'_> {
         Ok(())
     }
 
-    /// Is what diffuse vertices find so noisy that a guide may help?
-    fn may_be_worth_while(&self, stop: &(dyn Fn() -> bool + Sync)) -> Result<bool, Stopped> {
+    /// Is the radiance that diffuse vertices find so noisy that a guide may pay?
+    fn may_pay(&self, stop: &(dyn Fn() -> bool + Sync)) -> Result<bool, Stopped> {
         let mut state = TrainingState::default();
         self.take_part(&Guide::blank(), OF_PROBE, part(self.0.target.options) / PROBE, &mut state, stop)?;
         Ok(state.finds.noise() >= LEAST_NOISE)
     }
 
-    /// Learns from so many paths.
+    /// Trains with this many paths.
     fn take_part(
         &self,
         guide: &Guide,
@@ -240,13 +240,13 @@ impl Training<'_> {
             let group = timeline::group();
             let one =
                 |block: &Block| self.0.run(("guiding", group), stop, |w| integrator.learn(block, w, &stop));
-            // Those of a step from all over the picture.
+            // The blocks of a step are spread over the picture.
             let of_all: Vec<&Block> =
                 of_steps.flat_map(|step| blocks[step..].iter().step_by(steps)).collect();
             of_all.into_par_iter().map(one).collect()
         };
         let mut learn = |first: usize, mut found: Vec<BlockSamples>| {
-            // In the order of the steps, whatever threads there are.
+            // In the order of steps, at any number of threads.
             for step in first..(first + at_once).min(steps) {
                 let of_step = found.drain(..blocks[step..].iter().step_by(steps).len()).collect();
                 state.learn(of_step, PARTS * steps as u64);
@@ -254,7 +254,7 @@ impl Training<'_> {
         };
         let mut traced: Option<(usize, Vec<BlockSamples>)> = None;
         for first in (0..steps).step_by(at_once) {
-            // What was traced before is learned while threads go on.
+            // Updates cells by the previous steps while other threads trace.
             let last = traced.take();
             let (found, ()) = rayon::join(
                 || trace(first),
@@ -272,7 +272,7 @@ impl Training<'_> {
     }
 }
 
-/// Squares of the picture with about a wave of paths each.
+/// Squares of the picture with about one wave of paths each.
 fn blocks(width: u32, height: u32, per_pixel: f64) -> Vec<Block> {
     let edge = ((WAVE as f64 / per_pixel).sqrt() as u32).clamp(8, 1024);
     let rows = (0..height).step_by(edge as usize);
@@ -287,22 +287,21 @@ fn blocks(width: u32, height: u32, per_pixel: f64) -> Vec<Block> {
     rows.flat_map(|y| (0..width).step_by(edge as usize).map(move |x| (x, y))).map(square).collect()
 }
 
-/// What paths have found so far.
+/// The training data so far.
 #[derive(Default)]
 struct TrainingState {
     cells: Option<TrainedCells>,
-    /// Sum of the luminances of the samples, and how many there are.
+    /// Sum of the luminances of the samples, and their number.
     luminance: f64,
     samples: u64,
-    /// What the vertices of a pass found.
+    /// Noise of the radiance found in a pass.
     finds: Finds,
-    /// Is it worth while, or asked for?
+    /// Does the guide pay, or was it requested?
     is_proven: bool,
 }
 
 impl TrainingState {
-    /// Takes in what some blocks of paths found, one of `of` such steps, in the order of the blocks, by shares of the cells. The
-    /// first step decides how large cells are.
+    /// Updates the cells by one of `of` steps: its blocks in order, in parallel over the cells. The first step decides the size of cells.
     fn learn(&mut self, found: Vec<BlockSamples>, of: u64) {
         timeline::parallel("learning", || self.learn_from(&found, of));
     }
@@ -327,20 +326,20 @@ impl TrainingState {
         });
     }
 
-    /// A guide that is worth while.
+    /// The guide, if it pays.
     fn proven_guide(&self) -> Option<Guide> {
         self.guide().filter(|_| self.is_proven)
     }
 
-    /// A guide that knows it; none if no path found a diffuse surface.
+    /// The guide; none if no path found a diffuse surface.
     fn guide(&self) -> Option<Guide> {
         let mean = self.luminance / self.samples.max(1) as f64;
         self.cells.as_ref().map(|cells| Guide::new(cells, mean))
     }
 }
 
-/// How noisy it is what diffuse vertices find: the square of the luminance that a vertex brought to its sample, over the squared mean
-/// of the samples around; sums of that, and of samples.
+/// Noise of the radiance that diffuse vertices find: the squared luminance that a vertex contributed to its sample, over the squared mean
+/// of the samples around. Sums over samples.
 #[derive(Clone, Copy, Debug, Default)]
 struct Finds {
     squares: f64,
@@ -348,7 +347,7 @@ struct Finds {
 }
 
 impl Finds {
-    /// Counts what a block of paths found, of a picture of this mean luminance.
+    /// Adds a block of paths of a picture with this mean luminance.
     fn add(&mut self, found: &BlockSamples, mean: f64) {
         let samples = found.samples as f64;
         let around = found.luminance / samples.max(1.0);
@@ -357,7 +356,7 @@ impl Finds {
         self.samples += samples;
     }
 
-    /// That of a sample, on average.
+    /// The mean per sample.
     fn noise(&self) -> f64 {
         self.squares / self.samples.max(1.0)
     }

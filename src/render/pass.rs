@@ -279,7 +279,7 @@ impl<'a> PassWork<'a> {
             let paths = start..plan.paths().min(start.saturating_add(WAVE as u32));
             let mut splats = Vec::new();
             let trace = |w: &RefCell<Workspace>| {
-                tracer.integrator.trace_from_lamps(sample, paths, &mut w.borrow_mut(), &mut splats)
+                tracer.integrator.trace_light_paths(sample, paths, &mut w.borrow_mut(), &mut splats)
             };
             let tally = WORKSPACE.with(trace);
             self.progress.add(0, tally.rays, self.stopwatch.wall(), self.listener);

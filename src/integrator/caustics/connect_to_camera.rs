@@ -1,4 +1,4 @@
-//! Caustics show: light that arrives at a surface is scattered to the camera.
+//! Connections of light paths to the camera, and their splats.
 
 use super::super::Integrator;
 use super::super::interior::{CameraInterior, Interior};
@@ -8,7 +8,7 @@ use super::super::shading_groups::ShadingGroup;
 use super::super::wave::FirstBounce;
 use super::super::workspace::Workspace;
 use super::STILL;
-use super::plan::{CausticTally, LampPath};
+use super::plan::{CausticTally, LightPath};
 use crate::bsdf::{Bsdf, BsdfEval};
 use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
@@ -18,23 +18,23 @@ use crate::sampling::hash::hash32;
 use crate::scene::RayKinds;
 use std::f32::consts::FRAC_1_PI;
 
-/// Light on its way to the camera.
-pub(super) struct Caught {
+/// A connection to the camera.
+pub(super) struct CameraConnection {
     /// From the surface to the lens.
     segment: Ray,
     film: [f32; 2],
-    /// What a pixel gets whose filter is 1 there.
+    /// Contribution to a pixel whose filter weight is 1.
     value: Rgb,
-    /// The wavelengths that it has by channel, where those are not red, green and blue.
+    /// The wavelengths of the channels; none for red, green and blue.
     waves: Option<Wavelengths>,
-    /// What of it belongs to layers.
+    /// Its shares of layers: light passes and light groups.
     parts: Option<[(Option<usize>, Rgb); 3]>,
-    /// What a path from the camera that found this light would bring; infinite where none can.
-    brought_from_camera: f32,
+    /// Contribution of a path from the camera that finds this light; infinite where none can.
+    value_from_camera: f32,
     salt: u32,
 }
 
-impl Caught {
+impl CameraConnection {
     /// Linear Rec. 709 of a value by channel.
     #[inline]
     fn rgb(&self, value: Rgb) -> [f32; 3] {
@@ -43,31 +43,36 @@ impl Caught {
     }
 }
 
-/// A surface that scatters light to a viewer.
+/// A surface that scatters light to the camera.
 #[derive(Clone, Copy)]
-pub(super) struct Catcher {
+pub(super) struct Receiver {
     pub bsdf: Bsdf,
     pub is_lambert: bool,
-    /// Only on the viewer's side.
+    /// It scatters on the camera's side only.
     pub is_opaque: bool,
     pub ng: Vec3,
     pub ns: Vec3,
-    /// Towards the viewer and towards where the light came from.
+    /// Directions to the camera and back along the light path.
     pub wo: Vec3,
     pub wi: Vec3,
 }
 
-impl Catcher {
-    /// The same from where it is seen and lit.
-    pub fn seen(self, wo: Vec3, wi: Vec3) -> Catcher {
+impl Receiver {
+    /// The same for these directions.
+    pub fn seen(self, wo: Vec3, wi: Vec3) -> Receiver {
         let side = if self.is_opaque && wo.dot(self.ng) < 0.0 { -1.0 } else { 1.0 };
-        Catcher { ng: self.ng * side, ns: self.ns * side, wo, wi, ..self }
+        Receiver { ng: self.ng * side, ns: self.ns * side, wo, wi, ..self }
     }
 }
 
 impl Integrator<'_> {
-    /// What light that met a surface sends to the camera, if nothing is in its way.
-    pub(super) fn catch(&self, path: &LampPath, at: &HitPoint<'_>, material: u32) -> Option<Caught> {
+    /// The connection of a hit to the camera, before the test of visibility.
+    pub(super) fn connect_to_camera(
+        &self,
+        path: &LightPath,
+        at: &HitPoint<'_>,
+        material: u32,
+    ) -> Option<CameraConnection> {
         let sight = self.view.camera.sight(at.surface.p, path.lens)?;
         let margin = self.options.filter.radius();
         let is_on = |at: f32, size: u32| at > -margin && at < size as f32 + margin;
@@ -75,22 +80,22 @@ impl Integrator<'_> {
         if !self.view.camera.alike(sight.film).any(is_shown) {
             return None;
         }
-        let is_behind = sight.direction.dot(at.surface.ng) <= 0.0;
+        let is_back = sight.direction.dot(at.surface.ng) <= 0.0;
         let is_hidden = at.material.presence.is_some_and(|p| !p.visible_to.contains(RayKinds::CAMERA));
-        if is_hidden || at.material.is_absent_from_behind && is_behind {
+        if is_hidden || at.material.is_absent_from_behind && is_back {
             return None;
         }
         let waves = path.waves();
-        // As wide as what the camera sees there.
+        // Texture footprint of a ray from the camera.
         let (width, spread) = self.view.camera.pixel_cone();
         let (wo, wi) = (sight.direction, -path.ray.direction);
         let (bsdf, ns) = self.read_material(at, width + spread * sight.distance, wo, waves.as_ref());
-        let catcher = self.catcher(material, bsdf, [ns, at.surface.ng]).seen(wo, wi);
-        let BsdfEval { f_cos, pdf_solid_angle } = self.scattered(&catcher)?;
-        let Catcher { ng, wo, wi, .. } = catcher;
+        let receiver = self.receiver(material, bsdf, [ns, at.surface.ng]).seen(wo, wi);
+        let BsdfEval { f_cos, pdf_solid_angle } = self.scattered(&receiver)?;
+        let Receiver { ng, wo, wi, .. } = receiver;
         let area = sight.pixels_per_area * (wo.dot(ng) / wi.dot(ng)).abs();
         let plan = self.options.caustics?;
-        // The way to where the camera begins to see, which is in what surrounds that place.
+        // The segment ends at the camera's near distance, in the medium there.
         let [near, _] = self.view.camera.range(-sight.direction);
         let start = if near > 0.0 { sight.lens - sight.direction * near } else { sight.lens };
         let around = match self.camera_interior {
@@ -109,19 +114,19 @@ impl Integrator<'_> {
         let origin = offset_along(at.surface.p, ng * side, ng.abs().dot(at.surface.p_error));
         let segment = Ray::segment(origin, start - origin);
         let (seed, index) = path.point.to_parts();
-        (value.max_element() > 0.0).then(|| Caught {
+        (value.max_element() > 0.0).then(|| CameraConnection {
             segment: Ray { origin_primitive: (&at.hit).into(), ..segment },
             film: sight.film,
             value,
-            parts: self.parts_of(&catcher, path.light),
+            parts: self.parts_of(&receiver, path.light),
             waves,
-            brought_from_camera: if path.is_only_way { f32::INFINITY } else { found },
+            value_from_camera: if path.is_only_way { f32::INFINITY } else { found },
             salt: hash32(seed ^ hash32(index ^ path.bounces)),
         })
     }
 
-    /// A surface with this BSDF and these normals, for shading and geometric.
-    pub(super) fn catcher(&self, material: u32, bsdf: Bsdf, [ns, ng]: [Vec3; 2]) -> Catcher {
+    /// A surface with this BSDF, shading normal and geometric normal.
+    pub(super) fn receiver(&self, material: u32, bsdf: Bsdf, [ns, ng]: [Vec3; 2]) -> Receiver {
         let group = self.groups[material as usize];
         let is_lambert = matches!(group, ShadingGroup::Plain | ShadingGroup::Lambert);
         let is_opaque = is_lambert
@@ -129,12 +134,12 @@ impl Integrator<'_> {
                 group,
                 ShadingGroup::PlainMetalRough | ShadingGroup::Textured | ShadingGroup::MetalRough
             );
-        Catcher { bsdf, is_lambert, is_opaque, ng, ns, wo: ng, wi: ng }
+        Receiver { bsdf, is_lambert, is_opaque, ng, ns, wo: ng, wi: ng }
     }
 
-    /// What a surface scatters to its viewer, and how often paths from there would go to where the light comes from.
-    pub(super) fn scattered(&self, at: &Catcher) -> Option<BsdfEval> {
-        let Catcher { bsdf, is_lambert, is_opaque, ng, ns, wo, wi } = at;
+    /// BSDF times cosine, and the density with which a path from the camera would sample the direction of the light.
+    pub(super) fn scattered(&self, at: &Receiver) -> Option<BsdfEval> {
+        let Receiver { bsdf, is_lambert, is_opaque, ng, ns, wo, wi } = at;
         let height = wi.dot(*ng);
         let crosses = height * wo.dot(*ng) < 0.0;
         if height == 0.0 || bsdf.is_specular() || crosses && (*is_opaque || !bsdf.scatters_through()) {
@@ -158,12 +163,12 @@ impl Integrator<'_> {
         (eval.pdf_solid_angle > 0.0).then_some(BsdfEval { f_cos: eval.f_cos * kept, ..eval })
     }
 
-    /// The layers that light of a lamp belongs to, and its shares there.
-    fn parts_of(&self, at: &Catcher, light: u32) -> Option<[(Option<usize>, Rgb); 3]> {
+    /// The layers that light of this light belongs to, and its shares.
+    fn parts_of(&self, at: &Receiver, light: u32) -> Option<[(Option<usize>, Rgb); 3]> {
         if self.layers.count() == 0 {
             return None;
         }
-        let Catcher { bsdf, is_lambert, ng, ns, wo, wi, .. } = at;
+        let Receiver { bsdf, is_lambert, ng, ns, wo, wi, .. } = at;
         let first = match is_lambert {
             true => FirstBounce::DIFFUSE,
             false => FirstBounce::of(bsdf, [scattering_normal(*ns, *ng, *wo), *ng], *wo, *wi),
@@ -173,27 +178,32 @@ impl Integrator<'_> {
         Some([a, b, (group, Rgb::ONE)])
     }
 
-    /// Brings the light that nothing is in the way of to the pixels that show it.
-    pub(super) fn show(&self, caught: &[Caught], w: &mut Workspace, splats: &mut Vec<Splat>) -> CausticTally {
-        let segments: Vec<Ray> = caught.iter().map(|c| c.segment).collect();
-        let salts: Vec<u32> = caught.iter().map(|c| c.salt).collect();
+    /// Tests the visibility of connections and adds the unoccluded ones to the pixels around.
+    pub(super) fn splat(
+        &self,
+        connections: &[CameraConnection],
+        w: &mut Workspace,
+        splats: &mut Vec<Splat>,
+    ) -> CausticTally {
+        let segments: Vec<Ray> = connections.iter().map(|c| c.segment).collect();
+        let salts: Vec<u32> = connections.iter().map(|c| c.salt).collect();
         let blocked = self.blocked(&segments, &salts, true, w);
         let mut tally = CausticTally::default();
-        for (caught, _) in caught.iter().zip(&blocked).filter(|(_, blocked)| !**blocked) {
-            let [x, y] = caught.film;
+        for (connections, _) in connections.iter().zip(&blocked).filter(|(_, blocked)| !**blocked) {
+            let [x, y] = connections.film;
             let is_inside = x >= 0.0 && y >= 0.0 && x < self.view.width as f32 && y < self.view.height as f32;
             if is_inside {
-                tally.add(caught.value.luminance(), caught.brought_from_camera);
+                tally.add(connections.value.luminance(), connections.value_from_camera);
             }
-            for film in self.view.camera.alike(caught.film) {
-                self.spread(caught, film, splats);
+            for film in self.view.camera.alike(connections.film) {
+                self.splat_one(connections, film, splats);
             }
         }
         tally
     }
 
-    /// The pixels in whose filters a place of the film is.
-    fn spread(&self, caught: &Caught, [film_x, film_y]: [f32; 2], splats: &mut Vec<Splat>) {
+    /// Adds a connection to the pixels whose filters include a point of the film.
+    fn splat_one(&self, connections: &CameraConnection, [film_x, film_y]: [f32; 2], splats: &mut Vec<Splat>) {
         let filter = self.options.filter;
         let range = |at: f32, size: u32| {
             let (first, last) = ((at - 0.5 - filter.radius()).ceil(), (at - 0.5 + filter.radius()).floor());
@@ -204,13 +214,13 @@ impl Integrator<'_> {
             for x in range(film_x, self.view.width) {
                 let weight = of_row * filter.value(film_x - (x as f32 + 0.5));
                 if weight > 0.0 {
-                    let value = caught.value * weight;
+                    let value = connections.value * weight;
                     let of_layer = |(layer, share): (Option<usize>, Rgb)| match layer {
-                        Some(layer) => SplatPart { layer: layer as u16, rgb: caught.rgb(value * share) },
+                        Some(layer) => SplatPart { layer: layer as u16, rgb: connections.rgb(value * share) },
                         None => SplatPart::NONE,
                     };
-                    let parts = caught.parts.map(|parts| Box::new(parts.map(of_layer)));
-                    splats.push(Splat { x, y, rgb: caught.rgb(value), parts });
+                    let parts = connections.parts.map(|parts| Box::new(parts.map(of_layer)));
+                    splats.push(Splat { x, y, rgb: connections.rgb(value), parts });
                 }
             }
         }

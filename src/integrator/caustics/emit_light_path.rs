@@ -1,7 +1,7 @@
-//! Paths from lamps, from their start to where caustics show.
+//! Light paths: from their start at a light over casters and receivers.
 
-use super::connect_to_camera::Caught;
-use super::plan::{CausticTally, LampPath};
+use super::connect_to_camera::CameraConnection;
+use super::plan::{CausticTally, LightPath};
 use super::{MOST_PASSES, STILL, is_stretched};
 use crate::bsdf::{Bsdf, BsdfClass, BsdfEval, BsdfSample};
 use crate::color::Rgb;
@@ -23,12 +23,12 @@ use crate::sampling::warp;
 use crate::shape::Surface;
 use std::ops::Range;
 
-/// Keeps the seeds of paths from lamps apart from those of pixels.
-const LAMPS: u32 = 0x3c6e_f372;
+/// Separates the seeds of light paths from those of pixels.
+const LIGHT_PATH_SEED: u32 = 0x3c6e_f372;
 
 impl Integrator<'_> {
-    /// Traces some of the paths from lamps that stand for sample `sample` of each pixel, and adds what they bring to `splats`.
-    pub fn trace_from_lamps(
+    /// Traces some of the light paths for sample `sample` of each pixel, and adds their contributions to `splats`.
+    pub fn trace_light_paths(
         &self,
         sample: u32,
         paths: Range<u32>,
@@ -36,9 +36,9 @@ impl Integrator<'_> {
         splats: &mut Vec<Splat>,
     ) -> CausticTally {
         let before = w.ray_counts.all;
-        let mut paths = self.start_at_lamps(sample, paths);
-        let mut caught = Vec::new();
-        // A guard against endless stacks of surfaces that let light pass.
+        let mut paths = self.start_light_paths(sample, paths);
+        let mut connections = Vec::new();
+        // The bound guards against endless stacks of absent surfaces.
         for pass in 0..MOST_PASSES {
             if paths.is_empty() {
                 break;
@@ -49,18 +49,18 @@ impl Integrator<'_> {
             let hits = std::mem::take(&mut w.hits);
             let mut next = Vec::new();
             for (path, hit) in paths.iter().zip(&hits).filter(|(_, hit)| hit.is_hit()) {
-                self.arrive(path, hit, pass, w, &mut next, &mut caught);
+                self.handle_hit(path, hit, pass, w, &mut next, &mut connections);
             }
             w.hits = hits;
             paths = next;
         }
-        let tally = self.show(&caught, w, splats);
+        let tally = self.splat(&connections, w, splats);
         CausticTally { rays: w.ray_counts.all - before, ..tally }
     }
 
-    fn start_at_lamps(&self, sample: u32, paths: Range<u32>) -> Vec<LampPath> {
+    fn start_light_paths(&self, sample: u32, paths: Range<u32>) -> Vec<LightPath> {
         let Some(plan) = self.options.caustics else { return Vec::new() };
-        let seed = hash32(hash32(plan.seed ^ LAMPS).wrapping_add(sample));
+        let seed = hash32(hash32(plan.seed ^ LIGHT_PATH_SEED).wrapping_add(sample));
         let (first, second) = (Dimensions::new(0), Dimensions::new(1));
         let wavelength = self.dimensions(0, Purpose::Wavelength);
         let (lights, textures) = (&self.scene.lights, &self.scene.textures);
@@ -72,7 +72,7 @@ impl Integrator<'_> {
             let Emitted { ray, radiance, scale, light, is_delta } = emitted;
             let hero = if self.is_spectral() { point.sample_4d(&wavelength)[0] } else { f32::NAN };
             let waves = (!hero.is_nan()).then(|| Wavelengths::draw(hero));
-            Some(LampPath {
+            Some(LightPath {
                 ray,
                 radiance: self.uplift_light(radiance, Some(light), waves.as_ref()),
                 hero,
@@ -89,31 +89,31 @@ impl Integrator<'_> {
         paths.filter_map(start).collect()
     }
 
-    /// What becomes of a path that hit something.
-    fn arrive(
+    /// Connects a path that hit something to the camera, and continues it.
+    fn handle_hit(
         &self,
-        path: &LampPath,
+        path: &LightPath,
         hit: &Hit,
         pass: u32,
         w: &mut Workspace,
-        next: &mut Vec<LampPath>,
-        caught: &mut Vec<Caught>,
+        next: &mut Vec<LightPath>,
+        connections: &mut Vec<CameraConnection>,
     ) {
         let (seed, index) = path.point.to_parts();
         let salt = hash32(seed ^ hash32(index)).wrapping_add(pass);
         let passage = self.passage(&path.ray, hit, salt, false);
         if passage.passes {
-            next.push(LampPath { ray: self.past(&path.ray, hit), ..*path });
+            next.push(LightPath { ray: self.past(&path.ray, hit), ..*path });
         }
-        let Some(plan) = self.options.caustics.filter(|_| passage.meets) else { return };
+        let Some(plan) = self.options.caustics.filter(|_| passage.hits) else { return };
         if path.bounces == 0 && !self.is_lit_along(path, hit, salt, w) {
             return;
         }
         let material = self.scene.geometries.material(hit);
         let role = plan.role(material);
-        let Step { shows, goes_on } = self.step(path, role);
+        let Step { connects, continues } = self.step(path, role);
         let is_black = self.scene.materials[material as usize].class == BsdfClass::Black;
-        if is_black || !(shows || goes_on) {
+        if is_black || !(connects || continues) {
             return;
         }
         let at = self.point_of(&path.ray, *hit, material, STILL);
@@ -123,132 +123,132 @@ impl Integrator<'_> {
         } else {
             Rgb::ONE
         };
-        let path = LampPath { radiance: path.radiance * left, ..*path };
-        if shows {
-            caught.extend(self.catch(&path, &at, material));
+        let path = LightPath { radiance: path.radiance * left, ..*path };
+        if connects {
+            connections.extend(self.connect_to_camera(&path, &at, material));
         }
-        if goes_on {
-            next.extend(self.go_on(&path, &at, role, material, w));
+        if continues {
+            next.extend(self.continue_path(&path, &at, role, material, w));
         }
     }
 
     /// Does a path that comes straight from its lamp bring light to where it hit? Its ray may start a little too near.
-    fn is_lit_along(&self, path: &LampPath, hit: &Hit, salt: u32, w: &mut Workspace) -> bool {
+    fn is_lit_along(&self, path: &LightPath, hit: &Hit, salt: u32, w: &mut Workspace) -> bool {
         let Some(lamp) = self.scene.lights.area().get(path.light as usize) else { return true };
         let Some(behind) = lamp.starts_behind(path.ray.at(hit.t), &path.ray) else { return false };
         let start = Ray::segment(path.ray.origin, path.ray.direction * -behind);
         behind == 0.0 || !self.blocked(&[start], &[salt], false, w)[0]
     }
 
-    /// What a path does where it met a surface of a role.
-    fn step(&self, path: &LampPath, role: Role) -> Step {
+    /// What a path does at a surface with this role.
+    fn step(&self, path: &LightPath, role: Role) -> Step {
         let (bounces, max_depth) = (path.bounces, self.options.max_depth);
-        // Light is sent on first.
+        // The first surface must be a caster.
         let is_taken = path.has_roles
             && match role {
-                Role::Sends => true,
-                Role::Catches => bounces > 0,
+                Role::Caster => true,
+                Role::Receiver => bounces > 0,
                 Role::Neither => false,
             };
         let is_free = path.is_only_way && bounces > 0;
         Step {
-            shows: (is_free || is_taken && role == Role::Catches) && max_depth > bounces,
-            // One scattering is left for where the light shows.
-            goes_on: (is_free || is_taken) && max_depth > bounces.saturating_add(1),
+            connects: (is_free || is_taken && role == Role::Receiver) && max_depth > bounces,
+            // The connection to the camera needs one more bounce.
+            continues: (is_free || is_taken) && max_depth > bounces.saturating_add(1),
         }
     }
 }
 
-/// What a path does where it met a surface.
+/// What a path does at a surface.
 struct Step {
-    /// Its light is scattered to the camera.
-    shows: bool,
-    /// It goes on.
-    goes_on: bool,
+    /// It is connected to the camera.
+    connects: bool,
+    /// It continues.
+    continues: bool,
 }
 
-// Light goes on: it is sent by smooth glass, mirrors and polished metal, and spread by other surfaces.
+// Scattering of light paths at casters and receivers.
 
-/// From so many surfaces on, paths may end.
+/// Number of bounces from which on Russian roulette applies at casters.
 const FIRST_ROULETTE: u32 = 8;
-/// How often they go on then.
+/// Probability of survival there.
 const SURVIVAL: f32 = 0.8;
 
-/// Where light arrives at a surface that sends it on.
-struct Sender {
+/// A hit of a light path at a surface that scatters it.
+struct CasterPoint {
     bsdf: Bsdf,
-    /// Normals, on the front of the surface that `bsdf` is for.
+    /// Geometric and shading normal, on the side that `bsdf` is for.
     ng: Vec3,
     ns: Vec3,
-    /// Towards where the light came from.
+    /// Direction back along the path.
     wo: Vec3,
-    /// Nothing else finds this light: nothing that is sent perfectly smoothly, or nothing at all.
+    /// No path from the camera finds this light: if it is scattered specularly here, or in any way.
     is_only_way: [bool; 2],
 }
 
-/// A sender, its surface, and the solids on the other side.
-struct Crossing {
-    sender: Sender,
+/// The same with its surface and the solids on the other side.
+struct CasterHit {
+    caster: CasterPoint,
     surface: Surface,
     beyond: Interior,
 }
 
-/// ScatterParams light goes on.
-struct Sent {
+/// A light path's next direction.
+struct Redirected {
     direction: Vec3,
-    /// What is left of the radiance.
+    /// Factor of the radiance.
     weight: Rgb,
-    /// What becomes of measures.
+    /// Factor of the flux for a radiance of 1.
     scale: f32,
     is_specular: bool,
     is_transmission: bool,
 }
 
 impl Integrator<'_> {
-    /// The path behind a surface that it met; `None` if it ends.
-    pub(super) fn go_on(
+    /// The path behind a hit; `None` if it ends.
+    pub(super) fn continue_path(
         &self,
-        path: &LampPath,
+        path: &LightPath,
         at: &HitPoint<'_>,
         role: Role,
         material_index: u32,
         w: &mut Workspace,
-    ) -> Option<LampPath> {
-        let Crossing { sender, surface, beyond } = self.meet_sender(path, at, w);
+    ) -> Option<LightPath> {
+        let CasterHit { caster, surface, beyond } = self.caster_at(path, at, w);
         let (material, arriving) = (at.material, &mut *w.arriving);
         let radiance = get_rgb(&arriving.carried.throughput, 0);
         let [a, b, lobe, roulette] = path.point.sample_4d(&Dimensions::new(2 + path.bounces));
-        let sent = match role {
-            Role::Sends => self.scatter_light(&sender, [a, b, lobe])?,
-            _ => self.spread_light(&sender, material_index, [a, b, lobe])?,
+        let scattered = match role {
+            Role::Caster => self.scatter_at_caster(&caster, [a, b, lobe])?,
+            _ => self.scatter_at_receiver(&caster, material_index, [a, b, lobe])?,
         };
         let survival = match role {
-            Role::Sends if path.bounces < FIRST_ROULETTE => 1.0,
-            Role::Sends => SURVIVAL,
-            // So that those which go on bring as much as before.
-            _ => (sent.weight.max_element() * sent.scale).min(1.0),
+            Role::Caster if path.bounces < FIRST_ROULETTE => 1.0,
+            Role::Caster => SURVIVAL,
+            // The flux of surviving paths stays the same.
+            _ => (scattered.weight.max_element() * scattered.scale).min(1.0),
         };
         let ng = surface.ng;
-        let is_lost = material.is_absent_from_behind && sent.direction.dot(ng) <= 0.0;
+        let is_lost = material.is_absent_from_behind && scattered.direction.dot(ng) <= 0.0;
         if roulette >= survival || is_lost {
             return None;
         }
-        let side = if sent.direction.dot(ng) < 0.0 { -1.0 } else { 1.0 };
+        let side = if scattered.direction.dot(ng) < 0.0 { -1.0 } else { 1.0 };
         let origin = offset_along(surface.p, ng * side, ng.abs().dot(surface.p_error));
-        Some(LampPath {
-            ray: Ray { origin_primitive: (&at.hit).into(), ..Ray::new(origin, sent.direction) },
-            radiance: radiance * sent.weight,
-            scale: path.scale * sent.scale / survival,
-            interior: if sent.is_transmission { beyond } else { arriving.interior[0] },
+        Some(LightPath {
+            ray: Ray { origin_primitive: (&at.hit).into(), ..Ray::new(origin, scattered.direction) },
+            radiance: radiance * scattered.weight,
+            scale: path.scale * scattered.scale / survival,
+            interior: if scattered.is_transmission { beyond } else { arriving.interior[0] },
             bounces: path.bounces + 1,
             has_roles: path.has_roles && role != Role::Neither,
-            is_only_way: path.is_only_way && (path.bounces > 0 || sent.is_specular),
+            is_only_way: path.is_only_way && (path.bounces > 0 || scattered.is_specular),
             ..*path
         })
     }
 
-    /// What light meets where it arrives at a surface; the lane of paths from lamps holds its state then.
-    fn meet_sender(&self, path: &LampPath, at: &HitPoint<'_>, w: &mut Workspace) -> Crossing {
+    /// The caster at a hit. Lane 0 of the arriving paths holds the state of the light path afterwards.
+    fn caster_at(&self, path: &LightPath, at: &HitPoint<'_>, w: &mut Workspace) -> CasterHit {
         let waves = path.waves();
         let waves = waves.as_ref();
         let (wo, material, arriving) = (-path.ray.direction, at.material, &mut *w.arriving);
@@ -261,7 +261,7 @@ impl Integrator<'_> {
         }
         let (bsdf, ns) = self.read_material(at, 0.0, wo, waves);
         let is_only_way = [path.is_only_way, path.is_only_way && path.bounces > 0];
-        let mut sender = Sender { bsdf, ng: at.surface.ng, ns, wo, is_only_way };
+        let mut caster = CasterPoint { bsdf, ng: at.surface.ng, ns, wo, is_only_way };
         let (mut beyond, mut surface) = (arriving.interior[0], at.surface);
         if is_solid {
             let boundary = match self.touching(&path.ray, at) {
@@ -271,21 +271,21 @@ impl Integrator<'_> {
                     let (met, boundary) =
                         self.coincident_interface(met, touching, wo, (path.bounces, 0), arriving, waves);
                     surface = met.at.surface;
-                    (sender.ng, sender.ns) = (surface.ng, met.ns);
+                    (caster.ng, caster.ns) = (surface.ng, met.ns);
                     boundary
                 }
             };
-            (sender.bsdf, beyond) = (boundary.bsdf, boundary.beyond);
+            (caster.bsdf, beyond) = (boundary.bsdf, boundary.beyond);
             if boundary.is_inverted {
-                (sender.ng, sender.ns) = (-sender.ng, -sender.ns);
+                (caster.ng, caster.ns) = (-caster.ng, -caster.ns);
             }
         }
-        Crossing { sender, surface, beyond }
+        CasterHit { caster, surface, beyond }
     }
 
-    fn scatter_light(&self, at: &Sender, u: [f32; 3]) -> Option<Sent> {
-        let Sender { bsdf, ng, ns, wo, .. } = at;
-        // Both normals must agree on which side the light is.
+    fn scatter_at_caster(&self, at: &CasterPoint, u: [f32; 3]) -> Option<Redirected> {
+        let CasterPoint { bsdf, ng, ns, wo, .. } = at;
+        // Both normals must agree on the side.
         if wo.dot(*ng) * wo.dot(*ns) <= 0.0 {
             return None;
         }
@@ -304,16 +304,16 @@ impl Integrator<'_> {
             return None;
         }
         match sample.is_specular {
-            true => Some(Self::send_on(at, &sample, direction)),
-            false => self.send_glossy(at, &sample, direction),
+            true => Some(Self::scatter_specular(at, &sample, direction)),
+            false => self.scatter_glossy(at, &sample, direction),
         }
     }
 
-    /// By a perfectly smooth surface. What BSDFs scale radiance by at refractions differs from what they scale flux by.
-    fn send_on(at: &Sender, sample: &BsdfSample, direction: Vec3) -> Sent {
-        let Sender { ng, ns, wo, .. } = at;
+    /// Specular scattering. Refraction scales flux and radiance differently: `sample.flux` is the ratio.
+    fn scatter_specular(at: &CasterPoint, sample: &BsdfSample, direction: Vec3) -> Redirected {
+        let CasterPoint { ng, ns, wo, .. } = at;
         let scale = (wo.dot(*ns) * direction.dot(*ng)) / (wo.dot(*ng) * direction.dot(*ns));
-        Sent {
+        Redirected {
             direction,
             weight: sample.weight * sample.flux,
             scale: if ns == ng { 1.0 } else { scale.abs() },
@@ -322,9 +322,9 @@ impl Integrator<'_> {
         }
     }
 
-    /// By a polished one that is opaque: what it scatters to a viewer in the direction chosen.
-    fn send_glossy(&self, at: &Sender, sample: &BsdfSample, direction: Vec3) -> Option<Sent> {
-        let Sender { bsdf, ng, ns, wo, .. } = at;
+    /// Scattering by an opaque polished surface: the BSDF for a path from the camera that arrives from the sampled direction.
+    fn scatter_glossy(&self, at: &CasterPoint, sample: &BsdfSample, direction: Vec3) -> Option<Redirected> {
+        let CasterPoint { bsdf, ng, ns, wo, .. } = at;
         if sample.is_transmission {
             return None;
         }
@@ -333,7 +333,7 @@ impl Integrator<'_> {
         let f_cos = bsdf.eval(frame.to_local(direction), frame.to_local(*wo)).f_cos;
         let side = if direction.dot(*ng) < 0.0 { -1.0 } else { 1.0 };
         let kept = if self.softens_terminator() { terminator(ns * side, *ng * side, *wo) } else { 1.0 };
-        Some(Sent {
+        Some(Redirected {
             direction,
             weight: f_cos * (kept / sample.pdf_solid_angle),
             scale: (direction.dot(*ng) / wo.dot(*ng)).abs(),
@@ -342,12 +342,17 @@ impl Integrator<'_> {
         })
     }
 
-    /// By any other surface: what it scatters to a viewer in the direction chosen.
-    fn spread_light(&self, at: &Sender, material: u32, [a, b, lobe]: [f32; 3]) -> Option<Sent> {
-        let Sender { bsdf, ng, ns, wo: wi, .. } = at;
-        let catcher = self.catcher(material, *bsdf, [*ns, *ng]);
-        let (direction, pdf) = if catcher.is_lambert || catcher.is_opaque && ns != ng {
-            // For viewers wherever they see the surface.
+    /// Scattering by any other surface: the BSDF for a path from the camera that arrives from the sampled direction.
+    fn scatter_at_receiver(
+        &self,
+        at: &CasterPoint,
+        material: u32,
+        [a, b, lobe]: [f32; 3],
+    ) -> Option<Redirected> {
+        let CasterPoint { bsdf, ng, ns, wo: wi, .. } = at;
+        let receiver = self.receiver(material, *bsdf, [*ns, *ng]);
+        let (direction, pdf) = if receiver.is_lambert || receiver.is_opaque && ns != ng {
+            // The whole hemisphere of the geometric normal.
             let side = if wi.dot(*ng) < 0.0 { -1.0 } else { 1.0 };
             let local = warp::cosine_hemisphere([a, b]);
             let direction = Frame::from_normal(*ng * side).to_world(local);
@@ -361,7 +366,7 @@ impl Integrator<'_> {
                 return None;
             }
             if sample.is_specular && sample.pdf_solid_angle > 0.0 {
-                return Some(Self::send_on(at, &sample, direction));
+                return Some(Self::scatter_specular(at, &sample, direction));
             }
             (direction, sample.pdf_solid_angle)
         };
@@ -369,10 +374,10 @@ impl Integrator<'_> {
         if pdf <= 0.0 || heights.contains(&0.0) {
             return None;
         }
-        let BsdfEval { f_cos, pdf_solid_angle } = self.scattered(&catcher.seen(direction, *wi))?;
-        Some(Sent {
+        let BsdfEval { f_cos, pdf_solid_angle } = self.scattered(&receiver.seen(direction, *wi))?;
+        Some(Redirected {
             direction,
-            // What a path from the camera would be scattered with.
+            // The weight of a path from the camera.
             weight: f_cos / pdf_solid_angle,
             scale: pdf_solid_angle / pdf * (heights[0] / heights[1]).abs(),
             is_specular: false,

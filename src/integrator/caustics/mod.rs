@@ -1,24 +1,24 @@
-//! Caustics from the lamp: light that leaves lamps by way of smooth glass, mirrors and polished metal is found by paths that
-//! start there, and connected to the camera ("light tracing", Arvo 1986, "Backward Ray Tracing"; Dutre, Lafortune, Willems 1993).
-//! Paths from the camera find it by chance only, and never where lamps have no size.
+//! Caustics by light tracing (Arvo 1986, "Backward Ray Tracing"; Dutre, Lafortune, Willems 1993): light that smooth glass, mirrors and
+//! polished metal send from lights to other surfaces is found by paths that start at lights, and connected to the camera. Paths from
+//! the camera find it by chance only, and never where the lights are points or directions.
 //!
-//! With E the camera, D a surface that catches light ([`Role::Catches`](crate::compile::Role)), S one that sends it on
-//! ([`Role::Sends`](crate::compile::Role)) and L a lamp, these paths take all of `E D (D|S)* S L`, and nothing else: at each surface
-//! that catches light it shows to the camera, and goes on. Paths from the camera leave out just that: each carries along whether it
-//! has met a D first, and then D and S only, and whether the last was an S. What a surface is follows from its material and so is
-//! the same from both sides. The environment is no lamp here: what it sends is found from the camera.
+//! With E the camera, D a receiver ([`Role::Receiver`](crate::compile::Role)), S a caster ([`Role::Caster`](crate::compile::Role)) and
+//! L a light, paths from lights find all of `E D (D|S)* S L` and nothing else: they are connected to the camera at each receiver, and
+//! continue there. Paths from the camera leave out exactly these: each stores whether its first surface was a D and all others were D
+//! or S (its *chain*), and whether the last one was an S. The role of a surface follows from its material, and so is the same from both
+//! sides. The environment doesn't count as a light here: paths from the camera find its light.
 //!
-//! From lamps without a size (points, spots, suns without an angle) light that a perfectly smooth surface sends first is found by no
-//! path from the camera, and so goes on at every surface, and is taken at each that scatters it to the camera.
+//! Light that a point or directional light sends to a perfectly specular surface first is found by no path from the camera. Such light
+//! paths continue at every surface and are connected to the camera at each that scatters.
 //!
-//! The measure of what a path from a lamp brings is flux: radiance, times the cosine over the density of its start, times what
-//! BSDFs leave of it. BSDFs are evaluated for the viewer on the camera's side, so that values are those of paths from the camera,
-//! also where a BSDF isn't symmetric; what shading normals change in measures is Veach 1997, "Robust Monte Carlo Methods for
-//! Light Transport Simulation", section 5.3. Perfect reflection and refraction can't be asked for a viewer: there, light is
-//! left to paths from the camera where the normal would be bent for their viewer. Textures of surfaces that scatter light on its way are
-//! looked up at points: which width a path from the camera would cover there is not known.
+//! A path from a light carries flux: radiance times the cosine over the density of its start, times BSDFs. BSDFs are evaluated with
+//! the direction towards the camera as `wo`, so that values are those of paths from the camera, also where a BSDF isn't symmetric.
+//! Shading normals change measures as in Veach 1997, "Robust Monte Carlo Methods for Light Transport Simulation", section 5.3. Perfect
+//! reflection and refraction can't be evaluated: where the shading normal would be bent for the direction of a path from the camera,
+//! such a path finds the light. Textures of surfaces along the path are looked up at points, since the footprint of a path from
+//! the camera is not known there.
 //!
-//! Where neighbouring pixels share suffixes of paths, only prefixes do so that leave the same light: see
+//! Where neighbouring pixels share suffixes of paths, only prefixes that leave out the same light take part: see
 //! [`Prefixes::ends`](super::reuse::state::Prefixes::ends).
 
 mod connect_to_camera;
@@ -39,45 +39,44 @@ use crate::sampling::hash::{hash32, unit};
 use crate::scene::RayKinds;
 use crate::shape::Surface;
 
-// Paths from the camera leave to those from lamps what these take.
+// Paths from the camera leave out the light that paths from lights find. The bits of a path's chain: the two low ones are about the
+// vertices before the current one, the next two include it.
 
-// What a path's chain tells of where it came from, and in higher bits of where it goes on.
-
-/// It came by a surface that catches light, the first that it met, and then by such ones and by ones that send it on.
-const CAME: u32 = 1;
-/// And the last of them sends light on.
-const CAME_BY_SENDER: u32 = 2;
-/// ScatterParams many bits these are.
+/// The first surface was a receiver, all others were receivers or casters.
+const ARRIVES: u32 = 1;
+/// And the last one was a caster.
+const ARRIVES_BY_CASTER: u32 = 2;
+/// Number of these bits.
 const BITS: u32 = 2;
-/// The same with the surface where it is.
-const GOES: u32 = CAME << BITS;
-const GOES_BY_SENDER: u32 = CAME_BY_SENDER << BITS;
+/// The same including the current vertex.
+const LEAVES: u32 = ARRIVES << BITS;
+const LEAVES_BY_CASTER: u32 = ARRIVES_BY_CASTER << BITS;
 
 impl Integrator<'_> {
-    /// Paths arrive: what held where they are going holds where they came.
+    /// Shifts the chains of paths that arrive at their next vertex.
     pub(super) fn arrive_in_chains(&self, w: &mut Workspace) {
         if self.parts.chains {
             w.arriving.chains[..w.rays.len()].iter_mut().for_each(|chain| *chain >>= BITS);
         }
     }
 
-    /// Goes on with what paths carry along, by the materials that they hit.
+    /// Updates the chains by the roles of the materials hit.
     pub(super) fn follow_chains(&self, bounce: u32, w: &mut Workspace) {
         let Some(plan) = self.options.caustics else { return };
         for (i, hit) in w.hits.iter().enumerate() {
             let role = if hit.is_hit() { plan.role(w.materials[i]) } else { Role::Neither };
             let chain = &mut w.arriving.chains[i];
-            let came = *chain & (CAME | CAME_BY_SENDER);
+            let came = *chain & (ARRIVES | ARRIVES_BY_CASTER);
             let is_taken = bounce == 0 || came != 0;
             *chain = match role {
-                Role::Catches if is_taken => came | GOES,
-                Role::Sends if came != 0 => came | GOES | GOES_BY_SENDER,
+                Role::Receiver if is_taken => came | LEAVES,
+                Role::Caster if came != 0 => came | LEAVES | LEAVES_BY_CASTER,
                 _ => came,
             };
         }
     }
 
-    /// Where the normal of a surface was bent for the viewer, paths from lamps don't know it.
+    /// Ends a chain where the shading normal was bent for the path's direction: paths from lights don't know that direction.
     pub(super) fn end_chain_if_bent(
         &self,
         bounce: u32,
@@ -88,54 +87,61 @@ impl Integrator<'_> {
     ) {
         if bounce >= 1
             && self.scene.features.bent_normals
-            && chains[i] & GOES_BY_SENDER != 0
+            && chains[i] & LEAVES_BY_CASTER != 0
             && bent_normal(surface.ns, surface.ng, wo).1
         {
-            chains[i] &= !(GOES | GOES_BY_SENDER);
+            chains[i] &= !(LEAVES | LEAVES_BY_CASTER);
         }
     }
 
-    /// The same for sorted vertices whose normals are bent already.
+    /// The same for sorted vertices whose normals were bent before.
     pub(super) fn end_bent_chains(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         if bounce >= 1 && self.parts.chains && self.scene.features.bent_normals {
             for i in sorted.metal_rough() {
                 let chain = &mut w.wave.paths.chains[i];
-                if w.wave.vertices.is_bent[i] != 0.0 && *chain & GOES_BY_SENDER != 0 {
-                    *chain &= !(GOES | GOES_BY_SENDER);
+                if w.wave.vertices.is_bent[i] != 0.0 && *chain & LEAVES_BY_CASTER != 0 {
+                    *chain &= !(LEAVES | LEAVES_BY_CASTER);
                 }
             }
         }
     }
 
-    /// Where paths went on in ways that those from lamps don't take.
+    /// Ends chains where paths from lights leave out the direction that the path took (see [`stretch`]).
     pub(super) fn end_stretched_chains(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         if bounce >= 1 && self.parts.chains && self.scene.features.bent_normals {
             for i in sorted.all() {
-                let is_sender = w.wave.paths.chains[i] & GOES_BY_SENDER != 0;
-                if is_sender && is_stretched_at(&w.wave.vertices, i, get(&w.wave.vertices.next_direction, i))
+                let is_by_caster = w.wave.paths.chains[i] & LEAVES_BY_CASTER != 0;
+                if is_by_caster
+                    && is_stretched_at(&w.wave.vertices, i, get(&w.wave.vertices.next_direction, i))
                 {
-                    w.wave.paths.chains[i] &= !(GOES | GOES_BY_SENDER);
+                    w.wave.paths.chains[i] &= !(LEAVES | LEAVES_BY_CASTER);
                 }
             }
         }
     }
 
-    /// Is light of a lamp that arriving path `i` has found left to paths from lamps?
+    /// Does arriving path `i` leave out the light of this light, because paths from lights find it?
     #[inline(always)]
-    pub(super) fn is_left_to_lamps(&self, bounce: u32, i: usize, light: Option<u32>, w: &Workspace) -> bool {
+    pub(super) fn is_left_to_light_paths(
+        &self,
+        bounce: u32,
+        i: usize,
+        light: Option<u32>,
+        w: &Workspace,
+    ) -> bool {
         let Some(plan) = self.options.caustics else { return false };
         bounce >= 2
-            && w.arriving.chains[i] & CAME_BY_SENDER != 0
+            && w.arriving.chains[i] & ARRIVES_BY_CASTER != 0
             && light.is_some_and(|light| plan.takes(light))
     }
 
-    /// Takes back the light samples that are left to paths from lamps.
+    /// Discards light samples that paths from lights find.
     pub(super) fn leave_light_samples(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         let Some(plan) = self.options.caustics.filter(|_| bounce >= 1) else { return };
         let (chains, v) = (&w.wave.paths.chains, &mut w.wave.vertices);
         for i in sorted.lit() {
             let is_left =
-                chains[i] & GOES_BY_SENDER != 0 && plan.takes(self.only_light.unwrap_or(v.light.index[i]));
+                chains[i] & LEAVES_BY_CASTER != 0 && plan.takes(self.only_light.unwrap_or(v.light.index[i]));
             if is_left && !is_stretched_at(v, i, get(&v.light.wi, i)) {
                 v.light.pdf[i] = 0.0;
             }
@@ -143,23 +149,23 @@ impl Integrator<'_> {
     }
 }
 
-/// Does a path with this chain at a surface leave light to paths from lamps that the next surface scatters?
+/// Does a path with this chain at a vertex leave out light that the next vertex scatters?
 #[inline(always)]
 pub(super) fn leaves_light(chain: u32) -> bool {
-    chain & GOES != 0
+    chain & LEAVES != 0
 }
 
-/// Largest [`stretch`] of the light that paths from lamps take.
+/// Largest [`stretch`] of light that paths from lights find.
 const MOST_STRETCH: f32 = 3.0;
 
-/// By how much more a path from a lamp counts, beside one from the camera, behind a surface that is shaded with `ns` and sends
-/// light from `wi` to `wo` (Veach 1997, section 5.3). 1 where the normals are the same. Few paths from lamps meet a surface
-/// at grazing angles, and each counts much where `ns` does not lie so: the variance of that has no bound.
+/// Factor of the flux of a path from a light, relative to the radiance of a path from the camera, behind a surface with shading normal
+/// `ns` that scatters light from `wi` to `wo` (Veach 1997, section 5.3); 1 where the normals are equal. Few paths from lights hit a
+/// surface at grazing angles, and each has a large factor if `ns` is not grazing: the variance has no bound.
 fn stretch(ns: Vec3, ng: Vec3, wo: Vec3, wi: Vec3) -> f32 {
     ((wi.dot(ns) * wo.dot(ng)) / (wo.dot(ns) * wi.dot(ng))).abs()
 }
 
-/// Is light from `wi` to `wo` left to paths from the camera?
+/// Is scattering from `wi` to `wo` left to paths from the camera?
 fn is_stretched(ns: Vec3, ng: Vec3, wo: Vec3, wi: Vec3) -> bool {
     ns != ng && stretch(ns, ng, wo, wi) > MOST_STRETCH
 }
@@ -168,28 +174,28 @@ fn is_stretched_at(v: &Vertices, i: usize, wi: Vec3) -> bool {
     is_stretched(get(&v.ns, i), get(&v.ng, i), get(&v.wo, i), wi)
 }
 
-// Light from lamps among surfaces that may be absent. A ray of light goes the way of a ray from the camera, in the other
-// direction: what that one meets from behind, light meets from the front. So it both arrives at the front of a one-sided
-// surface and goes on behind it, where paths from the camera come from behind; it ends at the back.
+// Any-hit of paths from lights. They follow rays from the camera in the opposite direction: those hit the back of a surface where
+// light hits the front. So light both arrives at the front of a one-sided surface and continues behind it, where rays from the
+// camera come from behind; it ends at the back.
 
-/// What light does at a surface.
+/// What light does at a hit.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Passage {
-    /// It goes on as if nothing was there.
+    /// It continues as if the surface was absent.
     pub passes: bool,
-    /// It meets the surface.
-    pub meets: bool,
+    /// The surface scatters it.
+    pub hits: bool,
 }
 
-/// Nothing moves where light is followed from lamps.
+/// Time of all hits: nothing moves where light is traced.
 pub(super) const STILL: f32 = 0.0;
 
 impl Integrator<'_> {
-    /// What light does where its ray hit; `salt` decides whether partly transparent surfaces are there.
+    /// What light does at a hit; `salt` decides whether partly transparent surfaces are present. `is_seen`: on the segment to the camera.
     pub(super) fn passage(&self, ray: &Ray, hit: &Hit, salt: u32, is_seen: bool) -> Passage {
         let index = self.scene.geometries.material(hit) as usize;
         if !self.may_be_absent[index] {
-            return Passage { passes: false, meets: true };
+            return Passage { passes: false, hits: true };
         }
         let material = &self.scene.materials[index];
         let is_seen_as_such = |presence: Presence| {
@@ -198,14 +204,14 @@ impl Integrator<'_> {
         let is_present = material.presence.is_none_or(is_seen_as_such)
             && unit(hash32(salt)) < self.presence(ray, hit, STILL, material);
         if !material.is_absent_from_behind {
-            return Passage { passes: !is_present, meets: is_present };
+            return Passage { passes: !is_present, hits: is_present };
         }
         let is_front = !self.scene.geometries.is_back(ray, hit, STILL);
-        Passage { passes: is_front || !is_present, meets: is_front && is_present }
+        Passage { passes: is_front || !is_present, hits: is_front && is_present }
     }
 
-    /// Takes a ray of light past a surface. Behind the front of a one-sided sheet, what lies at the same place still counts:
-    /// another sheet that is turned away from it.
+    /// The ray behind a hit. Behind the front of a one-sided surface, another one at the same distance that faces the other way still
+    /// counts.
     pub(super) fn past(&self, ray: &Ray, hit: &Hit) -> Ray {
         let is_another = hit.t > ray.t_min.next_up();
         if is_another && self.scene.geometries.is_back_of_flat(ray, hit, STILL) == Some(false) {
@@ -214,8 +220,7 @@ impl Integrator<'_> {
         Ray { t_min: hit.t, ..*ray }
     }
 
-    /// Which of some segments intersect something, with `are_seen` on their way to the camera; `salts` decide about partly
-    /// transparent surfaces.
+    /// Which of some segments are occluded; `are_seen`: they end at the camera. `salts` decide about partly transparent surfaces.
     pub(super) fn blocked(
         &self,
         segments: &[Ray],
@@ -254,5 +259,5 @@ impl Integrator<'_> {
     }
 }
 
-/// Surfaces in a row that light may pass; a guard against endless stacks.
+/// Bound on the number of surfaces that light passes, against endless stacks.
 pub(super) const MOST_PASSES: u32 = 4096;

@@ -8,29 +8,29 @@ use crate::light::Emission;
 use crate::math::Ray;
 use crate::sampling::sampler::SobolPoint;
 
-/// Which light is left to paths from lamps, and how these start.
+/// Which light paths from lights find, and how these paths start.
 #[derive(Clone, Debug)]
 pub struct CausticPlan {
     /// Role of each material.
     pub(super) roles: Vec<Role>,
-    /// The lights before this one are lamps, of which light is left to these paths; the environment follows.
-    pub(super) lamps: u32,
-    /// How light leaves them.
+    /// Paths start at the lights before this index; the environment follows.
+    pub(super) light_count: u32,
+    /// Distribution of the paths' starts.
     pub(super) emission: Emission,
     /// Seed of these paths.
     pub(super) seed: u32,
-    /// How many stand for one sample of each pixel.
+    /// Number of paths for one sample of each pixel.
     pub(super) paths: u32,
 }
 
 impl CausticPlan {
-    /// For a scene; `None` if it has no lamps, or nothing that sends their light on.
+    /// For a scene; `None` if it has no lights but the environment, or no casters.
     pub fn new(scene: &CompiledScene, seed: u32, paths: u32) -> Option<CausticPlan> {
         let roles = scene.roles();
         let targets = scene.targets(&roles);
-        let lamps = (scene.lights.area().len() + scene.lights.punctual().len()) as u32;
+        let light_count = (scene.lights.area().len() + scene.lights.punctual().len()) as u32;
         let emission = Emission::new(&scene.lights, &scene.textures, targets, scene.reach())?;
-        Some(CausticPlan { roles, lamps, emission, seed, paths: paths.max(1) })
+        Some(CausticPlan { roles, light_count, emission, seed, paths: paths.max(1) })
     }
 
     /// The same with another number of paths.
@@ -39,15 +39,15 @@ impl CausticPlan {
         CausticPlan { paths: paths.max(1), ..self }
     }
 
-    /// How many paths stand for one sample of each pixel.
+    /// Number of paths for one sample of each pixel.
     pub fn paths(&self) -> u32 {
         self.paths
     }
 
-    /// Is light of this lamp taken?
+    /// Do paths start at this light?
     #[inline(always)]
     pub(super) fn takes(&self, light: u32) -> bool {
-        light < self.lamps
+        light < self.light_count
     }
 
     /// Role of a material.
@@ -57,11 +57,11 @@ impl CausticPlan {
     }
 }
 
-/// A path from a lamp.
+/// A path from a light.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct LampPath {
+pub(super) struct LightPath {
     pub ray: Ray,
-    /// Radiance that arrives along the ray; of lamps without a size, what they have in its place.
+    /// Radiance along the ray; intensity or irradiance of point and directional lights.
     pub radiance: Rgb,
     /// Flux for a radiance of 1.
     pub scale: f32,
@@ -70,19 +70,19 @@ pub(super) struct LampPath {
     /// Its random numbers, and those that choose the point of the lens.
     pub point: SobolPoint,
     pub lens: [f32; 2],
-    /// Surfaces that sent it on or scattered it.
+    /// Number of surfaces that scattered it.
     pub bounces: u32,
-    /// All of them have a role.
+    /// All of them are casters or receivers.
     pub has_roles: bool,
-    /// The lamp.
+    /// The light where it starts.
     pub light: u32,
-    /// It has no size, and where its light went first is perfectly smooth: no path from the camera finds it.
+    /// The light is a point or a direction, and the first surface perfectly specular: no path from the camera finds this light.
     pub is_only_way: bool,
-    /// Where in the distribution of wavelengths its hero is, if it carries wavelengths; else NaN.
+    /// Position of the hero wavelength in the distribution of wavelengths, 0 to 1; NaN without wavelengths.
     pub hero: f32,
 }
 
-impl LampPath {
+impl LightPath {
     /// The wavelengths that it carries.
     #[inline]
     pub fn waves(&self) -> Option<Wavelengths> {
@@ -90,26 +90,25 @@ impl LampPath {
     }
 }
 
-/// What paths from lamps have brought, to judge them.
+/// What paths from lights contributed, to estimate their efficiency.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CausticTally {
-    /// Sum of luminances, in the unit of a pixel that gets all of it.
+    /// Sum of luminances, each as for a pixel that gets all of it.
     pub sum: f64,
     /// Sum of their squares.
     pub squares: f64,
-    /// The sum of the squares that paths from the camera would have brought for one sample of each pixel; infinite where such
-    /// paths find nothing.
+    /// Expected sum of squares for paths from the camera, with one sample of each pixel; infinite where such paths find nothing.
     pub squares_from_camera: f64,
     /// Rays that were traced.
     pub rays: u64,
 }
 
 impl CausticTally {
-    pub(super) fn add(&mut self, value: f32, brought_from_camera: f32) {
+    pub(super) fn add(&mut self, value: f32, value_from_camera: f32) {
         let value = f64::from(value);
         self.sum += value;
         self.squares += value * value;
-        self.squares_from_camera += value * f64::from(brought_from_camera);
+        self.squares_from_camera += value * f64::from(value_from_camera);
     }
 
     /// Both together.

@@ -105,7 +105,7 @@ impl Guide {
         Table::new(&self.densities)
     }
 
-    /// ScatterParams many cells it knows something of.
+    /// Number of cells with training data.
     pub fn cells(&self) -> usize {
         self.histograms.len() - 1
     }
@@ -138,7 +138,7 @@ impl CellEstimate {
     }
 }
 
-// Cells of space and of normals, and their numbers.
+// The grid: cells by position and normal, and their keys.
 
 /// What is added to coordinates in cells, so that they are positive, and that no plane through the origin, where walls often
 /// are, divides cells.
@@ -150,7 +150,7 @@ const IS_KEY: u64 = 1 << 63;
 /// Marks the key of a larger cell.
 const IS_PARENT: u64 = 1 << 62;
 
-/// ScatterParams many times longer the edges of a larger cell are, in bits.
+/// Ratio of the edges of a cell and of its parent, in bits.
 const PARENT_BITS: u32 = 2;
 
 /// Cells of a larger one's surface, about.
@@ -248,7 +248,7 @@ impl Numbers {
     }
 }
 
-// Histograms over the square of directions: made, sampled, looked up.
+// Histograms over the unit square of directions.
 
 /// Edge of a histogram.
 pub const EDGE: usize = 8;

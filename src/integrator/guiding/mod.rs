@@ -2,19 +2,17 @@
 //! Simulation"), and ended where little is expected of them (Vorba, Křivánek 2016, "Adjoint-Driven Russian Roulette and
 //! Splitting in Light Transport Simulation").
 //!
-//! Before the first pass, some paths find out how much light comes to the places of a scene from which directions; they
-//! bring nothing to the picture. A [`Guide`] keeps that by cells of space and of normals: for each a histogram over the unit
-//! square from which directions are made by the map to the cosine lobe, and the mean of what comes. So a direction's density
-//! is that of the cosine lobe times the histogram's, the product with the cosine comes for free, and part of each
-//! histogram is even, so that no direction is left out.
+//! Before the first pass, training paths measure the radiance that arrives at points of the scene by direction; the picture gets
+//! nothing of them. A [`Guide`] stores it by cells of position and normal: a histogram over the unit square, which the
+//! cosine-hemisphere map turns into directions, and the mean radiance. So the density of a direction is that of the cosine lobe times the
+//! histogram's, which includes the cosine factor. Part of each histogram is uniform, so that no direction has density 0.
 //!
-//! Lambertian vertices are guided, and the diffuse lobe of opaque glTF materials: it is chosen as often as without, and its directions
-//! by the histogram. Which cell a vertex uses depends on its place, its normal and the path's random
-//! numbers for that alone; all weights against other ways to find the same light (light samples, shared paths) have the
-//! guided density. So pictures have the same mean with any guide.
+//! Guiding applies to Lambertian vertices and to the diffuse lobe of opaque glTF materials; the probability of the lobe stays the same. The
+//! cell of a vertex depends on its position, its normal and random numbers of the path used for nothing else. All MIS weights (against
+//! light samples and shared paths) use the guided density. So the expected value is the same with any guide.
 //!
-//! What a path may still bring is its throughput times the albedo times the mean of the cell. Roulette compares that with the
-//! same at the path's first guided vertex.
+//! The expected contribution of a path is its throughput times the albedo times the mean of the cell. Russian roulette compares it with
+//! that at the path's first guided vertex.
 
 pub(super) mod guide;
 mod scatter;
@@ -46,7 +44,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Finds how densely the vertices would have chosen the directions of their light samples.
+    /// Computes the densities with which the vertices would sample the directions of their light samples.
     pub(super) fn weigh_light_samples(&self, sorted: &SortedVertices, w: &mut Workspace) {
         if let Some(guide) = self.options.guide {
             let densities = guide.densities();
@@ -56,18 +54,18 @@ impl Integrator<'_> {
         }
     }
 
-    /// The density, over that without a guide, with which vertex `i` might choose the direction of its light sample.
+    /// Density with which vertex `i` would sample the direction of its light sample, relative to that without a guide.
     pub(super) fn light_density(&self, v: &Vertices, i: usize) -> f32 {
         if self.options.guide.is_some() { v.guided.light_density[i] } else { 1.0 }
     }
 
-    /// The density with which vertex `i` would have chosen its path's direction unguided, instead of `pdf`.
+    /// Density of the direction of vertex `i` without a guide; `pdf` is that with it.
     pub(super) fn unguided(&self, pdf: f32, wave: &Wave, i: usize) -> f32 {
         if self.options.guide.is_some() { pdf / wave.vertices.guided.density[i] } else { pdf }
     }
 }
 
-/// Where in the densities of all cells ([`Guide::densities`]) is that of a direction at a vertex with this normal?
+/// Index in [`Guide::densities`] of a direction at a vertex with this normal.
 #[inline(always)]
 pub(super) fn place(cell: u32, ns: Vec3, wi: Vec3) -> u32 {
     let local = Frame::from_normal(ns).to_local(wi);
@@ -93,8 +91,8 @@ impl Kernel for LightDensities<'_> {
     }
 }
 
-/// Makes the densities of light samples at opaque glTF materials, of which only the diffuse lobe is guided, factors of the whole
-/// density.
+/// Turns the densities of light samples at opaque glTF materials, of which only the diffuse lobe is guided, into factors of the density
+/// over all lobes.
 struct LightFactors<'a> {
     vertices: &'a mut Vertices,
     range: Range<usize>,
@@ -113,11 +111,11 @@ impl Kernel for LightFactors<'_> {
     }
 }
 
-/// Keeps the random numbers here apart from all others of a path.
+/// Salt of the random numbers that jitter points.
 const SEED: u32 = 0x51ed_270b;
 
-/// Finds the halves of the keys of vertices. Points are moved along the surface, by at most half a cell either way, so that the
-/// borders between cells are blurred.
+/// Computes the two halves of the keys of vertices. Points are jittered along the surface by at most half a cell, which blurs the borders
+/// of cells.
 struct FindKeys<'a> {
     grid: Grid,
     wave: &'a mut Wave,

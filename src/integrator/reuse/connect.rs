@@ -25,7 +25,7 @@ use crate::simd::{Kernel, Table, dispatch};
 use std::f32::consts::FRAC_1_PI;
 use std::ops::Range;
 
-// Paths are cut: vertices that end prefixes or start suffixes are kept.
+// Recording: vertices that end prefixes or start suffixes.
 
 /// The last bounce at which a prefix may end: before roulette begins.
 const LAST_BOUNCE: u32 = 2;
@@ -175,7 +175,7 @@ impl Suffixes {
     }
 }
 
-// Prefixes against suffixes: what every prefix of a group would get from one suffix, in vectorised loops.
+// Evaluation: contribution of one suffix to every prefix of a group, in vectorised loops.
 
 /// Places that loops take together: of one group or of several.
 pub const RUN: usize = 16;
@@ -452,7 +452,7 @@ impl Reuse {
     }
 }
 
-// The paths of a group are shared: each prefix is connected to each suffix.
+// Connection of each prefix of a group to each suffix.
 
 /// Groups from this size on test visibility together: fewer rays are sooner tested one by one.
 const FAN: usize = 16;
@@ -460,7 +460,7 @@ const FAN: usize = 16;
 /// So do sets of at least this many rays.
 const LEAST_RAYS: u32 = 5;
 
-/// ScatterParams prefixes end for a suffix that isn't there.
+/// End of prefixes for a missing suffix.
 const NO_END: u32 = u32::MAX;
 
 impl Integrator<'_> {

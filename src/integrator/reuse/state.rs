@@ -26,11 +26,11 @@ pub struct Prefixes {
     pub throughput: RgbLanes,
     /// Which class of vertices: [`NONE`], [`LAMBERT`] or [`METAL_ROUGH`].
     pub class: Words,
-    /// ScatterParams many times the path scattered before.
+    /// Number of earlier bounces of the path.
     pub bounce: Words,
     /// That, and whether light that suffixes find is left to paths from lamps, as a number: only prefixes alike share suffixes.
     pub ends: Words,
-    /// ScatterParams it scattered first; of prefixes that end there, diffusely. Where light passes are asked for.
+    /// First bounce of the path, diffuse for prefixes that end there. Used with light passes only.
     pub first_bounces: FirstBounces,
 }
 
@@ -61,7 +61,7 @@ pub struct Suffixes {
     pub scattered_share: RgbLanes,
     /// Radiance that leaves towards everybody; of glTF materials, before what the layer takes.
     pub radiance: RgbLanes,
-    /// ScatterParams the path scattered first; where light passes are asked for.
+    /// First bounce of the path. Used with light passes only.
     pub first_bounces: FirstBounces,
 }
 
@@ -86,7 +86,7 @@ pub struct Pairs {
     /// Where the suffix starts, and its normal.
     pub y: Lanes3,
     pub ng: Lanes3,
-    /// ScatterParams prefixes must have ended (see [`Prefixes::ends`]); none has so where there is no suffix.
+    /// Required end of prefixes (see [`Prefixes::ends`]); no prefix has the value used without a suffix.
     pub ends: Words,
     /// Density per area with which the prefix might have found the suffix.
     pub density: Lanes,
@@ -114,7 +114,7 @@ pub struct Reuse {
     pub fans: Fans,
 }
 
-/// ScatterParams testing the visibility of whole groups went in a block.
+/// Success of visibility tests of whole groups in a block.
 #[derive(Clone, Copy, Default)]
 pub struct Fans {
     tried: u32,
@@ -164,7 +164,7 @@ pub const DIRECT: u32 = WAVE as u32;
 /// Index of the radiance that arrives there from where the path goes on.
 pub const SCATTERED: u32 = 2 * WAVE as u32;
 
-// The layer of glTF materials above their diffuse part: for every viewer it leaves another share of that.
+// The layer of glTF materials above their diffuse part, whose transmittance depends on the direction.
 
 /// Least share that a layer must leave for a viewer: below, few directions are sampled for the diffuse part, and what they
 /// bring would be scaled up for others.

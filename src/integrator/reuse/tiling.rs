@@ -91,7 +91,7 @@ impl FromStr for GroupShape {
 pub struct Tiling {
     /// Edge of a region in pixels.
     region: u32,
-    /// ScatterParams far the regions are shifted to the left and up, in pixels below the edge.
+    /// Shift of the regions to the left and up, in pixels, less than the edge.
     shift: (u32, u32),
     /// Pixels of a group.
     group: usize,
@@ -114,7 +114,7 @@ impl Tiling {
         self.region
     }
 
-    /// ScatterParams far the regions are shifted to the left and up, in pixels.
+    /// Shift of the regions to the left and up, in pixels.
     pub fn shift(&self) -> (u32, u32) {
         self.shift
     }
@@ -158,7 +158,7 @@ fn place(shape: GroupShape, pass: u32, x: u32, y: u32) -> u16 {
     (group * shape.pixels() + member) as u16
 }
 
-/// ScatterParams far the regions are shifted in a pass: points that fill the plane evenly.
+/// Shift of the regions in a pass, by a low-discrepancy sequence.
 fn shift(pass: u32, region: u32) -> (u32, u32) {
     let [x, y] = r2_sequence(pass).map(|fraction| fraction >> (32 - region.trailing_zeros()));
     (x, y)
