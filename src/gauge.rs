@@ -1,4 +1,4 @@
-//! How far work is that takes long: who does it counts, and who waits for it looks.
+//! Progress of long work: a worker counts, any thread may read.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};

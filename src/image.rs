@@ -1,5 +1,5 @@
-//! Pixel buffers in memory; no codecs. What was 8-bit in the file stays 8-bit here. Pixels may still be encoded; then only the size of
-//! the image is known, and whoever needs its pixels [decodes](Image::decoded) it.
+//! Images in memory; no codecs. 8-bit files stay 8-bit. Pixels may still be encoded: then only the size is known, and
+//! [`Image::decoded`] decodes them.
 
 use crate::error::{Error, Warning};
 use std::fmt::Debug;

@@ -1,11 +1,11 @@
+//! Diffuse reflection (Lambert, Oren-Nayar) and diffuse transmission.
+
 use super::{Appearance, BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Slots};
 use crate::color::Rgb;
 use crate::math::{Vec3, poly};
 use crate::sampling::warp;
 use crate::scene::{ColorSlot, FloatSlot};
 use std::f32::consts::{FRAC_1_PI, PI};
-
-// Ideal diffuse reflection.
 
 /// Ideal diffuse reflection on both sides (Lambert 1760): f = albedo / pi.
 #[derive(Clone, Copy, Debug)]
@@ -75,8 +75,6 @@ impl MaterialProgram for LambertProgram {
         Lambert { albedo: slots.share_by_channel(&self.albedo) }
     }
 }
-
-// Rough diffuse reflection that keeps its energy.
 
 /// Fujii's form of the Oren-Nayar model with the light that bounces between its facets (Portsmouth, Kutz, Hill 2024,
 /// "EON: A Practical Energy-Preserving Rough Diffuse BRDF"). Both sides alike; reciprocal; white
@@ -192,9 +190,7 @@ impl MaterialProgram for OrenNayarProgram {
     }
 }
 
-// Light scattered diffusely through a surface (KHR_materials_diffuse_transmission).
-
-/// Ideal diffuse transmission of all light, to both sides alike: f = 1 / pi.
+/// Ideal diffuse transmission with albedo 1: f = 1 / pi, the same from both sides (KHR_materials_diffuse_transmission).
 #[derive(Clone, Copy, Debug)]
 pub struct DiffuseThrough;
 

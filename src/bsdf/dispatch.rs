@@ -1,4 +1,4 @@
-//! Makes the closed enums over all BSDFs, and what calls their parts, of one table.
+//! The macro that makes the closed enums over all BSDFs, with static dispatch, from one table.
 
 /// Makes `Bsdf`, `BsdfClass` and `BsdfProgram` of a table. Each row names a [`super::Lobe`] and its
 /// [`super::MaterialProgram`], each with its file; rows under `transmissive` are [`super::Transmissive`] as well.

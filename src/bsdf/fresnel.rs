@@ -79,8 +79,6 @@ pub fn schlick_dielectric(cos_theta: f32, eta: f32) -> Interface {
     Interface { reflectance: f0 + (1.0 - f0) * schlick_weight(cosine), cos_transmitted }
 }
 
-// The exact Fresnel curve of a dielectric, as the weight of what it reflects at grazing incidence.
-
 /// Fresnel term of a dielectric layer: the weight by which its reflectance goes from F0 to F90.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LayerFresnel {

@@ -1,4 +1,4 @@
-//! Hair and fur: a fibre of glass with scales and pigment.
+//! Hair and fur: a dielectric fibre with tilted cuticle scales and pigment.
 
 use super::{
     Appearance, BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Slots, Transmissive, fresnel,
@@ -86,10 +86,10 @@ struct Around {
     angle: f32,
 }
 
-/// What the lobes of a viewer have in common.
+/// The closure of one view direction.
 struct HairClosure {
     wo: Around,
-    /// Attenuations.
+    /// Attenuation of each lobe.
     share: [Rgb; LOBES],
     /// The probability with which each lobe is sampled.
     probability: [f32; LOBES],

@@ -1,4 +1,4 @@
-//! The whole glTF material: sheen and clearcoat over metal, diffuse base and glass, with a film between.
+//! The glTF material with all layers: clearcoat and sheen over a thin film over metal, diffuse base and glass.
 //!
 //! Layers follow the glTF 2.0 appendix and its extensions with one deviation: a layer takes from what is below it its
 //! directional albedo E(wo) rather than its Fresnel term 1 - F(v.h) for each light, so that layered white returns
@@ -330,7 +330,7 @@ impl<S: Facets> MetalRough<S> {
     }
 }
 
-// Programs of the glTF material, and what tells which one is the simplest that is equivalent to it.
+// Programs of glTF materials, and the conditions under which a simpler BSDF is equivalent.
 
 /// Can light pass the interface? An index of refraction of 0 means that all is reflected.
 pub(super) fn transmits(pbr: &PbrMaterial) -> bool {
@@ -559,15 +559,14 @@ fn film(iridescence: &Iridescence, slots: &impl Slots) -> ThinFilm {
     }
 }
 
-// A clear dielectric layer on top of everything else (KHR_materials_clearcoat).
-
 /// Index of refraction, as the extension fixes it.
 const IOR: f32 = 1.5;
 
 /// Reflectance of that index at normal incidence.
 const F0: Rgb = Rgb::splat(0.04);
 
-/// The reflection of the layer, with a normal of its own. What it lets pass is one minus its directional albedo.
+/// A clear dielectric layer on top of the others (KHR_materials_clearcoat), with a normal of its own. It transmits one minus its
+/// directional albedo.
 #[derive(Clone, Copy, Debug)]
 pub struct Coat {
     /// Its strength 0..1; 0 for none.

@@ -1,4 +1,4 @@
-//! What every way of scattering offers.
+//! The interface of BSDFs: [`Lobe`] scatters at a point, [`MaterialProgram`] evaluates its parameters at a hit.
 
 use super::fresnel::f0_from_eta;
 use crate::color::Rgb;
@@ -6,16 +6,15 @@ use crate::color::spectral::Wavelengths;
 use crate::math::{Vec2, Vec3};
 use crate::scene::{ColorSlot, FloatSlot};
 
-/// A way of scattering light: the parameters of one BSDF at a point. Directions as in [`super::Bsdf`], with a z of 0
-/// instead of -0.
+/// One BSDF with its parameters at a point. Directions as in [`super::Bsdf`]; their z is never -0.
 pub trait Lobe: Copy {
-    /// Chooses a direction. `u[2]` chooses among lobes, the others the direction in it.
+    /// Samples a direction by three numbers in 0..1: `u[2]` chooses among component lobes, `u[0]` and `u[1]` the direction.
     fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample;
 
-    /// Value and density for two directions; specular lobes count as zero.
+    /// Value and density of a pair of directions; specular components count as zero.
     fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval;
 
-    /// Are all its samples specular, so that light sampling is in vain?
+    /// Are all samples specular, so that light sampling contributes nothing?
     fn is_specular(&self) -> bool;
 
     /// With its base colour multiplied (by the colour of vertices).
@@ -67,54 +66,52 @@ impl Appearance {
     }
 }
 
-/// A [`Lobe`] that light may pass.
+/// A [`Lobe`] that may transmit.
 pub trait Transmissive: Lobe {
-    /// May light from the other side of the surface reach the viewer by a lobe of finite width?
+    /// Does it have a non-specular transmission component?
     const SCATTERS_THROUGH: bool;
 
-    /// May it be the surface of a solid, which bends light?
+    /// May it refract?
     const REFRACTS: bool;
 
-    /// May its sides change places, so that glass of a lower index than what surrounds it is glass of the inverse index
-    /// that is seen from within? What has layers on its outside may not.
+    /// May its sides be exchanged, so that glass of a lower index than its surroundings becomes glass of the inverse index seen from
+    /// inside? False for BSDFs with layers on the outside.
     const TURNS_OVER: bool;
 
-    /// With another index of refraction of its glass, for one wavelength of a dispersive material.
+    /// With another index of refraction: that of one wavelength of a dispersive material, or relative to another medium.
     fn with_ior(self, ior: f32) -> Self;
 
     /// Factor on the light that crosses the surface, whatever is reflected.
     fn crossing_tint(&self) -> Rgb;
 
-    /// Share of the light that passes straight on, as if nothing but a filter was there; zero for what bends or blurs it.
+    /// Transmittance straight on (a delta component along `-wo`); zero if light is refracted or scattered.
     #[inline(always)]
     fn straight(&self, _wo: Vec3) -> Rgb {
         Rgb::ZERO
     }
 }
 
-// What sampling and evaluating a BSDF give.
-
 /// A sampled direction.
 #[derive(Clone, Copy, Debug)]
 pub struct BsdfSample {
-    /// Where the light comes from.
+    /// Direction of incident light, unit length.
     pub wi: Vec3,
-    /// f |cos| / pdf; zero where the path ends.
+    /// f |cos| / pdf; zero if the path is absorbed.
     pub weight: Rgb,
     /// Density per solid angle; for specular samples the probability of having chosen this direction.
     pub pdf_solid_angle: f32,
     /// Index of refraction on the side of `wi` over that on the side of `wo`, by whose square the weight is divided; 1 unless
     /// refracted, and where radiance keeps its value.
     pub eta: f32,
-    /// What the weight is multiplied by for flux that goes the other way.
+    /// Factor on the weight for light tracing (importance instead of radiance; Veach 1997, section 5.2).
     pub flux: f32,
-    /// From a lobe that is a single direction, which [`super::Bsdf::eval`] does not see.
+    /// From a delta component, which [`super::Bsdf::eval`] leaves out.
     pub is_specular: bool,
     /// To the other side of the surface.
     pub is_transmission: bool,
 }
 
-/// What becomes of radiance where light is refracted.
+/// Scaling of radiance by refraction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Refraction {
     /// It is divided by the square of the index of the side where the light comes from over that of the viewer's.
@@ -124,7 +121,7 @@ pub enum Refraction {
     KeepsRadiance,
 }
 
-/// What a refraction multiplies weights by.
+/// Factors of a refraction.
 #[derive(Clone, Copy, Debug)]
 pub struct Refracted {
     /// That of radiance.
@@ -148,7 +145,7 @@ impl Refraction {
 }
 
 impl BsdfSample {
-    /// The path ends.
+    /// The path is absorbed.
     pub const ABSORBED: BsdfSample = BsdfSample {
         wi: Vec3::Z,
         weight: Rgb::ZERO,
@@ -198,7 +195,7 @@ impl BsdfEval {
     pub const ZERO: BsdfEval = BsdfEval { f_cos: Rgb::ZERO, pdf_solid_angle: 0.0 };
 }
 
-/// Surfaces that return less light than this are black: nothing is divided by it.
+/// Albedos below this count as black: a guard against division by zero.
 pub(super) const LEAST_ALBEDO: f32 = 1e-30;
 
 /// With a z of -0 turned to 0, so that its sign says the same as a comparison.
@@ -206,8 +203,6 @@ pub(super) const LEAST_ALBEDO: f32 = 1e-30;
 pub(super) fn with_side(v: Vec3) -> Vec3 {
     Vec3::new(v.x, v.y, v.z + 0.0)
 }
-
-// Compiled materials: flat parameters from which a hit makes its BSDF without looking at the description.
 
 /// The parameters of one BSDF: constants, and textures with factors.
 pub trait MaterialProgram {

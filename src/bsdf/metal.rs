@@ -1,3 +1,5 @@
+//! Metals: GGX microfacets with Schlick's Fresnel term of a colour, or with the exact Fresnel term of a complex index of refraction.
+
 use super::albedo_table::DirectionalAlbedo;
 use super::ggx::MIN_ALPHA;
 use super::microsurface::{Facets, Microsurface};
@@ -6,8 +8,6 @@ use crate::color::Rgb;
 use crate::color::spectral::{Metal, Wavelengths};
 use crate::math::Vec3;
 use crate::scene::{ColorSlot, EnergyCompensation, FloatSlot};
-
-// Metal: GGX microfacets with Schlick's Fresnel term.
 
 /// A metal; both sides alike.
 ///
@@ -94,8 +94,6 @@ impl MaterialProgram for SchlickMetalProgram {
         }
     }
 }
-
-// Metals of a measured index of refraction.
 
 /// A metal with the exact Fresnel term of its complex index of refraction; both sides alike.
 ///
@@ -200,7 +198,7 @@ pub struct ConductorProgram {
     pub eta: Rgb,
     /// See [`Conductor::k`].
     pub k: Rgb,
-    /// Whose they are, if their values at all wavelengths are known.
+    /// The metal, if its index is tabulated by wavelength.
     pub metal: Option<Metal>,
     /// Perceptual roughness.
     pub roughness: FloatSlot,
@@ -241,9 +239,8 @@ impl MaterialProgram for ConductorProgram {
     }
 }
 
-// Reflection by GGX facets of one roughness: the lobe of metals of a colour and of clearcoats.
-
-/// Facets and what they reflect; both sides alike.
+/// Reflection by isotropic GGX microfacets with any Fresnel term; the same on both sides. The lobe of [`SchlickMetal`] and of the
+/// clearcoat.
 pub(super) struct FacetReflection<R: Fn(f32) -> Rgb> {
     /// GGX alpha 0..1; below [`MIN_ALPHA`] an exact mirror.
     pub alpha: f32,

@@ -11,19 +11,19 @@ use crate::math::{Vec2, Vec3, poly};
 use crate::scene::{Anisotropy, ColorSlot, FloatSlot};
 use std::f32::consts::PI;
 
-/// What lobes need of a distribution of facets. Directions have z above 0.
+/// A microfacet distribution. Directions have z above 0.
 pub trait Facets: Copy {
     /// Is it an exact mirror?
     fn is_mirror(&self) -> bool;
     /// GGX alphas along two axes at right angles.
     fn alpha(&self) -> [f32; 2];
-    /// What single scattering returns from a direction, with a reflectance of 1.
+    /// Directional albedo of single scattering with reflectance 1.
     fn directional_albedo(&self, wo: Vec3) -> DirectionalAlbedo;
-    /// The part of it that the curve of a dielectric weighs, beside that by Schlick's weight in the albedo.
+    /// The part of it weighted by the Fresnel curve of a dielectric, in place of Schlick's weight.
     fn dielectric_grazing(&self, wo: Vec3, albedo: DirectionalAlbedo, curve: DielectricCurve) -> f32;
-    /// A visible normal.
+    /// Samples a visible normal.
     fn sample_visible_normal(&self, wo: Vec3, u: [f32; 2]) -> Vec3;
-    /// What a pair of directions reflects.
+    /// Evaluates a pair of directions.
     fn reflection(&self, wo: Vec3, wi: Vec3) -> Reflection;
 }
 

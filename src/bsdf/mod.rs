@@ -1,9 +1,9 @@
-//! How surfaces scatter light: one file a lobe, and the closed [`Bsdf`] over them, which the table in this file makes.
+//! BSDFs: one file for each lobe or family of lobes, and the closed enum [`Bsdf`] over them, made by the table in this file.
 //!
 //! Directions are unit vectors in the local frame whose z is the shading normal; both leave the surface. z of `wo` may
-//! be negative: opaque lobes reflect on either side alike, dielectrics tell the inside (negative z) from the outside.
+//! be negative: opaque lobes reflect the same on both sides, for dielectrics negative z is the inside.
 //! Weights are for paths that start at the camera: radiance transmitted into a denser medium is scaled by
-//! 1 / eta^2 and back on the way out (as in pbrt and Mitsuba); [`BsdfSample::eta`] lets a roulette undo it.
+//! 1 / eta^2 and back on the way out (as in pbrt and Mitsuba); [`BsdfSample::eta`] lets Russian roulette undo it.
 
 pub mod albedo_table;
 pub mod anisotropic_table;

@@ -104,14 +104,14 @@ fn quadrature_is_exact_where_the_integral_is_known() {
 // the paper rather than from the lobes.
 
 /// A rough interface; z above 0 is outside.
-pub struct Interface {
+pub struct RoughInterface {
     /// GGX alphas along x and y.
     pub alpha: [f64; 2],
     /// Index of refraction of the inside over that of the outside.
     pub ior: f64,
 }
 
-impl Interface {
+impl RoughInterface {
     /// Where light seen along `wo` comes from, and how many facets it met.
     pub fn walk(&self, wo: DVec3, random: &mut Random) -> (DVec3, u32) {
         let mut unit = || f64::from(random.next());
@@ -162,7 +162,7 @@ impl Interface {
 #[test]
 fn walks_of_one_facet_are_single_scattering() {
     let mut random = Random::new(12);
-    let interface = Interface { alpha: [1.0, 1.0], ior: 1e6 };
+    let interface = RoughInterface { alpha: [1.0, 1.0], ior: 1e6 };
     for c in [1.0, 0.6, 0.3f64] {
         let wo = DVec3::new((1.0 - c * c).sqrt(), 0.0, c);
         let n = 40_000;
@@ -178,7 +178,7 @@ fn walks_of_one_facet_are_single_scattering() {
 fn walks_are_reciprocal() {
     let mut random = Random::new(14);
     for (alpha, ior) in [([1.0, 0.3], 1.5), ([0.5, 0.5], 2.4)] {
-        let interface = Interface { alpha, ior };
+        let interface = RoughInterface { alpha, ior };
         let n = 40_000;
         let mut through = |side: f64| {
             let crosses = |_: &u32| {
@@ -241,7 +241,7 @@ mod tests {
                 for cosine in [0.9, 0.5, 0.2, -0.9, -0.5, -0.2f64] {
                     let sine = (1.0 - cosine * cosine).sqrt();
                     let wo = DVec3::new(0.8 * sine, 0.6 * sine, cosine);
-                    let interface = Interface { alpha, ior };
+                    let interface = RoughInterface { alpha, ior };
                     let same =
                         (0..SAMPLES).filter(|_| interface.walk(wo, &mut random).0.z * cosine > 0.0).count();
                     let exact = same as f64 / f64::from(SAMPLES);
@@ -332,7 +332,7 @@ mod tests {
         for alpha in [[0.1, 0.1], [0.3, 0.3], [0.5, 0.5], [0.5, 0.125], [1.0, 1.0]] {
             for ior in [1.05, 1.33, 1.5, 2.0] {
                 for offset in [0.2, 0.7, 0.95] {
-                    let interface = Interface { alpha, ior };
+                    let interface = RoughInterface { alpha, ior };
                     let exact = seen_through_a_ball(offset, |wo| (interface.walk(wo, &mut random).0, 1.0));
                     let bsdf = glass(alpha, ior, EnergyCompensation::On);
                     let found = seen_through_a_ball(offset, |wo| {

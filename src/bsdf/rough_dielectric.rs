@@ -231,8 +231,6 @@ impl MaterialProgram for RoughDielectricProgram {
     }
 }
 
-// How glass of any roughness scatters: solid, thin and smooth.
-
 impl RoughDielectric {
     /// A direction from a thin sheet; z below 0 is behind it. None where light is lost.
     #[inline(always)]
@@ -392,7 +390,7 @@ impl Transmissive for RoughDielectric {
     }
 }
 
-// The rough surface of solid glass, and where light goes that one facet sends into the shadow of others.
+// The rough surface of solid glass, with multiple scattering: light shadowed by other microfacets is redirected.
 
 /// Facets of a solid as one direction sees them: how [`RoughDielectric`] scatters.
 pub struct SolidGlassClosure<'a> {
@@ -472,37 +470,37 @@ impl Lift {
 
 /// Some of a facet's light.
 #[derive(Clone, Copy)]
-struct Light {
+struct FacetLight {
     color: Rgb,
     /// Probability of sampling it.
     probability: f32,
 }
 
-impl Light {
-    const NONE: Light = Light { color: Rgb::ZERO, probability: 0.0 };
+impl FacetLight {
+    const NONE: FacetLight = FacetLight { color: Rgb::ZERO, probability: 0.0 };
 
     #[inline(always)]
-    fn plus(self, other: Light) -> Light {
-        Light { color: self.color + other.color, probability: self.probability + other.probability }
+    fn plus(self, other: FacetLight) -> FacetLight {
+        FacetLight { color: self.color + other.color, probability: self.probability + other.probability }
     }
 
     #[inline(always)]
-    fn times(self, factor: f32) -> Light {
-        Light { color: self.color * factor, probability: self.probability * factor }
+    fn times(self, factor: f32) -> FacetLight {
+        FacetLight { color: self.color * factor, probability: self.probability * factor }
     }
 
     #[inline(always)]
-    fn tinted(self, tint: Rgb) -> Light {
-        Light { color: self.color * tint, ..self }
+    fn tinted(self, tint: Rgb) -> FacetLight {
+        FacetLight { color: self.color * tint, ..self }
     }
 }
 
 /// What a facet sends along one direction, and what along that direction lifted.
 #[derive(Clone, Copy)]
-struct Part {
+struct FacetLobe {
     direction: Vec3,
-    open: Light,
-    lifted: Light,
+    open: FacetLight,
+    lifted: FacetLight,
 }
 
 impl SolidGlassClosure<'_> {
@@ -518,14 +516,14 @@ impl SolidGlassClosure<'_> {
     /// What a facet sends along its mirrored and its refracted direction. `known` are these directions where they are at
     /// hand, with all their digits.
     #[inline(always)]
-    fn split(&self, normal: Vec3, known: [Option<Vec3>; 2]) -> [Part; 2] {
+    fn split(&self, normal: Vec3, known: [Option<Vec3>; 2]) -> [FacetLobe; 2] {
         let (wo, eta) = (self.wo, self.eta);
         let c = wo.dot(normal).clamp(0.0, 1.0);
         let facet = self.glass.facet(c, eta);
-        let part = |direction, color, probability| Part {
+        let part = |direction, color, probability| FacetLobe {
             direction,
-            open: Light { color, probability },
-            lifted: Light::NONE,
+            open: FacetLight { color, probability },
+            lifted: FacetLight::NONE,
         };
         let mut mirrored =
             part(known[0].unwrap_or(normal * (2.0 * c) - wo), facet.reflected, facet.probability_reflected);
@@ -552,7 +550,7 @@ impl SolidGlassClosure<'_> {
 
     /// Leaves a facet's parts the light that no other facet shadows, and shares out the rest.
     #[inline(always)]
-    fn redirect(&self, shadowed: &Shadowed, rarer: (&mut Part, f32), denser: (&mut Part, f32)) {
+    fn redirect(&self, shadowed: &Shadowed, rarer: (&mut FacetLobe, f32), denser: (&mut FacetLobe, f32)) {
         let ((rarer, open), (denser, open_denser)) = (rarer, denser);
         // What leads to the wrong side does not stay.
         let stays = if open > 0.0 { shadowed.stays } else { 0.0 };
@@ -641,10 +639,10 @@ impl SolidGlassClosure<'_> {
 
     /// Open and lifted light that facets mirror along a direction, which may lead below the surface.
     #[inline(always)]
-    fn mirrored(&self, wi: Vec3) -> [Light; 2] {
+    fn mirrored(&self, wi: Vec3) -> [FacetLight; 2] {
         let half = self.wo + wi;
         if half.z <= 0.0 {
-            return [Light::NONE; 2];
+            return [FacetLight::NONE; 2];
         }
         let [part, _] = self.split(half.normalize(), [Some(wi), None]);
         let density = self.glass.surface.distribution(half) * 0.5 / (self.wo.z + self.root);
@@ -653,17 +651,17 @@ impl SolidGlassClosure<'_> {
 
     /// Open and lifted light that facets refract along a direction.
     #[inline(always)]
-    fn refracted(&self, wi: Vec3) -> [Light; 2] {
+    fn refracted(&self, wi: Vec3) -> [FacetLight; 2] {
         let (wo, eta) = (self.wo, self.eta);
         // Walter et al. 2007, eq. 16, turned to the side of wo: wo + eta wi, so that the digits stay for eta near 1.
         let half = ((wo + wi) + wi * (eta - 1.0)) * if eta > 1.0 { -1.0 } else { 1.0 };
         let length = half.length();
         if half.z <= 0.0 {
-            return [Light::NONE; 2];
+            return [FacetLight::NONE; 2];
         }
         let (cos_o, cos_i) = (wo.dot(half) / length, wi.dot(half) / length);
         if cos_o <= 0.0 || cos_i >= 0.0 {
-            return [Light::NONE; 2];
+            return [FacetLight::NONE; 2];
         }
         let [_, part] = self.split(half / length, [None, Some(wi)]);
         // D G1(wo) |wo.h| / wo.z times dh / dwi = eta^2 |wi.h| / |wo + eta wi|^2.

@@ -44,7 +44,7 @@ pub struct Sheen {
 
 /// The lobe for one direction: the matrix ((a, 0, b), (0, a, 0), (0, 0, 1)) that makes it a clamped cosine.
 #[derive(Clone, Copy, Debug)]
-struct Lobe {
+struct LtcLobe {
     a: f32,
     b: f32,
     /// Rotation about z that brings the direction to the half plane x > 0, y = 0.
@@ -78,17 +78,17 @@ impl Sheen {
     }
 
     #[inline(always)]
-    fn lobe(&self, wo: Vec3) -> Lobe {
+    fn lobe(&self, wo: Vec3) -> LtcLobe {
         let [a, b, _] = lookup(self.roughness, wo.z.abs());
         let length = (wo.x * wo.x + wo.y * wo.y).sqrt();
         let turn = if length > ggx::MIN_COS { [wo.x / length, wo.y / length] } else { [1.0, 0.0] };
-        Lobe { a, b, turn }
+        LtcLobe { a, b, turn }
     }
 
     /// Samples white fibres that return all light; see [`super::Bsdf::sample`].
     #[inline]
     pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
-        let Lobe { a, b, turn: [c, s] } = self.lobe(wo);
+        let LtcLobe { a, b, turn: [c, s] } = self.lobe(wo);
         let w = warp::cosine_hemisphere([u[0], u[1]]);
         let (x, y) = ((w.x - b * w.z) / a, w.y / a);
         let up = Vec3::new(x * c - y * s, x * s + y * c, w.z).normalize();
@@ -111,7 +111,7 @@ impl Sheen {
         if (wo.z < 0.0) != (wi.z < 0.0) {
             return BsdfEval::ZERO;
         }
-        let Lobe { a, b, turn: [c, s] } = self.lobe(wo);
+        let LtcLobe { a, b, turn: [c, s] } = self.lobe(wo);
         let z = wi.z.abs();
         let (x, y) = (wi.x * c + wi.y * s, wi.y * c - wi.x * s);
         let (tx, ty) = (a * x + b * z, a * y);

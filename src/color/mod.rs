@@ -1,4 +1,4 @@
-//! Linear RGB, luminance and the sRGB transfer function.
+//! Linear RGB colours, luminance, the sRGB transfer function, colour spaces, spectra and view transforms.
 
 mod primaries;
 pub mod spectral;
@@ -43,8 +43,6 @@ pub fn srgb_table() -> &'static [f32; 256] {
     static TABLE: std::sync::OnceLock<[f32; 256]> = std::sync::OnceLock::new();
     TABLE.get_or_init(|| std::array::from_fn(|i| linear_from_srgb(i as f32 / 255.0)))
 }
-
-// The type of every colour: radiance, reflectance, transmittance, throughput.
 
 /// A linear Rec. 709 colour, or any other quantity by channel (an index of refraction, an extinction). Positions and
 /// directions are vectors of their own; the two do not mix.

@@ -1,4 +1,4 @@
-//! Colour spaces of linear RGB by their primaries and white, and what turns one into another.
+//! Linear RGB colour spaces by their primaries and white point, conversion matrices, and white balance.
 
 /// Primaries and white point, x and y of each (CIE 1931).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -85,7 +85,7 @@ fn inverse(m: &Matrix) -> Option<Matrix> {
     is_regular.then(|| [0, 1, 2].map(|row| [0, 1, 2].map(|column| minor(column, row) / determinant)))
 }
 
-// White balance: what is lit by light of some temperature becomes as it would be under daylight.
+// White balance: chromatic adaptation from a colour temperature to D65.
 
 /// White of Rec. 709 (D65), x and y.
 const WHITE: [f64; 2] = [0.3127, 0.3290];

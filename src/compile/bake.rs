@@ -425,7 +425,7 @@ fn extend<T: Copy>(
     list.resize(total, filler);
 }
 
-// Tangents for normal maps of meshes that bring none, by Mikkelsen's algorithm, which baking programs use too.
+// Tangents for normal maps of meshes without tangents, by Mikkelsen's algorithm (MikkTSpace), which normal-map bakers use.
 
 /// The mesh with tangents that follow one of its sets of texture coordinates; `None` if it has tangents already, or
 /// lacks normals or that set. Vertices where the triangles around them disagree (at seams and mirror lines) are split.
@@ -447,7 +447,7 @@ struct TangentMesh<'a> {
     tangents: Vec<[[f32; 4]; 3]>,
 }
 
-/// Mathematics with the same result on every machine.
+/// Arithmetic with the same result on every machine.
 struct Exact;
 
 impl Ops for Exact {

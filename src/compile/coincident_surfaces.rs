@@ -1,3 +1,5 @@
+//! Detects whether surfaces of transmissive solids coincide. Only then does the integrator look for coincident surfaces at hits.
+
 use super::box_tree::{Bounds, BoxTree, Boxed, NumberedBox};
 use super::geometry::Geometries;
 use super::material::CompiledMaterial;
@@ -6,8 +8,6 @@ use crate::accel::Accel;
 use crate::math::{DAffine3, DVec3, Ray, gamma};
 use crate::scene::{MaterialId, Scene};
 use rayon::prelude::*;
-
-// Whether the surfaces of some solids lie on those of others: only then is it looked for where paths meet them.
 
 /// A transmissive solid.
 struct Solid {

@@ -1,4 +1,4 @@
-//! Curves become pieces: rounded cones from point to point, as many as it takes to follow them.
+//! Subdivision of curves into round cone segments.
 //!
 //! Cubic strands are cut evenly in their parameter. A piece leaves its strand by at most [`ERROR`] of the radius: the distance of a
 //! cubic from its chord is at most an eighth of its largest second derivative, which falls with the square of the number of
@@ -16,18 +16,18 @@ use crate::scene::{CurveBasis, Curves, Scene};
 use crate::shape::{CurveSegment, CurveSegments, Surface};
 use rayon::prelude::*;
 
-/// How far a piece may be from its strand, over the largest radius of its part of it.
+/// Largest distance of a segment from its curve, as a share of the largest radius.
 const ERROR: f64 = 0.05;
-/// How far points are moved out of bends, over the distance of chords from the strand.
+/// Displacement of points to the outside of bends, as a share of the distance between chord and curve.
 const OUTWARDS: f64 = 2.0 / 3.0;
-/// The square root of the area of a piece's box without its radius, over that radius, at most.
+/// Largest square root of the area of a segment's bounding box (without the radius), over the radius.
 const LARGEST_BOX: f64 = 12.0;
-/// Most pieces between two points of a strand.
+/// Most segments of one Bezier span.
 const MAX_PIECES: usize = 64;
-/// Strands that a thread cuts at a time.
+/// Strands of one parallel task.
 const CHUNK: usize = 256;
 
-/// A point of a strand.
+/// A control point of a strand.
 #[derive(Clone, Copy)]
 struct ControlPoint {
     p: DVec3,
@@ -43,7 +43,7 @@ impl ControlPoint {
     }
 }
 
-/// The pieces of some strands.
+/// Segments of some strands.
 #[derive(Default)]
 struct CutStrands {
     segments: CurveSegments,
@@ -51,7 +51,7 @@ struct CutStrands {
     colors: Vec<[f32; 3]>,
 }
 
-/// The control points of the Bezier curves that a strand consists of.
+/// Converts a strand to cubic Bezier spans.
 fn spans(basis: CurveBasis, n: &[ControlPoint]) -> Vec<[ControlPoint; 4]> {
     let last = n.len() - 1;
     let thirds =
@@ -89,7 +89,7 @@ fn spans(basis: CurveBasis, n: &[ControlPoint]) -> Vec<[ControlPoint; 4]> {
     }
 }
 
-/// Into how many pieces a Bezier curve is cut.
+/// The number of segments of a Bezier span.
 fn pieces(span: &[ControlPoint; 4]) -> usize {
     let radius = span.iter().map(|n| n.radius).fold(0.0, f64::max);
     let bend = |a: ControlPoint, b: ControlPoint, c: ControlPoint| {
@@ -172,7 +172,7 @@ fn tangent(points: &[[f32; 4]], i: usize) -> [f32; 3] {
     if sum.length_squared() > 1e-4 { sum.normalize().to_array() } else { [0.0; 3] }
 }
 
-/// The pieces of curves in a world whose origin moves to `origin`.
+/// Subdivides curves, relative to `origin`.
 ///
 /// # Errors
 /// If their points are more than can be numbered.

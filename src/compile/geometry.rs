@@ -10,12 +10,12 @@ use crate::shape::{Analytic, CurveSegment, Quad, Shape, Surface, shading_normal,
 use crate::simd::map_each;
 use std::sync::Arc;
 
-/// Shapes of one space with what shading needs of them. Lists of attributes that no material uses are empty.
+/// Shading attributes of the shapes of one space. Lists that no material uses are empty.
 #[derive(Clone, Debug, Default)]
 pub struct Attributes {
     /// Unit normals by vertex; zero where a mesh is flat.
     pub normals: Vec<[f32; 3]>,
-    /// The same at the keys of vertices that move.
+    /// Unit normals at each key of a deforming mesh.
     pub normal_keys: Vec<Vec<[f32; 3]>>,
     /// Two sets of texture coordinates by vertex.
     pub uv: [Vec<[f32; 2]>; 2],
@@ -25,39 +25,39 @@ pub struct Attributes {
     pub colors: Vec<[f32; 4]>,
     /// Material of each primitive, in the order of primitive ids.
     pub materials: Vec<u32>,
-    /// Rotations that give analytic shapes their texture coordinates, by shape; empty if none needs them.
+    /// Rotations from world to texture space by analytic shape; empty if none is needed.
     pub object_from_world: Vec<Mat3>,
     /// Of the points of curves.
     pub curves: CurveAttributes,
 }
 
-/// What shading needs of the points of curves.
+/// Shading attributes of curve points.
 #[derive(Clone, Debug, Default)]
 pub struct CurveAttributes {
-    /// Where they are on their strands: 0 is the root, 1 the tip.
+    /// Position along the strand: 0 at the root, 1 at the tip.
     pub along: Vec<f32>,
     /// Linear colours; empty where no curve has any.
     pub colors: Vec<[f32; 3]>,
 }
 
-/// A placed geometry other than the world's own.
+/// An instance of a shared geometry.
 #[derive(Clone, Copy, Debug)]
 pub struct Placement {
     /// Which of [`Geometries::shared`].
     pub geometry: u32,
-    /// Where it stands.
+    /// Its transform; at the time of the frame if it moves.
     pub world_from_object: Transform,
-    /// Replaces the materials of its primitives.
+    /// Overrides the materials of its primitives.
     pub material: Option<u32>,
     /// The object of the scene that it is.
     pub object: ObjectId,
-    /// It or its vertices move while the picture is taken.
+    /// It moves or deforms while the shutter is open.
     pub moves: bool,
-    /// Where it stands then: which of [`Geometries::motions`]. Without, it stands still.
+    /// Index into [`Geometries::motions`] of its transforms; `None` if only its mesh deforms.
     pub motion: Option<u32>,
 }
 
-/// From object to world space, at one moment.
+/// Object-to-world transform.
 #[derive(Clone, Copy, Debug)]
 pub struct Transform {
     /// Linear part.
@@ -68,22 +68,22 @@ pub struct Transform {
     pub normal_from_object: Mat3,
 }
 
-/// Shapes of one space: the world's own, or those of a mesh that several instances share.
+/// The geometry of one space: the world, or the object space of an instanced mesh.
 #[derive(Clone, Debug)]
 pub struct Space {
-    /// What the accelerator was built over.
+    /// The input of the acceleration structure.
     pub shapes: accel::Geometry,
-    /// What shading needs of it.
+    /// Shading attributes.
     pub attributes: Attributes,
-    /// The box around the shapes.
+    /// Bounding box.
     pub bounds: Bounds3,
-    /// Where vertices are a frame before and a frame after the picture, if they are another then and it is asked for.
+    /// Vertex positions a frame before and a frame after, for motion vectors of deforming meshes.
     pub neighbours: Option<[Vec<[f32; 3]>; 2]>,
-    /// The objects of the scene that the shapes belong to, in the world's own space.
+    /// The scene object of each primitive; only for the world space.
     pub owners: Owners,
 }
 
-/// What textures and normal maps need to know about a hit.
+/// Inputs of textures and normal maps at a hit.
 #[derive(Clone, Copy, Debug)]
 pub struct SurfaceCoordinates {
     /// Two sets of texture coordinates.
@@ -93,26 +93,26 @@ pub struct SurfaceCoordinates {
     /// Tangent, bitangent and shading normal as columns, for normal maps; `None` where there are no texture
     /// coordinates.
     pub tangent_frame: Option<Mat3>,
-    /// How much each set of texture coordinates changes over a metre.
+    /// Change of each set of texture coordinates, per metre.
     pub uv_per_metre: [f32; 2],
 }
 
 /// All geometry.
 #[derive(Clone, Debug)]
 pub struct Geometries {
-    /// What stands in the world as it is.
+    /// Geometry in world space.
     pub world: Arc<Space>,
-    /// What placements place.
+    /// Geometries of instances, in object space.
     pub shared: Vec<Arc<Space>>,
     /// In the order of hit instances from 1 on.
     pub placements: Vec<Placement>,
-    /// How placements move.
+    /// Transform keys of moving placements.
     pub motions: Vec<TransformKeys>,
-    /// Does any placement move while the picture is taken?
+    /// Does any placement move or deform while the shutter is open?
     pub moves: bool,
 }
 
-/// The corners of a flat primitive, with the normals there: all that its surface follows from.
+/// The corners of a flat primitive with their normals.
 #[derive(Clone, Copy, Debug)]
 pub struct Corners {
     /// Positions: of a triangle's vertices, or of a quad's corner and the ends of its edges.
@@ -121,7 +121,7 @@ pub struct Corners {
     pub normals: [[f32; 3]; 3],
 }
 
-/// What textures need to know about the corners of a triangle.
+/// Texture coordinates and tangents at the corners of a triangle.
 #[derive(Clone, Copy, Debug)]
 pub struct TextureCorners {
     /// Texture coordinates.
@@ -130,7 +130,7 @@ pub struct TextureCorners {
     pub tangents: [[f32; 4]; 3],
 }
 
-/// Which kind of primitive an id means.
+/// A primitive by its id.
 pub(super) enum Primitive<'a> {
     Triangle([u32; 3]),
     Quad(&'a Quad),
@@ -441,7 +441,7 @@ fn uv_frame(corners: [Vec3; 3], uv: [Vec2; 3], n: Vec3) -> Option<Mat3> {
     frame_of(tangent, n, if n.cross(tangent).dot(up) < 0.0 { -1.0 } else { 1.0 })
 }
 
-// How placed geometries get from their space to the world.
+// Transforms from object to world space.
 
 impl Transform {
     /// That of a matrix.
@@ -474,16 +474,16 @@ impl Placement {
         let p = m * s.p + translation;
         let magnitude = Mat3::from_cols(m.x_axis.abs(), m.y_axis.abs(), m.z_axis.abs());
         let p_error = magnitude * (s.p_error + s.p.abs() * gamma(4)) + translation.abs() * gamma(4);
-        // A mirror image of the front is the front of the mirror image.
+        // Mirroring transforms keep front faces in front.
         let ng = (normal_from_object * s.ng).normalize();
         let ns = (normal_from_object * s.ns).normalize();
         Surface { p, p_error, ng, ns, material: self.material.unwrap_or(s.material) }
     }
 }
 
-// Surfaces of what moves while a picture is taken, as they are at a path's time.
+// Motion blur: surfaces of moving and deforming placements at the time of a path.
 
-/// The primitive at a hit at a time, with all that it is part of.
+/// A moving placement at the time of a path.
 pub(super) struct Moment<'a> {
     space: &'a Space,
     placement: Placement,
@@ -492,7 +492,7 @@ pub(super) struct Moment<'a> {
 }
 
 impl Geometries {
-    /// A hit on something that moves, at the time of its path; `None` on all else.
+    /// The placement of a hit at a path's time, if it moves or deforms.
     #[inline(always)]
     pub(super) fn moment(&self, hit: &Hit, time: f32) -> Option<Moment<'_>> {
         if self.moves { self.moment_at(hit, time) } else { None }
@@ -508,7 +508,7 @@ impl Geometries {
         Some(Moment { space, placement, world_from_object, time })
     }
 
-    /// Where a placement stands at a time.
+    /// The transform of a placement at a time in 0..1 of the shutter interval.
     pub(super) fn world_from_object(&self, placement: &Placement, time: f32) -> DAffine3 {
         match placement.motion.and_then(|motion| self.motions.get(motion as usize)) {
             Some(keys) => transform_at(keys, time),

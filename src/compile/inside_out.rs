@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use std::f64::consts::TAU;
 use std::sync::OnceLock;
 
-/// By mesh: is it inside out? Empty where none is.
+/// By mesh: is it oriented inwards? Empty if none is.
 pub(super) fn find(scene: &Scene, materials: &[CompiledMaterial], warnings: &mut Vec<Warning>) -> Vec<bool> {
     let is_solid = |id: MaterialId| materials[id.index()].medium_index != 0;
     if !materials.iter().any(|m| m.medium_index != 0) {
@@ -78,7 +78,7 @@ fn volume(mesh: &Mesh) -> f64 {
     mesh.triangles.iter().map(of_triangle).sum()
 }
 
-/// The bodies that others may be holes in: instances, then closed shapes.
+/// Solids that may contain others: instances, then closed shapes.
 struct Bodies<'a> {
     scene: &'a Scene,
     boxes: Vec<NumberedBox>,
@@ -105,9 +105,9 @@ impl Bodies<'_> {
         Bodies { scene, boxes, tree, windings }
     }
 
-    /// Does an instance lie within another body that has one of its materials?
+    /// Does an instance lie inside another solid that has one of its materials? Then its inward orientation makes a cavity.
     fn have_hole(&self, number: usize) -> bool {
-        /// Points of it that are asked.
+        /// Most vertices that are tested.
         const POINTS: usize = 16;
         let instance = &self.scene.instances[number];
         let mesh = &self.scene.meshes[instance.mesh.index()];
@@ -145,29 +145,30 @@ impl Bodies<'_> {
     }
 }
 
-// How often a body goes around points, by a tree over its triangles.
+// Winding numbers by a hierarchy of triangles.
 //
 // What is far away counts as one area with a normal (Barill, Dickson, Schmidt, Levin, Jacobson 2018, "Fast Winding Numbers for Soups and
 // Clouds", equation 13, its first term). Where that leaves it open whether a point is within, all triangles are asked.
 
-/// As many times its radius away, a part of a surface counts as one area.
+/// Beyond this multiple of its radius a cluster of triangles is approximated by a dipole.
 const FAR: f64 = 3.0;
 
-/// Farther from a half than this, the sum of such areas is trusted; it is off by a tenth of that at most, but for odd surfaces.
+/// Approximate winding numbers within this distance of 1/2 are recomputed exactly. (Errors are a tenth of it at most on usual
+/// meshes.)
 const DOUBT: f64 = 0.2;
 
 /// A triangle of a body in world space.
-struct Face([DVec3; 3]);
+struct WorldTriangle([DVec3; 3]);
 
-impl Boxed for Face {
+impl Boxed for WorldTriangle {
     fn bounds(&self) -> Bounds {
         Bounds::of(self.0)
     }
 }
 
-/// A part of a surface, seen from afar.
+/// A cluster of triangles as a dipole.
 #[derive(Clone, Copy, Default)]
-struct Area {
+struct Dipole {
     center: DVec3,
     radius: f64,
     /// Along the mean normal, twice as long as the area that shows from there.
@@ -176,9 +177,9 @@ struct Area {
 
 /// The surface of a placed body.
 pub(super) struct Winding {
-    faces: Vec<Face>,
+    faces: Vec<WorldTriangle>,
     tree: BoxTree,
-    areas: Vec<Area>,
+    areas: Vec<Dipole>,
 }
 
 impl Winding {
@@ -186,25 +187,26 @@ impl Winding {
     pub fn of(mesh: &Mesh, world_from_object: &DAffine3) -> Winding {
         let corner =
             |i: u32| world_from_object.transform_point3(mesh.positions[i as usize].map(f64::from).into());
-        let mut faces: Vec<Face> = mesh.triangles.iter().map(|t| Face(t.map(corner))).collect();
+        let mut faces: Vec<WorldTriangle> =
+            mesh.triangles.iter().map(|t| WorldTriangle(t.map(corner))).collect();
         let tree = BoxTree::sort(&mut faces);
-        let areas = tree.nodes.iter().map(|node| Area::of(&faces[node.items()], node.bounds)).collect();
+        let areas = tree.nodes.iter().map(|node| Dipole::of(&faces[node.items()], node.bounds)).collect();
         Winding { faces, tree, areas }
     }
 
-    /// Does it go around a point at least once?
+    /// Is a point inside, by the winding number?
     pub fn is_around(&self, p: DVec3) -> bool {
         let about = self.about(p, &mut |_| ()).abs();
         let turns = if (about - 0.5).abs() < DOUBT { self.exactly(p).abs() } else { about };
         turns > 0.5
     }
 
-    /// How often it goes around a point, roughly; `each` is told of the parts of the surface that are looked at.
+    /// The approximate winding number; `each` is called with each visited node.
     fn about(&self, p: DVec3, each: &mut impl FnMut(usize)) -> f64 {
         let mut sum = 0.0;
         self.tree.walk(|at, node, is_leaf| {
             each(at);
-            let Area { center, radius, normal } = self.areas[at];
+            let Dipole { center, radius, normal } = self.areas[at];
             let away = center - p;
             let distance = away.length();
             if distance > FAR * radius {
@@ -220,22 +222,22 @@ impl Winding {
         sum / TAU
     }
 
-    /// How often it goes around a point.
+    /// The exact winding number.
     fn exactly(&self, p: DVec3) -> f64 {
         self.faces.iter().map(|face| half_angle(face, p)).sum::<f64>() / TAU
     }
 }
 
-impl Area {
-    fn of(faces: &[Face], bounds: Bounds) -> Area {
-        let of_face = |Face([a, b, c]): &Face| (*b - *a).cross(*c - *a);
+impl Dipole {
+    fn of(faces: &[WorldTriangle], bounds: Bounds) -> Dipole {
+        let of_face = |WorldTriangle([a, b, c]): &WorldTriangle| (*b - *a).cross(*c - *a);
         let center = (bounds.low + bounds.high) * 0.5;
-        Area { center, radius: center.distance(bounds.high), normal: faces.iter().map(of_face).sum() }
+        Dipole { center, radius: center.distance(bounds.high), normal: faces.iter().map(of_face).sum() }
     }
 }
 
 /// Half of the solid angle of a triangle (van Oosterom, Strackee 1983, "The Solid Angle of a Plane Triangle", equation 8).
-fn half_angle(Face(corners): &Face, p: DVec3) -> f64 {
+fn half_angle(WorldTriangle(corners): &WorldTriangle, p: DVec3) -> f64 {
     let [a, b, c] = corners.map(|corner| corner - p);
     let (la, lb, lc) = (a.length(), b.length(), c.length());
     let below = la * lb * lc + a.dot(b) * lc + a.dot(c) * lb + b.dot(c) * la;

@@ -78,8 +78,8 @@ pub(super) fn number(
     media
 }
 
-/// What stands for the materials whose light scatters within a body (subsurface scattering), where their surfaces enclose none:
-/// all that enters would leave a sheet on its other side, whatever its colour. A diffuse base has the colour of a thick body.
+/// Replacements of subsurface materials whose surfaces enclose no volume: all light would leave an open sheet on its other side,
+/// whatever the colour. They get a diffuse base with the albedo of a thick slab.
 pub(super) fn without_bodies(scene: &Scene, warnings: &mut Vec<Warning>) -> Vec<Option<Material>> {
     let uses = OnceCell::new();
     let outline = |id: usize| uses.get_or_init(|| MaterialUses::of(scene)).outline(MaterialId(id as u32));
@@ -105,7 +105,7 @@ pub(super) fn without_bodies(scene: &Scene, warnings: &mut Vec<Warning>) -> Vec<
     scene.materials.iter().enumerate().map(&mut without_body).collect()
 }
 
-/// Light from infinitely far away that no way leads to through fog without an end.
+/// Warns of distant lights that unbounded fog hides.
 fn warn_of_endless_fog(scene: &Scene, warnings: &mut Vec<Warning>) {
     let is_endless = |fog: &Fog| fog.radius.is_infinite() && fog.medium.extinction != [0.0; 3];
     let is_far = |kind: &LightKind| matches!(kind, LightKind::Directional { .. } | LightKind::Sun { .. });
@@ -118,7 +118,7 @@ fn warn_of_endless_fog(scene: &Scene, warnings: &mut Vec<Warning>) {
     }
 }
 
-/// Objects that move with a medium on a grid, which stays where it is.
+/// Warns of moving objects whose medium has a density grid, which is static.
 fn warn_of_still_grids(scene: &Scene, warnings: &mut Vec<Warning>) {
     let is_on_grid = |id: MaterialId| {
         scene.materials.get(id.index()).and_then(|m| m.medium).is_some_and(|medium| medium.grid.is_some())
@@ -162,12 +162,12 @@ fn warn_of_still_grids(scene: &Scene, warnings: &mut Vec<Warning>) {
     }
 }
 
-/// Does nothing come through from infinitely far away?
+/// Is its transmittance to infinity 0 in all channels?
 pub(super) fn is_opaque_to_far_light(fog: &Fog) -> bool {
     fog.radius.is_infinite() && fog.medium.extinction.iter().all(|&extinction| extinction > 0.0)
 }
 
-/// What surrounds a scene; the world's origin moves to `anchor`.
+/// The medium around the scene, relative to `anchor`.
 fn surrounding(fog: Option<&Fog>, anchor: DVec3, is_spectral: bool) -> Medium {
     let Some(fog) = fog else { return Medium::AIR };
     let extinction = Rgb::from_array(fog.medium.extinction);

@@ -35,7 +35,7 @@ pub use media::OVERLAP_LIMIT;
 pub use medium::{Ball, Medium, Scattering};
 pub use motion::{MotionVectors, PointMotion};
 pub use objects::ObjectId;
+pub use plan::Tree;
 pub use scene::{
-    CompileOptions, CompileReport, CompiledScene, ExpectedPicture, Features, MemoryPart, Tree, View,
-    choose_camera,
+    CompileOptions, CompileReport, CompiledScene, ExpectedPicture, Features, MemoryPart, View, choose_camera,
 };

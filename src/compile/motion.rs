@@ -1,3 +1,6 @@
+//! Motion blur and motion vectors: what moves while the shutter is open, in the spaces that geometry is compiled to, and positions a
+//! frame before and after.
+
 use super::geometry::{Geometries, Primitive, Space, primitive, vertices};
 use super::material::CompiledMaterial;
 use super::objects::{Numbering, ObjectId, ObjectMaterials};
@@ -10,9 +13,7 @@ use crate::shape::triangle::interpolate;
 use crate::shape::{Analytic, Quad};
 use std::collections::{BTreeMap, HashMap};
 
-// What of a scene moves while its picture is taken, in the spaces that it is compiled to.
-
-/// Where an instance stands while the shutter is open, from an origin; `None` if it stands still.
+/// Transforms of an instance at the keys of the shutter interval, relative to an origin; `None` if it is static.
 pub(super) fn keys(scene: &Scene, instance: &Instance, origin: DVec3) -> Option<TransformKeys> {
     let Motion::Keyed(number) = instance.motion else { return None };
     let moving = scene.motion.instances.get(number as usize).filter(|m| m.blurs())?;
@@ -23,7 +24,7 @@ fn from_origin(key: &DAffine3, origin: DVec3) -> DAffine3 {
     DAffine3 { translation: key.translation - origin, ..*key }
 }
 
-/// Is a mesh's shape at other moments to be known: does it change while the shutter is open, or are there to be motion vectors?
+/// Does a mesh deform while the shutter is open, or between frames with motion vectors?
 pub(super) fn deforms(scene: &Scene, mesh: MeshId) -> bool {
     let moving = scene.motion.meshes.get(&mesh.index());
     moving.is_some_and(|m| m.blurs() || m.neighbours.is_some())
@@ -136,9 +137,9 @@ impl MovingShape {
     }
 }
 
-// Where surfaces are a frame before and after the picture: for motion vectors.
+// Motion vectors: positions of surface points a frame before and a frame after.
 
-/// How something stands at the picture's moment, and a frame before and after.
+/// World transforms at the time of the frame, a frame before and a frame after.
 #[derive(Clone, Copy, Debug)]
 struct ObjectPoses {
     now: DAffine3,
@@ -193,7 +194,7 @@ impl MotionVectors {
         MotionVectors { objects }
     }
 
-    /// The way of the point `p` of a surface that was hit at a time.
+    /// The positions of the surface point `p`, hit at a time in 0..1 of the shutter interval.
     pub fn point_motion(&self, geometries: &Geometries, hit: &Hit, p: Vec3, time: f32) -> PointMotion {
         let still = PointMotion { now: p, neighbours: [p; 2] };
         if self.objects.is_empty() {

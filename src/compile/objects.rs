@@ -102,8 +102,7 @@ impl Owners {
     }
 }
 
-/// The number of each material of each object. A copy is made of a material for the traits of an object that has it, and for no
-/// other traits: there are never more copies than objects with materials.
+/// Material indices by object. A material is copied once for each combination of traits among the objects that use it.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ObjectMaterials {
     /// Materials of the scene.

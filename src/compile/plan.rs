@@ -4,6 +4,7 @@ use super::fingerprint::Fingerprint;
 use super::material::CompiledMaterial;
 use super::objects::{ObjectMaterials, only_material, part_materials};
 use super::{fingerprint, motion};
+use crate::accel::TreeQuality;
 use crate::error::Warning;
 use crate::math::{DAffine3, DMat3, DVec3, TransformKeys};
 use crate::scene::{Instance, MaterialId, Mesh, MeshId, Motion, ObjectTraits, Quad, Scene};
@@ -347,4 +348,58 @@ fn triangles(mesh: &Mesh) -> u64 {
 fn is_flat(quad: &Quad) -> bool {
     let Quad { edge_u: u, edge_v: v, .. } = *quad;
     u == DVec3::ZERO || v == DVec3::ZERO
+}
+
+/// Build quality of the bounding volume hierarchy (see [`TreeQuality`]). Pictures don't depend on it: a full build takes longer and makes
+/// traversal faster.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Tree {
+    /// The fastest build.
+    Fast,
+    /// The fastest traversal.
+    #[default]
+    Full,
+    /// The one that takes less time in total, estimated from the numbers of camera rays and triangles, so that the same command always
+    /// builds the same tree.
+    For {
+        /// Pixels times samples.
+        camera_rays: u64,
+    },
+}
+
+/// Scenes of fewer triangles have full trees: they take less than a third of a second.
+const MIN_TRIANGLES: u64 = 1 << 17;
+
+/// So many camera rays a triangle pay for a full tree. (Measured: see the README of `tools/rays`.)
+const RAYS_A_TRIANGLE: u64 = 4;
+
+impl Tree {
+    /// The quality for so many triangles.
+    pub fn quality(self, triangles: u64) -> TreeQuality {
+        match self {
+            Tree::Fast => TreeQuality::Fast,
+            Tree::For { camera_rays }
+                if triangles >= MIN_TRIANGLES && camera_rays < triangles.saturating_mul(RAYS_A_TRIANGLE) =>
+            {
+                TreeQuality::Fast
+            }
+            _ => TreeQuality::Full,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn few_rays_into_many_triangles_ask_for_a_fast_tree() {
+        let quality = |camera_rays, triangles| Tree::For { camera_rays }.quality(triangles);
+        assert_eq!(quality(1, 100_000), TreeQuality::Full);
+        assert_eq!(quality(7_999_999, 2_000_000), TreeQuality::Fast);
+        assert_eq!(quality(8_000_000, 2_000_000), TreeQuality::Full);
+        assert_eq!(quality(u64::MAX, u64::MAX), TreeQuality::Full);
+        assert_eq!(Tree::Fast.quality(1), TreeQuality::Fast);
+        assert_eq!(Tree::default().quality(u64::MAX), TreeQuality::Full);
+    }
 }

@@ -1,4 +1,4 @@
-//! Boxes around what a scene shows.
+//! Bounding boxes of instances and of the scene.
 
 use super::{Instance, Mesh, Quad, Scene};
 use crate::math::DVec3;
@@ -25,22 +25,22 @@ impl Extent {
 }
 
 /// What stands for a mesh when its boxes are made.
-enum Points<'m> {
+enum HullPoints<'m> {
     /// Those of its vertices that are marked.
     Used(&'m Mesh, Vec<bool>),
     /// Some points around it.
     Around(Vec<DVec3>),
 }
 
-impl Points<'_> {
+impl HullPoints<'_> {
     /// Hands each point to `each`.
     fn visit(&self, mut each: impl FnMut(DVec3)) {
         match self {
-            Points::Used(mesh, used) => {
+            HullPoints::Used(mesh, used) => {
                 let points = mesh.positions.iter().zip(used).filter(|(_, used)| **used);
                 points.for_each(|(p, _)| each(DVec3::from(p.map(f64::from))));
             }
-            Points::Around(points) => points.iter().for_each(|&p| each(p)),
+            HullPoints::Around(points) => points.iter().for_each(|&p| each(p)),
         }
     }
 
@@ -53,7 +53,7 @@ impl Points<'_> {
 }
 
 /// What stands for each mesh of a scene.
-fn points_of_meshes(scene: &Scene) -> Vec<Points<'_>> {
+fn points_of_meshes(scene: &Scene) -> Vec<HullPoints<'_>> {
     let mut placements = vec![0usize; scene.meshes.len()];
     for instance in &scene.instances {
         if let Some(times) = placements.get_mut(instance.mesh.index()) {
@@ -61,11 +61,11 @@ fn points_of_meshes(scene: &Scene) -> Vec<Points<'_>> {
         }
     }
     let points = |(mesh, &times): (_, &usize)| {
-        let used = Points::Used(mesh, used_vertices(mesh));
+        let used = HullPoints::Used(mesh, used_vertices(mesh));
         if mesh.positions.len().saturating_mul(times) <= MOST_VERTICES {
             return used;
         }
-        Points::Around(used.extent(|p| p).0.map_or(Vec::new(), |(low, high)| box_corners(low, high)))
+        HullPoints::Around(used.extent(|p| p).0.map_or(Vec::new(), |(low, high)| box_corners(low, high)))
     };
     scene.meshes.iter().zip(&placements).map(points).collect()
 }

@@ -86,8 +86,6 @@ pub fn looking_at(eye: DVec3, target: DVec3, up: DVec3) -> Option<DAffine3> {
     Some(DAffine3::from_mat3_translation(DMat3::from_cols(right, back.cross(right), back), eye))
 }
 
-// Panoramic cameras: they see around themselves.
-
 /// Which of the directions around it a panoramic camera shows where, over the whole of its picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Panorama {

@@ -41,8 +41,6 @@ pub enum Backdrop {
     Picture(Image),
 }
 
-// Openings through which the environment lights a room.
-
 /// A rectangle, such as a window, through which light of the environment is looked for. It is no surface, hides nothing and lets
 /// no more light in than there is: it only makes rooms less noisy. It serves what lies in front of it, on the side of
 /// `edge_u` x `edge_v`.

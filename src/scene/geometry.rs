@@ -86,9 +86,7 @@ pub struct Quad {
     pub traits: ObjectTraits,
 }
 
-// Shapes that are no meshes: spheres, disks and the like.
-
-/// A shape that is no mesh, in world space.
+/// An analytic shape, in world space.
 #[derive(Clone, Debug)]
 pub struct Shape {
     /// For reports.
@@ -205,8 +203,6 @@ impl Shape {
         self.kind.half_extent(self.rotation) * self.radius
     }
 }
-
-// Curves with a thickness: hair, fur, grass, threads.
 
 /// How a strand runs between its points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]

@@ -84,8 +84,6 @@ pub enum SpotFade {
     Smooth,
 }
 
-// How much light a lamp sends in which direction, as it was measured.
-
 /// Intensities over a sphere, as the files of luminaires hold them (IES LM-63, photometry of type C): the vertical angle is
 /// counted from the way the lamp shines, the horizontal one about it.
 #[derive(Clone, Debug, PartialEq)]
@@ -201,8 +199,6 @@ fn between(list: &[f32], number: f32) -> Option<(usize, f32)> {
 fn mix(a: f32, b: f32, share: f32) -> f32 {
     a + (b - a) * share
 }
-
-// Groups of lights, which pictures may hold apart.
 
 /// The group of what has no other.
 pub const DEFAULT_GROUP: &str = "default";

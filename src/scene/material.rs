@@ -34,15 +34,14 @@ pub enum AlphaMode {
     Blend,
 }
 
-/// How a surface differs from one that is an object like others: as lamps of Blender do, which stop no light and which cameras
-/// don't see, or things that are only there for mirrors and shadows.
+/// Special properties of an emitting surface: ray visibility, whether it blocks rays (lamps of Blender don't), and a beam shape.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lamp {
-    /// Rays of these kinds meet it; others pass. What is invisible to a kind gives no light to it.
+    /// Visible to rays of these kinds; others pass and get no light from it.
     pub visible_to: RayKinds,
-    /// Rays that meet it end; else they take its light along and pass.
+    /// Rays end at it; else they add its emission and pass.
     pub is_obstacle: bool,
-    /// Where its light goes.
+    /// Angular distribution of its emission.
     pub beam: Beam,
 }
 
@@ -88,7 +87,7 @@ pub enum Beam {
     },
 }
 
-/// Heights by which the surface of a mesh is moved along its normals.
+/// Displacement of a mesh along its normals by a height map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Displacement {
     /// An image by texture coordinates, and the channel that holds the heights.

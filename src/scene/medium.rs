@@ -8,23 +8,23 @@ use std::sync::Arc;
 /// A medium that scatters, absorbs and shines.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Medium {
-    /// Extinction coefficient by channel, per metre: how often light meets something on its way.
+    /// Extinction coefficient by channel, per metre.
     pub extinction: [f32; 3],
-    /// The share of it that is scattered, 0..1; the rest is absorbed.
+    /// Single-scattering albedo by channel, 0..1.
     pub albedo: [f32; 3],
     /// Mean cosine of the scattering angle, between -1 and 1 (Henyey, Greenstein 1941): 0 is the same to all sides, above it
     /// light goes on as it went.
     pub anisotropy: f32,
-    /// Radiance that each metre adds.
+    /// Emitted radiance per metre.
     pub emission: [f32; 3],
     /// Factors on the extinction, and on the emission where nothing else is; media that shine have the same extinction in all
     /// channels then.
     pub grid: Option<GridId>,
-    /// What the emission is taken times in place of that grid, where there is one.
+    /// Grid of factors on the emission, in place of `grid`.
     pub glow: Option<EmissionGrid>,
 }
 
-/// Where a medium with a grid shines, by another one.
+/// A grid of emission factors or temperatures.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EmissionGrid {
     /// Factors on the emission, or temperatures.
@@ -106,8 +106,6 @@ pub fn coefficients(color: [f32; 3], distance: f32) -> Option<[f32; 3]> {
     let sigma = |c: f32| -f64::from(c.clamp(f32::MIN_POSITIVE, 1.0)).ln() / f64::from(distance);
     (!is_clear).then(|| color.map(|c| sigma(c) as f32))
 }
-
-// Densities on a grid.
 
 /// Values on a grid that fills a box, which may stand anyhow.
 #[derive(Clone, Debug, PartialEq)]

@@ -215,8 +215,6 @@ impl Model {
     }
 }
 
-// The glTF 2.0 material with the layers that its extensions add.
-
 /// The glTF 2.0 material with its extensions, as the file says.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PbrMaterial {

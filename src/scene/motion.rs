@@ -1,9 +1,9 @@
-//! What moves while a picture is taken.
+//! Motion blur: keys of transforms and vertices over the shutter interval.
 
 use crate::math::DAffine3;
 use std::collections::BTreeMap;
 
-/// Something that changes while the shutter is open.
+/// Keys of a quantity that changes while the shutter is open.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Moving<T> {
     /// What it is at equal steps from the opening of the shutter to its closing; between two of them it changes evenly. Fewer
@@ -14,7 +14,7 @@ pub struct Moving<T> {
 }
 
 impl<T> Moving<T> {
-    /// Does it change while the shutter is open?
+    /// Does it change while the shutter is open, so that there is motion blur?
     pub fn blurs(&self) -> bool {
         self.keys.len() > 1
     }
@@ -33,7 +33,7 @@ impl<T> Moving<T> {
     }
 }
 
-/// The vertices of a mesh at a time.
+/// The vertices of a deforming mesh at one key.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Vertices {
     /// As [`Mesh::positions`](super::Mesh::positions), as many.

@@ -1,8 +1,6 @@
 //! Traits of an object: the kinds of rays it is visible to, light linking and shadow linking, holdouts and shadow catchers.
 
-// Which kinds of rays meet an object, and what objects are to pictures that are composited.
-
-/// Kinds of rays, each by how the path was scattered before.
+/// A set of ray kinds. A ray's kind is that of the scattering event before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct RayKinds(u8);
 
@@ -13,14 +11,14 @@ impl RayKinds {
     pub const CAMERA: RayKinds = RayKinds(1);
     /// Rays that a surface reflected diffusely.
     pub const DIFFUSE: RayKinds = RayKinds(1 << 1);
-    /// Rays that a surface reflected otherwise: mirrors, facets, coats.
+    /// Rays reflected specularly or by microfacets.
     pub const GLOSSY: RayKinds = RayKinds(1 << 2);
     /// Rays that a surface let through to its other side, refracted or diffusely. Those that pass where a surface is absent, or
     /// straight through a smooth thin sheet as light samples do, stay what they were.
     pub const TRANSMISSION: RayKinds = RayKinds(1 << 3);
     /// Rays that a medium scattered.
     pub const VOLUME: RayKinds = RayKinds(1 << 4);
-    /// Rays that ask whether something lies between a light and what it lights.
+    /// Shadow rays.
     pub const SHADOW: RayKinds = RayKinds(1 << 5);
     /// All kinds.
     pub const ALL: RayKinds = RayKinds((1 << 6) - 1);
@@ -84,7 +82,7 @@ impl Default for RayKinds {
     }
 }
 
-/// What an object is to rays and pictures besides what its materials say.
+/// Traits of an object apart from its materials.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct ObjectTraits {
     /// Rays of other kinds pass it.
@@ -100,8 +98,6 @@ pub struct ObjectTraits {
     /// What is lit by what it emits, and what casts shadows in that light.
     pub links: LightLinks,
 }
-
-// Light linking and shadow linking: which objects a light lights, and which cast shadows in its light.
 
 /// Sets of objects, by a bit each: those that an object is in.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]

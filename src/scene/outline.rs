@@ -1,4 +1,4 @@
-//! Whether the surfaces of a material enclose something.
+//! Whether the surfaces of a material are closed, so that they bound a solid.
 
 use super::{MaterialId, Mesh, Scene};
 use crate::math::DVec3;
@@ -66,7 +66,7 @@ impl MaterialUses<'_> {
     /// material belong together, spheres are always closed.
     pub fn outline(&self, material: MaterialId) -> Outline {
         let Some(uses) = self.of_materials.get(material.index()) else { return Outline::None };
-        let (mut edges, mut count) = (Edges::default(), 0);
+        let (mut edges, mut count) = (EdgeHash::default(), 0);
         for mesh in uses.meshes.iter().filter_map(|&i| self.scene.meshes.get(i)) {
             count += mesh.triangles.len();
             edges.add_mesh(mesh);
@@ -93,7 +93,7 @@ const LARGEST_OPENING: f64 = 0.05;
 /// without thickness does not. The openings are measured by the sum of the triangles' vector areas, which is zero for
 /// closed meshes.
 pub(crate) fn encloses(mesh: &Mesh) -> bool {
-    let mut edges = Edges::default();
+    let mut edges = EdgeHash::default();
     edges.add_mesh(mesh);
     if edges.sum == 0 {
         return true;
@@ -125,11 +125,11 @@ pub(crate) fn is_closed(mesh: &Mesh) -> bool {
 
 /// The exclusive or of a number for each edge: 0 if each belongs to an even number of faces (by chance once in 2^64).
 #[derive(Default)]
-struct Edges {
+struct EdgeHash {
     sum: u64,
 }
 
-impl Edges {
+impl EdgeHash {
     fn add_mesh(&mut self, mesh: &Mesh) {
         for triangle in &mesh.triangles {
             let corners = triangle.map(|i| mesh.positions.get(i as usize).copied().unwrap_or_default());
@@ -137,7 +137,7 @@ impl Edges {
         }
     }
 
-    /// Edges go by where their ends are: vertices may be split for normals or texture coordinates.
+    /// EdgeHash go by where their ends are: vertices may be split for normals or texture coordinates.
     fn add_polygon(&mut self, corners: &[[f32; 3]]) {
         let keys = corners.iter().map(|&p| key(p));
         let next = corners.iter().cycle().skip(1).map(|&p| key(p));
@@ -227,12 +227,12 @@ mod tests {
     #[test]
     fn the_order_of_ends_does_not_matter_but_the_pairing_does() {
         let sum = |edges: &[[[f32; 3]; 2]]| {
-            let mut e = Edges::default();
+            let mut e = EdgeHash::default();
             edges.iter().for_each(|edge| e.add_polygon(edge));
             e.sum
         };
         let (a, b, c, d) = ([0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]);
-        let mut e = Edges::default();
+        let mut e = EdgeHash::default();
         e.add_polygon(&[a, b, c]);
         e.add_polygon(&[c, b, a]);
         assert_eq!(e.sum, 0);

@@ -1,4 +1,4 @@
-//! What a scene may say about rendering; `None` leaves it to the defaults.
+//! Render settings that a scene file may carry; `None` is the default.
 
 use super::model::FresnelModel;
 use crate::color::ViewTransform;
@@ -27,7 +27,7 @@ pub enum EnergyCompensation {
     Off,
 }
 
-/// What pictures show of shadow catchers.
+/// What shadow catchers contribute to the picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum CatcherOutput {
     /// Shadows as alpha, and the light and colours that other objects bring besides: laid over a plate of what the catcher stands
@@ -58,7 +58,7 @@ pub struct Settings {
     pub height: Option<u32>,
     /// Samples a pixel.
     pub samples: Option<u32>,
-    /// Largest number of scattering events; 0 shows emission only.
+    /// Maximum number of bounces; 0 shows emission only.
     pub depth: Option<u32>,
     /// Seed of all randomness.
     pub seed: Option<u32>,

@@ -1,4 +1,4 @@
-//! Places in a material where a texture may stand, and the one visitor that finds them all.
+//! Material parameters: slots that hold a constant times an optional texture, and the visitor over all parameters of a material.
 
 use super::TextureId;
 

@@ -1,9 +1,9 @@
-//! Where textures take their coordinates from.
+//! Texture coordinates: UV sets with affine maps, world space, triplanar projection, and ray footprints.
 
 use crate::math::{Vec2, Vec3};
 use crate::scene::{Mapping, TextureTransform};
 
-/// What a point of a surface offers to textures.
+/// The inputs of texture lookups at a surface point.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct TexturePoint {
     /// The first two sets of texture coordinates.
@@ -14,7 +14,7 @@ pub struct TexturePoint {
     pub normal: Vec3,
     /// Cosine between the shading normal, before normal maps, and the direction from which it is seen; of both sides alike.
     pub cosine: f32,
-    /// Width of what the path sees of the surface, metres; 0 for a point.
+    /// Width of the ray footprint, metres; 0 for a point lookup.
     pub width: f32,
     /// How much each set of texture coordinates changes over a metre.
     pub uv_per_metre: [f32; 2],

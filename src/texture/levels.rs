@@ -1,3 +1,5 @@
+//! Mip levels of texture images: which of them stay in memory, and how texels of the others are found on demand.
+
 use super::pyramid::{Texels, WithTexels, halved, halved_by_one_thread, sizes, with_common_texels};
 use super::tiles::{KeepsLevels, PackedLevel, SIDE, Store, TexturesOnDemand, TileKey, across};
 use crate::error::{Error, Warning};
@@ -8,8 +10,6 @@ use std::cell::RefCell;
 use std::collections::{BTreeMap, BinaryHeap, HashMap};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-
-// One level of an image's pyramid: its texels, or where they are found when somebody asks for them.
 
 /// A level of a pyramid; the finest one is the image itself.
 #[derive(Clone, Debug)]
@@ -53,7 +53,7 @@ impl Texels for OtherTexels<'_> {
     }
 }
 
-// Levels of images that are not in memory: their texels are found in tiles, which are decoded when somebody asks for them.
+// Levels that are not resident: their texels are found in tiles, decoded on demand.
 //
 // A lookup looks into a small cache of its thread first, which takes no lock; then into the tiles that the [`Store`] shares; then
 // into the compressed tiles of the image. If those are not there either, the whole image is decoded, since JPEG and PNG can't be read
@@ -63,7 +63,7 @@ impl Texels for OtherTexels<'_> {
 // Nothing here waits for other work of the thread pool: a thread that waits there may begin another tile of the picture and ask for
 // what it holds itself.
 
-/// Tiles that each thread keeps at hand.
+/// Tiles in the cache of each thread.
 const AT_HAND: usize = 64;
 
 /// A tile and what it is of.
@@ -236,7 +236,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-// Which levels of the images stay in memory, and how they come there.
+// Choice of resident levels, and decoding.
 //
 // Levels that no lookup is expected to ask for are left out, and so are the finest of those that are, where they take more than the
 // limit; [`paged`](super::paged) finds their texels on demand. Images are decoded a few at a time, so that not much more is in memory
@@ -418,8 +418,8 @@ pub(super) fn of(
 }
 
 /// Counts what becomes of images.
-fn tell_of(plans: &[Plan], report: &mut TextureReport) {
-    let count = |is_one: &dyn Fn(&Plan) -> bool| plans.iter().filter(|plan| is_one(plan)).count() as u64;
+fn tell_of(plans: &[LevelPlan], report: &mut TextureReport) {
+    let count = |is_one: &dyn Fn(&LevelPlan) -> bool| plans.iter().filter(|plan| is_one(plan)).count() as u64;
     report.decoded = count(&|plan| plan.is_decoded());
     report.unneeded = count(&|plan| plan.image.is_encoded() && !plan.is_decoded());
     report.reduced = count(&|plan| plan.is_decoded() && plan.needed_from > 0);
@@ -428,7 +428,7 @@ fn tell_of(plans: &[Plan], report: &mut TextureReport) {
 }
 
 /// What becomes of an image.
-struct Plan<'a> {
+struct LevelPlan<'a> {
     id: ImageId,
     image: &'a Image,
     /// Size of each level that textures look into.
@@ -438,7 +438,7 @@ struct Plan<'a> {
     resident_from: usize,
 }
 
-impl Plan<'_> {
+impl LevelPlan<'_> {
     fn bytes_of(&self, level: usize) -> u64 {
         let [width, height] = self.sizes[level].map(u64::from);
         let Image { width: w, height: h, .. } = *self.image;
@@ -458,7 +458,7 @@ impl Plan<'_> {
     }
 }
 
-fn plans<'a>(textures: &[Texture], images: &'a [Image], needs: &TextureNeeds) -> Vec<Plan<'a>> {
+fn plans<'a>(textures: &[Texture], images: &'a [Image], needs: &TextureNeeds) -> Vec<LevelPlan<'a>> {
     // By image: do some textures want its pyramid?
     let mut uses: BTreeMap<ImageId, bool> = BTreeMap::new();
     for texture in textures {
@@ -476,18 +476,18 @@ fn plans<'a>(textures: &[Texture], images: &'a [Image], needs: &TextureNeeds) ->
             (true, None) => sizes.len(),
             (true, Some(finest)) => (finest as usize).min(sizes.len() - 1),
         };
-        Some(Plan { id, image, sizes, needed_from, resident_from: needed_from })
+        Some(LevelPlan { id, image, sizes, needed_from, resident_from: needed_from })
     };
     uses.into_iter().filter_map(plan).collect()
 }
 
 /// Leaves the largest levels out of memory where all together take more than the limit; half of that is for what comes back on demand.
 /// Gives the bytes that stay.
-fn within_limit(plans: &mut [Plan], limit: Option<u64>) -> u64 {
+fn within_limit(plans: &mut [LevelPlan], limit: Option<u64>) -> u64 {
     let mut resident: u64 =
-        plans.iter().filter(|plan| plan.image.is_encoded()).map(Plan::resident_bytes).sum();
+        plans.iter().filter(|plan| plan.image.is_encoded()).map(LevelPlan::resident_bytes).sum();
     let Some(limit) = limit.filter(|&limit| resident > limit) else { return resident };
-    let largest = |plans: &[Plan], i: usize| {
+    let largest = |plans: &[LevelPlan], i: usize| {
         plans[i].may_shrink().then(|| (plans[i].bytes_of(plans[i].resident_from), i))
     };
     let mut levels: BinaryHeap<(u64, usize)> = (0..plans.len()).filter_map(|i| largest(plans, i)).collect();
@@ -502,9 +502,9 @@ fn within_limit(plans: &mut [Plan], limit: Option<u64>) -> u64 {
 }
 
 /// Images that are decoded together: those with the same pixels at once, and several as long as they don't take too much.
-fn batches(plans: Vec<Plan>, most: u64) -> Vec<Vec<Vec<Plan>>> {
+fn batches(plans: Vec<LevelPlan>, most: u64) -> Vec<Vec<Vec<LevelPlan>>> {
     let mut numbers: HashMap<*const (), usize> = HashMap::new();
-    let mut groups: Vec<Vec<Plan>> = Vec::new();
+    let mut groups: Vec<Vec<LevelPlan>> = Vec::new();
     for plan in plans {
         let pixels = Arc::as_ptr(&plan.image.pixels).cast();
         let group = *numbers.entry(pixels).or_insert_with(|| {
@@ -516,7 +516,7 @@ fn batches(plans: Vec<Plan>, most: u64) -> Vec<Vec<Vec<Plan>>> {
     let (mut batches, mut bytes) = (vec![Vec::new()], 0);
     for group in groups {
         // Pixels that stay take no more memory while they are decoded.
-        let is_passing = |plan: &Plan| plan.is_decoded() && plan.resident_from > 0;
+        let is_passing = |plan: &LevelPlan| plan.is_decoded() && plan.resident_from > 0;
         let own = if group.iter().any(is_passing) { group[0].image.bytes() as u64 } else { 0 };
         if bytes + own > most && bytes > 0 {
             batches.push(Vec::new());
@@ -528,7 +528,7 @@ fn batches(plans: Vec<Plan>, most: u64) -> Vec<Vec<Vec<Plan>>> {
     batches
 }
 
-impl Plan<'_> {
+impl LevelPlan<'_> {
     /// Is the image decoded before a picture is begun?
     fn is_decoded(&self) -> bool {
         self.image.is_encoded() && self.needed_from < self.sizes.len()
@@ -536,7 +536,7 @@ impl Plan<'_> {
 }
 
 /// Makes the levels of images with the same pixels.
-fn build(group: Vec<Plan>, store: &Arc<Store>) -> Vec<(ImageId, Result<Levels, Option<Damage>>)> {
+fn build(group: Vec<LevelPlan>, store: &Arc<Store>) -> Vec<(ImageId, Result<Levels, Option<Damage>>)> {
     let is_needed = group.iter().any(|plan| !plan.image.is_encoded() || plan.is_decoded());
     let mut decoded = match is_needed.then(|| group[0].image.decoded()).transpose() {
         Ok(decoded) => decoded,
@@ -558,7 +558,7 @@ fn build(group: Vec<Plan>, store: &Arc<Store>) -> Vec<(ImageId, Result<Levels, O
     made
 }
 
-fn build_one(plan: &Plan, full: Option<Image>, store: &Arc<Store>) -> Levels {
+fn build_one(plan: &LevelPlan, full: Option<Image>, store: &Arc<Store>) -> Levels {
     let count = plan.sizes.len();
     let mut made: Vec<Option<Image>> = Vec::with_capacity(count);
     let mut kept: Vec<(usize, PackedLevel)> = Vec::new();

@@ -300,8 +300,6 @@ mod demand_tests;
 #[cfg(test)]
 mod tests;
 
-// A texture ready for lookup.
-
 /// A texture; others by their numbers.
 #[derive(Clone, Debug)]
 enum Compiled {
@@ -334,7 +332,7 @@ enum Compiled {
     },
 }
 
-// Textures of others: constants of constants, mixes, and an end to circles.
+// Constant folding of nested textures, mixes, and rejection of cycles.
 
 /// A checker of two equal constants is a constant, and so is a mix of constants.
 fn fold_constants(textures: &mut [Compiled]) {
@@ -389,7 +387,7 @@ fn mixed(a: [f32; 4], b: [f32; 4], [red, green, blue, _]: [f32; 4]) -> [f32; 4] 
     std::array::from_fn(|i| a[i] + share[i] * (b[i] - a[i]))
 }
 
-// All textures at one point: what several of them share is computed once.
+// Lookup of all textures of a material at one point; shared texels and coordinates are computed once.
 
 /// Reads textures at a point. Materials ask for one texture several times (a channel each), and their textures mostly
 /// have one size and one set of coordinates: the last value and the last texels found are kept.

@@ -1,4 +1,4 @@
-//! Ever coarser copies of an image (Williams 1983, "Pyramidal Parametrics").
+//! Mip maps (Williams 1983, "Pyramidal Parametrics") and texel decoding.
 
 use crate::color::{linear_from_srgb, srgb_from_linear, srgb_table};
 use crate::image::{Encoding, Image, Pixels};
@@ -30,7 +30,7 @@ enum Threads {
 }
 
 fn halved_by(image: &Image, threads: Threads) -> Image {
-    let means = Halves::new(image, threads);
+    let means = Downsampling::new(image, threads);
     let is_srgb = image.encoding == Encoding::Srgb;
     let pixels = match &*image.pixels {
         Pixels::U8(_) => {
@@ -52,19 +52,19 @@ fn halved_by(image: &Image, threads: Threads) -> Image {
 
 /// The texels of a finer level that a coarser one's texel covers along one axis, and how much of each.
 #[derive(Clone, Copy)]
-struct Taps {
+struct BoxTaps {
     first: u32,
     count: u32,
     weights: [f32; 3],
 }
 
-impl Taps {
-    fn new(i: u32, coarse: u32, fine: u32) -> Taps {
+impl BoxTaps {
+    fn new(i: u32, coarse: u32, fine: u32) -> BoxTaps {
         // Integers: texel i covers i * fine / coarse to (i + 1) * fine / coarse, at most three texels.
         let (from, to) = (u64::from(i) * u64::from(fine), (u64::from(i) + 1) * u64::from(fine));
         let coarse = u64::from(coarse);
         let first = from / coarse;
-        let mut taps = Taps { first: first as u32, count: 0, weights: [0.0; 3] };
+        let mut taps = BoxTaps { first: first as u32, count: 0, weights: [0.0; 3] };
         for (k, weight) in taps.weights.iter_mut().enumerate() {
             let (start, end) = ((first + k as u64) * coarse, (first + k as u64 + 1) * coarse);
             let covered = end.min(to).saturating_sub(start.max(from));
@@ -82,20 +82,20 @@ impl Taps {
 }
 
 /// How the next coarser level is made of an image.
-struct Halves<'a> {
+struct Downsampling<'a> {
     image: &'a Image,
-    columns: Vec<Taps>,
-    rows: Vec<Taps>,
+    columns: Vec<BoxTaps>,
+    rows: Vec<BoxTaps>,
     threads: Threads,
 }
 
-impl<'a> Halves<'a> {
-    fn new(image: &'a Image, threads: Threads) -> Halves<'a> {
+impl<'a> Downsampling<'a> {
+    fn new(image: &'a Image, threads: Threads) -> Downsampling<'a> {
         let taps = |fine: u32| {
             let coarse = (fine / 2).max(1);
-            (0..coarse).map(|i| Taps::new(i, coarse, fine)).collect::<Vec<_>>()
+            (0..coarse).map(|i| BoxTaps::new(i, coarse, fine)).collect::<Vec<_>>()
         };
-        Halves { image, columns: taps(image.width), rows: taps(image.height), threads }
+        Downsampling { image, columns: taps(image.width), rows: taps(image.height), threads }
     }
 
     /// All texels in the image's own format: colours by one function, alphas by the other.
@@ -122,8 +122,8 @@ impl<'a> Halves<'a> {
         let width = self.columns.len();
         let mut values = vec![T::zeroed(); width * self.rows.len() * N];
         let means = || vec![[0.0; 4]; width];
-        let fill = |means: &mut Vec<[f32; 4]>, (values, row): (&mut [T], &Taps)| {
-            with_texels(self.image, Means { of: self, row, means });
+        let fill = |means: &mut Vec<[f32; 4]>, (values, row): (&mut [T], &BoxTaps)| {
+            with_texels(self.image, RowMeans { of: self, row, means });
             for (mean, texel) in means.iter().zip(values.chunks_exact_mut(N)) {
                 for (c, value) in texel.iter_mut().enumerate() {
                     let is_alpha = N.is_multiple_of(2) && c == N - 1;
@@ -151,13 +151,13 @@ impl<'a> Halves<'a> {
 }
 
 /// Finds the linear texels of a row.
-struct Means<'a> {
-    of: &'a Halves<'a>,
-    row: &'a Taps,
+struct RowMeans<'a> {
+    of: &'a Downsampling<'a>,
+    row: &'a BoxTaps,
     means: &'a mut [[f32; 4]],
 }
 
-impl WithTexels for Means<'_> {
+impl WithTexels for RowMeans<'_> {
     type Output = ();
 
     fn run(self, texels: impl Texels) {
@@ -191,7 +191,7 @@ fn mean_of_four(texels: [[f32; 4]; 4]) -> [f32; 4] {
 }
 
 #[inline(always)]
-fn mean_of(row: &Taps, column: &Taps, stride: usize, texels: &impl Texels) -> [f32; 4] {
+fn mean_of(row: &BoxTaps, column: &BoxTaps, stride: usize, texels: &impl Texels) -> [f32; 4] {
     let (mut color, mut visible, mut alpha, mut total) = ([0.0f32; 3], [0.0f32; 3], 0.0, 0.0);
     for (y, of_row) in row.iter() {
         for (x, of_column) in column.iter() {

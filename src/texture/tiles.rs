@@ -1,3 +1,5 @@
+//! Compressed tiles of mip levels, and the cache of tiles that all threads share.
+
 use crate::error::Warning;
 use crate::image::{Damage, Image, Pixels};
 use rayon::prelude::*;
@@ -60,7 +62,7 @@ impl PackedLevel {
 
     /// A tile, decompressed.
     pub fn tile(&self, tile: u32) -> Image {
-        let at = Area::of(tile, self.like.width, self.like.height);
+        let at = TileRect::of(tile, self.like.width, self.like.height);
         let n = self.like.channels as usize;
         let is_deep = matches!(*self.like.pixels, Pixels::U16(_));
         let count = (at.width * at.height) as usize * n;
@@ -105,7 +107,7 @@ impl PackedLevel {
 fn packed_row(level: &Image, row: u32) -> (Vec<usize>, Vec<u8>) {
     let (mut lengths, mut bytes, mut residuals) = (Vec::new(), Vec::new(), Vec::new());
     for column in 0..across(level.width) {
-        let at = Area::of(row * across(level.width) + column, level.width, level.height);
+        let at = TileRect::of(row * across(level.width) + column, level.width, level.height);
         residuals.clear();
         match &*level.pixels {
             Pixels::U8(data) => predict(data, level, &at, &mut residuals),
@@ -136,17 +138,17 @@ fn rows(level: &Image) -> u32 {
 }
 
 /// The texels of a tile.
-struct Area {
+struct TileRect {
     x: u32,
     y: u32,
     width: u32,
     height: u32,
 }
 
-impl Area {
-    fn of(tile: u32, width: u32, height: u32) -> Area {
+impl TileRect {
+    fn of(tile: u32, width: u32, height: u32) -> TileRect {
         let (x, y) = (tile % across(width) * SIDE, tile / across(width) * SIDE);
-        Area { x, y, width: (width - x).min(SIDE), height: (height - y).min(SIDE) }
+        TileRect { x, y, width: (width - x).min(SIDE), height: (height - y).min(SIDE) }
     }
 }
 
@@ -177,7 +179,7 @@ impl Code for u16 {
 }
 
 /// Adds what the predictor misses in a tile.
-fn predict<T: Code>(data: &[T], level: &Image, at: &Area, out: &mut Vec<T>) {
+fn predict<T: Code>(data: &[T], level: &Image, at: &TileRect, out: &mut Vec<T>) {
     let n = level.channels as usize;
     let (stride, row) = (level.width as usize * n, at.width as usize * n);
     // Differences to the line above, then to the left.
@@ -224,9 +226,9 @@ fn restore_channels<T: Code, const N: usize>(values: &mut [T], row: usize) {
     }
 }
 
-// What the levels that are not in memory have in common: the tiles in use, how much of everything may be there, and counts.
+// The shared cache of decoded tiles and compressed levels, with limits and counters.
 
-/// Parts of the tiles in use that have a lock each, so that threads seldom meet.
+/// Shards of the tile cache, each with a lock, to reduce contention.
 const SHARDS: usize = 64;
 
 /// Who keeps compressed levels.
@@ -256,14 +258,14 @@ pub(super) struct Store {
     /// Bytes of the images that are being decoded.
     decoding: Mutex<usize>,
     decoded: Condvar,
-    /// Counts uses, so that the latest are known.
+    /// StoreCounts uses, so that the latest are known.
     clock: AtomicU64,
-    counts: Counts,
+    counts: StoreCounts,
     damaged: Mutex<Vec<(String, Warning)>>,
 }
 
 #[derive(Debug, Default)]
-struct Counts {
+struct StoreCounts {
     decodes: AtomicU64,
     tiles: AtomicU64,
     evicted_tiles: AtomicU64,
@@ -300,7 +302,7 @@ impl Store {
             decoding: Mutex::new(0),
             decoded: Condvar::new(),
             clock: AtomicU64::new(1),
-            counts: Counts::default(),
+            counts: StoreCounts::default(),
             damaged: Mutex::default(),
         }
     }
@@ -332,7 +334,7 @@ impl Store {
         lock(&self.packed).bytes.saturating_add(bytes) <= self.most_packed
     }
 
-    /// Counts a compressed level of an image; others go where there are too many. Must be called without any lock.
+    /// StoreCounts a compressed level of an image; others go where there are too many. Must be called without any lock.
     pub fn keep(&self, of: Arc<dyn KeepsLevels>, level: usize, packed: &Arc<PackedLevel>) {
         self.touch(packed);
         let entry = KeptLevel {
@@ -378,7 +380,7 @@ impl Store {
 
     /// What happened so far.
     pub fn on_demand(&self) -> TexturesOnDemand {
-        let Counts { decodes, tiles, evicted_tiles, evicted_levels } = &self.counts;
+        let StoreCounts { decodes, tiles, evicted_tiles, evicted_levels } = &self.counts;
         let of_tiles: usize = self.shards.iter().map(|shard| lock(shard).bytes).sum();
         TexturesOnDemand {
             decodes: decodes.load(Relaxed),

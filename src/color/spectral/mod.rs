@@ -1,4 +1,4 @@
-//! Colours as spectra: what pictures by wavelength are made with.
+//! Spectra for spectral rendering.
 //!
 //! Light is counted relative to daylight, the illuminant D65 of the CIE: what is 1 at all wavelengths is the white of Rec. 709.
 //! A path carries [`LANES`] wavelengths side by side, where it carries red, green and blue otherwise (hero wavelength
@@ -7,11 +7,11 @@
 //! Efficient Spectral Upsampling"), of [`Sigmoid`]s.
 
 mod metal;
+mod metals;
+mod observer;
 mod uplift;
 mod wavelengths;
 
 pub use metal::Metal;
-pub use uplift::Sigmoid;
-pub use uplift::{Spectrum, uplifted_light, uplifted_share};
-pub use wavelengths::{Curve, SECOND_RADIATION_CONSTANT};
-pub use wavelengths::{FIRST_NM, LANES, LAST_NM, Wavelengths, rgb_of};
+pub use uplift::{Sigmoid, Spectrum, uplifted_light, uplifted_share};
+pub use wavelengths::{Curve, FIRST_NM, LANES, LAST_NM, SECOND_RADIATION_CONSTANT, Wavelengths, rgb_of};

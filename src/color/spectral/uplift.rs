@@ -1,9 +1,10 @@
+//! Spectra of colours: spectral uplift by sigmoids of quadratic polynomials (Jakob, Hanika 2019, "A Low-Dimensional Function Space for
+//! Efficient Spectral Upsampling"), and measured spectra.
+
 use super::wavelengths::{Curve, FIRST_NM, LAST_NM, Wavelengths, quadrature};
 use crate::color::Rgb;
 use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
-
-// Smooth spectra between 0 and 1.
 
 const MIDDLE_NM: f32 = 0.5 * (FIRST_NM + LAST_NM);
 const HALF_NM: f32 = 0.5 * (LAST_NM - FIRST_NM);
@@ -32,15 +33,15 @@ pub(super) fn place(nm: f64) -> f64 {
     (nm - f64::from(MIDDLE_NM)) / f64::from(HALF_NM)
 }
 
-// Finds the sigmoid of a colour.
+// Fit of a sigmoid to a colour.
 
-/// Good enough: relative to the colour's brightest channel.
+/// The fit stops at this error relative to the brightest channel.
 const WANTED: f64 = 1e-6;
 const MOST_STEPS: usize = 60;
-/// Larger ones make steps from one wavelength to the next.
+/// Largest polynomial coefficient: with larger ones a spectrum is a step between two wavelengths.
 const MOST_COEFFICIENT: f64 = 300.0;
 
-/// What a sigmoid looks like in daylight, and its derivatives by the coefficients.
+/// Linear Rec. 709 of a sigmoid reflectance under D65, and its derivatives by the coefficients.
 fn look([a, b, c]: [f64; 3]) -> ([f64; 3], [[f64; 3]; 3]) {
     let (mut rgb, mut slopes) = ([0.0; 3], [[0.0; 3]; 3]);
     for (nm, weight) in quadrature() {
@@ -115,7 +116,7 @@ fn step(slopes: &[[f64; 3]; 3], found: [f64; 3], wanted: [f64; 3], damping: f64)
     solved.iter().all(|v| v.is_finite()).then_some(solved)
 }
 
-// Sigmoids of all colours of Rec. 709, between which those of textures are found.
+// Table of sigmoids over the Rec. 709 gamut, interpolated at each texture lookup.
 
 /// Nodes along each axis.
 const NODES: usize = 32;
@@ -232,7 +233,7 @@ pub enum Spectrum {
     Uplifted {
         /// The colour.
         rgb: Rgb,
-        /// What the sigmoid is taken times.
+        /// Factor on the sigmoid.
         scale: f32,
         /// Its shape.
         shape: Sigmoid,
@@ -241,7 +242,7 @@ pub enum Spectrum {
     Measured(Arc<Curve>),
 }
 
-/// The brightest channel that lights are brought to: spectra in the middle between 0 and 1 are the smoothest.
+/// Colours of lights are scaled so that their brightest channel has this value, where sigmoids are smoothest.
 const MIDDLE: f32 = 0.5;
 
 /// What a colour is divided by to lie within 0..1: shares of light as they are.
@@ -274,7 +275,7 @@ impl Spectrum {
         Spectrum::Uplifted { rgb, scale: scale * dark, shape: Sigmoid(fitted.map(|c| c as f32)) }
     }
 
-    /// Its values in the lanes of a path.
+    /// Its values at a path's wavelengths.
     #[inline]
     pub fn at(&self, waves: &Wavelengths) -> Rgb {
         match self {
@@ -284,7 +285,7 @@ impl Spectrum {
         }
     }
 
-    /// What it looks like in daylight, or as light: linear Rec. 709.
+    /// Linear Rec. 709 of the spectrum: of a reflectance under D65, or of a light.
     pub fn rgb(&self) -> Rgb {
         match self {
             Spectrum::Grey(value) => Rgb::splat(*value),
@@ -300,8 +301,7 @@ fn uplifted(rgb: Rgb, scale: f32, waves: &Wavelengths) -> Rgb {
     waves.map(|nm| shape.at(nm) * (scale * dark))
 }
 
-/// The values in the lanes of a path of the spectrum of a colour that is a share of light, by a table: see the module's tests for how
-/// near it comes.
+/// The uplifted spectrum of a reflectance or transmittance at a path's wavelengths, by the table. The tests of this file bound the error.
 #[inline]
 pub fn uplifted_share(rgb: Rgb, waves: &Wavelengths) -> Rgb {
     let rgb = rgb.max(Rgb::ZERO);

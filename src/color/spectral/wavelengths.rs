@@ -1,5 +1,6 @@
-//! Which wavelengths a path carries, and what light of them looks like.
+//! Hero wavelength sampling (Wilkie et al. 2014, "Hero Wavelength Spectral Sampling"), the CIE 1931 observer, and measured spectra.
 
+use super::observer::{D65, MATCHING};
 use crate::color::{Primaries, Rgb, luminance};
 use std::sync::OnceLock;
 
@@ -7,7 +8,7 @@ use std::sync::OnceLock;
 pub const FIRST_NM: f32 = 380.0;
 /// The last one.
 pub const LAST_NM: f32 = 780.0;
-/// Wavelengths that a path carries.
+/// Wavelengths of a path.
 pub const LANES: usize = 3;
 
 /// Between the nodes of the observer's tables, nanometres.
@@ -17,7 +18,7 @@ const NODES: usize = MATCHING.len();
 /// The least density of a wavelength, as a share of the mean one.
 const LEAST_DENSITY: f64 = 0.05;
 
-/// What light of each wavelength looks like, at the nodes; linear between them.
+/// Response of the CIE 1931 observer and the density of wavelength sampling, tabulated; linear between nodes.
 struct Observer {
     /// Linear Rec. 709 per nanometre of light that is 1 relative to D65.
     rgb: [[f32; 3]; NODES],
@@ -49,7 +50,7 @@ fn observer() -> &'static Observer {
     static OBSERVER: OnceLock<Observer> = OnceLock::new();
     OBSERVER.get_or_init(|| {
         let rgb = rgb_at_nodes();
-        // In proportion to how much a wavelength tells: then white light varies least.
+        // Importance sampling by the observer's response: the variance of white light is smallest.
         let lengths = rgb.map(|[r, g, b]| (r * r + g * g + b * b).sqrt());
         let mean = lengths.iter().sum::<f64>() / NODES as f64;
         let weights = lengths.map(|length| length + LEAST_DENSITY * mean);
@@ -106,7 +107,7 @@ pub(super) fn daylight(nm: f64) -> f64 {
     f64::from(D65[i]) * (1.0 - share) + f64::from(D65[i + 1]) * share
 }
 
-/// The wavelengths of a path.
+/// The wavelengths of a path: the hero and two at equal distances in the cumulative distribution.
 #[derive(Clone, Copy, Debug)]
 pub struct Wavelengths {
     /// By lane, nanometres.
@@ -116,7 +117,7 @@ pub struct Wavelengths {
 }
 
 impl Wavelengths {
-    /// A hero by a number in 0..1 and those that lie a third and two thirds of the distribution behind it.
+    /// Samples a hero wavelength by a number in 0..1; the others follow at one and two thirds of the cumulative distribution.
     #[inline]
     pub fn draw(u: f32) -> Wavelengths {
         let observer = observer();
@@ -129,7 +130,7 @@ impl Wavelengths {
         drawn
     }
 
-    /// Linear Rec. 709 of what arrived in the lanes: its mean is that of the light.
+    /// Linear Rec. 709 of a path's spectral contribution; unbiased.
     #[inline]
     pub fn rgb(&self, [a, b, c]: [f32; LANES]) -> [f32; 3] {
         let [x, y, z] = &self.rgb;
@@ -161,106 +162,6 @@ impl Observer {
         (nm, [0, 1, 2].map(|c| (a[c] + (b[c] - a[c]) * t) * scale))
     }
 }
-
-// The standard observer of the CIE and its daylight, every 5 nm from 380 to 780 nm (CIE 015:2018, tables 1 and 5).
-// Made by `tools/spectra/tables.py`.
-
-/// The colour matching functions of 1931: X, Y and Z.
-pub const MATCHING: [[f32; 3]; 81] = [
-    [0.001_368, 0.000_039, 0.006_450_001],
-    [0.002_236, 0.000_064, 0.010_549_99],
-    [0.004_243, 0.00012, 0.020_050_01],
-    [0.00765, 0.000_217, 0.03621],
-    [0.01431, 0.000_396, 0.067_850_01],
-    [0.02319, 0.00064, 0.1102],
-    [0.04351, 0.00121, 0.2074],
-    [0.07763, 0.00218, 0.3713],
-    [0.13438, 0.004, 0.6456],
-    [0.21477, 0.0073, 1.039_050_1],
-    [0.2839, 0.0116, 1.3856],
-    [0.3285, 0.01684, 1.62296],
-    [0.34828, 0.023, 1.74706],
-    [0.34806, 0.0298, 1.7826],
-    [0.3362, 0.038, 1.77211],
-    [0.3187, 0.048, 1.7441],
-    [0.2908, 0.06, 1.6692],
-    [0.2511, 0.0739, 1.5281],
-    [0.19536, 0.09098, 1.28764],
-    [0.1421, 0.1126, 1.0419],
-    [0.09564, 0.13902, 0.812_950_1],
-    [0.057_950_01, 0.1693, 0.6162],
-    [0.03201, 0.20802, 0.46518],
-    [0.0147, 0.2586, 0.3533],
-    [0.0049, 0.323, 0.272],
-    [0.0024, 0.4073, 0.2123],
-    [0.0093, 0.503, 0.1582],
-    [0.0291, 0.6082, 0.1117],
-    [0.06327, 0.71, 0.078_249_99],
-    [0.1096, 0.7932, 0.057_250_01],
-    [0.1655, 0.862, 0.04216],
-    [0.225_749_9, 0.914_850_1, 0.02984],
-    [0.2904, 0.954, 0.0203],
-    [0.3597, 0.9803, 0.0134],
-    [0.433_449_9, 0.994_950_1, 0.008_749_999],
-    [0.512_050_1, 1.0, 0.005_749_999],
-    [0.5945, 0.995, 0.0039],
-    [0.6784, 0.9786, 0.002_749_999],
-    [0.7621, 0.952, 0.0021],
-    [0.8425, 0.9154, 0.0018],
-    [0.9163, 0.87, 0.001_650_001],
-    [0.9786, 0.8163, 0.0014],
-    [1.0263, 0.757, 0.0011],
-    [1.0567, 0.6949, 0.001],
-    [1.0622, 0.631, 0.0008],
-    [1.0456, 0.5668, 0.0006],
-    [1.0026, 0.503, 0.00034],
-    [0.9384, 0.4412, 0.00024],
-    [0.854_449_9, 0.381, 0.00019],
-    [0.7514, 0.321, 0.0001],
-    [0.6424, 0.265, 0.000_049_999_99],
-    [0.5419, 0.217, 0.00003],
-    [0.4479, 0.175, 0.00002],
-    [0.3608, 0.1382, 0.00001],
-    [0.2835, 0.107, -0.000_000_000_000_000_000_001_905_824_1],
-    [0.2187, 0.0816, 0.0],
-    [0.1649, 0.061, 0.0],
-    [0.1212, 0.04458, 0.0],
-    [0.0874, 0.032, 0.0],
-    [0.0636, 0.0232, 0.0],
-    [0.04677, 0.017, 0.0],
-    [0.0329, 0.01192, 0.0],
-    [0.0227, 0.00821, 0.0],
-    [0.01584, 0.005_723, 0.0],
-    [0.011_359_16, 0.004_102, 0.0],
-    [0.008_110_916, 0.002_929, 0.0],
-    [0.005_790_346, 0.002_091, 0.0],
-    [0.004_109_457, 0.001_484, 0.0],
-    [0.002_899_327, 0.001_047, 0.0],
-    [0.002_049_19, 0.00074, 0.0],
-    [0.001_439_971, 0.00052, 0.0],
-    [0.000_999_949_3, 0.000_361_1, 0.0],
-    [0.000_690_078_6, 0.000_249_2, 0.0],
-    [0.000_476_021_3, 0.000_171_9, 0.0],
-    [0.000_332_301_1, 0.00012, 0.0],
-    [0.000_234_826_1, 0.000_084_8, 0.0],
-    [0.000_166_150_5, 0.00006, 0.0],
-    [0.000_117_413, 0.000_042_4, 0.0],
-    [0.000_083_075_27, 0.00003, 0.0],
-    [0.000_058_706_52, 0.000_021_2, 0.0],
-    [0.000_041_509_94, 0.000_014_99, 0.0],
-];
-
-/// Relative power of the illuminant D65.
-pub const D65: [f32; 81] = [
-    49.9755, 52.3118, 54.6482, 68.7015, 82.7549, 87.1204, 91.486, 92.4589, 93.4318, 90.057, 86.6823, 95.7736,
-    104.865, 110.936, 117.008, 117.41, 117.812, 116.336, 114.861, 115.392, 115.923, 112.367, 108.811,
-    109.082, 109.354, 108.578, 107.802, 106.296, 104.79, 106.239, 107.689, 106.047, 104.405, 104.225,
-    104.046, 102.023, 100.0, 98.1671, 96.3342, 96.0611, 95.788, 92.2368, 88.6856, 89.3459, 90.0062, 89.8026,
-    89.5991, 88.6489, 87.6987, 85.4936, 83.2886, 83.4939, 83.6992, 81.863, 80.0268, 80.1207, 80.2146,
-    81.2462, 82.2778, 80.281, 78.2842, 74.0027, 69.7213, 70.6652, 71.6091, 72.979, 74.349, 67.9765, 61.604,
-    65.7448, 69.8856, 72.4863, 75.087, 69.3398, 63.5927, 55.0054, 46.4182, 56.6118, 66.8054, 65.0941,
-    63.3828,
-];
 
 // Measured spectra.
 
@@ -334,7 +235,7 @@ impl Curve {
         self.values[i] * (1.0 - share) + self.values[i + 1] * share
     }
 
-    /// What it looks like, linear Rec. 709: of a reflectance in daylight. Negative beyond the gamut.
+    /// Linear Rec. 709 of the spectrum: of a reflectance under D65. Negative outside the gamut.
     pub fn rgb(&self) -> [f32; 3] {
         self.rgb
     }

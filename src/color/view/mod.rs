@@ -1,4 +1,4 @@
-//! From scene-referred light to what a display shows.
+//! View transforms: from scene-referred linear colours to display values.
 
 mod table;
 

@@ -20,13 +20,13 @@ const MOST_KNOTS: usize = 65_536;
 pub struct ViewTable {
     /// The file it is from.
     path: PathBuf,
-    curves: [Curve; 3],
+    curves: [ToneCurve; 3],
     values: Values,
 }
 
 /// A polyline over ascending knots.
 #[derive(Clone, Debug, PartialEq)]
-struct Curve {
+struct ToneCurve {
     knots: Vec<f32>,
     values: Vec<f32>,
 }
@@ -65,7 +65,7 @@ impl ViewTable {
         if !rest.0.is_empty() {
             return Err(format!("has {} bytes more than the table needs", rest.0.len()));
         }
-        let curve = Curve { knots, values };
+        let curve = ToneCurve { knots, values };
         let curves = [curve.clone(), curve.clone(), curve];
         Ok(ViewTable { path: path.to_path_buf(), curves, values: Values::Lattice([edge; 3], nodes) })
     }
@@ -113,7 +113,7 @@ impl ViewTable {
     }
 }
 
-impl Curve {
+impl ToneCurve {
     fn at(&self, x: f32) -> f32 {
         let x = if x.is_nan() { 0.0 } else { x };
         let above = self.knots.partition_point(|knot| *knot <= x).clamp(1, self.knots.len() - 1);
@@ -147,13 +147,13 @@ fn tetrahedral(size: [usize; 3], nodes: &[[f32; 3]], at: [f32; 3]) -> [f32; 3] {
     sum
 }
 
-fn curve(words: &mut Words) -> Result<Curve, String> {
+fn curve(words: &mut Words) -> Result<ToneCurve, String> {
     let count = words.count("knots of a curve", MOST_KNOTS)?;
     let line = words.line();
     let knots = words.numbers(count)?;
     let values = words.numbers(count)?;
     match knots.is_sorted_by(|a, b| a < b) {
-        true => Ok(Curve { knots, values }),
+        true => Ok(ToneCurve { knots, values }),
         false => Err(format!("line {line}: knots of a curve must ascend")),
     }
 }

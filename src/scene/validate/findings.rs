@@ -10,6 +10,9 @@ const MOST_ALIKE: usize = 8;
 /// Numbers that one thread looks at in a row.
 pub(super) const BLOCK: usize = 1 << 16;
 
+/// Required of images that are not textures.
+pub(super) const DECODED: &str = "decoded";
+
 /// An entry of one of the scene's lists.
 #[derive(Clone, Copy)]
 pub(super) struct Entry<'a> {

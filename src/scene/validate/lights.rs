@@ -1,7 +1,6 @@
 //! Checks of lights, the environment, light groups and cameras.
 
-use super::findings::{Entry, Findings};
-use super::materials::DECODED;
+use super::findings::{DECODED, Entry, Findings};
 use crate::math::{DAffine3, DQuat, DVec3};
 use crate::scene::{
     Aperture, Backdrop, Camera, Environment, LightKind, Panorama, Projection, Scene, is_group_name,

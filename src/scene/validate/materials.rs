@@ -1,6 +1,6 @@
 //! Checks of materials, media, images and textures.
 
-use super::findings::{Entry, Findings};
+use super::findings::{DECODED, Entry, Findings};
 use super::lights::check_aim;
 use crate::image::{Image, Pixels};
 use crate::math::DVec3;
@@ -237,9 +237,6 @@ pub(super) fn check_media(scene: &Scene, findings: &mut Findings) {
 }
 
 // Images: as many numbers as width, height and channels say.
-
-/// What images must be that are more than textures.
-pub(super) const DECODED: &str = "decoded";
 
 pub(super) fn check_images(scene: &Scene, findings: &mut Findings) {
     // The environment counts texels that are no numbers as black; textures hand them on.
