@@ -73,16 +73,12 @@ fn points(material: &Material) -> impl Iterator<Item = TextureId> {
 fn for_each_image(scene: &Scene, id: TextureId, f: &mut dyn FnMut(usize, &Mapping)) {
     let mut pending = vec![(id, 0)];
     while let Some((id, depth)) = pending.pop() {
-        let mut add = |parts: &[TextureId]| {
-            if depth < MAX_TEXTURE_NESTING {
-                pending.extend(parts.iter().map(|&part| (part, depth + 1)));
-            }
-        };
-        match scene.textures.get(id.index()) {
-            Some(Texture::Image { mapping, .. }) => f(id.index(), mapping),
-            Some(Texture::Checker { even, odd, .. }) => add(&[*even, *odd]),
-            Some(Texture::Mix { a, b, factor }) => add(&[*a, *b, *factor]),
-            _ => {}
+        let Some(texture) = scene.textures.get(id.index()) else { continue };
+        if let Texture::Image { mapping, .. } = texture {
+            f(id.index(), mapping);
+        }
+        if depth < MAX_TEXTURE_NESTING {
+            pending.extend(texture.parts().into_iter().map(|part| (part, depth + 1)));
         }
     }
 }

@@ -25,6 +25,7 @@ mod material;
 mod medium;
 mod model;
 mod motion;
+pub mod nodes;
 mod object_traits;
 mod outline;
 mod settings;

@@ -1,5 +1,6 @@
 //! Textures: images and procedural patterns, and how they map to surfaces.
 
+use super::nodes::NodeGraph;
 use super::{ImageId, TextureId};
 use crate::color::spectral::Curve;
 use crate::math::Vec2;
@@ -139,6 +140,8 @@ pub enum Texture {
     ///
     /// Surfaces whose reflection differs with the viewer reflect light not alike in both directions of a path, as in Cycles.
     Facing(Arc<[[f32; 3]]>),
+    /// A function of the point, made of nodes; negative values count as 0. Alpha is 1.
+    Nodes(Arc<NodeGraph>),
     /// A measured spectrum, the same everywhere: what it looks like in daylight, or as light, where pictures are not rendered by
     /// wavelength.
     Spectrum(Arc<Curve>),
@@ -157,4 +160,26 @@ pub enum Texture {
         /// Chooses another lattice.
         seed: u32,
     },
+}
+
+impl Texture {
+    /// Textures that it is made of, directly.
+    pub fn parts(&self) -> Vec<TextureId> {
+        match self {
+            Texture::Checker { even, odd, .. } => vec![*even, *odd],
+            Texture::Mix { a, b, factor } => vec![*a, *b, *factor],
+            Texture::Nodes(graph) => graph.textures().collect(),
+            _ => Vec::new(),
+        }
+    }
+
+    /// Renames the textures that it is made of.
+    pub fn map_parts(&mut self, rename: impl Fn(TextureId) -> TextureId) {
+        match self {
+            Texture::Checker { even, odd, .. } => [even, odd].into_iter().for_each(|id| *id = rename(*id)),
+            Texture::Mix { a, b, factor } => [a, b, factor].into_iter().for_each(|id| *id = rename(*id)),
+            Texture::Nodes(graph) => Arc::make_mut(graph).map_textures(rename),
+            _ => {}
+        }
+    }
 }

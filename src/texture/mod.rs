@@ -4,6 +4,7 @@
 mod coordinates;
 mod image;
 mod levels;
+mod nodes;
 mod noise;
 mod pyramid;
 mod tiles;
@@ -18,6 +19,7 @@ pub use coordinates::TexturePoint;
 use coordinates::{TextureCoordinates, UvMap, triplanar};
 pub use image::ImageLookup;
 use image::Taps;
+use nodes::Program;
 use levels::{Images, Levels};
 pub use levels::{TextureNeeds, TextureReport};
 pub use noise::{marble, perlin, turbulence};
@@ -173,9 +175,14 @@ impl CompiledTextures {
         while let Some(at) = pending.pop() {
             match self.textures.get(at) {
                 Some(Compiled::Facing(_)) => return true,
+                Some(Compiled::Nodes(program)) if program.depends_on_viewer() => return true,
                 Some(Compiled::Checker { even, odd, .. }) if !known[at] => {
                     known[at] = true;
                     pending.extend([*even as usize, *odd as usize]);
+                }
+                Some(Compiled::Nodes(program)) if !known[at] => {
+                    known[at] = true;
+                    pending.extend(program.textures().map(TextureId::index));
                 }
                 Some(Compiled::Mix(parts)) if !known[at] => {
                     known[at] = true;
@@ -216,6 +223,13 @@ fn compile(texture: &Texture, images: &[Image], levels: &BTreeMap<ImageId, Optio
             coordinates: TextureCoordinates::new(mapping),
         },
         Texture::Mix { a, b, factor } => Compiled::Mix([a.0, b.0, factor.0]),
+        Texture::Nodes(graph) => {
+            let program = Program::new(graph);
+            match program.constant() {
+                Some([r, g, b]) => Compiled::Constant([r, g, b, 1.0]),
+                None => Compiled::Nodes(Arc::new(program)),
+            }
+        }
         Texture::Normal => Compiled::Normal,
         Texture::Facing(colors) => match colors.first() {
             None => Compiled::Constant([0.0, 0.0, 0.0, 1.0]),
@@ -318,6 +332,7 @@ enum Compiled {
     },
     /// Two textures by a third.
     Mix([u32; 3]),
+    Nodes(Arc<Program>),
     Normal,
     /// By the cosine, from 0 to 1; two colours or more.
     Facing(Arc<[[f32; 3]]>),
@@ -358,9 +373,9 @@ fn fold_constants(textures: &mut [Compiled]) {
     }
 }
 
-/// Mixes that contain themselves, or too many others, become black: they are followed without a bound.
+/// Textures that contain themselves, or too many others, become black where lookups follow them without a bound.
 fn cut_endless_mixes(textures: &mut [Compiled]) {
-    if !textures.iter().any(|texture| matches!(texture, Compiled::Mix(_))) {
+    if !textures.iter().any(is_followed) {
         return;
     }
     let mut depths = vec![1; textures.len()];
@@ -370,15 +385,21 @@ fn cut_endless_mixes(textures: &mut [Compiled]) {
             depths[i] = match textures[i] {
                 Compiled::Checker { even, odd, .. } => depth(even).max(depth(odd)),
                 Compiled::Mix(parts) => parts.map(depth).into_iter().max().unwrap_or(1),
+                Compiled::Nodes(ref program) => program.textures().map(|part| depth(part.0)).max().unwrap_or(1),
                 _ => 1,
             };
         }
     }
     for (texture, depth) in textures.iter_mut().zip(depths) {
-        if matches!(texture, Compiled::Mix(_)) && depth > MAX_TEXTURE_NESTING {
+        if is_followed(texture) && depth > MAX_TEXTURE_NESTING {
             *texture = Compiled::Constant([0.0, 0.0, 0.0, 1.0]);
         }
     }
+}
+
+/// Do lookups follow all its parts?
+fn is_followed(texture: &Compiled) -> bool {
+    matches!(texture, Compiled::Mix(_) | Compiled::Nodes(_))
 }
 
 /// `a + factor (b - a)` by channel; alpha by the mean of the factor's colours.
@@ -461,6 +482,7 @@ impl<'a> PointReader<'a> {
                     return [r, g, b, 1.0];
                 }
                 Some(Compiled::Mix(parts)) => return self.mix(*parts),
+                Some(Compiled::Nodes(program)) => return self.nodes(program),
                 Some(Compiled::Facing(colors)) => return color_by_cosine(colors, self.point.cosine),
                 Some(Compiled::Noise { kind, frequency, octaves, low, high, seed }) => {
                     let value = noise_value(*kind, self.moved().world * *frequency, *octaves, *seed);
@@ -471,6 +493,12 @@ impl<'a> PointReader<'a> {
             }
         }
         [0.0, 0.0, 0.0, 1.0]
+    }
+
+    #[inline(never)]
+    fn nodes(&self, program: &Program) -> [f32; 4] {
+        let [r, g, b] = program.at(self.moved(), &|texture| self.look_up(texture));
+        [r, g, b, 1.0]
     }
 
     #[inline(never)]

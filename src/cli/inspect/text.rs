@@ -542,18 +542,14 @@ pub fn material_images(scene: &Scene, material: &Material) -> Vec<usize> {
     let mut images = Vec::new();
     // A texture comes after those that it is made of, so one pass backwards reaches them all.
     for (i, texture) in scene.textures.iter().enumerate().rev() {
-        match *texture {
-            Texture::Image { image, .. } if textures[i] => images.push(image.index()),
-            Texture::Checker { even, odd, .. } if textures[i] => {
-                textures[even.index()] = true;
-                textures[odd.index()] = true;
-            }
-            Texture::Mix { a, b, factor } if textures[i] => {
-                for part in [a, b, factor] {
-                    textures[part.index()] = true;
-                }
-            }
-            _ => {}
+        if !textures[i] {
+            continue;
+        }
+        if let Texture::Image { image, .. } = texture {
+            images.push(image.index());
+        }
+        for part in texture.parts() {
+            textures[part.index()] = true;
         }
     }
     images.sort_unstable();

@@ -5,7 +5,7 @@ use super::builder::SceneFileBuilder;
 use crate::error::{Error, Result, Warning};
 use crate::load::formats::{self, Format};
 use crate::load::{LoadOptions, Loaded, smooth};
-use crate::scene::{
+use crate::scene::{TextureId, 
     Camera, Environment, Instance, MaterialId, MeshId, Motion, Scene, Shape, ShapeKind, Texture,
 };
 use std::borrow::Cow;
@@ -222,20 +222,7 @@ impl Shift {
     fn texture(&self, mut texture: Texture) -> Texture {
         match &mut texture {
             Texture::Image { image, .. } => image.0 += self.image,
-            Texture::Checker { even, odd, .. } => {
-                even.0 += self.texture;
-                odd.0 += self.texture;
-            }
-            Texture::Mix { a, b, factor } => {
-                for part in [a, b, factor] {
-                    part.0 += self.texture;
-                }
-            }
-            Texture::Solid(_)
-            | Texture::Normal
-            | Texture::Facing(_)
-            | Texture::Spectrum(_)
-            | Texture::Noise { .. } => {}
+            other => other.map_parts(|part| TextureId(part.0 + self.texture)),
         }
         texture
     }

@@ -9,6 +9,7 @@
 //! | `"own"` | none: the texture that a material of a model has where the file next to the model names this one, or what this is a part of; white where it has none. The model's factor and channel stay |
 //! | `"normal"` | none: the surface's normal n in world space as a colour, (n + 1) / 2 |
 //! | `"facing"` | `colors`, a list of colours or numbers by the cosine of the angle between the view and the normal, evenly spaced from 0 (seen at grazing angles) to 1 (head on), linear between; at least two |
+//! | `"nodes"` | `nodes`, a table of nodes by name, and `result`, the output of one of them; the guide has a section on textures of nodes |
 //! | `"spectrum"` | a measured spectrum, see `spectra` |
 //! | `"perlin"`, `"turbulence"`, `"marble"` | `frequency` (cells a metre; 1), `octaves` (1 to 16; 7), `low`, `high` colours, `seed` |
 //!
@@ -27,6 +28,7 @@
 
 use super::builder::SceneFileBuilder;
 use super::fields::{Fields, color, named, number, numbers};
+use super::nodes;
 use crate::color::spectral::Curve;
 use crate::error::Error;
 use crate::image::{Damage, Encoding, Image, Pixels};
@@ -50,11 +52,12 @@ enum TextureType {
     Own,
     Normal,
     Facing,
+    Nodes,
     Spectrum,
     Noise(NoiseKind),
 }
 
-const KINDS: [(&str, TextureType); 11] = [
+const KINDS: [(&str, TextureType); 12] = [
     ("solid", TextureType::Solid),
     ("image", TextureType::Image),
     ("checker", TextureType::Checker),
@@ -62,6 +65,7 @@ const KINDS: [(&str, TextureType); 11] = [
     ("own", TextureType::Own),
     ("normal", TextureType::Normal),
     ("facing", TextureType::Facing),
+    ("nodes", TextureType::Nodes),
     ("spectrum", TextureType::Spectrum),
     ("perlin", TextureType::Noise(NoiseKind::Perlin)),
     ("turbulence", TextureType::Noise(NoiseKind::Turbulence)),
@@ -205,6 +209,7 @@ impl<'a> Textures<'a> {
             TextureType::Own => self.own(build, &fields),
             TextureType::Normal => Some(Texture::Normal),
             TextureType::Facing => facing(&fields),
+            TextureType::Nodes => nodes::read(self, build, &fields, name),
             TextureType::Spectrum => read_spectrum(&fields).map(|curve| Texture::Spectrum(Arc::new(curve))),
             TextureType::Noise(kind) => Some(noise(&fields, kind)),
         };
@@ -276,18 +281,28 @@ impl<'a> Textures<'a> {
     ) -> Option<TextureId> {
         let value = fields.require(key, fields.raw(key))?;
         match value.get_ref().as_str() {
-            Some(other) if self.done.get(other) == Some(&None) => {
-                let message = format!("texture '{own}' contains itself, or '{other}' has a problem");
-                build.problems.push(value.span(), message);
-                None
-            }
-            Some(other) => self.get(build, other, value.span()),
+            Some(other) => self.other(build, other, own, value.span()),
             None => match color(value.get_ref()) {
                 Some(_) if self.checking => Some(TextureId(0)),
                 Some(c) => Some(push(build, Texture::Solid(c))),
                 None => fields.color(key).and(None),
             },
         }
+    }
+
+    /// A texture that the texture `own` is made of.
+    pub fn other(
+        &mut self,
+        build: &mut SceneFileBuilder,
+        name: &str,
+        own: &str,
+        span: Range<usize>,
+    ) -> Option<TextureId> {
+        if self.done.get(name) == Some(&None) {
+            build.problems.push(span, format!("texture '{own}' contains itself, or '{name}' has a problem"));
+            return None;
+        }
+        self.get(build, name, span)
     }
 
     /// From here on, textures are only looked up: what refers to them is itself not needed.

@@ -319,15 +319,18 @@ pub(super) fn check_textures(scene: &Scene, findings: &mut Findings) {
                 }
                 looked_up =
                     [*a, *b, *factor].map(|part| of(&lookups, part)).into_iter().fold(0, u64::saturating_add);
-                findings.require(depth <= MAX_TEXTURE_NESTING, place, "nesting", depth, NESTING);
-                let is_met = looked_up <= MOST_LOOKUPS;
-                findings.require(
-                    is_met,
-                    place,
-                    "mixes",
-                    looked_up,
-                    "made of at most 4096 textures that are no mixes",
-                );
+                check_nesting(depth, looked_up, place, findings);
+            }
+            Texture::Nodes(graph) => {
+                for problem in graph.problems() {
+                    findings.require(false, place, "nodes", problem, "a graph without problems");
+                }
+                for part in texture.parts() {
+                    depth = depth.max(1 + check_part(part, "nodes", &depths, place, findings));
+                }
+                let parts = texture.parts().into_iter().map(|part| of(&lookups, part));
+                looked_up = parts.fold(1, u64::saturating_add);
+                check_nesting(depth, looked_up, place, findings);
             }
             Texture::Normal | Texture::Spectrum(_) => {}
             Texture::Facing(colors) => {
@@ -350,6 +353,13 @@ pub(super) fn check_textures(scene: &Scene, findings: &mut Findings) {
 const MOST_LOOKUPS: u64 = 4096;
 
 const NESTING: &str = "at most 64 textures, one in the other";
+
+/// Bounds how deep textures are nested, and how many of them one lookup evaluates.
+fn check_nesting(depth: u32, looked_up: u64, place: Place, findings: &mut Findings) {
+    findings.require(depth <= MAX_TEXTURE_NESTING, place, "nesting", depth, NESTING);
+    let expected = "made of at most 4096 textures that are no mixes";
+    findings.require(looked_up <= MOST_LOOKUPS, place, "mixes", looked_up, expected);
+}
 
 /// The depth of a part of a texture; 0 where there is none.
 fn check_part(

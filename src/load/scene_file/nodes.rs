@@ -1,0 +1,179 @@
+//! `[textures.NAME]` of `type = "nodes"`: a graph of nodes.
+//!
+//! ```toml
+//! [textures.rust]
+//! type = "nodes"
+//! result = "ramp.color"
+//! [textures.rust.nodes]
+//! noise = { type = "noise_texture", scale = 8, detail = 5 }
+//! ramp = { type = "color_ramp", factor = "noise.factor", stops = [[0.4, 0.1, 0.02, 0.01, 1], [0.6, 0.5, 0.5, 0.5, 1]] }
+//! ```
+//!
+//! An input is a number, a list of three, an output `"NODE.OUTPUT"` of another node, or another texture: `"textures.NAME"`, or its alpha,
+//! `"textures.NAME.alpha"`. All other keys of a node but `type` are its settings.
+
+use super::builder::SceneFileBuilder;
+use super::fields::{Fields, nearest, number, numbers};
+use super::textures::Textures;
+use crate::scene::Texture;
+use crate::scene::nodes::{Node, NodeGraph, NodeInput, NodeKind, SettingValue};
+use std::sync::Arc;
+use toml::Spanned;
+use toml::de::DeValue;
+
+/// A value with its place in the file.
+type Value<'a> = &'a Spanned<DeValue<'a>>;
+
+/// What links of a graph may lead to.
+struct Links<'g, 'a> {
+    /// Names and kinds of the nodes, in order.
+    nodes: &'g [(&'a str, NodeKind)],
+    textures: &'g mut Textures<'a>,
+    /// The texture that the graph is for, which can't be a part of itself.
+    own: &'g str,
+}
+
+/// The texture that a table describes; `None` after a problem.
+pub(super) fn read<'a>(
+    textures: &mut Textures<'a>,
+    build: &mut SceneFileBuilder,
+    fields: &Fields<'a>,
+    own: &str,
+) -> Option<Texture> {
+    let result = fields.require("result", fields.raw("result"));
+    let table = fields.require("nodes", fields.table("nodes"))?;
+    let mut kinds = Vec::new();
+    for (name, value) in table.entries() {
+        kinds.push((name, kind(build, name, value)?));
+    }
+    let named = kinds.clone();
+    let mut links = Links { nodes: &named, textures, own };
+    let mut nodes = Vec::new();
+    for ((name, value), (_, mut kind)) in table.entries().zip(kinds) {
+        let inputs = node(build, &mut links, name, value, &mut kind);
+        nodes.push(Node { kind, inputs: inputs? });
+    }
+    let result = links.input(build, result?)?;
+    let graph = NodeGraph { nodes, result };
+    let problems = graph.problems();
+    for problem in &problems {
+        build.problems.push(fields.span(), format!("{}: {problem}", fields.what()));
+    }
+    problems.is_empty().then(|| Texture::Nodes(Arc::new(graph)))
+}
+
+/// The kind that a node's `type` names.
+fn kind(build: &mut SceneFileBuilder, name: &str, value: Value) -> Option<NodeKind> {
+    let Some(table) = value.get_ref().as_table() else {
+        build.problems.push(value.span(), format!("node '{name}' must be a table"));
+        return None;
+    };
+    let Some((text, span)) = table.get("type").and_then(|v| Some((v.get_ref().as_str()?, v.span()))) else {
+        build.problems.push(value.span(), format!("node '{name}' needs 'type', a text"));
+        return None;
+    };
+    let kind = NodeKind::from_name(text);
+    if kind.is_none() {
+        let help = match nearest(text, NodeKind::NAMES.iter().copied()) {
+            Some(near) => format!("did you mean '{near}'?"),
+            None => format!("types of nodes: {}", NodeKind::NAMES.join(", ")),
+        };
+        build.problems.push_help(span, format!("there is no type of nodes '{text}'"), help);
+    }
+    kind
+}
+
+/// The inputs of a node; its settings are set.
+fn node<'a>(
+    build: &mut SceneFileBuilder,
+    links: &mut Links<'_, 'a>,
+    name: &str,
+    value: Value<'a>,
+    kind: &mut NodeKind,
+) -> Option<Vec<NodeInput>> {
+    let sockets = kind.inputs();
+    let mut inputs = vec![NodeInput::Default; sockets.len()];
+    let mut is_sound = true;
+    for (key, value) in value.get_ref().as_table()?.iter() {
+        let key = key.get_ref().as_ref();
+        if let Some(i) = sockets.iter().position(|socket| socket.name == key) {
+            match links.input(build, value) {
+                Some(input) => inputs[i] = input,
+                None => is_sound = false,
+            }
+        } else if key != "type" {
+            let set = setting(value.get_ref())
+                .ok_or_else(|| format!("'{key}' has a value that no setting takes"))
+                .and_then(|setting| kind.set(key, &setting));
+            if let Err(problem) = set {
+                is_sound = false;
+                let names: Vec<&str> = sockets.iter().map(|socket| socket.name).collect();
+                let help = format!("its inputs: {}", if names.is_empty() { "none".to_string() } else { names.join(", ") });
+                build.problems.push_help(value.span(), format!("node '{name}': {problem}"), help);
+            }
+        }
+    }
+    is_sound.then_some(inputs)
+}
+
+fn setting(value: &DeValue) -> Option<SettingValue> {
+    match value {
+        DeValue::Boolean(value) => Some(SettingValue::Bool(*value)),
+        DeValue::String(text) => Some(SettingValue::Text(text.to_string())),
+        DeValue::Integer(_) => number(value).map(|x| SettingValue::Integer(x as i64)),
+        DeValue::Float(_) => number(value).map(|x| SettingValue::Number(x as f32)),
+        DeValue::Array(rows) => {
+            let row = |row: &Spanned<DeValue>| -> Option<Vec<f32>> {
+                row.get_ref().as_array()?.iter().map(|v| number(v.get_ref()).map(|x| x as f32)).collect()
+            };
+            rows.iter().map(row).collect::<Option<_>>().map(SettingValue::Table)
+        }
+        _ => None,
+    }
+}
+
+impl<'a> Links<'_, 'a> {
+    /// What an input or the result is given.
+    fn input(&mut self, build: &mut SceneFileBuilder, value: Value<'a>) -> Option<NodeInput> {
+        if let Some(text) = value.get_ref().as_str() {
+            return self.link(build, value, text);
+        }
+        let numbers = number(value.get_ref()).map(|x| [x; 3]).or_else(|| numbers::<3>(value.get_ref()));
+        if numbers.is_none() {
+            let message = "an input must be a finite number, a list of three, or \"NODE.OUTPUT\"";
+            build.problems.push(value.span(), message);
+        }
+        numbers.map(|v| NodeInput::Value(v.map(|x| x as f32)))
+    }
+
+    fn link(&mut self, build: &mut SceneFileBuilder, value: Value<'a>, text: &'a str) -> Option<NodeInput> {
+        if let Some(texture) = text.strip_prefix("textures.") {
+            let (name, alpha) = match texture.strip_suffix(".alpha") {
+                Some(name) => (name, true),
+                None => (texture, false),
+            };
+            let texture = self.textures.other(build, name, self.own, value.span())?;
+            return Some(NodeInput::Texture { texture, alpha });
+        }
+        let (node, output) = text.split_once('.').unwrap_or((text, ""));
+        let Some(index) = self.nodes.iter().position(|(name, _)| *name == node) else {
+            let names = self.nodes.iter().map(|(name, _)| *name);
+            let help = match nearest(node, names.clone()) {
+                Some(near) => format!("did you mean '{near}'?"),
+                None => format!("nodes of this texture: {}", names.collect::<Vec<_>>().join(", ")),
+            };
+            build.problems.push_help(value.span(), format!("there is no node '{node}'"), help);
+            return None;
+        };
+        let outputs = self.nodes[index].1.outputs();
+        let found = outputs.iter().position(|socket| socket.name == output);
+        // A node with one output needs no name for it.
+        let found = found.or_else(|| (output.is_empty() && outputs.len() == 1).then_some(0));
+        if found.is_none() {
+            let names: Vec<&str> = outputs.iter().map(|socket| socket.name).collect();
+            let message = format!("node '{node}' has no output '{output}'");
+            build.problems.push_help(value.span(), message, format!("its outputs: {}", names.join(", ")));
+        }
+        found.map(|output| NodeInput::Link { node: index, output })
+    }
+}

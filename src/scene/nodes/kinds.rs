@@ -1,0 +1,348 @@
+//! The kinds of nodes that a graph may hold: names, settings, inputs and outputs, one row each. Meanings are those of the shader
+//! nodes of Cycles (Blender 5.0), except that vectors without a link or value are points of world space.
+
+/// What an input or output carries. Floats become vectors by repetition, vectors floats by their mean, colours floats by their
+/// luminance (Rec. 709).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SocketType {
+    /// A number.
+    Float,
+    /// Three numbers.
+    Vector,
+    /// Linear Rec. 709.
+    Color,
+}
+
+/// An input or output of a node.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Socket {
+    /// In files.
+    pub name: &'static str,
+    /// What it carries.
+    pub kind: SocketType,
+    /// Value of an input without a link; of floats the first component. `None` for the point in world space, metres.
+    pub default: Option<[f32; 3]>,
+}
+
+/// Defines an enum of options with their names in files.
+macro_rules! options {
+    ($($(#[$doc:meta])* $name:ident { $first:ident = $first_text:literal, $($option:ident = $text:literal,)* })*) => {$(
+        $(#[$doc])*
+        #[allow(missing_docs, reason = "the names say what the options are")]
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+        pub enum $name { #[default] $first, $($option,)* }
+
+        impl Setting for $name {
+            fn set(&mut self, value: &SettingValue) -> Result<(), String> {
+                const NAMES: &[(&str, $name)] = &[($first_text, $name::$first), $(($text, $name::$option),)*];
+                let SettingValue::Text(text) = value else { return Err("must be a text".to_string()) };
+                let found = NAMES.iter().find(|(name, _)| name == text);
+                let names = || NAMES.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", ");
+                *self = found.ok_or_else(|| format!("'{text}' is none of {}", names()))?.1;
+                Ok(())
+            }
+        }
+    )*};
+}
+
+/// A value of a setting as files have it.
+#[derive(Clone, Debug, PartialEq)]
+pub enum SettingValue {
+    /// `true` or `false`.
+    Bool(bool),
+    /// A whole number.
+    Integer(i64),
+    /// Any number.
+    Number(f32),
+    /// A text.
+    Text(String),
+    /// Rows of numbers.
+    Table(Vec<Vec<f32>>),
+}
+
+/// A setting of a node that can be read from a file.
+pub(crate) trait Setting {
+    /// Takes a value over; the error says what is expected.
+    fn set(&mut self, value: &SettingValue) -> Result<(), String>;
+}
+
+impl Setting for bool {
+    fn set(&mut self, value: &SettingValue) -> Result<(), String> {
+        let SettingValue::Bool(value) = value else { return Err("must be true or false".to_string()) };
+        *self = *value;
+        Ok(())
+    }
+}
+
+impl Setting for u32 {
+    fn set(&mut self, value: &SettingValue) -> Result<(), String> {
+        let SettingValue::Integer(value) = value else { return Err("must be a whole number".to_string()) };
+        *self = u32::try_from(*value).map_err(|_| "must be a whole number of 0 or more".to_string())?;
+        Ok(())
+    }
+}
+
+impl Setting for f32 {
+    fn set(&mut self, value: &SettingValue) -> Result<(), String> {
+        *self = match value {
+            SettingValue::Integer(value) => *value as f32,
+            SettingValue::Number(value) => *value,
+            _ => return Err("must be a number".to_string()),
+        };
+        Ok(())
+    }
+}
+
+options! {
+    /// Operations of the math node.
+    MathOperation {
+        Add = "add", Subtract = "subtract", Multiply = "multiply", Divide = "divide", MultiplyAdd = "multiply_add", Power = "power",
+        Logarithm = "logarithm", Sqrt = "sqrt", InverseSqrt = "inverse_sqrt", Absolute = "absolute", Exponent = "exponent",
+        Minimum = "minimum", Maximum = "maximum", LessThan = "less_than", GreaterThan = "greater_than", Sign = "sign",
+        Compare = "compare", SmoothMin = "smooth_min", SmoothMax = "smooth_max", Round = "round", Floor = "floor", Ceil = "ceil",
+        Trunc = "trunc", Fract = "fract", Modulo = "modulo", FlooredModulo = "floored_modulo", Wrap = "wrap", Snap = "snap",
+        PingPong = "pingpong", Sine = "sine", Cosine = "cosine", Tangent = "tangent", ArcSine = "arcsine", ArcCosine = "arccosine",
+        ArcTangent = "arctangent", ArcTan2 = "arctan2", SinH = "sinh", CosH = "cosh", TanH = "tanh", Radians = "radians",
+        Degrees = "degrees",
+    }
+    /// Operations of the vector math node.
+    VectorOperation {
+        Add = "add", Subtract = "subtract", Multiply = "multiply", Divide = "divide", MultiplyAdd = "multiply_add",
+        Cross = "cross_product", Project = "project", Reflect = "reflect", Refract = "refract", FaceForward = "faceforward",
+        Dot = "dot_product", Distance = "distance", Length = "length", Scale = "scale", Normalize = "normalize",
+        Absolute = "absolute", Power = "power", Sign = "sign", Minimum = "minimum", Maximum = "maximum", Floor = "floor",
+        Ceil = "ceil", Fraction = "fraction", Modulo = "modulo", Wrap = "wrap", Snap = "snap", Sine = "sine", Cosine = "cosine",
+        Tangent = "tangent",
+    }
+    /// How two colours mix.
+    BlendMode {
+        Mix = "mix", Darken = "darken", Multiply = "multiply", Burn = "burn", Lighten = "lighten", Screen = "screen",
+        Dodge = "dodge", Add = "add", Overlay = "overlay", SoftLight = "soft_light", LinearLight = "linear_light",
+        Difference = "difference", Exclusion = "exclusion", Subtract = "subtract", Divide = "divide", Hue = "hue",
+        Saturation = "saturation", Color = "color", Value = "value",
+    }
+    /// What a mix node mixes.
+    MixType { Float = "float", Vector = "vector", Color = "rgba", }
+    /// Whether one factor or one for each component mixes vectors.
+    FactorMode { Uniform = "uniform", NonUniform = "non_uniform", }
+    /// How values between the ends of a range map.
+    RangeInterpolation { Linear = "linear", Stepped = "stepped", SmoothStep = "smoothstep", SmootherStep = "smootherstep", }
+    /// Order of the ends of a clamp.
+    ClampType { MinMax = "minmax", Range = "range", }
+    /// What a mapping node maps.
+    MappingType { Point = "point", Texture = "texture", Vector = "vector", Normal = "normal", }
+    /// Components of a colour.
+    ColorModel { Rgb = "rgb", Hsv = "hsv", Hsl = "hsl", }
+    /// By what a vector is rotated.
+    RotationType { AxisAngle = "axis_angle", X = "x_axis", Y = "y_axis", Z = "z_axis", Euler = "euler_xyz", }
+    /// Fractal sums of noise.
+    NoiseType {
+        Fbm = "fbm", Multifractal = "multifractal", Ridged = "ridged_multifractal", Hybrid = "hybrid_multifractal",
+        HeteroTerrain = "hetero_terrain",
+    }
+    /// In how many dimensions a texture varies.
+    Dimensions { Three = "3d", One = "1d", Two = "2d", Four = "4d", }
+    /// What a Voronoi texture shows.
+    VoronoiFeature {
+        F1 = "f1", F2 = "f2", SmoothF1 = "smooth_f1", DistanceToEdge = "distance_to_edge", SphereRadius = "n_sphere_radius",
+    }
+    /// Distance metrics.
+    DistanceMetric { Euclidean = "euclidean", Manhattan = "manhattan", Chebychev = "chebychev", Minkowski = "minkowski", }
+    /// Shapes of waves.
+    WaveType { Bands = "bands", Rings = "rings", }
+    /// Directions of bands.
+    BandsDirection { X = "x", Y = "y", Z = "z", Diagonal = "diagonal", }
+    /// Axes of rings.
+    RingsDirection { X = "x", Y = "y", Z = "z", Spherical = "spherical", }
+    /// Profiles of waves.
+    WaveProfile { Sine = "sin", Saw = "saw", Triangle = "tri", }
+    /// Shapes of gradients.
+    GradientType {
+        Linear = "linear", Quadratic = "quadratic", Easing = "easing", Diagonal = "diagonal", Spherical = "spherical",
+        QuadraticSphere = "quadratic_sphere", Radial = "radial",
+    }
+    /// How a ramp goes from stop to stop.
+    RampInterpolation { Linear = "linear", Constant = "constant", }
+}
+
+/// Rows of a colour ramp: position, red, green, blue, alpha; of a curve: its values.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Rows(
+    /// One after another.
+    pub Vec<Vec<f32>>,
+);
+
+impl Setting for Rows {
+    fn set(&mut self, value: &SettingValue) -> Result<(), String> {
+        let SettingValue::Table(rows) = value else { return Err("must be a list of lists of numbers".to_string()) };
+        self.0.clone_from(rows);
+        Ok(())
+    }
+}
+
+macro_rules! socket {
+    ($name:ident float $default:expr) => {
+        Socket { name: stringify!($name), kind: SocketType::Float, default: Some([$default; 3]) }
+    };
+    ($name:ident vector $default:expr) => {
+        Socket { name: stringify!($name), kind: SocketType::Vector, default: Some($default) }
+    };
+    ($name:ident color $default:expr) => {
+        Socket { name: stringify!($name), kind: SocketType::Color, default: Some($default) }
+    };
+    ($name:ident position) => {
+        Socket { name: stringify!($name), kind: SocketType::Vector, default: None }
+    };
+}
+
+macro_rules! output {
+    ($name:ident float) => {
+        socket!($name float 0.0)
+    };
+    ($name:ident $kind:ident) => {
+        socket!($name $kind [0.0; 3])
+    };
+}
+
+/// Defines the node kinds: name in files, settings, inputs, outputs.
+macro_rules! nodes {
+    ($($(#[$doc:meta])* $kind:ident $text:literal {$($setting:ident: $type:ty = $default:expr),*}
+        ($($input:ident: $in_type:ident $($in_default:expr)?),*) -> ($($output:ident: $out_type:ident),*);)*) => {
+        /// What a node computes, with its settings.
+        #[derive(Clone, Debug, PartialEq)]
+        #[non_exhaustive]
+        pub enum NodeKind {$(
+            $(#[$doc])*
+            $kind { $(#[allow(missing_docs, reason = "named and valued as in Blender")]
+                $setting: $type),* },
+        )*}
+
+        impl NodeKind {
+            /// Names of all kinds.
+            pub const NAMES: &[&str] = &[$($text),*];
+
+            /// A kind by its name in files, with the defaults of its settings.
+            pub fn from_name(name: &str) -> Option<NodeKind> {
+                match name {
+                    $($text => Some(NodeKind::$kind { $($setting: $default),* }),)*
+                    _ => None,
+                }
+            }
+
+            /// The name in files.
+            pub fn name(&self) -> &'static str {
+                match self { $(NodeKind::$kind { .. } => $text,)* }
+            }
+
+            /// Changes a setting.
+            ///
+            /// # Errors
+            /// A sentence: there is no such setting, or what it expects.
+            pub fn set(&mut self, setting: &str, value: &SettingValue) -> Result<(), String> {
+                match self {$(
+                    #[allow(unused_variables, reason = "some have no settings")]
+                    NodeKind::$kind { $($setting),* } => {
+                        $(if setting == stringify!($setting) { return $setting.set(value).map_err(|e| format!("{setting} {e}")); })*
+                        let names: &[&str] = &[$(stringify!($setting)),*];
+                        Err(format!("{} has no setting '{setting}', but {}", $text, if names.is_empty() { "none".to_string() } else { names.join(", ") }))
+                    }
+                )*}
+            }
+
+            /// Its inputs, in the order of links.
+            pub fn inputs(&self) -> &'static [Socket] {
+                match self { $(NodeKind::$kind { .. } => { const LIST: &[Socket] = &[$(socket!($input $in_type $($in_default)?)),*]; LIST })* }
+            }
+
+            /// Its outputs.
+            pub fn outputs(&self) -> &'static [Socket] {
+                match self { $(NodeKind::$kind { .. } => { const LIST: &[Socket] = &[$(output!($output $out_type)),*]; LIST })* }
+            }
+        }
+    };
+}
+
+nodes! {
+    /// Coordinates of the surface.
+    TextureCoordinate "texture_coordinate" {} () -> (uv: vector);
+    /// The surface: the point in world space in metres, its geometric normal there.
+    Geometry "geometry" {} () -> (position: vector, true_normal: vector);
+    /// A number.
+    Value "value" {} (value: float 0.5) -> (value: float);
+    /// A colour.
+    Rgb "rgb" {} (color: color [0.5, 0.5, 0.5]) -> (color: color);
+    /// Arithmetic.
+    Math "math" { operation: MathOperation = MathOperation::Add, use_clamp: bool = false }
+        (a: float 0.5, b: float 0.5, c: float 0.5) -> (value: float);
+    /// Arithmetic of vectors.
+    VectorMath "vector_math" { operation: VectorOperation = VectorOperation::Add }
+        (a: vector [0.0; 3], b: vector [0.0; 3], c: vector [0.0; 3], scale: float 1.0) -> (vector: vector, value: float);
+    /// A mix of two values.
+    Mix "mix" { data_type: MixType = MixType::Float, factor_mode: FactorMode = FactorMode::Uniform, blend_type: BlendMode = BlendMode::Mix, clamp_factor: bool = true, clamp_result: bool = false }
+        (factor: float 0.5, factor_vector: vector [0.5; 3], a: color [0.0; 3], b: color [0.0; 3]) -> (result: color);
+    /// Values of one range mapped to another.
+    MapRange "map_range" { clamp: bool = true, interpolation_type: RangeInterpolation = RangeInterpolation::Linear }
+        (value: vector [1.0; 3], from_min: vector [0.0; 3], from_max: vector [1.0; 3], to_min: vector [0.0; 3], to_max: vector [1.0; 3], steps: vector [4.0; 3]) -> (result: vector);
+    /// A value held between two others.
+    Clamp "clamp" { clamp_type: ClampType = ClampType::MinMax } (value: float 1.0, min: float 0.0, max: float 1.0) -> (result: float);
+    /// A vector moved, rotated (XYZ angles, radians) and scaled.
+    Mapping "mapping" { vector_type: MappingType = MappingType::Point }
+        (vector: position, location: vector [0.0; 3], rotation: vector [0.0; 3], scale: vector [1.0; 3]) -> (vector: vector);
+    /// A vector rotated about a point.
+    VectorRotate "vector_rotate" { rotation_type: RotationType = RotationType::AxisAngle, invert: bool = false }
+        (vector: vector [0.0; 3], center: vector [0.0; 3], axis: vector [0.0, 0.0, 1.0], angle: float 0.0, rotation: vector [0.0; 3]) -> (vector: vector);
+    /// Three numbers as a vector.
+    CombineXyz "combine_xyz" {} (x: float 0.0, y: float 0.0, z: float 0.0) -> (vector: vector);
+    /// The numbers of a vector.
+    SeparateXyz "separate_xyz" {} (vector: vector [0.0; 3]) -> (x: float, y: float, z: float);
+    /// A colour from its components.
+    CombineColor "combine_color" { mode: ColorModel = ColorModel::Rgb } (red: float 0.0, green: float 0.0, blue: float 0.0) -> (color: color);
+    /// Components of a colour.
+    SeparateColor "separate_color" { mode: ColorModel = ColorModel::Rgb } (color: color [0.8; 3]) -> (red: float, green: float, blue: float);
+    /// Hue, saturation and value changed.
+    HueSaturation "hue_saturation" {} (hue: float 0.5, saturation: float 1.0, value: float 1.0, factor: float 1.0, color: color [0.8; 3]) -> (color: color);
+    /// Brightness and contrast changed.
+    BrightnessContrast "brightness_contrast" {} (color: color [1.0; 3], brightness: float 0.0, contrast: float 0.0) -> (color: color);
+    /// A power of each component.
+    Gamma "gamma" {} (color: color [1.0; 3], gamma: float 1.0) -> (color: color);
+    /// One less each component.
+    Invert "invert" {} (factor: float 1.0, color: color [0.0; 3]) -> (color: color);
+    /// Luminance.
+    RgbToBw "rgb_to_bw" {} (color: color [0.5; 3]) -> (value: float);
+    /// Colours along a line: `stops` are rows of position, red, green, blue, alpha.
+    ColorRamp "color_ramp" { stops: Rows = Rows::default(), interpolation: RampInterpolation = RampInterpolation::Linear }
+        (factor: float 0.5) -> (color: color, alpha: float);
+    /// Functions of red, green and blue: `table` has rows of their values, evenly spaced over `min`..`max`.
+    RgbCurves "rgb_curves" { table: Rows = Rows::default(), min: f32 = 0.0, max: f32 = 1.0, extrapolate: bool = true }
+        (factor: float 1.0, color: color [1.0; 3]) -> (color: color);
+    /// Functions of the components of a vector, as the curves of colours.
+    VectorCurves "vector_curves" { table: Rows = Rows::default(), min: f32 = -1.0, max: f32 = 1.0, extrapolate: bool = true }
+        (factor: float 1.0, vector: vector [0.0; 3]) -> (vector: vector);
+    /// A function of a number: `table` has rows of one value.
+    FloatCurve "float_curve" { table: Rows = Rows::default(), min: f32 = 0.0, max: f32 = 1.0, extrapolate: bool = true }
+        (factor: float 1.0, value: float 1.0) -> (value: float);
+    /// Reflectance of a dielectric by the angle of view, from outside.
+    Fresnel "fresnel" {} (ior: float 1.5) -> (factor: float);
+    /// Weights for layers by the angle of view.
+    LayerWeight "layer_weight" {} (blend: float 0.5) -> (fresnel: float, facing: float);
+    /// Fractal gradient noise.
+    NoiseTexture "noise_texture" { dimensions: Dimensions = Dimensions::Three, noise_type: NoiseType = NoiseType::Fbm, normalize: bool = true }
+        (vector: position, w: float 0.0, scale: float 5.0, detail: float 2.0, roughness: float 0.5, lacunarity: float 2.0, offset: float 0.0, gain: float 1.0, distortion: float 0.0) -> (factor: float, color: color);
+    /// Worley's cellular texture.
+    VoronoiTexture "voronoi_texture" { dimensions: Dimensions = Dimensions::Three, distance: DistanceMetric = DistanceMetric::Euclidean, feature: VoronoiFeature = VoronoiFeature::F1, normalize: bool = false }
+        (vector: position, w: float 0.0, scale: float 5.0, detail: float 0.0, roughness: float 0.5, lacunarity: float 2.0, smoothness: float 1.0, exponent: float 0.5, randomness: float 1.0) -> (distance: float, color: color, position: vector, w: float, radius: float);
+    /// Bands or rings.
+    WaveTexture "wave_texture" { wave_type: WaveType = WaveType::Bands, bands_direction: BandsDirection = BandsDirection::X, rings_direction: RingsDirection = RingsDirection::X, wave_profile: WaveProfile = WaveProfile::Sine }
+        (vector: position, scale: float 5.0, distortion: float 0.0, detail: float 2.0, detail_scale: float 1.0, detail_roughness: float 0.5, phase_offset: float 0.0) -> (color: color, factor: float);
+    /// Folded sines.
+    MagicTexture "magic_texture" { turbulence_depth: u32 = 2 } (vector: position, scale: float 5.0, distortion: float 1.0) -> (color: color, factor: float);
+    /// A gradient.
+    GradientTexture "gradient_texture" { gradient_type: GradientType = GradientType::Linear } (vector: position) -> (color: color, factor: float);
+    /// Cells of two colours.
+    CheckerTexture "checker_texture" {} (vector: position, color1: color [0.8; 3], color2: color [0.2; 3], scale: float 5.0) -> (color: color, factor: float);
+    /// A wall.
+    BrickTexture "brick_texture" { offset: f32 = 0.5, offset_frequency: u32 = 2, squash: f32 = 1.0, squash_frequency: u32 = 2 }
+        (vector: position, color1: color [0.8; 3], color2: color [0.2; 3], mortar: color [0.0; 3], scale: float 5.0, mortar_size: float 0.02, mortar_smooth: float 0.1, bias: float 0.0, brick_width: float 0.5, row_height: float 0.25) -> (color: color, factor: float);
+    /// Independent random values.
+    WhiteNoise "white_noise" { dimensions: Dimensions = Dimensions::Three } (vector: position, w: float 0.0) -> (value: float, color: color);
+}

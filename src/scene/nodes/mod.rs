@@ -1,0 +1,160 @@
+//! Textures as graphs of nodes: functions of a surface point, made of functions whose outputs feed inputs of others.
+
+mod kinds;
+
+pub use kinds::{BandsDirection, BlendMode, ClampType, ColorModel, Dimensions, DistanceMetric, FactorMode, GradientType, MappingType, MathOperation, MixType, NodeKind, NoiseType, RampInterpolation, RangeInterpolation, RingsDirection, RotationType, Rows, SettingValue, Socket, SocketType, VectorOperation, VoronoiFeature, WaveProfile, WaveType};
+
+use super::TextureId;
+
+/// Where an input takes its value from.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum NodeInput {
+    /// The socket's default.
+    #[default]
+    Default,
+    /// A number stands in the first component.
+    Value([f32; 3]),
+    /// Another texture at the same point.
+    Texture {
+        /// Which.
+        texture: TextureId,
+        /// Its alpha instead of its colour?
+        alpha: bool,
+    },
+    /// An output of another node.
+    Link {
+        /// Which node.
+        node: usize,
+        /// Which of its outputs.
+        output: usize,
+    },
+}
+
+/// A node of a graph.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Node {
+    /// What it computes.
+    pub kind: NodeKind,
+    /// One an input of the kind.
+    pub inputs: Vec<NodeInput>,
+}
+
+/// Functions of a surface point, made of nodes whose outputs feed inputs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NodeGraph {
+    /// In any order.
+    pub nodes: Vec<Node>,
+    /// Which output the graph gives.
+    pub result: NodeInput,
+}
+
+impl NodeGraph {
+    /// All that is wrong with it: links that lead nowhere or in a circle, inputs that are too many or too few.
+    pub fn problems(&self) -> Vec<String> {
+        let mut problems = Vec::new();
+        let mut check = |place: String, input: &NodeInput| match *input {
+            NodeInput::Link { node, output } => match self.nodes.get(node) {
+                Some(other) if output < other.kind.outputs().len() => {}
+                _ => problems.push(format!("{place} is linked to output {output} of node {node}, which doesn't exist")),
+            },
+            NodeInput::Value(value) if value.iter().any(|v| !v.is_finite()) => {
+                problems.push(format!("{place} isn't finite"));
+            }
+            _ => {}
+        };
+        check("the result".to_string(), &self.result);
+        for (i, node) in self.nodes.iter().enumerate() {
+            for (k, input) in node.inputs.iter().enumerate() {
+                check(format!("input {k} of node {i} ({})", node.kind.name()), input);
+            }
+        }
+        for (i, node) in self.nodes.iter().enumerate() {
+            let (given, expected) = (node.inputs.len(), node.kind.inputs().len());
+            if given != expected {
+                problems.push(format!("node {i} ({}) has {given} inputs instead of {expected}", node.kind.name()));
+            }
+            problems.extend(node.kind.problem().map(|problem| format!("node {i} ({}): {problem}", node.kind.name())));
+        }
+        if problems.is_empty() && self.order().is_none() {
+            problems.push("its links go round in a circle".to_string());
+        }
+        problems
+    }
+
+    /// The nodes that the result needs, each after those that it needs; `None` if links go round in a circle.
+    pub fn order(&self) -> Option<Vec<usize>> {
+        let NodeInput::Link { node, .. } = self.result else { return Some(Vec::new()) };
+        let (mut order, mut state) = (Vec::new(), vec![0u8; self.nodes.len()]);
+        // Depth first, without recursion: graphs of files may be as deep as they like.
+        let mut stack = vec![(node, 0)];
+        state[node] = 1;
+        while let Some((node, next)) = stack.pop() {
+            let Some(input) = self.nodes[node].inputs.get(next) else {
+                state[node] = 2;
+                order.push(node);
+                continue;
+            };
+            stack.push((node, next + 1));
+            if let NodeInput::Link { node: other, .. } = *input {
+                match state[other] {
+                    0 => {
+                        state[other] = 1;
+                        stack.push((other, 0));
+                    }
+                    1 => return None,
+                    _ => {}
+                }
+            }
+        }
+        Some(order)
+    }
+
+    /// What an input is given: what its link or texture carries, `otherwise` for values.
+    pub fn given_type(&self, input: &NodeInput, otherwise: SocketType) -> SocketType {
+        match *input {
+            NodeInput::Link { node, output } => self.nodes[node].kind.outputs()[output].kind,
+            NodeInput::Texture { alpha, .. } => if alpha { SocketType::Float } else { SocketType::Color },
+            NodeInput::Default | NodeInput::Value(_) => otherwise,
+        }
+    }
+
+    /// Textures that it reads.
+    pub fn textures(&self) -> impl Iterator<Item = TextureId> + '_ {
+        let inputs = self.nodes.iter().flat_map(|node| &node.inputs).chain([&self.result]);
+        inputs.filter_map(|input| match input {
+            NodeInput::Texture { texture, .. } => Some(*texture),
+            _ => None,
+        })
+    }
+
+    /// Renames the textures that it reads.
+    pub fn map_textures(&mut self, rename: impl Fn(TextureId) -> TextureId) {
+        let inputs = self.nodes.iter_mut().flat_map(|node| &mut node.inputs).chain([&mut self.result]);
+        for input in inputs {
+            if let NodeInput::Texture { texture, .. } = input {
+                *texture = rename(*texture);
+            }
+        }
+    }
+}
+
+impl NodeKind {
+    /// What is wrong with its settings.
+    fn problem(&self) -> Option<String> {
+        let table = |rows: &[Vec<f32>], columns: usize| {
+            if rows.is_empty() {
+                return Some("has no rows".to_string());
+            }
+            let odd = rows.iter().position(|row| row.len() != columns || row.iter().any(|v| !v.is_finite()));
+            odd.map(|row| format!("row {row} isn't made of {columns} finite numbers"))
+        };
+        match self {
+            NodeKind::ColorRamp { stops, .. } => table(&stops.0, 5).map(|problem| format!("stops: {problem}")),
+            NodeKind::RgbCurves { table: rows, .. } | NodeKind::VectorCurves { table: rows, .. } => {
+                table(&rows.0, 3).map(|problem| format!("table: {problem}"))
+            }
+            NodeKind::FloatCurve { table: rows, .. } => table(&rows.0, 1).map(|problem| format!("table: {problem}")),
+            _ => None,
+        }
+    }
+}

@@ -1,0 +1,395 @@
+//! What the steps of a program compute, for many points at a time.
+
+use super::color::{self, Table};
+use super::hash::{hash_floats, hash_to_vector};
+use super::math;
+use super::noise::{Fractal, noise_texture};
+use super::patterns::{self, Wall, Wave};
+use super::voronoi::Voronoi;
+use crate::scene::TextureId;
+use crate::scene::nodes::{ClampType, Dimensions, FactorMode, MixType, NodeKind, RampInterpolation};
+use crate::texture::TexturePoint;
+
+/// The points of one evaluation.
+pub struct Points<'a> {
+    /// At most as many as registers have lanes; `world` is the point before the scene was moved.
+    pub points: &'a [TexturePoint],
+    /// Linear RGBA of a texture at one of them, by its number.
+    pub textures: &'a dyn Fn(TextureId, usize) -> [f32; 4],
+}
+
+/// What a point gives to a program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Source {
+    /// World space, metres.
+    Position,
+    /// Geometric normal, world space.
+    TrueNormal,
+    /// The first set of texture coordinates.
+    Uv,
+    /// Cosine of the angle between the view and the shading normal.
+    Cosine,
+    /// Linear RGBA.
+    Texture(TextureId),
+}
+
+impl Source {
+    /// How many numbers it has.
+    pub fn width(self) -> u32 {
+        match self {
+            Source::Position | Source::TrueNormal | Source::Uv => 3,
+            Source::Cosine => 1,
+            Source::Texture(_) => 4,
+        }
+    }
+
+    fn read(self, points: &Points<'_>, lane: usize) -> [f32; 4] {
+        let point = &points.points[lane];
+        match self {
+            Source::Position => point.world.extend(0.0).to_array(),
+            Source::TrueNormal => point.normal.extend(0.0).to_array(),
+            Source::Uv => [point.uv[0].x, point.uv[0].y, 0.0, 0.0],
+            Source::Cosine => [point.cosine; 4],
+            Source::Texture(id) => (points.textures)(id, lane),
+        }
+    }
+}
+
+/// What a step computes.
+#[derive(Clone, Debug)]
+pub enum Operation {
+    /// What points give.
+    Load(Source),
+    /// Of three numbers.
+    Mean,
+    /// Of a colour.
+    Luminance,
+    /// The function of a node.
+    Node(NodeKind),
+    /// A colour ramp.
+    Ramp { table: Table<4>, interpolation: RampInterpolation },
+    /// Functions of three components.
+    Curves { table: Table<3>, min: f32, max: f32, extrapolate: bool },
+    /// A function of a number.
+    Curve { table: Table<1>, min: f32, max: f32, extrapolate: bool },
+}
+
+/// Samples of a colour ramp, as Cycles has them.
+const RAMP_SAMPLES: usize = 256;
+
+impl Operation {
+    /// The operation of a node.
+    pub fn of(kind: &NodeKind) -> Operation {
+        match kind {
+            NodeKind::ColorRamp { stops, interpolation } => {
+                Operation::Ramp { table: ramp(&stops.0, *interpolation), interpolation: *interpolation }
+            }
+            NodeKind::RgbCurves { table, min, max, extrapolate } | NodeKind::VectorCurves { table, min, max, extrapolate } => {
+                let values = table.0.iter().map(|row| [row[0], row[1], row[2]]).collect();
+                Operation::Curves { table: Table { values }, min: *min, max: *max, extrapolate: *extrapolate }
+            }
+            NodeKind::FloatCurve { table, min, max, extrapolate } => {
+                let values = table.0.iter().map(|row| [row[0]]).collect();
+                Operation::Curve { table: Table { values }, min: *min, max: *max, extrapolate: *extrapolate }
+            }
+            _ => Operation::Node(kind.clone()),
+        }
+    }
+}
+
+/// A ramp's stops as evenly spaced samples.
+fn ramp(stops: &[Vec<f32>], interpolation: RampInterpolation) -> Table<4> {
+    let mut stops: Vec<[f32; 5]> = stops.iter().map(|s| [s[0], s[1], s[2], s[3], s[4]]).collect();
+    stops.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let at = |x: f32| -> [f32; 4] {
+        let color = |s: &[f32; 5]| [s[1], s[2], s[3], s[4]];
+        let next = stops.iter().position(|s| s[0] > x);
+        match next {
+            Some(0) => color(&stops[0]),
+            None => color(&stops[stops.len() - 1]),
+            Some(i) => {
+                let (a, b) = (stops[i - 1], stops[i]);
+                let t = if interpolation == RampInterpolation::Constant { 0.0 } else { (x - a[0]) / (b[0] - a[0]) };
+                std::array::from_fn(|k| (1.0 - t) * a[k + 1] + t * b[k + 1])
+            }
+        }
+    };
+    Table { values: (0..RAMP_SAMPLES).map(|i| at(i as f32 / (RAMP_SAMPLES - 1) as f32)).collect() }
+}
+
+/// In place of the register of an output that nothing reads.
+pub const UNUSED: u16 = u16::MAX;
+
+/// A step of a program.
+#[derive(Clone, Debug)]
+pub struct Compiled {
+    /// What it computes.
+    pub operation: Operation,
+    /// Registers.
+    pub inputs: Vec<u16>,
+    /// Registers, or [`UNUSED`].
+    pub outputs: Vec<u16>,
+}
+
+/// The numbers of all points, a lane a point.
+#[derive(Debug, Default)]
+pub struct Registers<const LANES: usize>(Vec<[f32; LANES]>);
+
+impl<const LANES: usize> Registers<LANES> {
+    /// Makes room and sets the constants.
+    pub fn prepare(&mut self, count: usize, constants: &[(u16, f32)]) {
+        if self.0.len() < count {
+            self.0.resize(count, [0.0; LANES]);
+        }
+        for &(register, value) in constants {
+            self.0[register as usize] = [value; LANES];
+        }
+    }
+
+    /// A number of a point.
+    pub fn at(&self, register: u16, lane: usize) -> f32 {
+        self.0[register as usize][lane]
+    }
+
+    /// Applies a function of numbers to those of each point.
+    #[inline(always)]
+    fn each<const I: usize, const O: usize>(&mut self, step: &Compiled, f: impl Fn([f32; I]) -> [f32; O]) {
+        let mut results = [[0.0f32; LANES]; O];
+        let inputs: [&[f32; LANES]; I] = std::array::from_fn(|i| &self.0[step.inputs[i] as usize]);
+        for lane in 0..LANES {
+            let values = f(std::array::from_fn(|i| inputs[i][lane]));
+            for (result, value) in results.iter_mut().zip(values) {
+                result[lane] = value;
+            }
+        }
+        for (&register, result) in step.outputs.iter().zip(&results) {
+            if register != UNUSED {
+                self.0[register as usize] = *result;
+            }
+        }
+    }
+}
+
+/// The outputs of an operation whose inputs are constant and which reads nothing of points.
+pub fn fold(operation: &Operation, inputs: &[f32], outputs: u32) -> Vec<f32> {
+    let constants: Vec<(u16, f32)> = inputs.iter().enumerate().map(|(i, &v)| (i as u16, v)).collect();
+    let first = inputs.len() as u16;
+    let mut registers = Registers::<1>::default();
+    registers.prepare(inputs.len() + outputs as usize, &constants);
+    let outputs: Vec<u16> = (first..first + outputs as u16).collect();
+    let step =
+        Compiled { operation: operation.clone(), inputs: (0..first).collect(), outputs: outputs.clone() };
+    run(&step, &Points { points: &[], textures: &|_, _| [0.0; 4] }, &mut registers);
+    outputs.into_iter().map(|register| registers.at(register, 0)).collect()
+}
+
+/// Computes a step for all points.
+pub fn run<const LANES: usize>(step: &Compiled, points: &Points<'_>, r: &mut Registers<LANES>) {
+    match &step.operation {
+        Operation::Load(source) => {
+            for lane in 0..points.points.len() {
+                for (&register, value) in step.outputs.iter().zip(source.read(points, lane)) {
+                    if register != UNUSED {
+                        r.0[register as usize][lane] = value;
+                    }
+                }
+            }
+        }
+        Operation::Mean => r.each(step, |[x, y, z]: [f32; 3]| [(x + y + z) * (1.0 / 3.0)]),
+        Operation::Luminance => r.each(step, |c: [f32; 3]| [color::luminance(c)]),
+        Operation::Ramp { table, interpolation: RampInterpolation::Linear } => {
+            r.each(step, |[x]: [f32; 1]| [0, 1, 2, 3].map(|i| table.at(x, i)));
+        }
+        Operation::Ramp { table, interpolation: RampInterpolation::Constant } => {
+            r.each(step, |[x]: [f32; 1]| [0, 1, 2, 3].map(|i| table.below(x, i)));
+        }
+        Operation::Curves { table, min, max, extrapolate } => {
+            r.each(step, |[factor, a, b, c]: [f32; 4]| {
+                let new = |old: f32, i: usize| table.curve((old - min) / (max - min), i, *extrapolate);
+                let mixed = |old: f32, i: usize| (1.0 - factor) * old + factor * new(old, i);
+                [mixed(a, 0), mixed(b, 1), mixed(c, 2)]
+            });
+        }
+        Operation::Curve { table, min, max, extrapolate } => r.each(step, |[factor, old]: [f32; 2]| {
+            let new = table.curve((old - min) / (max - min), 0, *extrapolate);
+            [(1.0 - factor) * old + factor * new]
+        }),
+        Operation::Node(kind) => arithmetic(kind, step, r),
+    }
+}
+
+fn arithmetic<const LANES: usize>(kind: &NodeKind, step: &Compiled, r: &mut Registers<LANES>) {
+    match *kind {
+        NodeKind::Math { operation, use_clamp } => r.each(step, |[a, b, c]: [f32; 3]| {
+            let value = math::scalar(operation, a, b, c);
+            [if use_clamp { value.clamp(0.0, 1.0) } else { value }]
+        }),
+        NodeKind::VectorMath { operation } => r.each(step, |v: [f32; 10]| {
+            let [a, b, c] = [0, 3, 6].map(|i| [v[i], v[i + 1], v[i + 2]]);
+            let ([x, y, z], value) = math::vector(operation, a, b, c, v[9]);
+            [x, y, z, value]
+        }),
+        NodeKind::Mix { data_type, factor_mode, blend_type, clamp_factor, clamp_result } => {
+            r.each(step, |[f, fx, fy, fz, a, b, c, d, e, g]: [f32; 10]| {
+                let (a, b) = ([a, b, c], [d, e, g]);
+                let factors = if data_type == MixType::Vector && factor_mode == FactorMode::NonUniform { [fx, fy, fz] } else { [f; 3] };
+                let factors = factors.map(|f| if clamp_factor { f.clamp(0.0, 1.0) } else { f });
+                if data_type != MixType::Color {
+                    return std::array::from_fn::<f32, 3, _>(|i| (1.0 - factors[i]) * a[i] + factors[i] * b[i]);
+                }
+                let mixed = color::blend(blend_type, factors[0], a, b);
+                if clamp_result { mixed.map(|c| c.clamp(0.0, 1.0)) } else { mixed }
+            });
+        }
+        NodeKind::MapRange { clamp, interpolation_type } => r.each(step, |v: [f32; 18]| {
+            std::array::from_fn::<f32, 3, _>(|i| {
+                math::map_range(interpolation_type, clamp, v[i], [v[3 + i], v[6 + i]], [v[9 + i], v[12 + i]], v[15 + i])
+            })
+        }),
+        NodeKind::Clamp { clamp_type } => r.each(step, |[x, a, b]: [f32; 3]| {
+            let (min, max) = if clamp_type == ClampType::Range && a > b { (b, a) } else { (a, b) };
+            [x.max(min).min(max)]
+        }),
+        NodeKind::Mapping { vector_type } => r.each(step, |v: [f32; 12]| {
+            let [p, location, rotation, scale] = [0, 3, 6, 9].map(|i| [v[i], v[i + 1], v[i + 2]]);
+            math::mapping(vector_type, p, location, rotation, scale)
+        }),
+        NodeKind::VectorRotate { rotation_type, invert } => r.each(step, |v: [f32; 13]| {
+            let [p, center, axis] = [0, 3, 6].map(|i| [v[i], v[i + 1], v[i + 2]]);
+            math::rotate(rotation_type, invert, p, center, axis, v[9], [v[10], v[11], v[12]])
+        }),
+        _ => colors(kind, step, r),
+    }
+}
+
+fn colors<const LANES: usize>(kind: &NodeKind, step: &Compiled, r: &mut Registers<LANES>) {
+    match *kind {
+        NodeKind::CombineColor { mode } => r.each(step, |c: [f32; 3]| color::combine(mode, c)),
+        NodeKind::SeparateColor { mode } => r.each(step, |c: [f32; 3]| color::separate(mode, c)),
+        NodeKind::HueSaturation {} => {
+            r.each(step, |[h, s, v, f, a, b, c]: [f32; 7]| color::adjust([h, s, v], f, [a, b, c]));
+        }
+        NodeKind::BrightnessContrast {} => r.each(step, |[x, y, z, brightness, contrast]: [f32; 5]| {
+            [x, y, z].map(|c| ((1.0 + contrast) * c + (brightness - contrast * 0.5)).max(0.0))
+        }),
+        NodeKind::Gamma {} => r.each(step, |[x, y, z, g]: [f32; 4]| [x, y, z].map(|c| color::gamma(c, g))),
+        NodeKind::Invert {} => {
+            r.each(step, |[f, x, y, z]: [f32; 4]| [x, y, z].map(|c| (1.0 - f) * c + f * (1.0 - c)));
+        }
+        NodeKind::RgbToBw {} => r.each(step, |c: [f32; 3]| [color::luminance(c)]),
+        NodeKind::Fresnel {} => {
+            r.each(step, |[ior, cosine]: [f32; 2]| [math::fresnel(cosine, ior.max(1e-5))]);
+        }
+        NodeKind::LayerWeight {} => r.each(step, |[blend, cosine]: [f32; 2]| {
+            [math::fresnel(cosine, 1.0 / (1.0 - blend).max(1e-5)), math::facing(cosine, blend)]
+        }),
+        _ => noises(kind, step, r),
+    }
+}
+
+fn noises<const LANES: usize>(kind: &NodeKind, step: &Compiled, r: &mut Registers<LANES>) {
+    match *kind {
+        NodeKind::NoiseTexture { dimensions, noise_type, normalize } => {
+            let has_color = step.outputs[1..].iter().any(|&register| register != UNUSED);
+            r.each(step, |[x, y, z, w, scale, detail, roughness, lacunarity, offset, gain, distortion]: [f32; 11]| {
+                let (detail, roughness) = (detail.clamp(0.0, 15.0), roughness.max(0.0));
+                let fractal = Fractal { noise_type, normalize, detail, roughness, lacunarity, offset, gain };
+                let [x, y, z, w] = [x, y, z, w].map(|c| c * scale);
+                match dimensions {
+                    Dimensions::One => noise_texture([w], distortion, &fractal, has_color),
+                    Dimensions::Two => noise_texture([x, y], distortion, &fractal, has_color),
+                    Dimensions::Three => noise_texture([x, y, z], distortion, &fractal, has_color),
+                    Dimensions::Four => noise_texture([x, y, z, w], distortion, &fractal, has_color),
+                }
+            });
+        }
+        NodeKind::VoronoiTexture { dimensions, distance, feature, normalize } => {
+            r.each(step, |[x, y, z, w, scale, detail, roughness, lacunarity, smoothness, exponent, randomness]: [f32; 11]| {
+                let voronoi = Voronoi {
+                    feature,
+                    metric: distance,
+                    normalize,
+                    detail: detail.clamp(0.0, 15.0),
+                    roughness: roughness.clamp(0.0, 1.0),
+                    lacunarity,
+                    smoothness: (smoothness / 2.0).clamp(0.0, 0.5),
+                    exponent,
+                    randomness: randomness.clamp(0.0, 1.0),
+                };
+                voronoi_outputs(&voronoi, dimensions, [x, y, z, w].map(|c| c * scale), scale)
+            });
+        }
+        NodeKind::WhiteNoise { dimensions } => r.each(step, |[x, y, z, w]: [f32; 4]| {
+            let (value, [a, b, c]) = match dimensions {
+                Dimensions::One => (hash_floats([w]), hash_to_vector(&[w])),
+                Dimensions::Two => (hash_floats([x, y]), hash_to_vector(&[x, y])),
+                Dimensions::Three => (hash_floats([x, y, z]), hash_to_vector(&[x, y, z])),
+                Dimensions::Four => (hash_floats([x, y, z, w]), hash_to_vector(&[x, y, z, w])),
+            };
+            [value, a, b, c]
+        }),
+        _ => pattern(kind, step, r),
+    }
+}
+
+fn pattern<const LANES: usize>(kind: &NodeKind, step: &Compiled, r: &mut Registers<LANES>) {
+    match *kind {
+        NodeKind::WaveTexture { wave_type, bands_direction, rings_direction, wave_profile } => {
+            let wave = Wave { wave_type, bands: bands_direction, rings: rings_direction, profile: wave_profile };
+            r.each(step, |[x, y, z, scale, distortion, detail, detail_scale, roughness, phase]: [f32; 9]| {
+                let detail = detail.clamp(0.0, 15.0);
+                [wave.evaluate([x, y, z].map(|c| c * scale), distortion, detail, detail_scale, roughness, phase); 4]
+            });
+        }
+        NodeKind::MagicTexture { turbulence_depth } => r.each(step, |[x, y, z, scale, distortion]: [f32; 5]| {
+            let [a, b, c] = patterns::magic([x, y, z], scale, turbulence_depth, distortion);
+            [a, b, c, (a + b + c) * (1.0 / 3.0)]
+        }),
+        NodeKind::GradientTexture { gradient_type } => {
+            r.each(step, |p: [f32; 3]| [patterns::gradient(gradient_type, p); 4]);
+        }
+        NodeKind::CheckerTexture {} => r.each(step, |v: [f32; 10]| {
+            let fac = patterns::checker([v[0], v[1], v[2]].map(|c| c * v[9]));
+            let first = if fac == 1.0 { 3 } else { 6 };
+            [v[first], v[first + 1], v[first + 2], fac]
+        }),
+        NodeKind::BrickTexture { offset, offset_frequency, squash, squash_frequency } => r.each(step, |v: [f32; 18]| {
+            let [scale, mortar_size, mortar_smooth, bias, brick_width, row_height] = [12, 13, 14, 15, 16, 17].map(|i| v[i]);
+            let wall = Wall {
+                offset, offset_frequency, squash, squash_frequency, mortar_size, mortar_smooth, bias, brick_width, row_height,
+            };
+            let (tint, mortar) = wall.evaluate(v[0] * scale, v[1] * scale);
+            let color = |i: usize| (1.0 - mortar) * ((1.0 - tint) * v[3 + i] + tint * v[6 + i]) + mortar * v[9 + i];
+            [color(0), color(1), color(2), mortar]
+        }),
+        _ => unreachable!("{} is compiled away", kind.name()),
+    }
+}
+
+/// Distance, colour, position, w, radius.
+fn voronoi_outputs(voronoi: &Voronoi, dimensions: Dimensions, [x, y, z, w]: [f32; 4], scale: f32) -> [f32; 9] {
+    fn with<const N: usize>(voronoi: &Voronoi, p: [f32; N], scale: f32) -> (f32, [f32; 3], [f32; N]) {
+        let cell = voronoi.evaluate(p);
+        (cell.distance, cell.color, cell.position.map(|x| if scale == 0.0 { 0.0 } else { x / scale }))
+    }
+    let (d, c, p, w) = match dimensions {
+        Dimensions::One => {
+            let (d, c, [w]) = with(voronoi, [w], scale);
+            (d, c, [0.0; 3], w)
+        }
+        Dimensions::Two => {
+            let (d, c, [x, y]) = with(voronoi, [x, y], scale);
+            (d, c, [x, y, 0.0], 0.0)
+        }
+        Dimensions::Three => {
+            let (d, c, p) = with(voronoi, [x, y, z], scale);
+            (d, c, p, 0.0)
+        }
+        Dimensions::Four => {
+            let (d, c, [x, y, z, w]) = with(voronoi, [x, y, z, w], scale);
+            (d, c, [x, y, z], w)
+        }
+    };
+    // Radii are outputs of their own.
+    [d, c[0], c[1], c[2], p[0], p[1], p[2], w, d]
+}

@@ -1,0 +1,267 @@
+//! Cellular textures (Worley 1996, "A Cellular Texture Basis Function") of one to four dimensions: distances to the nearest and second nearest of
+//! points that are random in their cells, smooth ones, distances to cell borders (Quilez 2012, "Voronoi edges"), and their fractal sums.
+
+use super::hash::{cell_color, cell_point};
+use crate::math::poly;
+use crate::scene::nodes::{DistanceMetric, VoronoiFeature};
+
+/// Parameters of the texture.
+#[derive(Clone, Copy, Debug)]
+pub struct Voronoi {
+    pub feature: VoronoiFeature,
+    pub metric: DistanceMetric,
+    pub normalize: bool,
+    pub detail: f32,
+    pub roughness: f32,
+    pub lacunarity: f32,
+    /// 0..0.5.
+    pub smoothness: f32,
+    pub exponent: f32,
+    /// 0..1.
+    pub randomness: f32,
+}
+
+/// What is found at a point.
+#[derive(Clone, Copy, Debug)]
+pub struct Cell<const N: usize> {
+    pub distance: f32,
+    pub color: [f32; 3],
+    pub position: [f32; N],
+}
+
+impl<const N: usize> Cell<N> {
+    const ZERO: Cell<N> = Cell { distance: 0.0, color: [0.0; 3], position: [0.0; N] };
+
+    fn map2(self, other: Cell<N>, f: impl Fn(f32, f32) -> f32) -> Cell<N> {
+        Cell {
+            distance: f(self.distance, other.distance),
+            color: std::array::from_fn(|i| f(self.color[i], other.color[i])),
+            position: std::array::from_fn(|i| f(self.position[i], other.position[i])),
+        }
+    }
+}
+
+fn mix(a: f32, b: f32, t: f32) -> f32 {
+    a + t * (b - a)
+}
+
+/// The cell of a point and the place within it.
+fn split<const N: usize>(p: [f32; N]) -> ([f32; N], [f32; N]) {
+    let cell = p.map(f32::floor);
+    (cell, std::array::from_fn(|i| p[i] - cell[i]))
+}
+
+/// Offsets to the cells around, the first dimension fastest.
+fn around<const N: usize>(reach: i32) -> impl Iterator<Item = [i32; N]> {
+    let mut next = Some([-reach; N]);
+    std::iter::from_fn(move || {
+        let offset = next?;
+        let mut after = offset;
+        let mut i = 0;
+        // Counts up, with carries.
+        while i < N && after[i] == reach {
+            after[i] = -reach;
+            i += 1;
+        }
+        next = (i < N).then(|| {
+            after[i] += 1;
+            after
+        });
+        Some(offset)
+    })
+}
+
+fn dot<const N: usize>(a: [f32; N], b: [f32; N]) -> f32 {
+    (0..N).map(|i| a[i] * b[i]).sum()
+}
+
+fn minus<const N: usize>(a: [f32; N], b: [f32; N]) -> [f32; N] {
+    std::array::from_fn(|i| a[i] - b[i])
+}
+
+fn power(x: f32, y: f32) -> f32 {
+    if x > 0.0 { poly::exp(y * poly::ln(x)) } else { 0.0 }
+}
+
+impl Voronoi {
+    /// The texture at a scaled point; for distances to borders and radii only the distance holds.
+    pub fn evaluate<const N: usize>(&self, p: [f32; N]) -> Cell<N> {
+        match self.feature {
+            VoronoiFeature::SphereRadius => Cell { distance: self.sphere_radius(p), ..Cell::ZERO },
+            VoronoiFeature::DistanceToEdge => Cell { distance: self.fractal_edge(p), ..Cell::ZERO },
+            VoronoiFeature::F1 => self.fractal(p, 1.0, |p| self.nearest(p)[0]),
+            VoronoiFeature::F2 => self.fractal(p, 2.0, |p| self.nearest(p)[1]),
+            VoronoiFeature::SmoothF1 if self.smoothness == 0.0 => self.fractal(p, 1.0, |p| self.nearest(p)[0]),
+            VoronoiFeature::SmoothF1 => self.fractal(p, 1.0, |p| self.smooth(p)),
+        }
+    }
+
+    fn distance<const N: usize>(&self, a: [f32; N], b: [f32; N]) -> f32 {
+        let d = minus(a, b).map(f32::abs);
+        match self.metric {
+            _ if N == 1 => d[0],
+            DistanceMetric::Euclidean => dot(d, d).sqrt(),
+            DistanceMetric::Manhattan => d.iter().sum(),
+            DistanceMetric::Chebychev => d.iter().fold(0.0, |most, &x| if x > most { x } else { most }),
+            DistanceMetric::Minkowski => {
+                power(d.iter().map(|&x| power(x, self.exponent)).sum(), 1.0 / self.exponent)
+            }
+        }
+    }
+
+    /// The random point of a cell nearby, relative to the own cell.
+    fn point<const N: usize>(&self, cell: [f32; N], offset: [i32; N]) -> ([f32; N], [i32; N]) {
+        let other: [i32; N] = std::array::from_fn(|i| (cell[i] as i32).wrapping_add(offset[i]));
+        let random = cell_point(other);
+        (std::array::from_fn(|i| offset[i] as f32 + random[i] * self.randomness), other)
+    }
+
+    /// The nearest and the second nearest point.
+    fn nearest<const N: usize>(&self, p: [f32; N]) -> [Cell<N>; 2] {
+        let (cell, local) = split(p);
+        let mut found = [(f32::MAX, [0.0; N], [0; N]); 2];
+        for offset in around(1) {
+            let (point, other) = self.point(cell, offset);
+            let distance = self.distance(point, local);
+            if distance < found[0].0 {
+                found = [(distance, point, other), found[0]];
+            } else if distance < found[1].0 {
+                found[1] = (distance, point, other);
+            }
+        }
+        found.map(|(distance, point, other)| Cell {
+            distance,
+            color: cell_color(other),
+            position: std::array::from_fn(|i| point[i] + cell[i]),
+        })
+    }
+
+    /// The nearest point, smoothly blended with others (Quilez 2014, "Smooth Voronoi").
+    fn smooth<const N: usize>(&self, p: [f32; N]) -> Cell<N> {
+        let (cell, local) = split(p);
+        let mut smooth = Cell::<N>::ZERO;
+        for (number, offset) in around(2).enumerate() {
+            let (point, other) = self.point(cell, offset);
+            let distance = self.distance(point, local);
+            let t = (0.5 + 0.5 * (smooth.distance - distance) / self.smoothness).clamp(0.0, 1.0);
+            let h = if number == 0 { 1.0 } else { t * t * (3.0 - 2.0 * t) };
+            let correction = self.smoothness * h * (1.0 - h);
+            let share = correction / (1.0 + 3.0 * self.smoothness);
+            let color = cell_color(other);
+            smooth.distance = mix(smooth.distance, distance, h) - correction;
+            smooth.color = std::array::from_fn(|i| mix(smooth.color[i], color[i], h) - share);
+            smooth.position = std::array::from_fn(|i| mix(smooth.position[i], point[i], h) - share);
+        }
+        smooth.position = std::array::from_fn(|i| smooth.position[i] + cell[i]);
+        smooth
+    }
+
+    /// Distance to the border between the nearest points.
+    fn edge<const N: usize>(&self, p: [f32; N]) -> f32 {
+        let (cell, local) = split(p);
+        if N == 1 {
+            let middle = self.point(cell, [0; N]).0[0];
+            let (left, right) = (self.point(cell, [-1; N]).0[0], self.point(cell, [1; N]).0[0]);
+            let to = |other: f32| ((middle + other) / 2.0 - local[0]).abs();
+            return to(left).min(to(right));
+        }
+        let vectors = || around(1).map(|offset| minus(self.point(cell, offset).0, local));
+        let (mut to_nearest, mut nearest) = ([0.0; N], f32::MAX);
+        for vector in vectors() {
+            let squared = dot(vector, vector);
+            if squared < nearest {
+                (nearest, to_nearest) = (squared, vector);
+            }
+        }
+        let mut least = 8.0f32;
+        for vector in vectors() {
+            let across = minus(vector, to_nearest);
+            let squared = dot(across, across);
+            if squared > 0.0001 {
+                let middle: [f32; N] = std::array::from_fn(|i| (to_nearest[i] + vector[i]) / 2.0);
+                least = least.min(dot(middle, across) / squared.sqrt());
+            }
+        }
+        least
+    }
+
+    /// Radius of the largest sphere about the nearest point that touches that of its own nearest point.
+    fn sphere_radius<const N: usize>(&self, p: [f32; N]) -> f32 {
+        let (cell, local) = split(p);
+        let nearest_to = |from: [f32; N], cell: [f32; N], skip_own: bool| {
+            let (mut least, mut found) = (8.0f32, ([0.0; N], [0; N]));
+            for offset in around(1) {
+                if skip_own && offset == [0; N] {
+                    continue;
+                }
+                let point = self.point(cell, offset).0;
+                let d = minus(point, from);
+                let distance = dot(d, d).sqrt();
+                if distance < least {
+                    (least, found) = (distance, (point, offset));
+                }
+            }
+            (least, found)
+        };
+        let (_, (_, offset)) = nearest_to(local, cell, false);
+        let other: [f32; N] = std::array::from_fn(|i| cell[i] + offset[i] as f32);
+        let own = self.point(other, [0; N]).0;
+        nearest_to(own, other, true).0 / 2.0
+    }
+
+    /// Largest distance within a cell.
+    fn most<const N: usize>(&self) -> f32 {
+        self.distance([0.0; N], [0.5 + 0.5 * self.randomness; N])
+    }
+
+    fn is_plain(&self) -> bool {
+        self.detail == 0.0 || self.roughness == 0.0 || self.lacunarity == 0.0
+    }
+
+    /// Octaves with their weights: a last one that is not whole has less than 1.
+    fn octaves(&self) -> impl Iterator<Item = f32> {
+        let whole = self.detail.floor();
+        let rest = self.detail - whole;
+        (0..=whole as u32).map(|_| 1.0).chain((rest != 0.0).then_some(rest))
+    }
+
+    fn fractal<const N: usize>(&self, p: [f32; N], reach: f32, octave: impl Fn([f32; N]) -> Cell<N>) -> Cell<N> {
+        let (mut scale, mut amplitude, mut most, mut sum) = (1.0, 1.0, 0.0, Cell::<N>::ZERO);
+        if self.is_plain() {
+            (sum, most) = (octave(p), 1.0);
+        } else {
+            for weight in self.octaves() {
+                let found = octave(p.map(|x| x * scale));
+                let mut next = sum.map2(found, |sum, x| sum + x * amplitude);
+                next.position = std::array::from_fn(|i| mix(sum.position[i], found.position[i] / scale, amplitude));
+                most = mix(most, most + amplitude, weight);
+                sum = sum.map2(next, |a, b| if weight == 1.0 { b } else { mix(a, b, weight) });
+                scale *= self.lacunarity;
+                amplitude *= self.roughness;
+            }
+        }
+        if self.normalize {
+            sum.distance /= most * reach * self.most::<N>();
+            sum.color = sum.color.map(|c| c / most);
+        }
+        sum
+    }
+
+    fn fractal_edge<const N: usize>(&self, p: [f32; N]) -> f32 {
+        let half = 0.5 + 0.5 * self.randomness;
+        let (mut scale, mut amplitude, mut most, mut distance) = (1.0, 1.0, half, 8.0f32);
+        if self.is_plain() {
+            distance = self.edge(p);
+        } else {
+            for weight in self.octaves() {
+                let found = self.edge(p.map(|x| x * scale)) / scale;
+                most = mix(most, mix(most, half / scale, amplitude), weight);
+                let nearer = mix(distance, distance.min(found), amplitude);
+                distance = if weight == 1.0 { nearer } else { mix(distance, distance.min(nearer), weight) };
+                scale *= self.lacunarity;
+                amplitude *= self.roughness;
+            }
+        }
+        if self.normalize { distance / most } else { distance }
+    }
+}
