@@ -19,9 +19,9 @@ pub use coordinates::TexturePoint;
 use coordinates::{TextureCoordinates, UvMap, triplanar};
 pub use image::ImageLookup;
 use image::Taps;
-use nodes::Program;
 use levels::{Images, Levels};
 pub use levels::{TextureNeeds, TextureReport};
+use nodes::Program;
 pub use noise::{marble, perlin, turbulence};
 use std::cell::Cell;
 use std::collections::{BTreeMap, HashMap, HashSet};
@@ -385,7 +385,9 @@ fn cut_endless_mixes(textures: &mut [Compiled]) {
             depths[i] = match textures[i] {
                 Compiled::Checker { even, odd, .. } => depth(even).max(depth(odd)),
                 Compiled::Mix(parts) => parts.map(depth).into_iter().max().unwrap_or(1),
-                Compiled::Nodes(ref program) => program.textures().map(|part| depth(part.0)).max().unwrap_or(1),
+                Compiled::Nodes(ref program) => {
+                    program.textures().map(|part| depth(part.0)).max().unwrap_or(1)
+                }
                 _ => 1,
             };
         }

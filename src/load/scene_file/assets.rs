@@ -5,8 +5,8 @@ use super::builder::SceneFileBuilder;
 use crate::error::{Error, Result, Warning};
 use crate::load::formats::{self, Format};
 use crate::load::{LoadOptions, Loaded, smooth};
-use crate::scene::{TextureId, 
-    Camera, Environment, Instance, MaterialId, MeshId, Motion, Scene, Shape, ShapeKind, Texture,
+use crate::scene::{
+    Camera, Environment, Instance, MaterialId, MeshId, Motion, Scene, Shape, ShapeKind, Texture, TextureId,
 };
 use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};

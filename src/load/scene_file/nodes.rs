@@ -108,7 +108,10 @@ fn node<'a>(
             if let Err(problem) = set {
                 is_sound = false;
                 let names: Vec<&str> = sockets.iter().map(|socket| socket.name).collect();
-                let help = format!("its inputs: {}", if names.is_empty() { "none".to_string() } else { names.join(", ") });
+                let help = format!(
+                    "its inputs: {}",
+                    if names.is_empty() { "none".to_string() } else { names.join(", ") }
+                );
                 build.problems.push_help(value.span(), format!("node '{name}': {problem}"), help);
             }
         }

@@ -174,7 +174,9 @@ pub struct Rows(
 
 impl Setting for Rows {
     fn set(&mut self, value: &SettingValue) -> Result<(), String> {
-        let SettingValue::Table(rows) = value else { return Err("must be a list of lists of numbers".to_string()) };
+        let SettingValue::Table(rows) = value else {
+            return Err("must be a list of lists of numbers".to_string());
+        };
         self.0.clone_from(rows);
         Ok(())
     }

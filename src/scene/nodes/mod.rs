@@ -2,7 +2,12 @@
 
 mod kinds;
 
-pub use kinds::{BandsDirection, BlendMode, ClampType, ColorModel, Dimensions, DistanceMetric, FactorMode, GradientType, MappingType, MathOperation, MixType, NodeKind, NoiseType, RampInterpolation, RangeInterpolation, RingsDirection, RotationType, Rows, SettingValue, Socket, SocketType, VectorOperation, VoronoiFeature, WaveProfile, WaveType};
+pub use kinds::{
+    BandsDirection, BlendMode, ClampType, ColorModel, Dimensions, DistanceMetric, FactorMode, GradientType,
+    MappingType, MathOperation, MixType, NodeKind, NoiseType, RampInterpolation, RangeInterpolation,
+    RingsDirection, RotationType, Rows, SettingValue, Socket, SocketType, VectorOperation, VoronoiFeature,
+    WaveProfile, WaveType,
+};
 
 use super::TextureId;
 
@@ -55,7 +60,9 @@ impl NodeGraph {
         let mut check = |place: String, input: &NodeInput| match *input {
             NodeInput::Link { node, output } => match self.nodes.get(node) {
                 Some(other) if output < other.kind.outputs().len() => {}
-                _ => problems.push(format!("{place} is linked to output {output} of node {node}, which doesn't exist")),
+                _ => problems.push(format!(
+                    "{place} is linked to output {output} of node {node}, which doesn't exist"
+                )),
             },
             NodeInput::Value(value) if value.iter().any(|v| !v.is_finite()) => {
                 problems.push(format!("{place} isn't finite"));
@@ -71,9 +78,14 @@ impl NodeGraph {
         for (i, node) in self.nodes.iter().enumerate() {
             let (given, expected) = (node.inputs.len(), node.kind.inputs().len());
             if given != expected {
-                problems.push(format!("node {i} ({}) has {given} inputs instead of {expected}", node.kind.name()));
+                problems.push(format!(
+                    "node {i} ({}) has {given} inputs instead of {expected}",
+                    node.kind.name()
+                ));
             }
-            problems.extend(node.kind.problem().map(|problem| format!("node {i} ({}): {problem}", node.kind.name())));
+            problems.extend(
+                node.kind.problem().map(|problem| format!("node {i} ({}): {problem}", node.kind.name())),
+            );
         }
         if problems.is_empty() && self.order().is_none() {
             problems.push("its links go round in a circle".to_string());
@@ -113,7 +125,13 @@ impl NodeGraph {
     pub fn given_type(&self, input: &NodeInput, otherwise: SocketType) -> SocketType {
         match *input {
             NodeInput::Link { node, output } => self.nodes[node].kind.outputs()[output].kind,
-            NodeInput::Texture { alpha, .. } => if alpha { SocketType::Float } else { SocketType::Color },
+            NodeInput::Texture { alpha, .. } => {
+                if alpha {
+                    SocketType::Float
+                } else {
+                    SocketType::Color
+                }
+            }
             NodeInput::Default | NodeInput::Value(_) => otherwise,
         }
     }
@@ -149,11 +167,15 @@ impl NodeKind {
             odd.map(|row| format!("row {row} isn't made of {columns} finite numbers"))
         };
         match self {
-            NodeKind::ColorRamp { stops, .. } => table(&stops.0, 5).map(|problem| format!("stops: {problem}")),
+            NodeKind::ColorRamp { stops, .. } => {
+                table(&stops.0, 5).map(|problem| format!("stops: {problem}"))
+            }
             NodeKind::RgbCurves { table: rows, .. } | NodeKind::VectorCurves { table: rows, .. } => {
                 table(&rows.0, 3).map(|problem| format!("table: {problem}"))
             }
-            NodeKind::FloatCurve { table: rows, .. } => table(&rows.0, 1).map(|problem| format!("table: {problem}")),
+            NodeKind::FloatCurve { table: rows, .. } => {
+                table(&rows.0, 1).map(|problem| format!("table: {problem}"))
+            }
             _ => None,
         }
     }

@@ -355,7 +355,7 @@ const MOST_LOOKUPS: u64 = 4096;
 const NESTING: &str = "at most 64 textures, one in the other";
 
 /// Bounds how deep textures are nested, and how many of them one lookup evaluates.
-fn check_nesting(depth: u32, looked_up: u64, place: Place, findings: &mut Findings) {
+fn check_nesting(depth: u32, looked_up: u64, place: Entry, findings: &mut Findings) {
     findings.require(depth <= MAX_TEXTURE_NESTING, place, "nesting", depth, NESTING);
     let expected = "made of at most 4096 textures that are no mixes";
     findings.require(looked_up <= MOST_LOOKUPS, place, "mixes", looked_up, expected);

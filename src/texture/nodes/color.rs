@@ -13,7 +13,13 @@ pub fn to_hsv([r, g, b]: Color) -> Color {
         return [0.0, 0.0, most];
     }
     let [cr, cg, cb] = [r, g, b].map(|c| (most - c) / range);
-    let sextant = if r == most { cb - cg } else if g == most { 2.0 + cr - cb } else { 4.0 + cg - cr };
+    let sextant = if r == most {
+        cb - cg
+    } else if g == most {
+        2.0 + cr - cb
+    } else {
+        4.0 + cg - cr
+    };
     let hue = sextant / 6.0;
     [if hue < 0.0 { hue + 1.0 } else { hue }, range / most, most]
 }
@@ -117,9 +123,17 @@ pub fn blend(mode: BlendMode, t: f32, a: Color, b: Color) -> Color {
         }),
         BlendMode::Dodge => each(&|x, y| {
             let divisor = 1.0 - t * y;
-            if x == 0.0 { x } else if divisor <= 0.0 { 1.0 } else { (x / divisor).min(1.0) }
+            if x == 0.0 {
+                x
+            } else if divisor <= 0.0 {
+                1.0
+            } else {
+                (x / divisor).min(1.0)
+            }
         }),
-        BlendMode::Hue | BlendMode::Saturation | BlendMode::Color | BlendMode::Value => blend_hsv(mode, t, a, b),
+        BlendMode::Hue | BlendMode::Saturation | BlendMode::Color | BlendMode::Value => {
+            blend_hsv(mode, t, a, b)
+        }
     }
 }
 
@@ -180,8 +194,11 @@ impl<const N: usize> Table<N> {
         if last == 0 || !extrapolate || (0.0..=1.0).contains(&x) {
             return self.at(x, i);
         }
-        let (end, inner, distance) =
-            if x < 0.0 { (self.values[0][i], self.values[1][i], -x) } else { (self.values[last][i], self.values[last - 1][i], x - 1.0) };
+        let (end, inner, distance) = if x < 0.0 {
+            (self.values[0][i], self.values[1][i], -x)
+        } else {
+            (self.values[last][i], self.values[last - 1][i], x - 1.0)
+        };
         end + (end - inner) * distance * last as f32
     }
 }

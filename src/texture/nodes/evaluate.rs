@@ -84,7 +84,8 @@ impl Operation {
             NodeKind::ColorRamp { stops, interpolation } => {
                 Operation::Ramp { table: ramp(&stops.0, *interpolation), interpolation: *interpolation }
             }
-            NodeKind::RgbCurves { table, min, max, extrapolate } | NodeKind::VectorCurves { table, min, max, extrapolate } => {
+            NodeKind::RgbCurves { table, min, max, extrapolate }
+            | NodeKind::VectorCurves { table, min, max, extrapolate } => {
                 let values = table.0.iter().map(|row| [row[0], row[1], row[2]]).collect();
                 Operation::Curves { table: Table { values }, min: *min, max: *max, extrapolate: *extrapolate }
             }
@@ -109,7 +110,11 @@ fn ramp(stops: &[Vec<f32>], interpolation: RampInterpolation) -> Table<4> {
             None => color(&stops[stops.len() - 1]),
             Some(i) => {
                 let (a, b) = (stops[i - 1], stops[i]);
-                let t = if interpolation == RampInterpolation::Constant { 0.0 } else { (x - a[0]) / (b[0] - a[0]) };
+                let t = if interpolation == RampInterpolation::Constant {
+                    0.0
+                } else {
+                    (x - a[0]) / (b[0] - a[0])
+                };
                 std::array::from_fn(|k| (1.0 - t) * a[k + 1] + t * b[k + 1])
             }
         }
@@ -232,10 +237,16 @@ fn arithmetic<const LANES: usize>(kind: &NodeKind, step: &Compiled, r: &mut Regi
         NodeKind::Mix { data_type, factor_mode, blend_type, clamp_factor, clamp_result } => {
             r.each(step, |[f, fx, fy, fz, a, b, c, d, e, g]: [f32; 10]| {
                 let (a, b) = ([a, b, c], [d, e, g]);
-                let factors = if data_type == MixType::Vector && factor_mode == FactorMode::NonUniform { [fx, fy, fz] } else { [f; 3] };
+                let factors = if data_type == MixType::Vector && factor_mode == FactorMode::NonUniform {
+                    [fx, fy, fz]
+                } else {
+                    [f; 3]
+                };
                 let factors = factors.map(|f| if clamp_factor { f.clamp(0.0, 1.0) } else { f });
                 if data_type != MixType::Color {
-                    return std::array::from_fn::<f32, 3, _>(|i| (1.0 - factors[i]) * a[i] + factors[i] * b[i]);
+                    return std::array::from_fn::<f32, 3, _>(|i| {
+                        (1.0 - factors[i]) * a[i] + factors[i] * b[i]
+                    });
                 }
                 let mixed = color::blend(blend_type, factors[0], a, b);
                 if clamp_result { mixed.map(|c| c.clamp(0.0, 1.0)) } else { mixed }
@@ -243,7 +254,14 @@ fn arithmetic<const LANES: usize>(kind: &NodeKind, step: &Compiled, r: &mut Regi
         }
         NodeKind::MapRange { clamp, interpolation_type } => r.each(step, |v: [f32; 18]| {
             std::array::from_fn::<f32, 3, _>(|i| {
-                math::map_range(interpolation_type, clamp, v[i], [v[3 + i], v[6 + i]], [v[9 + i], v[12 + i]], v[15 + i])
+                math::map_range(
+                    interpolation_type,
+                    clamp,
+                    v[i],
+                    [v[3 + i], v[6 + i]],
+                    [v[9 + i], v[12 + i]],
+                    v[15 + i],
+                )
             })
         }),
         NodeKind::Clamp { clamp_type } => r.each(step, |[x, a, b]: [f32; 3]| {
@@ -291,17 +309,21 @@ fn noises<const LANES: usize>(kind: &NodeKind, step: &Compiled, r: &mut Register
     match *kind {
         NodeKind::NoiseTexture { dimensions, noise_type, normalize } => {
             let has_color = step.outputs[1..].iter().any(|&register| register != UNUSED);
-            r.each(step, |[x, y, z, w, scale, detail, roughness, lacunarity, offset, gain, distortion]: [f32; 11]| {
-                let (detail, roughness) = (detail.clamp(0.0, 15.0), roughness.max(0.0));
-                let fractal = Fractal { noise_type, normalize, detail, roughness, lacunarity, offset, gain };
-                let [x, y, z, w] = [x, y, z, w].map(|c| c * scale);
-                match dimensions {
-                    Dimensions::One => noise_texture([w], distortion, &fractal, has_color),
-                    Dimensions::Two => noise_texture([x, y], distortion, &fractal, has_color),
-                    Dimensions::Three => noise_texture([x, y, z], distortion, &fractal, has_color),
-                    Dimensions::Four => noise_texture([x, y, z, w], distortion, &fractal, has_color),
-                }
-            });
+            r.each(
+                step,
+                |[x, y, z, w, scale, detail, roughness, lacunarity, offset, gain, distortion]: [f32; 11]| {
+                    let (detail, roughness) = (detail.clamp(0.0, 15.0), roughness.max(0.0));
+                    let fractal =
+                        Fractal { noise_type, normalize, detail, roughness, lacunarity, offset, gain };
+                    let [x, y, z, w] = [x, y, z, w].map(|c| c * scale);
+                    match dimensions {
+                        Dimensions::One => noise_texture([w], distortion, &fractal, has_color),
+                        Dimensions::Two => noise_texture([x, y], distortion, &fractal, has_color),
+                        Dimensions::Three => noise_texture([x, y, z], distortion, &fractal, has_color),
+                        Dimensions::Four => noise_texture([x, y, z, w], distortion, &fractal, has_color),
+                    }
+                },
+            );
         }
         NodeKind::VoronoiTexture { dimensions, distance, feature, normalize } => {
             r.each(step, |[x, y, z, w, scale, detail, roughness, lacunarity, smoothness, exponent, randomness]: [f32; 11]| {
@@ -335,16 +357,26 @@ fn noises<const LANES: usize>(kind: &NodeKind, step: &Compiled, r: &mut Register
 fn pattern<const LANES: usize>(kind: &NodeKind, step: &Compiled, r: &mut Registers<LANES>) {
     match *kind {
         NodeKind::WaveTexture { wave_type, bands_direction, rings_direction, wave_profile } => {
-            let wave = Wave { wave_type, bands: bands_direction, rings: rings_direction, profile: wave_profile };
+            let wave =
+                Wave { wave_type, bands: bands_direction, rings: rings_direction, profile: wave_profile };
             r.each(step, |[x, y, z, scale, distortion, detail, detail_scale, roughness, phase]: [f32; 9]| {
                 let detail = detail.clamp(0.0, 15.0);
-                [wave.evaluate([x, y, z].map(|c| c * scale), distortion, detail, detail_scale, roughness, phase); 4]
+                [wave.evaluate(
+                    [x, y, z].map(|c| c * scale),
+                    distortion,
+                    detail,
+                    detail_scale,
+                    roughness,
+                    phase,
+                ); 4]
             });
         }
-        NodeKind::MagicTexture { turbulence_depth } => r.each(step, |[x, y, z, scale, distortion]: [f32; 5]| {
-            let [a, b, c] = patterns::magic([x, y, z], scale, turbulence_depth, distortion);
-            [a, b, c, (a + b + c) * (1.0 / 3.0)]
-        }),
+        NodeKind::MagicTexture { turbulence_depth } => {
+            r.each(step, |[x, y, z, scale, distortion]: [f32; 5]| {
+                let [a, b, c] = patterns::magic([x, y, z], scale, turbulence_depth, distortion);
+                [a, b, c, (a + b + c) * (1.0 / 3.0)]
+            })
+        }
         NodeKind::GradientTexture { gradient_type } => {
             r.each(step, |p: [f32; 3]| [patterns::gradient(gradient_type, p); 4]);
         }
@@ -353,21 +385,39 @@ fn pattern<const LANES: usize>(kind: &NodeKind, step: &Compiled, r: &mut Registe
             let first = if fac == 1.0 { 3 } else { 6 };
             [v[first], v[first + 1], v[first + 2], fac]
         }),
-        NodeKind::BrickTexture { offset, offset_frequency, squash, squash_frequency } => r.each(step, |v: [f32; 18]| {
-            let [scale, mortar_size, mortar_smooth, bias, brick_width, row_height] = [12, 13, 14, 15, 16, 17].map(|i| v[i]);
-            let wall = Wall {
-                offset, offset_frequency, squash, squash_frequency, mortar_size, mortar_smooth, bias, brick_width, row_height,
-            };
-            let (tint, mortar) = wall.evaluate(v[0] * scale, v[1] * scale);
-            let color = |i: usize| (1.0 - mortar) * ((1.0 - tint) * v[3 + i] + tint * v[6 + i]) + mortar * v[9 + i];
-            [color(0), color(1), color(2), mortar]
-        }),
+        NodeKind::BrickTexture { offset, offset_frequency, squash, squash_frequency } => {
+            r.each(step, |v: [f32; 18]| {
+                let [scale, mortar_size, mortar_smooth, bias, brick_width, row_height] =
+                    [12, 13, 14, 15, 16, 17].map(|i| v[i]);
+                let wall = Wall {
+                    offset,
+                    offset_frequency,
+                    squash,
+                    squash_frequency,
+                    mortar_size,
+                    mortar_smooth,
+                    bias,
+                    brick_width,
+                    row_height,
+                };
+                let (tint, mortar) = wall.evaluate(v[0] * scale, v[1] * scale);
+                let color = |i: usize| {
+                    (1.0 - mortar) * ((1.0 - tint) * v[3 + i] + tint * v[6 + i]) + mortar * v[9 + i]
+                };
+                [color(0), color(1), color(2), mortar]
+            })
+        }
         _ => unreachable!("{} is compiled away", kind.name()),
     }
 }
 
 /// Distance, colour, position, w, radius.
-fn voronoi_outputs(voronoi: &Voronoi, dimensions: Dimensions, [x, y, z, w]: [f32; 4], scale: f32) -> [f32; 9] {
+fn voronoi_outputs(
+    voronoi: &Voronoi,
+    dimensions: Dimensions,
+    [x, y, z, w]: [f32; 4],
+    scale: f32,
+) -> [f32; 9] {
     fn with<const N: usize>(voronoi: &Voronoi, p: [f32; N], scale: f32) -> (f32, [f32; 3], [f32; N]) {
         let cell = voronoi.evaluate(p);
         (cell.distance, cell.color, cell.position.map(|x| if scale == 0.0 { 0.0 } else { x / scale }))

@@ -24,7 +24,8 @@ fn finish(mut a: u32, mut b: u32, mut c: u32) -> u32 {
 pub fn hash_words<const N: usize>(words: [u32; N]) -> u32 {
     let start = 0xdead_beefu32.wrapping_add((N as u32) << 2).wrapping_add(13);
     let word = |i: usize| if i < N { words[i] } else { 0 };
-    let (mut a, mut b, mut c) = (start.wrapping_add(word(0)), start.wrapping_add(word(1)), start.wrapping_add(word(2)));
+    let (mut a, mut b, mut c) =
+        (start.wrapping_add(word(0)), start.wrapping_add(word(1)), start.wrapping_add(word(2)));
     if N > 3 {
         a = a.wrapping_sub(c) ^ c.rotate_left(4);
         c = c.wrapping_add(b);

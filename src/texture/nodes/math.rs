@@ -35,7 +35,13 @@ fn wrap(x: f32, max: f32, min: f32) -> f32 {
 }
 
 fn sign(x: f32) -> f32 {
-    if x > 0.0 { 1.0 } else if x < 0.0 { -1.0 } else { 0.0 }
+    if x > 0.0 {
+        1.0
+    } else if x < 0.0 {
+        -1.0
+    } else {
+        0.0
+    }
 }
 
 /// Quilez 2013, "Smooth minimum" (cubic).
@@ -76,7 +82,13 @@ pub fn scalar(operation: MathOperation, a: f32, b: f32, c: f32) -> f32 {
         MathOperation::Logarithm if a > 0.0 && b > 0.0 => divide(poly::ln(a), poly::ln(b)),
         MathOperation::Logarithm => 0.0,
         MathOperation::Sqrt => a.max(0.0).sqrt(),
-        MathOperation::InverseSqrt => if a > 0.0 { 1.0 / a.sqrt() } else { 0.0 },
+        MathOperation::InverseSqrt => {
+            if a > 0.0 {
+                1.0 / a.sqrt()
+            } else {
+                0.0
+            }
+        }
         MathOperation::Absolute => a.abs(),
         MathOperation::Exponent => poly::exp(a),
         MathOperation::Minimum => a.min(b),
@@ -92,8 +104,20 @@ pub fn scalar(operation: MathOperation, a: f32, b: f32, c: f32) -> f32 {
         MathOperation::Ceil => a.ceil(),
         MathOperation::Trunc => a.trunc(),
         MathOperation::Fract => a - a.floor(),
-        MathOperation::Modulo => if b == 0.0 { 0.0 } else { a % b },
-        MathOperation::FlooredModulo => if b == 0.0 { 0.0 } else { a - (a / b).floor() * b },
+        MathOperation::Modulo => {
+            if b == 0.0 {
+                0.0
+            } else {
+                a % b
+            }
+        }
+        MathOperation::FlooredModulo => {
+            if b == 0.0 {
+                0.0
+            } else {
+                a - (a / b).floor() * b
+            }
+        }
         MathOperation::Wrap => wrap(a, b, c),
         MathOperation::Snap => divide(a, b).floor() * b,
         MathOperation::PingPong => {
@@ -151,7 +175,9 @@ pub fn vector(operation: VectorOperation, a: Vector, b: Vector, c: Vector, scale
         VectorOperation::Multiply => each2(a, b, |x, y| x * y),
         VectorOperation::Divide => each2(a, b, divide),
         VectorOperation::MultiplyAdd => each2(each2(a, b, |x, y| x * y), c, |x, y| x + y),
-        VectorOperation::Cross => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]],
+        VectorOperation::Cross => {
+            [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+        }
         VectorOperation::Project => {
             let squared = dot(b, b);
             if squared == 0.0 { [0.0; 3] } else { b.map(|x| x * (dot(a, b) / squared)) }
@@ -166,7 +192,13 @@ pub fn vector(operation: VectorOperation, a: Vector, b: Vector, c: Vector, scale
             let k = 1.0 - scale * scale * (1.0 - cosine * cosine);
             if k < 0.0 { [0.0; 3] } else { each2(a, n, |x, n| scale * x - (scale * cosine + k.sqrt()) * n) }
         }
-        VectorOperation::FaceForward => if dot(b, c) < 0.0 { a } else { a.map(|x| -x) },
+        VectorOperation::FaceForward => {
+            if dot(b, c) < 0.0 {
+                a
+            } else {
+                a.map(|x| -x)
+            }
+        }
         VectorOperation::Scale => a.map(|x| x * scale),
         VectorOperation::Normalize => normalize(a),
         VectorOperation::Absolute => a.map(f32::abs),
@@ -223,7 +255,8 @@ pub fn mapping(kind: MappingType, v: Vector, location: Vector, rotation: Vector,
 fn about_axis(v: Vector, axis: Vector, angle: f32) -> Vector {
     let (sine, cosine) = poly::sin_cos(angle);
     let along = dot(axis, v) * (1.0 - cosine);
-    let across = [axis[1] * v[2] - axis[2] * v[1], axis[2] * v[0] - axis[0] * v[2], axis[0] * v[1] - axis[1] * v[0]];
+    let across =
+        [axis[1] * v[2] - axis[2] * v[1], axis[2] * v[0] - axis[0] * v[2], axis[0] * v[1] - axis[1] * v[0]];
     std::array::from_fn(|i| v[i] * cosine + across[i] * sine + axis[i] * along)
 }
 
@@ -254,14 +287,27 @@ pub fn rotate(
 }
 
 /// The map range node, one component.
-pub fn map_range(kind: RangeInterpolation, clamp: bool, x: f32, from: [f32; 2], to: [f32; 2], steps: f32) -> f32 {
+pub fn map_range(
+    kind: RangeInterpolation,
+    clamp: bool,
+    x: f32,
+    from: [f32; 2],
+    to: [f32; 2],
+    steps: f32,
+) -> f32 {
     if from[1] == from[0] {
         return 0.0;
     }
     let linear = (x - from[0]) / (from[1] - from[0]);
     let factor = match kind {
         RangeInterpolation::Linear => linear,
-        RangeInterpolation::Stepped => if steps > 0.0 { (linear * (steps + 1.0)).floor() / steps } else { 0.0 },
+        RangeInterpolation::Stepped => {
+            if steps > 0.0 {
+                (linear * (steps + 1.0)).floor() / steps
+            } else {
+                0.0
+            }
+        }
         RangeInterpolation::SmoothStep => {
             let t = linear.clamp(0.0, 1.0);
             t * t * (3.0 - 2.0 * t)

@@ -159,7 +159,9 @@ impl Builder {
         match (from, to) {
             (SocketType::Float, SocketType::Vector | SocketType::Color) => [value[0]; 3],
             (SocketType::Vector, SocketType::Float) => [self.step(Operation::Mean, value.to_vec(), 1)[0]; 3],
-            (SocketType::Color, SocketType::Float) => [self.step(Operation::Luminance, value.to_vec(), 1)[0]; 3],
+            (SocketType::Color, SocketType::Float) => {
+                [self.step(Operation::Luminance, value.to_vec(), 1)[0]; 3]
+            }
             _ => value,
         }
     }
@@ -247,7 +249,8 @@ impl Builder {
                 continue;
             }
             let inputs = step.inputs.iter().map(|&number| registers.of(number)).collect();
-            let outputs = reads.iter().map(|read| if read.is_some() { registers.take() } else { UNUSED }).collect();
+            let outputs =
+                reads.iter().map(|read| if read.is_some() { registers.take() } else { UNUSED }).collect();
             registers.results.insert(i as u32, outputs);
             for &number in &step.inputs {
                 if let Number::Result { step, output } = number
@@ -266,7 +269,8 @@ impl Builder {
 
 /// By step and output: the last step that reads it; the number of steps for the result, `None` for what nothing reads.
 fn last_reads(steps: &[Step], result: [Number; 3]) -> Vec<Vec<Option<usize>>> {
-    let mut last: Vec<Vec<Option<usize>>> = steps.iter().map(|step| vec![None; step.outputs as usize]).collect();
+    let mut last: Vec<Vec<Option<usize>>> =
+        steps.iter().map(|step| vec![None; step.outputs as usize]).collect();
     let mark = |numbers: &[Number], by: usize, last: &mut Vec<Vec<Option<usize>>>| {
         for number in numbers {
             if let Number::Result { step, output } = *number {

@@ -30,7 +30,13 @@ fn gradient<const N: usize>(hash: u32, d: [f32; N]) -> f32 {
         3 => {
             let h = hash & 15;
             let u = if h < 8 { x } else { y };
-            let v = if h < 4 { y } else if h == 12 || h == 14 { x } else { z };
+            let v = if h < 4 {
+                y
+            } else if h == 12 || h == 14 {
+                x
+            } else {
+                z
+            };
             negate_if(u, h & 1 != 0) + negate_if(v, h & 2 != 0)
         }
         _ => {
@@ -209,7 +215,12 @@ fn add<const N: usize>(a: [f32; N], b: [f32; N]) -> [f32; N] {
 }
 
 /// The noise texture: value and colour at a scaled point.
-pub fn noise_texture<const N: usize>(mut p: [f32; N], distortion: f32, fractal: &Fractal, has_color: bool) -> [f32; 4] {
+pub fn noise_texture<const N: usize>(
+    mut p: [f32; N],
+    distortion: f32,
+    fractal: &Fractal,
+    has_color: bool,
+) -> [f32; 4] {
     if distortion != 0.0 {
         let shift: [f32; N] = std::array::from_fn(|i| signed_noise(add(p, offset(i as f32))) * distortion);
         p = add(p, shift);

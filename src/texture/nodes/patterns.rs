@@ -21,7 +21,15 @@ pub struct Wave {
 
 impl Wave {
     /// The wave at a scaled point.
-    pub fn evaluate(&self, p: [f32; 3], distortion: f32, detail: f32, detail_scale: f32, roughness: f32, phase: f32) -> f32 {
+    pub fn evaluate(
+        &self,
+        p: [f32; 3],
+        distortion: f32,
+        detail: f32,
+        detail_scale: f32,
+        roughness: f32,
+        phase: f32,
+    ) -> f32 {
         let [x, y, z] = p.map(off_borders);
         let length = |x: f32, y: f32, z: f32| (x * x + y * y + z * z).sqrt() * 20.0;
         let mut n = match (self.wave_type, self.bands, self.rings) {

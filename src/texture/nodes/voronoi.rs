@@ -91,7 +91,9 @@ impl Voronoi {
             VoronoiFeature::DistanceToEdge => Cell { distance: self.fractal_edge(p), ..Cell::ZERO },
             VoronoiFeature::F1 => self.fractal(p, 1.0, |p| self.nearest(p)[0]),
             VoronoiFeature::F2 => self.fractal(p, 2.0, |p| self.nearest(p)[1]),
-            VoronoiFeature::SmoothF1 if self.smoothness == 0.0 => self.fractal(p, 1.0, |p| self.nearest(p)[0]),
+            VoronoiFeature::SmoothF1 if self.smoothness == 0.0 => {
+                self.fractal(p, 1.0, |p| self.nearest(p)[0])
+            }
             VoronoiFeature::SmoothF1 => self.fractal(p, 1.0, |p| self.smooth(p)),
         }
     }
@@ -225,7 +227,12 @@ impl Voronoi {
         (0..=whole as u32).map(|_| 1.0).chain((rest != 0.0).then_some(rest))
     }
 
-    fn fractal<const N: usize>(&self, p: [f32; N], reach: f32, octave: impl Fn([f32; N]) -> Cell<N>) -> Cell<N> {
+    fn fractal<const N: usize>(
+        &self,
+        p: [f32; N],
+        reach: f32,
+        octave: impl Fn([f32; N]) -> Cell<N>,
+    ) -> Cell<N> {
         let (mut scale, mut amplitude, mut most, mut sum) = (1.0, 1.0, 0.0, Cell::<N>::ZERO);
         if self.is_plain() {
             (sum, most) = (octave(p), 1.0);
@@ -233,7 +240,8 @@ impl Voronoi {
             for weight in self.octaves() {
                 let found = octave(p.map(|x| x * scale));
                 let mut next = sum.map2(found, |sum, x| sum + x * amplitude);
-                next.position = std::array::from_fn(|i| mix(sum.position[i], found.position[i] / scale, amplitude));
+                next.position =
+                    std::array::from_fn(|i| mix(sum.position[i], found.position[i] / scale, amplitude));
                 most = mix(most, most + amplitude, weight);
                 sum = sum.map2(next, |a, b| if weight == 1.0 { b } else { mix(a, b, weight) });
                 scale *= self.lacunarity;
