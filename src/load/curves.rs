@@ -17,10 +17,10 @@ use std::path::Path;
 const HEADER: usize = 128;
 /// Files may not be larger, bytes.
 const MOST_BYTES: u64 = 1 << 33;
-/// What reaches farther is nowhere, metres.
+/// Maximum coordinate, metres.
 const FARTHEST: f64 = 1e18;
 
-/// What a file holds.
+/// The contents of a file.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct CurveFile {
     /// The basis that it names.
@@ -32,7 +32,7 @@ pub(super) struct CurveFile {
     pub radii: Vec<f32>,
     /// By point; empty without.
     pub colors: Vec<[f32; 3]>,
-    /// What it holds and nothing is made of, in words.
+    /// Ignored contents, for warnings.
     pub ignored: Option<&'static str>,
 }
 
@@ -326,7 +326,7 @@ mod tests {
         }
     }
 
-    /// Whatever the bytes are, there is an answer, and no more memory is taken than they are worth.
+    /// Any bytes give a result or an error, without allocations beyond their size.
     #[test]
     fn any_bytes_have_an_answer() {
         let mut state = 1u32;

@@ -32,7 +32,7 @@ impl Decoder {
         self.facts().0
     }
 
-    /// What a build without it can't do.
+    /// The feature that a build without it lacks.
     pub fn lack(self) -> String {
         format!("this build of oscura reads no {}", self.facts().2)
     }

@@ -7,7 +7,7 @@ use crate::error::Warning;
 use crate::math::DVec3;
 use std::path::Path;
 
-/// How many times its size a model may be away from the origin: beyond, single floats keep less than a part in 2^18 of
+/// Maximum distance of a model from the origin in multiples of its size: beyond, f32 resolves less than a part in 2^18 of
 /// its size.
 const FARTHEST: f64 = 32.0;
 

@@ -29,7 +29,7 @@ const SCENE_FILE: &str = "toml";
 /// The extension of Blender's files.
 const BLENDER: &str = "blend";
 
-/// What the name of a file says that it is.
+/// The format by the extension of a file.
 pub(super) enum Format {
     /// A model.
     Model(&'static ModelFormat),
@@ -41,7 +41,7 @@ pub(super) enum Format {
     Other,
 }
 
-/// What the name of a file says that it is; capitals don't matter.
+/// The format by the extension of a file, case-insensitive.
 pub(super) fn of(path: &Path) -> Format {
     let extension = extension(path);
     if extension == SCENE_FILE {

@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 const HEADER: usize = 48;
 
-/// What is chosen of a file of OpenVDB; others have one grid and y up.
+/// Selection of a grid in an OpenVDB file; other formats have one grid and y up.
 #[derive(Clone, Copy, Default)]
 pub(super) struct GridChoice<'a> {
     /// The name of the grid; by default `density`, or the only one.

@@ -181,7 +181,7 @@ fn way_to_a_scene(extension: &str) -> String {
     way.to_string()
 }
 
-/// Gives meshes smooth normals if the caller asks for them; says so where there are none to be smoothed.
+/// Adds smooth normals to meshes if requested; warns where that has no effect.
 fn smoothed(path: &Path, options: &LoadOptions, is_of_meshes: bool, loaded: &mut Loaded) {
     let Some(crease_rad) = options.smooth_rad else { return };
     let meshes = loaded.scene.meshes.iter_mut().filter(|_| is_of_meshes);

@@ -37,12 +37,12 @@ pub struct LoadOptions {
     pub subdivision: Option<Subdivision>,
     /// Keep the polygons of OBJ files ([`Loaded::polygons`]), as something asks for subdivision.
     pub keeps_polygons: bool,
-    /// How long the shutter is open, and when.
+    /// Shutter interval and motion keys.
     pub shutter: ShutterOptions,
     /// Names of empty nodes of the model where lights will be placed: the shutter's keys cover their trajectories. Those of a
     /// sidecar are added.
     pub lit_nodes: BTreeSet<String>,
-    /// How a model without camera or light is shown.
+    /// The stage of a model without camera or light.
     pub stage: StageOptions,
     /// Records the files that are read or looked for.
     pub files: SavedFiles,
@@ -57,15 +57,15 @@ pub struct LoadOptions {
 pub struct Loaded {
     /// The scene; loaders have validated it.
     pub scene: Scene,
-    /// What was ignored, approximated or repaired.
+    /// Warnings about what was ignored, approximated or repaired.
     pub warnings: Vec<Warning>,
     /// Notes about choices made and files found, where nothing is wrong.
     pub notes: Vec<Warning>,
-    /// What was not read because the picture doesn't need it, with what that saved; for `--explain`.
+    /// Data that was not read because the picture doesn't need it, with the savings; for `--explain`.
     pub left_out: Vec<String>,
     /// Empty nodes of the model.
     pub empties: Vec<EmptyNode>,
-    /// What Blender's own exporter left out of the file, where it wrote it.
+    /// Losses of Blender's own exporter, where it wrote the file.
     pub blender: Option<BlenderExport>,
     /// The file declares area lights, however dim.
     pub has_area_lights: bool,
@@ -75,7 +75,7 @@ pub struct Loaded {
     pub polygons: Polygons,
     /// What the file says about its up axis.
     pub up_hint: UpHint,
-    /// How far from the world's origin the model's meshes have their own, metres: coordinates beyond the precision of
+    /// The origin of the model's meshes in world space, metres: coordinates beyond the precision of
     /// f32 are stored relative to it. The scene is placed where the file says.
     pub offset: DVec3,
     /// It comes from a model as other programs write them, whose shining parts need not be meant as its light.
@@ -124,7 +124,7 @@ impl From<Scene> for Loaded {
 
 // Choices about files of Blender.
 
-/// What the user may choose about files of Blender.
+/// Options for files of Blender.
 #[derive(Clone, Debug, Default)]
 pub struct BlenderOptions {
     /// Blender's program, or a Python that has `bpy`; else what the environment variable `OSCURA_BLENDER` names, else
@@ -141,7 +141,7 @@ pub struct BlenderOptions {
     pub cache: Option<PathBuf>,
 }
 
-// What the user may choose about a glTF asset.
+// Options for glTF assets.
 
 /// Choices about one glTF asset; the defaults show what the file says is shown, at rest.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -154,9 +154,9 @@ pub struct GltfOptions {
     pub node: Option<String>,
     /// The variant of its materials (KHR_materials_variants), by name or number.
     pub variant: Option<String>,
-    /// What the numbers of its lights mean.
+    /// Units of its lights.
     pub light_units: LightUnits,
-    /// What transparent materials without a volume are.
+    /// Interpretation of transmissive materials without a volume.
     pub glass: Glass,
     /// Go on without the extensions that the file demands and that are not supported.
     pub force: bool,
@@ -165,7 +165,7 @@ pub struct GltfOptions {
 /// Units of the lights of KHR_lights_punctual. The file doesn't say which mode its exporter used.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LightUnits {
-    /// What the specification says, which is also the default of Blender's exporter; spot lights in files by Blender
+    /// The specification's units, also the default of Blender's exporter; spot lights in files by Blender
     /// fade as they do there.
     #[default]
     Auto,
@@ -177,7 +177,7 @@ pub enum LightUnits {
     Raw,
 }
 
-/// How materials with transmission and without a volume (thickness 0) are understood. Where they become solids, their
+/// Interpretation of materials with transmission and without a volume (thickness 0). Where they become solids, their
 /// colour is that of light that has passed the whole body, as in Blender; the colour of solids that the file declares is
 /// met at each crossing of their surface, as the specification says.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -290,7 +290,7 @@ type Stamp = Option<(Option<SystemTime>, u64)>;
 pub struct SavedFiles(Arc<Mutex<BTreeMap<PathBuf, Stamp>>>);
 
 impl SavedFiles {
-    /// Notes a file as it is now, before it is read.
+    /// Records a file with its current modification time, before it is read.
     pub fn note(&self, path: impl AsRef<Path>) {
         let path = path.as_ref();
         self.lock().entry(path.to_path_buf()).or_insert_with(|| stamp(path));

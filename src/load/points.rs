@@ -18,7 +18,7 @@ pub(super) struct Cloud<'a> {
     pub positions: &'a [[f32; 3]],
     /// Linear RGBA of each; empty where the file has none.
     pub colors: &'a [[f32; 4]],
-    /// What the positions are relative to.
+    /// The origin of the positions.
     pub origin: DVec3,
 }
 
@@ -97,7 +97,7 @@ fn sane(x: f32) -> f32 {
     if x.is_nan() { 0.0 } else { x.clamp(0.0, 1.0) }
 }
 
-// How far the points of a cloud lie apart.
+// The spacing of the points of a cloud.
 
 /// Points whose neighbours are looked for.
 const PROBES: usize = 2000;

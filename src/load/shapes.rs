@@ -5,7 +5,7 @@ use crate::math::{DAffine3, DVec3, all_finite};
 use crate::scene::Mesh;
 use std::path::Path;
 
-/// What was unusable in meshes of a file.
+/// Counts of repairs in the meshes of a file.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Repairs {
     /// Triangles that were dropped.

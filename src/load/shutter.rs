@@ -2,7 +2,7 @@
 
 use crate::math::{DAffine3, DVec3, mix};
 
-/// What the user may choose about the shutter.
+/// Options of the shutter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShutterOptions {
     /// Shutter time, frames; `None`: as the scene says, else 0 (no motion blur).

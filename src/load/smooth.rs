@@ -9,7 +9,7 @@ use rayon::prelude::*;
 /// Where no vertex follows.
 const NONE: u32 = u32::MAX;
 
-/// Gives a mesh without normals smooth ones; the angle, in radians, is that between the normals of two faces up to which the
+/// Adds smooth normals to a mesh without normals; `crease_rad` is the angle between the normals of two faces up to which the
 /// edge between them is rounded. Vertices at creases are duplicated. Faces are adjacent where their corners have equal positions,
 /// whatever else they have. Nothing happens to a mesh with normals; false then.
 pub(super) fn smooth(mesh: &mut Mesh, crease_rad: f64) -> bool {
@@ -53,7 +53,7 @@ fn face_normal(mesh: &Mesh, triangle: &[u32; 3]) -> DVec3 {
 struct VertexFaces {
     /// The number of the point of each vertex.
     points: Vec<u32>,
-    /// Where the corners of each point begin, and where those of the last end.
+    /// Start of each point's corners, and the end of the last.
     starts: Vec<u32>,
     corners: Vec<u32>,
 }

@@ -150,7 +150,7 @@ impl Surface {
             .map(|f| f.1)
     }
 
-    /// What speaks for an axis.
+    /// The evidence for an axis.
     fn evidence(&self, axis: usize) -> f64 {
         2.0 * self.flat_base(axis) + self.support(axis) - 1.5 * self.mirrored(axis)
     }
@@ -191,7 +191,7 @@ impl Surface {
         if is_inside { 0.4 + share } else { 0.5 * share - 0.3 }
     }
 
-    /// How well the model agrees with its mirror image along an axis, from 0 to 1: cells that both fill, of those that
+    /// Mirror symmetry of the model along an axis, 0 to 1: cells that both fill, of those that
     /// either does.
     fn mirrored(&self, axis: usize) -> f64 {
         let scale = self.size.max_element();

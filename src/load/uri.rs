@@ -7,7 +7,7 @@ use base64::{DecodeError, alphabet};
 use percent_encoding::percent_decode;
 use std::path::{Component, Path, PathBuf};
 
-/// What a URI leads to.
+/// The target of a URI.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Target {
     /// A `data:` URI, decoded.
@@ -25,7 +25,7 @@ pub(super) enum Target {
 /// `allow_external`.
 ///
 /// # Errors
-/// Says in words what is wrong with the URI, with the remedy.
+/// The error message about a URI, with help.
 pub(super) fn resolve(uri: &str, asset: &Path, allow_external: bool) -> Result<Target, String> {
     if let Some(rest) = strip_scheme(uri, "data:") {
         return embedded(rest);

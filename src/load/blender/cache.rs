@@ -32,7 +32,7 @@ pub fn default_cache() -> Option<PathBuf> {
     parent.filter(|parent| parent.is_absolute()).map(|parent| parent.join("oscura/blender"))
 }
 
-/// How much a folder keeps; nothing if there is no such folder.
+/// Size of a cache folder; 0 if it doesn't exist.
 ///
 /// # Errors
 /// An input error for a folder that can't be read.

@@ -22,9 +22,9 @@ pub struct Exported {
     pub folder: PathBuf,
     /// The model among them.
     pub model: PathBuf,
-    /// What was lost on the way.
+    /// Warnings about losses of the export.
     pub warnings: Vec<Warning>,
-    /// What the user may want to know.
+    /// Notes of the export.
     pub notes: Vec<Warning>,
     /// The picture's time in the model's animations, seconds, if something moves.
     pub moment: Option<f64>,
@@ -69,9 +69,9 @@ fn exported(path: &Path, options: &LoadOptions, parent: &Path, links: bool) -> R
 pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     options.files.note(path);
     let exported = exported(path, options, &std::env::temp_dir(), true)?;
-    // What Blender has chosen is no choice about the model.
+    // Blender has applied these options already.
     let chosen = gltf::GltfOptions { time_s: exported.moment, scene: None, ..options.gltf.clone() };
-    // What Blender writes goes again.
+    // The exported files are temporary.
     let fps = exported.fps.filter(|fps| *fps > 0.0).unwrap_or(options.shutter.fps);
     let shutter = ShutterOptions { fps, ..options.shutter };
     let inner = LoadOptions { gltf: chosen, files: SavedFiles::default(), shutter, ..options.clone() };

@@ -131,7 +131,7 @@ fn command(host: &Host, script: &Path) -> Command {
     command
 }
 
-/// What the user chose, as arguments.
+/// The user's options, as arguments.
 fn choices(options: &LoadOptions) -> Vec<(&'static str, OsString)> {
     let frame = options.blender.frame.map(|frame| ("--frame", frame.to_string().into()));
     let time =
@@ -151,7 +151,7 @@ fn choices(options: &LoadOptions) -> Vec<(&'static str, OsString)> {
     all.into_iter().flatten().collect()
 }
 
-/// Says what is known of a child that left no answer.
+/// The message about a child process that wrote no report.
 fn failure(host: &Host, file: &Path, status: ExitStatus, log: &Path) -> Error {
     let text = fs::read(log).unwrap_or_default();
     let text = String::from_utf8_lossy(&text);
@@ -173,7 +173,7 @@ fn failure(host: &Host, file: &Path, status: ExitStatus, log: &Path) -> Error {
     }
 }
 
-// Where Blender is: as the user says, else on the search path, else where systems install it; else a Python that has it as
+// Finds Blender: the user's path, else the search path, else the usual installation folders; else a Python that has it as
 // the module `bpy`.
 
 /// The environment variable that names the program.
@@ -182,7 +182,7 @@ const VARIABLE: &str = "OSCURA_BLENDER";
 /// The oldest Blender that the exporter works with.
 const OLDEST: [u32; 2] = [4, 2];
 
-/// What helps where there is none.
+/// The help text where there is none.
 fn remedy() -> String {
     format!(
         "install Blender 4.2 or newer (blender.org), or its Python module by 'pip install bpy'; if it is installed already, \
@@ -191,7 +191,7 @@ fn remedy() -> String {
     )
 }
 
-/// What runs the exporter.
+/// The program that runs the exporter.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Host {
     /// Blender's program.
@@ -240,7 +240,7 @@ pub(super) fn find(file: &Path, asked: Option<&Path>) -> Result<Host> {
     Err(Error::input(file, message).with_help(remedy()))
 }
 
-/// What a program says that it is; else what is wrong with it.
+/// A program's version; else an error message.
 fn identify(program: &Path) -> std::result::Result<Host, String> {
     let said = output(program, &["--version"])?;
     if said.lines().any(|line| line.starts_with("Python 3")) {
@@ -260,7 +260,7 @@ fn numbers(version: &str) -> Option<[u32; 2]> {
     Some([parts.next()?.ok()?, parts.next()?.ok()?])
 }
 
-/// What a program prints, if it succeeds.
+/// A program's standard output, if it succeeds.
 fn output(program: &Path, arguments: &[&str]) -> std::result::Result<String, String> {
     let run = Command::new(program).args(arguments).stdin(Stdio::null()).stderr(Stdio::null()).output();
     let run = run.map_err(|e| format!("can't be run: {e}"))?;
@@ -316,7 +316,7 @@ fn on_path(name: &&str) -> Option<PathBuf> {
     env::split_paths(&folders).map(|folder| folder.join(&file)).find(|p| p.is_file())
 }
 
-// What the exporter answers.
+// The exporter's report.
 
 /// Pairs of a place (a material, an object; empty for the whole file) and a message.
 type Messages = Vec<(String, String)>;
@@ -331,9 +331,9 @@ pub(super) struct Report {
     pub moment: Option<f64>,
     /// Frames a second in them.
     pub fps: Option<f64>,
-    /// What was lost.
+    /// Losses of the export.
     pub warnings: Messages,
-    /// What was chosen.
+    /// Notes about choices.
     pub notes: Messages,
 }
 

@@ -148,7 +148,7 @@ impl<'a> Document<'a> {
     }
 }
 
-/// What a URI leads to.
+/// The target of a URI.
 pub(super) struct FetchedFile<'a> {
     /// The bytes.
     pub bytes: Cow<'a, [u8]>,

@@ -76,7 +76,7 @@ impl Report {
         self.add(Problem::new(pointer, message))
     }
 
-    /// Notes a problem with its remedy.
+    /// Adds a problem with help.
     pub fn add(&mut self, problem: Problem) -> Reported {
         let is_new = self.seen.insert((problem.place.clone(), problem.message.clone()));
         if is_new && self.problems.len() < LISTED {

@@ -18,7 +18,7 @@ const LARGE: u64 = 1 << 20;
 /// Bytes that hold the headers of most JPEG files.
 const BEGINNING: usize = 1 << 16;
 
-/// Says what becomes of a scene one of whose images turns out to be damaged.
+/// Decides what happens to a scene with a damaged image.
 pub(crate) type OnDamage = Arc<dyn Fn(Error) -> Damage + Send + Sync>;
 
 /// An image file in memory, and what is known of it.
@@ -90,7 +90,7 @@ struct Header {
     bits: u32,
 }
 
-/// What the header of a large image says; `None` if it is better decoded at once.
+/// The header of a large image; `None` if it is better decoded at once.
 fn header(source: &Source, mime: Option<&str>, warnings: &mut Vec<Warning>) -> Result<Option<Header>> {
     if super::ktx2::is_ktx2(source.bytes) {
         return Ok(None);
@@ -129,7 +129,7 @@ fn header(source: &Source, mime: Option<&str>, warnings: &mut Vec<Warning>) -> R
     Ok(Some(Header { size: [width, height], channels, bits }))
 }
 
-/// What a decoder says of an image before it decodes it.
+/// The header as a decoder reports it.
 fn size_and_type(source: &Source, bytes: &[u8], format: ImageFormat) -> Result<((u32, u32), ColorType)> {
     let broken = |e: image::ImageError| source.error(format!("can't be read as an image: {e}"));
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
@@ -150,7 +150,7 @@ impl Stamp {
     }
 }
 
-/// Where the bytes are.
+/// The location of the bytes.
 enum Origin {
     File(PathBuf, StampOfFile),
     Memory(Arc<[u8]>),

@@ -19,7 +19,7 @@ pub(super) fn is_ktx2(bytes: &[u8]) -> bool {
     bytes.starts_with(&IDENTIFIER)
 }
 
-/// What the header says (KTX 2.0, sections 3.1 to 3.9).
+/// The header (KTX 2.0, sections 3.1 to 3.9).
 struct Header {
     /// Vulkan's number for the format; 0 for Basis Universal.
     format: u32,

@@ -26,7 +26,7 @@ struct Unused<'a> {
     pages: usize,
 }
 
-/// What is not used of an image file, in words. Colour profiles mean nothing for data.
+/// Warnings about ignored metadata of an image file. Colour profiles don't matter for data.
 pub(super) fn messages(source: &Source, format: ImageFormat, purpose: Use) -> Vec<String> {
     let bytes = source.bytes;
     let found = match format {
@@ -389,7 +389,7 @@ mod tests {
         let end = circle.len();
         circle[end - 4..].copy_from_slice(&8u32.to_le_bytes());
         assert!(said(&circle, ImageFormat::Tiff, Use::Data).len() <= 1);
-        // What encoders write has nothing to say.
+        // Files by these encoders give no warnings.
         let mut plain = Cursor::new(Vec::new());
         DynamicImage::new_rgb8(2, 2).write_to(&mut plain, ImageFormat::Png).expect("encoded");
         assert!(said(plain.get_ref(), ImageFormat::Png, Use::Color).is_empty());

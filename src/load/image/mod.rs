@@ -24,7 +24,7 @@ use std::io::Cursor;
 use std::path::Path;
 use std::sync::Arc;
 
-/// What is said of a JPEG file without its end.
+/// The warning about a truncated JPEG file.
 const CUT_SHORT: &str = "the JPEG lacks its end, so that a part of it may be missing; the rest is grey";
 
 /// Reads an image file as a picture to look at.
@@ -47,7 +47,7 @@ pub(crate) fn read(path: &Path, purpose: Use, warnings: &mut Vec<Warning>) -> Re
     Ok(image)
 }
 
-/// What an image that [`decode`] has read says about its pixels that they are taken without, and further frames and
+/// Warnings about metadata that [`decode`] ignores, and further frames and
 /// pages.
 pub(crate) fn metadata_warnings(bytes: &[u8], file: &Path, pointer: &str, purpose: Use) -> Vec<Warning> {
     let source = Source { bytes, file, pointer };

@@ -106,7 +106,7 @@ impl<'a> Colour<'a> {
         self.color.iter().copied().chain(alpha).map(|c| &c.sample_data).collect()
     }
 
-    /// Says which layers and channels are not used, if there are any; alpha has its own rules.
+    /// Warns of layers and channels that are not used; alpha has its own rules.
     fn left_out(&self, layers: &[Layer<AnyChannels<FlatSamples>>], index: usize) -> Option<String> {
         let layer_name = |i: usize| match &layers[i].attributes.layer_name {
             Some(name) => format!("layer '{name}'"),
@@ -186,7 +186,7 @@ fn numbers(plane: &FlatSamples) -> Cow<'_, [f32]> {
     }
 }
 
-// Whole EXR files: all parts, channels and attributes as they are.
+// Complete EXR files: all parts, channels and attributes, unchanged.
 
 /// An EXR file in memory.
 #[derive(Clone, Debug)]
@@ -194,7 +194,7 @@ pub struct Layered {
     file: exr::image::Image<Layers<AnyChannels<FlatSamples>>>,
 }
 
-/// What is known about a channel.
+/// Information about a channel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ChannelInfo {
     /// Its name with that of its layer: `albedo.R`.
@@ -236,7 +236,7 @@ impl Layered {
         self.file.layer_data[part].attributes.layer_name.as_ref().map(Text::to_string)
     }
 
-    /// How a part's pixels are stored: `scan lines, ZIP16`.
+    /// Layout and compression of a part's pixels: `scan lines, ZIP16`.
     pub fn compression(&self, part: usize) -> String {
         let encoding = &self.file.layer_data[part].encoding;
         let blocks = match encoding.blocks {
@@ -297,7 +297,7 @@ impl Layered {
         list.iter().find_map(|c| layer(c.name.to_string()))
     }
 
-    /// Where in its part's list a channel is: by its name, or by its [plain name](Layered::plain_name).
+    /// Index of a channel in its part: by its name, or by its [plain name](Layered::plain_name).
     fn index_of(&self, part: usize, name: &str) -> Option<usize> {
         let list = &self.file.layer_data[part].channel_data.list;
         let as_it_is = list.iter().position(|c| c.name == *name);
@@ -320,7 +320,7 @@ impl Layered {
         Some(channel.sample_data.values_as_f32().collect())
     }
 
-    /// Puts other values in place of a channel's, in the channel's type, half floats within their range. Does nothing if there
+    /// Replaces a channel's values, in the channel's type, half floats within their range. Does nothing if there
     /// is no such channel.
     ///
     /// # Panics

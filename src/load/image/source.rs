@@ -6,7 +6,7 @@ use crate::load::decoders::Decoder;
 use image::{ImageFormat, Limits};
 use std::path::Path;
 
-/// What an image is for, which decides how its numbers are understood.
+/// The use of an image, which decides about its colour encoding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Use {
     /// Colour: integers are sRGB-encoded, floats linear.
@@ -17,7 +17,7 @@ pub(crate) enum Use {
     Environment,
 }
 
-/// Where the bytes come from, for messages.
+/// The location of the bytes, for messages.
 pub(super) struct Source<'a> {
     pub bytes: &'a [u8],
     pub file: &'a Path,
@@ -64,7 +64,7 @@ pub(super) fn signature(bytes: &[u8]) -> Option<ImageFormat> {
     if bytes.starts_with(b"#?") { Some(ImageFormat::Hdr) } else { image::guess_format(bytes).ok() }
 }
 
-// How large an image may be, judged by the file that claims it.
+// Limits of image sizes by the size of the file.
 
 /// Pixels that any file may claim: some codecs store a uniform picture of any size in a few bytes.
 const ALWAYS: u64 = 1 << 24;

@@ -45,7 +45,7 @@ impl Seek for GaugedReader<'_> {
     }
 }
 
-/// Says what `tobj` gets to see of a line.
+/// Filters a line before `tobj` reads it.
 pub(super) trait LineFilter {
     /// Appends to `out` what the line with this number (that of its first, where lines are joined; from 1) becomes.
     fn line(&mut self, number: usize, text: &[u8], out: &mut Vec<u8>);
@@ -61,7 +61,7 @@ pub(super) trait LineFilter {
     }
 }
 
-/// Hands the lines of a file to a cleaner.
+/// Feeds the lines of a file to a filter.
 struct Cleaning<R, C> {
     file: R,
     cleaner: C,
@@ -77,7 +77,7 @@ impl<R: Read + Seek, C: LineFilter> Cleaning<R, C> {
         Cleaning { file, cleaner, number: 0, joined: (0, Vec::new()), out: Vec::new() }
     }
 
-    /// Gives what becomes of the file piece by piece.
+    /// Returns the filtered file chunk by chunk.
     fn run(&mut self, mut give: impl FnMut(Vec<u8>)) -> Result<()> {
         // What of the file has been read and not been taken: the beginning of a line.
         let (mut buffer, mut rest) = (vec![0; CHUNK], 0);
@@ -159,7 +159,7 @@ impl<R: Read + Seek, C: LineFilter> Cleaning<R, C> {
     }
 }
 
-/// Hands all lines of a file to a cleaner, and gives it back; what it makes of them is left out.
+/// Feeds all lines of a file to a filter and returns it; its output is discarded.
 pub(super) fn each_line<C: LineFilter>(file: File, cleaner: C) -> Result<C> {
     let mut cleaning = Cleaning::new(file, cleaner);
     cleaning.run(|_| {})?;
@@ -196,13 +196,13 @@ impl Read for Pieces {
     }
 }
 
-/// What `tobj` gives.
+/// The result of `tobj`.
 type Parsed<T> = std::result::Result<T, tobj::LoadError>;
 
-/// What `tobj` makes of a file behind a cleaner, which works ahead in a thread of its own; and the cleaner with its notes.
+/// The result of `tobj` for a filtered file, and the filter with its records; the filter runs ahead in its own thread.
 ///
 /// # Errors
-/// Says in words why the file can't be read.
+/// The error message about an unreadable file.
 pub(super) fn by_tobj<C: LineFilter + Send, T>(
     file: impl Read + Seek + Send,
     cleaner: C,
@@ -272,7 +272,7 @@ mod tests {
     use super::*;
     use std::io::{Cursor, SeekFrom};
 
-    /// Gives a few bytes at a time.
+    /// A reader that returns few bytes at a time.
     struct Drops<'a>(Cursor<&'a [u8]>);
 
     impl Read for Drops<'_> {

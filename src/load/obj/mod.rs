@@ -116,14 +116,14 @@ fn warn_of_missing_coordinates(path: &Path, loaded: &mut Loaded) {
 /// The writer named in the comments at a file's head.
 fn up_hint(path: &Path) -> UpHint {
     let mut head = Vec::new();
-    // What can't be read has been an error before.
+    // Unreadable files have been an error before.
     let _ = File::open(path).and_then(|file| file.take(1 << 10).read_to_end(&mut head));
     let head = String::from_utf8_lossy(&head);
     let is_of_blender = head.lines().any(|l| l.starts_with('#') && l.contains("Blender"));
     UpHint { writer: is_of_blender.then_some((Up::Y, "Blender, which wrote it")), is_mostly_y: true }
 }
 
-/// What `tobj` makes of the faces of a file, and what else its statements say.
+/// The models of `tobj`, and the statements that it drops.
 ///
 /// # Errors
 /// An input error with all problems of the file.
@@ -353,7 +353,7 @@ fn shared_points(objects: &[Object]) -> Option<String> {
 
 struct Builder<'s> {
     statements: &'s Statements,
-    /// What is subtracted from positions.
+    /// The origin, which is subtracted from positions.
     origin: DVec3,
     /// The noted positions of the corners to come.
     corners: &'s [u32],
@@ -639,7 +639,7 @@ fn add_points(
     Cloud { positions: &positions, colors: &colors, origin }.add(path, options, loaded)
 }
 
-/// Where the points of a file without faces need their origin: see [`crate::load::far::origin`].
+/// The origin of a file without faces: see [`crate::load::far::origin`].
 fn positions(path: &Path, numbers: &[u32]) -> Result<Vec<[f32; 3]>> {
     let unreadable = |e| Error::input(path, format!("can't be read: {e}"));
     let file = File::open(path).map_err(unreadable)?;

@@ -91,7 +91,7 @@ const MAPS: [&str; 15] = [
 /// The materials of a library; adds to the warnings what was ignored.
 ///
 /// # Errors
-/// Says why the file can't be read.
+/// The error message about an unreadable file.
 pub(super) fn read(path: &Path, warnings: &mut Vec<Warning>) -> Result<Vec<Mtl>, String> {
     let unreadable = |e| format!("can't be read: {e}");
     let mut file = File::open(path).map_err(unreadable)?;
@@ -314,7 +314,7 @@ mod tests {
         assert_eq!(warned, ["line 1", "line 8", "line 9", "line 10", "line 11"]);
     }
 
-    /// What would end the program, or the whole library, if `tobj` saw it.
+    /// Statements that would make `tobj` panic or reject the whole library.
     #[test]
     fn odd_statements_cost_no_more_than_themselves() {
         let text =

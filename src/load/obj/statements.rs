@@ -14,13 +14,13 @@ use std::io::Write;
 /// Number of a material's name among those that the file uses; `None` before the first `usemtl`.
 pub(super) type MaterialName = Option<u32>;
 
-/// How many problems are worth listing.
+/// Maximum number of problems in an error.
 const LISTED: usize = 10;
 
 /// Faces after which `tobj` is made to convert what it holds of them, about 100 bytes each.
 const PIECE: usize = 1 << 15;
 
-/// How the file goes by.
+/// The pass over the file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Passes {
     /// Once.
@@ -38,7 +38,7 @@ pub(super) struct Statements {
     pub pieces: Vec<Piece>,
     /// Names of objects and groups.
     pub objects: Vec<String>,
-    /// Where another material begins: number of the face in the file, and the material.
+    /// Starts of materials: face index in the file, and the material.
     pub runs: Vec<(usize, MaterialName)>,
     /// The position, from 0, of each corner in turn, of pieces with a smoothing group; of all where there are colours or positions that
     /// may be far away, or polygons are stored for subdivision.
@@ -76,7 +76,7 @@ pub(super) struct Statements {
     /// The first problems by their lines.
     problems: BTreeMap<usize, String>,
     problem_count: usize,
-    /// What was left out: the first line and how often.
+    /// Ignored statements: first line and count.
     ignored: BTreeMap<String, (usize, usize)>,
 }
 
@@ -276,7 +276,7 @@ impl Statements {
         out.push(b'\n');
     }
 
-    /// Takes the corners of a face if all are plain and exist, which they nearly always do.
+    /// Fast path: accepts the corners of a face if all are plain and exist.
     fn plain_face(&mut self, mut text: &[u8]) -> bool {
         self.face.clear();
         while let [first, rest @ ..] = text {
@@ -382,7 +382,7 @@ impl Statements {
 
     #[cold]
     fn problem(&mut self, line: usize, message: impl Into<String>) {
-        // What is said counts the statements of the whole file.
+        // Messages count the statements of the whole file.
         self.needs_two_passes |= self.passes == Passes::One;
         self.problem_count += 1;
         self.problems.insert(line, message.into());
@@ -429,7 +429,7 @@ impl Statements {
         }
     }
 
-    /// What was left out: line and message.
+    /// Ignored statements: line and message.
     pub fn left_out(&self) -> Vec<(usize, String)> {
         let ignored = self.ignored.iter();
         ignored.map(|(what, (line, count))| (*line, format!("{count} {what}: left out"))).collect()
@@ -467,7 +467,7 @@ pub(super) struct PlainNumbers {
     pub has_large: bool,
 }
 
-/// What the numbers of a text are; `None` where some are no plain decimals.
+/// The numbers of a text; `None` unless all are plain decimals.
 pub(super) fn plain_numbers(mut text: &[u8]) -> Option<PlainNumbers> {
     let mut numbers = PlainNumbers { count: 0, has_large: false };
     while let [first, rest @ ..] = text {
@@ -519,7 +519,7 @@ pub(super) fn write_corner([position, uv, normal]: Corner, out: &mut Vec<u8>) {
     };
 }
 
-// What `tobj` gets as one model.
+// The statements that `tobj` gets as one model.
 
 /// Consecutive faces that are alike, which `tobj` returns as one model.
 pub(super) struct Piece {
@@ -552,7 +552,7 @@ impl Piece {
 mod tests {
     use super::*;
 
-    /// What becomes of the lines of a text in one pass.
+    /// The filtered lines of a text in one pass.
     fn once(text: &str) -> (Statements, String) {
         let (mut statements, mut out) = (Statements::new(false, false), Vec::new());
         for (number, line) in text.lines().enumerate() {

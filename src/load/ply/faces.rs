@@ -6,7 +6,7 @@ use crate::load::polygon::triangulate;
 use crate::scene::Mesh;
 use std::collections::HashMap;
 
-/// How a list of indices is meant.
+/// The meaning of a list of indices.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum FaceLayout {
     Polygon,
@@ -14,7 +14,7 @@ pub(super) enum FaceLayout {
     Strip,
 }
 
-/// How many problems of one kind are worth listing.
+/// Maximum number of problems of one kind in an error.
 const LISTED: usize = 10;
 
 /// Adds faces to a mesh and notes those that refer to missing vertices.
@@ -25,14 +25,14 @@ pub(super) struct Faces {
     /// Faces that precede the vertices in the file.
     waiting: Vec<(FaceLayout, usize, Face)>,
     vertices_known: bool,
-    /// What corners have of their own, where the file has that.
+    /// Attributes per corner, where the file has them.
     pub wedges: Option<Wedges>,
     /// Faces of fewer than three corners.
     pub short: usize,
 }
 
 impl Faces {
-    /// Of a file whose corners have something of their own, or not.
+    /// For a file with or without attributes per corner.
     pub fn with_wedges(has_wedges: bool) -> Faces {
         Faces { wedges: has_wedges.then(Wedges::default), ..Faces::default() }
     }
@@ -117,7 +117,7 @@ fn add_strip(mesh: &mut Mesh, indices: &[i64]) {
     }
 }
 
-// What the corners of faces have of their own ("wedges", as MeshLab calls them): texture coordinates, of which a vertex has
+// Attributes per face corner ("wedges" in MeshLab): texture coordinates, of which a vertex has
 // different ones where a seam runs through it, and the picture that a face shows.
 
 /// Wedges of all triangles so far.
@@ -158,7 +158,7 @@ impl Wedges {
         self.pictures.resize(triangles, -1);
     }
 
-    /// Gives each vertex of the mesh one pair of texture coordinates: vertices with several become several.
+    /// Splits vertices with several texture coordinates.
     pub fn split(&self, mesh: &mut Mesh) {
         let count = mesh.positions.len();
         let mut first: Vec<Option<[u32; 2]>> = vec![None; count];

@@ -22,9 +22,9 @@ const COUNTED: usize = 1 << 16;
 /// A file whose header has been read; element lists are read in file order.
 pub(super) struct Source<'a> {
     header: Header,
-    /// What is left of a binary payload.
+    /// The rest of a binary payload.
     rest: &'a [u8],
-    /// What is left of an ascii payload.
+    /// The rest of an ascii payload.
     lines: Lines<'a>,
     /// Lines of the header that mean nothing.
     strays: Vec<String>,
@@ -40,7 +40,7 @@ struct HeaderText {
     length: usize,
     /// Its lines in the file.
     lines: usize,
-    /// Those that mean nothing, with their numbers.
+    /// Unsupported elements, with their counts.
     strays: Vec<String>,
 }
 
@@ -53,14 +53,14 @@ pub(super) struct VertexLayout {
     pub normal: bool,
     pub uv: bool,
     pub color: bool,
-    /// What is stored there are gaussian splats.
+    /// The vertices are Gaussian splats.
     pub is_splat: bool,
     /// Attributes of which a part is missing, so that the rest means nothing.
     pub incomplete: Vec<&'static str>,
 }
 
 impl VertexLayout {
-    /// Says why nothing can be made of such vertices.
+    /// The error about unsupported vertices.
     pub fn check(&self) -> Result<()> {
         if self.is_splat {
             let message =
@@ -75,7 +75,7 @@ impl VertexLayout {
     }
 }
 
-/// What is in a file and not read, in words.
+/// Parts of a file that are not read, for warnings.
 pub(super) struct Unread {
     /// It would change the picture.
     pub shown: Vec<String>,
@@ -114,7 +114,7 @@ impl<'a> Source<'a> {
         self.header.elements.iter().map(|(name, e)| (name.clone(), e.clone())).collect()
     }
 
-    /// What the vertices carry.
+    /// The attributes of the vertices.
     pub fn vertex_layout(&self) -> VertexLayout {
         let has =
             |name: &str| self.header.elements.get("vertex").is_some_and(|v| v.properties.contains_key(name));

@@ -124,7 +124,7 @@ fn parse(path: &Path, bytes: &[u8], origin: DVec3, gauge: &Gauge) -> Result<(Mes
     Ok((mesh, faces.wedges, left_out))
 }
 
-/// Says how many vertices would let light through.
+/// Warns of vertices with alpha below 1.
 fn unused_alpha(mesh: &Mesh) -> Option<String> {
     let count = mesh.colors.iter().filter(|c| c[3] < 1.0).count();
     (count > 0).then(|| format!("the alpha of {count} vertex colours, which are taken as opaque"))
@@ -176,7 +176,7 @@ fn finish(
     Ok(loaded)
 }
 
-/// Puts a mesh's triangles into the order of the runs; gives how many of each will be left by repairs.
+/// Sorts a mesh's triangles by run; returns how many of each will remain after repairs.
 fn in_runs(mesh: &mut Mesh, runs: Vec<Run>) -> Vec<u32> {
     mesh.triangles.clear();
     let finite = |t: &&[u32; 3]| t.iter().all(|&i| mesh.positions[i as usize].iter().all(|x| x.is_finite()));
@@ -199,7 +199,7 @@ fn texture_numbers(runs: Option<&[Run]>, files: &[String]) -> Vec<Option<usize>>
     }
 }
 
-/// Gives the mesh's materials their pictures, if there are any and the mesh has texture coordinates; says why not.
+/// Assigns the textures to the mesh's materials, if it has texture coordinates; else warns.
 fn add_textures(
     path: &Path,
     files: &[String],
@@ -224,7 +224,7 @@ fn add_textures(
     }
 }
 
-/// What is said of a texture that is left out.
+/// The warning about a texture that is left out.
 fn left_out(name: &str, why: &str) -> String {
     format!("the texture '{name}' of a comment: left out{why}")
 }

@@ -5,19 +5,19 @@ use crate::error::Problem;
 use crate::load::words::{integer, next_word};
 use ply_rs::ply::{ElementDef, Property, PropertyAccess, PropertyType, ScalarType};
 
-/// What a row of an element becomes.
+/// The record of a row of an element.
 pub(super) trait Record {
     /// A record with defaults for what the file lacks.
     fn new() -> Self;
-    /// Where a scalar property goes, if anywhere.
+    /// The field of a scalar property, if it is read.
     fn slot(name: &str) -> Option<Slot>;
     /// Stores a scalar property.
     fn set(&mut self, slot: Slot, value: &Property);
-    /// Where the list property of that name goes, if anywhere.
+    /// The field of a list property, if it is read.
     fn list(&mut self, name: &str) -> Option<List<'_>>;
 }
 
-/// What a list becomes.
+/// The field of a list property.
 pub(super) enum List<'a> {
     Integers(&'a mut Vec<i64>),
     Numbers(&'a mut Vec<f32>),
@@ -222,7 +222,7 @@ impl<'a> Lines<'a> {
     }
 }
 
-/// Where a property goes.
+/// The field of a property.
 enum FieldTarget<'a> {
     Scalar(&'a ScalarType, Option<Slot>),
     List(&'a str),

@@ -13,10 +13,10 @@ use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// What a mesh file brought.
+/// The contents of a mesh file.
 #[derive(Clone, Default)]
 pub(super) struct Asset {
-    /// Its placements, by the ids of the whole scene.
+    /// Its instances, with ids of the whole scene.
     pub instances: Vec<Instance>,
     /// The points of a point cloud, likewise.
     pub shapes: Vec<Shape>,
@@ -36,17 +36,17 @@ pub(super) struct Assets {
 }
 
 impl Assets {
-    /// Says that a file will be placed with its own materials. To be called for all of them before the first is read.
+    /// Registers a file that some object uses with its own materials. Call it for all files before the first is read.
     pub fn expect_materials(&mut self, build: &SceneFileBuilder, name: &str) {
         self.with_materials.insert(key(&build.resolve_path(name)));
     }
 
-    /// Says that a file will be subdivided. To be called for all of them before the first is read.
+    /// Registers a file that some object subdivides. Call it for all files before the first is read.
     pub fn expect_polygons(&mut self, build: &SceneFileBuilder, name: &str) {
         self.with_polygons.insert(key(&build.resolve_path(name)));
     }
 
-    /// What a file brings, with smooth normals by an angle of creases in radians; `None` where it has problems, which have been
+    /// The contents of a file, with smooth normals by a crease angle in radians; `None` where it has problems, which have been
     /// noted.
     pub fn get(
         &mut self,
@@ -205,7 +205,7 @@ fn absorb(build: &mut SceneFileBuilder, path: &Path, mut loaded: Loaded) -> Asse
     Asset { instances: instances.collect(), shapes: shapes.collect(), cameras }
 }
 
-/// What is added to each kind of id.
+/// Offsets of each type of id.
 struct Shift {
     mesh: u32,
     material: u32,

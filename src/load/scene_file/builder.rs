@@ -67,7 +67,7 @@ pub(super) fn is_on_path(name: &str, path: &str) -> bool {
 /// Names, of which those on the way to a node are found without asking each.
 pub(super) struct NamesOnPaths<'n> {
     relative: HashSet<&'n str>,
-    /// Those with a slash before them, by what follows it.
+    /// Absolute names (with a leading slash), by the rest.
     absolute: HashMap<&'n str, &'n str>,
     /// Parts of the one with the most.
     most_parts: usize,
@@ -83,7 +83,7 @@ impl<'n> NamesOnPaths<'n> {
         }
     }
 
-    /// Those on the way of names to a node; see [`is_on_path`].
+    /// The names that are part of a node's path; see [`is_on_path`].
     pub fn on_path<'p>(&'p self, path: &'p str) -> impl Iterator<Item = &'n str> + 'p {
         let starts = [0].into_iter().chain(path.match_indices('/').map(|(slash, _)| slash + 1));
         let ends = |start: usize| {

@@ -163,7 +163,7 @@ fn chosen(build: &mut SceneFileBuilder, fields: &Fields, assets: &mut Assets) ->
     Some(camera)
 }
 
-/// Where and how far the camera sees; what the table doesn't say stays as it is.
+/// Shift, clipping and size; unset keys leave the camera as it is.
 struct Frame {
     pixel_aspect: Option<f64>,
     shift: Option<[f64; 2]>,
@@ -187,7 +187,7 @@ impl Frame {
     }
 }
 
-/// What the camera sees, by distances from its plane.
+/// Clipping distances.
 fn clip(fields: &Fields) -> Option<[f64; 2]> {
     let clip = fields.numbers::<2>("clip")?;
     let [near, far] = clip.value;
@@ -200,7 +200,7 @@ fn clip(fields: &Fields) -> Option<[f64; 2]> {
     Some(clip.value)
 }
 
-/// How far the picture is moved, in its heights.
+/// Lens shift in image heights.
 fn shift(fields: &Fields) -> Option<[f64; 2]> {
     let shift = fields.numbers::<2>("shift")?;
     if shift.value.iter().any(|s| s.abs() > 1e3) {
@@ -273,7 +273,7 @@ fn aperture(fields: &Fields) -> Aperture {
     }
 }
 
-/// What [`lens`] and [`aperture`] ask for.
+/// The keys of [`lens`] and [`aperture`].
 const KEYS_OF_LENS: [&str; 8] = [
     "focus_distance",
     "focus_at",
@@ -338,7 +338,7 @@ enum Type {
     Panorama,
 }
 
-/// What a table says about the projection, if it says something; else the keys of a perspective are unread. Tells problems.
+/// The projection of a table, if it has one; else the keys of a perspective are unread.
 fn read_projection(fields: &Fields) -> Option<Projection> {
     let types = [
         ("perspective", Type::Perspective),
@@ -360,12 +360,12 @@ fn read_projection(fields: &Fields) -> Option<Projection> {
     }
 }
 
-/// What `vfov` says.
+/// The key `vfov`.
 pub(super) fn perspective(fields: &Fields) -> Projection {
     Projection::Perspective { vfov_rad: fields.number_in("vfov", 1e-3..179.999, 40.0).to_radians() }
 }
 
-/// Gives a camera of a model the projection that a table says.
+/// Sets the projection of a model's camera.
 pub(super) fn change_projection(camera: &mut Camera, projection: Option<Projection>) {
     let Some(projection) = projection else { return };
     camera.projection = projection;
@@ -449,7 +449,7 @@ fn limits(fields: &Fields, key: &'static str, most: f64) -> Option<[f64; 2]> {
     Some([from, to].map(f64::to_radians))
 }
 
-/// What the user chose, else what the camera's table says. To be known before objects are read; what is wrong with it is noted
+/// The shutter options of the user, else of the camera's table. Needed before objects are read; problems are reported
 /// where the camera is.
 pub(super) fn shutter_options(options: ShutterOptions, root: &Fields) -> ShutterOptions {
     let options = ShutterOptions { vectors: options.vectors || asks_for_vectors(root), ..options };

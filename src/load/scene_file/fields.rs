@@ -23,12 +23,12 @@ impl<'a> Problems<'a> {
         Problems { text, shared_text: OnceCell::new(), list: RefCell::new(Vec::new()) }
     }
 
-    /// Notes a problem about a range of the text.
+    /// Adds a problem about a range of the text.
     pub fn push(&self, span: Range<usize>, message: impl Into<String>) {
         self.add(span, message.into(), None);
     }
 
-    /// Notes a problem with its remedy.
+    /// Adds a problem with help.
     pub fn push_help(&self, span: Range<usize>, message: impl Into<String>, help: impl Into<String>) {
         self.add(span, message.into(), Some(help.into()));
     }

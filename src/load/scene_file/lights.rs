@@ -293,7 +293,7 @@ pub(super) enum Surface {
     Ball { position: DVec3, radius: f64, kind: ShapeKind },
 }
 
-/// What a lamp with a radius is: a disk that faces what it lights if it has a soft falloff, and what rays pass shines inwards, too.
+/// The shape of a light with a radius: a disk that faces the receiver if it has a soft falloff; shells, which rays pass, also emit inwards.
 pub(super) fn ball_kind(is_soft: bool, is_obstacle: bool) -> ShapeKind {
     match is_obstacle {
         _ if is_soft => ShapeKind::FacingDisk,
@@ -387,7 +387,7 @@ fn add_surface(
     let scene = &mut build.loaded.scene;
     let material = MaterialId(scene.materials.len() as u32);
     let is_ball = |of| matches!(surface, Surface::Ball { kind, .. } if kind == of);
-    // What turns is in nothing's way.
+    // A rotation has no effect on it.
     let is_obstacle = lamp.is_obstacle && !is_ball(ShapeKind::FacingDisk);
     let shines_inwards = is_ball(ShapeKind::Shell);
     let mut emitter = Material::emitter(&name, color.map(|c| c * radiance as f32), shines_inwards);

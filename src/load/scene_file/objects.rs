@@ -118,13 +118,13 @@ pub(super) fn read<'a>(
     build.nodes.remove_hidden(&mut build.loaded.scene);
 }
 
-/// How many instances, quads and shapes there are.
+/// Numbers of instances, quads and shapes.
 fn counts(build: &SceneFileBuilder) -> [usize; 3] {
     let scene = &build.loaded.scene;
     [scene.instances.len(), scene.quads.len(), scene.shapes.len()]
 }
 
-/// Gives what was added to the scene the traits that its object has.
+/// Applies an object's visibility and links to what it added to the scene.
 fn give_traits(build: &mut SceneFileBuilder, fields: &Fields, [instances, quads, shapes]: [usize; 3]) {
     let given = TraitOverrides::read(build, fields);
     let scene = &mut build.loaded.scene;
@@ -334,12 +334,12 @@ pub(super) struct Object {
     pub name: String,
     /// Its transform.
     pub world_from_object: DAffine3,
-    /// How it moves on from there.
+    /// Its motion.
     pub motion: Option<Moving<DAffine3>>,
 }
 
 impl Object {
-    /// What a table says of its place.
+    /// Reads transform and motion of a table.
     pub fn read(build: &mut SceneFileBuilder, fields: &Fields, name: String) -> Object {
         let world_from_object = transform::read(fields);
         match transform::read_motion(build, fields, &name) {
@@ -351,7 +351,7 @@ impl Object {
         }
     }
 
-    /// How an instance of a file moves that the object places.
+    /// The motion of an instance of a mesh file under the object's transform and motion.
     pub fn moved(&self, motion: &mut SceneMotion, instance: &Instance) -> Motion {
         let own = match instance.motion {
             Motion::Keyed(number) => motion.instances.get(number as usize).cloned(),
@@ -586,7 +586,7 @@ pub(super) fn is_subdivision_asked(root: &Fields) -> bool {
     }
 }
 
-/// What an object asks for.
+/// The key `subdivide` of an object.
 fn read_subdivision(fields: &Fields) -> Option<Subdivision> {
     let given = fields.raw("subdivide")?;
     if number(given.get_ref()).is_some() {

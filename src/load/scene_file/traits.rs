@@ -42,11 +42,11 @@ pub(super) fn visible_to(fields: &Fields, own: RayKinds) -> RayKinds {
     kinds.set(RayKinds::CAMERA, by_camera)
 }
 
-/// What a table says of an object's traits.
+/// Visibility and light links in a table.
 pub(super) struct TraitOverrides {
-    /// What the object is to rays and pictures.
+    /// Ray visibility, holdout and shadow catcher.
     pub own: Option<ObjectTraits>,
-    /// What the light that it emits is linked to.
+    /// Links of the light that it emits.
     pub links: Option<LightLinks>,
 }
 
@@ -65,7 +65,7 @@ impl TraitOverrides {
     }
 }
 
-/// What an object is to rays and pictures; `None` where nothing is said.
+/// Ray visibility, holdout and shadow catcher of a table; `None` where none of the keys is given.
 pub(super) fn traits(fields: &Fields) -> Option<ObjectTraits> {
     // All keys are asked for, so that all are known.
     let given = ["visible_to", "visible_to_camera", "holdout", "shadow_catcher"].map(|key| fields.has(key));
@@ -154,14 +154,14 @@ fn names_of(scene: &Scene) -> impl Iterator<Item = &str> {
     scene.object_names().chain(scene.lights.iter().map(|light| light.name.as_str()))
 }
 
-/// What all shapes of lights have.
+/// Keys that all shapes of lights have in common.
 pub(super) struct LightTraits {
     pub name: String,
     pub color: [f32; 3],
     pub lamp: Lamp,
     pub group: String,
     pub links: LightLinks,
-    /// Where it moves.
+    /// Its motion.
     pub moved: Option<EvaluatedMotion>,
 }
 

@@ -115,7 +115,7 @@ fn matrix(fields: &Fields, m: [f64; 16]) -> Option<DAffine3> {
     Some(DAffine3::from_mat3_translation(linear, column(3)))
 }
 
-/// How an object moves.
+/// The motion of an object.
 enum Trajectory {
     /// Evenly.
     Even { a_frame: DVec3, axis: DVec3, rad_a_frame: f64, center: DVec3 },
@@ -124,7 +124,7 @@ enum Trajectory {
 }
 
 impl Trajectory {
-    /// Where it has moved to from the place of its transform.
+    /// The motion's transform at a frame.
     fn at(&self, frame: f64) -> DAffine3 {
         match self {
             Trajectory::Even { a_frame, axis, rad_a_frame, center } => {
@@ -308,7 +308,7 @@ impl MovingPlacement {
 }
 
 impl Placement {
-    /// That of a light at a node; `None` if the node is flattened. Sheared axes are made square, so that the light stays a
+    /// Of a light at a node; `None` if the node is flattened. Sheared axes are orthogonalized, so that the light stays a
     /// rectangle.
     fn of_node(m: &DAffine3) -> Option<Placement> {
         let (x, y, z) = (m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis);
@@ -323,7 +323,7 @@ impl Placement {
         Placement { center, direction, right: direction.any_orthonormal_vector(), scale: [1.0; 2] }
     }
 
-    /// Where a motion without scales brings it.
+    /// The placement under a rigid motion.
     pub fn moved(&self, by: &DAffine3) -> Placement {
         let turned = |v: DVec3| by.transform_vector3(v).normalize_or(v);
         let (direction, right) = (turned(self.direction), turned(self.right));

@@ -28,13 +28,13 @@ pub struct PhysicalSky {
     pub sun_elevation_rad: f64,
     /// Of the sun, from -z towards x: clockwise seen from above.
     pub sun_azimuth_rad: f64,
-    /// How hazy the air is: 1 is none, 3 a clear day, 10 thick haze.
+    /// Turbidity: 1 is the clearest air, 3 a clear day, 10 thick haze.
     pub turbidity: f64,
-    /// What share of light the ground reflects, 0 to 1: it colours the sky, and is what is seen below the horizon.
+    /// Albedo of the ground, 0 to 1: it affects the sky, and is visible below the horizon.
     pub ground_albedo: [f64; 3],
     /// Diameter of the sun's disk, above 0 and below pi: its light on a surface stays the same.
     pub sun_angle_rad: f64,
-    /// Whether there is a light for the sun.
+    /// Add a light for the sun.
     pub has_sun: bool,
     /// Factor on the radiance of the sky and the irradiance of the sun.
     pub strength: f64,
@@ -168,7 +168,7 @@ fn radiance(channels: &[Channel; 3], direction: DVec3, to_sun: DVec3) -> [f64; 3
     channels.each_ref().map(|channel| channel.radiance(direction.y.max(0.0), cos_sun))
 }
 
-/// What the whole sky brings to ground that is level, by the midpoint rule in the squared cosine and the azimuth.
+/// Irradiance of the sky on a horizontal plane, by the midpoint rule in the squared cosine and the azimuth.
 fn irradiance(channels: &[Channel; 3], to_sun: DVec3) -> [f64; 3] {
     let mut sum = [0.0; 3];
     for row in 0..STEPS {
@@ -216,7 +216,7 @@ fn turbidities(turbidity: f64) -> [(usize, f64); 2] {
     [(lower, 1.0 - share), ((lower + 1).min(TURBIDITIES - 1), share)]
 }
 
-/// What makes up the radiance of one colour.
+/// The model's parameters of one colour channel.
 struct Channel {
     /// A to I of equation 8.
     shape: [f64; PARAMETERS],

@@ -96,7 +96,7 @@ fn fit(points: &[DVec3], [tan_x, tan_y]: [f64; 2], size: f64) -> DVec3 {
     DVec3::new(middle(points, 0, z), middle(points, 1, z), z)
 }
 
-/// Where the eye must be along an axis for the picture of the points to lie in the middle.
+/// The eye's position along an axis that centers the image of the points.
 fn middle(points: &[DVec3], axis: usize, z: f64) -> f64 {
     let off_middle = |eye: f64| {
         let slopes = points.iter().map(|p| (p[axis] - eye) / (z - p.z));
@@ -135,7 +135,7 @@ pub(super) struct Outline {
 }
 
 impl Outline {
-    /// Of a scene whose coordinates are far from the origin by `offset`. A scene without anything gets a box of 2 m.
+    /// Of a scene, relative to `offset`. A scene without objects gets a box of 2 m.
     pub fn of(scene: &Scene, offset: DVec3) -> Outline {
         let bounds = scene_extent(scene, &instance_extents(scene)).0;
         let fits = |p: DVec3| p.is_finite() && p.abs().max_element() < FARTHEST;

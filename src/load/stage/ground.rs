@@ -38,7 +38,7 @@ const FADE_START: f64 = 0.2;
 /// The most that a ground reflects.
 const WHITEST: f64 = 0.95;
 
-/// How a ground looks like what is behind it.
+/// The blending of a ground into the background.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Melting {
     /// It has the background's colour in the light of the stage.
@@ -79,7 +79,7 @@ pub(super) fn add(loaded: &mut Loaded, options: &StageOptions, outline: &Outline
     loaded.scene.shapes.push(disk);
 }
 
-/// How a ground becomes like the background, and the colour that it has.
+/// The blending of a ground into the background, and its colour.
 ///
 /// Catchers cost more: what they catch is found by tracing paths twice, and techniques that need to know all of a picture
 /// rest. So they are for backgrounds that no ground can look like: pictures, none, and those brighter than white in the

@@ -94,7 +94,7 @@ fn radiance(light: StageLight, horizon: [f32; 3], direction: DVec3) -> Rgb {
 }
 
 impl SoftBox {
-    /// How much of it is in a direction, 0..1, with soft edges.
+    /// Its weight in a direction, 0..1, with soft edges.
     fn coverage(&self, direction: DVec3) -> f64 {
         let axis = toward(self.azimuth, self.elevation);
         let forward = direction.dot(axis);
@@ -136,7 +136,7 @@ pub(super) fn smooth(low: f64, high: f64, x: f64) -> f64 {
     t * t * (3.0 - 2.0 * t)
 }
 
-/// What white that faces `normal` reflects of a stage's light: irradiance over pi. The camera is on the side of z.
+/// Irradiance over pi of a stage's light on a surface of this normal. The camera is at +z.
 pub(super) fn reflected(light: StageLight, horizon: [f32; 3], normal: DVec3) -> Rgb {
     const STEPS: u32 = 64;
     if light == StageLight::White {
@@ -168,7 +168,7 @@ const ENOUGH: f64 = 0.02;
 /// Texels of an image, along each side, that its mean is taken of at most.
 const TEXELS: u32 = 256;
 
-/// What shining parts do for a scene.
+/// The role of emissive surfaces in a scene's lighting.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum EmittedLight {
     /// There are none.
@@ -182,7 +182,7 @@ pub(super) enum EmittedLight {
     Light,
 }
 
-/// What the shining parts of a scene do, which need not be valid. Materials count only where something uses them.
+/// The role of a scene's emissive surfaces. The scene need not be valid. Unused materials don't count.
 pub(super) fn of(scene: &Scene) -> EmittedLight {
     let radiances: Vec<f64> =
         scene.materials.iter().map(|m| m.emission.map_or(0.0, |e| mean(scene, &e.radiance))).collect();

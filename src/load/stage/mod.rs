@@ -55,7 +55,7 @@ pub fn complete(loaded: &mut Loaded, options: &StageOptions, brings_environment:
     background(loaded, options);
 }
 
-/// Says what would be added, and adds cameras alone.
+/// Reports what would be added, and adds cameras only.
 fn foretell(loaded: &mut Loaded, options: &StageOptions, brings_environment: bool) {
     let scene = &loaded.scene;
     let (materials, stand_ins) = (scene.materials.clone(), loaded.stand_ins.clone());
@@ -159,7 +159,7 @@ fn light_scene(loaded: &mut Loaded, options: &StageOptions, emitted_light: Emitt
     }
 }
 
-/// What becomes of a scene's lamps where a stage lights it.
+/// The treatment of a scene's emissive surfaces under a stage's light.
 fn lamps_in_words(scene: &Scene) -> &'static str {
     match (scene.environment == Environment::Black, scene.lights.is_empty()) {
         (true, true) => "",
@@ -184,7 +184,7 @@ fn soften(loaded: &mut Loaded) {
     loaded.warnings.push(Warning::general(message));
 }
 
-/// Says which choices about the stage change nothing, since the scene or the caller brings what they are about.
+/// Warns of stage options without effect, as the scene or the caller defines what they set.
 fn say_unused(loaded: &mut Loaded, options: &StageOptions, brings_environment: bool) {
     let mut say = |is_unused: bool, what: Choice, why: &str| {
         if is_unused {
@@ -198,7 +198,7 @@ fn say_unused(loaded: &mut Loaded, options: &StageOptions, brings_environment: b
     say(options.zoom != 1.0, Choice::Zoom, own_camera);
 }
 
-/// What the camera sees behind everything.
+/// The background.
 fn background(loaded: &mut Loaded, options: &StageOptions) {
     match &options.background {
         None => {}
@@ -221,7 +221,7 @@ const COLOR: [f32; 3] = [0.60, 0.57, 0.53];
 /// Perceptual roughness: a slight gloss.
 const ROUGHNESS: f32 = 0.5;
 
-/// Gives what the file left without a material the look of clay; vertex colours and pictures take the place of its colour.
+/// Assigns a clay material to faces without one; vertex colours and textures replace its colour.
 fn apply(loaded: &mut Loaded) {
     for id in std::mem::take(&mut loaded.stand_ins) {
         let Some(material) = loaded.scene.materials.get_mut(id.index()) else { continue };
@@ -277,7 +277,7 @@ mod tests {
         loaded
     }
 
-    /// Where a point is in the picture: -1 to 1 over the height, times the aspect across.
+    /// Image coordinates of a point: -1 to 1 over the height, times the aspect ratio horizontally.
     fn seen(loaded: &Loaded, p: DVec3) -> DVec2 {
         let camera = &loaded.scene.cameras[0];
         let Projection::Perspective { vfov_rad } = camera.projection else { panic!("a perspective") };
@@ -435,7 +435,7 @@ mod tests {
         // A lamp that lights the room, whether it is large or strong.
         assert_eq!(outcome(glowing(0.7, 1.0)), (false, String::new()));
         assert_eq!(outcome(glowing(0.05, 300.0)), (false, String::new()));
-        // Whoever writes scene files for this program means the light that they have.
+        // Emitters in scene files are intended.
         assert_eq!(outcome(Loaded { is_model: false, ..glowing(0.05, 1.0) }), (false, String::new()));
     }
 

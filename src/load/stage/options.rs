@@ -5,7 +5,7 @@ use crate::math::{DMat3, DVec3};
 use std::fmt;
 use std::str::FromStr;
 
-/// What lights a scene that brings no light.
+/// The lighting of scenes without lights.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum StageLight {
     /// A soft sky that lets the model's own look be; no stage else. For programs that go on with the scene.
@@ -75,7 +75,7 @@ impl Ground {
     }
 }
 
-/// What cameras see behind everything, in place of the environment.
+/// The background that cameras see instead of the environment.
 #[derive(Clone, Debug)]
 pub enum Background {
     /// Nothing: the picture is transparent there.
@@ -86,16 +86,16 @@ pub enum Background {
     Picture(Image),
 }
 
-/// How bare models are shown.
+/// The stage of models without camera or light.
 #[derive(Clone, Debug)]
 pub struct StageOptions {
-    /// What lights scenes that bring no light.
+    /// The lighting of scenes without lights.
     pub light: StageLight,
     /// The caller asked for this light; scenes that have a camera get it, too.
     pub is_light_chosen: bool,
     /// The ground; by default one that suits the light and the background.
     pub ground: Option<Ground>,
-    /// What is behind everything; by default what suits the light. Holds for every scene.
+    /// The background; by default one that suits the light. Applies to every scene.
     pub background: Option<Background>,
     /// The camera's direction.
     pub view: ViewFrom,

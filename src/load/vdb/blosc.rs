@@ -121,7 +121,7 @@ fn unpack_lz4(mut source: &[u8], wanted: usize, out: &mut Vec<u8>) -> Option<()>
     }
 }
 
-/// Puts the bytes of numbers together again. Bytes that make no whole number follow as they are.
+/// Reverses the byte shuffle. Trailing bytes that make no whole number are copied.
 fn unshuffle(bytes: &[u8], width: usize, out: &mut Vec<u8>) {
     let count = bytes.len() / width;
     for i in 0..count {

@@ -51,7 +51,7 @@ pub(super) fn parse(
     dense(&(up * map), &cubes, format!("{file} ({})", entry.name), has_margin)
 }
 
-/// What grids the file has.
+/// The grids of the file.
 fn entries(from: &mut Bytes) -> Result<Vec<Entry>, String> {
     if from.i64().unwrap_or(0) != MAGIC {
         return Err("is no OpenVDB file: it does not begin with its magic number".into());
@@ -159,7 +159,7 @@ fn box_of(cubes: &[Cube], margin: i64) -> Result<([i64; 3], [u64; 3]), String> {
     Ok((low, size))
 }
 
-/// Puts cubes into one box, each voxel where it stays; the map is that from the middles of voxels to the world.
+/// Copies cubes into one dense box; the map transforms voxel centers to world space.
 fn dense(map: &DAffine3, cubes: &[Cube], name: String, has_margin: bool) -> Result<Grid, String> {
     let (low, size) = box_of(cubes, i64::from(has_margin))?;
     let [along_x, along_y, _] = size.map(|n| n as usize);
@@ -256,7 +256,7 @@ struct Cube {
     pub voxels: Voxels,
 }
 
-/// What is in a cube.
+/// The values of a cube.
 enum Voxels {
     /// One value throughout.
     Same(f32),
@@ -295,7 +295,7 @@ fn read_tree(from: &mut Bytes, values: &mut Values) -> Result<Vec<Cube>, String>
         let active = Mask::read(from, LEAF_VOXELS)?;
         let mut each = values.read(from, &active)?;
         for (index, value) in each.iter_mut().enumerate() {
-            // What is not active is outside, whatever is stored for it.
+            // Inactive voxels are empty, whatever their stored value.
             if !active.is_on(index) {
                 *value = 0.0;
             }

@@ -10,7 +10,7 @@ const ZIP: u32 = 1;
 const ACTIVE_MASK: u32 = 2;
 const BLOSC: u32 = 4;
 
-/// How a grid's values are stored.
+/// The storage format of a grid's values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Number {
     Half,
@@ -18,7 +18,7 @@ pub(super) enum Number {
     Double,
 }
 
-/// What reading values of a grid needs to know.
+/// The parameters for reading values of a grid.
 pub(super) struct Values {
     pub number: Number,
     /// Flags: packed by zlib (1), active values only (2), packed by Blosc (4).
@@ -27,7 +27,7 @@ pub(super) struct Values {
     pub background: f64,
 }
 
-/// What a node says of its inactive values, which it may leave out.
+/// The inactive values of a node, which it may omit.
 mod inactive {
     /// They are the background; negated it is 1.
     pub const MINUS_BACKGROUND: u8 = 1;
@@ -107,7 +107,7 @@ impl Values {
         if self.compression & (BLOSC | ZIP) == 0 {
             return Ok(from.take(wanted)?.to_vec());
         }
-        // What did not become shorter is stored as it is, behind its length below zero.
+        // Incompressible data is stored raw, after its negated length.
         let length = from.i64()?;
         if length <= 0 {
             let stored = from.take(usize::try_from(-(length as i128)).unwrap_or(usize::MAX))?;
@@ -131,7 +131,7 @@ impl Values {
 
 // Numbers from a file in memory, one after another.
 
-/// What is left to read. Every read checks that it is there; an error is a sentence.
+/// The unread bytes. Every read is bounds-checked; errors are messages.
 pub(super) struct Bytes<'a> {
     all: &'a [u8],
     at: usize,
