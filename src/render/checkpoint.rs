@@ -21,7 +21,7 @@ use std::mem::take;
 use std::path::Path;
 use std::time::Duration;
 
-// What a picture depends on, in names and values: pictures with the same are the same, to the bit.
+// The identity of a picture, by names and values: pictures with equal identities are equal to the bit.
 
 /// Changes when the same scene and options give another picture.
 const PICTURES: &str = concat!(env!("CARGO_PKG_VERSION"), ", pictures 3");
@@ -113,7 +113,7 @@ fn options(settled: &Settled) -> impl Iterator<Item = (String, String)> {
     named.into_iter().map(|(name, value)| (name.to_string(), value))
 }
 
-/// All options that have no name of their own: none is forgotten.
+/// The fingerprint of all options without a name of their own.
 fn others(options: RenderOptions) -> Fingerprint {
     of_debug(&RenderOptions {
         width: 0,
@@ -136,7 +136,7 @@ fn others(options: RenderOptions) -> Fingerprint {
     })
 }
 
-/// With an image more, but for its name.
+/// Adds an image, without its name.
 fn with_image(sum: Fingerprint, image: &Image) -> Fingerprint {
     let sum = [image.width, image.height, image.channels].into_iter().fold(sum, |sum, n| sum.with(n.into()));
     let sum = sum.with_print(of_debug(&image.encoding));
@@ -152,7 +152,7 @@ fn with_image(sum: Fingerprint, image: &Image) -> Fingerprint {
     }
 }
 
-/// The fingerprint of all that `Debug` says, as it is said.
+/// The fingerprint of the `Debug` text of a value.
 fn of_debug(value: &impl Debug) -> Fingerprint {
     let mut sum = Printed { sum: Fingerprint::START, pending: Vec::new() };
     // It can't fail: writing to it doesn't.
@@ -160,7 +160,7 @@ fn of_debug(value: &impl Debug) -> Fingerprint {
     sum.sum.with_all(&sum.pending)
 }
 
-/// Takes text in pieces; the fingerprint is that of the whole.
+/// Computes the fingerprint of text written in pieces.
 struct Printed {
     sum: Fingerprint,
     pending: Vec<u8>,
@@ -178,7 +178,7 @@ impl Write for Printed {
     }
 }
 
-// Saving what a rendering has, and going on from it.
+// Writing the sums of a rendering, and resuming from them.
 
 /// Options that a rendering may be gone on from to others of.
 const MAY_DIFFER: [&str; 1] = ["samples"];
@@ -310,13 +310,13 @@ impl Rendering {
         self.schedule.go_on_from(header.end_sample, self.spent.wall);
         self.progress.go_on_from(paths, rays);
         if let Some(noise) = &mut self.noise {
-            noise.go_on(&further, self.film.width() as usize * self.film.height() as usize);
+            noise.restore(&further, self.film.width() as usize * self.film.height() as usize);
         }
         Ok(())
     }
 }
 
-/// What a file says about how paths are traced.
+/// The strategy that a file names.
 fn strategy(way: &Way) -> Option<PathStrategy> {
     match &way.shared {
         Some(shape) => shape.parse().ok().map(PathStrategy::Shared),

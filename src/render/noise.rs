@@ -1,76 +1,74 @@
-//! How noisy a picture is: an estimate of its error from what its samples show.
+//! Estimate of the error of a picture from its samples.
 //!
-//! Samples of a pixel are points of one well spread sequence, so that their variance says little about the error of their mean.
-//! What tells is how far the mean still moves: the means of the first `n / 2` and of all `n` samples, where `n` is a power of
-//! two. Runs of a scrambled sequence of such lengths are complementary: the mean of `n` samples is the mean of two halves `A`
-//! and `B` that are exchangeable, so that `(A - B) / 2` is uncorrelated with it, and
+//! The samples of a pixel are points of one low-discrepancy sequence, so that their variance says little about the error of their mean.
+//! The estimate uses the change of the mean from the first `n / 2` to all `n` samples, with `n` a power of two. The mean `M_n` is the mean
+//! of the means `A` and `B` of two halves of a scrambled sequence. These are exchangeable, so `(A - B) / 2` is uncorrelated with `M_n`, and
 //!
 //! `E[(M_(n/2) - M_n)^2] = V_(n/2) - V_n`
 //!
-//! is what the variance `V` loses by doubling the samples (Owen 1997, "Monte Carlo variance of scrambled net quadrature":
-//! scrambled nets have a variance for each such block). For independent samples that is `V_n` itself; for smooth integrands it
-//! is more, up to `7 V_n`. So what is left, `V_n`, is the sum of all further losses, which fall by a factor each time that the
-//! samples are doubled.
+//! is the decrease of the variance `V` by doubling the samples (Owen 1997, "Monte Carlo variance of scrambled net quadrature"). It
+//! equals `V_n` for independent samples and is up to `7 V_n` for smooth integrands. `V_n` is the sum of all further decreases, a
+//! geometric series.
 //!
-//! That factor differs among pixels. Where single bright samples decide, they come as independent ones do: the factor is a half.
-//! Everywhere else it is the one that the last two losses show. Taken of all pixels together it would be decided by chance, by whether a
-//! bright sample came before the last doubling or after it; so the pixels that lose most ([`TAIL`] of all) are kept apart.
+//! Its ratio differs among pixels. It is one half where fireflies dominate, as these are independent. Elsewhere it is the ratio of the last
+//! two decreases. A ratio over all pixels would depend on whether a firefly came before or after the last doubling, so the pixels with
+//! the largest changes ([`TAIL`] of all) are summed apart.
 //!
-//! Between two such numbers, `n < m < 2n`, the mean of `m` samples is that of `n` and of `m - n` others. Were these independent,
-//! its variance would be `V_n (2n - m) / m` and the expected square of how far the mean moved since `n`. They are the less so,
-//! the nearer `m` is to `2n`: there, the square counts as a loss does. So a bright sample that came since then is not missed.
+//! For `n < m < 2n` samples, the mean is that of `n` samples and of `m - n` others. If these were independent, its variance would be
+//! `V_n (2n - m) / m` plus the expected squared change of the mean since `n`. Towards `m = 2n` they become dependent, and the squared
+//! change is weighted as a decrease is. So a firefly since `n` is not missed.
 //!
-//! Errors are relative to the values of pixels, which are not known either ([`Brightest`]).
+//! Errors are relative to the values of pixels, which are estimated as well ([`BrightestPass`]).
 
 use crate::film::Film;
 use crate::integrator::reuse::INTERVAL;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Samples below which nothing is estimated.
+/// Fewest samples for an estimate.
 const LEAST: u32 = 8;
 
-/// What is added to squares of values so that black has a relative error.
+/// Added to squared values, so that the relative error of black is finite.
 const FLOOR: f64 = 0.01;
 
-/// How losses fall when the samples are doubled: by half where samples are as good as independent, by an eighth at best.
+/// Range of the ratio of successive decreases: one half for independent samples, one eighth for smooth integrands.
 const RATIOS: std::ops::RangeInclusive<f64> = 0.125..=0.5;
 
-/// The part of all pixels, those that moved most, that is taken for such where single samples decide. A third or three times of it
-/// give the same estimates within a few percent.
+/// Fraction of pixels, those with the largest changes, in which fireflies are assumed to dominate. A third of it or three times as much
+/// changes estimates by a few percent.
 const TAIL: f64 = 0.01;
 
-/// Pixels whose numbers are summed one after another, and of which a thread takes so many at least.
+/// Pixels of a run, which is summed in order, and fewest pixels of a thread.
 const RUN: usize = 1 << 12;
 const LEAST_OF_THREAD: usize = RUN;
 
-/// Numbers are of about the same size whose signs, exponents and first two digits are the same.
+/// Numbers with equal bits above these (sign, exponent, two bits of the mantissa) share a bin.
 const SIZE_SHIFT: u32 = 50;
 
-/// Bytes that it takes for each pixel: what is kept and what an estimate needs besides.
+/// Bytes per pixel: state, and temporary memory of an estimate.
 pub(super) const BYTES_PER_PIXEL: u64 = 36 + 60;
 
-/// What estimates go by.
+/// State of the estimate.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Noise {
-    /// Samples that the means are of: a power of two; 0 before there are any.
+    /// Number of samples of `means`: a power of two; 0 at first.
     samples: u32,
-    /// The means then, red, green and blue, pixel by pixel.
+    /// RGB means of pixels at that number of samples.
     means: Vec<[f32; 3]>,
-    /// What the whole picture's mean squared relative error lost by each doubling so far.
+    /// Decrease of the picture's mean squared relative error by each doubling so far.
     losses: Vec<Parts>,
-    /// Samples now.
+    /// Current number of samples.
     now: u32,
-    /// By how much the means have moved since they were taken down: as a loss is measured.
+    /// Squared relative change of the means since `means`.
     moved: Parts,
-    brightest: Brightest,
+    brightest: BrightestPass,
 }
 
-/// A sum over all pixels, those apart where single samples decide: [all others, those].
+/// A sum over pixels: [without the tail, the tail]; see [`TAIL`].
 type Parts = [f64; 2];
 
 impl Noise {
-    /// Takes down a film whose pixels all have so many samples.
+    /// Observes a film whose pixels all have this many samples.
     pub fn observe(&mut self, film: &Film, samples: u32) {
         if samples < LEAST {
             self.now = samples;
@@ -87,7 +85,8 @@ impl Noise {
         self.brightest.observe(&means, samples);
         let is_known = self.means.len() == means.len() && self.samples < samples;
         let values = self.brightest.values(&means, width, samples);
-        self.moved = if is_known { split(&moves(&self.means, &means, &values)) } else { Parts::default() };
+        self.moved =
+            if is_known { split(&squared_changes(&self.means, &means, &values)) } else { Parts::default() };
         if samples.is_power_of_two() {
             if self.samples * 2 == samples && is_known {
                 self.losses.push(self.moved);
@@ -101,8 +100,7 @@ impl Noise {
         Some(self.trend()?.0.sqrt())
     }
 
-    /// About how many of the samples that may be taken it takes to get to this error, if it goes on falling as it did, in whole
-    /// passes; `least` of all are taken anyway.
+    /// Predicted number of samples in `taken` for this error, in whole passes; at least `least` samples are taken in all.
     pub fn samples_for(&self, error: f64, least: u32, taken: Range<u32>) -> Option<u32> {
         let (variance, ratio) = self.trend()?;
         let doublings = (error * error / variance).ln() / ratio.ln();
@@ -112,7 +110,7 @@ impl Noise {
         Some(end.min(taken.end).saturating_sub(taken.start))
     }
 
-    /// The variance now, and by what it falls when the samples are doubled.
+    /// The current variance, and its ratio for twice the samples.
     fn trend(&self) -> Option<(f64, f64)> {
         let [.., before, last] = self.losses[..] else { return None };
         let ratio =
@@ -129,14 +127,14 @@ impl Noise {
         Some((variance, if variance > 0.0 { later / variance } else { ratio }))
     }
 
-    /// All of it, for a file.
+    /// The state as bytes, for a checkpoint.
     pub fn to_bytes(&self) -> Vec<u8> {
-        let Brightest { samples, means, sums } = &self.brightest;
+        let BrightestPass { samples, means, sums } = &self.brightest;
         let numbers = [self.samples, self.now, *samples, self.losses.len() as u32];
         let mut bytes: Vec<u8> = numbers.into_iter().flat_map(u32::to_le_bytes).collect();
         let parts = std::iter::once(&self.moved).chain(&self.losses);
         bytes.extend(parts.flatten().flat_map(|loss| loss.to_le_bytes()));
-        // Where a picture went on that was not looked at, means are taken down later than passes are.
+        // A resumed picture without earlier state has means later than passes.
         let none = vec![[0.0f32; 3]; means.len() - self.means.len().min(means.len())];
         for values in [&self.means, &none, means, sums] {
             bytes.extend_from_slice(bytemuck::cast_slice(values));
@@ -144,8 +142,8 @@ impl Noise {
         bytes
     }
 
-    /// Goes on from what [`Noise::to_bytes`] gave for so many pixels; begins anew with anything else.
-    pub fn go_on(&mut self, bytes: &[u8], pixels: usize) {
+    /// Restores what [`Noise::to_bytes`] gave for this number of pixels; starts from nothing for any other bytes.
+    pub fn restore(&mut self, bytes: &[u8], pixels: usize) {
         *self = Noise::read(bytes, pixels).unwrap_or_default();
     }
 
@@ -164,41 +162,41 @@ impl Noise {
         let mut values = values.chunks_exact(pixels.max(1)).map(<[_]>::to_vec);
         let mut next = || values.next().unwrap_or_default();
         let means = Some(next()).filter(|_| samples > 0).unwrap_or_default();
-        let brightest = Brightest { samples: passes_end, means: next(), sums: next() };
+        let brightest = BrightestPass { samples: passes_end, means: next(), sums: next() };
         Some(Noise { samples, means, losses: parts.collect(), now, moved, brightest })
     }
 }
 
-/// Of each pixel the pass of samples that brought most.
+/// The brightest pass of each pixel.
 ///
-/// A pixel's mean is no measure of its error where single samples decide: a rare bright sample makes its error large and its value,
-/// too. Without the brightest pass, the mean of the others is what is likely to be there. But a lamp that covers a part of a pixel may have been
-/// hit in that pass alone; then what is around it is as bright.
+/// Where fireflies dominate, a pixel's mean is no scale for its error: a firefly enlarges both. The mean without the brightest pass is a
+/// robust estimate of the value. A light that covers a part of a pixel may have been hit in that pass alone, but then the pixels around
+/// are as bright.
 #[derive(Clone, Debug, Default, PartialEq)]
-struct Brightest {
-    /// Samples of the passes that have been looked at.
+struct BrightestPass {
+    /// Number of samples of the observed passes.
     samples: u32,
-    /// Means of so many samples.
+    /// Means of these samples.
     means: Vec<[f32; 3]>,
-    /// The sum of the samples of the brightest pass.
+    /// Sums of the samples of the brightest pass.
     sums: Vec<[f32; 3]>,
 }
 
-impl Brightest {
-    /// Takes down means of so many samples, if a pass ends there.
+impl BrightestPass {
+    /// Observes the means of this number of samples, if a pass ends there.
     fn observe(&mut self, means: &[[f32; 3]], samples: u32) {
         if !samples.is_multiple_of(INTERVAL) {
             return;
         }
         if self.means.len() != means.len() {
-            *self = Brightest {
+            *self = BrightestPass {
                 samples: 0,
                 means: vec![[0.0; 3]; means.len()],
                 sums: vec![[0.0; 3]; means.len()],
             };
         }
         let [n, m] = [self.samples, samples].map(|count| count as f32);
-        // What went before where a picture goes on that was not looked at is no pass.
+        // A resumed picture without earlier state: the difference is no pass.
         if samples.saturating_sub(self.samples) == INTERVAL {
             let pixels = self.sums.par_iter_mut().zip(&self.means).zip(means).with_min_len(LEAST_OF_THREAD);
             pixels.for_each(|((sum, before), now)| {
@@ -209,11 +207,11 @@ impl Brightest {
         self.samples = samples;
     }
 
-    /// Values of pixels as far as other passes or their neighbours bear them out: at most the mean without the brightest pass, or the
-    /// second brightest such of the eight around, if that's more.
+    /// Robust values of pixels: at most the mean without the brightest pass, or the second largest such mean of the eight neighbours, if
+    /// that is larger.
     fn values(&self, means: &[[f32; 3]], width: usize, samples: u32) -> Vec<[f32; 3]> {
         let (m, others) = (samples as f32, samples.saturating_sub(INTERVAL).max(1) as f32);
-        // Before there is another pass, there is nothing to compare with; nor where no pass was looked at.
+        // One pass, or none observed: nothing to compare with.
         if samples <= INTERVAL || self.sums.len() != means.len() {
             return means.to_vec();
         }
@@ -230,7 +228,7 @@ impl Brightest {
     }
 }
 
-/// The second largest of the values of the eight pixels around one, colour by colour.
+/// The second largest of the values of the eight neighbours of a pixel, by channel.
 fn second_brightest_around(values: &[[f32; 3]], width: usize, at: usize) -> [f32; 3] {
     let (x, y, height) = (at % width, at / width, values.len() / width);
     let columns = x.saturating_sub(1)..(x + 2).min(width);
@@ -245,8 +243,8 @@ fn second_brightest_around(values: &[[f32; 3]], width: usize, at: usize) -> [f32
     most.map(|[_, second]| second)
 }
 
-/// By how much the means of pixels moved, relative to their values: the mean of the squares over colours.
-fn moves(before: &[[f32; 3]], now: &[[f32; 3]], values: &[[f32; 3]]) -> Vec<f64> {
+/// Squared relative changes of the means of pixels; the mean over channels.
+fn squared_changes(before: &[[f32; 3]], now: &[[f32; 3]], values: &[[f32; 3]]) -> Vec<f64> {
     let pixels = before.par_iter().zip(now).zip(values).with_min_len(LEAST_OF_THREAD);
     let squares = pixels.map(|((before, now), value)| {
         let squares = [0, 1, 2].map(|c| {
@@ -258,12 +256,12 @@ fn moves(before: &[[f32; 3]], now: &[[f32; 3]], values: &[[f32; 3]]) -> Vec<f64>
     squares.collect()
 }
 
-/// The mean over pixels, in two parts: of those that moved most, and of all others. Sums are those of runs of pixels, in their
-/// order, so that they depend neither on threads nor on how ranks are found.
-fn split(moves: &[f64]) -> Parts {
-    let (count, tail) = (moves.len().max(1), (moves.len() as f64 * TAIL) as usize);
-    let limit = if tail == 0 { f64::INFINITY } else { ranked(moves, moves.len() - tail) };
-    let sums = moves.par_chunks(RUN).map(|run| {
+/// The sum over pixels over their number, with the tail of the largest changes apart. Runs of pixels are summed in order, so that the
+/// result depends neither on threads nor on the selection.
+fn split(changes: &[f64]) -> Parts {
+    let (count, tail) = (changes.len().max(1), (changes.len() as f64 * TAIL) as usize);
+    let limit = if tail == 0 { f64::INFINITY } else { nth_smallest(changes, changes.len() - tail) };
+    let sums = changes.par_chunks(RUN).map(|run| {
         let mut parts = Parts::default();
         run.iter().for_each(|&moved| parts[usize::from(moved >= limit)] += moved);
         parts
@@ -273,10 +271,9 @@ fn split(moves: &[f64]) -> Parts {
     both.map(|sum| sum / count as f64)
 }
 
-/// The number that would stand at a place if they were sorted. Threads count them by size, and only those of about the same size
-/// are sorted.
-fn ranked(numbers: &[f64], mut place: usize) -> f64 {
-    // Ordered as the numbers are.
+/// The number at an index of the sorted numbers. Threads count them by bin, and only the numbers of one bin are selected from.
+fn nth_smallest(numbers: &[f64], mut index: usize) -> f64 {
+    // Keys have the order of the numbers.
     let key = |number: f64| {
         let bits = number.to_bits();
         if bits >> 63 == 0 { bits | 1 << 63 } else { !bits }
@@ -294,16 +291,16 @@ fn ranked(numbers: &[f64], mut place: usize) -> f64 {
         a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
         a
     });
-    let of_place = counts.iter().position(|&count| {
-        let is_there = place < count;
+    let bin_of_index = counts.iter().position(|&count| {
+        let is_there = index < count;
         if !is_there {
-            place -= count;
+            index -= count;
         }
         is_there
     });
     let mut same: Vec<f64> =
-        numbers.par_iter().copied().filter(|&number| Some(size(number)) == of_place).collect();
-    *same.select_nth_unstable_by(place, f64::total_cmp).1
+        numbers.par_iter().copied().filter(|&number| Some(size(number)) == bin_of_index).collect();
+    *same.select_nth_unstable_by(index, f64::total_cmp).1
 }
 
 #[cfg(test)]
@@ -313,7 +310,8 @@ mod tests {
 
     #[test]
     fn what_is_saved_comes_back() {
-        let brightest = Brightest { samples: 24, means: vec![[0.3; 3]; 6], sums: vec![[2.0, 7.0, 0.1]; 6] };
+        let brightest =
+            BrightestPass { samples: 24, means: vec![[0.3; 3]; 6], sums: vec![[2.0, 7.0, 0.1]; 6] };
         let noise = Noise {
             samples: 16,
             means: vec![[0.1, 2.0, 3.0]; 6],
@@ -323,16 +321,16 @@ mod tests {
             brightest,
         };
         let mut other = Noise::default();
-        other.go_on(&noise.to_bytes(), 6);
+        other.restore(&noise.to_bytes(), 6);
         assert_eq!(other, noise);
         for length in 0..noise.to_bytes().len() {
-            other.go_on(&noise.to_bytes()[..length], 6);
+            other.restore(&noise.to_bytes()[..length], 6);
             assert_ne!(other, noise);
         }
-        other.go_on(&noise.to_bytes(), 7);
+        other.restore(&noise.to_bytes(), 7);
         assert_eq!(other, Noise::default());
         let late = Noise { samples: 0, means: Vec::new(), ..noise };
-        other.go_on(&late.to_bytes(), 6);
+        other.restore(&late.to_bytes(), 6);
         assert_eq!(other, late);
     }
 
@@ -418,7 +416,7 @@ mod tests {
         let mut sorted = numbers.clone();
         sorted.sort_unstable_by(f64::total_cmp);
         for place in [0, 1, 299, 15_000, 29_700, numbers.len() - 1] {
-            assert_eq!(ranked(&numbers, place).to_bits(), sorted[place].to_bits(), "{place}");
+            assert_eq!(nth_smallest(&numbers, place).to_bits(), sorted[place].to_bits(), "{place}");
         }
         // Parts are all of it, by the places of the largest.
         let squares: Vec<f64> = numbers.iter().take(30_000).map(|n| n * n).collect();
@@ -432,16 +430,16 @@ mod tests {
 
     #[test]
     fn one_bright_pass_is_measured_by_the_others_or_the_neighbours() {
-        let mut brightest = Brightest::default();
+        let mut brightest = BrightestPass::default();
         let mut means = vec![[0.5f32; 3]; 25];
         brightest.observe(&means, 8);
         means[12] = [50.5; 3];
         brightest.observe(&means, 16);
         // The pass of eight samples brought 800 to a pixel that is dark otherwise.
-        let settled = |brightest: &Brightest, means: &[[f32; 3]]| brightest.values(means, 5, 16)[12];
+        let settled = |brightest: &BrightestPass, means: &[[f32; 3]]| brightest.values(means, 5, 16)[12];
         assert!(settled(&brightest, &means).iter().all(|v| (v - 0.5).abs() < 1e-3));
         // A lamp that lights two more around, in both passes.
-        let mut lit = Brightest::default();
+        let mut lit = BrightestPass::default();
         let mut around = vec![[0.5f32; 3]; 25];
         (around[11], around[6]) = ([60.0; 3], [70.0; 3]);
         lit.observe(&around, 8);
@@ -449,7 +447,7 @@ mod tests {
         lit.observe(&around, 16);
         assert!(settled(&lit, &around).iter().all(|v| (v - 50.5).abs() < 1e-3));
         // What went on from a picture that was not looked at.
-        let mut late = Brightest::default();
+        let mut late = BrightestPass::default();
         late.observe(&means, 64);
         assert!(late.sums.iter().flatten().all(|sum| *sum == 0.0));
     }

@@ -87,7 +87,7 @@ pub(super) fn layout(options: &RenderOptions, labels: &Labels) -> Layout {
     Layout::new(further).with_halves(options.halves)
 }
 
-/// Bytes that light from lamps takes in a film at most, where there is such.
+/// Most bytes of the splats of light paths in a film.
 pub fn splat_bytes(options: &RenderOptions, labels: &Labels) -> u64 {
     let region = options.pixels();
     let pixels = u64::from(region.width()) * u64::from(region.height());
@@ -98,7 +98,7 @@ pub fn splat_bytes(options: &RenderOptions, labels: &Labels) -> u64 {
     }
 }
 
-/// Bytes that the film of a picture takes, and what its error is estimated by.
+/// Bytes of the film of a picture and of the state of its error estimate.
 pub fn film_bytes(options: &RenderOptions, labels: &Labels) -> u64 {
     let region = options.pixels();
     let of_noise = if options.noise.is_some() { noise::BYTES_PER_PIXEL } else { 0 };
@@ -108,7 +108,7 @@ pub fn film_bytes(options: &RenderOptions, labels: &Labels) -> u64 {
 
 // Names of the scene in files: groups of lights, and objects and materials in mattes.
 
-/// Names and ids that a picture asks for; others are left out.
+/// Names and ids for the channels of a picture.
 #[derive(Clone, Debug, Default)]
 pub struct Labels {
     /// The scene's groups of lights.
@@ -174,7 +174,7 @@ pub fn denoising_guides() -> AovSet {
 /// # Errors
 /// As [`Denoiser::denoise`]; the film is as it was then.
 pub fn denoise_film(film: &mut Film, denoiser: &Denoiser, keep: AovSet) -> Result<String> {
-    let guides = take_noise_out(film, denoiser)?;
+    let guides = denoise_channels(film, denoiser)?;
     let is_extra = |aov: &Aov| denoising_guides().contains(*aov) && !keep.contains(*aov);
     film.forget(Aov::ALL.iter().copied().filter(is_extra));
     Ok(format!("{}; guides {guides}", denoiser.name()))
@@ -186,8 +186,8 @@ fn floats(planes: Option<Vec<Values>>) -> Option<[Vec<f32>; 3]> {
     lists.try_into().ok()
 }
 
-/// Takes it out, and names the guides.
-fn take_noise_out(film: &mut Film, denoiser: &Denoiser) -> Result<String> {
+/// Denoises the film; returns the names of the guides.
+fn denoise_channels(film: &mut Film, denoiser: &Denoiser) -> Result<String> {
     let layer = |names: &[&str]| floats(film.components(names));
     let Some(color) = layer(&["R", "G", "B"]) else { return Ok(Guides::default().names()) };
     let (albedo, normal) = (floats(film.aov(Aov::Albedo)), floats(film.aov(Aov::Normal)));
@@ -230,12 +230,12 @@ fn take_noise_out(film: &mut Film, denoiser: &Denoiser) -> Result<String> {
 
 // Warnings about samples, and alpha in files.
 
-/// What has to be said about the samples of a finished film.
+/// Warnings about the samples of a finished film.
 pub fn film_warnings(film: &Film) -> Vec<Warning> {
     of_film(film, true)
 }
 
-/// The same; pixels without a sample are none of its while rendering goes on.
+/// The same; pixels without a sample count once rendering has stopped.
 pub(super) fn of_film(film: &Film, has_stopped: bool) -> Vec<Warning> {
     let invalid = film.invalid_samples();
     let unsampled = if has_stopped { film.unsampled_pixels() } else { 0 };

@@ -1,4 +1,4 @@
-//! Counts what is done and tells about it.
+//! Progress, statistics, time and cancellation of a rendering.
 
 use crate::integrator::reuse::GroupShape;
 use cpu_time::ProcessTime;
@@ -29,21 +29,21 @@ pub enum Event {
 /// Takes events, from any thread.
 pub(super) type Listener = dyn Fn(Event) + Send + Sync;
 
-/// Counts what is done and tells about it, at most ten times a second.
+/// Counts paths and rays, and reports them at most ten times a second.
 #[derive(Debug)]
 pub(super) struct Progress {
     samples: AtomicU64,
     rays: AtomicU64,
-    /// Paths in all, as far as is known.
+    /// Predicted number of paths.
     total: AtomicU64,
-    /// The bits of the estimated error; of NaN, where there is none.
+    /// The bits of the estimated error; those of NaN without one.
     error: AtomicU64,
-    /// When to tell again, in milliseconds of rendering.
+    /// Time of the next report, milliseconds.
     next_ms: AtomicU64,
 }
 
 impl Progress {
-    /// Nothing of so many paths is done.
+    /// For this number of paths, none of them done.
     pub fn new(total: u64) -> Progress {
         Progress {
             samples: AtomicU64::new(0),
@@ -54,13 +54,13 @@ impl Progress {
         }
     }
 
-    /// Goes on from so many paths and rays.
+    /// Resumes after this many paths and rays.
     pub fn go_on_from(&self, paths: u64, rays: u64) {
         self.samples.store(paths, Ordering::Relaxed);
         self.rays.store(rays, Ordering::Relaxed);
     }
 
-    /// Expects so many paths in all by an estimated error.
+    /// Sets the predicted number of paths and the estimated error.
     pub fn expect(&self, total: u64, error: f64) {
         self.total.store(total, Ordering::Relaxed);
         self.error.store(error.to_bits(), Ordering::Relaxed);
@@ -76,7 +76,7 @@ impl Progress {
         self.rays.load(Ordering::Relaxed)
     }
 
-    /// Adds finished paths with their rays, after so much time.
+    /// Adds finished paths with their rays, `elapsed` after the start.
     pub fn add(&self, paths: u64, rays: u64, elapsed: Duration, listener: Option<&Listener>) {
         let samples_done = self.samples.fetch_add(paths, Ordering::Relaxed) + paths;
         let rays = self.rays.fetch_add(rays, Ordering::Relaxed) + rays;
@@ -84,7 +84,7 @@ impl Progress {
         let (now, next) = (elapsed.as_millis() as u64, self.next_ms.load(Ordering::Relaxed));
         let samples_total = self.total.load(Ordering::Relaxed);
         let is_due = now >= next || samples_done == samples_total;
-        // One thread wins; the others go on.
+        // One thread reports.
         let order = Ordering::Relaxed;
         if is_due && self.next_ms.compare_exchange(next, now + 100, order, order).is_ok() {
             let error =
@@ -94,7 +94,7 @@ impl Progress {
     }
 }
 
-// Where rendering stands and what it took.
+// Outcome and statistics.
 
 /// Where rendering stands after a pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -126,15 +126,15 @@ pub struct Statistics {
     pub samples: u64,
     /// Mean number of samples per pixel.
     pub samples_per_pixel: f64,
-    /// In which groups pixels share paths; `None` if they don't, or that is not decided yet.
+    /// Groups in which pixels share paths; `None` if they don't, or before that is decided.
     pub path_reuse: Option<GroupShape>,
-    /// Paths that go on from the first surface of each sample.
+    /// Paths per sample from its first surface on.
     pub branches: u32,
     /// Do noisy pixels get more samples than others?
     pub is_adaptive: bool,
-    /// How many paths from lamps stood for one sample of each pixel, if caustics were found so.
+    /// Number of light paths per sample of all pixels, if light tracing finds caustics.
     pub lamp_paths: Option<u32>,
-    /// How many places a guide of the paths knew something of, if they were guided.
+    /// Number of cells of the guide with training data, if paths were guided.
     pub guide_cells: Option<u32>,
     /// Images of textures that were decoded on demand, each as often as it was.
     pub images_on_demand: u64,
@@ -151,17 +151,17 @@ pub struct Statistics {
     pub error: Option<f64>,
 }
 
-// Time spent rendering: by the clock on the wall, and of processors.
+// Wall-clock and processor time.
 
-/// Time spent between starts and stops.
+/// Time spent rendering.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Spent {
     pub wall: Duration,
-    /// All threads together; zero where the system doesn't tell.
+    /// All threads together; zero where the system doesn't measure it.
     pub cpu: Duration,
 }
 
-/// Measures until it is stopped, on top of what was spent before.
+/// Measures time in addition to that spent before.
 pub(super) struct Stopwatch {
     before: Spent,
     wall: Instant,
@@ -174,7 +174,7 @@ impl Stopwatch {
         Stopwatch { before, wall: Instant::now(), cpu: ProcessTime::try_now().ok() }
     }
 
-    /// Time by the wall's clock so far.
+    /// Wall-clock time so far.
     pub fn wall(&self) -> Duration {
         self.before.wall + self.wall.elapsed()
     }
@@ -186,7 +186,7 @@ impl Stopwatch {
     }
 }
 
-// Stopping from elsewhere.
+// Cancellation.
 
 /// Stops renderers, from any thread: clones are one switch.
 #[derive(Clone, Debug, Default)]

@@ -1,4 +1,4 @@
-//! Rendering: takes one pass at a time and has a picture after each, or takes several without a pause.
+//! Rendering pass by pass, with a picture after each pass, or several passes at a time.
 
 use super::noise::Noise;
 use super::options::RenderOptions;
@@ -54,23 +54,23 @@ pub struct Rendering {
     pub(super) outcome: PassOutcome,
     pub(super) cancel: CancelHandle,
     pub(super) listener: Option<Box<Listener>>,
-    /// What came up before the first pass.
+    /// Warnings from before the first pass.
     earlier: Vec<Warning>,
     pub(super) look: Look,
-    /// What lies behind the picture.
+    /// Composited behind the picture.
     backdrop: Option<Backdrop>,
-    /// How far from the world's origin the scene's coordinates have theirs.
+    /// Offset of the origin of the scene's coordinates in the world, metres.
     pub(super) world_offset: DVec3,
-    /// How noise was taken out of the film, if it was.
+    /// Name of the denoiser, if the film was denoised.
     pub(super) denoised: Option<String>,
     pub(super) techniques: Techniques,
     /// Passes are finished even when it is cancelled or late.
     pub(super) finishes_passes: bool,
-    /// How noisy the picture is, where that is asked for.
+    /// Estimate of the error, where rendering stops by it.
     pub(super) noise: Option<Noise>,
 }
 
-/// Passes that are taken without a pause, at most.
+/// Most passes that overlap.
 const MOST_AT_ONCE: usize = 64;
 
 impl Rendering {
@@ -101,7 +101,7 @@ impl Rendering {
         options: RenderOptions,
     ) -> Result<Rendering> {
         let layout = layout(&options, &labels);
-        options.check_share()?;
+        options.check_partial_render()?;
         let region = options.pixels();
         let film = Film::of_layout(region.width(), region.height(), layout)?.at(region.x0, region.y0);
         let scene = scene.into();
@@ -168,7 +168,7 @@ impl Rendering {
         self.cancel.clone()
     }
 
-    /// Takes the next samples of all pixels, at most eight per pixel. Does nothing once all are taken or it was stopped.
+    /// Renders the next samples of all pixels, at most eight per pixel. Does nothing once all samples are rendered or it was stopped.
     pub fn next_pass(&mut self) -> PassOutcome {
         self.next_passes(1, &|| true)
     }
@@ -177,7 +177,7 @@ impl Rendering {
     /// until all samples are taken, or it is stopped. Without a time limit and a noise that is asked for, threads that have nothing left
     /// to do in a pass go on with the next one: what few passes at a time cost on many threads is saved.
     pub fn run_until(&mut self, is_due: impl Fn() -> bool + Sync) -> PassOutcome {
-        // What is gone on from lies before a pass that ends within a block.
+        // Checkpoints are resumed at the end of a block.
         let is_last = |own: &Rendering| own.finishes_passes && own.ends_within_block();
         while self.next_passes(MOST_AT_ONCE, &is_due) == PassOutcome::Progressed {
             if is_due() || is_last(self) {
@@ -187,13 +187,13 @@ impl Rendering {
         self.outcome
     }
 
-    /// Takes passes until all samples are taken or it is stopped.
+    /// Renders passes until all samples are rendered or it is stopped.
     pub fn run(&mut self) -> PassOutcome {
         while self.run_until(|| false) == PassOutcome::Progressed {}
         self.outcome
     }
 
-    /// Takes so many passes at most.
+    /// Renders at most this many passes.
     fn next_passes(&mut self, most: usize, is_due: &(dyn Fn() -> bool + Sync)) -> PassOutcome {
         if self.outcome == PassOutcome::Progressed {
             let stopwatch = Stopwatch::start(self.spent);
@@ -351,7 +351,7 @@ impl Rendering {
 // Passes: what is decided before them, which of them overlap, and what is done after them.
 
 impl Rendering {
-    /// Takes so many passes at most, until `is_due` asks to begin no more.
+    /// Renders at most this many passes, until `is_due` asks to begin no more.
     pub(super) fn take_passes(
         &mut self,
         most: usize,
@@ -390,7 +390,7 @@ impl Rendering {
         }
     }
 
-    /// The next passes, several where nothing has to look at the picture between them and nothing is tried any more.
+    /// The next passes: several where they may overlap and trials are done.
     fn plan_passes(&mut self, most: usize, stopwatch: &Stopwatch) -> Vec<Pass> {
         let overlap = self.options.time_limit.is_none()
             && self.noise.is_none()
@@ -399,7 +399,7 @@ impl Rendering {
         let most = if overlap { most } else { 1 };
         let mut passes = Vec::new();
         while passes.len() < most {
-            // What is gone on from lies before a pass that ends within a block.
+            // Checkpoints are resumed at the end of a block.
             if !passes.is_empty() && self.finishes_passes && self.ends_within_block() {
                 break;
             }
@@ -409,7 +409,7 @@ impl Rendering {
         passes
     }
 
-    /// What techniques are for.
+    /// The picture, for techniques.
     pub(super) fn target(&self) -> Target<'_> {
         Target { scene: &self.scene, view: &self.view, options: &self.options }
     }
@@ -433,7 +433,7 @@ impl Rendering {
         self.techniques.prepare(&trial).is_ok()
     }
 
-    /// Tells how many samples the error that was asked for is likely to take.
+    /// Predicts the number of samples for the requested error.
     fn forecast(&self) {
         let Some((noise, wanted)) = self.noise.as_ref().zip(self.options.noise) else { return };
         let (least, taken) = (self.options.least_samples, self.options.taken());
@@ -444,7 +444,7 @@ impl Rendering {
         }
     }
 
-    /// Is the picture as good as it was to be?
+    /// Has the error reached the requested one?
     fn has_converged(&self) -> bool {
         if self.schedule.next_sample() < self.options.least_samples {
             return false;
@@ -453,8 +453,7 @@ impl Rendering {
         error.zip(self.options.noise).is_some_and(|(error, wanted)| error <= f64::from(wanted))
     }
 
-    /// Decides by what the picture's first pass would show how to trace samples that come later, if none of these has been
-    /// taken. False if it was stopped.
+    /// Runs the trials of the picture's first pass for a partial render of later samples, before its first pass. False if it was stopped.
     fn try_strategies(&mut self, stopwatch: &Stopwatch) -> bool {
         let first = self.options.taken().start;
         if first == 0 || self.schedule.next_sample() > first || !self.techniques.strategy.is_open() {
@@ -466,7 +465,7 @@ impl Rendering {
         self.trace(&[pass], Takes::TrialsOnly, &|| false, stopwatch).1
     }
 
-    /// Takes passes that follow each other, until `is_due` asks to begin no more. How many were begun, and false if it was stopped.
+    /// Renders consecutive passes until `is_due` asks to begin no more. Returns how many were begun, and false if it was stopped.
     fn trace(
         &mut self,
         passes: &[Pass],
@@ -475,7 +474,7 @@ impl Rendering {
         stopwatch: &Stopwatch,
     ) -> (usize, bool) {
         let layout = self.film.layout().clone();
-        // Samples that only decide on a technique go nowhere.
+        // Trials alone have no film.
         let mut film = Film::nowhere(&layout);
         if takes == Takes::All {
             std::mem::swap(&mut film, &mut self.film);
@@ -518,7 +517,7 @@ impl Rendering {
     }
 }
 
-/// What is taken of a pass.
+/// Which samples of a pass are rendered.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Takes {
     All,

@@ -13,18 +13,18 @@ use std::time::Duration;
 
 /// Samples of a full pass.
 const MOST: u32 = INTERVAL;
-/// Share of the time left that a pass may take: a wrong forecast then costs little.
+/// Fraction of the remaining time that a pass may take: a wrong prediction then costs little.
 const SHARE: f64 = 0.1;
 
-/// Decides passes. With a time limit, the first has one sample a pixel and tells what a sample costs; later ones take at
-/// most a tenth of the time that is left (but at least one sample), and none begins that would not end in time.
+/// Plans passes. With a time limit, the first has one sample per pixel and measures the time of a sample; later ones take at most a tenth
+/// of the remaining time (but at least one sample), and none begins that is predicted to end too late.
 pub(super) struct Schedule {
     limit: Option<Duration>,
     end: u32,
     next: u32,
-    /// Take whole passes, whatever time they take.
+    /// Passes are full, whatever time they take.
     whole_passes: bool,
-    /// Seconds of one sample of every pixel, as the last pass found.
+    /// Seconds of one sample of every pixel, by the last pass.
     sample_s: Option<f64>,
 }
 
@@ -36,8 +36,7 @@ pub(super) struct Pass {
 }
 
 impl Pass {
-    /// Width and height of tiles in pixels: with the pass's samples they fill about one wave, so that passes of few
-    /// samples are not slower.
+    /// Width and height of tiles in pixels: with the pass's samples they fill about one wave, also in passes of few samples.
     pub fn tile(self) -> (u32, u32) {
         let (width, height) = match self.samples {
             1 => (64, 32),
@@ -49,8 +48,8 @@ impl Pass {
         (width, height)
     }
 
-    /// The same where pixels share paths within square regions with this edge, and how many samples of all pixels of a
-    /// tile are a wave: tiles consist of whole regions.
+    /// The same where pixels share paths within square regions with this edge, and the number of samples per pixel of a wave. Tiles consist
+    /// of whole regions.
     pub fn tile_of_regions(self, edge: u32) -> ((u32, u32), u32) {
         let pixels = edge * edge;
         let samples = self.samples.min(WAVE as u32 / pixels);
@@ -72,12 +71,12 @@ impl Schedule {
         Schedule { limit, end: samples.end, next: samples.start, whole_passes: false, sample_s: None }
     }
 
-    /// The same with whole passes, whatever time they take: none begins when the time is over.
+    /// The same with full passes, whatever time they take: none begins when the time is over.
     pub fn with_whole_passes(self) -> Schedule {
         Schedule { whole_passes: true, ..self }
     }
 
-    /// Goes on from this sample, which was reached when `spent` was spent: the limit is for what follows.
+    /// Resumes at this sample, reached after `spent`: the limit is for the time after that.
     pub fn go_on_from(&mut self, sample: u32, spent: Duration) {
         self.next = sample;
         self.limit = self.limit.map(|limit| limit.saturating_add(spent));
@@ -88,13 +87,12 @@ impl Schedule {
         self.next
     }
 
-    /// Is the time over when `elapsed` was spent?
+    /// Is the time over after `elapsed`?
     pub fn is_late(&self, elapsed: Duration) -> bool {
         self.limit.is_some_and(|limit| elapsed >= limit)
     }
 
-    /// The next pass when `elapsed` was spent; `None` if all samples are planned or no pass fits
-    /// any more.
+    /// The next pass after `elapsed`; `None` if all samples are planned or no pass fits any more.
     pub fn next(&mut self, elapsed: Duration) -> Option<Pass> {
         let left = self.end - self.next;
         if self.whole_passes && self.is_late(elapsed) {
@@ -120,12 +118,12 @@ impl Schedule {
         (pass.samples > 0).then_some(pass)
     }
 
-    /// Goes back to this sample: what was planned from there on is not taken yet.
+    /// Goes back to this sample: later ones were planned, but not rendered.
     pub fn go_back_to(&mut self, sample: u32) {
         self.next = sample;
     }
 
-    /// Takes down how long a pass took.
+    /// Records the time of a pass.
     pub fn finished(&mut self, pass: Pass, took: Duration) {
         self.sample_s = Some(took.as_secs_f64() / f64::from(pass.samples));
     }
@@ -136,9 +134,9 @@ impl Schedule {
     }
 }
 
-// The share of a picture that a rendering takes: all of it, or some pixels, or some samples of each.
+// Partial renders: some pixels, or some samples of each.
 
-/// Samples go in blocks of so many.
+/// Samples of a block.
 pub const SAMPLE_BLOCK: u32 = INTERVAL;
 
 impl RenderOptions {
@@ -147,21 +145,21 @@ impl RenderOptions {
         self.region.unwrap_or(Region { x0: 0, y0: 0, x1: self.width, y1: self.height })
     }
 
-    /// The samples that are taken of each. A block of [`SAMPLE_BLOCK`] belongs to the range that its first sample is in:
-    /// ranges that follow each other still do.
+    /// The samples that are rendered of each. A block of [`SAMPLE_BLOCK`] belongs to the range of its first sample, so that consecutive
+    /// ranges stay consecutive.
     pub(super) fn taken(&self) -> Range<u32> {
         let (from, until) = self.sample_range.unwrap_or((0, self.samples));
         let whole = |sample: u32| sample.checked_next_multiple_of(SAMPLE_BLOCK).unwrap_or(u32::MAX);
         whole(from).min(self.samples)..whole(until).min(self.samples)
     }
 
-    /// Is only a part of the picture rendered?
+    /// Is it a partial render?
     pub(super) fn is_part(&self) -> bool {
         self.region.is_some() || self.sample_range.is_some()
     }
 
-    /// Can there be such a part?
-    pub(super) fn check_share(&self) -> Result<()> {
+    /// Checks the region and the range of samples.
+    pub(super) fn check_partial_render(&self) -> Result<()> {
         let Region { x0, y0, x1, y1 } = self.pixels();
         let is_outside = x0 >= x1 || y0 >= y1 || x1 > self.width || y1 > self.height;
         if self.region.is_some() && is_outside {
@@ -187,7 +185,7 @@ impl RenderOptions {
     }
 }
 
-/// What of a block is within a region: the block itself if its pixels can't be told apart (`is_whole`).
+/// The part of a block within a region, if any: the whole block if its pixels share paths (`is_whole`).
 pub(super) fn within(region: &Region, block: &Block, is_whole: bool) -> Option<Block> {
     let (x0, y0) = (block.x0.max(region.x0), block.y0.max(region.y0));
     let (x1, y1) = ((block.x0 + block.width).min(region.x1), (block.y0 + block.height).min(region.y1));
@@ -197,15 +195,15 @@ pub(super) fn within(region: &Region, block: &Block, is_whole: bool) -> Option<B
     Some(if is_whole { *block } else { Block { x0, y0, width: x1 - x0, height: y1 - y0, ..*block } })
 }
 
-// How a picture is divided among threads.
+// Tiles.
 
 /// The tiles of a pass.
 pub(super) struct Tiles {
     width: u32,
     height: u32,
-    /// How far their grid is shifted to the left and up.
+    /// Shift of the grid to the left and up, in pixels.
     shift: (u32, u32),
-    /// Samples of a tile that are traced at a time.
+    /// Samples per pixel that are traced at a time.
     samples: u32,
 }
 
@@ -220,19 +218,19 @@ impl Tiles {
         Tiles { width, height, shift, samples }
     }
 
-    /// Samples of a tile that are traced at a time.
+    /// Samples per pixel that are traced at a time.
     pub fn samples(&self) -> u32 {
         self.samples
     }
 
-    /// The tiles of a whole picture.
+    /// The tiles of the picture.
     pub fn blocks(&self, view: &View, pass: Pass) -> Vec<Block> {
         let Pass { first_sample, samples } = pass;
         let all = Block { x0: 0, y0: 0, width: view.width, height: view.height, first_sample, samples };
         self.divide(all).collect()
     }
 
-    /// The tiles of a block which begins where one of them does, row by row.
+    /// The tiles of a block that begins at a corner of one, row by row.
     pub fn divide(&self, block: Block) -> impl Iterator<Item = Block> {
         let (left, top) = self.shift;
         let width = self.width;
@@ -250,7 +248,7 @@ impl Tiles {
     }
 }
 
-/// Divides a length into steps, the first of which is shorter by `shift`: starts and lengths.
+/// Divides a length into steps, the first of them shorter by `shift`: starts and lengths.
 fn starts(length: u32, step: u32, shift: u32) -> impl Iterator<Item = (u32, u32)> {
     let ends = (step - shift..length + step).step_by(step as usize);
     ends.map(move |end| {
@@ -259,7 +257,7 @@ fn starts(length: u32, step: u32, shift: u32) -> impl Iterator<Item = (u32, u32)
     })
 }
 
-/// A block in parts of some samples each.
+/// Divides a block by samples.
 pub(super) fn parts(block: &Block, samples: u32) -> impl Iterator<Item = Block> {
     let block = *block;
     (0..block.samples).step_by(samples as usize).map(move |skipped| Block {
@@ -269,37 +267,37 @@ pub(super) fn parts(block: &Block, samples: u32) -> impl Iterator<Item = Block> 
     })
 }
 
-// Which of a pixel's samples are the first half of them, where halves are kept apart.
+// The two halves of a pixel's samples, which denoising compares.
 
-/// How samples are halved. Samples that follow each other are well spread together, so halves are made of runs of them.
+/// Assignment of samples to halves, by runs: consecutive samples have low discrepancy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Halving {
-    /// The first so many are the first half.
+    /// The samples before this one are the first half.
     Before(u32),
-    /// Runs take turns, so that there are two halves wherever rendering ends.
-    Turns,
+    /// Runs alternate, so that there are two halves wherever rendering ends.
+    Alternating,
 }
 
 impl RenderOptions {
-    /// Halves are runs up to the middle where it is known beforehand. Where samples end early or go on later, or where
-    /// pixels' numbers differ (`is_allotted`), runs take turns.
+    /// Split in the middle where the number of samples is known. Runs alternate where rendering may end early or be resumed, or where
+    /// pixels have different numbers of samples (`is_allotted`).
     pub(super) fn halving(&self, is_allotted: bool) -> Halving {
         let is_open = self.time_limit.is_some() || self.noise.is_some() || self.planned > 0;
         match is_open || is_allotted || self.samples > MOST_ARRANGED {
-            true => Halving::Turns,
+            true => Halving::Alternating,
             false => Halving::Before(self.samples / 2),
         }
     }
 }
 
 impl Halving {
-    /// How many of `samples` from `first_sample` on belong to the first half: they come first. They lie within one block of
-    /// [`INTERVAL`] samples.
+    /// How many of `samples` from `first_sample` on belong to the first half. They come first. All lie within one block of [`INTERVAL`]
+    /// samples.
     pub fn of_first_half(self, first_sample: u32, samples: u32) -> u32 {
         let left = match self {
             Halving::Before(middle) => middle.saturating_sub(first_sample),
-            Halving::Turns => {
-                // Shorter runs at first: pictures of few samples have halves, too.
+            Halving::Alternating => {
+                // Shorter runs at first, so that pictures of few samples have halves, too.
                 let turn = if first_sample < 2 * INTERVAL { INTERVAL } else { 2 * INTERVAL };
                 (turn / 2).saturating_sub(first_sample % turn)
             }
@@ -307,11 +305,11 @@ impl Halving {
         left.min(samples)
     }
 
-    /// Its name, where a picture goes on from another one.
+    /// Its name in the identity of a picture.
     pub fn name(self) -> &'static str {
         match self {
             Halving::Before(_) => "at the middle",
-            Halving::Turns => "by turns",
+            Halving::Alternating => "by turns",
         }
     }
 }
@@ -419,11 +417,11 @@ mod halving_tests {
                 (0..end).step_by(INTERVAL as usize).map(|first| rule.of_first_half(first, INTERVAL)).sum()
             };
             assert_eq!(of(Halving::Before(end / 2)), end / 2);
-            let turns = of(Halving::Turns);
+            let turns = of(Halving::Alternating);
             assert!(turns.abs_diff(end - turns) <= INTERVAL, "{turns} of {end}");
         }
         // However passes divide a block.
-        let parts = [(0, 1), (1, 4), (5, 3)].map(|(first, n)| Halving::Turns.of_first_half(first, n));
+        let parts = [(0, 1), (1, 4), (5, 3)].map(|(first, n)| Halving::Alternating.of_first_half(first, n));
         assert_eq!(parts, [1, 3, 0]);
     }
 
