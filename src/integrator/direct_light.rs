@@ -1,14 +1,17 @@
 //! Direct lighting: light samples at the vertices, their MIS weights against BSDF sampling, and shadow rays.
 //!
-//! Where the scene has one light of a kind with a [`VectorSampler`], one loop, generic over it, samples all vertices; else each
-//! vertex selects a light first.
+//! Where the scene has one light of a kind with a [`VectorSampler`], one loop, generic over it, samples all vertices;
+//! else each vertex selects a light first.
 //!
-//! The shadow AOV ([`Aov::Shadow`]) holds the fraction of the light samples' unweighted luminance that is blocked. MIS weights
-//! are divided out: BSDF sampling finds part of the light that arrives, but none of the light that is blocked, so weighted sums
-//! would not be comparable.
+//! The shadow AOV ([`Aov::Shadow`]) holds the fraction of the light samples' unweighted luminance that is blocked. MIS
+//! weights are divided out: BSDF sampling finds part of the light that arrives, but none of the light that is blocked,
+//! so weighted sums would not be comparable.
 
+use super::Integrator;
 use super::guiding::Guided;
+use super::mis::LightPdf;
 use super::radiance_buffer::RadianceOrigin;
+use super::sampling::Purpose;
 use super::shading_geometry::terminator;
 use super::shading_groups::{
     Closure, GeneralClass, LambertClass, MediumClass, MetalRoughClass, SortedVertices, VertexClass,
@@ -16,7 +19,6 @@ use super::shading_groups::{
 use super::visibility::class;
 use super::wave::{Lanes, Vertices, WAVE, Wave, get, get_rgb, set, set_rgb};
 use super::workspace::Workspace;
-use super::{Integrator, Purpose};
 use crate::color::Rgb;
 use crate::film::Aov;
 use crate::light::{
@@ -24,42 +26,41 @@ use crate::light::{
     Receiver, solid_angle_density,
 };
 use crate::math::{Ray, Vec3, offset_along};
-use crate::sampling::power_heuristic;
 use crate::sampling::sampler::{Dimensions, SobolPoint};
 use crate::scene::RayKinds;
 use crate::simd::{Kernel, Table, dispatch};
 use std::ops::Range;
 
-/// Vertices for which lights and points on them are chosen in one batch; results beyond the last vertex are not used.
+/// Number of vertices whose light samples are drawn in one batch; results beyond the last vertex are not used.
 const BATCH: usize = 16;
 /// Prefetch distance for rectangle lights, vertices.
 const PREFETCH_DISTANCE: usize = 2 * BATCH;
 
 const _: () = assert!(WAVE.is_multiple_of(BATCH));
 
-/// Has the scene a single light that is sampled without a choice?
+/// Has the scene a single light with a vectorised sampler?
 pub(super) fn has_vector_sampler(lights: &Lights) -> bool {
     RectangleSampler::of(lights).is_some() || EnvironmentSampler::of(lights).is_some()
 }
 
-/// A light that is sampled at many vertices at a time. The steps are loops of one kind each: together they would not
+/// A light that is sampled at many vertices at a time. The steps are separate loops: a single loop would not
 /// vectorise.
 pub(super) trait VectorSampler {
     /// It is infinitely far away.
     const IS_INFINITE: bool;
 
-    /// Turns the first `count` pairs of uniform numbers into coordinates of points on the light, with densities in those
+    /// Maps the first `count` pairs of uniform numbers to coordinates of points on the light, with densities in these
     /// coordinates.
     fn choose(&self, u: &mut Lanes, v: &mut Lanes, pdf: &mut Lanes, count: usize);
 
     /// Its radiance at a point.
     fn radiance(&self, uv: [f32; 2]) -> Rgb;
 
-    /// The direction from `p` to a point chosen with a density.
+    /// The direction from `p` to a point, with its solid-angle density; `pdf` is the density of the coordinates.
     fn direction(&self, p: Vec3, uv: [f32; 2], pdf: f32) -> LightDirection;
 }
 
-/// A rectangle of constant radiance, by solid angle.
+/// A rectangle of constant radiance, sampled by solid angle.
 pub(super) struct RectangleSampler {
     rectangle: EvenRectangle,
 }
@@ -91,13 +92,13 @@ impl VectorSampler for RectangleSampler {
     }
 }
 
-/// A picture around the scene.
+/// An image environment.
 pub(super) struct EnvironmentSampler<'a> {
     map: &'a ImageMap,
 }
 
 impl<'a> EnvironmentSampler<'a> {
-    /// The scene's light, if it is a picture around it and nothing else.
+    /// The scene's light, if it is an image environment alone.
     pub fn of(lights: &'a Lights) -> Option<Self> {
         let environment =
             lights.environment().filter(|e| lights.len() == 1 && e.is_sampled() && !e.has_portals());
@@ -135,7 +136,7 @@ impl VectorSampler for EnvironmentSampler<'_> {
 }
 
 impl Integrator<'_> {
-    /// Chooses a point of a light for each vertex that light can reach.
+    /// Samples a point of a light for each vertex that light sampling reaches.
     pub(super) fn sample_lights(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         let dimensions = &self.dimensions(bounce, Purpose::Light);
         let (wave, times, count) = (&mut *w.wave, &w.times, sorted.lit().end);
@@ -156,7 +157,7 @@ impl Integrator<'_> {
             let (index, pdf_discrete) = (v.light.index[i], v.light.pdf_discrete[i]);
             let sample = match pdf_discrete > 0.0 {
                 true if lights.are_moving() => {
-                    let (p, time) = (get(&v.p, i), times.of(paths.carried.sample[i]));
+                    let (p, time) = (get(&v.p, i), times.of(paths.state.radiance_index[i]));
                     lights.sample_at(&self.scene.textures, index, p, [u0[i], u1[i]], time)
                 }
                 true => lights.sample(&self.scene.textures, index, get(&v.p, i), [u0[i], u1[i]]),
@@ -167,7 +168,7 @@ impl Integrator<'_> {
     }
 }
 
-/// Keeps a light sample. Lights without size have a negative density.
+/// Stores a light sample.
 fn store(v: &mut Vertices, i: usize, sample: &LightSample, pdf_discrete: f32) {
     let light = &mut v.light;
     set(&mut light.wi, i, sample.wi);
@@ -175,18 +176,18 @@ fn store(v: &mut Vertices, i: usize, sample: &LightSample, pdf_discrete: f32) {
     set_rgb(&mut light.radiance, i, sample.radiance);
     light.is_infinite[i] = f32::from(u8::from(sample.is_infinite));
     let pdf = sample.pdf_solid_angle * pdf_discrete;
-    light.pdf[i] = if sample.is_delta { -pdf } else { pdf };
+    light.pdf[i] = if sample.is_delta { LightPdf::delta(pdf) } else { LightPdf::new(pdf) };
 }
 
-/// Chooses a light for each vertex. Two random numbers for a point on it go to the first lanes of the scratch memory.
+/// Selects a light for each vertex. Two random numbers for a point on it go to the first arrays of the scratch memory.
 struct SelectLights<'a> {
     wave: &'a mut Wave,
     count: usize,
-    /// So many opaque vertices come first: light from behind does nothing there.
+    /// Number of opaque vertices, which come first: light from behind has no effect there.
     opaque: usize,
     lights: &'a Lights,
     dimensions: &'a Dimensions,
-    /// Lights are linked to some objects only.
+    /// Is light linking in use?
     linked: bool,
 }
 
@@ -198,11 +199,11 @@ impl Kernel for SelectLights<'_> {
         let Wave { paths, vertices: v, scratch: [u0, u1, choice0, choice1, ..] } = self.wave;
         let count = self.count.min(WAVE);
         for i in 0..count {
-            let point = SobolPoint::from_parts(paths.carried.seed[i], paths.carried.shuffled[i]);
+            let point = SobolPoint::from_parts(paths.state.seed[i], paths.state.shuffled[i]);
             [u0[i], u1[i], choice0[i], choice1[i]] = point.sample_4d(self.dimensions);
         }
         for first in (0..count).step_by(BATCH) {
-            // Loops, since `array::from_fn` is not always inlined, and slow then.
+            // Loops, because `array::from_fn` is not always inlined.
             let mut receivers = [Receiver { p: Vec3::ZERO, normal: Vec3::ZERO }; BATCH];
             let mut numbers = [[0.0; 2]; BATCH];
             for lane in 0..BATCH {
@@ -227,7 +228,7 @@ impl Kernel for SelectLights<'_> {
     }
 }
 
-/// Points of the lights that were selected, which are all rectangles.
+/// Samples points of the selected lights, all of which are rectangles.
 pub(super) struct SampleRectangles<'a> {
     pub wave: &'a mut Wave,
     pub count: usize,
@@ -245,7 +246,7 @@ impl Kernel for SampleRectangles<'_> {
         for first in (0..self.count.min(WAVE)).step_by(BATCH) {
             let mut numbers = [[0.0; BATCH]; RECTANGLE_NUMBERS];
             for lane in 0..BATCH {
-                // Of many lamps, most are not in the caches.
+                // Of many lights, most are not in the caches.
                 self.rectangles.prefetch(light.index[(first + lane + PREFETCH_DISTANCE).min(WAVE)]);
             }
             for lane in 0..BATCH {
@@ -267,7 +268,7 @@ impl Kernel for SampleRectangles<'_> {
                 set_rgb(&mut light.radiance, i, rectangle.radiance);
                 set(&mut light.wi, i, direction.wi);
                 set(&mut light.target, i, direction.target);
-                light.pdf[i] = if pdf_discrete > 0.0 { pdf } else { 0.0 };
+                light.pdf[i] = LightPdf::new(if pdf_discrete > 0.0 { pdf } else { 0.0 });
                 light.is_infinite[i] = 0.0;
             }
         }
@@ -290,7 +291,7 @@ impl<S: VectorSampler> Kernel for SampleLight<'_, S> {
         let Wave { paths, vertices, scratch: [u, v, pdf, ..] } = self.wave;
         let (light, count, sampler) = (&mut vertices.light, self.count.min(WAVE), self.sampler);
         for i in 0..count {
-            let point = SobolPoint::from_parts(paths.carried.seed[i], paths.carried.shuffled[i]);
+            let point = SobolPoint::from_parts(paths.state.seed[i], paths.state.shuffled[i]);
             [u[i], v[i], ..] = point.sample_4d(self.dimensions);
         }
         sampler.choose(u, v, pdf, count);
@@ -303,14 +304,29 @@ impl<S: VectorSampler> Kernel for SampleLight<'_, S> {
             if !S::IS_INFINITE {
                 set(&mut light.target, i, direction.target);
             }
-            light.pdf[i] = direction.pdf_solid_angle;
+            light.pdf[i] = LightPdf::new(direction.pdf_solid_angle);
             light.is_infinite[i] = if S::IS_INFINITE { 1.0 } else { 0.0 };
         }
     }
 }
 
 impl Integrator<'_> {
-    /// Adds the light that reaches the vertices from their light samples.
+    /// Samples lights at the vertices and adds the light that arrives.
+    pub(super) fn add_direct_light(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
+        let count = self.light_samples(bounce);
+        for number in 0..count {
+            Self::number_light_samples(&mut w.wave.paths.state, sorted, number, count);
+            self.sample_lights(bounce, sorted, w);
+            if self.is_spectral() {
+                self.uplift_light_samples(sorted, w);
+            }
+            self.leave_light_samples(bounce, sorted, w);
+            self.direct_light(bounce, sorted, w);
+        }
+        Self::end_light_samples(&mut w.wave.paths.state, sorted, count);
+    }
+
+    /// Adds the light of one light sample at each vertex.
     pub(super) fn direct_light(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         let guided = self.options.guide.is_some();
         self.weigh_light_samples(sorted, w);
@@ -329,12 +345,12 @@ impl Integrator<'_> {
         self.trace_shadow_rays(bounce, sorted, w);
     }
 
-    /// Traces a shadow ray for each contribution and adds those that arrive.
+    /// Traces a shadow ray for each contribution and adds the unoccluded ones.
     fn trace_shadow_rays(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         w.shadow_rays.clear();
         w.shadow_vertices.clear();
         let (v, light) = (&w.wave.vertices, &w.wave.vertices.light);
-        let all_light = !w.without && !self.scene.features.links;
+        let all_light = !w.excludes_casters && !self.scene.features.links;
         for i in sorted.lit() {
             let [r, g, b] = &light.contribution;
             if (all_light || self.is_linked_to_light(i, w)) && r[i].max(g[i]).max(b[i]) > 0.0 {
@@ -347,7 +363,7 @@ impl Integrator<'_> {
         if self.scene.features.boundaries {
             self.start_shadow_segments(sorted, w);
         }
-        let shows_shadow = bounce == 0 && self.first_hits.contains(Aov::Shadow) && !w.without;
+        let shows_shadow = bounce == 0 && self.first_hits.contains(Aov::Shadow) && !w.excludes_casters;
         if shows_shadow {
             self.save_unoccluded(w);
         }
@@ -358,34 +374,34 @@ impl Integrator<'_> {
         if shows_shadow {
             self.record_shadows(bounce, sorted, w);
         }
-        let Workspace { wave, bsdfs, sink, shadow_vertices, occluded, passed_kinds, .. } = w;
-        let (Wave { paths, vertices: v, .. }, has_layers) = (&**wave, sink.has_layers());
+        let Workspace { wave, bsdfs, radiance_buffer, shadow_vertices, occluded, passed_kinds, .. } = w;
+        let (Wave { paths, vertices: v, .. }, has_layers) = (&**wave, radiance_buffer.has_layers());
         for (k, (&i, &occluded)) in shadow_vertices.iter().zip(&*occluded).enumerate() {
             if !occluded {
                 let i = i as usize;
                 let mut value = get_rgb(&v.light.contribution, i);
-                if self.parts.kinds {
+                if self.optional.visibility {
                     let passed = passed_kinds.get(k).copied().unwrap_or(RayKinds::NONE);
                     value *= self.visible_fraction((bounce, i), passed, sorted, wave, bsdfs);
                 }
-                sink.add(paths.carried.sample[i], value);
+                radiance_buffer.add(paths.state.radiance_index[i], value);
                 if has_layers {
-                    sink.divide(paths.carried.sample[i], value, || {
+                    radiance_buffer.divide(paths.state.radiance_index[i], value, || {
                         let light = self.only_light.unwrap_or(v.light.index[i]);
-                        let way = self.class_of_light_sample(bounce, sorted, wave, bsdfs, i);
-                        RadianceOrigin { way, group: self.scene.light_groups.of_light(light) }
+                        let class = self.class_of_light_sample(bounce, sorted, wave, bsdfs, i);
+                        RadianceOrigin { class, group: self.scene.light_groups.of_light(light) }
                     });
                 }
             }
         }
     }
 
-    /// Finds which of the shadow rays are occluded.
+    /// Tests which shadow rays are occluded.
     pub(super) fn test_shadow_rays(&self, bounce: u32, w: &mut Workspace) {
         w.occluded.clear();
         w.occluded.resize(w.shadow_rays.len(), false);
         w.passed_kinds.clear();
-        if self.parts.kinds {
+        if self.optional.visibility {
             w.passed_kinds.resize(w.shadow_rays.len(), RayKinds::NONE);
         }
         if self.scene.features.alpha {
@@ -397,7 +413,7 @@ impl Integrator<'_> {
     }
 }
 
-/// What the light samples bring to all classes of vertices; with softened shadow terminators or without.
+/// Weighted contributions of the light samples at all shading groups, with softened shadow terminators or without.
 fn direct<const SOFT: bool>(counts: DirectParams, guided: bool, sorted: &SortedVertices, w: &mut Workspace) {
     let Workspace { wave, bsdfs, .. } = w;
     if guided {
@@ -416,7 +432,7 @@ fn direct<const SOFT: bool>(counts: DirectParams, guided: bool, sorted: &SortedV
     Direct::<_, SOFT> { wave, class: GeneralClass { bsdfs, first: range.start }, range, counts }.run();
 }
 
-/// What the light samples bring to the vertices of a class.
+/// Weighted contributions of the light samples at the vertices of a shading group.
 pub(super) struct Direct<'a, C, const SOFT: bool> {
     pub wave: &'a mut Wave,
     pub class: C,
@@ -424,12 +440,12 @@ pub(super) struct Direct<'a, C, const SOFT: bool> {
     pub counts: DirectParams,
 }
 
-/// How many paths and light samples each vertex has.
+/// Numbers of BSDF and light samples.
 #[derive(Clone, Copy)]
 pub(super) struct DirectParams {
-    /// Paths that the density of scattering counts for.
+    /// MIS: number of BSDF samples per light sample.
     pub branches: f32,
-    /// The share of each light sample.
+    /// One over the number of light samples.
     pub share: f32,
 }
 
@@ -441,7 +457,7 @@ impl<C: VertexClass, const SOFT: bool> Kernel for Direct<'_, C, SOFT> {
         let Wave { paths, vertices: v, .. } = self.wave;
         for i in self.range.start..self.range.end.min(WAVE) {
             let light_pdf = v.light.pdf[i];
-            if C::Closure::BRANCHES && light_pdf == 0.0 {
+            if C::Closure::BRANCHES && light_pdf.is_none() {
                 set_rgb(&mut v.light.contribution, i, Rgb::ZERO);
                 continue;
             }
@@ -451,14 +467,13 @@ impl<C: VertexClass, const SOFT: bool> Kernel for Direct<'_, C, SOFT> {
             let height = wi.dot(ng);
             let side = if !C::Closure::OPAQUE && height < 0.0 { -1.0 } else { 1.0 };
             let pdf = eval.pdf_solid_angle * self.counts.branches * self.class.light_density(v, i);
-            let mut weight = weight_over_pdf(light_pdf, pdf) * self.counts.share;
+            let mut weight = light_pdf.mis_weight_over_pdf(pdf) * self.counts.share;
             if SOFT && !C::Closure::IN_MEDIUM && !closure.crosses(wi) {
                 weight *= terminator(ns * side, ng * side, wi);
             }
-            let is_lit = (light_pdf != 0.0) & (!C::Closure::OPAQUE | (height > 0.0));
+            let is_lit = !light_pdf.is_none() & (!C::Closure::OPAQUE | (height > 0.0));
             let weight = if is_lit { weight } else { 0.0 };
-            let (throughput, radiance) =
-                (get_rgb(&paths.carried.throughput, i), get_rgb(&v.light.radiance, i));
+            let (throughput, radiance) = (get_rgb(&paths.state.throughput, i), get_rgb(&v.light.radiance, i));
             let contribution = closure.scattered(eval, weight, throughput, radiance);
             set_rgb(&mut v.light.contribution, i, contribution);
             let origin = offset_along(get(&v.p, i), ng * side, v.offset[i]);
@@ -469,24 +484,15 @@ impl<C: VertexClass, const SOFT: bool> Kernel for Direct<'_, C, SOFT> {
     }
 }
 
-/// Weight over density of a light sample; lights without size (negative density) have no competitor.
-#[inline(always)]
-fn weight_over_pdf(light_pdf: f32, bsdf_pdf: f32) -> f32 {
-    let is_delta = light_pdf < 0.0;
-    let pdf = light_pdf.abs();
-    let weight = power_heuristic(pdf, if is_delta { 0.0 } else { bsdf_pdf });
-    weight / if pdf > 0.0 { pdf } else { 1.0 }
-}
-
 impl Integrator<'_> {
-    /// Remembers what the shadow rays would bring if nothing was in their way.
+    /// Saves the contributions before occlusion.
     pub(super) fn save_unoccluded(&self, w: &mut Workspace) {
         let light = &w.wave.vertices.light;
         w.unoccluded.clear();
         w.unoccluded.extend(w.shadow_vertices.iter().map(|&i| get_rgb(&light.contribution, i as usize)));
     }
 
-    /// Takes down what of it was blocked, and what arrived.
+    /// Records the occluded and the unoccluded luminance.
     pub(super) fn record_shadows(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         let Workspace {
             wave, bsdfs, shadow_vertices, occluded, unoccluded, passed_kinds, first_hits, ..
@@ -494,7 +500,7 @@ impl Integrator<'_> {
         for (k, (&i, &unoccluded)) in shadow_vertices.iter().zip(&*unoccluded).enumerate() {
             let i = i as usize;
             let (mut all, mut arrived) = (unoccluded, get_rgb(&wave.vertices.light.contribution, i));
-            if self.parts.kinds {
+            if self.optional.visibility {
                 let share = |passed| self.visible_fraction((bounce, i), passed, sorted, wave, bsdfs);
                 let passed = passed_kinds.get(k).copied().unwrap_or(RayKinds::NONE);
                 (all, arrived) = (all * share(RayKinds::NONE), arrived * share(passed));
@@ -502,7 +508,7 @@ impl Integrator<'_> {
             let weight = self.light_sample_mis_weight(bounce, sorted, wave, bsdfs, i).max(f32::MIN_POSITIVE);
             let arrived = if occluded[k] { 0.0 } else { arrived.luminance() / weight };
             let blocked = (all.luminance() / weight - arrived).max(0.0);
-            let sample = wave.paths.carried.sample[i] as usize;
+            let sample = wave.paths.state.radiance_index[i] as usize;
             first_hits.add(sample, Aov::Shadow, [blocked, arrived]);
         }
     }

@@ -1,18 +1,20 @@
 //! Emission that paths hit: surfaces and the environment, MIS-weighted against light sampling; spectra of lights.
 //!
-//! Spectral rendering (hero wavelength sampling: Wilkie et al. 2014): throughput, BSDFs, absorption and emission have one value
-//! for each of a path's wavelengths in place of red, green and blue. Sampling decisions treat the wavelengths alike, which
-//! weights them as the balance heuristic does; where a direction belongs to one wavelength only (dispersion), the path
-//! continues with one of them, drawn in proportion to its throughput. Colours are converted to spectra where they are read, and
+//! Spectral rendering (hero wavelength sampling: Wilkie et al. 2014): throughput, BSDFs, absorption and emission have
+//! one value for each of a path's wavelengths in place of red, green and blue. Sampling decisions treat the wavelengths
+//! alike, which weights them as the balance heuristic does; where a direction belongs to one wavelength only
+//! (dispersion), the path continues with one of them, drawn in proportion to its throughput. Colours are converted to
+//! spectra where they are read, and
 //! [`RadianceBuffer::convert_to_rgb`](super::radiance_buffer::RadianceBuffer::convert_to_rgb) converts the result.
 
+use super::Integrator;
 use super::radiance_buffer::{PathClass, RadianceOrigin, class_of_path};
+use super::sampling::Purpose;
 use super::shading_geometry::HitPoint;
 use super::shading_groups::SortedVertices;
 use super::visibility::class;
 use super::wave::{LENGTH, Paths, Scratch, WAVE, get, get_rgb, set_rgb};
 use super::workspace::Workspace;
-use super::{Integrator, Purpose};
 use crate::bsdf::{Bsdf, Slots};
 use crate::color::Rgb;
 use crate::color::spectral::{Spectrum, Wavelengths, uplifted_light};
@@ -20,13 +22,12 @@ use crate::light::{
     EnvironmentLight, ImageMap, Lights, Receiver, SelectedSun, TexelPosition, solid_angle_density,
 };
 use crate::math::{Ray, Vec3};
-use crate::sampling::power_heuristic;
 use crate::sampling::sampler::SobolPoint;
 use crate::scene::RayKinds;
 use crate::simd::{Kernel, dispatch};
 
 impl Integrator<'_> {
-    /// Adds the light that a surface emits along the ray of arriving path `i`.
+    /// Adds the emission of the surface that arriving path `i` hit.
     pub(super) fn emit(&self, bounce: u32, i: usize, at: &HitPoint<'_>, w: &mut Workspace) {
         let HitPoint { surface, hit, material, is_back, time } = at;
         let Some(emission) = material.emission.filter(|e| e.two_sided || !is_back) else { return };
@@ -39,11 +40,11 @@ impl Integrator<'_> {
             return;
         }
         let wo = -w.rays[i].direction;
-        let radiance = self.emitted(at, wo, w.times.waves(w.arriving.carried.sample[i]));
+        let radiance = self.emitted(at, wo, w.times.wavelengths(w.arriving.state.radiance_index[i]));
         let radiance = emission.beam.of(radiance, surface.ng, wo, &self.scene.textures);
-        let path = &w.arriving.carried;
+        let path = &w.arriving.state;
         let mut weight = 1.0;
-        if path.pdf[i] > 0.0
+        if path.pdf[i].competes()
             && let Some(index) = light
         {
             if self.is_shadowed(i, &w.arriving) {
@@ -55,11 +56,13 @@ impl Integrator<'_> {
             let receiver = Receiver { p, normal: get(&w.arriving.receiver_normal, i) };
             let class = class(i, &w.arriving, self.scene.features.links);
             let pdf_discrete = self.scene.lights.pdf_discrete(class, &receiver, index);
-            weight = power_heuristic(path.pdf[i], area.pdf_solid_angle(p, surface.p) * pdf_discrete);
+            weight = path.pdf[i].mis_weight(|| area.pdf_solid_angle(p, surface.p) * pdf_discrete);
         }
-        w.sink.contribute(path.sample[i], get_rgb(&path.throughput, i) * radiance * weight, || {
-            RadianceOrigin {
-                way: class_of_path(bounce, PathClass::Emission, &w.arriving.first_bounces, i),
+        w.radiance_buffer.contribute(
+            path.radiance_index[i],
+            get_rgb(&path.throughput, i) * radiance * weight,
+            || RadianceOrigin {
+                class: class_of_path(bounce, PathClass::Emission, &w.arriving.first_bounces, i),
                 group: match light {
                     Some(index) => self.scene.light_groups.of_light(index),
                     None => {
@@ -67,18 +70,18 @@ impl Integrator<'_> {
                         self.scene.light_groups.of_surface(self.scene.object_at(hit), material)
                     }
                 },
-            }
-        });
+            },
+        );
     }
 
-    /// Adds the light of the suns in whose directions paths left the scene.
+    /// Adds the suns to the paths that left in their directions.
     fn add_suns(&self, bounce: u32, w: &mut Workspace) {
         let suns = self.scene.lights.suns().iter().filter(|s| bounce > 0 || s.is_seen);
         for SelectedSun { sun, index, pdf_discrete, .. } in suns {
             let index = *index;
-            let path = &w.arriving.carried;
+            let path = &w.arriving.state;
             for i in w.escaped.iter().map(|&i| i as usize).filter(|&i| sun.contains(w.rays[i].direction)) {
-                if self.parts.kinds && !self.sees_light(bounce, i, index, &w.arriving) {
+                if self.optional.visibility && !self.sees_light(bounce, i, index, &w.arriving) {
                     continue;
                 }
                 let receiver = Receiver { p: w.rays[i].origin, normal: get(&w.arriving.receiver_normal, i) };
@@ -86,37 +89,41 @@ impl Integrator<'_> {
                 let far = self.scene.lights.far_pdf_discrete(class, &receiver);
                 let pdf_discrete = pdf_discrete[class as usize] * far;
                 let pdf = sun.pdf_solid_angle() * pdf_discrete;
-                let weight = if path.pdf[i] > 0.0 { power_heuristic(path.pdf[i], pdf) } else { 1.0 };
+                let weight = path.pdf[i].mis_weight(|| pdf);
                 if self.is_left_to_light_paths(bounce, i, Some(index), w) {
                     continue;
                 }
-                let waves = w.times.waves(path.sample[i]);
-                let radiance = self.uplift_light(sun.radiance, Some(index), waves);
+                let wavelengths = w.times.wavelengths(path.radiance_index[i]);
+                let radiance = self.uplift_light(sun.radiance, Some(index), wavelengths);
                 let value = get_rgb(&path.throughput, i) * radiance * weight;
-                w.sink.contribute(path.sample[i], value, || RadianceOrigin {
-                    way: class_of_path(bounce, PathClass::Environment, &w.arriving.first_bounces, i),
+                w.radiance_buffer.contribute(path.radiance_index[i], value, || RadianceOrigin {
+                    class: class_of_path(bounce, PathClass::Environment, &w.arriving.first_bounces, i),
                     group: self.scene.light_groups.of_light(index),
                 });
             }
         }
     }
 
-    /// Adds what cameras see of an environment that differs for them.
+    /// Adds the environment that is visible to camera rays only.
     fn escape_to_camera(&self, w: &mut Workspace) {
         let Some(seen) = &self.scene.camera_environment else { return };
         look_up(seen, &w.rays, &w.escaped, &mut w.wave.scratch);
-        let path = &w.arriving.carried;
+        let path = &w.arriving.state;
         let [_, _, _, _, _, r, g, b, _] = &w.wave.scratch;
         let group = self.scene.light_groups.of_light((self.scene.lights.len() as u32).saturating_sub(1));
         for (k, &i) in w.escaped.iter().enumerate() {
             let i = i as usize;
             let radiance = Rgb::new(r[k], g[k], b[k]);
-            let radiance = self.uplift_light(radiance, None, w.times.waves(path.sample[i]));
-            w.sink.contribute(path.sample[i], get_rgb(&path.throughput, i) * radiance, || RadianceOrigin {
-                way: class_of_path(0, PathClass::Environment, &w.arriving.first_bounces, i),
-                group,
-            });
-            w.sink.cover(path.sample[i]);
+            let radiance = self.uplift_light(radiance, None, w.times.wavelengths(path.radiance_index[i]));
+            w.radiance_buffer.contribute(
+                path.radiance_index[i],
+                get_rgb(&path.throughput, i) * radiance,
+                || RadianceOrigin {
+                    class: class_of_path(0, PathClass::Environment, &w.arriving.first_bounces, i),
+                    group,
+                },
+            );
+            w.radiance_buffer.cover(path.radiance_index[i]);
         }
     }
 
@@ -124,7 +131,7 @@ impl Integrator<'_> {
     pub(super) fn escape(&self, bounce: u32, w: &mut Workspace) {
         let lights = &self.scene.lights;
         if bounce > 0 {
-            if self.parts.clear {
+            if self.optional.clear {
                 self.add_clear_background(w);
             }
         } else if !self.scene.features.environment_visible_to.contains(RayKinds::CAMERA) {
@@ -134,10 +141,10 @@ impl Integrator<'_> {
         }
         self.add_suns(bounce, w);
         let Some(environment) = lights.environment() else { return };
-        if self.parts.kinds {
+        if self.optional.visibility {
             self.keep_visible_escapes(bounce, w);
         }
-        let (path, scratch) = (&w.arriving.carried, &mut w.wave.scratch);
+        let (path, scratch) = (&w.arriving.state, &mut w.wave.scratch);
         look_up(environment, &w.rays, &w.escaped, scratch);
         let linked = self.scene.features.links;
         if lights.use_tree() {
@@ -156,37 +163,37 @@ impl Integrator<'_> {
         let light = lights.len() as u32 - 1;
         for (k, &i) in w.escaped.iter().enumerate() {
             let i = i as usize;
-            let weight = match path.pdf[i] {
-                scattered if scattered > 0.0 => {
-                    let of_class = || lights.environment_pdf_discrete(class(i, &w.arriving, linked));
-                    let pdf_discrete = if linked { of_class() } else { pdf_discrete };
-                    power_heuristic(scattered, pdf[k] * pdf_discrete * far[k])
-                }
-                _ => 1.0,
-            };
-            let radiance = Rgb::new(r[k], g[k], b[k]);
-            let radiance = self.uplift_light(radiance, Some(light), w.times.waves(path.sample[i]));
-            w.sink.contribute(path.sample[i], get_rgb(&path.throughput, i) * radiance * weight, || {
-                RadianceOrigin {
-                    way: class_of_path(bounce, PathClass::Environment, &w.arriving.first_bounces, i),
-                    group: self.scene.light_groups.of_light(light),
-                }
+            let weight = path.pdf[i].mis_weight(|| {
+                let of_class = || lights.environment_pdf_discrete(class(i, &w.arriving, linked));
+                let pdf_discrete = if linked { of_class() } else { pdf_discrete };
+                pdf[k] * pdf_discrete * far[k]
             });
+            let radiance = Rgb::new(r[k], g[k], b[k]);
+            let radiance =
+                self.uplift_light(radiance, Some(light), w.times.wavelengths(path.radiance_index[i]));
+            w.radiance_buffer.contribute(
+                path.radiance_index[i],
+                get_rgb(&path.throughput, i) * radiance * weight,
+                || RadianceOrigin {
+                    class: class_of_path(bounce, PathClass::Environment, &w.arriving.first_bounces, i),
+                    group: self.scene.light_groups.of_light(light),
+                },
+            );
             if bounce == 0 {
-                w.sink.cover(path.sample[i]);
+                w.radiance_buffer.cover(path.radiance_index[i]);
             }
         }
     }
 }
 
-/// The probabilities of choosing among the lights infinitely far away, where rays that left came from: to the first lane of the
+/// Probabilities of selecting among the lights at infinity at the origins of the rays that left: to the first array of the
 /// scratch memory.
 struct FarShares<'a> {
     lights: &'a Lights,
     rays: &'a [Ray],
     escaped: &'a [u32],
     arriving: &'a Paths,
-    /// Lights are linked to some objects only.
+    /// Is light linking in use?
     linked: bool,
     scratch: &'a mut Scratch,
 }
@@ -205,7 +212,7 @@ impl Kernel for FarShares<'_> {
     }
 }
 
-/// Radiance and density of the directions in which rays left: to the last four lanes of the scratch memory.
+/// Environment radiance and density of the directions of the rays that left: to the last four arrays of the scratch memory.
 fn look_up(environment: &EnvironmentLight, rays: &[Ray], escaped: &[u32], scratch: &mut Scratch) {
     if let Some(map) = environment.image_map() {
         return dispatch(LookUp { map, rays, escaped, scratch });
@@ -225,7 +232,7 @@ struct LookUp<'a> {
     scratch: &'a mut Scratch,
 }
 
-/// So many lookups ahead texels are asked for.
+/// Prefetch distance of texels, lookups.
 const PREFETCH_DISTANCE: usize = 16;
 const _: () = assert!(WAVE + PREFETCH_DISTANCE <= LENGTH);
 
@@ -245,10 +252,10 @@ impl Kernel for LookUp<'_> {
     }
 }
 
-// What the loops read is taken by reference, so that the compiler knows that it stays as it is.
+// Functions take references to the data that loops read, so that the compiler knows it to be constant.
 
-/// From directions, in the first lanes of the scratch memory, to places between texels: shares behind them, and the texels'
-/// indices in the last lane.
+/// Maps directions, in the first arrays of the scratch memory, to texels: bilinear weights behind them, and the texels'
+/// indices in the last array.
 #[inline(always)]
 fn locate(map: &ImageMap, scratch: &mut Scratch, count: usize) {
     let [x, y, z, s, t, _, _, _, first] = scratch;
@@ -259,7 +266,7 @@ fn locate(map: &ImageMap, scratch: &mut Scratch, count: usize) {
     }
 }
 
-/// From there to radiances and densities.
+/// Reads radiances and densities of these.
 #[inline(always)]
 fn read(map: &ImageMap, scratch: &mut Scratch, count: usize) {
     let [x, y, z, s, t, r, g, b, pdf] = scratch;
@@ -275,15 +282,15 @@ fn read(map: &ImageMap, scratch: &mut Scratch, count: usize) {
     }
 }
 
-/// The spectrum of light whose spectrum looks like a colour, but for its strength.
-fn scaled(spectrum: &Spectrum, rgb: Rgb, waves: &Wavelengths) -> Rgb {
+/// A light's spectrum, scaled to the mean of a colour.
+fn scaled(spectrum: &Spectrum, rgb: Rgb, wavelengths: &Wavelengths) -> Rgb {
     let look = spectrum.rgb().max(Rgb::ZERO).mean();
     let strength = if look > 0.0 { rgb.mean() / look } else { 0.0 };
-    spectrum.at(waves) * strength
+    spectrum.at(wavelengths) * strength
 }
 
 impl Integrator<'_> {
-    /// Do paths carry wavelengths?
+    /// Is this spectral rendering?
     #[inline(always)]
     pub(super) fn is_spectral(&self) -> bool {
         self.scene.shading.spectral
@@ -294,7 +301,7 @@ impl Integrator<'_> {
     pub(super) fn start_wavelengths(&self, w: &mut Workspace) {
         let Workspace { times, arriving, pixels, .. } = w;
         let dimensions = self.dimensions(0, Purpose::Wavelength);
-        let path = &arriving.carried;
+        let path = &arriving.state;
         let draw = |i: usize| {
             let [u, ..] = SobolPoint::from_parts(path.seed[i], path.shuffled[i]).sample_4d(&dimensions);
             Wavelengths::draw(u)
@@ -302,17 +309,22 @@ impl Integrator<'_> {
         times.start_wavelengths((0..pixels.len()).map(draw), self.options.branches);
     }
 
-    /// What light of a colour is in the lanes of a path; `light` is the light that it comes from, if its spectrum may be known.
+    /// The emission of a colour at a path's wavelengths; `light` is its light, which may have a spectrum.
     #[inline]
-    pub(super) fn uplift_light(&self, rgb: Rgb, light: Option<u32>, waves: Option<&Wavelengths>) -> Rgb {
-        let Some(waves) = waves else { return rgb };
+    pub(super) fn uplift_light(
+        &self,
+        rgb: Rgb,
+        light: Option<u32>,
+        wavelengths: Option<&Wavelengths>,
+    ) -> Rgb {
+        let Some(wavelengths) = wavelengths else { return rgb };
         match light.and_then(|light| self.scene.spectrum_of_light(light)) {
-            Some(spectrum) => scaled(spectrum, rgb, waves),
-            None => uplifted_light(rgb, waves),
+            Some(spectrum) => scaled(spectrum, rgb, wavelengths),
+            None => uplifted_light(rgb, wavelengths),
         }
     }
 
-    /// From colours of light samples to what they are in the lanes of paths.
+    /// Converts the colours of light samples to the wavelengths of their paths.
     #[cold]
     pub(super) fn uplift_light_samples(&self, sorted: &SortedVertices, w: &mut Workspace) {
         let Workspace { wave, times, .. } = w;
@@ -321,32 +333,32 @@ impl Integrator<'_> {
             let rgb = get_rgb(&light.radiance, i);
             if rgb.max_element() > 0.0 {
                 let index = self.only_light.unwrap_or(light.index[i]);
-                let waves = times.waves(wave.paths.carried.sample[i]);
-                set_rgb(&mut light.radiance, i, self.uplift_light(rgb, Some(index), waves));
+                let wavelengths = times.wavelengths(wave.paths.state.radiance_index[i]);
+                set_rgb(&mut light.radiance, i, self.uplift_light(rgb, Some(index), wavelengths));
             }
         }
     }
 
-    /// The radiance that a surface emits towards `wo`, everywhere alike or at a point by its texture, in the lanes of a path.
-    pub(super) fn emitted(&self, at: &HitPoint<'_>, wo: Vec3, waves: Option<&Wavelengths>) -> Rgb {
+    /// The emitted radiance of a surface towards `wo`, constant or textured, at the wavelengths of a path.
+    pub(super) fn emitted(&self, at: &HitPoint<'_>, wo: Vec3, wavelengths: Option<&Wavelengths>) -> Rgb {
         let HitPoint { surface, hit, material, time, .. } = at;
         let Some(emission) = material.emission else { return Rgb::ZERO };
         let rgb = match emission.radiance.texture {
             None => Rgb::from_array(emission.radiance.factor),
             Some(_) => {
-                // A point: light sampling, which this is weighted against, uses points too.
+                // Unfiltered, as in light sampling.
                 let at = self.scene.geometries.coordinates(surface, hit, false, *time);
                 self.slots(&at, surface, wo, 0.0).color(&emission.radiance)
             }
         };
-        match (waves, &material.light_spectrum) {
+        match (wavelengths, &material.light_spectrum) {
             (None, _) => rgb,
-            (Some(waves), Some(spectrum)) => scaled(spectrum, rgb, waves),
-            (Some(waves), None) => uplifted_light(rgb, waves),
+            (Some(wavelengths), Some(spectrum)) => scaled(spectrum, rgb, wavelengths),
+            (Some(wavelengths), None) => uplifted_light(rgb, wavelengths),
         }
     }
 
-    /// The BSDF that outputs show of a surface, which are by red, green and blue.
+    /// The RGB BSDF of a surface, for AOVs.
     #[cold]
     pub(super) fn rgb_bsdf(&self, at: &HitPoint<'_>, wo: Vec3) -> Bsdf {
         self.read_material(at, 0.0, wo, None).0

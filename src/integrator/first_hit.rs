@@ -10,17 +10,17 @@ use crate::shape::Surface;
 pub(super) struct FirstHit<'a> {
     /// The hit.
     pub hit: Hit,
-    /// When, where something moves.
+    /// Time, 0 to 1.
     pub time: f32,
-    /// Where it is, in the compiled scene's space, with normals on its front or towards the camera, and its material.
+    /// The surface in the compiled scene's space, with normals on the front or on the camera's side.
     pub surface: Surface,
     /// Towards the camera.
     pub wo: Vec3,
-    /// How it scatters.
+    /// Its BSDF.
     pub bsdf: &'a Bsdf,
 }
 
-/// What first surfaces are part of.
+/// The context of the values of AOVs.
 pub(super) struct AovContext<'a> {
     pub scene: &'a CompiledScene,
     pub view: &'a View,
@@ -28,19 +28,19 @@ pub(super) struct AovContext<'a> {
     pub space: AovSpace,
 }
 
-/// What several AOVs show of a first surface.
+/// Values of a first surface that several AOVs use.
 #[derive(Clone, Copy)]
 struct Common {
-    /// Number of its material, and of its object if that is shown.
+    /// Index of its material, and of its object if an AOV needs it.
     material: u32,
     object: u32,
     /// 1 where the camera is on the side of its geometric normal, else -1.
     side: f32,
-    /// Its colours, if they are shown.
+    /// Its colours, if an AOV needs them.
     look: Appearance,
 }
 
-/// AOVs that show a look, and those that show objects.
+/// AOVs of colours, and those of objects.
 const OF_LOOKS: [Aov; 4] = [Aov::Roughness, Aov::DiffuseColor, Aov::GlossyColor, Aov::TransmissionColor];
 const OF_OBJECTS: [Aov; 3] = [Aov::ObjectId, Aov::CryptoObject, Aov::CryptoAsset];
 
@@ -71,7 +71,7 @@ impl FirstHit<'_> {
             AovSpace::World => three((n * side).to_array()),
             AovSpace::Camera => three(view.camera.along_axes(n * side).to_array()),
         };
-        // Numbers travel as bits.
+        // Integers are stored as bits.
         let id = |ids: &[u32], index: u32| one(f32::from_bits(ids.get(index as usize).copied().unwrap_or(0)));
         match aov {
             Aov::Depth | Aov::DepthMin => one(view.camera.depth(p)),
@@ -98,13 +98,13 @@ impl FirstHit<'_> {
             Aov::CryptoObject => id(&mattes.objects, object),
             Aov::CryptoMaterial => id(&mattes.materials, material),
             Aov::CryptoAsset => id(&mattes.assets, object),
-            // Others show no surface, or what is found there later.
+            // Other AOVs are recorded elsewhere.
             _ => [0.0; MOST_COMPONENTS],
         }
     }
 
-    /// How far what is seen goes in the picture, in pixels to the right and up: from here to where it was a frame before, and to
-    /// where it will be a frame after. What lies beside the camera then has nowhere to go.
+    /// How far what is seen goes in the picture, in pixels to the right and up: from here to where it was a frame
+    /// before, and to where it will be a frame after. What lies beside the camera then has nowhere to go.
     fn motion(&self, scene: &CompiledScene, view: &View) -> [f32; 4] {
         let way = scene.vectors.point_motion(&scene.geometries, &self.hit, self.surface.p, self.time);
         let [x, y] = view.camera.film_point(way.now);
@@ -120,7 +120,7 @@ impl FirstHit<'_> {
 
 const MOST_COMPONENTS: usize = 4;
 
-// What shows a first surface fits.
+// The number of components is large enough.
 const _: () = {
     let mut i = 0;
     while i < Aov::ALL.len() {
@@ -130,7 +130,7 @@ const _: () = {
     }
 };
 
-/// What the samples of a wave show of their first surfaces: for each sample the components of the AOVs asked for, one
+/// AOVs of the first surfaces of a wave: for each sample the components of the requested AOVs, one
 /// after another in the order of their table.
 #[derive(Default)]
 pub(super) struct FirstHits {
@@ -139,7 +139,7 @@ pub(super) struct FirstHits {
     places: Vec<(Aov, usize)>,
     /// Components of a sample.
     width: usize,
-    /// Behind the components of each sample there is room for the most that an AOV has: so all are written alike.
+    /// Behind the components of each sample there is space for the largest AOV, so that all are written with one size.
     values: Vec<f32>,
     is_hit: Vec<bool>,
 }
@@ -157,19 +157,19 @@ impl FirstHits {
             }
         }
         let count = if aovs.any() { count } else { 0 };
-        // Values of samples that hit nothing are not looked at.
+        // Values of samples without a hit are not read.
         let numbers = (count * self.stride()).max(self.values.len());
         self.values.resize(numbers, 0.0);
         self.is_hit.clear();
         self.is_hit.resize(count, false);
     }
 
-    /// Numbers from one sample to the next.
+    /// Stride between samples, components.
     fn stride(&self) -> usize {
         self.width + MOST_COMPONENTS
     }
 
-    /// Takes down the first surface of a sample.
+    /// Records the first surface of a sample.
     pub fn record(&mut self, sample: usize, hit: &FirstHit, shown: &AovContext) {
         let Some(is_hit) = self.is_hit.get_mut(sample) else { return };
         *is_hit = true;
@@ -184,7 +184,7 @@ impl FirstHits {
         }
     }
 
-    /// Adds to the components of an AOV, if that is asked for and the sample hit something.
+    /// Adds to the components of an AOV, if it is requested and the sample has a hit.
     pub fn add(&mut self, sample: usize, aov: Aov, values: [f32; 2]) {
         if !self.is_hit.get(sample).is_some_and(|&is_hit| is_hit) {
             return;
@@ -195,7 +195,7 @@ impl FirstHits {
         }
     }
 
-    /// The components of a sample, if it hit something.
+    /// The components of a sample, if it has a hit.
     pub fn get(&self, sample: usize) -> Option<&[f32]> {
         let is_hit = self.is_hit.get(sample).is_some_and(|&is_hit| is_hit);
         is_hit.then(|| &self.values[sample * self.stride()..][..self.width])

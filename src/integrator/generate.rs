@@ -1,32 +1,32 @@
 //! Camera rays, with their times and wavelengths.
 
+use super::Integrator;
 use super::interior::{CameraInterior, Interior};
-use super::sampling::CameraSamples;
-use super::wave::{PathState, Scratch, Vertices, WAVE, get, get_rgb, set, set_rgb};
+use super::mis::DirectionPdf;
+use super::sampling::{CameraSamples, Purpose};
+use super::wave::{PathState, RayVisibility, Scratch, Vertices, WAVE, get, get_rgb, set, set_rgb};
 use super::workspace::Workspace;
-use super::{Integrator, Purpose};
 use crate::camera::Camera;
 use crate::color::Rgb;
 use crate::film::FilterSampler;
 use crate::math::{Hit, Ray};
 use crate::sampling::sampler::{Dimensions, SobolPoint};
-use crate::scene::RayKinds;
 use crate::simd::{Kernel, dispatch};
 
 impl Integrator<'_> {
-    /// Starts the next samples of a block, as many as fit into a wave; none once all were started.
+    /// Generates camera rays for the next samples of a block, as many as fit into a wave; none at the end of the block.
     pub(super) fn generate(&self, samples: &mut CameraSamples<'_>, w: &mut Workspace) {
         self.start_camera_samples(samples, w);
         let count = w.pixels.len();
         w.rays.clear();
         w.rays_before_split = None;
-        w.sink.begin(count, self.layers);
+        w.radiance_buffer.begin(count, self.layers);
         w.first_hits.reset(count, self.first_hits);
         w.uncovered.clear();
         let (paths, vertices, scratch) = (&mut *w.arriving, &mut w.wave.vertices, &mut w.wave.scratch);
         let dimensions = self.dimensions(0, Purpose::Camera);
         let (camera, filter) = (&self.view.camera, self.options.filter);
-        let (path, branch_bits) = (&mut paths.carried, self.options.branches.trailing_zeros());
+        let (path, branch_bits) = (&mut paths.state, self.options.branches.trailing_zeros());
         let start =
             StartPaths { path, vertices, scratch, count, branch_bits, dimensions: &dimensions, filter };
         if camera.is_panorama() {
@@ -54,26 +54,26 @@ impl Integrator<'_> {
             self.clip_ray_ends(count, w);
         }
         if camera.is_panorama() {
-            end_blank_rays(&w.arriving.carried, &mut w.rays);
+            end_blank_rays(&w.arriving.state, &mut w.rays);
         }
     }
 
-    /// What a path's camera sees along its ray: from where to where.
+    /// Clipping distances along a camera ray, metres.
     fn range(&self, w: &Workspace, i: usize) -> [f32; 2] {
         let direction = get(&w.wave.vertices.next_direction, i);
         match &self.view.moving {
-            Some(moving) => moving.at(w.times.of(w.arriving.carried.sample[i])).range(direction),
+            Some(moving) => moving.at(w.times.of(w.arriving.state.radiance_index[i])).range(direction),
             None => self.view.camera.range(direction),
         }
     }
 
-    /// How far the ray of a path at the camera sees surfaces.
+    /// The distance over which a camera ray sees surfaces, metres.
     pub(super) fn reach(&self, w: &Workspace, i: usize) -> f32 {
         let [near, far] = self.range(w, i);
         far - near
     }
 
-    /// Paths start where the camera sees something.
+    /// Moves the origins of camera rays to the near clipping distance.
     fn clip_ray_starts(&self, count: usize, w: &mut Workspace) {
         for i in 0..count {
             let [near, _] = self.range(w, i);
@@ -83,67 +83,67 @@ impl Integrator<'_> {
         }
     }
 
-    /// Their rays end where it sees nothing any more, and stand for as much as they would from the camera.
+    /// Ends camera rays at the far clipping distance, and widens their cones to the near one.
     fn clip_ray_ends(&self, count: usize, w: &mut Workspace) {
         for i in 0..count {
             let [near, far] = self.range(w, i);
             w.rays[i].t_max = far - near;
-            if self.parts.footprints {
+            if self.optional.footprints {
                 let footprints = &mut w.arriving.footprints;
                 footprints.width[i] += footprints.spread[i] * near;
             }
         }
     }
 
-    /// The state of paths at the camera, as far as the scene needs it.
+    /// Initialises the optional state of paths.
     fn start_optional_state(&self, count: usize, w: &mut Workspace) {
         let (paths, vertices) = (&mut *w.arriving, &w.wave.vertices);
-        if self.parts.footprints {
+        if self.optional.footprints {
             let (width, spread) = self.view.camera.pixel_cone();
             paths.footprints.width[..count].fill(width);
             paths.footprints.spread[..count].fill(spread);
         }
-        if self.parts.interiors {
+        if self.optional.interior {
             match self.camera_interior {
                 CameraInterior::Same(interior) => paths.interior[..count].fill(interior),
                 CameraInterior::Differs => {
                     for i in 0..count {
                         let origin = get(&vertices.next_origin, i);
                         paths.interior[i] =
-                            Interior::around(self.scene, origin, w.times.of(paths.carried.sample[i]));
+                            Interior::around(self.scene, origin, w.times.of(paths.state.radiance_index[i]));
                     }
                 }
             }
         }
-        if self.parts.depths {
+        if self.optional.depth {
             paths.depth[..count].fill(0);
         }
-        if self.parts.kinds {
-            paths.kinds[..count].fill(RayKinds::CAMERA.bits());
+        if self.optional.visibility {
+            paths.visibility[..count].fill(RayVisibility::camera());
         }
-        if self.parts.chains {
+        if self.optional.chains {
             paths.chains[..count].fill(0);
         }
-        if self.parts.references {
+        if self.optional.reference {
             paths.reference[..count].fill(0.0);
         }
     }
 
-    /// Gives each path its sequence's seed and its sample's number there, and the first lanes of the scratch memory the
-    /// pixel's corner.
+    /// Sets each path's seed and sample index, and in the first arrays of the scratch memory the
+    /// corner of its pixel.
     fn start_camera_samples(&self, samples: &mut CameraSamples<'_>, w: &mut Workspace) {
-        let (path, [film_x, film_y, ..]) = (&mut w.arriving.carried, &mut w.wave.scratch);
+        let (path, [film_x, film_y, ..]) = (&mut w.arriving.state, &mut w.wave.scratch);
         w.pixels.clear();
         for (i, sample) in samples.take(self.samples_per_wave()).enumerate() {
             w.pixels.push(sample.pixel);
             (path.seed[i], path.shuffled[i]) = (sample.seed, sample.index);
-            path.sample[i] = i as u32;
+            path.radiance_index[i] = i as u32;
             (film_x[i], film_y[i]) = (sample.x as f32, sample.y as f32);
         }
     }
 }
 
-/// Starts paths from their pixels' seeds, samples' numbers and pixels' corners; the rays go to `vertices.next_origin` and
+/// Generates camera rays from seeds, sample indices and pixel corners; they go to `vertices.next_origin` and
 /// `vertices.next_direction`.
 struct StartPaths<'a> {
     path: &'a mut PathState,
@@ -156,7 +156,7 @@ struct StartPaths<'a> {
 }
 
 impl StartPaths<'_> {
-    /// For panoramas. Where they show nothing, paths carry nothing.
+    /// For panoramas. Throughput is zero where the projection has no direction.
     fn all_around(self, camera: &Camera) {
         let count = self.count.min(WAVE);
         draw::<true>(self.path, self.scratch, self.dimensions, self.branch_bits, count);
@@ -174,7 +174,7 @@ impl StartPaths<'_> {
     }
 }
 
-/// The rays of paths that carry nothing meet nothing.
+/// Makes the rays of paths of zero throughput empty.
 fn end_blank_rays(path: &PathState, rays: &mut [Ray]) {
     for (i, ray) in rays.iter_mut().enumerate() {
         if get_rgb(&path.throughput, i) == Rgb::ZERO {
@@ -202,7 +202,7 @@ impl Kernel for StartBehindLens<'_> {
     }
 }
 
-/// For cameras without: half of the numbers are enough.
+/// For cameras without a lens, which need half of the random numbers.
 struct StartBehindPinhole<'a> {
     camera: &'a Camera,
     start: StartPaths<'a>,
@@ -221,10 +221,10 @@ impl Kernel for StartBehindPinhole<'_> {
     }
 }
 
-// Loops of one kind each vectorise; together they don't. Nor do they where the compiler can't tell that what they read
-// stays as it is, which it knows of what functions take by reference.
+// Separate loops vectorise; one loop over all steps does not. Functions take references to the data that loops read, so that
+// the compiler knows it to be constant.
 
-/// Starts paths. Their numbers in 0..1 go to the lanes of the scratch memory behind the first two.
+/// Initialises paths and draws film and lens samples, to the arrays of the scratch memory behind the first two.
 #[inline(always)]
 fn draw<const LENS: bool>(
     path: &mut PathState,
@@ -242,13 +242,13 @@ fn draw<const LENS: bool>(
             (lens_u[i], lens_v[i]) = (c, d);
         }
         set_rgb(&mut path.throughput, i, Rgb::ONE);
-        path.pdf[i] = 0.0;
-        path.eta_squared[i] = 1.0;
+        path.pdf[i] = DirectionPdf::SPECULAR;
+        path.roulette_scale[i] = 1.0;
         (path.seed[i], path.shuffled[i]) = point.to_parts();
     }
 }
 
-/// From pixels' corners and numbers in 0..1 to film points, in the first two lanes of the scratch memory.
+/// Maps pixel corners and filter samples to film points, in the first two arrays of the scratch memory.
 #[inline(always)]
 fn spread(scratch: &mut Scratch, filter: &FilterSampler, count: usize) {
     let [film_x, film_y, filter_u, filter_v, ..] = scratch;
@@ -274,12 +274,12 @@ fn shoot<const LENS: bool>(v: &mut Vertices, scratch: &Scratch, camera: &Camera,
 }
 
 impl Integrator<'_> {
-    /// Does anything move while the picture is taken?
+    /// Does anything move while the shutter is open?
     pub(super) fn is_moving(&self) -> bool {
         self.scene.is_moving() || self.view.moving.is_some()
     }
 
-    /// Finds which of the shadow rays are occluded, where all surfaces are there.
+    /// Tests which shadow rays are occluded, in scenes without alpha.
     #[inline]
     pub(super) fn occluded(&self, w: &mut Workspace) {
         let Workspace { wave, shadow_rays, shadow_vertices, occluded, pending_hits, times, .. } = w;
@@ -288,19 +288,19 @@ impl Integrator<'_> {
         }
         pending_hits.clear();
         pending_hits.resize(shadow_rays.len(), Hit::MISS);
-        let sample = |&vertex: &u32| wave.paths.carried.sample[vertex as usize];
+        let sample = |&vertex: &u32| wave.paths.state.radiance_index[vertex as usize];
         times.any(&self.scene.accel, shadow_rays, shadow_vertices.iter().map(sample), pending_hits);
         for (occluded, hit) in occluded.iter_mut().zip(&*pending_hits) {
             *occluded = hit.is_hit();
         }
     }
 
-    /// Draws a time for each new path; where the camera moves, its ray is that of the camera at that time.
+    /// Draws a time for each new path; a moving camera generates the ray at this time.
     #[cold]
     pub(super) fn start_times(&self, w: &mut Workspace) {
         let Workspace { times, arriving, wave, pixels, .. } = w;
         let dimensions = self.dimensions(0, Purpose::Time);
-        let path = &arriving.carried;
+        let path = &arriving.state;
         let draw =
             |i: usize| SobolPoint::from_parts(path.seed[i], path.shuffled[i]).sample_4d(&dimensions)[0];
         times.start((0..pixels.len()).map(draw), self.options.branches);

@@ -1,19 +1,21 @@
 //! Surfaces of solids: refraction and absorption among nested and coincident dielectrics.
 //!
-//! Each path has a list of the solids that it is within ([`Interior`]). The solid of the highest priority absorbs and refracts;
-//! among equals the one entered last (Schmidt, Budge 2002, "Simple Nested Dielectrics in Ray Traced Images"). So, without
-//! priorities, a solid inside another displaces it, two overlapping bodies of one material are one, and where a liquid overlaps
-//! its glass the interface that is hit first counts. Media without a surface add up instead, with each other and with the
-//! medium around the scene: see [`super::volumes`].
+//! Each path has a list of the solids that it is within ([`Interior`]). The solid of the highest priority absorbs and
+//! refracts; among equals the one entered last (Schmidt, Budge 2002, "Simple Nested Dielectrics in Ray Traced Images").
+//! So, without priorities, a solid inside another displaces it, two overlapping bodies of one material are one, and
+//! where a liquid overlaps its glass the interface that is hit first counts. Media without a surface add up instead,
+//! with each other and with the medium around the scene: see [`super::volumes`].
 //!
 //! Coincident surfaces: where the surface of one solid lies on that of another, as that of a liquid on its glass, rounding
-//! decides which one a ray hits first, and a path that continues from there starts behind the other. So coincident surfaces are
-//! searched for where a solid is hit, and treated as an overlap of zero thickness: all of them are crossed, light is refracted
-//! once, from the near medium to the far one, and multiplied by the tints of all whose edges these are. The surface of the
-//! solid of the higher priority refracts; among equals that of the denser one, so that the result is reciprocal.
+//! decides which one a ray hits first, and a path that continues from there starts behind the other. So coincident
+//! surfaces are searched for where a solid is hit, and treated as an overlap of zero thickness: all of them are
+//! crossed, light is refracted once, from the near medium to the far one, and multiplied by the tints of all whose
+//! edges these are. The surface of the solid of the higher priority refracts; among equals that of the denser one, so
+//! that the result is reciprocal.
 
 use super::Integrator;
 use super::interior::Interior;
+use super::sampling::RandomChoice;
 use super::shading_geometry::HitPoint;
 use super::shading_groups::SortedVertices;
 use super::wave::{PathState, Paths, Vertices, Wave, get, get_rgb, set_rgb};
@@ -23,40 +25,40 @@ use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
 use crate::compile::CompiledMaterial;
 use crate::math::{Ray, Vec3, gamma};
-use crate::sampling::hash::{hash32, unit};
 use crate::scene::FresnelModel;
 
-/// The surface of a solid where a path arrives.
+/// The interface of a solid at a hit.
 pub(super) struct InterfaceHit {
-    /// How it scatters, with the index of refraction relative to what is on the outer side.
+    /// Its BSDF, with the index of refraction relative to the outer medium.
     pub bsdf: Bsdf,
-    /// Its outer side is the denser one: `bsdf` is for the surface turned around.
+    /// The outer medium is the denser one: `bsdf` is for flipped normals.
     pub is_inverted: bool,
-    /// The solids on its other side.
+    /// The solids on the far side.
     pub beyond: Interior,
 }
 
-/// A surface that isn't there, but for the colour that it gives to light.
-pub(super) fn hidden(tint: Rgb) -> Bsdf {
+/// Index-matched interface: tint only.
+pub(super) fn index_matched_interface(tint: Rgb) -> Bsdf {
     let refraction = Refraction::Scales;
     Bsdf::Dielectric(Dielectric { ior: 1.0, refraction, tint, fresnel: FresnelModel::Exact })
 }
 
 impl Integrator<'_> {
-    /// Applies absorption to the ways to the hits. What ends nowhere in a solid was not closed, and absorbs nothing.
+    /// Applies absorption along the rays to the hits. Rays that leave the scene within an open solid are not absorbed.
     pub(super) fn absorb(&self, w: &mut Workspace) {
         let (paths, times) = (&mut *w.arriving, &w.times);
         for (i, hit) in w.hits.iter().enumerate() {
             let medium = &self.scene.media[usize::from(paths.interior[i].medium())];
             if medium.absorption.is_some() && hit.is_hit() {
-                let throughput = get_rgb(&paths.carried.throughput, i);
-                let left = medium.transmittance_at(hit.t, times.waves(paths.carried.sample[i]));
-                set_rgb(&mut paths.carried.throughput, i, throughput * left);
+                let throughput = get_rgb(&paths.state.throughput, i);
+                let transmittance =
+                    medium.transmittance_at(hit.t, times.wavelengths(paths.state.radiance_index[i]));
+                set_rgb(&mut paths.state.throughput, i, throughput * transmittance);
             }
         }
     }
 
-    /// Applies absorption to the ways from vertices to the lights that were sampled.
+    /// Applies absorption from the vertices to the sampled lights.
     pub(super) fn absorb_light_samples(&self, sorted: &SortedVertices, wave: &mut Wave, times: &SampleTimes) {
         let Wave { paths, vertices: v, .. } = wave;
         for i in sorted.lit() {
@@ -65,21 +67,21 @@ impl Integrator<'_> {
             }
             let ray = (get(&v.light.origin, i), get(&v.light.direction, i));
             let end = if v.light.is_infinite[i] > 0.0 { f32::INFINITY } else { 1.0 };
-            let waves = times.waves(paths.carried.sample[i]);
-            let left = self.transmittance_between(
+            let wavelengths = times.wavelengths(paths.state.radiance_index[i]);
+            let transmittance = self.transmittance_between(
                 self.interior_towards_light(sorted, paths, v, i),
                 ray,
                 [0.0, end],
-                waves,
+                wavelengths,
             );
-            if left != Rgb::ONE {
+            if transmittance != Rgb::ONE {
                 let contribution = get_rgb(&v.light.contribution, i);
-                set_rgb(&mut v.light.contribution, i, contribution * left);
+                set_rgb(&mut v.light.contribution, i, contribution * transmittance);
             }
         }
     }
 
-    /// The solids that the light sample of vertex `i` comes through.
+    /// The solids around vertex `i` on the side of its light sample.
     pub(super) fn interior_towards_light(
         &self,
         sorted: &SortedVertices,
@@ -96,70 +98,70 @@ impl Integrator<'_> {
         paths.interior[i]
     }
 
-    /// What is left of light on a ray between two of its points, within the same solids.
+    /// Transmittance between two points of a ray within the same solids.
     pub(super) fn transmittance_between(
         &self,
         interior: Interior,
         ray: (Vec3, Vec3),
-        way: [f32; 2],
-        waves: Option<&Wavelengths>,
+        span: [f32; 2],
+        wavelengths: Option<&Wavelengths>,
     ) -> Rgb {
-        let left = self.transmittance_in(interior.medium(), ray, way, waves, 0);
+        let transmittance = self.transmittance_in(interior.medium(), ray, span, wavelengths, 0);
         if self.scene.features.overlaps {
-            left * self.overlapping_transmittance(interior, ray, way, waves)
+            transmittance * self.overlapping_transmittance(interior, ray, span, wavelengths)
         } else {
-            left
+            transmittance
         }
     }
 
-    /// The same of one medium; `apart` keeps estimates of several apart. What ends nowhere in a solid was not closed, and absorbs
-    /// nothing.
+    /// Transmittance of one medium; `apart` decorrelates estimates of several. Rays that leave the scene within an open
+    /// solid are not absorbed.
     #[inline]
     pub(super) fn transmittance_in(
         &self,
         medium: u16,
         ray: (Vec3, Vec3),
-        way: [f32; 2],
-        waves: Option<&Wavelengths>,
+        span: [f32; 2],
+        wavelengths: Option<&Wavelengths>,
         apart: u32,
     ) -> Rgb {
         let medium = &self.scene.media[usize::from(medium)];
         match &medium.scattering {
-            Some(scattering) => scattering.in_lanes(waves).transmittance_between(ray, way, apart),
-            None if medium.absorption.is_some() && way[1].is_finite() => {
-                medium.transmittance_at((way[1] - way[0]) * ray.1.length(), waves)
+            Some(scattering) => scattering.in_lanes(wavelengths).transmittance_between(ray, span, apart),
+            None if medium.absorption.is_some() && span[1].is_finite() => {
+                medium.transmittance_at((span[1] - span[0]) * ray.1.length(), wavelengths)
             }
             None => Rgb::ONE,
         }
     }
 
-    /// A path that knows of no solid hits one from behind: it must have been inside, and absorption applies.
+    /// A path outside of all solids that hits one from behind must have been within: applies absorption.
     pub(super) fn assume_inside(
         &self,
         material: &CompiledMaterial,
-        way: f32,
+        span: f32,
         i: usize,
         paths: &mut Paths,
-        waves: Option<&Wavelengths>,
+        wavelengths: Option<&Wavelengths>,
     ) {
         if paths.interior[i] == Interior::AIR {
             let medium = material.medium_index;
-            paths.interior[i] = Interior::AIR.entered(medium);
-            let left = self.scene.media[usize::from(medium)].transmittance_at(way, waves);
-            let throughput = get_rgb(&paths.carried.throughput, i);
-            set_rgb(&mut paths.carried.throughput, i, throughput * left);
+            paths.interior[i] = Interior::AIR.enter(medium);
+            let transmittance = self.scene.media[usize::from(medium)].transmittance_at(span, wavelengths);
+            let throughput = get_rgb(&paths.state.throughput, i);
+            set_rgb(&mut paths.state.throughput, i, throughput * transmittance);
         }
     }
 
-    /// What a path is inside of after entering a solid.
-    pub(super) fn entered(&self, here: Interior, medium: u16) -> Interior {
+    /// The solids around a path after it entered one.
+    pub(super) fn enter(&self, here: Interior, medium: u16) -> Interior {
         match self.scene.features.priorities {
-            true => here.entered_by_priority(medium, &self.scene.media),
-            false => here.entered(medium),
+            true => here.enter_by_priority(medium, &self.scene.media),
+            false => here.enter(medium),
         }
     }
 
-    /// What a path finds at the surface of a solid of this material.
+    /// The interface of a solid of this material at a hit.
     pub(super) fn boundary(
         &self,
         bsdf: Bsdf,
@@ -167,49 +169,51 @@ impl Integrator<'_> {
         is_back: bool,
         (bounce, i): (u32, usize),
         paths: &mut Paths,
-        waves: Option<&Wavelengths>,
+        wavelengths: Option<&Wavelengths>,
     ) -> InterfaceHit {
         let (here, own) = (paths.interior[i], material.medium_index);
-        // A body may have several materials, one where it is entered and another where it is left: then what was entered
+        // A body may have different materials where it is entered and left: then the solid entered
         // last is left.
         let medium = if is_back && !here.contains(own) { here.medium() } else { own };
-        let beyond = if is_back { here.left(medium) } else { self.entered(here, medium) };
+        let beyond = if is_back { here.leave(medium) } else { self.enter(here, medium) };
         let (inner, outer) = if is_back { (here, beyond) } else { (beyond, here) };
         let is_displaced = inner.medium() != medium;
-        // Within other solids of the same medium nothing is there. Within one that displaces it a solid begins and ends unseen,
-        // but its colour is that of the light that has been in it.
+        // Within other solids of the same medium there is no interface. Within a displacing solid the interface does
+        // not refract, but it tints.
         if is_displaced || outer.medium() == medium {
             let is_edge = is_displaced && !outer.contains(medium);
             let tint = if is_edge { bsdf.crossing_tint() } else { Rgb::ONE };
-            return InterfaceHit { bsdf: hidden(tint), is_inverted: false, beyond };
+            return InterfaceHit { bsdf: index_matched_interface(tint), is_inverted: false, beyond };
         }
         let is_alone = outer == Interior::AIR && medium == own;
         let (bsdf, is_inverted) =
-            self.interface(bsdf, ([medium, outer.medium()], is_alone), (bounce, i), paths, waves);
+            self.interface(bsdf, ([medium, outer.medium()], is_alone), (bounce, i), paths, wavelengths);
         InterfaceHit { bsdf, is_inverted, beyond }
     }
 
-    /// What a surface between two media scatters, the inner one first, and whether that is for the surface turned around. Where
-    /// nothing but air is outside of a solid, its own BSDF knows the index already.
+    /// The BSDF of an interface between two media, the inner one first, and whether it is for flipped normals. Where
+    /// air is outside of a solid, its own BSDF has the right index already.
     pub(super) fn interface(
         &self,
         bsdf: Bsdf,
         ([inner, outer], is_alone): ([u16; 2], bool),
         (bounce, i): (u32, usize),
         paths: &mut Paths,
-        waves: Option<&Wavelengths>,
+        wavelengths: Option<&Wavelengths>,
     ) -> (Bsdf, bool) {
         let media = &self.scene.media;
         let (inside, outside) = (&media[usize::from(inner)], &media[usize::from(outer)]);
-        let (Some(inner_iors), Some(outer_iors)) = (inside.iors_at(waves), outside.iors_at(waves)) else {
+        let (Some(inner_iors), Some(outer_iors)) =
+            (inside.iors_at(wavelengths), outside.iors_at(wavelengths))
+        else {
             return (bsdf, false);
         };
         if inside.is_dispersive() || outside.is_dispersive() {
-            choose_channel(bounce, i, &mut paths.carried);
+            choose_channel(bounce, i, &mut paths.state);
         } else if is_alone {
             return (bsdf, false);
         }
-        let channel = channel_of(get_rgb(&paths.carried.throughput, i));
+        let channel = channel_of(get_rgb(&paths.state.throughput, i));
         let ior = inner_iors[channel] / outer_iors[channel];
         if ior >= 1.0 {
             return (bsdf.with_ior(ior), false);
@@ -217,17 +221,16 @@ impl Integrator<'_> {
         if bsdf.turns_over() {
             return (bsdf.with_ior(1.0 / ior), true);
         }
-        // Its glass takes the nearest index that it can have.
+        // The nearest index that the BSDF supports.
         (bsdf.with_ior(1.0), false)
     }
 }
 
-/// The path goes on with one channel, chosen by its throughput.
+/// Continues the path with one channel, drawn in proportion to its throughput.
 fn choose_channel(bounce: u32, i: usize, path: &mut PathState) {
     let throughput = get_rgb(&path.throughput, i).to_array();
     let total: f32 = throughput.iter().sum();
-    let salt = hash32(path.seed[i] ^ hash32(path.shuffled[i]).rotate_left(7) ^ (bounce << 20));
-    let mut at = unit(hash32(salt)) * total;
+    let mut at = RandomChoice::DispersionChannel.uniform(path, i, bounce) * total;
     let last = (0..3).rev().find(|&c| throughput[c] > 0.0).unwrap_or(0);
     let mut channel = 0;
     while channel < last && at >= throughput[channel] {
@@ -239,7 +242,7 @@ fn choose_channel(bounce: u32, i: usize, path: &mut PathState) {
     set_rgb(&mut path.throughput, i, Rgb::from_array(single));
 }
 
-/// The channel of a path that carries one; green, the middle of the spectrum, of others.
+/// The channel of a path with a single non-zero one; else green, the middle of the spectrum.
 fn channel_of(throughput: Rgb) -> usize {
     match throughput.to_array().map(|c| c > 0.0) {
         [true, false, false] => 0,
@@ -248,43 +251,43 @@ fn channel_of(throughput: Rgb) -> usize {
     }
 }
 
-/// Surfaces in one place, beside the one that was hit.
+/// Maximum number of coincident surfaces besides the one that was hit.
 const MOST: usize = 3;
 
-/// How far apart surfaces in one place may be, in bounds on the rounding of both together.
+/// Maximum distance of coincident surfaces, in units of the sum of their rounding error bounds.
 const NEAR: f32 = 4.0;
 
-/// Cosine between the normals of surfaces that lie on each other.
+/// Minimum cosine between the normals of coincident surfaces.
 const PARALLEL: f32 = 0.9999;
 
-/// Least cosine of a ray with a surface for which others are looked for as far along the ray as they may be.
+/// Minimum cosine between ray and normal for the search along the ray.
 const GRAZING: f32 = 0.01;
 
-/// The surface of a solid that a path meets.
+/// One of several coincident surfaces at a hit.
 #[derive(Clone, Copy)]
 pub(super) struct CoincidentHit<'a> {
     pub at: HitPoint<'a>,
     pub bsdf: Bsdf,
     /// Shading normal.
     pub ns: Vec3,
-    /// What the path covers there.
+    /// Filter width, metres.
     pub width: f32,
 }
 
-/// The surfaces that touch one.
+/// The coincident surfaces besides the one that was hit.
 pub(super) type CoincidentSurfaces<'a> = [Option<HitPoint<'a>>; MOST];
 
 impl Integrator<'_> {
-    /// The surfaces of other solids that lie on the one that a ray hit, if there are any.
+    /// Finds the surfaces of other solids that coincide with the one that a ray hit.
     #[inline]
-    pub(super) fn touching(&self, ray: &Ray, at: &HitPoint<'_>) -> Option<CoincidentSurfaces<'_>> {
+    pub(super) fn coincident_surfaces(&self, ray: &Ray, at: &HitPoint<'_>) -> Option<CoincidentSurfaces<'_>> {
         if self.scene.features.coincident_surfaces { self.find_coincident_surfaces(ray, at) } else { None }
     }
 
     fn find_coincident_surfaces(&self, ray: &Ray, at: &HitPoint<'_>) -> Option<CoincidentSurfaces<'_>> {
         let mut list = [None; MOST];
         let rounding = |at: &HitPoint<'_>| at.surface.ng.abs().dot(at.surface.p_error);
-        // Objects are placed in the world, whose origin may be far away.
+        // Rounding of object-to-world transforms far from the origin.
         let place = (self.scene.anchor.as_vec3() + at.surface.p).abs().max_element() * gamma(4);
         let reach = |own: f32| NEAR * own + place;
         let cosine = at.surface.ng.dot(ray.direction).abs().max(GRAZING);
@@ -296,7 +299,7 @@ impl Integrator<'_> {
             ..*ray
         };
         let mut count = 0;
-        // The triangles around an edge or a corner count once, and may be many.
+        // Adjacent triangles around an edge or a corner count once, and may be many.
         for _ in 0..4 * MOST {
             let hit = self.scene.accel.closest_one_in_time(&next, at.time);
             if !hit.is_hit() || count == MOST {
@@ -304,9 +307,9 @@ impl Integrator<'_> {
             }
             (next.t_min, next.origin_primitive) = (hit.t, (&hit).into());
             let other = self.point_of(ray, hit, self.scene.geometries.material(&hit), at.time);
-            let way = other.surface.p - at.surface.p;
+            let span = other.surface.p - at.surface.p;
             let lies_there = other.surface.ng.dot(at.surface.ng).abs() >= PARALLEL
-                && way.dot(at.surface.ng).abs() <= reach(rounding(at) + rounding(&other));
+                && span.dot(at.surface.ng).abs() <= reach(rounding(at) + rounding(&other));
             let is_solid = other.material.medium_index != 0 && !other.material.is_boundary;
             let known = || list.iter().flatten().chain([at]);
             let is_known = || known().any(|k| is_same_crossing(k, &other));
@@ -318,63 +321,68 @@ impl Integrator<'_> {
         (count > 0).then_some(list)
     }
 
-    /// What a path finds where the surfaces of several solids lie on each other, as one surface: the one that counts, with all
-    /// of them within its error.
+    /// The interface of several coincident surfaces as one: the surface that refracts, with all others
+    /// within its position error.
     pub(super) fn coincident_interface<'a>(
         &'a self,
         first: CoincidentHit<'a>,
-        touching: CoincidentSurfaces<'a>,
+        coincident: CoincidentSurfaces<'a>,
         wo: Vec3,
         (bounce, i): (u32, usize),
         paths: &mut Paths,
-        waves: Option<&Wavelengths>,
+        wavelengths: Option<&Wavelengths>,
     ) -> (CoincidentHit<'a>, InterfaceHit) {
         let width = first.width;
-        let others = touching.iter().flatten().map(|at| {
-            let (bsdf, ns) = self.read_material(at, width, wo, waves);
+        let others = coincident.iter().flatten().map(|at| {
+            let (bsdf, ns) = self.read_material(at, width, wo, wavelengths);
             CoincidentHit { at: *at, bsdf, ns, width }
         });
         let all = || std::iter::once(first).chain(others.clone());
-        if let Some(left) = all().find(|met| met.at.is_back) {
-            self.assume_inside(left.at.material, first.at.hit.t, i, paths, waves);
+        if let Some(exited) = all().find(|candidate| candidate.at.is_back) {
+            self.assume_inside(exited.at.material, first.at.hit.t, i, paths, wavelengths);
         }
         let here = paths.interior[i];
         let mut beyond = here;
-        for own in all().filter(|met| met.at.is_back).map(|met| met.at.material.medium_index) {
-            beyond = beyond.left(if beyond.contains(own) { own } else { beyond.medium() });
+        for own in
+            all().filter(|candidate| candidate.at.is_back).map(|candidate| candidate.at.material.medium_index)
+        {
+            beyond = beyond.leave(if beyond.contains(own) { own } else { beyond.medium() });
         }
-        for entered in all().filter(|met| !met.at.is_back) {
-            beyond = self.entered(beyond, entered.at.material.medium_index);
+        for entered in all().filter(|candidate| !candidate.at.is_back) {
+            beyond = self.enter(beyond, entered.at.material.medium_index);
         }
         let (near, far) = (here.medium(), beyond.medium());
-        let counts = |met: &CoincidentHit<'_>| {
-            near != far && met.at.material.medium_index == if met.at.is_back { near } else { far }
+        let counts = |candidate: &CoincidentHit<'_>| {
+            near != far && candidate.at.material.medium_index == if candidate.at.is_back { near } else { far }
         };
         let best = all()
             .filter(counts)
             .reduce(|a, b| if self.rank(b.at.material) > self.rank(a.at.material) { b } else { a });
-        // Those that end or begin here, unless the surface that counts is theirs.
-        let counted = best.map(|met| met.at.material.medium_index);
+        // Solids that begin or end here, except the one that refracts.
+        let counted = best.map(|candidate| candidate.at.material.medium_index);
         let is_edge = |medium: u16| here.contains(medium) != beyond.contains(medium);
         let tint = all()
-            .filter(|met| Some(met.at.material.medium_index) != counted)
-            .filter(|met| is_edge(met.at.material.medium_index))
-            .fold(Rgb::ONE, |tint, met| tint * met.bsdf.crossing_tint());
-        let mut met = best.unwrap_or(first);
+            .filter(|candidate| Some(candidate.at.material.medium_index) != counted)
+            .filter(|candidate| is_edge(candidate.at.material.medium_index))
+            .fold(Rgb::ONE, |tint, candidate| tint * candidate.bsdf.crossing_tint());
+        let mut candidate = best.unwrap_or(first);
         for other in all() {
-            let way = (other.at.surface.p - met.at.surface.p).abs();
-            met.at.surface.p_error = met.at.surface.p_error.max(way + other.at.surface.p_error);
+            let span = (other.at.surface.p - candidate.at.surface.p).abs();
+            candidate.at.surface.p_error = candidate.at.surface.p_error.max(span + other.at.surface.p_error);
         }
         let Some(best) = best else {
-            return (met, InterfaceHit { bsdf: hidden(tint), is_inverted: false, beyond });
+            return (
+                candidate,
+                InterfaceHit { bsdf: index_matched_interface(tint), is_inverted: false, beyond },
+            );
         };
         let sides = if best.at.is_back { [near, far] } else { [far, near] };
-        let (bsdf, is_inverted) = self.interface(best.bsdf, (sides, false), (bounce, i), paths, waves);
+        let (bsdf, is_inverted) = self.interface(best.bsdf, (sides, false), (bounce, i), paths, wavelengths);
         let bsdf = if tint == Rgb::ONE { bsdf } else { bsdf.tinted(tint) };
-        (met, InterfaceHit { bsdf, is_inverted, beyond })
+        (candidate, InterfaceHit { bsdf, is_inverted, beyond })
     }
 
-    /// Which of two solids that touch has the surface that counts: the one of the higher rank.
+    /// Rank of a solid among coincident ones: the surface of the highest refracts.
     fn rank(&self, material: &CompiledMaterial) -> (i32, f32, u16) {
         let medium = &self.scene.media[usize::from(material.medium_index)];
         let ior = medium.iors.map_or(f32::INFINITY, |[_, green, _]| green);
@@ -382,7 +390,7 @@ impl Integrator<'_> {
     }
 }
 
-/// Do two points lie on the surface of one body, which is crossed once there?
+/// Are two hits one crossing of the surface of one body?
 fn is_same_crossing(a: &HitPoint<'_>, b: &HitPoint<'_>) -> bool {
     a.material.medium_index == b.material.medium_index && a.is_back == b.is_back
 }

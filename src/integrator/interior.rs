@@ -4,8 +4,8 @@ use crate::compile::{CompiledScene, Medium, OVERLAP_LIMIT, ObjectId, View};
 use crate::math::{Hit, Ray, Vec3};
 use bytemuck::Zeroable;
 
-/// The solids that a path is inside of, by the numbers of their media: up to [`Interior::MOST`], those entered last. Sixteen
-/// bits each, the last one lowest; 0 is none. In two words, that nothing need be aligned to both.
+/// The solids that a path is within, by the indices of their media: up to [`Interior::MOST`], those entered last. Sixteen
+/// bits each, the last one lowest; 0 is none. Two words, for an alignment of 8.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Zeroable)]
 pub struct Interior([u64; 2]);
 
@@ -13,10 +13,10 @@ const BITS: u32 = u16::BITS;
 const _: () = assert!(Interior::MOST * BITS == u128::BITS);
 
 impl Interior {
-    /// How many solids are known.
+    /// Maximum number of solids in the list.
     pub const MOST: u32 = OVERLAP_LIMIT as u32;
 
-    /// Inside of nothing.
+    /// Outside of all solids.
     pub const AIR: Interior = Interior([0; 2]);
 
     #[inline(always)]
@@ -29,15 +29,16 @@ impl Interior {
         Interior([bits as u64, (bits >> u64::BITS) as u64])
     }
 
-    /// The medium around; 0 is that around the whole scene.
+    /// The medium of the solid that absorbs and refracts; 0 is the medium around the scene.
     #[inline(always)]
     pub fn medium(self) -> u16 {
         self.0[0] as u16
     }
 
-    /// The media that fill the same place as [`Interior::medium`] and add to it, each once: those below it in the list, as far
-    /// down as media add up and none is of a lower priority, and that around the whole scene where there is nothing else below.
-    pub fn beside(self, media: &[Medium]) -> impl Iterator<Item = u16> {
+    /// The media that overlap with [`Interior::medium`] and add up with it, each once: those below it in the list, as far
+    /// down as media add up and none is of a lower priority, and the medium around the scene where there is nothing
+    /// else below.
+    pub fn overlapping(self, media: &[Medium]) -> impl Iterator<Item = u16> {
         let number = move |k: u32| (self.bits() >> (k * BITS)) as u16;
         let top = &media[usize::from(self.medium())];
         let adds_up = move |medium: u16| {
@@ -47,7 +48,7 @@ impl Interior {
         let count = (0..Interior::MOST).take_while(|&k| number(k) != 0).count() as u32;
         let deepest = if top.adds_up && count > 0 { count } else { 0 };
         let is_first = move |k: u32| (0..k).all(|other| number(other) != number(k));
-        // Behind the last number is that of what is around the scene.
+        // The medium around the scene is behind the last entry.
         let of_place = move |k: u32| if k < count { number(k) } else { 0 };
         (1..=deepest)
             .map_while(move |k| adds_up(of_place(k)).then_some(k))
@@ -57,13 +58,13 @@ impl Interior {
 
     /// After entering a solid of a medium.
     #[inline(always)]
-    pub fn entered(self, medium: u16) -> Interior {
+    pub fn enter(self, medium: u16) -> Interior {
         Interior::of(self.bits() << BITS | u128::from(medium))
     }
 
-    /// After entering a solid of a medium where those of higher priorities stay in front of it.
+    /// After entering a solid of a medium; solids of higher priorities stay in front of it.
     #[inline]
-    pub fn entered_by_priority(self, medium: u16, media: &[Medium]) -> Interior {
+    pub fn enter_by_priority(self, medium: u16, media: &[Medium]) -> Interior {
         let own = media[usize::from(medium)].priority;
         let is_below = |&shift: &u32| {
             let other = (self.bits() >> shift) as u16;
@@ -76,8 +77,8 @@ impl Interior {
 
     /// Without the solid of that medium entered last, if there is one.
     #[inline]
-    pub fn left(self, medium: u16) -> Interior {
-        // Most are left soonest that were entered last.
+    pub fn leave(self, medium: u16) -> Interior {
+        // Most often the solid entered last is left first.
         if self.medium() == medium {
             return Interior::of(self.bits() >> BITS);
         }
@@ -93,7 +94,7 @@ impl Interior {
         self.medium() == medium || self.position(medium).is_some()
     }
 
-    /// The lowest bit of the last entry of a medium.
+    /// The bit offset of the last entry of a medium.
     #[inline]
     fn position(self, medium: u16) -> Option<u32> {
         let (mut rest, mut shift) = (self.bits(), 0);
@@ -107,7 +108,8 @@ impl Interior {
     }
 
     /// The solids around a point of a scene: a ray that leaves it crosses their surfaces from behind once more often than
-    /// from the front, at a time between the opening and the closing of the shutter. Three rays vote, as models have holes.
+    /// from the front, at a time between the opening and the closing of the shutter. A majority of three rays decides,
+    /// as models have holes.
     pub fn around(scene: &CompiledScene, p: Vec3, time: f32) -> Interior {
         let ways =
             [Vec3::new(0.31, 0.89, 0.34), Vec3::new(-0.83, -0.27, 0.49), Vec3::new(0.42, -0.37, -0.83)];
@@ -116,8 +118,8 @@ impl Interior {
         let first = around.iter().find(|list| list.iter().any(is_around));
         let solids = first.into_iter().flatten().filter(|m| is_around(m));
         let enter = |interior: Interior, &m: &u16| match scene.features.priorities {
-            true => interior.entered_by_priority(m, &scene.media),
-            false => interior.entered(m),
+            true => interior.enter_by_priority(m, &scene.media),
+            false => interior.enter(m),
         };
         solids.fold(Interior::AIR, enter)
     }
@@ -126,18 +128,18 @@ impl Interior {
 /// The solids around the points where a camera's rays start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CameraInterior {
-    /// They are the same everywhere.
+    /// The same for all camera rays.
     Same(Interior),
-    /// They differ over the plane of an orthographic camera, or while something moves.
+    /// Different over the plane of an orthographic camera, over time, or at clipping planes.
     Differs,
 }
 
 impl CameraInterior {
-    /// Rays of an orthographic camera start all over its plane: points of a lattice there are asked; where something moves,
-    /// also some times.
+    /// For an orthographic camera the points of a lattice on its plane are tested; with motion,
+    /// also several times.
     pub fn of(scene: &CompiledScene, view: &View) -> CameraInterior {
-        /// Cells of the lattice along each side of the picture and along time. What lies between its points is found only by
-        /// the rays that hit its surface from behind.
+        /// Cells of the lattice along each side of the picture and along time. Solids between its points are found only by
+        /// rays that hit their surfaces from behind.
         const CELLS: u32 = 8;
         if !scene.features.media {
             return CameraInterior::Same(Interior::AIR);
@@ -164,12 +166,12 @@ impl CameraInterior {
     }
 }
 
-/// Media of the solids around a point, by their number, the one that a ray leaves first at the end.
+/// Media of the solids around a point, the one that a ray leaves first at the end.
 fn solids_around(scene: &CompiledScene, p: Vec3, direction: Vec3, time: f32) -> Vec<u16> {
     const MOST_SURFACES: u32 = 256;
     let ray = Ray::new(p, direction);
     let (mut entered, mut left): (Vec<(u16, Option<ObjectId>)>, Vec<u16>) = (Vec::new(), Vec::new());
-    // What lies on a surface is met next.
+    // Coincident surfaces are hit next.
     let has_neighbours = scene.features.coincident_surfaces || scene.features.overlaps;
     let mut hit = Hit::MISS;
     for number in 0..MOST_SURFACES {
@@ -187,7 +189,7 @@ fn solids_around(scene: &CompiledScene, p: Vec3, direction: Vec3, time: f32) -> 
             continue;
         }
         let mesh = scene.geometries.placed_mesh(&hit);
-        // A body may have several materials, one where it is entered and another where it is left. That is one mesh, or many
+        // A body may have different materials where it is entered and left. It is one mesh, or many
         // quads.
         let is_same = |&(_, other): &(u16, Option<ObjectId>)| other == mesh;
         let same_medium = || entered.iter().rposition(|&(m, _)| m == medium);
@@ -209,32 +211,32 @@ mod tests {
 
     #[test]
     fn solids_are_left_in_any_order() {
-        let three = Interior::AIR.entered(7).entered(9).entered(7);
+        let three = Interior::AIR.enter(7).enter(9).enter(7);
         assert_eq!(three.medium(), 7);
-        assert_eq!(three.left(7), Interior::AIR.entered(7).entered(9));
-        assert_eq!(three.left(9), Interior::AIR.entered(7).entered(7));
-        assert_eq!(three.left(8), three);
-        assert_eq!(three.left(7).left(9).left(7), Interior::AIR);
+        assert_eq!(three.leave(7), Interior::AIR.enter(7).enter(9));
+        assert_eq!(three.leave(9), Interior::AIR.enter(7).enter(7));
+        assert_eq!(three.leave(8), three);
+        assert_eq!(three.leave(7).leave(9).leave(7), Interior::AIR);
     }
 
     #[test]
     fn solids_of_higher_priority_stay_in_front() {
         let media: Vec<Medium> =
             [0, 1, 5, 1, -2, 9].map(|priority| Medium { priority, ..Medium::AIR }).to_vec();
-        let enter = |inside: Interior, medium| inside.entered_by_priority(medium, &media);
+        let enter = |inside: Interior, medium| inside.enter_by_priority(medium, &media);
         let some = [1, 2, 3].into_iter().fold(Interior::AIR, enter);
-        assert_eq!(some, Interior::AIR.entered(1).entered(3).entered(2));
-        assert_eq!(enter(some, 4), Interior::AIR.entered(4).entered(1).entered(3).entered(2));
-        assert_eq!(enter(enter(some, 4), 5), enter(some, 4).entered(5));
-        assert_eq!(enter(enter(enter(some, 4), 3), 4).left(2).medium(), 3);
+        assert_eq!(some, Interior::AIR.enter(1).enter(3).enter(2));
+        assert_eq!(enter(some, 4), Interior::AIR.enter(4).enter(1).enter(3).enter(2));
+        assert_eq!(enter(enter(some, 4), 5), enter(some, 4).enter(5));
+        assert_eq!(enter(enter(enter(some, 4), 3), 4).leave(2).medium(), 3);
         let full = (0..Interior::MOST).fold(Interior::AIR, |inside, _| enter(inside, 5));
         assert_eq!(enter(full, 4), full, "none is of a lower priority");
     }
 
     #[test]
     fn the_outermost_of_many_is_forgotten() {
-        let all = (1..=Interior::MOST as u16 + 1).fold(Interior::AIR, Interior::entered);
-        let left = (2..=Interior::MOST as u16 + 1).fold(all, Interior::left);
+        let all = (1..=Interior::MOST as u16 + 1).fold(Interior::AIR, Interior::enter);
+        let left = (2..=Interior::MOST as u16 + 1).fold(all, Interior::leave);
         assert_eq!(left, Interior::AIR);
     }
 
@@ -243,9 +245,9 @@ mod tests {
     fn media_in_one_place() {
         let of = |adds_up, priority| Medium { adds_up, priority, ..Medium::AIR };
         let media = [of(true, 0), of(true, 0), of(true, 0), of(true, 1), of(false, 0), of(false, 0)];
-        let beside = |list: &[u16]| -> Vec<u16> {
-            let inside = list.iter().fold(Interior::AIR, |inside, &m| inside.entered_by_priority(m, &media));
-            inside.beside(&media).collect()
+        let overlapping = |list: &[u16]| -> Vec<u16> {
+            let inside = list.iter().fold(Interior::AIR, |inside, &m| inside.enter_by_priority(m, &media));
+            inside.overlapping(&media).collect()
         };
         for (list, expected) in [
             (&[][..], &[][..]),
@@ -259,12 +261,12 @@ mod tests {
             (&[3], &[]),
             (&[1, 3, 2], &[]),
         ] {
-            assert_eq!(beside(list), expected, "{list:?}");
+            assert_eq!(overlapping(list), expected, "{list:?}");
         }
         let airless = [Medium::AIR, of(true, 0), of(true, 0)];
-        let inside = Interior::AIR.entered(1).entered(2);
-        assert_eq!(inside.beside(&airless).collect::<Vec<_>>(), [1]);
-        let full = (0..Interior::MOST).fold(Interior::AIR, |inside, k| inside.entered(1 + k as u16 % 2));
-        assert_eq!(full.beside(&media).collect::<Vec<_>>(), [1, 0]);
+        let inside = Interior::AIR.enter(1).enter(2);
+        assert_eq!(inside.overlapping(&airless).collect::<Vec<_>>(), [1]);
+        let full = (0..Interior::MOST).fold(Interior::AIR, |inside, k| inside.enter(1 + k as u16 % 2));
+        assert_eq!(full.overlapping(&media).collect::<Vec<_>>(), [1, 0]);
     }
 }

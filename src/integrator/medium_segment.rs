@@ -1,11 +1,11 @@
 //! Segments of paths through participating media: sampling of the distance to the next scattering event, and weights.
 //!
-//! A distance is drawn from a mixture of densities: for each channel an exponential with its extinction, selected in proportion
-//! to the throughput; and, where a light guides, with probability 1/2 a density that is uniform over the angle at which the
-//! light sees the ray (equiangular sampling: Kulla, Fajardo 2012, "Importance Sampling Techniques for Path Tracing in
-//! Participating Media", section 3.1). The weight is the value over the density of the whole mixture (one-sample balance
-//! heuristic, Veach 1997): at most one over a channel's share, or two where a light guides. The guiding light is drawn
-//! independently and contributes nothing by this.
+//! A distance is drawn from a mixture of densities: for each channel an exponential with its extinction, selected in
+//! proportion to the throughput; and, where a light guides, with probability 1/2 a density that is uniform over the
+//! angle at which the light sees the ray (equiangular sampling: Kulla, Fajardo 2012, "Importance Sampling Techniques
+//! for Path Tracing in Participating Media", section 3.1). The weight is the value over the density of the whole
+//! mixture (one-sample balance heuristic, Veach 1997): at most one over a channel's share, or two where a light guides.
+//! The guiding light is drawn independently and contributes nothing by this.
 //!
 //! On density grids segments end at collisions (delta tracking), which need no weight where all channels have the same
 //! extinction. Else collisions follow the channel of the largest extinction, a random number decides between scattering and a
@@ -19,88 +19,88 @@ use crate::math::{Ray, Vec3, poly};
 use crate::sampling::hash::hash32;
 use crate::simd::map_each;
 
-/// One way of a path from a point to the next in one medium.
+/// A segment of a path's ray in one medium.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct MediumSegment {
-    /// Number of the medium.
+    /// Index of the medium.
     pub medium: u16,
-    /// Where the flights through the media that fill the same place lie in the list of them (see [`super::beside`]): from this to
-    /// that. This flight ends first then.
-    pub beside: [u32; 2],
-    /// Where on the ray the medium begins and ends, metres.
+    /// Range of the segments in overlapping media in their list (see [`super::volumes`]); then this segment is the one that
+    /// ends first.
+    pub overlapping: [u32; 2],
+    /// Start and end of the medium along the ray, metres.
     pub extent: [f32; 2],
-    /// Shares of the channels in the choice; all 0 where there is none.
+    /// Selection probabilities of the channels; all 0 where no distance is sampled.
     shares: [f32; 3],
-    guide: Option<Guide>,
-    /// Where it scatters; infinite if nowhere.
-    pub until: f32,
-    /// It met nothing before.
+    equiangular: Option<EquiangularSampling>,
+    /// Distance of the scattering event along the ray, metres; infinite without one.
+    pub scatter_t: f32,
+    /// Does the path scatter there, without a hit before?
     pub scatters: bool,
-    /// Found by collisions on a grid.
+    /// Delta tracking, on a grid.
     tracked: Option<DeltaTracking>,
-    /// The boundary without a surface where it begins.
+    /// The boundary without a surface at its start.
     pub crossed: Option<BoundaryCrossing>,
 }
 
-/// Where a path crossed a boundary without a surface.
+/// A crossing of a boundary without a surface.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BoundaryCrossing {
-    /// Where on the ray.
+    /// Distance along the ray, metres.
     pub at: f32,
     /// The solids in front of it.
     pub before: Interior,
 }
 
-/// What a shadow ray has crossed so far.
+/// The current segment of a shadow ray.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ShadowSegment {
     /// The solids around it.
     pub interior: Interior,
-    /// Where on it the light that is left was last reckoned.
+    /// Ray parameter up to which transmittance has been applied.
     pub from: f32,
 }
 
-/// What a flight follows on a grid.
+/// State of delta tracking on a grid.
 #[derive(Clone, Copy, Debug)]
 struct DeltaTracking {
-    /// The numbers that decide it: the first in 0..1.
+    /// Random numbers: the first in 0..1, and the seed of the others.
     first: f32,
     salt: u32,
-    /// What it is taken times where it ends.
+    /// Weight at the scattering event.
     weight: Rgb,
 }
 
-/// How often a lamp guides, where one is.
+/// Probability of equiangular sampling, where a light guides.
 const EQUIANGULAR_PROBABILITY: f32 = 0.5;
 
-/// What channels that are only absorbed count: they too must be met by some.
+/// Minimum albedo for channel selection: absorbed channels need samples, too.
 const MIN_ALBEDO: f32 = 0.1;
 
 impl MediumSegment {
-    /// Through a medium without a place where it scatters.
+    /// A segment without a scattering event.
     pub fn straight(medium: u16, extent: [f32; 2]) -> MediumSegment {
         MediumSegment {
             medium,
-            beside: [0; 2],
+            overlapping: [0; 2],
             extent,
             shares: [0.0; 3],
-            guide: None,
-            until: f32::INFINITY,
+            equiangular: None,
+            scatter_t: f32::INFINITY,
             scatters: false,
             tracked: None,
             crossed: None,
         }
     }
 
-    /// Draws a way through a medium from `from` on; the ray's direction has unit length. Of the numbers in 0..1 the first chooses
-    /// the distance, the second what it is drawn from.
+    /// Samples a segment in a medium from distance `from` on; the ray's direction has unit length. Of the random
+    /// numbers the first selects the distance, the second the density.
     #[inline]
     pub fn draw(
         (index, medium): (u16, &Scattering),
         (origin, direction): (Vec3, Vec3),
         from: f32,
         throughput: Rgb,
-        lamp: Option<Vec3>,
+        light_position: Option<Vec3>,
         u: [f32; 2],
     ) -> MediumSegment {
         let extent = medium.extent(origin, direction, from);
@@ -108,16 +108,18 @@ impl MediumSegment {
         if let Some(grid) = &medium.grid {
             let salt = hash32(u[0].to_bits() ^ hash32(u[1].to_bits()));
             let tracked = DeltaTracking { first: u[0], salt, weight: Rgb::ZERO };
-            let (until, weight) = tracked.follow((medium, grid), (origin, direction), [from, f32::INFINITY]);
-            (segment.until, segment.tracked) = (until, Some(DeltaTracking { weight, ..tracked }));
+            let (scatter_t, weight) =
+                tracked.follow((medium, grid), (origin, direction), [from, f32::INFINITY]);
+            (segment.scatter_t, segment.tracked) = (scatter_t, Some(DeltaTracking { weight, ..tracked }));
             return segment;
         }
         if extent[1] <= extent[0] || medium.scattered.max_element() <= 0.0 {
             return segment;
         }
         segment.shares = shares(medium, throughput);
-        segment.guide = lamp.and_then(|lamp| Guide::new(origin, direction, extent, lamp));
-        let (guided, mut choice) = match segment.guide {
+        segment.equiangular = light_position
+            .and_then(|light_position| EquiangularSampling::new(origin, direction, extent, light_position));
+        let (guided, mut choice) = match segment.equiangular {
             Some(_) => (
                 u[1] < EQUIANGULAR_PROBABILITY,
                 if u[1] < EQUIANGULAR_PROBABILITY {
@@ -128,8 +130,8 @@ impl MediumSegment {
             ),
             None => (false, u[1]),
         };
-        let until = match segment.guide.filter(|_| guided) {
-            Some(guide) => guide.sample(u[0]),
+        let scatter_t = match segment.equiangular.filter(|_| guided) {
+            Some(equiangular) => equiangular.sample(u[0]),
             None => {
                 let mut channel = 0;
                 while channel < 2 && choice >= segment.shares[channel] {
@@ -139,23 +141,23 @@ impl MediumSegment {
                 extent[0] - poly::ln(1.0 - u[0]) / medium.extinction.to_array()[channel]
             }
         };
-        segment.until = if until < extent[1] { until } else { f32::INFINITY };
+        segment.scatter_t = if scatter_t < extent[1] { scatter_t } else { f32::INFINITY };
         segment
     }
 
-    /// Is it through one medium alone?
+    /// Is it without overlapping media?
     #[inline(always)]
     pub fn is_alone(&self) -> bool {
-        self.beside[0] == self.beside[1]
+        self.overlapping[0] == self.overlapping[1]
     }
 
-    /// Is what paths are taken times 1 wherever they arrive without having scattered?
+    /// Is the weight of passing 1 everywhere?
     pub fn is_unweighted(&self, medium: &Scattering) -> bool {
-        let ends_by_chance = self.tracked.is_some() || self.draws() && self.guide.is_none();
+        let ends_by_chance = self.tracked.is_some() || self.draws() && self.equiangular.is_none();
         medium.is_grey() && (ends_by_chance || medium.extinction.r == 0.0)
     }
 
-    /// What the path's throughput is taken times where it arrives at a point of the flight's ray without having scattered.
+    /// Weight of a path that arrives at distance `to` without scattering.
     #[inline]
     pub fn weight_of_passing(&self, medium: &Scattering, ray: &Ray, to: f32) -> Rgb {
         match (&self.tracked, &medium.grid) {
@@ -166,36 +168,36 @@ impl MediumSegment {
         }
     }
 
-    /// The same in a medium without a grid.
+    /// The same for media without a grid.
     #[inline]
     fn ungridded_passing_weight(&self, medium: &Scattering, to: f32) -> Rgb {
-        let left = self.left(medium, to);
-        if self.draws() { over(left, self.mixed(left, |guide| guide.beyond(to))) } else { left }
+        let left = self.transmittance(medium, to);
+        if self.draws() { over(left, self.mixed(left, |equiangular| equiangular.beyond(to))) } else { left }
     }
 
-    /// What it is taken times where the path scatters.
+    /// Weight of a path at its scattering event.
     #[inline]
     pub fn weight_of_scattering(&self, medium: &Scattering) -> Rgb {
         if let Some(tracked) = &self.tracked {
             return tracked.weight;
         }
-        let left = self.left(medium, self.until);
-        let density = self.mixed(left * medium.extinction, |guide| guide.density(self.until));
+        let left = self.transmittance(medium, self.scatter_t);
+        let density = self.mixed(left * medium.extinction, |equiangular| equiangular.density(self.scatter_t));
         over(left * medium.scattered, density)
     }
 
-    /// The radiance that the medium's own light adds to a path of a throughput on its way to a point: an estimate by one point
-    /// of the way, which a number in 0..1 chooses.
+    /// Radiance that the medium's emission adds to a path of some throughput up to distance `to`: an estimate by one point
+    /// of the segment, which `u` selects.
     #[inline]
-    pub fn glow(&self, medium: &Scattering, throughput: Rgb, to: f32, u: f32) -> Rgb {
+    pub fn emission(&self, medium: &Scattering, throughput: Rgb, to: f32, u: f32) -> Rgb {
         if !self.draws() {
-            let way = self.way_before(to);
-            return throughput * medium.emission * medium.mean_transmittance(way) * way;
+            let span = self.span_before(to);
+            return throughput * medium.emission * medium.mean_transmittance(span) * span;
         }
         self.overlapping_emission(medium, throughput, to, u, |_| Rgb::ONE)
     }
 
-    /// The same of a flight beside others, which take what shines at a point of the ray times something.
+    /// The same among overlapping media, which attenuate emission at a distance by `others`.
     #[inline]
     pub fn overlapping_emission(
         &self,
@@ -205,30 +207,31 @@ impl MediumSegment {
         u: f32,
         others: impl Fn(f32) -> Rgb,
     ) -> Rgb {
-        let way = self.way_before(to);
+        let span = self.span_before(to);
         let shines = throughput * medium.emission;
-        if way <= 0.0 || shines.max_element() <= 0.0 {
+        if span <= 0.0 || shines.max_element() <= 0.0 {
             return Rgb::ZERO;
         }
-        let (x, density) = self.emission_point(medium, shines, way, u);
+        let (x, density) = self.emission_point(medium, shines, span, u);
         let at = self.extent[0] + x;
         over(shines * self.ungridded_passing_weight(medium, at) * others(at), density)
     }
 
-    /// How long the way in the medium is that lies before a point, and before the flight's end.
+    /// Length of the segment within the medium up to distance `to`, metres.
     #[inline(always)]
-    fn way_before(&self, to: f32) -> f32 {
+    fn span_before(&self, to: f32) -> f32 {
         let [begin, end] = self.extent;
-        (to.min(self.until).min(end) - begin).clamp(0.0, Scattering::FARTHEST)
+        (to.min(self.scatter_t).min(end) - begin).clamp(0.0, Scattering::FARTHEST)
     }
 
-    /// A point of a way of some length and its density per metre, for light that shines everywhere alike in its medium.
+    /// Samples a point of a segment for uniform emission; returns its distance, metres, and density, 1/m.
     ///
-    /// What arrives from there falls off, channel by channel, with the extinction less that of the channel which flies
-    /// farthest: so far do flights reach that make up for it. Where nothing ends flights, or a guide does so farther away than
-    /// exponentials, it falls off with the extinction itself. Each channel has its share of the points by what shines there.
+    /// The contribution falls off, channel by channel, with the extinction less the smallest one of the channels with a
+    /// selection probability, whose weights of passing make up for it. Without distance sampling, or with equiangular
+    /// sampling, whose density decays more slowly than exponentials, it falls off with the extinction itself. Channels
+    /// are selected in proportion to their emission.
     #[inline]
-    fn emission_point(&self, medium: &Scattering, shines: Rgb, way: f32, u: f32) -> (f32, f32) {
+    fn emission_point(&self, medium: &Scattering, shines: Rgb, span: f32, u: f32) -> (f32, f32) {
         let (extinction, shines) = (medium.extinction.to_array(), shines.to_array());
         let mut least = f32::INFINITY;
         for (share, &extinction) in self.shares.iter().zip(&extinction) {
@@ -236,7 +239,7 @@ impl MediumSegment {
                 least = least.min(extinction);
             }
         }
-        if self.guide.is_some() || !self.draws() {
+        if self.equiangular.is_some() || !self.draws() {
             least = 0.0;
         }
         let sum = shines[0] + shines[1] + shines[2];
@@ -247,74 +250,76 @@ impl MediumSegment {
         }
         let u = (rest / shines[channel].max(f32::MIN_POSITIVE)).clamp(0.0, 1.0f32.next_down());
         let rates = map_each(extinction, |x| (x - least).max(0.0));
-        let x = TruncatedExponential::new(rates[channel], way).sample(u);
+        let x = TruncatedExponential::new(rates[channel], span).sample(u);
         let mut density = 0.0;
         for c in 0..3 {
-            density += shines[c] / sum * TruncatedExponential::new(rates[c], way).density(x);
+            density += shines[c] / sum * TruncatedExponential::new(rates[c], span).density(x);
         }
         (x, density)
     }
 
-    /// Does the flight choose where it ends? Media that scatter nothing are flown through, and what is beside them.
+    /// Is a distance sampled? Not in media that only absorb, or in overlapping ones.
     #[inline(always)]
     fn draws(&self) -> bool {
         self.shares != [0.0; 3]
     }
 
-    /// What is left of light at a point.
+    /// Transmittance up to distance `to`.
     #[inline(always)]
-    fn left(&self, medium: &Scattering, to: f32) -> Rgb {
+    fn transmittance(&self, medium: &Scattering, to: f32) -> Rgb {
         let [begin, end] = self.extent;
-        let way = to.min(end) - begin;
-        if way > 0.0 { medium.transmittance(way) } else { Rgb::ONE }
+        let span = to.min(end) - begin;
+        if span > 0.0 { medium.transmittance(span) } else { Rgb::ONE }
     }
 
-    /// The mixture of what each channel would have, and the lamp's.
+    /// The mixture of the densities of the channels and of equiangular sampling.
     #[inline(always)]
-    fn mixed(&self, of_channels: Rgb, of_guide: impl Fn(&Guide) -> f32) -> f32 {
+    fn mixed(&self, of_channels: Rgb, of_guide: impl Fn(&EquiangularSampling) -> f32) -> f32 {
         let [r, g, b] = of_channels.to_array();
         let sum = self.shares[0] * r + self.shares[1] * g + self.shares[2] * b;
-        match &self.guide {
-            Some(guide) => EQUIANGULAR_PROBABILITY * of_guide(guide) + (1.0 - EQUIANGULAR_PROBABILITY) * sum,
+        match &self.equiangular {
+            Some(equiangular) => {
+                EQUIANGULAR_PROBABILITY * of_guide(equiangular) + (1.0 - EQUIANGULAR_PROBABILITY) * sum
+            }
             None => sum,
         }
     }
 }
 
 impl DeltaTracking {
-    /// Where light scatters between two points of a ray, infinite if nowhere; and what it is taken times.
+    /// Distance of the scattering event between two distances along a ray, infinite without one, and its weight.
     #[inline]
     fn follow(
         &self,
         (medium, grid): (&Scattering, &DensityGrid),
         (origin, direction): (Vec3, Vec3),
-        way: [f32; 2],
+        span: [f32; 2],
     ) -> (f32, Rgb) {
         let ray = grid.ray(origin, direction, medium.extinction.max_element());
         if medium.is_grey() {
-            let until = grid.collision(&ray, way, self.first, self.salt, |_| true);
-            return (until, medium.scattered / medium.extinction.r);
+            let scatter_t = grid.collision(&ray, span, self.first, self.salt, |_| true);
+            return (scatter_t, medium.scattered / medium.extinction.r);
         }
-        self.follow_channels(medium, grid, &ray, way)
+        self.follow_channels(medium, grid, &ray, span)
     }
 
-    /// The same where channels differ.
+    /// The same where the extinction of channels differs.
     #[cold]
     fn follow_channels(
         &self,
         medium: &Scattering,
         grid: &DensityGrid,
         ray: &GridRay,
-        way: [f32; 2],
+        span: [f32; 2],
     ) -> (f32, Rgb) {
         let most = medium.extinction.max_element();
         let (scattered, passing) = (medium.scattered / most, Rgb::ONE - medium.extinction / most);
         let sum = |rgb: Rgb| rgb.r + rgb.g + rgb.b;
         let mut weight = Rgb::ONE;
-        let until = grid.collision(ray, way, self.first, self.salt, |number| {
+        let scatter_t = grid.collision(ray, span, self.first, self.salt, |number| {
             let (ends, goes_on) = (weight * scattered, weight * passing);
             let share = sum(ends) / (sum(ends) + sum(goes_on));
-            // Where all is absorbed the share is no number, and nothing goes on.
+            // Without scattering and null collisions the share is NaN, and the path ends.
             let is_end = share.is_nan() || number < share;
             weight = if is_end { ends / share } else { goes_on / (1.0 - share) };
             if share.is_nan() {
@@ -322,27 +327,27 @@ impl DeltaTracking {
             }
             is_end
         });
-        (until, weight)
+        (scatter_t, weight)
     }
 
-    /// What a path is taken times that arrives at a point before it scatters.
+    /// Weight of a path that arrives at a distance without scattering.
     #[inline]
-    fn weight_of_passing(&self, in_medium: (&Scattering, &DensityGrid), ray: &Ray, way: [f32; 2]) -> Rgb {
+    fn weight_of_passing(&self, in_medium: (&Scattering, &DensityGrid), ray: &Ray, span: [f32; 2]) -> Rgb {
         if in_medium.0.is_grey() {
             return Rgb::ONE;
         }
-        self.follow(in_medium, (ray.origin, ray.direction), way).1
+        self.follow(in_medium, (ray.origin, ray.direction), span).1
     }
 }
 
-/// A value over a density; nothing where the density has vanished.
+/// A value over a density; 0 where the density underflows.
 #[inline(always)]
 fn over(value: Rgb, density: f32) -> Rgb {
     if density > f32::MIN_POSITIVE { value / density } else { Rgb::ZERO }
 }
 
-/// The channels' shares in the choice of a distance: what the path carries on if it scatters, and a little of what it
-/// carries.
+/// Selection probabilities of channels: in proportion to throughput times albedo, with a minimum
+/// albedo.
 #[inline]
 fn shares(medium: &Scattering, throughput: Rgb) -> [f32; 3] {
     let (carried, scattered) = (throughput.to_array(), medium.scattered.to_array());
@@ -356,24 +361,29 @@ fn shares(medium: &Scattering, throughput: Rgb) -> [f32; 3] {
     if sum > f32::MIN_POSITIVE { map_each(shares, |s| s / sum) } else { [1.0 / 3.0; 3] }
 }
 
-/// Angles in which a point sees a ray.
+/// Equiangular sampling: a uniform density of the angle in which a point sees a ray.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Guide {
-    /// Where on the ray the point is closest.
+pub(super) struct EquiangularSampling {
+    /// Ray distance of the point closest to the light, metres.
     closest: f32,
-    /// How far it is from there.
+    /// Distance of the light from there, metres.
     distance: f32,
-    /// The angles between the way there and those to the ray's first and last point.
+    /// Angles from there to the first and the last point of the ray, radians.
     angles: [f32; 2],
 }
 
-impl Guide {
-    /// `None` where the numbers give no angle.
+impl EquiangularSampling {
+    /// `None` where the angle is empty.
     #[inline]
-    pub(super) fn new(origin: Vec3, direction: Vec3, extent: [f32; 2], lamp: Vec3) -> Option<Guide> {
-        let to_lamp = lamp - origin;
+    pub(super) fn new(
+        origin: Vec3,
+        direction: Vec3,
+        extent: [f32; 2],
+        light_position: Vec3,
+    ) -> Option<EquiangularSampling> {
+        let to_lamp = light_position - origin;
         let closest = to_lamp.dot(direction);
-        // A ray through the lamp itself would see nothing but its point.
+        // For rays through the light itself.
         let least = 1e-3 * to_lamp.length();
         let distance = (to_lamp - direction * closest).length().max(least);
         let angle = |t: f32| {
@@ -381,10 +391,10 @@ impl Guide {
         };
         let angles = map_each(extent, angle);
         let is_usable = distance > 0.0 && distance.is_finite() && angles[1] > angles[0];
-        is_usable.then_some(Guide { closest, distance, angles })
+        is_usable.then_some(EquiangularSampling { closest, distance, angles })
     }
 
-    /// A point of the ray.
+    /// Samples a distance, metres.
     #[inline]
     pub(super) fn sample(&self, u: f32) -> f32 {
         let [first, last] = self.angles;
@@ -392,7 +402,7 @@ impl Guide {
         if cosine > 0.0 { self.closest + self.distance * sine / cosine } else { f32::INFINITY }
     }
 
-    /// Density of its points, per metre.
+    /// Density of a distance, 1/m.
     #[inline]
     pub(super) fn density(&self, t: f32) -> f32 {
         let [first, last] = self.angles;
@@ -400,7 +410,7 @@ impl Guide {
         self.distance / ((last - first) * (self.distance * self.distance + along * along))
     }
 
-    /// The probability of a point behind this one.
+    /// The probability of larger distances.
     #[inline]
     pub(super) fn beyond(&self, t: f32) -> f32 {
         let [first, last] = self.angles;
@@ -411,12 +421,12 @@ impl Guide {
     }
 }
 
-/// An exponential density on a way of finite length.
+/// A truncated exponential density.
 pub(super) struct TruncatedExponential {
-    /// Per metre; 0 where it is even.
+    /// Rate, 1/m; 0 where it is uniform.
     rate: f32,
     length: f32,
-    /// What lies on the way of the density without an end.
+    /// The integral of the untruncated density.
     whole: f32,
 }
 
@@ -424,7 +434,7 @@ impl TruncatedExponential {
     #[inline(always)]
     pub(super) fn new(rate: f32, length: f32) -> TruncatedExponential {
         let depth = rate * length;
-        // Hardly a slope, and differences of numbers near 1.
+        // Avoids cancellation for nearly uniform densities.
         if depth < 1e-3 {
             return TruncatedExponential { rate: 0.0, length, whole: 1.0 };
         }
@@ -443,7 +453,7 @@ impl TruncatedExponential {
     }
 }
 
-/// The exponential of minus a depth; the polynomial ends at the least normal number.
+/// The exponential of minus an optical depth; the polynomial ends at the smallest normal number.
 #[inline(always)]
 fn falling(depth: f32) -> f32 {
     if depth < 87.0 { poly::exp(-depth) } else { 0.0 }

@@ -1,16 +1,13 @@
 //! Path tracing in waves (Laine, Karras, Aila 2013): a few thousand paths take each step together, so that rays are
 //! traced in batches and loops over paths vectorise.
 //!
-//! A wave starts at the camera; then each bounce is one turn of a loop:
-//!
-//! ```text
-//! intersect -> surfaces (emission, sorted vertices) -> light samples -> direct light (shadow rays) -> scatter -> next rays
-//! ```
+//! A wave starts at the camera; then each bounce runs through the list of [`stages`], which is the place to start reading.
 //!
 //! Light that arrives directly is found in two ways, by sampling lights and by hitting them after scattering, weighted
 //! by the power heuristic (Veach 1997, section 9.2). Where paths are shared, they are cut at surfaces on their way and
-//! connected to each other at the end of the wave: see [`reuse`]. Results depend on nothing but the scene, the options and the
-//! sample (and its group, where paths are shared): neither on threads nor on how samples are grouped into waves.
+//! connected to each other at the end of the wave: see [`reuse`]. Results depend on nothing but the scene, the options
+//! and the sample (and its group, where paths are shared): neither on threads nor on how samples are grouped into
+//! waves.
 
 mod caustics;
 mod direct_light;
@@ -21,12 +18,14 @@ mod guiding;
 mod interfaces;
 mod interior;
 mod medium_segment;
+mod mis;
 mod radiance_buffer;
 pub mod reuse;
 mod sampling;
 mod scatter;
 mod shading_geometry;
 mod shading_groups;
+mod stages;
 mod surface;
 #[cfg(test)]
 mod tests;
@@ -38,11 +37,10 @@ mod workspace;
 
 pub use caustics::{CausticPlan, CausticTally};
 pub use guiding::{BlockSamples, CellSamples, Grid, Guide, TrainedCells, TrainingSample};
-pub use sampling::Block;
-pub use sampling::SamplePlan;
+pub use sampling::{Block, SamplePlan};
+
 pub use wave::WAVE;
-pub use workspace::RayCounts;
-pub use workspace::Workspace;
+pub use workspace::{RayCounts, Workspace};
 
 use crate::compile::{CompiledScene, View};
 use crate::film::{AovSet, AovSpace, FilterSampler, MatteIds, Source};
@@ -51,9 +49,10 @@ use direct_light::has_vector_sampler;
 use interior::CameraInterior;
 use radiance_buffer::Layers;
 use reuse::Tiling;
-use sampling::CameraSamples;
-use shading_groups::{ShadingGroup, SortedVertices, groups_of};
-use wave::PathParts;
+use sampling::{CameraSamples, Purpose};
+use shading_groups::{ShadingGroup, groups_of};
+use stages::{Bounce, Stages};
+use wave::{OptionalState, StateConditions};
 
 /// Options that concern paths.
 #[derive(Clone, Debug)]
@@ -92,21 +91,21 @@ pub struct PathOptions<'a> {
     pub records_training: bool,
 }
 
-/// One finished path.
+/// A finished sample.
 #[derive(Clone, Copy, Debug)]
 pub struct PathSample<'a> {
     /// Pixel of the block, row by row.
     pub pixel: u32,
     /// Radiance, linear.
     pub rgb: [f32; 3],
-    /// 1 where something was seen, less where that was glass before nothing.
+    /// Alpha, 0 to 1: 1 where the ray hit an object, less behind clear glass.
     pub alpha: f32,
-    /// What the AOVs asked for show of the first surface, if it hit one: their components one after another, in the
+    /// Components of the requested AOVs of the first surface, if there is one, one after another in the
     /// order of the table of AOVs.
     pub first_hit: Option<&'a [f32]>,
-    /// The light passes asked for, then the groups of lights.
+    /// The requested light passes, then the light groups.
     pub parts: &'a [[f32; 3]],
-    /// The radiance that the sample has alone, without sharing and splitting, where that is kept.
+    /// The radiance without path sharing and splitting, where that is recorded.
     pub plain: [f32; 3],
 }
 
@@ -119,56 +118,35 @@ pub struct Integrator<'a> {
     groups: Vec<ShadingGroup>,
     /// By material: may its surfaces be absent in places?
     may_be_absent: Vec<bool>,
-    /// By material: is it left out where what shadow catchers catch is told?
+    /// By material: is it excluded when shadow catchers are rendered without their casters?
     excluded: Vec<bool>,
-    /// By material: that, or may its surfaces be absent?
+    /// By material: either of the two?
     absent_or_excluded: Vec<bool>,
-    /// Those of the AOVs that show first hits.
+    /// AOVs of first hits.
     first_hits: AovSet,
-    /// Layers of the radiance that are kept.
+    /// Layers of the radiance that are recorded.
     layers: Layers,
     /// Solids around the camera.
     camera_interior: CameraInterior,
-    /// What paths carry.
-    parts: PathParts,
-    /// The scene's light, where it has one that is sampled without a choice.
+    /// Optional path state in use.
+    optional: OptionalState,
+    /// The scene's light, where it has a single one with a vectorised sampler.
     only_light: Option<u32>,
-    /// Sobol dimensions of the camera and of each bounce, as far as most paths go.
+    /// Prepared Sobol dimensions of the camera and of the first bounces.
     dimensions: Vec<Dimensions>,
+    /// The stages in use.
+    stages: Stages,
 }
 
 /// Bounces whose Sobol dimensions are prepared in advance.
 const PREPARED_BOUNCES: u32 = 32;
 
-/// The set of dimensions of the time: far from those of all bounces.
-const TIME_SET: u32 = 1 << 31;
-
-/// The set of dimensions of the wavelengths.
-const WAVELENGTH_SET: u32 = TIME_SET - 1;
-
-/// Bounces between two questions whether to stop; few paths see the first.
+/// Number of bounces between checks for interruption; few paths reach the first.
 const STOP_INTERVAL: u32 = 64;
 
-/// What paths may scatter within solids besides: a body that absorbs nothing is left by nearly all paths even where it is a
-/// hundred mean free paths thick, which take some ten thousand steps at most.
+/// Maximum number of scattering events within solids: nearly all paths leave a body without absorption even where it is a
+/// hundred mean free paths thick, after some ten thousand steps at most.
 const MAX_WALK_STEPS: u32 = 1 << 16;
-
-/// Which of a path's sets of four Sobol dimensions is for what.
-#[derive(Clone, Copy)]
-enum Purpose {
-    /// Film x and y, lens.
-    Camera,
-    /// Point on the light (2), choice of the light.
-    Light,
-    /// Direction (2), lobe, roulette.
-    Scatter,
-    /// How far a path flies through a medium (2), the lamp that guides it (2).
-    MediumSegment,
-    /// When it looks at the scene (1).
-    Time,
-    /// Which wavelengths it carries (1).
-    Wavelength,
-}
 
 impl<'a> Integrator<'a> {
     /// Prepares to trace a view of a scene.
@@ -181,7 +159,7 @@ impl<'a> Integrator<'a> {
         let absent_or_excluded =
             scene.materials.iter().map(|m| m.may_be_absent() || m.is_of_caught_object()).collect();
         let may_be_absent = scene.materials.iter().map(|m| m.may_be_absent()).collect();
-        Integrator {
+        let mut integrator = Integrator {
             scene,
             view,
             groups,
@@ -191,23 +169,25 @@ impl<'a> Integrator<'a> {
             first_hits: options.aovs.of(Source::FirstHit),
             layers,
             camera_interior: CameraInterior::of(scene, view),
-            parts: PathParts::of(
-                &scene.features,
-                scene.lights.use_tree(),
-                layers.has_passes(),
-                options.caustics.is_some(),
-                options.guide.is_some(),
-                options.transparent_glass,
-            ),
+            optional: OptionalState::of(&StateConditions {
+                features: &scene.features,
+                selects_by_normal: scene.lights.use_tree(),
+                light_passes: layers.has_passes(),
+                caustics: options.caustics.is_some(),
+                guiding: options.guide.is_some(),
+                transparent_glass: options.transparent_glass,
+            }),
             only_light: has_vector_sampler(&scene.lights).then_some(0),
             options,
             dimensions,
-        }
+            stages: Stages::NONE,
+        };
+        integrator.stages = Stages::of(&integrator);
+        integrator
     }
 
-    /// Traces all samples of a block and hands them on in order: pixel by pixel, sample by sample. Asks `stop` once in
-    /// 64 bounces, so that paths which hardly ever end can be stopped; false if they were, and then the
-    /// samples handed on are not all.
+    /// Traces all samples of a block and passes them to `sink` in order: pixel by pixel, sample by sample. Calls `stop`
+    /// once in 64 bounces, so that very long paths can be interrupted; false if they were: then samples are missing.
     #[must_use]
     pub fn trace(
         &self,
@@ -232,18 +212,21 @@ impl<'a> Integrator<'a> {
                 return false;
             }
             if self.is_spectral() {
-                w.sink.convert_to_rgb(w.times.all_wavelengths());
+                w.radiance_buffer.convert_to_rgb(w.times.all_wavelengths());
             }
-            let has_layers = w.sink.has_layers();
-            for (i, (&[r, g, b, alpha], &pixel)) in w.sink.samples().iter().zip(&w.pixels).enumerate() {
-                let (parts, plain) = (if has_layers { w.sink.parts(i) } else { &[] }, w.sink.plain(i));
+            let has_layers = w.radiance_buffer.has_layers();
+            for (i, (&[r, g, b, alpha], &pixel)) in
+                w.radiance_buffer.samples().iter().zip(&w.pixels).enumerate()
+            {
+                let (parts, plain) =
+                    (if has_layers { w.radiance_buffer.parts(i) } else { &[] }, w.radiance_buffer.plain(i));
                 let first_hit = w.first_hits.get(i);
                 sink(&PathSample { pixel, rgb: [r, g, b], alpha, first_hit, parts, plain });
             }
         }
     }
 
-    /// Traces the wave that was generated; false if `stop` said so.
+    /// Traces the generated wave, with the work of techniques around it; false if `stop` interrupted it.
     fn trace_wave(&self, block: &Block, w: &mut Workspace, stop: &dyn Fn() -> bool) -> bool {
         let Some(tiling) = &self.options.reuse else {
             let is_done = self.trace_paths(w, stop);
@@ -261,57 +244,20 @@ impl<'a> Integrator<'a> {
         is_done
     }
 
-    /// Traces the paths of a wave to their ends; false if `stop` said so.
+    /// Traces the paths of a wave to their ends; false if `stop` interrupted it. See [`stages`] for the steps.
     fn trace_paths(&self, w: &mut Workspace, stop: &dyn Fn() -> bool) -> bool {
-        let shares = self.options.reuse.is_some();
-        let most = self.options.max_depth.saturating_add(if self.parts.depths { MAX_WALK_STEPS } else { 0 });
-        for bounce in 0..=most {
-            if bounce % STOP_INTERVAL == STOP_INTERVAL - 1 && stop() {
+        let max_walk_steps = if self.optional.depth { MAX_WALK_STEPS } else { 0 };
+        let last = self.options.max_depth.saturating_add(max_walk_steps);
+        for number in 0..=last {
+            if number % STOP_INTERVAL == STOP_INTERVAL - 1 && stop() {
                 return false;
             }
-            if self.scene.features.scattering {
-                self.start_medium_segments(bounce, w);
-            }
-            w.intersect(&self.scene.accel);
-            self.arrive_in_chains(w);
-            if self.scene.features.alpha {
-                self.skip_absent_surfaces(bounce, w);
-                if bounce == 0 {
-                    self.find_camera_exceptions(w);
-                }
-            }
-            let is_last = bounce == most;
-            let sorted = self.surfaces(bounce, is_last, w);
-            if bounce == 0 {
-                self.set_alpha(&sorted, w);
-            }
-            if sorted.all().is_empty() {
+            let mut bounce = Bounce::new(number, number == last);
+            self.run_stages(&self.stages.arrive, &mut bounce, w);
+            if bounce.vertices.all().is_empty() {
                 return true;
             }
-            self.find_cells(bounce, &sorted, w);
-            if shares {
-                self.cut_paths(bounce, &sorted, w);
-            }
-            self.connect_to_lights(bounce, &sorted, w);
-            let sorted = if self.branches(bounce) > 1 { self.split(&sorted, w) } else { sorted };
-            self.scatter(bounce, &sorted, w);
-            if self.parts.clear {
-                self.update_clear_paths(&sorted, w);
-            }
-            self.end_stretched_chains(bounce, &sorted, w);
-            if self.options.records_training {
-                self.record_vertices(&sorted, w);
-            }
-            if bounce == 0 && self.parts.first_bounces {
-                self.record_first_bounces(&sorted, w);
-            }
-            if self.parts.kinds {
-                self.choose_ray_kinds(bounce, &sorted, w);
-            }
-            if shares {
-                self.divide_lobes(bounce, &sorted, w);
-            }
-            self.spawn_rays(&sorted, w);
+            self.run_stages(&self.stages.leave, &mut bounce, w);
             if w.rays.is_empty() {
                 return true;
             }
@@ -319,39 +265,13 @@ impl<'a> Integrator<'a> {
         true
     }
 
-    /// Takes light samples, and adds what arrives of them.
-    fn connect_to_lights(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
-        if self.scene.lights.is_empty() {
-            return;
-        }
-        let count = self.light_samples(bounce);
-        for number in 0..count {
-            Self::number_light_samples(&mut w.wave.paths.carried, sorted, number, count);
-            self.sample_lights(bounce, sorted, w);
-            if self.is_spectral() {
-                self.uplift_light_samples(sorted, w);
-            }
-            self.leave_light_samples(bounce, sorted, w);
-            self.direct_light(bounce, sorted, w);
-        }
-        Self::end_light_samples(&mut w.wave.paths.carried, sorted, count);
-    }
-
-    /// Are there normals that make the remedy necessary, and is it wanted?
+    /// Is the shadow terminator softened: requested, and do shading normals differ from geometric ones?
     fn softens_terminator(&self) -> bool {
         self.options.soft_terminator && self.scene.features.bent_normals
     }
 
     fn dimensions(&self, bounce: u32, purpose: Purpose) -> Dimensions {
-        let set = match purpose {
-            Purpose::Camera => 0,
-            Purpose::Light => 1 + 2 * bounce,
-            Purpose::Scatter => 2 + 2 * bounce,
-            // Behind those of all bounces.
-            Purpose::MediumSegment => u32::MAX - bounce,
-            Purpose::Time => TIME_SET,
-            Purpose::Wavelength => WAVELENGTH_SET,
-        };
+        let set = purpose.dimension_set(bounce);
         self.dimensions.get(set as usize).copied().unwrap_or_else(|| Dimensions::new(set))
     }
 }

@@ -1,51 +1,51 @@
 //! Radiance of the samples of a wave, and its layers: light passes and light groups.
 //!
-//! All light passes sum to the picture, and so do all light groups. The first scattering event of a path decides its pass: its
-//! diffuse fraction, by channel, follows from the values of the BSDF's lobes for the two directions (as in Cycles); the rest is
-//! glossy, or transmitted. Light is direct where the path found it with one scattering event.
+//! All light passes sum to the picture, and so do all light groups. The first scattering event of a path decides its
+//! pass: its diffuse fraction, by channel, follows from the values of the BSDF's lobes for the two directions (as in
+//! Cycles); the rest is glossy, or transmitted. Light is direct where the path found it with one scattering event.
 
 use super::wave::{FirstBounce, FirstBounces, WAVE};
 use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
 use crate::film::{Aov, AovSet, CATCHER_PARTS, Source};
 
-/// The way of light to the camera.
+/// Path classes of light passes.
 #[derive(Clone, Copy, Debug)]
 pub enum PathClass {
-    /// From an emitting surface that the camera sees.
+    /// Emission that the camera sees directly.
     Emission,
-    /// From the environment that it sees.
+    /// The environment that the camera sees directly.
     Environment,
-    /// By one scattering.
+    /// One scattering event.
     Direct(FirstBounce),
-    /// By several.
+    /// Several scattering events.
     Indirect(FirstBounce),
 }
 
-/// Where light came from.
+/// Path class and light group of a contribution.
 #[derive(Clone, Copy, Debug)]
 pub struct RadianceOrigin {
-    /// Its way to the camera.
-    pub way: PathClass,
-    /// Group of its light.
+    /// The class of its path.
+    pub class: PathClass,
+    /// The light group of its light.
     pub group: u16,
 }
 
-/// Which layers are kept, and where: passes first, then groups.
+/// The layers that are recorded: light passes, then light groups, then those of shadow catchers.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Layers {
     passes: AovSet,
     groups: usize,
     count: usize,
-    /// Behind the groups are those of shadow catchers.
+    /// Are layers of shadow catchers recorded?
     catchers: bool,
-    /// How many passes there are, and the places of each: of emission, of the environment, and of diffuse, glossy and transmitted
+    /// Number of light passes, and the layer of each: emission, environment, and diffuse, glossy and transmitted
     /// light, direct and indirect.
     pass_count: usize,
     places: [Option<u8>; 2 + 2 * 3],
 }
 
-/// The passes in the order of their places.
+/// Light passes in this order.
 const PASSES: [Aov; 8] = [
     Aov::Emission,
     Aov::Environment,
@@ -58,7 +58,7 @@ const PASSES: [Aov; 8] = [
 ];
 
 impl Layers {
-    /// The light passes among AOVs, the first groups of lights, and what catchers catch.
+    /// The light passes among AOVs, the first light groups, and shadow catchers.
     pub fn new(aovs: AovSet, groups: usize, catchers: bool) -> Layers {
         let passes = aovs.of(Source::PartOfColor);
         let of_catchers = if catchers { CATCHER_PARTS } else { 0 };
@@ -74,7 +74,7 @@ impl Layers {
         }
     }
 
-    /// How many there are.
+    /// Number of layers.
     #[inline(always)]
     pub fn count(&self) -> usize {
         self.count
@@ -85,25 +85,25 @@ impl Layers {
         self.passes.any()
     }
 
-    /// How many groups of lights there are.
+    /// Number of light groups.
     pub fn groups(&self) -> usize {
         self.groups
     }
 
-    /// The place of a group.
+    /// The layer of a light group.
     pub fn of_group(&self, group: usize) -> Option<usize> {
         (group < self.groups).then_some(self.pass_count + group)
     }
 
-    /// The first place of what catchers catch.
+    /// The first layer of shadow catchers.
     pub fn of_catchers(&self) -> Option<usize> {
         self.catchers.then(|| self.count - CATCHER_PARTS)
     }
 
-    /// The places of the passes that light of a way belongs to, and its shares there.
-    pub fn shares(&self, way: PathClass) -> [(Option<usize>, Rgb); 2] {
+    /// The layers of the light passes of a path class, and its fractions there.
+    pub fn shares(&self, class: PathClass) -> [(Option<usize>, Rgb); 2] {
         let place = |pass: usize| self.places[pass].map(usize::from);
-        let (first, diffuse) = match way {
+        let (first, diffuse) = match class {
             PathClass::Emission => return [(place(0), Rgb::ONE), (None, Rgb::ZERO)],
             PathClass::Environment => return [(place(1), Rgb::ONE), (None, Rgb::ZERO)],
             PathClass::Direct(first) => (first, 2),
@@ -114,7 +114,7 @@ impl Layers {
     }
 }
 
-/// The way of light that a path found at its end, after so many scatterings.
+/// The class of light that path `i` hit after `bounce` scattering events.
 pub fn class_of_path(bounce: u32, seen: PathClass, first_bounces: &FirstBounces, i: usize) -> PathClass {
     match bounce {
         0 => seen,
@@ -123,21 +123,22 @@ pub fn class_of_path(bounce: u32, seen: PathClass, first_bounces: &FirstBounces,
     }
 }
 
-/// Alphas are multiples of one over this: coarse enough that single floats hold all that occur, and sums in doubles of 2^31
-/// of them are exact.
+/// Alphas are multiples of one over this: coarse enough that f32 is exact, and sums in f64 of 2^31
+/// of them, too.
 const ALPHA_GRID: f32 = 1_048_576.0;
 
-/// Radiance and alpha of the samples of a wave, and the layers of the radiance that are asked for.
+/// Radiance and alpha of the samples of a wave, and the recorded layers of the radiance. Indices behind the samples hold
+/// radiance that is shared or joined later.
 pub struct RadianceBuffer {
     samples: Vec<[f32; 4]>,
-    /// Samples of the wave; behind them are radiances that are shared or joined later.
+    /// Number of samples of the wave.
     count: usize,
-    /// So many indices keep light passes.
+    /// Number of indices with light passes.
     with_passes: usize,
-    /// What the samples have alone, without sharing and splitting; empty where that is not kept.
+    /// Radiance of the samples without path sharing and splitting; empty where it is not recorded.
     plain: Vec<[f32; 3]>,
     layers: Layers,
-    /// The layers of all indices, those of one after another.
+    /// Layers by index.
     parts: Vec<[f32; 3]>,
 }
 
@@ -163,22 +164,22 @@ impl RadianceBuffer {
         self.plain.clear();
     }
 
-    /// Takes further indices below `count` for radiances that are no sample.
+    /// Extends the indices to `count`, for radiance that is shared or joined later.
     pub fn extend(&mut self, count: usize) {
         self.samples.resize(count, [0.0; 4]);
         self.parts.resize(count * self.layers.count(), [0.0; 3]);
     }
 
-    /// Takes further indices below `count` for what branches of samples find: see [`RadianceBuffer::join`].
+    /// Extends the indices to `count`, for branches of samples: see [`RadianceBuffer::join`].
     pub fn extend_with_passes(&mut self, count: usize) {
         self.with_passes = count;
         self.extend(count);
     }
 
-    /// Adds all that arrived at another index to a sample.
+    /// Adds the radiance, alpha and layers of another index to a sample.
     pub fn join(&mut self, sample: u32, other: u32) {
         self.add(sample, self.radiance(other));
-        // What branches see of nothing through glass.
+        // Transparency that branches found behind glass.
         self.samples[sample as usize][3] += self.samples[other as usize][3];
         for layer in 0..self.layers.count() {
             let value = self.parts[other as usize * self.layers.count() + layer];
@@ -186,37 +187,37 @@ impl RadianceBuffer {
         }
     }
 
-    /// Remembers what the samples have alone; further radiances follow by [`RadianceBuffer::add_plain`].
+    /// Copies the radiance of the samples to that without sharing and splitting; [`RadianceBuffer::add_plain`] adds more.
     pub fn keep_plain(&mut self) {
         self.plain.clear();
         self.plain.extend(self.samples[..self.count].iter().map(|&[r, g, b, _]| [r, g, b]));
     }
 
-    /// Adds to what a sample has alone.
+    /// Adds to the radiance of a sample without sharing and splitting.
     pub fn add_plain(&mut self, sample: u32, value: Rgb) {
         let sum = &mut self.plain[sample as usize];
         *sum = (Rgb::from_array(*sum) + value).to_array();
     }
 
-    /// What a sample has alone.
+    /// The radiance of a sample without sharing and splitting.
     pub fn plain(&self, sample: usize) -> [f32; 3] {
         self.plain.get(sample).copied().unwrap_or_default()
     }
 
-    /// The radiance that arrived at an index so far.
+    /// The radiance of an index so far.
     pub fn radiance(&self, index: u32) -> Rgb {
         let [r, g, b, _] = self.samples[index as usize];
         Rgb::new(r, g, b)
     }
 
-    /// The part of it from a group of lights.
+    /// The radiance of an index from a light group so far.
     pub fn radiance_of(&self, index: u32, group: usize) -> Rgb {
         let layer = self.layers.of_group(group);
         layer.map_or(Rgb::ZERO, |at| Rgb::from_array(self.parts[index as usize * self.layers.count() + at]))
     }
 
-    /// Adds light to an index, all weights included: the way for radiance into the picture. `origin` is asked where layers
-    /// are kept.
+    /// Adds weighted radiance to an index: all light of the picture goes through here. `origin` is called where layers
+    /// are recorded.
     #[inline(always)]
     pub fn contribute(&mut self, index: u32, value: Rgb, origin: impl FnOnce() -> RadianceOrigin) {
         self.add(index, value);
@@ -231,16 +232,16 @@ impl RadianceBuffer {
         self.layers.count() > 0
     }
 
-    /// Adds light to the layers of an index. Out of the way of those who keep none.
+    /// Adds radiance to the layers of an index. Not inlined, as most pictures have none.
     #[cold]
     #[inline(never)]
     pub fn divide(&mut self, index: u32, value: Rgb, origin: impl FnOnce() -> RadianceOrigin) {
-        let RadianceOrigin { way, group } = origin();
-        self.add_to_passes(index, value, way);
+        let RadianceOrigin { class, group } = origin();
+        self.add_to_passes(index, value, class);
         self.add_to_group(index, value, group);
     }
 
-    /// Adds light to an index, but to none of its layers.
+    /// Adds radiance to an index, but not to its layers.
     #[inline(always)]
     pub fn add(&mut self, index: u32, value: Rgb) {
         let sum = &mut self.samples[index as usize];
@@ -250,16 +251,16 @@ impl RadianceBuffer {
         sum[2] += b;
     }
 
-    /// Adds light to the passes of a sample. Of radiances that are no sample, it is known when they are shared.
-    pub fn add_to_passes(&mut self, index: u32, value: Rgb, way: PathClass) {
+    /// Adds radiance to the light passes of an index that has some; path sharing decides the passes of others later.
+    pub fn add_to_passes(&mut self, index: u32, value: Rgb, class: PathClass) {
         if (index as usize) < self.with_passes && self.layers.has_passes() {
-            for (layer, share) in self.layers.shares(way) {
+            for (layer, share) in self.layers.shares(class) {
                 self.add_to_layer(index, layer, value * share);
             }
         }
     }
 
-    /// Adds light to the group of its light.
+    /// Adds radiance to a light group.
     pub fn add_to_group(&mut self, index: u32, value: Rgb, group: u16) {
         self.add_to_layer(index, self.layers.of_group(usize::from(group)), value);
     }
@@ -271,13 +272,13 @@ impl RadianceBuffer {
         }
     }
 
-    /// Makes a sample opaque: something is there.
+    /// Makes a sample opaque.
     #[inline(always)]
     pub fn cover(&mut self, sample: u32) {
         self.samples[sample as usize][3] = 1.0;
     }
 
-    /// Makes a sample transparent, whatever is there.
+    /// Makes a sample transparent.
     pub fn uncover(&mut self, sample: u32) {
         self.samples[sample as usize][3] = 0.0;
     }
@@ -287,13 +288,13 @@ impl RadianceBuffer {
         self.samples[sample as usize][3] > 0.0
     }
 
-    /// Makes a sample transparent by a share. It is rounded to a grid, on which sums of alpha are exact and so don't depend
-    /// on their order.
+    /// Reduces the alpha of a sample by a transmittance, rounded to a grid on which sums are exact and so don't depend
+    /// on the order.
     pub fn make_transparent(&mut self, sample: u32, share: f32) {
         self.samples[sample as usize][3] -= (share * ALPHA_GRID).round() / ALPHA_GRID;
     }
 
-    /// Keeps what a sample found on a shadow catcher: with other objects, and without.
+    /// Records the radiance of a sample on a shadow catcher with and without casters.
     pub fn set_catcher(&mut self, sample: u32, with: Rgb, without: Rgb) {
         if let Some(first) = self.layers.of_catchers() {
             let at = sample as usize * self.layers.count() + first;
@@ -303,17 +304,19 @@ impl RadianceBuffer {
         }
     }
 
-    /// From what arrived in the lanes of paths to red, green and blue, by the wavelengths of the samples.
-    pub fn convert_to_rgb(&mut self, waves: &[Wavelengths]) {
+    /// Converts spectral radiance to RGB, by the wavelengths of the samples.
+    pub fn convert_to_rgb(&mut self, wavelengths: &[Wavelengths]) {
         let count = self.layers.count();
-        // The last of what catchers catch is no light.
+        // The last layer of shadow catchers is a weight.
         let of_light = if self.layers.of_catchers().is_some() { count - 1 } else { count };
-        for (i, waves) in waves.iter().enumerate().take(self.count) {
+        for (i, wavelengths) in wavelengths.iter().enumerate().take(self.count) {
             let [a, b, c, alpha] = self.samples[i];
-            let [red, green, blue] = waves.rgb([a, b, c]);
+            let [red, green, blue] = wavelengths.rgb([a, b, c]);
             self.samples[i] = [red, green, blue, alpha];
-            self.plain.get_mut(i).into_iter().for_each(|plain| *plain = waves.rgb(*plain));
-            self.parts[i * count..i * count + of_light].iter_mut().for_each(|part| *part = waves.rgb(*part));
+            self.plain.get_mut(i).into_iter().for_each(|plain| *plain = wavelengths.rgb(*plain));
+            self.parts[i * count..i * count + of_light]
+                .iter_mut()
+                .for_each(|part| *part = wavelengths.rgb(*part));
         }
     }
 

@@ -1,21 +1,23 @@
 //! Which samples a block takes, random numbers by purpose, and Russian roulette.
 
+use super::wave::PathState;
 use crate::color::Rgb;
+use crate::sampling::hash::{hash32, unit};
 use crate::sampling::sampler::Dimensions;
 use crate::sampling::{Allotment, Arrangement};
 
-/// How many samples pixels take, and which random points.
+/// Numbers of samples of pixels, and their random sequences.
 #[derive(Clone, Copy, Debug)]
 pub enum SamplePlan<'a> {
-    /// All alike.
+    /// The same number for all pixels.
     Even(Arrangement),
-    /// More where the picture needs them.
+    /// Adaptive.
     Allotted(&'a Allotment),
 }
 
 impl SamplePlan<'_> {
-    /// Which samples pixel (`x`, `y`) takes of a block's: the seed of its sequence, the index of the first one there, and
-    /// how many follow.
+    /// The samples of a block at pixel (`x`, `y`): seed of the sequence, index of the first sample in it, and
+    /// number of samples.
     #[inline(always)]
     fn of_pixel(&self, x: u32, y: u32, block: &Block, branch_bits: u32) -> (u32, u32, u32) {
         match self {
@@ -32,22 +34,22 @@ impl SamplePlan<'_> {
 pub(super) struct Sample {
     /// Pixel of the block, row by row.
     pub pixel: u32,
-    /// Pixel of the picture.
+    /// Pixel coordinates in the picture.
     pub x: u32,
     pub y: u32,
-    /// Seed of its sequence, and its index there.
+    /// Seed of the sequence, and index in it.
     pub seed: u32,
     pub index: u32,
 }
 
-/// Walks through the samples of a block, pixel by pixel, whatever the waves.
+/// Iterates over the samples of a block, pixel by pixel, across waves.
 pub(super) struct CameraSamples<'a> {
     plan: SamplePlan<'a>,
     block: Block,
     branch_bits: u32,
-    /// Pixels that were begun.
+    /// Number of pixels begun.
     begun: u32,
-    /// The next one of the current pixel, and how many it has left.
+    /// Next sample of the current pixel, and number of samples left.
     next: Sample,
     left: u32,
 }
@@ -98,7 +100,7 @@ pub struct Block {
     pub samples: u32,
 }
 
-/// Walks through the samples of a block, pixel by pixel.
+/// Iterates over the samples of a block, pixel by pixel.
 pub(super) struct SampleCursor {
     pub x: u32,
     pub y: u32,
@@ -133,27 +135,110 @@ impl SampleCursor {
     }
 }
 
-/// The first bounce after which a path may be ended by roulette.
+/// First bounce with Russian roulette.
 pub(super) const FIRST_ROULETTE: u32 = 3;
 
-/// How a bounce scatters at all its vertices.
+/// Parameters of scattering at a bounce.
 #[derive(Clone, Copy)]
 pub(super) struct ScatterParams<'a> {
     pub dimensions: &'a Dimensions,
-    /// May paths end?
+    /// Is Russian roulette on?
     pub roulette: bool,
-    /// How many paths the density of a direction counts for, for each light sample.
+    /// MIS: number of BSDF samples per light sample.
     pub branches: f32,
 }
 
-/// Russian roulette by the square root of the throughput (between the two extremes of never ending a path and of making
-/// all survivors equally bright, and better than both): does the path go on, and the factor that makes up for those that
-/// don't.
+/// Russian roulette with the square root of the throughput as survival probability (between the extremes of no roulette and
+/// of equal throughput of all survivors; measured better than both). Returns whether the path survives, and the factor
+/// 1 / probability.
 #[inline(always)]
-pub(super) fn survival(throughput: Rgb, eta_squared: f32, u: f32, roulette: bool) -> (bool, f32) {
+pub(super) fn survival(throughput: Rgb, roulette_scale: f32, u: f32, roulette: bool) -> (bool, f32) {
     let [r, g, b] = throughput.to_array();
     let brightest = r.max(g).max(b);
-    let q = if roulette { (brightest * eta_squared).sqrt() } else { 1.0 };
+    let q = if roulette { (brightest * roulette_scale).sqrt() } else { 1.0 };
     let q = if q < 1.0 { q } else { 1.0 };
     ((u < q) & (brightest > 0.0), 1.0 / if q > 0.0 { q } else { 1.0 })
+}
+
+/// What the random numbers of a path are for. This table decides the set of four Sobol dimensions; [`RandomChoice`] lists the
+/// decisions that take hashed numbers.
+#[derive(Clone, Copy)]
+pub(super) enum Purpose {
+    /// Film x and y, lens x and y.
+    Camera,
+    /// Point on the light (2), selection of the light (2).
+    Light,
+    /// Direction (2), lobe, Russian roulette.
+    Scatter,
+    /// Distance in a medium, density that it is drawn from, light for equiangular sampling (2).
+    Medium,
+    /// Time within the shutter interval (1).
+    Time,
+    /// Hero wavelength (1).
+    Wavelength,
+}
+
+impl Purpose {
+    /// The set of Sobol dimensions at a bounce. Sets are numbered from both ends: few are prepared, at the start.
+    pub fn dimension_set(self, bounce: u32) -> u32 {
+        match self {
+            Purpose::Camera => 0,
+            Purpose::Light => 1 + 2 * bounce,
+            Purpose::Scatter => 2 + 2 * bounce,
+            Purpose::Medium => u32::MAX - bounce,
+            Purpose::Time => 1 << 31,
+            Purpose::Wavelength => (1 << 31) - 1,
+        }
+    }
+}
+
+/// A decision that takes random numbers from a hash of the path's Sobol point and the bounce: either rare, or of
+/// unbounded number at a bounce, where `surface` counts the surfaces that the ray has passed.
+#[derive(Clone, Copy)]
+pub(super) enum RandomChoice {
+    /// Alpha of a surface on a path's ray.
+    Alpha { surface: u32 },
+    /// Alpha of a surface on a shadow ray.
+    ShadowAlpha { surface: u32 },
+    /// Transmission or scattering at thin glass.
+    ThinGlass { surface: u32 },
+    /// Distance in the medium behind a boundary without a surface.
+    MediumBoundary { surface: u32 },
+    /// Point of emission along a ray through a medium.
+    MediumEmission,
+    /// The same in one of several overlapping media.
+    OverlappingEmission { medium: u32 },
+    /// Kind of the next ray at a surface with several lobes.
+    RayKind,
+    /// Channel of the path behind a dispersive interface.
+    DispersionChannel,
+}
+
+impl RandomChoice {
+    /// The hash of a path's decision.
+    #[inline(always)]
+    pub fn hash(self, path: &PathState, i: usize, bounce: u32) -> u32 {
+        let (seed, shuffled) = (path.seed[i], path.shuffled[i]);
+        let common = hash32(seed ^ hash32(shuffled) ^ (bounce << 16));
+        match self {
+            RandomChoice::Alpha { surface } => common.wrapping_add(surface),
+            RandomChoice::ShadowAlpha { surface } => {
+                hash32(seed ^ hash32(!shuffled) ^ (bounce << 16)).wrapping_add(surface)
+            }
+            RandomChoice::ThinGlass { surface } => common.wrapping_add(surface) ^ 0x5bd1_e995,
+            RandomChoice::MediumBoundary { surface } => common.wrapping_add(surface) ^ 0x1f83_d9ab,
+            RandomChoice::MediumEmission => common ^ 0x3c6e_f372,
+            RandomChoice::OverlappingEmission { medium } => common ^ medium,
+            RandomChoice::RayKind => common ^ 0x27d4_eb2f,
+            RandomChoice::DispersionChannel => {
+                hash32(seed ^ hash32(shuffled).rotate_left(7) ^ (bounce << 20))
+            }
+        }
+    }
+
+    /// A uniform number in 0..1 for a path's decision.
+    #[inline(always)]
+    pub fn uniform(self, path: &PathState, i: usize, bounce: u32) -> f32 {
+        unit(hash32(self.hash(path, i, bounce)))
+    }
 }

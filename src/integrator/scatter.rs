@@ -1,13 +1,14 @@
 //! Scattering, splitting of paths, Russian roulette and the next rays.
 
-use super::sampling::{FIRST_ROULETTE, ScatterParams, survival};
+use super::mis::DirectionPdf;
+use super::sampling::{FIRST_ROULETTE, Purpose, ScatterParams, survival};
 use super::shading_geometry::terminator;
 use super::shading_groups::{
     Closure, GeneralClass, LambertClass, MediumClass, MetalRoughClass, SortedVertices, VertexClass,
 };
 use super::wave::{PathState, PerPath, Vertices, WAVE, Wave, get, get_rgb, repeat, set, set_rgb};
 use super::workspace::Workspace;
-use super::{Integrator, Purpose, guiding};
+use super::{Integrator, guiding};
 use crate::bsdf::Bsdf;
 use crate::math::{Ray, Vec3, offset_along};
 use crate::sampling::sampler::SobolPoint;
@@ -15,66 +16,72 @@ use crate::simd::{Kernel, dispatch};
 use std::ops::Range;
 
 impl Integrator<'_> {
-    /// Scatters each path at its vertex and ends some by roulette.
+    /// Samples the BSDF at each vertex, with Russian roulette.
     pub(super) fn scatter(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         let dimensions = &self.dimensions(bounce, Purpose::Scatter);
         let branches = self.bsdf_samples_per_light_sample(bounce);
-        let how = ScatterParams { dimensions, roulette: bounce >= FIRST_ROULETTE, branches };
+        let params = ScatterParams { dimensions, roulette: bounce >= FIRST_ROULETTE, branches };
         if self.softens_terminator() {
-            self.scatter_all::<true>(bounce, how, sorted, w);
+            self.scatter_all::<true>(bounce, params, sorted, w);
         } else {
-            self.scatter_all::<false>(bounce, how, sorted, w);
+            self.scatter_all::<false>(bounce, params, sorted, w);
         }
-        if self.parts.receiver_normals {
-            // No light was chosen at specular vertices.
+        if self.optional.receiver_normal {
+            // Light sampling does not reach specular vertices.
             for i in sorted.lit().end..sorted.all().end {
                 set(&mut w.wave.paths.receiver_normal, i, Vec3::ZERO);
             }
         }
     }
 
-    /// Scatters at all classes of vertices; with softened shadow terminators or without.
+    /// Scatters at the vertices of all shading groups, with softened shadow terminators or without.
     fn scatter_all<const SOFT: bool>(
         &self,
         bounce: u32,
-        how: ScatterParams<'_>,
+        params: ScatterParams<'_>,
         sorted: &SortedVertices,
         w: &mut Workspace,
     ) {
         let Workspace { wave, bsdfs, .. } = w;
         if let Some(guide) = self.options.guide {
             let uses_adjoint_roulette = self.uses_adjoint_roulette(bounce);
-            guiding::scatter::<SOFT>(how, uses_adjoint_roulette, guide, sorted.lambert(), wave);
+            guiding::scatter::<SOFT>(params, uses_adjoint_roulette, guide, sorted.lambert(), wave);
             guiding::scatter_metal_rough::<SOFT>(
-                how,
+                params,
                 uses_adjoint_roulette,
                 guide,
                 sorted.metal_rough(),
                 wave,
             );
         } else {
-            dispatch(Scatter::<_, SOFT> { wave, class: LambertClass, range: sorted.lambert(), how });
-            dispatch(Scatter::<_, SOFT> { wave, class: MetalRoughClass, range: sorted.metal_rough(), how });
+            dispatch(Scatter::<_, SOFT> { wave, class: LambertClass, range: sorted.lambert(), params });
+            dispatch(Scatter::<_, SOFT> {
+                wave,
+                class: MetalRoughClass,
+                range: sorted.metal_rough(),
+                params,
+            });
         }
         if !sorted.medium().is_empty() {
-            dispatch(Scatter::<_, SOFT> { wave, class: MediumClass, range: sorted.medium(), how });
+            dispatch(Scatter::<_, SOFT> { wave, class: MediumClass, range: sorted.medium(), params });
         }
         let range = sorted.general();
         // Its loop has no use for a higher CPU level.
-        Scatter::<_, SOFT> { wave, class: GeneralClass { bsdfs, first: range.start }, range, how }.run();
+        Scatter::<_, SOFT> { wave, class: GeneralClass { bsdfs, first: range.start }, range, params }.run();
     }
 
-    /// Makes the paths that go on the arriving ones of the next bounce, with their rays.
+    /// Makes the surviving paths the arriving ones of the next bounce, with their rays.
     pub(super) fn spawn_rays(&self, sorted: &SortedVertices, w: &mut Workspace) {
         w.rays.clear();
         let Wave { paths, vertices: v, .. } = &*w.wave;
         for i in sorted.all() {
-            let pdf = paths.carried.pdf[i];
-            if pdf >= 0.0 {
+            let pdf = paths.state.pdf[i];
+            if pdf.is_alive() {
                 let k = w.rays.len();
-                paths.copy_to(i, &mut w.arriving, k, self.parts);
-                if self.parts.footprints {
+                paths.copy_to(i, &mut w.arriving, k, self.optional);
+                if self.optional.footprints {
                     let is_guided = sorted.guided().contains(&i);
+                    let pdf = pdf.value();
                     let pdf = if is_guided { self.unguided(pdf, &w.wave, i) } else { pdf };
                     widen(&mut w.arriving.footprints.spread[k], pdf);
                 }
@@ -85,8 +92,8 @@ impl Integrator<'_> {
     }
 }
 
-/// A scattered ray stands for a share of the directions that it might have taken: as if this many others filled the
-/// rest. After a diffuse bounce it covers a width of a fifth of the distance; after a mirror, what it covered before.
+/// Ray cones: number of rays that fill a lobe.
+/// After diffuse scattering the width is a fifth of the distance; mirrors leave it as it is.
 const RAYS_PER_LOBE: f32 = 64.0;
 
 #[inline(always)]
@@ -97,12 +104,12 @@ fn widen(spread: &mut f32, pdf_solid_angle: f32) {
     }
 }
 
-/// Scatters at the vertices of a class.
+/// Scatters at the vertices of a shading group.
 pub(super) struct Scatter<'a, C, const SOFT: bool> {
     pub wave: &'a mut Wave,
     pub class: C,
     pub range: Range<usize>,
-    pub how: ScatterParams<'a>,
+    pub params: ScatterParams<'a>,
 }
 
 impl<C: VertexClass, const SOFT: bool> Kernel for Scatter<'_, C, SOFT> {
@@ -111,10 +118,10 @@ impl<C: VertexClass, const SOFT: bool> Kernel for Scatter<'_, C, SOFT> {
     #[inline(always)]
     fn run(self) {
         let Wave { paths, vertices: v, .. } = self.wave;
-        let path = &mut paths.carried;
+        let path = &mut paths.state;
         for i in self.range.start..self.range.end.min(WAVE) {
             let point = SobolPoint::from_parts(path.seed[i], path.shuffled[i]);
-            let [a, b, lobe, roulette] = point.sample_4d(self.how.dimensions);
+            let [a, b, lobe, roulette] = point.sample_4d(self.params.dimensions);
             let closure = self.class.closure(v, i);
             let s = closure.sample([a, b, lobe]);
             let (wi, ng, ns) = (s.wi, get(&v.ng, i), get(&v.ns, i));
@@ -126,16 +133,17 @@ impl<C: VertexClass, const SOFT: bool> Kernel for Scatter<'_, C, SOFT> {
                 throughput *= if is_smooth { 1.0 } else { terminator(ns * side, ng * side, wi) };
             }
             if !C::Closure::OPAQUE {
-                path.eta_squared[i] *= s.eta * s.eta;
+                path.roulette_scale[i] *= s.eta * s.eta;
                 if s.is_transmission {
                     paths.interior[i] = v.beyond[i];
                 }
             }
-            let (survives, scale) = survival(throughput, path.eta_squared[i], roulette, self.how.roulette);
+            let (survives, scale) =
+                survival(throughput, path.roulette_scale[i], roulette, self.params.roulette);
             set_rgb(&mut path.throughput, i, throughput * scale);
             set(&mut v.next_origin, i, offset_along(get(&v.p, i), ng * side, v.offset[i]));
             set(&mut v.next_direction, i, wi);
-            // A direction that shading normals lead to the wrong side of the surface carries nothing.
+            // Directions that shading normals send to the wrong side of the surface have zero weight.
             let is_right = if C::Closure::IN_MEDIUM {
                 true
             } else if C::Closure::OPAQUE {
@@ -144,23 +152,23 @@ impl<C: VertexClass, const SOFT: bool> Kernel for Scatter<'_, C, SOFT> {
                 (closure.crosses(wi) == s.is_transmission) & (height != 0.0)
             };
             let goes_on = survives & (s.pdf_solid_angle > 0.0) & is_right;
-            let pdf = if s.is_specular { 0.0 } else { s.pdf_solid_angle * self.how.branches };
-            path.pdf[i] = if goes_on { pdf } else { -1.0 };
+            let pdf = if s.is_specular { 0.0 } else { s.pdf_solid_angle * self.params.branches };
+            path.pdf[i] = DirectionPdf::after_roulette(pdf, goes_on);
         }
     }
 }
 
-/// Paths that go on from a first surface for each of its light samples. (Rough metal on a floor under pictures with a sun, 8 paths: with
-/// two light samples in place of one 1.04 to 1.6 times as efficient; a polished helmet, 4 paths: with two .97 times.)
+/// Branches of a split for each light sample. (Rough metal on a floor under image environments with a sun, 8 branches: with
+/// two light samples in place of one 1.04 to 1.6 times as efficient; a polished helmet, 4 branches: with two 0.97 times.)
 const PATHS_PER_LIGHT_SAMPLE: u32 = 4;
 
 impl Integrator<'_> {
-    /// Into how many paths each goes on at a bounce.
+    /// Number of branches of each path at a bounce.
     pub(super) fn branches(&self, bounce: u32) -> u32 {
         if bounce == 0 { self.options.branches } else { 1 }
     }
 
-    /// How many light samples each vertex takes at a bounce: a power of two. An even sky is found as well by scattering.
+    /// Light samples per vertex at a bounce: a power of two; 1 for a uniform sky, which BSDF sampling finds as well.
     pub(super) fn light_samples(&self, bounce: u32) -> u32 {
         let branches = self.branches(bounce);
         if branches <= PATHS_PER_LIGHT_SAMPLE || self.scene.lights.are_an_even_sky() {
@@ -169,32 +177,32 @@ impl Integrator<'_> {
         branches / PATHS_PER_LIGHT_SAMPLE
     }
 
-    /// How many paths go on at a bounce for each light sample: what the density of scattering counts against that of light
-    /// sampling.
+    /// MIS: number of BSDF samples per light sample
+    /// at a bounce.
     pub(super) fn bsdf_samples_per_light_sample(&self, bounce: u32) -> f32 {
         (self.branches(bounce) / self.light_samples(bounce)) as f32
     }
 
-    /// Camera rays of a wave, so that their paths find room in it.
+    /// Camera rays per wave, so that all branches fit into it.
     pub(super) fn samples_per_wave(&self) -> usize {
         WAVE / self.options.branches as usize
     }
 
-    /// Makes each vertex several, one after the other, and returns where the groups lie then.
+    /// Repeats each vertex, one copy after the other, and returns the new ranges of the shading groups.
     pub(super) fn split(&self, sorted: &SortedVertices, w: &mut Workspace) -> SortedVertices {
         let branches = self.options.branches as usize;
         w.rays_before_split = Some(w.ray_counts.all);
         let (count, general) = (sorted.all().end, sorted.general());
         let Wave { paths, vertices, .. } = &mut *w.wave;
-        paths.repeat(count, branches, self.parts);
-        divide(&mut paths.carried, count, self.options.branches);
-        if self.parts.interiors {
+        paths.repeat(count, branches, self.optional);
+        divide(&mut paths.state, count, self.options.branches);
+        if self.optional.interior {
             vertices.beyond.repeat(count, branches);
         }
         repeat_vertices(vertices, sorted, branches, self.options.guide.is_some());
         if self.options.keeps_plain {
-            index_branches(&mut paths.carried, count, self.options.branches);
-            w.sink.extend_with_passes(WAVE + WAVE);
+            index_branches(&mut paths.state, count, self.options.branches);
+            w.radiance_buffer.extend_with_passes(WAVE + WAVE);
         }
         let old = general.len();
         w.bsdfs.resize(w.bsdfs.len().max(old * branches), Bsdf::Black);
@@ -202,23 +210,23 @@ impl Integrator<'_> {
         sorted.times(branches)
     }
 
-    /// Adds what the branches of each sample found to it, where that was kept apart; and what one of them alone would have
-    /// brought to what it has without splitting.
+    /// Adds the radiance of the branches to their samples, where it was recorded apart; and the first branch's alone, scaled,
+    /// to the radiance without splitting.
     pub(super) fn join_branches(&self, w: &mut Workspace) {
-        let Some(before) = w.rays_before_split else { return w.sink.keep_plain() };
+        let Some(before) = w.rays_before_split else { return w.radiance_buffer.keep_plain() };
         w.ray_counts.in_branches += w.ray_counts.all - before;
         let branches = self.options.branches;
-        w.sink.keep_plain();
+        w.radiance_buffer.keep_plain();
         for sample in 0..w.pixels.len() as u32 {
             let first = first_branch_index(sample, branches);
-            w.sink.add_plain(sample, w.sink.radiance(first) * branches as f32);
+            w.radiance_buffer.add_plain(sample, w.radiance_buffer.radiance(first) * branches as f32);
             for part in first..first + branches {
-                w.sink.join(sample, part);
+                w.radiance_buffer.join(sample, part);
             }
         }
     }
 
-    /// Gives the vertices the points of one of their `count` light samples, after those of the one before.
+    /// Sets the Sobol points of the vertices to those of one of their `count` light samples.
     pub(super) fn number_light_samples(
         path: &mut PathState,
         sorted: &SortedVertices,
@@ -236,7 +244,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Gives the vertices their own points again, after those of their last light sample.
+    /// Sets the Sobol points of the vertices back after their last light sample.
     pub(super) fn end_light_samples(path: &mut PathState, sorted: &SortedVertices, count: u32) {
         if count == 1 {
             return;
@@ -248,32 +256,32 @@ impl Integrator<'_> {
     }
 }
 
-/// Where the radiance of the branches of a sample arrives, if it is to be known for each.
+/// Radiance index of the first branch of a sample, where branches are recorded apart.
 fn first_branch_index(sample: u32, branches: u32) -> u32 {
     WAVE as u32 + sample * branches
 }
 
-/// Gives the paths of a sample indices of their own for the radiance that they find.
+/// Sets the radiance indices of branches to their own.
 fn index_branches(path: &mut PathState, count: usize, branches: u32) {
     for i in 0..count * branches as usize {
-        path.sample[i] = first_branch_index(path.sample[i], branches) + i as u32 % branches;
+        path.radiance_index[i] = first_branch_index(path.radiance_index[i], branches) + i as u32 % branches;
     }
 }
 
-/// Gives the paths of a sample their shares of it and their own points.
+/// Divides the throughput by the number of branches and sets their Sobol points.
 fn divide(path: &mut PathState, count: usize, branches: u32) {
     let (bits, share) = (branches.trailing_zeros(), 1.0 / branches as f32);
     for i in 0..count * branches as usize {
         for channel in &mut path.throughput {
             channel[i] *= share;
         }
-        path.eta_squared[i] *= branches as f32;
+        path.roulette_scale[i] *= branches as f32;
         let point = SobolPoint::from_parts(path.seed[i], path.shuffled[i]).branch(i as u32 % branches, bits);
         (path.seed[i], path.shuffled[i]) = point.to_parts();
     }
 }
 
-/// What scattering needs of vertices.
+/// Repeats what scattering reads of vertices.
 fn repeat_vertices(v: &mut Vertices, sorted: &SortedVertices, times: usize, is_guided: bool) {
     let count = sorted.all().end;
     v.p.repeat(count, times);

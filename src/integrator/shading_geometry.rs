@@ -60,8 +60,9 @@ pub(super) fn bent_normal(ns: Vec3, ng: Vec3, wo: Vec3) -> (Vec3, bool) {
 /// The height over the geometric surface at which light is whole, over the sine of the angle between the normals.
 const WHOLE: f32 = 0.5;
 
-/// What of even light a diffuse surface would lose by the softened terminator alone, over the squared sine of the angle between
-/// the normals, up to the angle of this cosine: 0.158 to 0.166 by quadrature. Beyond, it falls off with the cosine.
+/// What of even light a diffuse surface would lose by the softened terminator alone, over the squared sine of the angle
+/// between the normals, up to the angle of this cosine: 0.158 to 0.166 by quadrature. Beyond, it falls off with the
+/// cosine.
 const LOST: f32 = 0.16;
 const STEEP: f32 = 0.45;
 
@@ -72,9 +73,9 @@ const STEEP: f32 = 0.45;
 /// Deviations: the paper's term takes light from far above the horizon as well, in even light 3.5 % where the normals are
 /// 10 degrees apart and 9.5 % at 25. Here light that is higher than [`WHOLE`] times the sine of that angle is not dimmed, and
 /// of the paper's term and a ramp up to there the larger counts: that takes 0.5 % and 2.9 %. All is divided by what
-/// is left of even light then, so that a diffuse surface reflects as much of it as where the triangles cut it off. Glossy lobes that see
-/// nothing of the horizon are brighter by that. Like the paper's term it depends on the light's direction and not on the
-/// viewer's: it is not reciprocal, and paths from lamps apply it to the same end.
+/// is left of even light then, so that a diffuse surface reflects as much of it as where the triangles cut it off.
+/// Glossy lobes that see nothing of the horizon are brighter by that. Like the paper's term it depends on the light's
+/// direction and not on the viewer's: it is not reciprocal, and paths from lamps apply it to the same end.
 #[inline(always)]
 pub(super) fn terminator(ns: Vec3, ng: Vec3, wi: Vec3) -> f32 {
     let (of_surface, of_shading, cosine) = (wi.dot(ng), wi.dot(ns), ng.dot(ns));

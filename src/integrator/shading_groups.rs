@@ -18,25 +18,25 @@ use crate::simd::{Kernel, dispatch};
 use std::f32::consts::FRAC_1_PI;
 use std::ops::Range;
 
-/// Which loops shade a vertex. The order is that of the sorted vertices.
+/// The loop that shades a vertex. Vertices are sorted in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum ShadingGroup {
-    /// Lambertian, of constant albedo, on a triangle or quad: a vectorised loop makes the vertex.
+    /// Lambertian with constant albedo on a triangle or quad: a vectorised loop makes the vertices.
     Plain,
-    /// Other Lambertian ones.
+    /// Other Lambertian vertices.
     Lambert,
-    /// Opaque glTF materials, the same everywhere, on a triangle or quad: a vectorised loop makes the vertex.
+    /// Opaque glTF materials without textures on a triangle or quad: a vectorised loop makes the vertices.
     PlainMetalRough,
     /// Opaque glTF materials with textures on triangles: vectorised loops make the vertices.
     Textured,
     /// Other opaque glTF materials.
     MetalRough,
-    /// Points of media that scatter.
+    /// Scattering events in media.
     Medium,
-    /// Others that light sampling may reach.
+    /// Other BSDFs with lobes that light sampling reaches.
     Rough,
-    /// It can't.
+    /// Specular BSDFs: light sampling does not reach them.
     Specular,
     /// The path ends here.
     None,
@@ -45,7 +45,7 @@ pub enum ShadingGroup {
 const GROUPS: usize = 9;
 
 impl ShadingGroup {
-    /// The group of the same materials on shapes of other kinds.
+    /// The group of the same materials on other shapes.
     pub fn of_any_shape(self) -> ShadingGroup {
         match self {
             ShadingGroup::Plain => ShadingGroup::Lambert,
@@ -55,11 +55,11 @@ impl ShadingGroup {
     }
 }
 
-/// How many hits there are of each group.
+/// Number of hits of each shading group.
 pub struct ShadingGroupCounts([usize; GROUPS]);
 
 impl ShadingGroupCounts {
-    /// Of no hit.
+    /// No hits.
     pub fn new() -> ShadingGroupCounts {
         ShadingGroupCounts([0; GROUPS])
     }
@@ -70,7 +70,7 @@ impl ShadingGroupCounts {
         self.0[group as usize] += 1;
     }
 
-    /// Where the vertices of each group lie.
+    /// The ranges of the sorted vertices.
     pub fn sorted(&self) -> SortedVertices {
         let mut sum = 0;
         let starts = self.0.map(|count| {
@@ -81,14 +81,14 @@ impl ShadingGroupCounts {
     }
 }
 
-/// Where the sorted vertices of each group lie.
+/// The ranges of the vertices of each shading group.
 #[derive(Clone, Copy, Debug)]
 pub struct SortedVertices {
     starts: [usize; GROUPS],
 }
 
 impl SortedVertices {
-    /// The same with each vertex several times.
+    /// The ranges after each vertex was repeated.
     pub fn times(mut self, times: usize) -> SortedVertices {
         for start in &mut self.starts {
             *start *= times;
@@ -96,7 +96,7 @@ impl SortedVertices {
         self
     }
 
-    /// The first place of each group.
+    /// The start of each group.
     pub fn starts(&self) -> [usize; GROUPS] {
         self.starts
     }
@@ -105,57 +105,57 @@ impl SortedVertices {
         self.starts[first as usize]..self.starts[behind as usize]
     }
 
-    /// The first ones: a loop makes them of their corners alone.
+    /// [`ShadingGroup::Plain`].
     pub fn plain(&self) -> Range<usize> {
         self.from(ShadingGroup::Plain, ShadingGroup::Lambert)
     }
 
-    /// Those and the other Lambertian ones.
+    /// All Lambertian vertices.
     pub fn lambert(&self) -> Range<usize> {
         self.from(ShadingGroup::Plain, ShadingGroup::PlainMetalRough)
     }
 
-    /// The next: loops make them of their corners alone, too.
+    /// [`ShadingGroup::PlainMetalRough`].
     pub fn plain_metal_rough(&self) -> Range<usize> {
         self.from(ShadingGroup::PlainMetalRough, ShadingGroup::Textured)
     }
 
-    /// The next.
+    /// [`ShadingGroup::Textured`].
     pub fn textured(&self) -> Range<usize> {
         self.from(ShadingGroup::Textured, ShadingGroup::MetalRough)
     }
 
-    /// Those two and the other ones of opaque glTF materials.
+    /// All opaque glTF materials.
     pub fn metal_rough(&self) -> Range<usize> {
         self.from(ShadingGroup::PlainMetalRough, ShadingGroup::Medium)
     }
 
-    /// All that a guide may guide: these and the Lambertian ones.
+    /// All vertices that path guiding applies to: Lambertian and opaque glTF materials.
     pub fn guided(&self) -> Range<usize> {
         self.from(ShadingGroup::Plain, ShadingGroup::Medium)
     }
 
-    /// The points of media.
+    /// [`ShadingGroup::Medium`].
     pub fn medium(&self) -> Range<usize> {
         self.from(ShadingGroup::Medium, ShadingGroup::Rough)
     }
 
-    /// All others that light sampling can reach.
+    /// [`ShadingGroup::Rough`].
     pub fn rough(&self) -> Range<usize> {
         self.from(ShadingGroup::Rough, ShadingGroup::Specular)
     }
 
-    /// Those and the specular ones: all without a vectorised class.
+    /// All vertices with general BSDFs, rough and specular.
     pub fn general(&self) -> Range<usize> {
         self.from(ShadingGroup::Rough, ShadingGroup::None)
     }
 
-    /// All that light sampling can reach, Lambertian ones included.
+    /// All vertices that light sampling reaches.
     pub fn lit(&self) -> Range<usize> {
         self.from(ShadingGroup::Plain, ShadingGroup::Specular)
     }
 
-    /// All.
+    /// All vertices.
     pub fn all(&self) -> Range<usize> {
         self.from(ShadingGroup::Plain, ShadingGroup::None)
     }
@@ -168,7 +168,7 @@ pub fn groups_of(scene: &CompiledScene) -> Vec<ShadingGroup> {
     let is_rough =
         |(group, m): (&ShadingGroup, &CompiledMaterial)| *group == ShadingGroup::Rough && m.medium_index != 0;
     if scene.features.coincident_surfaces && groups.iter().zip(&scene.materials).any(is_rough) {
-        // Where a smooth solid touches a rough one, the surface that counts may be the other's.
+        // Where a smooth solid touches a rough one, the rough surface may refract.
         for (group, material) in groups.iter_mut().zip(&scene.materials) {
             if *group == ShadingGroup::Specular && material.medium_index != 0 {
                 *group = ShadingGroup::Rough;
@@ -178,12 +178,12 @@ pub fn groups_of(scene: &CompiledScene) -> Vec<ShadingGroup> {
     groups
 }
 
-/// The group of a material's vertices, on shapes that don't demand another.
+/// The shading group of a material, on shapes that don't require another.
 fn group_of(material: &CompiledMaterial, by_wavelength: bool) -> ShadingGroup {
     let is_plain = material.constant.is_some() && !material.uses_uv && material.emission.is_none();
     match material.class {
         BsdfClass::Black => ShadingGroup::None,
-        // Neighbouring pixels don't share what it reflects, as they do in the groups below.
+        // Path sharing needs BSDFs that don't depend on the viewer.
         BsdfClass::Lambert | BsdfClass::MetalRough if material.depends_on_viewer => ShadingGroup::Rough,
         BsdfClass::Lambert => {
             if is_plain {
@@ -194,7 +194,7 @@ fn group_of(material: &CompiledMaterial, by_wavelength: bool) -> ShadingGroup {
         }
         _ if material.is_smooth_glass() => ShadingGroup::Specular,
         _ => {
-            // What is smooth in air need not be within another solid.
+            // A smooth surface in air need not be smooth within another solid.
             let stays_smooth = |b: Bsdf| material.medium_index == 0 || b.with_ior(2.0).is_specular();
             let is_specular = material.alike().is_some_and(|b| b.is_specular() && stays_smooth(b));
             match material.class {
@@ -215,21 +215,21 @@ fn group_of(material: &CompiledMaterial, by_wavelength: bool) -> ShadingGroup {
     }
 }
 
-/// A BSDF at a vertex for its viewer. All directions are in world space.
+/// A BSDF at a vertex, for the direction to the viewer. All directions are in world space.
 pub trait Closure {
-    /// All its lobes reflect, and the normals at its vertices are on the viewer's side.
+    /// All lobes reflect, and normals are on the viewer's side.
     const OPAQUE: bool;
 
-    /// It is a point of a medium, which has no sides.
+    /// A phase function.
     const IN_MEDIUM: bool = false;
 
-    /// Evaluating costs more than a branch; otherwise it is free of branches, so that loops vectorise.
+    /// Evaluation costs more than a branch; without this it is free of branches, so that loops vectorise.
     const BRANCHES: bool;
 
-    /// Value and density for light from `wi`; zero value where none can come from there. Specular lobes don't count.
+    /// Value and density for light from `wi`, without specular lobes.
     fn eval(&self, wi: Vec3) -> BsdfEval;
 
-    /// Chooses a direction by three numbers in 0..1, of which the last chooses the lobe.
+    /// Samples a direction by three numbers in 0..1, of which the last selects the lobe.
     fn sample(&self, u: [f32; 3]) -> BsdfSample;
 
     /// Is `wi` on the other side of the surface than the viewer?
@@ -238,15 +238,15 @@ pub trait Closure {
         false
     }
 
-    /// The light of a light sample that goes on to the camera: value times weight times radiance. Products are rounded
-    /// in the order that a class chooses.
+    /// Contribution of a light sample: value times weight times radiance. Products are rounded
+    /// in the order of each closure.
     #[inline(always)]
     fn scattered(&self, eval: BsdfEval, weight: f32, throughput: Rgb, radiance: Rgb) -> Rgb {
         throughput * eval.f_cos * radiance * weight
     }
 }
 
-/// A class of vertices whose closures are loaded alike.
+/// Vertices whose closures are loaded in the same way.
 pub trait VertexClass {
     /// Their closure.
     type Closure: Closure;
@@ -254,7 +254,7 @@ pub trait VertexClass {
     /// The closure of vertex `i`.
     fn closure(&self, v: &Vertices, i: usize) -> Self::Closure;
 
-    /// The density with which vertex `i` might choose the direction of its light sample, over the closure's.
+    /// The density of the light sample's direction by guided sampling at vertex `i`, over the closure's.
     #[inline(always)]
     fn light_density(&self, _v: &Vertices, _i: usize) -> f32 {
         1.0
@@ -315,7 +315,7 @@ pub struct GeneralClass<'a> {
     pub first: usize,
 }
 
-/// Any BSDF between a vertex's normals and its viewer.
+/// A general BSDF with the vertex's normals and direction to the viewer.
 pub struct GeneralClosure<'a> {
     bsdf: &'a Bsdf,
     wo: Vec3,
@@ -340,14 +340,14 @@ impl Closure for GeneralClosure<'_> {
     #[inline]
     fn eval(&self, wi: Vec3) -> BsdfEval {
         let crosses = self.crosses(wi);
-        // Most lobes that light sampling can reach reflect.
+        // Most lobes that light sampling reaches reflect.
         let is_possible = if crosses { self.bsdf.scatters_through() } else { wi.dot(self.ng) != 0.0 };
         if !is_possible || self.bsdf.is_specular() {
             return BsdfEval::ZERO;
         }
         let frame = Frame::from_normal(self.ns);
         let (wo, wi) = (frame.to_local(self.wo), frame.to_local(wi));
-        // Both normals must agree on which side the light is.
+        // The light must be on the same side of both normals.
         if crosses && wo.z * wi.z >= 0.0 {
             return BsdfEval::ZERO;
         }
@@ -367,7 +367,7 @@ impl Closure for GeneralClosure<'_> {
     }
 }
 
-/// Keeps the material of a vertex.
+/// Stores the material of a vertex.
 #[inline(always)]
 pub(super) fn store_material(m: &mut MetalRoughMaterials, k: usize, material: &MetalRough) {
     set_rgb(&mut m.diffuse, k, material.diffuse);
@@ -382,7 +382,7 @@ pub(super) fn store_material(m: &mut MetalRoughMaterials, k: usize, material: &M
     };
 }
 
-/// The material of a vertex.
+/// Loads the material of a vertex.
 #[inline(always)]
 pub(super) fn load_material(m: &MetalRoughMaterials, k: usize, shading: ShadingModel) -> MetalRough {
     MetalRough {
@@ -426,7 +426,7 @@ fn load_closure(m: &MetalRoughClosures, curve: f32, k: usize) -> MetalRoughClosu
     }
 }
 
-/// Copies what the closure of vertex `i` is made of to vertex `k` of others.
+/// Copies the closure of vertex `i` to vertex `k` of others.
 #[inline(always)]
 pub(super) fn copy_metal_rough(from: &Vertices, i: usize, to: &mut Vertices, k: usize) {
     from.metal_rough_closures.copy_to(i, &mut to.metal_rough_closures, k);
@@ -434,7 +434,7 @@ pub(super) fn copy_metal_rough(from: &Vertices, i: usize, to: &mut Vertices, k: 
     to.metal_rough.curve[k] = from.metal_rough.curve[i];
 }
 
-/// Makes normals usable for scattering, and closures of materials and viewers.
+/// Bends shading normals for the viewers and makes closures of materials.
 pub(super) fn prepare(wave: &mut Wave, range: Range<usize>, shading: ShadingModel) {
     match (shading.energy_compensation, shading.fresnel) {
         (EnergyCompensation::On, FresnelModel::Exact) => {
@@ -470,7 +470,7 @@ impl<const COMPENSATES: bool, const EXACT: bool> Kernel for PrepareClosures<'_, 
             spectral: false,
         };
         let range = self.range.start..self.range.end.min(WAVE);
-        // The second loop looks up tables, and has nothing else in it because that does not vectorise.
+        // The second loop looks up tables, which does not vectorise.
         for i in range.clone() {
             let (ns, wo) = (get(&v.ns, i), get(&v.wo, i));
             let (ns, is_bent) = bent_normal(ns, get(&v.ng, i), wo);
@@ -532,8 +532,8 @@ impl VertexClass for MetalRoughClass {
 }
 
 impl MetalRoughVertex {
-    /// The density of a direction over that of [`Closure::sample`], where the diffuse lobe is chosen from `density` times as densely
-    /// there.
+    /// The density of a direction over that of [`Closure::sample`], where guiding multiplies the density of the diffuse
+    /// lobe by `density`.
     #[inline(always)]
     pub fn guided(&self, wi: Vec3, density: f32) -> f32 {
         let local = self.frame.to_local(wi);
@@ -542,25 +542,25 @@ impl MetalRoughVertex {
         if (pdf > 0.0) & (diffuse > 0.0) { 1.0 + (density - 1.0) * (diffuse / pdf) } else { 1.0 }
     }
 
-    /// Does a number choose the diffuse lobe?
+    /// Does a random number select the diffuse lobe?
     #[inline(always)]
     pub fn is_diffuse(&self, u: f32) -> bool {
         u >= self.lobes.probability_specular
     }
 
-    /// What paths that the diffuse lobe scatters bring of the irradiance over pi.
+    /// Throughput of the diffuse lobe over its selection probability.
     #[inline(always)]
     pub fn diffuse_weight(&self) -> Rgb {
         let probability = self.lobes.probability_diffuse;
         self.lobes.diffuse * (1.0 / if probability > 0.0 { probability } else { 1.0 })
     }
 
-    /// The share of the light from `wi` that is reflected diffusely.
+    /// Diffuse fraction of the BSDF value for light from `wi`.
     pub fn diffuse_share(&self, wi: Vec3) -> Rgb {
         self.share_of(self.lobes.diffuse * FRAC_1_PI, wi).min(Rgb::ONE)
     }
 
-    /// The share of the light from `wi` that is reflected by a diffuse lobe which is a part of the BSDF.
+    /// Fraction of the BSDF value for light from `wi` of a diffuse lobe with value `f`.
     pub fn share_of(&self, f: Rgb, wi: Vec3) -> Rgb {
         let local = self.frame.to_local(wi);
         let all = self.lobes.eval(&self.surface, self.wo, local).f_cos.to_array();
@@ -590,11 +590,11 @@ impl Closure for MetalRoughVertex {
     }
 }
 
-/// Points of media.
+/// Scattering events in media.
 #[derive(Clone, Copy, Debug)]
 pub struct MediumClass;
 
-/// The phase function of Henyey and Greenstein. What the medium scatters of what arrives is part of the path's
+/// Phase function of Henyey and Greenstein. The single-scattering albedo is part of the path's
 /// throughput.
 pub struct PhaseClosure {
     wo: Vec3,

@@ -24,51 +24,41 @@ use std::ops::Range;
 struct Vertex {
     surface: Surface,
     bsdf: Bsdf,
-    /// Solids on its other side.
+    /// Solids on the far side.
     beyond: Interior,
     /// The ray came from behind.
     is_back: bool,
-    /// Towards the viewer.
+    /// Direction to the viewer, unit length.
     wo: Vec3,
 }
 
 impl Integrator<'_> {
-    /// Adds what the arriving paths hit to their radiance and makes sorted vertices of the surfaces where they go on.
-    /// With `is_last` none goes on.
-    pub(super) fn surfaces(&self, bounce: u32, is_last: bool, w: &mut Workspace) -> SortedVertices {
-        if self.scene.features.scattering {
-            self.end_medium_segments(bounce, w);
-        }
-        if self.scene.features.footprints {
-            let footprints = &mut w.arriving.footprints;
-            for (i, hit) in w.hits.iter().enumerate() {
-                footprints.width[i] += footprints.spread[i] * hit.t;
-            }
-        }
-        if self.scene.features.absorption && !self.scene.features.scattering {
-            self.absorb(w);
-        }
-        let counts = match self.scene.features.alpha {
-            true => self.classify::<true>(bounce, is_last, w),
-            false => self.classify::<false>(bounce, is_last, w),
-        };
-        self.follow_chains(bounce, w);
-        let counts = if self.parts.depths { self.end_deep_paths(w) } else { counts };
-        let sorted = counts.sorted();
-        self.sort(bounce, &sorted, w);
-        if self.parts.depths {
-            self.count_bounces(&sorted, w);
-        }
-        self.escape(bounce, w);
+    /// Makes the vertices where the arriving paths continue, sorted by shading group, and adds the emission of surfaces.
+    pub(super) fn surfaces(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
+        self.sort(bounce, sorted, w);
         self.make_plain(sorted.plain(), &mut w.wave.vertices);
         self.make_plain(sorted.plain_metal_rough(), &mut w.wave.vertices);
         self.make_textured(bounce, sorted.textured(), w);
         prepare(&mut w.wave, sorted.metal_rough(), self.scene.shading);
-        self.end_bent_chains(bounce, &sorted, w);
-        sorted
     }
 
-    /// Finds each hit's material, where it is not known yet, and its group.
+    /// Widens the ray cones of paths to those at their hits.
+    pub(super) fn widen_ray_cones(&self, w: &mut Workspace) {
+        let footprints = &mut w.arriving.footprints;
+        for (i, hit) in w.hits.iter().enumerate() {
+            footprints.width[i] += footprints.spread[i] * hit.t;
+        }
+    }
+
+    /// Finds the shading group of each hit, and its material where that is not known yet. With `is_last` all paths end.
+    pub(super) fn classify_hits(&self, bounce: u32, is_last: bool, w: &mut Workspace) -> ShadingGroupCounts {
+        match self.scene.features.alpha {
+            true => self.classify::<true>(bounce, is_last, w),
+            false => self.classify::<false>(bounce, is_last, w),
+        }
+    }
+
+    /// Finds the shading groups of hits, and their materials if unknown.
     fn classify<const KNOWS_MATERIALS: bool>(
         &self,
         bounce: u32,
@@ -109,12 +99,12 @@ impl Integrator<'_> {
         counts
     }
 
-    /// Moves the arriving paths to their places in the order of groups, with their vertices or what those are made of.
+    /// Copies the arriving paths to the order of shading groups, with their vertices or the input of these.
     fn sort(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         let mut next = sorted.starts();
         let general = sorted.general();
         w.escaped.clear();
-        // Each that is used is written below.
+        // All elements in use are written below.
         if w.bsdfs.len() < general.len() {
             w.bsdfs.resize(general.len(), Bsdf::Black);
         }
@@ -159,9 +149,9 @@ impl Integrator<'_> {
                 }
             }
             if bounce == 0 {
-                w.sink.cover(w.arriving.carried.sample[i]);
+                w.radiance_buffer.cover(w.arriving.state.radiance_index[i]);
             }
-            w.arriving.copy_to(i, &mut w.wave.paths, k, self.parts);
+            w.arriving.copy_to(i, &mut w.wave.paths, k, self.optional);
             if links {
                 self.record_receiver_class(i, k, w);
             }
@@ -169,7 +159,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Collects what a Lambertian vertex of constant albedo is made of.
+    /// Gathers the corners and the albedo of a Lambertian vertex of constant albedo.
     #[inline(always)]
     fn gather_plain(&self, i: usize, k: usize, w: &mut Workspace) {
         self.gather_corners(i, k, w);
@@ -188,7 +178,7 @@ impl Integrator<'_> {
         store_material(&mut w.wave.vertices.metal_rough, k, material);
     }
 
-    /// The path ends at a surface: adds its emission.
+    /// Adds the emission of a surface where the path ends.
     fn end_at_surface(&self, bounce: u32, i: usize, w: &mut Workspace) {
         let material = &self.scene.materials[w.materials[i] as usize];
         if bounce == 0 && self.first_hits.any() || material.medium_index != 0 {
@@ -198,13 +188,13 @@ impl Integrator<'_> {
             self.emit(bounce, i, &at, w);
         }
         if bounce == 0 {
-            w.sink.cover(w.arriving.carried.sample[i]);
+            w.radiance_buffer.cover(w.arriving.state.radiance_index[i]);
         }
     }
 
     /// The surface where ray `i` hit.
     fn hit_point(&self, i: usize, w: &Workspace) -> HitPoint<'_> {
-        let time = w.times.of(w.arriving.carried.sample[i]);
+        let time = w.times.of(w.arriving.state.radiance_index[i]);
         self.point_of(&w.rays[i], w.hits[i], w.materials[i], time)
     }
 
@@ -216,24 +206,24 @@ impl Integrator<'_> {
         HitPoint { surface, hit, material, is_back, time }
     }
 
-    /// Makes the vertex where ray `i` hit, whatever its class: geometry, textures, emission, the boundary of solids, and
-    /// what outputs show of a first hit.
+    /// Makes the vertex where ray `i` hit: geometry, textures, emission, interfaces of solids, and
+    /// AOVs of a first hit.
     fn vertex(&self, bounce: u32, i: usize, w: &mut Workspace) -> Vertex {
         let wo = -w.rays[i].direction;
         let mut at = self.hit_point(i, w);
         let (material, is_back) = (at.material, at.is_back);
         if material.class == BsdfClass::Hair {
-            // It scatters to all sides of the fibre, whatever pieces that consists of.
+            // Hair scatters to all sides of the fibre.
             at.surface.ng = at.surface.ns;
         }
         let is_solid = material.medium_index != 0;
         if is_solid && is_back {
-            let waves = w.times.waves(w.arriving.carried.sample[i]);
-            self.assume_inside(material, at.hit.t, i, &mut w.arriving, waves);
+            let wavelengths = w.times.wavelengths(w.arriving.state.radiance_index[i]);
+            self.assume_inside(material, at.hit.t, i, &mut w.arriving, wavelengths);
         }
-        let waves = w.times.waves(w.arriving.carried.sample[i]);
-        let (mut bsdf, ns) = self.read_material(&at, w.arriving.footprints.width[i], wo, waves);
-        if material.passes_straight && w.arriving.carried.pdf[i] > 0.0 {
+        let wavelengths = w.times.wavelengths(w.arriving.state.radiance_index[i]);
+        let (mut bsdf, ns) = self.read_material(&at, w.arriving.footprints.width[i], wo, wavelengths);
+        if material.passes_straight && w.arriving.state.pdf[i].competes() {
             bsdf = self.scatter_at_thin_glass(bsdf, i, w);
         }
         let mut vertex = Vertex {
@@ -247,13 +237,19 @@ impl Integrator<'_> {
             self.emit(bounce, i, &at, w);
         }
         if is_solid {
-            let waves = w.times.waves(w.arriving.carried.sample[i]);
-            let boundary = match self.touching(&w.rays[i], &at) {
-                None => self.boundary(bsdf, material, is_back, (bounce, i), &mut w.arriving, waves),
-                Some(touching) => {
+            let wavelengths = w.times.wavelengths(w.arriving.state.radiance_index[i]);
+            let boundary = match self.coincident_surfaces(&w.rays[i], &at) {
+                None => self.boundary(bsdf, material, is_back, (bounce, i), &mut w.arriving, wavelengths),
+                Some(coincident) => {
                     let met = CoincidentHit { at, bsdf, ns, width: w.arriving.footprints.width[i] };
-                    let (met, boundary) =
-                        self.coincident_interface(met, touching, wo, (bounce, i), &mut w.arriving, waves);
+                    let (met, boundary) = self.coincident_interface(
+                        met,
+                        coincident,
+                        wo,
+                        (bounce, i),
+                        &mut w.arriving,
+                        wavelengths,
+                    );
                     vertex.surface = Surface { ns: met.ns, ..met.at.surface };
                     boundary
                 }
@@ -264,7 +260,7 @@ impl Integrator<'_> {
                 vertex.surface.ns = -vertex.surface.ns;
             }
         }
-        if self.parts.chains {
+        if self.optional.chains {
             self.end_chain_if_bent(bounce, i, &vertex.surface, wo, &mut w.arriving.chains);
         }
         if bounce == 0 && self.first_hits.any() {
@@ -272,12 +268,12 @@ impl Integrator<'_> {
             let of_rgb = self.is_spectral().then(|| self.rgb_bsdf(&at, wo));
             let bsdf = of_rgb.as_ref().unwrap_or(&vertex.bsdf);
             let hit = FirstHit { hit: w.hits[i], time: at.time, surface, wo, bsdf };
-            w.first_hits.record(w.arriving.carried.sample[i] as usize, &hit, &self.shown());
+            w.first_hits.record(w.arriving.state.radiance_index[i] as usize, &hit, &self.shown());
         }
         vertex
     }
 
-    /// What first surfaces are part of.
+    /// The context of AOVs.
     pub(super) fn shown(&self) -> AovContext<'_> {
         AovContext {
             scene: self.scene,
@@ -294,16 +290,22 @@ impl Integrator<'_> {
         at: &HitPoint<'_>,
         width: f32,
         wo: Vec3,
-        waves: Option<&Wavelengths>,
+        wavelengths: Option<&Wavelengths>,
     ) -> (Bsdf, Vec3) {
         match at.material.constant.filter(|_| !at.material.uses_uv) {
             Some(bsdf) => (bsdf, at.surface.ns),
-            None => self.textured(at, width, wo, waves),
+            None => self.textured(at, width, wo, wavelengths),
         }
     }
 
     /// Looks up textures, vertex colours and the normal map.
-    fn textured(&self, at: &HitPoint<'_>, width: f32, wo: Vec3, waves: Option<&Wavelengths>) -> (Bsdf, Vec3) {
+    fn textured(
+        &self,
+        at: &HitPoint<'_>,
+        width: f32,
+        wo: Vec3,
+        wavelengths: Option<&Wavelengths>,
+    ) -> (Bsdf, Vec3) {
         let HitPoint { surface, hit, material, time, .. } = at;
         let at = self.scene.geometries.coordinates(surface, hit, self.scene.features.footprints, *time);
         let slots = self.slots(&at, surface, wo, width);
@@ -317,14 +319,14 @@ impl Integrator<'_> {
             LocalFrame::STRAIGHT
         };
         let vertex_color = Rgb::from_slice(&at.color);
-        let bsdf = match waves {
+        let bsdf = match wavelengths {
             None => material.bsdf(&slots, &frame, vertex_color),
-            Some(waves) => material.bsdf_by_wavelength(&slots, &frame, vertex_color, waves),
+            Some(wavelengths) => material.bsdf_by_wavelength(&slots, &frame, vertex_color, wavelengths),
         };
         (bsdf, ns)
     }
 
-    /// Texture lookups at a point that a path covers in a certain width and sees from `wo`.
+    /// Texture lookups at a point with the filter width of a path that sees it from `wo`.
     pub(super) fn slots(
         &self,
         at: &SurfaceCoordinates,
@@ -339,7 +341,7 @@ impl Integrator<'_> {
     }
 }
 
-/// Keeps a vertex of an opaque class: its normals are turned to the viewer.
+/// Stores a vertex of an opaque shading group, with normals on the viewer's side.
 fn store_opaque(v: &mut Vertices, k: usize, vertex: Vertex) {
     let Vertex { mut surface, is_back, wo, .. } = vertex;
     let side = if is_back { -1.0 } else { 1.0 };
@@ -349,7 +351,7 @@ fn store_opaque(v: &mut Vertices, k: usize, vertex: Vertex) {
     set(&mut v.wo, k, wo);
 }
 
-/// Keeps a vertex without a vectorised class.
+/// Stores a vertex with a general BSDF.
 fn store_general(v: &mut Vertices, k: usize, vertex: Vertex) {
     let Vertex { mut surface, beyond, wo, .. } = vertex;
     surface.ns = scattering_normal(surface.ns, surface.ng, wo);
@@ -359,7 +361,7 @@ fn store_general(v: &mut Vertices, k: usize, vertex: Vertex) {
 }
 
 impl Integrator<'_> {
-    /// Collects what vertex `k`, where ray `i` hit a triangle or quad, is made of.
+    /// Gathers the corners of the triangle or quad that ray `i` hit for vertex `k`.
     #[inline(always)]
     pub(super) fn gather_corners(&self, i: usize, k: usize, w: &mut Workspace) {
         let hit = &w.hits[i];
@@ -377,7 +379,7 @@ impl Integrator<'_> {
         set(&mut v.wo, k, -w.rays[i].direction);
     }
 
-    /// Makes surfaces from corners, with normals on the front.
+    /// Makes surfaces from corners, with normals on the front side.
     pub(super) fn make_surfaces(&self, range: Range<usize>, vertices: &mut Vertices) {
         if self.scene.features.normals {
             dispatch(MakeSurfaces::<true> { vertices, range });
@@ -386,14 +388,14 @@ impl Integrator<'_> {
         }
     }
 
-    /// Makes plain vertices: surfaces, normals towards the viewer.
+    /// Makes plain vertices: surfaces with normals on the viewer's side.
     pub(super) fn make_plain(&self, range: Range<usize>, vertices: &mut Vertices) {
         self.make_surfaces(range.clone(), vertices);
         dispatch(OrientNormals { vertices, range });
     }
 }
 
-/// Keeps a surface.
+/// Stores a surface.
 #[inline(always)]
 pub(super) fn store(v: &mut Vertices, k: usize, surface: &Surface) {
     set(&mut v.p, k, surface.p);
@@ -431,7 +433,7 @@ impl<const SMOOTH: bool> Kernel for MakeSurfaces<'_, SMOOTH> {
     }
 }
 
-/// Turns the normals of plain vertices to the viewers.
+/// Flips the normals of plain vertices to the viewer's side.
 struct OrientNormals<'a> {
     vertices: &'a mut Vertices,
     range: Range<usize>,
@@ -453,7 +455,7 @@ impl Kernel for OrientNormals<'_> {
 }
 
 impl Integrator<'_> {
-    /// Collects what textured vertex `k`, where ray `i` hit a triangle, is made of.
+    /// Gathers the corners and texture coordinates of the triangle that ray `i` hit for vertex `k`.
     #[inline(always)]
     pub(super) fn gather_textured(&self, i: usize, k: usize, w: &mut Workspace) {
         self.gather_corners(i, k, w);
@@ -485,7 +487,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Keeps what outputs besides colour show of vertex `k`, the first of its path.
+    /// Records the AOVs of vertex `k`, the first of its path.
     fn record_first_hit(&self, k: usize, w: &mut Workspace) {
         let v = &w.wave.vertices;
         let i = v.textured.ray[k] as usize;
@@ -497,12 +499,12 @@ impl Integrator<'_> {
             material: w.materials[i],
         };
         let bsdf = Bsdf::MetalRough(load_material(&v.metal_rough, k, self.scene.shading));
-        // Nothing that moves is in this group.
+        // Moving geometry is in other groups.
         let hit = FirstHit { hit: w.hits[i], time: 0.0, surface, wo: get(&v.wo, k), bsdf: &bsdf };
-        w.first_hits.record(w.wave.paths.carried.sample[k] as usize, &hit, &self.shown());
+        w.first_hits.record(w.wave.paths.state.radiance_index[k] as usize, &hit, &self.shown());
     }
 
-    /// Reads the textures of vertex `k`: what its normal map says, its material, its emission.
+    /// Reads the textures of vertex `k`: normal map, material, emission.
     fn read_textures(&self, bounce: u32, k: usize, w: &mut Workspace) {
         let v = &mut w.wave.vertices;
         let i = v.textured.ray[k] as usize;
@@ -513,7 +515,7 @@ impl Integrator<'_> {
             uv: [uv, Vec2::ZERO],
             world: p,
             normal: ng,
-            // What depends on it is shaded elsewhere.
+            // Materials that depend on it are in other groups.
             cosine: 1.0,
             width: w.arriving.footprints.width[i],
             uv_per_metre: [v.textured.uv_per_metre[k], 0.0],
@@ -580,16 +582,16 @@ impl Kernel for TextureFrames<'_> {
     }
 }
 
-/// Shorter tangents count as none.
+/// Squared length below which tangents count as zero.
 const LEAST_SQUARED: f32 = 1e-30;
 
-/// The part of a vector that is perpendicular to a normal.
+/// The component of a vector perpendicular to a normal.
 #[inline(always)]
 fn flat(v: Vec3, n: Vec3) -> Vec3 {
     v - n * n.dot(v)
 }
 
-/// Bends normals as the maps say, and turns them to the viewers.
+/// Applies normal maps and flips normals to the viewer's side.
 struct BendNormals<'a> {
     vertices: &'a mut Vertices,
     range: Range<usize>,

@@ -3,6 +3,7 @@
 use super::direct_light::{
     Direct, DirectParams, EnvironmentSampler, RectangleSampler, SampleLight, SampleRectangles, VectorSampler,
 };
+use super::mis::LightPdf;
 use super::sampling::ScatterParams;
 use super::scatter::Scatter;
 use super::shading_geometry::scattering_normal;
@@ -48,10 +49,15 @@ fn random_wave(random: &mut Random) -> Box<Wave> {
         set(&mut v.light.target, i, 5.0 * random.direction());
         v.light.is_infinite[i] = f32::from(u8::from(i % 2 == 0));
         set_rgb(&mut v.light.radiance, i, color(random));
-        v.light.pdf[i] = [0.0, -1.0, random.next(), 10.0 * random.next()][i % 4];
-        set_rgb(&mut paths.carried.throughput, i, color(random));
-        paths.carried.eta_squared[i] = 1.0;
-        (paths.carried.seed[i], paths.carried.shuffled[i]) =
+        v.light.pdf[i] = [
+            LightPdf::NONE,
+            LightPdf::delta(1.0),
+            LightPdf::new(random.next()),
+            LightPdf::new(10.0 * random.next()),
+        ][i % 4];
+        set_rgb(&mut paths.state.throughput, i, color(random));
+        paths.state.roulette_scale[i] = 1.0;
+        (paths.state.seed[i], paths.state.shuffled[i]) =
             SobolPoint::new(i as u32 * 747_796_405, i as u32).to_parts();
     }
     wave
@@ -64,8 +70,8 @@ fn copy(wave: &Wave) -> Box<Wave> {
     (to.light.wi, to.light.target, to.light.is_infinite) =
         (from.light.wi, from.light.target, from.light.is_infinite);
     (to.light.radiance, to.light.pdf) = (from.light.radiance, from.light.pdf);
-    let (from, to) = (&wave.paths.carried, &mut other.paths.carried);
-    (to.throughput, to.eta_squared) = (from.throughput, from.eta_squared);
+    let (from, to) = (&wave.paths.state, &mut other.paths.state);
+    (to.throughput, to.roulette_scale) = (from.throughput, from.roulette_scale);
     (to.seed, to.shuffled) = (from.seed, from.shuffled);
     other
 }
@@ -97,26 +103,27 @@ fn compare(mut wave: Box<Wave>, class: impl VertexClass + Copy, bsdfs: &[Bsdf]) 
     }
     assert!(lit > COUNT / 8, "{lit} lit");
 
-    let how = ScatterParams { dimensions: &Dimensions::new(2), roulette: true, branches: 1.0 };
-    dispatch(Scatter::<_, true> { wave: &mut wave, class, range: 0..COUNT, how });
-    Scatter::<_, true> { wave: &mut general_wave, class: general(), range: 0..COUNT, how }.run();
+    let params = ScatterParams { dimensions: &Dimensions::new(2), roulette: true, branches: 1.0 };
+    dispatch(Scatter::<_, true> { wave: &mut wave, class, range: 0..COUNT, params });
+    Scatter::<_, true> { wave: &mut general_wave, class: general(), range: 0..COUNT, params }.run();
     let (mut scattered, mut borderline) = (0, 0);
     for i in 0..COUNT {
-        let pdf = |w: &Wave| w.paths.carried.pdf[i];
+        let pdf = |w: &Wave| w.paths.state.pdf[i];
         let (own, other) = (pdf(&wave), pdf(&general_wave));
-        if (own < 0.0) != (other < 0.0) {
+        if own.has_ended() != other.has_ended() {
             // Rounding decides who survives.
             borderline += 1;
             continue;
         }
-        if own < 0.0 {
+        if own.has_ended() {
             continue;
         }
+        let (own, other) = (own.value(), other.value());
         scattered += 1;
         assert!((own - other).abs() <= 5e-4 * own.max(1e-3), "pdf {i}: {own} {other}");
         let direction = |w: &Wave| get(&w.vertices.next_direction, i);
         assert!((direction(&wave) - direction(&general_wave)).length() < 1e-5, "direction {i}");
-        let throughput = |w: &Wave| get_rgb(&w.paths.carried.throughput, i);
+        let throughput = |w: &Wave| get_rgb(&w.paths.state.throughput, i);
         assert_close(throughput(&wave), throughput(&general_wave), &format!("throughput {i}"));
     }
     assert!(scattered > COUNT / 4 && borderline <= 2, "{scattered} scattered, {borderline} borderline");
@@ -171,7 +178,7 @@ fn compare_samples(sampler: impl VectorSampler, sample: impl Fn(Vec3, [f32; 2]) 
     let dimensions = &Dimensions::new(1);
     dispatch(SampleLight { wave: &mut wave, count: COUNT, dimensions, sampler });
     let reached = compare_light(&wave, |i| {
-        let path = &wave.paths.carried;
+        let path = &wave.paths.state;
         let [a, b, ..] = SobolPoint::from_parts(path.seed[i], path.shuffled[i]).sample_4d(dimensions);
         sample(get(&wave.vertices.p, i), [a, b])
     });
@@ -185,7 +192,7 @@ fn compare_light(wave: &Wave, one: impl Fn(usize) -> LightSample) -> usize {
     let mut reached = 0;
     for i in 0..COUNT {
         let one = one(i);
-        let (pdf, expected) = (v.light.pdf[i], one.pdf_solid_angle);
+        let (pdf, expected) = (v.light.pdf[i].value(), one.pdf_solid_angle);
         assert!((pdf - expected).abs() <= 1e-4 * expected, "pdf {i}: {pdf} {expected}");
         if expected > 0.0 {
             reached += 1;

@@ -7,25 +7,25 @@
 //! Thin glass: smooth thin sheets transmit light without a change of direction, so light samples reach through them,
 //! attenuated. So that no light counts twice, a scattered ray that competes with light sampling (a positive pdf) passes the
 //! sheet with a probability and keeps its origin and pdf; lights behind are then weighted as any others. Else it scatters by
-//! the BSDF without the straight transmission. Rays that don't compete (from the camera, from mirrors) scatter at sheets as at
-//! all surfaces.
+//! the BSDF without the straight transmission. Rays that don't compete (from the camera, from mirrors) scatter at
+//! sheets as at all surfaces.
 
 use super::Integrator;
 use super::interior::CameraInterior;
+use super::sampling::RandomChoice;
 use super::shading_geometry::{HitPoint, scattering_normal};
 use super::shading_groups::SortedVertices;
 use super::visibility::LIGHT_SAMPLE_KINDS;
-use super::wave::{LightLanes, PathParts, PathState, Vertices, Wave, get, get_rgb, set_rgb};
+use super::wave::{LightLanes, OptionalState, PathState, Vertices, Wave, get, get_rgb, set_rgb};
 use super::workspace::{SampleTimes, Workspace};
 use crate::bsdf::Bsdf;
 use crate::color::Rgb;
 use crate::compile::CompiledMaterial;
 use crate::math::{Frame, Hit, Ray, Vec3};
-use crate::sampling::hash::{hash32, unit};
 use crate::scene::RayKinds;
 use crate::shape::Surface;
 
-/// Surfaces in a row that a ray may pass; a guard against endless stacks.
+/// Maximum number of surfaces that a ray may pass.
 const MAX_PASSED_SURFACES: u32 = 4096;
 
 impl Integrator<'_> {
@@ -33,19 +33,19 @@ impl Integrator<'_> {
     pub(super) fn skip_absent_surfaces(&self, bounce: u32, w: &mut Workspace) {
         self.find_materials(w);
         for pass in 0..MAX_PASSED_SURFACES {
-            let Workspace { pending, rays, hits, arriving, without, times, .. } = &mut *w;
+            let Workspace { pending, rays, hits, arriving, excludes_casters, times, .. } = &mut *w;
             pending.retain(|&i| {
                 let i = i as usize;
-                if self.is_excluded(*without, &hits[i]) {
+                if self.is_excluded(*excludes_casters, &hits[i]) {
                     return true;
                 }
-                let carried = &arriving.carried;
-                let salt = hash32(carried.seed[i] ^ hash32(carried.shuffled[i]) ^ (bounce << 16));
-                let salt = salt.wrapping_add(pass);
-                let time = times.of(carried.sample[i]);
-                match self.response(&rays[i], &hits[i], time, self.kind(bounce, i, arriving), || salt) {
+                let path = &arriving.state;
+                let time = times.of(path.radiance_index[i]);
+                let uniform = || RandomChoice::Alpha { surface: pass }.uniform(path, i, bounce);
+                match self.response(&rays[i], &hits[i], time, self.kind(bounce, i, arriving), uniform) {
                     HitResponse::Stops => {
-                        self.passes_thin_glass(i, &rays[i], &hits[i], time, salt, &mut arriving.carried)
+                        let crossing = (&rays[i], &hits[i], time);
+                        self.passes_thin_glass((bounce, i), crossing, pass, &mut arriving.state)
                     }
                     HitResponse::Passes => true,
                     HitResponse::PassUnseen(others) => {
@@ -64,7 +64,7 @@ impl Integrator<'_> {
             let Workspace {
                 pending, pending_rays, pending_hits, rays, hits, materials, arriving, times, ..
             } = &mut *w;
-            let sample = |&i: &u32| arriving.carried.sample[i as usize];
+            let sample = |&i: &u32| arriving.state.radiance_index[i as usize];
             let mut crowded = Vec::new();
             pending_rays.clear();
             pending_rays.extend(pending.iter().enumerate().map(|(k, &i)| {
@@ -91,7 +91,7 @@ impl Integrator<'_> {
 
     /// Finds the materials of all hits; those that may be absent are pending.
     fn find_materials(&self, w: &mut Workspace) {
-        let possibly_absent = self.possibly_absent(w.without);
+        let possibly_absent = self.possibly_absent(w.excludes_casters);
         w.pending.clear();
         w.materials.clear();
         for (i, hit) in w.hits.iter().enumerate() {
@@ -106,12 +106,12 @@ impl Integrator<'_> {
         }
     }
 
-    /// Adds the light of the lamps that pending rays are about to pass.
+    /// Adds the emission of surfaces that pending rays pass.
     fn add_passed_emission(&self, bounce: u32, w: &mut Workspace) {
         for k in 0..w.pending.len() {
             let i = w.pending[k] as usize;
             let hit = w.hits[i];
-            if self.is_excluded(w.without, &hit) {
+            if self.is_excluded(w.excludes_casters, &hit) {
                 continue;
             }
             let material = &self.scene.materials[self.scene.geometries.material(&hit) as usize];
@@ -121,26 +121,35 @@ impl Integrator<'_> {
             {
                 continue;
             }
-            let time = w.times.of(w.arriving.carried.sample[i]);
+            let time = w.times.of(w.arriving.state.radiance_index[i]);
             let surface = self.scene.geometries.surface(&w.rays[i], &hit, time);
             let is_back = surface.ng.dot(w.rays[i].direction) > 0.0;
-            let throughput = get_rgb(&w.arriving.carried.throughput, i);
+            let throughput = get_rgb(&w.arriving.state.throughput, i);
             let left = self.transmittance_to_hit(i, hit.t, w);
-            set_rgb(&mut w.arriving.carried.throughput, i, throughput * left);
+            set_rgb(&mut w.arriving.state.throughput, i, throughput * left);
             self.emit(bounce, i, &HitPoint { surface, hit, material, is_back, time }, w);
-            set_rgb(&mut w.arriving.carried.throughput, i, throughput);
+            set_rgb(&mut w.arriving.state.throughput, i, throughput);
         }
     }
 
-    /// Any-hit for shadow rays among surfaces that may be absent.
+    /// Occlusion of shadow rays among surfaces that may be absent.
     pub(super) fn test_shadow_rays_with_alpha(&self, bounce: u32, w: &mut Workspace) {
         self.find_possible_occluders(w);
-        let Workspace { wave, shadow_rays, shadow_vertices, occluded, ray_counts, without, times, .. } = w;
+        let Workspace {
+            wave,
+            shadow_rays,
+            shadow_vertices,
+            occluded,
+            ray_counts,
+            excludes_casters,
+            times,
+            ..
+        } = w;
         let (pending, pending_rays, pending_hits) =
             (&mut w.pending, &mut w.pending_rays, &mut w.pending_hits);
         let (shadow_segments, passed_kinds) = (&mut w.shadow_segments, &mut w.passed_kinds);
         let Wave { paths, vertices: Vertices { light, .. }, .. } = &mut **wave;
-        let sample = |&vertex: &u32| paths.carried.sample[vertex as usize];
+        let sample = |&vertex: &u32| paths.state.radiance_index[vertex as usize];
         let mut crowded: Vec<(usize, Hit, f32)> = Vec::new();
         for pass in 0..MAX_PASSED_SURFACES {
             if pending.is_empty() {
@@ -165,15 +174,13 @@ impl Integrator<'_> {
                     return false;
                 }
                 let i = shadow_vertices[k] as usize;
-                let (path, time) = (&paths.carried, times.of(paths.carried.sample[i]));
-                if self.is_excluded(*without, &hit) || self.is_not_a_blocker(i as u32, &hit, light) {
+                let (path, time) = (&paths.state, times.of(paths.state.radiance_index[i]));
+                if self.is_excluded(*excludes_casters, &hit) || self.is_not_a_blocker(i as u32, &hit, light) {
                     advance_past(&mut shadow_rays[k], hit, time);
                     return true;
                 }
-                let salt = || hash32(path.seed[i] ^ hash32(!path.shuffled[i]) ^ (bounce << 16));
-                match self
-                    .response(&shadow_rays[k], &hit, time, LIGHT_SAMPLE_KINDS, || salt().wrapping_add(pass))
-                {
+                let uniform = || RandomChoice::ShadowAlpha { surface: pass }.uniform(path, i, bounce);
+                match self.response(&shadow_rays[k], &hit, time, LIGHT_SAMPLE_KINDS, uniform) {
                     HitResponse::Stops
                         if self.shadow_ray_passes_thin_glass(i, &shadow_rays[k], &hit, time, light) => {}
                     HitResponse::Stops => {
@@ -187,32 +194,44 @@ impl Integrator<'_> {
                         }
                     }
                 }
-                let (way, waves) = (shadow_segments.get_mut(k), times.waves(path.sample[i]));
-                self.cross_with_shadow_ray(i, &shadow_rays[k], (&hit, time), way, light, waves);
+                let (way, wavelengths) =
+                    (shadow_segments.get_mut(k), times.wavelengths(path.radiance_index[i]));
+                self.cross_with_shadow_ray(i, &shadow_rays[k], (&hit, time), way, light, wavelengths);
                 advance_past(&mut shadow_rays[k], hit, time);
                 true
             });
         }
     }
 
-    /// Finds the shadow rays that hit what may be absent; of others it is known whether they are occluded.
+    /// Tests shadow rays; those that hit surfaces which may be absent are pending.
     fn find_possible_occluders(&self, w: &mut Workspace) {
-        let Workspace { wave, shadow_rays, shadow_vertices, occluded, ray_counts, without, times, .. } = w;
+        let Workspace {
+            wave,
+            shadow_rays,
+            shadow_vertices,
+            occluded,
+            ray_counts,
+            excludes_casters,
+            times,
+            ..
+        } = w;
         let (pending, pending_hits) = (&mut w.pending, &mut w.pending_hits);
-        let sample = |&vertex: &u32| wave.paths.carried.sample[vertex as usize];
+        let sample = |&vertex: &u32| wave.paths.state.radiance_index[vertex as usize];
         if pending_hits.len() < shadow_rays.len() {
             pending_hits.resize(shadow_rays.len(), Hit::MISS);
         }
         times.any(&self.scene.accel, shadow_rays, shadow_vertices.iter().map(sample), pending_hits);
         ray_counts.all += shadow_rays.len() as u64;
-        let possibly_absent = self.possibly_absent(*without);
-        // Most hit nothing, or something that is there.
+        let possibly_absent = self.possibly_absent(*excludes_casters);
+        // Most hit nothing, or surfaces that are present.
         pending.clear();
         for (k, (hit, occluded)) in pending_hits.iter().zip(&mut **occluded).enumerate() {
             let vertex = shadow_vertices[k];
             let is_front = || self.is_surely_front(&shadow_rays[k], hit, times.of(sample(&vertex)));
-            let may_be_absent =
-                || possibly_absent[self.scene.geometries.material(hit) as usize] && (*without || !is_front());
+            let may_be_absent = || {
+                possibly_absent[self.scene.geometries.material(hit) as usize]
+                    && (*excludes_casters || !is_front())
+            };
             let may_be_absent_at =
                 hit.is_hit() && (may_be_absent() || self.is_not_a_blocker(vertex, hit, &wave.vertices.light));
             *occluded = hit.is_hit() && !may_be_absent_at;
@@ -222,7 +241,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Is there a hit, on a surface that may be absent?
+    /// Is this a hit on a surface that may be absent?
     #[inline(always)]
     pub(super) fn may_be_absent_at(&self, hit: &Hit) -> bool {
         hit.is_hit() && self.may_be_absent[self.scene.geometries.material(hit) as usize]
@@ -239,13 +258,14 @@ impl Integrator<'_> {
             && self.scene.geometries.is_back_of_flat(ray, hit, time) == Some(false)
     }
 
-    /// Takes a ray past a surface that isn't there. Its origin stays what densities refer to. Is another surface perhaps at the same
-    /// place that only [`Integrator::intersect_past`] finds?
+    /// Advances a ray past an absent surface; its origin stays, to which densities refer. Returns whether there may be
+    /// another surface in the same place that only [`Integrator::intersect_past`] finds?
     ///
-    /// A sheet that has another material on either side is often two at the same place, turned away from each other:
-    /// behind a back that isn't there, what lies at the same distance still counts. So it does at flat boundaries of media:
-    /// bodies of fog touch each other and stand on floors. And so it does where another surface at the same place is there
-    /// for other kinds of rays. Of many at one place two are found by leaving out the first; round boundaries are not left out.
+    /// A sheet with different materials on its sides is often modelled as two coincident surfaces that face away from
+    /// each other: behind an absent back side, surfaces at the same distance still count. So do they at flat boundaries
+    /// of media: bodies of fog touch each other and stand on floors. And so do they where a coincident surface is
+    /// visible to other ray kinds. Excluding the first primitive finds two of many coincident surfaces; curved
+    /// boundaries are not excluded.
     fn advance_past(&self, ray: &mut Ray, hit: &Hit, time: f32) -> bool {
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
         let is_for_some = material.visible_to() != RayKinds::ALL;
@@ -263,8 +283,8 @@ impl Integrator<'_> {
         is_crowded
     }
 
-    /// Finds the nearest hits of rays whose paths have these samples; of those past places where others may lie, by their number, what
-    /// lies there as well. None of them is left.
+    /// Finds the nearest hits of rays of paths with these radiance indices; of the rays in `crowded`, the
+    /// next of several coincident surfaces. Empties `crowded`.
     fn intersect_past(
         &self,
         (times, samples): (&mut SampleTimes, impl Iterator<Item = u32>),
@@ -280,7 +300,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// What a ray of a kind does where it hit. Nothing hit stops it: there is nothing to pass.
+    /// Whether a ray of a kind ends at its hit; misses count as an end.
     #[inline(always)]
     fn response(
         &self,
@@ -288,7 +308,7 @@ impl Integrator<'_> {
         hit: &Hit,
         time: f32,
         kind: RayKinds,
-        salt: impl Fn() -> u32,
+        uniform: impl Fn() -> f32,
     ) -> HitResponse {
         if !hit.is_hit() {
             return HitResponse::Stops;
@@ -296,7 +316,7 @@ impl Integrator<'_> {
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
         let is_absent = material.is_boundary
             || material.is_absent_from_behind && self.scene.geometries.is_back(ray, hit, time);
-        let is_there = !is_absent && self.is_present(material, ray, hit, time, salt);
+        let is_there = !is_absent && self.is_present(material, ray, hit, time, uniform);
         match material.presence {
             _ if !is_there => HitResponse::Passes,
             None => HitResponse::Stops,
@@ -306,7 +326,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Does alpha say that the surface is there?
+    /// Stochastic alpha: is the surface present?
     #[inline(always)]
     fn is_present(
         &self,
@@ -314,53 +334,48 @@ impl Integrator<'_> {
         ray: &Ray,
         hit: &Hit,
         time: f32,
-        salt: impl Fn() -> u32,
+        uniform: impl Fn() -> f32,
     ) -> bool {
-        material.alpha.is_none() || unit(hash32(salt())) < self.presence(ray, hit, time, material)
+        material.alpha.is_none() || uniform() < self.presence(ray, hit, time, material)
     }
 
-    /// The probability that a surface of a material is there where a ray hit it.
+    /// The alpha of a surface where a ray hit it.
     pub(super) fn presence(&self, ray: &Ray, hit: &Hit, time: f32, material: &CompiledMaterial) -> f32 {
         let Some(alpha) = material.alpha else { return 1.0 };
         let surface: Surface = self.scene.geometries.surface(ray, hit, time);
         let at = self.scene.geometries.coordinates(&surface, hit, false, time);
         let vertex_alpha = if material.uses_vertex_colors { at.color[3] } else { 1.0 };
-        // Those of shadow rays are as long as their way.
+        // Directions of shadow rays have the length of the segment.
         let wo = if alpha.depends_on_viewer { -ray.direction.normalize() } else { Vec3::ZERO };
         alpha.presence(&self.slots(&at, &surface, wo, 0.0), vertex_alpha)
     }
 }
 
-/// What a ray does where it hit a surface.
+/// What a ray does at a hit.
 enum HitResponse {
     /// It ends there.
     Stops,
-    /// It goes on: nothing is there, or what only takes its light along.
+    /// It continues behind the surface, which is absent, or only emits.
     Passes,
-    /// It goes on, but rays of these kinds end there.
+    /// It continues, but rays of these kinds end there.
     PassUnseen(RayKinds),
 }
 
-/// Keeps the choice whether to pass a sheet apart from others with the same salt.
-const SHEET: u32 = 0x5bd1_e995;
-
 impl Integrator<'_> {
-    /// Does the ray of arriving path `i` pass the sheet that it hit, if it is one? The path then carries what is left.
+    /// Does the ray of arriving path `i` pass the thin glass that it hit, if it is some? Weights the path's throughput.
     pub(super) fn passes_thin_glass(
         &self,
-        i: usize,
-        ray: &Ray,
-        hit: &Hit,
-        time: f32,
-        salt: u32,
+        (bounce, i): (u32, usize),
+        (ray, hit, time): (&Ray, &Hit, f32),
+        surface: u32,
         path: &mut PathState,
     ) -> bool {
-        if path.pdf[i] <= 0.0 {
+        if !path.pdf[i].competes() {
             return false;
         }
         let passing = self.straight(ray, hit, time);
         let probability = passing.max_element().min(1.0);
-        let passes = unit(hash32(salt ^ SHEET)) < probability;
+        let passes = RandomChoice::ThinGlass { surface }.uniform(path, i, bounce) < probability;
         if passes {
             let throughput = get_rgb(&path.throughput, i);
             set_rgb(&mut path.throughput, i, throughput * passing / probability);
@@ -368,18 +383,18 @@ impl Integrator<'_> {
         passes
     }
 
-    /// What arriving path `i`, which did not pass a sheet though it might have, finds there.
+    /// The BSDF of thin glass for arriving path `i`, which did not pass it. Weights the path's throughput.
     pub(super) fn scatter_at_thin_glass(&self, bsdf: Bsdf, i: usize, w: &mut Workspace) -> Bsdf {
-        let time = w.times.of(w.arriving.carried.sample[i]);
+        let time = w.times.of(w.arriving.state.radiance_index[i]);
         let stops = 1.0 - self.straight(&w.rays[i], &w.hits[i], time).max_element();
-        let throughput = &mut w.arriving.carried.throughput;
+        let throughput = &mut w.arriving.state.throughput;
         let value = get_rgb(throughput, i);
         set_rgb(throughput, i, if stops > 0.0 { value / stops } else { Rgb::ZERO });
         bsdf.without_straight()
     }
 
-    /// Does the light of the sample of vertex `i` pass the sheet that its shadow ray hit, if it is one? The contribution
-    /// becomes what is left.
+    /// Does the shadow ray of vertex `i` pass the thin glass that it hit, if it is some? Attenuates
+    /// the contribution.
     pub(super) fn shadow_ray_passes_thin_glass(
         &self,
         i: usize,
@@ -396,7 +411,7 @@ impl Integrator<'_> {
         passes
     }
 
-    /// Share of light that passes straight on where a ray hit; zero at all but smooth thin sheets.
+    /// Straight transmittance at a hit; zero except at smooth thin glass.
     fn straight(&self, ray: &Ray, hit: &Hit, time: f32) -> Rgb {
         if !hit.is_hit() {
             return Rgb::ZERO;
@@ -407,7 +422,7 @@ impl Integrator<'_> {
         }
         let wo = -ray.direction.normalize();
         let at = self.point_of(ray, *hit, index, time);
-        // A point, as all that competes with light sampling.
+        // Unfiltered, as in light sampling.
         let (bsdf, ns) = self.read_material(&at, 0.0, wo, None);
         let ns = scattering_normal(ns, at.surface.ng, wo);
         bsdf.straight(Frame::from_normal(ns).to_local(wo))
@@ -415,127 +430,128 @@ impl Integrator<'_> {
 }
 
 impl Integrator<'_> {
-    /// What is special to pictures becomes transparent; other samples may do so later.
+    /// Makes samples transparent that hit holdouts and shadow catchers, and starts the state of clear paths.
     pub(super) fn set_alpha(&self, sorted: &SortedVertices, w: &mut Workspace) {
         if !w.uncovered.is_empty() {
             self.uncover(w);
         }
-        if self.parts.clear {
+        if self.optional.clear {
             self.start_clear(sorted, w);
         }
     }
 
-    /// All paths whose samples are opaque may see through glass: what catchers and holdouts are has an alpha of its own.
+    /// Paths of opaque samples may see through clear glass: holdouts and shadow catchers have an alpha of their own.
     fn start_clear(&self, sorted: &SortedVertices, w: &mut Workspace) {
         let paths = &mut w.wave.paths;
         for i in sorted.all() {
-            paths.clear[i] = u32::from(w.sink.is_covered(paths.carried.sample[i]));
+            paths.clear[i] = u32::from(w.radiance_buffer.is_covered(paths.state.radiance_index[i]));
         }
     }
 
-    /// What throughput says less of light that comes into the medium around the camera: there, radiance is larger by the square of
-    /// its index of refraction, which is no matter of how much passes.
+    /// 1 / ior^2 of the medium around the camera: radiance within it is larger by the square of
+    /// its index of refraction, which does not change transmittance.
     fn share_of_outside(&self) -> Rgb {
         let CameraInterior::Same(interior) = self.camera_interior else { return Rgb::ONE };
         let iors = self.scene.media[usize::from(interior.medium())].iors.unwrap_or([1.0; 3]);
         Rgb::from_array(iors.map(|ior| 1.0 / (ior * ior)))
     }
 
-    /// Takes down which paths just passed a smooth surface, and nothing else before.
+    /// Updates which paths have passed smooth transmitting surfaces only.
     pub(super) fn update_clear_paths(&self, sorted: &SortedVertices, w: &mut Workspace) {
         let (paths, v) = (&mut w.wave.paths, &w.wave.vertices);
         let general = sorted.general();
         for i in sorted.all() {
             let (wo, wi, ng) = (get(&v.wo, i), get(&v.next_direction, i), get(&v.ng, i));
-            let passes = general.contains(&i) && paths.carried.pdf[i] == 0.0 && wo.dot(ng) * wi.dot(ng) < 0.0;
+            let passes =
+                general.contains(&i) && paths.state.pdf[i].is_specular() && wo.dot(ng) * wi.dot(ng) < 0.0;
             paths.clear[i] &= u32::from(passes);
         }
     }
 
-    /// Makes the samples of clear paths that leave the scene transparent; these paths find no light then.
+    /// Makes the samples of clear paths that leave the scene transparent, in place of the environment.
     pub(super) fn add_clear_background(&self, w: &mut Workspace) {
-        let Workspace { escaped, arriving, sink, .. } = w;
+        let Workspace { escaped, arriving, radiance_buffer, .. } = w;
         let share = self.share_of_outside();
         escaped.retain(|&i| {
             let i = i as usize;
             let is_clear = arriving.clear[i] != 0;
             if is_clear {
-                let left = get_rgb(&arriving.carried.throughput, i) * share;
-                sink.make_transparent(arriving.carried.sample[i], (left.r + left.g + left.b) / 3.0);
+                let left = get_rgb(&arriving.state.throughput, i) * share;
+                radiance_buffer
+                    .make_transparent(arriving.state.radiance_index[i], (left.r + left.g + left.b) / 3.0);
             }
             !is_clear
         });
     }
 }
 
-/// All that paths carry.
-const WHOLE: PathParts = PathParts::ALL;
-
 impl Integrator<'_> {
-    /// Are there catchers, and is what they catch asked for?
+    /// Are there shadow catchers, and are they in the outputs?
     pub(super) fn has_shadow_catchers(&self) -> bool {
         self.options.catchers && self.scene.features.catchers
     }
 
-    /// Is the object at a hit one that is left out now?
+    /// Is the object at a hit excluded now?
     #[inline(always)]
-    pub(super) fn is_excluded(&self, without: bool, hit: &Hit) -> bool {
-        without && hit.is_hit() && self.excluded[self.scene.geometries.material(hit) as usize]
+    pub(super) fn is_excluded(&self, excludes_casters: bool, hit: &Hit) -> bool {
+        excludes_casters && hit.is_hit() && self.excluded[self.scene.geometries.material(hit) as usize]
     }
 
-    /// By material: may its surfaces be passed now?
+    /// By material: may rays pass its surfaces now?
     #[inline(always)]
-    pub(super) fn possibly_absent(&self, without: bool) -> &[bool] {
-        if without { &self.absent_or_excluded } else { &self.may_be_absent }
+    pub(super) fn possibly_absent(&self, excludes_casters: bool) -> &[bool] {
+        if excludes_casters { &self.absent_or_excluded } else { &self.may_be_absent }
     }
 
-    /// Remembers how the paths of a wave start.
+    /// Saves the camera paths of a wave.
     pub(super) fn save_camera_paths(&self, w: &mut Workspace) {
         let count = w.rays.len();
         let starts = w.starts.get_or_insert_with(bytemuck::zeroed_box);
         for i in 0..count {
-            w.arriving.copy_to(i, starts, i, WHOLE);
+            w.arriving.copy_to(i, starts, i, OptionalState::ALL);
         }
         w.start_rays.clone_from(&w.rays);
     }
 
     /// Finds the samples whose camera rays hit catchers.
     pub(super) fn find_catchers(&self, w: &mut Workspace) {
-        w.caught.clear();
+        w.catcher_samples.clear();
         for (i, hit) in w.hits.iter().enumerate() {
             let material = &self.scene.materials[w.materials[i] as usize];
             if hit.is_hit() && material.presence.is_some_and(|p| p.is_catcher && !p.is_holdout) {
-                w.caught.push(w.arriving.carried.sample[i]);
+                w.catcher_samples.push(w.arriving.state.radiance_index[i]);
             }
         }
-        w.uncovered.extend_from_slice(&w.caught);
+        w.uncovered.extend_from_slice(&w.catcher_samples);
     }
 
-    /// Traces the samples that see catchers without other objects, and keeps both radiances. False if `stop` said so.
+    /// Traces the samples that see shadow catchers again without casters, and records both radiances. False if `stop`
+    /// interrupted it.
     pub(super) fn trace_without_casters(&self, w: &mut Workspace, stop: &dyn Fn() -> bool) -> bool {
-        if w.caught.is_empty() {
+        if w.catcher_samples.is_empty() {
             return true;
         }
-        let samples = std::mem::take(&mut w.caught);
+        let samples = std::mem::take(&mut w.catcher_samples);
         let count = w.pixels.len();
-        w.sink.extend(2 * count);
+        w.radiance_buffer.extend(2 * count);
         w.times.repeat();
         w.rays.clear();
         if let Some(starts) = &w.starts {
             for (k, &sample) in samples.iter().enumerate() {
-                starts.copy_to(sample as usize, &mut w.arriving, k, WHOLE);
-                w.arriving.carried.sample[k] = sample + count as u32;
+                starts.copy_to(sample as usize, &mut w.arriving, k, OptionalState::ALL);
+                w.arriving.state.radiance_index[k] = sample + count as u32;
                 w.rays.push(w.start_rays[sample as usize]);
             }
         }
-        w.without = true;
+        w.excludes_casters = true;
         let is_done = self.trace_paths(w, stop);
-        w.without = false;
+        w.excludes_casters = false;
         for &sample in &samples {
-            let (with, without) = (w.sink.radiance(sample), w.sink.radiance(sample + count as u32));
-            w.sink.set_catcher(sample, with, without);
+            let (with, without) =
+                (w.radiance_buffer.radiance(sample), w.radiance_buffer.radiance(sample + count as u32));
+            w.radiance_buffer.set_catcher(sample, with, without);
         }
-        w.caught = samples;
+        w.catcher_samples = samples;
         is_done
     }
 }

@@ -3,20 +3,21 @@
 //! The lobe that scatters a path decides the kind of its next ray. At surfaces with several lobes, one kind is drawn in
 //! proportion to its fraction of the BSDF's value, so that each kind alone is unbiased.
 //!
-//! Whether sampled light arrives is decided by one set of objects, however the light is found: for diffuse reflection and media
-//! the set visible to shadow rays, for glossy reflection and transmission the set visible to their own rays, as in mirrors. So
-//! light samples and scattered rays agree where an object is visible to one of them only: a diffuse ray that passed a shadow
-//! caster brings no sampled light from behind it, and a light sample that passed something which stops diffuse rays has MIS
-//! weight 1, since they cannot find the light. For environments that are not sampled, the visibility to the rays that find them
-//! decides.
+//! Whether sampled light arrives is decided by one set of objects, however the light is found: for diffuse reflection
+//! and media the set visible to shadow rays, for glossy reflection and transmission the set visible to their own rays,
+//! as in mirrors. So light samples and scattered rays agree where an object is visible to one of them only: a diffuse
+//! ray that passed a shadow caster brings no sampled light from behind it, and a light sample that passed something
+//! which stops diffuse rays has MIS weight 1, since they cannot find the light. For environments that are not sampled,
+//! the visibility to the rays that find them decides.
 //!
 //! Light linking: the last vertex of a path is the receiver, whether a light sample or the next ray finds the light. Light
-//! samples select among the lights linked to the receiver's class. Where a light's blockers are named, its shadow rays pass all
-//! other objects; scattered rays would find a different amount of its light, so that light is left to light samples, except for
-//! mirrors and the camera.
+//! samples select among the lights linked to the receiver's class. Where a light's blockers are named, its shadow rays
+//! pass all other objects; scattered rays would find a different amount of its light, so that light is left to light
+//! samples, except for mirrors and the camera.
 
 use super::Integrator;
 use super::radiance_buffer::PathClass;
+use super::sampling::RandomChoice;
 use super::shading_groups::{
     Closure, GeneralClass, LambertClass, MediumClass, MetalRoughClass, SortedVertices, VertexClass,
 };
@@ -24,26 +25,18 @@ use super::wave::{FirstBounce, LightLanes, Paths, Vertices, Wave, get, get_rgb, 
 use super::workspace::Workspace;
 use crate::bsdf::Bsdf;
 use crate::color::Rgb;
-use crate::compile::{CompiledMaterial, MAX_RECEIVER_CLASSES};
+use crate::compile::CompiledMaterial;
 use crate::math::{Frame, Hit, Vec3};
-use crate::sampling::hash::{hash32, unit};
-use crate::sampling::power_heuristic;
 use crate::scene::{LightLinks, Link, RayKinds};
 
-/// Keeps the choice of a kind apart from others with the same salt.
-const KIND: u32 = 0x27d4_eb2f;
-
-/// Kinds of rays that a light sample stands for: it ends at what all of them see.
+/// Ray kinds of light samples: shadow rays end at objects visible to all of these.
 pub(super) const LIGHT_SAMPLE_KINDS: RayKinds =
     RayKinds::SHADOW.with(RayKinds::GLOSSY).with(RayKinds::TRANSMISSION);
 
-/// The kind of rays whose objects decide whether a light sample arrives at what scatters light by rays of a kind.
+/// The ray kind whose visible objects decide whether light samples arrive, for lobes that scatter rays of a kind.
 fn deciding_kind(kind: RayKinds) -> RayKinds {
     if kind == RayKinds::DIFFUSE || kind == RayKinds::VOLUME { RayKinds::SHADOW } else { kind }
 }
-
-/// Behind the bits of the kind: the ray passed something that shadow rays see.
-const SHADOWED: u32 = 1 << 16;
 
 impl Integrator<'_> {
     /// The kind of the ray of arriving path `i`.
@@ -51,26 +44,26 @@ impl Integrator<'_> {
     pub(super) fn kind(&self, bounce: u32, i: usize, arriving: &Paths) -> RayKinds {
         match bounce {
             0 => RayKinds::CAMERA,
-            _ if self.parts.kinds => RayKinds::from_bits(arriving.kinds[i]),
-            // Objects differ for the camera only.
+            _ if self.optional.visibility => arriving.visibility[i].kind(),
+            // Visibility differs for camera rays only.
             _ => RayKinds::DIFFUSE,
         }
     }
 
-    /// Takes down that an arriving path passed something that is there for other kinds of rays.
+    /// Records that an arriving path passed an object visible to other ray kinds.
     pub(super) fn record_unseen(&self, i: usize, others: RayKinds, arriving: &mut Paths) {
-        if self.parts.kinds && others.contains(deciding_kind(RayKinds::from_bits(arriving.kinds[i]))) {
-            arriving.kinds[i] |= SHADOWED;
+        if self.optional.visibility && others.contains(deciding_kind(arriving.visibility[i].kind())) {
+            arriving.visibility[i] = arriving.visibility[i].shadowed();
         }
     }
 
-    /// Does light sampling decide whether light that arriving path `i` found arrives, and has it that it doesn't?
+    /// Has arriving path `i` passed an object that blocks light samples, where light sampling competes?
     #[inline(always)]
     pub(super) fn is_shadowed(&self, i: usize, arriving: &Paths) -> bool {
-        self.parts.kinds && arriving.kinds[i] & SHADOWED != 0 && arriving.carried.pdf[i] > 0.0
+        self.optional.visibility && arriving.visibility[i].is_shadowed() && arriving.state.pdf[i].competes()
     }
 
-    /// Is light `index` visible to the ray of arriving path `i`, and not shadowed?
+    /// Is light `index` visible to the ray of arriving path `i`?
     pub(super) fn sees_light(&self, bounce: u32, i: usize, index: u32, arriving: &Paths) -> bool {
         let kinds = self.scene.ray_kinds_of_light(index);
         let links = self.scene.links.of_light(index);
@@ -79,17 +72,17 @@ impl Integrator<'_> {
             && self.is_linked_emission(bounce, i, links, arriving)
     }
 
-    /// Decides of which kind the next rays of the paths are.
+    /// Chooses the kinds of the next rays of paths.
     pub(super) fn choose_ray_kinds(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         let Workspace { wave, bsdfs, .. } = w;
         for i in sorted.all() {
             let Wave { paths, vertices: v, .. } = &mut **wave;
             if sorted.medium().contains(&i) {
-                paths.kinds[i] = with_class_of(RayKinds::VOLUME.bits(), paths.kinds[i]);
+                paths.visibility[i] = paths.visibility[i].with_kind(RayKinds::VOLUME);
                 continue;
             }
             let mut first = self.scattering(sorted, v, bsdfs, i, get(&v.next_direction, i));
-            if paths.carried.pdf[i] == 0.0 {
+            if paths.state.pdf[i].is_specular() {
                 first.diffuse = Rgb::ZERO;
             }
             let is_diffuse = draw_diffuse(first, bounce, i, paths);
@@ -98,16 +91,16 @@ impl Integrator<'_> {
                 (false, true) => RayKinds::DIFFUSE,
                 (false, false) => RayKinds::GLOSSY,
             };
-            paths.kinds[i] = with_class_of(kind.bits(), paths.kinds[i]);
-            if bounce == 0 && self.parts.first_bounces && !first.crosses {
+            paths.visibility[i] = paths.visibility[i].with_kind(kind);
+            if bounce == 0 && self.optional.first_bounces && !first.crosses {
                 let diffuse = if is_diffuse { Rgb::ONE } else { Rgb::ZERO };
                 paths.first_bounces.set(i, FirstBounce { diffuse, ..first });
             }
         }
     }
 
-    /// What the light sample of vertex `i`, which arrives, is taken times: the share of what the vertex scatters that the
-    /// light is visible to, and from which nothing hides it. On its way it passed what is there for some kinds of rays.
+    /// Factor on the unoccluded light sample of vertex `i`: the fraction of the BSDF value of lobes to which the
+    /// light is visible. `passed` are the ray kinds that see the objects which the shadow ray passed.
     pub(super) fn visible_fraction(
         &self,
         (bounce, i): (u32, usize),
@@ -142,7 +135,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// The weight that the light sample of a vertex has against scattering.
+    /// The MIS weight of the light sample of a vertex.
     pub(super) fn light_sample_mis_weight(
         &self,
         bounce: u32,
@@ -153,7 +146,7 @@ impl Integrator<'_> {
     ) -> f32 {
         let v = &wave.vertices;
         let (wi, light_pdf) = (get(&v.light.wi, i), v.light.pdf[i]);
-        if light_pdf < 0.0 {
+        if light_pdf.is_delta() {
             return 1.0;
         }
         let pdf = if sorted.lambert().contains(&i) {
@@ -166,10 +159,10 @@ impl Integrator<'_> {
             let class = GeneralClass { bsdfs, first: sorted.general().start };
             class.closure(v, i).eval(wi).pdf_solid_angle
         };
-        power_heuristic(light_pdf, pdf * self.bsdf_samples_per_light_sample(bounce))
+        light_pdf.mis_weight(pdf * self.bsdf_samples_per_light_sample(bounce))
     }
 
-    /// Leaves out the paths that left the scene by rays that don't see the environment.
+    /// Removes paths whose rays don't see the environment from those that left the scene.
     pub(super) fn keep_visible_escapes(&self, bounce: u32, w: &mut Workspace) {
         let Workspace { escaped, arriving, .. } = w;
         let seen = self.scene.features.environment_visible_to;
@@ -181,45 +174,45 @@ impl Integrator<'_> {
         });
     }
 
-    /// Finds camera rays that hit what is special to pictures: holdouts, where their paths end, and shadow catchers.
+    /// Finds camera rays that hit holdouts, which end paths, and shadow catchers.
     pub(super) fn find_camera_exceptions(&self, w: &mut Workspace) {
         w.uncovered.clear();
         if self.scene.features.holdouts {
             self.cut_out_holdouts(w);
         }
-        if self.has_shadow_catchers() && !w.without {
+        if self.has_shadow_catchers() && !w.excludes_casters {
             self.find_catchers(w);
         }
     }
 
-    /// Ends the paths of camera rays that hit objects which cut a hole into the picture.
+    /// Ends the paths of camera rays that hit holdouts.
     fn cut_out_holdouts(&self, w: &mut Workspace) {
         for i in 0..w.hits.len() {
             let material = &self.scene.materials[w.materials[i] as usize];
             if w.hits[i].is_hit() && material.presence.is_some_and(|p| p.is_holdout) {
                 if self.scene.features.scattering {
-                    // What glows before it stays.
+                    // Emission of media in front of it stays.
                     self.passed(0, i, w.hits[i].t, w);
                 }
-                w.uncovered.push(w.arriving.carried.sample[i]);
+                w.uncovered.push(w.arriving.state.radiance_index[i]);
                 w.hits[i] = Hit::MISS;
                 w.materials[i] = 0;
-                set_rgb(&mut w.arriving.carried.throughput, i, Rgb::ZERO);
+                set_rgb(&mut w.arriving.state.throughput, i, Rgb::ZERO);
             }
         }
     }
 
-    /// Makes the picture transparent where the camera sees what is special to it.
+    /// Makes samples transparent that hit holdouts and shadow catchers.
     pub(super) fn uncover(&self, w: &mut Workspace) {
         for &sample in &w.uncovered {
-            w.sink.uncover(sample);
+            w.radiance_buffer.uncover(sample);
         }
     }
 }
 
-/// Is what path `i` goes on with diffuse reflection? It goes on with that share, or with the rest.
+/// Chooses between the diffuse and the remaining lobes of path `i`, and weights its throughput.
 fn draw_diffuse(first: FirstBounce, bounce: u32, i: usize, paths: &mut Paths) -> bool {
-    let throughput = get_rgb(&paths.carried.throughput, i);
+    let throughput = get_rgb(&paths.state.throughput, i);
     let part = throughput * first.diffuse;
     let (part_sum, sum) = (part.r + part.g + part.b, throughput.r + throughput.g + throughput.b);
     let probability = if sum > 0.0 { part_sum / sum } else { 1.0 };
@@ -229,9 +222,8 @@ fn draw_diffuse(first: FirstBounce, bounce: u32, i: usize, paths: &mut Paths) ->
     if probability >= 1.0 {
         return true;
     }
-    let path = &mut paths.carried;
-    let salt = hash32(path.seed[i] ^ hash32(path.shuffled[i]) ^ (bounce << 16));
-    let is_diffuse = unit(hash32(salt ^ KIND)) < probability;
+    let path = &mut paths.state;
+    let is_diffuse = RandomChoice::RayKind.uniform(path, i, bounce) < probability;
     let rest = match is_diffuse {
         true => part / probability,
         false => (throughput - part) / (1.0 - probability),
@@ -240,32 +232,21 @@ fn draw_diffuse(first: FirstBounce, bounce: u32, i: usize, paths: &mut Paths) ->
     is_diffuse
 }
 
-/// Where the class of receivers begins in the words that tell of the kinds of rays.
-const CLASS_SHIFT: u32 = 17;
-/// What those words hold besides.
-const OTHERS: u32 = (1 << CLASS_SHIFT) - 1;
-const _: () = assert!(MAX_RECEIVER_CLASSES <= 1 << (u32::BITS - CLASS_SHIFT));
-
-/// A word with the class of another one.
-pub(super) fn with_class_of(word: u32, other: u32) -> u32 {
-    word & OTHERS | other & !OTHERS
-}
-
-/// The class of the vertex of path `i`, or of that where its ray began.
+/// The receiver class of the last vertex of path `i`.
 #[inline(always)]
 pub(super) fn class(i: usize, paths: &Paths, are_linked: bool) -> u32 {
-    if are_linked { paths.kinds[i] >> CLASS_SHIFT } else { 0 }
+    if are_linked { paths.visibility[i].receiver_class() } else { 0 }
 }
 
 impl Integrator<'_> {
-    /// Takes down the class of vertex `k`, which arriving path `i` found.
+    /// Sets the receiver class of vertex `k` of arriving path `i`.
     pub(super) fn record_receiver_class(&self, i: usize, k: usize, w: &mut Workspace) {
         let class = if w.hits[i].is_hit() { self.scene.links.class_of(w.materials[i]) } else { 0 };
-        let kinds = &mut w.wave.paths.kinds[k];
-        *kinds = *kinds & OTHERS | class << CLASS_SHIFT;
+        let visibility = &mut w.wave.paths.visibility[k];
+        *visibility = visibility.with_receiver_class(class);
     }
 
-    /// Does emission with such links reach what arriving path `i` came from, and is it left to its ray?
+    /// Do these links let emission reach the last vertex of arriving path `i` along its ray, not by light samples alone?
     pub(super) fn is_linked_emission(
         &self,
         bounce: u32,
@@ -276,11 +257,11 @@ impl Integrator<'_> {
         if bounce == 0 || links == LightLinks::ALL {
             return true;
         }
-        let is_left_to_samples = !links.blockers.is_all() && arriving.carried.pdf[i] > 0.0;
+        let is_left_to_samples = !links.blockers.is_all() && arriving.state.pdf[i].competes();
         !is_left_to_samples && self.scene.links.reach(links, class(i, arriving, true))
     }
 
-    /// The links of what a material emits. Light samples pass what casts no shadow, but not all surfaces are sampled.
+    /// The light links of a material's emission. Blockers apply to sampled lights only.
     pub(super) fn links_of(&self, material: &CompiledMaterial, is_sampled: bool) -> LightLinks {
         match (self.scene.features.links, is_sampled) {
             (false, _) => LightLinks::ALL,
@@ -289,15 +270,15 @@ impl Integrator<'_> {
         }
     }
 
-    /// Is the light of the sample of vertex `i` there, and linked to it?
+    /// Is the sampled light of vertex `i` included and linked to it?
     pub(super) fn is_linked_to_light(&self, i: usize, w: &Workspace) -> bool {
         let index = self.only_light.unwrap_or(w.wave.vertices.light.index[i]);
-        let is_excluded = w.without && self.scene.is_caught_light(index);
+        let is_excluded = w.excludes_casters && self.scene.is_caught_light(index);
         let class = class(i, &w.wave.paths, self.scene.features.links);
         !is_excluded && self.scene.links.reach(self.scene.links.of_light(index), class)
     }
 
-    /// Does what the shadow ray of a vertex hit cast no shadow in the light of its sample?
+    /// Is the object that the shadow ray of a vertex hit no blocker of the sampled light?
     #[inline(always)]
     pub(super) fn is_not_a_blocker(&self, vertex: u32, hit: &Hit, light: &LightLanes) -> bool {
         self.scene.features.links && {
@@ -308,19 +289,19 @@ impl Integrator<'_> {
     }
 }
 
-/// The share of `whole` that `part` is, by channel.
+/// `part` over `whole`, by channel, in 0..1.
 fn share(part: Rgb, whole: Rgb) -> Rgb {
     let (part, whole) = (part.to_array(), whole.to_array());
     let of = |c: usize| {
         let share = part[c] / whole[c];
-        // Nothing of nothing is no number.
+        // 0 / 0 is NaN.
         if share > 0.0 { share.min(1.0) } else { 0.0 }
     };
     Rgb::from_array([of(0), of(1), of(2)])
 }
 
 impl FirstBounce {
-    /// Of a BSDF about the normal `ns` of a surface whose own is `ng`, but for specular lobes.
+    /// For a BSDF with shading normal `ns` and geometric normal `ng`, without specular lobes.
     pub fn of(bsdf: &Bsdf, [ns, ng]: [Vec3; 2], wo: Vec3, wi: Vec3) -> FirstBounce {
         let frame = Frame::from_normal(ns);
         let crosses = wi.dot(ng) * wo.dot(ng) < 0.0;
@@ -330,7 +311,7 @@ impl FirstBounce {
 }
 
 impl Integrator<'_> {
-    /// How vertex `i` scatters light from `wi`, but for specular lobes.
+    /// Scattering of light from `wi` at vertex `i`, without specular lobes.
     pub(super) fn scattering(
         &self,
         sorted: &SortedVertices,
@@ -339,7 +320,7 @@ impl Integrator<'_> {
         i: usize,
         wi: Vec3,
     ) -> FirstBounce {
-        // Media scatter to all sides: they count as diffuse.
+        // Media count as diffuse.
         if sorted.lambert().contains(&i) || sorted.medium().contains(&i) {
             return FirstBounce::DIFFUSE;
         }
@@ -351,7 +332,7 @@ impl Integrator<'_> {
         FirstBounce::of(bsdf, [get(&v.ns, i), get(&v.ng, i)], get(&v.wo, i), wi)
     }
 
-    /// The way of light that the light sample of vertex `i` brings.
+    /// The light pass of the light sample of vertex `i`.
     pub(super) fn class_of_light_sample(
         &self,
         bounce: u32,
@@ -367,14 +348,14 @@ impl Integrator<'_> {
         PathClass::Direct(self.scattering(sorted, v, bsdfs, i, get(&v.light.wi, i)))
     }
 
-    /// Takes down how the paths scattered first.
+    /// Records the first scattering events of paths.
     pub(super) fn record_first_bounces(&self, sorted: &SortedVertices, w: &mut Workspace) {
         let Workspace { wave, bsdfs, .. } = w;
         for i in sorted.all() {
             let Wave { paths, vertices: v, .. } = &mut **wave;
             let wi = get(&v.next_direction, i);
             let mut first = self.scattering(sorted, v, bsdfs, i, wi);
-            if paths.carried.pdf[i] == 0.0 {
+            if paths.state.pdf[i].is_specular() {
                 first.diffuse = Rgb::ZERO;
             }
             paths.first_bounces.set(i, first);

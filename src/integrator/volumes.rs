@@ -1,22 +1,23 @@
 //! Participating media: path segments, shadow rays and crossings of boundaries without a surface, one medium or several.
 //!
 //! The distance to the next scattering event is drawn before the ray is traced, and the ray ends there. A boundary without a
-//! surface ends a segment and begins another; the path keeps its origin and its pdf, so that lights behind are weighted as any
-//! others.
+//! surface ends a segment and begins another; the path keeps its origin and its pdf, so that lights behind are weighted
+//! as any others.
 //!
 //! Overlapping media add up: those without a surface, and the medium around the scene. A distance is drawn in each of them
 //! independently, and the path scatters at the shortest: denser media win more often. The throughput is multiplied by the
 //! weights of all segments: scattering in one medium, passing the others. This is unbiased, since the mean of each factor is
-//! the transmittance of its medium, whatever the others are, coloured or on grids. Emission of one medium is attenuated by the
-//! others likewise, point by point.
+//! the transmittance of its medium, whatever the others are, coloured or on grids. Emission of one medium is attenuated
+//! by the others likewise, point by point.
 
+use super::Integrator;
 use super::interior::Interior;
 use super::medium_segment::{BoundaryCrossing, MediumSegment, ShadowSegment};
 use super::radiance_buffer::{PathClass, RadianceOrigin, class_of_path};
+use super::sampling::{Purpose, RandomChoice};
 use super::shading_groups::{ShadingGroup, ShadingGroupCounts, SortedVertices};
 use super::wave::{LightLanes, Wave, get_rgb, set, set_rgb};
 use super::workspace::Workspace;
-use super::{Integrator, Purpose};
 use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
 use crate::compile::Scattering;
@@ -25,14 +26,10 @@ use crate::math::{Hit, Ray, Vec3};
 use crate::sampling::hash::{hash32, unit};
 use crate::sampling::sampler::SobolPoint;
 
-/// Keeps choices apart from others with the same salt.
-const GLOW: u32 = 0x3c6e_f372;
-const BOUNDARY: u32 = 0x1f83_d9ab;
-
 impl Integrator<'_> {
-    /// Draws how far each path flies through the medium that it is in, and lets its ray end there.
+    /// Samples the distance to the next scattering event of each path in its media; its ray ends there.
     pub(super) fn start_medium_segments(&self, bounce: u32, w: &mut Workspace) {
-        let dimensions = &self.dimensions(bounce, Purpose::MediumSegment);
+        let dimensions = &self.dimensions(bounce, Purpose::Medium);
         let Workspace { medium_segments, overlapping_segments, rays, arriving, times, .. } = w;
         medium_segments.clear();
         overlapping_segments.clear();
@@ -44,28 +41,28 @@ impl Integrator<'_> {
                 medium_segments.push(MediumSegment::straight(medium, [0.0, f32::INFINITY]));
                 continue;
             }
-            let path = &arriving.carried;
+            let path = &arriving.state;
             let point = SobolPoint::from_parts(path.seed[i], path.shuffled[i]);
-            let [distance, kind, lamp0, lamp1] = point.sample_4d(dimensions);
-            let lamp = self.equiangular_light(medium, ray.origin, [lamp0, lamp1]);
+            let [distance, kind, select0, select1] = point.sample_4d(dimensions);
+            let light_position = self.equiangular_light(medium, ray.origin, [select0, select1]);
             let throughput = get_rgb(&path.throughput, i);
-            let waves = times.waves(path.sample[i]);
-            let carried = (interior, waves);
+            let wavelengths = times.wavelengths(path.radiance_index[i]);
+            let carried = (interior, wavelengths);
             let segment = self.sample_segment(
                 carried,
                 (ray, 0.0),
                 throughput,
-                lamp,
+                light_position,
                 [distance, kind],
                 overlapping_segments,
             );
-            // Where cameras see surfaces up to a distance only, rays end there; what scatters beyond is seen.
-            ray.t_max = segment.until.min(ray.t_max);
+            // Far clipping applies to surfaces only: rays end there, media behind scatter.
+            ray.t_max = segment.scatter_t.min(ray.t_max);
             medium_segments.push(segment);
         }
     }
 
-    /// The lamp that guides a flight. Within solids there is none: what bounds them hides lamps.
+    /// The position of the light for equiangular sampling. None within solids, whose surfaces hide lights.
     fn equiangular_light(&self, medium: u16, origin: Vec3, u: [f32; 2]) -> Option<Vec3> {
         let lights = &self.scene.lights;
         if medium != 0 || lights.is_empty() {
@@ -75,47 +72,47 @@ impl Integrator<'_> {
         if selected.pdf_discrete > 0.0 { lights.middle(selected.index) } else { None }
     }
 
-    /// Ends all flights: where a surface was hit, where the path scatters, or nowhere. Weighs the paths by it and adds what
-    /// media emit.
+    /// Ends all segments: at a hit, at a scattering event, or nowhere. Weights the paths and adds the emission of
+    /// media.
     pub(super) fn end_medium_segments(&self, bounce: u32, w: &mut Workspace) {
         for i in 0..w.rays.len() {
             let hit = w.hits[i];
             let mut weight = self.passed(bounce, i, hit.t, w);
-            let time = w.times.of(w.arriving.carried.sample[i]);
+            let time = w.times.of(w.arriving.state.radiance_index[i]);
             let segment = &w.medium_segments[i];
             if let Some(crossed) = segment.crossed.filter(|c| self.bounds_at(c, &w.rays[i], (&hit, time))) {
                 w.arriving.interior[i] = crossed.before;
             }
-            if !hit.is_hit() && segment.until.is_finite() {
+            if !hit.is_hit() && segment.scatter_t.is_finite() {
                 let medium = &self.scene.media[usize::from(segment.medium)];
-                let waves = w.times.waves(w.arriving.carried.sample[i]);
-                let weigh = |s: &Scattering| segment.weight_of_scattering(&s.in_lanes(waves));
+                let wavelengths = w.times.wavelengths(w.arriving.state.radiance_index[i]);
+                let weigh = |s: &Scattering| segment.weight_of_scattering(&s.in_lanes(wavelengths));
                 weight = medium.scattering.as_ref().map_or(Rgb::ZERO, weigh);
                 if !segment.is_alone() {
-                    weight *= self.overlapping_passing_weight(i, segment.until, w);
+                    weight *= self.overlapping_passing_weight(i, segment.scatter_t, w);
                 }
-                w.hits[i].t = segment.until;
+                w.hits[i].t = segment.scatter_t;
                 w.medium_segments[i].scatters = true;
             }
-            let throughput = get_rgb(&w.arriving.carried.throughput, i);
-            set_rgb(&mut w.arriving.carried.throughput, i, throughput * weight);
+            let throughput = get_rgb(&w.arriving.state.throughput, i);
+            set_rgb(&mut w.arriving.state.throughput, i, throughput * weight);
         }
     }
 
-    /// Does a surface lie where a boundary without one was crossed, nearer than the offset of rays that start there? They
-    /// will not cross it back: the surface is on the boundary's near side then.
+    /// Is the hit closer to a crossed boundary than the offset of ray origins? Then rays from there
+    /// don't cross the boundary back, and the hit counts as in front of it.
     fn bounds_at(&self, crossed: &BoundaryCrossing, ray: &Ray, (hit, time): (&Hit, f32)) -> bool {
         /// Farther apart, in proportion, nothing is near by rounding.
         const NEAR: f32 = 1e-3;
-        let way = hit.t - crossed.at;
-        if !hit.is_hit() || way > NEAR * hit.t {
+        let span = hit.t - crossed.at;
+        if !hit.is_hit() || span > NEAR * hit.t {
             return false;
         }
         let surface = self.scene.geometries.surface(ray, hit, time);
-        way * ray.direction.dot(surface.ng).abs() <= surface.ng.abs().dot(surface.p_error)
+        span * ray.direction.dot(surface.ng).abs() <= surface.ng.abs().dot(surface.p_error)
     }
 
-    /// The weight of path `i` where it arrives at a point of its flight without having scattered. Adds what media emit on the
+    /// The weight of path `i` that arrives at a distance without scattering. Adds the emission of media on the
     /// way.
     pub(super) fn passed(&self, bounce: u32, i: usize, to: f32, w: &mut Workspace) -> Rgb {
         if !w.medium_segments[i].is_alone() {
@@ -126,38 +123,31 @@ impl Integrator<'_> {
         if let Some(scattering) = &medium.scattering
             && scattering.emission.max_element() > 0.0
         {
-            let scattering = &scattering.in_lanes(w.times.waves(w.arriving.carried.sample[i]));
-            let salt = self.emission_salt(bounce, i, w) ^ GLOW;
-            let value = self.glow(segment, scattering, i, to, salt, w);
+            let scattering = &scattering.in_lanes(w.times.wavelengths(w.arriving.state.radiance_index[i]));
+            let salt = RandomChoice::MediumEmission.hash(&w.arriving.state, i, bounce);
+            let value = self.segment_emission(segment, scattering, i, to, salt, w);
             self.add_medium_emission(bounce, i, value, w);
         }
         self.weight_of_passing(&w.medium_segments[i], i, to, w)
     }
 
-    /// What path `i` is taken times by one of its flights at a point of its ray, where it arrives without having scattered. What ends
-    /// nowhere in a solid was not closed, and absorbs nothing.
+    /// The weight of path `i` by one of its segments, where it arrives at a distance without scattering. Rays that
+    /// leave the scene within an open solid are not absorbed.
     #[inline(always)]
     pub(super) fn weight_of_passing(&self, segment: &MediumSegment, i: usize, to: f32, w: &Workspace) -> Rgb {
         let medium = &self.scene.media[usize::from(segment.medium)];
-        let waves = w.times.waves(w.arriving.carried.sample[i]);
+        let wavelengths = w.times.wavelengths(w.arriving.state.radiance_index[i]);
         match &medium.scattering {
-            Some(scattering) => segment.weight_of_passing(&scattering.in_lanes(waves), &w.rays[i], to),
+            Some(scattering) => segment.weight_of_passing(&scattering.in_lanes(wavelengths), &w.rays[i], to),
             None if medium.absorption.is_some() && to.is_finite() => {
-                medium.transmittance_at(to - segment.extent[0], waves)
+                medium.transmittance_at(to - segment.extent[0], wavelengths)
             }
             None => Rgb::ONE,
         }
     }
 
-    /// What the choices follow by which path `i` finds what shines on its way.
-    #[inline]
-    pub(super) fn emission_salt(&self, bounce: u32, i: usize, w: &Workspace) -> u32 {
-        let path = &w.arriving.carried;
-        hash32(path.seed[i] ^ hash32(path.shuffled[i]) ^ (bounce << 16))
-    }
-
-    /// What the medium of a flight adds to path `i` on its way to a point.
-    pub(super) fn glow(
+    /// The emission of a segment's medium along path `i` up to a distance.
+    pub(super) fn segment_emission(
         &self,
         segment: &MediumSegment,
         scattering: &Scattering,
@@ -166,31 +156,34 @@ impl Integrator<'_> {
         salt: u32,
         w: &Workspace,
     ) -> Rgb {
-        let path = &w.arriving.carried;
-        let (throughput, waves) = (get_rgb(&path.throughput, i), w.times.waves(path.sample[i]));
+        let path = &w.arriving.state;
+        let (throughput, wavelengths) =
+            (get_rgb(&path.throughput, i), w.times.wavelengths(path.radiance_index[i]));
         let ray = (w.rays[i].origin, w.rays[i].direction);
-        // Where light would collide, the way ends: what lies before it shines whole.
-        let way = [segment.extent[0], to.min(segment.until)];
+        // Segments end at collisions; emission before them is not attenuated.
+        let span = [segment.extent[0], to.min(segment.scatter_t)];
         match (&scattering.glow, &scattering.grid) {
-            (Some(glow), Some(_)) => throughput * scattering.emission * glow.integral(ray, way, salt, waves),
+            (Some(glow), Some(_)) => {
+                throughput * scattering.emission * glow.integral(ray, span, salt, wavelengths)
+            }
             (None, Some(grid)) => {
                 let ray = grid.ray(ray.0, ray.1, 1.0);
-                throughput * scattering.emission * grid.integral(&ray, way[0], way[1], salt)
+                throughput * scattering.emission * grid.integral(&ray, span[0], span[1], salt)
             }
-            (_, None) => segment.glow(scattering, throughput, to, unit(hash32(salt ^ to.to_bits()))),
+            (_, None) => segment.emission(scattering, throughput, to, unit(hash32(salt ^ to.to_bits()))),
         }
     }
 
-    /// Adds light of a medium to what path `i` has found.
+    /// Adds the emission of a medium to the radiance of path `i`.
     pub(super) fn add_medium_emission(&self, bounce: u32, i: usize, value: Rgb, w: &mut Workspace) {
         let first_bounces = &w.arriving.first_bounces;
-        w.sink.contribute(w.arriving.carried.sample[i], value, || RadianceOrigin {
-            way: class_of_path(bounce, PathClass::Emission, first_bounces, i),
+        w.radiance_buffer.contribute(w.arriving.state.radiance_index[i], value, || RadianceOrigin {
+            class: class_of_path(bounce, PathClass::Emission, first_bounces, i),
             group: 0,
         });
     }
 
-    /// What arriving path `i` is taken times at a point of its ray, which it reached.
+    /// The weight of arriving path `i` at a distance that its ray reached.
     pub(super) fn transmittance_to_hit(&self, i: usize, to: f32, w: &Workspace) -> Rgb {
         if self.scene.features.scattering {
             return self.weight_of_passing(&w.medium_segments[i], i, to, w)
@@ -198,9 +191,9 @@ impl Integrator<'_> {
         }
         match self.scene.features.absorption {
             true => {
-                let waves = w.times.waves(w.arriving.carried.sample[i]);
+                let wavelengths = w.times.wavelengths(w.arriving.state.radiance_index[i]);
                 let medium = &self.scene.media[usize::from(w.arriving.interior[i].medium())];
-                medium.transmittance_at(to, waves)
+                medium.transmittance_at(to, wavelengths)
             }
             false => Rgb::ONE,
         }
@@ -210,12 +203,12 @@ impl Integrator<'_> {
     pub(super) fn ends_in_medium(&self, bounce: u32, i: usize, w: &mut Workspace) -> bool {
         let ends = self.scene.features.scattering && w.medium_segments[i].scatters;
         if ends && bounce == 0 {
-            w.sink.cover(w.arriving.carried.sample[i]);
+            w.radiance_buffer.cover(w.arriving.state.radiance_index[i]);
         }
         ends
     }
 
-    /// Ends the paths that have had all their bounces, and counts what is left of each group.
+    /// Ends paths at the maximum number of bounces, and counts the hits of each shading group again.
     pub(super) fn end_deep_paths(&self, w: &mut Workspace) -> ShadingGroupCounts {
         let mut counts = ShadingGroupCounts::new();
         for (group, &depth) in w.groups.iter_mut().zip(&w.arriving.depth) {
@@ -227,7 +220,7 @@ impl Integrator<'_> {
         counts
     }
 
-    /// Counts a bounce for all sorted vertices but those of walks within solids.
+    /// Counts a bounce at all sorted vertices except scattering events of random walks within solids.
     pub(super) fn count_bounces(&self, sorted: &SortedVertices, w: &mut Workspace) {
         let (paths, in_media) = (&mut w.wave.paths, sorted.medium());
         for k in sorted.all() {
@@ -237,10 +230,10 @@ impl Integrator<'_> {
         }
     }
 
-    /// Makes vertex `k` of the point where arriving path `i` scatters.
+    /// Makes vertex `k` at the scattering event of arriving path `i`.
     pub(super) fn make_medium_vertex(&self, i: usize, k: usize, w: &mut Workspace) {
         let (segment, ray, v) = (&w.medium_segments[i], &w.rays[i], &mut w.wave.vertices);
-        set(&mut v.p, k, ray.at(segment.until));
+        set(&mut v.p, k, ray.at(segment.scatter_t));
         set(&mut v.wo, k, -ray.direction);
         set(&mut v.ng, k, Vec3::ZERO);
         set(&mut v.ns, k, Vec3::ZERO);
@@ -249,32 +242,37 @@ impl Integrator<'_> {
         v.anisotropy[k] = medium.scattering.as_ref().map_or(0.0, |s| s.anisotropy);
     }
 
-    /// Takes the pending paths that hit boundaries without a surface to the media behind.
+    /// Continues pending paths that hit boundaries without a surface in the media behind.
     pub(super) fn cross_boundaries(&self, bounce: u32, pass: u32, w: &mut Workspace) {
         let is_clipped = bounce == 0 && self.view.camera.is_clipped();
         for at in 0..w.pending.len() {
             let i = w.pending[at] as usize;
-            let (hit, time) = (w.hits[i], w.times.of(w.arriving.carried.sample[i]));
-            if self.is_excluded(w.without, &hit) {
+            let (hit, time) = (w.hits[i], w.times.of(w.arriving.state.radiance_index[i]));
+            if self.is_excluded(w.excludes_casters, &hit) {
                 continue;
             }
             let (here, last) = (w.arriving.interior[i], w.medium_segments[i].crossed.map_or(0.0, |c| c.at));
             let crossing = (&hit, time);
             let Some(beyond) = self.beyond_boundary(&w.rays[i], crossing, here, last) else { continue };
-            let throughput = get_rgb(&w.arriving.carried.throughput, i);
+            let throughput = get_rgb(&w.arriving.state.throughput, i);
             let throughput = throughput * self.passed(bounce, i, hit.t, w);
-            let path = &mut w.arriving.carried;
+            let path = &mut w.arriving.state;
             set_rgb(&mut path.throughput, i, throughput);
             w.arriving.interior[i] = beyond;
-            let salt = hash32(path.seed[i] ^ hash32(path.shuffled[i]) ^ (bounce << 16));
-            let salt = hash32(salt.wrapping_add(pass) ^ BOUNDARY);
+            let salt = hash32(RandomChoice::MediumBoundary { surface: pass }.hash(path, i, bounce));
             let u = [unit(salt), unit(hash32(salt))];
-            let waves = w.times.waves(w.arriving.carried.sample[i]);
+            let wavelengths = w.times.wavelengths(w.arriving.state.radiance_index[i]);
             let start = (&w.rays[i], hit.t);
-            let segment =
-                self.sample_segment((beyond, waves), start, throughput, None, u, &mut w.overlapping_segments);
+            let segment = self.sample_segment(
+                (beyond, wavelengths),
+                start,
+                throughput,
+                None,
+                u,
+                &mut w.overlapping_segments,
+            );
             let far = if is_clipped { self.reach(w, i) } else { f32::INFINITY };
-            w.rays[i].t_max = segment.until.min(far);
+            w.rays[i].t_max = segment.scatter_t.min(far);
             w.medium_segments[i] = segment;
             w.medium_segments[i].crossed = Some(BoundaryCrossing { at: hit.t, before: here });
         }
@@ -289,7 +287,7 @@ impl Integrator<'_> {
         here: Interior,
         last: f32,
     ) -> Option<Interior> {
-        /// In proportion, how far apart rounding takes the hits of two triangles at their common edge.
+        /// Relative distance, by rounding, of the hits of two triangles at their common edge.
         const ROUNDING: f32 = 4.0 * f32::EPSILON;
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
         if !material.is_boundary || material.medium_index == 0 {
@@ -298,16 +296,16 @@ impl Integrator<'_> {
         let own = material.medium_index;
         let is_at_last = hit.t - last <= ROUNDING * hit.t;
         Some(match self.scene.geometries.is_back(ray, hit, time) {
-            true if here.contains(own) => here.left(own),
-            // A body may have several materials, one where it is entered and another where it is left.
-            true if self.scene.media[usize::from(here.medium())].is_boundary => here.left(here.medium()),
+            true if here.contains(own) => here.leave(own),
+            // A body may have different materials where it is entered and left.
+            true if self.scene.media[usize::from(here.medium())].is_boundary => here.leave(here.medium()),
             true => here,
             false if is_at_last && here.medium() == own => here,
-            false => self.entered(here, own),
+            false => self.enter(here, own),
         })
     }
 
-    /// Starts the ways of all shadow rays.
+    /// Starts the segments of all shadow rays.
     pub(super) fn start_shadow_segments(&self, sorted: &SortedVertices, w: &mut Workspace) {
         let Workspace { wave, shadow_segments, shadow_vertices, .. } = w;
         let Wave { paths, vertices: v, .. } = &**wave;
@@ -318,34 +316,36 @@ impl Integrator<'_> {
         }));
     }
 
-    /// Takes a shadow ray past a surface that isn't there: behind a boundary another medium begins.
+    /// Takes a shadow ray past a boundary without a surface: applies transmittance up to there, and enters the medium behind.
     pub(super) fn cross_with_shadow_ray(
         &self,
         i: usize,
         ray: &Ray,
         (hit, time): (&Hit, f32),
-        way: Option<&mut ShadowSegment>,
+        span: Option<&mut ShadowSegment>,
         light: &mut LightLanes,
-        waves: Option<&Wavelengths>,
+        wavelengths: Option<&Wavelengths>,
     ) {
-        let Some(way) = way else { return };
-        if let Some(beyond) = self.beyond_boundary(ray, (hit, time), way.interior, way.from) {
-            let stretch = [way.from, hit.t];
-            let left = self.transmittance_between(way.interior, (ray.origin, ray.direction), stretch, waves);
+        let Some(span) = span else { return };
+        if let Some(beyond) = self.beyond_boundary(ray, (hit, time), span.interior, span.from) {
+            let stretch = [span.from, hit.t];
+            let left =
+                self.transmittance_between(span.interior, (ray.origin, ray.direction), stretch, wavelengths);
             let contribution = get_rgb(&light.contribution, i);
             set_rgb(&mut light.contribution, i, contribution * left);
-            *way = ShadowSegment { interior: beyond, from: hit.t };
+            *span = ShadowSegment { interior: beyond, from: hit.t };
         }
     }
 
-    /// Ends the ways of all shadow rays at their lights.
+    /// Applies the transmittance of the last segments of all shadow rays.
     pub(super) fn end_shadow_segments(&self, w: &mut Workspace) {
         let Workspace { wave, shadow_segments, shadow_vertices, shadow_rays, occluded, times, .. } = w;
-        let (light, path) = (&mut wave.vertices.light, &wave.paths.carried);
-        for (k, way) in shadow_segments.iter().enumerate().filter(|&(k, _)| !occluded[k]) {
+        let (light, path) = (&mut wave.vertices.light, &wave.paths.state);
+        for (k, span) in shadow_segments.iter().enumerate().filter(|&(k, _)| !occluded[k]) {
             let (ray, i) = (&shadow_rays[k], shadow_vertices[k] as usize);
-            let (stretch, waves) = ([way.from, ray.t_max], times.waves(path.sample[i]));
-            let left = self.transmittance_between(way.interior, (ray.origin, ray.direction), stretch, waves);
+            let (stretch, wavelengths) = ([span.from, ray.t_max], times.wavelengths(path.radiance_index[i]));
+            let left =
+                self.transmittance_between(span.interior, (ray.origin, ray.direction), stretch, wavelengths);
             let contribution = get_rgb(&light.contribution, i);
             set_rgb(&mut light.contribution, i, contribution * left);
         }
@@ -353,30 +353,38 @@ impl Integrator<'_> {
     }
 }
 
-/// A ray and where on it a flight begins.
+/// A ray and the distance at which a segment starts, metres.
 pub(super) type Start<'a> = (&'a Ray, f32);
 
 impl Integrator<'_> {
-    /// Do other media fill the place of the one that a path is in?
+    /// Do other media overlap with the one that a path is in?
     #[inline(always)]
     pub(super) fn has_overlapping_media(&self, interior: Interior) -> bool {
-        self.scene.features.overlaps && interior.beside(&self.scene.media).next().is_some()
+        self.scene.features.overlaps && interior.overlapping(&self.scene.media).next().is_some()
     }
 
-    /// Draws the flight of a path, by two numbers in 0..1; `list` gets those through the other media in the place.
+    /// Samples the segment of a path, by two random numbers; appends those in overlapping media to `list`.
     #[inline(always)]
     pub(super) fn sample_segment(
         &self,
-        (interior, waves): (Interior, Option<&Wavelengths>),
+        (interior, wavelengths): (Interior, Option<&Wavelengths>),
         start: Start<'_>,
         throughput: Rgb,
-        lamp: Option<Vec3>,
+        light_position: Option<Vec3>,
         u: [f32; 2],
         list: &mut Vec<MediumSegment>,
     ) -> MediumSegment {
-        let mut segment = self.sample_segment_in((interior.medium(), waves), start, throughput, lamp, u);
+        let mut segment =
+            self.sample_segment_in((interior.medium(), wavelengths), start, throughput, light_position, u);
         if self.scene.features.overlaps {
-            self.sample_overlapping_segments(&mut segment, (interior, waves), start, throughput, u, list);
+            self.sample_overlapping_segments(
+                &mut segment,
+                (interior, wavelengths),
+                start,
+                throughput,
+                u,
+                list,
+            );
         }
         segment
     }
@@ -384,57 +392,65 @@ impl Integrator<'_> {
     #[inline]
     fn sample_segment_in(
         &self,
-        (medium, waves): (u16, Option<&Wavelengths>),
+        (medium, wavelengths): (u16, Option<&Wavelengths>),
         (ray, from): Start<'_>,
         throughput: Rgb,
-        lamp: Option<Vec3>,
+        light_position: Option<Vec3>,
         u: [f32; 2],
     ) -> MediumSegment {
         match &self.scene.media[usize::from(medium)].scattering {
             Some(s) => {
-                let scattering = (medium, &*s.in_lanes(waves));
-                MediumSegment::draw(scattering, (ray.origin, ray.direction), from, throughput, lamp, u)
+                let scattering = (medium, &*s.in_lanes(wavelengths));
+                MediumSegment::draw(
+                    scattering,
+                    (ray.origin, ray.direction),
+                    from,
+                    throughput,
+                    light_position,
+                    u,
+                )
             }
             None => MediumSegment::straight(medium, [from, f32::INFINITY]),
         }
     }
 
-    /// Takes the flight that ends first in place of the one through the first medium: that, or one through those in the same place.
+    /// Samples segments in overlapping media and exchanges `soonest` for the one that ends first.
     /// All end there.
     #[cold]
     fn sample_overlapping_segments(
         &self,
         soonest: &mut MediumSegment,
-        (interior, waves): (Interior, Option<&Wavelengths>),
+        (interior, wavelengths): (Interior, Option<&Wavelengths>),
         start: Start<'_>,
         throughput: Rgb,
         u: [f32; 2],
         list: &mut Vec<MediumSegment>,
     ) {
         let first = list.len();
-        for medium in interior.beside(&self.scene.media) {
+        for medium in interior.overlapping(&self.scene.media) {
             let other =
-                self.sample_segment_in((medium, waves), start, throughput, None, numbers_of(medium, u));
-            let later = if other.until < soonest.until { std::mem::replace(soonest, other) } else { other };
+                self.sample_segment_in((medium, wavelengths), start, throughput, None, numbers_of(medium, u));
+            let later =
+                if other.scatter_t < soonest.scatter_t { std::mem::replace(soonest, other) } else { other };
             list.push(later);
         }
         for later in &mut list[first..] {
-            later.until = soonest.until;
+            later.scatter_t = soonest.scatter_t;
         }
-        soonest.beside = [first as u32, list.len() as u32];
+        soonest.overlapping = [first as u32, list.len() as u32];
     }
 
-    /// What path `i` is taken times at a point of its ray by the flights beside its own.
+    /// The weight of passing of path `i` by its segments in overlapping media.
     #[inline]
     pub(super) fn overlapping_passing_weight(&self, i: usize, to: f32, w: &Workspace) -> Rgb {
         if w.medium_segments[i].is_alone() {
             Rgb::ONE
         } else {
-            self.product_of_passing_weights(beside(&w.medium_segments[i], w), i, to, w)
+            self.product_of_passing_weights(overlapping(&w.medium_segments[i], w), i, to, w)
         }
     }
 
-    /// What path `i` is taken times at a point of its ray by some of its flights.
+    /// The product of the weights of passing of some segments of path `i`.
     #[cold]
     fn product_of_passing_weights<'a>(
         &self,
@@ -446,54 +462,59 @@ impl Integrator<'_> {
         medium_segments.fold(Rgb::ONE, |weight, segment| weight * self.weight_of_passing(segment, i, to, w))
     }
 
-    /// What a path that flies through several media is taken times at a point of its ray. Adds what they emit on the way.
+    /// The weight of a path in overlapping media at a distance. Adds their emission.
     #[cold]
     pub(super) fn pass_overlapping_media(&self, bounce: u32, i: usize, to: f32, w: &mut Workspace) -> Rgb {
-        let whole = [w.medium_segments[i]].into_iter().chain(beside(&w.medium_segments[i], w).copied());
-        let whole: Vec<MediumSegment> = whole.collect();
-        for k in 0..whole.len() {
-            if let Some(scattering) = &self.scene.media[usize::from(whole[k].medium)].scattering
+        let segments =
+            [w.medium_segments[i]].into_iter().chain(overlapping(&w.medium_segments[i], w).copied());
+        let segments: Vec<MediumSegment> = segments.collect();
+        for k in 0..segments.len() {
+            if let Some(scattering) = &self.scene.media[usize::from(segments[k].medium)].scattering
                 && scattering.emission.max_element() > 0.0
             {
-                let value = self.overlapping_emission(scattering, (&whole, k), (bounce, i), to, w);
+                let value = self.overlapping_emission(scattering, (&segments, k), (bounce, i), to, w);
                 self.add_medium_emission(bounce, i, value, w);
             }
         }
-        self.product_of_passing_weights(whole.iter(), i, to, w)
+        self.product_of_passing_weights(segments.iter(), i, to, w)
     }
 
-    /// The light of the medium of one of a path's flights, seen through those of the others.
+    /// The emission of one of several overlapping media, attenuated by the others.
     fn overlapping_emission(
         &self,
         scattering: &Scattering,
-        (whole, k): (&[MediumSegment], usize),
+        (segments, k): (&[MediumSegment], usize),
         (bounce, i): (u32, usize),
         to: f32,
         w: &Workspace,
     ) -> Rgb {
-        let waves = w.times.waves(w.arriving.carried.sample[i]);
-        let scattering = &*scattering.in_lanes(waves);
-        let (segment, salt) = (&whole[k], hash32(self.emission_salt(bounce, i, w) ^ k as u32));
-        let others = || whole.iter().enumerate().filter(|&(other, _)| other != k).map(|(_, segment)| segment);
+        let wavelengths = w.times.wavelengths(w.arriving.state.radiance_index[i]);
+        let scattering = &*scattering.in_lanes(wavelengths);
+        let (segment, salt) = (
+            &segments[k],
+            hash32(RandomChoice::OverlappingEmission { medium: k as u32 }.hash(&w.arriving.state, i, bounce)),
+        );
+        let others =
+            || segments.iter().enumerate().filter(|&(other, _)| other != k).map(|(_, segment)| segment);
         let is_clear = |other: &MediumSegment| {
             let medium = &self.scene.media[usize::from(other.medium)];
-            medium.scattering.as_ref().is_some_and(|s| other.is_unweighted(&s.in_lanes(waves)))
+            medium.scattering.as_ref().is_some_and(|s| other.is_unweighted(&s.in_lanes(wavelengths)))
         };
         if others().all(is_clear) {
-            return self.glow(segment, scattering, i, to, salt, w);
+            return self.segment_emission(segment, scattering, i, to, salt, w);
         }
         let factor = |t: f32| self.product_of_passing_weights(others(), i, t, w);
-        let throughput = get_rgb(&w.arriving.carried.throughput, i);
+        let throughput = get_rgb(&w.arriving.state.throughput, i);
         let ray = (w.rays[i].origin, w.rays[i].direction);
-        let way = [segment.extent[0], to.min(segment.until)];
+        let span = [segment.extent[0], to.min(segment.scatter_t)];
         throughput
             * match (&scattering.glow, &scattering.grid) {
                 (Some(glow), Some(_)) => {
-                    scattering.emission * glow.integral_times(ray, way, salt, waves, factor)
+                    scattering.emission * glow.integral_times(ray, span, salt, wavelengths, factor)
                 }
                 (None, Some(grid)) => {
                     let ray = grid.ray(ray.0, ray.1, 1.0);
-                    scattering.emission * grid.integral_times(&ray, way, salt, factor)
+                    scattering.emission * grid.integral_times(&ray, span, salt, factor)
                 }
                 (_, None) => {
                     return segment.overlapping_emission(scattering, throughput, to, unit(salt), factor);
@@ -501,31 +522,31 @@ impl Integrator<'_> {
             }
     }
 
-    /// What other media in the place leave of light between two points of a ray.
+    /// Transmittance of overlapping media between two points of a ray.
     #[cold]
     pub(super) fn overlapping_transmittance(
         &self,
         interior: Interior,
         ray: (Vec3, Vec3),
-        way: [f32; 2],
-        waves: Option<&Wavelengths>,
+        span: [f32; 2],
+        wavelengths: Option<&Wavelengths>,
     ) -> Rgb {
-        interior.beside(&self.scene.media).fold(Rgb::ONE, |left, medium| {
-            // Those around the scene are on no grid, and need nothing to be kept apart by.
-            left * self.transmittance_in(medium, ray, way, waves, u32::from(medium))
+        interior.overlapping(&self.scene.media).fold(Rgb::ONE, |left, medium| {
+            // The medium around the scene has no grid, so that its estimate needs no random numbers.
+            left * self.transmittance_in(medium, ray, span, wavelengths, u32::from(medium))
         })
     }
 }
 
-/// The flights beside one.
-fn beside<'a>(
+/// The segments in media that overlap with a segment's.
+fn overlapping<'a>(
     segment: &MediumSegment,
     w: &'a Workspace,
 ) -> impl Iterator<Item = &'a MediumSegment> + use<'a> {
-    w.overlapping_segments[segment.beside[0] as usize..segment.beside[1] as usize].iter()
+    w.overlapping_segments[segment.overlapping[0] as usize..segment.overlapping[1] as usize].iter()
 }
 
-/// The numbers that decide a flight through a medium beside another.
+/// Random numbers for a segment in an overlapping medium.
 fn numbers_of(medium: u16, [distance, kind]: [f32; 2]) -> [f32; 2] {
     let salt = hash32(u32::from(medium) ^ hash32(distance.to_bits() ^ hash32(kind.to_bits())));
     [unit(salt), unit(hash32(salt))]

@@ -1,12 +1,14 @@
 //! The state of a wave: paths and vertices as structures of arrays, so that loops over paths vectorise.
 
 use super::interior::Interior;
+use super::mis::{DirectionPdf, LightPdf};
 use crate::color::Rgb;
-use crate::compile::Features;
+use crate::compile::{Features, MAX_RECEIVER_CLASSES};
 use crate::math::{OriginPrimitive, Vec3};
+use crate::scene::RayKinds;
 use bytemuck::Zeroable;
 
-/// Declares a struct of things kept for each path together with the [`PerPath`] that copies all of them.
+/// Declares a structure of arrays over paths, with [`PerPath`].
 macro_rules! per_path {
     ($(#[$of_struct:meta])* $visible:vis struct $name:ident {
         $($(#[$of_field:meta])* $field_visible:vis $field:ident: $type:ty,)*
@@ -30,71 +32,67 @@ macro_rules! per_path {
     };
 }
 
-/// The solids around each path.
-pub type Interiors = [Interior; LENGTH];
-
 per_path! {
-    /// State that every path carries from bounce to bounce.
+    /// State of every path.
     pub struct PathState {
-        /// Product of all weights so far.
+        /// Product of the weights of all sampling decisions so far.
         pub throughput: RgbLanes,
-        /// Density per solid angle of the last scattering; 0 after a specular one and at the camera; negative where the
-        /// path has ended.
-        pub pdf: Lanes,
-        /// What the roulette takes the throughput times: undoes the 1 / eta^2 of refractions, and has the throughput
-        /// of the prefix where a suffix began anew with 1.
-        pub eta_squared: Lanes,
-        /// Sobol point: its two parts.
+        /// How the direction of its ray was sampled.
+        pub pdf: [DirectionPdf; LENGTH],
+        /// Russian roulette compares the throughput times this with 1: the product of the squared relative indices of
+        /// refraction (undoes the 1 / eta^2 of refractions), of the number of branches after a split, and of the
+        /// throughput before a cut.
+        pub roulette_scale: Lanes,
+        /// Sobol point: seed of the sequence and shuffled index.
         pub seed: Words,
         pub shuffled: Words,
-        /// The index of its radiance: which sample of the block it is; behind a cut, further indices (see
-        /// [`super::reuse`]).
-        pub sample: Words,
+        /// Where its radiance is added: an index of the [`super::radiance_buffer::RadianceBuffer`].
+        pub radiance_index: Words,
     }
 }
 
 per_path! {
-    /// How wide the surface is that a path sees: carried where textures ask for it.
+    /// Ray cones: the width of the surface that a path covers.
     pub struct Footprints {
         /// Width at the start of the ray, metres.
         pub width: Lanes,
-        /// How fast it grows, metres per metre.
+        /// Its growth along the ray, metres per metre.
         pub spread: Lanes,
     }
 }
 
 per_path! {
-    /// The first scattering of each path.
+    /// The first scattering event of each path.
     pub struct FirstBounces {
-        /// The share of it that is diffuse.
+        /// Diffuse fraction of the BSDF value, by channel.
         pub diffuse: RgbLanes,
-        /// 1 where it led to the other side of the surface, else 0.
+        /// 1 for transmission, 0 for reflection.
         pub crosses: Lanes,
     }
 }
 
-/// The first scattering of a path.
+/// The first scattering event of a path.
 #[derive(Clone, Copy, Debug)]
 pub struct FirstBounce {
-    /// The share of it that is diffuse.
+    /// Diffuse fraction of the BSDF value, by channel.
     pub diffuse: Rgb,
-    /// Did it lead to the other side of the surface?
+    /// Was it transmission?
     pub crosses: bool,
 }
 
 impl FirstBounce {
-    /// Of ideally diffuse reflection.
+    /// Diffuse reflection.
     pub const DIFFUSE: FirstBounce = FirstBounce { diffuse: Rgb::ONE, crosses: false };
 }
 
 impl FirstBounces {
-    /// That of a path.
+    /// Event of path `i`.
     #[inline]
     pub fn get(&self, i: usize) -> FirstBounce {
         FirstBounce { diffuse: get_rgb(&self.diffuse, i), crosses: self.crosses[i] > 0.0 }
     }
 
-    /// Sets that of a path.
+    /// Sets the event of path `i`.
     #[inline]
     pub fn set(&mut self, i: usize, first: FirstBounce) {
         set_rgb(&mut self.diffuse, i, first.diffuse);
@@ -102,185 +100,152 @@ impl FirstBounces {
     }
 }
 
-/// State of the paths between bounces, by the features of scenes that need it.
-#[derive(Zeroable)]
-pub struct Paths {
-    pub carried: PathState,
-    /// Where textures depend on how much of a surface a path covers.
-    pub footprints: Footprints,
-    /// For the choice among lights at the last vertex: the normal that light had to come from, or zero; where that choice
-    /// depends on it.
-    pub receiver_normal: Lanes3,
-    /// Solids that the path is inside of; where there are some.
-    pub interior: Interiors,
-    /// Its bounces so far, but for walks within solids; where there are some.
-    pub depth: Words,
-    /// How it scattered first; where light passes are asked for.
-    pub first_bounces: FirstBounces,
-    /// The kind of its ray, and what that passed; where objects differ by it. See [`super::kinds`].
-    pub kinds: Words,
-    /// Whether it is on a way of light that is left to paths from lamps; where there are some.
-    pub chains: Words,
-    /// Luminance that roulette compares it with; 0 until its first guided vertex. Where paths are guided.
-    pub reference: Lanes,
-    /// 1 where it passed nothing but clear glass since the camera, else 0; where glass is transparent. See [`super::clear`].
-    pub clear: Words,
-}
+/// Visibility of objects and lights to a path's ray: the kind of the ray, whether it passed an object
+/// that blocks light samples, and the receiver class of the vertex where it starts (light linking).
+#[derive(Clone, Copy, Debug, Zeroable)]
+#[repr(transparent)]
+pub struct RayVisibility(u32);
 
-/// Which parts of [`Paths`] a scene needs.
-#[derive(Clone, Copy, Debug)]
-pub struct PathParts {
-    pub footprints: bool,
-    pub receiver_normals: bool,
-    pub interiors: bool,
-    pub depths: bool,
-    pub first_bounces: bool,
-    pub kinds: bool,
-    pub chains: bool,
-    pub references: bool,
-    pub clear: bool,
-    /// One of them at least.
-    any: bool,
-}
+impl RayVisibility {
+    const SHADOWED: u32 = 1 << 16;
+    const CLASS_SHIFT: u32 = 17;
+    const CLASS_MASK: u32 = !0 << RayVisibility::CLASS_SHIFT;
 
-impl PathParts {
-    /// All of them.
-    pub const ALL: PathParts = PathParts {
-        footprints: true,
-        receiver_normals: true,
-        interiors: true,
-        depths: true,
-        first_bounces: true,
-        kinds: true,
-        chains: true,
-        references: true,
-        clear: true,
-        any: true,
-    };
-
-    /// What the features of a scene ask for; `receiver_normals` where lights are chosen by them, `first_bounces` for light
-    /// passes, `chains` where paths start at lamps, too, `references` where they are guided, `clear` where glass is transparent.
-    pub fn of(
-        features: &Features,
-        receiver_normals: bool,
-        first_bounces: bool,
-        chains: bool,
-        references: bool,
-        clear: bool,
-    ) -> PathParts {
-        let Features { footprints, media: interiors, subsurface: depths, ray_kinds: kinds, .. } = *features;
-        let of_scene = footprints || receiver_normals || interiors || kinds;
-        let any = of_scene || first_bounces || chains || references || clear;
-        PathParts {
-            footprints,
-            receiver_normals,
-            interiors,
-            depths,
-            first_bounces,
-            kinds,
-            chains,
-            references,
-            clear,
-            any,
-        }
-    }
-}
-
-impl Paths {
-    /// Makes each of the first `count` paths several, one after the other.
-    pub fn repeat(&mut self, count: usize, times: usize, parts: PathParts) {
-        let Paths {
-            carried,
-            footprints,
-            receiver_normal,
-            interior,
-            depth,
-            first_bounces,
-            kinds,
-            chains,
-            reference,
-            clear,
-        } = self;
-        carried.repeat(count, times);
-        if parts.footprints {
-            footprints.repeat(count, times);
-        }
-        if parts.receiver_normals {
-            receiver_normal.repeat(count, times);
-        }
-        if parts.interiors {
-            interior.repeat(count, times);
-        }
-        if parts.depths {
-            depth.repeat(count, times);
-        }
-        if parts.first_bounces {
-            first_bounces.repeat(count, times);
-        }
-        if parts.kinds {
-            kinds.repeat(count, times);
-        }
-        if parts.chains {
-            chains.repeat(count, times);
-        }
-        if parts.references {
-            reference.repeat(count, times);
-        }
-        if parts.clear {
-            clear.repeat(count, times);
-        }
+    /// Of camera rays.
+    pub fn camera() -> RayVisibility {
+        RayVisibility(RayKinds::CAMERA.bits())
     }
 
-    /// Copies path `i` to place `k` of others.
+    /// The kind of the ray.
     #[inline(always)]
-    pub fn copy_to(&self, i: usize, other: &mut Paths, k: usize, parts: PathParts) {
-        let Paths {
-            carried,
-            footprints,
-            receiver_normal,
-            interior,
-            depth,
-            first_bounces,
-            kinds,
-            chains,
-            reference,
-            clear,
-        } = self;
-        carried.copy_to(i, &mut other.carried, k);
-        if !parts.any {
-            return;
-        }
-        if parts.footprints {
-            footprints.copy_to(i, &mut other.footprints, k);
-        }
-        if parts.receiver_normals {
-            receiver_normal.copy_to(i, &mut other.receiver_normal, k);
-        }
-        if parts.interiors {
-            interior.copy_to(i, &mut other.interior, k);
-        }
-        if parts.depths {
-            depth.copy_to(i, &mut other.depth, k);
-        }
-        if parts.first_bounces {
-            first_bounces.copy_to(i, &mut other.first_bounces, k);
-        }
-        if parts.kinds {
-            kinds.copy_to(i, &mut other.kinds, k);
-        }
-        if parts.chains {
-            chains.copy_to(i, &mut other.chains, k);
-        }
-        if parts.references {
-            reference.copy_to(i, &mut other.reference, k);
-        }
-        if parts.clear {
-            clear.copy_to(i, &mut other.clear, k);
-        }
+    pub fn kind(self) -> RayKinds {
+        RayKinds::from_bits(self.0)
+    }
+
+    /// Of a new ray of a kind from the same vertex.
+    #[inline(always)]
+    pub fn with_kind(self, kind: RayKinds) -> RayVisibility {
+        RayVisibility(kind.bits() | self.0 & RayVisibility::CLASS_MASK)
+    }
+
+    /// Has the ray passed an object that blocks light samples?
+    #[inline(always)]
+    pub fn is_shadowed(self) -> bool {
+        self.0 & RayVisibility::SHADOWED != 0
+    }
+
+    /// After passing such an object.
+    #[inline(always)]
+    pub fn shadowed(self) -> RayVisibility {
+        RayVisibility(self.0 | RayVisibility::SHADOWED)
+    }
+
+    /// The class of receivers of light, by light linking, of the last vertex.
+    #[inline(always)]
+    pub fn receiver_class(self) -> u32 {
+        self.0 >> RayVisibility::CLASS_SHIFT
+    }
+
+    /// At a vertex of a class of receivers.
+    #[inline(always)]
+    pub fn with_receiver_class(self, class: u32) -> RayVisibility {
+        RayVisibility(self.0 & !RayVisibility::CLASS_MASK | class << RayVisibility::CLASS_SHIFT)
     }
 }
 
-/// Corners of the triangles and quads that are hit, from which a vectorised loop makes surfaces.
+const _: () = assert!(MAX_RECEIVER_CLASSES <= 1 << (u32::BITS - RayVisibility::CLASS_SHIFT));
+
+/// What decides which optional state paths have.
+pub struct StateConditions<'a> {
+    pub features: &'a Features,
+    /// The selection among lights depends on the receiver's normal.
+    pub selects_by_normal: bool,
+    /// Light passes are among the outputs.
+    pub light_passes: bool,
+    /// Caustics are traced from the lights.
+    pub caustics: bool,
+    /// Paths are guided.
+    pub guiding: bool,
+    /// Glass is transparent in the alpha channel.
+    pub transparent_glass: bool,
+}
+
+/// Declares the state of paths: each optional array once, with its type and the condition under which it is in use. Makes
+/// [`Paths`] (memory, copy, repeat) and [`OptionalState`] (which of it is in use).
+macro_rules! path_state {
+    ($($(#[$doc:meta])* $field:ident: $type:ty, if |$conditions:ident| $condition:expr;)*) => {
+        /// The state of the paths of a wave between bounces.
+        #[derive(Zeroable)]
+        pub struct Paths {
+            pub state: PathState,
+            $($(#[$doc])* pub $field: $type,)*
+        }
+
+        /// Which optional state of [`Paths`] is in use.
+        #[derive(Clone, Copy, Debug)]
+        pub struct OptionalState {
+            $(pub $field: bool,)*
+            /// Any of it.
+            any: bool,
+        }
+
+        impl OptionalState {
+            /// All of it.
+            pub const ALL: OptionalState = OptionalState { $($field: true,)* any: true };
+
+            /// What a scene, its outputs and techniques need.
+            pub fn of(conditions: &StateConditions<'_>) -> OptionalState {
+                $(let $field = { let $conditions = conditions; $condition };)*
+                OptionalState { $($field,)* any: false $(|| $field)* }
+            }
+        }
+
+        impl Paths {
+            /// Replaces each of the first `count` paths by several copies, one after the other.
+            pub fn repeat(&mut self, count: usize, times: usize, optional: OptionalState) {
+                self.state.repeat(count, times);
+                $(if optional.$field {
+                    self.$field.repeat(count, times);
+                })*
+            }
+
+            /// Copies path `i` to path `k` of others.
+            #[inline(always)]
+            pub fn copy_to(&self, i: usize, other: &mut Paths, k: usize, optional: OptionalState) {
+                self.state.copy_to(i, &mut other.state, k);
+                if !optional.any {
+                    return;
+                }
+                $(if optional.$field {
+                    self.$field.copy_to(i, &mut other.$field, k);
+                })*
+            }
+        }
+    };
+}
+
+path_state! {
+    /// Width that the path covers, for texture filtering.
+    footprints: Footprints, if |c| c.features.footprints;
+    /// Shading normal of the last vertex for the selection among lights; zero where lights on both sides count.
+    receiver_normal: Lanes3, if |c| c.selects_by_normal;
+    /// Solids that the path is within.
+    interior: [Interior; LENGTH], if |c| c.features.media;
+    /// Number of bounces so far, except for random walks within solids.
+    depth: Words, if |c| c.features.subsurface;
+    /// The first scattering event.
+    first_bounces: FirstBounces, if |c| c.light_passes;
+    /// Kind of the ray and receiver class of its start.
+    visibility: [RayVisibility; LENGTH], if |c| c.features.ray_kinds;
+    /// Whether caustics traced from the lights contain the path so far: see [`super::caustics`].
+    chains: Words, if |c| c.caustics;
+    /// Expected luminance that adjoint-driven Russian roulette compares with; 0 until the first guided vertex.
+    reference: Lanes, if |c| c.guiding;
+    /// 1 where the path has passed nothing but clear glass since the camera, else 0.
+    clear: Words, if |c| c.transparent_glass;
+}
+
+/// Corners of the triangles and quads at vertices, from which a vectorised loop makes surfaces.
 #[derive(Zeroable)]
 pub struct CornerLanes {
     /// Positions.
@@ -302,7 +267,7 @@ pub struct MetalRoughMaterials {
     pub layer_f90: Lanes,
     /// Reflectance of the metal at normal incidence.
     pub metal_f0: RgbLanes,
-    /// Share of metal.
+    /// Metallic fraction.
     pub metallic: Lanes,
     /// Amplitude of the layer's Fresnel curve; where that is exact.
     pub curve: Lanes,
@@ -312,15 +277,15 @@ pub struct MetalRoughMaterials {
 }
 
 per_path! {
-/// What opaque glTF materials are for a viewer ([`crate::bsdf::MetalRoughClosure`]).
+/// Closures of opaque glTF materials for a viewer ([`crate::bsdf::MetalRoughClosure`]).
 pub struct MetalRoughClosures {
     /// Diffuse colour under the layer.
     pub diffuse: RgbLanes,
     /// Reflectance of the facets at normal incidence.
     pub f0: RgbLanes,
-    /// What it rises by to grazing incidence with Schlick's weight.
+    /// Its increase to grazing incidence, with Schlick's weight.
     pub schlick_rise: RgbLanes,
-    /// What it rises by with the weight of the layer's curve.
+    /// Its increase with the weight of the layer's Fresnel curve.
     pub exact_rise: RgbLanes,
     /// Mean albedo.
     pub albedo: Lanes,
@@ -331,7 +296,7 @@ pub struct MetalRoughClosures {
 }
 }
 
-/// What textured vertices are made of besides corners, and where textures are looked up.
+/// Input of textured vertices besides corners, and texture coordinates.
 #[derive(Zeroable)]
 pub struct TexturedLanes {
     /// Texture coordinates of the corners.
@@ -339,98 +304,97 @@ pub struct TexturedLanes {
     /// Tangents of the corners, and which way bitangents go; 0 where there are none.
     pub tangents: [Lanes3; 3],
     pub handedness: Lanes,
-    /// Texture coordinates, and how much they change over a metre.
+    /// Texture coordinates, and their change per metre.
     pub uv: [Lanes; 2],
     pub uv_per_metre: Lanes,
-    /// Directions of the normal map's x and y; zero where there are none.
+    /// Directions of x and y of the normal map; zero where there are none.
     pub tangent: Lanes3,
     pub bitangent: Lanes3,
-    /// What the normal map says; zero where nothing.
+    /// Normal of the normal map; zero without one.
     pub mapped: Lanes3,
-    /// Which ray.
+    /// Index of the ray.
     pub ray: Words,
 }
 
-/// Light samples, one a vertex that light sampling can reach.
+/// Light samples, one for each vertex that light sampling reaches.
 #[derive(Zeroable)]
 pub struct LightLanes {
     /// Towards the light, unit length.
     pub wi: Lanes3,
-    /// Where the shadow ray ends; not for lights infinitely far away.
+    /// Point on the light; not for lights at infinity.
     pub target: Lanes3,
-    /// 1 for lights infinitely far away, else 0.
+    /// 1 for lights at infinity, else 0.
     pub is_infinite: Lanes,
     /// Radiance of the light.
     pub radiance: RgbLanes,
-    /// Density with which the point was chosen, the choice of the light included; 0 for none; negative for lights
-    /// without size.
-    pub pdf: Lanes,
-    /// The chosen light, and the probability of its choice; where there is a choice.
+    /// Density of the sample, with the probability of selecting the light.
+    pub pdf: [LightPdf; LENGTH],
+    /// The selected light and its selection probability; in scenes with several lights.
     pub index: Words,
     pub pdf_discrete: Lanes,
-    /// What the shadow ray brings if nothing is in its way.
+    /// MIS-weighted contribution if the shadow ray is not occluded.
     pub contribution: RgbLanes,
     /// The shadow ray.
     pub origin: Lanes3,
     pub direction: Lanes3,
 }
 
-/// What guiding knows of Lambertian vertices.
+/// Path guiding at Lambertian vertices.
 #[derive(Zeroable)]
 pub struct GuidedLanes {
     /// Halves of the keys of their cells.
     pub key_low: Words,
     pub key_high: Words,
-    /// Numbers of their cells.
+    /// Indices of their cells.
     pub cell: Words,
-    /// Density, over that of the cosine lobe, of the directions in which paths go on, and of those of light samples.
+    /// Guided density over that of the cosine lobe, of scattered directions and of light samples.
     pub density: Lanes,
     pub light_density: Lanes,
-    /// Bins of the directions in which paths go on; where they train a guide.
+    /// Bins of scattered directions; for training.
     pub bin: Words,
-    /// Luminance of the throughput with the albedo, before directions are chosen.
+    /// Luminance of the throughput with the albedo, before scattering.
     pub carried: Lanes,
 }
 
-/// Where paths hit surfaces, and what is computed there. Vertices are sorted by [`ShadingGroup`].
+/// The vertices of paths, sorted by [`ShadingGroup`](super::shading_groups::ShadingGroup).
 #[derive(Zeroable)]
 pub struct Vertices {
-    /// At vertices on flat primitives.
+    /// Corners, at vertices on triangles and quads.
     pub corners: CornerLanes,
     pub p: Lanes3,
-    /// What a ray from here leaves.
+    /// The primitives that rays from here exclude.
     pub origin_primitives: [OriginPrimitive; LENGTH],
-    /// Geometric normal; towards the viewer at vertices of opaque classes, on the front at others.
+    /// Geometric normal; on the viewer's side at vertices of opaque groups, on the front side at others.
     pub ng: Lanes3,
     /// Shading normal, on the side of the geometric one.
     pub ns: Lanes3,
-    /// Distance along the normal that a secondary ray's origin must keep.
+    /// Offset of ray origins along the normal, metres.
     pub offset: Lanes,
     /// 1 where the shading normal was bent for the viewer, else 0; at vertices of opaque glTF materials.
     pub is_bent: Lanes,
     /// Towards the viewer.
     pub wo: Lanes3,
-    /// Solids on the other side of the surface than the viewer's; only where there are some.
-    pub beyond: Interiors,
+    /// Solids on the far side of the surface, seen from the viewer; in scenes with some.
+    pub beyond: [Interior; LENGTH],
     /// Albedo of Lambertian vertices.
     pub albedo: RgbLanes,
     pub metal_rough: MetalRoughMaterials,
     pub metal_rough_closures: MetalRoughClosures,
     pub textured: TexturedLanes,
     pub light: LightLanes,
-    /// At Lambertian ones, where paths are guided.
+    /// Path guiding, at Lambertian vertices.
     pub guided: GuidedLanes,
-    /// Mean cosine of the scattering angle, at points of media.
+    /// Mean cosine of the scattering angle, in media.
     pub anisotropy: Lanes,
     /// The scattered ray.
     pub next_origin: Lanes3,
     pub next_direction: Lanes3,
 }
 
-/// Arrays for use within one stage, which names them; their contents mean nothing to the next.
+/// Arrays for use within one stage; undefined between stages.
 pub type Scratch = [Lanes; 9];
 
-/// What the vectorised loops work on: one allocation, so that the compiler knows its arrays apart.
+/// The data of vectorised loops: one allocation, so that the compiler knows that arrays don't alias.
 #[derive(Zeroable)]
 pub struct Wave {
     pub paths: Paths,
@@ -438,20 +402,20 @@ pub struct Wave {
     pub scratch: Scratch,
 }
 
-/// Paths in flight. The arrays that a scene makes use of stay within a core's second-level cache, or nearly.
+/// Number of paths in a wave. The arrays in use nearly fit into a core's second-level cache.
 pub const WAVE: usize = 2048;
 
-/// Length of an array: one cache line more than needed, because arrays a power of two apart would all fall into the same
+/// Length of an array: one cache line more than needed, because arrays a power of two apart would fall into the same
 /// cache set.
 pub const LENGTH: usize = WAVE + 16;
 
-/// One number a path.
+/// A number for each path.
 pub type Lanes = [f32; LENGTH];
-/// One integer a path.
+/// An integer for each path.
 pub type Words = [u32; LENGTH];
-/// One vector a path, by component.
+/// A vector for each path, by component.
 pub type Lanes3 = [Lanes; 3];
-/// One colour a path, by channel.
+/// A colour for each path, by channel.
 pub type RgbLanes = [Lanes; 3];
 
 /// Element `i` as a vector.
@@ -480,18 +444,18 @@ pub fn set_rgb(v: &mut RgbLanes, i: usize, value: Rgb) {
     [v[0][i], v[1][i], v[2][i]] = value.to_array();
 }
 
-/// Something kept for each path.
+/// Arrays with an element for each path.
 pub trait PerPath {
     /// Copies element `i` to element `k` of `other`.
     fn copy_to(&self, i: usize, other: &mut Self, k: usize);
 
-    /// Makes each of the first `count` elements several, one after the other.
+    /// Replaces each of the first `count` elements by several copies, one after the other.
     fn repeat(&mut self, count: usize, times: usize);
 }
 
-/// Makes each of the first `count` elements several, one after the other.
+/// Replaces each of the first `count` elements by several copies, one after the other.
 pub fn repeat<T: Copy>(elements: &mut [T], count: usize, times: usize) {
-    // From the end, so that each is read before something else is in its place.
+    // From the end, so that elements are read before they are overwritten.
     for i in (0..count).rev() {
         let element = elements[i];
         elements[i * times..(i + 1) * times].fill(element);

@@ -14,7 +14,7 @@ use crate::color::spectral::Wavelengths;
 use crate::math::{Hit, Ray};
 use crate::scene::RayKinds;
 
-/// All memory that tracing a block of pixels takes; made once a thread.
+/// All memory for tracing a block of pixels; one for each thread.
 pub struct Workspace {
     pub(super) wave: Box<Wave>,
     /// Paths in the order of their rays, before their vertices are sorted.
@@ -35,42 +35,42 @@ pub struct Workspace {
     /// Vertex of each shadow ray.
     pub(super) shadow_vertices: Vec<u32>,
     pub(super) occluded: Vec<bool>,
-    /// What each would bring unblocked; where shadows are shown.
+    /// Contribution of each if it is not occluded; for the shadow AOV.
     pub(super) unoccluded: Vec<Rgb>,
-    /// By shadow ray: the kinds of rays that stop at what it passed; where kinds differ.
+    /// By shadow ray: the ray kinds to which the objects that it passed are visible.
     pub(super) passed_kinds: Vec<RayKinds>,
-    /// Samples whose camera rays hit what is transparent in the picture.
+    /// Samples whose camera rays hit holdouts or shadow catchers.
     pub(super) uncovered: Vec<u32>,
-    /// Those among them that hit shadow catchers.
-    pub(super) caught: Vec<u32>,
-    /// Objects that catchers catch the shadows of are left out now.
-    pub(super) without: bool,
-    /// How the paths of the wave started; where there are catchers.
+    /// Those whose camera rays hit shadow catchers.
+    pub(super) catcher_samples: Vec<u32>,
+    /// Are shadow casters excluded, to render shadow catchers without them?
+    pub(super) excludes_casters: bool,
+    /// Camera paths of the wave, for the second pass of shadow catchers.
     pub(super) starts: Option<Box<Paths>>,
     pub(super) start_rays: Vec<Ray>,
-    /// When samples look at the scene, where something moves.
+    /// Times and wavelengths of the samples.
     pub(super) times: SampleTimes,
-    /// Results by sample.
-    pub(super) sink: RadianceBuffer,
-    /// What outputs besides colour show, by sample.
+    /// Radiance and alpha by sample.
+    pub(super) radiance_buffer: RadianceBuffer,
+    /// AOVs by sample.
     pub(super) first_hits: FirstHits,
-    /// For surfaces that are partly absent.
+    /// Rays that passed surfaces and are traced again.
     pub(super) pending: Vec<u32>,
     pub(super) pending_rays: Vec<Ray>,
     pub(super) pending_hits: Vec<Hit>,
-    /// How the paths fly through media, and shadow rays cross them; where some scatter.
+    /// Path segments and shadow rays in scattering media.
     pub(super) medium_segments: Vec<MediumSegment>,
-    /// Flights through media that fill the same place as others.
+    /// Segments in media that overlap those.
     pub(super) overlapping_segments: Vec<MediumSegment>,
     pub(super) shadow_segments: Vec<ShadowSegment>,
-    /// Where paths are shared.
+    /// State of path sharing.
     pub(super) reuse: Option<Box<Reuse>>,
-    /// Rays that had been traced when the samples of the wave split, if they did.
+    /// Number of rays traced before the wave split, if it did.
     pub(super) rays_before_split: Option<u64>,
-    /// Where paths train a guide: vertices of the wave, and what all paths have found.
+    /// Training of a guide: vertices of the wave, and finished training samples.
     pub(super) vertex_records: Vec<VertexRecord>,
     pub(super) training_samples: Vec<TrainingSample>,
-    /// Squares of the luminances that vertices brought to samples.
+    /// Sum of the squared luminances of contributions of vertices to samples.
     pub(super) brought_squares: f64,
     /// Rays traced so far.
     pub ray_counts: RayCounts,
@@ -95,12 +95,12 @@ impl Workspace {
             unoccluded: Vec::new(),
             passed_kinds: Vec::new(),
             uncovered: Vec::new(),
-            caught: Vec::new(),
-            without: false,
+            catcher_samples: Vec::new(),
+            excludes_casters: false,
             starts: None,
             start_rays: Vec::new(),
             times: SampleTimes::default(),
-            sink: RadianceBuffer::new(),
+            radiance_buffer: RadianceBuffer::new(),
             first_hits: FirstHits::default(),
             pending: Vec::new(),
             pending_rays: Vec::new(),
@@ -120,17 +120,17 @@ impl Workspace {
     /// Finds the nearest hits of `rays`.
     pub(super) fn intersect(&mut self, accel: &Accel) {
         self.begin_hits();
-        let samples = self.arriving.carried.sample[..self.rays.len()].iter().copied();
+        let samples = self.arriving.state.radiance_index[..self.rays.len()].iter().copied();
         self.times.closest(accel, &self.rays, samples, &mut self.hits);
     }
 
-    /// Finds the nearest hits of `rays`, of any number, that belong to no samples: nothing moves then.
+    /// Finds the nearest hits of any number of `rays` without times.
     pub(super) fn intersect_still(&mut self, accel: &Accel) {
         self.begin_hits();
         accel.closest(&self.rays, &mut self.hits);
     }
 
-    /// Makes room for the hits of `rays`, and counts these.
+    /// Allocates the hits of `rays` and counts the rays.
     fn begin_hits(&mut self) {
         self.hits.clear();
         self.hits.resize(self.rays.len(), Hit::MISS);
@@ -144,21 +144,21 @@ impl Default for Workspace {
     }
 }
 
-/// How many rays there were.
+/// Numbers of rays.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RayCounts {
-    /// All together.
+    /// All rays.
     pub all: u64,
-    /// Those of them that connected shared paths, each tested alone.
+    /// Rays that connect shared paths, each traced alone.
     pub single: u64,
-    /// The same, tested together with the others to the same suffix.
+    /// Rays that connect shared paths, traced in a batch to a common suffix.
     pub in_fans: u64,
-    /// Those of them that belong to several paths of one sample.
+    /// Rays behind splits.
     pub in_branches: u64,
 }
 
 impl RayCounts {
-    /// Both together.
+    /// The sums of both.
     pub fn plus(self, other: RayCounts) -> RayCounts {
         RayCounts {
             all: self.all + other.all,
@@ -168,7 +168,7 @@ impl RayCounts {
         }
     }
 
-    /// What came since an earlier count.
+    /// The difference from an earlier count.
     pub fn since(self, before: RayCounts) -> RayCounts {
         RayCounts {
             all: self.all - before.all,
@@ -179,55 +179,57 @@ impl RayCounts {
     }
 }
 
-/// The times of a wave; empty where nothing moves.
+/// Times (0 when the shutter opens to 1 when it closes) and wavelengths of the samples of a wave. All rays of a sample
+/// have the same.
 #[derive(Default)]
 pub(super) struct SampleTimes {
     by_sample: Vec<f32>,
-    /// Empty where paths carry red, green and blue.
-    waves: Vec<Wavelengths>,
-    /// Paths that go on from the first surface of each sample, and have indices of their own.
+    /// Empty in RGB rendering.
+    wavelengths: Vec<Wavelengths>,
+    /// Branches of each sample with radiance indices of their own.
     branches: u32,
-    /// Of the rays that are traced next.
+    /// Times of the rays that are traced next.
     of_rays: Vec<f32>,
 }
 
 impl SampleTimes {
-    /// Begins with new samples.
+    /// Sets the times of new samples.
     pub fn start(&mut self, times: impl Iterator<Item = f32>, branches: u32) {
         self.by_sample.clear();
         self.by_sample.extend(times);
         self.branches = branches;
     }
 
-    /// Begins with the wavelengths of new samples.
-    pub fn start_wavelengths(&mut self, waves: impl Iterator<Item = Wavelengths>, branches: u32) {
-        self.waves.clear();
-        self.waves.extend(waves);
+    /// Sets the wavelengths of new samples.
+    pub fn start_wavelengths(&mut self, wavelengths: impl Iterator<Item = Wavelengths>, branches: u32) {
+        self.wavelengths.clear();
+        self.wavelengths.extend(wavelengths);
         self.branches = branches;
     }
 
     /// The wavelengths of all samples.
     pub fn all_wavelengths(&self) -> &[Wavelengths] {
-        &self.waves
+        &self.wavelengths
     }
 
-    /// The wavelengths of a sample, by the index that its path carries; `None` where paths carry red, green and blue.
+    /// Wavelengths by radiance index; `None` in RGB rendering.
     #[inline(always)]
-    pub fn waves(&self, sample: u32) -> Option<&Wavelengths> {
-        if self.waves.is_empty() { None } else { self.sample_wavelengths(sample) }
+    pub fn wavelengths(&self, sample: u32) -> Option<&Wavelengths> {
+        if self.wavelengths.is_empty() { None } else { self.sample_wavelengths(sample) }
     }
 
     #[cold]
     fn sample_wavelengths(&self, sample: u32) -> Option<&Wavelengths> {
-        let of_branch =
-            || sample.checked_sub(WAVE as u32).and_then(|k| self.waves.get((k / self.branches) as usize));
-        self.waves.get(sample as usize).or_else(of_branch)
+        let of_branch = || {
+            sample.checked_sub(WAVE as u32).and_then(|k| self.wavelengths.get((k / self.branches) as usize))
+        };
+        self.wavelengths.get(sample as usize).or_else(of_branch)
     }
 
-    /// All samples are traced once more, under the indices behind those of all.
+    /// Repeats all samples, for the second pass of shadow catchers.
     pub fn repeat(&mut self) {
         self.by_sample.extend_from_within(..);
-        self.waves.extend_from_within(..);
+        self.wavelengths.extend_from_within(..);
     }
 
     /// The times of all samples.
@@ -235,7 +237,7 @@ impl SampleTimes {
         &self.by_sample
     }
 
-    /// The time of a sample, by the index that its path carries; 0 where nothing moves.
+    /// Time by radiance index, 0 to 1; 0 without motion.
     #[inline(always)]
     pub fn of(&self, sample: u32) -> f32 {
         if self.by_sample.is_empty() { 0.0 } else { self.known(sample) }
@@ -248,7 +250,7 @@ impl SampleTimes {
         of(sample).or_else(of_branch).unwrap_or(0.0)
     }
 
-    /// The nearest hits of rays whose paths have these samples.
+    /// Finds the nearest hits of rays of paths with these radiance indices.
     #[inline]
     pub fn closest(
         &mut self,
@@ -264,7 +266,7 @@ impl SampleTimes {
         accel.closest_in_time(rays, &self.of_rays, hits);
     }
 
-    /// Some hits of rays whose paths have these samples.
+    /// Finds any hits of rays of paths with these radiance indices.
     #[inline]
     pub fn any(&mut self, accel: &Accel, rays: &[Ray], samples: impl Iterator<Item = u32>, hits: &mut [Hit]) {
         if !accel.is_moving() {

@@ -26,7 +26,7 @@ pub(super) struct CameraConnection {
     /// Contribution to a pixel whose filter weight is 1.
     value: Rgb,
     /// The wavelengths of the channels; none for red, green and blue.
-    waves: Option<Wavelengths>,
+    wavelengths: Option<Wavelengths>,
     /// Its shares of layers: light passes and light groups.
     parts: Option<[(Option<usize>, Rgb); 3]>,
     /// Contribution of a path from the camera that finds this light; infinite where none can.
@@ -39,7 +39,7 @@ impl CameraConnection {
     #[inline]
     fn rgb(&self, value: Rgb) -> [f32; 3] {
         let value = value.to_array();
-        self.waves.as_ref().map_or(value, |waves| waves.rgb(value))
+        self.wavelengths.as_ref().map_or(value, |wavelengths| wavelengths.rgb(value))
     }
 }
 
@@ -85,11 +85,11 @@ impl Integrator<'_> {
         if is_hidden || at.material.is_absent_from_behind && is_back {
             return None;
         }
-        let waves = path.waves();
+        let wavelengths = path.wavelengths();
         // Texture footprint of a ray from the camera.
         let (width, spread) = self.view.camera.pixel_cone();
         let (wo, wi) = (sight.direction, -path.ray.direction);
-        let (bsdf, ns) = self.read_material(at, width + spread * sight.distance, wo, waves.as_ref());
+        let (bsdf, ns) = self.read_material(at, width + spread * sight.distance, wo, wavelengths.as_ref());
         let receiver = self.receiver(material, bsdf, [ns, at.surface.ng]).seen(wo, wi);
         let BsdfEval { f_cos, pdf_solid_angle } = self.scattered(&receiver)?;
         let Receiver { ng, wo, wi, .. } = receiver;
@@ -104,7 +104,7 @@ impl Integrator<'_> {
         };
         let medium = &self.scene.media[usize::from(around.medium())];
         let left = if self.scene.features.absorption {
-            medium.transmittance_at(sight.distance - near, waves.as_ref())
+            medium.transmittance_at(sight.distance - near, wavelengths.as_ref())
         } else {
             Rgb::ONE
         };
@@ -119,7 +119,7 @@ impl Integrator<'_> {
             film: sight.film,
             value,
             parts: self.parts_of(&receiver, path.light),
-            waves,
+            wavelengths,
             value_from_camera: if path.is_only_way { f32::INFINITY } else { found },
             salt: hash32(seed ^ hash32(index ^ path.bounces)),
         })

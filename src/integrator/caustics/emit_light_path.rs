@@ -71,10 +71,10 @@ impl Integrator<'_> {
             let emitted = plan.emission.sample(lights, textures, [a, b], [c, d], of_lamp, of_ball)?;
             let Emitted { ray, radiance, scale, light, is_delta } = emitted;
             let hero = if self.is_spectral() { point.sample_4d(&wavelength)[0] } else { f32::NAN };
-            let waves = (!hero.is_nan()).then(|| Wavelengths::draw(hero));
+            let wavelengths = (!hero.is_nan()).then(|| Wavelengths::draw(hero));
             Some(LightPath {
                 ray,
-                radiance: self.uplift_light(radiance, Some(light), waves.as_ref()),
+                radiance: self.uplift_light(radiance, Some(light), wavelengths.as_ref()),
                 hero,
                 scale,
                 interior: Interior::AIR,
@@ -119,7 +119,7 @@ impl Integrator<'_> {
         let at = self.point_of(&path.ray, *hit, material, STILL);
         let medium = &self.scene.media[usize::from(path.interior.medium())];
         let left = if self.scene.features.absorption {
-            medium.transmittance_at(hit.t, path.waves().as_ref())
+            medium.transmittance_at(hit.t, path.wavelengths().as_ref())
         } else {
             Rgb::ONE
         };
@@ -216,7 +216,7 @@ impl Integrator<'_> {
     ) -> Option<LightPath> {
         let CasterHit { caster, surface, beyond } = self.caster_at(path, at, w);
         let (material, arriving) = (at.material, &mut *w.arriving);
-        let radiance = get_rgb(&arriving.carried.throughput, 0);
+        let radiance = get_rgb(&arriving.state.throughput, 0);
         let [a, b, lobe, roulette] = path.point.sample_4d(&Dimensions::new(2 + path.bounces));
         let scattered = match role {
             Role::Caster => self.scatter_at_caster(&caster, [a, b, lobe])?,
@@ -249,27 +249,33 @@ impl Integrator<'_> {
 
     /// The caster at a hit. Lane 0 of the arriving paths holds the state of the light path afterwards.
     fn caster_at(&self, path: &LightPath, at: &HitPoint<'_>, w: &mut Workspace) -> CasterHit {
-        let waves = path.waves();
-        let waves = waves.as_ref();
+        let wavelengths = path.wavelengths();
+        let wavelengths = wavelengths.as_ref();
         let (wo, material, arriving) = (-path.ray.direction, at.material, &mut *w.arriving);
         arriving.interior[0] = path.interior;
-        set_rgb(&mut arriving.carried.throughput, 0, path.radiance);
-        (arriving.carried.seed[0], arriving.carried.shuffled[0]) = path.point.to_parts();
+        set_rgb(&mut arriving.state.throughput, 0, path.radiance);
+        (arriving.state.seed[0], arriving.state.shuffled[0]) = path.point.to_parts();
         let is_solid = material.medium_index != 0;
         if is_solid && at.is_back {
-            self.assume_inside(material, at.hit.t, 0, arriving, waves);
+            self.assume_inside(material, at.hit.t, 0, arriving, wavelengths);
         }
-        let (bsdf, ns) = self.read_material(at, 0.0, wo, waves);
+        let (bsdf, ns) = self.read_material(at, 0.0, wo, wavelengths);
         let is_only_way = [path.is_only_way, path.is_only_way && path.bounces > 0];
         let mut caster = CasterPoint { bsdf, ng: at.surface.ng, ns, wo, is_only_way };
         let (mut beyond, mut surface) = (arriving.interior[0], at.surface);
         if is_solid {
-            let boundary = match self.touching(&path.ray, at) {
-                None => self.boundary(bsdf, material, at.is_back, (path.bounces, 0), arriving, waves),
+            let boundary = match self.coincident_surfaces(&path.ray, at) {
+                None => self.boundary(bsdf, material, at.is_back, (path.bounces, 0), arriving, wavelengths),
                 Some(touching) => {
                     let met = CoincidentHit { at: *at, bsdf, ns, width: 0.0 };
-                    let (met, boundary) =
-                        self.coincident_interface(met, touching, wo, (path.bounces, 0), arriving, waves);
+                    let (met, boundary) = self.coincident_interface(
+                        met,
+                        touching,
+                        wo,
+                        (path.bounces, 0),
+                        arriving,
+                        wavelengths,
+                    );
                     surface = met.at.surface;
                     (caster.ng, caster.ns) = (surface.ng, met.ns);
                     boundary

@@ -28,6 +28,7 @@ mod plan;
 pub use plan::{CausticPlan, CausticTally};
 
 use super::Integrator;
+use super::mis::LightPdf;
 use super::shading_geometry::bent_normal;
 use super::shading_groups::SortedVertices;
 use super::wave::Vertices;
@@ -55,7 +56,7 @@ const LEAVES_BY_CASTER: u32 = ARRIVES_BY_CASTER << BITS;
 impl Integrator<'_> {
     /// Shifts the chains of paths that arrive at their next vertex.
     pub(super) fn arrive_in_chains(&self, w: &mut Workspace) {
-        if self.parts.chains {
+        if self.optional.chains {
             w.arriving.chains[..w.rays.len()].iter_mut().for_each(|chain| *chain >>= BITS);
         }
     }
@@ -96,7 +97,7 @@ impl Integrator<'_> {
 
     /// The same for sorted vertices whose normals were bent before.
     pub(super) fn end_bent_chains(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
-        if bounce >= 1 && self.parts.chains && self.scene.features.bent_normals {
+        if bounce >= 1 && self.optional.chains && self.scene.features.bent_normals {
             for i in sorted.metal_rough() {
                 let chain = &mut w.wave.paths.chains[i];
                 if w.wave.vertices.is_bent[i] != 0.0 && *chain & LEAVES_BY_CASTER != 0 {
@@ -108,7 +109,7 @@ impl Integrator<'_> {
 
     /// Ends chains where paths from lights leave out the direction that the path took (see [`stretch`]).
     pub(super) fn end_stretched_chains(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
-        if bounce >= 1 && self.parts.chains && self.scene.features.bent_normals {
+        if bounce >= 1 && self.optional.chains && self.scene.features.bent_normals {
             for i in sorted.all() {
                 let is_by_caster = w.wave.paths.chains[i] & LEAVES_BY_CASTER != 0;
                 if is_by_caster
@@ -143,7 +144,7 @@ impl Integrator<'_> {
             let is_left =
                 chains[i] & LEAVES_BY_CASTER != 0 && plan.takes(self.only_light.unwrap_or(v.light.index[i]));
             if is_left && !is_stretched_at(v, i, get(&v.light.wi, i)) {
-                v.light.pdf[i] = 0.0;
+                v.light.pdf[i] = LightPdf::NONE;
             }
         }
     }

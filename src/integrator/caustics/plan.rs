@@ -85,7 +85,7 @@ pub(super) struct LightPath {
 impl LightPath {
     /// The wavelengths that it carries.
     #[inline]
-    pub fn waves(&self) -> Option<Wavelengths> {
+    pub fn wavelengths(&self) -> Option<Wavelengths> {
         (!self.hero.is_nan()).then(|| Wavelengths::draw(self.hero))
     }
 }

@@ -133,7 +133,7 @@ impl Kernel for FindKeys<'_> {
         for i in self.range.start..self.range.end.min(WAVE) {
             let n = get(&v.ns, i);
             let frame = Frame::from_normal(n);
-            let hash = hash32(hash32(paths.carried.seed[i] ^ salt) ^ paths.carried.shuffled[i]);
+            let hash = hash32(hash32(paths.state.seed[i] ^ salt) ^ paths.state.shuffled[i]);
             let (s, t) = ((hash & 0xffff) as i32 as f32, (hash >> 16) as i32 as f32);
             let (s, t) = (s * (1.0 / 65_536.0) - 0.5, t * (1.0 / 65_536.0) - 0.5);
             let p = get(&v.p, i) * self.grid.scale + frame.s * s + frame.t * t;

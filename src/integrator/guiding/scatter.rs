@@ -1,5 +1,6 @@
 //! Lambertian vertices scatter by a guide, and paths end by what is expected of them.
 
+use super::super::mis::DirectionPdf;
 use super::guide::{Guide, NO_MEAN};
 use super::place;
 use crate::integrator::Integrator;
@@ -53,20 +54,20 @@ impl Integrator<'_> {
 
 /// Scatters at Lambertian vertices.
 pub(in super::super) fn scatter<const SOFT: bool>(
-    how: ScatterParams<'_>,
+    params: ScatterParams<'_>,
     uses_adjoint_roulette: bool,
     guide: &Guide,
     range: Range<usize>,
     wave: &mut Wave,
 ) {
-    dispatch(Choose { how, guide, range: range.clone(), wave });
+    dispatch(Choose { params, guide, range: range.clone(), wave });
     let judge = Judge { floor: guide.floor, uses_adjoint_roulette };
-    dispatch(GoOn::<SOFT> { how, judge, range, wave });
+    dispatch(GoOn::<SOFT> { params, judge, range, wave });
 }
 
 /// Scatters at vertices of opaque glTF materials, whose diffuse lobes are guided.
 pub(in super::super) fn scatter_metal_rough<const SOFT: bool>(
-    how: ScatterParams<'_>,
+    params: ScatterParams<'_>,
     uses_adjoint_roulette: bool,
     guide: &Guide,
     range: Range<usize>,
@@ -76,8 +77,8 @@ pub(in super::super) fn scatter_metal_rough<const SOFT: bool>(
         return;
     }
     let judge = Judge { floor: guide.floor, uses_adjoint_roulette };
-    dispatch(ChooseLobe { how, guide, range: range.clone(), wave });
-    dispatch(GoOnRough::<SOFT> { how, judge, densities: guide.densities(), range, wave });
+    dispatch(ChooseLobe { params, guide, range: range.clone(), wave });
+    dispatch(GoOnRough::<SOFT> { params, judge, densities: guide.densities(), range, wave });
 }
 
 /// Ends paths by what is expected of them.
@@ -118,7 +119,7 @@ impl Judge {
 /// Chooses points of the square of directions, and gets roulette's number and the mean of the cell: into the first four lanes of the
 /// scratch memory.
 struct Choose<'a> {
-    how: ScatterParams<'a>,
+    params: ScatterParams<'a>,
     guide: &'a Guide,
     range: Range<usize>,
     wave: &'a mut Wave,
@@ -132,8 +133,8 @@ impl Kernel for Choose<'_> {
         let Wave { paths, vertices: v, scratch: [us, vs, chances, means, ..] } = self.wave;
         let range = self.range.start..self.range.end.min(WAVE);
         for i in range.clone() {
-            let point = SobolPoint::from_parts(paths.carried.seed[i], paths.carried.shuffled[i]);
-            [us[i], vs[i], _, chances[i]] = point.sample_4d(self.how.dimensions);
+            let point = SobolPoint::from_parts(paths.state.seed[i], paths.state.shuffled[i]);
+            [us[i], vs[i], _, chances[i]] = point.sample_4d(self.params.dimensions);
         }
         for i in range {
             let histogram = &self.guide.histograms[v.guided.cell[i] as usize];
@@ -145,7 +146,7 @@ impl Kernel for Choose<'_> {
 
 /// Makes directions of the chosen points, and plays roulette.
 struct GoOn<'a, const SOFT: bool> {
-    how: ScatterParams<'a>,
+    params: ScatterParams<'a>,
     judge: Judge,
     range: Range<usize>,
     wave: &'a mut Wave,
@@ -157,7 +158,7 @@ impl<const SOFT: bool> Kernel for GoOn<'_, SOFT> {
     #[inline(always)]
     fn run(self) {
         let Wave { paths, vertices: v, scratch: [us, vs, chances, means, ..] } = self.wave;
-        let path = &mut paths.carried;
+        let path = &mut paths.state;
         for i in self.range.start..self.range.end.min(WAVE) {
             let (ng, ns) = (get(&v.ng, i), get(&v.ns, i));
             let local = warp::cosine_hemisphere([us[i], vs[i]]);
@@ -170,24 +171,24 @@ impl<const SOFT: bool> Kernel for GoOn<'_, SOFT> {
             if SOFT {
                 throughput *= terminator(ns, ng, wi);
             }
-            let eta_squared = path.eta_squared[i];
-            let plain = survival(throughput, eta_squared, chances[i], self.how.roulette);
-            let expected = carried * eta_squared * means[i];
+            let roulette_scale = path.roulette_scale[i];
+            let plain = survival(throughput, roulette_scale, chances[i], self.params.roulette);
+            let expected = carried * roulette_scale * means[i];
             let (survives, scale) =
                 self.judge.survival(expected, means[i], &mut paths.reference[i], chances[i], plain);
             set_rgb(&mut path.throughput, i, throughput * scale);
             set(&mut v.next_origin, i, offset_along(get(&v.p, i), ng, v.offset[i]));
             set(&mut v.next_direction, i, wi);
             let goes_on = survives & (carried > 0.0) & (wi.dot(ng) > 0.0);
-            let pdf = local.z * FRAC_1_PI * density * self.how.branches;
-            path.pdf[i] = if goes_on { pdf } else { -1.0 };
+            let pdf = local.z * FRAC_1_PI * density * self.params.branches;
+            path.pdf[i] = DirectionPdf::after_roulette(pdf, goes_on);
         }
     }
 }
 
 /// As [`Choose`], for the diffuse lobes of opaque glTF materials: the points of others stay; the lobe's number into a fifth lane.
 struct ChooseLobe<'a> {
-    how: ScatterParams<'a>,
+    params: ScatterParams<'a>,
     guide: &'a Guide,
     range: Range<usize>,
     wave: &'a mut Wave,
@@ -201,8 +202,8 @@ impl Kernel for ChooseLobe<'_> {
         let Wave { paths, vertices: v, scratch: [us, vs, chances, means, lobes, ..] } = self.wave;
         let range = self.range.start..self.range.end.min(WAVE);
         for i in range.clone() {
-            let point = SobolPoint::from_parts(paths.carried.seed[i], paths.carried.shuffled[i]);
-            [us[i], vs[i], lobes[i], chances[i]] = point.sample_4d(self.how.dimensions);
+            let point = SobolPoint::from_parts(paths.state.seed[i], paths.state.shuffled[i]);
+            [us[i], vs[i], lobes[i], chances[i]] = point.sample_4d(self.params.dimensions);
         }
         for i in range {
             let histogram = &self.guide.histograms[v.guided.cell[i] as usize];
@@ -217,7 +218,7 @@ impl Kernel for ChooseLobe<'_> {
 
 /// Makes directions of the chosen points and lobes, and plays roulette.
 struct GoOnRough<'a, const SOFT: bool> {
-    how: ScatterParams<'a>,
+    params: ScatterParams<'a>,
     judge: Judge,
     densities: Table<'a, f32>,
     range: Range<usize>,
@@ -230,7 +231,7 @@ impl<const SOFT: bool> Kernel for GoOnRough<'_, SOFT> {
     #[inline(always)]
     fn run(self) {
         let Wave { paths, vertices: v, scratch: [us, vs, chances, means, lobes, ..] } = self.wave;
-        let path = &mut paths.carried;
+        let path = &mut paths.state;
         for i in self.range.start..self.range.end.min(WAVE) {
             let (ng, ns) = (get(&v.ng, i), get(&v.ns, i));
             let closure = MetalRoughClass.closure(v, i);
@@ -247,12 +248,12 @@ impl<const SOFT: bool> Kernel for GoOnRough<'_, SOFT> {
             if SOFT {
                 throughput *= if s.is_specular { 1.0 } else { terminator(ns, ng, s.wi) };
             }
-            let eta_squared = path.eta_squared[i];
-            let plain = survival(throughput, eta_squared, chances[i], self.how.roulette);
+            let roulette_scale = path.roulette_scale[i];
+            let plain = survival(throughput, roulette_scale, chances[i], self.params.roulette);
             // What facets reflect may be much brighter than what is expected of the cell.
             let is_diffuse = closure.is_diffuse(lobes[i]);
             let mean = if is_diffuse { means[i] } else { NO_MEAN };
-            let expected = (before * closure.diffuse_weight()).luminance() * eta_squared * mean;
+            let expected = (before * closure.diffuse_weight()).luminance() * roulette_scale * mean;
             let mut reference = paths.reference[i];
             let (survives, scale) = self.judge.survival(expected, mean, &mut reference, chances[i], plain);
             paths.reference[i] = if is_diffuse { reference } else { paths.reference[i] };
@@ -260,8 +261,8 @@ impl<const SOFT: bool> Kernel for GoOnRough<'_, SOFT> {
             set(&mut v.next_origin, i, offset_along(get(&v.p, i), ng, v.offset[i]));
             set(&mut v.next_direction, i, s.wi);
             let goes_on = survives & (s.pdf_solid_angle > 0.0) & (s.wi.dot(ng) > 0.0);
-            let pdf = if s.is_specular { 0.0 } else { s.pdf_solid_angle * factor * self.how.branches };
-            path.pdf[i] = if goes_on { pdf } else { -1.0 };
+            let pdf = if s.is_specular { 0.0 } else { s.pdf_solid_angle * factor * self.params.branches };
+            path.pdf[i] = DirectionPdf::after_roulette(pdf, goes_on);
         }
     }
 }

@@ -55,10 +55,10 @@ impl Integrator<'_> {
             let is_lambert = sorted.lambert().contains(&i);
             // Mirrors and metals have no use for a guide.
             let is_diffuse = vertices.metal_rough_closures.probability_diffuse[i] > 0.0;
-            if !is_lambert && (paths.carried.pdf[i] == 0.0 || !is_diffuse) {
+            if !is_lambert && (paths.state.pdf[i].is_specular() || !is_diffuse) {
                 continue;
             }
-            let sample = paths.carried.sample[i];
+            let sample = paths.state.radiance_index[i];
             let training_sample = TrainingSample {
                 p: get(&vertices.p, i).to_array(),
                 n: get(&vertices.ns, i).to_array(),
@@ -68,7 +68,7 @@ impl Integrator<'_> {
             w.vertex_records.push(VertexRecord {
                 training_sample,
                 sample,
-                before: w.sink.radiance(sample).luminance(),
+                before: w.radiance_buffer.radiance(sample).luminance(),
                 carried: vertices.guided.carried[i],
                 // Facets bring more than what is expected of the cell.
                 expected: if is_lambert {
@@ -76,7 +76,7 @@ impl Integrator<'_> {
                 } else {
                     NO_MEAN
                 },
-                ends: paths.carried.pdf[i] < 0.0,
+                ends: paths.state.pdf[i].has_ended(),
             });
         }
     }
@@ -96,7 +96,7 @@ impl Integrator<'_> {
             let VertexRecord { training_sample, sample, before, carried, ends, .. } = record;
             let after = match next[sample as usize].replace(record) {
                 Some(next) if next.expected >= 0.0 => next.before + next.carried * next.expected,
-                _ => w.sink.radiance(sample).luminance(),
+                _ => w.radiance_buffer.radiance(sample).luminance(),
             };
             let value = (after - before) / carried;
             let counts = !ends && value.is_finite() && after - before > LEAST_SHARE * after;

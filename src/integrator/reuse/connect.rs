@@ -53,33 +53,33 @@ impl Integrator<'_> {
     #[inline(always)]
     fn cut(&self, bounce: u32, i: usize, class: u32, wave: &mut Wave, reuse: &mut Reuse) {
         let Wave { paths, vertices: v, .. } = wave;
-        let path = &mut paths.carried;
-        let k = reuse.place(path.sample[i]);
+        let path = &mut paths.state;
+        let k = reuse.place(path.radiance_index[i]);
         let Reuse { prefixes, suffixes, .. } = reuse;
         if prefixes.class[k] == NONE {
-            let is_in_air = !self.parts.interiors || paths.interior[i] == Interior::AIR;
+            let is_in_air = !self.optional.interior || paths.interior[i] == Interior::AIR;
             if bounce <= LAST_BOUNCE && is_in_air && spreads(v, i, class) {
                 prefixes.keep(k, class, bounce, v, i, get_rgb(&path.throughput, i));
-                let leaves = self.parts.chains && leaves_light(paths.chains[i]);
+                let leaves = self.optional.chains && leaves_light(paths.chains[i]);
                 prefixes.ends[k] = if leaves { bounce + LAST_BOUNCE + 1 } else { bounce };
-                if self.parts.first_bounces {
+                if self.optional.first_bounces {
                     let is_first = bounce == 0;
                     let first = if is_first { FirstBounce::DIFFUSE } else { paths.first_bounces.get(i) };
                     prefixes.first_bounces.set(k, first);
                 }
             }
-        } else if prefixes.bounce[k] + 1 == bounce && path.pdf[i] > 0.0 {
+        } else if prefixes.bounce[k] + 1 == bounce && path.pdf[i].competes() {
             let Some(rest) = self.shared_part(v, i, class) else { return };
             let throughput = get_rgb(&path.throughput, i);
-            suffixes.keep(k, class, v, i, throughput, path.pdf[i]);
+            suffixes.keep(k, class, v, i, throughput, path.pdf[i].value());
             suffixes.rest[k] = rest;
-            if self.parts.first_bounces {
+            if self.optional.first_bounces {
                 paths.first_bounces.copy_to(i, &mut suffixes.first_bounces, k);
             }
             // The roulette judges paths by all of their throughput.
-            path.eta_squared[i] *= throughput.max_element();
+            path.roulette_scale[i] *= throughput.max_element();
             set_rgb(&mut path.throughput, i, Rgb::ONE);
-            path.sample[i] += DIRECT;
+            path.radiance_index[i] += DIRECT;
         }
     }
 
@@ -91,7 +91,7 @@ impl Integrator<'_> {
         let Workspace { wave, reuse: Some(reuse), .. } = w else { return };
         let Wave { paths, vertices: v, .. } = &mut **wave;
         for i in sorted.metal_rough() {
-            let sample = &mut paths.carried.sample[i];
+            let sample = &mut paths.state.radiance_index[i];
             let k = reuse.place(*sample);
             let is_new = (DIRECT..SCATTERED).contains(sample) && reuse.prefixes.bounce[k] + 1 == bounce;
             if !is_new {
@@ -102,7 +102,7 @@ impl Integrator<'_> {
             let material = get_rgb(&v.metal_rough.diffuse, i);
             let share = |wi| closure.share_of(material * FRAC_1_PI, wi);
             set_rgb(&mut reuse.suffixes.direct_share, k, share(get(&v.light.wi, i)));
-            let is_mirrored = paths.carried.pdf[i] == 0.0;
+            let is_mirrored = paths.state.pdf[i].is_specular();
             let scattered = if is_mirrored { Rgb::ZERO } else { share(get(&v.next_direction, i)) };
             set_rgb(&mut reuse.suffixes.scattered_share, k, scattered);
         }
@@ -373,23 +373,23 @@ impl SharedLayers {
         s: &Suffixes,
         own: Rgb,
         is_usable: bool,
-        sink: &mut RadianceBuffer,
+        radiance_buffer: &mut RadianceBuffer,
     ) {
         let throughput = get_rgb(&s.throughput, k);
         if let Some(diffuse) = &mut self.diffuse {
             let first = s.first_bounces.get(k);
             set_rgb(&mut diffuse.throughput, k, throughput * first.diffuse);
-            sink.add_to_passes(sample, throughput * own, PathClass::Indirect(first));
+            radiance_buffer.add_to_passes(sample, throughput * own, PathClass::Indirect(first));
         }
         for (g, group) in self.groups.iter_mut().enumerate() {
-            let direct = sink.radiance_of(sample + DIRECT, g);
-            let scattered = sink.radiance_of(sample + SCATTERED, g);
+            let direct = radiance_buffer.radiance_of(sample + DIRECT, g);
+            let scattered = radiance_buffer.radiance_of(sample + SCATTERED, g);
             let (radiance, own) = match is_usable {
                 true => s.divide(k, direct, scattered),
                 false => (Rgb::ZERO, direct + scattered),
             };
             set_rgb(&mut group.radiance, k, radiance);
-            sink.add_to_group(sample, throughput * own, g as u16);
+            radiance_buffer.add_to_group(sample, throughput * own, g as u16);
         }
     }
 
@@ -408,17 +408,24 @@ impl SharedLayers {
     }
 
     /// Brings what prefixes got, of all `total`, to the layers of a sample.
-    pub fn deliver(&self, k: usize, sample: u32, total: Rgb, prefixes: &Prefixes, sink: &mut RadianceBuffer) {
+    pub fn deliver(
+        &self,
+        k: usize,
+        sample: u32,
+        total: Rgb,
+        prefixes: &Prefixes,
+        radiance_buffer: &mut RadianceBuffer,
+    ) {
         if let Some(diffuse) = &self.diffuse {
             let mut first = prefixes.first_bounces.get(k);
             let of_diffuse = get_rgb(&diffuse.gained, k).min(total);
             first.diffuse = Rgb::ONE;
-            sink.add_to_passes(sample, of_diffuse, PathClass::Indirect(first));
+            radiance_buffer.add_to_passes(sample, of_diffuse, PathClass::Indirect(first));
             first.diffuse = Rgb::ZERO;
-            sink.add_to_passes(sample, total - of_diffuse, PathClass::Indirect(first));
+            radiance_buffer.add_to_passes(sample, total - of_diffuse, PathClass::Indirect(first));
         }
         for (g, group) in self.groups.iter().enumerate() {
-            sink.add_to_group(sample, get_rgb(&group.gained, k), g as u16);
+            radiance_buffer.add_to_group(sample, get_rgb(&group.gained, k), g as u16);
         }
     }
 }
@@ -443,11 +450,11 @@ fn fill_diffuse(senders: &[u16], group: usize, prefixes: &Prefixes, pairs: &Pair
 
 impl Reuse {
     /// Brings what all prefixes got to their samples.
-    pub fn deliver(&self, sink: &mut RadianceBuffer) {
+    pub fn deliver(&self, radiance_buffer: &mut RadianceBuffer) {
         for (k, &sample) in self.samples[..WAVE].iter().enumerate() {
             let (sample, gained) = (u32::from(sample), get_rgb(&self.gained, k));
-            sink.add(sample, gained);
-            self.layers.deliver(k, sample, gained, &self.prefixes, sink);
+            radiance_buffer.add(sample, gained);
+            self.layers.deliver(k, sample, gained, &self.prefixes, radiance_buffer);
         }
     }
 }
@@ -490,14 +497,14 @@ impl Integrator<'_> {
             exchange.receive(&suffixes.radiance, &suffixes.throughput, &pairs.value, gained);
             layers.receive(exchange);
         }
-        reuse.deliver(&mut w.sink);
+        reuse.deliver(&mut w.radiance_buffer);
         w.reuse = Some(reuse);
     }
 
     /// Sums up what leaves each suffix. What is not shared goes to its owner.
     fn finish_suffixes(&self, reuse: &mut Reuse, w: &mut Workspace) {
         if self.options.keeps_plain {
-            w.sink.keep_plain();
+            w.radiance_buffer.keep_plain();
         }
         let Reuse { suffixes: s, samples, layers, .. } = reuse;
         for (k, &sample) in samples[..WAVE].iter().enumerate() {
@@ -505,18 +512,19 @@ impl Integrator<'_> {
                 continue;
             }
             let sample = u32::from(sample);
-            let (direct, scattered) = (w.sink.radiance(sample + DIRECT), w.sink.radiance(sample + SCATTERED));
+            let (direct, scattered) =
+                (w.radiance_buffer.radiance(sample + DIRECT), w.radiance_buffer.radiance(sample + SCATTERED));
             let throughput = get_rgb(&s.throughput, k);
             if self.options.keeps_plain {
-                w.sink.add_plain(sample, throughput * (direct + scattered));
+                w.radiance_buffer.add_plain(sample, throughput * (direct + scattered));
             }
             let (radiance, mut own) = s.divide(k, direct, scattered);
             let is_usable = radiance.is_finite() && radiance.max_element() > 0.0;
             if !is_usable {
                 own = direct + scattered;
             }
-            w.sink.add(sample, throughput * own);
-            layers.finish_suffix(k, sample, s, own, is_usable, &mut w.sink);
+            w.radiance_buffer.add(sample, throughput * own);
+            layers.finish_suffix(k, sample, s, own, is_usable, &mut w.radiance_buffer);
             if !is_usable {
                 s.class[k] = NONE;
             }

@@ -50,6 +50,6 @@ impl Integrator<'_> {
         reuse.prefixes.class.fill(NONE);
         reuse.suffixes.class.fill(NONE);
         reuse.layers.reset(self.layers);
-        w.sink.extend(3 * WAVE);
+        w.radiance_buffer.extend(3 * WAVE);
     }
 }

@@ -1,0 +1,373 @@
+//! The stages of path tracing, in the order in which a wave runs through them at each bounce.
+//!
+//! A wave of up to [`super::WAVE`] paths starts at the camera ([`super::generate`]). At each bounce the stages of
+//! [`ARRIVE`] trace its rays and make the vertices where paths continue, and those of [`LEAVE`] add direct light and
+//! scatter. A scene, its outputs and the techniques in use decide which stages are there: a plain scene has seven of
+//! them (intersect, classify, surfaces, environment; direct light, scatter, next rays). Techniques and features add a
+//! stage to the lists; the loop over bounces knows none of them.
+
+use super::Integrator;
+use super::shading_groups::{ShadingGroupCounts, SortedVertices};
+use super::workspace::Workspace;
+
+/// What stages pass on to each other, in [`Workspace`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Data {
+    /// Rays of the arriving paths.
+    Rays,
+    /// State of the arriving paths, or of the sorted ones behind the stage "surfaces".
+    Paths,
+    /// Path segments within media.
+    Segments,
+    /// Nearest hits of the rays.
+    Hits,
+    /// Shading groups of the hits.
+    Groups,
+    /// Vertices, sorted by shading group, and their BSDFs.
+    Vertices,
+    /// Guiding distributions of the vertices.
+    Cells,
+    /// Origins and directions of the scattered rays.
+    Scattered,
+    /// Prefixes and suffixes of paths for path sharing.
+    Shared,
+    /// Vertices recorded to train a guide.
+    Training,
+    /// Radiance, alpha and AOVs of the samples.
+    Results,
+}
+
+/// One step of all paths of a wave.
+#[cfg_attr(not(test), expect(dead_code, reason = "name, reads and writes are for readers and tests"))]
+pub(super) struct Stage {
+    pub name: &'static str,
+    /// Is the stage there, with this scene, these outputs and these techniques?
+    pub condition: fn(&Integrator<'_>) -> bool,
+    /// At which bounces.
+    pub bounces: Bounces,
+    pub reads: &'static [Data],
+    pub writes: &'static [Data],
+    pub run: fn(&Integrator<'_>, &mut Bounce, &mut Workspace),
+}
+
+/// At which bounces a stage runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Bounces {
+    All,
+    /// At the surfaces that camera rays hit.
+    First,
+}
+
+/// The bounce that a wave is at.
+pub(super) struct Bounce {
+    /// 0 at the first surface.
+    pub number: u32,
+    /// All paths end here.
+    pub is_last: bool,
+    /// Hits of each shading group.
+    pub counts: ShadingGroupCounts,
+    /// Where the vertices of each shading group lie.
+    pub vertices: SortedVertices,
+}
+
+impl Bounce {
+    pub fn new(number: u32, is_last: bool) -> Bounce {
+        let counts = ShadingGroupCounts::new();
+        let vertices = counts.sorted();
+        Bounce { number, is_last, counts, vertices }
+    }
+}
+
+/// The stages in use, in order.
+pub(super) struct Stages {
+    pub arrive: Vec<&'static Stage>,
+    pub leave: Vec<&'static Stage>,
+}
+
+impl Stages {
+    /// No stages.
+    pub const NONE: Stages = Stages { arrive: Vec::new(), leave: Vec::new() };
+
+    pub fn of(integrator: &Integrator<'_>) -> Stages {
+        let used = |stages: &'static [Stage]| stages.iter().filter(|s| (s.condition)(integrator)).collect();
+        Stages { arrive: used(ARRIVE), leave: used(LEAVE) }
+    }
+}
+
+impl Integrator<'_> {
+    /// Runs stages at a bounce.
+    pub(super) fn run_stages(&self, stages: &[&Stage], bounce: &mut Bounce, w: &mut Workspace) {
+        for stage in stages {
+            if stage.bounces == Bounces::All || bounce.number == 0 {
+                (stage.run)(self, bounce, w);
+            }
+        }
+    }
+}
+
+fn always(_: &Integrator<'_>) -> bool {
+    true
+}
+
+use Data::{Cells, Groups, Hits, Paths, Rays, Results, Scattered, Segments, Shared, Training, Vertices};
+
+/// From the rays of a wave to the vertices where its paths continue.
+pub(super) const ARRIVE: &[Stage] = &[
+    Stage {
+        name: "medium distances",
+        condition: |i| i.scene.features.scattering,
+        bounces: Bounces::All,
+        reads: &[Rays, Paths],
+        writes: &[Segments, Rays],
+        run: |i, b, w| i.start_medium_segments(b.number, w),
+    },
+    Stage {
+        name: "intersect",
+        condition: always,
+        bounces: Bounces::All,
+        reads: &[Rays],
+        writes: &[Hits],
+        run: |i, _, w| w.intersect(&i.scene.accel),
+    },
+    Stage {
+        name: "caustics: arrival",
+        condition: |i| i.options.caustics.is_some(),
+        bounces: Bounces::All,
+        reads: &[Paths],
+        writes: &[Paths],
+        run: |i, _, w| i.arrive_in_chains(w),
+    },
+    Stage {
+        name: "absent surfaces",
+        condition: |i| i.scene.features.alpha,
+        bounces: Bounces::All,
+        reads: &[Rays, Hits, Paths],
+        writes: &[Rays, Hits, Paths, Results],
+        run: |i, b, w| i.skip_absent_surfaces(b.number, w),
+    },
+    Stage {
+        name: "holdouts and shadow catchers",
+        condition: |i| i.scene.features.alpha,
+        bounces: Bounces::First,
+        reads: &[Hits, Paths],
+        writes: &[Hits, Paths],
+        run: |i, _, w| i.find_camera_exceptions(w),
+    },
+    Stage {
+        name: "medium scattering",
+        condition: |i| i.scene.features.scattering,
+        bounces: Bounces::All,
+        reads: &[Rays, Hits, Segments, Paths],
+        writes: &[Hits, Paths, Results],
+        run: |i, b, w| i.end_medium_segments(b.number, w),
+    },
+    Stage {
+        name: "ray cones",
+        condition: |i| i.scene.features.footprints,
+        bounces: Bounces::All,
+        reads: &[Hits],
+        writes: &[Paths],
+        run: |i, _, w| i.widen_ray_cones(w),
+    },
+    Stage {
+        name: "absorption",
+        condition: |i| i.scene.features.absorption && !i.scene.features.scattering,
+        bounces: Bounces::All,
+        reads: &[Hits, Paths],
+        writes: &[Paths],
+        run: |i, _, w| i.absorb(w),
+    },
+    Stage {
+        name: "classify",
+        condition: always,
+        bounces: Bounces::All,
+        reads: &[Hits],
+        writes: &[Groups],
+        run: |i, b, w| b.counts = i.classify_hits(b.number, b.is_last, w),
+    },
+    Stage {
+        name: "caustics: surfaces",
+        condition: |i| i.options.caustics.is_some(),
+        bounces: Bounces::All,
+        reads: &[Hits, Paths],
+        writes: &[Paths],
+        run: |i, b, w| i.follow_chains(b.number, w),
+    },
+    Stage {
+        name: "depth limit",
+        condition: |i| i.optional.depth,
+        bounces: Bounces::All,
+        reads: &[Paths, Groups],
+        writes: &[Groups],
+        run: |i, b, w| b.counts = i.end_deep_paths(w),
+    },
+    Stage {
+        name: "surfaces",
+        condition: always,
+        bounces: Bounces::All,
+        reads: &[Rays, Hits, Groups, Paths],
+        writes: &[Vertices, Paths, Results],
+        run: |i, b, w| {
+            b.vertices = b.counts.sorted();
+            i.surfaces(b.number, &b.vertices, w);
+        },
+    },
+    Stage {
+        name: "depth count",
+        condition: |i| i.optional.depth,
+        bounces: Bounces::All,
+        reads: &[Vertices],
+        writes: &[Paths],
+        run: |i, b, w| i.count_bounces(&b.vertices, w),
+    },
+    Stage {
+        name: "environment",
+        condition: always,
+        bounces: Bounces::All,
+        reads: &[Rays, Hits, Paths],
+        writes: &[Results],
+        run: |i, b, w| i.escape(b.number, w),
+    },
+    Stage {
+        name: "alpha",
+        condition: |i| i.scene.features.alpha || i.optional.clear,
+        bounces: Bounces::First,
+        reads: &[Vertices, Results],
+        writes: &[Paths, Results],
+        run: |i, b, w| i.set_alpha(&b.vertices, w),
+    },
+    Stage {
+        name: "caustics: bent normals",
+        condition: |i| i.options.caustics.is_some(),
+        bounces: Bounces::All,
+        reads: &[Vertices],
+        writes: &[Paths],
+        run: |i, b, w| i.end_bent_chains(b.number, &b.vertices, w),
+    },
+];
+
+/// From vertices to the rays of the next bounce.
+pub(super) const LEAVE: &[Stage] = &[
+    Stage {
+        name: "guiding: cells",
+        condition: |i| i.options.guide.is_some(),
+        bounces: Bounces::All,
+        reads: &[Vertices, Paths],
+        writes: &[Cells],
+        run: |i, b, w| i.find_cells(b.number, &b.vertices, w),
+    },
+    Stage {
+        name: "sharing: cut",
+        condition: |i| i.options.reuse.is_some(),
+        bounces: Bounces::All,
+        reads: &[Vertices, Paths],
+        writes: &[Shared, Paths],
+        run: |i, b, w| i.cut_paths(b.number, &b.vertices, w),
+    },
+    Stage {
+        name: "direct light",
+        condition: |i| !i.scene.lights.is_empty(),
+        bounces: Bounces::All,
+        reads: &[Vertices, Paths],
+        writes: &[Results],
+        run: |i, b, w| i.add_direct_light(b.number, &b.vertices, w),
+    },
+    Stage {
+        name: "split",
+        condition: |i| i.options.branches > 1,
+        bounces: Bounces::First,
+        reads: &[Vertices, Paths],
+        writes: &[Vertices, Paths],
+        run: |i, b, w| b.vertices = i.split(&b.vertices, w),
+    },
+    Stage {
+        name: "scatter",
+        condition: always,
+        bounces: Bounces::All,
+        reads: &[Vertices, Paths],
+        writes: &[Scattered, Paths],
+        run: |i, b, w| i.scatter(b.number, &b.vertices, w),
+    },
+    Stage {
+        name: "clear glass",
+        condition: |i| i.optional.clear,
+        bounces: Bounces::All,
+        reads: &[Vertices, Scattered],
+        writes: &[Paths],
+        run: |i, b, w| i.update_clear_paths(&b.vertices, w),
+    },
+    Stage {
+        name: "caustics: stretched light",
+        condition: |i| i.options.caustics.is_some(),
+        bounces: Bounces::All,
+        reads: &[Vertices, Scattered],
+        writes: &[Paths],
+        run: |i, b, w| i.end_stretched_chains(b.number, &b.vertices, w),
+    },
+    Stage {
+        name: "guiding: training",
+        condition: |i| i.options.records_training,
+        bounces: Bounces::All,
+        reads: &[Vertices, Scattered, Paths],
+        writes: &[Training],
+        run: |i, b, w| i.record_vertices(&b.vertices, w),
+    },
+    Stage {
+        name: "light passes",
+        condition: |i| i.optional.first_bounces,
+        bounces: Bounces::First,
+        reads: &[Vertices, Scattered],
+        writes: &[Paths],
+        run: |i, b, w| i.record_first_bounces(&b.vertices, w),
+    },
+    Stage {
+        name: "ray kinds",
+        condition: |i| i.optional.visibility,
+        bounces: Bounces::All,
+        reads: &[Vertices, Scattered, Paths],
+        writes: &[Paths],
+        run: |i, b, w| i.choose_ray_kinds(b.number, &b.vertices, w),
+    },
+    Stage {
+        name: "sharing: lobes",
+        condition: |i| i.options.reuse.is_some(),
+        bounces: Bounces::All,
+        reads: &[Vertices, Scattered, Shared, Paths],
+        writes: &[Shared, Paths],
+        run: |i, b, w| i.divide_lobes(b.number, &b.vertices, w),
+    },
+    Stage {
+        name: "next rays",
+        condition: always,
+        bounces: Bounces::All,
+        reads: &[Scattered, Paths],
+        writes: &[Rays, Paths],
+        run: |i, b, w| i.spawn_rays(&b.vertices, w),
+    },
+];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stages_read_what_was_written() {
+        // Camera rays.
+        let mut written = vec![Rays, Paths];
+        for stage in ARRIVE.iter().chain(LEAVE) {
+            for data in stage.reads {
+                assert!(written.contains(data), "{} reads {data:?}", stage.name);
+            }
+            written.extend(stage.writes);
+        }
+        assert_eq!(LEAVE.last().map(|stage| stage.writes), Some(&[Rays, Paths][..]));
+    }
+
+    #[test]
+    fn the_guide_lists_the_stages() {
+        let page = include_str!("../guide/internals_tracing.md");
+        for stage in ARRIVE.iter().chain(LEAVE) {
+            assert!(page.contains(&format!("| {} |", stage.name)), "{}", stage.name);
+        }
+    }
+}
