@@ -40,7 +40,7 @@ const fn decoded(bytes: &[u8; size_of::<Table>()]) -> Table {
     table
 }
 
-/// Root of the largest alpha beside this root of the smaller one.
+/// Square root of the largest alpha that the table has for a smaller alpha of this square root.
 #[inline(always)]
 fn largest(small: f32) -> f32 {
     (small * LARGEST_ROOT_RATIO).min(1.0)

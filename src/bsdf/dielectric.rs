@@ -1,4 +1,4 @@
-//! Smooth glass: solid, and as a thin sheet.
+//! Smooth glass, solid and thin-walled.
 
 use super::{
     Appearance, BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Refraction, Slots, Transmissive,
@@ -73,17 +73,17 @@ impl Lobe for Dielectric {
     }
 }
 
-/// A thin smooth sheet of glass: light passes straight on; the reflections between its two faces are summed.
+/// Smooth thin glass: transmits straight on; interreflections between its two faces are summed in closed form.
 #[derive(Clone, Copy, Debug)]
 pub struct ThinDielectric {
-    /// Index of refraction of the sheet.
+    /// Index of refraction.
     pub ior: f32,
     /// Factor on transmitted light.
     pub tint: Rgb,
 }
 
 impl ThinDielectric {
-    /// Share reflected by the sheet: R + T^2 R / (1 - R^2) = 2 R / (1 + R) (Pharr, Jakob, Humphreys 2023, section 9.5).
+    /// Reflectance of both faces: R + T^2 R / (1 - R^2) = 2 R / (1 + R) (Pharr, Jakob, Humphreys 2023, section 9.5).
     #[inline(always)]
     pub fn reflectance(&self, cos_o: f32) -> f32 {
         let r = fresnel::exact(cos_o.abs().min(1.0), self.ior).reflectance;

@@ -50,7 +50,7 @@ pub struct Layered {
     pub coat: Coat,
 }
 
-/// The parts and their weights as one direction sees them. The value of the BSDF is the sum of each part's value times
+/// The components and their weights for one view direction. The value of the BSDF is the sum of each part's value times
 /// its weight; probabilities add up to 1.
 struct LayeredClosure {
     opaque: MetalRough<Microsurface>,

@@ -235,7 +235,7 @@ pub trait Slots {
     /// A number.
     fn number(&self, slot: &FloatSlot) -> f32;
 
-    /// The wavelengths that the channels of colours stand for; `None` where they are red, green and blue.
+    /// The wavelengths of the three channels in spectral rendering; `None` for red, green and blue.
     #[inline(always)]
     fn wavelengths(&self) -> Option<&Wavelengths> {
         None

@@ -38,7 +38,7 @@ pub struct MetalRough<S = Isotropic> {
     pub energy_compensation: EnergyCompensation,
 }
 
-/// A [`MetalRough`] as one direction above it sees it.
+/// The closure of a [`MetalRough`] for one view direction.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct MetalRoughClosure {
     /// Diffuse colour under what the layer leaves.

@@ -1,5 +1,5 @@
 //! A rough surface made of GGX facets with a roughness of its own along two tangent directions (Heitz 2014, "Understanding
-//! the Masking-Shadowing Function in Microfacet-Based BRDFs", section 5.4), and the trait that lobes see surfaces through.
+//! the Masking-Shadowing Function in Microfacet-Based BRDFs", section 5.4), and the trait over microfacet distributions.
 
 use super::albedo_table::DirectionalAlbedo;
 use super::anisotropic_table::{LARGEST_ROOT_RATIO, anisotropic_albedo, anisotropic_dielectric_grazing};

@@ -68,7 +68,7 @@ dispatch::bsdfs! {
     transmissive {
         /// Smooth solid glass.
         dielectric::Dielectric(dielectric::DielectricProgram),
-        /// A smooth thin sheet of glass.
+        /// Smooth thin glass.
         dielectric::ThinDielectric(dielectric::ThinDielectricProgram),
         /// Glass of any roughness, solid or thin.
         rough_dielectric::RoughDielectric(rough_dielectric::RoughDielectricProgram),
@@ -101,7 +101,7 @@ impl Bsdf {
 }
 
 impl BsdfProgram {
-    /// The program of the cheapest BSDF that is equivalent to a model, wherever its textures are looked up.
+    /// The program of the cheapest BSDF that is equivalent to a model for all values of its textures.
     pub fn of(model: &Model, shading: ShadingModel) -> BsdfProgram {
         let (energy_compensation, refraction) = (shading.energy_compensation, Refraction::Scales);
         match model {

@@ -1,4 +1,4 @@
-//! Glass of any roughness, solid and as a thin sheet.
+//! Glass of any roughness, solid and thin-walled.
 
 use super::dielectric::tint_of_crossing;
 use super::microsurface::{Facets, Microsurface, MicrosurfaceProgram};
@@ -19,7 +19,7 @@ const LEAST_SPREAD: f32 = 1e-4;
 pub enum Walls {
     /// A solid: light is refracted.
     Solid,
-    /// A thin sheet: light passes on without being bent, blurred by the same facets.
+    /// Thin-walled: transmitted light is not refracted, but scattered by the same microfacets.
     Thin,
 }
 
@@ -232,7 +232,7 @@ impl MaterialProgram for RoughDielectricProgram {
 }
 
 impl RoughDielectric {
-    /// A direction from a thin sheet; z below 0 is behind it. None where light is lost.
+    /// Samples thin-walled glass; z below 0 is transmission. `None` if the light is absorbed.
     #[inline(always)]
     fn sample_thin(&self, above: Vec3, u: [f32; 3]) -> Option<Vec3> {
         let normal = self.surface.sample_visible_normal(above, [u[0], u[1]]);
@@ -276,7 +276,7 @@ impl RoughDielectric {
         }
     }
 
-    /// A thin sheet, which reflects and transmits the mirrored direction alike, from a direction with z above 0.
+    /// Evaluates thin-walled glass, whose transmission lobe mirrors its reflection lobe, for a direction with z above 0.
     #[inline]
     fn eval_thin(&self, above: Vec3, wi: Vec3) -> BsdfEval {
         let r = self.surface.reflection(above, Vec3::new(wi.x, wi.y, wi.z.abs()));
@@ -392,7 +392,7 @@ impl Transmissive for RoughDielectric {
 
 // The rough surface of solid glass, with multiple scattering: light shadowed by other microfacets is redirected.
 
-/// Facets of a solid as one direction sees them: how [`RoughDielectric`] scatters.
+/// The closure of solid glass for one view direction.
 pub struct SolidGlassClosure<'a> {
     glass: &'a RoughDielectric,
     /// The direction, with z above 0, in the frame of the facets' axis.

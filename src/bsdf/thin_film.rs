@@ -21,7 +21,7 @@ pub struct ThinFilm {
     pub ior: f32,
     /// Its thickness in nanometres.
     pub thickness_nm: f32,
-    /// The wavelengths that the channels stand for; 0 where they are red, green and blue.
+    /// The wavelengths of the three channels in spectral rendering; 0 for red, green and blue.
     pub wavelengths_nm: [f32; 3],
 }
 

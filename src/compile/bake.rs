@@ -168,7 +168,7 @@ fn moving(geometries: &Geometries) -> Vec<MovingInstance> {
     geometries.placements.iter().enumerate().filter_map(keys).collect()
 }
 
-/// Adds the placements: those that stand still, then those that move.
+/// Adds the placements: static ones, then moving ones.
 fn place(scene: &Scene, plan: &Plan, numbering: &Numbering, mut geometries: Geometries) -> Baked {
     let (mut instances, mut first_moving) = (Vec::new(), 0);
     for mode in [InstanceMode::Shared, InstanceMode::Moving] {

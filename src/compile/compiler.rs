@@ -85,8 +85,8 @@ impl Compiler {
         self.is_free = true;
     }
 
-    /// Compiles a moment for a camera's picture of `width` x `height` pixels. The anchor stays where it was as long as
-    /// single precision suffices for that.
+    /// Compiles a frame for a camera's picture of `width` x `height` pixels. The anchor of the frame before is kept as long as single
+    /// precision suffices.
     ///
     /// # Errors
     /// As for [`super::compile`], and what [`Camera::validate`] finds.
@@ -254,7 +254,7 @@ fn textures(
     Ok(textures.with_profiles(&scene.profiles).with_spectra(&scene.textures, options.shading.spectral))
 }
 
-/// What cameras see of the environment, if that is another one.
+/// The environment that camera rays see, if it differs from the one that lights the scene.
 fn camera_environment(scene: &Scene) -> Option<EnvironmentLight> {
     scene.camera_environment.as_ref().and_then(|seen| EnvironmentLight::new(seen, &scene.images, false))
 }

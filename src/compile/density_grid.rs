@@ -64,7 +64,7 @@ impl DensityGrid {
         prepared
     }
 
-    /// The largest value of a block and the voxels beside it.
+    /// The largest value of a block and the adjacent voxels.
     fn largest_near(&self, block: [u32; 3]) -> f32 {
         let range = |axis: usize| {
             let first = (block[axis] * BLOCK).saturating_sub(1);
@@ -190,7 +190,7 @@ impl DensityGrid {
         self.integral_of(ray, [from, to], salt, 0.0, |density, _| density)
     }
 
-    /// The same where the density at a point of the ray is taken times something.
+    /// The same with a factor on the density that depends on the ray parameter.
     pub fn integral_times(
         &self,
         ray: &GridRay,
@@ -382,7 +382,7 @@ struct BlackBodyEmission {
     /// Kelvins where the grid is 1.
     kelvin: f32,
     bodies: BlackBodies,
-    /// What they are taken times to go by their power, by the same steps as colours; none where they don't.
+    /// Factors that scale luminance with the fourth power of the temperature, at the same steps as `colors`; empty if it is Planck's.
     powers: Vec<f32>,
     /// Their colours from 0 to the hottest, and how many of them lie between values that are 1 apart.
     colors: Vec<Rgb>,
@@ -415,7 +415,7 @@ impl CompiledEmissionGrid {
         CompiledEmissionGrid { grid: prepared[index].clone(), heat }
     }
 
-    /// An estimate of the integral over metres of what emission is taken times, between two points of a ray; see
+    /// An estimate of the integral of the emission factor between two points of a ray, over metres; see
     /// [`DensityGrid::integral`].
     pub fn integral(
         &self,
@@ -433,7 +433,7 @@ impl CompiledEmissionGrid {
         }
     }
 
-    /// The same where what shines at a point of the ray is taken times something.
+    /// The same with a factor on the emission that depends on the ray parameter.
     pub fn integral_times(
         &self,
         (origin, direction): (Vec3, Vec3),
@@ -514,7 +514,7 @@ impl BlackBodies {
         (kelvin / self.kelvin).powi(4) / luminance
     }
 
-    /// What one of a temperature looks like, linear Rec. 709; what is beyond the gamut is 0.
+    /// Linear Rec. 709 at a temperature in kelvins; negative channels (out of gamut) are 0.
     pub fn rgb(&self, kelvin: f32) -> [f32; 3] {
         rgb_of(|nm| f64::from(self.at(nm as f32, kelvin))).map(|v| v.max(0.0) as f32)
     }

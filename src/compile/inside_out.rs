@@ -171,7 +171,7 @@ impl Boxed for WorldTriangle {
 struct Dipole {
     center: DVec3,
     radius: f64,
-    /// Along the mean normal, twice as long as the area that shows from there.
+    /// Sum of the area normals, twice the area in length.
     normal: DVec3,
 }
 

@@ -181,7 +181,7 @@ impl Links {
         self.of_lights.get(index as usize).copied().unwrap_or_default()
     }
 
-    /// Do such links let light reach receivers of a class?
+    /// Does a light of such links illuminate receivers of a class?
     #[inline]
     pub fn reach(&self, links: LightLinks, class: u32) -> bool {
         links.receivers.is_all() || links.receivers.holds(self.classes[class as usize])

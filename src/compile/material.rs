@@ -15,7 +15,7 @@ use crate::shape::Surface;
 use crate::texture::{CompiledTextures, PointReader};
 use std::sync::Arc;
 
-/// A material as the integrator sees it.
+/// A material ready for shading.
 #[derive(Clone, Debug)]
 pub struct CompiledMaterial {
     /// The class of its BSDF: the key of shading groups.
@@ -123,7 +123,7 @@ impl Slots for PointReader<'_> {
     }
 }
 
-/// The values of slots in the lanes of a path.
+/// Slot values at a path's wavelengths.
 struct ByWavelength<'a> {
     slots: &'a PointReader<'a>,
     waves: &'a Wavelengths,
@@ -220,7 +220,6 @@ impl CompiledMaterial {
             emission,
             light_spectrum,
             // What passes would not take its light along.
-            // By wavelength paths find their way through sheets by themselves.
             passes_straight: program.may_pass_straight() && emission.is_none() && !shading.spectral,
             is_absent_from_behind,
             medium: match shading.spectral {
@@ -259,13 +258,13 @@ impl CompiledMaterial {
         CompiledMaterial { presence: Some(presence).filter(|p| *p != Presence::FULL), ..self.clone() }
     }
 
-    /// Is it left out where the effect of objects on shadow catchers is told? Lamps are not, which scatter nothing.
+    /// Is its object left out of the reference picture of shadow catchers? Pure emitters are not: they scatter nothing.
     pub fn is_of_caught_object(&self) -> bool {
         let is_lamp = self.class == BsdfClass::Black && self.emission.is_some();
         !is_lamp && !self.presence.is_some_and(|presence| presence.is_catcher)
     }
 
-    /// The rays that see it.
+    /// The ray kinds that it is visible to.
     pub fn visible_to(&self) -> RayKinds {
         self.presence.map_or(RayKinds::ALL, |presence| presence.visible_to)
     }
@@ -320,7 +319,7 @@ impl CompiledMaterial {
         if self.uses_vertex_colors { bsdf.tinted(vertex_color) } else { bsdf }
     }
 
-    /// The BSDF at a point in the lanes of a path.
+    /// The BSDF at a point at a path's wavelengths.
     pub fn bsdf_by_wavelength(
         &self,
         slots: &PointReader<'_>,

@@ -107,7 +107,7 @@ impl Medium {
         Medium { spectra, ..self }
     }
 
-    /// Its indices of refraction in the lanes of a path.
+    /// Its indices of refraction at a path's wavelengths.
     #[inline]
     pub fn iors_at(&self, waves: Option<&Wavelengths>) -> Option<[f32; 3]> {
         let cauchy = self.spectra.as_ref().and_then(|spectra| spectra.cauchy);
@@ -152,7 +152,7 @@ impl Medium {
     }
 }
 
-/// An index of 0 stands for total reflection in KHR_materials_ior: it relates to no other.
+/// `None` for an index of 0, which is total reflection in KHR_materials_ior.
 fn relative_to_air(iors: [f32; 3]) -> Option<[f32; 3]> {
     iors.iter().all(|&ior| ior >= 1.0).then_some(iors)
 }
@@ -372,7 +372,7 @@ impl ScatteringSpectra {
         Some(ScatteringSpectra { extinction, left, albedo, emission })
     }
 
-    /// Extinction, scattering and emission in the lanes of a path.
+    /// Extinction coefficient, scattering coefficient and emission at a path's wavelengths.
     pub fn at(&self, waves: &Wavelengths) -> [Rgb; 3] {
         let own = self.extinction.at(waves);
         let lost = self.left.as_ref().map_or(Rgb::ZERO, |(left, way)| {

@@ -113,7 +113,7 @@ pub struct CompiledScene {
     pub textures: CompiledTextures,
     /// Everything that shines.
     pub lights: Lights,
-    /// What cameras see of the environment, if that is another one, unless it is black.
+    /// The environment that camera rays see, if it differs from the one that lights the scene and is not black.
     pub camera_environment: Option<EnvironmentLight>,
     /// Which group each is in.
     pub light_groups: LightGroups,
@@ -123,7 +123,7 @@ pub struct CompiledScene {
     pub(super) light_kinds: Vec<RayKinds>,
     /// What the lights are linked to.
     pub links: Links,
-    /// By light: is it left out where the effect of objects on shadow catchers is told? Empty without catchers.
+    /// By light: is it left out of the reference picture of shadow catchers? Empty without catchers.
     pub(super) caught_lights: Vec<bool>,
     /// Materials of the scene that it was compiled from: the first ones. Copies for objects with traits follow.
     pub(super) own_materials: u32,
@@ -168,7 +168,7 @@ pub struct Features {
     pub overlaps: bool,
     /// Rays that see the environment.
     pub environment_visible_to: RayKinds,
-    /// Do cameras see another environment than what lights the scene?
+    /// Camera rays see another environment than the one that lights the scene.
     pub camera_environment: bool,
     /// Objects or lights are visible to some kinds of rays only, the camera's aside.
     pub ray_kinds: bool,
@@ -216,12 +216,12 @@ impl CompiledScene {
         self.light_spectra.get(index as usize).and_then(Option::as_deref)
     }
 
-    /// Is light `index` left out where the effect of objects on shadow catchers is told?
+    /// Is light `index` left out of the reference picture of shadow catchers?
     pub fn is_caught_light(&self, index: u32) -> bool {
         self.caught_lights.get(index as usize).is_some_and(|&is_caught| is_caught)
     }
 
-    /// The material of the scene that a compiled one stands for.
+    /// The scene's material that a compiled one is, or is a copy of.
     pub fn described_material(&self, material: u32) -> u32 {
         let copy = material.checked_sub(self.own_materials);
         copy.map_or(material, |copy| self.originals[copy as usize].0)

@@ -1,7 +1,7 @@
 //! The finest mip level that each texture image is needed at, bounded before any image is decoded by the smallest ray footprint on each
 //! surface.
 //!
-//! What a path sees of a surface is at least as wide as what a camera ray sees at that distance from the camera: along a path widths only
+//! The footprint of a path is at least as wide as that of a camera ray at the same distance from the camera: along a path footprints only
 //! grow, and no path is shorter than the straight way. Lookups average over that width times the density of texture coordinates
 //! (`TexturePoint`), and read the level of a pyramid whose texels are just smaller. These are expectations only: whatever else lookups ask
 //! for is decoded then.
@@ -191,7 +191,7 @@ struct Viewpoint {
     positions: Vec<DVec3>,
     /// How far rays may start from there.
     lens_radius: f64,
-    /// Width of what a camera ray sees at its start, and its growth over a metre.
+    /// Footprint of a camera ray at its origin, metres, and its growth per metre.
     cone: [f64; 2],
 }
 

@@ -3,7 +3,7 @@
 use super::{Instance, Mesh, Quad, Scene};
 use crate::math::DVec3;
 
-/// Vertices of one mesh, over all its placements, that are looked at; beyond, the corners of its box stand for them.
+/// Largest number of vertices of a mesh times instances; beyond, the corners of the mesh's bounding box are used.
 const MOST_VERTICES: usize = 20_000_000;
 
 /// A box around points in world space, metres: its least and its greatest corner; `None` before the first point.
@@ -24,7 +24,7 @@ impl Extent {
     }
 }
 
-/// What stands for a mesh when its boxes are made.
+/// Points whose convex hull contains a mesh.
 enum HullPoints<'m> {
     /// Those of its vertices that are marked.
     Used(&'m Mesh, Vec<bool>),
@@ -52,7 +52,7 @@ impl HullPoints<'_> {
     }
 }
 
-/// What stands for each mesh of a scene.
+/// The points of each mesh of a scene.
 fn points_of_meshes(scene: &Scene) -> Vec<HullPoints<'_>> {
     let mut placements = vec![0usize; scene.meshes.len()];
     for instance in &scene.instances {

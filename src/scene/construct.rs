@@ -225,7 +225,7 @@ impl Scene {
         names
     }
 
-    /// Turns an environment's picture, what cameras see instead and the sun that belongs to it, to an angle. Others have no angle.
+    /// Rotates the environment image, the camera's environment and the environment's sun to an angle, radians. Does nothing for others.
     pub fn turn_environment(&mut self, to_rad: f64) {
         let Environment::Image { rotation_rad, .. } = &mut self.environment else { return };
         let by = DQuat::from_rotation_y(to_rad - *rotation_rad);

@@ -136,7 +136,7 @@ macro_rules! kinds {
                 }
             }
 
-            /// Its numbers beside the radius.
+            /// Its parameters apart from the radius.
             pub fn numbers(&self) -> Vec<f64> {
                 match *self {
                     $(ShapeKind::$kind $({ $($number),* })? => vec![$($($number),*)?],)*

@@ -111,7 +111,7 @@ impl LightProfile {
         mix(along(column), along((column + 1).min(self.horizontal_deg.len() - 1)), around)
     }
 
-    /// The horizontal angle of the file that stands for one.
+    /// The equivalent horizontal angle within the file's range, by its symmetry.
     fn folded(&self, horizontal_deg: f32) -> f32 {
         let (first, last) = (self.horizontal_deg[0], self.horizontal_deg[self.horizontal_deg.len() - 1]);
         let turn = horizontal_deg.rem_euclid(360.0);
@@ -183,7 +183,7 @@ impl LightProfile {
     }
 }
 
-/// The entry of an increasing list before a number, and how far towards the next it lies; `None` beyond the list.
+/// The index of the last entry of an increasing list at or below a number, and the fraction towards the next; `None` outside the list.
 fn between(list: &[f32], number: f32) -> Option<(usize, f32)> {
     let (first, last) = (*list.first()?, *list.last()?);
     // Rounding of angles must not leave a gap.

@@ -87,7 +87,7 @@ pub struct Scene {
     pub lights: Vec<Light>,
     /// What is seen where nothing is hit.
     pub environment: Environment,
-    /// What cameras see there instead.
+    /// The environment that camera rays see instead.
     pub camera_environment: Option<Environment>,
     /// What fills the space around all solids.
     pub fog: Option<Fog>,

@@ -132,7 +132,7 @@ models! {
             eta: [f32; 3],
             /// Extinction coefficient by channel.
             k: [f32; 3],
-            /// Whose they are, if their values at all wavelengths are known.
+            /// The metal, if its index is tabulated by wavelength.
             metal: Option<Metal>,
             /// Perceptual roughness 0..1.
             roughness: FloatSlot,
@@ -146,7 +146,7 @@ models! {
             /// Fresnel term.
             fresnel: FresnelModel,
         }
-        /// No surface: light passes as if nothing was there. It bounds the medium that fills the solid.
+        /// An index-matched interface: it only bounds the medium inside.
         "medium" Boundary {}
         /// A fibre of hair or fur.
         "hair" Hair {
@@ -171,7 +171,7 @@ models! {
             tint: ColorSlot,
             /// Perceptual roughness 0..1.
             roughness: FloatSlot,
-            /// A thin sheet instead of a solid.
+            /// Thin-walled instead of solid.
             is_thin: bool,
         }
     }

@@ -89,7 +89,7 @@ impl MaterialUses<'_> {
 /// The largest opening of a body, over its surface.
 const LARGEST_OPENING: f64 = 0.05;
 
-/// Does a mesh enclose a body, but for holes that are small beside it? A bottle does, a window pane of one sheet or a bowl
+/// Does a mesh enclose a volume, up to small holes? A bottle does, a window pane of one sheet or a bowl
 /// without thickness does not. The openings are measured by the sum of the triangles' vector areas, which is zero for
 /// closed meshes.
 pub(crate) fn encloses(mesh: &Mesh) -> bool {

@@ -24,8 +24,7 @@ pub enum Wrap {
 /// How values between texel centres come about.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Interpolation {
-    /// Linear between the four nearest texels, and between ever coarser copies of the image where a pixel sees many
-    /// texels at once.
+    /// Linear between the four nearest texels, and between mip levels where a pixel's footprint covers many texels.
     #[default]
     Trilinear,
     /// Linear between the four nearest texels, at any distance.
