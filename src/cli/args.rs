@@ -11,7 +11,7 @@ use clap::{Args, ValueEnum};
 use oscura::film::{AovSet, AovSpace};
 use oscura::output::ViewTransform;
 use oscura::output::part::Region;
-use oscura::render::{Adaptive, Guiding, PathReuse, Splitting};
+use oscura::render::{Adaptive, Guiding, PathReuse, Splitting, setting_help};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -142,20 +142,15 @@ pub(crate) struct RenderArgs {
     /// Render a turntable: N frames while the camera orbits the model once, as numbered files or as one animation.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=100_000), conflicts_with = "frames", allow_negative_numbers = true)]
     pub orbit: Option<u32>,
-    /// Samples per pixel [default: 128].
-    #[arg(long, alias = "samples", value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
+    #[arg(long, help = setting_help("samples"), alias = "samples", value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     pub spp: Option<u32>,
-    /// Image width in pixels [default: from the height, else 1280].
-    #[arg(long, value_name = "W", value_parser = clap::value_parser!(u32).range(1..=65536), allow_negative_numbers = true)]
+    #[arg(long, help = setting_help("width"), value_name = "W", value_parser = clap::value_parser!(u32).range(1..=65536), allow_negative_numbers = true)]
     pub width: Option<u32>,
-    /// Image height in pixels [default: from the width and the camera's aspect ratio, else 16:9].
-    #[arg(long, value_name = "H", value_parser = clap::value_parser!(u32).range(1..=65536), allow_negative_numbers = true)]
+    #[arg(long, help = setting_help("height"), value_name = "H", value_parser = clap::value_parser!(u32).range(1..=65536), allow_negative_numbers = true)]
     pub height: Option<u32>,
-    /// Maximum number of bounces of a path; 0 renders directly visible emission only [default: 100].
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    #[arg(long, help = setting_help("max_depth"), value_name = "N", allow_negative_numbers = true)]
     pub depth: Option<u32>,
-    /// Random seed [default: 0].
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    #[arg(long, help = setting_help("seed"), value_name = "N", allow_negative_numbers = true)]
     pub seed: Option<u32>,
     /// Number of threads [default: one per core]. The image does not depend on it.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_negative_numbers = true)]
@@ -175,8 +170,7 @@ pub(crate) struct RenderArgs {
     /// Transparent background: the camera does not see the environment, which still lights the scene.
     #[arg(long, conflicts_with = "background")]
     pub transparent: bool,
-    /// With --transparent, also make smooth glass in front of the background transparent; its reflections stay.
-    #[arg(long)]
+    #[arg(long, help = setting_help("transparent_glass"))]
     pub transparent_glass: bool,
     /// Let glTF and OBJ files refer to files outside their folder.
     #[arg(long)]
@@ -187,8 +181,7 @@ pub(crate) struct RenderArgs {
     /// Ignore the model's sidecar file (model.oscura.toml next to model.glb).
     #[arg(long)]
     pub no_sidecar: bool,
-    /// Reconstruction filter [default: blackman-harris].
-    #[arg(long)]
+    #[arg(long, help = setting_help("filter"))]
     pub filter: Option<FilterArg>,
     /// Show the image in the browser while it renders; =address only prints the page's address, =tev (or =tev:HOST:PORT)
     /// sends the image to a running tev.
@@ -200,17 +193,13 @@ pub(crate) struct RenderArgs {
     /// Write the colour channels of EXRs as 32-bit floats instead of half floats.
     #[arg(long)]
     pub float: bool,
-    /// AOVs (render passes) to write as further EXR channels.
-    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = AovParser)]
+    #[arg(long, help = setting_help("aovs"), value_name = "LIST", value_delimiter = ',', value_parser = AovParser)]
     pub aov: Vec<AovSet>,
-    /// Coordinate space of the AOVs position, normal and geometric_normal: world or camera.
-    #[arg(long, value_name = "SPACE", default_value = "world")]
+    #[arg(long, help = setting_help("aov_space"), value_name = "SPACE", default_value = "world")]
     pub aov_space: AovSpace,
-    /// Write the contribution of each light group as EXR channels RGBA_group.
-    #[arg(long)]
+    #[arg(long, help = setting_help("light_groups"))]
     pub light_groups: bool,
-    /// Number of Cryptomatte ranks: ids per pixel.
-    #[arg(long, value_name = "N", default_value_t = CRYPTO_LEVELS, value_parser = clap::value_parser!(u32).range(1..=64), allow_negative_numbers = true)]
+    #[arg(long, help = setting_help("matte_levels"), value_name = "N", default_value_t = CRYPTO_LEVELS, value_parser = clap::value_parser!(u32).range(1..=64), allow_negative_numbers = true)]
     pub crypto_levels: u32,
     /// Microfacet scattering: multi compensates the energy that single scattering loses [default: multi].
     #[arg(long)]
@@ -221,18 +210,13 @@ pub(crate) struct RenderArgs {
     /// Spectral rendering: sample wavelengths instead of red, green and blue.
     #[arg(long)]
     pub spectral: bool,
-    /// Soften the shadow terminator of meshes with shading normals.
-    #[arg(long, default_value = "soft")]
+    #[arg(long, help = setting_help("soft_terminator"), default_value = "soft")]
     pub terminator: TerminatorArg,
-    /// Path reuse between neighbouring pixels: auto, off, or a pixel block such as 4x4 [default: auto].
-    #[arg(long, value_name = "REUSE", default_value = "auto", hide_default_value = true)]
+    #[arg(long, help = setting_help("path_reuse"), value_name = "REUSE", default_value = "auto", hide_default_value = true)]
     pub path_reuse: PathReuse,
-    /// Path splitting: number of paths that continue from the first hit of each camera ray; auto, off, 2, 4, 8 or 16
-    /// [default: auto].
-    #[arg(long, value_name = "PATHS", default_value = "auto", hide_default_value = true)]
+    #[arg(long, help = setting_help("splitting"), value_name = "PATHS", default_value = "auto", hide_default_value = true)]
     pub splitting: Splitting,
-    /// Adaptive sampling: more samples for noisy pixels, fewer for others; auto or off [default: off].
-    #[arg(long, value_name = "CHOICE", default_value = "off", hide_default_value = true)]
+    #[arg(long, help = setting_help("adaptive"), value_name = "CHOICE", default_value = "off", hide_default_value = true)]
     pub adaptive: Adaptive,
     /// BVH quality: fast builds sooner, full traces faster. The image does not depend on it.
     #[arg(long, default_value = "auto")]
@@ -374,18 +358,13 @@ fn degrees(text: &str) -> Result<f64, String> {
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Long renders")]
 pub(crate) struct LongArgs {
-    /// Noise threshold: stop when the estimated relative error of the image is below P percent, or after --max-spp
-    /// samples [default then: 65536].
-    #[arg(long, value_name = "P", value_parser = percent, allow_negative_numbers = true)]
+    #[arg(long, help = setting_help("noise"), value_name = "P", value_parser = percent, allow_negative_numbers = true)]
     pub noise: Option<f32>,
-    /// Minimum samples per pixel with --noise or --adaptive auto.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
+    #[arg(long, help = setting_help("least_samples"), value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     pub min_spp: Option<u32>,
-    /// Maximum samples per pixel with --noise (same as --spp) or --adaptive auto.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
+    #[arg(long, help = setting_help("most_samples"), value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     pub max_spp: Option<u32>,
-    /// Time limit of rendering, seconds; the image so far is written.
-    #[arg(long, value_name = "S", value_parser = seconds)]
+    #[arg(long, help = setting_help("time_limit"), value_name = "S", value_parser = seconds)]
     pub time_limit: Option<Duration>,
     /// Write the unfinished image every S seconds of rendering.
     #[arg(long, value_name = "S", value_parser = seconds)]
@@ -400,15 +379,11 @@ pub(crate) struct LongArgs {
     /// whose files exist; an interrupted frame is not written.
     #[arg(long)]
     pub resume: bool,
-    /// Arrange the sample pattern for N samples per pixel, so that a render of up to 256 can be resumed to N later.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
+    #[arg(long, help = setting_help("planned"), value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     pub plan: Option<u32>,
-    /// Render only the samples A to B (exclusive) of each pixel, in blocks of eight, into a .part file.
-    #[arg(long, value_name = "A..B", value_parser = range)]
+    #[arg(long, help = setting_help("sample_range"), value_name = "A..B", value_parser = range)]
     pub sample_range: Option<(u32, u32)>,
-    /// Render only the pixels of a rectangle (X1 and Y1 exclusive): into a .part file for 'oscura merge', or into an
-    /// image as --crop does.
-    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = region)]
+    #[arg(long, help = setting_help("region"), value_name = "X0,Y0,X1,Y1", value_parser = region)]
     pub region: Option<Region>,
     /// Progress reports: plain lines on standard error, json or openjd lines on standard output, or none [default: a
     /// progress bar on a terminal].
@@ -464,10 +439,7 @@ fn bytes(text: &str) -> Result<u64, String> {
 
 #[derive(Args, Clone, Debug)]
 pub(crate) struct GuidingArgs {
-    /// Path guiding at diffuse surfaces, with guided Russian roulette: on, off, or auto, where it lowers the noise of
-    /// indirect light. Training takes a fifth of the samples of the whole image, also for a part of it; rooms lit through
-    /// a door gain several times that.
-    #[arg(long, value_name = "G", default_value = "auto")]
+    #[arg(long, help = setting_help("guiding"), value_name = "G", default_value = "auto")]
     pub guiding: Guiding,
 }
 

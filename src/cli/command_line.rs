@@ -271,6 +271,17 @@ mod tests {
     use super::*;
 
     #[test]
+    fn each_argument_has_a_help_text() {
+        let whole = Arguments::whole();
+        for command in whole.get_subcommands() {
+            for argument in command.get_arguments() {
+                let help = argument.get_help().map(ToString::to_string).unwrap_or_default();
+                assert!(!help.is_empty(), "{} {}", command.get_name(), argument.get_id());
+            }
+        }
+    }
+
+    #[test]
     fn each_command_line_is_its_own() {
         for name in ["a.obj", "b.obj"] {
             let words = ["oscura", "thumb", name].map(OsString::from);

@@ -6,7 +6,7 @@ use clap::{Args, ValueEnum};
 use oscura::denoise::Denoiser;
 use oscura::error::{Error, Result};
 use oscura::output::{ViewTransform, read_view};
-use oscura::render::Caustics;
+use oscura::render::{Caustics, setting_help};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
@@ -52,10 +52,7 @@ fn named_views() -> impl Iterator<Item = PossibleValue> {
 
 #[derive(Args, Clone, Debug)]
 pub(crate) struct PictureArgs {
-    /// Trace caustics from the lights: light focused by smooth glass, mirrors and polished metal onto diffuse surfaces
-    /// that the camera sees directly; auto (where it lowers the noise), on or off. Caustics of point, spot and sun lights
-    /// without a size are found in no other way.
-    #[arg(long, value_name = "C", default_value = "auto")]
+    #[arg(long, help = setting_help("caustics"), value_name = "C", default_value = "auto")]
     pub caustics: Caustics,
     /// Denoise the finished image, its light passes and light groups. (Images of --save-every stay noisy and contain the
     /// guides for 'oscura denoise'; .part files are denoised by 'oscura merge'.)

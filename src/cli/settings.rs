@@ -19,8 +19,8 @@ use oscura::load::stage::middle;
 use oscura::output::part::{PartHeader, Region};
 use oscura::output::{Format, PngOptions, ViewTransform};
 use oscura::render::{
-    Adaptive, Choices, Labels, Settled, TreeChoice, denoising_guides, film_bytes, guiding_bytes, shows_alpha,
-    splat_bytes,
+    Adaptive, Choices, Labels, RenderOptions, Settled, TreeChoice, denoising_guides, film_bytes,
+    guiding_bytes, shows_alpha, splat_bytes,
 };
 use oscura::scene::{
     Camera, EnergyCompensation, Environment, Filter, FresnelModel, ImageId, Model, Motion, Moving, RayKinds,
@@ -69,32 +69,32 @@ pub(crate) fn choices(args: &RenderArgs) -> Choices {
             ..Settings::default()
         },
         camera: args.camera.clone(),
-        aovs: args.aov.iter().fold(AovSet::NONE, |all, aovs| all.union(*aovs)),
-        aov_space: args.aov_space,
-        matte_levels: args.crypto_levels,
-        light_groups: args.light_groups,
-        planned: args.long.plan.unwrap_or(0),
-        sample_range: args.long.sample_range,
-        region: args.long.region.or(args.exr.crop),
-        transparent_glass: args.transparent_glass,
-        halves: false,
-        soft_terminator: args.terminator == TerminatorArg::Soft,
-        path_reuse: args.path_reuse,
-        splitting: args.splitting,
-        caustics: args.picture.caustics,
-        guiding: args.guiding.guiding,
-        adaptive: args.adaptive,
         tree,
-        least_samples: args.long.min_spp.unwrap_or(0),
-        most_samples: args.long.max_spp.unwrap_or(u32::MAX),
-        noise: args.long.noise.map(|percent| percent / 100.0),
-        time_limit: args.long.time_limit,
+        options: RenderOptions::default()
+            .aovs(args.aov.iter().fold(AovSet::NONE, |all, aovs| all.union(*aovs)))
+            .aov_space(args.aov_space)
+            .matte_levels(args.crypto_levels)
+            .light_groups(args.light_groups)
+            .planned(args.long.plan.unwrap_or(0))
+            .sample_range(args.long.sample_range)
+            .region(args.long.region.or(args.exr.crop))
+            .transparent_glass(args.transparent_glass)
+            .soft_terminator(args.terminator == TerminatorArg::Soft)
+            .path_reuse(args.path_reuse)
+            .splitting(args.splitting)
+            .caustics(args.picture.caustics)
+            .guiding(args.guiding.guiding)
+            .adaptive(args.adaptive)
+            .sample_limits(args.long.min_spp.unwrap_or(0), args.long.max_spp.unwrap_or(u32::MAX))
+            .noise(args.long.noise.map(|percent| percent / 100.0))
+            .time_limit(args.long.time_limit),
     }
 }
 
 /// Leaves out what has no effect because no output is an EXR.
 pub(crate) fn without_exr(choices: Choices) -> Choices {
-    Choices { aovs: AovSet::NONE, light_groups: false, ..choices }
+    let options = choices.options.aovs(AovSet::NONE).light_groups(false);
+    Choices { options, ..choices }
 }
 
 /// Is there anything that transparent glass could let through?

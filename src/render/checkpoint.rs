@@ -1,6 +1,5 @@
 //! Checkpoints and partial renders: the identity of a picture, the file of a rendering's sums, and resuming from it.
 
-use super::options::RenderOptions;
 use super::path_strategy::{PathStrategy, StrategyTrials};
 use super::progress::Spent;
 use super::rendering::Rendering;
@@ -8,7 +7,6 @@ use super::resolve_options::Settled;
 use super::schedule::SAMPLE_BLOCK;
 use crate::compile::{Fingerprint, of_curves, of_mesh};
 use crate::error::{Error, Result};
-use crate::film::AovSet;
 use crate::image::{Image, Pixels};
 use crate::output::part::{
     Channels, Effort, Finish, Identity, PRINT, PartFile, PartHeader, Way, differences, write_part,
@@ -78,7 +76,7 @@ pub fn identity(scene: &mut Scene, settled: &Settled) -> Result<Identity> {
     Ok(prints.into_iter().chain(options(settled)).collect())
 }
 
-/// The options that pixels depend on.
+/// The settings that pixels depend on.
 fn options(settled: &Settled) -> impl Iterator<Item = (String, String)> {
     let options = settled.options;
     let planned = options.samples.max(options.planned);
@@ -87,53 +85,19 @@ fn options(settled: &Settled) -> impl Iterator<Item = (String, String)> {
         false => planned.next_power_of_two().to_string(),
     };
     let aovs: Vec<&str> = options.aovs.iter().map(|aov| aov.info().option).collect();
-    let named = [
+    let halves = if options.halves { options.halving(false).name() } else { "none" };
+    let separate = [
         ("version", PICTURES.to_string()),
         ("size", format!("{} x {}", options.width, options.height)),
-        ("samples", options.samples.to_string()),
         ("the number that samples are arranged for", arranged),
-        ("seed", options.seed.to_string()),
-        ("depth", options.max_depth.to_string()),
-        ("path reuse", format!("{:?}", options.path_reuse)),
-        ("splitting", format!("{:?}", options.splitting)),
-        ("guiding", format!("{:?}", options.guiding)),
-        ("the filter", format!("{:?}", options.filter)),
         ("the AOVs", aovs.join(",")),
         ("the terminator", if options.soft_terminator { "soft" } else { "off" }.to_string()),
-        (
-            "the halves that denoising needs",
-            match options.halves {
-                true => options.halving(false).name().to_string(),
-                false => "none".to_string(),
-            },
-        ),
+        ("the halves that denoising needs", halves.to_string()),
         ("shading", format!("{PRINT}{:016x}", of_debug(&settled.shading).value())),
-        ("one of the other options", format!("{PRINT}{:016x}", others(options).value())),
+        ("one of the other options", format!("{PRINT}{:016x}", of_debug(&options.hashed()).value())),
     ];
-    named.into_iter().map(|(name, value)| (name.to_string(), value))
-}
-
-/// The fingerprint of all options without a name of their own.
-fn others(options: RenderOptions) -> Fingerprint {
-    of_debug(&RenderOptions {
-        width: 0,
-        height: 0,
-        samples: 0,
-        planned: 0,
-        sample_range: None,
-        region: None,
-        seed: 0,
-        max_depth: 0,
-        noise: None,
-        // These decide on adaptive sampling only, which is not gone on with.
-        least_samples: 0,
-        most_samples: 0,
-        time_limit: None,
-        aovs: AovSet::NONE,
-        soft_terminator: true,
-        halves: false,
-        ..options
-    })
+    let entries = separate.into_iter().chain(options.identity_entries());
+    entries.map(|(name, value)| (name.to_string(), value))
 }
 
 /// Adds an image, without its name.
@@ -368,7 +332,7 @@ mod tests {
         told(|s| s.cameras[0] = Camera::look_at([0.0, 2.0, 6.1], [0.0, 1.0, 0.0], 30.0), "the camera");
         let other = of(&mut after, |choices| choices.settings.depth = Some(7));
         assert_eq!(differences(&ours, &other), ["depth is 100 here and 7 there"]);
-        let other = of(&mut after, |choices| choices.soft_terminator = false);
+        let other = of(&mut after, |choices| choices.options.soft_terminator = false);
         assert_eq!(differences(&ours, &other), ["the terminator is soft here and off there"]);
     }
 

@@ -30,7 +30,9 @@ pub mod timeline;
 pub use crate::integrator::reuse::GroupShape;
 pub use checkpoint::identity;
 pub use guiding::guiding_bytes;
-pub use options::{Adaptive, Caustics, Guiding, PathReuse, RenderOptions, Splitting, TreeChoice};
+pub use options::{
+    Adaptive, Caustics, Guiding, PathReuse, RenderOptions, Splitting, TreeChoice, setting_help,
+};
 pub use picture::{
     Labels, Picture, denoise_film, denoising_guides, film_bytes, film_warnings, shows_alpha, splat_bytes,
 };

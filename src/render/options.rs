@@ -1,10 +1,10 @@
-//! Everything about a picture that is settled before it is rendered.
+//! Render settings: one [table](render_settings) of all, and the types of those that are choices.
 
 use crate::error::{Error, Result};
 use crate::film::{AovSet, AovSpace, MATTE_LEVELS};
 use crate::integrator::reuse::GroupShape;
 use crate::output::part::Region;
-use crate::scene::{CatcherOutput, Filter};
+use crate::scene::{CatcherOutput, Filter, Settings};
 use std::str::FromStr;
 use std::time::Duration;
 
@@ -105,81 +105,211 @@ pub enum TreeChoice {
     Full,
 }
 
-/// How to render, settled in full. [`Renderer`](super::Renderer) makes them from what is chosen there, what the scene
-/// says, and the defaults given here.
+/// The table of render settings. A row is
 ///
-/// ```
-/// use oscura::render::RenderOptions;
-/// let options = RenderOptions::default().size(640, 360).samples(16).seed(7);
-/// assert_eq!((options.width, options.max_depth), (640, 100));
-/// ```
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
-pub struct RenderOptions {
-    /// Picture width in pixels. Default 1280.
-    pub width: u32,
-    /// Picture height in pixels. Default 720.
-    pub height: u32,
-    /// Samples per pixel. Default 128.
-    pub samples: u32,
-    /// Samples per pixel that rendering may go on to later. How samples are arranged over the picture depends on how many
-    /// are planned, up to 256; from 257 on, any number may be gone on from to any other. Default 0: no more than `samples`.
-    pub planned: u32,
-    /// Take only the samples from the first to before the second of these of each pixel, in blocks of
-    /// [`SAMPLE_BLOCK`](super::SAMPLE_BLOCK). Default all.
-    pub sample_range: Option<(u32, u32)>,
-    /// Take only these pixels. Default all.
-    pub region: Option<Region>,
-    /// Seed of all randomness. Default 0.
-    pub seed: u32,
-    /// Maximum number of scattering events of a path; 0 shows emission only. Default 100.
-    pub max_depth: u32,
-    /// Reconstruction filter. Default Blackman-Harris.
-    pub filter: Filter,
-    /// Which AOVs to record besides colour. Default none.
-    pub aovs: AovSet,
-    /// Which space those of places and directions are in. Default [`AovSpace::World`].
-    pub aov_space: AovSpace,
-    /// Ranks of ids of the mattes among the AOVs. Default [`MATTE_LEVELS`].
-    pub matte_levels: u32,
-    /// Record the light of each of the scene's groups of lights besides colour. Default false.
-    pub light_groups: bool,
-    /// Tell what shadow catchers catch: see [`Film::settle_catchers`](crate::film::Film::settle_catchers). Default false.
-    pub catchers: bool,
-    /// What is shown of that. Default [`CatcherOutput::All`].
-    pub caught: CatcherOutput,
-    /// Make the picture transparent where smooth glass is before nothing: a sample whose path passes from the camera through
-    /// smooth surfaces only, by transmission, and leaves the scene there doesn't show the environment, and its alpha is 1 less
-    /// the mean of the path's throughput over the three channels. Reflections stay opaque. Default false.
-    pub transparent_glass: bool,
-    /// Keep the colour of the first half of each pixel's samples apart: see [`Film::halves`](crate::film::Film::halves).
-    /// Default false.
-    pub halves: bool,
-    /// Soften the shadow terminator of surfaces with shading normals, which otherwise shows their triangles. Default
-    /// true.
-    pub soft_terminator: bool,
-    /// Whether neighbouring pixels share paths. Default [`PathReuse::Auto`].
-    pub path_reuse: PathReuse,
-    /// Into how many paths samples split. Default [`Splitting::Auto`].
-    pub splitting: Splitting,
-    /// Whether caustics are found from the lamp. Default [`Caustics::Auto`].
-    pub caustics: Caustics,
-    /// Whether paths are guided. Default [`Guiding::Auto`].
-    pub guiding: Guiding,
-    /// Whether noisy pixels get more samples. Default [`Adaptive::Off`].
-    pub adaptive: Adaptive,
-    /// Fewest samples of a pixel where an error decides: rendering doesn't stop by [`RenderOptions::noise`] before, and
-    /// [`Adaptive::Auto`] gives none fewer (at most [`RenderOptions::samples`]). Default 0.
-    pub least_samples: u32,
-    /// Most samples that [`Adaptive::Auto`] gives to a pixel (at least [`RenderOptions::samples`], which are those of the average
-    /// one, and at most eight times that). Default no limit of its own.
-    pub most_samples: u32,
-    /// Stop when the estimated relative error of the whole picture is this or less: the root of the mean over pixels and
-    /// colours of `(x - r)^2 / (r^2 + 0.01)`, where `x` is the picture and `r` what it would be with all samples there are.
-    /// Default none.
-    pub noise: Option<f32>,
-    /// Stop after rendering for this time. The number of samples then depends on the machine. Default none.
-    pub time_limit: Option<Duration>,
+/// `"help", unit, "default" => name: type = default, identity, source; extra documentation`
+///
+/// where `identity` says how the samples of a picture depend on it (`named`: an entry of its own in the
+/// [identity](super::identity) of checkpoints and parts; `separate`: `checkpoint.rs` writes its entry; `hashed`: one fingerprint
+/// for all of these; `free`: they don't depend on it), and `source` who sets it (`scene(field)`: the user, else that field of
+/// the scene's [`Settings`](crate::scene::Settings); `user`; `internal`: no method of [`Renderer`](super::Renderer)).
+///
+/// From it come [`RenderOptions`] with its defaults and setters, the methods of [`Renderer`](super::Renderer), the merge of a
+/// user's choices with the scene's, the help of the command line ([`setting_help`]) and the identity.
+macro_rules! render_settings {
+    ($callback:ident) => {
+        $callback! {
+            "Image width in pixels", "from the height, else 1280" =>
+                width: u32 = 1280, separate, internal;
+            "Image height in pixels", "from the width and the camera's aspect ratio, else 16:9" =>
+                height: u32 = 720, separate, internal;
+            "Samples per pixel", "128" => samples: u32 = 128, named("samples"), scene(samples);
+            "Arrange the sample pattern for N samples per pixel, so that a render of up to 256 can be resumed to N later", "" =>
+                /// How samples are arranged over the picture depends on how many are planned, up to 256; from 257 on, any
+                /// number may be resumed to any other. 0: no more than `samples`.
+                planned: u32 = 0, separate, internal;
+            "Render only the samples A to B (exclusive) of each pixel, in blocks of eight, into a .part file", "" =>
+                /// In blocks of [`SAMPLE_BLOCK`](super::SAMPLE_BLOCK).
+                sample_range: Option<(u32, u32)> = None, free, internal [into];
+            "Render only the pixels of a rectangle (X1 and Y1 exclusive): into a .part file for 'oscura merge', or into an image as --crop does", "" =>
+                region: Option<Region> = None, free, internal [into];
+            "Random seed", "0" => seed: u32 = 0, named("seed"), scene(seed);
+            "Maximum number of bounces of a path; 0 renders directly visible emission only", "100" =>
+                max_depth: u32 = 100, named("depth"), scene(depth);
+            "Reconstruction filter", "blackman-harris" =>
+                filter: Filter = Filter::default(), named("the filter"), scene(filter);
+            "AOVs (render passes) to write as further EXR channels", "" =>
+                aovs: AovSet = AovSet::NONE, separate, user [into];
+            "Coordinate space of the AOVs position, normal and geometric_normal: world or camera", "" =>
+                aov_space: AovSpace = AovSpace::World, hashed, user;
+            "Number of Cryptomatte ranks: ids per pixel", "" =>
+                matte_levels: u32 = MATTE_LEVELS, hashed, user;
+            "Write the contribution of each light group as EXR channels RGBA_group", "" =>
+                light_groups: bool = false, hashed, user;
+            "Record shadow catchers", "" =>
+                /// See [`Film::settle_catchers`](crate::film::Film::settle_catchers).
+                catchers: bool = false, hashed, internal;
+            "What shadow catchers show", "" =>
+                caught: CatcherOutput = CatcherOutput::default(), hashed, internal;
+            "With --transparent, also make smooth glass in front of the background transparent; its reflections stay", "" =>
+                /// A sample whose path passes from the camera through smooth surfaces only, by transmission, and leaves the
+                /// scene there doesn't show the environment, and its alpha is 1 less the mean of the path's throughput over
+                /// the three channels. Reflections stay opaque.
+                transparent_glass: bool = false, hashed, user;
+            "Keep the colour of the first half of each pixel's samples separate, as denoising needs", "" =>
+                /// See [`Film::halves`](crate::film::Film::halves).
+                halves: bool = false, separate, user;
+            "Soften the shadow terminator of meshes with shading normals", "" =>
+                soft_terminator: bool = true, separate, user;
+            "Path reuse between neighbouring pixels: auto, off, or a pixel block such as 4x4", "auto" =>
+                path_reuse: PathReuse = PathReuse::default(), named("path reuse"), user;
+            "Path splitting: number of paths that continue from the first hit of each camera ray; auto, off, 2, 4, 8 or 16", "auto" =>
+                splitting: Splitting = Splitting::default(), named("splitting"), user;
+            "Trace caustics from the lights: light focused by smooth glass, mirrors and polished metal onto diffuse surfaces that the camera sees directly; auto (where it lowers the noise), on or off. Caustics of point, spot and sun lights without a size are found in no other way", "" =>
+                caustics: Caustics = Caustics::default(), hashed, user;
+            "Path guiding at diffuse surfaces, with guided Russian roulette: on, off, or auto, where it lowers the noise of indirect light. Training takes a fifth of the samples of the whole image, also for a part of it; rooms lit through a door gain several times that", "" =>
+                guiding: Guiding = Guiding::default(), named("guiding"), user;
+            "Adaptive sampling: more samples for noisy pixels, fewer for others; auto or off", "off" =>
+                adaptive: Adaptive = Adaptive::default(), hashed, user;
+            "Minimum samples per pixel with --noise or --adaptive auto", "" =>
+                /// At most `samples`.
+                least_samples: u32 = 0, free, internal;
+            "Maximum samples per pixel with --noise (same as --spp) or --adaptive auto", "" =>
+                /// At least `samples`, which are those of the average pixel, and at most eight times that.
+                most_samples: u32 = u32::MAX, free, internal;
+            "Noise threshold: stop when the estimated relative error of the image is below P percent, or after --max-spp samples [default then: 65536]", "" =>
+                /// As a fraction: the root of the mean over pixels and colours of `(x - r)^2 / (r^2 + 0.01)`, where `x` is the
+                /// picture and `r` what it would be with all samples there are.
+                noise: Option<f32> = None, free, internal [into];
+            "Time limit of rendering, seconds; the image so far is written", "" =>
+                /// The number of samples then depends on the machine.
+                time_limit: Option<Duration> = None, free, user [into];
+        }
+    };
+}
+pub(super) use render_settings;
+
+/// Type of a setter's parameter.
+macro_rules! parameter {
+    ($type:ty) => { $type };
+    ($type:ty, into) => { impl Into<$type> };
+}
+pub(super) use parameter;
+
+/// An entry of the identity, of settings that have one of their own.
+macro_rules! identity_entry {
+    ($entries:ident, $value:expr, named, $entry:literal) => {
+        $entries.push(($entry, format!("{:?}", $value)))
+    };
+    ($($other:tt)*) => {};
+}
+
+/// Copies a setting that the fingerprint of the identity covers.
+macro_rules! copy_if_hashed {
+    ($to:ident, $from:ident, $name:ident, hashed) => {
+        $to.$name = $from.$name
+    };
+    ($($other:tt)*) => {};
+}
+
+/// Takes a setting from those of a scene.
+macro_rules! take_from_scene {
+    ($options:ident, $settings:ident, $name:ident, scene, $field:ident) => {
+        $options.$name = $settings.$field.unwrap_or($options.$name)
+    };
+    ($($other:tt)*) => {};
+}
+
+macro_rules! define_render_options {
+    ($(
+        $help:literal, $shown:literal => $(#[$more:meta])* $name:ident: $type:ty = $default:expr,
+        $identity:ident $(($entry:literal))?, $source:ident $(($field:ident))? $([$into:ident])?;
+    )*) => {
+        /// All render settings of a picture. [`Renderer`](super::Renderer) makes them from a user's choices, the scene's, and
+        /// the defaults.
+        ///
+        /// ```
+        /// use oscura::render::RenderOptions;
+        /// let options = RenderOptions::default().size(640, 360).samples(16).seed(7);
+        /// assert_eq!((options.width, options.max_depth), (640, 100));
+        /// ```
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        #[non_exhaustive]
+        pub struct RenderOptions {
+            $(
+                #[doc = concat!($help, ".")]
+                ///
+                $(#[$more])*
+                #[doc = concat!("\n\nDefault: `", stringify!($default), "`.")]
+                pub $name: $type,
+            )*
+        }
+
+        impl Default for RenderOptions {
+            fn default() -> RenderOptions {
+                RenderOptions { $($name: $default,)* }
+            }
+        }
+
+        impl RenderOptions {
+            $(
+                #[doc = concat!("Sets [`", stringify!($name), "`](RenderOptions::", stringify!($name), "): ", $help, ".")]
+                #[must_use]
+                pub fn $name(self, $name: parameter!($type $(, $into)?)) -> RenderOptions {
+                    RenderOptions { $name: $name.into(), ..self }
+                }
+            )*
+
+            /// These, where a scene says nothing else.
+            #[must_use]
+            pub(super) fn with_settings(mut self, settings: &Settings) -> RenderOptions {
+                $( take_from_scene!(self, settings, $name, $source $(, $field)?); )*
+                self
+            }
+
+            /// The entries of the identity that hold a single setting.
+            pub(super) fn identity_entries(&self) -> Vec<(&'static str, String)> {
+                let mut entries = Vec::new();
+                $( identity_entry!(entries, self.$name, $identity $(, $entry)?); )*
+                entries
+            }
+
+            /// The settings that one fingerprint of the identity covers; the others have their defaults.
+            pub(super) fn hashed(&self) -> RenderOptions {
+                let mut hashed = RenderOptions::default();
+                $( copy_if_hashed!(hashed, self, $name, $identity); )*
+                hashed
+            }
+        }
+
+        /// Name, help text and default of each setting.
+        const SETTINGS: &[(&str, &str, &str)] = &[$((stringify!($name), $help, $shown),)*];
+    };
+}
+render_settings!(define_render_options);
+
+/// The help text of a setting of [`RenderOptions`], with its default; empty if there is none of this name.
+#[doc(hidden)]
+pub fn setting_help(name: &str) -> String {
+    let found = SETTINGS.iter().find(|(own, ..)| *own == name);
+    found.map_or_else(String::new, |(_, help, default)| match *default {
+        "" => (*help).to_string(),
+        default => format!("{help} [default: {default}]"),
+    })
+}
+
+impl RenderOptions {
+    /// Sets width and height in pixels.
+    #[must_use]
+    pub fn size(self, width: u32, height: u32) -> RenderOptions {
+        RenderOptions { width, height, ..self }
+    }
+
+    /// Sets the minimum and maximum samples of a pixel with a noise threshold or adaptive sampling.
+    #[must_use]
+    pub fn sample_limits(self, least_samples: u32, most_samples: u32) -> RenderOptions {
+        RenderOptions { least_samples, most_samples, ..self }
+    }
 }
 
 impl FromStr for PathReuse {
@@ -216,231 +346,27 @@ impl FromStr for Splitting {
     }
 }
 
-impl FromStr for Adaptive {
-    type Err = Error;
+/// Reads an enum from words of the command line.
+macro_rules! from_words {
+    ($($type:ident: $($word:literal => $value:ident),*;)*) => {$(
+        impl FromStr for $type {
+            type Err = Error;
 
-    /// Reads `auto` or `off`.
-    ///
-    /// # Errors
-    /// A usage error.
-    fn from_str(text: &str) -> Result<Adaptive> {
-        match text {
-            "auto" => Ok(Adaptive::Auto),
-            "off" => Ok(Adaptive::Off),
-            _ => Err(Error::usage(format!("'{text}' is neither auto nor off"))),
+            #[doc = concat!("Reads ", $("`", $word, "` ",)* ".")]
+            ///
+            /// # Errors
+            /// A usage error.
+            fn from_str(text: &str) -> Result<$type> {
+                match text {
+                    $($word => Ok($type::$value),)*
+                    _ => Err(Error::usage(format!("'{text}' is none of {}", [$($word),*].join(", ")))),
+                }
+            }
         }
-    }
+    )*};
 }
-
-impl FromStr for Caustics {
-    type Err = Error;
-
-    /// Reads `auto`, `on` or `off`.
-    ///
-    /// # Errors
-    /// A usage error.
-    fn from_str(text: &str) -> Result<Caustics> {
-        match text {
-            "auto" => Ok(Caustics::Auto),
-            "on" => Ok(Caustics::On),
-            "off" => Ok(Caustics::Off),
-            _ => Err(Error::usage(format!("'{text}' is neither auto nor on nor off"))),
-        }
-    }
-}
-
-impl FromStr for Guiding {
-    type Err = Error;
-
-    /// Reads `auto`, `on` or `off`.
-    ///
-    /// # Errors
-    /// A usage error.
-    fn from_str(text: &str) -> Result<Guiding> {
-        match text {
-            "auto" => Ok(Guiding::Auto),
-            "on" => Ok(Guiding::On),
-            "off" => Ok(Guiding::Off),
-            _ => Err(Error::usage(format!("'{text}' is neither auto nor on nor off"))),
-        }
-    }
-}
-
-impl Default for RenderOptions {
-    fn default() -> RenderOptions {
-        RenderOptions {
-            width: 1280,
-            height: 720,
-            samples: 128,
-            planned: 0,
-            sample_range: None,
-            region: None,
-            seed: 0,
-            max_depth: 100,
-            filter: Filter::default(),
-            aovs: AovSet::NONE,
-            aov_space: AovSpace::World,
-            matte_levels: MATTE_LEVELS,
-            light_groups: false,
-            catchers: false,
-            caught: CatcherOutput::default(),
-            transparent_glass: false,
-            halves: false,
-            soft_terminator: true,
-            path_reuse: PathReuse::default(),
-            splitting: Splitting::default(),
-            caustics: Caustics::default(),
-            guiding: Guiding::default(),
-            adaptive: Adaptive::default(),
-            least_samples: 0,
-            most_samples: u32::MAX,
-            noise: None,
-            time_limit: None,
-        }
-    }
-}
-
-impl RenderOptions {
-    /// Sets width and height in pixels.
-    #[must_use]
-    pub fn size(self, width: u32, height: u32) -> RenderOptions {
-        RenderOptions { width, height, ..self }
-    }
-
-    /// Sets the number of samples per pixel.
-    #[must_use]
-    pub fn samples(self, samples: u32) -> RenderOptions {
-        RenderOptions { samples, ..self }
-    }
-
-    /// Sets to how many samples per pixel rendering may go on later.
-    #[must_use]
-    pub fn planned(self, planned: u32) -> RenderOptions {
-        RenderOptions { planned, ..self }
-    }
-
-    /// Sets which samples of each pixel are taken.
-    #[must_use]
-    pub fn sample_range(self, sample_range: impl Into<Option<(u32, u32)>>) -> RenderOptions {
-        RenderOptions { sample_range: sample_range.into(), ..self }
-    }
-
-    /// Sets which pixels are taken.
-    #[must_use]
-    pub fn region(self, region: impl Into<Option<Region>>) -> RenderOptions {
-        RenderOptions { region: region.into(), ..self }
-    }
-
-    /// Sets the seed of all randomness.
-    #[must_use]
-    pub fn seed(self, seed: u32) -> RenderOptions {
-        RenderOptions { seed, ..self }
-    }
-
-    /// Sets the maximum number of scattering events of a path.
-    #[must_use]
-    pub fn max_depth(self, max_depth: u32) -> RenderOptions {
-        RenderOptions { max_depth, ..self }
-    }
-
-    /// Sets the reconstruction filter.
-    #[must_use]
-    pub fn filter(self, filter: Filter) -> RenderOptions {
-        RenderOptions { filter, ..self }
-    }
-
-    /// Sets which AOVs to record besides colour.
-    #[must_use]
-    pub fn aovs(self, aovs: impl Into<AovSet>) -> RenderOptions {
-        RenderOptions { aovs: aovs.into(), ..self }
-    }
-
-    /// Sets which space AOVs of places and directions are in.
-    #[must_use]
-    pub fn aov_space(self, aov_space: AovSpace) -> RenderOptions {
-        RenderOptions { aov_space, ..self }
-    }
-
-    /// Sets how many ranks of ids mattes have.
-    #[must_use]
-    pub fn matte_levels(self, matte_levels: u32) -> RenderOptions {
-        RenderOptions { matte_levels, ..self }
-    }
-
-    /// Sets whether the light of each group of lights is recorded.
-    #[must_use]
-    pub fn light_groups(self, light_groups: bool) -> RenderOptions {
-        RenderOptions { light_groups, ..self }
-    }
-
-    /// Sets [`catchers`](RenderOptions::catchers).
-    pub fn catchers(self, catchers: bool) -> RenderOptions {
-        RenderOptions { catchers, ..self }
-    }
-
-    /// Sets whether smooth glass before nothing is transparent.
-    #[must_use]
-    pub fn transparent_glass(self, transparent_glass: bool) -> RenderOptions {
-        RenderOptions { transparent_glass, ..self }
-    }
-
-    /// Sets whether the halves of the samples are kept apart.
-    #[must_use]
-    pub fn halves(self, halves: bool) -> RenderOptions {
-        RenderOptions { halves, ..self }
-    }
-
-    /// Sets whether the shadow terminator is softened.
-    #[must_use]
-    pub fn soft_terminator(self, soft_terminator: bool) -> RenderOptions {
-        RenderOptions { soft_terminator, ..self }
-    }
-
-    /// Sets whether neighbouring pixels share paths.
-    #[must_use]
-    pub fn path_reuse(self, path_reuse: PathReuse) -> RenderOptions {
-        RenderOptions { path_reuse, ..self }
-    }
-
-    /// Sets into how many paths samples split.
-    #[must_use]
-    pub fn splitting(self, splitting: Splitting) -> RenderOptions {
-        RenderOptions { splitting, ..self }
-    }
-
-    /// Sets whether caustics are found from the lamp.
-    #[must_use]
-    pub fn caustics(self, caustics: Caustics) -> RenderOptions {
-        RenderOptions { caustics, ..self }
-    }
-
-    /// Sets whether paths are guided.
-    #[must_use]
-    pub fn guiding(self, guiding: Guiding) -> RenderOptions {
-        RenderOptions { guiding, ..self }
-    }
-
-    /// Sets whether noisy pixels get more samples.
-    #[must_use]
-    pub fn adaptive(self, adaptive: Adaptive) -> RenderOptions {
-        RenderOptions { adaptive, ..self }
-    }
-
-    /// Sets the fewest and the most samples of a pixel where an error decides on their number.
-    #[must_use]
-    pub fn sample_limits(self, least_samples: u32, most_samples: u32) -> RenderOptions {
-        RenderOptions { least_samples, most_samples, ..self }
-    }
-
-    /// Sets the relative error at which rendering stops, or removes it.
-    #[must_use]
-    pub fn noise(self, noise: impl Into<Option<f32>>) -> RenderOptions {
-        RenderOptions { noise: noise.into(), ..self }
-    }
-
-    /// Sets the limit on rendering time, or removes it.
-    #[must_use]
-    pub fn time_limit(self, time_limit: impl Into<Option<Duration>>) -> RenderOptions {
-        RenderOptions { time_limit: time_limit.into(), ..self }
-    }
+from_words! {
+    Adaptive: "auto" => Auto, "off" => Off;
+    Caustics: "auto" => Auto, "on" => On, "off" => Off;
+    Guiding: "auto" => Auto, "on" => On, "off" => Off;
 }

@@ -1,6 +1,8 @@
 //! From a scene to a picture in one line, or pass by pass.
 
-use super::options::{Adaptive, Caustics, Guiding, PathReuse, Splitting, TreeChoice};
+use super::options::{
+    Adaptive, Caustics, Guiding, PathReuse, Splitting, TreeChoice, parameter, render_settings,
+};
 use super::picture::{Labels, Picture};
 use super::progress::{CancelHandle, Event, Listener};
 use super::rendering::Rendering;
@@ -38,6 +40,39 @@ pub struct Renderer {
     listener: Option<Box<Listener>>,
     texture_memory: Option<u64>,
 }
+
+/// The method of [`Renderer`] for a setting.
+macro_rules! define_method {
+    ($name:ident, $help:literal, $type:ty, internal) => {};
+    ($name:ident, $help:literal, $type:ty, user $(, $into:ident)?) => {
+        #[doc = concat!($help, ": see [`RenderOptions`](super::RenderOptions::", stringify!($name), ").")]
+        pub fn $name(mut self, $name: parameter!($type $(, $into)?)) -> Renderer {
+            self.choices.options.$name = $name.into();
+            self
+        }
+    };
+    ($name:ident, $help:literal, $type:ty, scene($field:ident)) => {
+        #[doc = concat!($help, ": see [`RenderOptions`](super::RenderOptions::", stringify!($name), ").")]
+        pub fn $name(mut self, $name: $type) -> Renderer {
+            self.choices.settings.$field = Some($name);
+            self
+        }
+    };
+    ($name:ident, $help:literal, $type:ty, internal, $into:ident) => {};
+}
+
+macro_rules! define_methods {
+    ($(
+        $help:literal, $shown:literal => $(#[$more:meta])* $name:ident: $type:ty = $default:expr,
+        $identity:ident $(($entry:literal))?, $source:ident $(($field:ident))? $([$into:ident])?;
+    )*) => {
+        /// Methods for the [render settings](super::RenderOptions).
+        impl Renderer {
+            $( define_method!($name, $help, $type, $source $(($field))? $(, $into)?); )*
+        }
+    };
+}
+render_settings!(define_methods);
 
 impl Renderer {
     /// For a loaded scene, or a [`Scene`](crate::scene::Scene) built in code.
@@ -79,30 +114,6 @@ impl Renderer {
         self
     }
 
-    /// Samples per pixel.
-    pub fn samples(mut self, samples: u32) -> Renderer {
-        self.choices.settings.samples = Some(samples);
-        self
-    }
-
-    /// Seed of all randomness: the same seed gives the same picture at any number of threads.
-    pub fn seed(mut self, seed: u32) -> Renderer {
-        self.choices.settings.seed = Some(seed);
-        self
-    }
-
-    /// Maximum number of scattering events of a path; 0 shows emission only.
-    pub fn max_depth(mut self, max_depth: u32) -> Renderer {
-        self.choices.settings.depth = Some(max_depth);
-        self
-    }
-
-    /// Reconstruction filter.
-    pub fn filter(mut self, filter: Filter) -> Renderer {
-        self.choices.settings.filter = Some(filter);
-        self
-    }
-
     /// Whether rough surfaces get back the energy that single scattering between microfacets loses.
     pub fn energy_compensation(mut self, energy_compensation: EnergyCompensation) -> Renderer {
         self.choices.settings.energy_compensation = Some(energy_compensation);
@@ -133,89 +144,9 @@ impl Renderer {
         self
     }
 
-    /// Which AOVs to record besides colour.
-    pub fn aovs(mut self, aovs: impl Into<AovSet>) -> Renderer {
-        self.choices.aovs = aovs.into();
-        self
-    }
-
-    /// Which space AOVs of places and directions are in.
-    pub fn aov_space(mut self, aov_space: AovSpace) -> Renderer {
-        self.choices.aov_space = aov_space;
-        self
-    }
-
-    /// Whether to record the light of each of the scene's groups of lights, in channels `RGBA_group.R` and so on.
-    pub fn light_groups(mut self, light_groups: bool) -> Renderer {
-        self.choices.light_groups = light_groups;
-        self
-    }
-
-    /// How many ranks of ids the mattes among the AOVs have; two for each layer.
-    pub fn matte_levels(mut self, matte_levels: u32) -> Renderer {
-        self.choices.matte_levels = matte_levels;
-        self
-    }
-
-    /// Whether smooth glass is transparent where nothing is behind it: see
-    /// [`RenderOptions::transparent_glass`](super::RenderOptions::transparent_glass).
-    pub fn transparent_glass(mut self, transparent_glass: bool) -> Renderer {
-        self.choices.transparent_glass = transparent_glass;
-        self
-    }
-
-    /// Whether to keep the halves of each pixel's samples apart, for [`Film::halves`](crate::film::Film::halves).
-    pub fn halves(mut self, halves: bool) -> Renderer {
-        self.choices.halves = halves;
-        self
-    }
-
-    /// Whether the shadow terminator is softened on surfaces with shading normals.
-    pub fn soft_terminator(mut self, soft_terminator: bool) -> Renderer {
-        self.choices.soft_terminator = soft_terminator;
-        self
-    }
-
-    /// Whether neighbouring pixels share the paths that they find.
-    pub fn path_reuse(mut self, path_reuse: PathReuse) -> Renderer {
-        self.choices.path_reuse = path_reuse;
-        self
-    }
-
-    /// Sets into how many paths samples split. Default [`Splitting::Auto`].
-    pub fn splitting(mut self, splitting: Splitting) -> Renderer {
-        self.choices.splitting = splitting;
-        self
-    }
-
-    /// Sets whether caustics are found from the lamp. Default [`Caustics::Auto`].
-    pub fn caustics(mut self, caustics: Caustics) -> Renderer {
-        self.choices.caustics = caustics;
-        self
-    }
-
-    /// Sets whether paths are guided. Default [`Guiding::Auto`].
-    pub fn guiding(mut self, guiding: Guiding) -> Renderer {
-        self.choices.guiding = guiding;
-        self
-    }
-
-    /// Sets whether noisy pixels get more samples. Default [`Adaptive::Off`].
-    pub fn adaptive(mut self, adaptive: Adaptive) -> Renderer {
-        self.choices.adaptive = adaptive;
-        self
-    }
-
     /// How good the tree over the scene's triangles is.
     pub fn tree(mut self, tree: TreeChoice) -> Renderer {
         self.choices.tree = tree;
-        self
-    }
-
-    /// Stops after rendering for this time, or at the number of samples, whichever comes first; `None` removes the
-    /// limit.
-    pub fn time_limit(mut self, time_limit: impl Into<Option<Duration>>) -> Renderer {
-        self.choices.time_limit = time_limit.into();
         self
     }
 

@@ -1,66 +1,28 @@
 //! From what a user chooses, what the scene says and the defaults to settled options.
 
-use super::options::{Adaptive, Caustics, Guiding, PathReuse, RenderOptions, Splitting, TreeChoice};
+use super::options::{RenderOptions, TreeChoice};
 use crate::color::ViewTransform;
 use crate::compile::{Tree, choose_camera};
 use crate::error::{Error, Result};
-use crate::film::{Aov, AovSet, AovSpace};
-use crate::output::part::Region;
+use crate::film::{Aov, AovSet};
 use crate::scene::{Camera, Scene, Settings, ShadingModel};
-use std::time::Duration;
 
 const DEFAULT_ASPECT: f64 = 16.0 / 9.0;
 /// Most pixels of a picture; a film takes 48 bytes for each.
 const PIXEL_LIMIT: u64 = 1 << 28;
 
-/// What a user chooses about a picture. What is left open the scene says; then the defaults of [`RenderOptions`] hold.
+/// A user's choices. What they leave open the scene decides; then the defaults of [`RenderOptions`] hold.
 #[doc(hidden)]
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Choices {
-    /// What scenes have a say in as well.
+    /// Settings that scenes have, too: these override the scene's.
     pub settings: Settings,
-    /// Name or number of a camera; by default the first.
+    /// Name or index of a camera; by default the first.
     pub camera: Option<String>,
-    /// What to record besides colour and what the scene asks for.
-    pub aovs: AovSet,
-    /// See [`RenderOptions::aov_space`].
-    pub aov_space: AovSpace,
-    /// See [`RenderOptions::matte_levels`].
-    pub matte_levels: u32,
-    /// See [`RenderOptions::light_groups`].
-    pub light_groups: bool,
-    /// See [`RenderOptions::planned`].
-    pub planned: u32,
-    /// See [`RenderOptions::sample_range`].
-    pub sample_range: Option<(u32, u32)>,
-    /// See [`RenderOptions::region`].
-    pub region: Option<Region>,
-    /// See [`RenderOptions::transparent_glass`].
-    pub transparent_glass: bool,
-    /// See [`RenderOptions::halves`].
-    pub halves: bool,
-    /// See [`RenderOptions::soft_terminator`].
-    pub soft_terminator: bool,
-    /// See [`RenderOptions::path_reuse`].
-    pub path_reuse: PathReuse,
-    /// See [`RenderOptions::splitting`].
-    pub splitting: Splitting,
-    /// See [`RenderOptions::caustics`].
-    pub caustics: Caustics,
-    /// See [`RenderOptions::guiding`].
-    pub guiding: Guiding,
-    /// See [`RenderOptions::adaptive`].
-    pub adaptive: Adaptive,
-    /// How good trees are.
+    /// Quality of the BVH.
     pub tree: TreeChoice,
-    /// See [`RenderOptions::least_samples`].
-    pub least_samples: u32,
-    /// See [`RenderOptions::most_samples`].
-    pub most_samples: u32,
-    /// See [`RenderOptions::noise`].
-    pub noise: Option<f32>,
-    /// See [`RenderOptions::time_limit`].
-    pub time_limit: Option<Duration>,
+    /// All other settings. Those that scenes have are defaults.
+    pub options: RenderOptions,
 }
 
 /// Everything about a picture that is decided before it is made.
@@ -91,36 +53,6 @@ pub struct Look {
     pub white_balance: Option<f32>,
 }
 
-impl Default for Choices {
-    fn default() -> Choices {
-        let options = RenderOptions::default();
-        Choices {
-            settings: Settings::default(),
-            camera: None,
-            aovs: options.aovs,
-            aov_space: options.aov_space,
-            matte_levels: options.matte_levels,
-            light_groups: options.light_groups,
-            planned: options.planned,
-            sample_range: options.sample_range,
-            region: options.region,
-            transparent_glass: options.transparent_glass,
-            halves: options.halves,
-            soft_terminator: options.soft_terminator,
-            path_reuse: options.path_reuse,
-            splitting: options.splitting,
-            caustics: options.caustics,
-            guiding: options.guiding,
-            adaptive: options.adaptive,
-            tree: TreeChoice::default(),
-            least_samples: options.least_samples,
-            most_samples: options.most_samples,
-            noise: options.noise,
-            time_limit: options.time_limit,
-        }
-    }
-}
-
 impl Choices {
     /// Settles everything for a scene.
     ///
@@ -130,32 +62,9 @@ impl Choices {
         let camera = self.camera.as_deref().map(|wanted| find_camera(scene, wanted)).transpose()?;
         let (width, height) = self.picture_size(scene, camera.unwrap_or(0))?;
         let settings = self.settings.or(&scene.settings);
-        let default = RenderOptions::default();
-        let mut options = default
-            .size(width, height)
-            .samples(settings.samples.unwrap_or(default.samples))
-            .seed(settings.seed.unwrap_or(default.seed))
-            .max_depth(settings.depth.unwrap_or(default.max_depth))
-            .filter(settings.filter.unwrap_or(default.filter))
-            .aovs(self.aovs.union(aovs_of(&settings)?))
-            .aov_space(self.aov_space)
-            .matte_levels(self.matte_levels)
-            .light_groups(self.light_groups)
-            .catchers(scene.has_catchers())
-            .transparent_glass(self.transparent_glass)
-            .planned(self.planned)
-            .sample_range(self.sample_range)
-            .region(self.region)
-            .halves(self.halves)
-            .soft_terminator(self.soft_terminator)
-            .path_reuse(self.path_reuse)
-            .splitting(self.splitting)
-            .caustics(self.caustics)
-            .guiding(self.guiding)
-            .adaptive(self.adaptive)
-            .sample_limits(self.least_samples, self.most_samples)
-            .noise(self.noise)
-            .time_limit(self.time_limit);
+        let mut options = self.options.with_settings(&settings).size(width, height);
+        options.aovs = options.aovs.union(aovs_of(&settings)?);
+        options.catchers = scene.has_catchers();
         options.caught = settings.caught.unwrap_or_default();
         Ok(Settled {
             options,

@@ -1,4 +1,4 @@
-//! Render settings that a scene file may carry; `None` is the default.
+//! Render settings of scene files.
 
 use super::model::FresnelModel;
 use crate::color::ViewTransform;
@@ -49,71 +49,49 @@ pub struct ShadingModel {
     pub spectral: bool,
 }
 
-/// Rendering settings that a scene file may carry.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Settings {
-    /// Picture width in pixels.
-    pub width: Option<u32>,
-    /// Picture height in pixels.
-    pub height: Option<u32>,
-    /// Samples a pixel.
-    pub samples: Option<u32>,
-    /// Maximum number of bounces; 0 shows emission only.
-    pub depth: Option<u32>,
-    /// Seed of all randomness.
-    pub seed: Option<u32>,
-    /// Reconstruction filter.
-    pub filter: Option<Filter>,
-    /// Energy compensation of rough surfaces; `microfacet` in scene files.
-    pub energy_compensation: Option<EnergyCompensation>,
-    /// Fresnel term of the dielectric layers of glTF materials.
-    pub fresnel: Option<FresnelModel>,
-    /// Whether paths carry wavelengths instead of red, green and blue.
-    pub spectral: Option<bool>,
-    /// Exposure of the PNG, stops.
-    pub exposure: Option<f32>,
-    /// How pictures to look at are encoded.
-    pub view: Option<ViewTransform>,
-    /// Temperature of the light that looks white in them, kelvin.
-    pub white_balance: Option<f32>,
-    /// Relative error at which the picture is done, percent; `samples` are the most of a pixel then.
-    pub noise: Option<f32>,
-    /// Whether noise is taken out of the finished picture.
-    pub denoise: Option<bool>,
-    /// The pixels to render: the first column and row, and those after the last.
-    pub crop: Option<[u32; 4]>,
-    /// Names of further channels to record.
-    pub aovs: Option<Vec<String>>,
-    /// What is shown of shadow catchers.
-    pub caught: Option<CatcherOutput>,
+/// The settings that scene files may have, each with its type and meaning: makes the struct and the merge.
+macro_rules! scene_settings {
+    ($($name:ident: $type:ty, $help:literal;)*) => {
+        /// Render settings of a scene file; `None` where it says nothing.
+        #[derive(Clone, Debug, Default, PartialEq)]
+        pub struct Settings {
+            $(
+                #[doc = concat!($help, ".")]
+                pub $name: Option<$type>,
+            )*
+        }
+
+        impl Settings {
+            /// These settings, and those of `other` where these are `None`.
+            #[must_use]
+            pub fn or(&self, other: &Settings) -> Settings {
+                Settings { $($name: self.$name.clone().or_else(|| other.$name.clone()),)* }
+            }
+        }
+    };
+}
+scene_settings! {
+    width: u32, "Image width in pixels";
+    height: u32, "Image height in pixels";
+    samples: u32, "Samples per pixel";
+    depth: u32, "Maximum number of bounces of a path; 0 renders directly visible emission only";
+    seed: u32, "Random seed";
+    filter: Filter, "Reconstruction filter";
+    energy_compensation: EnergyCompensation, "Energy compensation of rough surfaces; `microfacet` in scene files";
+    fresnel: FresnelModel, "Fresnel term of the dielectric layers of glTF materials";
+    spectral: bool, "Spectral rendering: sample wavelengths instead of red, green and blue";
+    exposure: f32, "Exposure of PNG and other display-referred output, stops";
+    view: ViewTransform, "View transform of display-referred output";
+    white_balance: f32, "White balance of display-referred output: colour temperature that looks white, kelvin";
+    noise: f32, "Noise threshold: estimated relative error of the image to stop at, percent; `samples` is the maximum then";
+    denoise: bool, "Denoise the finished image";
+    crop: [u32; 4], "Pixels to render: first column and row, and the column and row after the last";
+    aovs: Vec<String>, "AOVs (render passes) to write as further EXR channels, by name";
+    caught: CatcherOutput, "What shadow catchers show";
 }
 
 impl Settings {
-    /// These where they say something, else `other`.
-    #[must_use]
-    pub fn or(&self, other: &Settings) -> Settings {
-        Settings {
-            width: self.width.or(other.width),
-            height: self.height.or(other.height),
-            samples: self.samples.or(other.samples),
-            depth: self.depth.or(other.depth),
-            seed: self.seed.or(other.seed),
-            filter: self.filter.or(other.filter),
-            energy_compensation: self.energy_compensation.or(other.energy_compensation),
-            fresnel: self.fresnel.or(other.fresnel),
-            spectral: self.spectral.or(other.spectral),
-            exposure: self.exposure.or(other.exposure),
-            view: self.view.clone().or_else(|| other.view.clone()),
-            white_balance: self.white_balance.or(other.white_balance),
-            noise: self.noise.or(other.noise),
-            denoise: self.denoise.or(other.denoise),
-            crop: self.crop.or(other.crop),
-            aovs: self.aovs.clone().or_else(|| other.aovs.clone()),
-            caught: self.caught.or(other.caught),
-        }
-    }
-
-    /// The models of scattering, the default ones where nothing is said.
+    /// The scattering models of the picture, defaults where these are `None`.
     pub fn shading(&self) -> ShadingModel {
         ShadingModel {
             energy_compensation: self.energy_compensation.unwrap_or_default(),

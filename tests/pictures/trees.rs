@@ -5,7 +5,7 @@ use super::support::{camera, material, options, quad, shot, sphere};
 use oscura::accel::TreeQuality;
 use oscura::compile::{CompileOptions, Tree, compile};
 use oscura::math::{DAffine3, DVec3};
-use oscura::render::{Choices, TreeChoice};
+use oscura::render::{Choices, RenderOptions, TreeChoice};
 use oscura::scene::{Environment, Material, Scene};
 use std::sync::Arc;
 use std::time::Duration;
@@ -51,7 +51,10 @@ fn the_choice_follows_from_the_command_alone() {
     let camera_rays = 1280 * 720 * 128;
     assert_eq!(tree(Choices::default(), 1), Tree::For { camera_rays });
     assert_eq!(tree(Choices::default(), 10), Tree::For { camera_rays: 10 * camera_rays });
-    let limited = Choices { time_limit: Some(Duration::from_secs(2)), ..Choices::default() };
+    let limited = Choices {
+        options: RenderOptions::default().time_limit(Duration::from_secs(2)),
+        ..Choices::default()
+    };
     assert_eq!(tree(limited, 1), Tree::For { camera_rays: 2_000_000 });
     for (choice, expected) in [(TreeChoice::Fast, Tree::Fast), (TreeChoice::Full, Tree::Full)] {
         assert_eq!(tree(Choices { tree: choice, ..Choices::default() }, 1), expected);

@@ -1,23 +1,23 @@
-//! `[render]`: what the scene says about rendering; the command line overrides each.
+//! `[render]`: render settings. Options of the command line override them.
 //!
 //! | Key | Meaning | Range |
 //! |---|---|---|
-//! | `width`, `height` | picture in pixels | 1 to 65,536 |
-//! | `samples` | samples a pixel | at least 1 |
-//! | `depth` | largest number of scattering events; 0 shows emission only | |
-//! | `seed` | seed of all randomness | |
-//! | `filter` | `box`, `gaussian`, `blackman-harris` | |
-//! | `microfacet` | `multi` or `single` scattering | |
-//! | `fresnel` | `exact` or `schlick`: how dielectric layers of glTF materials reflect more towards grazing incidence | |
-//! | `spectral` | `true` renders by wavelength, as `--spectral` | |
-//! | `aovs` | list of further channels of the EXR, as `--aov` takes them, next to those that it names | |
-//! | `exposure` | exposure of PNGs and the like in stops | -100 to 100 |
-//! | `view` | how they look: `srgb`, `filmic`, `agx`, `agx-punchy`, `pbr-neutral`, `false-color`, `gamma`, or the file of a table (cinespace, `.csp`, from linear Rec. 709 to sRGB, as `ociobakelut` writes; or `.view`, as the export of Blender's scenes does) | |
-//! | `white_balance` | temperature of the light that looks white in them, kelvin | 1667 to 25,000 |
-//! | `noise` | relative error in percent at which the picture is done; `samples` are the most of a pixel then | above 0 to 1000 |
-//! | `denoise` | `true` takes the noise out of the finished picture | |
-//! | `caught` | what shadow catchers show: `all`, shadows as alpha and the light that objects bring besides; or `shadows`, alpha alone by the mean of the channels, as Cycles | |
-//! | `crop` | `[x0, y0, x1, y1]`: only the pixels from column x0 and row y0 to before column x1 and row y1 | within the picture |
+//! | `width`, `height` | image size in pixels | 1 to 65,536 |
+//! | `samples` | samples per pixel | at least 1 |
+//! | `depth` | maximum number of bounces of a path; 0 renders directly visible emission only | |
+//! | `seed` | random seed | |
+//! | `filter` | reconstruction filter: `box`, `gaussian`, `blackman-harris` | |
+//! | `microfacet` | `multi` or `single` scattering between microfacets | |
+//! | `fresnel` | Fresnel term of the dielectric layers of glTF materials: `exact` or `schlick` | |
+//! | `spectral` | `true` renders spectrally, as `--spectral` | |
+//! | `aovs` | list of AOVs (render passes), as `--aov` takes them, in addition to those of `--aov` | |
+//! | `exposure` | exposure of PNG and other display-referred output, stops | -100 to 100 |
+//! | `view` | view transform of display-referred output: `srgb`, `filmic`, `agx`, `agx-punchy`, `pbr-neutral`, `false-color`, `gamma`, or a lookup table file (cinespace, `.csp`, from linear Rec. 709 to sRGB, as `ociobakelut` writes; or `.view`, as the export of Blender's scenes does) | |
+//! | `white_balance` | white balance of display-referred output: colour temperature that looks white, kelvin | 1667 to 25,000 |
+//! | `noise` | noise threshold: relative error in percent to stop at; `samples` is the maximum per pixel then | above 0 to 1000 |
+//! | `denoise` | `true` denoises the finished image | |
+//! | `caught` | what shadow catchers show: `all`, shadows as alpha and the light that objects add; or `shadows`, alpha only by the mean of the channels, as in Cycles | |
+//! | `crop` | `[x0, y0, x1, y1]`: render only the pixels of a rectangle, x1 and y1 exclusive | within the image |
 
 use super::builder::SceneFileBuilder;
 use super::fields::Fields;
