@@ -1,8 +1,8 @@
-//! What is kept of a render that takes long: its checkpoint, and the files of parts of pictures.
+//! Checkpoints and partial renders.
 
 use super::args::RenderArgs;
 use super::pictures::Targets;
-use super::report::Said;
+use super::report::PrintedMessages;
 use oscura::error::{Error, Result, Warning};
 use oscura::film::AovSet;
 use oscura::load::Loaded;
@@ -13,18 +13,18 @@ use oscura::scene::Backdrop;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Writes checkpoints and parts. Does nothing where neither is asked for.
-pub(super) struct Keeper<'a> {
+/// Writes checkpoints and partial renders, if requested.
+pub(super) struct CheckpointWriter<'a> {
     args: &'a RenderArgs,
     parts: &'a [PathBuf],
     identity: Identity,
     finish: Finish,
     backdrop: Option<Backdrop>,
-    /// When the checkpoint was written, or rendering began.
+    /// Time of the last checkpoint, or of the start of rendering.
     written: Instant,
 }
 
-impl<'a> Keeper<'a> {
+impl<'a> CheckpointWriter<'a> {
     /// For a scene that was loaded; of a picture whose noise will be taken out with the AOVs that stay then. Fingerprints are
     /// taken only where they are of use.
     pub fn new(
@@ -35,7 +35,7 @@ impl<'a> Keeper<'a> {
         png: &PngOptions,
         warnings: &[Warning],
         kept_without_noise: Option<AovSet>,
-    ) -> Result<Keeper<'a>> {
+    ) -> Result<CheckpointWriter<'a>> {
         let keeps = args.long.checkpoint.is_some() || !targets.parts().is_empty();
         let identity = if keeps { identity(&mut loaded.scene, settled)? } else { Identity::new() };
         let offset = loaded.offset.to_array();
@@ -56,10 +56,17 @@ impl<'a> Keeper<'a> {
             ..Finish::default()
         };
         let backdrop = if keeps { loaded.scene.backdrop.clone() } else { None };
-        Ok(Keeper { args, parts: targets.parts(), identity, finish, backdrop, written: Instant::now() })
+        Ok(CheckpointWriter {
+            args,
+            parts: targets.parts(),
+            identity,
+            finish,
+            backdrop,
+            written: Instant::now(),
+        })
     }
 
-    /// Goes on from the checkpoint, if that is asked for and there is one.
+    /// Resumes from the checkpoint with --resume, if it exists.
     pub fn begin(&self, rendering: Rendering) -> Result<Rendering> {
         let keeps = self.args.long.checkpoint.is_some() || !self.parts.is_empty();
         let mut rendering = if keeps { rendering.with_whole_passes() } else { rendering };
@@ -75,16 +82,16 @@ impl<'a> Keeper<'a> {
         Ok(rendering)
     }
 
-    /// When the next checkpoint is to be written, if one is.
+    /// Time of the next checkpoint.
     pub fn next_write(&self) -> Option<Instant> {
         self.args.long.checkpoint.as_ref()?;
         self.written.checked_add(self.args.long.checkpoint_interval)
     }
 
-    /// Writes the checkpoint if it is time to. A disk that is full for a while is no reason to lose the rest.
-    pub fn before_pass(&mut self, rendering: &mut Rendering, said: &mut Said) {
+    /// Writes the checkpoint if it is due. A failure, such as a full disk, is a warning.
+    pub fn before_pass(&mut self, rendering: &mut Rendering, said: &mut PrintedMessages) {
         let is_due = self.written.elapsed() >= self.args.long.checkpoint_interval;
-        // The last samples may be less than a block: what is gone on from lies before them.
+        // The last block of samples may be incomplete: the checkpoint must end before it.
         if (is_due || rendering.ends_within_block()) && rendering.is_between_blocks() {
             if let Err(error) = self.write_checkpoint(rendering) {
                 let message = format!("the checkpoint was not written, an older one is as it was: {error}");
@@ -94,7 +101,7 @@ impl<'a> Keeper<'a> {
         }
     }
 
-    /// Writes the last checkpoint and, when all samples are there, the files of parts.
+    /// Writes the last checkpoint and, if all samples are done, the partial renders.
     pub fn finish(&self, rendering: &mut Rendering) -> Result<()> {
         let checkpoint = match rendering.is_between_blocks() {
             true => self.write_checkpoint(rendering),
@@ -114,7 +121,7 @@ impl<'a> Keeper<'a> {
     }
 }
 
-/// Says how to go on to more samples where that was refused.
+/// Adds how to resume with more samples to the error that refuses it.
 fn plan_help(error: Error) -> Error {
     match error.to_string().contains("samples are arranged for") {
         true => error.with_help("go on to as many samples as were planned; begin with --plan N to go on to N, or with more than 256"),
@@ -122,7 +129,7 @@ fn plan_help(error: Error) -> Error {
     }
 }
 
-/// Do the options about long renders make sense together, and can the files be written?
+/// Checks that the options of long renders are consistent and that the files can be written.
 pub(super) fn check(args: &RenderArgs) -> Result<()> {
     args.picture.denoiser.check(args.picture.denoise)?;
     let long = &args.long;
@@ -159,18 +166,18 @@ pub(super) fn check(args: &RenderArgs) -> Result<()> {
     }
 }
 
-/// How many of the outputs are parts of pictures.
+/// Number of partial renders among the outputs.
 fn parts(args: &RenderArgs) -> usize {
     let is_part = |path: &&PathBuf| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("part"));
     args.output.iter().filter(is_part).count()
 }
 
-/// The pixels of the frame that a picture is cropped to; a part tells its own ones.
+/// Crop rectangle of a picture; partial renders store their own region.
 pub(super) fn cropped(args: &RenderArgs) -> Option<Region> {
     args.exr.crop.or(args.long.region.filter(|_| parts(args) == 0))
 }
 
-/// Do the options of parts and those of pictures fit the outputs?
+/// Checks that the options of partial renders and of pictures fit the outputs.
 fn check_parts(args: &RenderArgs) -> Result<()> {
     let (parts, outputs) = (parts(args), args.output.len());
     if args.long.sample_range.is_some() && (outputs == 0 || parts < outputs) {
@@ -191,7 +198,7 @@ fn check_parts(args: &RenderArgs) -> Result<()> {
     Ok(())
 }
 
-/// Do the fewest and the most samples of a pixel make sense?
+/// Checks --min-spp and --max-spp.
 fn check_limits(args: &RenderArgs, is_adaptive: bool) -> Result<()> {
     let (least, most) = (args.long.min_spp, args.long.max_spp);
     if least.is_none() && most.is_none() {
@@ -215,7 +222,7 @@ fn check_limits(args: &RenderArgs, is_adaptive: bool) -> Result<()> {
     Ok(())
 }
 
-/// Can a checkpoint be written there without harm to another file?
+/// Checks that a checkpoint can be written there without overwriting another file.
 ///
 /// # Errors
 /// A usage error for the scene, an output, or something else than a checkpoint; an output error for what can't be written.

@@ -2,7 +2,7 @@
 
 use super::Outcome;
 use super::args::{CacheArgs, ExportArgs};
-use super::report::{Said, print_line};
+use super::report::{PrintedMessages, print_line};
 use super::scene_args::check_scene_path;
 use oscura::error::{Error, ErrorKind, Problem, Result};
 use oscura::load::blender::cache::{clear, kept};
@@ -31,7 +31,7 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Outcome> {
     let parent = args.output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let exported = export(&args.scene, &options, parent)?;
     if !args.quiet {
-        let mut said = Said::default();
+        let mut said = PrintedMessages::default();
         said.notes(&exported.notes);
         said.warnings(&exported.warnings);
     }

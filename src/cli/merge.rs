@@ -3,7 +3,7 @@
 use super::exr_args::ExrFormatArgs;
 use super::parsers::stops;
 use super::picture_args::{DenoiserArgs, views};
-use super::pictures::{How, Pictures, Shot, Targets};
+use super::pictures::{EncodeOptions, FinishedPicture, Pictures, Targets};
 use super::report::counted;
 use super::settings::check_memory_before_merging;
 use super::{Outcome, json, process, report};
@@ -71,12 +71,12 @@ fn merge(args: &MergeArgs) -> Result<Outcome> {
         earlier.push(Warning::general(format!("parts are missing: {}", missing.join("; "))));
     }
     let samples = film.mean_samples();
-    let shot = Shot {
+    let shot = FinishedPicture {
         film: Cow::Borrowed(&film),
         warnings,
         metadata: Metadata { denoised, ..metadata(&parts, samples, missing.is_empty()) },
     };
-    let how = How {
+    let how = EncodeOptions {
         owner: args.owner.clone().or_else(|| finish.owner.clone()),
         reproducible: args.reproducible || finish.reproducible,
         float: args.float || finish.float,
@@ -203,7 +203,7 @@ fn png(args: &MergeArgs, finish: &Finish, targets: &Targets) -> Result<PngOption
 
 fn say(args: &MergeArgs, report: &MergeReport, warnings: &[Warning]) {
     if !args.quiet {
-        report::Said::default().warnings(warnings);
+        report::PrintedMessages::default().warnings(warnings);
         let (count, seconds) = (report.parts, report.merge_s);
         let (width, height, samples) = (report.width, report.height, report.samples_per_pixel);
         let count = counted(count as u64, "part");

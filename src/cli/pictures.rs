@@ -1,8 +1,8 @@
-//! The pictures that a run writes: where they go, what their headers say.
+//! Output pictures of a run: targets, encoding, metadata, denoising, animation files.
 
 use super::args::RenderArgs;
-use super::progress::{Telling, Waiting};
-use super::report::{Said, name_options_in_warnings};
+use super::progress::{ProgressTarget, StageProgress};
+use super::report::{PrintedMessages, name_options_in_warnings};
 use oscura::denoise::Denoiser;
 use oscura::error::{Error, Result, Warning};
 use oscura::film::{AovSet, Film};
@@ -16,10 +16,10 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// The extension of files of sums.
+/// Extension of partial renders.
 const PART: &str = "part";
 
-/// Files to write, checked before any work.
+/// Output files, checked before rendering.
 pub(crate) struct Targets {
     pictures: Vec<(PathBuf, Format)>,
     parts: Vec<PathBuf>,
@@ -49,7 +49,7 @@ impl Targets {
         Ok(targets)
     }
 
-    /// Can they hold a picture of this size?
+    /// Checks that the formats can store a picture of this size.
     ///
     /// # Errors
     /// A usage error for the first that can't.
@@ -65,27 +65,27 @@ impl Targets {
         })
     }
 
-    /// Is any of them an EXR, or may it become one?
+    /// True if any of them is an EXR, or a partial render that may become one.
     pub fn has_exr(&self) -> bool {
         !self.parts.is_empty() || self.pictures.iter().any(|(_, format)| *format == Format::Exr)
     }
 
-    /// Is any of them encoded for displays?
+    /// True if any of them is display-referred.
     pub fn has_shown(&self) -> bool {
         self.pictures.iter().any(|(_, format)| !matches!(format, Format::Exr | Format::Hdr))
     }
 
-    /// Are there others than those that hold sums?
+    /// True if there are other files than partial renders.
     pub fn has_pictures(&self) -> bool {
         !self.pictures.is_empty()
     }
 
-    /// Those that hold sums.
+    /// The partial renders.
     pub fn parts(&self) -> &[PathBuf] {
         &self.parts
     }
 
-    /// Names of those that are written: parts only `with_parts`.
+    /// Names of the files that are written; partial renders only `with_parts`.
     pub fn names(&self, with_parts: bool) -> Vec<String> {
         let pictures = self.pictures.iter().map(|(path, _)| path);
         let parts = self.parts.iter().filter(|_| with_parts);
@@ -93,49 +93,53 @@ impl Targets {
     }
 }
 
-/// How files are written, whatever picture they show.
-pub(crate) struct How {
-    /// Whose picture it is.
+/// Options of encoding that are the same for all pictures of a run.
+pub(crate) struct EncodeOptions {
+    /// Owner of the image.
     pub owner: Option<String>,
-    /// Leave times and dates out.
+    /// Write no dates and render times.
     pub reproducible: bool,
-    /// Write 32-bit colours.
+    /// 32-bit floats for colour.
     pub float: bool,
-    /// How EXRs lie on the disk.
+    /// Format of EXRs.
     pub exr: ExrOptions,
 }
 
-impl How {
+impl EncodeOptions {
     /// As the arguments say, of pixels that stand so in the frame.
-    pub fn of(args: &RenderArgs, window: Option<ExrWindow>) -> How {
+    pub fn of(args: &RenderArgs, window: Option<ExrWindow>) -> EncodeOptions {
         let exr = args.exr.format.options(window);
-        How { owner: args.owner.clone(), reproducible: args.reproducible, float: args.float, exr }
+        EncodeOptions { owner: args.owner.clone(), reproducible: args.reproducible, float: args.float, exr }
     }
 }
 
-/// A picture before it is encoded: when all is rendered, or on the way.
-pub(crate) struct Shot<'a> {
+/// A finished or unfinished picture before encoding.
+pub(crate) struct FinishedPicture<'a> {
     pub film: Cow<'a, Film>,
     pub warnings: Vec<Warning>,
     pub metadata: Metadata,
 }
 
-impl<'a> From<&'a Picture> for Shot<'a> {
-    fn from(picture: &'a Picture) -> Shot<'a> {
+impl<'a> From<&'a Picture> for FinishedPicture<'a> {
+    fn from(picture: &'a Picture) -> FinishedPicture<'a> {
         let mut metadata = picture.output_options().metadata.clone();
         if picture.statistics().interrupted {
             metadata.stopped_by = Some("signal".to_string());
         }
-        Shot { film: Cow::Borrowed(picture.film()), warnings: picture.warnings().to_vec(), metadata }
+        FinishedPicture {
+            film: Cow::Borrowed(picture.film()),
+            warnings: picture.warnings().to_vec(),
+            metadata,
+        }
     }
 }
 
-impl<'a> From<&'a Rendering> for Shot<'a> {
-    /// The picture so far.
-    fn from(rendering: &'a Rendering) -> Shot<'a> {
+impl<'a> From<&'a Rendering> for FinishedPicture<'a> {
+    /// The unfinished picture.
+    fn from(rendering: &'a Rendering) -> FinishedPicture<'a> {
         let metadata = rendering.output_options().metadata;
         let stopped_by = Some("not finished".to_string());
-        Shot {
+        FinishedPicture {
             film: rendering.shown(),
             warnings: rendering.warnings(),
             metadata: Metadata { stopped_by, ..metadata },
@@ -143,24 +147,24 @@ impl<'a> From<&'a Rendering> for Shot<'a> {
     }
 }
 
-/// Pictures as the bytes of their files, not written yet.
+/// Encoded pictures, not yet written.
 pub(crate) struct Pictures<'a> {
-    /// Each with its bytes, or with why its encoder refused.
+    /// Bytes of each file, or the encoder's error.
     files: Vec<(&'a Path, Result<Vec<u8>>)>,
-    /// What came up since the scene was built.
+    /// Warnings of rendering and encoding.
     pub warnings: Vec<Warning>,
 }
 
 impl<'a> Pictures<'a> {
-    /// Encodes all pictures. One that an encoder refuses keeps no other from being written.
+    /// Encodes all pictures. If one fails, the others are still written.
     pub fn encode(
-        how: &How,
+        how: &EncodeOptions,
         targets: &'a Targets,
-        shot: Shot,
+        shot: FinishedPicture,
         png: &PngOptions,
         earlier: &[Warning],
     ) -> Pictures<'a> {
-        let Shot { film, mut warnings, mut metadata } = shot;
+        let FinishedPicture { film, mut warnings, mut metadata } = shot;
         metadata.owner.clone_from(&how.owner);
         metadata.warnings = earlier.iter().chain(&warnings).map(Warning::to_string).collect();
         if let Some(window) = how.exr.window {
@@ -185,7 +189,7 @@ impl<'a> Pictures<'a> {
         Pictures { files, warnings }
     }
 
-    /// Writes all that can be written.
+    /// Writes all files that were encoded.
     ///
     /// # Errors
     /// An output error that says of all others why they were not.
@@ -198,15 +202,15 @@ impl<'a> Pictures<'a> {
     }
 }
 
-// Taking the noise out of what was rendered.
+// Denoising of finished pictures.
 
-/// What is to be done about the noise.
+/// Whether and how the picture is denoised.
 pub(super) struct Denoising<'a> {
     args: &'a RenderArgs,
     denoiser: Denoiser,
-    /// AOVs that the files are to have.
+    /// AOVs to write.
     kept: AovSet,
-    /// Parts keep the noise.
+    /// Partial renders stay noisy.
     has_pictures: bool,
 }
 
@@ -220,18 +224,22 @@ impl<'a> Denoising<'a> {
         Ok(Denoising { args, denoiser, kept, has_pictures: targets.has_pictures() })
     }
 
-    /// The AOVs that stay when the noise is taken out, if it is to be.
+    /// AOVs that are kept after denoising; `None` without denoising.
     pub fn kept(&self) -> Option<AovSet> {
         self.args.picture.denoise.then_some(self.kept)
     }
 
     /// Takes the noise out if that is asked for; returns how long it took, seconds. A picture whose noise can't be taken out is
     /// kept as it is.
-    pub fn run(&self, rendering: &mut Rendering, said: &mut Said) -> (Option<f64>, Option<Warning>) {
+    pub fn run(
+        &self,
+        rendering: &mut Rendering,
+        said: &mut PrintedMessages,
+    ) -> (Option<f64>, Option<Warning>) {
         let Some(kept) = self.kept().filter(|_| self.has_pictures) else { return (None, None) };
         let start = Instant::now();
-        let telling = Telling::of(self.args.quiet, self.args.long.progress);
-        let waiting = Waiting::new(telling, "denoise", &Gauge::default());
+        let telling = ProgressTarget::of(self.args.quiet, self.args.long.progress);
+        let waiting = StageProgress::new(telling, "denoise", &Gauge::default());
         let done = rendering.denoise_by(&self.denoiser, kept);
         drop(waiting);
         let failed = |error| Warning::general(format!("the picture keeps its noise: {error}"));
@@ -243,33 +251,33 @@ impl<'a> Denoising<'a> {
     }
 }
 
-// Moving pictures of turntables and sequences: GIF, APNG and video.
+// Animation files of turntables and frame ranges: GIF, APNG and video.
 
-/// Does the name of a file ask for a moving picture?
+/// True for file names of GIF, APNG or video.
 pub(crate) fn is_moving(path: &Path) -> bool {
     AnimationFormat::of(path).is_some() || VideoFormat::of(path).is_some()
 }
 
-/// The files of single pictures among those that are asked for.
+/// The outputs that are stills.
 pub(crate) fn still(paths: &[PathBuf]) -> Vec<PathBuf> {
     paths.iter().filter(|path| !is_moving(path)).cloned().collect()
 }
 
-/// Moving pictures that are being made.
-pub(super) struct MovingPictures {
-    /// Frames for those that are encoded at the end.
+/// Animation files that are being encoded.
+pub(super) struct AnimationFiles {
+    /// Frames of the GIFs and APNGs, which are encoded at the end.
     animation: Animation,
     animations: Vec<(PathBuf, AnimationFormat)>,
     videos: Vec<(PathBuf, Video)>,
     frames_a_second: f64,
 }
 
-impl MovingPictures {
-    /// Those that the arguments ask for.
+impl AnimationFiles {
+    /// The animation files among the outputs.
     ///
     /// # Errors
     /// If one of them can't be written, or there is no encoder for it.
-    pub fn new(args: &RenderArgs) -> Result<MovingPictures> {
+    pub fn new(args: &RenderArgs) -> Result<AnimationFiles> {
         let frames_a_second = args.fps;
         let (mut animations, mut videos) = (Vec::new(), Vec::new());
         for path in args.output.iter().filter(|path| is_moving(path)) {
@@ -283,10 +291,10 @@ impl MovingPictures {
             animations.extend(AnimationFormat::of(path).map(|format| (path.clone(), format)));
             videos.extend(Video::new(path, frames_a_second)?.map(|video| (path.clone(), video)));
         }
-        Ok(MovingPictures { animation: Animation::default(), animations, videos, frames_a_second })
+        Ok(AnimationFiles { animation: Animation::default(), animations, videos, frames_a_second })
     }
 
-    /// Can they hold pictures of this size?
+    /// Checks that the video formats support this size.
     ///
     /// # Errors
     /// A usage error for the first that can't.
@@ -294,7 +302,7 @@ impl MovingPictures {
         self.videos.iter().try_for_each(|(_, video)| video.check_size(width, height))
     }
 
-    /// Says that none of them is written, since the run ended before its last frame.
+    /// Reports that none of them is written because the run ended early.
     pub fn say_unfinished(&self, args: &RenderArgs) {
         if args.quiet {
             return;
@@ -305,7 +313,7 @@ impl MovingPictures {
         }
     }
 
-    /// Adds a picture to all of them.
+    /// Adds a frame to all of them.
     ///
     /// # Errors
     /// An output error if an encoder fails.

@@ -3,7 +3,7 @@
 use super::args::RenderArgs;
 use super::page::PagePreview;
 use super::parsers::PreviewArg;
-use super::report::Said;
+use super::report::PrintedMessages;
 use oscura::error::{Error, Result, Warning};
 use oscura::film::Values;
 use oscura::output::PngOptions;
@@ -42,7 +42,7 @@ impl Preview {
         png: &PngOptions,
         camera: &Camera,
         triangles: u64,
-        said: &mut Said,
+        said: &mut PrintedMessages,
     ) {
         match self {
             Preview::Page(page) => page.begin(rendering, png, camera, triangles),
@@ -59,7 +59,7 @@ impl Preview {
     }
 
     /// Shows the picture so far, unless one was shown a moment ago.
-    pub fn show(&mut self, rendering: &Rendering, is_finished: bool, said: &mut Said) {
+    pub fn show(&mut self, rendering: &Rendering, is_finished: bool, said: &mut PrintedMessages) {
         match self {
             Preview::Page(page) => page.show(rendering, is_finished),
             Preview::Tev(tev) => tev.show(rendering, is_finished, said),
@@ -115,7 +115,7 @@ impl Tev {
     }
 
     /// A picture begins, in the place of the one before.
-    pub fn begin(&mut self, rendering: &Rendering, said: &mut Said) {
+    pub fn begin(&mut self, rendering: &Rendering, said: &mut PrintedMessages) {
         self.next = Instant::now();
         let film = rendering.film();
         let names: Vec<String> = film.names().map(String::from).collect();
@@ -136,7 +136,7 @@ impl Tev {
     }
 
     /// Sends the picture so far, unless one was sent a moment ago.
-    pub fn show(&mut self, rendering: &Rendering, is_finished: bool, said: &mut Said) {
+    pub fn show(&mut self, rendering: &Rendering, is_finished: bool, said: &mut PrintedMessages) {
         let start = Instant::now();
         let Some(client) = self.client.as_mut().filter(|_| is_finished || start >= self.next) else { return };
         let film = rendering.shown();
@@ -167,7 +167,7 @@ impl Tev {
     }
 
     /// A viewer that is closed meanwhile is no reason to lose the picture.
-    fn check(&mut self, sent: Option<std::io::Result<()>>, said: &mut Said) {
+    fn check(&mut self, sent: Option<std::io::Result<()>>, said: &mut PrintedMessages) {
         if let Some(Err(error)) = sent {
             self.client = None;
             let text = format!("tev at {} no longer shows the picture: {error}", self.address);

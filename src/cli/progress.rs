@@ -62,7 +62,7 @@ impl ProgressLine {
 
 /// What programs were told.
 #[derive(Default)]
-pub(crate) struct Told {
+pub(crate) struct LastLine {
     /// When the last line was printed.
     printed: Duration,
     /// The last line, printed or not.
@@ -75,22 +75,22 @@ pub(crate) enum Progress {
     /// For other programs.
     Machine {
         kind: ProgressArg,
-        last: Mutex<Told>,
+        last: Mutex<LastLine>,
     },
     Bar {
         bar: ProgressBar,
-        ends: Ends,
+        ends: StopCriteria,
     },
     Lines {
         /// When the last line was printed.
         last: Mutex<Duration>,
-        ends: Ends,
+        ends: StopCriteria,
     },
 }
 
 /// What ends rendering besides the number of samples.
 #[derive(Clone, Copy)]
-pub(crate) struct Ends {
+pub(crate) struct StopCriteria {
     /// The time that it may take.
     pub limit: Option<Duration>,
     /// The error decides.
@@ -99,7 +99,7 @@ pub(crate) struct Ends {
 
 impl Progress {
     /// Chooses by what standard error is.
-    pub fn new(quiet: bool, kind: Option<ProgressArg>, ends: Ends) -> Progress {
+    pub fn new(quiet: bool, kind: Option<ProgressArg>, ends: StopCriteria) -> Progress {
         if let Some(kind @ (ProgressArg::Json | ProgressArg::Openjd)) = kind {
             return Progress::Machine { kind, last: Mutex::default() };
         }
@@ -187,7 +187,7 @@ impl Progress {
 /// Shorter times say nothing about how long the rest takes: memory is being filled for the first time.
 const LEAST_KNOWN: Duration = Duration::from_millis(500);
 
-impl Ends {
+impl StopCriteria {
     /// How long a picture will take of which a share is done and that has this error; `None` where too little is known.
     fn left(self, share: f64, elapsed: Duration, error: Option<f64>) -> Option<String> {
         let is_known = error.is_some() || !self.by_noise;
@@ -219,7 +219,7 @@ const STEPS: f64 = 1000.0;
 
 /// To whom it is told.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Telling {
+pub(super) enum ProgressTarget {
     Nobody,
     /// A bar on standard error.
     Terminal,
@@ -231,16 +231,16 @@ pub(super) enum Telling {
     Openjd,
 }
 
-impl Telling {
+impl ProgressTarget {
     /// As the caller has it, and by what standard error is.
-    pub fn of(quiet: bool, kind: Option<ProgressArg>) -> Telling {
+    pub fn of(quiet: bool, kind: Option<ProgressArg>) -> ProgressTarget {
         match kind {
-            Some(ProgressArg::Json) => Telling::Json,
-            Some(ProgressArg::Openjd) => Telling::Openjd,
-            _ if quiet || kind == Some(ProgressArg::None) => Telling::Nobody,
-            Some(ProgressArg::Plain) => Telling::Lines,
-            _ if std::io::stderr().is_terminal() => Telling::Terminal,
-            _ => Telling::Lines,
+            Some(ProgressArg::Json) => ProgressTarget::Json,
+            Some(ProgressArg::Openjd) => ProgressTarget::Openjd,
+            _ if quiet || kind == Some(ProgressArg::None) => ProgressTarget::Nobody,
+            Some(ProgressArg::Plain) => ProgressTarget::Lines,
+            _ if std::io::stderr().is_terminal() => ProgressTarget::Terminal,
+            _ => ProgressTarget::Lines,
         }
     }
 }
@@ -257,26 +257,26 @@ struct WaitingLine {
 }
 
 /// Says that something takes a while, from two seconds on and until it is dropped.
-pub(super) struct Waiting {
+pub(super) struct StageProgress {
     /// Hangs up when it is over.
     over: Option<Sender<()>>,
     thread: Option<JoinHandle<()>>,
 }
 
-impl Waiting {
+impl StageProgress {
     /// For what `label` names, which begins now; the gauge is that of the work.
-    pub fn new(telling: Telling, label: &'static str, gauge: &Gauge) -> Waiting {
-        if telling == Telling::Nobody {
-            return Waiting { over: None, thread: None };
+    pub fn new(telling: ProgressTarget, label: &'static str, gauge: &Gauge) -> StageProgress {
+        if telling == ProgressTarget::Nobody {
+            return StageProgress { over: None, thread: None };
         }
         let (over, until) = channel();
         let gauge = gauge.clone();
         let thread = std::thread::spawn(move || wait(telling, label, &gauge, &until));
-        Waiting { over: Some(over), thread: Some(thread) }
+        StageProgress { over: Some(over), thread: Some(thread) }
     }
 }
 
-impl Drop for Waiting {
+impl Drop for StageProgress {
     fn drop(&mut self) {
         self.over = None;
         // It can't fail; if it did, a message would be missing.
@@ -285,22 +285,22 @@ impl Drop for Waiting {
 }
 
 /// Tells until it is over, or nothing if that is soon.
-fn wait(telling: Telling, label: &'static str, gauge: &Gauge, until: &Receiver<()>) {
+fn wait(telling: ProgressTarget, label: &'static str, gauge: &Gauge, until: &Receiver<()>) {
     let start = Instant::now();
     let goes_on = |pause| until.recv_timeout(pause) == Err(RecvTimeoutError::Timeout);
     if !goes_on(PATIENCE) {
         return;
     }
-    if telling == Telling::Terminal {
+    if telling == ProgressTarget::Terminal {
         return draw(label, gauge, goes_on);
     }
-    let mut pause = if telling == Telling::Lines { PATIENCE } else { MACHINE_PAUSE };
+    let mut pause = if telling == ProgressTarget::Lines { PATIENCE } else { MACHINE_PAUSE };
     loop {
         let (elapsed_s, progress) = (start.elapsed().as_secs_f64(), gauge.share());
         let share = progress.map_or_else(String::new, |share| format!("{:.0} %, ", share * 100.0));
         match telling {
-            Telling::Json => json::print(&WaitingLine { event: label, progress, elapsed_s }),
-            Telling::Openjd => print_line(&format!("openjd_status: {label}, {share}{elapsed_s:.0} s")),
+            ProgressTarget::Json => json::print(&WaitingLine { event: label, progress, elapsed_s }),
+            ProgressTarget::Openjd => print_line(&format!("openjd_status: {label}, {share}{elapsed_s:.0} s")),
             _ => {
                 say!("{label:<8} {share}{elapsed_s:.0} s so far");
                 pause = Duration::from_secs_f64(elapsed_s);

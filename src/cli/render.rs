@@ -1,16 +1,16 @@
 //! `oscura render`: load, compile, render, write, report.
 
 use super::args::RenderArgs;
-use super::checkpoint::Keeper;
+use super::checkpoint::CheckpointWriter;
 use super::parsers::Frames;
-use super::pictures::{Denoising, MovingPictures, Pictures, Shot, Targets, still};
+use super::pictures::{AnimationFiles, Denoising, FinishedPicture, Pictures, Targets, still};
 use super::preview::Preview;
 use super::process::{cancel_by_signals, peak_memory};
-use super::progress::{Ends, Progress, Telling, Waiting};
-use super::report::{Run, Said, name_options_in_error};
+use super::progress::{Progress, ProgressTarget, StageProgress, StopCriteria};
+use super::report::{PrintedMessages, Run, name_options_in_error};
 use super::scene_args::check_scene_path;
 use super::settings::{
-    EnvironmentOverride, Prepared, Wants, check_memory_before_loading, choices, completed, prepare,
+    EnvironmentOverride, PictureUse, Prepared, check_memory_before_loading, choices, completed, prepare,
     unused_option_warnings,
 };
 use super::{Outcome, checkpoint, exit_code, json, report, show};
@@ -27,12 +27,12 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Renders what the arguments say of their scene.
+/// Renders the scene of the arguments on its own thread pool.
 fn run_scene(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
     in_pool(args.threads.map(usize::from), || run_all(args, cancel))?
 }
 
-/// Renders one picture, or each of a sequence.
+/// Renders a still, a turntable or an animation.
 fn run_all(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
     choices(args).check_size()?;
     checkpoint::check(args)?;
@@ -45,7 +45,7 @@ fn run_all(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
     }
 }
 
-/// Renders one picture.
+/// Renders a still.
 fn run_picture(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
     let targets = Targets::check(&args.output)?;
     let start = Instant::now();
@@ -53,19 +53,19 @@ fn run_picture(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
     check_memory_before_loading(args)?;
     let environment = EnvironmentOverride::load(args)?;
     let mut loaded = load_scene(args, cancel, &load_options(args)?)?;
-    let mut kept = Kept::new(args, Compiler::single())?;
+    let mut kept = RunState::new(args, Compiler::single())?;
     run_one(args, cancel, &targets, Some(&environment), &mut loaded, start, &mut kept)
 }
 
-/// Renders the frames of a sequence that are missing.
+/// Renders the frames of an animation; with --resume, those whose files are missing.
 fn run_frames(args: &RenderArgs, frames: Frames, cancel: &CancelHandle) -> Result<Outcome> {
-    let moving = Some(MovingPictures::new(args)?);
+    let moving = Some(AnimationFiles::new(args)?);
     let still = still(&args.output);
     let file = |number| still.iter().map(|path| Frames::file(path, number)).collect::<Vec<_>>();
     for number in frames.numbers() {
         Targets::check(&file(number))?;
     }
-    // A sequence that is shown or becomes a moving picture has no files that tell which frames exist.
+    // Without numbered files (only --show or video output) all frames are rendered.
     let is_missing = |&number: &u32| {
         !args.long.resume || still.is_empty() || !file(number).iter().all(|path| path.exists())
     };
@@ -77,7 +77,7 @@ fn run_frames(args: &RenderArgs, frames: Frames, cancel: &CancelHandle) -> Resul
     }
     say_existing(args, frames.numbers().count() - missing.len());
     let (mut start, mut numbers, mut outcome) = (Instant::now(), missing.iter().copied(), Outcome::Done);
-    let mut kept = Kept { moving, ..Kept::new(args, Compiler::sequence())? };
+    let mut kept = RunState { moving, ..RunState::new(args, Compiler::sequence())? };
     check_scene_path(&args.scene)?;
     check_memory_before_loading(args)?;
     let environment = EnvironmentOverride::load(args)?;
@@ -107,7 +107,7 @@ fn run_frames(args: &RenderArgs, frames: Frames, cancel: &CancelHandle) -> Resul
     rendered.map(|()| outcome)
 }
 
-/// Says how many frames are not rendered again.
+/// Reports how many frames are skipped.
 fn say_existing(args: &RenderArgs, frames: usize) {
     if !args.quiet && frames > 0 {
         say!("resume   {frames} frames exist and are left out");
@@ -116,10 +116,10 @@ fn say_existing(args: &RenderArgs, frames: usize) {
 
 // `oscura render` of one scene or of several, one after another.
 
-/// What stands for a scene's name in names of files.
+/// Placeholders for the scene's name in file names.
 const STEMS: [&str; 2] = ["{stem}", "{name}"];
 
-/// Renders all scenes. Those that fail are told at the end, and the worst decides the exit code.
+/// Renders all scenes. Failures are listed at the end; the highest exit code is returned.
 pub(crate) fn run(args: &RenderArgs) -> Result<Outcome> {
     let shots: Vec<RenderArgs> = args.scenes.iter().map(|scene| of_scene(args, scene)).collect();
     check(&shots)?;
@@ -131,7 +131,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<Outcome> {
     }
 }
 
-/// The arguments about one of the scenes.
+/// The arguments for one of the scenes: file names with placeholders replaced.
 fn of_scene(args: &RenderArgs, scene: &Path) -> RenderArgs {
     let stem = scene.file_stem().unwrap_or_default().to_string_lossy();
     let has_stem = |path: &PathBuf| STEMS.iter().any(|mark| path.to_string_lossy().contains(mark));
@@ -148,7 +148,7 @@ fn of_scene(args: &RenderArgs, scene: &Path) -> RenderArgs {
     own
 }
 
-/// Can all files be written, and do several scenes write different ones?
+/// Checks that all output files can be written and that no two scenes write the same file.
 fn check(shots: &[RenderArgs]) -> Result<()> {
     for shot in shots.iter().filter(|shot| shot.frames.is_none() && shot.orbit.is_none()) {
         Targets::check(&shot.output)?;
@@ -204,19 +204,19 @@ fn all(args: &RenderArgs, shots: &[RenderArgs], cancel: &CancelHandle) -> Result
 
 // One picture of `oscura render`: load, compile, render, write, report.
 
-/// Loads the scene; says so if it takes a while.
+/// Loads the scene, with progress reports if it takes long.
 pub(super) fn load_scene(args: &RenderArgs, cancel: &CancelHandle, options: &LoadOptions) -> Result<Loaded> {
     say_export(args);
-    let telling = Telling::of(args.quiet, args.long.progress);
-    let waiting = Waiting::new(telling, "load", &options.gauge);
+    let telling = ProgressTarget::of(args.quiet, args.long.progress);
+    let waiting = StageProgress::new(telling, "load", &options.gauge);
     let loaded = load(&args.scene, options);
     drop(waiting);
-    // A signal ends Blender, too, whose failure is then no news.
+    // A signal also ends Blender: its failure is not reported then.
     stop_before_pixels(cancel)?;
     loaded
 }
 
-/// Says what takes a while.
+/// Where progress of loading, building and denoising is reported.
 fn say_export(args: &RenderArgs) {
     if !args.quiet && is_of_blender(&args.scene) {
         say!("export   {} by Blender", args.scene.display());
@@ -245,24 +245,24 @@ pub(super) fn load_options(args: &RenderArgs) -> Result<LoadOptions> {
     })
 }
 
-/// What outlives a picture.
-pub(super) struct Kept {
-    pub said: Said,
+/// State shared by all pictures of a run.
+pub(super) struct RunState {
+    pub said: PrintedMessages,
     pub compiler: Compiler,
-    /// Moving pictures so far, where there are to be any.
-    pub moving: Option<MovingPictures>,
-    /// What shows it on the way.
+    /// Animation files that frames are added to.
+    pub moving: Option<AnimationFiles>,
+    /// Preview window.
     pub preview: Option<Preview>,
 }
 
-impl Kept {
-    /// At the start of a run.
+impl RunState {
+    /// Opens the preview and starts with an empty compiler.
     ///
     /// # Errors
-    /// If what is to show it isn't there.
-    pub fn new(args: &RenderArgs, compiler: Compiler) -> Result<Kept> {
+    /// If the preview can't be opened.
+    pub fn new(args: &RenderArgs, compiler: Compiler) -> Result<RunState> {
         let preview = args.preview.as_ref().map(|how| Preview::open(args, how)).transpose()?;
-        Ok(Kept { said: Said::default(), compiler, moving: None, preview })
+        Ok(RunState { said: PrintedMessages::default(), compiler, moving: None, preview })
     }
 }
 
@@ -275,11 +275,11 @@ pub(super) fn run_one(
     environment: Option<&EnvironmentOverride>,
     loaded: &mut Loaded,
     start: Instant,
-    Kept { said, compiler, moving, preview }: &mut Kept,
+    RunState { said, compiler, moving, preview }: &mut RunState,
 ) -> Result<Outcome> {
     let (given, args) = (args, &completed(args, &loaded.scene.settings));
     let prepared = prepare_files((given, args), targets, environment, loaded, start, compiler)?;
-    // Files tell of all that is not in the picture, be it as it must.
+    // Files record everything that is not in the picture.
     let Prepared { scene, labels, camera, settled, how, kept_aovs, png, build, load_s, .. } = prepared;
     let Prepared { notes, mut warnings, left_out, .. } = prepared;
     let told: Vec<Warning> = warnings.iter().chain(&build.notes).cloned().collect();
@@ -290,8 +290,8 @@ pub(super) fn run_one(
     stop_before_pixels(cancel)?;
 
     let denoising = Denoising::of(args, targets, kept_aovs)?;
-    let encode = |shot: Shot| Pictures::encode(&how, targets, shot, &png, &told);
-    let mut keeper = Keeper::new(args, targets, loaded, &settled, &png, &told, denoising.kept())?;
+    let encode = |shot: FinishedPicture| Pictures::encode(&how, targets, shot, &png, &told);
+    let mut keeper = CheckpointWriter::new(args, targets, loaded, &settled, &png, &told, denoising.kept())?;
     let rendering = Rendering::labelled(scene, labels, &camera, settled.options)?;
     let rendering = keeper.begin(rendering.placed(loaded.scene.backdrop.clone(), loaded.offset))?;
     preview.iter_mut().for_each(|shown| shown.begin(&rendering, &png, &camera, build.triangles, said));
@@ -304,7 +304,7 @@ pub(super) fn run_one(
     let outputs = targets.names(rendering.is_complete());
     let picture = rendering.into_picture();
     let start = Instant::now();
-    let pictures = encode(Shot::from(&picture));
+    let pictures = encode(FinishedPicture::from(&picture));
     say_pictures(args, said, &pictures, picture.statistics().interrupted)?;
     warnings.extend(pictures.warnings.iter().cloned().chain(noisy));
     warnings.extend(noise_warning(args, picture.statistics(), said));
@@ -331,8 +331,8 @@ pub(super) fn run_one(
     Ok(if run.statistics.interrupted { Outcome::Interrupted } else { Outcome::Done })
 }
 
-/// Are files for pictures of this size?
-fn check_size(targets: &Targets, moving: Option<&MovingPictures>, (width, height): (u32, u32)) -> Result<()> {
+/// Checks that the outputs can store pictures of this size.
+fn check_size(targets: &Targets, moving: Option<&AnimationFiles>, (width, height): (u32, u32)) -> Result<()> {
     targets.check_size(width, height)?;
     moving.map_or(Ok(()), |moving| moving.check_size(width, height))
 }
@@ -347,13 +347,13 @@ fn prepare_files(
     start: Instant,
     compiler: &mut Compiler,
 ) -> Result<Prepared> {
-    let wants = Wants::of_files(args, targets.has_exr());
+    let wants = PictureUse::of_files(args, targets.has_exr());
     let mut prepared = prepare(args, wants, environment, loaded, start, compiler)?;
     prepared.warnings.extend(unused_option_warnings(given, &loaded.scene, &prepared));
     Ok(prepared)
 }
 
-/// Was a frame of a sequence interrupted? With --resume it would pass for a finished one, so it is not written, which is said.
+/// True for an interrupted frame of an animation: it is not written, since --resume would take it for a finished one.
 fn is_unfinished_frame(args: &RenderArgs, rendering: &Rendering) -> bool {
     let is_unfinished = args.frames.is_some() && rendering.statistics().interrupted;
     if is_unfinished {
@@ -362,16 +362,21 @@ fn is_unfinished_frame(args: &RenderArgs, rendering: &Rendering) -> bool {
     is_unfinished
 }
 
-/// Says what came up while pictures were encoded. Who stops a run wants what is there, `--strict` or not.
-fn say_pictures(args: &RenderArgs, said: &mut Said, pictures: &Pictures, is_interrupted: bool) -> Result<()> {
+/// Reports warnings of encoding. `--strict` does not apply to interrupted runs.
+fn say_pictures(
+    args: &RenderArgs,
+    said: &mut PrintedMessages,
+    pictures: &Pictures,
+    is_interrupted: bool,
+) -> Result<()> {
     if !args.quiet {
         said.warnings(&pictures.warnings);
     }
     if is_interrupted { Ok(()) } else { refuse_warnings(args, &pictures.warnings, ErrorKind::Output) }
 }
 
-/// Where the noise is not known to be as low as was asked for, that is said.
-fn noise_warning(args: &RenderArgs, statistics: &Statistics, said: &mut Said) -> Option<Warning> {
+/// Warns if the noise threshold was not reached.
+fn noise_warning(args: &RenderArgs, statistics: &Statistics, said: &mut PrintedMessages) -> Option<Warning> {
     let asked = args.long.noise.filter(|_| !statistics.interrupted)?;
     let message = match statistics.error {
         Some(error) if error <= f64::from(asked) / 100.0 => return None,
@@ -387,7 +392,7 @@ fn noise_warning(args: &RenderArgs, statistics: &Statistics, said: &mut Said) ->
     Some(warning)
 }
 
-/// Says how a run went.
+/// Prints the report of a run.
 fn say_run(args: &RenderArgs, run: &Run) {
     if !args.quiet {
         run.print();
@@ -397,10 +402,10 @@ fn say_run(args: &RenderArgs, run: &Run) {
     }
 }
 
-/// Says what there is to say about a scene that was loaded: notes, warnings, and what was left out, if that is asked for.
+/// Prints the notes and warnings of loading, and with --explain what was left out.
 fn say_scene(
     args: &RenderArgs,
-    said: &mut Said,
+    said: &mut PrintedMessages,
     (notes, warnings, left_out): (&[Warning], &[Warning], &[String]),
 ) {
     if args.quiet {
@@ -419,12 +424,12 @@ fn take_picture<'a>(
     args: &RenderArgs,
     cancel: &CancelHandle,
     rendering: Rendering,
-    keeper: &mut Keeper,
-    encode: &dyn Fn(Shot) -> Pictures<'a>,
-    said: &mut Said,
+    keeper: &mut CheckpointWriter,
+    encode: &dyn Fn(FinishedPicture) -> Pictures<'a>,
+    said: &mut PrintedMessages,
     mut preview: Option<&mut Preview>,
 ) -> Result<(Rendering, Result<()>)> {
-    let ends = Ends { limit: args.long.time_limit, by_noise: args.long.noise.is_some() };
+    let ends = StopCriteria { limit: args.long.time_limit, by_noise: args.long.noise.is_some() };
     let progress = Arc::new(Progress::new(args.quiet, args.long.progress, ends));
     let shown = progress.clone();
     let mut rendering =
@@ -443,8 +448,8 @@ fn take_picture<'a>(
         }
         preview.iter_mut().for_each(|shown| shown.show(&rendering, false, said));
         if args.long.save_every.is_some_and(|pause| saved.elapsed() >= pause) {
-            // A disk that is full for a while is no reason to lose the rest.
-            if let Err(error) = encode(Shot::from(&rendering)).write() {
+            // A full disk only costs this intermediate picture.
+            if let Err(error) = encode(FinishedPicture::from(&rendering)).write() {
                 said.warnings(&[Warning::general(format!("the picture so far was not written: {error}"))]);
             }
             saved = Instant::now();
@@ -466,7 +471,7 @@ fn refuse_warnings(args: &RenderArgs, warnings: &[Warning], kind: ErrorKind) -> 
     Err(error.with_help("--strict makes warnings errors"))
 }
 
-/// A signal before the first sample: there is nothing to write.
+/// Interrupted before the first sample: there is nothing to write.
 fn stop_before_pixels(cancel: &CancelHandle) -> Result<()> {
     if cancel.is_cancelled() {
         let message = "stopped by a signal before the first sample; nothing was written";
@@ -475,14 +480,14 @@ fn stop_before_pixels(cancel: &CancelHandle) -> Result<()> {
     Ok(())
 }
 
-// `oscura render --orbit N`: the camera goes once around the model.
+// `oscura render --orbit N`: turntables.
 
-/// Renders all pictures, from the camera's own place on, counter-clockwise seen from above.
+/// Renders all frames of a turntable, counter-clockwise seen from above, starting at the camera's position.
 fn run_turntable(args: &RenderArgs, count: u32, cancel: &CancelHandle) -> Result<Outcome> {
     let still = still(&args.output);
     let files = |k: u32| still.iter().map(|path| Frames::file(path, k)).collect::<Vec<_>>();
     (0..count).try_for_each(|k| Targets::check(&files(k)).map(drop))?;
-    let moving = Some(MovingPictures::new(args)?);
+    let moving = Some(AnimationFiles::new(args)?);
     let mut start = Instant::now();
     check_scene_path(&args.scene)?;
     let environment = EnvironmentOverride::load(args)?;
@@ -495,7 +500,7 @@ fn run_turntable(args: &RenderArgs, count: u32, cancel: &CancelHandle) -> Result
     let first = loaded.scene.cameras.get(number).cloned();
     let first = first.ok_or_else(|| Error::input(&args.scene, "has no camera"))?;
     let table = turntable(&loaded);
-    let mut kept = Kept { moving, ..Kept::new(args, Compiler::sequence())? };
+    let mut kept = RunState { moving, ..RunState::new(args, Compiler::sequence())? };
     for k in 0..count {
         if !args.quiet {
             say!("frame    {k} of {count}");
@@ -515,7 +520,7 @@ fn run_turntable(args: &RenderArgs, count: u32, cancel: &CancelHandle) -> Result
     Ok(Outcome::Done)
 }
 
-/// About the model that loading framed, else about the middle of the scene.
+/// Turntable around the framed model, else around the centre of the scene.
 fn turntable(loaded: &Loaded) -> Turntable {
     loaded.turntable.unwrap_or_else(|| Turntable::new(middle(loaded), false))
 }

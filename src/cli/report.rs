@@ -1,4 +1,4 @@
-//! What the user reads: errors, warnings and the report at the end.
+//! Messages to the user: errors, warnings and the report at the end.
 
 use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode};
 use oscura::accel::TreeQuality;
@@ -13,22 +13,22 @@ use std::fmt;
 use std::io::Write;
 use std::ops::Range;
 
-/// One problem with the line of the file that it is about.
+/// A problem with its source location, as miette prints it.
 #[derive(Debug)]
-struct Shown<'a> {
+struct SourceProblem<'a> {
     problem: &'a Problem,
     source: NamedSource<String>,
 }
 
-impl fmt::Display for Shown<'_> {
+impl fmt::Display for SourceProblem<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.problem.message)
     }
 }
 
-impl std::error::Error for Shown<'_> {}
+impl std::error::Error for SourceProblem<'_> {}
 
-impl Diagnostic for Shown<'_> {
+impl Diagnostic for SourceProblem<'_> {
     fn help<'b>(&'b self) -> Option<Box<dyn fmt::Display + 'b>> {
         self.problem.help.as_ref().map(|help| Box::new(help) as Box<dyn fmt::Display>)
     }
@@ -43,7 +43,7 @@ impl Diagnostic for Shown<'_> {
     }
 }
 
-/// Prints an error with all its problems, lines of the file where they are known.
+/// Prints an error with all its problems, and with source lines where known.
 pub(crate) fn error(error: &Error) {
     let file = error.file.as_ref().map(|f| f.display().to_string());
     let count = error.problems.len();
@@ -77,7 +77,7 @@ fn plain(problem: &Problem) {
     }
 }
 
-/// The problem with the line that it is about; only the part around the place where that line is very long.
+/// A problem with its source line, or an excerpt of a very long line.
 fn snippet(problem: &Problem, text: &str, file: &str) -> String {
     if let Some(excerpt) = problem.span.as_ref().and_then(|span| Excerpt::of_long_line(text, span)) {
         let Excerpt { line, column, shown, marker } = excerpt;
@@ -90,9 +90,9 @@ fn snippet(problem: &Problem, text: &str, file: &str) -> String {
     let handler = miette::GraphicalReportHandler::new_themed(theme());
     let source = NamedSource::new(file, text.to_string());
     let mut out = String::new();
-    match handler.render_report(&mut out, &Shown { problem, source }) {
+    match handler.render_report(&mut out, &SourceProblem { problem, source }) {
         Ok(()) => out,
-        // A span outside the text: the message matters more than the line.
+        // Span outside of the text: print the message alone.
         Err(_) => format!("  {problem}"),
     }
 }
@@ -108,21 +108,21 @@ fn theme() -> miette::GraphicalTheme {
     }
 }
 
-/// Prints a line on standard output. Nobody listening any more is no error.
+/// Prints a line on standard output. A closed pipe is not an error.
 pub(crate) fn print_line(line: &str) {
     let _ = writeln!(std::io::stdout(), "{line}");
 }
 
-/// Prints text that ends its own lines.
+/// Prints text without adding a line break.
 pub(crate) fn print_text(text: &str) {
     let _ = std::io::stdout().write_all(text.as_bytes());
 }
 
-/// What was printed before: each frame of a sequence says what is new.
+/// Messages printed so far: frames of an animation print only new ones.
 #[derive(Default)]
-pub(crate) struct Said(HashSet<String>);
+pub(crate) struct PrintedMessages(HashSet<String>);
 
-impl Said {
+impl PrintedMessages {
     /// Prints warnings.
     pub fn warnings(&mut self, list: &[Warning]) {
         self.print("warning", list);
@@ -199,7 +199,7 @@ impl Run {
             "picture  {} x {}, {} samples a pixel{mean}, {}{branches}{shared}{guided}{lamps}, {}",
             self.width,
             self.height,
-            // Fractions only come from stopping early.
+            // Not an integer if stopped early.
             (s.samples_per_pixel * 100.0).round() / 100.0,
             counted(s.samples, "path"),
             counted(s.rays, "ray")
@@ -234,7 +234,7 @@ impl Run {
     }
 }
 
-/// What large images of textures take.
+/// Memory of textures.
 fn textures(c: &CompileReport, s: &Statistics) -> Option<String> {
     let t = &c.textures;
     if t.decoded + t.unneeded == 0 {
@@ -259,21 +259,21 @@ fn mib(bytes: u64) -> f64 {
     bytes as f64 / (1024.0 * 1024.0)
 }
 
-// Messages of one kind: the first few are shown, the others counted.
+// Similar messages: the first few are printed, the others counted.
 
-/// Messages of a kind that are shown.
+/// Number of similar messages that are printed.
 const FIRST: usize = 5;
 
-/// What is shown in place of a list of messages.
+/// An entry of a shortened list of messages.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) enum Line<'m, T> {
-    /// One of them.
+    /// A message.
     One(&'m T),
-    /// So many more are of the kind of the one before.
+    /// Number of further messages similar to the one before.
     More(usize),
 }
 
-/// A list in its order without those that are like many before them, by their texts.
+/// Shortens a list of messages to the first few of each kind, in order.
 pub(crate) fn shortened<'m, T>(list: &'m [T], text: impl Fn(&T) -> &str) -> Vec<Line<'m, T>> {
     let kinds: Vec<String> = list.iter().map(|item| kind(text(item))).collect();
     let mut counts: HashMap<&str, usize> = HashMap::new();
@@ -283,7 +283,7 @@ pub(crate) fn shortened<'m, T>(list: &'m [T], text: impl Fn(&T) -> &str) -> Vec<
     for (item, kind) in list.iter().zip(&kinds) {
         let (count, at) = (counts[kind.as_str()], shown.entry(kind).or_default());
         *at += 1;
-        // A line about one more would be as long as that.
+        // Printing the one message takes no more space than counting it.
         if *at <= FIRST || count == FIRST + 1 {
             lines.push(Line::One(item));
         }
@@ -294,12 +294,12 @@ pub(crate) fn shortened<'m, T>(list: &'m [T], text: impl Fn(&T) -> &str) -> Vec<
     lines
 }
 
-/// What messages have in common that differ in names and numbers only.
+/// The message with quoted names and numbers replaced: similar messages have the same.
 fn kind(text: &str) -> String {
     let mut out = String::new();
     let (mut rest, mut is_in_word) = (text, false);
     while let Some(first) = rest.chars().next() {
-        // An apostrophe begins no name.
+        // An apostrophe within a word doesn't start a quoted name.
         let quoted = rest.strip_prefix('\'').filter(|_| !is_in_word);
         let quoted = quoted.and_then(|inner| Some(inner.find('\'')? + 2));
         let digits = rest.find(|c: char| !c.is_ascii_digit()).unwrap_or(rest.len());
@@ -315,23 +315,23 @@ fn kind(text: &str) -> String {
     out
 }
 
-// The part of a very long line that a problem is about: scene files by programs may have all in one line.
+// Excerpts of very long lines, as in scene files without line breaks.
 
-/// Characters of the longest line that is shown as a whole.
+/// Lines up to this many characters are printed whole.
 const LONGEST: usize = 240;
-/// Characters shown on each side of the place.
+/// Characters printed on each side of the location.
 const AROUND: usize = 40;
 
-/// A place in a text.
+/// Location in a text, with an excerpt.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Excerpt {
-    /// Number of the line, from 1.
+    /// Line, from 1.
     pub line: usize,
-    /// Number of the character in it, from 1.
+    /// Column in characters, from 1.
     pub column: usize,
-    /// What stands there, with dots where it is cut.
+    /// Excerpt of the line, with dots where it is cut.
     pub shown: String,
-    /// Marks under it.
+    /// Markers below the excerpt.
     pub marker: String,
 }
 
@@ -356,7 +356,7 @@ impl Excerpt {
             if column > AROUND { "..." } else { "" },
             if rest.chars().count() > marked + AROUND { "..." } else { "" },
         );
-        // Tabs and the like would move the marks.
+        // Control characters would misalign the markers.
         let shown = format!("{left}{head}{tail}{right}").replace(char::is_control, " ");
         let indent = left.len() + head.chars().count();
         let marker = " ".repeat(indent) + &"^".repeat(marked);
@@ -364,7 +364,7 @@ impl Excerpt {
     }
 }
 
-// How many of each kind of shape there are, in words and for programs.
+// Counts of analytic shapes, as text and JSON.
 
 /// A count for each of [`ShapeTag::ALL`].
 #[derive(Clone, Copy)]
@@ -401,9 +401,9 @@ impl Serialize for ShapeCounts {
     }
 }
 
-// The library's names of choices, replaced by those of the options that make them here.
+// Replaces placeholders for caller choices in the library's messages by option names.
 
-/// How a choice is made on the command line.
+/// Command-line option of a choice.
 fn option(choice: Choice) -> &'static str {
     match choice {
         Choice::AllowExternal => "--allow-external",
@@ -453,7 +453,7 @@ pub(crate) fn name_options_in_warnings(warnings: &mut [Warning]) {
     warnings.iter_mut().for_each(|warning| replace(&mut warning.message));
 }
 
-/// Names options in all that loading said.
+/// Names options in the notes and warnings of loading.
 pub(crate) fn name_options_in_loaded(loaded: &mut Loaded) {
     name_options_in_warnings(&mut loaded.warnings);
     name_options_in_warnings(&mut loaded.notes);

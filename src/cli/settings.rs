@@ -1,13 +1,13 @@
-//! What the command line says about a picture.
+//! From arguments to settings: choices, preparation of the scene, memory limits, options without effect.
 
 use super::args::{
     CRYPTO_LEVELS, FRAME_RATE, FilterArg, FresnelArg, MicrofacetArg, RenderArgs, TerminatorArg, TreeArg,
 };
 use super::checkpoint::cropped;
 use super::exr_args::Framed;
-use super::pictures::{How, is_moving};
+use super::pictures::{EncodeOptions, is_moving};
 use super::process;
-use super::progress::{Telling, Waiting};
+use super::progress::{ProgressTarget, StageProgress};
 use super::report::name_options_in_loaded;
 use oscura::compile::{CompileReport, CompiledScene, Compiler, MemoryPart};
 use oscura::error::{Error, Result, Warning};
@@ -30,10 +30,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Samples a pixel at most where the noise decides on their number.
+/// Default maximum of samples per pixel with a noise threshold.
 const MOST_SAMPLES: u32 = 1 << 16;
 
-/// The choices that the arguments make.
+/// The render settings of the arguments.
 pub(crate) fn choices(args: &RenderArgs) -> Choices {
     let filter = args.filter.map(|f| match f {
         FilterArg::Box => Filter::Box,
@@ -57,7 +57,7 @@ pub(crate) fn choices(args: &RenderArgs) -> Choices {
         settings: Settings {
             width: args.width,
             height: args.height,
-            // The noise decides then, unless a number is given.
+            // With a noise threshold, the maximum.
             samples: args.spp.or(args.long.noise.map(|_| args.long.max_spp.unwrap_or(MOST_SAMPLES))),
             depth: args.depth,
             seed: args.seed,
@@ -91,13 +91,13 @@ pub(crate) fn choices(args: &RenderArgs) -> Choices {
     }
 }
 
-/// Leaves out what has no effect because no output is an EXR.
+/// Removes AOVs and light groups, which only EXRs can store.
 pub(crate) fn without_exr(choices: Choices) -> Choices {
     let options = choices.options.aovs(AovSet::NONE).light_groups(false);
     Choices { options, ..choices }
 }
 
-/// Is there anything that transparent glass could let through?
+/// Checks that --transparent-glass has an effect.
 ///
 /// # Errors
 /// A usage error where the camera sees the environment.
@@ -110,7 +110,7 @@ pub(crate) fn check_glass(args: &RenderArgs, scene: &Scene) -> Result<()> {
     Ok(())
 }
 
-/// How PNGs and the like look.
+/// Options of display-referred output.
 pub(crate) fn png(args: &RenderArgs, exposure: f32, is_stage_lit: bool, opaque: bool) -> PngOptions {
     let view = match &args.view {
         Some(view) => view.clone(),
@@ -127,23 +127,23 @@ pub(crate) fn png(args: &RenderArgs, exposure: f32, is_stage_lit: bool, opaque: 
     }
 }
 
-// All that rendering needs of a scene that was loaded: options settled, memory checked, geometry compiled.
+// Preparation of a loaded scene: resolved options, memory check, compiled geometry.
 
-/// What pictures are wanted for.
-pub(super) struct Wants {
-    /// Can anything hold AOVs?
+/// What the pictures are used for.
+pub(super) struct PictureUse {
+    /// AOVs can be stored.
     pub has_exr: bool,
-    /// May texture coordinates be asked for later on?
+    /// Texture coordinates may be requested later.
     pub keeps_uv: bool,
-    /// How many pictures there will be.
+    /// Number of pictures.
     pub pictures: u64,
 }
 
-impl Wants {
-    /// Pictures that become files.
-    pub fn of_files(args: &RenderArgs, has_exr: bool) -> Wants {
+impl PictureUse {
+    /// Pictures that are written to files.
+    pub fn of_files(args: &RenderArgs, has_exr: bool) -> PictureUse {
         let pictures = args.frames.map_or(1, |frames| frames.numbers().count() as u64);
-        Wants { has_exr, keeps_uv: false, pictures }
+        PictureUse { has_exr, keeps_uv: false, pictures }
     }
 }
 
@@ -152,8 +152,8 @@ pub(super) struct Prepared {
     pub labels: Labels,
     pub camera: Camera,
     pub settled: Settled,
-    /// How files are written.
-    pub how: How,
+    /// Options of encoding.
+    pub how: EncodeOptions,
     /// AOVs that the files are to have.
     pub kept_aovs: AovSet,
     pub png: PngOptions,
@@ -171,7 +171,7 @@ pub(super) struct Prepared {
 /// If arguments don't fit the scene, if there is not enough memory, and as compiling has them.
 pub(super) fn prepare(
     args: &RenderArgs,
-    wants: Wants,
+    wants: PictureUse,
     environment: Option<&EnvironmentOverride>,
     loaded: &mut Loaded,
     start: Instant,
@@ -203,8 +203,8 @@ pub(super) fn prepare(
     compiler.set_tree(settled.tree(wants.pictures));
     compiler.keep_uv(wants.keeps_uv || settled.options.aovs.contains(Aov::Uv));
     compiler.set_texture_memory(texture_memory(args));
-    let telling = Telling::of(args.quiet, args.long.progress);
-    let waiting = Waiting::new(telling, "build", compiler.gauge());
+    let telling = ProgressTarget::of(args.quiet, args.long.progress);
+    let waiting = StageProgress::new(telling, "build", compiler.gauge());
     let (scene, mut build) = compiler.compile(&loaded.scene, settled.shading, &camera, size)?;
     drop(waiting);
     warnings.append(&mut build.warnings);
@@ -220,7 +220,7 @@ pub(super) fn prepare(
         labels,
         camera,
         settled,
-        how: How::of(args, framed.map(Framed::window)),
+        how: EncodeOptions::of(args, framed.map(Framed::window)),
         kept_aovs,
         png,
         build,
@@ -237,21 +237,21 @@ fn texture_memory(args: &RenderArgs) -> Option<u64> {
     args.long.texture_memory.or_else(quarter)
 }
 
-/// All options, without channels that no file could hold.
+/// Resolves all options, without channels that no output can store.
 fn settle(args: &RenderArgs, has_exr: bool, loaded: &mut Loaded) -> Result<Settled> {
     if has_exr {
         return choices(args).settle(&loaded.scene);
     }
     let mut settled = without_exr(choices(args)).settle(&loaded.scene)?;
-    // Those of the scene file have been checked, and go nowhere.
+    // The AOVs of the scene file are validated but not rendered.
     settled.options = settled.options.aovs(AovSet::NONE);
     loaded.scene.settings.aovs = None;
     Ok(settled)
 }
 
-// What a scene says about the making of its pictures, where the command line says nothing.
+// Settings of the scene file that are arguments of the command line.
 
-/// The arguments with what the scene says.
+/// The arguments, completed by the scene's settings.
 pub(super) fn completed(args: &RenderArgs, settings: &Settings) -> RenderArgs {
     let mut args = args.clone();
     args.view = args.view.or_else(|| settings.view.clone());
@@ -261,7 +261,7 @@ pub(super) fn completed(args: &RenderArgs, settings: &Settings) -> RenderArgs {
         let region = |[x0, y0, x1, y1]: [u32; 4]| Region { x0, y0, x1, y1 };
         args.exr.crop = args.exr.crop.or(settings.crop.map(region));
     }
-    // Numbers of samples that are asked for are just those.
+    // An explicit number of samples overrides the scene's noise threshold.
     let is_part = args.long.sample_range.is_some() || args.long.region.is_some();
     let is_counted = args.spp.is_some() || is_part || args.long.plan.is_some();
     let has_own_noise = args.long.noise.is_some() || args.adaptive == Adaptive::Auto;
@@ -272,21 +272,21 @@ pub(super) fn completed(args: &RenderArgs, settings: &Settings) -> RenderArgs {
     args
 }
 
-// Refusing what won't fit into memory before work starts.
+// Memory limits, checked before loading and before building.
 
-/// Memory that building the tree over a triangle takes at most, bytes.
+/// Upper bound of memory per triangle while building the BVH, bytes.
 const BYTES_A_TRIANGLE: u64 = 150;
 
 /// Memory that each key of a triangle takes that changes its shape, bytes: in the tree, and twice with its vertices.
 const BYTES_A_KEY: u64 = 100;
 
-/// Is the file alone too large?
+/// Checks the size of the scene file.
 pub(super) fn check_memory_before_loading(args: &RenderArgs) -> Result<()> {
     let size = process::size_of(&args.scene).unwrap_or(0);
     refuse(args.long.memory_limit, &[("the file", size)]).map_err(smaller)
 }
 
-/// Will the picture of these parts fit?
+/// Checks the memory of merging these parts.
 pub(super) fn check_memory_before_merging(parts: &[(PathBuf, PartHeader)]) -> Result<()> {
     let bytes_of = |pixels: u64, header: &PartHeader| {
         let a_pixel = header.channels.layout().map_or(0, |layout| layout.bytes_per_pixel());
@@ -301,7 +301,7 @@ pub(super) fn check_memory_before_merging(parts: &[(PathBuf, PartHeader)]) -> Re
         .map_err(|error| error.with_help("merge it on a machine with more"))
 }
 
-/// Will the loaded scene, what is built of it, and the picture fit?
+/// Checks the memory of the loaded scene, its compiled form and the film.
 pub(super) fn check_memory_before_building(
     args: &RenderArgs,
     loaded: &Loaded,
@@ -334,7 +334,7 @@ pub(super) fn check_memory_before_building(
     .map_err(smaller)
 }
 
-/// May something in the scene send light on, so that it shows as caustics?
+/// True if the scene may have caustics: lights, and smooth glass, mirrors or metal.
 fn may_send(scene: &Scene) -> bool {
     scene.materials.iter().any(|material| !matches!(material.model, Model::Lambert { .. }))
 }
@@ -352,7 +352,7 @@ fn denoising_bytes(settled: &Settled, labels: &Labels) -> u64 {
     u64::from(options.width) * u64::from(options.height) * 4 * planes
 }
 
-/// In GiB, or in MiB where that says more.
+/// A size in GiB, or in MiB if small.
 fn readable(bytes: u64) -> String {
     match bytes >> 30 {
         0 => format!("{:.0} MiB", bytes as f64 / f64::from(1u32 << 20)),
@@ -360,7 +360,7 @@ fn readable(bytes: u64) -> String {
     }
 }
 
-/// Refuses what takes more than there may be: what is allowed, or what the machine has.
+/// Error if more bytes are needed than the limit or the machine allows.
 fn refuse(allowed: Option<u64>, needed: &[(&str, u64)]) -> Result<()> {
     let Some(limit) = allowed.or_else(process::memory_of_machine) else { return Ok(()) };
     let all = needed.iter().fold(0u64, |sum, (_, bytes)| sum.saturating_add(*bytes));
@@ -375,17 +375,17 @@ fn refuse(allowed: Option<u64>, needed: &[(&str, u64)]) -> Result<()> {
     Err(Error::usage(message))
 }
 
-// Options that change nothing in a run, each with why: nobody should look for an effect that can't come.
+// Warnings about options without effect.
 
-/// What a run makes.
+/// Kinds of output of a run.
 struct Made {
-    /// EXRs, or parts that may become some.
+    /// EXRs, or partial renders.
     exr: bool,
-    /// Pictures that are shaped for looking at, also on a page, in the terminal, or of parts.
+    /// Display-referred pictures, also previews and partial renders.
     shown: bool,
     /// The same, or Radiance HDR.
     exposed: bool,
-    /// Pictures that may have 16 bits a channel.
+    /// Formats with 16 bits per channel.
     deep: bool,
     /// GIF, APNG or video.
     moving: bool,
@@ -416,7 +416,7 @@ impl Made {
 const NO_EXR: &str = "no output is an EXR";
 const NOT_SHOWN: &str = "no output is a picture for looking at, such as a PNG";
 
-/// Warnings of all options that are given and change nothing.
+/// One warning per option that is given and has no effect.
 pub(super) fn unused_option_warnings(args: &RenderArgs, scene: &Scene, prepared: &Prepared) -> Vec<Warning> {
     let made = Made::of(args);
     let aovs = prepared.kept_aovs;
@@ -431,7 +431,7 @@ pub(super) fn unused_option_warnings(args: &RenderArgs, scene: &Scene, prepared:
         || scene.cameras.iter().any(|camera| camera.motion.is_some())
         || args.shutter.shutter.is_some();
     let timed = args.frames.is_some() || args.orbit.is_some() && made.moving || moves;
-    // Each option: is it given, does it change anything, and why not.
+    // For each option: is it given, has it an effect, and the reason if not.
     let options = [
         ("--aov", !args.aov.is_empty(), made.exr, NO_EXR),
         ("--light-groups", args.light_groups, made.exr, NO_EXR),
@@ -462,16 +462,16 @@ pub(super) fn unused_option_warnings(args: &RenderArgs, scene: &Scene, prepared:
     idle.map(|(option, _, _, why)| Warning::general(format!("{option} has no effect: {why}"))).collect()
 }
 
-// The environment as the arguments ask for it, in place of the scene's.
+// Environment of the arguments, which overrides the scene's.
 
-/// What `--env` brings, read once for all pictures of a sequence.
+/// Environment map of `--env`, loaded once for all frames.
 pub(crate) struct EnvironmentOverride {
     image: Option<Image>,
     warnings: Vec<Warning>,
 }
 
 impl EnvironmentOverride {
-    /// Reads the picture that the arguments name, if any.
+    /// Loads the environment map of the arguments, if any.
     ///
     /// # Errors
     /// An input error if it can't be read.
@@ -482,7 +482,7 @@ impl EnvironmentOverride {
         Ok(EnvironmentOverride { image, warnings })
     }
 
-    /// Replaces or adjusts a scene's environment; gives all warnings about it.
+    /// Replaces or adjusts a scene's environment; returns warnings.
     pub fn apply(&self, args: &RenderArgs, scene: &mut Scene) -> Vec<Warning> {
         let mut warnings = self.warnings.clone();
         if args.env.is_some() {

@@ -3,11 +3,13 @@
 
 use super::Outcome;
 use super::args::RenderArgs;
-use super::page::{Facts, Frame, Look, Order, Page, Pose, Shared, Wish, bind, own_command};
+use super::page::{
+    DisplaySettings, Frame, Page, Pose, RenderRequest, SceneInfo, Shared, ViewRequest, bind, own_command,
+};
 use super::process::cancel_by_signals;
 use super::render::{load_options, load_scene};
 use super::scene_args::{BackgroundArg, check_scene_path};
-use super::settings::{EnvironmentOverride, Prepared, Wants, check_memory_before_loading, prepare};
+use super::settings::{EnvironmentOverride, PictureUse, Prepared, check_memory_before_loading, prepare};
 use clap::error::ErrorKind;
 use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Args, Command, value_parser};
@@ -210,7 +212,7 @@ impl Model {
         let mut loaded = load_scene(args, cancel, &options)?;
         let mut compiler = Compiler::sequence();
         compiler.expect_other_cameras();
-        let wants = Wants { has_exr: true, keeps_uv: true, pictures: 1 };
+        let wants = PictureUse { has_exr: true, keeps_uv: true, pictures: 1 };
         let prepared = prepare(args, wants, Some(&environment), &mut loaded, start, &mut compiler)?;
         let Prepared { scene, settled, png, notes, warnings, build, .. } = prepared;
         let own_rotation = rotation(&loaded.scene.environment);
@@ -230,7 +232,7 @@ impl Model {
     }
 
     /// What is wanted of it at first.
-    pub fn wish(&self, args: &ViewArgs, facts: &Facts, poses: &[Pose]) -> Result<Wish> {
+    pub fn wish(&self, args: &ViewArgs, facts: &SceneInfo, poses: &[Pose]) -> Result<ViewRequest> {
         let fits = |&&(w, h): &&(u32, u32)| u64::from(w) * u64::from(h) <= PIXELS;
         let is_chosen = args.picture.width.or(args.picture.height).is_some();
         let whole = (self.settled.options.width, self.settled.options.height);
@@ -239,15 +241,15 @@ impl Model {
         let pose =
             poses.get(camera).cloned().ok_or_else(|| Error::input(&args.picture.scene, "has no camera"))?;
         let rotation = self.own_rotation.and(args.picture.env_rotation);
-        Ok(Wish { pose, camera, size, rotation, aov: None, loads: self.loads })
+        Ok(ViewRequest { pose, camera, size, rotation, aov: None, loads: self.loads })
     }
 
-    pub fn look(&self) -> Look {
-        Look::new(self.png.clone())
+    pub fn look(&self) -> DisplaySettings {
+        DisplaySettings::new(self.png.clone())
     }
 
     /// What pages tell about it.
-    pub fn facts(&self, args: &ViewArgs) -> Facts {
+    pub fn facts(&self, args: &ViewArgs) -> SceneInfo {
         let (w, h) = (self.settled.options.width, self.settled.options.height);
         let part = |share: u32| ((w / share).max(1), (h / share).max(1));
         let name = args.picture.scene.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -255,7 +257,7 @@ impl Model {
             "" => format!("Camera {i}"),
             name => name.to_string(),
         };
-        Facts {
+        SceneInfo {
             name,
             cameras: self.loaded.scene.cameras.iter().enumerate().map(camera).collect(),
             triangles: self.triangles,
@@ -318,7 +320,7 @@ impl Model {
     ///
     /// # Errors
     /// As compiling has them; it is then as it was.
-    pub fn follow(&mut self, wish: &Wish) -> Result<()> {
+    pub fn follow(&mut self, wish: &ViewRequest) -> Result<()> {
         let camera = wish.pose.camera();
         let wanted = wish.rotation.or(self.own_rotation);
         let view = View::new(&self.compiled, camera, wish.size.0, wish.size.1);
@@ -396,7 +398,7 @@ fn render_wishes(
 }
 
 /// Shows what is known of a scene that was loaded again, and brings what is wanted to it.
-fn take_over(args: &ViewArgs, model: &Model, wish: &mut Wish, shared: &Shared) -> Result<()> {
+fn take_over(args: &ViewArgs, model: &Model, wish: &mut ViewRequest, shared: &Shared) -> Result<()> {
     let (facts, poses) = (model.facts(args), model.poses(args));
     let own = model.wish(args, &facts, &poses)?;
     shared.show(|state| {
@@ -417,7 +419,7 @@ fn tell(shared: &Shared, trouble: String) {
 }
 
 /// Renders until all samples are taken or something else is wanted.
-fn render(model: &Model, order: &Order, shared: &Shared, speed: &mut f64) -> Result<()> {
+fn render(model: &Model, order: &RenderRequest, shared: &Shared, speed: &mut f64) -> Result<()> {
     let (width, height) = order.wish.size;
     let pixels = f64::from(width) * f64::from(height);
     let takes_long = |scale: &u32| pixels / f64::from(scale * scale) / *speed > PREVIEW_S;
@@ -435,7 +437,7 @@ fn render(model: &Model, order: &Order, shared: &Shared, speed: &mut f64) -> Res
 /// Renders at the size divided by a scale. Returns whether nothing came between.
 fn render_at(
     model: &Model,
-    order: &Order,
+    order: &RenderRequest,
     shared: &Shared,
     speed: &mut f64,
     (scale, samples): (u32, u32),

@@ -32,7 +32,7 @@ const HEADERS: [(&str, &str); 5] = [
 pub(crate) struct Server {
     listener: TcpListener,
     address: SocketAddr,
-    door: Door,
+    door: PageKey,
 }
 
 /// Takes a port of this machine, 0 for any that is free.
@@ -46,7 +46,7 @@ pub(crate) fn bind(port: u16) -> Result<Server> {
         Error::usage(format!("port {port} of this machine can't be used: {e}"))
             .with_help("give another one by --port, or none for any that is free")
     })?;
-    Ok(Server { listener, address, door: Door::new()? })
+    Ok(Server { listener, address, door: PageKey::new()? })
 }
 
 /// A page that is served until it is dropped.
@@ -87,14 +87,14 @@ impl Drop for Page {
     }
 }
 
-fn answered(request: &Request, port: u16, door: &Door, shared: &Shared) -> Answer {
+fn answered(request: &Request, port: u16, door: &PageKey, shared: &Shared) -> Answer {
     if let Some(reason) = refusal(request, port) {
         return Answer::text(403, reason);
     }
     let url = match door.way(&request.target) {
-        Way::To(url) => url,
-        Way::Elsewhere(place) => return Answer { place: Some(place), ..Answer::text(303, "") },
-        Way::Closed => return Answer::text(403, "open the address that the program printed"),
+        Route::To(url) => url,
+        Route::Elsewhere(place) => return Answer { place: Some(place), ..Answer::text(303, "") },
+        Route::Closed => return Answer::text(403, "open the address that the program printed"),
     };
     match (request.method.as_str(), std::str::from_utf8(&request.body)) {
         ("GET", _) => get(url, shared),
@@ -359,7 +359,7 @@ const LENGTH: usize = 16;
 
 /// Who knows the key comes in. Browsers are started by an address that is good for one use: others can see it in the list
 /// of running programs.
-struct Door {
+struct PageKey {
     key: String,
     /// The key for one use, until it is used.
     once: Mutex<Option<String>>,
@@ -368,7 +368,7 @@ struct Door {
 
 /// Where a request goes.
 #[derive(Debug, PartialEq)]
-enum Way<'a> {
+enum Route<'a> {
     /// To this path of the page, with its query.
     To(&'a str),
     /// The client is sent to another path.
@@ -376,14 +376,14 @@ enum Way<'a> {
     Closed,
 }
 
-impl Door {
+impl PageKey {
     /// A door with new keys.
     ///
     /// # Errors
     /// If the system has no random numbers.
-    pub fn new() -> Result<Door> {
+    pub fn new() -> Result<PageKey> {
         let (key, first) = (random_key()?, random_key()?);
-        Ok(Door { key, once: Mutex::new(Some(first.clone())), first })
+        Ok(PageKey { key, once: Mutex::new(Some(first.clone())), first })
     }
 
     /// The path of the page.
@@ -396,18 +396,18 @@ impl Door {
         format!("/open/{}", self.first)
     }
 
-    pub fn way<'a>(&self, target: &'a str) -> Way<'a> {
+    pub fn way<'a>(&self, target: &'a str) -> Route<'a> {
         if let Some(key) = target.strip_prefix("/open/") {
             let mut once = self.once.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
             return match once.take_if(|own| own == key) {
-                Some(_) => Way::Elsewhere(self.page()),
-                None => Way::Closed,
+                Some(_) => Route::Elsewhere(self.page()),
+                None => Route::Closed,
             };
         }
         match target.strip_prefix('/').and_then(|rest| rest.strip_prefix(self.key.as_str())) {
-            Some("") => Way::Elsewhere(self.page()),
-            Some(url) if url.starts_with('/') => Way::To(url),
-            _ => Way::Closed,
+            Some("") => Route::Elsewhere(self.page()),
+            Some(url) if url.starts_with('/') => Route::To(url),
+            _ => Route::Closed,
         }
     }
 }
@@ -465,25 +465,25 @@ mod key_tests {
 
     #[test]
     fn only_who_knows_the_key_comes_in() {
-        let door = Door::new().expect("random numbers");
+        let door = PageKey::new().expect("random numbers");
         let page = door.page();
         assert_eq!(page.len(), 2 * LENGTH + 2);
-        assert_eq!(door.way(&page), Way::To("/"));
-        assert_eq!(door.way(&format!("{page}frame?after=1")), Way::To("/frame?after=1"));
-        assert_eq!(door.way(page.trim_end_matches('/')), Way::Elsewhere(page.clone()));
-        let other = Door::new().expect("random numbers").page();
+        assert_eq!(door.way(&page), Route::To("/"));
+        assert_eq!(door.way(&format!("{page}frame?after=1")), Route::To("/frame?after=1"));
+        assert_eq!(door.way(page.trim_end_matches('/')), Route::Elsewhere(page.clone()));
+        let other = PageKey::new().expect("random numbers").page();
         for target in ["/", "/frame", "/open/", &other, &format!("{}x/", page.trim_end_matches('/'))] {
-            assert_eq!(door.way(target), Way::Closed, "{target}");
+            assert_eq!(door.way(target), Route::Closed, "{target}");
         }
     }
 
     #[test]
     fn the_way_in_leads_there_once() {
-        let door = Door::new().expect("random numbers");
+        let door = PageKey::new().expect("random numbers");
         let way_in = door.way_in();
-        assert_eq!(door.way(&format!("{way_in}0")), Way::Closed);
-        assert_eq!(door.way(&way_in), Way::Elsewhere(door.page()));
-        assert_eq!(door.way(&way_in), Way::Closed);
+        assert_eq!(door.way(&format!("{way_in}0")), Route::Closed);
+        assert_eq!(door.way(&way_in), Route::Elsewhere(door.page()));
+        assert_eq!(door.way(&way_in), Route::Closed);
         assert_ne!(way_in.trim_start_matches("/open/"), door.page().trim_matches('/'));
     }
 }

@@ -11,7 +11,7 @@ use std::time::Duration;
 
 /// What the next picture is to be of.
 #[derive(Clone, Debug)]
-pub(crate) struct Wish {
+pub(crate) struct ViewRequest {
     pub pose: Pose,
     /// Number of the scene's camera that the pose started at.
     pub camera: usize,
@@ -25,9 +25,9 @@ pub(crate) struct Wish {
     pub loads: u64,
 }
 
-impl Wish {
+impl ViewRequest {
     /// Brings it to a scene that was loaded again, which is shown as `own` says at first; before, there were these sizes.
-    pub fn fit(&mut self, own: &Wish, sizes_before: &[(u32, u32)], facts: &Facts, poses: &[Pose]) {
+    pub fn fit(&mut self, own: &ViewRequest, sizes_before: &[(u32, u32)], facts: &SceneInfo, poses: &[Pose]) {
         if !facts.sizes.contains(&self.size) {
             let place = sizes_before.iter().position(|size| *size == self.size);
             self.size = place.and_then(|at| facts.sizes.get(at)).copied().unwrap_or(own.size);
@@ -44,7 +44,7 @@ impl Wish {
 
 /// What a page tells about the scene.
 #[derive(Clone, Debug, Default, serde::Serialize)]
-pub(crate) struct Facts {
+pub(crate) struct SceneInfo {
     pub name: String,
     pub cameras: Vec<String>,
     pub triangles: u64,
@@ -66,11 +66,11 @@ pub(crate) struct Facts {
 }
 
 pub(crate) struct State {
-    pub wish: Wish,
+    pub wish: ViewRequest,
     /// Counts wishes.
     pub wishes: u64,
-    pub look: Look,
-    pub facts: Facts,
+    pub look: DisplaySettings,
+    pub facts: SceneInfo,
     /// The scene's cameras.
     pub poses: Vec<Pose>,
     /// The latest picture.
@@ -85,8 +85,8 @@ pub(crate) struct State {
 }
 
 /// A wish to fulfil.
-pub(crate) struct Order {
-    pub wish: Wish,
+pub(crate) struct RenderRequest {
+    pub wish: ViewRequest,
     /// Which one it is.
     pub number: u64,
     /// Used when a newer one comes.
@@ -100,7 +100,7 @@ pub(crate) struct Shared {
 }
 
 impl Shared {
-    pub fn new(wish: Wish, look: Look, facts: Facts, poses: Vec<Pose>) -> Shared {
+    pub fn new(wish: ViewRequest, look: DisplaySettings, facts: SceneInfo, poses: Vec<Pose>) -> Shared {
         let state = State {
             wish,
             wishes: 1,
@@ -145,7 +145,7 @@ impl Shared {
     }
 
     /// Waits for a newer wish than one that was fulfilled; `None` when all is over.
-    pub fn next_order(&self, done: u64) -> Option<Order> {
+    pub fn next_order(&self, done: u64) -> Option<RenderRequest> {
         let has_news = |state: &mut State| state.wishes <= done && !state.is_over;
         let state = self.changed.wait_while(self.lock(), has_news);
         let mut state = state.unwrap_or_else(|poisoned| poisoned.into_inner());
@@ -153,7 +153,7 @@ impl Shared {
             return None;
         }
         state.cancel = CancelHandle::new();
-        Some(Order { wish: state.wish.clone(), number: state.wishes, cancel: state.cancel.clone() })
+        Some(RenderRequest { wish: state.wish.clone(), number: state.wishes, cancel: state.cancel.clone() })
     }
 
     /// Waits until there is more to show than `version`; gives up after a while.
@@ -279,7 +279,7 @@ fn quoted(word: &str) -> String {
 
 /// How pictures are shown.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Look {
+pub(crate) struct DisplaySettings {
     pub png: PngOptions,
     /// The pass to show in place of colour.
     pub aov: Option<Aov>,
@@ -287,11 +287,11 @@ pub(crate) struct Look {
     pub own_view: Option<ViewTransform>,
 }
 
-impl Look {
+impl DisplaySettings {
     /// Colour as said.
-    pub fn new(png: PngOptions) -> Look {
+    pub fn new(png: PngOptions) -> DisplaySettings {
         let own_view = Some(png.view.clone()).filter(|view| matches!(view, ViewTransform::Table(_)));
-        Look { png, aov: None, own_view }
+        DisplaySettings { png, aov: None, own_view }
     }
 
     /// The names of all views.
@@ -340,7 +340,7 @@ impl Frame {
     }
 
     /// RGBA, 8 bits, row by row from the top.
-    pub fn pixels(&self, look: &Look) -> Vec<u8> {
+    pub fn pixels(&self, look: &DisplaySettings) -> Vec<u8> {
         match look.aov.and_then(|aov| Some((aov, self.film.aov(aov)?))) {
             None => rgba8(&self.film, &look.png),
             Some((aov, planes)) => show(aov, planes, &look.png),
@@ -439,12 +439,14 @@ mod tests {
     #[test]
     fn wishes_fit_a_scene_that_has_changed() {
         let pose = |x: f64| Pose::new(Camera::look_at([x, 0.0, 5.0], [x, 0.0, 0.0], 30.0), 5.0);
-        let eye = |wish: &Wish| wish.pose.camera().world_from_camera.translation.x;
-        let own = Wish { pose: pose(0.0), camera: 0, size: (40, 30), rotation: None, aov: None, loads: 0 };
-        let facts = |width: u32| Facts { sizes: vec![(width / 2, 30), (width, 60)], ..Facts::default() };
+        let eye = |wish: &ViewRequest| wish.pose.camera().world_from_camera.translation.x;
+        let own =
+            ViewRequest { pose: pose(0.0), camera: 0, size: (40, 30), rotation: None, aov: None, loads: 0 };
+        let facts =
+            |width: u32| SceneInfo { sizes: vec![(width / 2, 30), (width, 60)], ..SceneInfo::default() };
         let before = facts(100).sizes;
         let mut wish =
-            Wish { pose: pose(1.0), camera: 1, size: (100, 60), rotation: Some(3.0), ..own.clone() };
+            ViewRequest { pose: pose(1.0), camera: 1, size: (100, 60), rotation: Some(3.0), ..own.clone() };
         wish.fit(&own, &before, &facts(80), &[pose(7.0), pose(8.0)]);
         assert_eq!((wish.size, wish.camera, eye(&wish), wish.rotation), ((80, 60), 1, 8.0, None));
         wish.fit(&own, &before, &facts(80), &[pose(0.0)]);
