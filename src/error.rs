@@ -32,17 +32,25 @@ pub struct Problem {
     pub help: Option<String>,
     /// The byte range in [`Error::source_text`] that the problem is about.
     pub span: Option<Range<usize>>,
+    /// Stable code for programs and tests, such as `texture-missing`; empty where there is none.
+    pub code: &'static str,
 }
 
 impl Problem {
     /// A problem at a place (JSON pointer or line; empty for the whole file).
     pub fn new(place: impl Into<String>, message: impl Into<String>) -> Problem {
-        Problem { place: place.into(), message: message.into(), help: None, span: None }
+        Problem { place: place.into(), message: message.into(), help: None, span: None, code: "" }
     }
 
     /// Adds what would mend it.
     pub fn with_help(mut self, help: impl Into<String>) -> Problem {
         self.help = Some(help.into());
+        self
+    }
+
+    /// Adds a stable code.
+    pub fn with_code(mut self, code: &'static str) -> Problem {
+        self.code = code;
         self
     }
 
@@ -121,6 +129,14 @@ impl Error {
         self
     }
 
+    /// Adds a stable code to the last problem.
+    pub fn with_code(mut self, code: &'static str) -> Error {
+        if let Some(problem) = self.problems.last_mut() {
+            problem.code = code;
+        }
+        self
+    }
+
     /// Adds the problems of another error of the same kind, each told with its file.
     pub fn append(&mut self, other: Error) {
         let place_of = |file: &Option<PathBuf>, place: String| match file {
@@ -182,17 +198,25 @@ pub struct Warning {
     pub place: String,
     /// What happened, with counts.
     pub message: String,
+    /// Stable code for programs and tests; empty where there is none.
+    pub code: &'static str,
 }
 
 impl Warning {
     /// A warning about a place in a file.
     pub fn new(file: &Path, place: impl Into<String>, message: impl Into<String>) -> Warning {
-        Warning { file: Some(file.to_path_buf()), place: place.into(), message: message.into() }
+        Warning { file: Some(file.to_path_buf()), place: place.into(), message: message.into(), code: "" }
     }
 
     /// A warning that belongs to no file.
     pub fn general(message: impl Into<String>) -> Warning {
-        Warning { file: None, place: String::new(), message: message.into() }
+        Warning { file: None, place: String::new(), message: message.into(), code: "" }
+    }
+
+    /// Adds a stable code.
+    pub fn with_code(mut self, code: &'static str) -> Warning {
+        self.code = code;
+        self
     }
 }
 
