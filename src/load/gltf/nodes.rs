@@ -100,19 +100,14 @@ impl Hierarchy {
 
 /// Traverses the selected scene or node. A node that is reached twice (a cycle, or a child of two parents) is a
 /// problem.
-pub(super) fn walk(
-    doc: &Document,
-    pose: &Pose,
-    node_parents: &NodeParents,
-    report: &mut Report,
-) -> Hierarchy {
+pub(super) fn walk(doc: &Document, pose: &Pose, parents: &NodeParents, report: &mut Report) -> Hierarchy {
     let (scene, roots) = match &doc.options.node {
         Some(wanted) => (None, root(doc, wanted, report)),
         None => roots(doc, report),
     };
     let above = match roots.as_slice() {
         [Step { node, .. }] if doc.options.node.is_some() => {
-            node_parents.parent(*node).and_then(|parent| node_parents.world_from_node(parent, report).ok())
+            parents.parent(*node).and_then(|parent| parents.world_from_node(parent, report).ok())
         }
         _ => None,
     };
