@@ -14,12 +14,12 @@ mod materials;
 mod mtl;
 mod statements;
 
+use super::mesh_tools::Repairs;
+use super::mesh_tools::triangulate;
 use super::points::Cloud;
-use super::polygon::triangulate;
-use super::shapes::Repairs;
 use super::subdivide::Cage;
 use super::words::is_utf_16;
-use super::{LoadOptions, Loaded, Up, UpHint, far};
+use super::{LoadOptions, Loaded, Up, UpHint, mesh_tools};
 use crate::color::linear_from_srgb;
 use crate::error::{Error, Result, Warning};
 use crate::math::{DAffine3, DVec3};
@@ -43,8 +43,8 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let (models, mut statements) = read(path, options)?;
     let points = statements.cloud();
     let origin = match models.is_empty() {
-        false => far::origin(models.iter().flat_map(|m| m.mesh.positions.as_chunks().0)),
-        true => far::origin(positions(path, &points)?.iter()),
+        false => mesh_tools::distant_origin(models.iter().flat_map(|m| m.mesh.positions.as_chunks().0)),
+        true => mesh_tools::distant_origin(positions(path, &points)?.iter()),
     };
     let objects = objects(models, &statements, origin);
     let mut loaded = Loaded { up_hint: up_hint(path), ..Loaded::default() };
@@ -79,7 +79,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     if !points.is_empty() {
         add_points(path, &points, origin, options, &mut loaded)?;
     }
-    far::place(path, origin, &mut loaded);
+    mesh_tools::place_at_origin(path, origin, &mut loaded);
     let used: HashSet<&str> = materials.iter().map(|(name, _)| name.as_str()).collect();
     let mut defined = HashSet::new();
     for (library, m) in &libraries {
@@ -639,7 +639,7 @@ fn add_points(
     Cloud { positions: &positions, colors: &colors, origin }.add(path, options, loaded)
 }
 
-/// The origin of a file without faces: see [`crate::load::far::origin`].
+/// The origin of a file without faces: see [`crate::load::mesh_tools::origin`].
 fn positions(path: &Path, numbers: &[u32]) -> Result<Vec<[f32; 3]>> {
     let unreadable = |e| Error::input(path, format!("can't be read: {e}"));
     let file = File::open(path).map_err(unreadable)?;

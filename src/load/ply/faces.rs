@@ -2,7 +2,7 @@
 
 use super::rows::Face;
 use crate::error::Problem;
-use crate::load::polygon::triangulate;
+use crate::load::mesh_tools::triangulate;
 use crate::scene::Mesh;
 use std::collections::HashMap;
 

@@ -15,10 +15,10 @@ mod header;
 mod rows;
 
 use super::image::Use;
+use super::mesh_tools::Repairs;
 use super::obj::find_file;
 use super::points::Cloud;
-use super::shapes::Repairs;
-use super::{LoadOptions, Loaded, UpHint, far, image};
+use super::{LoadOptions, Loaded, UpHint, image, mesh_tools};
 use crate::error::{Error, Problem, Result, Warning};
 use crate::gauge::Gauge;
 use crate::image::Damage;
@@ -40,7 +40,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let mut origin = DVec3::ZERO;
     let (mut mesh, mut wedges, mut left_out) = parse(path, &bytes, origin, &options.gauge)?;
     if left_out.has_exact_positions {
-        origin = far::origin(mesh.positions.iter());
+        origin = mesh_tools::distant_origin(mesh.positions.iter());
     }
     if origin != DVec3::ZERO {
         (mesh, wedges, left_out) = parse(path, &bytes, origin, &options.gauge)?;
@@ -145,7 +145,7 @@ fn finish(
     if mesh.triangles.is_empty() {
         let cloud = Cloud { positions: &mesh.positions, colors: &mesh.colors, origin };
         cloud.add(path, options, &mut loaded)?;
-        far::place(path, origin, &mut loaded);
+        mesh_tools::place_at_origin(path, origin, &mut loaded);
         return Ok(loaded);
     }
     let counts = runs.map(|runs| in_runs(&mut mesh, runs));
@@ -172,7 +172,7 @@ fn finish(
         .scene
         .instances
         .push(Instance { name: "mesh".to_string(), ..Instance::new(MeshId(0), DAffine3::IDENTITY) });
-    far::place(path, origin, &mut loaded);
+    mesh_tools::place_at_origin(path, origin, &mut loaded);
     Ok(loaded)
 }
 

@@ -57,7 +57,7 @@ use super::textures::Textures;
 use super::traits::{TraitOverrides, group};
 use super::transform;
 use crate::error::Warning;
-use crate::load::shapes::{Faces, box_faces, pyramid_faces, triangle_faces, uniform_scale};
+use crate::load::mesh_tools::{Faces, box_faces, pyramid_faces, triangle_faces, uniform_scale};
 use crate::load::subdivide::{MOST_LEVELS, Subdivision};
 use crate::load::subdivided::{CHANGES_FORM, in_scene};
 use crate::math::{DAffine3, DMat3, DQuat, DVec3, transform_at};

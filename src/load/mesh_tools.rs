@@ -1,0 +1,418 @@
+//! Mesh helpers of the loaders: simple shapes, repair, distant coordinates, triangulation of polygons.
+
+use super::Loaded;
+use crate::error::Warning;
+use crate::math::{DAffine3, DVec3, Vec2, all_finite};
+use crate::scene::Mesh;
+use std::path::Path;
+
+/// Counts of repairs in the meshes of a file.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Repairs {
+    /// Triangles that were dropped.
+    triangles: usize,
+    /// Texture coordinates and colours that were set to 0.
+    attributes: usize,
+}
+
+impl Repairs {
+    /// Repairs a mesh: vertices that are not finite go to the origin, and the triangles that use them are removed. Texture
+    /// coordinates and colours that are not finite become 0. Normals that have no direction become those of a flat triangle:
+    /// all of the mesh's normals go if none is usable.
+    pub fn make(&mut self, mesh: &mut Mesh) {
+        let before = mesh.triangles.len();
+        if !all_finite(mesh.positions.as_flattened()) {
+            let bad: Vec<bool> = mesh.positions.iter().map(|p| !all_finite(p)).collect();
+            mesh.triangles.retain(|t| !t.iter().any(|&i| bad.get(i as usize).copied().unwrap_or(false)));
+            for (p, _) in mesh.positions.iter_mut().zip(&bad).filter(|(_, b)| **b) {
+                *p = [0.0; 3];
+            }
+        }
+        normalize_normals(mesh);
+        self.triangles += before - mesh.triangles.len();
+        self.attributes += clear_unusable(mesh);
+    }
+
+    /// Warnings that count them.
+    pub fn warnings(self, path: &Path) -> impl Iterator<Item = Warning> {
+        let Repairs { triangles, attributes } = self;
+        let dropped = format!("{triangles} triangles with corners that are not finite numbers were dropped");
+        let zeroed = format!("{attributes} texture coordinates or colours that are not finite became 0");
+        let counted = [(triangles, dropped), (attributes, zeroed)].into_iter().filter(|(n, _)| *n > 0);
+        counted.map(|(_, message)| Warning::new(path, "", message))
+    }
+}
+
+/// Sets texture coordinates and colours that are not finite to 0; returns how many.
+pub(super) fn clear_unusable(mesh: &mut Mesh) -> usize {
+    let mut count = 0;
+    let uv_sets = mesh.uv_sets.iter_mut().map(|set| set.as_flattened_mut());
+    for list in uv_sets.chain([mesh.colors.as_flattened_mut()]).filter(|list| !all_finite(list)) {
+        let unusable = list.iter_mut().filter(|x| !x.is_finite());
+        count += unusable.map(|x| *x = 0.0).count();
+    }
+    count
+}
+
+/// Gives normals unit length; a vertex whose normal has none gets the direction of one of its triangles.
+pub(super) fn normalize_normals(mesh: &mut Mesh) {
+    let unit = |n: [f32; 3]| DVec3::from(n.map(f64::from)).try_normalize().map(|n| n.as_vec3().to_array());
+    if mesh.normals.iter().all(|&n| unit(n).is_none()) {
+        mesh.normals.clear();
+        return;
+    }
+    let mut missing = vec![false; mesh.normals.len()];
+    for (n, missing) in mesh.normals.iter_mut().zip(&mut missing) {
+        match unit(*n) {
+            Some(u) => *n = u,
+            None => {
+                *n = [0.0, 1.0, 0.0];
+                *missing = true;
+            }
+        }
+    }
+    for t in mesh.triangles.iter().filter(|t| t.iter().any(|&i| missing[i as usize])) {
+        let [a, b, c] = t.map(|i| DVec3::from(mesh.positions[i as usize].map(f64::from)));
+        if let Some(face) = (b - a).cross(c - a).try_normalize() {
+            for i in t.map(|i| i as usize).into_iter().filter(|&i| missing[i]) {
+                mesh.normals[i] = face.as_vec3().to_array();
+            }
+        }
+    }
+}
+
+/// The polygon faces of a shape in object space, counter-clockwise from outside.
+pub(super) struct Faces {
+    /// Corners and texture coordinates of the corners.
+    pub faces: Vec<Vec<(DVec3, [f32; 2])>>,
+}
+
+const SQUARE: [[f32; 2]; 4] = [[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]];
+
+/// A box in the order -x, +x, -y, +y, -z, +z.
+pub(super) fn box_faces(min: DVec3, max: DVec3) -> Faces {
+    let corner = |bits: usize| {
+        DVec3::new(
+            if bits & 1 == 0 { min.x } else { max.x },
+            if bits & 2 == 0 { min.y } else { max.y },
+            if bits & 4 == 0 { min.z } else { max.z },
+        )
+    };
+    let faces = [[0, 4, 6, 2], [5, 1, 3, 7], [0, 1, 5, 4], [6, 7, 3, 2], [1, 0, 2, 3], [4, 5, 7, 6]];
+    let face = |f: [usize; 4]| f.into_iter().map(corner).zip(SQUARE).collect();
+    Faces { faces: faces.into_iter().map(face).collect() }
+}
+
+/// A pyramid over a rectangle in the x-z plane around `base`: the base first, then the sides towards +z, +x, -z, -x.
+pub(super) fn pyramid_faces(base: DVec3, size: [f64; 2], height: f64) -> Faces {
+    let (x, z) = (DVec3::X * (size[0] / 2.0), DVec3::Z * (size[1] / 2.0));
+    let ring = [base - x + z, base + x + z, base + x - z, base - x - z];
+    let apex = base + DVec3::Y * height;
+    let mut faces = vec![[3, 2, 1, 0].map(|i| ring[i]).into_iter().zip(SQUARE).collect::<Vec<_>>()];
+    for i in 0..4 {
+        faces.push(vec![(ring[i], SQUARE[0]), (ring[(i + 1) % 4], SQUARE[1]), (apex, [0.5, 0.0])]);
+    }
+    Faces { faces }
+}
+
+/// One triangle.
+pub(super) fn triangle_faces(corners: [DVec3; 3]) -> Faces {
+    let uv = [[0.0, 1.0], [1.0, 1.0], [0.0, 0.0]];
+    Faces { faces: vec![corners.into_iter().zip(uv).collect()] }
+}
+
+impl Faces {
+    /// A flat mesh without parts, and the number of triangles of each face. Vertices are relative to `origin`, so that
+    /// f32 keeps their precision far from the world's origin.
+    pub fn to_mesh(&self, name: &str, origin: DVec3) -> (Mesh, Vec<u32>) {
+        let mut mesh = Mesh { name: name.to_string(), uv_sets: vec![Vec::new()], ..Mesh::default() };
+        let mut counts = Vec::new();
+        for face in &self.faces {
+            let first = mesh.positions.len() as u32;
+            for (p, uv) in face {
+                mesh.positions.push((*p - origin).as_vec3().to_array());
+                mesh.uv_sets[0].push(*uv);
+            }
+            let count = face.len() as u32 - 2;
+            mesh.triangles.extend((1..=count).map(|i| [first, first + i, first + i + 1]));
+            counts.push(count);
+        }
+        (mesh, counts)
+    }
+}
+
+/// The uniform scale of a transform that only rotates, moves and scales evenly; `None` for any other.
+pub(super) fn uniform_scale(transform: &DAffine3) -> Option<f64> {
+    let m = transform.matrix3;
+    let lengths = [m.x_axis.length(), m.y_axis.length(), m.z_axis.length()];
+    let scale = lengths[0];
+    let even = lengths.iter().all(|l| (l - scale).abs() <= 1e-9 * scale);
+    let square = [m.x_axis.dot(m.y_axis), m.y_axis.dot(m.z_axis), m.z_axis.dot(m.x_axis)]
+        .iter()
+        .all(|d| d.abs() <= 1e-9 * scale * scale);
+    (scale > 0.0 && scale.is_finite() && even && square && m.determinant() > 0.0).then_some(scale)
+}
+
+// Coordinates far from the origin, such as those of maps: single floats keep seven digits, of which a distance of
+// millions of metres leaves none for the model. Meshes are kept around an origin of their own then, which is subtracted in
+// double precision before anything is rounded, and added again, in double precision, where they are placed.
+
+/// Maximum distance of a model from the origin in multiples of its size: beyond, f32 resolves less than a part in 2^18 of
+/// its size.
+const FARTHEST: f64 = 32.0;
+
+/// The origin that meshes with these corners, as read into single floats, need: whole metres, on the axes that are far;
+/// zero where that is none.
+pub(super) fn distant_origin<'a>(positions: impl Iterator<Item = &'a [f32; 3]>) -> DVec3 {
+    let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    for p in positions {
+        let p = DVec3::from(p.map(f64::from));
+        if p.is_finite() {
+            (min, max) = (min.min(p), max.max(p));
+        }
+    }
+    if !(min.is_finite() && max.is_finite()) {
+        return DVec3::ZERO;
+    }
+    let (size, middle) = ((max - min).length(), ((min + max) * 0.5).round());
+    let far =
+        |axis: usize| min[axis].abs().max(max[axis].abs()) > FARTHEST * size && middle[axis].abs() >= 256.0;
+    DVec3::from_array([0, 1, 2].map(|axis| if far(axis) { middle[axis] } else { 0.0 }))
+}
+
+/// Places what was read around an origin where the file has it, and says so.
+pub(super) fn place_at_origin(path: &Path, origin: DVec3, loaded: &mut Loaded) {
+    if origin == DVec3::ZERO {
+        return;
+    }
+    for instance in &mut loaded.scene.instances {
+        instance.world_from_object.translation += origin;
+    }
+    loaded.offset = origin;
+    let [x, y, z] = origin.to_array();
+    let message = format!(
+        "the coordinates are finer than single floats: they are kept relative to ({x}, {y}, {z}); cameras are where the \
+         file's coordinates say"
+    );
+    loaded.notes.push(Warning::new(path, "", message));
+}
+
+// Polygons with more than three corners to triangles, concave ones included.
+
+/// Comparisons of a corner with a candidate ear that any polygon may cost; a hostile file may hold one of a million
+/// corners. Honest ones of some ten thousand corners stay below.
+const COMPARISONS: u64 = 1 << 27;
+
+/// Splits a polygon into triangles of indices into `corners`, keeping its orientation.
+///
+/// Ears are clipped (Meisters 1975, "Polygons Have Ears") in the plane of the polygon's area vector (Newell's method);
+/// only reflex corners can lie in an ear, so the cost is O(n r) for r of these where ears are found at once, and bounded
+/// always. Where rounding or self-intersection leaves no ear, or the bound is reached, the rest becomes a fan. Fewer than
+/// three corners give nothing.
+///
+/// Tried: the crate `earcut` 0.4, which takes seconds for 16,000 corners that cross one another at random and grows with
+/// more than the square of their number, without a bound, and gives fewer triangles than the polygon has (9,333 of
+/// 15,998). The tessellator of `lyon` would add corners
+/// where edges cross, which have no texture coordinates.
+pub(super) fn triangulate(corners: &[[f32; 3]]) -> Vec<[usize; 3]> {
+    match corners.len() {
+        0..=2 => return Vec::new(),
+        3 => return vec![[0, 1, 2]],
+        _ => {}
+    }
+    let mut triangles = Vec::with_capacity(corners.len() - 2);
+    let rest = Ring::new(project(corners)).clip(&mut triangles);
+    for k in 1..rest.len() - 1 {
+        triangles.push([rest[0], rest[k], rest[k + 1]]);
+    }
+    triangles
+}
+
+/// The corners that are left, as a doubly linked ring.
+struct Ring {
+    flat: Vec<Vec2>,
+    next: Vec<usize>,
+    before: Vec<usize>,
+    /// Corners that are not convex, in no order.
+    reflex: Vec<usize>,
+    /// Place of each corner in `reflex`, or `usize::MAX`.
+    place: Vec<usize>,
+    left: usize,
+}
+
+impl Ring {
+    fn new(flat: Vec<Vec2>) -> Ring {
+        let n = flat.len();
+        let next = (1..n).chain([0]).collect();
+        let before = [n - 1].into_iter().chain(0..n - 1).collect();
+        let mut ring = Ring { flat, next, before, reflex: Vec::new(), place: vec![usize::MAX; n], left: n };
+        for i in 0..n {
+            if !ring.is_convex(i) {
+                ring.place[i] = ring.reflex.len();
+                ring.reflex.push(i);
+            }
+        }
+        ring
+    }
+
+    fn corners(&self, i: usize) -> [Vec2; 3] {
+        [self.before[i], i, self.next[i]].map(|k| self.flat[k])
+    }
+
+    fn is_convex(&self, i: usize) -> bool {
+        let [a, b, c] = self.corners(i);
+        cross(a, b, c) > 0.0
+    }
+
+    /// Is the corner convex, with no other corner inside its triangle?
+    fn is_ear(&self, i: usize) -> bool {
+        if !self.is_convex(i) {
+            return false;
+        }
+        let [a, b, c] = self.corners(i);
+        self.reflex.iter().all(|&k| {
+            let p = self.flat[k];
+            let inside = cross(a, b, p) >= 0.0 && cross(b, c, p) >= 0.0 && cross(c, a, p) >= 0.0;
+            !inside || p == a || p == b || p == c
+        })
+    }
+
+    /// Clips ears until three corners are left, or none is an ear, or it took too long; gives the corners left.
+    fn clip(mut self, triangles: &mut Vec<[usize; 3]>) -> Vec<usize> {
+        let (mut at, mut misses, mut comparisons) = (0, 0, 0u64);
+        while self.left > 3 && misses < self.left && comparisons < COMPARISONS {
+            comparisons += self.reflex.len() as u64 + 1;
+            if !self.is_ear(at) {
+                misses += 1;
+                at = self.next[at];
+                continue;
+            }
+            let (before, next) = (self.before[at], self.next[at]);
+            triangles.push([before, at, next]);
+            self.next[before] = next;
+            self.before[next] = before;
+            self.left -= 1;
+            misses = 0;
+            self.settle(at, true);
+            self.settle(before, self.is_convex(before));
+            self.settle(next, self.is_convex(next));
+            // The corner after the next: triangles that don't all share one corner are less thin.
+            at = self.next[next];
+        }
+        let start = at;
+        let mut rest = vec![start];
+        let mut i = self.next[start];
+        while i != start {
+            rest.push(i);
+            i = self.next[i];
+        }
+        rest
+    }
+
+    /// Takes a corner that has become convex, or has gone, from the reflex ones. A convex corner never becomes reflex
+    /// when an ear beside it is clipped, but rounding may say so; then it stays where it was.
+    fn settle(&mut self, i: usize, convex: bool) {
+        let place = self.place[i];
+        if convex && place != usize::MAX {
+            self.reflex.swap_remove(place);
+            self.place[i] = usize::MAX;
+            if let Some(&moved) = self.reflex.get(place) {
+                self.place[moved] = place;
+            }
+        }
+    }
+}
+
+/// The corners in two dimensions, counter-clockwise.
+fn project(corners: &[[f32; 3]]) -> Vec<Vec2> {
+    let point = |i: usize| DVec3::from(corners[i % corners.len()].map(f64::from));
+    let origin = point(0);
+    let area: DVec3 = (0..corners.len()).map(|i| (point(i) - origin).cross(point(i + 1) - origin)).sum();
+    let (x, y) = area.try_normalize().unwrap_or(DVec3::Z).any_orthonormal_pair();
+    let scale = (0..corners.len()).map(|i| (point(i) - origin).length()).fold(1e-300, f64::max);
+    (0..corners.len())
+        .map(|i| {
+            let d = (point(i) - origin) / scale;
+            Vec2::new(d.dot(x) as f32, d.dot(y) as f32)
+        })
+        .collect()
+}
+
+fn cross(a: Vec2, b: Vec2, c: Vec2) -> f32 {
+    (b - a).perp_dot(c - a)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn volume(mesh: &Mesh) -> f64 {
+        let corner = |i: u32| DVec3::from(mesh.positions[i as usize].map(f64::from));
+        mesh.triangles.iter().map(|t| corner(t[0]).dot(corner(t[1]).cross(corner(t[2]))) / 6.0).sum()
+    }
+
+    #[test]
+    fn closed_shapes_face_outwards_and_hold_their_volume() {
+        let (b, counts) =
+            box_faces(DVec3::new(-1.0, 0.0, 2.0), DVec3::new(1.0, 3.0, 6.0)).to_mesh("b", DVec3::ZERO);
+        assert!((volume(&b) - 24.0).abs() < 1e-5);
+        assert_eq!(counts, [2; 6]);
+        let (p, counts) = pyramid_faces(DVec3::Y, [2.0, 3.0], 5.0).to_mesh("p", DVec3::ZERO);
+        assert!((volume(&p) - 10.0).abs() < 1e-5);
+        assert_eq!(counts, [2, 1, 1, 1, 1]);
+    }
+}
+
+#[cfg(test)]
+mod polygon_tests {
+    use super::*;
+
+    fn area(p: &[[f32; 3]], triangles: &[[usize; 3]]) -> f32 {
+        let flat = |i: usize| Vec2::new(p[i][0], p[i][1]);
+        triangles.iter().map(|t| 0.5 * cross(flat(t[0]), flat(t[1]), flat(t[2])).max(0.0)).sum()
+    }
+
+    #[test]
+    fn a_concave_arrow_keeps_its_area_and_orientation() {
+        let arrow = [[0.0, 0.0, 0.0], [2.0, 2.0, 0.0], [0.0, 1.0, 0.0], [-2.0, 2.0, 0.0]];
+        for turn in 0..4 {
+            let mut p = arrow;
+            p.rotate_left(turn);
+            let triangles = triangulate(&p);
+            assert_eq!(triangles.len(), 2);
+            assert!((area(&p, &triangles) - 2.0).abs() < 1e-5, "start {turn}");
+        }
+    }
+
+    #[test]
+    fn a_long_comb_is_cut_without_overlap() {
+        // Teeth up and down: half of the corners are reflex.
+        let teeth = 3000;
+        let mut p: Vec<[f32; 3]> = vec![[teeth as f32, -1.0, 0.0]];
+        p.extend((0..=2 * teeth).rev().map(|i| [i as f32 * 0.5, (i % 2) as f32, 0.0]));
+        p.push([0.0, -1.0, 0.0]);
+        let triangles = triangulate(&p);
+        assert_eq!(triangles.len(), p.len() - 2);
+        let truth = teeth as f32 * 1.5;
+        assert!((area(&p, &triangles) / truth - 1.0).abs() < 1e-4, "{}", area(&p, &triangles));
+    }
+
+    #[test]
+    fn a_polygon_that_would_take_for_ever_ends() {
+        // A star whose arms hide one another's ears.
+        let n = 200_000;
+        let corner = |i: i32| {
+            let (angle, radius) = (f64::from(i) * 0.618, if i % 2 == 0 { 1.0 } else { 0.9 });
+            [(angle.cos() * radius) as f32, (angle.sin() * radius) as f32, 0.0]
+        };
+        let p: Vec<[f32; 3]> = (0..n).map(corner).collect();
+        assert_eq!(triangulate(&p).len(), p.len() - 2);
+    }
+
+    #[test]
+    fn degenerate_polygons_give_triangles_and_no_panic() {
+        assert!(triangulate(&[[0.0; 3]; 2]).is_empty());
+        assert_eq!(triangulate(&[[1.0; 3]; 6]).len(), 4);
+        assert_eq!(triangulate(&[[f32::NAN; 3]; 5]).len(), 3);
+    }
+}
