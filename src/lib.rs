@@ -98,7 +98,6 @@ pub mod color;
 pub mod compile;
 #[doc(hidden)]
 pub mod denoise;
-mod foreign;
 #[doc(hidden)]
 pub mod integrator;
 #[doc(hidden)]

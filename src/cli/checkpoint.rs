@@ -131,7 +131,6 @@ fn plan_help(error: Error) -> Error {
 
 /// Checks that the options of long renders are consistent and that the files can be written.
 pub(super) fn check(args: &RenderArgs) -> Result<()> {
-    args.picture.denoiser.check(args.picture.denoise)?;
     let long = &args.long;
     let is_sequence = args.frames.is_some() || args.orbit.is_some();
     if long.resume && args.frames.is_none() && long.checkpoint.is_none() {

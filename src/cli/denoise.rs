@@ -1,9 +1,10 @@
-//! `oscura denoise`: takes the noise out of a picture that is there.
+//! `oscura denoise`: denoises the picture of a file.
 
 use super::Outcome;
 use super::picture_args::DenoiseArgs;
-use oscura::denoise::{Guides, Noise, Noisy, slices};
+use oscura::denoise::{Guides, NAME, Noise, Noisy, denoise, slices};
 use oscura::error::{Error, Result};
+use oscura::film::LIGHT_GROUP;
 use oscura::load::image::{Layered, load_layered};
 use oscura::output::{DENOISED, Format, check_target, encode_layered, write_atomically};
 use oscura::render::in_pool;
@@ -26,7 +27,6 @@ pub(crate) fn run(args: &DenoiseArgs) -> Result<Outcome> {
 
 fn denoise_file(args: &DenoiseArgs) -> Result<Outcome> {
     let start = Instant::now();
-    let denoiser = args.denoiser.load()?;
     let first = load_layered(&args.picture)?;
     let part = part_with_color(&first, &args.picture)?;
     let second = args.other_seed.as_deref().map(|path| other(path, &first, part)).transpose()?;
@@ -44,28 +44,30 @@ fn denoise_file(args: &DenoiseArgs) -> Result<Outcome> {
     let load_s = start.elapsed().as_secs_f64();
     let start = Instant::now();
     let [width, height] = file.size(part);
-    let result = denoiser.denoise(&Noisy {
+    let result = denoise(&Noisy {
         width,
         height,
         color: slices(&layers.color),
         noise,
         guides: layers.guides(),
-        parts: layers.parts.iter().map(|(_, part)| slices(part)).collect(),
-    })?;
+        parts: layers.sets().map(|set| set.map(|(_, part)| slices(part)).collect()).collect(),
+    });
     let denoise_s = start.elapsed().as_secs_f64();
-    let prefixes = std::iter::once("").chain(layers.parts.iter().map(|(prefix, _)| prefix.as_str()));
-    for (prefix, values) in prefixes.zip(std::iter::once(&result.color).chain(&result.parts)) {
+    let prefixes = std::iter::once("").chain(layers.sets().flatten().map(|(prefix, _)| prefix.as_str()));
+    for (prefix, values) in prefixes.zip(std::iter::once(&result.color).chain(result.parts.iter().flatten()))
+    {
         for (letter, values) in RGB.iter().zip(values) {
             let name = format!("{prefix}{letter}");
             let Some(part) = file.part_with(part, &name) else { continue };
             file.set_values(part, &name, values);
         }
     }
-    let by = format!("{}; guides {}; noise {}", denoiser.name(), layers.guides().names(), name_of(&noise));
+    let by = format!("{NAME}; guides {}; noise {}", layers.guides().names(), name_of(&noise));
     (0..file.len()).for_each(|part| file.set_attribute(part, DENOISED, &by));
     let bytes = encode_layered(&file).map_err(|message| Error::output(&args.output, message))?;
     write_atomically(&args.output, &bytes)?;
     if !args.quiet {
+        args.denoiser.notes().iter().for_each(|note| say!("note: {note}"));
         say!("guides   {}; noise {}", layers.guides().names(), name_of(&noise));
         say!("time     load {load_s:.3} s, denoise {denoise_s:.3} s");
         say!("wrote    {}", args.output.display());
@@ -79,7 +81,6 @@ struct Layers {
     variance: Option<[Vec<f32>; 3]>,
     albedo: Option<[Vec<f32>; 3]>,
     normal: Option<[Vec<f32>; 3]>,
-    depth: Option<Vec<f32>>,
     /// Light passes and groups of lights, by what stands before `R`.
     parts: Vec<(String, [Vec<f32>; 3])>,
 }
@@ -109,17 +110,20 @@ impl Layers {
             variance: triple(["variance.R", "variance.G", "variance.B"]),
             albedo: triple(["albedo.R", "albedo.G", "albedo.B"]),
             normal: triple(["N.X", "N.Y", "N.Z"]),
-            depth: file.part_with(part, "Z").and_then(|part| file.values(part, "Z")),
             parts: parts.collect(),
         }
     }
 
+    /// Light groups, and light passes: each of both adds up to the picture.
+    fn sets(&self) -> impl Iterator<Item = impl Iterator<Item = &(String, [Vec<f32>; 3])>> {
+        let is_group = |prefix: &str| prefix.starts_with(LIGHT_GROUP);
+        [true, false]
+            .map(|wanted| self.parts.iter().filter(move |(prefix, _)| is_group(prefix) == wanted))
+            .into_iter()
+    }
+
     fn guides(&self) -> Guides<'_> {
-        Guides {
-            albedo: self.albedo.as_ref().map(slices),
-            normal: self.normal.as_ref().map(slices),
-            depth: self.depth.as_deref(),
-        }
+        Guides { albedo: self.albedo.as_ref().map(slices), normal: self.normal.as_ref().map(slices) }
     }
 }
 

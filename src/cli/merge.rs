@@ -117,21 +117,23 @@ fn heads(files: &[PathBuf]) -> Result<Vec<(PathBuf, PartHeader)>> {
     failed.map_or(Ok(heads), Err)
 }
 
-/// Takes the noise out if that is asked for, now or when the parts were rendered; says what did it.
+/// Denoises if that is asked for, now or when the parts were rendered; returns the denoiser in words.
 fn denoise(
     args: &MergeArgs,
     (file, first): &(PathBuf, PartHeader),
     film: &mut Film,
 ) -> Result<Option<String>> {
     let kept = first.finish.denoise.as_ref();
-    args.denoiser.check(args.denoise || kept.is_some())?;
     if !args.denoise && kept.is_none() {
         return Ok(None);
     }
     let names = kept.unwrap_or(&first.channels.aovs);
     let kept = names.iter().map(|name| Aov::from_option(name)).collect::<Option<AovSet>>();
     let kept = kept.ok_or_else(|| Error::input(file, "has channels that are unknown"))?;
-    denoise_film(film, &args.denoiser.load()?, kept).map(Some)
+    if !args.quiet {
+        args.denoiser.notes().iter().for_each(|note| say!("note: {note}"));
+    }
+    Ok(Some(denoise_film(film, kept)))
 }
 
 /// The film of all parts, and what lies behind it.

@@ -3,8 +3,7 @@
 use super::parsers::{number, stops};
 use clap::builder::{PossibleValue, PossibleValuesParser, StringValueParser, TypedValueParser};
 use clap::{Args, ValueEnum};
-use oscura::denoise::Denoiser;
-use oscura::error::{Error, Result};
+use oscura::error::Warning;
 use oscura::output::{ViewTransform, read_view};
 use oscura::render::{Caustics, setting_help};
 use std::ffi::OsStr;
@@ -27,7 +26,7 @@ impl TypedValueParser for Views {
         command: &clap::Command,
         argument: Option<&clap::Arg>,
         value: &OsStr,
-    ) -> std::result::Result<ViewTransform, clap::Error> {
+    ) -> Result<ViewTransform, clap::Error> {
         let is_file = value.to_str().is_some_and(ViewTransform::is_file);
         match is_file {
             true => {
@@ -72,15 +71,14 @@ pub(crate) struct PictureArgs {
     pub deep: bool,
 }
 
-fn kelvin(text: &str) -> std::result::Result<f32, String> {
+fn kelvin(text: &str) -> Result<f32, String> {
     let fits = |v| (1667.0..=25_000.0).contains(&v);
     number(text, fits, "a number of kelvin from 1667 to 25000").map(|v| v as f32)
 }
 
 #[derive(Args, Debug)]
 pub(crate) struct DenoiseArgs {
-    /// Image to denoise (.exr) with R, G, B; better with the guides albedo.R, .G, .B, N.X, .Y, .Z and Z (--aov
-    /// albedo,normal,depth).
+    /// Image to denoise (.exr) with R, G, B; better with the guides albedo.R, .G, .B and N.X, .Y, .Z (--aov albedo,normal).
     pub picture: PathBuf,
     /// Output file (.exr): all channels of the input, its colour and light passes denoised.
     #[arg(short, long, value_name = "FILE")]
@@ -141,59 +139,33 @@ pub(crate) struct ConvertArgs {
     pub quiet: bool,
 }
 
-// Arguments about what takes the noise out.
+// Options of earlier versions about the denoiser.
 
-/// Environment variable with the path of the library.
-const VARIABLE: &str = "OSCURA_OIDN";
-
-/// Denoisers.
+/// What denoises.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum DenoiserArg {
-    /// The built-in denoiser: denoised light passes and light groups still add up.
+    /// The only denoiser.
     Own,
-    /// Intel Open Image Denoise, if its library is installed.
+    /// The same: the network of Open Image Denoise is built in.
     Oidn,
 }
 
 #[derive(Args, Clone, Debug)]
 pub(crate) struct DenoiserArgs {
-    /// Denoiser [default: own].
-    #[arg(long, value_name = "DENOISER")]
+    /// What denoises; there is one denoiser.
+    #[arg(long, value_name = "DENOISER", hide = true)]
     pub denoiser: Option<DenoiserArg>,
-    /// Path of the library libOpenImageDenoise for --denoiser oidn [default: OSCURA_OIDN, else the system's].
-    #[arg(long, value_name = "FILE", requires = "denoiser")]
+    /// The library of Open Image Denoise, whose network is built in.
+    #[arg(long, value_name = "FILE", hide = true)]
     pub oidn_library: Option<PathBuf>,
 }
 
 impl DenoiserArgs {
-    /// The denoiser.
-    ///
-    /// # Errors
-    /// A usage error if its library can't be loaded, or isn't asked for.
-    pub fn load(&self) -> Result<Denoiser> {
-        match (self.denoiser, &self.oidn_library) {
-            (Some(DenoiserArg::Oidn), given) => {
-                let named = || std::env::var_os(VARIABLE).filter(|name| !name.is_empty()).map(PathBuf::from);
-                let library = given.clone().or_else(named);
-                Denoiser::oidn(library.as_deref()).map_err(|error| {
-                    error.with_help(format!(
-                        "name libOpenImageDenoise by --oidn-library or {VARIABLE} (the wheel 'pyoidn' has it), or leave out --denoiser"
-                    ))
-                })
-            }
-            (_, Some(_)) => Err(Error::usage("--oidn-library has no effect without --denoiser oidn")),
-            (_, None) => Ok(Denoiser::Own),
-        }
-    }
-
-    /// Checks that no denoiser is chosen where nothing is denoised.
-    ///
-    /// # Errors
-    /// A usage error then.
-    pub fn check(&self, denoises: bool) -> Result<()> {
-        match self.denoiser.is_some() && !denoises {
-            true => Err(Error::usage("--denoiser has no effect without --denoise")),
-            false => Ok(()),
-        }
+    /// What is to be said of options that have no effect.
+    pub fn notes(&self) -> Vec<Warning> {
+        let is_given = self.denoiser == Some(DenoiserArg::Oidn) || self.oidn_library.is_some();
+        let message =
+            "the network of Open Image Denoise is built in: --denoiser and --oidn-library have no effect";
+        is_given.then(|| Warning::general(message)).into_iter().collect()
     }
 }

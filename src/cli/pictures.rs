@@ -3,7 +3,6 @@
 use super::args::RenderArgs;
 use super::progress::{ProgressTarget, StageProgress};
 use super::report::{PrintedMessages, name_options_in_warnings};
-use oscura::denoise::Denoiser;
 use oscura::error::{Error, Result, Warning};
 use oscura::film::{AovSet, Film};
 use oscura::gauge::Gauge;
@@ -207,7 +206,6 @@ impl<'a> Pictures<'a> {
 /// Whether and how the picture is denoised.
 pub(super) struct Denoising<'a> {
     args: &'a RenderArgs,
-    denoiser: Denoiser,
     /// AOVs to write.
     kept: AovSet,
     /// Partial renders stay noisy.
@@ -216,12 +214,8 @@ pub(super) struct Denoising<'a> {
 
 impl<'a> Denoising<'a> {
     /// As the arguments say, of files that are to have these AOVs.
-    ///
-    /// # Errors
-    /// A usage error if the denoiser is not there.
-    pub fn of(args: &'a RenderArgs, targets: &Targets, kept: AovSet) -> Result<Denoising<'a>> {
-        let denoiser = args.picture.denoiser.load()?;
-        Ok(Denoising { args, denoiser, kept, has_pictures: targets.has_pictures() })
+    pub fn of(args: &'a RenderArgs, targets: &Targets, kept: AovSet) -> Denoising<'a> {
+        Denoising { args, kept, has_pictures: targets.has_pictures() }
     }
 
     /// AOVs that are kept after denoising; `None` without denoising.
@@ -229,25 +223,18 @@ impl<'a> Denoising<'a> {
         self.args.picture.denoise.then_some(self.kept)
     }
 
-    /// Takes the noise out if that is asked for; returns how long it took, seconds. A picture whose noise can't be taken out is
-    /// kept as it is.
-    pub fn run(
-        &self,
-        rendering: &mut Rendering,
-        said: &mut PrintedMessages,
-    ) -> (Option<f64>, Option<Warning>) {
-        let Some(kept) = self.kept().filter(|_| self.has_pictures) else { return (None, None) };
+    /// Denoises if that is asked for; returns the time, seconds.
+    pub fn run(&self, rendering: &mut Rendering, said: &mut PrintedMessages) -> Option<f64> {
+        let kept = self.kept().filter(|_| self.has_pictures)?;
+        if !self.args.quiet {
+            said.notes(&self.args.picture.denoiser.notes());
+        }
         let start = Instant::now();
         let telling = ProgressTarget::of(self.args.quiet, self.args.long.progress);
         let waiting = StageProgress::new(telling, "denoise", &Gauge::default());
-        let done = rendering.denoise_by(&self.denoiser, kept);
+        rendering.denoise(kept);
         drop(waiting);
-        let failed = |error| Warning::general(format!("the picture keeps its noise: {error}"));
-        let warning = done.err().map(failed);
-        if !self.args.quiet {
-            said.warnings(warning.as_slice());
-        }
-        (Some(start.elapsed().as_secs_f64()), warning)
+        Some(start.elapsed().as_secs_f64())
     }
 }
 

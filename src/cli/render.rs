@@ -289,7 +289,7 @@ pub(super) fn run_one(
     refuse_warnings(args, &warnings, ErrorKind::Input)?;
     stop_before_pixels(cancel)?;
 
-    let denoising = Denoising::of(args, targets, kept_aovs)?;
+    let denoising = Denoising::of(args, targets, kept_aovs);
     let encode = |shot: FinishedPicture| Pictures::encode(&how, targets, shot, &png, &told);
     let mut keeper = CheckpointWriter::new(args, targets, loaded, &settled, &png, &told, denoising.kept())?;
     let rendering = Rendering::labelled(scene, labels, &camera, settled.options)?;
@@ -300,13 +300,13 @@ pub(super) fn run_one(
     if is_unfinished_frame(args, &rendering) {
         return Ok(Outcome::Interrupted);
     }
-    let (denoise_s, noisy) = denoising.run(&mut rendering, said);
+    let denoise_s = denoising.run(&mut rendering, said);
     let outputs = targets.names(rendering.is_complete());
     let picture = rendering.into_picture();
     let start = Instant::now();
     let pictures = encode(FinishedPicture::from(&picture));
     say_pictures(args, said, &pictures, picture.statistics().interrupted)?;
-    warnings.extend(pictures.warnings.iter().cloned().chain(noisy));
+    warnings.extend(pictures.warnings.iter().cloned());
     warnings.extend(noise_warning(args, picture.statistics(), said));
     pictures.write()?;
     kept?; // after the pictures: who runs out of space for the one may have some for the others

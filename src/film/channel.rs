@@ -6,6 +6,9 @@ use super::exact_sum::{HalfSum, SumList};
 use std::borrow::Cow;
 use std::ops::Range;
 
+/// What the names of the layers of light groups begin with.
+pub const LIGHT_GROUP: &str = "RGBA_";
+
 /// How files store the values of a channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
@@ -88,7 +91,7 @@ impl Channel {
     /// The part of the picture that a group of lights contributes: `RGBA_key.R` and so on.
     pub fn light_group(group: &str) -> Channel {
         Channel {
-            names: ["R", "G", "B"].map(|c| Cow::Owned(format!("RGBA_{group}.{c}"))).to_vec(),
+            names: ["R", "G", "B"].map(|c| Cow::Owned(format!("{LIGHT_GROUP}{group}.{c}"))).to_vec(),
             pixel_type: PixelType::Half,
             source: Source::PartOfColor,
             reduction: Reduction::Mean,

@@ -22,7 +22,7 @@ use crate::scene::Backdrop;
 pub use aov::{Aov, AovInfo, AovSet, AovSpace, BACKGROUND_DEPTH, MATTE_LEVELS};
 use band::Band;
 pub use band::SharedFilm;
-pub use channel::{Channel, Layout, PixelType, Reduction, Source, Values};
+pub use channel::{Channel, LIGHT_GROUP, Layout, PixelType, Reduction, Source, Values};
 pub use cryptomatte::{MatteIds, matte_id, matte_key};
 pub use filter::FilterSampler;
 use rayon::prelude::*;

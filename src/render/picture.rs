@@ -4,9 +4,9 @@ use super::noise;
 use super::options::{Caustics, RenderOptions};
 use super::progress::Statistics;
 use crate::compile::{CompiledScene, ObjectId};
-use crate::denoise::{Denoiser, Guides, Noise, Noisy, slices};
+use crate::denoise::{Guides, NAME, Noise, Noisy, denoise, slices};
 use crate::error::{Result, Warning};
-use crate::film::{Aov, AovSet, Channel, Film, Layout, MatteIds, Source, Values, matte_id};
+use crate::film::{Aov, AovSet, Channel, Film, LIGHT_GROUP, Layout, MatteIds, Source, Values, matte_id};
 use crate::output::{Format, Matte, OutputOptions, encode, write_atomically};
 use crate::scene::{RayKinds, Scene};
 use std::path::Path;
@@ -165,19 +165,16 @@ fn asset_name(path: &str) -> &str {
 
 /// The AOVs that a picture to be denoised needs.
 pub fn denoising_guides() -> AovSet {
-    AovSet::from([Aov::Albedo, Aov::Normal, Aov::Depth])
+    AovSet::from([Aov::Albedo, Aov::Normal])
 }
 
-/// What [`Rendering::denoise_by`] does to a film; without the halves of samples the variance tells the noise. Says what took
-/// the noise out, by what.
-///
-/// # Errors
-/// As [`Denoiser::denoise`]; the film is as it was then.
-pub fn denoise_film(film: &mut Film, denoiser: &Denoiser, keep: AovSet) -> Result<String> {
-    let guides = denoise_channels(film, denoiser)?;
+/// [`Rendering::denoise`](super::Rendering::denoise) for a film; without the halves of samples the noise is estimated by the
+/// variance. Returns the denoiser and the guides in words.
+pub fn denoise_film(film: &mut Film, keep: AovSet) -> String {
+    let guides = denoise_channels(film);
     let is_extra = |aov: &Aov| denoising_guides().contains(*aov) && !keep.contains(*aov);
     film.forget(Aov::ALL.iter().copied().filter(is_extra));
-    Ok(format!("{}; guides {guides}", denoiser.name()))
+    format!("{NAME}; guides {guides}")
 }
 
 /// The components of a layer.
@@ -186,12 +183,11 @@ fn floats(planes: Option<Vec<Values>>) -> Option<[Vec<f32>; 3]> {
     lists.try_into().ok()
 }
 
-/// Denoises the film; returns the names of the guides.
-fn denoise_channels(film: &mut Film, denoiser: &Denoiser) -> Result<String> {
+/// Denoises the picture and its parts, and names the guides.
+fn denoise_channels(film: &mut Film) -> &'static str {
     let layer = |names: &[&str]| floats(film.components(names));
-    let Some(color) = layer(&["R", "G", "B"]) else { return Ok(Guides::default().names()) };
+    let Some(color) = layer(&["R", "G", "B"]) else { return Guides::default().names() };
     let (albedo, normal) = (floats(film.aov(Aov::Albedo)), floats(film.aov(Aov::Normal)));
-    let depth = film.aov(Aov::Depth).map(|mut planes| planes.remove(0).into_floats());
     let deviations = film.deviations();
     let variance = floats(film.aov(Aov::Variance));
     let noise = match (&deviations, &variance) {
@@ -199,11 +195,7 @@ fn denoise_channels(film: &mut Film, denoiser: &Denoiser) -> Result<String> {
         (None, Some(planes)) => Noise::Variance(slices(planes)),
         (None, None) => Noise::Unknown,
     };
-    let guides = Guides {
-        albedo: albedo.as_ref().map(slices),
-        normal: normal.as_ref().map(slices),
-        depth: depth.as_deref(),
-    };
+    let guides = Guides { albedo: albedo.as_ref().map(slices), normal: normal.as_ref().map(slices) };
     let parts: Vec<(String, [Vec<f32>; 3])> = film
         .channels()
         .iter()
@@ -213,19 +205,23 @@ fn denoise_channels(film: &mut Film, denoiser: &Denoiser) -> Result<String> {
             Some((names[0].to_string(), layer(&names)?))
         })
         .collect();
-    let result = denoiser.denoise(&Noisy {
+    // Each of both adds up to the picture.
+    let (groups, passes): (Vec<_>, Vec<_>) =
+        parts.iter().partition(|(name, _)| name.starts_with(LIGHT_GROUP));
+    let sets = [groups, passes];
+    let result = denoise(&Noisy {
         width: film.width() as usize,
         height: film.height() as usize,
         color: slices(&color),
         noise,
         guides,
-        parts: parts.iter().map(|(_, part)| slices(part)).collect(),
-    })?;
+        parts: sets.iter().map(|set| set.iter().map(|(_, part)| slices(part)).collect()).collect(),
+    });
     film.set_color(slices(&result.color));
-    for ((first, _), part) in parts.iter().zip(&result.parts) {
+    for ((first, _), part) in sets.iter().flatten().zip(result.parts.iter().flatten()) {
         film.set_means(first, slices(part));
     }
-    Ok(guides.names())
+    guides.names()
 }
 
 // Warnings about samples, and alpha in files.

@@ -11,7 +11,6 @@ use super::technique::{Target, Trial, plain_paths};
 use super::techniques::Techniques;
 use super::{picture, timeline};
 use crate::compile::{CompiledScene, View};
-use crate::denoise::Denoiser;
 use crate::error::{Result, Warning};
 use crate::film::{AovSet, Film, FilterSampler, MatteIds};
 use crate::math::DVec3;
@@ -330,21 +329,11 @@ impl Rendering {
         }
     }
 
-    /// Takes the noise out of the picture so far, its light passes and groups of lights, which add up to it afterwards as before.
-    /// It should have what [`denoising_guides`] names, and the halves of its samples apart
+    /// Denoises the picture so far, its light passes and groups of lights, which add up to it afterwards as before. It should
+    /// have what [`denoising_guides`] names, and the halves of its samples apart
     /// ([`Renderer::halves`](super::Renderer::halves)). Alpha stays. AOVs that are not in `keep` are left out afterwards.
     pub fn denoise(&mut self, keep: AovSet) {
-        self.denoise_by(&Denoiser::Own, keep).expect("it needs nothing that could fail");
-    }
-
-    /// The same by another denoiser.
-    ///
-    /// # Errors
-    /// As [`Denoiser::denoise`]; the picture is as it was then.
-    #[doc(hidden)]
-    pub fn denoise_by(&mut self, denoiser: &Denoiser, keep: AovSet) -> Result<()> {
-        self.denoised = Some(denoise_film(&mut self.film, denoiser, keep)?);
-        Ok(())
+        self.denoised = Some(denoise_film(&mut self.film, keep));
     }
 }
 

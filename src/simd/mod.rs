@@ -9,6 +9,7 @@
 
 mod block;
 mod cache_line;
+mod lanes;
 #[cfg(target_arch = "aarch64")]
 mod neon;
 #[cfg(test)]
@@ -22,6 +23,7 @@ pub use cache_line::{
     Claim, Claims, Line, Table, append_claims, prefer_huge_pages, prefetch_element, prefetch_lines,
     reserve_lines,
 };
+pub use lanes::{Lanes, LanesKernel};
 pub use wide::{ScalarWide, WIDEN, Wide, WideKernel};
 
 use std::sync::OnceLock;
@@ -222,4 +224,44 @@ pub fn map_each<T: Copy, U: Copy + Default, const N: usize>(values: [T; N], f: i
         mapped[i] = f(values[i]);
     }
     mapped
+}
+
+/// Runs a kernel of sixteen lanes compiled for the best level of this CPU.
+#[inline]
+pub fn dispatch_lanes<K: LanesKernel>(kernel: K) -> K::Output {
+    dispatch_lanes_at(best_level(), kernel)
+}
+
+/// Runs a kernel of sixteen lanes compiled for a level, or for the best available one below it.
+#[inline]
+pub fn dispatch_lanes_at<K: LanesKernel>(level: Level, kernel: K) -> K::Output {
+    #[cfg(target_arch = "x86_64")]
+    match level.min(best_level()) {
+        // SAFETY: `best_level` saw that the CPU has every feature that `run_lanes_avx512` is compiled with.
+        Level::Avx512 => return unsafe { run_lanes_avx512(kernel) },
+        // SAFETY: as above, for `run_lanes_avx2`.
+        Level::Avx2 => return unsafe { run_lanes_avx2(kernel) },
+        Level::Scalar => {}
+    }
+    #[cfg(target_arch = "aarch64")]
+    if level.min(best_level()) == Level::Neon {
+        // SAFETY: `best_level` saw that the CPU has NEON, which is what the whole program is compiled with.
+        return kernel.run(unsafe { lanes::neon::NeonLanes::new() });
+    }
+    let _ = level;
+    kernel.run(lanes::ScalarLanes)
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,avx512cd,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+fn run_lanes_avx512<K: LanesKernel>(kernel: K) -> K::Output {
+    // SAFETY: this function runs only on CPUs that have its features.
+    kernel.run(unsafe { lanes::x86::Avx512::new() })
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+fn run_lanes_avx2<K: LanesKernel>(kernel: K) -> K::Output {
+    // SAFETY: as above.
+    kernel.run(unsafe { lanes::x86::Avx2::new() })
 }

@@ -6,7 +6,7 @@ use std::path::Path;
 /// Modules by rank. A module may import those of lower ranks.
 const RANKS: &[(u32, &[&str])] = &[
     (0, &["error", "gauge", "guide", "math", "simd", "color"]),
-    (1, &["image", "sampling", "foreign"]),
+    (1, &["image", "sampling"]),
     (2, &["scene", "metrics", "denoise"]),
     (3, &["load", "shape", "texture", "bsdf", "camera"]),
     (4, &["accel"]),
@@ -110,8 +110,8 @@ fn only(allowed: &[&str], wanted: &[&str]) {
 }
 
 #[test]
-fn unsafe_code_lives_in_simd_and_foreign_only() {
-    only(&["simd", "foreign"], &["unsafe {", "unsafe fn", "unsafe impl", "allow ( unsafe_code )"]);
+fn unsafe_code_lives_in_simd_only() {
+    only(&["simd"], &["unsafe {", "unsafe fn", "unsafe impl", "allow ( unsafe_code )"]);
 }
 
 #[test]
@@ -135,7 +135,7 @@ fn only_load_and_output_open_files() {
 #[test]
 fn few_files_know_the_system() {
     let words = ["cfg ( unix )", "target_os", "os :: unix", "os :: windows", "os :: linux", "libc ::"];
-    only(&["simd/line.rs", "foreign", "output/video.rs"], &words);
+    only(&["simd/line.rs", "output/video.rs"], &words);
 }
 
 /// Whoever uses the library has no options: its messages name choices as the library does (`error::Choice`).

@@ -1,11 +1,10 @@
-"""Our denoiser against Intel's Open Image Denoise and plain non-local means (`nlm.py`): relMSE and FLIP of noisy and denoised
-pictures against converged ones, and times, at several numbers of samples. Paths are neither shared nor split, so that both are given the same noise.
+"""Our denoiser against plain non-local means (`nlm.py`): relMSE and FLIP of noisy and denoised pictures against converged
+ones, and times, at several numbers of samples. Paths are neither shared nor split, so that both are given the same noise.
 
-    python tools/compare/denoisers.py OUT LIBRARY [SCENE...]
+    python tools/compare/denoisers.py OUT [SCENE...]
 
-LIBRARY is libOpenImageDenoise (the wheel `pyoidn` has one); says so and succeeds where it is missing. Non-local means need `pip
-install numpy OpenEXR`, and are left out without. `OSCURA` names another
-binary, `REFERENCE` the samples of the references (1024 by default), `WIDTH` the width (320)."""
+Non-local means need `pip install numpy OpenEXR`, and are left out without. `OSCURA` names another binary, `REFERENCE` the samples
+of the references (1024 by default), `WIDTH` the width (320)."""
 
 import json
 import os
@@ -46,30 +45,26 @@ def by_means(noisy, path, reference):
     return errors(path, reference)
 
 
-def main(out, library, scenes):
-    if not os.path.exists(library):
-        print(f"skipped: there is no {library}")
-        return
+def main(out, scenes):
     os.makedirs(out, exist_ok=True)
-    print("| Scene | Samples | noisy: relMSE, FLIP | non-local means | ours: relMSE, FLIP, s | OIDN: relMSE, FLIP, s | relMSE, ours / OIDN |")
-    print("|---|---:|---|---|---|---|---:|")
+    print("| Scene | Samples | noisy: relMSE, FLIP | non-local means | ours: relMSE, FLIP, s |")
+    print("|---|---:|---|---|---|")
     for scene in scenes or SCENES:
         name = os.path.splitext(os.path.basename(scene))[0]
         at = lambda what: os.path.join(out, f"{name}-{what}.exr")
         reference = at("reference")
         if not os.path.exists(reference):
             render(scene, reference, REFERENCE, "--seed", "77")
-        by = ["--denoise", "--denoiser", "oidn", "--oidn-library", library]
         for samples in LADDER:
             rows = []
-            for what, more in [("noisy", ["--aov", "variance"]), ("ours", ["--denoise"]), ("oidn", by)]:
+            for what, more in [("noisy", ["--aov", "variance"]), ("ours", ["--denoise"])]:
                 path = at(f"{samples}-{what}")
                 seconds = render(scene, path, samples, *more, "--path-reuse", "off", "--splitting", "off")
                 rows.append((*errors(path, reference), *([seconds] if seconds else [])))
             rows.insert(1, by_means(at(f"{samples}-noisy"), at(f"{samples}-means"), reference))
             cells = [", ".join(f"{value:.3g}" for value in row) for row in rows]
-            print(f"| {name} | {samples} | {' | '.join(cells)} | {rows[2][0] / rows[3][0]:.2f} |", flush=True)
+            print(f"| {name} | {samples} | {' | '.join(cells)} |", flush=True)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], sys.argv[2], sys.argv[3:])
+    main(sys.argv[1], sys.argv[2:])

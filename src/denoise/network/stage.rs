@@ -1,0 +1,209 @@
+//! Some convolutions of the network in a row, band by band and tile by tile: what lies between them is as large as a tile,
+//! and threads share nothing but what goes in.
+
+use super::convolution::{Channels, Convolve, Tile};
+use super::weights::{BLOCK, Convolution, blocks};
+use crate::simd::dispatch_lanes;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Columns of a tile: with those that two further convolutions need, whole steps of the inner loop.
+const TILE_WIDTH: usize = 128;
+/// Most rows of a band.
+const BAND_HEIGHT: usize = 64;
+/// Bands that there should be at least, so that threads are busy.
+const LEAST_BANDS: usize = 8;
+/// Fewest rows of a band, else the rows around it cost too much.
+const LEAST_HEIGHT: usize = 16;
+
+/// Some rows of a picture of many channels: row by row, block by block of channels.
+pub(super) struct Tensor {
+    pub width: usize,
+    pub channels: usize,
+    /// The picture's rows that are there.
+    pub rows: Range<usize>,
+    pub data: Vec<Channels>,
+}
+
+impl Tensor {
+    pub fn new(width: usize, rows: Range<usize>, channels: usize) -> Tensor {
+        let data = vec![[0.0; BLOCK]; width * rows.len() * blocks(channels)];
+        Tensor { width, channels, rows, data }
+    }
+
+    fn row(&self, y: usize, block: usize) -> &[Channels] {
+        let row = (y - self.rows.start) * blocks(self.channels) + block;
+        &self.data[row * self.width..][..self.width]
+    }
+}
+
+/// What a stage takes its pixels from.
+#[derive(Clone, Copy)]
+pub(super) enum Input<'a> {
+    /// A tensor of the stage's resolution.
+    Same(&'a Tensor),
+    /// A tensor of half of it, whose pixels become four each.
+    Doubled(&'a Tensor),
+    /// The picture.
+    Picture(&'a Picture<'a>),
+}
+
+/// The picture and its guides as the network takes them; zeros beyond its right and lower edges.
+pub(super) struct Picture<'a> {
+    pub width: usize,
+    pub height: usize,
+    /// Encoded radiance.
+    pub color: [Vec<f32>; 3],
+    /// Albedo and normal.
+    pub guides: Option<[[&'a [f32]; 3]; 2]>,
+}
+
+impl Picture<'_> {
+    /// Writes the pixels of a row from a column on.
+    fn write_row(&self, x0: usize, y: usize, to: &mut [Channels]) {
+        to.fill([0.0; BLOCK]);
+        if y >= self.height {
+            return;
+        }
+        let mut write = |channel: usize, plane: &[f32], value: fn(f32) -> f32| {
+            let row = &plane[y * self.width + x0.min(self.width)..(y + 1) * self.width];
+            to.iter_mut().zip(row).for_each(|(to, v)| to[channel] = value(*v));
+        };
+        for (c, plane) in self.color.iter().enumerate() {
+            write(c, plane, |v| v);
+        }
+        if let Some([albedo, normal]) = self.guides {
+            for c in 0..3 {
+                write(3 + c, albedo[c], |v| if v > 0.0 { v.min(1.0) } else { 0.0 });
+                write(6 + c, normal[c], |v| if v.is_nan() { 0.5 } else { 0.5 * v.clamp(-1.0, 1.0) + 0.5 });
+            }
+        }
+    }
+}
+
+/// Convolutions, one after the other, of inputs whose channels are concatenated.
+pub(super) struct Stage<'a> {
+    /// The padded picture's size at the stage's resolution.
+    pub size: [usize; 2],
+    pub inputs: &'a [Input<'a>],
+    pub layers: &'a [Convolution],
+}
+
+impl Stage<'_> {
+    /// Runs the stage for some rows. `out` has so many values for each pair of rows; `write` puts a finished tile, which
+    /// begins at a column of a band, into the values of the band.
+    pub fn run<T: Send>(
+        &self,
+        rows: Range<usize>,
+        out: &mut [T],
+        values_of_pair: usize,
+        write: impl Fn(&Tile, usize, &mut [T]) + Sync,
+    ) {
+        let even = rows.len().div_ceil(LEAST_BANDS).clamp(LEAST_HEIGHT, BAND_HEIGHT).next_multiple_of(2);
+        let bands = out.par_chunks_mut(even / 2 * values_of_pair).enumerate();
+        bands.for_each_init(Default::default, |tiles, (band, out)| {
+            let y0 = rows.start + band * even;
+            let y1 = rows.end.min(y0 + even);
+            for x0 in (0..self.size[0]).step_by(TILE_WIDTH) {
+                let x1 = (x0 + TILE_WIDTH).min(self.size[0]);
+                write(self.tile(x0..x1, y0..y1, tiles), x0, out);
+            }
+        });
+    }
+
+    /// The stage's output for a rectangle.
+    fn tile<'t>(&self, x: Range<usize>, y: Range<usize>, tiles: &'t mut [Tile; 2]) -> &'t Tile {
+        let [from, to] = tiles;
+        let margin = self.layers.len();
+        self.gather(&x, &y, margin, from);
+        for (k, layer) in self.layers.iter().enumerate() {
+            dispatch_lanes(Convolve { layer, from, to });
+            let margin = margin - k - 1;
+            // What lies outside of the picture is 0 for each convolution.
+            let inside = |range: &Range<usize>, size: usize| {
+                let first = margin.saturating_sub(range.start);
+                first..(size + margin - range.start).min(range.len() + 2 * margin)
+            };
+            to.clear_outside(inside(&x, self.size[0]), inside(&y, self.size[1]));
+            std::mem::swap(from, to);
+        }
+        from
+    }
+
+    /// Fills a tile with the inputs of a rectangle and of a margin around it.
+    fn gather(&self, x: &Range<usize>, y: &Range<usize>, margin: usize, to: &mut Tile) {
+        let count = |input: &Input| match input {
+            Input::Same(tensor) | Input::Doubled(tensor) => blocks(tensor.channels),
+            Input::Picture(_) => 1,
+        };
+        let total = self.inputs.iter().map(count).sum();
+        let (width, height) = (x.len() + 2 * margin, y.len() + 2 * margin);
+        to.resize(width, height, total);
+        let left = margin.saturating_sub(x.start);
+        let right = (self.size[0] + margin - x.start).min(width);
+        let first = (x.start + left) - margin;
+        for row in 0..height {
+            let from = (y.start + row).checked_sub(margin).filter(|from| *from < self.size[1]);
+            let mut block = 0;
+            for input in self.inputs {
+                for b in 0..count(input) {
+                    let line = to.row_mut(row, block);
+                    block += 1;
+                    line[..left].fill([0.0; BLOCK]);
+                    line[right..].fill([0.0; BLOCK]);
+                    let inside = &mut line[left..right];
+                    match (from, input) {
+                        (None, _) => inside.fill([0.0; BLOCK]),
+                        (Some(from), Input::Same(tensor)) => {
+                            inside.copy_from_slice(&tensor.row(from, b)[first..][..right - left]);
+                        }
+                        (Some(from), Input::Doubled(tensor)) => {
+                            let row = tensor.row(from / 2, b);
+                            let pixels = inside.iter_mut().enumerate();
+                            pixels.for_each(|(i, to)| *to = row[(first + i) / 2]);
+                        }
+                        (Some(from), Input::Picture(picture)) => picture.write_row(first, from, inside),
+                    }
+                }
+            }
+        }
+    }
+
+    /// The output of the stage in some rows.
+    pub fn output(&self, rows: Range<usize>) -> Tensor {
+        let channels = self.layers.last().map_or(0, |layer| layer.outputs);
+        let (width, count) = (self.size[0], blocks(channels));
+        let mut tensor = Tensor::new(width, rows.clone(), channels);
+        self.run(rows, &mut tensor.data, 2 * count * width, |tile, x, out| {
+            for y in 0..tile.height {
+                for b in 0..count {
+                    let row = &mut out[(y * count + b) * width + x..][..tile.width];
+                    row.copy_from_slice(tile.row(y, b));
+                }
+            }
+        });
+        tensor
+    }
+
+    /// The largest of four pixels each of the output of the stage, whose size is even.
+    pub fn pooled(&self) -> Tensor {
+        let channels = self.layers.last().map_or(0, |layer| layer.outputs);
+        let (width, count) = (self.size[0] / 2, blocks(channels));
+        let mut tensor = Tensor::new(width, 0..self.size[1] / 2, channels);
+        self.run(0..self.size[1], &mut tensor.data, count * width, |tile, x, out| {
+            for y in 0..tile.height / 2 {
+                for b in 0..count {
+                    let (above, below) = (tile.row(2 * y, b), tile.row(2 * y + 1, b));
+                    let row = &mut out[(y * count + b) * width + x / 2..][..tile.width / 2];
+                    for (i, to) in row.iter_mut().enumerate() {
+                        let four = [&above[2 * i], &above[2 * i + 1], &below[2 * i], &below[2 * i + 1]];
+                        *to = std::array::from_fn(|c| {
+                            four[0][c].max(four[1][c]).max(four[2][c].max(four[3][c]))
+                        });
+                    }
+                }
+            }
+        });
+        tensor
+    }
+}

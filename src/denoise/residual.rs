@@ -1,0 +1,169 @@
+//! What the network leaves out, or adds, comes back: at each scale, the residual (noisy picture minus proposal) is kept where
+//! it stands out from the noise of that scale, from large scales, where noise is small, to pixels. So regions keep their
+//! brightness at any number of samples, and the result tends to the noisy picture as the noise vanishes.
+//!
+//! This is shrinkage towards the proposal (James and Stein 1961, "Estimation with Quadratic Loss"; of wavelets, Donoho and
+//! Johnstone 1995, "Adapting to Unknown Smoothness via Wavelet Shrinkage"). With `r^2` the power of the residual around a pixel
+//! and `v` that of the noise, a share `max(0, 1 - 3 (v / r^2)^2)` is kept. For a proposal of squared bias `x v` whose error
+//! has nothing to do with the noise, `r^2 = (1 + x) v`, and the error of the result is below `v` for all
+//! `x`: it does not exceed that of the noisy picture. The square instead of James and Stein's
+//! `1 - v / r^2` keeps less of what is noise by chance. But proposals follow the noise somewhat, which hides as much of their bias:
+//! a share of at least `b / (b + v)` is kept, with a small bias `b` that is taken for granted.
+//!
+//! Scales are those of a pyramid of means of four pixels (Burt and Adelson 1983, "The Laplacian Pyramid as a Compact Image
+//! Code"), of the residual relative to the proposal and weighted by it: the mean of a region is the share of light that it
+//! lost, and what is dark before a bright ground stays dark. The same pyramid of the deviations measures the noise of each
+//! scale, which may be correlated between pixels.
+
+use super::planes::{Color, smoothed};
+use rayon::prelude::*;
+
+/// How much more than noise a residual must be: by the root of this it is not kept at all.
+const CAUTION: f32 = 3.0;
+/// So much is added where powers are those of one pixel, less where they are means of several.
+const CAUTION_OF_ONE: f32 = 5.0;
+/// The power of the proposal's relative bias, summed over the channels, that is taken for granted: 0.7 % of each.
+const LEAST_BIAS: f32 = 3.0 * 0.007 * 0.007;
+/// Radius of the squares over which powers are averaged, pixels of the scale.
+const RADIUS: usize = 3;
+/// Radius of larger squares, and the share of their noise that there is everywhere in them: samples that are all 0 by chance
+/// show no noise.
+const WIDE: usize = 12;
+const SHARE_OF_WIDE: f32 = 0.25;
+/// Larger powers, of fireflies, count as this, with which the share is the power of pixels that are black by chance.
+const LARGEST_WIDE: f32 = 3.0 / SHARE_OF_WIDE;
+/// Values are compared relative to themselves and this fraction of the picture's mean.
+const LEAST: f32 = 0.02;
+
+/// The proposal with what stands out of the residual.
+pub(super) fn restored(
+    width: usize,
+    height: usize,
+    noisy: Color,
+    deviations: Color,
+    mut proposed: [Vec<f32>; 3],
+) -> [Vec<f32>; 3] {
+    let mean = |plane: &&[f32]| plane.iter().map(|v| f64::from(*v)).sum::<f64>() / plane.len() as f64;
+    let least = (LEAST as f64 * noisy.iter().map(mean).sum::<f64>() / 3.0) as f32;
+    let least = least.max(1e-20);
+    let weight = proposed.each_ref().map(|plane| plane.iter().map(|v| v + least).collect::<Vec<f32>>());
+    let relative = |c: usize, value: &dyn Fn(usize) -> f32| -> Vec<f32> {
+        (0..weight[c].len()).map(|i| value(i) / weight[c][i]).collect()
+    };
+    let residual = [0, 1, 2].map(|c| relative(c, &|i| noisy[c][i] - proposed[c][i]));
+    let deviation = [0, 1, 2].map(|c| relative(c, &|i| deviations[c][i]));
+    let independent = (0..width * height).map(|i| power_at(&deviation, i)).collect();
+    let first = Scale { width, height, residual, deviation, weight, independent };
+    let correction = first.kept();
+    for c in 0..3 {
+        for ((to, w), k) in proposed[c].iter_mut().zip(&first.weight[c]).zip(&correction[c]) {
+            *to = (*to + w * k).max(0.0);
+        }
+    }
+    proposed
+}
+
+/// Sums of the pixels of a scale.
+struct Scale {
+    width: usize,
+    height: usize,
+    /// Relative residuals and deviations: weighted means.
+    residual: [Vec<f32>; 3],
+    deviation: [Vec<f32>; 3],
+    /// Sums of weights.
+    weight: [Vec<f32>; 3],
+    /// The power of the deviations, summed over the channels, if those of pixels had nothing to do with each other.
+    independent: Vec<f32>,
+}
+
+impl Scale {
+    /// The next one, of half the resolution.
+    fn halved(&self) -> Scale {
+        let (width, height) = (self.width.div_ceil(2), self.height.div_ceil(2));
+        let sums = |value: &(dyn Fn(usize) -> f32 + Sync)| -> Vec<f32> {
+            let of = |at: usize| {
+                let (x, y) = (2 * (at % width), 2 * (at / width));
+                let rows = y..(y + 2).min(self.height);
+                let row = |y: usize| y * self.width + x..y * self.width + (x + 2).min(self.width);
+                rows.map(|y| row(y).map(value).sum::<f32>()).sum()
+            };
+            (0..width * height).into_par_iter().with_min_len(4096).map(of).collect()
+        };
+        let of = |i: usize| self.weight[0][i] + self.weight[1][i] + self.weight[2][i];
+        let (all, squared) = (sums(&of), sums(&|i| of(i) * of(i) * self.independent[i]));
+        let independent = squared.iter().zip(&all).map(|(v, weight)| v / (weight * weight)).collect();
+        let weight = [0, 1, 2].map(|c| sums(&|i| self.weight[c][i]));
+        let means = |value: &[Vec<f32>; 3]| {
+            [0, 1, 2].map(|c| {
+                let mut plane = sums(&|i| self.weight[c][i] * value[c][i]);
+                plane.iter_mut().zip(&weight[c]).for_each(|(v, weight)| *v /= weight);
+                plane
+            })
+        };
+        let (residual, deviation) = (means(&self.residual), means(&self.deviation));
+        Scale { width, height, residual, deviation, weight, independent }
+    }
+
+    /// What is kept of the residual at this scale and all larger ones.
+    fn kept(&self) -> [Vec<f32>; 3] {
+        let mut kept = [0, 1, 2].map(|_| vec![0.0; self.width * self.height]);
+        if self.width > 1 || self.height > 1 {
+            let next = self.halved();
+            kept = next.kept().map(|plane| next.doubled(&plane, self.width, self.height));
+        }
+        let signal: Vec<f32> = (0..self.width * self.height)
+            .into_par_iter()
+            .with_min_len(4096)
+            .map(|i| {
+                (0..3).map(|c| (self.residual[c][i] - kept[c][i]) * (self.residual[c][i] - kept[c][i])).sum()
+            })
+            .collect();
+        let signal = smoothed(self.width, self.height, &signal, RADIUS);
+        let noise = self.noise();
+        let side = |length: usize| length.min(2 * RADIUS + 1) as f32;
+        let caution = CAUTION + CAUTION_OF_ONE / (side(self.width) * side(self.height));
+        for (i, (signal, noise)) in signal.iter().zip(&noise).enumerate() {
+            let ratio = noise / signal.max(1e-30);
+            let least = LEAST_BIAS / (LEAST_BIAS + noise);
+            let share = (1.0 - caution * ratio * ratio).max(least);
+            (0..3).for_each(|c| kept[c][i] += share * (self.residual[c][i] - kept[c][i]));
+        }
+        kept
+    }
+
+    /// The power of the noise around each pixel.
+    fn noise(&self) -> Vec<f32> {
+        let deviations: Vec<f32> = (0..self.independent.len())
+            .map(|i| power_at(&self.deviation, i).max(self.independent[i]))
+            .collect();
+        let mut noise = smoothed(self.width, self.height, &deviations, RADIUS);
+        let capped: Vec<f32> = noise.iter().map(|v| v.min(LARGEST_WIDE)).collect();
+        let wide = smoothed(self.width, self.height, &capped, WIDE);
+        noise.iter_mut().zip(&wide).for_each(|(near, wide)| *near = near.max(SHARE_OF_WIDE * wide));
+        noise
+    }
+
+    /// A plane of this scale at the resolution of the one before: linear between the middles of its pixels.
+    fn doubled(&self, plane: &[f32], width: usize, height: usize) -> Vec<f32> {
+        let near = |at: usize, size: usize| {
+            let other = if at % 2 == 0 { (at / 2).saturating_sub(1) } else { (at / 2 + 1).min(size - 1) };
+            (at / 2, other)
+        };
+        let mut out = vec![0.0; width * height];
+        out.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+            let (y0, y1) = near(y, self.height);
+            let (near_row, far_row) = (&plane[y0 * self.width..], &plane[y1 * self.width..]);
+            for (x, to) in row.iter_mut().enumerate() {
+                let (x0, x1) = near(x, self.width);
+                let at = |x: usize| 0.75 * near_row[x] + 0.25 * far_row[x];
+                *to = 0.75 * at(x0) + 0.25 * at(x1);
+            }
+        });
+        out
+    }
+}
+
+/// The power of a pixel's values, summed over the channels.
+fn power_at(values: &[Vec<f32>; 3], i: usize) -> f32 {
+    values.iter().map(|plane| plane[i] * plane[i]).sum()
+}
