@@ -1,43 +1,42 @@
-//! What was learned, fixed: histograms to choose directions by, and how much light to expect.
+//! The guide: histograms of directions and mean radiance by cell of position and normal, and the training data that they are made of.
 
 use crate::math::Vec3;
 use crate::sampling::hash::mix64;
 use crate::simd::Table;
 
-/// The part of all histograms that is uniform, so that no direction is left out (defensive sampling).
+/// Uniform part of all histograms (defensive sampling).
 const UNIFORM_FRACTION: f32 = 0.25;
 
-/// So many training samples of equal value count as much as what is expected without.
+/// Number of equal training samples with the weight of the prior.
 const PRIOR: f32 = 256.0;
 
-/// Cells with fewer training samples are left to the larger ones around them.
+/// Cells with fewer training samples use their parent's.
 const LEAST_COUNT: u32 = 8;
 
-/// The number of the cell for all places of which nothing is known: with an even histogram.
+/// Index of the cell without training data, with a uniform histogram.
 pub const UNKNOWN: u32 = 0;
 
-/// What is expected where nothing is known.
+/// Mean of cells without training data.
 pub const NO_MEAN: f32 = -1.0;
 
-/// Least share of a picture's mean luminance that roulette judges paths against: darker places need no better.
+/// Fraction of the picture's mean luminance that bounds the reference of Russian roulette from below.
 const LEAST_SHARE: f64 = 0.2;
 
-/// Guides paths: by cells of space and normals, a density of directions over the cosine lobe, and the light that comes on average.
+/// A guide: by cells of position and normal, a density of directions relative to the cosine lobe, and the mean incident radiance.
 #[derive(Clone, Debug)]
 pub struct Guide {
     pub(super) grid: Grid,
     numbers: Numbers,
-    /// By cell. Their means are of the luminance that comes to a vertex by scattering, times the cosine over pi; [`NO_MEAN`] where
-    /// that is not known.
+    /// By cell. Their means are of incident luminance from scattering, times the cosine over pi; [`NO_MEAN`] without training data.
     pub(super) histograms: Vec<Histogram>,
     /// Of all bins of all cells.
     pub(super) densities: Vec<f32>,
-    /// Luminance against which paths are judged at least.
+    /// Least reference luminance of Russian roulette.
     pub(super) floor: f32,
 }
 
 impl Guide {
-    /// One that knows nothing.
+    /// Without training data.
     pub fn blank() -> Guide {
         let mut guide = Guide {
             grid: Grid::new(1.0),
@@ -50,7 +49,7 @@ impl Guide {
         guide
     }
 
-    /// What training found, for a picture of this mean luminance.
+    /// From training data of a picture with this mean luminance.
     pub fn new(trained: &TrainedCells, luminance: f64) -> Guide {
         let mut guide =
             Guide { grid: trained.grid, floor: (LEAST_SHARE * luminance) as f32, ..Guide::blank() };
@@ -77,7 +76,7 @@ impl Guide {
     }
 
     fn add(&mut self, key: u64, learned: &CellEstimate) {
-        // Those of which nothing is known come first.
+        // The cell without training data comes first.
         let number = self.numbers.insert(key) + 1;
         debug_assert_eq!(number as usize, self.histograms.len());
         let mut weights = learned.weights;
@@ -92,7 +91,7 @@ impl Guide {
         self.histograms.push(histogram);
     }
 
-    /// The number of the cell of a key by its halves, or of a larger one around it.
+    /// Index of the cell of a key given by its halves, or of its parent.
     #[inline]
     pub(super) fn find(&self, low: u32, high: u32) -> u32 {
         let key = key_of(low, high);
@@ -111,7 +110,7 @@ impl Guide {
     }
 }
 
-/// What a cell has learned, beside what was expected.
+/// Posterior of a cell: training data combined with the prior.
 struct CellEstimate {
     /// 1 on average.
     weights: Bins,
@@ -119,15 +118,15 @@ struct CellEstimate {
 }
 
 impl CellEstimate {
-    /// Of a cell in a larger one; what that says counts `trust` times as much as usual.
+    /// Of a cell with the posterior of its parent as prior, `trust` times as strong as usual.
     fn new(cell: &CellSums, above: &CellEstimate, trust: f32) -> CellEstimate {
         let prior = PRIOR * trust;
-        // Training samples of equal value that would be as good.
+        // Effective number of training samples.
         let effective = if cell.squares > 0.0 { (cell.sum * cell.sum / cell.squares) as f32 } else { 0.0 };
         let own = effective / (effective + prior);
         let scale = BINS as f64 / cell.sum;
         let mean = ((cell.sum + f64::from(prior * above.mean)) / f64::from(cell.count as f32 + prior)) as f32;
-        // Beyond the range of floats nothing is known.
+        // Overflow counts as no data.
         let is_known = own > 0.0 && scale.is_finite() && cell.bins.iter().all(|bin| bin.is_finite());
         let own = if is_known { own } else { 0.0 };
         let weights = std::array::from_fn(|k| match is_known {
@@ -140,23 +139,22 @@ impl CellEstimate {
 
 // The grid: cells by position and normal, and their keys.
 
-/// What is added to coordinates in cells, so that they are positive, and that no plane through the origin, where walls often
-/// are, divides cells.
+/// Offset of coordinates in cells: makes them positive, and puts no border of cells into planes through the origin, where walls often are.
 const SHIFT: f32 = 32_768.37;
 
-/// Marks a key: none is 0.
+/// Bit set in all keys, so that none is 0.
 const IS_KEY: u64 = 1 << 63;
 
-/// Marks the key of a larger cell.
+/// Bit set in keys of parents.
 const IS_PARENT: u64 = 1 << 62;
 
 /// Ratio of the edges of a cell and of its parent, in bits.
 const PARENT_BITS: u32 = 2;
 
-/// Cells of a larger one's surface, about.
+/// Approximate number of cells of a parent that a surface crosses.
 pub const CELLS_OF_PARENT: f32 = (1 << (2 * PARENT_BITS)) as f32;
 
-/// Space in cubes, each divided by the direction of normals. Cubes far beyond the others (32,768 edges away) share their cells.
+/// Cubes of space, each divided by the direction of normals. Coordinates wrap at 32,768 edges: cubes that far apart share cells.
 #[derive(Clone, Copy, Debug)]
 pub struct Grid {
     /// Cells along a metre.
@@ -178,7 +176,7 @@ impl Grid {
     /// The halves of the key at a point, in cells.
     #[inline(always)]
     pub fn halves(self, p: Vec3, n: Vec3) -> [u32; 2] {
-        // Positive numbers, cut off.
+        // Truncated positive numbers.
         let place = |x: f32| (x + SHIFT) as i32 as u32 & 0xffff;
         let side = |x: f32| (x * 2.0 + 2.5) as i32 as u32;
         let sides = side(n.x) | (side(n.y) << 3) | (side(n.z) << 6);
@@ -186,28 +184,28 @@ impl Grid {
     }
 }
 
-/// The key of its halves.
+/// The key with these halves.
 #[inline(always)]
 pub fn key_of(low: u32, high: u32) -> u64 {
     IS_KEY | u64::from(low) | (u64::from(high) << 32)
 }
 
-/// The key of the larger cell that a cell is in.
+/// The key of a cell's parent.
 pub fn parent(key: u64) -> u64 {
     let place = |shift: u32| (((key >> shift) & 0xffff) >> PARENT_BITS) << shift;
     (key & !0xffff_ffff_ffff) | IS_PARENT | place(0) | place(16) | place(32)
 }
 
-/// Numbers of keys, in the order in which they came.
+/// Hash map from keys to indices in order of insertion.
 #[derive(Clone, Debug, Default)]
 pub struct Numbers {
-    /// Keys, 0 where there is none, with their numbers; a power of two.
+    /// Slots: key and index, key 0 if free. Their number is a power of two.
     slots: Vec<(u64, u32)>,
     count: u32,
 }
 
 impl Numbers {
-    /// The number of a key, if it has one.
+    /// The index of a key, if it is in the map.
     #[inline]
     pub fn get(&self, key: u64) -> Option<u32> {
         if self.slots.is_empty() {
@@ -217,7 +215,7 @@ impl Numbers {
         (found == key).then_some(number)
     }
 
-    /// The number of a key: that of those before, if it is new.
+    /// The index of a key, inserted if it is new.
     pub fn insert(&mut self, key: u64) -> u32 {
         if let Some(number) = self.get(key) {
             return number;
@@ -236,7 +234,7 @@ impl Numbers {
         number
     }
 
-    /// The slot of a key, or the free one where it belongs.
+    /// The slot of a key, or the free slot for it.
     #[inline]
     fn slot(&self, key: u64) -> usize {
         let mask = self.slots.len() - 1;
@@ -253,27 +251,27 @@ impl Numbers {
 /// Edge of a histogram.
 pub const EDGE: usize = 8;
 
-/// Its bins: row by row, a row for each step of the square's first coordinate.
+/// Number of bins, in rows along the square's second coordinate.
 pub const BINS: usize = EDGE * EDGE;
 
 /// A number for each bin.
 pub type Bins = [f32; BINS];
 
-/// Upper ends of steps: the last is 1.
+/// Cumulative distribution; the last value is 1.
 pub type Steps = [f32; EDGE];
 
-/// Below 1 by more than rounding up to [`EDGE`] takes.
+/// Largest number whose product with [`EDGE`] doesn't round up to [`EDGE`].
 const BELOW_ONE: f32 = 0.999_999;
 
-/// A histogram, ready to be sampled: what is needed together lies together.
+/// A histogram for sampling, laid out for few cache misses.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
 pub struct Histogram {
-    /// Cumulated shares of the rows.
+    /// Cumulative distribution of the rows.
     pub rows: Steps,
-    /// A number that is kept here for the cell.
+    /// The cell's mean, stored here for locality.
     pub mean: f32,
-    /// In each row, cumulated shares of its bins.
+    /// Cumulative distribution of the bins of each row.
     pub columns: [Steps; EDGE],
 }
 
@@ -291,7 +289,7 @@ impl Histogram {
         histogram
     }
 
-    /// The point of the square that two uniform numbers choose, and the density there: 1 on average.
+    /// Sampled point of the square and its density, whose mean is 1.
     #[inline(always)]
     pub fn sample(&self, u: [f32; 2]) -> ([f32; 2], f32) {
         let (row, x, height) = choose(&self.rows, u[0]);
@@ -317,7 +315,7 @@ fn density(height: f32, width: f32) -> f32 {
     height * width * BINS as f32
 }
 
-/// Cumulated shares of positive weights.
+/// Cumulative distribution by positive weights.
 fn cumulated(weights: &[f32; EDGE]) -> Steps {
     let total: f32 = weights.iter().sum();
     let mut steps = [1.0; EDGE];
@@ -335,7 +333,7 @@ fn share(steps: &Steps, k: usize) -> f32 {
     steps[k] - if k > 0 { steps[k - 1] } else { 0.0 }
 }
 
-/// Chooses a step by a number in 0..1: which, a coordinate in it, in 0..1 over all steps, and its share.
+/// Samples a cumulative distribution by a number in 0..1: the step, the coordinate in 0..1 over all steps, and the probability.
 #[inline(always)]
 fn choose(steps: &Steps, u: f32) -> (usize, f32, f32) {
     let mut below = 0;
@@ -346,7 +344,7 @@ fn choose(steps: &Steps, u: f32) -> (usize, f32, f32) {
     let start = if k > 0 { steps[k - 1] } else { 0.0 };
     let share = steps[k] - start;
     let within = (u - start) / share;
-    // Not so for steps of no length, which are not chosen but by rounding.
+    // Steps of probability 0 are chosen by rounding only.
     let within = if within < BELOW_ONE { within } else { BELOW_ONE };
     let within = if within > 0.0 { within } else { 0.0 };
     (k, (k as f32 + within) * (1.0 / EDGE as f32), share)
@@ -364,31 +362,31 @@ pub fn bin([u, v]: [f32; 2]) -> u32 {
 
 // Training data: radiance by point and direction, summed by cell.
 
-/// What a path found where it had scattered.
+/// Radiance found by a path at a vertex.
 #[derive(Clone, Copy, Debug)]
 pub struct TrainingSample {
     /// The point, metres.
     pub p: [f32; 3],
     /// Its shading normal.
     pub n: [f32; 3],
-    /// Where in the square of directions the path went.
+    /// Bin of the path's direction.
     pub bin: u32,
-    /// Luminance that came from there over the density of the direction, in units of the cosine lobe's density: its mean over
-    /// directions is the irradiance over pi, but for what light samples find.
+    /// Incident luminance over the density of the direction relative to the cosine lobe. Its mean over directions is the irradiance
+    /// over pi, without light samples.
     pub value: f32,
 }
 
-/// A vertex of a path of which it is not yet known what it will find.
+/// A vertex of a path whose incident radiance is not known yet.
 #[derive(Clone, Copy, Debug)]
 pub struct VertexRecord {
     /// All but the value.
     pub training_sample: TrainingSample,
     pub sample: u32,
-    /// Luminance that its sample had so far.
+    /// Luminance of its sample before the vertex.
     pub before: f32,
-    /// Luminance that a value of 1 brings to the sample.
+    /// Luminance of the sample for a value of 1.
     pub carried: f32,
-    /// Mean of such values that is expected there; negative where that is not known.
+    /// Expected mean of values by the guide; negative if unknown.
     pub expected: f32,
     pub ends: bool,
 }
@@ -401,22 +399,22 @@ pub struct CellSample {
     value: f32,
 }
 
-/// Training samples by which the size of cells is chosen, at most.
+/// Most training samples that decide on the size of cells.
 const TRIED: usize = 1 << 15;
 
-/// Parts of the cells, which may learn at the same time.
+/// Parts of the cells, which are updated in parallel.
 const SHARES: usize = 16;
 
-/// The samples of a block, by the share of cells that they are for.
+/// The samples of a block, by part of the cells.
 pub type CellSamples = [Vec<CellSample>; SHARES];
 
 impl Grid {
-    /// Cells so large that at least half of the samples are in cells with `wanted` of them once there are `total`, and as
-    /// small as that allows; `None` without samples.
+    /// The smallest cells such that at least half of the samples are in cells with `wanted` samples once there are `total`; `None` without
+    /// samples.
     pub fn suited_to(samples: &[TrainingSample], total: f64, wanted: f64) -> Option<Grid> {
         let step = samples.len().div_ceil(TRIED).max(1);
         let tried: Vec<&TrainingSample> = samples.iter().step_by(step).collect();
-        // As far as most are: a few on the horizon don't count.
+        // A quantile of distances: a few distant samples don't count.
         let mut distances: Vec<f32> =
             tried.iter().map(|l| l.p.iter().fold(0.0f32, |most, x| most.max(x.abs()))).collect();
         distances.sort_unstable_by(f32::total_cmp);
@@ -424,7 +422,7 @@ impl Grid {
         if farthest <= 0.0 || !farthest.is_finite() {
             return None;
         }
-        // Of those tried, a cell must have so many; a few at least, or chance decides.
+        // Required number in a cell of the samples at hand, at least a few.
         let least = (wanted * tried.len() as f64 / total).max(4.0) as usize;
         let mut edge = farthest / 8192.0;
         loop {
@@ -444,7 +442,7 @@ impl Grid {
         let mut cell_samples: CellSamples = Default::default();
         for sample in samples {
             let key = self.key(sample.p.into(), sample.n.into());
-            // By other bits than those by which tables are sorted.
+            // Other bits than those that the hash map uses.
             let share = (mix64(key) >> 60) as usize;
             cell_samples[share].push(CellSample { key, bin: sample.bin, value: sample.value });
         }
@@ -452,25 +450,25 @@ impl Grid {
     }
 }
 
-/// What a cell has learned.
+/// Sums of training samples of a cell.
 #[derive(Clone, Copy, Debug)]
 pub struct CellSums {
     pub key: u64,
     /// Sums of values by bin.
     pub bins: Bins,
-    /// Of all values and of their squares, and how many there are.
+    /// Sums of all values and of their squares, and the number of samples.
     pub sum: f64,
     pub squares: f64,
     pub count: u32,
 }
 
 impl CellSums {
-    /// Nothing yet.
+    /// Zeros.
     pub fn new(key: u64) -> CellSums {
         CellSums { key, bins: [0.0; BINS], sum: 0.0, squares: 0.0, count: 0 }
     }
 
-    /// Adds what another has learned.
+    /// Adds the sums of another cell.
     pub fn add(&mut self, other: &CellSums) {
         for (sum, bin) in self.bins.iter_mut().zip(&other.bins) {
             *sum += bin;
@@ -481,7 +479,7 @@ impl CellSums {
     }
 }
 
-/// A share of the cells.
+/// A part of the cells.
 #[derive(Clone, Debug, Default)]
 pub struct Share {
     numbers: Numbers,
@@ -489,7 +487,7 @@ pub struct Share {
 }
 
 impl Share {
-    /// Learns. Sums depend on the order of the samples.
+    /// Adds samples. Rounding depends on their order.
     pub fn learn(&mut self, cell_samples: &[CellSample]) {
         for cell_sample in cell_samples {
             let number = self.numbers.insert(cell_sample.key) as usize;
@@ -506,7 +504,7 @@ impl Share {
     }
 }
 
-/// All that was learned.
+/// All training data.
 #[derive(Clone, Debug)]
 pub struct TrainedCells {
     pub grid: Grid,
@@ -514,7 +512,7 @@ pub struct TrainedCells {
 }
 
 impl TrainedCells {
-    /// None yet.
+    /// Without training data.
     pub fn new(grid: Grid) -> TrainedCells {
         TrainedCells { grid, shares: Default::default() }
     }

@@ -27,16 +27,15 @@ use std::ops::Range;
 
 // Recording: vertices that end prefixes or start suffixes.
 
-/// The last bounce at which a prefix may end: before roulette begins.
+/// The last bounce at which a prefix may end: before Russian roulette begins.
 const LAST_BOUNCE: u32 = 2;
 const _: () = assert!(LAST_BOUNCE < FIRST_ROULETTE);
 
-/// Smallest alpha of facets for which connections to other suffixes are worth their rays, if there is no diffuse part.
+/// Least GGX alpha for which connections to other suffixes pay without a diffuse part.
 const LEAST_ALPHA: f32 = 0.1;
 
 impl Integrator<'_> {
-    /// Keeps the vertices where paths are cut. What suffixes bring from now on arrives on its own, as if their
-    /// throughput was 1.
+    /// Records the vertices where paths are cut. Radiance of suffixes is gathered separately from here on, with throughput 1.
     pub(in super::super) fn cut_paths(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         if bounce > LAST_BOUNCE + 1 {
             return;
@@ -76,14 +75,14 @@ impl Integrator<'_> {
             if self.optional.first_bounces {
                 paths.first_bounces.copy_to(i, &mut suffixes.first_bounces, k);
             }
-            // The roulette judges paths by all of their throughput.
+            // Russian roulette uses the whole throughput.
             path.roulette_scale[i] *= throughput.max_element();
             set_rgb(&mut path.throughput, i, Rgb::ONE);
             path.radiance_index[i] += DIRECT;
         }
     }
 
-    /// Finds the diffuse share of what suffixes at glTF materials bring, after they were scattered.
+    /// Computes the diffuse fraction of the radiance of suffixes at glTF materials, after scattering.
     pub(in super::super) fn divide_lobes(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         if bounce > LAST_BOUNCE + 1 {
             return;
@@ -110,7 +109,7 @@ impl Integrator<'_> {
 }
 
 impl Integrator<'_> {
-    /// What a layer leaves of the part of what leaves vertex `i` that is shared with others; `None` if none is.
+    /// Transmittance of the layer of vertex `i` for the shared part of its radiance; `None` if nothing is shared.
     #[inline(always)]
     fn shared_part(&self, v: &Vertices, i: usize, class: u32) -> Option<f32> {
         if class == LAMBERT {
@@ -124,7 +123,7 @@ impl Integrator<'_> {
     }
 }
 
-/// Does a surface spread light enough for its viewers to be connected to other suffixes?
+/// Is a surface rough enough for its prefixes to be connected to other suffixes?
 #[inline(always)]
 fn spreads(v: &Vertices, i: usize, class: u32) -> bool {
     class == LAMBERT
@@ -133,7 +132,7 @@ fn spreads(v: &Vertices, i: usize, class: u32) -> bool {
 }
 
 impl Prefixes {
-    /// Keeps vertex `i` of a wave as the end of the prefix at place `k`.
+    /// Records vertex `i` of a wave as the end of the prefix at place `k`.
     #[inline(always)]
     fn keep(&mut self, k: usize, class: u32, bounce: u32, from: &Vertices, i: usize, throughput: Rgb) {
         let to = &mut self.vertices;
@@ -157,7 +156,7 @@ impl Prefixes {
 }
 
 impl Suffixes {
-    /// Keeps vertex `i` of a wave as the start of the suffix at place `k`.
+    /// Records vertex `i` of a wave as the start of the suffix at place `k`.
     #[inline(always)]
     fn keep(&mut self, k: usize, class: u32, from: &Vertices, i: usize, throughput: Rgb, pdf: f32) {
         let (p, ng) = (get(&from.p, i), get(&from.ng, i));
@@ -177,11 +176,11 @@ impl Suffixes {
 
 // Evaluation: contribution of one suffix to every prefix of a group, in vectorised loops.
 
-/// Places that loops take together: of one group or of several.
+/// Places per loop: of one group or of several.
 pub const RUN: usize = 16;
 const _: () = assert!(WAVE.is_multiple_of(RUN) && WAVE.is_multiple_of(GroupShape::MOST_PIXELS as usize));
 
-/// Fills density and value of the prefixes of a class at runs of places.
+/// Computes density and value of the prefixes of a class at runs of places.
 pub struct Connect<'a, C, const SOFT: bool> {
     pub class: C,
     /// The class in [`Prefixes::class`].
@@ -199,7 +198,7 @@ impl<C: VertexClass, const SOFT: bool> Kernel for Connect<'_, C, SOFT> {
         let Connect { class, class_id, runs, prefixes, pairs } = self;
         let v = &prefixes.vertices;
         for &run in runs {
-            // The bound is for the compiler, which then needs no check in the loop.
+            // The bound lets the compiler drop bounds checks.
             let first = (usize::from(run) * RUN).min(WAVE - RUN);
             for i in first..first + RUN {
                 let way = get(&pairs.y, i) - get(&v.next_origin, i);
@@ -214,7 +213,7 @@ impl<C: VertexClass, const SOFT: bool> Kernel for Connect<'_, C, SOFT> {
                     value *= terminator(ns, ng, wi);
                 }
                 let faces = (cosine > 0.0) & (wi.dot(ng) > 0.0) & (eval.pdf_solid_angle > 0.0);
-                // Paths without throughput end: a prefix can't have found what it gets nothing from.
+                // Paths without throughput end, so a prefix has no density where its contribution is 0.
                 let [r, g, b] = value.to_array();
                 let has_value = (r > 0.0) | (g > 0.0) | (b > 0.0);
                 let has_ended_there = prefixes.ends[i] == pairs.ends[i];
@@ -231,7 +230,7 @@ impl<C: VertexClass, const SOFT: bool> Kernel for Connect<'_, C, SOFT> {
     }
 }
 
-/// Makes the densities of prefixes at runs of places those of guided ones.
+/// Replaces the densities of prefixes at runs of places by the guided ones.
 pub struct GuidePairs<'a> {
     pub runs: &'a [u16],
     pub densities: Table<'a, f32>,
@@ -253,7 +252,7 @@ impl Kernel for GuidePairs<'_> {
                 let wi = way / way.dot(way).sqrt();
                 let is_lambert = prefixes.class[i] == LAMBERT;
                 let is_metal_rough = prefixes.class[i] == METAL_ROUGH;
-                // Others have no cell.
+                // Only these have cells.
                 let cell = v.guided.cell[i] * u32::from(is_lambert | is_metal_rough);
                 let density = densities.at(guiding::place(cell, get(&v.ns, i), wi));
                 let factor = MetalRoughClass.closure(v, i).guided(wi, density);
@@ -271,7 +270,7 @@ pub fn group_of(place: usize, group: usize) -> Range<usize> {
     first..(first + group).min(WAVE)
 }
 
-/// The suffixes of a round and the prefixes that get something from them.
+/// The suffixes of a round and the prefixes of their groups.
 #[derive(Clone, Copy)]
 pub struct Exchange<'a> {
     /// Places of the suffixes.
@@ -284,8 +283,8 @@ pub struct Exchange<'a> {
 }
 
 impl Exchange<'_> {
-    /// Adds to what the prefixes gained, by place. `radiance` leaves the suffixes; by `throughput` their owners get it, by
-    /// `value` others (see [`Pairs::value`]).
+    /// Adds `radiance` of the suffixes to the prefixes, by place: to the owners times `throughput`, to others times `value` (see
+    /// [`Pairs::value`]).
     pub fn receive(
         self,
         radiance: &RgbLanes,
@@ -297,7 +296,7 @@ impl Exchange<'_> {
     }
 }
 
-/// The work of [`Exchange::receive`]. (The sum runs in an order that does not depend on the CPU.)
+/// Kernel of [`Exchange::receive`]. (The order of summation does not depend on the CPU.)
 struct Receive<'a> {
     exchange: Exchange<'a>,
     radiance: &'a RgbLanes,
@@ -329,7 +328,7 @@ impl Kernel for Receive<'_> {
             let own = s.own_density(sender, prefixes);
             let sum = own + ((sums[0] + sums[1]) + (sums[2] + sums[3]));
             let radiance = get_rgb(self.radiance, sender);
-            // Points next to each other have densities beyond all numbers.
+            // Densities of points very close to each other overflow.
             let is_finite = own > 0.0 && sum < f32::INFINITY;
             let share = if is_finite { own / sum } else { 1.0 };
             let value = get_rgb(self.throughput, sender) * radiance * (s.rest[sender] * share);
@@ -351,7 +350,7 @@ impl Kernel for Receive<'_> {
 }
 
 impl Suffixes {
-    /// Density per area with which the owner found its suffix.
+    /// Density per square metre with which the owner sampled its suffix's start.
     #[inline(always)]
     fn own_density(&self, k: usize, prefixes: &Prefixes) -> f32 {
         let way = get(&self.p, k) - get(&prefixes.vertices.next_origin, k);
@@ -360,12 +359,12 @@ impl Suffixes {
     }
 }
 
-// Shared paths by layers. What a prefix gets from a suffix is light that scattered at both, so all of it is indirect. Which
-// of its passes it belongs to, the first scattering of the prefix says; where the prefix ends at it, the direction to the
-// suffix does. What groups of lights bring is radiance at the suffix, shared with the same weights as all.
+// Light passes and light groups of shared paths. Radiance from a suffix scattered at both vertices, so it is indirect. The first bounce
+// of the prefix decides its light pass; where the prefix ends there, the direction to the suffix does. Radiance of light groups is shared
+// with the same weights as the whole.
 
 impl SharedLayers {
-    /// Takes what leaves suffix `k` of each group of lights, and gives what of its light stays with it to its owner.
+    /// Stores the shared radiance of suffix `k` by light group, and adds the rest to its owner.
     pub fn finish_suffix(
         &mut self,
         k: usize,
@@ -393,7 +392,7 @@ impl SharedLayers {
         }
     }
 
-    /// Adds what the prefixes get from the suffixes of a round.
+    /// Adds radiance of the suffixes of a round to prefixes.
     pub fn receive(&mut self, exchange: Exchange<'_>) {
         let Exchange { senders, group, prefixes, suffixes: s, pairs } = exchange;
         if let Some(diffuse) = &mut self.diffuse {
@@ -407,7 +406,7 @@ impl SharedLayers {
         }
     }
 
-    /// Brings what prefixes got, of all `total`, to the layers of a sample.
+    /// Adds radiance of a prefix, `total` in all, to the layers of its sample.
     pub fn deliver(
         &self,
         k: usize,
@@ -430,7 +429,7 @@ impl SharedLayers {
     }
 }
 
-/// The diffuse part of what prefixes would get from the suffixes of their turn.
+/// The diffuse part of the contributions of a round.
 fn fill_diffuse(senders: &[u16], group: usize, prefixes: &Prefixes, pairs: &Pairs, value: &mut RgbLanes) {
     let v = &prefixes.vertices;
     for &sender in senders {
@@ -449,7 +448,7 @@ fn fill_diffuse(senders: &[u16], group: usize, prefixes: &Prefixes, pairs: &Pair
 }
 
 impl Reuse {
-    /// Brings what all prefixes got to their samples.
+    /// Adds the radiance of all prefixes to their samples.
     pub fn deliver(&self, radiance_buffer: &mut RadianceBuffer) {
         for (k, &sample) in self.samples[..WAVE].iter().enumerate() {
             let (sample, gained) = (u32::from(sample), get_rgb(&self.gained, k));
@@ -461,17 +460,17 @@ impl Reuse {
 
 // Connection of each prefix of a group to each suffix.
 
-/// Groups from this size on test visibility together: fewer rays are sooner tested one by one.
+/// Least group size for testing visibility together: fewer rays are faster one by one.
 const FAN: usize = 16;
 
-/// So do sets of at least this many rays.
+/// Least number of rays for that.
 const LEAST_RAYS: u32 = 5;
 
 /// End of prefixes for a missing suffix.
 const NO_END: u32 = u32::MAX;
 
 impl Integrator<'_> {
-    /// Brings to every prefix what the suffixes of its group found.
+    /// Connects every prefix to the suffixes of its group.
     pub(in super::super) fn share_paths(&self, tiling: &Tiling, w: &mut Workspace) {
         let Some(mut reuse) = w.reuse.take() else { return };
         self.finish_suffixes(&mut reuse, w);
@@ -501,7 +500,7 @@ impl Integrator<'_> {
         w.reuse = Some(reuse);
     }
 
-    /// Sums up what leaves each suffix. What is not shared goes to its owner.
+    /// Sums the radiance of each suffix. The part that is not shared goes to its owner.
     fn finish_suffixes(&self, reuse: &mut Reuse, w: &mut Workspace) {
         if self.options.keeps_plain {
             w.radiance_buffer.keep_plain();
@@ -532,7 +531,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Makes the densities those of prefixes that are guided.
+    /// Replaces the densities by guided ones.
     fn guide_pairs(&self, round: &Round, reuse: &mut Reuse) {
         if let Some(guide) = self.options.guide {
             let Reuse { prefixes, pairs, .. } = reuse;
@@ -541,7 +540,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Prefixes that can't reach the suffix of their turn get no density; neither does the owner, which needs no test.
+    /// Sets the density of prefixes to 0 where the suffix is occluded. The owner needs no test.
     fn test_visibility(&self, round: &Round, reuse: &mut Reuse, w: &mut Workspace) {
         for &sender in &round.senders {
             reuse.pairs.density[usize::from(sender)] = 0.0;
@@ -567,8 +566,8 @@ impl Integrator<'_> {
             }
         }
         let before = w.ray_counts.all;
-        // Whatever the bounce: surfaces that are absent at random, whose random numbers differ by it, are in no scene that is
-        // shared; lamps that stop no light may be.
+        // The bounce doesn't matter: scenes with surfaces that are absent at random, by numbers that depend on it, don't share paths. Lights
+        // that cast no shadows are possible.
         self.test_shadow_rays(1, w);
         w.ray_counts.single += w.ray_counts.all - before;
         for (&i, &occluded) in w.shadow_vertices.iter().zip(&w.occluded) {
@@ -578,7 +577,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// The prefixes of a group together against a suffix. Returns those that must be tested one by one.
+    /// Tests the prefixes of a group against a suffix together. Returns those that must be tested one by one.
     fn test_fan(&self, sender: usize, group: usize, asked: u64, reuse: &mut Reuse, w: &mut Workspace) -> u64 {
         if asked.count_ones() < LEAST_RAYS {
             return asked;
@@ -608,7 +607,7 @@ impl Integrator<'_> {
         unknown
     }
 
-    /// What the layers of glTF materials at the suffixes leave towards the prefixes; too little is as good as hidden.
+    /// Transmittances of the layers of glTF materials at the suffixes towards the prefixes; too small ones count as occluded.
     fn test_layers(&self, round: &Round, reuse: &mut Reuse) {
         let Reuse { prefixes, suffixes, pairs, .. } = reuse;
         for &sender in &round.senders {
@@ -634,17 +633,17 @@ impl Integrator<'_> {
     }
 }
 
-/// Which numbers are positive, one bit each.
+/// One bit for each positive number.
 fn positive(densities: &[f32]) -> u64 {
     densities.iter().enumerate().fold(0, |set, (k, density)| set | u64::from(*density > 0.0) << k)
 }
 
-/// Which suffixes are connected at a time: one of each group.
+/// The suffixes of a round: one of each group.
 #[derive(Default)]
 struct Round {
     /// Places of a group.
     group: usize,
-    /// Which member of each group.
+    /// Index within each group.
     turn: usize,
     /// Runs of places with a suffix.
     runs: Vec<u16>,
@@ -653,7 +652,7 @@ struct Round {
 }
 
 impl Round {
-    /// Hands the suffixes of a member of each group to the members.
+    /// Copies the suffixes of a round to the places of their groups.
     fn take_turn(&mut self, turn: usize, reuse: &mut Reuse) {
         let Reuse { prefixes, suffixes: s, pairs, .. } = reuse;
         self.turn = turn;
@@ -681,7 +680,7 @@ impl Round {
     }
 }
 
-/// Fills the pairs of a round, by the loops of the classes that there are.
+/// Computes the pairs of a round, with a loop for each class of prefixes.
 fn connect<const SOFT: bool>([lambert, metal_rough]: [bool; 2], runs: &[u16], reuse: &mut Reuse) {
     let Reuse { prefixes, pairs, .. } = reuse;
     for &run in runs {

@@ -1,4 +1,4 @@
-//! What a wave keeps to share its paths: ends of prefixes and starts of suffixes, by place (see [`super::Tiling`]).
+//! Buffers of a wave for path sharing: ends of prefixes and starts of suffixes, by place (see [`super::Tiling`]).
 
 use crate::bsdf::{ShadingModel, above};
 use crate::color::Rgb;
@@ -20,7 +20,7 @@ pub const METAL_ROUGH: u32 = 2;
 /// Ends of prefixes.
 #[derive(Zeroable)]
 pub struct Prefixes {
-    /// The surfaces. `next_origin` is where rays start there; only what closures are made of is there besides.
+    /// The surfaces: the data of closures, and `next_origin`, the origin of rays.
     pub vertices: Vertices,
     /// Throughput from the camera up to the surface.
     pub throughput: RgbLanes,
@@ -28,7 +28,8 @@ pub struct Prefixes {
     pub class: Words,
     /// Number of earlier bounces of the path.
     pub bounce: Words,
-    /// That, and whether light that suffixes find is left to paths from lamps, as a number: only prefixes alike share suffixes.
+    /// The number of earlier bounces combined with whether suffixes leave out light that light paths find. Only prefixes with equal values
+    /// share suffixes.
     pub ends: Words,
     /// First bounce of the path, diffuse for prefixes that end there. Used with light passes only.
     pub first_bounces: FirstBounces,
@@ -44,30 +45,29 @@ pub struct Suffixes {
     pub ng: Lanes3,
     /// Shading normal.
     pub ns: Lanes3,
-    /// Towards the end of the prefix.
+    /// Direction to the end of the prefix.
     pub wo: Lanes3,
     /// Where shadow rays to the surface end.
     pub target: Lanes3,
-    /// Throughput of the path there, and the density per solid angle with which its direction was chosen.
+    /// Throughput of the path there, and the density of its direction, per steradian.
     pub throughput: RgbLanes,
     pub pdf: Lanes,
     /// Of glTF materials.
     pub material: MetalRoughMaterials,
-    /// Which share of the diffuse part the layer leaves towards the end of the prefix.
+    /// Transmittance of the layer above the diffuse part towards the end of the prefix.
     pub rest: Lanes,
-    /// Of glTF materials: the diffuse share of the radiance from the light sample, and from where the path goes on, before
-    /// what the layer takes.
+    /// Of glTF materials: diffuse fraction of the radiance from the light sample and from the scattered ray, below the layer.
     pub direct_share: RgbLanes,
     pub scattered_share: RgbLanes,
-    /// Radiance that leaves towards everybody; of glTF materials, before what the layer takes.
+    /// Radiance towards all prefixes; of glTF materials, below the layer.
     pub radiance: RgbLanes,
     /// First bounce of the path. Used with light passes only.
     pub first_bounces: FirstBounces,
 }
 
 impl Suffixes {
-    /// Divides what arrives at a suffix from its light samples and from where the path goes on into what leaves towards
-    /// everybody, of glTF materials before what the layer takes, and what leaves towards its owner beside that.
+    /// Divides the radiance of a suffix from its light samples and its scattered ray into the part for all prefixes (of glTF materials,
+    /// below the layer), and the rest for its owner.
     #[inline(always)]
     pub fn divide(&self, k: usize, direct: Rgb, scattered: Rgb) -> (Rgb, Rgb) {
         let radiance = direct + scattered;
@@ -80,23 +80,23 @@ impl Suffixes {
     }
 }
 
-/// A round: at each place, a prefix and the suffix of its group whose turn it is.
+/// A round: at each place, a prefix and one suffix of its group.
 #[derive(Zeroable)]
 pub struct Pairs {
-    /// Where the suffix starts, and its normal.
+    /// Position and normal of the suffix's start.
     pub y: Lanes3,
     pub ng: Lanes3,
     /// Required end of prefixes (see [`Prefixes::ends`]); no prefix has the value used without a suffix.
     pub ends: Words,
-    /// Density per area with which the prefix might have found the suffix.
+    /// Density per square metre with which the prefix samples the suffix's start.
     pub density: Lanes,
-    /// Which share of the radiance from the suffix the layer there leaves towards the prefix.
+    /// Transmittance of the suffix's layer towards the prefix.
     pub rest: Lanes,
-    /// What a radiance of 1 from the suffix would bring to the prefix, with all factors but the density of suffixes.
+    /// Contribution to the prefix of a radiance of 1 from the suffix, without the density of suffixes.
     pub value: RgbLanes,
 }
 
-/// What a wave keeps to share its paths.
+/// Buffers of a wave for path sharing.
 pub struct Reuse {
     /// Place of each sample: see `Tiling::number`.
     pub places: [u16; LENGTH],
@@ -107,9 +107,9 @@ pub struct Reuse {
     /// By place.
     pub suffixes: Box<Suffixes>,
     pub pairs: Box<Pairs>,
-    /// By place: what prefixes got from the suffixes of their group.
+    /// By place: radiance of prefixes from the suffixes of their group.
     pub gained: Box<RgbLanes>,
-    /// The same of the layers that are asked for.
+    /// The same for light passes and light groups.
     pub layers: SharedLayers,
     pub fans: Fans,
 }
@@ -122,16 +122,16 @@ pub struct Fans {
 }
 
 impl Fans {
-    /// So many are tried before it is judged whether they help.
+    /// Tests before success is judged.
     const TRIED_AT_LEAST: u32 = 32;
 
-    /// Counts one, in which some rays had to be tested one by one or none.
+    /// Counts a test; `is_lost` if some rays had to be traced one by one.
     pub fn count(&mut self, is_lost: bool) {
         self.tried += 1;
         self.lost += u32::from(is_lost);
     }
 
-    /// Were most of them a help?
+    /// Did most tests succeed?
     pub fn are_worth_it(self) -> bool {
         self.tried < Self::TRIED_AT_LEAST || 2 * self.lost <= self.tried
     }
@@ -161,16 +161,16 @@ impl Reuse {
 /// Index of the radiance that arrives at the suffix of a sample from its light samples.
 pub const DIRECT: u32 = WAVE as u32;
 
-/// Index of the radiance that arrives there from where the path goes on.
+/// Index of the radiance that arrives there from the scattered ray.
 pub const SCATTERED: u32 = 2 * WAVE as u32;
 
 // The layer of glTF materials above their diffuse part, whose transmittance depends on the direction.
 
-/// Least share that a layer must leave for a viewer: below, few directions are sampled for the diffuse part, and what they
-/// bring would be scaled up for others.
+/// Least transmittance of a layer for sharing: below, few directions are sampled for the diffuse part, and their radiance would be scaled
+/// up for other prefixes.
 pub const LEAST_REST: f32 = 0.1;
 
-/// The share that the layer of material `k` leaves towards a viewer.
+/// Transmittance of the layer of material `k` in direction `wo`.
 pub fn layer_rest(m: &MetalRoughMaterials, k: usize, ns: Vec3, wo: Vec3, shading: ShadingModel) -> f32 {
     let material = load_material(m, k, shading);
     material.closure(above(Frame::from_normal(ns).to_local(wo))).rest
@@ -178,17 +178,16 @@ pub fn layer_rest(m: &MetalRoughMaterials, k: usize, ns: Vec3, wo: Vec3, shading
 
 // Buffers for sharing light passes and light groups: see `connect.rs`.
 
-/// What a wave keeps to share the layers of its paths, by place.
+/// Light passes and light groups of shared paths, by place.
 #[derive(Default)]
 pub struct SharedLayers {
-    /// Of light passes: the diffuse parts of what pairs would get, of the throughputs of suffixes, and of what prefixes got;
-    /// nothing without passes.
+    /// For light passes: diffuse parts of pairs, of throughputs of suffixes and of radiance of prefixes; none without passes.
     pub diffuse: Option<Box<Diffuse>>,
-    /// Of groups of lights.
+    /// For light groups.
     pub groups: Vec<Box<GroupLanes>>,
 }
 
-/// What concerns the diffuse passes.
+/// Diffuse parts.
 #[derive(Zeroable)]
 pub struct Diffuse {
     pub value: RgbLanes,
@@ -196,7 +195,7 @@ pub struct Diffuse {
     pub gained: RgbLanes,
 }
 
-/// What leaves suffixes of the light of a group, and what prefixes got of it.
+/// Radiance of suffixes from a light group, and of prefixes by it.
 #[derive(Zeroable)]
 pub struct GroupLanes {
     pub radiance: RgbLanes,
@@ -204,7 +203,7 @@ pub struct GroupLanes {
 }
 
 impl SharedLayers {
-    /// Empties them for a wave.
+    /// Resets the buffers for a wave.
     pub fn reset(&mut self, layers: Layers) {
         self.diffuse = layers.has_passes().then(bytemuck::zeroed_box);
         self.groups.clear();

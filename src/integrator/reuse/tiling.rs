@@ -1,4 +1,4 @@
-//! Which samples of a picture share their paths.
+//! Groups of pixels that share paths.
 
 use super::super::sampling::{Block, SampleCursor};
 use super::super::wave::{LENGTH, WAVE};
@@ -14,8 +14,8 @@ pub const INTERVAL: u32 = 8;
 ///
 /// A group has `width` by `height` pixels, one of each cell of `spacing` by `spacing` pixels, so that `spacing * spacing`
 /// groups lie within each other. With a spacing of 1, a group is a solid block. With a larger one, the pixels of each cell
-/// belong to different groups: what groups have in common is spread over a larger area, and what differs between them is
-/// noise of high frequency, which the eye and denoisers take away easily.
+/// belong to different groups: error that is correlated within a group covers a larger area, and differences between groups are
+/// noise of high frequency, which the eye and denoisers remove easily.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GroupShape {
     width: u32,
@@ -24,7 +24,7 @@ pub struct GroupShape {
 }
 
 impl GroupShape {
-    /// Largest edge of a group with what is within it, in pixels.
+    /// Largest extent of a group, in pixels.
     const MOST_EDGE: u32 = 32;
     /// Most pixels of a group.
     pub(super) const MOST_PIXELS: u32 = 64;
@@ -34,7 +34,7 @@ impl GroupShape {
     pub fn new(width: u32, height: u32, spacing: u32) -> Option<GroupShape> {
         let is_shape = [width, height, spacing].iter().all(|v| v.is_power_of_two());
         let edge = width.max(height).checked_mul(spacing)?;
-        // Both are at most 32 where the first two are true.
+        // No overflow: both are at most 32 if the first two conditions hold.
         let is_possible = is_shape
             && edge <= GroupShape::MOST_EDGE
             && (2..=GroupShape::MOST_PIXELS).contains(&(width * height));
@@ -148,7 +148,7 @@ fn place(shape: GroupShape, pass: u32, x: u32, y: u32) -> u16 {
     let GroupShape { width, height, spacing } = shape;
     let (column, row) = (x / spacing, y / spacing);
     let columns = shape.region() / spacing;
-    // The pixels of each cell are dealt to the groups in an order of its own.
+    // A permutation by cell assigns its pixels to groups.
     let key = hash32(pass.wrapping_mul(0x9e37_79b9) ^ hash32(row * columns + column));
     let (dx, dy) = ((x ^ key) % spacing, (y ^ (key >> 8)) % spacing);
     let (dx, dy) = if (key >> 16) & 1 == 0 { (dx, dy) } else { (dy, dx) };
