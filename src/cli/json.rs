@@ -83,6 +83,8 @@ struct RunReport<'a> {
     outputs: &'a [String],
     notes: Vec<String>,
     warnings: Vec<String>,
+    /// Codes of the warnings, in their order; empty where one has none.
+    warning_codes: Vec<&'static str>,
     left_out: &'a [String],
 }
 
@@ -124,6 +126,7 @@ pub(crate) fn of_run(run: &Run) -> impl Serialize {
         outputs: &run.outputs,
         notes: texts(&run.notes),
         warnings: texts(&run.warnings),
+        warning_codes: run.warnings.iter().map(|warning| warning.code).collect(),
         left_out: &run.left_out,
     }
 }
@@ -140,6 +143,8 @@ struct ErrorReport {
     exit_code: u8,
     file: Option<String>,
     problems: Vec<String>,
+    /// Codes of the problems, in their order; empty where one has none.
+    codes: Vec<&'static str>,
 }
 
 /// The object about an error that ends the program with this code.
@@ -151,7 +156,8 @@ pub(crate) fn of_error(error: &Error, exit_code: u8) -> impl Serialize {
         ErrorKind::Interrupted => "interrupted",
     };
     let file = error.file.as_ref().map(|f| f.display().to_string());
-    Failure { error: ErrorReport { kind, exit_code, file, problems: texts(&error.problems) } }
+    let codes = error.problems.iter().map(|problem| problem.code).collect();
+    Failure { error: ErrorReport { kind, exit_code, file, problems: texts(&error.problems), codes } }
 }
 
 fn texts(list: &[impl Display]) -> Vec<String> {

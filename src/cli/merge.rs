@@ -53,7 +53,10 @@ fn merge(args: &MergeArgs) -> Result<Outcome> {
     parts.sort_by_key(|(_, header)| (header.first_sample, header.region.y0, header.region.x0));
     let missing = check_parts(&parts)?;
     if !missing.is_empty() && !args.allow_missing {
-        let problems = missing.iter().map(|what| Problem::new("", format!("no part has {what}"))).collect();
+        let problems = missing
+            .iter()
+            .map(|what| Problem::new("", format!("no part has {what}")).with_code("part-missing"))
+            .collect();
         let error = Error::input_problems(&parts[0].0, problems);
         return Err(error.with_help("render what is missing, or take what is there by --allow-missing"));
     }
@@ -68,7 +71,9 @@ fn merge(args: &MergeArgs) -> Result<Outcome> {
     let finish = &first.finish;
     let mut earlier: Vec<Warning> = finish.warnings.iter().map(Warning::general).collect();
     if !missing.is_empty() {
-        earlier.push(Warning::general(format!("parts are missing: {}", missing.join("; "))));
+        earlier.push(
+            Warning::general(format!("parts are missing: {}", missing.join("; "))).with_code("part-missing"),
+        );
     }
     let samples = film.mean_samples();
     let shot = FinishedPicture {

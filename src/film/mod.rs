@@ -2,8 +2,8 @@
 //!
 //! Every sample belongs to one pixel (filters are importance-sampled, see [`FilterSampler`]), so a pixel is a sum and a
 //! count. Sums of a tile are f64: adding f32 values to them loses nothing that a picture could show, however many samples.
-//! Sums of a film are exact (`exact.rs`): tiles and films may be added in any order. It is kept in bands of rows (`band.rs`), to
-//! which many threads add at once (`shared.rs`).
+//! Sums of a film are exact (`exact_sum.rs`): tiles and films may be added in any order. It is stored in bands of rows (`band.rs`), to
+//! which many threads add at once.
 
 mod aov;
 mod band;

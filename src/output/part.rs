@@ -19,25 +19,25 @@ use std::sync::Arc;
 
 // Reading and writing files of sums.
 
-/// What files begin with; the number is that of the format.
+/// Magic number with the version of the format.
 const MAGIC: &[u8; 16] = b"oscura part 0002";
 
-/// Longest head.
+/// Maximum length of the header, bytes.
 const LONGEST_HEAD: u64 = 64 << 20;
 
-/// All that a file holds.
+/// Contents of a partial render or checkpoint.
 pub struct PartFile {
-    /// What it says about itself.
+    /// Header.
     pub header: PartHeader,
-    /// The sums, at their place in the picture.
+    /// Film, at its position in the picture.
     pub film: Film,
-    /// What lies behind the picture.
+    /// Background image.
     pub backdrop: Option<Backdrop>,
-    /// What rendering needs besides to go on.
+    /// Further state that resuming needs.
     pub further: Vec<u8>,
 }
 
-/// Passes bytes on and keeps their checksum.
+/// Writer that computes a checksum.
 struct Checked<T> {
     inner: T,
     sum: crc32fast::Hasher,
@@ -69,7 +69,7 @@ impl<T: Read> Read for Checked<T> {
     }
 }
 
-/// Writes a file of sums, whole or not at all. The header's notes on what lies behind and on what follows are made here.
+/// Writes a part file atomically. Fills in the header's entries about the background and the state.
 ///
 /// # Errors
 /// An output error; an older file of that name is unharmed then.
@@ -106,7 +106,7 @@ pub fn write_part(
     })
 }
 
-/// Reads the head of a file of sums. Whether the rest is there and whole, [`read_part`] finds out.
+/// Reads the header of a part file; [`read_part`] checks the rest.
 ///
 /// # Errors
 /// An input error if it is no such file.
@@ -115,7 +115,7 @@ pub fn read_header(path: &Path) -> Result<PartHeader> {
     Ok(opened.header)
 }
 
-/// Reads a file of sums.
+/// Reads a part file.
 ///
 /// # Errors
 /// An input error if it is none or damaged, a usage error if there is no memory for it.
@@ -152,11 +152,11 @@ pub fn read_part(path: &Path) -> Result<PartFile> {
     }
 }
 
-/// A file behind its head.
+/// A part file after its header.
 struct Opened {
     reader: Checked<BufReader<File>>,
     header: PartHeader,
-    /// Bytes that follow.
+    /// Remaining bytes.
     left: u64,
 }
 
@@ -169,11 +169,11 @@ fn open(path: &Path) -> Result<Opened> {
     let begun = reader.read_exact(&mut magic).and_then(|()| reader.read_exact(&mut length));
     let is_part = begun.is_ok() && magic[..12] == MAGIC[..12];
     if !is_part {
-        let help = "such files are written by rendering a part of a picture, or as checkpoints";
-        return Err(Error::input(path, "is no file of sums").with_help(help));
+        let help = "part files are written by rendering a part of a picture, and as checkpoints";
+        return Err(Error::input(path, "is not a part file").with_help(help).with_code("not-a-part"));
     }
     if &magic != MAGIC {
-        let message = "is a file of sums of another version of the program";
+        let message = "is a part file of another version of the program";
         return Err(Error::input(path, message).with_help("render it again"));
     }
     let length = u64::from_le_bytes(length);
@@ -187,7 +187,7 @@ fn open(path: &Path) -> Result<Opened> {
     Ok(Opened { reader, header, left })
 }
 
-/// Do the numbers of a head make sense together?
+/// Checks that the numbers of a header are consistent.
 fn check(header: &PartHeader) -> std::result::Result<(), &'static str> {
     let PartHeader { width, height, samples, region, first_sample, end_sample, .. } = header;
     let is_within =
@@ -225,15 +225,15 @@ fn damaged(path: &Path, what: &str) -> Error {
     Error::input(path, format!("is damaged: {what}")).with_help("render it again")
 }
 
-// What a file of sums says about itself.
+// Header of part files.
 
-/// What a picture depends on, by name: options with their values, and fingerprints of what is too long to be told.
+/// Everything that the samples of a picture depend on, by name: values of settings, fingerprints of scene data.
 pub type Identity = BTreeMap<String, String>;
 
-/// Values of identities that begin so are fingerprints.
+/// Prefix of values that are fingerprints.
 pub const PRINT: &str = "#";
 
-/// What differs between two identities, in words.
+/// Messages about the differences of two identities.
 pub fn differences(ours: &Identity, theirs: &Identity) -> Vec<String> {
     let names = ours.keys().chain(theirs.keys().filter(|name| !ours.contains_key(*name)));
     let differing = names.filter(|name| ours.get(*name) != theirs.get(*name));
@@ -279,21 +279,21 @@ impl std::fmt::Display for Region {
     }
 }
 
-/// How paths are traced.
+/// Techniques that paths were traced with.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Way {
-    /// Paths that go on from the first surface of each sample.
+    /// Path splitting: number of paths from the first hit of each camera ray.
     pub branches: u32,
-    /// In which groups pixels share paths.
+    /// Path reuse: block of pixels that share paths.
     pub shared: Option<String>,
 }
 
-/// What was spent.
+/// Cost of rendering.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Effort {
-    /// Seconds of rendering by the wall's clock.
+    /// Wall-clock time of rendering, seconds.
     pub wall_s: f64,
-    /// The same of processors.
+    /// CPU time of rendering, seconds.
     pub cpu_s: f64,
     /// Paths.
     pub paths: u64,
@@ -301,27 +301,27 @@ pub struct Effort {
     pub rays: u64,
 }
 
-/// Which channels a film has.
+/// Channels of the film.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Channels {
-    /// AOVs by their options.
+    /// AOVs by option name.
     pub aovs: Vec<String>,
-    /// Ranks of ids of mattes.
+    /// Number of Cryptomatte ranks.
     pub matte_levels: u32,
-    /// Names of the groups of lights that have channels.
+    /// Names of the light groups.
     pub light_groups: Vec<String>,
-    /// Are the halves of the samples kept apart?
+    /// The first half of the samples is stored separately.
     pub halves: bool,
-    /// Is what shadow catchers catch kept?
+    /// Shadow catchers are recorded.
     #[serde(default)]
     pub catchers: bool,
-    /// Are only shadows shown of it?
+    /// Shadow catchers show shadows only.
     #[serde(default)]
     pub shadows_only: bool,
 }
 
 impl Channels {
-    /// What is shown of what shadow catchers catch.
+    /// What shadow catchers show.
     pub fn caught(&self) -> CatcherOutput {
         if self.shadows_only { CatcherOutput::Shadows } else { CatcherOutput::All }
     }
@@ -345,67 +345,67 @@ impl Channels {
     }
 }
 
-/// What lies behind a picture where it is transparent. A picture follows the sums.
+/// Background behind transparent pixels. The pixels of an image follow the film.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub enum Behind {
     /// Nothing.
     #[default]
     Nothing,
-    /// The bits of a linear colour.
+    /// Linear colour, as bits of floats.
     Color([u32; 3]),
-    /// A picture so wide and high, RGBA in single floats.
+    /// Image of this width and height, RGBA, 32-bit floats.
     Picture(u32, u32),
 }
 
-/// How pictures are written that are made of the sums. Floats are kept as bits.
+/// Output settings of pictures made of the film. Floats are stored as bits.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Finish {
     /// Seed of all randomness.
     pub seed: u32,
-    /// From world to camera space, by columns.
+    /// World-to-camera matrix, column-major.
     pub world_to_camera: [u64; 16],
-    /// From there to normalized device coordinates, if that is known.
+    /// World-to-NDC matrix, if known.
     #[serde(default)]
     pub world_to_ndc: Option<[u64; 16]>,
-    /// Width over height of a pixel; square where there is none.
+    /// Pixel aspect ratio, width over height; 1 if `None`.
     #[serde(default)]
     pub pixel_aspect: Option<u64>,
-    /// Which space AOVs of places and directions are in, by name; the world's where there is none.
+    /// Coordinate space of AOVs, by name; world space if `None`.
     #[serde(default)]
     pub aov_space: String,
-    /// How far from the world's origin the scene's coordinates have theirs.
+    /// Offset of the scene's origin from the world's.
     pub world_offset: Option<[u64; 3]>,
-    /// Names that the mattes may show, matte by matte.
+    /// Names of the Cryptomatte manifests, per matte.
     pub mattes: Vec<Vec<String>>,
-    /// What was ignored, approximated or repaired before the first sample.
+    /// Warnings of loading and compiling.
     pub warnings: Vec<String>,
-    /// The noise is to be taken out; then only these AOVs stay, by their options.
+    /// Denoise the picture and keep only these AOVs, by option name.
     #[serde(default)]
     pub denoise: Option<Vec<String>>,
-    /// Whose picture it is.
+    /// Owner of the image.
     pub owner: Option<String>,
-    /// 32-bit colours in EXRs.
+    /// 32-bit floats for colour in EXRs.
     pub float: bool,
-    /// Leave times and dates out.
+    /// Write no dates and render times.
     pub reproducible: bool,
-    /// View transform of PNGs and the like, by name.
+    /// View transform of display-referred output, by name.
     pub view: String,
-    /// The temperature of the light that looks white in them, kelvin, as bits.
+    /// White balance of display-referred output, kelvin, as bits.
     pub white_balance: Option<u32>,
-    /// Have they 16 bits a channel?
+    /// 16 bits per channel in display-referred output.
     pub deep: bool,
-    /// Their exposure, stops.
+    /// Exposure of display-referred output, stops.
     pub exposure: u32,
-    /// Are they dithered?
+    /// Dither display-referred output.
     pub dither: bool,
-    /// Do they stand before black?
+    /// Display-referred output is composited over black.
     #[serde(default)]
     pub opaque: bool,
-    /// What lies behind the picture.
+    /// Background image.
     pub behind: Behind,
 }
 
-/// A file's head.
+/// Header of a part file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PartHeader {
     /// What the picture depends on.
@@ -426,7 +426,7 @@ pub struct PartHeader {
     pub way: Option<Way>,
     /// Channels.
     pub channels: Channels,
-    /// What was spent.
+    /// Cost of rendering.
     pub effort: Effort,
     /// How pictures are written.
     pub finish: Finish,
@@ -480,7 +480,8 @@ pub fn check_parts(parts: &[(PathBuf, PartHeader)]) -> Result<Vec<String>> {
             different.push("its paths are traced in another way".to_string());
         }
         let what = format!("is of another picture than {}: {}", first_file.display(), different.join("; "));
-        (!different.is_empty()).then(|| Problem::new(file.display().to_string(), what))
+        (!different.is_empty())
+            .then(|| Problem::new(file.display().to_string(), what).with_code("part-of-another-picture"))
     });
     let mut problems: Vec<Problem> = foreign.collect();
     if problems.is_empty() {
@@ -516,7 +517,7 @@ fn overlaps(parts: &[(PathBuf, PartHeader)]) -> Vec<Problem> {
         for (earlier, other) in &parts[..at] {
             if let Some(both) = common(&bounds(header), &bounds(other)) {
                 let message = format!("has {}, which {} has as well", words(&both), earlier.display());
-                problems.push(Problem::new(file.display().to_string(), message));
+                problems.push(Problem::new(file.display().to_string(), message).with_code("parts-overlap"));
             }
         }
     }
