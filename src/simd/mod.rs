@@ -246,7 +246,7 @@ pub fn dispatch_lanes_at<K: LanesKernel>(level: Level, kernel: K) -> K::Output {
     #[cfg(target_arch = "aarch64")]
     if level.min(best_level()) == Level::Neon {
         // SAFETY: `best_level` saw that the CPU has NEON, which is what the whole program is compiled with.
-        return kernel.run(unsafe { lanes::neon::NeonLanes::new() });
+        return kernel.run(unsafe { neon::NeonLanes::new() });
     }
     let _ = level;
     kernel.run(lanes::ScalarLanes)
@@ -256,12 +256,12 @@ pub fn dispatch_lanes_at<K: LanesKernel>(level: Level, kernel: K) -> K::Output {
 #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,avx512cd,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
 fn run_lanes_avx512<K: LanesKernel>(kernel: K) -> K::Output {
     // SAFETY: this function runs only on CPUs that have its features.
-    kernel.run(unsafe { lanes::x86::Avx512::new() })
+    kernel.run(unsafe { x86::Avx512::new() })
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
 fn run_lanes_avx2<K: LanesKernel>(kernel: K) -> K::Output {
     // SAFETY: as above.
-    kernel.run(unsafe { lanes::x86::Avx2::new() })
+    kernel.run(unsafe { x86::Avx2::new() })
 }

@@ -2,6 +2,7 @@
 //! asked for holds, and none is fused but the box test's.
 
 use super::block::{self, BlockQuery, BoxRay, Entry, LANES_OF_MASK, Planes, TriangleBlock};
+use super::lanes::Lanes;
 use super::wide::{WIDEN_UNITS, Wide};
 use core::arch::aarch64::*;
 
@@ -341,5 +342,55 @@ impl Wide for Neon {
             return [f32::NAN; 4];
         }
         above.quotients(below)
+    }
+}
+
+/// NEON, which every AArch64 program is compiled with: four registers a vector.
+#[derive(Clone, Copy, Debug)]
+pub struct NeonLanes(());
+
+impl NeonLanes {
+    /// # Safety
+    /// The CPU must have NEON.
+    #[inline(always)]
+    pub(super) unsafe fn new() -> NeonLanes {
+        NeonLanes(())
+    }
+}
+
+// SAFETY: `self` exists, so the CPU has NEON; loads and stores go through references to arrays of the vector's size.
+impl Lanes for NeonLanes {
+    type F16 = [float32x4_t; 4];
+
+    const HAS_MANY_REGISTERS: bool = false;
+
+    #[inline(always)]
+    fn load(self, from: &[f32; 16]) -> Self::F16 {
+        // SAFETY: see above.
+        std::array::from_fn(|k| unsafe { vld1q_f32(from.as_ptr().add(4 * k)) })
+    }
+
+    #[inline(always)]
+    fn splat(self, number: f32) -> Self::F16 {
+        // SAFETY: registers only.
+        [unsafe { vdupq_n_f32(number) }; 4]
+    }
+
+    #[inline(always)]
+    fn mul_add(self, a: Self::F16, b: Self::F16, c: Self::F16) -> Self::F16 {
+        // SAFETY: registers only.
+        std::array::from_fn(|k| unsafe { vfmaq_f32(c[k], a[k], b[k]) })
+    }
+
+    #[inline(always)]
+    fn store_positive(self, v: Self::F16, to: &mut [f32; 16]) {
+        // SAFETY: see above.
+        unsafe {
+            let zero = vdupq_n_f32(0.0);
+            for k in 0..4 {
+                let positive = vbslq_f32(vcgtq_f32(v[k], zero), v[k], zero);
+                vst1q_f32(to.as_mut_ptr().add(4 * k), positive);
+            }
+        }
     }
 }

@@ -1,6 +1,7 @@
 //! The x86 levels of [`Wide`]: the same registers and instructions, but for AVX-512's compression.
 
 use super::block::{self, BlockQuery, BoxRay, Entry, Planes, TriangleBlock, compress};
+use super::lanes::Lanes;
 use super::wide::{WIDEN_UNITS, Wide};
 use core::arch::x86_64::*;
 
@@ -298,5 +299,98 @@ impl<const AVX512: bool> Wide for X86<AVX512> {
             _mm_storeu_ps(out.as_mut_ptr(), t);
             out
         }
+    }
+}
+
+/// AVX2 and FMA: two registers a vector. A value exists only inside a function compiled for the level.
+#[derive(Clone, Copy, Debug)]
+pub struct Avx2(());
+
+/// AVX-512 F: a register a vector. A value exists only inside a function compiled for the level.
+#[derive(Clone, Copy, Debug)]
+pub struct Avx512(());
+
+impl Avx2 {
+    /// # Safety
+    /// The CPU must have AVX2 and FMA.
+    #[inline(always)]
+    pub(super) unsafe fn new() -> Avx2 {
+        Avx2(())
+    }
+}
+
+impl Avx512 {
+    /// # Safety
+    /// The CPU must have AVX-512 F.
+    #[inline(always)]
+    pub(super) unsafe fn new() -> Avx512 {
+        Avx512(())
+    }
+}
+
+// SAFETY (both implementations): `self` exists, so the CPU has the level; loads and stores go through references to
+// arrays of the vector's size, with instructions that need no alignment.
+impl Lanes for Avx2 {
+    type F16 = (__m256, __m256);
+
+    const HAS_MANY_REGISTERS: bool = false;
+
+    #[inline(always)]
+    fn load(self, from: &[f32; 16]) -> Self::F16 {
+        // SAFETY: see above.
+        unsafe { (_mm256_loadu_ps(from.as_ptr()), _mm256_loadu_ps(from.as_ptr().add(8))) }
+    }
+
+    #[inline(always)]
+    fn splat(self, number: f32) -> Self::F16 {
+        // SAFETY: see above.
+        let lanes = unsafe { _mm256_set1_ps(number) };
+        (lanes, lanes)
+    }
+
+    #[inline(always)]
+    fn mul_add(self, a: Self::F16, b: Self::F16, c: Self::F16) -> Self::F16 {
+        // SAFETY: see above.
+        unsafe { (_mm256_fmadd_ps(a.0, b.0, c.0), _mm256_fmadd_ps(a.1, b.1, c.1)) }
+    }
+
+    #[inline(always)]
+    fn store_positive(self, v: Self::F16, to: &mut [f32; 16]) {
+        // SAFETY: see above. Where one of two is NaN, the second operand is the result.
+        unsafe {
+            let zero = _mm256_setzero_ps();
+            _mm256_storeu_ps(to.as_mut_ptr(), _mm256_max_ps(v.0, zero));
+            _mm256_storeu_ps(to.as_mut_ptr().add(8), _mm256_max_ps(v.1, zero));
+        }
+    }
+}
+
+impl Lanes for Avx512 {
+    type F16 = __m512;
+
+    const HAS_MANY_REGISTERS: bool = true;
+
+    #[inline(always)]
+    fn load(self, from: &[f32; 16]) -> __m512 {
+        // SAFETY: see above.
+        unsafe { _mm512_loadu_ps(from.as_ptr()) }
+    }
+
+    #[inline(always)]
+    fn splat(self, number: f32) -> __m512 {
+        // SAFETY: see above.
+        unsafe { _mm512_set1_ps(number) }
+    }
+
+    #[inline(always)]
+    fn mul_add(self, a: __m512, b: __m512, c: __m512) -> __m512 {
+        // SAFETY: see above.
+        unsafe { _mm512_fmadd_ps(a, b, c) }
+    }
+
+    #[inline(always)]
+    fn store_positive(self, v: __m512, to: &mut [f32; 16]) {
+        // SAFETY: see above. Where one of two is NaN, the second operand is the result.
+        unsafe { _mm512_storeu_ps(to.as_mut_ptr(), _mm512_max_ps(v, _mm512_setzero_ps())) }
     }
 }
