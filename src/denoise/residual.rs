@@ -22,6 +22,8 @@ use rayon::prelude::*;
 const CAUTION: f32 = 3.0;
 /// So much is added where powers are those of one pixel, less where they are means of several.
 const CAUTION_OF_ONE: f32 = 5.0;
+/// So much is added where there is more noise than light: few bright samples decide there.
+const CAUTION_OF_NOISE: f32 = 12.0;
 /// The power of the proposal's relative bias, summed over the channels, that is taken for granted: 0.7 % of each.
 const LEAST_BIAS: f32 = 3.0 * 0.007 * 0.007;
 /// Radius of the squares over which powers are averaged, pixels of the scale.
@@ -125,6 +127,7 @@ impl Scale {
         for (i, (signal, noise)) in signal.iter().zip(&noise).enumerate() {
             let ratio = noise / signal.max(1e-30);
             let least = LEAST_BIAS / (LEAST_BIAS + noise);
+            let caution = caution + CAUTION_OF_NOISE * noise.min(1.0);
             let share = (1.0 - caution * ratio * ratio).max(least);
             (0..3).for_each(|c| kept[c][i] += share * (self.residual[c][i] - kept[c][i]));
         }
