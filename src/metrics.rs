@@ -1,4 +1,4 @@
-//! How far a picture is from a reference: errors, and a statistical test of agreement.
+//! Errors of a picture against a reference: RMSE, relative MSE, a z-test, and LDR-FLIP.
 
 use crate::color::srgb_from_linear;
 use crate::image::Image;
@@ -174,7 +174,7 @@ pub fn difference_picture(a: &Image, reference: &Image) -> Vec<u8> {
     pixels(a).flat_map(shade).collect()
 }
 
-/// The picture, the reference and their FLIP differences (black for none, then red, yellow, white) beside each other, colours
+/// The picture, the reference and their FLIP differences (black for none, then red, yellow, white) next to each other, colours
 /// as sRGB shows them. 8-bit RGB, rows from the top, three times as wide as each.
 pub fn side_by_side(a: &Image, reference: &Image, flip: &Flip) -> Vec<u8> {
     assert_same_size(&[a, reference]);
@@ -214,7 +214,7 @@ fn assert_same_size(images: &[&Image]) {
     );
 }
 
-// How different two pictures look when one is flipped into the place of the other: LDR-FLIP of Andersson et al. 2020
+// LDR-FLIP, the perceptual difference of two pictures when they alternate, of Andersson et al. 2020
 // ("FLIP: A Difference Evaluator for Alternating Images", HPG), with the viewing distance of its authors' program.
 
 /// Pixels a degree of the field of view: 3840 pixels on 0.7 m, seen from 0.7 m.

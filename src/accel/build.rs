@@ -1,52 +1,53 @@
-//! The whole build: each geometry that is reached gets its tree, the world's tree holds the instances too.
+//! Building an [`Accel`]: a tree for each used geometry, then the world's tree over its own geometry and the instances, then, if
+//! instances move, a tree over these and the world.
 
-use super::append::{Full, Part, Threads, append, empty_buffer};
-use super::collapse::WIDTH;
-use super::estimate::{Estimate, TooLarge};
-use super::gather::{Kind, Primitive, is_in_reach};
-use super::input::{AccelInput, AccelInstance, BuildOptions, Geometry, Reuse, TreeQuality};
-use super::layout::{DONE, InstanceRecord};
+use super::binary_tree::{self, Binary, Effort, NormalizedSpace, Workspace, median_split};
+use super::chunked_build::{self, Threads, TreePart, append, empty_buffer};
+use super::input::{
+    AccelInput, AccelInstance, BuildOptions, Estimate, Geometry, Reuse, TooLarge, TreeQuality,
+};
+use super::layout::{BufferFull, DONE, InstanceRecord};
 use super::motion::{self, Motions};
-use super::parts::{BuildStats, Built, Mark, NOTHING, Parts, Tree};
+use super::primitives::{Primitive, PrimitiveKind, collect_primitives, is_in_reach};
 use super::scan::Scan;
-use super::slot::DeepSlot;
-use super::structure::Accel;
-use super::tree::{Contents, TreeBuilder, largest_whole};
+use super::traversal::DeepSlot;
+use super::wide_tree::{Collapse, ShapeSource, TreeWriter, WIDTH, WrittenTree};
+use super::{Accel, BuildMark, BuildStats, BuiltTree, BuiltTrees, EMPTY_TREE, TreeSummary};
 use crate::math::{Bounds3, DAffine3, DVec3};
 use crate::simd::{Line, reserve_lines};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::time::Instant;
 
-/// Stack entries that a ray may need in trees of this many nodes, one below the other: one below everything, all but one
-/// child of each node on the way, a leaf's next packet and an instance's three, and one more, since a full stack's first
-/// free entry has a number too.
+/// Largest number of stack entries in trees of this total depth: the bottom entry, all but one child of each node on the path, a
+/// leaf's next packet, an instance's three, and one, since the index of a full stack's first free entry must be valid.
 const fn stack_size(depth: usize) -> usize {
     depth * (WIDTH - 1) + 1 + 1 + 3 + 1
 }
 
-/// Deeper trees are built anew, in halves: twice this, for the world and what is placed in it, fits the deepest stacks. (Three
+/// Deeper trees are rebuilt by [`median_split`]: twice this depth, for the world and an instance, fits the deepest stacks. (Three
 /// trees, where something moves, may have two thirds each.)
 const MAX_DEPTH: usize = 72;
 const _: () = assert!(stack_size(2 * MAX_DEPTH) <= DeepSlot::STACK);
 
-/// Geometries of more primitives than these are built by all threads together, in pieces.
-const LARGEST_BESIDE: usize = 1 << 20;
+/// Geometries of more primitives than this are built by all threads together, in chunks.
+const MAX_CONCURRENT_SIZE: usize = 1 << 20;
 
-/// So many threads may build geometries of the largest size side by side, of which each takes some 120 MB for the time; of
-/// smaller ones more. The others help these.
+/// Threads that may build geometries of that size concurrently, each with some 120 MB of temporary memory; of smaller ones more.
 const THREADS_OF_LARGEST: usize = 16;
 
-/// An instance that can't be placed.
+/// An instance whose transform or geometry is invalid.
 #[derive(Clone, Copy)]
-struct Unusable;
+struct InvalidInstance;
 
 struct Builder<'a> {
     input: AccelInput<'a>,
     tree: TreeBuilder<'a>,
     lines: Vec<Line>,
+    /// The buffer is that of an earlier structure.
+    is_rebuilt: bool,
     stats: BuildStats,
-    parts: Parts,
+    trees: BuiltTrees,
 }
 
 impl Accel {
@@ -55,7 +56,7 @@ impl Accel {
     /// 1). Whatever no ray can hit is dropped and counted: see [`BuildStats`].
     ///
     /// # Panics
-    /// If it takes more than 32 GiB: see [`Accel::build_parts`].
+    /// If it takes more than 32 GiB: see [`Accel::try_build`].
     pub fn build(geometries: &[Geometry], instances: &[AccelInstance]) -> Accel {
         let geometries: Vec<&Geometry> = geometries.iter().collect();
         let (first_moving, first_changing) = (instances.len(), geometries.len());
@@ -64,40 +65,40 @@ impl Accel {
         let geometries = &geometries[..];
         let input =
             AccelInput { geometries, instances, first_moving, first_changing, moving, quality, gauge: None };
-        Accel::build_parts(&input).expect("a structure that can be addressed")
+        Accel::try_build(&input).expect("a structure that can be addressed")
     }
 
-    /// Builds with instances that move apart from those that don't.
+    /// [`Accel::build`] for all that an input may hold: moving instances go to a tree of their own above the world's.
     ///
     /// # Errors
-    /// If it takes more memory than can be addressed, 32 GiB; nearly always before any work.
-    pub fn build_parts(input: &AccelInput) -> Result<Accel, TooLarge> {
+    /// If it takes more memory than can be addressed, 32 GiB; nearly always before building starts.
+    pub fn try_build(input: &AccelInput) -> Result<Accel, TooLarge> {
         let begin = Instant::now();
         Builder::new(input, Vec::new()).finish(Reuse::Nothing, begin)
     }
 
-    /// Builds the structure anew but for what is said to be the same as in this one.
+    /// Rebuilds, keeping the trees that `reuse` names.
     ///
     /// # Errors
-    /// As for [`Accel::build_parts`].
+    /// As for [`Accel::try_build`].
     pub fn rebuild(self, reuse: Reuse, input: &AccelInput) -> Result<Accel, TooLarge> {
         let begin = Instant::now();
-        let Accel { mut lines, mut parts, .. } = self;
+        let Accel { mut lines, mut trees, .. } = self;
         let (mark, kept) = match reuse {
-            Reuse::Nothing => (Mark::default(), 0..0),
-            Reuse::Shared => (parts.shared, 1..input.first_changing),
-            Reuse::World => (parts.world, 0..input.first_changing),
+            Reuse::Nothing => (BuildMark::default(), 0..0),
+            Reuse::Shared => (trees.shared, 1..input.first_changing),
+            Reuse::World => (trees.world, 0..input.first_changing),
         };
         lines.truncate(mark.lines);
-        for (geometry, tree) in parts.trees.iter_mut().enumerate() {
+        for (geometry, tree) in trees.by_geometry.iter_mut().enumerate() {
             if !kept.contains(&geometry) {
                 *tree = None;
             }
         }
         let mut builder = Builder::new(input, lines);
         builder.stats = mark.stats;
-        parts.trees.resize(input.geometries.len().max(1), None);
-        builder.parts = parts;
+        trees.by_geometry.resize(input.geometries.len().max(1), None);
+        builder.trees = trees;
         builder.finish(reuse, begin)
     }
 }
@@ -112,51 +113,56 @@ impl<'a> Builder<'a> {
                 // Two trees may lie one below the other, and a third where something moves.
                 max_depth: if is_apart { MAX_DEPTH * 2 / 3 } else { MAX_DEPTH },
             },
+            is_rebuilt: lines.capacity() > 0,
             lines,
             stats: BuildStats::default(),
-            parts: Parts { trees: vec![None; input.geometries.len().max(1)], ..Parts::default() },
+            trees: BuiltTrees {
+                by_geometry: vec![None; input.geometries.len().max(1)],
+                ..BuiltTrees::default()
+            },
         }
     }
 
-    /// Builds what is not there yet.
+    /// Builds all trees that are missing.
     fn finish(self, reuse: Reuse, begin: Instant) -> Result<Accel, TooLarge> {
         let estimate = Estimate::of(&self.input);
         estimate.check()?;
-        self.build(reuse, begin).map_err(|Full| TooLarge(estimate))
+        self.build(reuse, begin).map_err(|BufferFull| TooLarge(estimate))
     }
 
-    fn build(mut self, reuse: Reuse, begin: Instant) -> Result<Accel, Full> {
+    fn build(mut self, reuse: Reuse, begin: Instant) -> Result<Accel, BufferFull> {
         let AccelInput { instances, first_moving, first_changing, geometries, .. } = self.input;
         let used = self.input.used_geometries();
         let of = |range: Range<usize>| range.filter(|&g| used[g]).collect::<Vec<usize>>();
         let shared = if reuse < Reuse::Shared { of(1..first_changing) } else { Vec::new() };
         let has_top = first_moving < instances.len();
         let changing = if has_top { of(first_changing..geometries.len()) } else { Vec::new() };
-        self.expect(&shared, &changing, reuse);
+        self.reserve(&shared, &changing, reuse);
         if reuse < Reuse::Shared {
-            self.share(&shared)?;
-            self.parts.shared = self.mark();
+            self.build_shared(&shared)?;
+            self.trees.shared = self.mark();
         }
         if reuse < Reuse::World {
-            let (placed, records) = self.place_all(0..first_moving);
+            let (placed, records) = self.instance_records(0..first_moving);
             let none = Geometry::default();
             let geometry = geometries.first().copied().unwrap_or(&none);
-            self.parts.trees[0] = Some(self.append(Contents { geometry, placed, records: &records })?);
-            self.parts.world = self.mark();
+            self.trees.by_geometry[0] =
+                Some(self.append(TreeContents { geometry, placed, records: &records })?);
+            self.trees.world = self.mark();
         }
-        let world = self.parts.trees[0].unwrap_or(NOTHING);
+        let world = self.trees.by_geometry[0].unwrap_or(EMPTY_TREE);
         let mut top = None;
         if has_top {
-            self.share(&changing)?;
-            let (placed, records) = self.place_all(first_moving..instances.len());
-            top = Some(self.top(&world, placed, records)?);
+            self.build_shared(&changing)?;
+            let (placed, records) = self.instance_records(first_moving..instances.len());
+            top = Some(self.top_tree(&world, placed, records)?);
         }
         Ok(self.into_accel(world, top, begin))
     }
 
-    /// Says how much there is to do, and makes room for it: a buffer that grows is there twice for a moment. (What is not
-    /// written to takes no memory.)
-    fn expect(&mut self, shared: &[usize], changing: &[usize], reuse: Reuse) {
+    /// Reports the number of primitives and reserves the estimated memory: a growing buffer would be copied. (Pages that are not
+    /// written to take no memory.)
+    fn reserve(&mut self, shared: &[usize], changing: &[usize], reuse: Reuse) {
         let AccelInput { geometries, instances, first_moving, gauge, .. } = self.input;
         let world = if reuse < Reuse::World { geometries.get(..1).unwrap_or(&[]) } else { &[] };
         let placed = instances.len() - if reuse < Reuse::World { 0 } else { first_moving };
@@ -172,74 +178,74 @@ impl<'a> Builder<'a> {
         reserve_lines(&mut self.lines, estimate.lines());
     }
 
-    fn mark(&self) -> Mark {
-        Mark { lines: self.lines.len(), stats: self.stats }
+    fn mark(&self) -> BuildMark {
+        BuildMark { lines: self.lines.len(), stats: self.stats }
     }
 
-    /// Builds the trees of geometries that instances place: those that are large with all threads, one after another, those
-    /// between them side by side.
-    fn share(&mut self, wanted: &[usize]) -> Result<(), Full> {
+    /// Builds the trees of instanced geometries: large ones by all threads, one after another, runs of others concurrently.
+    fn build_shared(&mut self, wanted: &[usize]) -> Result<(), BufferFull> {
         let geometries = self.input.geometries;
         let size = |g: &usize| geometries[*g].primitives();
         let total: usize = wanted.iter().map(size).sum();
-        // One of many threads should not be the last for long. (Trees are the same either way.)
+        // So that no thread finishes long after the others. (Trees are the same either way.)
         let whole = largest_whole(self.input.quality);
-        let largest = (total / (4 * rayon::current_num_threads())).clamp(whole, LARGEST_BESIDE.max(whole));
+        let largest =
+            (total / (4 * rayon::current_num_threads())).clamp(whole, MAX_CONCURRENT_SIZE.max(whole));
         for run in wanted.chunk_by(|a, b| size(a).max(size(b)) <= largest) {
             let built = match run {
-                [one] => vec![self.append_counted(Contents::of(geometries[*one]))?],
-                run => self.append_beside(run)?,
+                [one] => vec![self.append_counted(TreeContents::of(geometries[*one]))?],
+                run => self.append_concurrently(run)?,
             };
             for (geometry, (built, stats)) in run.iter().zip(built) {
                 self.stats.add(&stats);
-                self.parts.trees[*geometry] = Some(built);
+                self.trees.by_geometry[*geometry] = Some(built);
             }
         }
         self.stats.shared_geometries += wanted.len() as u64;
         Ok(())
     }
 
-    /// Appends the trees of some geometries, each built by one thread.
-    fn append_beside(&mut self, run: &[usize]) -> Result<Vec<(Built, BuildStats)>, Full> {
+    /// Appends the trees of geometries, each built by one thread.
+    fn append_concurrently(&mut self, run: &[usize]) -> Result<Vec<(BuiltTree, BuildStats)>, BufferFull> {
         let (geometries, tree) = (self.input.geometries, self.tree);
         let largest = run.iter().map(|g| geometries[*g].primitives()).max().unwrap_or(0);
-        let threads = Threads::Pool(THREADS_OF_LARGEST * LARGEST_BESIDE / largest.max(1));
+        let threads = Threads::Pool(THREADS_OF_LARGEST * MAX_CONCURRENT_SIZE / largest.max(1));
         let built = append(run.len(), threads, &mut self.lines, |index, workspace| {
             let mut lines = empty_buffer();
-            let contents = Contents::of(geometries[run[index]]);
-            let what = tree.append(contents, Threads::This(workspace), &mut lines)?;
-            Ok(Part { root: what.0.tree.root, lines, what })
+            let contents = TreeContents::of(geometries[run[index]]);
+            let result = tree.append(contents, Threads::This(workspace), &mut lines)?;
+            Ok(TreePart { root: result.0.tree.root, lines, result })
         })?;
-        let moved = |(root, (built, stats)): (u32, (Built, BuildStats))| {
-            (Built { tree: Tree { root, ..built.tree }, ..built }, stats)
+        let moved = |(root, (built, stats)): (u32, (BuiltTree, BuildStats))| {
+            (BuiltTree { tree: TreeSummary { root, ..built.tree }, ..built }, stats)
         };
         Ok(built.into_iter().map(moved).collect())
     }
 
     /// Appends a tree, built by all threads.
-    fn append_counted(&mut self, contents: Contents) -> Result<(Built, BuildStats), Full> {
+    fn append_counted(&mut self, contents: TreeContents) -> Result<(BuiltTree, BuildStats), BufferFull> {
         self.tree.append(contents, Threads::Pool(usize::MAX), &mut self.lines)
     }
 
-    /// The same, and counts what is in it.
-    fn append(&mut self, contents: Contents) -> Result<Built, Full> {
+    /// [`Builder::append_counted`] that adds the counts to the statistics.
+    fn append(&mut self, contents: TreeContents) -> Result<BuiltTree, BufferFull> {
         let (built, stats) = self.append_counted(contents)?;
         self.stats.add(&stats);
         Ok(built)
     }
 
-    /// The records of some instances, and what is to be built over them.
-    fn place_all(&mut self, range: Range<usize>) -> (Vec<Primitive>, Vec<InstanceRecord>) {
+    /// The records of instances, and their boxes as primitives.
+    fn instance_records(&mut self, range: Range<usize>) -> (Vec<Primitive>, Vec<InstanceRecord>) {
         let AccelInput { instances, moving, .. } = self.input;
         let first = range.start;
         let one = |(index, instance): (usize, &AccelInstance)| {
-            let keys = motion::keys_of(moving, first + index);
-            self.place(instance, keys, (first + index) as u32 + 1)
+            let keys = motion::keys_of_instance(moving, first + index);
+            self.instance_record(instance, keys, (first + index) as u32 + 1)
         };
         let all: Vec<_> = instances[range].par_iter().with_min_len(1024).enumerate().map(one).collect();
         let (mut placed, mut records) = (Vec::new(), Vec::new());
         for (record, bounds) in all.iter().filter_map(|one| one.ok().flatten()) {
-            placed.push(Primitive { kind: Kind::Instance, id: records.len() as u32, bounds });
+            placed.push(Primitive { kind: PrimitiveKind::Instance, id: records.len() as u32, bounds });
             records.push(record);
         }
         self.stats.instances += records.len() as u64;
@@ -247,30 +253,31 @@ impl<'a> Builder<'a> {
         (placed, records)
     }
 
-    /// The tree over the world and what moves in it.
-    fn top(
+    /// The tree over the world and the moving instances.
+    fn top_tree(
         &mut self,
-        world: &Built,
+        world: &BuiltTree,
         mut placed: Vec<Primitive>,
         mut records: Vec<InstanceRecord>,
-    ) -> Result<Built, Full> {
+    ) -> Result<BuiltTree, BufferFull> {
         if world.tree.root != DONE {
             let id = records.len() as u32;
-            placed.push(Primitive { kind: Kind::Instance, id, bounds: world.bounds });
+            placed.push(Primitive { kind: PrimitiveKind::Instance, id, bounds: world.bounds });
             records.push(InstanceRecord::world(world.tree.root, world.reach()));
         }
-        self.append(Contents { geometry: &Geometry::default(), placed, records: &records })
+        self.append(TreeContents { geometry: &Geometry::default(), placed, records: &records })
     }
 
-    fn into_accel(self, world: Built, top: Option<Built>, begin: Instant) -> Accel {
-        let Builder { input, mut lines, mut stats, parts, .. } = self;
-        let shared = || parts.trees.iter().skip(1).flatten();
+    fn into_accel(self, world: BuiltTree, top: Option<BuiltTree>, begin: Instant) -> Accel {
+        let Builder { input, mut lines, is_rebuilt, mut stats, trees, .. } = self;
+        let shared = || trees.by_geometry.iter().skip(1).flatten();
         let deepest_shared = shared().map(|b| b.tree.depth).max().unwrap_or(0);
         let depth = world.tree.depth + top.map_or(0, |top| top.tree.depth) + deepest_shared;
-        let mut expected: Vec<Tree> = top.iter().chain([&world]).map(|b| b.tree).collect();
+        let mut expected: Vec<TreeSummary> = top.iter().chain([&world]).map(|b| b.tree).collect();
         expected.extend(shared().map(|b| b.tree));
-        // What moves is built again and again: room is kept for it. And shrinking copies: little room is left as it is.
-        if top.is_none() && lines.capacity() / 2 > lines.len() {
+        // Unused capacity was never written to after a first build, so it takes no memory, while shrinking copies. A scene that
+        // moves is rebuilt again and again and keeps its capacity.
+        if is_rebuilt && top.is_none() && lines.capacity() / 2 > lines.len() {
             lines.shrink_to_fit();
         }
         stats.quality = input.quality;
@@ -281,28 +288,28 @@ impl<'a> Builder<'a> {
         let scan = Scan::new(&lines, root);
         let motions = Motions::of(&input);
         let stack_size = stack_size(depth);
-        Accel { lines, root, scan, motions, bounds, reach, stack_size, expected, stats, parts }
+        Accel { lines, root, scan, motions, bounds, reach, stack_size, expected, stats, trees }
     }
 
-    /// The record of an instance and its box in the world; nothing where there is nothing to hit in it.
-    fn place(
+    /// The record of an instance and its box in world space; `None` if its geometry is empty.
+    fn instance_record(
         &self,
         instance: &AccelInstance,
         keys: &[DAffine3],
         number: u32,
-    ) -> Result<Option<(InstanceRecord, Bounds3)>, Unusable> {
+    ) -> Result<Option<(InstanceRecord, Bounds3)>, InvalidInstance> {
         let world_from_object = instance.world_from_object;
         let object_from_world = world_from_object.inverse();
         let geometry = instance.geometry as usize;
         let usable = geometry > 0
-            && geometry < self.parts.trees.len()
+            && geometry < self.trees.by_geometry.len()
             && world_from_object.is_finite()
             && object_from_world.is_finite()
             && keys.iter().all(DAffine3::is_finite);
         if !usable {
-            return Err(Unusable);
+            return Err(InvalidInstance);
         }
-        let Some(built) = self.parts.trees[geometry].filter(|built| built.tree.root != DONE) else {
+        let Some(built) = self.trees.by_geometry[geometry].filter(|built| built.tree.root != DONE) else {
             return Ok(None);
         };
         let record = InstanceRecord {
@@ -319,14 +326,13 @@ impl<'a> Builder<'a> {
         };
         let fits = record.object_from_world.as_flattened().iter().all(|x| x.is_finite());
         if !(fits && is_in_reach(bounds.min) && is_in_reach(bounds.max)) {
-            return Err(Unusable);
+            return Err(InvalidInstance);
         }
         Ok(Some((record, bounds)))
     }
 }
 
-/// A box around a transformed one, widened by what transforming a ray to object space in f32 may move it: a few roundings
-/// of the coordinates involved.
+/// The world-space bounds of a transformed box, widened by the rounding error of transforming a ray to object space in f32.
 fn world_bounds(bounds: &Bounds3, world_from_object: &DAffine3) -> Bounds3 {
     let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     for corner in bounds.corners() {
@@ -337,4 +343,91 @@ fn world_bounds(bounds: &Bounds3, world_from_object: &DAffine3) -> Bounds3 {
     let largest = min.abs().max(max.abs()).max_element();
     let slack = DVec3::splat(largest / f64::from(1u32 << 20));
     Bounds3 { min: (min - slack).as_vec3(), max: (max + slack).as_vec3() }
+}
+
+/// Trees of more primitives are built in chunks. (Fast trees sooner: it is faster even with one thread.)
+pub const fn largest_whole(quality: TreeQuality) -> usize {
+    match quality {
+        TreeQuality::Fast => 1 << 14,
+        TreeQuality::Full => 1 << 18,
+    }
+}
+
+/// The contents of a tree: a geometry and the instances in its space.
+pub struct TreeContents<'a> {
+    /// ShapeSource.
+    pub geometry: &'a Geometry,
+    /// Instances; their ids are indices of `records`.
+    pub placed: Vec<Primitive>,
+    /// Their records.
+    pub records: &'a [InstanceRecord],
+}
+
+impl<'a> TreeContents<'a> {
+    /// A geometry alone.
+    pub fn of(geometry: &'a Geometry) -> TreeContents<'a> {
+        TreeContents { geometry, placed: Vec::new(), records: &[] }
+    }
+}
+
+/// Builds trees.
+#[derive(Clone, Copy)]
+pub struct TreeBuilder<'a> {
+    /// How.
+    pub options: BuildOptions<'a>,
+    /// Deeper trees are rebuilt by [`median_split`].
+    pub max_depth: usize,
+}
+
+impl TreeBuilder<'_> {
+    /// Appends a tree; returns it and the counts of its primitives.
+    pub fn append(
+        &self,
+        contents: TreeContents,
+        threads: Threads,
+        lines: &mut Vec<Line>,
+    ) -> Result<(BuiltTree, BuildStats), BufferFull> {
+        let TreeContents { geometry, placed, records } = contents;
+        let all = geometry.primitives() + placed.len();
+        let (mut primitives, dropped) = collect_primitives(geometry);
+        let mut stats = BuildStats { dropped, ..BuildStats::default() };
+        stats.count(geometry, &primitives);
+        let counts = (primitives.len(), placed.len());
+        primitives.extend(placed);
+        self.options.report(2 * (all - primitives.len()));
+        if primitives.is_empty() {
+            return Ok((EMPTY_TREE, stats));
+        }
+        let start = lines.len();
+        let space = NormalizedSpace::of(&primitives);
+        let shapes = ShapeSource { geometry, records };
+        let mut written = if primitives.len() > largest_whole(self.options.quality) {
+            chunked_build::build(&mut primitives, &space, shapes, (self.options, threads), lines)?
+        } else {
+            let own = &mut Workspace::default();
+            let workspace = if let Threads::This(workspace) = threads { workspace } else { own };
+            let binary = binary_tree::build(&primitives, &space, Effort::Most, workspace);
+            let written = write_collapsed(&binary, &primitives, shapes, lines)?;
+            self.options.report(2 * primitives.len());
+            written
+        };
+        if written.depth > self.max_depth {
+            lines.truncate(start);
+            written = write_collapsed(&median_split(&primitives), &primitives, shapes, lines)?;
+        }
+        let WrittenTree { root, depth } = written;
+        let tree = TreeSummary { root, depth, primitives: counts.0, instances: counts.1 };
+        Ok((BuiltTree { tree, bounds: space.bounds }, stats))
+    }
+}
+
+/// Collapses a binary tree and appends the wide one.
+fn write_collapsed(
+    binary: &Binary,
+    primitives: &[Primitive],
+    shapes: ShapeSource,
+    lines: &mut Vec<Line>,
+) -> Result<WrittenTree, BufferFull> {
+    let collapse = &Collapse::new(binary, primitives, &[]);
+    TreeWriter { binary, collapse, primitives, shapes, subtrees: &[] }.write(lines)
 }

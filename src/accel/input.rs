@@ -1,10 +1,14 @@
-//! What a structure is built over, and how.
+//! Input of an [`Accel`](super::Accel): geometries, instances, options, and the estimated memory of the result.
 
+use super::layout::{ANALYTIC_LINES, CURVES, INSTANCE_LINES, MAX_LINE, TRIANGLE_LINES};
 use crate::gauge::Gauge;
 use crate::math::{DAffine3, TransformKeys};
+use crate::shape::triangle::LANES;
 use crate::shape::{Analytic, CurveSegments, Quad};
+use crate::simd::Line;
+use std::fmt::{self, Display, Formatter};
 
-/// Shapes in one space.
+/// ShapeSource in one space.
 #[derive(Clone, Debug, Default)]
 pub struct Geometry {
     /// Vertices.
@@ -13,11 +17,11 @@ pub struct Geometry {
     pub triangles: Vec<[u32; 3]>,
     /// Quads.
     pub quads: Vec<Quad>,
-    /// Spheres, disks and what else is no triangle.
+    /// Analytic shapes: spheres, disks and so on.
     pub analytic: Vec<Analytic>,
-    /// Pieces of curves.
+    /// Curve segments.
     pub curves: CurveSegments,
-    /// Where vertices are at equal steps of time; none where they don't move.
+    /// Positions of moving vertices at equal steps of time; empty if they are static.
     pub keys: Vec<Vec<[f32; 3]>>,
 }
 
@@ -28,12 +32,12 @@ impl Geometry {
     }
 }
 
-/// An instance that moves while rays are traced.
+/// An instance that moves while the shutter is open.
 #[derive(Clone, Debug)]
 pub struct MovingInstance {
     /// Its index.
     pub instance: usize,
-    /// Where it stands at equal steps of time.
+    /// Transforms at equal steps of time.
     pub keys: TransformKeys,
 }
 
@@ -42,19 +46,19 @@ pub struct MovingInstance {
 pub struct AccelInstance {
     /// Which geometry; not 0, which is the world's own.
     pub geometry: u32,
-    /// Where it stands.
+    /// Object-to-world transform.
     pub world_from_object: DAffine3,
 }
 
-/// How good the trees of many primitives are. Rays meet the same primitives at the same distances either way, to the bit: of
-/// nearest hits the order in which boxes are visited decides nothing. (The exception are rays through the very border of a
+/// Quality of trees over many primitives. Hits are the same bit for bit either way: the order of visits does not affect the nearest
+/// hit. (The exception are rays through the very border of a
 /// triangle that they see edge-on: its distance is then less certain than its box, before which it may seem to lie. None of
 /// eight million rays from cameras and surfaces differed, one of 40,000 that were aimed at vertices from all sides did.)
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum TreeQuality {
-    /// Built soon: where few rays follow.
+    /// Fast to build, for few rays.
     Fast,
-    /// The fewest steps a ray.
+    /// Fewest traversal steps a ray.
     #[default]
     Full,
 }
@@ -62,7 +66,7 @@ pub enum TreeQuality {
 /// What a structure is built over.
 #[derive(Clone, Copy, Debug)]
 pub struct AccelInput<'a> {
-    /// Shapes by geometry; the first stands in the world as it is.
+    /// ShapeSource by geometry; the first stands in the world as it is.
     pub geometries: &'a [&'a Geometry],
     /// Placed geometries: `Hit::instance` is the index plus 1.
     pub instances: &'a [AccelInstance],
@@ -70,11 +74,11 @@ pub struct AccelInput<'a> {
     pub first_moving: usize,
     /// The first of the geometries that change: they belong to moving instances, and are built after the world.
     pub first_changing: usize,
-    /// Those that move while rays are traced; among the moving ones.
+    /// Instances that move while the shutter is open; indices from `first_moving` on.
     pub moving: &'a [MovingInstance],
-    /// How good trees are.
+    /// Quality of the trees.
     pub quality: TreeQuality,
-    /// Is told how far building is.
+    /// Counts the progress of the build.
     pub gauge: Option<&'a Gauge>,
 }
 
@@ -92,26 +96,25 @@ impl AccelInput<'_> {
     }
 }
 
-/// How trees are built, and who is told.
+/// Options of the builder.
 #[derive(Clone, Copy)]
 pub struct BuildOptions<'a> {
-    /// How good they are.
+    /// Quality of the trees.
     pub quality: TreeQuality,
-    /// Is told how many primitives are done, each twice: where it is cut out and where it is built.
+    /// Counts finished primitives, each twice: when chunks are cut and when trees are built.
     pub gauge: Option<&'a Gauge>,
 }
 
 impl BuildOptions<'_> {
     /// Counts primitives as done.
-    pub fn tell(&self, primitives: usize) {
+    pub fn report(&self, primitives: usize) {
         if let Some(gauge) = self.gauge {
             gauge.add(primitives as u64);
         }
     }
 }
 
-/// How much of an earlier structure a new one keeps. What is kept stays in its place in the buffer: the rest is cut off
-/// and built behind it.
+/// The trees of an earlier structure that a rebuild keeps, at the front of the buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Reuse {
     /// Nothing.
@@ -120,4 +123,160 @@ pub enum Reuse {
     Shared,
     /// These and the world with the instances that stand still.
     World,
+}
+
+/// Numbers of primitives, and an estimate of the memory of their trees from the numbers alone: an upper bound but for few scenes. For
+/// the reservation of memory, and for an error before building starts if the result can't be addressed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Estimate {
+    /// Triangles; those of a shared geometry count once.
+    pub triangles: u64,
+    /// Quads, spheres, disks and the like.
+    pub shapes: u64,
+    /// Curve segments.
+    pub curves: u64,
+    /// Instances.
+    pub instances: u64,
+    /// Memory of the trees.
+    pub bytes: u64,
+}
+
+const LINE: u64 = size_of::<Line>() as u64;
+
+/// Bytes of a primitive in packets of `lines` cache lines for `per` primitives, as neighbours on a surface or a strand share them:
+/// packets are two thirds full, and a node of eight children takes four lines.
+const fn in_packets(lines: u64, per: u64) -> u64 {
+    lines * LINE * 3 / (2 * per) + LINE / 4
+}
+
+/// Bytes of a primitive that has a packet of `lines` cache lines to itself, as scattered ones do. Nodes then have few children, not
+/// all of which are leaves: they take 1.4 lines for each of 5,000 scattered instances.
+const fn in_own_packet(lines: u64) -> u64 {
+    lines * LINE + 3 * LINE / 2
+}
+
+impl Estimate {
+    /// The most memory that references can address.
+    pub const LIMIT: u64 = MAX_LINE as u64 * LINE;
+
+    /// That of everything that a structure is built over, as far as an instance uses it.
+    pub fn of(input: &AccelInput) -> Estimate {
+        let mut estimate = Estimate::default();
+        let used = input.used_geometries();
+        for (geometry, _) in input.geometries.iter().zip(&used).filter(|(_, used)| **used) {
+            estimate.add_geometry(geometry);
+        }
+        estimate.add_instances(input.instances.len());
+        estimate
+    }
+
+    /// Adds the tree of a geometry.
+    pub fn add_geometry(&mut self, geometry: &Geometry) {
+        self.add_triangles(geometry.triangles.len(), geometry.keys.len());
+        self.add_quads(geometry.quads.len());
+        self.add_analytic(geometry.analytic.len());
+        self.add_curves(geometry.curves.len());
+        // However small it is.
+        self.bytes += 8 * LINE;
+    }
+
+    /// Adds triangles, whose vertices move between so many keys; none where they stand still.
+    pub fn add_triangles(&mut self, count: usize, keys: usize) {
+        let lines = TRIANGLE_LINES as u64;
+        let lines = if keys == 0 { lines } else { ANALYTIC_LINES as u64 + keys as u64 * lines };
+        self.triangles += count as u64;
+        self.add(count, in_packets(lines, LANES as u64));
+    }
+
+    /// Adds quads, of which each is two triangles in a packet.
+    pub fn add_quads(&mut self, count: usize) {
+        self.shapes += count as u64;
+        self.add(count, in_own_packet(TRIANGLE_LINES as u64));
+    }
+
+    /// Adds spheres, disks and the like.
+    pub fn add_analytic(&mut self, count: usize) {
+        self.shapes += count as u64;
+        self.add(count, in_own_packet(ANALYTIC_LINES as u64));
+    }
+
+    /// Adds curve segments: neighbours on a strand share packets.
+    pub fn add_curves(&mut self, count: usize) {
+        self.curves += count as u64;
+        self.add(count, in_packets(ANALYTIC_LINES as u64, CURVES as u64));
+    }
+
+    /// Adds instances.
+    pub fn add_instances(&mut self, count: usize) {
+        self.instances += count as u64;
+        self.add(count, in_own_packet(INSTANCE_LINES as u64));
+    }
+
+    fn add(&mut self, count: usize, bytes: u64) {
+        self.bytes = self.bytes.saturating_add((count as u64).saturating_mul(bytes));
+    }
+
+    /// Cache lines of the trees.
+    pub(super) fn lines(&self) -> usize {
+        self.bytes.div_ceil(LINE) as usize
+    }
+
+    /// Fails where the trees are too large to be addressed.
+    pub fn check(self) -> Result<(), TooLarge> {
+        if self.bytes > Estimate::LIMIT { Err(TooLarge(self)) } else { Ok(()) }
+    }
+}
+
+/// A structure that is too large to be addressed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TooLarge(pub Estimate);
+
+impl Display for TooLarge {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let Estimate { triangles, shapes, curves, instances, bytes } = self.0;
+        let gib = |bytes: u64| bytes as f64 / f64::from(1 << 30);
+        let numbers = [
+            (triangles, "triangles"),
+            (shapes, "quads and analytic shapes"),
+            (curves, "curve segments"),
+            (instances, "instances"),
+        ];
+        let numbers = numbers.iter().filter(|(count, _)| *count > 0);
+        let numbers: Vec<String> = numbers.map(|(count, what)| format!("{count} {what}")).collect();
+        let limit = gib(Estimate::LIMIT);
+        // Found while it was built, where packets are emptier than was expected.
+        let size = if bytes > Estimate::LIMIT { gib(bytes) } else { limit };
+        let about = if bytes > Estimate::LIMIT { "about" } else { "more than" };
+        write!(
+            f,
+            "{} take {about} {size:.1} GiB of acceleration structure, of which {limit:.0} GiB can be addressed; place \
+             meshes several times in place of copies (those of 1024 triangles or more are shared), or render parts apart",
+            numbers.join(", ")
+        )
+    }
+}
+
+impl std::error::Error for TooLarge {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_cannot_be_addressed_is_an_error_with_numbers() {
+        let mut estimate = Estimate::default();
+        estimate.add_triangles(380_000_000, 0);
+        assert_eq!(estimate.check(), Ok(()));
+        // The same with their vertices at four keys takes four times as much.
+        let mut moving = Estimate::default();
+        moving.add_triangles(380_000_000, 4);
+        let message = moving.check().expect_err("too large").to_string();
+        assert!(message.starts_with("380000000 triangles take about 124.6 GiB of acc"), "{message}");
+        assert!(message.contains("32 GiB can be addressed"), "{message}");
+        estimate.add_curves(100_000_000);
+        estimate.add_instances(5);
+        let message = estimate.check().expect_err("too large").to_string();
+        assert!(message.contains("380000000 triangles, 100000000 curve segments, 5 instances"), "{message}");
+        assert!(TooLarge(Estimate::default()).to_string().contains("more than 32.0 GiB"));
+    }
 }

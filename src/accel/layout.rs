@@ -1,11 +1,11 @@
-//! What the buffer of cache lines holds, and how its parts refer to each other.
+//! The layout of a BVH in memory: nodes and packets of primitives in a buffer of cache lines of 64 bytes.
 //!
 //! A reference is 32 bits: an inner node is its line number; anything else has [`LEAF`] set, its kind in bits 29 and 30
 //! and its line number below. Bit 30 is clear for triangles alone. Packets name the next packet of their leaf, so a leaf has any length and mixes kinds.
 
-use crate::math::Vec3;
+use crate::math::{DAffine3, Ray, Vec3};
 use crate::shape::triangle::{LANES, TriangleRows, Weights};
-use crate::shape::{CurveSegment, Packed};
+use crate::shape::{CurveSegment, Packed, PreparedRay};
 use crate::simd::Line;
 use bytemuck::{Pod, Zeroable};
 use std::mem::offset_of;
@@ -16,15 +16,19 @@ pub const LEAF: u32 = 1 << 31;
 pub const KIND_TRIANGLES: u32 = 0;
 /// A packet of analytic shapes.
 pub const KIND_ANALYTIC: u32 = 2;
-/// A placed geometry.
+/// An instance of a geometry.
 pub const KIND_INSTANCE: u32 = 3;
-/// On the stack below everything: the ray is done. In packets: no further packet. (An instance by its kind, but lines 0
-/// and 1 hold no record: what instances place comes first.)
+/// Bottom of the stack: the ray is done. In packets: no further packet. (Its kind is that of an instance, but lines 0 and 1 hold
+/// no record: geometries come before the instances that use them.)
 pub const DONE: u32 = LEAF | (KIND_INSTANCE << 29);
-/// On the stack below an instance's entries: back to the world.
+/// Below an instance's entries on the stack: return to world space.
 pub const LEAVE_INSTANCE: u32 = DONE + 1;
 /// Largest line number: 32 GiB.
 pub const MAX_LINE: usize = (1 << 29) - 2;
+
+/// The buffer holds as much as can be addressed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BufferFull;
 
 /// The reference to a leaf part.
 pub fn leaf_ref(kind: u32, line: usize) -> u32 {
@@ -142,15 +146,15 @@ impl TrianglePacket {
     }
 }
 
-/// In place of an analytic shape's kind, in the first lane: four triangles follow whose vertices move, once for each key of their
-/// geometry, as [`TrianglePacket`]s. Their number is in place of the first lane's id.
+/// Kind of the first lane of a head of moving triangles: a [`TrianglePacket`] follows for each key of the geometry. The number of
+/// keys is in place of the first lane's id.
 pub const MOVING_TRIANGLES: u8 = u8::MAX;
 
 /// Four analytic shapes.
 #[repr(C, align(64))]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct AnalyticPacket {
-    /// What each follows from.
+    /// Parameters of each shape.
     pub numbers: [[f32; 6]; LANES],
     /// Primitive ids.
     pub id: [u32; LANES],
@@ -170,13 +174,13 @@ impl AnalyticPacket {
     }
 }
 
-/// In place of an analytic shape's kind, in the first lane: the packet is a [`CurvePacket`].
+/// Kind of the first lane of a [`CurvePacket`].
 pub const CURVE_SEGMENTS: u8 = u8::MAX - 1;
 
-/// Pieces of curves in a packet.
+/// Curve segments in a packet.
 pub const CURVES: usize = 2;
 
-/// Two pieces of curves. What is at `kind` and `next` is where [`AnalyticPacket`] has it.
+/// Two curve segments. What is at `kind` and `next` is where [`AnalyticPacket`] has it.
 #[repr(C, align(64))]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct CurvePacket {
@@ -186,18 +190,18 @@ pub struct CurvePacket {
     tangents: [[[f32; 3]; 2]; CURVES],
     /// Primitive ids; `u32::MAX` in an unused lane.
     pub id: [u32; CURVES],
-    /// Radii of the first piece's ends.
+    /// Radii of the first segment's ends.
     first_radii: [f32; 2],
     /// [`CURVE_SEGMENTS`].
     kind: [u8; LANES],
     /// The next packet of the leaf, or [`DONE`].
     pub next: u32,
-    /// Radii of the second piece's ends.
+    /// Radii of the second segment's ends.
     second_radii: [f32; 2],
 }
 
 impl CurvePacket {
-    /// Two pieces, or one, with their ids.
+    /// Two segments, or one, with their ids.
     pub fn of(segments: impl Iterator<Item = (CurveSegment, u32)>, next: u32) -> CurvePacket {
         let mut packet = CurvePacket { id: [u32::MAX; CURVES], next, ..CurvePacket::zeroed() };
         packet.kind = [CURVE_SEGMENTS; LANES];
@@ -210,7 +214,7 @@ impl CurvePacket {
         packet
     }
 
-    /// The piece of a lane.
+    /// The segment of a lane.
     #[inline(always)]
     pub fn segment(&self, lane: usize) -> CurveSegment {
         let [ends, tangents] = [self.ends[lane], self.tangents[lane]];
@@ -226,6 +230,59 @@ impl CurvePacket {
     }
 }
 
+/// A packet of a leaf.
+pub enum LeafPacket<'a> {
+    /// Triangles and halves of quads.
+    Triangles(&'a TrianglePacket),
+    /// The line of a head of triangles whose vertices move, and the number of keys, whose packets follow.
+    MovingTriangles(usize, usize),
+    /// Analytic shapes.
+    Analytic(&'a AnalyticPacket),
+    /// Curve segments.
+    Curves(&'a CurvePacket),
+    /// An instance.
+    Instance(&'a InstanceRecord),
+}
+
+/// The packets of a leaf in order, for walks outside of rendering. A reference that leads to no packet is an error and the end.
+pub fn leaf_packets(lines: &[Line], first: u32) -> impl Iterator<Item = Result<LeafPacket<'_>, u32>> {
+    let mut reference = first;
+    std::iter::from_fn(move || {
+        let current = std::mem::replace(&mut reference, DONE);
+        if current == DONE {
+            return None;
+        }
+        let Some((packet, next)) = packet_at(lines, current) else { return Some(Err(current)) };
+        reference = next;
+        Some(Ok(packet))
+    })
+}
+
+/// The packet that a reference leads to, and the reference to the next one of its leaf.
+fn packet_at(lines: &[Line], reference: u32) -> Option<(LeafPacket<'_>, u32)> {
+    let line = line_of(reference);
+    match kind_of(reference) {
+        KIND_TRIANGLES => {
+            let packet = view::<TrianglePacket, TRIANGLE_LINES>(lines, line)?;
+            Some((LeafPacket::Triangles(packet), packet.next()))
+        }
+        KIND_ANALYTIC => {
+            let packet = view::<AnalyticPacket, ANALYTIC_LINES>(lines, line)?;
+            let of_kind = match packet.kind[0] {
+                MOVING_TRIANGLES => LeafPacket::MovingTriangles(line, packet.id[0] as usize),
+                CURVE_SEGMENTS => LeafPacket::Curves(view::<CurvePacket, ANALYTIC_LINES>(lines, line)?),
+                _ => LeafPacket::Analytic(packet),
+            };
+            Some((of_kind, packet.next))
+        }
+        KIND_INSTANCE if reference != LEAVE_INSTANCE => {
+            let record = view::<InstanceRecord, INSTANCE_LINES>(lines, line)?;
+            Some((LeafPacket::Instance(record), record.next))
+        }
+        _ => None,
+    }
+}
+
 /// Views the packet at a line as one of curves, if it is.
 #[inline(always)]
 pub fn curves_at<'a>(lines: &'a [Line], line: usize, packet: &AnalyticPacket) -> Option<&'a CurvePacket> {
@@ -235,7 +292,7 @@ pub fn curves_at<'a>(lines: &'a [Line], line: usize, packet: &AnalyticPacket) ->
     view::<CurvePacket, ANALYTIC_LINES>(lines, line)
 }
 
-/// A placed geometry.
+/// An instance of a geometry.
 #[repr(C, align(64))]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct InstanceRecord {
@@ -252,7 +309,7 @@ pub struct InstanceRecord {
 }
 
 impl InstanceRecord {
-    /// The part of the world that stands still, below the tree of what moves in it: no other space, so no matrix.
+    /// The static part of the world below the tree over moving instances, in world space: no matrix.
     pub fn world(root: u32, reach: f32) -> InstanceRecord {
         InstanceRecord { object_from_world: [[0.0; 4]; 3], root, instance: 0, next: DONE, reach }
     }
@@ -277,4 +334,70 @@ pub fn view<T: Pod, const N: usize>(lines: &[Line], line: usize) -> Option<&T> {
 pub fn view_mut<T: Pod>(lines: &mut [Line], line: usize) -> &mut T {
     let count = size_of::<T>() / size_of::<Line>();
     bytemuck::from_bytes_mut(bytemuck::cast_slice_mut::<Line, u8>(&mut lines[line..line + count]))
+}
+
+impl InstanceRecord {
+    /// The matrix of a record.
+    pub fn rows(object_from_world: &DAffine3) -> [[f32; 4]; 3] {
+        let m = object_from_world;
+        let row = |k: usize| {
+            [m.matrix3.x_axis[k], m.matrix3.y_axis[k], m.matrix3.z_axis[k], m.translation[k]]
+                .map(|x| x as f32)
+        };
+        [row(0), row(1), row(2)]
+    }
+
+    /// A world ray in object space. The direction keeps its parametrisation.
+    #[inline(always)]
+    pub fn transform(&self, ray: &PreparedRay, t_min: f32, t_max: f32) -> Ray {
+        let [o, d] = [ray.origin, ray.direction];
+        let row = |k: usize| {
+            let m = &self.object_from_world[k];
+            ((m[0] * o[0] + m[1] * o[1]) + (m[2] * o[2] + m[3]), m[0] * d[0] + m[1] * d[1] + m[2] * d[2])
+        };
+        let [x, y, z] = [row(0), row(1), row(2)];
+        let (origin, direction) = (Vec3::new(x.0, y.0, z.0), Vec3::new(x.1, y.1, z.1));
+        Ray { t_min, t_max, ..Ray::new(origin, direction) }
+    }
+}
+
+/// The plane of a triangle, and what the triangle is.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(64))]
+pub struct Plane {
+    normal: [f64; 3],
+    vertex: [f32; 3],
+    /// Id of the primitive.
+    pub id: u32,
+    /// Which part of it the triangle is.
+    pub part: u32,
+}
+
+impl Plane {
+    /// The plane of a lane of a packet.
+    #[inline(always)]
+    pub fn new(packet: &TrianglePacket, lane: usize) -> Plane {
+        let at = |axis: usize, vertex: usize| f64::from(packet.rows[4 * axis + vertex][lane]);
+        // Without `map`, which would be compiled for the lowest CPU level.
+        let edge = |k: usize| [at(0, k) - at(0, 0), at(1, k) - at(1, 0), at(2, k) - at(2, 0)];
+        let (e, f) = (edge(1), edge(2));
+        let normal = [e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]];
+        let vertex = [packet.rows[0][lane], packet.rows[4][lane], packet.rows[8][lane]];
+        Plane { normal, vertex, id: packet.id(lane), part: packet.part(lane) }
+    }
+
+    /// The ray parameter of the intersection, rounded as in [`crate::simd::Wide::plane_parameters`]; infinite or NaN for parallel rays.
+    #[inline(always)]
+    pub fn parameter(&self, ray: &PreparedRay) -> f32 {
+        let (n, a) = (self.normal, widen(self.vertex));
+        let (o, d) = (widen(ray.origin), widen(ray.direction));
+        let below = n[0] * d[0] + n[1] * d[1] + n[2] * d[2];
+        let above = n[0] * (a[0] - o[0]) + n[1] * (a[1] - o[1]) + n[2] * (a[2] - o[2]);
+        (above / below) as f32
+    }
+}
+
+#[inline(always)]
+fn widen([x, y, z]: [f32; 3]) -> [f64; 3] {
+    [f64::from(x), f64::from(y), f64::from(z)]
 }

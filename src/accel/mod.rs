@@ -1,52 +1,285 @@
-//! Ray intersection: one structure over triangles, quads, analytic shapes, curves and placed geometries, and batched queries on
-//! it.
+//! Ray intersection: one bounding volume hierarchy (BVH) over triangles, quads, analytic shapes, curve segments and
+//! instances, and batched queries on it.
 //!
-//! obvhs builds a binary tree, which is collapsed to eight children a node at least expected cost and packed into cache
-//! lines; [`Accel::closest`] and [`Accel::occluded`] walk it with up to 32 rays in flight, in a loop compiled for
-//! the CPU level found at start-up. All levels give the same hits bit for bit, and so do batches of any size.
+//! Construction: obvhs builds a binary BVH (`binary_tree.rs`), which is collapsed to eight children a node at least expected
+//! cost and written to cache lines (`wide_tree.rs`, `layout.rs`). More primitives than `largest_whole` are cut into chunks,
+//! whose trees are built in parallel and joined by a tree over them (`chunked_build.rs`); `build.rs` does this for each
+//! geometry and for the world.
 //!
-//! Many primitives are cut into chunks that are built and written each for itself, and a tree over these joins them: see
-//! `pieces.rs`. Chunks, and the trees of geometries that are no larger, are built side by side: see `append.rs`. Either way, and whatever a tree's quality, rays meet the same primitives (but see [`TreeQuality`]).
+//! Queries: [`Accel::closest`] and [`Accel::occluded`] traverse it with up to 32 rays in flight, compiled for the CPU level
+//! found at start-up (`traversal.rs`). All CPU levels, batches of any size and both qualities give the same hits bit for bit
+//! (but see [`TreeQuality`]).
 //!
 //! Primitive ids within a geometry: triangles `0..T`, then quads `T..T + Q`, then `A` analytic shapes from
-//! `T + Q` on, then pieces of curves from `T + Q + A` on.
+//! `T + Q` on, then curve segments from `T + Q + A` on.
 
-mod append;
-mod binary;
+mod binary_tree;
 mod build;
-mod chunks;
-mod collapse;
-mod emit;
-mod estimate;
-mod fan;
-mod gather;
-mod halves;
+mod chunked_build;
 mod input;
+mod inspect;
 mod layout;
-#[cfg(test)]
-mod many_tests;
 mod motion;
-mod nearest;
-mod normalize;
-mod parts;
-mod pieces;
-mod plane;
-mod prepare;
-mod relocate;
+mod point_visibility;
+mod primitives;
 mod scan;
-mod slot;
-mod stream;
-mod structure;
 #[cfg(test)]
 mod tests;
-mod tree;
-#[cfg(test)]
-mod tree_tests;
-mod validate;
+mod traversal;
+mod wide_tree;
 
-pub use estimate::{Estimate, TooLarge};
-pub use fan::{Bits, Fan, FanHits};
-pub use gather::{Dropped, is_in_reach};
-pub use input::{AccelInput, AccelInstance, Geometry, MovingInstance, Reuse, TreeQuality};
-pub use parts::BuildStats;
-pub use structure::Accel;
+pub use input::{
+    AccelInput, AccelInstance, Estimate, Geometry, MovingInstance, Reuse, TooLarge, TreeQuality,
+};
+pub use point_visibility::{PointVisibility, PointVisibilityQuery, SetBits};
+pub use primitives::{Dropped, is_in_reach};
+
+use crate::math::{Bounds3, Hit, Ray};
+use crate::scene::ShapeTag;
+use crate::simd::{Level, Line, best_level, dispatch_wide_at};
+use layout::DONE;
+use motion::{Motions, NoMotion, TimeByRay};
+use primitives::{Primitive, PrimitiveKind};
+use scan::{Scan, ScanAll, ScanWorkspace};
+use std::cell::RefCell;
+use traversal::{AnyHit, AnyOccluder, ClosestHit, NextHit, Output, RayStream, ShallowSlot, Workspace};
+
+/// Everything that a ray can hit, immutable.
+pub struct Accel {
+    lines: Vec<Line>,
+    root: u32,
+    /// All triangles in a list if there are few: rays are then tested against each of them.
+    scan: Option<Scan>,
+    /// What moves while rays are traced.
+    motions: Motions,
+    /// Bounding box of everything.
+    bounds: Bounds3,
+    reach: f32,
+    stack_size: usize,
+    expected: Vec<TreeSummary>,
+    stats: BuildStats,
+    /// The trees of which [`Accel::rebuild`] may keep some.
+    trees: BuiltTrees,
+}
+
+thread_local! {
+    static WORKSPACE: RefCell<Workspace> = const { RefCell::new(Workspace::new()) };
+    static SCAN_WORKSPACE: RefCell<ScanWorkspace> = const { RefCell::new(ScanWorkspace::new()) };
+}
+
+impl Accel {
+    /// Time, memory and what was dropped.
+    pub fn stats(&self) -> &BuildStats {
+        &self.stats
+    }
+
+    /// The nearest hit of each ray with `t_min < t < t_max`; of equally near ones the one with the smallest instance,
+    /// then primitive. `t` is in units of the ray's direction. A ray with an infinite or NaN component or a zero
+    /// direction hits nothing. Handles `min(rays.len(), hits.len())` rays, best many at a time.
+    pub fn closest(&self, rays: &[Ray], hits: &mut [Hit]) {
+        self.closest_at(best_level(), rays, hits);
+    }
+
+    /// Whether anything is hit with `t_min < t < t_max`. Handles `min(rays.len(), occluded.len())` rays.
+    pub fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
+        self.occluded_at(best_level(), rays, occluded);
+    }
+
+    /// Some hit of each ray with `t_min < t < t_max`, not always the same one: only `prim` and `instance` are to be relied
+    /// on. As fast as [`Accel::occluded`].
+    pub fn any(&self, rays: &[Ray], hits: &mut [Hit]) {
+        let count = rays.len().min(hits.len());
+        self.trace(best_level(), &rays[..count], AnyHit(&mut hits[..count]));
+    }
+
+    /// [`Accel::closest`] on a CPU level, or on the best available one below it: for tests and measurements.
+    pub fn closest_at(&self, level: Level, rays: &[Ray], hits: &mut [Hit]) {
+        let count = rays.len().min(hits.len());
+        self.trace(level, &rays[..count], ClosestHit(&mut hits[..count]));
+    }
+
+    /// [`Accel::occluded`] on a CPU level, or on the best available one below it: for tests and measurements.
+    pub fn occluded_at(&self, level: Level, rays: &[Ray], occluded: &mut [bool]) {
+        let count = rays.len().min(occluded.len());
+        self.trace(level, &rays[..count], AnyOccluder(&mut occluded[..count]));
+    }
+
+    /// The nearest hit of one ray: for odd jobs, batches are faster.
+    pub fn closest_one(&self, ray: &Ray) -> Hit {
+        let mut hit = [Hit::MISS];
+        self.closest(std::slice::from_ref(ray), &mut hit);
+        hit[0]
+    }
+
+    /// Does anything move while rays are traced? The queries without times then hold for the middle of the time, and shapes that
+    /// are deformed are missed.
+    #[inline(always)]
+    pub fn is_moving(&self) -> bool {
+        !self.motions.is_empty()
+    }
+
+    /// [`Accel::closest`] where things move: each ray at its own time in 0..1.
+    pub fn closest_in_time(&self, rays: &[Ray], times: &[f32], hits: &mut [Hit]) {
+        let count = rays.len().min(hits.len()).min(times.len());
+        self.walk_in_time(&rays[..count], times, ClosestHit(&mut hits[..count]));
+    }
+
+    /// [`Accel::closest_one`] at a time, if things move.
+    pub fn closest_one_in_time(&self, ray: &Ray, time: f32) -> Hit {
+        if !self.is_moving() {
+            return self.closest_one(ray);
+        }
+        let mut hit = [Hit::MISS];
+        self.closest_in_time(std::slice::from_ref(ray), &[time], &mut hit);
+        hit[0]
+    }
+
+    /// The hit of a ray that follows another one in the order of [`Accel::closest`], however many lie in one place; at a time, if
+    /// things move. Curves have no such order: of those in one place some are missed.
+    pub fn next_one(&self, ray: &Ray, hit: &Hit, time: f32) -> Hit {
+        let ray = Ray { t_min: hit.t.next_down(), origin_primitive: hit.into(), ..*ray };
+        let mut next = Hit::MISS;
+        self.walk_in_time(&[ray], &[time], NextHit(&mut next));
+        next
+    }
+
+    /// [`Accel::any`] where things move.
+    pub fn any_in_time(&self, rays: &[Ray], times: &[f32], hits: &mut [Hit]) {
+        let count = rays.len().min(hits.len()).min(times.len());
+        self.walk_in_time(&rays[..count], times, AnyHit(&mut hits[..count]));
+    }
+
+    fn walk_in_time<O: Output>(&self, rays: &[Ray], times: &[f32], output: O) {
+        let &Accel { ref lines, root, reach, ref motions, .. } = self;
+        let times = TimeByRay { times, motions };
+        WORKSPACE.with(|workspace| {
+            // One depth of stacks for all: less code.
+            let slots = &mut workspace.borrow_mut().deep;
+            dispatch_wide_at(best_level(), RayStream { lines, root, reach, rays, times, output, slots });
+        });
+    }
+
+    fn trace<O: Output>(&self, level: Level, rays: &[Ray], output: O) {
+        match &self.scan {
+            Some(scan) => SCAN_WORKSPACE.with(|workspace| {
+                let workspace = &mut *workspace.borrow_mut();
+                dispatch_wide_at(level, ScanAll { scan, rays, output, workspace });
+            }),
+            None => self.walk(level, rays, output),
+        }
+    }
+
+    /// Walks the tree.
+    fn walk<O: Output>(&self, level: Level, rays: &[Ray], output: O) {
+        let (&Accel { ref lines, root, reach, .. }, times) = (self, NoMotion);
+        WORKSPACE.with(|workspace| {
+            let Workspace { shallow, deep } = &mut *workspace.borrow_mut();
+            if self.stack_size <= ShallowSlot::STACK {
+                dispatch_wide_at(
+                    level,
+                    RayStream { lines, root, reach, rays, times, output, slots: shallow },
+                );
+            } else {
+                dispatch_wide_at(level, RayStream { lines, root, reach, rays, times, output, slots: deep });
+            }
+        });
+    }
+}
+
+/// Statistics of a build.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct BuildStats {
+    /// Time of the build, seconds.
+    pub build_s: f64,
+    /// Quality of the trees.
+    pub quality: TreeQuality,
+    /// Memory of the structure, bytes.
+    pub bytes: u64,
+    /// Triangles in it; shared geometries count once.
+    pub triangles: u64,
+    /// Quads in it.
+    pub quads: u64,
+    /// Analytic shapes in it, in the order of [`ShapeTag::ALL`].
+    pub analytic: [u64; ShapeTag::ALL.len()],
+    /// Curve segments in it.
+    pub curves: u64,
+    /// Instances in it.
+    pub instances: u64,
+    /// Geometries (other than the world's) that an instance uses: only these are built.
+    pub shared_geometries: u64,
+    /// Primitives and instances that were left out.
+    pub dropped: Dropped,
+}
+
+impl BuildStats {
+    /// Adds what is in a tree.
+    fn add(&mut self, tree: &BuildStats) {
+        self.triangles += tree.triangles;
+        self.quads += tree.quads;
+        self.analytic.iter_mut().zip(tree.analytic).for_each(|(sum, n)| *sum += n);
+        self.curves += tree.curves;
+        self.dropped.add(tree.dropped);
+    }
+
+    /// Counts the primitives of a geometry, which are in the order of their ids.
+    fn count(&mut self, geometry: &Geometry, primitives: &[Primitive]) {
+        let first_of = |kinds: &[PrimitiveKind]| primitives.partition_point(|p| kinds.contains(&p.kind));
+        let triangles = first_of(&[PrimitiveKind::Triangle]);
+        let flat = first_of(&[PrimitiveKind::Triangle, PrimitiveKind::Quad]);
+        let analytic = first_of(&[PrimitiveKind::Triangle, PrimitiveKind::Quad, PrimitiveKind::Analytic]);
+        self.triangles += triangles as u64;
+        self.quads += (flat - triangles) as u64;
+        let first = geometry.triangles.len() + geometry.quads.len();
+        for primitive in &primitives[flat..analytic] {
+            self.analytic[geometry.analytic[primitive.id as usize - first].tag() as usize] += 1;
+        }
+        self.curves += (primitives.len() - analytic) as u64;
+    }
+}
+
+/// Expected contents of a tree, for [`Accel::validate`].
+#[derive(Clone, Copy, Debug)]
+struct TreeSummary {
+    pub root: u32,
+    pub depth: usize,
+    pub primitives: usize,
+    pub instances: usize,
+}
+
+/// A tree and its bounds.
+#[derive(Clone, Copy, Debug)]
+struct BuiltTree {
+    pub tree: TreeSummary,
+    pub bounds: Bounds3,
+}
+
+/// The tree without primitives.
+const EMPTY_TREE: BuiltTree = BuiltTree {
+    tree: TreeSummary { root: DONE, depth: 0, primitives: 0, instances: 0 },
+    bounds: Bounds3::EMPTY,
+};
+
+impl BuiltTree {
+    /// The largest absolute coordinate.
+    pub fn reach(&self) -> f32 {
+        self.bounds.min.abs().max(self.bounds.max.abs()).max_element()
+    }
+}
+
+/// The trees of a structure, and the state of the build after some of them.
+#[derive(Clone, Debug, Default)]
+struct BuiltTrees {
+    /// By geometry; `None` for those without an instance.
+    pub by_geometry: Vec<Option<BuiltTree>>,
+    /// After the shared geometries that do not change.
+    pub shared: BuildMark,
+    /// After the world.
+    pub world: BuildMark,
+}
+
+/// The length of the buffer and the statistics at a point of the build.
+#[derive(Clone, Copy, Debug, Default)]
+struct BuildMark {
+    pub lines: usize,
+    pub stats: BuildStats,
+}

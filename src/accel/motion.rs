@@ -1,26 +1,25 @@
-//! What moves while rays are traced: placed geometries, whose matrix is interpolated where a ray enters them, and triangles
-//! whose vertices are.
+//! Motion blur: instances whose transform is interpolated when a ray enters them, and triangles whose vertices are interpolated.
 //!
-//! Rays carry no time: it comes in a list beside them, and only the loop for moving scenes reads it. Boxes hold what is below
-//! them at all times.
+//! Times of rays come in a separate list, which only the traversal for moving scenes reads. Node boxes bound their contents over
+//! the whole shutter interval.
 
-use super::gather::vertices_of;
 use super::input::{AccelInput, Geometry, MovingInstance};
 use super::layout::{
     ANALYTIC_LINES, AnalyticPacket, InstanceRecord, MOVING_TRIANGLES, TRIANGLE_LINES, TrianglePacket, view,
     view_mut,
 };
+use super::primitives::vertices_of;
 use crate::math::{DAffine3, TransformKeys, Vec3, segment, transform_at};
 use crate::shape::triangle::LANES;
 use crate::simd::Line;
 
-/// Where an instance stands at equal steps of time; none if it stands still.
-pub fn keys_of(moving: &[MovingInstance], instance: usize) -> &[DAffine3] {
+/// Transforms of an instance at equal steps of time; none if it is static.
+pub fn keys_of_instance(moving: &[MovingInstance], instance: usize) -> &[DAffine3] {
     let found = moving.binary_search_by_key(&instance, |m| m.instance);
     found.map_or(&[], |at| &moving[at].keys)
 }
 
-/// All motions of a structure.
+/// Motions of a structure.
 #[derive(Default)]
 pub struct Motions {
     /// By instance.
@@ -29,7 +28,7 @@ pub struct Motions {
 }
 
 impl Motions {
-    /// Those of what a structure is built over.
+    /// The motions of an input.
     pub fn of(input: &AccelInput) -> Motions {
         let has_moving_vertices = input.geometries.iter().any(|g| !g.keys.is_empty());
         let mut transforms = Vec::new();
@@ -63,7 +62,7 @@ impl Motions {
 }
 
 /// The times of the rays of a batch.
-pub trait Clock: Copy {
+pub trait RayTimes: Copy {
     /// Does anything move?
     const MOVING: bool;
 
@@ -76,9 +75,9 @@ pub trait Clock: Copy {
 
 /// Nothing moves.
 #[derive(Clone, Copy)]
-pub struct Stopped;
+pub struct NoMotion;
 
-impl Clock for Stopped {
+impl RayTimes for NoMotion {
     const MOVING: bool = false;
 
     #[inline(always)]
@@ -94,14 +93,14 @@ impl Clock for Stopped {
 
 /// Each ray has its time.
 #[derive(Clone, Copy)]
-pub struct Running<'a> {
+pub struct TimeByRay<'a> {
     /// By ray.
     pub times: &'a [f32],
     /// What moves.
     pub motions: &'a Motions,
 }
 
-impl Clock for Running<'_> {
+impl RayTimes for TimeByRay<'_> {
     const MOVING: bool = true;
 
     #[inline(always)]
@@ -115,8 +114,8 @@ impl Clock for Running<'_> {
     }
 }
 
-/// The triangles that follow a packet's head, as they are at a time. Neighbours stay neighbours: a vertex is where it is for all
-/// triangles that have it, so that no ray passes between them.
+/// The triangles after a head packet at a time. A vertex gets the same position in all triangles that share it, so that meshes stay
+/// watertight.
 #[inline(always)]
 pub fn triangles_at(
     lines: &[Line],
@@ -141,7 +140,7 @@ pub fn triangles_at(
     Some(triangles)
 }
 
-/// Writes the head of some triangles whose vertices move, and the triangles at each key.
+/// Writes the head packet of moving triangles, and the triangles at each key.
 pub fn write_triangles(
     region: &mut [Line],
     at: usize,

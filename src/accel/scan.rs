@@ -6,11 +6,10 @@
 //! tested exactly. The arithmetic is that of the tree's tests: hits are the same bit for bit.
 
 use super::layout::{
-    DONE, KIND_TRIANGLES, LEAF, NODE_LINES, Node, TRIANGLE_LINES, TrianglePacket, kind_of, line_of,
+    DONE, KIND_TRIANGLES, LEAF, NODE_LINES, Node, Plane, TRIANGLE_LINES, TrianglePacket, kind_of, line_of,
     on_primitive, view,
 };
-use super::plane::Plane;
-use super::stream::Output;
+use super::traversal::Output;
 use crate::math::{Hit, NO_HIT, Ray};
 use crate::shape::PreparedRay;
 use crate::shape::triangle::{LANES, Weights, weights_of};
@@ -35,9 +34,9 @@ pub struct Scan {
 /// Memory that a thread keeps between calls.
 pub struct ScanWorkspace {
     rays: [ScanRay; BATCH],
-    /// Pairs of a ray and a triangle that its line meets: `ray << 16 | triangle`.
+    /// Pairs of a ray and a triangle that its line intersects: `ray << 16 | triangle`.
     pairs: Vec<u32>,
-    /// Where the line meets the triangle's plane.
+    /// Where the line intersects the triangle's plane.
     t: Vec<f32>,
 }
 
@@ -139,7 +138,7 @@ impl<O: Output> WideKernel for ScanAll<'_, O> {
 }
 
 impl ScanWorkspace {
-    /// Lists which triangles the lines of the rays meet, in order; returns how many pairs there are.
+    /// Lists which triangles the lines of the rays intersect, in order; returns how many pairs there are.
     #[inline(always)]
     fn list_pairs<W: Wide>(&mut self, w: W, scan: &Scan, rays: &[Ray]) -> usize {
         let mut count = 0;
@@ -229,8 +228,8 @@ impl Scan {
 
 #[cfg(test)]
 mod tests {
-    use super::super::stream::{Any, Closest, Occluded};
     use super::super::tests::{Rng, soup};
+    use super::super::traversal::{AnyHit, AnyOccluder, ClosestHit};
     use super::super::{Accel, Geometry};
     use super::*;
     use crate::math::{OriginPrimitive, Vec3};
@@ -270,14 +269,14 @@ mod tests {
             assert!(accel.scan.is_some(), "{count}");
             for level in Level::ALL.into_iter().filter(|l| l.is_available()) {
                 let mut hits = [vec![Hit::MISS; rays.len()], vec![Hit::MISS; rays.len()]];
-                accel.trace(level, &rays, Closest(&mut hits[0]));
-                accel.walk(level, &rays, Closest(&mut hits[1]));
+                accel.trace(level, &rays, ClosestHit(&mut hits[0]));
+                accel.walk(level, &rays, ClosestHit(&mut hits[1]));
                 assert_eq!(hits[0], hits[1], "{count} {}", level.name());
                 let mut occluded = vec![false; rays.len()];
-                accel.trace(level, &rays, Occluded(&mut occluded));
+                accel.trace(level, &rays, AnyOccluder(&mut occluded));
                 assert!(occluded.iter().zip(&hits[1]).all(|(o, h)| *o == h.is_hit()), "{count}");
                 let mut any = vec![Hit::MISS; rays.len()];
-                accel.trace(level, &rays, Any(&mut any));
+                accel.trace(level, &rays, AnyHit(&mut any));
                 assert!(any.iter().zip(&hits[1]).all(|(a, h)| a.is_hit() == h.is_hit()), "{count}");
             }
         }

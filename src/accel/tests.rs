@@ -1,10 +1,10 @@
-//! Against brute force, on all CPU levels, and on what breaks structures.
+//! BVHs against brute force on all CPU levels, degenerate input, and the build.
 
-use super::slot::ShallowSlot;
+use super::traversal::ShallowSlot;
 use super::*;
-use crate::math::{DAffine3, Hit, NO_HIT, OriginPrimitive, Ray, Vec3};
-use crate::shape::{Analytic, Quad, Sphere};
-use crate::simd::Level;
+use crate::gauge::Gauge;
+use crate::math::{DAffine3, DQuat, DVec3, NO_HIT, OriginPrimitive, Vec3};
+use crate::shape::{Analytic, CurveSegments, Quad, Sphere};
 
 /// A small generator of numbers for tests (PCG, O'Neill 2014).
 pub struct Rng(u64);
@@ -138,7 +138,7 @@ fn levels_agree_in_corners_at_any_scale() {
             [Ray::new(Vec3::ZERO, corner / scale), before(Vec3::X), before(Vec3::Y), before(Vec3::Z), far]
         });
         let rays: Vec<Ray> = rays.collect();
-        // Few triangles are scanned, more are in a tree.
+        // LeafItems triangles are scanned, more are in a tree.
         let mut many = geometry.clone();
         many.quads.push(Quad {
             corner: Vec3::splat(scale),
@@ -181,9 +181,9 @@ fn instances_are_hit_in_world_parameters() {
     let at = |x: f64, scale: f64| AccelInstance {
         geometry: 1,
         world_from_object: DAffine3::from_scale_rotation_translation(
-            crate::math::DVec3::splat(scale),
-            crate::math::DQuat::IDENTITY,
-            crate::math::DVec3::new(x, 0.0, 0.0),
+            DVec3::splat(scale),
+            DQuat::IDENTITY,
+            DVec3::new(x, 0.0, 0.0),
         ),
     };
     let singular = AccelInstance { world_from_object: DAffine3::ZERO, ..at(0.0, 1.0) };
@@ -269,7 +269,7 @@ fn a_thousand_instances_take_the_memory_of_one() {
     assert!(mesh.triangles.len() > 100_000);
     let place = |i: u32| AccelInstance {
         geometry: 1,
-        world_from_object: DAffine3::from_translation(crate::math::DVec3::new(
+        world_from_object: DAffine3::from_translation(DVec3::new(
             f64::from(i % 32) * 1.5,
             0.0,
             f64::from(i / 32) * 1.5,
@@ -349,7 +349,7 @@ fn what_a_ray_leaves_is_not_met_again_unless_it_is_round() {
         .flat_map(|ray| [ray, Ray { origin: ray.origin + Vec3::X * 3.0, ..ray }])
         .collect();
     let first = trace(&accel, Level::Scalar, &rays);
-    // Start again behind what was met: from there it would be met again by those that are sent back.
+    // Start again behind the last hit: from there it would be hit again by those that are sent back.
     let back = |(ray, hit): (&Ray, &Hit), origin_primitive| Ray {
         origin_primitive,
         ..Ray::new(ray.at(hit.t * 1.001), -ray.direction)
@@ -400,8 +400,8 @@ fn deep_trees_are_walked_to_their_end() {
     }
 }
 
-/// Three of each primitive in the same place, and instances of them there: all are met, one after another in the order of their
-/// numbers, where of one of each all are met by rays that start behind the last hit.
+/// Three of each primitive in the same place, and instances of them there: all are hit, one after another in the order of their
+/// numbers, where of one of each all are hit by rays that start behind the last hit.
 #[test]
 fn many_primitives_in_one_place_follow_each_other() {
     const MOST: usize = 200;
@@ -441,4 +441,329 @@ fn many_primitives_in_one_place_follow_each_other() {
         total += found.len();
     }
     assert!(total > 10_000 && round > 500, "{total} {round}");
+}
+
+// Trees of either quality, whole and in chunks: the same hits, by any number of threads.
+
+const BOTH: [TreeQuality; 2] = [TreeQuality::Fast, TreeQuality::Full];
+
+fn build_quality(geometries: &[&Geometry], instances: &[AccelInstance], quality: TreeQuality) -> Accel {
+    let accel = try_build(geometries, instances, quality, None).expect("it can be addressed");
+    accel.validate().expect("valid");
+    assert_eq!(accel.stats().quality, quality);
+    accel
+}
+
+fn trace_both(accel: &Accel, rays: &[Ray]) -> (Vec<Hit>, Vec<bool>) {
+    let (mut hits, mut occluded) = (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
+    accel.closest_at(best_level(), rays, &mut hits);
+    accel.occluded_at(best_level(), rays, &mut occluded);
+    (hits, occluded)
+}
+
+/// A sheet of `2 n n` triangles with bends.
+pub fn sheet(n: u32) -> Geometry {
+    let mut sheet = Geometry::default();
+    for (x, y) in (0..=n).flat_map(|y| (0..=n).map(move |x| (x as f32 / n as f32, y as f32 / n as f32))) {
+        sheet.positions.push([x - 0.5, y - 0.5, 0.02 * (9.0 * x).sin() * (7.0 * y).cos()]);
+    }
+    for (x, y) in (0..n).flat_map(|y| (0..n).map(move |x| (x, y))) {
+        let a = y * (n + 1) + x;
+        sheet.triangles.extend([[a, a + 1, a + n + 2], [a, a + n + 2, a + n + 1]]);
+    }
+    sheet
+}
+
+/// Small soups are built whole at full quality and in chunks at fast; large ones in subtrees at both.
+#[test]
+fn qualities_give_the_same_hits() {
+    let (small, large) = (soup(15_000, 0.05, 11), soup(225_000, 0.02, 12));
+    let rays = random_rays(20_000, 13);
+    for (geometry, sizes) in [(&small, 17_000..20_000), (&large, 265_000..275_000)] {
+        let [fast, full] = BOTH.map(|quality| build_quality(&[geometry], &[], quality));
+        let stats = full.stats();
+        let all = stats.triangles + stats.quads + stats.analytic.iter().sum::<u64>();
+        assert!(sizes.contains(&all), "{all}");
+        let hits = trace_both(&fast, &rays);
+        assert!(hits.0.iter().filter(|hit| hit.is_hit()).count() > 3_000);
+        assert!(hits == trace_both(&full, &rays));
+    }
+}
+
+/// Rays through vertices and edges, where several triangles are equally near. (None of them edge-on: what is hit at such a
+/// triangle's border may lie before its box by more than the roundings that the search allows for, so that it counts if the
+/// box comes first, and else not.)
+#[test]
+fn ties_do_not_depend_on_the_tree() {
+    let sheet = sheet(300);
+    let mut rng = Rng::new(5);
+    let through_edges: Vec<Ray> = (0..20_000)
+        .map(|_| {
+            let [a, b, _] = sheet.triangles[(rng.unit() * sheet.triangles.len() as f32) as usize];
+            let [a, b] = [a, b].map(|i| Vec3::from_array(sheet.positions[i as usize]));
+            let at = if rng.unit() < 0.5 { a } else { a * 0.5 + b * 0.5 };
+            let aside = if rng.unit() < 0.5 { Vec3::ZERO } else { rng.vector() * 0.5 };
+            let from = at + Vec3::Z + aside;
+            Ray::new(from, at - from)
+        })
+        .collect();
+    let mut twice = sheet.clone();
+    twice.triangles.extend_from_slice(&sheet.triangles);
+    for geometry in [&sheet, &twice] {
+        let [fast, full] =
+            BOTH.map(|quality| trace_both(&build_quality(&[geometry], &[], quality), &through_edges));
+        assert!(fast == full);
+        // The first of two equal triangles.
+        assert!(full.0.iter().all(|hit| !hit.is_hit() || (hit.prim as usize) < sheet.triangles.len()));
+    }
+}
+
+/// A ground thousands of times as large as what stands on it, whose triangles are then next to nothing.
+#[test]
+fn a_large_ground_does_not_spoil_the_tree() {
+    let alone = sheet(400);
+    let mut grounded = alone.clone();
+    let first = grounded.positions.len() as u32;
+    let far = 2000.0f32;
+    grounded.positions.extend([[-far, -far, -1.0], [far, -far, -1.0], [0.0, far, -1.0]]);
+    grounded.triangles.push([first, first + 1, first + 2]);
+    for quality in BOTH {
+        let bytes = [&alone, &grounded].map(|g| build_quality(&[g], &[], quality).stats().bytes as f64);
+        assert!(bytes[1] < 1.02 * bytes[0], "{quality:?}: {bytes:?}");
+    }
+}
+
+#[test]
+fn placements_are_built_in_pieces_too() {
+    let (world, object) = (soup(100, 0.1, 3), soup(20_000, 0.05, 4));
+    let mut rng = Rng::new(6);
+    let mut place = || AccelInstance {
+        geometry: 1,
+        world_from_object: DAffine3::from_scale(DVec3::splat(0.02))
+            * DAffine3::from_translation(rng.vector().as_dvec3() * 40.0),
+    };
+    let instances: Vec<AccelInstance> = (0..17_000).map(|_| place()).collect();
+    let rays = random_rays(5_000, 9);
+    let [fast, full] = BOTH.map(|quality| {
+        let accel = build_quality(&[&world, &object], &instances, quality);
+        assert_eq!(accel.stats().instances, 17_000);
+        trace_both(&accel, &rays)
+    });
+    assert!(fast.0.iter().filter(|hit| hit.instance > 0).count() > 1000);
+    assert!(fast == full);
+}
+
+#[test]
+fn threads_do_not_change_the_buffer() {
+    let geometry = soup(225_000, 0.02, 21);
+    for quality in BOTH {
+        let lines = |threads: usize| -> Vec<Line> {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+            pool.install(|| build_quality(&[&geometry], &[], quality)).lines
+        };
+        let one = lines(1);
+        for threads in [2, 5] {
+            let many = lines(threads);
+            assert!(bytemuck::cast_slice::<Line, u8>(&one) == bytemuck::cast_slice::<Line, u8>(&many));
+        }
+    }
+}
+
+/// Where cutting by position fails: all in one place, all but one, on a line, each within the next, each twice as far.
+#[test]
+fn what_cannot_be_cut_is_built_all_the_same() {
+    let triangle =
+        |at: Vec3, size: f32| [at, at + Vec3::X * size, at + Vec3::Y * size].map(|p: Vec3| p.to_array());
+    let of = |count: usize, place: &dyn Fn(usize) -> [[f32; 3]; 3]| {
+        let mut geometry = Geometry::default();
+        for i in 0..count {
+            geometry.positions.extend(place(i));
+            geometry.triangles.push([0, 1, 2].map(|k| 3 * i as u32 + k));
+        }
+        geometry
+    };
+    let far = |i: usize| if i == 77 { 1e12 } else { 0.5 };
+    let cases = [
+        of(270_000, &|_| triangle(Vec3::ZERO, 1.0)),
+        of(270_000, &|i| triangle(Vec3::new(far(i), 0.0, 0.0), 1.0)),
+        of(270_000, &|i| triangle(Vec3::X * i as f32, 0.5)),
+        of(270_000, &|i| triangle(Vec3::splat(-0.5 - i as f32 * 1e-5), 1.0 + i as f32 * 3e-5)),
+        of(17_000, &|i| triangle(Vec3::X * 1.004f32.powi(i as i32 % 8_000), 0.5)),
+    ];
+    for geometry in &cases {
+        let t = geometry.triangles[geometry.triangles.len() - 1].map(|i| geometry.positions[i as usize]);
+        let [a, b, c] = t.map(Vec3::from_array);
+        let inside = a * 0.6 + b * 0.2 + c * 0.2;
+        let ray = Ray::new(inside + Vec3::Z, -Vec3::Z);
+        let [fast, full] = BOTH.map(|quality| trace_both(&build_quality(&[geometry], &[], quality), &[ray]));
+        assert!(fast.0[0].is_hit() && fast == full, "{:?} {:?}", fast.0, full.0);
+    }
+}
+
+#[test]
+fn few_or_no_primitives_have_fast_trees() {
+    let ray = Ray::new(Vec3::new(0.1, 0.1, 1.0), -Vec3::Z);
+    let one = Geometry {
+        positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+        triangles: vec![[0, 1, 2]],
+        ..Geometry::default()
+    };
+    assert!(build_quality(&[&one], &[], TreeQuality::Fast).closest_one(&ray).is_hit());
+    assert!(!build_quality(&[&Geometry::default()], &[], TreeQuality::Fast).closest_one(&ray).is_hit());
+}
+
+// Many geometries: time, memory and results of the build.
+
+fn try_build(
+    geometries: &[&Geometry],
+    instances: &[AccelInstance],
+    quality: TreeQuality,
+    gauge: Option<&Gauge>,
+) -> Result<Accel, TooLarge> {
+    let (first_moving, first_changing) = (instances.len(), geometries.len());
+    let moving = &[];
+    Accel::try_build(&AccelInput {
+        geometries,
+        instances,
+        first_moving,
+        first_changing,
+        moving,
+        quality,
+        gauge,
+    })
+}
+
+/// Twice each geometry but the first.
+fn placed(geometries: usize) -> Vec<AccelInstance> {
+    let place = |i: usize| AccelInstance {
+        geometry: (1 + i % (geometries - 1)) as u32,
+        world_from_object: DAffine3::from_translation(DVec3::new(i as f64 * 2.5, 0.0, 0.0)),
+    };
+    (0..2 * (geometries - 1)).map(place).collect()
+}
+
+/// Geometries of all sizes, of which the second is the largest: others wait for it.
+fn geometries(count: usize) -> Vec<Geometry> {
+    let size = |i: usize| if i == 1 { 30_000 } else { 20 + i * 37 % 1500 };
+    (0..count).map(|i| soup(size(i), 0.1, i as u64)).collect()
+}
+
+#[test]
+fn threads_do_not_change_the_buffer_of_many_geometries() {
+    let geometries = geometries(60);
+    let (geometries, instances): (Vec<&Geometry>, _) = (geometries.iter().collect(), placed(60));
+    for quality in [TreeQuality::Fast, TreeQuality::Full] {
+        let lines = |threads: usize| -> Vec<Line> {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+            let accel = pool.install(|| try_build(&geometries, &instances, quality, None)).expect("small");
+            accel.validate().expect("valid");
+            accel.lines
+        };
+        let one = lines(1);
+        for threads in [2, 5] {
+            let many = lines(threads);
+            assert!(bytemuck::cast_slice::<Line, u8>(&one) == bytemuck::cast_slice::<Line, u8>(&many));
+        }
+    }
+}
+
+/// Room is made once for all, and not much more than is needed: nothing is moved while it is built.
+#[test]
+fn buffers_of_many_geometries_do_not_grow() {
+    for count in [10, 100, 400] {
+        let geometries: Vec<Geometry> = (0..count).map(|i| sheet(if i == 1 { 120 } else { 23 })).collect();
+        let (geometries, instances): (Vec<&Geometry>, _) = (geometries.iter().collect(), placed(count));
+        for quality in [TreeQuality::Fast, TreeQuality::Full] {
+            let accel = try_build(&geometries, &instances, quality, None).expect("small");
+            let (first_moving, first_changing) = (instances.len(), geometries.len());
+            let (geometries, instances) = (&geometries[..], &instances[..]);
+            let (moving, gauge) = (&[], None);
+            let input =
+                AccelInput { geometries, instances, first_moving, first_changing, moving, quality, gauge };
+            let bytes = (accel.lines.capacity() * size_of::<Line>()) as u64;
+            let estimate = Estimate::of(&input);
+            let is_room = estimate.bytes <= bytes && bytes < estimate.bytes + 1000;
+            assert!(is_room, "{count} {quality:?}: {bytes} {}", estimate.bytes);
+        }
+    }
+}
+
+/// Of what estimates are made of, each alone.
+#[test]
+fn estimates_hold() {
+    let mut rng = Rng::new(3);
+    // Triangles of a surface: those that are scattered take more, for packets are emptier.
+    let (all, surface) = (soup(20_000, 0.03, 5), sheet(100));
+    let mut strands = CurveSegments::EMPTY;
+    for strand in 0..400u32 {
+        let (root, way) = (rng.vector(), rng.vector() * 0.01);
+        for i in 0..20u32 {
+            let p: Vec3 = root + way * i as f32 + rng.vector() * 0.002;
+            strands.points.push([p.x, p.y, p.z, 0.002]);
+            strands.tangents.push([0.0; 3]);
+            strands.segments.extend((i < 19).then_some(strand * 20 + i));
+        }
+    }
+    let moved = |by: f32| surface.positions.iter().map(|p| p.map(|x| x + by)).collect();
+    let kinds = [
+        surface.clone(),
+        Geometry { quads: all.quads.clone(), ..Geometry::default() },
+        Geometry { analytic: all.analytic.clone(), ..Geometry::default() },
+        Geometry { curves: strands, ..Geometry::default() },
+        Geometry { keys: vec![moved(0.0), moved(0.01), moved(0.0)], ..surface.clone() },
+    ];
+    for (i, geometry) in kinds.iter().enumerate() {
+        let mut estimate = Estimate::default();
+        estimate.add_geometry(geometry);
+        let bytes = Accel::build(std::slice::from_ref(geometry), &[]).stats().bytes;
+        let is_near = (estimate.bytes / 3..=estimate.bytes * 11 / 10).contains(&bytes);
+        assert!(is_near, "{i}: {bytes} {}", estimate.bytes);
+    }
+    let one = Geometry { analytic: all.analytic[..1].to_vec(), ..Geometry::default() };
+    let place = |_| AccelInstance {
+        geometry: 1,
+        world_from_object: DAffine3::from_translation(rng.vector().as_dvec3() * 20.0),
+    };
+    let instances: Vec<AccelInstance> = (0..5000).map(place).collect();
+    let bytes = Accel::build(&[Geometry::default(), one], &instances).stats().bytes;
+    let mut estimate = Estimate::default();
+    estimate.add_instances(instances.len());
+    assert!((estimate.bytes / 3..=estimate.bytes).contains(&bytes), "{bytes} {}", estimate.bytes);
+}
+
+#[test]
+fn progress_counts_what_is_built_and_ends_where_all_is() {
+    let all = geometries(40);
+    let mut geometries: Vec<&Geometry> = all.iter().collect();
+    let instances = placed(40);
+    // Nothing places it: it is not built.
+    let unused = soup(50_000, 0.1, 1);
+    geometries.push(&unused);
+    let mut broken = soup(20_000, 0.1, 2);
+    broken.triangles[5] = [0, 0, 0];
+    geometries[0] = &broken;
+    for quality in [TreeQuality::Fast, TreeQuality::Full] {
+        let gauge = Gauge::default();
+        let accel = try_build(&geometries, &instances, quality, Some(&gauge)).expect("small");
+        assert_eq!(gauge.share(), Some(1.0));
+        assert_eq!(accel.stats().dropped.degenerate, 1);
+        let primitives: usize = geometries[..40].iter().map(|g| g.primitives()).sum();
+        assert_eq!(
+            gauge.counts(),
+            (2 * (primitives + instances.len()) as u64, 2 * (primitives + instances.len()) as u64)
+        );
+    }
+}
+
+/// Triangles at a hundred thousand keys: none of these are read.
+#[test]
+fn what_cannot_be_addressed_is_refused_before_work() {
+    let mut large = soup(10_000, 0.1, 2);
+    large.keys = vec![Vec::new(); 100_000];
+    let gauge = Gauge::default();
+    let error = try_build(&[&large], &[], TreeQuality::Full, Some(&gauge)).err().expect("too large");
+    assert!(error.to_string().contains("10000 triangles"), "{error}");
+    assert_eq!(gauge.share(), None);
+    // Unless nothing places it.
+    assert!(try_build(&[&Geometry::default(), &large], &[], TreeQuality::Full, None).is_ok());
 }

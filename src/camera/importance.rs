@@ -1,22 +1,22 @@
-//! The way back: where on the film a camera shows a point, for light that looks for the camera.
+//! Camera importance: the film point of a point of the scene, for light paths that connect to the camera.
 
 use super::Camera;
 use super::panorama::Panorama;
 use crate::math::Vec3;
 
 impl Camera {
-    /// How a point is seen through the point of the lens that `lens` in 0..1 squared chooses, as [`Camera::ray`] does; `None` for
-    /// points behind the camera, and for those that it doesn't reach.
+    /// Connects a point to the point of the lens that `lens` in 0..1 squared chooses, as in [`Camera::ray`]; `None` behind the camera and
+    /// outside of its clip range.
     ///
     /// Of a pinhole, a solid angle `dw` at an angle with cosine `c` to the axis covers `dw / c^3` of the plane at distance 1
     /// (Pharr, Jakob, Humphreys 2016, "Physically Based Rendering", section 16.1.1). The same holds for each point of a lens:
-    /// what it sends to the plane in focus is the film's picture, scaled.
-    pub fn sight(&self, p: Vec3, lens: [f32; 2]) -> Option<Sight> {
-        if !self.reaches(p) {
+    /// its image on the plane in focus is the film, scaled.
+    pub fn connect(&self, p: Vec3, lens: [f32; 2]) -> Option<FilmConnection> {
+        if !self.is_in_clip_range(p) {
             return None;
         }
         if let Some(panorama) = &self.panorama {
-            return self.panoramic_sight(panorama, p, lens);
+            return self.connect_panorama(panorama, p, lens);
         }
         let depth = self.depth(p);
         if depth.is_nan() || depth <= 0.0 {
@@ -29,7 +29,7 @@ impl Camera {
             }
             false => Vec3::ZERO,
         };
-        // How far the way to the plane in focus has come at the point.
+        // The depth of the point relative to the plane in focus.
         let share = depth / self.focus_distance;
         let (start, place) = if self.is_perspective {
             let start = self.origin + offset;
@@ -50,7 +50,7 @@ impl Camera {
             true => 1.0 / (distance * distance * cosine * cosine * cosine),
             false => 1.0 / cosine,
         };
-        let sight = Sight {
+        let sight = FilmConnection {
             film: [film.dot(self.step_x) / width, film.dot(self.step_y) / height],
             lens: start,
             direction,
@@ -63,10 +63,10 @@ impl Camera {
     /// The same for panoramas.
     ///
     /// All directions of such a camera and all points of their round lenses together are as many as rotations, times the distance
-    /// from the lens's middle. Let a ray meet a sphere around the camera: to turn it so that its direction or so that the point which
-    /// it meets is a given one is the same to their measure. So the lens may as well be chosen around the point; only the
+    /// from the lens's center. Let a ray meet a sphere around the camera: to turn it so that its direction or so that the point which
+    /// it intersects is a given one is the same to their measure. So the lens may as well be chosen around the point; only the
     /// density of the picture is that of the direction, which follows from where the ray is in focus.
-    fn panoramic_sight(&self, panorama: &Panorama, p: Vec3, lens: [f32; 2]) -> Option<Sight> {
+    fn connect_panorama(&self, panorama: &Panorama, p: Vec3, lens: [f32; 2]) -> Option<FilmConnection> {
         let to = p - self.origin;
         let away = to.length();
         let (towards, focus) = (to / away, self.focus_distance);
@@ -90,10 +90,10 @@ impl Camera {
         let way = start - p;
         let distance = way.length();
         let direction = way / distance;
-        let [x, y, back] = self.along_axes(ahead).to_array();
+        let [x, y, back] = self.to_camera_space(ahead).to_array();
         let local = Vec3::new(x, y, -back);
-        let sight = Sight {
-            film: panorama.place(local),
+        let sight = FilmConnection {
+            film: panorama.film_point(local),
             lens: start,
             direction,
             distance,
@@ -102,24 +102,24 @@ impl Camera {
         (sight.pixels_per_area > 0.0 && sight.pixels_per_area.is_finite()).then_some(sight)
     }
 
-    /// All film points near the picture that show what a film point shows.
-    pub fn alike(&self, film: [f32; 2]) -> impl Iterator<Item = [f32; 2]> + use<> {
-        let around = self.panorama.map(|panorama| panorama.alike(film));
+    /// All film points near the picture that show the same direction as a film point.
+    pub fn equivalent_film_points(&self, film: [f32; 2]) -> impl Iterator<Item = [f32; 2]> + use<> {
+        let around = self.panorama.map(|panorama| panorama.equivalent_film_points(film));
         let own = around.is_none().then_some(film);
         around.into_iter().flatten().chain(own)
     }
 }
 
-/// How a point of the scene is seen through a point of the lens.
+/// The connection of a point of the scene to the camera through a point of the lens.
 #[derive(Clone, Copy, Debug)]
-pub struct Sight {
-    /// Where on the film, in pixels from the top left corner.
+pub struct FilmConnection {
+    /// Film point, in pixels from the top left corner.
     pub film: [f32; 2],
     /// The point of the lens, or of an orthographic camera's plane: where the ray of the camera starts.
     pub lens: Vec3,
     /// Unit vector from the point to there.
     pub direction: Vec3,
-    /// How far it is.
+    /// Distance to there, metres.
     pub distance: f32,
     /// Film area, in square pixels, that a surface of one square metre at the point covers if it faces the ray. Times the
     /// filter of a pixel and the radiance along the ray it is the density per area of what the pixel shows.
@@ -170,14 +170,14 @@ mod tests {
                 let (x, y) = (60.0 * x, 40.0 * y);
                 let ray = camera.ray(x, y, lens);
                 let p = ray.at(0.5 + 0.05 * i as f32);
-                let sight = camera.sight(p, lens).expect("in front");
+                let sight = camera.connect(p, lens).expect("in front");
                 assert!(
                     (sight.film[0] - x).abs() + (sight.film[1] - y).abs() < 2e-3,
                     "{k}: {x} {y} {sight:?}"
                 );
                 assert!((sight.lens - ray.origin).length() < 1e-4, "{k}");
                 assert!((sight.direction + ray.direction).length() < 1e-4, "{k}");
-                assert!(camera.sight(ray.at(-1.0), lens).is_none(), "{k}: behind");
+                assert!(camera.connect(ray.at(-1.0), lens).is_none(), "{k}: behind");
             }
         }
     }
@@ -192,13 +192,13 @@ mod tests {
                 let p = ray.at(4.0);
                 let (a, b) = ray.direction.any_orthonormal_pair();
                 let step = 0.02;
-                let at = |v: Vec3| camera.sight(p + v, lens).expect("in front").film;
+                let at = |v: Vec3| camera.connect(p + v, lens).expect("in front").film;
                 let change = |v: Vec3| {
                     let (to, from) = (at(v * step), at(v * -step));
                     [0, 1].map(|c| (to[c] - from[c]) / (2.0 * step))
                 };
                 let ([ax, ay], [bx, by]) = (change(a), change(b));
-                let area = camera.sight(p, lens).expect("in front").pixels_per_area;
+                let area = camera.connect(p, lens).expect("in front").pixels_per_area;
                 let expected = (ax * by - ay * bx).abs();
                 assert!((area / expected - 1.0).abs() < 5e-3, "{k} {i}: {area} {expected}");
             }

@@ -5,12 +5,12 @@ mod panorama;
 
 use crate::math::{DMat4, DVec3, DVec4, Ray, Vec3, poly, segment};
 use crate::scene::{self, Projection};
-pub use importance::Sight;
+pub use importance::FilmConnection;
 use panorama::Panorama;
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
-/// A camera ready to shoot rays. It lives in coordinates around the compiled scene's anchor.
+/// A camera ready to generate rays. It lives in coordinates around the compiled scene's anchor.
 #[derive(Clone, Copy, Debug)]
 pub struct Camera {
     origin: Vec3,
@@ -70,32 +70,32 @@ impl Camera {
         }
     }
 
-    /// Does it see things at some distances only?
+    /// Has it clip planes?
     #[inline(always)]
     pub fn is_clipped(&self) -> bool {
         self.clip.is_some()
     }
 
-    /// From where to where along a direction of unit length its rays see things.
+    /// Range of distances along a unit direction between its clip planes, metres.
     pub fn range(&self, direction: Vec3) -> [f32; 2] {
         let Some(clip) = self.clip else { return [0.0, f32::INFINITY] };
         let cosine = if self.panorama.is_some() { 1.0 } else { direction.dot(self.forward) };
         clip.map(|distance| (distance / cosine).max(0.0))
     }
 
-    /// Does it see what is at a place?
-    pub fn reaches(&self, p: Vec3) -> bool {
+    /// Is a point between the clip planes?
+    pub fn is_in_clip_range(&self, p: Vec3) -> bool {
         self.clip.is_none_or(|[near, far]| (near..=far).contains(&self.depth(p)))
     }
 
-    /// A direction along its own axes: to the right, up, and back.
-    pub fn along_axes(&self, direction: Vec3) -> Vec3 {
+    /// A direction in camera space: right, up, back.
+    pub fn to_camera_space(&self, direction: Vec3) -> Vec3 {
         Vec3::new(direction.dot(self.right), direction.dot(self.up), -direction.dot(self.forward))
     }
 
-    /// A point along its own axes, from where it stands.
-    pub fn seen_from(&self, p: Vec3) -> Vec3 {
-        self.along_axes(p - self.origin)
+    /// A point in camera space, relative to its position.
+    pub fn point_in_camera_space(&self, p: Vec3) -> Vec3 {
+        self.to_camera_space(p - self.origin)
     }
 
     /// The ray through film point (x, y), in pixels from the top left corner, and lens point `lens` in 0..1 squared.
@@ -123,7 +123,7 @@ impl Camera {
         self.pinhole_ray(x, y)
     }
 
-    /// The ray through film point (x, y) and the middle of the lens: that of a camera without one that is no panorama.
+    /// The ray through film point (x, y) and the center of the lens: that of a camera without one that is no panorama.
     #[inline(always)]
     pub fn pinhole_ray(&self, x: f32, y: f32) -> Ray {
         let (origin, direction) = self.line(x, y);
@@ -141,7 +141,7 @@ impl Camera {
     ///
     /// The lens is a disk across the direction of the film point, and what is in focus lies on a sphere (as in Cycles).
     pub fn panoramic_ray(&self, x: f32, y: f32, lens: [f32; 2]) -> Option<Ray> {
-        let ahead = self.turned(self.panorama.as_ref()?.direction(x, y)?);
+        let ahead = self.to_world(self.panorama.as_ref()?.direction(x, y)?);
         if !self.has_lens() {
             return Some(Ray::new(self.origin, ahead));
         }
@@ -153,11 +153,11 @@ impl Camera {
     }
 
     /// The unit vector of a direction along its axes: to the right, up, and ahead. (Those of a camera that turns are mixtures.)
-    fn turned(&self, d: Vec3) -> Vec3 {
+    fn to_world(&self, d: Vec3) -> Vec3 {
         (self.right * d.x + self.up * d.y + self.forward * d.z).normalize_or(self.forward)
     }
 
-    /// Does it see around itself?
+    /// Is it a panorama?
     #[inline(always)]
     pub fn is_panorama(&self) -> bool {
         self.panorama.is_some()
@@ -169,12 +169,12 @@ impl Camera {
         self.aperture.radius > 0.0
     }
 
-    /// Where a point is seen: the film point whose rays through the middle of the lens meet it. Infinite or NaN for points beside a
+    /// Where a point is seen: the film point whose rays through the center of the lens meet it. Infinite or NaN for points beside a
     /// perspective camera.
     pub fn film_point(&self, p: Vec3) -> [f32; 2] {
         if let Some(panorama) = &self.panorama {
-            let [x, y, back] = self.seen_from(p).to_array();
-            return panorama.place(Vec3::new(x, y, -back));
+            let [x, y, back] = self.point_in_camera_space(p).to_array();
+            return panorama.film_point(Vec3::new(x, y, -back));
         }
         let from = p - self.origin;
         let film = if self.is_perspective { from / from.dot(self.forward) } else { from };
@@ -185,12 +185,12 @@ impl Camera {
     /// How far it is on the film from one of its points to another, which a panorama that goes around is the shorter way.
     pub fn film_way(&self, from: [f32; 2], to: [f32; 2]) -> [f32; 2] {
         match &self.panorama {
-            Some(panorama) => panorama.way(from, to),
+            Some(panorama) => panorama.film_offset(from, to),
             None => [to[0] - from[0], to[1] - from[1]],
         }
     }
 
-    /// Its position, in the middle of the lens.
+    /// Its position, in the center of the lens.
     pub fn position(&self) -> Vec3 {
         self.origin
     }
@@ -270,7 +270,7 @@ impl MovingCamera {
     }
 }
 
-/// An opening ready to choose points in.
+/// An aperture ready for sampling.
 #[derive(Clone, Copy, Debug)]
 struct Aperture {
     /// Radius of the disk, and of the circle through the polygon's corners, metres; 0 is a pinhole.
@@ -286,7 +286,7 @@ struct Aperture {
 }
 
 impl Aperture {
-    /// The opening of a lens.
+    /// The aperture of a lens.
     pub fn new(lens: Option<scene::ThinLens>) -> Aperture {
         let radius = lens.map_or(0.0, |l| (l.defocus_angle_rad * 0.5).tan() * l.focus_distance) as f32;
         let aperture = lens.map_or(scene::Aperture::default(), |l| l.aperture);
@@ -300,7 +300,7 @@ impl Aperture {
         }
     }
 
-    /// The point for `u` in 0..1 squared, to the right and up, metres; all points of the opening are as likely.
+    /// The point for `u` in 0..1 squared, to the right and up, metres; uniform by area.
     ///
     /// A polygon is a fan of triangles: `u[0]` chooses one, and its rest with `u[1]` a point in it (Shirley and Chiu, "A low
     /// distortion map between disk and square", 1997, for the disk; Turk, "Generating random points in triangles", 1990,

@@ -81,8 +81,8 @@ impl Panorama {
         Some(Vec3::new(a * out, b * out, cos))
     }
 
-    /// The film point that shows a direction of any length, also beyond the angle of view and beside the picture.
-    pub fn place(&self, d: Vec3) -> [f32; 2] {
+    /// The film point that shows a direction of any length, also beyond the angle of view and outside of the picture.
+    pub fn film_point(&self, d: Vec3) -> [f32; 2] {
         let [a, b] = match self.law {
             Law::Equirectangular => [poly::atan2(d.x, d.z), poly::atan2(d.y, (d.x * d.x + d.z * d.z).sqrt())],
             law => {
@@ -112,9 +112,9 @@ impl Panorama {
         stretched / (self.step[0] * self.step[1]).abs()
     }
 
-    /// All film points, at most a turn beside the picture, that show what a film point shows: pictures that go all
+    /// All film points, at most a turn outside of the picture, that show what a film point shows: pictures that go all
     /// around go on beyond their edges, to the sides with the other end of the row, and over the poles.
-    pub fn alike(&self, film: [f32; 2]) -> impl Iterator<Item = [f32; 2]> + use<> {
+    pub fn equivalent_film_points(&self, film: [f32; 2]) -> impl Iterator<Item = [f32; 2]> + use<> {
         let [turn, half_turn] = [TAU / self.step[0].abs(), PI / self.step[0].abs()];
         // Where the poles are on the film.
         let poles = [FRAC_PI_2, -FRAC_PI_2].map(|b| (b - self.corner[1]) / self.step[1]);
@@ -128,7 +128,7 @@ impl Panorama {
     }
 
     /// How far it is in the picture from one film point to another, the shorter way around.
-    pub fn way(&self, from: [f32; 2], to: [f32; 2]) -> [f32; 2] {
+    pub fn film_offset(&self, from: [f32; 2], to: [f32; 2]) -> [f32; 2] {
         let [mut x, y] = [to[0] - from[0], to[1] - from[1]];
         if self.law == Law::Equirectangular {
             let turn = TAU / self.step[0].abs();
@@ -220,10 +220,10 @@ mod tests {
                     // Rows beyond a pole show what lies behind it.
                     let near = |[fx, fy]: [f32; 2]| (fx - x).abs() + (fy - y).abs() < 4e-3;
                     let found = camera.film_point(p);
-                    assert!(camera.alike(found).any(near), "{k}: {x} {y} {found:?}");
+                    assert!(camera.equivalent_film_points(found).any(near), "{k}: {x} {y} {found:?}");
                 }
                 // The ray that a sight tells of is one of the camera's, and meets the point.
-                let Some(sight) = camera.sight(p, lens) else {
+                let Some(sight) = camera.connect(p, lens) else {
                     // That one starts at another place of the lens, and near a fisheye's rim it may be ahead of what is shown.
                     let defocus =
                         (1.0 / (p - camera.position()).length() - 1.0 / camera.focus_distance).abs();
@@ -255,7 +255,7 @@ mod tests {
                 let ((sin, cos), z) = (poly::sin_cos_turns(u), 2.0 * v - 1.0);
                 let r = (1.0 - z * z).max(0.0).sqrt();
                 let d = Vec3::new(r * cos, z, r * sin);
-                let [x, y] = own.place(d);
+                let [x, y] = own.film_point(d);
                 let is_on = x >= 0.0 && y >= 0.0 && x < SIZE.0 as f32 && y < SIZE.1 as f32;
                 sum += if is_on { f64::from(own.pixels_per_steradian(d)) } else { 0.0 };
             }
@@ -267,7 +267,7 @@ mod tests {
         }
     }
 
-    /// As many rays meet a cap of a sphere around the camera as the densities of its points say, with a lens as large as a third of
+    /// As many rays intersect a cap of a sphere around the camera as the densities of its points say, with a lens as large as a third of
     /// its radius.
     #[test]
     fn densities_through_a_lens_are_the_rays_that_meet() {
@@ -297,9 +297,9 @@ mod tests {
                 let r = (1.0 - z * z).sqrt();
                 let outwards = axis * z + (u * cos + v * sin) * r;
                 let p = camera.position() + outwards * distance;
-                let Some(sight) = camera.sight(p, numbers(i.wrapping_mul(2_246_822_519))) else { continue };
+                let Some(sight) = camera.connect(p, numbers(i.wrapping_mul(2_246_822_519))) else { continue };
                 let on = |[x, y]: [f32; 2]| x >= 0.0 && y >= 0.0 && x < SIZE.0 as f32 && y < SIZE.1 as f32;
-                let times = camera.alike(sight.film).filter(|&f| on(f)).count() as f32;
+                let times = camera.equivalent_film_points(sight.film).filter(|&f| on(f)).count() as f32;
                 sum += f64::from(times * sight.pixels_per_area * -sight.direction.dot(outwards));
             }
             let area = TAU * (1.0 - cap) * distance * distance;
@@ -314,7 +314,7 @@ mod tests {
         for i in 0..50 {
             let [x, y] = film(i);
             let d = around.direction(x, y).expect("shown");
-            let alike: Vec<[f32; 2]> = around.alike([x, y]).collect();
+            let alike: Vec<[f32; 2]> = around.equivalent_film_points([x, y]).collect();
             assert_eq!(alike.len(), 9);
             for [x, y] in alike {
                 let other = around.direction(x, y).expect("shown");
@@ -322,7 +322,7 @@ mod tests {
             }
         }
         // Over the edge it is nearer.
-        let [right, down] = around.way([59.0, 20.0], [1.0, 21.0]);
+        let [right, down] = around.film_offset([59.0, 20.0], [1.0, 21.0]);
         assert!((right - 2.0).abs() < 1e-3 && (down - 1.0).abs() < 1e-6, "{right} {down}");
     }
 }

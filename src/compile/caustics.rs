@@ -4,7 +4,7 @@ use super::geometry::Space;
 use super::material::CompiledMaterial;
 use super::scene::CompiledScene;
 use crate::bsdf::{Bsdf, BsdfClass, BsdfProgram};
-use crate::light::{Ball, Targets};
+use crate::light::{TargetSphere, TargetSpheres};
 use crate::math::{Bounds3, Vec3};
 use crate::scene::FloatSlot;
 use crate::shape::Shape;
@@ -91,7 +91,7 @@ impl CompiledScene {
     }
 
     /// Balls around all that sends light on: one for each object, or for neighbouring ones together.
-    pub fn targets(&self, roles: &[Role]) -> Targets {
+    pub fn targets(&self, roles: &[Role]) -> TargetSpheres {
         // Primitives of an object follow each other: maps are asked once for each.
         let mut runs: Vec<(u32, Bounds3)> = Vec::new();
         self.visit_senders(roles, |object, ball| {
@@ -117,8 +117,8 @@ impl CompiledScene {
             objects.iter().map(|&object| (object, group)).collect()
         };
         let group_of: BTreeMap<u32, usize> = groups.iter().enumerate().flat_map(group_of).collect();
-        let mut balls: Vec<Ball> =
-            groups.iter().map(|(bounds, _)| Ball { center: bounds.center(), radius: 0.0 }).collect();
+        let mut balls: Vec<TargetSphere> =
+            groups.iter().map(|(bounds, _)| TargetSphere { center: bounds.center(), radius: 0.0 }).collect();
         let mut last = None;
         self.visit_senders(roles, |object, ball| {
             let (_, group) = match last {
@@ -131,11 +131,11 @@ impl CompiledScene {
                 around.radius = around.radius.max(far * (1.0 + 1e-5));
             }
         });
-        Targets::new(balls)
+        TargetSpheres::new(balls)
     }
 
     /// Calls `visit` with balls within which all primitives lie that send light on, and their objects.
-    fn visit_senders(&self, roles: &[Role], mut visit: impl FnMut(u32, Ball)) {
+    fn visit_senders(&self, roles: &[Role], mut visit: impl FnMut(u32, TargetSphere)) {
         let sends = |material: u32| roles.get(material as usize) == Some(&Role::Caster);
         let world = &self.geometries.world;
         let senders = world.attributes.materials.iter().enumerate().filter(|(_, m)| sends(**m));
@@ -176,12 +176,12 @@ impl CompiledScene {
 }
 
 /// A ball without size.
-fn point(center: Vec3) -> Ball {
-    Ball { center, radius: 0.0 }
+fn point(center: Vec3) -> TargetSphere {
+    TargetSphere { center, radius: 0.0 }
 }
 
 /// Calls `visit` with balls of which each sphere that holds them holds a primitive.
-fn visit_primitive(space: &Space, prim: usize, mut visit: impl FnMut(Ball)) {
+fn visit_primitive(space: &Space, prim: usize, mut visit: impl FnMut(TargetSphere)) {
     let shapes = &space.shapes;
     if let Some(t) = shapes.triangles.get(prim) {
         return t.iter().for_each(|&i| visit(point(Vec3::from_array(shapes.positions[i as usize]))));
@@ -194,10 +194,14 @@ fn visit_primitive(space: &Space, prim: usize, mut visit: impl FnMut(Ball)) {
     let prim = prim - shapes.quads.len();
     if let Some(shape) = shapes.analytic.get(prim) {
         let (center, radius) = shape.center_and_radius();
-        return visit(Ball { center, radius });
+        return visit(TargetSphere { center, radius });
     }
     let piece = shapes.curves.get(prim - shapes.analytic.len());
-    piece.ends.into_iter().zip(piece.radii).for_each(|(center, radius)| visit(Ball { center, radius }));
+    piece
+        .ends
+        .into_iter()
+        .zip(piece.radii)
+        .for_each(|(center, radius)| visit(TargetSphere { center, radius }));
 }
 
 /// Puts groups together in twos that follow each other along the axis in which all are spread most.

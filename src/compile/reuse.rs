@@ -132,6 +132,6 @@ fn build(
     };
     match earlier {
         Some(earlier) => earlier.rebuild(reuse, &input),
-        None => Accel::build_parts(&input),
+        None => Accel::try_build(&input),
     }
 }

@@ -22,8 +22,8 @@ use super::workspace::Workspace;
 use crate::color::Rgb;
 use crate::film::Aov;
 use crate::light::{
-    EnvironmentLight, EvenRectangle, ImageMap, LightDirection, LightSample, Lights, RECTANGLE_NUMBERS,
-    Receiver, solid_angle_density,
+    EnvironmentLight, ImageMap, LightDirection, LightSample, Lights, RECTANGLE_NUMBERS, Receiver,
+    UniformRectangle, solid_angle_density,
 };
 use crate::math::{Ray, Vec3, offset_along};
 use crate::sampling::sampler::{Dimensions, SobolPoint};
@@ -62,14 +62,14 @@ pub(super) trait VectorSampler {
 
 /// A rectangle of constant radiance, sampled by solid angle.
 pub(super) struct RectangleSampler {
-    rectangle: EvenRectangle,
+    rectangle: UniformRectangle,
 }
 
 impl RectangleSampler {
     /// The scene's light, if it has just one that is such a rectangle.
     pub fn of(lights: &Lights) -> Option<Self> {
         match lights.rectangles()? {
-            [numbers] => Some(RectangleSampler { rectangle: EvenRectangle::unpack(*numbers) }),
+            [numbers] => Some(RectangleSampler { rectangle: UniformRectangle::unpack(*numbers) }),
             _ => None,
         }
     }
@@ -261,7 +261,7 @@ impl Kernel for SampleRectangles<'_> {
                 for k in 0..RECTANGLE_NUMBERS {
                     of_lane[k] = numbers[k][lane];
                 }
-                let rectangle = EvenRectangle::unpack(of_lane);
+                let rectangle = UniformRectangle::unpack(of_lane);
                 let direction = rectangle.direction(get(&v.p, i), [u0[i], u1[i]]);
                 let pdf_discrete = light.pdf_discrete[i];
                 let pdf = direction.pdf_solid_angle * pdf_discrete;

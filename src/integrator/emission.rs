@@ -19,7 +19,8 @@ use crate::bsdf::{Bsdf, Slots};
 use crate::color::Rgb;
 use crate::color::spectral::{Spectrum, Wavelengths, uplifted_light};
 use crate::light::{
-    EnvironmentLight, ImageMap, Lights, Receiver, SelectedSun, TexelPosition, solid_angle_density,
+    EnvironmentLight, ImageMap, LightSource, Lights, Receiver, SelectedSun, TexelPosition,
+    solid_angle_density,
 };
 use crate::math::{Ray, Vec3};
 use crate::sampling::sampler::SobolPoint;
@@ -88,7 +89,7 @@ impl Integrator<'_> {
                 let class = class(i, &w.arriving, self.scene.features.links);
                 let far = self.scene.lights.far_pdf_discrete(class, &receiver);
                 let pdf_discrete = pdf_discrete[class as usize] * far;
-                let pdf = sun.pdf_solid_angle() * pdf_discrete;
+                let pdf = sun.pdf_inside() * pdf_discrete;
                 let weight = path.pdf[i].mis_weight(|| pdf);
                 if self.is_left_to_light_paths(bounce, i, Some(index), w) {
                     continue;
@@ -156,7 +157,7 @@ impl Integrator<'_> {
         let [far, _, _, _, _, r, g, b, pdf] = scratch;
         if environment.has_portals() {
             for (pdf, ray) in pdf.iter_mut().zip(w.escaped.iter().map(|&i| &w.rays[i as usize])) {
-                *pdf = environment.pdf_from(ray.origin, ray.direction);
+                *pdf = LightSource::pdf_solid_angle(environment, ray.origin, ray.direction);
             }
         }
         let pdf_discrete = lights.environment_pdf_discrete(0);

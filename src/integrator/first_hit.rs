@@ -69,7 +69,7 @@ impl FirstHit<'_> {
         let Surface { p, ng, ns, .. } = self.surface;
         let normal = |n: Vec3| match space {
             AovSpace::World => three((n * side).to_array()),
-            AovSpace::Camera => three(view.camera.along_axes(n * side).to_array()),
+            AovSpace::Camera => three(view.camera.to_camera_space(n * side).to_array()),
         };
         // Integers are stored as bits.
         let id = |ids: &[u32], index: u32| one(f32::from_bits(ids.get(index as usize).copied().unwrap_or(0)));
@@ -77,7 +77,7 @@ impl FirstHit<'_> {
             Aov::Depth | Aov::DepthMin => one(view.camera.depth(p)),
             Aov::Position => match space {
                 AovSpace::World => three((scene.anchor + p.as_dvec3()).as_vec3().to_array()),
-                AovSpace::Camera => three(view.camera.seen_from(p).to_array()),
+                AovSpace::Camera => three(view.camera.point_in_camera_space(p).to_array()),
             },
             Aov::Normal => normal(ns),
             Aov::GeometricNormal => normal(ng),

@@ -4,15 +4,15 @@ use super::wave::PathState;
 use crate::color::Rgb;
 use crate::sampling::hash::{hash32, unit};
 use crate::sampling::sampler::Dimensions;
-use crate::sampling::{Allotment, Arrangement};
+use crate::sampling::{AdaptiveSampleMap, ZSobolOrder};
 
 /// Numbers of samples of pixels, and their random sequences.
 #[derive(Clone, Copy, Debug)]
 pub enum SamplePlan<'a> {
     /// The same number for all pixels.
-    Even(Arrangement),
+    Even(ZSobolOrder),
     /// Adaptive.
-    Allotted(&'a Allotment),
+    Allotted(&'a AdaptiveSampleMap),
 }
 
 impl SamplePlan<'_> {

@@ -14,7 +14,9 @@ use super::wave::{Wave, get, get_rgb, set, set_rgb};
 use crate::bsdf::{Bsdf, Isotropic, Lambert, LayerFresnel, MetalRough, ShadingModel};
 use crate::color::Rgb;
 use crate::image::Image;
-use crate::light::{AreaLight, AreaShape, Edges, EnvironmentLight, LightSample, Lights, Radiance};
+use crate::light::{
+    AreaLight, AreaShape, Edges, EnvironmentLight, LightSample, LightSource, Lights, Radiance,
+};
 use crate::math::Vec3;
 use crate::sampling::chi2::Random;
 use crate::sampling::sampler::{Dimensions, SobolPoint};

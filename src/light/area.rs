@@ -1,14 +1,17 @@
-//! Surfaces that shine: rectangles, parallelograms, triangles and analytic shapes.
+//! Emissive surfaces: rectangles, parallelograms, triangles and analytic shapes, with the angular distribution of their radiance
+//! ([`Beam`]), and rectangles in a form for many vertices at a time ([`UniformRectangle`]).
 
-use super::{Beam, LightBounds, LightSample};
+use super::point::{Aim, SpotCone, mean_share};
+use super::{LightBounds, LightSample, LightSource};
 use crate::color::Rgb;
 use crate::math::{Bounds3, Mat3, Ray, Vec2, Vec3, gamma, offset_ray_origin};
-use crate::scene::TextureId;
+use crate::scene::{self, LightProfile, TextureId};
 use crate::shape::{
-    Analytic, LightPoint, Shape, SphericalParallelogram, SphericalRectangle, SphericalTriangle,
+    Analytic, LightPoint, Packed, Shape, SphericalParallelogram, SphericalRectangle, SphericalTriangle,
 };
 use crate::texture::{CompiledTextures, TexturePoint};
 use std::f32::consts::PI;
+use std::sync::Arc;
 
 /// The shape of an [`AreaLight`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,18 +62,18 @@ pub enum Radiance {
     },
 }
 
-/// A surface that shines with a cosine (constant radiance in all directions), on one side or on both.
+/// An emissive surface, on one side or on both.
 #[derive(Clone, Copy, Debug)]
 pub struct AreaLight {
     /// Its shape.
     pub shape: AreaShape,
-    /// Front side; unused for round shapes.
+    /// Unit normal of the front; unused for round shapes.
     pub normal: Vec3,
-    /// The back shines too (of a sphere the inside).
+    /// The back emits too (of a sphere the inside).
     pub two_sided: bool,
-    /// Emitted radiance.
+    /// EmittedRay radiance.
     pub radiance: Radiance,
-    /// How it depends on the direction.
+    /// Its angular distribution.
     pub beam: Beam,
     /// Bound on the rounding error of its points.
     point_error: Vec3,
@@ -93,7 +96,7 @@ impl AreaLight {
         AreaLight { shape, normal, two_sided, radiance, beam, point_error }
     }
 
-    /// With its light in a beam.
+    /// With an angular distribution.
     pub fn with_beam(self, beam: Beam) -> AreaLight {
         AreaLight { beam, ..self }
     }
@@ -108,14 +111,14 @@ impl AreaLight {
         }
     }
 
-    /// Luminous power in relative units: mean luminance times area times pi, for each side. Textures count with their
-    /// mean over a grid of points.
-    pub fn power(&self, textures: &CompiledTextures) -> f32 {
-        let sides = if self.two_sided { 2.0 } else { 1.0 };
-        self.mean_luminance(textures) * self.area() * PI * sides * self.beam.share_of_power()
+    /// The light between this one and another of its kind, at a share of 0..1: corners move along straight lines, as those of the
+    /// surface do.
+    pub fn interpolate(&self, other: &AreaLight, share: f32) -> AreaLight {
+        let shape = interpolate_shape(&self.shape, &other.shape, share);
+        AreaLight::new(shape, self.two_sided, self.radiance).with_beam(self.beam)
     }
 
-    /// Its middle, or a point near it.
+    /// Its center, or a point near it.
     pub fn middle(&self) -> Vec3 {
         match &self.shape {
             AreaShape::Rectangle(e) | AreaShape::Parallelogram(e) => e.corner + (e.edge_u + e.edge_v) * 0.5,
@@ -124,30 +127,6 @@ impl AreaLight {
                 let bounds = shape.bounds();
                 (bounds.min + bounds.max) * 0.5
             }
-        }
-    }
-
-    /// Where its light comes from and goes.
-    pub fn bounds(&self, textures: &CompiledTextures) -> LightBounds {
-        let corners = |e: &Edges| [e.corner, e.corner + e.edge_u, e.corner + e.edge_v];
-        let (bounds, area) = match &self.shape {
-            AreaShape::Triangle(e) => (Bounds3::of(corners(e)), self.area()),
-            AreaShape::Rectangle(e) | AreaShape::Parallelogram(e) => {
-                (Bounds3::of(corners(e)).with(e.corner + e.edge_u + e.edge_v), self.area())
-            }
-            AreaShape::Analytic(shape) => (shape.bounds(), shape.largest_projection()),
-        };
-        let is_round = matches!(&self.shape, AreaShape::Analytic(shape) if shape.normal().is_none());
-        let weight = self.mean_luminance(textures) * area;
-        if let Some((axis, emission_rad)) = self.beam.cone() {
-            return LightBounds { bounds, weight, axis, normals_rad: 0.0, emission_rad };
-        }
-        LightBounds {
-            bounds,
-            weight,
-            axis: self.normal,
-            normals_rad: if is_round || self.two_sided { PI } else { 0.0 },
-            emission_rad: 0.5 * PI,
         }
     }
 
@@ -165,7 +144,7 @@ impl AreaLight {
         }
     }
 
-    /// Emitted radiance at a point of the light.
+    /// EmittedRay radiance at a point of the light.
     #[inline]
     pub fn radiance_at(&self, textures: &CompiledTextures, point: Vec3) -> Rgb {
         let (texture, factor, uv) = match &self.radiance {
@@ -208,7 +187,7 @@ impl AreaLight {
         }
     }
 
-    /// The front's unit normal at a point; `reference`, from where it is seen, counts for lights that turn.
+    /// The front's unit normal at a point; `reference`, from where it is seen, counts for facing shapes.
     #[inline(always)]
     pub fn normal_at(&self, point: Vec3, reference: Vec3) -> Vec3 {
         match self.shape {
@@ -217,62 +196,19 @@ impl AreaLight {
         }
     }
 
-    /// A point of the light as seen from `reference`, with what it sends there.
-    #[inline]
-    pub fn sample(&self, textures: &CompiledTextures, reference: Vec3, u: [f32; 2]) -> LightSample {
-        if self.is_level_with(reference) {
-            return LightSample::NONE;
-        }
-        let LightPoint { point, pdf_solid_angle } = match &self.shape {
-            AreaShape::Rectangle(e) => rectangle(e, reference).sample(u),
-            AreaShape::Parallelogram(e) => parallelogram(e, reference).sample(u),
-            AreaShape::Triangle(e) => triangle(e, reference).sample(u),
-            AreaShape::Analytic(shape) => shape.sample(reference, u),
-        };
-        let normal = self.normal_at(point, reference);
-        let to_light = point - reference;
-        let distance = to_light.length();
-        let is_lit = self.two_sided || to_light.dot(normal) < 0.0;
-        if !is_lit || pdf_solid_angle <= 0.0 || distance <= 0.0 {
-            return LightSample::NONE;
-        }
-        let wi = to_light / distance;
-        LightSample {
-            wi,
-            target: offset_ray_origin(point, self.point_error, normal, -to_light),
-            is_infinite: false,
-            is_delta: false,
-            radiance: self.beam.of(self.radiance_at(textures, point), normal, -wi, textures),
-            pdf_solid_angle,
-        }
-    }
-
-    /// Is a point in the plane of a flat light, as far as rounding tells? It sees nothing of the light, though from a point
-    /// of the light itself the light would seem to fill half of all directions.
+    /// Is a point in the plane of a flat light, within rounding? It gets no light, though from a point of the light itself the light
+    /// would seem to fill half of all directions.
     #[inline(always)]
-    pub fn is_level_with(&self, reference: Vec3) -> bool {
-        match &self.shape {
-            AreaShape::Rectangle(e) | AreaShape::Parallelogram(e) | AreaShape::Triangle(e) => {
-                let height = (reference - e.corner).dot(self.normal).abs();
-                height <= 4.0 * self.point_error.dot(self.normal.abs())
-            }
+    pub fn is_in_plane(&self, reference: Vec3) -> bool {
+        let center = match &self.shape {
+            AreaShape::Rectangle(e) | AreaShape::Parallelogram(e) | AreaShape::Triangle(e) => e.corner,
             AreaShape::Analytic(shape) => {
                 let (center, _) = shape.center_and_radius();
-                let height = (reference - center).dot(self.normal).abs();
-                shape.normal().is_some() && height <= 4.0 * self.point_error.dot(self.normal.abs())
+                return shape.normal().is_some()
+                    && is_in_plane(reference, center, self.normal, self.point_error);
             }
-        }
-    }
-
-    /// Density per solid angle with which [`AreaLight::sample`] finds a point of the light from `reference`.
-    #[inline]
-    pub fn pdf_solid_angle(&self, reference: Vec3, point: Vec3) -> f32 {
-        match &self.shape {
-            AreaShape::Rectangle(e) => rectangle(e, reference).pdf_solid_angle(point),
-            AreaShape::Parallelogram(e) => parallelogram(e, reference).pdf_solid_angle(point),
-            AreaShape::Triangle(e) => triangle(e, reference).pdf_solid_angle(point),
-            AreaShape::Analytic(shape) => shape.pdf_solid_angle(reference, point),
-        }
+        };
+        is_in_plane(reference, center, self.normal, self.point_error)
     }
 
     /// How far behind its origin a ray of its light starts for a receiver on the ray, if it does: see [`Shape::starts_behind`].
@@ -303,6 +239,105 @@ impl AreaLight {
     }
 }
 
+impl LightSource for AreaLight {
+    /// Uniform in solid angle for flat lights and spheres.
+    #[inline]
+    fn sample(&self, textures: &CompiledTextures, reference: Vec3, u: [f32; 2]) -> LightSample {
+        if self.is_in_plane(reference) {
+            return LightSample::NONE;
+        }
+        let LightPoint { point, pdf_solid_angle } = match &self.shape {
+            AreaShape::Rectangle(e) => rectangle(e, reference).sample(u),
+            AreaShape::Parallelogram(e) => parallelogram(e, reference).sample(u),
+            AreaShape::Triangle(e) => triangle(e, reference).sample(u),
+            AreaShape::Analytic(shape) => shape.sample(reference, u),
+        };
+        let normal = self.normal_at(point, reference);
+        let to =
+            direction_to_point(reference, point, pdf_solid_angle, (normal, self.point_error, self.two_sided));
+        if to.pdf_solid_angle <= 0.0 {
+            return LightSample::NONE;
+        }
+        LightSample {
+            wi: to.wi,
+            target: to.target,
+            is_infinite: false,
+            is_delta: false,
+            radiance: self.beam.of(self.radiance_at(textures, point), normal, -to.wi, textures),
+            pdf_solid_angle,
+        }
+    }
+
+    #[inline]
+    fn pdf_solid_angle(&self, reference: Vec3, point: Vec3) -> f32 {
+        match &self.shape {
+            AreaShape::Rectangle(e) => rectangle(e, reference).pdf_solid_angle(point),
+            AreaShape::Parallelogram(e) => parallelogram(e, reference).pdf_solid_angle(point),
+            AreaShape::Triangle(e) => triangle(e, reference).pdf_solid_angle(point),
+            AreaShape::Analytic(shape) => shape.pdf_solid_angle(reference, point),
+        }
+    }
+
+    fn radiance(&self, textures: &CompiledTextures, reference: Vec3, to: Vec3) -> Rgb {
+        let (normal, direction) = (self.normal_at(to, reference), (reference - to).normalize_or_zero());
+        if !self.two_sided && direction.dot(normal) <= 0.0 {
+            return Rgb::ZERO;
+        }
+        self.beam.of(self.radiance_at(textures, to), normal, direction, textures)
+    }
+
+    /// Mean luminance times area times pi, for each side. Textures count with their
+    /// mean over a grid of points.
+    fn power(&self, textures: &CompiledTextures) -> f32 {
+        let sides = if self.two_sided { 2.0 } else { 1.0 };
+        self.mean_luminance(textures) * self.area() * PI * sides * self.beam.share_of_power()
+    }
+
+    fn bounds(&self, textures: &CompiledTextures) -> Option<LightBounds> {
+        let corners = |e: &Edges| [e.corner, e.corner + e.edge_u, e.corner + e.edge_v];
+        let (bounds, area) = match &self.shape {
+            AreaShape::Triangle(e) => (Bounds3::of(corners(e)), self.area()),
+            AreaShape::Rectangle(e) | AreaShape::Parallelogram(e) => {
+                (Bounds3::of(corners(e)).with(e.corner + e.edge_u + e.edge_v), self.area())
+            }
+            AreaShape::Analytic(shape) => (shape.bounds(), shape.largest_projection()),
+        };
+        let is_round = matches!(&self.shape, AreaShape::Analytic(shape) if shape.normal().is_none());
+        let weight = self.mean_luminance(textures) * area;
+        if let Some((axis, emission_rad)) = self.beam.cone() {
+            return Some(LightBounds { bounds, weight, axis, normals_rad: 0.0, emission_rad });
+        }
+        Some(LightBounds {
+            bounds,
+            weight,
+            axis: self.normal,
+            normals_rad: if is_round || self.two_sided { PI } else { 0.0 },
+            emission_rad: 0.5 * PI,
+        })
+    }
+}
+
+fn interpolate_shape(from: &AreaShape, to: &AreaShape, share: f32) -> AreaShape {
+    let between = |a: Vec3, b: Vec3| a + (b - a) * share;
+    let edges = |a: &Edges, b: &Edges| Edges {
+        corner: between(a.corner, b.corner),
+        edge_u: between(a.edge_u, b.edge_u),
+        edge_v: between(a.edge_v, b.edge_v),
+    };
+    match (from, to) {
+        (AreaShape::Rectangle(a), AreaShape::Rectangle(b)) => AreaShape::Rectangle(edges(a, b)),
+        (AreaShape::Parallelogram(a), AreaShape::Parallelogram(b)) => AreaShape::Parallelogram(edges(a, b)),
+        (AreaShape::Triangle(a), AreaShape::Triangle(b)) => AreaShape::Triangle(edges(a, b)),
+        (AreaShape::Analytic(a), AreaShape::Analytic(b)) => {
+            let (packed, other) = (a.pack(), b.numbers());
+            let number = |i: usize| packed.numbers[i] + (other[i] - packed.numbers[i]) * share;
+            let numbers = std::array::from_fn(number);
+            AreaShape::Analytic(Analytic::unpack(&Packed { numbers, ..packed }).unwrap_or(*a))
+        }
+        _ => *from,
+    }
+}
+
 #[inline(always)]
 fn rectangle(e: &Edges, reference: Vec3) -> SphericalRectangle {
     SphericalRectangle::new(e.corner, e.edge_u, e.edge_v, reference)
@@ -316,4 +351,223 @@ fn parallelogram(e: &Edges, reference: Vec3) -> SphericalParallelogram {
 #[inline(always)]
 fn triangle(e: &Edges, reference: Vec3) -> SphericalTriangle {
     SphericalTriangle::new(e.corner, e.corner + e.edge_u, e.corner + e.edge_v, reference)
+}
+
+/// Angular distribution of a surface's radiance; see [`scene::Beam`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Beam {
+    /// The same in all directions.
+    Even,
+    /// A grid of slats in front: the factor is (`tan_half` - tan) times `scale`, of the angle to the normal.
+    Grid {
+        /// Tangent of the half angle.
+        tan_half: f32,
+        /// 1 / (tan a - a) of the half angle a: the power is that of an even beam, as the integral of
+        /// (tan a - tan t) cos t over the directions is pi (tan a - a).
+        scale: f32,
+    },
+    /// A cone about an axis.
+    Cone(SpotCone),
+    /// A measured profile.
+    Profile {
+        /// Its number among the scene's.
+        number: u32,
+        /// How it is turned.
+        aim: Aim,
+        /// Its mean share over all directions.
+        mean: f32,
+    },
+}
+
+impl Beam {
+    /// Prepares a beam, by the scene's profiles. One that is not among them is even (`Scene::validate` reports it).
+    pub fn new(beam: scene::Beam, profiles: &[Arc<LightProfile>]) -> Beam {
+        match beam {
+            scene::Beam::Even => Beam::Even,
+            scene::Beam::Grid { half_angle_rad } => {
+                let tan_half = half_angle_rad.tan();
+                let scale = 1.0 / (tan_half - half_angle_rad);
+                Beam::Grid { tan_half: tan_half as f32, scale: scale as f32 }
+            }
+            scene::Beam::Cone { direction, inner_angle_rad, outer_angle_rad, fade } => {
+                Beam::Cone(SpotCone::new(direction, inner_angle_rad, outer_angle_rad, fade))
+            }
+            scene::Beam::Profile { profile, rotation, cone } => {
+                profiles.get(profile.index()).map_or(Beam::Even, |of| Beam::Profile {
+                    number: profile.0,
+                    aim: Aim::new(rotation, cone),
+                    mean: mean_share(of),
+                })
+            }
+        }
+    }
+
+    /// Radiance in a direction from a surface of a radiance and a normal, both of unit length. Profiles are stored with textures.
+    #[inline(always)]
+    pub fn of(&self, radiance: Rgb, normal: Vec3, direction: Vec3, textures: &CompiledTextures) -> Rgb {
+        if matches!(self, Beam::Even) {
+            return radiance;
+        }
+        radiance * self.factor(normal, direction, textures.profiles())
+    }
+
+    /// Factor on the radiance that leaves a surface of a normal in a direction; both of unit length.
+    #[cold]
+    pub fn factor(&self, normal: Vec3, direction: Vec3, profiles: &[Arc<LightProfile>]) -> f32 {
+        match self {
+            Beam::Even => 1.0,
+            Beam::Grid { tan_half, scale } => {
+                let cosine = normal.dot(direction).abs();
+                let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
+                ((tan_half - sine / cosine.max(1e-9)) * scale).max(0.0)
+            }
+            Beam::Cone(cone) => cone.attenuation(direction.dot(cone.axis)),
+            Beam::Profile { number, aim, .. } => {
+                aim.share(profiles.get(*number as usize).map(|profile| &**profile), direction)
+            }
+        }
+    }
+
+    /// Approximate power relative to that of a uniform distribution, for the choice among lights.
+    pub fn share_of_power(&self) -> f32 {
+        match self {
+            Beam::Even | Beam::Grid { .. } => 1.0,
+            Beam::Cone(cone) => cone.solid_angle() / (4.0 * PI),
+            Beam::Profile { mean, .. } => *mean,
+        }
+    }
+
+    /// Axis and half angle (radians) of a cone that bounds the light, if it does not depend on the normal.
+    pub fn cone(&self) -> Option<(Vec3, f32)> {
+        match self {
+            Beam::Even | Beam::Grid { .. } => None,
+            // A little wider, for rounding.
+            Beam::Cone(cone) => Some((cone.axis, (cone.angles_rad()[1] + 1e-3).min(0.5 * PI))),
+            Beam::Profile { aim, .. } => {
+                Some(aim.cone().map_or((Vec3::Z, PI), |(axis, angle)| (axis, (angle + 1e-3).min(0.5 * PI))))
+            }
+        }
+    }
+}
+
+/// Is a point in a plane, within the rounding error of the plane's points?
+#[inline(always)]
+fn is_in_plane(p: Vec3, on_plane: Vec3, normal: Vec3, point_error: Vec3) -> bool {
+    let height = (p - on_plane).dot(normal).abs();
+    height <= 4.0 * point_error.dot(normal.abs())
+}
+
+/// The direction from `p` to a sampled point of a surface with a normal, an error of its points, and light on one side or both.
+#[inline(always)]
+fn direction_to_point(
+    p: Vec3,
+    point: Vec3,
+    pdf_solid_angle: f32,
+    (normal, point_error, two_sided): (Vec3, Vec3, bool),
+) -> LightDirection {
+    let to_light = point - p;
+    let distance = to_light.length();
+    let is_lit = two_sided | (to_light.dot(normal) < 0.0);
+    LightDirection {
+        wi: to_light / if distance > 0.0 { distance } else { 1.0 },
+        target: offset_ray_origin(point, point_error, normal, -to_light),
+        pdf_solid_angle: if is_lit & (distance > 0.0) { pdf_solid_angle } else { 0.0 },
+    }
+}
+
+/// A rectangle of the same radiance everywhere and in all directions, with all that sampling it needs.
+#[derive(Clone, Copy, Debug)]
+pub struct UniformRectangle {
+    /// EmittedRay radiance.
+    pub radiance: Rgb,
+    edges: Edges,
+    normal: Vec3,
+    point_error: Vec3,
+    two_sided: bool,
+}
+
+/// Numbers that describe an [`UniformRectangle`].
+pub const RECTANGLE_NUMBERS: usize = 19;
+
+/// A direction towards a light.
+#[derive(Clone, Copy, Debug)]
+pub struct LightDirection {
+    /// Unit length.
+    pub wi: Vec3,
+    /// End of a shadow ray; unused for lights at infinity.
+    pub target: Vec3,
+    /// Density per solid angle; 0 where the light can't be reached.
+    pub pdf_solid_angle: f32,
+}
+
+impl UniformRectangle {
+    /// A light, if it is such a rectangle.
+    pub fn of(light: &AreaLight) -> Option<UniformRectangle> {
+        match (light.shape, light.radiance) {
+            (AreaShape::Rectangle(edges), Radiance::Constant(radiance)) if light.beam == Beam::Even => {
+                let (normal, point_error, two_sided) = (light.normal, light.point_error(), light.two_sided);
+                Some(UniformRectangle { radiance, edges, normal, point_error, two_sided })
+            }
+            _ => None,
+        }
+    }
+
+    /// The direction from `p` to a point that two numbers in 0..1 choose, uniformly in solid angle.
+    #[inline(always)]
+    pub fn direction(&self, p: Vec3, u: [f32; 2]) -> LightDirection {
+        let Edges { corner, edge_u, edge_v } = self.edges;
+        let s = SphericalRectangle::new(corner, edge_u, edge_v, p).sample(u);
+        let is_in_plane = is_in_plane(p, corner, self.normal, self.point_error);
+        let pdf_solid_angle = if is_in_plane { 0.0 } else { s.pdf_solid_angle };
+        direction_to_point(p, s.point, pdf_solid_angle, (self.normal, self.point_error, self.two_sided))
+    }
+
+    /// Its numbers, for tables and arrays.
+    #[inline(always)]
+    pub fn pack(&self) -> [f32; RECTANGLE_NUMBERS] {
+        let Edges { corner: c, edge_u: u, edge_v: v } = self.edges;
+        let (n, e, [r, g, b]) = (self.normal, self.point_error, self.radiance.to_array());
+        let two_sided = f32::from(u8::from(self.two_sided));
+        [c.x, c.y, c.z, u.x, u.y, u.z, v.x, v.y, v.z, n.x, n.y, n.z, e.x, e.y, e.z, r, g, b, two_sided]
+    }
+
+    /// From its numbers.
+    #[inline(always)]
+    pub fn unpack(numbers: [f32; RECTANGLE_NUMBERS]) -> UniformRectangle {
+        let [cx, cy, cz, ux, uy, uz, vx, vy, vz, nx, ny, nz, ex, ey, ez, r, g, b, two_sided] = numbers;
+        UniformRectangle {
+            radiance: Rgb::new(r, g, b),
+            edges: Edges {
+                corner: Vec3::new(cx, cy, cz),
+                edge_u: Vec3::new(ux, uy, uz),
+                edge_v: Vec3::new(vx, vy, vz),
+            },
+            normal: Vec3::new(nx, ny, nz),
+            point_error: Vec3::new(ex, ey, ez),
+            two_sided: two_sided != 0.0,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_grid_keeps_the_power() {
+        for half_angle_rad in [0.1f64, 0.7, 1.4] {
+            let beam = Beam::new(scene::Beam::Grid { half_angle_rad }, &[]);
+            let n = 20_000;
+            let sum: f64 = (0..n)
+                .map(|i| {
+                    let t = (f64::from(i) + 0.5) / f64::from(n) * half_angle_rad;
+                    let direction = Vec3::new(t.sin() as f32, 0.0, t.cos() as f32);
+                    f64::from(beam.factor(Vec3::Z, direction, &[])) * t.cos() * t.sin()
+                })
+                .sum();
+            let power = 2.0 * sum * half_angle_rad / f64::from(n);
+            assert!((power - 1.0).abs() < 2e-3, "{half_angle_rad}: {power}");
+            assert_eq!(beam.factor(Vec3::Z, Vec3::X, &[]), 0.0);
+        }
+    }
 }

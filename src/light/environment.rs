@@ -1,12 +1,14 @@
-//! Light from infinitely far: constant, gradient or image.
+//! The environment: radiance from infinity, constant, a gradient or an image.
 
 use super::portals::Portals;
+use super::traits::{LightBounds, LightSample, LightSource};
 use crate::color::{Rgb, luminance};
 use crate::image::Image;
 use crate::math::{DVec3, Vec3, Vec4, poly};
 use crate::sampling::{BilinearMap, MapSample, MapSamples, warp};
 use crate::scene::{self, Environment};
 use crate::simd::{Table, prefer_huge_pages};
+use crate::texture::CompiledTextures;
 use std::f32::consts::{FRAC_1_PI, PI};
 
 /// Directions nearer to a pole than this (sine) count as being this far, which keeps densities finite.
@@ -26,14 +28,14 @@ pub struct EnvironmentSample {
 /// The environment, ready for rendering.
 #[derive(Clone, Debug)]
 pub struct EnvironmentLight {
-    kind: Kind,
+    kind: EnvironmentKind,
     pub(super) portals: Portals,
-    /// Are samples of its light taken?
+    /// Are light samples taken?
     is_sampled: bool,
 }
 
 #[derive(Clone, Debug)]
-enum Kind {
+enum EnvironmentKind {
     Constant(Rgb),
     /// Radiance is `middle + slope * y`.
     Gradient {
@@ -72,8 +74,8 @@ impl EnvironmentLight {
     /// Bytes that the picture takes, if it is one.
     pub fn bytes(&self) -> usize {
         match &self.kind {
-            Kind::Constant(_) | Kind::Gradient { .. } => 0,
-            Kind::Image(image) => size_of_val(&image.texels[..]) + image.map.bytes(),
+            EnvironmentKind::Constant(_) | EnvironmentKind::Gradient { .. } => 0,
+            EnvironmentKind::Image(image) => size_of_val(&image.texels[..]) + image.map.bytes(),
         }
     }
 
@@ -90,19 +92,26 @@ impl EnvironmentLight {
     ) -> Option<EnvironmentLight> {
         let kind = match *environment {
             Environment::Black => return None,
-            Environment::Constant(c) => Kind::Constant(Rgb::from_array(c)),
+            Environment::Constant(c) => EnvironmentKind::Constant(Rgb::from_array(c)),
             Environment::Gradient { nadir, zenith } => {
                 let (nadir, zenith) = (Rgb::from_array(nadir), Rgb::from_array(zenith));
-                Kind::Gradient { middle: (nadir + zenith) * 0.5, slope: (zenith - nadir) * 0.5 }
+                EnvironmentKind::Gradient { middle: (nadir + zenith) * 0.5, slope: (zenith - nadir) * 0.5 }
             }
             Environment::Image { image, strength, rotation_rad } => {
                 let image = images.get(image.index())?;
-                Kind::Image(Box::new(ImageMap::new(image, strength, rotation_rad, mis_compensation)?))
+                EnvironmentKind::Image(Box::new(ImageMap::new(
+                    image,
+                    strength,
+                    rotation_rad,
+                    mis_compensation,
+                )?))
             }
         };
         match &kind {
-            Kind::Constant(c) if *c == Rgb::ZERO => None,
-            Kind::Gradient { middle, slope } if *middle == Rgb::ZERO && *slope == Rgb::ZERO => None,
+            EnvironmentKind::Constant(c) if *c == Rgb::ZERO => None,
+            EnvironmentKind::Gradient { middle, slope } if *middle == Rgb::ZERO && *slope == Rgb::ZERO => {
+                None
+            }
             _ => Some(EnvironmentLight { kind, portals: Portals::default(), is_sampled: true }),
         }
     }
@@ -111,17 +120,17 @@ impl EnvironmentLight {
     #[inline]
     pub fn radiance(&self, direction: Vec3) -> Rgb {
         match &self.kind {
-            Kind::Constant(c) => *c,
-            Kind::Gradient { middle, slope } => *middle + *slope * direction.y,
-            Kind::Image(map) => map.lookup(map.uv(direction)),
+            EnvironmentKind::Constant(c) => *c,
+            EnvironmentKind::Gradient { middle, slope } => *middle + *slope * direction.y,
+            EnvironmentKind::Image(map) => map.lookup(map.uv(direction)),
         }
     }
 
-    /// Chooses a direction: by the image's luminance, or uniformly.
+    /// Samples a direction: by the image's luminance, or uniformly.
     #[inline]
     pub fn sample(&self, u: [f32; 2]) -> EnvironmentSample {
         match &self.kind {
-            Kind::Image(map) => map.sample(u),
+            EnvironmentKind::Image(map) => map.sample(u),
             _ => {
                 let direction = warp::uniform_sphere(u);
                 EnvironmentSample {
@@ -137,7 +146,9 @@ impl EnvironmentLight {
     #[inline]
     pub fn pdf_solid_angle(&self, direction: Vec3) -> f32 {
         match &self.kind {
-            Kind::Image(map) => map.read(&map.locate(map.uv(direction))).1 * solid_angle_density(direction),
+            EnvironmentKind::Image(map) => {
+                map.read(&map.locate(map.uv(direction))).1 * solid_angle_density(direction)
+            }
             _ => warp::UNIFORM_SPHERE_PDF_SOLID_ANGLE,
         }
     }
@@ -146,60 +157,79 @@ impl EnvironmentLight {
     #[inline(always)]
     pub fn image_map(&self) -> Option<&ImageMap> {
         match &self.kind {
-            Kind::Image(map) => Some(map),
+            EnvironmentKind::Image(map) => Some(map),
             _ => None,
         }
     }
 
-    /// Looks for light through portals from here on; the world's origin moves to `anchor`.
+    /// Samples its light through portals; the world's origin moves to `anchor`.
     pub fn set_portals(&mut self, portals: &[scene::Portal], anchor: DVec3) {
         self.portals = Portals::new(portals, |direction| self.radiance(direction), anchor, &self.portals);
     }
 
-    /// Leaves its light to the paths that find it, or takes samples of it.
+    /// Enables or disables light samples; without them only BSDF samples find its light.
     pub fn set_sampled(&mut self, is_sampled: bool) {
         self.is_sampled = is_sampled;
     }
 
-    /// Are samples of its light taken?
+    /// Are light samples taken?
     #[inline(always)]
     pub fn is_sampled(&self) -> bool {
         self.is_sampled
     }
 
-    /// Does what is chosen depend on the point that is lit?
+    /// Does sampling depend on the point that is lit?
     #[inline(always)]
     pub fn has_portals(&self) -> bool {
         !self.portals.is_empty()
     }
 
-    /// [`EnvironmentLight::sample`] for a point, through a portal where it is in front of one.
-    #[inline]
-    pub fn sample_from(&self, p: Vec3, u: [f32; 2]) -> EnvironmentSample {
-        if !self.has_portals() {
-            return self.sample(u);
+    /// Mean luminance over all directions; the power that reaches a scene is in proportion.
+    pub fn mean_luminance(&self) -> f32 {
+        match &self.kind {
+            EnvironmentKind::Constant(c) => c.luminance(),
+            EnvironmentKind::Gradient { middle, .. } => middle.luminance(),
+            EnvironmentKind::Image(map) => map.mean_luminance,
         }
-        match self.portals.sample(p, u) {
+    }
+}
+
+impl LightSource for EnvironmentLight {
+    /// Through a portal where the point is in front of one.
+    #[inline]
+    fn sample(&self, _textures: &CompiledTextures, reference: Vec3, u: [f32; 2]) -> LightSample {
+        let through = if self.has_portals() { self.portals.sample(reference, u) } else { None };
+        let s = match through {
             Some((direction, pdf_solid_angle)) => {
                 EnvironmentSample { direction, radiance: self.radiance(direction), pdf_solid_angle }
             }
             None => self.sample(u),
+        };
+        LightSample {
+            wi: s.direction,
+            target: Vec3::ZERO,
+            is_infinite: true,
+            is_delta: false,
+            radiance: s.radiance,
+            pdf_solid_angle: s.pdf_solid_angle,
         }
     }
 
-    /// Density per solid angle with which [`EnvironmentLight::sample_from`] chooses a direction.
-    pub fn pdf_from(&self, p: Vec3, direction: Vec3) -> f32 {
-        let through = self.portals.pdf_solid_angle(p, direction);
-        through.unwrap_or_else(|| self.pdf_solid_angle(direction))
+    fn pdf_solid_angle(&self, reference: Vec3, to: Vec3) -> f32 {
+        let through = self.portals.pdf_solid_angle(reference, to);
+        through.unwrap_or_else(|| self.pdf_solid_angle(to))
     }
 
-    /// Mean luminance over all directions; the power that reaches a scene is in proportion.
-    pub fn mean_luminance(&self) -> f32 {
-        match &self.kind {
-            Kind::Constant(c) => c.luminance(),
-            Kind::Gradient { middle, .. } => middle.luminance(),
-            Kind::Image(map) => map.mean_luminance,
-        }
+    fn radiance(&self, _textures: &CompiledTextures, _reference: Vec3, to: Vec3) -> Rgb {
+        self.radiance(to)
+    }
+
+    fn power(&self, _textures: &CompiledTextures) -> f32 {
+        self.mean_luminance() * PI * PI
+    }
+
+    fn bounds(&self, _textures: &CompiledTextures) -> Option<LightBounds> {
+        None
     }
 }
 
@@ -301,7 +331,7 @@ impl ImageMap {
         TexelPosition { first: j * (width + 1) + i, shares: [x - i as f32, y - j as f32] }
     }
 
-    /// Asks for what [`ImageMap::read`] will read from some texel on.
+    /// Prefetches what [`ImageMap::read`] will read from a texel on.
     #[inline(always)]
     pub fn prefetch(&self, first: u32) {
         let texels = Table::new(&self.texels);
@@ -476,7 +506,7 @@ mod tests {
 
     #[test]
     fn one_reading_gives_what_the_map_says() {
-        let EnvironmentLight { kind: Kind::Image(image), .. } = sunny(64, 32, 0.3, true) else {
+        let EnvironmentLight { kind: EnvironmentKind::Image(image), .. } = sunny(64, 32, 0.3, true) else {
             panic!("an image");
         };
         let mut random = Random::new(21);

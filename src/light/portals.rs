@@ -1,4 +1,4 @@
-//! The environment seen through windows: directions are chosen by its luminance among those that lead from a point through a
+//! Sampling of the environment through windows: directions by luminance among those from a point through a
 //! portal (Bitterli, Novak, Jarosz 2015, "Portal-Masked Environment Map Sampling").
 //!
 //! In the frame of a portal directions have two angles, the arc tangents of their slopes. A rectangle as seen from any point is
@@ -32,7 +32,7 @@ struct Portal {
     table: Arc<SummedArea>,
 }
 
-/// The sides of a portal and the way out, of unit length.
+/// Unit vectors along the sides of a portal and outwards.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Axes {
     x: Vec3,
@@ -40,7 +40,7 @@ struct Axes {
     out: Vec3,
 }
 
-/// What a portal shows from a point: a rectangle in steps of the angles.
+/// The rectangle of angles that a portal subtends from a point.
 #[derive(Clone, Copy, Debug)]
 struct Window {
     low: [f64; 2],
@@ -315,9 +315,10 @@ impl SummedArea {
 mod tests {
     use super::*;
     use crate::image::Image;
-    use crate::light::EnvironmentLight;
+    use crate::light::{EnvironmentLight, LightSource};
     use crate::sampling::chi2::{Chi2, Random, Square};
     use crate::scene::{Environment, ImageId};
+    use crate::texture::CompiledTextures;
 
     fn window(corner: [f64; 3], edge_u: [f64; 3], edge_v: [f64; 3]) -> scene::Portal {
         let [corner, edge_u, edge_v] = [corner, edge_u, edge_v].map(DVec3::from_array);
@@ -358,25 +359,27 @@ mod tests {
 
     #[test]
     fn directions_pass_chi_square() {
+        let textures = CompiledTextures::resident(&[], &[], Vec3::ZERO);
         for (is_image, p) in [(false, [1.7, 0.9, 1.4]), (true, [0.0, 0.3, 0.2]), (true, [-0.5, 2.6, -0.3])] {
             let (light, p) = (room(is_image), Vec3::from_array(p));
             Chi2::new(&format!("portals {is_image} {p}"), 1).assert_directions(
                 &Square::sphere(),
-                |u| Some(light.sample_from(p, [u[0], u[1]]).direction),
-                |d| light.pdf_from(p, d),
+                |u| Some(LightSource::sample(&light, &textures, p, [u[0], u[1]]).wi),
+                |d| LightSource::pdf_solid_angle(&light, p, d),
             );
         }
     }
 
     #[test]
     fn samples_lead_through_a_portal_and_have_their_density() {
+        let textures = CompiledTextures::resident(&[], &[], Vec3::ZERO);
         let light = room(true);
         let mut random = Random::new(3);
         let mut differ = 0;
         for _ in 0..20_000 {
             let p = Vec3::new(1.8 * random.next(), 2.8 * random.next(), 2.0 * random.next());
-            let sample = light.sample_from(p, [random.next(), random.next()]);
-            let d = sample.direction;
+            let sample = LightSource::sample(&light, &textures, p, [random.next(), random.next()]);
+            let d = sample.wi;
             let at_side = p + d * ((2.0 - p.x) / d.x);
             let at_top = p + d * ((3.0 - p.y) / d.y);
             let within = |x: f32, low: f32, high: f32| low - 1e-4 <= x && x <= high + 1e-4;
@@ -384,7 +387,9 @@ mod tests {
                 || d.y > 0.0 && within(at_top.x, -1.0, 0.0) && within(at_top.z, -2.0, 0.0);
             assert!(is_through, "{p} {d}");
             // Rounding may lead to the texel beside.
-            differ += u32::from((sample.pdf_solid_angle / light.pdf_from(p, d) - 1.0).abs() > 1e-3);
+            differ += u32::from(
+                (sample.pdf_solid_angle / LightSource::pdf_solid_angle(&light, p, d) - 1.0).abs() > 1e-3,
+            );
         }
         assert!(differ < 100, "{differ} of 20,000");
     }
@@ -392,12 +397,13 @@ mod tests {
     /// With a table that is as fine as the light, radiance over density hardly varies: what a vertex sees is chosen by luminance.
     #[test]
     fn light_through_a_window_is_estimated_with_little_noise() {
+        let textures = CompiledTextures::resident(&[], &[], Vec3::ZERO);
         let light = room(true);
         let p = Vec3::new(0.4, 1.0, 0.5);
         let mut random = Random::new(8);
         let values: Vec<f64> = (0..50_000)
             .map(|_| {
-                let sample = light.sample_from(p, [random.next(), random.next()]);
+                let sample = LightSource::sample(&light, &textures, p, [random.next(), random.next()]);
                 f64::from(sample.radiance.luminance() / sample.pdf_solid_angle)
             })
             .collect();
@@ -425,11 +431,12 @@ mod tests {
 
     #[test]
     fn points_in_front_of_no_portal_sample_the_whole_environment() {
+        let textures = CompiledTextures::resident(&[], &[], Vec3::ZERO);
         let light = room(true);
         let p = Vec3::new(9.0, 9.0, 0.0);
         assert!(light.portals.pdf_solid_angle(p, Vec3::X).is_none());
         for u in [[0.1, 0.3], [0.8, 0.9]] {
-            assert_eq!(light.sample_from(p, u).direction, light.sample(u).direction);
+            assert_eq!(LightSource::sample(&light, &textures, p, u).wi, light.sample(u).direction);
         }
     }
 

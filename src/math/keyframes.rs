@@ -1,4 +1,4 @@
-//! What changes over the time that a picture takes, by its values at equal steps: between two of them it changes evenly.
+//! Keyframes at equal steps of the shutter interval, with linear interpolation in between.
 //!
 //! Transforms are interpolated number by number. Every point then moves along straight lines from key to key, as the vertices
 //! of a mesh do that is given by its shapes at the keys, and boxes around what it is at the keys hold it at all times. A
@@ -10,7 +10,7 @@ use std::sync::Arc;
 /// Transforms at equal steps of time.
 pub type TransformKeys = Arc<[DAffine3]>;
 
-/// The key before a time in 0..1, of so many, and how far it is on the way to the next one.
+/// The key before a time in 0..1 of `keys` keys, and the share of the way to the next one.
 #[inline]
 pub fn segment(keys: usize, time: f32) -> (usize, f32) {
     let steps = keys.saturating_sub(1);
@@ -19,7 +19,7 @@ pub fn segment(keys: usize, time: f32) -> (usize, f32) {
     (key, at - key as f32)
 }
 
-/// A transform at a time in 0..1; the identity without keys.
+/// The interpolated transform at a time in 0..1; the identity without keys.
 #[inline]
 pub fn transform_at(keys: &[DAffine3], time: f32) -> DAffine3 {
     let (key, share) = segment(keys.len(), time);
@@ -28,7 +28,7 @@ pub fn transform_at(keys: &[DAffine3], time: f32) -> DAffine3 {
     mix(from, to, f64::from(share))
 }
 
-/// The transform between two; where they are the same, it is that to the bit.
+/// Linear interpolation of two transforms; exact where they are equal.
 #[inline]
 pub fn mix(from: &DAffine3, to: &DAffine3, share: f64) -> DAffine3 {
     let (a, b) = (&from.matrix3, &to.matrix3);

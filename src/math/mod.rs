@@ -9,7 +9,7 @@ pub use keyframes::{TransformKeys, angle_between, mix, segment, transform_at};
 pub use ray::{Hit, NO_HIT, OriginPrimitive, Ray};
 pub use ray::{MACHINE_EPSILON, gamma, next_down, next_up, offset_along, offset_ray_origin};
 
-/// One of two vectors, without a branch: loops that choose vectorise.
+/// Selects one of two vectors without a branch, so that loops vectorise.
 #[inline(always)]
 pub fn select(condition: bool, yes: Vec3, no: Vec3) -> Vec3 {
     let pick = |a: f32, b: f32| if condition { a } else { b };

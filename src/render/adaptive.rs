@@ -9,7 +9,7 @@ use super::progress::Statistics;
 use super::schedule::Pass;
 use super::technique::{ErrorMap, Request, Target, Technique, first_reason};
 use crate::integrator::{PathOptions, SamplePlan};
-use crate::sampling::Allotment;
+use crate::sampling::AdaptiveSampleMap;
 use rayon::prelude::*;
 
 /// Radius in pixels of each of the two averages over neighbours.
@@ -36,7 +36,7 @@ const HALVINGS: u32 = 50;
 #[derive(Default)]
 pub(super) struct AdaptiveSampling {
     /// Where the samples after the first pass go, once that is decided.
-    allotment: Option<Allotment>,
+    allotment: Option<AdaptiveSampleMap>,
 }
 
 impl AdaptiveSampling {
@@ -92,7 +92,7 @@ impl Technique for AdaptiveSampling {
 impl ErrorMap {
     /// Distributes the remaining samples so that the sum of squared errors is least, if that gains enough: all pixels have `earlier`
     /// samples, and the average one will have those of the options.
-    fn allot(&self, options: &RenderOptions, earlier: u32) -> Option<Allotment> {
+    fn allot(&self, options: &RenderOptions, earlier: u32) -> Option<AdaptiveSampleMap> {
         let total = options.samples;
         let errors = self.of_neighbours();
         let mean = errors.iter().map(|&e| f64::from(e)).sum::<f64>() / errors.len() as f64;
@@ -116,8 +116,9 @@ impl ErrorMap {
         };
         let (even, after) = (work(&|_| total as f32), work(&|i| counts[i]));
         let extra: Vec<f32> = counts.iter().map(|n| n - earlier as f32).collect();
-        (even >= LEAST_GAIN * after)
-            .then(|| Allotment::new(options.seed, self.width as u32, earlier, total - earlier, &extra))
+        (even >= LEAST_GAIN * after).then(|| {
+            AdaptiveSampleMap::new(options.seed, self.width as u32, earlier, total - earlier, &extra)
+        })
     }
 
     /// Averages over the neighbours of each pixel, itself left out, with weights that fall with the distance.

@@ -6,7 +6,7 @@ use super::progress::Statistics;
 use super::technique::{Request, Stopped, Target, Technique, Trial, first_reason};
 use super::timeline;
 use crate::integrator::{Block, CausticPlan, CausticTally, Integrator, PathOptions, PathSample, SamplePlan};
-use crate::sampling::Arrangement;
+use crate::sampling::ZSobolOrder;
 use crate::sampling::hash::r2_sequence;
 use rayon::prelude::*;
 
@@ -161,7 +161,7 @@ impl LightTrial<'_> {
 
     fn integrator<'a>(&'a self, plan: &'a CausticPlan) -> Integrator<'a> {
         let Target { scene, view, options } = self.0.target;
-        let samples = SamplePlan::Even(Arrangement::new(options.seed, 2, 1));
+        let samples = SamplePlan::Even(ZSobolOrder::new(options.seed, 2, 1));
         Integrator::new(
             scene,
             view,

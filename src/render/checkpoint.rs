@@ -11,7 +11,7 @@ use crate::image::{Image, Pixels};
 use crate::output::part::{
     Channels, Effort, Finish, Identity, PRINT, PartFile, PartHeader, Way, differences, write_part,
 };
-use crate::sampling::MOST_ARRANGED;
+use crate::sampling::MAX_Z_ORDER_SPP;
 use crate::scene::{Backdrop, CatcherOutput, Scene};
 use std::fmt;
 use std::fmt::{Debug, Write};
@@ -80,7 +80,7 @@ pub fn identity(scene: &mut Scene, settled: &Settled) -> Result<Identity> {
 fn options(settled: &Settled) -> impl Iterator<Item = (String, String)> {
     let options = settled.options;
     let planned = options.samples.max(options.planned);
-    let arranged = match planned > MOST_ARRANGED {
+    let arranged = match planned > MAX_Z_ORDER_SPP {
         true => "any number".to_string(),
         false => planned.next_power_of_two().to_string(),
     };

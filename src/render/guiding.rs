@@ -14,7 +14,7 @@ use crate::integrator::{
     TrainingSample, WAVE,
 };
 use crate::sampling::hash::hash32;
-use crate::sampling::{Allotment, MOST_ARRANGED};
+use crate::sampling::{AdaptiveSampleMap, MAX_Z_ORDER_SPP};
 use rayon::prelude::*;
 
 /// Fraction of the planned samples spent on training.
@@ -148,7 +148,7 @@ fn steps_at_once() -> usize {
 fn part(options: &RenderOptions) -> u64 {
     let most = match options.noise {
         Some(_) if options.guiding == Guiding::Auto => PLANNED_BY_NOISE,
-        _ => MOST_ARRANGED,
+        _ => MAX_Z_ORDER_SPP,
     };
     let planned = options.samples.max(options.planned).min(most).next_power_of_two();
     let pixels = f64::from(options.width) * f64::from(options.height);
@@ -231,7 +231,7 @@ impl Training<'_> {
         let pixels = width as usize * height as usize;
         let per_pixel = paths as f64 / pixels as f64;
         let seed = hash32(seed ^ hash32(SEED ^ number));
-        let allotment = Allotment::new(seed, width, 0, 1, &vec![per_pixel as f32; pixels]);
+        let allotment = AdaptiveSampleMap::new(seed, width, 0, 1, &vec![per_pixel as f32; pixels]);
         let integrator = self.integrator(SamplePlan::Allotted(&allotment), guide);
         let blocks = blocks(width, height, per_pixel);
         let (steps, at_once) = (blocks.len().div_ceil(BLOCKS), steps_at_once());

@@ -8,7 +8,7 @@ use super::technique::{Request, Target, Technique, first_reason};
 use crate::compile::{CompiledScene, View};
 use crate::integrator::reuse::{GroupShape, INTERVAL, Tiling};
 use crate::integrator::{Block, PathOptions, PathSample, RayCounts, SamplePlan};
-use crate::sampling::Arrangement;
+use crate::sampling::ZSobolOrder;
 use crate::sampling::hash::r2_sequence;
 use std::collections::HashSet;
 
@@ -50,7 +50,7 @@ impl PathStrategy {
         paths.reuse = self.shape().map(|shape| Tiling::new(shape, pass.first_sample));
         if let SamplePlan::Even(_) = paths.plan {
             let planned = options.samples.max(options.planned);
-            paths.plan = SamplePlan::Even(Arrangement::new(options.seed, planned, self.branches()));
+            paths.plan = SamplePlan::Even(ZSobolOrder::new(options.seed, planned, self.branches()));
         }
     }
 }

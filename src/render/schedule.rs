@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::integrator::reuse::{INTERVAL, Tiling};
 use crate::integrator::{Block, WAVE};
 use crate::output::part::Region;
-use crate::sampling::MOST_ARRANGED;
+use crate::sampling::MAX_Z_ORDER_SPP;
 use std::ops::Range;
 use std::time::Duration;
 
@@ -283,7 +283,7 @@ impl RenderOptions {
     /// pixels have different numbers of samples (`is_allotted`).
     pub(super) fn halving(&self, is_allotted: bool) -> Halving {
         let is_open = self.time_limit.is_some() || self.noise.is_some() || self.planned > 0;
-        match is_open || is_allotted || self.samples > MOST_ARRANGED {
+        match is_open || is_allotted || self.samples > MAX_Z_ORDER_SPP {
             true => Halving::Alternating,
             false => Halving::Before(self.samples / 2),
         }
@@ -428,7 +428,7 @@ mod halving_tests {
     #[test]
     fn more_samples_do_not_change_halves_that_may_go_on() {
         let of = |samples| RenderOptions { samples, ..RenderOptions::default() }.halving(false);
-        assert_eq!(of(MOST_ARRANGED + 8), of(4 * MOST_ARRANGED));
+        assert_eq!(of(MAX_Z_ORDER_SPP + 8), of(4 * MAX_Z_ORDER_SPP));
         assert_eq!(of(64), Halving::Before(32));
         let planned = RenderOptions { samples: 64, planned: 128, ..RenderOptions::default() };
         assert_eq!(planned.halving(false), RenderOptions { samples: 128, ..planned }.halving(false));

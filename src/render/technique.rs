@@ -11,7 +11,7 @@ use crate::compile::{CompiledScene, View};
 use crate::error::Warning;
 use crate::film::{AovSet, AovSpace, FilterSampler, MatteIds};
 use crate::integrator::{Block, PathOptions, SamplePlan, Workspace};
-use crate::sampling::Arrangement;
+use crate::sampling::ZSobolOrder;
 use std::cell::RefCell;
 
 thread_local! {
@@ -136,7 +136,7 @@ pub(super) fn plain_paths<'a>(
 ) -> PathOptions<'a> {
     PathOptions {
         max_depth: options.max_depth,
-        plan: SamplePlan::Even(Arrangement::new(options.seed, options.samples.max(options.planned), 1)),
+        plan: SamplePlan::Even(ZSobolOrder::new(options.seed, options.samples.max(options.planned), 1)),
         filter,
         aovs: AovSet::NONE,
         aov_space: AovSpace::World,

@@ -22,7 +22,7 @@ pub fn pixel_seed(x: u32, y: u32, seed: u32) -> u32 {
     hash32(hash32(hash32(seed).wrapping_add(x)).wrapping_add(y))
 }
 
-/// One sample of one pixel: a point of as many dimensions as are asked for.
+/// One sample of one pixel: a point of as many dimensions as are needed.
 #[derive(Clone, Copy, Debug)]
 pub struct SobolPoint {
     /// Seeds shuffles and scrambles.
@@ -142,15 +142,16 @@ fn owen_scramble_rev(mut n: u32, scramble: u32) -> u32 {
     n ^ n.wrapping_mul(0x53a2_2864)
 }
 
-/// Largest edge of a region, in bits: 16 pixels.
-pub(super) const MOST_EDGE_BITS: u32 = 4;
+/// Largest edge of a region in bits: 16 pixels.
+pub(super) const MAX_EDGE_BITS: u32 = 4;
 
-/// Most samples a pixel that are arranged with those of other pixels. Beyond, each pixel has a sequence of its own, whatever
-/// the number: rendering may go on from any to any other.
-pub const MOST_ARRANGED: u32 = 256;
+/// Largest number of samples a pixel in Z order. Above, each pixel has a sequence of its own: rendering may continue from any number of
+/// samples to any other.
+pub const MAX_Z_ORDER_SPP: u32 = 256;
 
-/// Arranges samples over the picture: a square region of pixels shares one Sobol sequence. Its pixels, in Morton order,
-/// take runs of the sequence one after the other, each as long as the next power of two of the samples that are planned.
+/// Distributes Sobol points over the picture: the pixels of a square region, in Morton (Z) order, take consecutive runs of one
+/// sequence, each as long as the next power of two of the planned samples (the Z sampler of Ahmed, Wonka 2020, as
+/// `ZSobolSampler` in pbrt-v4).
 ///
 /// A run that begins at a multiple of its length is as good a set of points as the sequence's first ones, so each pixel's
 /// error is that of a sequence of its own. And so are the runs of 2x2, 4x4, .. pixels together, since they follow each
@@ -160,23 +161,23 @@ pub const MOST_ARRANGED: u32 = 256;
 /// Regions have 16x16 pixels, fewer where so many runs do not fit into one sequence (from 257 points a pixel on, those of
 /// all paths of its samples), and each a seed of its own. They lie at fixed places of the picture, so that samples depend on nothing but their pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Arrangement {
+pub struct ZSobolOrder {
     seed: u32,
-    /// Of the length of a run.
+    /// Base-2 logarithm of the length of a run.
     run_bits: u32,
-    /// Of the edge of a region.
+    /// Base-2 logarithm of the edge of a region, pixels.
     edge_bits: u32,
 }
 
-impl Arrangement {
-    /// For this many samples a pixel, by the user's seed, with so many paths from each.
-    pub fn new(seed: u32, samples: u32, branches: u32) -> Arrangement {
+impl ZSobolOrder {
+    /// For `samples` a pixel, with `branches` paths from each, by the user's seed.
+    pub fn new(seed: u32, samples: u32, branches: u32) -> ZSobolOrder {
         const MOST_BITS: u32 = SAMPLES_PER_SEED.trailing_zeros();
         let points = samples.saturating_mul(branches);
         let run_bits = (32 - points.saturating_sub(1).leading_zeros()).min(MOST_BITS);
-        let edge_bits = ((MOST_BITS - run_bits) / 2).min(MOST_EDGE_BITS);
-        let edge_bits = if samples > MOST_ARRANGED { 0 } else { edge_bits };
-        Arrangement { seed, run_bits, edge_bits }
+        let edge_bits = ((MOST_BITS - run_bits) / 2).min(MAX_EDGE_BITS);
+        let edge_bits = if samples > MAX_Z_ORDER_SPP { 0 } else { edge_bits };
+        ZSobolOrder { seed, run_bits, edge_bits }
     }
 
     /// A pixel's seed, and the index of its first sample in the sequence of that seed; the others follow.
@@ -188,7 +189,7 @@ impl Arrangement {
     }
 }
 
-/// The bits of `x` and `y`, below 16 each, by turns.
+/// Morton code: the interleaved bits of `x` and `y`, below 16 each.
 #[inline(always)]
 pub(super) fn morton(x: u32, y: u32) -> u32 {
     let spread = |v: u32| {
@@ -198,34 +199,34 @@ pub(super) fn morton(x: u32, y: u32) -> u32 {
     spread(x) | (spread(y) << 1)
 }
 
-/// What separates these sequences from those of an even arrangement with the same seed.
+/// Distinguishes these sequences from those of [`ZSobolOrder`] with the same seed.
 const SEED: u32 = 0x5f3a_9c41;
 
-/// How many samples each pixel of a picture takes, besides those that all have.
+/// Adaptive sampling: the number of samples of each pixel beyond those that all have.
 ///
-/// As in an [`Arrangement`], the pixels of a region of 16x16 take runs of one Sobol sequence in Morton
+/// As in [`ZSobolOrder`], the pixels of a region of 16x16 take runs of one Sobol sequence in Morton
 /// order, each as long as its samples are many; a run of points that follow each other is well spread wherever it begins.
 #[derive(Clone, Debug)]
-pub struct Allotment {
+pub struct AdaptiveSampleMap {
     seed: u32,
     width: u32,
-    /// Samples that all pixels have before.
+    /// Samples that all pixels have already.
     earlier: u32,
-    /// Planned samples of the average pixel.
+    /// Planned samples of the mean pixel.
     mean: u32,
     /// Samples of each pixel, row by row.
     counts: Vec<u32>,
-    /// Where each pixel's run begins in its region's sequence.
+    /// Start of each pixel's run in its region's sequence.
     starts: Vec<u32>,
 }
 
-impl Allotment {
-    /// Allots about so many samples to the pixels of a picture, row by row, with `mean` to the average pixel, after all have
-    /// `earlier` samples. Fractions are rounded so that the sum over neighbours stays.
-    pub fn new(seed: u32, width: u32, earlier: u32, mean: u32, samples: &[f32]) -> Allotment {
+impl AdaptiveSampleMap {
+    /// For `samples` a pixel, row by row, with mean `mean`, after all pixels have `earlier` samples. Fractions are rounded by error
+    /// diffusion along the Morton order.
+    pub fn new(seed: u32, width: u32, earlier: u32, mean: u32, samples: &[f32]) -> AdaptiveSampleMap {
         let height = samples.len() as u32 / width;
-        let edge = 1u32 << MOST_EDGE_BITS;
-        let mut allotment = Allotment {
+        let edge = 1u32 << MAX_EDGE_BITS;
+        let mut map = AdaptiveSampleMap {
             seed: hash32(seed ^ SEED),
             width,
             earlier,
@@ -235,7 +236,7 @@ impl Allotment {
         };
         let mut order: Vec<(u32, u32)> = (0..edge).flat_map(|y| (0..edge).map(move |x| (x, y))).collect();
         order.sort_by_key(|&(x, y)| morton(x, y));
-        // What rounding left over so far.
+        // Accumulated rounding error.
         let mut rest = 0.5;
         for (y0, x0) in (0..height)
             .step_by(edge as usize)
@@ -251,11 +252,11 @@ impl Allotment {
                 let wanted = f64::from(samples[at]) + rest;
                 let count = wanted.floor().max(0.0);
                 rest = wanted - count;
-                (allotment.counts[at], allotment.starts[at]) = (count as u32, next);
+                (map.counts[at], map.starts[at]) = (count as u32, next);
                 next += count as u32;
             }
         }
-        allotment
+        map
     }
 
     /// What pixel (`x`, `y`) takes in a pass in which the average pixel takes `samples` from sample `first_sample` on: the
@@ -267,7 +268,7 @@ impl Allotment {
         let until =
             |sample: u32| (u64::from(self.counts[at]) * u64::from(sample) / u64::from(self.mean)) as u32;
         let (first, end) = (until(from), until(from + samples));
-        let seed = pixel_seed(x >> MOST_EDGE_BITS, y >> MOST_EDGE_BITS, self.seed);
+        let seed = pixel_seed(x >> MAX_EDGE_BITS, y >> MAX_EDGE_BITS, self.seed);
         (seed, self.starts[at] + first, end - first)
     }
 }
@@ -340,7 +341,7 @@ mod arrangement_tests {
     use std::collections::HashSet;
 
     /// The points of all samples of a block of pixels in the first two dimensions.
-    fn points(arrangement: Arrangement, x0: u32, y0: u32, edge: u32, samples: u32) -> Vec<[f32; 2]> {
+    fn points(arrangement: ZSobolOrder, x0: u32, y0: u32, edge: u32, samples: u32) -> Vec<[f32; 2]> {
         let dimensions = Dimensions::new(3);
         let pixels = (0..edge).flat_map(|y| (0..edge).map(move |x| (x0 + x, y0 + y)));
         let of_pixel = |(x, y)| {
@@ -366,7 +367,7 @@ mod arrangement_tests {
 
     #[test]
     fn pixels_and_blocks_of_pixels_are_stratified() {
-        let arrangement = Arrangement::new(9, 16, 1);
+        let arrangement = ZSobolOrder::new(9, 16, 1);
         for edge in [1, 2, 4, 8, 16] {
             assert!(is_net(&points(arrangement, 32, 48, edge, 16)), "{edge}");
         }
@@ -379,7 +380,7 @@ mod arrangement_tests {
     #[test]
     fn samples_of_a_region_are_all_different() {
         for samples in [1, 3, 100, 256, 257, 1000, 20_000, 70_000, u32::MAX] {
-            let arrangement = Arrangement::new(1, samples, 1);
+            let arrangement = ZSobolOrder::new(1, samples, 1);
             let mut starts = HashSet::new();
             for (x, y) in (0..16).flat_map(|y| (0..16).map(move |x| (x, y))) {
                 let (seed, first) = arrangement.first(x, y);
@@ -389,11 +390,11 @@ mod arrangement_tests {
                 assert!(starts.insert((seed, first)), "{samples}");
             }
         }
-        assert_eq!(Arrangement::new(1, 256, 1).edge_bits, 4);
-        assert_eq!(Arrangement::new(1, 256, 2).edge_bits, 3);
-        assert_eq!(Arrangement::new(1, 70_000, 1).edge_bits, 0);
+        assert_eq!(ZSobolOrder::new(1, 256, 1).edge_bits, 4);
+        assert_eq!(ZSobolOrder::new(1, 256, 2).edge_bits, 3);
+        assert_eq!(ZSobolOrder::new(1, 70_000, 1).edge_bits, 0);
         // From there on, what is planned doesn't matter.
-        let [some, more] = [257, 5000].map(|samples| Arrangement::new(1, samples, 4).first(5, 6));
+        let [some, more] = [257, 5000].map(|samples| ZSobolOrder::new(1, samples, 4).first(5, 6));
         assert_eq!(some, more);
     }
 }

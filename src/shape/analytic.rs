@@ -1,12 +1,8 @@
-//! The closed list of shapes that are no triangles.
+//! The table of shapes other than triangles.
 
-use super::disk::Disk;
-use super::facing_disk::FacingDisk;
-use super::point::{LightPoint, Surface};
-use super::ray::PreparedRay;
-use super::shell::Shell;
-use super::sphere::Sphere;
-use super::traits::{Packed, Parametrization, Shape};
+use super::disk::{Disk, FacingDisk};
+use super::sphere::{Shell, Sphere};
+use super::traits::{LightPoint, Packed, Parametrization, PreparedRay, Shape, Surface};
 use crate::math::{Bounds3, Mat3, Ray, Vec2, Vec3};
 use crate::scene::{self, Mesh, ShapeKind, ShapeTag};
 
@@ -79,7 +75,7 @@ const fn packed_kind(tag: ShapeTag) -> u8 {
 }
 
 impl Analytic {
-    /// The form in which leaves hold it.
+    /// The form stored in leaves of the BVH.
     pub fn pack(&self) -> Packed {
         Packed { kind: packed_kind(self.tag()), numbers: self.numbers() }
     }
@@ -151,8 +147,8 @@ impl Shape for Analytic {
         each!(self, shape => shape.pdf_solid_angle(reference, point))
     }
 
-    fn turns(&self) -> bool {
-        each!(self, shape => shape.turns())
+    fn is_facing(&self) -> bool {
+        each!(self, shape => shape.is_facing())
     }
 
     fn starts_behind(&self, receiver: Vec3, ray: &Ray) -> Option<f32> {

@@ -1,21 +1,19 @@
-//! Spheres: met without cancellation (Haines, Guenther, Akenine-Moeller, Ray Tracing Gems 2019, chapter 7) in double
+//! Spheres: intersected without cancellation (Haines, Guenther, Akenine-Moeller, Ray Tracing Gems 2019, chapter 7) in double
 //! precision; as lights seen from outside the cone that they subtend (Pharr, Jakob, Humphreys 2023, section 6.2.4), from
 //! inside all directions.
 
-use super::icosphere::icosphere;
-use super::point::{LightPoint, Surface};
-use super::ray::PreparedRay;
-use super::traits::{Parametrization, Shape};
-use crate::math::{Bounds3, Frame, Mat3, Vec2, Vec3, gamma, poly};
+use super::traits::{LightPoint, Parametrization, PreparedRay, Shape, Surface};
+use crate::math::{Bounds3, DVec3, Frame, Mat3, Ray, Vec2, Vec3, gamma, poly};
 use crate::sampling::warp::{self, UNIFORM_SPHERE_PDF_SOLID_ANGLE};
 use crate::scene::{self, Mesh};
 use crate::simd::map_each;
+use std::collections::HashMap;
 use std::f32::consts::{FRAC_1_PI, PI, SQRT_2};
 
 /// A sphere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sphere {
-    /// Its middle.
+    /// Its center.
     pub center: Vec3,
     /// Above 0.
     pub radius: f32,
@@ -47,9 +45,9 @@ impl Sphere {
         icosphere(6)
     }
 
-    /// The parameters at which a line meets it, the smaller first.
+    /// The parameters at which a line intersects it, the smaller first.
     #[inline(always)]
-    pub(super) fn roots(&self, ray: &PreparedRay) -> Option<[f64; 2]> {
+    fn roots(&self, ray: &PreparedRay) -> Option<[f64; 2]> {
         let r = f64::from(self.radius);
         let d = map_each(ray.direction, f64::from);
         let center = self.center.to_array();
@@ -255,7 +253,7 @@ impl SphereSampler {
         self.center + across + direction * if rest > 0.0 { rest } else { 0.0 }.sqrt()
     }
 
-    /// The sphere's outward unit normal where a random direction in the cone first meets it.
+    /// The sphere's outward unit normal where a random direction in the cone first intersects it.
     #[inline(always)]
     fn outward_normal_in_cone(&self, u: [f32; 2]) -> Vec3 {
         // theta: from the axis at the reference point; alpha: from the axis at the centre, towards the reference.
@@ -278,5 +276,165 @@ impl SphereSampler {
     pub fn pdf_solid_angle(&self) -> f32 {
         let of_cone = warp::uniform_cone_pdf_solid_angle(self.one_minus_cos_max);
         if self.inside { UNIFORM_SPHERE_PDF_SOLID_ANGLE } else { of_cone }
+    }
+}
+
+/// A sphere that each ray intersects once: from outside its near side, from inside the far one. Spherical lights that block no light
+/// are shells: points inside receive light from all around, and rays through one collect its radiance once.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shell(pub Sphere);
+
+impl Shell {
+    /// That of a scene around `center`.
+    pub(super) fn of_scene(shape: &scene::Shape, center: Vec3) -> Shell {
+        Shell(Sphere::of_scene(shape, center))
+    }
+
+    /// That of packed numbers.
+    #[inline(always)]
+    pub(super) fn unpack(numbers: &[f32; 6]) -> Shell {
+        Shell(Sphere::unpack(numbers))
+    }
+
+    /// The unit sphere.
+    pub(super) fn mesh() -> Mesh {
+        Sphere::mesh()
+    }
+}
+
+impl Shape for Shell {
+    fn center_and_radius(&self) -> (Vec3, f32) {
+        self.0.center_and_radius()
+    }
+
+    fn bounds(&self) -> Bounds3 {
+        self.0.bounds()
+    }
+
+    #[inline(always)]
+    fn is_flat(&self) -> bool {
+        self.0.is_flat()
+    }
+
+    #[inline(always)]
+    fn normal(&self) -> Option<Vec3> {
+        self.0.normal()
+    }
+
+    #[inline(always)]
+    fn intersect(&self, ray: &PreparedRay, t_min: f32, t_max: f32) -> Option<f32> {
+        let [near, far] = self.0.roots(ray)?;
+        let t = if near > 0.0 { near } else { far } as f32;
+        (t > t_min && t <= t_max).then_some(t)
+    }
+
+    #[inline(always)]
+    fn surface(&self, p: Vec3, origin: Vec3) -> Surface {
+        self.0.surface(p, origin)
+    }
+
+    #[inline]
+    fn texture_coordinates(&self, point: Vec3, normal: Vec3, object_from_world: &Mat3) -> Vec2 {
+        self.0.texture_coordinates(point, normal, object_from_world)
+    }
+
+    #[inline]
+    fn parametrize(&self, normal: Vec3, object_from_world: &Mat3) -> Parametrization {
+        self.0.parametrize(normal, object_from_world)
+    }
+
+    fn area(&self) -> f32 {
+        self.0.area()
+    }
+
+    fn largest_projection(&self) -> f32 {
+        self.0.largest_projection()
+    }
+
+    #[inline(always)]
+    fn normal_at(&self, point: Vec3, reference: Vec3) -> Vec3 {
+        self.0.normal_at(point, reference)
+    }
+
+    fn point_by_area(&self, u: [f32; 2]) -> Vec3 {
+        self.0.point_by_area(u)
+    }
+
+    #[inline(always)]
+    fn sample(&self, reference: Vec3, u: [f32; 2]) -> LightPoint {
+        self.0.sample(reference, u)
+    }
+
+    #[inline(always)]
+    fn pdf_solid_angle(&self, reference: Vec3, point: Vec3) -> f32 {
+        self.0.pdf_solid_angle(reference, point)
+    }
+
+    /// Light that goes inwards counts within only: beyond, it is that of the near side.
+    fn starts_behind(&self, receiver: Vec3, ray: &Ray) -> Option<f32> {
+        let Sphere { center, radius } = self.0;
+        let goes_inwards = ray.direction.dot(ray.origin - center) < 0.0;
+        (!goes_inwards || receiver.distance(center) <= radius).then_some(0.0)
+    }
+
+    fn numbers(&self) -> [f32; 6] {
+        self.0.numbers()
+    }
+}
+
+/// A sphere as a subdivided icosahedron with smooth normals: 20 * 4^levels triangles, unit radius.
+pub(super) fn icosphere(levels: u32) -> Mesh {
+    let g = (1.0 + 5f64.sqrt()) / 2.0;
+    let mut points: Vec<DVec3> = Vec::new();
+    for (a, b) in [(1.0, g), (-1.0, g), (1.0, -g), (-1.0, -g)] {
+        points.extend([DVec3::new(a, b, 0.0), DVec3::new(0.0, a, b), DVec3::new(b, 0.0, a)]);
+    }
+    let mut triangles = Vec::new();
+    for i in 0..12u32 {
+        for j in i + 1..12 {
+            for k in j + 1..12 {
+                let [a, b, c] = [i, j, k].map(|v| points[v as usize]);
+                // Edges of this icosahedron have length 2.
+                if [(a, b), (b, c), (c, a)].iter().all(|(p, q)| (p.distance(*q) - 2.0).abs() < 1e-9) {
+                    let outward = (b - a).cross(c - a).dot(a) > 0.0;
+                    triangles.push(if outward { [i, j, k] } else { [i, k, j] });
+                }
+            }
+        }
+    }
+    points.iter_mut().for_each(|p| *p = p.normalize());
+    for _ in 0..levels {
+        subdivide(&mut points, &mut triangles);
+    }
+    let normals: Vec<[f32; 3]> = points.iter().map(|p| p.as_vec3().to_array()).collect();
+    Mesh { positions: normals.clone(), triangles, normals, ..Mesh::default() }
+}
+
+fn subdivide(points: &mut Vec<DVec3>, triangles: &mut Vec<[u32; 3]>) {
+    let mut middles = HashMap::new();
+    let mut next = Vec::with_capacity(triangles.len() * 4);
+    for &[a, b, c] in triangles.iter() {
+        let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(p, q)| {
+            *middles.entry((p.min(q), p.max(q))).or_insert_with(|| {
+                points.push((points[p as usize] + points[q as usize]).normalize());
+                points.len() as u32 - 1
+            })
+        });
+        next.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
+    }
+    *triangles = next;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_faces_outwards_and_holds_its_volume() {
+        let mesh = icosphere(5);
+        assert_eq!(mesh.triangles.len(), 20 * 4usize.pow(5));
+        let corner = |i: u32| DVec3::from(mesh.positions[i as usize].map(f64::from));
+        let parts = mesh.triangles.iter().map(|t| corner(t[0]).dot(corner(t[1]).cross(corner(t[2]))) / 6.0);
+        assert!((parts.sum::<f64>() / (4.0 / 3.0 * std::f64::consts::PI) - 1.0).abs() < 2e-3);
     }
 }

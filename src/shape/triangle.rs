@@ -1,19 +1,20 @@
-//! Triangles: their boxes, the watertight test (Woop, Benthin, Wald 2013, "Watertight Ray/Triangle Intersection").
+//! Triangles: bounds, the watertight test (Woop, Benthin, Wald 2013, "Watertight Ray/Triangle Intersection"), and sampling uniformly
+//! in solid angle (Arvo 1995, "Stratified Sampling of Spherical Triangles", with the trigonometry of Peters 2021, "BRDF Importance
+//! Sampling for Polygonal Lights", section 2).
 //!
 //! Vertices go through the same rounded translation and shear whichever triangle they belong to. The sign of
 //! `fl(fl(a b) - fl(c d))`, when it is not zero, is the sign of `a b - c d`, since rounding keeps order; when it is zero,
 //! double precision decides exactly (48 of 53 bits). So every edge is classified exactly with respect to the sheared
 //! vertices, neighbours agree on it, and nothing leaks between them. No operation is contracted, so all CPU levels agree.
 
-use super::point::Surface;
-use super::ray::PreparedRay;
-use crate::math::{Bounds3, Vec3, gamma};
+use super::traits::{LightPoint, PreparedRay, Surface, pdf_solid_angle_of_area};
+use crate::math::{Bounds3, Vec3, gamma, poly};
 use crate::simd::{BoxRay, ShearedLine, Wide, map_each};
 
 /// Triangles that are tested at a time.
 pub const LANES: usize = 4;
 
-/// Four triangles side by side. For axis k: vertices 0, 1, 2 in rows 4k to 4k + 2; rows 3, 7 and 11 are not looked at.
+/// Four triangles together. For axis k: vertices 0, 1, 2 in rows 4k to 4k + 2; rows 3, 7 and 11 are not looked at.
 pub type TriangleRows = [[f32; LANES]; 12];
 
 /// Where a lane's triangle is hit: the barycentric weights of vertices 1 and 2.
@@ -25,7 +26,7 @@ pub struct Weights {
     pub v: f32,
 }
 
-/// The lanes that the ray's line meets: a superset of those that [`weights`] accepts, in which only edge
+/// The lanes that the ray's line intersects: a superset of those that [`weights`] accepts, in which only edge
 /// functions that round to zero are undecided. Where along the line is left to [`plane_parameters`]: single precision
 /// could not tell it from the ray's start on surfaces that touch.
 #[inline(always)]
@@ -33,14 +34,14 @@ pub fn candidates<W: Wide>(w: W, rows: &TriangleRows, ray: &PreparedRay, boxes: 
     w.candidates(rows, boxes, &ray.origin, &ray.shear)
 }
 
-/// The exact test whether the ray's line meets a lane's triangle.
+/// The exact test whether the ray's line intersects a lane's triangle.
 #[inline(always)]
 pub fn weights(rows: &TriangleRows, lane: usize, ray: &PreparedRay, boxes: &BoxRay) -> Option<Weights> {
     let lane = lane & 3;
     weights_of(|axis, k| rows[4 * axis + k][lane], &boxes.line(ray.origin, ray.shear))
 }
 
-/// The exact test whether a line meets the triangle with these coordinates, by axis and vertex.
+/// The exact test whether a line intersects the triangle with these coordinates, by axis and vertex.
 #[inline(always)]
 pub fn weights_of(at: impl Fn(usize, usize) -> f32, line: &ShearedLine) -> Option<Weights> {
     let [kx, ky, kz] = line.axes();
@@ -69,7 +70,7 @@ pub fn weights_of(at: impl Fn(usize, usize) -> f32, line: &ShearedLine) -> Optio
     Some(Weights { u: v / det, v: w / det })
 }
 
-/// Where the ray meets the planes of the four triangles, in f64, in which the differences of f32 numbers of similar size
+/// Where the ray intersects the planes of the four triangles, in f64, in which the differences of f32 numbers of similar size
 /// are exact. An origin beside the plane by the rounding of an f32 keeps its side. NaN where the ray is parallel to the
 /// plane, and possibly where all `lanes` are behind the ray.
 #[inline(always)]
@@ -123,4 +124,162 @@ pub fn shading_normal(normals: [[f32; 3]; 3], u: f32, w: f32, ng: Vec3) -> Vec3 
     let side = if n.dot(ng) < 0.0 { -1.0 } else { 1.0 };
     let unit = n * (side / if is_usable { length } else { 1.0 });
     if is_usable { unit } else { ng }
+}
+
+/// Below this solid angle (sr) triangles and parallelograms are sampled by area.
+pub const MIN_TRIANGLE_SOLID_ANGLE: f32 = 1e-4;
+
+/// Three points on the unit sphere around the reference point with what sampling needs.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Directions {
+    a: Vec3,
+    b: Vec3,
+    c: Vec3,
+    /// Triple product a . (b x c), not negative, and the dot products.
+    volume: f32,
+    ab: f32,
+    bc: f32,
+    ca: f32,
+    pub solid_angle: f32,
+}
+
+impl Directions {
+    /// `normal` is the cross product of the two edges at the first vertex; vectors lead from the reference point.
+    #[inline(always)]
+    pub fn new(pa: Vec3, pb: Vec3, pc: Vec3, normal: Vec3) -> Directions {
+        let inverse = |p: Vec3| 1.0 / (p.length_squared() + 1e-37).sqrt();
+        let (ia, ib, ic) = (inverse(pa), inverse(pb), inverse(pc));
+        let (a, b, c) = (pa * ia, pb * ib, pc * ic);
+        // The distance to the plane times twice the area: no cancellation where the directions nearly coincide.
+        let volume = (a.dot(normal) * ib * ic).abs();
+        let (ab, bc, ca) = (a.dot(b), b.dot(c), c.dot(a));
+        // 1 + ab + bc + ca as (x + y) . (x + z), where x is the vertex farthest from the others: exact for needles that
+        // reach around the reference point, where the terms cancel.
+        let (x, y, z) = if ab + ca <= bc + ab.min(ca) {
+            (a, b, c)
+        } else if ab < ca {
+            (b, c, a)
+        } else {
+            (c, a, b)
+        };
+        let solid_angle = 2.0 * poly::atan2(volume, (x + y).dot(x + z));
+        Directions { a, b, c, volume, ab, bc, ca, solid_angle }
+    }
+
+    /// A unit vector, uniform over the spherical triangle.
+    #[inline(always)]
+    pub fn sample(&self, u: [f32; 2]) -> Vec3 {
+        // The point x on the arc from a to c for which triangle (a, b, x) has u[0] of the solid angle. By the tangent
+        // formula x lies on a plane that also holds -a, so x is a's mirror image about `axis`.
+        let (s, c) = poly::sin_cos(0.5 * self.solid_angle * u[0]);
+        let axis = self.a * (c * self.volume - s * (self.ca + self.bc)) + self.c * (s * (1.0 + self.ab));
+        let axis_squared = axis.length_squared();
+        let scale = 2.0 * self.a.dot(axis) / if axis_squared > 1e-37 { axis_squared } else { 1e-37 };
+        let x = axis * scale - self.a;
+        // Between b and x: 1 - cos of the angle from b is uniform. h = 1 - b . x without cancellation.
+        let step = x - self.b;
+        let h = 0.5 * step.length_squared();
+        let vh = u[1] * h;
+        let rest = 2.0 - h;
+        let along = (u[1] * (2.0 - vh) / if rest > 1e-6 { rest } else { 1e-6 }).sqrt();
+        self.b * (1.0 - vh) + (step + self.b * h) * along
+    }
+}
+
+/// The plane coordinates (weights of the edges) at which a ray from the reference point in direction `w` meets the
+/// plane of a triangle with corner `p0` (relative to the reference point) and edges `e1`, `e2`.
+#[inline(always)]
+pub(super) fn plane_coordinates(p0: Vec3, e1: Vec3, e2: Vec3, w: Vec3) -> (f32, f32) {
+    let h = w.cross(e2);
+    let determinant = e1.dot(h);
+    let inverse = 1.0 / if determinant == 0.0 { 1.0 } else { determinant };
+    let q = p0.cross(e1);
+    (-p0.dot(h) * inverse, -w.dot(q) * inverse)
+}
+
+#[inline(always)]
+pub(super) fn clamp01(x: f32) -> f32 {
+    let x = if x < 1.0 { x } else { 1.0 };
+    if x > 0.0 { x } else { 0.0 }
+}
+
+/// Uniform weights of the second and third vertex (Heitz 2019, "A Low-Distortion Map Between Triangle and Square").
+#[inline(always)]
+pub fn uniform_triangle(u: [f32; 2]) -> [f32; 2] {
+    let below = u[0] < u[1];
+    let small = 0.5 * if below { u[0] } else { u[1] };
+    if below { [small, u[1] - small] } else { [u[0] - small, small] }
+}
+
+/// A triangle as seen from a reference point.
+#[derive(Clone, Copy, Debug)]
+pub struct SphericalTriangle {
+    vertex: Vec3,
+    edge_1: Vec3,
+    edge_2: Vec3,
+    reference: Vec3,
+    unit_normal: Vec3,
+    area: f32,
+    directions: Directions,
+}
+
+impl SphericalTriangle {
+    /// The triangle seen from `reference`; degenerate ones have solid angle 0 and pdf 0.
+    #[inline(always)]
+    pub fn new(p0: Vec3, p1: Vec3, p2: Vec3, reference: Vec3) -> SphericalTriangle {
+        let (edge_1, edge_2) = (p1 - p0, p2 - p0);
+        let normal = edge_1.cross(edge_2);
+        let length = normal.length();
+        SphericalTriangle {
+            vertex: p0,
+            edge_1,
+            edge_2,
+            reference,
+            unit_normal: normal / if length > 0.0 { length } else { 1.0 },
+            area: 0.5 * length,
+            directions: Directions::new(p0 - reference, p1 - reference, p2 - reference, normal),
+        }
+    }
+
+    /// The solid angle, steradians, 0 to 2 pi.
+    #[inline(always)]
+    pub fn solid_angle(&self) -> f32 {
+        self.directions.solid_angle
+    }
+
+    /// Weights of the second and third vertex of a point that is uniform in solid angle (by area below
+    /// [`MIN_TRIANGLE_SOLID_ANGLE`]).
+    #[inline(always)]
+    pub fn sample_weights(&self, u: [f32; 2]) -> [f32; 2] {
+        let w = self.directions.sample(u);
+        let (w1, w2) = plane_coordinates(self.vertex - self.reference, self.edge_1, self.edge_2, w);
+        let w1 = clamp01(w1);
+        let rest = 1.0 - w1;
+        let w2 = clamp01(if w2 < rest { w2 } else { rest });
+        let [a1, a2] = uniform_triangle(u);
+        let by_area = self.solid_angle() < MIN_TRIANGLE_SOLID_ANGLE;
+        [if by_area { a1 } else { w1 }, if by_area { a2 } else { w2 }]
+    }
+
+    /// A point on the triangle with its density.
+    #[inline(always)]
+    pub fn sample(&self, u: [f32; 2]) -> LightPoint {
+        let [w1, w2] = self.sample_weights(u);
+        let point = self.vertex + self.edge_1 * w1 + self.edge_2 * w2;
+        LightPoint { point, pdf_solid_angle: self.pdf_solid_angle(point) }
+    }
+
+    /// Density per solid angle with which [`SphericalTriangle::sample`] returns a point of the triangle.
+    #[inline(always)]
+    pub fn pdf_solid_angle(&self, point: Vec3) -> f32 {
+        pdf_of_either(point - self.reference, self.unit_normal, self.area, self.solid_angle())
+    }
+}
+
+/// Density per solid angle of a point of a flat light that is sampled by its solid angle or, below
+/// [`MIN_TRIANGLE_SOLID_ANGLE`], by its area; the rest as for [`pdf_solid_angle_of_area`].
+#[inline(always)]
+pub(super) fn pdf_of_either(to_point: Vec3, unit_normal: Vec3, area: f32, solid_angle: f32) -> f32 {
+    let of_area = pdf_solid_angle_of_area(to_point, unit_normal, area);
+    if solid_angle < MIN_TRIANGLE_SOLID_ANGLE { of_area } else { 1.0 / solid_angle }
 }

@@ -8,7 +8,7 @@ use core::arch::aarch64::*;
 #[cfg(target_arch = "x86_64")]
 use core::arch::x86_64::*;
 
-/// Sixteen triangles. Unused lanes are NaN, which no line meets.
+/// Sixteen triangles. Unused lanes are NaN, which no line intersects.
 #[repr(C, align(64))]
 #[derive(Clone, Copy, Debug)]
 pub struct TriangleBlock {
@@ -18,7 +18,7 @@ pub struct TriangleBlock {
     pub ids: [u32; 16],
 }
 
-/// What a block is asked for: the triangles that a line meets.
+/// A query for the triangles of a block that a line intersects.
 #[derive(Clone, Copy, Debug)]
 pub struct BlockQuery<'a> {
     /// The line.
@@ -386,11 +386,11 @@ impl BoxRay {
     }
 }
 
-/// What a ray visits later, and how far away it starts.
+/// An entry of a traversal stack: a reference and the distance of its box.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct Entry {
-    /// What.
+    /// Node or leaf.
     pub reference: u32,
     /// The ray's parameter at its box.
     pub distance: f32,
@@ -419,7 +419,7 @@ const fn lanes_of_masks() -> [u64; 256] {
     table
 }
 
-/// Moves the lanes of a mask to the front; the others become `fill` (AVX-512) or anything (AVX2).
+/// Compacts the lanes of a mask to the front; the others become `fill` (AVX-512) or anything (AVX2).
 ///
 /// # Safety
 /// The CPU must have AVX2 (`AVX512`: AVX-512 VL too).

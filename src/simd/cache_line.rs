@@ -16,7 +16,7 @@ impl Line {
 
 const _: () = assert!(size_of::<Line>() == 64 && align_of::<Line>() == 64);
 
-/// Makes room for `additional` more lines, on huge pages where the system has them for the asking: a walk through much
+/// Reserves memory for `additional` more lines, on huge pages where the system has them for the asking: a walk through much
 /// memory then misses fewer address translations. A list that has to grow at least doubles: however often that is, each line
 /// moves a few times at most.
 pub fn reserve_lines(lines: &mut Vec<Line>, additional: usize) {
@@ -26,20 +26,20 @@ pub fn reserve_lines(lines: &mut Vec<Line>, additional: usize) {
     }
 }
 
-/// The room behind the lines of a list, to be taken part by part: see [`append_claims`].
+/// The spare capacity of a list, assigned in parts by [`append_claims`].
 pub struct Claims<'a> {
     room: &'a mut [MaybeUninit<Line>],
     claimed: &'a AtomicUsize,
     filled: &'a AtomicUsize,
 }
 
-/// Some lines of that room.
+/// A part of that capacity.
 pub struct Claim<'a> {
     room: &'a mut [MaybeUninit<Line>],
     filled: &'a AtomicUsize,
 }
 
-/// Lets threads append to a list side by side, as far as it has room: claims, one behind the other, that any thread fills. If
+/// Lets threads append to a list concurrently, as far as it has room: claims, one behind the other, that any thread fills. If
 /// one is not filled, nothing is appended.
 pub fn append_claims<R>(lines: &mut Vec<Line>, work: impl FnOnce(Claims) -> R) -> R {
     let before = lines.len();
@@ -80,7 +80,7 @@ impl Claim<'_> {
     }
 }
 
-/// Asks that a list's memory, which nothing has been written to yet, come in huge pages: its first touch then takes a
+/// Requests huge pages for a list's memory before it is first written to: its first touch then takes a
 /// fault for each 2 MiB in place of 4 KiB. Only advice: what the list holds stays as it is.
 pub fn prefer_huge_pages<T>(list: &mut Vec<T>) {
     #[cfg(target_os = "linux")]
@@ -103,7 +103,7 @@ pub fn prefer_huge_pages<T>(list: &mut Vec<T>) {
 #[cfg(target_os = "linux")]
 const HUGE_PAGE: usize = 2 << 20;
 
-/// Asks the CPU to bring `N` lines from `index` on into its first cache. Any index is allowed: it is only a hint.
+/// Prefetches `N` lines from `index` on into the L1 cache. Any index is allowed: it is only a hint.
 #[inline(always)]
 pub fn prefetch_lines<const N: usize>(lines: &[Line], index: usize) {
     let first = lines.as_ptr().wrapping_add(index);
@@ -112,7 +112,7 @@ pub fn prefetch_lines<const N: usize>(lines: &[Line], index: usize) {
     }
 }
 
-/// Asks the CPU to bring an element of a list into its first cache. Any index is allowed: it is only a hint.
+/// Prefetches an element of a list into the L1 cache. Any index is allowed: it is only a hint.
 #[inline(always)]
 pub fn prefetch_element<T>(values: &[T], index: usize) {
     let first = values.as_ptr().wrapping_add(index).cast::<u8>();
@@ -121,7 +121,7 @@ pub fn prefetch_element<T>(values: &[T], index: usize) {
     }
 }
 
-/// Asks the CPU to bring the line at an address, whatever it is, into its first cache.
+/// Prefetches the cache line at an address into the L1 cache.
 #[inline(always)]
 fn prefetch(address: *const u8) {
     // SAFETY: a prefetch reads nothing that the program can see and never faults, whatever the address.
@@ -173,7 +173,7 @@ impl<'a, T: Copy> Table<'a, T> {
         unsafe { *self.values.get_unchecked(index as usize) }
     }
 
-    /// Asks the CPU to bring the element at an index into its caches. Any index is allowed: it is only a hint.
+    /// Prefetches the element at an index. Any index is allowed: it is only a hint.
     #[inline(always)]
     pub fn prefetch(self, index: u32) {
         prefetch_element(self.values, index as usize);

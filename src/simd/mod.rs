@@ -1,4 +1,4 @@
-//! CPU levels and the way into code compiled for them: the only home of `unsafe`.
+//! CPU levels and dispatch to code compiled for them: the only home of `unsafe`.
 //!
 //! A loop written once runs compiled for the best level that the CPU has: put it in a [`Kernel`] whose `run` is
 //! `#[inline(always)]` (and calls only `#[inline(always)]` functions) and hand it to [`dispatch`]. The compiler
@@ -29,7 +29,7 @@ pub use wide::{ScalarWide, WIDEN, Wide, WideKernel};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU8, Ordering};
 
-/// What the CPU can do, as far as the kernels care: a ladder of levels, those of the program's own architecture.
+/// Instruction sets that kernels are compiled for, in ascending order, for the architecture of the program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Level {
     /// The baseline of the target; on architectures without levels of their own the only one.
@@ -73,7 +73,7 @@ impl Level {
         }
     }
 
-    /// Can this CPU run it? (Whatever [`limit_level`] allows.)
+    /// Does this CPU support it? (Whatever [`limit_level`] allows.)
     pub fn is_available(self) -> bool {
         self <= detected_level()
     }
@@ -101,7 +101,7 @@ fn limit() -> Level {
     Level::ALL[usize::from(LIMITED.load(Ordering::Relaxed))]
 }
 
-/// Keeps the whole process from using higher levels, to compare their results: for tests and measurements.
+/// Limits the CPU level of the whole process: for tests and measurements.
 pub fn limit_level(level: Level) {
     LIMITED.store(level as u8, Ordering::Relaxed);
 }
@@ -139,11 +139,11 @@ fn detect() -> Level {
     Level::Scalar
 }
 
-/// Work that is compiled once per CPU level.
+/// A loop that is compiled once per CPU level.
 pub trait Kernel {
     /// What it returns.
     type Output;
-    /// The work. Mark the implementation, and all that it calls in its loops, `#[inline(always)]`.
+    /// Runs it. Mark the implementation, and all that it calls in its loops, `#[inline(always)]`.
     fn run(self) -> Self::Output;
 }
 

@@ -120,7 +120,7 @@ impl WideKernel for OffsetsThatOverflow {
     type Output = ();
     #[inline(always)]
     fn run<W: Wide>(self, w: W) {
-        // Along y, and so far from the coordinates' origin that nothing is known of x and z: all boxes that y meets.
+        // Along y, and so far from the coordinates' origin that nothing is known of x and z: all boxes that the y axis intersects.
         let mut ray = BoxRay::NONE;
         ray.set([1e30, -4.0, -1e30], [0.0, 1.0, 0.0], 2.0);
         let mut planes = [[0.0; 8]; 6];

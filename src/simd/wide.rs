@@ -17,7 +17,7 @@ pub trait Wide: Copy {
     /// Eight floats.
     type F8: Copy;
 
-    /// The boxes that a ray may meet with parameters from `t_min` to `t_max`, and where it enters them (at least
+    /// The boxes that a ray may intersect with parameters from `t_min` to `t_max`, and where it enters them (at least
     /// `t_min`): never one box too few, whatever the roundings, if what the boxes hold is found with an error of at most 16
     /// roundings. Levels may differ in boxes that the ray misses by as much. Boxes with inverted infinite planes
     /// are missed.
@@ -36,8 +36,8 @@ pub trait Wide: Copy {
     fn list_candidates(self, block: &TriangleBlock, query: &BlockQuery, to: &mut [u32; 16]) -> usize;
     /// The lanes that hold these bits.
     fn equal(self, row: &[f32; 4], number: u32) -> u32;
-    /// Where a ray meets the planes of four triangles: `n . (a - o) / n . d` in f64, rounded once, the same bits on all
-    /// levels; NaN where the ray is parallel to the plane, and, to save the division, where it meets none of `lanes` ahead.
+    /// Where a ray intersects the planes of four triangles: `n . (a - o) / n . d` in f64, rounded once, the same bits on all
+    /// levels; NaN where the ray is parallel to the plane, and, to save the division, where it intersects none of `lanes` ahead.
     fn plane_parameters(
         self,
         rows: &[[f32; 4]; 12],

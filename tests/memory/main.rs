@@ -36,7 +36,7 @@ fn building_takes_at_most_150_bytes_a_triangle() {
         let before = status("VmRSS:");
         let accel = pool.install(|| {
             let geometries = &[&mesh][..];
-            Accel::build_parts(&AccelInput {
+            Accel::try_build(&AccelInput {
                 geometries,
                 instances: &[],
                 first_moving: 0,

@@ -73,11 +73,11 @@ impl Integrator<'_> {
         at: &HitPoint<'_>,
         material: u32,
     ) -> Option<CameraConnection> {
-        let sight = self.view.camera.sight(at.surface.p, path.lens)?;
+        let sight = self.view.camera.connect(at.surface.p, path.lens)?;
         let margin = self.options.filter.radius();
         let is_on = |at: f32, size: u32| at > -margin && at < size as f32 + margin;
         let is_shown = |[x, y]: [f32; 2]| is_on(x, self.view.width) && is_on(y, self.view.height);
-        if !self.view.camera.alike(sight.film).any(is_shown) {
+        if !self.view.camera.equivalent_film_points(sight.film).any(is_shown) {
             return None;
         }
         let is_back = sight.direction.dot(at.surface.ng) <= 0.0;
@@ -195,7 +195,7 @@ impl Integrator<'_> {
             if is_inside {
                 tally.add(connections.value.luminance(), connections.value_from_camera);
             }
-            for film in self.view.camera.alike(connections.film) {
+            for film in self.view.camera.equivalent_film_points(connections.film) {
                 self.splat_one(connections, film, splats);
             }
         }

@@ -15,7 +15,7 @@ use crate::integrator::shading_geometry::{bent_normal, scattering_normal, termin
 use crate::integrator::wave::{get_rgb, set_rgb};
 use crate::integrator::workspace::Workspace;
 use crate::integrator::{Integrator, Purpose};
-use crate::light::Emitted;
+use crate::light::EmittedRay;
 use crate::math::{Frame, Hit, Ray, Vec3, offset_along};
 use crate::sampling::hash::hash32;
 use crate::sampling::sampler::{Dimensions, SobolPoint};
@@ -69,7 +69,7 @@ impl Integrator<'_> {
             let [a, b, c, d] = point.sample_4d(&first);
             let [of_lamp, of_ball, x, y] = point.sample_4d(&second);
             let emitted = plan.emission.sample(lights, textures, [a, b], [c, d], of_lamp, of_ball)?;
-            let Emitted { ray, radiance, scale, light, is_delta } = emitted;
+            let EmittedRay { ray, radiance, scale, light, is_delta } = emitted;
             let hero = if self.is_spectral() { point.sample_4d(&wavelength)[0] } else { f32::NAN };
             let wavelengths = (!hero.is_nan()).then(|| Wavelengths::draw(hero));
             Some(LightPath {

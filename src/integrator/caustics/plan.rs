@@ -4,7 +4,7 @@ use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
 use crate::compile::{CompiledScene, Role};
 use crate::integrator::interior::Interior;
-use crate::light::Emission;
+use crate::light::LightPathSampler;
 use crate::math::Ray;
 use crate::sampling::sampler::SobolPoint;
 
@@ -16,7 +16,7 @@ pub struct CausticPlan {
     /// Paths start at the lights before this index; the environment follows.
     pub(super) light_count: u32,
     /// Distribution of the paths' starts.
-    pub(super) emission: Emission,
+    pub(super) emission: LightPathSampler,
     /// Seed of these paths.
     pub(super) seed: u32,
     /// Number of paths for one sample of each pixel.
@@ -29,7 +29,7 @@ impl CausticPlan {
         let roles = scene.roles();
         let targets = scene.targets(&roles);
         let light_count = (scene.lights.area().len() + scene.lights.punctual().len()) as u32;
-        let emission = Emission::new(&scene.lights, &scene.textures, targets, scene.reach())?;
+        let emission = LightPathSampler::new(&scene.lights, &scene.textures, targets, scene.reach())?;
         Some(CausticPlan { roles, light_count, emission, seed, paths: paths.max(1) })
     }
 

@@ -4,7 +4,7 @@ use super::state::{
     SharedLayers, Suffixes, layer_rest,
 };
 use super::tiling::GroupShape;
-use crate::accel::{Bits, Fan, FanHits};
+use crate::accel::{PointVisibility, PointVisibilityQuery, SetBits};
 use crate::color::Rgb;
 use crate::integrator::caustics::leaves_light;
 use crate::integrator::interior::Interior;
@@ -557,7 +557,7 @@ impl Integrator<'_> {
             }
             let Reuse { prefixes, suffixes, .. } = &*reuse;
             let target = get(&suffixes.target, sender);
-            for k in Bits(asked) {
+            for k in SetBits(asked) {
                 let i = places.start + k;
                 let origin = get(&prefixes.vertices.next_origin, i);
                 let origin_primitive = prefixes.vertices.origin_primitives[i];
@@ -585,20 +585,21 @@ impl Integrator<'_> {
         let Reuse { prefixes, suffixes, pairs, fans, .. } = reuse;
         let places = group_of(sender, group);
         let vertices = &prefixes.vertices;
-        let fan = Fan {
+        let fan = PointVisibilityQuery {
             target: get(&suffixes.target, sender),
             origins: vertices.next_origin.each_ref().map(|lanes| &lanes[places.clone()]),
             origin_primitives: &vertices.origin_primitives[places.clone()],
             rays: asked,
         };
         let accel = &self.scene.accel;
-        let FanHits { stopped, unknown } = match self.scene.features.alpha {
-            true => accel
-                .occluded_fan(&fan, |prim| self.may_be_absent_at(&Hit { prim, instance: 0, ..Hit::MISS })),
-            false => accel.occluded_fan(&fan, |_| false),
+        let PointVisibility { occluded_rays: stopped, unknown } = match self.scene.features.alpha {
+            true => accel.point_visibility(&fan, |prim| {
+                self.may_be_absent_at(&Hit { prim, instance: 0, ..Hit::MISS })
+            }),
+            false => accel.point_visibility(&fan, |_| false),
         };
         fans.count(2 * unknown.count_ones() > asked.count_ones());
-        for k in Bits(stopped) {
+        for k in SetBits(stopped) {
             pairs.density[places.start + k] = 0.0;
         }
         let known = u64::from((asked & !unknown).count_ones());

@@ -38,7 +38,7 @@ impl World {
         let geometries: Vec<&Geometry> = self.geometries.iter().collect();
         let (first_moving, first_changing) = (self.instances.len(), geometries.len());
         let instances = &self.instances;
-        Accel::build_parts(&AccelInput {
+        Accel::try_build(&AccelInput {
             geometries: &geometries,
             instances,
             first_moving,

@@ -1,4 +1,4 @@
-//! From geometry to the primitives that a BVH is built over: bounds, and the dropping of what no ray can hit.
+//! The primitives of a geometry that a BVH is built over, with their bounds; invalid and degenerate ones are dropped.
 
 use super::input::Geometry;
 use crate::math::{Bounds3, Vec3};
@@ -6,12 +6,12 @@ use crate::shape::{Analytic, CurveSegment, Quad, Shape, triangle};
 use crate::simd::prefer_huge_pages;
 use rayon::prelude::*;
 
-/// Primitives that were left out, by reason.
+/// Numbers of dropped primitives, by reason.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Dropped {
-    /// Triangles, quads, analytic shapes and pieces of curves with NaN, infinite or too large coordinates (beyond 1e18), or indices out of range.
+    /// Triangles, quads, analytic shapes and curve segments with NaN, infinite or too large coordinates (beyond 1e18), or indices out of range.
     pub not_finite: u64,
-    /// Triangles and quads without area, spheres, disks and pieces of curves without a radius.
+    /// Triangles and quads without area, spheres, disks and curve segments without a radius.
     pub degenerate: u64,
     /// Instances whose matrix is singular or not finite, or whose geometry does not exist.
     pub instances: u64,
@@ -33,32 +33,32 @@ impl Dropped {
 /// Largest coordinate of a primitive, metres: the areas of boxes, sums of products of two extents, must not overflow.
 pub const REACH: f32 = 1e18;
 
-/// Can a point be a corner?
+/// Is a point usable as a vertex?
 pub fn is_in_reach(p: Vec3) -> bool {
     // False for NaN.
     p.abs().max_element() <= REACH && p.is_finite()
 }
 
-/// What a primitive is for the builder.
+/// Kind of a primitive of the builder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum PrimitiveKind {
     Triangle,
     Quad,
     Analytic,
     Curve,
     Instance,
-    /// A piece of the tree that is written already.
-    Piece,
-    /// Left out: no finite box.
+    /// A subtree that is already written.
+    Subtree,
+    /// Dropped: no finite box.
     NotFinite,
-    /// Left out: nothing to hit.
+    /// Dropped: no area.
     Degenerate,
 }
 
 /// One primitive: its kind, its id in the geometry (or the instance's index) and its box.
 #[derive(Clone, Copy, Debug)]
 pub struct Primitive {
-    pub kind: Kind,
+    pub kind: PrimitiveKind,
     pub id: u32,
     pub bounds: Bounds3,
 }
@@ -74,32 +74,32 @@ pub fn vertices_of(positions: &[[f32; 3]], [a, b, c]: [u32; 3]) -> Option<[Vec3;
     Some([at(a)?, at(b)?, at(c)?])
 }
 
-fn triangle_bounds(geometry: &Geometry, index: usize) -> Result<Bounds3, Kind> {
-    let vertices = triangle_vertices(geometry, index).ok_or(Kind::NotFinite)?;
+fn triangle_bounds(geometry: &Geometry, index: usize) -> Result<Bounds3, PrimitiveKind> {
+    let vertices = triangle_vertices(geometry, index).ok_or(PrimitiveKind::NotFinite)?;
     if !vertices.into_iter().all(is_in_reach) {
-        return Err(Kind::NotFinite);
+        return Err(PrimitiveKind::NotFinite);
     }
     if !geometry.keys.is_empty() {
         return moving_bounds(geometry, index);
     }
     match triangle::is_collapsed(vertices) {
-        true => Err(Kind::Degenerate),
+        true => Err(PrimitiveKind::Degenerate),
         false => Ok(triangle::bounds(vertices)),
     }
 }
 
 /// Around a triangle at all times: its vertices move along straight lines from key to key.
-fn moving_bounds(geometry: &Geometry, index: usize) -> Result<Bounds3, Kind> {
+fn moving_bounds(geometry: &Geometry, index: usize) -> Result<Bounds3, PrimitiveKind> {
     let (mut bounds, mut is_degenerate) = (Bounds3::EMPTY, true);
     for positions in &geometry.keys {
-        let vertices = vertices_of(positions, geometry.triangles[index]).ok_or(Kind::NotFinite)?;
+        let vertices = vertices_of(positions, geometry.triangles[index]).ok_or(PrimitiveKind::NotFinite)?;
         if !vertices.into_iter().all(is_in_reach) {
-            return Err(Kind::NotFinite);
+            return Err(PrimitiveKind::NotFinite);
         }
         is_degenerate &= triangle::is_collapsed(vertices);
         bounds = bounds.union(triangle::bounds(vertices));
     }
-    if is_degenerate { Err(Kind::Degenerate) } else { Ok(widened(bounds)) }
+    if is_degenerate { Err(PrimitiveKind::Degenerate) } else { Ok(widened(bounds)) }
 }
 
 /// Outwards by what the interpolation of a vertex may be rounded by.
@@ -108,31 +108,31 @@ fn widened(bounds: Bounds3) -> Bounds3 {
     Bounds3 { min: bounds.min - slack, max: bounds.max + slack }
 }
 
-fn quad_bounds(quad: &Quad) -> Result<Bounds3, Kind> {
+fn quad_bounds(quad: &Quad) -> Result<Bounds3, PrimitiveKind> {
     if !quad.corners().into_iter().all(is_in_reach) {
-        return Err(Kind::NotFinite);
+        return Err(PrimitiveKind::NotFinite);
     }
-    if quad.is_collapsed() { Err(Kind::Degenerate) } else { Ok(quad.bounds()) }
+    if quad.is_collapsed() { Err(PrimitiveKind::Degenerate) } else { Ok(quad.bounds()) }
 }
 
-fn analytic_bounds(shape: &Analytic) -> Result<Bounds3, Kind> {
+fn analytic_bounds(shape: &Analytic) -> Result<Bounds3, PrimitiveKind> {
     let (center, radius) = shape.center_and_radius();
     if !(is_in_reach(center) && radius.abs() <= REACH) {
-        return Err(Kind::NotFinite);
+        return Err(PrimitiveKind::NotFinite);
     }
     if radius <= 0.0 {
-        return Err(Kind::Degenerate);
+        return Err(PrimitiveKind::Degenerate);
     }
     Ok(rounded_outwards(shape.bounds()))
 }
 
-fn curve_bounds(segment: &CurveSegment) -> Result<Bounds3, Kind> {
+fn curve_bounds(segment: &CurveSegment) -> Result<Bounds3, PrimitiveKind> {
     let has_radii = segment.radii.iter().all(|r| (0.0..=REACH).contains(r));
     if !(segment.ends.into_iter().all(is_in_reach) && has_radii) {
-        return Err(Kind::NotFinite);
+        return Err(PrimitiveKind::NotFinite);
     }
     if segment.radii == [0.0; 2] {
-        return Err(Kind::Degenerate);
+        return Err(PrimitiveKind::Degenerate);
     }
     Ok(rounded_outwards(segment.bounds()))
 }
@@ -145,19 +145,19 @@ fn rounded_outwards(bounds: Bounds3) -> Bounds3 {
 }
 
 /// All primitives of a geometry that a ray can hit, in the order of their ids.
-pub fn gather(geometry: &Geometry) -> (Vec<Primitive>, Dropped) {
+pub fn collect_primitives(geometry: &Geometry) -> (Vec<Primitive>, Dropped) {
     let (triangles, quads) = (geometry.triangles.len(), geometry.quads.len());
     let analytic = geometry.analytic.len();
     let total = triangles + quads + analytic + geometry.curves.len();
     let one = |id: usize| {
         let (kind, bounds) = if id < triangles {
-            (Kind::Triangle, triangle_bounds(geometry, id))
+            (PrimitiveKind::Triangle, triangle_bounds(geometry, id))
         } else if id < triangles + quads {
-            (Kind::Quad, quad_bounds(&geometry.quads[id - triangles]))
+            (PrimitiveKind::Quad, quad_bounds(&geometry.quads[id - triangles]))
         } else if id < triangles + quads + analytic {
-            (Kind::Analytic, analytic_bounds(&geometry.analytic[id - triangles - quads]))
+            (PrimitiveKind::Analytic, analytic_bounds(&geometry.analytic[id - triangles - quads]))
         } else {
-            (Kind::Curve, curve_bounds(&geometry.curves.get(id - triangles - quads - analytic)))
+            (PrimitiveKind::Curve, curve_bounds(&geometry.curves.get(id - triangles - quads - analytic)))
         };
         let id = id as u32;
         bounds.map_or_else(
@@ -169,10 +169,11 @@ pub fn gather(geometry: &Geometry) -> (Vec<Primitive>, Dropped) {
     all.reserve_exact(total);
     prefer_huge_pages(&mut all);
     all.par_extend((0..total).into_par_iter().with_min_len(4096).map(one));
-    let count = |kind: Kind| all.par_iter().with_min_len(4096).filter(|p| p.kind == kind).count() as u64;
-    let (not_finite, degenerate) = (count(Kind::NotFinite), count(Kind::Degenerate));
+    let count =
+        |kind: PrimitiveKind| all.par_iter().with_min_len(4096).filter(|p| p.kind == kind).count() as u64;
+    let (not_finite, degenerate) = (count(PrimitiveKind::NotFinite), count(PrimitiveKind::Degenerate));
     if not_finite + degenerate > 0 {
-        all.retain(|p| !matches!(p.kind, Kind::NotFinite | Kind::Degenerate));
+        all.retain(|p| !matches!(p.kind, PrimitiveKind::NotFinite | PrimitiveKind::Degenerate));
     }
     (all, Dropped { not_finite, degenerate, instances: 0 })
 }

@@ -1,10 +1,86 @@
-//! Where light comes from and where it goes: what a choice among many lights is made by (Conty Estevez, Kulla 2018,
-//! "Importance Sampling of Many Lights with Adaptive Tree Splitting", sections 4 and 5).
+//! The interface of all lights, and bounds on their light for the choice among many (Conty Estevez, Kulla 2018, "Importance
+//! Sampling of Many Lights with Adaptive Tree Splitting", sections 4 and 5).
 
+use crate::color::Rgb;
 use crate::math::{Bounds3, Vec3, poly};
+use crate::texture::CompiledTextures;
 use std::f32::consts::PI;
 
-/// A bound on the light of one or more lights.
+/// What each light does: emissive surfaces ([`AreaLight`](super::AreaLight)), lights without a surface
+/// ([`PunctualLight`](super::PunctualLight) and its kinds) and the environment
+/// ([`EnvironmentLight`](super::EnvironmentLight)).
+///
+/// `to` is a point of the light or, of one at infinity, the unit direction towards it.
+pub trait LightSource {
+    /// A direction from `reference` towards the light, by two numbers in 0..1.
+    fn sample(&self, textures: &CompiledTextures, reference: Vec3, u: [f32; 2]) -> LightSample;
+
+    /// Density per solid angle with which [`LightSource::sample`] returns `to`; 0 for delta lights, which no other strategy finds.
+    fn pdf_solid_angle(&self, reference: Vec3, to: Vec3) -> f32;
+
+    /// EmittedRay radiance from `to` towards `reference`; 0 for delta lights.
+    fn radiance(&self, textures: &CompiledTextures, reference: Vec3, to: Vec3) -> Rgb;
+
+    /// Luminous power in relative units; of a light at infinity that on a disk of radius 1 m.
+    fn power(&self, textures: &CompiledTextures) -> f32;
+
+    /// Bounds on where its light comes from and goes; `None` for a light at infinity.
+    fn bounds(&self, textures: &CompiledTextures) -> Option<LightBounds>;
+}
+
+/// What a light without a surface does in addition.
+pub trait PunctualSource: LightSource + Clone {
+    /// Where its light starts.
+    fn origin(&self) -> LightOrigin;
+
+    /// Radiant intensity (W/sr) in a unit direction; of a light at infinity the irradiance (W/m2) of a surface that faces it.
+    fn intensity(&self, direction: Vec3) -> Rgb;
+
+    /// The light between this one and another of its kind, at a share of 0..1.
+    fn interpolate(&self, other: &Self, share: f32) -> Self;
+}
+
+/// Where the light of a light without a surface starts.
+#[derive(Clone, Copy, Debug)]
+pub enum LightOrigin {
+    /// At a point.
+    Point(Vec3),
+    /// At infinity, in the unit direction.
+    Direction(Vec3),
+    /// At infinity, in a cone of directions that [`LightSource::sample`] chooses from.
+    Cone,
+}
+
+/// Light that may reach a reference point from one point or direction of a light.
+#[derive(Clone, Copy, Debug)]
+pub struct LightSample {
+    /// Towards the light, unit length.
+    pub wi: Vec3,
+    /// Where a shadow ray ends: just in front of the light. Ignored for [`LightSample::is_infinite`].
+    pub target: Vec3,
+    /// The light is infinitely far away.
+    pub is_infinite: bool,
+    /// No other strategy finds this light: it has no size.
+    pub is_delta: bool,
+    /// Radiance towards the reference point; for delta lights the irradiance of a surface that faces the light.
+    pub radiance: Rgb,
+    /// Density per solid angle at the reference point, given the light; 1 for delta lights, 0 for no contribution.
+    pub pdf_solid_angle: f32,
+}
+
+impl LightSample {
+    /// No light.
+    pub const NONE: LightSample = LightSample {
+        wi: Vec3::Z,
+        target: Vec3::ZERO,
+        is_infinite: false,
+        is_delta: false,
+        radiance: Rgb::ZERO,
+        pdf_solid_angle: 0.0,
+    };
+}
+
+/// Bounds on the light of one or more lights.
 #[derive(Clone, Copy, Debug)]
 pub struct LightBounds {
     /// Box around the lights.
@@ -29,7 +105,7 @@ impl LightBounds {
         emission_rad: 0.0,
     };
 
-    /// Bounds both.
+    /// Bounds of both.
     pub fn union(&self, other: &LightBounds) -> LightBounds {
         let (axis, normals_rad) =
             union_of_cones((self.axis, self.normals_rad), (other.axis, other.normals_rad));
@@ -42,7 +118,7 @@ impl LightBounds {
         }
     }
 
-    /// The cost of looking here: weight times area of the box times the measure of lit directions (their equation 1 with
+    /// Cost of a tree node with these bounds: weight times area of the box times the measure of lit directions (their equation 1 with
     /// the regularisation for flat boxes by `longest`, the longest edge of the box that is being split).
     pub fn cost(&self, longest: f32, axis: usize) -> f32 {
         let e = self.bounds.extent();
@@ -64,7 +140,7 @@ impl LightBounds {
 /// The smallest cone around two, up to rounding: their axes and half angles.
 fn union_of_cones(a: (Vec3, f32), b: (Vec3, f32)) -> (Vec3, f32) {
     let (a, b) = if a.1 >= b.1 { (a, b) } else { (b, a) };
-    // Most lamps face down, or all around: nothing to work out.
+    // The common cases: all lights face down, or emit all around.
     if a.1 >= PI || a.0 == b.0 {
         return a;
     }

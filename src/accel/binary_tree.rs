@@ -1,0 +1,331 @@
+//! The binary BVH: obvhs clusters primitives (PLOC: Meister, Bittner 2018) and improves the tree (parallel reinsertion). This file
+//! normalizes boxes before ([`NormalizedSpace`]) and puts nodes into depth-first order with exact boxes after. [`median_split`] is
+//! the fallback for trees that are too deep.
+
+use super::primitives::Primitive;
+use crate::math::{Bounds3, DVec3, Vec3};
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::Bvh2;
+use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
+use obvhs::ploc::{PlocBuilder, SortPrecision};
+use rayon::prelude::*;
+
+/// A binary tree in depth-first order: the left child follows its parent, the right one follows the left subtree.
+pub struct Binary {
+    /// Boxes.
+    pub bounds: Vec<Bounds3>,
+    /// Nodes of the subtree; 1 for leaves.
+    pub size: Vec<u32>,
+    /// Leaves: which primitive.
+    pub primitive: Vec<u32>,
+}
+
+impl Binary {
+    /// The children of an inner node.
+    #[inline(always)]
+    pub fn children(&self, node: usize) -> (usize, usize) {
+        (node + 1, node + 1 + self.size[node + 1] as usize)
+    }
+
+    /// Is it a leaf?
+    #[inline(always)]
+    pub fn is_leaf(&self, node: usize) -> bool {
+        self.size[node] == 1
+    }
+}
+
+/// Reinsertion looks for a better place in the whole tree, which takes as long as a ray takes that visits all boxes in its
+/// way. Beyond this expected number of visits (primitives in one heap) it would not end, and could not help.
+const MAX_VISITS_FOR_REINSERTION: f64 = 3000.0;
+
+/// Build effort: the search distance of the clustering (neighbours on either side, along the curve that
+/// orders them, among which a cluster looks for another to join), and whether reinsertion follows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Effort {
+    /// Chunks of fast trees: 4, no reinsertion.
+    Least,
+    /// Chunks of full-quality trees: 14. (24 takes a quarter longer for 0.1 % of expected cost.)
+    Chunk,
+    /// Whole trees: 24.
+    Most,
+}
+
+impl Effort {
+    /// The share of all nodes that reinsertion looks at in a round. Ten times as many (with a search distance of 32) take
+    /// ten times as long for rays 5 to 15 % faster.
+    fn reinsertion_ratio(self) -> f32 {
+        if self == Effort::Least { 0.0 } else { 0.1 }
+    }
+}
+
+/// Memory that is reused from one tree to the next.
+#[derive(Default)]
+pub struct Workspace {
+    boxes: Vec<Aabb>,
+    ploc: PlocBuilder,
+    bvh: Bvh2,
+    optimizer: ReinsertionOptimizer,
+}
+
+/// Builds the tree over at least one primitive.
+pub fn build(
+    primitives: &[Primitive],
+    space: &NormalizedSpace,
+    effort: Effort,
+    workspace: &mut Workspace,
+) -> Binary {
+    let Workspace { boxes, ploc, bvh, optimizer } = workspace;
+    space.boxes(primitives, boxes);
+    let ids = (0..primitives.len() as u32).collect();
+    // By their numbers: the search distances that obvhs names bring code for six of them.
+    const PRECISION: SortPrecision = SortPrecision::U64;
+    match effort {
+        Effort::Least => ploc.build_ploc::<4, _>(bvh, boxes, ids, PRECISION, 0),
+        Effort::Chunk => ploc.build_ploc::<14, _>(bvh, boxes, ids, PRECISION, 0),
+        Effort::Most => ploc.build_ploc::<24, _>(bvh, boxes, ids, PRECISION, 0),
+    }
+    let ratio = effort.reinsertion_ratio();
+    if ratio > 0.0 && expected_visits(bvh) <= MAX_VISITS_FOR_REINSERTION {
+        optimizer.run(bvh, ratio, None);
+    }
+    order(bvh, primitives)
+}
+
+/// Inner nodes that a random ray through the root visits: the sum of areas over that of the root.
+fn expected_visits(bvh: &Bvh2) -> f64 {
+    let Some(root) = bvh.nodes.first() else { return 0.0 };
+    let sum: f64 = bvh.nodes.iter().filter(|n| !n.is_leaf()).map(|n| f64::from(n.aabb().half_area())).sum();
+    sum / f64::from(root.aabb().half_area()).max(f64::MIN_POSITIVE)
+}
+
+/// Depth-first order with the exact boxes of the primitives.
+fn order(bvh: &Bvh2, primitives: &[Primitive]) -> Binary {
+    let count = bvh.nodes.len();
+    let mut binary = Binary {
+        bounds: vec![Bounds3::EMPTY; count],
+        size: vec![1; count],
+        primitive: vec![u32::MAX; count],
+    };
+    let mut stack = vec![0u32];
+    let mut next = 0;
+    while let Some(index) = stack.pop() {
+        let node = &bvh.nodes[index as usize];
+        if node.is_leaf() {
+            let primitive = bvh.primitive_indices[node.first_index as usize];
+            binary.primitive[next] = primitive;
+            binary.bounds[next] = primitives[primitive as usize].bounds;
+        } else {
+            stack.push(node.first_index + 1);
+            stack.push(node.first_index);
+        }
+        next += 1;
+    }
+    for i in (0..count).rev().filter(|i| binary.primitive[*i] == u32::MAX) {
+        let left = i + 1;
+        let right = left + binary.size[left] as usize;
+        binary.size[i] = 1 + binary.size[left] + binary.size[right];
+        binary.bounds[i] = binary.bounds[left].union(binary.bounds[right]);
+    }
+    binary
+}
+
+/// Boxes as the builder sees them: mapped to the unit cube, so that areas neither overflow nor underflow, with a logarithmic scale
+/// for what lies far outside of most of the scene, and no two boxes equal.
+pub struct NormalizedSpace {
+    /// Bounds of all primitives, in scene space.
+    pub bounds: Bounds3,
+    core: Core,
+    low: DVec3,
+    scale: f64,
+    /// Nothing lies beyond the margin: the map is linear.
+    is_linear: bool,
+}
+
+impl NormalizedSpace {
+    /// The map for some primitives.
+    pub fn of(primitives: &[Primitive]) -> NormalizedSpace {
+        let all = primitives
+            .par_iter()
+            .with_min_len(4096)
+            .map(|p| p.bounds)
+            .reduce(|| Bounds3::EMPTY, Bounds3::union);
+        let core = Core::of(primitives);
+        let low = core.compress(all.min.as_dvec3());
+        let extent = (core.compress(all.max.as_dvec3()) - low).max_element();
+        let scale = if extent > 0.0 { 1.0 / extent } else { 1.0 };
+        let is_linear = core.is_linear_at(all.min.as_dvec3()) && core.is_linear_at(all.max.as_dvec3());
+        NormalizedSpace { bounds: all, core, low, scale, is_linear }
+    }
+
+    /// Maps a point of the scene to the unit cube.
+    #[inline(always)]
+    pub fn map(&self, p: Vec3) -> Vec3 {
+        let p = p.as_dvec3();
+        let p = if self.is_linear { p } else { self.core.compress(p) };
+        ((p - self.low) * self.scale).as_vec3()
+    }
+
+    /// The boxes of primitives in the unit cube, in their order.
+    pub fn boxes(&self, primitives: &[Primitive], boxes: &mut Vec<Aabb>) {
+        let of_one = |(i, p): (usize, &Primitive)| {
+            let (min, max) = (self.map(p.bounds.min), self.map(p.bounds.max));
+            Aabb::new(min.into(), (max + growth(i as u32, max - min)).into())
+        };
+        primitives.par_iter().with_min_len(4096).enumerate().map(of_one).collect_into_vec(boxes);
+    }
+}
+
+/// Boxes smaller than this in the unit cube (64 roundings) count as collapsed.
+const COLLAPSED: f32 = 1.0 / 131_072.0;
+
+/// Growth of a box: a pseudo-random fraction below 1/4096 of its size. Clustering takes a pass over all for each
+/// merge where all boxes are equal, and boxes that differ can't do that. Collapsed boxes grow enough to differ wherever
+/// they are.
+fn growth(index: u32, size: Vec3) -> Vec3 {
+    let random = hash(index);
+    let part = |shift: u32| ((random >> shift) & 1023) as f32 / 1024.0;
+    let most = if size.max_element() < COLLAPSED {
+        Vec3::splat(8.0 * COLLAPSED)
+    } else {
+        (size + Vec3::splat(1.0 / 4096.0)) / 4096.0
+    };
+    most * Vec3::new(part(0), part(10), part(20))
+}
+
+/// A mixing of 32 bits (the finaliser of MurmurHash3).
+fn hash(x: u32) -> u32 {
+    let x = (x ^ (x >> 16)).wrapping_mul(0x85eb_ca6b);
+    let x = (x ^ (x >> 13)).wrapping_mul(0xc2b2_ae35);
+    x ^ (x >> 16)
+}
+
+/// The box that holds the centroids of all but a few primitives.
+struct Core {
+    low: DVec3,
+    high: DVec3,
+    /// Distance from it up to which the map is linear, metres; 0: everywhere.
+    margin: f64,
+}
+
+/// Primitives sampled to find the core.
+const SAMPLES: usize = 4096;
+/// Fraction of them that may lie below, and above, on each axis.
+const OUTSIDE: f64 = 0.1;
+/// The margin in sizes of the core.
+const MARGIN: f64 = 64.0;
+
+impl Core {
+    fn of(primitives: &[Primitive]) -> Core {
+        let step = primitives.len().div_ceil(SAMPLES).max(1);
+        let middles: Vec<DVec3> = primitives
+            .iter()
+            .step_by(step)
+            .map(|p| (p.bounds.min.as_dvec3() + p.bounds.max.as_dvec3()) * 0.5)
+            .collect();
+        let outside = (middles.len() as f64 * OUTSIDE) as usize;
+        let range = |axis: usize| {
+            let mut sorted: Vec<f64> = middles.iter().map(|m| m[axis]).collect();
+            sorted.sort_unstable_by(f64::total_cmp);
+            let last = sorted.len().saturating_sub(1);
+            let at = |i: usize| sorted.get(i).copied().unwrap_or(0.0);
+            (at(outside), at(last - outside.min(last)))
+        };
+        let [x, y, z] = [range(0), range(1), range(2)];
+        let (low, high) = (DVec3::new(x.0, y.0, z.0), DVec3::new(x.1, y.1, z.1));
+        Core { low, high, margin: MARGIN * (high - low).max_element() }
+    }
+
+    /// Is the map linear at a point?
+    fn is_linear_at(&self, p: DVec3) -> bool {
+        let outside = (p - self.high).max(self.low - p).max_element();
+        self.margin <= 0.0 || outside <= self.margin
+    }
+
+    /// Beyond the margin the scale is logarithmic: otherwise one vertex at a great distance would leave no digits for all the
+    /// others in single precision. Each axis keeps its order, so boxes that overlap still do, and those
+    /// that do not still do not.
+    fn compress(&self, p: DVec3) -> DVec3 {
+        if self.margin <= 0.0 {
+            return p;
+        }
+        let axis = |x: f64, low: f64, high: f64| {
+            if x > high {
+                high + self.margin * logarithmic((x - high) / self.margin)
+            } else if x < low {
+                low - self.margin * logarithmic((low - x) / self.margin)
+            } else {
+                x
+            }
+        };
+        DVec3::new(
+            axis(p.x, self.low.x, self.high.x),
+            axis(p.y, self.low.y, self.high.y),
+            axis(p.z, self.low.z, self.high.z),
+        )
+    }
+}
+
+/// `d` up to 1; then `1 + log2(d)`, straight between the powers of two: exact, the same on all systems.
+fn logarithmic(d: f64) -> f64 {
+    if d <= 1.0 {
+        return d;
+    }
+    let power = (d.to_bits() >> 52) as i32 - 1023;
+    let below = f64::from_bits(((power + 1023) as u64) << 52);
+    f64::from(power) + d / below
+}
+
+/// A tree of least depth: splits primitives at the median of their centroids along the longest axis. For scenes whose better
+/// tree is too deep for the stacks of traversal, which takes thousands of shapes each inside the next.
+pub fn median_split(primitives: &[Primitive]) -> Binary {
+    let count = 2 * primitives.len() - 1;
+    let mut binary = Binary {
+        bounds: Vec::with_capacity(count),
+        size: Vec::with_capacity(count),
+        primitive: Vec::with_capacity(count),
+    };
+    let mut ids: Vec<u32> = (0..primitives.len() as u32).collect();
+    split_at_median(&mut binary, primitives, &mut ids);
+    binary
+}
+
+/// Appends the tree over some primitives, of which there is at least one.
+fn split_at_median(binary: &mut Binary, primitives: &[Primitive], ids: &mut [u32]) {
+    let bounds = |id: u32| primitives[id as usize].bounds;
+    let center = |id: u32| 0.5 * bounds(id).min + 0.5 * bounds(id).max;
+    let node = binary.size.len();
+    binary.bounds.push(ids.iter().fold(Bounds3::EMPTY, |all, id| all.union(bounds(*id))));
+    binary.size.push(2 * ids.len() as u32 - 1);
+    binary.primitive.push(if let [id] = ids { *id } else { u32::MAX });
+    if ids.len() > 1 {
+        let (low, high) = ids.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), id| {
+            (low.min(center(*id)), high.max(center(*id)))
+        });
+        let axis = (high - low).max_position();
+        let half = ids.len() / 2;
+        ids.select_nth_unstable_by(half, |a, b| center(*a)[axis].total_cmp(&center(*b)[axis]).then(a.cmp(b)));
+        let (left, right) = ids.split_at_mut(half);
+        split_at_median(binary, primitives, left);
+        split_at_median(binary, primitives, right);
+    }
+    debug_assert_eq!(binary.size.len(), node + binary.size[node] as usize);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn logarithmicing_keeps_order_and_joins() {
+        assert_eq!(
+            [0.0, 0.25, 1.0, 2.0, 3.0, 4.0, 1024.0].map(logarithmic),
+            [0.0, 0.25, 1.0, 2.0, 2.5, 3.0, 11.0]
+        );
+        let mut last = 0.0;
+        for i in 1..100_000 {
+            let now = logarithmic(f64::from(i) * 0.001);
+            assert!(now > last, "{i}");
+            last = now;
+        }
+    }
+}

@@ -1,0 +1,524 @@
+//! The 8-wide BVH: [`Collapse`] chooses which nodes of the binary tree become its nodes and leaves, at least expected cost by
+//! dynamic programming (Ylitie, Karras, Laine 2017, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide
+//! BVHs", section 3.2), with leaf costs by packet; [`TreeWriter`] writes it to cache lines, depth first: one pass assigns
+//! lines to nodes, then threads write nodes, each followed by the packets of its leaves.
+
+use super::binary_tree::Binary;
+use super::input::Geometry;
+use super::layout::{
+    ANALYTIC_LINES, AnalyticPacket, BufferFull, CURVES, CurvePacket, DONE, INSTANCE_LINES, InstanceRecord,
+    KIND_ANALYTIC, KIND_INSTANCE, KIND_TRIANGLES, MAX_LINE, NODE_LINES, Node, PART_QUAD_FIRST,
+    PART_QUAD_SECOND, PART_TRIANGLE, TRIANGLE_LINES, TrianglePacket, leaf_ref, line_of, view_mut,
+};
+use super::motion;
+use super::primitives::{Primitive, PrimitiveKind, triangle_vertices};
+use crate::math::{Bounds3, Vec3};
+use crate::shape::triangle::LANES;
+use crate::simd::{Line, reserve_lines};
+use rayon::prelude::*;
+
+/// Children of a node.
+pub const WIDTH: usize = 8;
+
+/// Costs in units of one node visit, as measured.
+const COST_NODE: f32 = 1.0;
+const COST_LEAF: f32 = 0.2;
+const COST_TRIANGLES: f32 = 0.6;
+const COST_ANALYTIC: f32 = 1.5;
+const COST_CURVES: f32 = 1.5;
+const COST_INSTANCE: f32 = 3.0;
+/// Lanes of the longest leaf that is chosen.
+pub const MAX_LANES: u32 = 16;
+
+/// Least expected costs of a binary node in the wide tree, and the splits that give them.
+#[derive(Clone, Copy, Default)]
+struct CollapseCosts {
+    /// As one child of a wide node, and as at most 2, 3, ... 7 children.
+    cost: [f32; WIDTH - 1],
+    /// For 2 to 7 children: how many the left child gets; 0: the same split as with one child less.
+    left: [u8; WIDTH - 1],
+    /// As a wide node: how many of its 8 children the left child gets; 0: it is a leaf.
+    left_of_node: u8,
+    /// Lanes of triangles, analytic shapes, curves and instances below, up to 255.
+    lanes: [u8; 4],
+}
+
+/// A subtree that has been written.
+#[derive(Clone, Copy, Debug)]
+pub struct Subtree {
+    /// Reference to its root.
+    pub root: u32,
+    /// Wide nodes on the longest path.
+    pub depth: usize,
+    /// The box around it.
+    pub bounds: Bounds3,
+    /// Its expected cost.
+    pub cost: f32,
+}
+
+/// The choices for all nodes of a binary tree.
+pub struct Collapse {
+    costs: Vec<CollapseCosts>,
+}
+
+/// Subtrees of more nodes than this are handled by several threads.
+const PARALLEL: u32 = 8192;
+
+impl Collapse {
+    /// Runs the dynamic programming over the whole tree.
+    pub fn new(binary: &Binary, primitives: &[Primitive], written: &[Subtree]) -> Collapse {
+        let mut costs = vec![CollapseCosts::default(); binary.size.len()];
+        let (tops, subtrees) = cut(binary, PARALLEL);
+        let mut parts = Vec::with_capacity(subtrees.len());
+        let mut rest = costs.as_mut_slice();
+        let mut at = 0;
+        for &root in &subtrees {
+            let size = binary.size[root] as usize;
+            let (part, after) = rest.split_at_mut(root - at).1.split_at_mut(size);
+            parts.push((root, part));
+            rest = after;
+            at = root + size;
+        }
+        parts.into_par_iter().for_each(|(root, part)| {
+            for i in (0..part.len()).rev() {
+                part[i] = choose(binary, primitives, written, root + i, |child| &part[child - root]);
+            }
+        });
+        for &top in tops.iter().rev() {
+            costs[top] = choose(binary, primitives, written, top, |child| &costs[child]);
+        }
+        Collapse { costs }
+    }
+
+    /// Does the node become a leaf where it is one child?
+    pub fn is_leaf(&self, node: usize) -> bool {
+        self.costs[node].left_of_node == 0
+    }
+
+    /// The least expected cost of the whole tree as one child.
+    pub fn cost(&self) -> f32 {
+        self.costs[0].cost[0]
+    }
+
+    /// Lanes of triangles, analytic shapes, curves and instances below a node (up to 255).
+    pub fn lanes(&self, node: usize) -> [u8; 4] {
+        self.costs[node].lanes
+    }
+
+    /// The binary nodes that become the children of a wide node.
+    pub fn children(&self, binary: &Binary, node: usize) -> ([usize; WIDTH], usize) {
+        let mut children = [0; WIDTH];
+        let mut count = 0;
+        let mut stack = [(0usize, 0usize); WIDTH + 1];
+        let mut depth = 0;
+        let split =
+            |node: usize, left: usize, all: usize, depth: &mut usize, stack: &mut [(usize, usize)]| {
+                let (l, r) = binary.children(node);
+                stack[*depth] = (r, all - left);
+                stack[*depth + 1] = (l, left);
+                *depth += 2;
+            };
+        split(node, usize::from(self.costs[node].left_of_node), WIDTH, &mut depth, &mut stack);
+        while depth > 0 {
+            depth -= 1;
+            let (node, mut slots) = stack[depth];
+            let costs = &self.costs[node];
+            while slots > 1 && costs.left[slots - 1] == 0 {
+                slots -= 1;
+            }
+            if slots == 1 {
+                children[count] = node;
+                count += 1;
+            } else {
+                split(node, usize::from(costs.left[slots - 1]), slots, &mut depth, &mut stack);
+            }
+        }
+        (children, count)
+    }
+}
+
+/// Splits a tree into the nodes near the root, in order, and the subtrees of at most `limit` nodes below, in order.
+pub fn cut(binary: &Binary, limit: u32) -> (Vec<usize>, Vec<usize>) {
+    let (mut tops, mut subtrees) = (Vec::new(), Vec::new());
+    let mut stack = vec![0];
+    while let Some(node) = stack.pop() {
+        if binary.size[node] <= limit {
+            subtrees.push(node);
+        } else {
+            tops.push(node);
+            let (left, right) = binary.children(node);
+            stack.push(right);
+            stack.push(left);
+        }
+    }
+    (tops, subtrees)
+}
+
+fn choose<'a>(
+    binary: &Binary,
+    primitives: &[Primitive],
+    subtrees: &[Subtree],
+    node: usize,
+    costs_of: impl Fn(usize) -> &'a CollapseCosts,
+) -> CollapseCosts {
+    let extent = binary.bounds[node].extent();
+    let area = extent.x * (extent.y + extent.z) + extent.y * extent.z;
+    if binary.is_leaf(node) {
+        let primitive = &primitives[binary.primitive[node] as usize];
+        if primitive.kind == PrimitiveKind::Subtree {
+            let cost = subtrees[primitive.id as usize].cost;
+            return CollapseCosts {
+                cost: [cost; WIDTH - 1],
+                lanes: [u8::MAX; 4],
+                left_of_node: 1,
+                ..CollapseCosts::default()
+            };
+        }
+        let lanes = match primitive.kind {
+            PrimitiveKind::Triangle => [1, 0, 0, 0],
+            PrimitiveKind::Quad => [2, 0, 0, 0],
+            PrimitiveKind::Analytic => [0, 1, 0, 0],
+            PrimitiveKind::Curve => [0, 0, 1, 0],
+            _ => [0, 0, 0, 1],
+        };
+        return CollapseCosts {
+            cost: [leaf_cost(area, lanes); WIDTH - 1],
+            lanes,
+            ..CollapseCosts::default()
+        };
+    }
+    let (left, right) = binary.children(node);
+    let (l, r) = (costs_of(left), costs_of(right));
+    let lanes = std::array::from_fn(|k| l.lanes[k].saturating_add(r.lanes[k]));
+    let (least, left) = splits(&l.cost, &r.cost);
+    let (below, left_of_node) = (least[WIDTH - 1], left[WIDTH - 1] as u8);
+    let as_node = area * COST_NODE + below;
+    let total: u32 = lanes.iter().map(|n| u32::from(*n)).sum();
+    let as_leaf = if total <= MAX_LANES { leaf_cost(area, lanes) } else { f32::INFINITY };
+    let mut chosen = CollapseCosts { lanes, ..CollapseCosts::default() };
+    (chosen.cost[0], chosen.left_of_node) =
+        if as_leaf <= as_node { (as_leaf, 0) } else { (as_node, left_of_node) };
+    for slots in 2..WIDTH {
+        let is_better = least[slots - 1] < chosen.cost[slots - 2];
+        (chosen.cost[slots - 1], chosen.left[slots - 1]) =
+            if is_better { (least[slots - 1], left[slots - 1] as u8) } else { (chosen.cost[slots - 2], 0) };
+    }
+    chosen
+}
+
+/// The least cost of two nodes as 1 (infinite), 2, ... 8 children together, and how many of these are the left one's: of
+/// equal ones the fewest. (All numbers of children at once, which the compiler makes vectors of.)
+#[inline(always)]
+fn splits(left: &[f32; WIDTH - 1], right: &[f32; WIDTH - 1]) -> ([f32; WIDTH], [u32; WIDTH]) {
+    let mut shifted = [f32::INFINITY; 2 * WIDTH];
+    shifted[WIDTH..2 * WIDTH - 1].copy_from_slice(right);
+    let (mut least, mut of_left) = ([f32::INFINITY; WIDTH], [1; WIDTH]);
+    for k in 1..WIDTH {
+        let right: [f32; WIDTH] = std::array::from_fn(|i| shifted[WIDTH - k + i]);
+        for i in 0..WIDTH {
+            let cost = left[k - 1] + right[i];
+            let is_better = cost < least[i];
+            least[i] = if is_better { cost } else { least[i] };
+            of_left[i] = if is_better { k as u32 } else { of_left[i] };
+        }
+    }
+    (least, of_left)
+}
+
+fn leaf_cost(area: f32, lanes: [u8; 4]) -> f32 {
+    let packets = |n: u8| f32::from(n.div_ceil(4));
+    let cost = COST_LEAF
+        + COST_TRIANGLES * packets(lanes[0])
+        + COST_ANALYTIC * packets(lanes[1])
+        + COST_CURVES * f32::from(lanes[2].div_ceil(CURVES as u8))
+        + COST_INSTANCE * f32::from(lanes[3]);
+    area * cost
+}
+
+/// The geometry and instances that primitives refer to.
+#[derive(Clone, Copy)]
+pub struct ShapeSource<'a> {
+    /// Vertices, quads and analytic shapes.
+    pub geometry: &'a Geometry,
+    /// Records of the instances, by index.
+    pub records: &'a [InstanceRecord],
+}
+
+/// Writes a wide tree.
+pub struct TreeWriter<'a> {
+    /// The binary tree.
+    pub binary: &'a Binary,
+    /// Its nodes that become wide ones.
+    pub collapse: &'a Collapse,
+    /// Primitives of its leaves.
+    pub primitives: &'a [Primitive],
+    /// What these refer to.
+    pub shapes: ShapeSource<'a>,
+    /// Subtrees that are written already, by index.
+    pub subtrees: &'a [Subtree],
+}
+
+/// A written tree.
+#[derive(Clone, Copy, Debug)]
+pub struct WrittenTree {
+    /// Reference to its root.
+    pub root: u32,
+    /// Wide nodes on the longest path.
+    pub depth: usize,
+}
+
+/// A wide node: its binary node and its first line.
+#[derive(Clone, Copy)]
+struct NodePlacement {
+    node: u32,
+    line: usize,
+}
+
+/// Wide nodes in a task.
+const CHUNK: usize = 512;
+
+/// Makes room for lines up to `end`.
+fn make_room(lines: &mut Vec<Line>, end: usize) -> Result<(), BufferFull> {
+    if end > MAX_LINE {
+        return Err(BufferFull);
+    }
+    reserve_lines(lines, end - lines.len());
+    Ok(())
+}
+
+impl TreeWriter<'_> {
+    /// Appends the whole tree to `lines`.
+    pub fn write(&self, lines: &mut Vec<Line>) -> Result<WrittenTree, BufferFull> {
+        let start = lines.len();
+        if self.collapse.is_leaf(0) {
+            let end = start + self.shapes.packet_lines(&self.collapse.lanes(0));
+            make_room(lines, end)?;
+            lines.resize(end, Line::ZERO);
+            let (root, _) = self.write_leaf(&mut lines[start..], start, 0);
+            return Ok(WrittenTree { root, depth: 1 });
+        }
+        let (placements, line_of_node, depth, end) = self.placements(start);
+        make_room(lines, end)?;
+        lines.resize(end, Line::ZERO);
+        let mut jobs = Vec::with_capacity(placements.len() / CHUNK + 1);
+        let mut rest = &mut lines[start..];
+        for chunk in 0..placements.len().div_ceil(CHUNK) {
+            let own = &placements[chunk * CHUNK..placements.len().min((chunk + 1) * CHUNK)];
+            let next = placements.get((chunk + 1) * CHUNK).map_or(end, |placement| placement.line);
+            let (region, after) = rest.split_at_mut(next - own[0].line);
+            jobs.push((own, region));
+            rest = after;
+        }
+        jobs.into_par_iter().for_each(|(own, region)| {
+            let base = own[0].line;
+            for placement in own {
+                self.write_node(&mut region[placement.line - base..], *placement, &line_of_node);
+            }
+        });
+        Ok(WrittenTree { root: start as u32, depth })
+    }
+
+    /// All wide nodes in depth-first order, the line of each binary node that became one, the tree's depth, and the line
+    /// after it.
+    fn placements(&self, start: usize) -> (Vec<NodePlacement>, Vec<u32>, usize, usize) {
+        let mut line_of_node = vec![0u32; self.binary.size.len()];
+        let mut placements = Vec::new();
+        let mut line = start;
+        let mut deepest = 0;
+        let mut stack = vec![(0usize, 1usize)];
+        while let Some((node, depth)) = stack.pop() {
+            deepest = deepest.max(depth + 1);
+            placements.push(NodePlacement { node: node as u32, line });
+            line_of_node[node] = line as u32;
+            let (children, count) = self.collapse.children(self.binary, node);
+            line += self.lines_of(&children[..count]);
+            let is_node = |c: &&usize| !self.collapse.is_leaf(**c) && !self.binary.is_leaf(**c);
+            stack.extend(children[..count].iter().rev().filter(is_node).map(|c| (*c, depth + 1)));
+        }
+        (placements, line_of_node, deepest, line)
+    }
+
+    /// Lines of a wide node with these children and of the packets of its leaves.
+    fn lines_of(&self, children: &[usize]) -> usize {
+        let leaves = children.iter().filter(|c| self.collapse.is_leaf(**c));
+        NODE_LINES + leaves.map(|c| self.shapes.packet_lines(&self.collapse.lanes(*c))).sum::<usize>()
+    }
+
+    fn write_node(&self, region: &mut [Line], placement: NodePlacement, line_of_node: &[u32]) {
+        let mut node = Node {
+            planes: std::array::from_fn(|k| [if k % 2 == 0 { f32::INFINITY } else { f32::NEG_INFINITY }; 8]),
+            child: [DONE; 8],
+            padding: [0; 8],
+        };
+        let (children, count) = self.collapse.children(self.binary, placement.node as usize);
+        let mut offset = NODE_LINES;
+        for (lane, child) in children[..count].iter().enumerate() {
+            let Bounds3 { min, max } = self.binary.bounds[*child];
+            for axis in 0..3 {
+                node.planes[2 * axis][lane] = min[axis];
+                node.planes[2 * axis + 1][lane] = max[axis];
+            }
+            node.child[lane] = if self.collapse.is_leaf(*child) {
+                let (reference, lines) =
+                    self.write_leaf(&mut region[offset..], placement.line + offset, *child);
+                offset += lines;
+                reference
+            } else if self.binary.is_leaf(*child) {
+                self.subtrees[self.primitives[self.binary.primitive[*child] as usize].id as usize].root
+            } else {
+                line_of_node[*child]
+            };
+        }
+        *view_mut(region, 0) = node;
+    }
+
+    /// The primitives below a binary node, by kind and id.
+    fn leaf_primitives(&self, node: usize) -> LeafItems<&Primitive> {
+        let mut prims = LeafItems::of(&self.primitives[0]);
+        for i in node..node + self.binary.size[node] as usize {
+            if self.binary.is_leaf(i) {
+                prims.push(&self.primitives[self.binary.primitive[i] as usize]);
+            }
+        }
+        prims.items[..prims.count].sort_unstable_by_key(|p| (p.kind as u32, p.id));
+        prims
+    }
+
+    /// Writes the packets of a leaf to the start of `region`, which is line `base` of the buffer, and returns its reference
+    /// and their lines.
+    fn write_leaf(&self, region: &mut [Line], base: usize, node: usize) -> (u32, usize) {
+        let mut triangles = LeafItems::of(([Vec3::ZERO; 3], 0, PART_TRIANGLE));
+        let (mut analytic, mut curves, mut instances) =
+            (LeafItems::of(0), LeafItems::of(0), LeafItems::of(0));
+        for prim in self.leaf_primitives(node).as_slice() {
+            match prim.kind {
+                PrimitiveKind::Triangle => {
+                    if let Some(vertices) = triangle_vertices(self.shapes.geometry, prim.id as usize) {
+                        triangles.push((vertices, prim.id, PART_TRIANGLE));
+                    }
+                }
+                PrimitiveKind::Quad => {
+                    let geometry = self.shapes.geometry;
+                    let [a, b, c, d] = geometry.quads[prim.id as usize - geometry.triangles.len()].corners();
+                    triangles.push(([a, b, c], prim.id, PART_QUAD_FIRST));
+                    triangles.push(([a, c, d], prim.id, PART_QUAD_SECOND));
+                }
+                PrimitiveKind::Analytic => analytic.push(prim.id),
+                PrimitiveKind::Curve => curves.push(prim.id),
+                _ => instances.push(prim.id),
+            }
+        }
+        let lanes = [triangles.count, analytic.count, curves.count, instances.count].map(|n| n as u8);
+        let references = self.shapes.packet_references(&lanes, base);
+        let next = |i: usize| if i + 1 < references.count { references.items[i + 1] } else { DONE };
+        let at = |written: usize| line_of(references.items[written]) - base;
+        let mut written = 0;
+        for four in triangles.as_slice().chunks(LANES) {
+            match self.shapes.geometry.keys.is_empty() {
+                true => *view_mut(region, at(written)) = TrianglePacket::of(four, next(written)),
+                false => {
+                    motion::write_triangles(region, at(written), self.shapes.geometry, four, next(written))
+                }
+            }
+            written += 1;
+        }
+        for four in analytic.as_slice().chunks(LANES) {
+            *view_mut(region, at(written)) = self.analytic_packet(four, next(written));
+            written += 1;
+        }
+        for two in curves.as_slice().chunks(CURVES) {
+            *view_mut(region, at(written)) = self.curve_packet(two, next(written));
+            written += 1;
+        }
+        for instance in instances.as_slice() {
+            let record = self.shapes.records[*instance as usize];
+            *view_mut(region, at(written)) = InstanceRecord { next: next(written), ..record };
+            written += 1;
+        }
+        (if references.count == 0 { DONE } else { references.items[0] }, self.shapes.packet_lines(&lanes))
+    }
+
+    fn analytic_packet(&self, ids: &[u32], next: u32) -> AnalyticPacket {
+        let first = self.shapes.geometry.triangles.len() + self.shapes.geometry.quads.len();
+        let mut packet = AnalyticPacket {
+            numbers: [[0.0; 6]; LANES],
+            id: [u32::MAX; LANES],
+            kind: [0; LANES],
+            next,
+            padding: [0; 2],
+        };
+        for (lane, id) in ids.iter().enumerate() {
+            let packed = self.shapes.geometry.analytic[*id as usize - first].pack();
+            (packet.kind[lane], packet.numbers[lane]) = (packed.kind, packed.numbers);
+            packet.id[lane] = *id;
+        }
+        packet
+    }
+
+    fn curve_packet(&self, ids: &[u32], next: u32) -> CurvePacket {
+        let geometry = self.shapes.geometry;
+        let first = geometry.triangles.len() + geometry.quads.len() + geometry.analytic.len();
+        let segments = ids.iter().map(|id| (geometry.curves.get(*id as usize - first), *id));
+        CurvePacket::of(segments, next)
+    }
+}
+
+impl ShapeSource<'_> {
+    /// Lines of each kind of packet, and their kinds.
+    fn kinds(&self) -> [(u32, usize, usize); 4] {
+        let triangles = match self.geometry.keys.len() {
+            0 => (KIND_TRIANGLES, LANES, TRIANGLE_LINES),
+            keys => (KIND_ANALYTIC, LANES, ANALYTIC_LINES + keys * TRIANGLE_LINES),
+        };
+        [
+            triangles,
+            (KIND_ANALYTIC, LANES, ANALYTIC_LINES),
+            (KIND_ANALYTIC, CURVES, ANALYTIC_LINES),
+            (KIND_INSTANCE, 1, INSTANCE_LINES),
+        ]
+    }
+
+    /// Lines of the packets for so many lanes of triangles, analytic shapes, curves and instances.
+    fn packet_lines(&self, lanes: &[u8; 4]) -> usize {
+        self.kinds()
+            .iter()
+            .zip(lanes)
+            .map(|((_, per, lines), n)| usize::from(*n).div_ceil(*per) * lines)
+            .sum()
+    }
+
+    /// References to the packets of a leaf that starts at line `base`, in order.
+    fn packet_references(&self, lanes: &[u8; 4], base: usize) -> LeafItems<u32> {
+        let mut line = base;
+        let mut references = LeafItems::of(DONE);
+        for ((kind, per, lines), n) in self.kinds().iter().zip(lanes) {
+            for _ in 0..usize::from(*n).div_ceil(*per) {
+                references.push(leaf_ref(*kind, line));
+                line += lines;
+            }
+        }
+        references
+    }
+}
+
+/// The primitives of one leaf, up to the lanes that a leaf may have.
+struct LeafItems<T> {
+    items: [T; MAX_LANES as usize],
+    count: usize,
+}
+
+impl<T: Copy> LeafItems<T> {
+    /// None yet; `filler` fills unused placements.
+    fn of(filler: T) -> LeafItems<T> {
+        LeafItems { items: [filler; MAX_LANES as usize], count: 0 }
+    }
+
+    fn push(&mut self, item: T) {
+        self.items[self.count] = item;
+        self.count += 1;
+    }
+
+    fn as_slice(&self) -> &[T] {
+        &self.items[..self.count]
+    }
+}

@@ -1,0 +1,539 @@
+//! Light tree: a BVH over lights with eight children a node (Conty Estevez, Kulla 2018). A light is chosen by stochastic descent,
+//! by estimates of the irradiance of each child. No estimate is 0 where light arrives, so the choice is unbiased.
+
+use super::traits::LightBounds;
+use crate::math::{Bounds3, Vec3, poly};
+use crate::simd::prefetch_element;
+use std::f32::consts::PI;
+
+/// Bits of a child index.
+const PLACE_BITS: u32 = 3;
+/// From this depth on, groups are halved, so that the path to any light fits 64 bits.
+const HALVING_DEPTH: u32 = 10;
+
+/// A tree over lights, each known by its number in the list that the tree was built from.
+#[derive(Clone, Debug, Default)]
+pub struct LightTree {
+    nodes: Vec<Node>,
+    /// For each light the child indices on the path from the root, the first in the lowest bits; `u64::MAX` for dark lights.
+    trails: Vec<u64>,
+}
+
+/// The state of a descent from the root to a light.
+#[derive(Clone, Copy, Debug)]
+pub struct Descent {
+    /// The next node, or the light with [`LEAF`].
+    at: u32,
+    /// The remaining random number, 0..1.
+    u: f64,
+    /// Probability of the path so far.
+    pdf: f32,
+}
+
+impl Descent {
+    /// No light reaches the point. (No light has so high an index.)
+    const NOWHERE: u32 = u32::MAX;
+    /// A descent that ended without a light.
+    pub const ENDED: Descent = Descent { at: Descent::NOWHERE, u: 0.0, pdf: 0.0 };
+
+    /// At the root, with a number in 0..1.
+    #[inline(always)]
+    pub fn new(u: f64) -> Descent {
+        Descent { at: 0, u, pdf: 1.0 }
+    }
+
+    /// The light at its end, and the probability of choosing it.
+    #[inline(always)]
+    pub fn chosen(&self) -> Option<(u32, f32)> {
+        (self.at & LEAF != 0 && self.at != Descent::NOWHERE).then_some((self.at & !LEAF, self.pdf))
+    }
+}
+
+impl LightTree {
+    /// Over lights with these bounds; those of weight 0 are never chosen.
+    pub fn new(lights: &[LightBounds]) -> LightTree {
+        let mut items: Vec<Item> =
+            (lights.iter().enumerate()).map(|(i, l)| Item { light: i as u32, bounds: *l }).collect();
+        items.retain(|i| i.bounds.weight > 0.0 && i.bounds.weight.is_finite());
+        let mut tree = LightTree { nodes: Vec::new(), trails: vec![u64::MAX; lights.len()] };
+        if !items.is_empty() {
+            tree.add_node(&mut items, 0, 0);
+        }
+        tree
+    }
+
+    /// Chooses a light by a number in 0..1: it and its probability. `None` if no light reaches the point. What is left of the
+    /// number after a step decides the next one, so it has more digits than other random numbers.
+    #[inline(always)]
+    pub fn sample(&self, receiver: &Receiver, u: f64) -> Option<(u32, f32)> {
+        let mut descent = Descent::new(u);
+        while self.step(receiver, &mut descent) {}
+        descent.chosen()
+    }
+
+    /// [`LightTree::sample`] for many points together: while the next node of one descent is loaded, the others take their steps.
+    #[inline(always)]
+    pub fn descend_together<const N: usize>(&self, receivers: &[Receiver; N], descents: &mut [Descent; N]) {
+        let mut active: [usize; N] = std::array::from_fn(|i| i);
+        let mut count = N;
+        while count > 0 {
+            let mut kept = 0;
+            for k in 0..count {
+                let i = active[k];
+                let goes_on = self.step(&receivers[i], &mut descents[i]);
+                active[kept] = i;
+                kept += usize::from(goes_on);
+            }
+            count = kept;
+        }
+    }
+
+    /// One step of a descent; returns whether it goes on.
+    #[inline(always)]
+    fn step(&self, receiver: &Receiver, descent: &mut Descent) -> bool {
+        let Some(node) = self.nodes.get(descent.at as usize) else { return false };
+        let estimates = node.estimates(receiver);
+        let sum = sum(&estimates);
+        if sum <= 0.0 || sum.is_nan() {
+            descent.at = Descent::NOWHERE;
+            return false;
+        }
+        let target = descent.u * f64::from(sum);
+        // Where each begins; the one that is chosen is the last that begins at or before the target.
+        let (mut starts, mut total) = ([0.0; WIDTH], 0.0);
+        for i in 0..WIDTH {
+            starts[i] = total;
+            total += f64::from(estimates[i]);
+        }
+        let mut place = 0;
+        for i in 0..WIDTH {
+            let is_reached = (estimates[i] > 0.0) & (starts[i] <= target);
+            place = if is_reached { i } else { place };
+        }
+        let before = starts[place];
+        let chosen = estimates[place];
+        descent.pdf *= chosen / sum;
+        descent.u = ((target - before) / f64::from(chosen)).min(1.0f64.next_down());
+        descent.at = node.child[place];
+        let goes_on = descent.at & LEAF == 0;
+        if goes_on {
+            prefetch_element(&self.nodes, descent.at as usize);
+        }
+        goes_on
+    }
+
+    /// An estimate of the luminance of the irradiance that all lights bring to a point; 0 only where none reaches it.
+    #[inline(always)]
+    pub fn irradiance(&self, receiver: &Receiver) -> f32 {
+        self.nodes.first().map_or(0.0, |root| sum(&root.estimates(receiver)))
+    }
+
+    /// The probability of choosing a light.
+    #[inline(always)]
+    pub fn pdf_discrete(&self, receiver: &Receiver, light: u32) -> f32 {
+        let mut trail = self.trails[light as usize];
+        if trail == u64::MAX {
+            return 0.0;
+        }
+        let (mut at, mut pdf) = (0, 1.0);
+        loop {
+            let node = &self.nodes[at];
+            let estimates = node.estimates(receiver);
+            let sum = sum(&estimates);
+            if sum <= 0.0 || sum.is_nan() {
+                return 0.0;
+            }
+            let place = trail as usize & (WIDTH - 1);
+            trail >>= PLACE_BITS;
+            pdf *= estimates[place] / sum;
+            let child = node.child[place];
+            if child & LEAF != 0 {
+                return pdf;
+            }
+            at = child as usize;
+        }
+    }
+
+    /// Bytes that it takes.
+    pub fn bytes(&self) -> usize {
+        self.nodes.len() * size_of::<Node>() + self.trails.len() * 8
+    }
+
+    /// Adds a node over some lights, and those below it; its index.
+    fn add_node(&mut self, items: &mut [Item], depth: u32, trail: u64) -> u32 {
+        let index = self.nodes.len();
+        self.nodes.push(Node::EMPTY);
+        let groups = split_into_groups(items, depth >= HALVING_DEPTH);
+        let mut rest = items;
+        for (place, Group { count, bounds, .. }) in groups.into_iter().enumerate() {
+            let (group, others) = rest.split_at_mut(count);
+            rest = others;
+            let trail = trail | (place as u64) << (PLACE_BITS * depth);
+            let child = match group {
+                [item] => {
+                    self.trails[item.light as usize] = trail;
+                    LEAF | item.light
+                }
+                _ => self.add_node(group, depth + 1, trail),
+            };
+            self.nodes[index].set(place, &bounds, child);
+        }
+        index as u32
+    }
+}
+
+/// Bins along an axis.
+const BINS: usize = 12;
+/// Larger groups are split at the median: a search for the best split would take long and gain little.
+const MOST_WEIGHED: usize = 16_384;
+
+/// A light of a tree under construction.
+#[derive(Clone, Copy, Debug)]
+struct Item {
+    pub light: u32,
+    pub bounds: LightBounds,
+}
+
+/// Lights below one child of a node.
+struct Group {
+    /// How many.
+    pub count: usize,
+    pub bounds: LightBounds,
+    /// Of looking here.
+    cost: f32,
+}
+
+impl Group {
+    fn of(items: &[Item]) -> Group {
+        let bounds = items[1..].iter().fold(items[0].bounds, |sum, i| sum.union(&i.bounds));
+        let extent = bounds.bounds.extent();
+        let cost = bounds.cost(extent.max_element(), extent.max_position()).max(f32::MIN_POSITIVE);
+        Group { count: items.len(), bounds, cost }
+    }
+}
+
+/// Reorders lights into at most eight groups. The group of largest cost is split first. Groups that fit a node stay whole, so that
+/// nodes are full.
+fn split_into_groups(items: &mut [Item], halve: bool) -> Vec<Group> {
+    let fits = if items.len() > WIDTH { WIDTH } else { 1 };
+    let mut groups = vec![Group::of(items)];
+    while groups.len() < WIDTH {
+        let dearest = (0..groups.len()).filter(|&i| groups[i].count > fits).max_by(|&i, &k| {
+            let (a, b) = (&groups[i], &groups[k]);
+            a.cost.total_cmp(&b.cost).then(a.count.cmp(&b.count)).then(k.cmp(&i))
+        });
+        let Some(at) = dearest else { break };
+        let start: usize = groups[..at].iter().map(|g| g.count).sum();
+        let group = &mut items[start..start + groups[at].count];
+        let left = cut(group, halve);
+        let (a, b) = group.split_at(left);
+        groups[at] = Group::of(a);
+        groups.insert(at + 1, Group::of(b));
+    }
+    groups
+}
+
+/// Splits lights in two non-empty groups at least cost, or at the median; returns the size of the first.
+fn cut(items: &mut [Item], halve: bool) -> usize {
+    let middle = |i: &Item| i.bounds.bounds.center();
+    let centers = Bounds3::of(items.iter().map(middle));
+    let best = if halve || items.len() > MOST_WEIGHED { None } else { best_cut(items, &centers) };
+    if let Some((axis, position)) = best {
+        let mut left = 0;
+        for i in 0..items.len() {
+            if middle(&items[i])[axis] < position {
+                items.swap(i, left);
+                left += 1;
+            }
+        }
+        if left > 0 && left < items.len() {
+            return left;
+        }
+    }
+    let axis = centers.extent().max_position();
+    let half = items.len() / 2;
+    items.select_nth_unstable_by(half, |a, b| {
+        middle(a)[axis].total_cmp(&middle(b)[axis]).then(a.light.cmp(&b.light))
+    });
+    half
+}
+
+fn best_cut(items: &[Item], centers: &Bounds3) -> Option<(usize, f32)> {
+    let extent = centers.extent();
+    let longest = extent.max_element();
+    let mut best: Option<(f32, usize, f32)> = None;
+    for axis in (0..3).filter(|&a| extent[a] > 0.0) {
+        let mut bins: [Option<LightBounds>; BINS] = [None; BINS];
+        let scale = BINS as f32 / extent[axis];
+        for item in items {
+            let bin = (item.bounds.bounds.center()[axis] - centers.min[axis]) * scale;
+            let bin = &mut bins[(bin as usize).min(BINS - 1)];
+            *bin = Some(bin.map_or(item.bounds, |b| b.union(&item.bounds)));
+        }
+        // Bounds before and behind each split.
+        let (mut before, mut behind) = (bins, bins);
+        for k in 1..BINS {
+            before[k] = union(before[k - 1], before[k]);
+            behind[BINS - 1 - k] = union(behind[BINS - 1 - k], behind[BINS - k]);
+        }
+        for k in 1..BINS {
+            let (Some(a), Some(b)) = (before[k - 1], behind[k]) else { continue };
+            let cost = a.cost(longest, axis) + b.cost(longest, axis);
+            if best.is_none_or(|(least, ..)| cost < least) {
+                best = Some((cost, axis, centers.min[axis] + k as f32 / scale));
+            }
+        }
+    }
+    best.map(|(_, axis, position)| (axis, position))
+}
+
+fn union(a: Option<LightBounds>, b: Option<LightBounds>) -> Option<LightBounds> {
+    match (a, b) {
+        (Some(a), Some(b)) => Some(a.union(&b)),
+        (a, b) => a.or(b),
+    }
+}
+
+/// Children of a node.
+const WIDTH: usize = 8;
+/// Marks a child that is a light; the rest is its number.
+const LEAF: u32 = 1 << 31;
+
+/// A point to be lit: its position, and its normal if light from behind is lost (else zero).
+#[derive(Clone, Copy, Debug)]
+pub struct Receiver {
+    /// The point.
+    pub p: Vec3,
+    /// Unit normal on the side that light must come from, or zero.
+    pub normal: Vec3,
+}
+
+/// Eight children as a structure of arrays; unused ones have weight 0.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+struct Node {
+    center: [[f32; WIDTH]; 3],
+    /// Of the sphere around the box.
+    radius: [f32; WIDTH],
+    weight: [f32; WIDTH],
+    axis: [[f32; WIDTH]; 3],
+    /// How far the box reaches beyond its centre along the axis.
+    reach: [f32; WIDTH],
+    cos_normals: [f32; WIDTH],
+    /// Of the largest angle between the axis and a direction that is lit; below -1 where all are.
+    cos_lit: [f32; WIDTH],
+    /// Other nodes, or lights with [`LEAF`].
+    pub child: [u32; WIDTH],
+}
+
+const _: () = assert!(size_of::<Node>() == 384);
+
+/// In pairs: the same on every CPU, and shorter than one after the other.
+#[inline(always)]
+fn sum(e: &[f32; WIDTH]) -> f32 {
+    ((e[0] + e[1]) + (e[2] + e[3])) + ((e[4] + e[5]) + (e[6] + e[7]))
+}
+
+impl Node {
+    pub const EMPTY: Node = Node {
+        center: [[0.0; WIDTH]; 3],
+        radius: [0.0; WIDTH],
+        weight: [0.0; WIDTH],
+        axis: [[0.0; WIDTH]; 3],
+        reach: [0.0; WIDTH],
+        cos_normals: [0.0; WIDTH],
+        cos_lit: [0.0; WIDTH],
+        child: [LEAF; WIDTH],
+    };
+
+    pub fn set(&mut self, i: usize, b: &LightBounds, child: u32) {
+        let (center, extent) = (b.bounds.center(), b.bounds.extent());
+        for c in 0..3 {
+            self.center[c][i] = center[c];
+            self.axis[c][i] = b.axis[c];
+        }
+        self.radius[i] = 0.5 * extent.length();
+        self.reach[i] = 0.5 * extent.dot(b.axis.abs());
+        self.weight[i] = b.weight;
+        self.cos_normals[i] = poly::sin_cos(b.normals_rad).1;
+        let lit_rad = b.normals_rad + b.emission_rad;
+        // A little wider, for rounding: what is cut off must be dark.
+        self.cos_lit[i] = if lit_rad < PI { poly::sin_cos(lit_rad).1 - ROUNDING } else { -2.0 };
+        self.child[i] = child;
+    }
+
+    /// Estimated irradiance from each child, 0 only where no light arrives: weight times the cosines at the light and at the
+    /// receiver over the squared distance (Conty Estevez, Kulla 2018, section 5.1). They take the largest cosines possible, which are
+    /// near 1 wherever the sphere around the box takes up a large angle. Here it is at the light how high the receiver is above
+    /// the end of the box that faces it (lights in one plane bring little to a point just below it unless they are next to
+    /// it), and at the receiver the mean of the largest one and that of the centre.
+    #[inline(always)]
+    pub fn estimates(&self, receiver: &Receiver) -> [f32; WIDTH] {
+        let (p, n) = (receiver.p, receiver.normal);
+        let any_side = if n == Vec3::ZERO { 1.0 } else { 0.0 };
+        let mut estimates = [0.0; WIDTH];
+        for (i, estimate) in estimates.iter_mut().enumerate() {
+            let (x, y, z) = (p.x - self.center[0][i], p.y - self.center[1][i], p.z - self.center[2][i]);
+            let squared = x * x + y * y + z * z;
+            let distance = (if squared > 1e-30 { squared } else { 1e-30 }).sqrt();
+            let radius = self.radius[i];
+            let is_inside = distance <= radius;
+            let inverse = 1.0 / if is_inside { radius } else { distance };
+            // The sine of the angle that the lights take up.
+            let size = radius * inverse;
+            let height = x * self.axis[0][i] + y * self.axis[1][i] + z * self.axis[2][i];
+            let cos_axis = height * inverse;
+            let highest = (height + self.reach[i]) * inverse;
+            let cos_receiver = -(x * n.x + y * n.y + z * n.z) * inverse;
+            // Less another angle, an angle has at most its cosine and twice that one's sine; more than 0 only if the cosine and
+            // once that sine are. Where nothing faces the receiver, all cosines are below half the highest, no light being more
+            // than twice as far away as the centre.
+            let cos_lit = self.cos_lit[i];
+            let below = if cos_lit < -ROUNDING { cos_lit } else { -ROUNDING };
+            let is_lit = (cos_axis + 2.0 * size > cos_lit) & (0.5 * highest > below);
+            let largest = cos_receiver + size;
+            let is_seen = (largest > -ROUNDING) | (any_side > 0.0);
+            let cos_light = if is_inside { 1.0 } else { highest };
+            let cos_light = less(cos_light, self.cos_normals[i]);
+            let of_center = if cos_receiver > 0.0 { cos_receiver } else { 0.0 };
+            let cos_surface = if is_inside { 1.0 } else { at_most_1(0.5 * (of_center + largest)) };
+            let cos_surface = if any_side > cos_surface { any_side } else { cos_surface };
+            // Where the cosines are all but 0 so is the light: a floor keeps the probability from vanishing first.
+            let cosines = floor(cos_light) * floor(cos_surface);
+            let brought = self.weight[i] * cosines * (inverse * inverse);
+            *estimate = if is_lit & is_seen { brought } else { 0.0 };
+        }
+        estimates
+    }
+}
+
+/// What rounding may change a cosine by.
+const ROUNDING: f32 = 1e-5;
+
+#[inline(always)]
+fn at_most_1(cosine: f32) -> f32 {
+    if cosine < 1.0 { cosine } else { 1.0 }
+}
+
+#[inline(always)]
+fn floor(cosine: f32) -> f32 {
+    if cosine > 1e-4 { cosine } else { 1e-4 }
+}
+
+#[inline(always)]
+fn sine(cosine: f32) -> f32 {
+    let squared = 1.0 - cosine * cosine;
+    (if squared > 0.0 { squared } else { 0.0 }).sqrt()
+}
+
+/// The cosine of an angle less another one, which is at least 0.
+#[inline(always)]
+fn less(cos: f32, cos_other: f32) -> f32 {
+    let c = cos * cos_other + sine(cos) * sine(cos_other);
+    if cos >= cos_other { 1.0 } else { c }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::{Bounds3, Vec3};
+    use crate::sampling::chi2::Random;
+    use crate::sampling::warp;
+    use std::f32::consts::{FRAC_PI_2, PI};
+
+    fn random_lights(count: usize, random: &mut Random) -> Vec<LightBounds> {
+        let mut light = |_| {
+            let corner = Vec3::new(random.next(), random.next(), random.next()) * 10.0;
+            let edges = Vec3::new(random.next(), random.next(), random.next()) * 0.2;
+            let axis = warp::uniform_sphere([random.next(), random.next()]);
+            LightBounds {
+                bounds: Bounds3::of([corner, corner + edges]),
+                weight: random.next().powi(4) + 1e-3,
+                axis,
+                normals_rad: if random.next() < 0.2 { PI } else { 0.0 },
+                emission_rad: FRAC_PI_2,
+            }
+        };
+        (0..count).map(&mut light).collect()
+    }
+
+    fn receivers(random: &mut Random) -> Vec<Receiver> {
+        let receiver = |i: usize| {
+            let p = Vec3::new(random.next(), random.next(), random.next()) * 14.0 - 2.0;
+            let normal = warp::uniform_sphere([random.next(), random.next()]);
+            Receiver { p, normal: if i.is_multiple_of(4) { Vec3::ZERO } else { normal } }
+        };
+        (0..40).map(receiver).collect()
+    }
+
+    #[test]
+    fn chances_add_up_to_one_and_are_those_of_sampling() {
+        const SAMPLES: u32 = 1000;
+        let mut random = Random::new(4);
+        for count in [1, 2, 7, 8, 9, 100, 3000] {
+            let lights = random_lights(count, &mut random);
+            let tree = LightTree::new(&lights);
+            for receiver in receivers(&mut random) {
+                let probabilities: f64 =
+                    (0..count).map(|i| f64::from(tree.pdf_discrete(&receiver, i as u32))).sum();
+                assert!(probabilities < 1.0 + 1e-4, "{count}: {probabilities}");
+                // Less than 1 where bounds promised light that none of the lights in them gives.
+                let mut lost = 0;
+                for k in 0..SAMPLES {
+                    let u = (f64::from(k) + f64::from(random.next())) / f64::from(SAMPLES);
+                    let Some((light, pdf)) = tree.sample(&receiver, u) else {
+                        assert!(probabilities < 1.0 - 1e-4);
+                        lost += 1;
+                        continue;
+                    };
+                    let again = tree.pdf_discrete(&receiver, light);
+                    assert!(pdf > 0.0 && (pdf - again).abs() <= 1e-5 * pdf, "{count}: {pdf} {again}");
+                }
+                let sum = probabilities + f64::from(lost) / f64::from(SAMPLES);
+                assert!(
+                    (sum - 1.0).abs() < 0.03,
+                    "{count}: {probabilities} and {lost} of {SAMPLES} without a light"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn lights_that_reach_a_point_can_be_chosen() {
+        let mut random = Random::new(8);
+        let lights = random_lights(500, &mut random);
+        let tree = LightTree::new(&lights);
+        for receiver in receivers(&mut random) {
+            for (i, light) in lights.iter().enumerate() {
+                let point = light.bounds.min
+                    + light.bounds.extent() * Vec3::new(random.next(), random.next(), random.next());
+                let to_light = (point - receiver.p).normalize();
+                let faces = light.normals_rad > 0.0 || to_light.dot(light.axis) < 0.0;
+                let lit = receiver.normal == Vec3::ZERO || to_light.dot(receiver.normal) > 0.0;
+                if faces && lit {
+                    assert!(tree.pdf_discrete(&receiver, i as u32) > 0.0, "{receiver:?} {light:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn lights_in_one_place_and_dark_ones() {
+        let one = LightBounds {
+            bounds: Bounds3::of([Vec3::ONE]),
+            weight: 1.0,
+            axis: Vec3::Y,
+            normals_rad: PI,
+            emission_rad: FRAC_PI_2,
+        };
+        let mut lights = vec![one; 10_000];
+        lights[17].weight = 0.0;
+        let tree = LightTree::new(&lights);
+        let receiver = Receiver { p: Vec3::ONE, normal: Vec3::ZERO };
+        assert_eq!(tree.pdf_discrete(&receiver, 17), 0.0);
+        let sum: f64 = (0..10_000).map(|i| f64::from(tree.pdf_discrete(&receiver, i))).sum();
+        assert!((sum - 1.0).abs() < 1e-3, "{sum}");
+        assert!(tree.bytes() < 128 * lights.len(), "{}", tree.bytes());
+        assert!(LightTree::new(&[]).sample(&receiver, 0.5).is_none());
+    }
+}

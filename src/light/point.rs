@@ -1,0 +1,365 @@
+//! Lights at a point: uniform, in a cone (spot), and by a measured profile.
+
+use super::traits::{LightBounds, LightOrigin, LightSample, LightSource, PunctualSource};
+use crate::color::Rgb;
+use crate::math::{Bounds3, DQuat, DVec3, Quat, Vec3, poly};
+use crate::scene::{self, LightProfile, SpotFade};
+use crate::texture::CompiledTextures;
+use std::f32::consts::PI;
+use std::sync::Arc;
+
+/// Steps of the vertical angle over which the mean of a profile is taken.
+const STEPS: u32 = 32;
+
+/// A point that emits the same in all directions.
+#[derive(Clone, Debug)]
+pub struct Point {
+    position: Vec3,
+    /// Radiant intensity, W/sr.
+    intensity: Rgb,
+}
+
+impl Point {
+    pub(super) fn of_scene(light: &scene::Light, world_origin: DVec3, position: DVec3) -> Point {
+        Point { position: local(position, world_origin), intensity: Rgb::from_array(light.intensity) }
+    }
+}
+
+/// A point that emits in a cone.
+#[derive(Clone, Debug)]
+pub struct Spot {
+    position: Vec3,
+    /// Radiant intensity along the axis, W/sr.
+    intensity: Rgb,
+    cone: SpotCone,
+}
+
+impl Spot {
+    pub(super) fn of_scene(
+        light: &scene::Light,
+        world_origin: DVec3,
+        position: DVec3,
+        direction: DVec3,
+        inner_angle_rad: f64,
+        outer_angle_rad: f64,
+        fade: SpotFade,
+    ) -> Spot {
+        Spot {
+            position: local(position, world_origin),
+            intensity: Rgb::from_array(light.intensity),
+            cone: SpotCone::new(direction, inner_angle_rad, outer_angle_rad, fade),
+        }
+    }
+}
+
+/// A point that emits by a measured profile.
+#[derive(Clone, Debug)]
+pub struct Profiled {
+    position: Vec3,
+    /// Largest radiant intensity, W/sr.
+    intensity: Rgb,
+    /// Mean intensity over all directions relative to the largest.
+    mean: f32,
+    aim: Aim,
+    profile: Option<Arc<LightProfile>>,
+}
+
+impl Profiled {
+    pub(super) fn of_scene(
+        light: &scene::Light,
+        world_origin: DVec3,
+        position: DVec3,
+        rotation: DQuat,
+        cone: Option<[f64; 2]>,
+    ) -> Profiled {
+        let profile = light.profile.clone();
+        Profiled {
+            position: local(position, world_origin),
+            intensity: Rgb::from_array(light.intensity),
+            mean: profile.as_ref().map_or(1.0, |profile| mean_share(profile)),
+            aim: Aim::new(rotation, cone),
+            profile,
+        }
+    }
+}
+
+fn local(position: DVec3, world_origin: DVec3) -> Vec3 {
+    (position - world_origin).as_vec3()
+}
+
+fn between(a: Vec3, b: Vec3, share: f32) -> Vec3 {
+    a + (b - a) * share
+}
+
+/// A sample of a light at a point; `attenuation` is its intensity towards `reference` relative to `intensity`.
+#[inline(always)]
+fn sample_point(position: Vec3, intensity: Rgb, attenuation: f32, reference: Vec3) -> LightSample {
+    let to_light = position - reference;
+    let distance_squared = to_light.length_squared();
+    if attenuation <= 0.0 || distance_squared <= 0.0 {
+        return LightSample::NONE;
+    }
+    LightSample {
+        wi: to_light / distance_squared.sqrt(),
+        target: position,
+        is_infinite: false,
+        is_delta: true,
+        radiance: intensity * (attenuation / distance_squared),
+        pdf_solid_angle: 1.0,
+    }
+}
+
+/// Bounds of a light at a point that emits in all directions.
+fn bounds_all_around(position: Vec3, weight: f32) -> LightBounds {
+    let bounds = Bounds3::of([position]);
+    LightBounds { bounds, weight, axis: Vec3::Z, normals_rad: PI, emission_rad: 0.5 * PI }
+}
+
+/// [`LightSource`] of a delta light at a point: no other strategy finds it.
+macro_rules! delta_light {
+    () => {
+        fn pdf_solid_angle(&self, _reference: Vec3, _to: Vec3) -> f32 {
+            0.0
+        }
+
+        fn radiance(&self, _textures: &CompiledTextures, _reference: Vec3, _to: Vec3) -> Rgb {
+            Rgb::ZERO
+        }
+    };
+}
+pub(super) use delta_light;
+
+impl LightSource for Point {
+    #[inline(always)]
+    fn sample(&self, _textures: &CompiledTextures, reference: Vec3, _u: [f32; 2]) -> LightSample {
+        sample_point(self.position, self.intensity, 1.0, reference)
+    }
+
+    delta_light!();
+
+    fn power(&self, _textures: &CompiledTextures) -> f32 {
+        self.intensity.luminance() * (4.0 * PI)
+    }
+
+    fn bounds(&self, _textures: &CompiledTextures) -> Option<LightBounds> {
+        Some(bounds_all_around(self.position, self.intensity.luminance()))
+    }
+}
+
+impl PunctualSource for Point {
+    fn origin(&self) -> LightOrigin {
+        LightOrigin::Point(self.position)
+    }
+
+    fn intensity(&self, _direction: Vec3) -> Rgb {
+        self.intensity
+    }
+
+    fn interpolate(&self, other: &Point, share: f32) -> Point {
+        Point { position: between(self.position, other.position, share), ..*self }
+    }
+}
+
+impl LightSource for Spot {
+    #[inline(always)]
+    fn sample(&self, _textures: &CompiledTextures, reference: Vec3, _u: [f32; 2]) -> LightSample {
+        let cosine = (reference - self.position).normalize_or_zero().dot(self.cone.axis);
+        sample_point(self.position, self.intensity, self.cone.attenuation(cosine), reference)
+    }
+
+    delta_light!();
+
+    fn power(&self, _textures: &CompiledTextures) -> f32 {
+        self.intensity.luminance() * self.cone.solid_angle()
+    }
+
+    fn bounds(&self, _textures: &CompiledTextures) -> Option<LightBounds> {
+        let [inner, outer] = self.cone.angles_rad();
+        Some(LightBounds {
+            bounds: Bounds3::of([self.position]),
+            weight: self.intensity.luminance(),
+            axis: self.cone.axis,
+            normals_rad: inner,
+            // A little wider, for rounding.
+            emission_rad: (outer - inner + 1e-3).min(0.5 * PI),
+        })
+    }
+}
+
+impl PunctualSource for Spot {
+    fn origin(&self) -> LightOrigin {
+        LightOrigin::Point(self.position)
+    }
+
+    fn intensity(&self, direction: Vec3) -> Rgb {
+        self.intensity * self.cone.attenuation(direction.dot(self.cone.axis))
+    }
+
+    fn interpolate(&self, other: &Spot, share: f32) -> Spot {
+        let axis = self.cone.axis;
+        let axis = between(axis, other.cone.axis, share).try_normalize().unwrap_or(axis);
+        Spot { position: between(self.position, other.position, share), cone: self.cone.about(axis), ..*self }
+    }
+}
+
+impl LightSource for Profiled {
+    fn sample(&self, _textures: &CompiledTextures, reference: Vec3, _u: [f32; 2]) -> LightSample {
+        let direction = (reference - self.position).normalize_or_zero();
+        let attenuation = self.aim.share(self.profile.as_deref(), direction);
+        sample_point(self.position, self.intensity, attenuation, reference)
+    }
+
+    delta_light!();
+
+    fn power(&self, _textures: &CompiledTextures) -> f32 {
+        self.intensity.luminance() * (4.0 * PI * self.mean)
+    }
+
+    fn bounds(&self, _textures: &CompiledTextures) -> Option<LightBounds> {
+        Some(bounds_all_around(self.position, self.intensity.luminance() * self.mean))
+    }
+}
+
+impl PunctualSource for Profiled {
+    fn origin(&self) -> LightOrigin {
+        LightOrigin::Point(self.position)
+    }
+
+    fn intensity(&self, direction: Vec3) -> Rgb {
+        self.intensity * self.aim.share(self.profile.as_deref(), direction)
+    }
+
+    fn interpolate(&self, other: &Profiled, share: f32) -> Profiled {
+        let world_from_profile = self.aim.world_from_profile.slerp(other.aim.world_from_profile, share);
+        let axis = world_from_profile * Vec3::NEG_Z;
+        let cone = self.aim.cone.map(|cone| cone.about(axis));
+        let position = between(self.position, other.position, share);
+        Profiled { position, aim: Aim { world_from_profile, cone }, ..self.clone() }
+    }
+}
+
+/// A cone that fades towards its edge: attenuation is `fade` of scale * cos + offset, clamped to 0..1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpotCone {
+    /// Unit vector along which its light travels.
+    pub axis: Vec3,
+    scale: f32,
+    offset: f32,
+    fade: SpotFade,
+}
+
+impl SpotCone {
+    /// The cone with another axis of unit length.
+    fn about(self, axis: Vec3) -> SpotCone {
+        SpotCone { axis, ..self }
+    }
+
+    /// A cone about an axis between two half angles, radians.
+    pub fn new(direction: DVec3, inner_angle_rad: f64, outer_angle_rad: f64, fade: SpotFade) -> SpotCone {
+        let range = match fade {
+            // KHR_lights_punctual, "Inner and Outer SpotCone Angles".
+            SpotFade::Square => inner_angle_rad.cos() - outer_angle_rad.cos(),
+            SpotFade::Smooth => (1.0 - outer_angle_rad.cos()) * (1.0 - inner_angle_rad / outer_angle_rad),
+        };
+        let scale = 1.0 / range.max(1e-3);
+        SpotCone {
+            axis: direction.normalize().as_vec3(),
+            scale: scale as f32,
+            offset: (-outer_angle_rad.cos() * scale) as f32,
+            fade,
+        }
+    }
+
+    /// Attenuation at an angle of this cosine to the axis, 0..1.
+    #[inline(always)]
+    pub fn attenuation(&self, cosine: f32) -> f32 {
+        let a = (cosine * self.scale + self.offset).clamp(0.0, 1.0);
+        match self.fade {
+            SpotFade::Square => a * a,
+            SpotFade::Smooth => a * a * (3.0 - 2.0 * a),
+        }
+    }
+
+    /// The solid angle of the cone: half lit on average between the two angles, where cos = (1 - 2 offset) / (2 scale).
+    pub fn solid_angle(&self) -> f32 {
+        2.0 * PI * (1.0 - (0.5 - self.offset) / self.scale).clamp(1e-4, 2.0)
+    }
+
+    /// The angles between which it fades, radians.
+    pub fn angles_rad(&self) -> [f32; 2] {
+        let angle = |cosine: f32| poly::acos(cosine.clamp(-1.0, 1.0));
+        [angle((1.0 - self.offset) / self.scale), angle(-self.offset / self.scale)]
+    }
+}
+
+/// Orientation of a profile, and the cone that limits it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Aim {
+    world_from_profile: Quat,
+    cone: Option<SpotCone>,
+}
+
+impl Aim {
+    /// A cone is given by its half angles, radians.
+    pub fn new(rotation: DQuat, cone: Option<[f64; 2]>) -> Aim {
+        let axis = rotation * DVec3::NEG_Z;
+        let cone = cone.map(|[inner, outer]| SpotCone::new(axis, inner, outer, SpotFade::Smooth));
+        Aim { world_from_profile: rotation.as_quat(), cone }
+    }
+
+    /// The axis of the cone and the half angle at which it ends, radians.
+    pub fn cone(&self) -> Option<(Vec3, f32)> {
+        self.cone.map(|cone| (cone.axis, cone.angles_rad()[1]))
+    }
+
+    /// Intensity in a unit direction relative to the maximum of the profile.
+    pub fn share(&self, profile: Option<&LightProfile>, direction: Vec3) -> f32 {
+        let of_cone = self.cone.map_or(1.0, |cone| cone.attenuation(direction.dot(cone.axis)));
+        let Some(profile) = profile else { return of_cone };
+        let local = self.world_from_profile.inverse() * direction;
+        let vertical_deg = poly::acos((-local.z).clamp(-1.0, 1.0)).to_degrees();
+        let horizontal_deg = poly::atan2(local.y, local.x).to_degrees().rem_euclid(360.0);
+        of_cone * profile.at(vertical_deg, horizontal_deg)
+    }
+}
+
+/// Mean of a profile over all directions relative to its maximum, for the choice among lights.
+pub fn mean_share(profile: &LightProfile) -> f32 {
+    // A narrow beam may lie between the heights.
+    profile.mean(STEPS).max(1e-4 * profile.peak())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::light::PunctualLight;
+    use crate::scene::{Light, LightKind};
+
+    /// What a spot light of intensity 1 that looks down -z sends to a point at an angle, one metre away.
+    fn spot(fade: SpotFade, angle: f64) -> f32 {
+        let kind = LightKind::Spot {
+            position: DVec3::ZERO,
+            direction: DVec3::NEG_Z,
+            inner_angle_rad: 0.3,
+            outer_angle_rad: 0.6,
+            fade,
+        };
+        let textures = CompiledTextures::resident(&[], &[], Vec3::ZERO);
+        let light = PunctualLight::new(&Light::new(kind, [1.0; 3]), DVec3::ZERO);
+        light.sample(&textures, DVec3::new(angle.sin(), 0.0, -angle.cos()).as_vec3(), [0.5; 2]).radiance.r
+    }
+
+    #[test]
+    fn cones_fade_between_their_angles() {
+        for fade in [SpotFade::Square, SpotFade::Smooth] {
+            assert!((spot(fade, 0.0) - 1.0).abs() < 1e-5);
+            assert!(spot(fade, 0.61) == 0.0 && spot(fade, 0.59) > 0.0);
+        }
+        assert!((spot(SpotFade::Square, 0.29) - 1.0).abs() < 1e-5);
+        // Halfway in the cosine: a quarter, and of the smooth step a half.
+        let middle = (0.5 * (0.3f64.cos() + 0.6f64.cos())).acos();
+        assert!((spot(SpotFade::Square, middle) - 0.25).abs() < 1e-5);
+        let middle = (0.6f64.cos() + 0.25 * (1.0 - 0.6f64.cos())).acos();
+        assert!((spot(SpotFade::Smooth, middle) - 0.5).abs() < 1e-5);
+    }
+}
