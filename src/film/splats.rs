@@ -1,10 +1,8 @@
 //! Light that arrives at pixels from elsewhere than their own samples: paths from lamps, which end at whatever pixel shows
 //! where they do. Its mean is added to that of the pixels' samples.
 
-use super::Film;
-use super::channel::{Layout, Reduction, Source, reciprocal};
+use super::channel::{Layout, Reduction, reciprocal};
 use super::exact_sum::{HalfSum, SumList, add_exact, on_grid};
-use super::tile::Rect;
 
 /// Light that a path from a lamp brings to a pixel.
 #[derive(Clone, Debug, PartialEq)]
@@ -155,43 +153,10 @@ fn add(list: &mut SumList, pixel: usize, values: [f64; 3]) {
     sums.zip(values).for_each(|((sum, low), value)| add_exact(sum, low, on_grid(value)));
 }
 
-// Splats arrive at a film.
-
-impl Film {
-    /// Adds splats, in any order. Those outside the film are left out; those that are not finite, too, and counted as invalid
-    /// samples. [`Film::count_splats`] says of how many samples they are.
-    ///
-    /// # Panics
-    /// If there is no memory for them.
-    pub fn add_splats(&mut self, splats: &[Splat], is_of_first_half: bool) {
-        let place = self.place();
-        for splat in splats {
-            for number in place.bands_over(Rect::new((splat.x, splat.y), (1, 1))) {
-                let one = std::slice::from_ref(splat);
-                let band = &mut self.bands[number];
-                self.invalid_samples +=
-                    band.add_splats(place.band(number), one, is_of_first_half, &self.layout);
-            }
-        }
-    }
-
-    /// Counts samples of each pixel all splats of which were added.
-    pub fn count_splats(&mut self, samples: u32, is_of_first_half: bool) {
-        for band in &mut self.bands {
-            band.splats(&self.layout).count(samples, is_of_first_half);
-        }
-    }
-
-    /// Which of the channels whose source is a part of colour this one is.
-    pub(super) fn layer_of(&self, index: usize) -> usize {
-        self.channels()[..index].iter().filter(|channel| channel.source == Source::PartOfColor).count()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::film::{Aov, AovSet, FilmTile, SplatPart, Values};
+    use crate::film::{Aov, AovSet, Film, FilmTile, Values};
 
     /// All of it belongs to the first layer, half of it to the third.
     fn splat(x: u32, y: u32, value: f32) -> Splat {

@@ -1,0 +1,508 @@
+//! A film: its channels for every pixel, in bands of rows.
+
+use super::aov::{Aov, AovSet};
+use super::band::Band;
+use super::channel::{Channel, Layout, PixelType, Reduction, Source, Values};
+use super::splats::{Splat, Splats};
+use super::tile::{BAND_ROWS, FilmTile, Rect};
+use crate::error::{Choice, Error, Result};
+use crate::image::Image;
+use crate::scene::Backdrop;
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// A picture being made: a list of channels, the first of which is colour, for every pixel, rows from the top.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Film {
+    width: u32,
+    height: u32,
+    /// Where its first pixel stands in the picture that it is a part of.
+    origin: (u32, u32),
+    pub(super) layout: Arc<Layout>,
+    /// Rows, [`BAND_ROWS`] in each but the last.
+    pub(super) bands: Vec<Band>,
+    pub(super) invalid_samples: u64,
+}
+
+/// One component of a channel for all pixels: what a file holds under one name.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plane<'a> {
+    /// Its name: `R`, `Z`, `albedo.G`.
+    pub name: &'a str,
+    /// How files store it.
+    pub pixel_type: PixelType,
+    /// The values, row by row from the top.
+    pub values: Values,
+}
+
+impl Film {
+    /// An empty film of `width` by `height` pixels with colour and these AOVs.
+    ///
+    /// # Panics
+    /// If there is no memory for it; see [`Film::try_new`].
+    pub fn new(width: u32, height: u32, aovs: AovSet) -> Film {
+        Film::try_new(width, height, aovs.channels()).expect("there is memory for the film")
+    }
+
+    /// An empty film of `width` by `height` pixels with colour and further channels.
+    ///
+    /// # Errors
+    /// A usage error that tells how much memory it takes, if that isn't there.
+    pub fn try_new(width: u32, height: u32, further: impl IntoIterator<Item = Channel>) -> Result<Film> {
+        Film::of_layout(width, height, Layout::new(further))
+    }
+
+    /// An empty film that holds what the layout says.
+    ///
+    /// # Errors
+    /// As for [`Film::try_new`].
+    pub fn of_layout(width: u32, height: u32, layout: Layout) -> Result<Film> {
+        let pixels = u64::from(width) * u64::from(height);
+        let bands = Film::try_bands((width, height), &layout);
+        let bands = bands.ok_or_else(|| {
+            let gib = pixels as f64 * layout.bytes_per_pixel() as f64 / f64::from(1u32 << 30);
+            Error::usage(format!(
+                "a picture of {width} x {height} pixels takes {gib:.1} GiB of memory, which the system refuses"
+            ))
+            .with_help(format!("make it smaller, or leave out {}", Choice::Aovs))
+        })?;
+        Ok(Film { width, height, origin: (0, 0), layout: Arc::new(layout), bands, invalid_samples: 0 })
+    }
+
+    /// Its bands; `None` if the memory isn't there.
+    fn try_bands((width, height): (u32, u32), layout: &Layout) -> Option<Vec<Band>> {
+        // Systems refuse a large block that would not fit, but may promise many small ones.
+        let bytes = u64::from(width).checked_mul(u64::from(height))?.checked_mul(layout.bytes_per_pixel())?;
+        Vec::<u8>::new().try_reserve_exact(usize::try_from(bytes).ok()?).ok()?;
+        let place = Rect::new((0, 0), (width, height));
+        let band = |number| Band::try_new(usize::try_from(place.band(number).area()).ok()?, layout);
+        (0..height.div_ceil(BAND_ROWS) as usize).map(band).collect()
+    }
+
+    /// A film without pixels, for tiles of this layout.
+    pub(crate) fn nowhere(layout: &Arc<Layout>) -> Film {
+        let (layout, bands) = (layout.clone(), Vec::new());
+        Film { width: 0, height: 0, origin: (0, 0), layout, bands, invalid_samples: 0 }
+    }
+
+    /// The same as a part of a larger picture, in which its first pixel stands at (`x0`, `y0`): tiles have their places in
+    /// that picture, and only what is within the part is taken.
+    #[must_use]
+    pub fn at(self, x0: u32, y0: u32) -> Film {
+        Film { origin: (x0, y0), ..self }
+    }
+
+    /// Where its first pixel stands in the picture that it is a part of.
+    pub fn origin(&self) -> (u32, u32) {
+        self.origin
+    }
+
+    /// Pixels in a row.
+    pub fn width(&self) -> u32 {
+        self.width
+    }
+
+    /// Rows.
+    pub fn height(&self) -> u32 {
+        self.height
+    }
+
+    /// What it holds; colour comes first.
+    pub fn channels(&self) -> &[Channel] {
+        &self.layout.channels
+    }
+
+    /// What [planes](Film::planes) are called, in their order.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.channels().iter().flat_map(|channel| channel.names.iter().map(AsRef::as_ref))
+    }
+
+    /// What tiles of it hold.
+    pub fn layout(&self) -> &Arc<Layout> {
+        &self.layout
+    }
+
+    /// Samples that were NaN or infinite and therefore left out of their pixels.
+    pub fn invalid_samples(&self) -> u64 {
+        self.invalid_samples
+    }
+
+    /// Pixels without a valid sample: black and transparent, because rendering stopped before or all samples were NaN.
+    pub fn unsampled_pixels(&self) -> u64 {
+        self.counts().filter(|&n| n == 0).count() as u64
+    }
+
+    /// An empty tile for the rectangle that starts at (`x0`, `y0`), cut off at the film's edges.
+    pub fn tile(&self, x0: u32, y0: u32, width: u32, height: u32) -> FilmTile {
+        let (x0, y0) = (x0.min(self.width), y0.min(self.height));
+        FilmTile::new(x0, y0, width.min(self.width - x0), height.min(self.height - y0), &self.layout)
+    }
+
+    /// Adds a tile, as far as it is within the film, in any order but for channels that show first samples.
+    ///
+    /// # Panics
+    /// If the tile has other channels.
+    pub fn merge(&mut self, tile: FilmTile) {
+        let is_ours = Arc::ptr_eq(&tile.layout, &self.layout) || tile.layout == self.layout;
+        assert!(is_ours, "a tile has other channels than the film");
+        let place = self.place();
+        for number in place.bands_over(tile.place()) {
+            self.bands[number].add_tile(place.band(number), &tile);
+        }
+        self.invalid_samples += tile.invalid_samples;
+    }
+
+    /// Adds a film of the same picture with samples of its own, as far as it is within this one. Films may be added in any
+    /// order, but for channels that show first samples.
+    ///
+    /// # Panics
+    /// If it has other channels.
+    pub fn merge_film(&mut self, other: &Film) {
+        assert!(other.layout == self.layout, "films have different channels");
+        self.add_bands(other);
+        self.invalid_samples += other.invalid_samples;
+    }
+
+    /// Counts the samples that were left out, where each pixel was brought so many.
+    pub fn count_invalid(&mut self, brought: u32) {
+        let brought = u64::from(brought) * u64::from(self.width) * u64::from(self.height);
+        let valid: u64 = self.counts().map(u64::from).sum();
+        self.invalid_samples = brought.saturating_sub(valid);
+    }
+
+    /// Adds what is within the film of the bands of another.
+    fn add_bands(&mut self, other: &Film) {
+        let (place, theirs) = (self.place(), other.place());
+        // All bands have splats, or none.
+        let has_splats = other.bands.iter().any(|band| band.splats.is_some());
+        for (number, band) in self.bands.iter_mut().enumerate() {
+            if has_splats {
+                band.splats(&self.layout);
+            }
+            let own = place.band(number);
+            for at in theirs.bands_over(own) {
+                band.add_band(own, &other.bands[at], theirs.band(at), &self.layout);
+            }
+        }
+    }
+
+    /// Its rectangle in the picture.
+    pub(super) fn place(&self) -> Rect {
+        Rect::new(self.origin, (self.width, self.height))
+    }
+
+    /// Valid samples of each pixel.
+    fn counts(&self) -> impl Iterator<Item = u32> {
+        self.bands.iter().flat_map(|band| &band.sums.count).copied()
+    }
+
+    /// The band of a pixel, and its place there.
+    fn place_of(&self, pixel: usize) -> (usize, usize) {
+        let of_band = BAND_ROWS as usize * self.width as usize;
+        (pixel / of_band, pixel % of_band)
+    }
+
+    /// Sums of colour and alpha of a pixel, and how many samples it has.
+    pub(super) fn color_of(&mut self, pixel: usize) -> (&mut [f64; 4], f64) {
+        let (band, pixel) = self.place_of(pixel);
+        let sums = &mut self.bands[band].sums;
+        (&mut sums.rgba[pixel], f64::from(sums.count[pixel]))
+    }
+
+    /// A value of each pixel, row by row from the top.
+    fn of_pixels<T: Send + Sync + Clone>(&self, of: impl Fn(&Band, usize) -> T + Sync) -> Vec<T> {
+        let rows = |band: &Band| (0..band.pixels()).map(|pixel| of(band, pixel)).collect::<Vec<T>>();
+        if self.bands.len() < 2 {
+            return self.bands.first().map(rows).unwrap_or_default();
+        }
+        self.bands.par_iter().map(rows).collect::<Vec<_>>().concat()
+    }
+
+    /// Mean colour and alpha of all pixels, premultiplied, row by row from the top; zero where there are no samples yet.
+    pub fn rgba(&self) -> Vec<[f32; 4]> {
+        self.of_pixels(Band::mean)
+    }
+
+    /// Mean colour of all pixels, premultiplied.
+    pub fn means(&self) -> Vec<[f32; 3]> {
+        self.of_pixels(|band, pixel| {
+            let [r, g, b, _] = band.mean(pixel);
+            [r, g, b]
+        })
+    }
+
+    /// Mean colour and alpha of a pixel, premultiplied; zero where there are no samples yet.
+    pub fn mean_rgba(&self, x: u32, y: u32) -> [f32; 4] {
+        let (band, pixel) = self.place_of(self.index(x, y));
+        self.bands[band].mean(pixel)
+    }
+
+    /// Mean colour, premultiplied, of the first half of each pixel's samples and of the second one, row by row from the top;
+    /// zero where a half has no sample. The halves are nearly independent: half the difference of their means estimates the
+    /// error of the mean of all. `None` unless the film keeps them apart (see
+    /// [`RenderOptions::halves`](crate::render::RenderOptions::halves)).
+    pub fn halves(&self) -> Option<[Vec<[f32; 3]>; 2]> {
+        let of = |half: usize| self.of_pixels(|band, pixel| band.halves(pixel).0[half]);
+        self.layout.has_halves().then(|| [of(0), of(1)])
+    }
+
+    /// How far each pixel's mean colour may be off, by its halves: half the difference of their means where they have as many
+    /// samples, signed; red, green and blue. NaN where a half has no samples. `None` unless the film keeps halves apart.
+    pub fn deviations(&self) -> Option<[Vec<f32>; 3]> {
+        let of = |band: &Band, pixel: usize, c: usize| {
+            let ([first, second], counts) = band.halves(pixel);
+            let [n, m] = counts.map(f64::from);
+            match n > 0.0 && m > 0.0 {
+                // The mean of all is `(n a + m b) / (n + m)`, whose variance is `n m / (n + m)^2` times that of `a - b`.
+                true => f64::from(first[c] - second[c]) * (n * m).sqrt() / (n + m),
+                false => f64::NAN,
+            }
+        };
+        let plane = |c| self.of_pixels(|band, pixel| of(band, pixel, c) as f32);
+        self.layout.has_halves().then(|| [0, 1, 2].map(plane))
+    }
+
+    /// Valid samples that pixels have on average.
+    pub fn mean_samples(&self) -> f64 {
+        let pixels = u64::from(self.width) * u64::from(self.height);
+        self.counts().map(f64::from).sum::<f64>() / pixels.max(1) as f64
+    }
+
+    /// Valid samples that a pixel has.
+    pub fn samples(&self, x: u32, y: u32) -> u32 {
+        let (band, pixel) = self.place_of(self.index(x, y));
+        self.bands[band].sums.count[pixel]
+    }
+
+    /// All components of all channels, each computed when its turn comes.
+    pub fn planes(&self) -> impl Iterator<Item = Plane<'_>> {
+        self.channels().iter().enumerate().flat_map(|(index, channel)| self.planes_of_channel(index, channel))
+    }
+
+    /// The same all at once, on all threads of the current pool.
+    pub fn all_planes(&self) -> Vec<Plane<'_>> {
+        let of = |(index, channel)| self.planes_of_channel(index, channel);
+        self.channels().par_iter().enumerate().flat_map_iter(of).collect()
+    }
+
+    /// The components of a channel.
+    fn planes_of_channel<'a>(
+        &self,
+        index: usize,
+        channel: &'a Channel,
+    ) -> impl Iterator<Item = Plane<'a>> + use<'a> {
+        let named = channel.names.iter().zip(self.planes_of(index, channel));
+        named.map(move |(name, values)| Plane { name, pixel_type: channel.pixel_type, values })
+    }
+
+    /// One component by its name in files, such as `R` or `albedo.G`, row by row from the top. `None` if the film doesn't
+    /// have it.
+    pub fn plane(&self, name: &str) -> Option<Values> {
+        let has = |channel: &Channel| channel.names.iter().position(|own| own == name);
+        let mut places = self.channels().iter().enumerate().filter_map(|(i, c)| Some((i, c, has(c)?)));
+        let (index, channel, component) = places.next()?;
+        self.planes_of(index, channel).into_iter().nth(component)
+    }
+
+    /// The values of a channel, one list a name.
+    fn planes_of(&self, index: usize, channel: &Channel) -> Vec<Values> {
+        if index == 0 {
+            let rgba = self.rgba();
+            return [0, 1, 2, 3].map(|c| Values::Float(rgba.iter().map(|pixel| pixel[c]).collect())).into();
+        }
+        let layer = self.layer_of(index);
+        let mut bands = self.bands.iter().map(|band| band.planes(index, channel, layer));
+        let mut planes = bands.next().unwrap_or_else(|| vec![Values::empty(channel); channel.names.len()]);
+        for more in bands {
+            planes.iter_mut().zip(more).for_each(|(plane, values)| plane.append(values));
+        }
+        planes
+    }
+
+    /// The components of an AOV, row by row from the top. `None` if the film doesn't have it.
+    pub fn aov(&self, aov: Aov) -> Option<Vec<Values>> {
+        self.components(aov.info().names)
+    }
+
+    /// Several components of one channel by their names in files, each row by row from the top. `None` if the film doesn't have them.
+    pub fn components(&self, names: &[&str]) -> Option<Vec<Values>> {
+        let first = names.first()?;
+        let mut channels = self.channels().iter().enumerate();
+        let (index, channel) = channels.find(|(_, channel)| channel.names.iter().any(|own| own == first))?;
+        let place = |name: &&str| channel.names.iter().position(|own| own == name);
+        let places = names.iter().map(place).collect::<Option<Vec<usize>>>()?;
+        let mut planes: Vec<Option<Values>> = self.planes_of(index, channel).into_iter().map(Some).collect();
+        places.into_iter().map(|place| planes[place].take()).collect()
+    }
+
+    /// Lays a colour behind each pixel where it is transparent; all pixels with samples become opaque.
+    pub fn put_behind(&mut self, color: impl Fn(u32, u32) -> [f32; 3]) {
+        for y in 0..self.height {
+            for x in 0..self.width {
+                let pixel = self.index(x, y);
+                let (sum, count) = self.color_of(pixel);
+                let behind = color(x, y);
+                for c in 0..3 {
+                    sum[c] += (count - sum[3]) * f64::from(behind[c]);
+                }
+                sum[3] = count;
+            }
+        }
+    }
+
+    fn index(&self, x: u32, y: u32) -> usize {
+        assert!(x < self.width && y < self.height, "pixel ({x}, {y}) is outside the film");
+        y as usize * self.width as usize + x as usize
+    }
+}
+
+// Changes of finished films: what a denoiser puts in place of what was rendered, and single pixels taken out.
+
+impl Film {
+    /// One pixel as a film of its own: its numbers without those of all others.
+    ///
+    /// # Errors
+    /// As for [`Film::try_new`].
+    ///
+    /// # Panics
+    /// If it is outside the film.
+    pub fn pixel(&self, x: u32, y: u32) -> Result<Film> {
+        self.index(x, y);
+        let layout = Layout::new(self.channels().iter().skip(1).cloned()).with_halves(self.layout.has_halves);
+        let mut film = Film::of_layout(1, 1, layout)?;
+        film = film.at(self.origin.0 + x, self.origin.1 + y);
+        film.add_bands(self);
+        Ok(film)
+    }
+
+    /// Puts other colours in place of the mean colours, rows from the top. Alpha and numbers of samples stay.
+    ///
+    /// # Panics
+    /// If there are fewer values than pixels.
+    pub fn set_color(&mut self, color: [&[f32]; 3]) {
+        let mut from = 0;
+        for band in &mut self.bands {
+            band.sums.set_color(color.map(|values| &values[from..]));
+            band.splats.iter_mut().for_each(Splats::clear_color);
+            from += band.pixels();
+        }
+    }
+
+    /// Puts other values in place of those of a channel that has means over all samples, given by the name of its first
+    /// component. Does nothing if there is none.
+    ///
+    /// # Panics
+    /// If there are fewer values than pixels.
+    pub fn set_means(&mut self, first: &str, values: [&[f32]; 3]) {
+        let index =
+            self.channels().iter().position(|c| c.names[0] == first && c.reduction == Reduction::Mean);
+        let Some(index) = index.filter(|index| *index > 0) else { return };
+        let (layer, mut from) = (self.layer_of(index), 0);
+        for band in &mut self.bands {
+            let pixels = band.pixels();
+            band.sums.set_means(index - 1, values.map(|values| &values[from..]));
+            if let Some(of_layer) = band.splats.as_mut().and_then(|splats| splats.layers.get_mut(layer)) {
+                *of_layer = Splats::list(pixels);
+            }
+            from += pixels;
+        }
+    }
+
+    /// Forgets AOVs that only the way to the picture needed.
+    pub fn forget(&mut self, aovs: impl IntoIterator<Item = Aov>) {
+        self.forget_channels(aovs.into_iter().map(|aov| aov.info().names[0]));
+    }
+
+    /// The same for channels by the names of their first components.
+    pub(super) fn forget_channels<'a>(&mut self, first_names: impl IntoIterator<Item = &'a str>) {
+        for name in first_names {
+            let Some(index) = self.channels().iter().position(|c| c.names[0] == name) else { continue };
+            let layer = self.layer_of(index);
+            let removed = &self.layout.channels[index];
+            let (is_layer, is_variance) =
+                (removed.source == Source::PartOfColor, removed.reduction == Reduction::VarianceOfMean);
+            let mut channels = self.channels().to_vec();
+            channels.remove(index);
+            let has_halves = self.layout.has_halves;
+            self.layout = Arc::new(Layout::new(channels.into_iter().skip(1)).with_halves(has_halves));
+            for band in &mut self.bands {
+                match &mut band.splats {
+                    Some(splats) if is_layer => drop(splats.layers.remove(layer)),
+                    Some(splats) if is_variance => splats.squares = None,
+                    _ => {}
+                }
+                band.sums.remove(index - 1);
+                if !self.layout.has_first_hits {
+                    band.sums.forget_hits();
+                }
+            }
+        }
+    }
+}
+
+// Splats arrive at a film.
+
+impl Film {
+    /// Adds splats, in any order. Those outside the film are left out; those that are not finite, too, and counted as invalid
+    /// samples. [`Film::count_splats`] says of how many samples they are.
+    ///
+    /// # Panics
+    /// If there is no memory for them.
+    pub fn add_splats(&mut self, splats: &[Splat], is_of_first_half: bool) {
+        let place = self.place();
+        for splat in splats {
+            for number in place.bands_over(Rect::new((splat.x, splat.y), (1, 1))) {
+                let one = std::slice::from_ref(splat);
+                let band = &mut self.bands[number];
+                self.invalid_samples +=
+                    band.add_splats(place.band(number), one, is_of_first_half, &self.layout);
+            }
+        }
+    }
+
+    /// Counts samples of each pixel all splats of which were added.
+    pub fn count_splats(&mut self, samples: u32, is_of_first_half: bool) {
+        for band in &mut self.bands {
+            band.splats(&self.layout).count(samples, is_of_first_half);
+        }
+    }
+
+    /// Which of the channels whose source is a part of colour this one is.
+    fn layer_of(&self, index: usize) -> usize {
+        self.channels()[..index].iter().filter(|channel| channel.source == Source::PartOfColor).count()
+    }
+}
+
+// What lies behind a picture where it is transparent.
+
+impl Film {
+    /// Lays a scene's backdrop behind the pixels that are transparent.
+    pub fn lay_behind(&mut self, backdrop: &Backdrop) {
+        match backdrop {
+            Backdrop::Color(color) => self.put_behind(|_, _| *color),
+            Backdrop::Picture(image) => {
+                let (width, height) = (self.width(), self.height());
+                let scale = (f64::from(image.width) / f64::from(width))
+                    .min(f64::from(image.height) / f64::from(height));
+                self.put_behind(|x, y| {
+                    let place = |p: u32, own: u32, of: u32| {
+                        let from_middle = f64::from(p) + 0.5 - f64::from(own) / 2.0;
+                        f64::from(of) / 2.0 + scale * from_middle
+                    };
+                    bilinear(image, place(x, width, image.width), place(y, height, image.height))
+                });
+            }
+        }
+    }
+}
+
+/// The colour of an image at a place in pixels from its corner, blended from the four around it.
+fn bilinear(image: &Image, x: f64, y: f64) -> [f32; 3] {
+    let low = |v: f64, size: u32| (v - 0.5).clamp(0.0, f64::from(size - 1));
+    let (x, y) = (low(x, image.width), low(y, image.height));
+    let (x0, y0) = (x as u32, y as u32);
+    let (x1, y1) = ((x0 + 1).min(image.width - 1), (y0 + 1).min(image.height - 1));
+    let (u, v) = (x.fract() as f32, y.fract() as f32);
+    let [a, b, c, d] = [(x0, y0), (x1, y0), (x0, y1), (x1, y1)].map(|(x, y)| image.rgba(x, y));
+    std::array::from_fn(|k| (a[k] * (1.0 - u) + b[k] * u) * (1.0 - v) + (c[k] * (1.0 - u) + d[k] * u) * v)
+}
