@@ -170,7 +170,8 @@ pub(crate) struct RenderArgs {
     /// Transparent background: the camera does not see the environment, which still lights the scene.
     #[arg(long, conflicts_with = "background")]
     pub transparent: bool,
-    #[arg(long, help = setting_help("transparent_glass"))]
+    /// With --transparent, also make smooth glass in front of the background transparent; its reflections stay.
+    #[arg(long)]
     pub transparent_glass: bool,
     /// Let glTF and OBJ files refer to files outside their folder.
     #[arg(long)]
@@ -358,11 +359,15 @@ fn degrees(text: &str) -> Result<f64, String> {
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Long renders")]
 pub(crate) struct LongArgs {
-    #[arg(long, help = setting_help("noise"), value_name = "P", value_parser = percent, allow_negative_numbers = true)]
+    /// Noise threshold: stop when the estimated relative error of the image is below P percent, or after --max-spp
+    /// samples [default then: 65536].
+    #[arg(long, value_name = "P", value_parser = percent, allow_negative_numbers = true)]
     pub noise: Option<f32>,
-    #[arg(long, help = setting_help("least_samples"), value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
+    /// Minimum samples per pixel with --noise or --adaptive auto.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     pub min_spp: Option<u32>,
-    #[arg(long, help = setting_help("most_samples"), value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
+    /// Maximum samples per pixel with --noise (same as --spp) or --adaptive auto.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     pub max_spp: Option<u32>,
     #[arg(long, help = setting_help("time_limit"), value_name = "S", value_parser = seconds)]
     pub time_limit: Option<Duration>,
@@ -383,7 +388,9 @@ pub(crate) struct LongArgs {
     pub plan: Option<u32>,
     #[arg(long, help = setting_help("sample_range"), value_name = "A..B", value_parser = range)]
     pub sample_range: Option<(u32, u32)>,
-    #[arg(long, help = setting_help("region"), value_name = "X0,Y0,X1,Y1", value_parser = region)]
+    /// Render only the pixels of a rectangle (X1 and Y1 exclusive): into a .part file for 'oscura merge', or into an
+    /// image as --crop does.
+    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = region)]
     pub region: Option<Region>,
     /// Progress reports: plain lines on standard error, json or openjd lines on standard output, or none [default: a
     /// progress bar on a terminal].

@@ -115,7 +115,8 @@ pub enum TreeChoice {
 /// the scene's [`Settings`](crate::scene::Settings); `user`; `internal`: no method of [`Renderer`](super::Renderer)).
 ///
 /// From it come [`RenderOptions`] with its defaults and setters, the methods of [`Renderer`](super::Renderer), the merge of a
-/// user's choices with the scene's, the help of the command line ([`setting_help`]) and the identity.
+/// user's choices with the scene's, the help of the command line ([`setting_help`]; the command line has its own where that names
+/// other options) and the identity.
 macro_rules! render_settings {
     ($callback:ident) => {
         $callback! {
@@ -131,7 +132,7 @@ macro_rules! render_settings {
             "Render only the samples A to B (exclusive) of each pixel, in blocks of eight, into a .part file", "" =>
                 /// In blocks of [`SAMPLE_BLOCK`](super::SAMPLE_BLOCK).
                 sample_range: Option<(u32, u32)> = None, free, internal [into];
-            "Render only the pixels of a rectangle (X1 and Y1 exclusive): into a .part file for 'oscura merge', or into an image as --crop does", "" =>
+            "Render only the pixels of a rectangle, its last column and row exclusive", "" =>
                 region: Option<Region> = None, free, internal [into];
             "Random seed", "0" => seed: u32 = 0, named("seed"), scene(seed);
             "Maximum number of bounces of a path; 0 renders directly visible emission only", "100" =>
@@ -151,7 +152,7 @@ macro_rules! render_settings {
                 catchers: bool = false, hashed, internal;
             "What shadow catchers show", "" =>
                 caught: CatcherOutput = CatcherOutput::default(), hashed, internal;
-            "With --transparent, also make smooth glass in front of the background transparent; its reflections stay", "" =>
+            "With a transparent background, also make smooth glass in front of it transparent; its reflections stay", "" =>
                 /// A sample whose path passes from the camera through smooth surfaces only, by transmission, and leaves the
                 /// scene there doesn't show the environment, and its alpha is 1 less the mean of the path's throughput over
                 /// the three channels. Reflections stay opaque.
@@ -171,13 +172,13 @@ macro_rules! render_settings {
                 guiding: Guiding = Guiding::default(), named("guiding"), user;
             "Adaptive sampling: more samples for noisy pixels, fewer for others; auto or off", "off" =>
                 adaptive: Adaptive = Adaptive::default(), hashed, user;
-            "Minimum samples per pixel with --noise or --adaptive auto", "" =>
+            "Minimum samples per pixel with a noise threshold or adaptive sampling", "" =>
                 /// At most `samples`.
                 least_samples: u32 = 0, free, internal;
-            "Maximum samples per pixel with --noise (same as --spp) or --adaptive auto", "" =>
+            "Maximum samples per pixel with a noise threshold or adaptive sampling", "" =>
                 /// At least `samples`, which are those of the average pixel, and at most eight times that.
                 most_samples: u32 = u32::MAX, free, internal;
-            "Noise threshold: stop when the estimated relative error of the image is below P percent, or after --max-spp samples [default then: 65536]", "" =>
+            "Noise threshold: stop when the estimated relative error of the image is below this, or after the maximum of samples", "" =>
                 /// As a fraction: the root of the mean over pixels and colours of `(x - r)^2 / (r^2 + 0.01)`, where `x` is the
                 /// picture and `r` what it would be with all samples there are.
                 noise: Option<f32> = None, free, internal [into];
