@@ -4,12 +4,13 @@ use super::args::{
     CacheArgs, CompareArgs, CompletionsArgs, ExportArgs, HelpArgs, InspectArgs, ManArgs, NewArgs, RenderArgs,
 };
 use super::merge::MergeArgs;
+use super::outcome::Outcome;
 use super::picture_args::{ConvertArgs, DenoiseArgs, InfoArgs};
 use super::process::remember_words;
 use super::report::print_text;
 use super::thumbnail::{ThumbArgs, ThumbnailerArgs};
+use super::view;
 use super::view::ViewArgs;
-use super::{Outcome, view};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use oscura::error::{Error, Result};
 use oscura::load::scene_file::reference::{CHAPTERS, Chapter};

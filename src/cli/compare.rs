@@ -1,8 +1,9 @@
 //! `oscura compare`: errors against a reference, and whether a difference is more than noise.
 
 use super::args::CompareArgs;
+use super::json;
+use super::outcome::Outcome;
 use super::report::print_line;
-use super::{Outcome, json};
 use oscura::error::{Error, Result};
 use oscura::image::Image;
 use oscura::load::image::load_linear_rgb;

@@ -1,6 +1,6 @@
 //! `oscura convert`: a layer of an EXR as a picture to look at.
 
-use super::Outcome;
+use super::outcome::Outcome;
 use super::picture_args::ConvertArgs;
 use font8x8::legacy::BASIC_LEGACY;
 use oscura::color::converted;

@@ -1,6 +1,6 @@
 //! `oscura denoise`: denoises the picture of a file.
 
-use super::Outcome;
+use super::outcome::Outcome;
 use super::picture_args::DenoiseArgs;
 use oscura::denoise::{Guides, NAME, Noise, Noisy, denoise, slices};
 use oscura::error::{Error, Result};

@@ -1,7 +1,7 @@
 //! `oscura export`: a Blender file as a folder of files that other programs read, too.
 
-use super::Outcome;
 use super::args::{CacheArgs, ExportArgs};
+use super::outcome::Outcome;
 use super::report::{PrintedMessages, print_line};
 use super::scene_args::check_scene_path;
 use oscura::error::{Error, ErrorKind, Problem, Result};

@@ -1,12 +1,13 @@
 //! `oscura merge`: a picture from its parts.
 
 use super::exr_args::ExrFormatArgs;
+use super::outcome::Outcome;
 use super::parsers::stops;
 use super::picture_args::{DenoiserArgs, views};
 use super::pictures::{EncodeOptions, FinishedPicture, Pictures, Targets};
 use super::report::counted;
 use super::settings::check_memory_before_merging;
-use super::{Outcome, json, process, report};
+use super::{json, process, report};
 use clap::Args;
 use oscura::error::{Error, Problem, Result, Warning};
 use oscura::film::{Aov, AovSet, Film};
@@ -52,13 +53,8 @@ fn merge(args: &MergeArgs) -> Result<Outcome> {
     // Channels that show first samples take the parts in the order of samples.
     parts.sort_by_key(|(_, header)| (header.first_sample, header.region.y0, header.region.x0));
     let missing = check_parts(&parts)?;
-    if !missing.is_empty() && !args.allow_missing {
-        let problems = missing
-            .iter()
-            .map(|what| Problem::new("", format!("no part has {what}")).with_code("part-missing"))
-            .collect();
-        let error = Error::input_problems(&parts[0].0, problems);
-        return Err(error.with_help("render what is missing, or take what is there by --allow-missing"));
+    if !args.allow_missing {
+        refuse_missing(&parts[0].0, &missing)?;
     }
     check_memory_before_merging(&parts)?;
     let (mut film, behind) = sum(&parts)?;
@@ -120,6 +116,16 @@ fn heads(files: &[PathBuf]) -> Result<Vec<(PathBuf, PartHeader)>> {
         }
     }
     failed.map_or(Ok(heads), Err)
+}
+
+/// An error that names the first part, if something is missing.
+fn refuse_missing(file: &Path, missing: &[String]) -> Result<()> {
+    if missing.is_empty() {
+        return Ok(());
+    }
+    let problem = |what: &String| Problem::new("", format!("no part has {what}")).with_code("part-missing");
+    let error = Error::input_problems(file, missing.iter().map(problem).collect());
+    Err(error.with_help("render what is missing, or take what is there by --allow-missing"))
 }
 
 /// Denoises if that is asked for, now or when the parts were rendered; returns the denoiser in words.

@@ -2,7 +2,8 @@
 //! standard output is for what `--json` and `compare` and `inspect` answer.
 
 use command_line::{Arguments, Command};
-use oscura::error::{Error, ErrorKind};
+use oscura::error::Error;
+use outcome::{Outcome, exit_code};
 use std::ffi::OsString;
 
 /// Prints a line on standard error. Nobody listening any more is no reason to stop.
@@ -27,6 +28,7 @@ mod inspect;
 mod json;
 mod merge;
 mod new_scene;
+mod outcome;
 mod page;
 mod parsers;
 mod picture_args;
@@ -104,28 +106,4 @@ fn refuse(error: clap::Error, wants_json: bool) -> u8 {
         json::print(&json::of_error(&error, code));
     }
     code
-}
-
-// How commands end.
-
-/// How a command ended.
-pub(crate) enum Outcome {
-    /// As asked.
-    Done,
-    /// `compare` found that the pictures disagree.
-    Disagreement,
-    /// Stopped by a signal; what was there is written.
-    Interrupted,
-    /// Some of many failed, which has been said; the exit code of the worst.
-    Failed(u8),
-}
-
-/// The exit code of an error.
-pub(crate) fn exit_code(error: &Error) -> u8 {
-    match error.kind {
-        ErrorKind::Usage => 2,
-        ErrorKind::Input => 3,
-        ErrorKind::Output => 4,
-        ErrorKind::Interrupted => 130,
-    }
 }

@@ -2,6 +2,7 @@
 
 use super::args::RenderArgs;
 use super::checkpoint::CheckpointWriter;
+use super::outcome::{Outcome, exit_code};
 use super::parsers::Frames;
 use super::pictures::{AnimationFiles, Denoising, FinishedPicture, Pictures, Targets, still};
 use super::preview::Preview;
@@ -13,7 +14,7 @@ use super::settings::{
     EnvironmentOverride, PictureUse, Prepared, check_memory_before_loading, choices, completed, prepare,
     unused_option_warnings,
 };
-use super::{Outcome, checkpoint, exit_code, json, report, show};
+use super::{checkpoint, json, report, show};
 use oscura::compile::Compiler;
 use oscura::error::{Error, ErrorKind, Problem, Result, Warning};
 use oscura::film::Aov;

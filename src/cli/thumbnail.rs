@@ -1,7 +1,8 @@
+use super::outcome::{Outcome, exit_code};
 use super::process::cancel_by_signals;
+use super::report;
 use super::report::{name_options_in_error, print_text};
 use super::scene_args::{StageArgs, check_scene_path};
-use super::{Outcome, exit_code, report};
 use clap::Args;
 use oscura::error::{Error, Result};
 use oscura::film::AovSet;

@@ -1,8 +1,8 @@
 //! `oscura view`: a page that shows a scene while it renders. One thread renders (on the pool's threads), one takes
 //! requests and starts a thread for each ([`Page`]), one watches files and signals.
 
-use super::Outcome;
 use super::args::RenderArgs;
+use super::outcome::Outcome;
 use super::page::{
     DisplaySettings, Frame, Page, Pose, RenderRequest, SceneInfo, Shared, ViewRequest, bind, own_command,
 };

@@ -4,9 +4,10 @@ mod scene_json;
 mod text;
 
 use super::args::InspectArgs;
+use super::json;
+use super::outcome::Outcome;
 use super::report::{name_options_in_loaded, print_line};
 use super::scene_args::check_scene_path;
-use super::{Outcome, json};
 use oscura::error::Result;
 use oscura::image::Damage;
 use oscura::load::stage::StageOptions;
