@@ -18,7 +18,7 @@ mod wide;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
-pub use block::{BlockQuery, BoxRay, Entry, Planes, ShearedLine, TriangleBlock};
+pub use block::{BlockQuery, BoxRay, Entry, Planes, ShearedLine, TriangleBlock, map_each};
 pub use cache_line::{
     Claim, Claims, Line, Table, append_claims, prefer_huge_pages, prefetch_element, prefetch_lines,
     reserve_lines,
@@ -212,18 +212,6 @@ fn run_wide_avx512<K: WideKernel>(kernel: K) -> K::Output {
 fn run_wide_avx2<K: WideKernel>(kernel: K) -> K::Output {
     // SAFETY: as above.
     kernel.run(unsafe { x86::X86::<false>::new() })
-}
-
-/// The same function of each number of an array. Such loops must contain all that they call, and the standard library's
-/// `map` is seldom inlined.
-#[inline(always)]
-#[allow(clippy::needless_range_loop)]
-pub fn map_each<T: Copy, U: Copy + Default, const N: usize>(values: [T; N], f: impl Fn(T) -> U) -> [U; N] {
-    let mut mapped = [U::default(); N];
-    for i in 0..N {
-        mapped[i] = f(values[i]);
-    }
-    mapped
 }
 
 /// Runs a kernel of sixteen lanes compiled for the best level of this CPU.

@@ -2,8 +2,7 @@
 //! their own. They may differ in how much too much they accept, never in what is found: hits are decided by code that rounds
 //! alike on all levels.
 
-use super::block::{BlockQuery, BoxRay, Entry, Planes, TriangleBlock};
-use super::{block, map_each};
+use super::block::{self, BlockQuery, BoxRay, Entry, Planes, TriangleBlock, map_each};
 
 /// Box tests accept this much more (Ize 2013, "Robust BVH Ray Traversal"): 32 roundings. At most four are the box
 /// test's own on either side; the shear of the triangle test moves each vertex by at most five more.

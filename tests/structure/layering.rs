@@ -135,7 +135,7 @@ fn only_load_and_output_open_files() {
 #[test]
 fn few_files_know_the_system() {
     let words = ["cfg ( unix )", "target_os", "os :: unix", "os :: windows", "os :: linux", "libc ::"];
-    only(&["simd/line.rs", "output/video.rs"], &words);
+    only(&["simd/cache_line.rs", "output/video.rs"], &words);
 }
 
 /// Whoever uses the library has no options: its messages name choices as the library does (`error::Choice`).
