@@ -22,8 +22,8 @@ use super::workspace::Workspace;
 use crate::color::Rgb;
 use crate::film::Aov;
 use crate::light::{
-    EnvironmentLight, ImageMap, LightDirection, LightSample, Lights, RECTANGLE_NUMBERS, Receiver,
-    UniformRectangle, solid_angle_density,
+    ImageMap, LightDirection, LightSample, Lights, RECTANGLE_NUMBERS, Receiver, UniformRectangle,
+    solid_angle_density,
 };
 use crate::math::{Ray, Vec3, offset_along};
 use crate::sampling::sampler::{Dimensions, SobolPoint};
@@ -37,11 +37,6 @@ const BATCH: usize = 16;
 const PREFETCH_DISTANCE: usize = 2 * BATCH;
 
 const _: () = assert!(WAVE.is_multiple_of(BATCH));
-
-/// Has the scene a single light with a vectorised sampler?
-pub(super) fn has_vector_sampler(lights: &Lights) -> bool {
-    RectangleSampler::of(lights).is_some() || EnvironmentSampler::of(lights).is_some()
-}
 
 /// A light that is sampled at many vertices at a time. The steps are separate loops: a single loop would not
 /// vectorise.
@@ -68,10 +63,7 @@ pub(super) struct RectangleSampler {
 impl RectangleSampler {
     /// The scene's light, if it has just one that is such a rectangle.
     pub fn of(lights: &Lights) -> Option<Self> {
-        match lights.rectangles()? {
-            [numbers] => Some(RectangleSampler { rectangle: UniformRectangle::unpack(*numbers) }),
-            _ => None,
-        }
+        lights.single_rectangle().map(|rectangle| RectangleSampler { rectangle })
     }
 }
 
@@ -100,9 +92,7 @@ pub(super) struct EnvironmentSampler<'a> {
 impl<'a> EnvironmentSampler<'a> {
     /// The scene's light, if it is an image environment alone.
     pub fn of(lights: &'a Lights) -> Option<Self> {
-        let environment =
-            lights.environment().filter(|e| lights.len() == 1 && e.is_sampled() && !e.has_portals());
-        environment.and_then(EnvironmentLight::image_map).map(|map| EnvironmentSampler { map })
+        lights.single_environment_image().map(|map| EnvironmentSampler { map })
     }
 }
 

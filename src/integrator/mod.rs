@@ -45,13 +45,11 @@ pub use workspace::{RayCounts, Workspace};
 use crate::compile::{CompiledScene, View};
 use crate::film::{AovSet, AovSpace, FilterSampler, MatteIds, Source};
 use crate::sampling::sampler::Dimensions;
-use direct_light::has_vector_sampler;
 use interior::CameraInterior;
 use radiance_buffer::Layers;
 use reuse::Tiling;
-use sampling::{CameraSamples, Purpose};
+use sampling::Purpose;
 use shading_groups::{ShadingGroup, groups_of};
-use stages::{Bounce, Stages};
 use wave::{OptionalState, StateConditions};
 
 /// Options that concern paths.
@@ -134,19 +132,10 @@ pub struct Integrator<'a> {
     only_light: Option<u32>,
     /// Prepared Sobol dimensions of the camera and of the first bounces.
     dimensions: Vec<Dimensions>,
-    /// The stages in use.
-    stages: Stages,
 }
 
 /// Bounces whose Sobol dimensions are prepared in advance.
 const PREPARED_BOUNCES: u32 = 32;
-
-/// Number of bounces between checks for interruption; few paths reach the first.
-const STOP_INTERVAL: u32 = 64;
-
-/// Maximum number of scattering events within solids: nearly all paths leave a body without absorption even where it is a
-/// hundred mean free paths thick, after some ten thousand steps at most.
-const MAX_WALK_STEPS: u32 = 1 << 16;
 
 impl<'a> Integrator<'a> {
     /// Prepares to trace a view of a scene.
@@ -159,7 +148,7 @@ impl<'a> Integrator<'a> {
         let absent_or_excluded =
             scene.materials.iter().map(|m| m.may_be_absent() || m.is_of_caught_object()).collect();
         let may_be_absent = scene.materials.iter().map(|m| m.may_be_absent()).collect();
-        let mut integrator = Integrator {
+        Integrator {
             scene,
             view,
             groups,
@@ -177,92 +166,10 @@ impl<'a> Integrator<'a> {
                 guiding: options.guide.is_some(),
                 transparent_glass: options.transparent_glass,
             }),
-            only_light: has_vector_sampler(&scene.lights).then_some(0),
+            only_light: scene.lights.is_vectorised().then_some(0),
             options,
             dimensions,
-            stages: Stages::NONE,
-        };
-        integrator.stages = Stages::of(&integrator);
-        integrator
-    }
-
-    /// Traces all samples of a block and passes them to `sink` in order: pixel by pixel, sample by sample. Calls `stop`
-    /// once in 64 bounces, so that very long paths can be interrupted; false if they were: then samples are missing.
-    #[must_use]
-    pub fn trace(
-        &self,
-        block: &Block,
-        w: &mut Workspace,
-        stop: &dyn Fn() -> bool,
-        mut sink: impl FnMut(&PathSample<'_>),
-    ) -> bool {
-        let mut samples =
-            CameraSamples::new(self.options.plan, block, self.options.branches.trailing_zeros());
-        loop {
-            self.generate(&mut samples, w);
-            if w.pixels.is_empty() {
-                return true;
-            }
-            if self.has_shadow_catchers() {
-                self.save_camera_paths(w);
-            }
-            if !self.trace_wave(block, w, stop)
-                || self.has_shadow_catchers() && !self.trace_without_casters(w, stop)
-            {
-                return false;
-            }
-            if self.is_spectral() {
-                w.radiance_buffer.convert_to_rgb(w.times.all_wavelengths());
-            }
-            let has_layers = w.radiance_buffer.has_layers();
-            for (i, (&[r, g, b, alpha], &pixel)) in
-                w.radiance_buffer.samples().iter().zip(&w.pixels).enumerate()
-            {
-                let (parts, plain) =
-                    (if has_layers { w.radiance_buffer.parts(i) } else { &[] }, w.radiance_buffer.plain(i));
-                let first_hit = w.first_hits.get(i);
-                sink(&PathSample { pixel, rgb: [r, g, b], alpha, first_hit, parts, plain });
-            }
         }
-    }
-
-    /// Traces the generated wave, with the work of techniques around it; false if `stop` interrupted it.
-    fn trace_wave(&self, block: &Block, w: &mut Workspace, stop: &dyn Fn() -> bool) -> bool {
-        let Some(tiling) = &self.options.reuse else {
-            let is_done = self.trace_paths(w, stop);
-            self.make_training_samples(w);
-            if is_done && self.options.branches > 1 && self.options.keeps_plain {
-                self.join_branches(w);
-            }
-            return is_done;
-        };
-        self.begin_reuse(tiling, block, w.pixels.len(), w);
-        let is_done = self.trace_paths(w, stop);
-        if is_done {
-            self.share_paths(tiling, w);
-        }
-        is_done
-    }
-
-    /// Traces the paths of a wave to their ends; false if `stop` interrupted it. See [`stages`] for the steps.
-    fn trace_paths(&self, w: &mut Workspace, stop: &dyn Fn() -> bool) -> bool {
-        let max_walk_steps = if self.optional.depth { MAX_WALK_STEPS } else { 0 };
-        let last = self.options.max_depth.saturating_add(max_walk_steps);
-        for number in 0..=last {
-            if number % STOP_INTERVAL == STOP_INTERVAL - 1 && stop() {
-                return false;
-            }
-            let mut bounce = Bounce::new(number, number == last);
-            self.run_stages(&self.stages.arrive, &mut bounce, w);
-            if bounce.vertices.all().is_empty() {
-                return true;
-            }
-            self.run_stages(&self.stages.leave, &mut bounce, w);
-            if w.rays.is_empty() {
-                return true;
-            }
-        }
-        true
     }
 
     /// Is the shadow terminator softened: requested, and do shading normals differ from geometric ones?

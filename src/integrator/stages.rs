@@ -6,9 +6,10 @@
 //! them (intersect, classify, surfaces, environment; direct light, scatter, next rays). Techniques and features add a
 //! stage to the lists; the loop over bounces knows none of them.
 
-use super::Integrator;
+use super::sampling::{Block, CameraSamples};
 use super::shading_groups::{ShadingGroupCounts, SortedVertices};
 use super::workspace::Workspace;
+use super::{Integrator, PathSample};
 
 /// What stages pass on to each other, in [`Workspace`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,6 +37,13 @@ pub(super) enum Data {
     /// Radiance, alpha and AOVs of the samples.
     Results,
 }
+
+/// Number of bounces between checks for interruption; few paths reach the first.
+const STOP_INTERVAL: u32 = 64;
+
+/// Maximum number of scattering events within solids: nearly all paths leave a body without absorption even where it is a
+/// hundred mean free paths thick, after some ten thousand steps at most.
+const MAX_WALK_STEPS: u32 = 1 << 16;
 
 /// One step of all paths of a wave.
 #[cfg_attr(not(test), expect(dead_code, reason = "name, reads and writes are for readers and tests"))]
@@ -85,9 +93,6 @@ pub(super) struct Stages {
 }
 
 impl Stages {
-    /// No stages.
-    pub const NONE: Stages = Stages { arrive: Vec::new(), leave: Vec::new() };
-
     pub fn of(integrator: &Integrator<'_>) -> Stages {
         let used = |stages: &'static [Stage]| stages.iter().filter(|s| (s.condition)(integrator)).collect();
         Stages { arrive: used(ARRIVE), leave: used(LEAVE) }
@@ -95,8 +100,88 @@ impl Stages {
 }
 
 impl Integrator<'_> {
+    /// Traces all samples of a block and passes them to `sink` in order: pixel by pixel, sample by sample. Calls `stop`
+    /// once in 64 bounces, so that very long paths can be interrupted; false if they were: then samples are missing.
+    #[must_use]
+    pub fn trace(
+        &self,
+        block: &Block,
+        w: &mut Workspace,
+        stop: &dyn Fn() -> bool,
+        mut sink: impl FnMut(&PathSample<'_>),
+    ) -> bool {
+        let stages = Stages::of(self);
+        let mut samples =
+            CameraSamples::new(self.options.plan, block, self.options.branches.trailing_zeros());
+        loop {
+            self.generate(&mut samples, w);
+            if w.pixels.is_empty() {
+                return true;
+            }
+            if self.has_shadow_catchers() {
+                self.save_camera_paths(w);
+            }
+            if !self.trace_wave(block, &stages, w, stop)
+                || self.has_shadow_catchers() && !self.trace_without_casters(&stages, w, stop)
+            {
+                return false;
+            }
+            if self.is_spectral() {
+                w.radiance_buffer.convert_to_rgb(w.times.all_wavelengths());
+            }
+            let has_layers = w.radiance_buffer.has_layers();
+            for (i, (&[r, g, b, alpha], &pixel)) in
+                w.radiance_buffer.samples().iter().zip(&w.pixels).enumerate()
+            {
+                let (parts, plain) =
+                    (if has_layers { w.radiance_buffer.parts(i) } else { &[] }, w.radiance_buffer.plain(i));
+                let first_hit = w.first_hits.get(i);
+                sink(&PathSample { pixel, rgb: [r, g, b], alpha, first_hit, parts, plain });
+            }
+        }
+    }
+
+    /// Traces the generated wave, with the work of techniques around it; false if `stop` interrupted it.
+    fn trace_wave(&self, block: &Block, stages: &Stages, w: &mut Workspace, stop: &dyn Fn() -> bool) -> bool {
+        let Some(tiling) = &self.options.reuse else {
+            let is_done = self.trace_paths(stages, w, stop);
+            self.make_training_samples(w);
+            if is_done && self.options.branches > 1 && self.options.keeps_plain {
+                self.join_branches(w);
+            }
+            return is_done;
+        };
+        self.begin_reuse(tiling, block, w.pixels.len(), w);
+        let is_done = self.trace_paths(stages, w, stop);
+        if is_done {
+            self.share_paths(tiling, w);
+        }
+        is_done
+    }
+
+    /// Traces the paths of a wave to their ends; false if `stop` interrupted it.
+    pub(super) fn trace_paths(&self, stages: &Stages, w: &mut Workspace, stop: &dyn Fn() -> bool) -> bool {
+        let max_walk_steps = if self.optional.depth { MAX_WALK_STEPS } else { 0 };
+        let last = self.options.max_depth.saturating_add(max_walk_steps);
+        for number in 0..=last {
+            if number % STOP_INTERVAL == STOP_INTERVAL - 1 && stop() {
+                return false;
+            }
+            let mut bounce = Bounce::new(number, number == last);
+            self.run_stages(&stages.arrive, &mut bounce, w);
+            if bounce.vertices.all().is_empty() {
+                return true;
+            }
+            self.run_stages(&stages.leave, &mut bounce, w);
+            if w.rays.is_empty() {
+                return true;
+            }
+        }
+        true
+    }
+
     /// Runs stages at a bounce.
-    pub(super) fn run_stages(&self, stages: &[&Stage], bounce: &mut Bounce, w: &mut Workspace) {
+    fn run_stages(&self, stages: &[&Stage], bounce: &mut Bounce, w: &mut Workspace) {
         for stage in stages {
             if stage.bounces == Bounces::All || bounce.number == 0 {
                 (stage.run)(self, bounce, w);

@@ -264,13 +264,18 @@ impl Integrator<'_> {
             self.end_chain_if_bent(bounce, i, &vertex.surface, wo, &mut w.arriving.chains);
         }
         if bounce == 0 && self.first_hits.any() {
-            let surface = Surface { material: w.materials[i], ..vertex.surface };
-            let of_rgb = self.is_spectral().then(|| self.rgb_bsdf(&at, wo));
-            let bsdf = of_rgb.as_ref().unwrap_or(&vertex.bsdf);
-            let hit = FirstHit { hit: w.hits[i], time: at.time, surface, wo, bsdf };
-            w.first_hits.record(w.arriving.state.radiance_index[i] as usize, &hit, &self.shown());
+            self.record_first_vertex(i, &at, &vertex, w);
         }
         vertex
+    }
+
+    /// Records the AOVs of the vertex where camera ray `i` hit a surface.
+    fn record_first_vertex(&self, i: usize, at: &HitPoint<'_>, vertex: &Vertex, w: &mut Workspace) {
+        let surface = Surface { material: w.materials[i], ..vertex.surface };
+        let of_rgb = self.is_spectral().then(|| self.rgb_bsdf(at, vertex.wo));
+        let bsdf = of_rgb.as_ref().unwrap_or(&vertex.bsdf);
+        let hit = FirstHit { hit: w.hits[i], time: at.time, surface, wo: vertex.wo, bsdf };
+        w.first_hits.record(w.arriving.state.radiance_index[i] as usize, &hit, &self.shown());
     }
 
     /// The context of AOVs.

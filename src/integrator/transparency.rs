@@ -15,6 +15,7 @@ use super::interior::CameraInterior;
 use super::sampling::RandomChoice;
 use super::shading_geometry::{HitPoint, scattering_normal};
 use super::shading_groups::SortedVertices;
+use super::stages::Stages;
 use super::visibility::LIGHT_SAMPLE_KINDS;
 use super::wave::{LightLanes, OptionalState, PathState, Vertices, Wave, get, get_rgb, set_rgb};
 use super::workspace::{SampleTimes, Workspace};
@@ -145,8 +146,7 @@ impl Integrator<'_> {
             times,
             ..
         } = w;
-        let (pending, pending_rays, pending_hits) =
-            (&mut w.pending, &mut w.pending_rays, &mut w.pending_hits);
+        let (pending, rays, pending_hits) = (&mut w.pending, &mut w.pending_rays, &mut w.pending_hits);
         let (shadow_segments, passed_kinds) = (&mut w.shadow_segments, &mut w.passed_kinds);
         let Wave { paths, vertices: Vertices { light, .. }, .. } = &mut **wave;
         let sample = |&vertex: &u32| paths.state.radiance_index[vertex as usize];
@@ -155,10 +155,10 @@ impl Integrator<'_> {
             if pending.is_empty() {
                 return;
             }
-            pending_rays.clear();
-            pending_rays.extend(pending.iter().map(|&k| shadow_rays[k as usize]));
+            rays.clear();
+            rays.extend(pending.iter().map(|&k| shadow_rays[k as usize]));
             let samples = pending.iter().map(|&k| sample(&shadow_vertices[k as usize]));
-            self.intersect_past((times, samples), pending_rays, &mut crowded, pending_hits);
+            self.intersect_past((times, samples), rays, &mut crowded, pending_hits);
             ray_counts.all += pending.len() as u64;
             let (mut at, mut kept) = (0, 0);
             let mut advance_past = |ray: &mut Ray, hit: Hit, time: f32| {
@@ -180,19 +180,12 @@ impl Integrator<'_> {
                     return true;
                 }
                 let uniform = || RandomChoice::ShadowAlpha { surface: pass }.uniform(path, i, bounce);
-                match self.response(&shadow_rays[k], &hit, time, LIGHT_SAMPLE_KINDS, uniform) {
-                    HitResponse::Stops
-                        if self.shadow_ray_passes_thin_glass(i, &shadow_rays[k], &hit, time, light) => {}
-                    HitResponse::Stops => {
-                        occluded[k] = true;
-                        return false;
-                    }
-                    HitResponse::Passes => {}
-                    HitResponse::PassUnseen(others) => {
-                        if let Some(passed) = passed_kinds.get_mut(k) {
-                            *passed = passed.with(others);
-                        }
-                    }
+                let response = self.response(&shadow_rays[k], &hit, time, LIGHT_SAMPLE_KINDS, uniform);
+                let ray = &shadow_rays[k];
+                let passes_glass = || self.shadow_ray_passes_thin_glass(i, ray, &hit, time, light);
+                if response.blocks(passes_glass, passed_kinds.get_mut(k)) {
+                    occluded[k] = true;
+                    return false;
                 }
                 let (way, wavelengths) =
                     (shadow_segments.get_mut(k), times.wavelengths(path.radiance_index[i]));
@@ -361,6 +354,23 @@ enum HitResponse {
     PassUnseen(RayKinds),
 }
 
+impl HitResponse {
+    /// Does the surface occlude a light sample? Thin glass may not, and surfaces that the sample's own kind doesn't see do not,
+    /// which is recorded in `passed`.
+    fn blocks(self, passes_thin_glass: impl FnOnce() -> bool, passed: Option<&mut RayKinds>) -> bool {
+        match self {
+            HitResponse::Stops => !passes_thin_glass(),
+            HitResponse::Passes => false,
+            HitResponse::PassUnseen(others) => {
+                if let Some(passed) = passed {
+                    *passed = passed.with(others);
+                }
+                false
+            }
+        }
+    }
+}
+
 impl Integrator<'_> {
     /// Does the ray of arriving path `i` pass the thin glass that it hit, if it is some? Weights the path's throughput.
     pub(super) fn passes_thin_glass(
@@ -527,7 +537,12 @@ impl Integrator<'_> {
 
     /// Traces the samples that see shadow catchers again without casters, and records both radiances. False if `stop`
     /// interrupted it.
-    pub(super) fn trace_without_casters(&self, w: &mut Workspace, stop: &dyn Fn() -> bool) -> bool {
+    pub(super) fn trace_without_casters(
+        &self,
+        stages: &Stages,
+        w: &mut Workspace,
+        stop: &dyn Fn() -> bool,
+    ) -> bool {
         if w.catcher_samples.is_empty() {
             return true;
         }
@@ -544,7 +559,7 @@ impl Integrator<'_> {
             }
         }
         w.excludes_casters = true;
-        let is_done = self.trace_paths(w, stop);
+        let is_done = self.trace_paths(stages, w, stop);
         w.excludes_casters = false;
         for &sample in &samples {
             let (with, without) =

@@ -205,6 +205,25 @@ impl Lights {
         (!self.rectangles.is_empty()).then_some(&self.rectangles)
     }
 
+    /// The scene's light, if there is one alone and it is a [`UniformRectangle`] that stands still.
+    pub fn single_rectangle(&self) -> Option<UniformRectangle> {
+        match self.rectangles()? {
+            [numbers] => Some(UniformRectangle::unpack(*numbers)),
+            _ => None,
+        }
+    }
+
+    /// The scene's light, if there is one alone and it is an environment image that is sampled, without portals.
+    pub fn single_environment_image(&self) -> Option<&super::ImageMap> {
+        let is_single = |e: &&EnvironmentLight| self.len() == 1 && e.is_sampled() && !e.has_portals();
+        self.environment().filter(is_single).and_then(EnvironmentLight::image_map)
+    }
+
+    /// Is there one light alone, of a kind that is sampled at many vertices at a time?
+    pub fn is_vectorised(&self) -> bool {
+        self.single_rectangle().is_some() || self.single_environment_image().is_some()
+    }
+
     /// The environment.
     #[inline(always)]
     pub fn environment(&self) -> Option<&EnvironmentLight> {

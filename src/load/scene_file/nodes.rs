@@ -33,33 +33,35 @@ struct Links<'g, 'a> {
     own: &'g str,
 }
 
-/// The texture that a table describes; `None` after a problem.
-pub(super) fn read<'a>(
-    textures: &mut Textures<'a>,
-    build: &mut SceneFileBuilder,
-    fields: &Fields<'a>,
-    own: &str,
-) -> Option<Texture> {
-    let result = fields.require("result", fields.raw("result"));
-    let table = fields.require("nodes", fields.table("nodes"))?;
-    let mut kinds = Vec::new();
-    for (name, value) in table.entries() {
-        kinds.push((name, kind(build, name, value)?));
+impl<'a> Textures<'a> {
+    /// The texture that a table describes; `None` after a problem.
+    pub(super) fn nodes(
+        &mut self,
+        build: &mut SceneFileBuilder,
+        fields: &Fields<'a>,
+        own: &str,
+    ) -> Option<Texture> {
+        let result = fields.require("result", fields.raw("result"));
+        let table = fields.require("nodes", fields.table("nodes"))?;
+        let mut kinds = Vec::new();
+        for (name, value) in table.entries() {
+            kinds.push((name, kind(build, name, value)?));
+        }
+        let named = kinds.clone();
+        let mut links = Links { nodes: &named, textures: self, own };
+        let mut nodes = Vec::new();
+        for ((name, value), (_, mut kind)) in table.entries().zip(kinds) {
+            let inputs = node(build, &mut links, name, value, &mut kind);
+            nodes.push(Node { kind, inputs: inputs? });
+        }
+        let result = links.input(build, result?)?;
+        let graph = NodeGraph { nodes, result };
+        let problems = graph.problems();
+        for problem in &problems {
+            build.problems.push(fields.span(), format!("{}: {problem}", fields.what()));
+        }
+        problems.is_empty().then(|| Texture::Nodes(Arc::new(graph)))
     }
-    let named = kinds.clone();
-    let mut links = Links { nodes: &named, textures, own };
-    let mut nodes = Vec::new();
-    for ((name, value), (_, mut kind)) in table.entries().zip(kinds) {
-        let inputs = node(build, &mut links, name, value, &mut kind);
-        nodes.push(Node { kind, inputs: inputs? });
-    }
-    let result = links.input(build, result?)?;
-    let graph = NodeGraph { nodes, result };
-    let problems = graph.problems();
-    for problem in &problems {
-        build.problems.push(fields.span(), format!("{}: {problem}", fields.what()));
-    }
-    problems.is_empty().then(|| Texture::Nodes(Arc::new(graph)))
 }
 
 /// The kind that a node's `type` names.

@@ -28,7 +28,6 @@
 
 use super::builder::SceneFileBuilder;
 use super::fields::{Fields, color, named, number, numbers};
-use super::nodes;
 use crate::color::spectral::Curve;
 use crate::error::Error;
 use crate::image::{Damage, Encoding, Image, Pixels};
@@ -209,7 +208,7 @@ impl<'a> Textures<'a> {
             TextureType::Own => self.own(build, &fields),
             TextureType::Normal => Some(Texture::Normal),
             TextureType::Facing => facing(&fields),
-            TextureType::Nodes => nodes::read(self, build, &fields, name),
+            TextureType::Nodes => self.nodes(build, &fields, name),
             TextureType::Spectrum => read_spectrum(&fields).map(|curve| Texture::Spectrum(Arc::new(curve))),
             TextureType::Noise(kind) => Some(noise(&fields, kind)),
         };

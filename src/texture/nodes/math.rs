@@ -99,6 +99,16 @@ pub fn scalar(operation: MathOperation, a: f32, b: f32, c: f32) -> f32 {
         MathOperation::Compare => flag(a == b || (a - b).abs() <= c.max(f32::EPSILON)),
         MathOperation::SmoothMin => smooth_min(a, b, c),
         MathOperation::SmoothMax => -smooth_min(-a, -b, c),
+        MathOperation::Radians => a * (std::f32::consts::PI / 180.0),
+        MathOperation::Degrees => a * (180.0 / std::f32::consts::PI),
+        _ => rounding(operation, a, b, c),
+    }
+}
+
+/// The same for operations that round or repeat.
+#[inline(always)]
+fn rounding(operation: MathOperation, a: f32, b: f32, c: f32) -> f32 {
+    match operation {
         MathOperation::Round => (a + 0.5).floor(),
         MathOperation::Floor => a.floor(),
         MathOperation::Ceil => a.ceil(),
@@ -124,6 +134,14 @@ pub fn scalar(operation: MathOperation, a: f32, b: f32, c: f32) -> f32 {
             let turns = divide(a - b, b * 2.0);
             if b == 0.0 { 0.0 } else { ((turns - turns.floor()) * b * 2.0 - b).abs() }
         }
+        _ => trigonometry(operation, a, b),
+    }
+}
+
+/// The same for functions of angles.
+#[inline(always)]
+fn trigonometry(operation: MathOperation, a: f32, b: f32) -> f32 {
+    match operation {
         MathOperation::Sine => sin(a),
         MathOperation::Cosine => cos(a),
         MathOperation::Tangent => divide(sin(a), cos(a)),
@@ -133,12 +151,10 @@ pub fn scalar(operation: MathOperation, a: f32, b: f32, c: f32) -> f32 {
         MathOperation::ArcTan2 => poly::atan2(a, b),
         MathOperation::SinH => hyperbolic(a).0,
         MathOperation::CosH => hyperbolic(a).1,
-        MathOperation::TanH => {
+        _ => {
             let (sinh, cosh) = hyperbolic(a.clamp(-20.0, 20.0));
             sinh / cosh
         }
-        MathOperation::Radians => a * (std::f32::consts::PI / 180.0),
-        MathOperation::Degrees => a * (180.0 / std::f32::consts::PI),
     }
 }
 
