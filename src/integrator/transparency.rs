@@ -149,15 +149,13 @@ impl Integrator<'_> {
         let (pending, rays, pending_hits) = (&mut w.pending, &mut w.pending_rays, &mut w.pending_hits);
         let (shadow_segments, passed_kinds) = (&mut w.shadow_segments, &mut w.passed_kinds);
         let Wave { paths, vertices: Vertices { light, .. }, .. } = &mut **wave;
-        let sample = |&vertex: &u32| paths.state.radiance_index[vertex as usize];
         let mut crowded: Vec<(usize, Hit, f32)> = Vec::new();
-        for pass in 0..MAX_PASSED_SURFACES {
-            if pending.is_empty() {
-                return;
-            }
+        let mut passes = 0..MAX_PASSED_SURFACES;
+        while let Some(pass) = passes.next().filter(|_| !pending.is_empty()) {
             rays.clear();
             rays.extend(pending.iter().map(|&k| shadow_rays[k as usize]));
-            let samples = pending.iter().map(|&k| sample(&shadow_vertices[k as usize]));
+            let samples =
+                pending.iter().map(|&k| paths.state.radiance_index[shadow_vertices[k as usize] as usize]);
             self.intersect_past((times, samples), rays, &mut crowded, pending_hits);
             ray_counts.all += pending.len() as u64;
             let (mut at, mut kept) = (0, 0);
@@ -187,9 +185,9 @@ impl Integrator<'_> {
                     occluded[k] = true;
                     return false;
                 }
-                let (way, wavelengths) =
+                let (segment, waves) =
                     (shadow_segments.get_mut(k), times.wavelengths(path.radiance_index[i]));
-                self.cross_with_shadow_ray(i, &shadow_rays[k], (&hit, time), way, light, wavelengths);
+                self.cross_with_shadow_ray(i, &shadow_rays[k], (&hit, time), segment, light, waves);
                 advance_past(&mut shadow_rays[k], hit, time);
                 true
             });

@@ -121,7 +121,7 @@ mod tests {
             return;
         }
         let this = std::env::current_exe().expect("this program");
-        let name = "load::guard::tests::only_panics_inside_are_silent";
+        let name = "load::decoders::tests::only_panics_inside_are_silent";
         let output = Command::new(this).args(["--exact", name, "--nocapture"]).env(INNER, "1").output();
         let output = output.expect("it runs");
         let printed = String::from_utf8_lossy(&output.stderr);
