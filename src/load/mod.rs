@@ -35,6 +35,7 @@ pub use upright::{Up, UpHint};
 
 use crate::error::{Choice, Error, Result, Warning};
 use formats::Format;
+use scene_file::sidecar::{self, Sidecar};
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -44,50 +45,18 @@ use std::path::Path;
 /// # Errors
 /// An input error with all problems of the file.
 pub fn load(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Loaded> {
-    let path = path.as_ref();
-    let options = &with_sidecar(path, options);
-    let format = formats::of(path);
-    let mut loaded = match format {
-        Format::Model(model) => (model.load)(path, options)?,
-        Format::SceneFile => scene_file::load(path, options)?,
-        Format::Blender => blender::load(path, options)?,
-        Format::Other => {
-            let extension = formats::extension(path);
-            return Err(Error::input(path, format!("files of type '.{extension}' can't be rendered"))
-                .with_help(way_to_a_scene(&extension)));
-        }
-    };
-    if is_of_blender(path) && options.shutter.is_open() {
-        let message = "what moves in files of Blender is not blurred: it is exported at one moment";
-        loaded.warnings.push(Warning::new(path, "", message));
-    }
-    let is_of_other_model = matches!(format, Format::Model(model) if !model.is_gltf);
-    if is_of_other_model && options.gltf.time_s.is_some() {
-        let message = "nothing moves in files of this type: every frame or moment is the same picture";
-        loaded.warnings.push(Warning::new(path, "", message));
-    }
-    let of_assets = gltf::GltfOptions { time_s: None, ..options.gltf.clone() };
-    if is_of_other_model && of_assets != gltf::GltfOptions::default() {
-        let message =
-            "choices about glTF assets (a scene, a node, a variant, lights, glass) change nothing here";
-        loaded.warnings.push(Warning::new(path, "", message));
-    }
-    subdivided::all(path, options, is_of_other_model, &mut loaded)?;
-    smoothed(path, options, is_of_other_model, &mut loaded);
-    if matches!(format, Format::Model(model) if model.leaves_up_open) {
-        upright::apply(path, options, &mut loaded, false);
-    } else if !matches!(options.up, Up::Auto | Up::Y) {
-        let message = "the choice of the axis that points up changes nothing here";
-        loaded.warnings.push(Warning::new(path, "", message));
-    }
-    complete(path, options, &mut loaded)?;
-    Ok(loaded)
+    let mut scene = Loaded::default();
+    load_each(path.as_ref(), options, [options.gltf.time_s], &mut |loaded| {
+        scene = std::mem::take(loaded);
+        Ok(ControlFlow::Break(()))
+    })?;
+    Ok(scene)
 }
 
-/// Loads the same scene at one moment (seconds) after another and hands each to `each`, until that breaks off. Of a glTF
-/// file everything that doesn't move is read once: the file itself, images, materials, and meshes that neither a skin nor
-/// morph targets deform. `each` may change the scene it gets, but not its first meshes. Files of other types are loaded
-/// for every moment.
+/// Loads the same scene at several times (seconds), in order, and calls `each` with every one until it breaks. Of a glTF
+/// file everything that isn't animated is read once: the file itself, images, materials, and meshes that neither a skin
+/// nor morph targets deform. `each` may change the scene, but not its first meshes. Files of other types are loaded anew
+/// for every time.
 ///
 /// # Errors
 /// As for [`load`], and those of `each`.
@@ -97,25 +66,48 @@ pub fn load_moments(
     moments: impl IntoIterator<Item = f64>,
     each: &mut dyn FnMut(&mut Loaded) -> Result<ControlFlow<()>>,
 ) -> Result<()> {
-    let path = path.as_ref();
-    let options = &with_sidecar(path, options);
-    let mut moments = moments.into_iter().map(Some);
-    if matches!(formats::of(path), Format::Model(model) if model.is_gltf) {
-        return gltf::load_moments(path, options, moments, &mut |loaded| {
-            complete(path, options, loaded)?;
+    load_each(path.as_ref(), options, moments.into_iter().map(Some), each)
+}
+
+/// The loader of all functions above; without a time (`None`) animations don't play.
+fn load_each(
+    path: &Path,
+    options: &LoadOptions,
+    moments: impl IntoIterator<Item = Option<f64>>,
+    each: &mut dyn FnMut(&mut Loaded) -> Result<ControlFlow<()>>,
+) -> Result<()> {
+    let format = formats::of(path);
+    let text = match format {
+        Format::Model(_) if !options.no_sidecar => sidecar::text_for(path, options)?,
+        _ => None,
+    };
+    let sidecar = text.as_ref().map(Sidecar::parse);
+    let mut options = sidecar.as_ref().map_or_else(|| options.clone(), |s| s.reader_options(options));
+    options.keeps_polygons |= options.subdivision.is_some();
+    if matches!(format, Format::Model(model) if model.is_gltf) {
+        return gltf::load_moments(path, &options, moments, &mut |loaded| {
+            complete(path, &options, sidecar.as_ref(), loaded)?;
             each(loaded)
         });
     }
-    let ended = moments.try_for_each(|time_s| {
-        let options =
-            LoadOptions { gltf: gltf::GltfOptions { time_s, ..options.gltf.clone() }, ..options.clone() };
-        match load(path, &options).and_then(|mut loaded| each(&mut loaded)) {
-            Ok(ControlFlow::Continue(())) => ControlFlow::Continue(()),
-            Ok(ControlFlow::Break(())) => ControlFlow::Break(Ok(())),
-            Err(error) => ControlFlow::Break(Err(error)),
+    for time_s in moments {
+        options.gltf.time_s = time_s;
+        let mut loaded = match format {
+            Format::Model(model) => (model.load)(path, &options)?,
+            Format::SceneFile => scene_file::load(path, &options)?,
+            Format::Blender => blender::load(path, &options)?,
+            Format::Other => {
+                let extension = formats::extension(path);
+                return Err(Error::input(path, format!("files of type '.{extension}' can't be rendered"))
+                    .with_help(conversion_hint(&extension)));
+            }
+        };
+        complete(path, &options, sidecar.as_ref(), &mut loaded)?;
+        if each(&mut loaded)?.is_break() {
+            break;
         }
-    });
-    ended.break_value().unwrap_or(Ok(()))
+    }
+    Ok(())
 }
 
 /// Loads the frames of a sequence in order and calls `each` with every one until it breaks. Frames of a `.blend`
@@ -143,18 +135,6 @@ pub fn load_frames(
     Ok(())
 }
 
-/// With what is to be known of the file beside a model before the model is read: its shutter, where its lights stand, and whether
-/// something is subdivided.
-fn with_sidecar(path: &Path, options: &LoadOptions) -> LoadOptions {
-    let asks_sidecar = matches!(formats::of(path), Format::Model(_)) && !options.no_sidecar;
-    let mut options = match asks_sidecar {
-        true => scene_file::sidecar::asked_first(path, options),
-        false => options.clone(),
-    };
-    options.keeps_polygons |= options.subdivision.is_some();
-    options
-}
-
 /// Does its name say that a file is one of Blender?
 pub fn is_of_blender(path: impl AsRef<Path>) -> bool {
     matches!(formats::of(path.as_ref()), Format::Blender)
@@ -165,8 +145,8 @@ pub fn is_named_as_scene(path: impl AsRef<Path>) -> bool {
     !matches!(formats::of(path.as_ref()), Format::Other)
 }
 
-/// The way to a scene from a file of another program, by its ending.
-fn way_to_a_scene(extension: &str) -> String {
+/// How to get a scene from a file of another program, by its extension.
+fn conversion_hint(extension: &str) -> String {
     let way = match extension {
         "fbx" | "dae" | "3ds" | "max" | "ma" | "mb" | "c4d" | "abc" | "usd" | "usda" | "usdc" | "usdz"
         | "stl" => "import it into Blender and export it as glTF (.glb)",
@@ -194,24 +174,58 @@ fn smoothed(path: &Path, options: &LoadOptions, is_of_meshes: bool, loaded: &mut
     }
 }
 
-/// Adds what lies beside a model and what bare models lack, and checks the whole.
-fn complete(path: &Path, options: &LoadOptions, loaded: &mut Loaded) -> Result<()> {
-    if matches!(formats::of(path), Format::Model(_)) && !options.no_sidecar {
-        let beside = scene_file::sidecar::path_for(path);
-        options.files.note(&beside);
-        match beside.is_file() {
-            true => scene_file::sidecar::apply(&beside, options, loaded)?,
-            false => gltf::warn_of_losses(path, loaded),
-        }
+/// The steps that follow reading, for all formats: options that apply to meshes, the sidecar, the up axis, displacement,
+/// the stage of models without camera or light, and validation.
+fn complete(
+    path: &Path,
+    options: &LoadOptions,
+    sidecar: Option<&Sidecar>,
+    loaded: &mut Loaded,
+) -> Result<()> {
+    let format = formats::of(path);
+    let model = match format {
+        Format::Model(model) => Some(model),
+        _ => None,
+    };
+    let is_mesh_file = model.is_some_and(|model| !model.is_gltf);
+    warn_of_unused_options(path, options, is_mesh_file, loaded);
+    subdivided::all(path, options, is_mesh_file, loaded)?;
+    smoothed(path, options, is_mesh_file, loaded);
+    let leaves_up_open = model.is_some_and(|model| model.leaves_up_open);
+    if leaves_up_open {
+        upright::turn_as_asked(options, loaded);
+    } else if !matches!(options.up, Up::Auto | Up::Y) {
+        let message = "the choice of the axis that points up changes nothing here";
+        loaded.warnings.push(Warning::new(path, "", message));
     }
-    if matches!(formats::of(path), Format::Model(model) if model.leaves_up_open) {
-        upright::apply(path, options, loaded, true);
+    match sidecar {
+        Some(sidecar) => sidecar.apply(options, loaded)?,
+        None if model.is_some() && !options.no_sidecar => gltf::warn_of_losses(path, loaded),
+        None => {}
     }
-    // Meshes have been subdivided, and those of the next moment are others.
+    if leaves_up_open {
+        upright::turn_as_guessed(path, options, loaded);
+    }
+    // Subdivision is complete; the meshes of the next moment differ.
     loaded.polygons = subdivide::Polygons::default();
     displace::apply(loaded);
-    loaded.is_model = matches!(formats::of(path), Format::Model(_));
+    loaded.is_model = model.is_some();
     stage::complete(loaded, &options.stage, options.brings_environment);
     let problems = loaded.scene.validate();
     if problems.is_empty() { Ok(()) } else { Err(Error::input_problems(path, problems)) }
+}
+
+/// Warns of options that have no effect on files of this type.
+fn warn_of_unused_options(path: &Path, options: &LoadOptions, is_mesh_file: bool, loaded: &mut Loaded) {
+    let mut warn = |message: &str| loaded.warnings.push(Warning::new(path, "", message));
+    if is_of_blender(path) && options.shutter.is_open() {
+        warn("what moves in files of Blender is not blurred: it is exported at one moment");
+    }
+    if is_mesh_file && options.gltf.time_s.is_some() {
+        warn("nothing moves in files of this type: every frame or moment is the same picture");
+    }
+    let of_assets = gltf::GltfOptions { time_s: None, ..options.gltf.clone() };
+    if is_mesh_file && of_assets != gltf::GltfOptions::default() {
+        warn("choices about glTF assets (a scene, a node, a variant, lights, glass) change nothing here");
+    }
 }

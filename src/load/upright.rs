@@ -33,18 +33,19 @@ fn stand_all(loaded: &mut Loaded, up: Up) {
     loaded.offset = up.rotation() * loaded.offset;
 }
 
-/// Turns a model of a format that leaves its axis open: before anything is put beside it where the caller says how
-/// (`is_last` is false), else when all is there, and only where neither camera nor lights show what is meant.
-pub(super) fn apply(path: &Path, options: &LoadOptions, loaded: &mut Loaded, is_last: bool) {
+/// Turns a model to the up axis of the options, before the sidecar is added, whose coordinates are those of the turned
+/// model.
+pub(super) fn turn_as_asked(options: &LoadOptions, loaded: &mut Loaded) {
     if options.up != Up::Auto {
-        if !is_last {
-            stand_all(loaded, options.up);
-        }
-        return;
+        stand_all(loaded, options.up);
     }
+}
+
+/// Turns a model whose up axis neither the options say nor a camera, a light or an environment implies.
+pub(super) fn turn_as_guessed(path: &Path, options: &LoadOptions, loaded: &mut Loaded) {
     let scene = &loaded.scene;
     let is_bare = scene.cameras.is_empty() && scene.lights.is_empty();
-    if !is_last || !is_bare || scene.environment != Environment::Black {
+    if options.up != Up::Auto || !is_bare || scene.environment != Environment::Black {
         return;
     }
     let (up, why) = up(loaded);

@@ -9,7 +9,8 @@ mod process;
 pub use crate::load::options::BlenderOptions;
 pub use cache::default_cache;
 
-use super::{LoadOptions, Loaded, SavedFiles, ShutterOptions, gltf, scene_file};
+use super::scene_file::sidecar::{self, Sidecar};
+use super::{LoadOptions, Loaded, SavedFiles, ShutterOptions, gltf};
 use crate::error::{Error, Result, Warning};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -95,13 +96,14 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
 }
 
 fn read(exported: &Exported, options: &LoadOptions) -> Result<Loaded> {
-    let options = &scene_file::sidecar::asked_first(&exported.model, options);
+    let text = sidecar::text_for(&exported.model, options)?;
+    let sidecar = text.as_ref().map(Sidecar::parse);
+    let options = &sidecar.as_ref().map_or_else(|| options.clone(), |s| s.reader_options(options));
     let mut loaded = gltf::load(&exported.model, options)?;
-    let beside = scene_file::sidecar::path_for(&exported.model);
-    if beside.is_file() {
+    if let Some(sidecar) = sidecar {
         let notes = loaded.notes.len();
-        scene_file::sidecar::apply(&beside, options, &mut loaded)?;
-        // That there is such a file is no news here.
+        sidecar.apply(options, &mut loaded)?;
+        // The user didn't write that file: no note about it.
         loaded.notes.truncate(notes);
     }
     Ok(loaded)

@@ -55,7 +55,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
 }
 
 /// The text of a scene file or a sidecar.
-struct TomlText {
+pub(in crate::load) struct TomlText {
     path: PathBuf,
     text: String,
 }

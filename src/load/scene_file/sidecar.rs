@@ -24,37 +24,30 @@ pub fn path_for(model: &Path) -> PathBuf {
     model.with_extension("oscura.toml")
 }
 
-/// The options with those settings of a model's sidecar that the model's reader needs; see [`Sidecar::reader_options`].
-pub(in crate::load) fn asked_first(model: &Path, options: &LoadOptions) -> LoadOptions {
-    match TomlText::read(&path_for(model), options) {
-        Ok(text) => Sidecar::parse(&text).reader_options(options),
-        Err(_) => options.clone(),
-    }
-}
-
-/// Adds the sidecar at `path` to its model, with a note about it.
+/// The text of the sidecar next to a model; `None` where there is none.
 ///
 /// # Errors
-/// All problems of that file.
-pub(in crate::load) fn apply(path: &Path, options: &LoadOptions, loaded: &mut Loaded) -> Result<()> {
-    let text = TomlText::read(path, options)?;
-    Sidecar::parse(&text).apply(options, loaded)
+/// An input error if the file can't be read or isn't UTF-8.
+pub(in crate::load) fn text_for(model: &Path, options: &LoadOptions) -> Result<Option<TomlText>> {
+    let path = path_for(model);
+    options.files.note(&path);
+    path.is_file().then(|| TomlText::read(&path, options)).transpose()
 }
 
 /// The sidecar of a model, parsed.
-struct Sidecar<'t> {
+pub(in crate::load) struct Sidecar<'t> {
     file: TomlFile<'t>,
 }
 
 impl<'t> Sidecar<'t> {
     /// Syntax errors are reported by [`Sidecar::apply`].
-    fn parse(text: &'t TomlText) -> Sidecar<'t> {
+    pub fn parse(text: &'t TomlText) -> Sidecar<'t> {
         Sidecar { file: TomlFile::parse(text) }
     }
 
     /// The options with those settings of the sidecar that the model's reader needs: the shutter, the empty nodes at which
     /// lights are placed, and whether some mesh is subdivided. Problems of the file are reported by [`Sidecar::apply`].
-    fn reader_options(&self, options: &LoadOptions) -> LoadOptions {
+    pub fn reader_options(&self, options: &LoadOptions) -> LoadOptions {
         let problems = Problems::new(self.file.text);
         let root = self.file.root(true, &problems);
         let shutter = camera::shutter_options(options.shutter, &root);
@@ -67,7 +60,7 @@ impl<'t> Sidecar<'t> {
     ///
     /// # Errors
     /// All problems of the file.
-    fn apply(&self, options: &LoadOptions, loaded: &mut Loaded) -> Result<()> {
+    pub fn apply(&self, options: &LoadOptions, loaded: &mut Loaded) -> Result<()> {
         *loaded = self.file.add_to(std::mem::take(loaded), options, true)?;
         loaded.notes.push(Warning::new(self.file.path, "", self.note()));
         Ok(())

@@ -137,13 +137,14 @@ pub(super) struct Outline {
 impl Outline {
     /// Of a scene, relative to `offset`. A scene without objects gets a box of 2 m.
     pub fn of(scene: &Scene, offset: DVec3) -> Outline {
-        let bounds = scene_extent(scene, &instance_extents(scene)).0;
+        let extents = instance_extents(scene);
+        let bounds = scene_extent(scene, &extents).0;
         let fits = |p: DVec3| p.is_finite() && p.abs().max_element() < FARTHEST;
         let Some((min, max)) = bounds.filter(|&(min, max)| fits(min) && fits(max)) else {
             let (min, max) = (DVec3::splat(-1.0), DVec3::splat(1.0));
             return Outline { points: corners(min, max).to_vec(), min, max, stray: None };
         };
-        let limit = limit(scene);
+        let limit = limit(scene, &extents);
         let visit = |each: &mut dyn FnMut(DVec3)| {
             let mut near = |p: DVec3| {
                 if limit.as_ref().is_none_or(|limit| limit.holds(p)) {
@@ -310,8 +311,7 @@ impl Limit {
 
 /// Finds the gap that separates outliers from the scene; `None` where there is no such gap. The scene
 /// need not be valid.
-pub(super) fn limit(scene: &Scene) -> Option<Limit> {
-    let extents = instance_extents(scene);
+fn limit(scene: &Scene, extents: &[Extent]) -> Option<Limit> {
     let items = items(scene);
     let middle = median(&items)?;
     let all: f64 = items.iter().map(|item| item.weight).sum();
@@ -322,7 +322,7 @@ pub(super) fn limit(scene: &Scene) -> Option<Limit> {
     for &(near, its_far, its_weight) in &reach {
         if near > GAP * far && far > 0.0 && weight >= MOST * all {
             let distance = 0.5 * (far + near);
-            let beyond = beyond(scene, &extents, middle, distance, near);
+            let beyond = beyond(scene, extents, middle, distance, near);
             return Some(Limit { middle, distance, beyond });
         }
         far = far.max(its_far);
