@@ -121,6 +121,12 @@ impl Error {
         }
     }
 
+    /// Names the file of an error that names none.
+    pub fn in_file(mut self, file: &Path) -> Error {
+        self.file.get_or_insert_with(|| file.to_path_buf());
+        self
+    }
+
     /// Adds a remedy to the last problem.
     pub fn with_help(mut self, help: impl Into<String>) -> Error {
         if let Some(problem) = self.problems.last_mut() {

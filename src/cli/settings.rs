@@ -203,9 +203,10 @@ pub(super) fn prepare(
     compiler.set_tree(settled.tree(wants.pictures));
     compiler.keep_uv(wants.keeps_uv || settled.options.aovs.contains(Aov::Uv));
     compiler.set_texture_memory(texture_memory(args));
-    let telling = ProgressTarget::of(args.quiet, args.long.progress);
-    let waiting = StageProgress::new(telling, "build", compiler.gauge());
-    let (scene, mut build) = compiler.compile(&loaded.scene, settled.shading, &camera, size)?;
+    let waiting =
+        StageProgress::new(ProgressTarget::of(args.quiet, args.long.progress), "build", compiler.gauge());
+    let compiled = compiler.compile(&loaded.scene, settled.shading, &camera, size);
+    let (scene, mut build) = compiled.map_err(|error| error.in_file(&args.scene))?;
     drop(waiting);
     warnings.append(&mut build.warnings);
     let (mut notes, mut left_out) = (std::mem::take(&mut loaded.notes), std::mem::take(&mut loaded.left_out));
