@@ -199,15 +199,9 @@ pub(super) fn prepare(
         settled.options = settled.options.size(framed.size.0, framed.size.1).region(framed.region);
     }
     check_memory_before_building(args, loaded, &settled)?;
-    let size = (settled.options.width, settled.options.height);
     compiler.set_tree(settled.tree(wants.pictures));
     compiler.keep_uv(wants.keeps_uv || settled.options.aovs.contains(Aov::Uv));
-    compiler.set_texture_memory(texture_memory(args));
-    let waiting =
-        StageProgress::new(ProgressTarget::of(args.quiet, args.long.progress), "build", compiler.gauge());
-    let compiled = compiler.compile(&loaded.scene, settled.shading, &camera, size);
-    let (scene, mut build) = compiled.map_err(|error| error.in_file(&args.scene))?;
-    drop(waiting);
+    let (scene, mut build) = compiled(args, compiler, &loaded.scene, &settled, &camera)?;
     warnings.append(&mut build.warnings);
     let (mut notes, mut left_out) = (std::mem::take(&mut loaded.notes), std::mem::take(&mut loaded.left_out));
     notes.extend(build.notes.iter().cloned());
@@ -230,6 +224,22 @@ pub(super) fn prepare(
         warnings,
         left_out,
     })
+}
+
+/// Compiles the scene, with a progress bar. Errors name the scene's file.
+fn compiled(
+    args: &RenderArgs,
+    compiler: &mut Compiler,
+    scene: &Scene,
+    settled: &Settled,
+    camera: &Camera,
+) -> Result<(Arc<CompiledScene>, CompileReport)> {
+    compiler.set_texture_memory(texture_memory(args));
+    let size = (settled.options.width, settled.options.height);
+    let target = ProgressTarget::of(args.quiet, args.long.progress);
+    let _progress = StageProgress::new(target, "build", compiler.gauge());
+    let compiled = compiler.compile(scene, settled.shading, camera, size);
+    compiled.map_err(|error| error.in_file(&args.scene))
 }
 
 /// What textures may take: a quarter of the machine's memory, unless the user says something else.
