@@ -153,7 +153,7 @@ impl Camera {
     }
 
     /// The unit vector of a direction along its axes: to the right, up, and ahead. (Those of a camera that turns are mixtures.)
-    fn to_world(&self, d: Vec3) -> Vec3 {
+    fn to_world(self, d: Vec3) -> Vec3 {
         (self.right * d.x + self.up * d.y + self.forward * d.z).normalize_or(self.forward)
     }
 

@@ -58,7 +58,8 @@ pub fn signed_noise<const N: usize>(p: [f32; N]) -> f32 {
     let (mut cell, mut inside) = ([0u32; N], [0.0f32; N]);
     for i in 0..N {
         let mut x = p[i];
-        if !(x.abs() < PERIOD) {
+        let is_near = x.abs() < PERIOD;
+        if !is_near {
             // Half a cell off the lattice where no coordinate has a fraction, or the noise would be 0.
             x = x % PERIOD + if x.abs() >= 1_000_000.0 { 0.5 } else { 0.0 };
         }
