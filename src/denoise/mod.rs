@@ -1,8 +1,8 @@
 //! Denoising: from a picture with noise and guides (albedo and normal of the first surface) to one without.
 //!
-//! A network that was trained on pictures of path tracers proposes a picture ([`network`]). What it gets wrong shows in the
+//! A network that was trained on pictures of path tracers proposes a picture (`network`). What it gets wrong shows in the
 //! residual, the noisy picture minus the proposal, where that is larger than the noise: it is added back, scale by scale
-//! ([`residual`]). So brightness is conserved, and the error falls with the number of samples.
+//! (`residual`). So brightness is conserved, and the error falls with the number of samples.
 
 mod network;
 mod outliers;

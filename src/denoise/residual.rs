@@ -156,7 +156,8 @@ impl Scale {
     /// A plane of this scale at the resolution of the one before: linear between the middles of its pixels.
     fn doubled(&self, plane: &[f32], width: usize, height: usize) -> Vec<f32> {
         let near = |at: usize, size: usize| {
-            let other = if at.is_multiple_of(2) { (at / 2).saturating_sub(1) } else { (at / 2 + 1).min(size - 1) };
+            let other =
+                if at.is_multiple_of(2) { (at / 2).saturating_sub(1) } else { (at / 2 + 1).min(size - 1) };
             (at / 2, other)
         };
         let mut out = vec![0.0; width * height];

@@ -1,7 +1,7 @@
 //! Path tracing in waves (Laine, Karras, Aila 2013): a few thousand paths take each step together, so that rays are
 //! traced in batches and loops over paths vectorise.
 //!
-//! A wave starts at the camera; then each bounce runs through the list of [`stages`], which is the place to start reading.
+//! A wave starts at the camera; then each bounce runs through the list of `stages`, which is the place to start reading.
 //!
 //! Light that arrives directly is found in two ways, by sampling lights and by hitting them after scattering, weighted
 //! by the power heuristic (Veach 1997, section 9.2). Where paths are shared, they are cut at surfaces on their way and

@@ -12,7 +12,7 @@ use std::f32::consts::PI;
 
 /// All lights; their indices run through the area lights, the punctual lights, then the environment.
 ///
-/// See [`LightSampler`] for the choice of one of them.
+/// See `LightSampler` for the choice of one of them.
 #[derive(Clone, Debug)]
 pub struct Lights {
     area: Vec<AreaLight>,

@@ -15,7 +15,7 @@ macro_rules! lights {
         /// A light without a surface, ready for rendering.
         #[derive(Clone, Debug)]
         pub enum PunctualLight {
-            $(#[doc = concat!("A [`", stringify!($light), "`].")] $light($light),)*
+            $(#[doc = concat!("A `", stringify!($light), "`.")] $light($light),)*
         }
 
         impl PunctualLight {

@@ -330,7 +330,7 @@ impl Rendering {
     }
 
     /// Denoises the picture so far, its light passes and groups of lights, which add up to it afterwards as before. It should
-    /// have what [`denoising_guides`] names, and the halves of its samples apart
+    /// have what `denoising_guides` names, and the halves of its samples apart
     /// ([`Renderer::halves`](super::Renderer::halves)). Alpha stays. AOVs that are not in `keep` are left out afterwards.
     pub fn denoise(&mut self, keep: AovSet) {
         self.denoised = Some(denoise_film(&mut self.film, keep));
