@@ -442,15 +442,15 @@ impl SegmentHull {
         let mut hull = SegmentHull { inverse: [0.0; 6], near_offset: [0.0; 6], far_offset: [0.0; 6] };
         for axis in 0..3 {
             // The extreme direction for the lower plane of a box is the one that goes up farthest, and the other way round.
-            let offsets = [max[axis] - from[axis] + margin, min[axis] - from[axis] - margin];
-            for (upper, &offset) in offsets.iter().enumerate() {
+            let extents = [max[axis] - from[axis] + margin, min[axis] - from[axis] - margin];
+            for (upper, &extent) in extents.iter().enumerate() {
                 let plane = 2 * axis + upper;
-                let is_tiny = offset.abs() < SMALLEST;
-                let inverse = 1.0 / if is_tiny { SMALLEST.copysign(offset) } else { offset };
+                let is_tiny = extent.abs() < SMALLEST;
+                let inverse = 1.0 / if is_tiny { SMALLEST.copysign(extent) } else { extent };
                 let side = if upper == 0 { -margin } else { margin };
                 let offset = -(from[axis] - side) * inverse;
                 // Segments that go towards the box from this plane begin behind it; others end there.
-                let begins = (offset > 0.0) == (upper == 0);
+                let begins = (extent > 0.0) == (upper == 0);
                 hull.inverse[plane] = inverse;
                 hull.near_offset[plane] = if begins { offset } else { f32::NEG_INFINITY };
                 hull.far_offset[plane] = if begins { f32::INFINITY } else { offset };
