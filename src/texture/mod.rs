@@ -173,22 +173,15 @@ impl CompiledTextures {
         let mut pending = vec![id.index()];
         let mut known = vec![false; self.textures.len()];
         while let Some(at) = pending.pop() {
-            match self.textures.get(at) {
-                Some(Compiled::Facing(_)) => return true,
-                Some(Compiled::Nodes(program)) if program.depends_on_viewer() => return true,
-                Some(Compiled::Checker { even, odd, .. }) if !known[at] => {
+            let Some(texture) = self.textures.get(at) else { continue };
+            match texture {
+                Compiled::Facing(_) => return true,
+                Compiled::Nodes(program) if program.depends_on_viewer() => return true,
+                _ if known[at] => {}
+                _ => {
                     known[at] = true;
-                    pending.extend([*even as usize, *odd as usize]);
+                    pending.extend(texture.parts().into_iter().map(|part| part as usize));
                 }
-                Some(Compiled::Nodes(program)) if !known[at] => {
-                    known[at] = true;
-                    pending.extend(program.textures().map(TextureId::index));
-                }
-                Some(Compiled::Mix(parts)) if !known[at] => {
-                    known[at] = true;
-                    pending.extend(parts.map(|part| part as usize));
-                }
-                _ => {}
             }
         }
         false
@@ -347,6 +340,18 @@ enum Compiled {
     },
 }
 
+impl Compiled {
+    /// Textures that it is made of, directly, by number.
+    fn parts(&self) -> Vec<u32> {
+        match self {
+            Compiled::Checker { even, odd, .. } => vec![*even, *odd],
+            Compiled::Mix(parts) => parts.to_vec(),
+            Compiled::Nodes(program) => program.textures().map(|part| part.0).collect(),
+            _ => Vec::new(),
+        }
+    }
+}
+
 // Constant folding of nested textures, mixes, and rejection of cycles.
 
 /// A checker of two equal constants is a constant, and so is a mix of constants.
@@ -382,14 +387,7 @@ fn cut_endless_mixes(textures: &mut [Compiled]) {
     for _ in 0..=MAX_TEXTURE_NESTING {
         for i in 0..textures.len() {
             let depth = |part: u32| depths.get(part as usize).map_or(1, |depth: &u32| depth + 1);
-            depths[i] = match textures[i] {
-                Compiled::Checker { even, odd, .. } => depth(even).max(depth(odd)),
-                Compiled::Mix(parts) => parts.map(depth).into_iter().max().unwrap_or(1),
-                Compiled::Nodes(ref program) => {
-                    program.textures().map(|part| depth(part.0)).max().unwrap_or(1)
-                }
-                _ => 1,
-            };
+            depths[i] = textures[i].parts().into_iter().map(depth).max().unwrap_or(1);
         }
     }
     for (texture, depth) in textures.iter_mut().zip(depths) {

@@ -88,11 +88,6 @@ pub fn combine(model: ColorModel, components: Color) -> Color {
     }
 }
 
-/// Luminance (Rec. 709).
-pub fn luminance([r, g, b]: Color) -> f32 {
-    0.212_639 * r + 0.715_168_7 * g + 0.072_192_32 * b
-}
-
 /// Blends the second colour over the first.
 pub fn blend(mode: BlendMode, t: f32, a: Color, b: Color) -> Color {
     let rest = 1.0 - t;

@@ -6,6 +6,7 @@ use super::math;
 use super::noise::{Fractal, noise_texture};
 use super::patterns::{self, Wall, Wave};
 use super::voronoi::Voronoi;
+use crate::color::luminance;
 use crate::scene::TextureId;
 use crate::scene::nodes::{ClampType, Dimensions, FactorMode, MixType, NodeKind, RampInterpolation};
 use crate::texture::TexturePoint;
@@ -201,7 +202,7 @@ pub fn run<const LANES: usize>(step: &Compiled, points: &Points<'_>, r: &mut Reg
             }
         }
         Operation::Mean => r.each(step, |[x, y, z]: [f32; 3]| [(x + y + z) * (1.0 / 3.0)]),
-        Operation::Luminance => r.each(step, |c: [f32; 3]| [color::luminance(c)]),
+        Operation::Luminance => r.each(step, |c: [f32; 3]| [luminance(c)]),
         Operation::Ramp { table, interpolation: RampInterpolation::Linear } => {
             r.each(step, |[x]: [f32; 1]| [0, 1, 2, 3].map(|i| table.at(x, i)));
         }
@@ -294,7 +295,7 @@ fn colors<const LANES: usize>(kind: &NodeKind, step: &Compiled, r: &mut Register
         NodeKind::Invert {} => {
             r.each(step, |[f, x, y, z]: [f32; 4]| [x, y, z].map(|c| (1.0 - f) * c + f * (1.0 - c)));
         }
-        NodeKind::RgbToBw {} => r.each(step, |c: [f32; 3]| [color::luminance(c)]),
+        NodeKind::RgbToBw {} => r.each(step, |c: [f32; 3]| [luminance(c)]),
         NodeKind::Fresnel {} => {
             r.each(step, |[ior, cosine]: [f32; 2]| [math::fresnel(cosine, ior.max(1e-5))]);
         }
