@@ -13,6 +13,7 @@ use crate::error::Result;
 use crate::math::{Bounds3, DAffine3, DVec3, Mat3, Vec3, poly};
 use crate::scene::{MaterialId, Mesh, Moving, Scene};
 use crate::shape::{Analytic, CurveSegments, Quad, Shape as _};
+use crate::texture::AttributeList;
 use bevy_mikktspace::{Geometry, Ops, TangentSpace, generate_tangents};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
@@ -47,6 +48,7 @@ struct Needs {
     uv: [bool; 2],
     tangents: bool,
     colors: bool,
+    attributes: bool,
 }
 
 /// Makes geometry for a scene whose world's origin moves to `origin`.
@@ -74,7 +76,7 @@ pub(super) fn bake(
     let spaces = wanted.par_iter().filter(|step| step.mode != InstanceMode::Merged).map(|step| {
         let id = scene.instances[step.instance].mesh;
         let number = |id: MaterialId| plan.numbers.number(id, &plan.mesh_traits[step.geometry]);
-        let mut space = share((mesh(step), plan.is_inside_out(id)), number, of_shared);
+        let mut space = share((mesh(step), plan.is_inside_out(id)), number, (of_shared, &plan.attributes));
         if step.mode == InstanceMode::Moving {
             space.take_keys(scene, id);
         }
@@ -96,7 +98,7 @@ pub(super) fn bake(
                 world.owners.begin(world.shapes.triangles.len(), numbering.instance(step.instance));
                 let number = |id: MaterialId| plan.numbers.number(id, &instance.traits);
                 let placed = (&step.world_from_object, plan.is_inside_out(instance.mesh));
-                world.append(mesh, (instance.material, number), placed, needs, is_hidden);
+                world.append(mesh, (instance.material, number), placed, (needs, &plan.attributes), is_hidden);
             }
             world.append_shapes(scene, materials, origin, &numbering, plan);
             world.append_curves(scene, materials, origin, &numbering, &plan.numbers)?;
@@ -208,6 +210,7 @@ fn needs_of(used: impl Iterator<Item = MaterialId>, materials: &[CompiledMateria
         needs.uv = needs.uv.map(|uv| uv | material.uses_uv);
         needs.tangents |= material.uses_tangents();
         needs.colors |= material.uses_vertex_colors;
+        needs.attributes |= material.reads_hit;
     }
     needs
 }
@@ -221,12 +224,17 @@ impl Needs {
             uv: [keeps_uv, false].map(|keeps| keeps || any(|m| m.uses_uv)),
             tangents: any(CompiledMaterial::uses_tangents),
             colors: any(|m| m.uses_vertex_colors),
+            attributes: any(|m| m.reads_hit),
         }
     }
 }
 
 /// A mesh in a space of its own.
-fn share((mesh, is_inside_out): (&Mesh, bool), number: impl Fn(MaterialId) -> u32, needs: Needs) -> Space {
+fn share(
+    (mesh, is_inside_out): (&Mesh, bool),
+    number: impl Fn(MaterialId) -> u32,
+    needs: (Needs, &[String]),
+) -> Space {
     let mut space = Space::EMPTY;
     space.append(mesh, (None, number), (&DAffine3::IDENTITY, is_inside_out), needs, |_| false);
     space.measure();
@@ -291,7 +299,7 @@ impl Space {
         mesh: &Mesh,
         (material, number): (Option<MaterialId>, impl Fn(MaterialId) -> u32),
         (placed, is_inside_out): (&DAffine3, bool),
-        needs: Needs,
+        (needs, names): (Needs, &[String]),
         is_hidden: impl Fn(MaterialId) -> bool,
     ) {
         let (shapes, attributes) = (&mut self.shapes, &mut self.attributes);
@@ -322,7 +330,7 @@ impl Space {
                 attributes.materials.resize(shapes.triangles.len(), number(id));
             }
         }
-        attributes.append(mesh, (placed, is_inside_out), needs, first as usize);
+        attributes.append(mesh, (placed, is_inside_out), needs, first as usize, names);
     }
 
     /// Appends quads and analytic shapes to the world's own geometry.
@@ -370,7 +378,9 @@ impl Attributes {
         (placed, is_inside_out): (&DAffine3, bool),
         needs: Needs,
         before: usize,
+        names: &[String],
     ) {
+        self.named.resize_with(names.len(), AttributeList::default);
         let total = before + mesh.positions.len();
         let of_normals = normal_matrix(&placed.matrix3).as_mat3();
         let linear = placed.matrix3.as_mat3();
@@ -389,6 +399,10 @@ impl Attributes {
         });
         extend(&mut self.tangents, needs.tangents, [0.0; 4], before, total, tangents);
         extend(&mut self.colors, needs.colors, [1.0; 4], before, total, mesh.colors.iter().copied());
+        for (list, name) in self.named.iter_mut().zip(names) {
+            let known = mesh.attributes.iter().find(|own| needs.attributes && own.name == *name);
+            list.append(known.map(|own| (own.width as usize, &own.values[..])), before, total);
+        }
     }
 }
 
@@ -519,6 +533,7 @@ fn split(mesh: &Mesh, tangents: &[[[f32; 4]; 3]]) -> Mesh {
                     if !result.colors.is_empty() {
                         result.colors.push(result.colors[vertex]);
                     }
+                    result.attributes.iter_mut().for_each(|attribute| attribute.push_copy(vertex));
                     result.tangents.push(tangent);
                 }
             }

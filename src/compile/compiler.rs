@@ -11,7 +11,9 @@ use super::objects::ObjectMaterials;
 use super::plan::{Plan, Tree};
 use super::reuse::{BuiltGeometry, Reusable, Sources};
 use super::scene::{CompileOptions, CompileReport, CompiledScene, ExpectedPicture, Features, View};
-use super::{coincident_surfaces, emitters, inside_out, material, media, motion, plan, texture_needs};
+use super::{
+    coincident_surfaces, emitters, inside_out, material, media, motion, object_data, plan, texture_needs,
+};
 use crate::accel::{Accel, BuildStats};
 use crate::error::{Problem, Result, Warning};
 use crate::gauge::Gauge;
@@ -149,7 +151,14 @@ fn compile_after(
     let mut textures = textures(kept.textures.take(), scene, (anchor, options), &mut report)?;
     let (warnings, left_out) = (&mut report.warnings, &mut report.left_out);
     let (materials, media, numbers) = materials(scene, (anchor, &mut textures), options.shading, warnings);
-    let plan = plan::plan((scene, numbers), &materials, anchor, is_sequence, warnings, left_out);
+    let plan = plan::plan(
+        (scene, numbers, textures.attributes().clone()),
+        &materials,
+        anchor,
+        is_sequence,
+        warnings,
+        left_out,
+    );
     let inside_out = inside_out::find(scene, &materials, &mut report.warnings);
     let plan = Plan { keeps_uv: options.keeps_uv, inside_out, ..plan };
     check_size(scene, &plan)?;
@@ -165,6 +174,7 @@ fn compile_after(
     let features = features(scene, (&geometries, &accel, anchor), &materials, &textures, &media)
         .with_lights(!tables.ray_kinds.is_empty(), tables.links.are_used());
     report.build_s = begin.elapsed().as_secs_f64();
+    let reads_hits = materials.iter().any(|material| material.reads_hit);
     let compiled = CompiledScene {
         anchor,
         accel,
@@ -183,6 +193,7 @@ fn compile_after(
         own_materials: scene.materials.len() as u32,
         originals: plan.numbers.originals(),
         features,
+        objects: object_data::of(scene, reads_hits, anchor),
         emitters,
         vectors: MotionVectors::of(scene, anchor),
         sources: is_sequence.then(|| Sources::of(scene, &plan)),

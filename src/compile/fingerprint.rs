@@ -79,6 +79,9 @@ pub fn of_mesh(mesh: &Mesh) -> Fingerprint {
         .with_all(&mesh.normals)
         .with_all(&mesh.tangents)
         .with_all(&mesh.colors);
+    let lists = mesh.attributes.iter().fold(lists, |sum, attribute| {
+        sum.with_all(attribute.name.as_bytes()).with(attribute.width.into()).with_all(&attribute.values)
+    });
     let sets = mesh.uv_sets.iter().fold(lists, |sum, set| sum.with_all(set));
     mesh.parts.iter().fold(sets.with(mesh.uv_sets.len() as u64), |sum, part| {
         let numbers = [part.first_triangle, part.triangle_count, part.material.0];
@@ -108,6 +111,7 @@ pub(super) fn of_materials(materials: &[CompiledMaterial], normal_sets: &[Option
             material.uses_tangents(),
             material.uses_uv,
             material.uses_vertex_colors,
+            material.reads_hit,
             material.emission.is_some(),
         ];
         let bits = facts.into_iter().fold(1u64, |bits, fact| bits << 1 | u64::from(fact));

@@ -8,6 +8,7 @@ use crate::math::{
 use crate::shape::triangle::interpolate;
 use crate::shape::{Analytic, CurveSegment, Quad, Shape, Surface, shading_normal, triangle_surface};
 use crate::simd::map_each;
+use crate::texture::{AttributeList, HitAttributes};
 use std::sync::Arc;
 
 /// Shading attributes of the shapes of one space. Lists that no material uses are empty.
@@ -23,6 +24,8 @@ pub struct Attributes {
     pub tangents: Vec<[f32; 4]>,
     /// Linear RGBA by vertex.
     pub colors: Vec<[f32; 4]>,
+    /// Named attributes by vertex, by their numbers in the textures; empty where no graph of nodes reads any.
+    pub named: Vec<AttributeList>,
     /// Material of each primitive, in the order of primitive ids.
     pub materials: Vec<u32>,
     /// Rotations from world to texture space by analytic shape; empty if none is needed.
@@ -252,6 +255,24 @@ impl Geometries {
         Some(TextureCorners { uv, tangents })
     }
 
+    /// The named attributes at a hit.
+    pub fn attributes(&self, hit: &Hit) -> HitAttributes<'_> {
+        let Space { shapes, attributes, .. } = self.space(hit);
+        let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
+        let triangle = shapes.triangles.get(hit.prim as usize).map(|&t| (t, weights));
+        HitAttributes { lists: &attributes.named, triangle }
+    }
+
+    /// The corners of a triangle in the world at a path's time; `None` for all else.
+    pub fn world_corners(&self, hit: &Hit, time: f32) -> Option<[Vec3; 3]> {
+        let shapes = &self.space(hit).shapes;
+        let &t = shapes.triangles.get(hit.prim as usize)?;
+        let corners = map_each(corners_at(shapes, t, time), Vec3::from_array);
+        let Some(i) = hit.instance.checked_sub(1) else { return Some(corners) };
+        let world_from_object = self.world_from_object(&self.placements[i as usize], time);
+        Some(map_each(corners, |c| world_from_object.transform_point3(c.as_dvec3()).as_vec3()))
+    }
+
     /// The surface at a hit of `ray`; `time`, in 0..1, is asked for where something moves.
     #[inline]
     pub fn surface(&self, ray: &Ray, hit: &Hit, time: f32) -> Surface {
@@ -365,6 +386,7 @@ impl Attributes {
         uv: [const { Vec::new() }; 2],
         tangents: Vec::new(),
         colors: Vec::new(),
+        named: Vec::new(),
         materials: Vec::new(),
         object_from_world: Vec::new(),
         curves: CurveAttributes { along: Vec::new(), colors: Vec::new() },

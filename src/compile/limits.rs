@@ -98,7 +98,7 @@ mod tests {
     use super::*;
     use crate::compile::plan::Step;
     use crate::math::DAffine3;
-    use crate::scene::{Instance, Mesh, MeshId, Motion, ObjectTraits, Vertices};
+    use crate::scene::{Instance, Mesh, MeshId, Motion, ObjectInfo, ObjectTraits, Vertices};
 
     /// A plan alone: nothing of this size is ever in memory.
     fn plan(copies: usize, mode: InstanceMode) -> Plan {
@@ -120,6 +120,7 @@ mod tests {
             material: None,
             motion: Motion::default(),
             traits: ObjectTraits::default(),
+            info: ObjectInfo::default(),
             light_group: None,
         });
         assert!(check_size(&scene, &plan(300_000, InstanceMode::Merged)).is_ok());

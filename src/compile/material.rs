@@ -50,8 +50,10 @@ pub struct CompiledMaterial {
     pub uses_vertex_colors: bool,
     /// The BSDF's parameters depend on the view direction, so that it can be neither evaluated for another viewer nor traced from lights.
     pub depends_on_viewer: bool,
-    /// Its emission depends on the view direction and on vertex normals: light sampling leaves it out.
+    /// Its emission depends on the view direction, or on more of a hit than light samples have: light sampling leaves it out.
     pub shines_by_viewer: bool,
+    /// Some texture of it needs [`HitData`](crate::texture::HitData).
+    pub reads_hit: bool,
     /// Texture coordinates are needed.
     pub uses_uv: bool,
     /// The BSDF depends on tangents or on a second normal.
@@ -235,7 +237,8 @@ impl CompiledMaterial {
             depends_on_viewer: has_texture(&model, |id| textures.depends_on_viewer(id)),
             shines_by_viewer: emission
                 .and_then(|e| e.radiance.texture)
-                .is_some_and(|id| textures.depends_on_viewer(id)),
+                .is_some_and(|id| textures.depends_on_viewer(id) || textures.reads_hit(id)),
+            reads_hit: material.textures().any(|id| textures.reads_hit(id)),
             uses_uv,
             uses_frame,
             coat_normal_map,

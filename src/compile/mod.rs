@@ -18,6 +18,7 @@ mod material;
 mod media;
 mod medium;
 mod motion;
+mod object_data;
 mod objects;
 mod plan;
 mod reuse;

@@ -10,6 +10,7 @@ use crate::math::{DAffine3, DMat3, DVec3, TransformKeys};
 use crate::scene::{Instance, MaterialId, Mesh, MeshId, Motion, ObjectTraits, Quad, Scene};
 use rayon::prelude::*;
 use std::collections::HashMap;
+use std::sync::Arc;
 
 /// Meshes with fewer triangles are merged: a copy costs less than traversal into an instance.
 const MIN_SHARED_TRIANGLES: usize = 1024;
@@ -62,6 +63,8 @@ pub(super) struct Plan {
     pub motions: Vec<TransformKeys>,
     /// Texture coordinates are kept even if no material asks for them.
     pub keeps_uv: bool,
+    /// Names of the attributes of vertices that graphs of nodes read, by their numbers.
+    pub attributes: Arc<[String]>,
     /// The numbers of the objects' materials.
     pub numbers: ObjectMaterials,
     /// By mesh: are its fronts where its backs should be? Empty where none are.
@@ -81,7 +84,7 @@ pub(super) struct Keys {
 
 /// Makes the plan. Instances that no ray can hit are left out and reported.
 pub(super) fn plan(
-    (scene, numbers): (&Scene, ObjectMaterials),
+    (scene, numbers, attributes): (&Scene, ObjectMaterials, Arc<[String]>),
     materials: &[CompiledMaterial],
     origin: DVec3,
     is_sequence: bool,
@@ -94,7 +97,7 @@ pub(super) fn plan(
     let triangles =
         || scene.instances.iter().filter(is_seen).map(|i| scene.meshes[i.mesh.index()].triangles.len());
     let keeps = is_sequence && triangles().sum::<usize>() >= MIN_KEPT_TRIANGLES;
-    let mut plan = Plan { numbers, ..Plan::default() };
+    let mut plan = Plan { numbers, attributes, ..Plan::default() };
     let mut invisible = 0;
     for (index, instance) in scene.instances.iter().enumerate() {
         if !is_seen(&instance) {
@@ -195,6 +198,8 @@ impl Plan {
             .map(|m| normal_map_set([MaterialId(m as u32)].into_iter(), scene))
             .collect();
         let of_materials = fingerprint::of_materials(&materials[..scene.materials.len()], &normal_sets);
+        let named = |sum: Fingerprint, name: &String| sum.with_all(name.as_bytes());
+        let of_materials = self.attributes.iter().fold(of_materials, named);
         let mut is_used = vec![false; scene.meshes.len()];
         let stays = |s: &&Step| s.mode == InstanceMode::Merged;
         let copied = self.steps.iter().filter(stays).map(|s| scene.instances[s.instance].mesh.index());

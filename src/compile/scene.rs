@@ -18,7 +18,7 @@ use crate::gauge::Gauge;
 use crate::light::{EnvironmentLight, Lights};
 use crate::math::{DMat4, DVec3, Hit, gamma};
 use crate::scene::{Camera, MaterialId, RayKinds, Scene, ShapeTag};
-use crate::texture::{CompiledTextures, TextureReport};
+use crate::texture::{CompiledTextures, ObjectData, TextureReport};
 use std::sync::Arc;
 
 /// What to compile for.
@@ -131,6 +131,8 @@ pub struct CompiledScene {
     pub(super) originals: Vec<MaterialId>,
     /// What the integrator may skip.
     pub features: Features,
+    /// The objects as graphs of nodes see them, by number; empty where no graph asks.
+    pub objects: Vec<ObjectData>,
     /// Which primitives are lights.
     pub(super) emitters: Emitters,
     /// Where objects are at the neighbouring frames.
@@ -283,6 +285,7 @@ fn of_attributes(attributes: &Attributes) -> usize {
         + of_keys(&attributes.uv)
         + size_of_val(&attributes.tangents[..])
         + size_of_val(&attributes.colors[..])
+        + attributes.named.iter().map(|list| list.bytes()).sum::<usize>()
         + size_of_val(&attributes.materials[..])
         + size_of_val(&attributes.object_from_world[..])
         + size_of_val(&attributes.curves.along[..])

@@ -26,6 +26,7 @@ use crate::math::{Ray, Vec3};
 use crate::sampling::sampler::SobolPoint;
 use crate::scene::RayKinds;
 use crate::simd::{Kernel, dispatch};
+use crate::texture::PathData;
 
 impl Integrator<'_> {
     /// Adds the emission of the surface that arriving path `i` hit.
@@ -348,8 +349,10 @@ impl Integrator<'_> {
             None => Rgb::from_array(emission.radiance.factor),
             Some(_) => {
                 // Unfiltered, as in light sampling.
-                let at = self.scene.geometries.coordinates(surface, hit, false, *time);
-                self.slots(&at, surface, wo, 0.0).color(&emission.radiance)
+                let coordinates = self.scene.geometries.coordinates(surface, hit, false, *time);
+                let hit_data = self.hit_data(at, &coordinates, wo, PathData::default());
+                let slots = self.slots(&coordinates, surface, wo, 0.0);
+                slots.with_hit(hit_data.as_ref()).color(&emission.radiance)
             }
         };
         match (wavelengths, &material.light_spectrum) {

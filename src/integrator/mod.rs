@@ -15,6 +15,7 @@ mod emission;
 mod first_hit;
 mod generate;
 mod guiding;
+mod hit_data;
 mod interfaces;
 mod interior;
 mod medium_segment;

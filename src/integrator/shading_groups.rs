@@ -202,7 +202,10 @@ fn group_of(material: &CompiledMaterial, by_wavelength: bool) -> ShadingGroup {
                 BsdfClass::MetalRough if by_wavelength && material.constant.is_none() => {
                     ShadingGroup::MetalRough
                 }
-                BsdfClass::MetalRough if material.uses_uv && !material.uses_vertex_colors => {
+                // The fast way through textures has no more of a hit than most of them need.
+                BsdfClass::MetalRough
+                    if material.uses_uv && !material.uses_vertex_colors && !material.reads_hit =>
+                {
                     ShadingGroup::Textured
                 }
                 BsdfClass::MetalRough if is_plain && material.medium_index == 0 => {

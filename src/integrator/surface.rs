@@ -17,7 +17,7 @@ use crate::compile::SurfaceCoordinates;
 use crate::math::{Frame, Hit, Ray, Vec2, Vec3, select};
 use crate::shape::{Surface, shading_normal, triangle_surface};
 use crate::simd::{Kernel, dispatch, map_each};
-use crate::texture::{PointReader, TexturePoint};
+use crate::texture::{PathData, PointReader, TexturePoint};
 use std::ops::Range;
 
 /// A surface with its BSDF.
@@ -312,8 +312,10 @@ impl Integrator<'_> {
         wavelengths: Option<&Wavelengths>,
     ) -> (Bsdf, Vec3) {
         let HitPoint { surface, hit, material, time, .. } = at;
+        let hit_point = at;
         let at = self.scene.geometries.coordinates(surface, hit, self.scene.features.footprints, *time);
-        let slots = self.slots(&at, surface, wo, width);
+        let hit_data = self.hit_data(hit_point, &at, wo, PathData::default());
+        let slots = self.slots(&at, surface, wo, width).with_hit(hit_data.as_ref());
         let ns = material.shading_normal(&slots, surface, at.tangent_frame);
         let frame = if material.uses_frame {
             let scattering = Frame::from_normal(scattering_normal(ns, surface.ng, wo));

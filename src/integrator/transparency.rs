@@ -25,6 +25,7 @@ use crate::compile::CompiledMaterial;
 use crate::math::{Frame, Hit, Ray, Vec3};
 use crate::scene::RayKinds;
 use crate::shape::Surface;
+use crate::texture::PathData;
 
 /// Maximum number of surfaces that a ray may pass.
 const MAX_PASSED_SURFACES: u32 = 4096;
@@ -338,7 +339,10 @@ impl Integrator<'_> {
         let vertex_alpha = if material.uses_vertex_colors { at.color[3] } else { 1.0 };
         // Directions of shadow rays have the length of the segment.
         let wo = if alpha.depends_on_viewer { -ray.direction.normalize() } else { Vec3::ZERO };
-        alpha.presence(&self.slots(&at, &surface, wo, 0.0), vertex_alpha)
+        let is_back = surface.ng.dot(ray.direction) > 0.0;
+        let hit_point = HitPoint { surface, hit: *hit, material, is_back, time };
+        let hit_data = self.hit_data(&hit_point, &at, wo, PathData::default());
+        alpha.presence(&self.slots(&at, &surface, wo, 0.0).with_hit(hit_data.as_ref()), vertex_alpha)
     }
 }
 

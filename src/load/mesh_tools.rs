@@ -37,17 +37,20 @@ impl Repairs {
     pub fn warnings(self, path: &Path) -> impl Iterator<Item = Warning> {
         let Repairs { triangles, attributes } = self;
         let dropped = format!("{triangles} triangles with corners that are not finite numbers were dropped");
-        let zeroed = format!("{attributes} texture coordinates or colours that are not finite became 0");
+        let zeroed =
+            format!("{attributes} texture coordinates, colours or attributes that are not finite became 0");
         let counted = [(triangles, dropped), (attributes, zeroed)].into_iter().filter(|(n, _)| *n > 0);
         counted.map(|(_, message)| Warning::new(path, "", message))
     }
 }
 
-/// Sets texture coordinates and colours that are not finite to 0; returns how many.
+/// Sets texture coordinates, colours and attributes that are not finite to 0; returns how many.
 pub(super) fn clear_unusable(mesh: &mut Mesh) -> usize {
     let mut count = 0;
     let uv_sets = mesh.uv_sets.iter_mut().map(|set| set.as_flattened_mut());
-    for list in uv_sets.chain([mesh.colors.as_flattened_mut()]).filter(|list| !all_finite(list)) {
+    let attributes = mesh.attributes.iter_mut().map(|attribute| &mut attribute.values[..]);
+    let lists = uv_sets.chain(attributes).chain([mesh.colors.as_flattened_mut()]);
+    for list in lists.filter(|list| !all_finite(list)) {
         let unusable = list.iter_mut().filter(|x| !x.is_finite());
         count += unusable.map(|x| *x = 0.0).count();
     }

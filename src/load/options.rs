@@ -28,6 +28,8 @@ pub struct LoadOptions {
     pub point_radius: Option<f64>,
     /// Leave out the materials, textures and images of mesh files: the caller replaces all of them.
     pub geometry_only: bool,
+    /// The named attributes of vertices that somebody reads; others of PLY files are left out. `None` for all.
+    pub attributes: Option<Arc<BTreeSet<String>>>,
     /// The up axis of OBJ and PLY files; models are rotated to y up.
     pub up: Up,
     /// Smooth normals for meshes of OBJ and PLY files that have none: the angle between two faces, in radians from 0 to pi, up to

@@ -180,6 +180,9 @@ fn give(mesh: &mut Mesh, corners: &[[f32; 3]]) {
     mesh.uv_sets.iter_mut().for_each(|set| copy(set, &origins[count..]));
     copy(&mut mesh.tangents, &origins[count..]);
     copy(&mut mesh.colors, &origins[count..]);
+    for attribute in &mut mesh.attributes {
+        origins[count..].iter().for_each(|&origin| attribute.push_copy(origin as usize));
+    }
     mesh.normals = normals;
 }
 

@@ -5,7 +5,7 @@ use super::{
     Mesh, MeshId, MeshPart, Motion, Projection, Quad, Scene, Shape, ShapeKind, SpotFade, Texture, TextureId,
     group_or_default, looking_at,
 };
-use super::{LightLinks, LightProfile, ObjectTraits, ProfileId, RayKinds};
+use super::{LightLinks, LightProfile, ObjectInfo, ObjectTraits, ProfileId, RayKinds};
 use crate::math::{DAffine3, DMat3, DQuat, DVec3};
 use std::sync::Arc;
 
@@ -66,6 +66,7 @@ impl Instance {
             material: None,
             motion: Motion::Still,
             traits: ObjectTraits::default(),
+            info: ObjectInfo::default(),
             light_group: None,
         }
     }
@@ -75,7 +76,16 @@ impl Shape {
     /// A sphere.
     pub fn sphere(center: impl Into<DVec3>, radius: f64, material: MaterialId) -> Shape {
         let (name, kind, traits) = (String::new(), ShapeKind::Sphere, ObjectTraits::default());
-        Shape { name, kind, center: center.into(), radius, rotation: DQuat::IDENTITY, material, traits }
+        Shape {
+            name,
+            kind,
+            center: center.into(),
+            radius,
+            rotation: DQuat::IDENTITY,
+            material,
+            traits,
+            info: ObjectInfo::default(),
+        }
     }
 
     /// A flat disk whose front faces `normal`, which may have any length but 0.
@@ -87,7 +97,16 @@ impl Shape {
     ) -> Shape {
         let rotation = DQuat::from_rotation_arc(DVec3::Z, normal.into().normalize_or(DVec3::Z));
         let (name, kind, traits) = (String::new(), ShapeKind::Disk, ObjectTraits::default());
-        Shape { name, kind, center: center.into(), radius, rotation, material, traits }
+        Shape {
+            name,
+            kind,
+            center: center.into(),
+            radius,
+            rotation,
+            material,
+            traits,
+            info: ObjectInfo::default(),
+        }
     }
 }
 
@@ -100,7 +119,8 @@ impl Quad {
         material: MaterialId,
     ) -> Quad {
         let (corner, edge_u, edge_v) = (corner.into(), edge_u.into(), edge_v.into());
-        Quad { name: String::new(), corner, edge_u, edge_v, material, traits: ObjectTraits::default() }
+        let (traits, info) = (ObjectTraits::default(), ObjectInfo::default());
+        Quad { name: String::new(), corner, edge_u, edge_v, material, traits, info }
     }
 }
 

@@ -1,6 +1,6 @@
 //! Meshes and their instances, parallelograms, analytic shapes, and curves.
 
-use super::{MaterialId, MeshId, ObjectTraits};
+use super::{MaterialId, MeshId, ObjectInfo, ObjectTraits, VertexAttribute};
 use crate::math::{DAffine3, DQuat, DVec3};
 
 /// Triangles with one set of vertices. Front faces are counter-clockwise.
@@ -20,6 +20,8 @@ pub struct Mesh {
     pub tangents: Vec<[f32; 4]>,
     /// Linear RGBA vertex colours, one a vertex; empty when there are none.
     pub colors: Vec<[f32; 4]>,
+    /// Attributes by name, which graphs of nodes read; the names differ.
+    pub attributes: Vec<VertexAttribute>,
     /// Runs of triangles with their materials, in order and covering all triangles.
     pub parts: Vec<MeshPart>,
 }
@@ -50,6 +52,8 @@ pub struct Instance {
     pub motion: Motion,
     /// What it is to rays and pictures.
     pub traits: ObjectTraits,
+    /// What graphs of nodes know of it.
+    pub info: ObjectInfo,
     /// The group of lights of what it emits, in place of those of its materials; empty for the default one.
     pub light_group: Option<String>,
 }
@@ -84,6 +88,8 @@ pub struct Quad {
     pub material: MaterialId,
     /// What it is to rays and pictures.
     pub traits: ObjectTraits,
+    /// What graphs of nodes know of it.
+    pub info: ObjectInfo,
 }
 
 /// An analytic shape, in world space.
@@ -103,6 +109,8 @@ pub struct Shape {
     pub material: MaterialId,
     /// What it is to rays and pictures.
     pub traits: ObjectTraits,
+    /// What graphs of nodes know of it.
+    pub info: ObjectInfo,
 }
 
 /// Makes [`ShapeKind`] and [`ShapeTag`] of a table: each kind with the numbers that it needs beside a radius, what one
@@ -279,6 +287,8 @@ pub struct Curves {
     pub material: MaterialId,
     /// What they are to rays and pictures.
     pub traits: ObjectTraits,
+    /// What graphs of nodes know of them.
+    pub info: ObjectInfo,
 }
 
 impl Curves {

@@ -14,6 +14,7 @@
 //! # Ok::<(), oscura::Error>(())
 //! ```
 
+mod attribute;
 mod bounds;
 mod camera;
 mod construct;
@@ -26,6 +27,7 @@ mod medium;
 mod model;
 mod motion;
 pub mod nodes;
+mod object_info;
 mod object_traits;
 mod outline;
 mod settings;
@@ -33,6 +35,7 @@ mod slot;
 mod texture;
 mod validate;
 
+pub use attribute::VertexAttribute;
 pub use bounds::{Extent, instance_extents, scene_extent, visit_points};
 pub use camera::{Aperture, Camera, Panorama, Projection, ThinLens, looking_at};
 pub use environment::{Backdrop, Environment, Portal};
@@ -48,6 +51,7 @@ pub use model::{
     PbrMaterial, Sheen, Transmission, hair_color, hair_color_scale,
 };
 pub use motion::{Moving, SceneMotion, Vertices};
+pub use object_info::ObjectInfo;
 pub use object_traits::{LightLinks, Link, ObjectSet, ObjectSets, ObjectTraits, RayKinds};
 pub use outline::{MaterialUses, Outline};
 pub(crate) use outline::{encloses, is_closed};

@@ -2,6 +2,7 @@
 //! memory as far as a picture needs them; the rest is decoded on demand.
 
 mod coordinates;
+mod hit;
 mod image;
 mod levels;
 mod nodes;
@@ -17,6 +18,9 @@ use crate::math::{Vec2, Vec3};
 use crate::scene::{ImageId, LightProfile, MAX_TEXTURE_NESTING, NoiseKind, Texture, TextureId};
 pub use coordinates::TexturePoint;
 use coordinates::{TextureCoordinates, UvMap, triplanar};
+pub use hit::{
+    AttributeList, AttributeValue, CameraData, HitAttributes, HitData, ObjectData, PathData, StrandData,
+};
 pub use image::ImageLookup;
 use image::Taps;
 use levels::{Images, Levels};
@@ -24,7 +28,7 @@ pub use levels::{TextureNeeds, TextureReport};
 use nodes::Program;
 pub use noise::{marble, perlin, turbulence};
 use std::cell::Cell;
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::sync::Arc;
 pub use tiles::TexturesOnDemand;
 
@@ -34,6 +38,8 @@ pub struct CompiledTextures {
     textures: Vec<Compiled>,
     /// Added to a world position before procedural lookups: the scene may have been moved near the camera.
     world_offset: Vec3,
+    /// Names of the attributes that graphs read, by their numbers.
+    attributes: Arc<[String]>,
     /// How lamps shine, by [`ProfileId`](crate::scene::ProfileId).
     profiles: Vec<Arc<LightProfile>>,
     /// Textures whose images are damaged.
@@ -72,7 +78,9 @@ impl CompiledTextures {
         let earlier = earlier.map(|textures| textures.images);
         let made = levels::of(earlier, (textures, images), needs, &mut report)?;
         let levels = &made.levels;
-        let mut compiled: Vec<Compiled> = textures.iter().map(|t| compile(t, images, levels)).collect();
+        let attributes = attribute_names(textures);
+        let mut compiled: Vec<Compiled> =
+            textures.iter().map(|t| compile(t, images, levels, &attributes)).collect();
         fold_constants(&mut compiled);
         cut_endless_mixes(&mut compiled);
         number_grids(&mut compiled);
@@ -82,7 +90,10 @@ impl CompiledTextures {
         };
         let lost = (0..).map(TextureId).zip(textures).filter(|(_, t)| is_lost(t)).map(|(id, _)| id).collect();
         let profiles = Vec::new();
-        Ok((CompiledTextures { textures: compiled, world_offset, profiles, lost, images: made }, report))
+        Ok((
+            CompiledTextures { textures: compiled, world_offset, attributes, profiles, lost, images: made },
+            report,
+        ))
     }
 
     /// Textures all of which are in memory, of images without damage.
@@ -168,20 +179,37 @@ impl CompiledTextures {
         }
     }
 
+    /// Names of the attributes of vertices that graphs read, by their numbers.
+    pub fn attributes(&self) -> &Arc<[String]> {
+        &self.attributes
+    }
+
     /// Does the value differ with the direction from which it is seen?
     pub fn depends_on_viewer(&self, id: TextureId) -> bool {
+        self.has_part(id, |texture| match texture {
+            Compiled::Facing(_) => true,
+            Compiled::Nodes(program) => program.depends_on_viewer(),
+            _ => false,
+        })
+    }
+
+    /// Does the value need [`HitData`]?
+    pub fn reads_hit(&self, id: TextureId) -> bool {
+        self.has_part(id, |texture| matches!(texture, Compiled::Nodes(program) if program.reads_hit()))
+    }
+
+    /// Is there a part of a texture, itself included, of which something holds?
+    fn has_part(&self, id: TextureId, holds: impl Fn(&Compiled) -> bool) -> bool {
         let mut pending = vec![id.index()];
         let mut known = vec![false; self.textures.len()];
         while let Some(at) = pending.pop() {
             let Some(texture) = self.textures.get(at) else { continue };
-            match texture {
-                Compiled::Facing(_) => return true,
-                Compiled::Nodes(program) if program.depends_on_viewer() => return true,
-                _ if known[at] => {}
-                _ => {
-                    known[at] = true;
-                    pending.extend(texture.parts().into_iter().map(|part| part as usize));
-                }
+            if holds(texture) {
+                return true;
+            }
+            if !known[at] {
+                known[at] = true;
+                pending.extend(texture.parts().into_iter().map(|part| part as usize));
             }
         }
         false
@@ -193,7 +221,22 @@ impl CompiledTextures {
     }
 }
 
-fn compile(texture: &Texture, images: &[Image], levels: &BTreeMap<ImageId, Option<Levels>>) -> Compiled {
+/// The names of the attributes that graphs read, in order.
+fn attribute_names(textures: &[Texture]) -> Arc<[String]> {
+    let graphs = textures.iter().filter_map(|texture| match texture {
+        Texture::Nodes(graph) => Some(graph),
+        _ => None,
+    });
+    let names: BTreeSet<&str> = graphs.flat_map(|graph| graph.attributes()).collect();
+    names.into_iter().map(str::to_string).collect()
+}
+
+fn compile(
+    texture: &Texture,
+    images: &[Image],
+    levels: &BTreeMap<ImageId, Option<Levels>>,
+    attributes: &[String],
+) -> Compiled {
     match texture {
         Texture::Solid([r, g, b]) => Compiled::Constant([*r, *g, *b, 1.0]),
         Texture::Image { image, wrap_u, wrap_v, interpolation, mapping } => match images.get(image.index()) {
@@ -217,7 +260,7 @@ fn compile(texture: &Texture, images: &[Image], levels: &BTreeMap<ImageId, Optio
         },
         Texture::Mix { a, b, factor } => Compiled::Mix([a.0, b.0, factor.0]),
         Texture::Nodes(graph) => {
-            let program = Program::new(graph);
+            let program = Program::new(graph, attributes);
             match program.constant() {
                 Some([r, g, b]) => Compiled::Constant([r, g, b, 1.0]),
                 None => Compiled::Nodes(Arc::new(program)),
@@ -416,6 +459,7 @@ fn mixed(a: [f32; 4], b: [f32; 4], [red, green, blue, _]: [f32; 4]) -> [f32; 4] 
 pub struct PointReader<'a> {
     textures: &'a CompiledTextures,
     point: TexturePoint,
+    hit: Option<&'a HitData<'a>>,
     last: Cell<(u32, [f32; 4])>,
     /// By the parity of the level: a lookup takes texels of at most two levels, which follow each other.
     taps: [Cell<(u64, Taps)>; 2],
@@ -427,7 +471,13 @@ impl<'a> PointReader<'a> {
     pub fn new(textures: &'a CompiledTextures, point: TexturePoint) -> PointReader<'a> {
         let nothing = (u64::MAX, Taps::default());
         let taps = [Cell::new(nothing), Cell::new(nothing)];
-        PointReader { textures, point, last: Cell::new((u32::MAX, [0.0; 4])), taps }
+        PointReader { textures, point, hit: None, last: Cell::new((u32::MAX, [0.0; 4])), taps }
+    }
+
+    /// With what graphs of nodes read of a hit.
+    #[inline(always)]
+    pub fn with_hit(self, hit: Option<&'a HitData<'a>>) -> PointReader<'a> {
+        PointReader { hit, ..self }
     }
 
     /// Linear RGBA of a texture.
@@ -497,7 +547,7 @@ impl<'a> PointReader<'a> {
 
     #[inline(never)]
     fn nodes(&self, program: &Program) -> [f32; 4] {
-        let [r, g, b] = program.at(self.moved(), &|texture| self.look_up(texture));
+        let [r, g, b] = program.at(self.moved(), self.hit, &|texture| self.look_up(texture));
         [r, g, b, 1.0]
     }
 

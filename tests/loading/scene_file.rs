@@ -308,3 +308,46 @@ fn priorities_are_whole_numbers() {
         assert!(error.contains("'priority'") && error.contains("whole number from -1000"), "{error}");
     }
 }
+
+/// Faces have the materials of their object's list by their numbers; one list shares one mesh, and attributes that no node names stay
+/// behind.
+#[test]
+fn faces_have_the_materials_of_a_list() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let ply = "ply\nformat ascii 1.0\ncomment oscura attribute 0 1 rust\ncomment oscura attribute 1 1 other\nelement vertex 4\n\
+               property float x\nproperty float y\nproperty float z\nproperty float a0_0\nproperty float a1_0\nelement face 2\n\
+               property list uchar int vertex_indices\nproperty int material_index\nend_header\n\
+               0 0 0 1 2\n1 0 0 1 2\n0 1 0 1 2\n1 1 0 1 2\n3 0 1 2 2\n3 2 1 3 0\n";
+    std::fs::write(folder.path().join("a.ply"), ply).expect("written");
+    let path = folder.path().join("scene.toml");
+    let object = |list: &str| format!("[[objects]]\nmesh = \"a.ply\"\n{list}\n");
+    let write = |lists: &[&str]| {
+        let objects: String = lists.iter().map(|list| object(list)).collect();
+        let text = format!(
+            "camera = {{ look_from = [0, 0, 5], look_at = [0, 0, 0] }}\nenvironment.background = 1\n\
+             textures.t = {{ type = \"nodes\", result = \"a.factor\", nodes = {{ a = {{ type = \"attribute\", name = \"rust\" }} }} }}\n\
+             materials.red = {{ type = \"lambert\", color = [1, 0, 0] }}\n\
+             materials.rusty = {{ type = \"lambert\", color = \"t\" }}\n{objects}"
+        );
+        std::fs::write(&path, text).expect("written");
+        load(&path, &LoadOptions::default())
+    };
+    let both = "materials = [\"red\", \"red\", \"rusty\"]";
+    let loaded = write(&[both, both, "material = \"red\"", "materials = [\"rusty\", \"red\", \"red\"]"]);
+    let scene = loaded.unwrap_or_else(|e| panic!("{e}")).scene;
+    let meshes: Vec<u32> = scene.instances.iter().map(|instance| instance.mesh.0).collect();
+    assert!(meshes[0] == meshes[1] && meshes[2] != meshes[0] && meshes[3] != meshes[0], "{meshes:?}");
+    let names = |i: usize| {
+        let mesh = &scene.meshes[meshes[i] as usize];
+        mesh.parts.iter().map(|part| scene.materials[part.material.index()].name.as_str()).collect::<Vec<_>>()
+    };
+    // The face of the number 0 comes first.
+    assert_eq!((names(0), names(3)), (vec!["red", "rusty"], vec!["rusty", "red"]));
+    let attributes = &scene.meshes[meshes[0] as usize].attributes;
+    assert_eq!(attributes.iter().map(|a| a.name.as_str()).collect::<Vec<_>>(), ["rust"]);
+    let shown = write(&["materials = [\"red\", \"red\"]"]).expect_err("too few").to_string();
+    assert!(shown.contains("names 2") && shown.contains("'material_index' 2"), "{shown}");
+    // A mesh that one list uses alone is not copied.
+    let alone = write(&[both]).unwrap_or_else(|e| panic!("{e}")).scene;
+    assert_eq!(alone.meshes.len(), 1);
+}

@@ -23,6 +23,7 @@ fn curves(scene: &mut Scene, basis: CurveBasis, strands: &[&[[f32; 3]]], radius:
         world_from_object: DAffine3::IDENTITY,
         material,
         traits: ObjectTraits::default(),
+        info: Default::default(),
     });
 }
 

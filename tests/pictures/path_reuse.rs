@@ -89,6 +89,7 @@ fn steep() -> Scene {
             uv_sets: Vec::new(),
             tangents: Vec::new(),
             colors: Vec::new(),
+            attributes: Vec::new(),
         });
         scene.instances.push(Instance {
             name: "sheet".into(),

@@ -262,6 +262,8 @@ pub enum Object<'a> {
         triangles: usize,
         normals: bool,
         uv_sets: usize,
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        attributes: Vec<&'a str>,
         materials: Vec<&'a str>,
         extent: Option<Bounds>,
     },
@@ -304,6 +306,7 @@ pub fn objects<'a>(scene: &'a Scene, extents: &[Extent]) -> Vec<Object<'a>> {
             triangles: mesh.triangles.len(),
             normals: !mesh.normals.is_empty(),
             uv_sets: mesh.uv_sets.len(),
+            attributes: mesh.attributes.iter().map(|attribute| attribute.name.as_str()).collect(),
             materials: instance_materials(scene, i).into_iter().map(named).collect(),
             extent: bounds(*e),
         }

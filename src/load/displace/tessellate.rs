@@ -121,6 +121,7 @@ fn add_middle(mesh: &mut Mesh, a: u32, b: u32) -> u32 {
     if !mesh.colors.is_empty() {
         mesh.colors.push(mean(mesh.colors[a], mesh.colors[b]));
     }
+    mesh.attributes.iter_mut().for_each(|attribute| attribute.push_mean(a, b));
     index
 }
 

@@ -27,19 +27,30 @@ pub(super) struct Faces {
     vertices_known: bool,
     /// Attributes per corner, where the file has them.
     pub wedges: Option<Wedges>,
+    /// The material of each triangle, where the file has them.
+    pub materials: Option<Vec<i64>>,
     /// Faces of fewer than three corners.
     pub short: usize,
 }
 
 impl Faces {
-    /// For a file with or without attributes per corner.
-    pub fn with_wedges(has_wedges: bool) -> Faces {
-        Faces { wedges: has_wedges.then(Wedges::default), ..Faces::default() }
+    /// For a file with or without attributes per corner and materials of faces.
+    pub fn new(has_wedges: bool, has_materials: bool) -> Faces {
+        let wedges = has_wedges.then(Wedges::default);
+        Faces { wedges, materials: has_materials.then(Vec::new), ..Faces::default() }
     }
 
     /// Adds row `i` of the faces or strips.
     #[inline]
     pub fn add(&mut self, mesh: &mut Mesh, kind: FaceLayout, i: usize, face: &Face) {
+        self.add_triangles(mesh, kind, i, face);
+        if let Some(materials) = &mut self.materials {
+            materials.resize(mesh.triangles.len(), face.material);
+        }
+    }
+
+    #[inline]
+    fn add_triangles(&mut self, mesh: &mut Mesh, kind: FaceLayout, i: usize, face: &Face) {
         if !self.vertices_known {
             return self.waiting.push((kind, i, face.clone()));
         }
@@ -131,9 +142,9 @@ pub(super) struct Wedges {
     pub odd: usize,
 }
 
-/// Triangles in a row that show the same picture.
+/// Triangles in a row that show the same picture, or have the same material.
 pub(super) struct Run {
-    pub picture: i64,
+    pub number: i64,
     pub triangles: Vec<[u32; 3]>,
 }
 
@@ -177,6 +188,7 @@ impl Wedges {
                     let (normal, color) = (mesh.normals.get(old).copied(), mesh.colors.get(old).copied());
                     mesh.normals.extend(normal);
                     mesh.colors.extend(color);
+                    mesh.attributes.iter_mut().for_each(|attribute| attribute.push_copy(old));
                     // Not more than there are corners; those fit, or the mesh is refused.
                     (mesh.positions.len() - 1) as u32
                 });
@@ -187,20 +199,24 @@ impl Wedges {
 
     /// The mesh's triangles by picture, of which those below 0 and from `pictures` on are none, as -1; the first comes first.
     pub fn runs(&self, triangles: &[[u32; 3]], pictures: usize) -> Vec<Run> {
-        let mut runs: Vec<Run> = Vec::new();
-        let mut place: HashMap<i64, usize> = HashMap::new();
-        for (triangle, &picture) in triangles.iter().zip(&self.pictures) {
-            let is_there = usize::try_from(picture).is_ok_and(|picture| picture < pictures);
-            let picture = if is_there { picture } else { -1 };
-            let at = *place.entry(picture).or_insert_with(|| {
-                runs.push(Run { picture, triangles: Vec::new() });
-                runs.len() - 1
-            });
-            runs[at].triangles.push(*triangle);
-        }
-        runs.sort_by_key(|run| run.picture);
-        runs
+        let is_there = |picture: i64| usize::try_from(picture).is_ok_and(|picture| picture < pictures);
+        runs(triangles, self.pictures.iter().map(|&picture| if is_there(picture) { picture } else { -1 }))
     }
+}
+
+/// Triangles by their numbers, which rise from run to run.
+pub(super) fn runs(triangles: &[[u32; 3]], numbers: impl Iterator<Item = i64>) -> Vec<Run> {
+    let mut runs: Vec<Run> = Vec::new();
+    let mut place: HashMap<i64, usize> = HashMap::new();
+    for (triangle, number) in triangles.iter().zip(numbers) {
+        let at = *place.entry(number).or_insert_with(|| {
+            runs.push(Run { number, triangles: Vec::new() });
+            runs.len() - 1
+        });
+        runs[at].triangles.push(*triangle);
+    }
+    runs.sort_by_key(|run| run.number);
+    runs
 }
 
 #[cfg(test)]
@@ -208,7 +224,7 @@ mod tests {
     use super::*;
 
     fn face(indices: &[i64], wedges: &[f32], picture: i64) -> Face {
-        Face { indices: indices.to_vec(), wedges: wedges.to_vec(), picture }
+        Face { indices: indices.to_vec(), wedges: wedges.to_vec(), picture, material: 0 }
     }
 
     #[test]
@@ -229,7 +245,7 @@ mod tests {
         assert_eq!((mesh.positions[4], mesh.colors[6]), ([2.0; 3], [3.0; 4]));
         let runs = wedges.runs(&mesh.triangles, 2);
         assert_eq!(
-            runs.iter().map(|r| (r.picture, r.triangles.len())).collect::<Vec<_>>(),
+            runs.iter().map(|r| (r.number, r.triangles.len())).collect::<Vec<_>>(),
             [(-1, 1), (0, 1), (1, 1)]
         );
     }

@@ -3,7 +3,7 @@
 //! `ply-rs` panics on numbers beyond 64 bits, trusts counts and reports wrong lines, so the header's shape and counts
 //! are checked here against the bytes that the file really holds, and lines are counted here.
 
-use super::rows::{self, Face, Lines, Record, Vertex, cut, split_line};
+use super::rows::{self, Face, Lines, Record, Slot, Vertex, cut, split_line};
 use crate::error::Problem;
 use crate::gauge::Gauge;
 use crate::load::Up;
@@ -28,6 +28,8 @@ pub(super) struct Source<'a> {
     lines: Lines<'a>,
     /// Lines of the header that mean nothing.
     strays: Vec<String>,
+    /// The named attributes of vertices.
+    attributes: Vec<NamedAttribute>,
     /// Progress: number of rows read.
     gauge: &'a Gauge,
 }
@@ -42,6 +44,35 @@ struct HeaderText {
     lines: usize,
     /// Unsupported elements, with their counts.
     strays: Vec<String>,
+    /// The named attributes of vertices.
+    attributes: Vec<NamedAttribute>,
+}
+
+/// A line `comment oscura attribute INDEX COUNT NAME`: the properties `aINDEX_0`, `aINDEX_1`, ... of a vertex are an attribute of that name.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct NamedAttribute {
+    pub index: u8,
+    /// Properties, 1 to 4.
+    pub count: u8,
+    pub name: String,
+}
+
+impl NamedAttribute {
+    /// The attribute of a header line, which may have any characters in its name; `None` for other lines.
+    fn of(line: &[u8]) -> Option<std::result::Result<NamedAttribute, &'static str>> {
+        let line = String::from_utf8_lossy(line);
+        let rest = line.trim_end_matches(['\r', '\n']).strip_prefix("comment oscura attribute ")?;
+        let mut parts = rest.splitn(3, ' ');
+        let (index, count) = (parts.next().map(str::parse), parts.next().map(str::parse));
+        Some(match (index, count, parts.next()) {
+            (Some(Ok(index)), Some(Ok(count @ 1..=4)), Some(name)) if !name.is_empty() => {
+                Ok(NamedAttribute { index, count, name: name.to_string() })
+            }
+            _ => Err(
+                "must be 'comment oscura attribute INDEX COUNT NAME' with an INDEX of 0 to 255 and a COUNT of 1 to 4",
+            ),
+        })
+    }
 }
 
 /// Words that lines of headers begin with.
@@ -97,12 +128,13 @@ const COLORS: [[&str; 3]; 3] =
 impl<'a> Source<'a> {
     /// Checks and reads the header, and begins to count rows.
     pub fn open(bytes: &'a [u8], gauge: &'a Gauge) -> Result<Source<'a>> {
-        let HeaderText { text, length, lines, strays } = header_text(bytes)?;
+        let HeaderText { text, length, lines, strays, attributes } = header_text(bytes)?;
         let header = Parser::<super::SkippedElement>::new()
             .read_header(&mut text.as_bytes())
             .map_err(|e| Problem::new("header", first_line(&e.to_string())))?;
         let rest = &bytes[length..];
-        let source = Source { header, rest, lines: Lines::new(rest, lines), strays, gauge };
+        let source = Source { header, rest, lines: Lines::new(rest, lines), strays, attributes, gauge };
+        source.check_attributes()?;
         source.check_counts()?;
         source.check_types()?;
         gauge.begin(source.header.elements.iter().map(|(_, e)| e.count as u64).sum());
@@ -131,6 +163,34 @@ impl<'a> Source<'a> {
         let incomplete = parts.into_iter().filter(|(all, any, _)| *any && !all).map(|p| p.2).collect();
         let is_splat = has("f_dc_0") && (has("opacity") || has("scale_0"));
         VertexLayout { position, normal, uv, color, is_splat, incomplete }
+    }
+
+    /// The named attributes of the vertices.
+    pub fn attributes(&self) -> &[NamedAttribute] {
+        &self.attributes
+    }
+
+    fn check_attributes(&self) -> Result<()> {
+        let vertex = self.header.elements.get("vertex");
+        for attribute in &self.attributes {
+            for component in 0..attribute.count {
+                let property = format!("a{}_{component}", attribute.index);
+                if !vertex.is_some_and(|v| v.properties.contains_key(&property)) {
+                    let message = format!(
+                        "the attribute '{}' needs the property '{property}' of 'vertex'",
+                        attribute.name
+                    );
+                    return Err(Problem::new("header", message));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Do faces say which material they have?
+    pub fn has_materials(&self) -> bool {
+        let face = self.header.elements.get("face").and_then(|face| face.properties.get("material_index"));
+        face.is_some_and(|p| matches!(p.data_type, PropertyType::Scalar(_)))
     }
 
     /// Do the corners of faces have texture coordinates of their own?
@@ -175,10 +235,17 @@ impl<'a> Source<'a> {
         let (writer_up, has_exact_positions) = (self.writer_up(), self.has_exact_positions());
         let mut unread = Unread { shown, rest: Vec::new(), texture_files, writer_up, has_exact_positions };
         let has_wedges = self.has_wedges();
+        let is_named = |index: u8| self.attributes.iter().any(|attribute| attribute.index == index);
         let known = |element: &str, name: &str, data: &PropertyType| match (element, data) {
-            ("vertex", PropertyType::Scalar(_)) => Vertex::slot(name).is_some(),
+            ("vertex", PropertyType::Scalar(_)) => match Vertex::slot(name) {
+                Some(Slot::Attribute(index, _)) => is_named(index),
+                slot => slot.is_some(),
+            },
             ("face", PropertyType::List(..)) => Face::new().list(name).is_some(),
-            ("face", PropertyType::Scalar(_)) => has_wedges && Face::slot(name).is_some(),
+            ("face", PropertyType::Scalar(_)) => match Face::slot(name) {
+                Some(Slot::Picture) => has_wedges,
+                slot => slot.is_some(),
+            },
             ("tristrips", PropertyType::List(..)) => is_index(name),
             ("vertex" | "tristrips", _) => false,
             // Elements of other names are left out as a whole.
@@ -285,6 +352,7 @@ fn header_text(bytes: &[u8]) -> Result<HeaderText> {
         return Err(Problem::new("", "is not a PLY file: it doesn't start with 'ply'"));
     }
     let (mut text, mut at, mut lines, mut strays) = (String::new(), 0, 0, Vec::new());
+    let mut attributes = Vec::new();
     let limit = bytes.len().min(LONGEST_HEADER);
     while at < limit {
         let (content, next) = split_line(&bytes[at..]);
@@ -303,6 +371,10 @@ fn header_text(bytes: &[u8]) -> Result<HeaderText> {
             strays.push(format!("line {lines} of the header, '{shown}', which means nothing"));
             continue;
         }
+        if let Some(attribute) = NamedAttribute::of(content) {
+            let place = || format!("line {lines}");
+            attributes.push(attribute.map_err(|message| Problem::new(place(), message))?);
+        }
         if !matches!(first, "comment" | "obj_info")
             // The parser also accepts digits before letters.
             && words.any(|w| w.split(|c: char| !c.is_ascii_digit()).any(|n| n.len() > 18))
@@ -312,7 +384,7 @@ fn header_text(bytes: &[u8]) -> Result<HeaderText> {
         text.push_str(line);
         text.push('\n');
         if line == "end_header" {
-            return Ok(HeaderText { text, length: at, lines, strays });
+            return Ok(HeaderText { text, length: at, lines, strays, attributes });
         }
     }
     Err(Problem::new("header", "does not end: 'end_header' is missing"))

@@ -4,7 +4,9 @@
 //! Read: `x y z`, `nx ny nz`, texture coordinates (`s t`, `u v`, `texture_u texture_v`; v turned to grow downwards),
 //! `red green blue alpha` or `diffuse_red` and so on (integers are sRGB-encoded, floats linear), faces of any size
 //! (`vertex_index` or `vertex_indices`) with texture coordinates of their corners (`texcoord`, as MeshLab writes them) and the
-//! number of their picture (`texnumber`), and `tristrips`. Other elements, and properties of faces that a picture would show,
+//! number of their picture (`texnumber`) or of their material (`material_index`), and `tristrips`. A header line
+//! `comment oscura attribute INDEX COUNT NAME` makes the properties `aINDEX_0` to `aINDEX_3` of vertices, as many as COUNT says, an
+//! attribute that graphs of nodes read by its name (floats as they are, integers as shares of the largest). Other elements, and properties of faces that a picture would show,
 //! are left out with a warning, and any other property without. Where comments name pictures (`TextureFile`, as MeshLab
 //! writes them) and there are texture coordinates, they are the colour: the first one, or that of the face's number. Vertices without faces are a point
 //! cloud, which becomes spheres. Positions beyond the precision of single floats are kept around an origin of their own.
@@ -20,12 +22,11 @@ use super::obj::find_file;
 use super::points::Cloud;
 use super::{LoadOptions, Loaded, UpHint, image, mesh_tools};
 use crate::error::{Error, Problem, Result, Warning};
-use crate::gauge::Gauge;
 use crate::image::Damage;
 use crate::math::{DAffine3, DVec3};
 use crate::scene::{
     ColorSlot, Instance, Interpolation, Mapping, Material, MaterialId, Mesh, MeshId, MeshPart, Model,
-    Texture, Wrap,
+    Texture, VertexAttribute, Wrap,
 };
 use faces::{FaceLayout, Faces, Run, Wedges};
 use header::{Source, Unread};
@@ -38,19 +39,29 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     options.files.note(path);
     let bytes = std::fs::read(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))?;
     let mut origin = DVec3::ZERO;
-    let (mut mesh, mut wedges, mut left_out) = parse(path, &bytes, origin, &options.gauge)?;
+    let (mut mesh, mut faces, mut left_out) = parse(path, &bytes, origin, options)?;
     if left_out.has_exact_positions {
         origin = mesh_tools::distant_origin(mesh.positions.iter());
     }
     if origin != DVec3::ZERO {
-        (mesh, wedges, left_out) = parse(path, &bytes, origin, &options.gauge)?;
+        (mesh, faces, left_out) = parse(path, &bytes, origin, options)?;
     }
     drop(bytes);
-    let runs = wedges.map(|wedges| {
+    if let Some(wedges) = &faces.wedges {
         wedges.split(&mut mesh);
-        wedges.runs(&mesh.triangles, left_out.texture_files.len())
-    });
-    let pictures = texture_numbers(runs.as_deref(), &left_out.texture_files);
+    }
+    let by_picture = |wedges: &Wedges| wedges.runs(&mesh.triangles, left_out.texture_files.len());
+    let (runs, pictures) = match &faces.materials {
+        Some(materials) => {
+            let runs = faces::runs(&mesh.triangles, materials.iter().copied());
+            (Some(Runs { runs, are_materials: true }), texture_numbers(None, &left_out.texture_files))
+        }
+        None => {
+            let runs = faces.wedges.as_ref().map(by_picture);
+            let pictures = texture_numbers(runs.as_deref(), &left_out.texture_files);
+            (runs.map(|runs| Runs { runs, are_materials: false }), pictures)
+        }
+    };
     let mut loaded = finish(path, mesh, runs, origin, options)?;
     loaded.up_hint = UpHint { writer: left_out.writer_up, is_mostly_y: false };
     add_textures(path, &left_out.texture_files, &pictures, options, &mut loaded);
@@ -62,14 +73,15 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
 }
 
 /// Reads the content of a PLY file around an origin, and what it leaves out; `path` is for messages.
-fn parse(path: &Path, bytes: &[u8], origin: DVec3, gauge: &Gauge) -> Result<(Mesh, Option<Wedges>, Unread)> {
+fn parse(path: &Path, bytes: &[u8], origin: DVec3, options: &LoadOptions) -> Result<(Mesh, Faces, Unread)> {
     let fail = |problem: Problem| Error::input_problems(path, vec![problem]);
-    let mut source = Source::open(bytes, gauge).map_err(fail)?;
+    let mut source = Source::open(bytes, &options.gauge).map_err(fail)?;
     let defined = source.vertex_layout();
     defined.check().map_err(fail)?;
     let mut mesh = Mesh { name: "mesh".to_string(), ..Mesh::default() };
-    let (mut uv, mut faces) = (Vec::new(), Faces::with_wedges(source.has_wedges()));
+    let (mut uv, mut faces) = (Vec::new(), Faces::new(source.has_wedges(), source.has_materials()));
     let mut left_out = source.unread(&defined);
+    let mut attributes = Attributes::of(&source, options, &mut left_out);
     for (name, definition) in source.elements() {
         match name.as_str() {
             "vertex" => {
@@ -87,6 +99,7 @@ fn parse(path: &Path, bytes: &[u8], origin: DVec3, gauge: &Gauge) -> Result<(Mes
                     if defined.color {
                         mesh.colors.push(v.color);
                     }
+                    attributes.push(v);
                 };
                 source.read(&definition, add).map_err(fail)?;
                 faces.catch_up(&mut mesh);
@@ -117,11 +130,61 @@ fn parse(path: &Path, bytes: &[u8], origin: DVec3, gauge: &Gauge) -> Result<(Mes
         left_out.shown.push(message);
     }
     left_out.shown.extend(unused_alpha(&mesh));
-    let problems = faces.problems();
+    mesh.attributes = attributes.lists;
+    let mut problems = faces.problems();
+    problems.extend(faces.materials.as_deref().and_then(odd_material));
     if !problems.is_empty() {
         return Err(Error::input_problems(path, problems));
     }
-    Ok((mesh, faces.wedges, left_out))
+    Ok((mesh, faces, left_out))
+}
+
+/// Largest number of a face's material.
+const LAST_MATERIAL: i64 = 65_535;
+
+fn odd_material(materials: &[i64]) -> Option<Problem> {
+    let odd = materials.iter().find(|material| !(0..=LAST_MATERIAL).contains(*material))?;
+    let message = format!("a face has the 'material_index' {odd}, but it must be 0 to {LAST_MATERIAL}");
+    Some(Problem::new("", message))
+}
+
+/// The named attributes that somebody reads.
+struct Attributes {
+    /// What the header calls them.
+    numbers: Vec<u8>,
+    lists: Vec<VertexAttribute>,
+}
+
+impl Attributes {
+    fn of(source: &Source, options: &LoadOptions, left_out: &mut Unread) -> Attributes {
+        let mut attributes = Attributes { numbers: Vec::new(), lists: Vec::new() };
+        for named in source.attributes() {
+            if options.attributes.as_ref().is_some_and(|wanted| !wanted.contains(&named.name)) {
+                left_out.rest.push(format!("the attribute '{}', which no node reads", named.name));
+            } else if attributes.lists.iter().any(|known| known.name == named.name) {
+                left_out.shown.push(format!("a second attribute '{}'", named.name));
+            } else {
+                attributes.numbers.push(named.index);
+                attributes.lists.push(VertexAttribute::new(named.name.clone(), named.count.into()));
+            }
+        }
+        attributes
+    }
+
+    /// Adds those of a vertex.
+    #[inline]
+    fn push(&mut self, vertex: &Vertex) {
+        for (&number, list) in self.numbers.iter().zip(&mut self.lists) {
+            let value = vertex.attributes.get(usize::from(number)).copied().unwrap_or_default();
+            list.values.extend_from_slice(&value[..list.width as usize]);
+        }
+    }
+}
+
+/// Runs of triangles with a material of their own, and whether their numbers are those of the materials.
+struct Runs {
+    runs: Vec<Run>,
+    are_materials: bool,
 }
 
 /// Warns of vertices with alpha below 1.
@@ -134,7 +197,7 @@ fn unused_alpha(mesh: &Mesh) -> Option<String> {
 fn finish(
     path: &Path,
     mut mesh: Mesh,
-    runs: Option<Vec<Run>>,
+    runs: Option<Runs>,
     origin: DVec3,
     options: &LoadOptions,
 ) -> Result<Loaded> {
@@ -156,16 +219,19 @@ fn finish(
     u32::try_from(mesh.positions.len()).map_err(|_| too_many())?;
     let all = u32::try_from(mesh.triangles.len()).map_err(|_| too_many())?;
     let mut first_triangle = 0;
-    for (i, triangle_count) in counts.unwrap_or_else(|| vec![all]).into_iter().enumerate() {
-        let material = MaterialId(i as u32);
-        mesh.parts.push(MeshPart { first_triangle, triangle_count, material });
+    let counts = counts.unwrap_or_else(|| vec![(0, all)]);
+    let materials = counts.last().map_or(1, |(last, _)| last + 1);
+    for (material, triangle_count) in counts {
+        mesh.parts.push(MeshPart { first_triangle, triangle_count, material: MaterialId(material) });
         first_triangle += triangle_count;
+    }
+    for i in 0..materials {
         let mut material = Material::lambert("default", [0.8; 3]);
         if !mesh.colors.is_empty() {
             material = Material { use_vertex_colors: true, ..Material::lambert("vertex colours", [1.0; 3]) };
         }
         loaded.scene.materials.push(material);
-        loaded.stand_ins.push(MaterialId(i as u32));
+        loaded.stand_ins.push(MaterialId(i));
     }
     loaded.scene.meshes.push(mesh);
     loaded
@@ -176,17 +242,17 @@ fn finish(
     Ok(loaded)
 }
 
-/// Sorts a mesh's triangles by run; returns how many of each will remain after repairs.
-fn in_runs(mesh: &mut Mesh, runs: Vec<Run>) -> Vec<u32> {
+/// Sorts a mesh's triangles by run; returns the material of each, and how many will remain after repairs.
+fn in_runs(mesh: &mut Mesh, runs: Runs) -> Vec<(u32, u32)> {
     mesh.triangles.clear();
     let finite = |t: &&[u32; 3]| t.iter().all(|&i| mesh.positions[i as usize].iter().all(|x| x.is_finite()));
-    runs.into_iter()
-        .map(|run| {
-            let count = run.triangles.iter().filter(finite).count() as u32;
-            mesh.triangles.extend(run.triangles);
-            count
-        })
-        .collect()
+    let are_materials = runs.are_materials;
+    let count = |(i, run): (usize, Run)| {
+        let count = run.triangles.iter().filter(finite).count() as u32;
+        mesh.triangles.extend(run.triangles);
+        (if are_materials { run.number as u32 } else { i as u32 }, count)
+    };
+    runs.runs.into_iter().enumerate().map(count).collect()
 }
 
 // The pictures that comments of a PLY file name.
@@ -195,7 +261,7 @@ fn in_runs(mesh: &mut Mesh, runs: Vec<Run>) -> Vec<u32> {
 fn texture_numbers(runs: Option<&[Run]>, files: &[String]) -> Vec<Option<usize>> {
     match runs {
         None => vec![(!files.is_empty()).then_some(0)],
-        Some(runs) => runs.iter().map(|run| usize::try_from(run.picture).ok()).collect(),
+        Some(runs) => runs.iter().map(|run| usize::try_from(run.number).ok()).collect(),
     }
 }
 

@@ -31,8 +31,12 @@ pub(super) enum Slot {
     Uv(usize),
     Color(usize),
     Alpha,
+    /// Of the attribute of a number, which of its components.
+    Attribute(u8, u8),
     /// The number of a face's picture.
     Picture,
+    /// The number of a face's material.
+    Material,
 }
 
 /// One vertex; what the file lacks keeps its default.
@@ -43,11 +47,13 @@ pub(super) struct Vertex {
     pub uv: [f32; 2],
     /// Linear RGBA.
     pub color: [f32; 4],
+    /// Named attributes by the numbers that the header gives them.
+    pub attributes: Vec<[f32; 4]>,
 }
 
 impl Record for Vertex {
     fn new() -> Vertex {
-        Vertex { position: [0.0; 3], normal: [0.0; 3], uv: [0.0; 2], color: [1.0; 4] }
+        Vertex { position: [0.0; 3], normal: [0.0; 3], uv: [0.0; 2], color: [1.0; 4], attributes: Vec::new() }
     }
 
     fn slot(name: &str) -> Option<Slot> {
@@ -64,7 +70,7 @@ impl Record for Vertex {
             "green" | "g" | "diffuse_green" => Slot::Color(1),
             "blue" | "b" | "diffuse_blue" => Slot::Color(2),
             "alpha" | "a" => Slot::Alpha,
-            _ => return None,
+            _ => return attribute_slot(name),
         })
     }
 
@@ -76,7 +82,14 @@ impl Record for Vertex {
             Slot::Uv(i) => self.uv[i] = number(value),
             Slot::Color(i) => self.color[i] = color(value),
             Slot::Alpha => self.color[3] = unit(value),
-            Slot::Picture => {}
+            Slot::Attribute(i, component) => {
+                let i = usize::from(i);
+                if i >= self.attributes.len() {
+                    self.attributes.resize(i + 1, [0.0; 4]);
+                }
+                self.attributes[i][usize::from(component)] = unit(value);
+            }
+            Slot::Picture | Slot::Material => {}
         }
     }
 
@@ -93,21 +106,36 @@ pub(super) struct Face {
     pub wedges: Vec<f32>,
     /// Which of the file's pictures is on it.
     pub picture: i64,
+    /// Which of the object's materials it has.
+    pub material: i64,
+}
+
+/// The field of the property `aINDEX_COMPONENT` of a vertex.
+fn attribute_slot(name: &str) -> Option<Slot> {
+    let (index, component) = name.strip_prefix('a')?.split_once('_')?;
+    let component = component.parse().ok().filter(|component| *component < 4)?;
+    Some(Slot::Attribute(index.parse().ok()?, component))
 }
 
 impl Record for Face {
     fn new() -> Face {
-        Face { indices: Vec::new(), wedges: Vec::new(), picture: 0 }
+        Face { indices: Vec::new(), wedges: Vec::new(), picture: 0, material: 0 }
     }
 
     fn slot(name: &str) -> Option<Slot> {
-        (name == "texnumber").then_some(Slot::Picture)
+        match name {
+            "texnumber" => Some(Slot::Picture),
+            "material_index" => Some(Slot::Material),
+            _ => None,
+        }
     }
 
     fn set(&mut self, slot: Slot, value: &Property) {
-        if matches!(slot, Slot::Picture) {
-            // `as` saturates; what is no number is the first.
-            self.picture = exact(value) as i64;
+        // `as` saturates; what is no number is the first.
+        match slot {
+            Slot::Picture => self.picture = exact(value) as i64,
+            Slot::Material => self.material = exact(value) as i64,
+            _ => {}
         }
     }
 

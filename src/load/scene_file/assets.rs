@@ -6,12 +6,14 @@ use crate::error::{Error, Result, Warning};
 use crate::load::formats::{self, Format};
 use crate::load::{LoadOptions, Loaded, smooth};
 use crate::scene::{
-    Camera, Environment, Instance, MaterialId, MeshId, Motion, Scene, Shape, ShapeKind, Texture, TextureId,
+    Camera, Environment, Instance, MaterialId, Mesh, MeshId, MeshPart, Motion, Scene, Shape, ShapeKind,
+    Texture, TextureId,
 };
 use std::borrow::Cow;
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeSet, HashMap, HashSet};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// The contents of a mesh file.
 #[derive(Clone, Default)]
@@ -21,6 +23,17 @@ pub(super) struct Asset {
     /// The points of a point cloud, likewise.
     pub shapes: Vec<Shape>,
     cameras: Vec<Camera>,
+    /// Its materials, by their numbers in the scene.
+    pub materials: Range<u32>,
+}
+
+/// An instance whose faces have the materials of a list.
+struct ListedMaterials {
+    instance: usize,
+    mesh: MeshId,
+    /// The first material of the mesh's file: the number 0 of faces.
+    first: u32,
+    list: Vec<MaterialId>,
 }
 
 /// The mesh files read so far; `None` for those with problems.
@@ -33,9 +46,18 @@ pub(super) struct Assets {
     with_polygons: HashSet<PathBuf>,
     /// Copies of meshes with smooth normals, by the mesh and the bits of the angle of creases.
     smooth: HashMap<(MeshId, u64), MeshId>,
+    /// Attributes of vertices that something may read.
+    attributes: Arc<BTreeSet<String>>,
+    /// Of instances that list them.
+    listed: Vec<ListedMaterials>,
 }
 
 impl Assets {
+    /// None yet; `attributes` are those of vertices that something may read.
+    pub fn new(attributes: BTreeSet<String>) -> Assets {
+        Assets { attributes: Arc::new(attributes), ..Assets::default() }
+    }
+
     /// Registers a file that some object uses with its own materials. Call it for all files before the first is read.
     pub fn expect_materials(&mut self, build: &SceneFileBuilder, name: &str) {
         self.with_materials.insert(key(&build.resolve_path(name)));
@@ -80,6 +102,63 @@ impl Assets {
         self.files.get(&key)?.as_ref()
     }
 
+    /// Notes that the faces of the instance that comes next have the materials of a list by their numbers.
+    ///
+    /// # Errors
+    /// A message, where faces have a number beyond the list.
+    pub fn list_materials(
+        &mut self,
+        scene: &Scene,
+        mesh: MeshId,
+        own: &Range<u32>,
+        list: &[MaterialId],
+    ) -> std::result::Result<(), String> {
+        let number = |part: &MeshPart| part.material.0 - own.start;
+        let most = scene.meshes[mesh.index()].parts.iter().map(number).max().unwrap_or(0);
+        if most as usize >= list.len() {
+            let count = list.len();
+            return Err(format!("'materials' names {count}, but faces have the 'material_index' {most}"));
+        }
+        let (instance, list) = (scene.instances.len(), list.to_vec());
+        self.listed.push(ListedMaterials { instance, mesh, first: own.start, list });
+        Ok(())
+    }
+
+    /// Gives instances that list materials of faces meshes with these. Call it when all objects have been read.
+    pub fn give_listed_materials(&mut self, scene: &mut Scene) {
+        let listed = std::mem::take(&mut self.listed);
+        if listed.is_empty() {
+            return;
+        }
+        let with_list: HashSet<usize> = listed.iter().map(|use_of| use_of.instance).collect();
+        let others = scene.instances.iter().enumerate().filter(|(i, _)| !with_list.contains(i));
+        // A mesh becomes that of its first list where nothing needs it as it was.
+        let mut is_taken: HashSet<MeshId> = others.map(|(_, instance)| instance.mesh).collect();
+        let mut originals: HashMap<MeshId, Vec<MeshPart>> = HashMap::new();
+        let mut made: HashMap<(MeshId, Vec<MaterialId>), MeshId> = HashMap::new();
+        for ListedMaterials { instance, mesh, first, list } in listed {
+            let own = || scene.meshes[mesh.index()].parts.clone();
+            let original = originals.entry(mesh).or_insert_with(own);
+            let renamed =
+                |part: &MeshPart| MeshPart { material: list[(part.material.0 - first) as usize], ..*part };
+            let parts: Vec<MeshPart> = original.iter().map(renamed).collect();
+            let with_parts = || match is_taken.insert(mesh) {
+                true => {
+                    scene.meshes[mesh.index()].parts = parts;
+                    mesh
+                }
+                false => {
+                    let copy = Mesh { parts, ..scene.meshes[mesh.index()].clone() };
+                    let id = scene.add_mesh(copy);
+                    let motion = scene.motion.meshes.get(&mesh.index()).cloned();
+                    scene.motion.meshes.extend(motion.map(|moving| (id.index(), moving)));
+                    id
+                }
+            };
+            scene.instances[instance].mesh = *made.entry((mesh, list.clone())).or_insert_with(with_parts);
+        }
+    }
+
     /// The cameras of a file.
     pub fn cameras(
         &mut self,
@@ -107,8 +186,9 @@ impl Assets {
         geometry_only: bool,
     ) -> Option<Loaded> {
         let keeps_polygons = self.with_polygons.contains(&key(path));
-        let options =
-            LoadOptions { geometry_only, keeps_polygons, shutter: build.shutter, ..build.options.clone() };
+        let attributes = Some(self.attributes.clone());
+        let (shutter, options) = (build.shutter, build.options.clone());
+        let options = LoadOptions { geometry_only, keeps_polygons, attributes, shutter, ..options };
         match read(path, &options) {
             Ok(loaded) => Some(loaded),
             Err(e) => {
@@ -194,6 +274,7 @@ fn absorb(build: &mut SceneFileBuilder, path: &Path, mut loaded: Loaded) -> Asse
     scene.motion.instances.extend(motion.instances);
     let deformed = motion.meshes.into_iter().map(|(i, moving)| (i + shift.mesh as usize, moving));
     scene.motion.meshes.extend(deformed);
+    let materials = shift.material..scene.materials.len() as u32;
     let instances = instances.into_iter().map(|i| Instance {
         motion: shift.motion(i.motion),
         mesh: MeshId(i.mesh.0 + shift.mesh),
@@ -202,7 +283,7 @@ fn absorb(build: &mut SceneFileBuilder, path: &Path, mut loaded: Loaded) -> Asse
     });
     let shapes =
         shapes.into_iter().map(|s| Shape { material: MaterialId(s.material.0 + shift.material), ..s });
-    Asset { instances: instances.collect(), shapes: shapes.collect(), cameras }
+    Asset { instances: instances.collect(), shapes: shapes.collect(), cameras, materials }
 }
 
 /// Offsets of each type of id.

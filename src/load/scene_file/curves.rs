@@ -49,6 +49,7 @@ fn one<'a>(
     let named = fields.string("material").map_or(("default", fields.span()), |m| (m.value, m.span));
     let material = materials.get(build, textures, named.0, named.1);
     let traits = traits::traits(fields).unwrap_or_default();
+    let info = traits::info(fields).unwrap_or_default();
     let world_from_object = transform::read(fields);
     let basis = fields.choice("basis", &CurveBasis::ALL.map(|basis| (basis.name(), basis)));
     let radius = radius(fields);
@@ -93,7 +94,7 @@ fn one<'a>(
     if !colors.is_empty() {
         build.loaded.scene.materials[material.index()].use_vertex_colors = true;
     }
-    Some(Curves { name, basis, strands, points, radii, colors, world_from_object, material, traits })
+    Some(Curves { name, basis, strands, points, radii, colors, world_from_object, material, traits, info })
 }
 
 /// The radius at roots and tips.

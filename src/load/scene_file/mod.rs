@@ -134,7 +134,7 @@ fn read_parts<'a>(build: &mut SceneFileBuilder, root: &Fields<'a>) {
     if let Some(fields) = root.table("render") {
         build.loaded.scene.settings = render_settings::read(build, &fields);
     }
-    let mut assets = Assets::default();
+    let mut assets = Assets::new(nodes::attribute_names(root));
     let mut textures = Textures::new(root.table("textures"));
     let mut materials = Materials::new(root.table("materials"));
     materials.override_model(build, &mut textures);

@@ -10,13 +10,15 @@
 //! ```
 //!
 //! An input is a number, a list of three, an output `"NODE.OUTPUT"` of another node, or another texture: `"textures.NAME"`, or its alpha,
-//! `"textures.NAME.alpha"`. All other keys of a node but `type` are its settings.
+//! `"textures.NAME.alpha"`. All other keys of a node but `type` are its settings. With `up = "z"` beside `result`, vectors of the world
+//! and of the camera are those of Blender, (x, -z, y).
 
 use super::builder::SceneFileBuilder;
 use super::fields::{Fields, nearest, number, numbers};
 use super::textures::Textures;
 use crate::scene::Texture;
 use crate::scene::nodes::{Node, NodeGraph, NodeInput, NodeKind, SettingValue};
+use std::collections::BTreeSet;
 use std::sync::Arc;
 use toml::Spanned;
 use toml::de::DeValue;
@@ -31,6 +33,21 @@ struct Links<'g, 'a> {
     textures: &'g mut Textures<'a>,
     /// The texture that the graph is for, which can't be a part of itself.
     own: &'g str,
+}
+
+/// The attributes that nodes of a file name, and those that stand for outputs of nodes.
+pub(super) fn attribute_names(root: &Fields) -> BTreeSet<String> {
+    let mut names: BTreeSet<String> =
+        ["generated", "pointiness", "random_per_island"].map(str::to_string).into();
+    let textures = root.raw("textures").and_then(|value| value.get_ref().as_table());
+    for texture in textures.into_iter().flat_map(|table| table.values()) {
+        let nodes = texture.get_ref().as_table().and_then(|table| table.get("nodes")?.get_ref().as_table());
+        for node in nodes.into_iter().flat_map(|table| table.values()) {
+            let name = node.get_ref().as_table().and_then(|table| table.get("name")?.get_ref().as_str());
+            names.extend(name.map(str::to_string));
+        }
+    }
+    names
 }
 
 impl<'a> Textures<'a> {
@@ -55,7 +72,8 @@ impl<'a> Textures<'a> {
             nodes.push(Node { kind, inputs: inputs? });
         }
         let result = links.input(build, result?)?;
-        let graph = NodeGraph { nodes, result };
+        let is_z_up = fields.choice("up", &[("y", false), ("z", true)]).unwrap_or(false);
+        let graph = NodeGraph { nodes, result, is_z_up };
         let problems = graph.problems();
         for problem in &problems {
             build.problems.push(fields.span(), format!("{}: {problem}", fields.what()));
@@ -131,7 +149,11 @@ fn setting(value: &DeValue) -> Option<SettingValue> {
             let row = |row: &Spanned<DeValue>| -> Option<Vec<f32>> {
                 row.get_ref().as_array()?.iter().map(|v| number(v.get_ref()).map(|x| x as f32)).collect()
             };
-            rows.iter().map(row).collect::<Option<_>>().map(SettingValue::Table)
+            let numbers = rows.iter().map(|v| number(v.get_ref()).map(|x| x as f32)).collect::<Option<_>>();
+            match numbers {
+                Some(numbers) => Some(SettingValue::Numbers(numbers)),
+                None => rows.iter().map(row).collect::<Option<_>>().map(SettingValue::Table),
+            }
         }
         _ => None,
     }

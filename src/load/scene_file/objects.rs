@@ -3,7 +3,7 @@
 //!
 //! | Shape | Value |
 //! |---|---|
-//! | `mesh` | a .gltf, .glb, .obj or .ply file; its cameras and, with a note, its lights are ignored, `material` replaces all of its own |
+//! | `mesh` | a .gltf, .glb, .obj or .ply file; its cameras and, with a note, its lights are ignored, `material` replaces all of its own; `materials` lists those of faces by the number `material_index` that faces of PLY files may have, from 0 |
 //! | `quad` | `{ corner, u, v }`; the front is where u x v points |
 //! | `box` | `{ min, max }`; `materials` may name six: -x, +x, -y, +y, -z, +z |
 //! | `pyramid` | `{ base, size = [x, z], height }`, over the middle `base`; `materials` may name five: base, +z, +x, -z, -x |
@@ -54,7 +54,7 @@ use super::builder::SceneFileBuilder;
 use super::fields::{Fields, nearest, number, numbers};
 use super::materials::Materials;
 use super::textures::Textures;
-use super::traits::{TraitOverrides, group};
+use super::traits::{self, TraitOverrides, group};
 use super::transform;
 use crate::error::Warning;
 use crate::load::mesh_tools::{Faces, box_faces, pyramid_faces, triangle_faces, uniform_scale};
@@ -89,7 +89,8 @@ pub(super) fn read<'a>(
     let Some(list) = root.list("objects") else { return };
     for table in list.iter().filter_map(|v| v.get_ref().as_table()) {
         let file = table.get("mesh").and_then(|v| v.get_ref().as_str());
-        if let Some(file) = file.filter(|_| !table.contains_key("material")) {
+        let is_replaced = table.contains_key("material") || table.contains_key("materials");
+        if let Some(file) = file.filter(|_| !is_replaced) {
             assets.expect_materials(build, file);
         }
         if let Some(file) = file.filter(|_| table.contains_key("subdivide")) {
@@ -115,6 +116,7 @@ pub(super) fn read<'a>(
         give_traits(build, &fields, before);
         fields.finish();
     }
+    assets.give_listed_materials(&mut build.loaded.scene);
     build.nodes.remove_hidden(&mut build.loaded.scene);
 }
 
@@ -128,6 +130,11 @@ fn counts(build: &SceneFileBuilder) -> [usize; 3] {
 fn give_traits(build: &mut SceneFileBuilder, fields: &Fields, [instances, quads, shapes]: [usize; 3]) {
     let given = TraitOverrides::read(build, fields);
     let scene = &mut build.loaded.scene;
+    if let Some(info) = traits::info(fields) {
+        scene.instances[instances..].iter_mut().for_each(|instance| instance.info = info);
+        scene.quads[quads..].iter_mut().for_each(|quad| quad.info = info);
+        scene.shapes[shapes..].iter_mut().for_each(|shape| shape.info = info);
+    }
     scene.instances[instances..].iter_mut().for_each(|instance| given.apply(&mut instance.traits));
     scene.quads[quads..].iter_mut().for_each(|quad| given.apply(&mut quad.traits));
     scene.shapes[shapes..].iter_mut().for_each(|shape| given.apply(&mut shape.traits));
@@ -151,7 +158,8 @@ fn read_object<'a>(
         return;
     };
     if shape == "mesh" {
-        return add_mesh(build, fields, object, material, assets);
+        let listed = mesh_materials(build, fields, materials, textures);
+        return add_mesh(build, fields, object, (material, &listed), assets);
     }
     let faces = match shape {
         "box" => fields.table("box").and_then(|f| read_box(&f)),
@@ -196,20 +204,26 @@ fn add_mesh(
     build: &mut SceneFileBuilder,
     fields: &Fields,
     object: &Object,
-    material: Option<MaterialId>,
+    (material, listed): (Option<MaterialId>, &[MaterialId]),
     assets: &mut Assets,
 ) {
     let Some(file) = fields.string("mesh") else { return };
     let crease = fields.has("smooth").then(|| fields.number_in("smooth", 0.0..180.0, 0.0).to_radians());
     let how = read_subdivision(fields);
-    let Some(mut asset) = assets.get(build, file.value, file.span.clone(), crease) else { return };
+    let Some(asset) = assets.get(build, file.value, file.span.clone(), crease) else { return };
+    let mut asset = asset.into_owned();
     if let Some(how) = how {
-        for i in &mut asset.to_mut().instances {
+        for i in &mut asset.instances {
             i.mesh = subdivided_mesh(build, fields, i.mesh, i.motion, how).unwrap_or(i.mesh);
         }
     }
     let scene = &mut build.loaded.scene;
     for i in &asset.instances {
+        if !listed.is_empty()
+            && let Err(message) = assets.list_materials(scene, i.mesh, &asset.materials, listed)
+        {
+            fields.problems.push(file.span.clone(), format!("'{}': {message}", file.value));
+        }
         let world_from_object = object.world_from_object * i.world_from_object;
         let motion = object.moved(&mut scene.motion, i);
         let (name, material) = (format!("{}/{}", object.name, i.name), material.or(i.material));
@@ -227,6 +241,23 @@ fn add_mesh(
     let shapes = asset.shapes.iter().filter_map(|shape| placed_shape(object, shape.clone()));
     let shapes = shapes.map(|s| Shape { material: material.unwrap_or(s.material), ..s });
     build.loaded.scene.shapes.extend(shapes);
+}
+
+/// The materials that an object lists for the faces of its mesh by their numbers.
+fn mesh_materials<'a>(
+    build: &mut SceneFileBuilder,
+    fields: &Fields<'a>,
+    materials: &mut Materials<'a>,
+    textures: &mut Textures<'a>,
+) -> Vec<MaterialId> {
+    if !fields.has("materials") {
+        return Vec::new();
+    }
+    let count = fields.list("materials").map_or(0, |list| list.len());
+    if count == 0 {
+        fields.problems.push(fields.span(), "'materials' must name at least one material");
+    }
+    face_materials(build, fields, count, materials, textures).unwrap_or_default()
 }
 
 fn face_materials<'a>(

@@ -4,6 +4,9 @@
 //! `holdout = true` the picture is transparent where the camera sees the object; with `shadow_catcher = true` it shows there only
 //! what other objects change.
 //!
+//! `color = [r, g, b]` or `[r, g, b, alpha]` (white), `index` (0) and `random` (a number from 0 to 1 that follows from the name) are what nodes of
+//! type `object_info` give.
+//!
 //! # linking
 //!
 //! `light_link = { include = ["Figure"] }` has a light shine on these objects only, `{ exclude = ["Floor"] }` on all but these;
@@ -15,10 +18,10 @@
 //! black, cameras see it. Fog and other media are in no list. Lamps with a `shadow_link` light rough surfaces by light samples only.
 
 use super::builder::{Names, NamesOnPaths, SceneFileBuilder};
-use super::fields::{Fields, nearest};
+use super::fields::{Fields, nearest, numbers};
 use super::transform::EvaluatedMotion;
 use crate::scene::{
-    Lamp, LightLinks, Link, ObjectSet, ObjectSets, ObjectTraits, RayKinds, Scene, is_group_name,
+    Lamp, LightLinks, Link, ObjectInfo, ObjectSet, ObjectSets, ObjectTraits, RayKinds, Scene, is_group_name,
 };
 use std::collections::{HashMap, HashSet};
 
@@ -74,6 +77,23 @@ pub(super) fn traits(fields: &Fields) -> Option<ObjectTraits> {
     let is_shadow_catcher = fields.flag("shadow_catcher", false);
     let traits = ObjectTraits { visible_to, is_holdout, is_shadow_catcher, ..ObjectTraits::default() };
     given.contains(&true).then_some(traits)
+}
+
+/// What graphs of nodes know of an object; `None` where none of the keys is given.
+pub(super) fn info(fields: &Fields) -> Option<ObjectInfo> {
+    let given = ["color", "index", "random"].map(|key| fields.has(key));
+    let mut info = ObjectInfo::default();
+    if let Some(value) = fields.raw("color") {
+        let rgb = numbers::<3>(value.get_ref()).map(|[r, g, b]| [r, g, b, 1.0]);
+        match rgb.or_else(|| numbers::<4>(value.get_ref())) {
+            Some(color) => info.color = color.map(|x| x as f32),
+            None => fields.problems.push(value.span(), "'color' must be three or four numbers"),
+        }
+    }
+    info.index = fields.number_in("index", -1e9..1e9, 0.0) as f32;
+    info.random =
+        fields.has("random").then(|| fields.number_in("random", 0.0..1.0 + f64::EPSILON, 0.0) as f32);
+    given.contains(&true).then_some(info)
 }
 
 /// The light links of a light or an emissive object; `None` where none are given.

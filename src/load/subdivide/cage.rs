@@ -1,6 +1,6 @@
 //! The coarse polygons that are subdivided, and each of their attributes with a connectivity of its own.
 
-use crate::scene::{MaterialId, Mesh};
+use crate::scene::{MaterialId, Mesh, VertexAttribute};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::hash::Hash;
@@ -33,7 +33,7 @@ impl<const N: usize> Layer<N> {
 /// Polygons of any size, as a file has them.
 #[derive(Clone, Debug, Default)]
 pub(in crate::load) struct Cage {
-    /// Name, positions, texture coordinates and colours of vertices; nothing else.
+    /// Name, positions, texture coordinates, colours and attributes of vertices; nothing else.
     pub mesh: Mesh,
     /// The point that each vertex is at: faces hang together where they share points.
     pub points: Vec<u32>,
@@ -67,6 +67,7 @@ impl Cage {
                 positions: mesh.positions.clone(),
                 uv_sets: mesh.uv_sets.clone(),
                 colors: mesh.colors.clone(),
+                attributes: mesh.attributes.clone(),
                 ..Mesh::default()
             },
         }
@@ -129,9 +130,24 @@ impl Cage {
         (!self.mesh.colors.is_empty()).then(|| self.varying(&self.mesh.colors))
     }
 
+    /// Attributes, likewise, each filled up with zeros.
+    pub(super) fn attribute_layers(&self) -> Vec<Layer<4>> {
+        let of = |attribute: &VertexAttribute| {
+            self.varying_by(|v| {
+                let own = attribute.of(v as usize);
+                std::array::from_fn(|k| own.get(k).copied().unwrap_or(0.0))
+            })
+        };
+        self.mesh.attributes.iter().map(of).collect()
+    }
+
     fn varying<const N: usize>(&self, values: &[[f32; N]]) -> Layer<N> {
+        self.varying_by(|v| values[v as usize])
+    }
+
+    fn varying_by<const N: usize>(&self, of: impl Fn(u32) -> [f32; N]) -> Layer<N> {
         Layer::new(&self.corners, |v| {
-            let value = values[v as usize].map(|x| if x.is_finite() { x } else { 0.0 });
+            let value = of(v).map(|x| if x.is_finite() { x } else { 0.0 });
             ((self.points[v as usize], value.map(f32::to_bits)), value)
         })
     }

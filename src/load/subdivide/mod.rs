@@ -6,7 +6,7 @@ mod refine;
 
 pub(super) use cage::Cage;
 
-use crate::scene::{MaterialId, Mesh, MeshId, MeshPart};
+use crate::scene::{MaterialId, Mesh, MeshId, MeshPart, VertexAttribute};
 use cage::Layer;
 use cage::{Fans, NONE};
 use refine::Edges;
@@ -100,11 +100,13 @@ fn subdivided(cage: &Cage, how: Subdivision, budget: u64) -> Result<Mesh, String
     let cage = cage.sorted();
     let edges = if how.has_round_corners { Edges::RoundCorners } else { Edges::SharpCorners };
     let mut arities = cage.arities.clone();
-    let (mut points, mut uvs, mut colors) = (cage.point_layer(), cage.uv_layers(), cage.color_layer());
+    let (mut points, mut uvs) = (cage.point_layer(), cage.uv_layers());
+    // Colours, where there are some, before attributes.
+    let mut fours: Vec<Layer<4>> = cage.color_layer().into_iter().chain(cage.attribute_layers()).collect();
     for _ in 0..how.levels {
         points = points.refined(&arities, edges);
         uvs.iter_mut().for_each(|layer| *layer = layer.refined(&arities, Edges::Fixed));
-        colors = colors.map(|layer| layer.refined(&arities, Edges::Fixed));
+        fours.iter_mut().for_each(|layer| *layer = layer.refined(&arities, Edges::Fixed));
         arities = vec![4; points.corners.len() / 4];
     }
     let fans = Fans::new(&arities, &points.corners, points.values.len());
@@ -112,10 +114,8 @@ fn subdivided(cage: &Cage, how: Subdivision, budget: u64) -> Result<Mesh, String
     let normals = refine::normals(&points, &limits, &fans);
     points.values = limits;
     uvs.iter_mut().for_each(|layer| to_limit(layer, &arities));
-    if let Some(layer) = &mut colors {
-        to_limit(layer, &arities);
-    }
-    let mut mesh = assembled(&points, &normals, &uvs, colors.as_ref());
+    fours.iter_mut().for_each(|layer| to_limit(layer, &arities));
+    let mut mesh = assembled(&points, &normals, &uvs, &fours, &cage.mesh);
     mesh.name.clone_from(&cage.mesh.name);
     mesh.parts = parts(&cage, how.levels);
     Ok(mesh)
@@ -139,14 +139,22 @@ fn parts(cage: &Cage, levels: u32) -> Vec<MeshPart> {
     parts
 }
 
-/// A mesh of quads with a vertex for each combination of values that corners have.
-fn assembled(points: &Layer<3>, normals: &Layer<3>, uvs: &[Layer<2>], colors: Option<&Layer<4>>) -> Mesh {
-    let mut mesh = Mesh { uv_sets: vec![Vec::new(); uvs.len()], ..Mesh::default() };
+/// A mesh of quads with a vertex for each combination of values that corners have; colours and attributes are those of the cage.
+fn assembled(
+    points: &Layer<3>,
+    normals: &Layer<3>,
+    uvs: &[Layer<2>],
+    fours: &[Layer<4>],
+    cage: &Mesh,
+) -> Mesh {
+    let attributes = cage.attributes.iter().map(|a| VertexAttribute::new(a.name.clone(), a.width)).collect();
+    let mut mesh = Mesh { uv_sets: vec![Vec::new(); uvs.len()], attributes, ..Mesh::default() };
+    let (colors, of_attributes) = fours.split_at(fours.len() - cage.attributes.len());
     let is_same = |a: u32, b: u32| {
         let (a, b) = (a as usize, b as usize);
         normals.corners[a] == normals.corners[b]
             && uvs.iter().all(|layer| layer.corners[a] == layer.corners[b])
-            && colors.is_none_or(|layer| layer.corners[a] == layer.corners[b])
+            && fours.iter().all(|layer| layer.corners[a] == layer.corners[b])
     };
     // The vertices of each point, in a chain, and a corner of each.
     let (mut heads, mut chain, mut corner_of) = (vec![NONE; points.values.len()], Vec::new(), Vec::new());
@@ -166,7 +174,11 @@ fn assembled(points: &Layer<3>, normals: &Layer<3>, uvs: &[Layer<2>], colors: Op
             for (set, layer) in mesh.uv_sets.iter_mut().zip(uvs) {
                 set.push(layer.at(c).map(|x| x as f32));
             }
-            mesh.colors.extend(colors.map(|layer| layer.at(c).map(|x| x as f32)));
+            mesh.colors.extend(colors.iter().map(|layer| layer.at(c).map(|x| x as f32)));
+            for (attribute, layer) in mesh.attributes.iter_mut().zip(of_attributes) {
+                let value = layer.at(c).map(|x| x as f32);
+                attribute.values.extend_from_slice(&value[..attribute.width as usize]);
+            }
         }
         vertices.push(vertex);
     }

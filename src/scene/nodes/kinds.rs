@@ -13,6 +13,17 @@ pub enum SocketType {
     Color,
 }
 
+/// What an input is without a link.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SocketDefault {
+    /// A value; of floats the first component.
+    Value([f32; 3]),
+    /// The point in world space, metres.
+    Position,
+    /// The shading normal on the viewer's side, world space.
+    Normal,
+}
+
 /// An input or output of a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Socket {
@@ -20,8 +31,8 @@ pub struct Socket {
     pub name: &'static str,
     /// What it carries.
     pub kind: SocketType,
-    /// Value of an input without a link; of floats the first component. `None` for the point in world space, metres.
-    pub default: Option<[f32; 3]>,
+    /// What it is without a link; nothing of outputs.
+    pub default: SocketDefault,
 }
 
 /// Defines an enum of options with their names in files.
@@ -56,6 +67,8 @@ pub enum SettingValue {
     Number(f32),
     /// A text.
     Text(String),
+    /// Numbers.
+    Numbers(Vec<f32>),
     /// Rows of numbers.
     Table(Vec<Vec<f32>>),
 }
@@ -70,6 +83,31 @@ impl Setting for bool {
     fn set(&mut self, value: &SettingValue) -> Result<(), String> {
         let SettingValue::Bool(value) = value else { return Err("must be true or false".to_string()) };
         *self = *value;
+        Ok(())
+    }
+}
+
+impl Setting for String {
+    fn set(&mut self, value: &SettingValue) -> Result<(), String> {
+        let SettingValue::Text(text) = value else { return Err("must be a text".to_string()) };
+        self.clone_from(text);
+        Ok(())
+    }
+}
+
+/// A transform: three rows of four numbers.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Matrix(
+    /// `None` for that of the object that is hit.
+    pub Option<[f32; 12]>,
+);
+
+impl Setting for Matrix {
+    fn set(&mut self, value: &SettingValue) -> Result<(), String> {
+        let expected = || "must be a list of 12 or 16 numbers, row by row".to_string();
+        let SettingValue::Numbers(numbers) = value else { return Err(expected()) };
+        let rows = numbers.first_chunk::<12>().filter(|_| matches!(numbers.len(), 12 | 16));
+        self.0 = Some(*rows.ok_or_else(expected)?);
         Ok(())
     }
 }
@@ -161,6 +199,14 @@ options! {
         Linear = "linear", Quadratic = "quadratic", Easing = "easing", Diagonal = "diagonal", Spherical = "spherical",
         QuadraticSphere = "quadratic_sphere", Radial = "radial",
     }
+    /// How tangents run.
+    TangentType { Radial = "radial", UvMap = "uv_map", }
+    /// Axes.
+    Axis { Z = "z", X = "x", Y = "y", }
+    /// What is transformed.
+    TransformType { Vector = "vector", Point = "point", Normal = "normal", }
+    /// Spaces of vectors.
+    Space { World = "world", Object = "object", Camera = "camera", }
     /// How a ramp goes from stop to stop.
     RampInterpolation { Linear = "linear", Constant = "constant", }
 }
@@ -184,16 +230,23 @@ impl Setting for Rows {
 
 macro_rules! socket {
     ($name:ident float $default:expr) => {
-        Socket { name: stringify!($name), kind: SocketType::Float, default: Some([$default; 3]) }
+        Socket {
+            name: stringify!($name),
+            kind: SocketType::Float,
+            default: SocketDefault::Value([$default; 3]),
+        }
     };
     ($name:ident vector $default:expr) => {
-        Socket { name: stringify!($name), kind: SocketType::Vector, default: Some($default) }
+        Socket { name: stringify!($name), kind: SocketType::Vector, default: SocketDefault::Value($default) }
     };
     ($name:ident color $default:expr) => {
-        Socket { name: stringify!($name), kind: SocketType::Color, default: Some($default) }
+        Socket { name: stringify!($name), kind: SocketType::Color, default: SocketDefault::Value($default) }
     };
     ($name:ident position) => {
-        Socket { name: stringify!($name), kind: SocketType::Vector, default: None }
+        Socket { name: stringify!($name), kind: SocketType::Vector, default: SocketDefault::Position }
+    };
+    ($name:ident normal) => {
+        Socket { name: stringify!($name), kind: SocketType::Vector, default: SocketDefault::Normal }
     };
 }
 
@@ -265,10 +318,35 @@ macro_rules! nodes {
 }
 
 nodes! {
-    /// Coordinates of the surface.
-    TextureCoordinate "texture_coordinate" {} () -> (uv: vector);
-    /// The surface: the point in world space in metres, its geometric normal there.
-    Geometry "geometry" {} () -> (position: vector, true_normal: vector);
+    /// Coordinates of the surface. `object_matrix` takes points of the world to the space of another object.
+    TextureCoordinate "texture_coordinate" { object_matrix: Matrix = Matrix::default() }
+        () -> (uv: vector, generated: vector, normal: vector, object: vector, camera: vector, window: vector, reflection: vector);
+    /// The surface: the point in world space in metres, its normals there on the viewer's side, and what the mesh has as attributes of these
+    /// names.
+    Geometry "geometry" {} ()
+        -> (position: vector, true_normal: vector, normal: vector, tangent: vector, incoming: vector, parametric: vector, backfacing: float, pointiness: float, random_per_island: float);
+    /// An attribute of the mesh's vertices by its name; 0 without one.
+    Attribute "attribute" { name: String = String::new() } () -> (color: color, vector: vector, factor: float, alpha: float);
+    /// Texture coordinates by the name of their set; those of the surface where it has none of the name.
+    UvMap "uv_map" { name: String = String::new() } () -> (uv: vector);
+    /// Colours of vertices by their name.
+    ColorAttribute "color_attribute" { name: String = String::new() } () -> (color: color, alpha: float);
+    /// The object that is hit.
+    ObjectInfo "object_info" {} () -> (location: vector, color: color, alpha: float, object_index: float, material_index: float, random: float);
+    /// The point as the camera sees it: the direction in its space, along its axis, and from it, metres.
+    CameraData "camera_data" {} () -> (view_vector: vector, view_z_depth: float, view_distance: float);
+    /// The path that arrives.
+    LightPath "light_path" {} ()
+        -> (is_camera_ray: float, is_shadow_ray: float, is_diffuse_ray: float, is_glossy_ray: float, is_singular_ray: float, is_reflection_ray: float, is_transmission_ray: float, is_volume_scatter_ray: float, ray_length: float, ray_depth: float);
+    /// The strand that is hit.
+    HairInfo "hair_info" {} () -> (is_strand: float, intercept: float, length: float, thickness: float, tangent_normal: vector, random: float);
+    /// A direction along the surface: around an axis of the object, or where the first texture coordinates grow.
+    Tangent "tangent" { direction_type: TangentType = TangentType::Radial, axis: Axis = Axis::Z } () -> (tangent: vector);
+    /// 1 near the edges of triangles; `size` is the width of lines in metres, or in pixels.
+    Wireframe "wireframe" { use_pixel_size: bool = false } (size: float 0.01) -> (factor: float);
+    /// A vector from one space to another: of the world, the object or the camera.
+    VectorTransform "vector_transform" { vector_type: TransformType = TransformType::Vector, convert_from: Space = Space::World, convert_to: Space = Space::Object }
+        (vector: vector [0.5; 3]) -> (vector: vector);
     /// A number.
     Value "value" {} (value: float 0.5) -> (value: float);
     /// A colour.
@@ -324,9 +402,9 @@ nodes! {
     FloatCurve "float_curve" { table: Rows = Rows::default(), min: f32 = 0.0, max: f32 = 1.0, extrapolate: bool = true }
         (factor: float 1.0, value: float 1.0) -> (value: float);
     /// Reflectance of a dielectric by the angle of view, from outside.
-    Fresnel "fresnel" {} (ior: float 1.5) -> (factor: float);
+    Fresnel "fresnel" {} (ior: float 1.5, normal: normal) -> (factor: float);
     /// Weights for layers by the angle of view.
-    LayerWeight "layer_weight" {} (blend: float 0.5) -> (fresnel: float, facing: float);
+    LayerWeight "layer_weight" {} (blend: float 0.5, normal: normal) -> (fresnel: float, facing: float);
     /// Fractal gradient noise.
     NoiseTexture "noise_texture" { dimensions: Dimensions = Dimensions::Three, noise_type: NoiseType = NoiseType::Fbm, normalize: bool = true }
         (vector: position, w: float 0.0, scale: float 5.0, detail: float 2.0, roughness: float 0.5, lacunarity: float 2.0, offset: float 0.0, gain: float 1.0, distortion: float 0.0) -> (factor: float, color: color);

@@ -3,10 +3,10 @@
 mod kinds;
 
 pub use kinds::{
-    BandsDirection, BlendMode, ClampType, ColorModel, Dimensions, DistanceMetric, FactorMode, GradientType,
-    MappingType, MathOperation, MixType, NodeKind, NoiseType, RampInterpolation, RangeInterpolation,
-    RingsDirection, RotationType, Rows, SettingValue, Socket, SocketType, VectorOperation, VoronoiFeature,
-    WaveProfile, WaveType,
+    Axis, BandsDirection, BlendMode, ClampType, ColorModel, Dimensions, DistanceMetric, FactorMode,
+    GradientType, MappingType, MathOperation, Matrix, MixType, NodeKind, NoiseType, RampInterpolation,
+    RangeInterpolation, RingsDirection, RotationType, Rows, SettingValue, Socket, SocketDefault, SocketType,
+    Space, TangentType, TransformType, VectorOperation, VoronoiFeature, WaveProfile, WaveType,
 };
 
 use super::TextureId;
@@ -51,7 +51,17 @@ pub struct NodeGraph {
     pub nodes: Vec<Node>,
     /// Which output the graph gives.
     pub result: NodeInput,
+    /// Vectors of world and camera space are those of Blender's world, whose z is up: (x, -z, y) of the scene's.
+    pub is_z_up: bool,
 }
+
+/// The attributes that stand for outputs of nodes where meshes have them: kind, output, name.
+const STANDARD_ATTRIBUTES: [(&str, &str, &str); 4] = [
+    ("texture_coordinate", "generated", "generated"),
+    ("geometry", "tangent", "generated"),
+    ("geometry", "pointiness", "pointiness"),
+    ("geometry", "random_per_island", "random_per_island"),
+];
 
 impl NodeGraph {
     /// All that is wrong with it: links that lead nowhere or in a circle, inputs that are too many or too few.
@@ -136,6 +146,20 @@ impl NodeGraph {
         }
     }
 
+    /// Attributes of vertices that it may read, by name; some more than once.
+    pub fn attributes(&self) -> impl Iterator<Item = &str> + '_ {
+        let named = self.nodes.iter().filter_map(|node| node.kind.attribute());
+        let inputs = self.nodes.iter().flat_map(|node| &node.inputs).chain([&self.result]);
+        let standard = inputs.filter_map(|input| {
+            let NodeInput::Link { node, output } = *input else { return None };
+            let kind = &self.nodes.get(node)?.kind;
+            let output = kind.outputs().get(output)?.name;
+            let known = STANDARD_ATTRIBUTES.iter().find(|known| (known.0, known.1) == (kind.name(), output));
+            known.map(|known| known.2)
+        });
+        named.chain(standard)
+    }
+
     /// Textures that it reads.
     pub fn textures(&self) -> impl Iterator<Item = TextureId> + '_ {
         let inputs = self.nodes.iter().flat_map(|node| &node.inputs).chain([&self.result]);
@@ -157,6 +181,17 @@ impl NodeGraph {
 }
 
 impl NodeKind {
+    /// The attribute that a setting names.
+    fn attribute(&self) -> Option<&str> {
+        match self {
+            NodeKind::Attribute { name } | NodeKind::UvMap { name } | NodeKind::ColorAttribute { name } => {
+                Some(name.as_str()).filter(|name| !name.is_empty())
+            }
+            NodeKind::Tangent { direction_type: TangentType::Radial, .. } => Some("generated"),
+            _ => None,
+        }
+    }
+
     /// What is wrong with its settings.
     fn problem(&self) -> Option<String> {
         let table = |rows: &[Vec<f32>], columns: usize| {

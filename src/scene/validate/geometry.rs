@@ -3,8 +3,11 @@
 
 use super::findings::{BLOCK, Entry, Findings};
 use crate::math::DAffine3;
-use crate::scene::{Curves, Material, MaterialId, Mesh, Motion, Scene, Transmission};
+use crate::scene::{
+    Curves, Material, MaterialId, Mesh, Motion, ObjectInfo, Scene, Transmission, VertexAttribute,
+};
 use rayon::prelude::*;
+use std::collections::HashSet;
 
 // Meshes: indices, lengths of lists, runs of materials, and that every number is finite. One pass over each list, without
 // branches, so that it takes as long as reading it.
@@ -15,6 +18,7 @@ pub(super) fn check_meshes(scene: &Scene, findings: &mut Findings) {
         check_triangles(mesh, place, findings);
         check_numbers(mesh, place, findings);
         check_lengths(mesh, place, findings);
+        check_attributes(mesh, place, findings);
         check_parts(mesh, scene.materials.len(), place, findings);
     }
 }
@@ -37,6 +41,26 @@ fn check_numbers(mesh: &Mesh, place: Entry, findings: &mut Findings) {
     check("tangents", mesh.tangents.as_flattened());
     check("colors", mesh.colors.as_flattened());
     mesh.uv_sets.iter().for_each(|set| check("uv_sets", set.as_flattened()));
+    mesh.attributes.iter().for_each(|attribute| check("attributes", &attribute.values));
+}
+
+fn check_attributes(mesh: &Mesh, place: Entry, findings: &mut Findings) {
+    let mut names = HashSet::new();
+    for attribute in &mesh.attributes {
+        let is_wide = (1..=VertexAttribute::MAX_WIDTH).contains(&attribute.width);
+        findings.require(is_wide, place, "width of an attribute", attribute.width, "1 to 4");
+        let expected = mesh.positions.len() as u64 * u64::from(attribute.width);
+        let length = attribute.values.len();
+        findings.require(
+            length as u64 == expected,
+            place,
+            "length of an attribute",
+            length,
+            "its width times the positions",
+        );
+        let is_new = names.insert(&attribute.name);
+        findings.require(is_new, place, "name of an attribute", &attribute.name, "another than those before");
+    }
 }
 
 fn check_lengths(mesh: &Mesh, place: Entry, findings: &mut Findings) {
@@ -70,6 +94,7 @@ fn check_parts(mesh: &Mesh, materials: usize, place: Entry, findings: &mut Findi
 pub(super) fn check_curves(scene: &Scene, findings: &mut Findings) {
     for (index, curves) in scene.curves.iter().enumerate() {
         let place = Entry { list: "curves", index, name: &curves.name };
+        check_info(&curves.info, place, findings);
         lists(curves, place, findings);
         match scene.materials.get(curves.material.index()) {
             None => findings.reject(place, "material", curves.material, "one of the scene's materials"),
@@ -115,11 +140,17 @@ fn suits(material: &Material, place: Entry, findings: &mut Findings) {
 const MATERIAL: &str = "one of the scene's materials";
 const FINITE: &str = "finite";
 
+fn check_info(info: &ObjectInfo, place: Entry, findings: &mut Findings) {
+    let numbers = [&info.color[..], &[info.index], &[info.random.unwrap_or(0.0)]].concat();
+    findings.require_finite(&numbers, place, "info");
+}
+
 pub(super) fn check_objects(scene: &Scene, findings: &mut Findings) {
     let exists = |id: MaterialId| id.index() < scene.materials.len();
     for (index, instance) in scene.instances.iter().enumerate() {
         let place = Entry { list: "instances", index, name: &instance.name };
         let has_mesh = instance.mesh.index() < scene.meshes.len();
+        check_info(&instance.info, place, findings);
         findings.require(has_mesh, place, "mesh", instance.mesh, "one of the scene's meshes");
         findings.require(
             instance.material.is_none_or(exists),
@@ -131,6 +162,7 @@ pub(super) fn check_objects(scene: &Scene, findings: &mut Findings) {
     }
     for (index, shape) in scene.shapes.iter().enumerate() {
         let place = Entry { list: "shapes", index, name: &shape.name };
+        check_info(&shape.info, place, findings);
         findings.require(exists(shape.material), place, "material", shape.material, MATERIAL);
         findings.require(shape.center.is_finite(), place, "center", shape.center, FINITE);
         findings.require_length(shape.radius, place, "radius", shape.radius);
@@ -141,6 +173,7 @@ pub(super) fn check_objects(scene: &Scene, findings: &mut Findings) {
     }
     for (index, quad) in scene.quads.iter().enumerate() {
         let place = Entry { list: "quads", index, name: &quad.name };
+        check_info(&quad.info, place, findings);
         findings.require(exists(quad.material), place, "material", quad.material, MATERIAL);
         findings.require(quad.corner.is_finite(), place, "corner", quad.corner, FINITE);
         findings.require(quad.edge_u.is_finite(), place, "edge_u", quad.edge_u, FINITE);

@@ -5,55 +5,25 @@ use super::hash::{hash_floats, hash_to_vector};
 use super::math;
 use super::noise::{Fractal, noise_texture};
 use super::patterns::{self, Wall, Wave};
+use super::source::Source;
 use super::voronoi::Voronoi;
 use crate::color::luminance;
 use crate::scene::TextureId;
-use crate::scene::nodes::{ClampType, Dimensions, FactorMode, MixType, NodeKind, RampInterpolation};
-use crate::texture::TexturePoint;
+use crate::scene::nodes::{
+    ClampType, Dimensions, FactorMode, MixType, NodeKind, RampInterpolation, TransformType,
+};
+use crate::texture::{HitData, TexturePoint};
 
 /// The points of one evaluation.
 pub struct Points<'a> {
     /// At most as many as registers have lanes; `world` is the point before the scene was moved.
     pub points: &'a [TexturePoint],
+    /// What more is known of each; one for all where it is one.
+    pub hits: &'a [Option<&'a HitData<'a>>],
+    /// Vectors of the world are those of Blender.
+    pub is_z_up: bool,
     /// Linear RGBA of a texture at one of them, by its number.
     pub textures: &'a dyn Fn(TextureId, usize) -> [f32; 4],
-}
-
-/// What a point gives to a program.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Source {
-    /// World space, metres.
-    Position,
-    /// Geometric normal, world space.
-    TrueNormal,
-    /// The first set of texture coordinates.
-    Uv,
-    /// Cosine of the angle between the view and the shading normal.
-    Cosine,
-    /// Linear RGBA.
-    Texture(TextureId),
-}
-
-impl Source {
-    /// How many numbers it has.
-    pub fn width(self) -> u32 {
-        match self {
-            Source::Position | Source::TrueNormal | Source::Uv => 3,
-            Source::Cosine => 1,
-            Source::Texture(_) => 4,
-        }
-    }
-
-    fn read(self, points: &Points<'_>, lane: usize) -> [f32; 4] {
-        let point = &points.points[lane];
-        match self {
-            Source::Position => point.world.extend(0.0).to_array(),
-            Source::TrueNormal => point.normal.extend(0.0).to_array(),
-            Source::Uv => [point.uv[0].x, point.uv[0].y, 0.0, 0.0],
-            Source::Cosine => [point.cosine; 4],
-            Source::Texture(id) => (points.textures)(id, lane),
-        }
-    }
 }
 
 /// What a step computes.
@@ -61,6 +31,18 @@ impl Source {
 pub enum Operation {
     /// What points give.
     Load(Source),
+    /// A vector by three rows of a transform.
+    Transform(TransformType),
+    /// A vector by a transform that is the same everywhere.
+    Affine([f32; 12]),
+    /// Of a vector.
+    Normalize,
+    /// Length of a vector.
+    Length,
+    /// Cosine between two vectors, of both sides alike.
+    Cosine,
+    /// The first of two squared distances is at most half a width.
+    IsNear { in_pixels: bool },
     /// Of three numbers.
     Mean,
     /// Of a colour.
@@ -185,8 +167,17 @@ pub fn fold(operation: &Operation, inputs: &[f32], outputs: u32) -> Vec<f32> {
     let outputs: Vec<u16> = (first..first + outputs as u16).collect();
     let step =
         Compiled { operation: operation.clone(), inputs: (0..first).collect(), outputs: outputs.clone() };
-    run(&step, &Points { points: &[], textures: &|_, _| [0.0; 4] }, &mut registers);
+    run(
+        &step,
+        &Points { points: &[], hits: &[], is_z_up: false, textures: &|_, _| [0.0; 4] },
+        &mut registers,
+    );
     outputs.into_iter().map(|register| registers.at(register, 0)).collect()
+}
+
+/// A vector by rows of a transform, whose last column counts `w` times.
+fn affine(rows: &[f32], [x, y, z]: [f32; 3], w: f32) -> [f32; 3] {
+    std::array::from_fn(|i| rows[4 * i] * x + rows[4 * i + 1] * y + rows[4 * i + 2] * z + rows[4 * i + 3] * w)
 }
 
 /// Computes a step for all points.
@@ -194,13 +185,28 @@ pub fn run<const LANES: usize>(step: &Compiled, points: &Points<'_>, r: &mut Reg
     match &step.operation {
         Operation::Load(source) => {
             for lane in 0..points.points.len() {
-                for (&register, value) in step.outputs.iter().zip(source.read(points, lane)) {
+                let texture = |id| (points.textures)(id, lane);
+                let hit = points.hits.get(lane).copied().flatten();
+                let values = source.read(&points.points[lane], hit, points.is_z_up, texture);
+                for (&register, value) in step.outputs.iter().zip(values) {
                     if register != UNUSED {
                         r.0[register as usize][lane] = value;
                     }
                 }
             }
         }
+        Operation::Transform(TransformType::Point) => {
+            r.each(step, |v: [f32; 15]| affine(&v[3..], [v[0], v[1], v[2]], 1.0))
+        }
+        Operation::Transform(_) => r.each(step, |v: [f32; 15]| affine(&v[3..], [v[0], v[1], v[2]], 0.0)),
+        Operation::Affine(rows) => r.each(step, |p: [f32; 3]| affine(rows, p, 1.0)),
+        Operation::Normalize => r.each(step, |v: [f32; 3]| math::normalize(v)),
+        Operation::Length => r.each(step, |[x, y, z]: [f32; 3]| [(x * x + y * y + z * z).sqrt()]),
+        Operation::Cosine => r.each(step, |[a, b, c, x, y, z]: [f32; 6]| [(a * x + b * y + c * z).abs()]),
+        Operation::IsNear { in_pixels } => r.each(step, |[size, squared, pixel]: [f32; 3]| {
+            let half = 0.5 * size * if *in_pixels { pixel } else { 1.0 };
+            [if squared < half * half { 1.0 } else { 0.0 }]
+        }),
         Operation::Mean => r.each(step, |[x, y, z]: [f32; 3]| [(x + y + z) * (1.0 / 3.0)]),
         Operation::Luminance => r.each(step, |c: [f32; 3]| [luminance(c)]),
         Operation::Ramp { table, interpolation: RampInterpolation::Linear } => {
@@ -297,10 +303,15 @@ fn colors<const LANES: usize>(kind: &NodeKind, step: &Compiled, r: &mut Register
         }
         NodeKind::RgbToBw {} => r.each(step, |c: [f32; 3]| [luminance(c)]),
         NodeKind::Fresnel {} => {
-            r.each(step, |[ior, cosine]: [f32; 2]| [math::fresnel(cosine, ior.max(1e-5))]);
+            r.each(step, |[ior, cosine, is_back]: [f32; 3]| {
+                let eta = ior.max(1e-5);
+                [math::fresnel(cosine, if is_back != 0.0 { 1.0 / eta } else { eta })]
+            });
         }
-        NodeKind::LayerWeight {} => r.each(step, |[blend, cosine]: [f32; 2]| {
-            [math::fresnel(cosine, 1.0 / (1.0 - blend).max(1e-5)), math::facing(cosine, blend)]
+        NodeKind::LayerWeight {} => r.each(step, |[blend, cosine, is_back]: [f32; 3]| {
+            let eta = (1.0 - blend).max(1e-5);
+            let fresnel = math::fresnel(cosine, if is_back != 0.0 { eta } else { 1.0 / eta });
+            [fresnel, math::facing(cosine, blend)]
         }),
         _ => noises(kind, step, r),
     }

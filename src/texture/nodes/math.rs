@@ -167,7 +167,7 @@ fn each2(a: Vector, b: Vector, f: impl Fn(f32, f32) -> f32) -> Vector {
 }
 
 /// Unit length; 0 stays.
-fn normalize(v: Vector) -> Vector {
+pub fn normalize(v: Vector) -> Vector {
     let length = dot(v, v).sqrt();
     if length == 0.0 { v } else { v.map(|c| c / length) }
 }

@@ -6,12 +6,16 @@ mod hash;
 mod math;
 mod noise;
 mod patterns;
+mod source;
 mod voronoi;
 
-use super::TexturePoint;
+use super::{HitData, TexturePoint};
 use crate::scene::TextureId;
-use crate::scene::nodes::{NodeGraph, NodeInput, NodeKind, SocketType};
-use evaluate::{Compiled, Operation, Points, Registers, Source, UNUSED, fold, run};
+use crate::scene::nodes::{
+    NodeGraph, NodeInput, NodeKind, SocketDefault, SocketType, Space, TangentType, TransformType,
+};
+use evaluate::{Compiled, Operation, Points, Registers, UNUSED, fold, run};
+use source::Source;
 use std::cell::Cell;
 use std::collections::HashMap;
 
@@ -44,12 +48,13 @@ pub struct Program {
     constants: Vec<(u16, f32)>,
     registers: usize,
     result: [u16; 3],
+    is_z_up: bool,
 }
 
 impl Program {
-    /// Compiles a graph; black if it has [problems](NodeGraph::problems).
-    pub fn new(graph: &NodeGraph) -> Program {
-        let mut builder = Builder::default();
+    /// Compiles a graph; black if it has [problems](NodeGraph::problems). `attributes` are the names of the attributes of hits.
+    pub fn new(graph: &NodeGraph, attributes: &[String]) -> Program {
+        let mut builder = Builder { attributes, is_z_up: graph.is_z_up, ..Builder::default() };
         if !graph.problems().is_empty() {
             return builder.finish([Number::of(0.0); 3]);
         }
@@ -71,7 +76,12 @@ impl Program {
 
     /// Does the result differ with the direction from which a surface is seen?
     pub fn depends_on_viewer(&self) -> bool {
-        self.sources().any(|source| source == Source::Cosine)
+        self.sources().any(Source::depends_on_viewer)
+    }
+
+    /// Does it need more than a [`TexturePoint`] has?
+    pub fn reads_hit(&self) -> bool {
+        self.sources().any(Source::reads_hit)
     }
 
     /// Textures that it reads.
@@ -89,14 +99,20 @@ impl Program {
         })
     }
 
-    /// The result at a point. `texture` gives linear RGBA of other textures there.
-    pub fn at(&self, point: TexturePoint, texture: &dyn Fn(TextureId) -> [f32; 4]) -> [f32; 3] {
+    /// The result at a point; `hit` is what is known of it beyond that. `texture` gives linear RGBA of other textures there.
+    pub fn at(
+        &self,
+        point: TexturePoint,
+        hit: Option<&HitData<'_>>,
+        texture: &dyn Fn(TextureId) -> [f32; 4],
+    ) -> [f32; 3] {
         thread_local! {
             /// Registers of the last evaluation; taken while one is under way, since textures may hold programs in turn.
             static REGISTERS: Cell<Registers<1>> = Cell::default();
         }
         let mut registers = REGISTERS.take();
-        let points = Points { points: &[point], textures: &|id, _| texture(id) };
+        let textures = &|id, _| texture(id);
+        let points = Points { points: &[point], hits: &[hit], is_z_up: self.is_z_up, textures };
         self.evaluate(&points, &mut registers);
         let result = self.result.map(|register| reflectance(registers.at(register, 0)));
         REGISTERS.set(registers);
@@ -118,12 +134,15 @@ fn reflectance(value: f32) -> f32 {
 }
 
 #[derive(Default)]
-struct Builder {
+struct Builder<'a> {
     steps: Vec<Step>,
     known: HashMap<(String, Vec<Number>), u32>,
+    /// Names of the attributes of hits.
+    attributes: &'a [String],
+    is_z_up: bool,
 }
 
-impl Builder {
+impl Builder<'_> {
     /// Adds a step or finds the same one; folds it where all its inputs are constant.
     fn step(&mut self, operation: Operation, inputs: Vec<Number>, outputs: u32) -> Vec<Number> {
         let constants: Option<Vec<f32>> = inputs
@@ -195,33 +214,177 @@ impl Builder {
         let mut inputs = Vec::new();
         for (socket, input) in node.kind.inputs().iter().zip(&node.inputs) {
             let value = match (input, socket.default) {
-                (NodeInput::Default, Some(default)) => default.map(Number::of),
-                (NodeInput::Default, None) => self.load_vector(Source::Position),
+                (NodeInput::Default, SocketDefault::Value(default)) => default.map(Number::of),
+                (NodeInput::Default, SocketDefault::Position) => self.load_vector(Source::Position),
+                // What reads it has the cosine as well.
+                (NodeInput::Default, SocketDefault::Normal) => [Number::of(0.0); 3],
                 _ => self.input(graph, input, socket.kind, outputs),
             };
             inputs.push((socket.kind, value));
         }
-        self.outputs_of(&node.kind, &inputs)
+        match self.sources_of(&node.kind, &inputs) {
+            Some(outputs) => outputs,
+            None => self.outputs_of(&node.kind, &inputs, node.inputs.last() == Some(&NodeInput::Default)),
+        }
     }
 
-    fn outputs_of(&mut self, kind: &NodeKind, inputs: &[(SocketType, [Number; 3])]) -> Vec<[Number; 3]> {
+    /// The number of an attribute; one that nothing has where there is no name.
+    fn attribute(&self, name: &str) -> u16 {
+        self.attributes.iter().position(|known| known == name).map_or(u16::MAX, |number| number as u16)
+    }
+
+    /// The outputs of nodes that read of hits.
+    fn sources_of(
+        &mut self,
+        kind: &NodeKind,
+        inputs: &[(SocketType, [Number; 3])],
+    ) -> Option<Vec<[Number; 3]>> {
+        let generated = self.attribute("generated");
+        let three = |numbers: &[Number]| [numbers[0], numbers[1], numbers[2]];
+        let one = |number: Number| [number; 3];
+        Some(match kind {
+            NodeKind::TextureCoordinate { object_matrix } => {
+                let [uv, generated, normal, object, camera, window, reflection] = [
+                    Source::Uv,
+                    Source::Generated(generated),
+                    Source::ObjectNormal,
+                    Source::ObjectPoint,
+                    Source::CameraPoint,
+                    Source::Window,
+                    Source::Reflection,
+                ]
+                .map(|source| self.load_vector(source));
+                let object = match object_matrix.0 {
+                    Some(rows) => {
+                        let position = self.load_vector(Source::Position);
+                        three(&self.step(Operation::Affine(rows), position.to_vec(), 3))
+                    }
+                    None => object,
+                };
+                vec![uv, generated, normal, object, camera, window, reflection]
+            }
+            NodeKind::Geometry {} => {
+                let vectors = [
+                    Source::Position,
+                    Source::TrueNormal,
+                    Source::Normal,
+                    Source::Radial(crate::scene::nodes::Axis::Z, generated),
+                    Source::Incoming,
+                    Source::Parametric,
+                ];
+                let mut outputs = vectors.map(|source| self.load_vector(source)).to_vec();
+                outputs.push(one(self.load(Source::Backfacing)[0]));
+                for name in ["pointiness", "random_per_island"] {
+                    let number = self.attribute(name);
+                    outputs.push(one(self.load(Source::Attribute(number))[4]));
+                }
+                outputs
+            }
+            NodeKind::Attribute { name } => {
+                let own = self.load(Source::Attribute(self.attribute(name)));
+                vec![three(&own), three(&own), one(own[4]), one(own[3])]
+            }
+            NodeKind::ColorAttribute { name } => {
+                let own = self.load(Source::Attribute(self.attribute(name)));
+                vec![three(&own), one(own[3])]
+            }
+            NodeKind::UvMap { name } => vec![self.load_vector(Source::UvMap(self.attribute(name)))],
+            NodeKind::ObjectInfo {} => {
+                let own = self.load(Source::Object);
+                let mut outputs = vec![three(&own), three(&own[3..])];
+                outputs.extend([6, 7, 8, 9].map(|i| one(own[i])));
+                outputs
+            }
+            NodeKind::CameraData {} => {
+                let point = self.load_vector(Source::CameraPoint);
+                let direction = self.step(Operation::Normalize, point.to_vec(), 3);
+                let distance = self.step(Operation::Length, point.to_vec(), 1);
+                vec![three(&direction), one(point[2]), one(distance[0])]
+            }
+            NodeKind::LightPath {} => self.load(Source::Path).into_iter().map(one).collect(),
+            NodeKind::HairInfo {} => {
+                let own = self.load(Source::Strand);
+                vec![one(own[0]), one(own[1]), one(own[2]), one(own[3]), three(&own[4..]), one(own[7])]
+            }
+            NodeKind::Tangent { direction_type, axis } => vec![self.load_vector(match direction_type {
+                TangentType::Radial => Source::Radial(*axis, generated),
+                TangentType::UvMap => Source::UvTangent,
+            })],
+            NodeKind::Wireframe { use_pixel_size } => {
+                let edge = self.load(Source::Edge);
+                let inputs = vec![inputs[0].1[0], edge[0], edge[1]];
+                vec![one(self.step(Operation::IsNear { in_pixels: *use_pixel_size }, inputs, 1)[0])]
+            }
+            NodeKind::VectorTransform { vector_type, convert_from, convert_to } => {
+                vec![self.transformed(*vector_type, [*convert_from, *convert_to], inputs[0].1)]
+            }
+            _ => return None,
+        })
+    }
+
+    /// A vector from one space to another, by way of the world.
+    fn transformed(
+        &mut self,
+        what: TransformType,
+        [from, to]: [Space; 2],
+        vector: [Number; 3],
+    ) -> [Number; 3] {
+        // Normals are vectors of unit length, as in Cycles.
+        let mut vector = vector;
+        let steps = [
+            match from {
+                Space::World => None,
+                Space::Object => Some(Source::WorldFromObject),
+                Space::Camera => Some(Source::WorldFromCamera),
+            },
+            match to {
+                Space::World => None,
+                Space::Object => Some(Source::ObjectFromWorld),
+                Space::Camera => Some(Source::CameraFromWorld),
+            },
+        ];
+        for source in steps.into_iter().flatten().filter(|_| from != to) {
+            let mut inputs = vector.to_vec();
+            inputs.extend(self.load(source));
+            let made = self.step(Operation::Transform(what), inputs, 3);
+            vector = [made[0], made[1], made[2]];
+        }
+        if what == TransformType::Normal {
+            let made = self.step(Operation::Normalize, vector.to_vec(), 3);
+            vector = [made[0], made[1], made[2]];
+        }
+        vector
+    }
+
+    fn outputs_of(
+        &mut self,
+        kind: &NodeKind,
+        inputs: &[(SocketType, [Number; 3])],
+        has_default_normal: bool,
+    ) -> Vec<[Number; 3]> {
         let value = |i: usize| inputs[i].1;
         match kind {
             // Names for what is there, without a step.
             NodeKind::Value {} | NodeKind::Rgb {} => vec![value(0)],
             NodeKind::CombineXyz {} => vec![[value(0)[0], value(1)[0], value(2)[0]]],
             NodeKind::SeparateXyz {} => value(0).map(|number| [number; 3]).to_vec(),
-            NodeKind::TextureCoordinate {} => vec![self.load_vector(Source::Uv)],
-            NodeKind::Geometry {} => {
-                [Source::Position, Source::TrueNormal].map(|source| self.load_vector(source)).to_vec()
-            }
             _ => {
                 let mut flat = Vec::new();
                 for (kind, value) in inputs {
                     flat.extend_from_slice(if *kind == SocketType::Float { &value[..1] } else { &value[..] });
                 }
                 if let NodeKind::Fresnel {} | NodeKind::LayerWeight {} = kind {
-                    flat.extend(self.load(Source::Cosine));
+                    // In place of the normal: the cosine, and the side that is seen.
+                    let normal = flat.split_off(1);
+                    let cosine = match has_default_normal {
+                        true => self.load(Source::Cosine),
+                        false => {
+                            let incoming = self.load_vector(Source::Incoming);
+                            self.step(Operation::Cosine, [normal, incoming.to_vec()].concat(), 1)
+                        }
+                    };
+                    flat.push(cosine[0]);
+                    flat.extend(self.load(Source::Backfacing));
                 }
                 let width = |kind: SocketType| if kind == SocketType::Float { 1 } else { 3 };
                 let count = kind.outputs().iter().map(|socket| width(socket.kind)).sum();
@@ -263,7 +426,8 @@ impl Builder {
             steps.push(Compiled { operation: step.operation, inputs, outputs });
         }
         let result = result.map(|number| registers.of(number));
-        Program { steps, constants: registers.constants(), registers: registers.count as usize, result }
+        let (constants, count) = (registers.constants(), registers.count as usize);
+        Program { steps, constants, registers: count, result, is_z_up: self.is_z_up }
     }
 }
 

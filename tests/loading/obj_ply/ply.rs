@@ -1,6 +1,8 @@
 //! What PLY files may hold.
 
 use super::{binary_ply, load_ply};
+use oscura::load::Loaded;
+use oscura::load::subdivide::Subdivision;
 use oscura::load::{LoadOptions, load};
 
 #[test]
@@ -116,4 +118,76 @@ fn point_clouds_become_spheres_of_the_wanted_radius() {
     assert_eq!(scene.shapes[2].center.y, 2.0);
     assert!(loaded.warnings.iter().any(|w| w.message.contains("1 points")), "{:?}", loaded.warnings);
     assert!(with(0.0).is_err() && with(f64::NAN).is_err());
+}
+
+/// Two triangles with two attributes and materials of their own, ascii.
+const WITH_ATTRIBUTES: &str = "ply\nformat ascii 1.0\ncomment oscura attribute 3 2 zweite Karte é\n\
+    comment oscura attribute 0 1 weight\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+    property float a3_0\nproperty float a3_1\nproperty uchar a0_0\nelement face 2\n\
+    property list uchar int vertex_indices\nproperty uchar material_index\nend_header\n\
+    0 0 0 0.5 -1 0\n1 0 0 0.25 2 255\n0 1 0 3 4 51\n1 1 0 5 6 0\n3 0 1 2 1\n3 2 1 3 0\n";
+
+fn load_with(content: &[u8], options: &LoadOptions) -> Loaded {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("a.ply");
+    std::fs::write(&path, content).expect("written");
+    load(&path, options).unwrap_or_else(|e| panic!("{e}"))
+}
+
+#[test]
+fn ply_reads_attributes_by_name_and_materials_of_faces() {
+    let scene = load_ply(WITH_ATTRIBUTES.as_bytes()).unwrap_or_else(|e| panic!("{e}")).scene;
+    let mesh = &scene.meshes[0];
+    let [map, weight] = &mesh.attributes[..] else { panic!("{:?}", mesh.attributes) };
+    assert_eq!((map.name.as_str(), map.width, map.of(2)), ("zweite Karte é", 2, &[3.0, 4.0][..]));
+    assert_eq!((weight.name.as_str(), weight.width), ("weight", 1));
+    assert_eq!(weight.values, [0.0, 1.0, 0.2, 0.0]);
+    // Faces of a material stand together.
+    assert_eq!(mesh.triangles, [[2, 1, 3], [0, 1, 2]]);
+    assert_eq!(mesh.parts.iter().map(|part| part.material.0).collect::<Vec<_>>(), [0, 1]);
+    let options = LoadOptions { smooth_rad: Some(1.0), ..LoadOptions::default() };
+    let smooth = load_with(WITH_ATTRIBUTES.as_bytes(), &options);
+    assert_eq!(smooth.scene.meshes[0].attributes, mesh.attributes);
+}
+
+#[test]
+fn ply_subdivides_attributes_with_their_vertices() {
+    let how = Subdivision { levels: 2, has_round_corners: false };
+    let options = LoadOptions { subdivision: Some(how), ..LoadOptions::default() };
+    // The first attribute is the point, so it stays that wherever vertices lie between others.
+    let text = WITH_ATTRIBUTES.replace("attribute 3 2 zweite Karte é", "attribute 3 2 place").replace(
+        "0 0 0 0.5 -1 0\n1 0 0 0.25 2 255\n0 1 0 3 4 51\n1 1 0 5 6 0",
+        "0 0 0 0 0 0\n1 0 0 1 0 0\n0 1 0 0 1 0\n1 1 0 1 1 0",
+    );
+    let fine = load_with(text.as_bytes(), &options).scene;
+    let mesh = &fine.meshes[0];
+    assert!(mesh.positions.len() > 16 && mesh.attributes[0].values.len() == 2 * mesh.positions.len());
+    let inner = mesh
+        .positions
+        .iter()
+        .enumerate()
+        .filter(|(_, p)| (0.2..0.8).contains(&p[0]) && (0.2..0.8).contains(&p[1]));
+    for (vertex, position) in inner {
+        let place = mesh.attributes[0].of(vertex);
+        assert!((0..2).all(|axis| (place[axis] - position[axis]).abs() < 1e-5), "{place:?} at {position:?}");
+    }
+}
+
+#[test]
+fn damaged_attributes_of_ply_are_told() {
+    for (from, to, part) in [
+        ("attribute 0 1 weight", "attribute 0 2 weight", "needs the property 'a0_1'"),
+        ("attribute 0 1 weight", "attribute 0 7 weight", "COUNT NAME"),
+        ("attribute 0 1 weight", "attribute x 1 weight", "line 4"),
+        ("2 1 3 0\n", "2 1 3 -1\n", "material_index"),
+    ] {
+        let text = WITH_ATTRIBUTES
+            .replace(from, to)
+            .replace("property uchar material_index", "property int material_index");
+        let shown = load_ply(text.as_bytes()).expect_err(part).to_string();
+        assert!(shown.contains(part), "'{part}' is not in: {shown}");
+    }
+    let odd = WITH_ATTRIBUTES.replace("0.25 2 255", "nan 2 255");
+    let loaded = load_ply(odd.as_bytes()).unwrap_or_else(|e| panic!("{e}"));
+    assert!(loaded.warnings.iter().any(|w| w.message.contains("attributes that are not finite")));
 }

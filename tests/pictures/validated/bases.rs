@@ -9,7 +9,7 @@ use oscura::scene::{
     Emission, Environment, FloatSlot, FresnelModel, ImageId, Instance, Interpolation, Iridescence, Lamp,
     Light, LightKind, LightProfile, Mapping, Material, MaterialId, Mesh, MeshId, MeshPart, Model, Motion,
     NoiseKind, NormalMap, ObjectTraits, PbrMaterial, Projection, Scene, Sheen, SpotFade, Texture, TextureId,
-    TextureTransform, ThinLens, Wrap,
+    TextureTransform, ThinLens, VertexAttribute, Wrap,
 };
 use std::sync::Arc;
 
@@ -47,6 +47,11 @@ fn sheet(n: u32, first: MaterialId, second: MaterialId) -> Mesh {
         uv_sets: vec![vertices.clone(), vertices.iter().map(|[s, t]| [3.0 * t, 2.0 * s]).collect()],
         tangents: vec![[1.0, 0.0, 0.0, 1.0]; vertices.len()],
         colors: vertices.iter().map(|[s, t]| [*s, *t, 0.5, 0.9]).collect(),
+        attributes: vec![VertexAttribute {
+            name: "place".into(),
+            width: 2,
+            values: vertices.iter().flatten().copied().collect(),
+        }],
         parts: vec![
             MeshPart { first_triangle: 0, triangle_count: half, material: first },
             MeshPart { first_triangle: half, triangle_count: half, material: second },
@@ -137,6 +142,7 @@ fn add_curves(scene: &mut Scene, grey: MaterialId) {
             world_from_object: DAffine3::from_translation(DVec3::new(0.0, 0.1, 0.0)),
             material,
             traits: ObjectTraits::default(),
+            info: Default::default(),
         });
     }
 }

@@ -9,9 +9,9 @@ use oscura::scene::{
     Curves, DiffuseTransmission, Displacement, Emission, EmissionGrid, EnergyCompensation, Environment,
     Filter, FloatSlot, Fog, FresnelModel, GlassReflection, Grid, GridId, ImageId, Instance, Interpolation,
     Iridescence, Lamp, Light, LightKind, LightLinks, LightProfile, Link, Mapping, Material, MaterialId,
-    Medium, Mesh, MeshId, MeshPart, Model, Motion, NoiseKind, NormalMap, ObjectSet, ObjectSets, ObjectTraits,
-    PbrMaterial, Portal, ProfileId, Projection, Quad, RayKinds, Scene, Settings, Shape, ShapeKind, Sheen,
-    SpotFade, Texture, TextureId, TextureTransform, ThinLens, Wrap,
+    Medium, Mesh, MeshId, MeshPart, Model, Motion, NoiseKind, NormalMap, ObjectInfo, ObjectSet, ObjectSets,
+    ObjectTraits, PbrMaterial, Portal, ProfileId, Projection, Quad, RayKinds, Scene, Settings, Shape,
+    ShapeKind, Sheen, SpotFade, Texture, TextureId, TextureTransform, ThinLens, VertexAttribute, Wrap,
 };
 
 /// Ids mostly change to others that may exist.
@@ -79,13 +79,15 @@ structs! {
         name, meshes, instances, shapes, quads, curves, materials, textures, images, grids, profiles, lights, environment, camera_environment, fog, environment_visible_to,
         environment_unsampled, backdrop, environment_group, environment_sun, portals, cameras, motion, settings,
     }
-    Curves { name, basis, strands, points, radii, colors, world_from_object, material, traits }
-    Mesh { name, positions, triangles, normals, uv_sets, tangents, colors, parts }
+    Curves { name, basis, strands, points, radii, colors, world_from_object, material, traits, info }
+    Mesh { name, positions, triangles, normals, uv_sets, tangents, colors, attributes, parts }
+    VertexAttribute { name, width, values }
     MeshPart { first_triangle, triangle_count, material }
-    Instance { name, mesh, world_from_object, material, motion, traits, light_group }
+    Instance { name, mesh, world_from_object, material, motion, traits, info, light_group }
     Portal { name, corner, edge_u, edge_v }
-    Shape { name, kind, center, radius, rotation, material, traits }
-    Quad { name, corner, edge_u, edge_v, material, traits }
+    Shape { name, kind, center, radius, rotation, material, traits, info }
+    Quad { name, corner, edge_u, edge_v, material, traits, info }
+    ObjectInfo { color, index, random }
     Material {
         name, model, emission, double_sided, alpha_mode, alpha, normal_map, use_vertex_colors, medium, displacement,
         priority, lamp, light_group,

@@ -1,0 +1,244 @@
+//! What graphs of nodes read of a hit beyond what other textures need: attributes of vertices by name, the object and its space,
+//! the camera, the path.
+
+use crate::math::{DAffine3, DMat4, Mat3, Vec3};
+
+/// The numbers of an attribute by vertex. Vertices of meshes without it have none.
+#[derive(Clone, Debug, Default)]
+pub struct AttributeList {
+    /// Numbers a vertex: 1 to 4 of attributes of one width; [`CANONICAL`] of several.
+    stride: usize,
+    values: Vec<f32>,
+}
+
+/// Red, green, blue, alpha, factor.
+const CANONICAL: usize = 5;
+
+/// An attribute at a point, as the shader nodes of Cycles convert it: numbers are vectors of three equal ones, pairs have a third component
+/// of 0 and are numbers by their first, vectors and colours are numbers by their mean.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct AttributeValue {
+    /// As a vector or colour.
+    pub vector: [f32; 3],
+    /// 1 without one.
+    pub alpha: f32,
+    /// As a number.
+    pub factor: f32,
+}
+
+impl AttributeValue {
+    fn of(numbers: &[f32]) -> AttributeValue {
+        let mean = |[x, y, z]: [f32; 3]| (x + y + z) / 3.0;
+        match *numbers {
+            [x] => AttributeValue { vector: [x; 3], alpha: 1.0, factor: x },
+            [x, y] => AttributeValue { vector: [x, y, 0.0], alpha: 1.0, factor: x },
+            [x, y, z] => AttributeValue { vector: [x, y, z], alpha: 1.0, factor: mean([x, y, z]) },
+            [x, y, z, alpha] => AttributeValue { vector: [x, y, z], alpha, factor: mean([x, y, z]) },
+            [x, y, z, alpha, factor] => AttributeValue { vector: [x, y, z], alpha, factor },
+            _ => AttributeValue::default(),
+        }
+    }
+
+    fn numbers(self) -> [f32; CANONICAL] {
+        let [x, y, z] = self.vector;
+        [x, y, z, self.alpha, self.factor]
+    }
+}
+
+impl AttributeList {
+    /// Appends the numbers of a mesh, `width` a vertex, behind those of `before` vertices; none fill the list up to `total` vertices.
+    pub fn append(&mut self, given: Option<(usize, &[f32])>, before: usize, total: usize) {
+        match given {
+            None if self.values.is_empty() => return,
+            Some((width, _)) if self.values.is_empty() => self.stride = width,
+            Some((width, _)) if self.stride != width => self.widen(),
+            _ => {}
+        }
+        self.values.resize(before * self.stride, f32::NAN);
+        match given {
+            Some((width, values)) if width == self.stride => self.values.extend_from_slice(values),
+            Some((width, values)) => {
+                let canonical = values.chunks_exact(width).map(|own| AttributeValue::of(own).numbers());
+                self.values.extend(canonical.flatten());
+            }
+            None => {}
+        }
+        self.values.resize(total * self.stride, f32::NAN);
+    }
+
+    fn widen(&mut self) {
+        if self.stride == CANONICAL {
+            return;
+        }
+        let all = self.values.chunks_exact(self.stride).map(|own| match own[0].is_nan() {
+            true => [f32::NAN; CANONICAL],
+            false => AttributeValue::of(own).numbers(),
+        });
+        self.values = all.flatten().collect();
+        self.stride = CANONICAL;
+    }
+
+    /// The value in a triangle; `None` where its mesh has none.
+    pub fn at(&self, triangle: [u32; 3], weights: [f32; 3]) -> Option<AttributeValue> {
+        let mut sum = [0.0; CANONICAL];
+        for (vertex, weight) in triangle.into_iter().zip(weights) {
+            let first = vertex as usize * self.stride;
+            let own = self
+                .values
+                .get(first..first + self.stride)
+                .filter(|own| !own.is_empty() && !own[0].is_nan())?;
+            for (sum, value) in sum.iter_mut().zip(own) {
+                *sum += weight * value;
+            }
+        }
+        Some(AttributeValue::of(&sum[..self.stride]))
+    }
+
+    /// Bytes that it takes.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&self.values[..])
+    }
+}
+
+/// The attributes at a hit, by their numbers in [`CompiledTextures::attributes`](super::CompiledTextures::attributes).
+#[derive(Clone, Copy, Debug, Default)]
+pub struct HitAttributes<'a> {
+    /// Of the hit's space.
+    pub lists: &'a [AttributeList],
+    /// Of a triangle, and the weights of its vertices.
+    pub triangle: Option<([u32; 3], [f32; 3])>,
+}
+
+impl HitAttributes<'_> {
+    /// The attribute of a number; `None` where the surface has none.
+    pub fn get(&self, number: u16) -> Option<AttributeValue> {
+        let (triangle, weights) = self.triangle?;
+        self.lists.get(usize::from(number))?.at(triangle, weights)
+    }
+}
+
+/// An object of a scene as nodes see it.
+#[derive(Clone, Copy, Debug)]
+pub struct ObjectData {
+    /// Where it stands; the world is the compiled scene's.
+    pub world_from_object: DAffine3,
+    /// Its inverse.
+    pub object_from_world: DAffine3,
+    /// From its space to that in which its box goes from 0 to 1: factors and offsets by axis.
+    pub generated: [Vec3; 2],
+    /// Its origin in the scene's world.
+    pub location: Vec3,
+    /// A colour with alpha.
+    pub color: [f32; 4],
+    /// A number of the user's.
+    pub index: f32,
+    /// A random number 0..1.
+    pub random: f32,
+}
+
+impl ObjectData {
+    /// Factors and offsets for a box.
+    pub fn generated(low: Vec3, high: Vec3) -> [Vec3; 2] {
+        // Blender takes 2 in place of no size, and not less than twice 1e-5.
+        let factor = (high - low).to_array().map(|size| match size {
+            0.0 => 0.5,
+            size => 1.0 / size.max(2e-5),
+        });
+        let factor = Vec3::from_array(factor);
+        [factor, Vec3::splat(0.5) - (low + high) * 0.5 * factor]
+    }
+}
+
+/// A camera as nodes see it.
+#[derive(Clone, Copy, Debug)]
+pub struct CameraData<'a> {
+    /// From the scene's world to the camera's space: x to the right, y up, looking along -z.
+    pub camera_from_world: &'a DMat4,
+    /// From the scene's world to 0..1 on the picture, y downwards; panoramas have no such matrix.
+    pub ndc_from_world: Option<&'a DMat4>,
+}
+
+/// What is known of the path that arrives at a hit.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct PathData {
+    /// Kinds of the ray, each 0 or 1: of the camera, shadow, diffuse, glossy, singular, reflection, transmission, volume scatter.
+    pub kinds: [f32; 8],
+    /// Length of the ray, metres.
+    pub length: f32,
+    /// Bounces before.
+    pub depth: f32,
+}
+
+/// A strand at a hit.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct StrandData {
+    /// 0 at the root, 1 at the tip.
+    pub intercept: f32,
+    /// Metres.
+    pub length: f32,
+    /// Diameter, metres.
+    pub thickness: f32,
+    /// Unit direction towards the tip, world space.
+    pub tangent: Vec3,
+    /// A random number 0..1 of the strand.
+    pub random: f32,
+}
+
+/// What graphs of nodes read of a hit.
+#[derive(Clone, Copy, Debug)]
+pub struct HitData<'a> {
+    /// Named attributes.
+    pub attributes: HitAttributes<'a>,
+    /// The object that was hit.
+    pub object: &'a ObjectData,
+    /// The camera.
+    pub camera: CameraData<'a>,
+    /// The hit in the object's space.
+    pub object_point: Vec3,
+    /// Shading normal on the viewer's side, unit length, world space.
+    pub shading_normal: Vec3,
+    /// Geometric normal, likewise.
+    pub true_normal: Vec3,
+    /// Towards the viewer, unit length, world space.
+    pub incoming: Vec3,
+    /// The back was hit.
+    pub is_back: bool,
+    /// Weights of the first and of the second vertex of a triangle.
+    pub parametric: [f32; 2],
+    /// Corners of a triangle, world space of the compiled scene.
+    pub corners: Option<[Vec3; 3]>,
+    /// The hit there.
+    pub point: Vec3,
+    /// Tangent, bitangent and normal of the first set of texture coordinates.
+    pub tangent_frame: Option<Mat3>,
+    /// Number of the material in Blender's sense.
+    pub material_index: f32,
+    /// The path.
+    pub path: PathData,
+    /// The strand, of curves.
+    pub strand: Option<StrandData>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn attributes_of_several_widths_are_converted_as_they_would_be_alone() {
+        let pair = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
+        let colors = [0.1, 0.2, 0.3, 0.4].repeat(3);
+        let (mut alone, mut mixed) = (AttributeList::default(), AttributeList::default());
+        alone.append(Some((2, &pair)), 0, 3);
+        mixed.append(Some((2, &pair)), 0, 3);
+        mixed.append(None, 3, 6);
+        mixed.append(Some((4, &colors)), 6, 9);
+        let weights = [0.25, 0.25, 0.5];
+        let expected = AttributeValue { vector: [3.5, 4.5, 0.0], alpha: 1.0, factor: 3.5 };
+        assert_eq!(alone.at([0, 1, 2], weights), Some(expected));
+        assert_eq!(mixed.at([0, 1, 2], weights), Some(expected));
+        assert_eq!(mixed.at([3, 4, 5], weights), None);
+        assert_eq!(AttributeList::default().at([0, 1, 2], weights), None);
+        let color = mixed.at([6, 7, 8], weights).expect("the third mesh has it");
+        assert!((color.alpha - 0.4).abs() < 1e-6 && (color.factor - 0.2).abs() < 1e-6);
+    }
+}
