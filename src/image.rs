@@ -59,6 +59,57 @@ pub enum Damage {
     Fatal(Error),
 }
 
+/// The stored integers of a pixel, one a channel.
+#[derive(Clone, Copy, Debug)]
+pub enum Codes<'a> {
+    /// 0..255 for 0..1.
+    U8(&'a [u8]),
+    /// 0..65535 for 0..1.
+    U16(&'a [u16]),
+}
+
+impl Codes<'_> {
+    /// The pixel as linear RGBA. Grey spreads over RGB; missing alpha is 1.
+    #[inline]
+    pub fn rgba(self, encoding: Encoding) -> [f32; 4] {
+        let is_srgb = |c: usize, n: usize| {
+            let is_alpha = (n == 2 && c == 1) || c == 3;
+            encoding == Encoding::Srgb && !is_alpha
+        };
+        let mut values = [0.0f32; 4];
+        let n = match self {
+            Codes::U8(codes) => {
+                let table = crate::color::srgb_table();
+                for (c, (value, &code)) in values.iter_mut().zip(codes).enumerate() {
+                    let is_srgb = is_srgb(c, codes.len());
+                    *value = if is_srgb { table[code as usize] } else { f32::from(code) / 255.0 };
+                }
+                codes.len()
+            }
+            Codes::U16(codes) => {
+                for (c, (value, &code)) in values.iter_mut().zip(codes).enumerate() {
+                    let v = f32::from(code) / 65535.0;
+                    *value = if is_srgb(c, codes.len()) { crate::color::linear_from_srgb(v) } else { v };
+                }
+                codes.len()
+            }
+        };
+        spread(&values[..n])
+    }
+}
+
+/// The values of 1 to 4 channels as RGBA.
+#[inline]
+fn spread(values: &[f32]) -> [f32; 4] {
+    match *values {
+        [grey] => [grey, grey, grey, 1.0],
+        [grey, alpha] => [grey, grey, grey, alpha],
+        [r, g, b] => [r, g, b, 1.0],
+        [r, g, b, a, ..] => [r, g, b, a],
+        [] => [0.0, 0.0, 0.0, 1.0],
+    }
+}
+
 /// A rectangle of pixels with 1 to 4 interleaved channels (grey, grey + alpha, RGB, RGBA).
 #[derive(Clone, Debug)]
 pub struct Image {
@@ -111,38 +162,11 @@ impl Image {
     pub fn rgba(&self, x: u32, y: u32) -> [f32; 4] {
         let n = self.channels as usize;
         let at = (y as usize * self.width as usize + x as usize) * n;
-        let mut raw = [0.0f32; 4];
         match &*self.pixels {
-            Pixels::U8(data) => {
-                let table = crate::color::srgb_table();
-                for (c, &code) in data[at..at + n].iter().enumerate() {
-                    let is_alpha = (n == 2 && c == 1) || c == 3;
-                    raw[c] = if self.encoding == Encoding::Srgb && !is_alpha {
-                        table[code as usize]
-                    } else {
-                        f32::from(code) / 255.0
-                    };
-                }
-            }
-            Pixels::U16(data) => {
-                for (c, &code) in data[at..at + n].iter().enumerate() {
-                    let is_alpha = (n == 2 && c == 1) || c == 3;
-                    let v = f32::from(code) / 65535.0;
-                    raw[c] = if self.encoding == Encoding::Srgb && !is_alpha {
-                        crate::color::linear_from_srgb(v)
-                    } else {
-                        v
-                    };
-                }
-            }
-            Pixels::F32(data) => raw[..n].copy_from_slice(&data[at..at + n]),
-            Pixels::Encoded(_) => {}
-        }
-        match n {
-            1 => [raw[0], raw[0], raw[0], 1.0],
-            2 => [raw[0], raw[0], raw[0], raw[1]],
-            3 => [raw[0], raw[1], raw[2], 1.0],
-            _ => raw,
+            Pixels::U8(data) => Codes::U8(&data[at..at + n]).rgba(self.encoding),
+            Pixels::U16(data) => Codes::U16(&data[at..at + n]).rgba(self.encoding),
+            Pixels::F32(data) => spread(&data[at..at + n]),
+            Pixels::Encoded(_) => spread(&[0.0; 4][..n]),
         }
     }
 

@@ -399,8 +399,8 @@ pub(crate) struct LongArgs {
     /// Memory limit, such as 8G or 500M: larger images and scenes are refused [default: the machine's memory].
     #[arg(long, value_name = "SIZE", value_parser = bytes)]
     pub memory_limit: Option<u64>,
-    /// Texture cache size, such as 4G or 500M; textures beyond it are decoded again on demand. The image does not depend
-    /// on it [default: a quarter of the machine's memory].
+    /// Memory of textures, such as 4G or 500M; larger ones are compressed, and put into a temporary file. The image does not
+    /// depend on it [default: 1 KiB a pixel, from 192M to a quarter of the machine's memory].
     #[arg(long, value_name = "SIZE", value_parser = bytes)]
     pub texture_memory: Option<u64>,
 }

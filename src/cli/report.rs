@@ -240,14 +240,18 @@ fn textures(c: &CompileReport, s: &Statistics) -> Option<String> {
     if t.decoded + t.unneeded == 0 {
         return None;
     }
-    let kept = format!("textures {:.1} of {:.1} MiB in memory", mib(t.bytes), mib(t.all_bytes));
-    Some(match s.tiles_on_demand {
-        0 => kept,
-        tiles => {
-            let images = counted(s.images_on_demand, "image");
-            format!("{kept}; {images} decoded on demand, {}", counted(tiles, "tile"))
-        }
-    })
+    let mut line = format!("textures {:.1} of {:.1} MiB in memory", mib(t.bytes), mib(t.all_bytes));
+    if t.paged > 0 {
+        line += &format!("; {} compressed", counted(t.paged, "image"));
+    }
+    if t.file_bytes > 0 {
+        let tiles = counted(s.tiles_on_demand, "tile");
+        line += &format!(", {:.1} MiB in a temporary file, {tiles} read", mib(t.file_bytes));
+    }
+    if s.images_on_demand > 0 {
+        line += &format!("; {} decoded on demand", counted(s.images_on_demand, "image"));
+    }
+    Some(line)
 }
 
 /// `1 light`, `2 lights`.

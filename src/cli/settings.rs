@@ -9,7 +9,7 @@ use super::pictures::{EncodeOptions, is_moving};
 use super::process;
 use super::progress::{ProgressTarget, StageProgress};
 use super::report::name_options_in_loaded;
-use oscura::compile::{CompileReport, CompiledScene, Compiler, MemoryPart};
+use oscura::compile::{CompileReport, CompiledScene, Compiler, MemoryPart, texture_memory_for};
 use oscura::error::{Error, Result, Warning};
 use oscura::film::{Aov, AovSet, AovSpace, Source};
 use oscura::image::Image;
@@ -234,18 +234,19 @@ fn compiled(
     settled: &Settled,
     camera: &Camera,
 ) -> Result<(Arc<CompiledScene>, CompileReport)> {
-    compiler.set_texture_memory(texture_memory(args));
     let size = (settled.options.width, settled.options.height);
+    compiler.set_texture_memory(Some(texture_memory(args, size)));
     let target = ProgressTarget::of(args.quiet, args.long.progress);
     let _progress = StageProgress::new(target, "build", compiler.gauge());
     let compiled = compiler.compile(scene, settled.shading, camera, size);
     compiled.map_err(|error| error.in_file(&args.scene))
 }
 
-/// What textures may take: a quarter of the machine's memory, unless the user says something else.
-fn texture_memory(args: &RenderArgs) -> Option<u64> {
-    let quarter = || process::memory_of_machine().map(|bytes| bytes / 4);
-    args.long.texture_memory.or_else(quarter)
+/// What textures may take: about what a picture of this size can show of them, but at most a quarter of the machine's memory, unless the
+/// user says something else.
+fn texture_memory(args: &RenderArgs, (width, height): (u32, u32)) -> u64 {
+    let quarter = process::memory_of_machine().map_or(u64::MAX, |bytes| bytes / 4);
+    args.long.texture_memory.unwrap_or_else(|| texture_memory_for(width, height).min(quarter))
 }
 
 /// Resolves all options, without channels that no output can store.

@@ -77,7 +77,7 @@ impl Compiler {
         self.keeps_uv = keeps_uv;
     }
 
-    /// Limits the bytes that the images of textures take; see [`CompileOptions::texture_memory`]. Default: any number.
+    /// Limits the bytes that the images of textures take; see [`CompileOptions::texture_memory`].
     pub fn set_texture_memory(&mut self, bytes: Option<u64>) {
         self.texture_memory = bytes;
     }

@@ -40,3 +40,4 @@ pub use plan::Tree;
 pub use scene::{
     CompileOptions, CompileReport, CompiledScene, ExpectedPicture, Features, MemoryPart, View, choose_camera,
 };
+pub use texture_needs::texture_memory_for;

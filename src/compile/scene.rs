@@ -39,8 +39,8 @@ pub struct CompileOptions {
     /// The picture that will be rendered, or the first of several. Images of textures are kept only as finely as it shows them; others
     /// may be rendered as well, and take longer where they show more. Without it images are kept as they are.
     pub picture: Option<ExpectedPicture>,
-    /// Bytes that the images of textures may take; what is beyond is decoded again and again while pictures are rendered. By default
-    /// any number.
+    /// Bytes that the images of textures may take; larger ones are compressed, in memory or in a temporary file, which takes time. By
+    /// default [`texture_memory_for`](super::texture_memory_for) the picture; any number without one.
     pub texture_memory: Option<u64>,
 }
 

@@ -21,9 +21,17 @@ use std::f64::consts::{PI, SQRT_2};
 /// Beyond so many triangles, those of all placements together, the boxes of meshes bound what is seen.
 const MAX_EXACT_TRIANGLES: u64 = 1 << 24;
 
+/// Bytes that the images of textures may take for a picture of so many pixels, unless someone says otherwise: about what it can show of
+/// them. A picture of full HD has 2 GB, small ones 192 MiB.
+pub fn texture_memory_for(width: u32, height: u32) -> u64 {
+    (u64::from(width) * u64::from(height) * 1024).max(192 << 20)
+}
+
 /// The needs of the images of a scene.
 pub(super) fn of(scene: &Scene, options: &CompileOptions) -> TextureNeeds {
-    let limit = options.texture_memory;
+    let by_picture =
+        options.picture.as_ref().map(|picture| texture_memory_for(picture.width, picture.height));
+    let limit = options.texture_memory.or(by_picture);
     if !scene.images.iter().any(|image| image.is_encoded()) {
         return TextureNeeds { finest: Vec::new(), limit };
     }

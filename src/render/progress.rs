@@ -138,7 +138,7 @@ pub struct Statistics {
     pub guide_cells: Option<u32>,
     /// Images of textures that were decoded on demand, each as often as it was.
     pub images_on_demand: u64,
-    /// Tiles of textures that were found on demand.
+    /// Tiles of textures that were read from the temporary file.
     pub tiles_on_demand: u64,
     /// Samples that were NaN or infinite and left out.
     pub invalid_samples: u64,

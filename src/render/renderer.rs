@@ -107,8 +107,8 @@ impl Renderer {
         self
     }
 
-    /// Bytes that the images of textures may take; what is beyond is decoded again when it is needed. The picture doesn't depend on
-    /// it. By default any number.
+    /// Bytes that the images of textures may take; larger ones are compressed, in memory or in a temporary file. The picture doesn't
+    /// depend on it. By default [`texture_memory_for`](crate::compile::texture_memory_for) the picture.
     pub fn texture_memory(mut self, bytes: u64) -> Renderer {
         self.texture_memory = Some(bytes);
         self

@@ -89,11 +89,10 @@ fn texels_found_on_demand_are_those_in_memory() {
                     let (on_demand, source) = encoded(&image, u64::MAX);
                     let needs = TextureNeeds { finest: vec![finest], limit };
                     let (textures, _) = made(&textures, &[on_demand], &needs);
-                    // With next to no memory images are decoded all the time.
-                    let count = if limit == Some(1) { 20 } else { 2000 };
-                    let found = look(&textures, 0, count, 0.2);
-                    assert!(found[..] == expected[..found.len()], "{width} {kind:?} {finest:?} {limit:?}");
-                    assert!(source.decodes.load(Relaxed) > 0);
+                    let found = look(&textures, 0, 2000, 0.2);
+                    assert!(found == expected, "{width} {kind:?} {finest:?} {limit:?}");
+                    // Once for what is expected, at most once more for what is not.
+                    assert!((1..=2).contains(&source.decodes.load(Relaxed)));
                 }
             }
         }
@@ -120,9 +119,11 @@ fn levels_finer_than_needed_are_not_kept_and_each_image_is_decoded_once() {
     // Finer ones: the image is decoded once more, and not again.
     look(&compiled, 0, 5000, 0.0);
     look(&compiled, 0, 5000, 0.01);
-    let counts = compiled.on_demand();
-    assert_eq!((counts.decodes, source.decodes.load(Relaxed)), (1, 2));
-    assert_eq!(counts.tiles, 64 + 16 + 4);
+    assert_eq!((compiled.on_demand().decodes, source.decodes.load(Relaxed)), (1, 2));
+    // Compressed, but no larger than they are with the heads of blocks.
+    let finer: u64 = (0..3).map(|level| (512u64 >> level).pow(2) * 3).sum();
+    let taken = compiled.bytes() as u64 - report.bytes;
+    assert!(taken > finer / 4 && taken < finer + finer / 16, "{taken} of {finer}");
 }
 
 #[test]
@@ -147,17 +148,18 @@ fn what_is_kept_stays_within_the_limit() {
     let needs = TextureNeeds { finest: Vec::new(), limit: Some(limit) };
     let (compiled, report) = made(&textures, &list, &needs);
     let (resident, _) = made(&textures, &full, &TextureNeeds::default());
-    assert!(report.paged > 0 && report.bytes <= limit / 2, "{report:?}");
+    assert!(report.paged > 0 && report.bytes <= limit * 3 / 4 && report.file_bytes > limit / 2, "{report:?}");
     for _ in 0..2 {
         for i in 0..COUNT {
             assert!(look(&compiled, i, 3000, 0.02) == look(&resident, i, 3000, 0.02));
         }
     }
     let counts = compiled.on_demand();
-    // Each lock's part of the tiles may hold one that is larger than its share.
-    assert!(report.bytes + counts.bytes <= limit + 64 * 64 * 64 * 3, "{counts:?}");
-    assert!(counts.evicted_tiles > 0 && counts.evicted_levels > 0, "{counts:?}");
-    assert!(counts.decodes > COUNT as u64, "{counts:?}");
+    // Each shard may hold a tile that is larger than its share.
+    assert!(compiled.bytes() as u64 + counts.bytes <= limit + 64 * 64 * 64 * 3, "{counts:?}");
+    assert!(counts.evicted_tiles > 0 && counts.tiles > counts.evicted_tiles, "{counts:?}");
+    let decodes: Vec<u64> = images.iter().map(|(_, source)| source.decodes.load(Relaxed)).collect();
+    assert_eq!((decodes, counts.decodes), (vec![1; COUNT], 0));
 }
 
 #[test]

@@ -1,15 +1,15 @@
 //! Mip levels of texture images: which of them stay in memory, and how texels of the others are found on demand.
 
+use super::packed::{PackedLevel, SIDE};
 use super::pyramid::{Texels, WithTexels, halved, halved_by_one_thread, sizes, with_common_texels};
-use super::tiles::{KeepsLevels, PackedLevel, SIDE, Store, TexturesOnDemand, TileKey, across};
+use super::store::{Store, TexturesOnDemand};
 use crate::error::{Error, Warning};
 use crate::image::{Damage, Encoding, Image, Pixels};
 use crate::scene::{ImageId, Interpolation, Texture};
 use rayon::prelude::*;
-use std::cell::RefCell;
 use std::collections::{BTreeMap, BinaryHeap, HashMap};
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 /// A level of a pyramid; the finest one is the image itself.
 #[derive(Clone, Debug)]
@@ -26,7 +26,7 @@ impl Level {
         Level { image, paged: None }
     }
 
-    /// Bytes of memory that it takes for good.
+    /// Bytes of memory that it takes as it is, not compressed.
     pub fn bytes(&self) -> usize {
         if self.paged.is_some() { 0 } else { self.image.bytes() }
     }
@@ -53,28 +53,15 @@ impl Texels for OtherTexels<'_> {
     }
 }
 
-// Levels that are not resident: their texels are found in tiles, decoded on demand.
-//
-// A lookup looks into a small cache of its thread first, which takes no lock; then into the tiles that the [`Store`] shares; then
-// into the compressed tiles of the image. If those are not there either, the whole image is decoded, since JPEG and PNG can't be read
-// in parts, and the level that is asked for is cut into compressed tiles, with the coarser ones that are not in memory. Whatever
-// has not been used for longest goes when there is too much of it. All of this finds the very texels that a level in memory has.
+// Levels that are not resident: they are compressed, in memory or in a temporary file ([`Store`]), and each of their texels is found
+// there, the very one that a level in memory has. A level that was not expected to be needed is compressed when the first lookup asks for
+// it: the whole image is decoded then, since JPEG and PNG can't be read in parts, and with that level the coarser ones are kept that are
+// not in memory. Nothing is decoded twice for the same level.
 //
 // Nothing here waits for other work of the thread pool: a thread that waits there may begin another tile of the picture and ask for
 // what it holds itself.
 
-/// Tiles in the cache of each thread.
-const AT_HAND: usize = 64;
-
-/// A tile and what it is of.
-type KnownTile = (TileKey, Arc<Image>);
-
-thread_local! {
-    /// The tiles that a thread looked into last, each in a place that follows from where it lies.
-    static LATEST: RefCell<Vec<Option<KnownTile>>> = const { RefCell::new(Vec::new()) };
-}
-
-/// A level whose texels are decoded on demand.
+/// A level whose texels are found in its compressed form.
 #[derive(Debug)]
 pub(super) struct PagedLevel {
     /// No other level of any image has it.
@@ -96,34 +83,19 @@ impl PagedLevel {
     pub fn texel(&self, at: usize) -> [f32; 4] {
         let width = self.width as usize;
         let (x, y) = ((at % width) as u32, (at / width) as u32);
-        let (column, row) = (x / SIDE, y / SIDE);
-        let key = TileKey { level: self.id, tile: row * across(self.width) + column };
-        // Neighbouring tiles never share a place.
-        let place = ((column % 8 + row % 8 * 8) as usize + self.id as usize * 11) % AT_HAND;
-        LATEST.with_borrow_mut(|latest| {
-            if latest.is_empty() {
-                latest.resize(AT_HAND, None);
-            }
-            match &latest[place] {
-                Some((known, tile)) if *known == key => tile.rgba(x % SIDE, y % SIDE),
-                _ => {
-                    let tile = self.of.tile(self, key);
-                    let texel = tile.rgba(x % SIDE, y % SIDE);
-                    latest[place] = Some((key, tile));
-                    texel
-                }
-            }
-        })
+        self.of.packed(self.level).texel(x, y, self.id, &self.of.store)
     }
 }
 
-/// An image some of whose levels are not in memory.
+/// An image some of whose levels are not in memory as they are.
 #[derive(Debug)]
 pub(super) struct PagedImage {
     /// Still encoded.
     image: Image,
-    /// By level: compressed tiles.
-    packed: Mutex<Vec<Option<Arc<PackedLevel>>>>,
+    /// By level.
+    packed: Vec<OnceLock<PackedLevel>>,
+    /// Held while the image is decoded.
+    decoding: Mutex<()>,
     /// Levels from here on are in memory.
     resident_from: usize,
     /// Shown where the image can't be decoded any more: a coarse copy.
@@ -140,77 +112,69 @@ impl PagedImage {
         stand_in: Image,
         store: &Arc<Store>,
     ) -> PagedImage {
-        let packed = Mutex::new(vec![None; levels]);
-        PagedImage { image, packed, resident_from, stand_in, store: store.clone() }
+        let packed = (0..levels).map(|_| OnceLock::new()).collect();
+        PagedImage {
+            image,
+            packed,
+            decoding: Mutex::default(),
+            resident_from,
+            stand_in,
+            store: store.clone(),
+        }
     }
 
-    /// Keeps the texels of a level, compressed, as if it had been asked for.
-    pub fn keep(self: &Arc<Self>, level: usize, packed: PackedLevel) {
-        let packed = Arc::new(packed);
-        lock(&self.packed)[level] = Some(packed.clone());
-        self.store.keep(self.clone(), level, &packed);
+    /// Keeps the texels of a level, compressed.
+    pub fn keep(&self, level: usize, packed: PackedLevel) {
+        // If it is there, it is the same.
+        let _ = self.packed[level].set(packed);
     }
 
-    fn tile(self: &Arc<Self>, level: &PagedLevel, key: TileKey) -> Arc<Image> {
-        if let Some(tile) = self.store.tile(key) {
-            return tile;
-        }
-        let packed = self.packed(level.level);
-        self.store.touch(&packed);
-        let tile = Arc::new(packed.tile(key.tile));
-        self.store.add_tile(key, tile.clone());
-        tile
+    /// Bytes of its compressed levels in memory.
+    fn bytes(&self) -> usize {
+        self.packed.iter().filter_map(OnceLock::get).map(PackedLevel::bytes).sum()
     }
 
-    /// The compressed tiles of a level. Threads that ask for an image which is being decoded wait for that.
-    fn packed(self: &Arc<Self>, level: usize) -> Arc<PackedLevel> {
-        let mut all = lock(&self.packed);
-        if let Some(packed) = &all[level] {
-            return packed.clone();
+    /// A compressed level. Threads that ask for an image which is being decoded wait for that.
+    #[inline]
+    fn packed(&self, level: usize) -> &PackedLevel {
+        match self.packed[level].get() {
+            Some(packed) => packed,
+            None => self.decode(level),
         }
-        let made = self.store.decode(self.image.bytes(), || self.levels_from(level));
-        for (level, packed) in &made {
-            all[*level] = Some(packed.clone());
-        }
-        drop(all);
-        // The one that is asked for last: it stays longest.
-        for (level, packed) in made.iter().rev() {
-            self.store.keep(self.clone(), *level, packed);
-        }
-        made[0].1.clone()
     }
 
-    /// Decodes the image and compresses a level, the first of the list, and the coarser ones that are not in memory.
-    fn levels_from(&self, asked: usize) -> Vec<(usize, Arc<PackedLevel>)> {
-        let packed = |image: &Image| Arc::new(PackedLevel::new(image));
+    /// Decodes the image and keeps the coarser levels that are not in memory beside the one that is asked for.
+    #[cold]
+    fn decode(&self, asked: usize) -> &PackedLevel {
+        let alone = lock(&self.decoding);
+        if self.packed[asked].get().is_none() {
+            self.store.decode(self.image.bytes(), || self.keep_from(asked));
+        }
+        drop(alone);
+        self.packed[asked].get_or_init(|| PackedLevel::new(&self.stand_in(asked), &self.store))
+    }
+
+    fn keep_from(&self, asked: usize) {
         let mut image = match self.image.decoded() {
             Ok(image) => Image { encoding: self.image.encoding, ..image },
-            Err(damage) => {
-                self.store.tell_damage(&self.image, damage);
-                return vec![(asked, packed(&self.stand_in(asked)))];
-            }
+            Err(damage) => return self.store.tell_damage(&self.image, damage),
         };
         for _ in 0..asked {
             image = halved_by_one_thread(&image);
         }
-        let mut made = vec![(asked, packed(&image))];
+        self.keep(asked, PackedLevel::new(&image, &self.store));
         for level in asked + 1..self.resident_from {
             image = halved_by_one_thread(&image);
-            made.push((level, packed(&image)));
+            if self.packed[level].get().is_none() {
+                self.keep(level, PackedLevel::new(&image, &self.store));
+            }
         }
-        made
     }
 
     /// A level made of the coarse copy.
     fn stand_in(&self, level: usize) -> Image {
         let [width, height] = sizes(self.image.width, self.image.height).nth(level).unwrap_or([1, 1]);
         resized(&self.stand_in, width, height, self.image.encoding)
-    }
-}
-
-impl KeepsLevels for PagedImage {
-    fn forget(&self, level: usize) {
-        lock(&self.packed)[level] = None;
     }
 }
 
@@ -238,9 +202,8 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 
 // Choice of resident levels, and decoding.
 //
-// Levels that no lookup is expected to ask for are left out, and so are the finest of those that are, where they take more than the
-// limit; [`paged`](super::paged) finds their texels on demand. Images are decoded a few at a time, so that not much more is in memory
-// than what stays there.
+// Levels that no lookup is expected to ask for are left out, and the finest of those that are, where they take more than the limit, are
+// compressed. Images are decoded a few at a time, so that not much more is in memory than what stays there.
 
 /// What a picture needs of the images of its scene's textures.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -281,10 +244,12 @@ pub struct TextureReport {
     pub unneeded: u64,
     /// Images whose finest levels were left out.
     pub reduced: u64,
-    /// Images of which levels that are needed are in memory as compressed tiles only, or not at all.
+    /// Images of which levels that are needed are compressed.
     pub paged: u64,
     /// Bytes of what stays in memory, the images that scenes hold decoded included.
     pub bytes: u64,
+    /// Bytes in a temporary file.
+    pub file_bytes: u64,
     /// Bytes that all levels of all images would take.
     pub all_bytes: u64,
     /// Damaged images.
@@ -331,9 +296,16 @@ impl Levels {
         Levels { finest: Level::resident(image), coarser }
     }
 
-    /// Bytes of what stays in memory.
+    fn all(&self) -> impl Iterator<Item = &Level> {
+        std::iter::once(&self.finest).chain(&*self.coarser)
+    }
+
+    /// Bytes of memory.
     fn bytes(&self) -> u64 {
-        std::iter::once(&self.finest).chain(&*self.coarser).map(|level| level.bytes() as u64).sum()
+        // All that are compressed belong to one image.
+        let paged = self.all().find_map(|level| level.paged.as_ref());
+        let packed = paged.map_or(0, |paged| paged.of.bytes());
+        (packed + self.all().map(Level::bytes).sum::<usize>()) as u64
     }
 }
 
@@ -413,7 +385,7 @@ pub(super) fn of(
         }
     }
     let made = Images { levels, store: Some(store), needs };
-    report.bytes = made.bytes();
+    (report.bytes, report.file_bytes) = (made.bytes(), made.on_demand().file_bytes);
     Ok(made)
 }
 
@@ -481,7 +453,7 @@ fn plans<'a>(textures: &[Texture], images: &'a [Image], needs: &TextureNeeds) ->
     uses.into_iter().filter_map(plan).collect()
 }
 
-/// Leaves the largest levels out of memory where all together take more than the limit; half of that is for what comes back on demand.
+/// Compresses the largest levels where all together take more than the limit; half of that is for what is compressed.
 /// Gives the bytes that stay.
 fn within_limit(plans: &mut [LevelPlan], limit: Option<u64>) -> u64 {
     let mut resident: u64 =
@@ -572,9 +544,8 @@ fn build_one(plan: &LevelPlan, full: Option<Image>, store: &Arc<Store>) -> Level
         for level in 0..count {
             let Some(image) = next.take() else { break };
             let is_resident = level >= plan.resident_from;
-            // Needed, but not in memory: kept as long as there is room.
-            if level >= plan.needed_from && !is_resident && store.has_room(image.bytes() / 8) {
-                kept.push((level, PackedLevel::new_by_all_threads(&image)));
+            if level >= plan.needed_from && !is_resident {
+                kept.push((level, PackedLevel::new_by_all_threads(&image, store)));
             }
             next = (level + 1 < count).then(|| halved(&image));
             made.push(is_resident.then_some(image));

@@ -7,8 +7,10 @@ mod image;
 mod levels;
 mod nodes;
 mod noise;
+mod packed;
 mod pyramid;
-mod tiles;
+mod scratch;
+mod store;
 
 use crate::color::Rgb;
 use crate::color::spectral::{Spectrum, Wavelengths, uplifted_share};
@@ -30,7 +32,7 @@ pub use noise::{marble, perlin, turbulence};
 use std::cell::Cell;
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::sync::Arc;
-pub use tiles::TexturesOnDemand;
+pub use store::TexturesOnDemand;
 
 /// All textures of a scene, by [`TextureId`].
 #[derive(Clone, Debug, Default)]
