@@ -151,14 +151,8 @@ fn compile_after(
     let mut textures = textures(kept.textures.take(), scene, (anchor, options), &mut report)?;
     let (warnings, left_out) = (&mut report.warnings, &mut report.left_out);
     let (materials, media, numbers) = materials(scene, (anchor, &mut textures), options.shading, warnings);
-    let plan = plan::plan(
-        (scene, numbers, textures.attributes().clone()),
-        &materials,
-        anchor,
-        is_sequence,
-        warnings,
-        left_out,
-    );
+    let named = (scene, numbers, textures.attributes().clone());
+    let plan = plan::plan(named, &materials, anchor, is_sequence, warnings, left_out);
     let inside_out = inside_out::find(scene, &materials, &mut report.warnings);
     let plan = Plan { keeps_uv: options.keeps_uv, inside_out, ..plan };
     check_size(scene, &plan)?;
@@ -174,11 +168,11 @@ fn compile_after(
     let features = features(scene, (&geometries, &accel, anchor), &materials, &textures, &media)
         .with_lights(!tables.ray_kinds.is_empty(), tables.links.are_used());
     report.build_s = begin.elapsed().as_secs_f64();
-    let reads_hits = materials.iter().any(|material| material.reads_hit);
     let compiled = CompiledScene {
         anchor,
         accel,
         geometries,
+        objects: object_data::of(scene, &materials, anchor),
         materials,
         shading: options.shading,
         media,
@@ -193,7 +187,6 @@ fn compile_after(
         own_materials: scene.materials.len() as u32,
         originals: plan.numbers.originals(),
         features,
-        objects: object_data::of(scene, reads_hits, anchor),
         emitters,
         vectors: MotionVectors::of(scene, anchor),
         sources: is_sequence.then(|| Sources::of(scene, &plan)),
@@ -326,7 +319,8 @@ fn features(
     Features {
         alpha: materials.iter().any(CompiledMaterial::may_be_absent),
         normals: geometries.has_normals(),
-        bent_normals: geometries.has_normals() || materials.iter().any(|m| m.normal_map.is_some()),
+        bent_normals: geometries.has_normals()
+            || materials.iter().any(|m| m.normal_map.is_some() || m.normal.is_some()),
         footprints: textures.use_footprints(),
         media: media.len() > 1 || is_foggy,
         priorities: media.iter().skip(1).any(|m| m.priority != media[1].priority),
@@ -337,9 +331,10 @@ fn features(
         subsurface: media.iter().filter_map(|m| m.scattering.as_ref()).any(|s| !s.counts),
         environment_visible_to: scene.environment_visible_to,
         camera_environment: scene.camera_environment.is_some(),
+        paths: materials.iter().any(|m| m.reads_path),
         ray_kinds: materials
             .iter()
-            .any(|m| !m.visible_to().contains(RayKinds::ALL.without(RayKinds::CAMERA))),
+            .any(|m| m.reads_path || !m.visible_to().contains(RayKinds::ALL.without(RayKinds::CAMERA))),
         catchers: materials.iter().any(|m| m.presence.is_some_and(|p| p.is_catcher)),
         links: false,
         holdouts: materials.iter().any(|m| m.presence.is_some_and(|p| p.is_holdout)),

@@ -12,8 +12,10 @@ use super::objects::Numbering;
 use super::objects::ObjectMaterials;
 use crate::error::Result;
 use crate::math::{DVec3, Vec3};
+use crate::sampling::hash::mix64;
 use crate::scene::{CurveBasis, Curves, Scene};
 use crate::shape::{CurveSegment, CurveSegments, Surface};
+use crate::texture::StrandData;
 use rayon::prelude::*;
 
 /// Largest distance of a segment from its curve, as a share of the largest radius.
@@ -242,6 +244,32 @@ impl Space {
 }
 
 impl CurveAttributes {
+    /// The strand at sphere `u` of a piece; `first` is the piece's first point.
+    pub(super) fn strand(
+        &self,
+        all: &CurveSegments,
+        first: u32,
+        segment: &CurveSegment,
+        u: f32,
+    ) -> StrandData {
+        let first = first as usize;
+        let mut root = first;
+        while root > 0 && self.along[root] > 0.0 && self.along[root - 1] < self.along[root] {
+            root -= 1;
+        }
+        let mut length = 0.0;
+        let mut tip = root;
+        while tip + 1 < all.points.len() && self.along[tip + 1] > self.along[tip] {
+            let [a, b] = [tip, tip + 1].map(|i| Vec3::from_slice(&all.points[i][..3]));
+            length += a.distance(b);
+            tip += 1;
+        }
+        let random = (mix64(root as u64) >> 40) as f32 / (1u64 << 24) as f32;
+        let intercept = self.along[first] + (self.along[first + 1] - self.along[first]) * u;
+        let thickness = 2.0 * (segment.radii[0] + (segment.radii[1] - segment.radii[0]) * u);
+        StrandData { intercept, length, thickness, tangent: segment.tangent(u).normalize_or_zero(), random }
+    }
+
     /// Texture coordinates, colour and tangents where sphere `u` of a piece touches a point of its surface; `first` is the piece's
     /// first point. Texture u grows along the curve, from root to tip, and v around it.
     pub(super) fn coordinates(

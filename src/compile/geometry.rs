@@ -8,7 +8,7 @@ use crate::math::{
 use crate::shape::triangle::interpolate;
 use crate::shape::{Analytic, CurveSegment, Quad, Shape, Surface, shading_normal, triangle_surface};
 use crate::simd::map_each;
-use crate::texture::{AttributeList, HitAttributes};
+use crate::texture::{AttributeList, HitAttributes, StrandData};
 use std::sync::Arc;
 
 /// Shading attributes of the shapes of one space. Lists that no material uses are empty.
@@ -263,11 +263,42 @@ impl Geometries {
         HitAttributes { lists: &attributes.named, triangle }
     }
 
-    /// The corners of a triangle in the world at a path's time; `None` for all else.
+    /// From the world to the space of a moving object at a path's time; `None` of objects that stand still.
+    pub fn object_from_world(&self, hit: &Hit, time: f32) -> Option<DAffine3> {
+        self.moment(hit, time).map(|moment| moment.world_from_object.inverse())
+    }
+
+    /// The strand of a curve at a hit.
+    pub fn strand(&self, hit: &Hit) -> Option<StrandData> {
+        let Space { shapes, attributes, .. } = self.space(hit);
+        match primitive(shapes, hit.prim) {
+            Primitive::Curve(index, segment) => {
+                Some(attributes.curves.strand(&shapes.curves, shapes.curves.segments[index], &segment, hit.u))
+            }
+            _ => None,
+        }
+    }
+
+    /// The first texture coordinates at the corners of a triangle or quad.
+    pub fn corner_uv(&self, hit: &Hit) -> Option<[Vec2; 3]> {
+        let Space { shapes, attributes, .. } = self.space(hit);
+        match primitive(shapes, hit.prim) {
+            Primitive::Triangle(_) if attributes.uv[0].is_empty() => None,
+            Primitive::Triangle(t) => Some(map_each(vertices(&attributes.uv[0], t), Vec2::from_array)),
+            Primitive::Quad(_) => Some([Vec2::ZERO, Vec2::X, Vec2::Y]),
+            _ => None,
+        }
+    }
+
+    /// The corners of a triangle in the world at a path's time, or those of a quad that texture coordinates begin and end at; `None` for all
+    /// else.
     pub fn world_corners(&self, hit: &Hit, time: f32) -> Option<[Vec3; 3]> {
         let shapes = &self.space(hit).shapes;
-        let &t = shapes.triangles.get(hit.prim as usize)?;
-        let corners = map_each(corners_at(shapes, t, time), Vec3::from_array);
+        let corners = match primitive(shapes, hit.prim) {
+            Primitive::Triangle(t) => map_each(corners_at(shapes, t, time), Vec3::from_array),
+            Primitive::Quad(q) => [q.corner, q.corner + q.edge_u, q.corner + q.edge_v],
+            _ => return None,
+        };
         let Some(i) = hit.instance.checked_sub(1) else { return Some(corners) };
         let world_from_object = self.world_from_object(&self.placements[i as usize], time);
         Some(map_each(corners, |c| world_from_object.transform_point3(c.as_dvec3()).as_vec3()))

@@ -42,6 +42,8 @@ pub struct CompiledMaterial {
     pub medium_index: u16,
     /// Perturbs shading normals.
     pub normal_map: Option<NormalMap>,
+    /// A graph that gives the shading normal.
+    pub normal: Option<TextureId>,
     /// Alpha; `None` for opaque surfaces.
     pub alpha: Option<Alpha>,
     /// Ray visibility, holdout and catcher; `None` for usual surfaces.
@@ -54,6 +56,8 @@ pub struct CompiledMaterial {
     pub shines_by_viewer: bool,
     /// Some texture of it needs [`HitData`](crate::texture::HitData).
     pub reads_hit: bool,
+    /// Some texture of it asks what path arrives.
+    pub reads_path: bool,
     /// Texture coordinates are needed.
     pub uses_uv: bool,
     /// The BSDF depends on tangents or on a second normal.
@@ -195,6 +199,7 @@ impl CompiledMaterial {
             ..Presence::FULL
         });
         let normal_map = usable(material.normal_map, textures).filter(|_| class != BsdfClass::Black);
+        let normal = material.normal.filter(|_| class != BsdfClass::Black);
         let is_textured = has_texture(&model, |id| textures.spectrum(id).is_none());
         let is_spectral = shading.spectral
             && (has_texture(&model, |id| textures.spectrum(id).is_some()) || program.depends_on_wavelength());
@@ -208,12 +213,14 @@ impl CompiledMaterial {
         let uses_uv = is_textured
             || uses_frame
             || normal_map.is_some()
+            || normal.is_some()
             || emission.is_some_and(|e| e.radiance.texture.is_some())
             || alpha.is_some_and(|a| a.slot.texture.is_some());
         let is_constant = !is_textured && !uses_vertex_colors && !uses_frame;
         let example = is_constant.then(|| program.evaluate(&Factors, &LocalFrame::STRAIGHT));
         let constant = example.filter(|_| !is_spectral);
         let medium = Medium::of(&model, class, material.medium.as_ref());
+        let differs = |id: TextureId| textures.depends_on_viewer(id) || textures.reads_hit(id);
         CompiledMaterial {
             class,
             constant,
@@ -231,14 +238,14 @@ impl CompiledMaterial {
             is_boundary: matches!(model, Model::Boundary {}),
             medium_index: 0,
             normal_map,
+            normal,
             alpha,
             presence: presence.filter(|p| *p != Presence::FULL),
             uses_vertex_colors,
             depends_on_viewer: has_texture(&model, |id| textures.depends_on_viewer(id)),
-            shines_by_viewer: emission
-                .and_then(|e| e.radiance.texture)
-                .is_some_and(|id| textures.depends_on_viewer(id) || textures.reads_hit(id)),
+            shines_by_viewer: emission.and_then(|e| e.radiance.texture).is_some_and(differs),
             reads_hit: material.textures().any(|id| textures.reads_hit(id)),
+            reads_path: material.textures().any(|id| textures.reads_path(id)),
             uses_uv,
             uses_frame,
             coat_normal_map,
@@ -309,7 +316,7 @@ impl CompiledMaterial {
 
     /// Do tangents matter?
     pub fn uses_tangents(&self) -> bool {
-        self.normal_map.is_some() || self.uses_frame
+        self.normal_map.is_some() || self.normal.is_some() || self.uses_frame
     }
 
     /// The BSDF at a point.
@@ -345,7 +352,10 @@ impl CompiledMaterial {
         surface: &Surface,
         tangent_frame: Option<Mat3>,
     ) -> Vec3 {
-        mapped_normal(self.normal_map, slots, surface, tangent_frame)
+        match self.normal {
+            Some(graph) => given_normal(graph, slots, surface),
+            None => mapped_normal(self.normal_map, slots, surface, tangent_frame),
+        }
     }
 
     /// What the normal map says at a point, in the frame of tangents; not normalised, zero without a map.
@@ -381,6 +391,14 @@ impl CompiledMaterial {
         let coat_normal = if normal.z > 1e-3 { normal } else { straight.coat_normal };
         LocalFrame { tangent, bitangent, coat_normal }
     }
+}
+
+/// The normal that a graph gives; the surface's shading normal where it leads to the other side.
+#[inline(never)]
+fn given_normal(graph: TextureId, slots: &PointReader<'_>, surface: &Surface) -> Vec3 {
+    let Some(given) = slots.vector(graph) else { return surface.ns };
+    let bent = given.normalize_or_zero() * if slots.is_back() { -1.0 } else { 1.0 };
+    if bent.dot(surface.ns) > 0.0 { bent } else { surface.ns }
 }
 
 /// A normal from a map; the surface's shading normal without one, and where the map leads to its other side.

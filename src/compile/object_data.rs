@@ -1,13 +1,14 @@
 //! The objects of a scene as graphs of nodes see them.
 
+use super::material::CompiledMaterial;
 use crate::math::{DAffine3, DVec3, Vec3};
 use crate::sampling::hash::mix64;
 use crate::scene::{Mesh, ObjectInfo, Scene};
 use crate::texture::ObjectData;
 
 /// All objects in the order of their numbers, in the world of the compiled scene; none where no graph asks.
-pub(super) fn of(scene: &Scene, is_asked: bool, anchor: DVec3) -> Vec<ObjectData> {
-    if !is_asked {
+pub(super) fn of(scene: &Scene, materials: &[CompiledMaterial], anchor: DVec3) -> Vec<ObjectData> {
+    if !materials.iter().any(|material| material.reads_hit) {
         return Vec::new();
     }
     let boxes: Vec<[Vec3; 2]> = scene.meshes.iter().map(of_mesh).collect();

@@ -177,7 +177,7 @@ impl ObjectMaterials {
 pub(super) fn part_materials<'a>(
     mesh: &'a Mesh,
     instance: &'a Instance,
-) -> impl Iterator<Item = MaterialId> + 'a {
+) -> impl Iterator<Item = MaterialId> + Clone + 'a {
     mesh.parts.iter().map(|part| instance.material.unwrap_or(part.material))
 }
 

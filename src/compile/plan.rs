@@ -7,7 +7,7 @@ use super::{fingerprint, motion};
 use crate::accel::TreeQuality;
 use crate::error::Warning;
 use crate::math::{DAffine3, DMat3, DVec3, TransformKeys};
-use crate::scene::{Instance, MaterialId, Mesh, MeshId, Motion, ObjectTraits, Quad, Scene};
+use crate::scene::{Instance, MaterialId, Mesh, MeshId, Motion, ObjectTraits, Quad, Scene, TextureId};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -309,8 +309,19 @@ fn condition(m: &DMat3) -> f64 {
 }
 
 /// The set of texture coordinates that the first normal map among materials uses.
-pub(super) fn normal_map_set(mut used: impl Iterator<Item = MaterialId>, scene: &Scene) -> Option<usize> {
+pub(super) fn normal_map_set(
+    mut used: impl Iterator<Item = MaterialId> + Clone,
+    scene: &Scene,
+) -> Option<usize> {
     use crate::scene::{Mapping, Texture};
+    let of_graph = |id: TextureId| match scene.textures.get(id.index()) {
+        Some(Texture::Nodes(graph)) => graph.reads_tangents(),
+        _ => false,
+    };
+    let mut graphs = used.clone().filter_map(|id| scene.materials[id.index()].normal);
+    if graphs.any(of_graph) {
+        return Some(0);
+    }
     let map = used.find_map(|id| scene.materials[id.index()].normal_map)?;
     match scene.textures.get(map.texture.index())? {
         Texture::Image { mapping: Mapping::Uv { set, .. }, .. } => Some(*set as usize),

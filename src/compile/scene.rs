@@ -176,6 +176,8 @@ pub struct Features {
     pub ray_kinds: bool,
     /// Lights are linked to some objects only.
     pub links: bool,
+    /// Some textures ask what path arrives.
+    pub paths: bool,
     /// Some objects are holdouts.
     pub holdouts: bool,
     /// Some objects are shadow catchers.

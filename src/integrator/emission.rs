@@ -26,12 +26,11 @@ use crate::math::{Ray, Vec3};
 use crate::sampling::sampler::SobolPoint;
 use crate::scene::RayKinds;
 use crate::simd::{Kernel, dispatch};
-use crate::texture::PathData;
 
 impl Integrator<'_> {
     /// Adds the emission of the surface that arriving path `i` hit.
     pub(super) fn emit(&self, bounce: u32, i: usize, at: &HitPoint<'_>, w: &mut Workspace) {
-        let HitPoint { surface, hit, material, is_back, time } = at;
+        let HitPoint { surface, hit, material, is_back, time, .. } = at;
         let Some(emission) = material.emission.filter(|e| e.two_sided || !is_back) else { return };
         let light = self.scene.light_at(hit);
         if self.is_left_to_light_paths(bounce, i, light, w) {
@@ -350,7 +349,7 @@ impl Integrator<'_> {
             Some(_) => {
                 // Unfiltered, as in light sampling.
                 let coordinates = self.scene.geometries.coordinates(surface, hit, false, *time);
-                let hit_data = self.hit_data(at, &coordinates, wo, PathData::default());
+                let hit_data = self.hit_data(at, &coordinates, wo);
                 let slots = self.slots(&coordinates, surface, wo, 0.0);
                 slots.with_hit(hit_data.as_ref()).color(&emission.radiance)
             }

@@ -2,6 +2,7 @@
 
 use crate::compile::CompiledMaterial;
 use crate::math::{Hit, Vec3, select};
+use crate::scene::RayKinds;
 use crate::shape::Surface;
 
 /// Where a ray hit a surface.
@@ -14,6 +15,24 @@ pub(super) struct HitPoint<'a> {
     pub is_back: bool,
     /// When, where something moves.
     pub time: f32,
+    /// The path that arrives, as far as graphs of nodes ask.
+    pub path: PathOrigin,
+}
+
+/// What graphs of nodes know of a path that arrives.
+#[derive(Clone, Copy)]
+pub(super) struct PathOrigin {
+    /// Kinds of its ray; none where that isn't known.
+    pub kinds: RayKinds,
+    /// The ray was reflected or refracted into one direction alone.
+    pub is_singular: bool,
+    /// Bounces before.
+    pub bounces: u16,
+}
+
+impl PathOrigin {
+    /// Nothing is known.
+    pub const UNKNOWN: PathOrigin = PathOrigin { kinds: RayKinds::NONE, is_singular: false, bounces: 0 };
 }
 
 /// Smallest cosine between the viewer and the normal that lobes are evaluated around.

@@ -204,7 +204,10 @@ fn group_of(material: &CompiledMaterial, by_wavelength: bool) -> ShadingGroup {
                 }
                 // The fast way through textures has no more of a hit than most of them need.
                 BsdfClass::MetalRough
-                    if material.uses_uv && !material.uses_vertex_colors && !material.reads_hit =>
+                    if material.uses_uv
+                        && !material.uses_vertex_colors
+                        && !material.reads_hit
+                        && material.normal.is_none() =>
                 {
                     ShadingGroup::Textured
                 }

@@ -4,7 +4,7 @@ use super::Integrator;
 use super::first_hit::{AovContext, FirstHit};
 use super::interfaces::CoincidentHit;
 use super::interior::Interior;
-use super::shading_geometry::{HitPoint, scattering_normal};
+use super::shading_geometry::{HitPoint, PathOrigin, scattering_normal};
 use super::shading_groups::{
     ShadingGroup, ShadingGroupCounts, SortedVertices, load_material, prepare, store_material,
 };
@@ -17,7 +17,7 @@ use crate::compile::SurfaceCoordinates;
 use crate::math::{Frame, Hit, Ray, Vec2, Vec3, select};
 use crate::shape::{Surface, shading_normal, triangle_surface};
 use crate::simd::{Kernel, dispatch, map_each};
-use crate::texture::{PathData, PointReader, TexturePoint};
+use crate::texture::{PointReader, TexturePoint};
 use std::ops::Range;
 
 /// A surface with its BSDF.
@@ -184,7 +184,7 @@ impl Integrator<'_> {
         if bounce == 0 && self.first_hits.any() || material.medium_index != 0 {
             self.vertex(bounce, i, w);
         } else if material.emission.is_some() {
-            let at = self.hit_point(i, w);
+            let at = self.hit_point(bounce, i, w);
             self.emit(bounce, i, &at, w);
         }
         if bounce == 0 {
@@ -193,9 +193,13 @@ impl Integrator<'_> {
     }
 
     /// The surface where ray `i` hit.
-    fn hit_point(&self, i: usize, w: &Workspace) -> HitPoint<'_> {
+    fn hit_point(&self, bounce: u32, i: usize, w: &Workspace) -> HitPoint<'_> {
         let time = w.times.of(w.arriving.state.radiance_index[i]);
-        self.point_of(&w.rays[i], w.hits[i], w.materials[i], time)
+        let at = self.point_of(&w.rays[i], w.hits[i], w.materials[i], time);
+        if !self.scene.features.paths {
+            return at;
+        }
+        HitPoint { path: self.path_origin(bounce, i, &w.arriving), ..at }
     }
 
     /// The surface where a ray hit a material.
@@ -203,14 +207,14 @@ impl Integrator<'_> {
         let surface = self.scene.geometries.surface(ray, &hit, time);
         let material = &self.scene.materials[material as usize];
         let is_back = surface.ng.dot(ray.direction) > 0.0;
-        HitPoint { surface, hit, material, is_back, time }
+        HitPoint { surface, hit, material, is_back, time, path: PathOrigin::UNKNOWN }
     }
 
     /// Makes the vertex where ray `i` hit: geometry, textures, emission, interfaces of solids, and
     /// AOVs of a first hit.
     fn vertex(&self, bounce: u32, i: usize, w: &mut Workspace) -> Vertex {
         let wo = -w.rays[i].direction;
-        let mut at = self.hit_point(i, w);
+        let mut at = self.hit_point(bounce, i, w);
         let (material, is_back) = (at.material, at.is_back);
         if material.class == BsdfClass::Hair {
             // Hair scatters to all sides of the fibre.
@@ -314,7 +318,7 @@ impl Integrator<'_> {
         let HitPoint { surface, hit, material, time, .. } = at;
         let hit_point = at;
         let at = self.scene.geometries.coordinates(surface, hit, self.scene.features.footprints, *time);
-        let hit_data = self.hit_data(hit_point, &at, wo, PathData::default());
+        let hit_data = self.hit_data(hit_point, &at, wo);
         let slots = self.slots(&at, surface, wo, width).with_hit(hit_data.as_ref());
         let ns = material.shading_normal(&slots, surface, at.tangent_frame);
         let frame = if material.uses_frame {
@@ -538,7 +542,8 @@ impl Integrator<'_> {
             let is_back = ng.dot(get(&v.wo, k)) < 0.0;
             let surface = Surface { p, p_error: Vec3::ZERO, ng, ns: ng, material: w.materials[i] };
             let hit = w.hits[i];
-            self.emit(bounce, i, &HitPoint { surface, hit, material, is_back, time: 0.0 }, w);
+            let path = PathOrigin::UNKNOWN;
+            self.emit(bounce, i, &HitPoint { surface, hit, material, is_back, time: 0.0, path }, w);
         }
     }
 }

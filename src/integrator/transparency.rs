@@ -13,7 +13,7 @@
 use super::Integrator;
 use super::interior::CameraInterior;
 use super::sampling::RandomChoice;
-use super::shading_geometry::{HitPoint, scattering_normal};
+use super::shading_geometry::{HitPoint, PathOrigin, scattering_normal};
 use super::shading_groups::SortedVertices;
 use super::stages::Stages;
 use super::visibility::LIGHT_SAMPLE_KINDS;
@@ -25,7 +25,6 @@ use crate::compile::CompiledMaterial;
 use crate::math::{Frame, Hit, Ray, Vec3};
 use crate::scene::RayKinds;
 use crate::shape::Surface;
-use crate::texture::PathData;
 
 /// Maximum number of surfaces that a ray may pass.
 const MAX_PASSED_SURFACES: u32 = 4096;
@@ -129,7 +128,8 @@ impl Integrator<'_> {
             let throughput = get_rgb(&w.arriving.state.throughput, i);
             let left = self.transmittance_to_hit(i, hit.t, w);
             set_rgb(&mut w.arriving.state.throughput, i, throughput * left);
-            self.emit(bounce, i, &HitPoint { surface, hit, material, is_back, time }, w);
+            let path = self.path_origin(bounce, i, &w.arriving);
+            self.emit(bounce, i, &HitPoint { surface, hit, material, is_back, time, path }, w);
             set_rgb(&mut w.arriving.state.throughput, i, throughput);
         }
     }
@@ -308,7 +308,7 @@ impl Integrator<'_> {
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
         let is_absent = material.is_boundary
             || material.is_absent_from_behind && self.scene.geometries.is_back(ray, hit, time);
-        let is_there = !is_absent && self.is_present(material, ray, hit, time, uniform);
+        let is_there = !is_absent && self.is_present(material, ray, hit, (time, kind), uniform);
         match material.presence {
             _ if !is_there => HitResponse::Passes,
             None => HitResponse::Stops,
@@ -325,14 +325,21 @@ impl Integrator<'_> {
         material: &CompiledMaterial,
         ray: &Ray,
         hit: &Hit,
-        time: f32,
+        (time, kind): (f32, RayKinds),
         uniform: impl Fn() -> f32,
     ) -> bool {
-        material.alpha.is_none() || uniform() < self.presence(ray, hit, time, material)
+        material.alpha.is_none() || uniform() < self.presence(ray, hit, time, material, kind)
     }
 
-    /// The alpha of a surface where a ray hit it.
-    pub(super) fn presence(&self, ray: &Ray, hit: &Hit, time: f32, material: &CompiledMaterial) -> f32 {
+    /// The alpha of a surface where a ray of some kinds hit it.
+    pub(super) fn presence(
+        &self,
+        ray: &Ray,
+        hit: &Hit,
+        time: f32,
+        material: &CompiledMaterial,
+        kinds: RayKinds,
+    ) -> f32 {
         let Some(alpha) = material.alpha else { return 1.0 };
         let surface: Surface = self.scene.geometries.surface(ray, hit, time);
         let at = self.scene.geometries.coordinates(&surface, hit, false, time);
@@ -340,8 +347,9 @@ impl Integrator<'_> {
         // Directions of shadow rays have the length of the segment.
         let wo = if alpha.depends_on_viewer { -ray.direction.normalize() } else { Vec3::ZERO };
         let is_back = surface.ng.dot(ray.direction) > 0.0;
-        let hit_point = HitPoint { surface, hit: *hit, material, is_back, time };
-        let hit_data = self.hit_data(&hit_point, &at, wo, PathData::default());
+        let path = PathOrigin { kinds, ..PathOrigin::UNKNOWN };
+        let hit_point = HitPoint { surface, hit: *hit, material, is_back, time, path };
+        let hit_data = self.hit_data(&hit_point, &at, wo);
         alpha.presence(&self.slots(&at, &surface, wo, 0.0).with_hit(hit_data.as_ref()), vertex_alpha)
     }
 }

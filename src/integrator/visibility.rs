@@ -18,6 +18,7 @@
 use super::Integrator;
 use super::radiance_buffer::PathClass;
 use super::sampling::RandomChoice;
+use super::shading_geometry::PathOrigin;
 use super::shading_groups::{
     Closure, GeneralClass, LambertClass, MediumClass, MetalRoughClass, SortedVertices, VertexClass,
 };
@@ -47,6 +48,15 @@ impl Integrator<'_> {
             _ if self.optional.visibility => arriving.visibility[i].kind(),
             // Visibility differs for camera rays only.
             _ => RayKinds::DIFFUSE,
+        }
+    }
+
+    /// What graphs of nodes know of arriving path `i`.
+    pub(super) fn path_origin(&self, bounce: u32, i: usize, arriving: &Paths) -> PathOrigin {
+        PathOrigin {
+            kinds: self.kind(bounce, i, arriving),
+            is_singular: bounce > 0 && !arriving.state.pdf[i].competes(),
+            bounces: bounce.min(u32::from(u16::MAX)) as u16,
         }
     }
 

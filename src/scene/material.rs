@@ -119,6 +119,8 @@ pub struct Material {
     pub alpha: FloatSlot,
     /// Normal map.
     pub normal_map: Option<NormalMap>,
+    /// A graph of nodes that gives the shading normal in world space, on the viewer's side, in place of a normal map.
+    pub normal: Option<TextureId>,
     /// Vertex colours multiply the base colour.
     pub use_vertex_colors: bool,
     /// What fills its solids, beside what the model says of their inside; only where the model lets light in.
@@ -145,6 +147,7 @@ impl Material {
             alpha_mode: AlphaMode::Opaque,
             alpha: FloatSlot::constant(1.0),
             normal_map: None,
+            normal: None,
             use_vertex_colors: false,
             medium: None,
             displacement: None,
@@ -176,7 +179,7 @@ impl Parameters for Lamp {}
 
 parameters_of_fields! {
     Material {
-        name, model, emission, double_sided, alpha_mode, alpha, normal_map, use_vertex_colors, medium, displacement,
+        name, model, emission, double_sided, alpha_mode, alpha, normal_map, normal, use_vertex_colors, medium, displacement,
         priority, lamp, light_group,
     }
     Displacement { texture, scale, midlevel, edge }

@@ -1,7 +1,8 @@
 //! What graphs of nodes read of a hit beyond what other textures need: attributes of vertices by name, the object and its space,
 //! the camera, the path.
 
-use crate::math::{DAffine3, DMat4, Mat3, Vec3};
+use super::TexturePoint;
+use crate::math::{DAffine3, DMat4, Mat3, Vec2, Vec3};
 
 /// The numbers of an attribute by vertex. Vertices of meshes without it have none.
 #[derive(Clone, Debug, Default)]
@@ -115,6 +116,14 @@ impl HitAttributes<'_> {
         let (triangle, weights) = self.triangle?;
         self.lists.get(usize::from(number))?.at(triangle, weights)
     }
+
+    /// The same at the corners of the triangle.
+    pub fn corners(&self, number: u16) -> Option<[AttributeValue; 3]> {
+        let (triangle, _) = self.triangle?;
+        let list = self.lists.get(usize::from(number))?;
+        let corner = |i: usize| list.at(triangle, std::array::from_fn(|k| f32::from(u8::from(i == k))));
+        Some([corner(0)?, corner(1)?, corner(2)?])
+    }
 }
 
 /// An object of a scene as nodes see it.
@@ -209,6 +218,8 @@ pub struct HitData<'a> {
     pub corners: Option<[Vec3; 3]>,
     /// The hit there.
     pub point: Vec3,
+    /// The first texture coordinates at the corners, v downwards; `None` where they don't follow from those of corners.
+    pub corner_uv: Option<[Vec2; 3]>,
     /// Tangent, bitangent and normal of the first set of texture coordinates.
     pub tangent_frame: Option<Mat3>,
     /// Number of the material in Blender's sense.
@@ -217,6 +228,50 @@ pub struct HitData<'a> {
     pub path: PathData,
     /// The strand, of curves.
     pub strand: Option<StrandData>,
+}
+
+/// Shortest step over a surface, metres, where no path says what it sees.
+const LEAST_STEP: f32 = 1e-4;
+
+impl<'a> HitData<'a> {
+    /// Steps over the surface as wide as what a path sees.
+    pub fn steps(&self, point: &TexturePoint) -> [Vec3; 2] {
+        let (a, b) = self.true_normal.any_orthonormal_pair();
+        let width = if point.width > 0.0 { point.width } else { LEAST_STEP };
+        [a * width, b * width]
+    }
+
+    /// The point and the hit beside it, a step further.
+    pub fn moved(&self, point: &TexturePoint, step: Vec3) -> (TexturePoint, HitData<'a>) {
+        let (mut point, mut hit) = (*point, *self);
+        let linear = self.object.object_from_world.matrix3;
+        hit.object_point += (linear * step.as_dvec3()).as_vec3();
+        hit.point += step;
+        point.world += step;
+        if let Some(corners) = self.corners {
+            let [u, v] = barycentric_step(corners, step);
+            if let Some((_, weights)) = &mut hit.attributes.triangle {
+                *weights = [weights[0] - u - v, weights[1] + u, weights[2] + v];
+            }
+            hit.parametric = [hit.parametric[0] - u - v, hit.parametric[1] + u];
+            if let Some([a, b, c]) = self.corner_uv {
+                point.uv[0] += (b - a) * u + (c - a) * v;
+            }
+        } else if let Some(frame) = self.tangent_frame {
+            let along = Vec2::new(step.dot(frame.x_axis), -step.dot(frame.y_axis));
+            point.uv[0] += along * point.uv_per_metre[0];
+        }
+        (point, hit)
+    }
+}
+
+/// How the weights of the second and the third corner change over a step in the plane of a triangle.
+fn barycentric_step([a, b, c]: [Vec3; 3], step: Vec3) -> [f32; 2] {
+    let (e1, e2) = (b - a, c - a);
+    let normal = e1.cross(e2);
+    let scale = 1.0 / normal.length_squared();
+    let weights = [step.cross(e2).dot(normal) * scale, e1.cross(step).dot(normal) * scale];
+    weights.map(|w| if w.is_finite() { w } else { 0.0 })
 }
 
 #[cfg(test)]

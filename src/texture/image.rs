@@ -38,6 +38,16 @@ impl ImageLookup {
         ImageLookup { finest, coarser, wrap: [wrap_u, wrap_v], interpolation, mean_size }
     }
 
+    /// The image itself.
+    pub(super) fn finest(&self) -> &Level {
+        &self.finest
+    }
+
+    /// Is a footprint wider than a texel, so that coarser levels are read?
+    pub(super) fn covers_texels(&self, footprint: f32) -> bool {
+        self.has_pyramid() && footprint * self.mean_size > 1.0
+    }
+
     /// Do lookups depend on how much of a surface a path sees?
     pub fn has_pyramid(&self) -> bool {
         !self.coarser.is_empty()

@@ -4,6 +4,7 @@
 mod coordinates;
 mod hit;
 mod image;
+mod image_node;
 mod levels;
 mod nodes;
 mod noise;
@@ -25,6 +26,7 @@ pub use hit::{
 };
 pub use image::ImageLookup;
 use image::Taps;
+use image_node::ImageReading;
 use levels::{Images, Levels};
 pub use levels::{TextureNeeds, TextureReport};
 use nodes::Program;
@@ -181,6 +183,21 @@ impl CompiledTextures {
         }
     }
 
+    /// Linear RGBA of the image of a node.
+    fn image_of_node(
+        &self,
+        texture: TextureId,
+        reading: &ImageReading,
+        uv: [f32; 2],
+        footprint: f32,
+    ) -> [f32; 4] {
+        match self.textures.get(texture.index()) {
+            Some(Compiled::Image { lookup, .. }) => reading.eval(lookup, uv, footprint),
+            Some(Compiled::Constant(color)) => reading.constant(*color, uv),
+            _ => [0.0; 4],
+        }
+    }
+
     /// Names of the attributes of vertices that graphs read, by their numbers.
     pub fn attributes(&self) -> &Arc<[String]> {
         &self.attributes
@@ -198,6 +215,11 @@ impl CompiledTextures {
     /// Does the value need [`HitData`]?
     pub fn reads_hit(&self, id: TextureId) -> bool {
         self.has_part(id, |texture| matches!(texture, Compiled::Nodes(program) if program.reads_hit()))
+    }
+
+    /// Does the value depend on the path that arrives?
+    pub fn reads_path(&self, id: TextureId) -> bool {
+        self.has_part(id, |texture| matches!(texture, Compiled::Nodes(program) if program.reads_path()))
     }
 
     /// Is there a part of a texture, itself included, of which something holds?
@@ -547,9 +569,29 @@ impl<'a> PointReader<'a> {
         [0.0, 0.0, 0.0, 1.0]
     }
 
+    /// The vector that a graph gives, in the scene's world; `None` of other textures.
+    pub fn vector(&self, id: TextureId) -> Option<Vec3> {
+        let Some(Compiled::Nodes(program)) = self.textures.textures.get(id.index()) else { return None };
+        let images = |texture, reading: &ImageReading, uv, footprint| {
+            self.textures.image_of_node(texture, reading, uv, footprint)
+        };
+        let own = program.vector_at(self.moved(), self.hit, &|texture| self.look_up(texture), &images);
+        Some(Vec3::from_array(own))
+    }
+
+    /// Is the back seen, as far as graphs know?
+    pub fn is_back(&self) -> bool {
+        self.hit.is_some_and(|hit| hit.is_back)
+    }
+
     #[inline(never)]
     fn nodes(&self, program: &Program) -> [f32; 4] {
-        let [r, g, b] = program.at(self.moved(), self.hit, &|texture| self.look_up(texture));
+        let [r, g, b] = program.at(
+            self.moved(),
+            self.hit,
+            &|texture| self.look_up(texture),
+            &|texture, reading, uv, footprint| self.textures.image_of_node(texture, reading, uv, footprint),
+        );
         [r, g, b, 1.0]
     }
 

@@ -1,13 +1,16 @@
-//! What nodes of graphs give on surfaces, against Cycles: a ball and a plane with attributes, each output of each node in blocks of
-//! pixels. The truth is what `tools/compare/nodes_surface.py` writes.
+//! What nodes of graphs give, against Cycles: each output of each node at points (`tools/compare/nodes.py` writes the truth), and on a ball
+//! and a plane with attributes in blocks of pixels (`tools/compare/nodes_surface.py`).
 
 use crate::support::{options, picture};
 use oscura::film::Film;
 use oscura::load::{LoadOptions, load};
-use oscura::math::{DAffine3, DMat3, DVec3};
-use oscura::scene::{Camera, Projection, Scene};
+use oscura::math::{DAffine3, DMat3, DVec3, Vec2, Vec3};
+use oscura::scene::nodes::{Node, NodeGraph, NodeInput, NodeKind, SettingValue};
+use oscura::scene::{Camera, Projection, Scene, Texture, TextureId};
+use oscura::texture::{CompiledTextures, TextureNeeds};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/references/nodes")
@@ -27,15 +30,31 @@ fn numbers(value: &Value) -> Vec<f64> {
 /// The scene whose objects shine with the output of a case's node, mapped to `0.5 + factor * value`.
 fn scene(truth: &Value, case: &Value, factor: f64) -> Scene {
     let table = case["node"].as_object().expect("a table");
-    let node: Vec<String> = table.iter().map(|(key, value)| format!("{key} = {value}")).collect();
+    let entry = |(key, value): (&String, &Value)| match key.as_str() {
+        "file" => format!("file = \"{}\"", folder().join(value.as_str().expect("a name")).display()),
+        _ => format!("{key} = {value}"),
+    };
+    let node: Vec<String> = table.iter().map(entry).collect();
+    let output = match case["output"].as_str().expect("a name") {
+        "both" => "both.vector".to_string(),
+        output => format!("node.{output}"),
+    };
+    // The sum of an image's colour and alpha, for what the one does to the other.
+    let both = if output == "both.vector" {
+        "both = { type = \"vector_math\", a = \"node.color\", b = \"node.alpha\" }\n"
+    } else {
+        ""
+    };
     let mut text = format!(
         "[camera]\nlook_from = [0, 0, 1]\nlook_at = [0, 0, 0]\n[textures.shown]\ntype = \"nodes\"\nup = \"z\"\n\
          result = \"mapped.vector\"\n[textures.shown.nodes]\nnode = {{ {} }}\ngeometry = {{ type = \"texture_coordinate\" }}\n\
          given = {{ type = \"vector_math\", a = \"geometry.object\" }}\n\
-         mapped = {{ type = \"vector_math\", operation = \"multiply_add\", a = \"node.{}\", b = {factor:?}, c = 0.5 }}\n\
+         noise = {{ type = \"noise_texture\", vector = \"given.vector\", scale = 1.5 }}\n\
+         picture = {{ type = \"image_texture\", file = \"{picture}\", interpolation = \"cubic\", alpha_mode = \"none\", vector = \"geometry.uv\" }}\n\
+         mapped = {{ type = \"vector_math\", operation = \"multiply_add\", a = \"{output}\", b = {factor:?}, c = 0.5 }}\n{both}\
          [materials]\nshown = {{ type = \"emissive\", radiance = \"shown\", two_sided = true }}\n",
         node.join(", "),
-        case["output"].as_str().expect("a name")
+        picture = folder().join("picture.png").display(),
     );
     for (name, object) in truth["objects"].as_object().expect("objects") {
         text += &format!(
@@ -105,5 +124,120 @@ fn outputs_on_surfaces_are_those_of_cycles() {
         }
     }
     assert!(count > 0, "no case has '{only}' in its label");
+    assert!(wrong.is_empty(), "{} of {count}: {wrong:#?}", wrong.len());
+}
+
+/// The node that a letter of the tables stands for, and which of its outputs.
+fn letter(text: &str) -> NodeInput {
+    let (node, output) = match text {
+        "P" => (0, 0),
+        "X" => (1, 0),
+        "Y" => (1, 1),
+        "Z" => (1, 2),
+        "C" => (2, 0),
+        "U" => (3, 0),
+        "V" => (4, 0),
+        "F" => (6, 0),
+        _ => panic!("no letter {text}"),
+    };
+    NodeInput::Link { node, output }
+}
+
+/// A node with its first inputs.
+fn node(name: &str, settings: &[(&str, SettingValue)], inputs: &[NodeInput]) -> Node {
+    let mut kind = NodeKind::from_name(name).unwrap_or_else(|| panic!("no kind {name}"));
+    for (key, value) in settings {
+        kind.set(key, value).unwrap_or_else(|e| panic!("{name}: {e}"));
+    }
+    let mut all = vec![NodeInput::Default; kind.inputs().len()];
+    all[..inputs.len()].copy_from_slice(inputs);
+    Node { kind, inputs: all, image: None }
+}
+
+/// What the letters stand for: a point, its coordinates, their absolute values and fractions, whole numbers.
+fn sources() -> Vec<Node> {
+    let operation = |name: &str| [("operation", SettingValue::Text(name.into()))];
+    let link = |node, output| NodeInput::Link { node, output };
+    vec![
+        node("geometry", &[], &[]),
+        node("separate_xyz", &[], &[link(0, 0)]),
+        node("vector_math", &operation("absolute"), &[link(0, 0)]),
+        node("math", &operation("fract"), &[link(1, 0)]),
+        node("math", &operation("fract"), &[link(1, 2)]),
+        node(
+            "vector_math",
+            &operation("scale"),
+            &[&[link(0, 0)], &[NodeInput::Default; 2][..], &[NodeInput::Value([7.0; 3])]].concat(),
+        ),
+        node("vector_math", &operation("floor"), &[link(5, 0)]),
+    ]
+}
+
+fn setting(value: &Value) -> SettingValue {
+    match value {
+        Value::Bool(value) => SettingValue::Bool(*value),
+        Value::String(text) => SettingValue::Text(text.clone()),
+        Value::Number(number) => match number.as_i64() {
+            Some(whole) => SettingValue::Integer(whole),
+            None => SettingValue::Number(number.as_f64().expect("a number") as f32),
+        },
+        _ => panic!("no setting: {value}"),
+    }
+}
+
+fn input(value: &Value) -> NodeInput {
+    match value {
+        Value::Null => NodeInput::Default,
+        Value::String(text) => letter(text),
+        Value::Array(_) => {
+            let numbers = numbers(value);
+            NodeInput::Value([0, 1, 2].map(|i| numbers[i] as f32))
+        }
+        _ => NodeInput::Value([value.as_f64().expect("a number") as f32; 3]),
+    }
+}
+
+/// Each output of each node in every mode at twelve points, against Cycles.
+#[test]
+fn values_at_points_are_those_of_cycles() {
+    let text = std::fs::read_to_string(folder().join("points.json")).expect("it is there");
+    let truth: Value = serde_json::from_str(&text).expect("JSON");
+    let points: Vec<Vec<f64>> = truth["points"].as_array().expect("points").iter().map(numbers).collect();
+    let (mut wrong, mut count) = (Vec::new(), 0);
+    for case in truth["cases"].as_array().expect("cases") {
+        let settings = case["settings"].as_object().expect("a table");
+        let settings: Vec<(&str, SettingValue)> =
+            settings.iter().map(|(key, value)| (key.as_str(), setting(value))).collect();
+        let inputs: Vec<NodeInput> = case["inputs"].as_array().expect("a list").iter().map(input).collect();
+        let kind = case["kind"].as_str().expect("a name");
+        let expected: Vec<Vec<f64>> = case["values"].as_array().expect("rows").iter().map(numbers).collect();
+        let largest = expected.iter().flatten().fold(1.0f64, |most, x| most.max(x.abs()));
+        // Negative values would be 0.
+        let factor = 0.4 / largest as f32;
+        let mut nodes = sources();
+        nodes.push(node(kind, &settings, &inputs));
+        let output = case["output"].as_u64().expect("a number") as usize;
+        let of_node = NodeInput::Link { node: nodes.len() - 1, output };
+        let mapped = [of_node, NodeInput::Value([factor; 3]), NodeInput::Value([0.5; 3])];
+        let add = [("operation", SettingValue::Text("multiply_add".into()))];
+        nodes.push(node("vector_math", &add, &mapped));
+        let result = NodeInput::Link { node: nodes.len() - 1, output: 0 };
+        let graph = Texture::Nodes(Arc::new(NodeGraph { nodes, result, is_z_up: false }));
+        let needs = TextureNeeds::default();
+        let (textures, _) = CompiledTextures::new(&[graph], &[], Vec3::ZERO, needs).expect("no images");
+        let mut worst = 0.0f64;
+        for (point, expected) in points.iter().zip(&expected) {
+            let world = Vec3::new(point[0] as f32, point[1] as f32, point[2] as f32);
+            let found = textures.eval(TextureId(0), Vec2::ZERO, world);
+            for (found, expected) in found.iter().zip(expected) {
+                worst = worst.max((f64::from((found - 0.5) / factor) - expected).abs() / largest);
+            }
+        }
+        count += 1;
+        if worst > 1e-4 {
+            wrong.push(format!("{kind} {settings:?} output {output}: {worst:.6}"));
+        }
+    }
+    assert!(count > 400);
     assert!(wrong.is_empty(), "{} of {count}: {wrong:#?}", wrong.len());
 }

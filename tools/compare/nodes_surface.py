@@ -94,12 +94,74 @@ def cases():
                     blender = node("ShaderNodeVectorTransform", "Vector", settings, {"Vector": "object coordinates"})
                     ours = {k: v.lower() for k, v in settings.items()}
                     add(f"vector_transform {kind} {source} {target}", blender, "vector", type="vector_transform", vector="given.vector", **ours)
+    normals(add)
     images(add)
     return all_cases
 
 
+def normals(add):
+    """Normals of maps and bumps."""
+    color = (0.7, 0.35, 0.85, 1)
+    for space in ("TANGENT", "OBJECT", "WORLD", "BLENDER_OBJECT", "BLENDER_WORLD"):
+        for strength in (1.0, 0.4):
+            blender = node("ShaderNodeNormalMap", "Normal", {"space": space}, {"Strength": strength, "Color": color})
+            add(f"normal_map {space} {strength}", blender, "normal", type="normal_map", space=space.lower(), strength=strength, color=list(color[:3]))
+    blender = node("ShaderNodeNormalMap", "Normal", {"uv_map": "second map"}, {"Color": color})
+    add("normal_map of the second map", blender, "normal", type="normal_map", uv_map="second map", color=list(color[:3]))
+    for label, settings, inputs in (
+        ("", {}, {"Strength": 1.0, "Distance": 0.2}),
+        ("strength", {}, {"Strength": 0.4, "Distance": 0.2}),
+        ("invert", {"invert": True}, {"Strength": 1.0, "Distance": 0.1}),
+    ):
+        blender = node("ShaderNodeBump", "Normal", settings, {**inputs, "Height": "noise"})
+        ours = {k.lower(): v for k, v in {**settings, **inputs}.items()}
+        add(f"bump {label}", blender, "normal", type="bump", height="noise.factor", **ours)
+    blender = node("ShaderNodeBump", "Normal", {}, {"Distance": 0.3, "Height": "picture"})
+    add("bump of a picture", blender, "normal", type="bump", distance=0.3, height="picture.color")
+    dot = node("ShaderNodeNormal", "Dot", {}, {"Normal": "object coordinates"})
+    add("normal Dot", dot, "dot", type="normal", normal="given.vector")
+
+
 def images(add):
-    """Image nodes in all their modes."""
+    """Image nodes in all their modes. Vectors that are no texture coordinates are read at points, as Cycles does."""
+
+    def image(label, output, vector="object coordinates", alpha="", space="sRGB", **settings):
+        blender = node("ShaderNodeTexImage", output, {"image": "picture.png", **settings}, {"Vector": vector})
+        blender["alpha_mode"], blender["color_space"] = alpha or "STRAIGHT", space
+        ours = {"projection_blend": "blend"}
+        table = {ours.get(k, k): v.lower() if isinstance(v, str) else v for k, v in settings.items()}
+        table["vector"] = {"object coordinates": "given.vector", "uv": "geometry.uv", "generated": "geometry.generated"}[vector]
+        if alpha:
+            table["alpha_mode"] = alpha.lower()
+        if space != "sRGB":
+            table["color_space"] = space.lower()
+        add(f"image_texture {label} {output}", blender, output.lower(), type="image_texture", file="picture.png", **table)
+
+    for interpolation in ("Linear", "Closest", "Cubic"):
+        for extension in ("REPEAT", "EXTEND", "CLIP", "MIRROR"):
+            image(f"{interpolation} {extension}", "Color", interpolation=interpolation, extension=extension)
+            image(f"{interpolation} {extension}", "Alpha", interpolation=interpolation, extension=extension)
+    for alpha in ("STRAIGHT", "PREMUL", "CHANNEL_PACKED", "NONE"):
+        for output in ("Color", "Alpha", "Both"):
+            image(alpha, output, alpha=alpha)
+            image(f"{alpha} Non-Color", output, alpha=alpha, space="Non-Color")
+    for projection, blend in (("BOX", 0.0), ("BOX", 0.3), ("SPHERE", 0.0), ("TUBE", 0.0)):
+        image(f"{projection} {blend}", "Color", vector="generated", projection=projection, projection_blend=blend)
+    image("of texture coordinates", "Color", vector="uv")
+    for projection in ("EQUIRECTANGULAR", "MIRROR_BALL"):
+        blender = node("ShaderNodeTexEnvironment", "Color", {"image": "picture.png", "projection": projection}, {"Vector": "object coordinates"})
+        add(f"environment_texture {projection}", blender, "color", type="environment_texture", file="picture.png", projection=projection.lower(), vector="given.vector")
+
+
+def write_picture(path):
+    """A picture of 12x8 texels with smooth and hard edges and alpha."""
+    picture = bpy.data.images.new("picture", 12, 8, alpha=True)
+    y, x = np.mgrid[0:8, 0:12]
+    color = np.stack([x / 11, y / 7, ((x // 3 + y // 2) % 2) * 0.8 + 0.1, 0.3 + 0.7 * ((x + y) % 5 > 1)], -1)
+    picture.pixels.foreach_set(color.astype(np.float32).ravel())
+    picture.file_format, picture.filepath_raw = "PNG", str(path)
+    picture.save()
+    bpy.data.images.remove(picture)
 
 
 def triangles(item):
@@ -221,6 +283,17 @@ def material(batch, layer):
 
     def source(name):
         """Vectors that inputs are linked to."""
+        if name == "noise":
+            made = tree.nodes.new("ShaderNodeTexNoise")
+            made.inputs["Scale"].default_value = 1.5
+            tree.links.new(source("object coordinates"), made.inputs["Vector"])
+            return made.outputs[0]
+        if name == "picture":
+            made = tree.nodes.new("ShaderNodeTexImage")
+            made.image, made.interpolation = bpy.data.images.load(str(FOLDER / "picture.png")), "Cubic"
+            made.image.alpha_mode = "NONE"
+            tree.links.new(source("uv"), made.inputs["Vector"])
+            return made.outputs[0]
         if name not in sources:
             made = tree.nodes.new("ShaderNodeTexCoord")
             sources[name] = made.outputs[{"object coordinates": "Object", "uv": "UV", "generated": "Generated", "normal": "Normal"}[name]]
@@ -232,7 +305,7 @@ def material(batch, layer):
             if key == "object":
                 value = bpy.data.objects[value]
             if key == "image":
-                value = bpy.data.images.load(str(FOLDER / value), check_existing=True)
+                value = bpy.data.images.load(str(FOLDER / value))
                 value.colorspace_settings.name = blender.get("color_space", "sRGB")
                 value.alpha_mode = blender.get("alpha_mode", "STRAIGHT")
             setattr(made, key, value)
@@ -244,7 +317,13 @@ def material(batch, layer):
                 socket.default_value = value
         aov = tree.nodes.new("ShaderNodeOutputAOV")
         aov.aov_name = f"case{number}"
-        tree.links.new(made.outputs[blender["output"]], aov.inputs["Color"])
+        if blender["output"] == "Both":
+            both = tree.nodes.new("ShaderNodeVectorMath")
+            tree.links.new(made.outputs["Color"], both.inputs[0])
+            tree.links.new(made.outputs["Alpha"], both.inputs[1])
+            tree.links.new(both.outputs[0], aov.inputs["Color"])
+        else:
+            tree.links.new(made.outputs[blender["output"]], aov.inputs["Color"])
         view = layer.aovs.add()
         view.name, view.type = aov.aov_name, "COLOR"
     return own
@@ -279,13 +358,17 @@ def main():
     FOLDER.mkdir(parents=True, exist_ok=True)
     ball, plane, camera = scene()
     settings()
+    write_picture(FOLDER / "picture.png")
     write_ply(FOLDER / "ball.ply", ball)
     write_ply(FOLDER / "plane.ply", plane)
     known = cases()
     chosen = [(label, case) for label, case in known.items() if only in label]
     values = {}
-    for first in range(0, len(chosen), 40):
-        values.update(pictures(chosen[first : first + 40], (ball, plane)))
+    # Cycles makes one of nodes that are alike: those whose alpha is read would change what the others give.
+    reads_alpha = lambda case: case[1][0]["node"] == "ShaderNodeTexImage" and case[1][0]["output"] != "Color"
+    for part in ([c for c in chosen if not reads_alpha(c)], [c for c in chosen if reads_alpha(c)]):
+        for first in range(0, len(part), 40):
+            values.update(pictures(part[first : first + 40], (ball, plane)))
     path = FOLDER / "surface.json"
     before = json.loads(path.read_text())["cases"] if only and path.exists() else []
     kept = {case["label"]: case for case in before}

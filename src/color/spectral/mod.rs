@@ -14,4 +14,6 @@ mod wavelengths;
 
 pub use metal::Metal;
 pub use uplift::{Sigmoid, Spectrum, uplifted_light, uplifted_share};
-pub use wavelengths::{Curve, FIRST_NM, LANES, LAST_NM, SECOND_RADIATION_CONSTANT, Wavelengths, rgb_of};
+pub use wavelengths::{
+    Curve, FIRST_NM, LANES, LAST_NM, SECOND_RADIATION_CONSTANT, Wavelengths, rgb_of, rgb_of_wavelength,
+};

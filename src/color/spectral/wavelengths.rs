@@ -41,6 +41,21 @@ fn rgb_at_nodes() -> [[f64; 3]; NODES] {
     rgb.map(|rgb| [0, 1, 2].map(|c| rgb[c] / white[c]))
 }
 
+/// Linear Rec. 709 of light of one wavelength by the CIE 1931 observer; black beyond its table.
+pub fn rgb_of_wavelength(nm: f32) -> [f32; 3] {
+    static TABLE: OnceLock<[[f32; 3]; NODES]> = OnceLock::new();
+    let table = TABLE.get_or_init(|| {
+        let matrix = Primaries::REC709.rgb_from_xyz().unwrap_or_default();
+        MATCHING.map(|xyz| matrix.map(|row| (0..3).map(|c| row[c] * f64::from(xyz[c])).sum::<f64>() as f32))
+    });
+    let at = (nm - FIRST_NM) / STEP_NM;
+    if !(0.0..(NODES - 1) as f32).contains(&at) {
+        return [0.0; 3];
+    }
+    let (a, b, share) = (table[at as usize], table[at as usize + 1], at.fract());
+    std::array::from_fn(|i| a[i] + share * (b[i] - a[i]))
+}
+
 fn trapezoid(values: impl Iterator<Item = f64>) -> f64 {
     let ends = |i: usize| if i == 0 || i == NODES - 1 { 0.5 } else { 1.0 };
     f64::from(STEP_NM) * values.enumerate().map(|(i, value)| value * ends(i)).sum::<f64>()

@@ -203,7 +203,7 @@ impl Integrator<'_> {
             presence.is_obstacle && (!is_seen || presence.visible_to.contains(RayKinds::CAMERA))
         };
         let is_present = material.presence.is_none_or(is_seen_as_such)
-            && unit(hash32(salt)) < self.presence(ray, hit, STILL, material);
+            && unit(hash32(salt)) < self.presence(ray, hit, STILL, material, RayKinds::NONE);
         if !material.is_absent_from_behind {
             return Passage { passes: !is_present, hits: is_present };
         }

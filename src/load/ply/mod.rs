@@ -122,13 +122,7 @@ fn parse(path: &Path, bytes: &[u8], origin: DVec3, options: &LoadOptions) -> Res
     if defined.uv {
         mesh.uv_sets = vec![uv];
     }
-    if faces.short > 0 {
-        left_out.shown.push(format!("{} faces of fewer than three corners", faces.short));
-    }
-    if let Some(odd) = faces.wedges.as_ref().map(|wedges| wedges.odd).filter(|&odd| odd > 0) {
-        let message = format!("texture coordinates of {odd} faces, which are not two numbers a corner");
-        left_out.shown.push(message);
-    }
+    left_out.shown.extend(odd_faces(&faces));
     left_out.shown.extend(unused_alpha(&mesh));
     mesh.attributes = attributes.lists;
     let mut problems = faces.problems();
@@ -185,6 +179,15 @@ impl Attributes {
 struct Runs {
     runs: Vec<Run>,
     are_materials: bool,
+}
+
+/// Warns of faces that are left out, or whose texture coordinates are.
+fn odd_faces(faces: &Faces) -> impl Iterator<Item = String> {
+    let short = (faces.short > 0).then(|| format!("{} faces of fewer than three corners", faces.short));
+    let odd = faces.wedges.as_ref().map(|wedges| wedges.odd).filter(|&odd| odd > 0);
+    let odd =
+        odd.map(|odd| format!("texture coordinates of {odd} faces, which are not two numbers a corner"));
+    short.into_iter().chain(odd)
 }
 
 /// Warns of vertices with alpha below 1.

@@ -52,6 +52,7 @@
 //! Parts of a mesh with displacements of different `edge` or `scale`, or next to one that is not displaced, come apart where they meet: give
 //! both the same, with heights that end at `midlevel` there.
 //!
+//! `normal = "NAME"` takes the normal from a texture of type `nodes`, whose result is a vector of the world (nodes `bump`, `normal_map`).
 //! And any may have `normal = { image = "normals.png" }` or `bump = { image = "heights.png" }`: light falls on it as if its surface were
 //! uneven, while its shape stays. They go by texture coordinates, which meshes must have; quads, spheres and disks have their own.
 //!
@@ -269,6 +270,7 @@ fn read<'a>(
     material.light_group = light_group;
     material.displacement = read_displacement(build, fields, textures.is_check());
     material.normal_map = read_normal_map(build, fields, textures.is_check());
+    material.normal = read_normal(build, fields, textures);
     if let MaterialType::Dielectric | MaterialType::Medium | MaterialType::Pbr = kind {
         material.priority = media::priority(fields).unwrap_or(0);
     }
@@ -484,6 +486,22 @@ impl OnSurface {
     }
 }
 
+/// A graph of nodes that gives the normal, where `normal` names a texture.
+fn read_normal<'a>(
+    build: &mut SceneFileBuilder,
+    fields: &Fields<'a>,
+    textures: &mut Textures<'a>,
+) -> Option<TextureId> {
+    let value = fields.raw("normal")?;
+    let id = textures.get(build, value.get_ref().as_str()?, value.span())?;
+    let texture = build.loaded.scene.textures.get(id.index());
+    if !textures.is_check() && !matches!(texture, Some(Texture::Nodes(_))) {
+        let help = "'normal' is the name of a texture of type \"nodes\", or { image = \"normals.png\" }";
+        fields.problems.push_help(value.span(), "this texture gives no normals", help);
+    }
+    Some(id)
+}
+
 /// The normals that a material is shaded with, from `normal` or `bump`. A check opens no image.
 pub(super) fn read_normal_map(
     build: &mut SceneFileBuilder,
@@ -492,6 +510,9 @@ pub(super) fn read_normal_map(
 ) -> Option<NormalMap> {
     if fields.has("normal") && fields.has("bump") {
         fields.problems.push(fields.span(), "'normal' and 'bump' say the same: leave one out");
+    }
+    if fields.raw("normal").is_some_and(|value| value.get_ref().is_str()) {
+        return None;
     }
     let (key, is_height) = if fields.has("bump") { ("bump", true) } else { ("normal", false) };
     let table = fields.table(key)?;
@@ -553,6 +574,7 @@ pub(super) fn adjust_material<'a>(
     }
     material.displacement = read_displacement(build, fields, false).or(material.displacement);
     material.normal_map = read_normal_map(build, fields, false).or(material.normal_map);
+    material.normal = read_normal(build, fields, textures).or(material.normal);
     material.priority = media::priority(fields).unwrap_or(material.priority);
     fields.finish();
     Some(Material { model: Model::Pbr(model), ..material })

@@ -15,9 +15,13 @@
 
 use super::builder::SceneFileBuilder;
 use super::fields::{Fields, nearest, number, numbers};
-use super::textures::Textures;
-use crate::scene::Texture;
-use crate::scene::nodes::{Node, NodeGraph, NodeInput, NodeKind, SettingValue};
+use super::textures::{Textures, read_image};
+use crate::load::image::Use;
+use crate::scene::nodes::{
+    ColorSpace, Extension, ImageInterpolation, ImageProjection, Node, NodeGraph, NodeInput, NodeKind,
+    SettingValue,
+};
+use crate::scene::{Interpolation, Mapping, Texture, TextureId, Wrap};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use toml::Spanned;
@@ -69,16 +73,72 @@ impl<'a> Textures<'a> {
         let mut nodes = Vec::new();
         for ((name, value), (_, mut kind)) in table.entries().zip(kinds) {
             let inputs = node(build, &mut links, name, value, &mut kind);
-            nodes.push(Node { kind, inputs: inputs? });
+            nodes.push(Node { kind, inputs: inputs?, image: None });
         }
         let result = links.input(build, result?)?;
         let is_z_up = fields.choice("up", &[("y", false), ("z", true)]).unwrap_or(false);
-        let graph = NodeGraph { nodes, result, is_z_up };
+        let mut graph = NodeGraph { nodes, result, is_z_up };
+        for (index, (name, value)) in table.entries().enumerate() {
+            self.node_image(build, &mut graph, index, (name, value))?;
+        }
         let problems = graph.problems();
         for problem in &problems {
             build.problems.push(fields.span(), format!("{}: {problem}", fields.what()));
         }
         problems.is_empty().then(|| Texture::Nodes(Arc::new(graph)))
+    }
+}
+
+impl<'a> Textures<'a> {
+    /// Reads the image of a node of images; `None` after a problem.
+    fn node_image(
+        &mut self,
+        build: &mut SceneFileBuilder,
+        graph: &mut NodeGraph,
+        index: usize,
+        (name, value): (&str, Value<'a>),
+    ) -> Option<()> {
+        let (file, color_space, interpolation, wrap, is_flat) = match &graph.nodes[index].kind {
+            NodeKind::ImageTexture { file, color_space, interpolation, extension, projection, .. } => {
+                let wrap = match extension {
+                    Extension::Repeat => Wrap::Repeat,
+                    Extension::Mirror => Wrap::Mirror,
+                    Extension::Extend | Extension::Clip => Wrap::Clamp,
+                };
+                (file, color_space, interpolation, wrap, *projection == ImageProjection::Flat)
+            }
+            NodeKind::EnvironmentTexture { file, color_space, interpolation, .. } => {
+                (file, color_space, interpolation, Wrap::Repeat, false)
+            }
+            _ => return Some(()),
+        };
+        if file.is_empty() {
+            let message = format!("node '{name}' needs 'file', the image relative to the scene file");
+            build.problems.push(value.span(), message);
+            return None;
+        }
+        let purpose = if *color_space == ColorSpace::Srgb { Use::Color } else { Use::Data };
+        let is_filtered = is_flat && graph.texture_coordinates(&graph.nodes[index].inputs[0]).is_some();
+        let interpolation = match interpolation {
+            ImageInterpolation::Closest => Interpolation::Nearest,
+            _ if is_filtered => Interpolation::Trilinear,
+            _ => Interpolation::Bilinear,
+        };
+        if self.is_check() {
+            return Some(());
+        }
+        let image = read_image(build, file, value.span(), purpose)?;
+        let mapping = Mapping::default();
+        let texture = Texture::Image { image, wrap_u: wrap, wrap_v: wrap, interpolation, mapping };
+        let textures = &mut build.loaded.scene.textures;
+        // One for all nodes that read an image alike.
+        let known = textures.iter().position(|other| *other == texture);
+        let number = known.unwrap_or_else(|| {
+            textures.push(texture);
+            textures.len() - 1
+        });
+        graph.nodes[index].image = Some(TextureId(number as u32));
+        Some(())
     }
 }
 

@@ -22,6 +22,8 @@ pub enum SocketDefault {
     Position,
     /// The shading normal on the viewer's side, world space.
     Normal,
+    /// The first texture coordinates.
+    Uv,
 }
 
 /// An input or output of a node.
@@ -91,6 +93,24 @@ impl Setting for String {
     fn set(&mut self, value: &SettingValue) -> Result<(), String> {
         let SettingValue::Text(text) = value else { return Err("must be a text".to_string()) };
         self.clone_from(text);
+        Ok(())
+    }
+}
+
+/// A direction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Direction(
+    /// Of any length.
+    pub [f32; 3],
+);
+
+impl Setting for Direction {
+    fn set(&mut self, value: &SettingValue) -> Result<(), String> {
+        self.0 = match value {
+            SettingValue::Numbers(numbers) => <[f32; 3]>::try_from(&numbers[..]).ok(),
+            _ => None,
+        }
+        .ok_or_else(|| "must be a list of three numbers".to_string())?;
         Ok(())
     }
 }
@@ -199,6 +219,21 @@ options! {
         Linear = "linear", Quadratic = "quadratic", Easing = "easing", Diagonal = "diagonal", Spherical = "spherical",
         QuadraticSphere = "quadratic_sphere", Radial = "radial",
     }
+    /// How images go on outside.
+    Extension { Repeat = "repeat", Extend = "extend", Clip = "clip", Mirror = "mirror", }
+    /// Between texels; smart is cubic.
+    ImageInterpolation { Linear = "linear", Closest = "closest", Cubic = "cubic", Smart = "smart", }
+    /// How images lie on surfaces.
+    ImageProjection { Flat = "flat", Box = "box", Sphere = "sphere", Tube = "tube", }
+    /// How images of surroundings lie on the sphere of directions.
+    EnvironmentProjection { Equirectangular = "equirectangular", MirrorBall = "mirror_ball", }
+    /// What the numbers of an image are: colours as its file has them, or data.
+    ColorSpace { Srgb = "srgb", Linear = "linear", NonColor = "non-color", }
+    /// What the alpha of an image does: of the file's colours, which it isn't multiplied into yet, or is; nothing to colours that are data
+    /// of their own; or nothing at all.
+    AlphaMode { Straight = "straight", Premul = "premul", ChannelPacked = "channel_packed", None = "none", }
+    /// In what space normals of a map are.
+    NormalSpace { Tangent = "tangent", Object = "object", World = "world", BlenderObject = "blender_object", BlenderWorld = "blender_world", }
     /// How tangents run.
     TangentType { Radial = "radial", UvMap = "uv_map", }
     /// Axes.
@@ -244,6 +279,9 @@ macro_rules! socket {
     };
     ($name:ident position) => {
         Socket { name: stringify!($name), kind: SocketType::Vector, default: SocketDefault::Position }
+    };
+    ($name:ident uv) => {
+        Socket { name: stringify!($name), kind: SocketType::Vector, default: SocketDefault::Uv }
     };
     ($name:ident normal) => {
         Socket { name: stringify!($name), kind: SocketType::Vector, default: SocketDefault::Normal }
@@ -342,11 +380,27 @@ nodes! {
     HairInfo "hair_info" {} () -> (is_strand: float, intercept: float, length: float, thickness: float, tangent_normal: vector, random: float);
     /// A direction along the surface: around an axis of the object, or where the first texture coordinates grow.
     Tangent "tangent" { direction_type: TangentType = TangentType::Radial, axis: Axis = Axis::Z } () -> (tangent: vector);
+    /// A normal from a map of normals: (n + 1) / 2 in the space of tangents of texture coordinates, the first without a name, or of the
+    /// object or the world.
+    NormalMap "normal_map" { space: NormalSpace = NormalSpace::Tangent, uv_map: String = String::new() }
+        (strength: float 1.0, color: color [0.5, 0.5, 1.0]) -> (normal: vector);
+    /// A normal that leans as the slope of heights does, which are read at distances of `filter_width` pixels.
+    Bump "bump" { invert: bool = false, filter_width: f32 = 0.1 }
+        (strength: float 1.0, distance: float 0.001, height: float 1.0, normal: normal) -> (normal: vector);
+    /// A direction, and its cosine with a normal.
+    Normal "normal" { direction: Direction = Direction([0.0, 0.0, 1.0]) } (normal: vector [0.0, 0.0, 1.0]) -> (normal: vector, dot: float);
     /// 1 near the edges of triangles; `size` is the width of lines in metres, or in pixels.
     Wireframe "wireframe" { use_pixel_size: bool = false } (size: float 0.01) -> (factor: float);
     /// A vector from one space to another: of the world, the object or the camera.
     VectorTransform "vector_transform" { vector_type: TransformType = TransformType::Vector, convert_from: Space = Space::World, convert_to: Space = Space::Object }
         (vector: vector [0.5; 3]) -> (vector: vector);
+    /// An image: `file` beside the scene file. Where `vector` is a set of texture coordinates, scaled or not, texels are averaged over what a
+    /// path sees.
+    ImageTexture "image_texture" { file: String = String::new(), interpolation: ImageInterpolation = ImageInterpolation::Linear, extension: Extension = Extension::Repeat, projection: ImageProjection = ImageProjection::Flat, blend: f32 = 0.0, color_space: ColorSpace = ColorSpace::Srgb, alpha_mode: AlphaMode = AlphaMode::Straight }
+        (vector: uv) -> (color: color, alpha: float);
+    /// An image of surroundings in a direction.
+    EnvironmentTexture "environment_texture" { file: String = String::new(), interpolation: ImageInterpolation = ImageInterpolation::Linear, projection: EnvironmentProjection = EnvironmentProjection::Equirectangular, color_space: ColorSpace = ColorSpace::Srgb }
+        (vector: position) -> (color: color);
     /// A number.
     Value "value" {} (value: float 0.5) -> (value: float);
     /// A colour.
@@ -423,6 +477,13 @@ nodes! {
     /// A wall.
     BrickTexture "brick_texture" { offset: f32 = 0.5, offset_frequency: u32 = 2, squash: f32 = 1.0, squash_frequency: u32 = 2 }
         (vector: position, color1: color [0.8; 3], color2: color [0.2; 3], mortar: color [0.0; 3], scale: float 5.0, mortar_size: float 0.02, mortar_smooth: float 0.1, bias: float 0.0, brick_width: float 0.5, row_height: float 0.25) -> (color: color, factor: float);
+    /// The colour of a black body, kelvin.
+    Blackbody "blackbody" {} (temperature: float 1500.0) -> (color: color);
+    /// The colour of a wavelength, nanometres.
+    Wavelength "wavelength" {} (wavelength: float 500.0) -> (color: color);
+    /// Waves in patches: `dimensions` are 2d or 3d; orientations are an angle in radians and a direction.
+    GaborTexture "gabor_texture" { dimensions: Dimensions = Dimensions::Two }
+        (vector: position, scale: float 5.0, frequency: float 2.0, anisotropy: float 1.0, orientation_2d: float std::f32::consts::FRAC_PI_4, orientation_3d: vector [std::f32::consts::SQRT_2, std::f32::consts::SQRT_2, 0.0]) -> (value: float, phase: float, intensity: float);
     /// Independent random values.
     WhiteNoise "white_noise" { dimensions: Dimensions = Dimensions::Three } (vector: position, w: float 0.0) -> (value: float, color: color);
 }

@@ -3,10 +3,12 @@
 mod kinds;
 
 pub use kinds::{
-    Axis, BandsDirection, BlendMode, ClampType, ColorModel, Dimensions, DistanceMetric, FactorMode,
-    GradientType, MappingType, MathOperation, Matrix, MixType, NodeKind, NoiseType, RampInterpolation,
-    RangeInterpolation, RingsDirection, RotationType, Rows, SettingValue, Socket, SocketDefault, SocketType,
-    Space, TangentType, TransformType, VectorOperation, VoronoiFeature, WaveProfile, WaveType,
+    AlphaMode, Axis, BandsDirection, BlendMode, ClampType, ColorModel, ColorSpace, Dimensions, Direction,
+    DistanceMetric, EnvironmentProjection, Extension, FactorMode, GradientType, ImageInterpolation,
+    ImageProjection, MappingType, MathOperation, Matrix, MixType, NodeKind, NoiseType, NormalSpace,
+    RampInterpolation, RangeInterpolation, RingsDirection, RotationType, Rows, SettingValue, Socket,
+    SocketDefault, SocketType, Space, TangentType, TransformType, VectorOperation, VoronoiFeature,
+    WaveProfile, WaveType,
 };
 
 use super::TextureId;
@@ -42,6 +44,8 @@ pub struct Node {
     pub kind: NodeKind,
     /// One an input of the kind.
     pub inputs: Vec<NodeInput>,
+    /// The image that a node of images reads: a texture of one.
+    pub image: Option<TextureId>,
 }
 
 /// Functions of a surface point, made of nodes whose outputs feed inputs.
@@ -105,7 +109,21 @@ impl NodeGraph {
 
     /// The nodes that the result needs, each after those that it needs; `None` if links go round in a circle.
     pub fn order(&self) -> Option<Vec<usize>> {
-        let NodeInput::Link { node, .. } = self.result else { return Some(Vec::new()) };
+        self.order_of(&self.result)
+    }
+
+    /// Does it read normals in the space of tangents of the first texture coordinates?
+    pub fn reads_tangents(&self) -> bool {
+        self.nodes.iter().any(|node| match &node.kind {
+            NodeKind::NormalMap { space, uv_map } => *space == NormalSpace::Tangent && uv_map.is_empty(),
+            NodeKind::Tangent { direction_type, .. } => *direction_type == TangentType::UvMap,
+            _ => false,
+        })
+    }
+
+    /// The same of an input.
+    pub fn order_of(&self, input: &NodeInput) -> Option<Vec<usize>> {
+        let NodeInput::Link { node, .. } = *input else { return Some(Vec::new()) };
         let (mut order, mut state) = (Vec::new(), vec![0u8; self.nodes.len()]);
         // Depth first, without recursion: graphs of files may be as deep as they like.
         let mut stack = vec![(node, 0)];
@@ -146,6 +164,35 @@ impl NodeGraph {
         }
     }
 
+    /// If an input is a set of texture coordinates, by a mapping or not: the set's name, empty for the first, and by how much they are scaled.
+    pub fn texture_coordinates(&self, input: &NodeInput) -> Option<(&str, f32)> {
+        let (mut input, mut factor) = (*input, 1.0);
+        // Graphs have no circles here; the nodes bound the way all the same.
+        for _ in 0..=self.nodes.len() {
+            let (node, output) = match input {
+                NodeInput::Default => return Some(("", factor)),
+                NodeInput::Link { node, output } => (self.nodes.get(node)?, output),
+                _ => return None,
+            };
+            match &node.kind {
+                NodeKind::TextureCoordinate { .. } if output == 0 => return Some(("", factor)),
+                NodeKind::UvMap { name } => return Some((name, factor)),
+                NodeKind::Mapping { vector_type } => {
+                    let [x, y, _] = match *node.inputs.get(3)? {
+                        NodeInput::Default => [1.0; 3],
+                        NodeInput::Value(scale) => scale,
+                        _ => return None,
+                    };
+                    let scale = (x * y).abs().sqrt();
+                    factor *= if *vector_type == MappingType::Texture { 1.0 / scale } else { scale };
+                    input = *node.inputs.first().filter(|input| **input != NodeInput::Default)?;
+                }
+                _ => return None,
+            }
+        }
+        None
+    }
+
     /// Attributes of vertices that it may read, by name; some more than once.
     pub fn attributes(&self) -> impl Iterator<Item = &str> + '_ {
         let named = self.nodes.iter().filter_map(|node| node.kind.attribute());
@@ -163,14 +210,18 @@ impl NodeGraph {
     /// Textures that it reads.
     pub fn textures(&self) -> impl Iterator<Item = TextureId> + '_ {
         let inputs = self.nodes.iter().flat_map(|node| &node.inputs).chain([&self.result]);
-        inputs.filter_map(|input| match input {
+        let of_inputs = inputs.filter_map(|input| match input {
             NodeInput::Texture { texture, .. } => Some(*texture),
             _ => None,
-        })
+        });
+        of_inputs.chain(self.nodes.iter().filter_map(|node| node.image))
     }
 
     /// Renames the textures that it reads.
     pub fn map_textures(&mut self, rename: impl Fn(TextureId) -> TextureId) {
+        for image in self.nodes.iter_mut().filter_map(|node| node.image.as_mut()) {
+            *image = rename(*image);
+        }
         let inputs = self.nodes.iter_mut().flat_map(|node| &mut node.inputs).chain([&mut self.result]);
         for input in inputs {
             if let NodeInput::Texture { texture, .. } = input {
@@ -187,6 +238,7 @@ impl NodeKind {
             NodeKind::Attribute { name } | NodeKind::UvMap { name } | NodeKind::ColorAttribute { name } => {
                 Some(name.as_str()).filter(|name| !name.is_empty())
             }
+            NodeKind::NormalMap { uv_map, .. } => Some(uv_map.as_str()).filter(|name| !name.is_empty()),
             NodeKind::Tangent { direction_type: TangentType::Radial, .. } => Some("generated"),
             _ => None,
         }
@@ -207,6 +259,10 @@ impl NodeKind {
             }
             NodeKind::RgbCurves { table: rows, .. } | NodeKind::VectorCurves { table: rows, .. } => {
                 table(&rows.0, 3).map(|problem| format!("table: {problem}"))
+            }
+            NodeKind::GaborTexture { dimensions } => {
+                let is_known = matches!(dimensions, Dimensions::Two | Dimensions::Three);
+                (!is_known).then(|| "dimensions must be 2d or 3d".to_string())
             }
             NodeKind::FloatCurve { table: rows, .. } => {
                 table(&rows.0, 1).map(|problem| format!("table: {problem}"))

@@ -1,17 +1,23 @@
 //! What the steps of a program compute, for many points at a time.
 
 use super::color::{self, Table};
+use super::gabor;
 use super::hash::{hash_floats, hash_to_vector};
 use super::math;
 use super::noise::{Fractal, noise_texture};
+use super::normals;
 use super::patterns::{self, Wall, Wave};
+use super::projection;
 use super::source::Source;
+use super::spectra;
 use super::voronoi::Voronoi;
 use crate::color::luminance;
 use crate::scene::TextureId;
 use crate::scene::nodes::{
-    ClampType, Dimensions, FactorMode, MixType, NodeKind, RampInterpolation, TransformType,
+    ClampType, Dimensions, EnvironmentProjection, FactorMode, ImageProjection, MixType, NodeKind,
+    NormalSpace, RampInterpolation, TransformType,
 };
+use crate::texture::image_node::ImageReading;
 use crate::texture::{HitData, TexturePoint};
 
 /// The points of one evaluation.
@@ -24,6 +30,8 @@ pub struct Points<'a> {
     pub is_z_up: bool,
     /// Linear RGBA of a texture at one of them, by its number.
     pub textures: &'a dyn Fn(TextureId, usize) -> [f32; 4],
+    /// Linear RGBA of an image at coordinates, averaged over a width in these.
+    pub images: &'a dyn Fn(TextureId, &ImageReading, [f32; 2], f32) -> [f32; 4],
 }
 
 /// What a step computes.
@@ -31,6 +39,12 @@ pub struct Points<'a> {
 pub enum Operation {
     /// What points give.
     Load(Source),
+    /// The same beside them: along which step, by how much of it.
+    LoadMoved { source: Source, step: usize, share: f32 },
+    /// A normal from a map of normals.
+    NormalMap(NormalSpace),
+    /// A normal that leans by the slope of heights.
+    Bump { invert: bool, filter_width: f32 },
     /// A vector by three rows of a transform.
     Transform(TransformType),
     /// A vector by a transform that is the same everywhere.
@@ -41,6 +55,10 @@ pub enum Operation {
     Length,
     /// Cosine between two vectors, of both sides alike.
     Cosine,
+    /// An image at a vector, averaged over a width; with the normal in the object's space for projections of a box.
+    Image { texture: TextureId, reading: ImageReading, lies: ImageProjection, blend: f32 },
+    /// An image of surroundings in a direction.
+    Environment { texture: TextureId, reading: ImageReading, lies: EnvironmentProjection },
     /// The first of two squared distances is at most half a width.
     IsNear { in_pixels: bool },
     /// Of three numbers.
@@ -61,6 +79,17 @@ pub enum Operation {
 const RAMP_SAMPLES: usize = 256;
 
 impl Operation {
+    /// Does its result depend on more than its inputs?
+    pub fn reads_images(&self) -> bool {
+        matches!(
+            self,
+            Operation::Load(_)
+                | Operation::LoadMoved { .. }
+                | Operation::Image { .. }
+                | Operation::Environment { .. }
+        )
+    }
+
     /// The operation of a node.
     pub fn of(kind: &NodeKind) -> Operation {
         match kind {
@@ -169,7 +198,13 @@ pub fn fold(operation: &Operation, inputs: &[f32], outputs: u32) -> Vec<f32> {
         Compiled { operation: operation.clone(), inputs: (0..first).collect(), outputs: outputs.clone() };
     run(
         &step,
-        &Points { points: &[], hits: &[], is_z_up: false, textures: &|_, _| [0.0; 4] },
+        &Points {
+            points: &[],
+            hits: &[],
+            is_z_up: false,
+            textures: &|_, _| [0.0; 4],
+            images: &|_, _, _, _| [0.0; 4],
+        },
         &mut registers,
     );
     outputs.into_iter().map(|register| registers.at(register, 0)).collect()
@@ -180,20 +215,41 @@ fn affine(rows: &[f32], [x, y, z]: [f32; 3], w: f32) -> [f32; 3] {
     std::array::from_fn(|i| rows[4 * i] * x + rows[4 * i + 1] * y + rows[4 * i + 2] * z + rows[4 * i + 3] * w)
 }
 
+/// Loads what points give.
+fn load<const LANES: usize>(step: &Compiled, points: &Points<'_>, r: &mut Registers<LANES>) {
+    for lane in 0..points.points.len() {
+        let texture = |id| (points.textures)(id, lane);
+        let (mut point, hit) = (points.points[lane], points.hits.get(lane).copied().flatten());
+        let mut moved = None;
+        let source = match step.operation {
+            Operation::LoadMoved { source, step, share } => {
+                if let Some(hit) = hit {
+                    let along = hit.steps(&point)[step] * share;
+                    let (beside, there) = hit.moved(&point, along);
+                    point = beside;
+                    moved = Some(there);
+                }
+                source
+            }
+            Operation::Load(source) => source,
+            _ => return,
+        };
+        let values = source.read(&point, moved.as_ref().or(hit), points.is_z_up, texture);
+        for (&register, value) in step.outputs.iter().zip(values) {
+            if register != UNUSED {
+                r.0[register as usize][lane] = value;
+            }
+        }
+    }
+}
+
 /// Computes a step for all points.
 pub fn run<const LANES: usize>(step: &Compiled, points: &Points<'_>, r: &mut Registers<LANES>) {
     match &step.operation {
-        Operation::Load(source) => {
-            for lane in 0..points.points.len() {
-                let texture = |id| (points.textures)(id, lane);
-                let hit = points.hits.get(lane).copied().flatten();
-                let values = source.read(&points.points[lane], hit, points.is_z_up, texture);
-                for (&register, value) in step.outputs.iter().zip(values) {
-                    if register != UNUSED {
-                        r.0[register as usize][lane] = value;
-                    }
-                }
-            }
+        Operation::Load(_) | Operation::LoadMoved { .. } => load(step, points, r),
+        Operation::NormalMap(space) => r.each(step, |v: [f32; 30]| normals::mapped(*space, &v)),
+        Operation::Bump { invert, filter_width } => {
+            r.each(step, |v: [f32; 14]| normals::bumped(*invert, *filter_width, &v));
         }
         Operation::Transform(TransformType::Point) => {
             r.each(step, |v: [f32; 15]| affine(&v[3..], [v[0], v[1], v[2]], 1.0))
@@ -206,6 +262,15 @@ pub fn run<const LANES: usize>(step: &Compiled, points: &Points<'_>, r: &mut Reg
         Operation::IsNear { in_pixels } => r.each(step, |[size, squared, pixel]: [f32; 3]| {
             let half = 0.5 * size * if *in_pixels { pixel } else { 1.0 };
             [if squared < half * half { 1.0 } else { 0.0 }]
+        }),
+        Operation::Image { texture, reading, lies, blend } => r.each(step, |v: [f32; 7]| {
+            let at = |uv, footprint| (points.images)(*texture, reading, uv, footprint);
+            projection::image(*lies, *blend, v, at)
+        }),
+        Operation::Environment { texture, reading, lies } => r.each(step, |direction: [f32; 3]| {
+            let [r, g, b, _] =
+                (points.images)(*texture, reading, projection::environment(*lies, direction), 0.0);
+            [r, g, b]
         }),
         Operation::Mean => r.each(step, |[x, y, z]: [f32; 3]| [(x + y + z) * (1.0 / 3.0)]),
         Operation::Luminance => r.each(step, |c: [f32; 3]| [luminance(c)]),
@@ -301,6 +366,8 @@ fn colors<const LANES: usize>(kind: &NodeKind, step: &Compiled, r: &mut Register
         NodeKind::Invert {} => {
             r.each(step, |[f, x, y, z]: [f32; 4]| [x, y, z].map(|c| (1.0 - f) * c + f * (1.0 - c)));
         }
+        NodeKind::Blackbody {} => r.each(step, |[kelvin]: [f32; 1]| spectra::black_body(kelvin)),
+        NodeKind::Wavelength {} => r.each(step, |[nm]: [f32; 1]| spectra::wavelength(nm)),
         NodeKind::RgbToBw {} => r.each(step, |c: [f32; 3]| [luminance(c)]),
         NodeKind::Fresnel {} => {
             r.each(step, |[ior, cosine, is_back]: [f32; 3]| {
@@ -353,6 +420,14 @@ fn noises<const LANES: usize>(kind: &NodeKind, step: &Compiled, r: &mut Register
                 voronoi_outputs(&voronoi, dimensions, [x, y, z, w].map(|c| c * scale), scale)
             });
         }
+        NodeKind::GaborTexture { dimensions } => r.each(step, |v: [f32; 10]| {
+            let [x, y, z] = [v[0], v[1], v[2]].map(|c| c * v[3]);
+            let (frequency, isotropy) = (v[4].max(0.001), 1.0 - v[5].clamp(0.0, 1.0));
+            match dimensions {
+                Dimensions::Two => gabor::two_dimensional([x, y], frequency, isotropy, v[6]),
+                _ => gabor::three_dimensional([x, y, z], frequency, isotropy, [v[7], v[8], v[9]]),
+            }
+        }),
         NodeKind::WhiteNoise { dimensions } => r.each(step, |[x, y, z, w]: [f32; 4]| {
             let (value, [a, b, c]) = match dimensions {
                 Dimensions::One => (hash_floats([w]), hash_to_vector(&[w])),

@@ -2,20 +2,26 @@
 
 mod color;
 mod evaluate;
+mod gabor;
 mod hash;
 mod math;
 mod noise;
+mod normals;
 mod patterns;
+mod projection;
 mod source;
+mod spectra;
 mod voronoi;
 
+use super::image_node::ImageReading;
 use super::{HitData, TexturePoint};
 use crate::scene::TextureId;
 use crate::scene::nodes::{
-    NodeGraph, NodeInput, NodeKind, SocketDefault, SocketType, Space, TangentType, TransformType,
+    AlphaMode, Axis, ColorSpace, Extension, ImageProjection, MathOperation, NodeGraph, NodeInput, NodeKind,
+    SocketDefault, SocketType, Space, TangentType, TransformType, VectorOperation,
 };
 use evaluate::{Compiled, Operation, Points, Registers, UNUSED, fold, run};
-use source::Source;
+use source::{FIRST_SET, Source};
 use std::cell::Cell;
 use std::collections::HashMap;
 
@@ -84,10 +90,17 @@ impl Program {
         self.sources().any(Source::reads_hit)
     }
 
+    /// Does it ask what path arrives?
+    pub fn reads_path(&self) -> bool {
+        self.sources().any(|source| source == Source::Path)
+    }
+
     /// Textures that it reads.
     pub fn textures(&self) -> impl Iterator<Item = TextureId> + '_ {
-        self.sources().filter_map(|source| match source {
-            Source::Texture(id) => Some(id),
+        self.steps.iter().filter_map(|step| match step.operation {
+            Operation::Load(Source::Texture(texture))
+            | Operation::Image { texture, .. }
+            | Operation::Environment { texture, .. } => Some(texture),
             _ => None,
         })
     }
@@ -105,6 +118,18 @@ impl Program {
         point: TexturePoint,
         hit: Option<&HitData<'_>>,
         texture: &dyn Fn(TextureId) -> [f32; 4],
+        images: &dyn Fn(TextureId, &ImageReading, [f32; 2], f32) -> [f32; 4],
+    ) -> [f32; 3] {
+        self.result_at(point, hit, texture, images).map(reflectance)
+    }
+
+    /// The result as it is.
+    fn result_at(
+        &self,
+        point: TexturePoint,
+        hit: Option<&HitData<'_>>,
+        texture: &dyn Fn(TextureId) -> [f32; 4],
+        images: &dyn Fn(TextureId, &ImageReading, [f32; 2], f32) -> [f32; 4],
     ) -> [f32; 3] {
         thread_local! {
             /// Registers of the last evaluation; taken while one is under way, since textures may hold programs in turn.
@@ -112,11 +137,23 @@ impl Program {
         }
         let mut registers = REGISTERS.take();
         let textures = &|id, _| texture(id);
-        let points = Points { points: &[point], hits: &[hit], is_z_up: self.is_z_up, textures };
+        let points = Points { points: &[point], hits: &[hit], is_z_up: self.is_z_up, textures, images };
         self.evaluate(&points, &mut registers);
-        let result = self.result.map(|register| reflectance(registers.at(register, 0)));
+        let result = self.result.map(|register| registers.at(register, 0));
         REGISTERS.set(registers);
         result
+    }
+
+    /// The result as a vector of the scene's world, as it is.
+    pub fn vector_at(
+        &self,
+        point: TexturePoint,
+        hit: Option<&HitData<'_>>,
+        texture: &dyn Fn(TextureId) -> [f32; 4],
+        images: &dyn Fn(TextureId, &ImageReading, [f32; 2], f32) -> [f32; 4],
+    ) -> [f32; 3] {
+        let [x, y, z] = self.result_at(point, hit, texture, images);
+        if self.is_z_up { [x, z, -y] } else { [x, y, z] }
     }
 
     /// Evaluates the program at points.
@@ -126,6 +163,16 @@ impl Program {
             run(step, points, registers);
         }
     }
+}
+
+/// The first three numbers of a source.
+fn three(numbers: &[Number]) -> [Number; 3] {
+    [numbers[0], numbers[1], numbers[2]]
+}
+
+/// A number as a vector.
+fn one(number: Number) -> [Number; 3] {
+    [number; 3]
 }
 
 /// Negative values and those that aren't numbers count as 0.
@@ -140,7 +187,14 @@ struct Builder<'a> {
     /// Names of the attributes of hits.
     attributes: &'a [String],
     is_z_up: bool,
+    /// What is built is read beside points: along which step, by how much of it.
+    beside: Option<(usize, f32)>,
+    /// Bumps around what is built.
+    bumps: u32,
 }
+
+/// Most bumps whose heights depend on another.
+const MAX_BUMPS: u32 = 2;
 
 impl Builder<'_> {
     /// Adds a step or finds the same one; folds it where all its inputs are constant.
@@ -152,7 +206,7 @@ impl Builder<'_> {
                 Number::Result { .. } => None,
             })
             .collect();
-        if let (Some(constants), false) = (constants, matches!(operation, Operation::Load(_))) {
+        if let (Some(constants), false) = (constants, operation.reads_images()) {
             let values = fold(&operation, &constants, outputs);
             return values.into_iter().map(Number::of).collect();
         }
@@ -165,7 +219,11 @@ impl Builder<'_> {
     }
 
     fn load(&mut self, source: Source) -> Vec<Number> {
-        self.step(Operation::Load(source), Vec::new(), source.width())
+        let operation = match self.beside {
+            Some((step, share)) if source.moves() => Operation::LoadMoved { source, step, share },
+            _ => Operation::Load(source),
+        };
+        self.step(operation, Vec::new(), source.width())
     }
 
     fn load_vector(&mut self, source: Source) -> [Number; 3] {
@@ -216,15 +274,120 @@ impl Builder<'_> {
             let value = match (input, socket.default) {
                 (NodeInput::Default, SocketDefault::Value(default)) => default.map(Number::of),
                 (NodeInput::Default, SocketDefault::Position) => self.load_vector(Source::Position),
-                // What reads it has the cosine as well.
-                (NodeInput::Default, SocketDefault::Normal) => [Number::of(0.0); 3],
+                (NodeInput::Default, SocketDefault::Uv) => self.load_vector(Source::Uv),
+                // The cosine stands for it in others.
+                (NodeInput::Default, SocketDefault::Normal) => match node.kind {
+                    NodeKind::Bump { .. } => self.load_vector(Source::Normal),
+                    _ => [Number::of(0.0); 3],
+                },
                 _ => self.input(graph, input, socket.kind, outputs),
             };
             inputs.push((socket.kind, value));
         }
+        if let Some(texture) = node.image {
+            return self.image(graph, index, texture, inputs[0].1);
+        }
+        if let NodeKind::Bump { invert, filter_width } = node.kind {
+            return vec![self.bump(graph, index, &inputs, (invert, filter_width))];
+        }
         match self.sources_of(&node.kind, &inputs) {
             Some(outputs) => outputs,
             None => self.outputs_of(&node.kind, &inputs, node.inputs.last() == Some(&NodeInput::Default)),
+        }
+    }
+
+    /// A normal that leans by the slope of heights, whose part of the graph is built once more for each of two points beside.
+    fn bump(
+        &mut self,
+        graph: &NodeGraph,
+        index: usize,
+        inputs: &[(SocketType, [Number; 3])],
+        (invert, filter_width): (bool, f32),
+    ) -> [Number; 3] {
+        let (height, normal) = (graph.nodes[index].inputs[2], inputs[3].1);
+        if self.bumps >= MAX_BUMPS || !matches!(height, NodeInput::Link { .. } | NodeInput::Texture { .. }) {
+            return normal;
+        }
+        let mut flat = vec![inputs[0].1[0], inputs[1].1[0], inputs[2].1[0]];
+        let outer = self.beside;
+        self.bumps += 1;
+        for step in [0, 1] {
+            self.beside = Some((step, filter_width));
+            let mut outputs: HashMap<usize, Vec<[Number; 3]>> = HashMap::new();
+            for node in graph.order_of(&height).unwrap_or_default() {
+                let made = self.node(graph, node, &outputs);
+                outputs.insert(node, made);
+            }
+            flat.push(self.input(graph, &height, SocketType::Float, &outputs)[0]);
+        }
+        self.bumps -= 1;
+        self.beside = outer;
+        flat.extend(normal);
+        flat.extend(self.load(Source::Steps));
+        three(&self.step(Operation::Bump { invert, filter_width }, flat, 3))
+    }
+
+    /// The outputs of a node of images.
+    fn image(
+        &mut self,
+        graph: &NodeGraph,
+        index: usize,
+        texture: TextureId,
+        vector: [Number; 3],
+    ) -> Vec<[Number; 3]> {
+        let node = &graph.nodes[index];
+        let mut inputs = graph.nodes.iter().flat_map(|node| &node.inputs).chain([&graph.result]);
+        let alpha = NodeInput::Link { node: index, output: 1 };
+        let reads_alpha = inputs.any(|input| *input == alpha);
+        match &node.kind {
+            NodeKind::ImageTexture {
+                interpolation,
+                extension,
+                projection,
+                blend,
+                alpha_mode,
+                color_space,
+                ..
+            } => {
+                let reading = ImageReading {
+                    interpolation: *interpolation,
+                    extension: *extension,
+                    alpha_mode: *alpha_mode,
+                    is_data: *color_space == ColorSpace::NonColor,
+                    reads_alpha,
+                };
+                let zero = Number::of(0.0);
+                let mut flat = vector.to_vec();
+                flat.push(match graph.texture_coordinates(&node.inputs[0]) {
+                    Some((name, factor)) if *projection == ImageProjection::Flat => {
+                        let footprint = self.load(Source::Footprint(self.attribute(name)));
+                        let scale = NodeKind::Math { operation: MathOperation::Multiply, use_clamp: false };
+                        let inputs = vec![footprint[0], Number::of(factor), zero];
+                        self.step(Operation::of(&scale), inputs, 1)[0]
+                    }
+                    _ => zero,
+                });
+                flat.extend(match projection {
+                    ImageProjection::Box => self.load_vector(Source::ObjectNormal),
+                    _ => [zero; 3],
+                });
+                let operation = Operation::Image { texture, reading, lies: *projection, blend: *blend };
+                let own = self.step(operation, flat, 4);
+                vec![[own[0], own[1], own[2]], [own[3]; 3]]
+            }
+            NodeKind::EnvironmentTexture { interpolation, projection, color_space, .. } => {
+                let reading = ImageReading {
+                    interpolation: *interpolation,
+                    extension: Extension::Repeat,
+                    alpha_mode: AlphaMode::Straight,
+                    is_data: *color_space == ColorSpace::NonColor,
+                    reads_alpha,
+                };
+                let operation = Operation::Environment { texture, reading, lies: *projection };
+                let own = self.step(operation, vector.to_vec(), 3);
+                vec![[own[0], own[1], own[2]]]
+            }
+            _ => vec![[Number::of(0.0); 3]; node.kind.outputs().len()],
         }
     }
 
@@ -233,15 +396,18 @@ impl Builder<'_> {
         self.attributes.iter().position(|known| known == name).map_or(u16::MAX, |number| number as u16)
     }
 
-    /// The outputs of nodes that read of hits.
+    /// The outputs of nodes that read of hits; `None` of others.
     fn sources_of(
         &mut self,
         kind: &NodeKind,
         inputs: &[(SocketType, [Number; 3])],
     ) -> Option<Vec<[Number; 3]>> {
+        self.surface_sources(kind).or_else(|| self.other_sources(kind, inputs))
+    }
+
+    /// Those of coordinates and attributes.
+    fn surface_sources(&mut self, kind: &NodeKind) -> Option<Vec<[Number; 3]>> {
         let generated = self.attribute("generated");
-        let three = |numbers: &[Number]| [numbers[0], numbers[1], numbers[2]];
-        let one = |number: Number| [number; 3];
         Some(match kind {
             NodeKind::TextureCoordinate { object_matrix } => {
                 let [uv, generated, normal, object, camera, window, reflection] = [
@@ -268,7 +434,7 @@ impl Builder<'_> {
                     Source::Position,
                     Source::TrueNormal,
                     Source::Normal,
-                    Source::Radial(crate::scene::nodes::Axis::Z, generated),
+                    Source::Radial(Axis::Z, generated),
                     Source::Incoming,
                     Source::Parametric,
                 ];
@@ -288,7 +454,21 @@ impl Builder<'_> {
                 let own = self.load(Source::Attribute(self.attribute(name)));
                 vec![three(&own), one(own[3])]
             }
-            NodeKind::UvMap { name } => vec![self.load_vector(Source::UvMap(self.attribute(name)))],
+            NodeKind::UvMap { name } => vec![self.load_vector(match self.attribute(name) {
+                FIRST_SET => Source::Uv,
+                number => Source::UvMap(number),
+            })],
+            _ => return None,
+        })
+    }
+
+    /// Those of the object, the camera and the path.
+    fn other_sources(
+        &mut self,
+        kind: &NodeKind,
+        inputs: &[(SocketType, [Number; 3])],
+    ) -> Option<Vec<[Number; 3]>> {
+        Some(match kind {
             NodeKind::ObjectInfo {} => {
                 let own = self.load(Source::Object);
                 let mut outputs = vec![three(&own), three(&own[3..])];
@@ -307,13 +487,31 @@ impl Builder<'_> {
                 vec![one(own[0]), one(own[1]), one(own[2]), one(own[3]), three(&own[4..]), one(own[7])]
             }
             NodeKind::Tangent { direction_type, axis } => vec![self.load_vector(match direction_type {
-                TangentType::Radial => Source::Radial(*axis, generated),
+                TangentType::Radial => Source::Radial(*axis, self.attribute("generated")),
                 TangentType::UvMap => Source::UvTangent,
             })],
             NodeKind::Wireframe { use_pixel_size } => {
                 let edge = self.load(Source::Edge);
                 let inputs = vec![inputs[0].1[0], edge[0], edge[1]];
                 vec![one(self.step(Operation::IsNear { in_pixels: *use_pixel_size }, inputs, 1)[0])]
+            }
+            NodeKind::NormalMap { space, uv_map } => {
+                let number = if uv_map.is_empty() { FIRST_SET } else { self.attribute(uv_map) };
+                let mut flat = vec![inputs[0].1[0]];
+                flat.extend(inputs[1].1);
+                flat.extend(self.load(Source::Frame(number)));
+                flat.extend(self.load_vector(Source::Normal));
+                flat.extend(self.load(Source::ObjectFromWorld));
+                flat.extend(self.load(Source::Backfacing));
+                vec![three(&self.step(Operation::NormalMap(*space), flat, 3))]
+            }
+            NodeKind::Normal { direction } => {
+                let direction = self.step(Operation::Normalize, direction.0.map(Number::of).to_vec(), 3);
+                let given = self.step(Operation::Normalize, inputs[0].1.to_vec(), 3);
+                let dot = NodeKind::VectorMath { operation: VectorOperation::Dot };
+                let mut flat = [&direction[..], &given].concat();
+                flat.extend([Number::of(0.0); 4]);
+                vec![three(&direction), one(self.step(Operation::of(&dot), flat, 4)[3])]
             }
             NodeKind::VectorTransform { vector_type, convert_from, convert_to } => {
                 vec![self.transformed(*vector_type, [*convert_from, *convert_to], inputs[0].1)]

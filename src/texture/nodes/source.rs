@@ -1,6 +1,6 @@
 //! What programs read of a hit.
 
-use crate::math::{DVec3, Vec3};
+use crate::math::{DVec3, Mat3, Vec2, Vec3};
 use crate::scene::TextureId;
 use crate::scene::nodes::Axis;
 use crate::texture::{AttributeValue, HitData, TexturePoint};
@@ -20,6 +20,8 @@ pub enum Source {
     Reflection,
     /// The first set of texture coordinates; v grows upwards.
     Uv,
+    /// Width of what a path sees in texture coordinates: those of the attribute of a number, or the first set.
+    Footprint(u16),
     /// The attribute of a number: red, green, blue, alpha, factor; 0 without one.
     Attribute(u16),
     /// The attribute of a number as texture coordinates; the first set without one.
@@ -40,6 +42,10 @@ pub enum Source {
     Radial(Axis, u16),
     /// Where the first texture coordinates grow.
     UvTangent,
+    /// Tangent, bitangent and normal of the texture coordinates of an attribute, or of the first set; and 1 where there are some.
+    Frame(u16),
+    /// Two steps over the surface as wide as what a path sees.
+    Steps,
     /// Weights of the first two vertices of a triangle.
     Parametric,
     /// 1 where the back is seen.
@@ -64,6 +70,9 @@ pub enum Source {
     Texture(TextureId),
 }
 
+/// In place of the number of an attribute: the first set of texture coordinates.
+pub const FIRST_SET: u16 = u16::MAX;
+
 /// Numbers of a source.
 pub type Numbers = [f32; 12];
 
@@ -76,12 +85,13 @@ impl Source {
     /// How many numbers it has.
     pub fn width(self) -> u32 {
         match self {
-            Source::Cosine | Source::Backfacing => 1,
+            Source::Cosine | Source::Backfacing | Source::Footprint(_) => 1,
             Source::Edge => 2,
             Source::Texture(_) => 4,
             Source::Attribute(_) => 5,
             Source::Strand => 8,
-            Source::Object | Source::Path => 10,
+            Source::Steps => 6,
+            Source::Object | Source::Path | Source::Frame(_) => 10,
             Source::ObjectFromWorld
             | Source::WorldFromObject
             | Source::CameraFromWorld
@@ -96,6 +106,7 @@ impl Source {
             self,
             Source::Position
                 | Source::Uv
+                | Source::Footprint(_)
                 | Source::Attribute(_)
                 | Source::UvMap(_)
                 | Source::Generated(_)
@@ -110,9 +121,30 @@ impl Source {
         )
     }
 
+    /// Does it change from point to point of a surface, as far as bumps see?
+    pub fn moves(self) -> bool {
+        matches!(
+            self,
+            Source::Position
+                | Source::Uv
+                | Source::Attribute(_)
+                | Source::UvMap(_)
+                | Source::Generated(_)
+                | Source::ObjectPoint
+                | Source::CameraPoint
+                | Source::Window
+                | Source::Parametric
+                | Source::Texture(_)
+        )
+    }
+
     /// Does it need more than a [`TexturePoint`] has?
     pub fn reads_hit(self) -> bool {
-        !matches!(self, Source::Position | Source::Uv | Source::Cosine | Source::Texture(_))
+        match self {
+            Source::Footprint(number) => number != FIRST_SET,
+            Source::Position | Source::Uv | Source::Cosine | Source::Texture(_) => false,
+            _ => true,
+        }
     }
 
     /// Its numbers at a point; vectors of the world are those of Blender where `is_z_up`.
@@ -124,12 +156,14 @@ impl Source {
         texture: impl Fn(TextureId) -> [f32; 4],
     ) -> Numbers {
         let turned = |v: Vec3| filled(turned(v, is_z_up).to_array());
+        let footprint = || filled([point.width * point.uv_per_metre[0]]);
         let uv = || filled([point.uv[0].x, 1.0 - point.uv[0].y]);
         let Some(hit) = hit else {
             return match self {
                 Source::Position => turned(point.world),
                 Source::TrueNormal | Source::Normal => turned(point.normal),
                 Source::Uv | Source::UvMap(_) => uv(),
+                Source::Footprint(_) => footprint(),
                 Source::Cosine => filled([point.cosine]),
                 Source::Texture(id) => filled(texture(id)),
                 _ => [0.0; 12],
@@ -145,6 +179,10 @@ impl Source {
                 turned(n * (2.0 * n.dot(wo)) - wo)
             }
             Source::Uv => uv(),
+            Source::Footprint(number) => match density(hit, number) {
+                Some(density) => filled([point.width * density]),
+                None => footprint(),
+            },
             Source::Attribute(number) => {
                 let AttributeValue { vector: [x, y, z], alpha, factor } =
                     hit.attributes.get(number).unwrap_or_default();
@@ -159,6 +197,11 @@ impl Source {
             Source::Object => object(hit, is_z_up),
             Source::Radial(axis, number) => turned(radial(hit, axis, number)),
             Source::UvTangent => turned(hit.tangent_frame.map_or(Vec3::ZERO, |frame| frame.x_axis)),
+            Source::Frame(number) => frame(hit, number, is_z_up),
+            Source::Steps => {
+                let [a, b] = hit.steps(point).map(|step| self::turned(step, is_z_up).to_array());
+                filled([a[0], a[1], a[2], b[0], b[1], b[2]])
+            }
             Source::Parametric => filled(hit.parametric),
             Source::Backfacing => filled([f32::from(u8::from(hit.is_back))]),
             Source::Cosine => filled([point.cosine]),
@@ -218,6 +261,15 @@ fn generated(hit: &HitData<'_>, number: u16) -> Vec3 {
     }
 }
 
+/// How much texture coordinates of an attribute change over a metre; `None` where the surface has none.
+fn density(hit: &HitData<'_>, number: u16) -> Option<f32> {
+    let [a, b, c] = hit.corners?;
+    let [p, q, r] =
+        hit.attributes.corners(number)?.map(|corner| Vec2::new(corner.vector[0], corner.vector[1]));
+    let ratio = (q - p).perp_dot(r - p).abs() / (b - a).cross(c - a).length();
+    Some(ratio.sqrt()).filter(|density| density.is_finite())
+}
+
 fn to_object_normal(hit: &HitData<'_>, normal: Vec3) -> Vec3 {
     let transposed = hit.object.world_from_object.matrix3.transpose();
     (transposed * normal.as_dvec3()).normalize_or_zero().as_vec3()
@@ -256,6 +308,30 @@ fn radial(hit: &HitData<'_>, axis: Axis, number: u16) -> Vec3 {
     let around = (transposed * around.as_dvec3()).normalize_or_zero().as_vec3();
     let n = hit.shading_normal;
     n.cross(around.cross(n).normalize_or_zero())
+}
+
+/// The frame of a normal map: of the first texture coordinates, or of those of an attribute.
+fn frame(hit: &HitData<'_>, number: u16, is_z_up: bool) -> Numbers {
+    let of_attribute = || {
+        let uv = hit.attributes.corners(number)?.map(|corner| Vec2::new(corner.vector[0], corner.vector[1]));
+        uv_frame(hit.corners?, uv, hit.shading_normal * if hit.is_back { -1.0 } else { 1.0 })
+    };
+    let own = if number == FIRST_SET { hit.tangent_frame } else { of_attribute() };
+    let Some(own) = own else { return [0.0; 12] };
+    let [t, b, n] = [own.x_axis, own.y_axis, own.z_axis].map(|v| turned(v, is_z_up).to_array());
+    filled([t[0], t[1], t[2], b[0], b[1], b[2], n[0], n[1], n[2], 1.0])
+}
+
+/// Tangents where texture coordinates grow, whose v points upwards.
+fn uv_frame([a, b, c]: [Vec3; 3], uv: [Vec2; 3], n: Vec3) -> Option<Mat3> {
+    let (e1, e2) = (b - a, c - a);
+    let (d1, d2) = (uv[1] - uv[0], uv[2] - uv[0]);
+    let sign = d1.perp_dot(d2).signum();
+    let along = (e1 * d2.y - e2 * d1.y) * sign;
+    let up = (e2 * d1.x - e1 * d2.x) * sign;
+    let t = (along - n * n.dot(along)).try_normalize()?;
+    let side = if n.cross(t).dot(up) < 0.0 { -1.0 } else { 1.0 };
+    Some(Mat3::from_cols(t, n.cross(t) * side, n))
 }
 
 fn strand(hit: &HitData<'_>, is_z_up: bool) -> Numbers {
