@@ -8,7 +8,7 @@ use crate::color::spectral::{Spectrum, Wavelengths, uplifted_share};
 use crate::light::Beam;
 use crate::math::{Frame, Mat3, Vec3};
 use crate::scene::{
-    AlphaMode, ColorSlot, FloatSlot, LightLinks, Material, Model, NormalMap, ObjectSets, ObjectTraits,
+    AlphaMode, ColorSlot, FloatSlot, Lamp, LightLinks, Material, Model, NormalMap, ObjectSets, ObjectTraits,
     ParameterMut, Parameters, PbrMaterial, RayKinds, TextureId, Transmission,
 };
 use crate::shape::Surface;
@@ -96,6 +96,12 @@ pub struct Presence {
 }
 
 impl Presence {
+    /// That of a lamp.
+    fn of_lamp(lamp: &Lamp, has_alpha: bool) -> Presence {
+        let is_obstacle = lamp.is_obstacle || has_alpha;
+        Presence { visible_to: lamp.visible_to, is_obstacle, ..Presence::FULL }
+    }
+
     /// That of most surfaces.
     const FULL: Presence = Presence {
         visible_to: RayKinds::ALL,
@@ -193,11 +199,7 @@ impl CompiledMaterial {
         let class = program.class();
         let (emission, light_spectrum) = emission_of(material, textures, shading, is_absent_from_behind);
         let alpha = alpha_of(material, textures);
-        let presence = material.lamp.map(|l| Presence {
-            visible_to: l.visible_to,
-            is_obstacle: l.is_obstacle || alpha.is_some(),
-            ..Presence::FULL
-        });
+        let presence = material.lamp.map(|lamp| Presence::of_lamp(&lamp, alpha.is_some()));
         let normal_map = usable(material.normal_map, textures).filter(|_| class != BsdfClass::Black);
         let normal = material.normal.filter(|_| class != BsdfClass::Black);
         let is_textured = has_texture(&model, |id| textures.spectrum(id).is_none());

@@ -6,7 +6,9 @@ use super::pyramid::{Texels, WithTexels};
 use crate::color::{linear_from_srgb, srgb_from_linear};
 use crate::image::{Encoding, Pixels};
 use crate::math::Vec2;
-use crate::scene::nodes::{AlphaMode, Extension, ImageInterpolation};
+use crate::scene::nodes::{
+    AlphaMode, ColorSpace, Extension, ImageInterpolation, NodeGraph, NodeInput, NodeKind,
+};
 
 /// How a node reads an image.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,6 +26,23 @@ pub struct ImageReading {
 }
 
 impl ImageReading {
+    /// How a node of a graph reads its image; `None` of nodes without one.
+    pub fn of(graph: &NodeGraph, node: usize) -> Option<ImageReading> {
+        let mut inputs = graph.nodes.iter().flat_map(|node| &node.inputs).chain([&graph.result]);
+        let reads_alpha = inputs.any(|input| *input == NodeInput::Link { node, output: 1 });
+        let (interpolation, extension, alpha_mode, color_space) = match &graph.nodes.get(node)?.kind {
+            NodeKind::ImageTexture { interpolation, extension, alpha_mode, color_space, .. } => {
+                (*interpolation, *extension, *alpha_mode, *color_space)
+            }
+            NodeKind::EnvironmentTexture { interpolation, color_space, .. } => {
+                (*interpolation, Extension::Repeat, AlphaMode::Straight, *color_space)
+            }
+            _ => return None,
+        };
+        let is_data = color_space == ColorSpace::NonColor;
+        Some(ImageReading { interpolation, extension, alpha_mode, is_data, reads_alpha })
+    }
+
     /// Linear RGBA at coordinates, v upwards; averaged over `footprint`, in the same coordinates, where it exceeds a texel.
     pub fn eval(&self, lookup: &ImageLookup, uv: [f32; 2], footprint: f32) -> [f32; 4] {
         let uv = Vec2::new(uv[0], 1.0 - uv[1]);

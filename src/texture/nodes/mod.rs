@@ -17,8 +17,8 @@ use super::image_node::ImageReading;
 use super::{HitData, TexturePoint};
 use crate::scene::TextureId;
 use crate::scene::nodes::{
-    AlphaMode, Axis, ColorSpace, Extension, ImageProjection, MathOperation, NodeGraph, NodeInput, NodeKind,
-    SocketDefault, SocketType, Space, TangentType, TransformType, VectorOperation,
+    Axis, ImageProjection, MathOperation, NodeGraph, NodeInput, NodeKind, SocketDefault, SocketType, Space,
+    TangentType, TransformType, VectorOperation,
 };
 use evaluate::{Compiled, Operation, Points, Registers, UNUSED, fold, run};
 use source::{FIRST_SET, Source};
@@ -336,59 +336,33 @@ impl Builder<'_> {
         vector: [Number; 3],
     ) -> Vec<[Number; 3]> {
         let node = &graph.nodes[index];
-        let mut inputs = graph.nodes.iter().flat_map(|node| &node.inputs).chain([&graph.result]);
-        let alpha = NodeInput::Link { node: index, output: 1 };
-        let reads_alpha = inputs.any(|input| *input == alpha);
-        match &node.kind {
-            NodeKind::ImageTexture {
-                interpolation,
-                extension,
-                projection,
-                blend,
-                alpha_mode,
-                color_space,
-                ..
-            } => {
-                let reading = ImageReading {
-                    interpolation: *interpolation,
-                    extension: *extension,
-                    alpha_mode: *alpha_mode,
-                    is_data: *color_space == ColorSpace::NonColor,
-                    reads_alpha,
-                };
-                let zero = Number::of(0.0);
-                let mut flat = vector.to_vec();
-                flat.push(match graph.texture_coordinates(&node.inputs[0]) {
-                    Some((name, factor)) if *projection == ImageProjection::Flat => {
-                        let footprint = self.load(Source::Footprint(self.attribute(name)));
-                        let scale = NodeKind::Math { operation: MathOperation::Multiply, use_clamp: false };
-                        let inputs = vec![footprint[0], Number::of(factor), zero];
-                        self.step(Operation::of(&scale), inputs, 1)[0]
-                    }
-                    _ => zero,
-                });
-                flat.extend(match projection {
-                    ImageProjection::Box => self.load_vector(Source::ObjectNormal),
-                    _ => [zero; 3],
-                });
-                let operation = Operation::Image { texture, reading, lies: *projection, blend: *blend };
-                let own = self.step(operation, flat, 4);
-                vec![[own[0], own[1], own[2]], [own[3]; 3]]
-            }
-            NodeKind::EnvironmentTexture { interpolation, projection, color_space, .. } => {
-                let reading = ImageReading {
-                    interpolation: *interpolation,
-                    extension: Extension::Repeat,
-                    alpha_mode: AlphaMode::Straight,
-                    is_data: *color_space == ColorSpace::NonColor,
-                    reads_alpha,
-                };
-                let operation = Operation::Environment { texture, reading, lies: *projection };
-                let own = self.step(operation, vector.to_vec(), 3);
-                vec![[own[0], own[1], own[2]]]
-            }
-            _ => vec![[Number::of(0.0); 3]; node.kind.outputs().len()],
+        let Some(reading) = ImageReading::of(graph, index) else {
+            return vec![[Number::of(0.0); 3]; node.kind.outputs().len()];
+        };
+        if let NodeKind::EnvironmentTexture { projection, .. } = &node.kind {
+            let operation = Operation::Environment { texture, reading, lies: *projection };
+            return vec![three(&self.step(operation, vector.to_vec(), 3))];
         }
+        let (lies, blend) = match &node.kind {
+            NodeKind::ImageTexture { projection, blend, .. } => (*projection, *blend),
+            _ => (ImageProjection::Flat, 0.0),
+        };
+        let zero = Number::of(0.0);
+        let mut flat = vector.to_vec();
+        flat.push(match graph.texture_coordinates(&node.inputs[0]) {
+            Some((name, factor)) if lies == ImageProjection::Flat => {
+                let footprint = self.load(Source::Footprint(self.attribute(name)));
+                let scale = NodeKind::Math { operation: MathOperation::Multiply, use_clamp: false };
+                self.step(Operation::of(&scale), vec![footprint[0], Number::of(factor), zero], 1)[0]
+            }
+            _ => zero,
+        });
+        flat.extend(match lies {
+            ImageProjection::Box => self.load_vector(Source::ObjectNormal),
+            _ => [zero; 3],
+        });
+        let own = self.step(Operation::Image { texture, reading, lies, blend }, flat, 4);
+        vec![three(&own), one(own[3])]
     }
 
     /// The number of an attribute; one that nothing has where there is no name.

@@ -156,19 +156,8 @@ impl Source {
         texture: impl Fn(TextureId) -> [f32; 4],
     ) -> Numbers {
         let turned = |v: Vec3| filled(turned(v, is_z_up).to_array());
-        let footprint = || filled([point.width * point.uv_per_metre[0]]);
-        let uv = || filled([point.uv[0].x, 1.0 - point.uv[0].y]);
-        let Some(hit) = hit else {
-            return match self {
-                Source::Position => turned(point.world),
-                Source::TrueNormal | Source::Normal => turned(point.normal),
-                Source::Uv | Source::UvMap(_) => uv(),
-                Source::Footprint(_) => footprint(),
-                Source::Cosine => filled([point.cosine]),
-                Source::Texture(id) => filled(texture(id)),
-                _ => [0.0; 12],
-            };
-        };
+        let (footprint, uv) = (|| footprint(point), || first_uv(point));
+        let Some(hit) = hit else { return self.without_hit(point, is_z_up, texture) };
         match self {
             Source::Position => turned(point.world),
             Source::TrueNormal => turned(hit.true_normal),
@@ -198,10 +187,7 @@ impl Source {
             Source::Radial(axis, number) => turned(radial(hit, axis, number)),
             Source::UvTangent => turned(hit.tangent_frame.map_or(Vec3::ZERO, |frame| frame.x_axis)),
             Source::Frame(number) => frame(hit, number, is_z_up),
-            Source::Steps => {
-                let [a, b] = hit.steps(point).map(|step| self::turned(step, is_z_up).to_array());
-                filled([a[0], a[1], a[2], b[0], b[1], b[2]])
-            }
+            Source::Steps => steps(point, hit, is_z_up),
             Source::Parametric => filled(hit.parametric),
             Source::Backfacing => filled([f32::from(u8::from(hit.is_back))]),
             Source::Cosine => filled([point.cosine]),
@@ -217,6 +203,25 @@ impl Source {
             | Source::CameraFromWorld
             | Source::WorldFromCamera => self.transform(point, hit, is_z_up),
             Source::Texture(id) => filled(texture(id)),
+        }
+    }
+
+    /// Its numbers where nothing but a point is known.
+    fn without_hit(
+        self,
+        point: &TexturePoint,
+        is_z_up: bool,
+        texture: impl Fn(TextureId) -> [f32; 4],
+    ) -> Numbers {
+        let turned = |v: Vec3| filled(turned(v, is_z_up).to_array());
+        match self {
+            Source::Position => turned(point.world),
+            Source::TrueNormal | Source::Normal => turned(point.normal),
+            Source::Uv | Source::UvMap(_) => first_uv(point),
+            Source::Footprint(_) => footprint(point),
+            Source::Cosine => filled([point.cosine]),
+            Source::Texture(id) => filled(texture(id)),
+            _ => [0.0; 12],
         }
     }
 
@@ -247,6 +252,16 @@ impl Source {
             _ => of(&|v| back(camera.inverse().transform_point3(flip(v)))),
         }
     }
+}
+
+/// The first texture coordinates, v upwards.
+fn first_uv(point: &TexturePoint) -> Numbers {
+    filled([point.uv[0].x, 1.0 - point.uv[0].y])
+}
+
+/// The width of what a path sees in these.
+fn footprint(point: &TexturePoint) -> Numbers {
+    filled([point.width * point.uv_per_metre[0]])
 }
 
 /// A vector of the world as Blender has it, whose z is up, where that is asked for.
@@ -308,6 +323,11 @@ fn radial(hit: &HitData<'_>, axis: Axis, number: u16) -> Vec3 {
     let around = (transposed * around.as_dvec3()).normalize_or_zero().as_vec3();
     let n = hit.shading_normal;
     n.cross(around.cross(n).normalize_or_zero())
+}
+
+fn steps(point: &TexturePoint, hit: &HitData<'_>, is_z_up: bool) -> Numbers {
+    let [a, b] = hit.steps(point).map(|step| turned(step, is_z_up).to_array());
+    filled([a[0], a[1], a[2], b[0], b[1], b[2]])
 }
 
 /// The frame of a normal map: of the first texture coordinates, or of those of an attribute.
