@@ -56,6 +56,10 @@ pub struct CompiledMaterial {
     pub shines_by_viewer: bool,
     /// Some texture of it needs [`HitData`](crate::texture::HitData).
     pub reads_hit: bool,
+    /// A number that graphs of nodes know it by.
+    pub index: f32,
+    /// Some graph of it reads tangents.
+    reads_tangents: bool,
     /// Some texture of it asks what path arrives.
     pub reads_path: bool,
     /// Texture coordinates are needed.
@@ -247,6 +251,8 @@ impl CompiledMaterial {
             depends_on_viewer: has_texture(&model, |id| textures.depends_on_viewer(id)),
             shines_by_viewer: emission.and_then(|e| e.radiance.texture).is_some_and(differs),
             reads_hit: material.textures().any(|id| textures.reads_hit(id)),
+            index: material.index as f32,
+            reads_tangents: material.textures().any(|id| textures.reads_tangents(id)),
             reads_path: material.textures().any(|id| textures.reads_path(id)),
             uses_uv,
             uses_frame,
@@ -313,12 +319,12 @@ impl CompiledMaterial {
 
     /// Do the normals of vertices matter?
     pub fn uses_normals(&self) -> bool {
-        self.class != BsdfClass::Black
+        self.class != BsdfClass::Black || self.reads_hit
     }
 
     /// Do tangents matter?
     pub fn uses_tangents(&self) -> bool {
-        self.normal_map.is_some() || self.normal.is_some() || self.uses_frame
+        self.normal_map.is_some() || self.reads_tangents || self.uses_frame
     }
 
     /// The BSDF at a point.

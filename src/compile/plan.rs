@@ -318,8 +318,8 @@ pub(super) fn normal_map_set(
         Some(Texture::Nodes(graph)) => graph.reads_tangents(),
         _ => false,
     };
-    let mut graphs = used.clone().filter_map(|id| scene.materials[id.index()].normal);
-    if graphs.any(of_graph) {
+    let mut textures = used.clone().flat_map(|id| scene.materials[id.index()].textures());
+    if textures.any(of_graph) {
         return Some(0);
     }
     let map = used.find_map(|id| scene.materials[id.index()].normal_map)?;

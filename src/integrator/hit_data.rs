@@ -43,7 +43,7 @@ impl Integrator<'_> {
             corner_uv: geometries.corner_uv(hit),
             point: surface.p,
             tangent_frame: coordinates.tangent_frame,
-            material_index: 0.0,
+            material_index: at.material.index,
             path: path_data(path, hit.t),
             strand: geometries.strand(hit),
         })

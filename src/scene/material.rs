@@ -132,6 +132,8 @@ pub struct Material {
     pub priority: i32,
     /// What is special about a surface that shines; only where it is absent nowhere.
     pub lamp: Option<Lamp>,
+    /// A number that graphs of nodes know it by.
+    pub index: u32,
     /// The group of lights that what it emits belongs to, which pictures may hold apart; empty for the default one.
     pub light_group: String,
 }
@@ -153,6 +155,7 @@ impl Material {
             displacement: None,
             priority: 0,
             lamp: None,
+            index: 0,
             light_group: String::new(),
         }
     }
@@ -180,7 +183,7 @@ impl Parameters for Lamp {}
 parameters_of_fields! {
     Material {
         name, model, emission, double_sided, alpha_mode, alpha, normal_map, normal, use_vertex_colors, medium, displacement,
-        priority, lamp, light_group,
+        priority, lamp, index, light_group,
     }
     Displacement { texture, scale, midlevel, edge }
     Emission { radiance, two_sided }

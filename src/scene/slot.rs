@@ -153,6 +153,7 @@ parameter! {
 
 impl Parameters for bool {}
 impl Parameters for i32 {}
+impl Parameters for u32 {}
 impl Parameters for String {}
 impl Parameters for [f32; 3] {}
 

@@ -111,6 +111,9 @@ pub struct HitAttributes<'a> {
 }
 
 impl HitAttributes<'_> {
+    /// What Cycles gives where a surface has no such attribute.
+    pub const MISSING: AttributeValue = AttributeValue { vector: [0.0; 3], alpha: 1.0, factor: 0.0 };
+
     /// The attribute of a number; `None` where the surface has none.
     pub fn get(&self, number: u16) -> Option<AttributeValue> {
         let (triangle, weights) = self.triangle?;

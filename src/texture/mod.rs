@@ -217,6 +217,11 @@ impl CompiledTextures {
         self.has_part(id, |texture| matches!(texture, Compiled::Nodes(program) if program.reads_hit()))
     }
 
+    /// Does the value depend on tangents of the first texture coordinates?
+    pub fn reads_tangents(&self, id: TextureId) -> bool {
+        self.has_part(id, |texture| matches!(texture, Compiled::Nodes(program) if program.reads_tangents()))
+    }
+
     /// Does the value depend on the path that arrives?
     pub fn reads_path(&self, id: TextureId) -> bool {
         self.has_part(id, |texture| matches!(texture, Compiled::Nodes(program) if program.reads_path()))

@@ -52,7 +52,7 @@ fn scene(truth: &Value, case: &Value, factor: f64) -> Scene {
          noise = {{ type = \"noise_texture\", vector = \"given.vector\", scale = 1.5 }}\n\
          picture = {{ type = \"image_texture\", file = \"{picture}\", interpolation = \"cubic\", alpha_mode = \"none\", vector = \"geometry.uv\" }}\n\
          mapped = {{ type = \"vector_math\", operation = \"multiply_add\", a = \"{output}\", b = {factor:?}, c = 0.5 }}\n{both}\
-         [materials]\nshown = {{ type = \"emissive\", radiance = \"shown\", two_sided = true }}\n",
+         [materials]\nshown = {{ type = \"emissive\", radiance = \"shown\", two_sided = true, index = 5 }}\n",
         node.join(", "),
         picture = folder().join("picture.png").display(),
     );
@@ -119,7 +119,9 @@ fn outputs_on_surfaces_are_those_of_cycles() {
         let worst = differences.fold(0.0f64, |worst, d| if d.abs() > worst.abs() { d } else { worst });
         count += 1;
         println!("{label}: {worst:+.5} of {largest:.3}");
-        if worst.abs() > 4e-3 {
+        // The standard error of a block of which half is 1 and half is 0 is 1 % with 64 samples a pixel.
+        let has_steps = ["image", "wireframe", "bump of a picture"].iter().any(|kind| label.contains(kind));
+        if worst.abs() > if has_steps { 1e-2 } else { 4e-3 } {
             wrong.push(format!("{label}: {worst:+.5}"));
         }
     }
@@ -240,4 +242,32 @@ fn values_at_points_are_those_of_cycles() {
     }
     assert!(count > 400);
     assert!(wrong.is_empty(), "{} of {count}: {wrong:#?}", wrong.len());
+}
+
+/// A material takes its normal from a graph as it does from a map: both ways of lighting the ball by one map agree.
+#[test]
+fn normals_of_graphs_light_surfaces_as_maps_do() {
+    let folder = folder();
+    let image = folder.join("picture.png").display().to_string();
+    let film = |normal: &str| {
+        let text = format!(
+            "camera = {{ look_from = [0, 0.4, 3], look_at = [0, 0, 0] }}\n[environment]\nbackground = 0.1\n[[lights]]\n\
+             sun = {{ direction = [-0.5, -1, -1], irradiance = 2 }}\n[textures.bent]\ntype = \"nodes\"\nup = \"z\"\n\
+             result = \"map.normal\"\n[textures.bent.nodes]\n\
+             image = {{ type = \"image_texture\", file = \"{image}\", color_space = \"non-color\", alpha_mode = \"none\" }}\n\
+             map = {{ type = \"normal_map\", color = \"image.color\" }}\n[materials]\n\
+             clay = {{ type = \"lambert\", color = 0.5{normal} }}\n[[objects]]\nmesh = \"{}\"\nmaterial = \"clay\"\n",
+            folder.join("ball.ply").display()
+        );
+        let place = tempfile::tempdir().expect("a temporary folder");
+        let path = place.path().join("scene.toml");
+        std::fs::write(&path, text).expect("written");
+        let scene = load(&path, &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}")).scene;
+        blocks(&picture(&scene, &options(32, 64, 1)), 32, 8)
+    };
+    let (plain, by_map) = (film(""), film(&format!(", normal = {{ image = \"{image}\" }}")));
+    let by_graph = film(", normal = \"bent\"");
+    let most = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(most(&plain, &by_map) > 0.02, "the map shows");
+    assert!(most(&by_graph, &by_map) < 4e-3, "{by_graph:?} {by_map:?}");
 }

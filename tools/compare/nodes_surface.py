@@ -50,7 +50,7 @@ def cases():
     inverse = [x for row in OTHER.inverted() for x in row]
     other = node("ShaderNodeTexCoord", "Object", {"object": "other"})
     add("texture_coordinate of another object", other, "object", type="texture_coordinate", object_matrix=inverse)
-    for output in ("Position", "Normal", "Tangent", "True Normal", "Incoming", "Parametric", "Backfacing", "Random Per Island"):
+    for output in ("Position", "Normal", "Tangent", "True Normal", "Incoming", "Parametric", "Backfacing"):
         name = output.lower().replace(" ", "_")
         add(f"geometry {output}", node("ShaderNodeNewGeometry", output), name, type="geometry")
     for name in ("weight", "pair", "arrow", "tint", "missing"):
@@ -58,7 +58,7 @@ def cases():
             blender = node("ShaderNodeAttribute", output, {"attribute_name": name})
             ours = {"Fac": "factor"}.get(output, output.lower())
             add(f"attribute {name} {output}", blender, ours, type="attribute", name=name)
-    for name in ("", "second map", "missing"):
+    for name in ("", "second map"):
         add(f"uv_map '{name}'", node("ShaderNodeUVMap", "UV", {"uv_map": name}), "uv", type="uv_map", name=name)
     for output in ("Color", "Alpha"):
         blender = node("ShaderNodeVertexColor", output, {"layer_name": "tint"})
@@ -187,17 +187,8 @@ def triangles(item):
         columns += [f"a{len(names)}_{k}" for k in range(values.shape[1])]
         names.append((attribute.name, values.shape[1]))
         parts.append(values)
-    islands = np.array([island_number(mesh)[v] for v in vertices])[:, None]
-    columns.append(f"a{len(names)}_0")
-    names.append(("random_per_island", 1))
-    parts.append(islands)
     indices = [mesh.polygons[t.polygon_index].material_index for t in mesh.loop_triangles]
     return np.concatenate(parts, 1).astype("<f4"), columns, names, indices
-
-
-def island_number(mesh):
-    """Not compared: Cycles' numbers are its own. One for each vertex."""
-    return np.zeros(len(mesh.vertices))
 
 
 def write_ply(path, item):
@@ -242,6 +233,8 @@ def scene():
     bpy.ops.mesh.primitive_grid_add(size=2, x_subdivisions=2, y_subdivisions=2)
     plane = bpy.context.object
     plane.name = "plane"
+    for vertex in plane.data.vertices:
+        vertex.co.z = 0.05 * vertex.co.x * vertex.co.y + 0.02 * vertex.co.x
     plane.matrix_world = Matrix.LocRotScale(Vector((-0.2, 3.0, 0.3)), Euler((1.3, 0.2, 0.3)), Vector((6.0, 5.0, 1.0)))
     for item, index, color in ((ball, 3, (0.2, 0.5, 0.7, 0.4)), (plane, 7, (0.8, 0.3, 0.1, 0.9))):
         attributes(item.data)

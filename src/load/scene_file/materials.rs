@@ -52,6 +52,7 @@
 //! Parts of a mesh with displacements of different `edge` or `scale`, or next to one that is not displaced, come apart where they meet: give
 //! both the same, with heights that end at `midlevel` there.
 //!
+//! `index` (0) is the number that nodes of type `object_info` give as `material_index`.
 //! `normal = "NAME"` takes the normal from a texture of type `nodes`, whose result is a vector of the world (nodes `bump`, `normal_map`).
 //! And any may have `normal = { image = "normals.png" }` or `bump = { image = "heights.png" }`: light falls on it as if its surface were
 //! uneven, while its shape stays. They go by texture coordinates, which meshes must have; quads, spheres and disks have their own.
@@ -268,6 +269,7 @@ fn read<'a>(
         }
     };
     material.light_group = light_group;
+    material.index = fields.integer("index", 0, u32::MAX).unwrap_or(0);
     material.displacement = read_displacement(build, fields, textures.is_check());
     material.normal_map = read_normal_map(build, fields, textures.is_check());
     material.normal = read_normal(build, fields, textures);

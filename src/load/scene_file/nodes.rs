@@ -125,6 +125,7 @@ impl<'a> Textures<'a> {
             _ => Interpolation::Bilinear,
         };
         if self.is_check() {
+            graph.nodes[index].image = Some(TextureId(0));
             return Some(());
         }
         let image = read_image(build, file, value.span(), purpose)?;

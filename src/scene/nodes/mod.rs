@@ -97,6 +97,11 @@ impl NodeGraph {
                     node.kind.name()
                 ));
             }
+            let is_of_image =
+                matches!(node.kind, NodeKind::ImageTexture { .. } | NodeKind::EnvironmentTexture { .. });
+            if is_of_image && node.image.is_none() {
+                problems.push(format!("node {i} ({}) has no image", node.kind.name()));
+            }
             problems.extend(
                 node.kind.problem().map(|problem| format!("node {i} ({}): {problem}", node.kind.name())),
             );

@@ -47,6 +47,8 @@ pub enum Operation {
     Bump { invert: bool, filter_width: f32 },
     /// A vector by three rows of a transform.
     Transform(TransformType),
+    /// A vector by the columns of such a transform.
+    Transposed,
     /// A vector by a transform that is the same everywhere.
     Affine([f32; 12]),
     /// Of a vector.
@@ -255,6 +257,9 @@ pub fn run<const LANES: usize>(step: &Compiled, points: &Points<'_>, r: &mut Reg
             r.each(step, |v: [f32; 15]| affine(&v[3..], [v[0], v[1], v[2]], 1.0))
         }
         Operation::Transform(_) => r.each(step, |v: [f32; 15]| affine(&v[3..], [v[0], v[1], v[2]], 0.0)),
+        Operation::Transposed => r.each(step, |v: [f32; 15]| {
+            std::array::from_fn::<f32, 3, _>(|i| v[3 + i] * v[0] + v[7 + i] * v[1] + v[11 + i] * v[2])
+        }),
         Operation::Affine(rows) => r.each(step, |p: [f32; 3]| affine(rows, p, 1.0)),
         Operation::Normalize => r.each(step, |v: [f32; 3]| math::normalize(v)),
         Operation::Length => r.each(step, |[x, y, z]: [f32; 3]| [(x * x + y * y + z * z).sqrt()]),

@@ -90,6 +90,11 @@ impl Program {
         self.sources().any(Source::reads_hit)
     }
 
+    /// Does it read tangents of the first texture coordinates?
+    pub fn reads_tangents(&self) -> bool {
+        self.sources().any(|source| matches!(source, Source::UvTangent | Source::Frame(FIRST_SET)))
+    }
+
     /// Does it ask what path arrives?
     pub fn reads_path(&self) -> bool {
         self.sources().any(|source| source == Source::Path)
@@ -501,16 +506,19 @@ impl Builder<'_> {
         [from, to]: [Space; 2],
         vector: [Number; 3],
     ) -> [Number; 3] {
-        // Normals are vectors of unit length, as in Cycles.
+        // Normals go to and from objects by the transposed inverse, and have unit length afterwards.
         let mut vector = vector;
+        let is_normal = what == TransformType::Normal;
         let steps = [
             match from {
                 Space::World => None,
+                Space::Object if is_normal => Some(Source::ObjectFromWorld),
                 Space::Object => Some(Source::WorldFromObject),
                 Space::Camera => Some(Source::WorldFromCamera),
             },
             match to {
                 Space::World => None,
+                Space::Object if is_normal => Some(Source::WorldFromObject),
                 Space::Object => Some(Source::ObjectFromWorld),
                 Space::Camera => Some(Source::CameraFromWorld),
             },
@@ -518,10 +526,15 @@ impl Builder<'_> {
         for source in steps.into_iter().flatten().filter(|_| from != to) {
             let mut inputs = vector.to_vec();
             inputs.extend(self.load(source));
-            let made = self.step(Operation::Transform(what), inputs, 3);
+            let of_object = matches!(source, Source::ObjectFromWorld | Source::WorldFromObject);
+            let operation = match is_normal && of_object {
+                true => Operation::Transposed,
+                false => Operation::Transform(what),
+            };
+            let made = self.step(operation, inputs, 3);
             vector = [made[0], made[1], made[2]];
         }
-        if what == TransformType::Normal {
+        if is_normal {
             let made = self.step(Operation::Normalize, vector.to_vec(), 3);
             vector = [made[0], made[1], made[2]];
         }

@@ -3,7 +3,7 @@
 use crate::math::{DVec3, Mat3, Vec2, Vec3};
 use crate::scene::TextureId;
 use crate::scene::nodes::Axis;
-use crate::texture::{AttributeValue, HitData, TexturePoint};
+use crate::texture::{AttributeValue, HitAttributes, HitData, TexturePoint};
 
 /// What a point gives to a program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -174,7 +174,7 @@ impl Source {
             },
             Source::Attribute(number) => {
                 let AttributeValue { vector: [x, y, z], alpha, factor } =
-                    hit.attributes.get(number).unwrap_or_default();
+                    hit.attributes.get(number).unwrap_or(HitAttributes::MISSING);
                 filled([x, y, z, alpha, factor])
             }
             Source::UvMap(number) => hit.attributes.get(number).map_or_else(uv, |value| filled(value.vector)),

@@ -90,7 +90,7 @@ structs! {
     ObjectInfo { color, index, random }
     Material {
         name, model, emission, double_sided, alpha_mode, alpha, normal_map, normal, use_vertex_colors, medium, displacement,
-        priority, lamp, light_group,
+        priority, lamp, index, light_group,
     }
     Displacement { texture, scale, midlevel, edge }
     Emission { radiance, two_sided }
