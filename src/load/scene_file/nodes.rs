@@ -16,6 +16,7 @@
 use super::builder::SceneFileBuilder;
 use super::fields::{Fields, nearest, number, numbers};
 use super::textures::{Textures, read_image};
+use crate::error::Warning;
 use crate::load::image::Use;
 use crate::scene::nodes::{
     ColorSpace, Extension, ImageInterpolation, ImageProjection, Node, NodeGraph, NodeInput, NodeKind,
@@ -52,6 +53,26 @@ pub(super) fn attribute_names(root: &Fields) -> BTreeSet<String> {
         }
     }
     names
+}
+
+/// Notes attributes that graphs read by name and no mesh has.
+pub(super) fn tell_of_missing_attributes(build: &mut SceneFileBuilder) {
+    let scene = &build.loaded.scene;
+    let known: BTreeSet<&str> =
+        scene.meshes.iter().flat_map(|mesh| &mesh.attributes).map(|a| a.name.as_str()).collect();
+    let nodes = scene.textures.iter().filter_map(|texture| match texture {
+        Texture::Nodes(graph) => Some(&graph.nodes),
+        _ => None,
+    });
+    let named = nodes.flatten().filter_map(|node| match &node.kind {
+        NodeKind::Attribute { name } | NodeKind::ColorAttribute { name } => Some(name.as_str()),
+        _ => None,
+    });
+    let missing: BTreeSet<String> = named.filter(|name| !known.contains(name)).map(str::to_string).collect();
+    for name in missing {
+        let message = format!("no mesh has the attribute '{name}' that nodes read: it is 0 there");
+        build.loaded.notes.push(Warning::new(build.file, "", message));
+    }
 }
 
 impl<'a> Textures<'a> {
