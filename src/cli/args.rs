@@ -121,7 +121,7 @@ pub(crate) enum TerminatorArg {
 
 #[derive(Args, Clone, Debug)]
 pub(crate) struct RenderArgs {
-    /// Scenes to render, one or more: .gltf, .glb, .obj, .ply, .toml or .blend.
+    /// Scenes to render, one or more: .gltf, .glb, .vrm, .obj, .ply, .stl, .zip, .toml or .blend.
     #[arg(required = true, value_name = "SCENE")]
     pub scenes: Vec<PathBuf>,
     /// The one of `scenes` that is being rendered.
@@ -272,7 +272,7 @@ pub(crate) struct RenderArgs {
 
 #[derive(Args, Debug)]
 pub(crate) struct InspectArgs {
-    /// Scene: .gltf, .glb, .obj, .ply, .toml or .blend.
+    /// Scene: .gltf, .glb, .vrm, .obj, .ply, .stl, .zip, .toml or .blend.
     pub scene: PathBuf,
     /// Let glTF and OBJ files refer to files outside their folder.
     #[arg(long)]
@@ -425,7 +425,7 @@ fn range(text: &str) -> Result<(u32, u32), String> {
 }
 
 /// A number of bytes: `500M`, `8G`, `8GiB`.
-fn bytes(text: &str) -> Result<u64, String> {
+pub(super) fn bytes(text: &str) -> Result<u64, String> {
     let end = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
     let (number, unit) = text.split_at(end);
     let unit = unit.trim().to_ascii_uppercase();

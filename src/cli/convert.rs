@@ -38,7 +38,7 @@ pub(crate) fn run(args: &ConvertArgs) -> Result<Outcome> {
         true => (encode_sheet(&file, format, &options), None),
         false => {
             let (part, rgba) = find(&file, args.layer.as_deref()).ok_or_else(|| no_layer(&file, args))?;
-            let [width, height] = file.size(part);
+            let ([width, height], rgba) = file.in_display_window(part, &rgba);
             let picture = Linear { width: width as u32, height: height as u32, rgba: &rgba };
             (encode_shown(&picture, format, &options), invalid(&rgba))
         }

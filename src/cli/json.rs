@@ -1,7 +1,7 @@
 //! How `--json` prints: one line, a blank behind commas and colons, and numbers as plain decimals, never with an exponent,
 //! so that any tool can read them. NaN and infinities become null.
 
-use super::report::{Run, ShapeCounts};
+use super::report::{self, Run, ShapeCounts};
 use oscura::accel::TreeQuality;
 use oscura::error::{Error, ErrorKind};
 use serde::Serialize;
@@ -36,7 +36,8 @@ impl Formatter for OneLine {
 /// Prints a value in a line of its own on standard output. Nobody listening any more is no error.
 pub(crate) fn print(value: &impl Serialize) {
     let mut line = io::stdout().lock();
-    let _ = write(&mut line, value).map(|()| writeln!(line));
+    let written = write(&mut line, value).map_err(io::Error::from);
+    report::note_stdout(written.and_then(|()| writeln!(line)).and_then(|()| line.flush()));
 }
 
 fn write(writer: &mut impl Write, value: &impl Serialize) -> serde_json::Result<()> {

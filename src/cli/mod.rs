@@ -20,6 +20,7 @@ mod checkpoint;
 mod command_line;
 mod compare;
 mod convert;
+mod darkness;
 mod denoise;
 mod export;
 mod exr_args;
@@ -43,6 +44,7 @@ mod settings;
 mod show;
 mod thumbnail;
 mod view;
+mod watchdog;
 
 /// Runs the program with these arguments, the first of which is its own name. Returns the exit code: 0 done, 1 pictures
 /// disagree, 2 usage, 3 bad input, 4 output failed, 130 interrupted.
@@ -53,6 +55,11 @@ pub fn main(arguments: impl Iterator<Item = OsString>) -> u8 {
         Ok(arguments) => arguments,
         Err(error) => return refuse(error, wants_json),
     };
+    report::code_with_stdout(run(arguments))
+}
+
+/// Runs a command; its exit code.
+fn run(arguments: Arguments) -> u8 {
     let (json, result) = match arguments.command {
         Command::Render(a) => (a.json, render::run(&a)),
         Command::Merge(a) => (a.json, merge::run(&a)),

@@ -14,14 +14,15 @@ use super::settings::{
     EnvironmentOverride, PictureUse, Prepared, check_memory_before_loading, choices, completed, prepare,
     unused_option_warnings,
 };
-use super::{checkpoint, json, report, show};
+use super::{checkpoint, darkness, json, report, show};
 use oscura::compile::Compiler;
 use oscura::error::{Error, ErrorKind, Problem, Result, Warning};
-use oscura::film::Aov;
+use oscura::film::{Aov, Film};
 use oscura::load::stage::{Background, Turntable, middle};
 use oscura::load::{LoadOptions, Loaded, is_of_blender, load, load_frames};
 use oscura::output::is_same_target;
 use oscura::render::{CancelHandle, PassOutcome, Rendering, Statistics, in_pool};
+use oscura::scene::Scene;
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -282,7 +283,7 @@ pub(super) fn run_one(
     let prepared = prepare_files((given, args), targets, environment, loaded, start, compiler)?;
     // Files record everything that is not in the picture.
     let Prepared { scene, labels, camera, settled, how, kept_aovs, png, build, load_s, .. } = prepared;
-    let Prepared { notes, mut warnings, left_out, .. } = prepared;
+    let Prepared { mut notes, mut warnings, left_out, .. } = prepared;
     let told: Vec<Warning> = warnings.iter().chain(&build.notes).cloned().collect();
     let (width, height) = (settled.options.width, settled.options.height);
     check_size(targets, moving.as_ref(), (width, height))?;
@@ -307,8 +308,8 @@ pub(super) fn run_one(
     let start = Instant::now();
     let pictures = encode(FinishedPicture::from(&picture));
     say_pictures(args, said, &pictures, picture.statistics().interrupted)?;
-    warnings.extend(pictures.warnings.iter().cloned());
-    warnings.extend(noise_warning(args, picture.statistics(), said));
+    warnings.extend(pictures.warnings.iter().cloned().chain(noise_warning(args, picture.statistics(), said)));
+    notes.extend(dark_note(args, picture.film(), png.exposure, &loaded.scene, said));
     pictures.write()?;
     kept?; // after the pictures: who runs out of space for the one may have some for the others
     moving.iter_mut().try_for_each(|moving| moving.add(picture.film(), &png))?;
@@ -374,6 +375,21 @@ fn say_pictures(
         said.warnings(&pictures.warnings);
     }
     if is_interrupted { Ok(()) } else { refuse_warnings(args, &pictures.warnings, ErrorKind::Output) }
+}
+
+/// Notes that the picture is nearly black.
+fn dark_note(
+    args: &RenderArgs,
+    film: &Film,
+    exposure: f32,
+    scene: &Scene,
+    said: &mut PrintedMessages,
+) -> Option<Warning> {
+    let note = darkness::note(film, exposure, scene, &args.scene)?;
+    if !args.quiet {
+        said.notes(std::slice::from_ref(&note));
+    }
+    Some(note)
 }
 
 /// Warns if the noise threshold was not reached.

@@ -12,6 +12,7 @@ use std::collections::{HashMap, HashSet};
 use std::fmt;
 use std::io::Write;
 use std::ops::Range;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A problem with its source location, as miette prints it.
 #[derive(Debug)]
@@ -110,12 +111,33 @@ fn theme() -> miette::GraphicalTheme {
 
 /// Prints a line on standard output. A closed pipe is not an error.
 pub(crate) fn print_line(line: &str) {
-    let _ = writeln!(std::io::stdout(), "{line}");
+    note_stdout(writeln!(std::io::stdout(), "{line}"));
 }
 
 /// Prints text without adding a line break.
 pub(crate) fn print_text(text: &str) {
-    let _ = std::io::stdout().write_all(text.as_bytes());
+    note_stdout(std::io::stdout().write_all(text.as_bytes()));
+}
+
+/// Something that was printed on standard output is lost.
+static IS_STDOUT_LOST: AtomicBool = AtomicBool::new(false);
+
+/// Says when standard output can't be written, once. Nobody listening any more is no error.
+pub(crate) fn note_stdout(written: std::io::Result<()>) {
+    let Err(error) = written else { return };
+    if error.kind() != std::io::ErrorKind::BrokenPipe && !IS_STDOUT_LOST.swap(true, Ordering::Relaxed) {
+        say!("error: standard output can't be written: {error}");
+    }
+}
+
+/// The exit code of a run, of which what was printed on standard output may be lost.
+pub(crate) fn code_with_stdout(code: u8) -> u8 {
+    // What is left in the buffer.
+    note_stdout(std::io::stdout().flush());
+    match IS_STDOUT_LOST.load(Ordering::Relaxed) {
+        true if code == 0 => 4,
+        _ => code,
+    }
 }
 
 /// Messages printed so far: frames of an animation print only new ones.

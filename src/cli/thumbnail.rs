@@ -1,8 +1,10 @@
+use super::args::bytes;
 use super::outcome::{Outcome, exit_code};
 use super::process::cancel_by_signals;
 use super::report;
 use super::report::{name_options_in_error, print_text};
 use super::scene_args::{StageArgs, check_scene_path};
+use super::watchdog::{Limits, Watchdog};
 use clap::Args;
 use oscura::error::{Error, Result};
 use oscura::film::AovSet;
@@ -18,7 +20,7 @@ use std::env;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 // `oscura thumb`: small pictures of many models.
 
@@ -90,8 +92,13 @@ fn all(args: &ThumbArgs, targets: &[PathBuf], cancel: &CancelHandle) -> Result<O
     Ok(Outcome::Failed(worst))
 }
 
+/// Limits for file managers, which ask for the picture of any model that is in view.
+const LIMITS: &str = "--time-limit 60 --memory-limit 4G";
+
 /// Makes one; false if it was stopped.
 fn one(args: &ThumbArgs, model: &Path, target: &Path, cancel: &CancelHandle) -> Result<bool> {
+    let time = args.time_limit.map(|seconds| Duration::from_secs(seconds.into()));
+    let _watchdog = Watchdog::begin(Limits { time, memory: args.memory_limit }, model);
     check_scene_path(model)?;
     check_target(target)?;
     refuse_part(model, target, &[model.to_path_buf()])?;
@@ -171,7 +178,7 @@ fn size(longer: u32, loaded: &Loaded) -> (u32, u32) {
 
 #[derive(Args, Debug)]
 pub(crate) struct ThumbArgs {
-    /// Models or scenes: .gltf, .glb, .obj, .ply, .toml or .blend.
+    /// Models or scenes: .gltf, .glb, .vrm, .obj, .ply, .stl, .zip, .toml or .blend.
     #[arg(required = true, value_name = "MODEL")]
     pub models: Vec<PathBuf>,
     /// Output folder for the thumbnails, MODEL.png each [default: next to each model].
@@ -189,7 +196,13 @@ pub(crate) struct ThumbArgs {
     /// Number of threads [default: one per core].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_negative_numbers = true)]
     pub threads: Option<u16>,
-    /// Let glTF and OBJ files refer to files outside their folder.
+    /// Most seconds for each model; the program ends when one takes longer.
+    #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
+    pub time_limit: Option<u32>,
+    /// Most memory, such as 2G or 500M; the program ends when a model takes more.
+    #[arg(long, value_name = "SIZE", value_parser = bytes)]
+    pub memory_limit: Option<u64>,
+    /// Let glTF and OBJ files and sidecars refer to files outside their folder.
     #[arg(long)]
     pub allow_external: bool,
     /// Print errors only.
@@ -216,11 +229,13 @@ pub(crate) struct ThumbnailerArgs {
 // (the thumbnailers of GNOME and Xfce, and the shared MIME database of freedesktop.org).
 
 /// Types of models: name, what people call it, extension, and what such files begin with, if that is the same for all.
-const TYPES: [(&str, &str, &str, Option<&str>); 4] = [
+const TYPES: [(&str, &str, &str, Option<&str>); 6] = [
     ("model/gltf-binary", "glTF model (binary)", "glb", Some("glTF")),
     ("model/gltf+json", "glTF model", "gltf", None),
     ("model/obj", "Wavefront OBJ model", "obj", None),
     ("model/x-ply", "PLY model or point cloud", "ply", Some("ply")),
+    ("model/stl", "STL model", "stl", None),
+    ("model/vrm", "VRM avatar", "vrm", None),
 ];
 
 /// The program that reads the folder of types anew.
@@ -337,7 +352,7 @@ fn thumbnailer(program: &Path) -> String {
     // The specification has no quotes in TryExec.
     let (tried, run) = (value(&program), value(&quoted(&program)));
     format!(
-        "[Thumbnailer Entry]\nTryExec={tried}\nExec={run} thumb --quiet --size %s --file %o %i\nMimeType={};\n",
+        "[Thumbnailer Entry]\nTryExec={tried}\nExec={run} thumb --quiet {LIMITS} --size %s --file %o %i\nMimeType={};\n",
         names.join(";")
     )
 }
@@ -394,7 +409,7 @@ mod tests {
         };
         let path = r#"/opt/50% $off `a` "b" c\d/oscura"#;
         let program = r#""/opt/50%% \\$off \\`a\\` \\"b\\" c\\\\d/oscura""#;
-        assert_eq!(line(path, "Exec="), format!("{program} thumb --quiet --size %s --file %o %i"));
+        assert_eq!(line(path, "Exec="), format!("{program} thumb --quiet {LIMITS} --size %s --file %o %i"));
         assert_eq!(line(path, "TryExec="), r#"/opt/50% $off `a` "b" c\\d/oscura"#);
         assert!(line("/usr/bin/oscura", "Exec=").starts_with("\"/usr/bin/oscura\" thumb"));
     }

@@ -35,10 +35,11 @@ pub fn find(geometries: &Geometries, materials: &[CompiledMaterial]) -> Emitters
     emitters
 }
 
-/// The emission that light sampling serves. Emission of surfaces with alpha, or that depends on the view direction, is found only by
-/// paths that hit them.
+/// The emission that light sampling serves. Emission of surfaces with alpha, or that depends on the view direction or on the colours of
+/// vertices, is found only by paths that hit them.
 fn sampled_emission(material: &CompiledMaterial) -> Option<CompiledEmission> {
-    material.emission.filter(|_| material.alpha.is_none() && !material.shines_by_viewer)
+    let is_plain = material.alpha.is_none() && !material.shines_by_viewer && !material.shines_by_vertex();
+    material.emission.filter(|_| is_plain)
 }
 
 impl Emitters {

@@ -196,6 +196,12 @@ fn usable(map: Option<NormalMap>, textures: &CompiledTextures) -> Option<NormalM
 }
 
 impl CompiledMaterial {
+    /// Is its emission multiplied by the colours of vertices, as that of unlit models is?
+    #[inline]
+    pub fn shines_by_vertex(&self) -> bool {
+        self.uses_vertex_colors && self.class == BsdfClass::Black
+    }
+
     pub(super) fn new(material: &Material, textures: &CompiledTextures, shading: ShadingModel) -> Self {
         let model = fold_model(&material.model, textures);
         let is_absent_from_behind = !material.double_sided && !is_transmissive(&model);
@@ -209,7 +215,6 @@ impl CompiledMaterial {
         let is_textured = has_texture(&model, |id| textures.spectrum(id).is_none());
         let is_spectral = shading.spectral
             && (has_texture(&model, |id| textures.spectrum(id).is_some()) || program.depends_on_wavelength());
-        let uses_vertex_colors = material.use_vertex_colors && class != BsdfClass::Black;
         let coat = model.pbr().and_then(|pbr| pbr.clearcoat);
         let coat_normal_map = usable(coat.and_then(|c| c.normal_map), textures);
         let is_hair = matches!(model, Model::Hair { .. });
@@ -222,7 +227,7 @@ impl CompiledMaterial {
             || normal.is_some()
             || emission.is_some_and(|e| e.radiance.texture.is_some())
             || alpha.is_some_and(|a| a.slot.texture.is_some());
-        let is_constant = !is_textured && !uses_vertex_colors && !uses_frame;
+        let is_constant = !is_textured && !material.use_vertex_colors && !uses_frame;
         let example = is_constant.then(|| program.evaluate(&Factors, &LocalFrame::STRAIGHT));
         let constant = example.filter(|_| !is_spectral);
         let medium = Medium::of(&model, class, material.medium.as_ref());
@@ -247,7 +252,7 @@ impl CompiledMaterial {
             normal,
             alpha,
             presence: presence.filter(|p| *p != Presence::FULL),
-            uses_vertex_colors,
+            uses_vertex_colors: material.use_vertex_colors,
             depends_on_viewer: has_texture(&model, |id| textures.depends_on_viewer(id)),
             shines_by_viewer: emission.and_then(|e| e.radiance.texture).is_some_and(differs),
             reads_hit: material.textures().any(|id| textures.reads_hit(id)),

@@ -354,11 +354,22 @@ impl Integrator<'_> {
                 slots.with_hit(hit_data.as_ref()).color(&emission.radiance)
             }
         };
+        let rgb = match material.shines_by_vertex() {
+            true => rgb * self.vertex_color(at),
+            false => rgb,
+        };
         match (wavelengths, &material.light_spectrum) {
             (None, _) => rgb,
             (Some(wavelengths), Some(spectrum)) => scaled(spectrum, rgb, wavelengths),
             (Some(wavelengths), None) => uplifted_light(rgb, wavelengths),
         }
+    }
+
+    /// The colour of the vertices around a hit.
+    #[cold]
+    fn vertex_color(&self, at: &HitPoint<'_>) -> Rgb {
+        let [r, g, b, _] = self.scene.geometries.coordinates(&at.surface, &at.hit, false, at.time).color;
+        Rgb::from_array([r, g, b])
     }
 
     /// The RGB BSDF of a surface, for AOVs.

@@ -9,6 +9,7 @@
 //! the transparency and the colour, where there are no such arrays (u32, f32, f32, 3 f32); 88 bytes of text. Segments are u16,
 //! one a strand; all else is f32, by point. A strand has a point more than it has segments. Thickness is the diameter.
 
+use super::files;
 use crate::math::{DAffine3, DVec3};
 use crate::scene::CurveBasis;
 use std::path::Path;
@@ -39,11 +40,7 @@ pub(super) struct CurveFile {
 /// Reads a file; an error is a sentence.
 pub(super) fn read(path: &Path) -> Result<CurveFile, String> {
     let name = path.display();
-    let size = std::fs::metadata(path).map_err(|e| format!("{name}: {e}"))?.len();
-    if size > MOST_BYTES {
-        return Err(format!("{name}: has {size} bytes, but at most {MOST_BYTES} are read"));
-    }
-    let bytes = std::fs::read(path).map_err(|e| format!("{name}: {e}"))?;
+    let bytes = files::read(path, MOST_BYTES).map_err(|e| format!("{name}: {e}"))?;
     parse(&bytes).map_err(|e| format!("{name}: {e}"))
 }
 

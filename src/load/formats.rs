@@ -1,6 +1,6 @@
 //! The types of files that hold models or scenes, by their extensions: the one table.
 
-use super::{LoadOptions, Loaded, gltf, obj, ply};
+use super::{LoadOptions, Loaded, gltf, obj, ply, stl};
 use crate::error::Result;
 use std::path::Path;
 
@@ -18,9 +18,15 @@ pub(super) struct ModelFormat {
 
 /// All of them.
 const MODELS: &[ModelFormat] = &[
-    ModelFormat { extensions: &["gltf", "glb"], load: gltf::load, is_gltf: true, leaves_up_open: false },
+    ModelFormat {
+        extensions: &["gltf", "glb", "vrm"],
+        load: gltf::load,
+        is_gltf: true,
+        leaves_up_open: false,
+    },
     ModelFormat { extensions: &["obj"], load: obj::load, is_gltf: false, leaves_up_open: true },
     ModelFormat { extensions: &["ply"], load: ply::load, is_gltf: false, leaves_up_open: true },
+    ModelFormat { extensions: &["stl"], load: stl::load, is_gltf: false, leaves_up_open: true },
 ];
 
 /// The extension of scene files.
@@ -29,13 +35,22 @@ const SCENE_FILE: &str = "toml";
 /// The extension of Blender's files.
 const BLENDER: &str = "blend";
 
+/// Extensions of files of other programs, which Blender imports.
+const OF_OTHERS: [&str; 7] = ["usd", "usda", "usdc", "usdz", "fbx", "abc", "dae"];
+
+/// The extension of archives that hold models.
+const ARCHIVE: &str = "zip";
+
+/// The extension that follows that of a compressed model: `scan.ply.gz`.
+const GZIP: &str = "gz";
+
 /// The format by the extension of a file.
 pub(super) enum Format {
     /// A model.
     Model(&'static ModelFormat),
     /// A scene file.
     SceneFile,
-    /// A file of Blender.
+    /// A file of Blender, or one that it imports.
     Blender,
     /// Nothing that can be rendered.
     Other,
@@ -47,21 +62,45 @@ pub(super) fn of(path: &Path) -> Format {
     if extension == SCENE_FILE {
         return Format::SceneFile;
     }
-    if extension == BLENDER {
+    if extension == BLENDER || OF_OTHERS.contains(&extension.as_str()) {
         return Format::Blender;
     }
     let model = MODELS.iter().find(|format| format.extensions.contains(&extension.as_str()));
     model.map_or(Format::Other, Format::Model)
 }
 
-/// A file's extension in lower case; empty without one.
+/// A file's extension in lower case; empty without one. Of compressed files it is that of what they hold.
 pub(super) fn extension(path: &Path) -> String {
-    path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase()
+    let last =
+        |path: &Path| path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    match last(path) {
+        gzip if gzip == GZIP => {
+            let inner = last(Path::new(path.file_stem().unwrap_or_default()));
+            if inner.is_empty() { gzip } else { inner }
+        }
+        extension => extension,
+    }
 }
 
-/// The extensions of models and last those of scene files and of Blender's.
+/// Is a file one of other programs that Blender imports?
+pub(super) fn is_of_others(path: &Path) -> bool {
+    OF_OTHERS.contains(&extension(path).as_str())
+}
+
+/// Does the name say that a file is an archive?
+pub(super) fn is_named_as_archive(path: &Path) -> bool {
+    extension(path) == ARCHIVE
+}
+
+/// The rank of a file among the models of an archive, the least first; `None` for what is no model.
+pub(super) fn rank_in_archives(path: &Path) -> Option<usize> {
+    let extension = extension(path);
+    MODELS.iter().position(|format| format.extensions.contains(&extension.as_str()))
+}
+
+/// The extensions of models and last those of archives, of scene files, of Blender's and of those that it imports.
 pub fn extensions() -> impl Iterator<Item = &'static str> {
-    model_extensions().chain([SCENE_FILE, BLENDER])
+    model_extensions().chain([ARCHIVE, SCENE_FILE, BLENDER]).chain(OF_OTHERS)
 }
 
 /// `.gltf, .glb, ...`: the extensions of models for a message.

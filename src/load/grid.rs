@@ -4,7 +4,7 @@
 //! (u32 each), channels (u32; 1 is read), the least and the greatest corner of the box (six f32), then the values (f32), those
 //! along x one after another, then those along y, then z.
 
-use super::vdb;
+use super::{files, vdb};
 use crate::math::DVec3;
 use crate::scene::Grid;
 use std::path::Path;
@@ -27,7 +27,7 @@ pub(super) struct GridChoice<'a> {
 pub(super) fn read(path: &Path, choice: GridChoice) -> Result<Grid, String> {
     let name = path.display().to_string();
     let extension = path.extension().map_or_else(String::new, |e| e.to_string_lossy().to_lowercase());
-    let bytes = std::fs::read(path).map_err(|e| format!("{name}: {e}"))?;
+    let bytes = files::read(path, files::MOST_DATA).map_err(|e| format!("{name}: {e}"))?;
     let grid = match extension.as_str() {
         "vdb" => vdb::parse(&bytes, &name, choice.name, (choice.is_z_up, choice.has_margin)),
         "nvdb" => {

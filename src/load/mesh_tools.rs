@@ -1,9 +1,11 @@
 //! Mesh helpers of the loaders: simple shapes, repair, distant coordinates, triangulation of polygons.
 
 use super::Loaded;
+use crate::color::linear_from_srgb;
 use crate::error::Warning;
-use crate::math::{DAffine3, DVec3, Vec2, all_finite};
+use crate::math::{DAffine3, DMat3, DVec3, Vec2, all_finite};
 use crate::scene::Mesh;
+use std::collections::HashMap;
 use std::path::Path;
 
 /// Counts of repairs in the meshes of a file.
@@ -13,6 +15,8 @@ pub(super) struct Repairs {
     triangles: usize,
     /// Texture coordinates and colours that were set to 0.
     attributes: usize,
+    /// Normals that were not finite.
+    normals: usize,
 }
 
 impl Repairs {
@@ -28,6 +32,9 @@ impl Repairs {
                 *p = [0.0; 3];
             }
         }
+        if !all_finite(mesh.normals.as_flattened()) {
+            self.normals += mesh.normals.iter().filter(|n| !all_finite(&n[..])).count();
+        }
         normalize_normals(mesh);
         self.triangles += before - mesh.triangles.len();
         self.attributes += clear_unusable(mesh);
@@ -35,11 +42,14 @@ impl Repairs {
 
     /// Warnings that count them.
     pub fn warnings(self, path: &Path) -> impl Iterator<Item = Warning> {
-        let Repairs { triangles, attributes } = self;
+        let Repairs { triangles, attributes, normals } = self;
         let dropped = format!("{triangles} triangles with corners that are not finite numbers were dropped");
         let zeroed =
             format!("{attributes} texture coordinates, colours or attributes that are not finite became 0");
-        let counted = [(triangles, dropped), (attributes, zeroed)].into_iter().filter(|(n, _)| *n > 0);
+        let turned = format!("{normals} normals that are not finite became those of faces");
+        let counted = [(triangles, dropped), (attributes, zeroed), (normals, turned)]
+            .into_iter()
+            .filter(|(n, _)| *n > 0);
         counted.map(|(_, message)| Warning::new(path, "", message))
     }
 }
@@ -55,6 +65,38 @@ pub(super) fn clear_unusable(mesh: &mut Mesh) -> usize {
         count += unusable.map(|x| *x = 0.0).count();
     }
     count
+}
+
+/// Colours of whole numbers up to at most this are no bytes: all of them would be nearly black.
+const LARGEST_LEVEL: f32 = 15.0;
+
+/// Vertex colours as shares of 1, which surfaces need that reflect no more than all light: whole numbers of which one is large are
+/// levels of 0 to 255 (sRGB-encoded where `is_encoded`), all others are clamped. Says what was done; numbers that are not finite
+/// stay.
+pub(super) fn bound_colors<const N: usize>(colors: &mut [[f32; N]], is_encoded: bool) -> Option<String> {
+    let beyond = |c: &&[f32; N]| c.iter().any(|v| *v < 0.0 || *v > 1.0);
+    let count = colors.iter().filter(beyond).count();
+    if count == 0 {
+        return None;
+    }
+    let levels = || colors.iter().flat_map(|c| &c[..3]).filter(|v| v.is_finite());
+    let (mut whole, largest) =
+        (levels().map(|v| v.fract() == 0.0 && *v >= 0.0), levels().copied().fold(0.0, f32::max));
+    let total = colors.len();
+    if whole.all(|is_whole| is_whole) && largest > LARGEST_LEVEL {
+        let alpha_scale = if colors.iter().any(|c| c.get(3).is_some_and(|a| *a > 1.0)) { 255.0 } else { 1.0 };
+        for color in colors {
+            for (channel, value) in color.iter_mut().enumerate() {
+                let share = (*value / if channel < 3 { 255.0 } else { alpha_scale }).clamp(0.0, 1.0);
+                *value = if is_encoded && channel < 3 { linear_from_srgb(share) } else { share };
+            }
+        }
+        return Some(format!(
+            "vertex colours are whole numbers up to {largest}: they are taken as levels of 0 to 255"
+        ));
+    }
+    colors.as_flattened_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, 1.0));
+    Some(format!("{count} of {total} vertex colours are beyond 0 to 1 and clamped"))
 }
 
 /// Gives normals unit length; a vertex whose normal has none gets the direction of one of its triangles.
@@ -82,6 +124,55 @@ pub(super) fn normalize_normals(mesh: &mut Mesh) {
             }
         }
     }
+}
+
+/// Gives each triangle's vertices its colour; those that triangles of other colours share are split.
+pub(super) fn color_triangles(mesh: &mut Mesh, colors: &[[f32; 4]]) {
+    let mut own: Vec<Option<[f32; 4]>> = vec![None; mesh.positions.len()];
+    let mut others: HashMap<(u32, [u32; 4]), u32> = HashMap::new();
+    for (triangle, color) in mesh.triangles.iter_mut().zip(colors) {
+        for vertex in triangle {
+            let old = *vertex as usize;
+            if *own[old].get_or_insert(*color) == *color {
+                continue;
+            }
+            *vertex = *others.entry((*vertex, color.map(f32::to_bits))).or_insert_with(|| {
+                own.push(Some(*color));
+                mesh.positions.push(mesh.positions[old]);
+                let normal = mesh.normals.get(old).copied();
+                mesh.normals.extend(normal);
+                mesh.uv_sets.iter_mut().for_each(|set| set.push(set[old]));
+                mesh.attributes.iter_mut().for_each(|attribute| attribute.push_copy(old));
+                // Not more than there are corners; those fit, or the mesh is refused.
+                (mesh.positions.len() - 1) as u32
+            });
+        }
+    }
+    mesh.colors = own.into_iter().map(|color| color.unwrap_or([1.0; 4])).collect();
+}
+
+/// A mesh under a transform that has no inverse, without its triangles that have no area then. What is flat has the normals
+/// of its faces.
+pub(super) fn flattened(mesh: &Mesh, transform: &DMat3) -> Mesh {
+    let moved = |p: &[f32; 3]| *transform * DVec3::from(p.map(f64::from));
+    let positions: Vec<[f32; 3]> = mesh.positions.iter().map(|p| moved(p).as_vec3().to_array()).collect();
+    let (normals, tangents) = (Vec::new(), Vec::new());
+    let mut flat = Mesh { positions, normals, tangents, triangles: Vec::new(), ..mesh.clone() };
+    let corners = |t: &[u32; 3]| t.map(|i| DVec3::from(flat.positions[i as usize].map(f64::from)));
+    let size = flat.positions.as_flattened().iter().fold(0f32, |size, x| size.max(x.abs()));
+    let least = f64::from(size * f32::EPSILON).powi(2);
+    let has_area = |t: &&[u32; 3]| {
+        let [a, b, c] = corners(t);
+        (b - a).cross(c - a).length() > least
+    };
+    for part in &mut flat.parts {
+        let first = flat.triangles.len() as u32;
+        let old = part.first_triangle as usize..(part.first_triangle + part.triangle_count) as usize;
+        flat.triangles.extend(mesh.triangles[old].iter().filter(has_area));
+        (part.first_triangle, part.triangle_count) = (first, flat.triangles.len() as u32 - first);
+    }
+    flat.parts.retain(|part| part.triangle_count > 0);
+    flat
 }
 
 /// The polygon faces of a shape in object space, counter-clockwise from outside.
@@ -352,6 +443,17 @@ mod tests {
     fn volume(mesh: &Mesh) -> f64 {
         let corner = |i: u32| DVec3::from(mesh.positions[i as usize].map(f64::from));
         mesh.triangles.iter().map(|t| corner(t[0]).dot(corner(t[1]).cross(corner(t[2]))) / 6.0).sum()
+    }
+
+    #[test]
+    fn faces_of_two_colors_share_no_vertices() {
+        let mut mesh = Mesh { positions: vec![[0.0; 3], [1.0; 3], [2.0; 3], [3.0; 3]], ..Mesh::default() };
+        mesh.triangles = vec![[0, 1, 2], [1, 2, 3], [0, 2, 3]];
+        let (red, blue) = ([1.0, 0.0, 0.0, 1.0], [0.0, 0.0, 1.0, 1.0]);
+        color_triangles(&mut mesh, &[red, blue, red]);
+        assert_eq!(mesh.triangles, [[0, 1, 2], [4, 5, 3], [0, 2, 6]]);
+        assert_eq!(mesh.colors, [red, red, red, blue, blue, blue, red]);
+        assert_eq!(mesh.positions[4..], [[1.0; 3], [2.0; 3], [3.0; 3]]);
     }
 
     #[test]

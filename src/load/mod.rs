@@ -1,10 +1,12 @@
-//! The only reader of files: glTF, OBJ, PLY, scene files (TOML), images and environments. A path goes in, a [`Scene`](crate::scene::Scene)
+//! The only reader of files: glTF, OBJ, PLY, STL, scene files (TOML), images and environments. A path goes in, a [`Scene`](crate::scene::Scene)
 //! with its warnings comes out, or one error with all the problems of the file.
 
 pub mod blender;
+mod contents;
 mod curves;
 mod decoders;
 mod displace;
+mod files;
 mod formats;
 pub mod gltf;
 mod grid;
@@ -21,8 +23,10 @@ mod shutter;
 pub mod sky;
 mod smooth;
 pub mod stage;
+mod stl;
 pub mod subdivide;
 mod subdivided;
+mod unpack;
 mod upright;
 mod vdb;
 mod words;
@@ -36,10 +40,12 @@ pub use upright::{Up, UpHint};
 use crate::error::{Choice, Error, Result, Warning};
 use formats::Format;
 use scene_file::sidecar::{self, Sidecar};
+use std::fs::File;
+use std::io::Read;
 use std::ops::ControlFlow;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-/// Loads a scene from a `.gltf`, `.glb`, `.obj`, `.ply`, `.toml` or `.blend` file; the extension says which it is
+/// Loads a scene from a `.gltf`, `.glb`, `.obj`, `.ply`, `.stl`, `.toml` or `.blend` file, or from a `.zip` with a model; the extension says which it is
 /// ([`extensions`]).
 ///
 /// # Errors
@@ -69,8 +75,62 @@ pub fn load_moments(
     load_each(path.as_ref(), options, moments.into_iter().map(Some), each)
 }
 
-/// The loader of all functions above; without a time (`None`) animations don't play.
+/// The loader of all functions above; without a time (`None`) animations don't play. Archives are unpacked for as long as it
+/// takes.
 fn load_each(
+    path: &Path,
+    options: &LoadOptions,
+    moments: impl IntoIterator<Item = Option<f64>>,
+    each: &mut dyn FnMut(&mut Loaded) -> Result<ControlFlow<()>>,
+) -> Result<()> {
+    if !is_archive(path)? {
+        return load_file(path, options, moments, each);
+    }
+    options.files.note(path);
+    let unpacked = unpack::Unpacked::new(path)?;
+    let inner = LoadOptions { files: SavedFiles::default(), ..options.clone() };
+    let of_archive = |file: &mut Option<PathBuf>| {
+        if unpacked.holds(file.as_ref()) {
+            *file = Some(path.to_path_buf());
+        }
+    };
+    let loaded = load_file(&unpacked.model, &inner, moments, &mut |loaded| {
+        let said = loaded.warnings.iter_mut().chain(&mut loaded.notes);
+        said.for_each(|warning| of_archive(&mut warning.file));
+        unpacked.keep_for(loaded);
+        each(loaded)
+    });
+    loaded.map_err(|mut error| {
+        of_archive(&mut error.file);
+        error
+    })
+}
+
+/// Is a file an archive with a model, whatever model its name promises? What else can't be a model is refused by its name.
+fn is_archive(path: &Path) -> Result<bool> {
+    let format = formats::of(path);
+    let is_named_so = formats::is_named_as_archive(path);
+    if !matches!(format, Format::Model(_)) && !is_named_so || !path.is_file() {
+        return Ok(false);
+    }
+    let mut start = Vec::new();
+    // What can't be read is said by the reader.
+    let _ = File::open(path).and_then(|file| file.take(contents::HEAD as u64).read_to_end(&mut start));
+    if unpack::is_archive(&start) {
+        return Ok(true);
+    }
+    let is_meant = matches!(format, Format::Model(model) if model.is_gltf) && start.starts_with(b"glTF");
+    match contents::of(&start).filter(|_| !is_meant && !start.starts_with(files::GZIP)) {
+        Some(contents::Content { what, remedy }) => {
+            Err(Error::input(path, format!("is {what}")).with_help(remedy))
+        }
+        None if is_named_so => Err(Error::input(path, "is no ZIP archive")),
+        None => Ok(false),
+    }
+}
+
+/// Loads a file that is no archive.
+fn load_file(
     path: &Path,
     options: &LoadOptions,
     moments: impl IntoIterator<Item = Option<f64>>,
@@ -135,21 +195,22 @@ pub fn load_frames(
     Ok(())
 }
 
-/// Does its name say that a file is one of Blender?
+/// Does its name say that a file is one of Blender, or one that Blender imports (USD, FBX, Alembic, Collada)?
 pub fn is_of_blender(path: impl AsRef<Path>) -> bool {
     matches!(formats::of(path.as_ref()), Format::Blender)
 }
 
 /// Does its name say that a file is a scene?
 pub fn is_named_as_scene(path: impl AsRef<Path>) -> bool {
-    !matches!(formats::of(path.as_ref()), Format::Other)
+    !matches!(formats::of(path.as_ref()), Format::Other) || formats::is_named_as_archive(path.as_ref())
 }
 
 /// How to get a scene from a file of another program, by its extension.
 fn conversion_hint(extension: &str) -> String {
     let way = match extension {
-        "fbx" | "dae" | "3ds" | "max" | "ma" | "mb" | "c4d" | "abc" | "usd" | "usda" | "usdc" | "usdz"
-        | "stl" => "import it into Blender and export it as glTF (.glb)",
+        "3ds" | "max" | "ma" | "mb" | "c4d" | "skp" | "step" | "stp" | "3mf" | "x3d" | "wrl" | "lwo" => {
+            "convert it to glTF (.glb), USD or FBX in the program that wrote it"
+        }
         "exr" | "hdr" | "png" | "jpg" | "jpeg" => "it is a picture, not a scene",
         _ => {
             return format!("oscura renders models ({}) and scene files (.toml)", formats::models_in_words());
@@ -209,7 +270,7 @@ fn complete(
     // Subdivision is complete; the meshes of the next moment differ.
     loaded.polygons = subdivide::Polygons::default();
     displace::apply(loaded);
-    loaded.is_model = model.is_some();
+    loaded.is_model = model.is_some() || formats::is_of_others(path);
     stage::complete(loaded, &options.stage, options.brings_environment);
     let problems = loaded.scene.validate();
     if problems.is_empty() { Ok(()) } else { Err(Error::input_problems(path, problems)) }

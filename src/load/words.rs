@@ -9,6 +9,27 @@ pub(super) fn next_word(text: &[u8]) -> Option<(&[u8], &[u8])> {
     Some(text.split_at(length))
 }
 
+/// Is a word no number, as programs write one: `nan`, and those of the Windows runtime (`1.#IND`, `-nan(ind)`, `1.#QNAN`,
+/// `1.#INF`)?
+pub(super) fn is_no_number(word: &[u8]) -> bool {
+    let word = word.strip_prefix(b"-").or(word.strip_prefix(b"+")).unwrap_or(word).to_ascii_lowercase();
+    let rest = word.strip_prefix(b"nan");
+    let is_nan = rest.is_some_and(|r| r.is_empty() || r.starts_with(b"(") && r.ends_with(b")"));
+    let mark = word.iter().position(|&b| b == b'#').map(|at| &word[at..]);
+    let is_of_windows =
+        |mark: &[u8]| [&b"#ind"[..], b"#qnan", b"#snan", b"#inf"].iter().any(|m| mark.starts_with(m));
+    is_nan || word.starts_with(b"1.#") && mark.is_some_and(is_of_windows)
+}
+
+/// The remedy, for a message, where numbers of a line have decimal commas; else nothing.
+pub(super) fn decimal_commas(line: &[u8]) -> &'static str {
+    let is_between = |w: &[u8]| w[1] == b',' && w[0].is_ascii_digit() && w[2].is_ascii_digit();
+    match line.windows(3).any(is_between) {
+        true => ": these have decimal commas; export the file with decimal points (LC_NUMERIC=C)",
+        false => "",
+    }
+}
+
 /// Does UTF-16 text begin like that: with a byte order mark, or with a zero byte after each letter?
 pub(super) fn is_utf_16(start: &[u8]) -> bool {
     let is_letter = |pair: &[u8]| matches!(pair, [0, 1..=127] | [1..=127, 0]);
@@ -36,7 +57,17 @@ pub(super) fn integer(word: &[u8]) -> Option<i64> {
 
 #[cfg(test)]
 mod tests {
-    use super::integer;
+    use super::*;
+
+    #[test]
+    fn what_windows_writes_for_no_number() {
+        for word in ["nan", "-NaN", "1.#IND", "-1.#IND00", "1.#QNAN", "-nan(ind)", "1.#INF"] {
+            assert!(is_no_number(word.as_bytes()), "{word}");
+        }
+        for word in ["1.5", "nano", "1.#X", "#IND", "inf", ""] {
+            assert!(!is_no_number(word.as_bytes()), "{word}");
+        }
+    }
 
     #[test]
     fn signs_and_lengths() {

@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use std::ffi::OsString;
 use std::fs::File;
 use std::io::{BufWriter, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 use std::{fs, io};
 use tempfile::NamedTempFile;
@@ -59,6 +59,7 @@ pub(super) fn write_with(path: &Path, write: &mut dyn FnMut(&mut dyn Write) -> i
 /// # Errors
 /// As for [`write_atomically`].
 pub(super) fn place(temporary: NamedTempFile, path: &Path) -> Result<()> {
+    let path = &followed(path);
     let synced = temporary.as_file().sync_all();
     synced.and_then(|()| Ok(temporary.persist(path)?)).map_err(|e| failure(path, &e))?;
     // The rename itself becomes durable with the folder; some systems can't sync folders, and lose nothing else by it.
@@ -104,9 +105,32 @@ const SUFFIX: &str = ".tmp";
 /// How the names of temporary files for a target begin.
 fn hidden_prefix(path: &Path) -> Option<OsString> {
     let mut hidden = OsString::from(".");
-    hidden.push(path.file_name()?);
+    let name = path.file_name()?;
+    if name.len() <= LONGEST {
+        hidden.push(name);
+    } else {
+        // A name may be as long as its system allows, and this one is longer.
+        let name = name.to_string_lossy();
+        let end = (0..=LONGEST).rev().find(|&at| name.is_char_boundary(at)).unwrap_or(0);
+        hidden.push(&name[..end]);
+    }
     hidden.push(".");
     Some(hidden)
+}
+
+/// Bytes of a target's name that its temporary file has in its own, of the 255 that most systems allow.
+const LONGEST: usize = 200;
+
+/// The file that a path leads to: that of a symbolic link, which stays, or the path itself.
+fn followed(path: &Path) -> PathBuf {
+    /// Links that lead to links.
+    const MOST: usize = 40;
+    let mut path = path.to_path_buf();
+    for _ in 0..MOST {
+        let Ok(link) = fs::read_link(&path) else { break };
+        path = folder_of(&path).join(link);
+    }
+    path
 }
 
 fn folder_of(path: &Path) -> &Path {
@@ -116,6 +140,7 @@ fn folder_of(path: &Path) -> &Path {
 /// A file with a name of its own in the folder of the target; it goes when dropped. It is made like any other file, so
 /// that who may read the picture is decided as everywhere (by the umask).
 pub(super) fn create(path: &Path) -> Result<NamedTempFile> {
+    let path = &followed(path);
     let hidden = hidden_prefix(path).ok_or_else(|| Error::output(path, "is not a file name"))?;
     tempfile::Builder::new()
         .prefix(&hidden)
@@ -204,5 +229,28 @@ mod tests {
         remove_leftovers(&at("c.part"));
         let left = [".c.part.new.tmp", ".d.part.a1.tmp", "c.part", ".c.part.a.b.tmp"];
         assert!(left.iter().all(|name| at(name).exists()) && !at(".c.part.a1B2.tmp").exists());
+    }
+
+    #[test]
+    fn long_names_and_links_are_kept() {
+        let folder = tempfile::tempdir().expect("a folder");
+        for name in ["a".repeat(251) + ".png", "\u{e4}".repeat(125) + ".png"] {
+            let path = folder.path().join(&name);
+            check_target(&path).unwrap_or_else(|e| panic!("{e}"));
+            write_atomically(&path, b"1").unwrap_or_else(|e| panic!("{e}"));
+            assert_eq!(fs::read(&path).expect("there"), b"1");
+        }
+        if cfg!(unix) {
+            fs::create_dir(folder.path().join("real")).expect("made");
+            fs::write(folder.path().join("real/a.png"), b"old").expect("written");
+            for (link, target) in [("link.png", "real/a.png"), ("new.png", "real/b.png")] {
+                let (link, target) = (folder.path().join(link), folder.path().join(target));
+                #[cfg(unix)]
+                std::os::unix::fs::symlink(target.strip_prefix(folder.path()).expect("inside"), &link)
+                    .expect("linked");
+                write_atomically(&link, b"new").unwrap_or_else(|e| panic!("{e}"));
+                assert!(link.is_symlink() && fs::read(&target).expect("there") == b"new");
+            }
+        }
     }
 }

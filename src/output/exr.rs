@@ -150,10 +150,15 @@ fn parts(
     };
     let planes: Vec<_> =
         planes(film, options).into_par_iter().map(|plane| (plane.name, samples(plane))).collect();
+    let is_b44 = matches!(options.encoding().compression, Compression::B44 | Compression::B44A);
     let mut parts: Vec<(String, Vec<_>)> = Vec::new();
     for (name, (samples, count)) in planes {
         *clamped += count;
-        let channel = AnyChannel::new(text(&options.name_of(name)), samples);
+        let mut channel = AnyChannel::new(text(&options.name_of(name)), samples);
+        if is_b44 {
+            // As exponents of themselves alpha and data lose precision: an alpha of 1 comes back as 0.9976.
+            channel.quantize_linearly = false;
+        }
         let part = options.part_of(name);
         match parts.iter_mut().find(|(name, _)| *name == part) {
             Some((_, channels)) => channels.push(channel),

@@ -340,3 +340,40 @@ fn what_is_kept_is_said_and_deleted() {
     assert_eq!((code(&deleted), stdout(&deleted)), (0, "kept: 1 files of 1.0 MiB deleted\n".to_string()));
     assert!(!ours.exists() && place.path("kept/mine.oscura").exists());
 }
+
+/// A box and lamps in centimetres, and in a USD file nothing else: Blender imports it, and the radius of the bulb is 10 cm, not 10 m.
+const USD: &str = r#"#usda 1.0
+(
+    defaultPrim = "World"
+    metersPerUnit = 0.01
+    upAxis = "Y"
+)
+def Xform "World"
+{
+    def Cube "box" { double size = 100 }
+    def SphereLight "bulb" {
+        float inputs:radius = 10
+        float inputs:intensity = 100
+        double3 xformOp:translate = (0, 300, 100)
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+    }
+    def DistantLight "sun" { float inputs:angle = 2 }
+}
+"#;
+
+#[test]
+fn files_of_other_programs_come_through_blender() {
+    let Some(python) = python_with_bpy() else {
+        return skip("bpy", "neither OSCURA_BLENDER nor python3 has the module bpy");
+    };
+    let folder = tempfile::tempdir().expect("a folder");
+    fs::write(folder.path().join("room.usda"), USD).expect("written");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_oscura"));
+    command.current_dir(folder.path()).env("OSCURA_BLENDER", python);
+    let output = command.args(["inspect", "room.usda", "--json"]).output().expect("the program starts");
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let text = report.to_string();
+    assert!(text.contains("imported by Blender") && text.contains("1 meshes, 2 lamps"), "{text}");
+    assert!(text.contains("its radius is 0.1 m"), "{text}");
+}

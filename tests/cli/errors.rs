@@ -22,7 +22,7 @@ fn usage_errors_exit_with_2_before_any_work() {
         &["render", "a.gltf", "-o", "a.exr", "--aov", "depth,colour"],
         &["render", "a.gltf", "-o", "a.exr", "--no-such-option"],
         &["render", "a.gltf", "-o", "a.png", "-o", "./a.png"],
-        &["render", "a.gltf", "-o", "a.exr", "--width", "60000", "--height", "60000"],
+        &["render", "a.gltf", "-o", "a.exr", "--width", "65536", "--height", "65536"],
         &["render", "a.gltf", "-o", "a.exr", "--exposure", "101"],
         &["render", "a.gltf", "-o", "a.exr", "--exposure", "NaN"],
         &["render", "a.gltf", "-o", "a.exr", "--env-strength", "-1"],

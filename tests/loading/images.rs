@@ -58,7 +58,7 @@ fn broken_and_missing_textures_of_a_scene_file_are_errors_at_their_line() {
     let whole = png(64, 64);
     let cut = load_files(&[("s.toml", SCENE.as_bytes()), ("a.png", &whole[..whole.len() / 2])]);
     let shown = cut.expect_err("a cut picture").to_string();
-    assert!(shown.contains("line 2") && shown.contains("a.png: can't be read as an image"), "{shown}");
+    assert!(shown.contains("line 2") && shown.contains("a.png: is cut short"), "{shown}");
     let missing = load_files(&[("s.toml", SCENE.as_bytes())]).expect_err("no picture").to_string();
     assert!(missing.contains("line 2") && missing.contains("a.png: can't be read"), "{missing}");
 }
@@ -178,7 +178,7 @@ fn damage_inside_large_images_is_told_as_that_of_small_ones() {
     let loaded = load_files_kept(&[("s.toml", SCENE.as_bytes()), ("a.png", cut)]);
     let error = compile(&loaded.0.scene, &CompileOptions::default()).map(drop).expect_err("a cut picture");
     let shown = error.to_string();
-    assert!(shown.contains("line 2") && shown.contains("a.png: can't be read as an image"), "{shown}");
+    assert!(shown.contains("line 2") && shown.contains("a.png: is cut short"), "{shown}");
     assert!(error.source_text.is_some());
     let mtl = "newmtl m\nKd .5 .5 .5\nmap_Kd a.png\n";
     let obj = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3\n";

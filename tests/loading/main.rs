@@ -1,5 +1,6 @@
 //! Everything that reads files: each format's corners, real and damaged files, and what fuzzing found.
 
+mod archives;
 mod curves;
 mod gltf;
 mod images;

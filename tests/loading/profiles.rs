@@ -147,7 +147,7 @@ fn broken_lights_with_profiles_are_named() {
         (lamps(file.clone(), json!({"light": 0, "multiplier": -1})), "negative"),
         (lamps(file, json!({"light": 0, "color": [1]})), "EXT_lights_ies/color"),
         (lamps(json!({}), json!({"light": 0})), "neither a uri nor a bufferView"),
-        (lamps(json!({"uri": "none.ies"}), json!({"light": 0})), "can't be read"),
+        (lamps(json!({"uri": "none.ies"}), json!({"light": 0})), "is missing"),
         (lamps(json!({"uri": "a.bin"}), json!({"light": 0})), "TILT="),
     ] {
         let asset = if words == "TILT=" { without_text(asset) } else { asset };

@@ -505,3 +505,47 @@ fn sheets_of_glass_bend_light_unless_thin_ones_are_asked_for() {
         }
     }
 }
+
+/// A model may come from anywhere, and its sidecar with it: that reads files of the folder, and no devices or pipes.
+#[test]
+fn sidecars_read_regular_files_of_the_folder() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let inside = folder.path().join("model");
+    std::fs::create_dir(&inside).expect("made");
+    std::fs::write(inside.join("a.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").expect("written");
+    std::fs::write(folder.path().join("secret.png"), b"?").expect("written");
+    let refusal = |toml: &str, allow_external| {
+        std::fs::write(inside.join("a.oscura.toml"), toml).expect("written");
+        let options = LoadOptions { allow_external, ..LoadOptions::default() };
+        load(inside.join("a.obj"), &options).expect_err("it is refused").to_string()
+    };
+    let names = [
+        "[environment]\nimage = \"NAME\"",
+        "[[objects]]\nmesh = \"NAME\"",
+        "[[lights]]\nname = \"a\"\npoint = { position = [0, 0, 0], ies = \"NAME\" }",
+        "[[curves]]\nmaterial = \"default\"\nfile = \"NAME\"",
+        "[render]\nview = \"NAME.csp\"",
+        "[environment]\nfog = { density = 1 }\nbackground = [0, 0, 0]\n[materials.m]\ntype = \"dielectric\"\n\
+         medium = { density = 1, grid = \"NAME\" }\n[[objects]]\nmaterial = \"m\"\nsphere = { center = [0, 0, 0], radius = 1 }",
+    ];
+    for text in names {
+        for name in ["/dev/zero", "../secret.png", "//server/share/a.png"] {
+            let error = refusal(&text.replace("NAME", name), false);
+            assert!(error.contains("leads out of the folder of the model"), "{text}: {error}");
+            assert!(error.contains("allow"), "{error}");
+        }
+    }
+    if cfg!(unix) {
+        let error = refusal(&names[0].replace("NAME", "/dev/zero"), true);
+        assert!(error.contains("a device or a pipe"), "{error}");
+        let pipe = inside.join("pipe.obj");
+        let made = std::process::Command::new("mkfifo").arg(&pipe).status();
+        assert!(made.is_ok_and(|status| status.success()));
+        let link = inside.join("link.png");
+        std::os::unix::fs::symlink("/dev/zero", &link).expect("linked");
+        for (text, name) in [(names[0], "pipe.obj"), (names[1], "pipe.obj"), (names[0], "link.png")] {
+            let error = refusal(&text.replace("NAME", name), false);
+            assert!(error.contains("a device or a pipe"), "{name}: {error}");
+        }
+    }
+}

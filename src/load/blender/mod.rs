@@ -1,4 +1,4 @@
-//! Files of Blender (.blend): Blender itself, or a Python that has its module `bpy`, runs the program's own exporter
+//! Files of Blender (.blend), and those of other programs that it imports (USD, FBX, Alembic, Collada): Blender itself, or a Python that has its module `bpy`, runs the program's own exporter
 //! (`tools/blender/oscura_blender`) without a window, which writes a `.glb` and an `.oscura.toml` beside it.
 //!
 //! Such files can hold scripts. They are opened with scripts off, with Blender's factory settings and offline.
@@ -10,8 +10,9 @@ pub use crate::load::options::BlenderOptions;
 pub use cache::default_cache;
 
 use super::scene_file::sidecar::{self, Sidecar};
-use super::{LoadOptions, Loaded, SavedFiles, ShutterOptions, gltf};
+use super::{LoadOptions, Loaded, SavedFiles, ShutterOptions, formats, gltf};
 use crate::error::{Error, Result, Warning};
+use crate::scene::{Environment, Settings};
 use std::fs;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
@@ -88,6 +89,9 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
             warning.file = Some(path.to_path_buf());
         }
     }
+    if formats::is_of_others(path) {
+        leave_out_defaults(&mut loaded);
+    }
     loaded.scene.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let given = |w: &Warning| Warning { file: Some(path.to_path_buf()), ..w.clone() };
     loaded.warnings.splice(0..0, exported.warnings.iter().map(given));
@@ -95,7 +99,18 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     Ok(loaded)
 }
 
+/// Takes out what an import has by Blender's defaults: a black world, and settings of pictures.
+fn leave_out_defaults(loaded: &mut Loaded) {
+    let scene = &mut loaded.scene;
+    if scene.environment == Environment::Constant([0.0; 3]) {
+        scene.environment = Environment::Black;
+    }
+    scene.settings = Settings::default();
+}
+
 fn read(exported: &Exported, options: &LoadOptions) -> Result<Loaded> {
+    // What was exported just now may name the pictures where they are.
+    let options = &LoadOptions { allow_external: true, ..options.clone() };
     let text = sidecar::text_for(&exported.model, options)?;
     let sidecar = text.as_ref().map(Sidecar::parse);
     let options = &sidecar.as_ref().map_or_else(|| options.clone(), |s| s.reader_options(options));

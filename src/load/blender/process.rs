@@ -1,7 +1,7 @@
 //! Runs the exporter.
 
 use crate::error::{Choice, Error, Result};
-use crate::load::{LoadOptions, ShutterPosition};
+use crate::load::{LoadOptions, ShutterPosition, formats};
 use serde::Deserialize;
 use std::ffi::{OsStr, OsString};
 use std::fs::File;
@@ -28,6 +28,7 @@ const PACKAGE: &[(&str, &str)] = &[
     ("facing.py", include_str!("../../../tools/blender/oscura_blender/facing.py")),
     ("fingerprint.py", include_str!("../../../tools/blender/oscura_blender/fingerprint.py")),
     ("flat.py", include_str!("../../../tools/blender/oscura_blender/flat.py")),
+    ("foreign.py", include_str!("../../../tools/blender/oscura_blender/foreign.py")),
     ("geometry.py", include_str!("../../../tools/blender/oscura_blender/geometry.py")),
     ("glasses.py", include_str!("../../../tools/blender/oscura_blender/glasses.py")),
     ("glb.py", include_str!("../../../tools/blender/oscura_blender/glb.py")),
@@ -74,6 +75,10 @@ const PACKAGE: &[(&str, &str)] = &[
 /// What starts it.
 const SCRIPT: &str = include_str!("../../../tools/blender/export.py");
 
+/// What starts it for files of other programs, and what the import of those has to say.
+const IMPORT: &str = include_str!("../../../tools/blender/import.py");
+const IMPORTED: &str = "imported.json";
+
 /// Lines of what a failed child printed that an error shows.
 const SHOWN: usize = 12;
 
@@ -87,7 +92,7 @@ pub(super) fn run(
     links: bool,
 ) -> Result<Report> {
     let unwritable = |e: std::io::Error| Error::output(work, format!("can't be written: {e}"));
-    let script = unpack(work).map_err(unwritable)?;
+    let script = unpack(work, formats::is_of_others(file)).map_err(unwritable)?;
     let (log, answer) = (work.join("log.txt"), work.join("report.json"));
     let output = File::create(&log).and_then(|f| Ok((f.try_clone()?, f))).map_err(unwritable)?;
     let mut command = command(host, &script);
@@ -103,7 +108,16 @@ pub(super) fn run(
     let status = command.status().map_err(|e| Error::input(file, format!("{program} can't be run: {e}")))?;
     let report = fs::read(&answer).ok().and_then(|bytes| Report::parse(&bytes));
     match report {
-        Some(report) if status.success() && report.error.is_none() => Ok(report),
+        Some(mut report) if status.success() && report.error.is_none() => {
+            let imported = fs::read(work.join(IMPORTED)).ok().and_then(|bytes| Report::parse(&bytes));
+            if let Some(imported) = imported {
+                // Models from elsewhere need no camera.
+                report.warnings.retain(|(_, message)| message != "has no active camera");
+                report.warnings.splice(0..0, imported.warnings);
+                report.notes.splice(0..0, imported.notes);
+            }
+            Ok(report)
+        }
         Some(Report { error: Some(error), .. }) => {
             Err(Error::input(file, format!("can't be exported from Blender: {error}")))
         }
@@ -112,12 +126,13 @@ pub(super) fn run(
 }
 
 /// Writes the exporter; gives what to run.
-fn unpack(work: &Path) -> std::io::Result<PathBuf> {
+fn unpack(work: &Path, is_of_others: bool) -> std::io::Result<PathBuf> {
     let package = work.join("oscura_blender");
     fs::create_dir(&package)?;
     PACKAGE.iter().try_for_each(|(name, text)| fs::write(package.join(name), text))?;
-    let script = work.join("export.py");
-    fs::write(&script, SCRIPT)?;
+    let (name, text) = if is_of_others { ("import.py", IMPORT) } else { ("export.py", SCRIPT) };
+    let script = work.join(name);
+    fs::write(&script, text)?;
     Ok(script)
 }
 

@@ -4,6 +4,7 @@ use super::document::{DecodedAccessor, Document, pointer};
 use super::meshopt;
 use super::report::{Report, Valid};
 use crate::error::Choice;
+use crate::load::files;
 use base64::engine::{DecodePaddingMode, Engine, GeneralPurpose, GeneralPurposeConfig};
 use base64::{DecodeError, alphabet};
 use gltf::json::accessor::{ComponentType, Type};
@@ -12,7 +13,7 @@ use gltf::json::{Buffer, accessor, buffer};
 use percent_encoding::percent_decode;
 use serde_json::Value;
 use std::borrow::Cow;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
 /// The bytes of a buffer view.
 #[derive(Clone, Copy)]
@@ -119,34 +120,39 @@ impl<'a> Document<'a> {
 
     /// The bytes that a URI leads to.
     pub fn fetch(&self, uri: &str, at: &str, report: &mut Report) -> Valid<FetchedFile<'a>> {
-        match resolve_uri(uri, self.path, self.allow_external) {
+        match self.locate(uri, at, report) {
             Ok(Target::Embedded { mime, bytes }) => Ok(FetchedFile { bytes: bytes.into(), mime, file: None }),
-            Ok(Target::File(path)) => {
-                self.files.note(&path);
-                match std::fs::read(&path) {
-                    Ok(bytes) => {
-                        self.note_read(bytes.len());
-                        Ok(FetchedFile { bytes: bytes.into(), mime: None, file: Some(path) })
-                    }
-                    Err(e) => {
-                        let message = format!("the file {} can't be read: {e}", path.display());
-                        Err(report.problem(at, message))
-                    }
+            Ok(Target::File(path)) => match files::read(&path, files::MOST_DATA) {
+                Ok(bytes) => {
+                    self.note_read(bytes.len());
+                    Ok(FetchedFile { bytes: bytes.into(), mime: None, file: Some(path) })
                 }
-            }
+                Err(message) => Err(report.problem(at, format!("the file {} {message}", path.display()))),
+            },
             Err(message) => Err(report.problem(at, message)),
         }
     }
 
-    /// The file that a URI leads to, if it is not there.
-    pub fn missing_file(&self, uri: &str) -> Option<PathBuf> {
-        match resolve_uri(uri, self.path, self.allow_external) {
-            Ok(Target::File(path)) if !path.exists() => {
-                self.files.note(&path);
-                Some(path)
+    /// What a URI leads to, recorded among the files of the scene.
+    ///
+    /// # Errors
+    /// Says why it leads nowhere.
+    pub fn locate(&self, uri: &str, at: &str, report: &mut Report) -> Result<Target, String> {
+        let target = resolve_uri(uri, self.path, self.allow_external);
+        match &target {
+            Ok(Target::Embedded { .. }) => {}
+            Ok(Target::File(path)) => {
+                self.files.note(path);
+                let is_plain = path.components().eq(files::beside(self.path, &plain(uri)).components());
+                if !is_plain {
+                    let message = format!("'{}' is taken to mean {}", shortened(uri), path.display());
+                    report.note(at, message);
+                }
             }
-            _ => None,
+            // It may come.
+            Err(_) => self.files.note(files::beside(self.path, &plain(uri))),
         }
+        target
     }
 }
 
@@ -446,8 +452,8 @@ pub(super) enum Target {
     File(PathBuf),
 }
 
-/// Resolves a URI reference of the asset at `asset`. A reference must stay inside the asset's folder unless
-/// `allow_external`.
+/// Resolves a URI reference of the asset at `asset` to data, or to a file that exists: in the asset's folder unless
+/// `allow_external`. Exporters write plain paths for URIs, of other systems and of machines where the file was.
 ///
 /// # Errors
 /// The error message about a URI, with help.
@@ -455,29 +461,48 @@ pub(super) fn resolve_uri(uri: &str, asset: &Path, allow_external: bool) -> Resu
     if let Some(rest) = strip_scheme(uri, "data:") {
         return embedded(rest);
     }
-    if let Some(scheme) = scheme(uri) {
+    let missing = match files::find_any(asset, &readings(uri), allow_external) {
+        Ok(path) => return Ok(Target::File(path)),
+        Err(message) => message,
+    };
+    // Drives of Windows look like schemes of one letter.
+    if let Some(scheme) = scheme(uri).filter(|scheme| scheme.len() > 1) {
         return Err(format!(
             "'{}' has the scheme '{scheme}:', but only files beside the asset and data: URIs are read; \
-             download the file and refer to it by a relative path",
+             download the file and put it beside the asset",
             shortened(uri)
         ));
     }
-    let decoded = percent_decoded(uri.as_bytes())
-        .ok_or_else(|| format!("'{}' has a broken percent sequence", shortened(uri)))?;
-    let decoded = String::from_utf8(decoded)
-        .map_err(|_| format!("'{}' is not UTF-8 after percent decoding", shortened(uri)))?;
-    if decoded.is_empty() || decoded.contains('\0') {
+    let path = plain(uri);
+    if path.is_empty() || path.contains('\0') {
         return Err(format!("'{}' names no file", shortened(uri)));
     }
-    let relative = Path::new(&decoded);
-    if !allow_external && leaves_folder(relative) {
+    if !allow_external && files::leaves(Path::new(&path)) {
         return Err(format!(
             "'{}' leads out of the asset's folder; move the file beside the asset, or permit it by {}",
             shortened(uri),
             Choice::AllowExternal
         ));
     }
-    Ok(Target::File(asset.parent().unwrap_or(Path::new("")).join(relative)))
+    let is_text = percent_decoded(uri.as_bytes()).is_none_or(|bytes| String::from_utf8(bytes).is_ok());
+    Err(match is_text {
+        true => format!("the file {} is missing", files::beside(asset, &path).display()),
+        false => format!("'{}' is not UTF-8 after percent decoding, and {missing}", shortened(uri)),
+    })
+}
+
+/// The path that a URI means, as the specification has it; as it stands where it is no URI.
+fn plain(uri: &str) -> String {
+    percent_decoded(uri.as_bytes()).and_then(|b| String::from_utf8(b).ok()).unwrap_or_else(|| uri.to_string())
+}
+
+/// What a URI may mean, the likeliest first: the path in it, itself as a path, and both without a query and a fragment
+/// (`a.png?v=1`, `a.png#x`).
+fn readings(uri: &str) -> Vec<String> {
+    let path = uri.split(['?', '#']).next().unwrap_or_default();
+    let mut readings = vec![plain(uri), uri.to_string(), plain(path), path.to_string()];
+    readings.dedup();
+    readings
 }
 
 /// The URI, cut to a length that fits a message.
@@ -501,23 +526,6 @@ fn scheme(uri: &str) -> Option<&str> {
     (starts && letters.all(|c| c.is_ascii_alphanumeric() || "+-.".contains(c))).then_some(scheme)
 }
 
-/// Does a relative path climb above where it starts, or start elsewhere?
-fn leaves_folder(path: &Path) -> bool {
-    let mut depth = 0i64;
-    for part in path.components() {
-        match part {
-            Component::Normal(_) => depth += 1,
-            Component::CurDir => {}
-            Component::ParentDir => depth -= 1,
-            Component::RootDir | Component::Prefix(_) => return true,
-        }
-        if depth < 0 {
-            return true;
-        }
-    }
-    false
-}
-
 /// What follows `data:` (RFC 2397).
 fn embedded(rest: &str) -> Result<Target, String> {
     let (head, payload) = rest.split_once(',').ok_or("the data: URI has no comma before its data")?;
@@ -526,7 +534,10 @@ fn embedded(rest: &str) -> Result<Target, String> {
         None => (head, false),
     };
     let bytes = if is_base64 {
-        base64_decoded(payload.as_bytes()).map_err(|e| format!("the data: URI is not valid base64: {e}"))?
+        // Some writers break its lines, and escape what URIs may not hold.
+        let text = percent_decoded(payload.as_bytes()).unwrap_or_else(|| payload.into());
+        let text: Vec<u8> = text.into_iter().filter(|byte| !byte.is_ascii_whitespace()).collect();
+        base64_decoded(&text).map_err(|e| format!("the data: URI is not valid base64: {e}"))?
     } else {
         percent_decoded(payload.as_bytes()).ok_or("the data: URI has a broken percent sequence")?
     };
@@ -572,6 +583,7 @@ mod tests {
             assert_eq!(bytes, plain.as_bytes());
         }
         assert_eq!(embedded_bytes("DATA:;base64,_-8="), Ok(vec![0xff, 0xef]));
+        assert_eq!(embedded_bytes("data:;base64,Zm9v\r\n Ym%3D%3d\n"), Ok(b"foob".to_vec()));
         for broken in ["data:;base64,Z", "data:;base64,Zm9*", "data:;base64", "data:,%4", "data:;base64,Zm=v"]
         {
             assert!(embedded_bytes(broken).is_err(), "{broken}");
@@ -586,15 +598,44 @@ mod tests {
     }
 
     #[test]
-    fn paths() {
-        let file = |uri: &str| resolve_uri(uri, Path::new("dir/a.gltf"), false);
-        assert_eq!(file("b%20c/d.bin"), Ok(Target::File("dir/b c/d.bin".into())));
-        assert_eq!(file("b/../d.bin"), Ok(Target::File("dir/b/../d.bin".into())));
-        for refused in
-            ["../d.bin", "b/../../d", "/etc/passwd", "%2e%2e/d", "http://a/b", "file:///b", "%ff", "%zz", ""]
-        {
-            assert!(file(refused).is_err(), "{refused}");
+    fn what_is_no_uri_is_found_all_the_same() {
+        let outer = tempfile::tempdir().expect("a folder");
+        let folder = outer.path().join("model");
+        std::fs::create_dir_all(folder.join("b c")).expect("made");
+        for name in ["b c/d.bin", "50%off.png", "a+b#c.png", "Case.PNG", "../secret.bin"] {
+            std::fs::write(folder.join(name), "").expect("written");
         }
-        assert!(resolve_uri("../d.bin", Path::new("dir/a.gltf"), true).is_ok());
+        let asset = folder.join("a.gltf");
+        let found = |uri: &str| resolve_uri(uri, &asset, false);
+        for (uri, name) in [
+            ("b%20c/d.bin", "b c/d.bin"),
+            ("b%20c/../b c/d.bin", "b c/../b c/d.bin"),
+            ("b%20c\\d.bin", "b c/d.bin"),
+            ("b c%5Cd.bin", "b c/d.bin"),
+            ("b c/d.bin?v=1", "b c/d.bin"),
+            ("b%20c/d.bin#x", "b c/d.bin"),
+            ("a+b#c.png", "a+b#c.png"),
+            ("50%off.png", "50%off.png"),
+            ("case.png", "Case.PNG"),
+            ("file:///C:/proj/b%20c/d.bin", "b c/d.bin"),
+            ("C:\\proj\\b c\\d.bin", "b c/d.bin"),
+            ("/home/me/proj/case.png", "Case.PNG"),
+            ("../elsewhere/50%off.png", "50%off.png"),
+        ] {
+            assert_eq!(found(uri), Ok(Target::File(folder.join(name))), "{uri}");
+        }
+        for (uri, why) in [
+            ("../secret.bin", "leads out"),
+            ("%2e%2e/secret.bin", "leads out"),
+            ("/etc/passwd", "leads out"),
+            ("http://a/b", "scheme 'http:'"),
+            ("file:///b", "scheme 'file:'"),
+            ("%ff", "not UTF-8"),
+            ("%zz", "is missing"),
+            ("", "names no file"),
+        ] {
+            assert!(found(uri).expect_err(uri).contains(why), "{uri}");
+        }
+        assert!(resolve_uri("../secret.bin", &asset, true).is_ok());
     }
 }

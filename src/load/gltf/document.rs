@@ -5,7 +5,7 @@ use super::report::{Report, Valid};
 use crate::error::{Choice, Error, Problem, Result};
 use crate::load::decoders::Decoder;
 use crate::load::options::GltfOptions;
-use crate::load::words::is_utf_16;
+use crate::load::words::{is_no_number, is_utf_16};
 use crate::load::{LoadOptions, SavedFiles};
 use gltf::json::accessor::ComponentType;
 use gltf::{Glb, binary};
@@ -60,7 +60,7 @@ const BUDGET_PER_BYTE: u64 = 64;
 impl<'a> Document<'a> {
     /// A document of a file of `size` bytes.
     pub fn new(path: &'a Path, parts: Parts<'a>, size: usize, options: &'a LoadOptions) -> Document<'a> {
-        let Parts { json, binary } = parts;
+        let Parts { json, binary, .. } = parts;
         let count = |list: &str| json.get(list).and_then(Value::as_array).map_or(0, Vec::len);
         let buffers = (0..count("buffers")).map(|_| OnceCell::new()).collect();
         let views = (0..count("bufferViews")).map(|_| OnceCell::new()).collect();
@@ -280,6 +280,40 @@ pub(super) struct Parts<'a> {
     pub json: Value,
     /// The binary chunk of a GLB.
     pub binary: Option<Cow<'a, [u8]>>,
+    /// Words in the place of numbers that were none, and became 0.
+    pub repaired: usize,
+}
+
+/// JSON with 0 for words that programs write for what is no number (`NaN`, `-nan(ind)`, `1.#QNAN`, `Infinity`), and how many.
+fn without_no_numbers(text: &[u8]) -> (Vec<u8>, usize) {
+    let (mut out, mut count, mut at) = (Vec::with_capacity(text.len()), 0, 0);
+    let is_end = |b: &u8| b.is_ascii_whitespace() || b",]}:{[\"".contains(b);
+    while let Some(&byte) = text.get(at) {
+        let length = match byte {
+            b'"' => string_length(&text[at..]),
+            _ if is_end(&byte) => 1,
+            _ => text[at..].iter().position(is_end).unwrap_or(text.len() - at),
+        };
+        let word = &text[at..at + length];
+        let unsigned = word.strip_prefix(b"-").unwrap_or(word).to_ascii_lowercase();
+        let is_none = is_no_number(word) || matches!(&unsigned[..], b"infinity" | b"inf" | b"1.#inf");
+        count += usize::from(is_none);
+        out.extend(if is_none { b"0" } else { word });
+        at += length;
+    }
+    (out, count)
+}
+
+/// The length of a JSON string with its quotation marks.
+fn string_length(text: &[u8]) -> usize {
+    let mut at = 1;
+    while let Some(&byte) = text.get(at) {
+        at += if byte == b'\\' { 2 } else { 1 };
+        if byte == b'"' {
+            break;
+        }
+    }
+    at.min(text.len())
 }
 
 /// Splits a `.gltf` or `.glb` file, distinguished by content, into JSON and binary chunk.
@@ -295,12 +329,19 @@ pub(super) fn open<'a>(path: &Path, bytes: &'a [u8]) -> Result<Parts<'a>> {
     if is_utf_16(text) {
         return Err(Error::input(path, "is UTF-16 text").with_help("save the file as UTF-8"));
     }
-    let json: Value = serde_json::from_slice(text)
-        .map_err(|e| Error::input(path, format!("is not a glTF file: its JSON can't be read: {e}")))?;
+    let (json, repaired): (Value, usize) = match serde_json::from_slice(text) {
+        Ok(json) => (json, 0),
+        Err(e) => {
+            let (mended, count) = without_no_numbers(text);
+            let json = serde_json::from_slice(&mended).ok().filter(|_| count > 0);
+            let broken = || Error::input(path, format!("is not a glTF file: its JSON can't be read: {e}"));
+            (json.ok_or_else(broken)?, count)
+        }
+    };
     if !json.is_object() {
         return Err(Error::input(path, "is not a glTF file: its JSON is not an object"));
     }
-    Ok(Parts { json, binary })
+    Ok(Parts { json, binary, repaired })
 }
 
 /// The JSON chunk and the binary chunk.

@@ -110,17 +110,36 @@ fn without_scale(transform: &DAffine3) -> Option<DAffine3> {
 ///
 /// Blender's exporter writes candela and lux in its default mode; its mode "Unitless" leaves the factor of 683 out,
 /// and its mode "Raw" also that of 4 pi between the watts of a lamp and its intensity.
-fn divisors(units: LightUnits) -> (f64, f64) {
-    match units {
+fn divisors(doc: &Document) -> (f64, f64) {
+    match doc.options.light_units {
+        LightUnits::Auto if engine(doc).is_some() => (1.0, 1.0),
         LightUnits::Auto | LightUnits::Spec => (LUMENS_PER_WATT, LUMENS_PER_WATT),
         LightUnits::Compat => (1.0, 1.0),
         LightUnits::Raw => (4.0 * PI, 1.0),
     }
 }
 
+/// Engines in which light of intensity pi makes white surfaces white, and whose exporters write that number for candela and lux: by
+/// what the generator of their files contains.
+const ENGINES: [(&str, &str); 7] = [
+    ("THREE", "three.js"),
+    ("babylon", "Babylon.js"),
+    ("Unity", "Unity"),
+    ("Godot", "Godot"),
+    ("PlayCanvas", "PlayCanvas"),
+    ("Sketchfab", "Sketchfab"),
+    ("Needle", "Needle Engine"),
+];
+
+/// The engine that wrote the file, if it is one of those.
+fn engine(doc: &Document) -> Option<&'static str> {
+    let generator = doc.json.pointer("/asset/generator").and_then(Value::as_str)?;
+    ENGINES.iter().find(|(part, _)| generator.contains(part)).map(|&(_, name)| name)
+}
+
 /// Divisor from luminance (cd/m2) to radiance (W/sr/m2).
 pub(super) fn lumens_per_watt(doc: &Document) -> f64 {
-    divisors(doc.options.light_units).1
+    divisors(doc).1
 }
 
 /// Falloff of spot lights: Blender's in its files, which KHR_lights_punctual can't express, unless the user
@@ -139,6 +158,11 @@ pub(super) fn note_units(doc: &Document, lights: usize, report: &mut Report) {
         return;
     }
     let message = match doc.options.light_units {
+        LightUnits::Auto if engine(doc).is_some() => format!(
+            "the intensities of {lights} lights are taken as W/sr and W/m2, as {} means them, which wrote the file ({})",
+            engine(doc).unwrap_or_default(),
+            Choice::LightUnits
+        ),
         LightUnits::Auto => {
             let origin = if doc.is_from_blender() {
                 ", Blender's default for exporting watts, and spot lights fade as in Blender"
@@ -179,7 +203,7 @@ pub(super) fn punctual_light(doc: &Document, node: &Node, index: usize, report: 
     let color = numbers_of(raw, "color", &at, report)?.unwrap_or([1.0; 3]);
     let strength = number_of(raw, "intensity", &at, report)?.unwrap_or(1.0);
     let is_directional = raw.get("type").and_then(Value::as_str) == Some("directional");
-    let (local, directional) = divisors(doc.options.light_units);
+    let (local, directional) = divisors(doc);
     let divisor = if is_directional { directional } else { local };
     let intensity = color.map(|c| (c * strength / divisor) as f32);
     if intensity.iter().any(|i| !(i.is_finite() && *i >= 0.0)) {

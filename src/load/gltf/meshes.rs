@@ -8,7 +8,7 @@ use super::materials::Materials;
 use super::report::{Report, Valid};
 use super::vertices::{Attributes, Deformation, add_vertices, attributes};
 use crate::error::Problem;
-use crate::load::mesh_tools::{clear_unusable, normalize_normals};
+use crate::load::mesh_tools::{bound_colors, clear_unusable, normalize_normals};
 use crate::load::options::GltfOptions;
 use crate::math::all_finite;
 use crate::scene::{MaterialId, Mesh, MeshPart};
@@ -22,27 +22,6 @@ use std::collections::HashMap;
 /// The extensions by which the largest index begins another strip or fan. `EXT_mesh_primitive_restart` first had lists of primitives
 /// that may be drawn as one: those are read one by one, which is the same.
 const RESTARTS: [&str; 2] = ["KHR_mesh_primitive_restart", "EXT_mesh_primitive_restart"];
-
-/// Primitives of a file without surface, which are skipped.
-#[derive(Default)]
-pub(super) struct SkippedPrimitives {
-    /// By mesh, the numbers of primitives that are points and lines.
-    by_mesh: HashMap<usize, [usize; 2]>,
-}
-
-impl SkippedPrimitives {
-    /// Says so.
-    pub fn warn(&self, report: &mut Report) {
-        for (kind, what) in ["points", "lines"].into_iter().enumerate() {
-            let count: usize = self.by_mesh.values().map(|counts| counts[kind]).sum();
-            if count > 0 {
-                let message =
-                    format!("{count} primitives are {what}, which have no surface, and are skipped");
-                report.warn("/meshes", message);
-            }
-        }
-    }
-}
 
 /// A mesh under construction, of primitives with the same kinds of attributes.
 struct Group {
@@ -59,8 +38,6 @@ pub(super) struct MeshReader<'b, 'a> {
     pub doc: &'b Document<'a>,
     /// The materials, built on first use.
     pub materials: &'b mut Materials,
-    /// Primitives that are skipped.
-    pub skipped: &'b mut SkippedPrimitives,
     /// Problems and warnings.
     pub report: &'b mut Report,
     /// How the mesh is deformed.
@@ -74,12 +51,11 @@ impl MeshReader<'_, '_> {
         let Ok(json) = doc.entry::<gltf::json::Mesh>("meshes", index, from, self.report) else {
             return Vec::new();
         };
-        let (mut groups, mut skipped) = (Vec::<Group>::new(), [0; 2]);
+        let mut groups = Vec::<Group>::new();
         for (i, primitive) in json.primitives.iter().enumerate() {
             let at = format!("{}/primitives/{i}", pointer("meshes", index));
-            self.add_primitive(primitive, &at, &mut groups, &mut skipped);
+            self.add_primitive(primitive, &at, &mut groups);
         }
-        self.skipped.by_mesh.insert(index, skipped);
         let raw = doc.raw("meshes", index, from, self.report);
         let name = raw.map(|raw| name_of(raw, "mesh", index)).unwrap_or_default();
         let finish = |group: Group| {
@@ -91,19 +67,13 @@ impl MeshReader<'_, '_> {
         groups.into_iter().map(finish).filter(|mesh| !mesh.triangles.is_empty()).collect()
     }
 
-    fn add_primitive(
-        &mut self,
-        primitive: &Primitive,
-        at: &str,
-        groups: &mut Vec<Group>,
-        skipped: &mut [usize; 2],
-    ) {
+    fn add_primitive(&mut self, primitive: &Primitive, at: &str, groups: &mut Vec<Group>) {
         match primitive.mode {
             Checked::Invalid => {
                 self.report.problem(format!("{at}/mode"), "is no mode of glTF 2.0 (0 to 6)");
             }
-            Checked::Valid(Mode::Points) => skipped[0] += 1,
-            Checked::Valid(Mode::Lines | Mode::LineLoop | Mode::LineStrip) => skipped[1] += 1,
+            // They have no surface, and are no meshes of the scene.
+            Checked::Valid(Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip) => {}
             Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) => {
                 // What is wrong with a primitive doesn't concern the others.
                 let _: Valid<()> = self.add_triangles(primitive, mode, at, groups);
@@ -143,7 +113,7 @@ impl MeshReader<'_, '_> {
             }
         };
         if attributes.colors.is_some() {
-            self.materials.use_vertex_colors(material, at, self.report);
+            self.materials.use_vertex_colors(material);
         }
         let from = format!("{at}/indices");
         let indices = match primitive.indices {
@@ -250,21 +220,45 @@ pub(super) fn append_triangles(
             _ => {}
         }
     }
-    let added: &mut [u32] = bytemuck::cast_slice_mut(&mut triangles[first..]);
+    let added: &[u32] = bytemuck::cast_slice(&triangles[first..]);
     let largest = added.iter().copied().max();
     if let Some(largest) = largest.filter(|&i| i as usize >= vertices) {
-        let at = indices.map_or(at, |a| &a.pointer);
-        let message = format!("holds the index {largest}, but there are {vertices} vertices");
+        let at = indices.map_or(at, |a| &a.pointer).to_string();
         let is_restart = mode != Mode::Triangles && indices.is_some_and(|a| restart_index(a) == largest);
-        let help = "where that index begins another strip or fan, the file must say so in \
-                    extensionsUsed and extensionsRequired: KHR_mesh_primitive_restart";
-        triangles.truncate(first);
-        let problem = Problem::new(at, message);
-        return Err(report.add(if is_restart { problem.with_help(help) } else { problem }));
+        let message = format!("holds the index {largest}, but there are {vertices} vertices");
+        drop_beyond(triangles, first, vertices, Problem::new(at, message), is_restart, report)?;
     }
     if base > 0 {
+        let added: &mut [u32] = bytemuck::cast_slice_mut(&mut triangles[first..]);
         added.iter_mut().for_each(|i| *i += base);
     }
+    Ok(())
+}
+
+/// Drops the triangles from `first` on that use vertices which the primitive lacks, with a warning by what is wrong; where
+/// none would be left, or the file may mean something else by such indices, that is a problem.
+fn drop_beyond(
+    triangles: &mut Vec<[u32; 3]>,
+    first: usize,
+    vertices: usize,
+    wrong: Problem,
+    is_restart: bool,
+    report: &mut Report,
+) -> Valid<()> {
+    let is_there = |t: &[u32; 3]| t.iter().all(|&i| (i as usize) < vertices);
+    let (count, kept) = (triangles.len() - first, triangles[first..].iter().filter(|t| is_there(t)).count());
+    if is_restart || kept == 0 {
+        triangles.truncate(first);
+        let help = "where that index begins another strip or fan, the file must say so in \
+                    extensionsUsed and extensionsRequired: KHR_mesh_primitive_restart";
+        return Err(report.add(if is_restart { wrong.with_help(help) } else { wrong }));
+    }
+    let mut number = 0;
+    triangles.retain(|t| {
+        number += 1;
+        number <= first || is_there(t)
+    });
+    report.warn(wrong.place, format!("{}: {} triangles are dropped", wrong.message, count - kept));
     Ok(())
 }
 
@@ -326,6 +320,9 @@ fn repair(mesh: &mut Mesh, at: &str, report: &mut Report) {
     let zeroed = clear_unusable(mesh);
     if zeroed > 0 {
         report.warn(at, format!("{zeroed} texture coordinates or colours that are not finite became 0"));
+    }
+    if let Some(what) = bound_colors(&mut mesh.colors, false) {
+        report.warn(at, what);
     }
     if !all_finite(mesh.tangents.as_flattened()) {
         mesh.tangents.clear();

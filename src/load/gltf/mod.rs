@@ -20,6 +20,7 @@ mod meshes;
 mod meshopt;
 mod nodes;
 mod pointers;
+mod points_lines;
 mod report;
 mod scene_builder;
 mod shutter;
@@ -30,10 +31,9 @@ pub use crate::load::options::{Glass, GltfOptions, LightUnits};
 
 pub(super) use blender_export::warn_of_losses;
 
-use super::{EmptyNode, LoadOptions, Loaded};
+use super::{EmptyNode, LoadOptions, Loaded, files};
 use crate::error::{Error, Result, Warning};
 use crate::scene::Scene;
-use crate::simd::prefer_huge_pages;
 use animation::Pose;
 use document::{Document, pointer};
 use nodes::NodeParents;
@@ -43,7 +43,6 @@ use report::Report;
 use scene_builder::{SceneBuilder, SharedAssets, StaticMesh};
 use serde_json::Value;
 use shutter::ShutterSamples;
-use std::io::Read;
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -73,10 +72,16 @@ pub(super) fn load_moments(
     each: &mut dyn FnMut(&mut Loaded) -> Result<ControlFlow<()>>,
 ) -> Result<()> {
     options.files.note(path);
-    let bytes = read_file(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))?;
+    let bytes = files::read_model(path)?;
     let parts = document::open(path, &bytes)?;
+    let repaired = parts.repaired;
     let mut doc = Document::new(path, parts, bytes.len(), options);
     let (mut report, mut shared) = (Report::new(path), SharedAssets::default());
+    if repaired > 0 {
+        let message =
+            format!("its JSON holds {repaired} numbers that are none (NaN and the like); they became 0");
+        report.lasting(|report| report.warn("", message));
+    }
     shared.materials.geometry_only = options.geometry_only;
     let mut pointer_animation = PointerAnimation::default();
     for time_s in moments {
@@ -85,7 +90,7 @@ pub(super) fn load_moments(
             doc.begin_time();
             pointer_animation.play(&mut doc, time_s, shared, &mut report);
             let moments = ShutterSamples::read(&doc, time_s, options, shared, &mut report);
-            at(&doc, time_s, moments.as_ref(), shared, &mut report)
+            at(&doc, options, time_s, moments.as_ref(), shared, &mut report)
         };
         let mut moment = read(&mut shared)?;
         if shared.forget_lost_textures() {
@@ -100,22 +105,10 @@ pub(super) fn load_moments(
     Ok(())
 }
 
-/// All bytes of a file.
-fn read_file(path: &Path) -> std::io::Result<Vec<u8>> {
-    let mut file = std::fs::File::open(path)?;
-    let mut bytes = Vec::new();
-    // The length is a guess only: what the file really holds is read.
-    let length = file.metadata().map_or(0, |m| m.len());
-    if bytes.try_reserve_exact(usize::try_from(length).unwrap_or(0)).is_ok() {
-        prefer_huge_pages(&mut bytes);
-    }
-    file.read_to_end(&mut bytes)?;
-    Ok(bytes)
-}
-
 /// The scene at a time, seconds; `None` is the file's rest pose.
 fn at(
     doc: &Document,
+    options: &LoadOptions,
     time_s: Option<f64>,
     moments: Option<&ShutterSamples>,
     shared: &mut SharedAssets,
@@ -135,6 +128,7 @@ fn at(
     let empties = hierarchy.empties(doc).into_iter().map(empty).collect();
     let left_out = left_out(doc, &builder, hierarchy.scene, &pose);
     let has_area_lights = builder.has_area_lights();
+    let points_and_lines = std::mem::take(&mut builder.points_and_lines);
     let (mut scene, still) = builder.finish(report);
     image_light::light(doc, hierarchy.scene, (&mut scene, shared), report);
     moments.into_iter().for_each(|moments| moments.tell(&mut scene, report));
@@ -152,7 +146,8 @@ fn at(
     let (warnings, notes) = (named(report.warnings()), named(report.notes()));
     let stand_ins = materials::stand_ins(&scene.materials);
     let said = Loaded { warnings, notes, left_out, ..Loaded::default() };
-    let loaded = Loaded { scene, empties, blender, has_area_lights, stand_ins, ..said };
+    let mut loaded = Loaded { scene, empties, blender, has_area_lights, stand_ins, ..said };
+    points_and_lines.add(doc, options, &mut loaded)?;
     Ok((loaded, still))
 }
 

@@ -246,7 +246,7 @@ pub(super) fn local(node: &Value, pose: Option<&NodePose>, at: &str, report: &mu
     let moves = pose.is_some_and(|p| p.translation.is_some() || p.rotation.is_some() || p.scale.is_some());
     let transform = if node.get("matrix").is_some() {
         if ["translation", "rotation", "scale"].iter().any(|key| node.get(key).is_some()) {
-            return Err(report.problem(at, "has a matrix and also a translation, rotation or scale"));
+            report.warn(at, "has a matrix and also a translation, rotation or scale; the matrix counts");
         }
         if moves {
             report.warn(format!("{at}/matrix"), "an animated node must not have a matrix; the matrix counts");
@@ -291,7 +291,8 @@ fn rotation(node: &Value, at: &str, report: &mut Report) -> Valid<DQuat> {
     let rotation = DQuat::from_array(rotation);
     let length = rotation.length();
     if !(length > 1e-6 && length.is_finite()) {
-        return Err(report.problem(format!("{at}/rotation"), "is no rotation: a unit quaternion is needed"));
+        report.warn(format!("{at}/rotation"), "is no unit quaternion; it is left out");
+        return Ok(DQuat::IDENTITY);
     }
     if (length - 1.0).abs() > 1e-3 {
         report.warn(format!("{at}/rotation"), format!("has the length {length:.4}; it was normalised"));
@@ -407,14 +408,14 @@ pub(super) fn placements(
         let rotation = DQuat::from_array(r.map(f64::from)).normalize();
         let [translation, scale] = [t, s].map(|v| DVec3::from_array(v.map(f64::from)));
         let placement = DAffine3::from_scale_rotation_translation(scale, rotation, translation);
-        if placement.is_finite() && placement.matrix3.determinant() != 0.0 {
+        if placement.is_finite() {
             list.push(placement);
         } else {
             unusable += 1;
         }
     }
     if unusable > 0 {
-        report.warn(at, format!("{unusable} instances are flattened or not finite, and left out"));
+        report.warn(at, format!("{unusable} instances are not finite, and left out"));
     }
     Ok(Some(list))
 }

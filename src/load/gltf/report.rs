@@ -87,6 +87,23 @@ impl Report {
         Reported(())
     }
 
+    /// Runs `work` for something that the file can do without: its first problem is returned, and is none of the file.
+    ///
+    /// # Errors
+    /// The problem.
+    pub fn apart<T>(&mut self, work: impl FnOnce(&mut Report) -> Valid<T>) -> Result<T, Problem> {
+        let (problems, unlisted) = (std::mem::take(&mut self.problems), self.unlisted);
+        let result = work(self);
+        let own = std::mem::replace(&mut self.problems, problems);
+        self.unlisted = unlisted;
+        for problem in &own {
+            self.seen.remove(&(problem.place.clone(), problem.message.clone()));
+        }
+        // What was noted before is noted once.
+        let known = || Problem::new("", "can't be read: what it refers to has a problem of its own");
+        result.map_err(|_| own.into_iter().next().unwrap_or_else(known))
+    }
+
     /// Notes a warning.
     pub fn warn(&mut self, pointer: impl Into<String>, message: impl Into<String>) -> Reported {
         self.say(Severity::Warning, pointer.into(), message.into());

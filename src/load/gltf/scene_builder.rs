@@ -4,12 +4,14 @@ use super::animation::{Pose, WeightsPose};
 use super::document::Document;
 use super::lights::{AreaLight, Profiles};
 use super::materials::Materials;
-use super::meshes::{MeshReader, SkippedPrimitives};
+use super::meshes::MeshReader;
 use super::nodes::{Hierarchy, Node, NodeParents};
+use super::points_lines::PointsAndLines;
 use super::report::{Report, Valid};
 use super::vertices::{Deformation, SkinPose};
 use super::{lights, textures, vertices};
 use crate::image::Image;
+use crate::load::mesh_tools;
 use crate::math::DAffine3;
 use crate::scene::{Instance, Mesh, MeshId, Motion, Scene};
 use serde_json::Value;
@@ -46,6 +48,8 @@ pub(super) struct SceneBuilder<'b, 'a> {
     meshes_by_key: HashMap<MeshKey, Vec<MeshId>>,
     /// Area lights; their materials come after all others.
     area_lights: Vec<AreaLight>,
+    /// What of the shown meshes has no surface.
+    pub points_and_lines: PointsAndLines,
 }
 
 impl<'b, 'a> SceneBuilder<'b, 'a> {
@@ -66,6 +70,7 @@ impl<'b, 'a> SceneBuilder<'b, 'a> {
             is_shutter_sample: false,
             meshes_by_key,
             area_lights,
+            points_and_lines: PointsAndLines::default(),
         }
     }
 
@@ -95,7 +100,6 @@ impl<'b, 'a> SceneBuilder<'b, 'a> {
         }
         let punctual = self.scene.lights.iter().filter(|light| light.profile.is_none()).count();
         lights::note_units(self.doc, punctual + self.area_lights.len(), report);
-        self.shared.skipped.warn(report);
     }
 
     fn add_mesh(
@@ -111,10 +115,6 @@ impl<'b, 'a> SceneBuilder<'b, 'a> {
                 let from = format!("{}/skin", node.pointer());
                 let world = node.world_from_node;
                 Some(vertices::skin_pose(self.doc, index, &from, world, self.node_parents, report)?)
-            }
-            None if node.world_from_node.matrix3.determinant() == 0.0 => {
-                return Err(report
-                    .warn(node.pointer(), "flattens its mesh to nothing (a scale of 0); it is left out"));
             }
             None => None,
         };
@@ -134,12 +134,24 @@ impl<'b, 'a> SceneBuilder<'b, 'a> {
             (None, Some(instances)) => instances.iter().map(|i| node.world_from_node * *i).collect(),
         };
         let name = hierarchy.path(self.doc, entry);
-        let motion = self.motion(node, mesh);
+        let is_flat = placements.iter().any(|place| place.matrix3.determinant() == 0.0);
+        let motion = match self.motion(node, mesh) {
+            Motion::Moves if is_flat => Motion::Deforms,
+            motion => motion,
+        };
         let raw = self.doc.json.pointer(&node.pointer());
         let traits = raw.map(|raw| lights::object_traits(raw, &node.pointer(), report)).unwrap_or_default();
         let group = raw.and_then(|raw| lights::light_group(raw, &node.pointer(), report));
+        for place in &placements {
+            let read = (self.doc, &mut self.shared.materials);
+            self.points_and_lines.place(read, mesh, *place, &name, report);
+        }
         for (i, &world_from_object) in placements.iter().enumerate() {
             for &mesh in &meshes {
+                let Ok((mesh, world_from_object)) = self.unflattened(mesh, world_from_object, node, report)
+                else {
+                    continue;
+                };
                 let name = if node.instances.is_some() { format!("{name}/{i}") } else { name.clone() };
                 let (light_group, placed) = (group.clone(), Instance::new(mesh, world_from_object));
                 self.scene.instances.push(Instance { name, motion, traits, light_group, ..placed });
@@ -166,11 +178,11 @@ impl<'b, 'a> SceneBuilder<'b, 'a> {
         if let Some(known) = self.meshes_by_key.get(&key) {
             return known.clone();
         }
-        let SharedAssets { materials, skipped, still, .. } = &mut *self.shared;
+        let SharedAssets { materials, still, .. } = &mut *self.shared;
         let (doc, from) = (self.doc, format!("{}/mesh", node.pointer()));
         let mut read = |report: &mut Report| {
             let deformation = Deformation { weights, skin };
-            MeshReader { doc, materials, skipped, report, deformation }.read(mesh, &from)
+            MeshReader { doc, materials, report, deformation }.read(mesh, &from)
         };
         let read = match key.is_still() {
             true => still.remove(&mesh).unwrap_or_else(|| report.lasting(read)),
@@ -181,6 +193,30 @@ impl<'b, 'a> SceneBuilder<'b, 'a> {
         let ids: Vec<MeshId> = (first..self.scene.meshes.len() as u32).map(MeshId).collect();
         self.meshes_by_key.insert(key, ids.clone());
         ids
+    }
+
+    /// A mesh and its placement; where that is flat (a scale of 0 on an axis), which no ray can be taken back through, a copy of the
+    /// mesh that is flat itself.
+    fn unflattened(
+        &mut self,
+        mesh: MeshId,
+        world_from_object: DAffine3,
+        node: &Node,
+        report: &mut Report,
+    ) -> Valid<(MeshId, DAffine3)> {
+        if world_from_object.matrix3.determinant() != 0.0 {
+            return Ok((mesh, world_from_object));
+        }
+        let flat = mesh_tools::flattened(&self.scene.meshes[mesh.index()], &world_from_object.matrix3);
+        if flat.triangles.is_empty() {
+            return Err(report.warn(
+                node.pointer(),
+                "shrinks its mesh to a line or a point (a scale of 0); it is left out",
+            ));
+        }
+        self.scene.meshes.push(flat);
+        let placed = DAffine3::from_translation(world_from_object.translation);
+        Ok((MeshId(self.scene.meshes.len() as u32 - 1), placed))
     }
 
     /// How a node's mesh changes over time.
@@ -293,8 +329,6 @@ pub(super) struct SharedAssets {
     pub profiles: Profiles,
     /// The equirectangular image of EXT_lights_image_based, once read.
     pub surroundings: Option<Valid<Image>>,
-    /// Primitives that were skipped.
-    pub skipped: SkippedPrimitives,
     /// Some images could not be decoded; materials already read refer to them.
     loses_textures: bool,
 }

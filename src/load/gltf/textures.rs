@@ -150,11 +150,10 @@ impl Textures {
         if let Some(why) = self.unreadable.get(&index) {
             return Err(report.warn(pointer("images", index), without_texture(why)));
         }
-        let uri = image.get("uri").and_then(Value::as_str);
-        if let Some(file) = uri.and_then(|uri| doc.missing_file(uri)) {
-            let message =
-                format!("the image {} is missing; the material's constants are used alone", file.display());
-            return Err(report.warn(pointer("images", index), message));
+        if let Some(uri) = image.get("uri").and_then(Value::as_str).filter(|uri| !uri.starts_with("data:"))
+            && let Err(why) = doc.locate(uri, &format!("{}/uri", pointer("images", index)), report)
+        {
+            return Err(report.warn(pointer("images", index), without_texture(&why)));
         }
         let mut wraps = (Wrap::Repeat, Wrap::Repeat);
         let mut interpolation = Interpolation::Bilinear;
@@ -277,15 +276,15 @@ pub(super) fn read_textures(
         pixels: Arc::new(Pixels::U8(vec![255])),
     };
     let images = images.into_iter().map(|image| image.unwrap_or_else(blank)).collect();
-    let mut lost = Vec::new();
-    for (index, problem) in unreadable {
-        // What this build or a setting is to blame for has a remedy.
-        match problem.help {
-            Some(_) => drop(report.add(problem)),
-            None => lost.push((index, problem.message)),
-        }
+    (images, unreadable.into_iter().map(|(index, problem)| (index, in_words(problem))).collect())
+}
+
+/// A problem and its remedy in a line.
+fn in_words(problem: Problem) -> String {
+    match problem.help {
+        Some(help) => format!("{} ({help})", problem.message),
+        None => problem.message,
     }
-    (images, lost)
 }
 
 /// Bytes of images that are read before they are decoded, and forgotten as far as images stay encoded.
@@ -316,20 +315,26 @@ fn read_what_can_be(
             decoded.push(image.map_err(|problem| unreadable.push((source.need.index, problem))).ok());
         }
     };
+    let mut lost = Vec::new();
     for &need in needs {
-        if !numbers.contains_key(&need.index)
-            && let Ok(source) = fetch(doc, need, report)
-        {
-            bytes += source.fetched.bytes.len();
-            pending.push(source);
-            numbers.insert(need.index, numbers.len());
-            if bytes > READ_TOGETHER {
-                decode(&mut pending, report);
-                bytes = 0;
+        if numbers.contains_key(&need.index) {
+            continue;
+        }
+        match report.apart(|report| fetch(doc, need, report)) {
+            Ok(source) => {
+                bytes += source.fetched.bytes.len();
+                pending.push(source);
+                numbers.insert(need.index, numbers.len());
             }
+            Err(problem) => lost.push((need.index, problem)),
+        }
+        if bytes > READ_TOGETHER {
+            decode(&mut pending, report);
+            bytes = 0;
         }
     }
     decode(&mut pending, report);
+    unreadable.append(&mut lost);
     let image = |need: &ImageNeed| {
         let image = decoded.get(*numbers.get(&need.index)?)?.as_ref()?;
         let encoding = match *image.pixels {
@@ -426,8 +431,8 @@ fn problem(error: Error, name: &str, at: &str) -> Problem {
 fn on_damage(doc: &Document, name: String, at: String) -> OnDamage {
     let file = doc.path.to_path_buf();
     let in_names = doc.in_names(&at);
-    Arc::new(move |error| match problem(error, &name, &at) {
-        problem if problem.help.is_some() => Damage::Fatal(Error::input_problems(&file, vec![problem])),
-        problem => Damage::LeftOut(Warning::new(&file, in_names.as_str(), without_texture(&problem.message))),
+    Arc::new(move |error| {
+        let why = without_texture(&in_words(problem(error, &name, &at)));
+        Damage::LeftOut(Warning::new(&file, in_names.as_str(), why))
     })
 }

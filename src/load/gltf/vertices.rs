@@ -191,7 +191,7 @@ fn add_skin(
     Ok(())
 }
 
-fn read_colors(accessor: &Accessor, out: &mut [[f32; 4]]) {
+pub(super) fn read_colors(accessor: &Accessor, out: &mut [[f32; 4]]) {
     if accessor.kind == Type::Vec4 {
         accessor.read_floats(out);
         return;
@@ -274,12 +274,12 @@ impl<'d, 'a, 'r> AttributeReader<'d, 'a, 'r> {
 
     fn check(
         &mut self,
-        accessor: Accessor<'d>,
+        mut accessor: Accessor<'d>,
         types: &[Type],
         kind: AttributeFormat,
     ) -> Valid<Accessor<'d>> {
         let expected = *self.count.get_or_insert(accessor.count);
-        check_type(&accessor, types, kind, self.quantized, self.report)?;
+        check_type(&mut accessor, types, kind, self.quantized, self.report)?;
         if accessor.count != expected {
             let message = format!("has {} elements for {expected} vertices", accessor.count);
             return Err(self.report.problem(accessor.pointer.clone(), message));
@@ -302,18 +302,22 @@ impl<'d, 'a, 'r> AttributeReader<'d, 'a, 'r> {
 
 /// Has an accessor the type that its attribute needs (glTF 2.0, section 3.7.2.1, and KHR_mesh_quantization)?
 fn check_type(
-    accessor: &Accessor,
+    accessor: &mut Accessor,
     types: &[Type],
     kind: AttributeFormat,
     quantized: bool,
     report: &mut Report,
 ) -> Valid<()> {
+    let is_unsigned = matches!(accessor.component, ComponentType::U8 | ComponentType::U16);
+    if matches!(kind, AttributeFormat::Unsigned) && is_unsigned && !accessor.normalized {
+        accessor.normalized = true;
+        report.warn(&*accessor.pointer, "holds integers that are not normalised; they are taken as such");
+    }
     let small = matches!(
         accessor.component,
         ComponentType::I8 | ComponentType::U8 | ComponentType::I16 | ComponentType::U16
     );
-    let unsigned =
-        matches!(accessor.component, ComponentType::U8 | ComponentType::U16) && accessor.normalized;
+    let unsigned = is_unsigned && accessor.normalized;
     let component = match kind {
         AttributeFormat::Signed => small && quantized,
         AttributeFormat::Unsigned => unsigned,

@@ -1,4 +1,4 @@
-//! The one reader of images: PNG, JPEG, WebP, BMP, TGA and TIFF by the crate `image`, Radiance HDR, EXR, and KTX2.
+//! The one reader of images: PNG, JPEG, WebP, GIF, BMP, TGA and TIFF by the crate `image`, Radiance HDR, EXR, and KTX2.
 //!
 //! What was 8-bit in the file stays 8-bit. The format is told by the content; TGA, which has no signature, by its media
 //! type or name. Sizes are compared with the file's length before anything is allocated (`limits`).
@@ -7,6 +7,7 @@ mod deferred;
 mod ktx2;
 mod metadata;
 mod openexr;
+mod radiance;
 mod source;
 
 pub(crate) use deferred::{ImageFile, OnDamage, for_texture, read_for_texture};
@@ -15,8 +16,8 @@ pub(crate) use source::Use;
 
 use crate::error::{Result, Warning};
 use crate::image::{Encoding, Image, Pixels};
+use crate::load::contents::{self, Content};
 use crate::load::decoders::Decoder;
-use image::codecs::hdr::HdrDecoder;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 use source::Source;
 use source::{guarded, read_bytes, signature};
@@ -76,7 +77,7 @@ pub(crate) fn decode(
         }
         match format_of(&source, mime, warnings)? {
             ImageFormat::OpenExr => {
-                openexr::decode(&source, purpose != Use::Data, purpose == Use::Color, warnings)
+                openexr::displayed(&source, purpose != Use::Data, purpose == Use::Color, warnings)
             }
             format => decode_common(&source, format, purpose, warnings),
         }
@@ -86,7 +87,13 @@ pub(crate) fn decode(
     }
     if purpose == Use::Environment && u64::from(image.width) != 2 * u64::from(image.height) {
         let (width, height) = (image.width, image.height);
-        let message = format!("is {width} x {height}; an equirectangular image is twice as wide as high");
+        let hint = if is_cube(width, height) {
+            ", and this may be a cube map, which has to be converted"
+        } else {
+            ""
+        };
+        let message =
+            format!("is {width} x {height}; an equirectangular image is twice as wide as high{hint}");
         warnings.push(source.warning(message));
     }
     Ok(image)
@@ -120,6 +127,12 @@ pub fn load_linear_rgb(path: &Path) -> Result<Image> {
     if image.channels == 3 { Ok(image) } else { Err(source.error("has no layer with channels R, G and B")) }
 }
 
+/// Has an image the shape of a cube's faces in a cross, a row or a column?
+fn is_cube(width: u32, height: u32) -> bool {
+    let is = |w: u64, h: u64| u64::from(width) * h == u64::from(height) * w;
+    is(4, 3) || is(3, 4) || is(6, 1) || is(1, 6) || is(3, 2)
+}
+
 fn format_of(source: &Source, mime: Option<&str>, warnings: &mut Vec<Warning>) -> Result<ImageFormat> {
     let declared = mime.and_then(|m| match m {
         "image/tga" | "image/x-tga" | "image/x-targa" => Some(ImageFormat::Tga),
@@ -145,13 +158,12 @@ fn format_of(source: &Source, mime: Option<&str>, warnings: &mut Vec<Warning>) -
     if let Some(lacking) = decoder.filter(|d| !d.is_built_in()) {
         return Err(source.lacks(lacking));
     }
-    // GIF is for writing.
-    let is_known = |f: &ImageFormat| f.reading_enabled() && *f != ImageFormat::Gif;
-    let readable = |f: &ImageFormat| is_known(f) || *f == ImageFormat::OpenExr;
-    format.filter(readable).ok_or_else(|| {
-        source
-            .error(if source.bytes.is_empty() { "is empty" } else { "is not an image of a known format" })
-            .with_help("oscura reads PNG, JPEG, WebP, KTX2, BMP, TGA, TIFF, HDR and EXR")
+    let readable = |f: &ImageFormat| f.reading_enabled() || *f == ImageFormat::OpenExr;
+    format.filter(readable).ok_or_else(|| match contents::of(source.bytes) {
+        Some(Content { what, remedy }) => source.error(format!("is {what}")).with_help(remedy),
+        None => source
+            .error("is not an image of a known format")
+            .with_help("oscura reads PNG, JPEG, WebP, KTX2, GIF, BMP, TGA, TIFF, HDR and EXR"),
     })
 }
 
@@ -162,20 +174,25 @@ fn decode_common(
     purpose: Use,
     warnings: &mut Vec<Warning>,
 ) -> Result<Image> {
-    let broken = |e: image::ImageError| source.error(format!("can't be read as an image: {e}"));
-    let decoded = if format == ImageFormat::Hdr {
-        let decoder = HdrDecoder::new_nonstrict(Cursor::new(source.bytes)).map_err(broken)?;
-        let size = decoder.metadata();
-        source::check(source, size.width.into(), size.height.into())?;
-        DynamicImage::from_decoder(decoder).map_err(broken)?
-    } else {
-        let mut reader = ImageReader::with_format(Cursor::new(source.bytes), format);
-        reader.limits(source::for_decoder(source));
-        let decoder = reader.into_decoder().map_err(broken)?;
-        let (width, height) = decoder.dimensions();
-        source::check(source, width.into(), height.into())?;
-        DynamicImage::from_decoder(decoder).map_err(broken)?
-    };
+    if format == ImageFormat::Hdr {
+        let radiance::Radiance { width, height, rgb } = radiance::decode(source, warnings)?;
+        let pixels = Arc::new(Pixels::F32(rgb));
+        return Ok(Image {
+            name: source.name(),
+            width,
+            height,
+            channels: 3,
+            encoding: Encoding::Linear,
+            pixels,
+        });
+    }
+    let broken = |e: image::ImageError| radiance::broken(source, &e);
+    let mut reader = ImageReader::with_format(Cursor::new(source.bytes), format);
+    reader.limits(source::for_decoder(source));
+    let decoder = reader.into_decoder().map_err(broken)?;
+    let (width, height) = decoder.dimensions();
+    source::check(source, width.into(), height.into())?;
+    let decoded = DynamicImage::from_decoder(decoder).map_err(broken)?;
     if format == ImageFormat::Jpeg && !jpeg_is_complete(source.bytes) {
         warnings.push(source.warning(CUT_SHORT));
     }
@@ -471,7 +488,8 @@ mod tests {
         }
         assert!(error(b"").contains("is empty"));
         assert!(error(b"hello, this is text").contains("not an image of a known format"));
-        assert!(error(b"GIF89a......").contains("PNG, JPEG"));
+        assert!(error(b"hello, this is text").contains("PNG, JPEG"));
+        assert!(error(b"GIF89a......").contains("can't be read as an image"));
     }
 
     #[test]

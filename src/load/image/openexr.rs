@@ -8,6 +8,7 @@ use exr::image::{AnyChannel, AnyChannels, Blocks, FlatSamples, Layer, Layers};
 use exr::math::Vec2;
 use exr::meta::MetaData;
 use exr::meta::attribute::{AttributeValue, Chromaticities, Text};
+use exr::meta::header::Header;
 use exr::prelude::{ReadChannels, ReadLayers, f16};
 use half::slice::HalfFloatSliceExt;
 use image::ImageFormat;
@@ -28,8 +29,18 @@ pub(super) fn decode(
     alpha: bool,
     warnings: &mut Vec<Warning>,
 ) -> Result<Image> {
+    decode_placed(source, is_color, alpha, warnings).map(|(image, _)| image)
+}
+
+fn decode_placed(
+    source: &Source,
+    is_color: bool,
+    alpha: bool,
+    warnings: &mut Vec<Warning>,
+) -> Result<(Image, Placed)> {
     let broken = |e: exr::error::Error| source.error(format!("can't be read as an EXR image: {e}"));
     let meta = MetaData::read_from_buffered(Cursor::new(source.bytes), false).map_err(broken)?;
+    check_kind(source, &meta)?;
     check_sizes(source, &meta)?;
     let image = exr::prelude::read()
         .no_deep_data()
@@ -56,14 +67,108 @@ pub(super) fn decode(
             pixel[..3].copy_from_slice(&color);
         }
     }
-    Ok(Image {
+    let (shown, corner) = (image.attributes.display_window, layers[index].attributes.layer_position);
+    let size = [shown.size.0, shown.size.1].map(|n| u32::try_from(n).unwrap_or(u32::MAX));
+    let display = Window { position: [shown.position.0, shown.position.1], size };
+    let placed = Placed { position: [corner.0, corner.1], display };
+    let image = Image {
         name: source.name(),
         width: layers[index].size.0 as u32,
         height: layers[index].size.1 as u32,
         channels: planes.len() as u32,
         encoding: Encoding::Linear,
         pixels: Arc::new(Pixels::F32(values)),
-    })
+    };
+    Ok((image, placed))
+}
+
+/// The same within the display window: black and transparent where the file has no pixels, without those beyond it. Renderers write
+/// what isn't empty, and pictures from elsewhere margins.
+pub(super) fn displayed(
+    source: &Source,
+    is_color: bool,
+    alpha: bool,
+    warnings: &mut Vec<Warning>,
+) -> Result<Image> {
+    let (image, data) = decode_placed(source, is_color, alpha, warnings)?;
+    let Window { position, size } = data.display;
+    if position == data.position && size == [image.width, image.height] {
+        return Ok(image);
+    }
+    source::check(source, size[0].into(), size[1].into())?;
+    let Pixels::F32(values) = &*image.pixels else { return Ok(image) };
+    let message = format!(
+        "has pixels for {} x {} at {}, {} of its display window of {} x {} at {}, {}: it was fitted to that",
+        image.width,
+        image.height,
+        data.position[0],
+        data.position[1],
+        size[0],
+        size[1],
+        position[0],
+        position[1]
+    );
+    warnings.push(source.warning(message));
+    let shift = [0, 1].map(|axis| i64::from(data.position[axis]) - i64::from(position[axis]));
+    let held = [image.width, image.height, image.channels].map(|n| n as usize);
+    let values = fitted(values, held, shift, size.map(|n| n as usize));
+    let pixels = Arc::new(Pixels::F32(values));
+    Ok(Image { width: size[0], height: size[1], pixels, ..image })
+}
+
+/// Pixels of a width, a height and channels, placed in a rectangle of another size; 0 where there are none.
+fn fitted<T: Copy + Default>(
+    values: &[T],
+    [width, height, channels]: [usize; 3],
+    shift: [i64; 2],
+    size: [usize; 2],
+) -> Vec<T> {
+    let mut out = vec![T::default(); size[0] * size[1] * channels];
+    // Of one axis: the first pixel, the first place and how many.
+    let span = |shift: i64, held: usize, room: usize| {
+        let (from, to) = ((-shift).max(0), shift.max(0));
+        let count = (held as i64 - from).min(room as i64 - to).max(0);
+        (from as usize, to as usize, count as usize)
+    };
+    let (x, at_x, columns) = span(shift[0], width, size[0]);
+    let (y, at_y, rows) = span(shift[1], height, size[1]);
+    for row in 0..rows {
+        let from = ((y + row) * width + x) * channels;
+        let to = ((at_y + row) * size[0] + at_x) * channels;
+        out[to..to + columns * channels].copy_from_slice(&values[from..from + columns * channels]);
+    }
+    out
+}
+
+/// A rectangle of pixels.
+struct Window {
+    position: [i32; 2],
+    size: [u32; 2],
+}
+
+/// Where the pixels of a file are, and the rectangle that is shown.
+struct Placed {
+    position: [i32; 2],
+    display: Window,
+}
+
+/// Refuses what the decoder doesn't read, by its name.
+fn check_kind(source: &Source, meta: &MetaData) -> Result<()> {
+    if meta.headers.iter().any(|header| header.deep) {
+        return Err(source
+            .error("is a deep EXR: it holds several samples a pixel")
+            .with_help("flatten it in a compositor"));
+    }
+    let is_subsampled =
+        |header: &Header| header.channels.list.iter().any(|channel| channel.sampling != Vec2(1, 1));
+    if meta.headers.iter().any(is_subsampled) {
+        return Err(source
+            .error(
+                "is a luminance-chroma EXR: it has fewer samples of its chroma channels (RY, BY) than pixels",
+            )
+            .with_help("convert it to channels R, G and B, in a compositor"));
+    }
+    Ok(())
 }
 
 /// The space that a header names.
@@ -218,6 +323,22 @@ impl Layered {
     pub fn size(&self, part: usize) -> [usize; 2] {
         let size = self.file.layer_data[part].size;
         [size.0, size.1]
+    }
+
+    /// Pixels of a part, one value or several each, within the display window: the default where the part has none.
+    pub fn in_display_window<T: Copy + Default>(&self, part: usize, pixels: &[T]) -> ([usize; 2], Vec<T>) {
+        let (layer, shown) = (&self.file.layer_data[part], self.file.attributes.display_window);
+        let (size, corner) = (layer.size, layer.attributes.layer_position);
+        let shift = [
+            i64::from(corner.0) - i64::from(shown.position.0),
+            i64::from(corner.1) - i64::from(shown.position.1),
+        ];
+        let room = [shown.size.0, shown.size.1];
+        // What a file of that size can't justify stays as it is.
+        if room[0].saturating_mul(room[1]) > pixels.len().saturating_mul(64).max(1 << 24) {
+            return ([size.0, size.1], pixels.to_vec());
+        }
+        (room, fitted(pixels, [size.0, size.1, 1], shift, room))
     }
 
     /// The channels of a part.
@@ -396,6 +517,7 @@ pub fn load_layered(path: &Path) -> Result<Layered> {
     let broken = |e: exr::error::Error| source.error(format!("can't be read as an EXR image: {e}"));
     guarded(&source, || {
         let meta = MetaData::read_from_buffered(Cursor::new(bytes.as_slice()), false).map_err(broken)?;
+        check_kind(&source, &meta)?;
         check_sizes(&source, &meta)?;
         exr::prelude::read()
             .no_deep_data()

@@ -3,6 +3,7 @@
 use crate::error::{Error, Problem, Result, Warning};
 use crate::load::decoders;
 use crate::load::decoders::Decoder;
+use crate::load::files;
 use image::{ImageFormat, Limits};
 use std::path::Path;
 
@@ -56,7 +57,7 @@ pub(super) fn guarded<T>(source: &Source, decode: impl FnOnce() -> Result<T>) ->
 
 /// A file's bytes.
 pub(super) fn read_bytes(path: &Path) -> Result<Vec<u8>> {
-    std::fs::read(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))
+    files::read(path, files::MOST_DATA).map_err(|message| Error::input(path, message))
 }
 
 /// The format by the first bytes.

@@ -3,9 +3,9 @@
 
 use crate::gauge::Gauge;
 use crate::load::decoders;
+use crate::load::files::ModelReader;
 use crate::load::words::next_word;
 use memchr::memchr;
-use std::fs::File;
 use std::io::{BufRead, ErrorKind, Read, Result, Seek, SeekFrom};
 use std::panic::resume_unwind;
 use std::sync::mpsc::{Receiver, sync_channel};
@@ -18,15 +18,15 @@ const AHEAD: usize = 4;
 
 /// A reader that reports progress.
 pub(super) struct GaugedReader<'a> {
-    file: File,
+    file: ModelReader,
     gauge: &'a Gauge,
 }
 
 impl<'a> GaugedReader<'a> {
     /// The file from its current position.
-    pub fn new(file: File, gauge: &'a Gauge) -> GaugedReader<'a> {
+    pub fn new(file: ModelReader, gauge: &'a Gauge) -> GaugedReader<'a> {
         // A pipe has no length, and no share that is done.
-        gauge.begin(file.metadata().map_or(0, |data| data.len()));
+        gauge.begin(file.length());
         GaugedReader { file, gauge }
     }
 }
@@ -160,7 +160,7 @@ impl<R: Read + Seek, C: LineFilter> Cleaning<R, C> {
 }
 
 /// Feeds all lines of a file to a filter and returns it; its output is discarded.
-pub(super) fn each_line<C: LineFilter>(file: File, cleaner: C) -> Result<C> {
+pub(super) fn each_line<C: LineFilter>(file: impl Read + Seek, cleaner: C) -> Result<C> {
     let mut cleaning = Cleaning::new(file, cleaner);
     cleaning.run(|_| {})?;
     Ok(cleaning.cleaner)

@@ -14,6 +14,7 @@ mod materials;
 mod mtl;
 mod statements;
 
+use super::files::{ModelReader, find};
 use super::mesh_tools::Repairs;
 use super::mesh_tools::triangulate;
 use super::points::Cloud;
@@ -24,14 +25,12 @@ use crate::color::linear_from_srgb;
 use crate::error::{Error, Result, Warning};
 use crate::math::{DAffine3, DVec3};
 use crate::scene::{Instance, Material, MaterialId, Mesh, MeshId, MeshPart};
-use lines::{GaugedReader, LineFilter, Words, by_tobj, each_line, float};
+use lines::{GaugedReader, LineFilter, Words, by_tobj, each_line};
 use materials::Maps;
-pub(in crate::load) use materials::find as find_file;
 use mtl::Mtl;
 use statements::Piece;
 use statements::{MaterialName, Statements};
 use std::collections::{HashMap, HashSet};
-use std::fs::File;
 use std::io::{Read, Seek};
 use std::iter::Peekable;
 use std::path::{Path, PathBuf};
@@ -41,6 +40,7 @@ use std::slice::Iter;
 pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     options.files.note(path);
     let (models, mut statements) = read(path, options)?;
+    let colors_told = mesh_tools::bound_colors(&mut statements.colors, false);
     let points = statements.cloud();
     let origin = match models.is_empty() {
         false => mesh_tools::distant_origin(models.iter().flat_map(|m| m.mesh.positions.as_chunks().0)),
@@ -52,10 +52,14 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     for (line, message) in statements.left_out() {
         loaded.warnings.push(Warning::new(path, format!("line {line}"), message));
     }
+    loaded.warnings.extend(colors_told.map(|what| Warning::new(path, "", what)));
     let libraries = match options.geometry_only {
         true => Vec::new(),
         false => read_libraries(path, &statements, options, &mut loaded.warnings),
     };
+    if statements.materials.is_empty() && !options.geometry_only {
+        loaded.warnings.extend(unused_materials(path, &libraries));
+    }
     let materials = statements.materials;
     let mut palette = Palette {
         file: path,
@@ -77,7 +81,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     loaded.warnings.extend(repairs.warnings(path));
     warn_of_missing_coordinates(path, &mut loaded);
     if !points.is_empty() {
-        add_points(path, &points, origin, options, &mut loaded)?;
+        add_points(path, &points, &statements.colors, origin, options, &mut loaded)?;
     }
     mesh_tools::place_at_origin(path, origin, &mut loaded);
     let used: HashSet<&str> = materials.iter().map(|(name, _)| name.as_str()).collect();
@@ -117,7 +121,7 @@ fn warn_of_missing_coordinates(path: &Path, loaded: &mut Loaded) {
 fn up_hint(path: &Path) -> UpHint {
     let mut head = Vec::new();
     // Unreadable files have been an error before.
-    let _ = File::open(path).and_then(|file| file.take(1 << 10).read_to_end(&mut head));
+    let _ = ModelReader::open(path).map(|file| file.take(1 << 10).read_to_end(&mut head));
     let head = String::from_utf8_lossy(&head);
     let is_of_blender = head.lines().any(|l| l.starts_with('#') && l.contains("Blender"));
     UpHint { writer: is_of_blender.then_some((Up::Y, "Blender, which wrote it")), is_mostly_y: true }
@@ -141,7 +145,7 @@ fn read_in(
     options: &LoadOptions,
 ) -> Result<(Vec<tobj::Model>, Statements)> {
     let unreadable = |e| Error::input(path, format!("can't be read: {e}"));
-    let mut file = File::open(path).map_err(unreadable)?;
+    let mut file = ModelReader::open(path)?;
     let mut start = Vec::new();
     file.by_ref().take(16).read_to_end(&mut start).and_then(|_| file.rewind()).map_err(unreadable)?;
     if is_utf_16(&start) {
@@ -243,6 +247,37 @@ impl Palette<'_> {
     }
 }
 
+/// Warns of materials that no face asks for, in files that ask for none.
+fn unused_materials(path: &Path, libraries: &[(PathBuf, Mtl)]) -> Option<Warning> {
+    let (first, _) = libraries.first()?;
+    let message = format!(
+        "has no 'usemtl': its faces are grey, and the {} materials of '{}' go unused; 'usemtl NAME' before the faces gives \
+         them one",
+        libraries.len(),
+        first.file_name().unwrap_or_default().display()
+    );
+    Some(Warning::new(path, "", message))
+}
+
+/// The library of the model's name beside a file that names none but asks for materials.
+fn library_beside(
+    path: &Path,
+    statements: &Statements,
+    warnings: &mut Vec<Warning>,
+) -> Option<(String, usize)> {
+    let file = path.with_extension("mtl");
+    let name = file.file_name()?.to_string_lossy().into_owned();
+    if !statements.libraries.is_empty() || !file.is_file() {
+        return None;
+    }
+    let (is_asked, (effect, remedy)) = match statements.materials.first() {
+        Some((_, line)) => (Some(*line), ("is taken, which has the model's name", "'mtllib' names others")),
+        None => (None, ("beside it goes unused", "'mtllib' and 'usemtl' would take it")),
+    };
+    warnings.push(Warning::new(path, "", format!("names no material library: '{name}' {effect} ({remedy})")));
+    is_asked.map(|line| (name, line))
+}
+
 /// All materials of the libraries that the file names; a missing library is a warning.
 fn read_libraries(
     path: &Path,
@@ -251,18 +286,20 @@ fn read_libraries(
     warnings: &mut Vec<Warning>,
 ) -> Vec<(PathBuf, Mtl)> {
     let (mut all, mut seen) = (Vec::new(), Vec::new());
-    for (statement, line) in &statements.libraries {
+    let beside = library_beside(path, statements, warnings);
+    for (statement, line) in statements.libraries.iter().chain(&beside) {
         let place = format!("line {line}");
         if statement.is_empty() {
             warnings.push(Warning::new(path, &place, "'mtllib' without a file name is ignored"));
         }
         // A name may hold blanks, and a statement several names.
-        let names = match materials::find(path, statement, options) {
+        let names = match find(path, statement, options) {
             Ok(_) => vec![statement.as_str()],
+            Err(_) if statement.starts_with('"') => vec![statement.as_str()],
             Err(_) => statement.split_whitespace().collect(),
         };
         for name in names {
-            let file = match materials::find(path, name, options) {
+            let file = match find(path, name, options) {
                 Ok(file) if seen.contains(&file) => continue,
                 Ok(file) => file,
                 Err(message) => {
@@ -592,9 +629,6 @@ fn each_material_once(triangles: &mut Vec<[u32; 3]>, runs: Vec<Run>) -> Vec<Run>
 struct Positions {
     origin: DVec3,
     positions: Vec<[f32; 3]>,
-    /// Linear; white where a position has none.
-    colors: Vec<[f32; 4]>,
-    has_colors: bool,
 }
 
 impl LineFilter for Positions {
@@ -607,14 +641,7 @@ impl LineFilter for Positions {
         for (number, word) in position.iter_mut().zip(words.by_ref()) {
             *number = lines::double(word).unwrap_or(f64::NAN);
         }
-        let rgb: Vec<f32> = words.filter_map(float).collect();
-        self.has_colors |= rgb.len() == 3;
-        let [r, g, b] = match rgb[..] {
-            [r, g, b] => [r, g, b].map(linear_from_srgb),
-            _ => [1.0; 3],
-        };
         self.positions.push((DVec3::from_array(position) - self.origin).as_vec3().to_array());
-        self.colors.push([r, g, b, 1.0]);
     }
 }
 
@@ -625,26 +652,27 @@ impl LineFilter for Positions {
 fn add_points(
     path: &Path,
     numbers: &[u32],
+    colors: &[[f32; 3]],
     origin: DVec3,
     options: &LoadOptions,
     loaded: &mut Loaded,
 ) -> Result<()> {
     let unreadable = |e| Error::input(path, format!("can't be read: {e}"));
-    let file = File::open(path).map_err(unreadable)?;
-    let empty = Positions { origin, positions: Vec::new(), colors: Vec::new(), has_colors: false };
+    let file = ModelReader::open(path)?;
+    let empty = Positions { origin, positions: Vec::new() };
     let all = each_line(file, empty).map_err(unreadable)?;
     let of_points = numbers.iter().map(|&n| n as usize).filter(|&n| n < all.positions.len());
     let positions: Vec<[f32; 3]> = of_points.clone().map(|n| all.positions[n]).collect();
-    let colors = of_points.filter(|_| all.has_colors).map(|n| all.colors[n]).collect::<Vec<_>>();
+    let is_colored = !colors.is_empty();
+    let colors: Vec<_> = of_points.filter(|_| is_colored).map(|n| vertex_color(colors, n as u32)).collect();
     Cloud { positions: &positions, colors: &colors, origin }.add(path, options, loaded)
 }
 
 /// The origin of a file without faces: see [`crate::load::mesh_tools::origin`].
 fn positions(path: &Path, numbers: &[u32]) -> Result<Vec<[f32; 3]>> {
     let unreadable = |e| Error::input(path, format!("can't be read: {e}"));
-    let file = File::open(path).map_err(unreadable)?;
-    let empty =
-        Positions { origin: DVec3::ZERO, positions: Vec::new(), colors: Vec::new(), has_colors: false };
+    let file = ModelReader::open(path)?;
+    let empty = Positions { origin: DVec3::ZERO, positions: Vec::new() };
     let all = each_line(file, empty).map_err(unreadable)?;
     Ok(numbers.iter().filter_map(|&n| all.positions.get(n as usize).copied()).collect())
 }

@@ -7,8 +7,8 @@
 
 use super::lines::{LineFilter, Words, by_tobj, decoded, float};
 use crate::error::Warning;
+use crate::load::files;
 use crate::load::words::is_utf_16;
-use std::fs::File;
 use std::io::{Read, Seek};
 use std::path::Path;
 
@@ -52,6 +52,7 @@ impl Mtl {
             "map_Ns" => &m.shininess_texture,
             "map_d" => &m.dissolve_texture,
             "bump" => &m.normal_texture,
+            "map_Ka" => &m.ambient_texture,
             _ => &None,
         };
         let (line, text) = known.as_ref().or_else(|| m.unknown_param.get(key))?.split_once(' ')?;
@@ -83,9 +84,9 @@ pub(super) struct Map {
 const COLORS: [&str; 4] = ["Kd", "Ks", "Ke", "Tf"];
 const NUMBERS: [&str; 12] =
     ["Ns", "Ni", "d", "Tr", "illum", "Pr", "Pm", "Ps", "Pc", "Pcr", "aniso", "anisor"];
-const MAPS: [&str; 15] = [
-    "map_Kd", "map_Ks", "map_Ke", "map_d", "bump", "norm", "map_Pr", "map_Pm", "map_Ps", "map_Tr", "map_Ns",
-    "disp", "decal", "refl", "map_RMA",
+const MAPS: [&str; 16] = [
+    "map_Kd", "map_Ka", "map_Ks", "map_Ke", "map_d", "bump", "norm", "map_Pr", "map_Pm", "map_Ps", "map_Tr",
+    "map_Ns", "disp", "decal", "refl", "map_RMA",
 ];
 
 /// The materials of a library; adds to the warnings what was ignored.
@@ -94,7 +95,7 @@ const MAPS: [&str; 15] = [
 /// The error message about an unreadable file.
 pub(super) fn read(path: &Path, warnings: &mut Vec<Warning>) -> Result<Vec<Mtl>, String> {
     let unreadable = |e| format!("can't be read: {e}");
-    let mut file = File::open(path).map_err(unreadable)?;
+    let mut file = files::open(path)?;
     let mut start = Vec::new();
     file.by_ref().take(16).read_to_end(&mut start).and_then(|_| file.rewind()).map_err(unreadable)?;
     if is_utf_16(&start) {
@@ -105,7 +106,37 @@ pub(super) fn read(path: &Path, warnings: &mut Vec<Warning>) -> Result<Vec<Mtl>,
     let ignored = library.ignored.into_iter();
     warnings.extend(ignored.map(|(line, message)| Warning::new(path, format!("line {line}"), message)));
     let named = library.names.into_iter().zip(materials);
-    Ok(named.map(|(name, statements)| Mtl { name, statements }).collect())
+    let mut all: Vec<Mtl> = named.map(|(name, statements)| Mtl { name, statements }).collect();
+    let changed = take_as_opacity(&mut all, library.is_by_meshlab);
+    warnings.extend(changed.map(|message| Warning::new(path, "", message)));
+    Ok(all)
+}
+
+/// `Tr` is transparency, but old versions of MeshLab, and some others, write opacity for it: where MeshLab wrote the file, or
+/// where all materials would be invisible, `Tr` counts as that. Says so.
+fn take_as_opacity(all: &mut [Mtl], is_by_meshlab: bool) -> Option<String> {
+    let transparency = |m: &Mtl| m.number("Tr").filter(|_| m.number("d").is_none());
+    let is_hidden = |m: &Mtl| transparency(m).is_some_and(|t| t >= 1.0);
+    if !(is_by_meshlab || !all.is_empty() && all.iter().all(is_hidden)) {
+        return None;
+    }
+    let mut count = 0;
+    for material in all {
+        let Some(opacity) = transparency(material) else { continue };
+        material.statements.dissolve = Some(opacity);
+        count += 1;
+    }
+    let why = if is_by_meshlab { "as MeshLab writes it" } else { "as all materials would be invisible else" };
+    (count > 0).then(|| format!("'Tr' of {count} materials is taken as their opacity, {why}"))
+}
+
+/// Is it a comment that names MeshLab or its library?
+fn names_meshlab(text: &[u8]) -> bool {
+    let text = text.trim_ascii_start();
+    text.starts_with(b"#") && {
+        let text = text.to_ascii_lowercase();
+        [&b"meshlab"[..], b"vcg"].iter().any(|name| text.windows(name.len()).any(|w| w == *name))
+    }
 }
 
 /// Checks statements and records what is ignored.
@@ -117,12 +148,16 @@ struct Library {
     maps: Vec<&'static str>,
     /// Line and message.
     ignored: Vec<(usize, String)>,
+    is_by_meshlab: bool,
 }
 
 impl LineFilter for Library {
     fn line(&mut self, line: usize, text: &[u8], out: &mut Vec<u8>) {
         let mut words = Words(text);
-        let Some(keyword) = words.next() else { return };
+        let Some(keyword) = words.next() else {
+            self.is_by_meshlab |= names_meshlab(text);
+            return;
+        };
         let keyword = decoded(keyword).to_ascii_lowercase();
         if keyword == "newmtl" {
             out.extend(format!("newmtl {}\n", self.names.len()).as_bytes());
@@ -181,10 +216,13 @@ fn clean(
             Ok((format!("{name} {line} {text}\n"), ignored))
         }
         // Ambient light and antialiasing mean nothing to a path tracer, sharpness nothing without `refl`.
-        (None, "ka" | "map_ka" | "sharpness" | "map_aat") => Ok(Default::default()),
+        (None, "ka" | "sharpness" | "map_aat") => Ok(Default::default()),
         (None, _) => Err(format!("'{keyword}' is not supported, ignored")),
     }
 }
+
+/// Values of `-colorspace` that say what is done anyway: colours are sRGB, numbers linear.
+const COLOR_SPACES: [&str; 4] = ["srgb", "srgb_texture", "auto", "raw"];
 
 /// Three numbers, or one for grey.
 fn rgb(words: Words) -> Option<[f32; 3]> {
@@ -209,15 +247,30 @@ fn map(statement: &str, line: usize) -> (Map, Vec<String>) {
         channel: None,
     };
     let mut ignored = Vec::new();
-    let mut rest = statement.trim();
+    let rest = options(&mut map, statement.trim(), &mut ignored);
+    // Some exporters write them behind the name.
+    let behind = rest.match_indices(" -").map(|(at, _)| rest.split_at(at));
+    let mut split = behind.filter_map(|(name, tail)| {
+        let (mut changed, mut ignored) = (map.clone(), Vec::new());
+        let is_all = options(&mut changed, tail.trim(), &mut ignored).is_empty();
+        is_all.then_some((name, changed, ignored))
+    });
+    let (name, changed, more) = split.next().unwrap_or((rest, map.clone(), Vec::new()));
+    ignored.extend(more);
+    (Map { file: name.trim_end().to_string(), ..changed }, ignored)
+}
+
+/// Applies the options that a text begins with, and notes those that mean nothing here; gives what follows them.
+fn options<'t>(map: &mut Map, text: &'t str, ignored: &mut Vec<String>) -> &'t str {
+    let mut rest = text;
     while rest.starts_with('-') {
         let (option, after) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
         // How many values follow at most; several ones are all numbers.
         let most = match option {
             "-o" | "-s" | "-t" => 3,
             "-mm" => 2,
-            "-blendu" | "-blendv" | "-bm" | "-boost" | "-cc" | "-clamp" | "-imfchan" | "-texres"
-            | "-type" => 1,
+            "-blendu" | "-blendv" | "-bm" | "-boost" | "-cc" | "-clamp" | "-colorspace" | "-imfchan"
+            | "-texres" | "-type" => 1,
             _ => break,
         };
         let (mut values, mut next) = (Vec::new(), after.trim_start());
@@ -230,12 +283,11 @@ fn map(statement: &str, line: usize) -> (Map, Vec<String>) {
             next = behind.trim_start();
         }
         rest = next;
-        if !apply(&mut map, option, &values) {
+        if !apply(map, option, &values) {
             ignored.push(option.to_string());
         }
     }
-    map.file = rest.to_string();
-    (map, ignored)
+    rest
 }
 
 /// Applies an option; false if it means nothing here.
@@ -263,6 +315,10 @@ fn apply(map: &mut Map, option: &str, values: &[&str]) -> bool {
         // They steer filtering, which is the renderer's own.
         "-blendu" | "-blendv" | "-boost" | "-texres" => {}
         "-cc" => return values == ["off"],
+        // What each map is for decides already.
+        "-colorspace" => {
+            return values.first().is_some_and(|v| COLOR_SPACES.contains(&v.to_ascii_lowercase().as_str()));
+        }
         "-mm" => return number(0) == Some(0.0) && number(1) == Some(1.0),
         "-t" => return (0..3).all(|i| number(i).unwrap_or(0.0) == 0.0),
         _ => return false,
@@ -282,6 +338,13 @@ mod tests {
         assert_eq!((m.file.as_str(), m.line), ("wood grain.png", 4));
         let (m, ignored) = map("-mm 0.1 2 -t 1 -blendu off a.png", 1);
         assert_eq!((m.file.as_str(), ignored), ("a.png", vec!["-mm".to_string(), "-t".to_string()]));
+        let (m, ignored) = map("my texture 01.png -bm 0.5 -colorspace sRGB -s 2", 1);
+        assert_eq!(
+            (m.file.as_str(), m.bump, m.scale, ignored.len()),
+            ("my texture 01.png", 0.5, [2.0, 1.0], 0)
+        );
+        assert_eq!(map("wood -s 2.png", 1).0.file, "wood -s 2.png");
+        assert_eq!(map("-colorspace ACEScg a.png", 1).1, ["-colorspace"]);
         assert_eq!(map("-o", 1).0.file, "");
         assert_eq!(map("-my-file.png", 1).0.file, "-my-file.png");
     }

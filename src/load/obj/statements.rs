@@ -7,7 +7,7 @@
 
 use super::lines::{LineFilter, Words, decoded, double, float};
 use crate::error::Problem;
-use crate::load::words::integer;
+use crate::load::words::{decimal_commas, integer, is_no_number};
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::io::Write;
 
@@ -45,6 +45,8 @@ pub(super) struct Statements {
     pub corners: Vec<u32>,
     /// Colours of the first positions as in the file, white where there is none.
     pub colors: Vec<[f32; 3]>,
+    /// How many of the colours stand in comments.
+    polypaint: usize,
     /// The first positions as in the file, in double precision, where they may be far from the origin; else no numbers.
     pub precise: Vec<[f64; 3]>,
     /// The names that `usemtl` statements use, with the line of the first.
@@ -83,7 +85,7 @@ pub(super) struct Statements {
 impl LineFilter for Statements {
     fn line(&mut self, line: usize, text: &[u8], out: &mut Vec<u8>) {
         let mut words = Words(text);
-        let Some(keyword) = words.next() else { return };
+        let Some(keyword) = words.next() else { return self.comment(text) };
         let vertex = match keyword {
             b"v" => Some(0),
             b"vt" => Some(1),
@@ -123,6 +125,22 @@ impl Statements {
         group.is_some() || !self.colors.is_empty() || !self.precise.is_empty() || self.keeps_polygons
     }
 
+    /// `#MRGB mmrrggbb...`, as ZBrush writes the colours of vertices, in their order.
+    fn comment(&mut self, text: &[u8]) {
+        let Some(digits) = text.trim_ascii_start().strip_prefix(b"#MRGB ") else { return };
+        if self.passes == Passes::Faces || self.colors.len() > self.polypaint {
+            return;
+        }
+        self.needs_corners(self.colors.is_empty());
+        let hexadecimal = |pair: &[u8; 2]| u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok();
+        for entry in digits.trim_ascii().as_chunks::<8>().0 {
+            let [_, rgb @ ..] = entry.as_chunks::<2>().0 else { continue };
+            let mut levels = rgb.iter().map(|pair| hexadecimal(pair).map_or(255.0, f32::from));
+            self.colors.push([0; 3].map(|_| levels.next().unwrap_or(255.0)));
+        }
+        self.polypaint = self.colors.len();
+    }
+
     /// `v x y z`, `v x y z w`, `v x y z r g b`, `vt u`, `vt u v`, `vt u v w` and `vn x y z`.
     fn vertex(&mut self, line: usize, kind: usize, words: Words, out: &mut Vec<u8>) {
         let (name, least, most) = [("v", 3, 3), ("vt", 1, 2), ("vn", 3, 3)][kind];
@@ -140,6 +158,8 @@ impl Statements {
                 out.push(b' ');
                 out.extend(word);
                 may_be_far |= kind == 0 && is_large(word);
+            } else if i < most && is_no_number(word) {
+                out.extend(b" nan");
             } else if let Some(value) = float(word).filter(|_| i >= most) {
                 color[i - most] = value;
             } else {
@@ -151,10 +171,8 @@ impl Statements {
         if is_broken || self.totals[0] >= u32::MAX as usize - 1 {
             out.truncate(start);
             self.broken.insert(line);
-            return self.problem(
-                line,
-                format!("'{name}' needs {}", ["three numbers", "numbers", "three numbers"][kind]),
-            );
+            let message = format!("'{name}' needs {}", ["three numbers", "numbers", "three numbers"][kind]);
+            return self.problem(line, message + decimal_commas(words.0));
         }
         if kind == 1 && sound == 1 {
             out.extend(b" 0");
@@ -193,10 +211,7 @@ impl Statements {
             let index = word.split(|&b| b == b'/').next().and_then(integer);
             match index.map(|index| if index < 0 { before + index + 1 } else { index }) {
                 Some(place) if (1..=total).contains(&place) => self.points.push((place - 1) as u32),
-                _ => {
-                    return self
-                        .problem(line, format!("a point refers to a vertex that is not among the {total}"));
-                }
+                _ => self.ignore(line, &format!("points that refer to vertices beyond the {total}")),
             }
         }
     }
@@ -240,6 +255,10 @@ impl Statements {
             self.face.clear();
             for word in words.by_ref() {
                 match self.corner(line, word, &mut is_plain) {
+                    Ok(corner) if corner[0] == 0 => {
+                        let what = format!("faces that refer to vertices beyond the {}", self.totals[0]);
+                        return self.ignore(line, &what);
+                    }
                     Ok(corner) => self.face.push(corner),
                     Err(message) => return self.problem(line, message),
                 }
@@ -318,8 +337,8 @@ impl Statements {
         self.faces += 1;
     }
 
-    /// `v`, `v/t`, `v//n` or `v/t/n`; negative indices count back from the last statement. What is not in the file as it
-    /// is returned is not plain.
+    /// `v`, `v/t`, `v//n` or `v/t/n`; negative indices count back from the last statement, and 0 is none that exists. What is not
+    /// in the file as it is returned is not plain.
     #[inline]
     fn corner(&mut self, line: usize, word: &[u8], is_plain: &mut bool) -> Result<Corner, String> {
         if let Some((corner, [])) = plain_corner(word)
@@ -344,9 +363,7 @@ impl Statements {
             self.needs_two_passes |= self.passes == Passes::One && place > total;
             if (1..=total).contains(&place) {
                 corner[kind] = place as u32;
-            } else if kind == 0 {
-                return Err(format!("refers to vertex {index}, but there are {total}"));
-            } else {
+            } else if kind > 0 {
                 *is_plain = false;
                 let what = ["texture coordinates", "normals"][kind - 1];
                 self.ignore(line, &format!("references to {what} that don't exist"));

@@ -31,6 +31,8 @@ pub(super) struct Faces {
     pub materials: Option<Vec<i64>>,
     /// Faces of fewer than three corners.
     pub short: usize,
+    /// The colour of each triangle, where faces have colours and vertices have none.
+    pub colors: Option<Vec<[f32; 4]>>,
 }
 
 impl Faces {
@@ -40,12 +42,20 @@ impl Faces {
         Faces { wedges, materials: has_materials.then(Vec::new), ..Faces::default() }
     }
 
+    /// Keeps the colours of faces if wanted.
+    pub fn with_colors(self, has_colors: bool) -> Faces {
+        Faces { colors: has_colors.then(Vec::new), ..self }
+    }
+
     /// Adds row `i` of the faces or strips.
     #[inline]
     pub fn add(&mut self, mesh: &mut Mesh, kind: FaceLayout, i: usize, face: &Face) {
         self.add_triangles(mesh, kind, i, face);
         if let Some(materials) = &mut self.materials {
             materials.resize(mesh.triangles.len(), face.material);
+        }
+        if let Some(colors) = &mut self.colors {
+            colors.resize(mesh.triangles.len(), face.color);
         }
     }
 
@@ -91,6 +101,23 @@ impl Faces {
         for (kind, i, face) in std::mem::take(&mut self.waiting) {
             self.add(mesh, kind, i, &face);
         }
+    }
+
+    /// What is left out of the faces.
+    pub fn left_out(&self) -> Vec<String> {
+        let mut list = Vec::new();
+        if let Some(first) = self.problems.first() {
+            let (place, message) = (&first.place, &first.message);
+            list.push(format!("{} faces with missing vertices ({place}: {message})", self.bad));
+        }
+        if self.short > 0 {
+            list.push(format!("{} faces of fewer than three corners", self.short));
+        }
+        if let Some(odd) = self.wedges.as_ref().map(|wedges| wedges.odd).filter(|&odd| odd > 0) {
+            let what = format!("texture coordinates of {odd} faces, which are not two numbers a corner");
+            list.push(what);
+        }
+        list
     }
 
     /// Everything that was wrong.
@@ -224,7 +251,7 @@ mod tests {
     use super::*;
 
     fn face(indices: &[i64], wedges: &[f32], picture: i64) -> Face {
-        Face { indices: indices.to_vec(), wedges: wedges.to_vec(), picture, material: 0 }
+        Face { indices: indices.to_vec(), wedges: wedges.to_vec(), picture, material: 0, color: [1.0; 4] }
     }
 
     #[test]

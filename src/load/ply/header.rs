@@ -84,6 +84,8 @@ pub(super) struct VertexLayout {
     pub normal: bool,
     pub uv: bool,
     pub color: bool,
+    /// Faces have colours, which vertices lack.
+    pub face_color: bool,
     /// The vertices are Gaussian splats.
     pub is_splat: bool,
     /// Attributes of which a part is missing, so that the rest means nothing.
@@ -148,8 +150,10 @@ impl<'a> Source<'a> {
 
     /// The attributes of the vertices.
     pub fn vertex_layout(&self) -> VertexLayout {
-        let has =
-            |name: &str| self.header.elements.get("vertex").is_some_and(|v| v.properties.contains_key(name));
+        let of = |element: &str, name: &str| {
+            self.header.elements.get(element).is_some_and(|e| e.properties.contains_key(name))
+        };
+        let has = |name: &str| of("vertex", name);
         let all = |names: &[&str]| names.iter().all(|name| has(name));
         let any = |names: &[&str]| names.iter().any(|name| has(name));
         let normals = ["nx", "ny", "nz"];
@@ -162,7 +166,9 @@ impl<'a> Source<'a> {
         ];
         let incomplete = parts.into_iter().filter(|(all, any, _)| *any && !all).map(|p| p.2).collect();
         let is_splat = has("f_dc_0") && (has("opacity") || has("scale_0"));
-        VertexLayout { position, normal, uv, color, is_splat, incomplete }
+        let on_faces = |names: &[&str; 3]| names.iter().all(|name| of("face", name));
+        let face_color = !color && COLORS.iter().any(on_faces);
+        VertexLayout { position, normal, uv, color, face_color, is_splat, incomplete }
     }
 
     /// The named attributes of the vertices.
@@ -244,6 +250,7 @@ impl<'a> Source<'a> {
             ("face", PropertyType::List(..)) => Face::new().list(name).is_some(),
             ("face", PropertyType::Scalar(_)) => match Face::slot(name) {
                 Some(Slot::Picture) => has_wedges,
+                Some(Slot::Color(_) | Slot::Alpha) => layout.face_color,
                 slot => slot.is_some(),
             },
             ("tristrips", PropertyType::List(..)) => is_index(name),

@@ -3,7 +3,7 @@
 //!
 //! Read: `x y z`, `nx ny nz`, texture coordinates (`s t`, `u v`, `texture_u texture_v`; v turned to grow downwards),
 //! `red green blue alpha` or `diffuse_red` and so on (integers are sRGB-encoded, floats linear), faces of any size
-//! (`vertex_index` or `vertex_indices`) with texture coordinates of their corners (`texcoord`, as MeshLab writes them) and the
+//! (`vertex_index` or `vertex_indices`), with colours where vertices have none, with texture coordinates of their corners (`texcoord`, as MeshLab writes them) and the
 //! number of their picture (`texnumber`) or of their material (`material_index`), and `tristrips`. A header line
 //! `comment oscura attribute INDEX COUNT NAME` makes the properties `aINDEX_0` to `aINDEX_3` of vertices, as many as COUNT says, an
 //! attribute that graphs of nodes read by its name (floats as they are, integers as shares of the largest). Other elements, and properties of faces that a picture would show,
@@ -16,11 +16,11 @@ mod faces;
 mod header;
 mod rows;
 
+use super::files::find;
 use super::image::Use;
 use super::mesh_tools::Repairs;
-use super::obj::find_file;
 use super::points::Cloud;
-use super::{LoadOptions, Loaded, UpHint, image, mesh_tools};
+use super::{LoadOptions, Loaded, UpHint, files, image, mesh_tools};
 use crate::error::{Error, Problem, Result, Warning};
 use crate::image::Damage;
 use crate::math::{DAffine3, DVec3};
@@ -37,7 +37,7 @@ use std::sync::Arc;
 /// Reads a PLY file as one mesh with a white diffuse material.
 pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     options.files.note(path);
-    let bytes = std::fs::read(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))?;
+    let bytes = files::read_model(path)?;
     let mut origin = DVec3::ZERO;
     let (mut mesh, mut faces, mut left_out) = parse(path, &bytes, origin, options)?;
     if left_out.has_exact_positions {
@@ -63,7 +63,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         }
     };
     let mut loaded = finish(path, mesh, runs, origin, options)?;
-    loaded.up_hint = UpHint { writer: left_out.writer_up, is_mostly_y: false };
+    loaded.up_hint = UpHint { writer: left_out.writer_up, ..UpHint::default() };
     add_textures(path, &left_out.texture_files, &pictures, options, &mut loaded);
     let warning = |what| Warning::new(path, "", format!("{what}: left out"));
     loaded.warnings.extend(left_out.shown.into_iter().map(warning));
@@ -80,6 +80,7 @@ fn parse(path: &Path, bytes: &[u8], origin: DVec3, options: &LoadOptions) -> Res
     defined.check().map_err(fail)?;
     let mut mesh = Mesh { name: "mesh".to_string(), ..Mesh::default() };
     let (mut uv, mut faces) = (Vec::new(), Faces::new(source.has_wedges(), source.has_materials()));
+    faces = faces.with_colors(defined.face_color);
     let mut left_out = source.unread(&defined);
     let mut attributes = Attributes::of(&source, options, &mut left_out);
     for (name, definition) in source.elements() {
@@ -112,25 +113,34 @@ fn parse(path: &Path, bytes: &[u8], origin: DVec3, options: &LoadOptions) -> Res
             }
             _ => {
                 source.read(&definition, |_, _: &SkippedElement| {}).map_err(fail)?;
-                let count = definition.count;
-                if count > 0 {
-                    left_out.shown.push(format!("{count} of the element '{name}', which is no surface"));
-                }
+                let message = format!("{} of the element '{name}', which is no surface", definition.count);
+                left_out.shown.extend((definition.count > 0).then_some(message));
             }
         }
     }
     if defined.uv {
         mesh.uv_sets = vec![uv];
     }
-    left_out.shown.extend(odd_faces(&faces));
+    left_out.shown.extend(faces.left_out());
     left_out.shown.extend(unused_alpha(&mesh));
     mesh.attributes = attributes.lists;
-    let mut problems = faces.problems();
-    problems.extend(faces.materials.as_deref().and_then(odd_material));
-    if !problems.is_empty() {
-        return Err(Error::input_problems(path, problems));
+    if let Some(colors) = faces.colors.take() {
+        mesh_tools::color_triangles(&mut mesh, &colors);
     }
-    Ok((mesh, faces, left_out))
+    match problems(&mesh, &mut faces) {
+        problems if problems.is_empty() => Ok((mesh, faces, left_out)),
+        problems => Err(Error::input_problems(path, problems)),
+    }
+}
+
+/// What is wrong with the faces: those with missing vertices are left out where others are there.
+fn problems(mesh: &Mesh, faces: &mut Faces) -> Vec<Problem> {
+    let mut problems = faces.problems();
+    if !mesh.triangles.is_empty() {
+        problems.clear();
+    }
+    problems.extend(faces.materials.as_deref().and_then(odd_material));
+    problems
 }
 
 /// Largest number of a face's material.
@@ -181,15 +191,6 @@ struct Runs {
     are_materials: bool,
 }
 
-/// Warns of faces that are left out, or whose texture coordinates are.
-fn odd_faces(faces: &Faces) -> impl Iterator<Item = String> {
-    let short = (faces.short > 0).then(|| format!("{} faces of fewer than three corners", faces.short));
-    let odd = faces.wedges.as_ref().map(|wedges| wedges.odd).filter(|&odd| odd > 0);
-    let odd =
-        odd.map(|odd| format!("texture coordinates of {odd} faces, which are not two numbers a corner"));
-    short.into_iter().chain(odd)
-}
-
 /// Warns of vertices with alpha below 1.
 fn unused_alpha(mesh: &Mesh) -> Option<String> {
     let count = mesh.colors.iter().filter(|c| c[3] < 1.0).count();
@@ -208,6 +209,8 @@ fn finish(
         return Err(Error::input(path, "is empty: it has no vertices"));
     }
     let mut loaded = Loaded::default();
+    let told = mesh_tools::bound_colors(&mut mesh.colors, true).map(|what| Warning::new(path, "", what));
+    loaded.warnings.extend(told);
     if mesh.triangles.is_empty() {
         let cloud = Cloud { positions: &mesh.positions, colors: &mesh.colors, origin };
         cloud.add(path, options, &mut loaded)?;
@@ -314,7 +317,7 @@ fn add_texture(
     if loaded.scene.meshes.first().is_none_or(|mesh| mesh.uv_sets.is_empty()) {
         return Err("since the vertices have no texture coordinates".into());
     }
-    let file = find_file(path, name, options)?;
+    let file = find(path, name, options)?;
     let (path, name) = (path.to_path_buf(), name.to_string());
     let on_damage = move |error| {
         Damage::LeftOut(Warning::new(&path, "", left_out(&name, &format!(", {}", reason(error)))))

@@ -2,7 +2,7 @@
 
 use crate::color::{linear_from_srgb, srgb_table};
 use crate::error::Problem;
-use crate::load::words::{integer, next_word};
+use crate::load::words::{decimal_commas, integer, is_no_number, next_word};
 use ply_rs::ply::{ElementDef, Property, PropertyAccess, PropertyType, ScalarType};
 
 /// The record of a row of an element.
@@ -108,6 +108,8 @@ pub(super) struct Face {
     pub picture: i64,
     /// Which of the object's materials it has.
     pub material: i64,
+    /// Linear RGBA.
+    pub color: [f32; 4],
 }
 
 /// The field of the property `aINDEX_COMPONENT` of a vertex.
@@ -119,14 +121,14 @@ fn attribute_slot(name: &str) -> Option<Slot> {
 
 impl Record for Face {
     fn new() -> Face {
-        Face { indices: Vec::new(), wedges: Vec::new(), picture: 0, material: 0 }
+        Face { indices: Vec::new(), wedges: Vec::new(), picture: 0, material: 0, color: [1.0; 4] }
     }
 
     fn slot(name: &str) -> Option<Slot> {
         match name {
             "texnumber" => Some(Slot::Picture),
             "material_index" => Some(Slot::Material),
-            _ => None,
+            _ => Vertex::slot(name).filter(|slot| matches!(slot, Slot::Color(_) | Slot::Alpha)),
         }
     }
 
@@ -135,6 +137,8 @@ impl Record for Face {
         match slot {
             Slot::Picture => self.picture = exact(value) as i64,
             Slot::Material => self.material = exact(value) as i64,
+            Slot::Color(channel) => self.color[channel] = color(value),
+            Slot::Alpha => self.color[3] = unit(value),
             _ => {}
         }
     }
@@ -278,7 +282,9 @@ pub(super) fn read_ascii<E: Record>(
         let line = lines.next().ok_or_else(|| cut(definition, row))?;
         read_row(line, &targets, &mut record).ok_or_else(|| {
             let shown: String = String::from_utf8_lossy(line).chars().take(60).collect();
-            let message = format!("'{shown}' is not a '{}' as the header defines it", definition.name);
+            let commas = decimal_commas(line);
+            let message =
+                format!("'{shown}' is not a '{}' as the header defines it{commas}", definition.name);
             Problem::new(format!("line {}", lines.number), message)
         })?;
         each(row, &record);
@@ -307,7 +313,7 @@ fn read_row<E: Record>(line: &[u8], targets: &[FieldTarget], record: &mut E) -> 
                     Some(List::Numbers(list)) => {
                         list.clear();
                         for _ in 0..length {
-                            list.push(std::str::from_utf8(words.next()?).ok()?.parse().ok()?);
+                            list.push(real(std::str::from_utf8(words.next()?).ok()?)? as f32);
                         }
                     }
                     None => {
@@ -342,9 +348,9 @@ impl<'a> Iterator for Words<'a> {
 fn scalar(kind: &ScalarType, slot: Slot, word: &[u8]) -> Option<Property> {
     let text = std::str::from_utf8(word).ok()?;
     Some(match kind {
-        ScalarType::Float if matches!(slot, Slot::Position(_)) => Property::Double(text.parse().ok()?),
-        ScalarType::Float => Property::Float(text.parse().ok()?),
-        ScalarType::Double => Property::Double(text.parse().ok()?),
+        ScalarType::Float if matches!(slot, Slot::Position(_)) => Property::Double(real(text)?),
+        ScalarType::Float => Property::Float(text.parse().ok().or_else(|| real(text).map(|v| v as f32))?),
+        ScalarType::Double => Property::Double(real(text)?),
         // `as` saturates.
         ScalarType::Char => Property::Char(whole(text)? as i8),
         ScalarType::UChar => Property::UChar(whole(text)? as u8),
@@ -353,6 +359,11 @@ fn scalar(kind: &ScalarType, slot: Slot, word: &[u8]) -> Option<Property> {
         ScalarType::Int => Property::Int(whole(text)? as i32),
         ScalarType::UInt => Property::UInt(whole(text)? as u32),
     })
+}
+
+/// A number; NaN where a program has written that there is none.
+fn real(text: &str) -> Option<f64> {
+    text.parse().ok().or_else(|| is_no_number(text.as_bytes()).then_some(f64::NAN))
 }
 
 /// A whole number, also when it is written as `3.0`.

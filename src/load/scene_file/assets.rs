@@ -4,7 +4,7 @@
 use super::builder::SceneFileBuilder;
 use crate::error::{Error, Result, Warning};
 use crate::load::formats::{self, Format};
-use crate::load::{LoadOptions, Loaded, smooth};
+use crate::load::{LoadOptions, Loaded, files, smooth};
 use crate::scene::{
     Camera, Environment, Instance, MaterialId, Mesh, MeshId, MeshPart, Motion, Scene, Shape, ShapeKind,
     Texture, TextureId,
@@ -88,7 +88,7 @@ impl Assets {
     }
 
     fn get_once(&mut self, build: &mut SceneFileBuilder, name: &str, span: Range<usize>) -> Option<&Asset> {
-        let path = build.resolve_path(name);
+        let path = build.readable_path(name, span.clone())?;
         let key = key(&path);
         if !self.files.contains_key(&key) {
             let geometry_only = !self.with_materials.contains(&key);
@@ -166,7 +166,7 @@ impl Assets {
         name: &str,
         span: Range<usize>,
     ) -> Option<Vec<Camera>> {
-        let path = build.resolve_path(name);
+        let path = build.readable_path(name, span.clone())?;
         if let Some(known) = self.files.get(&key(&path)) {
             return known.as_ref().map(|a| a.cameras.clone());
         }
@@ -219,6 +219,8 @@ fn key(path: &Path) -> PathBuf {
 }
 
 fn read(path: &Path, options: &LoadOptions) -> Result<Loaded> {
+    // What a person names may come through a pipe, what a file names must not wait.
+    files::open(path).map_err(|message| Error::input(path, message))?;
     match formats::of(path) {
         Format::Model(model) => (model.load)(path, options),
         Format::SceneFile | Format::Blender | Format::Other => {
@@ -246,6 +248,10 @@ fn absorb(build: &mut SceneFileBuilder, path: &Path, mut loaded: Loaded) -> Asse
     if loaded.scene.environment != Environment::Black {
         let message = "its surroundings are left out: a scene file has an [environment] of its own";
         build.loaded.notes.push(Warning::new(path, "", message));
+    }
+    if !loaded.scene.curves.is_empty() {
+        let message = "its lines are left out: a scene file has [[curves]] for them";
+        build.loaded.warnings.push(Warning::new(path, "", message));
     }
     let scene = &mut build.loaded.scene;
     let shift = Shift {

@@ -1,7 +1,8 @@
 //! A scene in the making.
 
 use super::fields::{Fields, Problems};
-use crate::load::{LoadOptions, Loaded, ShutterOptions};
+use crate::error::Choice;
+use crate::load::{LoadOptions, Loaded, ShutterOptions, files};
 use crate::scene::{ObjectSet, Scene};
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
@@ -44,6 +45,18 @@ impl<'a> SceneFileBuilder<'a> {
     /// The path of a file that the scene file names.
     pub fn resolve_path(&self, name: &str) -> PathBuf {
         self.file.parent().unwrap_or(self.file).join(name)
+    }
+
+    /// The path of a file that may be read: a sidecar comes along with a model, maybe of a stranger, and names files of its
+    /// folder alone, unless others are permitted. What is refused is noted as a problem.
+    pub fn readable_path(&self, name: &str, span: Range<usize>) -> Option<PathBuf> {
+        if self.is_sidecar && !self.options.allow_external && files::leaves(Path::new(name)) {
+            let message = format!("'{name}' leads out of the folder of the model");
+            let help = format!("move the file there, or permit it by {}", Choice::AllowExternal);
+            self.problems.push_help(span, message, help);
+            return None;
+        }
+        Some(self.resolve_path(name))
     }
 
     /// The picture's time, frames.

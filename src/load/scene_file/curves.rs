@@ -145,7 +145,7 @@ fn from_file(
     name: &str,
 ) -> Option<(CurveFile, Range<usize>, CurveBasis)> {
     let given = fields.string("file")?;
-    let path = build.resolve_path(given.value);
+    let path = build.readable_path(given.value, given.span.clone())?;
     build.options.files.note(&path);
     match curves::read(&path) {
         Ok(file) => {

@@ -37,8 +37,8 @@ use super::traits::{LightTraits, group, positive, strength, visible_to};
 use super::transform::{MovingPlacement, Placement, at_node, direction, placed};
 use super::{fields, traits, transform};
 use crate::error::Warning;
-use crate::load::ies;
 use crate::load::image::Use;
+use crate::load::{files, ies};
 use crate::math::{DAffine3, DMat3, DQuat, DVec3, Vec2};
 use crate::scene::{
     Beam, Instance, Interpolation, Lamp, Light, LightKind, LightProfile, Mapping, Material, MaterialId, Mesh,
@@ -441,9 +441,9 @@ const STEPS: u32 = 256;
 /// The profile of a light, with its largest value 1, and the intensity that this is, W/sr; `None` if it has problems.
 fn read_profile(build: &SceneFileBuilder, fields: &Fields) -> Option<(Arc<LightProfile>, f64)> {
     let file = fields.string("ies")?;
-    let path = build.resolve_path(file.value);
+    let path = build.readable_path(file.value, file.span.clone())?;
     build.options.files.note(&path);
-    let bytes = std::fs::read(&path).map_err(|e| format!("can't be read: {e}"));
+    let bytes = files::read(&path, files::MOST_TEXT);
     let profile = match bytes.and_then(|bytes| ies::parse(&bytes)) {
         Ok(profile) => Some(profile),
         Err(message) => {

@@ -76,7 +76,7 @@ pub(super) fn filling(build: &mut SceneFileBuilder, fields: &Fields) -> Medium {
         }
         return medium;
     };
-    let path = build.resolve_path(file.value);
+    let Some(path) = build.readable_path(file.value, file.span.clone()) else { return medium };
     let [min, max] = corners.map(|c| c.map(|c| c.value));
     let has_margin = min.is_none() && max.is_none();
     build.options.files.note(&path);
@@ -173,7 +173,7 @@ impl<'a> GlowKeys<'a> {
                 let GridTransform { is_z_up, has_margin, .. } = place;
                 (path.to_path_buf(), grid::GridChoice { name: Some(name.value), is_z_up, has_margin })
             }
-            false => (build.resolve_path(name.value), grid::GridChoice::default()),
+            false => (build.readable_path(name.value, name.span.clone())?, grid::GridChoice::default()),
         };
         build.options.files.note(&file);
         match grid::read(&file, choice) {

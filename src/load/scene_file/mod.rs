@@ -35,7 +35,7 @@ mod textures;
 mod traits;
 mod transform;
 
-use super::{LoadOptions, Loaded};
+use super::{LoadOptions, Loaded, files};
 use crate::error::{Error, Problem, Result};
 use assets::Assets;
 use builder::SceneFileBuilder;
@@ -67,7 +67,7 @@ impl TomlText {
     /// An input error if it can't be read or isn't UTF-8.
     fn read(path: &Path, options: &LoadOptions) -> Result<TomlText> {
         options.files.note(path);
-        let bytes = std::fs::read(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))?;
+        let bytes = files::read(path, files::MOST_TEXT).map_err(|message| Error::input(path, message))?;
         let text = String::from_utf8(bytes).map_err(|e| {
             let before = &e.as_bytes()[..e.utf8_error().valid_up_to()];
             let line = before.iter().filter(|&&b| b == b'\n').count() + 1;

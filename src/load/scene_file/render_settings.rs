@@ -22,6 +22,7 @@
 use super::builder::SceneFileBuilder;
 use super::fields::Fields;
 use crate::color::ViewTransform;
+use crate::load::files;
 use crate::scene::{CatcherOutput, EnergyCompensation, Filter, FresnelModel, Settings};
 use std::ops::Range;
 
@@ -89,10 +90,9 @@ fn view(build: &SceneFileBuilder, fields: &Fields) -> Option<ViewTransform> {
         let names = ViewTransform::NAMED.map(|(_, name, _)| (name, name));
         return fields.choice("view", &names).and_then(ViewTransform::from_name);
     }
-    let path = build.resolve_path(given.value);
+    let path = build.readable_path(given.value, given.span.clone())?;
     build.options.files.note(&path);
-    let bytes = std::fs::read(&path).map_err(|error| format!("can't be read: {error}"));
-    bytes
+    files::read(&path, files::MOST_TEXT)
         .and_then(|bytes| ViewTransform::from_table(&bytes, &path))
         .map_err(|message| fields.problems.push(given.span, format!("{}: {message}", path.display())))
         .ok()

@@ -400,7 +400,7 @@ pub(super) fn read_image(
     span: Range<usize>,
     purpose: Use,
 ) -> Option<ImageId> {
-    let path = build.resolve_path(name);
+    let path = build.readable_path(name, span.clone())?;
     let images = &mut build.loaded.scene.images;
     // One file serves several textures, but colours are other numbers than heights.
     let known = path.display().to_string();

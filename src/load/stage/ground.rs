@@ -3,6 +3,7 @@
 use super::framing::{Outline, on_grid};
 use super::light;
 use super::options::{Background, Ground, StageOptions};
+use super::undersides;
 use crate::color::luminance;
 use crate::error::{Choice, Warning};
 use crate::image::Image;
@@ -67,6 +68,7 @@ pub(super) fn add(loaded: &mut Loaded, options: &StageOptions, outline: &Outline
     let size = outline.radius();
     let center = outline.center();
     let below = DVec3::new(center.x, outline.min.y - GAP * size, center.z);
+    undersides::leave_out(loaded, outline.min.y + GAP * size);
     let (melting, color) = melting(options, ground, is_stage);
     let material = material(&mut loaded.scene, ground, melting, color);
     let material = loaded.scene.add_material(material);

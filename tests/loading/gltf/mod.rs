@@ -6,6 +6,7 @@ mod collections;
 mod damage;
 mod decoders;
 mod exported;
+mod faults;
 mod geometry;
 mod images;
 mod layers;

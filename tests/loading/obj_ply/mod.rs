@@ -2,6 +2,7 @@
 
 mod damage;
 mod far;
+mod faults;
 mod mtl;
 mod obj;
 mod ply;

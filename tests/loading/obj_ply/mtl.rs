@@ -201,7 +201,8 @@ fn displacement_of_a_known_height_moves_the_mesh() {
 
 #[test]
 fn what_is_made_invisible_and_textures_without_places_are_warned_of() {
-    for (statements, expected) in [("d 0", "'d 0' makes it invisible"), ("Tr 1", "'Tr 1' makes it invisible")]
+    for (statements, expected) in
+        [("d 0", "'d 0' makes it invisible"), ("Tr 1", "'Tr' of 1 materials is taken as their opacity")]
     {
         let loaded = with_material(statements);
         assert!(loaded.warnings.iter().any(|w| w.message.contains(expected)), "{:?}", loaded.warnings);

@@ -65,9 +65,14 @@ fn all_problems_come_at_once() {
     let text = "v 0 0 0\nv 1 0 0\nv 0 1\nv 0 1 0\nf 1 2 9\nf 1 0 2\nf a b c\nvn 1 0\nf 1 2 -4\n";
     let error = load_files(&[("a.obj", text.as_bytes())]).expect_err("it is broken");
     let places: Vec<&str> = error.problems.iter().map(|p| p.place.as_str()).collect();
-    assert_eq!(places, ["line 3", "line 5", "line 6", "line 7", "line 8", "line 9"], "{error}");
-    assert!(error.to_string().contains("refers to vertex 9, but there are 3"), "{error}");
-    let many = format!("v 0 0 0\n{}", "f 1 2 3\n".repeat(1000));
+    assert_eq!(places, ["line 3", "line 7", "line 8"], "{error}");
+    let missing =
+        load_files(&[("a.obj", b"v 0 0 0\nf 1 2 3\nf 1 0 1\n")]).expect_err("no face is left").to_string();
+    assert!(
+        missing.contains("2 faces that refer to vertices beyond the 1, the first in line 2"),
+        "{missing}"
+    );
+    let many = format!("v 0 0 0\n{}", "f 1 x 3\n".repeat(1000));
     let error = load_files(&[("a.obj", many.as_bytes())]).expect_err("it is broken");
     assert_eq!(error.problems.len(), 11);
     assert!(error.to_string().contains("990 more"), "{error}");
@@ -215,13 +220,7 @@ fn what_tobj_would_misread_is_read_as_the_format_means_it() {
         let mesh = &obj_scene(format!("{points}{face}\n")).meshes[0];
         assert_eq!((mesh.positions.len(), mesh.triangles.len()), (3, 1), "{face}");
     }
-    for face in [
-        "f 1/1/1/1 2 3",
-        "f 1 /2 3",
-        "f 1 2 99999999999",
-        "f 1 2 9999999999999999999",
-        "f 1 2 -9223372036854775808",
-    ] {
+    for face in ["f 1/1/1/1 2 3", "f 1 /2 3", "f 1 2 9999999999999999999", "f 1 2 -9223372036854775808"] {
         let error = load_files(&[("a.obj", format!("{points}{face}\n").as_bytes())]);
         assert_eq!(error.expect_err(face).problems[0].place, "line 9");
     }
@@ -272,9 +271,6 @@ fn faces_may_precede_their_vertices() {
         mesh.triangles.as_flattened().iter().map(|&i| mesh.positions[i as usize][0]).collect();
     assert_eq!(corners, [0.0, 1.0, 0.0, 9.0, 8.0, 9.0]);
     let error = load_files(&[("a.obj", b"f 1 2 3\nf 1 2 4\nf x\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf -4 1 2\n")]);
-    let error = error.expect_err("two indices lead nowhere and one is none").to_string();
-    for part in ["line 2: refers to vertex 4, but there are 3", "line 3: 'x'", "line 7: refers to vertex -4"]
-    {
-        assert!(error.contains(part), "{error}");
-    }
+    let error = error.expect_err("two indices lead nowhere, and one is none").to_string();
+    assert!(error.contains("line 3: 'x'"), "{error}");
 }

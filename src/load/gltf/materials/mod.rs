@@ -79,12 +79,8 @@ impl Materials {
     }
 
     /// The primitive at a pointer with this material has vertex colours.
-    pub fn use_vertex_colors(&mut self, material: MaterialId, at: &str, report: &mut Report) {
-        let material = &mut self.list[material.index()];
-        material.use_vertex_colors = true;
-        if material.model == Model::Black {
-            report.warn(at, "has vertex colours, which its unlit material doesn't show");
-        }
+    pub fn use_vertex_colors(&mut self, material: MaterialId) {
+        self.list[material.index()].use_vertex_colors = true;
     }
 
     /// How many materials of the file are in use.

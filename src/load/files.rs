@@ -1,0 +1,269 @@
+//! Files that other files name: found beside the file that names them, with the spellings of other systems forgiven, and
+//! read only if they are regular files of bearable size. A model may come from anywhere, also to a file manager's thumbnailer:
+//! what it names must neither block (pipes), nor never end (devices), nor lie outside its folder.
+
+use super::LoadOptions;
+use crate::error::{Choice, Error};
+use crate::simd::prefer_huge_pages;
+use flate2::read::MultiGzDecoder;
+use std::fs::File;
+use std::io::{Cursor, Read, Seek, SeekFrom};
+use std::path::{Component, Path, PathBuf};
+
+/// Most bytes of a file of text: scene files, material libraries, profiles.
+pub(super) const MOST_TEXT: u64 = 1 << 28;
+/// Most bytes of any other file: images, buffers, grids.
+pub(super) const MOST_DATA: u64 = 1 << 35;
+
+/// Last parts of names that are looked for.
+const MOST_ENDS: usize = 64;
+
+/// Reads a regular file of at most `most` bytes.
+///
+/// # Errors
+/// Says in words why it can't be read.
+pub(super) fn read(path: &Path, most: u64) -> Result<Vec<u8>, String> {
+    let file = open(path)?;
+    let length = file.metadata().map_or(0, |data| data.len());
+    if length > most {
+        return Err(format!("can't be read: it has {length} bytes, of which at most {most} are accepted"));
+    }
+    let mut bytes = Vec::new();
+    bytes
+        .try_reserve_exact(usize::try_from(length).unwrap_or(usize::MAX))
+        .map_err(|_| format!("can't be read: there is no memory for its {length} bytes"))?;
+    // The length is that of a moment; what has none may hold bytes all the same (files of the kernel).
+    file.take(most + 1).read_to_end(&mut bytes).map_err(unreadable)?;
+    match bytes.len() as u64 > most {
+        true => Err(format!("can't be read: it has more than {most} bytes")),
+        false => Ok(bytes),
+    }
+}
+
+/// All bytes of the file of a model, which a person named, and which may be a pipe; of a compressed one (gzip), those that it holds.
+pub(super) fn read_model(path: &Path) -> crate::error::Result<Vec<u8>> {
+    let fail = |e: std::io::Error| Error::input(path, format!("can't be read: {e}"));
+    let mut file = File::open(path).map_err(fail)?;
+    let mut bytes = Vec::new();
+    // The length is a guess only: what the file really holds is read.
+    let length = file.metadata().map_or(0, |m| m.len());
+    if bytes.try_reserve_exact(usize::try_from(length).unwrap_or(0)).is_ok() {
+        prefer_huge_pages(&mut bytes);
+    }
+    file.read_to_end(&mut bytes).map_err(fail)?;
+    if !bytes.starts_with(GZIP) {
+        return Ok(bytes);
+    }
+    let mut unpacked = Vec::new();
+    let read = MultiGzDecoder::new(&bytes[..]).take(MOST_DATA).read_to_end(&mut unpacked);
+    read.map_err(|e| Error::input(path, format!("can't be unpacked as gzip: {e}")))?;
+    Ok(unpacked)
+}
+
+/// The file of a model that is read piece by piece, more than once.
+pub(super) enum ModelReader {
+    Plain(File),
+    /// It was compressed.
+    Unpacked(Cursor<Vec<u8>>),
+}
+
+impl ModelReader {
+    /// Opens a file.
+    ///
+    /// # Errors
+    /// As for [`read_model`].
+    pub fn open(path: &Path) -> crate::error::Result<ModelReader> {
+        let fail = |e: std::io::Error| Error::input(path, format!("can't be read: {e}"));
+        let mut file = File::open(path).map_err(fail)?;
+        let mut start = Vec::new();
+        if file.metadata().is_ok_and(|data| data.is_file()) {
+            file.by_ref().take(2).read_to_end(&mut start).and_then(|_| file.rewind()).map_err(fail)?;
+        }
+        match start == GZIP {
+            true => Ok(ModelReader::Unpacked(Cursor::new(read_model(path)?))),
+            false => Ok(ModelReader::Plain(file)),
+        }
+    }
+
+    /// Its length, bytes; 0 where that isn't known.
+    pub fn length(&self) -> u64 {
+        match self {
+            ModelReader::Plain(file) => file.metadata().map_or(0, |data| data.len()),
+            ModelReader::Unpacked(bytes) => bytes.get_ref().len() as u64,
+        }
+    }
+}
+
+impl Read for ModelReader {
+    fn read(&mut self, out: &mut [u8]) -> std::io::Result<usize> {
+        match self {
+            ModelReader::Plain(file) => file.read(out),
+            ModelReader::Unpacked(bytes) => bytes.read(out),
+        }
+    }
+}
+
+impl Seek for ModelReader {
+    fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {
+        match self {
+            ModelReader::Plain(file) => file.seek(to),
+            ModelReader::Unpacked(bytes) => bytes.seek(to),
+        }
+    }
+}
+
+/// The beginning of files compressed by gzip.
+pub(super) const GZIP: &[u8] = b"\x1f\x8b";
+
+/// Opens a regular file.
+///
+/// # Errors
+/// Says in words why it can't be read.
+pub(super) fn open(path: &Path) -> Result<File, String> {
+    // Opening a pipe would wait for its writer, so that the kind is asked first.
+    check_kind(&std::fs::metadata(path).map_err(unreadable)?)?;
+    let file = File::open(path).map_err(unreadable)?;
+    check_kind(&file.metadata().map_err(unreadable)?)?;
+    Ok(file)
+}
+
+fn unreadable(error: std::io::Error) -> String {
+    format!("can't be read: {error}")
+}
+
+/// Refuses what is no regular file.
+fn check_kind(of: &std::fs::Metadata) -> Result<(), String> {
+    match (of.is_file(), of.is_dir()) {
+        (true, _) => Ok(()),
+        (_, true) => Err("can't be read: it is a folder".into()),
+        _ => Err("can't be read: it is a device or a pipe, not a file".into()),
+    }
+}
+
+/// The file that `name` means relative to `file`: as written, with `\` for `/`, its last parts alone (for paths of another
+/// machine; the more, the better), and each of these in other capitals.
+///
+/// # Errors
+/// Says why there is none.
+pub(super) fn find(file: &Path, name: &str, options: &LoadOptions) -> Result<PathBuf, String> {
+    // Some writers quote names, or escape their blanks.
+    let quoted = name.strip_prefix('"').and_then(|rest| rest.strip_suffix('"')).unwrap_or(name);
+    let mut names = vec![name.to_string(), quoted.to_string(), quoted.replace("\\ ", " ")];
+    names.dedup();
+    let found = find_any(file, &names, options.allow_external);
+    match &found {
+        Ok(path) => options.files.note(path),
+        // It may come.
+        Err(_) => options.files.note(beside(file, &name.replace('\\', "/"))),
+    }
+    found
+}
+
+/// The path of a name relative to the file that holds it.
+pub(super) fn beside(file: &Path, name: &str) -> PathBuf {
+    file.parent().unwrap_or(Path::new("")).join(name)
+}
+
+/// The file that one of several readings of a name means; earlier ones come first.
+///
+/// # Errors
+/// Says why there is none, by the first reading.
+pub(super) fn find_any(file: &Path, names: &[String], allow_external: bool) -> Result<PathBuf, String> {
+    let slashed: Vec<String> = names.iter().map(|name| name.replace('\\', "/")).collect();
+    let each = names.iter().zip(&slashed).flat_map(|(name, slashed)| [name.as_str(), slashed.as_str()]);
+    let ends = slashed.iter().flat_map(|name| name.match_indices('/').map(|(slash, _)| &name[slash + 1..]));
+    let mut leads_out = false;
+    for wanted in each.chain(ends.take(MOST_ENDS)) {
+        let relative = Path::new(wanted);
+        if wanted.is_empty() || wanted.contains('\0') {
+            continue;
+        }
+        let path = beside(file, wanted);
+        if !allow_external && leaves(relative) {
+            leads_out |= path.is_file();
+            continue;
+        }
+        if path.is_file() {
+            return Ok(path);
+        }
+        if let Some(path) = in_other_capitals(&path) {
+            return Ok(path);
+        }
+    }
+    let name = names.first().map_or("", String::as_str);
+    Err(match leads_out {
+        true => format!("'{name}' leads out of the folder; permit it by {}", Choice::AllowExternal),
+        false => format!("'{name}' does not exist"),
+    })
+}
+
+/// Does a relative path climb above where it starts, or start elsewhere?
+pub(super) fn leaves(path: &Path) -> bool {
+    let mut depth = 0i64;
+    path.components().any(|part| {
+        match part {
+            Component::Normal(_) => depth += 1,
+            Component::CurDir => {}
+            Component::ParentDir => depth -= 1,
+            Component::RootDir | Component::Prefix(_) => depth = -1,
+        }
+        depth < 0
+    })
+}
+
+/// The only file of that name if capitals don't count.
+fn in_other_capitals(path: &Path) -> Option<PathBuf> {
+    let name = path.file_name()?.to_str()?.to_lowercase();
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let entries = std::fs::read_dir(folder).ok()?.flatten();
+    let mut same = entries.filter(|e| e.file_name().to_str().is_some_and(|n| n.to_lowercase() == name));
+    let found = same.next()?.path();
+    (same.next().is_none() && found.is_file()).then_some(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_other_systems_are_found_and_the_folder_is_not_left() {
+        let outer = tempfile::tempdir().expect("a folder");
+        let folder = outer.path().join("model");
+        std::fs::create_dir_all(folder.join("maps")).expect("made");
+        for name in ["model/a b.png", "model/maps/C.png", "secret.png", "model/back\\slash.png"] {
+            std::fs::write(outer.path().join(name), "").expect("written");
+        }
+        let obj = folder.join("a.obj");
+        let options = LoadOptions::default();
+        let found = |name: &str| find(&obj, name, &options);
+        let inside = |name: &str| folder.join(name);
+        assert_eq!(found("a b.png"), Ok(inside("a b.png")));
+        assert_eq!(found("maps\\c.PNG"), Ok(inside("maps/C.png")));
+        assert_eq!(found("D:\\work\\A B.png"), Ok(inside("a b.png")));
+        assert_eq!(found("back\\slash.png"), Ok(inside("back\\slash.png")));
+        assert_eq!(found("\"a b.png\""), Ok(inside("a b.png")));
+        assert_eq!(found("a\\ b.png"), Ok(inside("a b.png")));
+        assert!(found("../secret.png").expect_err("outside").contains(&Choice::AllowExternal.to_string()));
+        assert!(found("nothing.png").is_err() && found("").is_err());
+        let options = LoadOptions { allow_external: true, ..LoadOptions::default() };
+        let outside = find(&obj, "../secret.png", &options).expect("permitted");
+        assert!(outside.ends_with("../secret.png"));
+    }
+
+    #[test]
+    fn only_regular_files_of_bearable_size_are_read() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a");
+        std::fs::write(&path, "12345").expect("written");
+        assert_eq!(read(&path, 5).as_deref(), Ok(&b"12345"[..]));
+        assert!(read(&path, 4).expect_err("too long").contains("at most 4"));
+        assert!(read(folder.path(), 9).expect_err("no file").contains("folder"));
+        File::options().write(true).open(&path).and_then(|file| file.set_len(1 << 36)).expect("sparse");
+        assert!(read(&path, MOST_DATA).expect_err("too long").contains("68719476736 bytes"));
+        if cfg!(unix) {
+            for device in ["/dev/zero", "/dev/null"] {
+                assert!(read(Path::new(device), 9).expect_err(device).contains("a device or a pipe"));
+            }
+        }
+    }
+}

@@ -1,0 +1,261 @@
+//! Points and lines of meshes (glTF 2.0, section 3.7.2.1, modes 0 to 3), which have no surface: points become spheres, lines round
+//! rods. Their sizes, of which files say nothing, go by the spacing of points and by the model's size.
+
+use super::buffers::Accessor;
+use super::document::{Document, pointer};
+use super::materials::Materials;
+use super::report::{Report, Valid};
+use super::vertices::{AttributeFormat, AttributeReader};
+use crate::error::{Choice, Result, Warning};
+use crate::load::mesh_tools::bound_colors;
+use crate::load::points::Cloud;
+use crate::load::{LoadOptions, Loaded};
+use crate::math::{DAffine3, DVec3};
+use crate::scene::{CurveBasis, Curves, MaterialId, Model, ObjectTraits, instance_extents, scene_extent};
+use gltf::json::accessor::{ComponentType, Type};
+use gltf::json::mesh::{Mode, Primitive, Semantic};
+use gltf::json::validation::Checked;
+use std::collections::HashMap;
+
+/// Radius of lines over the diagonal of everything.
+const LINE_RADIUS: f64 = 1e-3;
+/// Bytes that a point takes in the scene, about.
+const BYTES_PER_POINT: u64 = 256;
+
+/// Points, or strands of lines, of a primitive.
+#[derive(Clone)]
+struct Loose {
+    positions: Vec<[f32; 3]>,
+    /// Linear RGBA; empty where there are none.
+    colors: Vec<[f32; 4]>,
+    material: MaterialId,
+    /// Numbers of points of each strand; `None` for points.
+    strands: Option<Vec<Vec<u32>>>,
+}
+
+/// Those of the scene that is shown.
+#[derive(Default)]
+pub(super) struct PointsAndLines {
+    /// By mesh of the file, once read.
+    read: HashMap<usize, Vec<Loose>>,
+    /// The mesh, where it is, and the name of its object.
+    placed: Vec<(usize, DAffine3, String)>,
+}
+
+impl PointsAndLines {
+    /// Notes that the points and lines of a mesh are seen at a place.
+    pub fn place(
+        &mut self,
+        (doc, materials): (&Document, &mut Materials),
+        mesh: usize,
+        world_from_object: DAffine3,
+        name: &str,
+        report: &mut Report,
+    ) {
+        let read = self.read.entry(mesh).or_insert_with(|| read(doc, materials, mesh, report));
+        if !read.is_empty() {
+            self.placed.push((mesh, world_from_object, name.to_string()));
+        }
+    }
+
+    /// Adds them to a scene that has all else.
+    ///
+    /// # Errors
+    /// A usage error for a radius that is none.
+    pub fn add(&self, doc: &Document, options: &LoadOptions, loaded: &mut Loaded) -> Result<()> {
+        let placed = || {
+            self.placed
+                .iter()
+                .flat_map(|(mesh, place, name)| self.read[mesh].iter().map(move |l| (l, place, name)))
+        };
+        let mut cloud: (Vec<[f32; 3]>, Vec<[f32; 4]>) = Default::default();
+        let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        for (loose, place, _) in placed() {
+            let world = loose.positions.iter().map(|p| place.transform_point3(DVec3::from(p.map(f64::from))));
+            let finite: Vec<DVec3> = world.clone().filter(|p| p.is_finite()).collect();
+            (min, max) = finite.iter().fold((min, max), |(min, max), p| (min.min(*p), max.max(*p)));
+            if loose.strands.is_none() {
+                let base = base_color(loaded, loose.material);
+                let color = |i: usize| {
+                    let [r, g, b, _] = loose.colors.get(i).copied().unwrap_or([1.0; 4]);
+                    [r * base[0], g * base[1], b * base[2], 1.0]
+                };
+                cloud.0.extend(world.map(|p| p.as_vec3().to_array()));
+                cloud.1.extend((0..loose.positions.len()).map(color));
+            }
+        }
+        if let Some((low, high)) = scene_extent(&loaded.scene, &instance_extents(&loaded.scene)).0 {
+            (min, max) = (min.min(low), max.max(high));
+        }
+        let size = (max - min).length();
+        if !cloud.0.is_empty() {
+            Cloud { positions: &cloud.0, colors: &cloud.1, origin: DVec3::ZERO }
+                .add(doc.path, options, loaded)?;
+        }
+        let radius = options.point_radius.unwrap_or(if size > 0.0 && size.is_finite() {
+            size * LINE_RADIUS
+        } else {
+            LINE_RADIUS
+        });
+        let lines: Vec<Curves> =
+            placed().filter_map(|(loose, place, name)| rods(loose, place, name, radius)).collect();
+        if !lines.is_empty() {
+            let count: usize = lines.iter().map(|curves| curves.strands.len()).sum();
+            let message =
+                format!("{count} lines are shown as rods of radius {radius:.3e} ({})", Choice::PointRadius);
+            loaded.notes.push(Warning::new(doc.path, "/meshes", message));
+        }
+        for curves in &lines {
+            loaded.scene.materials[curves.material.index()].use_vertex_colors |= !curves.colors.is_empty();
+        }
+        loaded.scene.curves.extend(lines);
+        Ok(())
+    }
+}
+
+/// The colour of a material without its textures, which points have no coordinates for.
+fn base_color(loaded: &Loaded, material: MaterialId) -> [f32; 3] {
+    let material = &loaded.scene.materials[material.index()];
+    match &material.model {
+        Model::Pbr(pbr) => pbr.base_color.factor,
+        _ => material.emission.map_or([0.8; 3], |emission| emission.radiance.factor),
+    }
+}
+
+/// The lines of a primitive as curves of straight pieces.
+fn rods(loose: &Loose, place: &DAffine3, name: &str, radius: f64) -> Option<Curves> {
+    let strands = loose.strands.as_ref()?;
+    let scale = place.matrix3.determinant().abs().cbrt();
+    let is_flat = !(scale > 0.0);
+    // Radii grow with the placement. Without an inverse the points are moved here.
+    let world_from_object = if is_flat { DAffine3::IDENTITY } else { *place };
+    let point = |i: u32| {
+        let p = loose.positions[i as usize];
+        match is_flat {
+            true => place.transform_point3(DVec3::from(p.map(f64::from))).as_vec3().to_array(),
+            false => p,
+        }
+    };
+    let is_finite = |strand: &&Vec<u32>| strand.iter().all(|&i| point(i).iter().all(|x| x.is_finite()));
+    let strands: Vec<&Vec<u32>> = strands.iter().filter(is_finite).collect();
+    let points: Vec<[f32; 3]> = strands.iter().flat_map(|strand| strand.iter().map(|&i| point(i))).collect();
+    if points.is_empty() {
+        return None;
+    }
+    let color = |i: &u32| {
+        let [r, g, b, _] = loose.colors[*i as usize];
+        [r, g, b]
+    };
+    let colors = match loose.colors.is_empty() {
+        true => Vec::new(),
+        false => strands.iter().flat_map(|strand| strand.iter().map(color)).collect(),
+    };
+    let radius = if is_flat { radius } else { radius / scale };
+    Some(Curves {
+        name: name.to_string(),
+        basis: CurveBasis::Linear,
+        strands: strands.iter().map(|strand| strand.len() as u32).collect(),
+        radii: vec![radius as f32; points.len()],
+        points,
+        colors,
+        world_from_object,
+        material: loose.material,
+        traits: ObjectTraits::default(),
+        info: Default::default(),
+    })
+}
+
+/// The points and lines of a mesh of the file. Problems are warnings: files that have surfaces, too, can do without them.
+fn read(doc: &Document, materials: &mut Materials, mesh: usize, report: &mut Report) -> Vec<Loose> {
+    let at = pointer("meshes", mesh);
+    let Ok(json) = doc.entry::<gltf::json::Mesh>("meshes", mesh, &at, report) else { return Vec::new() };
+    let mut list = Vec::new();
+    for (number, primitive) in json.primitives.iter().enumerate() {
+        let Checked::Valid(mode) = primitive.mode else { continue };
+        if matches!(mode, Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip) {
+            let at = format!("{at}/primitives/{number}");
+            match report.apart(|report| primitive_of(doc, materials, primitive, mode, &at, report)) {
+                Ok(loose) => list.push(loose),
+                Err(problem) => drop(report.warn(at, format!("is left out: {}", problem.message))),
+            }
+        }
+    }
+    list
+}
+
+fn primitive_of(
+    doc: &Document,
+    materials: &mut Materials,
+    primitive: &Primitive,
+    mode: Mode,
+    at: &str,
+    report: &mut Report,
+) -> Valid<Loose> {
+    let material =
+        materials.get(doc, primitive.material.map(|m| m.value()), &format!("{at}/material"), report)?;
+    let accessor =
+        |semantic: Semantic| primitive.attributes.get(&Checked::Valid(semantic)).map(|index| index.value());
+    let mut opener = AttributeReader::new(doc, at, "/attributes", None, report);
+    let positions =
+        opener.open(accessor(Semantic::Positions), "POSITION", &[Type::Vec3], AttributeFormat::Signed);
+    let kinds = [Type::Vec3, Type::Vec4];
+    let colors = opener.open(accessor(Semantic::Colors(0)), "COLOR_0", &kinds, AttributeFormat::Unsigned);
+    let count = opener.finish(0, BYTES_PER_POINT)?;
+    let Some(accessor) = positions else { return Err(report.problem(at, "has no positions")) };
+    let mut positions = vec![[0.0; 3]; count];
+    accessor.read_floats(&mut positions);
+    let mut linear = Vec::new();
+    if let Some(accessor) = colors {
+        linear = vec![[1.0; 4]; count];
+        super::vertices::read_colors(&accessor, &mut linear);
+        linear.as_flattened_mut().iter_mut().filter(|v| !v.is_finite()).for_each(|v| *v = 0.0);
+        if let Some(what) = bound_colors(&mut linear, false) {
+            report.warn(at, what);
+        }
+    }
+    let order = match primitive.indices {
+        Some(index) => indices(doc, index.value(), count, at, report)?,
+        None => (0..count as u32).collect(),
+    };
+    let strands = match mode {
+        Mode::Points => {
+            let picked = |list: &mut Vec<_>| *list = order.iter().map(|&i| list[i as usize]).collect();
+            picked(&mut positions);
+            if !linear.is_empty() {
+                linear = order.iter().map(|&i| linear[i as usize]).collect();
+            }
+            None
+        }
+        mode => Some(strands(mode, order)),
+    };
+    Ok(Loose { positions, colors: linear, material, strands })
+}
+
+/// Indices of a primitive; those beyond its vertices are left out with their line.
+fn indices(doc: &Document, index: usize, count: usize, at: &str, report: &mut Report) -> Valid<Vec<u32>> {
+    let accessor = Accessor::open(doc, index, &format!("{at}/indices"), report)?;
+    let unsigned = matches!(accessor.component, ComponentType::U8 | ComponentType::U16 | ComponentType::U32);
+    if !unsigned || accessor.kind != Type::Scalar || !doc.may_decode(accessor.count as u64 * BYTES_PER_POINT)
+    {
+        return Err(report.problem(at, "has indices that can't be read"));
+    }
+    let mut order = vec![0; accessor.count];
+    accessor.read_indices(&mut order);
+    match order.iter().find(|&&i| i as usize >= count) {
+        Some(i) => Err(report.problem(at, format!("holds the index {i}, but there are {count} vertices"))),
+        None => Ok(order),
+    }
+}
+
+/// The strands of lines, each of at least two points.
+fn strands(mode: Mode, mut order: Vec<u32>) -> Vec<Vec<u32>> {
+    match mode {
+        Mode::Lines => order.as_chunks::<2>().0.iter().map(|pair| pair.to_vec()).collect(),
+        _ if order.len() < 2 => Vec::new(),
+        Mode::LineLoop => {
+            order.push(order[0]);
+            vec![order]
+        }
+        _ => vec![order],
+    }
+}

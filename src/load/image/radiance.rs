@@ -1,0 +1,218 @@
+//! Radiance HDR (Ward 1994, "The RADIANCE Lighting Simulation and Rendering System"; `src/common/color.h` and the file format
+//! document of Radiance): the header's factors, spaces and orders of pixels, around the decoder of plain ones.
+//!
+//! `EXPOSURE` and `COLORCORR` are what the numbers were multiplied by; several multiply. Rows of the header's last line may run along
+//! either axis and either way: `-Y h +X w` is the usual order. `FORMAT=32-bit_rle_xyze` holds CIE XYZ.
+
+use super::source::{self, Source};
+use crate::color::converted;
+use crate::error::{Result, Warning};
+use image::codecs::hdr::HdrDecoder;
+use image::{DynamicImage, ImageError};
+use std::io::{ErrorKind, Read};
+
+/// The pixels of a file, linear RGB.
+pub(super) struct Radiance {
+    pub width: u32,
+    pub height: u32,
+    pub rgb: Vec<f32>,
+}
+
+/// Most bytes of a header.
+const LONGEST_HEADER: usize = 1 << 20;
+
+/// CIE XYZ to linear Rec. 709, whose white is D65 (IEC 61966-2-1).
+const REC709_FROM_XYZ: [[f64; 3]; 3] = [
+    [3.240_454_2, -1.537_138_5, -0.498_531_4],
+    [-0.969_266_0, 1.876_010_8, 0.041_556_0],
+    [0.055_643_4, -0.204_025_9, 1.057_225_2],
+];
+
+/// What a header says.
+struct Header {
+    /// Product of all factors on each channel.
+    factors: [f32; 3],
+    is_xyz: bool,
+    /// Of the first and the second axis: is it x, does it grow, and how many pixels it has.
+    axes: [(bool, bool, u32); 2],
+    /// Bytes up to the pixels.
+    length: usize,
+}
+
+/// Decodes a file, and says what its header asked for.
+///
+/// # Errors
+/// An input error for a damaged file.
+pub(super) fn decode(source: &Source, warnings: &mut Vec<Warning>) -> Result<Radiance> {
+    let header = Header::read(source)?;
+    let [rows, columns] = header.axes.map(|axis| axis.2);
+    source::check(source, columns.into(), rows.into())?;
+    // The decoder reads plain headers alone.
+    let plain = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {rows} +X {columns}\n");
+    let file = plain.as_bytes().chain(&source.bytes[header.length..]);
+    let decoder = HdrDecoder::new_nonstrict(file).map_err(|e| broken(source, &e))?;
+    let decoded = DynamicImage::from_decoder(decoder).map_err(|e| broken(source, &e))?;
+    let mut image = header.in_order(decoded.into_rgb32f().into_raw());
+    if header.factors != [1.0; 3] {
+        let [r, g, b] = header.factors;
+        let shown = if r == g && g == b { r.to_string() } else { format!("{r} {g} {b}") };
+        let message =
+            format!("its numbers are divided by what they were multiplied by (EXPOSURE, COLORCORR): {shown}");
+        warnings.push(source.warning(message));
+        image.rgb.as_chunks_mut::<3>().0.iter_mut().for_each(|p| *p = [p[0] / r, p[1] / g, p[2] / b]);
+    }
+    if header.is_xyz {
+        image.rgb.as_chunks_mut::<3>().0.iter_mut().for_each(|p| *p = converted(&REC709_FROM_XYZ, *p));
+    }
+    Ok(image)
+}
+
+/// The error of a decoder, in words that say what to do where that is known.
+pub(super) fn broken(source: &Source, error: &ImageError) -> crate::error::Error {
+    match error {
+        ImageError::IoError(e) if e.kind() == ErrorKind::UnexpectedEof => source
+            .error("is cut short: it ends before its last pixel")
+            .with_help("download or export the file again"),
+        other => source.error(format!("can't be read as an image: {other}")),
+    }
+}
+
+impl Header {
+    fn read(source: &Source) -> Result<Header> {
+        let fail = |what: &str| source.error(format!("can't be read as an image: {what}"));
+        let mut header = Header { factors: [1.0; 3], is_xyz: false, axes: [(false, false, 0); 2], length: 0 };
+        let head = &source.bytes[..source.bytes.len().min(LONGEST_HEADER)];
+        let mut is_over = false;
+        for line in head.split_inclusive(|&b| b == b'\n') {
+            header.length += line.len();
+            let line = String::from_utf8_lossy(line);
+            let line = line.trim();
+            if is_over {
+                header.axes = axes(line).ok_or_else(|| fail("its header doesn't say how large it is"))?;
+                return Ok(header);
+            }
+            is_over = line.is_empty();
+            header.note(line);
+        }
+        Err(fail("it ends inside its header"))
+    }
+
+    /// A variable of the header; those that mean nothing are skipped.
+    fn note(&mut self, line: &str) {
+        let Some((name, value)) = line.split_once('=') else { return };
+        let numbers = || value.split_whitespace().filter_map(|word| word.parse::<f32>().ok());
+        let usable = |factor: &f32| *factor > 0.0 && factor.is_finite();
+        match name.trim() {
+            "EXPOSURE" => {
+                let factor = numbers().next().filter(usable).unwrap_or(1.0);
+                self.factors.iter_mut().for_each(|f| *f *= factor);
+            }
+            "COLORCORR" => {
+                let factors: Vec<f32> = numbers().filter(usable).collect();
+                if let [r, g, b] = factors[..] {
+                    self.factors.iter_mut().zip([r, g, b]).for_each(|(f, factor)| *f *= factor);
+                }
+            }
+            "FORMAT" => self.is_xyz = value.trim() == "32-bit_rle_xyze",
+            _ => {}
+        }
+    }
+
+    /// The pixels from the left to the right and from the top down.
+    fn in_order(&self, rgb: Vec<f32>) -> Radiance {
+        let [(first_is_x, first_grows, rows), (_, second_grows, columns)] = self.axes;
+        let (width, height) = if first_is_x { (rows, columns) } else { (columns, rows) };
+        // y of the file grows upwards.
+        let is_usual = !first_is_x && !first_grows && second_grows;
+        if is_usual {
+            return Radiance { width, height, rgb };
+        }
+        let mut out = vec![0.0; rgb.len()];
+        let pixels = rgb.as_chunks::<3>().0;
+        let turned = |i: u32, count: u32, is_turned: bool| if is_turned { count - 1 - i } else { i };
+        for (at, pixel) in pixels.iter().enumerate() {
+            let (i, j) = (at as u32 / columns, at as u32 % columns);
+            let (x, y) = match first_is_x {
+                true => (turned(i, rows, !first_grows), turned(j, columns, second_grows)),
+                false => (turned(j, columns, !second_grows), turned(i, rows, first_grows)),
+            };
+            let place = (y as usize * width as usize + x as usize) * 3;
+            out[place..place + 3].copy_from_slice(pixel);
+        }
+        Radiance { width, height, rgb: out }
+    }
+}
+
+/// `-Y 512 +X 1024`.
+fn axes(line: &str) -> Option<[(bool, bool, u32); 2]> {
+    let mut words = line.split_whitespace();
+    let mut axis = || {
+        let (name, count) = (words.next()?, words.next()?.parse().ok()?);
+        let (is_x, grows) = match name {
+            "+X" => (true, true),
+            "-X" => (true, false),
+            "+Y" => (false, true),
+            "-Y" => (false, false),
+            _ => return None,
+        };
+        Some((is_x, grows, count))
+    };
+    let [first, second] = [axis()?, axis()?];
+    (first.0 != second.0).then_some([first, second])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    /// Three pixels by two, of which each has a red of its own: 1/128 times 1 to 6.
+    fn decoded(header: &str) -> (Result<Radiance>, Vec<Warning>) {
+        let mut bytes = header.as_bytes().to_vec();
+        bytes.extend((1..=6u8).flat_map(|red| [red, 0, 0, 129]));
+        let mut warnings = Vec::new();
+        let image = decode(&Source { bytes: &bytes, file: Path::new("a.hdr"), pointer: "" }, &mut warnings);
+        (image, warnings)
+    }
+
+    fn reds(size: &str) -> (u32, u32, Vec<u32>) {
+        let image = decoded(&format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n{size}\n")).0;
+        let image = image.unwrap_or_else(|e| panic!("{e}"));
+        let reds = image.rgb.iter().step_by(3).map(|r| (r * 128.0).round() as u32).collect();
+        (image.width, image.height, reds)
+    }
+
+    #[test]
+    fn pixels_in_every_order() {
+        for (size, expected) in [
+            ("-Y 2 +X 3", (3, 2, [1, 2, 3, 4, 5, 6])),
+            ("+Y 2 +X 3", (3, 2, [4, 5, 6, 1, 2, 3])),
+            ("-Y 2 -X 3", (3, 2, [3, 2, 1, 6, 5, 4])),
+            ("+Y 2 -X 3", (3, 2, [6, 5, 4, 3, 2, 1])),
+            // Columns of three, from the left to the right.
+            ("+X 2 -Y 3", (2, 3, [1, 4, 2, 5, 3, 6])),
+            ("+X 2 +Y 3", (2, 3, [3, 6, 2, 5, 1, 4])),
+            ("-X 2 -Y 3", (2, 3, [4, 1, 5, 2, 6, 3])),
+            ("-X 2 +Y 3", (2, 3, [6, 3, 5, 2, 4, 1])),
+        ] {
+            let (width, height, order) = expected;
+            assert_eq!(reds(size), (width, height, order.to_vec()), "{size}");
+        }
+        for size in ["-Y 2 +Y 3", "-Y 2", "+Z 2 +X 3", "-Y two +X 3", "-Y 0 +X 3"] {
+            assert!(decoded(&format!("#?RADIANCE\n\n{size}\n")).0.is_err(), "{size}");
+        }
+    }
+
+    #[test]
+    fn factors_and_spaces_of_the_header() {
+        let (image, warnings) = decoded("#?RGBE\nEXPOSURE=2\nEXPOSURE= 2\nCOLORCORR=1 2 4\n\n-Y 2 +X 3\n");
+        assert_eq!(image.expect("it is read").rgb[0], 1.0 / 128.0 / 4.0);
+        assert!(warnings[0].message.contains("4 8 16"), "{warnings:?}");
+        let (image, warnings) = decoded("#?RADIANCE\nFORMAT=32-bit_rle_xyze\n\n-Y 2 +X 3\n");
+        let [r, g, b] = [0, 1, 2].map(|c| image.as_ref().expect("it is read").rgb[c] * 128.0);
+        assert!((r - 3.24).abs() < 0.01 && (g + 0.969).abs() < 0.01 && (b - 0.0556).abs() < 0.001);
+        assert!(warnings.is_empty());
+        let cut = decoded("#?RADIANCE\n\n-Y 3 +X 3\n").0.err().expect("it is cut").to_string();
+        assert!(cut.contains("cut short"), "{cut}");
+    }
+}

@@ -1,0 +1,260 @@
+//! Small faults of exporters: what is wrong is repaired or left out, with a warning, and the rest is there.
+
+use super::asset::{corners, floats, load_triangle, load_with, triangle_bytes, triangle_with};
+use super::materials::RED;
+use oscura::load::Loaded;
+use oscura::math::DVec3;
+use oscura::scene::Scene;
+use serde_json::{Value, json};
+
+/// The triangle with a picture for its colour.
+fn textured(uri: &str) -> Value {
+    triangle_with(|a| {
+        a["materials"][0] = json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}});
+        a["textures"] = json!([{"source": 0}]);
+        a["images"] = json!([{"uri": uri}]);
+    })
+}
+
+/// The warnings about the file.
+fn said(loaded: &Loaded) -> String {
+    loaded.warnings.iter().filter(|w| w.file.is_some()).map(|w| format!("{w}\n")).collect()
+}
+
+/// The loaded triangle, and that it has lost its picture and nothing else; with what was said.
+fn without_picture(asset: &Value, name: &str, bytes: &[u8]) -> String {
+    let loaded =
+        load_with(asset, &[("a.bin", &triangle_bytes()), (name, bytes)]).unwrap_or_else(|e| panic!("{e}"));
+    let Scene { textures, meshes, .. } = &loaded.scene;
+    assert!(textures.is_empty() && meshes[0].triangles.len() == 1, "{}", said(&loaded));
+    said(&loaded)
+}
+
+#[test]
+fn pictures_of_unread_formats_cost_no_more_than_themselves() {
+    for (bytes, what) in [
+        (&b""[..], "is empty"),
+        (b"\0\0\0\x20ftypavif\0\0\0\0", "is an AVIF image (convert it to PNG)"),
+        (b"\0\0\0\x18ftypheic\0\0\0\0", "is an HEIC image"),
+        (b"\0\0\0\x0cjP  \r\n\x87\n", "is a JPEG 2000 image"),
+        (b"8BPS\0\x01", "is a Photoshop document"),
+        (b"DDS |\0\0\0", "is a DDS image"),
+        (b"<svg xmlns='http://www.w3.org/2000/svg'/>", "is an SVG drawing"),
+        (b"<!DOCTYPE html><title>404</title>", "is a web page"),
+        (b"version https://git-lfs.github.com/spec/v1\n", "git lfs pull"),
+        (b"no picture at all", "is not an image of a known format"),
+    ] {
+        let said = without_picture(&textured("p.png"), "p.png", bytes);
+        assert!(said.contains(what) && said.contains("constants are used alone"), "{what}: {said}");
+    }
+}
+
+#[test]
+fn pictures_that_cannot_be_reached_cost_no_more_than_themselves() {
+    for (uri, what) in [
+        ("https://example.org/p.jpg", "has the scheme 'https:'"),
+        ("file:///C:/textures/other.png", "has the scheme 'file:'"),
+        ("C:\\textures\\other.png", "is missing"),
+        ("/textures/other.png", "leads out"),
+        ("../other.png", "leads out"),
+        ("100%.png", "is missing"),
+        ("data:image/png;base64,@@", "not valid base64"),
+    ] {
+        let said = without_picture(&textured(uri), "red.png", RED);
+        assert!(said.contains(what), "{uri}: {said}");
+    }
+    let beyond = triangle_with(|a| {
+        a["materials"][0] = json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}});
+        a["textures"] = json!([{"source": 0}]);
+        a["images"] = json!([{"bufferView": 2, "mimeType": "image/png"}]);
+        a["bufferViews"].as_array_mut().expect("a list").push(json!({"buffer": 0, "byteLength": 999}));
+    });
+    assert!(without_picture(&beyond, "red.png", RED).contains("reaches from byte 0 over 999 bytes"));
+}
+
+/// Paths as other systems write them lead to the file, and it is said where that is a guess.
+#[test]
+fn pictures_are_found_by_names_that_are_no_uris() {
+    for uri in
+        ["maps\\RED.png", "maps%5Cred.png", "maps/red.png?v=1", "maps/red.png#x", "C:\\me\\maps\\red.png"]
+    {
+        let files = [("a.bin", &triangle_bytes()[..]), ("maps/red.png", RED)];
+        let loaded = load_with(&textured(uri), &files).unwrap_or_else(|e| panic!("{e}"));
+        let is_lost = said(&loaded).contains("/images");
+        assert!(loaded.scene.textures.len() == 1 && !is_lost, "{uri}: {}", said(&loaded));
+        assert!(loaded.notes.iter().any(|n| n.message.contains("is taken to mean")), "{uri}");
+    }
+    let gif = b"GIF89a\x01\0\x01\0\x80\0\0\xff\0\0\0\0\0,\0\0\0\0\x01\0\x01\0\0\x02\x02D\x01\0;";
+    let loaded =
+        load_with(&textured("p.gif"), &[("a.bin", &triangle_bytes()), ("p.gif", gif)]).expect("it loads");
+    let [r, g, ..] = loaded.scene.images[0].rgba(0, 0);
+    assert!(r > 0.9 && g < 0.1, "a GIF is read");
+}
+
+#[test]
+fn transforms_that_are_none_are_repaired() {
+    let zero = triangle_with(|a| a["nodes"][0]["rotation"] = json!([0, 0, 0, 0]));
+    let loaded = load_triangle(&zero).unwrap_or_else(|e| panic!("{e}"));
+    assert!(said(&loaded).contains("/nodes/0/rotation: is no unit quaternion"), "{}", said(&loaded));
+    let both = triangle_with(|a| {
+        a["nodes"][0]["matrix"] = json!([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 7, 0, 0, 1]);
+        a["nodes"][0]["translation"] = json!([3, 3, 3]);
+    });
+    let loaded = load_triangle(&both).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(loaded.scene.instances[0].world_from_object.translation, DVec3::new(7.0, 0.0, 0.0));
+    assert!(said(&loaded).contains("the matrix counts"), "{}", said(&loaded));
+}
+
+/// A scale of 0 on one axis leaves a flat thing in its place, on two a line, which is nothing.
+#[test]
+fn a_scale_of_zero_flattens() {
+    let scaled = |scale: Value| {
+        load_triangle(&triangle_with(|a| {
+            a["nodes"][0]["scale"] = scale;
+            a["nodes"][0]["translation"] = json!([0, 5, 0]);
+        }))
+        .unwrap_or_else(|e| panic!("{e}"))
+    };
+    let flat = scaled(json!([2, 3, 0]));
+    let instance = &flat.scene.instances[0];
+    let mesh = &flat.scene.meshes[instance.mesh.index()];
+    assert_eq!(mesh.positions, [[0.0; 3], [2.0, 0.0, 0.0], [0.0, 3.0, 0.0]]);
+    assert_eq!(instance.world_from_object.translation, DVec3::new(0.0, 5.0, 0.0));
+    assert!(said(&flat).is_empty(), "{}", said(&flat));
+    let line = scaled(json!([2, 0, 0]));
+    assert!(
+        line.scene.instances.is_empty() && said(&line).contains("to a line or a point"),
+        "{}",
+        said(&line)
+    );
+}
+
+#[test]
+fn one_bad_index_costs_its_triangle() {
+    let mut bytes = triangle_bytes();
+    bytes.truncate(36);
+    bytes.extend([0, 0, 1, 0, 2, 0, 0, 0, 1, 0, 9, 0].iter());
+    let asset = triangle_with(|a| {
+        a["accessors"][1]["count"] = json!(6);
+        a["bufferViews"][1]["byteLength"] = json!(12);
+        a["buffers"][0]["byteLength"] = json!(48);
+    });
+    let loaded = load_with(&asset, &[("a.bin", &bytes)]).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(loaded.scene.meshes[0].triangles, [[0, 1, 2]]);
+    assert!(
+        said(&loaded).contains("the index 9, but there are 3 vertices: 1 triangles are dropped"),
+        "{}",
+        said(&loaded)
+    );
+}
+
+#[test]
+fn words_for_no_number_in_the_json_become_zero() {
+    let text = triangle_with(|a| {
+        a["nodes"][0]["name"] = json!("a \"NaN\", b");
+        a["nodes"][0]["translation"] = json!([7777, 1, 8888]);
+        a["accessors"][0]["max"] = json!([9999, 0, 0]);
+    });
+    let text =
+        text.to_string().replace("7777", "NaN").replace("8888", "-nan(ind)").replace("9999", "1.#QNAN");
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::write(folder.path().join("a.bin"), triangle_bytes()).expect("written");
+    let path = folder.path().join("a.gltf");
+    std::fs::write(&path, text).expect("written");
+    let loaded = super::asset::open(&path).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(loaded.scene.instances[0].world_from_object.translation, DVec3::Y);
+    assert_eq!(loaded.scene.instances[0].name, "a \"NaN\", b");
+    assert!(said(&loaded).contains("holds 3 numbers that are none"), "{}", said(&loaded));
+}
+
+/// Points are spheres and lines are rods, in their colours; a bad index costs its primitive alone.
+#[test]
+fn points_and_lines_have_bodies() {
+    let mut bytes = floats(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
+    bytes.extend(floats(&[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]));
+    bytes.extend([0, 1, 1, 2, 7, 0]);
+    let mut asset = corners(3, 78);
+    asset["nodes"][0]["scale"] = json!([2, 2, 2]);
+    asset["bufferViews"][1] = json!({"buffer": 0, "byteOffset": 36, "byteLength": 36});
+    let of_bytes = json!({"buffer": 0, "byteOffset": 72, "byteLength": 6});
+    asset["bufferViews"].as_array_mut().expect("a list").push(of_bytes);
+    asset["accessors"][1] = json!({"bufferView": 1, "componentType": 5126, "type": "VEC3", "count": 3});
+    for count in [4, 6] {
+        let indices = json!({"bufferView": 2, "componentType": 5121, "type": "SCALAR", "count": count});
+        asset["accessors"].as_array_mut().expect("a list").push(indices);
+    }
+    let colored = json!({"POSITION": 0, "COLOR_0": 1});
+    asset["meshes"][0]["primitives"] = json!([
+        {"mode": 0, "attributes": colored},
+        {"mode": 1, "attributes": {"POSITION": 0}, "indices": 2},
+        {"mode": 2, "attributes": colored},
+        {"mode": 3, "attributes": {"POSITION": 0}},
+        {"mode": 1, "attributes": {"POSITION": 0}, "indices": 3},
+    ]);
+    let loaded = load_with(&asset, &[("a.bin", &bytes)]).unwrap_or_else(|e| panic!("{e}"));
+    let Scene { shapes, curves, materials, .. } = &loaded.scene;
+    assert_eq!(
+        shapes.iter().map(|s| s.center).collect::<Vec<_>>(),
+        [DVec3::ZERO, 2.0 * DVec3::X, 2.0 * DVec3::Y]
+    );
+    let model = &materials[shapes[1].material.index()].model;
+    assert!(
+        matches!(model, oscura::scene::Model::Lambert { albedo } if albedo.factor == [0.0, 1.0, 0.0]),
+        "{model:?}"
+    );
+    let strands: Vec<&[u32]> = curves.iter().map(|c| &c.strands[..]).collect();
+    assert_eq!(strands, [&[2, 2][..], &[4], &[3]]);
+    assert_eq!(curves[1].colors[3], [1.0, 0.0, 0.0], "a loop ends where it began");
+    assert!(curves[0].radii.iter().all(|r| (f64::from(*r) * curves[0].radius_scale() - 2.8e-3).abs() < 1e-3));
+    assert!(said(&loaded).contains("/primitives/4: is left out: holds the index 7"), "{}", said(&loaded));
+}
+
+/// Unlit models shine in the colours of their vertices.
+#[test]
+fn unlit_vertex_colors_are_kept() {
+    let mut bytes = floats(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
+    bytes.extend(floats(&[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]));
+    let mut asset = corners(3, 72);
+    asset["bufferViews"][1] = json!({"buffer": 0, "byteOffset": 36, "byteLength": 36});
+    asset["accessors"][1] = json!({"bufferView": 1, "componentType": 5126, "type": "VEC3", "count": 3});
+    asset["meshes"][0]["primitives"][0] = json!({"attributes": {"POSITION": 0, "COLOR_0": 1}, "material": 0});
+    asset["materials"][0] = json!({"extensions": {"KHR_materials_unlit": {}}, "doubleSided": true});
+    asset["extensionsUsed"] = json!(["KHR_materials_unlit"]);
+    asset["cameras"] = json!([{"type": "orthographic", "orthographic": {"xmag": 0.5, "ymag": 0.5, "znear": 0.1, "zfar": 9}}]);
+    asset["nodes"].as_array_mut().expect("a list").push(json!({"camera": 0, "translation": [0.25, 0.25, 5]}));
+    asset["scenes"][0]["nodes"] = json!([0, 1]);
+    let loaded = load_with(&asset, &[("a.bin", &bytes)]).unwrap_or_else(|e| panic!("{e}"));
+    assert!(loaded.scene.materials[0].use_vertex_colors);
+    let mut rendering =
+        oscura::render::Renderer::new(loaded).size(3, 3).samples(64).start().expect("it starts");
+    rendering.run();
+    let film = rendering.into_picture();
+    let [r, g, b, _] = film.film().mean_rgba(1, 1);
+    // The middle of the picture is (0.25, 0.25): half of the first corner's colour and a quarter of the others'.
+    assert!((r - 0.5).abs() < 0.05 && (g - 0.25).abs() < 0.05 && (b - 0.25).abs() < 0.05, "{r} {g} {b}");
+}
+
+/// No surface reflects more light than it gets.
+#[test]
+fn vertex_colors_beyond_one() {
+    let colored = |values: [f32; 9]| {
+        let mut bytes = floats(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
+        bytes.extend(floats(&values));
+        let mut asset = corners(3, 72);
+        asset["bufferViews"][1] = json!({"buffer": 0, "byteOffset": 36, "byteLength": 36});
+        asset["accessors"][1] = json!({"bufferView": 1, "componentType": 5126, "type": "VEC3", "count": 3});
+        asset["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = json!(1);
+        let loaded = load_with(&asset, &[("a.bin", &bytes)]).unwrap_or_else(|e| panic!("{e}"));
+        (loaded.scene.meshes[0].colors[0], said(&loaded))
+    };
+    let (color, said) = colored([255.0, 51.0, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0]);
+    assert!(
+        (color[1] - 0.2).abs() < 1e-6 && color[0] == 1.0 && said.contains("levels of 0 to 255"),
+        "{color:?}, {said}"
+    );
+    let (color, said) = colored([5.0, 0.5, -1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0]);
+    assert_eq!(color, [1.0, 0.5, 0.0, 1.0]);
+    assert!(said.contains("1 of 3 vertex colours are beyond 0 to 1"), "{said}");
+    let (color, said) = colored([1.0, 0.5, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0]);
+    assert!(color == [1.0, 0.5, 0.0, 1.0] && said.is_empty(), "{said}");
+}
