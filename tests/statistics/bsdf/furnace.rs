@@ -336,20 +336,36 @@ fn white_furnace_of_anisotropic_facets_is_one_in(cases: &Cases) {
 
 #[test]
 fn white_furnace_of_layers_is_one() {
+    white_furnace_of_layers_is_one_in(&Cases::each(11));
+}
+
+#[test]
+#[ignore = "5 seconds"]
+fn white_furnace_of_layers_is_one_in_all_cases() {
+    white_furnace_of_layers_is_one_in(&Cases::all());
+}
+
+fn white_furnace_of_layers_is_one_in(cases: &Cases) {
     for roughness in ROUGHNESSES {
         for base in ROUGHNESSES {
             let coated = pbr(|p| (p.clearcoat, p.roughness) = (coat(1.0, roughness), number(base)));
-            assert_white(&format!("coat {roughness} over {base}"), &resolved(coated));
+            assert_white_at(
+                &COSINES,
+                40_000,
+                &format!("coat {roughness} over {base}"),
+                &resolved(coated),
+                cases,
+            );
         }
         let fibres = pbr(|p| (p.sheen, p.roughness) = (sheen([1.0; 3], roughness), number(0.5)));
-        assert_white(&format!("white sheen {roughness}"), &resolved(fibres));
+        assert_white_at(&COSINES, 40_000, &format!("white sheen {roughness}"), &resolved(fibres), cases);
         let metal = pbr(|p| {
             (p.clearcoat, p.metallic, p.roughness) = (coat(0.5, roughness), number(1.0), number(0.4));
         });
-        assert_white(&format!("coat {roughness} over metal"), &resolved(metal));
+        assert_white_at(&COSINES, 40_000, &format!("coat {roughness} over metal"), &resolved(metal), cases);
         let leaf =
             pbr(|p| (p.diffuse_transmission, p.roughness) = (through(0.4, [1.0; 3]), number(roughness)));
-        assert_white(&format!("leaf {roughness}"), &resolved(leaf));
+        assert_white_at(&COSINES, 40_000, &format!("leaf {roughness}"), &resolved(leaf), cases);
     }
 }
 
