@@ -111,8 +111,9 @@ pub(super) fn run(
         Some(mut report) if status.success() && report.error.is_none() => {
             let imported = fs::read(work.join(IMPORTED)).ok().and_then(|bytes| Report::parse(&bytes));
             if let Some(imported) = imported {
-                // Models from elsewhere need no camera.
+                // Models from elsewhere need no camera, and Blender's defaults are none of their settings.
                 report.warnings.retain(|(_, message)| message != "has no active camera");
+                report.notes.retain(|(_, message)| !message.starts_with("Cycles"));
                 report.warnings.splice(0..0, imported.warnings);
                 report.notes.splice(0..0, imported.notes);
             }
