@@ -16,9 +16,12 @@ const SHARDS: usize = 64;
 /// Tiles in the cache of each thread.
 const AT_HAND: usize = 64;
 
+/// A tile and what it is of.
+type KnownTile = (TileKey, Arc<[u8]>);
+
 thread_local! {
     /// The tiles that a thread read last, each in a place that follows from where it lies; a lookup among them takes no lock.
-    static LATEST: RefCell<Vec<Option<(TileKey, Arc<[u8]>)>>> = const { RefCell::new(Vec::new()) };
+    static LATEST: RefCell<Vec<Option<KnownTile>>> = const { RefCell::new(Vec::new()) };
 }
 
 /// Names a tile among all of all images.
