@@ -346,11 +346,13 @@ impl Space {
         let is_seen = |id: MaterialId| !materials[id.index()].is_invisible();
         let stays =
             |moving: &BTreeMap<usize, Moving<_>>, i: usize| !moving.get(&i).is_some_and(Moving::blurs);
+        let shifted =
+            |p: DVec3, shifts: &BTreeMap<usize, DVec3>, i: usize| shifts.get(&i).map_or(p, |by| p + *by);
         let (motion, quads) = (&scene.motion, scene.quads.iter().enumerate());
         for (i, quad) in quads.filter(|(i, quad)| is_seen(quad.material) && stays(&motion.quads, *i)) {
             self.owners.begin(attributes.materials.len(), numbering.quad(i));
             shapes.quads.push(Quad {
-                corner: (quad.corner - origin).as_vec3(),
+                corner: (shifted(quad.corner, &plan.shifts.quads, i) - origin).as_vec3(),
                 edge_u: quad.edge_u.as_vec3(),
                 edge_v: quad.edge_v.as_vec3(),
             });
@@ -360,7 +362,8 @@ impl Space {
         let shown = scene.shapes.iter().enumerate();
         for (i, shape) in shown.filter(|(i, s)| is_seen(s.material) && stays(&motion.shapes, *i)) {
             self.owners.begin(attributes.materials.len(), numbering.shape(i));
-            shapes.analytic.push(Analytic::of_scene(shape, (shape.center - origin).as_vec3()));
+            let center = shifted(shape.center, &plan.shifts.shapes, i) - origin;
+            shapes.analytic.push(Analytic::of_scene(shape, center.as_vec3()));
             attributes.materials.push(plan.numbers.number(shape.material, &shape.traits));
             if turns {
                 attributes.object_from_world.push(Mat3::from_quat(shape.rotation.inverse().as_quat()));

@@ -12,7 +12,8 @@ use super::plan::{Plan, Tree};
 use super::reuse::{BuiltGeometry, Reusable, Sources};
 use super::scene::{CompileOptions, CompileReport, CompiledScene, ExpectedPicture, Features, View};
 use super::{
-    coincident_surfaces, emitters, inside_out, material, media, motion, object_data, plan, texture_needs,
+    coincident_surfaces, emitters, flush_lights, inside_out, material, media, motion, object_data, plan,
+    texture_needs,
 };
 use crate::accel::{Accel, BuildStats};
 use crate::error::{Problem, Result, Warning};
@@ -154,7 +155,8 @@ fn compile_after(
     let named = (scene, numbers, textures.attributes().clone());
     let plan = plan::plan(named, &materials, anchor, is_sequence, warnings, left_out);
     let inside_out = inside_out::find(scene, &materials, &mut report.warnings);
-    let plan = Plan { keeps_uv: options.keeps_uv, inside_out, ..plan };
+    let shifts = flush_lights::find(scene, anchor, &mut report.notes);
+    let plan = Plan { keeps_uv: options.keeps_uv, inside_out, shifts, ..plan };
     check_size(scene, &plan)?;
     let BuiltGeometry { geometries, accel } =
         kept.geometry(scene, &materials, anchor, &plan, (options.tree, &options.gauge))?;
@@ -191,8 +193,21 @@ fn compile_after(
         vectors: MotionVectors::of(scene, anchor),
         sources: is_sequence.then(|| Sources::of(scene, &plan)),
     };
+    warn_of_far_surfaces(&compiled, &mut report.warnings);
     report.memory = compiled.memory();
     Ok((compiled, report))
+}
+
+/// Distance from the camera in metres from which on the squared area of a triangle may be too large for single precision.
+const FARTHEST: f32 = 4e9;
+
+fn warn_of_far_surfaces(compiled: &CompiledScene, warnings: &mut Vec<Warning>) {
+    let reach = compiled.reach();
+    if reach > FARTHEST {
+        warnings.push(Warning::general(format!(
+            "surfaces are up to {reach:.1e} m away: triangles and quads longer than {FARTHEST:.0e} m are black; scale the scene down"
+        )));
+    }
 }
 
 /// All lights with the tables that are indexed by them. Lights infinitely far away are removed if opaque fog fills the world.

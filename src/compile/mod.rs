@@ -10,6 +10,7 @@ mod curves;
 mod density_grid;
 mod emitters;
 mod fingerprint;
+mod flush_lights;
 mod geometry;
 mod inside_out;
 mod light_tables;

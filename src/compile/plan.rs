@@ -1,6 +1,7 @@
 //! How each instance is compiled: merged into the world's geometry, as a placement of a shared mesh, or as a placement that moves.
 
 use super::fingerprint::Fingerprint;
+use super::flush_lights::Shifts;
 use super::material::CompiledMaterial;
 use super::objects::{ObjectMaterials, only_material, part_materials};
 use super::{fingerprint, motion};
@@ -69,6 +70,8 @@ pub(super) struct Plan {
     pub numbers: ObjectMaterials,
     /// By mesh: are its fronts where its backs should be? Empty where none are.
     pub inside_out: Vec<bool>,
+    /// How far flat lights in the plane of other surfaces are moved.
+    pub shifts: Shifts,
     /// What another moment must have in common to use the same geometry; `None` if nothing is to be kept.
     pub keys: Option<Keys>,
 }

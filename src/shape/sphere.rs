@@ -10,6 +10,10 @@ use crate::simd::map_each;
 use std::collections::HashMap;
 use std::f32::consts::{FRAC_1_PI, PI, SQRT_2};
 
+/// Smallest radius relative to the coordinates of the center for which normals follow from points. A smaller sphere is seen as one
+/// that faces the viewer.
+const LEAST_RADIUS: f32 = 1e-5;
+
 /// A sphere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sphere {
@@ -139,7 +143,11 @@ impl Shape for Sphere {
     }
 
     #[inline(always)]
-    fn normal_at(&self, point: Vec3, _: Vec3) -> Vec3 {
+    fn normal_at(&self, point: Vec3, reference: Vec3) -> Vec3 {
+        // Below that the rounding of points, up to 6e-8 of their coordinates, would turn normals by more than a hundredth.
+        if self.radius < LEAST_RADIUS * self.center.abs().max_element() && reference != point {
+            return (reference - self.center).normalize_or_zero();
+        }
         (point - self.center) / self.radius
     }
 
@@ -436,5 +444,16 @@ mod tests {
         let corner = |i: u32| DVec3::from(mesh.positions[i as usize].map(f64::from));
         let parts = mesh.triangles.iter().map(|t| corner(t[0]).dot(corner(t[1]).cross(corner(t[2]))) / 6.0);
         assert!((parts.sum::<f64>() / (4.0 / 3.0 * std::f64::consts::PI) - 1.0).abs() < 2e-3);
+    }
+
+    /// Points of a tiny sphere round to its center, yet it faces the viewer.
+    #[test]
+    fn tiny_spheres_face_the_viewer() {
+        let (center, viewer) = (Vec3::new(0.3, 2.0, 1.0), Vec3::new(0.1, 0.0, 0.2));
+        for radius in [1e-6, 1e-7, 1e-9] {
+            let sphere = Sphere { center, radius };
+            let point = sphere.sample(viewer, [0.9, 0.3]).point;
+            assert!(sphere.normal_at(point, viewer).dot(viewer - point) > 2.0, "{radius}");
+        }
     }
 }
