@@ -190,6 +190,15 @@ fn emission_of(
     (emission, light_spectrum)
 }
 
+/// What the solids of a material are filled with.
+fn medium_of(material: &Material, model: &Model, class: BsdfClass, shading: ShadingModel) -> Option<Medium> {
+    let medium = Medium::of(model, class, material.medium.as_ref());
+    match shading.spectral {
+        true => medium.map(|medium| medium.by_wavelength(model, material.medium.as_ref())),
+        false => medium,
+    }
+}
+
 /// A map that bends normals.
 fn usable(map: Option<NormalMap>, textures: &CompiledTextures) -> Option<NormalMap> {
     map.filter(|map| map.scale != 0.0 && !textures.is_lost(map.texture))
@@ -230,7 +239,6 @@ impl CompiledMaterial {
         let is_constant = !is_textured && !material.use_vertex_colors && !uses_frame;
         let example = is_constant.then(|| program.evaluate(&Factors, &LocalFrame::STRAIGHT));
         let constant = example.filter(|_| !is_spectral);
-        let medium = Medium::of(&model, class, material.medium.as_ref());
         let differs = |id: TextureId| textures.depends_on_viewer(id) || textures.reads_hit(id);
         CompiledMaterial {
             class,
@@ -242,10 +250,7 @@ impl CompiledMaterial {
             // What passes would not take its light along.
             passes_straight: program.may_pass_straight() && emission.is_none() && !shading.spectral,
             is_absent_from_behind,
-            medium: match shading.spectral {
-                true => medium.map(|medium| medium.by_wavelength(&model, material.medium.as_ref())),
-                false => medium,
-            },
+            medium: medium_of(material, &model, class, shading),
             is_boundary: matches!(model, Model::Boundary {}),
             medium_index: 0,
             normal_map,
