@@ -350,14 +350,18 @@ const USD: &str = r#"#usda 1.0
 )
 def Xform "World"
 {
-    def Cube "box" { double size = 100 }
+    def Cube "box" {
+        double size = 100
+    }
     def SphereLight "bulb" {
         float inputs:radius = 10
         float inputs:intensity = 100
         double3 xformOp:translate = (0, 300, 100)
         uniform token[] xformOpOrder = ["xformOp:translate"]
     }
-    def DistantLight "sun" { float inputs:angle = 2 }
+    def DistantLight "sun" {
+        float inputs:angle = 2
+    }
 }
 "#;
 

@@ -45,14 +45,14 @@ fn usage_errors_exit_with_2_before_any_work() {
 #[test]
 fn what_is_no_scene_is_answered_with_the_way_to_one() {
     let folder = tempfile::tempdir().unwrap();
-    for name in ["b.fbx", "c.PNG", "room.glb"] {
+    for name in ["b.max", "c.PNG", "room.glb"] {
         fs::write(folder.path().join(name), "not read at all").unwrap();
     }
     for (args, expected, words) in [
         (&["render", "rom.glb", "-o", "x.png"][..], 3, &["rom.glb", "no such file", "room.glb"][..]),
         (&["render", "rooms/a.glb", "-o", "x.png"], 3, &["rooms/a.glb", "the folder rooms does not exist"]),
         (&["render", ".", "-o", "x.png"], 3, &["is a folder", "room.glb"]),
-        (&["render", "b.fbx", "-o", "x.png"], 3, &["'.fbx'", "Blender"]),
+        (&["render", "b.max", "-o", "x.png"], 3, &["'.max'", "glTF"]),
         (&["render", "c.PNG", "-o", "x.png"], 3, &["'.png'", "picture", "scene.glb"]),
         (&["room.glb"], 2, &["room.glb", "oscura render room.glb -o picture.png"]),
     ] {
@@ -63,7 +63,7 @@ fn what_is_no_scene_is_answered_with_the_way_to_one() {
             assert!(said.contains(word), "{args:?}: {word}: {said}");
         }
     }
-    assert_eq!(names(folder.path()), ["b.fbx", "c.PNG", "room.glb"]);
+    assert_eq!(names(folder.path()), ["b.max", "c.PNG", "room.glb"]);
 }
 
 /// The Cornell box with a text replaced.
