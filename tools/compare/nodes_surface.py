@@ -171,6 +171,10 @@ def triangles(item):
     loops = np.array([loop for t in mesh.loop_triangles for loop in t.loops])
     vertices = np.array([mesh.loops[i].vertex_index for i in loops])
     normals = np.array([n.vector for n in mesh.corner_normals])[loops]
+    # Cycles shades flat faces by their triangles, Blender's normals of corners are those of polygons.
+    for i, triangle in enumerate(mesh.loop_triangles):
+        if not mesh.polygons[triangle.polygon_index].use_smooth:
+            normals[3 * i : 3 * i + 3] = triangle.normal
     columns = ["x", "y", "z", "nx", "ny", "nz", "s", "t"]
     uv = np.array([d.uv for d in mesh.uv_layers[0].data])[loops]
     parts = [np.array([v.co for v in mesh.vertices])[vertices], normals, uv]

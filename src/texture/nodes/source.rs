@@ -185,7 +185,7 @@ impl Source {
             Source::Window => window(point, hit),
             Source::Object => object(hit, is_z_up),
             Source::Radial(axis, number) => turned(radial(hit, axis, number)),
-            Source::UvTangent => turned(hit.tangent_frame.map_or(Vec3::ZERO, |frame| frame.x_axis)),
+            Source::UvTangent => turned(hit.tangent_frame.map_or(Vec3::ZERO, |own| tangent(hit, own.x_axis))),
             Source::Frame(number) => frame(hit, number, is_z_up),
             Source::Steps => steps(point, hit, is_z_up),
             Source::Parametric => filled(hit.parametric),
@@ -338,7 +338,13 @@ fn frame(hit: &HitData<'_>, number: u16, is_z_up: bool) -> Numbers {
     };
     let own = if number == FIRST_SET { hit.tangent_frame } else { of_attribute() };
     let Some(own) = own else { return [0.0; 12] };
-    let [t, b, n] = [own.x_axis, own.y_axis, own.z_axis].map(|v| turned(v, is_z_up).to_array());
+    // As in Cycles, the frame is one of the object's space, and what it gives goes to the world as normals do.
+    let linear = hit.object.object_from_world.matrix3;
+    let side = own.determinant().signum() * linear.determinant().signum() as f32;
+    let t = (linear * own.x_axis.as_dvec3()).normalize_or_zero().as_vec3();
+    let n = to_object_normal(hit, own.z_axis);
+    let to_world = |v: Vec3| (linear.transpose() * v.as_dvec3()).as_vec3();
+    let [t, b, n] = [t, n.cross(t) * side, n].map(|v| turned(to_world(v), is_z_up).to_array());
     filled([t[0], t[1], t[2], b[0], b[1], b[2], n[0], n[1], n[2], 1.0])
 }
 
@@ -352,6 +358,14 @@ fn uv_frame([a, b, c]: [Vec3; 3], uv: [Vec2; 3], n: Vec3) -> Option<Mat3> {
     let t = (along - n * n.dot(along)).try_normalize()?;
     let side = if n.cross(t).dot(up) < 0.0 { -1.0 } else { 1.0 };
     Some(Mat3::from_cols(t, n.cross(t) * side, n))
+}
+
+/// A tangent of the world as Cycles has it, which takes those of objects to the world as normals.
+fn tangent(hit: &HitData<'_>, own: Vec3) -> Vec3 {
+    let linear = hit.object.object_from_world.matrix3;
+    let along = linear.transpose() * (linear * own.as_dvec3()).normalize_or_zero();
+    let n = hit.shading_normal;
+    n.cross(along.as_vec3().cross(n).normalize_or_zero())
 }
 
 fn strand(hit: &HitData<'_>, is_z_up: bool) -> Numbers {
