@@ -115,15 +115,17 @@ fn outputs_on_surfaces_are_those_of_cycles() {
         let factor = 0.4 / largest;
         let film = picture(&scene(&truth, case, factor), &options(size as u32, 64, 1));
         let found = blocks(&film, size as usize, block as usize);
-        let differences = found.iter().zip(&expected).map(|(f, e)| ((f - 0.5) / factor - e) / largest);
+        let unit = largest.max(1.0);
+        let differences = found.iter().zip(&expected).map(|(f, e)| ((f - 0.5) / factor - e) / unit);
         let worst = differences.fold(0.0f64, |worst, d| if d.abs() > worst.abs() { d } else { worst });
         count += 1;
         println!("{label}: {worst:+.5} of {largest:.3}");
         // The standard error of a block of which half is 1 and half is 0 is 1 % with 64 samples a pixel.
         let has_steps = ["image", "wireframe", "bump of a picture"].iter().any(|kind| label.contains(kind));
-        // Tangents of further texture coordinates are those of triangles, of Cycles those of vertices.
+        // Cycles' tangents are those of the ball's quads, ours of its triangles, and of further texture coordinates not even smooth.
         let most = match label {
             "normal_map of the second map" => 2.5e-2,
+            _ if label.contains("TANGENT") || label == "tangent uv_map" => 1e-2,
             _ if has_steps => 1e-2,
             _ => 4e-3,
         };

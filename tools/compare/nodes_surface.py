@@ -250,6 +250,8 @@ def scene():
     bpy.context.collection.objects.link(camera)
     camera.location, camera.rotation_euler = (0.4, -4.0, 0.6), (1.45, 0.05, 0.08)
     camera.data.sensor_width, camera.data.lens = 36, 50
+    # Rays of Cycles have no length up to there.
+    camera.data.clip_start = 1e-4
     bpy.context.scene.camera = camera
     bpy.context.view_layer.update()
     return ball, plane, camera

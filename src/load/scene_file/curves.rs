@@ -10,7 +10,7 @@
 //! | `material` | a name, by default `"default"`: `"hair"` or any opaque or thin material without emission |
 //! | `transform` | as of objects; radii grow with the cube root of its volume |
 //!
-//! They may have `visible_to`, `visible_to_camera`, `holdout` and `shadow_catcher` as objects have. Textures have u along the strand,
+//! They may have `visible_to`, `visible_to_camera`, `holdout`, `shadow_catcher`, `color`, `index` and `random` as objects have. Textures have u along the strand,
 //! from 0 at its root to 1 at its tip, and v around it. Colours of a file multiply the `color` of the material. Curves are met from
 //! outside only, don't shine and stand still while the picture is taken.
 

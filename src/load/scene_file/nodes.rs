@@ -48,8 +48,10 @@ pub(super) fn attribute_names(root: &Fields) -> BTreeSet<String> {
     for texture in textures.into_iter().flat_map(|table| table.values()) {
         let nodes = texture.get_ref().as_table().and_then(|table| table.get("nodes")?.get_ref().as_table());
         for node in nodes.into_iter().flat_map(|table| table.values()) {
-            let name = node.get_ref().as_table().and_then(|table| table.get("name")?.get_ref().as_str());
-            names.extend(name.map(str::to_string));
+            for key in ["name", "uv_map"] {
+                let name = node.get_ref().as_table().and_then(|table| table.get(key)?.get_ref().as_str());
+                names.extend(name.map(str::to_string));
+            }
         }
     }
     names

@@ -19,6 +19,9 @@
 //! camera sees the object. With `shadow_catcher = true` the camera sees only what other objects change on it, to be laid
 //! over a photograph; the layer `ShadowCatcher` has the factors by channel.
 //!
+//! `color = [r, g, b]` or `[r, g, b, alpha]` (white), `index` (0) and `random` (from 0 to 1; by default it follows from the name) are what nodes
+//! of type `object_info` give.
+//!
 //! `light_link` and `shadow_link` say which objects the light of one that shines lights, and which cast shadows in it
 //! (`oscura help lights`).
 //!

@@ -154,22 +154,19 @@ fn ply_reads_attributes_by_name_and_materials_of_faces() {
 fn ply_subdivides_attributes_with_their_vertices() {
     let how = Subdivision { levels: 2, has_round_corners: false };
     let options = LoadOptions { subdivision: Some(how), ..LoadOptions::default() };
-    // The first attribute is the point, so it stays that wherever vertices lie between others.
-    let text = WITH_ATTRIBUTES.replace("attribute 3 2 zweite Karte é", "attribute 3 2 place").replace(
-        "0 0 0 0.5 -1 0\n1 0 0 0.25 2 255\n0 1 0 3 4 51\n1 1 0 5 6 0",
-        "0 0 0 0 0 0\n1 0 0 1 0 0\n0 1 0 0 1 0\n1 1 0 1 1 0",
-    );
+    // An attribute that is the same as the texture coordinates stays that.
+    let text = WITH_ATTRIBUTES
+        .replace("property uchar a0_0", "property uchar a0_0\nproperty float s\nproperty float t")
+        .replace("0 0 0 0.5 -1 0\n", "0 0 0 0.5 -1 0 0.5 -1\n")
+        .replace("1 0 0 0.25 2 255\n", "1 0 0 0.25 2 255 0.25 2\n")
+        .replace("0 1 0 3 4 51\n", "0 1 0 3 4 51 3 4\n")
+        .replace("1 1 0 5 6 0\n", "1 1 0 5 6 0 5 6\n");
     let fine = load_with(text.as_bytes(), &options).scene;
     let mesh = &fine.meshes[0];
     assert!(mesh.positions.len() > 16 && mesh.attributes[0].values.len() == 2 * mesh.positions.len());
-    let inner = mesh
-        .positions
-        .iter()
-        .enumerate()
-        .filter(|(_, p)| (0.2..0.8).contains(&p[0]) && (0.2..0.8).contains(&p[1]));
-    for (vertex, position) in inner {
-        let place = mesh.attributes[0].of(vertex);
-        assert!((0..2).all(|axis| (place[axis] - position[axis]).abs() < 1e-5), "{place:?} at {position:?}");
+    for (vertex, uv) in mesh.uv_sets[0].iter().enumerate() {
+        let map = mesh.attributes[0].of(vertex);
+        assert!((map[0] - uv[0]).abs() < 1e-5 && (map[1] - (1.0 - uv[1])).abs() < 1e-5, "{map:?} {uv:?}");
     }
 }
 

@@ -71,9 +71,9 @@ fn no_key_is_left_out() {
             1,
         );
         let known = known_keys(&text);
-        // The type is in every table's head, displacement and normals may be in all of materials; cameras and lights from models, and motion, have tests
+        // The type is in every table's head, displacement, normals and numbers may be in all of materials; cameras and lights from models, and motion, have tests
         // of their own.
-        let elsewhere = ["type", "from", "name", "node", "displacement", "normal", "bump", "motion"];
+        let elsewhere = ["type", "from", "name", "node", "displacement", "normal", "index", "bump", "motion"];
         let missing: Vec<&String> = known
             .iter()
             .filter(|k| !tried.contains(k.as_str()) && !elsewhere.contains(&k.as_str()))

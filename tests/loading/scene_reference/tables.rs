@@ -224,6 +224,9 @@ pub const TABLES: &[Table] = &[
             ("visible_to_camera", "false", "true"),
             ("holdout", "true", "false"),
             ("shadow_catcher", "true", "false"),
+            ("color", "[1, 0, 0]", "[0, 1, 0, 0.5]"),
+            ("index", "1", "2"),
+            ("random", "0.1", "0.2"),
         ],
     },
     Table {
