@@ -105,7 +105,8 @@ impl BsdfProgram {
     pub fn of(model: &Model, shading: ShadingModel) -> BsdfProgram {
         let (energy_compensation, refraction) = (shading.energy_compensation, Refraction::Scales);
         match model {
-            Model::Black => BsdfProgram::Black,
+            // Hits select a component of a mix.
+            Model::Black | Model::Mix { .. } => BsdfProgram::Black,
             Model::Lambert { albedo } => LambertProgram { albedo: *albedo }.into(),
             Model::OrenNayar { color, roughness } if always(roughness, 0.0) => {
                 LambertProgram { albedo: *color }.into()

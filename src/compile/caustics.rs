@@ -37,7 +37,7 @@ impl CompiledMaterial {
             Black, Conductor, Dielectric, Lambert, MetalRough, OrenNayar, RoughDielectric, SchlickMetal,
         };
         match self.class {
-            _ if self.depends_on_viewer => Role::Neither,
+            _ if self.depends_on_viewer || self.is_component => Role::Neither,
             Lambert | OrenNayar => Role::Receiver,
             Black => Role::Neither,
             Dielectric | RoughDielectric if self.is_smooth_glass() => Role::Caster,

@@ -317,7 +317,7 @@ fn materials(
     let mut materials: Vec<CompiledMaterial> = replaced.map(compiled).collect();
     let media = media::number(scene, anchor, &mut materials, shading.spectral, warnings);
     media::warn_of_overlaps(scene, &materials, warnings);
-    let numbers = ObjectMaterials::of(scene);
+    let mut numbers = ObjectMaterials::of(scene);
     numbers.extend(&mut materials);
     (materials, media, numbers)
 }
@@ -352,6 +352,7 @@ fn features(
             .any(|m| m.reads_path || !m.visible_to().contains(RayKinds::ALL.without(RayKinds::CAMERA))),
         catchers: materials.iter().any(|m| m.presence.is_some_and(|p| p.is_catcher)),
         links: false,
+        mixes: materials.iter().any(|m| !m.components.is_empty()),
         holdouts: materials.iter().any(|m| m.presence.is_some_and(|p| p.is_holdout)),
         absorption: media.iter().any(|m| m.absorption.is_some()),
     }

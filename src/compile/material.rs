@@ -8,7 +8,7 @@ use crate::color::spectral::{Spectrum, Wavelengths, uplifted_share};
 use crate::light::Beam;
 use crate::math::{Frame, Mat3, Vec3};
 use crate::scene::{
-    AlphaMode, ColorSlot, FloatSlot, Lamp, LightLinks, Material, Model, NormalMap, ObjectSets, ObjectTraits,
+    AlphaMode, ColorSlot, FloatSlot, Lamp, LightLinks, Material, MixComponent, Model, NormalMap, ObjectSets, ObjectTraits,
     ParameterMut, Parameters, PbrMaterial, RayKinds, TextureId, Transmission,
 };
 use crate::shape::Surface;
@@ -68,7 +68,24 @@ pub struct CompiledMaterial {
     pub uses_frame: bool,
     /// Perturbs the normals of the clearcoat.
     coat_normal_map: Option<NormalMap>,
+    /// The materials of a mix; empty for others.
+    pub components: Vec<CompiledComponent>,
+    /// A material of a mix: light paths, which don't select one, end at it.
+    pub is_component: bool,
     pub(super) program: BsdfProgram,
+}
+
+/// A material of a mix. Hits select one of them in place of the mix.
+#[derive(Clone, Debug)]
+pub struct CompiledComponent {
+    /// Factor on its BSDF.
+    pub weight: ColorSlot,
+    /// Its reflectance, luminance 0..1, as far as it is known: its selection is proportional to it.
+    pub reflectance: f32,
+    /// Its index among the compiled materials.
+    pub index: u32,
+    /// The material until it is among these.
+    material: Option<Box<CompiledMaterial>>,
 }
 
 /// Emitted radiance.
@@ -163,6 +180,14 @@ impl Slots for ByWavelength<'_> {
     #[inline]
     fn wavelengths(&self) -> Option<&Wavelengths> {
         Some(self.waves)
+    }
+}
+
+/// A factor on light at a path's wavelengths, or in RGB without.
+pub fn share_at(slots: &PointReader<'_>, slot: &ColorSlot, waves: Option<&Wavelengths>) -> Rgb {
+    match waves {
+        None => slots.color(slot),
+        Some(waves) => ByWavelength { slots, waves }.color(slot),
     }
 }
 
@@ -267,8 +292,55 @@ impl CompiledMaterial {
             uses_uv,
             uses_frame,
             coat_normal_map,
+            components: Vec::new(),
+            is_component: false,
             program,
         }
+        .with_components(&model, textures, shading)
+    }
+
+    /// With the materials of a mix; what hits need that select one is what any of them needs.
+    fn with_components(
+        mut self,
+        model: &Model,
+        textures: &CompiledTextures,
+        shading: ShadingModel,
+    ) -> CompiledMaterial {
+        for MixComponent { weight, material } in model.components() {
+            let compiled = CompiledMaterial::new(material, textures, shading);
+            self.uses_vertex_colors |= compiled.uses_vertex_colors;
+            self.uses_uv |= compiled.uses_uv;
+            self.uses_frame |= compiled.uses_frame;
+            self.depends_on_viewer |= compiled.depends_on_viewer;
+            self.normal_map = self.normal_map.or(compiled.normal_map);
+            self.normal = self.normal.or(compiled.normal);
+            if self.medium.is_none() {
+                self.medium = compiled.medium.clone();
+            }
+            let reflectance = compiled.constant.map_or(1.0, |_| compiled.albedo.luminance().clamp(0.0, 1.0));
+            let material = Some(Box::new(CompiledMaterial {
+                // Shadow rays end at the mix.
+                passes_straight: false,
+                is_absent_from_behind: self.is_absent_from_behind,
+                is_component: true,
+                ..compiled
+            }));
+            self.components.push(CompiledComponent { weight: *weight, reflectance, index: 0, material });
+        }
+        self
+    }
+
+    /// Moves the materials of a mix to the end of all materials, with its presence and its medium.
+    pub(super) fn place_components(&mut self, first: usize) -> Vec<CompiledMaterial> {
+        let (presence, medium_index) = (self.presence, self.medium_index);
+        let mut placed = Vec::new();
+        for component in &mut self.components {
+            let Some(material) = component.material.take() else { continue };
+            component.index = (first + placed.len()) as u32;
+            let medium_index = if material.medium.is_some() { medium_index } else { 0 };
+            placed.push(CompiledMaterial { presence, medium_index, ..*material });
+        }
+        placed
     }
 
     /// Its BSDF, which is the same everywhere but for colours by wavelength.
@@ -288,7 +360,7 @@ impl CompiledMaterial {
 
     /// Is its object left out of the reference picture of shadow catchers? Pure emitters are not: they scatter nothing.
     pub fn is_of_caught_object(&self) -> bool {
-        let is_lamp = self.class == BsdfClass::Black && self.emission.is_some();
+        let is_lamp = !self.uses_normals() && self.emission.is_some();
         !is_lamp && !self.presence.is_some_and(|presence| presence.is_catcher)
     }
 
@@ -329,7 +401,7 @@ impl CompiledMaterial {
 
     /// Do the normals of vertices matter?
     pub fn uses_normals(&self) -> bool {
-        self.class != BsdfClass::Black || self.reads_hit
+        self.class != BsdfClass::Black || self.reads_hit || !self.components.is_empty()
     }
 
     /// Do tangents matter?

@@ -32,7 +32,7 @@ pub use density_grid::{BlackBodies, CompiledEmissionGrid, DensityGrid, GridRay};
 pub use fingerprint::{Fingerprint, of_curves, of_mesh};
 pub use geometry::{Corners, Geometries, Placement, Space, SurfaceCoordinates, TextureCorners, Transform};
 pub use light_tables::MAX_RECEIVER_CLASSES;
-pub use material::{Alpha, CompiledEmission, CompiledMaterial, Presence};
+pub use material::{Alpha, CompiledComponent, CompiledEmission, CompiledMaterial, Presence, share_at};
 pub use media::OVERLAP_LIMIT;
 pub use medium::{Ball, Medium, Scattering};
 pub use motion::{MotionVectors, PointMotion};

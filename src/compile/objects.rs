@@ -111,6 +111,8 @@ pub(super) struct ObjectMaterials {
     numbers: HashMap<(MaterialId, ObjectTraits), u32>,
     /// What they are copies of, in the order of their numbers.
     copies: Vec<(MaterialId, ObjectTraits)>,
+    /// By material of a mix, after the copies: the number of the mix.
+    components: Vec<u32>,
 }
 
 impl ObjectMaterials {
@@ -152,12 +154,18 @@ impl ObjectMaterials {
         self.copies.is_empty()
     }
 
-    /// Adds the copies to a scene's materials.
-    pub fn extend(&self, materials: &mut Vec<CompiledMaterial>) {
+    /// Adds the copies to a scene's materials, and after them the materials of mixes.
+    pub fn extend(&mut self, materials: &mut Vec<CompiledMaterial>) {
         materials.reserve_exact(self.copies.len());
         for (id, traits) in &self.copies {
             let copy = materials[id.index()].with_traits(traits);
             materials.push(copy);
+        }
+        for mix in 0..materials.len() {
+            let first = materials.len();
+            let components = materials[mix].place_components(first);
+            self.components.extend(std::iter::repeat_n(mix as u32, components.len()));
+            materials.extend(components);
         }
     }
 
@@ -167,9 +175,10 @@ impl ObjectMaterials {
         copy.map_or(number, |(id, _)| id.0)
     }
 
-    /// By copy: which material of the scene it is of.
+    /// By material after those of the scene: which of them it is a copy or a component of.
     pub fn originals(&self) -> Vec<MaterialId> {
-        self.copies.iter().map(|&(id, _)| id).collect()
+        let components = self.components.iter().map(|&mix| MaterialId(self.original(mix)));
+        self.copies.iter().map(|&(id, _)| id).chain(components).collect()
     }
 }
 

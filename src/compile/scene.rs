@@ -178,6 +178,8 @@ pub struct Features {
     pub links: bool,
     /// Some textures ask what path arrives.
     pub paths: bool,
+    /// Some materials are mixes.
+    pub mixes: bool,
     /// Some objects are holdouts.
     pub holdouts: bool,
     /// Some objects are shadow catchers.

@@ -1,6 +1,7 @@
 //! AOVs of the first surface that a camera ray hits. One line for each; `film/channel.rs` has the table.
 
 use crate::bsdf::{Appearance, Bsdf};
+use crate::color::Rgb;
 use crate::compile::{CompiledScene, View};
 use crate::film::{Aov, AovSet, AovSpace, MatteIds};
 use crate::math::{Hit, Vec3};
@@ -18,6 +19,8 @@ pub(super) struct FirstHit<'a> {
     pub wo: Vec3,
     /// Its BSDF.
     pub bsdf: &'a Bsdf,
+    /// Factor on it: 1 but for components of mixes.
+    pub weight: Rgb,
 }
 
 /// The context of the values of AOVs.
@@ -88,11 +91,11 @@ impl FirstHit<'_> {
                 [u, v, 0.0, 0.0]
             }
             Aov::Motion => self.motion(scene, view),
-            Aov::Albedo => three(self.bsdf.albedo().to_array()),
+            Aov::Albedo => three((self.bsdf.albedo() * self.weight).to_array()),
             Aov::Roughness => one(look.roughness),
-            Aov::DiffuseColor => three(look.diffuse.to_array()),
-            Aov::GlossyColor => three(look.glossy.to_array()),
-            Aov::TransmissionColor => three(look.transmission.to_array()),
+            Aov::DiffuseColor => three((look.diffuse * self.weight).to_array()),
+            Aov::GlossyColor => three((look.glossy * self.weight).to_array()),
+            Aov::TransmissionColor => three((look.transmission * self.weight).to_array()),
             Aov::ObjectId => one(f32::from_bits(object + 1)),
             Aov::MaterialId => one(f32::from_bits(material + 1)),
             Aov::CryptoObject => id(&mattes.objects, object),

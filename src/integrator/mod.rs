@@ -20,6 +20,7 @@ mod interfaces;
 mod interior;
 mod medium_segment;
 mod mis;
+mod mixes;
 mod radiance_buffer;
 pub mod reuse;
 mod sampling;

@@ -176,6 +176,8 @@ pub(super) enum Purpose {
     Time,
     /// Hero wavelength (1).
     Wavelength,
+    /// Selection among the materials of a mix (1).
+    Mix,
 }
 
 impl Purpose {
@@ -188,6 +190,7 @@ impl Purpose {
             Purpose::Medium => u32::MAX - bounce,
             Purpose::Time => 1 << 31,
             Purpose::Wavelength => (1 << 31) - 1,
+            Purpose::Mix => (1 << 30) + bounce,
         }
     }
 }

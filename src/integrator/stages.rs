@@ -263,6 +263,14 @@ pub(super) const ARRIVE: &[Stage] = &[
         run: |i, _, w| i.absorb(w),
     },
     Stage {
+        name: "mixes",
+        condition: |i| i.scene.features.mixes,
+        bounces: Bounces::All,
+        reads: &[Rays, Hits, Paths],
+        writes: &[Hits, Paths, Results],
+        run: |i, b, w| i.select_components(b.number, w),
+    },
+    Stage {
         name: "classify",
         condition: always,
         bounces: Bounces::All,

@@ -52,7 +52,7 @@ impl Integrator<'_> {
 
     /// Finds the shading group of each hit, and its material where that is not known yet. With `is_last` all paths end.
     pub(super) fn classify_hits(&self, bounce: u32, is_last: bool, w: &mut Workspace) -> ShadingGroupCounts {
-        match self.scene.features.alpha {
+        match self.scene.features.alpha || self.scene.features.mixes {
             true => self.classify::<true>(bounce, is_last, w),
             false => self.classify::<false>(bounce, is_last, w),
         }
@@ -193,7 +193,7 @@ impl Integrator<'_> {
     }
 
     /// The surface where ray `i` hit.
-    fn hit_point(&self, bounce: u32, i: usize, w: &Workspace) -> HitPoint<'_> {
+    pub(super) fn hit_point(&self, bounce: u32, i: usize, w: &Workspace) -> HitPoint<'_> {
         let time = w.times.of(w.arriving.state.radiance_index[i]);
         let at = self.point_of(&w.rays[i], w.hits[i], w.materials[i], time);
         if !self.scene.features.paths {
@@ -278,7 +278,8 @@ impl Integrator<'_> {
         let surface = Surface { material: w.materials[i], ..vertex.surface };
         let of_rgb = self.is_spectral().then(|| self.rgb_bsdf(at, vertex.wo));
         let bsdf = of_rgb.as_ref().unwrap_or(&vertex.bsdf);
-        let hit = FirstHit { hit: w.hits[i], time: at.time, surface, wo: vertex.wo, bsdf };
+        let weight = w.component_weight(i);
+        let hit = FirstHit { hit: w.hits[i], time: at.time, surface, wo: vertex.wo, bsdf, weight };
         w.first_hits.record(w.arriving.state.radiance_index[i] as usize, &hit, &self.shown());
     }
 
@@ -511,7 +512,8 @@ impl Integrator<'_> {
         };
         let bsdf = Bsdf::MetalRough(load_material(&v.metal_rough, k, self.scene.shading));
         // Moving geometry is in other groups.
-        let hit = FirstHit { hit: w.hits[i], time: 0.0, surface, wo: get(&v.wo, k), bsdf: &bsdf };
+        let weight = w.component_weight(i);
+        let hit = FirstHit { hit: w.hits[i], time: 0.0, surface, wo: get(&v.wo, k), bsdf: &bsdf, weight };
         w.first_hits.record(w.wave.paths.state.radiance_index[k] as usize, &hit, &self.shown());
     }
 

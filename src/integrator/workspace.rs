@@ -29,6 +29,8 @@ pub struct Workspace {
     pub(super) escaped: Vec<u32>,
     /// Material of each hit.
     pub(super) materials: Vec<u32>,
+    /// Weight over probability of the component selected at each hit, at the first surfaces; empty without mixes.
+    pub(super) component_weights: Vec<Rgb>,
     /// BSDFs of the vertices without a vectorised class.
     pub(super) bsdfs: Vec<Bsdf>,
     pub(super) shadow_rays: Vec<Ray>,
@@ -88,6 +90,7 @@ impl Workspace {
             groups: Vec::with_capacity(WAVE),
             escaped: Vec::with_capacity(WAVE),
             materials: Vec::with_capacity(WAVE),
+            component_weights: Vec::new(),
             bsdfs: Vec::new(),
             shadow_rays: Vec::with_capacity(WAVE),
             shadow_vertices: Vec::with_capacity(WAVE),
@@ -115,6 +118,11 @@ impl Workspace {
             brought_squares: 0.0,
             ray_counts: RayCounts::default(),
         }
+    }
+
+    /// Factor on the BSDF where ray `i` hit: 1 but for components of mixes.
+    pub(super) fn component_weight(&self, i: usize) -> Rgb {
+        self.component_weights.get(i).copied().unwrap_or(Rgb::ONE)
     }
 
     /// Finds the nearest hits of `rays`.

@@ -47,8 +47,8 @@ pub use light::{
 pub use material::{AlphaMode, Beam, Displacement, Emission, Lamp, Material};
 pub use medium::{EmissionGrid, Fog, Grid, Medium, coefficients};
 pub use model::{
-    Anisotropy, Clearcoat, DiffuseTransmission, FresnelModel, GlassReflection, Iridescence, Model,
-    PbrMaterial, Sheen, Transmission, hair_color, hair_color_scale,
+    Anisotropy, Clearcoat, DiffuseTransmission, FresnelModel, GlassReflection, Iridescence, MixComponent,
+    Model, PbrMaterial, Sheen, Transmission, hair_color, hair_color_scale,
 };
 pub use motion::{Moving, SceneMotion, Vertices};
 pub use object_info::ObjectInfo;

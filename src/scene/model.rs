@@ -2,6 +2,7 @@
 //! files, reports and the search for textures need.
 
 use super::TextureId;
+use super::material::Material;
 use super::slot::{
     ColorSlot, FloatSlot, NormalMap, Parameter, ParameterMut, Parameters, parameters_of_fields,
 };
@@ -174,7 +175,22 @@ models! {
             /// Thin-walled instead of solid.
             is_thin: bool,
         }
+        /// Several materials in one place: scatters by the weighted sum of their BSDFs.
+        "mix" Mix {
+            /// The materials with their weights.
+            components: Vec<MixComponent>,
+        }
     }
+}
+
+/// A material of a mix.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MixComponent {
+    /// Factor on its BSDF, from 0; the weights of a mix that creates no light add up to at most 1.
+    pub weight: ColorSlot,
+    /// How it scatters, with its normals and medium. Emission, alpha and displacement are those of the mix, and it is no mix
+    /// itself.
+    pub material: Material,
 }
 
 /// What light passes that enters a surface.
@@ -206,7 +222,18 @@ impl Model {
             Model::Boundary {} => Transmission::Clear(1.0),
             Model::Glass { is_thin: true, .. } | Model::Hair { .. } => Transmission::Thin,
             Model::Pbr(pbr) => Transmission::Pbr(pbr),
+            Model::Mix { components } => {
+                let transmissions =
+                    components.iter().map(|component| component.material.model.transmission());
+                let mut transmissive = transmissions.filter(|t| !matches!(t, Transmission::None));
+                transmissive.next().unwrap_or(Transmission::None)
+            }
         }
+    }
+
+    /// The components, if it is a mix.
+    pub fn components(&self) -> &[MixComponent] {
+        if let Model::Mix { components } = self { components } else { &[] }
     }
 
     /// The glTF material, if it is one.
@@ -371,6 +398,7 @@ impl Default for PbrMaterial {
 }
 
 parameters_of_fields! {
+    MixComponent { weight, material }
     PbrMaterial {
         base_color, metallic, roughness, diffuse_roughness, ior, specular, specular_color, transmission, has_volume,
         tints_once, keeps_radiance, glass_reflection, attenuation_color, attenuation_distance, dispersion, clearcoat, sheen, anisotropy,

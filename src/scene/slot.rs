@@ -167,6 +167,16 @@ impl<T: Parameters> Parameters for Option<T> {
     }
 }
 
+impl<T: Parameters> Parameters for Vec<T> {
+    fn visit(&self, name: &'static str, visitor: &mut dyn FnMut(&'static str, Parameter<'_>)) {
+        self.iter().for_each(|inner| inner.visit(name, visitor));
+    }
+
+    fn visit_mut(&mut self, name: &'static str, visitor: &mut dyn FnMut(&'static str, ParameterMut<'_>)) {
+        self.iter_mut().for_each(|inner| inner.visit_mut(name, visitor));
+    }
+}
+
 /// A texture and a channel.
 impl Parameters for (TextureId, u8) {
     fn visit(&self, name: &'static str, visitor: &mut dyn FnMut(&'static str, Parameter<'_>)) {

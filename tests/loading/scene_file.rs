@@ -5,7 +5,7 @@ use oscura::error::Error;
 use oscura::load::{LoadOptions, Loaded, load};
 use oscura::math::DVec3;
 use oscura::sampling::hash::SplitMix64;
-use oscura::scene::Projection;
+use oscura::scene::{AlphaMode, ColorSlot, FloatSlot, Material, Model, Projection};
 use std::path::{Path, PathBuf};
 
 fn scenes() -> PathBuf {
@@ -350,4 +350,78 @@ fn faces_have_the_materials_of_a_list() {
     // A mesh that one list uses alone is not copied.
     let alone = write(&[both]).unwrap_or_else(|e| panic!("{e}")).scene;
     assert_eq!(alone.meshes.len(), 1);
+}
+
+/// A material of nodes on a sphere.
+fn with_nodes(surface: &str, nodes: &str) -> String {
+    with_camera(&format!(
+        "[[objects]]\nsphere = {{ center = [0, 0, 0], radius = 1 }}\nmaterial = \"m\"\n[materials.m]\n\
+         type = \"nodes\"\nsurface = \"{surface}\"\n[materials.m.nodes]\n{nodes}"
+    ))
+}
+
+fn material_of_nodes(surface: &str, nodes: &str) -> Material {
+    let loaded = load_text(&with_nodes(surface, nodes)).unwrap_or_else(|e| panic!("{e}"));
+    assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings);
+    loaded.scene.materials.into_iter().find(|m| m.name == "m").expect("the material")
+}
+
+#[test]
+fn shaders_become_the_simplest_material() {
+    let constant = |value: f32| ColorSlot::constant([value; 3]);
+    // One closure of weight 1 is the material itself, whatever is around it.
+    let nodes =
+        "d = { type = \"diffuse_bsdf\", color = 0.5 }\nm = { type = \"mix_shader\", factor = 0, a = \"d\" }";
+    assert_eq!(material_of_nodes("m", nodes).model, Model::Lambert { albedo: constant(0.5) });
+    // A mix of constants has constant weights.
+    let nodes = "d = { type = \"diffuse_bsdf\", color = 0.5 }\ng = { type = \"glossy_bsdf\" }\n\
+                 m = { type = \"mix_shader\", factor = 0.25, a = \"d\", b = \"g\" }";
+    let mixed = material_of_nodes("m", nodes);
+    let weights: Vec<ColorSlot> = mixed.model.components().iter().map(|c| c.weight).collect();
+    assert_eq!(weights, [constant(0.75), constant(0.25)]);
+    // Emission is added up, and a colour in the place of a shader is one.
+    let nodes = "e = { type = \"emission\", color = [1, 0.5, 0], strength = 2 }\n\
+                 a = { type = \"add_shader\", a = \"e\", b = [1, 1, 1] }";
+    let shining = material_of_nodes("a", nodes);
+    assert_eq!(shining.model, Model::Black);
+    assert_eq!(shining.emission.map(|e| e.radiance), Some(ColorSlot::constant([3.0, 2.0, 1.0])));
+    // A share that passes is alpha, and what remains has its whole weight.
+    let nodes = "d = { type = \"diffuse_bsdf\", color = 0.5 }\nt = { type = \"transparent_bsdf\" }\n\
+                 m = { type = \"mix_shader\", factor = 0.25, a = \"t\", b = \"d\" }";
+    let thin = material_of_nodes("m", nodes);
+    assert_eq!((thin.alpha, thin.alpha_mode), (FloatSlot::constant(0.25), AlphaMode::Blend));
+    assert_eq!(thin.model, Model::Lambert { albedo: constant(0.5) });
+    // What passes wholly and shines adds its light on the way.
+    let nodes = "e = { type = \"emission\" }\nt = { type = \"transparent_bsdf\" }\na = { type = \"add_shader\", a = \"e\", b = \"t\" }";
+    let glow = material_of_nodes("a", nodes);
+    assert!(glow.emission.is_some() && glow.lamp.is_some_and(|lamp| !lamp.is_obstacle));
+}
+
+/// The base of the Principled shader: an index of refraction by its specular level, a coat, emission.
+#[test]
+fn the_principled_shader_is_the_gltf_material() {
+    let nodes = "p = { type = \"principled_bsdf\", base_color = [0.1, 0.2, 0.3], roughness = 0.25, coat_weight = 0.5, \
+                 emission_color = [1, 0, 0], emission_strength = 3 }";
+    let material = material_of_nodes("p", nodes);
+    let pbr = material.model.pbr().expect("a glTF material");
+    assert_eq!(pbr.base_color, ColorSlot::constant([0.1, 0.2, 0.3]));
+    assert_eq!((pbr.roughness, pbr.metallic), (FloatSlot::constant(0.25), FloatSlot::constant(0.0)));
+    assert!((pbr.ior - 1.5).abs() < 1e-6 && pbr.specular == FloatSlot::constant(1.0));
+    assert_eq!(pbr.clearcoat.map(|c| c.factor), Some(FloatSlot::constant(0.5)));
+    assert_eq!(material.emission.map(|e| e.radiance), Some(ColorSlot::constant([3.0, 0.0, 0.0])));
+}
+
+#[test]
+fn mistakes_in_shaders_are_told() {
+    let told =
+        |surface: &str, nodes: &str| load_text(&with_nodes(surface, nodes)).expect_err("wrong").to_string();
+    let round = "a = { type = \"mix_shader\", a = \"b\" }\nb = { type = \"add_shader\", a = \"a\" }";
+    assert!(told("a", round).contains("circle"), "{}", told("a", round));
+    let diffuse = "d = { type = \"diffuse_bsdf\", colour = 0.5 }";
+    assert!(told("d", diffuse).contains("'colour'"), "{}", told("d", diffuse));
+    assert!(told("e", "d = { type = \"diffuse_bsdf\" }").contains("there is no shader 'e'"));
+    let mix = "[materials.a]\ntype = \"mix\"\ncomponents = [{ material = \"b\" }]\n[materials.b]\ntype = \"mix\"\n\
+               components = [{ material = \"a\" }]\n[[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\nmaterial = \"a\"\n";
+    let told = load_text(&with_camera(mix)).expect_err("mixes in mixes").to_string();
+    assert!(told.contains("can't be a mix itself"), "{told}");
 }

@@ -21,6 +21,7 @@ mod linking;
 mod media;
 mod media_edges;
 mod media_stress;
+mod mixes;
 mod nodes;
 mod one_sided;
 mod open_sheets;

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 from testing import SceneTest, main, shader_tree
 
-from oscura_blender import undeformed
+from oscura_blender import context, undeformed
 
 
 class ShapesTest(SceneTest):
@@ -62,7 +62,21 @@ class ShapesTest(SceneTest):
         half.modifiers.new("Mirror", "MIRROR")
         plain, other = self.add("cube", "Plain", pattern), self.add("cube", "Other", bpy.data.materials.new("other"))
         other.modifiers.new("Array", "ARRAY")
-        found = undeformed.evaluate(bpy.data.objects)
+        found = {}
+
+        def look(graph):
+            for instance in graph.object_instances:
+                if instance.object.type == "MESH":
+                    mesh = instance.object.data.copy()
+                    undeformed.settle(mesh, instance.object)
+                    if (layer := mesh.attributes.get(undeformed.ATTRIBUTE)) is not None:
+                        values = np.empty(3 * len(mesh.vertices), np.float32)
+                        layer.data.foreach_get("vector", values)
+                        found[instance.object.name] = values.reshape(-1, 3)
+
+        bpy.utils.register_class(context.Engine)
+        self.addCleanup(bpy.utils.unregister_class, context.Engine)
+        context.in_final_render(self.scene, self.scene.view_layers[0], look)
         self.assertEqual(set(found), {"Row", "Bent", "Half"})
         corners = np.array([vertex.co for vertex in plain.data.vertices]) * 0.5 + 0.5
         # The second is one and a half lengths away; the mirrored half is three lengths away from the other.

@@ -6,8 +6,8 @@ use oscura::load::Loaded;
 use oscura::math::DVec3;
 use oscura::scene::{
     AlphaMode, Camera, ColorSlot, EnergyCompensation, Environment, FloatSlot, FresnelModel, GlassReflection,
-    Instance, Light, LightKind, Material, MaterialId, Model, Panorama, Parameter, Parameters, PbrMaterial,
-    Projection, Scene, Texture, instance_extents, scene_extent,
+    Instance, Light, LightKind, Material, MaterialId, MixComponent, Model, Panorama, Parameter, Parameters,
+    PbrMaterial, Projection, Scene, Texture, instance_extents, scene_extent,
 };
 use std::collections::HashMap;
 use std::path::Path;
@@ -177,6 +177,10 @@ pub fn describe_material(scene: &Scene, m: &Material) -> String {
             format!("{kind} of index {ior}, tint {}, roughness {}", color(tint), share(roughness))
         }
         Model::Pbr(p) => pbr(p),
+        Model::Mix { components } => {
+            let part = |c: &MixComponent| format!("{} of {}", color(&c.weight), c.material.model.name());
+            format!("mix: {}", components.iter().map(part).collect::<Vec<_>>().join(", "))
+        }
         plain => parameters(plain),
     }];
     if let Some(e) = &m.emission {

@@ -11,6 +11,8 @@
 //! | `"hair"` | see `hair`, for `[[curves]]` |
 //! | `"emissive"` | `radiance` (required), `two_sided` (false) |
 //! | `"pbr"` | the keys of the table below |
+//! | `"mix"` | `components`, a list of `{ material = "NAME", weight = 0.5 }`: other materials of the file, without emission and alpha, and the factors on what they scatter: numbers, colours or names of textures |
+//! | `"nodes"` | a graph of Blender's shader nodes, see `shaders` |
 //!
 //! Those that may shine, `"emissive"` and `"pbr"`, may have a `light_group`, whose light `--light-groups` keeps apart.
 //!
@@ -69,7 +71,7 @@ use super::fields::{Fields, named, nearest};
 use super::pbr::Slots;
 use super::textures::{Textures, read_image, read_pixels};
 use super::traits::{group, visible_to};
-use super::{media, pbr};
+use super::{media, pbr, shaders};
 use crate::color::spectral::Metal;
 use crate::error::Warning;
 use crate::load::heights::{BUMP_HEIGHT, holds_normals, normals_of_heights};
@@ -77,8 +79,8 @@ use crate::load::image::Use;
 use crate::math::Vec2;
 use crate::scene::{
     AlphaMode, ColorSlot, Displacement, Emission, FloatSlot, FresnelModel, ImageId, Interpolation, Lamp,
-    Mapping, Material, MaterialId, Model, NormalMap, Parameter, ParameterMut, Parameters, Texture, TextureId,
-    TextureTransform, Wrap, hair_color,
+    Mapping, Material, MaterialId, MixComponent, Model, NormalMap, Parameter, ParameterMut, Parameters,
+    Texture, TextureId, TextureTransform, Wrap, hair_color,
 };
 use std::collections::HashMap;
 use std::ops::Range;
@@ -125,7 +127,7 @@ impl<'a> Materials<'a> {
         let id = match (value.get_ref().as_table(), &self.fields) {
             (Some(table), Some(all)) => {
                 let fields = Fields::new(format!("material '{name}'"), table, value.span(), all.problems);
-                read(build, textures, &fields, name).map(|material| {
+                read(build, textures, &fields, all, name).map(|material| {
                     build.loaded.scene.materials.push(material);
                     MaterialId(build.loaded.scene.materials.len() as u32 - 1)
                 })
@@ -150,7 +152,7 @@ impl<'a> Materials<'a> {
             for &index in &own {
                 let fields = Fields::new(format!("material '{name}'"), table, value.span(), all.problems);
                 let changed = match fields.has("type") {
-                    true => read(build, textures, &fields, name),
+                    true => read(build, textures, &fields, all, name),
                     false => adjust_material(build, textures, &fields, index),
                 };
                 if let Some(changed) = changed {
@@ -174,7 +176,7 @@ impl<'a> Materials<'a> {
                     if is_change && push_unknown(build, name, value.span()) {
                         continue;
                     }
-                    read(build, textures, &fields, name);
+                    read(build, textures, &fields, all, name);
                 }
                 None => build.problems.push(value.span(), format!("material '{name}' must be a table")),
             }
@@ -195,6 +197,8 @@ enum MaterialType {
     Emissive,
     Hair,
     Pbr,
+    Mix,
+    Nodes,
     Plain(fn() -> Model),
 }
 
@@ -207,6 +211,8 @@ fn kinds() -> Vec<(&'static str, MaterialType)> {
         ("emissive", MaterialType::Emissive),
         ("hair", MaterialType::Hair),
         ("pbr", MaterialType::Pbr),
+        ("mix", MaterialType::Mix),
+        ("nodes", MaterialType::Nodes),
     ];
     plain.chain(others).collect()
 }
@@ -234,6 +240,7 @@ fn read<'a>(
     build: &mut SceneFileBuilder,
     textures: &mut Textures<'a>,
     fields: &Fields<'a>,
+    all: &Fields<'a>,
     name: &str,
 ) -> Option<Material> {
     fields.require("type", fields.string("type"));
@@ -241,7 +248,9 @@ fn read<'a>(
     let mut slot =
         |key, default: f32| textures.slot(build, fields, key).unwrap_or(ColorSlot::constant([default; 3]));
     let light_group = match kind {
-        MaterialType::Emissive | MaterialType::Pbr => group(fields, "light_group"),
+        MaterialType::Emissive | MaterialType::Pbr | MaterialType::Mix | MaterialType::Nodes => {
+            group(fields, "light_group")
+        }
         _ => String::new(),
     };
     let mut material = match kind {
@@ -267,18 +276,52 @@ fn read<'a>(
             let medium = media::table(build, fields, "medium");
             pbr::material(name, medium, &mut Slots { build, textures, fields, of_model: false })
         }
+        MaterialType::Mix => mix(build, textures, fields, all, name)?,
+        MaterialType::Nodes => shaders::read(build, textures, fields, name)?,
     };
     material.light_group = light_group;
     material.index = fields.integer("index", 0, u32::MAX).unwrap_or(0);
     material.displacement = read_displacement(build, fields, textures.is_check());
     material.normal_map = read_normal_map(build, fields, textures.is_check());
-    material.normal = read_normal(build, fields, textures);
-    if let MaterialType::Dielectric | MaterialType::Medium | MaterialType::Pbr = kind {
+    // That of a graph of shaders is theirs.
+    material.normal = material.normal.or(read_normal(build, fields, textures));
+    if let MaterialType::Dielectric | MaterialType::Medium | MaterialType::Pbr | MaterialType::Nodes = kind {
         material.priority = media::priority(fields).unwrap_or(0);
     }
     fields.finish();
     warn_of_brightness(build, &material);
     Some(material)
+}
+
+/// Reads `components`: materials by name, with weights.
+fn mix<'a>(
+    build: &mut SceneFileBuilder,
+    textures: &mut Textures<'a>,
+    fields: &Fields<'a>,
+    all: &Fields<'a>,
+    name: &str,
+) -> Option<Material> {
+    fields.require("components", fields.raw("components"));
+    let mut components = Vec::new();
+    for component in fields.tables("components") {
+        let weight = textures.slot(build, &component, "weight").unwrap_or(ColorSlot::constant([1.0; 3]));
+        let named_as = component.require("material", component.string("material"))?;
+        component.finish();
+        let value = named(Some(all), "material", named_as.value, named_as.span.clone(), build.problems)?;
+        let Some(table) = value.get_ref().as_table() else {
+            build.problems.push(value.span(), format!("material '{}' must be a table", named_as.value));
+            return None;
+        };
+        let what = format!("material '{}'", named_as.value);
+        let fields = Fields::new(what, table, value.span(), all.problems);
+        if fields.string("type").is_some_and(|kind| kind.value == "mix") {
+            build.problems.push(named_as.span, "a component of a mix can't be a mix itself");
+            return None;
+        }
+        let material = read(build, textures, &fields, all, named_as.value)?;
+        components.push(MixComponent { weight, material });
+    }
+    Some(Material::new(name, Model::Mix { components }))
 }
 
 /// Colours beyond 1, which were likely meant as 0 to 255, make more light than arrives.

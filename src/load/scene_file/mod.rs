@@ -30,6 +30,7 @@ mod objects;
 mod pbr;
 pub mod reference;
 mod render_settings;
+mod shaders;
 pub mod sidecar;
 mod textures;
 mod traits;

@@ -29,24 +29,25 @@ use toml::Spanned;
 use toml::de::DeValue;
 
 /// A value with its place in the file.
-type Value<'a> = &'a Spanned<DeValue<'a>>;
+pub(super) type Value<'a> = &'a Spanned<DeValue<'a>>;
 
 /// What links of a graph may lead to.
-struct Links<'g, 'a> {
+pub(super) struct Links<'g, 'a> {
     /// Names and kinds of the nodes, in order.
-    nodes: &'g [(&'a str, NodeKind)],
-    textures: &'g mut Textures<'a>,
+    pub nodes: &'g [(&'a str, NodeKind)],
+    pub textures: &'g mut Textures<'a>,
     /// The texture that the graph is for, which can't be a part of itself.
-    own: &'g str,
+    pub own: &'g str,
 }
 
 /// The attributes that nodes of a file name, and those that stand for outputs of nodes.
 pub(super) fn attribute_names(root: &Fields) -> BTreeSet<String> {
     let mut names: BTreeSet<String> =
         ["generated", "pointiness", "random_per_island"].map(str::to_string).into();
-    let textures = root.raw("textures").and_then(|value| value.get_ref().as_table());
-    for texture in textures.into_iter().flat_map(|table| table.values()) {
-        let nodes = texture.get_ref().as_table().and_then(|table| table.get("nodes")?.get_ref().as_table());
+    let lists =
+        ["textures", "materials"].map(|key| root.raw(key).and_then(|value| value.get_ref().as_table()));
+    for graph in lists.into_iter().flatten().flat_map(|table| table.values()) {
+        let nodes = graph.get_ref().as_table().and_then(|table| table.get("nodes")?.get_ref().as_table());
         for node in nodes.into_iter().flat_map(|table| table.values()) {
             for key in ["name", "uv_map"] {
                 let name = node.get_ref().as_table().and_then(|table| table.get(key)?.get_ref().as_str());
@@ -77,6 +78,9 @@ pub(super) fn tell_of_missing_attributes(build: &mut SceneFileBuilder) {
     }
 }
 
+/// Nodes by name with their kinds, and the nodes.
+pub(super) type NamedNodes<'a> = (Vec<(&'a str, NodeKind)>, NodeGraph);
+
 impl<'a> Textures<'a> {
     /// The texture that a table describes; `None` after a problem.
     pub(super) fn nodes(
@@ -87,28 +91,40 @@ impl<'a> Textures<'a> {
     ) -> Option<Texture> {
         let result = fields.require("result", fields.raw("result"));
         let table = fields.require("nodes", fields.table("nodes"))?;
-        let mut kinds = Vec::new();
-        for (name, value) in table.entries() {
-            kinds.push((name, kind(build, name, value)?));
-        }
-        let named = kinds.clone();
+        let (named, mut graph) = self.value_nodes(build, &table.entries().collect::<Vec<_>>(), own)?;
         let mut links = Links { nodes: &named, textures: self, own };
-        let mut nodes = Vec::new();
-        for ((name, value), (_, mut kind)) in table.entries().zip(kinds) {
-            let inputs = node(build, &mut links, name, value, &mut kind);
-            nodes.push(Node { kind, inputs: inputs?, image: None });
-        }
-        let result = links.input(build, result?)?;
-        let is_z_up = fields.choice("up", &[("y", false), ("z", true)]).unwrap_or(false);
-        let mut graph = NodeGraph { nodes, result, is_z_up };
-        for (index, (name, value)) in table.entries().enumerate() {
-            self.node_image(build, &mut graph, index, (name, value))?;
-        }
+        graph.result = links.input(build, result?)?;
+        graph.is_z_up = fields.choice("up", &[("y", false), ("z", true)]).unwrap_or(false);
         let problems = graph.problems();
         for problem in &problems {
             build.problems.push(fields.span(), format!("{}: {problem}", fields.what()));
         }
         problems.is_empty().then(|| Texture::Nodes(Arc::new(graph)))
+    }
+
+    /// The nodes that tables describe, a graph without a result; `None` after a problem.
+    pub(super) fn value_nodes(
+        &mut self,
+        build: &mut SceneFileBuilder,
+        tables: &[(&'a str, Value<'a>)],
+        own: &str,
+    ) -> Option<NamedNodes<'a>> {
+        let mut named = Vec::new();
+        for (name, value) in tables {
+            named.push((*name, kind(build, name, value)?));
+        }
+        let kinds = named.clone();
+        let mut links = Links { nodes: &kinds, textures: self, own };
+        let mut nodes = Vec::new();
+        for ((name, value), (_, kind)) in tables.iter().zip(&mut named) {
+            let inputs = node(build, &mut links, name, value, kind);
+            nodes.push(Node { kind: kind.clone(), inputs: inputs?, image: None });
+        }
+        let mut graph = NodeGraph { nodes, result: NodeInput::Default, is_z_up: false };
+        for (index, table) in tables.iter().enumerate() {
+            self.node_image(build, &mut graph, index, *table)?;
+        }
+        Some((named, graph))
     }
 }
 
@@ -245,7 +261,7 @@ fn setting(value: &DeValue) -> Option<SettingValue> {
 
 impl<'a> Links<'_, 'a> {
     /// What an input or the result is given.
-    fn input(&mut self, build: &mut SceneFileBuilder, value: Value<'a>) -> Option<NodeInput> {
+    pub fn input(&mut self, build: &mut SceneFileBuilder, value: Value<'a>) -> Option<NodeInput> {
         if let Some(text) = value.get_ref().as_str() {
             return self.link(build, value, text);
         }

@@ -133,7 +133,25 @@ fn check_model(model: &Model, place: Entry, findings: &mut Findings) {
             findings.require(*ior >= 1.0, place, "ior", ior, "a finite number from 1 up")
         }
         Model::Pbr(pbr) => check_pbr(pbr, place, findings),
+        Model::Mix { components } => {
+            findings.require(!components.is_empty(), place, "components", 0, "at least one material");
+            components.iter().for_each(|component| check_component(&component.material, place, findings));
+        }
         _ => {}
+    }
+}
+
+fn check_component(material: &Material, place: Entry, findings: &mut Findings) {
+    let name = &material.name;
+    let has_own = material.emission.is_some() || material.alpha_mode != AlphaMode::Opaque;
+    let rule = "without emission and alpha: those of a mix are its own";
+    findings.require(!has_own, place, "components", name, rule);
+    let is_flat = material.model.components().is_empty();
+    findings.require(is_flat, place, "components", name, "no mix itself");
+    let is_boundary = matches!(material.model, Model::Boundary {});
+    findings.require(!is_boundary, place, "components", name, "one with a surface");
+    if is_flat {
+        check_model(&material.model, place, findings);
     }
 }
 

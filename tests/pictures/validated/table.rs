@@ -9,9 +9,9 @@ use oscura::scene::{
     Curves, DiffuseTransmission, Displacement, Emission, EmissionGrid, EnergyCompensation, Environment,
     Filter, FloatSlot, Fog, FresnelModel, GlassReflection, Grid, GridId, ImageId, Instance, Interpolation,
     Iridescence, Lamp, Light, LightKind, LightLinks, LightProfile, Link, Mapping, Material, MaterialId,
-    Medium, Mesh, MeshId, MeshPart, Model, Motion, NoiseKind, NormalMap, ObjectInfo, ObjectSet, ObjectSets,
-    ObjectTraits, PbrMaterial, Portal, ProfileId, Projection, Quad, RayKinds, Scene, Settings, Shape,
-    ShapeKind, Sheen, SpotFade, Texture, TextureId, TextureTransform, ThinLens, VertexAttribute, Wrap,
+    Medium, Mesh, MeshId, MeshPart, MixComponent, Model, Motion, NoiseKind, NormalMap, ObjectInfo, ObjectSet,
+    ObjectSets, ObjectTraits, PbrMaterial, Portal, ProfileId, Projection, Quad, RayKinds, Scene, Settings,
+    Shape, ShapeKind, Sheen, SpotFade, Texture, TextureId, TextureTransform, ThinLens, VertexAttribute, Wrap,
 };
 
 /// Ids mostly change to others that may exist.
@@ -95,6 +95,7 @@ structs! {
     Displacement { texture, scale, midlevel, edge }
     Emission { radiance, two_sided }
     Lamp { visible_to, is_obstacle, beam }
+    MixComponent { weight, material }
     ColorSlot { factor, texture }
     FloatSlot { factor, texture }
     NormalMap { texture, scale }
@@ -144,6 +145,7 @@ enums! {
         Glass { ior, tint, roughness, is_thin }
         Boundary {}
         Hair { color, roughness, radial_roughness, ior, tilt_rad, coat }
+        Mix { components }
     } { Pbr }
     Texture {
         Image { image, wrap_u, wrap_v, interpolation, mapping }

@@ -181,7 +181,7 @@ class Reader:
         return {**diffuse(BLACK, self._normal(node)), "Sheen Weight": 1.0, **found}
 
     def _SubsurfaceScattering(self, node):
-        found = {f"Subsurface {name}": self._value(node, name) for name in ("Radius", "Scale", "Anisotropy")}
+        found = {f"Subsurface {name}": self._value(node, name) for name in ("Radius", "Scale", "Anisotropy") if name in node.inputs}
         return {**diffuse(self._value(node, "Color"), self._normal(node)), "Subsurface Weight": 1.0, **found}
 
     def _BsdfMetallic(self, node):

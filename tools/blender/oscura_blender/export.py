@@ -9,7 +9,7 @@ import bpy
 
 import addon_utils  # isort: skip (bpy puts it on the path)
 
-from . import cache, camera, context, geometry, glb, hair, kept_meshes, lights, materials, mixes, motion, originals, settings, sidecar, sizes, trees, volumes, world
+from . import cache, camera, context, evaluated, geometry, glb, hair, kept_meshes, lights, materials, mixes, motion, node_graph, originals, settings, sidecar, sizes, trees, volumes, world
 from .report import Report, Stop
 
 OLDEST = (4, 2, 0)
@@ -57,17 +57,18 @@ def export(options, report):
         raise Stop(f"Blender {bpy.app.version_string} is too old: 4.2 or newer is needed")
     scene, layer = _open(options, report)
     with bpy.context.temp_override(scene=scene, view_layer=layer):
-        geometry.prepare(scene, layer)
+        volumes.unpack()
         _go_to_moment(scene, options)
         layer.update()
         grids = volumes.Store(options.folder, options.name, glb.Y_UP)
-        found = geometry.collect(scene, layer, bpy.context.evaluated_depsgraph_get(), grids, report)
+        images = node_graph.Images(options.folder, options.name, options.links)
+        known = evaluated.Materials(images, settings.film_exposure(scene))
+        found, moves, boxes = _collected(scene, layer, grids, known, options, report)
         found.exposure, found.grids = settings.film_exposure(scene), grids
         found.sight = sizes.Sight(scene.camera, scene, options.bake)
         found.window = camera.window(found.cameras[0].data, scene) if found.cameras else None
-        tables, cameras, empties = _settings(scene, found, options, report)
-        shutter = motion.shutter(scene, options, layer)
-        moves = motion.record(scene, layer, found, shutter) if shutter is not None else None
+        tables, cameras, empties = _settings(scene, found, boxes, options, report)
+    direct = evaluated.take(found, known, moves, options, report)
     store = cache.Store(options.cache)
     patches = materials.prepare(found, store, report)
     settings.tell_of_volumes(scene, report)
@@ -92,7 +93,8 @@ def export(options, report):
         written = glb.Glb(model)
     glb.compose(written, found, (cameras, empties), patches, kept, moves)
     written.write(model)
-    shining = found.links.settle({node["name"] for node in written.json.get("nodes", []) if "mesh" in node})
+    names = {node["name"] for node in written.json.get("nodes", []) if "mesh" in node}
+    shining = found.links.settle(names | {entry["name"] for entry in direct.objects})
     store.trim()
     comment = f"What glTF can't carry of {os.path.basename(options.file)}; 'oscura help sidecar' explains it."
     if moves is not None and (moves.matrices or moves.shapes):
@@ -100,9 +102,22 @@ def export(options, report):
     names = {material["name"] for material in written.json.get("materials", [])}
     known = sorted((name, entries) for name, entries in trees.SETTINGS.items() if name in names and entries)
     tables += [(f"[materials.{sidecar.value(name)}]", entries) for name, entries in known]
-    tables += [(f"[objects.{sidecar.value(name)}]", entries) for name, entries in shining]
+    tables += [("[[objects]]", {"node": name, **entries}) for name, entries in shining]
+    tables += direct.tables()
     tables += _textures(known, options)
     sidecar.write(os.path.join(options.folder, f"{options.name}.oscura.toml"), comment, tables)
+
+
+def _collected(scene, layer, grids, known, options, report):
+    """What there is to render, how it moves, and the boxes around it."""
+
+    def look(graph):
+        found = geometry.collect(scene, layer, graph, grids, known, report)
+        boxes = camera.boxes(graph)
+        shutter = motion.shutter(scene, options, layer)
+        return found, motion.record(scene, graph, found, shutter) if shutter is not None else None, boxes
+
+    return context.in_final_render(scene, layer, look)
 
 
 def _textures(materials, options):
@@ -124,16 +139,9 @@ def _textures(materials, options):
     return tables
 
 
-class OurEngine(bpy.types.RenderEngine):
-    """The engine of the add-on, without which Blender forgets that a file is set up for it."""
-
-    bl_idname = settings.ENGINE
-    bl_label = "Oscura"
-
-
 def _open(options, report):
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    bpy.utils.register_class(OurEngine)
+    bpy.utils.register_class(context.Engine)
     for addon in ("io_scene_gltf2", "cycles"):
         if addon_utils.enable(addon) is None:
             raise Stop(f"this Blender comes without its add-on {addon}")
@@ -184,13 +192,12 @@ def _go_to_moment(scene, options):
     context.go(scene, frame)
 
 
-def _settings(scene, found, options, report):
+def _settings(scene, found, boxes, options, report):
     """The tables of the file of settings, and the nodes of cameras and lights."""
     tables = [("[render]", settings.read(scene, found, options.folder, options.name, report))]
     tables.append(("[environment]", world.entries(scene, options.folder, options.name, report)))
     cameras, named = [], []
     opened = motion.shutter(scene, options, found.questions.layer)
-    boxes = camera.boxes(bpy.context.evaluated_depsgraph_get())
     for obj in found.cameras:
         data = obj.data
         cameras.append((obj.name, obj.matrix_world.normalized(), camera.gltf(data, scene)))

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from . import hair, objectwise, points, trees, undeformed, volumes
+from . import context, hair, objectwise, points, trees, undeformed, volumes
 from .links import Links
 from .report import listed
 
@@ -41,7 +41,10 @@ class Collected:
     """What there is to render. Meshes are owned by new objects at the origin; all else by the scene."""
 
     def __init__(self):
+        self.graph = None  # what all is taken from
         self.objects = {}  # mesh objects by what they were made of
+        self.evaluated = None  # materials that oscura evaluates
+        self.infos = {}  # by the name of the mesh object: what each placement answers to nodes that ask about objects
         self.placements = {}  # by the name of the mesh object: (name, matrix) of each placement
         self.marks = {}  # by the name of the mesh object: what tells each placement from others at all times
         self.light_marks = []  # the same of lights
@@ -52,7 +55,6 @@ class Collected:
         self.exposure = 1.0  # the film's factor on all light
         self.hair = []  # of strands: name, strands, matrix, material, entries for rays and pictures
         self.strands = {}  # of particles, by object and system
-        self.generated = {}  # texture coordinates of vertices by the name of the object
         self.brushed = {}  # by the name of the mesh object: see there
         self.volumes = {}  # names of volume objects by what tells them from all else
         self.links = None  # what lights are linked to
@@ -69,80 +71,11 @@ class Collected:
         return False
 
 
-def prepare(scene, layer):
-    """Makes the viewport's view of the scene that of a final render."""
-    _show_what_is_rendered(scene, layer)
-    volumes.unpack()
-    render = scene.render
-    if render.use_simplify:
-        render.simplify_subdivision = render.simplify_subdivision_render
-        render.simplify_child_particles = render.simplify_child_particles_render
-    # Also those that only instances of their collections show.
-    for obj in bpy.data.objects:
-        for modifier in obj.modifiers:
-            modifier.show_viewport = modifier.show_render
-            if hasattr(modifier, "render_levels") and hasattr(modifier, "levels"):
-                modifier.levels = modifier.render_levels
-            if hasattr(modifier, "use_render_settings"):
-                modifier.use_render_settings = True
-            if modifier.type == "OCEAN":
-                modifier.viewport_resolution = modifier.resolution
-            if modifier.type == "SCREW":
-                modifier.steps = modifier.render_steps
-            if modifier.type == "PARTICLE_SYSTEM":
-                hair.shown_in_full(modifier.particle_system.settings)
-        _refine(obj)
-    for tree in bpy.data.node_groups:
-        _answer_is_viewport(tree)
-
-
-def _refine(obj):
-    """Gives curves and metaballs their resolution for rendering."""
-    data = obj.data
-    if obj.type in ("CURVE", "SURFACE", "FONT"):
-        data.resolution_u = data.render_resolution_u or data.resolution_u
-        data.resolution_v = data.render_resolution_v or data.resolution_v
-    if obj.type == "META":
-        data.resolution = data.render_resolution
-
-
-def _answer_is_viewport(tree):
-    """Geometry nodes that ask whether they are evaluated for the viewport are told that they aren't."""
-    for node in [node for node in tree.nodes if node.bl_idname == "GeometryNodeIsViewport"]:
-        made = tree.nodes.new("FunctionNodeInputBool")
-        made.boolean = False
-        for target in [link.to_socket for link in node.outputs[0].links]:
-            tree.links.new(made.outputs[0], target)
-
-
-def _show_what_is_rendered(scene, layer):
-    rendered = set()
-
-    def visit(entry, is_shown):
-        is_shown = is_shown and not entry.exclude and not entry.collection.hide_render
-        entry.hide_viewport = False
-        entry.collection.hide_viewport = False
-        if is_shown:
-            rendered.update(entry.collection.objects)
-        for child in entry.children:
-            visit(child, is_shown)
-
-    visit(layer.layer_collection, True)
-    for collection in bpy.data.collections:
-        collection.hide_viewport = collection.hide_render
-    for obj in bpy.data.objects:
-        in_layer = obj.name in layer.objects
-        is_shown = not obj.hide_render and (obj in rendered or not in_layer)
-        obj.hide_viewport = not is_shown
-        obj.show_instancer_for_viewport = obj.show_instancer_for_render
-        if in_layer:
-            obj.hide_set(False, view_layer=layer)
-
-
-def collect(scene, layer, graph, store, report):
-    """Collects everything; grids of volumes go to their store."""
+def collect(scene, layer, graph, store, evaluated, report):
+    """Collects everything; grids of volumes go to their store. Materials that oscura evaluates need no copies for what they ask."""
     found = Collected()
-    found.generated = undeformed.evaluate(bpy.data.objects)
+    found.evaluated = evaluated
+    found.graph = graph
     found.questions = objectwise.Questions(layer)
     found.links = Links(bpy.data.objects)
     lost = {}
@@ -174,7 +107,7 @@ def collect(scene, layer, graph, store, report):
             _tell_of_the_rest(original, report)
     for what, names in lost.items():
         report.warn("", f"left out, since {what} can't be rendered: {listed(names)}")
-    found.cameras = [obj for obj in scene.objects if obj.type == "CAMERA"]
+    found.cameras = [obj for obj in scene.objects if obj.type == "CAMERA" and obj.name != context.NO_CAMERA]
     if scene.camera in found.cameras:
         found.cameras.remove(scene.camera)
         found.cameras.insert(0, scene.camera)
@@ -198,7 +131,9 @@ def _add_mesh(found, obj, instance, report):
     parent = instance.parent if instance.is_instance else None
     extras = _extras(found, obj, parent)
     key = (obj.data.as_pointer(), *extras.items(), *_own_materials(obj).items(), found.links.key(_linked(obj, parent)))
-    asking = [material for material in _materials(found, obj) if found.questions.is_asked(material)]
+    shown = _materials(found, obj)
+    is_evaluated = all(found.evaluated.get(material.original) is not None for material in shown)
+    asking = [material for material in shown if found.questions.is_asked(material)] if not is_evaluated else []
     told = objectwise.answers(instance, obj, parent, asking, found.questions.layer) if asking else ()
     if told and (key, told) not in found.objects and found.is_crowded(obj, report):
         told = next((known[1] for known in found.objects if known[0] == key), told)
@@ -215,6 +150,7 @@ def _add_mesh(found, obj, instance, report):
     name = _name(obj, parent)
     found.placements[holder.name].append((name, instance.matrix_world.copy()))
     found.marks[holder.name].append(mark(instance))
+    found.infos[holder.name].append(objectwise.info(instance, obj))
     found.links.place(name, _linked(obj, parent))
 
 
@@ -291,7 +227,14 @@ def _own_materials(obj):
 def _holder(found, obj):
     """A new object with the evaluated mesh; None where that has no faces."""
     # The data of instances made by nodes is that of no object: only a copy has it.
-    mesh = points.as_mesh(obj.data) if obj.type == "POINTCLOUD" else obj.data.copy()
+    if obj.type == "POINTCLOUD":
+        mesh = points.as_mesh(obj.data)
+    elif obj.data.is_editmode:
+        # What was being edited when the file was saved.
+        obj.original.update_from_editmode()
+        mesh = bpy.data.meshes.new_from_object(obj, preserve_all_data_layers=True, depsgraph=found.graph)
+    else:
+        mesh = obj.data.copy()
     mesh.name = obj.original.data.name if obj.original.data else obj.original.name
     if not mesh.polygons:
         return None
@@ -302,14 +245,17 @@ def _holder(found, obj):
         mesh.materials.clear()
         mesh.materials.append(found.questions.layer.material_override)
         mesh.polygons.foreach_set("material_index", [0] * len(mesh.polygons))
-    undeformed.settle(mesh, found.generated.get(obj.original.name))
+    for i, material in enumerate(mesh.materials):
+        # Those of the graph go with it.
+        mesh.materials[i] = material.original if material is not None else None
+    undeformed.settle(mesh, obj)
     _add_missing_coordinates(mesh)
     _leave_out_unused(mesh)
     _round_beside_flat(mesh)
     holder = bpy.data.objects.new(f"oscura {len(found.objects)}", mesh)
     # The mesh has its shape. Keys would give it another once more, or none where modifiers have made other vertices.
     holder.shape_key_clear()
-    found.placements[holder.name], found.marks[holder.name] = [], []
+    found.placements[holder.name], found.marks[holder.name], found.infos[holder.name] = [], [], []
     return holder
 
 

@@ -274,12 +274,6 @@ def _diffuse(given):
     return {"type": "lambert", "color": given.color("Color")}
 
 
-def shown_in_full(settings):
-    """Makes the viewport's strands those of a final render."""
-    settings.display_method, settings.display_step, settings.display_percentage = "RENDER", settings.render_step, 100
-    settings.child_percent = settings.rendered_child_count
-
-
 def add_particles(found, obj, instance, traits):
     """Adds the strands that an evaluated object has grown."""
     for modifier in obj.modifiers:

@@ -76,8 +76,8 @@ class Moves:
         self.volumes = {mark: found for mark, found in self.volumes.items() if any(_differs(matrix, found[0]) for matrix in found)}
 
 
-def record(scene, layer, found, shutter):
-    """Looks at all moments, and goes back to the picture's own."""
+def record(scene, graph, found, shutter):
+    """Looks at all moments of a render's graph, and goes back to the picture's own."""
     now = scene.frame_current_final
     keys = _keys(found)
     offsets, open_at = shutter.offsets(keys), shutter.open_at(keys)
@@ -85,10 +85,8 @@ def record(scene, layer, found, shutter):
     first = {marks[0]: name for name, marks in found.marks.items() if marks}
     for offset in offsets:
         context.go(scene, now + offset)
-        layer.update()
-        _look(scene, bpy.context.evaluated_depsgraph_get(), first, moves, offset in open_at)
+        _look(scene, graph, first, moves, offset in open_at)
     context.go(scene, now)
-    layer.update()
     moves.drop_the_still()
     return moves
 

@@ -37,6 +37,12 @@ def answers(instance, obj, parent, materials, layer):
     return tuple(found)
 
 
+def info(instance, obj):
+    """What an object answers to the node Object Info, by the keys of scene files."""
+    color = [float(c) for c in obj.original.color]
+    return {"color": color, "index": obj.original.pass_index, "random": _random_of(instance, obj.original)}
+
+
 def settle(mesh, told):
     """Gives a mesh materials in which the answers stand."""
     if not told:

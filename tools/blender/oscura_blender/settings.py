@@ -4,13 +4,11 @@ import bpy
 import numpy as np
 
 from . import facets, trees, view_table
+from .context import ENGINE
 from .report import listed
 
 # The working space of oscura, and of Blender's scenes unless they say otherwise.
 REC709 = "Linear Rec.709"
-
-# The engine of the add-on (`engine/`).
-ENGINE = "OSCURA"
 
 # Fewer bounces in volumes than these show.
 FEW_BOUNCES = 8

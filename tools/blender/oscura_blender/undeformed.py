@@ -1,19 +1,11 @@
-"""Generated texture coordinates: they are those of the mesh before shape keys, modifiers that deform it, and displacement. Only
-final renders of Blender itself know that mesh: it is evaluated once more, and its vertices become an attribute."""
+"""Generated texture coordinates: they are those of the mesh before shape keys, modifiers that deform it, and displacement. The
+graph of a final render knows where vertices were there: their coordinates become an attribute."""
 
-import bpy
 import numpy as np
 
-from . import context, meshes, trees
+from . import meshes, trees
 
 ATTRIBUTE = "oscura generated"
-
-# Modifiers that only move vertices, or that simulate: all others work on the copy, too.
-DEFORMING = (
-    "ARMATURE", "CAST", "CLOTH", "COLLISION", "CORRECTIVE_SMOOTH", "CURVE", "DISPLACE", "HOOK", "LAPLACIANDEFORM", "LAPLACIANSMOOTH",
-    "LATTICE", "MESH_CACHE", "MESH_DEFORM", "PARTICLE_SYSTEM", "SHRINKWRAP", "SIMPLE_DEFORM", "SMOOTH", "SOFT_BODY", "SURFACE",
-    "SURFACE_DEFORM", "WARP", "WAVE", "FLUID", "DYNAMIC_PAINT",
-)  # fmt: skip
 
 COORDINATES = "ShaderNodeTexCoord"
 
@@ -24,51 +16,15 @@ TEXTURES = (
 )  # fmt: skip
 
 
-def evaluate(objects):
-    """The generated coordinates of vertices of evaluated meshes, by the names of objects, of those that have another shape than
-    their meshes and whose materials look such coordinates up."""
-    shown = (obj for obj in objects if obj.type == "MESH" and not obj.hide_viewport)
-    changed = [obj for obj in shown if (obj.modifiers or obj.data.shape_keys) and _is_asked(obj)]
-    if not changed:
-        return {}
-    scene = context.new_scene("oscura coordinates")
-    copies = {obj.name: _copy(obj, scene) for obj in changed}
-    try:
-        with context.opened(scene):
-            scene.view_layers[0].update()
-            graph = bpy.context.evaluated_depsgraph_get()
-            places = {name: meshes.positions(copy.evaluated_get(graph).data.vertices) for name, copy in copies.items()}
-            return {name: coordinates(bpy.data.objects[name].data, of) for name, of in places.items()}
-    finally:
-        bpy.data.scenes.remove(scene)
-        bpy.data.batch_remove([copy.data for copy in copies.values()] + list(copies.values()))
-
-
-def _is_asked(obj):
-    return any(slot.material is not None and _asks(slot.material) for slot in obj.material_slots)
-
-
-def _copy(obj, scene):
-    """An object like another that nothing deforms."""
-    keys, mesh = obj.data.shape_keys, obj.data.copy()
-    made = obj.copy()
-    made.data = mesh
-    made.shape_key_clear()
-    if keys is not None:
-        mesh.vertices.foreach_set("co", meshes.positions(keys.reference_key.data).ravel())
-        mesh.update()
-    for modifier in list(made.modifiers):
-        if modifier.type in DEFORMING:
-            made.modifiers.remove(modifier)
-    made.hide_viewport = False
-    scene.collection.objects.link(made)
-    return made
-
-
-def settle(mesh, coordinates):
-    """Gives an evaluated mesh its coordinates, if there are some and they are those of its vertices."""
-    if coordinates is not None and len(coordinates) == len(mesh.vertices):
-        _set(mesh, coordinates)
+def settle(mesh, obj):
+    """Gives a mesh of an evaluated object the generated coordinates that it had before it was deformed, if its materials ask for them."""
+    if obj.type != "MESH" or not (obj.original.modifiers or getattr(obj.original.data, "shape_keys", None)):
+        return
+    materials = [slot.material for slot in obj.material_slots] + list(mesh.materials)
+    if any(material is not None and _asks(material.original) for material in materials):
+        places = np.empty(3 * len(obj.data.vertices), np.float32)
+        obj.data.vertices.foreach_get("undeformed_co", places)
+        _set(mesh, coordinates(obj.original.data, places.reshape(-1, 3)))
 
 
 def use(holders, changed):

@@ -1,0 +1,76 @@
+//! Mixes of materials: each hit selects one component, with a probability proportional to the luminance that it may scatter, and the
+//! path continues as if the surface were of that material, with the weight over the probability as a factor of its throughput. Direct light and
+//! MIS weights are those of the selected BSDF: for each selection they estimate its reflected light without bias, so that
+//! the mean over selections is the reflected light of the weighted sum.
+
+use super::Integrator;
+use super::sampling::Purpose;
+use super::wave::{get_rgb, set_rgb};
+use super::workspace::Workspace;
+use crate::color::Rgb;
+use crate::compile::{CompiledComponent, share_at};
+use crate::sampling::sampler::{Dimensions, SobolPoint};
+
+impl Integrator<'_> {
+    /// Replaces each mix among the materials of the hits by one of its components, and adds its emission.
+    pub(super) fn select_components(&self, bounce: u32, w: &mut Workspace) {
+        if !self.scene.features.alpha {
+            let material = |hit| self.scene.geometries.material(hit);
+            w.materials.clear();
+            w.materials.extend(w.hits.iter().map(|hit| if hit.is_hit() { material(hit) } else { 0 }));
+        }
+        w.component_weights.clear();
+        if bounce == 0 && self.first_hits.any() {
+            w.component_weights.resize(w.hits.len(), Rgb::ONE);
+        }
+        let dimensions = self.dimensions(bounce, Purpose::Mix);
+        for i in 0..w.hits.len() {
+            let material = &self.scene.materials[w.materials[i] as usize];
+            if w.hits[i].is_hit() && !material.components.is_empty() {
+                self.select_component(bounce, i, &dimensions, w);
+            }
+        }
+    }
+
+    fn select_component(&self, bounce: u32, i: usize, dimensions: &Dimensions, w: &mut Workspace) {
+        let at = self.hit_point(bounce, i, w);
+        if at.material.emission.is_some() {
+            self.emit(bounce, i, &at, w);
+        }
+        let footprints = self.scene.features.footprints;
+        let coordinates = self.scene.geometries.coordinates(&at.surface, &at.hit, footprints, at.time);
+        let wo = -w.rays[i].direction;
+        let slots = self.slots(&coordinates, &at.surface, wo, w.arriving.footprints.width[i]);
+        let path = &mut w.arriving.state;
+        let wavelengths = w.times.wavelengths(path.radiance_index[i]);
+        let weight_of =
+            |component: &CompiledComponent| share_at(&slots, &component.weight, wavelengths).max(Rgb::ZERO);
+        let importance =
+            |component: &CompiledComponent| weight_of(component).luminance() * component.reflectance;
+        let components = &at.material.components;
+        let total: f32 = components.iter().map(importance).sum();
+        let [u, ..] = SobolPoint::from_parts(path.seed[i], path.shuffled[i]).sample_4d(dimensions);
+        let (mut left, mut selected) = (u * total, None);
+        for component in components {
+            let part = importance(component);
+            if part > 0.0 {
+                selected = Some((component, part));
+                if left < part {
+                    break;
+                }
+                left -= part;
+            }
+        }
+        // Where no component scatters light, the first one absorbs it.
+        let (component, factor) = match selected {
+            Some((component, part)) => (component, weight_of(component) * (total / part)),
+            None => (&components[0], Rgb::ZERO),
+        };
+        w.materials[i] = component.index;
+        let throughput = get_rgb(&path.throughput, i) * factor;
+        set_rgb(&mut path.throughput, i, throughput);
+        if let Some(weight) = w.component_weights.get_mut(i) {
+            *weight = factor;
+        }
+    }
+}

@@ -1,0 +1,405 @@
+//! Blender's shader nodes as materials: the closures of Cycles 5.0 by the models that scatter as they do.
+
+use super::super::nodes::Value;
+use super::Lowering;
+use crate::math::poly;
+use crate::scene::nodes::NodeInput;
+use crate::scene::{
+    Anisotropy, Clearcoat, ColorSlot, DiffuseTransmission, FloatSlot, GlassReflection, Iridescence, Material,
+    Medium, Model, PbrMaterial, Sheen,
+};
+use std::f32::consts::PI;
+
+/// Defines the shader nodes: name in files and inputs.
+macro_rules! shaders {
+    ($($(#[$doc:meta])* $shader:ident $name:literal ($($input:ident),*);)*) => {
+        /// A shader node.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub(super) enum Shader { $($(#[$doc])* $shader,)* }
+
+        impl Shader {
+            /// The shader of a name.
+            fn from_name(name: &str) -> Option<Shader> {
+                match name {
+                    $($name => Some(Shader::$shader),)*
+                    _ => None,
+                }
+            }
+
+            /// The name in files.
+            pub fn name(self) -> &'static str {
+                match self { $(Shader::$shader => $name,)* }
+            }
+
+            /// Names of its inputs.
+            pub fn inputs(self) -> &'static [&'static str] {
+                match self { $(Shader::$shader => &[$(stringify!($input)),*],)* }
+            }
+        }
+    };
+}
+
+shaders! {
+    /// Disney's and Autodesk's material.
+    Principled "principled_bsdf" (
+        base_color, metallic, roughness, ior, alpha, normal, diffuse_roughness, subsurface_weight, subsurface_radius,
+        subsurface_scale, subsurface_anisotropy, specular_ior_level, specular_tint, anisotropic, anisotropic_rotation,
+        transmission_weight, coat_weight, coat_roughness, coat_ior, coat_tint, sheen_weight, sheen_roughness, sheen_tint,
+        emission_color, emission_strength, thin_film_thickness, thin_film_ior
+    );
+    /// Lambert, or Oren-Nayar where it is rough.
+    Diffuse "diffuse_bsdf" (color, roughness, normal);
+    /// Microfacets that reflect the same share at all angles.
+    Glossy "glossy_bsdf" (color, roughness, anisotropy, rotation, normal);
+    /// A metal of a reflectance at normal and at grazing incidence.
+    Metallic "metallic_bsdf" (base_color, edge_tint, roughness, anisotropy, rotation, normal);
+    /// A dielectric interface.
+    Glass "glass_bsdf" (color, roughness, ior, normal);
+    /// A dielectric interface without reflection.
+    Refraction "refraction_bsdf" (color, roughness, ior, normal);
+    /// Diffuse transmission.
+    Translucent "translucent_bsdf" (color, normal);
+    /// Light passes straight on.
+    Transparent "transparent_bsdf" (color);
+    /// Fibres.
+    Sheen "sheen_bsdf" (color, roughness, normal);
+    /// A body that scatters light within.
+    Subsurface "subsurface_scattering" (color, scale, radius, anisotropy, normal);
+    /// Emitted light.
+    Emission "emission" (color, strength);
+    /// Two shaders mixed.
+    Mix "mix_shader" (factor, a, b);
+    /// Two shaders added.
+    Add "add_shader" (a, b);
+}
+
+impl Shader {
+    /// The shader that a node's table describes; `None` for other nodes.
+    pub fn of(value: Value) -> Option<Shader> {
+        let name = value.get_ref().as_table()?.get("type")?.get_ref().as_str()?;
+        Shader::from_name(name)
+    }
+}
+
+const NONE: FloatSlot = FloatSlot::constant(0.0);
+const WHITE: [f32; 3] = [1.0; 3];
+
+/// Subsurface scattering of less weight counts as diffuse reflection.
+const LEAST_SUBSURFACE: f32 = 0.5;
+
+/// Mean length of light's way through a coat over its thickness.
+const COAT_WAY: f32 = 1.1;
+
+/// A material without any lobe.
+fn bare() -> PbrMaterial {
+    PbrMaterial {
+        base_color: ColorSlot::constant([0.0; 3]),
+        metallic: NONE,
+        specular: NONE,
+        ..PbrMaterial::default()
+    }
+}
+
+fn is_black(slot: &ColorSlot) -> bool {
+    slot.texture.is_none() && slot.factor.iter().all(|c| *c <= 0.0)
+}
+
+/// The index of refraction of which the reflectance at normal incidence is `factor` times that of `ior`.
+fn scaled_ior(ior: f32, factor: f32) -> f32 {
+    let root = (ior - 1.0) / (ior + 1.0);
+    let root = (root * root * factor).clamp(0.0, 0.99).sqrt();
+    (1.0 + root) / (1.0 - root)
+}
+
+impl Lowering<'_, '_, '_> {
+    /// Adds the closures of a shader that isn't made of others.
+    pub(super) fn add_closure(&mut self, index: usize, weight: NodeInput) {
+        let model = match self.shaders[index].shader {
+            Shader::Principled => return self.principled(index, weight),
+            Shader::Emission => {
+                let (color, strength) =
+                    (self.color(index, "color", WHITE), self.number(index, "strength", 1.0));
+                let radiance = self.product(color, strength);
+                return self.add_emission(weight, radiance);
+            }
+            Shader::Transparent => return self.transparent(index, weight),
+            Shader::Subsurface => return self.subsurface(index, weight),
+            Shader::Diffuse => self.diffuse(index),
+            Shader::Glossy => self.glossy(index),
+            Shader::Metallic => self.metal(index),
+            Shader::Glass => self.glass(index, GlassReflection::Tinted),
+            Shader::Refraction => self.glass(index, GlassReflection::None),
+            Shader::Translucent => {
+                let color = self.color(index, "color", [0.8; 3]);
+                let color = self.color_slot(color);
+                let through = DiffuseTransmission { factor: FloatSlot::constant(1.0), color };
+                Model::Pbr(Box::new(PbrMaterial { diffuse_transmission: Some(through), ..bare() }))
+            }
+            Shader::Sheen => {
+                let color = self.color(index, "color", [0.8; 3]);
+                let color = self.color_slot(color);
+                let roughness = self.number(index, "roughness", 0.5);
+                let roughness = self.float_slot(roughness);
+                Model::Pbr(Box::new(PbrMaterial { sheen: Some(Sheen { color, roughness }), ..bare() }))
+            }
+            Shader::Mix | Shader::Add => return,
+        };
+        self.add_component(index, weight, Material::new(self.material, model));
+    }
+
+    fn add_component(&mut self, index: usize, weight: NodeInput, mut material: Material) {
+        let normal = self.color(index, "normal", [0.0; 3]);
+        material.normal = self.texture(normal);
+        if weight != NodeInput::Value([0.0; 3]) {
+            self.components.push((weight, material));
+        }
+    }
+
+    fn diffuse(&mut self, index: usize) -> Model {
+        let color = self.color(index, "color", [0.8; 3]);
+        let color = self.color_slot(color);
+        let roughness = self.number(index, "roughness", 0.0);
+        match self.float_slot(roughness) {
+            NONE => Model::Lambert { albedo: color },
+            roughness => Model::OrenNayar { color, roughness },
+        }
+    }
+
+    /// A layer that reflects its colour at all angles: total reflection, whose index is 0 in glTF.
+    fn glossy(&mut self, index: usize) -> Model {
+        let color = self.color(index, "color", [0.8; 3]);
+        let mut pbr = PbrMaterial {
+            ior: 0.0,
+            specular: FloatSlot::constant(1.0),
+            specular_color: self.color_slot(color),
+            ..bare()
+        };
+        self.set_roughness(index, &mut pbr, "anisotropy", "rotation");
+        Model::Pbr(Box::new(pbr))
+    }
+
+    fn metal(&mut self, index: usize) -> Model {
+        let color = self.color(index, "base_color", [0.617, 0.577, 0.540]);
+        let tint = self.constant_color(index, "edge_tint", [0.695, 0.726, 0.770]);
+        let mut pbr = PbrMaterial {
+            metallic: FloatSlot::constant(1.0),
+            base_color: self.edged(color, tint, 1.0),
+            ..bare()
+        };
+        self.set_roughness(index, &mut pbr, "anisotropy", "rotation");
+        Model::Pbr(Box::new(pbr))
+    }
+
+    /// The colour by Schlick of a metal that reflects as much on the whole as one that has a tint at 82 degrees (F82, Kutz et
+    /// al. 2021).
+    fn edged(&mut self, color: NodeInput, tint: [f32; 3], metallic: f32) -> ColorSlot {
+        let NodeInput::Value(base) = color else { return self.color_slot(color) };
+        let cosine: f32 = 1.0 / 7.0;
+        let edged = [0, 1, 2].map(|c| {
+            let at_edge = base[c] + (1.0 - base[c]) * (1.0 - cosine).powi(5);
+            let lost = at_edge * (1.0 - tint[c]) / (cosine * (1.0 - cosine).powi(6));
+            // The mean of cosine (1 - cosine)^6 is 1 / 126, that of Schlick's term base + (1 - base) / 21.
+            let by_schlick = base[c] - lost / 126.0 * 21.0 / 20.0;
+            (base[c] + metallic * (by_schlick - base[c])).max(0.0)
+        });
+        ColorSlot::constant(edged)
+    }
+
+    /// Roughness with its anisotropy: in Blender the alphas are those of the roughness over and times the root of
+    /// 1 - 0.9 anisotropy; in glTF the one across is that of the roughness.
+    fn set_roughness(&mut self, index: usize, pbr: &mut PbrMaterial, anisotropy: &str, rotation: &str) {
+        let default = if anisotropy == "anisotropic" { 0.5 } else { 0.2 };
+        let roughness = self.number(index, "roughness", default);
+        pbr.roughness = self.float_slot(roughness);
+        let anisotropic = self.constant(index, anisotropy, 0.0);
+        if anisotropic == 0.0 {
+            return;
+        }
+        let rotation = self.constant(index, rotation, 0.0);
+        let NodeInput::Value([roughness, ..]) = roughness else {
+            return self.warn("anisotropy needs a roughness that doesn't vary: it is left out".to_string());
+        };
+        let aspect = (1.0 - 0.9 * anisotropic.abs().min(1.0)).sqrt();
+        let (along, across) = (roughness * roughness / aspect, roughness * roughness * aspect);
+        let strength = ((along.min(1.0) - across) / (1.0 - across).max(1e-6)).max(0.0).sqrt().min(1.0);
+        pbr.roughness = FloatSlot::constant(across.sqrt());
+        let rotation_rad = 2.0 * PI * rotation + if anisotropic < 0.0 { 0.5 * PI } else { 0.0 };
+        pbr.anisotropy = (strength > 0.0).then_some(Anisotropy { strength, rotation_rad, texture: None });
+    }
+
+    fn glass(&mut self, index: usize, reflection: GlassReflection) -> Model {
+        let color = self.color(index, "color", WHITE);
+        let roughness = self.number(index, "roughness", 0.0);
+        let is_white = color == NodeInput::Value(WHITE) && reflection == GlassReflection::Tinted;
+        Model::Pbr(Box::new(PbrMaterial {
+            base_color: self.color_slot(color),
+            roughness: self.float_slot(roughness),
+            ior: self.constant(index, "ior", 1.5).max(1.0),
+            specular: FloatSlot::constant(1.0),
+            transmission: FloatSlot::constant(1.0),
+            glass_reflection: if is_white { GlassReflection::White } else { reflection },
+            ..self.interface()
+        }))
+    }
+
+    /// A dielectric interface as in Cycles: refracted light keeps its radiance, and what bounds no solid is a sheet that
+    /// bends light.
+    fn interface(&self) -> PbrMaterial {
+        PbrMaterial { has_volume: self.is_solid, keeps_radiance: true, ..bare() }
+    }
+
+    /// The grey part of a transparency is a probability, the rest a sheet that tints.
+    fn transparent(&mut self, index: usize, weight: NodeInput) {
+        match self.color(index, "color", WHITE) {
+            NodeInput::Value([r, g, b]) if r == g && g == b => {
+                self.only_mixes &= r == 1.0;
+                self.add_transparency(weight, NodeInput::Value([r; 3]));
+            }
+            color => {
+                let tint = self.color_slot(color);
+                let sheet = Model::Glass { ior: 1.0, tint, roughness: NONE, is_thin: true };
+                self.add_component(index, weight, Material::new(self.material, sheet));
+            }
+        }
+    }
+
+    fn subsurface(&mut self, index: usize, weight: NodeInput) {
+        let color = self.constant_color(index, "color", [0.8; 3]);
+        let scale = self.constant(index, "scale", 0.05);
+        let radius = self.constant_color(index, "radius", [1.0, 0.2, 0.1]);
+        let anisotropy = self.constant(index, "anisotropy", 0.0);
+        let mut material = Material::new(self.material, Model::Black);
+        scatter_within(&mut material, bare(), color, radius.map(|r| r * scale), anisotropy);
+        self.add_component(index, weight, material);
+    }
+
+    fn principled(&mut self, index: usize, weight: NodeInput) {
+        let alpha = self.number(index, "alpha", 1.0);
+        let alpha = self.clamped(alpha);
+        let passes = self.complement(alpha);
+        let passes = self.product(weight, passes);
+        self.add_transparency(passes, NodeInput::Value(WHITE));
+        let weight = self.product(weight, alpha);
+        let (mut pbr, coat_tint) = self.principled_lobes(index);
+        self.principled_emission(index, weight, coat_tint);
+        let mut material = Material::new(self.material, Model::Black);
+        let subsurface = self.constant(index, "subsurface_weight", 0.0);
+        let is_opaque = pbr.metallic == NONE && pbr.transmission == NONE;
+        if subsurface >= LEAST_SUBSURFACE && is_opaque {
+            let radius = self.constant_color(index, "subsurface_radius", [1.0, 0.2, 0.1]);
+            let scale = self.constant(index, "subsurface_scale", 0.05);
+            let anisotropy = self.constant(index, "subsurface_anisotropy", 0.0);
+            if pbr.base_color.texture.is_none() && scale > 0.0 {
+                let color = pbr.base_color.factor;
+                pbr.base_color = ColorSlot::constant([0.0; 3]);
+                scatter_within(&mut material, pbr, color, radius.map(|r| r * scale), anisotropy);
+                return self.add_component(index, weight, material);
+            }
+            self.warn(
+                "subsurface scattering of a colour that varies reflects as diffuse surfaces do".to_string(),
+            );
+        }
+        material.model = Model::Pbr(Box::new(pbr));
+        self.add_component(index, weight, material);
+    }
+
+    /// The lobes of the Principled shader, and the tint of what lies under its coat.
+    fn principled_lobes(&mut self, index: usize) -> (PbrMaterial, [f32; 3]) {
+        let mut pbr = self.interface();
+        let base = self.color(index, "base_color", [0.8; 3]);
+        pbr.tints_once = true;
+        let number = |l: &mut Self, key, default| {
+            let input = l.number(index, key, default);
+            l.float_slot(input)
+        };
+        pbr.metallic = number(self, "metallic", 0.0);
+        pbr.diffuse_roughness = number(self, "diffuse_roughness", 0.0);
+        pbr.transmission = number(self, "transmission_weight", 0.0);
+        let level = number(self, "specular_ior_level", 0.5);
+        let ior = self.constant(index, "ior", 1.5).max(1.0);
+        (pbr.ior, pbr.specular) = match level.texture {
+            None if level.factor <= 0.0 && pbr.transmission == NONE => (ior, NONE),
+            None if pbr.transmission == NONE => {
+                (scaled_ior(ior, 2.0 * level.factor), FloatSlot::constant(1.0))
+            }
+            None => (ior, FloatSlot::constant(2.0 * level.factor.min(0.5))),
+            Some(_) => (ior, FloatSlot { factor: 2.0 * level.factor, ..level }),
+        };
+        self.set_roughness(index, &mut pbr, "anisotropic", "anisotropic_rotation");
+        let tint = self.color(index, "specular_tint", WHITE);
+        pbr.base_color = self.color_slot(base);
+        if pbr.metallic == NONE {
+            pbr.specular_color = self.color_slot(tint);
+        } else if tint != NodeInput::Value(WHITE) {
+            let tint = self.constant_color(index, "specular_tint", WHITE);
+            pbr.base_color = self.edged(base, tint, pbr.metallic.factor);
+        }
+        let coat_tint = self.principled_layers(index, &mut pbr);
+        pbr.base_color.factor = [0, 1, 2].map(|c| pbr.base_color.factor[c] * coat_tint[c]);
+        (pbr, coat_tint)
+    }
+
+    /// Coat, sheen and film; gives the tint of what lies under the coat.
+    fn principled_layers(&mut self, index: usize, pbr: &mut PbrMaterial) -> [f32; 3] {
+        let weight = self.number(index, "coat_weight", 0.0);
+        let mut under = WHITE;
+        if weight != NodeInput::Value([0.0; 3]) {
+            let ior = self.constant(index, "coat_ior", 1.5).max(1.0);
+            let tint = self.constant_color(index, "coat_tint", WHITE);
+            let reflectance = ((ior - 1.0) / (ior + 1.0)).powi(2) / 0.04;
+            let roughness = self.number(index, "coat_roughness", 0.03);
+            let slot = self.float_slot(weight);
+            let factor = FloatSlot { factor: slot.factor * reflectance.min(1.0), ..slot };
+            let roughness = self.float_slot(roughness);
+            pbr.clearcoat = Some(Clearcoat { factor, roughness, normal_map: None });
+            let share = if slot.texture.is_none() { slot.factor.min(1.0) } else { 1.0 };
+            under = tint.map(|t| 1.0 + (poly::exp(COAT_WAY * poly::ln(t.max(1e-6))) - 1.0) * share);
+        }
+        let weight = self.number(index, "sheen_weight", 0.0);
+        if weight != NodeInput::Value([0.0; 3]) {
+            let tint = self.color(index, "sheen_tint", WHITE);
+            let color = self.product(tint, weight);
+            let color = self.color_slot(color);
+            let roughness = self.number(index, "sheen_roughness", 0.5);
+            let roughness = self.float_slot(roughness);
+            pbr.sheen = (!is_black(&color)).then_some(Sheen { color, roughness });
+        }
+        let thickness = self.constant(index, "thin_film_thickness", 0.0);
+        if thickness > 0.0 {
+            pbr.iridescence = Some(Iridescence {
+                factor: FloatSlot::constant(1.0),
+                ior: self.constant(index, "thin_film_ior", 1.33).max(1.0),
+                thickness_min_nm: thickness,
+                thickness_max_nm: thickness,
+                thickness_texture: None,
+            });
+        }
+        under
+    }
+
+    fn principled_emission(&mut self, index: usize, weight: NodeInput, coat_tint: [f32; 3]) {
+        let color = self.color(index, "emission_color", WHITE);
+        let strength = self.number(index, "emission_strength", 0.0);
+        let radiance = self.product(color, strength);
+        let radiance = self.product(radiance, NodeInput::Value(coat_tint));
+        self.add_emission(weight, radiance);
+    }
+}
+
+/// Fills a material with what scatters light beneath its surface, of an albedo and of mean free paths in metres as Blender
+/// has them.
+fn scatter_within(
+    material: &mut Material,
+    mut pbr: PbrMaterial,
+    color: [f32; 3],
+    radius: [f32; 3],
+    anisotropy: f32,
+) {
+    let anisotropy = anisotropy.clamp(-0.99, 0.99);
+    let radius = radius.map(|r| (r * (1.0 - anisotropy) / (4.0 * PI)).max(1e-6));
+    pbr.has_volume = true;
+    pbr.diffuse_transmission =
+        Some(DiffuseTransmission { factor: FloatSlot::constant(1.0), color: ColorSlot::constant(WHITE) });
+    material.model = Model::Pbr(Box::new(pbr));
+    material.medium = Some(Medium::subsurface(color.map(|c| c.clamp(0.0, 1.0)), radius, anisotropy));
+}

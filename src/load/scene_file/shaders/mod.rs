@@ -1,0 +1,456 @@
+//! `type = "nodes"`: a material as a graph of Blender's shader nodes.
+//!
+//! | Key | Meaning |
+//! |---|---|
+//! | `nodes` | nodes by name: those of textures of `type = "nodes"`, and the shaders below |
+//! | `surface` | the shader that the surface has: `"NODE"` |
+//! | `volume` | true: light that passes enters a solid (false) |
+//! | `up` | `"z"`: vectors of the world are those of Blender, as of textures of nodes (`"y"`) |
+//! | `medium`, `priority` | of a solid, as of `type = "pbr"` |
+//! | `light_group` | of what it emits |
+//!
+//! | Shader | Inputs |
+//! |---|---|
+//! | `principled_bsdf` | those of Blender's node, in lower case with `_` for spaces: `base_color`, `metallic`, `roughness`, `specular_ior_level`, ... |
+//! | `diffuse_bsdf`, `glossy_bsdf`, `glass_bsdf`, `refraction_bsdf`, `translucent_bsdf`, `transparent_bsdf`, `sheen_bsdf`, `metallic_bsdf`, `subsurface_scattering` | the same: `color`, `roughness`, `ior`, `anisotropy`, `normal` |
+//! | `emission` | `color`, `strength` (1) |
+//! | `mix_shader` | `factor` (0.5), `a`, `b`: shaders; without one nothing is scattered |
+//! | `add_shader` | `a`, `b` |
+//!
+//! A colour in the place of a shader is an emission, as in Cycles.
+
+mod closures;
+
+use super::builder::SceneFileBuilder;
+use super::fields::{Fields, nearest};
+use super::nodes::{Links, Value};
+use super::textures::Textures;
+use crate::error::Warning;
+use crate::load::scene_file::media;
+use crate::scene::nodes::{
+    ClampType, MathOperation, Node, NodeGraph, NodeInput, NodeKind, SocketType, VectorOperation,
+};
+use crate::scene::{
+    AlphaMode, ColorSlot, Emission, FloatSlot, Lamp, Material, MixComponent, Model, Texture, TextureId,
+};
+use closures::Shader;
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// Closures of a material, above which its graph is refused: shaders that several mixes share count once for each.
+const MOST_CLOSURES: usize = 64;
+
+/// A shader node with its inputs, in the order of [`Shader::inputs`].
+struct ShaderNode<'a> {
+    name: &'a str,
+    shader: Shader,
+    inputs: Vec<ShaderInput>,
+}
+
+/// What an input of a shader node is given.
+#[derive(Clone, Copy)]
+enum ShaderInput {
+    Value(NodeInput),
+    Shader(usize),
+}
+
+/// Reads the material; `None` after a problem.
+pub(super) fn read<'a>(
+    build: &mut SceneFileBuilder,
+    textures: &mut Textures<'a>,
+    fields: &Fields<'a>,
+    name: &str,
+) -> Option<Material> {
+    let surface = fields.require("surface", fields.string("surface"));
+    let table = fields.require("nodes", fields.table("nodes"))?;
+    let is_solid = fields.flag("volume", false);
+    let medium = media::table(build, fields, "medium");
+    let is_shader = |value: Value| Shader::of(value).is_some();
+    let values: Vec<(&str, Value)> = table.entries().filter(|(_, value)| !is_shader(value)).collect();
+    let shading: Vec<(&str, Value)> = table.entries().filter(|(_, value)| is_shader(value)).collect();
+    let (kinds, mut graph) = textures.value_nodes(build, &values, "")?;
+    graph.is_z_up = fields.choice("up", &[("y", false), ("z", true)]).unwrap_or(false);
+    let names: Vec<&str> = shading.iter().map(|(name, _)| *name).collect();
+    let mut links = Links { nodes: &kinds, textures, own: "" };
+    let read = |(name, value): &(&'a str, Value<'a>)| shader_node(build, &mut links, &names, name, value);
+    let shaders: Vec<ShaderNode<'a>> = shading.iter().filter_map(read).collect();
+    if shaders.len() < shading.len() {
+        return None;
+    }
+    let surface = surface?;
+    let Some(first) = position(&names, surface.value) else {
+        unknown(build, &names, surface.value, surface.span);
+        return None;
+    };
+    if let Some(problem) = graph.problems().first() {
+        build.problems.push(fields.span(), format!("{}: {problem}", fields.what()));
+        return None;
+    }
+    let mut lowering = Lowering {
+        build,
+        material: name,
+        is_solid,
+        checking: textures.is_check(),
+        graph,
+        shaders: &shaders,
+        textures: HashMap::new(),
+        components: Vec::new(),
+        emission: NodeInput::Value([0.0; 3]),
+        transparency: NodeInput::Value([0.0; 3]),
+        only_mixes: true,
+        path: Vec::new(),
+    };
+    if let Err(problem) = lowering.add(first, NodeInput::Value([1.0; 3])) {
+        let span = fields.span();
+        build.problems.push(span, format!("{}: {problem}", fields.what()));
+        return None;
+    }
+    let mut material = lowering.finish();
+    if let Some(medium) = medium {
+        material.medium = Some(medium);
+    }
+    Some(material)
+}
+
+/// The shader of a name; `"NODE.OUTPUT"` names the same as `"NODE"`.
+fn position(names: &[&str], text: &str) -> Option<usize> {
+    let node = text.split_once('.').map_or(text, |(node, _)| node);
+    names.iter().position(|name| *name == node)
+}
+
+fn unknown(build: &mut SceneFileBuilder, names: &[&str], text: &str, span: std::ops::Range<usize>) {
+    let help = match nearest(text, names.iter().copied()) {
+        Some(near) => format!("did you mean '{near}'?"),
+        None => format!("shaders of this material: {}", names.join(", ")),
+    };
+    build.problems.push_help(span, format!("there is no shader '{text}'"), help);
+}
+
+/// A shader node; `None` after a problem.
+fn shader_node<'a>(
+    build: &mut SceneFileBuilder,
+    links: &mut Links<'_, 'a>,
+    names: &[&str],
+    name: &'a str,
+    value: Value<'a>,
+) -> Option<ShaderNode<'a>> {
+    let shader = Shader::of(value)?;
+    let sockets = shader.inputs();
+    let mut inputs = vec![ShaderInput::Value(NodeInput::Default); sockets.len()];
+    let mut is_sound = true;
+    for (key, value) in value.get_ref().as_table()?.iter() {
+        let key = key.get_ref().as_ref();
+        let Some(i) = sockets.iter().position(|socket| *socket == key) else {
+            if key != "type" {
+                let help = format!("its inputs: {}", sockets.join(", "));
+                let message = format!("node '{name}': {} has no input '{key}'", shader.name());
+                build.problems.push_help(value.span(), message, help);
+                is_sound = false;
+            }
+            continue;
+        };
+        let shader = value.get_ref().as_str().and_then(|text| position(names, text));
+        match shader {
+            Some(shader) => inputs[i] = ShaderInput::Shader(shader),
+            None => match links.input(build, value) {
+                Some(input) => inputs[i] = ShaderInput::Value(input),
+                None => is_sound = false,
+            },
+        }
+    }
+    is_sound.then_some(ShaderNode { name, shader, inputs })
+}
+
+/// Turns the graph of shaders into a list of weighted materials, emission and transparency. Weights are graphs of nodes.
+struct Lowering<'l, 'b, 'a> {
+    build: &'l mut SceneFileBuilder<'b>,
+    material: &'l str,
+    is_solid: bool,
+    /// Nothing is added to the scene.
+    checking: bool,
+    /// The value nodes, to which those of weights are added.
+    graph: NodeGraph,
+    shaders: &'l [ShaderNode<'a>],
+    /// Textures of outputs, each once.
+    textures: HashMap<(usize, usize), TextureId>,
+    components: Vec<(NodeInput, Material)>,
+    /// Radiance.
+    emission: NodeInput,
+    /// Share of light that passes.
+    transparency: NodeInput,
+    /// Nothing was added up: weights and transparency sum up to 1.
+    only_mixes: bool,
+    /// The shaders on the way from the surface.
+    path: Vec<usize>,
+}
+
+impl Lowering<'_, '_, '_> {
+    /// Adds what a shader scatters and emits.
+    fn add(&mut self, index: usize, weight: NodeInput) -> Result<(), String> {
+        let node = &self.shaders[index];
+        if self.path.contains(&index) {
+            return Err(format!("the shaders around '{}' go round in a circle", node.name));
+        }
+        if self.components.len() > MOST_CLOSURES {
+            return Err(format!("its shaders make more than {MOST_CLOSURES} closures"));
+        }
+        self.path.push(index);
+        match node.shader {
+            Shader::Mix => {
+                let factor = self.clamped(self.number(index, "factor", 0.5));
+                let rest = self.complement(factor);
+                for (key, part) in [("a", rest), ("b", factor)] {
+                    let weight = self.product(weight, part);
+                    self.add_input(index, key, weight)?;
+                }
+            }
+            Shader::Add => {
+                self.only_mixes = false;
+                self.add_input(index, "a", weight)?;
+                self.add_input(index, "b", weight)?;
+            }
+            _ => self.add_closure(index, weight),
+        }
+        self.path.pop();
+        Ok(())
+    }
+
+    /// Adds the shader of an input; a colour in its place is an emission.
+    fn add_input(&mut self, index: usize, key: &str, weight: NodeInput) -> Result<(), String> {
+        if weight == NodeInput::Value([0.0; 3]) {
+            return Ok(());
+        }
+        match self.input(index, key) {
+            ShaderInput::Shader(other) => self.add(other, weight),
+            ShaderInput::Value(NodeInput::Default) => Ok(()),
+            ShaderInput::Value(color) => {
+                self.add_emission(weight, color);
+                Ok(())
+            }
+        }
+    }
+
+    fn add_emission(&mut self, weight: NodeInput, radiance: NodeInput) {
+        let radiance = self.product(weight, radiance);
+        self.emission = self.sum(self.emission, radiance);
+    }
+
+    fn add_transparency(&mut self, weight: NodeInput, color: NodeInput) {
+        let share = self.product(weight, color);
+        self.transparency = self.sum(self.transparency, share);
+    }
+
+    /// The input of a shader node by name.
+    fn input(&self, index: usize, key: &str) -> ShaderInput {
+        let node = &self.shaders[index];
+        let i = node.shader.inputs().iter().position(|name| *name == key);
+        i.map_or(ShaderInput::Value(NodeInput::Default), |i| node.inputs[i])
+    }
+
+    /// The colour of an input; shaders count as none.
+    fn color(&self, index: usize, key: &str, default: [f32; 3]) -> NodeInput {
+        match self.input(index, key) {
+            ShaderInput::Value(NodeInput::Default) | ShaderInput::Shader(_) => NodeInput::Value(default),
+            ShaderInput::Value(input) => input,
+        }
+    }
+
+    /// The number of an input.
+    fn number(&self, index: usize, key: &str, default: f32) -> NodeInput {
+        self.color(index, key, [default; 3])
+    }
+
+    /// An input that has to be the same everywhere: its value, or the default with a warning.
+    fn constant(&mut self, index: usize, key: &str, default: f32) -> f32 {
+        self.constant_color(index, key, [default; 3])[0]
+    }
+
+    fn constant_color(&mut self, index: usize, key: &str, default: [f32; 3]) -> [f32; 3] {
+        match self.color(index, key, default) {
+            NodeInput::Value(value) => value,
+            _ => {
+                let shader = self.shaders[index].shader.name();
+                self.warn(format!(
+                    "'{key}' of {shader} '{}' can't vary over the surface: its default counts",
+                    self.shaders[index].name
+                ));
+                default
+            }
+        }
+    }
+
+    fn warn(&mut self, message: String) {
+        let message = format!("material '{}': {message}", self.material);
+        self.build.loaded.warnings.push(Warning::new(self.build.file, "", message));
+    }
+
+    // Arithmetic of weights, folded where both sides are constants.
+
+    fn push(&mut self, kind: NodeKind, inputs: &[NodeInput]) -> NodeInput {
+        let mut all = vec![NodeInput::Default; kind.inputs().len()];
+        all[..inputs.len()].copy_from_slice(inputs);
+        self.graph.nodes.push(Node { kind, inputs: all, image: None });
+        NodeInput::Link { node: self.graph.nodes.len() - 1, output: 0 }
+    }
+
+    fn product(&mut self, a: NodeInput, b: NodeInput) -> NodeInput {
+        const ZERO: NodeInput = NodeInput::Value([0.0; 3]);
+        const ONE: NodeInput = NodeInput::Value([1.0; 3]);
+        match (a, b) {
+            (NodeInput::Value(a), NodeInput::Value(b)) => NodeInput::Value([0, 1, 2].map(|c| a[c] * b[c])),
+            (ZERO, _) | (_, ZERO) => ZERO,
+            (ONE, other) | (other, ONE) => other,
+            _ => self.push(NodeKind::VectorMath { operation: VectorOperation::Multiply }, &[a, b]),
+        }
+    }
+
+    fn sum(&mut self, a: NodeInput, b: NodeInput) -> NodeInput {
+        const ZERO: NodeInput = NodeInput::Value([0.0; 3]);
+        match (a, b) {
+            (NodeInput::Value(a), NodeInput::Value(b)) => NodeInput::Value([0, 1, 2].map(|c| a[c] + b[c])),
+            (ZERO, other) | (other, ZERO) => other,
+            _ => self.push(NodeKind::VectorMath { operation: VectorOperation::Add }, &[a, b]),
+        }
+    }
+
+    fn complement(&mut self, a: NodeInput) -> NodeInput {
+        match a {
+            NodeInput::Value(a) => NodeInput::Value(a.map(|x| 1.0 - x)),
+            _ => {
+                let subtract = NodeKind::Math { operation: MathOperation::Subtract, use_clamp: false };
+                self.push(subtract, &[NodeInput::Value([1.0; 3]), a])
+            }
+        }
+    }
+
+    /// `a / b`, where `b` is a number.
+    fn quotient(&mut self, a: NodeInput, b: NodeInput) -> NodeInput {
+        match (a, b) {
+            (NodeInput::Value(a), NodeInput::Value([b, ..])) if b > 0.0 => NodeInput::Value(a.map(|x| x / b)),
+            // Cycles' division gives 0 by 0.
+            _ => self.push(NodeKind::VectorMath { operation: VectorOperation::Divide }, &[a, b]),
+        }
+    }
+
+    fn clamped(&mut self, a: NodeInput) -> NodeInput {
+        match a {
+            NodeInput::Value(a) => NodeInput::Value(a.map(|x| x.clamp(0.0, 1.0))),
+            _ => self.push(NodeKind::Clamp { clamp_type: ClampType::MinMax }, &[a]),
+        }
+    }
+
+    /// A colour as a number, as inputs of numbers take it.
+    fn as_number(&mut self, a: NodeInput) -> NodeInput {
+        let kind = match a {
+            NodeInput::Link { node, output } => self.graph.nodes[node].kind.outputs()[output].kind,
+            NodeInput::Texture { alpha: false, .. } => SocketType::Color,
+            _ => SocketType::Float,
+        };
+        match (kind, a) {
+            (SocketType::Float, _) | (_, NodeInput::Value(_)) => a,
+            _ => {
+                let add = NodeKind::Math { operation: MathOperation::Add, use_clamp: false };
+                self.push(add, &[a, NodeInput::Value([0.0; 3])])
+            }
+        }
+    }
+
+    // Parameters of materials.
+
+    /// The texture of an output; of other textures the texture itself.
+    fn texture(&mut self, input: NodeInput) -> Option<TextureId> {
+        if self.checking {
+            return Some(TextureId(0));
+        }
+        match input {
+            NodeInput::Texture { texture, alpha: false } => Some(texture),
+            NodeInput::Link { node, output } => Some(match self.textures.get(&(node, output)) {
+                Some(&known) => known,
+                None => {
+                    let graph = self.pruned(input);
+                    let id = self.build.loaded.scene.add_texture(Texture::Nodes(Arc::new(graph)));
+                    self.textures.insert((node, output), id);
+                    id
+                }
+            }),
+            _ => None,
+        }
+    }
+
+    /// A graph of the nodes that a result needs.
+    fn pruned(&self, result: NodeInput) -> NodeGraph {
+        let whole = NodeGraph { result, ..self.graph.clone() };
+        let order = whole.order().unwrap_or_default();
+        let place: HashMap<usize, usize> = order.iter().enumerate().map(|(new, &old)| (old, new)).collect();
+        let moved = |input: NodeInput| match input {
+            NodeInput::Link { node, output } => NodeInput::Link { node: place[&node], output },
+            other => other,
+        };
+        let nodes = order.iter().map(|&old| {
+            let node = &whole.nodes[old];
+            let inputs = node.inputs.iter().copied().map(moved).collect();
+            Node { kind: node.kind.clone(), inputs, image: node.image }
+        });
+        NodeGraph { nodes: nodes.collect(), result: moved(result), is_z_up: whole.is_z_up }
+    }
+
+    fn color_slot(&mut self, input: NodeInput) -> ColorSlot {
+        match input {
+            NodeInput::Value(value) => ColorSlot::constant(value),
+            _ => self.texture(input).map_or(ColorSlot::constant([1.0; 3]), ColorSlot::texture),
+        }
+    }
+
+    fn float_slot(&mut self, input: NodeInput) -> FloatSlot {
+        if let NodeInput::Texture { texture, alpha } = input {
+            return FloatSlot::texture(texture, if alpha { 3 } else { 0 });
+        }
+        match self.as_number(input) {
+            NodeInput::Value([value, ..]) => FloatSlot::constant(value),
+            number => self.texture(number).map_or(FloatSlot::constant(1.0), |id| FloatSlot::texture(id, 0)),
+        }
+    }
+
+    /// The material of all closures. Rays pass with the probability of the mean of the transparency; what is scattered and
+    /// emitted is divided by the other one.
+    fn finish(mut self) -> Material {
+        let passes = self.as_number(self.transparency);
+        let alpha = self.complement(passes);
+        let is_opaque = alpha == NodeInput::Value([1.0; 3]);
+        let is_sole =
+            self.components.len() == 1 && self.only_mixes && self.emission == NodeInput::Value([0.0; 3]);
+        let is_clear = matches!(alpha, NodeInput::Value([a, ..]) if a <= 0.0);
+        let components = std::mem::take(&mut self.components);
+        let mut mixed: Vec<MixComponent> = Vec::new();
+        for (weight, material) in components.into_iter().filter(|_| !is_clear) {
+            let weight = match (is_opaque, is_sole) {
+                (true, _) => weight,
+                // All that doesn't pass is this one's.
+                (false, true) => NodeInput::Value([1.0; 3]),
+                (false, false) => self.quotient(weight, alpha),
+            };
+            mixed.push(MixComponent { weight: self.color_slot(weight), material });
+        }
+        let mut material = match mixed.pop() {
+            None => Material::new(self.material, Model::Black),
+            Some(only) if mixed.is_empty() && only.weight == ColorSlot::constant([1.0; 3]) => only.material,
+            Some(last) => {
+                mixed.push(last);
+                Material::new(self.material, Model::Mix { components: mixed })
+            }
+        };
+        if self.emission != NodeInput::Value([0.0; 3]) {
+            let emission =
+                if is_opaque || is_clear { self.emission } else { self.quotient(self.emission, alpha) };
+            let radiance = self.color_slot(emission);
+            material.emission = Some(Emission { radiance, two_sided: true });
+        }
+        if is_clear && material.emission.is_some() {
+            // Light is added on the way of rays that pass.
+            material.lamp = Some(Lamp { is_obstacle: false, ..Lamp::default() });
+        } else if !is_opaque {
+            (material.alpha_mode, material.alpha) = (AlphaMode::Blend, self.float_slot(alpha));
+        }
+        material
+    }
+}

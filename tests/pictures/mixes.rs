@@ -1,0 +1,95 @@
+//! Mixes of materials: closed forms, and the same means whatever the technique.
+
+use crate::support::differences::{assert_same_bits, assert_same_means};
+use crate::support::{assert_radiance, camera, floor, material, options, quad, sphere};
+use oscura::math::DVec3;
+use oscura::render::{Caustics, Guiding, PathReuse, Splitting};
+use oscura::scene::{
+    AlphaMode, ColorSlot, Emission, Environment, FloatSlot, FresnelModel, Light, LightKind, Mapping,
+    Material, MixComponent, Model, Scene, Texture,
+};
+
+fn mix(parts: Vec<(ColorSlot, Material)>) -> Material {
+    let components = parts.into_iter().map(|(weight, material)| MixComponent { weight, material }).collect();
+    Material::new("mix", Model::Mix { components })
+}
+
+fn grey(albedo: f32) -> Material {
+    Material::lambert("grey", [albedo; 3])
+}
+
+fn glass() -> Material {
+    let tint = ColorSlot::constant([1.0; 3]);
+    Material::new("glass", Model::Dielectric { ior: 1.5, tint, fresnel: FresnelModel::Exact })
+}
+
+/// A large sheet in even light of 1, seen straight on.
+fn in_even_light(of: Material) -> Scene {
+    Scene { environment: Environment::Constant([1.0; 3]), ..floor(of) }
+}
+
+#[test]
+fn even_light_shows_the_weighted_sum() {
+    let few = options(8, 1024, 4);
+    let constant = |w: f32| ColorSlot::constant([w; 3]);
+    for (weights, albedos) in [([0.5, 0.5], [0.2, 0.8]), ([0.9, 0.1], [0.1, 0.9]), ([0.3, 0.2], [0.5, 1.0])] {
+        let truth: f32 = weights.iter().zip(albedos).map(|(w, a)| w * a).sum();
+        let parts = weights.iter().zip(albedos).map(|(w, a)| (constant(*w), grey(a)));
+        let scene = in_even_light(mix(parts.collect()));
+        assert_radiance(&format!("{weights:?} of {albedos:?}"), &scene, &few, truth.into(), 4e-3);
+    }
+    // A mix of all that reflects and passes loses no light.
+    let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+    let body = material(&mut scene, mix(vec![(constant(0.4), grey(1.0)), (constant(0.6), glass())]));
+    sphere(&mut scene, [0.0; 3], 1.0, body);
+    scene.cameras.push(camera(DVec3::new(0.3, 0.2, 5.0), DVec3::ZERO, DVec3::Y, 5.0));
+    assert_radiance("diffuse and glass", &scene, &options(8, 256, 200), 1.0, 4e-3);
+}
+
+/// What one material emits and how much of it is there belong to the mix, not to the weights.
+#[test]
+fn mixes_shine_and_are_absent_as_one() {
+    let constant = |w: f32| ColorSlot::constant([w; 3]);
+    let both = || mix(vec![(constant(0.5), grey(0.2)), (constant(0.25), grey(0.8))]);
+    let emission = Some(Emission { radiance: ColorSlot::constant([0.5; 3]), two_sided: true });
+    let shining = in_even_light(Material { emission, ..both() });
+    assert_radiance("shining", &shining, &options(8, 1024, 4), 0.5 + 0.3, 4e-3);
+    let alpha = FloatSlot::constant(0.25);
+    let absent = in_even_light(Material { alpha, alpha_mode: AlphaMode::Blend, emission, ..both() });
+    assert_radiance("absent", &absent, &options(8, 4096, 4), 0.75 + 0.25 * (0.5 + 0.3), 4e-3);
+}
+
+/// Weights of textures: cells of a checker, of which each shows one material.
+fn room() -> Scene {
+    let mut scene = floor(grey(0.5));
+    let solid = |value: f32| Texture::Solid([value; 3]);
+    let [a, b] = [0.9, 0.1].map(|value| scene.add_texture(solid(value)));
+    let cells = |even, odd| Texture::Checker { even, odd, cell_size: 0.25, mapping: Mapping::World };
+    let (first, second) = (scene.add_texture(cells(a, b)), scene.add_texture(cells(b, a)));
+    let parts = vec![(ColorSlot::texture(first), grey(0.8)), (ColorSlot::texture(second), glass())];
+    let mixed = material(&mut scene, mix(parts));
+    sphere(&mut scene, [0.0, 1.0, 0.0], 0.8, mixed);
+    let lamp = material(&mut scene, Material::emitter("lamp", [20.0; 3], true));
+    quad(&mut scene, [-0.5, 4.0, -0.5], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0], lamp);
+    let position = DVec3::new(2.0, 3.0, 1.0);
+    scene.lights.push(Light::new(LightKind::Point { position }, [5.0; 3]));
+    scene.environment = Environment::Constant([0.2; 3]);
+    scene.cameras = vec![camera(DVec3::new(0.0, 2.0, 5.0), DVec3::new(0.0, 0.8, 0.0), DVec3::Y, 40.0)];
+    scene
+}
+
+#[test]
+fn techniques_agree_on_mixes() {
+    let scene = room();
+    let plain = options(24, 512, 200).path_reuse(PathReuse::Off).splitting(Splitting::OFF);
+    let plain = plain.caustics(Caustics::Off).guiding(Guiding::Off);
+    for (what, other) in [
+        ("split", plain.splitting(Splitting::Into(4))),
+        ("shared", plain.path_reuse(PathReuse::Groups("4x4/2".parse().expect("a shape")))),
+        ("guided", plain.guiding(Guiding::On)),
+        ("caustics", plain.caustics(Caustics::On)),
+    ] {
+        assert_same_means(what, &scene, [&plain, &other], 16);
+    }
+    assert_same_bits("mixes", &scene, &options(24, 4, 8));
+}

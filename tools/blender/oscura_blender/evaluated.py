@@ -1,0 +1,165 @@
+"""What oscura evaluates itself: meshes whose materials are graphs of nodes it knows go to files of their own, with their materials in
+the file of settings. What is left is baked and goes into the model."""
+
+import os
+
+import numpy as np
+
+from . import geometry, media, mesh_files, node_graph, report as reports, shaders, sidecar
+from .glb import Y_UP
+from .skins import sides_of_edges
+
+# Tables of the materials of faces without one, and of what has no surface.
+DEFAULT = {"type": "nodes", "surface": "surface", "nodes": {"surface": {"type": "principled_bsdf"}}}
+BLACK = {"type": "lambert", "color": [0.0, 0.0, 0.0]}
+
+# Inputs that let light into a solid, by the type of their shader; others always do.
+PASSING = {"principled_bsdf": ("transmission_weight", "subsurface_weight"), "glass_bsdf": None, "refraction_bsdf": None, "subsurface_scattering": None}
+
+
+class Material:
+    """A material as a table, and what it asks of meshes."""
+
+    def __init__(self, material, graph, surface, medium):
+        self.material, self.nodes, self.surface, self.medium = material, graph.nodes, surface, medium
+        self.attributes, self.asks_object = graph.attributes, graph.asks_object
+        self.lets_light_in = any(self._passes(node) for node in graph.nodes.values())
+
+    @staticmethod
+    def _passes(node):
+        if node["type"] not in PASSING:
+            return False
+        inputs = PASSING[node["type"]]
+        return inputs is None or any(node.get(name, 0.0) != 0.0 for name in inputs)
+
+    def table(self, is_solid):
+        if self.surface is None:
+            return BLACK
+        entries = {"type": "nodes", "surface": self.surface, "up": "z"}
+        if self.lets_light_in and is_solid:
+            entries["volume"] = True
+            if self.medium is not None:
+                entries["medium"] = self.medium
+        return {**entries, "nodes": self.nodes}
+
+
+class Evaluated:
+    """The meshes that oscura evaluates, with their materials and placements."""
+
+    def __init__(self, folder, name):
+        self.folder, self.name = folder, name
+        self.materials = {}  # tables by name
+        self.objects = []  # tables of objects
+
+    def tables(self):
+        named = [(f"[materials.{sidecar.value(name)}]", entries) for name, entries in sorted(self.materials.items())]
+        return named + [("[[objects]]", entries) for entries in self.objects]
+
+
+class Materials:
+    """Which materials oscura evaluates."""
+
+    def __init__(self, images, exposure):
+        self.reasons = {}  # why others are not, by material
+        self._images, self._exposure = images, exposure
+        self._known = {}
+
+    def get(self, material):
+        """A material that is evaluated; None for others."""
+        if material not in self._known:
+            self._known[material] = _read(material, self._exposure, self._images, self.reasons)
+        return self._known[material]
+
+
+def take(found, known, moves, options, report):
+    """Takes what oscura can evaluate out of what was collected."""
+    made = Evaluated(options.folder, options.name)
+    kept = [h for h in found.objects.values() if h is not None and not _is_taken(h, known, found, moves)]
+    # A name means one material: those that the model has as well are called otherwise.
+    names = {m.name for holder in kept for m in holder.data.materials if m is not None}
+    for key, holder in list(found.objects.items()):
+        if holder is None or holder in kept:
+            continue
+        del found.objects[key]
+        _write(made, holder, len(made.objects), known, names, found)
+    for material, reason in known.reasons.items():
+        if any(material in list(holder.data.materials) for holder in kept):
+            report.note(material.name, f"is baked, since oscura doesn't evaluate it: {reason}")
+    return made
+
+
+def _read(material, exposure, images, reasons):
+    """A material's graph; None where it can't be expressed."""
+    try:
+        if material.node_tree is None or not material.use_nodes:
+            raise node_graph.Unsupported("no node tree")
+        end = shaders.end(material.node_tree)
+        graph = node_graph.Graph(exposure, images)
+        if end is None:
+            return Material(material, graph, None, None)
+        if end.inputs["Displacement"].is_linked:
+            raise node_graph.Unsupported("displacement")
+        filling = media.read(end.inputs["Volume"])
+        surface = graph.shader(node_graph.feed(end.inputs["Surface"]))
+        if surface is None and not filling.is_nothing():
+            raise node_graph.Unsupported("a volume without a surface")
+        return Material(material, graph, surface, None if filling.is_nothing() else filling.entries(exposure))
+    except node_graph.Unsupported as reason:
+        reasons[material] = str(reason)
+    except media.Varying as reason:
+        reasons[material] = f"a volume that varies ({reason})"
+    return None
+
+
+def _is_taken(holder, known, found, moves):
+    """Can a mesh be written with its materials, and does it stand still?"""
+    if holder.name in found.volumes or any(known.get(m) is None for m in holder.data.materials if m is not None):
+        return False
+    if any(mark[0] == "volume" for mark in found.marks[holder.name]):
+        return False
+    if moves is None:
+        return True
+    return holder.name not in moves.shapes and all(moves.of(mark) is None for mark in found.marks[holder.name])
+
+
+def _write(made, holder, number, known, names, found):
+    """Writes a mesh, and adds its materials and placements."""
+    mesh = holder.data
+    is_solid = not bool((sides_of_edges(mesh) == 1).any())
+    listed, attributes, asks_object = [], set(), False
+    for material in list(mesh.materials) or [None]:
+        entry = known.get(material) if material is not None else None
+        is_filled = entry is not None and entry.lets_light_in and (is_solid or entry.medium is not None)
+        name = reports.ALIASES.get(material.name, material.name) if material is not None else "default"
+        while name in names or name in made.materials and made.materials[name] is not _known_table(made, name, entry, is_filled):
+            name += " "
+        made.materials[name] = _known_table(made, name, entry, is_filled)
+        listed.append(name)
+        if entry is not None:
+            attributes |= entry.attributes
+            asks_object |= entry.asks_object
+    file = f"{made.name}.mesh{number}.ply"
+    mesh_files.write(os.path.join(made.folder, file), mesh, attributes)
+    traits = geometry._traits(found.extras.get(holder.name, {}))
+    group = found.extras.get(holder.name, {}).get("light_group")
+    for (name, matrix), info in zip(found.placements[holder.name], found.infos[holder.name]):
+        turned = np.array(Y_UP @ matrix)
+        if abs(np.linalg.det(turned[:3, :3])) < 1e-30:
+            continue
+        entries = {"name": name, "mesh": file, "materials": listed, "transform": [{"matrix": [float(x) for x in turned.ravel()]}], **traits}
+        if group:
+            entries["light_group"] = group
+        if asks_object:
+            entries.update(info)
+        entries.update(found.links.shining.pop(name, {}))
+        made.objects.append(entries)
+
+
+def _known_table(made, name, entry, is_solid):
+    """The table of a material, the same one for the same material."""
+    key = (entry, is_solid)
+    tables = made.__dict__.setdefault("_tables", {})
+    if key not in tables:
+        tables[key] = dict(DEFAULT) if entry is None else entry.table(is_solid)
+    return tables[key]
+

@@ -1,0 +1,579 @@
+"""Node trees as graphs that oscura evaluates: each node of Blender becomes one of the file of settings, with groups, reroutes and muted
+nodes resolved. What has no counterpart raises `Unsupported`, and the material is baked."""
+
+import os
+import shutil
+
+import bpy
+
+from . import mesh_files, shaders
+
+
+class Unsupported(Exception):
+    """A node, or a mode of it, that oscura can't evaluate."""
+
+
+class Kind:
+    """How a node is written: its type, its inputs and outputs by Blender's identifiers, its settings by Blender's properties."""
+
+    def __init__(self, name, inputs, outputs, settings=(), **renamed):
+        self.name, self.inputs, self.outputs = name, inputs, outputs
+        self.settings = {**{key: key for key in settings}, **renamed}
+
+
+def _same(*names):
+    """Sockets whose names here are Blender's in lower case."""
+    return {name: name.lower().replace(" ", "_") for name in names}
+
+
+COORDINATES = "texture_coordinate"
+FACTOR = {"Color": "color", "Fac": "factor", "Factor": "factor"}
+TEXTURE = {"Vector": "vector", "Scale": "scale"}
+
+KINDS = {
+    "ShaderNodeMath": Kind("math", {"Value": "a", "Value_001": "b", "Value_002": "c"}, {"Value": "value"}, ("operation", "use_clamp")),
+    "ShaderNodeVectorMath": Kind(
+        "vector_math",
+        {"Vector": "a", "Vector_001": "b", "Vector_002": "c", "Scale": "scale"},
+        {"Vector": "vector", "Value": "value"},
+        ("operation",),
+    ),
+    "ShaderNodeClamp": Kind("clamp", _same("Value", "Min", "Max"), {"Result": "result"}, ("clamp_type",)),
+    "ShaderNodeMapping": Kind("mapping", _same("Vector", "Location", "Rotation", "Scale"), {"Vector": "vector"}, ("vector_type",)),
+    "ShaderNodeVectorRotate": Kind(
+        "vector_rotate", _same("Vector", "Center", "Axis", "Angle", "Rotation"), {"Vector": "vector"}, ("rotation_type", "invert")
+    ),
+    "ShaderNodeCombineXYZ": Kind("combine_xyz", _same("X", "Y", "Z"), {"Vector": "vector"}),
+    "ShaderNodeSeparateXYZ": Kind("separate_xyz", _same("Vector"), _same("X", "Y", "Z")),
+    "ShaderNodeCombineColor": Kind("combine_color", _same("Red", "Green", "Blue"), {"Color": "color"}, ("mode",)),
+    "ShaderNodeSeparateColor": Kind("separate_color", _same("Color"), _same("Red", "Green", "Blue"), ("mode",)),
+    "ShaderNodeCombineRGB": Kind("combine_color", {"R": "red", "G": "green", "B": "blue"}, {"Image": "color"}),
+    "ShaderNodeSeparateRGB": Kind("separate_color", {"Image": "color"}, {"R": "red", "G": "green", "B": "blue"}),
+    "ShaderNodeHueSaturation": Kind(
+        "hue_saturation", {**_same("Hue", "Saturation", "Value", "Color"), "Fac": "factor", "Factor": "factor"}, {"Color": "color"}
+    ),
+    "ShaderNodeBrightContrast": Kind(
+        "brightness_contrast", {"Color": "color", "Bright": "brightness", "Brightness": "brightness", "Contrast": "contrast"}, {"Color": "color"}
+    ),
+    "ShaderNodeGamma": Kind("gamma", _same("Color", "Gamma"), {"Color": "color"}),
+    "ShaderNodeInvert": Kind("invert", {"Fac": "factor", "Factor": "factor", "Color": "color"}, {"Color": "color"}),
+    "ShaderNodeRGBToBW": Kind("rgb_to_bw", _same("Color"), {"Val": "value", "Value": "value"}),
+    "ShaderNodeTexNoise": Kind(
+        "noise_texture",
+        {**TEXTURE, **_same("W", "Detail", "Roughness", "Lacunarity", "Offset", "Gain", "Distortion")},
+        FACTOR,
+        ("noise_type", "normalize"),
+        noise_dimensions="dimensions",
+    ),
+    "ShaderNodeTexVoronoi": Kind(
+        "voronoi_texture",
+        {**TEXTURE, **_same("W", "Detail", "Roughness", "Lacunarity", "Smoothness", "Exponent", "Randomness")},
+        _same("Distance", "Color", "Position", "W", "Radius"),
+        ("distance", "feature", "normalize"),
+        voronoi_dimensions="dimensions",
+    ),
+    "ShaderNodeTexWave": Kind(
+        "wave_texture",
+        {**TEXTURE, **_same("Distortion", "Detail", "Detail Scale", "Detail Roughness", "Phase Offset")},
+        FACTOR,
+        ("wave_type", "bands_direction", "rings_direction", "wave_profile"),
+    ),
+    "ShaderNodeTexMagic": Kind("magic_texture", {**TEXTURE, "Distortion": "distortion"}, FACTOR, ("turbulence_depth",)),
+    "ShaderNodeTexGradient": Kind("gradient_texture", {"Vector": "vector"}, FACTOR, ("gradient_type",)),
+    "ShaderNodeTexChecker": Kind("checker_texture", {**TEXTURE, **_same("Color1", "Color2")}, FACTOR),
+    "ShaderNodeTexBrick": Kind(
+        "brick_texture",
+        {**TEXTURE, **_same("Color1", "Color2", "Mortar", "Mortar Size", "Mortar Smooth", "Bias", "Brick Width", "Row Height")},
+        FACTOR,
+        ("offset", "offset_frequency", "squash", "squash_frequency"),
+    ),
+    "ShaderNodeTexWhiteNoise": Kind("white_noise", {"Vector": "vector", "W": "w"}, _same("Value", "Color"), noise_dimensions="dimensions"),
+    "ShaderNodeFresnel": Kind("fresnel", _same("IOR", "Normal"), {"Fac": "factor", "Factor": "factor"}),
+    "ShaderNodeLayerWeight": Kind("layer_weight", _same("Blend", "Normal"), _same("Fresnel", "Facing")),
+    "ShaderNodeCameraData": Kind("camera_data", {}, _same("View Vector", "View Z Depth", "View Distance")),
+    "ShaderNodeVectorTransform": Kind(
+        "vector_transform", _same("Vector"), _same("Vector"), ("vector_type", "convert_from", "convert_to")
+    ),
+}
+
+# Inputs of shaders by the names of Blender's sockets; those that aren't named are left out where they have no link.
+SHADERS = {
+    "ShaderNodeBsdfPrincipled": "principled_bsdf",
+    "ShaderNodeBsdfDiffuse": "diffuse_bsdf",
+    "ShaderNodeBsdfAnisotropic": "glossy_bsdf",
+    "ShaderNodeBsdfGlossy": "glossy_bsdf",
+    "ShaderNodeBsdfMetallic": "metallic_bsdf",
+    "ShaderNodeBsdfGlass": "glass_bsdf",
+    "ShaderNodeBsdfRefraction": "refraction_bsdf",
+    "ShaderNodeBsdfTranslucent": "translucent_bsdf",
+    "ShaderNodeBsdfTransparent": "transparent_bsdf",
+    "ShaderNodeBsdfSheen": "sheen_bsdf",
+    "ShaderNodeSubsurfaceScattering": "subsurface_scattering",
+    "ShaderNodeEmission": "emission",
+}
+
+# What oscura has no input for, which does nothing unless it has a link or another value than this.
+IDLE = {"Weight": 0.0, "Subsurface IOR": None, "Thin Film Thickness": 0.0, "Thin Film IOR": None, "Tangent": None, "Normal": None}
+# Inputs of shaders that oscura knows, by their type's.
+KNOWN = {
+    "principled_bsdf": "Base Color,Metallic,Roughness,IOR,Alpha,Diffuse Roughness,Subsurface Weight,Subsurface Radius,Subsurface Scale,"
+    "Subsurface Anisotropy,Specular IOR Level,Specular Tint,Anisotropic,Anisotropic Rotation,Transmission Weight,Coat Weight,"
+    "Coat Roughness,Coat IOR,Coat Tint,Sheen Weight,Sheen Roughness,Sheen Tint,Emission Color,Emission Strength,"
+    "Thin Film Thickness,Thin Film IOR",
+    "diffuse_bsdf": "Color,Roughness",
+    "glossy_bsdf": "Color,Roughness,Anisotropy,Rotation",
+    "metallic_bsdf": "Base Color,Edge Tint,Roughness,Anisotropy,Rotation",
+    "glass_bsdf": "Color,Roughness,IOR",
+    "refraction_bsdf": "Color,Roughness,IOR",
+    "translucent_bsdf": "Color",
+    "transparent_bsdf": "Color",
+    "sheen_bsdf": "Color,Roughness",
+    "subsurface_scattering": "Color,Scale,Radius,Anisotropy",
+    "emission": "Color,Strength",
+}
+
+# Inputs that oscura takes as constants only.
+CONSTANT = {
+    "IOR", "Anisotropic", "Anisotropic Rotation", "Anisotropy", "Rotation", "Subsurface Weight", "Subsurface Radius", "Subsurface Scale",
+    "Subsurface Anisotropy", "Coat IOR", "Coat Tint", "Thin Film Thickness", "Thin Film IOR", "Edge Tint", "Scale", "Radius",
+}  # fmt: skip
+
+# Samples of a curve.
+SAMPLES = 256
+
+
+class Feed:
+    """An output of a node with the groups around it, or a value."""
+
+    def __init__(self, output=None, groups=(), value=None):
+        self.output, self.groups, self.value = output, groups, value
+
+    @property
+    def node(self):
+        return self.output.node if self.output is not None else None
+
+
+def feed(socket, groups=()):
+    """What feeds an input, past reroutes, muted nodes and the borders of groups."""
+    while True:
+        links = [link for link in socket.links if not link.is_muted and link.is_valid]
+        if not links:
+            return Feed(value=_default(socket), groups=groups)
+        output = links[0].from_socket
+        node = output.node
+        if node.bl_idname == "NodeReroute":
+            socket = node.inputs[0]
+        elif node.mute:
+            inner = next((link.from_socket for link in node.internal_links if link.to_socket == output), None)
+            if inner is None:
+                return Feed(value=_zero(output), groups=groups)
+            socket = inner
+        elif node.bl_idname == "NodeGroupInput":
+            if not groups:
+                return Feed(value=_zero(output), groups=groups)
+            outer, groups = groups[-1], groups[:-1]
+            socket = next(s for s in outer.inputs if s.identifier == output.identifier)
+        elif node.bl_idname == "ShaderNodeGroup":
+            ends = [n for n in node.node_tree.nodes if n.bl_idname == "NodeGroupOutput"] if node.node_tree else []
+            end = next((n for n in ends if n.is_active_output), None)
+            inner = next((s for s in end.inputs if s.identifier == output.identifier), None) if end else None
+            if inner is None:
+                return Feed(value=_zero(output), groups=groups)
+            socket, groups = inner, (*groups, node)
+        else:
+            return Feed(output, groups)
+
+
+def _default(socket):
+    if socket.type == "SHADER" or not hasattr(socket, "default_value"):
+        return None
+    value = socket.default_value
+    return float(value) if isinstance(value, (int, float)) else [float(x) for x in tuple(value)[:3]]
+
+
+def _zero(output):
+    return None if output.type == "SHADER" else 0.0 if output.type == "VALUE" else [0.0, 0.0, 0.0]
+
+
+class Graph:
+    """The nodes of a material, written one after another."""
+
+    def __init__(self, exposure=1.0, images=None):
+        self.nodes = {}
+        self.attributes = set()  # of meshes
+        self.asks_object = False  # does a node ask about the object?
+        self.images = images
+        self._known = {}
+        self._exposure = exposure
+
+    def _add(self, node, groups, entries):
+        base = "".join(c if c.isalnum() else "_" for c in node.name.lower()).strip("_") or "node"
+        name, number = base, 1
+        while name in self.nodes:
+            number += 1
+            name = f"{base}_{number}"
+        self.nodes[name] = entries
+        self._known[(node, groups)] = name
+        return name
+
+    def made(self, entries):
+        """The name of a node that stands for none of Blender's."""
+        name = f"{entries['type']}_{len(self.nodes)}"
+        self.nodes[name] = entries
+        return name
+
+    def shader(self, found):
+        """The name of a shader; None for none."""
+        node = found.node
+        if node is None:
+            return None
+        if (node, found.groups) in self._known:
+            return self._known[(node, found.groups)]
+        if node.bl_idname == "ShaderNodeMixShader":
+            factor, first, second = node.inputs[0], node.inputs[1], node.inputs[2]
+            entries = {"type": "mix_shader", "factor": self.value(feed(factor, found.groups))}
+        elif node.bl_idname == "ShaderNodeAddShader":
+            entries, (first, second) = {"type": "add_shader"}, node.inputs
+        elif node.bl_idname in SHADERS:
+            return self._add(node, found.groups, self._closure(node, found.groups))
+        elif found.output.type != "SHADER":
+            # Cycles takes a colour for an emission.
+            color = self.value(found)
+            return self.made({"type": "emission", "color": color, "strength": self._exposure})
+        else:
+            raise Unsupported(node.bl_label)
+        for key, socket in (("a", first), ("b", second)):
+            name = self.shader(feed(socket, found.groups))
+            if name is not None:
+                entries[key] = name
+        return self._add(node, found.groups, entries)
+
+    def _closure(self, node, groups):
+        kind = SHADERS[node.bl_idname]
+        known = KNOWN[kind].split(",")
+        entries = {"type": kind}
+        if kind == "sheen_bsdf" and node.distribution != "MICROFIBER" or kind == "metallic_bsdf" and node.fresnel_type != "F82":
+            raise Unsupported(f"{node.bl_label} ({getattr(node, 'distribution', '')})")
+        for socket in node.inputs:
+            if not socket.enabled or socket.type == "SHADER":
+                continue
+            name, found = socket.name, feed(socket, groups)
+            if name not in known:
+                if found.node is not None and name not in ("Weight", "Subsurface IOR"):
+                    raise Unsupported(f"{name} of {node.bl_label}")
+                continue
+            if found.node is not None and name in CONSTANT and shaders.constant(socket) is None:
+                raise Unsupported(f"{name} of {node.bl_label} that varies")
+            entries[name.lower().replace(" ", "_")] = self.value(found)
+        if kind == "emission" or kind == "principled_bsdf":
+            self._expose(entries, "strength" if kind == "emission" else "emission_strength")
+        return entries
+
+    def _expose(self, entries, key):
+        if self._exposure != 1.0 and key in entries:
+            factor = entries[key]
+            if isinstance(factor, float):
+                entries[key] = factor * self._exposure
+            else:
+                entries[key] = self.made({"type": "math", "operation": "multiply", "a": factor, "b": self._exposure})
+
+    def value(self, found):
+        """A number, a triple, or the output of a node."""
+        node = found.node
+        if node is None:
+            return 0.0 if found.value is None else found.value
+        if node.bl_idname in ("ShaderNodeValue", "ShaderNodeRGB"):
+            value = _default(found.output)
+            return value
+        if (node, found.groups) not in self._known:
+            self._write(node, found.groups)
+        output = self._output(node, found.output)
+        return f"{self._known[(node, found.groups)]}.{output}"
+
+    def _output(self, node, socket):
+        if node.bl_idname in SPECIAL:
+            return SPECIAL[node.bl_idname][1](node, socket)
+        outputs = KINDS[node.bl_idname].outputs
+        name = outputs.get(socket.identifier, outputs.get(socket.name))
+        if name is None:
+            raise Unsupported(f"{socket.name} of {node.bl_label}")
+        return name
+
+    def _write(self, node, groups):
+        if node.bl_idname in SPECIAL:
+            entries = SPECIAL[node.bl_idname][0](self, node, groups)
+        elif node.bl_idname in KINDS:
+            entries = self._plain(node, groups)
+        else:
+            raise Unsupported(node.bl_label)
+        self._add(node, groups, entries)
+
+    def _plain(self, node, groups):
+        kind = KINDS[node.bl_idname]
+        entries = {"type": kind.name}
+        for key, name in kind.settings.items():
+            value = getattr(node, key)
+            entries[name] = value.lower() if isinstance(value, str) else value
+        for socket in node.inputs:
+            name = kind.inputs.get(socket.identifier, kind.inputs.get(socket.name))
+            if not socket.enabled or name is None:
+                if socket.enabled and socket.is_linked:
+                    raise Unsupported(f"{socket.name} of {node.bl_label}")
+                continue
+            self.put(entries, name, socket, groups)
+        return entries
+
+    def put(self, entries, name, socket, groups, implicit="generated"):
+        """Writes an input; a texture's vector without a link is a coordinate of the surface."""
+        found = feed(socket, groups)
+        if found.node is None and socket.hide_value:
+            # A normal without a link is the surface's.
+            if name != "normal":
+                entries[name] = self.coordinates(implicit)
+            return
+        entries[name] = self.value(found)
+
+    def coordinates(self, output):
+        if output == "generated":
+            self.attributes.add(mesh_files.GENERATED)
+        if "coordinates" not in self.nodes:
+            self.nodes["coordinates"] = {"type": COORDINATES}
+        return f"coordinates.{output}"
+
+
+# Nodes with more than inputs and settings.
+
+
+def _mix(graph, node, groups):
+    kind = {"FLOAT": "Float", "VECTOR": "Vector", "RGBA": "Color"}.get(node.data_type)
+    if kind is None:
+        raise Unsupported(f"{node.bl_label} of {node.data_type}")
+    entries = {"type": "mix", "data_type": node.data_type.lower(), "clamp_factor": node.clamp_factor}
+    inputs = {socket.identifier: socket for socket in node.inputs}
+    is_each = node.data_type == "VECTOR" and node.factor_mode == "NON_UNIFORM"
+    if node.data_type == "RGBA":
+        entries.update({"blend_type": node.blend_type.lower(), "clamp_result": node.clamp_result})
+    if is_each:
+        entries["factor_mode"] = "non_uniform"
+    factor = ("factor_vector", "Factor_Vector") if is_each else ("factor", "Factor_Float")
+    for name, identifier in (factor, ("a", f"A_{kind}"), ("b", f"B_{kind}")):
+        graph.put(entries, name, inputs[identifier], groups)
+    return entries
+
+
+def _old_mix(graph, node, groups):
+    entries = {"type": "mix", "data_type": "rgba", "blend_type": node.blend_type.lower(), "clamp_result": node.use_clamp}
+    for name, socket in zip(("factor", "a", "b"), node.inputs):
+        graph.put(entries, name, socket, groups)
+    return entries
+
+
+def _map_range(graph, node, groups):
+    is_vector = node.data_type == "FLOAT_VECTOR"
+    inputs = {socket.identifier: socket for socket in node.inputs}
+    entries = {"type": "map_range", "clamp": node.clamp, "interpolation_type": node.interpolation_type.lower()}
+    names = ("From Min", "From Max", "To Min", "To Max", "Steps")
+    keys = [f"{name.replace(' ', '_')}_FLOAT3" if is_vector else name for name in names]
+    graph.put(entries, "value", inputs["Vector" if is_vector else "Value"], groups)
+    for name, key in zip(names, keys):
+        if inputs[key].enabled:
+            graph.put(entries, name.lower().replace(" ", "_"), inputs[key], groups)
+    return entries
+
+
+def _ramp(graph, node, groups):
+    ramp = node.color_ramp
+    is_plain = ramp.color_mode == "RGB" and ramp.interpolation in ("LINEAR", "CONSTANT")
+    if is_plain:
+        stops = sorted(([e.position, *e.color] for e in ramp.elements), key=lambda stop: stop[0])
+    else:
+        stops = [[i / SAMPLES, *ramp.evaluate(i / SAMPLES)] for i in range(SAMPLES + 1)]
+    interpolation = "constant" if ramp.interpolation == "CONSTANT" and is_plain else "linear"
+    entries = {"type": "color_ramp", "stops": stops, "interpolation": interpolation}
+    graph.put(entries, "factor", node.inputs[0], groups)
+    return entries
+
+
+def _curves(name, count, key):
+    def write(graph, node, groups):
+        mapping = node.mapping
+        mapping.initialize()
+        curves = [mapping.curves[i] for i in range(count)]
+        points = [p.location[0] for curve in curves for p in curve.points]
+        low, high = min(points), max(points)
+        common = mapping.curves[3] if name == "rgb_curves" else None
+        at = lambda i: low + (high - low) * i / SAMPLES
+        inner = lambda x: mapping.evaluate(common, x) if common is not None else x
+        table = [[mapping.evaluate(curve, inner(at(i))) for curve in curves] for i in range(SAMPLES + 1)]
+        entries = {"type": name, "table": table, "min": low, "max": high, "extrapolate": mapping.extend == "EXTRAPOLATED"}
+        graph.put(entries, "factor", node.inputs[0], groups)
+        graph.put(entries, key, node.inputs[1], groups)
+        return entries
+
+    return write
+
+
+def _by_name(_node, socket):
+    return socket.name.lower().replace(" ", "_")
+
+
+def _coordinates(graph, node, groups):
+    if node.from_instancer:
+        raise Unsupported(f"{node.bl_label} of the instancer")
+    if any(link.is_valid for link in node.outputs["Generated"].links):
+        graph.attributes.add(mesh_files.GENERATED)
+    entries = {"type": "texture_coordinate"}
+    if node.object is not None:
+        inverse = node.object.matrix_world.inverted_safe()
+        entries["object_matrix"] = [float(x) for row in list(inverse)[:3] for x in row]
+    return entries
+
+
+def _geometry(graph, node, groups):
+    for name in ("Pointiness", "Random Per Island"):
+        if node.outputs[name].is_linked:
+            raise Unsupported(f"{name} of {node.bl_label}")
+    return {"type": "geometry"}
+
+
+def _uv_map(graph, node, groups):
+    if node.from_instancer:
+        raise Unsupported(f"{node.bl_label} of the instancer")
+    if node.uv_map:
+        graph.attributes.add(node.uv_map)
+    return {"type": "uv_map", "name": node.uv_map}
+
+
+def _attribute(graph, node, groups):
+    if node.attribute_type != "GEOMETRY" or not node.attribute_name:
+        raise Unsupported(f"{node.bl_label} of {node.attribute_type.lower()} '{node.attribute_name}'")
+    graph.attributes.add(node.attribute_name)
+    return {"type": "attribute", "name": node.attribute_name}
+
+
+def _color_attribute(graph, node, groups):
+    if not node.layer_name:
+        raise Unsupported(f"{node.bl_label} without a name")
+    graph.attributes.add(node.layer_name)
+    return {"type": "color_attribute", "name": node.layer_name}
+
+
+def _object_info(graph, node, groups):
+    graph.asks_object = True
+    return {"type": "object_info"}
+
+
+def _tangent(graph, node, groups):
+    if node.direction_type == "UV_MAP" and node.uv_map:
+        raise Unsupported(f"{node.bl_label} of the UV map '{node.uv_map}'")
+    return {"type": "tangent", "direction_type": node.direction_type.lower(), "axis": node.axis.lower()}
+
+
+def _wireframe(graph, node, groups):
+    entries = {"type": "wireframe", "use_pixel_size": node.use_pixel_size}
+    graph.put(entries, "size", node.inputs[0], groups)
+    return entries
+
+
+def _light_path(graph, node, groups):
+    for name in ("Diffuse Depth", "Glossy Depth", "Transparent Depth", "Transmission Depth", "Portal Depth"):
+        if name in node.outputs and node.outputs[name].is_linked:
+            raise Unsupported(f"{name} of {node.bl_label}")
+    return {"type": "light_path"}
+
+
+def _blackbody(graph, node, groups):
+    value = shaders.constant(node.inputs[0])
+    if value is None:
+        raise Unsupported(f"{node.bl_label} that varies")
+    return {"type": "rgb", "color": [float(c) for c in shaders.blackbody(value)]}
+
+
+def _image(graph, node, groups):
+    image, user = node.image, node.image_user
+    if image is None:
+        # Cycles shows nothing.
+        return {"type": "rgb", "color": [0.0, 0.0, 0.0]}
+    file = graph.images.file(image) if image.source in ("FILE", "GENERATED") else None
+    if file is None:
+        raise Unsupported(f"the image '{image.name}'")
+    space = SPACES.get(image.colorspace_settings.name)
+    if space is None:
+        raise Unsupported(f"the colour space {image.colorspace_settings.name}")
+    entries = {
+        "type": "image_texture",
+        "file": file,
+        "color_space": space,
+        "interpolation": {"SMART": "cubic"}.get(node.interpolation, node.interpolation.lower()),
+        "extension": node.extension.lower(),
+        "projection": node.projection.lower(),
+        "alpha_mode": image.alpha_mode.lower(),
+    }
+    if node.projection == "BOX":
+        entries["blend"] = node.projection_blend
+    graph.put(entries, "vector", node.inputs[0], groups, "uv")
+    return entries
+
+
+# Colour spaces of images by Blender's names.
+SPACES = {"sRGB": "srgb", "Non-Color": "linear", "Raw": "linear", "Linear Rec.709": "linear", "Linear": "linear", "Generic Data": "linear"}
+
+
+def _first(_node, socket):
+    return {"Color": "color", "Alpha": "alpha", "Vector": "vector", "Value": "value", "Result": "result"}[socket.name]
+
+
+SPECIAL = {
+    "ShaderNodeTexCoord": (_coordinates, _by_name),
+    "ShaderNodeNewGeometry": (_geometry, _by_name),
+    "ShaderNodeUVMap": (_uv_map, _by_name),
+    "ShaderNodeAttribute": (_attribute, lambda node, socket: {"Fac": "factor"}.get(socket.name, socket.name.lower())),
+    "ShaderNodeVertexColor": (_color_attribute, _by_name),
+    "ShaderNodeObjectInfo": (_object_info, _by_name),
+    "ShaderNodeTangent": (_tangent, _by_name),
+    "ShaderNodeWireframe": (_wireframe, lambda node, socket: "factor"),
+    "ShaderNodeLightPath": (_light_path, _by_name),
+    "ShaderNodeBlackbody": (_blackbody, _by_name),
+    "ShaderNodeTexImage": (_image, _by_name),
+    "ShaderNodeMix": (_mix, lambda node, socket: "result"),
+    "ShaderNodeMixRGB": (_old_mix, lambda node, socket: "result"),
+    "ShaderNodeMapRange": (_map_range, lambda node, socket: "result"),
+    "ShaderNodeValToRGB": (_ramp, _first),
+    "ShaderNodeRGBCurve": (_curves("rgb_curves", 3, "color"), _first),
+    "ShaderNodeVectorCurve": (_curves("vector_curves", 3, "vector"), _first),
+    "ShaderNodeFloatCurve": (_curves("float_curve", 1, "value"), _first),
+}
+
+
+class Images:
+    """The files of images: those that are packed or made by Blender are written to a folder, others stay where they are or are copied."""
+
+    def __init__(self, folder, name, has_links):
+        self.folder, self.name, self.has_links = folder, name, has_links
+        self._files = {}
+
+    def file(self, image):
+        """The name of an image's file; None for one that can't be read."""
+        if image not in self._files:
+            self._files[image] = self._written(image)
+        return self._files[image]
+
+    def _written(self, image):
+        path = bpy.path.abspath(image.filepath_raw, library=image.library) if image.filepath_raw else ""
+        ending = os.path.splitext(path or image.name)[1].lower() or ".png"
+        file = f"{self.name}.image{len(self._files)}{ending}"
+        target = os.path.join(self.folder, file)
+        if image.packed_file is not None:
+            with open(target, "wb") as stream:
+                stream.write(image.packed_file.data)
+            return file
+        if image.source == "GENERATED" or image.is_dirty:
+            file = os.path.splitext(file)[0] + (".exr" if image.is_float else ".png")
+            image.save(filepath=os.path.join(self.folder, file))
+            return file
+        if not os.path.isfile(path):
+            return None
+        if self.has_links:
+            return path
+        shutil.copyfile(path, target)
+        return file
