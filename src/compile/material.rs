@@ -8,8 +8,8 @@ use crate::color::spectral::{Spectrum, Wavelengths, uplifted_share};
 use crate::light::Beam;
 use crate::math::{Frame, Mat3, Vec3};
 use crate::scene::{
-    AlphaMode, ColorSlot, FloatSlot, Lamp, LightLinks, Material, MixComponent, Model, NormalMap, ObjectSets, ObjectTraits,
-    ParameterMut, Parameters, PbrMaterial, RayKinds, TextureId, Transmission,
+    AlphaMode, ColorSlot, FloatSlot, Lamp, LightLinks, Material, MixComponent, Model, NormalMap, ObjectSets,
+    ObjectTraits, ParameterMut, Parameters, PbrMaterial, RayKinds, TextureId, Transmission,
 };
 use crate::shape::Surface;
 use crate::texture::{CompiledTextures, PointReader};

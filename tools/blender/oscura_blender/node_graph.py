@@ -90,6 +90,8 @@ KINDS = {
     "ShaderNodeTexWhiteNoise": Kind("white_noise", {"Vector": "vector", "W": "w"}, _same("Value", "Color"), noise_dimensions="dimensions"),
     "ShaderNodeFresnel": Kind("fresnel", _same("IOR", "Normal"), {"Fac": "factor", "Factor": "factor"}),
     "ShaderNodeLayerWeight": Kind("layer_weight", _same("Blend", "Normal"), _same("Fresnel", "Facing")),
+    "ShaderNodeBlackbody": Kind("blackbody", _same("Temperature"), _same("Color")),
+    "ShaderNodeWavelength": Kind("wavelength", _same("Wavelength"), _same("Color")),
     "ShaderNodeCameraData": Kind("camera_data", {}, _same("View Vector", "View Z Depth", "View Distance")),
     "ShaderNodeVectorTransform": Kind(
         "vector_transform", _same("Vector"), _same("Vector"), ("vector_type", "convert_from", "convert_to")
@@ -112,8 +114,6 @@ SHADERS = {
     "ShaderNodeEmission": "emission",
 }
 
-# What oscura has no input for, which does nothing unless it has a link or another value than this.
-IDLE = {"Weight": 0.0, "Subsurface IOR": None, "Thin Film Thickness": 0.0, "Thin Film IOR": None, "Tangent": None, "Normal": None}
 # Inputs of shaders that oscura knows, by their type's.
 KNOWN = {
     "principled_bsdf": "Base Color,Metallic,Roughness,IOR,Alpha,Diffuse Roughness,Subsurface Weight,Subsurface Radius,Subsurface Scale,"
@@ -258,6 +258,10 @@ class Graph:
             if not socket.enabled or socket.type == "SHADER":
                 continue
             name, found = socket.name, feed(socket, groups)
+            if name == "Normal":
+                if found.node is not None:
+                    entries["normal"] = self.value(found)
+                continue
             if name not in known:
                 if found.node is not None and name not in ("Weight", "Subsurface IOR"):
                     raise Unsupported(f"{name} of {node.bl_label}")
@@ -482,18 +486,39 @@ def _light_path(graph, node, groups):
     return {"type": "light_path"}
 
 
-def _blackbody(graph, node, groups):
-    value = shaders.constant(node.inputs[0])
-    if value is None:
-        raise Unsupported(f"{node.bl_label} that varies")
-    return {"type": "rgb", "color": [float(c) for c in shaders.blackbody(value)]}
+def _normal_map(graph, node, groups):
+    graph_space = node.space.lower()
+    if node.uv_map and graph_space == "tangent":
+        graph.attributes.add(node.uv_map)
+    entries = {"type": "normal_map", "space": graph_space, "uv_map": node.uv_map}
+    for name in ("Strength", "Color"):
+        graph.put(entries, name.lower(), node.inputs[name], groups)
+    return entries
+
+
+def _bump(graph, node, groups):
+    entries = {"type": "bump", "invert": node.invert}
+    width = node.inputs.get("Filter Width")
+    if width is not None:
+        if width.is_linked:
+            raise Unsupported(f"Filter Width of {node.bl_label}")
+        entries["filter_width"] = float(width.default_value)
+    for name in ("Strength", "Distance", "Height", "Normal"):
+        graph.put(entries, name.lower(), node.inputs[name], groups)
+    return entries
+
+
+def _normal(graph, node, groups):
+    entries = {"type": "normal", "direction": [float(x) for x in node.outputs[0].default_value]}
+    graph.put(entries, "normal", node.inputs[0], groups)
+    return entries
 
 
 def _image(graph, node, groups):
     image, user = node.image, node.image_user
     if image is None:
-        # Cycles shows nothing.
-        return {"type": "rgb", "color": [0.0, 0.0, 0.0]}
+        # Cycles shows nothing; each output is called as the node's.
+        return {"type": "combine_color"}
     file = graph.images.file(image) if image.source in ("FILE", "GENERATED") else None
     if file is None:
         raise Unsupported(f"the image '{image.name}'")
@@ -504,7 +529,7 @@ def _image(graph, node, groups):
         "type": "image_texture",
         "file": file,
         "color_space": space,
-        "interpolation": {"SMART": "cubic"}.get(node.interpolation, node.interpolation.lower()),
+        "interpolation": node.interpolation.lower(),
         "extension": node.extension.lower(),
         "projection": node.projection.lower(),
         "alpha_mode": image.alpha_mode.lower(),
@@ -516,7 +541,7 @@ def _image(graph, node, groups):
 
 
 # Colour spaces of images by Blender's names.
-SPACES = {"sRGB": "srgb", "Non-Color": "linear", "Raw": "linear", "Linear Rec.709": "linear", "Linear": "linear", "Generic Data": "linear"}
+SPACES = {"sRGB": "srgb", "Non-Color": "non-color", "Raw": "non-color", "Linear Rec.709": "linear", "Linear": "linear", "Generic Data": "non-color"}
 
 
 def _first(_node, socket):
@@ -533,7 +558,9 @@ SPECIAL = {
     "ShaderNodeTangent": (_tangent, _by_name),
     "ShaderNodeWireframe": (_wireframe, lambda node, socket: "factor"),
     "ShaderNodeLightPath": (_light_path, _by_name),
-    "ShaderNodeBlackbody": (_blackbody, _by_name),
+    "ShaderNodeNormalMap": (_normal_map, _by_name),
+    "ShaderNodeBump": (_bump, _by_name),
+    "ShaderNodeNormal": (_normal, _by_name),
     "ShaderNodeTexImage": (_image, _by_name),
     "ShaderNodeMix": (_mix, lambda node, socket: "result"),
     "ShaderNodeMixRGB": (_old_mix, lambda node, socket: "result"),

@@ -1,0 +1,137 @@
+"""Materials that oscura evaluates: node trees as graphs, meshes as files of their own, in the graph of a final render.
+
+    python test_nodes.py        with a Python that has bpy
+"""
+
+import tomllib
+import unittest
+
+import bpy
+import numpy as np
+
+from testing import SceneTest, run_exporter, shader_tree
+
+
+class NodesTest(SceneTest):
+    def export(self, *more):
+        """The file of settings."""
+        bpy.ops.wm.save_as_mainfile(filepath=str(self.folder / "scene.blend"))
+        run_exporter(self.folder / "scene.blend", self.folder, *more)
+        return tomllib.loads((self.folder / "scene.oscura.toml").read_text())
+
+    def vertices(self, settings, number):
+        """The head of a mesh's file and its rows of vertices."""
+        data = (self.folder / settings["objects"][number]["mesh"]).read_bytes()
+        head, rest = data.split(b"end_header\n", 1)
+        lines = head.decode().splitlines()
+        count = next(int(line.split()[2]) for line in lines if line.startswith("element vertex"))
+        names = [line.split()[2] for line in lines if line.startswith("property float")]
+        rows = np.frombuffer(rest[: 4 * count * len(names)], "<f4").reshape(count, len(names))
+        return lines, dict(zip(names, rows.T))
+
+    def test_trees_are_written_as_they_are(self):
+        material, tree, shader, noise, ramp, place = shader_tree("rust", "TexNoise", "ValToRGB", "TexCoord")
+        tree.links.new(place.outputs["Object"], noise.inputs["Vector"])
+        tree.links.new(noise.outputs[0], ramp.inputs[0])
+        tree.links.new(ramp.outputs[0], shader.inputs["Base Color"])
+        self.add_plane(material)
+        settings = self.export()
+        table = settings["materials"]["rust"]
+        nodes = table["nodes"]
+        base = nodes[table["surface"]]["base_color"]
+        self.assertEqual((table["type"], table["up"], nodes[table["surface"]]["type"]), ("nodes", "z", "principled_bsdf"))
+        ramp = nodes[base.split(".")[0]]
+        self.assertEqual((ramp["type"], len(ramp["stops"])), ("color_ramp", 2))
+        noise = nodes[ramp["factor"].split(".")[0]]
+        self.assertEqual((noise["type"], noise["dimensions"]), ("noise_texture", "3d"))
+        self.assertTrue(noise["vector"].endswith(".object"))
+        self.assertEqual(settings["objects"][0]["materials"], ["rust"])
+
+    def test_groups_reroutes_and_muted_nodes_are_resolved(self):
+        inner = bpy.data.node_groups.new("inner", "ShaderNodeTree")
+        inner.interface.new_socket("Amount", in_out="INPUT", socket_type="NodeSocketFloat").default_value = 0.25
+        inner.interface.new_socket("Result", in_out="OUTPUT", socket_type="NodeSocketFloat")
+        begin, end = inner.nodes.new("NodeGroupInput"), inner.nodes.new("NodeGroupOutput")
+        double, muted = inner.nodes.new("ShaderNodeMath"), inner.nodes.new("ShaderNodeMath")
+        double.operation, muted.operation, muted.mute = "MULTIPLY", "SINE", True
+        double.inputs[1].default_value = 2
+        inner.links.new(begin.outputs[0], double.inputs[0])
+        inner.links.new(double.outputs[0], muted.inputs[0])
+        inner.links.new(muted.outputs[0], end.inputs[0])
+        material, tree, shader, group, other, reroute = shader_tree("grouped", "Group", "Group", "Value")
+        group.node_tree = other.node_tree = inner
+        other.inputs[0].default_value = 0.4
+        reroute = tree.nodes.new("NodeReroute")
+        tree.links.new(group.outputs[0], reroute.inputs[0])
+        tree.links.new(reroute.outputs[0], shader.inputs["Roughness"])
+        tree.links.new(other.outputs[0], shader.inputs["Metallic"])
+        self.add_plane(material)
+        table = self.export()["materials"]["grouped"]
+        end = table["nodes"][table["surface"]]
+        values = [table["nodes"][end[name].split(".")[0]] for name in ("roughness", "metallic")]
+        self.assertEqual([value["operation"] for value in values], ["multiply", "multiply"])
+        np.testing.assert_allclose([value["a"] for value in values], [0.25, 0.4], atol=1e-6)
+
+    def test_what_has_no_surface_is_black_and_colours_shine(self):
+        bare = bpy.data.materials.new("bare")
+        bare.use_nodes = True
+        bare.node_tree.nodes.clear()
+        lit, tree, _, color = shader_tree("lit", "RGB")
+        color.outputs[0].default_value = (0.1, 0.5, 0.9, 1)
+        tree.links.new(color.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+        self.add_plane(bare, "Bare")
+        self.add_plane(lit, "Lit")
+        materials = self.export()["materials"]
+        self.assertEqual(materials["bare"], {"type": "lambert", "color": [0.0, 0.0, 0.0]})
+        shown = materials["lit"]["nodes"][materials["lit"]["surface"]]
+        self.assertEqual(shown["type"], "emission")
+        np.testing.assert_allclose(shown["color"], [0.1, 0.5, 0.9], atol=1e-6)
+
+    def test_attributes_that_nodes_read_go_along(self):
+        material, tree, shader, first, second = shader_tree("painted", "UVMap", "VertexColor")
+        first.uv_map, second.layer_name = "other", "paint"
+        tree.links.new(first.outputs[0], shader.inputs["Emission Color"])
+        tree.links.new(second.outputs[0], shader.inputs["Base Color"])
+        plane = self.add_plane(material)
+        mesh = plane.data
+        mesh.uv_layers.new(name="other")
+        mesh.color_attributes.new("paint", "FLOAT_COLOR", "POINT")
+        mesh.attributes.new("unread", "FLOAT", "POINT")
+        settings = self.export()
+        lines, values = self.vertices(settings, 0)
+        named = [line.split(" ", 5)[5] for line in lines if line.startswith("comment oscura attribute")]
+        self.assertEqual(sorted(named), ["other", "paint"])
+        self.assertEqual(len(values["x"]), 4)
+
+    def test_originals_that_are_hidden_and_meshes_that_are_edited_are_shown(self):
+        material, *_ = shader_tree("grey")
+        hidden = bpy.data.collections.new("originals")
+        hidden.hide_render = hidden.hide_viewport = True
+        self.scene.collection.children.link(hidden)
+        ball = self.add_plane(material, "Ball")
+        self.scene.collection.objects.unlink(ball)
+        hidden.objects.link(ball)
+        group = bpy.data.collections.new("group")
+        group.objects.link(ball)
+        empty = bpy.data.objects.new("Empty", None)
+        empty.instance_type, empty.instance_collection = "COLLECTION", group
+        self.scene.collection.objects.link(empty)
+        bpy.ops.mesh.primitive_cube_add()
+        bpy.context.object.name = "Edited"
+        bpy.ops.object.mode_set(mode="EDIT")
+        settings = self.export()
+        self.assertEqual(sorted(entry["name"] for entry in settings["objects"]), ["Edited", "Empty/Ball"])
+        number = next(i for i, entry in enumerate(settings["objects"]) if entry["name"] == "Edited")
+        _, values = self.vertices(settings, number)
+        self.assertEqual((values["z"].min(), values["z"].max()), (-1, 1))
+
+    def test_what_is_not_evaluated_is_baked_and_told(self):
+        material, tree, shader, occlusion = shader_tree("dirty", "AmbientOcclusion")
+        tree.links.new(occlusion.outputs[0], shader.inputs["Base Color"])
+        self.add_plane(material)
+        settings = self.export()
+        self.assertNotIn("objects", settings)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
