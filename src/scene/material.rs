@@ -1,14 +1,15 @@
-//! Materials as the user described them; `compile` turns each into the cheapest equivalent BSDF.
+//! Materials as the user described them, and how surfaces scatter light: `compile` turns each into the cheapest equivalent BSDF. One table holds
+//! every model: a row is all that readers of scene files, reports and the search for textures need.
 
 use super::light::SpotFade;
 use super::medium::Medium;
-use super::model::{Model, PbrMaterial};
 use super::object_traits::RayKinds;
 use super::slot::{
     ColorSlot, FloatSlot, NormalMap, Parameter, ParameterMut, Parameters, parameters_of_fields,
 };
 use super::{ProfileId, TextureId};
-use crate::math::{DQuat, DVec3};
+use crate::color::spectral::Metal;
+use crate::math::{DQuat, DVec3, poly};
 
 /// Emitted radiance.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -206,4 +207,425 @@ impl Material {
         self.parameters(&mut |_, parameter| found.extend(parameter.texture()));
         found.into_iter()
     }
+}
+
+// How surfaces scatter light.
+
+/// Which Fresnel term a dielectric uses.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FresnelModel {
+    /// The Fresnel equations.
+    #[default]
+    Exact,
+    /// Schlick's approximation, as in the thesis and in the glTF specification.
+    Schlick,
+}
+
+impl Parameters for FresnelModel {}
+impl Parameters for Metal {}
+
+/// Makes [`Model`] of its rows. Rows under `plain` have a key in scene files (`type = "..."`) and for each parameter a key
+/// with a default: they are read and reported as they stand here. Other rows have a reader and words of their own.
+macro_rules! models {
+    (
+        plain {$(
+            $(#[$plain_doc:meta])*
+            $plain_key:literal $plain:ident {
+                $($(#[$plain_field_doc:meta])* $plain_field:ident: $plain_type:ty = $key:literal $default:expr,)*
+            }
+        )*}
+        other {$(
+            $(#[$doc:meta])*
+            $name:literal $other:ident {
+                $($(#[$field_doc:meta])* $field:ident: $type:ty,)*
+            }
+        )*}
+    ) => {
+        /// How a surface scatters light.
+        #[derive(Clone, Debug, PartialEq)]
+        #[non_exhaustive]
+        pub enum Model {
+            /// Absorbs everything (pure emitters).
+            Black,
+            $($(#[$plain_doc])* $plain { $($(#[$plain_field_doc])* $plain_field: $plain_type,)* },)*
+            $($(#[$doc])* $other { $($(#[$field_doc])* $field: $type,)* },)*
+            /// The glTF 2.0 material.
+            Pbr(Box<PbrMaterial>),
+        }
+
+        impl Model {
+            /// The models that scene files name by a key and read parameter by parameter, with their defaults.
+            pub const PLAIN: &[(&str, fn() -> Model)] = &[
+                $(($plain_key, || Model::$plain { $($plain_field: $default,)* }),)*
+            ];
+
+            /// A short name for reports.
+            pub fn name(&self) -> &'static str {
+                match self {
+                    Model::Black => "black",
+                    $(Model::$plain { .. } => $plain_key,)*
+                    $(Model::$other { .. } => $name,)*
+                    Model::Pbr(_) => "glTF",
+                }
+            }
+        }
+
+        impl Parameters for Model {
+            fn visit(&self, name: &'static str, visitor: &mut dyn FnMut(&'static str, Parameter<'_>)) {
+                match self {
+                    Model::Black => {}
+                    $(Model::$plain { $($plain_field,)* } => { $($plain_field.visit($key, visitor);)* })*
+                    $(Model::$other { $($field,)* } => { $($field.visit(stringify!($field), visitor);)* })*
+                    Model::Pbr(pbr) => pbr.visit(name, visitor),
+                }
+            }
+
+            fn visit_mut(
+                &mut self,
+                name: &'static str,
+                visitor: &mut dyn FnMut(&'static str, ParameterMut<'_>),
+            ) {
+                match self {
+                    Model::Black => {}
+                    $(Model::$plain { $($plain_field,)* } => { $($plain_field.visit_mut($key, visitor);)* })*
+                    $(Model::$other { $($field,)* } => { $($field.visit_mut(stringify!($field), visitor);)* })*
+                    Model::Pbr(pbr) => pbr.visit_mut(name, visitor),
+                }
+            }
+        }
+    };
+}
+
+models! {
+    plain {
+        /// Ideal diffuse reflection.
+        "lambert" Lambert {
+            /// Share of light reflected, 0..1.
+            albedo: ColorSlot = "color" ColorSlot::constant([0.8; 3]),
+        }
+        /// Rough diffuse reflection (energy-preserving Oren-Nayar).
+        "oren-nayar" OrenNayar {
+            /// Share of light reflected by each facet, 0..1.
+            color: ColorSlot = "color" ColorSlot::constant([0.8; 3]),
+            /// 0 is Lambert's law, 1 the roughest.
+            roughness: FloatSlot = "roughness" FloatSlot::constant(1.0),
+        }
+        /// The modified Phong model: diffuse reflection and a cosine lobe around the mirror direction.
+        "phong" Phong {
+            /// Diffuse share 0..1.
+            diffuse: ColorSlot = "diffuse" ColorSlot::constant([0.5; 3]),
+            /// Specular share 0..1; where both add up to more than 1, both are scaled down.
+            specular: ColorSlot = "specular" ColorSlot::constant([0.5; 3]),
+            /// Exponent of the cosine, from 0.
+            exponent: f32 = "exponent" 30.0,
+        }
+    }
+    other {
+        /// A metal of a colour: GGX microfacets with Schlick's Fresnel term.
+        "metal" SchlickMetal {
+            /// Reflectance at normal incidence.
+            color: ColorSlot,
+            /// Perceptual roughness 0..1; the GGX alpha is its square. The thesis's fuzz maps to the roughness of
+            /// the same mean deviation (see the scene-file loader).
+            roughness: FloatSlot,
+        }
+        /// A metal of a measured complex index of refraction.
+        "metal" Conductor {
+            /// Real part by channel.
+            eta: [f32; 3],
+            /// Extinction coefficient by channel.
+            k: [f32; 3],
+            /// The metal, if its index is tabulated by wavelength.
+            metal: Option<Metal>,
+            /// Perceptual roughness 0..1.
+            roughness: FloatSlot,
+        }
+        /// A smooth solid dielectric: reflects and refracts.
+        "dielectric" Dielectric {
+            /// Index of refraction relative to the outside, at least 1.
+            ior: f32,
+            /// Factor on transmitted light at each crossing; white for clear glass.
+            tint: ColorSlot,
+            /// Fresnel term.
+            fresnel: FresnelModel,
+        }
+        /// An index-matched interface: it only bounds the medium inside.
+        "medium" Boundary {}
+        /// A fibre of hair or fur.
+        "hair" Hair {
+            /// Colour of much of it; its absorption follows from that.
+            color: ColorSlot,
+            /// Roughness along the fibre, 0..1.
+            roughness: FloatSlot,
+            /// Roughness around the fibre, 0..1.
+            radial_roughness: FloatSlot,
+            /// Index of refraction, at least 1.
+            ior: f32,
+            /// Angle by which the scales of its surface are tilted towards the root, radians.
+            tilt_rad: f32,
+            /// How much less rough is what its surface reflects, 0..1.
+            coat: FloatSlot,
+        }
+        /// Glass of any roughness.
+        "dielectric" Glass {
+            /// Index of refraction relative to the outside, at least 1.
+            ior: f32,
+            /// Factor on transmitted light at each crossing; white for clear glass.
+            tint: ColorSlot,
+            /// Perceptual roughness 0..1.
+            roughness: FloatSlot,
+            /// Thin-walled instead of solid.
+            is_thin: bool,
+        }
+        /// Several materials in one place: scatters by the weighted sum of their BSDFs.
+        "mix" Mix {
+            /// The materials with their weights.
+            components: Vec<MixComponent>,
+        }
+    }
+}
+
+/// A material of a mix.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MixComponent {
+    /// Factor on its BSDF, from 0; the weights of a mix that creates no light add up to at most 1.
+    pub weight: ColorSlot,
+    /// How it scatters, with its normals and medium. Emission, alpha and displacement are those of the mix, and it is no mix
+    /// itself.
+    pub material: Material,
+}
+
+/// What light passes that enters a surface.
+#[derive(Clone, Copy, Debug)]
+pub enum Transmission<'a> {
+    /// Nothing: the surface is opaque.
+    None,
+    /// A thin wall, which has no inside.
+    Thin,
+    /// A solid of this index of refraction that absorbs nothing.
+    Clear(f32),
+    /// Whatever the glTF material says.
+    Pbr(&'a PbrMaterial),
+}
+
+impl Model {
+    /// Where light goes that enters the surface. Every model has to say.
+    pub fn transmission(&self) -> Transmission<'_> {
+        match self {
+            Model::Black
+            | Model::Lambert { .. }
+            | Model::OrenNayar { .. }
+            | Model::Phong { .. }
+            | Model::SchlickMetal { .. }
+            | Model::Conductor { .. } => Transmission::None,
+            Model::Dielectric { ior, .. } | Model::Glass { ior, is_thin: false, .. } => {
+                Transmission::Clear(*ior)
+            }
+            Model::Boundary {} => Transmission::Clear(1.0),
+            Model::Glass { is_thin: true, .. } | Model::Hair { .. } => Transmission::Thin,
+            Model::Pbr(pbr) => Transmission::Pbr(pbr),
+            Model::Mix { components } => {
+                let transmissions =
+                    components.iter().map(|component| component.material.model.transmission());
+                let mut transmissive = transmissions.filter(|t| !matches!(t, Transmission::None));
+                transmissive.next().unwrap_or(Transmission::None)
+            }
+        }
+    }
+
+    /// The components, if it is a mix.
+    pub fn components(&self) -> &[MixComponent] {
+        if let Model::Mix { components } = self { components } else { &[] }
+    }
+
+    /// The glTF material, if it is one.
+    pub fn pbr(&self) -> Option<&PbrMaterial> {
+        if let Model::Pbr(pbr) = self { Some(pbr) } else { None }
+    }
+}
+
+/// The glTF 2.0 material with its extensions, as the file says.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PbrMaterial {
+    /// Base colour.
+    pub base_color: ColorSlot,
+    /// Metalness 0..1.
+    pub metallic: FloatSlot,
+    /// Perceptual roughness 0..1.
+    pub roughness: FloatSlot,
+    /// Roughness 0..1 of the diffuse part by the model of Oren and Nayar (KHR_materials_diffuse_roughness); 0 is Lambert's
+    /// law.
+    pub diffuse_roughness: FloatSlot,
+    /// Index of refraction (KHR_materials_ior); 1.5 by default, 0 means total reflection.
+    pub ior: f32,
+    /// Strength of the dielectric reflection (KHR_materials_specular).
+    pub specular: FloatSlot,
+    /// Its colour at normal incidence.
+    pub specular_color: ColorSlot,
+    /// Share of light that passes instead of scattering diffusely (KHR_materials_transmission).
+    pub transmission: FloatSlot,
+    /// Is there a volume behind the surface (KHR_materials_volume with thickness above 0)? Otherwise it is thin-walled.
+    pub has_volume: bool,
+    /// The base colour is what a solid lets pass from its front to its back, as Blender understands it: each crossing of
+    /// its surface takes the square root. Otherwise it is the factor of each crossing (KHR_materials_transmission).
+    pub tints_once: bool,
+    /// Light that is refracted keeps its radiance, as in Cycles, where by physics that is divided by the square of the index
+    /// towards the side of the viewer. A surface without a volume is then no thin wall, but one sheet that bends light by
+    /// the sides of its normal, as the surface of a solid does, with nothing behind.
+    pub keeps_radiance: bool,
+    /// Colour of what the interface reflects where light may pass it.
+    pub glass_reflection: GlassReflection,
+    /// Colour of white light after `attenuation_distance` in the volume.
+    pub attenuation_color: [f32; 3],
+    /// Metres; infinite means no absorption.
+    pub attenuation_distance: f32,
+    /// Spread of the index of refraction over the spectrum, 20 / Abbe number (KHR_materials_dispersion); 0 is none.
+    pub dispersion: f32,
+    /// A clear layer on top; `None` where there is none.
+    pub clearcoat: Option<Clearcoat>,
+    /// Fibres on top; `None` where there are none.
+    pub sheen: Option<Sheen>,
+    /// Stretched highlights; `None` for the same roughness in all directions.
+    pub anisotropy: Option<Anisotropy>,
+    /// A thin film; `None` where there is none.
+    pub iridescence: Option<Iridescence>,
+    /// Light scattered through the surface; `None` where there is none.
+    pub diffuse_transmission: Option<DiffuseTransmission>,
+}
+
+/// Colour of what glass reflects, total reflection included.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum GlassReflection {
+    /// White, as physics has it.
+    #[default]
+    White,
+    /// That of light that crosses the surface once, as of the Glass BSDF of Cycles.
+    Tinted,
+    /// Nothing is reflected, and all light passes that can, as of the Refraction BSDF of Cycles.
+    None,
+}
+
+impl GlassReflection {
+    /// All of them with their names in scene files.
+    pub const ALL: [(&str, GlassReflection); 3] = [
+        ("white", GlassReflection::White),
+        ("tinted", GlassReflection::Tinted),
+        ("none", GlassReflection::None),
+    ];
+}
+
+impl Parameters for GlassReflection {}
+
+/// A clear dielectric layer of index of refraction 1.5 on top of all others (KHR_materials_clearcoat).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Clearcoat {
+    /// Its strength 0..1, above 0 somewhere.
+    pub factor: FloatSlot,
+    /// Its perceptual roughness 0..1.
+    pub roughness: FloatSlot,
+    /// Its own normal map; without one it follows the geometry, not the base's map.
+    pub normal_map: Option<NormalMap>,
+}
+
+/// Scattering by fibres, like velvet (KHR_materials_sheen).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sheen {
+    /// Its colour 0..1, above 0 somewhere.
+    pub color: ColorSlot,
+    /// Its perceptual roughness 0..1.
+    pub roughness: FloatSlot,
+}
+
+/// Different roughness along two directions (KHR_materials_anisotropy): alpha along the direction is
+/// mix(alpha, 1, strength^2), across it alpha.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Anisotropy {
+    /// Strength 0..1, above 0; times the texture's blue.
+    pub strength: f32,
+    /// Counter-clockwise from the tangent to the direction of the larger roughness, radians; added to the texture's.
+    pub rotation_rad: f32,
+    /// Direction in the tangent plane in red and green as (d + 1) / 2, strength in blue; linear.
+    pub texture: Option<TextureId>,
+}
+
+/// A thin film that interferes with the light (KHR_materials_iridescence).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Iridescence {
+    /// Its strength 0..1, above 0 somewhere.
+    pub factor: FloatSlot,
+    /// The film's index of refraction, at least 1.
+    pub ior: f32,
+    /// Thickness in nanometres where the texture is 0.
+    pub thickness_min_nm: f32,
+    /// Thickness in nanometres where the texture is 1, and without a texture.
+    pub thickness_max_nm: f32,
+    /// Blends between the two; which of its channels.
+    pub thickness_texture: Option<(TextureId, u8)>,
+}
+
+/// Diffuse light that leaves on the other side (KHR_materials_diffuse_transmission).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DiffuseTransmission {
+    /// Share 0..1 of the diffuse light that passes, above 0 somewhere.
+    pub factor: FloatSlot,
+    /// Its colour, in place of the base colour.
+    pub color: ColorSlot,
+}
+
+impl Default for PbrMaterial {
+    fn default() -> PbrMaterial {
+        PbrMaterial {
+            base_color: ColorSlot::constant([1.0; 3]),
+            metallic: FloatSlot::constant(1.0),
+            roughness: FloatSlot::constant(1.0),
+            diffuse_roughness: FloatSlot::constant(0.0),
+            ior: 1.5,
+            specular: FloatSlot::constant(1.0),
+            specular_color: ColorSlot::constant([1.0; 3]),
+            transmission: FloatSlot::constant(0.0),
+            has_volume: false,
+            tints_once: false,
+            keeps_radiance: false,
+            glass_reflection: GlassReflection::White,
+            attenuation_color: [1.0; 3],
+            attenuation_distance: f32::INFINITY,
+            dispersion: 0.0,
+            clearcoat: None,
+            sheen: None,
+            anisotropy: None,
+            iridescence: None,
+            diffuse_transmission: None,
+        }
+    }
+}
+
+parameters_of_fields! {
+    MixComponent { weight, material }
+    PbrMaterial {
+        base_color, metallic, roughness, diffuse_roughness, ior, specular, specular_color, transmission, has_volume,
+        tints_once, keeps_radiance, glass_reflection, attenuation_color, attenuation_distance, dispersion, clearcoat, sheen, anisotropy,
+        iridescence, diffuse_transmission,
+    }
+    Clearcoat { factor, roughness, normal_map }
+    Sheen { color, roughness }
+    Anisotropy { strength, rotation_rad, texture }
+    Iridescence { factor, ior, thickness_min_nm, thickness_max_nm, thickness_texture }
+    DiffuseTransmission { factor, color }
+}
+
+// The colour of hair, by what a fibre absorbs: Chiang, Bitterli, Tappan, Burley 2016, eq. 9.
+
+/// Hair is no less rough around its fibre.
+const LEAST_ROUGHNESS: f32 = 0.01;
+
+/// What the logarithm of the colour of much hair is divided by for the root of its absorption per radius, at a radial roughness.
+pub fn hair_color_scale(radial_roughness: f32) -> f32 {
+    let b = radial_roughness.clamp(LEAST_ROUGHNESS, 1.0);
+    ((((0.245 * b + 5.574) * b - 10.73) * b + 2.532) * b - 0.215) * b + 5.969
+}
+
+/// The colour of much hair that absorbs so much per radius.
+pub fn hair_color(absorption: [f32; 3], radial_roughness: f32) -> [f32; 3] {
+    let scale = hair_color_scale(radial_roughness);
+    absorption.map(|a| poly::exp(-scale * a.max(0.0).sqrt()))
 }

@@ -24,7 +24,6 @@ mod ids;
 mod light;
 mod material;
 mod medium;
-mod model;
 mod motion;
 pub mod nodes;
 mod object_info;
@@ -44,12 +43,12 @@ pub use ids::{GridId, ImageId, MaterialId, MeshId, ProfileId, TextureId};
 pub use light::{
     DEFAULT_GROUP, GROUP_KEY, Light, LightKind, LightProfile, SpotFade, group_or_default, is_group_name,
 };
-pub use material::{AlphaMode, Beam, Displacement, Emission, Lamp, Material};
-pub use medium::{EmissionGrid, Fog, Grid, Medium, coefficients};
-pub use model::{
-    Anisotropy, Clearcoat, DiffuseTransmission, FresnelModel, GlassReflection, Iridescence, MixComponent,
-    Model, PbrMaterial, Sheen, Transmission, hair_color, hair_color_scale,
+pub use material::{
+    AlphaMode, Anisotropy, Beam, Clearcoat, DiffuseTransmission, Displacement, Emission, FresnelModel,
+    GlassReflection, Iridescence, Lamp, Material, MixComponent, Model, PbrMaterial, Sheen, Transmission,
+    hair_color, hair_color_scale,
 };
+pub use medium::{EmissionGrid, Fog, Grid, Medium, coefficients};
 pub use motion::{Moving, SceneMotion, Vertices};
 pub use object_info::ObjectInfo;
 pub use object_traits::{LightLinks, Link, ObjectSet, ObjectSets, ObjectTraits, RayKinds};

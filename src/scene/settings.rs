@@ -1,6 +1,6 @@
 //! Render settings of scene files.
 
-use super::model::FresnelModel;
+use super::material::FresnelModel;
 use crate::color::ViewTransform;
 
 /// Reconstruction filter.

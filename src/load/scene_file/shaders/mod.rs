@@ -20,6 +20,7 @@
 //! A colour in the place of a shader is an emission, as in Cycles.
 
 mod closures;
+mod table;
 
 use super::builder::SceneFileBuilder;
 use super::fields::{Fields, nearest};
@@ -33,9 +34,9 @@ use crate::scene::nodes::{
 use crate::scene::{
     AlphaMode, ColorSlot, Emission, FloatSlot, Lamp, Material, MixComponent, Model, Texture, TextureId,
 };
-use closures::Shader;
 use std::collections::HashMap;
 use std::sync::Arc;
+use table::Shader;
 
 /// Closures of a material, above which its graph is refused: shaders that several mixes share count once for each.
 const MOST_CLOSURES: usize = 64;
