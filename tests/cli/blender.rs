@@ -301,6 +301,7 @@ fn what_is_exported_of_trees_and_surfaces_and_beside_the_model() {
         "test_shapes.py",
         "test_hair.py",
         "test_volumes.py",
+        "test_nodes.py",
         "test_beside.py",
     ]
     .into_iter()
