@@ -4,7 +4,7 @@
 use super::objects::part_materials;
 use crate::error::{Warning, listed};
 use crate::math::DVec3;
-use crate::scene::{MaterialId, Quad, Scene, ShapeKind, instance_extents};
+use crate::scene::{MaterialId, Model, Quad, Scene, ShapeKind, instance_extents};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -102,9 +102,15 @@ fn flat_lights(scene: &Scene, origin: DVec3) -> Vec<FlatLight<'_>> {
     quads.chain(disks).collect()
 }
 
+/// May a surface of a material hide a light behind it? The boundary of a medium has no surface.
+fn hides(scene: &Scene, id: MaterialId) -> bool {
+    let material = &scene.materials[id.index()];
+    material.emission.is_none() && !matches!(material.model, Model::Boundary {})
+}
+
 /// Does another quad that does not shine lie in the plane of a light?
 fn is_on_quad(light: &FlatLight<'_>, scene: &Scene) -> bool {
-    let is_other = |quad: &&Quad| scene.materials[quad.material.index()].emission.is_none();
+    let is_other = |quad: &&Quad| hides(scene, quad.material);
     scene.quads.iter().filter(is_other).any(|quad| {
         let opposite = quad.corner + quad.edge_u + quad.edge_v;
         light.is_covered_by(&[quad.corner, quad.corner + quad.edge_u, opposite, quad.corner + quad.edge_v])
@@ -113,10 +119,10 @@ fn is_on_quad(light: &FlatLight<'_>, scene: &Scene) -> bool {
 
 /// Marks the lights in the plane of triangles of meshes.
 fn mark_on_meshes(scene: &Scene, lights: &[FlatLight<'_>], is_flush: &mut [bool]) {
-    let shines = |id: MaterialId| scene.materials[id.index()].emission.is_some();
+    let passes = |id: MaterialId| !hides(scene, id);
     for (instance, extent) in scene.instances.iter().zip(instance_extents(scene)) {
         let mesh = &scene.meshes[instance.mesh.index()];
-        let Some((low, high)) = extent.0.filter(|_| !part_materials(mesh, instance).all(shines)) else {
+        let Some((low, high)) = extent.0.filter(|_| !part_materials(mesh, instance).all(passes)) else {
             continue;
         };
         for (light, flush) in lights.iter().zip(&mut *is_flush).filter(|(_, flush)| !**flush) {

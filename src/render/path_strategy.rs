@@ -78,6 +78,8 @@ fn obstacle_to_sharing(target: &Target<'_>) -> Option<&'static str> {
         (scene.shading.spectral, "they carry wavelengths of their own"),
         // The weights need the visibility of each connection, not a random estimate.
         (has_random_surfaces(scene), "the scene has surfaces that are partly transparent"),
+        // A suffix belongs to the component that its own path selected.
+        (features.mixes, "the scene has mixes of materials"),
         // Connections would have to estimate transmittance.
         (features.scattering, "the scene has media that scatter"),
         (options.catchers, "the scene has shadow catchers"),

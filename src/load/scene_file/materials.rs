@@ -12,7 +12,7 @@
 //! | `"emissive"` | `radiance` (required), `two_sided` (false) |
 //! | `"pbr"` | the keys of the table below |
 //! | `"mix"` | `components`, a list of `{ material = "NAME", weight = 0.5 }`: other materials of the file, without emission and alpha, and the factors on what they scatter: numbers, colours or names of textures |
-//! | `"nodes"` | a graph of Blender's shader nodes, see `shaders` |
+//! | `"nodes"` | `nodes`, a table of Blender's shader nodes by name, and `surface`, the shader among them that the surface has; `volume` (false): light that passes enters a solid, which a `medium` may fill; `up` = `"z"` where vectors of the world are Blender's. The guide has a section on materials of nodes |
 //!
 //! Those that may shine, `"emissive"` and `"pbr"`, may have a `light_group`, whose light `--light-groups` keeps apart.
 //!
@@ -276,8 +276,8 @@ fn read<'a>(
             let medium = media::table(build, fields, "medium");
             pbr::material(name, medium, &mut Slots { build, textures, fields, of_model: false })
         }
-        MaterialType::Mix => mix(build, textures, fields, all, name)?,
-        MaterialType::Nodes => shaders::read(build, textures, fields, name)?,
+        MaterialType::Mix => finished(fields, mix(build, textures, fields, all, name))?,
+        MaterialType::Nodes => finished(fields, shaders::read(build, textures, fields, name))?,
     };
     material.light_group = light_group;
     material.index = fields.integer("index", 0, u32::MAX).unwrap_or(0);
@@ -291,6 +291,15 @@ fn read<'a>(
     fields.finish();
     warn_of_brightness(build, &material);
     Some(material)
+}
+
+/// A material; without one, after problems, the other keys are known all the same.
+fn finished(fields: &Fields, material: Option<Material>) -> Option<Material> {
+    if material.is_none() {
+        fields.know(&["displacement", "normal", "bump", "priority"]);
+        fields.finish();
+    }
+    material
 }
 
 /// Reads `components`: materials by name, with weights.

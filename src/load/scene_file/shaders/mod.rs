@@ -62,6 +62,7 @@ pub(super) fn read<'a>(
     fields: &Fields<'a>,
     name: &str,
 ) -> Option<Material> {
+    fields.know(&["surface", "nodes", "volume", "up", "medium"]);
     let surface = fields.require("surface", fields.string("surface"));
     let table = fields.require("nodes", fields.table("nodes"))?;
     let is_solid = fields.flag("volume", false);
