@@ -88,9 +88,9 @@ fn blocks(film: &Film, size: usize, block: usize) -> Vec<f64> {
     for y in 0..size {
         for x in 0..size {
             let pixel = film.mean_rgba(x as u32, y as u32);
-            for channel in 0..3 {
+            for (channel, value) in pixel.iter().take(3).enumerate() {
                 let at = (y / block * count + x / block) * 3 + channel;
-                sums[at] += f64::from(pixel[channel]) / (block * block) as f64;
+                sums[at] += f64::from(*value) / (block * block) as f64;
             }
         }
     }

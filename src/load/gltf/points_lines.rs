@@ -126,7 +126,7 @@ fn base_color(loaded: &Loaded, material: MaterialId) -> [f32; 3] {
 fn rods(loose: &Loose, place: &DAffine3, name: &str, radius: f64) -> Option<Curves> {
     let strands = loose.strands.as_ref()?;
     let scale = place.matrix3.determinant().abs().cbrt();
-    let is_flat = !(scale > 0.0);
+    let is_flat = scale.is_nan() || scale <= 0.0;
     // Radii grow with the placement. Without an inverse the points are moved here.
     let world_from_object = if is_flat { DAffine3::IDENTITY } else { *place };
     let point = |i: u32| {

@@ -20,6 +20,9 @@ use crate::scene::nodes::{
 use crate::texture::image_node::ImageReading;
 use crate::texture::{HitData, TexturePoint};
 
+/// Reads an image at texture coordinates with a filter width: linear RGBA.
+pub(super) type ReadImage<'a> = dyn Fn(TextureId, &ImageReading, [f32; 2], f32) -> [f32; 4] + 'a;
+
 /// The points of one evaluation.
 pub struct Points<'a> {
     /// At most as many as registers have lanes; `world` is the point before the scene was moved.
@@ -31,7 +34,7 @@ pub struct Points<'a> {
     /// Linear RGBA of a texture at one of them, by its number.
     pub textures: &'a dyn Fn(TextureId, usize) -> [f32; 4],
     /// Linear RGBA of an image at coordinates, averaged over a width in these.
-    pub images: &'a dyn Fn(TextureId, &ImageReading, [f32; 2], f32) -> [f32; 4],
+    pub images: &'a ReadImage<'a>,
 }
 
 /// What a step computes.

@@ -20,7 +20,7 @@ use crate::scene::nodes::{
     Axis, ImageProjection, MathOperation, NodeGraph, NodeInput, NodeKind, SocketDefault, SocketType, Space,
     TangentType, TransformType, VectorOperation,
 };
-use evaluate::{Compiled, Operation, Points, Registers, UNUSED, fold, run};
+use evaluate::{Compiled, Operation, Points, ReadImage, Registers, UNUSED, fold, run};
 use source::{FIRST_SET, Source};
 use std::cell::Cell;
 use std::collections::HashMap;
@@ -123,7 +123,7 @@ impl Program {
         point: TexturePoint,
         hit: Option<&HitData<'_>>,
         texture: &dyn Fn(TextureId) -> [f32; 4],
-        images: &dyn Fn(TextureId, &ImageReading, [f32; 2], f32) -> [f32; 4],
+        images: &ReadImage<'_>,
     ) -> [f32; 3] {
         self.result_at(point, hit, texture, images).map(reflectance)
     }
@@ -134,7 +134,7 @@ impl Program {
         point: TexturePoint,
         hit: Option<&HitData<'_>>,
         texture: &dyn Fn(TextureId) -> [f32; 4],
-        images: &dyn Fn(TextureId, &ImageReading, [f32; 2], f32) -> [f32; 4],
+        images: &ReadImage<'_>,
     ) -> [f32; 3] {
         thread_local! {
             /// Registers of the last evaluation; taken while one is under way, since textures may hold programs in turn.
@@ -155,7 +155,7 @@ impl Program {
         point: TexturePoint,
         hit: Option<&HitData<'_>>,
         texture: &dyn Fn(TextureId) -> [f32; 4],
-        images: &dyn Fn(TextureId, &ImageReading, [f32; 2], f32) -> [f32; 4],
+        images: &ReadImage<'_>,
     ) -> [f32; 3] {
         let [x, y, z] = self.result_at(point, hit, texture, images);
         if self.is_z_up { [x, z, -y] } else { [x, y, z] }
