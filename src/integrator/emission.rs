@@ -350,8 +350,7 @@ impl Integrator<'_> {
                 // Unfiltered, as in light sampling.
                 let coordinates = self.scene.geometries.coordinates(surface, hit, false, *time);
                 let hit_data = self.hit_data(at, &coordinates, wo);
-                let slots = self.slots(&coordinates, surface, wo, 0.0);
-                slots.with_hit(hit_data.as_ref()).color(&emission.radiance)
+                self.slots(&coordinates, surface, wo, 0.0, hit_data.as_ref()).color(&emission.radiance)
             }
         };
         let rgb = match material.shines_by_vertex() {

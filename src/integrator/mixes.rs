@@ -8,7 +8,7 @@ use super::sampling::Purpose;
 use super::wave::{get_rgb, set_rgb};
 use super::workspace::Workspace;
 use crate::color::Rgb;
-use crate::compile::{CompiledComponent, share_at};
+use crate::compile::share_at;
 use crate::sampling::sampler::{Dimensions, SobolPoint};
 
 impl Integrator<'_> {
@@ -40,33 +40,32 @@ impl Integrator<'_> {
         let footprints = self.scene.features.footprints;
         let coordinates = self.scene.geometries.coordinates(&at.surface, &at.hit, footprints, at.time);
         let wo = -w.rays[i].direction;
-        let slots = self.slots(&coordinates, &at.surface, wo, w.arriving.footprints.width[i]);
+        let hit_data = self.hit_data(&at, &coordinates, wo);
+        let width = w.arriving.footprints.width[i];
+        let slots = self.slots(&coordinates, &at.surface, wo, width, hit_data.as_ref());
         let path = &mut w.arriving.state;
         let wavelengths = w.times.wavelengths(path.radiance_index[i]);
-        let weight_of =
-            |component: &CompiledComponent| share_at(&slots, &component.weight, wavelengths).max(Rgb::ZERO);
-        let importance =
-            |component: &CompiledComponent| weight_of(component).luminance() * component.reflectance;
         let components = &at.material.components;
-        let total: f32 = components.iter().map(importance).sum();
+        w.components.clear();
+        w.components.extend(components.iter().map(|component| {
+            let weight = share_at(&slots, &component.weight, wavelengths).max(Rgb::ZERO);
+            (weight, weight.luminance() * component.reflectance)
+        }));
+        let total: f32 = w.components.iter().map(|(_, importance)| importance).sum();
         let [u, ..] = SobolPoint::from_parts(path.seed[i], path.shuffled[i]).sample_4d(dimensions);
-        let (mut left, mut selected) = (u * total, None);
-        for component in components {
-            let part = importance(component);
-            if part > 0.0 {
-                selected = Some((component, part));
-                if left < part {
+        let mut left = u * total;
+        // Where no component scatters light, the first one absorbs it.
+        let (mut selected, mut factor) = (&components[0], Rgb::ZERO);
+        for (component, &(weight, importance)) in components.iter().zip(&w.components) {
+            if importance > 0.0 {
+                (selected, factor) = (component, weight * (total / importance));
+                if left < importance {
                     break;
                 }
-                left -= part;
+                left -= importance;
             }
         }
-        // Where no component scatters light, the first one absorbs it.
-        let (component, factor) = match selected {
-            Some((component, part)) => (component, weight_of(component) * (total / part)),
-            None => (&components[0], Rgb::ZERO),
-        };
-        w.materials[i] = component.index;
+        w.materials[i] = selected.index;
         let throughput = get_rgb(&path.throughput, i) * factor;
         set_rgb(&mut path.throughput, i, throughput);
         if let Some(weight) = w.component_weights.get_mut(i) {

@@ -17,7 +17,7 @@ use crate::compile::SurfaceCoordinates;
 use crate::math::{Frame, Hit, Ray, Vec2, Vec3, select};
 use crate::shape::{Surface, shading_normal, triangle_surface};
 use crate::simd::{Kernel, dispatch, map_each};
-use crate::texture::{PointReader, TexturePoint};
+use crate::texture::{HitData, PointReader, TexturePoint};
 use std::ops::Range;
 
 /// A surface with its BSDF.
@@ -320,7 +320,7 @@ impl Integrator<'_> {
         let hit_point = at;
         let at = self.scene.geometries.coordinates(surface, hit, self.scene.features.footprints, *time);
         let hit_data = self.hit_data(hit_point, &at, wo);
-        let slots = self.slots(&at, surface, wo, width).with_hit(hit_data.as_ref());
+        let slots = self.slots(&at, surface, wo, width, hit_data.as_ref());
         let ns = material.shading_normal(&slots, surface, at.tangent_frame);
         let frame = if material.uses_frame {
             let scattering = Frame::from_normal(scattering_normal(ns, surface.ng, wo));
@@ -338,18 +338,19 @@ impl Integrator<'_> {
         (bsdf, ns)
     }
 
-    /// Texture lookups at a point with the filter width of a path that sees it from `wo`.
-    pub(super) fn slots(
-        &self,
+    /// Texture lookups at a point with the filter width of a path that sees it from `wo`; graphs read `hit` ([`Integrator::hit_data`]).
+    pub(super) fn slots<'h>(
+        &'h self,
         at: &SurfaceCoordinates,
         surface: &Surface,
         wo: Vec3,
         width: f32,
-    ) -> PointReader<'_> {
+        hit: Option<&'h HitData<'h>>,
+    ) -> PointReader<'h> {
         let (world, normal) = (surface.p, surface.ng);
         let cosine = surface.ns.dot(wo).abs();
         let point = TexturePoint { uv: at.uv, world, normal, cosine, width, uv_per_metre: at.uv_per_metre };
-        PointReader::new(&self.scene.textures, point)
+        PointReader::new(&self.scene.textures, point).with_hit(hit)
     }
 }
 

@@ -350,7 +350,7 @@ impl Integrator<'_> {
         let path = PathOrigin { kinds, ..PathOrigin::UNKNOWN };
         let hit_point = HitPoint { surface, hit: *hit, material, is_back, time, path };
         let hit_data = self.hit_data(&hit_point, &at, wo);
-        alpha.presence(&self.slots(&at, &surface, wo, 0.0).with_hit(hit_data.as_ref()), vertex_alpha)
+        alpha.presence(&self.slots(&at, &surface, wo, 0.0, hit_data.as_ref()), vertex_alpha)
     }
 }
 

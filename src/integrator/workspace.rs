@@ -31,6 +31,8 @@ pub struct Workspace {
     pub(super) materials: Vec<u32>,
     /// Weight over probability of the component selected at each hit, at the first surfaces; empty without mixes.
     pub(super) component_weights: Vec<Rgb>,
+    /// Weight and importance of each component of the mix at hand.
+    pub(super) components: Vec<(Rgb, f32)>,
     /// BSDFs of the vertices without a vectorised class.
     pub(super) bsdfs: Vec<Bsdf>,
     pub(super) shadow_rays: Vec<Ray>,
@@ -91,6 +93,7 @@ impl Workspace {
             escaped: Vec::with_capacity(WAVE),
             materials: Vec::with_capacity(WAVE),
             component_weights: Vec::new(),
+            components: Vec::new(),
             bsdfs: Vec::new(),
             shadow_rays: Vec::with_capacity(WAVE),
             shadow_vertices: Vec::with_capacity(WAVE),

@@ -577,11 +577,7 @@ impl<'a> PointReader<'a> {
     /// The vector that a graph gives, in the scene's world; `None` of other textures.
     pub fn vector(&self, id: TextureId) -> Option<Vec3> {
         let Some(Compiled::Nodes(program)) = self.textures.textures.get(id.index()) else { return None };
-        let images = |texture, reading: &ImageReading, uv, footprint| {
-            self.textures.image_of_node(texture, reading, uv, footprint)
-        };
-        let own = program.vector_at(self.moved(), self.hit, &|texture| self.look_up(texture), &images);
-        Some(Vec3::from_array(own))
+        Some(Vec3::from_array(program.as_vector(self.result(program))))
     }
 
     /// Is the back seen, as far as graphs know?
@@ -591,13 +587,18 @@ impl<'a> PointReader<'a> {
 
     #[inline(never)]
     fn nodes(&self, program: &Program) -> [f32; 4] {
-        let [r, g, b] = program.at(
+        let [r, g, b] = self.result(program).map(nodes::reflectance);
+        [r, g, b, 1.0]
+    }
+
+    /// What a graph gives here.
+    fn result(&self, program: &Program) -> [f32; 3] {
+        program.at(
             self.moved(),
             self.hit,
             &|texture| self.look_up(texture),
             &|texture, reading, uv, footprint| self.textures.image_of_node(texture, reading, uv, footprint),
-        );
-        [r, g, b, 1.0]
+        )
     }
 
     #[inline(never)]

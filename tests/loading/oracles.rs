@@ -233,7 +233,6 @@ const NOT_OURS: &[(&str, &str)] = &[
     ("UNRESOLVED_REFERENCE", "by a morph target that doesn't show"),
     ("MESH_PRIMITIVE_POSITION_ACCESSOR_WITHOUT_BOUNDS", "bounds are measured, not read"),
     ("MESH_PRIMITIVE_JOINTS_WEIGHTS_MISMATCH", "of a mesh without a skin"),
-    ("ACCESSOR_NON_CLAMPED", "colours beyond 1 are shown as they are"),
     ("ACCESSOR_INDEX_PRIMITIVE_RESTART", "the index is that of a vertex, which is there"),
 ];
 

@@ -4,10 +4,12 @@ use crate::support::differences::{assert_same_bits, assert_same_means};
 use crate::support::{assert_radiance, camera, floor, material, options, quad, sphere};
 use oscura::math::DVec3;
 use oscura::render::{Caustics, Guiding, PathReuse, Splitting};
+use oscura::scene::nodes::{Node, NodeGraph, NodeInput, NodeKind};
 use oscura::scene::{
     AlphaMode, ColorSlot, Emission, Environment, FloatSlot, FresnelModel, Light, LightKind, Mapping,
     Material, MixComponent, Model, Scene, Texture,
 };
+use std::sync::Arc;
 
 fn mix(parts: Vec<(ColorSlot, Material)>) -> Material {
     let components = parts.into_iter().map(|(weight, material)| MixComponent { weight, material }).collect();
@@ -44,6 +46,20 @@ fn even_light_shows_the_weighted_sum() {
     sphere(&mut scene, [0.0; 3], 1.0, body);
     scene.cameras.push(camera(DVec3::new(0.3, 0.2, 5.0), DVec3::ZERO, DVec3::Y, 5.0));
     assert_radiance("diffuse and glass", &scene, &options(8, 256, 200), 1.0, 4e-3);
+}
+
+/// Weights of graphs know the hit: the normal of a level sheet is (0, 1, 0), so that green light is reflected.
+#[test]
+fn weights_read_the_hit() {
+    let mut scene = in_even_light(grey(0.0));
+    let node = Node { kind: NodeKind::Geometry {}, inputs: Vec::new(), image: None };
+    let outputs = node.kind.outputs();
+    let output = outputs.iter().position(|socket| socket.name == "normal").expect("an output");
+    let result = NodeInput::Link { node: 0, output };
+    let graph = NodeGraph { nodes: vec![node], result, is_z_up: false };
+    let weight = ColorSlot::texture(scene.add_texture(Texture::Nodes(Arc::new(graph))));
+    scene.materials[0] = mix(vec![(weight, grey(0.5))]);
+    assert_radiance("normals as weights", &scene, &options(8, 64, 4), 0.5, 1e-3);
 }
 
 /// What one material emits and how much of it is there belong to the mix, not to the weights.

@@ -129,7 +129,7 @@ class NodesTest(SceneTest):
         material, tree, shader, occlusion = shader_tree("dirty", "AmbientOcclusion")
         tree.links.new(occlusion.outputs[0], shader.inputs["Base Color"])
         self.add_plane(material)
-        settings = self.export()
+        settings = self.export("--bake", "16")
         self.assertNotIn("objects", settings)
 
 

@@ -17,7 +17,7 @@ import bpy
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
-from raw_exr import channels  # noqa: E402
+from raw_exr import channels, set_up  # noqa: E402
 
 FILE = Path(__file__).parents[2] / "tests" / "references" / "nodes" / "points.json"
 SIZE, POINTS, BATCH = 12, 12, 60
@@ -159,14 +159,7 @@ def textures():
 def plane():
     bpy.ops.wm.read_factory_settings(use_empty=True)
     own = bpy.context.scene
-    own.render.engine = "CYCLES"
-    own.cycles.device, own.cycles.samples = "CPU", 1
-    own.cycles.use_adaptive_sampling = own.cycles.use_denoising = False
-    own.cycles.pixel_filter_type, own.cycles.filter_width = "BOX", 0.01
-    own.render.resolution_x = own.render.resolution_y = SIZE
-    own.render.image_settings.media_type = "MULTI_LAYER_IMAGE"
-    own.render.image_settings.file_format = "OPEN_EXR_MULTILAYER"
-    own.render.image_settings.color_depth, own.render.image_settings.exr_codec = "32", "NONE"
+    set_up(own, SIZE, samples=1, filter_width=0.01)
     bpy.ops.mesh.primitive_plane_add(size=2)
     item = bpy.context.object
     camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))

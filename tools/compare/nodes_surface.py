@@ -21,7 +21,7 @@ import numpy as np
 from mathutils import Euler, Matrix, Vector
 
 sys.path.insert(0, str(Path(__file__).parent))
-from raw_exr import channels  # noqa: E402
+from raw_exr import channels, set_up  # noqa: E402
 
 FOLDER = Path(__file__).parents[2] / "tests" / "references" / "nodes"
 SIZE, BLOCK, SAMPLES = 48, 6, 256
@@ -257,18 +257,6 @@ def scene():
     return ball, plane, camera
 
 
-def settings():
-    own = bpy.context.scene
-    own.render.engine = "CYCLES"
-    own.cycles.device, own.cycles.samples = "CPU", SAMPLES
-    own.cycles.use_adaptive_sampling = own.cycles.use_denoising = False
-    own.cycles.pixel_filter_type, own.cycles.filter_width = "BOX", 1.0
-    own.render.resolution_x = own.render.resolution_y = SIZE
-    own.render.image_settings.media_type = "MULTI_LAYER_IMAGE"
-    own.render.image_settings.file_format = "OPEN_EXR_MULTILAYER"
-    own.render.image_settings.color_depth, own.render.image_settings.exr_codec = "32", "NONE"
-
-
 def material(batch, layer):
     """A material with an output for the pictures of each case."""
     own = bpy.data.materials.new("cases")
@@ -356,7 +344,7 @@ def main():
     only = sys.argv[1] if len(sys.argv) > 1 else ""
     FOLDER.mkdir(parents=True, exist_ok=True)
     ball, plane, camera = scene()
-    settings()
+    set_up(bpy.context.scene, SIZE, samples=SAMPLES, filter_width=1.0)
     write_picture(FOLDER / "picture.png")
     write_ply(FOLDER / "ball.ply", ball)
     write_ply(FOLDER / "plane.ply", plane)

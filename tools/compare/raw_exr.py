@@ -1,4 +1,4 @@
-"""Reads OpenEXR files of scan lines without compression, of one part or several, with numpy alone."""
+"""OpenEXR files of scan lines without compression: how Cycles is to write them, and reading them, of one part or several, with numpy alone."""
 
 import struct
 
@@ -63,3 +63,15 @@ def channels(path):
                 pictures[prefix + name][row] = np.frombuffer(data, kind, width, offset)
                 offset += width * np.dtype(kind).itemsize
     return pictures
+
+
+def set_up(scene, size, samples, filter_width):
+    """Has Cycles render square pictures of a scene into such files, with all layers."""
+    scene.render.engine = "CYCLES"
+    scene.cycles.device, scene.cycles.samples = "CPU", samples
+    scene.cycles.use_adaptive_sampling = scene.cycles.use_denoising = False
+    scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BOX", filter_width
+    scene.render.resolution_x = scene.render.resolution_y = size
+    image = scene.render.image_settings
+    image.media_type, image.file_format = "MULTI_LAYER_IMAGE", "OPEN_EXR_MULTILAYER"
+    image.color_depth, image.exr_codec = "32", "NONE"

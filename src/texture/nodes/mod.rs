@@ -117,19 +117,8 @@ impl Program {
         })
     }
 
-    /// The result at a point; `hit` is what is known of it beyond that. `texture` gives linear RGBA of other textures there.
+    /// The result at a point as it is; `hit` is what is known of it beyond that. `texture` gives linear RGBA of other textures there.
     pub fn at(
-        &self,
-        point: TexturePoint,
-        hit: Option<&HitData<'_>>,
-        texture: &dyn Fn(TextureId) -> [f32; 4],
-        images: &ReadImage<'_>,
-    ) -> [f32; 3] {
-        self.result_at(point, hit, texture, images).map(reflectance)
-    }
-
-    /// The result as it is.
-    fn result_at(
         &self,
         point: TexturePoint,
         hit: Option<&HitData<'_>>,
@@ -149,15 +138,8 @@ impl Program {
         result
     }
 
-    /// The result as a vector of the scene's world, as it is.
-    pub fn vector_at(
-        &self,
-        point: TexturePoint,
-        hit: Option<&HitData<'_>>,
-        texture: &dyn Fn(TextureId) -> [f32; 4],
-        images: &ReadImage<'_>,
-    ) -> [f32; 3] {
-        let [x, y, z] = self.result_at(point, hit, texture, images);
+    /// A result as a vector of the scene's world.
+    pub fn as_vector(&self, [x, y, z]: [f32; 3]) -> [f32; 3] {
         if self.is_z_up { [x, z, -y] } else { [x, y, z] }
     }
 
@@ -181,7 +163,7 @@ fn one(number: Number) -> [Number; 3] {
 }
 
 /// Negative values and those that aren't numbers count as 0.
-fn reflectance(value: f32) -> f32 {
+pub(super) fn reflectance(value: f32) -> f32 {
     if value > 0.0 && value.is_finite() { value } else { 0.0 }
 }
 

@@ -50,6 +50,19 @@ class Evaluated:
         self.folder, self.name = folder, name
         self.materials = {}  # tables by name
         self.objects = []  # tables of objects
+        self.meshes = 0  # files of meshes
+        self._tables = {}  # by material and whether it fills solids
+
+    def add(self, material, is_solid, name, others):
+        """The name of a material's table, which is none of others that mean something else; None is Blender's default."""
+        key = (material, is_solid)
+        if key not in self._tables:
+            self._tables[key] = DEFAULT if material is None else material.table(is_solid)
+        table = self._tables[key]
+        while name in others or self.materials.get(name, table) is not table:
+            name += " "
+        self.materials[name] = table
+        return name
 
     def tables(self):
         named = [(f"[materials.{sidecar.value(name)}]", entries) for name, entries in sorted(self.materials.items())]
@@ -74,16 +87,16 @@ class Materials:
 def take(found, known, moves, options, report):
     """Takes what oscura can evaluate out of what was collected."""
     made = Evaluated(options.folder, options.name)
-    kept = [h for h in found.objects.values() if h is not None and not _is_taken(h, known, found, moves)]
+    taken = {key: h for key, h in found.objects.items() if h is not None and _is_taken(h, known, found, moves)}
+    kept = (holder for key, holder in found.objects.items() if holder is not None and key not in taken)
+    baked = {material for holder in kept for material in holder.data.materials if material is not None}
     # A name means one material: those that the model has as well are called otherwise.
-    names = {m.name for holder in kept for m in holder.data.materials if m is not None}
-    for key, holder in list(found.objects.items()):
-        if holder is None or holder in kept:
-            continue
+    names = {material.name for material in baked}
+    for key, holder in taken.items():
         del found.objects[key]
-        _write(made, holder, len(made.objects), known, names, found)
+        _write(made, holder, known, names, found)
     for material, reason in known.reasons.items():
-        if any(material in list(holder.data.materials) for holder in kept):
+        if material in baked:
             report.note(material.name, f"is baked, since oscura doesn't evaluate it: {reason}")
     return made
 
@@ -122,7 +135,7 @@ def _is_taken(holder, known, found, moves):
     return holder.name not in moves.shapes and all(moves.of(mark) is None for mark in found.marks[holder.name])
 
 
-def _write(made, holder, number, known, names, found):
+def _write(made, holder, known, names, found):
     """Writes a mesh, and adds its materials and placements."""
     mesh = holder.data
     is_solid = not bool((sides_of_edges(mesh) == 1).any())
@@ -131,17 +144,15 @@ def _write(made, holder, number, known, names, found):
         entry = known.get(material) if material is not None else None
         is_filled = entry is not None and entry.lets_light_in and (is_solid or entry.medium is not None)
         name = reports.ALIASES.get(material.name, material.name) if material is not None else "default"
-        while name in names or name in made.materials and made.materials[name] is not _known_table(made, name, entry, is_filled):
-            name += " "
-        made.materials[name] = _known_table(made, name, entry, is_filled)
-        listed.append(name)
+        listed.append(made.add(entry, is_filled, name, names))
         if entry is not None:
             attributes |= entry.attributes
             asks_object |= entry.asks_object
-    file = f"{made.name}.mesh{number}.ply"
+    file = f"{made.name}.mesh{made.meshes}.ply"
+    made.meshes += 1
     mesh_files.write(os.path.join(made.folder, file), mesh, attributes)
-    traits = geometry._traits(found.extras.get(holder.name, {}))
-    group = found.extras.get(holder.name, {}).get("light_group")
+    extras = found.extras.get(holder.name, {})
+    traits, group = geometry.traits_of(extras), extras.get("light_group")
     for (name, matrix), info in zip(found.placements[holder.name], found.infos[holder.name]):
         turned = np.array(Y_UP @ matrix)
         if abs(np.linalg.det(turned[:3, :3])) < 1e-30:
@@ -153,13 +164,3 @@ def _write(made, holder, number, known, names, found):
             entries.update(info)
         entries.update(found.links.shining.pop(name, {}))
         made.objects.append(entries)
-
-
-def _known_table(made, name, entry, is_solid):
-    """The table of a material, the same one for the same material."""
-    key = (entry, is_solid)
-    tables = made.__dict__.setdefault("_tables", {})
-    if key not in tables:
-        tables[key] = dict(DEFAULT) if entry is None else entry.table(is_solid)
-    return tables[key]
-

@@ -84,7 +84,7 @@ def collect(scene, layer, graph, store, evaluated, report):
         original = obj.original
         if _is_replaced(instance):
             continue
-        traits = lambda: _traits(_extras(found, obj, instance.parent))
+        traits = lambda: traits_of(_extras(found, obj, instance.parent))
         if instance.show_particles and (instance.is_instance or not original.hide_render):
             hair.add_particles(found, obj, instance, traits())
         if not instance.show_self or (not instance.is_instance and original.hide_render):
@@ -205,7 +205,7 @@ def _extras(found, obj, parent):
     return {**extras, "light_group": group} if group else extras
 
 
-def _traits(extras):
+def traits_of(extras):
     """The same as scene files have it."""
     traits = {key: True for key in ("holdout", "shadow_catcher") if f"is_{key}" in extras}
     if any(key in extras for key in VISIBILITY):
