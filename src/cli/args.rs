@@ -12,6 +12,7 @@ use oscura::film::{AovSet, AovSpace};
 use oscura::output::ViewTransform;
 use oscura::output::part::Region;
 use oscura::render::{Adaptive, Guiding, PathReuse, Splitting, setting_help};
+use std::ffi::OsString;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -59,7 +60,8 @@ pub(crate) struct CacheArgs {
 
 #[derive(Args, Debug)]
 pub(crate) struct HelpArgs {
-    /// A command, 'scene-file', or a section of scene files.
+    /// A command, an option, a topic, 'scene-file', or a section of scene files.
+    #[arg(allow_hyphen_values = true)]
     pub topic: Option<String>,
 }
 
@@ -121,45 +123,59 @@ pub(crate) enum TerminatorArg {
 
 #[derive(Args, Clone, Debug)]
 pub(crate) struct RenderArgs {
-    /// Scenes to render, one or more: .gltf, .glb, .vrm, .obj, .ply, .stl, .zip, .toml or .blend.
+    /// Scenes to render: .gltf, .glb, .vrm, .obj, .ply, .stl, .zip, .toml or .blend.
     #[arg(required = true, value_name = "SCENE")]
     pub scenes: Vec<PathBuf>,
     /// The one of `scenes` that is being rendered.
     #[arg(skip)]
     pub scene: PathBuf,
-    /// Output file: .exr, .png, .jpg, .tif, .webp, .hdr or .part; for --orbit and --frames also .gif, .apng, .mp4 or
-    /// .webm (video needs the program ffmpeg). May be given several times. #### or %04d is replaced by the frame number,
-    /// {stem} or {name} by the scene's name without extension.
-    #[arg(short, long, required_unless_present = "show", value_name = "FILE")]
+    /// Without -o: marks the picture as this command's own (see `default_output`).
+    #[arg(skip)]
+    pub mark: Option<String>,
+    /// The frame of a sequence that is being rendered, as messages name it.
+    #[arg(skip)]
+    pub frame: Option<String>,
+    /// Output file: .exr, .png, .jpg, .tif, .webp, .hdr or .part; may be given several times [default: SCENE.png].
+    ///
+    /// With --orbit and --frames also .gif, .apng, .mp4 or .webm (video needs the program ffmpeg). #### or %04d is
+    /// replaced by the frame number, {stem} or {name} by the scene's name without extension. '-' writes a PNG to
+    /// standard output, 'exr:-' an EXR (also jpg:-, tif:-, webp:-, hdr:-). The default is in the current folder and never
+    /// replaces a file that the same command didn't write.
+    #[arg(short, long, value_name = "FILE")]
     pub output: Vec<PathBuf>,
-    /// Render an animation: a frame range such as 1-10, or 1-10x2 with a step. Frame N is the time N / fps; in .blend
-    /// files it is Blender's frame N.
+    /// Print errors only.
+    #[arg(long)]
+    pub quiet: bool,
+    /// Print the details of the render: geometry, samples, time and memory.
+    #[arg(short, long, conflicts_with = "quiet")]
+    pub verbose: bool,
+    /// Image size in pixels, such as 1920x1080; short for --width and --height.
+    #[arg(long, visible_alias = "resolution", value_name = "WxH", conflicts_with_all = ["width", "height"], value_parser = size)]
+    pub size: Option<(u32, u32)>,
+    #[arg(long, help = setting_help("width"), value_name = "W", value_parser = clap::value_parser!(u32).range(1..=65536), allow_negative_numbers = true)]
+    pub width: Option<u32>,
+    #[arg(long, help = setting_help("height"), value_name = "H", value_parser = clap::value_parser!(u32).range(1..=65536), allow_negative_numbers = true)]
+    pub height: Option<u32>,
+    /// Render an animation: a frame range such as 1-10, or 1-10x2 with a step.
+    ///
+    /// Frame N is the time N / fps; in .blend files it is Blender's frame N.
     #[arg(long, value_name = "A-B", conflicts_with = "time")]
     pub frames: Option<Frames>,
     /// Frame rate of animations, frames per second.
     #[arg(long, value_name = "N", default_value_t = FRAME_RATE, value_parser = frames_per_second, allow_negative_numbers = true)]
     pub fps: f64,
-    /// Render a turntable: N frames while the camera orbits the model once, as numbered files or as one animation.
+    /// Render a turntable of N frames, as numbered files or as one animation.
+    ///
+    /// The camera orbits the model once.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=100_000), conflicts_with = "frames", allow_negative_numbers = true)]
     pub orbit: Option<u32>,
-    #[arg(long, help = setting_help("samples"), alias = "samples", value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
-    pub spp: Option<u32>,
-    #[arg(long, help = setting_help("width"), value_name = "W", value_parser = clap::value_parser!(u32).range(1..=65536), allow_negative_numbers = true)]
-    pub width: Option<u32>,
-    #[arg(long, help = setting_help("height"), value_name = "H", value_parser = clap::value_parser!(u32).range(1..=65536), allow_negative_numbers = true)]
-    pub height: Option<u32>,
-    #[arg(long, help = setting_help("max_depth"), value_name = "N", allow_negative_numbers = true)]
-    pub depth: Option<u32>,
-    #[arg(long, help = setting_help("seed"), value_name = "N", allow_negative_numbers = true)]
-    pub seed: Option<u32>,
-    /// Number of threads [default: one per core]. The image does not depend on it.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_negative_numbers = true)]
-    pub threads: Option<u16>,
     /// Camera by name or by index from 0 [default: 0].
     #[arg(long, value_name = "CAMERA")]
     pub camera: Option<String>,
-    /// Environment map (HDRI): an equirectangular .exr, .hdr or 8-bit image; '' for none.
-    #[arg(long, value_name = "FILE", value_parser = OsStringValueParser::new().map(PathBuf::from))]
+    #[command(flatten)]
+    pub place: CameraArgs,
+    /// Environment map (HDRI): an equirectangular .exr, .hdr or 8-bit image; 'none' for none.
+    #[arg(long, value_name = "FILE", value_parser = OsStringValueParser::new().map(environment))]
     pub env: Option<PathBuf>,
     /// Strength of the environment: factor on its radiance.
     #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = strength)]
@@ -167,12 +183,6 @@ pub(crate) struct RenderArgs {
     /// Rotation of the environment map about the vertical axis, degrees.
     #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = degrees)]
     pub env_rotation: Option<f64>,
-    /// Transparent background: the camera does not see the environment, which still lights the scene.
-    #[arg(long, conflicts_with = "background")]
-    pub transparent: bool,
-    /// With --transparent, also make smooth glass in front of the background transparent; its reflections stay.
-    #[arg(long)]
-    pub transparent_glass: bool,
     /// Let glTF and OBJ files refer to files outside their folder.
     #[arg(long)]
     pub allow_external: bool,
@@ -182,6 +192,37 @@ pub(crate) struct RenderArgs {
     /// Ignore the model's sidecar file (model.oscura.toml next to model.glb).
     #[arg(long)]
     pub no_sidecar: bool,
+    #[command(flatten)]
+    pub asset: AssetArgs,
+    #[command(flatten)]
+    pub blender: BlenderArgs,
+    #[arg(long, help = setting_help("samples"), alias = "samples", value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
+    pub spp: Option<u32>,
+    #[arg(long, help = setting_help("max_depth"), value_name = "N", allow_negative_numbers = true)]
+    pub depth: Option<u32>,
+    #[arg(long, help = setting_help("seed"), value_name = "N", allow_negative_numbers = true)]
+    pub seed: Option<u32>,
+    #[arg(long, help = setting_help("aovs"), value_name = "LIST", value_delimiter = ',', value_parser = AovParser)]
+    pub aov: Vec<AovSet>,
+    #[arg(long, help = setting_help("aov_space"), value_name = "SPACE", default_value = "world")]
+    pub aov_space: AovSpace,
+    #[arg(long, help = setting_help("light_groups"))]
+    pub light_groups: bool,
+    #[arg(long, help = setting_help("matte_levels"), value_name = "N", default_value_t = CRYPTO_LEVELS, value_parser = clap::value_parser!(u32).range(1..=64), allow_negative_numbers = true)]
+    pub crypto_levels: u32,
+    /// Transparent background: the camera does not see the environment, which still lights the scene.
+    #[arg(long, conflicts_with = "background")]
+    pub transparent: bool,
+    /// With --transparent, also make smooth glass in front of the background transparent; its reflections stay.
+    #[arg(long)]
+    pub transparent_glass: bool,
+    #[command(flatten)]
+    pub picture: PictureArgs,
+    #[command(flatten)]
+    pub long: LongArgs,
+    /// Number of threads [default: one per core]. The image does not depend on it.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_negative_numbers = true)]
+    pub threads: Option<u16>,
     #[arg(long, help = setting_help("filter"))]
     pub filter: Option<FilterArg>,
     /// Show the image in the browser while it renders; =address only prints the page's address, =tev (or =tev:HOST:PORT)
@@ -194,14 +235,6 @@ pub(crate) struct RenderArgs {
     /// Write the colour channels of EXRs as 32-bit floats instead of half floats.
     #[arg(long)]
     pub float: bool,
-    #[arg(long, help = setting_help("aovs"), value_name = "LIST", value_delimiter = ',', value_parser = AovParser)]
-    pub aov: Vec<AovSet>,
-    #[arg(long, help = setting_help("aov_space"), value_name = "SPACE", default_value = "world")]
-    pub aov_space: AovSpace,
-    #[arg(long, help = setting_help("light_groups"))]
-    pub light_groups: bool,
-    #[arg(long, help = setting_help("matte_levels"), value_name = "N", default_value_t = CRYPTO_LEVELS, value_parser = clap::value_parser!(u32).range(1..=64), allow_negative_numbers = true)]
-    pub crypto_levels: u32,
     /// Microfacet scattering: multi compensates the energy that single scattering loses [default: multi].
     #[arg(long)]
     pub microfacet: Option<MicrofacetArg>,
@@ -222,8 +255,8 @@ pub(crate) struct RenderArgs {
     /// BVH quality: fast builds sooner, full traces faster. The image does not depend on it.
     #[arg(long, default_value = "auto")]
     pub tree: TreeArg,
-    /// View transform of PNG and other 8- or 16-bit output: a name, or a lookup table (cinespace, .csp) [default: srgb;
-    /// filmic for models lit by a stage, unless --background is given].
+    /// View transform of PNG and other 8- or 16-bit output: a name, or a lookup table (.csp) [default: srgb; filmic for
+    /// models lit by a stage, unless --background is given].
     #[arg(long, value_name = "VIEW", value_parser = views())]
     pub view: Option<ViewTransform>,
     /// Exposure of PNG and other display-referred output, stops, -100 to 100 [default: 0].
@@ -244,30 +277,26 @@ pub(crate) struct RenderArgs {
     /// List scene content that was skipped because it does not affect the image.
     #[arg(long)]
     pub explain: bool,
-    /// Print errors only.
-    #[arg(long)]
-    pub quiet: bool,
     /// Print a JSON report of the render on standard output; one per frame of an animation.
     #[arg(long)]
     pub json: bool,
     #[command(flatten)]
-    pub place: CameraArgs,
-    #[command(flatten)]
-    pub long: LongArgs,
-    #[command(flatten)]
     pub guiding: GuidingArgs,
-    #[command(flatten)]
-    pub picture: PictureArgs,
     #[command(flatten)]
     pub exr: ExrArgs,
     #[command(flatten)]
     pub stage: StageArgs,
     #[command(flatten)]
     pub shutter: ShutterArgs,
-    #[command(flatten)]
-    pub asset: AssetArgs,
-    #[command(flatten)]
-    pub blender: BlenderArgs,
+}
+
+impl RenderArgs {
+    /// Replaces `--size` by width and height.
+    pub fn settle_size(&mut self) {
+        if let Some((width, height)) = self.size.take() {
+            (self.width, self.height) = (Some(width), Some(height));
+        }
+    }
 }
 
 #[derive(Args, Debug)]
@@ -350,6 +379,18 @@ fn strength(text: &str) -> Result<f32, String> {
     number(text, fits, "a finite number, 0 or more").map(|v| v as f32)
 }
 
+/// The file of `--env`; an empty path stands for no environment.
+fn environment(text: OsString) -> PathBuf {
+    if text == "none" { PathBuf::new() } else { text.into() }
+}
+
+/// Width and height, `1920x1080`.
+fn size(text: &str) -> Result<(u32, u32), String> {
+    let edge = |text: &str| text.trim().parse().ok().filter(|edge| (1..=65536).contains(edge));
+    let edges = text.split_once(['x', 'X', '×']).and_then(|(w, h)| Some((edge(w)?, edge(h)?)));
+    edges.ok_or_else(|| "must be width and height such as 1920x1080, each from 1 to 65536".to_string())
+}
+
 fn degrees(text: &str) -> Result<f64, String> {
     number(text, f64::is_finite, "a finite number of degrees")
 }
@@ -357,10 +398,10 @@ fn degrees(text: &str) -> Result<f64, String> {
 // Arguments about renders that take long: when they stop, how they survive, how they are divided.
 
 #[derive(Args, Clone, Debug)]
-#[command(next_help_heading = "Long renders")]
 pub(crate) struct LongArgs {
-    /// Noise threshold: stop when the estimated relative error of the image is below P percent, or after --max-spp
-    /// samples [default then: 65536].
+    /// Noise threshold: stop when the estimated relative error of the image is below P percent.
+    ///
+    /// At the latest after --max-spp samples per pixel [default then: 65536].
     #[arg(long, value_name = "P", value_parser = percent, allow_negative_numbers = true)]
     pub noise: Option<f32>,
     /// Minimum samples per pixel with --noise or --adaptive auto.
@@ -380,8 +421,9 @@ pub(crate) struct LongArgs {
     /// Seconds between checkpoints.
     #[arg(long, value_name = "S", value_parser = seconds, default_value = "60", requires = "checkpoint")]
     pub checkpoint_interval: Duration,
-    /// Resume from the checkpoint, if it exists, with the same or a higher number of samples. For animations: skip frames
-    /// whose files exist; an interrupted frame is not written.
+    /// Resume from the checkpoint, if it exists; of animations: skip frames whose files exist.
+    ///
+    /// With the same or a higher number of samples. An interrupted frame of an animation is not written.
     #[arg(long)]
     pub resume: bool,
     #[arg(long, help = setting_help("planned"), value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
@@ -456,6 +498,8 @@ mod tests {
 
     #[test]
     fn values() {
+        assert_eq!((size("1920x1080"), size("8 X 9")), (Ok((1920, 1080)), Ok((8, 9))));
+        assert!(["", "x", "8", "0x8", "8x65537", "8x8x8", "-1x8"].iter().all(|text| size(text).is_err()));
         assert_eq!((range("0..64"), range("8..9")), (Ok((0, 64)), Ok((8, 9))));
         assert!(["", "4", "4..4", "5..4", "-1..3", "a..b"].iter().all(|text| range(text).is_err()));
         assert_eq!(region("1,2,3,4"), Ok(Region { x0: 1, y0: 2, x1: 3, y1: 4 }));

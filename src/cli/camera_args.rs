@@ -12,7 +12,6 @@ use oscura::scene::{Aperture, Camera, Projection, ThinLens};
 const DEFAULT_FOCUS: f64 = 10.0;
 
 #[derive(Args, Clone, Debug, Default)]
-#[command(next_help_heading = "Camera")]
 pub(crate) struct CameraArgs {
     /// Camera position X,Y,Z, metres.
     #[arg(long, value_name = "X,Y,Z", conflicts_with = "orbit", allow_hyphen_values = true, value_parser = point)]
@@ -126,7 +125,6 @@ fn defocus(text: &str) -> std::result::Result<f64, String> {
 // Arguments about motion blur.
 
 #[derive(Args, Clone, Debug)]
-#[command(next_help_heading = "Motion blur")]
 pub(crate) struct ShutterArgs {
     /// Motion blur: shutter time in frames [default: the scene's, else 0].
     #[arg(long, value_name = "FRAMES", value_parser = frames, allow_negative_numbers = true)]

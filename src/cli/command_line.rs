@@ -4,27 +4,26 @@ use super::args::{
     CacheArgs, CompareArgs, CompletionsArgs, ExportArgs, HelpArgs, InspectArgs, ManArgs, NewArgs, RenderArgs,
 };
 use super::merge::MergeArgs;
-use super::outcome::Outcome;
+use super::option_groups::group;
 use super::picture_args::{ConvertArgs, DenoiseArgs, InfoArgs};
 use super::process::remember_words;
-use super::report::print_text;
 use super::thumbnail::{ThumbArgs, ThumbnailerArgs};
 use super::view;
 use super::view::ViewArgs;
-use clap::{CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
-use oscura::error::{Error, Result};
-use oscura::load::scene_file::reference::{CHAPTERS, Chapter};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::ffi::OsString;
-use std::fmt::Write;
-use textwrap::{Options, WordSplitter, fill, wrap};
+use std::path::Path;
 
 const AFTER: &str = "Exit codes: 0 done, 1 compare found disagreement, 2 usage, 3 bad input, 4 output failed, \
 130 interrupted. A setting comes from the command line, else from the scene file, else from its default. 'oscura help \
 scene-file' explains scene files; NO_COLOR turns colours off.";
 
+const USAGE: &str = "oscura SCENE... [OPTIONS]   renders SCENE.png, with the options of 'oscura render'
+       oscura COMMAND [OPTIONS]";
+
 /// An offline path tracer: glTF, OBJ, PLY, Blender and scene files in, EXR and PNG out.
 #[derive(Debug, Parser)]
-#[command(name = "oscura", version, after_help = AFTER, disable_help_subcommand = true)]
+#[command(name = "oscura", version, after_help = AFTER, override_usage = USAGE, disable_help_subcommand = true)]
 pub(crate) struct Arguments {
     #[command(subcommand)]
     pub command: Command,
@@ -40,28 +39,54 @@ impl Arguments {
                 arg.allow_negative_numbers(has_value)
             })
         };
-        Arguments::command().mut_subcommands(takes_numbers).mut_subcommand("view", view::adapt)
+        let command = Arguments::command().mut_subcommands(takes_numbers).mut_subcommand("view", view::adapt);
+        command.mut_subcommands(short_quiet).mut_subcommands(group)
     }
 
     /// Reads a command line, the first word of which is the program's name.
     ///
     /// # Errors
     /// What clap objects to, and questions for help.
-    pub fn read(words: impl Iterator<Item = OsString>) -> std::result::Result<Arguments, clap::Error> {
+    pub fn read(words: impl Iterator<Item = OsString>) -> Result<Arguments, clap::Error> {
         let mut command = Arguments::whole();
-        let words: Vec<OsString> = words.collect();
+        let words = with_command(words.collect(), &command);
         remember_words(&words);
         let matches = command.try_get_matches_from_mut(words)?;
         if let Some(("view", matches)) = matches.subcommand() {
             view::refuse_unused(&mut command, matches)?;
         }
-        Arguments::from_arg_matches(&matches)
+        let mut arguments = Arguments::from_arg_matches(&matches)?;
+        match &mut arguments.command {
+            Command::Render(args) => args.settle_size(),
+            Command::View(args) => args.picture.settle_size(),
+            _ => {}
+        }
+        Ok(arguments)
     }
+}
+
+/// `-q` where there is `--quiet`.
+fn short_quiet(command: clap::Command) -> clap::Command {
+    command.mut_args(|arg| if arg.get_id() == "quiet" { arg.short('q') } else { arg })
+}
+
+/// The words with the command `render`, if they begin with a file or with an option of a command.
+fn with_command(mut words: Vec<OsString>, command: &clap::Command) -> Vec<OsString> {
+    const OWN: [&str; 4] = ["-h", "--help", "-V", "--version"];
+    let Some(first) = words.get(1) else { return words };
+    let text = first.to_string_lossy();
+    let is_command = command.get_subcommands().any(|c| c.get_name() == text);
+    let is_file = text.contains(['.', '/', '\\']) || Path::new(first).exists();
+    let is_option = text.starts_with('-') && !OWN.contains(&&*text);
+    if !is_command && (is_file || is_option) {
+        words.insert(1, "render".into());
+    }
+    words
 }
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// Render a scene to EXR and PNG files.
+    /// Render a scene to EXR, PNG and other files; the default command.
     Render(Box<RenderArgs>),
     /// Merge partial renders (.part files) into one image.
     Merge(MergeArgs),
@@ -87,184 +112,12 @@ pub(crate) enum Command {
     New(NewArgs),
     /// Show or clear the cache of exported Blender files.
     Cache(CacheArgs),
-    /// Help on a command, on scene files (scene-file), or on a section of them (materials, camera, ...).
+    /// Help on a command, an option, a topic such as denoising, scene files (scene-file), or a section of them.
     Help(HelpArgs),
     /// Print a shell completion script.
     Completions(CompletionsArgs),
     /// Print the manual page of the program or of a command.
     Man(ManArgs),
-}
-
-// `oscura help`: of commands from their arguments, of scene files from the documentation of the parser; completions
-// and manual pages.
-
-/// The topic that shows all chapters.
-const WHOLE: &str = "scene-file";
-
-/// Prints the help of a command or topic.
-pub(crate) fn run(args: &HelpArgs) -> Result<Outcome> {
-    let mut command = Arguments::whole();
-    let text = match args.topic.as_deref() {
-        None => command.render_long_help().to_string() + &topics(),
-        Some(WHOLE) => CHAPTERS.iter().map(shown).collect::<Vec<_>>().join("\n"),
-        Some(topic) => match (Chapter::find(meant(topic)), subcommand(&command, topic)) {
-            // A command and what scene files say about it.
-            (Some(chapter), Some(mut found)) => format!("{}\n{}", found.render_long_help(), shown(chapter)),
-            (None, Some(mut found)) => found.render_long_help().to_string(),
-            (Some(chapter), None) => shown(chapter),
-            (None, None) => return Err(unknown(topic, &command)),
-        },
-    };
-    print_text(&text);
-    Ok(Outcome::Done)
-}
-
-/// The topic that another word stands for.
-fn meant(word: &str) -> &str {
-    match word {
-        "pbr" | "material" | "metal" | "metals" | "glass" | "displacement" | "priority" => "materials",
-        "fog" | "subsurface" | "medium" | "volume" | "volumes" | "grid" => "media",
-        "light" | "lamp" | "lamps" | "sun" => "lights",
-        "object" | "mesh" | "shapes" => "objects",
-        "subdivide" | "catmull-clark" => "subdivision",
-        "texture" | "spectrum" | "spectra" => "textures",
-        "settings" => "render",
-        "sky" => "environment",
-        _ => word,
-    }
-}
-
-fn shown(chapter: &Chapter) -> String {
-    format!("{}\n\n{}", chapter.title, markdown_to_text(&chapter.markdown()))
-}
-
-fn topics() -> String {
-    let names: Vec<&str> = CHAPTERS.iter().skip(1).map(Chapter::name).collect();
-    format!("\n\nTopics of 'oscura help': {WHOLE} (all of it), {}\n", names.join(", "))
-}
-
-fn unknown(topic: &str, command: &clap::Command) -> Error {
-    let commands: Vec<&str> = command.get_subcommands().map(clap::Command::get_name).collect();
-    let names: Vec<&str> = CHAPTERS.iter().skip(1).map(Chapter::name).collect();
-    let help = format!("commands: {}; topics: {WHOLE}, {}", commands.join(", "), names.join(", "));
-    Error::usage(format!("there is no help on '{topic}'")).with_help(help)
-}
-
-/// A command by name, called in usage lines as users call it.
-fn subcommand(command: &clap::Command, name: &str) -> Option<clap::Command> {
-    let found = command.get_subcommands().find(|c| c.get_name() == name)?.clone();
-    Some(found.bin_name(format!("oscura {name}")).display_name(format!("oscura-{name}")))
-}
-
-/// Prints the completions of a shell.
-pub(crate) fn completions(args: &CompletionsArgs) -> Result<Outcome> {
-    let mut bytes = Vec::new();
-    let name = args.shell.to_possible_value().map_or_else(String::new, |v| v.get_name().to_string());
-    let shell = name.parse::<clap_complete::Shell>().map_err(Error::usage)?;
-    clap_complete::generate(shell, &mut Arguments::whole(), "oscura", &mut bytes);
-    print_text(&String::from_utf8_lossy(&bytes));
-    Ok(Outcome::Done)
-}
-
-/// Prints a manual page: of the program or of a command.
-pub(crate) fn man(args: &ManArgs) -> Result<Outcome> {
-    let command = Arguments::whole();
-    let page = match args.command.as_deref() {
-        None => command,
-        Some(name) => subcommand(&command, name).ok_or_else(|| unknown(name, &command))?,
-    };
-    let mut bytes = Vec::new();
-    clap_mangen::Man::new(page).render(&mut bytes).map_err(|e| Error::usage(e.to_string()))?;
-    print_text(&String::from_utf8_lossy(&bytes));
-    Ok(Outcome::Done)
-}
-
-// Markdown for terminals: tables become aligned columns, marks of code go, links keep their text.
-
-/// Columns of a terminal.
-const WIDTH: usize = 100;
-/// Narrowest column of a table.
-const LEAST: usize = 12;
-const GAP: usize = 2;
-
-/// Plain text for a terminal.
-pub(crate) fn markdown_to_text(markdown: &str) -> String {
-    let mut text = String::new();
-    let lines: Vec<&str> = markdown.lines().collect();
-    let mut i = 0;
-    while i < lines.len() {
-        let rest = &lines[i..];
-        if rest[0].starts_with('|') {
-            let count = rest.iter().take_while(|l| l.starts_with('|')).count();
-            table(&mut text, &rest[..count]);
-            i += count;
-        } else if rest[0].trim().is_empty() {
-            text.push('\n');
-            i += 1;
-        } else if let Some(title) = rest[0].strip_prefix('#') {
-            let _ = writeln!(text, "{}", plain(title.trim_start_matches('#').trim()));
-            i += 1;
-        } else {
-            let is_more =
-                |l: &&&str| !l.trim().is_empty() && !l.starts_with(['|', '#']) && !l.starts_with("- ");
-            let count = 1 + rest[1..].iter().take_while(is_more).count();
-            let paragraph = rest[..count].iter().map(|l| l.trim()).collect::<Vec<_>>().join(" ");
-            let indent = if paragraph.starts_with("- ") { "  " } else { "" };
-            let _ = writeln!(text, "{}", fill(&plain(&paragraph), lines_of(WIDTH).subsequent_indent(indent)));
-            i += count;
-        }
-    }
-    text
-}
-
-/// Without marks of code and links.
-fn plain(text: &str) -> String {
-    let mut text = text.replace("\\|", "|").replace('`', "");
-    while let Some(start) = text.find("](")
-        && let Some(length) = text[start..].find(')')
-    {
-        text.replace_range(start..=start + length, "");
-        if let Some(open) = text[..start].rfind('[') {
-            text.remove(open);
-        }
-    }
-    text
-}
-
-/// Lines of at most so many columns; a longer word has a line of its own.
-fn lines_of(columns: usize) -> Options<'static> {
-    Options::new(columns).break_words(false).word_splitter(WordSplitter::NoHyphenation)
-}
-
-fn cells(line: &str) -> Vec<String> {
-    let inside = line.trim().trim_start_matches('|').trim_end_matches('|');
-    inside.split(" | ").map(|c| plain(c.trim())).collect()
-}
-
-fn table(text: &mut String, lines: &[&str]) {
-    let is_rule = |l: &&&str| l.chars().all(|c| matches!(c, '|' | '-' | ':' | ' '));
-    let rows: Vec<Vec<String>> = lines.iter().filter(|l| !is_rule(l)).map(|l| cells(l)).collect();
-    let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
-    let longest = |c: usize| rows.iter().filter_map(|r| r.get(c)).map(|s| s.chars().count()).max();
-    let mut widths: Vec<usize> = (0..columns).map(|c| longest(c).unwrap_or(0)).collect();
-    // The widest columns give way.
-    while widths.iter().sum::<usize>() + GAP * columns > WIDTH {
-        let Some(widest) = (0..columns).max_by_key(|&c| widths[c]).filter(|&c| widths[c] > LEAST) else {
-            break;
-        };
-        widths[widest] -= 1;
-    }
-    for row in &rows {
-        let wrapped: Vec<_> = row.iter().zip(&widths).map(|(cell, w)| wrap(cell, lines_of(*w))).collect();
-        for i in 0..wrapped.iter().map(Vec::len).max().unwrap_or(0) {
-            let mut line = String::new();
-            for (cell, width) in wrapped.iter().zip(&widths) {
-                let part = cell.get(i).map_or("", |line| line.as_ref());
-                let _ = write!(line, "{part:<width$}  ");
-            }
-            let _ = writeln!(text, "  {}", line.trim_end());
-        }
-    }
 }
 
 #[cfg(test)]
@@ -291,31 +144,5 @@ mod tests {
                 matches!(arguments.command, Command::Thumb(thumb) if thumb.models == [std::path::PathBuf::from(name)])
             );
         }
-    }
-}
-
-#[cfg(test)]
-mod markdown_tests {
-    use super::*;
-
-    #[test]
-    fn tables_align_and_wrap() {
-        let long = "word ".repeat(40);
-        let text = markdown_to_text(&format!(
-            "| Key | Meaning |\n|---|---|\n| `a`, `b` | {long} |\n| `key` | short |"
-        ));
-        let lines: Vec<&str> = text.lines().collect();
-        assert_eq!(lines[0], "  Key   Meaning");
-        assert!(lines[1].starts_with("  a, b  word word") && lines[2].starts_with("        word"), "{text}");
-        assert_eq!(lines.last(), Some(&"  key   short"));
-        assert!(lines.iter().all(|l| l.len() <= WIDTH), "{text}");
-    }
-
-    #[test]
-    fn paragraphs_flow_and_marks_go() {
-        let text = markdown_to_text("One\ntwo `three` [four](five).\n\n## Six\n- seven\n- eight");
-        assert_eq!(text, "One two three four.\n\nSix\n- seven\n- eight\n");
-        let long = markdown_to_text(&format!("- {}", "word ".repeat(30)));
-        assert_eq!(long.lines().map(str::len).collect::<Vec<_>>(), [96, 56], "{long}");
     }
 }

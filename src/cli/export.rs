@@ -14,7 +14,7 @@ use std::path::Path;
 
 pub(crate) fn run(args: &ExportArgs) -> Result<Outcome> {
     if !is_of_blender(&args.scene) {
-        let message = format!("{} is no .blend file: there is nothing to export", args.scene.display());
+        let message = format!("{} is not a .blend file, and only those are exported", args.scene.display());
         return Err(Error::usage(message));
     }
     check_scene_path(&args.scene)?;

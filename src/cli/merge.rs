@@ -77,12 +77,7 @@ fn merge(args: &MergeArgs) -> Result<Outcome> {
         warnings,
         metadata: Metadata { denoised, ..metadata(&parts, samples, missing.is_empty()) },
     };
-    let how = EncodeOptions {
-        owner: args.owner.clone().or_else(|| finish.owner.clone()),
-        reproducible: args.reproducible || finish.reproducible,
-        float: args.float || finish.float,
-        exr: args.exr.options(None),
-    };
+    let how = encoding(args, finish);
     let pictures = Pictures::encode(&how, &targets, shot, &png(args, finish, &targets)?, &earlier);
     earlier.extend(pictures.warnings.iter().cloned());
     pictures.write()?;
@@ -190,7 +185,18 @@ fn metadata(parts: &[(PathBuf, PartHeader)], samples: f64, is_complete: bool) ->
     }
 }
 
-/// As the arguments say, else as the parts do.
+/// Encoding as the arguments say, else as the parts do.
+fn encoding(args: &MergeArgs, finish: &Finish) -> EncodeOptions {
+    EncodeOptions {
+        owner: args.owner.clone().or_else(|| finish.owner.clone()),
+        reproducible: args.reproducible || finish.reproducible,
+        float: args.float || finish.float,
+        exr: args.exr.options(None),
+        mark: None,
+    }
+}
+
+/// View as the arguments say, else as the parts do.
 ///
 /// # Errors
 /// Where the table by which pictures are to be shown can't be read.

@@ -21,14 +21,17 @@ mod command_line;
 mod compare;
 mod convert;
 mod darkness;
+mod default_output;
 mod denoise;
 mod export;
 mod exr_args;
+mod help;
 mod info;
 mod inspect;
 mod json;
 mod merge;
 mod new_scene;
+mod option_groups;
 mod outcome;
 mod page;
 mod parsers;
@@ -74,9 +77,9 @@ fn run(arguments: Arguments) -> u8 {
         Command::InstallThumbnailer(a) => (false, thumbnail::install(&a)),
         Command::New(a) => (false, new_scene::run(&a)),
         Command::Cache(a) => (false, export::run_cache(&a)),
-        Command::Help(a) => (false, command_line::run(&a)),
-        Command::Completions(a) => (false, command_line::completions(&a)),
-        Command::Man(a) => (false, command_line::man(&a)),
+        Command::Help(a) => (false, help::run(&a)),
+        Command::Completions(a) => (false, help::completions(&a)),
+        Command::Man(a) => (false, help::man(&a)),
     };
     match result {
         Ok(Outcome::Done) => 0,
@@ -101,7 +104,6 @@ fn refuse(error: clap::Error, wants_json: bool) -> u8 {
         report::print_text(table);
         return 0;
     }
-    let error = scene_args::explain_subcommand(error);
     // Nobody listening is no reason to end otherwise.
     let _ = error.print();
     let code = u8::try_from(error.exit_code()).unwrap_or(2);

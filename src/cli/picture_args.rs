@@ -53,8 +53,10 @@ fn named_views() -> impl Iterator<Item = PossibleValue> {
 pub(crate) struct PictureArgs {
     #[arg(long, help = setting_help("caustics"), value_name = "C", default_value = "auto")]
     pub caustics: Caustics,
-    /// Denoise the finished image, its light passes and light groups. (Images of --save-every stay noisy and contain the
-    /// guides for 'oscura denoise'; .part files are denoised by 'oscura merge'.)
+    /// Denoise the finished image, its light passes and light groups.
+    ///
+    /// Images of --save-every stay noisy and contain the guides for 'oscura denoise'; .part files are denoised by 'oscura
+    /// merge'.
     #[arg(long)]
     pub denoise: bool,
     /// Do not denoise, even if the scene file asks for it.

@@ -1,8 +1,9 @@
 //! Output pictures of a run: targets, encoding, metadata, denoising, animation files.
 
 use super::args::RenderArgs;
-use super::progress::{ProgressTarget, StageProgress};
-use super::report::{PrintedMessages, name_options_in_warnings};
+use super::default_output::marked;
+use super::progress::{ProgressArg, ProgressTarget, StageProgress};
+use super::report::{PrintedMessages, name_options_in_warnings, print_bytes};
 use oscura::error::{Error, Result, Warning};
 use oscura::film::{AovSet, Film};
 use oscura::gauge::Gauge;
@@ -12,6 +13,7 @@ use oscura::output::{
 };
 use oscura::render::{Picture, Rendering};
 use std::borrow::Cow;
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -36,15 +38,15 @@ impl Targets {
                 return Err(Error::usage(message).with_help(same));
             }
             if is_moving(path) {
-                let message = format!("{}: there is one picture only, and no moving one", path.display());
-                return Err(Error::usage(message).with_help("--orbit N or --frames A-B make more"));
+                let message = format!("{}: an animation needs more than one frame", path.display());
+                return Err(Error::usage(message).with_help("add --orbit N or --frames A-B"));
             }
             match path.extension().is_some_and(|e| e.eq_ignore_ascii_case(PART)) {
                 true => targets.parts.push(path.clone()),
-                false => targets.pictures.push((path.clone(), Format::of(path)?)),
+                false => targets.pictures.push((path.clone(), format_of(path)?)),
             }
         }
-        paths.iter().try_for_each(check_target)?;
+        paths.iter().filter(|path| !is_stdout(path)).try_for_each(check_target)?;
         Ok(targets)
     }
 
@@ -88,8 +90,61 @@ impl Targets {
     pub fn names(&self, with_parts: bool) -> Vec<String> {
         let pictures = self.pictures.iter().map(|(path, _)| path);
         let parts = self.parts.iter().filter(|_| with_parts);
-        pictures.chain(parts).map(|path| path.display().to_string()).collect()
+        let name = |path: &PathBuf| match is_stdout(path) {
+            true => "standard output".to_string(),
+            false => path.display().to_string(),
+        };
+        pictures.chain(parts).map(name).collect()
     }
+}
+
+/// The format of an output: by the extension, or as said of standard output.
+///
+/// # Errors
+/// As for [`Format::of`].
+pub(super) fn format_of(path: &Path) -> Result<Format> {
+    stdout_kind(path).map_or_else(|| Format::of(path), |kind| Format::of(format!("picture.{kind}")))
+}
+
+/// Is it standard output: `-`, or with a format, `exr:-`?
+pub(super) fn is_stdout(path: &Path) -> bool {
+    stdout_kind(path).is_some()
+}
+
+/// The extension of what goes to standard output; `None` for files.
+fn stdout_kind(path: &Path) -> Option<&str> {
+    match path.to_str()? {
+        "-" => Some("png"),
+        text => text.strip_suffix(":-").filter(|kind| kind.chars().all(char::is_alphanumeric)),
+    }
+}
+
+/// Is standard output, if a picture goes there, free for it?
+///
+/// # Errors
+/// A usage error that says what else would be written there.
+pub(super) fn check_stdout(args: &RenderArgs) -> Result<()> {
+    let pictures = args.output.iter().filter(|path| is_stdout(path)).count();
+    if pictures == 0 {
+        return Ok(());
+    }
+    let is_sequence = args.frames.is_some() || args.orbit.is_some();
+    let progress = args.long.progress;
+    let why = if pictures > 1 || args.scenes.len() > 1 || is_sequence {
+        "there is more than one picture"
+    } else if args.long.save_every.is_some() {
+        "--save-every writes it several times"
+    } else if args.json || matches!(progress, Some(ProgressArg::Json | ProgressArg::Openjd)) {
+        "JSON or progress for programs is asked for, too"
+    } else if args.show.is_some() {
+        "--show draws there"
+    } else if std::io::stdout().is_terminal() {
+        "that is a terminal"
+    } else {
+        return Ok(());
+    };
+    let message = format!("-o - writes the picture to standard output, but {why}");
+    Err(Error::usage(message).with_help("give -o the name of a file"))
 }
 
 /// Options of encoding that are the same for all pictures of a run.
@@ -102,13 +157,16 @@ pub(crate) struct EncodeOptions {
     pub float: bool,
     /// Format of EXRs.
     pub exr: ExrOptions,
+    /// Mark of PNGs whose name is the default.
+    pub mark: Option<String>,
 }
 
 impl EncodeOptions {
     /// As the arguments say, of pixels that stand so in the frame.
     pub fn of(args: &RenderArgs, window: Option<ExrWindow>) -> EncodeOptions {
         let exr = args.exr.format.options(window);
-        EncodeOptions { owner: args.owner.clone(), reproducible: args.reproducible, float: args.float, exr }
+        let (owner, mark) = (args.owner.clone(), args.mark.clone());
+        EncodeOptions { owner, reproducible: args.reproducible, float: args.float, exr, mark }
     }
 }
 
@@ -180,7 +238,10 @@ impl<'a> Pictures<'a> {
                 for warning in encoded.warnings {
                     warnings.push(Warning { file: Some(path.clone()), ..warning });
                 }
-                encoded.bytes
+                match &how.mark {
+                    Some(mark) if *format == Format::Png => marked(encoded.bytes, mark),
+                    _ => encoded.bytes,
+                }
             });
             files.push((path.as_path(), bytes));
         }
@@ -193,7 +254,10 @@ impl<'a> Pictures<'a> {
     /// # Errors
     /// An output error that says of all others why they were not.
     pub fn write(self) -> Result<()> {
-        let written = self.files.into_iter().map(|(path, bytes)| write_atomically(path, &bytes?));
+        let written = self.files.into_iter().map(|(path, bytes)| match is_stdout(path) {
+            true => bytes.map(|bytes| print_bytes(&bytes)),
+            false => write_atomically(path, &bytes?),
+        });
         let mut failed = written.filter_map(Result::err);
         let Some(mut first) = failed.next() else { return Ok(()) };
         failed.for_each(|error| first.append(error));

@@ -5,11 +5,31 @@ use oscura::render::CancelHandle;
 use std::ffi::OsString;
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Signals this soon after the first are the same request: `timeout` and job schedulers signal the process and its
+/// group, so that it gets two.
+const SAME_REQUEST: Duration = Duration::from_secs(1);
 
 /// What signals cancel; `None` until they are watched for.
-static WATCHED: Mutex<Option<CancelHandle>> = Mutex::new(None);
+static WATCHED: Mutex<Option<Watched>> = Mutex::new(None);
 
-/// Watches for Ctrl-C and SIGTERM. The first uses the handle that comes back; a second one ends the program at once.
+struct Watched {
+    cancel: CancelHandle,
+    first: Option<Instant>,
+}
+
+impl Watched {
+    /// Cancels at the first signal. True for a further one, a second or more later.
+    fn signal(&mut self, now: Instant) -> bool {
+        self.cancel.cancel();
+        let first = *self.first.get_or_insert(now);
+        now.duration_since(first) >= SAME_REQUEST
+    }
+}
+
+/// Watches for Ctrl-C and SIGTERM. The first signal cancels the returned handle; another one, at least a second later,
+/// ends the process with exit code 130.
 ///
 /// # Errors
 /// If the system refuses the handler. There is one for the whole process, which may run the program several times (Python).
@@ -18,14 +38,15 @@ pub(crate) fn cancel_by_signals() -> Result<CancelHandle> {
     let mut watched = WATCHED.lock().unwrap_or_else(PoisonError::into_inner);
     if watched.is_none() {
         ctrlc::set_handler(|| {
-            let newest = WATCHED.lock().unwrap_or_else(PoisonError::into_inner).clone();
-            if newest.is_some_and(|handle| handle.cancel()) {
+            let now = Instant::now();
+            let mut watched = WATCHED.lock().unwrap_or_else(PoisonError::into_inner);
+            if watched.as_mut().is_some_and(|watched| watched.signal(now)) {
                 std::process::exit(130);
             }
         })
         .map_err(|e| Error::usage(format!("can't watch for signals: {e}")))?;
     }
-    *watched = Some(cancel.clone());
+    *watched = Some(Watched { cancel: cancel.clone(), first: None });
     Ok(cancel)
 }
 
@@ -82,5 +103,15 @@ mod tests {
         let second = cancel_by_signals().expect("watched for");
         first.cancel();
         assert!(!second.is_cancelled());
+    }
+
+    #[test]
+    fn signals_within_a_second_are_one() {
+        let mut watched = Watched { cancel: CancelHandle::new(), first: None };
+        let start = Instant::now();
+        let after = |ms| start + Duration::from_millis(ms);
+        assert!(!watched.signal(start) && watched.cancel.is_cancelled());
+        assert!(!watched.signal(after(1)) && !watched.signal(after(999)));
+        assert!(watched.signal(after(1000)));
     }
 }

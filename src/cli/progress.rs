@@ -16,8 +16,11 @@ use std::time::{Duration, Instant};
 /// Least time between two lines for programs.
 pub(super) const MACHINE_PAUSE: Duration = Duration::from_millis(500);
 
-/// Least time between two plain lines.
-const PAUSE: Duration = Duration::from_secs(2);
+/// Time of the first plain line. The time of each further one is twice that of the line before.
+const FIRST_LINE: Duration = Duration::from_secs(2);
+
+/// Longest time between two plain lines: a log shows that the program is alive.
+const LONGEST_PAUSE: Duration = Duration::from_secs(600);
 
 /// How progress is told.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -82,9 +85,11 @@ pub(crate) enum Progress {
         ends: StopCriteria,
     },
     Lines {
-        /// When the last line was printed.
-        last: Mutex<Duration>,
+        /// When the next line is printed.
+        next: Mutex<Duration>,
         ends: StopCriteria,
+        /// What lines begin with: the frame of a sequence.
+        label: String,
     },
 }
 
@@ -98,8 +103,9 @@ pub(crate) struct StopCriteria {
 }
 
 impl Progress {
-    /// Chooses by what standard error is.
-    pub fn new(quiet: bool, kind: Option<ProgressArg>, ends: StopCriteria) -> Progress {
+    /// Chooses by what standard error is. `frame` names the frame of a sequence.
+    pub fn new(quiet: bool, kind: Option<ProgressArg>, ends: StopCriteria, frame: Option<&str>) -> Progress {
+        let label = frame.map_or_else(String::new, |frame| format!("{frame}: "));
         if let Some(kind @ (ProgressArg::Json | ProgressArg::Openjd)) = kind {
             return Progress::Machine { kind, last: Mutex::default() };
         }
@@ -107,13 +113,14 @@ impl Progress {
             return Progress::Silent;
         }
         if kind == Some(ProgressArg::Plain) || !std::io::stderr().is_terminal() {
-            return Progress::Lines { last: Mutex::new(Duration::ZERO), ends };
+            return Progress::Lines { next: Mutex::new(FIRST_LINE), ends, label };
         }
         let bar = ProgressBar::new(1000);
-        let style = "{bar:40} {percent:>3} %  {elapsed} elapsed{msg}";
+        let style = "{prefix}{bar:40} {percent:>3} %  {elapsed} elapsed{msg}";
         if let Ok(style) = ProgressStyle::with_template(style) {
             bar.set_style(style);
         }
+        bar.set_prefix(label);
         Progress::Bar { bar, ends }
     }
 
@@ -155,16 +162,19 @@ impl Progress {
                 let error = error.map_or_else(String::new, |error| format!("  error {:.2} %", error * 100.0));
                 bar.set_message(format!("{left}  {speed:.1} M rays/s{error}"));
             }
-            Progress::Lines { last, ends } => {
-                let mut last = last.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-                if elapsed < *last + PAUSE {
+            Progress::Lines { next, ends, label } => {
+                let mut next = next.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+                if elapsed < *next {
                     return;
                 }
-                *last = elapsed;
+                *next = next_line(elapsed);
                 let left = ends.left(share, elapsed, error);
                 let left = left.map_or_else(String::new, |left| format!("about {left} left, "));
                 let error = error.map_or_else(String::new, |error| format!(", error {:.2} %", error * 100.0));
-                say!("{:.1} %  {seconds:.0} s elapsed, {left}{speed:.1} M rays/s{error}", share * 100.0);
+                say!(
+                    "{label}{:.1} %  {seconds:.0} s elapsed, {left}{speed:.1} M rays/s{error}",
+                    share * 100.0
+                );
             }
         }
     }
@@ -182,6 +192,11 @@ impl Progress {
             Progress::Silent | Progress::Lines { .. } => {}
         }
     }
+}
+
+/// When the plain line after one at this time is printed.
+fn next_line(elapsed: Duration) -> Duration {
+    elapsed + elapsed.min(LONGEST_PAUSE)
 }
 
 /// Shorter times say nothing about how long the rest takes: memory is being filled for the first time.
@@ -338,6 +353,13 @@ fn draw(label: &'static str, gauge: &Gauge, goes_on: impl Fn(Duration) -> bool) 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn pauses_between_lines_double() {
+        let lines = std::iter::successors(Some(FIRST_LINE), |&last| Some(next_line(last)));
+        let seconds: Vec<u64> = lines.take(11).map(|time| time.as_secs()).collect();
+        assert_eq!(seconds, [2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 1624]);
+    }
 
     #[test]
     fn nothing_is_said_of_the_rest_before_something_is_known() {

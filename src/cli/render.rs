@@ -2,17 +2,18 @@
 
 use super::args::RenderArgs;
 use super::checkpoint::CheckpointWriter;
+use super::default_output;
 use super::outcome::{Outcome, exit_code};
 use super::parsers::Frames;
-use super::pictures::{AnimationFiles, Denoising, FinishedPicture, Pictures, Targets, still};
+use super::pictures::{AnimationFiles, Denoising, FinishedPicture, Pictures, Targets, check_stdout, still};
 use super::preview::Preview;
 use super::process::{cancel_by_signals, peak_memory};
 use super::progress::{Progress, ProgressTarget, StageProgress, StopCriteria};
 use super::report::{PrintedMessages, Run, name_options_in_error};
 use super::scene_args::check_scene_path;
 use super::settings::{
-    EnvironmentOverride, PictureUse, Prepared, check_memory_before_loading, choices, completed, prepare,
-    unused_option_warnings,
+    EnvironmentOverride, PictureUse, Prepared, check_memory_before_loading, choices, completed,
+    idle_option_notes, prepare, unused_option_warnings,
 };
 use super::{checkpoint, darkness, json, report, show};
 use oscura::compile::Compiler;
@@ -21,7 +22,7 @@ use oscura::film::{Aov, Film};
 use oscura::load::stage::{Background, Turntable, middle};
 use oscura::load::{LoadOptions, Loaded, is_of_blender, load, load_frames};
 use oscura::output::is_same_target;
-use oscura::render::{CancelHandle, PassOutcome, Rendering, Statistics, in_pool};
+use oscura::render::{CancelHandle, PassOutcome, RenderOptions, Rendering, Statistics, in_pool};
 use oscura::scene::Scene;
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
@@ -54,9 +55,27 @@ fn run_picture(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
     check_scene_path(&args.scene)?;
     check_memory_before_loading(args)?;
     let environment = EnvironmentOverride::load(args)?;
-    let mut loaded = load_scene(args, cancel, &load_options(args)?)?;
+    let options = load_options(args)?;
+    let mut loaded = load_scene(args, cancel, &options)?;
+    say_default_output(args);
+    if args.mark.is_some() {
+        let parts = options.files.paths();
+        let refuse = |target: &PathBuf| default_output::refuse_part(&args.scene, target, &parts, ELSEWHERE);
+        args.output.iter().try_for_each(refuse)?;
+    }
     let mut kept = RunState::new(args, Compiler::single())?;
     run_one(args, cancel, &targets, Some(&environment), &mut loaded, start, &mut kept)
+}
+
+/// What helps where a picture without -o would replace something else.
+const ELSEWHERE: &str = "name the picture by -o FILE, which may replace a file";
+
+/// Says where a picture without `-o` goes, and what else could be done.
+fn say_default_output(args: &RenderArgs) {
+    if args.mark.is_some() && !args.quiet {
+        let (file, scene) = (args.output[0].display(), args.scene.display());
+        say!("note: without -o, the picture is {file} ('oscura view {scene}' shows it live in a browser)");
+    }
 }
 
 /// Renders the frames of an animation; with --resume, those whose files are missing.
@@ -87,13 +106,11 @@ fn run_frames(args: &RenderArgs, frames: Frames, cancel: &CancelHandle) -> Resul
         load_frames(&args.scene, &load_options(args)?, missing.iter().copied(), args.fps, &mut |loaded| {
             let Some(number) = numbers.next() else { return Ok(ControlFlow::Break(())) };
             let targets = Targets::check(&file(number))?;
-            if !args.quiet {
-                match is_of_blender(&args.scene) {
-                    true => say!("frame    {number}"),
-                    false => say!("frame    {number}, {:.3} s", f64::from(number) / args.fps),
-                }
-            }
             let mut args = args.clone();
+            args.frame = Some(match is_of_blender(&args.scene) {
+                true => format!("frame    {number}"),
+                false => format!("frame    {number}, {:.3} s", f64::from(number) / args.fps),
+            });
             args.long.checkpoint = args.long.checkpoint.map(|file| Frames::file(&file, number));
             outcome = run_one(&args, cancel, &targets, Some(&environment), loaded, start, &mut kept)?;
             start = Instant::now();
@@ -125,6 +142,7 @@ const STEMS: [&str; 2] = ["{stem}", "{name}"];
 pub(crate) fn run(args: &RenderArgs) -> Result<Outcome> {
     let shots: Vec<RenderArgs> = args.scenes.iter().map(|scene| of_scene(args, scene)).collect();
     check(&shots)?;
+    check_stdout(args)?;
     show::check(args)?;
     let cancel = cancel_by_signals()?;
     match &shots[..] {
@@ -133,7 +151,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<Outcome> {
     }
 }
 
-/// The arguments for one of the scenes: file names with placeholders replaced.
+/// The arguments for one of the scenes: file names with placeholders replaced, and the default name of the picture.
 fn of_scene(args: &RenderArgs, scene: &Path) -> RenderArgs {
     let stem = scene.file_stem().unwrap_or_default().to_string_lossy();
     let has_stem = |path: &PathBuf| STEMS.iter().any(|mark| path.to_string_lossy().contains(mark));
@@ -147,11 +165,26 @@ fn of_scene(args: &RenderArgs, scene: &Path) -> RenderArgs {
     own.scene = scene.to_path_buf();
     own.output = args.output.iter().map(named).collect();
     own.long.checkpoint = args.long.checkpoint.as_ref().map(named);
+    let is_sequence = args.frames.is_some() || args.orbit.is_some();
+    if own.output.is_empty() && own.show.is_none() && !is_sequence {
+        own.output.push(format!("{stem}.png").into());
+        own.mark = Some(default_output::mark("render", scene));
+    }
     own
 }
 
 /// Checks that all output files can be written and that no two scenes write the same file.
 fn check(shots: &[RenderArgs]) -> Result<()> {
+    for shot in shots {
+        if let Some(mark) = &shot.mark {
+            let check = |target: &PathBuf| default_output::check(target, mark, ELSEWHERE);
+            shot.output.iter().try_for_each(check)?;
+        }
+        if shot.output.is_empty() && shot.show.is_none() {
+            return Err(Error::usage("frames need an output")
+                .with_help("such as -o turn.gif, -o turn.mp4, or -o turn.####.png for numbered files"));
+        }
+    }
     for shot in shots.iter().filter(|shot| shot.frames.is_none() && shot.orbit.is_none()) {
         Targets::check(&shot.output)?;
     }
@@ -299,13 +332,12 @@ pub(super) fn run_one(
     preview.iter_mut().for_each(|shown| shown.begin(&rendering, &png, &camera, build.triangles, said));
     let (mut rendering, kept) =
         take_picture(args, cancel, rendering, &mut keeper, &encode, said, preview.as_mut())?;
-    if is_unfinished_frame(args, &rendering) {
-        return Ok(Outcome::Interrupted);
+    if let Some(ended) = end_without_picture(args, &rendering, &settled.options) {
+        return kept.and(ended);
     }
     let denoise_s = denoising.run(&mut rendering, said);
-    let outputs = targets.names(rendering.is_complete());
-    let picture = rendering.into_picture();
-    let start = Instant::now();
+    let (outputs, picture) = (targets.names(rendering.is_complete()), rendering.into_picture());
+    let writing = Instant::now();
     let pictures = encode(FinishedPicture::from(&picture));
     say_pictures(args, said, &pictures, picture.statistics().interrupted)?;
     warnings.extend(pictures.warnings.iter().cloned().chain(noise_warning(args, picture.statistics(), said)));
@@ -314,9 +346,10 @@ pub(super) fn run_one(
     kept?; // after the pictures: who runs out of space for the one may have some for the others
     moving.iter_mut().try_for_each(|moving| moving.add(picture.film(), &png))?;
     let run = Run {
+        total_s: start.elapsed().as_secs_f64(),
         load_s,
         denoise_s,
-        write_s: start.elapsed().as_secs_f64(),
+        write_s: writing.elapsed().as_secs_f64(),
         width,
         height,
         seed: settled.options.seed,
@@ -349,10 +382,33 @@ fn prepare_files(
     start: Instant,
     compiler: &mut Compiler,
 ) -> Result<Prepared> {
+    if let Some(frame) = args.frame.as_ref().filter(|_| args.verbose) {
+        say!("{frame}");
+    }
     let wants = PictureUse::of_files(args, targets.has_exr());
     let mut prepared = prepare(args, wants, environment, loaded, start, compiler)?;
     prepared.warnings.extend(unused_option_warnings(given, &loaded.scene, &prepared));
+    prepared.notes.extend(idle_option_notes(given, &loaded.scene));
     Ok(prepared)
+}
+
+/// How a run ends whose picture is not written: `None` if it is.
+fn end_without_picture(
+    args: &RenderArgs,
+    rendering: &Rendering,
+    options: &RenderOptions,
+) -> Option<Result<Outcome>> {
+    if is_unfinished_frame(args, rendering) {
+        return Some(Ok(Outcome::Interrupted));
+    }
+    is_incomplete(rendering.statistics(), options).then(|| Err(nothing_written()))
+}
+
+/// True where a signal came before each pixel had a sample: pixels without one are black.
+fn is_incomplete(statistics: Statistics, options: &RenderOptions) -> bool {
+    let (width, height) =
+        options.region.map_or((options.width, options.height), |region| (region.width(), region.height()));
+    statistics.interrupted && statistics.samples < u64::from(width) * u64::from(height)
 }
 
 /// True for an interrupted frame of an animation: it is not written, since --resume would take it for a finished one.
@@ -411,8 +467,11 @@ fn noise_warning(args: &RenderArgs, statistics: &Statistics, said: &mut PrintedM
 
 /// Prints the report of a run.
 fn say_run(args: &RenderArgs, run: &Run) {
+    if args.verbose {
+        run.print_details();
+    }
     if !args.quiet {
-        run.print();
+        run.print_end(args.frame.as_deref());
     }
     if args.json {
         json::print(&json::of_run(run));
@@ -447,7 +506,8 @@ fn take_picture<'a>(
     mut preview: Option<&mut Preview>,
 ) -> Result<(Rendering, Result<()>)> {
     let ends = StopCriteria { limit: args.long.time_limit, by_noise: args.long.noise.is_some() };
-    let progress = Arc::new(Progress::new(args.quiet, args.long.progress, ends));
+    let progress = Progress::new(args.quiet, args.long.progress, ends, args.frame.as_deref());
+    let progress = Arc::new(progress);
     let shown = progress.clone();
     let mut rendering =
         rendering.with_cancel_handle(cancel.clone()).on_event(move |event| shown.show(&event));
@@ -488,13 +548,14 @@ fn refuse_warnings(args: &RenderArgs, warnings: &[Warning], kind: ErrorKind) -> 
     Err(error.with_help("--strict makes warnings errors"))
 }
 
-/// Interrupted before the first sample: there is nothing to write.
+/// Interrupted before each pixel has a sample: nothing is written, and a picture that is there stays.
 fn stop_before_pixels(cancel: &CancelHandle) -> Result<()> {
-    if cancel.is_cancelled() {
-        let message = "stopped by a signal before the first sample; nothing was written";
-        return Err(Error { kind: ErrorKind::Interrupted, ..Error::usage(message) });
-    }
-    Ok(())
+    if cancel.is_cancelled() { Err(nothing_written()) } else { Ok(()) }
+}
+
+fn nothing_written() -> Error {
+    let message = "stopped by a signal before each pixel had a sample; no picture was written";
+    Error { kind: ErrorKind::Interrupted, ..Error::usage(message) }
 }
 
 // `oscura render --orbit N`: turntables.
@@ -519,9 +580,7 @@ fn run_turntable(args: &RenderArgs, count: u32, cancel: &CancelHandle) -> Result
     let table = turntable(&loaded);
     let mut kept = RunState { moving, ..RunState::new(args, Compiler::sequence())? };
     for k in 0..count {
-        if !args.quiet {
-            say!("frame    {k} of {count}");
-        }
+        let args = &RenderArgs { frame: Some(format!("frame    {k} of {count}")), ..args.clone() };
         let angle = f64::from(k) / f64::from(count) * TAU;
         loaded.scene.cameras[number] = table.camera(&first, angle);
         table.light(&mut loaded.scene, angle);

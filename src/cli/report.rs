@@ -119,6 +119,11 @@ pub(crate) fn print_text(text: &str) {
     note_stdout(std::io::stdout().write_all(text.as_bytes()));
 }
 
+/// Writes the bytes of a file to standard output.
+pub(crate) fn print_bytes(bytes: &[u8]) {
+    note_stdout(std::io::stdout().write_all(bytes));
+}
+
 /// Something that was printed on standard output is lost.
 static IS_STDOUT_LOST: AtomicBool = AtomicBool::new(false);
 
@@ -169,6 +174,8 @@ impl PrintedMessages {
 
 /// Everything about a finished run.
 pub(crate) struct Run {
+    /// From the start of loading to the end of writing, seconds.
+    pub total_s: f64,
     pub load_s: f64,
     pub denoise_s: Option<f64>,
     pub write_s: f64,
@@ -195,8 +202,29 @@ impl Run {
         if words.is_empty() { String::new() } else { format!(": {}", words.join(", ")) }
     }
 
-    /// The report for people.
-    pub fn print(&self) {
+    /// The line at the end: of a frame of a sequence, or of a single picture.
+    pub fn print_end(&self, frame: Option<&str>) {
+        let s = &self.statistics;
+        if s.interrupted {
+            say!("stopped  by a signal: the picture has the samples taken until then");
+        } else if s.timed_out {
+            say!("stopped  by --time-limit: another run may stop elsewhere and give other pixels");
+        }
+        let noise = s.error.map(|error| format!(", noise {:.1} %", error * 100.0)).unwrap_or_default();
+        // Not an integer if stopped early.
+        let samples = (s.samples_per_pixel * 100.0).round() / 100.0;
+        let (outputs, time) = (self.outputs.join(", "), readable_time(self.total_s));
+        let facts = format!("{}x{}, {samples} samples a pixel{noise}, {time}", self.width, self.height);
+        match (frame, self.outputs.is_empty()) {
+            (Some(frame), true) => say!("{frame}: {facts}"),
+            (Some(frame), false) => say!("{frame}: {outputs}, {facts}"),
+            (None, true) => say!("rendered {facts}"),
+            (None, false) => say!("wrote    {outputs}: {facts}"),
+        }
+    }
+
+    /// The details for people, before the last line.
+    pub fn print_details(&self) {
         let (s, c) = (&self.statistics, &self.compiled);
         say!(
             "scene    {}, {}, {}{}{}, {:.1} MiB{}",
@@ -236,23 +264,21 @@ impl Run {
             self.denoise_s.map(|s| format!("denoise {s:.3} s, ")).unwrap_or_default(),
             self.write_s
         );
-        if let Some(error) = s.error {
-            say!("noise    {:.2} % relative error, estimated", error * 100.0);
-        }
         if let Some(bytes) = self.peak_memory {
             say!("memory   {:.1} MiB at most{}", mib(bytes), self.memory_by_part(bytes));
         }
         say!("warnings {}; left out {}", self.warnings.len(), self.left_out.len());
-        if s.interrupted && self.outputs.is_empty() {
-            say!("stopped by a signal");
-        } else if s.interrupted {
-            say!("stopped by a signal: the pictures hold the samples taken until then");
-        } else if s.timed_out {
-            say!("stopped by --time-limit: another run may stop elsewhere and give other pixels");
-        }
-        for output in &self.outputs {
-            say!("wrote    {output}");
-        }
+    }
+}
+
+/// `4.2 s`, `41 s`, `12 min 5 s`, `3 h 20 min`.
+fn readable_time(seconds: f64) -> String {
+    let whole = seconds.round() as u64;
+    match seconds {
+        ..9.95 => format!("{seconds:.1} s"),
+        ..99.5 => format!("{whole} s"),
+        ..3599.5 => format!("{} min {} s", whole / 60, whole % 60),
+        _ => format!("{} h {} min", whole / 3600, whole % 3600 / 60),
     }
 }
 
@@ -437,7 +463,7 @@ fn option(choice: Choice) -> &'static str {
         Choice::Background => "--background",
         Choice::Beside => "the file that 'oscura new --beside FILE' writes",
         Choice::Blender => "--blender PATH",
-        Choice::Environment => "--env ''",
+        Choice::Environment => "--env none",
         Choice::Float => "--float",
         Choice::Force => "--force",
         Choice::Glass => "--glass",
@@ -488,6 +514,12 @@ pub(crate) fn name_options_in_loaded(loaded: &mut Loaded) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn times_are_short() {
+        let times = [0.04, 9.96, 99.0, 725.0, 12_000.0].map(readable_time);
+        assert_eq!(times, ["0.0 s", "10 s", "99 s", "12 min 5 s", "3 h 20 min"]);
+    }
 
     #[test]
     fn names_and_numbers_make_no_kinds() {

@@ -1,6 +1,5 @@
 use super::parsers::number;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Args, ValueEnum};
 use oscura::error::{Error, Result, Warning};
 use oscura::load::blender::{BlenderOptions, default_cache};
@@ -42,7 +41,6 @@ pub(crate) enum GlassArg {
 }
 
 #[derive(Args, Clone, Debug)]
-#[command(next_help_heading = "glTF assets")]
 pub(crate) struct AssetArgs {
     /// Time of the animation, seconds [default: the rest pose].
     #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = moment)]
@@ -99,7 +97,6 @@ fn moment(text: &str) -> std::result::Result<f64, String> {
 // Arguments about files of Blender, the same for all commands that load them.
 
 #[derive(Args, Clone, Debug)]
-#[command(next_help_heading = "Blender files")]
 pub(crate) struct BlenderArgs {
     /// Blender executable, or a Python with the module bpy [default: OSCURA_BLENDER, else searched].
     #[arg(long, value_name = "PATH")]
@@ -162,7 +159,6 @@ pub(crate) enum GroundArg {
 }
 
 #[derive(Args, Clone, Debug)]
-#[command(next_help_heading = "Models without camera or light")]
 pub(crate) struct StageArgs {
     /// Lighting of a scene without lights [default: studio].
     #[arg(long, value_name = "STAGE")]
@@ -341,16 +337,6 @@ pub(crate) fn check_scene_path(path: &Path) -> Result<()> {
         return Err(Error::input(path, message).with_help(help));
     }
     Ok(())
-}
-
-/// Adds what to type where a scene stands in the place of a command.
-pub(crate) fn explain_subcommand(mut error: clap::Error) -> clap::Error {
-    let Some(ContextValue::String(word)) = error.get(ContextKind::InvalidSubcommand) else { return error };
-    if error.kind() == ErrorKind::InvalidSubcommand && is_named_as_scene(Path::new(word)) {
-        let tip = format!("to render it: oscura render {word} -o picture.png");
-        error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
-    }
-    error
 }
 
 /// Names the scenes in a folder.

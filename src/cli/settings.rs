@@ -5,7 +5,7 @@ use super::args::{
 };
 use super::checkpoint::cropped;
 use super::exr_args::Framed;
-use super::pictures::{EncodeOptions, is_moving};
+use super::pictures::{EncodeOptions, format_of, is_moving};
 use super::process;
 use super::progress::{ProgressTarget, StageProgress};
 use super::report::name_options_in_loaded;
@@ -410,7 +410,7 @@ struct Made {
 impl Made {
     fn of(args: &RenderArgs) -> Made {
         let is = |wanted: &[Format]| {
-            let fits = |path: &&PathBuf| Format::of(path).is_ok_and(|f| wanted.contains(&f));
+            let fits = |path: &&PathBuf| format_of(path).is_ok_and(|f| wanted.contains(&f));
             args.output.iter().any(|path| fits(&path))
         };
         let is_part = |path: &Path| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("part"));
@@ -442,7 +442,6 @@ pub(super) fn unused_option_warnings(args: &RenderArgs, scene: &Scene, prepared:
     let placed = [Aov::Position, Aov::Normal, Aov::GeometricNormal];
     let has_placed = placed.into_iter().any(|aov| aovs.contains(aov));
     let is_space_chosen = args.aov_space != AovSpace::default();
-    let has_groups = scene.light_groups().len() > 1;
     let moves = scene.instances.iter().any(|i| !matches!(i.motion, Motion::Still))
         || scene.cameras.iter().any(|camera| camera.motion.is_some())
         || args.shutter.shutter.is_some();
@@ -451,12 +450,6 @@ pub(super) fn unused_option_warnings(args: &RenderArgs, scene: &Scene, prepared:
     let options = [
         ("--aov", !args.aov.is_empty(), made.exr, NO_EXR),
         ("--light-groups", args.light_groups, made.exr, NO_EXR),
-        (
-            "--light-groups",
-            args.light_groups && made.exr,
-            has_groups,
-            "the scene has no groups of lights to keep apart",
-        ),
         ("--float", args.float, made.exr, NO_EXR),
         ("--owner", args.owner.is_some(), made.exr, NO_EXR),
         ("what --exr-... and --working-space say", args.exr.format.is_given(), made.exr, NO_EXR),
@@ -476,6 +469,14 @@ pub(super) fn unused_option_warnings(args: &RenderArgs, scene: &Scene, prepared:
     ];
     let idle = options.into_iter().filter(|(_, is_given, works, _)| *is_given && !works);
     idle.map(|(option, _, _, why)| Warning::general(format!("{option} has no effect: {why}"))).collect()
+}
+
+/// Notes of options that are fine and do nothing for this scene.
+pub(super) fn idle_option_notes(args: &RenderArgs, scene: &Scene) -> Vec<Warning> {
+    let has_groups = scene.light_groups().len() > 1;
+    let is_idle = args.light_groups && Made::of(args).exr && !has_groups;
+    let message = "the scene has no light groups: --light-groups adds no channels";
+    is_idle.then(|| Warning::general(message)).into_iter().collect()
 }
 
 // Environment of the arguments, which overrides the scene's.

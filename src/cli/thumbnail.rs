@@ -1,4 +1,5 @@
 use super::args::bytes;
+use super::default_output::{check, mark, marked, refuse_part};
 use super::outcome::{Outcome, exit_code};
 use super::process::cancel_by_signals;
 use super::report;
@@ -8,10 +9,9 @@ use super::watchdog::{Limits, Watchdog};
 use clap::Args;
 use oscura::error::{Error, Result};
 use oscura::film::AovSet;
-use oscura::load::{LoadOptions, Loaded, is_of_blender, load};
+use oscura::load::{LoadOptions, Loaded, load};
 use oscura::output::{
-    Format, PngOptions, ViewTransform, check_target, encode, is_same_target, make_folder, remove_file,
-    write_atomically,
+    Format, PngOptions, ViewTransform, check_target, encode, make_folder, remove_file, write_atomically,
 };
 use oscura::render::{
     CancelHandle, Caustics, Guiding, PathReuse, Renderer, Splitting, denoising_guides, in_pool,
@@ -28,7 +28,7 @@ use std::time::{Duration, Instant};
 const DEPTH: u32 = 6;
 
 /// What helps where a picture would replace something else.
-const ELSEWHERE: &str = "give another place by -o FOLDER or --file FILE";
+const ELSEWHERE: &str = "give another place by -o FOLDER or --file FILE, or replace it by --force";
 
 /// Makes all pictures; models that fail are listed, and the worst decides the exit code.
 pub(super) fn run(args: &ThumbArgs) -> Result<Outcome> {
@@ -52,10 +52,10 @@ fn targets(args: &ThumbArgs) -> Result<Vec<PathBuf>> {
     }
     let mut targets: Vec<PathBuf> = Vec::new();
     for model in &args.models {
-        let beside = model.with_extension("png");
+        // Beside the model `scan.png` would be its rendering or its texture.
         let target = match &args.output {
-            Some(folder) => folder.join(beside.file_name().unwrap_or_default()),
-            None => beside,
+            Some(folder) => folder.join(model.with_extension("png").file_name().unwrap_or_default()),
+            None => model.with_extension("thumb.png"),
         };
         if targets.contains(&target) {
             let message = format!("two models would become {}", target.display());
@@ -101,11 +101,10 @@ fn one(args: &ThumbArgs, model: &Path, target: &Path, cancel: &CancelHandle) -> 
     let _watchdog = Watchdog::begin(Limits { time, memory: args.memory_limit }, model);
     check_scene_path(model)?;
     check_target(target)?;
-    refuse_part(model, target, &[model.to_path_buf()])?;
-    if args.file.is_none() && args.output.is_none() && is_of_blender(model) && target.exists() {
-        // Only Blender knows which textures such a file has.
-        let message = format!("{} exists, and may be a texture of {}", target.display(), model.display());
-        return Err(Error::usage(message).with_help(ELSEWHERE));
+    refuse_part(model, target, &[model.to_path_buf()], ELSEWHERE)?;
+    let mark = mark("thumb", model);
+    if args.file.is_none() && !args.force {
+        check(target, &mark, ELSEWHERE)?;
     }
     let stage = args.stage.options(Some(1.0), &mut Vec::new())?;
     let options = LoadOptions {
@@ -117,7 +116,7 @@ fn one(args: &ThumbArgs, model: &Path, target: &Path, cancel: &CancelHandle) -> 
         ..LoadOptions::default()
     };
     let loaded = load(model, &options)?;
-    refuse_part(model, target, &options.files.paths())?;
+    refuse_part(model, target, &options.files.paths(), ELSEWHERE)?;
     let is_stage_lit = loaded.is_stage_lit;
     let (width, height) = size(args.size, &loaded);
     // Denoising does more for a few samples than what makes each of them better, in less time.
@@ -147,19 +146,8 @@ fn one(args: &ThumbArgs, model: &Path, target: &Path, cancel: &CancelHandle) -> 
     output.png = PngOptions { view, ..output.png };
     // By what they hold, not by the name: that of a file manager's temporary file may end in anything.
     let encoded = encode(picture.film(), Format::Png, &output, target)?;
-    write_atomically(target, &encoded.bytes)?;
+    write_atomically(target, &marked(encoded.bytes, &mark))?;
     Ok(true)
-}
-
-/// The picture must not replace the model or a file that it is made of, such as a texture of its name. A texture that is missing
-/// counts as well: the picture would become it.
-fn refuse_part(model: &Path, target: &Path, parts: &[PathBuf]) -> Result<()> {
-    if !parts.iter().any(|part| is_same_target(part, target)) {
-        return Ok(());
-    }
-    let model = model.display();
-    let message = format!("the picture would be {}, which {model} is made of", target.display());
-    Err(Error::usage(message).with_help(ELSEWHERE))
 }
 
 /// Square for models that were framed; else of the shape that the scene asks for.
@@ -181,12 +169,15 @@ pub(crate) struct ThumbArgs {
     /// Models or scenes: .gltf, .glb, .vrm, .obj, .ply, .stl, .zip, .toml or .blend.
     #[arg(required = true, value_name = "MODEL")]
     pub models: Vec<PathBuf>,
-    /// Output folder for the thumbnails, MODEL.png each [default: next to each model].
+    /// Output folder for the thumbnails, MODEL.png each [default: MODEL.thumb.png next to each model].
     #[arg(short, long, value_name = "FOLDER")]
     pub output: Option<PathBuf>,
     /// Output file for a single model; always a PNG, whatever its extension.
     #[arg(long, value_name = "FILE", conflicts_with = "output")]
     pub file: Option<PathBuf>,
+    /// Replace files that 'oscura thumb' did not write.
+    #[arg(id = "force_overwrite", long = "force")]
+    pub force: bool,
     /// Longer side of the thumbnail, pixels.
     #[arg(long, value_name = "N", default_value = "512", value_parser = clap::value_parser!(u32).range(1..=8192), allow_negative_numbers = true)]
     pub size: u32,

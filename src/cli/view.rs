@@ -79,8 +79,9 @@ fn watch_over(files: Option<&SavedFiles>, cancel: &CancelHandle, shared: &Shared
 // The arguments of `oscura view`: those of `render`, but for what concerns files that are written.
 
 /// Arguments of `render` that have no meaning here: they are about files, sequences and reports.
-const UNUSED: [&str; 38] = [
+const UNUSED: [&str; 39] = [
     "output",
+    "verbose",
     "frames",
     "fps",
     "resume",

@@ -209,7 +209,7 @@ pub fn is_named_as_scene(path: impl AsRef<Path>) -> bool {
 fn conversion_hint(extension: &str) -> String {
     let way = match extension {
         "3ds" | "max" | "ma" | "mb" | "c4d" | "skp" | "step" | "stp" | "3mf" | "x3d" | "wrl" | "lwo" => {
-            "convert it to glTF (.glb), USD or FBX in the program that wrote it"
+            "export .glb (glTF), .usd or .fbx from the program that wrote it"
         }
         "exr" | "hdr" | "png" | "jpg" | "jpeg" => "it is a picture, not a scene",
         _ => {

@@ -55,11 +55,12 @@ impl Format {
             "webp" => Format::WebP,
             "hdr" => Format::Hdr,
             _ => {
-                return Err(Error::usage(format!(
-                    "{}: can't tell the format of the picture from its name",
-                    path.display()
-                ))
-                .with_help("end the name in .exr, .png, .jpg, .tif, .webp or .hdr"));
+                let what = match extension.as_str() {
+                    "" => "has no extension to tell the format of the picture".to_string(),
+                    other => format!("pictures can't be written as '.{other}'"),
+                };
+                return Err(Error::usage(format!("{}: {what}", path.display()))
+                    .with_help("end the name in .exr, .png, .jpg, .tif, .webp or .hdr"));
             }
         };
         let lacks = match format {

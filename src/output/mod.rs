@@ -19,7 +19,10 @@ pub use atomic::{
 pub use exr::{DENOISED, Matte, Metadata, encode_exr, encode_layered};
 pub use exr_options::{ExrCompression, ExrLayout, ExrOptions, ExrWindow, WorkingSpace, is_color};
 pub use format::{Encoded, Format};
-pub use png::{Linear, PngOptions, encode_png, encode_png_rgb8, encode_rgb8, encode_shown, rgba8, shown8};
+pub use png::{
+    Linear, PngOptions, encode_png, encode_png_rgb8, encode_rgb8, encode_shown, png_text, rgba8, shown8,
+    with_png_text,
+};
 use std::path::Path;
 pub use video::{Animation, AnimationFormat, Video, VideoFormat};
 

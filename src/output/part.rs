@@ -170,7 +170,7 @@ fn open(path: &Path) -> Result<Opened> {
     let is_part = begun.is_ok() && magic[..12] == MAGIC[..12];
     if !is_part {
         let help = "part files are written by rendering a part of a picture, and as checkpoints";
-        return Err(Error::input(path, "is not a part file").with_help(help).with_code("not-a-part"));
+        return Err(Error::input(path, "is not a .part file").with_help(help).with_code("not-a-part"));
     }
     if &magic != MAGIC {
         let message = "is a part file of another version of the program";

@@ -8,6 +8,9 @@ use image::codecs::hdr::HdrEncoder;
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder, Rgb};
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
 
 /// Of 100, for JPEGs.
 const QUALITY: u8 = 92;
@@ -88,6 +91,41 @@ pub fn rgba8(film: &Film, options: &PngOptions) -> Vec<u8> {
 /// The same of other pixels.
 pub fn shown8(picture: &Linear, options: &PngOptions) -> Vec<u8> {
     narrow(&codes(picture, options, Shape { alpha: true, straight: false, most: 255.0 }))
+}
+
+/// Length of a PNG's signature and of its first chunk, IHDR.
+const PNG_HEAD: usize = 8 + 12 + 13;
+
+/// A PNG with a text (chunk `tEXt`) added behind its header. Keyword and text are ASCII; other characters become question marks.
+pub fn with_png_text(mut png: Vec<u8>, keyword: &str, text: &str) -> Vec<u8> {
+    let ascii =
+        |text: &str| text.chars().map(|c| if c.is_ascii() { c as u8 } else { b'?' }).collect::<Vec<_>>();
+    let data = [&ascii(keyword)[..], &[0], &ascii(text)].concat();
+    let typed = [b"tEXt", &data[..]].concat();
+    let (length, check) = ((data.len() as u32).to_be_bytes(), crc32(&typed).to_be_bytes());
+    let at = PNG_HEAD.min(png.len());
+    png.splice(at..at, [&length[..], &typed, &check].concat());
+    png
+}
+
+/// The text of a keyword that [`with_png_text`] added to a file; `None` for any other file.
+pub fn png_text(path: &Path, keyword: &str) -> Option<String> {
+    /// Longest text that is looked for, bytes.
+    const MOST: u64 = 4096;
+    let mut start = Vec::new();
+    File::open(path).ok()?.take(PNG_HEAD as u64 + 8 + MOST).read_to_end(&mut start).ok()?;
+    let (head, rest) = start.split_at_checked(PNG_HEAD)?;
+    let (length, rest) = rest.split_first_chunk::<4>()?;
+    let data = rest.strip_prefix(b"tEXt")?.get(..u32::from_be_bytes(*length) as usize)?;
+    let text = data.strip_prefix(keyword.as_bytes())?.strip_prefix(&[0])?;
+    let is_png = head.starts_with(b"\x89PNG\r\n\x1a\n");
+    is_png.then(|| String::from_utf8_lossy(text).into_owned())
+}
+
+/// The checksum of PNG's chunks (ISO 3309, as in the PNG specification, annex D).
+fn crc32(bytes: &[u8]) -> u32 {
+    let step = |crc: u32, _| if crc & 1 == 1 { 0xedb8_8320 ^ (crc >> 1) } else { crc >> 1 };
+    !bytes.iter().fold(!0, |crc, byte| (0..8).fold(crc ^ u32::from(*byte), step))
 }
 
 /// What codes are made.
@@ -232,6 +270,28 @@ mod tests {
         let mut seen: Vec<u32> = (0..64).map(|i| (bayer(i % 8, i / 8) * 64.0) as u32).collect();
         seen.sort_unstable();
         assert_eq!(seen, (0..64).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn texts_of_pngs_are_read_back_and_pictures_stay() {
+        let rgba = [[0.2, 0.5, 0.8, 1.0]; 4 * 3];
+        let picture = Linear { width: 4, height: 3, rgba: &rgba };
+        let plain = encode_shown(&picture, Format::Png, &PngOptions::default()).expect("encoded");
+        let file = tempfile::NamedTempFile::new().expect("a file");
+        let text_of = |bytes: &[u8], keyword: &str| {
+            std::fs::write(file.path(), bytes).expect("written");
+            png_text(file.path(), keyword)
+        };
+        let with_text = with_png_text(plain.clone(), "key", "the text");
+        assert_eq!(text_of(&with_text, "key").as_deref(), Some("the text"));
+        let decoded = |bytes: &[u8]| image::load_from_memory(bytes).expect("a picture").into_rgb8();
+        assert_eq!(decoded(&with_text), decoded(&plain));
+        for other in [&plain[..], &with_text[..40], b"", b"key\0the text"] {
+            assert_eq!(text_of(other, "key"), None);
+        }
+        assert_eq!(text_of(&with_text, "ke"), None);
+        // The check value of the PNG specification's end chunk.
+        assert_eq!(crc32(b"IEND"), 0xae42_6082);
     }
 
     #[test]

@@ -8,8 +8,12 @@ fn usage_errors_exit_with_2_before_any_work() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("a.gltf"), "not read at all").unwrap();
     for args in [
-        &["render", "a.gltf"][..],
-        &["render", "a.gltf", "-o", "a.bmp"],
+        &["render", "a.gltf", "-o", "a.bmp"][..],
+        &["render", "a.gltf", "--orbit", "4"],
+        &["render", "a.gltf", "-o", "a.exr", "--size", "64"],
+        &["render", "a.gltf", "-o", "a.exr", "--size", "64x64", "--width", "8"],
+        &["render", "a.gltf", "-o", "-", "--json", "--quiet"],
+        &["render", "a.gltf", "-o", "-", "--frames", "1-2"],
         &["render", "a.gltf", "-o", "a.exr", "-o", "a.exr"],
         &["render", "a.gltf", "-o", "a.exr", "--spp", "0"],
         &["render", "a.gltf", "-o", "a.exr", "--spp", "-4"],
@@ -32,7 +36,8 @@ fn usage_errors_exit_with_2_before_any_work() {
     ] {
         let output = oscura(folder.path(), args);
         assert_eq!(code(&output), 2, "{args:?}: {}", stderr(&output));
-        assert!(!output.stderr.is_empty() && output.stdout.is_empty(), "{args:?}");
+        let is_json = args.contains(&"--json");
+        assert!(!output.stderr.is_empty() && output.stdout.is_empty() != is_json, "{args:?}");
         assert!(
             !stderr(&output).contains("'-- -"),
             "a negative number is no name of a file: {}",
@@ -54,7 +59,8 @@ fn what_is_no_scene_is_answered_with_the_way_to_one() {
         (&["render", ".", "-o", "x.png"], 3, &["is a folder", "room.glb"]),
         (&["render", "b.max", "-o", "x.png"], 3, &["'.max'", "glTF"]),
         (&["render", "c.PNG", "-o", "x.png"], 3, &["'.png'", "picture", "scene.glb"]),
-        (&["room.glb"], 2, &["room.glb", "oscura render room.glb -o picture.png"]),
+        (&["rom.glb"], 3, &["rom.glb", "no such file", "room.glb"]),
+        (&["--spp", "4", "rom.glb"], 3, &["rom.glb", "no such file", "room.glb"]),
     ] {
         let output = oscura(folder.path(), args);
         assert_eq!(code(&output), expected, "{args:?}: {}", stderr(&output));
@@ -229,6 +235,29 @@ fn mistakes_of_one_kind_are_counted() {
     // Programs get them all.
     let output = oscura(folder.path(), &["render", "a.toml", "-o", "a.exr", "--json"]);
     assert!(stdout(&output).contains("missing199"), "{}", stdout(&output));
+}
+
+/// A file that is missing is one mistake, however many places name it.
+#[test]
+fn a_missing_file_is_one_problem_with_a_remedy() {
+    let folder = tempfile::tempdir().unwrap();
+    let uses = |table: &str, key: &str, file: &str| {
+        format!("[[{table}]]\n{key} = \"{file}\"\nmaterial = \"m\"\n").repeat(3)
+    };
+    let head =
+        "camera = { look_from = [0, 0, 4], look_at = [0, 0, 0] }\nmaterials.m = { type = \"lambert\" }\n";
+    for (table, key, file) in [("curves", "file", "no.hair"), ("objects", "mesh", "no.obj")] {
+        fs::write(folder.path().join("a.toml"), format!("{head}{}", uses(table, key, file))).unwrap();
+        let output = oscura(folder.path(), &["render", "a.toml", "-o", "a.exr", "--json"]);
+        assert_eq!(code(&output), 3, "{}", stderr(&output));
+        assert_eq!(
+            report(&output)["error"]["problems"].as_array().map(Vec::len),
+            Some(1),
+            "{}",
+            stdout(&output)
+        );
+        assert!(stderr(&output).contains(file) && stderr(&output).contains("help:"), "{}", stderr(&output));
+    }
 }
 
 #[test]

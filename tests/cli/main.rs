@@ -4,6 +4,7 @@ mod beside;
 #[cfg(unix)]
 mod blender;
 mod comparing;
+mod defaults;
 mod denoisers;
 mod desktop;
 mod errors;

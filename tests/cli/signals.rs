@@ -50,26 +50,46 @@ fn the_first_signal_ends_even_endless_paths_and_writes_what_is_there() {
         send(&child, signal);
         let output = child.wait_with_output().expect("it ends");
         assert_eq!(output.status.code(), Some(130), "{}", stderr(&output));
+        // No path has ended: there is nothing to write.
+        assert_eq!(report(&output)["error"]["exit_code"], 130);
+        assert_eq!(names(folder.path()), ["endless.toml"]);
+
+        let more = ["-o", "a.exr", "-o", "a.png", "--save-every", "0.05", "--strict", "--json"];
+        let child = long(folder.path(), &more, "a.png");
+        send(&child, signal);
+        let output = child.wait_with_output().expect("it ends");
+        assert_eq!(output.status.code(), Some(130), "{}", stderr(&output));
         assert_eq!(report(&output)["interrupted"], true);
         assert_eq!(attribute(&folder.path().join("a.exr"), "stoppedBy"), text("signal"));
-        assert_eq!(names(folder.path()), ["a.exr", "endless.toml"]);
     }
 }
 
 #[test]
-fn a_second_signal_ends_the_program_at_once() {
+fn a_signal_before_the_first_sample_leaves_the_picture_that_was_there() {
     let folder = tempfile::tempdir().unwrap();
-    let mut child = endless(folder.path(), &[]);
+    fs::write(folder.path().join("a.exr"), "precious").unwrap();
+    let child = endless(folder.path(), &[]);
+    send(&child, "-INT");
+    let output = child.wait_with_output().expect("it ends");
+    assert_eq!(output.status.code(), Some(130), "{}", stderr(&output));
+    assert_eq!(fs::read_to_string(folder.path().join("a.exr")).unwrap(), "precious");
+    assert_eq!(names(folder.path()), ["a.exr", "endless.toml"]);
+}
+
+#[test]
+fn two_signals_within_a_second_are_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let child = long(folder.path(), &["-o", "a.exr", "-o", "a.png", "--save-every", "0.05"], "a.png");
+    let picture = folder.path().join("a.exr");
     // Stopped, it gets both when it goes on.
     send(&child, "-STOP");
+    fs::remove_file(&picture).unwrap();
     send(&child, "-INT");
     send(&child, "-TERM");
     send(&child, "-CONT");
-    let status = child.wait().expect("it ends");
-    assert_eq!(status.code(), Some(130));
-    let picture = folder.path().join("a.exr");
-    // Signals of both kinds may also arrive too late for the second to matter; then the picture is whole.
-    assert!(!picture.exists() || attribute(&picture, "stoppedBy") == text("signal"));
+    let output = child.wait_with_output().expect("it ends");
+    assert_eq!(output.status.code(), Some(130), "{}", stderr(&output));
+    assert_eq!(attribute(&picture, "stoppedBy"), text("signal"));
 }
 
 #[test]

@@ -308,7 +308,7 @@ fn a_part_that_glows_takes_no_light_from_a_scene_with_a_camera() {
     };
     // The floor, in the lower half of the picture.
     let (said, _, lit) = shoot("lit.png", &[]);
-    assert!(said.contains("soft default sky") && said.contains("--env ''"), "{said}");
+    assert!(said.contains("soft default sky") && said.contains("--env none"), "{said}");
     assert!(lit.get_pixel(16, 16)[0] > 100, "{:?}", lit.get_pixel(16, 16));
     let (said, _, staged) = shoot("staged.png", &["--stage", "studio"]);
     assert!(said.contains("studio light") && !said.contains("changes nothing"), "{said}");
@@ -371,14 +371,15 @@ fn thumbnails_replace_nothing_that_a_model_is_made_of() {
     let textured =
         "mtllib q.mtl\nusemtl m\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n";
     fs::write(file("q.obj"), textured).unwrap();
-    fs::write(file("q.mtl"), "newmtl m\nmap_Kd q.png\n").unwrap();
-    image::RgbImage::from_pixel(2, 2, image::Rgb([200, 30, 30])).save(file("q.png")).unwrap();
-    let texture = fs::read(file("q.png")).unwrap();
+    fs::write(file("q.mtl"), "newmtl m\nmap_Kd q.thumb.png\n").unwrap();
+    image::RgbImage::from_pixel(2, 2, image::Rgb([200, 30, 30])).save(file("q.thumb.png")).unwrap();
+    let texture = fs::read(file("q.thumb.png")).unwrap();
     fs::write(file("b.blend"), "BLENDER").unwrap();
-    fs::write(file("b.png"), "a texture").unwrap();
+    fs::write(file("b.thumb.png"), "a texture").unwrap();
     for words in [
         &["thumb", "a.obj", "--file", "./a.obj"][..],
         &["thumb", "q.obj"],
+        &["thumb", "q.obj", "--force"],
         &["thumb", "q.obj", "--file", "q.mtl"],
         &["thumb", "b.blend"],
     ] {
@@ -387,8 +388,8 @@ fn thumbnails_replace_nothing_that_a_model_is_made_of() {
         assert!(stderr(&output).contains("give another place by"), "{}", stderr(&output));
     }
     assert_eq!(fs::read(file("a.obj")).unwrap(), model);
-    assert_eq!(fs::read(file("q.png")).unwrap(), texture);
-    assert_eq!(fs::read_to_string(file("b.png")).unwrap(), "a texture");
+    assert_eq!(fs::read(file("q.thumb.png")).unwrap(), texture);
+    assert_eq!(fs::read_to_string(file("b.thumb.png")).unwrap(), "a texture");
     let output = oscura(folder.path(), &["thumb", "q.obj", "-o", "small", "--size", "16", "--spp", "1"]);
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     // A picture that is no part of its model is made anew.

@@ -113,9 +113,6 @@ fn what_is_no_terminal_is_refused_before_work_starts() {
     };
     refused(&[], "standard output is none");
     refused(&["--json"], "standard output, where JSON");
-    let nothing = oscura(folder.path(), &["render", &cornell()]);
-    assert_eq!(code(&nothing), 2);
-    assert!(stderr(&nothing).contains("--output"), "{}", stderr(&nothing));
 }
 
 #[test]

@@ -1,6 +1,5 @@
 //! Scene files: what they build, and that every problem is reported with its line.
 
-use crate::skip::skip;
 use oscura::error::Error;
 use oscura::load::{LoadOptions, Loaded, load};
 use oscura::math::DVec3;
@@ -33,15 +32,6 @@ fn every_example_loads_without_warnings() {
     for entry in std::fs::read_dir(scenes()).expect("scenes/ exists") {
         let path = entry.expect("an entry").path();
         if path.extension().is_some_and(|e| e == "toml") {
-            // Its mesh is too large for the repository.
-            if path.ends_with("million-triangles.toml") && !scenes().join("meshes/million.ply").exists() {
-                skip("made-meshes", &format!("{} needs a mesh that a program makes first", path.display()));
-                continue;
-            }
-            if path.ends_with("fur.toml") && !scenes().join("curves/fur.hair").exists() {
-                skip("made-meshes", &format!("{} needs strands that a program makes first", path.display()));
-                continue;
-            }
             let loaded = load(&path, &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
             assert!(loaded.warnings.is_empty(), "{}: {:?}", path.display(), loaded.warnings);
             seen += 1;

@@ -238,7 +238,7 @@ fn damaged_files_are_refused() {
     assert_eq!(refused(&bytes), None);
     for length in (0..bytes.len()).step_by(4096).chain([1, 20, 24, 200, bytes.len() - 1]) {
         let error = refused(&bytes[..length]).expect("it is refused");
-        assert!(error.contains("damaged") || error.contains("not a part file"), "{length}: {error}");
+        assert!(error.contains("damaged") || error.contains("not a .part file"), "{length}: {error}");
     }
     for i in 0..1000usize {
         let mut other = bytes.clone();

@@ -233,7 +233,9 @@ pub(super) fn arguments() -> impl Iterator<Item = String> {
 /// The arguments of this process that a render takes as well and that the page doesn't set.
 fn given(arguments: impl Iterator<Item = String>) -> Vec<String> {
     const FLAGS: [&str; 2] = ["--no-open", "--watch"];
-    const SET: [&str; 14] = [
+    const SET: [&str; 16] = [
+        "--size",
+        "--resolution",
         "--camera",
         "--port",
         "--width",

@@ -121,7 +121,7 @@ pub fn load_linear_rgb(path: &Path) -> Result<Image> {
         Some(ImageFormat::OpenExr) => openexr::decode(&source, true, false, &mut Vec::new()),
         Some(ImageFormat::Hdr) => decode_common(&source, ImageFormat::Hdr, Use::Environment, &mut Vec::new()),
         _ => Err(source
-            .error("is neither an EXR nor a Radiance HDR file")
+            .error("is neither an .exr nor a .hdr file (OpenEXR, Radiance HDR)")
             .with_help("linear pictures come as .exr or .hdr")),
     })?;
     if image.channels == 3 { Ok(image) } else { Err(source.error("has no layer with channels R, G and B")) }
@@ -535,7 +535,7 @@ mod tests {
         assert!(load_linear_rgb(&file("b.hdr", &hdr(1, 1, &[[128, 128, 128, 129]]))).is_ok());
         let refused =
             load_linear_rgb(&file("c.png", &encode(rgb(), ImageFormat::Png))).expect_err("not linear");
-        assert!(refused.to_string().contains("neither an EXR nor a Radiance HDR"));
+        assert!(refused.to_string().contains("neither an .exr nor a .hdr"));
         let missing = load_linear_rgb(&folder.path().join("none.exr")).expect_err("missing");
         assert!(missing.to_string().contains("none.exr: can't be read"));
     }

@@ -512,7 +512,8 @@ pub fn load_layered(path: &Path) -> Result<Layered> {
     let bytes = read_bytes(path)?;
     let source = Source { bytes: &bytes, file: path, pointer: "" };
     if signature(&bytes) != Some(ImageFormat::OpenExr) {
-        return Err(source.error("is no EXR file"));
+        let help = "'oscura render SCENE -o NAME.exr' writes one";
+        return Err(source.error("is not an .exr file").with_help(help));
     }
     let broken = |e: exr::error::Error| source.error(format!("can't be read as an EXR image: {e}"));
     guarded(&source, || {

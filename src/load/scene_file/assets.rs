@@ -193,7 +193,7 @@ impl Assets {
             Ok(loaded) => Some(loaded),
             Err(e) => {
                 for problem in &e.problems {
-                    build.problems.push(span.clone(), format!("'{name}': {problem}"));
+                    build.problems.push_of_file(span.clone(), path, format!("'{name}': {problem}"));
                 }
                 None
             }

@@ -158,7 +158,8 @@ fn from_file(
             Some((file, given.span, basis))
         }
         Err(e) => {
-            fields.problems.push(given.span, e);
+            let message = e.replacen(&path.display().to_string(), &format!("'{}'", given.value), 1);
+            fields.problems.push_of_file(given.span, &path, message);
             None
         }
     }

@@ -33,6 +33,14 @@ impl<'a> Problems<'a> {
         self.add(span, message.into(), Some(help.into()));
     }
 
+    /// Adds a problem with a file, only at the first place that names it.
+    pub fn push_of_file(&self, span: Range<usize>, path: &Path, message: String) {
+        if self.list.borrow().iter().all(|problem| problem.message != message) {
+            let help = "paths are relative to the folder of the scene file";
+            self.add(span, message, matches!(path.try_exists(), Ok(false)).then(|| help.to_string()));
+        }
+    }
+
     fn add(&self, span: Range<usize>, message: String, help: Option<String>) {
         let before = self.text.as_bytes().get(..span.start).unwrap_or_default();
         let line = before.iter().filter(|&&b| b == b'\n').count() + 1;

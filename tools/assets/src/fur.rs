@@ -7,11 +7,11 @@ use std::path::Path;
 type Vector = [f64; 3];
 
 /// Points of a strand.
-const POINTS: usize = 6;
+const POINTS: usize = 5;
 /// Length of strands, where the ball below has the radius 1.
 const LENGTH: f64 = 0.42;
 /// Radius at the root.
-const RADIUS: f64 = 0.0035;
+const RADIUS: f64 = 0.0045;
 /// Strands lean towards one of so many tufts.
 const TUFTS: usize = 700;
 

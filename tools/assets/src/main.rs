@@ -5,7 +5,8 @@
 //! oscura-assets reed FILE.gltf                 an animated reed that uses most of glTF, as committed in assets/
 //! oscura-assets mesh FOLDER [TRIANGLES]        a wavy torus as mesh.ply, mesh.obj and mesh.glb; 1,300,000 triangles
 //! oscura-assets ply FILE.ply [TRIANGLES]       the torus as PLY alone; 1,000,000 triangles
-//! oscura-assets fur FILE.hair [STRANDS]        a ball of fur; 20,000 strands
+//! oscura-assets quads FILE.obj                 the torus of scenes/million-triangles.toml, before it is subdivided
+//! oscura-assets fur FILE.hair [STRANDS]        a ball of fur; 10,000 strands
 //! oscura-assets scenes FOLDER                  the generated scenes, textures and meshes of scenes/
 //! ```
 
@@ -13,7 +14,7 @@ use oscura_assets::{cornell, fur, mesh, reed, write_scenes};
 use std::path::Path;
 use std::process::ExitCode;
 
-const USAGE: &str = "usage: oscura-assets cornell FILE.gltf | reed FILE.gltf | mesh FOLDER [TRIANGLES] | ply FILE.ply [TRIANGLES] | fur FILE.hair [STRANDS] | \
+const USAGE: &str = "usage: oscura-assets cornell FILE.gltf | reed FILE.gltf | mesh FOLDER [TRIANGLES] | ply FILE.ply [TRIANGLES] | quads FILE.obj | fur FILE.hair [STRANDS] | \
 scenes FOLDER";
 
 fn main() -> ExitCode {
@@ -26,7 +27,8 @@ fn main() -> ExitCode {
         ["mesh", folder, n] => triangles(n).and_then(|n| mesh::write_all(Path::new(folder), n)),
         ["ply", file] => mesh::write_ply(Path::new(file), 1_000_000),
         ["ply", file, n] => triangles(n).and_then(|n| mesh::write_ply(Path::new(file), n)),
-        ["fur", file] => fur::write(Path::new(file), 20_000),
+        ["fur", file] => fur::write(Path::new(file), 10_000),
+        ["quads", file] => mesh::write_quads(Path::new(file)),
         ["fur", file, n] => triangles(n).and_then(|n| fur::write(Path::new(file), n)),
         ["scenes", folder] => write_scenes(Path::new(folder)),
         _ => Err(USAGE.to_string()),

@@ -12,8 +12,15 @@ pub struct Mesh {
     triangles: Vec<[u32; 3]>,
 }
 
+/// A point of a torus of radii 1 and 0.4 whose surface waves, at two angles.
+fn surface(u: f64, v: f64) -> [f64; 3] {
+    let r = 0.4 + 0.05 * (9.0 * u).sin() * (5.0 * v).cos();
+    let ring = 1.0 + r * v.cos();
+    [ring * u.cos(), r * v.sin(), -ring * u.sin()]
+}
+
 impl Mesh {
-    /// A torus of radii 1 and 0.4 whose surface waves, cut into a grid of about so many triangles, without a seam.
+    /// The torus of [`surface`], cut into a grid of about so many triangles, without a seam.
     pub fn torus(triangles: usize) -> Mesh {
         let rows = ((triangles as f64 / 4.0).sqrt() as u32).max(3);
         let columns = ((triangles as u32 / 2) / rows).max(3);
@@ -22,21 +29,16 @@ impl Mesh {
         for i in 0..columns {
             for j in 0..rows {
                 let (u, v) = (turn(i, columns), turn(j, rows));
-                let place = |u: f64, v: f64| {
-                    let r = 0.4 + 0.05 * (9.0 * u).sin() * (5.0 * v).cos();
-                    let ring = 1.0 + r * v.cos();
-                    [ring * u.cos(), r * v.sin(), -ring * u.sin()]
-                };
                 let slope = |a: [f64; 3], b: [f64; 3]| [0, 1, 2].map(|k| b[k] - a[k]);
                 let step = 1e-4;
-                let along_u = slope(place(u - step, v), place(u + step, v));
-                let along_v = slope(place(u, v - step), place(u, v + step));
+                let along_u = slope(surface(u - step, v), surface(u + step, v));
+                let along_v = slope(surface(u, v - step), surface(u, v + step));
                 let n = [0, 1, 2].map(|k| {
                     let (p, q) = ((k + 1) % 3, (k + 2) % 3);
                     along_u[p] * along_v[q] - along_u[q] * along_v[p]
                 });
                 let length = n.iter().map(|x| x * x).sum::<f64>().sqrt();
-                positions.push(place(u, v).map(|x| x as f32));
+                positions.push(surface(u, v).map(|x| x as f32));
                 normals.push(n.map(|x| (x / length) as f32));
                 let at = |i: u32, j: u32| (i % columns) * rows + j % rows;
                 let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
@@ -146,6 +148,27 @@ pub fn write_all(folder: &Path, triangles: usize) -> Result<(), String> {
 /// Writes the torus as a binary PLY file.
 pub fn write_ply(path: &Path, triangles: usize) -> Result<(), String> {
     to_file(path, |out| Mesh::torus(triangles).ply(out))
+}
+
+/// Quads of the coarse torus around it and across. Four subdivisions make 1,003,520 triangles of them.
+const QUADS: (u32, u32) = (56, 35);
+
+/// Writes a coarse torus of quads as an OBJ file, to be subdivided.
+pub fn write_quads(path: &Path) -> Result<(), String> {
+    let (around, across) = QUADS;
+    let turn = |i: u32, n: u32| f64::from(i) / f64::from(n) * std::f64::consts::TAU;
+    let at = |i: u32, j: u32| (i % around) * across + j % across + 1;
+    let grid = || (0..around).flat_map(|i| (0..across).map(move |j| (i, j)));
+    to_file(path, |out| {
+        writeln!(out, "o torus")?;
+        for (i, j) in grid() {
+            let [x, y, z] = surface(turn(i, around), turn(j, across));
+            writeln!(out, "v {x:.4} {y:.4} {z:.4}")?;
+        }
+        grid().try_for_each(|(i, j)| {
+            writeln!(out, "f {} {} {} {}", at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1))
+        })
+    })
 }
 
 fn to_file(path: &Path, write: impl Fn(&mut BufWriter<File>) -> std::io::Result<()>) -> Result<(), String> {

@@ -96,7 +96,6 @@ fn scenes() -> PathBuf {
 fn run(arguments: &Arguments) -> Result<()> {
     let folder = &arguments.folder;
     std::fs::create_dir_all(folder).map_err(|e| Error::output(folder, format!("can't be created: {e}")))?;
-    make_million_triangles(&arguments.entries)?;
     let quality = arguments.quality;
     let (mut rows, mut tiles) = (Vec::new(), Vec::new());
     for entry in &arguments.entries {
@@ -132,15 +131,6 @@ fn run(arguments: &Arguments) -> Result<()> {
         return Err(Error::usage("the number of threads changes the picture"));
     }
     Ok(())
-}
-
-/// The large mesh is not in the repository: writes it where it is missing.
-fn make_million_triangles(entries: &[&Entry]) -> Result<()> {
-    let path = scenes().join("meshes/million.ply");
-    if path.exists() || !entries.iter().any(|e| e.name() == "million-triangles") {
-        return Ok(());
-    }
-    oscura_assets::mesh::write_ply(&path, 1_000_000).map_err(|message| Error::output(&path, message))
 }
 
 /// The same scene with one thread and with all.
@@ -185,7 +175,7 @@ mod tests {
     /// Every scene of the gallery loads without a warning, and every thesis scene is in it.
     #[test]
     fn scenes_and_entries_match() {
-        for entry in ENTRIES.iter().filter(|e| e.name() != "million-triangles") {
+        for entry in ENTRIES {
             let loaded = oscura::load::load(scenes().join(entry.scene), &Default::default());
             let loaded = loaded.unwrap_or_else(|e| panic!("{e}"));
             assert!(loaded.warnings.is_empty(), "{}: {}", entry.scene, loaded.warnings[0]);

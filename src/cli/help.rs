@@ -1,0 +1,346 @@
+//! `oscura help`: of commands from their arguments, of topics from the headings of options, of scene files from the documentation of
+//! the parser; completions and manual pages.
+
+use super::args::{CompletionsArgs, HelpArgs, ManArgs};
+use super::command_line::Arguments;
+use super::option_groups::GROUPS;
+use super::outcome::Outcome;
+use super::report::print_text;
+use clap::{Arg, ValueEnum};
+use oscura::error::{Error, Result};
+use oscura::load::scene_file::reference::{CHAPTERS, Chapter};
+use std::fmt::Write;
+use textwrap::{Options, WordSplitter, fill, wrap};
+
+/// The topic that shows all chapters.
+const WHOLE: &str = "scene-file";
+
+/// Prints the help of a command or topic.
+pub(crate) fn run(args: &HelpArgs) -> Result<Outcome> {
+    let mut command = Arguments::whole();
+    let text = match args.topic.as_deref() {
+        None => command.render_long_help().to_string() + &topics(),
+        Some(topic) => match about(topic, &command) {
+            Some(text) => text,
+            None => {
+                let near = nearest(topic, &command).ok_or_else(|| unknown(topic, &command))?;
+                let text = about(&near, &command).ok_or_else(|| unknown(topic, &command))?;
+                format!("There is no help on '{topic}'; this is on '{near}':\n\n{text}")
+            }
+        },
+    };
+    print_text(&text);
+    Ok(Outcome::Done)
+}
+
+/// The help of a word: a command, a chapter of scene files, a heading of options, an option, or what options are about.
+fn about(word: &str, command: &clap::Command) -> Option<String> {
+    let word = word.trim_start_matches('-').to_lowercase();
+    if word == WHOLE {
+        return Some(CHAPTERS.iter().map(shown).collect::<Vec<_>>().join("\n"));
+    }
+    let spellings = spellings(&word);
+    let named = spellings.iter().find_map(|word| subcommand(command, word));
+    let chapter = spellings.iter().find_map(|word| Chapter::find(meant(word)));
+    let heading = spellings.iter().find_map(|word| heading(word));
+    let of_heading =
+        heading.and_then(|heading| options(command, |arg| arg.get_help_heading() == Some(heading)));
+    let parts = [named.map(|mut found| found.render_long_help().to_string()), chapter.map(shown), of_heading];
+    if parts.iter().any(Option::is_some) {
+        return Some(parts.into_iter().flatten().collect::<Vec<_>>().join("\n"));
+    }
+    let has_name =
+        |arg: &Arg| arg.get_long_and_visible_aliases().is_some_and(|names| names.contains(&&*word));
+    options(command, has_name).or_else(|| {
+        let is_about = |arg: &Arg| {
+            let help = arg.get_long_help().or_else(|| arg.get_help());
+            help.is_some_and(|help| help.to_string().to_lowercase().contains(&word))
+        };
+        options(command, is_about).filter(|_| word.len() > 2)
+    })
+}
+
+/// The word, and as one or as many.
+fn spellings(word: &str) -> Vec<String> {
+    let ends = ["s", "es"].iter().filter_map(|end| word.strip_suffix(end));
+    let spellings = std::iter::once(word).chain(ends).map(str::to_string);
+    spellings.chain([format!("{word}s")]).collect()
+}
+
+/// The chapter that another word stands for.
+fn meant(word: &str) -> &str {
+    match word {
+        "pbr" | "material" | "metal" | "glass" | "displacement" | "priority" | "bsdf" | "shader" => {
+            "materials"
+        }
+        "fog" | "subsurface" | "medium" | "volume" | "volumetric" | "grid" | "smoke" | "cloud" => "media",
+        "light" | "lamp" | "sun" | "spot" => "lights",
+        "object" | "mesh" | "meshe" | "shape" | "instance" | "sphere" => "objects",
+        "subdivide" | "catmull-clark" => "subdivision",
+        "texture" | "spectrum" | "spectra" | "image-texture" => "textures",
+        "setting" => "render",
+        "sky" | "hdri" | "world" | "background" => "environment",
+        "lens" | "dof" | "depth-of-field" | "bokeh" | "panorama" => "camera",
+        "hair" | "fur" | "strand" | "curve" => "curves",
+        "transformation" | "rotate" | "scale" => "transform",
+        "scene-files" | "toml" | "scenes" => WHOLE,
+        _ => word,
+    }
+}
+
+/// The heading of options of a word.
+fn heading(word: &str) -> Option<&'static str> {
+    let word = match word {
+        "size" | "resolution" | "exposure" | "tone-mapping" | "alpha" => "image",
+        "video" | "gif" | "turntable" | "sequence" | "motion-blur" | "frame" => "animation",
+        "hdri" | "environment" | "stage" => "light",
+        "gltf" | "glb" | "obj" | "ply" | "stl" | "scan" | "asset" => "model",
+        "blender" | "blend" | "bpy" => "blender files",
+        "noise" | "sampling" | "quality" | "sample" | "firefly" | "fireflie" => "sampling and quality",
+        "aov" | "pass" | "layer" | "channel" | "cryptomatte" => "passes",
+        "denoiser" | "oidn" | "denoise" => "denoising",
+        "checkpoint" | "farm" | "time" | "interruption" => "long renders",
+        "exr" | "png" | "format" | "file" => "output",
+        other => other,
+    };
+    GROUPS.iter().map(|(heading, _)| *heading).find(|heading| heading.to_lowercase() == word)
+}
+
+/// The help of some options of `render`; `None` if there are none.
+fn options(command: &clap::Command, is_wanted: impl Fn(&Arg) -> bool) -> Option<String> {
+    let render = subcommand(command, "render")?;
+    let is_shown = |arg: &Arg| !arg.is_positional() && !arg.is_hide_set() && is_wanted(arg);
+    render.get_arguments().find(|arg| is_shown(arg))?;
+    let only = render.mut_args(|arg| {
+        let is_hidden = !is_shown(&arg);
+        arg.hide(is_hidden)
+    });
+    let text = only.help_template("{all-args}").after_help("").after_long_help("").render_long_help();
+    Some(format!("Options of 'oscura render'\n\n{text}\n"))
+}
+
+fn shown(chapter: &Chapter) -> String {
+    format!("{}\n\n{}", chapter.title, markdown_to_text(&chapter.markdown()))
+}
+
+/// Names of all topics besides commands.
+fn topic_names() -> Vec<String> {
+    let chapters = CHAPTERS.iter().skip(1).map(|chapter| chapter.name().to_string());
+    let headings = GROUPS.iter().map(|(heading, _)| heading.to_lowercase()).filter(|h| h != "help");
+    let mut names: Vec<String> = chapters.collect();
+    names.extend(headings.filter(|heading| !heading.contains(' ')));
+    names.dedup();
+    names
+}
+
+fn topics() -> String {
+    format!("\n\nTopics of 'oscura help': {WHOLE} (all of it), {}\n", topic_names().join(", "))
+}
+
+fn unknown(topic: &str, command: &clap::Command) -> Error {
+    let commands: Vec<&str> = command.get_subcommands().map(clap::Command::get_name).collect();
+    let help = format!("commands: {}; topics: {WHOLE}, {}", commands.join(", "), topic_names().join(", "));
+    Error::usage(format!("there is no help on '{topic}'")).with_help(help)
+}
+
+/// The command, topic or option whose name is most like a word, if two letters at most differ.
+fn nearest(word: &str, command: &clap::Command) -> Option<String> {
+    const MOST: usize = 2;
+    let word = word.trim_start_matches('-').to_lowercase();
+    let mut names: Vec<String> = command.get_subcommands().map(|c| c.get_name().to_string()).collect();
+    names.extend(topic_names());
+    let render = subcommand(command, "render")?;
+    names.extend(render.get_arguments().filter_map(|arg| arg.get_long().map(str::to_string)));
+    let far = |name: &String| edit_distance(&word, name);
+    names.into_iter().filter(|name| far(name) <= MOST.min(word.len() / 3)).min_by_key(far)
+}
+
+/// Insertions, deletions and replacements of letters between two words (Levenshtein 1966).
+fn edit_distance(a: &str, b: &str) -> usize {
+    let mut row: Vec<usize> = (0..=b.chars().count()).collect();
+    for (i, from) in a.chars().enumerate() {
+        let mut diagonal = std::mem::replace(&mut row[0], i + 1);
+        for (j, to) in b.chars().enumerate() {
+            let replaced = diagonal + usize::from(from != to);
+            diagonal = row[j + 1];
+            row[j + 1] = replaced.min(diagonal + 1).min(row[j] + 1);
+        }
+    }
+    row.last().copied().unwrap_or_default()
+}
+
+/// A command by name, called in usage lines as users call it.
+fn subcommand(command: &clap::Command, name: &str) -> Option<clap::Command> {
+    let found = command.get_subcommands().find(|c| c.get_name() == name)?.clone();
+    Some(found.bin_name(format!("oscura {name}")).display_name(format!("oscura-{name}")))
+}
+
+/// Prints the completions of a shell.
+pub(crate) fn completions(args: &CompletionsArgs) -> Result<Outcome> {
+    let mut bytes = Vec::new();
+    let name = args.shell.to_possible_value().map_or_else(String::new, |v| v.get_name().to_string());
+    let shell = name.parse::<clap_complete::Shell>().map_err(Error::usage)?;
+    clap_complete::generate(shell, &mut Arguments::whole(), "oscura", &mut bytes);
+    print_text(&String::from_utf8_lossy(&bytes));
+    Ok(Outcome::Done)
+}
+
+/// Prints a manual page: of the program or of a command.
+pub(crate) fn man(args: &ManArgs) -> Result<Outcome> {
+    let command = Arguments::whole();
+    let page = match args.command.as_deref() {
+        None => command,
+        Some(name) => subcommand(&command, name).ok_or_else(|| unknown(name, &command))?,
+    };
+    let mut bytes = Vec::new();
+    clap_mangen::Man::new(page).render(&mut bytes).map_err(|e| Error::usage(e.to_string()))?;
+    print_text(&String::from_utf8_lossy(&bytes));
+    Ok(Outcome::Done)
+}
+
+// Markdown for terminals: tables become aligned columns, marks of code go, links keep their text.
+
+/// Columns of a terminal.
+const WIDTH: usize = 100;
+/// Narrowest column of a table.
+const LEAST: usize = 12;
+const GAP: usize = 2;
+
+/// Plain text for a terminal.
+pub(crate) fn markdown_to_text(markdown: &str) -> String {
+    let mut text = String::new();
+    let lines: Vec<&str> = markdown.lines().collect();
+    let mut i = 0;
+    while i < lines.len() {
+        let rest = &lines[i..];
+        if rest[0].starts_with('|') {
+            let count = rest.iter().take_while(|l| l.starts_with('|')).count();
+            table(&mut text, &rest[..count]);
+            i += count;
+        } else if rest[0].trim().is_empty() {
+            text.push('\n');
+            i += 1;
+        } else if let Some(title) = rest[0].strip_prefix('#') {
+            let _ = writeln!(text, "{}", plain(title.trim_start_matches('#').trim()));
+            i += 1;
+        } else {
+            let is_more =
+                |l: &&&str| !l.trim().is_empty() && !l.starts_with(['|', '#']) && !l.starts_with("- ");
+            let count = 1 + rest[1..].iter().take_while(is_more).count();
+            let paragraph = rest[..count].iter().map(|l| l.trim()).collect::<Vec<_>>().join(" ");
+            let indent = if paragraph.starts_with("- ") { "  " } else { "" };
+            let _ = writeln!(text, "{}", fill(&plain(&paragraph), lines_of(WIDTH).subsequent_indent(indent)));
+            i += count;
+        }
+    }
+    text
+}
+
+/// Without marks of code and links.
+fn plain(text: &str) -> String {
+    let mut text = text.replace("\\|", "|").replace('`', "");
+    while let Some(start) = text.find("](")
+        && let Some(length) = text[start..].find(')')
+    {
+        text.replace_range(start..=start + length, "");
+        if let Some(open) = text[..start].rfind('[') {
+            text.remove(open);
+        }
+    }
+    text
+}
+
+/// Lines of at most so many columns; a longer word has a line of its own.
+fn lines_of(columns: usize) -> Options<'static> {
+    Options::new(columns).break_words(false).word_splitter(WordSplitter::NoHyphenation)
+}
+
+fn cells(line: &str) -> Vec<String> {
+    let inside = line.trim().trim_start_matches('|').trim_end_matches('|');
+    inside.split(" | ").map(|c| plain(c.trim())).collect()
+}
+
+fn table(text: &mut String, lines: &[&str]) {
+    let is_rule = |l: &&&str| l.chars().all(|c| matches!(c, '|' | '-' | ':' | ' '));
+    let rows: Vec<Vec<String>> = lines.iter().filter(|l| !is_rule(l)).map(|l| cells(l)).collect();
+    let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
+    let longest = |c: usize| rows.iter().filter_map(|r| r.get(c)).map(|s| s.chars().count()).max();
+    let mut widths: Vec<usize> = (0..columns).map(|c| longest(c).unwrap_or(0)).collect();
+    // The widest columns give way.
+    while widths.iter().sum::<usize>() + GAP * columns > WIDTH {
+        let Some(widest) = (0..columns).max_by_key(|&c| widths[c]).filter(|&c| widths[c] > LEAST) else {
+            break;
+        };
+        widths[widest] -= 1;
+    }
+    for row in &rows {
+        let wrapped: Vec<_> = row.iter().zip(&widths).map(|(cell, w)| wrap(cell, lines_of(*w))).collect();
+        for i in 0..wrapped.iter().map(Vec::len).max().unwrap_or(0) {
+            let mut line = String::new();
+            for (cell, width) in wrapped.iter().zip(&widths) {
+                let part = cell.get(i).map_or("", |line| line.as_ref());
+                let _ = write!(line, "{part:<width$}  ");
+            }
+            let _ = writeln!(text, "  {}", line.trim_end());
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn plurals_near_topics_and_slips_are_understood() {
+        let command = Arguments::whole();
+        for word in [
+            "Cameras",
+            "lenses",
+            "lamps",
+            "medium",
+            "textures",
+            "noise",
+            "denoising",
+            "aovs",
+            "passes",
+            "gltf",
+            "--spp",
+            "ENV",
+            "resolution",
+            "exr",
+            "blender",
+            "turntables",
+            "glasses",
+            "meshes",
+            "firefly",
+        ] {
+            assert!(about(word, &command).is_some(), "{word}");
+        }
+        assert!(about("xyzzy", &command).is_none());
+        assert_eq!(nearest("matirials", &command).as_deref(), Some("materials"));
+        assert_eq!(nearest("denoze", &command).as_deref(), Some("denoise"));
+        assert_eq!(nearest("xyzzy", &command), None);
+        assert_eq!([edit_distance("kitten", "sitting"), edit_distance("", "ab")], [3, 2]);
+    }
+
+    #[test]
+    fn tables_align_and_wrap() {
+        let long = "word ".repeat(40);
+        let text = markdown_to_text(&format!(
+            "| Key | Meaning |\n|---|---|\n| `a`, `b` | {long} |\n| `key` | short |"
+        ));
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines[0], "  Key   Meaning");
+        assert!(lines[1].starts_with("  a, b  word word") && lines[2].starts_with("        word"), "{text}");
+        assert_eq!(lines.last(), Some(&"  key   short"));
+        assert!(lines.iter().all(|l| l.len() <= WIDTH), "{text}");
+    }
+
+    #[test]
+    fn paragraphs_flow_and_marks_go() {
+        let text = markdown_to_text("One\ntwo `three` [four](five).\n\n## Six\n- seven\n- eight");
+        assert_eq!(text, "One two three four.\n\nSix\n- seven\n- eight\n");
+        let long = markdown_to_text(&format!("- {}", "word ".repeat(30)));
+        assert_eq!(long.lines().map(str::len).collect::<Vec<_>>(), [96, 56], "{long}");
+    }
+}

@@ -1,0 +1,180 @@
+//! What a command without options does: names of outputs, sizes, standard output, and what is said.
+
+use crate::program::*;
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+/// Sizes that take no time.
+const SMALL: [&str; 4] = ["--size", "16x12", "--spp", "2"];
+
+fn triangle(folder: &Path, name: &str) {
+    fs::create_dir_all(folder.join(name).parent().expect("a folder")).unwrap();
+    fs::write(folder.join(name), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+}
+
+fn size_of(path: &Path) -> (u32, u32) {
+    let picture = image::open(path).expect("a picture");
+    (picture.width(), picture.height())
+}
+
+#[test]
+fn a_scene_alone_is_rendered_to_a_picture_of_its_name() {
+    let folder = tempfile::tempdir().unwrap();
+    triangle(folder.path(), "models/a.obj");
+    for words in [&["models/a.obj"][..], &["render", "models/a.obj"], &["--quiet", "models/a.obj"]] {
+        let output = oscura(folder.path(), &[words, &SMALL].concat());
+        assert_eq!(code(&output), 0, "{words:?}: {}", stderr(&output));
+        assert_eq!(
+            stderr(&output).contains("oscura view"),
+            !words.contains(&"--quiet"),
+            "{}",
+            stderr(&output)
+        );
+        assert_eq!(names(folder.path()), ["a.png", "models"]);
+        assert_eq!(size_of(&folder.path().join("a.png")), (16, 12));
+    }
+}
+
+#[test]
+fn a_picture_without_a_given_name_replaces_only_its_own_kind() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str| folder.path().join(name);
+    triangle(folder.path(), "a.obj");
+    triangle(folder.path(), "other/a.obj");
+    let run = |words: &[&str]| code(&oscura(folder.path(), &[words, &SMALL].concat()));
+    assert_eq!(run(&["a.obj"]), 0);
+    let first = fs::read(file("a.png")).unwrap();
+    // Of another scene, and of another command.
+    assert_eq!(run(&["other/a.obj"]), 2);
+    let thumb = |more: &[&str]| {
+        code(&oscura(folder.path(), &[&["thumb", "a.obj", "--size", "16", "--spp", "1"], more].concat()))
+    };
+    assert_eq!((thumb(&[]), thumb(&[])), (0, 0));
+    assert_eq!(thumb(&["-o", "."]), 2);
+    assert!(fs::read(file("a.png")).unwrap() == first);
+    assert_eq!(names(folder.path()), ["a.obj", "a.png", "a.thumb.png", "other"]);
+    // The same again; a given name replaces anything.
+    assert_eq!(run(&["a.obj", "--seed", "7"]), 0);
+    assert!(fs::read(file("a.png")).unwrap() != first);
+    assert_eq!(run(&["other/a.obj", "-o", "a.png"]), 0);
+    assert_eq!(run(&["a.obj"]), 2, "a picture of -o is not this command's");
+    assert_eq!(thumb(&["-o", ".", "--force"]), 0);
+    // A file that is no picture, and a texture that is missing.
+    fs::write(file("b.png"), "precious").unwrap();
+    triangle(folder.path(), "b.obj");
+    assert_eq!((run(&["b.obj"]), fs::read_to_string(file("b.png")).unwrap()), (2, "precious".to_string()));
+    fs::write(file("c.mtl"), "newmtl m\nmap_Kd c.png\n").unwrap();
+    fs::write(file("c.obj"), "mtllib c.mtl\nusemtl m\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    assert_eq!((run(&["c.obj"]), file("c.png").exists()), (2, false));
+}
+
+#[test]
+fn pictures_go_to_standard_output() {
+    let folder = tempfile::tempdir().unwrap();
+    triangle(folder.path(), "a.obj");
+    for (target, start) in
+        [("-", &b"\x89PNG"[..]), ("exr:-", b"\x76\x2f\x31\x01"), ("jpg:-", b"\xff\xd8\xff")]
+    {
+        let output = oscura(folder.path(), &[&["a.obj", "-o", target], &SMALL[..]].concat());
+        assert_eq!(code(&output), 0, "{target}: {}", stderr(&output));
+        assert!(output.stdout.starts_with(start), "{target}");
+    }
+    assert_eq!(names(folder.path()), ["a.obj"]);
+}
+
+#[test]
+fn an_environment_of_none_is_none() {
+    let folder = tempfile::tempdir().unwrap();
+    let shoot = |env: &str| {
+        let scene = cornell();
+        let words = ["render", &scene, "-o", "a.png", "--env", env, "--size", "16x16", "--spp", "2"];
+        let output = oscura(folder.path(), &words);
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        fs::read(folder.path().join("a.png")).unwrap()
+    };
+    assert!(shoot("none") == shoot(""));
+}
+
+/// A line at the end, details with `-v`, nothing with `-q`.
+#[test]
+fn a_render_says_little_unless_asked() {
+    let folder = tempfile::tempdir().unwrap();
+    let lines = |more: &[&str]| {
+        let output = render(folder.path(), "a.exr", more);
+        stderr(&output).lines().map(str::to_string).collect::<Vec<_>>()
+    };
+    let usual = lines(&[]);
+    assert_eq!(usual.len(), 1, "{usual:?}");
+    assert!(usual[0].contains("a.exr") && usual[0].contains("48x"), "{usual:?}");
+    let details = lines(&["-v"]);
+    assert!(details.len() >= 4 && details.iter().any(|line| line.contains("triangles")), "{details:?}");
+    assert!(lines(&["-q"]).is_empty());
+    // A line a frame.
+    let words = ["render", &cornell(), "-o", "f.png", "--frames", "1-3", "--size", "16x16", "--spp", "1"];
+    let output = oscura(folder.path(), &words);
+    let said = stderr(&output);
+    let frames: Vec<&str> = said.lines().filter(|line| line.starts_with("frame ")).collect();
+    assert!(frames.len() == 3 && frames[2].contains("f.0003.png") && said.lines().count() <= 4, "{said}");
+}
+
+/// Bare models are what they are, with and without an environment.
+#[test]
+fn a_scan_with_an_environment_passes_strict() {
+    let folder = tempfile::tempdir().unwrap();
+    triangle(folder.path(), "a.obj");
+    let rgb = |_, _| (1.0f32, 1.0f32, 1.0f32);
+    exr::prelude::write_rgb_file(folder.path().join("env.exr"), 8, 4, rgb).unwrap();
+    for more in [&[][..], &["--env", "env.exr"], &["--env", "none"]] {
+        let output =
+            oscura(folder.path(), &[&["a.obj", "-o", "a.png", "--strict"], &SMALL[..], more].concat());
+        assert_eq!(code(&output), 0, "{more:?}: {}", stderr(&output));
+        assert!(stderr(&output).contains("note: no camera"), "{}", stderr(&output));
+    }
+}
+
+#[test]
+fn help_knows_plurals_options_and_slips() {
+    let folder = tempfile::tempdir().unwrap();
+    for (topic, word) in [
+        ("lenses", "look_from"),
+        ("noise", "--noise"),
+        ("denoising", "--denoise"),
+        ("AOVs", "--aov"),
+        ("--env", "--env"),
+        ("resolution", "--size"),
+        ("matirials", "lambert"),
+        ("caustics", "--caustics"),
+    ] {
+        let output = oscura(folder.path(), &["help", topic]);
+        assert_eq!(code(&output), 0, "{topic}: {}", stderr(&output));
+        assert!(stdout(&output).contains(word), "{topic}: {}", stdout(&output));
+    }
+    assert_eq!(code(&oscura(folder.path(), &["help", "xyzzy"])), 2);
+}
+
+/// Every scene of the project renders from the files that are in the repository.
+#[test]
+fn scenes_render_in_a_fresh_clone() {
+    let (root, folder) = (Path::new(env!("CARGO_MANIFEST_DIR")), tempfile::tempdir().unwrap());
+    let listed = Command::new("git").args(["ls-files", "-z", "scenes"]).current_dir(root).output();
+    let Some(listed) = listed.ok().filter(|output| output.status.success() && !output.stdout.is_empty())
+    else {
+        return crate::skip::skip("git", "there is no git, or this is not a clone");
+    };
+    let files = String::from_utf8(listed.stdout).expect("UTF-8");
+    let files: Vec<&str> = files.split('\0').filter(|file| !file.is_empty()).collect();
+    for file in &files {
+        let target = folder.path().join(file);
+        fs::create_dir_all(target.parent().expect("a folder")).unwrap();
+        fs::copy(root.join(file), target).unwrap();
+    }
+    let scenes: Vec<&&str> = files.iter().filter(|file| file.ends_with(".toml")).collect();
+    assert!(scenes.len() >= 40, "{}", scenes.len());
+    for scene in scenes {
+        let words =
+            ["render", scene, "-o", "a.png", "--size", "16x16", "--spp", "1", "--depth", "4", "--strict"];
+        let output = oscura(folder.path(), &words);
+        assert_eq!(code(&output), 0, "{scene}: {}", stderr(&output));
+    }
+}
