@@ -21,6 +21,30 @@ pub struct Dielectric {
     pub fresnel: FresnelModel,
 }
 
+/// What a smooth face of a solid does to light, without the scaling of radiance by refraction.
+#[derive(Clone, Copy, Debug)]
+pub struct SmoothInterface {
+    /// Reflectance.
+    pub reflected: Rgb,
+    /// Transmittance.
+    pub transmitted: Rgb,
+    /// Cosine of the refracted direction; 0 for total reflection.
+    pub cos_transmitted: f32,
+}
+
+impl Dielectric {
+    /// What it does to light that arrives at cosine `cos_o`, from inside or from outside.
+    pub(super) fn interface(&self, cos_o: f32, is_inside: bool) -> SmoothInterface {
+        let eta = if is_inside { 1.0 / self.ior } else { self.ior };
+        let fresnel::Interface { reflectance, cos_transmitted } = match self.fresnel {
+            FresnelModel::Exact => fresnel::exact(cos_o, eta),
+            FresnelModel::Schlick => fresnel::schlick_dielectric(cos_o, eta),
+        };
+        let transmitted = self.tint * (1.0 - reflectance);
+        SmoothInterface { reflected: Rgb::splat(reflectance), transmitted, cos_transmitted }
+    }
+}
+
 impl Lobe for Dielectric {
     /// Reflects with the probability of the reflectance, refracts otherwise.
     #[inline(always)]

@@ -476,6 +476,11 @@ impl LayeredProgram {
             diffuse_transmission: pbr.diffuse_transmission,
         }
     }
+
+    /// Is it glass in places?
+    pub fn has_glass(&self) -> bool {
+        self.transmission.is_some()
+    }
 }
 
 impl MaterialProgram for LayeredProgram {

@@ -29,6 +29,7 @@ mod thin_film;
 
 pub use crate::scene::ShadingModel;
 pub use albedo_table::DirectionalAlbedo;
+pub use dielectric::SmoothInterface;
 pub use dielectric_table::mean_cosine;
 pub use diffuse::DiffuseThrough;
 pub use fresnel::{DielectricCurve, LayerFresnel};
@@ -80,6 +81,16 @@ dispatch::bsdfs! {
 }
 
 impl Bsdf {
+    /// The index of refraction of a smooth face of a solid, and what it does to light that arrives at a cosine, from inside or from
+    /// outside; `None` for all else.
+    pub fn smooth_interface(&self, cosine: f32, is_inside: bool) -> Option<(f32, SmoothInterface)> {
+        match self {
+            Bsdf::Dielectric(glass) => Some((glass.ior, glass.interface(cosine, is_inside))),
+            Bsdf::RoughDielectric(glass) => Some((glass.ior, glass.smooth_interface(cosine, is_inside)?)),
+            _ => None,
+        }
+    }
+
     /// All but what passes [straight on](Bsdf::straight).
     pub fn without_straight(self) -> Bsdf {
         let without = |glass: RoughDielectric| RoughDielectric { tint: Rgb::ZERO, ..glass };

@@ -1,6 +1,6 @@
 //! Glass of any roughness, solid and thin-walled.
 
-use super::dielectric::tint_of_crossing;
+use super::dielectric::{SmoothInterface, tint_of_crossing};
 use super::microsurface::{Facets, Microsurface, MicrosurfaceProgram};
 use super::{
     Appearance, BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Refraction, Slots, Transmissive,
@@ -241,6 +241,18 @@ impl RoughDielectric {
         let is_transmission = u[2] >= self.facet(c, self.ior).probability_reflected;
         let side = if is_transmission { -1.0 } else { 1.0 };
         (mirrored.z > 0.0).then(|| Vec3::new(mirrored.x, mirrored.y, mirrored.z * side))
+    }
+
+    /// What a solid's face does to light without roughness.
+    pub(super) fn smooth_interface(&self, cosine: f32, is_inside: bool) -> Option<SmoothInterface> {
+        let eta = if is_inside { 1.0 / self.ior } else { self.ior };
+        let Facet { reflected, transmitted, .. } = self.facet(cosine, eta);
+        let cos_transmitted = fresnel::exact(cosine, eta).cos_transmitted;
+        (self.walls == Walls::Solid && self.is_smooth()).then_some(SmoothInterface {
+            reflected,
+            transmitted,
+            cos_transmitted,
+        })
     }
 
     /// The limit of no roughness.

@@ -13,9 +13,6 @@ use std::collections::BTreeMap;
 /// Metals up to this perceptual roughness (the square root of GGX alpha) cast caustics.
 const MAX_CASTER_ROUGHNESS: f32 = 0.25;
 
-/// Materials with a microfacet layer receive caustics from this perceptual roughness on.
-const MIN_RECEIVER_ROUGHNESS: f32 = 0.4;
-
 /// Most bounding spheres of casters.
 const MAX_TARGETS: usize = 16;
 
@@ -26,6 +23,8 @@ pub enum Role {
     Caster,
     /// Scatters light into all directions, so that caustics are visible on it.
     Receiver,
+    /// Only its diffuse lobes do so; others are smooth or as smooth as textures say.
+    DiffuseReceiver,
     /// Neither in all cases.
     Neither,
 }
@@ -34,17 +33,23 @@ impl CompiledMaterial {
     /// Its role, the same at all points.
     pub fn role(&self) -> Role {
         use BsdfClass::{
-            Black, Conductor, Dielectric, Lambert, MetalRough, OrenNayar, RoughDielectric, SchlickMetal,
+            Black, Conductor, Dielectric, Lambert, Layered, MetalRough, OrenNayar, RoughDielectric,
+            SchlickMetal,
         };
         match self.class {
             _ if self.depends_on_viewer || self.is_component => Role::Neither,
             Lambert | OrenNayar => Role::Receiver,
             Black => Role::Neither,
             Dielectric | RoughDielectric if self.is_smooth_glass() => Role::Caster,
-            MetalRough if self.catches() => Role::Receiver,
             MetalRough | SchlickMetal | Conductor if self.is_polished() || self.is_painted_metal() => {
                 Role::Caster
             }
+            MetalRough | SchlickMetal | Conductor if self.is_rough() => Role::Receiver,
+            MetalRough => Role::DiffuseReceiver,
+            Layered if self.medium_index == 0 && !self.lets_light_pass() => match self.alike() {
+                Some(bsdf) if bsdf.is_specular() => Role::Caster,
+                _ => Role::DiffuseReceiver,
+            },
             _ => match self.alike() {
                 Some(bsdf) if bsdf.is_specular() && self.is_the_same_in_solids(bsdf) => Role::Caster,
                 _ => Role::Neither,
@@ -76,11 +81,20 @@ impl CompiledMaterial {
         }
     }
 
-    /// Is it a rough dielectric, whatever its textures show?
-    fn catches(&self) -> bool {
-        let BsdfProgram::MetalRough(program) = &self.program else { return false };
-        let (metallic, roughness) = (program.metallic(), program.roughness());
-        metallic.factor == 0.0 && roughness.texture.is_none() && roughness.factor >= MIN_RECEIVER_ROUGHNESS
+    /// Are its facets rougher than those of casters, whatever its textures show?
+    fn is_rough(&self) -> bool {
+        let roughness = match &self.program {
+            BsdfProgram::MetalRough(program) => program.roughness(),
+            BsdfProgram::SchlickMetal(program) => program.roughness,
+            BsdfProgram::Conductor(program) => program.roughness,
+            _ => return false,
+        };
+        roughness.texture.is_none() && roughness.factor > MAX_CASTER_ROUGHNESS
+    }
+
+    /// May light pass a layered material as glass?
+    fn lets_light_pass(&self) -> bool {
+        matches!(&self.program, BsdfProgram::Layered(program) if program.has_glass())
     }
 }
 

@@ -12,8 +12,8 @@ use super::plan::{Plan, Tree};
 use super::reuse::{BuiltGeometry, Reusable, Sources};
 use super::scene::{CompileOptions, CompileReport, CompiledScene, ExpectedPicture, Features, View};
 use super::{
-    coincident_surfaces, emitters, flush_lights, inside_out, material, media, motion, object_data, plan,
-    texture_needs,
+    coincident_surfaces, emitters, flush_lights, inside_out, material, media, motion, object_data, panes,
+    plan, texture_needs,
 };
 use crate::accel::{Accel, BuildStats};
 use crate::error::{Problem, Result, Warning};
@@ -317,6 +317,7 @@ fn materials(
     let mut materials: Vec<CompiledMaterial> = replaced.map(compiled).collect();
     let media = media::number(scene, anchor, &mut materials, shading.spectral, warnings);
     media::warn_of_overlaps(scene, &materials, warnings);
+    panes::mark(scene, &mut materials);
     let mut numbers = ObjectMaterials::of(scene);
     numbers.extend(&mut materials);
     (materials, media, numbers)
@@ -333,6 +334,7 @@ fn features(
     let boundaries = materials.iter().any(|m| m.is_boundary && m.medium_index != 0);
     Features {
         alpha: materials.iter().any(CompiledMaterial::may_be_absent),
+        panes: materials.iter().any(|m| m.pane_thickness > 0.0),
         normals: geometries.has_normals(),
         bent_normals: geometries.has_normals()
             || materials.iter().any(|m| m.normal_map.is_some() || m.normal.is_some()),

@@ -34,6 +34,8 @@ pub struct CompiledMaterial {
     pub is_absent_from_behind: bool,
     /// A smooth thin sheet that transmits straight on: shadow rays pass it.
     pub passes_straight: bool,
+    /// Metres up to which two of its flat parallel faces make a pane that shadow rays pass; 0 where there is none.
+    pub pane_thickness: f32,
     /// Index-matched interface: it only bounds a medium.
     pub is_boundary: bool,
     /// What its solids are filled with; `None` for opaque and thin-walled ones.
@@ -191,6 +193,11 @@ pub fn share_at(slots: &PointReader<'_>, slot: &ColorSlot, waves: Option<&Wavele
     }
 }
 
+/// Does scattering depend on the directions around the normal?
+fn has_axis(model: &Model) -> bool {
+    matches!(model, Model::Hair { .. }) || model.pbr().is_some_and(|pbr| pbr.anisotropy.is_some())
+}
+
 /// What a surface emits, and its spectrum where that is the same everywhere.
 fn emission_of(
     material: &Material,
@@ -251,10 +258,9 @@ impl CompiledMaterial {
             && (has_texture(&model, |id| textures.spectrum(id).is_some()) || program.depends_on_wavelength());
         let coat = model.pbr().and_then(|pbr| pbr.clearcoat);
         let coat_normal_map = usable(coat.and_then(|c| c.normal_map), textures);
-        let is_hair = matches!(model, Model::Hair { .. });
-        let has_axis = is_hair || model.pbr().is_some_and(|pbr| pbr.anisotropy.is_some());
         // The coat's normal differs from the base's where one of them is mapped.
-        let uses_frame = has_axis || (coat.is_some() && (coat_normal_map.is_some() || normal_map.is_some()));
+        let uses_frame =
+            has_axis(&model) || (coat.is_some() && (coat_normal_map.is_some() || normal_map.is_some()));
         let uses_uv = is_textured
             || uses_frame
             || normal_map.is_some()
@@ -273,7 +279,8 @@ impl CompiledMaterial {
             emission,
             light_spectrum,
             // What passes would not take its light along.
-            passes_straight: program.may_pass_straight() && emission.is_none() && !shading.spectral,
+            passes_straight: program.may_pass_straight() && emission.is_none(),
+            pane_thickness: 0.0,
             is_absent_from_behind,
             medium: medium_of(material, &model, class, shading),
             is_boundary: matches!(model, Model::Boundary {}),
@@ -391,6 +398,7 @@ impl CompiledMaterial {
             || self.presence.is_some()
             || self.is_absent_from_behind
             || self.passes_straight
+            || self.pane_thickness > 0.0
             || self.is_boundary
     }
 

@@ -21,6 +21,7 @@ mod medium;
 mod motion;
 mod object_data;
 mod objects;
+mod panes;
 mod plan;
 mod reuse;
 mod scene;

@@ -146,6 +146,8 @@ pub struct CompiledScene {
 pub struct Features {
     /// Some surface has alpha or is invisible to some rays.
     pub alpha: bool,
+    /// Some bodies are panes of glass, which light samples pass.
+    pub panes: bool,
     /// Some vertices have shading normals.
     pub normals: bool,
     /// Some shading normals differ from the geometric ones: those of vertices or of maps.

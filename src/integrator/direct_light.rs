@@ -332,11 +332,11 @@ impl Integrator<'_> {
         if (features.absorption || features.scattering) && !features.boundaries {
             self.absorb_light_samples(sorted, &mut w.wave, &w.times);
         }
-        self.trace_shadow_rays(bounce, sorted, w);
+        self.trace_shadow_rays((bounce, branches), sorted, w);
     }
 
     /// Traces a shadow ray for each contribution and adds the unoccluded ones.
-    fn trace_shadow_rays(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
+    fn trace_shadow_rays(&self, (bounce, branches): (u32, f32), sorted: &SortedVertices, w: &mut Workspace) {
         w.shadow_rays.clear();
         w.shadow_vertices.clear();
         let (v, light) = (&w.wave.vertices, &w.wave.vertices.light);
@@ -353,11 +353,17 @@ impl Integrator<'_> {
         if self.scene.features.boundaries {
             self.start_shadow_segments(sorted, w);
         }
+        if self.scene.features.panes {
+            self.start_shadow_crossings(sorted, w);
+        }
         let shows_shadow = bounce == 0 && self.first_hits.contains(Aov::Shadow) && !w.excludes_casters;
         if shows_shadow {
             self.save_unoccluded(w);
         }
         self.test_shadow_rays(bounce, w);
+        if self.scene.features.panes {
+            self.refract_light_samples(branches, sorted, w);
+        }
         if self.scene.features.boundaries {
             self.end_shadow_segments(w);
         }

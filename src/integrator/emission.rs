@@ -33,7 +33,8 @@ impl Integrator<'_> {
         let HitPoint { surface, hit, material, is_back, time, .. } = at;
         let Some(emission) = material.emission.filter(|e| e.two_sided || !is_back) else { return };
         let light = self.scene.light_at(hit);
-        if self.is_left_to_light_paths(bounce, i, light, w) {
+        let kept = self.share_of_camera_paths(bounce, i, light, w);
+        if kept == Rgb::ZERO {
             return;
         }
         let links = self.links_of(material, light.is_some());
@@ -53,15 +54,17 @@ impl Integrator<'_> {
             }
             let moving = self.scene.lights.are_moving().then(|| self.scene.lights.area_at(index, *time));
             let area = moving.as_ref().unwrap_or(&self.scene.lights.area()[index as usize]);
-            let p = w.rays[i].origin;
+            let p = self.start_of_ray(i, w);
             let receiver = Receiver { p, normal: get(&w.arriving.receiver_normal, i) };
             let class = class(i, &w.arriving, self.scene.features.links);
             let pdf_discrete = self.scene.lights.pdf_discrete(class, &receiver, index);
-            weight = path.pdf[i].mis_weight(|| area.pdf_solid_angle(p, surface.p) * pdf_discrete);
+            let through_panes = self.pane_density_ratio(i, (p, surface.p), area.normal_at(surface.p, p), w);
+            weight =
+                path.pdf[i].mis_weight(|| area.pdf_solid_angle(p, surface.p) * pdf_discrete * through_panes);
         }
         w.radiance_buffer.contribute(
             path.radiance_index[i],
-            get_rgb(&path.throughput, i) * radiance * weight,
+            get_rgb(&path.throughput, i) * radiance * weight * kept,
             || RadianceOrigin {
                 class: class_of_path(bounce, PathClass::Emission, &w.arriving.first_bounces, i),
                 group: match light {
@@ -91,12 +94,13 @@ impl Integrator<'_> {
                 let pdf_discrete = pdf_discrete[class as usize] * far;
                 let pdf = sun.pdf_inside() * pdf_discrete;
                 let weight = path.pdf[i].mis_weight(|| pdf);
-                if self.is_left_to_light_paths(bounce, i, Some(index), w) {
+                let kept = self.share_of_camera_paths(bounce, i, Some(index), w);
+                if kept == Rgb::ZERO {
                     continue;
                 }
                 let wavelengths = w.times.wavelengths(path.radiance_index[i]);
                 let radiance = self.uplift_light(sun.radiance, Some(index), wavelengths);
-                let value = get_rgb(&path.throughput, i) * radiance * weight;
+                let value = get_rgb(&path.throughput, i) * radiance * weight * kept;
                 w.radiance_buffer.contribute(path.radiance_index[i], value, || RadianceOrigin {
                     class: class_of_path(bounce, PathClass::Environment, &w.arriving.first_bounces, i),
                     group: self.scene.light_groups.of_light(index),

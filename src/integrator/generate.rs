@@ -123,6 +123,7 @@ impl Integrator<'_> {
         }
         if self.optional.chains {
             paths.chains[..count].fill(0);
+            paths.chain_share.iter_mut().for_each(|channel| channel[..count].fill(1.0));
         }
         if self.optional.reference {
             paths.reference[..count].fill(0.0);

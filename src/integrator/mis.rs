@@ -106,6 +106,12 @@ impl LightPdf {
         power_heuristic(self.value(), if self.is_delta() { 0.0 } else { scatter_pdf })
     }
 
+    /// With a density times a factor; for lights of zero size it scales the radiance.
+    #[inline(always)]
+    pub fn scaled(self, factor: f32) -> LightPdf {
+        LightPdf(self.0 * factor)
+    }
+
     /// The MIS weight over the sample's density; 0 for no sample.
     #[inline(always)]
     pub fn mis_weight_over_pdf(self, scatter_pdf: f32) -> f32 {

@@ -21,12 +21,14 @@ mod interior;
 mod medium_segment;
 mod mis;
 mod mixes;
+mod panes;
 mod radiance_buffer;
 pub mod reuse;
 mod sampling;
 mod scatter;
 mod shading_geometry;
 mod shading_groups;
+mod slabs;
 mod stages;
 mod surface;
 #[cfg(test)]

@@ -228,7 +228,11 @@ pub(super) const ARRIVE: &[Stage] = &[
         bounces: Bounces::All,
         reads: &[Rays, Hits, Paths],
         writes: &[Rays, Hits, Paths, Results],
-        run: |i, b, w| i.skip_absent_surfaces(b.number, w),
+        run: |i, b, w| {
+            i.start_crossings(w);
+            i.skip_absent_surfaces(b.number, w);
+            i.end_crossings(w);
+        },
     },
     Stage {
         name: "holdouts and shadow catchers",
@@ -388,6 +392,14 @@ pub(super) const LEAVE: &[Stage] = &[
         reads: &[Vertices, Scattered],
         writes: &[Paths],
         run: |i, b, w| i.update_clear_paths(&b.vertices, w),
+    },
+    Stage {
+        name: "caustics: lobes",
+        condition: |i| i.options.caustics.is_some(),
+        bounces: Bounces::All,
+        reads: &[Vertices, Scattered],
+        writes: &[Paths],
+        run: |i, b, w| i.divide_chains(&b.vertices, w),
     },
     Stage {
         name: "caustics: stretched light",

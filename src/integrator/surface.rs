@@ -230,9 +230,10 @@ impl Integrator<'_> {
         if material.passes_straight && w.arriving.state.pdf[i].competes() {
             bsdf = self.scatter_at_thin_glass(bsdf, i, w);
         }
+        let pane = self.reflect_at_pane(material.pane_thickness, i, w);
         let mut vertex = Vertex {
             surface: Surface { ns, ..at.surface },
-            bsdf,
+            bsdf: pane.unwrap_or(bsdf),
             beyond: w.arriving.interior[i],
             is_back,
             wo,
@@ -240,7 +241,7 @@ impl Integrator<'_> {
         if material.emission.is_some() {
             self.emit(bounce, i, &at, w);
         }
-        if is_solid {
+        if is_solid && pane.is_none() {
             let wavelengths = w.times.wavelengths(w.arriving.state.radiance_index[i]);
             let boundary = match self.coincident_surfaces(&w.rays[i], &at) {
                 None => self.boundary(bsdf, material, is_back, (bounce, i), &mut w.arriving, wavelengths),

@@ -15,12 +15,14 @@ use super::interior::CameraInterior;
 use super::sampling::RandomChoice;
 use super::shading_geometry::{HitPoint, PathOrigin, scattering_normal};
 use super::shading_groups::SortedVertices;
+use super::slabs::{ShadowCrossings, behind_pane};
 use super::stages::Stages;
 use super::visibility::LIGHT_SAMPLE_KINDS;
 use super::wave::{LightLanes, OptionalState, PathState, Vertices, Wave, get, get_rgb, set_rgb};
 use super::workspace::{SampleTimes, Workspace};
 use crate::bsdf::Bsdf;
 use crate::color::Rgb;
+use crate::color::spectral::Wavelengths;
 use crate::compile::CompiledMaterial;
 use crate::math::{Frame, Hit, Ray, Vec3};
 use crate::scene::RayKinds;
@@ -34,28 +36,8 @@ impl Integrator<'_> {
     pub(super) fn skip_absent_surfaces(&self, bounce: u32, w: &mut Workspace) {
         self.find_materials(w);
         for pass in 0..MAX_PASSED_SURFACES {
-            let Workspace { pending, rays, hits, arriving, excludes_casters, times, .. } = &mut *w;
-            pending.retain(|&i| {
-                let i = i as usize;
-                if self.is_excluded(*excludes_casters, &hits[i]) {
-                    return true;
-                }
-                let path = &arriving.state;
-                let time = times.of(path.radiance_index[i]);
-                let uniform = || RandomChoice::Alpha { surface: pass }.uniform(path, i, bounce);
-                match self.response(&rays[i], &hits[i], time, self.kind(bounce, i, arriving), uniform) {
-                    HitResponse::Stops => {
-                        let crossing = (&rays[i], &hits[i], time);
-                        self.passes_thin_glass((bounce, i), crossing, pass, &mut arriving.state)
-                    }
-                    HitResponse::Passes => true,
-                    HitResponse::PassUnseen(others) => {
-                        self.record_unseen(i, others, arriving);
-                        true
-                    }
-                }
-            });
-            if pending.is_empty() {
+            self.find_passing(bounce, pass, w);
+            if w.pending.is_empty() {
                 return;
             }
             self.add_passed_emission(bounce, w);
@@ -63,7 +45,16 @@ impl Integrator<'_> {
                 self.cross_boundaries(bounce, pass, w);
             }
             let Workspace {
-                pending, pending_rays, pending_hits, rays, hits, materials, arriving, times, ..
+                pending,
+                pending_rays,
+                pending_hits,
+                rays,
+                hits,
+                materials,
+                arriving,
+                times,
+                crossings,
+                ..
             } = &mut *w;
             let sample = |&i: &u32| arriving.state.radiance_index[i as usize];
             let mut crowded = Vec::new();
@@ -71,7 +62,9 @@ impl Integrator<'_> {
             pending_rays.extend(pending.iter().enumerate().map(|(k, &i)| {
                 let time = times.of(sample(&i));
                 let i = i as usize;
-                if self.advance_past(&mut rays[i], &hits[i], time) {
+                if let Some(next) = behind_pane(i, crossings) {
+                    rays[i] = next;
+                } else if self.advance_past(&mut rays[i], &hits[i], time) {
                     crowded.push((k, hits[i], time));
                 }
                 rays[i]
@@ -88,6 +81,35 @@ impl Integrator<'_> {
             }
             w.ray_counts.all += w.pending.len() as u64;
         }
+    }
+
+    /// Keeps pending those rays that pass the surfaces that they hit.
+    fn find_passing(&self, bounce: u32, pass: u32, w: &mut Workspace) {
+        let Workspace { pending, rays, hits, arriving, excludes_casters, times, crossings, .. } = w;
+        pending.retain(|&i| {
+            let i = i as usize;
+            if self.is_excluded(*excludes_casters, &hits[i]) {
+                return true;
+            }
+            let path = &arriving.state;
+            let time = times.of(path.radiance_index[i]);
+            let uniform = || RandomChoice::Alpha { surface: pass }.uniform(path, i, bounce);
+            match self.response(&rays[i], &hits[i], time, self.kind(bounce, i, arriving), uniform) {
+                HitResponse::Stops => {
+                    let (at, crossing) = ((bounce, i), (&rays[i], &hits[i], time));
+                    let waves = times.wavelengths(arriving.state.radiance_index[i]);
+                    let interior = arriving.interior[i];
+                    let path = &mut arriving.state;
+                    self.passes_thin_glass(at, crossing, pass, waves, path)
+                        || self.passes_pane(at, crossing, pass, (path, interior), (crossings, waves))
+                }
+                HitResponse::Passes => true,
+                HitResponse::PassUnseen(others) => {
+                    self.record_unseen(i, others, arriving);
+                    true
+                }
+            }
+        });
     }
 
     /// Finds the materials of all hits; those that may be absent are pending.
@@ -137,18 +159,10 @@ impl Integrator<'_> {
     /// Occlusion of shadow rays among surfaces that may be absent.
     pub(super) fn test_shadow_rays_with_alpha(&self, bounce: u32, w: &mut Workspace) {
         self.find_possible_occluders(w);
-        let Workspace {
-            wave,
-            shadow_rays,
-            shadow_vertices,
-            occluded,
-            ray_counts,
-            excludes_casters,
-            times,
-            ..
-        } = w;
+        let Workspace { wave, shadow_rays, shadow_vertices, occluded, excludes_casters, times, .. } = w;
         let (pending, rays, pending_hits) = (&mut w.pending, &mut w.pending_rays, &mut w.pending_hits);
         let (shadow_segments, passed_kinds) = (&mut w.shadow_segments, &mut w.passed_kinds);
+        let shadow_crossings = &mut w.shadow_crossings;
         let Wave { paths, vertices: Vertices { light, .. }, .. } = &mut **wave;
         let mut crowded: Vec<(usize, Hit, f32)> = Vec::new();
         let mut passes = 0..MAX_PASSED_SURFACES;
@@ -158,11 +172,13 @@ impl Integrator<'_> {
             let samples =
                 pending.iter().map(|&k| paths.state.radiance_index[shadow_vertices[k as usize] as usize]);
             self.intersect_past((times, samples), rays, &mut crowded, pending_hits);
-            ray_counts.all += pending.len() as u64;
+            w.ray_counts.all += pending.len() as u64;
             let (mut at, mut kept) = (0, 0);
-            let mut advance_past = |ray: &mut Ray, hit: Hit, time: f32| {
-                if self.advance_past(ray, &hit, time) {
-                    crowded.push((kept, hit, time));
+            let mut advance_past = |ray: &mut Ray, hit: Hit, time: f32, behind_pane: Option<Ray>| {
+                match behind_pane {
+                    Some(next) => *ray = next,
+                    None if self.advance_past(ray, &hit, time) => crowded.push((kept, hit, time)),
+                    None => {}
                 }
                 kept += 1;
             };
@@ -175,21 +191,22 @@ impl Integrator<'_> {
                 let i = shadow_vertices[k] as usize;
                 let (path, time) = (&paths.state, times.of(paths.state.radiance_index[i]));
                 if self.is_excluded(*excludes_casters, &hit) || self.is_not_a_blocker(i as u32, &hit, light) {
-                    advance_past(&mut shadow_rays[k], hit, time);
+                    advance_past(&mut shadow_rays[k], hit, time, None);
                     return true;
                 }
+                let waves = times.wavelengths(path.radiance_index[i]);
                 let uniform = || RandomChoice::ShadowAlpha { surface: pass }.uniform(path, i, bounce);
                 let response = self.response(&shadow_rays[k], &hit, time, LIGHT_SAMPLE_KINDS, uniform);
-                let ray = &shadow_rays[k];
-                let passes_glass = || self.shadow_ray_passes_thin_glass(i, ray, &hit, time, light);
-                if response.blocks(passes_glass, passed_kinds.get_mut(k)) {
+                let (crossing, mut next) = ((&shadow_rays[k], &hit, time), None);
+                let passed = shadow_crossings.get_mut(k);
+                let passes = || self.shadow_ray_passes_glass(i, crossing, (passed, &mut next), light, waves);
+                if response.blocks(passes, passed_kinds.get_mut(k)) {
                     occluded[k] = true;
                     return false;
                 }
-                let (segment, waves) =
-                    (shadow_segments.get_mut(k), times.wavelengths(path.radiance_index[i]));
+                let segment = shadow_segments.get_mut(k);
                 self.cross_with_shadow_ray(i, &shadow_rays[k], (&hit, time), segment, light, waves);
-                advance_past(&mut shadow_rays[k], hit, time);
+                advance_past(&mut shadow_rays[k], hit, time, next);
                 true
             });
         }
@@ -224,8 +241,11 @@ impl Integrator<'_> {
                 possibly_absent[self.scene.geometries.material(hit) as usize]
                     && (*excludes_casters || !is_front())
             };
-            let may_be_absent_at =
-                hit.is_hit() && (may_be_absent() || self.is_not_a_blocker(vertex, hit, &wave.vertices.light));
+            // A ray that a pane shifts may miss what is behind it.
+            let may_be_absent_at = hit.is_hit()
+                && (self.scene.features.panes
+                    || may_be_absent()
+                    || self.is_not_a_blocker(vertex, hit, &wave.vertices.light));
             *occluded = hit.is_hit() && !may_be_absent_at;
             if may_be_absent_at {
                 pending.push(k as u32);
@@ -246,6 +266,7 @@ impl Integrator<'_> {
         material.alpha.is_none()
             && material.presence.is_none()
             && !material.passes_straight
+            && material.pane_thickness <= 0.0
             && !material.is_boundary
             && self.scene.geometries.is_back_of_flat(ray, hit, time) == Some(false)
     }
@@ -388,14 +409,17 @@ impl Integrator<'_> {
         (bounce, i): (u32, usize),
         (ray, hit, time): (&Ray, &Hit, f32),
         surface: u32,
+        wavelengths: Option<&Wavelengths>,
         path: &mut PathState,
     ) -> bool {
         if !path.pdf[i].competes() {
             return false;
         }
-        let passing = self.straight(ray, hit, time);
+        let passing = self.straight((ray, hit, time), wavelengths);
         let probability = passing.max_element().min(1.0);
-        let passes = RandomChoice::ThinGlass { surface }.uniform(path, i, bounce) < probability;
+        // Most surfaces are no thin glass.
+        let passes =
+            probability > 0.0 && RandomChoice::ThinGlass { surface }.uniform(path, i, bounce) < probability;
         if passes {
             let throughput = get_rgb(&path.throughput, i);
             set_rgb(&mut path.throughput, i, throughput * passing / probability);
@@ -405,8 +429,9 @@ impl Integrator<'_> {
 
     /// The BSDF of thin glass for arriving path `i`, which did not pass it. Weights the path's throughput.
     pub(super) fn scatter_at_thin_glass(&self, bsdf: Bsdf, i: usize, w: &mut Workspace) -> Bsdf {
-        let time = w.times.of(w.arriving.state.radiance_index[i]);
-        let stops = 1.0 - self.straight(&w.rays[i], &w.hits[i], time).max_element();
+        let sample = w.arriving.state.radiance_index[i];
+        let crossing = (&w.rays[i], &w.hits[i], w.times.of(sample));
+        let stops = 1.0 - self.straight(crossing, w.times.wavelengths(sample)).max_element();
         let throughput = &mut w.arriving.state.throughput;
         let value = get_rgb(throughput, i);
         set_rgb(throughput, i, if stops > 0.0 { value / stops } else { Rgb::ZERO });
@@ -418,12 +443,11 @@ impl Integrator<'_> {
     pub(super) fn shadow_ray_passes_thin_glass(
         &self,
         i: usize,
-        ray: &Ray,
-        hit: &Hit,
-        time: f32,
+        crossing: (&Ray, &Hit, f32),
         light: &mut LightLanes,
+        wavelengths: Option<&Wavelengths>,
     ) -> bool {
-        let contribution = get_rgb(&light.contribution, i) * self.straight(ray, hit, time);
+        let contribution = get_rgb(&light.contribution, i) * self.straight(crossing, wavelengths);
         let passes = contribution.max_element() > 0.0;
         if passes {
             set_rgb(&mut light.contribution, i, contribution);
@@ -431,8 +455,21 @@ impl Integrator<'_> {
         passes
     }
 
+    /// The same for thin glass or a pane, behind which the ray is `next`.
+    fn shadow_ray_passes_glass(
+        &self,
+        i: usize,
+        crossing: (&Ray, &Hit, f32),
+        (passed, next): (Option<&mut ShadowCrossings>, &mut Option<Ray>),
+        light: &mut LightLanes,
+        wavelengths: Option<&Wavelengths>,
+    ) -> bool {
+        *next = self.shadow_ray_passes_pane(i, crossing, passed, light, wavelengths);
+        next.is_some() || self.shadow_ray_passes_thin_glass(i, crossing, light, wavelengths)
+    }
+
     /// Straight transmittance at a hit; zero except at smooth thin glass.
-    fn straight(&self, ray: &Ray, hit: &Hit, time: f32) -> Rgb {
+    fn straight(&self, (ray, hit, time): (&Ray, &Hit, f32), wavelengths: Option<&Wavelengths>) -> Rgb {
         if !hit.is_hit() {
             return Rgb::ZERO;
         }
@@ -443,7 +480,7 @@ impl Integrator<'_> {
         let wo = -ray.direction.normalize();
         let at = self.point_of(ray, *hit, index, time);
         // Unfiltered, as in light sampling.
-        let (bsdf, ns) = self.read_material(&at, 0.0, wo, None);
+        let (bsdf, ns) = self.read_material(&at, 0.0, wo, wavelengths);
         let ns = scattering_normal(ns, at.surface.ng, wo);
         bsdf.straight(Frame::from_normal(ns).to_local(wo))
     }

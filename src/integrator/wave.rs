@@ -239,6 +239,8 @@ path_state! {
     visibility: [RayVisibility; LENGTH], if |c| c.features.ray_kinds;
     /// Whether caustics traced from the lights contain the path so far: see [`super::caustics`].
     chains: Words, if |c| c.caustics;
+    /// The share of the light found by such a path that caustics traced from the lights contain: that of its receivers' diffuse lobes.
+    chain_share: RgbLanes, if |c| c.caustics;
     /// Expected luminance that adjoint-driven Russian roulette compares with; 0 until the first guided vertex.
     reference: Lanes, if |c| c.guiding;
     /// 1 where the path has passed nothing but clear glass since the camera, else 0.

@@ -6,6 +6,7 @@ use super::medium_segment::{MediumSegment, ShadowSegment};
 use super::radiance_buffer::RadianceBuffer;
 use super::reuse::state::Reuse;
 use super::shading_groups::ShadingGroup;
+use super::slabs::{RayCrossings, ShadowCrossings};
 use super::wave::{Paths, WAVE, Wave};
 use crate::accel::Accel;
 use crate::bsdf::Bsdf;
@@ -62,6 +63,9 @@ pub struct Workspace {
     pub(super) pending: Vec<u32>,
     pub(super) pending_rays: Vec<Ray>,
     pub(super) pending_hits: Vec<Hit>,
+    /// Panes that the arriving rays and the shadow rays passed; empty without panes.
+    pub(super) crossings: Vec<RayCrossings>,
+    pub(super) shadow_crossings: Vec<ShadowCrossings>,
     /// Path segments and shadow rays in scattering media.
     pub(super) medium_segments: Vec<MediumSegment>,
     /// Segments in media that overlap those.
@@ -111,6 +115,8 @@ impl Workspace {
             pending: Vec::new(),
             pending_rays: Vec::new(),
             pending_hits: Vec::new(),
+            crossings: Vec::new(),
+            shadow_crossings: Vec::new(),
             medium_segments: Vec::new(),
             overlapping_segments: Vec::new(),
             shadow_segments: Vec::new(),

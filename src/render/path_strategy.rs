@@ -66,7 +66,8 @@ pub(super) struct StrategyTrials {
 
 /// Are there surfaces that some paths pass through at random?
 fn has_random_surfaces(scene: &CompiledScene) -> bool {
-    scene.materials.iter().any(|material| material.alpha.is_some() || material.passes_straight)
+    scene.features.panes
+        || scene.materials.iter().any(|material| material.alpha.is_some() || material.passes_straight)
 }
 
 /// Why paths can't be shared.

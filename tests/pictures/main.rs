@@ -26,6 +26,7 @@ mod nodes;
 mod one_sided;
 mod open_sheets;
 mod overlapping;
+mod panes;
 mod panoramas;
 mod parts;
 mod passes;

@@ -12,6 +12,7 @@ use super::plan::{CausticTally, LightPath};
 use crate::bsdf::{Bsdf, BsdfEval};
 use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
+use crate::compile::Role;
 use crate::film::{Splat, SplatPart};
 use crate::math::{Frame, Ray, Vec3, offset_along};
 use crate::sampling::hash::hash32;
@@ -50,6 +51,8 @@ pub(super) struct Receiver {
     pub is_lambert: bool,
     /// It scatters on the camera's side only.
     pub is_opaque: bool,
+    /// Only its diffuse lobes count.
+    pub is_diffuse: bool,
     pub ng: Vec3,
     pub ns: Vec3,
     /// Directions to the camera and back along the light path.
@@ -90,7 +93,7 @@ impl Integrator<'_> {
         let (width, spread) = self.view.camera.pixel_cone();
         let (wo, wi) = (sight.direction, -path.ray.direction);
         let (bsdf, ns) = self.read_material(at, width + spread * sight.distance, wo, wavelengths.as_ref());
-        let receiver = self.receiver(material, bsdf, [ns, at.surface.ng]).seen(wo, wi);
+        let receiver = self.receiver(path, material, bsdf, [ns, at.surface.ng]).seen(wo, wi);
         let BsdfEval { f_cos, pdf_solid_angle } = self.scattered(&receiver)?;
         let Receiver { ng, wo, wi, .. } = receiver;
         let area = sight.pixels_per_area * (wo.dot(ng) / wi.dot(ng)).abs();
@@ -126,7 +129,14 @@ impl Integrator<'_> {
     }
 
     /// A surface with this BSDF, shading normal and geometric normal.
-    pub(super) fn receiver(&self, material: u32, bsdf: Bsdf, [ns, ng]: [Vec3; 2]) -> Receiver {
+    pub(super) fn receiver(
+        &self,
+        path: &LightPath,
+        material: u32,
+        bsdf: Bsdf,
+        [ns, ng]: [Vec3; 2],
+    ) -> Receiver {
+        let is_of_diffuse = self.options.caustics.is_some_and(|p| p.role(material) == Role::DiffuseReceiver);
         let group = self.groups[material as usize];
         let is_lambert = matches!(group, ShadingGroup::Plain | ShadingGroup::Lambert);
         let is_opaque = is_lambert
@@ -134,12 +144,14 @@ impl Integrator<'_> {
                 group,
                 ShadingGroup::PlainMetalRough | ShadingGroup::Textured | ShadingGroup::MetalRough
             );
-        Receiver { bsdf, is_lambert, is_opaque, ng, ns, wo: ng, wi: ng }
+        // No path from the camera finds the rest of the only ones.
+        let is_diffuse = is_of_diffuse && !path.is_only_way;
+        Receiver { bsdf, is_lambert, is_opaque, is_diffuse, ng, ns, wo: ng, wi: ng }
     }
 
     /// BSDF times cosine, and the density with which a path from the camera would sample the direction of the light.
     pub(super) fn scattered(&self, at: &Receiver) -> Option<BsdfEval> {
-        let Receiver { bsdf, is_lambert, is_opaque, ng, ns, wo, wi } = at;
+        let Receiver { bsdf, is_lambert, is_opaque, is_diffuse, ng, ns, wo, wi } = at;
         let height = wi.dot(*ng);
         let crosses = height * wo.dot(*ng) < 0.0;
         if height == 0.0 || bsdf.is_specular() || crosses && (*is_opaque || !bsdf.scatters_through()) {
@@ -155,7 +167,12 @@ impl Integrator<'_> {
             if crosses && wo.z * wi.z >= 0.0 {
                 return None;
             }
-            bsdf.eval(wo, wi)
+            let eval = bsdf.eval(wo, wi);
+            if *is_diffuse {
+                BsdfEval { f_cos: bsdf.diffuse_part(wo, wi).min(eval.f_cos), ..eval }
+            } else {
+                eval
+            }
         };
         let side = if height < 0.0 { -1.0 } else { 1.0 };
         let is_soft = self.softens_terminator() && !crosses;
@@ -168,8 +185,8 @@ impl Integrator<'_> {
         if self.layers.count() == 0 {
             return None;
         }
-        let Receiver { bsdf, is_lambert, ng, ns, wo, wi, .. } = at;
-        let first = match is_lambert {
+        let Receiver { bsdf, is_lambert, is_diffuse, ng, ns, wo, wi, .. } = at;
+        let first = match *is_lambert || *is_diffuse {
             true => FirstBounce::DIFFUSE,
             false => FirstBounce::of(bsdf, [scattering_normal(*ns, *ng, *wo), *ng], *wo, *wi),
         };

@@ -23,6 +23,9 @@ use crate::sampling::warp;
 use crate::shape::Surface;
 use std::ops::Range;
 
+/// Least cosine between the directions of a path before and behind panes that it passed straight on.
+const STRAIGHT: f32 = 1.0 - 4e-6;
+
 /// Separates the seeds of light paths from those of pixels.
 const LIGHT_PATH_SEED: u32 = 0x3c6e_f372;
 
@@ -74,6 +77,7 @@ impl Integrator<'_> {
             let wavelengths = (!hero.is_nan()).then(|| Wavelengths::draw(hero));
             Some(LightPath {
                 ray,
+                start: ray.direction,
                 radiance: self.uplift_light(radiance, Some(light), wavelengths.as_ref()),
                 hero,
                 scale,
@@ -82,6 +86,7 @@ impl Integrator<'_> {
                 lens: [x, y],
                 bounces: 0,
                 has_roles: true,
+                is_straight: true,
                 light,
                 is_only_way: is_delta,
             })
@@ -143,16 +148,20 @@ impl Integrator<'_> {
     /// What a path does at a surface with this role.
     fn step(&self, path: &LightPath, role: Role) -> Step {
         let (bounces, max_depth) = (path.bounces, self.options.max_depth);
+        // What it would bring to a surface that scatters is found there by light samples through panes.
+        if path.is_straight && bounces > 0 && role != Role::Caster {
+            return Step { connects: false, continues: false };
+        }
         // The first surface must be a caster.
         let is_taken = path.has_roles
             && match role {
                 Role::Caster => true,
-                Role::Receiver => bounces > 0,
+                Role::Receiver | Role::DiffuseReceiver => bounces > 0,
                 Role::Neither => false,
             };
         let is_free = path.is_only_way && bounces > 0;
         Step {
-            connects: (is_free || is_taken && role == Role::Receiver) && max_depth > bounces,
+            connects: (is_free || is_taken && role != Role::Caster) && max_depth > bounces,
             // The connection to the camera needs one more bounce.
             continues: (is_free || is_taken) && max_depth > bounces.saturating_add(1),
         }
@@ -220,7 +229,7 @@ impl Integrator<'_> {
         let [a, b, lobe, roulette] = path.point.sample_4d(&Dimensions::new(2 + path.bounces));
         let scattered = match role {
             Role::Caster => self.scatter_at_caster(&caster, [a, b, lobe])?,
-            _ => self.scatter_at_receiver(&caster, material_index, [a, b, lobe])?,
+            _ => self.scatter_at_receiver(path, &caster, material_index, [a, b, lobe])?,
         };
         let survival = match role {
             Role::Caster if path.bounces < FIRST_ROULETTE => 1.0,
@@ -241,10 +250,27 @@ impl Integrator<'_> {
             scale: path.scale * scattered.scale / survival,
             interior: if scattered.is_transmission { beyond } else { arriving.interior[0] },
             bounces: path.bounces + 1,
+            is_straight: path.is_straight && self.goes_straight_on(path, at, &scattered),
             has_roles: path.has_roles && role != Role::Neither,
             is_only_way: path.is_only_way && (path.bounces > 0 || scattered.is_specular),
             ..*path
         })
+    }
+
+    /// Does a path that met nothing but panes enter one, go on within, or leave it in its first direction?
+    fn goes_straight_on(&self, path: &LightPath, at: &HitPoint<'_>, scattered: &Redirected) -> bool {
+        if at.material.pane_thickness <= 0.0 {
+            return false;
+        }
+        match (at.is_back, scattered.is_transmission) {
+            // Reflected within.
+            (true, false) => true,
+            (true, true) => scattered.direction.dot(path.start) > STRAIGHT,
+            (false, true) => {
+                self.enters_pane((&path.ray, &at.hit, STILL), path.interior, path.wavelengths().as_ref())
+            }
+            (false, false) => false,
+        }
     }
 
     /// The caster at a hit. Lane 0 of the arriving paths holds the state of the light path afterwards.
@@ -351,12 +377,13 @@ impl Integrator<'_> {
     /// Scattering by any other surface: the BSDF for a path from the camera that arrives from the sampled direction.
     fn scatter_at_receiver(
         &self,
+        path: &LightPath,
         at: &CasterPoint,
         material: u32,
         [a, b, lobe]: [f32; 3],
     ) -> Option<Redirected> {
         let CasterPoint { bsdf, ng, ns, wo: wi, .. } = at;
-        let receiver = self.receiver(material, *bsdf, [*ns, *ng]);
+        let receiver = self.receiver(path, material, *bsdf, [*ns, *ng]);
         let (direction, pdf) = if receiver.is_lambert || receiver.is_opaque && ns != ng {
             // The whole hemisphere of the geometric normal.
             let side = if wi.dot(*ng) < 0.0 { -1.0 } else { 1.0 };

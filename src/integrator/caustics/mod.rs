@@ -8,6 +8,10 @@
 //! or S (its *chain*), and whether the last one was an S. The role of a surface follows from its material, and so is the same from both
 //! sides. The environment doesn't count as a light here: paths from the camera find its light.
 //!
+//! Of some receivers only the diffuse lobes take part ([`Role::DiffuseReceiver`](crate::compile::Role)): their other lobes are so smooth,
+//! or may be by their textures, that paths from lights would seldom meet the camera in a direction where much is reflected. Paths from
+//! lights find the product of the shares of the diffuse lobes at such vertices, paths from the camera what is missing from 1.
+//!
 //! Light that a point or directional light sends to a perfectly specular surface first is found by no path from the camera. Such light
 //! paths continue at every surface and are connected to the camera at each that scatters.
 //!
@@ -31,9 +35,9 @@ use super::Integrator;
 use super::mis::LightPdf;
 use super::shading_geometry::bent_normal;
 use super::shading_groups::SortedVertices;
-use super::wave::Vertices;
-use super::wave::get;
+use super::wave::{Vertices, Wave, get, get_rgb, set_rgb};
 use super::workspace::Workspace;
+use crate::color::Rgb;
 use crate::compile::{Presence, Role};
 use crate::math::{Hit, Ray, Vec3};
 use crate::sampling::hash::{hash32, unit};
@@ -52,12 +56,15 @@ const BITS: u32 = 2;
 /// The same including the current vertex.
 const LEAVES: u32 = ARRIVES << BITS;
 const LEAVES_BY_CASTER: u32 = ARRIVES_BY_CASTER << BITS;
+/// The current vertex is a receiver by its diffuse lobes only ([`Role::DiffuseReceiver`]).
+const IS_DIFFUSE: u32 = 1 << (2 * BITS);
 
 impl Integrator<'_> {
     /// Shifts the chains of paths that arrive at their next vertex.
     pub(super) fn arrive_in_chains(&self, w: &mut Workspace) {
         if self.optional.chains {
-            w.arriving.chains[..w.rays.len()].iter_mut().for_each(|chain| *chain >>= BITS);
+            let arrive = |chain: &mut u32| *chain = *chain >> BITS & (ARRIVES | ARRIVES_BY_CASTER);
+            w.arriving.chains[..w.rays.len()].iter_mut().for_each(arrive);
         }
     }
 
@@ -71,6 +78,7 @@ impl Integrator<'_> {
             let is_taken = bounce == 0 || came != 0;
             *chain = match role {
                 Role::Receiver if is_taken => came | LEAVES,
+                Role::DiffuseReceiver if is_taken => came | LEAVES | IS_DIFFUSE,
                 Role::Caster if came != 0 => came | LEAVES | LEAVES_BY_CASTER,
                 _ => came,
             };
@@ -121,30 +129,55 @@ impl Integrator<'_> {
         }
     }
 
-    /// Does arriving path `i` leave out the light of this light, because paths from lights find it?
+    /// The share of the light of this light at the end of arriving path `i` that paths from lights don't find.
     #[inline(always)]
-    pub(super) fn is_left_to_light_paths(
+    pub(super) fn share_of_camera_paths(
         &self,
         bounce: u32,
         i: usize,
         light: Option<u32>,
         w: &Workspace,
-    ) -> bool {
-        let Some(plan) = self.options.caustics else { return false };
-        bounce >= 2
+    ) -> Rgb {
+        let Some(plan) = self.options.caustics else { return Rgb::ONE };
+        let is_left = bounce >= 2
             && w.arriving.chains[i] & ARRIVES_BY_CASTER != 0
-            && light.is_some_and(|light| plan.takes(light))
+            && light.is_some_and(|light| plan.takes(light));
+        if is_left { Rgb::ONE - get_rgb(&w.arriving.chain_share, i) } else { Rgb::ONE }
+    }
+
+    /// Multiplies the shares of the light that paths from lights find by those of the diffuse lobes of vertices where only these
+    /// receive caustics, in the directions that the paths took.
+    pub(super) fn divide_chains(&self, sorted: &SortedVertices, w: &mut Workspace) {
+        let Workspace { wave, bsdfs, .. } = w;
+        for i in sorted.all() {
+            let Wave { paths, vertices: v, .. } = &mut **wave;
+            if paths.chains[i] & IS_DIFFUSE == 0 || !paths.state.pdf[i].is_alive() {
+                continue;
+            }
+            let diffuse = match paths.state.pdf[i].is_specular() {
+                true => Rgb::ZERO,
+                false => self.scattering(sorted, v, bsdfs, i, get(&v.next_direction, i)).diffuse,
+            };
+            let share = get_rgb(&paths.chain_share, i) * diffuse;
+            set_rgb(&mut paths.chain_share, i, share);
+        }
     }
 
     /// Discards light samples that paths from lights find.
     pub(super) fn leave_light_samples(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         let Some(plan) = self.options.caustics.filter(|_| bounce >= 1) else { return };
-        let (chains, v) = (&w.wave.paths.chains, &mut w.wave.vertices);
+        let Wave { paths, vertices: v, .. } = &mut *w.wave;
+        let chains = &paths.chains;
         for i in sorted.lit() {
             let is_left =
                 chains[i] & LEAVES_BY_CASTER != 0 && plan.takes(self.only_light.unwrap_or(v.light.index[i]));
             if is_left && !is_stretched_at(v, i, get(&v.light.wi, i)) {
-                v.light.pdf[i] = LightPdf::NONE;
+                let kept = Rgb::ONE - get_rgb(&paths.chain_share, i);
+                if kept == Rgb::ZERO {
+                    v.light.pdf[i] = LightPdf::NONE;
+                }
+                let radiance = get_rgb(&v.light.radiance, i);
+                set_rgb(&mut v.light.radiance, i, radiance * kept);
             }
         }
     }
@@ -154,6 +187,12 @@ impl Integrator<'_> {
 #[inline(always)]
 pub(super) fn leaves_light(chain: u32) -> bool {
     chain & LEAVES != 0
+}
+
+/// Does a path with this chain at a vertex, and this share, leave out light of diffuse lobes only?
+#[inline(always)]
+pub(super) fn leaves_diffuse_light(chain: u32, share: Rgb) -> bool {
+    chain & IS_DIFFUSE != 0 || leaves_light(chain) && share != Rgb::ONE
 }
 
 /// Largest [`stretch`] of light that paths from lights find.

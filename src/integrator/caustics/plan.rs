@@ -5,7 +5,7 @@ use crate::color::spectral::Wavelengths;
 use crate::compile::{CompiledScene, Role};
 use crate::integrator::interior::Interior;
 use crate::light::LightPathSampler;
-use crate::math::Ray;
+use crate::math::{Ray, Vec3};
 use crate::sampling::sampler::SobolPoint;
 
 /// Which light paths from lights find, and how these paths start.
@@ -61,6 +61,8 @@ impl CausticPlan {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LightPath {
     pub ray: Ray,
+    /// Its direction at the light, of unit length.
+    pub start: Vec3,
     /// Radiance along the ray; intensity or irradiance of point and directional lights.
     pub radiance: Rgb,
     /// Flux for a radiance of 1.
@@ -74,6 +76,8 @@ pub(super) struct LightPath {
     pub bounces: u32,
     /// All of them are casters or receivers.
     pub has_roles: bool,
+    /// It passed panes straight on and met nothing else: light samples find its light.
+    pub is_straight: bool,
     /// The light where it starts.
     pub light: u32,
     /// The light is a point or a direction, and the first surface perfectly specular: no path from the camera finds this light.

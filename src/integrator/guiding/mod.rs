@@ -54,6 +54,18 @@ impl Integrator<'_> {
         }
     }
 
+    /// The same for vertex `i` alone.
+    pub(super) fn guide_light_sample(&self, i: usize, sorted: &SortedVertices, wave: &mut Wave) {
+        let Some(guide) = self.options.guide else { return };
+        let (densities, vertices) = (guide.densities(), &mut wave.vertices);
+        if sorted.guided().contains(&i) {
+            dispatch(LightDensities { vertices, range: i..i + 1, densities });
+        }
+        if sorted.metal_rough().contains(&i) {
+            dispatch(LightFactors { vertices, range: i..i + 1 });
+        }
+    }
+
     /// Density with which vertex `i` would sample the direction of its light sample, relative to that without a guide.
     pub(super) fn light_density(&self, v: &Vertices, i: usize) -> f32 {
         if self.options.guide.is_some() { v.guided.light_density[i] } else { 1.0 }

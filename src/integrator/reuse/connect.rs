@@ -6,7 +6,7 @@ use super::state::{
 use super::tiling::GroupShape;
 use crate::accel::{PointVisibility, PointVisibilityQuery, SetBits};
 use crate::color::Rgb;
-use crate::integrator::caustics::leaves_light;
+use crate::integrator::caustics::{leaves_diffuse_light, leaves_light};
 use crate::integrator::interior::Interior;
 use crate::integrator::radiance_buffer::PathClass;
 use crate::integrator::radiance_buffer::RadianceBuffer;
@@ -55,6 +55,9 @@ impl Integrator<'_> {
         let path = &mut paths.state;
         let k = reuse.place(path.radiance_index[i]);
         let Reuse { prefixes, suffixes, .. } = reuse;
+        if self.optional.chains && leaves_diffuse_light(paths.chains[i], get_rgb(&paths.chain_share, i)) {
+            return;
+        }
         if prefixes.class[k] == NONE {
             let is_in_air = !self.optional.interior || paths.interior[i] == Interior::AIR;
             if bounce <= LAST_BOUNCE && is_in_air && spreads(v, i, class) {

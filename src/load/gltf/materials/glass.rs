@@ -19,7 +19,6 @@ impl Materials {
         if !self.needs.iter().any(|needs| needs.body || needs.glass) {
             return;
         }
-        let has_lamps = !scene.lights.is_empty();
         let Scene { meshes, instances, .. } = scene;
         let users = Users::of(meshes, instances);
         for index in 0..self.needs.len() {
@@ -27,14 +26,8 @@ impl Materials {
             if std::mem::take(&mut self.needs[index].body) {
                 self.settle_body(id, (meshes, &users), report);
             }
-            match glass {
-                Glass::Panes if self.needs[index].glass => {
-                    self.settle_panes(id, (meshes, &users), instances, report)
-                }
-                Glass::Auto if self.needs[index].glass && has_lamps => {
-                    self.note_panes(id, (meshes, &users), instances, report);
-                }
-                _ => {}
+            if glass == Glass::Panes && self.needs[index].glass {
+                self.settle_panes(id, (meshes, &users), instances, report);
             }
         }
     }
@@ -100,32 +93,6 @@ impl Materials {
         for (index, pane) in panes.into_iter().flatten() {
             pane.leave_one_face(&mut meshes[index]);
         }
-    }
-
-    /// Warns that solid panes block the light of point lights.
-    fn note_panes(
-        &self,
-        id: MaterialId,
-        (meshes, users): (&[Mesh], &Users),
-        instances: &[Instance],
-        report: &mut Report,
-    ) {
-        let material = &self.list[id.index()];
-        let Model::Pbr(model) = &material.model else { return };
-        let is_clear = model.roughness.factor == 0.0 && model.transmission.factor > 0.0;
-        if !model.has_volume
-            || !is_clear
-            || panes(id, (meshes, users), instances).is_none_or(|list| list.is_empty())
-        {
-            return;
-        }
-        let message = format!(
-            "suns and lamps without size don't shine through the flat solid panes of material '{}'; through single sheets \
-             they do ('panes' of {})",
-            material.name,
-            Choice::Glass
-        );
-        report.lasting(|report| report.note("", message));
     }
 }
 

@@ -1,0 +1,383 @@
+//! Panes: light samples through closed bodies of smooth glass with flat parallel faces.
+//!
+//! Such a body does not change the direction of light that leaves it on the other side; it shifts it sideways. So light behind it can be
+//! sampled. Shadow rays pass with the transmittance of all orders of reflection within the body, t = T^2 a / (1 - R^2 a^2) with
+//! the reflectance R and transmittance T of a face and the transmittance a of one way through the glass. For lights at infinity the
+//! direction stays, for all others a connection that is refracted at both faces is found by Newton's method, with its
+//! Jacobian determinant in place of the inverse square of the distance (the specular manifold of Jakob, Marschner 2012, "Manifold
+//! Exploration", which here is a function of the direction alone).
+//!
+//! So that no light counts twice, rays that compete with light samples pass with the same transmittance, and their emission is weighted
+//! by the same densities. A ray that does not pass is reflected, with the reflectance of the whole body, r = R + T^2 R a^2 / (1 - R^2 a^2).
+//! Rays that don't compete (from the camera, from mirrors) meet the two faces as those of any other solid.
+//!
+//! What is neglected: light reflected k times within the body leaves it shifted by 2 k d tan(theta') more, d being the thickness: for
+//! glass this moves some 0.2 % of the light by some two thicknesses. Occluders between a vertex and a pane are tested along the straight
+//! connection to lights that are not at infinity: edges of shadows move by less than the thickness. Light reflected to and fro between
+//! two panes is found by scattered rays.
+
+use super::Integrator;
+use super::guiding::Guided;
+use super::interior::Interior;
+use super::mis::LightPdf;
+use super::sampling::RandomChoice;
+use super::shading_geometry::{HitPoint, terminator};
+use super::shading_groups::{
+    Closure, GeneralClass, LambertClass, MediumClass, MetalRoughClass, SortedVertices, VertexClass,
+};
+use super::slabs::{MOST, RayCrossings, ShadowCrossings, Slab, Slabs};
+use super::wave::{LightLanes, PathState, Wave, get, get_rgb, set, set_rgb};
+use super::workspace::Workspace;
+use crate::bsdf::{Bsdf, SchlickMetal};
+use crate::color::Rgb;
+use crate::color::spectral::Wavelengths;
+use crate::math::{Hit, Ray, Vec3, offset_along};
+use crate::scene::EnergyCompensation;
+
+/// Largest sine of the angle between the two faces.
+const MOST_WEDGE: f32 = 1e-3;
+
+/// What a pane does to a ray that hits it.
+#[derive(Clone, Copy, Debug)]
+struct Crossing {
+    slab: Slab,
+    /// Transmittance and reflectance of the whole body.
+    transmittance: Rgb,
+    reflectance: Rgb,
+    /// Sideways shift of the ray.
+    offset: Vec3,
+    /// Where it leaves the body.
+    exit: Vec3,
+    exit_hit: Hit,
+    /// From where the ray goes on, along its direction from the hit, metres.
+    advance: f32,
+}
+
+impl Integrator<'_> {
+    /// The pane that a ray enters at a hit, from air; `None` if there is none.
+    fn crossing(
+        &self,
+        (ray, hit, time): (&Ray, &Hit, f32),
+        interior: Interior,
+        wavelengths: Option<&Wavelengths>,
+    ) -> Option<Crossing> {
+        let at = self.front_of_pane((ray, hit, time)).filter(|_| self.is_air(interior))?;
+        let (material, normal) = (at.material, at.surface.ng);
+        let direction = ray.direction.normalize();
+        let cosine = -direction.dot(normal);
+        let (bsdf, _) = self.read_material(&at, 0.0, -direction, wavelengths);
+        let (ior, front) = bsdf.smooth_interface(cosine, false)?;
+        let within = direction / ior + normal * (cosine / ior - front.cos_transmitted);
+        let origin = offset_along(at.surface.p, -normal, normal.abs().dot(at.surface.p_error));
+        let inner = Ray { origin_primitive: hit.into(), ..Ray::new(origin, within) };
+        let exit_hit = self.scene.accel.closest_one_in_time(&inner, time);
+        if !exit_hit.is_hit() {
+            return None;
+        }
+        let exit_index = self.scene.geometries.material(&exit_hit);
+        let exit = self.point_of(&inner, exit_hit, exit_index, time);
+        let thickness = exit_hit.t * front.cos_transmitted;
+        let is_pane = exit.is_back
+            && exit.material.medium_index == material.medium_index
+            && exit.material.pane_thickness > 0.0
+            && exit.surface.ng.cross(normal).length() <= MOST_WEDGE
+            && exit.surface.ns.cross(normal).length() <= MOST_WEDGE
+            && thickness <= material.pane_thickness;
+        if !is_pane
+            || self.coincident_surfaces(ray, &at).is_some()
+            || self.coincident_surfaces(&inner, &exit).is_some()
+        {
+            return None;
+        }
+        let (exit_bsdf, _) = self.read_material(&exit, 0.0, -within, wavelengths);
+        let (_, back) = exit_bsdf.smooth_interface(front.cos_transmitted, true)?;
+        let medium = &self.scene.media[usize::from(material.medium_index)];
+        let way = medium.transmittance_at(exit_hit.t, wavelengths);
+        // All orders of reflection between the faces.
+        let orders = (back.reflected * back.reflected * way * way).map(|again| 1.0 / (1.0 - again).max(1e-6));
+        let entering = front.transmitted * way * orders;
+        let advance = thickness / cosine;
+        // The exit, again, of neighbouring triangles.
+        let margin = 2.0 * normal.abs().dot(exit.surface.p_error) / cosine;
+        Some(Crossing {
+            slab: Slab { normal, thickness, ior },
+            transmittance: entering * back.transmitted,
+            reflectance: front.reflected + entering * back.reflected * way * back.transmitted,
+            offset: within * exit_hit.t - direction * advance,
+            exit: exit.surface.p,
+            exit_hit,
+            advance: advance + margin,
+        })
+    }
+
+    /// The point of a hit, if it may be the front of a pane's face.
+    fn front_of_pane(&self, (ray, hit, time): (&Ray, &Hit, f32)) -> Option<HitPoint<'_>> {
+        if !hit.is_hit() {
+            return None;
+        }
+        let index = self.scene.geometries.material(hit);
+        if self.scene.materials[index as usize].pane_thickness <= 0.0 {
+            return None;
+        }
+        // Only flat primitives, whose points don't depend on the ray.
+        self.scene.geometries.is_back_of_flat(ray, hit, time)?;
+        let at = self.point_of(ray, *hit, index, time);
+        let (ng, ns) = (at.surface.ng, at.surface.ns);
+        let is_front = !at.is_back && ray.direction.dot(ng) < 0.0 && ns.cross(ng).length() <= MOST_WEDGE;
+        is_front.then_some(at)
+    }
+
+    /// Does a ray enter a pane at a hit that light samples pass?
+    pub(super) fn enters_pane(
+        &self,
+        at: (&Ray, &Hit, f32),
+        interior: Interior,
+        wavelengths: Option<&Wavelengths>,
+    ) -> bool {
+        self.crossing(at, interior, wavelengths).is_some()
+    }
+
+    /// Is a path outside of all bodies with a surface?
+    fn is_air(&self, interior: Interior) -> bool {
+        interior == Interior::AIR || self.scene.media[usize::from(interior.medium())].adds_up
+    }
+
+    /// Forgets the panes that the rays of the bounce before passed.
+    pub(super) fn start_crossings(&self, w: &mut Workspace) {
+        w.crossings.clear();
+        if self.scene.features.panes {
+            w.crossings.resize(w.rays.len(), RayCrossings::NONE);
+        }
+    }
+
+    /// Does the ray of arriving path `i` pass the pane that it hit, if it is one? Weights the path's throughput.
+    pub(super) fn passes_pane(
+        &self,
+        (bounce, i): (u32, usize),
+        (ray, hit, time): (&Ray, &Hit, f32),
+        surface: u32,
+        (path, interior): (&mut PathState, Interior),
+        (crossings, wavelengths): (&mut [RayCrossings], Option<&Wavelengths>),
+    ) -> bool {
+        let Some(passed) = crossings.get_mut(i).filter(|passed| passed.slabs.has_room()) else {
+            return false;
+        };
+        if !path.pdf[i].competes() {
+            return false;
+        }
+        let Some(crossing) = self.crossing((ray, hit, time), interior, wavelengths) else { return false };
+        let probability = crossing.transmittance.max_element().min(1.0);
+        let passes = RandomChoice::ThinGlass { surface }.uniform(path, i, bounce) < probability;
+        if passes {
+            let throughput = get_rgb(&path.throughput, i);
+            set_rgb(&mut path.throughput, i, throughput * crossing.transmittance / probability);
+            passed.slabs.push(crossing.slab);
+            passed.offset += crossing.offset;
+            passed.next = Some(Ray {
+                origin: ray.origin + crossing.offset,
+                t_min: hit.t + crossing.advance,
+                origin_primitive: (&crossing.exit_hit).into(),
+                ..*ray
+            });
+        }
+        passes
+    }
+
+    /// Sets the origins of rays that left the scene back to their vertices, to which the densities of light samples refer.
+    pub(super) fn end_crossings(&self, w: &mut Workspace) {
+        for ((passed, ray), hit) in w.crossings.iter_mut().zip(&mut w.rays).zip(&w.hits) {
+            if !hit.is_hit() {
+                ray.origin -= passed.offset;
+            }
+        }
+    }
+
+    /// The vertex where the ray of arriving path `i` started.
+    #[inline(always)]
+    pub(super) fn start_of_ray(&self, i: usize, w: &Workspace) -> Vec3 {
+        w.rays[i].origin - w.crossings.get(i).map_or(Vec3::ZERO, |passed| passed.offset)
+    }
+
+    /// Factor of the density of light samples at `target`, on a light with a normal there, by the panes that arriving path `i` passed.
+    #[inline]
+    pub(super) fn pane_density_ratio(
+        &self,
+        i: usize,
+        (origin, target): (Vec3, Vec3),
+        normal: Vec3,
+        w: &Workspace,
+    ) -> f32 {
+        match w.crossings.get(i) {
+            Some(passed) if !passed.slabs.is_empty() => {
+                passed.slabs.density_ratio(w.rays[i].direction, origin, target, normal)
+            }
+            _ => 1.0,
+        }
+    }
+
+    /// The BSDF of a pane for arriving path `i`, which competes with light samples and did not pass: a mirror. Weights the path's
+    /// throughput.
+    pub(super) fn reflect_at_pane(&self, thickness: f32, i: usize, w: &mut Workspace) -> Option<Bsdf> {
+        let passed = w.crossings.get(i).filter(|_| thickness > 0.0)?;
+        let state = &w.arriving.state;
+        if !state.pdf[i].competes() || !passed.slabs.has_room() {
+            return None;
+        }
+        let (sample, interior) = (state.radiance_index[i], w.arriving.interior[i]);
+        let at = (&w.rays[i], &w.hits[i], w.times.of(sample));
+        let crossing = self.crossing(at, interior, w.times.wavelengths(sample))?;
+        let stops = 1.0 - crossing.transmittance.max_element().min(1.0);
+        let weight = if stops > 0.0 { crossing.reflectance / stops } else { Rgb::ZERO };
+        let throughput = &mut w.arriving.state.throughput;
+        let value = get_rgb(throughput, i);
+        set_rgb(throughput, i, value * weight);
+        let energy_compensation = EnergyCompensation::Off;
+        Some(Bsdf::SchlickMetal(SchlickMetal { f0: Rgb::ONE, alpha: 0.0, energy_compensation }))
+    }
+}
+
+impl Integrator<'_> {
+    /// Remembers the light samples of shadow rays before these pass panes.
+    pub(super) fn start_shadow_crossings(&self, sorted: &SortedVertices, w: &mut Workspace) {
+        let Wave { paths, vertices: v, .. } = &*w.wave;
+        w.shadow_crossings.clear();
+        w.shadow_crossings.extend(w.shadow_vertices.iter().map(|&i| {
+            let i = i as usize;
+            ShadowCrossings {
+                slabs: Slabs::NONE,
+                hits: [Hit::MISS; MOST],
+                transmittance: Rgb::ONE,
+                interior: self.interior_towards_light(sorted, paths, v, i),
+                wi: get(&v.light.wi, i),
+                pdf: v.light.pdf[i],
+            }
+        }));
+    }
+
+    /// The shadow ray of vertex `i` behind the pane that it hit; `None` if it is none. Turns light samples at a finite distance to the
+    /// refracted connection.
+    pub(super) fn shadow_ray_passes_pane(
+        &self,
+        i: usize,
+        (ray, hit, time): (&Ray, &Hit, f32),
+        passed: Option<&mut ShadowCrossings>,
+        light: &mut LightLanes,
+        wavelengths: Option<&Wavelengths>,
+    ) -> Option<Ray> {
+        let passed = passed.filter(|passed| passed.slabs.has_room())?;
+        let crossing = self.crossing((ray, hit, time), passed.interior, wavelengths)?;
+        passed.push(crossing.slab, *hit);
+        let origin_primitive = (&crossing.exit_hit).into();
+        if light.is_infinite[i] > 0.0 {
+            passed.transmittance *= crossing.transmittance;
+            let advance = crossing.advance / ray.direction.length();
+            let origin = ray.origin + crossing.offset;
+            return Some(Ray { origin, t_min: hit.t + advance, origin_primitive, ..*ray });
+        }
+        let (origin, target) = (get(&light.origin, i), get(&light.target, i));
+        let w = passed.slabs.connect(origin, target)?;
+        set(&mut light.wi, i, w);
+        // Each pane turns the connection: Fresnel's equations at its final angle.
+        let refracted = Ray { direction: w, ..*ray };
+        let of = |hit: &Hit| self.crossing((&refracted, hit, time), passed.interior, wavelengths);
+        let product = |all: Option<Rgb>, hit: &Hit| Some(all? * of(hit)?.transmittance);
+        passed.transmittance = passed.hits().iter().fold(Some(Rgb::ONE), product)?;
+        let s = passed.slabs.length(w, origin, target);
+        // From the pane's far face on.
+        let normal = crossing.slab.normal;
+        let rest = (target - crossing.exit).dot(normal) / w.dot(normal);
+        let margin = crossing.advance - crossing.slab.thickness / w.dot(normal).abs();
+        let t_min = 1.0 - (rest - margin.max(0.0)) / s;
+        let origin = target - w * s;
+        (t_min < 1.0 && t_min >= 0.0).then_some(Ray {
+            origin,
+            direction: w * s,
+            t_min,
+            t_max: 1.0,
+            origin_primitive,
+        })
+    }
+
+    /// Attenuates the light samples whose shadow rays passed panes. Those that were refracted are evaluated again, with the direction at
+    /// the vertex and its density.
+    pub(super) fn refract_light_samples(&self, branches: f32, sorted: &SortedVertices, w: &mut Workspace) {
+        for k in 0..w.shadow_crossings.len() {
+            let (passed, i) = (w.shadow_crossings[k], w.shadow_vertices[k] as usize);
+            let Workspace { wave, bsdfs, occluded, .. } = &mut *w;
+            if occluded[k] || passed.slabs.is_empty() {
+                continue;
+            }
+            let attenuated = get_rgb(&wave.vertices.light.contribution, i) * passed.transmittance;
+            set_rgb(&mut wave.vertices.light.contribution, i, attenuated);
+            if wave.vertices.light.is_infinite[i] > 0.0 {
+                continue;
+            }
+            let before = self.light_sample_value((i, passed.wi, passed.pdf), branches, sorted, wave, bsdfs);
+            let light = &mut wave.vertices.light;
+            let (wi, origin, target) = (get(&light.wi, i), get(&light.origin, i), get(&light.target, i));
+            let index = self.only_light.unwrap_or(light.index[i]);
+            let area = self.scene.lights.area().get(index as usize);
+            let normal = area.map_or(Vec3::ZERO, |area| area.normal_at(target, origin));
+            let pdf = passed.pdf.scaled(passed.slabs.density_ratio(wi, origin, target, normal));
+            light.pdf[i] = pdf;
+            self.guide_light_sample(i, sorted, wave);
+            let after = self.light_sample_value((i, wi, pdf), branches, sorted, wave, bsdfs);
+            let contribution = get_rgb(&wave.vertices.light.contribution, i) * quotient(after, before);
+            set_rgb(&mut wave.vertices.light.contribution, i, contribution);
+        }
+    }
+
+    /// The contribution of vertex `i` by a light sample of a direction and density, without transmittance.
+    fn light_sample_value(
+        &self,
+        sample: (usize, Vec3, LightPdf),
+        branches: f32,
+        sorted: &SortedVertices,
+        wave: &Wave,
+        bsdfs: &[Bsdf],
+    ) -> Rgb {
+        let (i, guided) = (sample.0, self.options.guide.is_some());
+        if sorted.lambert().contains(&i) && guided {
+            self.value_of(&Guided(LambertClass), sample, branches, wave)
+        } else if sorted.lambert().contains(&i) {
+            self.value_of(&LambertClass, sample, branches, wave)
+        } else if sorted.metal_rough().contains(&i) && guided {
+            self.value_of(&Guided(MetalRoughClass), sample, branches, wave)
+        } else if sorted.metal_rough().contains(&i) {
+            self.value_of(&MetalRoughClass, sample, branches, wave)
+        } else if sorted.medium().contains(&i) {
+            self.value_of(&MediumClass, sample, branches, wave)
+        } else {
+            self.value_of(&GeneralClass { bsdfs, first: sorted.rough().start }, sample, branches, wave)
+        }
+    }
+
+    fn value_of<C: VertexClass>(
+        &self,
+        class: &C,
+        (i, wi, pdf): (usize, Vec3, LightPdf),
+        branches: f32,
+        wave: &Wave,
+    ) -> Rgb {
+        let Wave { paths, vertices: v, .. } = wave;
+        let closure = class.closure(v, i);
+        let eval = closure.eval(wi);
+        let (ng, ns) = (get(&v.ng, i), get(&v.ns, i));
+        let side = if !C::Closure::OPAQUE && wi.dot(ng) < 0.0 { -1.0 } else { 1.0 };
+        let mut weight = pdf.mis_weight_over_pdf(eval.pdf_solid_angle * branches * class.light_density(v, i));
+        if self.softens_terminator() && !C::Closure::IN_MEDIUM && !closure.crosses(wi) {
+            weight *= terminator(ns * side, ng * side, wi);
+        }
+        if C::Closure::OPAQUE && wi.dot(ng) <= 0.0 {
+            return Rgb::ZERO;
+        }
+        closure.scattered(eval, weight, get_rgb(&paths.state.throughput, i), get_rgb(&v.light.radiance, i))
+    }
+}
+
+/// `a / b` by channel; 0 where `b` is 0.
+fn quotient(a: Rgb, b: Rgb) -> Rgb {
+    let (a, b) = (a.to_array(), b.to_array());
+    let of = |c: usize| if b[c] > 0.0 { a[c] / b[c] } else { 0.0 };
+    Rgb::from_array([of(0), of(1), of(2)])
+}

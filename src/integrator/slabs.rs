@@ -1,0 +1,236 @@
+//! Ways of rays through slabs, the bodies between two parallel planes: sideways shifts, refracted connections and their densities.
+
+use super::interior::Interior;
+use super::mis::LightPdf;
+use crate::color::Rgb;
+use crate::math::{Frame, Hit, Ray, Vec3};
+
+/// Most panes that a ray passes.
+pub(super) const MOST: usize = 6;
+
+/// Newton steps of a refracted connection. Three are enough where the panes are thinner than a tenth of the distance.
+const STEPS: usize = 12;
+
+/// Sideways distance by which a refracted connection misses its target at which the steps end, relative to its length: some roundings.
+const MOST_MISS: f32 = 4e-6;
+
+/// The geometry of a pane.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Slab {
+    /// Unit normal of its faces.
+    pub normal: Vec3,
+    /// Metres.
+    pub thickness: f32,
+    /// Index of refraction.
+    pub ior: f32,
+}
+
+impl Slab {
+    /// Sideways shift of a ray of direction `w`: that of the way within less that of the straight way, both between the faces.
+    fn offset(&self, w: Vec3) -> Vec3 {
+        let along = w.dot(self.normal);
+        (w - self.normal * along) * (self.thickness * self.shift(along.abs()))
+    }
+
+    /// 1 / (n cos theta') - 1 / cos theta.
+    fn shift(&self, cosine: f32) -> f32 {
+        self.inside(cosine) - 1.0 / cosine
+    }
+
+    /// 1 / (n cos theta').
+    fn inside(&self, cosine: f32) -> f32 {
+        1.0 / (self.ior * self.ior - 1.0 + cosine * cosine).sqrt()
+    }
+
+    /// Derivative of the offset by the direction along `v`, which is perpendicular to `w`.
+    fn derivative(&self, w: Vec3, v: Vec3) -> Vec3 {
+        let (along, rise) = (w.dot(self.normal), v.dot(self.normal));
+        let cosine = along.abs();
+        let slope = 1.0 / (cosine * cosine) - cosine * self.inside(cosine).powi(3);
+        let by_cosine = slope * rise * along.signum();
+        ((v - self.normal * rise) * self.shift(cosine) + (w - self.normal * along) * by_cosine)
+            * self.thickness
+    }
+}
+
+/// The panes that a ray passed, in order.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Slabs {
+    list: [Slab; MOST],
+    count: usize,
+}
+
+impl Slabs {
+    /// None.
+    pub const NONE: Slabs =
+        Slabs { list: [Slab { normal: Vec3::Z, thickness: 0.0, ior: 1.0 }; MOST], count: 0 };
+
+    fn iter(&self) -> impl Iterator<Item = &Slab> {
+        self.list[..self.count].iter()
+    }
+
+    /// Is there room for another?
+    pub fn has_room(&self) -> bool {
+        self.count < MOST
+    }
+
+    /// Are there none?
+    pub fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
+    /// Adds one; there must be room.
+    pub fn push(&mut self, slab: Slab) {
+        self.list[self.count] = slab;
+        self.count += 1;
+    }
+
+    /// Length of a ray of direction `w` between two points, outside of the slabs and as if they were straight on.
+    pub fn length(&self, w: Vec3, origin: Vec3, target: Vec3) -> f32 {
+        (target - origin - self.offset(w)).dot(w)
+    }
+
+    /// Sideways shift of a ray of direction `w` by all of them.
+    fn offset(&self, w: Vec3) -> Vec3 {
+        self.iter().fold(Vec3::ZERO, |sum, slab| sum + slab.offset(w))
+    }
+
+    /// The symmetric matrix of the derivative of the end of a ray of direction `w`, of length `s` outside of the panes, by its direction:
+    /// xx, xy, yy in a frame around `w`.
+    fn jacobian(&self, w: Vec3, s: f32, frame: &Frame) -> [f32; 3] {
+        self.iter().fold([s, 0.0, s], |sum, slab| {
+            let (x, y) = (slab.derivative(w, frame.s), slab.derivative(w, frame.t));
+            [sum[0] + x.dot(frame.s), sum[1] + x.dot(frame.t), sum[2] + y.dot(frame.t)]
+        })
+    }
+
+    /// The area perpendicular to `w` at `target` over the solid angle at `origin` of rays through the panes, m^2/sr.
+    fn spread(&self, w: Vec3, origin: Vec3, target: Vec3) -> f32 {
+        let s = self.length(w, origin, target);
+        let [xx, xy, yy] = self.jacobian(w, s, &Frame::from_normal(w));
+        (xx * yy - xy * xy).abs()
+    }
+
+    /// The direction in which a ray from `origin` arrives at `target` behind all panes.
+    pub fn connect(&self, origin: Vec3, target: Vec3) -> Option<Vec3> {
+        let between = target - origin;
+        let mut w = between.try_normalize()?;
+        for _ in 0..STEPS {
+            let rest = between - self.offset(w);
+            let s = rest.dot(w);
+            let frame = Frame::from_normal(w);
+            let (a, b) = (rest.dot(frame.s), rest.dot(frame.t));
+            if a.abs().max(b.abs()) <= MOST_MISS * between.length() {
+                return (s > 0.0).then_some(w);
+            }
+            let [xx, xy, yy] = self.jacobian(w, s, &frame);
+            let determinant = xx * yy - xy * xy;
+            let step = frame.s * (yy * a - xy * b) + frame.t * (xx * b - xy * a);
+            w = (w + step / determinant).try_normalize()?;
+        }
+        None
+    }
+
+    /// Density of light samples by solid angle of rays through the panes, over that without panes. `normal` is that of the light at
+    /// `target`, zero for points.
+    pub fn density_ratio(&self, w: Vec3, origin: Vec3, target: Vec3, normal: Vec3) -> f32 {
+        let between = target - origin;
+        let distance_squared = between.length_squared();
+        let cosines = match normal == Vec3::ZERO {
+            true => 1.0,
+            false => (normal.dot(between) / (distance_squared.sqrt() * normal.dot(w))).abs(),
+        };
+        let ratio = cosines * self.spread(w, origin, target) / distance_squared;
+        if ratio.is_finite() { ratio } else { 0.0 }
+    }
+}
+
+/// The panes that an arriving ray passed, and the ray behind the last one until it is traced.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct RayCrossings {
+    pub slabs: Slabs,
+    /// Sum of the sideways shifts.
+    pub offset: Vec3,
+    pub next: Option<Ray>,
+}
+
+impl RayCrossings {
+    /// None.
+    pub const NONE: RayCrossings = RayCrossings { slabs: Slabs::NONE, offset: Vec3::ZERO, next: None };
+}
+
+/// The ray behind the pane that arriving path `i` just passed.
+pub(super) fn behind_pane(i: usize, crossings: &mut [RayCrossings]) -> Option<Ray> {
+    crossings.get_mut(i).and_then(|passed| passed.next.take())
+}
+
+/// The panes that a shadow ray passed, and its light sample without them.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ShadowCrossings {
+    pub slabs: Slabs,
+    /// Where the ray hit each of them.
+    pub hits: [Hit; MOST],
+    /// Of all of them.
+    pub transmittance: Rgb,
+    /// The solids around the start of the shadow ray.
+    pub interior: Interior,
+    /// Its light sample without panes.
+    pub wi: Vec3,
+    pub pdf: LightPdf,
+}
+
+impl ShadowCrossings {
+    /// Adds a pane; there must be room.
+    pub fn push(&mut self, slab: Slab, hit: Hit) {
+        self.hits[self.slabs.count] = hit;
+        self.slabs.push(slab);
+    }
+
+    /// Where the ray hit the panes.
+    pub fn hits(&self) -> &[Hit] {
+        &self.hits[..self.slabs.count]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn slabs(list: &[Slab]) -> Slabs {
+        let mut slabs = Slabs::NONE;
+        slabs.list[..list.len()].copy_from_slice(list);
+        slabs.count = list.len();
+        slabs
+    }
+
+    const PANE: Slab = Slab { normal: Vec3::Y, thickness: 0.1, ior: 1.5 };
+
+    #[test]
+    fn connections_obey_snells_law() {
+        for target in [Vec3::new(0.3, 2.0, -0.1), Vec3::new(5.0, 1.0, 2.0), Vec3::new(0.0, 0.2, 0.0)] {
+            let w = slabs(&[PANE]).connect(Vec3::ZERO, target).expect("there is one");
+            // The horizontal distance: (h - d) tan theta + d tan theta'.
+            let sine = (1.0 - w.y * w.y).max(0.0).sqrt();
+            let within = (PANE.ior * PANE.ior - sine * sine).sqrt();
+            let distance = (target.y - PANE.thickness) * sine / w.y + PANE.thickness * sine / within;
+            let asked = (target.x * target.x + target.z * target.z).sqrt();
+            assert!((distance - asked).abs() < 1e-5 * target.length(), "{distance} {asked}");
+        }
+    }
+
+    #[test]
+    fn the_spread_is_the_change_of_the_end_with_the_direction() {
+        let tilted = Slab { normal: Vec3::new(0.6, 0.8, 0.0), thickness: 0.2, ior: 1.3 };
+        let all = slabs(&[PANE, tilted]);
+        let (w, s) = (Vec3::new(0.3, 0.9, 0.2).normalize(), 1.5);
+        let end = |w: Vec3| w * s + all.offset(w);
+        let frame = Frame::from_normal(w);
+        let step = 1e-3;
+        let along =
+            |v: Vec3| (end((w + v * step).normalize()) - end((w - v * step).normalize())) / (2.0 * step);
+        let (x, y) = (along(frame.s), along(frame.t));
+        let area = x.dot(frame.s) * y.dot(frame.t) - x.dot(frame.t) * y.dot(frame.s);
+        let spread = all.spread(w, Vec3::ZERO, end(w));
+        assert!((spread / area - 1.0).abs() < 1e-3, "{spread} {area}");
+    }
+}
