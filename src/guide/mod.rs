@@ -30,6 +30,9 @@ pub mod speed {}
 #[doc = include_str!("limits.md")]
 pub mod limits {}
 
+#[doc = include_str!("history.md")]
+pub mod history {}
+
 #[doc = include_str!("internals.md")]
 pub mod internals {}
 

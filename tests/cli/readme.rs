@@ -30,7 +30,7 @@ struct Block {
 }
 
 /// README.md and the pages of the guide.
-const PAGES: [&str; 18] = [
+const PAGES: [&str; 19] = [
     "README.md",
     "src/guide/first_picture.md",
     "src/guide/scans.md",
@@ -42,6 +42,7 @@ const PAGES: [&str; 18] = [
     "src/guide/exactness.md",
     "src/guide/speed.md",
     "src/guide/limits.md",
+    "src/guide/history.md",
     "src/guide/internals.md",
     "src/guide/internals_loading.md",
     "src/guide/internals_compiling.md",
@@ -108,7 +109,13 @@ fn words(line: &str) -> Vec<String> {
 /// The files that the README's user has: the project's assets and scenes, an export, a scan, an environment, and pictures
 /// of another renderer.
 fn fixtures(folder: &Path) {
-    for name in ["assets/cornell-box.gltf", "scenes/meshes/torus.ply", "scenes/cornell-spheres.toml"] {
+    for name in [
+        "assets/cornell-box.gltf",
+        "scenes/meshes/torus.ply",
+        "scenes/cornell-spheres.toml",
+        "scenes/fur.toml",
+        "scenes/curves/fur.hair",
+    ] {
         let target = folder.join(name);
         fs::create_dir_all(target.parent().expect("a folder")).expect("made");
         fs::copy(Path::new(ROOT).join(name), &target).unwrap_or_else(|e| panic!("{name}: {e}"));
@@ -186,7 +193,7 @@ fn small(arguments: &[String]) -> Vec<String> {
     let mut rest = arguments.iter();
     while let Some(word) = rest.next() {
         match word.as_str() {
-            word if less.contains(&word) && word.starts_with("--") => drop(rest.next()),
+            word if (less.contains(&word) || word == "--size") && word.starts_with("--") => drop(rest.next()),
             "--frames" => {
                 rest.next();
                 result.extend(["--frames", "1-2"].map(str::to_string));
@@ -276,8 +283,18 @@ fn carry_out(folder: &Path, line: &str) -> bool {
         Some((arguments, target)) => (arguments, Some(target.trim())),
         None => (arguments, None),
     };
-    let arguments = words(arguments);
+    let mut arguments = words(arguments);
+    // A file in place of a command is rendered.
+    if arguments.first().is_some_and(|word| word.contains('.')) {
+        arguments.insert(0, "render".to_string());
+    }
     let is_render = arguments.first().is_some_and(|a| a == "render");
+    if is_render && !arguments.iter().any(|word| word == "-o") {
+        // Another page's command may have written a picture of this name.
+        let _ = fs::remove_file(
+            folder.join(Path::new(&arguments[1]).with_extension("png").file_name().expect("a name")),
+        );
+    }
     let needs_stand_in =
         [".blend", ".mp4", ".webm"].iter().any(|end| arguments.iter().any(|a| a.ends_with(end)));
     if needs_stand_in && !folder.join("bin").exists() {

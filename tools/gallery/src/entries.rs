@@ -83,7 +83,7 @@ pub const PHYSICS: &[Entry] = &[
     entry("window.toml", "window", "a room lit through portals"),
 ];
 
-/// The picture at the head of the README.
+/// The picture of `hero.jpg`, at the head of the guide's page on history.
 pub const HERO: &str = "final-scene";
 
 /// The scene that is rendered with one thread and with all.

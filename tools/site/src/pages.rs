@@ -36,6 +36,7 @@ const FILES: &[(Option<&str>, usize, &str, &str)] = &[
     (Some("What to expect"), 0, "How exact", "src/guide/exactness.md"),
     (None, 0, "How fast", "src/guide/speed.md"),
     (None, 0, "Limits", "src/guide/limits.md"),
+    (None, 0, "History", "src/guide/history.md"),
     (Some("Within"), 0, "How it works", "src/guide/internals.md"),
     (None, 1, "Loading", "src/guide/internals_loading.md"),
     (None, 1, "Compiling", "src/guide/internals_compiling.md"),
