@@ -128,8 +128,11 @@ fn topic_names() -> Vec<String> {
     let chapters = CHAPTERS.iter().skip(1).map(|chapter| chapter.name().to_string());
     let headings = GROUPS.iter().map(|(heading, _)| heading.to_lowercase()).filter(|h| h != "help");
     let mut names: Vec<String> = chapters.collect();
-    names.extend(headings.filter(|heading| !heading.contains(' ')));
-    names.dedup();
+    for heading in headings {
+        if !heading.contains(' ') && !names.contains(&heading) {
+            names.push(heading);
+        }
+    }
     names
 }
 
