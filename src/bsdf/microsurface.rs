@@ -79,6 +79,11 @@ pub struct Microsurface {
 }
 
 impl Microsurface {
+    /// Makes them at least this rough, GGX alpha.
+    pub(super) fn roughen(&mut self, least: f32) {
+        self.alpha = self.alpha.map(|alpha| alpha.max(least));
+    }
+
     /// Facets with alphas along an axis (a unit vector in the tangent plane) and across it. The smaller one is raised to a
     /// sixteenth of the larger one, as far as the table of albedos reaches.
     #[inline]

@@ -111,6 +111,27 @@ impl Bsdf {
     }
 }
 
+impl Bsdf {
+    /// Makes facets at least this rough (GGX alpha), exact mirrors of layers included.
+    pub fn roughen(&mut self, least: f32) {
+        if least < ggx::MIN_ALPHA {
+            return;
+        }
+        match self {
+            Bsdf::SchlickMetal(metal) => metal.alpha = metal.alpha.max(least),
+            Bsdf::Conductor(metal) => metal.surface.roughen(least),
+            Bsdf::MetalRough(material) => material.surface.alpha = material.surface.alpha.max(least),
+            Bsdf::RoughDielectric(glass) => glass.roughen(least),
+            Bsdf::Layered(layered) => {
+                layered.opaque.surface.roughen(least);
+                layered.glass.roughen(least);
+                layered.coat.alpha = layered.coat.alpha.max(least);
+            }
+            _ => {}
+        }
+    }
+}
+
 impl BsdfProgram {
     /// The program of the cheapest BSDF that is equivalent to a model for all values of its textures.
     pub fn of(model: &Model, shading: ShadingModel) -> BsdfProgram {

@@ -117,6 +117,13 @@ pub(super) struct Facet {
 }
 
 impl RoughDielectric {
+    /// Makes the facets of solid glass at least this rough, GGX alpha; thin glass lets light straight through.
+    pub(super) fn roughen(&mut self, least: f32) {
+        if self.walls == Walls::Solid {
+            self.surface.roughen(least);
+        }
+    }
+
     /// Are all its samples single directions?
     #[inline(always)]
     pub fn is_smooth(&self) -> bool {

@@ -2,7 +2,7 @@
 
 use super::camera_args::{CameraArgs, ShutterArgs};
 use super::exr_args::ExrArgs;
-use super::parsers::{AovParser, Frames, PreviewArg, ShowArg, number, region, stops};
+use super::parsers::{AovParser, Frames, PreviewArg, ShowArg, bounce_limits, clamp, number, region, stops};
 use super::picture_args::{PictureArgs, views};
 use super::progress::ProgressArg;
 use super::scene_args::{AssetArgs, BlenderArgs, StageArgs};
@@ -12,6 +12,7 @@ use oscura::film::{AovSet, AovSpace};
 use oscura::output::ViewTransform;
 use oscura::output::part::Region;
 use oscura::render::{Adaptive, Guiding, PathReuse, Splitting, setting_help};
+use oscura::scene::{BounceLimits, Clamp};
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -200,6 +201,15 @@ pub(crate) struct RenderArgs {
     pub spp: Option<u32>,
     #[arg(long, help = setting_help("max_depth"), value_name = "N", allow_negative_numbers = true)]
     pub depth: Option<u32>,
+    #[arg(long, help = setting_help("bounces"), value_name = "LIMITS", value_parser = bounce_limits)]
+    pub bounces: Option<BounceLimits>,
+    #[arg(long, help = setting_help("clamp"), value_name = "LIMITS", value_parser = clamp)]
+    pub clamp: Option<Clamp>,
+    #[arg(long, help = setting_help("filter_glossy"), value_name = "F", allow_negative_numbers = true, value_parser = strength)]
+    pub filter_glossy: Option<f32>,
+    /// Lift the limits of bounces, the clamps and the glossy filter that a scene asks for, as files of Blender do.
+    #[arg(long, conflicts_with_all = ["bounces", "clamp", "filter_glossy"])]
+    pub unbiased: bool,
     #[arg(long, help = setting_help("seed"), value_name = "N", allow_negative_numbers = true)]
     pub seed: Option<u32>,
     #[arg(long, help = setting_help("aovs"), value_name = "LIST", value_delimiter = ',', value_parser = AovParser)]

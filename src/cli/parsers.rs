@@ -4,6 +4,7 @@ use clap::{Arg, Command, ValueEnum};
 use oscura::film::{Aov, AovInfo, AovSet, PixelType};
 use oscura::output::part::Region;
 use oscura::render::ALL_AOVS;
+use oscura::scene::{BounceLimits, Clamp};
 use std::borrow::Cow;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -31,6 +32,42 @@ pub(super) fn region(text: &str) -> Result<Region, String> {
                 .into())
         }
     }
+}
+
+// Limits by name.
+
+/// Reads `name=value,name=value`; each name may be given once.
+fn limits<const N: usize>(text: &str, names: [&str; N]) -> Result<[Option<f64>; N], String> {
+    let mut found = [None; N];
+    for entry in text.split(',') {
+        let (name, value) = entry
+            .split_once('=')
+            .ok_or_else(|| format!("'{entry}' is not a limit such as {}=5", names[0]))?;
+        let at = names.iter().position(|known| *known == name.trim());
+        let at = at.ok_or_else(|| format!("'{name}' is none of {}", names.join(", ")))?;
+        let value = number(value.trim(), |v| v > 0.0, "a number above 0")?;
+        if found[at].replace(value).is_some() {
+            return Err(format!("'{name}' is given twice"));
+        }
+    }
+    Ok(found)
+}
+
+/// Maximum numbers of bounces by kind.
+pub(super) fn bounce_limits(text: &str) -> Result<BounceLimits, String> {
+    let found = limits(text, ["diffuse", "glossy", "transmission", "volume"])?;
+    if let Some(value) = found.iter().flatten().find(|v| v.fract() != 0.0 || **v > f64::from(u32::MAX)) {
+        return Err(format!("{value} is no number of bounces"));
+    }
+    let [diffuse, glossy, transmission, volume] = found.map(|v| v.map_or(u32::MAX, |v| v as u32));
+    Ok(BounceLimits { diffuse, glossy, transmission, volume })
+}
+
+/// Maximum light of a path.
+pub(super) fn clamp(text: &str) -> Result<Clamp, String> {
+    let [direct, indirect] =
+        limits(text, ["direct", "indirect"])?.map(|v| v.map_or(f32::INFINITY, |v| v as f32));
+    Ok(Clamp { direct, indirect })
 }
 
 // Arguments that are one of some names of the library's.

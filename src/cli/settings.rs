@@ -23,8 +23,8 @@ use oscura::render::{
     guiding_bytes, shows_alpha, splat_bytes,
 };
 use oscura::scene::{
-    Camera, EnergyCompensation, Environment, Filter, FresnelModel, ImageId, Model, Motion, Moving, RayKinds,
-    Scene, Settings,
+    BounceLimits, Camera, Clamp, EnergyCompensation, Environment, Filter, FresnelModel, ImageId, Model,
+    Motion, Moving, RayKinds, Scene, Settings,
 };
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -59,7 +59,10 @@ pub(crate) fn choices(args: &RenderArgs) -> Choices {
             height: args.height,
             // With a noise threshold, the maximum.
             samples: args.spp.or(args.long.noise.map(|_| args.long.max_spp.unwrap_or(MOST_SAMPLES))),
-            depth: args.depth,
+            depth: args.depth.or(args.unbiased.then_some(RenderOptions::default().max_depth)),
+            bounces: args.bounces.or(args.unbiased.then_some(BounceLimits::NONE)),
+            clamp: args.clamp.or(args.unbiased.then_some(Clamp::NONE)),
+            filter_glossy: args.filter_glossy.or(args.unbiased.then_some(0.0)),
             seed: args.seed,
             filter,
             energy_compensation,

@@ -371,7 +371,7 @@ impl Integrator<'_> {
             self.record_shadows(bounce, sorted, w);
         }
         let Workspace { wave, bsdfs, radiance_buffer, shadow_vertices, occluded, passed_kinds, .. } = w;
-        let (Wave { paths, vertices: v, .. }, has_layers) = (&**wave, radiance_buffer.has_layers());
+        let Wave { paths, vertices: v, .. } = &**wave;
         for (k, (&i, &occluded)) in shadow_vertices.iter().zip(&*occluded).enumerate() {
             if !occluded {
                 let i = i as usize;
@@ -380,14 +380,11 @@ impl Integrator<'_> {
                     let passed = passed_kinds.get(k).copied().unwrap_or(RayKinds::NONE);
                     value *= self.visible_fraction((bounce, i), passed, sorted, wave, bsdfs);
                 }
-                radiance_buffer.add(paths.state.radiance_index[i], value);
-                if has_layers {
-                    radiance_buffer.divide(paths.state.radiance_index[i], value, || {
-                        let light = self.only_light.unwrap_or(v.light.index[i]);
-                        let class = self.class_of_light_sample(bounce, sorted, wave, bsdfs, i);
-                        RadianceOrigin { class, group: self.scene.light_groups.of_light(light) }
-                    });
-                }
+                radiance_buffer.contribute(paths.state.radiance_index[i], bounce + 1, value, || {
+                    let light = self.only_light.unwrap_or(v.light.index[i]);
+                    let class = self.class_of_light_sample(bounce, sorted, wave, bsdfs, i);
+                    RadianceOrigin { class, group: self.scene.light_groups.of_light(light) }
+                });
             }
         }
     }

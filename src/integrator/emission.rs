@@ -64,6 +64,7 @@ impl Integrator<'_> {
         }
         w.radiance_buffer.contribute(
             path.radiance_index[i],
+            bounce,
             get_rgb(&path.throughput, i) * radiance * weight * kept,
             || RadianceOrigin {
                 class: class_of_path(bounce, PathClass::Emission, &w.arriving.first_bounces, i),
@@ -101,7 +102,7 @@ impl Integrator<'_> {
                 let wavelengths = w.times.wavelengths(path.radiance_index[i]);
                 let radiance = self.uplift_light(sun.radiance, Some(index), wavelengths);
                 let value = get_rgb(&path.throughput, i) * radiance * weight * kept;
-                w.radiance_buffer.contribute(path.radiance_index[i], value, || RadianceOrigin {
+                w.radiance_buffer.contribute(path.radiance_index[i], bounce, value, || RadianceOrigin {
                     class: class_of_path(bounce, PathClass::Environment, &w.arriving.first_bounces, i),
                     group: self.scene.light_groups.of_light(index),
                 });
@@ -122,6 +123,7 @@ impl Integrator<'_> {
             let radiance = self.uplift_light(radiance, None, w.times.wavelengths(path.radiance_index[i]));
             w.radiance_buffer.contribute(
                 path.radiance_index[i],
+                0,
                 get_rgb(&path.throughput, i) * radiance,
                 || RadianceOrigin {
                     class: class_of_path(0, PathClass::Environment, &w.arriving.first_bounces, i),
@@ -178,6 +180,7 @@ impl Integrator<'_> {
                 self.uplift_light(radiance, Some(light), w.times.wavelengths(path.radiance_index[i]));
             w.radiance_buffer.contribute(
                 path.radiance_index[i],
+                bounce,
                 get_rgb(&path.throughput, i) * radiance * weight,
                 || RadianceOrigin {
                     class: class_of_path(bounce, PathClass::Environment, &w.arriving.first_bounces, i),

@@ -4,7 +4,9 @@ use super::Integrator;
 use super::interior::{CameraInterior, Interior};
 use super::mis::DirectionPdf;
 use super::sampling::{CameraSamples, Purpose};
-use super::wave::{PathState, RayVisibility, Scratch, Vertices, WAVE, get, get_rgb, set, set_rgb};
+use super::wave::{
+    BounceCounts, PathState, RayVisibility, Scratch, Vertices, WAVE, get, get_rgb, set, set_rgb,
+};
 use super::workspace::Workspace;
 use crate::camera::Camera;
 use crate::color::Rgb;
@@ -20,7 +22,7 @@ impl Integrator<'_> {
         let count = w.pixels.len();
         w.rays.clear();
         w.rays_before_split = None;
-        w.radiance_buffer.begin(count, self.layers);
+        w.radiance_buffer.begin(count, self.layers, self.options.clamp);
         w.first_hits.reset(count, self.first_hits);
         w.uncovered.clear();
         let (paths, vertices, scratch) = (&mut *w.arriving, &mut w.wave.vertices, &mut w.wave.scratch);
@@ -117,6 +119,12 @@ impl Integrator<'_> {
         }
         if self.optional.depth {
             paths.depth[..count].fill(0);
+        }
+        if self.optional.bounce_counts {
+            paths.bounce_counts[..count].fill(BounceCounts::default());
+        }
+        if self.optional.least_pdf {
+            paths.least_pdf[..count].fill(f32::INFINITY);
         }
         if self.optional.visibility {
             paths.visibility[..count].fill(RayVisibility::camera());

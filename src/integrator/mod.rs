@@ -14,10 +14,12 @@ mod direct_light;
 mod emission;
 mod first_hit;
 mod generate;
+mod glossy_filter;
 mod guiding;
 mod hit_data;
 mod interfaces;
 mod interior;
+mod limits;
 mod medium_segment;
 mod mis;
 mod mixes;
@@ -49,6 +51,7 @@ pub use workspace::{RayCounts, Workspace};
 use crate::compile::{CompiledScene, View};
 use crate::film::{AovSet, AovSpace, FilterSampler, MatteIds, Source};
 use crate::sampling::sampler::Dimensions;
+use crate::scene::{BounceLimits, Clamp};
 use interior::CameraInterior;
 use radiance_buffer::Layers;
 use reuse::Tiling;
@@ -61,6 +64,12 @@ use wave::{OptionalState, StateConditions};
 pub struct PathOptions<'a> {
     /// Largest number of scattering events; 0 shows emission only.
     pub max_depth: u32,
+    /// Maximum numbers of scattering events by kind.
+    pub bounces: BounceLimits,
+    /// Clamping of the light of single paths.
+    pub clamp: Clamp,
+    /// Strength of the glossy filter; 0 without it.
+    pub filter_glossy: f32,
     /// How many samples pixels take, and which random points.
     pub plan: SamplePlan<'a>,
     /// Reconstruction filter.
@@ -165,6 +174,8 @@ impl<'a> Integrator<'a> {
             optional: OptionalState::of(&StateConditions {
                 features: &scene.features,
                 selects_by_normal: scene.lights.use_tree(),
+                bounce_limits: options.bounces != BounceLimits::NONE,
+                filter_glossy: options.filter_glossy > 0.0,
                 light_passes: layers.has_passes(),
                 caustics: options.caustics.is_some(),
                 guiding: options.guide.is_some(),

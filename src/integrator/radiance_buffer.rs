@@ -8,6 +8,7 @@ use super::wave::{FirstBounce, FirstBounces, WAVE};
 use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
 use crate::film::{Aov, AovSet, CATCHER_PARTS, Source};
+use crate::scene::Clamp;
 
 /// Path classes of light passes.
 #[derive(Clone, Copy, Debug)]
@@ -138,6 +139,9 @@ pub struct RadianceBuffer {
     /// Radiance of the samples without path sharing and splitting; empty where it is not recorded.
     plain: Vec<[f32; 3]>,
     layers: Layers,
+    clamp: Clamp,
+    /// There are neither layers nor a clamp.
+    is_plain: bool,
     /// Layers by index.
     parts: Vec<[f32; 3]>,
 }
@@ -151,12 +155,16 @@ impl RadianceBuffer {
             with_passes: 0,
             plain: Vec::new(),
             layers: Layers::default(),
+            clamp: Clamp::NONE,
+            is_plain: true,
             parts: Vec::new(),
         }
     }
 
     /// Begins a wave of `count` samples: black and transparent.
-    pub fn begin(&mut self, count: usize, layers: Layers) {
+    pub fn begin(&mut self, count: usize, layers: Layers, clamp: Clamp) {
+        self.is_plain = layers.count() == 0 && clamp == Clamp::NONE;
+        self.clamp = clamp;
         self.samples.clear();
         self.parts.clear();
         (self.count, self.with_passes, self.layers) = (count, count, layers);
@@ -216,14 +224,31 @@ impl RadianceBuffer {
         layer.map_or(Rgb::ZERO, |at| Rgb::from_array(self.parts[index as usize * self.layers.count() + at]))
     }
 
-    /// Adds weighted radiance to an index: all light of the picture goes through here. `origin` is called where layers
-    /// are recorded.
+    /// Adds weighted radiance of light that reaches the camera after `bounces` scattering events to an index: all light of the
+    /// picture goes through here. `origin` is called where layers are recorded.
     #[inline(always)]
-    pub fn contribute(&mut self, index: u32, value: Rgb, origin: impl FnOnce() -> RadianceOrigin) {
+    pub fn contribute(
+        &mut self,
+        index: u32,
+        bounces: u32,
+        value: Rgb,
+        origin: impl FnOnce() -> RadianceOrigin,
+    ) {
+        if self.is_plain {
+            return self.add(index, value);
+        }
+        let value = self.clamped(bounces, value);
         self.add(index, value);
         if self.has_layers() {
             self.divide(index, value, origin);
         }
+    }
+
+    /// Scales the light of a path down to the clamp, as Cycles does.
+    fn clamped(&self, bounces: u32, value: Rgb) -> Rgb {
+        let most = 3.0 * if bounces > 1 { self.clamp.indirect } else { self.clamp.direct };
+        let sum = value.r.abs() + value.g.abs() + value.b.abs();
+        if sum > most { value * (most / sum) } else { value }
     }
 
     /// Are there layers?
@@ -235,7 +260,7 @@ impl RadianceBuffer {
     /// Adds radiance to the layers of an index. Not inlined, as most pictures have none.
     #[cold]
     #[inline(never)]
-    pub fn divide(&mut self, index: u32, value: Rgb, origin: impl FnOnce() -> RadianceOrigin) {
+    fn divide(&mut self, index: u32, value: Rgb, origin: impl FnOnce() -> RadianceOrigin) {
         let RadianceOrigin { class, group } = origin();
         self.add_to_passes(index, value, class);
         self.add_to_group(index, value, group);

@@ -291,8 +291,8 @@ pub(super) const ARRIVE: &[Stage] = &[
         run: |i, b, w| i.follow_chains(b.number, w),
     },
     Stage {
-        name: "depth limit",
-        condition: |i| i.optional.depth,
+        name: "bounce limits",
+        condition: |i| i.optional.depth || i.optional.bounce_counts,
         bounces: Bounces::All,
         reads: &[Paths, Groups],
         writes: &[Groups],
@@ -308,6 +308,14 @@ pub(super) const ARRIVE: &[Stage] = &[
             b.vertices = b.counts.sorted();
             i.surfaces(b.number, &b.vertices, w);
         },
+    },
+    Stage {
+        name: "glossy filter",
+        condition: |i| i.optional.least_pdf,
+        bounces: Bounces::All,
+        reads: &[Vertices, Paths],
+        writes: &[Vertices],
+        run: |i, b, w| i.filter_glossy(&b.vertices, w),
     },
     Stage {
         name: "depth count",
@@ -386,6 +394,14 @@ pub(super) const LEAVE: &[Stage] = &[
         run: |i, b, w| i.scatter(b.number, &b.vertices, w),
     },
     Stage {
+        name: "densities",
+        condition: |i| i.optional.least_pdf,
+        bounces: Bounces::All,
+        reads: &[Vertices, Paths],
+        writes: &[Paths],
+        run: |i, b, w| i.record_densities(&b.vertices, b.number, w),
+    },
+    Stage {
         name: "clear glass",
         condition: |i| i.optional.clear,
         bounces: Bounces::All,
@@ -432,6 +448,14 @@ pub(super) const LEAVE: &[Stage] = &[
         reads: &[Vertices, Scattered, Paths],
         writes: &[Paths],
         run: |i, b, w| i.choose_ray_kinds(b.number, &b.vertices, w),
+    },
+    Stage {
+        name: "bounces by kind",
+        condition: |i| i.optional.bounce_counts,
+        bounces: Bounces::All,
+        reads: &[Vertices, Paths],
+        writes: &[Paths],
+        run: |i, b, w| i.count_bounces_by_kind(&b.vertices, w),
     },
     Stage {
         name: "sharing: lobes",

@@ -15,7 +15,7 @@ use super::interior::Interior;
 use super::medium_segment::{BoundaryCrossing, MediumSegment, ShadowSegment};
 use super::radiance_buffer::{PathClass, RadianceOrigin, class_of_path};
 use super::sampling::{Purpose, RandomChoice};
-use super::shading_groups::{ShadingGroup, ShadingGroupCounts, SortedVertices};
+use super::shading_groups::SortedVertices;
 use super::wave::{LightLanes, Wave, get_rgb, set, set_rgb};
 use super::workspace::Workspace;
 use crate::color::Rgb;
@@ -177,7 +177,7 @@ impl Integrator<'_> {
     /// Adds the emission of a medium to the radiance of path `i`.
     pub(super) fn add_medium_emission(&self, bounce: u32, i: usize, value: Rgb, w: &mut Workspace) {
         let first_bounces = &w.arriving.first_bounces;
-        w.radiance_buffer.contribute(w.arriving.state.radiance_index[i], value, || RadianceOrigin {
+        w.radiance_buffer.contribute(w.arriving.state.radiance_index[i], bounce, value, || RadianceOrigin {
             class: class_of_path(bounce, PathClass::Emission, first_bounces, i),
             group: 0,
         });
@@ -206,28 +206,6 @@ impl Integrator<'_> {
             w.radiance_buffer.cover(w.arriving.state.radiance_index[i]);
         }
         ends
-    }
-
-    /// Ends paths at the maximum number of bounces, and counts the hits of each shading group again.
-    pub(super) fn end_deep_paths(&self, w: &mut Workspace) -> ShadingGroupCounts {
-        let mut counts = ShadingGroupCounts::new();
-        for (group, &depth) in w.groups.iter_mut().zip(&w.arriving.depth) {
-            if depth >= self.options.max_depth {
-                *group = ShadingGroup::None;
-            }
-            counts.add(*group);
-        }
-        counts
-    }
-
-    /// Counts a bounce at all sorted vertices except scattering events of random walks within solids.
-    pub(super) fn count_bounces(&self, sorted: &SortedVertices, w: &mut Workspace) {
-        let (paths, in_media) = (&mut w.wave.paths, sorted.medium());
-        for k in sorted.all() {
-            let medium = &self.scene.media[usize::from(paths.interior[k].medium())];
-            let is_walk = in_media.contains(&k) && medium.scattering.as_ref().is_some_and(|s| !s.counts);
-            paths.depth[k] += u32::from(!is_walk);
-        }
     }
 
     /// Makes vertex `k` at the scattering event of arriving path `i`.

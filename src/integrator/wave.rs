@@ -5,7 +5,7 @@ use super::mis::{DirectionPdf, LightPdf};
 use crate::color::Rgb;
 use crate::compile::{Features, MAX_RECEIVER_CLASSES};
 use crate::math::{OriginPrimitive, Vec3};
-use crate::scene::RayKinds;
+use crate::scene::{BounceLimits, RayKinds};
 use bytemuck::Zeroable;
 
 /// Declares a structure of arrays over paths, with [`PerPath`].
@@ -153,6 +153,37 @@ impl RayVisibility {
     }
 }
 
+/// Number of scattering events of a path, by kind; 255 is 255 or more.
+#[derive(Clone, Copy, Debug, Default, Zeroable)]
+#[repr(C)]
+pub struct BounceCounts {
+    diffuse: u8,
+    glossy: u8,
+    transmission: u8,
+    volume: u8,
+}
+
+impl BounceCounts {
+    /// Has some kind reached its limit?
+    pub fn reach(self, limits: &BounceLimits) -> bool {
+        u32::from(self.diffuse) >= limits.diffuse
+            || u32::from(self.glossy) >= limits.glossy
+            || u32::from(self.transmission) >= limits.transmission
+            || u32::from(self.volume) >= limits.volume
+    }
+
+    /// Counts an event that sent a ray of a kind.
+    pub fn count(&mut self, kind: RayKinds) {
+        let count = match kind {
+            RayKinds::DIFFUSE => &mut self.diffuse,
+            RayKinds::GLOSSY => &mut self.glossy,
+            RayKinds::TRANSMISSION => &mut self.transmission,
+            _ => &mut self.volume,
+        };
+        *count = count.saturating_add(1);
+    }
+}
+
 const _: () = assert!(MAX_RECEIVER_CLASSES <= 1 << (u32::BITS - RayVisibility::CLASS_SHIFT));
 
 /// What decides which optional state paths have.
@@ -160,6 +191,10 @@ pub struct StateConditions<'a> {
     pub features: &'a Features,
     /// The selection among lights depends on the receiver's normal.
     pub selects_by_normal: bool,
+    /// Bounces are limited by kind.
+    pub bounce_limits: bool,
+    /// The glossy filter is on.
+    pub filter_glossy: bool,
     /// Light passes are among the outputs.
     pub light_passes: bool,
     /// Caustics are traced from the lights.
@@ -236,7 +271,11 @@ path_state! {
     /// The first scattering event.
     first_bounces: FirstBounces, if |c| c.light_passes;
     /// Kind of the ray and receiver class of its start.
-    visibility: [RayVisibility; LENGTH], if |c| c.features.ray_kinds;
+    visibility: [RayVisibility; LENGTH], if |c| c.features.ray_kinds || c.bounce_limits;
+    /// Number of bounces so far, by kind.
+    bounce_counts: [BounceCounts; LENGTH], if |c| c.bounce_limits;
+    /// Smallest density of a sampled direction so far, 1/sr, for the glossy filter.
+    least_pdf: Lanes, if |c| c.filter_glossy;
     /// Whether caustics traced from the lights contain the path so far: see [`super::caustics`].
     chains: Words, if |c| c.caustics;
     /// The share of the light found by such a path that caustics traced from the lights contain: that of its receivers' diffuse lobes.

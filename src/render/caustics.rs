@@ -82,6 +82,10 @@ impl Technique for LightTracing {
             (features.ray_kinds, "objects or lights of the scene are visible to some kinds of rays only"),
             (features.holdouts || options.catchers, "the scene has holdouts or shadow catchers"),
             (options.adaptive != Adaptive::Off, "pixels get different numbers of samples"),
+            (
+                options.limits_paths(),
+                "bounces are limited by kind, light is clamped, or glossy surfaces are filtered",
+            ),
             (options.max_depth < 2, "there is no indirect light with so few bounces"),
         ])
     }

@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use crate::film::{AovSet, AovSpace, MATTE_LEVELS};
 use crate::integrator::reuse::GroupShape;
 use crate::output::part::Region;
-use crate::scene::{CatcherOutput, Filter, Settings};
+use crate::scene::{BounceLimits, CatcherOutput, Clamp, Filter, Settings};
 use std::str::FromStr;
 use std::time::Duration;
 
@@ -137,6 +137,12 @@ macro_rules! render_settings {
             "Random seed", "0" => seed: u32 = 0, named("seed"), scene(seed);
             "Maximum number of bounces of a path; 0 renders directly visible emission only", "100" =>
                 max_depth: u32 = 100, named("depth"), scene(depth);
+            "Maximum numbers of bounces by kind, such as diffuse=5,glossy=5,transmission=13,volume=1; the image loses the light of longer paths", "no limits" =>
+                bounces: BounceLimits = BounceLimits::NONE, hashed, scene(bounces);
+            "Clamp the light that a single path brings, mean of the channels, such as direct=50,indirect=10 (direct: after at most one bounce). Removes fireflies and, with them, light", "off" =>
+                clamp: Clamp = Clamp::NONE, hashed, scene(clamp);
+            "Glossy filter, as Cycles' Filter Glossy: roughen what paths hit after a rough bounce, which blurs caustics; 0 is off, 1 is Cycles' default", "0" =>
+                filter_glossy: f32 = 0.0, hashed, scene(filter_glossy);
             "Reconstruction filter", "blackman-harris" =>
                 filter: Filter = Filter::default(), named("the filter"), scene(filter);
             "AOVs (render passes) to write as further EXR channels", "" =>
@@ -304,6 +310,11 @@ impl RenderOptions {
     #[must_use]
     pub fn size(self, width: u32, height: u32) -> RenderOptions {
         RenderOptions { width, height, ..self }
+    }
+
+    /// Are bounces limited by kind, is light clamped, or are glossy surfaces filtered?
+    pub(super) fn limits_paths(&self) -> bool {
+        self.bounces != BounceLimits::NONE || self.clamp != Clamp::NONE || self.filter_glossy > 0.0
     }
 
     /// Sets the minimum and maximum samples of a pixel with a noise threshold or adaptive sampling.

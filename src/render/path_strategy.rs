@@ -10,6 +10,7 @@ use crate::integrator::reuse::{GroupShape, INTERVAL, Tiling};
 use crate::integrator::{Block, PathOptions, PathSample, RayCounts, SamplePlan};
 use crate::sampling::ZSobolOrder;
 use crate::sampling::hash::r2_sequence;
+use crate::scene::Clamp;
 use std::collections::HashSet;
 
 /// How samples trace their paths.
@@ -89,6 +90,11 @@ fn obstacle_to_sharing(target: &Target<'_>) -> Option<&'static str> {
         (features.ray_kinds, "objects or lights of the scene are visible to some kinds of rays only"),
         // Paths have times of their own.
         (scene.is_moving(), "something moves in the scene"),
+        // Connected paths have other lengths, and their light is not that of one path.
+        (
+            options.limits_paths(),
+            "bounces are limited by kind, light is clamped, or glossy surfaces are filtered",
+        ),
         (options.max_depth < 2, "there is no indirect light with so few bounces"),
     ])
 }
@@ -98,7 +104,7 @@ impl StrategyTrials {
     pub fn new(target: &Target<'_>) -> StrategyTrials {
         let options = target.options;
         let can_share = obstacle_to_sharing(target).is_none();
-        let can_split = options.max_depth >= 1 && !options.catchers;
+        let can_split = options.max_depth >= 1 && !options.catchers && options.clamp == Clamp::NONE;
         if let PathReuse::Groups(shape) = options.path_reuse
             && can_share
         {

@@ -136,6 +136,9 @@ pub(super) fn plain_paths<'a>(
 ) -> PathOptions<'a> {
     PathOptions {
         max_depth: options.max_depth,
+        bounces: options.bounces,
+        clamp: options.clamp,
+        filter_glossy: options.filter_glossy,
         plan: SamplePlan::Even(ZSobolOrder::new(options.seed, options.samples.max(options.planned), 1)),
         filter,
         aovs: AovSet::NONE,

@@ -49,6 +49,54 @@ pub struct ShadingModel {
     pub spectral: bool,
 }
 
+/// Maximum numbers of scattering events of a path by kind, `u32::MAX` without a limit: a path ends after the event that reaches
+/// one, with the light sampled there and what its last ray hits. Pictures lose light by it. (As the numbers of bounces of Cycles, which
+/// don't count the last event: its 0 is 1 here.)
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BounceLimits {
+    /// Diffuse reflection.
+    pub diffuse: u32,
+    /// Glossy and mirror reflection.
+    pub glossy: u32,
+    /// Refraction and diffuse transmission.
+    pub transmission: u32,
+    /// Scattering in media, other than beneath the surface of solids.
+    pub volume: u32,
+}
+
+impl BounceLimits {
+    /// No limits.
+    pub const NONE: BounceLimits =
+        BounceLimits { diffuse: u32::MAX, glossy: u32::MAX, transmission: u32::MAX, volume: u32::MAX };
+}
+
+impl Default for BounceLimits {
+    fn default() -> BounceLimits {
+        BounceLimits::NONE
+    }
+}
+
+/// Clamping of the light of single paths: what one brings, weighted, is scaled down to a mean of its three channels of at most this;
+/// infinite without clamping. Removes fireflies and, with them, light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Clamp {
+    /// Light that reaches the camera after at most one scattering event.
+    pub direct: f32,
+    /// Light that reaches it after several.
+    pub indirect: f32,
+}
+
+impl Clamp {
+    /// No clamping.
+    pub const NONE: Clamp = Clamp { direct: f32::INFINITY, indirect: f32::INFINITY };
+}
+
+impl Default for Clamp {
+    fn default() -> Clamp {
+        Clamp::NONE
+    }
+}
+
 /// The settings that scene files may have, each with its type and meaning: makes the struct and the merge.
 macro_rules! scene_settings {
     ($($name:ident: $type:ty, $help:literal;)*) => {
@@ -75,6 +123,9 @@ scene_settings! {
     height: u32, "Image height in pixels";
     samples: u32, "Samples per pixel";
     depth: u32, "Maximum number of bounces of a path; 0 renders directly visible emission only";
+    bounces: BounceLimits, "Maximum numbers of bounces by kind";
+    clamp: Clamp, "Clamping of the light of single paths";
+    filter_glossy: f32, "Glossy filter: roughens what paths hit after a rough bounce; 0 is off";
     seed: u32, "Random seed";
     filter: Filter, "Reconstruction filter";
     energy_compensation: EnergyCompensation, "Energy compensation of rough surfaces; `microfacet` in scene files";

@@ -17,6 +17,7 @@ mod facing;
 mod grids;
 mod guiding;
 mod lamps;
+mod limits;
 mod linking;
 mod media;
 mod media_edges;

@@ -5,9 +5,9 @@ use oscura::image::{Encoding, Image, Pixels};
 use oscura::load::Loaded;
 use oscura::math::DVec3;
 use oscura::scene::{
-    AlphaMode, Camera, ColorSlot, EnergyCompensation, Environment, FloatSlot, FresnelModel, GlassReflection,
-    Instance, Light, LightKind, Material, MaterialId, MixComponent, Model, Panorama, Parameter, Parameters,
-    PbrMaterial, Projection, Scene, Texture, instance_extents, scene_extent,
+    AlphaMode, BounceLimits, Camera, Clamp, ColorSlot, EnergyCompensation, Environment, FloatSlot,
+    FresnelModel, GlassReflection, Instance, Light, LightKind, Material, MaterialId, MixComponent, Model,
+    Panorama, Parameter, Parameters, PbrMaterial, Projection, Scene, Texture, instance_extents, scene_extent,
 };
 use std::collections::HashMap;
 use std::path::Path;
@@ -108,6 +108,11 @@ fn image_line(image: &Image) -> String {
 }
 
 /// What the scene says about rendering.
+/// Entries of a list, separated by commas.
+fn join(entries: impl Iterator<Item = String>) -> String {
+    entries.collect::<Vec<_>>().join(",")
+}
+
 fn settings(scene: &Scene) -> Vec<String> {
     let s = &scene.settings;
     let numbers = [
@@ -119,6 +124,20 @@ fn settings(scene: &Scene) -> Vec<String> {
     ];
     let mut shown: Vec<String> =
         numbers.iter().filter_map(|(name, value)| Some(format!("{name} {}", (*value)?))).collect();
+    let limits = |BounceLimits { diffuse, glossy, transmission, volume }| {
+        let kinds =
+            [("diffuse", diffuse), ("glossy", glossy), ("transmission", transmission), ("volume", volume)];
+        let limited = kinds.iter().filter(|(_, limit)| *limit < u32::MAX);
+        format!("bounces {}", join(limited.map(|(kind, limit)| format!("{kind}={limit}"))))
+    };
+    shown.extend(s.bounces.map(limits));
+    let clamps = |Clamp { direct, indirect }| {
+        let clamps = [("direct", direct), ("indirect", indirect)];
+        let finite = clamps.iter().filter(|(_, limit)| limit.is_finite());
+        format!("clamp {}", join(finite.map(|(which, limit)| format!("{which}={limit}"))))
+    };
+    shown.extend(s.clamp.map(clamps));
+    shown.extend(s.filter_glossy.map(|f| format!("filter_glossy {f}")));
     shown.extend(s.filter.map(|f| format!("filter {f:?}")));
     let scattering = |e: EnergyCompensation| match e {
         EnergyCompensation::On => "multi",

@@ -5,6 +5,9 @@
 //! | `width`, `height` | image size in pixels | 1 to 65,536 |
 //! | `samples` | samples per pixel | at least 1 |
 //! | `depth` | maximum number of bounces of a path; 0 renders directly visible emission only | |
+//! | `bounces` | maximum numbers of bounces by kind: `{ diffuse = 5, glossy = 5, transmission = 13, volume = 1 }`, of which some may be left out; the picture loses the light of longer paths | at least 1 |
+//! | `clamp` | maximum of the light that a single path brings, mean of the channels: `{ direct = 50, indirect = 10 }`, either may be left out; direct is after at most one bounce. Removes fireflies and, with them, light | above 0 |
+//! | `filter_glossy` | glossy filter, as Cycles' Filter Glossy: what paths hit after a rough bounce is roughened, which blurs caustics; 0 is off, 1 is Cycles' default | 0 to 1000 |
 //! | `seed` | random seed | |
 //! | `filter` | reconstruction filter: `box`, `gaussian`, `blackman-harris` | |
 //! | `microfacet` | `multi` or `single` scattering between microfacets | |
@@ -23,7 +26,7 @@ use super::builder::SceneFileBuilder;
 use super::fields::Fields;
 use crate::color::ViewTransform;
 use crate::load::files;
-use crate::scene::{CatcherOutput, EnergyCompensation, Filter, FresnelModel, Settings};
+use crate::scene::{BounceLimits, CatcherOutput, Clamp, EnergyCompensation, Filter, FresnelModel, Settings};
 use std::ops::Range;
 
 /// A list of names.
@@ -41,6 +44,32 @@ fn names(fields: &Fields, key: &'static str) -> Option<Vec<String>> {
 /// A number in a range, if it is there.
 fn number(fields: &Fields, key: &'static str, range: Range<f64>) -> Option<f32> {
     fields.has(key).then(|| fields.number_in(key, range.clone(), range.start) as f32)
+}
+
+/// Maximum numbers of bounces by kind.
+fn bounces(fields: &Fields) -> Option<BounceLimits> {
+    let fields = fields.table("bounces")?;
+    let limit = |kind| fields.integer(kind, 1, u32::MAX).unwrap_or(u32::MAX);
+    let found = BounceLimits {
+        diffuse: limit("diffuse"),
+        glossy: limit("glossy"),
+        transmission: limit("transmission"),
+        volume: limit("volume"),
+    };
+    fields.finish();
+    Some(found)
+}
+
+/// Maximum light of a path.
+fn clamp(fields: &Fields) -> Option<Clamp> {
+    let fields = fields.table("clamp")?;
+    let limit = |which| number(&fields, which, f64::from(f32::MIN_POSITIVE)..f64::from(f32::MAX));
+    let found = Clamp {
+        direct: limit("direct").unwrap_or(f32::INFINITY),
+        indirect: limit("indirect").unwrap_or(f32::INFINITY),
+    };
+    fields.finish();
+    Some(found)
 }
 
 /// A part of the picture.
@@ -64,6 +93,9 @@ pub(super) fn read(build: &SceneFileBuilder, fields: &Fields) -> Settings {
         height: fields.integer("height", 1, 65_536),
         samples: fields.integer("samples", 1, u32::MAX),
         depth: fields.integer("depth", 0, u32::MAX),
+        bounces: bounces(fields),
+        clamp: clamp(fields),
+        filter_glossy: number(fields, "filter_glossy", 0.0..1000.0),
         seed: fields.integer("seed", 0, u32::MAX),
         filter: fields.choice("filter", &filters),
         energy_compensation: fields

@@ -12,7 +12,7 @@ mod materials;
 #[cfg(test)]
 mod tests;
 
-use super::{Camera, Scene, Settings};
+use super::{BounceLimits, Camera, Clamp, Scene, Settings};
 use crate::error::Problem;
 use findings::Findings;
 
@@ -66,6 +66,25 @@ fn check_settings(settings: &Settings, findings: &mut Findings) {
         if let Some(value) = value.filter(|value| !(value.is_finite() && *value > 0.0)) {
             findings.require(false, PLACE, field, value, "a number above 0");
         }
+    }
+    if let Some(BounceLimits { diffuse, glossy, transmission, volume }) = settings.bounces {
+        for (field, limit) in [
+            ("bounces.diffuse", diffuse),
+            ("bounces.glossy", glossy),
+            ("bounces.transmission", transmission),
+            ("bounces.volume", volume),
+        ] {
+            findings.require(limit > 0, PLACE, field, limit, "at least 1");
+        }
+    }
+    if let Some(Clamp { direct, indirect }) = settings.clamp {
+        for (field, limit) in [("clamp.direct", direct), ("clamp.indirect", indirect)] {
+            findings.require(limit > 0.0, PLACE, field, limit, "a number above 0");
+        }
+    }
+    if let Some(strength) = settings.filter_glossy {
+        let is_valid = strength.is_finite() && strength >= 0.0;
+        findings.require(is_valid, PLACE, "filter_glossy", strength, "a finite number of at least 0");
     }
     if let Some(exposure) = settings.exposure {
         findings.require(exposure.is_finite(), PLACE, "exposure", exposure, "a finite number");

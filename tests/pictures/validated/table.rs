@@ -5,13 +5,14 @@ use super::dice::Dice;
 use super::mutate::{Mutate, enums, fields, structs};
 use oscura::image::{Encoding, Image, Pixels};
 use oscura::scene::{
-    AlphaMode, Anisotropy, Aperture, Backdrop, Beam, Camera, CatcherOutput, Clearcoat, ColorSlot, CurveBasis,
-    Curves, DiffuseTransmission, Displacement, Emission, EmissionGrid, EnergyCompensation, Environment,
-    Filter, FloatSlot, Fog, FresnelModel, GlassReflection, Grid, GridId, ImageId, Instance, Interpolation,
-    Iridescence, Lamp, Light, LightKind, LightLinks, LightProfile, Link, Mapping, Material, MaterialId,
-    Medium, Mesh, MeshId, MeshPart, MixComponent, Model, Motion, NoiseKind, NormalMap, ObjectInfo, ObjectSet,
-    ObjectSets, ObjectTraits, PbrMaterial, Portal, ProfileId, Projection, Quad, RayKinds, Scene, Settings,
-    Shape, ShapeKind, Sheen, SpotFade, Texture, TextureId, TextureTransform, ThinLens, VertexAttribute, Wrap,
+    AlphaMode, Anisotropy, Aperture, Backdrop, Beam, BounceLimits, Camera, CatcherOutput, Clamp, Clearcoat,
+    ColorSlot, CurveBasis, Curves, DiffuseTransmission, Displacement, Emission, EmissionGrid,
+    EnergyCompensation, Environment, Filter, FloatSlot, Fog, FresnelModel, GlassReflection, Grid, GridId,
+    ImageId, Instance, Interpolation, Iridescence, Lamp, Light, LightKind, LightLinks, LightProfile, Link,
+    Mapping, Material, MaterialId, Medium, Mesh, MeshId, MeshPart, MixComponent, Model, Motion, NoiseKind,
+    NormalMap, ObjectInfo, ObjectSet, ObjectSets, ObjectTraits, PbrMaterial, Portal, ProfileId, Projection,
+    Quad, RayKinds, Scene, Settings, Shape, ShapeKind, Sheen, SpotFade, Texture, TextureId, TextureTransform,
+    ThinLens, VertexAttribute, Wrap,
 };
 
 /// Ids mostly change to others that may exist.
@@ -120,8 +121,10 @@ structs! {
     Aperture { blades, rotation_rad, ratio }
     Settings {
         width, height, samples, depth, seed, filter, energy_compensation, fresnel, spectral, exposure, view, white_balance, noise, caught,
-        denoise, crop, aovs,
+        denoise, crop, aovs, bounces, clamp, filter_glossy,
     }
+    BounceLimits { diffuse, glossy, transmission, volume }
+    Clamp { direct, indirect }
 }
 
 enums! {

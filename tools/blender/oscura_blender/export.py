@@ -71,7 +71,6 @@ def export(options, report):
     direct = evaluated.take(found, known, moves, options, report)
     store = cache.Store(options.cache)
     patches = materials.prepare(found, store, report)
-    settings.tell_of_volumes(scene, report)
     world.settle(dict(tables)["[environment]"], found)
     if moves is not None:
         motion.tell_of_volumes(found, moves, report)

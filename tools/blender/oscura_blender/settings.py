@@ -3,15 +3,11 @@
 import bpy
 import numpy as np
 
-from . import facets, trees, view_table
+from . import facets, view_table
 from .context import ENGINE
-from .report import listed
 
 # The working space of oscura, and of Blender's scenes unless they say otherwise.
 REC709 = "Linear Rec.709"
-
-# Fewer bounces in volumes than these show.
-FEW_BOUNCES = 8
 
 # The view that is the same here, by Blender's name, and the one whose steps no table can hold. The others become tables.
 VIEWS = {"Standard": "srgb", "False Color": "false-color"}
@@ -58,17 +54,20 @@ def read(scene, found, folder, name, report):
     width, height = resolution(scene)
     entries = {"width": width, "height": height}
     cycles = getattr(scene, "cycles", None)
-    if scene.render.engine == "CYCLES" and cycles:
-        _read_cycles(cycles, entries, report)
-        if any("is_shadow_catcher" in extras for extras in found.extras.values()):
-            entries["caught"] = "shadows"
-        entries["microfacet"] = facets.model([h for h in found.objects.values() if h is not None], report)
-        entries["aovs"] = _passes(layer, report) or None
-    elif scene.render.engine == ENGINE:
+    if scene.render.engine == ENGINE:
         entries.update(_chosen_for_us(scene))
         entries["aovs"] = _passes_for_us(layer) or None
     else:
-        report.note("", f"is set up for {scene.render.engine}; the exporter reads it as Cycles would")
+        if scene.render.engine == "CYCLES" and cycles:
+            _read_cycles(cycles, entries, report)
+            entries["aovs"] = _passes(layer, report) or None
+        else:
+            report.note("", f"is set up for {scene.render.engine}; the exporter reads it as Cycles would")
+        if cycles:
+            entries.update(_limits(cycles, report))
+        if any("is_shadow_catcher" in extras for extras in found.extras.values()):
+            entries["caught"] = "shadows"
+        entries["microfacet"] = facets.model([h for h in found.objects.values() if h is not None], report)
     entries.update(view(scene, folder, name, report))
     entries["crop"] = _crop(scene.render, width, height)
     _tell_of_the_rest(scene, report)
@@ -163,12 +162,21 @@ def _read_cycles(cycles, entries, report):
         entries["seed"] = cycles.seed
     if cycles.pixel_filter_type == "BOX":
         entries["filter"] = "box"
-    kinds = {kind: getattr(cycles, f"{kind}_bounces") for kind in ("diffuse", "glossy", "transmission", "volume")}
-    bounces = ", ".join(f"{min(number, cycles.max_bounces)} {kind}" for kind, number in kinds.items())
-    clamps = [c for c in (cycles.sample_clamp_direct, cycles.sample_clamp_indirect) if c > 0]
-    clamped = f", and clamps light at {min(clamps):.4g}" if clamps else ""
-    report.note("", f"Cycles ends paths after bounces ({bounces}){clamped}; neither is carried over (--depth)")
     _tell_of_light_left_out(cycles, report)
+
+
+def _limits(cycles, report):
+    """The limits of paths. Cycles doesn't count the last bounce."""
+    kinds = {kind: getattr(cycles, f"{kind}_bounces") for kind in ("diffuse", "glossy", "transmission", "volume")}
+    bounces = {kind: limit + 1 for kind, limit in kinds.items() if limit < cycles.max_bounces}
+    clamps = {"direct": cycles.sample_clamp_direct, "indirect": cycles.sample_clamp_indirect}
+    clamp = {which: limit * cycles.film_exposure for which, limit in clamps.items() if limit > 0 and cycles.film_exposure > 0}
+    words = [f"{kind} {limit}" for kind, limit in kinds.items() if limit < cycles.max_bounces]
+    limited = ", ".join([f"{cycles.max_bounces} in all", *words])
+    clamped = "".join(f", {which} light clamped at {clamps[which]:.4g}" for which in clamp)
+    filtered = f", glossy filter {cycles.blur_glossy:.4g}" if cycles.blur_glossy > 0 else ""
+    report.note("", f"light ends where Cycles ends it (bounces: {limited}{clamped}{filtered}); --unbiased lifts the limits")
+    return {"depth": cycles.max_bounces + 1, "bounces": bounces or None, "clamp": clamp or None, "filter_glossy": cycles.blur_glossy or None}
 
 
 def _tell_of_light_left_out(cycles, report):
@@ -178,19 +186,6 @@ def _tell_of_light_left_out(cycles, report):
     lost = [kind for kind in ("reflective", "refractive") if not getattr(cycles, f"caustics_{kind}")]
     if lost:
         report.note("", f"Cycles leaves out {' and '.join(lost)} caustics; here they are rendered")
-
-
-def tell_of_volumes(scene, report):
-    """Tells where Cycles ends light in volumes early, if there are some that scatter: that changes how bright they are."""
-    limit = min(scene.cycles.volume_bounces, scene.cycles.max_bounces)
-    names = [name for name, entries in trees.SETTINGS.items() if _scatters(entries) or _scatters(entries.get("medium", {}))]
-    if names and scene.render.engine == "CYCLES" and limit < FEW_BOUNCES:
-        message = f"Cycles ends light in volumes after {limit} bounces (Light Paths > Volume); here it scatters on"
-        report.warn("", f"{message}, so that these are brighter: {listed(sorted(names))}")
-
-
-def _scatters(entries):
-    return entries.get("type", "medium") == "medium" and any(entries.get("color", ()))
 
 
 def _tell_of_the_rest(scene, report):

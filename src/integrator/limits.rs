@@ -1,0 +1,51 @@
+//! Limits of paths: the number of their bounces, in all and by kind.
+//!
+//! A path that has reached a limit ends at the next vertex, which adds emission but samples no light: so the light of its last
+//! scattering event is still found in both ways, by light samples and by the ray that hits it, and MIS weights hold.
+
+use super::Integrator;
+use super::shading_groups::{ShadingGroup, ShadingGroupCounts, SortedVertices};
+use super::wave::Paths;
+use super::workspace::Workspace;
+
+impl Integrator<'_> {
+    /// Ends paths that have reached a limit, and counts the hits of each shading group again.
+    pub(super) fn end_deep_paths(&self, w: &mut Workspace) -> ShadingGroupCounts {
+        let mut counts = ShadingGroupCounts::new();
+        for (i, group) in w.groups.iter_mut().enumerate() {
+            let is_deep = self.optional.depth && w.arriving.depth[i] >= self.options.max_depth;
+            if is_deep
+                || self.optional.bounce_counts && w.arriving.bounce_counts[i].reach(&self.options.bounces)
+            {
+                *group = ShadingGroup::None;
+            }
+            counts.add(*group);
+        }
+        counts
+    }
+
+    /// Counts a bounce at all sorted vertices except scattering events of random walks within solids.
+    pub(super) fn count_bounces(&self, sorted: &SortedVertices, w: &mut Workspace) {
+        let in_media = sorted.medium();
+        for i in sorted.all() {
+            let is_walk = in_media.contains(&i) && self.is_in_walk(i, &w.wave.paths);
+            w.wave.paths.depth[i] += u32::from(!is_walk);
+        }
+    }
+
+    /// Counts the scattered rays of all sorted vertices by kind, except within solids.
+    pub(super) fn count_bounces_by_kind(&self, sorted: &SortedVertices, w: &mut Workspace) {
+        let (paths, in_media) = (&mut w.wave.paths, sorted.medium());
+        for i in sorted.all() {
+            if !(in_media.contains(&i) && self.is_in_walk(i, paths)) {
+                paths.bounce_counts[i].count(paths.visibility[i].kind());
+            }
+        }
+    }
+
+    /// Is path `i` on a random walk within a solid?
+    fn is_in_walk(&self, i: usize, paths: &Paths) -> bool {
+        let medium = &self.scene.media[usize::from(paths.interior[i].medium())];
+        medium.scattering.as_ref().is_some_and(|s| !s.counts)
+    }
+}

@@ -1,0 +1,199 @@
+//! Limits of paths: bounces by kind, and clamped light.
+
+use crate::support::differences::{assert_same_bits, bits};
+use crate::support::{
+    assert_radiance, camera, grey_floor, material, mean, measure, options, pbr, picture, quad, sphere, walls,
+};
+use oscura::Renderer;
+use oscura::math::DVec3;
+use oscura::render::{Guiding, PathReuse, RenderOptions, Splitting};
+use oscura::scene::{
+    BounceLimits, Clamp, Clearcoat, ColorSlot, Emission, EnergyCompensation, Environment, FloatSlot, Fog,
+    FresnelModel, Light, Material, Medium, Model, PbrMaterial, Scene,
+};
+
+const FREE: BounceLimits = BounceLimits::NONE;
+
+/// Without techniques that are not used with limits.
+fn plain(size: u32, samples: u32) -> RenderOptions {
+    options(size, samples, 100).path_reuse(PathReuse::Off).splitting(Splitting::OFF).guiding(Guiding::Off)
+}
+
+/// A room whose walls emit 1 and reflect a half.
+fn glowing_room() -> Scene {
+    let mut scene = Scene::default();
+    let emission = Emission { radiance: ColorSlot::constant([1.0; 3]), two_sided: false };
+    let wall = Material { emission: Some(emission), ..Material::lambert("wall", [0.5; 3]) };
+    let wall = material(&mut scene, wall);
+    walls(&mut scene, [1.0; 3], |_, _| wall);
+    scene.cameras.push(camera(DVec3::new(0.3, 0.2, 0.5), DVec3::new(-1.0, 0.1, 0.0), DVec3::Y, 20.0));
+    scene
+}
+
+/// The radiance of each bounce of an enclosure is half that of the one before.
+#[test]
+fn diffuse_bounces_end_where_they_are_limited() {
+    let scene = glowing_room();
+    for diffuse in [1, 2, 4] {
+        let truth = 2.0 - 0.5f64.powi(diffuse as i32);
+        let limited = plain(8, 256).bounces(BounceLimits { diffuse, ..FREE });
+        assert_radiance(&format!("{diffuse} diffuse"), &scene, &limited, truth, 3e-3);
+        // There are no other bounces.
+        let other = BounceLimits { glossy: diffuse, transmission: diffuse, volume: diffuse, ..FREE };
+        let film = |o: RenderOptions| bits(&picture(&scene, &o));
+        assert!(film(limited) == film(plain(8, 256).max_depth(diffuse)), "as few bounces in all");
+        assert!(film(plain(8, 256).bounces(other)) == film(plain(8, 256)), "other kinds");
+    }
+}
+
+/// Two mirrors at right angles show a uniform sky after two reflections, two solids after four refractions.
+#[test]
+fn mirrors_and_glass_are_limited_by_their_own_bounces() {
+    let sky = || Scene { environment: Environment::Constant([4.0, 1.0, 1.0]), ..Scene::default() };
+    let mut corner = sky();
+    let mirror = material(&mut corner, pbr("mirror", [1.0; 3], 1.0, 0.0));
+    quad(&mut corner, [0.0, 0.0, 9.0], [9.0, 0.0, 0.0], [0.0, 0.0, -18.0], mirror);
+    quad(&mut corner, [0.0, 0.0, -9.0], [0.0, 9.0, 0.0], [0.0, 0.0, 18.0], mirror);
+    corner.cameras.push(camera(DVec3::new(3.0, 1.0, 0.0), DVec3::new(1.0, 0.0, 0.0), DVec3::Y, 1.0));
+    let mut balls = sky();
+    let tint = ColorSlot::constant([1.0; 3]);
+    let glass = Model::Dielectric { ior: 1.0001, tint, fresnel: FresnelModel::Exact };
+    let glass = material(&mut balls, Material::new("glass", glass));
+    sphere(&mut balls, [0.0, 0.0, 2.0], 1.0, glass);
+    sphere(&mut balls, [0.0, 0.0, -2.0], 1.0, glass);
+    balls.cameras.push(camera(DVec3::new(0.0, 0.0, 8.0), DVec3::ZERO, DVec3::Y, 1.0));
+    let few = options(8, 16, 100);
+    let seen = |scene: &Scene, bounces| mean(&picture(scene, &few.bounces(bounces)));
+    for (limit, truth) in [(1, 0.0), (2, 1.0)] {
+        let found = seen(&corner, BounceLimits { glossy: limit, ..FREE });
+        assert!((found - truth).abs() < 1e-4, "{limit} reflections: {found}");
+    }
+    for (limit, truth) in [(3, 0.0), (4, 1.0)] {
+        let found = seen(&balls, BounceLimits { transmission: limit, ..FREE });
+        assert!((found - truth).abs() < 1e-4, "{limit} refractions: {found}");
+    }
+    // Clamps: the sum of the channels, 6, becomes three times the limit; two reflections are indirect light.
+    let clamped =
+        |scene: &Scene, direct, indirect| mean(&picture(scene, &few.clamp(Clamp { direct, indirect })));
+    for (direct, indirect, truth) in [(1.0, 9.0, 1.0), (9.0, 1.0, 0.5), (9.0, 2.0, 1.0)] {
+        let found = clamped(&corner, direct, indirect);
+        assert!((found - truth).abs() < 1e-4, "direct {direct}, indirect {indirect}: {found}");
+    }
+    corner.quads.truncate(1);
+    for (direct, indirect, truth) in [(1.0, 9.0, 0.5), (9.0, 1.0, 1.0)] {
+        let found = clamped(&corner, direct, indirect);
+        assert!((found - truth).abs() < 1e-4, "one mirror, direct {direct}, indirect {indirect}: {found}");
+    }
+}
+
+/// Where all scatter in fog, its limit is that of all bounces.
+#[test]
+fn fog_scatters_as_often_as_it_may() {
+    let mut scene = Scene::default();
+    let (extinction, albedo) = ([0.4; 3], [0.9; 3]);
+    let medium = Medium { extinction, albedo, anisotropy: 0.3, emission: [0.0; 3], grid: None, glow: None };
+    scene.fog = Some(Fog { medium, center: DVec3::ZERO, radius: 5.0 });
+    scene.lights.push(Light::point([0.5, 1.0, 0.0], [5.0; 3]));
+    scene.cameras.push(camera(DVec3::new(0.0, 0.0, 4.0), DVec3::ZERO, DVec3::Y, 50.0));
+    let film = |o: RenderOptions| bits(&picture(&scene, &o));
+    for volume in [1, 3] {
+        let limited = film(plain(16, 16).bounces(BounceLimits { volume, ..FREE }));
+        assert!(limited == film(plain(16, 16).max_depth(volume)), "{volume} bounces");
+        assert!(limited != film(plain(16, 16)), "more light than of {volume} bounces");
+    }
+}
+
+/// A room of all kinds of surfaces, with a small lamp.
+fn mixed_room() -> Scene {
+    let mut scene = Scene::default();
+    let surfaces = [
+        Material::lambert("red", [0.8, 0.2, 0.1]),
+        pbr("plastic", [0.2, 0.7, 0.3], 0.0, 0.3),
+        pbr("half metal", [0.8, 0.7, 0.6], 0.5, 0.4),
+        Material::lambert("white", [0.8; 3]),
+        pbr("metal", [0.9, 0.8, 0.7], 1.0, 0.2),
+        Material::lambert("green", [0.1, 0.7, 0.2]),
+    ];
+    walls(&mut scene, [1.0; 3], |scene, i| material(scene, surfaces[i].clone()));
+    let lamp = material(&mut scene, Material::emitter("lamp", [20.0; 3], false));
+    quad(&mut scene, [-0.3, 0.9, -0.3], [0.6, 0.0, 0.0], [0.0, 0.0, 0.6], lamp);
+    scene.cameras.push(camera(DVec3::new(0.0, 0.0, 0.9), DVec3::ZERO, DVec3::Y, 70.0));
+    scene
+}
+
+/// Limits hold whatever technique finds the light, and pictures have the same bits everywhere.
+#[test]
+fn techniques_keep_to_limits() {
+    let scene = mixed_room();
+    let bounces = BounceLimits { diffuse: 2, glossy: 2, ..FREE };
+    let limited = plain(32, 64).bounces(bounces);
+    let (truth, error) = measure(&scene, &limited);
+    for (what, with) in
+        [("splitting", limited.splitting(Splitting::Into(4))), ("guiding", limited.guiding(Guiding::On))]
+    {
+        let (found, of_found) = measure(&scene, &with);
+        let error = error.hypot(of_found);
+        println!("{what}: {found} and {truth} without, +- {error}");
+        assert!(error < 5e-3 * truth, "{what}: the standard error {error} tells nothing");
+        assert!((found - truth).abs() < 4.5 * error, "{what}: {found} and {truth} without, +- {error}");
+    }
+    let clamp = Clamp { direct: 10.0, indirect: 0.5 };
+    assert_same_bits("limits", &scene, &options(16, 8, 100).bounces(bounces).clamp(clamp));
+    // Clamps only take light away.
+    let [less, more] = [limited.clamp(clamp), limited].map(|o| mean(&picture(&scene, &o)));
+    assert!(less < more, "{less} of {more}");
+}
+
+/// After a diffuse bounce, a strong filter makes all facets as rough as a GGX alpha of a half.
+#[test]
+fn the_glossy_filter_roughens_what_diffuse_light_comes_from() {
+    let room = |wall: Material| {
+        let mut scene = grey_floor();
+        let wall = material(&mut scene, wall);
+        quad(&mut scene, [1.0, 0.0, -2.0], [0.0, 0.0, 4.0], [0.0, 2.0, 0.0], wall);
+        scene.lights.push(Light::point([-2.0, 3.0, 0.5], [50.0; 3]));
+        scene
+    };
+    // With clearcoat, so that it has all layers.
+    let coated = |roughness: f32| {
+        let mut metal = PbrMaterial {
+            base_color: ColorSlot::constant([0.9; 3]),
+            roughness: FloatSlot::constant(roughness),
+            ..PbrMaterial::default()
+        };
+        let (factor, roughness) = (FloatSlot::constant(1.0), FloatSlot::constant(roughness));
+        metal.clearcoat = Some(Clearcoat { factor, roughness, normal_map: None });
+        Material::gltf("coated", metal)
+    };
+    let conductor = |roughness: f32| {
+        let roughness = FloatSlot::constant(roughness);
+        Material::new("metal", Model::Conductor { metal: None, eta: [0.2; 3], k: [3.0; 3], roughness })
+    };
+    let rough = 0.5f32.sqrt();
+    let lit = plain(8, 1024);
+    for (what, [smooth, rough]) in
+        [("coated", [coated(0.3), coated(rough)]), ("conductor", [conductor(0.3), conductor(rough)])]
+    {
+        let (smooth, rough) = (room(smooth), room(rough));
+        let (truth, error) = measure(&rough, &lit);
+        let (other, _) = measure(&smooth, &lit);
+        assert!((other - truth).abs() > 20.0 * error, "{what}: {other} is as bright as {truth}");
+        let (found, of_found) = measure(&smooth, &lit.filter_glossy(1e9));
+        let error = error.hypot(of_found);
+        println!("{what}: {found}, {truth} where it is rough, {other} where smooth, +- {error}");
+        assert!((found - truth).abs() < 4.5 * error, "{what}: {found} for {truth} +- {error}");
+    }
+    // Weights of vectorised closures are those of the smooth material, as in Cycles: light that single scattering loses is not given back.
+    let metal = |roughness: f32| {
+        let mut scene = room(pbr("metal", [0.9; 3], 1.0, roughness));
+        scene.settings.energy_compensation = Some(EnergyCompensation::Off);
+        scene
+    };
+    let by = |scene: Scene, strength: f32| {
+        let picture = Renderer::new(scene).size(8, 8).samples(4096).filter_glossy(strength);
+        mean(&picture.render().expect("it renders").into_film())
+    };
+    let (smooth, filtered, rough) = (by(metal(0.3), 0.0), by(metal(0.3), 1e9), by(metal(rough), 0.0));
+    println!("metal: {filtered}, {rough} where it is rough, {smooth} where smooth");
+    assert!((filtered - rough).abs() < 0.03 * (smooth - rough).abs(), "{filtered} for {rough}, not {smooth}");
+}
