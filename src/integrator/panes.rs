@@ -289,7 +289,7 @@ impl Integrator<'_> {
         let margin = crossing.advance - crossing.slab.thickness / w.dot(normal).abs();
         let t_min = 1.0 - (rest - margin.max(0.0)) / s;
         let origin = target - w * s;
-        (t_min < 1.0 && t_min >= 0.0).then_some(Ray {
+        (0.0..1.0).contains(&t_min).then_some(Ray {
             origin,
             direction: w * s,
             t_min,
