@@ -170,6 +170,8 @@ pub(crate) struct RenderArgs {
     /// The camera orbits the model once.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=100_000), conflicts_with = "frames", allow_negative_numbers = true)]
     pub orbit: Option<u32>,
+    #[command(flatten)]
+    pub shutter: ShutterArgs,
     /// Camera by name or by index from 0 [default: 0].
     #[arg(long, value_name = "CAMERA")]
     pub camera: Option<String>,
@@ -228,11 +230,11 @@ pub(crate) struct RenderArgs {
     pub transparent_glass: bool,
     #[command(flatten)]
     pub picture: PictureArgs,
-    #[command(flatten)]
-    pub long: LongArgs,
     /// Number of threads [default: one per core]. The image does not depend on it.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_negative_numbers = true)]
     pub threads: Option<u16>,
+    #[command(flatten)]
+    pub long: LongArgs,
     #[arg(long, help = setting_help("filter"))]
     pub filter: Option<FilterArg>,
     /// Show the image in the browser while it renders; =address only prints the page's address, =tev (or =tev:HOST:PORT)
@@ -296,8 +298,6 @@ pub(crate) struct RenderArgs {
     pub exr: ExrArgs,
     #[command(flatten)]
     pub stage: StageArgs,
-    #[command(flatten)]
-    pub shutter: ShutterArgs,
 }
 
 impl RenderArgs {
