@@ -10,7 +10,7 @@ import bpy
 import addon_utils  # isort: skip (bpy puts it on the path)
 
 from . import cache, camera, context, evaluated, geometry, glb, hair, kept_meshes, lights, materials, mixes, motion, node_graph, originals, settings, sidecar, sizes, trees, volumes, world
-from .report import Report, Stop
+from .report import Report, Stop, listed
 
 OLDEST = (4, 2, 0)
 
@@ -158,6 +158,9 @@ def _open(options, report):
             raise Stop(f"there is no scene '{options.scene}', only {names}")
     for missing in _missing_libraries():
         report.warn("", f"the linked file {missing} is missing")
+    missing = [image.name for image in bpy.data.images if image.users and node_graph.is_missing(image)]
+    if missing:
+        report.warn("", f"images whose files are missing are magenta, as in Blender: {listed(missing)}")
     return scene, _layer(scene, options.view_layer, report)
 
 

@@ -180,6 +180,8 @@ def feed(socket, groups=()):
             if inner is None:
                 return Feed(value=_zero(output), groups=groups)
             socket, groups = inner, (*groups, node)
+        elif node.bl_idname == "ShaderNodeTexImage" and (node.image is None or is_missing(node.image)):
+            return Feed(value=_without_image(node.image, output), groups=groups)
         else:
             return Feed(output, groups)
 
@@ -189,6 +191,19 @@ def _default(socket):
         return None
     value = socket.default_value
     return float(value) if isinstance(value, (int, float)) else [float(x) for x in tuple(value)[:3]]
+
+
+def is_missing(image):
+    """Has an image lost its file?"""
+    is_own = image.packed_file is not None or image.source != "FILE" or image.is_dirty
+    return not is_own and not os.path.isfile(bpy.path.abspath(image.filepath_raw, library=image.library))
+
+
+def _without_image(image, output):
+    """What an image node gives where there is nothing to see: black without an image, magenta where its file is missing."""
+    if image is None:
+        return _zero(output)
+    return 1.0 if output.type == "VALUE" else [1.0, 0.0, 1.0]
 
 
 def _zero(output):
@@ -515,10 +530,7 @@ def _normal(graph, node, groups):
 
 
 def _image(graph, node, groups):
-    image, user = node.image, node.image_user
-    if image is None:
-        # Cycles shows nothing; each output is called as the node's.
-        return {"type": "combine_color"}
+    image = node.image
     file = graph.images.file(image) if image.source in ("FILE", "GENERATED") else None
     if file is None:
         raise Unsupported(f"the image '{image.name}'")
