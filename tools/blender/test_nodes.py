@@ -47,6 +47,40 @@ class NodesTest(SceneTest):
         self.assertTrue(noise["vector"].endswith(".object"))
         self.assertEqual(settings["objects"][0]["materials"], ["rust"])
 
+    def test_constant_colours_are_numbers_by_their_luminance(self):
+        material, tree, shader, color = shader_tree("one", "RGB")
+        color.outputs[0].default_value = (1.0, 0.5, 0.0, 1.0)
+        tree.links.new(color.outputs[0], shader.inputs["Roughness"])
+        tree.links.new(color.outputs[0], shader.inputs["Base Color"])
+        self.add_plane(material)
+        table = self.export()["materials"]["one"]
+        surface = table["nodes"][table["surface"]]
+        self.assertEqual(surface["base_color"], [1.0, 0.5, 0.0])
+        self.assertAlmostEqual(surface["roughness"], 0.2126729 + 0.5 * 0.7151522, places=5)
+
+    def test_rendered_worlds_are_kept(self):
+        world = bpy.data.worlds.new("sky")
+        bpy.context.scene.world = world
+        world.use_nodes = True
+        tree = world.node_tree
+        gradient = tree.nodes.new("ShaderNodeTexGradient")
+        tree.links.new(gradient.outputs[0], tree.nodes["Background"].inputs["Color"])
+        self.add_plane(bpy.data.materials.new("plain"))
+        cache = self.folder / "cache"
+        self.export("--cache", str(cache))
+        picture = self.folder / "scene.world.exr"
+        first = picture.read_bytes()
+        (kept,) = cache.glob("*.oscura")
+        before = kept.stat().st_mtime_ns
+        picture.unlink()
+        self.export("--cache", str(cache))
+        self.assertEqual(picture.read_bytes(), first)
+        self.assertEqual([path.name for path in cache.glob("*.oscura")], [kept.name])
+        self.assertGreaterEqual(kept.stat().st_mtime_ns, before)
+        tree.nodes["Background"].inputs["Strength"].default_value = 2.0
+        self.export("--cache", str(cache))
+        self.assertNotEqual(picture.read_bytes(), first)
+
     def test_groups_reroutes_and_muted_nodes_are_resolved(self):
         inner = bpy.data.node_groups.new("inner", "ShaderNodeTree")
         inner.interface.new_socket("Amount", in_out="INPUT", socket_type="NodeSocketFloat").default_value = 0.25

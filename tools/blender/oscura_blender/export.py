@@ -56,6 +56,7 @@ def export(options, report):
     if bpy.app.version < OLDEST:
         raise Stop(f"Blender {bpy.app.version_string} is too old: 4.2 or newer is needed")
     scene, layer = _open(options, report)
+    store = cache.Store(options.cache)
     with bpy.context.temp_override(scene=scene, view_layer=layer):
         volumes.unpack()
         _go_to_moment(scene, options)
@@ -67,9 +68,8 @@ def export(options, report):
         found.exposure, found.grids = settings.film_exposure(scene), grids
         found.sight = sizes.Sight(scene.camera, scene, options.bake)
         found.window = camera.window(found.cameras[0].data, scene) if found.cameras else None
-        tables, cameras, empties = _settings(scene, found, boxes, options, report)
+        tables, cameras, empties = _settings(scene, found, boxes, store, options, report)
     direct = evaluated.take(found, known, moves, options, report)
-    store = cache.Store(options.cache)
     patches = materials.prepare(found, store, report)
     world.settle(dict(tables)["[environment]"], found)
     if moves is not None:
@@ -194,10 +194,10 @@ def _go_to_moment(scene, options):
     context.go(scene, frame)
 
 
-def _settings(scene, found, boxes, options, report):
+def _settings(scene, found, boxes, store, options, report):
     """The tables of the file of settings, and the nodes of cameras and lights."""
     tables = [("[render]", settings.read(scene, found, options.folder, options.name, report))]
-    tables.append(("[environment]", world.entries(scene, options.folder, options.name, report)))
+    tables.append(("[environment]", world.entries(scene, options.folder, options.name, store, report)))
     cameras, named = [], []
     opened = motion.shutter(scene, options, found.questions.layer)
     for obj in found.cameras:

@@ -143,10 +143,10 @@ SAMPLES = 256
 
 
 class Feed:
-    """An output of a node with the groups around it, or a value."""
+    """An output of a node with the groups around it, or a value of a type of sockets."""
 
-    def __init__(self, output=None, groups=(), value=None):
-        self.output, self.groups, self.value = output, groups, value
+    def __init__(self, output=None, groups=(), value=None, type=None):
+        self.output, self.groups, self.value, self.type = output, groups, value, type
 
     @property
     def node(self):
@@ -158,7 +158,7 @@ def feed(socket, groups=()):
     while True:
         links = [link for link in socket.links if not link.is_muted and link.is_valid]
         if not links:
-            return Feed(value=_default(socket), groups=groups)
+            return Feed(value=_default(socket), groups=groups, type=socket.type)
         output = links[0].from_socket
         node = output.node
         if node.bl_idname == "NodeReroute":
@@ -181,7 +181,7 @@ def feed(socket, groups=()):
                 return Feed(value=_zero(output), groups=groups)
             socket, groups = inner, (*groups, node)
         elif node.bl_idname == "ShaderNodeTexImage" and (node.image is None or is_missing(node.image)):
-            return Feed(value=_without_image(node.image, output), groups=groups)
+            return Feed(value=_without_image(node.image, output), groups=groups, type=output.type)
         else:
             return Feed(output, groups)
 
@@ -191,6 +191,14 @@ def _default(socket):
         return None
     value = socket.default_value
     return float(value) if isinstance(value, (int, float)) else [float(x) for x in tuple(value)[:3]]
+
+
+def _converted(value, kind, to):
+    """A value of a type of sockets as another type has it: numbers of colours are their luminance, of vectors the mean."""
+    if to != "VALUE" or not isinstance(value, list):
+        return value
+    weights = (0.2126729, 0.7151522, 0.0721750) if kind == "RGBA" else (1 / 3, 1 / 3, 1 / 3)
+    return sum(weight * part for weight, part in zip(weights, value, strict=True))
 
 
 def is_missing(image):
@@ -246,7 +254,7 @@ class Graph:
             return self._known[(node, found.groups)]
         if node.bl_idname == "ShaderNodeMixShader":
             factor, first, second = node.inputs[0], node.inputs[1], node.inputs[2]
-            entries = {"type": "mix_shader", "factor": self.value(feed(factor, found.groups))}
+            entries = {"type": "mix_shader", "factor": self.value(feed(factor, found.groups), "VALUE")}
         elif node.bl_idname == "ShaderNodeAddShader":
             entries, (first, second) = {"type": "add_shader"}, node.inputs
         elif node.bl_idname in SHADERS:
@@ -283,7 +291,7 @@ class Graph:
                 continue
             if found.node is not None and name in CONSTANT and shaders.constant(socket) is None:
                 raise Unsupported(f"{name} of {node.bl_label} that varies")
-            entries[name.lower().replace(" ", "_")] = self.value(found)
+            entries[name.lower().replace(" ", "_")] = self.value(found, socket.type)
         if kind == "emission" or kind == "principled_bsdf":
             self._expose(entries, "strength" if kind == "emission" else "emission_strength")
         return entries
@@ -296,14 +304,13 @@ class Graph:
             else:
                 entries[key] = self.made({"type": "math", "operation": "multiply", "a": factor, "b": self._exposure})
 
-    def value(self, found):
-        """A number, a triple, or the output of a node."""
+    def value(self, found, to="RGBA"):
+        """A number, a triple, or the output of a node, for an input of a type of sockets."""
         node = found.node
         if node is None:
-            return 0.0 if found.value is None else found.value
+            return 0.0 if found.value is None else _converted(found.value, found.type, to)
         if node.bl_idname in ("ShaderNodeValue", "ShaderNodeRGB"):
-            value = _default(found.output)
-            return value
+            return _converted(_default(found.output), found.output.type, to)
         if (node, found.groups) not in self._known:
             self._write(node, found.groups)
         output = self._output(node, found.output)
@@ -350,7 +357,7 @@ class Graph:
             if name != "normal":
                 entries[name] = self.coordinates(implicit)
             return
-        entries[name] = self.value(found)
+        entries[name] = self.value(found, socket.type)
 
     def coordinates(self, output):
         if output == "generated":

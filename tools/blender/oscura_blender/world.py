@@ -5,8 +5,9 @@ import os
 import shutil
 
 import bpy
+import numpy as np
 
-from . import context, geometry, media, shaders, stills, trees
+from . import cache, context, fingerprint, geometry, media, shaders, stills, trees
 from .settings import film_exposure
 
 # Colour spaces whose values are light as oscura has it.
@@ -20,12 +21,19 @@ WIDTH = 2048
 WIDEST = 8192
 
 
-def entries(scene, folder, name, report):
+class _Target:
+    """Where pictures go, and where those that take long are kept."""
+
+    def __init__(self, folder, name, store):
+        self.folder, self.name, self.store = folder, name, store
+
+
+def entries(scene, folder, name, store, report):
     """The entries of [environment]; pictures go to the folder."""
     world = scene.world
     factor = film_exposure(scene)
     hidden = scene.render.film_transparent or (world is not None and not world.cycles_visibility.camera)
-    seen, found = _parts(world, folder, name, hidden, report)
+    seen, found = _parts(world, _Target(folder, name, store), hidden, report)
     found = _exposed(found, factor)
     if seen is not None:
         found["seen"] = _exposed(seen, factor)
@@ -69,29 +77,29 @@ def _fog(world, factor, report):
     return {} if filling.is_nothing() else {"fog": filling.entries(factor)}
 
 
-def _parts(world, folder, name, is_hidden, report):
+def _parts(world, target, is_hidden, report):
     """The entries of what cameras see, if that is something else and not hidden from them, and of what lights the scene."""
     tree = world.node_tree if world is not None and world.use_nodes else None
     asked = _light_path_outputs(tree) if tree else set()
     if not asked:
-        return None, _light(world, folder, name)
+        return None, _light(world, target)
     if asked != {"Is Camera Ray"}:
         report.warn(world.name, "the world differs by the kind of ray: others than the camera's see what diffuse ones do")
-    seen = None if is_hidden else _as_seen_by(world, _CAMERA, folder, f"{name}.seen")
-    return seen, _as_seen_by(world, _DIFFUSE, folder, name)
+    seen = None if is_hidden else _as_seen_by(world, _CAMERA, _Target(target.folder, f"{target.name}.seen", target.store))
+    return seen, _as_seen_by(world, _DIFFUSE, target)
 
 
-def _as_seen_by(world, rays, folder, name):
+def _as_seen_by(world, rays, target):
     """The entries of a world as rays of a kind see it."""
     world = world.copy()
     try:
         _settle_light_paths(world.node_tree, rays)
-        return _light(world, folder, name)
+        return _light(world, target)
     finally:
         bpy.data.worlds.remove(world)
 
 
-def _light(world, folder, name):
+def _light(world, target):
     if world is None:
         return {"background": [0, 0, 0]}
     if not world.use_nodes or world.node_tree is None:
@@ -105,10 +113,10 @@ def _light(world, folder, name):
         if color is not None and strength is not None:
             return {"background": [max(c * strength, 0.0) for c in color]}
         if strength is not None:
-            picture = _picture(shaders.source(node.inputs["Color"]), folder, name)
+            picture = _picture(shaders.source(node.inputs["Color"]), target)
             if picture:
                 return {**picture, "strength": max(strength, 0.0)}
-    return {"image": _rendered(world, folder, name)}
+    return {"image": _rendered(world, target)}
 
 
 def _mixed_in(node):
@@ -122,7 +130,7 @@ def _mixed_in(node):
     return node
 
 
-def _picture(feeding, folder, name):
+def _picture(feeding, target):
     """The entries for a picture that the world shows as it is, but turned about the vertical; else None."""
     if feeding is None or feeding.node.bl_idname != "ShaderNodeTexEnvironment" or feeding.node.mute:
         return None
@@ -135,16 +143,16 @@ def _picture(feeding, folder, name):
     ending = os.path.splitext(image.filepath_raw or image.name)[1].lower()
     if ending not in (".exr", ".hdr"):
         return None
-    file = f"{name}.world{ending}"
-    target = os.path.join(folder, file)
+    file = f"{target.name}.world{ending}"
+    destination = os.path.join(target.folder, file)
     if image.packed_file:
-        with open(target, "wb") as out:
+        with open(destination, "wb") as out:
             out.write(image.packed_file.data)
     else:
         path = bpy.path.abspath(image.filepath_raw, library=image.library)
         if not os.path.isfile(path):
             return None
-        shutil.copyfile(path, target)
+        shutil.copyfile(path, destination)
     return {"image": file, "rotation": math.degrees(turn)} if turn else {"image": file}
 
 
@@ -172,8 +180,22 @@ def _turn(vector):
     return rotation[2] if mapping.vector_type == "TEXTURE" else -rotation[2]
 
 
-def _rendered(world, folder, name):
-    """Renders what the world shows to a picture around the origin; gives its name."""
+def _rendered(world, target):
+    """Renders what the world shows to a picture around the origin, unless it is kept; gives its name."""
+    file = f"{target.name}.world.exr"
+    digest = cache.digest()
+    digest.update(b"world")
+    fingerprint.add_tree(digest, world.node_tree)
+    kept = target.store.get(digest.hexdigest())
+    if kept is None:
+        _render(world, os.path.join(target.folder, file))
+        target.store.put(digest.hexdigest(), {"picture": np.fromfile(os.path.join(target.folder, file), np.uint8)})
+    else:
+        kept["picture"].tofile(os.path.join(target.folder, file))
+    return file
+
+
+def _render(world, path):
     world = world.copy()
     sizes = [n.image.size[0] for n in world.node_tree.nodes if n.bl_idname == "ShaderNodeTexEnvironment" and n.image]
     has_sun = any(n.bl_idname == "ShaderNodeTexSky" for n in world.node_tree.nodes)
@@ -184,12 +206,11 @@ def _rendered(world, folder, name):
         scene.world = world
         stills.look_around(scene)
         stills.prepare(scene, (width, width // 2), 16 if has_sun else 4)
-        scene.render.filepath = os.path.join(folder, f"{name}.world.exr")
+        scene.render.filepath = path
         bpy.ops.render.render(write_still=True, scene=scene.name)
     finally:
         bpy.data.scenes.remove(scene)
         bpy.data.worlds.remove(world)
-    return f"{name}.world.exr"
 
 
 # The outputs of Light Path nodes that are 1 for rays of a kind; all others are 0.
