@@ -76,6 +76,9 @@ pub const TABLES: &[Table] = &[
             ("height", "64", "65"),
             ("samples", "3", "4"),
             ("depth", "0", "7"),
+            ("bounces", "{ diffuse = 3 }", "{ diffuse = 4 }"),
+            ("clamp", "{ indirect = 3 }", "{ indirect = 4 }"),
+            ("filter_glossy", "1", "0.5"),
             ("seed", "5", "6"),
             ("filter", "\"box\"", "\"gaussian\""),
             ("microfacet", "\"single\"", "\"multi\""),
@@ -90,6 +93,16 @@ pub const TABLES: &[Table] = &[
             ("crop", "[1, 2, 3, 4]", "[1, 2, 3, 5]"),
             ("aovs", "[\"depth\"]", "[\"uv\", \"depth\"]"),
         ],
+    ),
+    lines(
+        "bounces",
+        "[materials]\na = { type = \"lambert\" }\n[render.bounces]\n",
+        &[("diffuse", "1", "2"), ("glossy", "1", "2"), ("transmission", "1", "2"), ("volume", "1", "2")],
+    ),
+    lines(
+        "clamp",
+        "[materials]\na = { type = \"lambert\" }\n[render.clamp]\n",
+        &[("direct", "1", "2"), ("indirect", "1", "2")],
     ),
     lines(
         "camera",
