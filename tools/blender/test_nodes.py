@@ -9,7 +9,7 @@ import unittest
 import bpy
 import numpy as np
 
-from testing import SceneTest, run_exporter, shader_tree
+from testing import SceneTest, read_ply, run_exporter, shader_tree
 
 
 class NodesTest(SceneTest):
@@ -20,14 +20,8 @@ class NodesTest(SceneTest):
         return tomllib.loads((self.folder / "scene.oscura.toml").read_text())
 
     def vertices(self, settings, number):
-        """The head of a mesh's file and its rows of vertices."""
-        data = (self.folder / settings["objects"][number]["mesh"]).read_bytes()
-        head, rest = data.split(b"end_header\n", 1)
-        lines = head.decode().splitlines()
-        count = next(int(line.split()[2]) for line in lines if line.startswith("element vertex"))
-        names = [line.split()[2] for line in lines if line.startswith("property float")]
-        rows = np.frombuffer(rest[: 4 * count * len(names)], "<f4").reshape(count, len(names))
-        return lines, dict(zip(names, rows.T))
+        """The head of a mesh's file and its columns of vertices."""
+        return read_ply(self.folder / settings["objects"][number]["mesh"])[:2]
 
     def test_trees_are_written_as_they_are(self):
         material, tree, shader, noise, ramp, place = shader_tree("rust", "TexNoise", "ValToRGB", "TexCoord")

@@ -5,7 +5,7 @@
 
 import bpy
 import numpy as np
-from testing import SceneTest, main, shader_tree
+from testing import SceneTest, baked, main, shader_tree
 
 
 class TreesTest(SceneTest):
@@ -17,6 +17,14 @@ class TreesTest(SceneTest):
         for k, color in enumerate(colors):
             made = self.add_plane(material, f"Plane {k}", (3 * k, 0, 0), data)
             data, made.color = made.data, (*color, 1)
+        _, settings, answer = self.export()
+        surface, feeding = self.surface(settings["materials"]["own"])
+        self.assertEqual((feeding(surface, "base_color")["type"], surface["base_color"].split(".")[1]), ("object_info", "color"))
+        found = self.placed(settings)
+        self.assertEqual(found["Plane 0"]["mesh"], found["Plane 1"]["mesh"])
+        np.testing.assert_allclose([found[f"Plane {k}"]["color"] for k in range(2)], [(*color, 1) for color in colors], atol=1e-6)
+        self.assertEqual(answer["warnings"], [])
+        baked(material)
         model, _, answer = self.export()
         self.assertNotIn("images", model)
         found = {}
@@ -28,13 +36,22 @@ class TreesTest(SceneTest):
         self.assertEqual(answer["warnings"], [])
 
     def test_attributes_of_objects_are_read_by_name(self):
+        """Constants stand in their place, in a material of its own for each answer."""
         material, tree, shader, own = shader_tree("own", "Attribute")
         own.attribute_type, own.attribute_name = "OBJECT", "polish"
         tree.links.new(next(out for out in own.outputs if out.identifier == "Fac"), shader.inputs["Roughness"])
-        self.add_plane(material)["polish"] = 0.375
+        data = None
+        for name, polish in (("First", 0.375), ("Second", 0.75)):
+            made = self.add_plane(material, name, data=data)
+            data, made["polish"] = made.data, polish
+        _, settings, _ = self.export()
+        (first,), (second,) = (self.placed(settings)[name]["materials"] for name in ("First", "Second"))
+        roughnesses = [self.surface(settings["materials"][name])[0]["roughness"] for name in (first, second)]
+        np.testing.assert_allclose(roughnesses, [0.375, 0.75], atol=1e-6)
+        baked(material)
         model, _, _ = self.export()
-        (made,) = model["materials"]
-        self.assertAlmostEqual(made["pbrMetallicRoughness"]["roughnessFactor"], 0.375, places=6)
+        roughnesses = sorted(made["pbrMetallicRoughness"]["roughnessFactor"] for made in model["materials"])
+        np.testing.assert_allclose(roughnesses, [0.375, 0.75], atol=1e-6)
 
     def glassy(self, *kinds):
         """A sheet that mirrors by Fresnel and else lets light pass: its tree, the mix and new nodes."""
@@ -46,7 +63,7 @@ class TreesTest(SceneTest):
         tree.links.new(clear.outputs[0], mix.inputs[1])
         tree.links.new(mirror.outputs[0], mix.inputs[2])
         tree.links.new(mix.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
-        self.add_plane(material)
+        self.add_plane(baked(material))
         return (tree, mix, fresnel, *others)
 
     def test_sheets_that_mirror_by_fresnel_mirror_wholly_from_behind(self):
@@ -80,7 +97,7 @@ class TreesTest(SceneTest):
         mix.inputs[6].default_value, mix.inputs[7].default_value = (1, 0, 0, 1), (0, 0, 1, 1)
         tree.links.new(side.outputs["Backfacing"], mix.inputs[0])
         tree.links.new(mix.outputs[2], shader.inputs["Base Color"])
-        self.add_plane(material)
+        self.add_plane(baked(material))
         model, _, _ = self.export()
         (mesh,) = model["meshes"]
         found = {}
@@ -96,7 +113,7 @@ class TreesTest(SceneTest):
         strength.operation, strength.inputs[1].default_value = "MULTIPLY", 3.0
         tree.links.new(path.outputs["Is Camera Ray"], strength.inputs[0])
         tree.links.new(strength.outputs[0], shader.inputs["Emission Strength"])
-        self.add_plane(material)
+        self.add_plane(baked(material))
         model, settings, answer = self.export()
         by_name = {made["name"]: made for made in model["materials"]}
         rays = {tuple(entry["visible_to"]): by_name[name] for name, entry in settings["materials"].items()}
@@ -109,7 +126,7 @@ class TreesTest(SceneTest):
         tree.links.new(path.outputs["Is Camera Ray"], both.inputs[0])
         tree.links.new(path.outputs["Is Diffuse Ray"], both.inputs[1])
         tree.links.new(both.outputs[0], shader.inputs["Base Color"])
-        self.add_plane(material)
+        self.add_plane(baked(material))
         _, settings, answer = self.export()
         seen = {tuple(entry["visible_to"]) for entry in settings["materials"].values()}
         self.assertEqual(seen, {("camera",), ("diffuse", "glossy", "transmission", "volume", "shadow")})
@@ -121,7 +138,7 @@ class TreesTest(SceneTest):
         tree.links.new(weight.outputs["Facing"], step.inputs[0])
         tree.links.new(noise.outputs[0], step.inputs[1])
         tree.links.new(step.outputs[0], shader.inputs["Base Color"])
-        self.add_plane(material)
+        self.add_plane(baked(material))
         _, _, answer = self.export("--bake", "64")
         ((place, message),) = answer["warnings"]
         self.assertEqual(place, "velvet")
@@ -137,7 +154,7 @@ class TreesTest(SceneTest):
         shader.inputs["Emission Color"].default_value = (1, 0.5, 0.25, 1)
         tree.links.new(weight.outputs["Facing"], gain.inputs[0])
         tree.links.new(gain.outputs[0], shader.inputs["Emission Strength"])
-        self.add_plane(material)
+        self.add_plane(baked(material))
         model, settings, answer = self.export()
         self.assertEqual(answer["warnings"], [])
         self.assertNotIn("images", model)
@@ -165,7 +182,7 @@ class TreesTest(SceneTest):
         tree.links.new(weight.outputs["Facing"], gain.inputs[0])
         tree.links.new(gain.outputs[0], shader.inputs["Emission Strength"])
         tree.links.new(checker.outputs["Color"], shader.inputs["Emission Color"])
-        self.add_plane(material)
+        self.add_plane(baked(material))
         model, settings, answer = self.export("--bake", "64")
         self.assertEqual(answer["warnings"], [])
         facing = 1 - np.linspace(0, 1, 64) ** 0.5
@@ -208,7 +225,7 @@ class TreesTest(SceneTest):
 
     def test_sums_of_diffuse_and_translucent_keep_both_colours(self):
         for k, (name, passed, reflected) in enumerate((("paper", (0.6, 0.5, 0.25), (0.2, 0.1, 0.1)), ("bright", (1, 1, 0.5), (1, 0.5, 1)))):
-            self.add_plane(self.let_through(name, "AddShader", None, passed, reflected)[0], name, (3 * k, 0, 0))
+            self.add_plane(baked(self.let_through(name, "AddShader", None, passed, reflected)[0]), name, (3 * k, 0, 0))
         model, _, answer = self.export()
         self.assertEqual([name for name, _ in answer["warnings"]], ["bright"])
         share, color, base = self.passed(model, "paper")
@@ -230,7 +247,7 @@ class TreesTest(SceneTest):
         checker.inputs["Color1"].default_value, checker.inputs["Color2"].default_value = (1, 1, 1, 1), (0.25,) * 3 + (1,)
         checker.inputs["Scale"].default_value = 1.5
         tree.links.new(checker.outputs["Color"], joined.inputs[0])
-        for k, material in enumerate((leaf, leaf, worn)):
+        for k, material in enumerate((baked(leaf), leaf, baked(worn))):
             self.add_plane(material, f"Plane{k}", (3 * k, 0, 0))
         model, settings, answer = self.export("--bake", "64")
         self.assertEqual(answer["warnings"], [])
@@ -265,7 +282,7 @@ class TreesTest(SceneTest):
                 tree.links.new(weight.outputs["Facing"], mix.inputs["Fac"])
             tree.links.new(checker.outputs["Color"], mix.inputs["Color1"])
             tree.links.new(mix.outputs[0], shader.inputs["Base Color"])
-            shown.data.materials.append(made)
+            shown.data.materials.append(baked(made))
         shown.data.polygons.foreach_set("material_index", [0, 0, 1, 1])
         model, settings, answer = self.export("--bake", "64")
         self.assertEqual(answer["warnings"], [])
@@ -296,8 +313,8 @@ class TreesTest(SceneTest):
             tree.links.new(node.outputs[0], shader.inputs[key])
         tree.links.new(there.outputs[0], again.inputs[0])
         shader.inputs["Emission Strength"].default_value = 1.0
-        self.add_plane(window, "window")
-        self.add_plane(turned, "turned", (0, 0, 7.5))
+        self.add_plane(baked(window), "window")
+        self.add_plane(baked(turned), "turned", (0, 0, 7.5))
         glb, _, answer = self.export_glb("--bake", "64")
         self.assertEqual(answer["warnings"], [])
         found = {}
@@ -315,7 +332,7 @@ class TreesTest(SceneTest):
         tree.links.new(geometry.outputs["Normal"], dot.inputs[0])
         tree.links.new(geometry.outputs["Incoming"], dot.inputs[1])
         tree.links.new(dot.outputs["Value"], shader.inputs["Base Color"])
-        self.add_plane(material)
+        self.add_plane(baked(material))
         _, settings, answer = self.export()
         self.assertEqual(answer["warnings"], [])
         table = settings["textures"][settings["materials"]["dotted"]["base_color"]]["colors"]
@@ -325,7 +342,7 @@ class TreesTest(SceneTest):
         material, tree, shader, weight, bump = shader_tree("bumped", "LayerWeight", "Bump")
         tree.links.new(bump.outputs[0], weight.inputs["Normal"])
         tree.links.new(weight.outputs["Facing"], shader.inputs["Base Color"])
-        self.add_plane(material)
+        self.add_plane(baked(material))
         _, settings, answer = self.export()
         ((place, message),) = answer["warnings"]
         self.assertEqual((place, "normal of its own" in message), ("bumped", True))
@@ -335,7 +352,7 @@ class TreesTest(SceneTest):
         material, tree, shader, checker = shader_tree("lace", "TexChecker")
         checker.inputs["Scale"].default_value = 2.0
         tree.links.new(checker.outputs["Fac"], shader.inputs["Alpha"])
-        self.add_plane(material)
+        self.add_plane(baked(material))
         model, _, _ = self.export("--bake", "64")
         alpha = self.pixels(self.picture(model, model["materials"][0]))[..., 3]
         for value in (0, 1):
@@ -352,7 +369,7 @@ class TreesTest(SceneTest):
         node.image, node.extension, node.interpolation = image, "CLIP", "Closest"
         for name, output in (("Base Color", "Color"), ("Alpha", "Alpha")):
             tree.links.new(node.outputs[output], shader.inputs[name])
-        self.add_plane(material)
+        self.add_plane(baked(material))
         model, _, answer = self.export()
         self.assertEqual(answer["warnings"], [])
         shown = self.pixels(self.picture(model, model["materials"][0]))
@@ -373,8 +390,11 @@ class TreesTest(SceneTest):
                 node.image.alpha_mode = mode
                 tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
                 self.add_plane(material)
+                surface, feeding = self.surface(self.export()[1]["materials"]["label"])
+                self.assertEqual(feeding(surface, "base_color")["alpha_mode"], mode.lower())
+                baked(material)
                 model, _, answer = self.export()
-                self.assertEqual(any("baked" in message for _, message in answer["notes"]), expected < 0.5)
+                self.assertEqual(any("baked to pictures" in message for _, message in answer["notes"]), expected < 0.5)
                 shown = self.pixels(self.picture(model, model["materials"][0]))[..., :3]
                 np.testing.assert_allclose(shown, np.full(shown.shape, expected), atol=0.01)
 
@@ -386,6 +406,12 @@ class TreesTest(SceneTest):
         node.image = bpy.data.images.load(picture.filepath_raw)
         tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
         self.add_plane(material)
+        shown = lambda *more: self.surface(self.export(*more)[1]["materials"]["label"])
+        for more, expected in (((), "scene.image0.png"), (("--links",), str(self.folder / "a picture.png"))):
+            surface, feeding = shown(*more)
+            self.assertEqual(feeding(surface, "base_color")["file"], expected)
+        self.assertEqual((self.folder / "scene.image0.png").read_bytes(), (self.folder / "a picture.png").read_bytes())
+        baked(material)
         (copied,) = self.export()[0]["images"]
         self.assertNotIn("uri", copied)
         (linked,) = self.export("--links")[0]["images"]
@@ -399,7 +425,7 @@ class TreesTest(SceneTest):
         shader.inputs["Emission Color"].default_value = (1, 0.5, 0.25, 1)
         tree.links.new(checker.outputs["Fac"], strength.inputs[0])
         tree.links.new(strength.outputs[0], shader.inputs["Emission Strength"])
-        self.add_plane(material)
+        self.add_plane(baked(material))
         model, _, _ = self.export("--bake", "64")
         (made,) = model["materials"]
         self.assertAlmostEqual(made["extensions"]["KHR_materials_emissive_strength"]["emissiveStrength"], 40, places=3)

@@ -33,6 +33,29 @@ def shader_tree(name, *kinds):
     return (material, tree, tree.nodes["Principled BSDF"], *(tree.nodes.new(f"ShaderNode{kind}") for kind in kinds))
 
 
+def baked(material):
+    """The same material, displaced by nothing: what is displaced isn't evaluated, so that it is baked and goes into the model."""
+    tree = material.node_tree
+    relief, end = tree.nodes.new("ShaderNodeDisplacement"), tree.nodes["Material Output"]
+    relief.inputs["Height"].default_value = relief.inputs["Midlevel"].default_value
+    material.displacement_method = "DISPLACEMENT"
+    tree.links.new(relief.outputs[0], end.inputs["Displacement"])
+    return material
+
+
+def read_ply(path):
+    """The lines of a mesh's head, its vertices as columns by name, and the corners of its triangles."""
+    head, rest = path.read_bytes().split(b"end_header\n", 1)
+    lines = head.decode().splitlines()
+    count = {words[1]: int(words[2]) for words in map(str.split, lines) if words[0] == "element"}
+    names = [line.split()[2] for line in lines if line.startswith("property float")]
+    size = 4 * count["vertex"] * len(names)
+    rows = np.frombuffer(rest[:size], "<f4").reshape(count["vertex"], len(names))
+    kind = [("count", "u1"), ("corners", "<i4", 3)]
+    kind += [("material", "<u2")] if any(line.endswith("material_index") for line in lines) else []
+    return lines, dict(zip(names, rows.T)), np.frombuffer(rest[size:], kind, count["face"])
+
+
 class SceneTest(unittest.TestCase):
     def setUp(self):
         folder = tempfile.TemporaryDirectory(prefix="oscura-test-")
@@ -69,6 +92,19 @@ class SceneTest(unittest.TestCase):
         """The same with the model's bytes."""
         model, settings, answer = self.export(*more)
         return Glb(str(self.folder / "scene.glb")), settings, answer
+
+    def placed(self, settings):
+        """The objects that oscura evaluates, by name."""
+        return {entry["name"]: entry for entry in settings.get("objects", []) if "mesh" in entry}
+
+    def mesh(self, settings, name):
+        """The columns of vertices of the mesh of an evaluated object."""
+        return read_ply(self.folder / self.placed(settings)[name]["mesh"])[1]
+
+    def surface(self, table):
+        """The node of a material's surface, and a function that gives the nodes that feed the inputs of another."""
+        nodes = table["nodes"]
+        return nodes[table["surface"]], lambda node, key: nodes[node[key].split(".")[0]]
 
     def picture(self, model, material):
         """The file of a material's base colour."""
