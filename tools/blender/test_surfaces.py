@@ -5,7 +5,7 @@
 
 import bpy
 import numpy as np
-from testing import SceneTest, main, shader_tree
+from testing import SceneTest, baked, main, read_ply, shader_tree
 
 import bmesh  # isort: skip (bpy puts it on the path)
 
@@ -56,8 +56,8 @@ class SurfacesTest(SceneTest):
         balls.elements.new()
         for name, data in (("Text", text), ("Ring", ring), ("Balls", balls)):
             self.scene.collection.objects.link(bpy.data.objects.new(name, data))
-        model, _, _ = self.export()
-        self.assertEqual(sorted(node["name"] for node in model["nodes"] if "mesh" in node), ["Balls", "Ring", "Text"])
+        _, settings, _ = self.export()
+        self.assertEqual([entry["name"] for entry in sorted(settings["objects"], key=lambda entry: entry["name"])], ["Balls", "Ring", "Text"])
 
     def test_points_become_small_spheres_with_their_attributes(self):
         """A cloud by nodes: 30 corners of a grid, of two radii and with a colour of their own."""
@@ -73,19 +73,29 @@ class SurfacesTest(SceneTest):
         radii = cloud.data.attributes.new("width", "FLOAT", "POINT")
         radii.data.foreach_set("value", np.tile(np.array([0.1, 0.05], np.float32), 15))
         cloud.modifiers.new("Points", "NODES").node_group = _points_of("width", paint)
+        grid = np.array([vertex.co for vertex in cloud.data.vertices])
+        _, settings, answer = self.export()
+        self.assertEqual(answer["warnings"], [])
+        mesh = self.mesh(settings, "Cloud")
+        places, shown = (np.stack([mesh[name] for name in names], 1) for names in (("x", "y", "z"), ("a0_0", "a0_1", "a0_2")))
+        self.check_points(grid, given, places, shown)
+        baked(paint)
         glb, _, answer = self.export_glb()
         self.assertEqual(answer["warnings"], [])
         (node,) = (node for node in glb.json["nodes"] if node["name"] == "Cloud")
         (primitive,) = glb.json["meshes"][node["mesh"]]["primitives"]
         places, shown = (self.values(glb, primitive["attributes"][name]) for name in ("POSITION", "COLOR_0"))
-        grid = np.array([vertex.co for vertex in cloud.data.vertices])[:, [0, 2, 1]] * (1, 1, -1)
+        self.check_points(grid[:, [0, 2, 1]] * (1, 1, -1), given, places, shown[:, :3])
+
+    def check_points(self, grid, given, places, shown):
+        """Are there spheres of two radii around all points, of their colours?"""
         away = np.linalg.norm(places[:, None] - grid, axis=2)
         nearest = away.argmin(1)
         self.assertEqual(set(nearest), set(range(30)))
         # As large as spheres when seen: corners lie a little outside.
         ratio = away.min(1) / np.tile([0.1, 0.05], 15)[nearest]
         self.assertTrue(((ratio > 1.0) & (ratio < 1.01)).all(), (ratio.min(), ratio.max()))
-        np.testing.assert_allclose(shown[:, :3], given[nearest, :3], atol=2e-5)
+        np.testing.assert_allclose(shown, given[nearest, :3], atol=2e-5)
 
     def test_colors_of_vertices_need_no_picture(self):
         """Alone on a mesh, or with others of the same attribute; not beside a material without, there or elsewhere."""
@@ -93,7 +103,7 @@ class SurfacesTest(SceneTest):
             material, tree, shader, node = shader_tree(name, kind)
             setattr(node, attribute, "paint")
             tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
-            return material
+            return baked(material)
 
         first, second, third = (
             painted("first", "VertexColor", "layer_name"),
@@ -106,7 +116,8 @@ class SurfacesTest(SceneTest):
         for k, source in enumerate((shader, let_through), 1):
             tree.links.new(source.outputs[0], mix.inputs[k])
         tree.links.new(mix.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
-        plain, _, _ = shader_tree("plain")
+        baked(leaf)
+        plain = baked(shader_tree("plain")[0])
         given = np.random.default_rng(2).uniform(size=(4, 4)).astype(np.float32)
         for k, materials in enumerate(((first,), (first, second), (third,), (third, plain), (leaf,))):
             bpy.ops.mesh.primitive_grid_add(x_subdivisions=len(materials), y_subdivisions=1, location=(3 * k, 0, 0))
@@ -138,6 +149,12 @@ class SurfacesTest(SceneTest):
         self.add("plane", glass, rotation=(np.pi / 2, 0, 0.4))
         self.add("plane", glass, location=(0, 0, 3))
         self.add("cube", glass, location=(4, 0, 0))
+        _, settings, answer = self.export()
+        solid, sheet = ({name for name, table in settings["materials"].items() if table.get("volume", False) == is_solid} for is_solid in (True, False))
+        used = {entry["name"]: set(entry["materials"]) for entry in settings["objects"]}
+        self.assertEqual((used, len(solid), len(sheet)), ({"Plane": sheet, "Plane.001": sheet, "Cube": solid}, 1, 1))
+        self.check_notes(answer)
+        baked(glass)
         model, settings, answer = self.export()
         bodies = [name for name, entries in settings["materials"].items() if entries == {"keeps_radiance": True}]
         sheets = [name for name, entries in settings["materials"].items() if entries == {"volume": False, "keeps_radiance": True}]
@@ -148,6 +165,10 @@ class SurfacesTest(SceneTest):
         self.assertEqual({name: sorted(meshes) for name, meshes in used.items()}, {bodies[0]: ["Cube"], sheets[0]: ["Plane", "Plane"]})
         for made in model["materials"]:
             self.assertAlmostEqual(made["pbrMetallicRoughness"]["baseColorFactor"][0], 0.25, places=5)
+        self.check_notes(answer)
+
+    def check_notes(self, answer):
+        """Is what is told of upright sheets of glass told once?"""
         ((about, said),) = [note for note in answer["notes"] if "Solidify" in note[1]]
         self.assertEqual(about, "glass")
         self.assertIn("bends light", said)
@@ -159,6 +180,11 @@ class SurfacesTest(SceneTest):
         metal, _, shader = shader_tree("metal")
         shader.inputs["Metallic"].default_value = 1.0
         self.add("plane", metal, location=(0, 0, 3))
+        _, settings, answer = self.export()
+        self.assertEqual({name: table.get("volume", False) for name, table in settings["materials"].items()}, {"glass": False, "metal": False})
+        self.assertFalse([said for _, said in answer["notes"] if "Solidify" in said])
+        baked(glass)
+        baked(metal)
         model, settings, answer = self.export()
         self.assertEqual(settings["materials"], {"glass": {"volume": False, "keeps_radiance": True}})
         self.assertEqual(len(model["materials"]), 2)
@@ -170,7 +196,7 @@ class SurfacesTest(SceneTest):
         for key, value in inputs.items():
             node.inputs[key].default_value = value
         tree.links.new(node.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
-        self.add("cube", made, location=location)
+        self.add("cube", baked(made), location=location)
         return made, tree, node
 
     def test_glass_reflects_what_its_node_does(self):
@@ -238,7 +264,7 @@ class SurfacesTest(SceneTest):
         )):
             made, tree, _ = shader_tree(name)
             self.summed(tree, tree.nodes["Material Output"].inputs["Surface"], colors, iors)
-            self.add("cube", made, location=(3 * k, 0, 0))
+            self.add("cube", baked(made), location=(3 * k, 0, 0))
         model, settings, answer = self.export()
         told = {about: message for about, message in answer["warnings"]}
         self.assertEqual(set(told), {"odd", "many"})
@@ -269,7 +295,7 @@ class SurfacesTest(SceneTest):
         group.node_tree = inner
         group.inputs[0].default_value = 1.5
         tree.links.new(group.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
-        self.add("cube", made)
+        self.add("cube", baked(made))
         model, _, answer = self.export()
         self.assertEqual(answer["warnings"], [])
         (gem,) = model["materials"]
@@ -371,24 +397,22 @@ class SurfacesTest(SceneTest):
     def test_smooth_faces_beside_flat_ones_have_the_normals_of_their_vertices(self):
         tin = self.add("cylinder", shader_tree("tin")[0])
         tin.data.polygons.foreach_set("use_smooth", [len(face.vertices) == 4 for face in tin.data.polygons])
+        of_files = [np.abs(self.mesh(self.export()[1], "Cylinder")["nz"])]
+        # What is brushed is baked.
+        tin.data.materials[0].node_tree.nodes["Principled BSDF"].inputs["Anisotropic"].default_value = 0.5
         model, _, _ = self.export_glb()
         ((primitive,),) = [mesh["primitives"] for mesh in model.json["meshes"]]
-        upward = np.abs(self.values(model, primitive["attributes"]["NORMAL"])[:, 1])
-        self.assertTrue(((upward > 0.1) & (upward < 0.9)).any(), "the sides lean towards the lids, as in Cycles")
-        self.assertTrue((upward > 0.999).any(), "the lids are flat")
+        of_files.append(np.abs(self.values(model, primitive["attributes"]["NORMAL"])[:, 1]))
+        for upward in of_files:
+            self.assertTrue(((upward > 0.1) & (upward < 0.9)).any(), "the sides lean towards the lids, as in Cycles")
+            self.assertTrue((upward > 0.999).any(), "the lids are flat")
 
     def test_bodies_of_varying_colours_are_painted_and_their_holes_closed(self):
         skin, tree, shader, checker = shader_tree("skin", "TexChecker")
         shader.inputs["Subsurface Weight"].default_value = 1.0
         checker.inputs["Color1"].default_value, checker.inputs["Color2"].default_value = (0.8, 0.4, 0.2, 1), (0.2, 0.4, 0.2, 1)
         tree.links.new(checker.outputs["Color"], shader.inputs["Base Color"])
-        ball = self.add("uv_sphere", skin)
-        work = bmesh.new()
-        work.from_mesh(ball.data)
-        work.faces.ensure_lookup_table()
-        bmesh.ops.delete(work, geom=[work.faces[0]], context="FACES_ONLY")
-        work.to_mesh(ball.data)
-        work.free()
+        self.with_hole(skin)
         model, settings, answer = self.export("--bake", "256")
         self.assertEqual(answer["warnings"], [])
         self.assertIn("1 holes, which are closed", "".join(message for _, message in answer["notes"]))
@@ -404,11 +428,35 @@ class SurfacesTest(SceneTest):
         for value in (1.0, code(0.5)):
             self.assertGreater((np.abs(red - value) < 0.02).mean(), 0.15, value)
 
+    def with_hole(self, material):
+        """A ball without one of its faces."""
+        ball, work = self.add("uv_sphere", material), bmesh.new()
+        work.from_mesh(ball.data)
+        work.faces.ensure_lookup_table()
+        bmesh.ops.delete(work, geom=[work.faces[0]], context="FACES_ONLY")
+        work.to_mesh(ball.data)
+        work.free()
+
+    def test_holes_of_bodies_of_one_colour_are_closed(self):
+        wax, _, shader = shader_tree("wax")
+        shader.inputs["Subsurface Weight"].default_value = 1.0
+        self.with_hole(wax)
+        _, settings, answer = self.export()
+        self.assertIn("1 holes, which are closed", "".join(message for _, message in answer["notes"]))
+        self.assertIs(settings["materials"]["wax"]["volume"], True)
+        (entry,) = settings["objects"]
+        _, vertices, faces = read_ply(self.folder / entry["mesh"])
+        places = np.stack([vertices[name] for name in "xyz"], 1)
+        _, number = np.unique(places.round(5), axis=0, return_inverse=True)
+        corners = number.ravel()[faces["corners"]]
+        edges = np.sort(np.concatenate([corners[:, [k, (k + 1) % 3]] for k in range(3)]), axis=1)
+        self.assertEqual(set(np.unique(edges, axis=0, return_counts=True)[1].tolist()), {2})
+
     def test_of_what_varies_and_no_picture_holds_the_mean_is_taken_by_name(self):
         cloth, tree, shader, checker = shader_tree("cloth", "TexChecker")
         checker.inputs["Scale"].default_value = 2.0
         tree.links.new(checker.outputs["Fac"], shader.inputs["Sheen Weight"])
-        self.add("plane", cloth)
+        self.add("plane", baked(cloth))
         model, _, answer = self.export()
         ((place, message),) = answer["warnings"]
         self.assertEqual(place, "cloth")
@@ -446,8 +494,43 @@ class SurfacesTest(SceneTest):
         self.assertEqual(lights["Rim"]["light_link"], {"include": ["/First", "/Second"]})
         self.assertNotIn("shadow_link", lights["Rim"])
         self.assertEqual(lights["Free"]["shadow_link"], {"include": []})
-        self.assertEqual(settings["objects"], {"/Third": {"shadow_link": {"exclude": ["/Second"]}}})
-        self.assertLessEqual({"First", "Second", "Third"}, {node["name"] for node in model["nodes"]})
+        shown = self.placed(settings)
+        self.assertEqual(set(shown), {"First", "Second", "Third"})
+        links = {name: entry["shadow_link"] for name, entry in shown.items() if "shadow_link" in entry}
+        self.assertEqual(links, {"Third": {"exclude": ["/Second"]}})
+        # Beside nodes of the model.
+        for obj in (first, third):
+            own = bpy.data.materials.new(obj.name) if obj == first else glow
+            own.use_nodes = True
+            obj.data.materials.clear()
+            obj.data.materials.append(baked(own))
+        model, settings, answer = self.export()
+        self.assertEqual((answer["warnings"], set(self.placed(settings))), ([], {"Second"}))
+        (rim,) = (light for light in settings["lights"] if light["name"] == "Rim")
+        self.assertEqual(rim["light_link"], {"include": ["/First", "/Second"]})
+        nodes = [entry for entry in settings["objects"] if "node" in entry]
+        self.assertEqual(nodes, [{"node": "/Third", "shadow_link": {"exclude": ["/Second"]}}])
+        self.assertLessEqual({"First", "Third"}, {node["name"] for node in model["nodes"]})
+
+    def test_all_instances_of_what_shines_are_linked(self):
+        glow, _, shader = shader_tree("glow")
+        shader.inputs["Emission Strength"].default_value = 2.0
+        self.add("plane", shader_tree("plain")[0]).name = "Floor"
+        group, blockers = bpy.data.collections.new("Group"), bpy.data.collections.new("Blockers")
+        bulb = self.add("plane", glow)
+        self.scene.collection.objects.unlink(bulb)
+        group.objects.link(bulb)
+        blockers.objects.link(self.scene.objects["Floor"])
+        string = self.add("plane", shader_tree("string")[0])
+        string.name, string.instance_type = "String", "VERTS"
+        child = bpy.data.objects.new("Bulb", None)
+        child.instance_type, child.instance_collection, child.parent = "COLLECTION", group, string
+        self.scene.collection.objects.link(child)
+        for obj in (string, child):
+            obj.light_linking.blocker_collection = blockers
+        _, settings, _ = self.export()
+        shining = [entry for entry in settings["objects"] if "glow" in entry["materials"]]
+        self.assertEqual([entry["shadow_link"] for entry in shining], [{"include": ["/Floor"]}] * 4)
 
 
 if __name__ == "__main__":

@@ -5,16 +5,16 @@ import os
 
 import numpy as np
 
-from . import geometry, media, mesh_files, node_graph, report as reports, shaders, sidecar
+from . import geometry, media, mesh_files, node_graph, panes, report as reports, shaders, sidecar, skins
 from .glb import Y_UP
-from .skins import sides_of_edges
 
 # Tables of the materials of faces without one, and of what has no surface.
 DEFAULT = {"type": "nodes", "surface": "surface", "nodes": {"surface": {"type": "principled_bsdf"}}}
 BLACK = {"type": "lambert", "color": [0.0, 0.0, 0.0]}
 
 # Inputs that let light into a solid, by the type of their shader; others always do.
-PASSING = {"principled_bsdf": ("transmission_weight", "subsurface_weight"), "glass_bsdf": None, "refraction_bsdf": None, "subsurface_scattering": None}
+REFRACTING = {"principled_bsdf": ("transmission_weight",), "glass_bsdf": None, "refraction_bsdf": None}
+PASSING = {**REFRACTING, "principled_bsdf": ("transmission_weight", "subsurface_weight"), "subsurface_scattering": None}
 
 
 class Material:
@@ -23,14 +23,9 @@ class Material:
     def __init__(self, material, graph, surface, medium):
         self.material, self.nodes, self.surface, self.medium = material, graph.nodes, surface, medium
         self.attributes, self.asks_object = graph.attributes, graph.asks_object
-        self.lets_light_in = any(self._passes(node) for node in graph.nodes.values())
-
-    @staticmethod
-    def _passes(node):
-        if node["type"] not in PASSING:
-            return False
-        inputs = PASSING[node["type"]]
-        return inputs is None or any(node.get(name, 0.0) != 0.0 for name in inputs)
+        self.lets_light_in = any(_passes(node, PASSING) for node in graph.nodes.values())
+        self.refracts = any(_passes(node, REFRACTING) for node in graph.nodes.values())
+        self.scatters_within = any(node_graph.scatters_within(node) for node in graph.nodes.values())
 
     def table(self, is_solid):
         if self.surface is None:
@@ -41,6 +36,14 @@ class Material:
             if self.medium is not None:
                 entries["medium"] = self.medium
         return {**entries, "nodes": self.nodes}
+
+
+def _passes(node, passing):
+    """Does a node let light into a solid, by a table of inputs?"""
+    if node["type"] not in passing:
+        return False
+    inputs = passing[node["type"]]
+    return inputs is None or any(node.get(name, 0.0) != 0.0 for name in inputs)
 
 
 class Evaluated:
@@ -94,7 +97,7 @@ def take(found, known, moves, options, report):
     names = {material.name for material in baked}
     for key, holder in taken.items():
         del found.objects[key]
-        _write(made, holder, known, names, found)
+        _write(made, holder, known, names, found, report)
     for material, reason in known.reasons.items():
         if material in baked:
             report.note(material.name, f"is baked, since oscura doesn't evaluate it: {reason}")
@@ -135,14 +138,19 @@ def _is_taken(holder, known, found, moves):
     return holder.name not in moves.shapes and all(moves.of(mark) is None for mark in found.marks[holder.name])
 
 
-def _write(made, holder, known, names, found):
+def _write(made, holder, known, names, found, report):
     """Writes a mesh, and adds its materials and placements."""
     mesh = holder.data
-    is_solid = not bool((sides_of_edges(mesh) == 1).any())
+    shown = [known.get(material) if material is not None else None for material in mesh.materials]
+    for slot, entry in enumerate(shown):
+        if entry is not None and entry.scatters_within:
+            skins.close(holder, slot, report)
+    is_solid = not bool((skins.sides_of_edges(mesh) == 1).any())
     listed, attributes, asks_object = [], set(), False
-    for material in list(mesh.materials) or [None]:
-        entry = known.get(material) if material is not None else None
+    for slot, (material, entry) in enumerate(zip(mesh.materials, shown) if shown else [(None, None)]):
         is_filled = entry is not None and entry.lets_light_in and (is_solid or entry.medium is not None)
+        if entry is not None and entry.refracts and not is_filled:
+            panes.tell_of_upright(holder, slot, found, report)
         name = reports.ALIASES.get(material.name, material.name) if material is not None else "default"
         listed.append(made.add(entry, is_filled, name, names))
         if entry is not None:
@@ -162,5 +170,5 @@ def _write(made, holder, known, names, found):
             entries["light_group"] = group
         if asks_object:
             entries.update(info)
-        entries.update(found.links.shining.pop(name, {}))
+        entries.update(found.links.shining.get(name, {}))
         made.objects.append(entries)

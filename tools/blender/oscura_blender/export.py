@@ -93,7 +93,7 @@ def export(options, report):
     glb.compose(written, found, (cameras, empties), patches, kept, moves)
     written.write(model)
     names = {node["name"] for node in written.json.get("nodes", []) if "mesh" in node}
-    shining = found.links.settle(names | {entry["name"] for entry in direct.objects})
+    shining = found.links.settle(names, {entry["name"] for entry in direct.objects})
     store.trim()
     comment = f"What glTF can't carry of {os.path.basename(options.file)}; 'oscura help sidecar' explains it."
     if moves is not None and (moves.matrices or moves.shapes):

@@ -6,7 +6,7 @@ import shutil
 
 import bpy
 
-from . import mesh_files, shaders
+from . import mesh_files, shaders, skins
 
 
 class Unsupported(Exception):
@@ -137,6 +137,9 @@ CONSTANT = {
     "IOR", "Anisotropic", "Anisotropic Rotation", "Anisotropy", "Rotation", "Subsurface Weight", "Subsurface Radius", "Subsurface Scale",
     "Subsurface Anisotropy", "Coat IOR", "Coat Tint", "Thin Film Thickness", "Thin Film IOR", "Edge Tint", "Scale", "Radius",
 }  # fmt: skip
+
+# Nodes that hold a value.
+PLAIN = ("ShaderNodeValue", "ShaderNodeRGB")
 
 # Samples of a curve.
 SAMPLES = 256
@@ -289,9 +292,9 @@ class Graph:
                 if found.node is not None and name not in ("Weight", "Subsurface IOR"):
                     raise Unsupported(f"{name} of {node.bl_label}")
                 continue
-            if found.node is not None and name in CONSTANT and shaders.constant(socket) is None:
-                raise Unsupported(f"{name} of {node.bl_label} that varies")
-            entries[name.lower().replace(" ", "_")] = self.value(found, socket.type)
+            value = _constant(node, socket, found) if name in CONSTANT else None
+            entries[name.lower().replace(" ", "_")] = self.value(found, socket.type) if value is None else value
+        _refuse(entries, node.bl_label)
         if kind == "emission" or kind == "principled_bsdf":
             self._expose(entries, "strength" if kind == "emission" else "emission_strength")
         return entries
@@ -309,7 +312,7 @@ class Graph:
         node = found.node
         if node is None:
             return 0.0 if found.value is None else _converted(found.value, found.type, to)
-        if node.bl_idname in ("ShaderNodeValue", "ShaderNodeRGB"):
+        if node.bl_idname in PLAIN:
             return _converted(_default(found.output), found.output.type, to)
         if (node, found.groups) not in self._known:
             self._write(node, found.groups)
@@ -365,6 +368,33 @@ class Graph:
         if "coordinates" not in self.nodes:
             self.nodes["coordinates"] = {"type": COORDINATES}
         return f"coordinates.{output}"
+
+
+def _constant(node, socket, found):
+    """The number or triple of an input that may not vary; None where nothing calculates it."""
+    if found.node is None or found.node.bl_idname in PLAIN:
+        return None
+    value = shaders.constant(socket)
+    if value is None:
+        raise Unsupported(f"{socket.name} of {node.bl_label} that varies")
+    return list(value) if isinstance(value, tuple) else value
+
+
+def _refuse(entries, label):
+    """Raises what is baked for the sake of the mesh: directions in which surfaces are brushed, and bodies that are painted."""
+    if any(entries.get(name, 0.0) != 0.0 for name in ("anisotropic", "anisotropy")):
+        raise Unsupported(f"anisotropy of {label}")
+    color = entries.get("base_color" if entries["type"] == "principled_bsdf" else "color")
+    if isinstance(color, str) and scatters_within(entries):
+        raise Unsupported(f"subsurface scattering of a colour that varies of {label}")
+
+
+def scatters_within(entries):
+    """Does a shader, as it is written, scatter light in the body beneath the surface?"""
+    if entries["type"] != "principled_bsdf":
+        return entries["type"] == "subsurface_scattering"
+    weight, others = entries.get("subsurface_weight", 0.0), [entries.get(name, 0.0) for name in ("metallic", "transmission_weight")]
+    return weight >= skins.LEAST_SUBSURFACE and others == [0.0, 0.0]
 
 
 # Nodes with more than inputs and settings.

@@ -18,9 +18,7 @@ def settle(holders, found, report):
     for at in slots:
         material = _of(at)
         if is_sheet[at]:
-            if _stands(*at, found):
-                message = "a single upright sheet of glass bends light as if a solid began there, as in Cycles"
-                report.note(material.name, f"{message}; with a thickness (a Solidify modifier) or --glass panes light passes it straight")
+            tell_of_upright(*at, found, report)
             if material not in sheets:
                 sheets[material] = trees.copied(material) if material in bodies else material
             at[0].data.materials[at[1]] = sheets[material]
@@ -28,6 +26,14 @@ def settle(holders, found, report):
         trees.settle(material, keeps_radiance=True)
     for material in sheets.values():
         trees.settle(material, volume=False, keeps_radiance=True)
+
+
+def tell_of_upright(holder, slot, found, report):
+    """Tells that a sheet of glass that stands moves what is seen through it."""
+    if _stands(holder, slot, found):
+        message = "a single upright sheet of glass bends light as if a solid began there, as in Cycles"
+        material = holder.data.materials[slot].name
+        report.note(material, f"{message}; with a thickness (a Solidify modifier) or --glass panes light passes it straight")
 
 
 def _of(at):

@@ -28,7 +28,7 @@ def settle(holders, report):
             if _scatters(material):
                 users.setdefault(material, []).append((holder, slot))
     for material, places in users.items():
-        are_closed = [_is_closed(holder.data, slot) or _close(holder, report) and _is_closed(holder.data, slot) for holder, slot in places]
+        are_closed = [close(holder, slot, report) for holder, slot in places]
         if all(are_closed) and shaders.constant(shaders.principled(material).inputs["Base Color"]) is None:
             trees.settle(material, **{WANTED: True})
 
@@ -42,7 +42,12 @@ def _scatters(material):
     return weight is not None and weight >= LEAST_SUBSURFACE and others == [0.0, 0.0]
 
 
-def _close(holder, report):
+def close(holder, slot, report):
+    """Are the faces of a slot closed, once small holes of the mesh are?"""
+    return _is_closed(holder.data, slot) or _fill_holes(holder, report) and _is_closed(holder.data, slot)
+
+
+def _fill_holes(holder, report):
     """Fills the holes of a mesh, as far as they are small, with the material beside them: heads are open at their neck and eyes."""
     mesh, work = holder.data, bmesh.new()
     work.from_mesh(mesh)
