@@ -103,7 +103,7 @@ class HairTest(SceneTest):
         system.settings.type, system.settings.count, system.settings.hair_length = "HAIR", 20, 0.5
         system.settings.render_step, system.settings.material = 2, 2
         system.settings.root_radius, system.settings.tip_radius, system.settings.radius_scale = 1, 0.5, 0.1
-        model, settings, answer = self.export()
+        _, settings, answer = self.export()
         by_name = {entry["name"]: entry for entry in settings["curves"]}
         reed, fur = by_name["Reed"], by_name["Sphere/Fur"]
         self.assertEqual(settings["materials"][reed["material"]]["melanin"], 0.25)
@@ -119,7 +119,10 @@ class HairTest(SceneTest):
         np.testing.assert_allclose(np.linalg.norm(roots, axis=1), 1, atol=0.03)
         np.testing.assert_allclose(np.linalg.norm(tips - roots, axis=1), 0.5, rtol=0.05)
         np.testing.assert_allclose(radii[:5], [0.05, 0.04375, 0.0375, 0.03125, 0], rtol=0.01)
-        self.assertEqual([material["name"] for material in model["materials"]], ["skin"])
+        # The slot of the strands has no faces.
+        (sphere,) = (entry for entry in settings["objects"] if entry["name"] == "Sphere")
+        self.assertEqual(sphere["materials"], ["skin", "default"])
+        self.assertEqual(set(settings["materials"]), {reed["material"], "skin", "default"})
         self.assertFalse(answer["warnings"])
 
     def test_strands_that_are_cut_end_where_they_are_cut(self):

@@ -5,7 +5,7 @@
 
 import bpy
 import numpy as np
-from testing import SceneTest, main, shader_tree
+from testing import SceneTest, baked, main, shader_tree
 
 from oscura_blender import context, undeformed
 
@@ -37,12 +37,18 @@ class ShapesTest(SceneTest):
         cube = self.add("cube", "Cube", self.patterned(), size=2)
         self.stretch(cube, 0, 3, 0.5)
         cube.modifiers.new("Fine", "SUBSURF").render_levels = 2
-        model, _, answer = self.export()
+        _, settings, answer = self.export()
         self.assertEqual(answer["warnings"], [])
         cube.modifiers["Fine"].levels = 2
         evaluated = cube.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
         wide = max(vertex.co.x for vertex in evaluated.vertices)
         self.assertGreater(wide, 1.2)
+        places = self.mesh(settings, "Cube")["x"]
+        np.testing.assert_allclose((places.max(), places.min()), (wide, -wide), rtol=1e-5)
+        baked(cube.data.materials[0])
+        cube.modifiers["Fine"].levels = 1
+        model, _, answer = self.export()
+        self.assertEqual(answer["warnings"], [])
         (mesh,) = model["meshes"]
         box = model["accessors"][mesh["primitives"][0]["attributes"]["POSITION"]]
         np.testing.assert_allclose((box["max"][0], box["min"][0]), (wide, -wide), rtol=1e-5)
@@ -87,7 +93,7 @@ class ShapesTest(SceneTest):
         self.assertEqual([scene.name for scene in bpy.data.scenes], [self.scene.name])
         self.assertEqual(len(bpy.data.objects), 6)
 
-    def test_baked_patterns_do_not_follow_what_deforms(self):
+    def test_patterns_do_not_follow_what_deforms(self):
         """The left half is red, the right one green, of a mesh of two faces whose right edge is moved away."""
         material, tree, shader, place, parts, ramp = shader_tree("halves", "TexCoord", "SeparateXYZ", "ValToRGB")
         ramp.color_ramp.interpolation = "CONSTANT"
@@ -102,6 +108,13 @@ class ShapesTest(SceneTest):
         group.add([i for i, vertex in enumerate(grid.data.vertices) if vertex.co.x > 0.5], 1.0, "REPLACE")
         moved = grid.modifiers.new("Moved", "DISPLACE")
         moved.direction, moved.mid_level, moved.strength, moved.vertex_group = "X", 0, 6, "right"
+        _, settings, answer = self.export()
+        self.assertEqual(answer["warnings"], [])
+        mesh = self.mesh(settings, "Grid")
+        # By where vertices were before, of which the last were at 1.
+        np.testing.assert_allclose(mesh["a0_0"], np.where(mesh["x"] > 1, 1, mesh["x"] / 2 + 0.5), atol=1e-6)
+        self.assertEqual(mesh["x"].max(), 7)
+        baked(material)
         model, _, answer = self.export()
         self.assertEqual(answer["warnings"], [])
         shown = self.pixels(self.picture(model, model["materials"][0]))
@@ -109,11 +122,6 @@ class ShapesTest(SceneTest):
         # The right face is seven times as large as the left one. By where its vertices are, three sevenths of it would be red.
         self.assertGreater(green, 5 * red)
         self.assertGreater(red, 0.01)
-
-    def count(self, model, name):
-        """How many vertices the meshes of a node have."""
-        (mesh,) = (model["meshes"][node["mesh"]] for node in model["nodes"] if node["name"] == name)
-        return sum(model["accessors"][part["attributes"]["POSITION"]]["count"] for part in mesh["primitives"])
 
     def test_shapes_are_those_of_final_renders(self):
         """An ocean, a screw and a surface are finer than in the viewport; nodes ask whether they are shown there."""
@@ -141,18 +149,19 @@ class ShapesTest(SceneTest):
         ):
             tree.links.new(output, target)
         asking.modifiers.new("Nodes", "NODES").node_group = tree
-        model, _, _ = self.export()
-        self.assertGreaterEqual(self.count(model, "Sea"), 17 * 17)
-        self.assertGreaterEqual(self.count(model, "Spring"), 4 * 20)
-        self.assertGreaterEqual(self.count(model, "Sheet"), 2 * 6 * 9)
-        self.assertGreater(self.count(model, "Asking"), 4)
+        _, settings, _ = self.export()
+        count = {name: len(self.mesh(settings, name)["x"]) for name in ("Sea", "Spring", "Sheet", "Asking")}
+        self.assertGreaterEqual(count["Sea"], 17 * 17)
+        self.assertGreaterEqual(count["Spring"], 4 * 20)
+        self.assertGreaterEqual(count["Sheet"], 2 * 6 * 9)
+        self.assertGreater(count["Asking"], 4)
 
     def test_instances_on_vertices_and_faces_replace_their_original(self):
         base = self.add("plane", "Base", None, size=4)
         self.add("cube", "Leaf", None, size=0.1).parent = base
         for kind, count in (("VERTS", 4), ("FACES", 1), ("NONE", 1)):
             base.instance_type = kind
-            names = [node["name"] for node in self.export()[0]["nodes"] if "mesh" in node]
+            names = [entry["name"] for entry in self.export()[1]["objects"]]
             of_leaves = [name for name in names if "Leaf" in name]
             self.assertEqual(len(of_leaves), count, names)
             self.assertEqual("Leaf" in of_leaves, kind == "NONE", names)
@@ -175,6 +184,16 @@ class ShapesTest(SceneTest):
             empty.instance_type, empty.instance_collection = "COLLECTION", inside
             home.objects.link(empty)
         self.scene.view_layers[0].layer_collection.children["Unseen"].indirect_only = True
+        _, settings, _ = self.export()
+        shown = self.placed(settings)
+        rays = {name: entry["visible_to"] for name, entry in shown.items() if "visible_to" in entry}
+        self.assertEqual(len(shown), 5)
+        self.assertEqual(rays, {name: ["diffuse", "glossy", "transmission", "volume", "shadow"] for name in ("b", "c", "of Unseen/d")})
+        # And in the model.
+        material = baked(shader_tree("plain")[0])
+        for mesh in {obj.data for obj in bpy.data.objects if obj.type == "MESH"}:
+            mesh.materials.clear()
+            mesh.materials.append(material)
         model, _, _ = self.export()
         extras = {node["name"]: node.get("extras", {}) for node in model["nodes"] if "mesh" in node}
         names = {name for name, known in extras.items() if known == {"visible_camera": False}}
@@ -188,6 +207,11 @@ class ShapesTest(SceneTest):
         tree.links.new(place.outputs[0], picture.inputs["Vector"])
         tree.links.new(picture.outputs["Color"], shader.inputs["Base Color"])
         self.add("plane", "Plane", material)
+        _, settings, answer = self.export()
+        self.assertEqual(answer["warnings"], [])
+        mesh = self.mesh(settings, "Plane")
+        np.testing.assert_array_equal([mesh["a0_0"], mesh["a0_1"]], np.zeros((2, 4)))
+        baked(material)
         model, _, answer = self.export_glb()
         self.assertEqual(answer["warnings"], [])
         number = model.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"].get("texCoord", 0)
