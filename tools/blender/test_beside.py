@@ -7,7 +7,7 @@ import struct
 
 import bpy
 import numpy as np
-from testing import SceneTest, main, shader_tree
+from testing import SceneTest, baked, main, shader_tree
 
 
 class BesideTest(SceneTest):
@@ -24,11 +24,20 @@ class BesideTest(SceneTest):
         tree.links.new(through.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
         for k, material in enumerate((haze, wax, leaf)):
             self.add_plane(material, location=(3 * k, 0, 0))
-        model, settings, answer = self.export()
+        _, settings, answer = self.export()
         self.assertEqual(answer["warnings"], [])
         found = settings["materials"]
         self.assertEqual(found["haze"], {"type": "medium", "density": [1.0, 0.5, 2.0], "color": [1.0, 1.0, 1.0]})
-        np.testing.assert_allclose(found["wax"]["subsurface"]["radius"], [0.5, 0.25, 0.125], rtol=1e-5)
+        surface, _ = self.surface(found["wax"])
+        np.testing.assert_allclose([surface["subsurface_weight"], surface["subsurface_scale"]], [1.0, 4 * np.pi], rtol=1e-5)
+        self.assertEqual((surface["subsurface_radius"], surface["subsurface_anisotropy"]), ([0.5, 0.25, 0.125], 0.0))
+        surface, _ = self.surface(found["leaf"])
+        self.assertEqual(surface, {"type": "translucent_bsdf", "color": [0.25, 0.5, 0.125]})
+        baked(wax)
+        baked(leaf)
+        model, settings, answer = self.export()
+        self.assertEqual(answer["warnings"], [])
+        np.testing.assert_allclose(settings["materials"]["wax"]["subsurface"]["radius"], [0.5, 0.25, 0.125], rtol=1e-5)
         (leaf,) = (made for made in model["materials"] if made["name"] == "leaf")
         passing = leaf["extensions"]["KHR_materials_diffuse_transmission"]
         self.assertEqual(passing["diffuseTransmissionColorFactor"], [0.25, 0.5, 0.125])

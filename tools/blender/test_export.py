@@ -11,11 +11,11 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-from testing import main, run_exporter
+from testing import baked, main, run_exporter
 
 
 def make_scene(path, grey=0.5, height=0.0):
-    """Two grids of many corners: one of noise, which is baked, one with a picture; vertex colours on both."""
+    """Two grids of many corners in the model: one of noise, which is baked, one with a picture; vertex colours on both."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     picture = bpy.data.images.new("picture", 64, 64)
     picture.pixels[:] = np.random.default_rng(1).random(64 * 64 * 4).tolist()
@@ -35,7 +35,7 @@ def make_scene(path, grey=0.5, height=0.0):
         if kind == "ShaderNodeTexImage":
             node.image = bpy.data.images.load(picture.filepath_raw)
         tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
-        mesh.materials.append(material)
+        mesh.materials.append(baked(material))
     bpy.ops.wm.save_as_mainfile(filepath=str(path))
 
 
@@ -46,8 +46,8 @@ def contents(glb):
     return glb.json, [bytes(glb.binary[start : start + length]) for start, length in views]
 
 
-def make_glass(path):
-    """A ball of glass that absorbs, and a lamp with a black body's colour, both in groups of lights."""
+def make_glass(path, prepare=lambda material: material):
+    """A ball of glass that absorbs, of a material that is prepared, and a lamp with a black body's colour, both in groups of lights."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.mesh.primitive_uv_sphere_add()
     ball = bpy.context.object
@@ -61,7 +61,7 @@ def make_glass(path):
     absorption.inputs["Color"].default_value = (1.0, 0.5, 0.25, 1.0)
     absorption.inputs["Density"].default_value = 4.0
     tree.links.new(absorption.outputs[0], tree.nodes["Material Output"].inputs["Volume"])
-    ball.data.materials.append(material)
+    ball.data.materials.append(prepare(material))
     light = bpy.data.lights.new("lamp", "POINT")
     light.use_nodes = True
     body = light.node_tree.nodes.new("ShaderNodeBlackbody")
@@ -74,23 +74,43 @@ def make_glass(path):
 
 
 class GlassTest(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory(prefix="oscura-test-")
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name)
+
+    def export(self, *prepare):
+        """The model and the file of settings."""
+        make_glass(self.folder / "scene.blend", *prepare)
+        model = run_exporter(self.folder / "scene.blend", self.folder).json
+        return model, tomllib.loads((self.folder / "scene.oscura.toml").read_text())
+
+    def check_lamp(self, settings):
+        (lamp,) = settings["lights"]
+        self.assertEqual(lamp["group"], "key")
+        red, green, blue = lamp["color"]
+        self.assertTrue(red > 2 * green > 4 * blue, lamp["color"])
+
     def test_absorption_black_bodies_and_groups(self):
-        with tempfile.TemporaryDirectory(prefix="oscura-test-") as folder:
-            folder = Path(folder)
-            make_glass(folder / "scene.blend")
-            model = run_exporter(folder / "scene.blend", folder).json
-            (material,) = model["materials"]
-            volume = material["extensions"]["KHR_materials_volume"]
-            # Of each metre: the density times what the colour lacks.
-            absorbed = -np.log(volume["attenuationColor"]) / volume["attenuationDistance"]
-            np.testing.assert_allclose(absorbed, [0.0, 2.0, 3.0], rtol=1e-5)
-            np.testing.assert_allclose(material["pbrMetallicRoughness"]["baseColorFactor"][:3], [0.5, 1, 1], rtol=1e-5)
-            self.assertIn({"light_group": "balls_here"}, [node.get("extras") for node in model["nodes"]])
-            (settings,) = folder.glob("*.toml")
-            (lamp,) = tomllib.loads(settings.read_text())["lights"]
-            self.assertEqual(lamp["group"], "key")
-            red, green, blue = lamp["color"]
-            self.assertTrue(red > 2 * green > 4 * blue, lamp["color"])
+        _, settings = self.export()
+        self.check_lamp(settings)
+        glass, (ball,) = settings["materials"]["glass"], settings["objects"]
+        self.assertEqual((ball["light_group"], ball["materials"], glass["volume"]), ("balls_here", ["glass"], True))
+        # Of each metre: the density times what the colour lacks.
+        np.testing.assert_allclose(glass["medium"]["density"], [0.0, 2.0, 3.0], rtol=1e-5)
+        self.assertEqual(glass["medium"]["color"], [0.0] * 3)
+        surface = glass["nodes"][glass["surface"]]
+        self.assertEqual((surface["transmission_weight"], surface["base_color"]), (1.0, [0.25, 1.0, 1.0]))
+
+    def test_absorption_black_bodies_and_groups_in_the_model(self):
+        model, settings = self.export(baked)
+        self.check_lamp(settings)
+        (material,) = model["materials"]
+        volume = material["extensions"]["KHR_materials_volume"]
+        absorbed = -np.log(volume["attenuationColor"]) / volume["attenuationDistance"]
+        np.testing.assert_allclose(absorbed, [0.0, 2.0, 3.0], rtol=1e-5)
+        np.testing.assert_allclose(material["pbrMetallicRoughness"]["baseColorFactor"][:3], [0.5, 1, 1], rtol=1e-5)
+        self.assertIn({"light_group": "balls_here"}, [node.get("extras") for node in model["nodes"]])
 
 
 class KeptTest(unittest.TestCase):
@@ -130,6 +150,8 @@ class KeptTest(unittest.TestCase):
     def test_meshes_whose_stand_ins_are_alike_keep_their_own_values(self):
         bpy.ops.wm.read_factory_settings(use_empty=True)
         material = bpy.data.materials.new("grey")
+        material.use_nodes = True
+        baked(material)
         for edges in (60, 70):
             bpy.ops.mesh.primitive_grid_add(x_subdivisions=edges, y_subdivisions=edges)
             bpy.context.object.data.materials.append(material)

@@ -71,15 +71,13 @@ class VolumesTest(SceneTest):
         self.assertTrue((low < [-1.25, 8.5, -13.75]).all() and (high > [6.75, 16.5, -5.75]).all(), (low, high))
         self.assertLess((high - low).max(), 2 * (7.5 + 1.125) + 4 * 2 * 0.5)
 
-    def test_ends_of_light_in_volumes_are_told(self):
+    def test_light_ends_in_volumes_as_in_cycles(self):
         material, _, _ = self.medium("white", "VolumePrincipled", Density=2.0)
         self.add_volume(SMOKE, material)
-        self.assertEqual(self.export()[2]["warnings"], [])
-        self.scene.cycles.volume_bounces = 0
-        ((place, message),) = self.export()[2]["warnings"]
-        self.assertEqual(place, "")
-        self.assertIn("after 0 bounces", message)
-        self.assertIn("white", message)
+        for limit, expected in ((12, None), (13, None), (3, 4), (0, 1)):
+            self.scene.cycles.volume_bounces = limit
+            _, settings, answer = self.export()
+            self.assertEqual((settings["render"]["bounces"].get("volume"), answer["warnings"]), (expected, []), limit)
 
     def test_densities_of_the_world_are_kept(self):
         material, _, _ = self.medium("white", "VolumePrincipled", Density=2.0)

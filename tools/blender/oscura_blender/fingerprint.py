@@ -26,7 +26,8 @@ def add_mesh(digest, mesh):
     mesh.corner_normals.foreach_get("vector", normals)
     digest.update(starts.tobytes() + b"normals")
     digest.update(normals.tobytes())
-    for attribute in mesh.attributes:
+    # Their order follows from what was baked on the way.
+    for attribute in sorted(mesh.attributes, key=lambda attribute: attribute.name):
         digest.update(f"|{attribute.name}|{attribute.domain}|{attribute.data_type}|".encode())
         digest.update(_values(attribute))
     marks = [(layer.name, layer.active_render, layer.active) for layer in mesh.uv_layers]
