@@ -9,6 +9,8 @@ import bpy
 import numpy as np
 from testing import SceneTest, baked, main, shader_tree
 
+from oscura_blender import context
+
 
 class BesideTest(SceneTest):
     def test_media_and_coats_reach_the_file_of_settings(self):
@@ -113,17 +115,18 @@ class BesideTest(SceneTest):
                 socket.default_value = color
                 socket.keyframe_insert("default_value", frame=frame)
 
-        plain, _, shader = shader_tree("plain")
-        fade(shader.inputs["Base Color"])
-        driven, _, shader = shader_tree("driven")
-        driver = shader.inputs["Roughness"].driver_add("default_value").driver
-        driver.expression = "frame / 20"
-        baked, tree, shader, checker = shader_tree("baked", "TexChecker")
-        fade(checker.inputs["Color1"])
-        checker.inputs["Color2"].default_value = (0, 0, 1, 1)
-        tree.links.new(checker.outputs[0], shader.inputs["Base Color"])
-        for k, material in enumerate((plain, driven, baked)):
-            self.add_plane(material, material.name, (3 * k, 0, 0))
+        for k, prepare in enumerate((lambda material: material, baked)):
+            plain, _, shader = shader_tree(f"plain {k}")
+            fade(shader.inputs["Base Color"])
+            driven, _, shader = shader_tree(f"driven {k}")
+            driver = shader.inputs["Roughness"].driver_add("default_value").driver
+            driver.expression = "frame / 20"
+            squares, tree, shader, checker = shader_tree(f"squares {k}", "TexChecker")
+            fade(checker.inputs["Color1"])
+            checker.inputs["Color2"].default_value = (0, 0, 1, 1)
+            tree.links.new(checker.outputs[0], shader.inputs["Base Color"])
+            for i, material in enumerate((plain, driven, squares)):
+                self.add_plane(prepare(material), material.name, (3 * i, 3 * k, 0))
         sky = bpy.data.worlds.new("Sky")
         sky.use_nodes = True
         background, checker = sky.node_tree.nodes["Background"], sky.node_tree.nodes.new("ShaderNodeTexChecker")
@@ -135,13 +138,16 @@ class BesideTest(SceneTest):
         for options, expected in (((), 0.0), (("--frame", "11"), 1.0), (("--time", "0.25"), 0.5)):
             model, settings, answer = self.export(*options)
             self.assertEqual(answer["warnings"], [])
-            found = {material["name"]: material for material in model["materials"]}
             red = np.array([1 - expected, expected, 0])
+            (plain, _), (driven, _), (squares, feeding) = (self.surface(settings["materials"][f"{name} 0"]) for name in ("plain", "driven", "squares"))
+            np.testing.assert_allclose([plain["base_color"], feeding(squares, "base_color")["color1"]], [red, red], atol=1e-6)
+            self.assertAlmostEqual(driven["roughness"], (1 + 10 * expected) / 20, places=6)
+            found = {material["name"].split()[0]: material for material in model["materials"]}
             np.testing.assert_allclose(found["plain"]["pbrMetallicRoughness"]["baseColorFactor"][:3], red, atol=1e-6)
             self.assertAlmostEqual(found["driven"]["pbrMetallicRoughness"]["roughnessFactor"], (1 + 10 * expected) / 20, places=6)
             stored = np.where(red > 0.0031308, 1.055 * np.maximum(red, 1e-9) ** (1 / 2.4) - 0.055, 12.92 * red)
             around = str(self.folder / settings["environment"]["image"])
-            for path, seen in ((self.picture(model, found["baked"]), stored), (around, red)):
+            for path, seen in ((self.picture(model, found["squares"]), stored), (around, red)):
                 away = abs(self.pixels(path)[..., :3] - seen).max(-1)
                 self.assertGreater((away < 0.01).mean(), 0.3, path)
 
@@ -289,7 +295,6 @@ class BesideTest(SceneTest):
         self.assertEqual([text for _, text in answer["warnings"]], ["is skewed by the scale of its parent: the nearest rectangle shines instead"])
         (node,) = (node for node in model["nodes"] if node["name"] == settings["lights"][0]["area"]["node"])
         # Edges that are as long as before, along the diagonals of the axes: glTF's y is Blender's z.
-        # Edges that are as long as before, along the diagonals of the axes: glTF's y is Blender's z.
         u, v, w, place = np.array(node["matrix"]).reshape(4, 4)[:, :3]
         np.testing.assert_allclose(place, (1, 3, 0), atol=1e-6)
         np.testing.assert_allclose(w, (0, 1, 0), atol=1e-6)
@@ -401,6 +406,39 @@ class BesideTest(SceneTest):
         glare.mute = strip.mute = True
         for kept in ("compositor", "sequencer"):
             self.assertNotIn(kept, told()[0])
+
+    def test_light_ends_where_cycles_ends_it(self):
+        cycles, names = self.scene.cycles, ("depth", "bounces", "clamp", "filter_glossy", "microfacet", "caught")
+        found = lambda: {name: value for name, value in self.export()[1]["render"].items() if name in names}
+        for kind, limit in (("", 12), ("diffuse_", 4), ("glossy_", 4), ("transmission_", 12), ("volume_", 0)):
+            self.assertEqual(cycles.bl_rna.properties[f"{kind or 'max_'}bounces"].default, limit)
+            setattr(cycles, f"{kind or 'max_'}bounces", limit)
+        self.assertEqual((cycles.sample_clamp_direct, cycles.sample_clamp_indirect, cycles.blur_glossy), (0, 10, 1))
+        # Cycles doesn't count the last bounce.
+        usual = {"depth": 13, "bounces": {"diffuse": 5, "glossy": 5, "volume": 1}, "clamp": {"indirect": 10.0}, "filter_glossy": 1.0}
+        self.assertEqual(found(), usual)
+        self.scene.render.engine = "BLENDER_EEVEE"
+        self.assertEqual(found(), usual)
+        self.scene.render.engine = "CYCLES"
+        # Clamps are before the film's exposure there, and of what is seen here.
+        cycles.film_exposure, cycles.sample_clamp_direct = 2.0, 3.0
+        cycles.max_bounces, cycles.blur_glossy = 4, 0.0
+        self.assertEqual(found(), {"depth": 5, "bounces": {"volume": 1}, "clamp": {"direct": 6.0, "indirect": 20.0}})
+
+    def test_files_of_our_own_engine_have_its_limits(self):
+        """And what is there for the likeness to Cycles alone is not."""
+        rough, _, shader = shader_tree("rough")
+        shader.distribution, shader.inputs["Metallic"].default_value = "GGX", 1.0
+        self.add_plane(rough).is_shadow_catcher = True
+        names = {"depth", "bounces", "clamp", "filter_glossy", "microfacet", "caught"}
+        found = self.export()[1]["render"]
+        self.assertLessEqual(names, set(found))
+        self.assertEqual((found["microfacet"], found["caught"]), ("single", "shadows"))
+        # As the add-on registers it, so that Blender keeps its name.
+        bpy.utils.register_class(context.Engine)
+        self.addCleanup(bpy.utils.unregister_class, context.Engine)
+        self.scene.render.engine = context.ENGINE
+        self.assertFalse(names & set(self.export()[1]["render"]))
 
     def test_pixels_that_are_not_square(self):
         render, eye = self.scene.render, self.scene.camera

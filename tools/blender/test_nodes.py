@@ -3,6 +3,7 @@
     python test_nodes.py        with a Python that has bpy
 """
 
+import json
 import tomllib
 import unittest
 
@@ -152,6 +153,36 @@ class NodesTest(SceneTest):
         number = next(i for i, entry in enumerate(settings["objects"]) if entry["name"] == "Edited")
         _, values = self.vertices(settings, number)
         self.assertEqual((values["z"].min(), values["z"].max()), (-1, 1))
+
+    def test_images_whose_files_are_missing_are_magenta(self):
+        material, tree, shader, node, alpha = shader_tree("lost", "TexImage", "TexImage")
+        picture = bpy.data.images.new("picture", 8, 8)
+        picture.filepath_raw, picture.file_format = str(self.folder / "picture.png"), "PNG"
+        picture.save()
+        node.image = alpha.image = bpy.data.images.load(picture.filepath_raw)
+        tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
+        tree.links.new(alpha.outputs["Alpha"], shader.inputs["Alpha"])
+        empty, tree, shader, node = shader_tree("empty", "TexImage")
+        tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
+        self.add_plane(material, "Lost")
+        self.add_plane(empty, "Empty")
+        base = lambda found, name: found[name]["nodes"][found[name]["surface"]]["base_color"]
+        warnings = lambda: [message for _, message in json.loads((self.folder / "answer.json").read_text())["warnings"]]
+        found = self.export()["materials"]
+        self.assertEqual((type(base(found, "lost")), base(found, "empty"), warnings()), (str, [0.0] * 3, []))
+        (self.folder / "picture.png").unlink()
+        found = self.export()["materials"]
+        self.assertEqual((base(found, "lost"), base(found, "empty")), ([1.0, 0.0, 1.0], [0.0] * 3))
+        self.assertEqual(found["lost"]["nodes"][found["lost"]["surface"]]["alpha"], 1.0)
+        self.assertEqual(warnings(), ["images whose files are missing are magenta, as in Blender: 'picture.png'"])
+
+    def test_constants_of_arithmetic_reach_inputs_that_may_not_vary(self):
+        material, tree, shader, half = shader_tree("wax", "Math")
+        half.operation, half.inputs[0].default_value, half.inputs[1].default_value = "MULTIPLY", 1.5, 0.5
+        tree.links.new(half.outputs[0], shader.inputs["Subsurface Weight"])
+        self.add_plane(material)
+        table = self.export()["materials"]["wax"]
+        self.assertEqual(table["nodes"][table["surface"]]["subsurface_weight"], 0.75)
 
     def test_what_is_not_evaluated_is_baked_and_told(self):
         material, tree, shader, occlusion = shader_tree("dirty", "AmbientOcclusion")

@@ -304,7 +304,7 @@ def _values(mesh, name, size):
 def _is_adaptive(obj, scene):
     """Does Cycles subdivide an object as finely as the camera sees it?"""
     last = obj.modifiers[-1] if obj.modifiers else None
-    if last is None or last.type != "SUBSURF" or not last.show_render or scene.render.engine != "CYCLES":
+    if last is None or last.type != "SUBSURF" or not last.show_render or context.engine_of(scene) != "CYCLES":
         return False
     # Blender 5 and newer, or older ones.
     if hasattr(last, "use_adaptive_subdivision"):
