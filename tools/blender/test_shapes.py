@@ -200,6 +200,23 @@ class ShapesTest(SceneTest):
         self.assertEqual(len(extras), 5)
         self.assertEqual(names, {"b", "c", "of Unseen/d"})
 
+    def test_view_layers_show_what_is_in_them(self):
+        """Also one that isn't in use, and the others are afterwards as they were."""
+        aside = bpy.data.collections.new("Aside")
+        self.scene.collection.children.link(aside)
+        ball = self.add_plane(None, "Ball")
+        self.scene.collection.objects.unlink(ball)
+        aside.objects.link(ball)
+        self.add_plane(None, "Floor")
+        second = self.scene.view_layers.new("Second")
+        second.layer_collection.children["Aside"].exclude, second.use = True, False
+        for more, expected in (((), {"Ball", "Floor"}), (("--view-layer", "Second"), {"Floor"})):
+            self.assertEqual(set(self.placed(self.export(*more)[1])), expected, more)
+        bpy.utils.register_class(context.Engine)
+        self.addCleanup(bpy.utils.unregister_class, context.Engine)
+        shown = context.in_final_render(self.scene, second, lambda graph: [obj.name for obj in graph.objects if obj.type == "MESH"])
+        self.assertEqual((shown, [layer.use for layer in self.scene.view_layers]), (["Floor"], [True, False]))
+
     def test_texture_coordinates_that_a_mesh_lacks_are_the_origin(self):
         material, tree, shader, picture, place = shader_tree("label", "TexImage", "UVMap")
         picture.image, place.uv_map = bpy.data.images.new("picture", 4, 4), "nowhere"

@@ -77,6 +77,10 @@ def in_final_render(scene, layer, job):
 
     for key, value in kept.items():
         setattr(render, key, value)
+    # Blender 5 renders all view layers that are in use, whichever it is asked for.
+    used = {other.name: other.use for other in scene.view_layers}
+    for other in scene.view_layers:
+        other.use = other == layer
     if scene.camera is None:
         camera = bpy.data.objects.new(NO_CAMERA, bpy.data.cameras.new(NO_CAMERA))
         scene.collection.objects.link(camera)
@@ -87,6 +91,8 @@ def in_final_render(scene, layer, job):
     finally:
         for key, value in before.items():
             setattr(render, key, value)
+        for other in scene.view_layers:
+            other.use = used[other.name]
         if camera is not None:
             bpy.data.cameras.remove(camera.data)
     if not outcome:
