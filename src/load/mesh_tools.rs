@@ -8,6 +8,9 @@ use crate::scene::Mesh;
 use std::collections::HashMap;
 use std::path::Path;
 
+/// What the only mesh of a file is called whose format has no names.
+pub const NAMELESS: &str = "mesh";
+
 /// Counts of repairs in the meshes of a file.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Repairs {

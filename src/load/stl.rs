@@ -5,7 +5,7 @@
 //! programs put colours of five bits a channel. Normals of files are those of the faces, and not read. Corners at the same place
 //! become one vertex. Files have neither units nor materials; z points up by the custom of printing and CAD.
 
-use super::mesh_tools::{Repairs, bound_colors, color_triangles, triangulate};
+use super::mesh_tools::{NAMELESS, Repairs, bound_colors, color_triangles, triangulate};
 use super::words::{decimal_commas, is_no_number};
 use super::{LoadOptions, Loaded, Up, UpHint, files, mesh_tools};
 use crate::color::srgb_table;
@@ -80,7 +80,7 @@ fn add_mesh(path: &Path, facets: &Facets, origin: DVec3, loaded: &mut Loaded) ->
     let scene = &mut loaded.scene;
     scene.materials.push(material);
     scene.meshes.push(mesh);
-    scene.instances.push(Instance { name: "mesh".into(), ..Instance::new(MeshId(0), DAffine3::IDENTITY) });
+    scene.instances.push(Instance { name: NAMELESS.into(), ..Instance::new(MeshId(0), DAffine3::IDENTITY) });
     Ok(())
 }
 

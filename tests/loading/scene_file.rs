@@ -174,6 +174,15 @@ fn meshes_are_loaded_once_and_unreferenced_images_never() {
     assert_eq!(loaded.left_out.len(), 3);
 }
 
+/// The name of an object is that of the mesh of a format without names: mattes show it.
+#[test]
+fn meshes_without_names_are_called_as_their_objects() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/meshes");
+    let text = format!("[[objects]]\nname = \"ring\"\nmesh = {:?}\n", folder.join("torus.ply"));
+    let loaded = load_text(&with_camera(&text)).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(loaded.scene.instances[0].name, "ring");
+}
+
 #[test]
 fn what_nothing_refers_to_is_checked_without_opening_its_files() {
     let ball = "[[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\n";

@@ -18,7 +18,7 @@ mod rows;
 
 use super::files::find;
 use super::image::Use;
-use super::mesh_tools::Repairs;
+use super::mesh_tools::{NAMELESS, Repairs};
 use super::points::Cloud;
 use super::{LoadOptions, Loaded, UpHint, files, image, mesh_tools};
 use crate::error::{Error, Problem, Result, Warning};
@@ -243,7 +243,7 @@ fn finish(
     loaded
         .scene
         .instances
-        .push(Instance { name: "mesh".to_string(), ..Instance::new(MeshId(0), DAffine3::IDENTITY) });
+        .push(Instance { name: NAMELESS.to_string(), ..Instance::new(MeshId(0), DAffine3::IDENTITY) });
     mesh_tools::place_at_origin(path, origin, &mut loaded);
     Ok(loaded)
 }

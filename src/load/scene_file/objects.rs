@@ -60,7 +60,7 @@ use super::textures::Textures;
 use super::traits::{self, TraitOverrides, group};
 use super::transform;
 use crate::error::Warning;
-use crate::load::mesh_tools::{Faces, box_faces, pyramid_faces, triangle_faces, uniform_scale};
+use crate::load::mesh_tools::{Faces, NAMELESS, box_faces, pyramid_faces, triangle_faces, uniform_scale};
 use crate::load::subdivide::{MOST_LEVELS, Subdivision};
 use crate::load::subdivided::{CHANGES_FORM, in_scene};
 use crate::math::{DAffine3, DMat3, DQuat, DVec3, transform_at};
@@ -229,7 +229,9 @@ fn add_mesh(
         }
         let world_from_object = object.world_from_object * i.world_from_object;
         let motion = object.moved(&mut scene.motion, i);
-        let (name, material) = (format!("{}/{}", object.name, i.name), material.or(i.material));
+        let name =
+            if i.name == NAMELESS { object.name.clone() } else { format!("{}/{}", object.name, i.name) };
+        let material = material.or(i.material);
         scene.instances.push(Instance { name, world_from_object, material, motion, ..i.clone() });
     }
     let Some(first) = asset.shapes.first() else { return };
