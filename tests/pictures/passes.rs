@@ -4,7 +4,7 @@ use crate::support::{camera, material, quad, sphere, walls};
 use oscura::Renderer;
 use oscura::film::{Aov, AovSet, Film, Source, matte_id};
 use oscura::math::DVec3;
-use oscura::render::{PathReuse, in_pool};
+use oscura::render::{Caustics, PathReuse, in_pool};
 use oscura::scene::{
     AlphaMode, ColorSlot, Environment, Filter, FloatSlot, FresnelModel, Light, Material, Model, PbrMaterial,
     Scene, Sheen,
@@ -72,6 +72,16 @@ fn room() -> Scene {
 }
 
 fn shot(scene: &Scene, samples: u32, seed: u32, reuse: &str, aovs: AovSet) -> Film {
+    shot_by(scene, samples, seed, (reuse, Caustics::Auto), aovs)
+}
+
+fn shot_by(
+    scene: &Scene,
+    samples: u32,
+    seed: u32,
+    (reuse, caustics): (&str, Caustics),
+    aovs: AovSet,
+) -> Film {
     let picture = Renderer::new(scene.clone())
         .size(48, 48)
         .samples(samples)
@@ -80,6 +90,7 @@ fn shot(scene: &Scene, samples: u32, seed: u32, reuse: &str, aovs: AovSet) -> Fi
         .aovs(aovs)
         .light_groups(true)
         .path_reuse(reuse.parse().expect("a choice"))
+        .caustics(caustics)
         .render()
         .expect("it renders");
     picture.into_film()
@@ -208,8 +219,10 @@ fn relighting_is_rendering_with_other_lights() {
     other.environment = Environment::Constant(product([0.3, 0.4, 0.6], sky));
     other.lights[0].intensity = product(other.lights[0].intensity, bulb);
     for reuse in ["off", SHARED] {
-        let film = shot(&scene, 16, 5, reuse, AovSet::NONE);
-        let relit = shot(&other, 16, 5, reuse, AovSet::NONE);
+        // Paths from lights of other colours are others.
+        let way = (reuse, Caustics::Off);
+        let film = shot_by(&scene, 16, 5, way, AovSet::NONE);
+        let relit = shot_by(&other, 16, 5, way, AovSet::NONE);
         let groups = [("lamp", lamp), ("sky", sky), ("bulb", bulb), ("default", [1.0; 3])];
         let (mut worst, mut changed) = (0.0f64, 0.0f64);
         for (c, component) in ["R", "G", "B"].into_iter().enumerate() {
