@@ -20,7 +20,7 @@ fn surface(u: f64, v: f64) -> [f64; 3] {
 }
 
 impl Mesh {
-    /// The torus of [`surface`], cut into a grid of about so many triangles, without a seam.
+    /// The torus of `surface`, cut into a grid of about so many triangles, without a seam.
     pub fn torus(triangles: usize) -> Mesh {
         let rows = ((triangles as f64 / 4.0).sqrt() as u32).max(3);
         let columns = ((triangles as u32 / 2) / rows).max(3);
