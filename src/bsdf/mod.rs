@@ -109,9 +109,7 @@ impl Bsdf {
             other => other,
         }
     }
-}
 
-impl Bsdf {
     /// Makes facets at least this rough (GGX alpha), exact mirrors of layers included.
     pub fn roughen(&mut self, least: f32) {
         if least < ggx::MIN_ALPHA {

@@ -252,14 +252,13 @@ impl RoughDielectric {
 
     /// What a solid's face does to light without roughness.
     pub(super) fn smooth_interface(&self, cosine: f32, is_inside: bool) -> Option<SmoothInterface> {
+        if self.walls != Walls::Solid || !self.is_smooth() {
+            return None;
+        }
         let eta = if is_inside { 1.0 / self.ior } else { self.ior };
         let Facet { reflected, transmitted, .. } = self.facet(cosine, eta);
         let cos_transmitted = fresnel::exact(cosine, eta).cos_transmitted;
-        (self.walls == Walls::Solid && self.is_smooth()).then_some(SmoothInterface {
-            reflected,
-            transmitted,
-            cos_transmitted,
-        })
+        Some(SmoothInterface { reflected, transmitted, cos_transmitted })
     }
 
     /// The limit of no roughness.

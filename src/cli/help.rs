@@ -10,6 +10,7 @@ use clap::{Arg, ValueEnum};
 use oscura::error::{Error, Result};
 use oscura::load::scene_file::reference::{CHAPTERS, Chapter};
 use std::fmt::Write;
+use strsim::levenshtein;
 use textwrap::{Options, WordSplitter, fill, wrap};
 
 /// The topic that shows all chapters.
@@ -154,22 +155,8 @@ fn nearest(word: &str, command: &clap::Command) -> Option<String> {
     names.extend(topic_names());
     let render = subcommand(command, "render")?;
     names.extend(render.get_arguments().filter_map(|arg| arg.get_long().map(str::to_string)));
-    let far = |name: &String| edit_distance(&word, name);
+    let far = |name: &String| levenshtein(&word, name);
     names.into_iter().filter(|name| far(name) <= MOST.min(word.len() / 3)).min_by_key(far)
-}
-
-/// Insertions, deletions and replacements of letters between two words (Levenshtein 1966).
-fn edit_distance(a: &str, b: &str) -> usize {
-    let mut row: Vec<usize> = (0..=b.chars().count()).collect();
-    for (i, from) in a.chars().enumerate() {
-        let mut diagonal = std::mem::replace(&mut row[0], i + 1);
-        for (j, to) in b.chars().enumerate() {
-            let replaced = diagonal + usize::from(from != to);
-            diagonal = row[j + 1];
-            row[j + 1] = replaced.min(diagonal + 1).min(row[j] + 1);
-        }
-    }
-    row.last().copied().unwrap_or_default()
 }
 
 /// A command by name, called in usage lines as users call it.
@@ -323,7 +310,7 @@ mod tests {
         assert_eq!(nearest("matirials", &command).as_deref(), Some("materials"));
         assert_eq!(nearest("denoze", &command).as_deref(), Some("denoise"));
         assert_eq!(nearest("xyzzy", &command), None);
-        assert_eq!([edit_distance("kitten", "sitting"), edit_distance("", "ab")], [3, 2]);
+        assert_eq!([levenshtein("kitten", "sitting"), levenshtein("", "ab")], [3, 2]);
     }
 
     #[test]

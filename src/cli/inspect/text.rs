@@ -107,12 +107,12 @@ fn image_line(image: &Image) -> String {
     )
 }
 
-/// What the scene says about rendering.
 /// Entries of a list, separated by commas.
 fn join(entries: impl Iterator<Item = String>) -> String {
     entries.collect::<Vec<_>>().join(",")
 }
 
+/// What the scene says about rendering.
 fn settings(scene: &Scene) -> Vec<String> {
     let s = &scene.settings;
     let numbers = [
