@@ -5,6 +5,7 @@ use super::exr_args::ExrArgs;
 use super::parsers::{AovParser, Frames, PreviewArg, ShowArg, bounce_limits, clamp, number, region, stops};
 use super::picture_args::{PictureArgs, views};
 use super::progress::ProgressArg;
+use super::quality::Quality;
 use super::scene_args::{AssetArgs, BlenderArgs, StageArgs};
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, ValueEnum};
@@ -199,7 +200,12 @@ pub(crate) struct RenderArgs {
     pub asset: AssetArgs,
     #[command(flatten)]
     pub blender: BlenderArgs,
-    #[arg(long, help = setting_help("samples"), alias = "samples", value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
+    /// Quality of the image: when to stop, and whether to denoise. Without this and --spp it is normal, unless the scene says how many
+    /// samples to take.
+    #[arg(long, value_name = "Q", value_enum, conflicts_with_all = ["spp", "noise", "adaptive", "plan", "sample_range", "region"])]
+    pub quality: Option<Quality>,
+    /// Samples per pixel, without denoising unless --denoise is given [default: by --quality; 128 for parts of images].
+    #[arg(long, alias = "samples", value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     pub spp: Option<u32>,
     #[arg(long, help = setting_help("max_depth"), value_name = "N", allow_negative_numbers = true)]
     pub depth: Option<u32>,

@@ -1,7 +1,7 @@
 //! Checkpoints and partial renders.
 
 use super::args::RenderArgs;
-use super::pictures::Targets;
+use super::pictures::{Targets, is_part};
 use super::report::PrintedMessages;
 use oscura::error::{Error, Result, Warning};
 use oscura::film::AovSet;
@@ -167,8 +167,7 @@ pub(super) fn check(args: &RenderArgs) -> Result<()> {
 
 /// Number of partial renders among the outputs.
 fn parts(args: &RenderArgs) -> usize {
-    let is_part = |path: &&PathBuf| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("part"));
-    args.output.iter().filter(is_part).count()
+    args.output.iter().filter(|path| is_part(path)).count()
 }
 
 /// Crop rectangle of a picture; partial renders store their own region.
@@ -203,7 +202,7 @@ fn check_limits(args: &RenderArgs, is_adaptive: bool) -> Result<()> {
     if least.is_none() && most.is_none() {
         return Ok(());
     }
-    if args.long.noise.is_none() && !is_adaptive {
+    if args.spp.is_some() && args.long.noise.is_none() && !is_adaptive {
         let message = "--min-spp and --max-spp have no effect: all pixels get as many samples";
         return Err(Error::usage(message).with_help("give --spp, or --noise or --adaptive auto with them"));
     }

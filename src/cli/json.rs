@@ -1,6 +1,7 @@
 //! How `--json` prints: one line, a blank behind commas and colons, and numbers as plain decimals, never with an exponent,
 //! so that any tool can read them. NaN and infinities become null.
 
+use super::quality::Quality;
 use super::report::{self, Run, ShapeCounts};
 use oscura::accel::TreeQuality;
 use oscura::error::{Error, ErrorKind};
@@ -63,6 +64,7 @@ struct RunReport<'a> {
     path_reuse: Option<String>,
     branches: u32,
     adaptive: bool,
+    quality: Option<&'static str>,
     lamp_paths: Option<u32>,
     guide_cells: Option<u32>,
     estimated_error: Option<f64>,
@@ -107,6 +109,7 @@ pub(crate) fn of_run(run: &Run) -> impl Serialize {
         path_reuse: s.path_reuse.map(|shape| shape.to_string()),
         branches: s.branches,
         adaptive: s.is_adaptive,
+        quality: run.quality.map(Quality::name),
         lamp_paths: s.lamp_paths,
         guide_cells: s.guide_cells,
         estimated_error: s.error,

@@ -40,6 +40,7 @@ mod pictures;
 mod preview;
 mod process;
 mod progress;
+mod quality;
 mod render;
 mod report;
 mod scene_args;

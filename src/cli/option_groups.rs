@@ -76,6 +76,7 @@ pub(super) const GROUPS: [(&str, &[&str]); 13] = [
     (
         "Sampling and quality",
         &[
+            "quality",
             "spp",
             "noise",
             "max_spp",
@@ -126,7 +127,7 @@ pub(super) const GROUPS: [(&str, &[&str]); 13] = [
 ];
 
 /// The options of `render` and `view` that `-h` shows.
-const COMMON: [&str; 26] = [
+const COMMON: [&str; 27] = [
     "output",
     "quiet",
     "verbose",
@@ -143,6 +144,7 @@ const COMMON: [&str; 26] = [
     "env",
     "stage",
     "up",
+    "quality",
     "spp",
     "noise",
     "aov",

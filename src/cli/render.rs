@@ -9,6 +9,7 @@ use super::pictures::{AnimationFiles, Denoising, FinishedPicture, Pictures, Targ
 use super::preview::Preview;
 use super::process::{cancel_by_signals, peak_memory};
 use super::progress::{Progress, ProgressTarget, StageProgress, StopCriteria};
+use super::quality::Quality;
 use super::report::{PrintedMessages, Run, name_options_in_error};
 use super::scene_args::check_scene_path;
 use super::settings::{
@@ -353,6 +354,7 @@ pub(super) fn run_one(
         width,
         height,
         seed: settled.options.seed,
+        quality: args.quality,
         compiled: build,
         statistics: *picture.statistics(),
         peak_memory: peak_memory(),
@@ -450,13 +452,14 @@ fn dark_note(
 
 /// Warns if the noise threshold was not reached.
 fn noise_warning(args: &RenderArgs, statistics: &Statistics, said: &mut PrintedMessages) -> Option<Warning> {
-    let asked = args.long.noise.filter(|_| !statistics.interrupted)?;
+    let is_promised = args.quality.is_none_or(Quality::promises_error);
+    let asked = args.long.noise.filter(|_| is_promised && !statistics.interrupted)?;
     let message = match statistics.error {
         Some(error) if error <= f64::from(asked) / 100.0 => return None,
         Some(error) => {
             format!("the noise is {:.2} %, not the {asked} % asked for", error * 100.0)
         }
-        None => "there are too few samples to tell the noise: at least 32 a pixel are needed".to_string(),
+        None => "there are too few samples to tell the noise: at least 16 a pixel are needed".to_string(),
     };
     let warning = Warning::general(message);
     if !args.quiet {

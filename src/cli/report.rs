@@ -1,5 +1,6 @@
 //! Messages to the user: errors, warnings and the report at the end.
 
+use super::quality::Quality;
 use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode};
 use oscura::accel::TreeQuality;
 use oscura::compile::CompileReport;
@@ -182,6 +183,7 @@ pub(crate) struct Run {
     pub width: u32,
     pub height: u32,
     pub seed: u32,
+    pub quality: Option<Quality>,
     pub compiled: CompileReport,
     pub statistics: Statistics,
     pub peak_memory: Option<u64>,
@@ -214,7 +216,9 @@ impl Run {
         // Not an integer if stopped early.
         let samples = (s.samples_per_pixel * 100.0).round() / 100.0;
         let (outputs, time) = (self.outputs.join(", "), readable_time(self.total_s));
-        let facts = format!("{}x{}, {samples} samples a pixel{noise}, {time}", self.width, self.height);
+        let denoised = if self.denoise_s.is_some() { ", denoised" } else { "" };
+        let facts =
+            format!("{}x{}, {samples} samples a pixel{noise}{denoised}, {time}", self.width, self.height);
         match (frame, self.outputs.is_empty()) {
             (Some(frame), true) => say!("{frame}: {facts}"),
             (Some(frame), false) => say!("{frame}: {outputs}, {facts}"),

@@ -5,10 +5,10 @@ use super::args::{
 };
 use super::checkpoint::cropped;
 use super::exr_args::Framed;
-use super::pictures::{EncodeOptions, format_of, is_moving};
-use super::process;
+use super::pictures::{EncodeOptions, format_of, is_moving, is_part};
 use super::progress::{ProgressTarget, StageProgress};
 use super::report::name_options_in_loaded;
+use super::{process, quality};
 use oscura::compile::{CompileReport, CompiledScene, Compiler, MemoryPart, texture_memory_for};
 use oscura::error::{Error, Result, Warning};
 use oscura::film::{Aov, AovSet, AovSpace, Source};
@@ -26,7 +26,7 @@ use oscura::scene::{
     BounceLimits, Camera, Clamp, EnergyCompensation, Environment, Filter, FresnelModel, ImageId, Model,
     Motion, Moving, RayKinds, Scene, Settings,
 };
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -275,12 +275,21 @@ pub(super) fn completed(args: &RenderArgs, settings: &Settings) -> RenderArgs {
     let mut args = args.clone();
     args.view = args.view.or_else(|| settings.view.clone());
     args.picture.white_balance = args.picture.white_balance.or(settings.white_balance);
-    args.picture.denoise |= settings.denoise == Some(true) && !args.picture.no_denoise;
+    quality::apply(&mut args, settings);
+    // A quality that is asked for overrides what the scene says of samples and denoising.
+    if args.quality.is_none() {
+        args.picture.denoise |= settings.denoise == Some(true) && !args.picture.no_denoise;
+        apply_noise_threshold(&mut args, settings);
+    }
     if args.long.region.is_none() {
         let region = |[x0, y0, x1, y1]: [u32; 4]| Region { x0, y0, x1, y1 };
         args.exr.crop = args.exr.crop.or(settings.crop.map(region));
     }
-    // An explicit number of samples overrides the scene's noise threshold.
+    args
+}
+
+/// The scene's noise threshold, unless the user says how many samples to take.
+fn apply_noise_threshold(args: &mut RenderArgs, settings: &Settings) {
     let is_part = args.long.sample_range.is_some() || args.long.region.is_some();
     let is_counted = args.spp.is_some() || is_part || args.long.plan.is_some();
     let has_own_noise = args.long.noise.is_some() || args.adaptive == Adaptive::Auto;
@@ -288,7 +297,6 @@ pub(super) fn completed(args: &RenderArgs, settings: &Settings) -> RenderArgs {
         args.long.noise = settings.noise;
         args.long.max_spp = args.long.max_spp.or(settings.samples);
     }
-    args
 }
 
 // Memory limits, checked before loading and before building.
@@ -416,7 +424,6 @@ impl Made {
             let fits = |path: &&PathBuf| format_of(path).is_ok_and(|f| wanted.contains(&f));
             args.output.iter().any(|path| fits(&path))
         };
-        let is_part = |path: &Path| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("part"));
         let part = args.output.iter().any(|path| is_part(path));
         let moving = args.output.iter().any(|path| is_moving(path));
         let live = args.show.is_some() || args.preview.is_some();

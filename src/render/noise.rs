@@ -112,9 +112,14 @@ impl Noise {
 
     /// The current variance, and its ratio for twice the samples.
     fn trend(&self) -> Option<(f64, f64)> {
-        let [.., before, last] = self.losses[..] else { return None };
-        let ratio =
-            if before[0] > 0.0 { (last[0] / before[0]).clamp(*RATIOS.start(), *RATIOS.end()) } else { 0.5 };
+        let last = *self.losses.last()?;
+        let before = self.losses.iter().nth_back(1).map_or(0.0, |before| before[0]);
+        // After the first decrease, samples count as independent, which overestimates the error of smooth integrands.
+        let ratio = if before > 0.0 {
+            (last[0] / before).clamp(*RATIOS.start(), *RATIOS.end())
+        } else {
+            *RATIOS.end()
+        };
         let ratios = [ratio, *RATIOS.end()];
         let (n, m) = (f64::from(self.samples), f64::from(self.now));
         let variances: Parts = std::array::from_fn(|i| {
@@ -350,7 +355,9 @@ mod tests {
         // A bright sample: the error is as large as the mean moved.
         let spike = Noise { moved: [0.0, 0.25], ..later };
         assert!(spike.error().unwrap() > 0.5);
-        assert_eq!(Noise { losses: vec![[0.01, 0.0]], ..noise }.error(), None);
+        // One decrease alone: as of independent samples.
+        assert!((Noise { losses: vec![[0.01, 0.0]], ..noise.clone() }.error().unwrap() - 0.1).abs() < 1e-12);
+        assert_eq!(Noise { losses: Vec::new(), ..noise }.error(), None);
     }
 
     /// Renders 48 x 48 pixels of independent samples between none and twice the pixel's value; `extra` is added to that of

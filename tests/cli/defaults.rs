@@ -36,6 +36,51 @@ fn a_scene_alone_is_rendered_to_a_picture_of_its_name() {
     }
 }
 
+/// The quality decides on samples and denoising where neither the user nor the scene does.
+#[test]
+fn quality_in_one_word() {
+    let folder = tempfile::tempdir().unwrap();
+    triangle(folder.path(), "a.obj");
+    let scene = "[render]\nsamples = 3\n[[objects]]\nmodel = \"a.obj\"\n[camera]\nlook_from = [0, 0, 3]\nlook_at = [0, 0, 0]\n";
+    fs::write(folder.path().join("own.toml"), scene).unwrap();
+    let run = |file: &str, more: &[&str]| {
+        let small = ["-o", "a.exr", "--size", "24x16", "--json"];
+        let output = oscura(folder.path(), &[&["render", file], &small[..], more].concat());
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        let said = report(&output);
+        let is_denoised = !said["denoise_s"].is_null();
+        assert_eq!(stderr(&output).contains(", denoised, "), is_denoised, "{}", stderr(&output));
+        (
+            said["quality"].as_str().map(str::to_string),
+            said["samples_per_pixel"].as_u64().unwrap(),
+            is_denoised,
+        )
+    };
+    let is = |word: &str| Some(word.to_string());
+    assert_eq!(run("a.obj", &["--quality", "draft"]), (is("draft"), 8, true));
+    let (quality, samples, is_denoised) = run("a.obj", &[]);
+    assert!(quality == is("normal") && (16..=256).contains(&samples) && is_denoised, "{samples}");
+    let (_, more, _) = run("a.obj", &["--quality", "high", "--max-spp", "512"]);
+    assert!(samples < more && more <= 512, "{samples} {more}");
+    assert_eq!(run("a.obj", &["--quality", "final", "--max-spp", "16"]), (is("final"), 16, false));
+    assert_eq!(run("a.obj", &["--no-denoise"]), (is("normal"), samples, false));
+    // What the user or the scene says of samples holds.
+    assert_eq!(run("a.obj", &["--spp", "4"]), (None, 4, false));
+    assert_eq!(run("own.toml", &[]), (None, 3, false));
+    assert_eq!(run("own.toml", &["--quality", "draft"]), (is("draft"), 8, true));
+    // Parts are of the same number of samples, whatever they show.
+    let part = ["render", "a.obj", "-o", "a.part", "--size", "24x16", "--sample-range", "0..8", "--json"];
+    let output = oscura(folder.path(), &part);
+    assert_eq!(
+        (code(&output), &report(&output)["quality"]),
+        (0, &serde_json::Value::Null),
+        "{}",
+        stderr(&output)
+    );
+    let refused = oscura(folder.path(), &["render", "a.obj", "--quality", "high", "--spp", "4"]);
+    assert_eq!(code(&refused), 2);
+}
+
 #[test]
 fn a_picture_without_a_given_name_replaces_only_its_own_kind() {
     let folder = tempfile::tempdir().unwrap();

@@ -196,8 +196,8 @@ fn noise_that_is_asked_for_is_reached() {
     assert_eq!(again["estimated_error"], said["estimated_error"]);
     assert_eq!(told(&["--noise", "0.01", "--spp", "40"])["samples_per_pixel"], 40);
     assert_eq!(told(&["--noise", "0.01", "--max-spp", "48"])["samples_per_pixel"], 48);
-    // An error that 32 samples have.
-    assert_eq!(told(&["--noise", "90"])["samples_per_pixel"], 32);
+    // An error that the first estimate finds.
+    assert_eq!(told(&["--noise", "90"])["samples_per_pixel"], 16);
     assert_eq!(told(&["--noise", "90", "--min-spp", "72"])["samples_per_pixel"], 72);
 }
 
