@@ -204,7 +204,7 @@ fn check_limits(args: &RenderArgs, is_adaptive: bool) -> Result<()> {
     }
     if args.spp.is_some() && args.long.noise.is_none() && !is_adaptive {
         let message = "--min-spp and --max-spp have no effect: all pixels get as many samples";
-        return Err(Error::usage(message).with_help("give --spp, or --noise or --adaptive auto with them"));
+        return Err(Error::usage(message).with_help("give --noise, --quality or --adaptive auto with them"));
     }
     if args.long.noise.is_some() && args.spp.is_some() && most.is_some() {
         let message = "with --noise, --spp and --max-spp say the same";

@@ -41,7 +41,7 @@ fn a_scene_alone_is_rendered_to_a_picture_of_its_name() {
 fn quality_in_one_word() {
     let folder = tempfile::tempdir().unwrap();
     triangle(folder.path(), "a.obj");
-    let scene = "[render]\nsamples = 3\n[[objects]]\nmodel = \"a.obj\"\n[camera]\nlook_from = [0, 0, 3]\nlook_at = [0, 0, 0]\n";
+    let scene = "[render]\nsamples = 3\n[materials]\ngrey = { type = \"lambert\", color = 0.5 }\n[[objects]]\nmesh = \"a.obj\"\nmaterial = \"grey\"\n[camera]\nlook_from = [0, 0, 3]\nlook_at = [0, 0, 0]\n";
     fs::write(folder.path().join("own.toml"), scene).unwrap();
     let run = |file: &str, more: &[&str]| {
         let small = ["-o", "a.exr", "--size", "24x16", "--json"];

@@ -99,7 +99,7 @@ fn what_makes_no_sense_is_refused() {
     assert!(refused(&["-o", "a.exr", "--checkpoint", "c", "--adaptive", "auto"]).contains("--adaptive"));
     assert!(refused(&["-o", "f.exr", "--checkpoint", "c", "--frames", "1-2"]).contains("####"));
     assert!(refused(&["-o", "a.exr", "--noise", "0"]).contains("percent"));
-    assert!(refused(&["-o", "a.exr", "--min-spp", "8"]).contains("--noise"));
+    assert!(refused(&["-o", "a.exr", "--spp", "8", "--min-spp", "8"]).contains("--noise"));
     assert!(refused(&["-o", "a.exr", "--noise", "2", "--spp", "8", "--max-spp", "8"]).contains("the same"));
     assert!(refused(&["-o", "a.exr", "--noise", "2", "--min-spp", "9", "--max-spp", "8"]).contains("above"));
     let ends = ["-o", "a.exr", "--adaptive", "auto", "--spp", "64", "--max-spp", "32"];

@@ -188,7 +188,10 @@ fn small(arguments: &[String]) -> Vec<String> {
     // Which samples a part takes is of their number.
     let is_part = arguments.iter().any(|a| a == "--sample-range");
     let size = SIZE.to_string();
-    let mut less = vec!["--width", &size, "--height", &size, "--spp", "2"];
+    // A quality takes no number of samples.
+    let samples =
+        if arguments.iter().any(|a| a == "--quality") { ["--max-spp", "16"] } else { ["--spp", "2"] };
+    let mut less = vec!["--width", &size, "--height", &size, samples[0], samples[1]];
     less.truncate(if is_part { 4 } else { 6 });
     let mut rest = arguments.iter();
     while let Some(word) = rest.next() {
