@@ -232,3 +232,61 @@ fn cameras_and_lights_neither_grow_nor_follow_two() {
         assert!(error.contains("scales or mirrors") && error.matches("error").count() <= 1, "{error}");
     }
 }
+
+/// Meshes that deform: the files of `mesh_keys` are their shapes at frames.
+#[test]
+fn meshes_deform_from_file_to_file() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let ply = |name: &str, x: f64, corners: usize| {
+        let mut text = format!("ply\nformat ascii 1.0\nelement vertex {corners}\n");
+        for key in ["x", "y", "z", "nx", "ny", "nz"] {
+            text += &format!("property float {key}\n");
+        }
+        text += "element face 1\nproperty list uchar int vertex_indices\nend_header\n";
+        let places = [[0.0, 0.0], [1.0, 0.0], [x, 1.0], [2.0, 2.0]];
+        places[..corners].iter().for_each(|[x, y]| text += &format!("{x} {y} 0 0 0 1\n"));
+        std::fs::write(folder.path().join(name), text + "3 0 1 2\n").expect("written");
+    };
+    ply("now.ply", 3.0, 3);
+    ply("before.ply", 1.0, 3);
+    ply("after.ply", 5.0, 3);
+    ply("other.ply", 5.0, 4);
+    let read = |keys: &str, options: &LoadOptions| {
+        let path = folder.path().join("scene.toml");
+        let two = format!("mesh = \"now.ply\"\nmesh_keys = [{keys}]\n");
+        std::fs::write(&path, format!("{HEAD}{two}[[objects]]\nmaterial = \"a\"\n{two}")).expect("written");
+        load(&path, options)
+    };
+    let keys = "{ frame = -1, mesh = \"before.ply\" }, { frame = 0, mesh = \"now.ply\" }, { frame = 1, mesh = \"after.ply\" }";
+    let mut options = LoadOptions::default();
+    options.shutter.vectors = true;
+    let scene = read(keys, &options).unwrap_or_else(|e| panic!("{e}")).scene;
+    assert_eq!((scene.motion.meshes.len(), scene.instances.len()), (1, 2));
+    let moving = scene.motion.meshes.values().next().expect("it deforms");
+    let tip = |key: &oscura::scene::Vertices| key.positions[2][0];
+    assert_eq!(moving.keys.iter().map(tip).collect::<Vec<_>>(), [2.5, 3.0, 3.5]);
+    assert_eq!(moving.neighbours.as_ref().map(|n| n.each_ref().map(tip)), Some([1.0, 5.0]));
+    assert!(scene.instances.iter().all(|instance| matches!(instance.motion, Motion::Keyed(_))));
+    // Half a frame on.
+    options.gltf.time_s = Some(0.5 / 24.0);
+    let scene = read(keys, &options).unwrap_or_else(|e| panic!("{e}")).scene;
+    assert_eq!(scene.meshes[scene.instances[0].mesh.index()].positions[2][0], 4.0);
+    let odd = keys.replace("after", "other");
+    let error = read(&odd, &options).expect_err("more vertices").to_string();
+    assert!(error.contains("'mesh_keys' has 4 vertices"), "{error}");
+    let error = read(&keys.replace("-1", "0.5"), &options).expect_err("the order").to_string();
+    assert!(error.contains("don't increase"), "{error}");
+}
+
+/// What two keys shear is sheared in between, and at the keys themselves.
+#[test]
+fn keys_that_shear_are_kept() {
+    let sheared = "matrix = [1, 0.5, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]";
+    let keys = format!("[{{ frame = -1 }}, {{ frame = 1, transform = [{{ {sheared} }}] }}]");
+    let text = format!("{HEAD}box = {{ min = [0, 0, 0], max = [1, 1, 1] }}\nmotion = {{ keys = {keys} }}\n");
+    let scene = read(&text.replace("shutter = 0.5", "shutter = 2")).scene;
+    let up = |key: &DAffine3| key.matrix3.y_axis.x;
+    let keys: Vec<f64> = scene.motion.instances[0].keys.iter().map(up).collect();
+    assert_eq!(keys, [0.0, 0.5]);
+    assert_eq!(up(&scene.instances[0].world_from_object), 0.25);
+}

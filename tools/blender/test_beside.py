@@ -7,7 +7,7 @@ import struct
 
 import bpy
 import numpy as np
-from testing import SceneTest, baked, main, shader_tree
+from testing import SceneTest, baked, main, read_ply, shader_tree
 
 from oscura_blender import context
 
@@ -101,12 +101,43 @@ class BesideTest(SceneTest):
         model, settings, answer = self.export()
         (animation,) = model["animations"]
         names = {model["nodes"][channel["target"]["node"]]["name"] for channel in animation["channels"]}
-        self.assertEqual(names, {"Moved", "Eye"})
+        self.assertEqual(names, {"Eye"})
+        placed = self.placed(settings)
+        self.assertEqual((len(placed["Still"]["transform"]), placed["Still"].get("motion")), (1, None))
+        keys = placed["Moved"]["motion"]["keys"]
+        now = answer["moment"] * answer["fps"]
+        np.testing.assert_allclose([key["frame"] - now for key in keys], [-0.125, 0, 0.125], atol=1e-5)
+        places = [key["transform"][0]["matrix"][3] for key in keys]
+        self.assertTrue(places[0] < places[1] < places[2] and abs(places[1] - 1) < 1e-6, places)
         self.assertEqual(settings["camera"][0]["shutter"], 0.25)
         times = model["accessors"][animation["samplers"][0]["input"]]
         self.assertEqual(times["count"], 3)
         self.assertAlmostEqual(times["max"][0] - answer["moment"], 0.125 / answer["fps"], places=6)
         self.assertNotIn("animations", self.export("--shutter", "0")[0])
+
+    def test_shapes_of_deforming_meshes_are_files(self):
+        """A key shape that grows: three files of the same vertices, and normals that follow."""
+        shown = self.add_plane(None, "Bent")
+        shown.data.shade_smooth()
+        shown.shape_key_add(name="Basis")
+        key = shown.shape_key_add(name="Up")
+        key.data[0].co.z = 2.0
+        for frame, value in ((1, 0.0), (3, 1.0)):
+            key.value = value
+            key.keyframe_insert("value", frame=frame)
+        self.scene.frame_set(2)
+        self.scene.render.use_motion_blur, self.scene.render.motion_blur_shutter = True, 1.0
+        _, settings, answer = self.export()
+        self.assertEqual(answer["warnings"], [])
+        (entry,) = self.placed(settings).values()
+        now, keys = answer["moment"] * answer["fps"], entry["mesh_keys"]
+        np.testing.assert_allclose([k["frame"] - now for k in keys], [-0.5, 0, 0.5], atol=1e-5)
+        files = [read_ply(self.folder / k["mesh"]) for k in keys]
+        heights = [columns["z"].max() for _, columns, _ in files]
+        self.assertTrue(heights[0] < heights[1] < heights[2] and abs(heights[1] - 1) < 1e-6, heights)
+        slopes = [columns["nz"].min() for _, columns, _ in files]
+        self.assertTrue(slopes[0] > slopes[1] > slopes[2], slopes)
+        self.assertEqual({len(columns["x"]) for _, columns, _ in files}, {4})
 
     def test_node_trees_have_the_values_of_the_moment(self):
         """Colours by keys and by drivers, as they are and baked, and the world's, which is rendered."""

@@ -5,9 +5,10 @@ use super::builder::SceneFileBuilder;
 use crate::error::{Error, Result, Warning};
 use crate::load::formats::{self, Format};
 use crate::load::{LoadOptions, Loaded, files, smooth};
+use crate::math::DVec3;
 use crate::scene::{
     Camera, Environment, Instance, MaterialId, Mesh, MeshId, MeshPart, Motion, Scene, Shape, ShapeKind,
-    Texture, TextureId,
+    Texture, TextureId, Vertices,
 };
 use std::borrow::Cow;
 use std::collections::{BTreeSet, HashMap, HashSet};
@@ -50,6 +51,8 @@ pub(super) struct Assets {
     attributes: Arc<BTreeSet<String>>,
     /// Of instances that list them.
     listed: Vec<ListedMaterials>,
+    /// What `mesh_keys` say of meshes that deform.
+    deformed: HashMap<MeshId, String>,
 }
 
 impl Assets {
@@ -157,6 +160,37 @@ impl Assets {
             };
             scene.instances[instance].mesh = *made.entry((mesh, list.clone())).or_insert_with(with_parts);
         }
+    }
+
+    /// Does a mesh have its `mesh_keys` already? A mesh has the same at all objects.
+    ///
+    /// # Errors
+    /// A message, where another object says others.
+    pub fn has_mesh_keys(&mut self, mesh: MeshId, label: &str) -> std::result::Result<bool, String> {
+        match self.deformed.get(&mesh) {
+            Some(known) if known == label => Ok(true),
+            Some(_) => {
+                Err("another object gives this mesh other 'mesh_keys': place a copy of the file".to_string())
+            }
+            None => {
+                self.deformed.insert(mesh, label.to_string());
+                Ok(false)
+            }
+        }
+    }
+
+    /// The vertices of the mesh of a file, relative to the origin of the file.
+    pub fn vertices(&self, build: &mut SceneFileBuilder, name: &str, span: Range<usize>) -> Option<Vertices> {
+        let path = build.readable_path(name, span.clone())?;
+        let mut loaded = self.read(build, &path, name, &span, true)?;
+        build.loaded.warnings.append(&mut loaded.warnings);
+        let is_one = loaded.scene.instances.len() == 1 && loaded.offset == DVec3::ZERO;
+        let Some(mesh) = loaded.scene.meshes.pop().filter(|_| is_one) else {
+            let message = format!("'{name}': a key of 'mesh_keys' must hold one mesh, near its origin");
+            build.problems.push(span, message);
+            return None;
+        };
+        Some(Vertices { positions: mesh.positions, normals: mesh.normals })
     }
 
     /// The cameras of a file.

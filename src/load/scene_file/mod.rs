@@ -25,6 +25,7 @@ mod fields;
 mod lights;
 mod materials;
 mod media;
+mod mesh_keys;
 mod nodes;
 mod objects;
 mod pbr;

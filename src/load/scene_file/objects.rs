@@ -11,6 +11,9 @@
 //!
 //! `smooth = 30` gives a `mesh` without normals smooth ones, of any type; edges where faces meet at more degrees stay sharp.
 //!
+//! `mesh_keys = [{ frame = -0.5, mesh = "before.ply" }, { frame = 0.5, mesh = "after.ply" }]` deforms a `mesh`: each file has its vertices, in
+//! their order, at a frame (see `motion`); in between they move evenly. All objects of a mesh have the same `mesh_keys`.
+//!
 //! `subdivide = 2` makes smooth surfaces of the polygons of a `mesh` (`oscura help subdivision`).
 //!
 //! `visible_to = ["camera", "diffuse", "glossy", "transmission", "volume", "shadow"]` lists the kinds of rays that see an
@@ -56,6 +59,7 @@ use super::assets::Assets;
 use super::builder::SceneFileBuilder;
 use super::fields::{Fields, nearest, number, numbers};
 use super::materials::Materials;
+use super::mesh_keys::MeshKeys;
 use super::textures::Textures;
 use super::traits::{self, TraitOverrides, group};
 use super::transform;
@@ -220,19 +224,32 @@ fn add_mesh(
             i.mesh = subdivided_mesh(build, fields, i.mesh, i.motion, how).unwrap_or(i.mesh);
         }
     }
-    let scene = &mut build.loaded.scene;
+    let keys = MeshKeys::read(build, fields, assets);
     for i in &asset.instances {
+        let scene = &mut build.loaded.scene;
         if !listed.is_empty()
             && let Err(message) = assets.list_materials(scene, i.mesh, &asset.materials, listed)
         {
             fields.problems.push(file.span.clone(), format!("'{}': {message}", file.value));
         }
         let world_from_object = object.world_from_object * i.world_from_object;
-        let motion = object.moved(&mut scene.motion, i);
+        let mut motion = object.moved(&mut scene.motion, i);
+        if let Some(keys) = &keys {
+            match keys.give(build, assets, (i.mesh, motion, world_from_object)) {
+                Ok(given) => motion = given,
+                Err(message) => fields.problems.push(file.span.clone(), message),
+            }
+        }
         let name =
             if i.name == NAMELESS { object.name.clone() } else { format!("{}/{}", object.name, i.name) };
         let material = material.or(i.material);
-        scene.instances.push(Instance { name, world_from_object, material, motion, ..i.clone() });
+        build.loaded.scene.instances.push(Instance {
+            name,
+            world_from_object,
+            material,
+            motion,
+            ..i.clone()
+        });
     }
     let Some(first) = asset.shapes.first() else { return };
     if object.motion.is_some() {

@@ -21,7 +21,7 @@
 use super::builder::SceneFileBuilder;
 use super::fields::{Fields, nearest, number};
 use crate::error::Warning;
-use crate::math::{DAffine3, DMat3, DQuat, DVec3};
+use crate::math::{DAffine3, DMat3, DQuat, DVec3, mix};
 use crate::scene::Moving;
 
 /// The composed transform of an object; the identity without one.
@@ -137,7 +137,7 @@ impl Trajectory {
     }
 }
 
-/// Between two keys parts change evenly, not the matrix.
+/// Between two keys parts change evenly, not the matrix, but where that shears.
 fn between(keys: &[(f64, DAffine3)], frame: f64) -> DAffine3 {
     let after = keys.partition_point(|(at, _)| *at <= frame);
     let nearest = |at: usize| keys.get(at).map_or(DAffine3::IDENTITY, |key| key.1);
@@ -146,6 +146,9 @@ fn between(keys: &[(f64, DAffine3)], frame: f64) -> DAffine3 {
     }
     let ((start, from), (end, to)) = (keys[after - 1], keys[after]);
     let share = (frame - start) / (end - start);
+    if shears(&from) || shears(&to) {
+        return mix(&from, &to, share);
+    }
     let (scale0, turn0, place0) = from.to_scale_rotation_translation();
     let (scale1, turn1, place1) = to.to_scale_rotation_translation();
     DAffine3::from_scale_rotation_translation(
@@ -153,6 +156,13 @@ fn between(keys: &[(f64, DAffine3)], frame: f64) -> DAffine3 {
         turn0.slerp(turn1, share),
         place0.lerp(place1, share),
     )
+}
+
+/// Is a transform more than a scale, a rotation and a translation?
+fn shears(transform: &DAffine3) -> bool {
+    let (scale, turn, place) = transform.to_scale_rotation_translation();
+    let again = DAffine3::from_scale_rotation_translation(scale, turn, place);
+    !again.matrix3.abs_diff_eq(transform.matrix3, 1e-6 * scale.abs().max_element())
 }
 
 /// A motion evaluated at the picture's time and around it.

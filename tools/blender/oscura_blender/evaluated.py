@@ -90,14 +90,14 @@ class Materials:
 def take(found, known, moves, options, report):
     """Takes what oscura can evaluate out of what was collected."""
     made = Evaluated(options.folder, options.name)
-    taken = {key: h for key, h in found.objects.items() if h is not None and _is_taken(h, known, found, moves)}
+    taken = {key: h for key, h in found.objects.items() if h is not None and _is_taken(h, known, found)}
     kept = (holder for key, holder in found.objects.items() if holder is not None and key not in taken)
     baked = {material for holder in kept for material in holder.data.materials if material is not None}
     # A name means one material: those that the model has as well are called otherwise.
     names = {material.name for material in baked}
     for key, holder in taken.items():
         del found.objects[key]
-        _write(made, holder, known, names, found, report)
+        _write(made, holder, known, names, (found, moves), report)
     for material, reason in known.reasons.items():
         if material in baked:
             report.note(material.name, f"is baked, since oscura doesn't evaluate it: {reason}")
@@ -127,24 +127,21 @@ def _read(material, exposure, images, reasons):
     return None
 
 
-def _is_taken(holder, known, found, moves):
-    """Can a mesh be written with its materials, and does it stand still?"""
+def _is_taken(holder, known, found):
+    """Can a mesh be written with its materials?"""
     if holder.name in found.volumes or any(known.get(m) is None for m in holder.data.materials if m is not None):
         return False
-    if any(mark[0] == "volume" for mark in found.marks[holder.name]):
-        return False
-    if moves is None:
-        return True
-    return holder.name not in moves.shapes and all(moves.of(mark) is None for mark in found.marks[holder.name])
+    return not any(mark[0] == "volume" for mark in found.marks[holder.name])
 
 
-def _write(made, holder, known, names, found, report):
+def _write(made, holder, known, names, told, report):
     """Writes a mesh, and adds its materials and placements."""
-    mesh = holder.data
+    mesh, (found, moves) = holder.data, told
     shown = [known.get(material) if material is not None else None for material in mesh.materials]
     for slot, entry in enumerate(shown):
         if entry is not None and entry.scatters_within:
             skins.close(holder, slot, report)
+    shapes = moves.shapes_of(holder, found.marks[holder.name][0][0], report) if moves is not None else None
     is_solid = not bool((skins.sides_of_edges(mesh) == 1).any())
     listed, attributes, asks_object = [], set(), False
     for slot, (material, entry) in enumerate(zip(mesh.materials, shown) if shown else [(None, None)]):
@@ -158,17 +155,40 @@ def _write(made, holder, known, names, found, report):
             asks_object |= entry.asks_object
     file = f"{made.name}.mesh{made.meshes}.ply"
     made.meshes += 1
-    mesh_files.write(os.path.join(made.folder, file), mesh, attributes)
+    written = mesh_files.MeshFile(mesh, attributes)
+    written.write(os.path.join(made.folder, file))
+    keys = _shapes(made, written, file, (moves, shapes)) if shapes is not None else []
     extras = found.extras.get(holder.name, {})
     traits, group = geometry.traits_of(extras), extras.get("light_group")
-    for (name, matrix), info in zip(found.placements[holder.name], found.infos[holder.name]):
-        turned = np.array(Y_UP @ matrix)
-        if abs(np.linalg.det(turned[:3, :3])) < 1e-30:
+    for (name, matrix), info, mark in zip(found.placements[holder.name], found.infos[holder.name], found.marks[holder.name]):
+        if abs(matrix.to_3x3().determinant()) < 1e-30:
             continue
-        entries = {"name": name, "mesh": file, "materials": listed, "transform": [{"matrix": [float(x) for x in turned.ravel()]}], **traits}
+        entries = {"name": name, "mesh": file, "materials": listed, **_place(matrix, mark, moves), **traits}
+        if keys:
+            entries["mesh_keys"] = keys
         if group:
             entries["light_group"] = group
         if asks_object:
             entries.update(info)
         entries.update(found.links.shining.get(name, {}))
         made.objects.append(entries)
+
+
+def _place(matrix, mark, moves):
+    """Where an object is: its transform, or its motion in place of one."""
+    turned = lambda matrix: [{"matrix": [float(x) for row in Y_UP @ matrix for x in row]}]
+    matrices = moves.of(mark) if moves is not None else None
+    if matrices is None or any(abs(then.to_3x3().determinant()) < 1e-30 for then in matrices):
+        return {"transform": turned(matrix)}
+    return {"motion": {"keys": [{"frame": frame, "transform": turned(then)} for frame, then in zip(moves.frames(), matrices)]}}
+
+
+def _shapes(made, written, file, told):
+    """Writes the shapes of a mesh that deforms; gives its `mesh_keys`."""
+    (moves, shapes), keys = told, []
+    for number, (frame, offset, shape) in enumerate(zip(moves.frames(), moves.offsets, shapes)):
+        name = file if offset == 0.0 else file.replace(".ply", f".{number}.ply")
+        if offset != 0.0:
+            written.write_shape(os.path.join(made.folder, name), shape)
+        keys.append({"frame": frame, "mesh": name})
+    return keys

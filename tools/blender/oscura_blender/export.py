@@ -74,14 +74,13 @@ def export(options, report):
     world.settle(dict(tables)["[environment]"], found)
     if moves is not None:
         motion.tell_of_volumes(found, moves, report)
-        motion.add_shapes(found, moves, report)
+        moves.tell_of_baked(found, report)
         if moves.matrices or moves.shapes:
             report.tell(moment=moves.moment, fps=moves.fps)
     model = os.path.join(options.folder, f"{options.name}.glb")
     holders = [holder for holder in found.objects.values() if holder is not None]
     kept, images = kept_meshes.KeptMeshes(store), originals.Originals()
-    deformed = moves.shapes if moves is not None else {}
-    kept.replace([holder for holder in holders if holder.name not in deformed])
+    kept.replace(holders)
     images.replace(material for holder in holders for material in holder.data.materials)
     _open_alone(holders)
     _write_model(model)
@@ -257,9 +256,7 @@ def _write_model(path):
         export_animations=False,
         export_current_frame=True,
         export_skins=False,
-        export_morph=True,
-        export_morph_normal=True,
-        export_morph_tangent=False,
+        export_morph=False,
         export_gpu_instances=False,
         export_gn_mesh=False,
         use_selection=False,

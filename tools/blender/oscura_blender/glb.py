@@ -92,7 +92,6 @@ class Nodes:
         self.glb, self.moves = glb, moves
         self.nodes = []
         self.moving = []  # (number of the node, its parts at all moments)
-        self.deformed = []  # numbers of nodes
 
     def add(self, node, matrix, mark, turn):
         """Adds a node at a matrix; `turn` takes matrices of Blender's axes to those of glTF."""
@@ -107,18 +106,16 @@ class Nodes:
             # Only nodes of such parts can be animated.
             self.nodes.append({**node, **dict(zip(("translation", "rotation", "scale"), now))})
 
-    def add_meshes(self, mesh, places, extras, is_deformed):
+    def add_meshes(self, mesh, places, extras):
         """Adds all placements (name, matrix, mark) of a mesh, together where they are many and stand still."""
         turn = lambda matrix: Y_UP @ matrix @ Z_UP
         own = {"extras": extras} if extras else {}
-        still = [p for p in places if is_deformed or self.moves is None or self.moves.of(p[2]) is None]
+        still = [p for p in places if self.moves is None or self.moves.of(p[2]) is None]
         parts = [_split(turn(matrix)) for _, matrix, _ in still]
-        if len(still) < INSTANCED or None in parts or is_deformed:
+        if len(still) < INSTANCED or None in parts:
             still = []
         for name, matrix, mark in places:
             if not still or self.moves is not None and self.moves.of(mark) is not None:
-                if is_deformed:
-                    self.deformed.append(len(self.nodes))
                 self.add({"name": name, "mesh": mesh, **own}, matrix, mark, turn)
         if not still:
             return
@@ -180,7 +177,7 @@ def compose(glb, found, others, patches, kept, moves=None):
     for name, places in found.placements.items():
         if name in by_name:
             marked = [(*place, mark) for place, mark in zip(places, found.marks[name])]
-            made.add_meshes(by_name[name], marked, found.extras.get(name), moves is not None and name in moves.shapes)
+            made.add_meshes(by_name[name], marked, found.extras.get(name))
     turn = lambda matrix: Y_UP @ matrix
     for index, (name, matrix, _) in enumerate(cameras):
         made.add({"name": name, "camera": index}, matrix, ("camera", name), turn)
@@ -189,8 +186,7 @@ def compose(glb, found, others, patches, kept, moves=None):
     _patch_materials(glb, patches)
     # By this the loader knows that all glass is meant to be solid, and that nothing was lost.
     glb.json["asset"]["generator"] += ", oscura"
-    animate(glb, moves, made.moving, made.deformed)
-    _weigh(glb, made.deformed, made.nodes)
+    animate(glb, moves, made.moving)
     glb.json["nodes"] = made.nodes
     if cameras:
         glb.json["cameras"] = [{"name": name, **camera} for name, _, camera in cameras]
@@ -203,10 +199,3 @@ def compose(glb, found, others, patches, kept, moves=None):
 def _mark_of(name, found):
     """What tells the light of an empty node apart; its name begins with its number."""
     return found.light_marks[int(name.split(":")[0].removeprefix("light "))]
-
-
-def _weigh(glb, deformed, nodes):
-    """At rest nothing of the morph targets counts."""
-    for number in deformed:
-        mesh = glb.json["meshes"][nodes[number]["mesh"]]
-        mesh["weights"] = [0.0] * len(mesh["primitives"][0].get("targets", []))

@@ -3,6 +3,7 @@
 import numpy as np
 
 from . import undeformed
+from .meshes import positions
 
 # Numbers of an attribute by its type, and the key of its values.
 TYPES = {
@@ -42,41 +43,65 @@ class Corners:
         return values
 
 
-def write(path, mesh, names):
-    """Writes a mesh with the attributes of these names, as far as it has them."""
-    mesh.calc_loop_triangles()
-    corners = Corners(mesh)
-    triangles = _read(mesh.loop_triangles, "loops", 3, np.int32)
-    polygons = _read(mesh.loop_triangles, "polygon_index", 1, np.int32).ravel()
-    materials = _read(mesh.polygons, "material_index", 1, np.int32).ravel()
-    last = max(len(mesh.materials) - 1, 0)
-    materials = np.clip(materials, 0, last)[polygons]
-    columns, labels = _columns(mesh, corners, names)
-    positions = _read(mesh.vertices, "co", 3, np.float32)
-    if columns:
-        by_corner = np.concatenate([values for _, values in columns], 1).astype(np.float32)
-        first, welded = _welded(corners.vertices, by_corner)
-        vertices = np.concatenate([positions[corners.vertices[first]], by_corner[first]], 1)
-        triangles = welded[triangles]
-    else:
-        vertices, triangles = positions, corners.vertices[triangles]
-    properties = ["x", "y", "z", *(name for names_of, _ in columns for name in names_of)]
-    head = ["ply", "format binary_little_endian 1.0"]
-    head += [f"comment oscura attribute {index} {width} {name}" for index, width, name in labels]
-    head += [f"element vertex {len(vertices)}", *(f"property float {name}" for name in properties)]
-    head += [f"element face {len(triangles)}", "property list uchar int vertex_indices"]
-    kind = [("count", "u1"), ("corners", "<i4", 3)]
-    if last > 0:
-        head.append("property ushort material_index")
-        kind.append(("material", "<u2"))
-    faces = np.empty(len(triangles), kind)
-    faces["count"], faces["corners"] = 3, triangles
-    if last > 0:
-        faces["material"] = materials
-    with open(path, "wb") as file:
-        file.write("\n".join([*head, "end_header\n"]).encode())
-        file.write(np.ascontiguousarray(vertices, "<f4").tobytes())
-        file.write(faces.tobytes())
+class MeshFile:
+    """A mesh with the attributes of some names, as far as it has them, as vertices whose corners agree."""
+
+    def __init__(self, mesh, names):
+        mesh.calc_loop_triangles()
+        corners = Corners(mesh)
+        self.mesh, self.vertices = mesh, corners.vertices
+        self.triangles = _read(mesh.loop_triangles, "loops", 3, np.int32)
+        polygons = _read(mesh.loop_triangles, "polygon_index", 1, np.int32).ravel()
+        self.last = max(len(mesh.materials) - 1, 0)
+        self.materials = np.clip(_read(mesh.polygons, "material_index", 1, np.int32).ravel(), 0, self.last)[polygons]
+        columns, self.labels = _columns(mesh, corners, names)
+        self.properties = [name for names_of, _ in columns for name in names_of]
+        self.first = None  # the first corner of each vertex of the file, where corners of a vertex may differ
+        if columns:
+            self.values = np.concatenate([values for _, values in columns], 1).astype(np.float32)
+            self.first, welded = _welded(self.vertices, self.values)
+            self.triangles = welded[self.triangles]
+        else:
+            self.triangles = self.vertices[self.triangles]
+
+    def write(self, path):
+        """Writes the mesh."""
+        values = None if self.first is None else self.values[self.first]
+        self._write(path, self.properties, values, self.labels)
+
+    def write_shape(self, path, places):
+        """Writes the same vertices and faces where the mesh has its vertices at other places: what `mesh_keys` name."""
+        now = positions(self.mesh.vertices)
+        self.mesh.vertices.foreach_set("co", np.ascontiguousarray(places, np.float32).ravel())
+        self.mesh.update()
+        has_normals = "nx" in self.properties
+        normals = _normals(self.mesh, Corners(self.mesh))[self.first] if has_normals else None
+        self._write(path, ["nx", "ny", "nz"] if has_normals else [], normals, [])
+        self.mesh.vertices.foreach_set("co", now.ravel())
+        self.mesh.update()
+
+    def _write(self, path, properties, values, labels):
+        rows = positions(self.mesh.vertices)
+        if self.first is not None:
+            rows = rows[self.vertices[self.first]]
+        if values is not None:
+            rows = np.concatenate([rows, values], 1)
+        head = ["ply", "format binary_little_endian 1.0"]
+        head += [f"comment oscura attribute {index} {width} {name}" for index, width, name in labels]
+        head += [f"element vertex {len(rows)}", *(f"property float {name}" for name in ("x", "y", "z", *properties))]
+        head += [f"element face {len(self.triangles)}", "property list uchar int vertex_indices"]
+        kind = [("count", "u1"), ("corners", "<i4", 3)]
+        if self.last > 0:
+            head.append("property ushort material_index")
+            kind.append(("material", "<u2"))
+        faces = np.empty(len(self.triangles), kind)
+        faces["count"], faces["corners"] = 3, self.triangles
+        if self.last > 0:
+            faces["material"] = self.materials
+        with open(path, "wb") as file:
+            file.write("\n".join([*head, "end_header\n"]).encode())
+            file.write(np.ascontiguousarray(rows, "<f4").tobytes())
+            file.write(faces.tobytes())
 
 
 def _columns(mesh, corners, names):
@@ -113,8 +138,7 @@ def _attributes(mesh, corners, names):
             kind = {"INT": np.int32, "INT8": np.int32, "BOOLEAN": bool}.get(found.data_type, np.float32)
             yield name, width, corners.of(found.domain, _read(found.data, key, width, kind).astype(np.float32))
         elif name == GENERATED and not mesh.use_auto_texspace:
-            places = _read(mesh.vertices, "co", 3, np.float32)
-            yield name, 3, undeformed.coordinates(mesh, places)[corners.vertices]
+            yield name, 3, undeformed.coordinates(mesh, positions(mesh.vertices))[corners.vertices]
 
 
 def _welded(vertices, values):

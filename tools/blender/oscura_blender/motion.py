@@ -1,5 +1,5 @@
 """What moves while the shutter is open: the scene is looked at some moments of that time, and what stands elsewhere or has
-another shape becomes an animation of the model, in which the picture has its moment."""
+another shape gets motion keys, in which the picture has its moment."""
 
 import bpy
 import numpy as np
@@ -55,6 +55,27 @@ class Moves:
 
     def times(self):
         return [self.moment + offset / self.fps for offset in self.offsets]
+
+    def frames(self):
+        """The same in frames."""
+        return [self.moment * self.fps + offset for offset in self.offsets]
+
+    def shapes_of(self, holder, name, report):
+        """The places of the vertices of a mesh at all moments, if it deforms; those that were changed on the way are lost."""
+        shapes = self.shapes.get(holder.name)
+        if shapes is None:
+            return None
+        now, count = shapes[self.offsets.index(0.0)], len(holder.data.vertices)
+        if any(len(shape) != count for shape in shapes) or not np.array_equal(now, meshes.positions(holder.data.vertices)):
+            report.warn(name, "its change of shape is not blurred: its faces change, or its material moves them")
+            return None
+        return shapes
+
+    def tell_of_baked(self, found, report):
+        """Tells of meshes that deform, of materials that are baked: they keep their shape."""
+        for holder in found.objects.values():
+            if holder is not None and holder.name in self.shapes:
+                report.warn(found.marks[holder.name][0][0], "its change of shape is not blurred, since its material is baked")
 
     def of(self, mark):
         """The matrices of something that moves; None for others."""
@@ -138,25 +159,9 @@ def tell_of_volumes(found, moves, report):
             report.warn(found.volumes[mark], "this volume moves while the shutter is open: it stands still, since volumes are not blurred")
 
 
-def add_shapes(found, moves, report):
-    """Gives meshes the shapes of all moments, which become morph targets. Those that were changed on the way can't have them."""
-    for name, shapes in list(moves.shapes.items()):
-        holder = next(h for h in found.objects.values() if h is not None and h.name == name)
-        now = shapes[moves.offsets.index(0.0)]
-        if any(len(shape) != len(holder.data.vertices) for shape in shapes) or not np.array_equal(now, meshes.positions(holder.data.vertices)):
-            report.warn(found.marks[name][0][0], "its change of shape is not blurred: its faces change, or its material moves them")
-            del moves.shapes[name]
-            continue
-        holder.shape_key_add(name="Basis")
-        for offset, shape in zip(moves.offsets, shapes):
-            if offset != 0.0:
-                key = holder.shape_key_add(name=f"{offset:+.4f}")
-                key.data.foreach_set("co", shape.ravel())
-
-
-def animate(glb, moves, nodes, deformed):
-    """Writes the animation: nodes with their matrices at all moments, and nodes whose meshes have morph targets."""
-    if moves is None or not (nodes or deformed):
+def animate(glb, moves, nodes):
+    """Writes the animation of cameras and lights: nodes with their matrices at all moments."""
+    if moves is None or not nodes:
         return
     animation = {"channels": [], "samplers": []}
     times = glb.add_accessor([(time,) for time in moves.times()], has_bounds=True)
@@ -168,8 +173,4 @@ def animate(glb, moves, nodes, deformed):
     for node, parts in nodes:
         for k, path in enumerate(("translation", "rotation", "scale")):
             add(node, path, [part[k] for part in parts])
-    others = [offset for offset in moves.offsets if offset != 0.0]
-    weights = [(1.0 if at == other else 0.0,) for at in moves.offsets for other in others]
-    for node in deformed:
-        add(node, "weights", weights)
     glb.json["animations"] = [animation]
