@@ -1,10 +1,10 @@
 //! Input of an [`Accel`](super::Accel): geometries, instances, options, and the estimated memory of the result.
 
-use super::layout::{ANALYTIC_LINES, CURVES, INSTANCE_LINES, MAX_LINE, TRIANGLE_LINES};
+use super::layout::{ANALYTIC_LINES, CURVES, INSTANCE_LINES, MAX_LINE, SPLAT_LINES, TRIANGLE_LINES};
 use crate::gauge::Gauge;
 use crate::math::{DAffine3, TransformKeys};
 use crate::shape::triangle::LANES;
-use crate::shape::{Analytic, CurveSegments, Quad};
+use crate::shape::{Analytic, CurveSegments, Quad, SplatCloud};
 use crate::simd::Line;
 use std::fmt::{self, Display, Formatter};
 
@@ -21,6 +21,8 @@ pub struct Geometry {
     pub analytic: Vec<Analytic>,
     /// Curve segments.
     pub curves: CurveSegments,
+    /// Gaussian splats.
+    pub splats: SplatCloud,
     /// Positions of moving vertices at equal steps of time; empty if they are static.
     pub keys: Vec<Vec<[f32; 3]>>,
 }
@@ -28,7 +30,7 @@ pub struct Geometry {
 impl Geometry {
     /// How many primitives there are.
     pub fn primitives(&self) -> usize {
-        self.triangles.len() + self.quads.len() + self.analytic.len() + self.curves.len()
+        self.triangles.len() + self.quads.len() + self.analytic.len() + self.curves.len() + self.splats.len()
     }
 }
 
@@ -135,6 +137,8 @@ pub struct Estimate {
     pub shapes: u64,
     /// Curve segments.
     pub curves: u64,
+    /// Gaussian splats.
+    pub splats: u64,
     /// Instances.
     pub instances: u64,
     /// Memory of the trees.
@@ -176,6 +180,7 @@ impl Estimate {
         self.add_quads(geometry.quads.len());
         self.add_analytic(geometry.analytic.len());
         self.add_curves(geometry.curves.len());
+        self.add_splats(geometry.splats.len());
         // However small it is.
         self.bytes += 8 * LINE;
     }
@@ -207,6 +212,12 @@ impl Estimate {
         self.add(count, in_packets(ANALYTIC_LINES as u64, CURVES as u64) + LINE / 2);
     }
 
+    /// Adds Gaussian splats.
+    pub fn add_splats(&mut self, count: usize) {
+        self.splats += count as u64;
+        self.add(count, in_packets(SPLAT_LINES as u64, LANES as u64) + LINE / 2);
+    }
+
     /// Adds instances.
     pub fn add_instances(&mut self, count: usize) {
         self.instances += count as u64;
@@ -234,12 +245,13 @@ pub struct TooLarge(pub Estimate);
 
 impl Display for TooLarge {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let Estimate { triangles, shapes, curves, instances, bytes } = self.0;
+        let Estimate { triangles, shapes, curves, splats, instances, bytes } = self.0;
         let gib = |bytes: u64| bytes as f64 / f64::from(1 << 30);
         let numbers = [
             (triangles, "triangles"),
             (shapes, "quads and analytic shapes"),
             (curves, "curve segments"),
+            (splats, "Gaussian splats"),
             (instances, "instances"),
         ];
         let numbers = numbers.iter().filter(|(count, _)| *count > 0);

@@ -3,7 +3,7 @@
 
 use super::layout::{
     ANALYTIC_LINES, AnalyticPacket, CurvePacket, DONE, LEAF, LeafPacket, NODE_LINES, Node, PART_QUAD_SECOND,
-    TRIANGLE_LINES, TrianglePacket, leaf_packets, line_of, view,
+    SplatPacket, TRIANGLE_LINES, TrianglePacket, leaf_packets, line_of, view,
 };
 use super::{Accel, TreeSummary};
 use crate::math::{Bounds3, Vec3};
@@ -85,6 +85,7 @@ impl Accel {
                 LeafPacket::Triangles(triangles) => validate_triangles(triangles, bounds, found)?,
                 LeafPacket::MovingTriangles(line, keys) => self.validate_moving(line, keys, bounds, found)?,
                 LeafPacket::Curves(curves) => validate_curves(curves, bounds, found)?,
+                LeafPacket::Splats(splats) => validate_splats(splats, bounds, found)?,
                 LeafPacket::Analytic(shapes) => {
                     found.ids.extend(shapes.id.iter().filter(|id| **id != u32::MAX));
                 }
@@ -124,6 +125,16 @@ impl Accel {
 fn validate_curves(packet: &CurvePacket, bounds: &Bounds3, found: &mut Found) -> Result<(), String> {
     for lane in 0..packet.lanes() {
         if bounds.union(packet.segment(lane).bounds()) != *bounds {
+            return Err(format!("primitive {} sticks out of its box", packet.id[lane]));
+        }
+        found.ids.push(packet.id[lane]);
+    }
+    Ok(())
+}
+
+fn validate_splats(packet: &SplatPacket, bounds: &Bounds3, found: &mut Found) -> Result<(), String> {
+    for lane in (0..LANES).filter(|lane| packet.id[*lane] != u32::MAX) {
+        if bounds.with(packet.center(lane)) != *bounds {
             return Err(format!("primitive {} sticks out of its box", packet.id[lane]));
         }
         found.ids.push(packet.id[lane]);
@@ -178,6 +189,8 @@ impl Accel {
                 LeafPacket::Triangles(triangles) => triangles_distance(triangles, p),
                 LeafPacket::Analytic(shapes) => analytic_distance(shapes, p),
                 LeafPacket::Curves(curves) => curves_distance(curves, p),
+                // They have no surface, and stand in instances.
+                LeafPacket::Splats(_) => bound,
                 LeafPacket::Instance(record) if record.instance == 0 => {
                     stack.push((record.root, bound));
                     f32::INFINITY

@@ -5,7 +5,7 @@
 
 use crate::math::{DAffine3, Ray, Vec3};
 use crate::shape::triangle::{LANES, TriangleRows, Weights};
-use crate::shape::{CurveSegment, Packed, PreparedRay};
+use crate::shape::{CurveSegment, Packed, PreparedRay, Splat, SplatLanes};
 use crate::simd::Line;
 use bytemuck::{Pod, Zeroable};
 use std::mem::offset_of;
@@ -53,6 +53,8 @@ pub const NODE_LINES: usize = 4;
 pub const TRIANGLE_LINES: usize = 3;
 /// Lines of an [`AnalyticPacket`].
 pub const ANALYTIC_LINES: usize = 2;
+/// Lines of a [`SplatPacket`].
+pub const SPLAT_LINES: usize = 4;
 /// Lines of an [`InstanceRecord`].
 pub const INSTANCE_LINES: usize = 1;
 
@@ -230,6 +232,69 @@ impl CurvePacket {
     }
 }
 
+/// Kind of the first lane of a [`SplatPacket`]. What is less is an analytic shape.
+pub const SPLATS: u8 = u8::MAX - 2;
+
+/// Four Gaussian splats. What is at `kind` and `next` is where [`AnalyticPacket`] has it.
+#[repr(C, align(64))]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct SplatPacket {
+    /// The first seven numbers of their matrices ([`Splat::rows`]).
+    first_rows: [[f32; LANES]; 7],
+    /// [`SPLATS`].
+    kind: [u8; LANES],
+    /// The next packet of the leaf, or [`DONE`].
+    pub next: u32,
+    /// Unused.
+    padding: [u32; 2],
+    /// The other numbers of the matrices.
+    last_rows: [[f32; LANES]; 2],
+    /// Middles: x, y, z.
+    center: [[f32; LANES]; 3],
+    /// Opacities; 0 in unused lanes.
+    opacity: [f32; LANES],
+    /// Primitive ids; `u32::MAX` in unused lanes.
+    pub id: [u32; LANES],
+    /// Unused.
+    more_padding: [u32; LANES],
+}
+
+impl SplatPacket {
+    /// Four splats or fewer, with their ids.
+    pub fn of(splats: impl Iterator<Item = (Splat, u32)>, next: u32) -> SplatPacket {
+        let kind = [SPLATS; LANES];
+        let mut packet = SplatPacket { kind, next, id: [u32::MAX; LANES], ..SplatPacket::zeroed() };
+        // A ray finds the peak of an unused lane at a number.
+        packet.first_rows[0] = [1.0; LANES];
+        packet.first_rows[4] = [1.0; LANES];
+        packet.last_rows[1] = [1.0; LANES];
+        for (lane, (splat, id)) in splats.take(LANES).enumerate() {
+            for (i, number) in splat.rows.as_flattened().iter().enumerate() {
+                let row = if i < 7 { &mut packet.first_rows[i] } else { &mut packet.last_rows[i - 7] };
+                row[lane] = *number;
+            }
+            (0..3).for_each(|axis| packet.center[axis][lane] = splat.center[axis]);
+            packet.opacity[lane] = splat.opacity;
+            packet.id[lane] = id;
+        }
+        packet
+    }
+
+    /// The splats.
+    #[inline(always)]
+    pub fn lanes(&self) -> SplatLanes<'_> {
+        let [a, b, c, d, e, f, g] = &self.first_rows;
+        let [h, i] = &self.last_rows;
+        let [x, y, z] = &self.center;
+        SplatLanes { center: [x, y, z], rows: [a, b, c, d, e, f, g, h, i], opacity: &self.opacity }
+    }
+
+    /// The middle of a lane.
+    pub fn center(&self, lane: usize) -> Vec3 {
+        Vec3::new(self.center[0][lane], self.center[1][lane], self.center[2][lane])
+    }
+}
+
 /// A packet of a leaf.
 pub enum LeafPacket<'a> {
     /// Triangles and halves of quads.
@@ -240,6 +305,8 @@ pub enum LeafPacket<'a> {
     Analytic(&'a AnalyticPacket),
     /// Curve segments.
     Curves(&'a CurvePacket),
+    /// Gaussian splats.
+    Splats(&'a SplatPacket),
     /// An instance.
     Instance(&'a InstanceRecord),
 }
@@ -271,6 +338,7 @@ fn packet_at(lines: &[Line], reference: u32) -> Option<(LeafPacket<'_>, u32)> {
             let of_kind = match packet.kind[0] {
                 MOVING_TRIANGLES => LeafPacket::MovingTriangles(line, packet.id[0] as usize),
                 CURVE_SEGMENTS => LeafPacket::Curves(view::<CurvePacket, ANALYTIC_LINES>(lines, line)?),
+                SPLATS => LeafPacket::Splats(view::<SplatPacket, SPLAT_LINES>(lines, line)?),
                 _ => LeafPacket::Analytic(packet),
             };
             Some((of_kind, packet.next))
@@ -321,6 +389,9 @@ const _: () = assert!(size_of::<AnalyticPacket>() == ANALYTIC_LINES * 64);
 const _: () = assert!(size_of::<CurvePacket>() == ANALYTIC_LINES * 64);
 const _: () = assert!(offset_of!(CurvePacket, kind) == offset_of!(AnalyticPacket, kind));
 const _: () = assert!(offset_of!(CurvePacket, next) == offset_of!(AnalyticPacket, next));
+const _: () = assert!(size_of::<SplatPacket>() == SPLAT_LINES * 64);
+const _: () = assert!(offset_of!(SplatPacket, kind) == offset_of!(AnalyticPacket, kind));
+const _: () = assert!(offset_of!(SplatPacket, next) == offset_of!(AnalyticPacket, next));
 const _: () = assert!(size_of::<InstanceRecord>() == INSTANCE_LINES * 64);
 
 /// Views `N` lines as one of the records above; `None` where the buffer ends earlier.

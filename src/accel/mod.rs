@@ -1,5 +1,5 @@
-//! Ray intersection: one bounding volume hierarchy (BVH) over triangles, quads, analytic shapes, curve segments and
-//! instances, and batched queries on it.
+//! Ray intersection: one bounding volume hierarchy (BVH) over triangles, quads, analytic shapes, curve segments,
+//! Gaussian splats and instances, and batched queries on it.
 //!
 //! Construction: obvhs builds a binary BVH (`binary_tree.rs`), which is collapsed to eight children a node at least expected
 //! cost and written to cache lines (`wide_tree.rs`, `layout.rs`). More primitives than `largest_whole` are cut into chunks,
@@ -11,7 +11,11 @@
 //! (but see [`TreeQuality`]).
 //!
 //! Primitive ids within a geometry: triangles `0..T`, then quads `T..T + Q`, then `A` analytic shapes from
-//! `T + Q` on, then curve segments from `T + Q + A` on.
+//! `T + Q` on, then curve segments from `T + Q + A` on, then Gaussian splats.
+//!
+//! A ray accepts a Gaussian splat with the probability of its opacity there, by a hash of the ray and the splat: the nearest
+//! accepted one is seen with the weight that it has in compositing in order (Sun, Georgiev, Fei, Hasan 2025, "Stochastic Ray
+//! Tracing of Transparent 3D Gaussians"). The same ray at the same time always accepts the same splats.
 
 mod binary_tree;
 mod build;
@@ -118,6 +122,13 @@ impl Accel {
         !self.motions.is_empty()
     }
 
+    /// Are hits of rays with times ([`Accel::closest_in_time`]) others than those without? Where nothing moves, times tell rays that
+    /// are alike to the bit from one another, so that each accepts splats of its own.
+    #[inline(always)]
+    pub fn uses_times(&self) -> bool {
+        self.is_moving() || self.stats.splats > 0
+    }
+
     /// [`Accel::closest`] where things move: each ray at its own time in 0..1.
     pub fn closest_in_time(&self, rays: &[Ray], times: &[f32], hits: &mut [Hit]) {
         let count = rays.len().min(hits.len()).min(times.len());
@@ -126,7 +137,7 @@ impl Accel {
 
     /// [`Accel::closest_one`] at a time, if things move.
     pub fn closest_one_in_time(&self, ray: &Ray, time: f32) -> Hit {
-        if !self.is_moving() {
+        if !self.uses_times() {
             return self.closest_one(ray);
         }
         let mut hit = [Hit::MISS];
@@ -203,6 +214,8 @@ pub struct BuildStats {
     pub analytic: [u64; ShapeTag::ALL.len()],
     /// Curve segments in it.
     pub curves: u64,
+    /// Gaussian splats in it.
+    pub splats: u64,
     /// Instances in it.
     pub instances: u64,
     /// Geometries (other than the world's) that an instance uses: only these are built.
@@ -218,6 +231,7 @@ impl BuildStats {
         self.quads += tree.quads;
         self.analytic.iter_mut().zip(tree.analytic).for_each(|(sum, n)| *sum += n);
         self.curves += tree.curves;
+        self.splats += tree.splats;
         self.dropped.add(tree.dropped);
     }
 
@@ -233,7 +247,9 @@ impl BuildStats {
         for primitive in &primitives[flat..analytic] {
             self.analytic[geometry.analytic[primitive.id as usize - first].tag() as usize] += 1;
         }
-        self.curves += (primitives.len() - analytic) as u64;
+        let curves = analytic + primitives[analytic..].partition_point(|p| p.kind == PrimitiveKind::Curve);
+        self.curves += (curves - analytic) as u64;
+        self.splats += (primitives.len() - curves) as u64;
     }
 }
 

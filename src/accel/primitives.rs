@@ -2,16 +2,16 @@
 
 use super::input::Geometry;
 use crate::math::{Bounds3, Vec3};
-use crate::shape::{Analytic, CurveSegment, Quad, Shape, triangle};
+use crate::shape::{Analytic, CurveSegment, Quad, Shape, SplatCloud, triangle};
 use crate::simd::prefer_huge_pages;
 use rayon::prelude::*;
 
 /// Numbers of dropped primitives, by reason.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Dropped {
-    /// Triangles, quads, analytic shapes and curve segments with NaN, infinite or too large coordinates (beyond 1e18), or indices out of range.
+    /// Triangles, quads, analytic shapes, curve segments and splats with NaN, infinite or too large coordinates (beyond 1e18), or indices out of range.
     pub not_finite: u64,
-    /// Triangles and quads without area, spheres, disks and curve segments without a radius.
+    /// Triangles and quads without area, spheres, disks and curve segments without a radius, splats without opacity.
     pub degenerate: u64,
     /// Instances whose matrix is singular or not finite, or whose geometry does not exist.
     pub instances: u64,
@@ -46,6 +46,7 @@ pub enum PrimitiveKind {
     Quad,
     Analytic,
     Curve,
+    Splat,
     Instance,
     /// A subtree that is already written.
     Subtree,
@@ -137,6 +138,15 @@ fn curve_bounds(segment: &CurveSegment) -> Result<Bounds3, PrimitiveKind> {
     Ok(rounded_outwards(segment.bounds()))
 }
 
+fn splat_bounds(splats: &SplatCloud, index: usize) -> Result<Bounds3, PrimitiveKind> {
+    let bounds = splats.bounds_of(index).ok_or(PrimitiveKind::Degenerate)?;
+    if is_in_reach(bounds.min) && is_in_reach(bounds.max) {
+        Ok(rounded_outwards(bounds))
+    } else {
+        Err(PrimitiveKind::NotFinite)
+    }
+}
+
 /// Outwards by one step each, which covers the rounding of sums.
 fn rounded_outwards(bounds: Bounds3) -> Bounds3 {
     let low = bounds.min.to_array().map(f32::next_down);
@@ -148,7 +158,8 @@ fn rounded_outwards(bounds: Bounds3) -> Bounds3 {
 pub fn collect_primitives(geometry: &Geometry) -> (Vec<Primitive>, Dropped) {
     let (triangles, quads) = (geometry.triangles.len(), geometry.quads.len());
     let analytic = geometry.analytic.len();
-    let total = triangles + quads + analytic + geometry.curves.len();
+    let curves = geometry.curves.len();
+    let total = geometry.primitives();
     let one = |id: usize| {
         let (kind, bounds) = if id < triangles {
             (PrimitiveKind::Triangle, triangle_bounds(geometry, id))
@@ -156,8 +167,11 @@ pub fn collect_primitives(geometry: &Geometry) -> (Vec<Primitive>, Dropped) {
             (PrimitiveKind::Quad, quad_bounds(&geometry.quads[id - triangles]))
         } else if id < triangles + quads + analytic {
             (PrimitiveKind::Analytic, analytic_bounds(&geometry.analytic[id - triangles - quads]))
-        } else {
+        } else if id < triangles + quads + analytic + curves {
             (PrimitiveKind::Curve, curve_bounds(&geometry.curves.get(id - triangles - quads - analytic)))
+        } else {
+            let index = id - triangles - quads - analytic - curves;
+            (PrimitiveKind::Splat, splat_bounds(&geometry.splats, index))
         };
         let id = id as u32;
         bounds.map_or_else(

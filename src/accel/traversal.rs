@@ -10,12 +10,14 @@
 
 use super::layout::{
     ANALYTIC_LINES, AnalyticPacket, CurvePacket, DONE, INSTANCE_LINES, InstanceRecord, KIND_ANALYTIC,
-    LEAVE_INSTANCE, MOVING_TRIANGLES, NODE_LINES, Node, TRIANGLE_LINES, TrianglePacket, curves_at, kind_of,
-    line_of, on_primitive, view,
+    LEAVE_INSTANCE, MOVING_TRIANGLES, NODE_LINES, Node, SPLAT_LINES, SPLATS, SplatPacket, TRIANGLE_LINES,
+    TrianglePacket, curves_at, kind_of, line_of, on_primitive, view,
 };
 use super::motion::{RayTimes, triangles_at};
 use crate::math::{Hit, NO_HIT, OriginPrimitive, Ray};
-use crate::shape::{Analytic, PreparedRay, Shape, triangle};
+use crate::sampling::hash::{mix64, unit};
+use crate::scene::Splats;
+use crate::shape::{Analytic, PreparedRay, Shape, octahedral, triangle};
 use crate::simd::{BoxRay, Entry, Line, WIDEN, Wide, WideKernel, prefetch_lines};
 
 /// Rays in flight: two bits of a `u64` each. 32 is the knee: 16 lose a fifth on large scenes, 64 gain nothing.
@@ -379,9 +381,8 @@ impl<C: RayTimes, const N: usize> RaysInFlight<'_, C, N> {
             }
             return packet.next;
         }
-        if let Some(curves) = curves_at(self.lines, line_of(current), packet) {
-            slot.curves(curves);
-            return packet.next;
+        if packet.kind[0] >= SPLATS {
+            return self.curves_or_splats(id, current, packet);
         }
         let before = first_of::<O>(self.rays, slot.index);
         for lane in 0..4 {
@@ -392,6 +393,21 @@ impl<C: RayTimes, const N: usize> RaysInFlight<'_, C, N> {
             if let Some(t) = met {
                 slot.offer(t, 0.0, 0.0, packet.id[lane], before);
             }
+        }
+        packet.next
+    }
+
+    /// Tests the curve segments or the splats of a packet.
+    #[inline(never)]
+    fn curves_or_splats(&mut self, id: usize, current: u32, packet: &AnalyticPacket) -> u32 {
+        let (slot, line) = (&mut self.slots[id], line_of(current));
+        let ray = slot.index as usize;
+        if let Some(curves) = curves_at(self.lines, line, packet) {
+            slot.curves(curves);
+        } else if packet.kind[0] == SPLATS
+            && let Some(splats) = view::<SplatPacket, SPLAT_LINES>(self.lines, line)
+        {
+            slot.splats(splats, &self.rays[ray], self.times.time(ray));
         }
         packet.next
     }
@@ -482,6 +498,15 @@ const _: () = assert!(size_of::<ShallowSlot>() / 64 % 2 == 1 && size_of::<DeepSl
 pub fn starts_near(id: u32, origin_primitive: u32) -> bool {
     const NEAR: u32 = 256;
     id.wrapping_sub(origin_primitive).wrapping_add(NEAR) <= 2 * NEAR
+}
+
+/// A number that tells a ray at a time from others.
+#[inline(always)]
+fn key_of(ray: &Ray, time: f32) -> u64 {
+    let pair = |a: f32, b: f32| u64::from(a.to_bits()) << 32 | u64::from(b.to_bits());
+    let (o, d) = (ray.origin, ray.direction);
+    let sum = mix64(mix64(mix64(pair(d.x, d.y)) ^ pair(d.z, o.x)) ^ pair(o.y, o.z));
+    mix64(sum ^ u64::from(time.to_bits()))
 }
 
 impl<const N: usize> Slot<N> {
@@ -609,6 +634,32 @@ impl<const N: usize> Slot<N> {
             let segment = packet.segment(lane);
             if let Some((t, u)) = segment.intersect(&self.ray, self.t_min, self.best.t, starts_near) {
                 self.offer(t, u, 0.0, id, None);
+            }
+        }
+    }
+
+    /// Tests the splats of a packet for a ray, which is `world` in world space, at a time. Each is accepted with the probability of its largest
+    /// opacity along the ray, by a hash of the ray and the splat. A hit's parameters are the ray's direction in object space.
+    #[inline(always)]
+    pub fn splats(&mut self, packet: &SplatPacket, world: &Ray, time: f32) {
+        let (t, opacity) = packet.lanes().peaks(&self.ray);
+        let mut key = None;
+        for lane in 0..4 {
+            // NaN fails.
+            let is_there =
+                opacity[lane] >= Splats::LEAST_OPACITY && t[lane] > self.t_min && t[lane] <= self.best.t;
+            if !is_there {
+                continue;
+            }
+            let key = *key.get_or_insert_with(|| key_of(world, time));
+            let id = packet.id[lane];
+            if id == self.origin_primitive {
+                continue;
+            }
+            let splat = u64::from(self.instance) << 32 | u64::from(id);
+            if unit((mix64(key ^ mix64(splat + 1)) >> 32) as u32) < opacity[lane] {
+                let [u, v] = octahedral(self.ray.direction);
+                self.offer(t[lane], u, v, id, None);
             }
         }
     }

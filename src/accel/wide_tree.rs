@@ -8,7 +8,8 @@ use super::input::Geometry;
 use super::layout::{
     ANALYTIC_LINES, AnalyticPacket, BufferFull, CURVES, CurvePacket, DONE, INSTANCE_LINES, InstanceRecord,
     KIND_ANALYTIC, KIND_INSTANCE, KIND_TRIANGLES, MAX_LINE, NODE_LINES, Node, PART_QUAD_FIRST,
-    PART_QUAD_SECOND, PART_TRIANGLE, TRIANGLE_LINES, TrianglePacket, leaf_ref, line_of, view_mut,
+    PART_QUAD_SECOND, PART_TRIANGLE, SPLAT_LINES, SplatPacket, TRIANGLE_LINES, TrianglePacket, leaf_ref,
+    line_of, view_mut,
 };
 use super::motion;
 use super::primitives::{Primitive, PrimitiveKind, triangle_vertices};
@@ -26,6 +27,7 @@ const COST_LEAF: f32 = 0.2;
 const COST_TRIANGLES: f32 = 0.6;
 const COST_ANALYTIC: f32 = 1.5;
 const COST_CURVES: f32 = 1.5;
+const COST_SPLATS: f32 = 1.5;
 const COST_INSTANCE: f32 = 3.0;
 /// Lanes of the longest leaf that is chosen.
 pub const MAX_LANES: u32 = 16;
@@ -39,8 +41,8 @@ struct CollapseCosts {
     left: [u8; WIDTH - 1],
     /// As a wide node: how many of its 8 children the left child gets; 0: it is a leaf.
     left_of_node: u8,
-    /// Lanes of triangles, analytic shapes, curves and instances below, up to 255.
-    lanes: [u8; 4],
+    /// Lanes of triangles, analytic shapes, curves, splats and instances below, up to 255.
+    lanes: [u8; 5],
 }
 
 /// A subtree that has been written.
@@ -100,8 +102,8 @@ impl Collapse {
         self.costs[0].cost[0]
     }
 
-    /// Lanes of triangles, analytic shapes, curves and instances below a node (up to 255).
-    pub fn lanes(&self, node: usize) -> [u8; 4] {
+    /// Lanes of triangles, analytic shapes, curves, splats and instances below a node (up to 255).
+    pub fn lanes(&self, node: usize) -> [u8; 5] {
         self.costs[node].lanes
     }
 
@@ -169,17 +171,18 @@ fn choose<'a>(
             let cost = subtrees[primitive.id as usize].cost;
             return CollapseCosts {
                 cost: [cost; WIDTH - 1],
-                lanes: [u8::MAX; 4],
+                lanes: [u8::MAX; 5],
                 left_of_node: 1,
                 ..CollapseCosts::default()
             };
         }
         let lanes = match primitive.kind {
-            PrimitiveKind::Triangle => [1, 0, 0, 0],
-            PrimitiveKind::Quad => [2, 0, 0, 0],
-            PrimitiveKind::Analytic => [0, 1, 0, 0],
-            PrimitiveKind::Curve => [0, 0, 1, 0],
-            _ => [0, 0, 0, 1],
+            PrimitiveKind::Triangle => [1, 0, 0, 0, 0],
+            PrimitiveKind::Quad => [2, 0, 0, 0, 0],
+            PrimitiveKind::Analytic => [0, 1, 0, 0, 0],
+            PrimitiveKind::Curve => [0, 0, 1, 0, 0],
+            PrimitiveKind::Splat => [0, 0, 0, 1, 0],
+            _ => [0, 0, 0, 0, 1],
         };
         return CollapseCosts {
             cost: [leaf_cost(area, lanes); WIDTH - 1],
@@ -225,13 +228,14 @@ fn splits(left: &[f32; WIDTH - 1], right: &[f32; WIDTH - 1]) -> ([f32; WIDTH], [
     (least, of_left)
 }
 
-fn leaf_cost(area: f32, lanes: [u8; 4]) -> f32 {
+fn leaf_cost(area: f32, lanes: [u8; 5]) -> f32 {
     let packets = |n: u8| f32::from(n.div_ceil(4));
     let cost = COST_LEAF
         + COST_TRIANGLES * packets(lanes[0])
         + COST_ANALYTIC * packets(lanes[1])
         + COST_CURVES * f32::from(lanes[2].div_ceil(CURVES as u8))
-        + COST_INSTANCE * f32::from(lanes[3]);
+        + COST_SPLATS * packets(lanes[3])
+        + COST_INSTANCE * f32::from(lanes[4]);
     area * cost
 }
 
@@ -388,8 +392,7 @@ impl TreeWriter<'_> {
     /// and their lines.
     fn write_leaf(&self, region: &mut [Line], base: usize, node: usize) -> (u32, usize) {
         let mut triangles = LeafItems::of(([Vec3::ZERO; 3], 0, PART_TRIANGLE));
-        let (mut analytic, mut curves, mut instances) =
-            (LeafItems::of(0), LeafItems::of(0), LeafItems::of(0));
+        let [mut analytic, mut curves, mut splats, mut instances] = [const { LeafItems::of(0) }; 4];
         for prim in self.leaf_primitives(node).as_slice() {
             match prim.kind {
                 PrimitiveKind::Triangle => {
@@ -405,10 +408,12 @@ impl TreeWriter<'_> {
                 }
                 PrimitiveKind::Analytic => analytic.push(prim.id),
                 PrimitiveKind::Curve => curves.push(prim.id),
+                PrimitiveKind::Splat => splats.push(prim.id),
                 _ => instances.push(prim.id),
             }
         }
-        let lanes = [triangles.count, analytic.count, curves.count, instances.count].map(|n| n as u8);
+        let counts = [triangles.count, analytic.count, curves.count, splats.count, instances.count];
+        let lanes = counts.map(|n| n as u8);
         let references = self.shapes.packet_references(&lanes, base);
         let next = |i: usize| if i + 1 < references.count { references.items[i + 1] } else { DONE };
         let at = |written: usize| line_of(references.items[written]) - base;
@@ -428,6 +433,10 @@ impl TreeWriter<'_> {
         }
         for two in curves.as_slice().chunks(CURVES) {
             *view_mut(region, at(written)) = self.curve_packet(two, next(written));
+            written += 1;
+        }
+        for four in splats.as_slice().chunks(LANES) {
+            *view_mut(region, at(written)) = self.splat_packet(four, next(written));
             written += 1;
         }
         for instance in instances.as_slice() {
@@ -461,11 +470,18 @@ impl TreeWriter<'_> {
         let segments = ids.iter().map(|id| (geometry.curves.get(*id as usize - first), *id));
         CurvePacket::of(segments, next)
     }
+
+    fn splat_packet(&self, ids: &[u32], next: u32) -> SplatPacket {
+        let splats = &self.shapes.geometry.splats;
+        let first = self.shapes.geometry.primitives() - splats.len();
+        let known = ids.iter().filter_map(|id| Some((splats.get(*id as usize - first)?, *id)));
+        SplatPacket::of(known, next)
+    }
 }
 
 impl ShapeSource<'_> {
     /// Lines of each kind of packet, and their kinds.
-    fn kinds(&self) -> [(u32, usize, usize); 4] {
+    fn kinds(&self) -> [(u32, usize, usize); 5] {
         let triangles = match self.geometry.keys.len() {
             0 => (KIND_TRIANGLES, LANES, TRIANGLE_LINES),
             keys => (KIND_ANALYTIC, LANES, ANALYTIC_LINES + keys * TRIANGLE_LINES),
@@ -474,12 +490,13 @@ impl ShapeSource<'_> {
             triangles,
             (KIND_ANALYTIC, LANES, ANALYTIC_LINES),
             (KIND_ANALYTIC, CURVES, ANALYTIC_LINES),
+            (KIND_ANALYTIC, LANES, SPLAT_LINES),
             (KIND_INSTANCE, 1, INSTANCE_LINES),
         ]
     }
 
-    /// Lines of the packets for so many lanes of triangles, analytic shapes, curves and instances.
-    fn packet_lines(&self, lanes: &[u8; 4]) -> usize {
+    /// Lines of the packets for so many lanes of triangles, analytic shapes, curves, splats and instances.
+    fn packet_lines(&self, lanes: &[u8; 5]) -> usize {
         self.kinds()
             .iter()
             .zip(lanes)
@@ -488,7 +505,7 @@ impl ShapeSource<'_> {
     }
 
     /// References to the packets of a leaf that starts at line `base`, in order.
-    fn packet_references(&self, lanes: &[u8; 4], base: usize) -> LeafItems<u32> {
+    fn packet_references(&self, lanes: &[u8; 5], base: usize) -> LeafItems<u32> {
         let mut line = base;
         let mut references = LeafItems::of(DONE);
         for ((kind, per, lines), n) in self.kinds().iter().zip(lanes) {
@@ -509,7 +526,7 @@ struct LeafItems<T> {
 
 impl<T: Copy> LeafItems<T> {
     /// None yet; `filler` fills unused placements.
-    fn of(filler: T) -> LeafItems<T> {
+    const fn of(filler: T) -> LeafItems<T> {
         LeafItems { items: [filler; MAX_LANES as usize], count: 0 }
     }
 

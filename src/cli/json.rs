@@ -74,6 +74,7 @@ struct RunReport<'a> {
     triangles: u64,
     quads: u64,
     curve_pieces: u64,
+    gaussian_splats: u64,
     #[serde(flatten)]
     shapes: ShapeCounts,
     lights: u64,
@@ -119,6 +120,7 @@ pub(crate) fn of_run(run: &Run) -> impl Serialize {
         triangles: c.triangles,
         quads: c.quads,
         curve_pieces: c.curves,
+        gaussian_splats: c.splats,
         shapes: ShapeCounts(c.analytic),
         lights: c.lights,
         scene_bytes: c.bytes,

@@ -231,11 +231,12 @@ impl Run {
     pub fn print_details(&self) {
         let (s, c) = (&self.statistics, &self.compiled);
         say!(
-            "scene    {}, {}, {}{}{}, {:.1} MiB{}",
+            "scene    {}, {}, {}{}{}{}, {:.1} MiB{}",
             counted(c.triangles, "triangle"),
             counted(c.quads, "quad"),
             ShapeCounts(c.analytic).words(),
             if c.curves > 0 { format!("{}, ", counted(c.curves, "curve piece")) } else { String::new() },
+            if c.splats > 0 { format!("{}, ", counted(c.splats, "Gaussian splat")) } else { String::new() },
             counted(c.lights, "light"),
             mib(c.bytes),
             if c.tree == TreeQuality::Fast { ", fast tree" } else { "" }

@@ -166,7 +166,7 @@ fn size(longer: u32, loaded: &Loaded) -> (u32, u32) {
 
 #[derive(Args, Debug)]
 pub(crate) struct ThumbArgs {
-    /// Models or scenes: .gltf, .glb, .vrm, .obj, .ply, .stl, .zip, .toml or .blend.
+    /// Models or scenes: .gltf, .glb, .vrm, .obj, .ply, .spz, .stl, .zip, .toml or .blend.
     #[arg(required = true, value_name = "MODEL")]
     pub models: Vec<PathBuf>,
     /// Output folder for the thumbnails, MODEL.png each [default: MODEL.thumb.png next to each model].

@@ -11,8 +11,8 @@ use crate::accel;
 use crate::accel::{AccelInstance, MovingInstance};
 use crate::error::Result;
 use crate::math::{Bounds3, DAffine3, DVec3, Mat3, Vec3, poly};
-use crate::scene::{MaterialId, Mesh, Moving, Scene};
-use crate::shape::{Analytic, CurveSegments, Quad, Shape as _};
+use crate::scene::{MaterialId, Mesh, Moving, Scene, Splats};
+use crate::shape::{Analytic, CurveSegments, Quad, Shape as _, SplatCloud};
 use crate::texture::AttributeList;
 use bevy_mikktspace::{Geometry, Ops, TangentSpace, generate_tangents};
 use rayon::prelude::*;
@@ -236,7 +236,10 @@ fn share(
     needs: (Needs, &[String]),
 ) -> Space {
     let mut space = Space::EMPTY;
-    space.append(mesh, (None, number), (&DAffine3::IDENTITY, is_inside_out), needs, |_| false);
+    match &mesh.splats {
+        Some(splats) => space.take_splats(mesh, splats, number),
+        None => space.append(mesh, (None, number), (&DAffine3::IDENTITY, is_inside_out), needs, |_| false),
+    }
     space.measure();
     space
 }
@@ -271,6 +274,7 @@ impl Space {
             quads: Vec::new(),
             analytic: Vec::new(),
             curves: CurveSegments::EMPTY,
+            splats: SplatCloud::EMPTY,
             keys: Vec::new(),
         },
         attributes: Attributes::EMPTY,
@@ -290,7 +294,14 @@ impl Space {
         for shape in &self.shapes.analytic {
             bounds = bounds.union(shape.bounds());
         }
-        self.bounds = bounds.union(self.shapes.curves.bounds());
+        self.bounds = bounds.union(self.shapes.curves.bounds()).union(self.shapes.splats.bounds());
+    }
+
+    /// Takes the splats of a mesh, which are all that is in this space.
+    fn take_splats(&mut self, mesh: &Mesh, splats: &Arc<Splats>, number: impl Fn(MaterialId) -> u32) {
+        let material = mesh.parts.first().map_or(0, |part| number(part.material));
+        self.attributes.materials = vec![material; mesh.positions.len()];
+        self.shapes.splats = SplatCloud { centers: mesh.positions.clone(), splats: Some(splats.clone()) };
     }
 
     /// Appends a placed mesh, which may be inside out, to the world's own geometry.

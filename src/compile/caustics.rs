@@ -210,7 +210,11 @@ fn visit_primitive(space: &Space, prim: usize, mut visit: impl FnMut(TargetSpher
         let (center, radius) = shape.center_and_radius();
         return visit(TargetSphere { center, radius });
     }
-    let piece = shapes.curves.get(prim - shapes.analytic.len());
+    let prim = prim - shapes.analytic.len();
+    if let Some(splat) = prim.checked_sub(shapes.curves.len()) {
+        return visit(point(Vec3::from_array(shapes.splats.centers[splat])));
+    }
+    let piece = shapes.curves.get(prim);
     piece
         .ends
         .into_iter()

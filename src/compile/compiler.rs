@@ -367,7 +367,7 @@ fn default_anchor(scene: &Scene) -> DVec3 {
 fn report_accel(stats: &BuildStats, report: &mut CompileReport, flat: impl Fn() -> u64) {
     (report.tree, report.bytes) = (stats.quality, stats.bytes);
     (report.triangles, report.quads, report.analytic) = (stats.triangles, stats.quads, stats.analytic);
-    report.curves = stats.curves;
+    (report.curves, report.splats) = (stats.curves, stats.splats);
     let dropped = stats.dropped;
     let say = |list: &mut Vec<Warning>, count: u64, what: &str, with: &str| {
         let message = match count {

@@ -225,7 +225,7 @@ fn area_shape(shapes: &accel::Geometry, prim: u32, key: Option<&Key>) -> Option<
             None => *shape,
             Some(key) => key.sphere(shape)?,
         }),
-        Primitive::Curve(..) => return None,
+        Primitive::Curve(..) | Primitive::Splat(..) => return None,
     };
     is_usable(&shape).then_some(shape)
 }
@@ -270,6 +270,6 @@ fn radiance(space: &Space, prim: u32, emission: &CompiledEmission, mirrors: bool
             let object_from_world: Mat3 = space.attributes.object_from_world(index);
             Radiance::Analytic { texture, factor, object_from_world }
         }
-        Primitive::Curve(..) => unreachable!("curves don't shine"),
+        Primitive::Curve(..) | Primitive::Splat(..) => unreachable!("they are no lights"),
     }
 }

@@ -3,7 +3,7 @@
 use super::material::CompiledMaterial;
 use crate::math::{DAffine3, DVec3};
 use crate::sampling::hash::mix64;
-use crate::scene::{Curves, Mesh};
+use crate::scene::{Curves, Mesh, Splats};
 use bytemuck::Pod;
 use rayon::prelude::*;
 
@@ -81,6 +81,11 @@ pub fn of_mesh(mesh: &Mesh) -> Fingerprint {
         .with_all(&mesh.colors);
     let lists = mesh.attributes.iter().fold(lists, |sum, attribute| {
         sum.with_all(attribute.name.as_bytes()).with(attribute.width.into()).with_all(&attribute.values)
+    });
+    let lists = mesh.splats.iter().fold(lists, |sum, splats| {
+        let Splats { scales, rotations, opacities, degree, coefficients, is_linear } = &**splats;
+        let sum = sum.with_all(scales).with_all(rotations).with_all(opacities).with_all(coefficients);
+        sum.with(u64::from(*degree)).with(u64::from(*is_linear))
     });
     let sets = mesh.uv_sets.iter().fold(lists, |sum, set| sum.with_all(set));
     mesh.parts.iter().fold(sets.with(mesh.uv_sets.len() as u64), |sum, part| {

@@ -6,7 +6,9 @@ use crate::math::{
     Bounds3, DAffine3, DMat3, Hit, Mat3, Ray, TransformKeys, Vec2, Vec3, gamma, segment, transform_at,
 };
 use crate::shape::triangle::interpolate;
-use crate::shape::{Analytic, CurveSegment, Quad, Shape, Surface, shading_normal, triangle_surface};
+use crate::shape::{
+    Analytic, CurveSegment, Quad, Shape, Surface, from_octahedral, shading_normal, triangle_surface,
+};
 use crate::simd::map_each;
 use crate::texture::{AttributeList, HitAttributes, StrandData};
 use std::sync::Arc;
@@ -139,6 +141,7 @@ pub(super) enum Primitive<'a> {
     Quad(&'a Quad),
     Analytic(usize, &'a Analytic),
     Curve(usize, CurveSegment),
+    Splat(usize),
 }
 
 pub(super) fn primitive(shapes: &accel::Geometry, prim: u32) -> Primitive<'_> {
@@ -155,7 +158,10 @@ pub(super) fn primitive(shapes: &accel::Geometry, prim: u32) -> Primitive<'_> {
                 Some(shape) => Primitive::Analytic(index, shape),
                 None => {
                     let index = index - shapes.analytic.len();
-                    Primitive::Curve(index, shapes.curves.get(index))
+                    match index.checked_sub(shapes.curves.len()) {
+                        None => Primitive::Curve(index, shapes.curves.get(index)),
+                        Some(index) => Primitive::Splat(index),
+                    }
                 }
             }
         }
@@ -326,6 +332,7 @@ impl Geometries {
             }
             Primitive::Analytic(_, shape) => shape.surface(ray.at(hit.t), ray.origin),
             Primitive::Curve(_, segment) => segment.surface(ray.origin, ray.direction),
+            Primitive::Splat(index) => shapes.splats.surface(index, self.in_object(ray, hit), viewed(hit)),
         };
         surface.material = material;
         if hit.instance != 0 {
@@ -347,6 +354,7 @@ impl Geometries {
             Primitive::Analytic(..) => return None,
             // Rays meet curves from outside.
             Primitive::Curve(..) => return Some(false),
+            Primitive::Splat(..) => return None,
         };
         let mut ng = triangle_surface(corners, 0.0, 0.0).ng;
         if hit.instance != 0 {
@@ -405,7 +413,36 @@ impl Geometries {
             Primitive::Curve(index, segment) => {
                 attributes.curves.coordinates(shapes.curves.segments[index], &segment, surface, hit.u)
             }
+            Primitive::Splat(index) => SurfaceCoordinates::of_splat(shapes, index, hit),
         }
+    }
+}
+
+/// The direction in object space along which a ray hit a splat.
+fn viewed(hit: &Hit) -> Vec3 {
+    from_octahedral([hit.u, hit.v])
+}
+
+impl SurfaceCoordinates {
+    /// A splat has the colour of the direction that it is seen along, and no texture coordinates.
+    fn of_splat(shapes: &accel::Geometry, index: usize, hit: &Hit) -> SurfaceCoordinates {
+        let [r, g, b] = shapes.splats.color(index, viewed(hit));
+        SurfaceCoordinates {
+            uv: [Vec2::ZERO; 2],
+            color: [r, g, b, 1.0],
+            tangent_frame: None,
+            uv_per_metre: [0.0; 2],
+        }
+    }
+}
+
+impl Geometries {
+    /// Where a ray hit, in the space of a placement that stands still.
+    fn in_object(&self, ray: &Ray, hit: &Hit) -> Vec3 {
+        let p = ray.at(hit.t);
+        let Some(i) = hit.instance.checked_sub(1) else { return p };
+        let Transform { linear, translation, .. } = self.placements[i as usize].world_from_object;
+        linear.inverse() * (p - translation)
     }
 }
 
@@ -600,6 +637,9 @@ impl Moment<'_> {
                 shape.surface(self.to_object(ray.at(hit.t)), self.to_object(ray.origin))
             }
             Primitive::Curve(..) => unreachable!("curves stand still"),
+            Primitive::Splat(index) => {
+                shapes.splats.surface(index, self.to_object(ray.at(hit.t)), viewed(hit))
+            }
         };
         surface.material = attributes.materials[hit.prim as usize];
         let surface = self.placement.surface_to_world(&surface);
@@ -613,7 +653,7 @@ impl Moment<'_> {
         let corners = match primitive(&self.space.shapes, hit.prim) {
             Primitive::Triangle(t) => self.corners(t),
             Primitive::Quad(q) => [q.corner, q.corner + q.edge_u, q.corner + q.edge_v].map(|c| c.to_array()),
-            Primitive::Analytic(..) | Primitive::Curve(..) => return None,
+            Primitive::Analytic(..) | Primitive::Curve(..) | Primitive::Splat(..) => return None,
         };
         let ng = triangle_surface(corners, 0.0, 0.0).ng;
         let ng = self.placement.world_from_object.normal_from_object * ng;
@@ -647,6 +687,7 @@ impl Moment<'_> {
                 SurfaceCoordinates { uv: [uv, uv], color: [1.0; 4], tangent_frame, uv_per_metre }
             }
             Primitive::Curve(..) => unreachable!("curves stand still"),
+            Primitive::Splat(index) => SurfaceCoordinates::of_splat(shapes, index, hit),
         }
     }
 }

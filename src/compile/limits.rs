@@ -73,6 +73,7 @@ fn estimate(scene: &Scene, plan: &Plan) -> Estimate {
     copied(scene, plan).for_each(|mesh| estimate.add_triangles(mesh.triangles, 0));
     for &mesh in &plan.meshes {
         let keys = scene.motion.meshes.get(&mesh).filter(|moving| Moving::blurs(moving));
+        estimate.add_splats(scene.meshes[mesh].splats.as_ref().map_or(0, |splats| splats.len()));
         estimate
             .add_triangles(scene.meshes[mesh].triangles.len(), keys.map_or(0, |moving| moving.keys.len()));
     }

@@ -126,7 +126,7 @@ pub(super) fn plan(
             Motion::Moves | Motion::Deforms | Motion::Keyed(_) if keeps && can_be_placed => {
                 InstanceMode::Moving
             }
-            _ if is_shared && can_be_placed => InstanceMode::Shared,
+            _ if is_shared && can_be_placed || mesh.splats.is_some() => InstanceMode::Shared,
             _ => InstanceMode::Merged,
         };
         plan.steps.push(Step { instance: index, mode, world_from_object, geometry: 0, motion });

@@ -83,6 +83,8 @@ pub struct CompileReport {
     pub analytic: [u64; ShapeTag::ALL.len()],
     /// Pieces of curves that rays can hit.
     pub curves: u64,
+    /// Gaussian splats that rays can hit.
+    pub splats: u64,
     /// Lights, the environment included.
     pub lights: u64,
     /// How good the trees are that rays walk.
@@ -283,6 +285,7 @@ fn of_shapes(shapes: &Geometry) -> usize {
         + size_of_val(&curves.tangents[..])
         + size_of_val(&curves.segments[..])
         + of_keys(&shapes.keys)
+        + shapes.splats.bytes()
 }
 
 fn of_attributes(attributes: &Attributes) -> usize {

@@ -38,7 +38,7 @@ impl Integrator<'_> {
         } else {
             dispatch(StartBehindPinhole { camera, start });
         }
-        if self.is_moving() {
+        if self.is_moving() || self.scene.accel.uses_times() {
             self.start_times(w);
         }
         if self.is_spectral() {
@@ -292,7 +292,7 @@ impl Integrator<'_> {
     #[inline]
     pub(super) fn occluded(&self, w: &mut Workspace) {
         let Workspace { wave, shadow_rays, shadow_vertices, occluded, pending_hits, times, .. } = w;
-        if !self.scene.accel.is_moving() {
+        if !self.scene.accel.uses_times() {
             return self.scene.accel.occluded(shadow_rays, occluded);
         }
         pending_hits.clear();

@@ -276,7 +276,7 @@ impl SampleTimes {
         samples: impl Iterator<Item = u32>,
         hits: &mut [Hit],
     ) {
-        if !accel.is_moving() {
+        if !accel.uses_times() {
             return accel.closest(rays, hits);
         }
         self.gather(samples);
@@ -286,7 +286,7 @@ impl SampleTimes {
     /// Finds any hits of rays of paths with these radiance indices.
     #[inline]
     pub fn any(&mut self, accel: &Accel, rays: &[Ray], samples: impl Iterator<Item = u32>, hits: &mut [Hit]) {
-        if !accel.is_moving() {
+        if !accel.uses_times() {
             return accel.any(rays, hits);
         }
         self.gather(samples);

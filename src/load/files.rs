@@ -6,6 +6,7 @@ use super::LoadOptions;
 use crate::error::{Choice, Error};
 use crate::simd::prefer_huge_pages;
 use flate2::read::MultiGzDecoder;
+use std::borrow::Cow;
 use std::fs::File;
 use std::io::{Cursor, Read, Seek, SeekFrom};
 use std::path::{Component, Path, PathBuf};
@@ -51,13 +52,25 @@ pub(super) fn read_model(path: &Path) -> crate::error::Result<Vec<u8>> {
         prefer_huge_pages(&mut bytes);
     }
     file.read_to_end(&mut bytes).map_err(fail)?;
+    let unpacked = match inflated(&bytes).map_err(|why| Error::input(path, why))? {
+        Cow::Owned(unpacked) => Some(unpacked),
+        Cow::Borrowed(_) => None,
+    };
+    Ok(unpacked.unwrap_or(bytes))
+}
+
+/// The bytes that compressed ones (gzip) hold; others as they are.
+///
+/// # Errors
+/// Says in words why they can't be unpacked.
+pub(super) fn inflated(bytes: &[u8]) -> Result<Cow<'_, [u8]>, String> {
     if !bytes.starts_with(GZIP) {
-        return Ok(bytes);
+        return Ok(Cow::Borrowed(bytes));
     }
     let mut unpacked = Vec::new();
-    let read = MultiGzDecoder::new(&bytes[..]).take(MOST_DATA).read_to_end(&mut unpacked);
-    read.map_err(|e| Error::input(path, format!("can't be unpacked as gzip: {e}")))?;
-    Ok(unpacked)
+    let read = MultiGzDecoder::new(bytes).take(MOST_DATA).read_to_end(&mut unpacked);
+    read.map_err(|e| format!("can't be unpacked as gzip: {e}"))?;
+    Ok(Cow::Owned(unpacked))
 }
 
 /// The file of a model that is read piece by piece, more than once.

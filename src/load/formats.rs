@@ -1,6 +1,6 @@
 //! The types of files that hold models or scenes, by their extensions: the one table.
 
-use super::{LoadOptions, Loaded, gltf, obj, ply, stl};
+use super::{LoadOptions, Loaded, gltf, obj, ply, splats, stl};
 use crate::error::Result;
 use std::path::Path;
 
@@ -26,6 +26,7 @@ const MODELS: &[ModelFormat] = &[
     },
     ModelFormat { extensions: &["obj"], load: obj::load, is_gltf: false, leaves_up_open: true },
     ModelFormat { extensions: &["ply"], load: ply::load, is_gltf: false, leaves_up_open: true },
+    ModelFormat { extensions: &["spz"], load: splats::spz::load, is_gltf: false, leaves_up_open: true },
     ModelFormat { extensions: &["stl"], load: stl::load, is_gltf: false, leaves_up_open: true },
 ];
 

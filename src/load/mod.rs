@@ -1,4 +1,4 @@
-//! The only reader of files: glTF, OBJ, PLY, STL, scene files (TOML), images and environments. A path goes in, a [`Scene`](crate::scene::Scene)
+//! The only reader of files: glTF, OBJ, PLY, SPZ, STL, scene files (TOML), images and environments. A path goes in, a [`Scene`](crate::scene::Scene)
 //! with its warnings comes out, or one error with all the problems of the file.
 
 pub mod blender;
@@ -22,6 +22,7 @@ pub mod scene_file;
 mod shutter;
 pub mod sky;
 mod smooth;
+mod splats;
 pub mod stage;
 mod stl;
 pub mod subdivide;
@@ -45,7 +46,7 @@ use std::io::Read;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-/// Loads a scene from a `.gltf`, `.glb`, `.obj`, `.ply`, `.stl`, `.toml` or `.blend` file, or from a `.zip` with a model; the extension says which it is
+/// Loads a scene from a `.gltf`, `.glb`, `.obj`, `.ply`, `.spz`, `.stl`, `.toml` or `.blend` file, or from a `.zip` with a model; the extension says which it is
 /// ([`extensions`]).
 ///
 /// # Errors

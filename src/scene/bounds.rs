@@ -1,6 +1,6 @@
 //! Bounding boxes of instances and of the scene.
 
-use super::{Instance, Mesh, Quad, Scene};
+use super::{Instance, Mesh, Quad, Scene, Splats};
 use crate::math::DVec3;
 
 /// Largest number of vertices of a mesh times instances; beyond, the corners of the mesh's bounding box are used.
@@ -100,6 +100,9 @@ pub fn instance_extents(scene: &Scene) -> Vec<Extent> {
 
 /// Marks the vertices that triangles use.
 fn used_vertices(mesh: &Mesh) -> Vec<bool> {
+    if let Some(splats) = &mesh.splats {
+        return splats.opacities.iter().map(|opacity| *opacity >= Splats::LEAST_OPACITY).collect();
+    }
     let mut used = vec![false; mesh.positions.len()];
     for &i in mesh.triangles.as_flattened() {
         if let Some(used) = used.get_mut(i as usize) {

@@ -1,9 +1,10 @@
 //! Meshes and their instances, parallelograms, analytic shapes, and curves.
 
-use super::{MaterialId, MeshId, ObjectInfo, ObjectTraits, VertexAttribute};
+use super::{MaterialId, MeshId, ObjectInfo, ObjectTraits, Splats, VertexAttribute};
 use crate::math::{DAffine3, DQuat, DVec3};
+use std::sync::Arc;
 
-/// Triangles with one set of vertices. Front faces are counter-clockwise.
+/// Triangles with one set of vertices, or Gaussian splats around them. Front faces are counter-clockwise.
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {
     /// For reports.
@@ -22,6 +23,8 @@ pub struct Mesh {
     pub colors: Vec<[f32; 4]>,
     /// Attributes by name, which graphs of nodes read; the names differ.
     pub attributes: Vec<VertexAttribute>,
+    /// Gaussian splats around the vertices, in place of triangles; the first part has their material.
+    pub splats: Option<Arc<Splats>>,
     /// Runs of triangles with their materials, in order and covering all triangles.
     pub parts: Vec<MeshPart>,
 }

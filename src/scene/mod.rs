@@ -31,6 +31,7 @@ mod object_traits;
 mod outline;
 mod settings;
 mod slot;
+mod splats;
 mod texture;
 mod validate;
 
@@ -56,6 +57,7 @@ pub use outline::{MaterialUses, Outline};
 pub(crate) use outline::{encloses, is_closed};
 pub use settings::{BounceLimits, CatcherOutput, Clamp, EnergyCompensation, Filter, Settings, ShadingModel};
 pub use slot::{ColorSlot, FloatSlot, NormalMap, Parameter, ParameterMut, Parameters};
+pub use splats::{Splats, f16};
 pub use texture::{Interpolation, MAX_TEXTURE_NESTING, Mapping, NoiseKind, Texture, TextureTransform, Wrap};
 
 use crate::image::Image;

@@ -47,6 +47,7 @@ mod soft_lamps;
 mod solids;
 mod spectral;
 mod spectral_media;
+mod splats;
 mod splitting;
 mod stepping;
 mod support;

@@ -86,10 +86,7 @@ fn steep() -> Scene {
             normals: corners.map(lean).to_vec(),
             triangles: if tall { vec![[0, 1, 2], [0, 2, 3]] } else { vec![[0, 2, 1], [0, 3, 2]] },
             parts: vec![MeshPart { first_triangle: 0, triangle_count: 2, material: plastic }],
-            uv_sets: Vec::new(),
-            tangents: Vec::new(),
-            colors: Vec::new(),
-            attributes: Vec::new(),
+            ..Mesh::default()
         });
         scene.instances.push(Instance {
             name: "sheet".into(),

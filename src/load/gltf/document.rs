@@ -403,6 +403,8 @@ const READ: &[&str] = &[
     "EXT_texture_webp",
     "KHR_animation_pointer",
     "KHR_draco_mesh_compression",
+    "KHR_gaussian_splatting",
+    "KHR_gaussian_splatting_compression_spz_2",
     "KHR_lights_punctual",
     "KHR_materials_anisotropy",
     "KHR_materials_clearcoat",
@@ -436,8 +438,10 @@ const HARMLESS: &[(&str, &str)] = &[("KHR_xmp_json_ld", "metadata are not read")
 const OF_INTERACTION: &[&str] = &["KHR_interactivity", "KHR_node_hoverability", "KHR_node_selectability"];
 
 /// Extensions that are not read, and what that means.
-const UNREAD: &[(&str, &str)] =
-    &[("KHR_gaussian_splatting", "splats are not surfaces and can't be rendered; export a mesh of them")];
+const UNREAD: &[(&str, &str)] = &[(
+    "KHR_spz_gaussian_splats_compression",
+    "it is a draft; export the splats with KHR_gaussian_splatting",
+)];
 
 impl Document<'_> {
     /// Does the file declare the use of an extension?

@@ -6,6 +6,7 @@ use super::document::{Document, name_of, pointer};
 use super::draco;
 use super::materials::Materials;
 use super::report::{Report, Valid};
+use super::splats;
 use super::vertices::{Attributes, Deformation, add_vertices, attributes};
 use crate::error::Problem;
 use crate::load::mesh_tools::{bound_colors, clear_unusable, normalize_normals};
@@ -51,9 +52,15 @@ impl MeshReader<'_, '_> {
         let Ok(json) = doc.entry::<gltf::json::Mesh>("meshes", index, from, self.report) else {
             return Vec::new();
         };
-        let mut groups = Vec::<Group>::new();
+        let (mut groups, mut clouds) = (Vec::<Group>::new(), Vec::new());
         for (i, primitive) in json.primitives.iter().enumerate() {
             let at = format!("{}/primitives/{i}", pointer("meshes", index));
+            if primitive.mode == Checked::Valid(Mode::Points) {
+                let material = || self.materials.of_splats();
+                // What is wrong with them doesn't concern the others.
+                let read = splats::read(doc, (index, i), material, &at, self.report);
+                clouds.extend(read.ok().flatten());
+            }
             self.add_primitive(primitive, &at, &mut groups);
         }
         let raw = doc.raw("meshes", index, from, self.report);
@@ -64,7 +71,8 @@ impl MeshReader<'_, '_> {
             repair(&mut mesh, &pointer("meshes", index), self.report);
             mesh
         };
-        groups.into_iter().map(finish).filter(|mesh| !mesh.triangles.is_empty()).collect()
+        let meshes = groups.into_iter().map(finish).filter(|mesh| !mesh.triangles.is_empty());
+        meshes.chain(clouds).collect()
     }
 
     fn add_primitive(&mut self, primitive: &Primitive, at: &str, groups: &mut Vec<Group>) {

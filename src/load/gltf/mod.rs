@@ -24,6 +24,7 @@ mod points_lines;
 mod report;
 mod scene_builder;
 mod shutter;
+mod splats;
 mod textures;
 mod vertices;
 

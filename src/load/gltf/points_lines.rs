@@ -5,6 +5,7 @@ use super::buffers::Accessor;
 use super::document::{Document, pointer};
 use super::materials::Materials;
 use super::report::{Report, Valid};
+use super::splats;
 use super::vertices::{AttributeFormat, AttributeReader};
 use crate::error::{Choice, Result, Warning};
 use crate::load::mesh_tools::bound_colors;
@@ -172,7 +173,8 @@ fn read(doc: &Document, materials: &mut Materials, mesh: usize, report: &mut Rep
     let mut list = Vec::new();
     for (number, primitive) in json.primitives.iter().enumerate() {
         let Checked::Valid(mode) = primitive.mode else { continue };
-        if matches!(mode, Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip) {
+        let is_loose = matches!(mode, Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip);
+        if is_loose && !splats::are_splats(doc, mesh, number, report) {
             let at = format!("{at}/primitives/{number}");
             match report.apart(|report| primitive_of(doc, materials, primitive, mode, &at, report)) {
                 Ok(loose) => list.push(loose),

@@ -229,6 +229,8 @@ pub(super) enum AttributeFormat {
     Coordinate,
     /// Small unsigned integers as they are.
     Joints,
+    /// Floats and small integers.
+    Any,
 }
 
 /// Opens the accessors of one primitive's attributes, all of them even if one has problems.
@@ -320,6 +322,7 @@ fn check_type(
     let unsigned = is_unsigned && accessor.normalized;
     let component = match kind {
         AttributeFormat::Signed => small && quantized,
+        AttributeFormat::Any => small,
         AttributeFormat::Unsigned => unsigned,
         AttributeFormat::Coordinate => unsigned || small && quantized,
         // Normalised indices are wrong, but what they mean is clear only if they are not.

@@ -86,8 +86,6 @@ pub(super) struct VertexLayout {
     pub color: bool,
     /// Faces have colours, which vertices lack.
     pub face_color: bool,
-    /// The vertices are Gaussian splats.
-    pub is_splat: bool,
     /// Attributes of which a part is missing, so that the rest means nothing.
     pub incomplete: Vec<&'static str>,
 }
@@ -95,12 +93,6 @@ pub(super) struct VertexLayout {
 impl VertexLayout {
     /// The error about unsupported vertices.
     pub fn check(&self) -> Result<()> {
-        if self.is_splat {
-            let message =
-                "holds gaussian splats (properties f_dc_0, opacity, scale_0), which are not surfaces";
-            let help = "convert it to a mesh or to a point cloud with colours (red, green, blue)";
-            return Err(Problem::new("header", message).with_help(help));
-        }
         match self.position {
             true => Ok(()),
             false => Err(Problem::new("header", "has no element 'vertex' with properties x, y and z")),
@@ -165,10 +157,25 @@ impl<'a> Source<'a> {
             (color, any(COLORS.as_flattened()), "colours"),
         ];
         let incomplete = parts.into_iter().filter(|(all, any, _)| *any && !all).map(|p| p.2).collect();
-        let is_splat = has("f_dc_0") && (has("opacity") || has("scale_0"));
         let on_faces = |names: &[&str; 3]| names.iter().all(|name| of("face", name));
         let face_color = !color && COLORS.iter().any(on_faces);
-        VertexLayout { position, normal, uv, color, face_color, is_splat, incomplete }
+        VertexLayout { position, normal, uv, color, face_color, incomplete }
+    }
+
+    /// Has an element a property?
+    pub fn has(&self, element: &str, property: &str) -> bool {
+        self.header.elements.get(element).is_some_and(|e| e.properties.contains_key(property))
+    }
+
+    /// Rows of an element.
+    pub fn count(&self, element: &str) -> usize {
+        self.header.elements.get(element).map_or(0, |e| e.count)
+    }
+
+    /// Are the vertices Gaussian splats?
+    pub fn holds_splats(&self) -> bool {
+        let has = |name: &str| self.has("vertex", name);
+        has("f_dc_0") && (has("opacity") || has("scale_0")) || has("packed_position")
     }
 
     /// The named attributes of the vertices.

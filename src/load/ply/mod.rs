@@ -10,11 +10,12 @@
 //! are left out with a warning, and any other property without. Where comments name pictures (`TextureFile`, as MeshLab
 //! writes them) and there are texture coordinates, they are the colour: the first one, or that of the face's number. Vertices without faces are a point
 //! cloud, which becomes spheres. Positions beyond the precision of single floats are kept around an origin of their own.
-//! Gaussian splats are refused by their name.
+//! Files of Gaussian splats are told by their properties (`splats.rs`).
 
 mod faces;
 mod header;
 mod rows;
+mod splats;
 
 use super::files::find;
 use super::image::Use;
@@ -38,6 +39,10 @@ use std::sync::Arc;
 pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     options.files.note(path);
     let bytes = files::read_model(path)?;
+    let header = Source::open(&bytes, &options.gauge);
+    if header.map_err(|problem| Error::input_problems(path, vec![problem]))?.holds_splats() {
+        return splats::load(path, &bytes, options);
+    }
     let mut origin = DVec3::ZERO;
     let (mut mesh, mut faces, mut left_out) = parse(path, &bytes, origin, options)?;
     if left_out.has_exact_positions {

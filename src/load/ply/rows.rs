@@ -37,6 +37,8 @@ pub(super) enum Slot {
     Picture,
     /// The number of a face's material.
     Material,
+    /// A value of a row of splats, by its place.
+    Value(u8),
 }
 
 /// One vertex; what the file lacks keeps its default.
@@ -89,7 +91,7 @@ impl Record for Vertex {
                 }
                 self.attributes[i][usize::from(component)] = unit(value);
             }
-            Slot::Picture | Slot::Material => {}
+            Slot::Picture | Slot::Material | Slot::Value(_) => {}
         }
     }
 
@@ -197,7 +199,7 @@ pub(super) fn number(value: &Property) -> f32 {
 
 /// The same, as exact as it is in the file.
 #[inline]
-fn exact(value: &Property) -> f64 {
+pub(super) fn exact(value: &Property) -> f64 {
     match *value {
         Property::Int(v) => f64::from(v),
         Property::UInt(v) => f64::from(v),

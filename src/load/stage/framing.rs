@@ -313,6 +313,9 @@ impl Limit {
 /// need not be valid.
 fn limit(scene: &Scene, extents: &[Extent]) -> Option<Limit> {
     let items = items(scene);
+    if items.is_empty() {
+        return limit_of_splats(scene);
+    }
     let middle = median(&items)?;
     let all: f64 = items.iter().map(|item| item.weight).sum();
     let mut reach: Vec<(f64, f64, f64)> =
@@ -329,6 +332,41 @@ fn limit(scene: &Scene, extents: &[Extent]) -> Option<Limit> {
         weight += its_weight;
     }
     None
+}
+
+/// Splats that the extent of a scan is taken of, at most.
+const MOST_SPLATS: usize = 100_000;
+/// Share of the splats that are near the middle of what was photographed, and how much farther away from it others count.
+const NEAR_SPLATS: (f64, f64) = (0.9, 1.5);
+
+/// Scans have some splats, or all of their surroundings, far away from what was photographed, without a gap.
+fn limit_of_splats(scene: &Scene) -> Option<Limit> {
+    let placed = scene.instances.iter().filter_map(|i| Some((i, scene.meshes.get(i.mesh.index())?)));
+    let placed = placed.filter(|(_, mesh)| mesh.splats.is_some());
+    let total: usize = placed.clone().map(|(_, mesh)| mesh.positions.len()).sum();
+    let step = total.div_ceil(MOST_SPLATS).max(1);
+    let centers = placed.flat_map(|(instance, mesh)| {
+        let world = |p: &[f32; 3]| instance.world_from_object.transform_point3(DVec3::from(p.map(f64::from)));
+        mesh.positions.iter().step_by(step).map(world)
+    });
+    let centers: Vec<DVec3> = centers.filter(|p| p.is_finite()).collect();
+    let of_axis = |axis: usize| {
+        let mut all: Vec<f64> = centers.iter().map(|p| p[axis]).collect();
+        all.sort_unstable_by(f64::total_cmp);
+        all.get(all.len() / 2).copied()
+    };
+    let middle = DVec3::new(of_axis(0)?, of_axis(1)?, of_axis(2)?);
+    let mut distances: Vec<f64> = centers.iter().map(|p| p.distance(middle)).collect();
+    distances.sort_unstable_by(f64::total_cmp);
+    let (share, factor) = NEAR_SPLATS;
+    let distance = factor * distances[(share * (distances.len() - 1) as f64) as usize];
+    let beyond = distances.len() - distances.partition_point(|d| *d <= distance);
+    let farthest = *distances.last()?;
+    (beyond > 0 && distance > 0.0).then(|| Limit {
+        middle,
+        distance,
+        beyond: format!("about {} splats, up to {farthest:.3} m from the middle", beyond * step),
+    })
 }
 
 /// All parts of a scene that have a place.

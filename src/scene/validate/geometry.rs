@@ -4,7 +4,7 @@
 use super::findings::{BLOCK, Entry, Findings};
 use crate::math::DAffine3;
 use crate::scene::{
-    Curves, Material, MaterialId, Mesh, Motion, ObjectInfo, Scene, Transmission, VertexAttribute,
+    Curves, Material, MaterialId, Mesh, Motion, ObjectInfo, Scene, Splats, Transmission, VertexAttribute,
 };
 use rayon::prelude::*;
 use std::collections::HashSet;
@@ -19,6 +19,7 @@ pub(super) fn check_meshes(scene: &Scene, findings: &mut Findings) {
         check_numbers(mesh, place, findings);
         check_lengths(mesh, place, findings);
         check_attributes(mesh, place, findings);
+        check_splats(mesh, place, findings);
         check_parts(mesh, scene.materials.len(), place, findings);
     }
 }
@@ -75,6 +76,38 @@ fn check_lengths(mesh: &Mesh, place: Entry, findings: &mut Findings) {
     mesh.uv_sets.iter().for_each(|set| check("length of a set of uv_sets", set.len()));
 }
 
+fn check_splats(mesh: &Mesh, place: Entry, findings: &mut Findings) {
+    let Some(splats) = &mesh.splats else { return };
+    let Splats { scales, rotations, opacities, degree, coefficients, is_linear: _ } = &**splats;
+    let is_known = *degree <= Splats::MAX_DEGREE;
+    findings.require(is_known, place, "degree of splats", degree, "0 to 3");
+    let vertices = mesh.positions.len();
+    let per_splat = Splats::coefficients_of((*degree).min(Splats::MAX_DEGREE));
+    let lengths = [
+        ("length of the scales of splats", scales.len(), vertices),
+        ("length of the rotations of splats", rotations.len(), vertices),
+        ("length of the opacities of splats", opacities.len(), vertices),
+        ("length of the coefficients of splats", coefficients.len(), vertices.saturating_mul(per_splat)),
+    ];
+    for (field, length, expected) in lengths {
+        findings.require(length == expected, place, field, length, "as many as the positions ask for");
+    }
+    findings.require_finite(scales.as_flattened(), place, "scales of splats");
+    findings.require_finite(rotations.as_flattened(), place, "rotations of splats");
+    findings.require_finite(opacities, place, "opacities of splats");
+    let flat = scales.as_flattened().iter().find(|scale| **scale <= 0.0);
+    findings.require(flat.is_none(), place, "scales of splats", flat, "above 0");
+    let odd = opacities.iter().find(|opacity| !(0.0..=1.0).contains(*opacity));
+    findings.require(odd.is_none(), place, "opacities of splats", odd, "0 to 1");
+    let is_unit = |q: &&[f32; 4]| (q.iter().map(|x| x * x).sum::<f32>() - 1.0).abs() < 1e-3;
+    let turned = rotations.iter().find(|q| !is_unit(q));
+    findings.require(turned.is_none(), place, "rotations of splats", turned, "of unit length");
+    let endless = coefficients.as_flattened().iter().find(|c| !c.is_finite());
+    findings.require(endless.is_none(), place, "coefficients of splats", endless, FINITE);
+    let are_alone = mesh.triangles.is_empty() && !mesh.parts.is_empty();
+    findings.require(are_alone, place, "splats", mesh.triangles.len(), "without triangles, with one part");
+}
+
 fn check_parts(mesh: &Mesh, materials: usize, place: Entry, findings: &mut Findings) {
     const IN_ORDER: &str = "in order, without gaps, and cover all triangles";
     let mut next = 0u64;
@@ -122,15 +155,20 @@ fn lists(curves: &Curves, place: Entry, findings: &mut Findings) {
 }
 
 /// Rays meet curves from outside only: they have no inside, and are no lights.
-fn suits(material: &Material, place: Entry, findings: &mut Findings) {
-    let is_solid = match material.model.transmission() {
+/// Does light enter a body of the material?
+fn is_solid(material: &Material) -> bool {
+    let of_model = match material.model.transmission() {
         Transmission::Clear(_) => true,
         Transmission::Pbr(pbr) => pbr.has_volume || pbr.keeps_radiance,
         Transmission::None | Transmission::Thin => false,
     };
+    of_model || material.medium.is_some()
+}
+
+fn suits(material: &Material, place: Entry, findings: &mut Findings) {
     let name = &material.name;
     let opaque = "no solid glass and filled with no medium: curves take opaque and thin materials and 'hair'";
-    findings.require(!is_solid && material.medium.is_none(), place, "material", name, opaque);
+    findings.require(!is_solid(material), place, "material", name, opaque);
     let dark = "one that does not shine: curves are no lights";
     findings.require(material.emission.is_none(), place, "material", name, dark);
 }
@@ -159,6 +197,13 @@ pub(super) fn check_objects(scene: &Scene, findings: &mut Findings) {
             instance.material,
             MATERIAL,
         );
+        let mesh = scene.meshes.get(instance.mesh.index()).filter(|mesh| mesh.splats.is_some());
+        let own = mesh.and_then(|mesh| mesh.parts.first()).map(|part| part.material);
+        let used = own.map(|own| instance.material.unwrap_or(own));
+        if let Some(material) = used.and_then(|id| scene.materials.get(id.index())) {
+            let opaque = "no solid glass and filled with no medium: splats take opaque and thin materials";
+            findings.require(!is_solid(material), place, "material", &material.name, opaque);
+        }
     }
     for (index, shape) in scene.shapes.iter().enumerate() {
         let place = Entry { list: "shapes", index, name: &shape.name };

@@ -16,4 +16,5 @@ mod motion;
 mod nodes;
 mod packed;
 mod pointers;
+mod splats;
 mod uv_sets;

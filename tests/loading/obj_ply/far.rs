@@ -1,4 +1,4 @@
-//! Coordinates beyond the precision of single floats, point clouds of OBJ files, and gaussian splats.
+//! Coordinates beyond the precision of single floats and point clouds of OBJ files.
 
 use super::*;
 use oscura::Renderer;
@@ -122,12 +122,4 @@ fn points_of_obj_files_are_spheres_in_their_colours() {
         wrong.to_string().contains("1 points that refer to vertices beyond the 1, the first in line 2"),
         "{wrong}"
     );
-}
-
-#[test]
-fn gaussian_splats_are_named() {
-    let text = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n\
-                property float f_dc_0\nproperty float opacity\nproperty float scale_0\nend_header\n0 0 0 1 1 1\n";
-    let error = load_ply(text.as_bytes()).expect_err("splats").to_string();
-    assert!(error.contains("gaussian splats"), "{error}");
 }

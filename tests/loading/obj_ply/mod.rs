@@ -6,6 +6,7 @@ mod faults;
 mod mtl;
 mod obj;
 mod ply;
+mod splats;
 
 use crate::skip::skip;
 use oscura::error::Error;

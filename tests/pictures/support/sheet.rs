@@ -67,7 +67,7 @@ fn sheet(variant: &Variant) -> Mesh {
         uv_sets: vec![uv],
         tangents: if variant.tangents { tangents } else { Vec::new() },
         colors: if variant.colored { vec![[1.0; 4]; count] } else { Vec::new() },
-        attributes: Vec::new(),
+        ..Mesh::default()
     }
 }
 

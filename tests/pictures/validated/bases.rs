@@ -21,6 +21,7 @@ pub fn all() -> Vec<(String, Scene)> {
         ("materials", materials()),
         ("layers", layers()),
         ("media", crate::media::everything()),
+        ("splats", crate::splats::busy()),
     ];
     built.into_iter().map(|(name, scene)| (name.to_string(), scene)).collect()
 }
@@ -57,6 +58,7 @@ fn sheet(n: u32, first: MaterialId, second: MaterialId) -> Mesh {
             MeshPart { first_triangle: half, triangle_count: half, material: second },
         ],
         triangles,
+        ..Mesh::default()
     }
 }
 

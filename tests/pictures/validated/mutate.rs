@@ -4,6 +4,7 @@ use super::dice::Dice;
 use oscura::color::spectral::{Curve, Metal};
 use oscura::math::{DAffine3, DMat3, DQuat, DVec3, Vec2};
 use oscura::output::ViewTransform;
+use oscura::scene::f16;
 use std::sync::Arc;
 
 /// Something in a scene that can be changed.
@@ -57,6 +58,18 @@ numbers! {
     ];
     u16: 30_000, |_, _| vec![0, 1, 32_767, 65_535];
     u8: 1, |_, _| vec![0, 1, 2, 3, 4, 7, 128, 255];
+}
+
+impl Mutate for f16 {
+    fn fresh(_: &mut Dice) -> f16 {
+        f16::ONE
+    }
+
+    fn mutate(&mut self, dice: &mut Dice) {
+        *self =
+            dice.pick(&[f16::ZERO, f16::NAN, f16::INFINITY, f16::MAX, f16::MIN, f16::NEG_ONE, f16::EPSILON]);
+        dice.note(format!("= {self:?}"));
+    }
 }
 
 impl Mutate for bool {

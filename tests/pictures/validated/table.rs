@@ -11,8 +11,8 @@ use oscura::scene::{
     ImageId, Instance, Interpolation, Iridescence, Lamp, Light, LightKind, LightLinks, LightProfile, Link,
     Mapping, Material, MaterialId, Medium, Mesh, MeshId, MeshPart, MixComponent, Model, Motion, NoiseKind,
     NormalMap, ObjectInfo, ObjectSet, ObjectSets, ObjectTraits, PbrMaterial, Portal, ProfileId, Projection,
-    Quad, RayKinds, Scene, Settings, Shape, ShapeKind, Sheen, SpotFade, Texture, TextureId, TextureTransform,
-    ThinLens, VertexAttribute, Wrap,
+    Quad, RayKinds, Scene, Settings, Shape, ShapeKind, Sheen, Splats, SpotFade, Texture, TextureId,
+    TextureTransform, ThinLens, VertexAttribute, Wrap,
 };
 
 /// Ids mostly change to others that may exist.
@@ -81,7 +81,8 @@ structs! {
         environment_unsampled, backdrop, environment_group, environment_sun, portals, cameras, motion, settings,
     }
     Curves { name, basis, strands, points, radii, colors, world_from_object, material, traits, info }
-    Mesh { name, positions, triangles, normals, uv_sets, tangents, colors, attributes, parts }
+    Mesh { name, positions, triangles, normals, uv_sets, tangents, colors, attributes, splats, parts }
+    Splats { scales, rotations, opacities, degree, coefficients, is_linear }
     VertexAttribute { name, width, values }
     MeshPart { first_triangle, triangle_count, material }
     Instance { name, mesh, world_from_object, material, motion, traits, info, light_group }

@@ -36,6 +36,8 @@ pub(super) struct Materials {
     needs: Vec<MaterialNeeds>,
     /// Those that are on panes, which became sheets.
     panes: Vec<MaterialId>,
+    /// That of Gaussian splats, once there are some.
+    splats: Option<MaterialId>,
     known: HashMap<Option<usize>, Valid<MaterialId>>,
 }
 
@@ -64,6 +66,16 @@ impl Materials {
         });
         self.known.insert(index, id);
         id
+    }
+
+    /// The material of Gaussian splats.
+    pub fn of_splats(&mut self) -> MaterialId {
+        *self.splats.get_or_insert_with(|| {
+            self.list.push(crate::load::splats::material());
+            self.export_losses.push(ExportLosses::default());
+            self.needs.push(MaterialNeeds::default());
+            MaterialId(self.list.len() as u32 - 1)
+        })
     }
 
     /// Forgets all but the images that were needed.

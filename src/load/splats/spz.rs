@@ -1,0 +1,284 @@
+//! SPZ: compressed Gaussian splats of Niantic Labs (the format's description and sizes: its README, versions 2 to 4). Versions 2 and 3
+//! are one gzip stream; version 4 has a plain header and a Zstandard stream for each attribute. Numbers are whole: positions of 24
+//! bits, all else of 8 or 10. x points right, y up and z back.
+
+use super::{FileSplat, SplatList, finish};
+use crate::error::{Error, Problem, Result, Warning};
+use crate::load::{LoadOptions, Loaded, Up, files};
+use crate::math::DVec3;
+use crate::scene::Splats;
+use std::borrow::Cow;
+use std::path::Path;
+
+/// What every file begins with, after it is unpacked.
+pub(crate) const MAGIC: &[u8] = b"NGSP";
+
+/// Bytes of the header up to version 3, and from version 4 on.
+const OLD_HEADER: usize = 16;
+const HEADER: usize = 32;
+/// Zstandard streams hold at most so many times their bytes: what claims more is no honest file.
+const MOST_RATIO: usize = 1024;
+/// Colours are stored as 0.5 + 0.15 times their coefficient.
+const COLOR_SCALE: f32 = 0.15;
+
+/// Reads a file.
+///
+/// # Errors
+/// An input error for a file that is damaged or of an unknown version.
+pub(in crate::load) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
+    options.files.note(path);
+    let bytes = files::read_model(path)?;
+    let (list, told) =
+        read(&bytes, DVec3::ZERO).map_err(|problem| Error::input_problems(path, vec![problem]))?;
+    drop(bytes);
+    let mut loaded = finish(path, list, (Up::Y, "the custom of SPZ files"))?;
+    loaded.warnings.extend(told.map(|what| Warning::new(path, "", what)));
+    Ok(loaded)
+}
+
+/// The attributes of all splats, one list after the other.
+struct Streams<'a> {
+    positions: Cow<'a, [u8]>,
+    alphas: Cow<'a, [u8]>,
+    colors: Cow<'a, [u8]>,
+    scales: Cow<'a, [u8]>,
+    rotations: Cow<'a, [u8]>,
+    harmonics: Cow<'a, [u8]>,
+}
+
+/// What the header says.
+struct Header {
+    version: u32,
+    count: usize,
+    degree: u8,
+    fraction_bits: u8,
+}
+
+impl Header {
+    fn of(bytes: &[u8]) -> std::result::Result<Header, Problem> {
+        if !bytes.starts_with(MAGIC) || bytes.len() < OLD_HEADER {
+            return Err(Problem::new("", "is no SPZ file: its header is missing"));
+        }
+        let word = |at: usize| u32::from_le_bytes(std::array::from_fn(|k| bytes[at + k]));
+        let (version, degree, fraction_bits) = (word(4), bytes[12], bytes[13]);
+        if !(2..=4).contains(&version) {
+            let help = "convert it to PLY, or save it by another version of the program that wrote it";
+            return Err(
+                Problem::new("", format!("is SPZ of version {version}: 2 to 4 are read")).with_help(help)
+            );
+        }
+        if degree > 4 || fraction_bits > 24 {
+            let message = format!("has harmonics of degree {degree} and {fraction_bits} bits of fractions");
+            return Err(Problem::new("", message).with_help("the file is damaged"));
+        }
+        Ok(Header { version, count: word(8) as usize, degree, fraction_bits })
+    }
+
+    /// Coefficients a channel after the first.
+    fn in_file(&self) -> usize {
+        Splats::coefficients_of(self.degree) - 1
+    }
+
+    /// Bytes of rotations of a splat.
+    fn in_rotation(&self) -> usize {
+        if self.version >= 3 { 4 } else { 3 }
+    }
+
+    /// Bytes of each list: positions, alphas, colours, scales, rotations, harmonics.
+    fn sizes(&self) -> [usize; 6] {
+        [9, 1, 3, 3, self.in_rotation(), 3 * self.in_file()].map(|n: usize| n.saturating_mul(self.count))
+    }
+}
+
+/// The splats of a file around an origin, and what is left out.
+pub(in crate::load) fn read(
+    bytes: &[u8],
+    origin: DVec3,
+) -> std::result::Result<(SplatList, Option<String>), Problem> {
+    let header = Header::of(bytes)?;
+    let streams = if header.version >= 4 { packed(&header, bytes)? } else { plain(&header, bytes)? };
+    let degree = header.degree.min(Splats::MAX_DEGREE);
+    let mut list = SplatList::new(header.count, degree, origin)?;
+    let unit = f64::from(1u32 << header.fraction_bits).recip();
+    let (in_rotation, in_file) = (header.in_rotation(), header.in_file());
+    let mut coefficients: Vec<[f32; 3]> = Vec::new();
+    for i in 0..header.count {
+        let three = |list: &[u8]| -> [f32; 3] { std::array::from_fn(|k| f32::from(list[3 * i + k])) };
+        let place = |axis: usize| {
+            let at = 9 * i + 3 * axis;
+            let [a, b, c] = [0, 1, 2].map(|k: usize| streams.positions[at + k]);
+            // The sign is in the highest bit.
+            f64::from(i32::from_le_bytes([0, a, b, c]) >> 8) * unit
+        };
+        coefficients.clear();
+        coefficients.push(three(&streams.colors).map(|c| (c / 255.0 - 0.5) / COLOR_SCALE));
+        let own = &streams.harmonics[3 * in_file * i..3 * in_file * (i + 1)];
+        let byte = |b: u8| (f32::from(b) - 128.0) / 128.0;
+        let rest = own.chunks_exact(3).take(Splats::coefficients_of(degree) - 1);
+        coefficients.extend(rest.map(|c| [byte(c[0]), byte(c[1]), byte(c[2])]));
+        let turn = &streams.rotations[in_rotation * i..in_rotation * (i + 1)];
+        list.push(&FileSplat {
+            center: DVec3::new(place(0), place(1), place(2)),
+            scales: three(&streams.scales).map(|s| (s / 16.0 - 10.0).exp()),
+            rotation: if in_rotation == 4 { smallest_three(turn) } else { first_three(turn) },
+            opacity: f32::from(streams.alphas[i]) / 255.0,
+            coefficients: &coefficients,
+        });
+    }
+    let left_out = header.degree > Splats::MAX_DEGREE;
+    Ok((list, left_out.then(|| "spherical harmonics of degree 4 are left out".to_string())))
+}
+
+fn cut(header: &Header) -> Problem {
+    let message = format!("is cut short or damaged: its {} splats are not all there", header.count);
+    Problem::new("", message).with_help("export or download the file again")
+}
+
+/// Lists that follow the header.
+fn plain<'a>(header: &Header, bytes: &'a [u8]) -> std::result::Result<Streams<'a>, Problem> {
+    let mut rest = &bytes[OLD_HEADER..];
+    let mut next = |size: usize| {
+        let (list, after) = rest.split_at_checked(size).ok_or_else(|| cut(header))?;
+        rest = after;
+        Ok(Cow::Borrowed(list))
+    };
+    let [positions, alphas, colors, scales, rotations, harmonics] = header.sizes();
+    Ok(Streams {
+        positions: next(positions)?,
+        alphas: next(alphas)?,
+        colors: next(colors)?,
+        scales: next(scales)?,
+        rotations: next(rotations)?,
+        harmonics: next(harmonics)?,
+    })
+}
+
+/// Lists in streams of their own; empty ones have none.
+fn packed<'a>(header: &Header, bytes: &'a [u8]) -> std::result::Result<Streams<'a>, Problem> {
+    let sizes = header.sizes();
+    let (wanted, word) = (sizes.iter().filter(|size| **size > 0).count(), |at: usize| {
+        let bytes: [u8; 8] = bytes.get(at..at.checked_add(8)?)?.try_into().ok()?;
+        usize::try_from(u64::from_le_bytes(bytes)).ok()
+    });
+    if bytes.len() < HEADER || usize::from(bytes[15]) != wanted {
+        return Err(cut(header));
+    }
+    let table = word(16).map_or(0, |word| word & 0xffff_ffff);
+    let mut at = table.saturating_add(16 * wanted);
+    let mut number = 0;
+    let mut next = |size: usize| {
+        if size == 0 {
+            return Ok(Cow::Borrowed(&[][..]));
+        }
+        let entry = table.saturating_add(16 * number);
+        number += 1;
+        let held = word(entry)
+            .and_then(|length| bytes.get(at..at.checked_add(length)?))
+            .ok_or_else(|| cut(header))?;
+        at += held.len();
+        if size > held.len().saturating_mul(MOST_RATIO) {
+            return Err(cut(header));
+        }
+        let list = unzstd(held, size)?;
+        if list.len() == size { Ok(Cow::Owned(list)) } else { Err(cut(header)) }
+    };
+    let [positions, alphas, colors, scales, rotations, harmonics] = sizes;
+    Ok(Streams {
+        positions: next(positions)?,
+        alphas: next(alphas)?,
+        colors: next(colors)?,
+        scales: next(scales)?,
+        rotations: next(rotations)?,
+        harmonics: next(harmonics)?,
+    })
+}
+
+/// At most `size` bytes of a Zstandard stream.
+#[cfg(feature = "ktx2")]
+fn unzstd(held: &[u8], size: usize) -> std::result::Result<Vec<u8>, Problem> {
+    use std::io::Read;
+    let broken = |e: String| Problem::new("", format!("holds Zstandard data that can't be inflated: {e}"));
+    let decoder = ruzstd::StreamingDecoder::new(held).map_err(|e| broken(e.to_string()))?;
+    let mut list = Vec::new();
+    decoder.take(size as u64).read_to_end(&mut list).map_err(|e| broken(e.to_string()))?;
+    Ok(list)
+}
+
+#[cfg(not(feature = "ktx2"))]
+fn unzstd(_: &[u8], _: usize) -> std::result::Result<Vec<u8>, Problem> {
+    let message = "is SPZ of version 4, which this build can't inflate";
+    Err(Problem::new("", message).with_help("build it with the feature 'ktx2', which brings Zstandard"))
+}
+
+/// A quaternion (x, y, z, w) of three bytes: x, y and z, where w is not negative.
+fn first_three(bytes: &[u8]) -> [f32; 4] {
+    let [x, y, z] = [0, 1, 2].map(|k: usize| f32::from(bytes[k]) / 127.5 - 1.0);
+    [x, y, z, (1.0 - (x * x + y * y + z * z)).max(0.0).sqrt()]
+}
+
+/// A quaternion (x, y, z, w) without its largest number, whose place is in the upper two bits; each of the others has a sign and
+/// nine bits, the last one in the lowest.
+fn smallest_three(bytes: &[u8]) -> [f32; 4] {
+    let mut word = u32::from_le_bytes(std::array::from_fn(|k| bytes[k]));
+    let largest = (word >> 30) as usize;
+    let (mut quaternion, mut squares) = ([0.0; 4], 0.0);
+    for place in (0..4).rev().filter(|place| *place != largest) {
+        let size = (word & 511) as f32 / 511.0 * std::f32::consts::FRAC_1_SQRT_2;
+        quaternion[place] = if word & 512 != 0 { -size } else { size };
+        squares += size * size;
+        word >>= 10;
+    }
+    quaternion[largest] = (1.0f32 - squares).max(0.0).sqrt();
+    quaternion
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// One splat of version 3 with harmonics of degree 1, by the description.
+    fn file() -> Vec<u8> {
+        let mut bytes = MAGIC.to_vec();
+        bytes.extend([3, 0, 0, 0, 1, 0, 0, 0, 1, 12, 0, 0]);
+        // 1, -0.5 and 2 in units of 1 / 4096.
+        for place in [4096i32, -2048, 8192] {
+            bytes.extend(&place.to_le_bytes()[..3]);
+        }
+        bytes.push(204);
+        bytes.extend([255, 0, 128]);
+        bytes.extend([160, 144, 128]);
+        // The largest is w; x is -1/2, y 1/2 and z 1/2: 511 sqrt(1/2) is 361.
+        let word = 3u32 << 30 | (512 | 361) << 20 | 361 << 10 | 361;
+        bytes.extend(word.to_le_bytes());
+        bytes.extend([128, 0, 255, 192, 128, 64, 128, 128, 128]);
+        bytes
+    }
+
+    #[test]
+    fn splats_are_unpacked() {
+        let (list, told) = read(&file(), DVec3::ZERO).expect("it is whole");
+        assert!(told.is_none());
+        assert_eq!(list.centers(), [[1.0, -0.5, 2.0]]);
+        let splats = &list.splats;
+        assert_eq!(splats.opacities, [0.8]);
+        assert_eq!(splats.scales, [[1.0, (-1.0f32).exp(), (-2.0f32).exp()]]);
+        let near = |a: &[f32], b: &[f32]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 3e-3);
+        assert!(near(&splats.rotations[0], &[-0.5, 0.5, 0.5, 0.5]), "{:?}", splats.rotations);
+        let coefficient = |i: usize| splats.coefficients[i].map(|c| c.to_f32());
+        assert!(near(&coefficient(0), &[0.5 / 0.15, -0.5 / 0.15, 0.002 / 0.15]), "{:?}", coefficient(0));
+        assert!(near(&coefficient(1), &[0.0, -1.0, 0.992]) && near(&coefficient(2), &[0.5, 0.0, -0.5]));
+    }
+
+    #[test]
+    fn damaged_files_are_errors() {
+        let whole = file();
+        for length in 0..whole.len() {
+            assert!(read(&whole[..length], DVec3::ZERO).is_err(), "{length}");
+        }
+        for (at, value) in [(4, 9), (4, 4), (8, 2), (11, 255), (12, 5), (13, 99)] {
+            let mut other = whole.clone();
+            other[at] = value;
+            assert!(read(&other, DVec3::ZERO).is_err(), "{at}");
+        }
+    }
+}

@@ -1,0 +1,368 @@
+//! Gaussian splats: where a ray sees one, how opaque it is there, and the colour that it has from there.
+
+use super::traits::{PreparedRay, Surface};
+use crate::color::linear_from_srgb;
+use crate::math::{Bounds3, Mat3, Quat, Vec3, gamma, poly};
+use crate::scene::Splats;
+use half::f16;
+use std::sync::Arc;
+
+/// Splats with their middles.
+#[derive(Clone, Debug, Default)]
+pub struct SplatCloud {
+    /// Their middles, metres.
+    pub centers: Vec<[f32; 3]>,
+    /// All else; `None` where there are none.
+    pub splats: Option<Arc<Splats>>,
+}
+
+/// A splat as rays see it.
+#[derive(Clone, Copy, Debug)]
+pub struct Splat {
+    /// Its middle.
+    pub center: Vec3,
+    /// Turns and scales it to a sphere of standard deviation 1; row by row.
+    pub rows: [[f32; 3]; 3],
+    /// Opacity of its middle.
+    pub opacity: f32,
+}
+
+impl SplatCloud {
+    /// None.
+    pub const EMPTY: SplatCloud = SplatCloud { centers: Vec::new(), splats: None };
+
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.centers.len()
+    }
+
+    /// Bytes in memory.
+    pub fn bytes(&self) -> usize {
+        let of = |s: &Splats| {
+            size_of_val(&s.scales[..])
+                + size_of_val(&s.rotations[..])
+                + size_of_val(&s.opacities[..])
+                + size_of_val(&s.coefficients[..])
+        };
+        size_of_val(&self.centers[..]) + self.splats.as_deref().map_or(0, of)
+    }
+
+    /// Its axes, turned to object space, and the standard deviations along them.
+    fn axes(&self, index: usize) -> Option<(Mat3, Vec3)> {
+        let splats = self.splats.as_ref()?;
+        let turned = Mat3::from_quat(Quat::from_array(*splats.rotations.get(index)?));
+        Some((turned, Vec3::from_array(*splats.scales.get(index)?)))
+    }
+
+    /// A splat by its number.
+    pub fn get(&self, index: usize) -> Option<Splat> {
+        let (axes, scales) = self.axes(index)?;
+        let row = |axis: Vec3, scale: f32| (axis / scale).to_array();
+        let rows = [row(axes.x_axis, scales.x), row(axes.y_axis, scales.y), row(axes.z_axis, scales.z)];
+        let opacity = *self.splats.as_ref()?.opacities.get(index)?;
+        Some(Splat { center: Vec3::from_array(*self.centers.get(index)?), rows, opacity })
+    }
+
+    /// The box around the part of a splat that is there ([`Splats::LEAST_OPACITY`]); `None` where nothing is.
+    pub fn bounds_of(&self, index: usize) -> Option<Bounds3> {
+        let (axes, scales) = self.axes(index)?;
+        let radius = radius(*self.splats.as_ref()?.opacities.get(index)?)?;
+        // An ellipsoid's half extents: the lengths of the rows of the matrix that makes it of a sphere.
+        let half = |k: usize| {
+            let row = Vec3::new(axes.x_axis[k], axes.y_axis[k], axes.z_axis[k]) * scales;
+            // Rounding of the square root, and of the test at the border.
+            row.length() * radius * (1.0 + 1e-5)
+        };
+        let half = Vec3::new(half(0), half(1), half(2));
+        let center = Vec3::from_array(*self.centers.get(index)?);
+        Some(Bounds3 { min: center - half, max: center + half })
+    }
+
+    /// The box around all.
+    pub fn bounds(&self) -> Bounds3 {
+        let all = (0..self.len()).filter_map(|i| self.bounds_of(i));
+        all.filter(|b| b.min.is_finite() && b.max.is_finite()).fold(Bounds3::EMPTY, Bounds3::union)
+    }
+
+    /// The surface of a splat where a ray, which comes along `direction`, sees it at `p`: a disk across its shortest axis.
+    pub fn surface(&self, index: usize, p: Vec3, direction: Vec3) -> Surface {
+        let shortest = self.axes(index).map(|(axes, scales)| {
+            let least = scales.min_element();
+            let is = [scales.x, scales.y, scales.z].map(|scale| scale == least);
+            if is[0] {
+                axes.x_axis
+            } else if is[1] {
+                axes.y_axis
+            } else {
+                axes.z_axis
+            }
+        });
+        let normal = shortest.unwrap_or(Vec3::Z);
+        let ng = if normal.dot(direction) > 0.0 { -normal } else { normal };
+        Surface { p, p_error: p.abs() * gamma(4), ng, ns: ng, material: 0 }
+    }
+
+    /// The linear colour of a splat along a unit direction in object space, from the viewer to it.
+    pub fn color(&self, index: usize, direction: Vec3) -> [f32; 3] {
+        let Some(splats) = &self.splats else { return [0.0; 3] };
+        let count = Splats::coefficients_of(splats.degree);
+        let own = splats.coefficients.get(index * count..(index + 1) * count).unwrap_or_default();
+        let encoded = harmonics(own, direction).map(|sum| (sum + 0.5).max(0.0));
+        if splats.is_linear { encoded } else { encoded.map(linear_from_srgb) }
+    }
+}
+
+/// How many standard deviations from its middle a splat of this opacity ends; `None` where it is nothing.
+fn radius(opacity: f32) -> Option<f32> {
+    let over = opacity / Splats::LEAST_OPACITY;
+    (over >= 1.0).then(|| (2.0 * poly::ln(over)).max(0.0).sqrt())
+}
+
+/// The sum of real spherical harmonics with coefficients, in the order and with the signs of Kerbl et al. 2023 and of
+/// `KHR_gaussian_splatting` (the Condon-Shortley phase), for a unit direction.
+fn harmonics(coefficients: &[[f16; 3]], direction: Vec3) -> [f32; 3] {
+    let basis = basis(direction);
+    let mut sum = [0.0; 3];
+    for (coefficient, value) in coefficients.iter().zip(basis) {
+        for (sum, c) in sum.iter_mut().zip(coefficient) {
+            *sum += c.to_f32() * value;
+        }
+    }
+    sum
+}
+
+/// Real spherical harmonics of degrees 0 to 3, by l and m from -l to l.
+fn basis(direction: Vec3) -> [f32; 16] {
+    let [x, y, z] = direction.to_array();
+    let (xx, yy, zz) = (x * x, y * y, z * z);
+    [
+        0.282_094_8,
+        -0.488_602_5 * y,
+        0.488_602_5 * z,
+        -0.488_602_5 * x,
+        1.092_548_4 * (x * y),
+        -1.092_548_4 * (y * z),
+        0.315_391_57 * (2.0 * zz - xx - yy),
+        -1.092_548_4 * (x * z),
+        0.546_274_2 * (xx - yy),
+        -0.590_043_6 * (y * (3.0 * xx - yy)),
+        2.890_611_4 * (x * y * z),
+        -0.457_045_8 * (y * (4.0 * zz - xx - yy)),
+        0.373_176_34 * (z * (2.0 * zz - 3.0 * xx - 3.0 * yy)),
+        -0.457_045_8 * (x * (4.0 * zz - xx - yy)),
+        1.445_305_7 * (z * (xx - yy)),
+        -0.590_043_6 * (x * (xx - 3.0 * yy)),
+    ]
+}
+
+/// Splats of a packet, value by value.
+#[derive(Clone, Copy, Debug)]
+pub struct SplatLanes<'a> {
+    /// Middles: x, y, z.
+    pub center: [&'a [f32; 4]; 3],
+    /// The matrices of [`Splat::rows`], row by row.
+    pub rows: [&'a [f32; 4]; 9],
+    /// Opacities of middles; 0 in unused lanes.
+    pub opacity: &'a [f32; 4],
+}
+
+impl SplatLanes<'_> {
+    /// Where a ray is most opaque within each splat, and its opacity there: in the space where a splat is a sphere that is the point
+    /// nearest to the middle.
+    #[inline(always)]
+    pub fn peaks(&self, ray: &PreparedRay) -> ([f32; 4], [f32; 4]) {
+        let (o, d) = (ray.origin, ray.direction);
+        let per_length = 1.0 / (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
+        let (mut t, mut squared) = ([0.0; 4], [0.0; 4]);
+        for k in 0..4 {
+            let from = [o[0] - self.center[0][k], o[1] - self.center[1][k], o[2] - self.center[2][k]];
+            // From the point of the ray next to the middle on, so that its origin's distance costs no precision.
+            let near = -(from[0] * d[0] + from[1] * d[1] + from[2] * d[2]) * per_length;
+            let from = [from[0] + d[0] * near, from[1] + d[1] * near, from[2] + d[2] * near];
+            let row = |r: usize, v: [f32; 3]| {
+                self.rows[3 * r][k] * v[0] + self.rows[3 * r + 1][k] * v[1] + self.rows[3 * r + 2][k] * v[2]
+            };
+            let (p, w) = ([row(0, from), row(1, from), row(2, from)], [row(0, d), row(1, d), row(2, d)]);
+            let at = -(p[0] * w[0] + p[1] * w[1] + p[2] * w[2]) / (w[0] * w[0] + w[1] * w[1] + w[2] * w[2]);
+            let q = [p[0] + w[0] * at, p[1] + w[1] * at, p[2] + w[2] * at];
+            t[k] = near + at;
+            squared[k] = q[0] * q[0] + q[1] * q[1] + q[2] * q[2];
+        }
+        let mut opacity = [0.0; 4];
+        for k in 0..4 {
+            opacity[k] = self.opacity[k] * poly::exp(-0.5 * squared[k]);
+        }
+        (t, opacity)
+    }
+}
+
+/// A direction of any length as two numbers in -1..1: projected to an octahedron, which is unfolded (Meyer et al. 2010, "On
+/// Floating-Point Normal Vectors").
+#[inline(always)]
+pub fn octahedral(direction: [f32; 3]) -> [f32; 2] {
+    let [x, y, z] = direction;
+    let sum = x.abs() + y.abs() + z.abs();
+    let (u, v) = (x / sum, y / sum);
+    if z >= 0.0 { [u, v] } else { [(1.0 - v.abs()).copysign(x), (1.0 - u.abs()).copysign(y)] }
+}
+
+/// The unit direction of [`octahedral`] numbers.
+#[inline(always)]
+pub fn from_octahedral([u, v]: [f32; 2]) -> Vec3 {
+    let z = 1.0 - u.abs() - v.abs();
+    let (x, y) = if z >= 0.0 { (u, v) } else { ((1.0 - v.abs()).copysign(u), (1.0 - u.abs()).copysign(v)) };
+    Vec3::new(x, y, z).normalize_or_zero()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::chi2::Random;
+
+    fn cloud(scales: Vec3, rotation: Quat, opacity: f32) -> SplatCloud {
+        let splats = Splats {
+            scales: vec![scales.to_array()],
+            rotations: vec![rotation.to_array()],
+            opacities: vec![opacity],
+            degree: 0,
+            coefficients: vec![[f16::ZERO; 3]],
+            is_linear: false,
+        };
+        SplatCloud { centers: vec![[0.3, -0.2, 0.5]], splats: Some(Arc::new(splats)) }
+    }
+
+    /// The opacity of a splat at a point, by its definition.
+    fn opacity_at(cloud: &SplatCloud, p: Vec3) -> f32 {
+        let splats = cloud.splats.as_ref().expect("splats");
+        let rotation = Quat::from_array(splats.rotations[0]);
+        let q = (rotation.inverse() * (p - Vec3::from_array(cloud.centers[0])))
+            / Vec3::from_array(splats.scales[0]);
+        splats.opacities[0] * (-0.5 * q.length_squared()).exp()
+    }
+
+    fn peak(cloud: &SplatCloud, origin: Vec3, direction: Vec3) -> (f32, f32) {
+        let splat = cloud.get(0).expect("a splat");
+        let fill = |x: f32| [x; 4];
+        let center = splat.center.to_array().map(fill);
+        let rows: [[f32; 4]; 9] = std::array::from_fn(|i| fill(splat.rows[i / 3][i % 3]));
+        let opacity = fill(splat.opacity);
+        let lanes = SplatLanes { center: center.each_ref(), rows: rows.each_ref(), opacity: &opacity };
+        let ray =
+            PreparedRay { origin: origin.to_array(), direction: direction.to_array(), ..PreparedRay::NONE };
+        let (t, opacity) = lanes.peaks(&ray);
+        (t[1], opacity[1])
+    }
+
+    /// No point of a ray is more opaque than its peak, and the peak's opacity is that of the definition there.
+    #[test]
+    fn a_ray_sees_a_splat_at_its_largest_opacity() {
+        let mut random = Random::new(4);
+        for _ in 0..2000 {
+            let rotation = Quat::from_axis_angle(random.direction(), 3.0 * random.next());
+            let scales = Vec3::new(0.1 + random.next(), 0.1 + random.next(), 0.05 + 0.1 * random.next());
+            let cloud = cloud(scales, rotation, 0.9);
+            let origin = random.direction() * 4.0;
+            let direction = (Vec3::from_array(cloud.centers[0]) + random.direction() * 0.5 - origin) * 0.7;
+            let (t, opacity) = peak(&cloud, origin, direction);
+            let there = opacity_at(&cloud, origin + direction * t);
+            assert!((there - opacity).abs() < 2e-5, "{there} {opacity}");
+            for step in [-0.05, -0.01, 0.01, 0.05] {
+                assert!(opacity_at(&cloud, origin + direction * (t + step)) <= there + 1e-6);
+            }
+            if opacity > Splats::LEAST_OPACITY {
+                let bounds = cloud.bounds_of(0).expect("bounds");
+                let p = origin + direction * t;
+                assert!((p - bounds.min).min_element() > -1e-5 && (bounds.max - p).min_element() > -1e-5);
+            }
+        }
+    }
+
+    /// The box touches the surface on all six sides.
+    #[test]
+    fn boxes_are_tight() {
+        let mut random = Random::new(5);
+        let rotation = Quat::from_axis_angle(Vec3::new(0.6, 0.0, 0.8), 1.1);
+        let cloud = cloud(Vec3::new(0.5, 0.2, 0.1), rotation, 0.7);
+        let bounds = cloud.bounds_of(0).expect("bounds");
+        let splats = cloud.splats.as_ref().expect("splats");
+        let end = radius(0.7).expect("a radius");
+        let mut seen = Bounds3::EMPTY;
+        for _ in 0..200_000 {
+            let on_surface = random.direction() * end * Vec3::from_array(splats.scales[0]);
+            let p = Vec3::from_array(cloud.centers[0]) + rotation * on_surface;
+            assert!((opacity_at(&cloud, p) - Splats::LEAST_OPACITY).abs() < 1e-5);
+            seen = seen.union(Bounds3 { min: p, max: p });
+        }
+        assert!((seen.min - bounds.min).abs().max_element() < 2e-3 && seen.min.cmpge(bounds.min).all());
+        assert!((seen.max - bounds.max).abs().max_element() < 2e-3 && seen.max.cmple(bounds.max).all());
+        assert!(radius(0.003).is_none());
+    }
+
+    #[test]
+    fn octahedral_numbers_keep_directions() {
+        let mut random = Random::new(6);
+        for _ in 0..10_000 {
+            let direction = random.direction();
+            let back = from_octahedral(octahedral((direction * 3.7).to_array()));
+            assert!((back - direction).length() < 3e-7, "{direction} {back}");
+        }
+        for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
+            assert_eq!(from_octahedral(octahedral(axis.to_array())), axis);
+            assert_eq!(from_octahedral(octahedral((-axis).to_array())), -axis);
+        }
+    }
+
+    /// The basis is orthonormal over the sphere, which fixes all constants but their signs.
+    #[test]
+    fn the_harmonics_are_orthonormal() {
+        let mut sums = [[0.0f64; 16]; 16];
+        let (rings, steps) = (400, 200);
+        for i in 0..rings {
+            let z = (f64::from(i) + 0.5) / f64::from(rings) * 2.0 - 1.0;
+            for j in 0..steps {
+                let phi = (f64::from(j) + 0.5) / f64::from(steps) * std::f64::consts::TAU;
+                let r = (1.0 - z * z).sqrt();
+                let values = basis(Vec3::new((r * phi.cos()) as f32, (r * phi.sin()) as f32, z as f32));
+                for a in 0..16 {
+                    for b in 0..16 {
+                        sums[a][b] += f64::from(values[a]) * f64::from(values[b]);
+                    }
+                }
+            }
+        }
+        let cell = 4.0 * std::f64::consts::PI / f64::from(rings * steps);
+        for (a, row) in sums.iter().enumerate() {
+            for (b, sum) in row.iter().enumerate() {
+                let expected = if a == b { 1.0 } else { 0.0 };
+                assert!((sum * cell - expected).abs() < 1e-4, "{a} {b}: {}", sum * cell);
+            }
+        }
+    }
+
+    /// The signs, at a direction without symmetry, from the formulas of the glTF extension's appendix.
+    #[test]
+    fn the_harmonics_have_the_signs_of_the_extension() {
+        let direction = Vec3::new(0.2, 0.5, 0.7).normalize();
+        let signs: Vec<bool> = basis(direction).iter().map(|value| *value > 0.0).collect();
+        let [x, y, z] = direction.to_array().map(f64::from);
+        let expected = [
+            1.0,
+            -y,
+            z,
+            -x,
+            x * y,
+            -y * z,
+            2.0 * z * z - x * x - y * y,
+            -x * z,
+            x * x - y * y,
+            -y * (3.0 * x * x - y * y),
+            x * y * z,
+            -y * (4.0 * z * z - x * x - y * y),
+            z * (2.0 * z * z - 3.0 * x * x - 3.0 * y * y),
+            -x * (4.0 * z * z - x * x - y * y),
+            z * (x * x - y * y),
+            -x * (x * x - 3.0 * y * y),
+        ];
+        assert_eq!(signs, expected.map(|value| value > 0.0));
+    }
+}

@@ -1,0 +1,110 @@
+//! Gaussian splats: `KHR_gaussian_splatting`.
+
+use super::asset::load_with;
+use oscura::scene::Splats;
+use serde_json::{Map, Value, json};
+
+/// Two splats with harmonics of a degree, a mesh of points, turned half about z; `change` may damage the asset.
+fn asset(degree: usize, change: impl FnOnce(&mut Value)) -> (Value, Vec<u8>) {
+    let mut lists: Vec<(String, &str, Vec<f32>)> = vec![
+        ("POSITION".into(), "VEC3", vec![1.0, 2.0, 3.0, -1.0, 0.0, 0.5]),
+        (own("ROTATION"), "VEC4", vec![0.0, 0.0, 0.0, 1.0, 0.0, 2.0, 0.0, 0.0]),
+        (own("SCALE"), "VEC3", vec![0.1, 0.2, 0.3, 1.0, 1.0, 0.5]),
+        (own("OPACITY"), "SCALAR", vec![0.25, 1.0]),
+    ];
+    for (l, n) in (0..=degree).flat_map(|l| (0..2 * l + 1).map(move |n| (l, n))) {
+        let value = (l * 10 + n) as f32 * 0.01;
+        lists.push((
+            own(&format!("SH_DEGREE_{l}_COEF_{n}")),
+            "VEC3",
+            vec![value, 0.5, 0.0, value, 0.25, 1.0],
+        ));
+    }
+    let (mut bytes, mut views, mut accessors, mut attributes) = (Vec::new(), vec![], vec![], Map::new());
+    for (name, kind, numbers) in &lists {
+        views.push(json!({"buffer": 0, "byteOffset": bytes.len(), "byteLength": numbers.len() * 4}));
+        accessors
+            .push(json!({"bufferView": views.len() - 1, "componentType": 5126, "count": 2, "type": kind}));
+        attributes.insert(name.clone(), json!(accessors.len() - 1));
+        bytes.extend(numbers.iter().flat_map(|x| x.to_le_bytes()));
+    }
+    let extension = json!({"kernel": "ellipse", "colorSpace": "srgb_rec709_display"});
+    let mut asset = json!({
+        "asset": {"version": "2.0"},
+        "extensionsUsed": ["KHR_gaussian_splatting"],
+        "extensionsRequired": ["KHR_gaussian_splatting"],
+        "buffers": [{"uri": "a.bin", "byteLength": bytes.len()}],
+        "bufferViews": views,
+        "accessors": accessors,
+        "meshes": [{"primitives": [
+            {"mode": 0, "attributes": attributes, "extensions": {"KHR_gaussian_splatting": extension}}
+        ]}],
+        "nodes": [{"name": "cloud", "mesh": 0, "rotation": [0, 0, 1, 0]}],
+        "scenes": [{"nodes": [0]}],
+        "scene": 0
+    });
+    change(&mut asset);
+    (asset, bytes)
+}
+
+fn own(name: &str) -> String {
+    format!("KHR_gaussian_splatting:{name}")
+}
+
+#[test]
+fn splats_of_points_are_read() {
+    for degree in 0..=3 {
+        let (asset, bytes) = asset(degree, |_| ());
+        let loaded = load_with(&asset, &[("a.bin", &bytes)]).expect("it loads");
+        let scene = &loaded.scene;
+        assert_eq!((scene.meshes.len(), scene.instances.len(), scene.shapes.len()), (1, 1, 0));
+        assert!(!loaded.warnings.iter().any(|w| w.message.contains("splat")), "{:?}", loaded.warnings);
+        let splats: &Splats = scene.meshes[0].splats.as_ref().expect("splats");
+        assert_eq!((usize::from(splats.degree), splats.is_linear), (degree, false));
+        assert_eq!(scene.meshes[0].positions, [[1.0, 2.0, 3.0], [-1.0, 0.0, 0.5]]);
+        assert_eq!(splats.scales, [[0.1, 0.2, 0.3], [1.0, 1.0, 0.5]]);
+        assert_eq!(splats.rotations, [[0.0, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0, 0.0]]);
+        assert_eq!(splats.opacities, [0.25, 1.0]);
+        let last = splats.coefficients[splats.coefficients.len() - 1].map(|c| c.to_f32());
+        let value = (degree * 10 + 2 * degree) as f32 * 0.01;
+        assert!((last[0] - value).abs() < 1e-3 && last[1..] == [0.25, 1.0], "{last:?}");
+    }
+}
+
+#[test]
+fn kinds_and_faults_of_splats_are_told() {
+    let said = |change: &dyn Fn(&mut Value)| {
+        let (asset, bytes) = asset(1, change);
+        let loaded = load_with(&asset, &[("a.bin", &bytes)]).expect("it loads");
+        let words: Vec<String> = loaded.warnings.iter().map(|w| w.message.clone()).collect();
+        (words.join("; "), loaded.scene)
+    };
+    let extension =
+        |a: &mut Value| a["meshes"][0]["primitives"][0]["extensions"]["KHR_gaussian_splatting"].take();
+    let (words, scene) = said(&|a| {
+        a["meshes"][0]["primitives"][0]["extensions"]["KHR_gaussian_splatting"] =
+            json!({"kernel": "cube", "colorSpace": "lin_rec709_display"});
+    });
+    assert!(words.contains("the kernel 'cube', which is taken as 'ellipse'"), "{words}");
+    assert!(scene.meshes[0].splats.as_ref().is_some_and(|s| s.is_linear));
+    let (words, scene) = said(&|a| {
+        let _ = extension(a);
+        a["meshes"][0]["primitives"][0]["extensions"]["KHR_gaussian_splatting"] =
+            json!({"extensions": {"EXT_other": {}}});
+    });
+    assert!(
+        words.contains("compressed by EXT_other, which is not read") && scene.meshes.is_empty(),
+        "{words}"
+    );
+    let (words, scene) = said(&|a| {
+        let attributes = a["meshes"][0]["primitives"][0]["attributes"].as_object_mut().expect("attributes");
+        attributes.remove("KHR_gaussian_splatting:OPACITY");
+    });
+    assert!(words.contains("lacks attributes of splats: OPACITY") && scene.meshes.is_empty(), "{words}");
+    // Half of a degree counts as none of it.
+    let (_, scene) = said(&|a| {
+        let attributes = a["meshes"][0]["primitives"][0]["attributes"].as_object_mut().expect("attributes");
+        attributes.remove("KHR_gaussian_splatting:SH_DEGREE_1_COEF_2");
+    });
+    assert_eq!(scene.meshes[0].splats.as_ref().map(|s| s.degree), Some(0));
+}
