@@ -16,8 +16,7 @@ use super::layout::{
 use super::motion::{RayTimes, triangles_at};
 use crate::math::{Hit, NO_HIT, OriginPrimitive, Ray};
 use crate::sampling::hash::{mix64, unit};
-use crate::scene::Splats;
-use crate::shape::{Analytic, PreparedRay, Shape, octahedral, triangle};
+use crate::shape::{Analytic, LARGEST_SQUARED, PreparedRay, Shape, octahedral, triangle};
 use crate::simd::{BoxRay, Entry, Line, WIDEN, Wide, WideKernel, prefetch_lines};
 
 /// Rays in flight: two bits of a `u64` each. 32 is the knee: 16 lose a fifth on large scenes, 64 gain nothing.
@@ -642,25 +641,27 @@ impl<const N: usize> Slot<N> {
     /// opacity along the ray, by a hash of the ray and the splat. A hit's parameters are the ray's direction in object space.
     #[inline(always)]
     pub fn splats(&mut self, packet: &SplatPacket, world: &Ray, time: f32) {
-        let (t, opacity) = packet.lanes().peaks(&self.ray);
-        let mut key = None;
+        let lanes = packet.lanes();
+        let (t, squared) = lanes.peaks(&self.ray);
         for lane in 0..4 {
-            // NaN fails.
-            let is_there =
-                opacity[lane] >= Splats::LEAST_OPACITY && t[lane] > self.t_min && t[lane] <= self.best.t;
-            if !is_there {
-                continue;
+            // NaN fails. Most splats of a packet are missed.
+            let is_near = squared[lane] < LARGEST_SQUARED && t[lane] > self.t_min && t[lane] <= self.best.t;
+            if is_near && packet.id[lane] != self.origin_primitive {
+                let opacity = lanes.opacity_at(lane, squared[lane]);
+                self.accept(t[lane], opacity, packet.id[lane], (world, time));
             }
-            let key = *key.get_or_insert_with(|| key_of(world, time));
-            let id = packet.id[lane];
-            if id == self.origin_primitive {
-                continue;
-            }
-            let splat = u64::from(self.instance) << 32 | u64::from(id);
-            if unit((mix64(key ^ mix64(splat + 1)) >> 32) as u32) < opacity[lane] {
-                let [u, v] = octahedral(self.ray.direction);
-                self.offer(t[lane], u, v, id, None);
-            }
+        }
+    }
+
+    /// Accepts a splat with the probability of its opacity.
+    #[inline(always)]
+    fn accept(&mut self, t: f32, opacity: f32, id: u32, (world, time): (&Ray, f32)) {
+        let splat = u64::from(self.instance) << 32 | u64::from(id);
+        let random = mix64(key_of(world, time) ^ mix64(splat + 1));
+        // An opacity of 0 accepts nothing: numbers are from 0 up, and 1 is none of them.
+        if unit((random >> 32) as u32) < opacity {
+            let [u, v] = octahedral(self.ray.direction);
+            self.offer(t, u, v, id, None);
         }
     }
 

@@ -4,7 +4,7 @@ use super::document::{Document, pointer};
 use super::report::{Report, Valid};
 use super::vertices::{AttributeFormat, AttributeReader};
 use crate::load::files;
-use crate::load::splats::{FileSplat, SplatList, spz};
+use crate::load::splats::{FileSplat, SplatList, exp, spz};
 use crate::math::DVec3;
 use crate::scene::{MaterialId, Mesh, Splats};
 use gltf::json::accessor::Type;
@@ -131,7 +131,7 @@ fn plain(doc: &Document, raw: &Value, at: &str, report: &mut Report) -> Valid<Sp
     for i in 0..count {
         own.clear();
         own.extend((0..harmonics.len()).map(|k| colors[k * count + i]));
-        let scales = if are_logarithms { lists.2[i].map(f32::exp) } else { lists.2[i] };
+        let scales = if are_logarithms { lists.2[i].map(exp) } else { lists.2[i] };
         list.push(&FileSplat {
             center: DVec3::from(lists.0[i].map(f64::from)),
             scales,

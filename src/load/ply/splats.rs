@@ -9,7 +9,7 @@
 use super::header::Source;
 use super::rows::{List, Record, Slot, exact};
 use crate::error::{Error, Problem, Result, Warning};
-use crate::load::splats::{FileSplat, SplatList, finish, sigmoid};
+use crate::load::splats::{FileSplat, SplatList, exp, finish, sigmoid};
 use crate::load::{LoadOptions, Loaded, Up, mesh_tools};
 use crate::math::DVec3;
 use crate::scene::Splats;
@@ -194,7 +194,7 @@ fn plain(mut source: Source, origin: DVec3) -> std::result::Result<(SplatList, O
             coefficients.clear();
             coefficients.push(row.at(COLOR));
             harmonics.read(|k| row.values[REST + k] as f32, &mut coefficients);
-            let mut scales: [f32; 3] = row.at::<3>(SCALES).map(f32::exp);
+            let mut scales: [f32; 3] = row.at::<3>(SCALES).map(exp);
             if is_flat {
                 scales[2] = 0.0;
             }
@@ -251,7 +251,7 @@ fn packed(mut source: Source, origin: DVec3) -> std::result::Result<(SplatList, 
         let bounds = &chunks[i / IN_CHUNK];
         let [position, rotation, scale, color] = splat;
         let center = between(bounds.position, thirds(position)).map(f64::from).into();
-        let scales = between(bounds.scale, thirds(scale)).map(f32::exp);
+        let scales = between(bounds.scale, thirds(scale)).map(exp);
         let [r, g, b, opacity] = [24, 16, 8, 0].map(|shift| part(color, shift, 8));
         let color = between(bounds.color, [r, g, b]).map(|c| (c - 0.5) / FIRST_HARMONIC);
         coefficients.clear();

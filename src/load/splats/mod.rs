@@ -5,7 +5,7 @@ pub mod spz;
 use super::mesh_tools::{self, NAMELESS};
 use super::{Loaded, Up, UpHint};
 use crate::error::{Error, Problem, Result, Warning};
-use crate::math::{DAffine3, DVec3, Quat, Vec3};
+use crate::math::{DAffine3, DVec3, Quat, Vec3, poly};
 use crate::scene::{
     ColorSlot, Emission, Instance, Material, MaterialId, Mesh, MeshId, MeshPart, Model, Splats,
 };
@@ -173,5 +173,14 @@ pub(super) fn finish(path: &Path, list: SplatList, up: (Up, &'static str)) -> Re
 
 /// An opacity by the number that optimisation has in its place.
 pub(super) fn sigmoid(x: f32) -> f32 {
-    1.0 / (1.0 + (-x).exp())
+    1.0 / (1.0 + exp(-x))
+}
+
+/// e to the power x, the same bits on all CPUs: infinite or 0 beyond what single precision holds.
+pub(super) fn exp(x: f32) -> f32 {
+    match x {
+        x if x > 88.0 => f32::INFINITY,
+        x if x < -87.0 => 0.0,
+        x => poly::exp(x),
+    }
 }

@@ -1,6 +1,8 @@
 //! PLY files of Gaussian splats, plain and compressed, whole and damaged.
 
 use super::{load_files, load_ply};
+use oscura::load::{LoadOptions, Up, load};
+use oscura::math::DVec3;
 use oscura::scene::Scene;
 
 /// A header, and rows of floats.
@@ -59,7 +61,13 @@ fn plain_splats_are_activated() {
     close(&only_splats(&turned.scene).rotations[0], &[1.0, 0.0, 0.0, 0.0]);
     assert_eq!(only_splats(&turned.scene).degree, 0);
     // y points down in them.
-    assert!(loaded.notes.iter().any(|note| note.message.contains("-y points up")), "{:?}", loaded.notes);
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("a.ply");
+    std::fs::write(&path, plain(0, &[row(&[], USUAL)])).expect("written");
+    let guessed = load(&path, &LoadOptions { up: Up::Auto, ..LoadOptions::default() }).expect("it loads");
+    assert!(guessed.notes.iter().any(|note| note.message.contains("-y points up")), "{:?}", guessed.notes);
+    let up = guessed.scene.instances[0].world_from_object.transform_vector3(-DVec3::Y);
+    assert!((up - DVec3::Y).length() < 1e-12, "{up}");
 }
 
 #[test]

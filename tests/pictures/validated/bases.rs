@@ -21,9 +21,13 @@ pub fn all() -> Vec<(String, Scene)> {
         ("materials", materials()),
         ("layers", layers()),
         ("media", crate::media::everything()),
-        ("splats", crate::splats::busy()),
     ];
     built.into_iter().map(|(name, scene)| (name.to_string(), scene)).collect()
+}
+
+/// Gaussian splats among other objects.
+pub fn splats() -> Vec<(String, Scene)> {
+    vec![("splats".to_string(), crate::splats::busy())]
 }
 
 /// A bent sheet of 2 n x n triangles over -1..1 with all attributes, in two parts.

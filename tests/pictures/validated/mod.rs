@@ -190,7 +190,7 @@ fn shipped() -> Vec<(String, Scene)> {
 
 #[test]
 fn bases_are_sound() {
-    for (name, scene) in bases::all() {
+    for (name, scene) in bases::all().into_iter().chain(bases::splats()) {
         assert_eq!(scene.validate(), [], "{name}");
         let found = outcome(&scene, &scene, &mut Dice::new(1));
         assert_eq!(found, Ok(Outcome::Picture { invalid: 0 }), "{name}");
@@ -200,6 +200,11 @@ fn bases_are_sound() {
 #[test]
 fn mutated_scenes_are_refused_or_rendered() {
     run(&bases::all(), 1000);
+}
+
+#[test]
+fn mutated_splats_are_refused_or_rendered() {
+    run(&bases::splats(), 1000);
 }
 
 #[test]
