@@ -12,8 +12,14 @@ pub mod from_blender {}
 #[doc = include_str!("rendering.md")]
 pub mod rendering {}
 
+#[doc = include_str!("questions.md")]
+pub mod questions {}
+
 #[doc = include_str!("compositing.md")]
 pub mod compositing {}
+
+#[doc = include_str!("other_renderers.md")]
+pub mod other_renderers {}
 
 #[doc = include_str!("scene_files.md")]
 pub mod scene_files {}

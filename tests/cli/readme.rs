@@ -30,13 +30,15 @@ struct Block {
 }
 
 /// README.md and the pages of the guide.
-const PAGES: [&str; 19] = [
+const PAGES: [&str; 21] = [
     "README.md",
     "src/guide/first_picture.md",
     "src/guide/scans.md",
     "src/guide/from_blender.md",
     "src/guide/rendering.md",
+    "src/guide/questions.md",
     "src/guide/compositing.md",
+    "src/guide/other_renderers.md",
     "src/guide/scene_files.md",
     "src/guide/formats.md",
     "src/guide/exactness.md",
@@ -138,6 +140,8 @@ fn fixtures(folder: &Path) {
     fs::write(folder.join("room.glb"), glb(&value)).expect("written");
     let strands = "curves 1\n0 0 0\n0 0.1 0\n0.02 0.2 0\n\n0.05 0 0\n0.05 0.1 0\n0.06 0.2 0\n";
     fs::write(folder.join("fur.curves"), strands).expect("written");
+    let plate = image::RgbImage::from_fn(16, 8, |x, _| image::Rgb([10 * x as u8, 90, 120]));
+    plate.save(folder.join("plate.jpg")).expect("a JPEG picture");
     for name in ["studio.exr", "studio.hdr"] {
         let path = folder.join(name);
         let sky = image::Rgb32FImage::from_fn(16, 8, |_, y| image::Rgb([1.0, 1.0, 0.3 + 0.1 * y as f32]));
@@ -200,6 +204,10 @@ fn small(arguments: &[String]) -> Vec<String> {
             "--frames" => {
                 rest.next();
                 result.extend(["--frames", "1-2"].map(str::to_string));
+            }
+            "--crop" => {
+                rest.next();
+                result.extend(["--crop", "2,2,20,20"].map(str::to_string));
             }
             _ => result.push(word.clone()),
         }
