@@ -30,7 +30,7 @@ pub struct Geometry {
 impl Geometry {
     /// How many primitives there are.
     pub fn primitives(&self) -> usize {
-        self.triangles.len() + self.quads.len() + self.analytic.len() + self.curves.len() + self.splats.len()
+        self.triangles.len() + self.quads.len() + self.analytic.len() + self.curves.len() + self.splats.count()
     }
 }
 
@@ -180,7 +180,7 @@ impl Estimate {
         self.add_quads(geometry.quads.len());
         self.add_analytic(geometry.analytic.len());
         self.add_curves(geometry.curves.len());
-        self.add_splats(geometry.splats.len());
+        self.add_splats(geometry.splats.count());
         // However small it is.
         self.bytes += 8 * LINE;
     }

@@ -473,7 +473,7 @@ impl TreeWriter<'_> {
 
     fn splat_packet(&self, ids: &[u32], next: u32) -> SplatPacket {
         let splats = &self.shapes.geometry.splats;
-        let first = self.shapes.geometry.primitives() - splats.len();
+        let first = self.shapes.geometry.primitives() - splats.count();
         let known = ids.iter().filter_map(|id| Some((splats.get(*id as usize - first)?, *id)));
         SplatPacket::of(known, next)
     }

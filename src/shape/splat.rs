@@ -31,7 +31,7 @@ impl SplatCloud {
     pub const EMPTY: SplatCloud = SplatCloud { centers: Vec::new(), splats: None };
 
     /// How many there are.
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.centers.len()
     }
 
@@ -79,7 +79,7 @@ impl SplatCloud {
 
     /// The box around all.
     pub fn bounds(&self) -> Bounds3 {
-        let all = (0..self.len()).filter_map(|i| self.bounds_of(i));
+        let all = (0..self.count()).filter_map(|i| self.bounds_of(i));
         all.filter(|b| b.min.is_finite() && b.max.is_finite()).fold(Bounds3::EMPTY, Bounds3::union)
     }
 
@@ -310,6 +310,86 @@ mod tests {
         assert!((seen.min - bounds.min).abs().max_element() < 2e-3 && seen.min.cmpge(bounds.min).all());
         assert!((seen.max - bounds.max).abs().max_element() < 2e-3 && seen.max.cmple(bounds.max).all());
         assert!(radius(0.003).is_none());
+    }
+
+    fn random_cloud(count: usize) -> SplatCloud {
+        let mut random = Random::new(9);
+        let (mut splats, mut centers) = (Splats::default(), Vec::new());
+        for _ in 0..count {
+            centers.push((random.direction() * random.next()).to_array());
+            let scale = |x: f32| 0.01 + 0.08 * x;
+            splats.scales.push([scale(random.next()), scale(random.next()), scale(random.next())]);
+            splats.rotations.push(Quat::from_axis_angle(random.direction(), 3.0 * random.next()).to_array());
+            splats.opacities.push(0.01 + 0.98 * random.next());
+            splats.coefficients.push([f16::ZERO; 3]);
+        }
+        SplatCloud { centers, splats: Some(Arc::new(splats)) }
+    }
+
+    /// All CPU levels accept the same splats, alone and in batches, with the tree's queries of all kinds; over many times of a ray the
+    /// share of rays that meet anything is that of compositing.
+    #[test]
+    fn the_tree_accepts_the_same_splats_on_all_levels() {
+        use crate::accel::{Accel, AccelInstance, Geometry};
+        use crate::math::{DAffine3, DVec3, Hit, Ray};
+        use crate::simd::Level;
+        let geometry = Geometry { splats: random_cloud(3000), ..Geometry::default() };
+        let cloud = geometry.splats.clone();
+        let world_from_object =
+            DAffine3::from_rotation_y(0.7) * DAffine3::from_scale(DVec3::new(1.0, 2.0, 0.5));
+        let placed = [AccelInstance { geometry: 1, world_from_object }];
+        let accel = Accel::build(&[Geometry::default(), geometry], &placed);
+        accel.validate().expect("a sound tree");
+        assert_eq!(accel.stats().splats, 3000);
+        let mut random = Random::new(10);
+        let rays: Vec<Ray> = (0..4000)
+            .map(|_| {
+                let origin = random.direction() * 4.0;
+                Ray::new(origin, (random.direction() * random.next() - origin).normalize())
+            })
+            .collect();
+        let mut hits = vec![Hit::MISS; rays.len()];
+        accel.closest(&rays, &mut hits);
+        assert!(hits.iter().filter(|hit| hit.is_hit()).count() > 1000);
+        for level in Level::ALL.into_iter().filter(|level| level.is_available()) {
+            let (mut same, mut occluded) = (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
+            accel.closest_at(level, &rays, &mut same);
+            accel.occluded_at(level, &rays, &mut occluded);
+            assert_eq!(same, hits, "{}", level.name());
+            assert!(occluded.iter().zip(&hits).all(|(occluded, hit)| *occluded == hit.is_hit()));
+        }
+        assert!(rays.iter().zip(&hits).all(|(ray, hit)| accel.closest_one(ray) == *hit));
+        let object_from_world = world_from_object.inverse();
+        for ray in &rays[..20] {
+            let origin = object_from_world.transform_point3(ray.origin.as_dvec3()).as_vec3();
+            let direction = object_from_world.transform_vector3(ray.direction.as_dvec3()).as_vec3();
+            let left = |i: usize| {
+                let one =
+                    SplatCloud { centers: vec![cloud.centers[i]], splats: Some(Arc::new(alone(&cloud, i))) };
+                let (t, opacity) = peak(&one, origin, direction);
+                if t > 0.0 && opacity >= Splats::LEAST_OPACITY { f64::from(1.0 - opacity) } else { 1.0 }
+            };
+            let truth: f64 = 1.0 - (0..cloud.count()).map(left).product::<f64>();
+            let times: Vec<f32> = (0..20_000).map(|_| random.next()).collect();
+            let (copies, mut met) = (vec![*ray; times.len()], vec![Hit::MISS; times.len()]);
+            accel.closest_in_time(&copies, &times, &mut met);
+            let share = met.iter().filter(|hit| hit.is_hit()).count() as f64 / times.len() as f64;
+            let error = (truth * (1.0 - truth) / times.len() as f64).sqrt();
+            assert!((share - truth).abs() < 4.5 * error + 1e-4, "{share}, not {truth} +- {error}");
+        }
+    }
+
+    /// One splat of a cloud.
+    fn alone(cloud: &SplatCloud, i: usize) -> Splats {
+        let all = cloud.splats.as_ref().expect("splats");
+        Splats {
+            scales: vec![all.scales[i]],
+            rotations: vec![all.rotations[i]],
+            opacities: vec![all.opacities[i]],
+            coefficients: vec![all.coefficients[i]],
+            degree: 0,
+            is_linear: false,
+        }
     }
 
     #[test]

@@ -260,6 +260,7 @@ pub enum Object<'a> {
         mesh_index: usize,
         vertices: usize,
         triangles: usize,
+        gaussian_splats: usize,
         normals: bool,
         uv_sets: usize,
         #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -304,6 +305,7 @@ pub fn objects<'a>(scene: &'a Scene, extents: &[Extent]) -> Vec<Object<'a>> {
             mesh_index: i.mesh.index(),
             vertices: mesh.positions.len(),
             triangles: mesh.triangles.len(),
+            gaussian_splats: mesh.splats.as_ref().map_or(0, |splats| splats.len()),
             normals: !mesh.normals.is_empty(),
             uv_sets: mesh.uv_sets.len(),
             attributes: mesh.attributes.iter().map(|attribute| attribute.name.as_str()).collect(),

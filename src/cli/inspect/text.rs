@@ -437,8 +437,11 @@ pub fn tree(scene: &Scene) -> Vec<String> {
         let mesh = &scene.meshes[instance.mesh.index()];
         let materials: Vec<String> =
             instance_materials(scene, instance).into_iter().map(|m| material_name(scene, m)).collect();
-        let content =
-            format!("mesh '{}', {} triangles, {}", mesh.name, mesh.triangles.len(), materials.join(", "));
+        let made_of = match &mesh.splats {
+            None => format!("{} triangles", mesh.triangles.len()),
+            Some(splats) => format!("{} Gaussian splats of degree {}", splats.len(), splats.degree),
+        };
+        let content = format!("mesh '{}', {made_of}, {}", mesh.name, materials.join(", "));
         insert(&mut nodes, &mut known, &instance.name, content);
     }
     for s in &scene.shapes {
