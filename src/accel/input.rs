@@ -30,7 +30,11 @@ pub struct Geometry {
 impl Geometry {
     /// How many primitives there are.
     pub fn primitives(&self) -> usize {
-        self.triangles.len() + self.quads.len() + self.analytic.len() + self.curves.len() + self.splats.count()
+        self.triangles.len()
+            + self.quads.len()
+            + self.analytic.len()
+            + self.curves.len()
+            + self.splats.count()
     }
 }
 
