@@ -104,11 +104,11 @@ pub(crate) struct BlenderArgs {
     /// View layer by name [default: the first that is enabled for rendering].
     #[arg(long, value_name = "LAYER")]
     pub view_layer: Option<String>,
-    /// Maximum size of baked textures, 16 to 16384 pixels; each texture is sized by its mesh's area in the image
+    /// Maximum size of baked textures, 16 to 16384 pixels
     /// [default: 4096].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(16..=16384), allow_negative_numbers = true)]
     pub bake: Option<u32>,
-    /// Cache folder of exported meshes and baked textures [default: see 'oscura cache'].
+    /// Cache folder of baked textures [default: see 'oscura cache'].
     #[arg(long, value_name = "FOLDER", conflicts_with = "no_cache")]
     pub cache: Option<PathBuf>,
     /// Neither read nor write the cache.

@@ -136,9 +136,9 @@ pub struct BlenderOptions {
     pub frame: Option<u32>,
     /// The view layer to show, by its name; else the first that is rendered.
     pub view_layer: Option<String>,
-    /// Largest edge of pictures that node trees are baked to, pixels; else 4096.
+    /// Largest edge of pictures that nodes are baked to, pixels; else 1024.
     pub bake: Option<u32>,
-    /// The cache folder for exported meshes and baked images, created if it is missing; `None`
+    /// The cache folder for baked images, created if it is missing; `None`
     /// keeps nothing.
     pub cache: Option<PathBuf>,
 }

@@ -182,14 +182,35 @@ class NodesTest(SceneTest):
         tree.links.new(half.outputs[0], shader.inputs["Subsurface Weight"])
         self.add_plane(material)
         table = self.export()["materials"]["wax"]
-        self.assertEqual(table["nodes"][table["surface"]]["subsurface_weight"], 0.75)
+        self.assertEqual(table["nodes"][table["surface"]]["subsurface_weight"], 1.0)
 
     def test_what_is_not_evaluated_is_baked_and_told(self):
-        material, tree, shader, occlusion = shader_tree("dirty", "AmbientOcclusion")
-        tree.links.new(occlusion.outputs[0], shader.inputs["Base Color"])
+        """The occlusion of a plane that half of a wall stands on, within a group; its normals by Bevel are signed."""
+        inner = bpy.data.node_groups.new("nooks", "ShaderNodeTree")
+        inner.interface.new_socket("Shade", in_out="OUTPUT", socket_type="NodeSocketFloat")
+        occlusion, end = inner.nodes.new("ShaderNodeAmbientOcclusion"), inner.nodes.new("NodeGroupOutput")
+        inner.links.new(occlusion.outputs["AO"], end.inputs[0])
+        material, tree, shader, group, bevel = shader_tree("dirty", "Group", "Bevel")
+        group.node_tree = inner
+        tree.links.new(group.outputs[0], shader.inputs["Roughness"])
+        tree.links.new(bevel.outputs[0], shader.inputs["Normal"])
         self.add_plane(material)
-        settings = self.export("--bake", "16")
-        self.assertNotIn("objects", settings)
+        wall = self.add_plane(shader_tree("wall")[0], "Wall")
+        wall.rotation_euler = (0, np.pi / 2, 0)
+        settings = self.export("--bake", "32")
+        answer = json.loads((self.folder / "answer.json").read_text())
+        self.assertEqual(sorted(about for about, message in answer["notes"] if "is baked" in message), ["dirty", "dirty"])
+        table = settings["materials"]["dirty"]
+        surface, nodes = table["nodes"][table["surface"]], table["nodes"]
+        shade = nodes[surface["roughness"].split(".")[0]]
+        self.assertEqual((shade["type"], nodes[shade["vector"].split(".")[0]]["name"]), ("image_texture", "oscura bake"))
+        pixels = self.pixels(str(self.folder / shade["file"]))[4:-4, 4:-4, 0]
+        self.assertTrue(0.4 < pixels.min() < 0.75 < 0.9 < pixels.max() <= 1.0, (pixels.min(), pixels.max()))
+        turned = nodes[surface["normal"].split(".")[0]]
+        self.assertEqual((turned["type"], turned["convert_from"]), ("vector_transform", "object"))
+        decoded = nodes[turned["vector"].split(".")[0]]
+        normals = self.pixels(str(self.folder / nodes[decoded["a"].split(".")[0]]["file"]))[16, 16, :3] * decoded["b"][0] + decoded["c"][0]
+        np.testing.assert_allclose(normals, [0, 0, 1], atol=2e-2)
 
 
 if __name__ == "__main__":

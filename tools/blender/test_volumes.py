@@ -45,12 +45,12 @@ class VolumesTest(SceneTest):
         self.scene.collection.objects.link(made)
         return made
 
-    def box(self, model, name):
-        """The least and the greatest corner of a mesh in the model, which stands in the world."""
-        (node,) = (node for node in model["nodes"] if node["name"] == name)
-        self.assertEqual(node["matrix"], np.eye(4).ravel().tolist())
-        number = model["meshes"][node["mesh"]]["primitives"][0]["attributes"]["POSITION"]
-        return (np.array(model["accessors"][number][key]) for key in ("min", "max"))
+    def box(self, settings, name):
+        """The least and the greatest corner of an object in the axes of models."""
+        matrix = np.array(self.placed(settings)[name]["transform"][0]["matrix"]).reshape(4, 4)
+        found = self.mesh(settings, name)
+        places = np.stack([found[key] for key in "xyz"], 1) @ matrix[:3, :3].T + matrix[:3, 3]
+        return places.min(0), places.max(0)
 
     def test_volumes_stand_as_their_objects_do(self):
         material, _, _ = self.medium("white", "VolumePrincipled", Density=2.0, Anisotropy=0.25)
@@ -67,7 +67,7 @@ class VolumesTest(SceneTest):
         self.assertEqual((found["density"], found["color"]), ([1.0] * 3, [0.5] * 3))
         self.assertIn(b"density", (self.folder / "scene.0.vdb").read_bytes())
         # The densities fill a box from (-1.125, 1.875, 2.75) to (2.875, 5.875, 6.75) or less, the mask one to (7.5, 7.5, 7.5).
-        low, high = self.box(model, "Cloud")
+        low, high = self.box(settings, "Cloud")
         self.assertTrue((low < [-1.25, 8.5, -13.75]).all() and (high > [6.75, 16.5, -5.75]).all(), (low, high))
         self.assertLess((high - low).max(), 2 * (7.5 + 1.125) + 4 * 2 * 0.5)
 

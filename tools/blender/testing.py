@@ -2,6 +2,7 @@
 
 import json
 import os
+import struct
 import subprocess
 import sys
 import tempfile
@@ -15,13 +16,22 @@ import numpy as np
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))
 
-from oscura_blender.glb import Glb  # noqa: E402  (the path comes first)
+
+class Glb:
+    """The two chunks of a .glb file."""
+
+    def __init__(self, path):
+        data = Path(path).read_bytes()
+        length = struct.unpack_from("<I", data, 12)[0]
+        self.json, self.binary = json.loads(data[20 : 20 + length]), data[28 + length :]
 
 
 def run_exporter(scene, out, *more):
     """The model that comes of a scene's file, in a folder."""
     command = [sys.executable, str(HERE / "export.py"), "--", str(scene), str(out), "scene", str(out / "answer.json"), *more]
-    subprocess.run(command, check=True, capture_output=True)
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode:
+        raise RuntimeError(f"{done.stdout[-2000:]}\n{done.stderr[-2000:]}")
     return Glb(out / "scene.glb")
 
 
@@ -31,16 +41,6 @@ def shader_tree(name, *kinds):
     material.use_nodes = True
     tree = material.node_tree
     return (material, tree, tree.nodes["Principled BSDF"], *(tree.nodes.new(f"ShaderNode{kind}") for kind in kinds))
-
-
-def baked(material):
-    """The same material, displaced by nothing: what is displaced isn't evaluated, so that it is baked and goes into the model."""
-    tree = material.node_tree
-    relief, end = tree.nodes.new("ShaderNodeDisplacement"), tree.nodes["Material Output"]
-    relief.inputs["Height"].default_value = relief.inputs["Midlevel"].default_value
-    material.displacement_method = "DISPLACEMENT"
-    tree.links.new(relief.outputs[0], end.inputs["Displacement"])
-    return material
 
 
 def read_ply(path):
@@ -105,16 +105,6 @@ class SceneTest(unittest.TestCase):
         """The node of a material's surface, and a function that gives the nodes that feed the inputs of another."""
         nodes = table["nodes"]
         return nodes[table["surface"]], lambda node, key: nodes[node[key].split(".")[0]]
-
-    def picture(self, model, material):
-        """The file of a material's base colour."""
-        glb = Glb(str(self.folder / "scene.glb"))
-        texture = model["textures"][material["pbrMetallicRoughness"]["baseColorTexture"]["index"]]
-        view = glb.json["bufferViews"][model["images"][texture["source"]]["bufferView"]]
-        path = self.folder / "paint.png"
-        start = view.get("byteOffset", 0)
-        path.write_bytes(glb.binary[start : start + view["byteLength"]])
-        return str(path)
 
     def pixels(self, path):
         """The numbers of a picture as they are stored."""

@@ -1,4 +1,4 @@
-//! The exporter's cache: meshes as glTF has them, and baked images. Each file of the folder is one of
+//! The exporter's cache: baked images and grids. Each file of the folder is one of
 //! them, named by a hash of all that it was made from (32 hexadecimal digits and `.oscura`), so that none is ever out of
 //! date. The exporter deletes those that were not used for longest once there is too much (`cache.py`).
 

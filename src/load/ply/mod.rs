@@ -6,7 +6,8 @@
 //! (`vertex_index` or `vertex_indices`), with colours where vertices have none, with texture coordinates of their corners (`texcoord`, as MeshLab writes them) and the
 //! number of their picture (`texnumber`) or of their material (`material_index`), and `tristrips`. A header line
 //! `comment oscura attribute INDEX COUNT NAME` makes the properties `aINDEX_0` to `aINDEX_3` of vertices, as many as COUNT says, an
-//! attribute that graphs of nodes read by its name (floats as they are, integers as shares of the largest). Other elements, and properties of faces that a picture would show,
+//! attribute that graphs of nodes read by its name (floats as they are, integers as shares of the largest); four floats called `tangent` are
+//! tangents with their handedness. Other elements, and properties of faces that a picture would show,
 //! are left out with a warning, and any other property without. Where comments name pictures (`TextureFile`, as MeshLab
 //! writes them) and there are texture coordinates, they are the colour: the first one, or that of the face's number. Vertices without faces are a point
 //! cloud, which becomes spheres. Positions beyond the precision of single floats are kept around an origin of their own.
@@ -129,12 +130,27 @@ fn parse(path: &Path, bytes: &[u8], origin: DVec3, options: &LoadOptions) -> Res
     left_out.shown.extend(faces.left_out());
     left_out.shown.extend(unused_alpha(&mesh));
     mesh.attributes = attributes.lists;
+    take_tangents(&mut mesh);
     if let Some(colors) = faces.colors.take() {
         mesh_tools::color_triangles(&mut mesh, &colors);
     }
     match problems(&mesh, &mut faces) {
         problems if problems.is_empty() => Ok((mesh, faces, left_out)),
         problems => Err(Error::input_problems(path, problems)),
+    }
+}
+
+/// The attribute that holds tangents.
+pub(super) const TANGENT: &str = "tangent";
+
+/// Makes the attribute of four floats that is called `tangent` the tangents of a mesh: unit vectors with their handedness, 0 where
+/// texture coordinates give them.
+fn take_tangents(mesh: &mut Mesh) {
+    let is_it = |a: &VertexAttribute| a.name == TANGENT && a.width == 4;
+    let Some(at) = mesh.attributes.iter().position(is_it) else { return };
+    let values = mesh.attributes.remove(at).values;
+    if !mesh.normals.is_empty() && values.iter().all(|x| x.is_finite()) {
+        mesh.tangents = values.as_chunks::<4>().0.to_vec();
     }
 }
 

@@ -18,6 +18,7 @@ use super::fields::{Fields, nearest, number, numbers};
 use super::textures::{Textures, read_image};
 use crate::error::Warning;
 use crate::load::image::Use;
+use crate::load::ply::TANGENT;
 use crate::scene::nodes::{
     ColorSpace, Extension, ImageInterpolation, ImageProjection, Node, NodeGraph, NodeInput, NodeKind,
     SettingValue,
@@ -43,7 +44,7 @@ pub(super) struct Links<'g, 'a> {
 /// The attributes that nodes of a file name, and those that stand for outputs of nodes.
 pub(super) fn attribute_names(root: &Fields) -> BTreeSet<String> {
     let mut names: BTreeSet<String> =
-        ["generated", "pointiness", "random_per_island"].map(str::to_string).into();
+        ["generated", "pointiness", "random_per_island", TANGENT].map(str::to_string).into();
     let lists =
         ["textures", "materials"].map(|key| root.raw(key).and_then(|value| value.get_ref().as_table()));
     for graph in lists.into_iter().flatten().flat_map(|table| table.values()) {

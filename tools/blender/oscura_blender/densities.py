@@ -6,7 +6,8 @@ import struct
 import bpy
 import numpy as np
 
-from . import cache, fingerprint, glb, glow, grids, media, shaders, trees
+from . import cache, fingerprint, glow, grids, media, shaders, trees
+from .glb import Y_UP
 from .context import choose, opened
 from .report import listed
 
@@ -18,22 +19,25 @@ SHADERS = ("ShaderNodeVolumeAbsorption", "ShaderNodeVolumeScatter", "ShaderNodeV
 
 def settle(holders, found, store, report):
     """Bakes the densities of volumes that differ from place to place, where nothing else of them does. Meshes at several places are left
-    alone: grids stand in the world."""
+    alone: grids stand in the world. Gives the tables of these materials."""
+    made = {}
     placed = [holder for holder in holders if len(found.placements[holder.name]) == 1]
     known = {material: _filling(material) for material in trees.of_materials(placed)}
-    varying = [(holder, m) for holder in placed for m in dict.fromkeys(holder.data.materials) if known[m] is not None]
+    varying = [(holder, m) for holder in placed for m in dict.fromkeys(holder.data.materials) if known.get(m) is not None]
     if not varying:
-        return
+        return made
     report.note("", f"densities of volumes were baked to grids: of {listed(sorted({material.name for _, material in varying}))}")
     kitchen = glow.new_scene()
     try:
         with opened(kitchen):
             for number, (holder, material) in enumerate(varying):
                 file = f"{found.grids.name}.density.{number}.vol"
-                density = Density(holder, trees.own(holder, material), found.placements[holder.name][0][1])
-                density.settle(known[material], kitchen, file, found, store, report)
+                own = trees.own(holder, material)
+                density = Density(holder, own, found.placements[holder.name][0][1])
+                made[own] = density.entries(known[material], kitchen, file, found, store, report)
     finally:
         bpy.data.scenes.remove(kitchen)
+    return made
 
 
 def _shader(material):
@@ -82,20 +86,18 @@ class Density:
         self.step = extent / counts
         self.low, self.high, self.size = self.inner[0] - self.step, self.inner[1] + self.step, counts + 2
 
-    def settle(self, filling, kitchen, file, found, store, report):
-        """Writes the grid, and what the file of settings says about the material, which keeps no volume."""
-        tree = self.material.node_tree
+    def entries(self, filling, kitchen, file, found, store, report):
+        """Writes the grid; gives what the file of settings says about the material, None for nothing."""
         values = self._kept(kitchen, store)
-        tree.links.remove(shaders.end(tree).inputs["Volume"].links[0])
         if values.max() <= 0 or filling.is_nothing():
-            return
+            return None
         self._write(os.path.join(found.grids.folder, file), values)
-        entries = filling.entries()
+        entries = filling.entries(found.exposure)
         if "emission" in entries:
             report.warn(self.material.name, "the light of its volume goes by its density here")
             entries = grids.greyed(entries)
-        matrix = glb.Y_UP @ self.matrix
-        trees.settle(self.material, type="medium", grid=file, transform=[{"matrix": [v for row in matrix for v in row]}], **entries)
+        place = [{"matrix": [v for row in Y_UP @ self.matrix for v in row]}]
+        return {"type": "medium", "grid": file, "transform": place, **entries}
 
     def _kept(self, kitchen, store):
         digest = cache.digest()

@@ -1,16 +1,14 @@
-"""What oscura evaluates itself: meshes whose materials are graphs of nodes it knows go to files of their own, with their materials in
-the file of settings. What is left is baked and goes into the model."""
+"""Meshes as files of their own, and their materials as graphs of nodes in the file of settings."""
 
 import os
 
-import numpy as np
-
-from . import geometry, media, mesh_files, node_graph, panes, report as reports, shaders, sidecar, skins
+from . import bakes, densities, geometry, media, mesh_files, node_graph, panes, relief, report as reports, sidecar, shaders, skins
 from .glb import Y_UP
 
 # Tables of the materials of faces without one, and of what has no surface.
 DEFAULT = {"type": "nodes", "surface": "surface", "nodes": {"surface": {"type": "principled_bsdf"}}}
 BLACK = {"type": "lambert", "color": [0.0, 0.0, 0.0]}
+NOTHING = {"type": "nodes", "surface": "surface", "nodes": {"surface": {"type": "transparent_bsdf"}}}
 
 # Inputs that let light into a solid, by the type of their shader; others always do.
 REFRACTING = {"principled_bsdf": ("transmission_weight",), "glass_bsdf": None, "refraction_bsdf": None}
@@ -20,16 +18,18 @@ PASSING = {**REFRACTING, "principled_bsdf": ("transmission_weight", "subsurface_
 class Material:
     """A material as a table, and what it asks of meshes."""
 
-    def __init__(self, material, graph, surface, medium):
-        self.material, self.nodes, self.surface, self.medium = material, graph.nodes, surface, medium
+    def __init__(self, graph, surface=None, medium=None, whole=None):
+        self.nodes, self.surface, self.medium = graph.nodes, surface, medium
+        self.whole = whole  # the table of what has no surface
+        self.brushed = graph.brushed or ""
         self.attributes, self.asks_object = graph.attributes, graph.asks_object
         self.lets_light_in = any(_passes(node, PASSING) for node in graph.nodes.values())
         self.refracts = any(_passes(node, REFRACTING) for node in graph.nodes.values())
         self.scatters_within = any(node_graph.scatters_within(node) for node in graph.nodes.values())
 
     def table(self, is_solid):
-        if self.surface is None:
-            return BLACK
+        if self.whole is not None:
+            return self.whole
         entries = {"type": "nodes", "surface": self.surface, "up": "z"}
         if self.lets_light_in and is_solid:
             entries["volume"] = True
@@ -56,13 +56,13 @@ class Evaluated:
         self.meshes = 0  # files of meshes
         self._tables = {}  # by material and whether it fills solids
 
-    def add(self, material, is_solid, name, others):
-        """The name of a material's table, which is none of others that mean something else; None is Blender's default."""
+    def add(self, material, is_solid, name):
+        """The name of a material's table; None is Blender's default. A name means one material: others are called otherwise."""
         key = (material, is_solid)
         if key not in self._tables:
             self._tables[key] = DEFAULT if material is None else material.table(is_solid)
         table = self._tables[key]
-        while name in others or self.materials.get(name, table) is not table:
+        while self.materials.get(name, table) is not table:
             name += " "
         self.materials[name] = table
         return name
@@ -73,73 +73,73 @@ class Evaluated:
 
 
 class Materials:
-    """Which materials oscura evaluates."""
+    """The materials of an export as graphs."""
 
-    def __init__(self, images, exposure):
-        self.reasons = {}  # why others are not, by material
-        self._images, self._exposure = images, exposure
+    def __init__(self, images, told):
+        self.images, self.told = images, told
+        self.found, self.store, self.options, self.report = told
         self._known = {}
 
-    def get(self, material):
-        """A material that is evaluated; None for others."""
+    def on(self, holder, material):
+        """A material on a mesh: those of which something is baked are others on each."""
         if material not in self._known:
-            self._known[material] = _read(material, self._exposure, self._images, self.reasons)
-        return self._known[material]
+            wish = bakes.Wish()
+            self._known[material] = self._read(material, wish)
+            if wish.reasons:
+                self._known[material] = None
+            else:
+                for message in wish.warnings:
+                    self.report.warn(material.name, message)
+        return self._known[material] or self._read(material, bakes.Baker(holder, material, self.told))
+
+    def _read(self, material, baker):
+        graph, exposure = node_graph.Graph(self.found.exposure, self.images, baker), self.found.exposure
+        if material in self.found.media:
+            return Material(graph, whole=self.found.media[material] or NOTHING)
+        if material.node_tree is None or not material.use_nodes:
+            return Material(graph, graph.made({"type": "diffuse_bsdf", "color": list(material.diffuse_color)[:3]}))
+        end = shaders.end(material.node_tree)
+        if end is None:
+            return Material(graph, whole=BLACK)
+        self._add_bumps(graph, material)
+        filling, is_lost = media.Filling(), False
+        try:
+            filling = media.read(end.inputs["Volume"])
+        except media.Varying as varying:
+            is_lost = True
+            baker.warn(f"its volume differs from place to place ({varying}) and is left out")
+        medium = None if filling.is_nothing() else filling.entries(exposure)
+        surface = graph.shader(node_graph.feed(end.inputs["Surface"]))
+        if surface is None and (medium is not None or is_lost):
+            return Material(graph, whole=NOTHING if medium is None else {"type": "medium", **medium})
+        return Material(graph, whole=BLACK) if surface is None else Material(graph, surface, medium)
+
+    @staticmethod
+    def _add_bumps(graph, material):
+        """Displacement that is meant as bumps."""
+        node = relief.bumps(material)
+        if node is not None:
+            graph.relief = [graph.value(node_graph.feed(node.inputs[name]), "VALUE") for name in ("Height", "Scale")]
 
 
-def take(found, known, moves, options, report):
-    """Takes what oscura can evaluate out of what was collected."""
-    made = Evaluated(options.folder, options.name)
-    taken = {key: h for key, h in found.objects.items() if h is not None and _is_taken(h, known, found)}
-    kept = (holder for key, holder in found.objects.items() if holder is not None and key not in taken)
-    baked = {material for holder in kept for material in holder.data.materials if material is not None}
-    # A name means one material: those that the model has as well are called otherwise.
-    names = {material.name for material in baked}
-    for key, holder in taken.items():
-        del found.objects[key]
-        _write(made, holder, known, names, (found, moves), report)
-    for material, reason in known.reasons.items():
-        if material in baked:
-            report.note(material.name, f"is baked, since oscura doesn't evaluate it: {reason}")
+def take(found, moves, told, images):
+    """Writes all that was collected."""
+    _, store, options, report = told
+    made, known = Evaluated(options.folder, options.name), Materials(images, told)
+    holders = [holder for holder in found.objects.values() if holder is not None]
+    relief.displace(holders, found, report)
+    found.media.update(densities.settle(holders, found, store, report))
+    for holder in holders:
+        _write(made, holder, known, (found, moves), report)
     return made
 
 
-def _read(material, exposure, images, reasons):
-    """A material's graph; None where it can't be expressed."""
-    try:
-        if material.node_tree is None or not material.use_nodes:
-            raise node_graph.Unsupported("no node tree")
-        end = shaders.end(material.node_tree)
-        graph = node_graph.Graph(exposure, images)
-        if end is None:
-            return Material(material, graph, None, None)
-        if end.inputs["Displacement"].is_linked:
-            raise node_graph.Unsupported("displacement")
-        filling = media.read(end.inputs["Volume"])
-        surface = graph.shader(node_graph.feed(end.inputs["Surface"]))
-        if surface is None and not filling.is_nothing():
-            raise node_graph.Unsupported("a volume without a surface")
-        return Material(material, graph, surface, None if filling.is_nothing() else filling.entries(exposure))
-    except node_graph.Unsupported as reason:
-        reasons[material] = str(reason)
-    except media.Varying as reason:
-        reasons[material] = f"a volume that varies ({reason})"
-    return None
-
-
-def _is_taken(holder, known, found):
-    """Can a mesh be written with its materials?"""
-    if holder.name in found.volumes or any(known.get(m) is None for m in holder.data.materials if m is not None):
-        return False
-    return not any(mark[0] == "volume" for mark in found.marks[holder.name])
-
-
-def _write(made, holder, known, names, told, report):
+def _write(made, holder, known, told, report):
     """Writes a mesh, and adds its materials and placements."""
     mesh, (found, moves) = holder.data, told
-    shown = [known.get(material) if material is not None else None for material in mesh.materials]
+    shown = [known.on(holder, material) if material is not None else None for material in mesh.materials]
     for slot, entry in enumerate(shown):
-        if entry is not None and entry.scatters_within:
+        if entry is not None and entry.whole is None and entry.scatters_within:
             skins.close(holder, slot, report)
     shapes = moves.shapes_of(holder, found.marks[holder.name][0][0], report) if moves is not None else None
     is_solid = not bool((skins.sides_of_edges(mesh) == 1).any())
@@ -149,13 +149,13 @@ def _write(made, holder, known, names, told, report):
         if entry is not None and entry.refracts and not is_filled:
             panes.tell_of_upright(holder, slot, found, report)
         name = reports.ALIASES.get(material.name, material.name) if material is not None else "default"
-        listed.append(made.add(entry, is_filled, name, names))
+        listed.append(made.add(entry, is_filled, name))
         if entry is not None:
             attributes |= entry.attributes
             asks_object |= entry.asks_object
     file = f"{made.name}.mesh{made.meshes}.ply"
     made.meshes += 1
-    written = mesh_files.MeshFile(mesh, attributes)
+    written = mesh_files.MeshFile(mesh, attributes, [entry.brushed if entry is not None else "" for entry in shown])
     written.write(os.path.join(made.folder, file))
     keys = _shapes(made, written, file, (moves, shapes)) if shapes is not None else []
     extras = found.extras.get(holder.name, {})

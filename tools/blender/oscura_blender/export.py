@@ -9,7 +9,7 @@ import bpy
 
 import addon_utils  # isort: skip (bpy puts it on the path)
 
-from . import cache, camera, context, evaluated, geometry, glb, hair, kept_meshes, lights, materials, mixes, motion, node_graph, originals, settings, sidecar, sizes, trees, volumes, world
+from . import cache, camera, context, evaluated, geometry, glb, hair, lights, motion, node_graph, settings, sidecar, volumes, world
 from .report import Report, Stop, listed
 
 OLDEST = (4, 2, 0)
@@ -62,55 +62,29 @@ def export(options, report):
         _go_to_moment(scene, options)
         layer.update()
         grids = volumes.Store(options.folder, options.name, glb.Y_UP)
-        images = node_graph.Images(options.folder, options.name, options.links)
-        known = evaluated.Materials(images, settings.film_exposure(scene))
-        found, moves, boxes = _collected(scene, layer, grids, known, options, report)
+        found, moves, boxes = _collected(scene, layer, grids, options, report)
         found.exposure, found.grids = settings.film_exposure(scene), grids
-        found.sight = sizes.Sight(scene.camera, scene, options.bake)
-        found.window = camera.window(found.cameras[0].data, scene) if found.cameras else None
         tables, cameras, empties = _settings(scene, found, boxes, store, options, report)
-    direct = evaluated.take(found, known, moves, options, report)
-    patches = materials.prepare(found, store, report)
+    images = node_graph.Images(options.folder, options.name, options.links)
+    made = evaluated.take(found, moves, (found, store, options, report), images)
     world.settle(dict(tables)["[environment]"], found)
+    comment = f"What glTF can't carry of {os.path.basename(options.file)}; 'oscura help sidecar' explains it."
     if moves is not None:
         motion.tell_of_volumes(found, moves, report)
-        moves.tell_of_baked(found, report)
         if moves.matrices or moves.shapes:
             report.tell(moment=moves.moment, fps=moves.fps)
-    model = os.path.join(options.folder, f"{options.name}.glb")
-    holders = [holder for holder in found.objects.values() if holder is not None]
-    kept, images = kept_meshes.KeptMeshes(store), originals.Originals()
-    kept.replace(holders)
-    images.replace(material for holder in holders for material in holder.data.materials)
-    _open_alone(holders)
-    _write_model(model)
-    written = glb.Glb(model)
-    if not images.exchange(written, options.folder if options.links else None):
-        images.restore()
-        _write_model(model)
-        written = glb.Glb(model)
-    glb.compose(written, found, (cameras, empties), patches, kept, moves)
-    written.write(model)
-    names = {node["name"] for node in written.json.get("nodes", []) if "mesh" in node}
-    shining = found.links.settle(names, {entry["name"] for entry in direct.objects})
+            comment += f" What moves: --time {moves.moment!r} --fps {moves.fps:g}."
+    glb.write(os.path.join(options.folder, f"{options.name}.glb"), found, cameras, empties, moves)
+    found.links.settle({entry["name"] for entry in made.objects})
     store.trim()
-    comment = f"What glTF can't carry of {os.path.basename(options.file)}; 'oscura help sidecar' explains it."
-    if moves is not None and (moves.matrices or moves.shapes):
-        comment += f" What moves: --time {moves.moment!r} --fps {moves.fps:g}."
-    names = {material["name"] for material in written.json.get("materials", [])}
-    known = sorted((name, entries) for name, entries in trees.SETTINGS.items() if name in names and entries)
-    tables += [(f"[materials.{sidecar.value(name)}]", entries) for name, entries in known]
-    tables += [("[[objects]]", {"node": name, **entries}) for name, entries in shining]
-    tables += direct.tables()
-    tables += _textures(known, options)
-    sidecar.write(os.path.join(options.folder, f"{options.name}.oscura.toml"), comment, tables)
+    sidecar.write(os.path.join(options.folder, f"{options.name}.oscura.toml"), comment, tables + made.tables())
 
 
-def _collected(scene, layer, grids, known, options, report):
+def _collected(scene, layer, grids, options, report):
     """What there is to render, how it moves, and the boxes around it."""
 
     def look(graph):
-        found = geometry.collect(scene, layer, graph, grids, known, report)
+        found = geometry.collect(scene, layer, graph, grids, report)
         boxes = camera.boxes(graph)
         shutter = motion.shutter(scene, options, layer)
         return found, motion.record(scene, graph, found, shutter) if shutter is not None else None, boxes
@@ -118,31 +92,11 @@ def _collected(scene, layer, grids, known, options, report):
     return context.in_final_render(scene, layer, look)
 
 
-def _textures(materials, options):
-    """The tables of the textures that materials ask for; those that are files are written."""
-    names = lambda entries: {entry for entry in entries.values() if isinstance(entry, str) and entry in trees.TEXTURES}
-    pending, used = set().union(*(names(entries) for _, entries in materials)), set()
-    while pending:
-        used |= pending
-        pending = set().union(*(names(trees.TEXTURES[name]) for name in pending)) - used
-    tables, number = [], 0
-    for name, entries in trees.TEXTURES.items():
-        if name in used and name in mixes.PICTURES:
-            number += 1
-            entries["file"] = f"{options.name}.mixed.{number}.png"
-            with open(os.path.join(options.folder, entries["file"]), "wb") as file:
-                file.write(mixes.PICTURES[name])
-        if name in used:
-            tables.append((f"[textures.{sidecar.value(name)}]", entries))
-    return tables
-
-
 def _open(options, report):
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.utils.register_class(context.Engine)
-    for addon in ("io_scene_gltf2", "cycles"):
-        if addon_utils.enable(addon) is None:
-            raise Stop(f"this Blender comes without its add-on {addon}")
+    if addon_utils.enable("cycles") is None:
+        raise Stop("this Blender comes without its add-on cycles")
     try:
         bpy.ops.wm.open_mainfile(filepath=options.file, load_ui=False, use_scripts=False)
     except RuntimeError as error:
@@ -222,44 +176,3 @@ def _settings(scene, found, boxes, store, options, report):
             shining += [("[[lights]]", entry) for entry in entries]
     strands = hair.entries(found, glb.Y_UP, options.folder, options.name, report)
     return tables + named + shining + strands, cameras, empties
-
-
-def _open_alone(holders):
-    """Opens a scene of these objects: Blender's exporter looks at what is open."""
-    model = context.new_scene("oscura")
-    for holder in holders:
-        model.collection.objects.link(holder)
-    for other in list(bpy.data.scenes):
-        if other != model:
-            bpy.data.scenes.remove(other)
-
-
-def _write_model(path):
-    """Lets Blender's exporter write the meshes with their materials."""
-    bpy.ops.export_scene.gltf(
-        filepath=path,
-        check_existing=False,
-        export_format="GLB",
-        export_yup=True,
-        export_apply=False,
-        export_texcoords=True,
-        export_normals=True,
-        export_tangents=False,
-        export_materials="EXPORT",
-        export_image_format="AUTO",
-        export_vertex_color="MATERIAL",
-        export_all_vertex_colors=False,
-        export_attributes=False,
-        export_cameras=False,
-        export_lights=False,
-        export_extras=True,
-        export_animations=False,
-        export_current_frame=True,
-        export_skins=False,
-        export_morph=False,
-        export_gpu_instances=False,
-        export_gn_mesh=False,
-        use_selection=False,
-        use_visible=False,
-        use_renderable=False,
-    )

@@ -43,7 +43,6 @@ class Collected:
     def __init__(self):
         self.graph = None  # what all is taken from
         self.objects = {}  # mesh objects by what they were made of
-        self.evaluated = None  # materials that oscura evaluates
         self.infos = {}  # by the name of the mesh object: what each placement answers to nodes that ask about objects
         self.placements = {}  # by the name of the mesh object: (name, matrix) of each placement
         self.marks = {}  # by the name of the mesh object: what tells each placement from others at all times
@@ -51,11 +50,11 @@ class Collected:
         self.extras = {}  # by the name of the mesh object: what its nodes say about rays and pictures
         self.lights = []  # (object, matrix)
         self.cameras = []  # objects
-        self.sight = None  # how large things appear
         self.exposure = 1.0  # the film's factor on all light
         self.hair = []  # of strands: name, strands, matrix, material, entries for rays and pictures
         self.strands = {}  # of particles, by object and system
-        self.brushed = {}  # by the name of the mesh object: see there
+        self.media = {}  # tables of materials that are volumes alone
+        self.bakes = []  # files of pictures that were baked
         self.volumes = {}  # names of volume objects by what tells them from all else
         self.links = None  # what lights are linked to
         self.questions = None  # that materials ask about objects
@@ -71,10 +70,9 @@ class Collected:
         return False
 
 
-def collect(scene, layer, graph, store, evaluated, report):
-    """Collects everything; grids of volumes go to their store. Materials that oscura evaluates need no copies for what they ask."""
+def collect(scene, layer, graph, store, report):
+    """Collects everything; grids of volumes go to their store."""
     found = Collected()
-    found.evaluated = evaluated
     found.graph = graph
     found.questions = objectwise.Questions(layer)
     found.links = Links(bpy.data.objects)
@@ -131,9 +129,7 @@ def _add_mesh(found, obj, instance, report):
     parent = instance.parent if instance.is_instance else None
     extras = _extras(found, obj, parent)
     key = (obj.data.as_pointer(), *extras.items(), *_own_materials(obj).items(), found.links.key(_linked(obj, parent)))
-    shown = _materials(found, obj)
-    is_evaluated = all(found.evaluated.get(material.original) is not None for material in shown)
-    asking = [material for material in shown if found.questions.is_asked(material)] if not is_evaluated else []
+    asking = [material for material in _materials(found, obj) if found.questions.is_asked(material)]
     told = objectwise.answers(instance, obj, parent, asking, found.questions.layer) if asking else ()
     if told and (key, told) not in found.objects and found.is_crowded(obj, report):
         told = next((known[1] for known in found.objects if known[0] == key), told)
@@ -157,15 +153,18 @@ def _add_mesh(found, obj, instance, report):
 def _add_volume(found, obj, instance, store, report):
     parent = instance.parent if instance.is_instance else None
     name = _name(obj, parent)
-    mesh = volumes.add(store, obj, instance, name, report)
-    if mesh is None:
+    made = volumes.add(store, obj, instance, name, report)
+    if made is None:
         return
+    mesh, medium = made
+    found.media[mesh.materials[0]] = medium
     holder = bpy.data.objects.new(f"oscura {len(found.objects)}", mesh)
     found.objects[holder.name] = holder
     if extras := _extras(found, obj, parent):
         found.extras[holder.name] = extras
     # It stands in the world and is marked as nothing else, so that nothing moves it.
     found.placements[holder.name], found.marks[holder.name] = [(name, Matrix.Identity(4))], [("volume", holder.name)]
+    found.infos[holder.name] = [objectwise.info(instance, obj)]
     found.links.place(name, _linked(obj, parent))
     found.volumes[mark(instance)] = name
 

@@ -1,35 +1,21 @@
-"""The model as a .glb: Blender's exporter writes meshes, materials and images; the nodes are written here, as the
-renderer of Blender sees them: every instance, of whatever origin, at its own place."""
+"""The model: a .glb with cameras, empty nodes in the place of lights, and the animation of both."""
 
 import json
-import os
 import struct
 
 from mathutils import Matrix
 
-from . import brushed
-from .motion import animate
-from .report import ALIASES
-from .trees import SETTINGS
-
 # From Blender's axes (z up) to those of glTF (y up).
 Y_UP = Matrix(((1, 0, 0, 0), (0, 0, 1, 0), (0, -1, 0, 0), (0, 0, 0, 1)))
-Z_UP = Y_UP.inverted()
-
-# So many placements of a mesh and more are written as instances.
-INSTANCED = 8
 
 
 class Glb:
     """The two chunks of a .glb file."""
 
-    def __init__(self, path):
-        with open(path, "rb") as file:
-            length = struct.unpack_from("<I", file.read(20), 12)[0]
-            self.json = json.loads(file.read(length))
-            file.read(8)
-            self.binary = bytearray(max(os.path.getsize(path) - file.tell(), 0))
-            file.readinto(self.binary)
+    def __init__(self):
+        # By its generator the loader knows that the exporter told what was lost.
+        self.json = {"asset": {"version": "2.0", "generator": "Blender I/O, oscura"}, "scene": 0}
+        self.binary = bytearray()
 
     def write(self, path):
         buffers = [{"byteLength": len(self.binary)}] if self.binary else []
@@ -93,8 +79,9 @@ class Nodes:
         self.nodes = []
         self.moving = []  # (number of the node, its parts at all moments)
 
-    def add(self, node, matrix, mark, turn):
-        """Adds a node at a matrix; `turn` takes matrices of Blender's axes to those of glTF."""
+    def add(self, node, matrix, mark):
+        """Adds a node at a matrix."""
+        turn = lambda matrix: Y_UP @ matrix
         matrices = self.moves.of(mark) if self.moves is not None else None
         parts = [_split(turn(m)) for m in matrices] if matrices else [None]
         if None not in parts:
@@ -105,27 +92,6 @@ class Nodes:
         else:
             # Only nodes of such parts can be animated.
             self.nodes.append({**node, **dict(zip(("translation", "rotation", "scale"), now))})
-
-    def add_meshes(self, mesh, places, extras):
-        """Adds all placements (name, matrix, mark) of a mesh, together where they are many and stand still."""
-        turn = lambda matrix: Y_UP @ matrix @ Z_UP
-        own = {"extras": extras} if extras else {}
-        still = [p for p in places if self.moves is None or self.moves.of(p[2]) is None]
-        parts = [_split(turn(matrix)) for _, matrix, _ in still]
-        if len(still) < INSTANCED or None in parts:
-            still = []
-        for name, matrix, mark in places:
-            if not still or self.moves is not None and self.moves.of(mark) is not None:
-                self.add({"name": name, "mesh": mesh, **own}, matrix, mark, turn)
-        if not still:
-            return
-        keys = ("TRANSLATION", "ROTATION", "SCALE")
-        attributes = {key: self.glb.add_accessor([part[k] for part in parts]) for k, key in enumerate(keys)}
-        extension = {"EXT_mesh_gpu_instancing": {"attributes": attributes}}
-        self.nodes.append({"name": still[0][0], "mesh": mesh, "extensions": extension, **own})
-        used = self.glb.json.setdefault("extensionsUsed", [])
-        if "EXT_mesh_gpu_instancing" not in used:
-            used.append("EXT_mesh_gpu_instancing")
 
 
 def _evened(parts):
@@ -138,62 +104,35 @@ def _evened(parts):
     return found
 
 
-def _patch_materials(glb, patches):
-    used = glb.json.setdefault("extensionsUsed", [])
-    for material in glb.json.get("materials", []):
-        patch = patches.get(material.get("name"), {})
-        for name, extension in patch.get("extensions", {}).items():
-            if extension.pop("tinted", False):
-                base = material.get("pbrMetallicRoughness", {})
-                extension["diffuseTransmissionColorFactor"] = base.get("baseColorFactor", [1, 1, 1])[:3]
-                if "baseColorTexture" in base:
-                    extension["diffuseTransmissionColorTexture"] = base["baseColorTexture"]
-            material.setdefault("extensions", {}).setdefault(name, {}).update(extension)
-            if name not in used:
-                used.append(name)
-        if "roughness" in patch:
-            material.setdefault("pbrMetallicRoughness", {})["roughnessFactor"] = patch["roughness"]
-        if "base_color" in patch:
-            factor = material.setdefault("pbrMetallicRoughness", {}).setdefault("baseColorFactor", [1, 1, 1, 1])
-            factor[:3] = patch["base_color"]
-    for material in glb.json.get("materials", []):
-        # Copies are called as what they were made of, unless the file of settings speaks of either.
-        original = ALIASES.get(material.get("name"))
-        if original is not None and not (SETTINGS.get(material["name"]) or SETTINGS.get(original)):
-            material["name"] = original
-    if not used:
-        del glb.json["extensionsUsed"]
-
-
-def compose(glb, found, others, patches, kept, moves=None):
-    """Gives the file of Blender's exporter its nodes: meshes where they were collected, cameras (name, matrix, glTF camera)
-    and empty nodes (name, matrix) in the place of lights; and materials what it leaves out of them, by name. Meshes that are
-    known come from `kept`; what moves is animated."""
-    cameras, empties = others
-    by_name = {node["name"]: node["mesh"] for node in glb.json.get("nodes", []) if "mesh" in node}
-    kept.exchange(glb, by_name)
-    brushed.add(glb, by_name, found.brushed, [material["name"] for material in glb.json.get("materials", [])])
+def write(path, found, cameras, empties, moves):
+    """Writes cameras (name, matrix, glTF camera) and empty nodes (name, matrix)."""
+    glb = Glb()
     made = Nodes(glb, moves)
-    for name, places in found.placements.items():
-        if name in by_name:
-            marked = [(*place, mark) for place, mark in zip(places, found.marks[name])]
-            made.add_meshes(by_name[name], marked, found.extras.get(name))
-    turn = lambda matrix: Y_UP @ matrix
     for index, (name, matrix, _) in enumerate(cameras):
-        made.add({"name": name, "camera": index}, matrix, ("camera", name), turn)
+        made.add({"name": name, "camera": index}, matrix, ("camera", name))
     for name, matrix in empties:
-        made.add({"name": name}, matrix, _mark_of(name, found), turn)
-    _patch_materials(glb, patches)
-    # By this the loader knows that all glass is meant to be solid, and that nothing was lost.
-    glb.json["asset"]["generator"] += ", oscura"
-    animate(glb, moves, made.moving)
-    glb.json["nodes"] = made.nodes
+        made.add({"name": name}, matrix, _mark_of(name, found))
+    _animate(glb, moves, made.moving)
+    glb.json["scenes"] = [{"nodes": list(range(len(made.nodes)))}] if made.nodes else [{}]
+    if made.nodes:
+        glb.json["nodes"] = made.nodes
     if cameras:
         glb.json["cameras"] = [{"name": name, **camera} for name, _, camera in cameras]
-    glb.json["scenes"] = [{"nodes": list(range(len(made.nodes)))}]
-    glb.json["scene"] = 0
-    if not made.nodes:
-        del glb.json["nodes"], glb.json["scenes"][0]["nodes"]
+    glb.write(path)
+
+
+def _animate(glb, moves, nodes):
+    """Writes the animation: nodes with their matrices at all moments."""
+    if moves is None or not nodes:
+        return
+    animation = {"channels": [], "samplers": []}
+    times = glb.add_accessor([(time,) for time in moves.times()], has_bounds=True)
+    for node, parts in nodes:
+        for k, path in enumerate(("translation", "rotation", "scale")):
+            animation["channels"].append({"sampler": len(animation["samplers"]), "target": {"node": node, "path": path}})
+            output = glb.add_accessor([part[k] for part in parts])
+            animation["samplers"].append({"input": times, "output": output, "interpolation": "LINEAR"})
+    glb.json["animations"] = [animation]
 
 
 def _mark_of(name, found):

@@ -81,11 +81,11 @@ def shine(tree, end, shader, image, feed):
     return restore
 
 
-def baked(width, height, shining, **options):
+def baked(width, height, shining, margin=0, **options):
     """The numbers (rows, columns, 4) of a picture into which materials shine, each by a function of the picture as `shine` is."""
     image = picture(width, height)
     undo = [make(image) for make in shining]
-    bpy.ops.object.bake(type="EMIT", target="IMAGE_TEXTURES", margin=0, use_clear=True, **options)
+    bpy.ops.object.bake(type="EMIT", target="IMAGE_TEXTURES", margin=margin, use_clear=True, **options)
     for restore in undo:
         restore()
     pixels = np.empty(width * height * 4, np.float32)

@@ -46,13 +46,12 @@ class Links:
         self.unsettled.append((nodes, names))
         return nodes
 
-    def settle(self, nodes, others):
-        """Fills in the names of the nodes of the model and of other objects, of all that there are; gives the entries of nodes."""
-        written = [name for name in self.objects if name in nodes or name in others]
-        for named, names in self.unsettled:
-            # From the root of the model, so that nothing else is meant.
-            named[:] = sorted(f"/{name}" for name in written if self.objects[name] in names)
-        return [(f"/{name}", entries) for name, entries in sorted(self.shining.items()) if name in nodes]
+    def settle(self, names):
+        """Fills in the names of objects, of all that there are."""
+        written = [name for name in self.objects if name in names]
+        for named, wanted in self.unsettled:
+            # From the root, so that nothing else is meant.
+            named[:] = sorted(f"/{name}" for name in written if self.objects[name] in wanted)
 
 
 def _collections(obj):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from . import undeformed
+from . import brushed, undeformed
 from .meshes import positions
 
 # Numbers of an attribute by its type, and the key of its values.
@@ -46,7 +46,8 @@ class Corners:
 class MeshFile:
     """A mesh with the attributes of some names, as far as it has them, as vertices whose corners agree."""
 
-    def __init__(self, mesh, names):
+    def __init__(self, mesh, names, axes=()):
+        """`axes` are those around which faces are brushed, by slot."""
         mesh.calc_loop_triangles()
         corners = Corners(mesh)
         self.mesh, self.vertices = mesh, corners.vertices
@@ -54,7 +55,8 @@ class MeshFile:
         polygons = _read(mesh.loop_triangles, "polygon_index", 1, np.int32).ravel()
         self.last = max(len(mesh.materials) - 1, 0)
         self.materials = np.clip(_read(mesh.polygons, "material_index", 1, np.int32).ravel(), 0, self.last)[polygons]
-        columns, self.labels = _columns(mesh, corners, names)
+        tangents = brushed.tangents(mesh, axes, corners.vertices)
+        columns, self.labels = _columns(mesh, corners, names, tangents)
         self.properties = [name for names_of, _ in columns for name in names_of]
         self.first = None  # the first corner of each vertex of the file, where corners of a vertex may differ
         if columns:
@@ -75,7 +77,7 @@ class MeshFile:
         self.mesh.vertices.foreach_set("co", np.ascontiguousarray(places, np.float32).ravel())
         self.mesh.update()
         has_normals = "nx" in self.properties
-        normals = _normals(self.mesh, Corners(self.mesh))[self.first] if has_normals else None
+        normals = _read(self.mesh.corner_normals, "vector", 3, np.float32)[self.first] if has_normals else None
         self._write(path, ["nx", "ny", "nz"] if has_normals else [], normals, [])
         self.mesh.vertices.foreach_set("co", now.ravel())
         self.mesh.update()
@@ -104,16 +106,17 @@ class MeshFile:
             file.write(faces.tobytes())
 
 
-def _columns(mesh, corners, names):
+def _columns(mesh, corners, names, tangents):
     """What corners have beside their positions: names of properties with their values, and the lines that name attributes."""
     columns, labels = [], []
-    normals = _normals(mesh, corners)
+    normals = _normals(mesh, corners) if tangents is None else _read(mesh.corner_normals, "vector", 3, np.float32)
     if normals is not None:
         columns.append((("nx", "ny", "nz"), normals))
     layer = next((layer for layer in mesh.uv_layers if layer.active_render), None)
     if layer is not None:
         columns.append((("s", "t"), _read(layer.uv, "vector", 2, np.float32)))
-    for name, width, values in _attributes(mesh, corners, names):
+    brushed_along = [("tangent", 4, tangents)] if tangents is not None else []
+    for name, width, values in [*_attributes(mesh, corners, names), *brushed_along]:
         index = len(labels)
         labels.append((index, width, name))
         columns.append((tuple(f"a{index}_{k}" for k in range(width)), values))

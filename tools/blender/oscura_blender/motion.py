@@ -71,12 +71,6 @@ class Moves:
             return None
         return shapes
 
-    def tell_of_baked(self, found, report):
-        """Tells of meshes that deform, of materials that are baked: they keep their shape."""
-        for holder in found.objects.values():
-            if holder is not None and holder.name in self.shapes:
-                report.warn(found.marks[holder.name][0][0], "its change of shape is not blurred, since its material is baked")
-
     def of(self, mark):
         """The matrices of something that moves; None for others."""
         return self.matrices.get(mark)
@@ -157,20 +151,3 @@ def tell_of_volumes(found, moves, report):
     for mark in sorted(moves.volumes, key=str):
         if mark in found.volumes:
             report.warn(found.volumes[mark], "this volume moves while the shutter is open: it stands still, since volumes are not blurred")
-
-
-def animate(glb, moves, nodes):
-    """Writes the animation of cameras and lights: nodes with their matrices at all moments."""
-    if moves is None or not nodes:
-        return
-    animation = {"channels": [], "samplers": []}
-    times = glb.add_accessor([(time,) for time in moves.times()], has_bounds=True)
-
-    def add(node, path, rows):
-        animation["channels"].append({"sampler": len(animation["samplers"]), "target": {"node": node, "path": path}})
-        animation["samplers"].append({"input": times, "output": glb.add_accessor(rows), "interpolation": "LINEAR"})
-
-    for node, parts in nodes:
-        for k, path in enumerate(("translation", "rotation", "scale")):
-            add(node, path, [part[k] for part in parts])
-    glb.json["animations"] = [animation]

@@ -1,12 +1,12 @@
 """Node trees as graphs that oscura evaluates: each node of Blender becomes one of the file of settings, with groups, reroutes and muted
-nodes resolved. What has no counterpart raises `Unsupported`, and the material is baked."""
+nodes resolved. What has no counterpart is baked (`bakes.py`), and shaders without one become the likest."""
 
 import os
 import shutil
 
 import bpy
 
-from . import mesh_files, shaders, skins
+from . import bakes, mesh_files, shaders
 
 
 class Unsupported(Exception):
@@ -112,7 +112,28 @@ SHADERS = {
     "ShaderNodeBsdfSheen": "sheen_bsdf",
     "ShaderNodeSubsurfaceScattering": "subsurface_scattering",
     "ShaderNodeEmission": "emission",
+    "ShaderNodeBackground": "emission",
+    # The likest.
+    "ShaderNodeBsdfToon": "diffuse_bsdf",
+    "ShaderNodeBsdfVelvet": "sheen_bsdf",
+    "ShaderNodeBsdfHair": "diffuse_bsdf",
+    "ShaderNodeBsdfHairPrincipled": "diffuse_bsdf",
+    "ShaderNodeEeveeSpecular": "diffuse_bsdf",
+    "ShaderNodeHoldout": "diffuse_bsdf",
 }
+
+# Those whose likest is another.
+LIKE = {
+    "ShaderNodeBsdfToon": "a diffuse surface",
+    "ShaderNodeBsdfVelvet": "sheen of microfibres",
+    "ShaderNodeBsdfHair": "a diffuse surface",
+    "ShaderNodeBsdfHairPrincipled": "a diffuse surface",
+    "ShaderNodeEeveeSpecular": "a diffuse surface",
+    "ShaderNodeHoldout": "a black surface",
+}
+
+# What fills a volume does nothing on a surface.
+FILLINGS = ("ShaderNodeVolumeAbsorption", "ShaderNodeVolumeScatter", "ShaderNodeVolumePrincipled", "ShaderNodeVolumeCoefficients")
 
 # Inputs of shaders that oscura knows, by their type's.
 KNOWN = {
@@ -131,6 +152,9 @@ KNOWN = {
     "subsurface_scattering": "Color,Scale,Radius,Anisotropy",
     "emission": "Color,Strength",
 }
+
+# Subsurface scattering of less weight is left to diffuse reflection.
+LEAST_SUBSURFACE = 0.5
 
 # Inputs that oscura takes as constants only.
 CONSTANT = {
@@ -189,6 +213,10 @@ def feed(socket, groups=()):
             return Feed(output, groups)
 
 
+def _is_body(found):
+    return found.node is not None and found.node.bl_idname == "ShaderNodeSubsurfaceScattering"
+
+
 def _default(socket):
     if socket.type == "SHADER" or not hasattr(socket, "default_value"):
         return None
@@ -224,12 +252,17 @@ def _zero(output):
 class Graph:
     """The nodes of a material, written one after another."""
 
-    def __init__(self, exposure=1.0, images=None):
+    def __init__(self, exposure=1.0, images=None, baker=None):
         self.nodes = {}
         self.attributes = set()  # of meshes
         self.asks_object = False  # does a node ask about the object?
         self.images = images
+        self.baker = baker if baker is not None else bakes.Wish()
+        self.relief = None  # the height and its scale of bumps on all of the surface
+        self.brushed = None  # the axis around which it is brushed; empty along texture coordinates
         self._known = {}
+        self._refused = {}  # why nodes are baked
+        self._pictures = {}  # of outputs that are baked, or of many tiles
         self._exposure = exposure
 
     def _add(self, node, groups, entries):
@@ -262,24 +295,41 @@ class Graph:
             entries, (first, second) = {"type": "add_shader"}, node.inputs
         elif node.bl_idname in SHADERS:
             return self._add(node, found.groups, self._closure(node, found.groups))
+        elif node.bl_idname in FILLINGS:
+            return None
         elif found.output.type != "SHADER":
             # Cycles takes a colour for an emission.
             color = self.value(found)
             return self.made({"type": "emission", "color": color, "strength": self._exposure})
         else:
-            raise Unsupported(node.bl_label)
+            self.baker.warn(f"the shader {node.bl_label} is not supported: it is grey")
+            return self.made({"type": "diffuse_bsdf"})
         for key, socket in (("a", first), ("b", second)):
-            name = self.shader(feed(socket, found.groups))
+            part = feed(socket, found.groups)
+            factor = entries.get("factor", 1.0)
+            share = abs(factor - (key == "a")) if isinstance(factor, float) else 1.0
+            name = self._faint(part, share) if _is_body(part) and 0 < share < LEAST_SUBSURFACE else self.shader(part)
             if name is not None:
                 entries[key] = name
         return self._add(node, found.groups, entries)
 
+    def _faint(self, found, share):
+        """Diffuse reflection in the place of a body that is mixed in with a small share."""
+        self.baker.warn(f"subsurface scattering of weight {share:.3g} is taken for diffuse reflection")
+        entries = self._closure(found.node, found.groups)
+        kept = {key: value for key, value in entries.items() if key in ("color", "normal")}
+        return self.made({"type": "diffuse_bsdf", **kept})
+
     def _closure(self, node, groups):
         kind = SHADERS[node.bl_idname]
         known = KNOWN[kind].split(",")
+        if node.bl_idname in LIKE:
+            self.baker.warn(f"the shader {node.bl_label} is not supported: it is {LIKE[node.bl_idname]}")
+        if kind == "metallic_bsdf" and node.fresnel_type != "F82":
+            return self._metal(node, groups)
+        if kind == "sheen_bsdf" and getattr(node, "distribution", "MICROFIBER") != "MICROFIBER":
+            self.baker.warn(f"sheen of the distribution {node.distribution} is that of microfibres here")
         entries = {"type": kind}
-        if kind == "sheen_bsdf" and node.distribution != "MICROFIBER" or kind == "metallic_bsdf" and node.fresnel_type != "F82":
-            raise Unsupported(f"{node.bl_label} ({getattr(node, 'distribution', '')})")
         for socket in node.inputs:
             if not socket.enabled or socket.type == "SHADER":
                 continue
@@ -289,15 +339,94 @@ class Graph:
                     entries["normal"] = self.value(found)
                 continue
             if name not in known:
-                if found.node is not None and name not in ("Weight", "Subsurface IOR"):
-                    raise Unsupported(f"{name} of {node.bl_label}")
+                if found.node is not None and name not in ("Weight", "Subsurface IOR", "Tangent"):
+                    self.baker.warn(f"{name} of {node.bl_label} is not carried over")
                 continue
-            value = _constant(node, socket, found) if name in CONSTANT else None
+            value = self._constant(node, socket, found) if name in CONSTANT else None
             entries[name.lower().replace(" ", "_")] = self.value(found, socket.type) if value is None else value
-        _refuse(entries, node.bl_label)
+        if node.bl_idname == "ShaderNodeHoldout":
+            entries["color"] = [0.0, 0.0, 0.0]
+        self._lift(entries)
+        self._brush(node, entries, groups)
         if kind == "emission" or kind == "principled_bsdf":
             self._expose(entries, "strength" if kind == "emission" else "emission_strength")
+        return self._with_body(node, entries, groups)
+
+    def _lift(self, entries):
+        """Adds the bumps of all of the surface to a shader's normal."""
+        if self.relief is not None and entries["type"] not in ("emission", "transparent_bsdf"):
+            height, scale = self.relief
+            bump = {"type": "bump", "strength": 1.0, "height": height, "distance": scale}
+            before = {"normal": entries["normal"]} if "normal" in entries else {}
+            entries["normal"] = f"{self.made({**bump, **before})}.normal"
+
+    def _brush(self, node, entries, groups):
+        """The direction in which a surface is brushed is one of the mesh: around an axis, or along its texture coordinates."""
+        if not any(entries.get(name, 0.0) != 0.0 for name in ("anisotropic", "anisotropy")) or "Tangent" not in node.inputs:
+            return
+        tangent, axis = feed(node.inputs["Tangent"], groups).node, "Z"
+        if tangent is not None and tangent.bl_idname != "ShaderNodeTangent":
+            self.baker.warn("the direction in which it is brushed (Tangent) is not carried over: it runs around the vertical axis")
+        elif tangent is not None:
+            axis = "" if tangent.direction_type == "UV_MAP" else tangent.axis
+        if axis and "normal" in entries:
+            self.baker.warn("is brushed along its texture coordinates, as its normals are, not around an axis")
+            axis = ""
+        if self.brushed is None:
+            self.brushed = axis
+
+    def _with_body(self, node, entries, groups):
+        """A shader whose colour may paint a body beneath it."""
+        is_principled = entries["type"] == "principled_bsdf"
+        if is_principled:
+            weight, others = entries.get("subsurface_weight", 0.0), [entries.get(name, 0.0) for name in ("metallic", "transmission_weight")]
+            # Light that has entered a body leaves it by the same surface: a share of it is all or nothing.
+            is_body = weight >= LEAST_SUBSURFACE and others == [0.0, 0.0]
+            if weight != 0.0 and not is_body:
+                self.baker.warn(f"subsurface scattering of weight {weight:.3g} is taken for diffuse reflection")
+            entries = {**entries, "subsurface_weight": 1.0 if is_body else 0.0}
+            if not is_body:
+                return entries
+        elif entries["type"] != "subsurface_scattering":
+            return entries
+        key, name, body = ("base_color", "Base Color", "subsurface_body") if is_principled else ("color", "Color", "body")
+        if isinstance(entries.get(key), str):
+            entries[body] = self.baker.brightest(feed(node.inputs[name], groups), name)
         return entries
+
+    def _metal(self, node, groups):
+        """A metal of physical constants, by its colours at normal incidence and at 82 degrees."""
+        n, k = (self._numbers(node, name, groups) for name in ("IOR", "Extinction"))
+        cosine = 1 / 7
+        base = [((a - 1) ** 2 + b * b) / ((a + 1) ** 2 + b * b) for a, b in zip(n, k)]
+        schlick = [f + (1 - f) * (1 - cosine) ** 5 for f in base]
+        edge = [min(_conductor(a, b, cosine) / s, 1.0) for a, b, s in zip(n, k, schlick)]
+        entries = {"type": "metallic_bsdf", "base_color": base, "edge_tint": edge}
+        for name in ("Roughness", "Anisotropy", "Rotation"):
+            found = feed(node.inputs[name], groups)
+            value = self._constant(node, node.inputs[name], found) if name in CONSTANT else None
+            entries[name.lower()] = self.value(found, "VALUE") if value is None else value
+        normal = feed(node.inputs["Normal"], groups)
+        if normal.node is not None:
+            entries["normal"] = self.value(normal)
+        self._lift(entries)
+        self._brush(node, entries, groups)
+        return entries
+
+    def _numbers(self, node, name, groups):
+        found = feed(node.inputs[name], groups)
+        value = self._constant(node, node.inputs[name], found)
+        return value if value is not None else self.value(found, "VECTOR")
+
+    def _constant(self, node, socket, found):
+        """The number or triple of an input that may not vary; None where nothing calculates it."""
+        if found.node is None or found.node.bl_idname in PLAIN:
+            return None
+        value = shaders.constant(socket)
+        if value is None:
+            default = _default(socket)
+            return self.baker.mean(found, f"{socket.name} of {node.bl_label}", default)
+        return list(value) if isinstance(value, tuple) else value
 
     def _expose(self, entries, key):
         if self._exposure != 1.0 and key in entries:
@@ -314,10 +443,69 @@ class Graph:
             return 0.0 if found.value is None else _converted(found.value, found.type, to)
         if node.bl_idname in PLAIN:
             return _converted(_default(found.output), found.output.type, to)
-        if (node, found.groups) not in self._known:
-            self._write(node, found.groups)
-        output = self._output(node, found.output)
-        return f"{self._known[(node, found.groups)]}.{output}"
+        key = (node, found.groups)
+        if node.bl_idname == "ShaderNodeTexImage" and node.image.source == "TILED" and node.image.colorspace_settings.name in SPACES:
+            return self._tiled(found)
+        if key not in self._known and key not in self._refused:
+            try:
+                self._write(*key)
+            except Unsupported as reason:
+                self._refused[key] = str(reason)
+        if key not in self._refused:
+            try:
+                return f"{self._known[key]}.{self._output(node, found.output)}"
+            except Unsupported as reason:
+                return self._picture(found, str(reason))
+        return self._picture(found, self._refused[key])
+
+    def _picture(self, found, reason):
+        """A picture of an output that is baked."""
+        if found.node.bl_idname == "ShaderNodeLightPath":
+            self.baker.warn(f"{reason} is taken as 0")
+            return 0.0
+        if getattr(found.node, "from_instancer", False):
+            return 0.0
+        key = (found.node, found.groups, found.output.identifier)
+        if key not in self._pictures:
+            self._pictures[key] = self._baked(found, reason)
+        return self._pictures[key]
+
+    def _baked(self, found, reason):
+        baked = self.baker.image(found, reason)
+        if baked is None:
+            return _zero(found.output) or 0.0
+        file, holds_vectors = baked
+        self.attributes.add(bakes.UV)
+        place = f"{self.made({'type': 'uv_map', 'name': bakes.UV})}.uv"
+        image = {"type": "image_texture", "file": file, "color_space": "non-color", "extension": "extend", "alpha_mode": "none"}
+        color = f"{self.made({**image, 'vector': place})}.color"
+        if not holds_vectors:
+            return color
+        half = bakes.VECTOR_RANGE
+        vector = {"type": "vector_math", "operation": "multiply_add", "a": color, "b": [half] * 3, "c": [-half / 2] * 3}
+        vector = f"{self.made(vector)}.vector"
+        if found.node.bl_idname != "ShaderNodeBevel":
+            return vector
+        turn = {"type": "vector_transform", "vector_type": "normal", "convert_from": "object", "convert_to": "world", "vector": vector}
+        return f"{self.made(turn)}.vector"
+
+    def _tiled(self, found):
+        """The sum of the tiles of an image (UDIM), each of which is nothing outside its square."""
+        key = (found.node, found.groups, found.output.identifier)
+        if key in self._pictures:
+            return self._pictures[key]
+        node, entries, total = found.node, {}, None
+        self.put(entries, "vector", node.inputs[0], found.groups, "uv")
+        for number, file in self.images.tiles(node.image):
+            corner = [float((number - 1001) % 10), float((number - 1001) // 10), 0.0]
+            moved = {"type": "vector_math", "operation": "subtract", "a": entries["vector"], "b": corner}
+            tile = {**_image_entries(node, file), "extension": "clip", "projection": "flat", "vector": f"{self.made(moved)}.vector"}
+            value = f"{self.made(tile)}.{_by_name(node, found.output)}"
+            if total is not None:
+                value = f"{self.made({'type': 'vector_math', 'operation': 'add', 'a': total, 'b': value})}.vector"
+            total = value
+        self._pictures[key] = total if total is not None else _zero(found.output)
+        return self._pictures[key]
 
     def _output(self, node, socket):
         if node.bl_idname in SPECIAL:
@@ -370,23 +558,12 @@ class Graph:
         return f"coordinates.{output}"
 
 
-def _constant(node, socket, found):
-    """The number or triple of an input that may not vary; None where nothing calculates it."""
-    if found.node is None or found.node.bl_idname in PLAIN:
-        return None
-    value = shaders.constant(socket)
-    if value is None:
-        raise Unsupported(f"{socket.name} of {node.bl_label} that varies")
-    return list(value) if isinstance(value, tuple) else value
-
-
-def _refuse(entries, label):
-    """Raises what is baked for the sake of the mesh: directions in which surfaces are brushed, and bodies that are painted."""
-    if any(entries.get(name, 0.0) != 0.0 for name in ("anisotropic", "anisotropy")):
-        raise Unsupported(f"anisotropy of {label}")
-    color = entries.get("base_color" if entries["type"] == "principled_bsdf" else "color")
-    if isinstance(color, str) and scatters_within(entries):
-        raise Unsupported(f"subsurface scattering of a colour that varies of {label}")
+def _conductor(n, k, cosine):
+    """The reflectance of a metal of an index of refraction n + i k (Fresnel's equations for unpolarized light)."""
+    squared, both = n * n + k * k, 2 * n * cosine
+    s = (squared - both + cosine**2) / (squared + both + cosine**2)
+    p = (squared * cosine**2 - both + 1) / (squared * cosine**2 + both + 1)
+    return 0.5 * (s + p)
 
 
 def scatters_within(entries):
@@ -394,7 +571,7 @@ def scatters_within(entries):
     if entries["type"] != "principled_bsdf":
         return entries["type"] == "subsurface_scattering"
     weight, others = entries.get("subsurface_weight", 0.0), [entries.get(name, 0.0) for name in ("metallic", "transmission_weight")]
-    return weight >= skins.LEAST_SUBSURFACE and others == [0.0, 0.0]
+    return weight == 1.0 and others == [0.0, 0.0]
 
 
 # Nodes with more than inputs and settings.
@@ -469,7 +646,13 @@ def _curves(name, count, key):
     return write
 
 
-def _by_name(_node, socket):
+# Outputs of nodes that oscura doesn't have.
+LACKING = ("Pointiness", "Random Per Island", "Diffuse Depth", "Glossy Depth", "Transparent Depth", "Transmission Depth", "Portal Depth")
+
+
+def _by_name(node, socket):
+    if socket.name in LACKING:
+        raise Unsupported(f"{socket.name} of {node.bl_label}")
     return socket.name.lower().replace(" ", "_")
 
 
@@ -486,9 +669,6 @@ def _coordinates(graph, node, groups):
 
 
 def _geometry(graph, node, groups):
-    for name in ("Pointiness", "Random Per Island"):
-        if node.outputs[name].is_linked:
-            raise Unsupported(f"{name} of {node.bl_label}")
     return {"type": "geometry"}
 
 
@@ -521,7 +701,7 @@ def _object_info(graph, node, groups):
 
 def _tangent(graph, node, groups):
     if node.direction_type == "UV_MAP" and node.uv_map:
-        raise Unsupported(f"{node.bl_label} of the UV map '{node.uv_map}'")
+        graph.baker.warn(f"{node.bl_label} of the UV map '{node.uv_map}' is that of the active one")
     return {"type": "tangent", "direction_type": node.direction_type.lower(), "axis": node.axis.lower()}
 
 
@@ -532,9 +712,6 @@ def _wireframe(graph, node, groups):
 
 
 def _light_path(graph, node, groups):
-    for name in ("Diffuse Depth", "Glossy Depth", "Transparent Depth", "Transmission Depth", "Portal Depth"):
-        if name in node.outputs and node.outputs[name].is_linked:
-            raise Unsupported(f"{name} of {node.bl_label}")
     return {"type": "light_path"}
 
 
@@ -568,9 +745,19 @@ def _normal(graph, node, groups):
 
 def _image(graph, node, groups):
     image = node.image
-    file = graph.images.file(image) if image.source in ("FILE", "GENERATED") else None
+    if image.source == "SEQUENCE":
+        file = graph.images.frame(image, node.image_user)
+    else:
+        file = graph.images.file(image) if image.source in ("FILE", "GENERATED") else None
     if file is None:
         raise Unsupported(f"the image '{image.name}'")
+    entries = _image_entries(node, file)
+    graph.put(entries, "vector", node.inputs[0], groups, "uv")
+    return entries
+
+
+def _image_entries(node, file):
+    image = node.image
     space = SPACES.get(image.colorspace_settings.name)
     if space is None:
         raise Unsupported(f"the colour space {image.colorspace_settings.name}")
@@ -585,7 +772,6 @@ def _image(graph, node, groups):
     }
     if node.projection == "BOX":
         entries["blend"] = node.projection_blend
-    graph.put(entries, "vector", node.inputs[0], groups, "uv")
     return entries
 
 
@@ -621,12 +807,19 @@ SPECIAL = {
 }
 
 
+# Endings of the formats of images that oscura reads.
+ENDINGS = {
+    "PNG": ".png", "JPEG": ".jpg", "OPEN_EXR": ".exr", "OPEN_EXR_MULTILAYER": ".exr", "HDR": ".hdr", "TARGA": ".tga", "TARGA_RAW": ".tga",
+    "TIFF": ".tif", "BMP": ".bmp", "WEBP": ".webp",
+}  # fmt: skip
+
+
 class Images:
     """The files of images: those that are packed or made by Blender are written to a folder, others stay where they are or are copied."""
 
     def __init__(self, folder, name, has_links):
         self.folder, self.name, self.has_links = folder, name, has_links
-        self._files = {}
+        self._files, self._count = {}, 0
 
     def file(self, image):
         """The name of an image's file; None for one that can't be read."""
@@ -634,22 +827,61 @@ class Images:
             self._files[image] = self._written(image)
         return self._files[image]
 
-    def _written(self, image):
-        path = bpy.path.abspath(image.filepath_raw, library=image.library) if image.filepath_raw else ""
-        ending = os.path.splitext(path or image.name)[1].lower() or ".png"
-        file = f"{self.name}.image{len(self._files)}{ending}"
-        target = os.path.join(self.folder, file)
-        if image.packed_file is not None:
-            with open(target, "wb") as stream:
-                stream.write(image.packed_file.data)
-            return file
-        if image.source == "GENERATED" or image.is_dirty:
-            file = os.path.splitext(file)[0] + (".exr" if image.is_float else ".png")
-            image.save(filepath=os.path.join(self.folder, file))
-            return file
+    def frame(self, image, user):
+        """The file of an image of a sequence at this frame."""
+        return self._placed(bpy.path.abspath(image.filepath_from_user(image_user=user), library=image.library))
+
+    def tiles(self, image):
+        """Numbers and files of the tiles of an image, as far as they are there."""
+        packed = {os.path.basename(bpy.path.abspath(one.filepath)): one for one in getattr(image, "packed_files", ())}
+        for tile in image.tiles:
+            path = bpy.path.abspath(image.filepath_raw.replace("<UDIM>", str(tile.number)), library=image.library)
+            held = packed.get(os.path.basename(path))
+            if held is not None and path not in self._files:
+                self._files[path] = self._kept(held.data, path)
+            file = self._files[path] if held is not None else self._placed(path)
+            if file is not None:
+                yield tile.number, file
+
+    def _named(self, path, ending=None):
+        number, self._count = self._count, self._count + 1
+        return f"{self.name}.image{number}{ending or os.path.splitext(path)[1].lower()}"
+
+    def _kept(self, data, path, ending=None):
+        file = self._named(path, ending)
+        with open(os.path.join(self.folder, file), "wb") as stream:
+            stream.write(data)
+        return file
+
+    def _placed(self, path, ending=None):
         if not os.path.isfile(path):
             return None
-        if self.has_links:
+        if self.has_links and ending is None:
             return path
-        shutil.copyfile(path, target)
+        if path not in self._files:
+            self._files[path] = self._named(path, ending)
+            shutil.copyfile(path, os.path.join(self.folder, self._files[path]))
+        return self._files[path]
+
+    def _written(self, image):
+        path = bpy.path.abspath(image.filepath_raw, library=image.library) if image.filepath_raw else ""
+        own = os.path.splitext(path or image.name)[1].lower()
+        ending = None if own in ENDINGS.values() or own == ".jpeg" else ENDINGS.get(image.file_format, "")
+        if image.source == "GENERATED" or image.is_dirty or ending == "":
+            # Of formats that oscura doesn't read as well.
+            return self._saved(image)
+        if image.packed_file is not None:
+            return self._kept(image.packed_file.data, path or image.name, ending)
+        return self._placed(path, ending)
+
+    def _saved(self, image):
+        file = self._named("", ".exr" if image.is_float else ".png")
+        own = image.file_format
+        image.file_format = "OPEN_EXR" if image.is_float else "PNG"
+        try:
+            image.save(filepath=os.path.join(self.folder, file), save_copy=True)
+        except RuntimeError:
+            return None
+        finally:
+            image.file_format = own
         return file

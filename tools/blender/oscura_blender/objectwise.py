@@ -5,9 +5,10 @@ import bpy
 
 from . import trees
 
-# Nodes that ask about the object, and those whose values follow from where it stands.
-ASKING = ("ShaderNodeObjectInfo", "ShaderNodeAttribute", "ShaderNodeParticleInfo", "ShaderNodeUVMap", "ShaderNodeTexCoord")
-PLACED = ("ShaderNodeNewGeometry", "ShaderNodeTexCoord", "ShaderNodeVectorTransform", "ShaderNodeCameraData", "ShaderNodeAmbientOcclusion")
+# Nodes that may ask what only the export knows. (The renderer knows places, colours, and numbers.)
+ASKING = ("ShaderNodeAttribute", "ShaderNodeParticleInfo", "ShaderNodeUVMap", "ShaderNodeTexCoord")
+
+AMBIENT = "ShaderNodeAmbientOcclusion"
 
 
 class Questions:
@@ -21,7 +22,8 @@ class Questions:
         """Does a material's tree ask about the object? Most don't, and are looked at once."""
         if material.name not in self._asking:
             tree = material.node_tree if material.use_nodes else None
-            self._asking[material.name] = tree is not None and (trees.has(tree, ASKING) or _is_placed(tree))
+            nodes = [node for _, node in trees.nodes_with_trees(tree, ASKING)] if tree is not None else []
+            self._asking[material.name] = any(map(_asks, nodes)) or tree is not None and _looks_around(tree)
         return self._asking[material.name]
 
 
@@ -32,7 +34,7 @@ def answers(instance, obj, parent, materials, layer):
         for _, node in trees.nodes_with_trees(material.node_tree, ASKING):
             told = _told(node, instance, obj, parent, layer)
             found += [(material.name, _mark(node), *entry) for entry in told]
-        if _is_placed(material.node_tree):
+        if _looks_around(material.node_tree):
             found.append((material.name, "", "place", tuple(tuple(row) for row in instance.matrix_world)))
     return tuple(found)
 
@@ -67,30 +69,23 @@ def _mark(node):
     return (node.bl_idname, *asked)
 
 
-def _is_placed(tree):
-    """Does a tree ask where in the world its points are?"""
-    for _, node in trees.nodes_with_trees(tree, PLACED):
-        linked = {out.name for out in node.outputs if out.is_linked}
-        if node.bl_idname == "ShaderNodeNewGeometry" and linked & {"Position", "Normal", "True Normal", "Incoming"}:
-            return True
-        if node.bl_idname == "ShaderNodeTexCoord" and (
-            linked & {"Camera", "Window", "Reflection"} or "Object" in linked and node.object is not None
-        ):
-            return True
-        if node.bl_idname == "ShaderNodeVectorTransform" and linked and node.convert_from != node.convert_to:
-            return True
-        if node.bl_idname == "ShaderNodeCameraData" and linked:
-            return True
-        if node.bl_idname == "ShaderNodeAmbientOcclusion" and linked and not node.only_local:
-            return True
-    return False
+def _asks(node):
+    """Does a node ask about the object?"""
+    is_special = node.bl_idname == "ShaderNodeParticleInfo" or getattr(node, "from_instancer", False)
+    is_special = is_special or getattr(node, "attribute_type", "GEOMETRY") != "GEOMETRY"
+    return is_special and any(out.is_linked for out in node.outputs)
+
+
+def _looks_around(tree):
+    """Does a tree ask how much of what is around an object other ones hide?"""
+    nodes = (node for _, node in trees.nodes_with_trees(tree, (AMBIENT,)))
+    return any(not node.only_local and any(out.is_linked for out in node.outputs) for node in nodes)
 
 
 def _told(node, instance, obj, parent, layer):
     """What a node gives on an object, by the identifier of its outputs that are used."""
     linked = [out for out in node.outputs if out.is_linked]
     tell = {
-        "ShaderNodeObjectInfo": _of_object,
         "ShaderNodeParticleInfo": _of_particle,
         "ShaderNodeAttribute": _of_attribute,
         "ShaderNodeUVMap": _of_instancer,
@@ -98,17 +93,6 @@ def _told(node, instance, obj, parent, layer):
     }[node.bl_idname]
     values = tell(node, instance, obj, parent, layer) if linked else {}
     return [(out.identifier, values[out.identifier]) for out in linked if out.identifier in values]
-
-
-def _of_object(_node, instance, obj, _parent, _layer):
-    original = obj.original
-    return {
-        "Location": tuple(instance.matrix_world.translation),
-        "Color": tuple(original.color)[:3],
-        "Alpha": float(original.color[3]),
-        "Object Index": float(original.pass_index),
-        "Random": _random_of(instance, original),
-    }
 
 
 def _of_particle(_node, instance, _obj, _parent, _layer):

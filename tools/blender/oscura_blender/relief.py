@@ -1,50 +1,24 @@
-"""Displacement: heights are evaluated by Cycles at the vertices of a mesh, which is how Cycles displaces, and move them; what is
-meant as bumps becomes a Bump node. Where it is meant as both, bumps are those of the mesh before it is displaced, and so are its
-smooth normals."""
+"""Displacement: heights are evaluated by Cycles at the vertices of a mesh, which is how Cycles displaces, and move them. Where it is meant
+as both, smooth normals stay those of the mesh before it is displaced, and bumps are a node of the surface's graph."""
 
 import bpy
 import numpy as np
 
-from . import glow, meshes, shaders, trees
+from . import glow, meshes, shaders, undeformed
 from .context import choose, opened
 
-HEIGHTS, OFFSETS = "oscura heights", "oscura offsets"
-
-# Nodes whose outputs follow from where a surface lies, and those outputs.
-PLACED = {
-    "ShaderNodeNewGeometry": ("Position", "Normal", "True Normal", "Incoming", "Pointiness"),
-    "ShaderNodeTexCoord": ("Object", "Camera", "Window", "Normal", "Reflection"),
-    "ShaderNodeCameraData": ("View Vector", "View Z Depth", "View Distance"),
-    "ShaderNodeAmbientOcclusion": ("Color", "AO"),
-    "ShaderNodeBevel": ("Normal",),
-}
+HEIGHTS = "oscura heights"
 
 
-def bumps(material, shader, report):
-    """Takes the displacement of a material as bumps, where that is what it is set to. After that it has none."""
+def bumps(material):
+    """The Displacement node of a material whose displacement is meant as bumps, alone or beside; None for others."""
     node = _node(material)
-    if node is not None:
-        end = shaders.end(material.node_tree)
-        material.node_tree.links.remove(end.inputs["Displacement"].links[0])
-    if node is None or material.displacement_method == "DISPLACEMENT" or shader is None:
-        return
-    if node.bl_idname != "ShaderNodeDisplacement":
-        if material.displacement_method == "BUMP":
-            report.warn(material.name, f"bumps by {node.bl_label} are not carried over")
-        return
-    tree = material.node_tree
-    bump = tree.nodes.new("ShaderNodeBump")
-    for name, target in (("Height", "Height"), ("Scale", "Distance")):
-        _join(tree, node.inputs[name], bump.inputs[target])
-    bump.inputs["Strength"].default_value = 1.0
-    before = shaders.source(shader.inputs["Normal"])
-    if before is not None:
-        tree.links.new(before, bump.inputs["Normal"])
-    tree.links.new(bump.outputs[0], shader.inputs["Normal"])
+    is_bump = node is not None and material.displacement_method != "DISPLACEMENT" and node.bl_idname == "ShaderNodeDisplacement"
+    return node if is_bump else None
 
 
 def displace(holders, found, report):
-    """Moves the vertices of all meshes with materials that displace them, or notes for `finish` by how much."""
+    """Moves the vertices of all meshes with materials that displace them."""
     wanted = [holder for holder in holders if is_displaced(holder)]
     if not wanted:
         return
@@ -57,16 +31,9 @@ def displace(holders, found, report):
         bpy.data.scenes.remove(kitchen)
 
 
-def finish(holders):
-    """Moves the vertices of those meshes that had to be baked before."""
-    for holder in holders:
-        if OFFSETS in holder.data.attributes:
-            _move(holder.data)
-
-
 def is_displaced(holder):
     """Has it a material that moves its vertices?"""
-    return any(_displaces(material) for material in holder.data.materials)
+    return any(material is not None and _displaces(material) for material in holder.data.materials)
 
 
 def _node(material):
@@ -86,7 +53,7 @@ def _displace(holder, matrix, kitchen, report):
     mesh.color_attributes.active_color = layer
     holder.matrix_world = matrix
     kitchen.collection.objects.link(holder)
-    undo = [_shine(material, matrix, report) for material in dict.fromkeys(mesh.materials)]
+    undo = [_shine(material, matrix, report) for material in dict.fromkeys(mesh.materials) if material is not None]
     try:
         choose(holder, kitchen)
         bpy.ops.object.bake(type="EMIT", target="VERTEX_COLORS")
@@ -99,38 +66,17 @@ def _displace(holder, matrix, kitchen, report):
         holder.matrix_world.identity()
         mesh.color_attributes.remove(mesh.color_attributes[HEIGHTS])
         mesh.color_attributes.active_color_index = min(active, len(mesh.color_attributes) - 1)
-    _note(mesh, np.nan_to_num(moved.reshape(-1, 4)[:, :3]))
-    if not any(map(_is_both, mesh.materials)) or any(map(_asks_for_places, mesh.materials)):
-        _move(mesh)
+    _move(mesh, np.nan_to_num(moved.reshape(-1, 4)[:, :3]))
 
 
-def _is_both(material):
-    return material.displacement_method == "BOTH" and _node(material) is not None
-
-
-def _asks_for_places(material):
-    """Does the surface depend on where it lies, beside its heights?"""
-    end = shaders.end(material.node_tree) if material.node_tree is not None else None
-    nodes = trees.upstream(end.inputs["Surface"]) if end is not None else ()
-    groups = [node.node_tree for node in nodes if getattr(node, "node_tree", None)]
-    inner = [node for tree in groups for _, node in trees.nodes_with_trees(tree, PLACED)]
-    return any(out.is_linked and out.name in PLACED.get(node.bl_idname, ()) for node in [*nodes, *inner] for out in node.outputs)
-
-
-def _note(mesh, heights):
-    """Keeps by how much vertices are to be moved: by numbers along their normals in the first channel less those in the second."""
-    normals = np.empty(3 * len(mesh.vertices), np.float32)
+def _move(mesh, heights):
+    """Moves vertices along their normals, by the numbers of the first channel less those of the second. Normals follow, but smooth ones of
+    what has bumps beside; generated coordinates stay."""
+    normals, kept, places = np.empty(3 * len(mesh.vertices), np.float32), _kept_normals(mesh), meshes.positions(mesh.vertices)
     mesh.vertex_normals.foreach_get("vector", normals)
+    undeformed.keep(mesh, places)
     offsets = (heights[:, 0] - heights[:, 1])[:, None] * normals.reshape(-1, 3)
-    mesh.attributes.new(OFFSETS, "FLOAT_VECTOR", "POINT").data.foreach_set("vector", offsets.ravel())
-
-
-def _move(mesh):
-    """Moves vertices, and lets normals follow, but smooth ones of what has bumps beside."""
-    offsets, kept = np.empty(3 * len(mesh.vertices), np.float32), _kept_normals(mesh)
-    mesh.attributes[OFFSETS].data.foreach_get("vector", offsets)
-    mesh.attributes.remove(mesh.attributes[OFFSETS])
-    mesh.vertices.foreach_set("co", meshes.positions(mesh.vertices).ravel() + offsets)
+    mesh.vertices.foreach_set("co", (places + offsets).astype(np.float32).ravel())
     if mesh.has_custom_normals:
         mesh.attributes.remove(mesh.attributes["custom_normal"])
     mesh.update()
@@ -146,7 +92,7 @@ def _kept_normals(mesh):
     mesh.polygons.foreach_get("loop_total", corners)
     if "sharp_face" in mesh.attributes:
         mesh.attributes["sharp_face"].data.foreach_get("value", flat)
-    stays = np.array([material.displacement_method == "BOTH" for material in mesh.materials])
+    stays = np.array([material is not None and material.displacement_method == "BOTH" for material in mesh.materials])
     normals = np.empty(3 * len(mesh.loops), np.float32)
     mesh.corner_normals.foreach_get("vector", normals)
     return normals.reshape(-1, 3) * np.repeat(stays[np.minimum(slots, len(stays) - 1)] & ~flat, corners)[:, None]

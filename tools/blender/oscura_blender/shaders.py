@@ -17,10 +17,6 @@ _MATH = {
 }
 
 
-# What nodes carry that stand for a weight by the angle of view: its values by the cosine, and their mean, which it has.
-BY_COSINE = "oscura by cosine"
-
-
 def source(socket):
     """The socket that feeds an input, past reroutes; None without a link."""
     while socket.is_linked:
@@ -39,7 +35,7 @@ def constant(socket):
     if feeding is None:
         return None if socket.is_linked else _plain(socket.default_value)
     node = feeding.node
-    if node.mute or BY_COSINE in node:
+    if node.mute:
         return None
     if node.bl_idname in ("ShaderNodeRGB", "ShaderNodeValue"):
         return as_type(_plain(feeding.default_value), socket.type in ("RGBA", "VECTOR"))
@@ -111,12 +107,6 @@ def output(tree):
     node = end(tree)
     feeding = source(node.inputs["Surface"]) if node else None
     return feeding.node if feeding else None
-
-
-def principled(material):
-    """The Principled shader of a material that has been prepared; None where it has another or none."""
-    node = output(material.node_tree)
-    return node if node is not None and node.bl_idname == "ShaderNodeBsdfPrincipled" else None
 
 
 def feed(tree, socket, target):

@@ -1,45 +1,10 @@
-"""Subsurface scattering of varying colours: a body of the brightest one, painted with what remains. Light crosses the paint on its
-way in and on its way out, so that the paint is the root of the colour over that of the body."""
+"""Holes of bodies that scatter light within: small ones are closed."""
 
 import bmesh
-import bpy
 import numpy as np
-
-from . import shaders, trees
-
-# Subsurface scattering of less weight is left to diffuse reflection.
-LEAST_SUBSURFACE = 0.5
-
-# What is noted of materials: that they are to be painted, and the colour of the body once they are.
-WANTED, BODY = "oscura skin", "oscura body"
-
-# Share of the picture that may be brighter than the body.
-BRIGHTEST = 0.999
 
 # Holes of a larger share of the surface are not closed.
 LARGEST_HOLES = 0.2
-
-
-def settle(holders, report):
-    """Closes small holes of bodies, and notes which closed ones have a varying colour."""
-    users = {}
-    for holder in holders:
-        for slot, material in enumerate(holder.data.materials):
-            if _scatters(material):
-                users.setdefault(material, []).append((holder, slot))
-    for material, places in users.items():
-        are_closed = [close(holder, slot, report) for holder, slot in places]
-        if all(are_closed) and shaders.constant(shaders.principled(material).inputs["Base Color"]) is None:
-            trees.settle(material, **{WANTED: True})
-
-
-def _scatters(material):
-    node = shaders.principled(material)
-    if node is None:
-        return False
-    weight = shaders.constant(node.inputs["Subsurface Weight"])
-    others = [shaders.constant(node.inputs[name]) for name in ("Metallic", "Transmission Weight")]
-    return weight is not None and weight >= LEAST_SUBSURFACE and others == [0.0, 0.0]
 
 
 def close(holder, slot, report):
@@ -79,38 +44,3 @@ def sides_of_edges(mesh, slot=None):
         mesh.polygons.foreach_get("loop_total", counts)
         edges = edges[np.repeat(slots == slot, counts)]
     return np.bincount(edges, minlength=1)
-
-
-def is_wanted(material, name):
-    """Is an input to be a picture of paint, however it is fed?"""
-    return name == "Base Color" and trees.SETTINGS.get(material.name, {}).get(WANTED, False) and not is_painted(material)
-
-
-def is_painted(material):
-    """Has a material its paint?"""
-    return trees.SETTINGS.get(material.name, {}).get(WANTED) == "painted"
-
-
-def body_of(material):
-    """The colour of the body of a material that was painted, None for others; said once."""
-    said = trees.SETTINGS.get(material.name, {})
-    said.pop(WANTED, None)
-    return said.pop(BODY, None)
-
-
-def paint(material, image):
-    """The picture of the paint for a picture of the colour."""
-    pixels = np.empty(len(image.pixels), np.float32)
-    image.pixels.foreach_get(pixels)
-    pixels = pixels.reshape(-1, 4)
-    coded = pixels[:, :3]
-    linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
-    body = np.clip(np.quantile(linear[linear.max(1) > 0] if linear.any() else linear, BRIGHTEST, axis=0), 1e-3, 1.0)
-    paint_of = np.sqrt(np.minimum(linear / body, 1))
-    pixels[:, :3] = np.where(paint_of <= 0.0031308, 12.92 * paint_of, 1.055 * paint_of ** (1 / 2.4) - 0.055)
-    made = bpy.data.images.new(f"{image.name} paint", *image.size, alpha=True)
-    made.pixels.foreach_set(pixels.ravel())
-    made.update()
-    made.pack()
-    trees.settle(material, **{WANTED: "painted", BODY: tuple(float(b) for b in body)})
-    return made

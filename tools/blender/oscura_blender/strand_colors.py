@@ -6,7 +6,7 @@ import math
 import bpy
 import numpy as np
 
-from . import bake, glow, meshes, objectwise, shaders, trees, undeformed
+from . import bakes, glow, meshes, objectwise, shaders, trees, undeformed
 from .context import choose, opened
 
 # Places along a strand where colours are evaluated, if they vary there.
@@ -70,7 +70,7 @@ def evaluate(material, node, key, strands, matrix):
                     tree, shaders.end(tree), tree.nodes[node.name], image, lambda inputs: shaders.feed(tree, source, inputs["Color"])
                 )
 
-            pixels = glow.baked(edge, edge, [shine], uv_layer=bake.UV)
+            pixels = glow.baked(edge, edge, [shine], uv_layer=bakes.UV)
     finally:
         bpy.data.scenes.remove(kitchen)
         bpy.data.meshes.remove(mesh)
@@ -121,7 +121,7 @@ def _triangles(strands, shares, material):
         mesh.attributes.new(name, "FLOAT_COLOR", "POINT").data.foreach_set("color", on_corners(rows))
     generated = mesh.attributes.new(undeformed.ATTRIBUTE, "FLOAT_VECTOR", "POINT")
     generated.data.foreach_set("vector", on_corners(strands.roots.generated))
-    own = mesh.uv_layers.new(name=bake.UV)
+    own = mesh.uv_layers.new(name=bakes.UV)
     pixel = np.stack([np.arange(total) % edge, np.arange(total) // edge], 1)[:, None] + 0.5 + CORNERS
     own.uv.foreach_set("vector", (pixel / edge).astype(np.float32).ravel())
     if strands.roots.uvs:

@@ -2,17 +2,7 @@
 
 import bpy
 
-from . import report, shaders
-
-
-# What the file of settings says about materials, by name, and its textures; those that are files are written with the model.
-SETTINGS = {}
-TEXTURES = {}
-
-
-def settle(material, **entries):
-    """Adds to what the file of settings says about a material."""
-    SETTINGS.setdefault(material.name, {}).update(entries)
+from . import report
 
 
 def nodes_with_trees(tree, kinds, _inside=()):
@@ -43,8 +33,6 @@ def copied(material):
     """A material like another, with groups of its own; messages call it by the other's name."""
     own = material.copy()
     report.ALIASES[own.name] = report.ALIASES.get(material.name, material.name)
-    if material.name in SETTINGS:
-        SETTINGS[own.name] = dict(SETTINGS[material.name])
     own_groups(own.node_tree)
     return own
 
@@ -94,18 +82,6 @@ def constant_node(tree, value, is_color=False):
     for target, part in zip(node.inputs, values):
         target.default_value = part
     return node.outputs[0]
-
-
-def upstream(socket, _seen=None):
-    """All nodes of a tree that an input depends on; those in groups are not told apart."""
-    seen = set() if _seen is None else _seen
-    source = shaders.source(socket)
-    if source is not None and source.node not in seen:
-        seen.add(source.node)
-        for entry in source.node.inputs:
-            if entry.enabled:
-                upstream(entry, seen)
-    return seen
 
 
 def of_materials(holders):

@@ -3,7 +3,7 @@ graph of a final render knows where vertices were there: their coordinates becom
 
 import numpy as np
 
-from . import meshes, trees
+from . import trees
 
 ATTRIBUTE = "oscura generated"
 
@@ -27,17 +27,10 @@ def settle(mesh, obj):
         _set(mesh, coordinates(obj.original.data, places.reshape(-1, 3)))
 
 
-def use(holders, changed):
-    """Lets materials look the attribute up, on all their meshes, if one has it or is among those that are still to be changed."""
-    materials = [material for material in trees.of_materials(holders) if _asks(material)]
-    asking = [holder for holder in holders if any(m in materials for m in holder.data.materials)]
-    if not any(ATTRIBUTE in holder.data.attributes or holder in changed for holder in asking):
-        return
-    for holder in asking:
-        if ATTRIBUTE not in holder.data.attributes:
-            _set(holder.data, coordinates(holder.data, meshes.positions(holder.data.vertices)))
-    for material in materials:
-        look_up(material.node_tree)
+def keep(mesh, places):
+    """Keeps the generated coordinates of vertices at places that are about to be moved, unless the mesh has some."""
+    if ATTRIBUTE not in mesh.attributes:
+        _set(mesh, coordinates(mesh, places))
 
 
 def look_up(tree):

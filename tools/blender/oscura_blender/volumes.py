@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
-from . import grids, trees
+from . import grids
 
 # Kinds of grids that are read.
 NUMBERS = ("FLOAT", "DOUBLE")
@@ -70,8 +70,8 @@ class Store:
 
 
 def add(store, obj, instance, name, report):
-    """A mesh around an evaluated volume, in the world, with a material of its medium, where an instance has it; None where
-    there is nothing."""
+    """A mesh around an evaluated volume, in the world, where an instance has it, with a material for its medium, and the table of that;
+    None where there is nothing."""
     data, matrix = obj.data, instance.matrix_world.copy()
     material = next((slot.material for slot in obj.material_slots if slot.material is not None), None)
     if material is None:
@@ -89,20 +89,16 @@ def add(store, obj, instance, name, report):
     if entries is None:
         return None
     made = bpy.data.materials.new(f"{material.name} ({name})")
-    made.use_nodes = True
-    made.node_tree.nodes.clear()
-    made.node_tree.nodes.new("ShaderNodeOutputMaterial")
     where = {}
     if "grid_name" in entries:
         turned = store.up @ matrix @ store.up.inverted()
         where = {"grid": file, "up": "z", "transform": [{"matrix": [value for row in turned for value in row]}]}
-    trees.settle(made, type="medium", **where, **entries)
     corners = _corners(obj, data, AROUND if where else 0)
     mesh = bpy.data.meshes.new(name)
     is_mirrored = matrix.determinant() < 0
     mesh.from_pydata([matrix @ Vector(corner) for corner in corners], [], [face[::-1] if is_mirrored else face for face in FACES])
     mesh.materials.append(made)
-    return mesh
+    return mesh, {"type": "medium", **where, **entries}
 
 
 def _density_scale(data, matrix):

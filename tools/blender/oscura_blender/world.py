@@ -7,7 +7,7 @@ import shutil
 import bpy
 import numpy as np
 
-from . import cache, context, fingerprint, geometry, media, shaders, stills, trees
+from . import cache, context, fingerprint, geometry, media, shaders, stills
 from .settings import film_exposure
 
 # Colour spaces whose values are light as oscura has it.
@@ -60,7 +60,7 @@ def settle(entries, objects):
     """Cycles takes no light samples of an even world: what hides it is what scattered rays see. That is told where shadow rays see
     something else."""
     hidden = any(key in extras for extras in objects.extras.values() for key in geometry.VISIBILITY if key != "visible_camera")
-    if "background" in entries and (hidden or any("visible_to" in settings for settings in trees.SETTINGS.values())):
+    if "background" in entries and hidden:
         entries["sampled"] = False
 
 

@@ -3,7 +3,7 @@
 use super::Lowering;
 use super::table::Shader;
 use crate::math::poly;
-use crate::scene::nodes::NodeInput;
+use crate::scene::nodes::{MathOperation, NodeInput, NodeKind};
 use crate::scene::{
     Anisotropy, Clearcoat, ColorSlot, DiffuseTransmission, FloatSlot, GlassReflection, Iridescence, Material,
     Medium, Model, PbrMaterial, Sheen,
@@ -193,13 +193,35 @@ impl Lowering<'_, '_, '_> {
     }
 
     fn subsurface(&mut self, index: usize, weight: NodeInput) {
-        let color = self.constant_color(index, "color", [0.8; 3]);
+        let color = self.color(index, "color", [0.8; 3]);
+        let (color, paint) = self.painted(index, color, "body");
         let scale = self.constant(index, "scale", 0.05);
         let radius = self.constant_color(index, "radius", [1.0, 0.2, 0.1]);
         let anisotropy = self.constant(index, "anisotropy", 0.0);
         let mut material = Material::new(self.material, Model::Black);
-        scatter_within(&mut material, bare(), color, radius.map(|r| r * scale), anisotropy);
+        scatter_within(&mut material, bare(), (color, paint), radius.map(|r| r * scale), anisotropy);
         self.add_component(index, weight, material);
+    }
+
+    /// The albedo of a body whose surface has a colour, and the colour of its paint. Light crosses the paint on its way in and on its
+    /// way out: paint of a colour that varies is the root of the colour over that of the body.
+    fn painted(&mut self, index: usize, color: NodeInput, key: &str) -> ([f32; 3], ColorSlot) {
+        if let NodeInput::Value(color) = color {
+            return (color, ColorSlot::constant(WHITE));
+        }
+        if self.color(index, key, WHITE) == NodeInput::Value(WHITE) {
+            self.warn(format!("subsurface scattering of a colour that varies is that of a white body: '{key}' says its colour"));
+        }
+        let body = self.constant_color(index, key, WHITE).map(|c| c.clamp(1e-3, 1.0));
+        let over = self.product(color, NodeInput::Value(body.map(|c| 1.0 / c)));
+        let over = self.push(NodeKind::SeparateXyz {}, &[over]);
+        let NodeInput::Link { node, .. } = over else { return (body, ColorSlot::constant(WHITE)) };
+        let roots = [0, 1, 2].map(|output| {
+            let share = self.clamped(NodeInput::Link { node, output });
+            self.push(NodeKind::Math { operation: MathOperation::Sqrt, use_clamp: false }, &[share])
+        });
+        let paint = self.push(NodeKind::CombineXyz {}, &roots);
+        (body, self.color_slot(paint))
     }
 
     fn principled(&mut self, index: usize, weight: NodeInput) {
@@ -218,15 +240,16 @@ impl Lowering<'_, '_, '_> {
             let radius = self.constant_color(index, "subsurface_radius", [1.0, 0.2, 0.1]);
             let scale = self.constant(index, "subsurface_scale", 0.05);
             let anisotropy = self.constant(index, "subsurface_anisotropy", 0.0);
-            if pbr.base_color.texture.is_none() && scale > 0.0 {
-                let color = pbr.base_color.factor;
+            if scale > 0.0 {
+                let color = match pbr.base_color.texture {
+                    None => NodeInput::Value(pbr.base_color.factor),
+                    Some(_) => self.color(index, "base_color", [0.8; 3]),
+                };
+                let painted = self.painted(index, color, "subsurface_body");
                 pbr.base_color = ColorSlot::constant([0.0; 3]);
-                scatter_within(&mut material, pbr, color, radius.map(|r| r * scale), anisotropy);
+                scatter_within(&mut material, pbr, painted, radius.map(|r| r * scale), anisotropy);
                 return self.add_component(index, weight, material);
             }
-            self.warn(
-                "subsurface scattering of a colour that varies reflects as diffuse surfaces do".to_string(),
-            );
         }
         material.model = Model::Pbr(Box::new(pbr));
         self.add_component(index, weight, material);
@@ -315,20 +338,19 @@ impl Lowering<'_, '_, '_> {
     }
 }
 
-/// Fills a material with what scatters light beneath its surface, of an albedo and of mean free paths in metres as Blender
-/// has them.
+/// Fills a material with what scatters light beneath its surface, of an albedo and a paint, and of mean free paths in metres as
+/// Blender has them.
 fn scatter_within(
     material: &mut Material,
     mut pbr: PbrMaterial,
-    color: [f32; 3],
+    (color, paint): ([f32; 3], ColorSlot),
     radius: [f32; 3],
     anisotropy: f32,
 ) {
     let anisotropy = anisotropy.clamp(-0.99, 0.99);
     let radius = radius.map(|r| (r * (1.0 - anisotropy) / (4.0 * PI)).max(1e-6));
     pbr.has_volume = true;
-    pbr.diffuse_transmission =
-        Some(DiffuseTransmission { factor: FloatSlot::constant(1.0), color: ColorSlot::constant(WHITE) });
+    pbr.diffuse_transmission = Some(DiffuseTransmission { factor: FloatSlot::constant(1.0), color: paint });
     material.model = Model::Pbr(Box::new(pbr));
     material.medium = Some(Medium::subsurface(color.map(|c| c.clamp(0.0, 1.0)), radius, anisotropy));
 }

@@ -13,6 +13,7 @@
 //! |---|---|
 //! | `principled_bsdf` | those of Blender's node, in lower case with `_` for spaces: `base_color`, `metallic`, `roughness`, `specular_ior_level`, ... |
 //! | `diffuse_bsdf`, `glossy_bsdf`, `glass_bsdf`, `refraction_bsdf`, `translucent_bsdf`, `transparent_bsdf`, `sheen_bsdf`, `metallic_bsdf`, `subsurface_scattering` | the same: `color`, `roughness`, `ior`, `anisotropy`, `normal` |
+//! | `subsurface_scattering`, `principled_bsdf` | `body`, `subsurface_body`: the colour of a body that a colour which varies paints |
 //! | `emission` | `color`, `strength` (1) |
 //! | `mix_shader` | `factor` (0.5), `a`, `b`: shaders; without one nothing is scattered |
 //! | `add_shader` | `a`, `b` |
