@@ -180,8 +180,8 @@ pub(crate) struct Run {
     pub load_s: f64,
     pub denoise_s: Option<f64>,
     pub write_s: f64,
-    pub width: u32,
-    pub height: u32,
+    /// Width and height of the picture, pixels.
+    pub size: (u32, u32),
     pub seed: u32,
     pub quality: Option<Quality>,
     pub compiled: CompileReport,
@@ -218,7 +218,7 @@ impl Run {
         let (outputs, time) = (self.outputs.join(", "), readable_time(self.total_s));
         let denoised = if self.denoise_s.is_some() { ", denoised" } else { "" };
         let facts =
-            format!("{}x{}, {samples} samples a pixel{noise}{denoised}, {time}", self.width, self.height);
+            format!("{}x{}, {samples} samples a pixel{noise}{denoised}, {time}", self.size.0, self.size.1);
         match (frame, self.outputs.is_empty()) {
             (Some(frame), true) => say!("{frame}: {facts}"),
             (Some(frame), false) => say!("{frame}: {outputs}, {facts}"),
@@ -252,8 +252,8 @@ impl Run {
         let lamps = if s.lamp_paths.is_some() { ", caustics from the lamp" } else { "" };
         say!(
             "picture  {} x {}, {} samples a pixel{mean}, {}{branches}{shared}{guided}{lamps}, {}",
-            self.width,
-            self.height,
+            self.size.0,
+            self.size.1,
             // Not an integer if stopped early.
             (s.samples_per_pixel * 100.0).round() / 100.0,
             counted(s.samples, "path"),

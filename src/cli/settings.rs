@@ -6,9 +6,10 @@ use super::args::{
 use super::checkpoint::cropped;
 use super::exr_args::Framed;
 use super::pictures::{EncodeOptions, format_of, is_moving, is_part};
+use super::process;
 use super::progress::{ProgressTarget, StageProgress};
+use super::quality::{Preset, Quality};
 use super::report::name_options_in_loaded;
-use super::{process, quality};
 use oscura::compile::{CompileReport, CompiledScene, Compiler, MemoryPart, texture_memory_for};
 use oscura::error::{Error, Result, Warning};
 use oscura::film::{Aov, AovSet, AovSpace, Source};
@@ -275,7 +276,7 @@ pub(super) fn completed(args: &RenderArgs, settings: &Settings) -> RenderArgs {
     let mut args = args.clone();
     args.view = args.view.or_else(|| settings.view.clone());
     args.picture.white_balance = args.picture.white_balance.or(settings.white_balance);
-    quality::apply(&mut args, settings);
+    apply_quality(&mut args, settings);
     // A quality that is asked for overrides what the scene says of samples and denoising.
     if args.quality.is_none() {
         args.picture.denoise |= settings.denoise == Some(true) && !args.picture.no_denoise;
@@ -286,6 +287,30 @@ pub(super) fn completed(args: &RenderArgs, settings: &Settings) -> RenderArgs {
         args.exr.crop = args.exr.crop.or(settings.crop.map(region));
     }
     args
+}
+
+/// The quality of a render: what `--quality` says, or `Normal` where neither the user nor the scene says when to stop. Parts
+/// of pictures have none, since all parts need the same number of samples.
+fn quality_of(args: &RenderArgs, settings: &Settings) -> Option<Quality> {
+    let long = &args.long;
+    let has_end = long.noise.is_some() || long.time_limit.is_some();
+    let is_counted = args.spp.is_some() || has_end || args.adaptive == Adaptive::Auto;
+    let of_scene = settings.samples.is_some() || settings.noise.is_some();
+    let of_part = long.sample_range.is_some() || long.region.is_some() || long.plan.is_some();
+    let has_parts = of_part || args.output.iter().any(|path| is_part(path));
+    args.quality.or((!is_counted && !of_scene && !has_parts).then_some(Quality::Normal))
+}
+
+/// Puts what the quality stands for into the arguments.
+fn apply_quality(args: &mut RenderArgs, settings: &Settings) {
+    args.quality = quality_of(args, settings);
+    let Some(Preset { noise, samples, denoise }) = args.quality.map(Quality::preset) else { return };
+    args.picture.denoise |= denoise && !args.picture.no_denoise;
+    args.long.noise = noise;
+    match noise {
+        Some(_) => args.long.max_spp = args.long.max_spp.or(Some(samples)),
+        None => args.spp = Some(samples),
+    }
 }
 
 /// The scene's noise threshold, unless the user says how many samples to take.

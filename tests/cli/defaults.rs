@@ -66,6 +66,7 @@ fn quality_in_one_word() {
     assert_eq!(run("a.obj", &["--no-denoise"]), (is("normal"), samples, false));
     // What the user or the scene says of samples holds.
     assert_eq!(run("a.obj", &["--spp", "4"]), (None, 4, false));
+    assert_eq!(run("a.obj", &["--time-limit", "1000"]), (None, 128, false));
     assert_eq!(run("own.toml", &[]), (None, 3, false));
     assert_eq!(run("own.toml", &["--quality", "draft"]), (is("draft"), 8, true));
     // Parts are of the same number of samples, whatever they show.

@@ -148,3 +148,50 @@ fn a_failing_program_fails_the_recipe_for_packages() {
         assert!(!output.status.success(), "{failing}");
     }
 }
+
+/// The files of a release: archive and Debian package hold a program that runs, the sums are those of the files, and all crates are listed.
+#[test]
+#[cfg(target_os = "linux")]
+fn releases_hold_the_program() {
+    for tool in ["git", "tar", "xz", "strip", "dpkg-deb", "python3", "sha256sum"] {
+        if Command::new(tool).arg("--version").output().is_err() {
+            return skip(tool, "releases are packed by it");
+        }
+    }
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tools/packaging/release.sh");
+    let folder = tempfile::tempdir().unwrap();
+    let make = |name: &str| {
+        let mut command = Command::new(&script);
+        command.arg(env!("CARGO_BIN_EXE_oscura")).arg(folder.path().join(name)).env("XZ_LEVEL", "0");
+        command.env("MAINTAINER", "Someone <someone@example.org>").env("SOURCE_DATE_EPOCH", "1700000000");
+        let output = command.output().expect("a shell");
+        assert!(output.status.success(), "{}", stderr(&output));
+        fs::read_to_string(folder.path().join(name).join("SHA256SUMS")).unwrap()
+    };
+    let sums = make("a");
+    assert_eq!(make("b"), sums);
+    let a = folder.path().join("a");
+    let file = |end: &str| {
+        let name = names(&a).into_iter().find(|name| name.ends_with(end)).expect(end);
+        assert!(sums.contains(&name), "{name} in {sums}");
+        a.join(name)
+    };
+    let runs = |program: &Path| {
+        let output = Command::new(program).arg("--version").output().expect("it starts");
+        assert!(String::from_utf8_lossy(&output.stdout).starts_with("oscura "));
+    };
+    let unpack = |command: &mut Command| assert!(command.status().expect("it starts").success());
+    let version = env!("CARGO_PKG_VERSION");
+    let root = format!("oscura-{version}-{}-linux", std::env::consts::ARCH);
+    unpack(Command::new("tar").arg("-xf").arg(file(".tar.xz")).arg("-C").arg(folder.path()));
+    runs(&folder.path().join(root).join("bin/oscura"));
+    let installed = folder.path().join("installed");
+    unpack(Command::new("dpkg-deb").arg("-x").arg(file(".deb")).arg(&installed));
+    runs(&installed.join("usr/bin/oscura"));
+    assert!(installed.join("usr/share/mime/packages/oscura.xml").is_file());
+    let list: serde_json::Value = serde_json::from_slice(&fs::read(file(".cdx.json")).unwrap()).unwrap();
+    let crates: Vec<_> =
+        list["components"].as_array().unwrap().iter().map(|c| c["name"].as_str().unwrap()).collect();
+    assert!(["gltf", "tobj", "exr", "glam"].iter().all(|name| crates.contains(name)), "{crates:?}");
+    assert!(!crates.contains(&"oscura-bench") && list["metadata"]["component"]["version"] == version);
+}

@@ -140,12 +140,10 @@ fn a_room_lit_through_a_slit_is_less_noisy() {
 
 #[test]
 fn threads_and_cpu_levels_agree() {
-    for reuse in ["off", "4x4/2"] {
+    for (reuse, scene) in [("off", room(true)), ("4x4/2", room(false)), ("off", glossy_room())] {
         let options =
             options(40, 64, 100).splitting(Splitting::OFF).path_reuse(reuse.parse().expect("a way"));
-        assert_same_bits(reuse, &room(true), &guided(options));
-        assert_same_bits(reuse, &room(false), &guided(options));
-        assert_same_bits(reuse, &glossy_room(), &guided(options));
+        assert_same_bits(reuse, &scene, &guided(options));
     }
 }
 

@@ -99,13 +99,24 @@ fn blocks(film: &Film, size: usize, block: usize) -> Vec<f64> {
 
 #[test]
 fn outputs_on_surfaces_are_those_of_cycles() {
+    compare_with_cycles(5);
+}
+
+#[test]
+#[ignore = "all cases, which take long"]
+fn all_outputs_on_surfaces_are_those_of_cycles() {
+    compare_with_cycles(1);
+}
+
+/// One in so many of the cases.
+fn compare_with_cycles(step: usize) {
     let text = std::fs::read_to_string(folder().join("surface.json")).expect("it is there");
     let truth: Value = serde_json::from_str(&text).expect("JSON");
     let (size, block) = (truth["size"].as_u64().expect("a size"), truth["block"].as_u64().expect("a size"));
     let only = std::env::var("OSCURA_NODE").unwrap_or_default();
     let mut wrong = Vec::new();
     let mut count = 0;
-    for case in truth["cases"].as_array().expect("cases") {
+    for case in truth["cases"].as_array().expect("cases").iter().step_by(step) {
         let label = case["label"].as_str().expect("a label");
         if !label.contains(&only) {
             continue;

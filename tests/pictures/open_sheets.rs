@@ -135,18 +135,30 @@ fn roofed(front: f64, towards_floor: DVec3, kind: LightKind) -> Scene {
 /// only paths from the lamp find.
 #[test]
 fn the_sun_through_a_sheet_from_the_camera_and_from_the_lamp() {
+    sun_through_a_sheet(64, 3.0);
+}
+
+#[test]
+#[ignore = "many samples, which take long"]
+fn the_sun_through_a_sheet_to_the_last_percent() {
+    sun_through_a_sheet(512, 1.0);
+}
+
+/// With so many samples from the lamp, and standard errors of so many percent at most.
+fn sun_through_a_sheet(samples: u32, percent: f64) {
     let direction = DVec3::new(0.36, -0.96, 0.48).normalize();
     for front in [1.0, -1.0] {
         let eta = if front > 0.0 { IOR } else { 1.0 / IOR };
         let (reflectance, onward) = fresnel(-direction, DVec3::Y, eta);
         let truth = 0.8 / PI * 3.0 * -direction.y * (1.0 - reflectance) / (eta * eta);
         let small = roofed(front, onward, LightKind::Directional { direction });
-        let options = options(16, 512, 2).path_reuse(PathReuse::Off).splitting(Splitting::OFF);
-        assert_radiance("a small sun", &small, &options.caustics(Caustics::On), truth, 1e-2);
+        let options = options(16, samples, 2).path_reuse(PathReuse::Off).splitting(Splitting::OFF);
+        let error = 0.01 * percent;
+        assert_radiance("a small sun", &small, &options.caustics(Caustics::On), truth, error);
         let large = roofed(front, onward, LightKind::Sun { direction, angle_rad: 0.1 });
-        assert_radiance("from the lamp", &large, &options.caustics(Caustics::On), truth, 1e-2);
-        let many = options.samples(2048);
-        assert_radiance("from the camera", &large, &many.caustics(Caustics::Off), truth, 2e-2);
+        assert_radiance("from the lamp", &large, &options.caustics(Caustics::On), truth, error);
+        let many = options.samples(4 * samples);
+        assert_radiance("from the camera", &large, &many.caustics(Caustics::Off), truth, 2.0 * error);
     }
 }
 

@@ -40,6 +40,15 @@ const KINDS: [[Kind; 2]; 5] = [
 const GREY: [[f32; 3]; 2] = [[0.4; 3], [0.3; 3]];
 const COLORED: [[f32; 3]; 2] = [[0.4, 0.1, 0.2], [0.3, 0.9, 0.06]];
 
+/// Kinds of two media with their extinction: some of all.
+fn some_kinds() -> impl Iterator<Item = ([Kind; 2], [[f32; 3]; 2])> {
+    all_kinds().step_by(3)
+}
+
+fn all_kinds() -> impl Iterator<Item = ([Kind; 2], [[f32; 3]; 2])> {
+    KINDS.into_iter().flat_map(|kinds| [(kinds, GREY), (kinds, COLORED)])
+}
+
 /// Where the ray runs beside the middle.
 const BESIDE: [f64; 2] = [0.1, 0.2];
 
@@ -166,8 +175,18 @@ fn places(media: [Medium; 2], kinds: [Kind; 2]) -> Vec<(&'static str, [Ball; 2],
 /// What is left of light: of media that only absorb, and of such that scatter, whose paths end at the first event.
 #[test]
 fn light_is_lost_in_all_media_of_a_place() {
-    for extinction in [GREY, COLORED] {
-        for (kinds, albedo) in KINDS.into_iter().flat_map(|k| [(k, [0.0, 0.0]), (k, [0.3, 0.9])]) {
+    light_is_lost(some_kinds());
+}
+
+#[test]
+#[ignore = "all cases, which take long"]
+fn light_is_lost_in_all_kinds_of_media() {
+    light_is_lost(all_kinds());
+}
+
+fn light_is_lost(cases: impl Iterator<Item = ([Kind; 2], [[f32; 3]; 2])>) {
+    for (kinds, extinction) in cases {
+        for albedo in [[0.0, 0.0], [0.3, 0.9]] {
             let media = [0, 1].map(|k| medium(extinction[k], albedo[k], 0.2));
             for (what, balls, height) in places(media, kinds) {
                 let scene = beam(&balls, 1.0, height);
@@ -187,8 +206,18 @@ fn henyey_greenstein(g: f64, cosine: f64) -> f64 {
 /// One scattering of a sun from above, where each medium has its own phase function.
 #[test]
 fn each_medium_scatters_its_share() {
+    media_scatter(some_kinds());
+}
+
+#[test]
+#[ignore = "all cases, which take long"]
+fn each_medium_scatters_its_share_in_all_kinds() {
+    media_scatter(all_kinds());
+}
+
+fn media_scatter(cases: impl Iterator<Item = ([Kind; 2], [[f32; 3]; 2])>) {
     let (albedo, g) = ([0.8, 0.3], [0.5, -0.2]);
-    for (kinds, extinction) in KINDS.into_iter().flat_map(|k| [(k, GREY), (k, COLORED)]) {
+    for (kinds, extinction) in cases {
         let media = [0, 1].map(|k| medium(extinction[k], albedo[k], g[k]));
         for (what, balls, height) in places(media, kinds) {
             let mut scene = beam(&balls, 0.0, height);
@@ -234,7 +263,17 @@ fn above(ball: &Ball, z: f64) -> f64 {
 /// Light of media through each other, whatever they lose of it: e over s of what is lost of a stretch.
 #[test]
 fn media_shine_through_each_other() {
-    for (kinds, extinction) in KINDS.into_iter().flat_map(|k| [(k, GREY), (k, COLORED)]) {
+    media_shine(some_kinds());
+}
+
+#[test]
+#[ignore = "all cases, which take long"]
+fn media_of_all_kinds_shine_through_each_other() {
+    media_shine(all_kinds());
+}
+
+fn media_shine(cases: impl Iterator<Item = ([Kind; 2], [[f32; 3]; 2])>) {
+    for (kinds, extinction) in cases {
         for albedo in [[0.0, 0.7], [0.6, 0.7]] {
             let emission = [[0.5, 0.2, 0.1], [0.0, 0.3, 0.6]];
             let is_grey = kinds.map(|kind| kind == Kind::Grid);
