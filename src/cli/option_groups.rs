@@ -127,7 +127,7 @@ pub(super) const GROUPS: [(&str, &[&str]); 13] = [
 ];
 
 /// The options of `render` and `view` that `-h` shows.
-const COMMON: [&str; 27] = [
+const COMMON: [&str; 26] = [
     "output",
     "quiet",
     "verbose",
@@ -148,7 +148,6 @@ const COMMON: [&str; 27] = [
     "spp",
     "noise",
     "aov",
-    "denoise",
     "time_limit",
     "resume",
     "port",

@@ -283,10 +283,26 @@ pub(super) fn completed(args: &RenderArgs, settings: &Settings) -> RenderArgs {
         apply_noise_threshold(&mut args, settings);
     }
     if args.long.region.is_none() {
-        let region = |[x0, y0, x1, y1]: [u32; 4]| Region { x0, y0, x1, y1 };
-        args.exr.crop = args.exr.crop.or(settings.crop.map(region));
+        args.exr.crop = args.exr.crop.or(settings.crop.map(|crop| resized_crop(crop, &args, settings)));
     }
     args
+}
+
+/// The scene's crop in a picture of the size that the arguments ask for: the same part of the frame, in whole pixels around it.
+fn resized_crop([x0, y0, x1, y1]: [u32; 4], args: &RenderArgs, settings: &Settings) -> Region {
+    let scale = |wanted: Option<u32>, own: Option<u32>| {
+        wanted.zip(own).map(|(wanted, own)| f64::from(wanted) / f64::from(own.max(1)))
+    };
+    let [x, y] = [scale(args.width, settings.width), scale(args.height, settings.height)];
+    // One dimension alone keeps the aspect ratio.
+    let [x, y] = [x.or(y).unwrap_or(1.0), y.or(x).unwrap_or(1.0)];
+    let before = |edge: u32, scale: f64| (f64::from(edge) * scale).floor() as u32;
+    let after = |edge: u32, scale: f64, own: Option<u32>| {
+        let size = own.map_or(u32::MAX, |own| (f64::from(own) * scale).round() as u32);
+        ((f64::from(edge) * scale).ceil() as u32).min(size)
+    };
+    let [x1, y1] = [after(x1, x, settings.width), after(y1, y, settings.height)];
+    Region { x0: before(x0, x), y0: before(y0, y), x1, y1 }
 }
 
 /// The quality of a render: what `--quality` says, or `Normal` where neither the user nor the scene says when to stop. Parts

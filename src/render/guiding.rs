@@ -45,6 +45,9 @@ const PROVEN: u32 = 4;
 /// Fraction of the picture's mean luminance that bounds the scale of noise from below.
 const LEAST_LUMINANCE: f64 = 0.2;
 
+/// Most pixels of the whole image, of which a part may be rendered, for automatic training, which takes 12 bytes per pixel.
+const MOST_PIXELS: f64 = (1u64 << 27) as f64;
+
 /// Samples per pixel assumed where a noise level ends rendering and guiding is automatic.
 const PLANNED_BY_NOISE: u32 = 64;
 
@@ -152,6 +155,9 @@ fn part(options: &RenderOptions) -> u64 {
     };
     let planned = options.samples.max(options.planned).min(most).next_power_of_two();
     let pixels = f64::from(options.width) * f64::from(options.height);
+    if options.guiding == Guiding::Auto && pixels > MOST_PIXELS {
+        return 0;
+    }
     let paths = SHARE * f64::from(planned) * pixels;
     ((paths / PARTS as f64) as u64).min(MOST_PART)
 }

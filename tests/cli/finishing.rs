@@ -241,6 +241,11 @@ fn scenes_say_how_their_pictures_are_made() {
     scene("samples = 8\ncrop = [10, 5, 30, 25]\ndenoise = true");
     make("said.exr", &[]);
     assert_eq!(planes(&folder.path().join("said.exr")), planes(&folder.path().join("asked.exr")));
+    // A crop of the scene is a part of its own frame, and of one of another size.
+    scene("samples = 8\nwidth = 80\nheight = 60\ncrop = [20, 10, 60, 50]\ndenoise = true");
+    make("resized.exr", &[]);
+    assert_eq!(planes(&folder.path().join("resized.exr")), planes(&folder.path().join("asked.exr")));
+    scene("samples = 8\ncrop = [10, 5, 30, 25]\ndenoise = true");
     make("noisy.exr", &["--no-denoise"]);
     assert_ne!(planes(&folder.path().join("noisy.exr")), planes(&folder.path().join("asked.exr")));
     scene("samples = 4096\nnoise = 8");

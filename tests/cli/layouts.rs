@@ -153,6 +153,33 @@ fn windows(path: &Path) -> ([i32; 2], [usize; 2], [usize; 2]) {
     ([position.0, position.1], [header.layer_size.0, header.layer_size.1], [frame.0, frame.1])
 }
 
+/// Lossy compression keeps what is no light: alpha of 1 stays 1.
+#[test]
+fn lossy_compression_keeps_alpha() {
+    let folder = tempfile::tempdir().unwrap();
+    for kind in ["b44", "b44a"] {
+        let name = format!("{kind}.exr");
+        run(
+            folder.path(),
+            &format!(
+                "render {} -o {name} --width 40 --height 30 --spp 2 --quiet --exr-compression {kind}",
+                cornell()
+            ),
+        );
+        let alpha = &planes(&folder.path().join(&name))["A"];
+        assert!(alpha.iter().all(|a| *a == 1.0), "{kind}: {:?}", alpha.iter().find(|a| **a != 1.0));
+    }
+}
+
+/// A part of a print that is larger than memory takes what the part needs.
+#[test]
+fn parts_of_large_prints_are_rendered() {
+    let folder = tempfile::tempdir().unwrap();
+    let of = "--size 60000x60000 --crop 30000,30000,30024,30016 --spp 1 --quiet --memory-limit 500M";
+    run(folder.path(), &format!("render {} -o print.exr {of}", cornell()));
+    assert_eq!(windows(&folder.path().join("print.exr")), ([30000, 30000], [24, 16], [60000, 60000]));
+}
+
 #[test]
 fn regions_are_crops_and_have_pixels_around_them() {
     let folder = tempfile::tempdir().unwrap();

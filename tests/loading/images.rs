@@ -139,6 +139,87 @@ fn damaged_exr_files_never_panic() {
     assert!(refused > 50, "only {refused} were refused");
 }
 
+/// An EXR environment whose pixels are a part of the frame is that frame, black around them; one that is larger is cut.
+#[test]
+fn exr_windows_are_fitted_to_the_frame() {
+    use exr::prelude::{
+        Encoding, Image, IntegerBounds, Layer, LayerAttributes, SpecificChannels, Vec2, WritableImage,
+    };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("window.exr");
+    let write = |corner: (i32, i32), size: (usize, usize)| {
+        let of = |at: Vec2<usize>| {
+            let (x, y) = (at.x() as i32 + corner.0, at.y() as i32 + corner.1);
+            (1.0 + x as f32, 2.0 + y as f32, 3.0f32)
+        };
+        let mut attributes = LayerAttributes::named("");
+        attributes.layer_position = Vec2(corner.0, corner.1);
+        let channels = SpecificChannels::rgb(of);
+        let mut image = Image::from_layer(Layer::new(size, attributes, Encoding::SMALL_LOSSLESS, channels));
+        image.attributes.display_window = IntegerBounds::from_dimensions((8, 4));
+        image.write().to_file(&path).expect("written");
+    };
+    for (corner, size) in [((3, 1), (4, 2)), ((-2, -1), (12, 6)), ((-2, 2), (6, 4))] {
+        write(corner, size);
+        let mut warnings = Vec::new();
+        let image = load_environment(&path, &mut warnings).expect("an environment");
+        assert_eq!((image.width, image.height), (8, 4), "{corner:?}");
+        for (x, y) in (0..8).flat_map(|x| (0..4).map(move |y| (x, y))) {
+            let is_inside = (corner.0..corner.0 + size.0 as i32).contains(&x)
+                && (corner.1..corner.1 + size.1 as i32).contains(&y);
+            let expected = if is_inside { [1.0 + x as f32, 2.0 + y as f32, 3.0] } else { [0.0; 3] };
+            assert_eq!(image.rgba(x as u32, y as u32)[..3], expected, "{corner:?}: {x}, {y}");
+        }
+    }
+}
+
+/// What an EXR holds that is not read is named, with a remedy.
+#[test]
+fn deep_and_subsampled_exrs_are_named() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let attribute = |name: &str, kind: &str, value: &[u8]| {
+        let length = (value.len() as u32).to_le_bytes();
+        [name.as_bytes(), b"\0", kind.as_bytes(), b"\0", &length, value].concat()
+    };
+    let words = |values: &[i32]| values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
+    let window = words(&[0, 0, 1, 1]);
+    let header = |flags: u32, channels: &[u8], more: Vec<u8>| {
+        let parts = [
+            attribute("channels", "chlist", channels),
+            attribute("compression", "compression", &[0]),
+            attribute("dataWindow", "box2i", &window),
+            attribute("displayWindow", "box2i", &window),
+            attribute("lineOrder", "lineOrder", &[0]),
+            attribute("pixelAspectRatio", "float", &1.0f32.to_le_bytes()),
+            attribute("screenWindowCenter", "v2f", &[0; 8]),
+            attribute("screenWindowWidth", "float", &1.0f32.to_le_bytes()),
+            more,
+            vec![0],
+        ];
+        [&0x0131_2f76u32.to_le_bytes()[..], &flags.to_le_bytes(), &parts.concat(), &[0; 64]].concat()
+    };
+    let channel =
+        |name: &str, sampling: i32| [name.as_bytes(), b"\0", &words(&[2, 0, sampling, sampling])].concat();
+    let deep = [
+        attribute("type", "string", b"deepscanline"),
+        attribute("version", "int", &words(&[1])),
+        attribute("chunkCount", "int", &words(&[2])),
+        attribute("name", "string", b"deep"),
+        attribute("maxSamplesPerPixel", "int", &words(&[1])),
+    ];
+    let of_deep = [channel("A", 1), channel("Z", 1), vec![0]].concat();
+    let of_chroma = [channel("BY", 2), channel("RY", 2), channel("Y", 1), vec![0]].concat();
+    for (bytes, word) in [
+        (header(2 | 0x800, &of_deep, deep.concat()), "deep EXR"),
+        (header(2, &of_chroma, Vec::new()), "luminance-chroma EXR"),
+    ] {
+        let path = folder.path().join("a.exr");
+        std::fs::write(&path, bytes).expect("written");
+        let error = load_environment(&path, &mut Vec::new()).expect_err(word).to_string();
+        assert!(error.contains(word) && error.contains("compositor"), "{error}");
+    }
+}
+
 /// A PNG file of some noise whose pixels take more than a mebibyte.
 fn large_png() -> Vec<u8> {
     let mut out = Cursor::new(Vec::new());
