@@ -200,11 +200,11 @@ pub(crate) struct RenderArgs {
     pub asset: AssetArgs,
     #[command(flatten)]
     pub blender: BlenderArgs,
-    /// Quality of the image: when to stop, and whether to denoise. Without this, --spp, --noise and --time-limit it is normal,
-    /// unless the scene says how many samples to take.
+    /// Quality of the image: when to stop, and whether to denoise [default: normal, unless another option or the scene says when to
+    /// stop].
     #[arg(long, value_name = "Q", value_enum, conflicts_with_all = ["spp", "noise", "adaptive", "plan", "sample_range", "region"])]
     pub quality: Option<Quality>,
-    /// Samples per pixel, without denoising unless --denoise is given [default: by --quality; 128 with --time-limit and for parts of images].
+    /// Samples per pixel [default: by the quality; 128 with a time limit and for parts of images].
     #[arg(long, alias = "samples", value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     pub spp: Option<u32>,
     #[arg(long, help = setting_help("max_depth"), value_name = "N", allow_negative_numbers = true)]
