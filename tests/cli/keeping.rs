@@ -172,7 +172,7 @@ fn noise_that_is_not_reached_is_said() {
         stderr(&oscura(folder.path(), &args))
     };
     assert!(said("64").contains("not the 0.1 % asked for"), "{}", said("64"));
-    assert!(said("16").contains("too few samples"), "{}", said("16"));
+    assert!(said("8").contains("too few samples"), "{}", said("8"));
 }
 
 #[test]

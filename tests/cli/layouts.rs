@@ -163,7 +163,7 @@ fn lossy_compression_keeps_alpha() {
             folder.path(),
             &format!(
                 "render {} -o {name} --width 40 --height 30 --spp 2 --quiet --exr-compression {kind}",
-                cornell()
+                concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/sky.toml")
             ),
         );
         let alpha = &planes(&folder.path().join(&name))["A"];

@@ -140,6 +140,18 @@ fn fixtures(folder: &Path) {
     fs::write(folder.join("room.glb"), glb(&value)).expect("written");
     let strands = "curves 1\n0 0 0\n0 0.1 0\n0.02 0.2 0\n\n0.05 0 0\n0.05 0.1 0\n0.06 0.2 0\n";
     fs::write(folder.join("fur.curves"), strands).expect("written");
+    let splats = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\n\
+        property float f_dc_0\nproperty float f_dc_1\nproperty float f_dc_2\nproperty float opacity\n\
+        property float scale_0\nproperty float scale_1\nproperty float scale_2\n\
+        property float rot_0\nproperty float rot_1\nproperty float rot_2\nproperty float rot_3\nend_header\n\
+        0 0 0 1 0.5 0 4 -1 -2 -2 1 0 0 0\n1 1 0 0 0.5 1 4 -2 -1 -2 1 0 0 0\n";
+    fs::write(folder.join("capture.ply"), splats).expect("written");
+    // Version 2 of SPZ: a header, then positions, opacities, colours, scales and rotations of one splat.
+    let head = [0x5053_474eu32, 2, 1].map(u32::to_le_bytes).concat();
+    let splat = [0, 0, 0, 0, 0, 0, 0, 0, 0, 255, 200, 120, 60, 144, 128, 144, 128, 128, 128];
+    let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    std::io::Write::write_all(&mut packed, &[&head[..], &[0, 12, 0, 0], &splat].concat()).expect("in memory");
+    fs::write(folder.join("capture.spz"), packed.finish().expect("in memory")).expect("written");
     let plate = image::RgbImage::from_fn(16, 8, |x, _| image::Rgb([10 * x as u8, 90, 120]));
     plate.save(folder.join("plate.jpg")).expect("a JPEG picture");
     for name in ["studio.exr", "studio.hdr"] {
