@@ -202,7 +202,7 @@ pub(crate) struct RenderArgs {
     pub blender: BlenderArgs,
     /// Quality of the image: when to stop, and whether to denoise [default: normal, unless another option or the scene says when to
     /// stop].
-    #[arg(long, value_name = "Q", value_enum, conflicts_with_all = ["spp", "noise", "adaptive", "plan", "sample_range", "region"])]
+    #[arg(long, value_name = "Q", value_enum, conflicts_with_all = ["spp", "noise", "adaptive", "plan", "sample_range"])]
     pub quality: Option<Quality>,
     /// Samples per pixel [default: by the quality; 128 with a time limit and for parts of images].
     #[arg(long, alias = "samples", value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]

@@ -158,6 +158,10 @@ pub(super) fn check(args: &RenderArgs) -> Result<()> {
         return Err(Error::usage(message).with_help("leave it off"));
     }
     check_limits(args, is_adaptive)?;
+    if parts(args) > 0 && (long.noise.is_some() || args.quality.is_some()) {
+        let message = "parts of an image need the same number of samples: --noise and --quality don't go together with .part";
+        return Err(Error::usage(message).with_help("give --spp, or render the part to an image"));
+    }
     check_parts(args)?;
     match &long.checkpoint {
         Some(file) if !is_sequence => check_file(args, file),

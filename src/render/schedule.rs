@@ -178,8 +178,8 @@ impl RenderOptions {
         if self.is_part() && self.time_limit.is_some() {
             return Err(Error::usage("parts of pictures have all their samples, whatever time that takes"));
         }
-        if self.is_part() && self.noise.is_some() {
-            return Err(Error::usage("how noisy a picture is, no part of it can tell"));
+        if self.sample_range.is_some() && self.noise.is_some() {
+            return Err(Error::usage("a noise threshold doesn't go together with a range of samples"));
         }
         Ok(())
     }

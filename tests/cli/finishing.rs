@@ -248,6 +248,10 @@ fn scenes_say_how_their_pictures_are_made() {
     scene("samples = 8\ncrop = [10, 5, 30, 25]\ndenoise = true");
     make("noisy.exr", &["--no-denoise"]);
     assert_ne!(planes(&folder.path().join("noisy.exr")), planes(&folder.path().join("asked.exr")));
+    // A crop tells its own noise.
+    scene("samples = 4096\nnoise = 30\ncrop = [4, 4, 28, 28]");
+    let cropped = make("crop.exr", &[]);
+    assert!(cropped["samples_per_pixel"].as_f64().expect("a number") < 4096.0, "{cropped}");
     scene("samples = 4096\nnoise = 8");
     let samples = |report: serde_json::Value| report["samples_per_pixel"].as_f64().expect("a number");
     assert!(samples(make("noise.exr", &[])) < 4096.0);
