@@ -302,12 +302,12 @@ impl<'a> Denoising<'a> {
     }
 }
 
-// Animation files of turntables and frame ranges: GIF, APNG and video.
-
 /// True for file names of partial renders.
 pub(super) fn is_part(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("part"))
 }
+
+// Animation files of turntables and frame ranges: GIF, APNG and video.
 
 /// True for file names of GIF, APNG or video.
 pub(crate) fn is_moving(path: &Path) -> bool {

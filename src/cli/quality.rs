@@ -1,9 +1,11 @@
 //! `--quality`: how many samples a picture gets and whether it is denoised, in one word.
 
 use clap::ValueEnum;
+use serde::Serialize;
 
 /// A quality. Without `--quality` it is `Normal`, unless the user or the scene says how many samples to take.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "lowercase")]
 pub(crate) enum Quality {
     /// 8 samples per pixel, denoised: a look at composition and light.
     Draft,
@@ -31,16 +33,6 @@ impl Quality {
             Quality::Normal => Preset { noise: Some(12.0), samples: 256, denoise: true },
             Quality::High => Preset { noise: Some(3.0), samples: 2048, denoise: true },
             Quality::Final => Preset { noise: Some(1.0), samples: 65_536, denoise: false },
-        }
-    }
-
-    /// The word of `--quality`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Quality::Draft => "draft",
-            Quality::Normal => "normal",
-            Quality::High => "high",
-            Quality::Final => "final",
         }
     }
 

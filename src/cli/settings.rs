@@ -308,13 +308,19 @@ fn resized_crop([x0, y0, x1, y1]: [u32; 4], args: &RenderArgs, settings: &Settin
 /// The quality of a render: what `--quality` says, or `Normal` where neither the user nor the scene says when to stop. Parts
 /// of pictures have none, since all parts need the same number of samples.
 fn quality_of(args: &RenderArgs, settings: &Settings) -> Option<Quality> {
-    let long = &args.long;
-    let has_end = long.noise.is_some() || long.time_limit.is_some();
-    let is_counted = args.spp.is_some() || has_end || args.adaptive == Adaptive::Auto;
+    let has_end = says_when_to_stop(args) || args.long.time_limit.is_some();
     let of_scene = settings.samples.is_some() || settings.noise.is_some();
-    let of_part = long.sample_range.is_some() || long.region.is_some() || long.plan.is_some();
-    let has_parts = of_part || args.output.iter().any(|path| is_part(path));
-    args.quality.or((!is_counted && !of_scene && !has_parts).then_some(Quality::Normal))
+    let is_part = args.output.iter().any(|path| is_part(path));
+    args.quality.or((!has_end && !of_scene && !is_part).then_some(Quality::Normal))
+}
+
+/// True if the arguments give a number of samples or a noise threshold, or ask for a part of a picture, all parts of which have the same
+/// number of samples.
+fn says_when_to_stop(args: &RenderArgs) -> bool {
+    let long = &args.long;
+    let is_part = long.sample_range.is_some() || long.region.is_some();
+    let is_counted = args.spp.is_some() || is_part || long.plan.is_some();
+    is_counted || long.noise.is_some() || args.adaptive == Adaptive::Auto
 }
 
 /// Puts what the quality stands for into the arguments.
@@ -331,10 +337,7 @@ fn apply_quality(args: &mut RenderArgs, settings: &Settings) {
 
 /// The scene's noise threshold, unless the user says how many samples to take.
 fn apply_noise_threshold(args: &mut RenderArgs, settings: &Settings) {
-    let is_part = args.long.sample_range.is_some() || args.long.region.is_some();
-    let is_counted = args.spp.is_some() || is_part || args.long.plan.is_some();
-    let has_own_noise = args.long.noise.is_some() || args.adaptive == Adaptive::Auto;
-    if !is_counted && !has_own_noise && settings.noise.is_some() {
+    if !says_when_to_stop(args) && settings.noise.is_some() {
         args.long.noise = settings.noise;
         args.long.max_spp = args.long.max_spp.or(settings.samples);
     }

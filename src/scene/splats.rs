@@ -24,6 +24,9 @@ pub struct Splats {
 }
 
 impl Splats {
+    /// The spherical harmonic of degree 0: half the root of 1 / pi. Times the first coefficient it is the colour less 0.5.
+    pub const FIRST_HARMONIC: f32 = 0.282_094_8;
+
     /// The highest degree of spherical harmonics.
     pub const MAX_DEGREE: u8 = 3;
 

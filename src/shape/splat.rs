@@ -85,17 +85,7 @@ impl SplatCloud {
 
     /// The surface of a splat where a ray, which comes along `direction`, sees it at `p`: a disk across its shortest axis.
     pub fn surface(&self, index: usize, p: Vec3, direction: Vec3) -> Surface {
-        let shortest = self.axes(index).map(|(axes, scales)| {
-            let least = scales.min_element();
-            let is = [scales.x, scales.y, scales.z].map(|scale| scale == least);
-            if is[0] {
-                axes.x_axis
-            } else if is[1] {
-                axes.y_axis
-            } else {
-                axes.z_axis
-            }
-        });
+        let shortest = self.axes(index).map(|(axes, scales)| axes.col(scales.min_position()));
         let normal = shortest.unwrap_or(Vec3::Z);
         let ng = if normal.dot(direction) > 0.0 { -normal } else { normal };
         Surface { p, p_error: p.abs() * gamma(4), ng, ns: ng, material: 0 }
@@ -144,7 +134,7 @@ fn basis(direction: Vec3) -> [f32; 16] {
     let [x, y, z] = direction.to_array();
     let (xx, yy, zz) = (x * x, y * y, z * z);
     [
-        0.282_094_8,
+        Splats::FIRST_HARMONIC,
         -0.488_602_5 * y,
         0.488_602_5 * z,
         -0.488_602_5 * x,

@@ -88,11 +88,6 @@ class SceneTest(unittest.TestCase):
         settings = tomllib.loads((self.folder / "scene.oscura.toml").read_text())
         return model.json, settings, json.loads((self.folder / "answer.json").read_text())
 
-    def export_glb(self, *more):
-        """The same with the model's bytes."""
-        model, settings, answer = self.export(*more)
-        return Glb(str(self.folder / "scene.glb")), settings, answer
-
     def placed(self, settings):
         """The objects that oscura evaluates, by name."""
         return {entry["name"]: entry for entry in settings.get("objects", []) if "mesh" in entry}

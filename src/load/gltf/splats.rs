@@ -79,8 +79,7 @@ fn warn_of_kinds(extension: &Value, at: &str, report: &mut Report) {
 /// The splats of an SPZ file in a view of a buffer.
 fn compressed(doc: &Document, view: usize, at: &str, report: &mut Report) -> Valid<SplatList> {
     let bytes = files::inflated(doc.view(view, at, report)?.bytes).map_err(|why| report.problem(at, why))?;
-    let (list, told) =
-        spz::read(&bytes, DVec3::ZERO).map_err(|problem| report.problem(at, problem.message))?;
+    let (list, told) = spz::read(&bytes).map_err(|problem| report.problem(at, problem.message))?;
     if let Some(what) = told {
         report.warn(at, what);
     }

@@ -69,9 +69,6 @@ const MOST_REST: usize = 72;
 /// Splats of a chunk.
 const IN_CHUNK: usize = 256;
 
-/// The first coefficient times its harmonic is a colour less 0.5.
-const FIRST_HARMONIC: f32 = 0.282_094_8;
-
 /// A row of one of the elements.
 struct Row {
     values: [f64; REST + MOST_REST],
@@ -253,7 +250,7 @@ fn packed(mut source: Source, origin: DVec3) -> std::result::Result<(SplatList, 
         let center = between(bounds.position, thirds(position)).map(f64::from).into();
         let scales = between(bounds.scale, thirds(scale)).map(exp);
         let [r, g, b, opacity] = [24, 16, 8, 0].map(|shift| part(color, shift, 8));
-        let color = between(bounds.color, [r, g, b]).map(|c| (c - 0.5) / FIRST_HARMONIC);
+        let color = between(bounds.color, [r, g, b]).map(|c| (c - 0.5) / Splats::FIRST_HARMONIC);
         coefficients.clear();
         coefficients.push(color);
         let own = &rest[i * in_row..(i + 1) * in_row];

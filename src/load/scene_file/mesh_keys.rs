@@ -3,6 +3,7 @@
 use super::assets::Assets;
 use super::builder::SceneFileBuilder;
 use super::fields::Fields;
+use super::transform::{read_keys, segment};
 use crate::math::{DAffine3, DMat3, DVec3, Vec3};
 use crate::scene::{MeshId, Motion, Moving, Vertices};
 
@@ -16,29 +17,12 @@ pub(super) struct MeshKeys {
 impl MeshKeys {
     /// Reads the key `mesh_keys` of an object; `None` without it or after a problem.
     pub fn read(build: &mut SceneFileBuilder, object: &Fields, assets: &mut Assets) -> Option<MeshKeys> {
-        let list = object.list("mesh_keys")?;
-        let (mut keys, mut label): (Vec<(f64, Vertices)>, String) = (Vec::new(), String::new());
-        for value in list {
-            let Some(table) = value.get_ref().as_table() else {
-                object.problems.push(value.span(), "a key of 'mesh_keys' must be a table");
-                return None;
-            };
-            let key = Fields::new("a key of 'mesh_keys'", table, value.span(), object.problems);
-            let frame = key.require("frame", key.number("frame"));
-            let file = key.require("mesh", key.string("mesh"));
-            key.finish();
-            let (frame, file) = (frame?, file?);
-            if keys.last().is_some_and(|(before, _)| *before >= frame.value) {
-                let help = "each key must come after the one before it";
-                object.problems.push_help(frame.span, "the frames of 'mesh_keys' don't increase", help);
-                return None;
-            }
-            label += &format!("{} {}\n", frame.value, file.value);
-            keys.push((frame.value, assets.vertices(build, file.value, file.span)?));
-        }
-        if keys.is_empty() {
-            object.problems.push(object.span(), "'mesh_keys' is empty");
-            return None;
+        let files =
+            read_keys(object, "mesh_keys", "mesh_keys", |key| key.require("mesh", key.string("mesh")))?;
+        let (mut keys, mut label) = (Vec::new(), String::new());
+        for (frame, file) in files {
+            label += &format!("{frame} {}\n", file.value);
+            keys.push((frame, assets.vertices(build, file.value, file.span)?));
         }
         Some(MeshKeys { keys, label })
     }
@@ -87,21 +71,10 @@ impl MeshKeys {
         Ok(Motion::Keyed(instances.len() as u32 - 1))
     }
 
-    /// The key before a frame and the share of the way to the next one.
-    fn segment(&self, frame: f64) -> (usize, f64) {
-        let after = self.keys.partition_point(|(at, _)| *at <= frame);
-        match (after.checked_sub(1), self.keys.get(after)) {
-            (Some(before), Some((end, _))) => {
-                let start = self.keys[before].0;
-                (before, (frame - start) / (end - start))
-            }
-            (before, _) => (before.unwrap_or(0), 0.0),
-        }
-    }
-
     /// The share of each key at a frame, as shears, so that the tolerance of transforms applies to them.
     fn shares(&self, frame: f64) -> Vec<DAffine3> {
-        let (before, share) = self.segment(frame);
+        let (before, share) = segment(&self.keys, frame);
+        let share = share.unwrap_or(0.0);
         let of = |key: usize| match key {
             key if key == before => 1.0 - share,
             key if key == before + 1 => share,
@@ -113,9 +86,10 @@ impl MeshKeys {
 
     /// The vertices at a frame.
     fn at(&self, frame: f64) -> Vertices {
-        let (before, share) = self.segment(frame);
+        let (before, share) = segment(&self.keys, frame);
         let from = &self.keys[before].1;
-        let Some((_, to)) = self.keys.get(before + 1).filter(|_| share > 0.0) else { return from.clone() };
+        let Some(share) = share.filter(|share| *share > 0.0) else { return from.clone() };
+        let to = &self.keys[before + 1].1;
         let mix = |a: &[f32; 3], b: &[f32; 3]| Vec3::from(*a).lerp(Vec3::from(*b), share as f32);
         let positions = from.positions.iter().zip(&to.positions).map(|(a, b)| mix(a, b).to_array());
         let normals = from.normals.iter().zip(&to.normals);

@@ -139,13 +139,9 @@ impl Trajectory {
 
 /// Between two keys parts change evenly, not the matrix, but where that shears.
 fn between(keys: &[(f64, DAffine3)], frame: f64) -> DAffine3 {
-    let after = keys.partition_point(|(at, _)| *at <= frame);
-    let nearest = |at: usize| keys.get(at).map_or(DAffine3::IDENTITY, |key| key.1);
-    if after == 0 || after == keys.len() {
-        return nearest(after.saturating_sub(1));
-    }
-    let ((start, from), (end, to)) = (keys[after - 1], keys[after]);
-    let share = (frame - start) / (end - start);
+    let (before, share) = segment(keys, frame);
+    let Some(share) = share else { return keys.get(before).map_or(DAffine3::IDENTITY, |key| key.1) };
+    let ((_, from), (_, to)) = (keys[before], keys[before + 1]);
     if shears(&from) || shears(&to) {
         return mix(&from, &to, share);
     }
@@ -237,7 +233,7 @@ fn read_track(fields: &Fields) -> Option<Trajectory> {
             fields.problems.push(fields.span(), "'keys' say all: leave 'translate' and 'rotate' out");
             return None;
         }
-        return read_keys(fields).map(Trajectory::Keys);
+        return read_keys(fields, "keys", "motion", |key| Some(read(key))).map(Trajectory::Keys);
     }
     let a_frame = fields.vector("translate").map(|t| t.value);
     let mut turn = (DVec3::Y, 0.0, DVec3::ZERO);
@@ -260,31 +256,47 @@ fn read_track(fields: &Fields) -> Option<Trajectory> {
     Some(Trajectory::Even { a_frame: a_frame.unwrap_or(DVec3::ZERO), axis, rad_a_frame, center })
 }
 
-fn read_keys(fields: &Fields) -> Option<Vec<(f64, DAffine3)>> {
-    let list = fields.list("keys")?;
-    let mut keys: Vec<(f64, DAffine3)> = Vec::new();
-    for value in list {
+/// Reads the list of keys `list` of a table: tables with a `frame`, which increases, and what `read` makes of the rest. Problems call them
+/// keys of `owner`. `None` without the list or after a problem.
+pub(super) fn read_keys<'a, T>(
+    fields: &Fields<'a>,
+    list: &'static str,
+    owner: &str,
+    mut read: impl FnMut(&Fields<'a>) -> Option<T>,
+) -> Option<Vec<(f64, T)>> {
+    let mut keys: Vec<(f64, T)> = Vec::new();
+    let what = format!("a key of '{owner}'");
+    for value in fields.list(list)? {
         let Some(table) = value.get_ref().as_table() else {
-            fields.problems.push(value.span(), "a key of 'motion' must be a table");
+            fields.problems.push(value.span(), format!("{what} must be a table"));
             return None;
         };
-        let key = Fields::new("a key of 'motion'", table, value.span(), fields.problems);
+        let key = Fields::new(&what, table, value.span(), fields.problems);
         let frame = key.require("frame", key.number("frame"));
-        let place = read(&key);
+        let rest = read(&key);
         key.finish();
-        let frame = frame?;
+        let (frame, rest) = (frame?, rest?);
         if keys.last().is_some_and(|(before, _)| *before >= frame.value) {
-            let help = "each key must come after the one before it";
-            fields.problems.push_help(frame.span, "the frames of 'keys' don't increase", help);
+            let message = format!("the frames of '{list}' don't increase");
+            fields.problems.push_help(frame.span, message, "each key must come after the one before it");
             return None;
         }
-        keys.push((frame.value, place));
+        keys.push((frame.value, rest));
     }
     if keys.is_empty() {
-        fields.problems.push(fields.span(), "'keys' of 'motion' is empty");
+        let of = if list == owner { String::new() } else { format!(" of '{owner}'") };
+        fields.problems.push(fields.span(), format!("'{list}'{of} is empty"));
         return None;
     }
     Some(keys)
+}
+
+/// The last key up to a frame, or the first one, and between two keys the share of the way to the next.
+pub(super) fn segment<T>(keys: &[(f64, T)], frame: f64) -> (usize, Option<f64>) {
+    let after = keys.partition_point(|(at, _)| *at <= frame);
+    let before = after.saturating_sub(1);
+    let is_between = after > 0 && after < keys.len();
+    (before, is_between.then(|| (frame - keys[before].0) / (keys[after].0 - keys[before].0)))
 }
 
 /// A light's place, and how it moves on from there.

@@ -28,8 +28,7 @@ const COLOR_SCALE: f32 = 0.15;
 pub(in crate::load) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     options.files.note(path);
     let bytes = files::read_model(path)?;
-    let (list, told) =
-        read(&bytes, DVec3::ZERO).map_err(|problem| Error::input_problems(path, vec![problem]))?;
+    let (list, told) = read(&bytes).map_err(|problem| Error::input_problems(path, vec![problem]))?;
     drop(bytes);
     let mut loaded = finish(path, list, (Up::Y, "the custom of SPZ files"))?;
     loaded.warnings.extend(told.map(|what| Warning::new(path, "", what)));
@@ -44,6 +43,24 @@ struct Streams<'a> {
     scales: Cow<'a, [u8]>,
     rotations: Cow<'a, [u8]>,
     harmonics: Cow<'a, [u8]>,
+}
+
+impl<'a> Streams<'a> {
+    /// The lists of these sizes, by `next`, which gives the one that follows.
+    fn of<E>(
+        sizes: [usize; 6],
+        mut next: impl FnMut(usize) -> std::result::Result<Cow<'a, [u8]>, E>,
+    ) -> std::result::Result<Streams<'a>, E> {
+        let [positions, alphas, colors, scales, rotations, harmonics] = sizes;
+        Ok(Streams {
+            positions: next(positions)?,
+            alphas: next(alphas)?,
+            colors: next(colors)?,
+            scales: next(scales)?,
+            rotations: next(rotations)?,
+            harmonics: next(harmonics)?,
+        })
+    }
 }
 
 /// What the header says.
@@ -90,15 +107,12 @@ impl Header {
     }
 }
 
-/// The splats of a file around an origin, and what is left out.
-pub(in crate::load) fn read(
-    bytes: &[u8],
-    origin: DVec3,
-) -> std::result::Result<(SplatList, Option<String>), Problem> {
+/// The splats of a file, and what is left out.
+pub(in crate::load) fn read(bytes: &[u8]) -> std::result::Result<(SplatList, Option<String>), Problem> {
     let header = Header::of(bytes)?;
     let streams = if header.version >= 4 { packed(&header, bytes)? } else { plain(&header, bytes)? };
     let degree = header.degree.min(Splats::MAX_DEGREE);
-    let mut list = SplatList::new(header.count, degree, origin)?;
+    let mut list = SplatList::new(header.count, degree, DVec3::ZERO)?;
     let unit = f64::from(1u32 << header.fraction_bits).recip();
     let (in_rotation, in_file) = (header.in_rotation(), header.in_file());
     let mut coefficients: Vec<[f32; 3]> = Vec::new();
@@ -137,20 +151,12 @@ fn cut(header: &Header) -> Problem {
 /// Lists that follow the header.
 fn plain<'a>(header: &Header, bytes: &'a [u8]) -> std::result::Result<Streams<'a>, Problem> {
     let mut rest = &bytes[OLD_HEADER..];
-    let mut next = |size: usize| {
+    let next = |size: usize| {
         let (list, after) = rest.split_at_checked(size).ok_or_else(|| cut(header))?;
         rest = after;
         Ok(Cow::Borrowed(list))
     };
-    let [positions, alphas, colors, scales, rotations, harmonics] = header.sizes();
-    Ok(Streams {
-        positions: next(positions)?,
-        alphas: next(alphas)?,
-        colors: next(colors)?,
-        scales: next(scales)?,
-        rotations: next(rotations)?,
-        harmonics: next(harmonics)?,
-    })
+    Streams::of(header.sizes(), next)
 }
 
 /// Lists in streams of their own; empty ones have none.
@@ -166,7 +172,7 @@ fn packed<'a>(header: &Header, bytes: &'a [u8]) -> std::result::Result<Streams<'
     let table = word(16).map_or(0, |word| word & 0xffff_ffff);
     let mut at = table.saturating_add(16 * wanted);
     let mut number = 0;
-    let mut next = |size: usize| {
+    let next = |size: usize| {
         if size == 0 {
             return Ok(Cow::Borrowed(&[][..]));
         }
@@ -182,15 +188,7 @@ fn packed<'a>(header: &Header, bytes: &'a [u8]) -> std::result::Result<Streams<'
         let list = unzstd(held, size)?;
         if list.len() == size { Ok(Cow::Owned(list)) } else { Err(cut(header)) }
     };
-    let [positions, alphas, colors, scales, rotations, harmonics] = sizes;
-    Ok(Streams {
-        positions: next(positions)?,
-        alphas: next(alphas)?,
-        colors: next(colors)?,
-        scales: next(scales)?,
-        rotations: next(rotations)?,
-        harmonics: next(harmonics)?,
-    })
+    Streams::of(sizes, next)
 }
 
 /// At most `size` bytes of a Zstandard stream.
@@ -256,7 +254,7 @@ mod tests {
 
     #[test]
     fn splats_are_unpacked() {
-        let (list, told) = read(&file(), DVec3::ZERO).expect("it is whole");
+        let (list, told) = read(&file()).expect("it is whole");
         assert!(told.is_none());
         assert_eq!(list.centers(), [[1.0, -0.5, 2.0]]);
         let splats = &list.splats;
@@ -273,12 +271,12 @@ mod tests {
     fn damaged_files_are_errors() {
         let whole = file();
         for length in 0..whole.len() {
-            assert!(read(&whole[..length], DVec3::ZERO).is_err(), "{length}");
+            assert!(read(&whole[..length]).is_err(), "{length}");
         }
         for (at, value) in [(4, 9), (4, 4), (8, 2), (11, 255), (12, 5), (13, 99)] {
             let mut other = whole.clone();
             other[at] = value;
-            assert!(read(&other, DVec3::ZERO).is_err(), "{at}");
+            assert!(read(&other).is_err(), "{at}");
         }
     }
 }

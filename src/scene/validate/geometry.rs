@@ -154,7 +154,6 @@ fn lists(curves: &Curves, place: Entry, findings: &mut Findings) {
     findings.require(is_finite, place, "world_from_object", curves.world_from_object, "finite");
 }
 
-/// Rays meet curves from outside only: they have no inside, and are no lights.
 /// Does light enter a body of the material?
 fn is_solid(material: &Material) -> bool {
     let of_model = match material.model.transmission() {
@@ -165,6 +164,7 @@ fn is_solid(material: &Material) -> bool {
     of_model || material.medium.is_some()
 }
 
+/// Rays meet curves from outside only: they have no inside, and are no lights.
 fn suits(material: &Material, place: Entry, findings: &mut Findings) {
     let name = &material.name;
     let opaque = "no solid glass and filled with no medium: curves take opaque and thin materials and 'hair'";
