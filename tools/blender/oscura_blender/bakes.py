@@ -28,7 +28,7 @@ VECTOR_RANGE = 16.0
 BRIGHTEST = 0.999
 
 
-class Wish:
+class BakeRequests:
     """Notes what of a material has to be baked."""
 
     def __init__(self):
@@ -114,8 +114,8 @@ class Baker:
             bpy.data.materials.remove(own)
 
     def _baked(self, own, light, edge, looks):
-        kitchen = glow.new_scene()
-        kitchen.cycles.samples = SAMPLES if looks else 1
+        bake_scene = glow.new_scene()
+        bake_scene.cycles.samples = SAMPLES if looks else 1
         mesh, idle = self.holder.data.copy(), bpy.data.materials.new("oscura idle")
         idle.use_nodes = True
         shown = bpy.data.objects.new("oscura baked", mesh)
@@ -124,13 +124,13 @@ class Baker:
                 mesh.materials[slot] = own if other == self.material else idle
             places = self.found.placements[self.holder.name]
             shown.matrix_world = places[0][1]
-            around = self._surroundings(kitchen) if looks else []
+            around = self._surroundings(bake_scene) if looks else []
             key = self._key(own, light, edge, shown, around)
             kept = self.store.get(key)
             if kept is None:
-                with opened(kitchen):
-                    kitchen.collection.objects.link(shown)
-                    choose(shown, kitchen)
+                with opened(bake_scene):
+                    bake_scene.collection.objects.link(shown)
+                    choose(shown, bake_scene)
                     tree, dark = own.node_tree, idle.node_tree
                     shine = lambda image: _shine(tree, light, image)
                     pixels = glow.baked(edge, edge, [shine, lambda image: _shine(dark, None, image)], margin=8, uv_layer=UV)
@@ -142,7 +142,7 @@ class Baker:
         finally:
             bpy.data.meshes.remove(mesh)
             bpy.data.materials.remove(idle)
-            bpy.data.scenes.remove(kitchen)
+            bpy.data.scenes.remove(bake_scene)
 
     def _key(self, own, light, edge, shown, around):
         digest = cache.digest()
@@ -153,7 +153,7 @@ class Baker:
         fingerprint.add_tree(digest, own.node_tree)
         return digest.hexdigest()
 
-    def _surroundings(self, kitchen):
+    def _surroundings(self, bake_scene):
         """Everything else at its places."""
         made = []
         for other in self.found.objects.values():
@@ -161,7 +161,7 @@ class Baker:
                 if other != self.holder or number > 0:
                     obj = bpy.data.objects.new("oscura neighbour", other.data)
                     obj.matrix_world = matrix
-                    kitchen.collection.objects.link(obj)
+                    bake_scene.collection.objects.link(obj)
                     made.append(obj)
         return made
 
@@ -174,19 +174,19 @@ def lay_out(holder):
     rendered = next((layer.name for layer in layers if layer.active_render), None)
     layers.new(name=UV)
     layers.active = layers[UV]
-    kitchen = glow.new_scene()
+    bake_scene = glow.new_scene()
     try:
-        with opened(kitchen):
-            kitchen.collection.objects.link(holder)
-            choose(holder, kitchen)
+        with opened(bake_scene):
+            bake_scene.collection.objects.link(holder)
+            choose(holder, bake_scene)
             bpy.ops.object.mode_set(mode="EDIT")
             bpy.ops.mesh.reveal()
             bpy.ops.mesh.select_all(action="SELECT")
             bpy.ops.uv.smart_project(angle_limit=1.15, island_margin=0.004)
             bpy.ops.object.mode_set(mode="OBJECT")
-            kitchen.collection.objects.unlink(holder)
+            bake_scene.collection.objects.unlink(holder)
     finally:
-        bpy.data.scenes.remove(kitchen)
+        bpy.data.scenes.remove(bake_scene)
     if rendered is not None:
         layers[rendered].active_render = True
 

@@ -27,16 +27,16 @@ def settle(holders, found, store, report):
     if not varying:
         return made
     report.note("", f"densities of volumes were baked to grids: of {listed(sorted({material.name for _, material in varying}))}")
-    kitchen = glow.new_scene()
+    bake_scene = glow.new_scene()
     try:
-        with opened(kitchen):
+        with opened(bake_scene):
             for number, (holder, material) in enumerate(varying):
                 file = f"{found.grids.name}.density.{number}.vol"
                 own = trees.own(holder, material)
                 density = Density(holder, own, found.placements[holder.name][0][1])
-                made[own] = density.entries(known[material], kitchen, file, found, store, report)
+                made[own] = density.entries(known[material], bake_scene, file, found, store, report)
     finally:
-        bpy.data.scenes.remove(kitchen)
+        bpy.data.scenes.remove(bake_scene)
     return made
 
 
@@ -86,9 +86,9 @@ class Density:
         self.step = extent / counts
         self.low, self.high, self.size = self.inner[0] - self.step, self.inner[1] + self.step, counts + 2
 
-    def entries(self, filling, kitchen, file, found, store, report):
+    def entries(self, filling, bake_scene, file, found, store, report):
         """Writes the grid; gives what the file of settings says about the material, None for nothing."""
-        values = self._kept(kitchen, store)
+        values = self._kept(bake_scene, store)
         if values.max() <= 0 or filling.is_nothing():
             return None
         self._write(os.path.join(found.grids.folder, file), values)
@@ -99,18 +99,18 @@ class Density:
         place = [{"matrix": [v for row in Y_UP @ self.matrix for v in row]}]
         return {"type": "medium", "grid": file, "transform": place, **entries}
 
-    def _kept(self, kitchen, store):
+    def _kept(self, bake_scene, store):
         digest = cache.digest()
         digest.update(repr(("density", [tuple(row) for row in self.matrix], self.low.tolist(), self.high.tolist(), self.size.tolist())).encode())
         fingerprint.add_tree(digest, self.material.node_tree)
         key = digest.hexdigest()
         kept = store.get(key)
         if kept is None:
-            kept = {"values": self._baked(kitchen)}
+            kept = {"values": self._baked(bake_scene)}
             store.put(key, kept)
         return kept["values"]
 
-    def _baked(self, kitchen):
+    def _baked(self, bake_scene):
         """The values by slice, row and column."""
         nx, ny, nz = self.size
         columns = max(round((nz * ny / nx) ** 0.5), 1)
@@ -119,8 +119,8 @@ class Density:
         slices = bpy.data.objects.new("oscura slices", mesh)
         try:
             slices.matrix_world = self.matrix
-            kitchen.collection.objects.link(slices)
-            choose(slices, kitchen)
+            bake_scene.collection.objects.link(slices)
+            choose(slices, bake_scene)
             pixels = glow.baked(int(columns * nx), int(rows * ny), [self._shine])
         finally:
             bpy.data.meshes.remove(mesh)

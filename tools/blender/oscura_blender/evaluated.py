@@ -83,12 +83,12 @@ class Materials:
     def on(self, holder, material):
         """A material on a mesh: those of which something is baked are others on each."""
         if material not in self._known:
-            wish = bakes.Wish()
-            self._known[material] = self._read(material, wish)
-            if wish.reasons:
+            requests = bakes.BakeRequests()
+            self._known[material] = self._read(material, requests)
+            if requests.reasons:
                 self._known[material] = None
             else:
-                for message in wish.warnings:
+                for message in requests.warnings:
                     self.report.warn(material.name, message)
         return self._known[material] or self._read(material, bakes.Baker(holder, material, self.told))
 

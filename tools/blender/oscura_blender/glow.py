@@ -10,12 +10,12 @@ from . import context
 
 def new_scene():
     """A scene to bake in."""
-    kitchen = context.new_scene("oscura bake")
-    kitchen.render.engine = "CYCLES"
-    kitchen.cycles.device = "CPU"
-    kitchen.cycles.samples = 1
-    kitchen.cycles.use_denoising = kitchen.cycles.use_adaptive_sampling = False
-    return kitchen
+    bake_scene = context.new_scene("oscura bake")
+    bake_scene.render.engine = "CYCLES"
+    bake_scene.cycles.device = "CPU"
+    bake_scene.cycles.samples = 1
+    bake_scene.cycles.use_denoising = bake_scene.cycles.use_adaptive_sampling = False
+    return bake_scene
 
 
 @contextmanager

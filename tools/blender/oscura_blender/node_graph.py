@@ -257,7 +257,7 @@ class Graph:
         self.attributes = set()  # of meshes
         self.asks_object = False  # does a node ask about the object?
         self.images = images
-        self.baker = baker if baker is not None else bakes.Wish()
+        self.baker = baker if baker is not None else bakes.BakeRequests()
         self.relief = None  # the height and its scale of bumps on all of the surface
         self.brushed = None  # the axis around which it is brushed; empty along texture coordinates
         self._known = {}

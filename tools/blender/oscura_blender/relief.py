@@ -22,13 +22,13 @@ def displace(holders, found, report):
     wanted = [holder for holder in holders if is_displaced(holder)]
     if not wanted:
         return
-    kitchen = glow.new_scene()
+    bake_scene = glow.new_scene()
     try:
-        with opened(kitchen):
+        with opened(bake_scene):
             for holder in wanted:
-                _displace(holder, found.placements[holder.name][0][1], kitchen, report)
+                _displace(holder, found.placements[holder.name][0][1], bake_scene, report)
     finally:
-        bpy.data.scenes.remove(kitchen)
+        bpy.data.scenes.remove(bake_scene)
 
 
 def is_displaced(holder):
@@ -46,23 +46,23 @@ def _displaces(material):
     return material.displacement_method != "BUMP" and _node(material) is not None
 
 
-def _displace(holder, matrix, kitchen, report):
+def _displace(holder, matrix, bake_scene, report):
     mesh = holder.data
     layer = mesh.color_attributes.new(HEIGHTS, "FLOAT_COLOR", "POINT")
     active = mesh.color_attributes.active_color_index
     mesh.color_attributes.active_color = layer
     holder.matrix_world = matrix
-    kitchen.collection.objects.link(holder)
+    bake_scene.collection.objects.link(holder)
     undo = [_shine(material, matrix, report) for material in dict.fromkeys(mesh.materials) if material is not None]
     try:
-        choose(holder, kitchen)
+        choose(holder, bake_scene)
         bpy.ops.object.bake(type="EMIT", target="VERTEX_COLORS")
         moved = np.empty(len(mesh.vertices) * 4, np.float32)
         mesh.color_attributes[HEIGHTS].data.foreach_get("color", moved)
     finally:
         for restore in undo:
             restore()
-        kitchen.collection.objects.unlink(holder)
+        bake_scene.collection.objects.unlink(holder)
         holder.matrix_world.identity()
         mesh.color_attributes.remove(mesh.color_attributes[HEIGHTS])
         mesh.color_attributes.active_color_index = min(active, len(mesh.color_attributes) - 1)

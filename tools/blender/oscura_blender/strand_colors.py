@@ -56,13 +56,13 @@ def evaluate(material, node, key, strands, matrix):
     source = own.node_tree.nodes[node.name].inputs[key]
     _rewrite(own.node_tree)
     mesh = _triangles(strands, shares, own)
-    kitchen, shown = glow.new_scene(), bpy.data.objects.new("oscura strands", mesh)
+    bake_scene, shown = glow.new_scene(), bpy.data.objects.new("oscura strands", mesh)
     shown.matrix_world = matrix
-    kitchen.collection.objects.link(shown)
+    bake_scene.collection.objects.link(shown)
     edge = math.ceil(math.sqrt(count * along))
     try:
-        with opened(kitchen):
-            choose(shown, kitchen)
+        with opened(bake_scene):
+            choose(shown, bake_scene)
 
             def shine(image):
                 tree = own.node_tree
@@ -72,7 +72,7 @@ def evaluate(material, node, key, strands, matrix):
 
             pixels = glow.baked(edge, edge, [shine], uv_layer=bakes.UV)
     finally:
-        bpy.data.scenes.remove(kitchen)
+        bpy.data.scenes.remove(bake_scene)
         bpy.data.meshes.remove(mesh)
         bpy.data.materials.remove(own)
     seen = np.nan_to_num(pixels.reshape(-1, 4)[: count * along, :3].reshape(count, along, 3))
