@@ -125,7 +125,7 @@ pub(crate) enum TerminatorArg {
 
 #[derive(Args, Clone, Debug)]
 pub(crate) struct RenderArgs {
-    /// Scenes to render: .gltf, .glb, .vrm, .obj, .ply, .spz, .stl, .zip, .toml or .blend.
+    /// Scenes to render: .gltf, .glb, .vrm, .obj, .ply, .spz, .stl, .3mf, .zip, .toml or .blend.
     #[arg(required = true, value_name = "SCENE")]
     pub scenes: Vec<PathBuf>,
     /// The one of `scenes` that is being rendered.
@@ -317,7 +317,7 @@ impl RenderArgs {
 
 #[derive(Args, Debug)]
 pub(crate) struct InspectArgs {
-    /// Scene: .gltf, .glb, .vrm, .obj, .ply, .spz, .stl, .zip, .toml or .blend.
+    /// Scene: .gltf, .glb, .vrm, .obj, .ply, .spz, .stl, .3mf, .zip, .toml or .blend.
     pub scene: PathBuf,
     /// Let glTF and OBJ files refer to files outside their folder.
     #[arg(long)]

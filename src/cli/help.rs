@@ -95,7 +95,7 @@ fn heading(word: &str) -> Option<&'static str> {
         "size" | "resolution" | "exposure" | "tone-mapping" | "alpha" => "image",
         "video" | "gif" | "turntable" | "sequence" | "motion-blur" | "frame" => "animation",
         "hdri" | "environment" | "stage" => "light",
-        "gltf" | "glb" | "obj" | "ply" | "stl" | "scan" | "asset" => "model",
+        "gltf" | "glb" | "obj" | "ply" | "stl" | "3mf" | "scan" | "asset" => "model",
         "blender" | "blend" | "bpy" => "blender files",
         "noise" | "sampling" | "quality" | "sample" | "firefly" | "fireflie" => "sampling and quality",
         "aov" | "pass" | "layer" | "channel" | "cryptomatte" => "passes",

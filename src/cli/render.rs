@@ -14,7 +14,7 @@ use super::report::{PrintedMessages, Run, name_options_in_error};
 use super::scene_args::check_scene_path;
 use super::settings::{
     EnvironmentOverride, PictureUse, Prepared, check_memory_before_loading, choices, completed,
-    idle_option_notes, prepare, unused_option_warnings,
+    idle_option_notes, memory_limit, prepare, unused_option_warnings, watch_memory,
 };
 use super::{checkpoint, darkness, json, report, show};
 use oscura::compile::Compiler;
@@ -245,8 +245,9 @@ pub(super) fn load_scene(args: &RenderArgs, cancel: &CancelHandle, options: &Loa
     say_export(args);
     let telling = ProgressTarget::of(args.quiet, args.long.progress);
     let waiting = StageProgress::new(telling, "load", &options.gauge);
+    let watchdog = watch_memory(args);
     let loaded = load(&args.scene, options);
-    drop(waiting);
+    drop((waiting, watchdog));
     // A signal also ends Blender: its failure is not reported then.
     stop_before_pixels(cancel)?;
     loaded
@@ -261,7 +262,7 @@ fn say_export(args: &RenderArgs) {
 
 pub(super) fn load_options(args: &RenderArgs) -> Result<LoadOptions> {
     let aspect = args.width.zip(args.height).map(|(w, h)| f64::from(w) / f64::from(h));
-    let mut stage = args.stage.options(aspect, &mut Vec::new())?;
+    let mut stage = args.stage.options(aspect, memory_limit(args), &mut Vec::new())?;
     if args.transparent {
         stage.background = Some(Background::Transparent);
     }
@@ -277,6 +278,7 @@ pub(super) fn load_options(args: &RenderArgs) -> Result<LoadOptions> {
         stage,
         no_sidecar: args.no_sidecar,
         blender: args.blender.options(),
+        memory_limit: memory_limit(args),
         ..LoadOptions::default()
     })
 }

@@ -474,6 +474,7 @@ fn option(choice: Choice) -> &'static str {
         Choice::Glass => "--glass",
         Choice::Ground => "--ground",
         Choice::LightUnits => "--light-units",
+        Choice::MemoryLimit => "--memory-limit",
         Choice::NoSidecar => "--no-sidecar",
         Choice::PointRadius => "--point-radius METRES",
         Choice::Smooth => "--smooth",

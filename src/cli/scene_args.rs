@@ -212,11 +212,16 @@ impl StageArgs {
             && matches!(self.background, None | Some(BackgroundArg::Transparent))
     }
 
-    /// The choices, for a picture of this width over height; reads the background's picture.
+    /// The choices, for a picture of this width over height; reads the background's picture, whose pixels may take so many bytes.
     ///
     /// # Errors
     /// An input error if that can't be read.
-    pub fn options(&self, aspect: Option<f64>, warnings: &mut Vec<Warning>) -> Result<StageOptions> {
+    pub fn options(
+        &self,
+        aspect: Option<f64>,
+        memory_limit: Option<u64>,
+        warnings: &mut Vec<Warning>,
+    ) -> Result<StageOptions> {
         let light = match self.stage {
             None | Some(StageArg::Studio) => StageLight::Studio,
             Some(StageArg::Sky) => StageLight::Sky,
@@ -233,7 +238,9 @@ impl StageArgs {
             None => None,
             Some(BackgroundArg::Transparent) => Some(Background::Transparent),
             Some(BackgroundArg::Color(srgb)) => Some(Background::Color(srgb.map(linear))),
-            Some(BackgroundArg::File(path)) => Some(Background::Picture(load_picture(path, warnings)?)),
+            Some(BackgroundArg::File(path)) => {
+                Some(Background::Picture(load_picture(path, memory_limit, warnings)?))
+            }
         };
         Ok(StageOptions {
             light,

@@ -10,12 +10,13 @@ use super::process;
 use super::progress::{ProgressTarget, StageProgress};
 use super::quality::{Preset, Quality};
 use super::report::name_options_in_loaded;
+use super::watchdog::{Limits, Watchdog};
 use oscura::compile::{CompileReport, CompiledScene, Compiler, MemoryPart, texture_memory_for};
 use oscura::error::{Error, Result, Warning};
 use oscura::film::{Aov, AovSet, AovSpace, Source};
 use oscura::image::Image;
 use oscura::load::Loaded;
-use oscura::load::image::load_environment;
+use oscura::load::image::load_environment_within;
 use oscura::load::stage::middle;
 use oscura::output::part::{PartHeader, Region};
 use oscura::output::{Format, PngOptions, ViewTransform};
@@ -351,6 +352,20 @@ const BYTES_A_TRIANGLE: u64 = 150;
 /// Memory that each key of a triangle takes that changes its shape, bytes: in the tree, and twice with its vertices.
 const BYTES_A_KEY: u64 = 100;
 
+/// Most bytes of memory that anything may take.
+pub(super) fn memory_limit(args: &RenderArgs) -> Option<u64> {
+    args.long.memory_limit.or_else(process::memory_of_machine)
+}
+
+/// Watches the limit that the arguments set while files are read, which nobody knows beforehand what they hold.
+pub(super) fn watch_memory(args: &RenderArgs) -> Watchdog {
+    let too_much = |message: String| {
+        let help = "make its images smaller, or raise the limit";
+        Error::usage(format!("loading the scene {message}")).with_help(help)
+    };
+    Watchdog::begin(Limits { time: None, memory: args.long.memory_limit }, too_much)
+}
+
 /// Checks the size of the scene file.
 pub(super) fn check_memory_before_loading(args: &RenderArgs) -> Result<()> {
     let size = process::size_of(&args.scene).unwrap_or(0);
@@ -549,7 +564,8 @@ impl EnvironmentOverride {
     pub fn load(args: &RenderArgs) -> Result<EnvironmentOverride> {
         let mut warnings = Vec::new();
         let path = args.env.as_ref().filter(|path| !path.as_os_str().is_empty());
-        let image = path.map(|path| load_environment(path, &mut warnings)).transpose()?;
+        let image = path.map(|path| load_environment_within(path, memory_limit(args), &mut warnings));
+        let image = image.transpose()?;
         Ok(EnvironmentOverride { image, warnings })
     }
 

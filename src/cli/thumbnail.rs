@@ -98,7 +98,10 @@ const LIMITS: &str = "--time-limit 60 --memory-limit 4G";
 /// Makes one; false if it was stopped.
 fn one(args: &ThumbArgs, model: &Path, target: &Path, cancel: &CancelHandle) -> Result<bool> {
     let time = args.time_limit.map(|seconds| Duration::from_secs(seconds.into()));
-    let _watchdog = Watchdog::begin(Limits { time, memory: args.memory_limit }, model);
+    let file = model.to_path_buf();
+    let too_much =
+        move |message: String| Error::input(&file, message).with_help("what else was asked for is not made");
+    let _watchdog = Watchdog::begin(Limits { time, memory: args.memory_limit }, too_much);
     check_scene_path(model)?;
     check_target(target)?;
     refuse_part(model, target, &[model.to_path_buf()], ELSEWHERE)?;
@@ -106,13 +109,14 @@ fn one(args: &ThumbArgs, model: &Path, target: &Path, cancel: &CancelHandle) -> 
     if args.file.is_none() && !args.force {
         check(target, &mark, ELSEWHERE)?;
     }
-    let stage = args.stage.options(Some(1.0), &mut Vec::new())?;
+    let stage = args.stage.options(Some(1.0), args.memory_limit, &mut Vec::new())?;
     let options = LoadOptions {
         allow_external: args.allow_external,
         up: args.stage.up,
         smooth_rad: args.stage.smooth.map(f64::to_radians),
         subdivision: args.stage.subdivision(),
         stage,
+        memory_limit: args.memory_limit,
         ..LoadOptions::default()
     };
     let loaded = load(model, &options)?;
@@ -166,7 +170,7 @@ fn size(longer: u32, loaded: &Loaded) -> (u32, u32) {
 
 #[derive(Args, Debug)]
 pub(crate) struct ThumbArgs {
-    /// Models or scenes: .gltf, .glb, .vrm, .obj, .ply, .spz, .stl, .zip, .toml or .blend.
+    /// Models or scenes: .gltf, .glb, .vrm, .obj, .ply, .spz, .stl, .3mf, .zip, .toml or .blend.
     #[arg(required = true, value_name = "MODEL")]
     pub models: Vec<PathBuf>,
     /// Output folder for the thumbnails, MODEL.png each [default: MODEL.thumb.png next to each model].
@@ -220,12 +224,13 @@ pub(crate) struct ThumbnailerArgs {
 // (the thumbnailers of GNOME and Xfce, and the shared MIME database of freedesktop.org).
 
 /// Types of models: name, what people call it, extension, and what such files begin with, if that is the same for all.
-const TYPES: [(&str, &str, &str, Option<&str>); 6] = [
+const TYPES: [(&str, &str, &str, Option<&str>); 7] = [
     ("model/gltf-binary", "glTF model (binary)", "glb", Some("glTF")),
     ("model/gltf+json", "glTF model", "gltf", None),
     ("model/obj", "Wavefront OBJ model", "obj", None),
     ("model/x-ply", "PLY model or point cloud", "ply", Some("ply")),
     ("model/stl", "STL model", "stl", None),
+    ("model/3mf", "3MF model", "3mf", None),
     ("model/vrm", "VRM avatar", "vrm", None),
 ];
 

@@ -139,7 +139,8 @@ pub(crate) struct ViewArgs {
 /// Takes the unused arguments out of the command's help.
 pub(crate) fn adapt(command: Command) -> Command {
     let command = command.mut_arg("scenes", |arg| {
-        arg.num_args(1).help("The scene: .gltf, .glb, .vrm, .obj, .ply, .spz, .stl, .zip, .toml or .blend")
+        arg.num_args(1)
+            .help("The scene: .gltf, .glb, .vrm, .obj, .ply, .spz, .stl, .3mf, .zip, .toml or .blend")
     });
     // What `render` requires in the place of something else is required by nothing here.
     let output = Arg::new("output").short('o').long("output").action(ArgAction::Append);

@@ -1,19 +1,16 @@
 //! Limits of time and memory that end the process: files from anywhere become small pictures without anyone watching, and what
 //! takes long or much may be anywhere, also inside a decoder.
 
+use super::outcome::exit_code;
 use super::process::memory_now;
 use super::report;
 use oscura::error::Error;
-use std::path::Path;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 /// How often the limits are looked at.
 const INTERVAL: Duration = Duration::from_millis(20);
-
-/// The exit code when a limit is reached: that of bad inputs.
-const CODE: i32 = 3;
 
 /// Limits of the work on one file; `None` is none.
 #[derive(Clone, Copy, Debug, Default)]
@@ -30,19 +27,19 @@ pub(super) struct Watchdog {
 }
 
 impl Watchdog {
-    /// Begins to watch the work on a file.
-    pub fn begin(limits: Limits, file: &Path) -> Watchdog {
+    /// Begins to watch. Of what is reached `error` makes the error that the process ends with.
+    pub fn begin(limits: Limits, error: impl Fn(String) -> Error + Send + 'static) -> Watchdog {
         if limits.time.is_none() && limits.memory.is_none() {
             return Watchdog { stop: None, thread: None };
         }
         let (stop, stopped) = channel();
-        let (file, start) = (file.to_path_buf(), Instant::now());
+        let start = Instant::now();
         let watch = move || {
             while stopped.recv_timeout(INTERVAL) == Err(RecvTimeoutError::Timeout) {
                 if let Some(message) = limits.reached(start) {
-                    let help = "what else was asked for is not made";
-                    report::error(&Error::input(&file, message).with_help(help));
-                    std::process::exit(CODE);
+                    let error = error(message);
+                    report::error(&error);
+                    std::process::exit(i32::from(exit_code(&error)));
                 }
             }
         };
@@ -69,6 +66,6 @@ impl Limits {
         let most = self.memory?;
         let taken = memory_now().filter(|taken| *taken > most)?;
         let mib = |bytes: u64| bytes >> 20;
-        Some(format!("takes {} MiB of memory, more than {} (--memory-limit)", mib(taken), mib(most)))
+        Some(format!("takes {} MiB of memory, more than {} MiB (--memory-limit)", mib(taken), mib(most)))
     }
 }

@@ -28,6 +28,8 @@ pub enum Choice {
     Ground,
     /// What the numbers of lights mean.
     LightUnits,
+    /// The memory that one image may take.
+    MemoryLimit,
     /// Settings beside a model don't count.
     NoSidecar,
     /// The size of the points of a point cloud.
@@ -48,7 +50,7 @@ pub enum Choice {
 
 impl Choice {
     /// All of them.
-    pub const ALL: [Choice; 19] = [
+    pub const ALL: [Choice; 20] = [
         Choice::AllowExternal,
         Choice::Aovs,
         Choice::Background,
@@ -60,6 +62,7 @@ impl Choice {
         Choice::Glass,
         Choice::Ground,
         Choice::LightUnits,
+        Choice::MemoryLimit,
         Choice::NoSidecar,
         Choice::PointRadius,
         Choice::Smooth,
@@ -86,6 +89,7 @@ impl fmt::Display for Choice {
             Choice::Glass => "`GltfOptions::glass`",
             Choice::Ground => "`StageOptions::ground`",
             Choice::LightUnits => "`GltfOptions::light_units`",
+            Choice::MemoryLimit => "`LoadOptions::memory_limit`",
             Choice::NoSidecar => "`LoadOptions::no_sidecar`",
             Choice::PointRadius => "`LoadOptions::point_radius`",
             Choice::Smooth => "`LoadOptions::smooth_rad`",

@@ -1,6 +1,6 @@
 //! The types of files that hold models or scenes, by their extensions: the one table.
 
-use super::{LoadOptions, Loaded, gltf, obj, ply, splats, stl};
+use super::{LoadOptions, Loaded, gltf, obj, ply, splats, stl, threemf};
 use crate::error::Result;
 use std::path::Path;
 
@@ -27,8 +27,12 @@ const MODELS: &[ModelFormat] = &[
     ModelFormat { extensions: &["obj"], load: obj::load, is_gltf: false, leaves_up_open: true },
     ModelFormat { extensions: &["ply"], load: ply::load, is_gltf: false, leaves_up_open: true },
     ModelFormat { extensions: &["spz"], load: splats::spz::load, is_gltf: false, leaves_up_open: true },
+    ModelFormat { extensions: &[THREE_MF], load: threemf::load, is_gltf: false, leaves_up_open: true },
     ModelFormat { extensions: &["stl"], load: stl::load, is_gltf: false, leaves_up_open: true },
 ];
+
+/// The extension of 3MF files, which are archives themselves.
+const THREE_MF: &str = "3mf";
 
 /// The extension of scene files.
 const SCENE_FILE: &str = "toml";
@@ -91,6 +95,11 @@ pub(super) fn is_of_others(path: &Path) -> bool {
 /// Does the name say that a file is an archive?
 pub(super) fn is_named_as_archive(path: &Path) -> bool {
     extension(path) == ARCHIVE
+}
+
+/// Does the name say that a file is an archive which is one model as a whole?
+pub(super) fn is_package(path: &Path) -> bool {
+    extension(path) == THREE_MF
 }
 
 /// The rank of a file among the models of an archive, the least first; `None` for what is no model.

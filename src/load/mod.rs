@@ -1,4 +1,4 @@
-//! The only reader of files: glTF, OBJ, PLY, SPZ, STL, scene files (TOML), images and environments. A path goes in, a [`Scene`](crate::scene::Scene)
+//! The only reader of files: glTF, OBJ, PLY, SPZ, STL, 3MF, scene files (TOML), images and environments. A path goes in, a [`Scene`](crate::scene::Scene)
 //! with its warnings comes out, or one error with all the problems of the file.
 
 pub mod blender;
@@ -27,10 +27,13 @@ pub mod stage;
 mod stl;
 pub mod subdivide;
 mod subdivided;
+mod temporary;
+mod threemf;
 mod unpack;
 mod upright;
 mod vdb;
 mod words;
+mod zip;
 
 pub use formats::extensions;
 pub use options::SavedFiles;
@@ -46,7 +49,7 @@ use std::io::Read;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-/// Loads a scene from a `.gltf`, `.glb`, `.obj`, `.ply`, `.spz`, `.stl`, `.toml` or `.blend` file, or from a `.zip` with a model; the extension says which it is
+/// Loads a scene from a `.gltf`, `.glb`, `.obj`, `.ply`, `.spz`, `.stl`, `.3mf`, `.toml` or `.blend` file, or from a `.zip` with a model; the extension says which it is
 /// ([`extensions`]).
 ///
 /// # Errors
@@ -117,8 +120,8 @@ fn is_archive(path: &Path) -> Result<bool> {
     let mut start = Vec::new();
     // What can't be read is said by the reader.
     let _ = File::open(path).and_then(|file| file.take(contents::HEAD as u64).read_to_end(&mut start));
-    if unpack::is_archive(&start) {
-        return Ok(true);
+    if zip::is_archive(&start) {
+        return Ok(!formats::is_package(path));
     }
     let is_meant = matches!(format, Format::Model(model) if model.is_gltf) && start.starts_with(b"glTF");
     match contents::of(&start).filter(|_| !is_meant && !start.starts_with(files::GZIP)) {
@@ -209,7 +212,7 @@ pub fn is_named_as_scene(path: impl AsRef<Path>) -> bool {
 /// How to get a scene from a file of another program, by its extension.
 fn conversion_hint(extension: &str) -> String {
     let way = match extension {
-        "3ds" | "max" | "ma" | "mb" | "c4d" | "skp" | "step" | "stp" | "3mf" | "x3d" | "wrl" | "lwo" => {
+        "3ds" | "max" | "ma" | "mb" | "c4d" | "skp" | "step" | "stp" | "x3d" | "wrl" | "lwo" => {
             "export .glb (glTF), .usd or .fbx from the program that wrote it"
         }
         "exr" | "hdr" | "png" | "jpg" | "jpeg" => "it is a picture, not a scene",

@@ -1,20 +1,12 @@
-//! Models inside archives: ZIP (PKWARE, "APPNOTE.TXT", 6.3.10), of which stored and deflated entries are read.
+//! Models inside ZIP archives, which are unpacked into a temporary folder.
 
 use super::formats;
-use super::{Loaded, files};
+use super::zip::{Archive, MOST_BYTES};
+use super::{Loaded, files, temporary};
 use crate::error::{Error, Result};
-use crate::image::{Damage, Image, ImageSource, Pixels};
-use flate2::read::DeflateDecoder;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use tempfile::TempDir;
-
-/// Most entries of an archive, and most bytes of all together.
-const MOST_ENTRIES: usize = 1 << 16;
-const MOST_BYTES: u64 = 1 << 33;
-/// What deflate packs into a byte at most.
-const MOST_RATIO: u64 = 1032;
 
 /// The contents of an archive, in a folder that goes when this is dropped.
 #[derive(Debug)]
@@ -24,11 +16,6 @@ pub(super) struct Unpacked {
     pub model: PathBuf,
 }
 
-/// Does a file begin like an archive?
-pub(super) fn is_archive(start: &[u8]) -> bool {
-    start.starts_with(b"PK\x03\x04")
-}
-
 impl Unpacked {
     /// Unpacks an archive and picks its model: the one with the shortest path, glTF before others.
     ///
@@ -36,21 +23,19 @@ impl Unpacked {
     /// An input error if the archive is damaged, protected, or holds no model.
     pub fn new(path: &Path) -> Result<Unpacked> {
         let fail = |message: String| Error::input(path, message);
-        let bytes = files::read(path, MOST_BYTES).map_err(fail)?;
-        let entries = entries(&bytes)
-            .ok_or_else(|| fail("is a damaged ZIP archive: its list of files is broken".into()))?;
+        let archive = Archive::open(path)?;
         let folder = tempfile::Builder::new()
             .prefix(".oscura-")
             .tempdir()
             .map_err(|e| fail(format!("can't be unpacked: {e}")))?;
         let (mut total, mut models) = (0, Vec::new());
-        for entry in entries.iter().filter(|e| !e.name.ends_with('/')) {
+        for entry in archive.entries().iter().filter(|e| !e.name.ends_with('/')) {
             let relative = entry.name.replace('\\', "/");
             if relative.is_empty() || files::leaves(Path::new(&relative)) {
                 return Err(fail(format!("holds a file whose path leads out of it: '{}'", entry.name)));
             }
-            let data = entry
-                .data(&bytes, MOST_BYTES - total)
+            let data = archive
+                .data(entry, MOST_BYTES - total)
                 .map_err(|why| fail(format!("'{}' {why}", entry.name)))?;
             total += data.len() as u64;
             let target = folder.path().join(&relative);
@@ -76,134 +61,6 @@ impl Unpacked {
 
     /// Keeps the folder for as long as pictures of the scene may be decoded from it.
     pub fn keep_for(&self, loaded: &mut Loaded) {
-        for image in &mut loaded.scene.images {
-            if let Pixels::Encoded(encoded) = &*image.pixels {
-                let source = Arc::new(Kept { source: encoded.source.clone(), _folder: self.folder.clone() });
-                let encoded = crate::image::Encoded { source, ..encoded.clone() };
-                image.pixels = Arc::new(Pixels::Encoded(encoded));
-            }
-        }
-    }
-}
-
-/// An image whose file is in a temporary folder.
-#[derive(Debug)]
-struct Kept {
-    source: Arc<dyn ImageSource>,
-    _folder: Arc<TempDir>,
-}
-
-impl ImageSource for Kept {
-    fn decode(&self) -> std::result::Result<Image, Damage> {
-        self.source.decode()
-    }
-
-    fn with_bytes(&self, take: &mut dyn FnMut(&[u8])) {
-        self.source.with_bytes(take);
-    }
-}
-
-/// A file of an archive.
-struct Entry {
-    name: String,
-    is_encrypted: bool,
-    method: u16,
-    packed: u64,
-    size: u64,
-    /// Offset of its local header.
-    at: u64,
-}
-
-impl Entry {
-    /// Its bytes; the error says what is wrong with it.
-    fn data(&self, archive: &[u8], most: u64) -> std::result::Result<Vec<u8>, String> {
-        let cut = || "is cut short".to_string();
-        if self.is_encrypted {
-            return Err("is encrypted: unpack the archive first".into());
-        }
-        if self.size > most || self.size > self.packed.saturating_mul(MOST_RATIO).saturating_add(64) {
-            return Err(format!(
-                "claims {} bytes, more than its {} packed ones justify",
-                self.size, self.packed
-            ));
-        }
-        let at = usize::try_from(self.at).map_err(|_| cut())?;
-        let header = archive.get(at..).filter(|h| h.starts_with(b"PK\x03\x04")).ok_or_else(cut)?;
-        let skipped = [26, 28].map(|place| number(header, place, 2));
-        let [Some(name), Some(extra)] = skipped else { return Err(cut()) };
-        let start = 30 + (name + extra) as usize;
-        let packed = header.get(start..).and_then(|rest| rest.get(..self.packed as usize)).ok_or_else(cut)?;
-        match self.method {
-            0 => Ok(packed.to_vec()),
-            8 => {
-                let mut bytes = Vec::new();
-                let read = DeflateDecoder::new(packed).take(self.size).read_to_end(&mut bytes);
-                read.map_err(|e| format!("can't be unpacked: {e}"))?;
-                if bytes.len() as u64 == self.size { Ok(bytes) } else { Err(cut()) }
-            }
-            method => {
-                Err(format!("is packed by method {method}, which is not read: unpack the archive first"))
-            }
-        }
-    }
-}
-
-/// A little-endian number of up to eight bytes.
-fn number(bytes: &[u8], at: usize, length: usize) -> Option<u64> {
-    let bytes = bytes.get(at..at.checked_add(length)?)?;
-    Some(bytes.iter().rev().fold(0, |value, &byte| value << 8 | u64::from(byte)))
-}
-
-/// The files of an archive by its central directory; `None` if that is broken. Archives beyond 4 GiB (ZIP64) have their numbers
-/// in extra fields.
-fn entries(bytes: &[u8]) -> Option<Vec<Entry>> {
-    let tail = bytes.len().saturating_sub(22 + usize::from(u16::MAX));
-    let end = bytes[tail..].windows(4).rposition(|w| w == b"PK\x05\x06")? + tail;
-    let (mut count, mut at) = (number(bytes, end + 10, 2)?, number(bytes, end + 16, 4)?);
-    let locator = end.checked_sub(20).filter(|&at| bytes.get(at..at + 4) == Some(b"PK\x06\x07"));
-    if let Some(locator) = locator {
-        let end = usize::try_from(number(bytes, locator + 8, 8)?).ok()?;
-        (count, at) = (number(bytes, end.checked_add(32)?, 8)?, number(bytes, end.checked_add(48)?, 8)?);
-    }
-    let count = usize::try_from(count).ok().filter(|&n| n <= MOST_ENTRIES)?;
-    let (mut at, mut entries) = (usize::try_from(at).ok()?, Vec::new());
-    for _ in 0..count {
-        let header = bytes.get(at..).filter(|h| h.starts_with(b"PK\x01\x02"))?;
-        let lengths = [28, 30, 32].map(|place| number(header, place, 2));
-        let [name, extra, comment] = [lengths[0]? as usize, lengths[1]? as usize, lengths[2]? as usize];
-        let mut entry = Entry {
-            name: String::from_utf8_lossy(header.get(46..46 + name)?).into_owned(),
-            is_encrypted: number(header, 8, 2)? & 1 != 0,
-            method: number(header, 10, 2)? as u16,
-            packed: number(header, 20, 4)?,
-            size: number(header, 24, 4)?,
-            at: number(header, 42, 4)?,
-        };
-        entry.widen(header.get(46 + name..46 + name + extra)?);
-        entries.push(entry);
-        at += 46 + name + extra + comment;
-    }
-    Some(entries)
-}
-
-impl Entry {
-    /// Takes numbers of eight bytes from the extra field of ZIP64 where the header has no room for them.
-    fn widen(&mut self, mut extra: &[u8]) {
-        const FULL: u64 = 0xffff_ffff;
-        while let (Some(kind), Some(length)) = (number(extra, 0, 2), number(extra, 2, 2)) {
-            let Some(data) = extra.get(4..4 + length as usize) else { return };
-            if kind == 1 {
-                let mut at = 0;
-                for field in [&mut self.size, &mut self.packed, &mut self.at] {
-                    if *field == FULL
-                        && let Some(value) = number(data, at, 8)
-                    {
-                        *field = value;
-                        at += 8;
-                    }
-                }
-            }
-            extra = &extra[4 + length as usize..];
-        }
+        temporary::keep_for(&self.folder, loaded);
     }
 }

@@ -115,6 +115,27 @@ fn blender_is_the_one_of_the_option_then_of_the_variable_then_of_the_path() {
     }
 }
 
+/// Images that were packed in the file are in a temporary folder, and large ones are decoded from it when the scene is compiled.
+#[test]
+fn large_images_of_the_export_stay_until_they_are_decoded() {
+    let place = Place::new();
+    let noisy = image::RgbImage::from_fn(700, 700, |x, y| image::Rgb([(x * y) as u8, x as u8, y as u8]));
+    noisy.save(place.path("large.png")).expect("written");
+    let ball = "[textures.t]\ntype = \"image\"\nfile = \"scene.image0.png\"\n[materials.m]\ntype = \"lambert\"\n\
+                color = \"textures.t\"\n[[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\nmaterial = \"m\"\n";
+    fs::write(place.path("model.toml"), format!("{SIDECAR}{ball}")).expect("written");
+    let here = place.path("").display().to_string();
+    let script = format!(
+        "cp {here}/model.glb $FOLDER/$NAME.glb; cp {here}/model.toml $FOLDER/$NAME.oscura.toml\n\
+         cp {here}/large.png $FOLDER/scene.image0.png\n\
+         echo '{{\"error\": null, \"warnings\": [], \"notes\": []}}' > $ANSWER"
+    );
+    let blender = place.program("tool", "Blender 4.5.1 LTS", &script);
+    let output = place.run(None, &["render", "room.blend", "-o", "a.png", "--blender", name(&blender)]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    assert!(!stderr(&output).contains("image0"), "{}", stderr(&output));
+}
+
 #[test]
 fn a_file_of_blender_is_rendered_and_what_was_lost_is_said() {
     let place = Place::new();
@@ -381,4 +402,36 @@ fn files_of_other_programs_come_through_blender() {
     let text = report.to_string();
     assert!(text.contains("imported by Blender") && text.contains("1 meshes, 2 lamps"), "{text}");
     assert!(text.contains("its radius is 0.1 m"), "{text}");
+}
+
+/// Blender writes watts times 100 into FBX; other programs percent of no unit, which would light nothing.
+const FBX: &str = r#"
+import bpy
+bpy.ops.wm.read_factory_settings(use_empty=True)
+bpy.ops.mesh.primitive_cube_add(size=2)
+for name, energy, place in [("dim", 1, (0, 0, 10)), ("bright", 500, (5, 0, 5))]:
+    lamp = bpy.data.objects.new(name, bpy.data.lights.new(name, "POINT"))
+    lamp.data.energy = energy
+    lamp.location = place
+    bpy.context.collection.objects.link(lamp)
+bpy.ops.export_scene.fbx(filepath="room.fbx")
+"#;
+
+#[test]
+fn lamps_of_fbx_are_seen() {
+    let Some(python) = python_with_bpy() else {
+        return skip("bpy", "neither OSCURA_BLENDER nor python3 has the module bpy");
+    };
+    let folder = tempfile::tempdir().expect("a folder");
+    let made =
+        Command::new(&python).args(["-c", FBX]).current_dir(folder.path()).output().expect("Python starts");
+    assert!(folder.path().join("room.fbx").exists(), "{}", stderr(&made));
+    let mut command = Command::new(env!("CARGO_BIN_EXE_oscura"));
+    command.current_dir(folder.path()).env("OSCURA_BLENDER", python);
+    let output = command.args(["inspect", "room.fbx", "--json"]).output().expect("the program starts");
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let text = report.to_string();
+    assert!(text.contains("its intensity of 100 % is taken as 1257 W"), "{text}");
+    assert_eq!(text.matches("its intensity of").count(), 1, "{text}");
 }

@@ -55,3 +55,35 @@ fn a_time_limit_leaves_time_for_guided_pictures() {
     assert!(of("samples_per_pixel") > 0.0, "{report}");
     assert!(of("render_s") < 3.0, "{report}");
 }
+
+/// By their headers: there are no pixels here that could be decoded.
+#[test]
+fn a_memory_limit_refuses_images_before_they_are_decoded() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, content: &[u8]| std::fs::write(folder.path().join(name), content).unwrap();
+    write("large.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2000 +X 4000\n");
+    write(
+        "a.toml",
+        b"[camera]\nlook_from = [0, 0, 5]\nlook_at = [0, 0, 0]\n[environment]\nimage = \"large.hdr\"\n",
+    );
+    write("a.obj", b"mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl a\nf 1/1 2/1 3/1\n");
+    write("a.mtl", b"newmtl a\nmap_Kd large.hdr\n");
+    let common = ["-o", "a.png", "--size", "16x16", "--spp", "1", "--memory-limit", "64M"];
+    let of = |scene: &str, more: &[&str]| {
+        let output = oscura(folder.path(), &[&["render", scene][..], &common, more].concat());
+        (code(&output), stderr(&output))
+    };
+    let large = "4000 x 2000 pixels, which take 92 MiB of memory; at most 64 MiB are allowed";
+    for (scene, more) in
+        [("a.toml", &[][..]), ("a.obj", &["--env", "large.hdr"]), ("a.obj", &["--background", "large.hdr"])]
+    {
+        let (code, said) = of(scene, more);
+        assert!(
+            code == 3 && said.contains(large) && said.contains("--memory-limit"),
+            "{scene} {code}: {said}"
+        );
+    }
+    // A model loses its texture alone.
+    let (code, said) = of("a.obj", &[]);
+    assert!(code == 0 && said.contains("texture left out") && said.contains(large), "{code}: {said}");
+}

@@ -17,3 +17,4 @@ mod sidecar;
 #[path = "../common/skip.rs"]
 mod skip;
 mod subdivision;
+mod threemf;

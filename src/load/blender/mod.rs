@@ -10,11 +10,12 @@ pub use crate::load::options::BlenderOptions;
 pub use cache::default_cache;
 
 use super::scene_file::sidecar::{self, Sidecar};
-use super::{LoadOptions, Loaded, SavedFiles, ShutterOptions, formats, gltf};
+use super::{LoadOptions, Loaded, SavedFiles, ShutterOptions, formats, gltf, temporary};
 use crate::error::{Error, Result, Warning};
 use crate::scene::{Environment, Settings};
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use tempfile::TempDir;
 
 /// An export in a folder of its own, which goes when this is dropped.
@@ -32,7 +33,7 @@ pub struct Exported {
     pub moment: Option<f64>,
     /// Frames a second in them.
     pub fps: Option<f64>,
-    _parent: TempDir,
+    parent: Arc<TempDir>,
 }
 
 /// Exports a file of Blender into a new folder within `parent`.
@@ -63,7 +64,7 @@ fn exported(path: &Path, options: &LoadOptions, parent: &Path, links: bool) -> R
         notes: said.notes.into_iter().map(of_file).collect(),
         moment: said.moment,
         fps: said.fps,
-        _parent: work,
+        parent: Arc::new(work),
     })
 }
 
@@ -84,6 +85,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
             .with_help("this is about what Blender exported; 'oscura export' keeps it"),
         false => error,
     })?;
+    temporary::keep_for(&exported.parent, &mut loaded);
     for warning in loaded.warnings.iter_mut().chain(&mut loaded.notes) {
         if is_temporary(&warning.file) {
             warning.file = Some(path.to_path_buf());

@@ -30,6 +30,8 @@ pub(super) struct Document<'a> {
     pub files: &'a SavedFiles,
     /// Options of loading.
     pub options: &'a GltfOptions,
+    /// Most bytes that the pixels of one image may take.
+    pub memory_limit: Option<u64>,
     /// The contents of each buffer, once read.
     pub(super) buffers: Vec<OnceCell<Valid<Cow<'a, [u8]>>>>,
     /// The contents of compressed buffer views, once decoded.
@@ -66,7 +68,8 @@ impl<'a> Document<'a> {
         let views = (0..count("bufferViews")).map(|_| OnceCell::new()).collect();
         let accessors = (0..count("accessors")).map(|_| OnceCell::new()).collect();
         let (read, decoded) = (Cell::new(size as u64), Cell::new(0));
-        let (allow_external, files, options) = (options.allow_external, &options.files, &options.gltf);
+        let (allow_external, memory_limit) = (options.allow_external, options.memory_limit);
+        let (files, options) = (&options.files, &options.gltf);
         Document {
             path,
             json,
@@ -74,6 +77,7 @@ impl<'a> Document<'a> {
             allow_external,
             files,
             options,
+            memory_limit,
             buffers,
             views,
             accessors,
@@ -404,6 +408,7 @@ const READ: &[&str] = &[
     "KHR_animation_pointer",
     "KHR_draco_mesh_compression",
     "KHR_gaussian_splatting",
+    "KHR_gaussian_splatting_compression_spz",
     "KHR_gaussian_splatting_compression_spz_2",
     "KHR_lights_punctual",
     "KHR_materials_anisotropy",
@@ -427,6 +432,7 @@ const READ: &[&str] = &[
     "KHR_mesh_quantization",
     "KHR_meshopt_compression",
     "KHR_node_visibility",
+    "KHR_spz_gaussian_splats_compression",
     "KHR_texture_basisu",
     "KHR_texture_transform",
 ];
@@ -436,12 +442,6 @@ const HARMLESS: &[(&str, &str)] = &[("KHR_xmp_json_ld", "metadata are not read")
 
 /// Extensions that change no picture: they are left out without a word.
 const OF_INTERACTION: &[&str] = &["KHR_interactivity", "KHR_node_hoverability", "KHR_node_selectability"];
-
-/// Extensions that are not read, and what that means.
-const UNREAD: &[(&str, &str)] = &[(
-    "KHR_spz_gaussian_splats_compression",
-    "it is a draft; export the splats with KHR_gaussian_splatting",
-)];
 
 impl Document<'_> {
     /// Does the file declare the use of an extension?
@@ -507,11 +507,7 @@ pub(super) fn check(doc: &Document, report: &mut Report) {
             Some(name) => {
                 let (reason, remedy) = match lacking_decoder(name) {
                     Some(decoder) => (format!(": {}", decoder.lack()), decoder.remedy()),
-                    None => {
-                        let known = UNREAD.iter().find(|(unread, _)| *unread == name);
-                        let why = known.map_or(String::new(), |(_, effect)| format!(": {effect}"));
-                        (format!(", which is not supported{why}"), "export it without this extension".into())
-                    }
+                    None => (", which is not supported".into(), "export it without this extension".into()),
                 };
                 let message = format!("the file demands {name}{reason}");
                 if doc.options.force {
@@ -542,8 +538,7 @@ pub(super) fn warn_unread(doc: &Document, report: &mut Report) {
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     count(&doc.json, &mut counts);
     for (name, places) in counts.into_iter().filter(|(name, _)| is_missed(name)) {
-        let harmless =
-            HARMLESS.iter().chain(UNREAD).find(|(h, _)| *h == name).map(|(_, effect)| effect.to_string());
+        let harmless = HARMLESS.iter().find(|(h, _)| *h == name).map(|(_, effect)| effect.to_string());
         let lack =
             || lacking_decoder(name).map(|decoder| format!("{}; {}", decoder.lack(), decoder.remedy()));
         let effect = harmless.or_else(lack).map_or(String::new(), |effect| format!(": {effect}"));

@@ -11,7 +11,8 @@ use std::f64::consts::PI;
 
 const NAME: &str = "KHR_animation_pointer";
 
-/// Supported JSON pointers and their number of components; `*` is any index.
+/// Supported JSON pointers and their number of components; `*` is any index. They are those of the "glTF 2.0 Asset Object Model
+/// Specification" (Khronos) that may be written, and of drafts that are read.
 const PROPERTIES: &[(&str, usize)] = &[
     ("/cameras/*/orthographic/xmag", 1),
     ("/cameras/*/orthographic/ymag", 1),
@@ -19,6 +20,9 @@ const PROPERTIES: &[(&str, usize)] = &[
     ("/cameras/*/perspective/yfov", 1),
     ("/extensions/EXT_lights_area/lights/*/color", 3),
     ("/extensions/EXT_lights_area/lights/*/intensity", 1),
+    ("/extensions/EXT_lights_area/lights/*/rect/aspect", 1),
+    ("/extensions/EXT_lights_area/lights/*/size", 1),
+    ("/extensions/EXT_lights_image_based/lights/*/intensity", 1),
     ("/extensions/KHR_lights_punctual/lights/*/color", 3),
     ("/extensions/KHR_lights_punctual/lights/*/intensity", 1),
     ("/extensions/KHR_lights_punctual/lights/*/range", 1),
@@ -31,7 +35,12 @@ const PROPERTIES: &[(&str, usize)] = &[
     ("/materials/*/pbrMetallicRoughness/baseColorFactor", 4),
     ("/materials/*/pbrMetallicRoughness/metallicFactor", 1),
     ("/materials/*/pbrMetallicRoughness/roughnessFactor", 1),
+    ("/nodes/*/extensions/EXT_lights_ies/color", 3),
+    ("/nodes/*/extensions/EXT_lights_ies/multiplier", 1),
 ];
+
+/// A pointer to a unit quaternion.
+const ROTATION: &str = "/extensions/EXT_lights_image_based/lights/*/rotation";
 
 /// Those of the extensions of materials.
 const OF_MATERIALS: &[(&str, &[(&str, usize)])] = &[
@@ -78,12 +87,14 @@ const OF_MATERIALS: &[(&str, &[(&str, usize)])] = &[
 /// Those of a reference to a texture.
 const OF_TEXTURES: &[(&str, usize)] = &[("offset", 2), ("rotation", 1), ("scale", 2)];
 
-/// Planes of cameras, which cut nothing away here.
+/// Planes of cameras, which cut nothing away here, and what concerns interaction alone.
 const WITHOUT_EFFECT: &[&str] = &[
     "/cameras/*/orthographic/zfar",
     "/cameras/*/orthographic/znear",
     "/cameras/*/perspective/zfar",
     "/cameras/*/perspective/znear",
+    "/nodes/*/extensions/KHR_node_hoverability/hoverable",
+    "/nodes/*/extensions/KHR_node_selectability/selectable",
 ];
 
 /// Objects that may be missing in the file: defaults are inserted.
@@ -96,8 +107,15 @@ const IMPLIED: &[&str] = &[
     "spot",
 ];
 
-/// Nothing of lights may be below 0, but curves between keys overshoot.
-const LIGHTS: [&str; 2] = ["/extensions/KHR_lights_punctual/lights/", "/extensions/EXT_lights_area/lights/"];
+/// Nothing of lights may be below 0, but for rotations; curves between keys overshoot.
+const LIGHTS: [&str; 4] = [
+    "/extensions/KHR_lights_punctual/lights/",
+    "/extensions/EXT_lights_area/lights/",
+    "/extensions/EXT_lights_ies/",
+    IMAGE_LIGHTS,
+];
+
+const IMAGE_LIGHTS: &str = "/extensions/EXT_lights_image_based/lights/";
 
 /// The angle that a camera sees, which must be above 0 and below pi.
 const FIELD_OF_VIEW: &str = "/cameras/*/perspective/yfov";
@@ -112,6 +130,8 @@ pub(super) struct PointerAnimation {
     originals: Vec<Change>,
     /// The changes under which the cached materials were read.
     of_materials: Vec<Change>,
+    /// Those under which the cached surroundings were read.
+    of_surroundings: Vec<Change>,
 }
 
 impl PointerAnimation {
@@ -139,8 +159,14 @@ impl PointerAnimation {
             }
             write(&mut doc.json, pointer, value.clone());
         }
-        let of_materials: Vec<Change> =
-            changes.into_iter().filter(|(pointer, _)| pointer.starts_with("/materials/")).collect();
+        let of = |list: &str| -> Vec<Change> {
+            changes.iter().filter(|(pointer, _)| pointer.starts_with(list)).cloned().collect()
+        };
+        let (of_materials, of_surroundings) = (of("/materials/"), of(IMAGE_LIGHTS));
+        if of_surroundings != self.of_surroundings {
+            shared.surroundings = None;
+            self.of_surroundings = of_surroundings;
+        }
         if of_materials != self.of_materials {
             shared.forget_materials();
             self.of_materials = of_materials;
@@ -173,7 +199,8 @@ fn changes(doc: &Document, time_s: f64, report: &mut Report) -> Vec<Change> {
                 if fits(FIELD_OF_VIEW, pointer) {
                     keep_field_of_view(pointer, &mut numbers, &at, report);
                 }
-                if LIGHTS.iter().any(|list| pointer.starts_with(list)) && numbers.iter().any(|n| *n < 0.0) {
+                let is_of_light = LIGHTS.iter().any(|list| pointer.contains(list));
+                if is_of_light && element != Element::Rotation && numbers.iter().any(|n| *n < 0.0) {
                     numbers.iter_mut().for_each(|n| *n = n.max(0.0));
                     report.warn(at, format!("leads {pointer} below 0 at times; it is 0 there"));
                 }
@@ -223,6 +250,9 @@ fn target<'v>(
 fn element_of(pointer: &str) -> Option<Element> {
     if fits("/nodes/*/extensions/KHR_node_visibility/visible", pointer) {
         return Some(Element::Flag);
+    }
+    if fits(ROTATION, pointer) {
+        return Some(Element::Rotation);
     }
     let listed = || PROPERTIES.iter().find(|(pattern, _)| fits(pattern, pointer)).map(|(_, count)| *count);
     listed().or_else(|| of_material(pointer)).map(Element::Numbers)

@@ -1,4 +1,8 @@
-//! Gaussian splats of points: `KHR_gaussian_splatting`, and its compression as SPZ (`KHR_gaussian_splatting_compression_spz_2`).
+//! Gaussian splats of points: `KHR_gaussian_splatting`, and its compression as SPZ (`KHR_gaussian_splatting_compression_spz_2`; an
+//! older draft, `KHR_spz_gaussian_splats_compression`, stands in the primitive itself).
+//!
+//! The numbers of SPZ are taken as they are, as those of accessors: the draft of the extension speaks of another orientation than that
+//! of SPZ files, but CesiumJS, for which it was made, shows its files without turning them.
 
 use super::document::{Document, pointer};
 use super::report::{Report, Valid};
@@ -13,7 +17,9 @@ use serde_json::Value;
 /// The extension.
 pub(super) const NAME: &str = "KHR_gaussian_splatting";
 /// The extension of it whose splats are an SPZ file in a view of a buffer.
-pub(super) const SPZ: &str = "KHR_gaussian_splatting_compression_spz_2";
+const SPZ: &str = "KHR_gaussian_splatting_compression_spz";
+/// The same of primitives, in an older draft.
+const SPZ_OF_PRIMITIVES: &str = "KHR_spz_gaussian_splats_compression";
 
 /// Bytes that a splat takes in the scene, about.
 const BYTES_PER_SPLAT: u64 = 160;
@@ -29,7 +35,18 @@ fn raw<'d>(doc: &'d Document, mesh: usize, primitive: usize, report: &mut Report
 }
 
 fn extension(raw: &Value) -> Option<&Value> {
-    raw.get("extensions")?.get(NAME)
+    let extensions = raw.get("extensions")?;
+    extensions.get(NAME).or_else(|| extensions.get(SPZ_OF_PRIMITIVES))
+}
+
+/// The view of a buffer that holds a primitive's splats as SPZ.
+fn spz_view(raw: &Value, extension: &Value) -> Option<usize> {
+    let own = raw.get("extensions").and_then(|all| all.get(SPZ_OF_PRIMITIVES));
+    let inner = extension.get("extensions").and_then(Value::as_object);
+    // The number at its end is the version of SPZ, which SPZ tells, too.
+    let inner = inner.and_then(|all| all.iter().find(|(name, _)| name.starts_with(SPZ)));
+    let spz = inner.map(|(_, spz)| spz).or(own)?;
+    spz.get("bufferView")?.as_u64().map(|view| view as usize)
 }
 
 /// The splats of a primitive as a mesh of their own, with a material.
@@ -42,16 +59,15 @@ pub(super) fn read(
 ) -> Valid<Option<Mesh>> {
     let Some(raw) = raw(doc, mesh, primitive, report) else { return Ok(None) };
     let Some(extension) = extension(raw) else { return Ok(None) };
-    let mut list = match extension.get("extensions").and_then(Value::as_object) {
-        Some(inner) => match inner.get(SPZ).and_then(|spz| spz.get("bufferView")).and_then(Value::as_u64) {
-            Some(view) => compressed(doc, view as usize, at, report)?,
-            None => {
-                let names: Vec<&str> = inner.keys().map(String::as_str).collect();
-                let message = format!("is compressed by {}, which is not read", names.join(", "));
-                return Err(report.warn(at, message));
-            }
-        },
-        None => plain(doc, raw, at, report)?,
+    let inner = extension.get("extensions").and_then(Value::as_object);
+    let mut list = match (spz_view(raw, extension), inner) {
+        (Some(view), _) => compressed(doc, view, at, report)?,
+        (None, Some(inner)) => {
+            let names: Vec<&str> = inner.keys().map(String::as_str).collect();
+            let message = format!("is compressed by {}, which is not read", names.join(", "));
+            return Err(report.warn(at, message));
+        }
+        (None, None) => plain(doc, raw, at, report)?,
     };
     warn_of_kinds(extension, at, report);
     list.set_linear(extension.get("colorSpace").and_then(Value::as_str) == Some("lin_rec709_display"));

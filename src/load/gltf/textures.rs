@@ -246,6 +246,8 @@ struct Source<'d> {
     need: ImageNeed,
     name: String,
     fetched: FetchedFile<'d>,
+    /// Most bytes that its pixels may take.
+    memory_limit: Option<u64>,
     /// For damage that is found later.
     on_damage: OnDamage,
 }
@@ -384,7 +386,7 @@ fn fetch<'d>(doc: &'d Document, need: ImageNeed, report: &mut Report) -> Valid<S
     };
     fetched.mime = json.mime_type.map(|m| m.0).or(fetched.mime);
     let on_damage = on_damage(doc, name.clone(), at);
-    Ok(Source { need, name, fetched, on_damage })
+    Ok(Source { need, name, fetched, memory_limit: doc.memory_limit, on_damage })
 }
 
 /// An image, or the problem of the asset that it is, and what is to be said of it.
@@ -405,12 +407,11 @@ fn decode_source(asset: &Path, source: &Source, is_lazy: bool) -> Decoded {
         None => (asset, at.as_str()),
     };
     let (own_file, mime) = (file.as_deref(), mime.as_deref());
+    let of =
+        ImageFile { bytes: Cow::Borrowed(bytes), own_file, place, mime, memory_limit: source.memory_limit };
     let image = match is_lazy {
-        true => {
-            let of = ImageFile { bytes: Cow::Borrowed(bytes), own_file, place, mime };
-            for_texture(of, purpose, &mut warnings, source.on_damage.clone())
-        }
-        false => decode(bytes, place.0, place.1, mime, purpose, &mut warnings),
+        true => for_texture(&of, purpose, &mut warnings, source.on_damage.clone()),
+        false => decode(&of, purpose, &mut warnings),
     };
     let image = match image {
         Ok(image) => Ok(Image { name: source.name.clone(), ..image }),

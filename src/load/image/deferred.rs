@@ -1,6 +1,6 @@
 //! Large images that become textures stay encoded while a scene is loaded: only their headers are read.
 
-use super::source::{Source, Use};
+use super::source::{ImageFile, Source, Use};
 use super::{decode, format_of, jpeg_is_complete, metadata_warnings, source};
 use crate::error::{Error, Result, Warning};
 use crate::image::{Damage, Encoded, Encoding, Image, ImageSource, Pixels};
@@ -21,35 +21,24 @@ const BEGINNING: usize = 1 << 16;
 /// Decides what happens to a scene with a damaged image.
 pub(crate) type OnDamage = Arc<dyn Fn(Error) -> Damage + Send + Sync>;
 
-/// An image file in memory, and what is known of it.
-pub(crate) struct ImageFile<'a> {
-    pub bytes: Cow<'a, [u8]>,
-    /// The file that holds the image and nothing else, if there is one: it is read again when the image is decoded. Other bytes stay in
-    /// memory.
-    pub own_file: Option<&'a Path>,
-    /// Its location for messages: a file, and a JSON pointer inside it.
-    pub place: (&'a Path, &'a str),
-    pub mime: Option<&'a str>,
-}
-
 /// The image of a texture: decoded if it is small or of a format that has no plain header, else encoded. Only images of 8 and 16 bits
 /// stay encoded; their decoders give no warnings beyond those about the header.
 ///
 /// # Errors
 /// As for [`super::decode`]; damage behind the header of a large image is reported by `on_damage` when it is decoded.
 pub(crate) fn for_texture(
-    of: ImageFile,
+    of: &ImageFile,
     purpose: Use,
     warnings: &mut Vec<Warning>,
     on_damage: OnDamage,
 ) -> Result<Image> {
     let (file, pointer) = of.place;
-    let source = Source { bytes: &of.bytes, file, pointer };
+    let source = of.source();
     let mut own = Vec::new();
     // Errors are found once more by the decoder, with all that is to be said.
     let header = source::guarded(&source, || header(&source, of.mime, &mut own)).ok().flatten();
     let Some(Header { size: [width, height], channels, bits }) = header else {
-        return decode(&of.bytes, file, pointer, of.mime, purpose, warnings);
+        return decode(of, purpose, warnings);
     };
     warnings.append(&mut own);
     let origin = match of.own_file.map(|path| (path, Stamp::of(path))) {
@@ -73,13 +62,15 @@ pub(crate) fn for_texture(
 pub(crate) fn read_for_texture(
     path: &Path,
     purpose: Use,
+    memory_limit: Option<u64>,
     warnings: &mut Vec<Warning>,
     on_damage: OnDamage,
 ) -> Result<Image> {
-    let bytes = source::read_bytes(path)?;
+    let bytes = source::read_bytes(path, memory_limit)?;
     let said = metadata_warnings(&bytes, path, "", purpose);
-    let file = ImageFile { bytes: bytes.into(), own_file: Some(path), place: (path, ""), mime: None };
-    let image = for_texture(file, purpose, warnings, on_damage)?;
+    let file =
+        ImageFile { bytes: bytes.into(), own_file: Some(path), place: (path, ""), mime: None, memory_limit };
+    let image = for_texture(&file, purpose, warnings, on_damage)?;
     warnings.extend(said);
     Ok(image)
 }
@@ -123,6 +114,7 @@ fn header(source: &Source, mime: Option<&str>, warnings: &mut Vec<Warning>) -> R
     if bytes < LARGE {
         return Ok(None);
     }
+    source::check_memory(source, width.into(), height.into(), bytes)?;
     if format == ImageFormat::Jpeg && !jpeg_is_complete(source.bytes) {
         warnings.push(source.warning(super::CUT_SHORT));
     }
@@ -174,7 +166,7 @@ impl Deferred {
         match &self.origin {
             Origin::Memory(bytes) => Ok(Cow::Borrowed(bytes)),
             Origin::File(path, stamp) => {
-                let bytes = source::read_bytes(path)?;
+                let bytes = source::read_bytes(path, None)?;
                 match Stamp::of(path) == Some(*stamp) {
                     true => Ok(Cow::Owned(bytes)),
                     false => Err(self.changed()),
@@ -184,15 +176,16 @@ impl Deferred {
     }
 
     fn changed(&self) -> Error {
-        let source = Source { bytes: &[], file: &self.file, pointer: &self.pointer };
+        let source = Source { bytes: &[], file: &self.file, pointer: &self.pointer, memory_limit: None };
         source.error("has changed since the scene was loaded")
     }
 
     fn try_decode(&self) -> Result<Image> {
         let bytes = self.bytes()?;
-        let mime = self.mime.as_deref();
+        let place = (self.file.as_path(), self.pointer.as_str());
+        let file = ImageFile { bytes, own_file: None, place, mime: self.mime.as_deref(), memory_limit: None };
         // Integers are the same for all uses, and warnings have been given from the header.
-        let image = decode(&bytes, &self.file, &self.pointer, mime, Use::Data, &mut Vec::new())?;
+        let image = decode(&file, Use::Data, &mut Vec::new())?;
         let bits = match *image.pixels {
             Pixels::U8(_) => 8,
             Pixels::U16(_) => 16,

@@ -43,6 +43,8 @@ pub(super) fn decode(source: &Source, purpose: Use, warnings: &mut Vec<Warning>)
     // A height of 0 marks a one-dimensional texture.
     let (width, height) = (u64::from(header.width), u64::from(header.height.max(1)));
     source::check(source, width, height)?;
+    let channels = plain_channels(header.format).map_or(4, u64::from);
+    source::check_memory(source, width, height, width * height * channels)?;
     if header.level[2] > 16 * width * height + 4096 {
         return Err(source.error(format!("claims {} bytes for {width} x {height} pixels", header.level[2])));
     }

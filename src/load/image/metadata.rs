@@ -1,12 +1,12 @@
-//! Metadata of image files that is ignored, with a warning: orientation, colour profile; and further
-//! frames and pages.
+//! Metadata of image files: orientation, colour profile; and what is left out with a warning, such as further frames and pages.
 //!
-//! Pixels are taken as they are stored. glTF demands it (2.0, section 3.8.2: embedded ICC profiles, gamma and animation "MUST
+//! Pixels of textures are taken as they are stored. glTF demands it (2.0, section 3.8.2: embedded ICC profiles, gamma and animation "MUST
 //! be ignored", and JPEG is JFIF, which knows no orientation), and the texture coordinates of OBJ files and scene files were
-//! made by programs that do the same. Applying an orientation in some formats only would turn the same picture differently
-//! on the same mesh. Layouts: ISO 10918-1 (JPEG), PNG third edition, RFC 9649 (WebP), TIFF 6.0 and BigTIFF, ICC.1:2022.
+//! made by programs that do the same. Environments and backgrounds are photographs: orientation and profile are applied
+//! (`photograph.rs`). Layouts: ISO 10918-1 (JPEG), PNG third edition, RFC 9649 (WebP), TIFF 6.0 and BigTIFF, ICC.1:2022.
 
-use super::source::{Source, Use};
+use super::photograph::Profile;
+use super::source::{Source, Use, be};
 use image::codecs::png::PngDecoder;
 use image::metadata::Orientation;
 use image::{ImageDecoder, ImageFormat};
@@ -15,8 +15,8 @@ use std::io::Cursor;
 
 /// The header of a file, before its pixels.
 #[derive(Default)]
-struct Unused<'a> {
-    orientation: Option<Orientation>,
+pub(super) struct Metadata<'a> {
+    pub orientation: Option<Orientation>,
     profile: Option<Cow<'a, [u8]>>,
     /// Exponent that encoded the colours, where no profile says more.
     gamma: Option<f64>,
@@ -26,24 +26,29 @@ struct Unused<'a> {
     pages: usize,
 }
 
-/// Warnings about ignored metadata of an image file. Colour profiles don't matter for data.
-pub(super) fn messages(source: &Source, format: ImageFormat, purpose: Use) -> Vec<String> {
-    let bytes = source.bytes;
-    let found = match format {
+/// The metadata of an image file; nothing of formats that have none.
+pub(super) fn of(bytes: &[u8], format: ImageFormat) -> Metadata<'_> {
+    match format {
         ImageFormat::Jpeg => of_jpeg(bytes),
         ImageFormat::Png => of_png(bytes),
         ImageFormat::WebP => of_webp(bytes),
         ImageFormat::Tiff => of_tiff(bytes).unwrap_or_default(),
-        _ => return Vec::new(),
-    };
+        _ => Metadata::default(),
+    }
+}
+
+/// Warnings about ignored metadata of an image file. Colour profiles don't matter for data, and are applied to photographs.
+pub(super) fn messages(source: &Source, format: ImageFormat, purpose: Use) -> Vec<String> {
+    let found = of(source.bytes, format);
     let mut messages = Vec::new();
-    if let Some(orientation) = found.orientation.filter(|o| *o != Orientation::NoTransforms) {
+    let is_ignored = |o: &Orientation| *o != Orientation::NoTransforms && !purpose.is_photograph();
+    if let Some(orientation) = found.orientation.filter(is_ignored) {
         let number = orientation.to_exif();
         messages
             .push(format!("asks to be turned (EXIF orientation {number}); its pixels are taken as stored"));
     }
     if purpose != Use::Data {
-        messages.extend(profile_message(&found));
+        messages.extend(found.profile_message(purpose));
     }
     if found.frames > 1 {
         messages.push(format!("is an animation of {} frames, of which only the first is used", found.frames));
@@ -54,22 +59,36 @@ pub(super) fn messages(source: &Source, format: ImageFormat, purpose: Use) -> Ve
     messages
 }
 
-/// Colours are taken as sRGB: says so where a file means others.
-fn profile_message(found: &Unused) -> Option<String> {
-    let Some(profile) = &found.profile else {
-        // 1 / 2.2 means sRGB (PNG third edition, annex on gamma).
-        let gamma = found.gamma.filter(|gamma| (gamma - 1.0 / 2.2).abs() > 0.01)?;
-        return Some(format!("says that its colours have gamma {gamma:.3}, which is ignored"));
-    };
-    match description(profile) {
-        Some(name) if name.to_ascii_lowercase().contains("srgb") => None,
-        Some(name) => Some(format!("has the colour profile '{name}', which is ignored")),
-        None => Some("has a colour profile without a name, which is ignored".to_string()),
+impl Metadata<'_> {
+    /// Colours are taken as sRGB: says so where a file means others.
+    fn profile_message(&self, purpose: Use) -> Option<String> {
+        let Some(profile) = &self.profile else {
+            // 1 / 2.2 means sRGB (PNG third edition, annex on gamma).
+            let gamma = self.gamma.filter(|gamma| (gamma - 1.0 / 2.2).abs() > 0.01)?;
+            return Some(format!("says that its colours have gamma {gamma:.3}, which is ignored"));
+        };
+        if is_srgb(profile) || purpose.is_photograph() && Profile::read(profile).is_some() {
+            return None;
+        }
+        Some(match description(profile) {
+            Some(name) => format!("has the colour profile '{name}', which is ignored"),
+            None => "has a colour profile without a name, which is ignored".to_string(),
+        })
+    }
+
+    /// The profile of colours that are not sRGB, if it can be applied.
+    pub fn color_profile(&self) -> Option<Profile> {
+        self.profile.as_ref().filter(|profile| !is_srgb(profile)).and_then(|profile| Profile::read(profile))
     }
 }
 
-fn of_jpeg(bytes: &[u8]) -> Unused<'_> {
-    let (mut found, mut at) = (Unused::default(), 2);
+/// Does a profile call itself sRGB?
+fn is_srgb(profile: &[u8]) -> bool {
+    description(profile).is_some_and(|name| name.to_ascii_lowercase().contains("srgb"))
+}
+
+fn of_jpeg(bytes: &[u8]) -> Metadata<'_> {
+    let (mut found, mut at) = (Metadata::default(), 2);
     while let Some(&[0xff, marker]) = bytes.get(at..at + 2) {
         at += match marker {
             0xff => 1,
@@ -82,10 +101,13 @@ fn of_jpeg(bytes: &[u8]) -> Unused<'_> {
                 if let Some(exif) = segment.strip_prefix(b"Exif\0\0").filter(|_| marker == 0xe1) {
                     found.orientation = Orientation::from_exif_chunk(exif);
                 }
-                // A long profile goes on in further segments; its name is in the first.
-                let profile = segment.strip_prefix(b"ICC_PROFILE\0\x01").filter(|_| marker == 0xe2);
-                if let Some(profile) = profile.and_then(|p| p.get(1..)) {
-                    found.profile = Some(profile.into());
+                // A long profile goes on in further segments, which are numbered from 1 on.
+                let part = segment.strip_prefix(b"ICC_PROFILE\0").filter(|_| marker == 0xe2);
+                if let Some([number, _, part @ ..]) = part {
+                    match &mut found.profile {
+                        Some(profile) if *number > 1 => profile.to_mut().extend(part),
+                        _ => found.profile = Some(part.into()),
+                    }
                 }
                 2 + length.max(2)
             }
@@ -94,8 +116,8 @@ fn of_jpeg(bytes: &[u8]) -> Unused<'_> {
     found
 }
 
-fn of_png(bytes: &[u8]) -> Unused<'_> {
-    let (mut found, mut at, mut is_srgb) = (Unused::default(), 8, false);
+fn of_png(bytes: &[u8]) -> Metadata<'_> {
+    let (mut found, mut at, mut is_srgb) = (Metadata::default(), 8, false);
     while let (Some(length), Some(kind)) = (be(bytes, at, 4), bytes.get(at + 4..at + 8)) {
         let data = bytes.get(at + 8..at + 8 + length).unwrap_or_default();
         match kind {
@@ -119,8 +141,8 @@ fn of_png(bytes: &[u8]) -> Unused<'_> {
     found
 }
 
-fn of_webp(bytes: &[u8]) -> Unused<'_> {
-    let (mut found, mut at) = (Unused::default(), 12);
+fn of_webp(bytes: &[u8]) -> Metadata<'_> {
+    let (mut found, mut at) = (Metadata::default(), 12);
     while let (Some(kind), Some(length)) = (bytes.get(at..at + 4), le(bytes, at + 4, 4)) {
         let data = bytes.get(at + 8..at + 8 + length).unwrap_or_default();
         match kind {
@@ -138,11 +160,11 @@ fn of_webp(bytes: &[u8]) -> Unused<'_> {
 }
 
 /// `None` where a directory is outside the file.
-fn of_tiff(bytes: &[u8]) -> Option<Unused<'_>> {
+fn of_tiff(bytes: &[u8]) -> Option<Metadata<'_>> {
     let number = if bytes.starts_with(b"II") { le } else { be };
     // Bytes of an offset, of the number of entries, and of an entry.
     let (offset, count, entry) = if number(bytes, 2, 2)? == 43 { (8, 8, 20) } else { (4, 2, 12) };
-    let mut found = Unused::default();
+    let mut found = Metadata::default();
     let mut at = number(bytes, if offset == 8 { 8 } else { 4 }, offset)?;
     // Bounds the number of directories by the file size; cyclic chains end here, too.
     for index in 0..bytes.len() / (count + offset) {
@@ -196,12 +218,6 @@ fn description(profile: &[u8]) -> Option<String> {
     Some(text.trim().to_string()).filter(|text| !text.is_empty())
 }
 
-/// A number of so many bytes, the most significant first.
-fn be(bytes: &[u8], at: usize, length: usize) -> Option<usize> {
-    let digits = bytes.get(at..at.checked_add(length)?)?;
-    usize::try_from(digits.iter().fold(0u64, |n, &b| n << 8 | u64::from(b))).ok()
-}
-
 /// A number of so many bytes, the least significant first.
 fn le(bytes: &[u8], at: usize, length: usize) -> Option<usize> {
     let digits = bytes.get(at..at.checked_add(length)?)?;
@@ -221,7 +237,11 @@ mod tests {
     const HUGE: u32 = 1 << 29;
 
     fn said(bytes: &[u8], format: ImageFormat, purpose: Use) -> Vec<String> {
-        messages(&Source { bytes, file: Path::new("picture"), pointer: "" }, format, purpose)
+        messages(
+            &Source { bytes, file: Path::new("picture"), pointer: "", memory_limit: None },
+            format,
+            purpose,
+        )
     }
 
     /// An ICC profile of which only the name counts.
@@ -401,7 +421,7 @@ mod tests {
         let path = folder.path().join("turned.jpg");
         std::fs::write(&path, jpeg(profile("Adobe RGB (1998)"), exif(8))).expect("written");
         let mut warnings = Vec::new();
-        crate::load::image::read(&path, Use::Color, &mut warnings).expect("it can be read");
+        crate::load::image::read(&path, Use::Color, None, &mut warnings).expect("it can be read");
         let said: Vec<String> = warnings.iter().map(ToString::to_string).collect();
         assert!(said.len() == 2 && said.iter().all(|text| text.contains("turned.jpg: ")), "{said:?}");
     }

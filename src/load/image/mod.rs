@@ -7,12 +7,13 @@ mod deferred;
 mod ktx2;
 mod metadata;
 mod openexr;
+mod photograph;
 mod radiance;
 mod source;
 
-pub(crate) use deferred::{ImageFile, OnDamage, for_texture, read_for_texture};
+pub(crate) use deferred::{OnDamage, for_texture, read_for_texture};
 pub use openexr::{ChannelInfo, Layered, load_layered};
-pub(crate) use source::Use;
+pub(crate) use source::{ImageFile, Use};
 
 use crate::error::{Result, Warning};
 use crate::image::{Encoding, Image, Pixels};
@@ -28,22 +29,29 @@ use std::sync::Arc;
 /// The warning about a truncated JPEG file.
 const CUT_SHORT: &str = "the JPEG lacks its end, so that a part of it may be missing; the rest is grey";
 
-/// Reads an image file as a picture to look at.
+/// Reads an image file as a picture to look at: turned as its orientation (EXIF) asks, in the colours of its profile (ICC). Its pixels may
+/// take so many bytes.
 ///
 /// # Errors
 /// As for [`load_environment`].
-pub fn load_picture(path: &Path, warnings: &mut Vec<Warning>) -> Result<Image> {
-    read(path, Use::Color, warnings)
+pub fn load_picture(path: &Path, memory_limit: Option<u64>, warnings: &mut Vec<Warning>) -> Result<Image> {
+    read(path, Use::Picture, memory_limit, warnings)
 }
 
 /// Reads an image file for a use.
 ///
 /// # Errors
 /// An input error that names the file if it is missing, of an unknown format, broken, or larger than its length can
-/// justify.
-pub(crate) fn read(path: &Path, purpose: Use, warnings: &mut Vec<Warning>) -> Result<Image> {
-    let bytes = read_bytes(path)?;
-    let image = decode(&bytes, path, "", None, purpose, warnings)?;
+/// justify, or than is allowed (`memory_limit`, bytes).
+pub(crate) fn read(
+    path: &Path,
+    purpose: Use,
+    memory_limit: Option<u64>,
+    warnings: &mut Vec<Warning>,
+) -> Result<Image> {
+    let bytes = read_bytes(path, memory_limit)?;
+    let source = Source { bytes: &bytes, file: path, pointer: "", memory_limit };
+    let image = decode_source(&source, None, purpose, warnings)?;
     warnings.extend(metadata_warnings(&bytes, path, "", purpose));
     Ok(image)
 }
@@ -51,39 +59,41 @@ pub(crate) fn read(path: &Path, purpose: Use, warnings: &mut Vec<Warning>) -> Re
 /// Warnings about metadata that [`decode`] ignores, and further frames and
 /// pages.
 pub(crate) fn metadata_warnings(bytes: &[u8], file: &Path, pointer: &str, purpose: Use) -> Vec<Warning> {
-    let source = Source { bytes, file, pointer };
+    let source = Source { bytes, file, pointer, memory_limit: None };
     let format = signature(bytes);
     let messages = format.map_or(Vec::new(), |format| metadata::messages(&source, format, purpose));
     messages.into_iter().map(|message| source.warning(message)).collect()
 }
 
-/// Decodes an image inside `file` at `pointer` (a JSON pointer; empty for the whole file). `mime` is its
-/// declared media type, if any.
+/// Decodes an image inside a file.
 ///
 /// # Errors
 /// As for [`read`]; file and pointer are named.
-pub(crate) fn decode(
-    bytes: &[u8],
-    file: &Path,
-    pointer: &str,
+pub(crate) fn decode(of: &ImageFile, purpose: Use, warnings: &mut Vec<Warning>) -> Result<Image> {
+    decode_source(&of.source(), of.mime, purpose, warnings)
+}
+
+/// The same of a source with its declared media type, if there is one.
+fn decode_source(
+    source: &Source,
     mime: Option<&str>,
     purpose: Use,
     warnings: &mut Vec<Warning>,
 ) -> Result<Image> {
-    let source = Source { bytes, file, pointer };
-    let mut image = guarded(&source, || {
-        if ktx2::is_ktx2(bytes) {
-            return ktx2::decode(&source, purpose, warnings);
+    let mut image = guarded(source, || {
+        if ktx2::is_ktx2(source.bytes) {
+            return ktx2::decode(source, purpose, warnings);
         }
-        match format_of(&source, mime, warnings)? {
+        match format_of(source, mime, warnings)? {
             ImageFormat::OpenExr => {
-                openexr::displayed(&source, purpose != Use::Data, purpose == Use::Color, warnings)
+                let has_alpha = matches!(purpose, Use::Color | Use::Picture);
+                openexr::displayed(source, purpose != Use::Data, has_alpha, warnings)
             }
-            format => decode_common(&source, format, purpose, warnings),
+            format => decode_common(source, format, purpose, warnings),
         }
     })?;
     if let Some(Pixels::F32(numbers)) = Arc::get_mut(&mut image.pixels) {
-        repair(&source, numbers, purpose, warnings);
+        repair(source, numbers, purpose, warnings);
     }
     if purpose == Use::Environment && u64::from(image.width) != 2 * u64::from(image.height) {
         let (width, height) = (image.width, image.height);
@@ -105,7 +115,19 @@ pub(crate) fn decode(
 /// # Errors
 /// An input error if the file is missing, broken or larger than its length can justify.
 pub fn load_environment(path: &Path, warnings: &mut Vec<Warning>) -> Result<Image> {
-    read(path, Use::Environment, warnings)
+    load_environment_within(path, None, warnings)
+}
+
+/// The same of an image whose pixels may take so many bytes.
+///
+/// # Errors
+/// As for [`load_environment`], and if they take more.
+pub fn load_environment_within(
+    path: &Path,
+    memory_limit: Option<u64>,
+    warnings: &mut Vec<Warning>,
+) -> Result<Image> {
+    read(path, Use::Environment, memory_limit, warnings)
 }
 
 /// Reads red, green and blue of an EXR or HDR file, distinguished by content, every number as it is in the file, but for colours of
@@ -115,8 +137,8 @@ pub fn load_environment(path: &Path, warnings: &mut Vec<Warning>) -> Result<Imag
 /// # Errors
 /// An input error if the file is missing, broken, larger than its length can justify, or holds no colour.
 pub fn load_linear_rgb(path: &Path) -> Result<Image> {
-    let bytes = read_bytes(path)?;
-    let source = Source { bytes: &bytes, file: path, pointer: "" };
+    let bytes = read_bytes(path, None)?;
+    let source = Source { bytes: &bytes, file: path, pointer: "", memory_limit: None };
     let image = guarded(&source, || match signature(&bytes) {
         Some(ImageFormat::OpenExr) => openexr::decode(&source, true, false, &mut Vec::new()),
         Some(ImageFormat::Hdr) => decode_common(&source, ImageFormat::Hdr, Use::Environment, &mut Vec::new()),
@@ -192,7 +214,20 @@ fn decode_common(
     let decoder = reader.into_decoder().map_err(broken)?;
     let (width, height) = decoder.dimensions();
     source::check(source, width.into(), height.into())?;
-    let decoded = DynamicImage::from_decoder(decoder).map_err(broken)?;
+    source::check_memory(source, width.into(), height.into(), decoder.total_bytes())?;
+    let mut decoded = DynamicImage::from_decoder(decoder).map_err(broken)?;
+    if purpose.is_photograph() {
+        let metadata = metadata::of(source.bytes, format);
+        if let Some(profile) = metadata.color_profile() {
+            match profile.apply(&decoded) {
+                Some(profiled) => decoded = profiled,
+                None => warnings.push(source.warning(
+                    "has a colour profile for pictures of another kind (grey or in colour), which is ignored",
+                )),
+            }
+        }
+        decoded = photograph::turned(decoded, metadata.orientation);
+    }
     if format == ImageFormat::Jpeg && !jpeg_is_complete(source.bytes) {
         warnings.push(source.warning(CUT_SHORT));
     }
@@ -248,11 +283,12 @@ fn repair(source: &Source, numbers: &mut [f32], purpose: Use, warnings: &mut Vec
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::Choice;
     use exr::image::{AnyChannel, AnyChannels, FlatSamples};
     use exr::meta::attribute::IntegerBounds;
     use exr::meta::header::{ImageAttributes, LayerAttributes};
     use exr::prelude::WritableImage;
-    use image::{GrayImage, ImageBuffer, Luma, RgbImage, RgbaImage};
+    use image::{GrayImage, ImageBuffer, ImageEncoder, Luma, RgbImage, RgbaImage};
 
     const NAMELESS: &str = "picture";
 
@@ -272,10 +308,19 @@ mod tests {
         RgbImage::from_fn(4, 2, |x, y| image::Rgb([x as u8 * 60, y as u8 * 200, 7]))
     }
 
+    fn file<'a>(
+        bytes: &'a [u8],
+        (path, pointer): (&'a str, &'a str),
+        mime: Option<&'a str>,
+    ) -> ImageFile<'a> {
+        let place = (Path::new(path), pointer);
+        ImageFile { bytes: bytes.into(), own_file: None, place, mime, memory_limit: None }
+    }
+
     /// Decodes bytes that came without a name or media type; the warnings become texts.
     fn decoded(bytes: &[u8], purpose: Use) -> (Result<Image>, Vec<String>) {
         let mut warnings = Vec::new();
-        let image = decode(bytes, Path::new(NAMELESS), "/images/3", None, purpose, &mut warnings);
+        let image = decode(&file(bytes, (NAMELESS, "/images/3"), None), purpose, &mut warnings);
         (image, warnings.iter().map(ToString::to_string).collect())
     }
 
@@ -347,11 +392,63 @@ mod tests {
     }
 
     #[test]
+    fn more_memory_than_is_allowed_is_refused_by_the_header() {
+        let mut files: Vec<Vec<u8>> = lossless().map(|format| encode(rgb(), format)).collect();
+        files.extend([ImageFormat::Jpeg, ImageFormat::Gif].map(|format| encode(rgb(), format)));
+        files.extend([hdr(4, 2, &[[9, 2, 3, 129]; 8]), exr(4, 2, |_, _| (0.0, 0.0, 0.0, 1.0))]);
+        for bytes in files {
+            let read = |memory_limit| {
+                let of = ImageFile { memory_limit, ..file(&bytes, (NAMELESS, ""), None) };
+                decode(&of, Use::Color, &mut Vec::new())
+            };
+            let image = read(Some(1 << 20)).unwrap_or_else(|e| panic!("{e}"));
+            let error = read(Some(20)).expect_err("it takes 24 bytes or more").to_string();
+            assert!(error.contains("4 x 2 pixels") && error.contains("1 MiB of memory"), "{error}");
+            assert!(error.contains(&Choice::MemoryLimit.to_string()), "{error}");
+            assert!(read(Some(image.bytes() as u64 - 1)).is_err());
+        }
+        // Before anything is decoded: there is nothing here to decode.
+        let claims = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2000 +X 2000\n";
+        let of = ImageFile { memory_limit: Some(1000), ..file(claims, (NAMELESS, ""), None) };
+        let error = decode(&of, Use::Color, &mut Vec::new()).expect_err("it is too large").to_string();
+        assert!(error.contains("2000 x 2000 pixels, which take 46 MiB"), "{error}");
+        let large = encode(RgbImage::new(700, 700), ImageFormat::Png);
+        let of = ImageFile { memory_limit: Some(1 << 20), ..file(&large, (NAMELESS, ""), None) };
+        let on_damage: OnDamage = Arc::new(|error| crate::image::Damage::Fatal(error));
+        assert!(for_texture(&of, Use::Color, &mut Vec::new(), on_damage).is_err());
+    }
+
+    #[test]
+    fn photographs_are_turned_and_have_their_profile() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("photograph.png");
+        let mut bytes = Vec::new();
+        let mut encoder = image::codecs::png::PngEncoder::new(&mut bytes);
+        let exif = b"MM\0\x2a\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0";
+        encoder.set_icc_profile(photograph::tests::display_p3()).expect("room for a profile");
+        encoder.set_exif_metadata(exif.to_vec()).expect("room for Exif");
+        let red = RgbImage::from_fn(4, 2, |x, _| image::Rgb([if x == 0 { 255 } else { 0 }, 0, 0]));
+        encoder.write_image(red.as_raw(), 4, 2, image::ExtendedColorType::Rgb8).expect("encoded");
+        std::fs::write(&path, bytes).expect("written");
+        for purpose in [Use::Environment, Use::Picture] {
+            let mut warnings = Vec::new();
+            let image = read(&path, purpose, None, &mut warnings).expect("it can be read");
+            assert_eq!((image.width, image.height, image.encoding), (2, 4, Encoding::Linear));
+            assert!(image.rgba(0, 0)[0] > 1.2 && image.rgba(1, 0)[0] > 1.2, "{:?}", image.rgba(0, 0));
+            assert!(!warnings.iter().any(|w| w.message.contains("profile") || w.message.contains("turned")));
+        }
+        // Texture coordinates refer to pixels as they are stored.
+        let mut warnings = Vec::new();
+        let image = read(&path, Use::Color, None, &mut warnings).expect("it can be read");
+        assert_eq!((image.width, image.height, image.encoding), (4, 2, Encoding::Srgb));
+        assert!((image.rgba(0, 1)[0] - 1.0).abs() < 1e-6 && warnings.len() == 2, "{warnings:?}");
+    }
+
+    #[test]
     fn tga_is_told_by_media_type_or_name() {
         let bytes = encode(rgb(), ImageFormat::Tga);
         let mut warnings = Vec::new();
-        let mut read =
-            |file: &str, mime| decode(&bytes, Path::new(file), "", mime, Use::Color, &mut warnings);
+        let mut read = |path: &str, mime| decode(&file(&bytes, (path, ""), mime), Use::Color, &mut warnings);
         for image in [read("a.tga", None), read("a", Some("image/x-tga"))] {
             assert!(
                 matches!(&*image.expect("it can be read").pixels, Pixels::U8(v) if *v == rgb().into_raw())
@@ -365,7 +462,7 @@ mod tests {
         let mut warnings = Vec::new();
         let bytes = encode(rgb(), ImageFormat::Png);
         let mime = Some("image/jpeg");
-        decode(&bytes, Path::new("a.glb"), "/images/0", mime, Use::Color, &mut warnings)
+        decode(&file(&bytes, ("a.glb", "/images/0"), mime), Use::Color, &mut warnings)
             .expect("content decides");
         assert_eq!(
             warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),

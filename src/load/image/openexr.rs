@@ -95,7 +95,9 @@ pub(super) fn displayed(
     if position == data.position && size == [image.width, image.height] {
         return Ok(image);
     }
-    source::check(source, size[0].into(), size[1].into())?;
+    let [width, height] = size.map(u64::from);
+    source::check(source, width, height)?;
+    source::check_memory(source, width, height, width * height * u64::from(image.channels) * 4)?;
     let Pixels::F32(values) = &*image.pixels else { return Ok(image) };
     let message = format!(
         "has pixels for {} x {} at {}, {} of its display window of {} x {} at {}, {}: it was fitted to that",
@@ -238,11 +240,18 @@ impl<'a> Colour<'a> {
 
 /// Compares what the header claims with the bytes that the file holds, before the parser allocates for it.
 pub(super) fn check_sizes(source: &Source, meta: &MetaData) -> Result<()> {
-    let mut samples = 0u64;
+    let (mut samples, mut memory) = (0u64, 0u64);
     for header in &meta.headers {
         let (width, height) = (header.layer_size.0 as u64, header.layer_size.1 as u64);
         source::check(source, width, height)?;
         samples += width * height * header.channels.list.len() as u64;
+        memory += header
+            .channels
+            .list
+            .iter()
+            .map(|c| width * height * c.sample_type.bytes_per_sample() as u64)
+            .sum::<u64>();
+        source::check_memory(source, width, height, memory)?;
         // Each chunk has an offset of 8 bytes in a table and a header of at least 8.
         if (header.chunk_count as u64).saturating_mul(16) > source.bytes.len() as u64 {
             return Err(source.error(format!(
@@ -509,8 +518,8 @@ fn shown(value: &AttributeValue) -> String {
 /// # Errors
 /// An input error if the file is missing, no EXR, broken, or larger than its length can justify.
 pub fn load_layered(path: &Path) -> Result<Layered> {
-    let bytes = read_bytes(path)?;
-    let source = Source { bytes: &bytes, file: path, pointer: "" };
+    let bytes = read_bytes(path, None)?;
+    let source = Source { bytes: &bytes, file: path, pointer: "", memory_limit: None };
     if signature(&bytes) != Some(ImageFormat::OpenExr) {
         let help = "'oscura render SCENE -o NAME.exr' writes one";
         return Err(source.error("is not an .exr file").with_help(help));

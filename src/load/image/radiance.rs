@@ -18,6 +18,9 @@ pub(super) struct Radiance {
     pub rgb: Vec<f32>,
 }
 
+/// Bytes of a decoded pixel: three floats.
+const BYTES_A_PIXEL: u64 = 12;
+
 /// Most bytes of a header.
 const LONGEST_HEADER: usize = 1 << 20;
 
@@ -47,6 +50,12 @@ pub(super) fn decode(source: &Source, warnings: &mut Vec<Warning>) -> Result<Rad
     let header = Header::read(source)?;
     let [rows, columns] = header.axes.map(|axis| axis.2);
     source::check(source, columns.into(), rows.into())?;
+    source::check_memory(
+        source,
+        columns.into(),
+        rows.into(),
+        u64::from(columns) * u64::from(rows) * BYTES_A_PIXEL,
+    )?;
     // The decoder reads plain headers alone.
     let plain = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {rows} +X {columns}\n");
     let file = plain.as_bytes().chain(&source.bytes[header.length..]);
@@ -171,7 +180,10 @@ mod tests {
         let mut bytes = header.as_bytes().to_vec();
         bytes.extend((1..=6u8).flat_map(|red| [red, 0, 0, 129]));
         let mut warnings = Vec::new();
-        let image = decode(&Source { bytes: &bytes, file: Path::new("a.hdr"), pointer: "" }, &mut warnings);
+        let image = decode(
+            &Source { bytes: &bytes, file: Path::new("a.hdr"), pointer: "", memory_limit: None },
+            &mut warnings,
+        );
         (image, warnings)
     }
 

@@ -1,10 +1,11 @@
 //! An image before it is decoded: its bytes, where they come from, and what it is for.
 
-use crate::error::{Error, Problem, Result, Warning};
+use crate::error::{Choice, Error, Problem, Result, Warning};
 use crate::load::decoders;
 use crate::load::decoders::Decoder;
 use crate::load::files;
 use image::{ImageFormat, Limits};
+use std::borrow::Cow;
 use std::path::Path;
 
 /// The use of an image, which decides about its colour encoding.
@@ -16,6 +17,36 @@ pub(crate) enum Use {
     Data,
     /// Environment: integers are sRGB-encoded, floats radiance; no texel may be negative.
     Environment,
+    /// A picture to look at, as colour.
+    Picture,
+}
+
+impl Use {
+    /// Is a photograph meant, not something that texture coordinates refer to? Then its orientation and its colour profile count.
+    pub fn is_photograph(self) -> bool {
+        matches!(self, Use::Environment | Use::Picture)
+    }
+}
+
+/// An image file in memory, and what is known of it.
+pub(crate) struct ImageFile<'a> {
+    pub bytes: Cow<'a, [u8]>,
+    /// The file that holds the image and nothing else, if there is one: it is read again when the image is decoded. Other bytes stay in
+    /// memory.
+    pub own_file: Option<&'a Path>,
+    /// Its location for messages: a file, and a JSON pointer inside it.
+    pub place: (&'a Path, &'a str),
+    /// The declared media type.
+    pub mime: Option<&'a str>,
+    /// Most bytes that its pixels may take.
+    pub memory_limit: Option<u64>,
+}
+
+impl ImageFile<'_> {
+    pub(super) fn source(&self) -> Source<'_> {
+        let (file, pointer) = self.place;
+        Source { bytes: &self.bytes, file, pointer, memory_limit: self.memory_limit }
+    }
 }
 
 /// The location of the bytes, for messages.
@@ -23,6 +54,8 @@ pub(super) struct Source<'a> {
     pub bytes: &'a [u8],
     pub file: &'a Path,
     pub pointer: &'a str,
+    /// Most bytes that its pixels may take; `None` for no limit.
+    pub memory_limit: Option<u64>,
 }
 
 impl Source<'_> {
@@ -55,9 +88,10 @@ pub(super) fn guarded<T>(source: &Source, decode: impl FnOnce() -> Result<T>) ->
     decoders::catch(decode).map_err(broken)?
 }
 
-/// A file's bytes.
-pub(super) fn read_bytes(path: &Path) -> Result<Vec<u8>> {
-    files::read(path, files::MOST_DATA).map_err(|message| Error::input(path, message))
+/// A file's bytes, at most so many.
+pub(super) fn read_bytes(path: &Path, memory_limit: Option<u64>) -> Result<Vec<u8>> {
+    files::read(path, memory_limit.unwrap_or(u64::MAX).min(files::MOST_DATA))
+        .map_err(|message| Error::input(path, message))
 }
 
 /// The format by the first bytes.
@@ -93,9 +127,27 @@ pub(super) fn check(source: &Source, width: u64, height: u64) -> Result<()> {
     }
 }
 
+/// Refuses an image whose pixels take more memory than is allowed, before they are decoded.
+pub(super) fn check_memory(source: &Source, width: u64, height: u64, bytes: u64) -> Result<()> {
+    let Some(limit) = source.memory_limit.filter(|limit| bytes > *limit) else { return Ok(()) };
+    let mib = |bytes: u64| bytes.div_ceil(1 << 20);
+    let message = format!(
+        "has {width} x {height} pixels, which take {} MiB of memory; at most {} MiB are allowed",
+        mib(bytes),
+        limit >> 20
+    );
+    Err(source.error(message).with_help(format!("make it smaller, or raise {}", Choice::MemoryLimit)))
+}
+
 /// The same limit for the buffers that decoders allocate: 16 bytes a pixel.
 pub(super) fn for_decoder(source: &Source) -> Limits {
     let mut limits = Limits::no_limits();
     limits.max_alloc = Some(pixels(source.bytes.len()) * 16);
     limits
+}
+
+/// A number of so many bytes, the most significant first.
+pub(super) fn be(bytes: &[u8], at: usize, length: usize) -> Option<usize> {
+    let digits = bytes.get(at..at.checked_add(length)?)?;
+    usize::try_from(digits.iter().fold(0u64, |n, &b| n << 8 | u64::from(b))).ok()
 }

@@ -369,7 +369,13 @@ impl<'a> Maps<'a> {
                 move |e: Error| Warning::new(&library, place.as_str(), format!("texture left out: {e}"));
             let later = without.clone();
             let on_damage = Arc::new(move |e| Damage::LeftOut(later(e)));
-            match image::read_for_texture(&path, purpose, &mut loaded.warnings, on_damage) {
+            match image::read_for_texture(
+                &path,
+                purpose,
+                self.options.memory_limit,
+                &mut loaded.warnings,
+                on_damage,
+            ) {
                 Ok(image) => Some(loaded.scene.add_image(image)),
                 Err(e) => {
                     loaded.warnings.push(without(e));

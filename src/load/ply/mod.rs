@@ -343,7 +343,13 @@ fn add_texture(
     let on_damage = move |error| {
         Damage::LeftOut(Warning::new(&path, "", left_out(&name, &format!(", {}", reason(error)))))
     };
-    let image = image::read_for_texture(&file, Use::Color, &mut loaded.warnings, Arc::new(on_damage));
+    let image = image::read_for_texture(
+        &file,
+        Use::Color,
+        options.memory_limit,
+        &mut loaded.warnings,
+        Arc::new(on_damage),
+    );
     let image = image.map_err(reason)?;
     let image = loaded.scene.add_image(image);
     let texture = loaded.scene.add_texture(Texture::Image {

@@ -3,7 +3,7 @@
 //!
 //! | Shape | Value |
 //! |---|---|
-//! | `mesh` | a .gltf, .glb, .vrm, .obj, .ply, .spz or .stl file; its cameras and, with a note, its lights are ignored, `material` replaces all of its own; `materials` lists those of faces by the number `material_index` that faces of PLY files may have, from 0 |
+//! | `mesh` | a .gltf, .glb, .vrm, .obj, .ply, .spz, .stl or .3mf file; its cameras and, with a note, its lights are ignored, `material` replaces all of its own; `materials` lists those of faces by the number `material_index` that faces of PLY files may have, from 0 |
 //! | `quad` | `{ corner, u, v }`; the front is where u x v points |
 //! | `box` | `{ min, max }`; `materials` may name six: -x, +x, -y, +y, -z, +z |
 //! | `pyramid` | `{ base, size = [x, z], height }`, over the middle `base`; `materials` may name five: base, +z, +x, -z, -x |

@@ -412,13 +412,14 @@ pub(super) fn read_image(
         return Some(ImageId(i as u32));
     }
     build.options.files.note(&path);
+    let memory_limit = build.options.memory_limit;
     let warnings = &mut build.loaded.warnings;
     let image = match purpose {
-        Use::Environment => image::read(&path, purpose, warnings),
+        Use::Environment | Use::Picture => image::read(&path, purpose, memory_limit, warnings),
         Use::Color | Use::Data => {
             let error = build.problems.later(build.file, span.clone());
             let on_damage = move |e: Error| Damage::Fatal(error(e.to_string()));
-            image::read_for_texture(&path, purpose, warnings, Arc::new(on_damage))
+            image::read_for_texture(&path, purpose, memory_limit, warnings, Arc::new(on_damage))
         }
     };
     match image {

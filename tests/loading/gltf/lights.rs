@@ -194,6 +194,54 @@ fn six_pictures_are_the_environment() {
     assert_eq!(seen(&turned.expect("it loads"), [1.0, 0.1, 0.2]), Vec3::new(0.0, 0.0, 2.0));
 }
 
+/// Turned and brightened by an animation; what a moment changed is put back.
+#[test]
+fn surroundings_are_driven_by_pointers() {
+    let numbers = [0.0f32, 2.0, 1.0, 3.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 1.0];
+    let bytes: Vec<u8> =
+        triangle_bytes().into_iter().chain(numbers.iter().flat_map(|x| x.to_le_bytes())).collect();
+    let pictures: Vec<(String, Vec<u8>)> =
+        (0..7).map(|i| (format!("{i}.png"), png(if i == 4 { [0, 0, 255] } else { [0; 3] }))).collect();
+    let asset = triangle_with(|a| {
+        a["images"] = (0..6).map(|i| json!({"uri": format!("{i}.png")})).collect();
+        a["extensionsUsed"] = json!(["EXT_lights_image_based", "KHR_animation_pointer"]);
+        a["extensions"] = json!({"EXT_lights_image_based": {"lights": [{
+            "specularImageSize": 2, "specularImages": [[0, 1, 2, 3, 4, 5]], "irradianceCoefficients": [[1, 1, 1]]
+        }]}});
+        a["scenes"][0]["extensions"] = json!({"EXT_lights_image_based": {"light": 0}});
+        a["buffers"][0]["byteLength"] = json!(bytes.len());
+        for (offset, count, kind) in [(44, 2, "SCALAR"), (52, 2, "SCALAR"), (60, 2, "VEC4")] {
+            let size = if kind == "VEC4" { 32 } else { 8 };
+            let view = a["bufferViews"].as_array().map_or(0, Vec::len);
+            let json_of = json!({"buffer": 0, "byteOffset": offset, "byteLength": size});
+            a["bufferViews"].as_array_mut().expect("a list").push(json_of);
+            let accessor = json!({"bufferView": view, "componentType": 5126, "type": kind, "count": count});
+            a["accessors"].as_array_mut().expect("a list").push(accessor);
+        }
+        let light = "/extensions/EXT_lights_image_based/lights/0";
+        let channel = |sampler: usize, key: &str| json!({"sampler": sampler, "target": super::motion::pointer_target(&format!("{light}/{key}"))});
+        a["animations"] = json!([{
+            "samplers": [{"input": 2, "output": 3}, {"input": 2, "output": 4}],
+            "channels": [channel(0, "intensity"), channel(1, "rotation")]
+        }]);
+    });
+    let folder = tempfile::tempdir().expect("a folder");
+    let write =
+        |name: &str, content: &[u8]| std::fs::write(folder.path().join(name), content).expect("written");
+    pictures.iter().for_each(|(name, content)| write(name, content));
+    write("a.bin", &bytes);
+    write("a.gltf", asset.to_string().as_bytes());
+    let mut blues = Vec::new();
+    let path = folder.path().join("a.gltf");
+    oscura::load::load_moments(&path, &LoadOptions::default(), [0.0, 2.0, 0.0], &mut |loaded| {
+        blues.push([[0.1, 0.2, 1.0], [1.0, 0.1, 0.2]].map(|way| seen(loaded, way).z));
+        Ok(std::ops::ControlFlow::Continue(()))
+    })
+    .unwrap_or_else(|e| panic!("{e}"));
+    // Three times as bright, and a right angle about y takes what was at +z to +x.
+    assert_eq!(blues, [[1.0, 0.0], [0.0, 3.0], [1.0, 0.0]]);
+}
+
 /// PNGs with alpha are RGBD: white over 51 / 255.
 #[test]
 fn bright_pictures() {

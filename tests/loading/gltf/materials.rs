@@ -212,21 +212,12 @@ fn extensions_that_are_known_and_not_read() {
         a["extensions"] = json!({"KHR_interactivity": {"graphs": []}});
         a["materials"][0]["extensions"] = json!({"KHR_materials_coat": {}, "KHR_materials_fuzz": {}});
         a["nodes"][0]["extensions"] = json!({"KHR_node_hoverability": {"hoverable": false}});
-        a["meshes"][0]["primitives"][0]["extensions"] = json!({"KHR_spz_gaussian_splats_compression": {}});
     });
     let loaded = load_triangle(&asset).expect("it loads");
     let said: Vec<String> = loaded.warnings.iter().map(|w| w.message.clone()).collect();
     let has = |words: &str| said.iter().any(|w| w.contains(words));
-    assert!(has("KHR_spz_gaussian_splats_compression is not read") && has("it is a draft"), "{said:?}");
     assert!(has("KHR_materials_coat is not read") && has("KHR_materials_fuzz is not read"), "{said:?}");
     assert!(!has("interactivity") && !has("ability"), "{said:?}");
-    let demanded =
-        triangle_with(|a| a["extensionsRequired"] = json!(["KHR_spz_gaussian_splats_compression"]));
-    let message = refusal(&demanded);
-    assert!(
-        message.contains("demands KHR_spz_gaussian_splats_compression") && message.contains("draft"),
-        "{message}"
-    );
 }
 
 /// A draft: read with a warning by name. What the volume would absorb is scattered as far as the colour says.

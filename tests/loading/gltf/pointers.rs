@@ -5,7 +5,7 @@ use super::materials::RED;
 use super::motion::{at, pointer_target, with_floats};
 use oscura::load::{LoadOptions, Loaded, load_moments};
 use oscura::math::DVec3;
-use oscura::scene::{LightKind, Mapping, Model, PbrMaterial, Projection, Texture};
+use oscura::scene::{LightKind, Mapping, Model, PbrMaterial, Projection, Quad, Texture};
 use serde_json::{Value, json};
 use std::ops::ControlFlow;
 
@@ -169,6 +169,29 @@ fn textures_move_and_nodes_vanish() {
     assert_eq!(seen[1], (1, 1, 1, Some([0.5, 0.25, 1.0])));
     assert_eq!((seen[2].0, seen[2].1), (0, 0), "hidden, and so without its material");
     assert_eq!(seen[3], seen[1], "what a moment changed is put back");
+}
+
+/// Areas that shine, surroundings and profiles, and what concerns interaction alone, in silence.
+#[test]
+fn lights_of_extensions_change() {
+    let asset = driven(|a| {
+        a["extensions"]["EXT_lights_area"] =
+            json!({"lights": [{"type": "rect", "size": 2, "intensity": 5, "rect": {"aspect": 1}}]});
+        a["nodes"][0]["extensions"] = json!({"EXT_lights_area": {"light": 0}});
+        drive(a, "/extensions/EXT_lights_area/lights/0/size", 3, "LINEAR");
+        drive(a, "/extensions/EXT_lights_area/lights/0/rect/aspect", 3, "LINEAR");
+        drive(a, "/nodes/0/extensions/KHR_node_selectability/selectable", 3, "STEP");
+        drive(a, "/nodes/0/extensions/KHR_node_hoverability/hoverable", 3, "STEP");
+    });
+    let area = |time_s| {
+        let loaded = show(&asset, time_s);
+        assert!(!said(&loaded, "stands still"), "{:?}", loaded.warnings);
+        // Half the height and half the aspect, then all of both.
+        let [Quad { edge_u, edge_v, .. }] = &loaded.scene.quads[..] else { panic!("no rectangle") };
+        edge_u.cross(*edge_v).length()
+    };
+    assert!((area(2.0) / area(0.0) - 8.0).abs() < 1e-5, "{} {}", area(2.0), area(0.0));
+    assert!(area(1.0) > area(0.0) && area(2.0) > area(1.0));
 }
 
 #[test]

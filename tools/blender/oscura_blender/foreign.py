@@ -1,9 +1,11 @@
 """Files of other programs that Blender imports: USD, FBX, Alembic and, in older versions, Collada. They become a .blend, which is exported
 like any other."""
 
+import math
 import os
 
 import bpy
+import mathutils
 
 import addon_utils  # isort: skip (bpy puts it on the path)
 
@@ -22,6 +24,9 @@ IMPORTERS = {
 
 # Radii below which a lamp is as good as a point, metres: scaling one further changes nothing.
 SMALLEST = 1e-6
+
+# Percent up to which the intensity of a lamp of FBX is no number of watts.
+MOST_PERCENT = 1000
 
 
 def as_blend(arguments):
@@ -58,6 +63,9 @@ def _import(file, report):
         scene.render.engine = "CYCLES"
     if extension.startswith("usd"):
         _mend_sizes(scene, report)
+    if extension == "fbx":
+        _mend_lamps(scene, report)
+    _leave_out_lost_images(report)
     _choose_camera(scene)
     _tell(scene, extension, report)
 
@@ -95,6 +103,35 @@ def _mend_sizes(scene, report):
         if abs(scale - 1) > 1e-6 and lamp.data.shadow_soft_size > SMALLEST:
             lamp.data.shadow_soft_size *= scale
             report.note(lamp.name, f"its radius is {lamp.data.shadow_soft_size:.4g} m, scaled like the object")
+
+
+def _mend_lamps(scene, report):
+    """FBX gives the intensity of lamps in percent, of no unit and without a decay, which the importer takes for watts: nothing would be
+    seen by 1 W. Suns of 100 % get 1 W/m2; a point or a spot that weak gets what gives as much in the middle of the meshes."""
+    corners = [item.matrix_world @ mathutils.Vector(corner) for item in scene.objects if item.type == "MESH" for corner in item.bound_box]
+    if not corners:
+        return
+    middle = mathutils.Vector([(min(c[k] for c in corners) + max(c[k] for c in corners)) / 2 for k in range(3)])
+    for lamp in scene.objects:
+        if lamp.type != "LIGHT" or lamp.data.type not in ("POINT", "SPOT") or lamp.data.users > 1:
+            continue
+        sphere = 4 * math.pi * (lamp.matrix_world.translation - middle).length_squared
+        if 0 < lamp.data.energy <= MOST_PERCENT / 100 < sphere:
+            percent = 100 * lamp.data.energy
+            lamp.data.energy *= sphere
+            report.note(lamp.name, f"its intensity of {percent:.4g} % is taken as {lamp.data.energy:.4g} W: FBX has no unit for it")
+
+
+def _leave_out_lost_images(report):
+    """Importers leave textures without an image where a file is missing: they would be black."""
+    lost = 0
+    for material in bpy.data.materials:
+        nodes = material.node_tree.nodes if material.node_tree else []
+        for node in [node for node in nodes if node.type == "TEX_IMAGE" and node.image is None]:
+            nodes.remove(node)
+            lost += 1
+    if lost:
+        report.warn("", f"{lost} textures whose images are missing are left out: the other values of their materials count")
 
 
 def _choose_camera(scene):

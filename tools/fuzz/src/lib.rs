@@ -91,3 +91,19 @@ pub fn split<'a>(bytes: &'a [u8], separator: &[u8]) -> (&'a [u8], &'a [u8]) {
         None => (bytes, &[]),
     }
 }
+
+/// A ZIP archive that stores one file.
+pub fn stored(name: &str, content: &[u8]) -> Vec<u8> {
+    let size = (content.len() as u32).to_le_bytes();
+    let common = [&[20, 0, 0, 0, 0, 0, 0, 0, 0, 0][..], &crc32fast::hash(content).to_le_bytes(), &size, &size].concat();
+    let length = (name.len() as u16).to_le_bytes();
+    let mut archive = [&b"PK\x03\x04"[..], &common, &length, &[0; 2], name.as_bytes(), content].concat();
+    let at = (archive.len() as u32).to_le_bytes();
+    let entry = [&b"PK\x01\x02\x14\0"[..], &common, &length, &[0; 16], name.as_bytes()].concat();
+    archive.extend(&entry);
+    archive.extend(b"PK\x05\x06\0\0\0\0\x01\0\x01\0");
+    archive.extend((entry.len() as u32).to_le_bytes());
+    archive.extend(at);
+    archive.extend([0, 0]);
+    archive
+}

@@ -1,0 +1,386 @@
+//! 3MF: a ZIP package (ECMA-376, part 2) with an XML model, its objects placed by build items, in real units, z up.
+//!
+//! Read: meshes, components, several model parts (production extension), base materials, colours of corners, textures. Left out with a
+//! warning: beams, slices, composite materials and layered properties. What only prints (supports) is not shown.
+
+mod model;
+
+use super::image::{ImageFile, OnDamage, Use, for_texture};
+use super::mesh_tools::{NAMELESS, Repairs};
+use super::zip::Archive;
+use super::{LoadOptions, Loaded, Up, UpHint};
+use crate::error::{Error, Problem, Result, Warning};
+use crate::image::Damage;
+use crate::math::{DAffine3, DVec3};
+use crate::scene::{
+    ColorSlot, Instance, Interpolation, Mapping, Material, MaterialId, Mesh, MeshId, MeshPart,
+    Model as Surface, Texture, Wrap,
+};
+use model::{Group, Model, Object, Property, Reference, TextureFile, Triangle};
+use std::collections::{BTreeMap, HashMap};
+use std::path::Path;
+use std::rc::Rc;
+use std::sync::Arc;
+
+/// Where the start part is if the package doesn't say.
+const START: &str = "3D/3dmodel.model";
+/// The type of the relation to the start part.
+const START_TYPE: &str = "/3dmodel";
+/// Levels of components, and objects that a file may place.
+const DEEPEST: usize = 64;
+const MOST_INSTANCES: usize = 1 << 20;
+/// The linear grey of what has no colour beside what has one.
+const GREY: [f32; 4] = [0.8, 0.8, 0.8, 1.0];
+
+/// Reads a 3MF file.
+///
+/// # Errors
+/// An input error if the file is damaged or shows nothing.
+pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
+    options.files.note(path);
+    let archive = Archive::open(path)?;
+    options.gauge.begin(archive.size() as u64);
+    let mut reader = Reader::new(path, options, archive);
+    let start = reader.start_part();
+    let root = reader.model(&start)?;
+    for item in &root.items {
+        reader.place(&start, item, DAffine3::from_scale(DVec3::splat(root.metres)), 0)?;
+    }
+    let Reader { mut loaded, repairs, unread, supports, broken, .. } = reader;
+    loaded.warnings.extend(repairs.warnings(path));
+    let mut tell = |message: String| loaded.warnings.push(Warning::new(path, "", message));
+    if broken > 0 {
+        tell(format!("{broken} triangles with a vertex that is missing: left out"));
+    }
+    unread.iter().for_each(|what| tell(format!("{what} are not read")));
+    if supports > 0 {
+        loaded.left_out.push(format!("{supports} objects that support others while they are printed"));
+    }
+    if loaded.scene.instances.is_empty() {
+        let help = "the file's build names no object with triangles";
+        return Err(Error::input(path, "shows nothing").with_help(help));
+    }
+    loaded.up_hint = UpHint { writer: Some((Up::Z, "the 3MF specification")), is_mostly_y: false };
+    loaded.scene.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    Ok(loaded)
+}
+
+/// How triangles look.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+enum Look {
+    Plain,
+    Colors,
+    /// A texture of the part.
+    Texture(u32),
+}
+
+struct Reader<'a> {
+    path: &'a Path,
+    options: &'a LoadOptions,
+    archive: Archive,
+    loaded: Loaded,
+    models: HashMap<String, Rc<Model>>,
+    /// The meshes of objects by part and number; `None` for those without triangles.
+    meshes: HashMap<(String, u32), Option<MeshId>>,
+    /// Materials by part and look.
+    materials: HashMap<(String, Look), MaterialId>,
+    repairs: Repairs,
+    unread: Vec<String>,
+    supports: usize,
+    broken: usize,
+}
+
+impl<'a> Reader<'a> {
+    fn new(path: &'a Path, options: &'a LoadOptions, archive: Archive) -> Reader<'a> {
+        Reader {
+            path,
+            options,
+            archive,
+            loaded: Loaded::default(),
+            models: HashMap::new(),
+            meshes: HashMap::new(),
+            materials: HashMap::new(),
+            repairs: Repairs::default(),
+            unread: Vec::new(),
+            supports: 0,
+            broken: 0,
+        }
+    }
+
+    fn fail(&self, place: &str, message: impl Into<String>) -> Error {
+        Error::input_problems(self.path, vec![Problem::new(place, message)])
+    }
+
+    /// The part with the build, by the relations of the package.
+    fn start_part(&self) -> String {
+        let relations = self.archive.file("_rels/.rels").unwrap_or_default();
+        model::target(&String::from_utf8_lossy(&relations), START_TYPE).unwrap_or_else(|| START.to_string())
+    }
+
+    /// A model part.
+    fn model(&mut self, part: &str) -> Result<Rc<Model>> {
+        if let Some(known) = self.models.get(part) {
+            return Ok(known.clone());
+        }
+        let bytes = self.archive.file(part).map_err(|why| self.fail(part, why))?;
+        self.options.gauge.add(1);
+        let text = std::str::from_utf8(&bytes).map_err(|_| self.fail(part, "is no UTF-8"))?;
+        let model = model::parse(text.trim_start_matches('\u{feff}'));
+        let model = model.map_err(|p| self.fail(&place_in(part, &p.place), p.message))?;
+        for what in &model.unread {
+            if !self.unread.iter().any(|known| known == what) {
+                self.unread.push((*what).to_string());
+            }
+        }
+        if model.transparent > 0 {
+            let message = format!("{} colours are not opaque, but shown so", model.transparent);
+            self.loaded.warnings.push(Warning::new(self.path, part, message));
+        }
+        let model = Rc::new(model);
+        self.models.insert(part.to_string(), model.clone());
+        Ok(model)
+    }
+
+    /// Adds an object of a part as instances: that of its own mesh, and those of its components.
+    fn place(&mut self, part: &str, what: &Reference, world: DAffine3, depth: usize) -> Result<()> {
+        let part = what.part.as_deref().unwrap_or(part);
+        let model = self.model(part)?;
+        let place = format!("{part}, object {}", what.object);
+        let Some(object) = model.objects.get(&what.object) else {
+            return Err(self.fail(&place, "is placed, but not defined"));
+        };
+        if depth > DEEPEST {
+            return Err(self.fail(&place, "holds itself, or components beyond 64 levels"));
+        }
+        if object.is_support {
+            self.supports += 1;
+            return Ok(());
+        }
+        let world = world * what.transform;
+        if let Some(mesh) = self.mesh(part, &model, what.object, object)? {
+            let name = if object.name.is_empty() { NAMELESS.to_string() } else { object.name.clone() };
+            self.loaded.scene.instances.push(Instance { name, ..Instance::new(mesh, world) });
+        }
+        if self.loaded.scene.instances.len() > MOST_INSTANCES {
+            return Err(self.fail(&place, format!("more than {MOST_INSTANCES} objects are placed")));
+        }
+        object.components.iter().try_for_each(|component| self.place(part, component, world, depth + 1))
+    }
+
+    /// The mesh of an object, made once.
+    fn mesh(&mut self, part: &str, model: &Model, id: u32, object: &Object) -> Result<Option<MeshId>> {
+        if let Some(known) = self.meshes.get(&(part.to_string(), id)) {
+            return Ok(*known);
+        }
+        self.broken += object.broken;
+        let built = built(model, object);
+        let mesh = match built.mesh.triangles.is_empty() {
+            true => None,
+            false => {
+                let mut mesh = built.mesh;
+                mesh.name = if object.name.is_empty() { format!("object {id}") } else { object.name.clone() };
+                let mut first_triangle = 0;
+                for (look, triangle_count) in built.parts {
+                    let material = self.material(part, model, look);
+                    mesh.parts.push(MeshPart { first_triangle, triangle_count, material });
+                    first_triangle += triangle_count;
+                }
+                self.finish(&mut mesh);
+                let scene = &mut self.loaded.scene;
+                scene.meshes.push(mesh);
+                Some(MeshId(scene.meshes.len() as u32 - 1))
+            }
+        };
+        self.meshes.insert((part.to_string(), id), mesh);
+        Ok(mesh)
+    }
+
+    /// Repairs a mesh of parts.
+    fn finish(&mut self, mesh: &mut Mesh) {
+        let is_whole = mesh.positions.as_flattened().iter().all(|x| x.is_finite());
+        // Triangles that go must leave the right parts.
+        if !is_whole {
+            let usable =
+                |t: &[u32; 3]| t.iter().all(|&i| mesh.positions[i as usize].iter().all(|x| x.is_finite()));
+            for part in &mut mesh.parts {
+                let range =
+                    part.first_triangle as usize..(part.first_triangle + part.triangle_count) as usize;
+                part.triangle_count = mesh.triangles[range].iter().filter(|t| usable(t)).count() as u32;
+            }
+            let mut first = 0;
+            for part in &mut mesh.parts {
+                part.first_triangle = first;
+                first += part.triangle_count;
+            }
+            mesh.parts.retain(|part| part.triangle_count > 0);
+        }
+        self.repairs.make(mesh);
+    }
+
+    fn material(&mut self, part: &str, model: &Model, look: Look) -> MaterialId {
+        let key = (part.to_string(), look);
+        if let Some(known) = self.materials.get(&key) {
+            return *known;
+        }
+        let material = match look {
+            Look::Plain => Material::lambert("default", [0.8; 3]),
+            Look::Colors => Material { use_vertex_colors: true, ..Material::lambert("colours", [1.0; 3]) },
+            Look::Texture(id) => self.textured(part, model, id),
+        };
+        let scene = &mut self.loaded.scene;
+        scene.materials.push(material);
+        let id = MaterialId(scene.materials.len() as u32 - 1);
+        if look == Look::Plain {
+            self.loaded.stand_ins.push(id);
+        }
+        self.materials.insert(key, id);
+        id
+    }
+
+    /// The material of a texture; grey, with a warning, if its image can't be read.
+    fn textured(&mut self, part: &str, model: &Model, id: u32) -> Material {
+        let plain = Material::lambert("texture", [0.8; 3]);
+        if self.options.geometry_only {
+            return plain;
+        }
+        let place = format!("{part}, texture {id}");
+        let Some(file) = model.textures.get(&id) else {
+            self.loaded.warnings.push(Warning::new(self.path, place, "is used, but not defined"));
+            return plain;
+        };
+        match self.texture(file, &place) {
+            Ok(texture) => {
+                let slot = ColorSlot::texture(self.loaded.scene.add_texture(texture));
+                Material { model: Surface::Lambert { albedo: slot }, ..plain }
+            }
+            Err(why) => {
+                self.loaded.warnings.push(Warning::new(self.path, place, format!("is left out: {why}")));
+                plain
+            }
+        }
+    }
+
+    fn texture(&mut self, file: &TextureFile, place: &str) -> std::result::Result<Texture, String> {
+        let bytes = self.archive.file(&file.path).map_err(|why| format!("'{}' {why}", file.path))?;
+        let (path, at) = (self.path.to_path_buf(), place.to_string());
+        let on_damage: OnDamage = Arc::new(move |e| {
+            Damage::LeftOut(Warning::new(&path, at.as_str(), format!("is left out: {}", in_words(e))))
+        });
+        let of = ImageFile {
+            bytes: bytes.into(),
+            own_file: None,
+            place: (self.path, &file.path),
+            mime: None,
+            memory_limit: self.options.memory_limit,
+        };
+        let image = for_texture(&of, Use::Color, &mut self.loaded.warnings, on_damage).map_err(in_words)?;
+        let [wrap_u, wrap_v] = file.tiles.each_ref().map(|style| match style.as_str() {
+            "mirror" => Wrap::Mirror,
+            "clamp" | "none" => Wrap::Clamp,
+            _ => Wrap::Repeat,
+        });
+        let interpolation = if file.is_nearest { Interpolation::Nearest } else { Interpolation::default() };
+        let image = self.loaded.scene.add_image(image);
+        Ok(Texture::Image { image, wrap_u, wrap_v, interpolation, mapping: Mapping::default() })
+    }
+}
+
+fn place_in(part: &str, place: &str) -> String {
+    if place.is_empty() { part.to_string() } else { format!("{part}, {place}") }
+}
+
+fn in_words(error: Error) -> String {
+    error.problems.into_iter().map(|p| p.message).collect::<Vec<_>>().join("; ")
+}
+
+/// A mesh whose triangles are sorted by their look, with the number of each.
+struct Built {
+    mesh: Mesh,
+    parts: Vec<(Look, u32)>,
+}
+
+/// The looks of a corner.
+#[derive(Clone, Copy, PartialEq)]
+struct Corner {
+    color: [f32; 4],
+    place: [f32; 2],
+}
+
+/// Vertices are split where triangles give them several colours or places in a texture.
+fn built(model: &Model, object: &Object) -> Built {
+    let looks: Vec<(Look, [Corner; 3])> = object.triangles.iter().map(|t| look(model, object, t)).collect();
+    let has_colors = looks.iter().any(|(look, _)| *look == Look::Colors);
+    let has_places = looks.iter().any(|(look, _)| matches!(look, Look::Texture(_)));
+    // What has no colour is grey beside what has one.
+    let as_shown = |look: Look| if has_colors && look == Look::Plain { Look::Colors } else { look };
+    let mut sorted: BTreeMap<Look, Vec<usize>> = BTreeMap::new();
+    looks.iter().enumerate().for_each(|(i, (look, _))| sorted.entry(as_shown(*look)).or_default().push(i));
+    let mut mesh = Mesh { positions: object.vertices.clone(), ..Mesh::default() };
+    if !has_colors && !has_places {
+        mesh.triangles = object.triangles.iter().map(|t| t.corners).collect();
+        let count = mesh.triangles.len() as u32;
+        return Built { mesh, parts: vec![(Look::Plain, count)] };
+    }
+    let mut corners: Vec<Option<Corner>> = vec![None; mesh.positions.len()];
+    let mut others: HashMap<(u32, [u32; 6]), u32> = HashMap::new();
+    let mut parts = Vec::new();
+    for (look, list) in sorted {
+        parts.push((look, list.len() as u32));
+        for i in list {
+            let of = object.triangles[i].corners;
+            let triangle: [u32; 3] = std::array::from_fn(|k| {
+                let (old, corner) = (of[k] as usize, looks[i].1[k]);
+                if *corners[old].get_or_insert(corner) == corner {
+                    return of[k];
+                }
+                *others.entry((of[k], corner.bits())).or_insert_with(|| {
+                    corners.push(Some(corner));
+                    mesh.positions.push(mesh.positions[old]);
+                    (mesh.positions.len() - 1) as u32
+                })
+            });
+            mesh.triangles.push(triangle);
+        }
+    }
+    let corner = |of: &Option<Corner>| of.unwrap_or(Corner { color: GREY, place: [0.0; 2] });
+    if has_colors {
+        mesh.colors = corners.iter().map(|of| corner(of).color).collect();
+    }
+    if has_places {
+        mesh.uv_sets = vec![corners.iter().map(|of| corner(of).place).collect()];
+    }
+    Built { mesh, parts }
+}
+
+impl Corner {
+    fn bits(self) -> [u32; 6] {
+        let [r, g, b, a] = self.color;
+        let [u, v] = self.place;
+        [r, g, b, a, u, v].map(f32::to_bits)
+    }
+}
+
+/// How a triangle looks, by its own property or that of its object.
+fn look(model: &Model, object: &Object, triangle: &Triangle) -> (Look, [Corner; 3]) {
+    let plain = Corner { color: GREY, place: [0.0; 2] };
+    let Property { group, index } = object.property;
+    let has_own = triangle.indices[0] != model::NONE;
+    let number = if triangle.group == model::NONE { group } else { triangle.group };
+    let indices = if has_own { triangle.indices } else { [index; 3] };
+    let colored =
+        |of: [Option<&[f32; 4]>; 3]| (Look::Colors, of.map(|color| Corner { color: opaque(color), ..plain }));
+    match model.groups.get(&number) {
+        Some(Group::Materials(list)) => colored([list.get(indices[0] as usize); 3]),
+        Some(Group::Colors(list)) => colored(indices.map(|i| list.get(i as usize))),
+        Some(Group::Places { texture, places }) => {
+            // Rows of images grow downwards.
+            let place = |i: u32| places.get(i as usize).map_or([0.0; 2], |[u, v]| [*u, 1.0 - v]);
+            (Look::Texture(*texture), indices.map(|i| Corner { place: place(i), color: [1.0; 4] }))
+        }
+        None => (Look::Plain, [plain; 3]),
+    }
+}
+
+fn opaque(color: Option<&[f32; 4]>) -> [f32; 4] {
+    color.map_or(GREY, |[r, g, b, _]| [*r, *g, *b, 1.0])
+}

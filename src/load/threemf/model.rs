@@ -1,0 +1,367 @@
+//! The XML of a model part: 3D Manufacturing Format, core specification 1.3, materials and properties extension 1.2, production
+//! extension 1.1. Elements are told by their names without prefixes.
+
+use crate::color::srgb_table;
+use crate::error::Problem;
+use crate::math::{DAffine3, DMat3, DVec3};
+use quick_xml::Reader;
+use quick_xml::XmlVersion;
+use quick_xml::events::{BytesStart, Event};
+use std::collections::{BTreeSet, HashMap};
+
+/// The part that a group or a triangle has no property of.
+pub(super) const NONE: u32 = u32::MAX;
+
+/// A model part.
+#[derive(Default)]
+pub(super) struct Model {
+    /// Metres of its unit.
+    pub metres: f64,
+    pub objects: HashMap<u32, Object>,
+    pub groups: HashMap<u32, Group>,
+    pub textures: HashMap<u32, TextureFile>,
+    /// What is shown.
+    pub items: Vec<Reference>,
+    /// Elements that are not read, by name.
+    pub unread: BTreeSet<&'static str>,
+    /// Colours that are not opaque.
+    pub transparent: usize,
+}
+
+/// An object: a mesh, or what others make up.
+#[derive(Default)]
+pub(super) struct Object {
+    pub name: String,
+    /// It supports others while they are printed.
+    pub is_support: bool,
+    /// The group and the index in it that triangles without a property of their own have.
+    pub property: Property,
+    pub vertices: Vec<[f32; 3]>,
+    pub triangles: Vec<Triangle>,
+    pub components: Vec<Reference>,
+    /// Triangles with an index that is none.
+    pub broken: usize,
+}
+
+#[derive(Clone, Copy)]
+pub(super) struct Triangle {
+    pub corners: [u32; 3],
+    /// The group and, for each corner, the index in it; [`NONE`] where the object decides.
+    pub group: u32,
+    pub indices: [u32; 3],
+}
+
+/// A group and an index in it.
+#[derive(Clone, Copy)]
+pub(super) struct Property {
+    pub group: u32,
+    pub index: u32,
+}
+
+impl Default for Property {
+    fn default() -> Property {
+        Property { group: NONE, index: 0 }
+    }
+}
+
+/// An object in its place.
+pub(super) struct Reference {
+    pub object: u32,
+    /// The part that holds it, if not this one.
+    pub part: Option<String>,
+    /// In units of the file.
+    pub transform: DAffine3,
+}
+
+/// A list of properties.
+pub(super) enum Group {
+    /// Base materials: a triangle has one.
+    Materials(Vec<[f32; 4]>),
+    /// Colours of corners.
+    Colors(Vec<[f32; 4]>),
+    /// Places in a texture, from the lower left.
+    Places { texture: u32, places: Vec<[f32; 2]> },
+}
+
+/// An image in the package.
+pub(super) struct TextureFile {
+    pub path: String,
+    /// Tile styles along u and v.
+    pub tiles: [String; 2],
+    pub is_nearest: bool,
+}
+
+/// Elements that change the picture and are not read.
+const UNREAD: [(&str, &str); 6] = [
+    ("beam", "beams of lattices"),
+    ("compositematerials", "composite materials"),
+    ("multiproperties", "layered properties"),
+    ("pbmetallicdisplayproperties", "metallic display properties"),
+    ("slicestack", "slices"),
+    ("displacementtriangle", "displaced triangles"),
+];
+
+/// Reads the text of a part.
+///
+/// # Errors
+/// Says what is wrong, with its place.
+pub(super) fn parse(text: &str) -> Result<Model, Problem> {
+    let mut reader = Reader::from_str(text);
+    let mut parser = Parser::default();
+    loop {
+        let event = reader.read_event();
+        let at = || format!("line {}", 1 + text[..reader.buffer_position() as usize].matches('\n').count());
+        let broken = |what: String| Problem::new(at(), what);
+        match event.map_err(|e| broken(format!("the XML is damaged: {e}")))? {
+            Event::Start(element) => parser.begin(&element).map_err(broken)?,
+            Event::Empty(element) => {
+                parser.begin(&element).map_err(broken)?;
+                parser.end(element.local_name().as_ref());
+            }
+            Event::End(element) => parser.end(element.local_name().as_ref()),
+            Event::Eof => break,
+            _ => {}
+        }
+    }
+    match parser.is_model {
+        true => Ok(parser.model),
+        false => Err(Problem::new("", "holds no element 'model'")),
+    }
+}
+
+#[derive(Default)]
+struct Parser {
+    model: Model,
+    is_model: bool,
+    /// What is open.
+    object: Option<(u32, Object)>,
+    group: Option<(u32, Group)>,
+}
+
+impl Parser {
+    fn begin(&mut self, element: &BytesStart) -> Result<(), String> {
+        match element.local_name().as_ref() {
+            "vertex" => self.vertex(element)?,
+            "triangle" => self.triangle(element)?,
+            "model" => {
+                self.is_model = true;
+                self.model.metres = unit(element)?;
+            }
+            "object" => self.object = Some(object(element)?),
+            "component" => {
+                let mut component = Some(reference(element)?);
+                self.object.iter_mut().for_each(|(_, object)| object.components.extend(component.take()));
+            }
+            "item" => self.model.items.push(reference(element)?),
+            "basematerials" => self.group = Some((id(element)?, Group::Materials(Vec::new()))),
+            "colorgroup" => self.group = Some((id(element)?, Group::Colors(Vec::new()))),
+            "texture2dgroup" => {
+                let texture = index(&require(element, "texid")?)?;
+                self.group = Some((id(element)?, Group::Places { texture, places: Vec::new() }));
+            }
+            "base" => self.color(element, "displaycolor")?,
+            "color" => self.color(element, "color")?,
+            "tex2coord" => {
+                let [u, v] = [number(&require(element, "u")?)?, number(&require(element, "v")?)?];
+                if let Some((_, Group::Places { places, .. })) = &mut self.group {
+                    places.push([u, v].map(|x| x as f32));
+                }
+            }
+            "texture2d" => {
+                let tiles = ["tilestyleu", "tilestylev"].map(|key| attribute(element, key));
+                let [u, v] = tiles;
+                let file = TextureFile {
+                    path: require(element, "path")?,
+                    tiles: [u?, v?].map(Option::unwrap_or_default),
+                    is_nearest: attribute(element, "filter")?.as_deref() == Some("nearest"),
+                };
+                self.model.textures.insert(id(element)?, file);
+            }
+            other => {
+                let unread = UNREAD.iter().find(|(name, _)| *name == other);
+                self.model.unread.extend(unread.map(|(_, words)| *words));
+            }
+        }
+        Ok(())
+    }
+
+    fn end(&mut self, name: &str) {
+        match name {
+            "object" => self.model.objects.extend(self.object.take()),
+            "basematerials" | "colorgroup" | "texture2dgroup" => self.model.groups.extend(self.group.take()),
+            _ => {}
+        }
+    }
+
+    fn vertex(&mut self, element: &BytesStart) -> Result<(), String> {
+        let Some((_, object)) = &mut self.object else { return Ok(()) };
+        let mut place = [None; 3];
+        for_each(element, |key, value| {
+            let axis = match key {
+                "x" => 0,
+                "y" => 1,
+                "z" => 2,
+                _ => return Ok(()),
+            };
+            place[axis] = Some(number(value)? as f32);
+            Ok(())
+        })?;
+        let [Some(x), Some(y), Some(z)] = place else { return Err("a vertex lacks x, y or z".into()) };
+        object.vertices.push([x, y, z]);
+        Ok(())
+    }
+
+    fn triangle(&mut self, element: &BytesStart) -> Result<(), String> {
+        let Some((_, object)) = &mut self.object else { return Ok(()) };
+        let (mut corners, mut indices, mut group) = ([NONE; 3], [NONE; 3], NONE);
+        for_each(element, |key, value| {
+            let place = match key {
+                "v1" => &mut corners[0],
+                "v2" => &mut corners[1],
+                "v3" => &mut corners[2],
+                "p1" => &mut indices[0],
+                "p2" => &mut indices[1],
+                "p3" => &mut indices[2],
+                "pid" => &mut group,
+                _ => return Ok(()),
+            };
+            *place = value.trim().parse().unwrap_or(NONE);
+            Ok(())
+        })?;
+        // All vertices of a mesh precede its triangles.
+        if corners.iter().any(|&corner| corner as usize >= object.vertices.len()) {
+            object.broken += 1;
+            return Ok(());
+        }
+        let [first, ..] = indices;
+        let indices = indices.map(|index| if index == NONE { first } else { index });
+        object.triangles.push(Triangle { corners, group, indices });
+        Ok(())
+    }
+
+    fn color(&mut self, element: &BytesStart, key: &str) -> Result<(), String> {
+        let Some((_, Group::Materials(colors) | Group::Colors(colors))) = &mut self.group else {
+            return Ok(());
+        };
+        let text = attribute(element, key)?;
+        let color =
+            text.as_deref().map(|text| color_of(text).ok_or_else(|| format!("'{text}' is no colour")));
+        let color = color.transpose()?.unwrap_or([0.8, 0.8, 0.8, 1.0]);
+        self.model.transparent += usize::from(color[3] < 1.0);
+        colors.push(color);
+        Ok(())
+    }
+}
+
+fn object(element: &BytesStart) -> Result<(u32, Object), String> {
+    let number = |key| attribute(element, key)?.map(|text| index(&text)).transpose();
+    let object = Object {
+        name: attribute(element, "name")?.unwrap_or_default(),
+        is_support: attribute(element, "type")?.as_deref() == Some("support"),
+        property: Property { group: number("pid")?.unwrap_or(NONE), index: number("pindex")?.unwrap_or(0) },
+        ..Object::default()
+    };
+    Ok((id(element)?, object))
+}
+
+fn reference(element: &BytesStart) -> Result<Reference, String> {
+    let transform = attribute(element, "transform")?;
+    Ok(Reference {
+        object: index(&require(element, "objectid")?)?,
+        part: attribute(element, "path")?,
+        transform: transform.map_or(Ok(DAffine3::IDENTITY), |text| affine(&text))?,
+    })
+}
+
+/// Twelve numbers, rows of a matrix that multiplies row vectors: its rows are the columns here.
+fn affine(text: &str) -> Result<DAffine3, String> {
+    let numbers: Vec<f64> = text.split_whitespace().map(number).collect::<Result<_, _>>()?;
+    let rows = numbers.as_chunks::<3>().0;
+    let &[x, y, z, moved] = rows else { return Err(format!("'{text}' is no transform of 12 numbers")) };
+    let transform =
+        DAffine3 { matrix3: DMat3::from_cols(x.into(), y.into(), z.into()), translation: DVec3::from(moved) };
+    if transform.is_finite() { Ok(transform) } else { Err(format!("'{text}' is no transform")) }
+}
+
+fn unit(element: &BytesStart) -> Result<f64, String> {
+    Ok(match attribute(element, "unit")?.as_deref() {
+        None | Some("millimeter") => 1e-3,
+        Some("micron") => 1e-6,
+        Some("centimeter") => 1e-2,
+        Some("inch") => 0.0254,
+        Some("foot") => 0.3048,
+        Some("meter") => 1.0,
+        Some(other) => return Err(format!("'{other}' is no unit of length of 3MF")),
+    })
+}
+
+/// `#RRGGBB` or `#RRGGBBAA`, encoded as sRGB, as linear RGBA.
+fn color_of(text: &str) -> Option<[f32; 4]> {
+    let digits = text.trim().strip_prefix('#').filter(|d| d.is_ascii() && matches!(d.len(), 6 | 8))?;
+    let byte = |k: usize| match digits.get(2 * k..2 * k + 2) {
+        Some(pair) => u8::from_str_radix(pair, 16).ok(),
+        None => Some(255),
+    };
+    let linear = |k| Some(srgb_table()[usize::from(byte(k)?)]);
+    Some([linear(0)?, linear(1)?, linear(2)?, f32::from(byte(3)?) / 255.0])
+}
+
+fn id(element: &BytesStart) -> Result<u32, String> {
+    index(&require(element, "id")?)
+}
+
+fn index(text: &str) -> Result<u32, String> {
+    let number = text.trim().parse().ok().filter(|number| *number != NONE);
+    number.ok_or_else(|| format!("'{text}' is no number of a resource"))
+}
+
+fn number(text: &str) -> Result<f64, String> {
+    text.trim().parse().map_err(|_| format!("'{text}' is no number"))
+}
+
+fn require(element: &BytesStart, key: &str) -> Result<String, String> {
+    let missing = || format!("'{}' lacks '{key}'", element.local_name().as_ref());
+    attribute(element, key)?.ok_or_else(missing)
+}
+
+/// An attribute by its name without prefix.
+fn attribute(element: &BytesStart, key: &str) -> Result<Option<String>, String> {
+    let mut found = None;
+    for_each(element, |name, value| {
+        if name == key {
+            found = Some(value.to_string());
+        }
+        Ok(())
+    })?;
+    Ok(found)
+}
+
+/// Calls `each` with the names and values of all attributes.
+fn for_each(
+    element: &BytesStart,
+    mut each: impl FnMut(&str, &str) -> Result<(), String>,
+) -> Result<(), String> {
+    for attribute in element.attributes().with_checks(false) {
+        let broken = |e: String| format!("an attribute is damaged: {e}");
+        let attribute = attribute.map_err(|e| broken(e.to_string()))?;
+        let value = attribute.normalized_value(XmlVersion::Implicit1_0).map_err(|e| broken(e.to_string()))?;
+        each(attribute.key.local_name().as_ref(), &value)?;
+    }
+    Ok(())
+}
+
+/// The target of the first relation whose type has an end.
+pub(super) fn target(relations: &str, end: &str) -> Option<String> {
+    let mut reader = Reader::from_str(relations);
+    loop {
+        match reader.read_event().ok()? {
+            Event::Start(element) | Event::Empty(element)
+                if attribute(&element, "Type").ok()?.is_some_and(|kind| kind.ends_with(end)) =>
+            {
+                return attribute(&element, "Target").ok()?;
+            }
+            Event::Eof => return None,
+            _ => {}
+        }
+    }
+}

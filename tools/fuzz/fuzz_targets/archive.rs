@@ -1,0 +1,6 @@
+//! ZIP archives.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+
+fuzz_target!(|data: &[u8]| oscura_fuzz::check(&[("a.zip", data)]));

@@ -1,0 +1,8 @@
+//! The XML of a 3MF package, which is put around it.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+
+fuzz_target!(|data: &[u8]| {
+    oscura_fuzz::check(&[("a.3mf", &oscura_fuzz::stored("3D/3dmodel.model", data))]);
+});
