@@ -267,7 +267,7 @@ impl Display for TooLarge {
         write!(
             f,
             "{} take {about} {size:.1} GiB of acceleration structure, of which {limit:.0} GiB can be addressed; place \
-             meshes several times in place of copies (those of 1024 triangles or more are shared), or render parts apart",
+             meshes several times, which share one, in place of copies, or render parts apart",
             numbers.join(", ")
         )
     }

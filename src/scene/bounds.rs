@@ -2,8 +2,9 @@
 
 use super::{Instance, Mesh, Quad, Scene, Splats};
 use crate::math::DVec3;
+use rayon::prelude::*;
 
-/// Largest number of vertices of a mesh times instances; beyond, the corners of the mesh's bounding box are used.
+/// Largest number of placed vertices in all. Beyond, the corners of bounding boxes stand for the meshes with the most.
 const MOST_VERTICES: usize = 20_000_000;
 
 /// A box around points in world space, metres: its least and its greatest corner; `None` before the first point.
@@ -60,14 +61,33 @@ fn points_of_meshes(scene: &Scene) -> Vec<HullPoints<'_>> {
             *times += 1;
         }
     }
-    let points = |(mesh, &times): (_, &usize)| {
+    let is_boxed = boxed_meshes(scene, &placements);
+    let points = |(mesh, &is_boxed): (_, &bool)| {
         let used = HullPoints::Used(mesh, used_vertices(mesh));
-        if mesh.positions.len().saturating_mul(times) <= MOST_VERTICES {
+        if !is_boxed {
             return used;
         }
         HullPoints::Around(used.extent(|p| p).0.map_or(Vec::new(), |(low, high)| box_corners(low, high)))
     };
-    scene.meshes.iter().zip(&placements).map(points).collect()
+    scene.meshes.par_iter().zip(&is_boxed).map(points).collect()
+}
+
+/// For which meshes the corners of their bounding boxes stand, so that at most [`MOST_VERTICES`] placed points are left.
+fn boxed_meshes(scene: &Scene, placements: &[usize]) -> Vec<bool> {
+    let placed = |i: usize| scene.meshes[i].positions.len().saturating_mul(placements[i]);
+    let mut left = (0..scene.meshes.len()).map(placed).fold(0, usize::saturating_add);
+    let mut largest: Vec<usize> =
+        (0..scene.meshes.len()).filter(|&i| scene.meshes[i].positions.len() > 8).collect();
+    largest.sort_by_key(|&i| std::cmp::Reverse(placed(i)));
+    let mut is_boxed = vec![false; scene.meshes.len()];
+    for i in largest {
+        if left <= MOST_VERTICES {
+            break;
+        }
+        is_boxed[i] = true;
+        left = left.saturating_sub(placed(i)).saturating_add(placements[i].saturating_mul(8));
+    }
+    is_boxed
 }
 
 /// Hands points to `each` whose hull holds all meshes and quads and the middles of curves, in world space. Shapes are left to the caller. The scene
@@ -95,7 +115,7 @@ pub fn instance_extents(scene: &Scene) -> Vec<Extent> {
         let place = |p| i.world_from_object.transform_point3(p);
         points.get(i.mesh.index()).map_or(Extent::default(), |points| points.extent(place))
     };
-    scene.instances.iter().map(of).collect()
+    scene.instances.par_iter().map(of).collect()
 }
 
 /// Marks the vertices that triangles use.
@@ -158,5 +178,18 @@ mod tests {
         assert_eq!(boxes, [Extent(Some((DVec3::Z, DVec3::new(1.0, 2.0, 1.0))))]);
         scene.shapes.push(Shape::sphere(DVec3::ZERO, 3.0, MaterialId(0)));
         assert_eq!(scene_extent(&scene, &boxes), Extent(Some((DVec3::splat(-3.0), DVec3::splat(3.0)))));
+    }
+    /// A thousand meshes of twenty thousand vertices, each in three places, have more vertices than are looked at.
+    #[test]
+    fn boxes_stand_for_meshes_of_many_placed_vertices() {
+        let mut scene = Scene::default();
+        let sheet = |n: usize, z: f32| Mesh { positions: vec![[1.0, 2.0, z]; n], ..Mesh::default() };
+        scene.meshes = (0..1000).map(|i| sheet(20_000, i as f32)).collect();
+        scene.meshes.push(sheet(5, -1.0));
+        let is_boxed = boxed_meshes(&scene, &vec![3; 1001]);
+        // 333 meshes of 60,000 are 19.98 million, the corners of 667 boxes 16,008.
+        assert_eq!(is_boxed.iter().filter(|is| **is).count(), 668);
+        assert!(is_boxed[..668].iter().all(|is| *is) && !is_boxed[1000]);
+        assert!(boxed_meshes(&scene, &vec![0; 1001]).iter().all(|is| !is));
     }
 }

@@ -1,7 +1,7 @@
 //! Large images that become textures stay encoded while a scene is loaded: only their headers are read.
 
 use super::source::{ImageFile, Source, Use};
-use super::{decode, format_of, jpeg_is_complete, metadata_warnings, source};
+use super::{Layout, decode, format_of, jpeg_is_complete, metadata_warnings, source};
 use crate::error::{Error, Result, Warning};
 use crate::image::{Damage, Encoded, Encoding, Image, ImageSource, Pixels};
 use image::{ColorType, ImageDecoder, ImageFormat, ImageReader};
@@ -36,8 +36,8 @@ pub(crate) fn for_texture(
     let source = of.source();
     let mut own = Vec::new();
     // Errors are found once more by the decoder, with all that is to be said.
-    let header = source::guarded(&source, || header(&source, of.mime, &mut own)).ok().flatten();
-    let Some(Header { size: [width, height], channels, bits }) = header else {
+    let layout = source::guarded(&source, || layout(&source, of.mime, &mut own)).ok().flatten();
+    let Some(Layout { size: [width, height], channels, bits }) = layout else {
         return decode(of, purpose, warnings);
     };
     warnings.append(&mut own);
@@ -75,17 +75,24 @@ pub(crate) fn read_for_texture(
     Ok(image)
 }
 
-struct Header {
-    size: [u32; 2],
-    channels: u32,
-    bits: u32,
-}
-
-/// The header of a large image; `None` if it is better decoded at once.
-fn header(source: &Source, mime: Option<&str>, warnings: &mut Vec<Warning>) -> Result<Option<Header>> {
-    if super::ktx2::is_ktx2(source.bytes) {
+/// The layout of a large image; `None` if it is better decoded at once.
+fn layout(source: &Source, mime: Option<&str>, warnings: &mut Vec<Warning>) -> Result<Option<Layout>> {
+    let found = match super::ktx2::is_ktx2(source.bytes) {
+        true => super::ktx2::layout(source, warnings)?,
+        false => common_layout(source, mime, warnings)?,
+    };
+    let Some(found) = found else { return Ok(None) };
+    let ([width, height], channel) = (found.size.map(u64::from), u64::from(found.bits / 8));
+    let bytes = width * height * u64::from(found.channels) * channel;
+    if bytes < LARGE {
         return Ok(None);
     }
+    source::check_memory(source, width, height, bytes)?;
+    Ok(Some(found))
+}
+
+/// The same of what the crate `image` decodes; `None` for floats and palettes, too.
+fn common_layout(source: &Source, mime: Option<&str>, warnings: &mut Vec<Warning>) -> Result<Option<Layout>> {
     let format = format_of(source, mime, warnings)?;
     if matches!(format, ImageFormat::OpenExr | ImageFormat::Hdr) {
         return Ok(None);
@@ -110,15 +117,10 @@ fn header(source: &Source, mime: Option<&str>, warnings: &mut Vec<Warning>) -> R
         ColorType::Rgba16 => (4, 16),
         _ => return Ok(None),
     };
-    let bytes = u64::from(width) * u64::from(height) * u64::from(channels * bits / 8);
-    if bytes < LARGE {
-        return Ok(None);
-    }
-    source::check_memory(source, width.into(), height.into(), bytes)?;
     if format == ImageFormat::Jpeg && !jpeg_is_complete(source.bytes) {
         warnings.push(source.warning(super::CUT_SHORT));
     }
-    Ok(Some(Header { size: [width, height], channels, bits }))
+    Ok(Some(Layout { size: [width, height], channels, bits }))
 }
 
 /// The header as a decoder reports it.

@@ -1,12 +1,10 @@
 //! KTX2 to pixels: Basis Universal textures (ETC1S, UASTC and their relatives, KHR_texture_basisu), and plain 8-bit
 //! pixels, also deflated by Zstandard or ZLIB. The first level of the first layer is read.
 
-use super::source;
-use super::source::{Source, Use};
+use super::source::{self, Source, Use};
+use super::{Layout, basis};
 use crate::error::{Result, Warning};
 use crate::image::{Encoding, Image, Pixels};
-use basisu::{DecodeFlags, SourceFormat, TargetFormat, Transcoder};
-use half::f16;
 use std::sync::Arc;
 
 /// The first bytes of each KTX2 file.
@@ -33,8 +31,47 @@ struct Header {
     level: [u64; 3],
 }
 
+/// Size, channels and bits of a channel of the image that [`decode`] gives, without its pixels; `None` where they are floats.
+///
+/// # Errors
+/// Those of [`decode`] that the header shows.
+pub(super) fn layout(source: &Source, warnings: &mut Vec<Warning>) -> Result<Option<Layout>> {
+    let header = checked_header(source, warnings)?;
+    let size = [header.width, header.height.max(1)];
+    let channels = match plain_channels(header.format) {
+        Some(channels) => Some(channels),
+        None => basis::channels(source)?,
+    };
+    // What is cut off is best decoded, and reported, at once.
+    let [offset, length, inflated] = header.level;
+    let pixels = u64::from(size[0]) * u64::from(size[1]);
+    let least = match (plain_channels(header.format), header.supercompression) {
+        (Some(channels), _) => pixels * u64::from(channels),
+        // BasisLZ doesn't know; the widest blocks of the others hold 6 x 6 pixels in 16 bytes.
+        (None, BASIS_LZ) => 0,
+        (None, _) => pixels * 16 / 36,
+    };
+    if offset.saturating_add(length) > source.bytes.len() as u64 || inflated < least {
+        return Ok(None);
+    }
+    Ok(channels.map(|channels| Layout { size, channels, bits: 8 }))
+}
+
 /// Decodes the largest level of the first layer and face; warns of others.
 pub(super) fn decode(source: &Source, purpose: Use, warnings: &mut Vec<Warning>) -> Result<Image> {
+    let header = checked_header(source, warnings)?;
+    let (width, height) = (header.width, header.height.max(1));
+    let (channels, pixels) = match plain_channels(header.format) {
+        Some(channels) => (channels, plain(source, &header, channels)?),
+        None => basis::transcode(source, u64::from(width) * u64::from(height))?,
+    };
+    let is_linear = purpose == Use::Data || matches!(pixels, Pixels::F32(_));
+    let encoding = if is_linear { Encoding::Linear } else { Encoding::Srgb };
+    Ok(Image { name: source.name(), width, height, channels, encoding, pixels: Arc::new(pixels) })
+}
+
+/// The header of an image of a possible size; warns of images beside the first.
+fn checked_header(source: &Source, warnings: &mut Vec<Warning>) -> Result<Header> {
     let header =
         Header::read(source.bytes).ok_or_else(|| source.error("is a KTX2 file cut off in its header"))?;
     if header.depth > 0 {
@@ -48,24 +85,12 @@ pub(super) fn decode(source: &Source, purpose: Use, warnings: &mut Vec<Warning>)
     if header.level[2] > 16 * width * height + 4096 {
         return Err(source.error(format!("claims {} bytes for {width} x {height} pixels", header.level[2])));
     }
-    let (channels, pixels) = match plain_channels(header.format) {
-        Some(channels) => (channels, plain(source, &header, channels)?),
-        None => basis(source, width * height)?,
-    };
     // 0 layers mark what is no list of textures.
     if header.layers > 1 || header.faces > 1 {
         let (layers, faces) = (header.layers.max(1), header.faces);
         warnings.push(source.warning(format!("holds {layers} x {faces} images; the first is taken")));
     }
-    let is_linear = purpose == Use::Data || matches!(pixels, Pixels::F32(_));
-    Ok(Image {
-        name: source.name(),
-        width: header.width,
-        height: header.height.max(1),
-        channels,
-        encoding: if is_linear { Encoding::Linear } else { Encoding::Srgb },
-        pixels: Arc::new(pixels),
-    })
+    Ok(header)
 }
 
 impl Header {
@@ -123,6 +148,7 @@ fn plain(source: &Source, header: &Header, channels: u32) -> Result<Pixels> {
 }
 
 /// Schemes of supercompression (KTX 2.0, section 3.9).
+const BASIS_LZ: u32 = 1;
 const ZSTANDARD: u32 = 2;
 const ZLIB: u32 = 3;
 
@@ -140,55 +166,4 @@ fn unzstd(source: &Source, held: &[u8], size: usize) -> Result<Vec<u8>> {
 #[cfg(not(feature = "ktx2"))]
 fn unzstd(source: &Source, _: &[u8], _: usize) -> Result<Vec<u8>> {
     Err(source.lacks(crate::load::decoders::Decoder::Ktx2))
-}
-
-/// Basis Universal as RGB(A), 8-bit or float.
-#[cfg(feature = "ktx2")]
-fn basis(source: &Source, pixels: u64) -> Result<(u32, Pixels)> {
-    transcode(source, pixels)
-}
-
-#[cfg(not(feature = "ktx2"))]
-fn basis(source: &Source, _: u64) -> Result<(u32, Pixels)> {
-    Err(source.lacks(crate::load::decoders::Decoder::Ktx2))
-}
-
-// Basis Universal textures in KTX2 files (ETC1S, UASTC and their relatives), by `basisu`.
-
-/// Red, green, blue, and alpha if there is any, 8-bit or float: the number of channels and the pixels.
-///
-/// # Errors
-/// An input error if the texture is broken or doesn't have that many pixels.
-pub(super) fn transcode(source: &Source, pixels: u64) -> Result<(u32, Pixels)> {
-    let transcode = || {
-        let texture = Transcoder::new(source.bytes).map_err(|e| format!("{e:?}"))?;
-        let is_hdr = matches!(
-            texture.source_format(),
-            SourceFormat::UastcHdr4x4 | SourceFormat::AstcHdr6x6 | SourceFormat::UastcHdr6x6
-        );
-        let target = if is_hdr { TargetFormat::RgbaHalf } else { TargetFormat::Rgba32 };
-        let bytes =
-            texture.transcode_image(0, 0, 0, target, DecodeFlags::NONE).map_err(|e| format!("{e:?}"))?;
-        Ok((is_hdr, texture.has_alpha(), bytes))
-    };
-    let (is_hdr, has_alpha, bytes) = transcode()
-        .map_err(|e: String| source.error(format!("can't be read as a Basis Universal texture: {e}")))?;
-    let expected = pixels * if is_hdr { 8 } else { 4 };
-    if bytes.len() as u64 != expected {
-        let found = bytes.len();
-        return Err(source.error(format!("holds {found} bytes of pixels in place of {expected}")));
-    }
-    let kept = if has_alpha { 4 } else { 3 };
-    let pixels = if is_hdr {
-        let halves = bytes.as_chunks::<8>().0.iter().flat_map(|pixel| {
-            let channel = |c: usize| f16::from_le_bytes([pixel[2 * c], pixel[2 * c + 1]]).to_f32();
-            (0..kept).map(channel)
-        });
-        Pixels::F32(halves.collect())
-    } else if has_alpha {
-        Pixels::U8(bytes)
-    } else {
-        Pixels::U8(bytes.as_chunks::<4>().0.iter().flat_map(|p| [p[0], p[1], p[2]]).collect())
-    };
-    Ok((kept as u32, pixels))
 }

@@ -3,6 +3,7 @@
 //! What was 8-bit in the file stays 8-bit. The format is told by the content; TGA, which has no signature, by its media
 //! type or name. Sizes are compared with the file's length before anything is allocated (`limits`).
 
+mod basis;
 mod deferred;
 mod ktx2;
 mod metadata;
@@ -25,6 +26,14 @@ use source::{guarded, read_bytes, signature};
 use std::io::Cursor;
 use std::path::Path;
 use std::sync::Arc;
+
+/// What the header of an image says of its pixels.
+struct Layout {
+    size: [u32; 2],
+    channels: u32,
+    /// Of a channel: 8 or 16.
+    bits: u32,
+}
 
 /// The warning about a truncated JPEG file.
 const CUT_SHORT: &str = "the JPEG lacks its end, so that a part of it may be missing; the rest is grey";

@@ -97,6 +97,45 @@ fn plain_ktx2_and_its_damage() {
     }
 }
 
+/// An image in the file itself, which no later decoding misses.
+fn load_embedded(bytes: &[u8]) -> Result<Loaded, Error> {
+    use base64::Engine;
+    let text = base64::engine::general_purpose::STANDARD.encode(bytes);
+    let asset = textured(&format!("data:image/ktx2;base64,{text}"), json!({"source": 0}));
+    load_with(&asset, &[("a.bin", &triangle_bytes()), ("red.png", RED)])
+}
+
+/// Large ones are decoded when a picture needs them, to the same pixels.
+#[test]
+fn large_ktx2_files_stay_encoded() {
+    let pixels: Vec<u8> =
+        (0..1024 * 512 * 4u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
+    let whole = ktx2(43, 1024, 512, &pixels);
+    let scene = load_embedded(&whole).unwrap_or_else(|e| panic!("{e}")).scene;
+    let image = &scene.images[0];
+    assert!(image.is_encoded() && (image.width, image.height, image.channels) == (1024, 512, 4));
+    assert_eq!(image.encoding, Encoding::Srgb);
+    let decoded = image.decoded().unwrap_or_else(|_| panic!("damaged"));
+    assert!(matches!(&*decoded.pixels, oscura::image::Pixels::U8(read) if *read == pixels));
+    // Damage that the header shows is reported while loading.
+    let said = lost(&load_embedded(&whole[..whole.len() - 1]));
+    assert!(said.contains("constants are used alone"), "{said}");
+}
+
+#[cfg(feature = "ktx2")]
+#[test]
+fn large_basis_universal_textures_stay_encoded() {
+    let blocks: Vec<u8> = (0..256 * 256u32).flat_map(|i| solid_block((i * 251).to_le_bytes())).collect();
+    let whole = ktx2(0, 1024, 1024, &blocks);
+    let scene = load_embedded(&whole).unwrap_or_else(|e| panic!("{e}")).scene;
+    let image = &scene.images[0];
+    assert!(image.is_encoded() && (image.width, image.height, image.channels) == (1024, 1024, 4));
+    let decoded = image.decoded().unwrap_or_else(|_| panic!("damaged"));
+    let oscura::image::Pixels::U8(read) = &*decoded.pixels else { panic!("not bytes") };
+    let at = 4 * (1024 * (4 * 3 + 1) + 4 * 200 + 2);
+    assert_eq!(read[at..at + 4], ((3 * 256 + 200) * 251u32).to_le_bytes());
+}
+
 #[test]
 fn lists_of_textures_in_a_ktx2_file_give_the_first_with_a_warning() {
     let asset = textured("a.ktx2", json!({"source": 0}));

@@ -103,6 +103,11 @@ const AXES: &[Axis] = &[
         scene: |generated, n| gltf(generated, many::instances(n as usize)),
     },
     Axis {
+        name: "instances, small",
+        sizes: (10, 1_000_000, 10),
+        scene: |generated, n| gltf(generated, many::small_instances(n as usize)),
+    },
+    Axis {
         name: "nodes in chains",
         sizes: (100, 1_000_000, 10),
         scene: |generated, n| gltf(generated, many::chains(n as usize)),

@@ -164,9 +164,19 @@ fn meshes(n: usize, grid: u32, uses: usize) -> Model {
 
 /// A mesh of 1,058 triangles in `n` places.
 pub fn instances(n: usize) -> Model {
+    placed(n, SHARED_GRID)
+}
+
+/// A mesh of 128 triangles in `n` places.
+pub fn small_instances(n: usize) -> Model {
+    placed(n, 8)
+}
+
+/// A sheet of `2 grid grid` triangles in `n` places.
+fn placed(n: usize, grid: u32) -> Model {
     let mut model = Builder::default();
-    let indices = model.indices(&sheet_indices(SHARED_GRID));
-    let positions = model.floats(&sheet(SHARED_GRID, 1), "VEC3", 3);
+    let indices = model.indices(&sheet_indices(grid));
+    let positions = model.floats(&sheet(grid, 1), "VEC3", 3);
     model.mesh(positions, indices, "");
     for i in 0..n {
         let [x, y] = in_square(i, n);
