@@ -162,6 +162,10 @@ pub(super) fn check(args: &RenderArgs) -> Result<()> {
         let message = "parts of an image need the same number of samples: --noise and --quality don't go together with .part";
         return Err(Error::usage(message).with_help("give --spp, or render the part to an image"));
     }
+    if parts(args) > 0 && long.region.is_some() && long.time_limit.is_some() {
+        let message = "parts of an image need the same number of samples: --time-limit doesn't go together with --region and .part";
+        return Err(Error::usage(message).with_help("give --spp, or render the region to an image"));
+    }
     check_parts(args)?;
     match &long.checkpoint {
         Some(file) if !is_sequence => check_file(args, file),

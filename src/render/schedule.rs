@@ -175,11 +175,10 @@ impl RenderOptions {
             let message = "parts of pictures whose pixels get different numbers of samples can't be rendered";
             return Err(Error::usage(message).with_help("leave adaptive sampling off"));
         }
-        if self.is_part() && self.time_limit.is_some() {
-            return Err(Error::usage("parts of pictures have all their samples, whatever time that takes"));
-        }
-        if self.sample_range.is_some() && self.noise.is_some() {
-            return Err(Error::usage("a noise threshold doesn't go together with a range of samples"));
+        if self.sample_range.is_some() && (self.noise.is_some() || self.time_limit.is_some()) {
+            let message =
+                "a range of samples is rendered whole: it takes no noise threshold and no time limit";
+            return Err(Error::usage(message));
         }
         Ok(())
     }

@@ -42,6 +42,25 @@ fn a_generous_time_limit_changes_nothing() {
     assert_eq!(attribute(&folder.path().join("a.exr"), "stoppedBy"), None);
 }
 
+/// A crop of a picture ends in time, too; a part of one, which has to have all its samples, is refused.
+#[test]
+fn crops_have_time_limits() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = cornell();
+    let fixed = ["render", &scene, "--width", "64", "--spp", "1000000", "--time-limit", "0.3", "--json"];
+    let run = |more: &[&str]| oscura(folder.path(), &[&fixed[..], more].concat());
+    for crop in ["--crop", "--region"] {
+        let output = run(&["-o", "a.exr", crop, "8,8,40,24"]);
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        let report = report(&output);
+        let samples = report["samples_per_pixel"].as_f64().expect("a number");
+        assert!(report["timed_out"] == true && samples > 0.0 && samples < 1e6, "{report}");
+    }
+    let output = run(&["-o", "a.part", "--region", "8,8,40,24"]);
+    assert_eq!(code(&output), 2, "{}", stderr(&output));
+    assert!(stderr(&output).contains("--time-limit"), "{}", stderr(&output));
+}
+
 /// Learning what guides paths takes a small part of the time, and the picture is there.
 #[test]
 fn a_time_limit_leaves_time_for_guided_pictures() {
