@@ -324,6 +324,7 @@ fn what_is_exported_of_trees_and_surfaces_and_beside_the_model() {
         "test_volumes.py",
         "test_nodes.py",
         "test_beside.py",
+        "test_foreign.py",
     ]
     .into_iter()
     .for_each(python_test);

@@ -172,6 +172,8 @@ fn faults_are_told_with_their_place() {
         |resources: &str, build: &str| read("", resources, build).expect_err("it is refused").to_string();
     assert!(refusal("", "").contains("shows nothing"));
     assert!(refusal("", "<item objectid='7'/>").contains("object 7: is placed, but not defined"));
+    let beams = "<object id='1'><mesh><b:beamlattice><b:beams><b:beam v1='0'/></b:beams></b:beamlattice></mesh></object>";
+    assert!(refusal(beams, "<item objectid='1'/>").contains("shows nothing: beams of lattices are not read"));
     let cycle = "<object id='1'><components><component objectid='1'/></components></object>";
     assert!(refusal(cycle, "<item objectid='1'/>").contains("holds itself"));
     let bad = CORNER.replace("y='10'", "y='ten'");

@@ -57,8 +57,10 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         loaded.left_out.push(format!("{supports} objects that support others while they are printed"));
     }
     if loaded.scene.instances.is_empty() {
+        let what =
+            if unread.is_empty() { String::new() } else { format!(": {} are not read", unread.join(", ")) };
         let help = "the file's build names no object with triangles";
-        return Err(Error::input(path, "shows nothing").with_help(help));
+        return Err(Error::input(path, format!("shows nothing{what}")).with_help(help));
     }
     loaded.up_hint = UpHint { writer: Some((Up::Z, "the 3MF specification")), is_mostly_y: false };
     loaded.scene.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();

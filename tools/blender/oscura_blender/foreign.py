@@ -65,7 +65,7 @@ def _import(file, report):
         _mend_sizes(scene, report)
     if extension == "fbx":
         _mend_lamps(scene, report)
-    _leave_out_lost_images(report)
+    _mend_materials(report)
     _choose_camera(scene)
     _tell(scene, extension, report)
 
@@ -122,16 +122,39 @@ def _mend_lamps(scene, report):
             report.note(lamp.name, f"its intensity of {percent:.4g} % is taken as {lamp.data.energy:.4g} W: FBX has no unit for it")
 
 
-def _leave_out_lost_images(report):
-    """Importers leave textures without an image where a file is missing: they would be black."""
-    lost = 0
+def _mend_materials(report):
+    """Importers leave textures without an image where a file is missing, and materials without nodes where they know none of them (MaterialX):
+    both would be black."""
+    lost = empty = 0
     for material in bpy.data.materials:
-        nodes = material.node_tree.nodes if material.node_tree else []
-        for node in [node for node in nodes if node.type == "TEX_IMAGE" and node.image is None]:
-            nodes.remove(node)
+        tree = material.node_tree
+        if tree is None:
+            continue
+        for node in [node for node in tree.nodes if node.type == "TEX_IMAGE" and node.image is None]:
+            _without(node)
+            tree.nodes.remove(node)
             lost += 1
+        if not any(node.type == "OUTPUT_MATERIAL" and any(socket.is_linked for socket in node.inputs) for node in tree.nodes):
+            _diffuse(tree, material.diffuse_color)
+            empty += 1
     if lost:
         report.warn("", f"{lost} textures whose images are missing are left out: the other values of their materials count")
+    if empty:
+        report.warn("", f"{empty} materials have nothing that Blender reads: they have one colour")
+
+
+def _without(node):
+    """What a lost texture was to make shine is dark."""
+    for link in [link for output in node.outputs for link in output.links]:
+        if link.to_socket.name.startswith("Emission") and link.to_socket.type == "RGBA":
+            link.to_socket.default_value = (0, 0, 0, 1)
+
+
+def _diffuse(tree, color):
+    tree.nodes.clear()
+    surface, output = tree.nodes.new("ShaderNodeBsdfPrincipled"), tree.nodes.new("ShaderNodeOutputMaterial")
+    surface.inputs["Base Color"].default_value = color
+    tree.links.new(surface.outputs["BSDF"], output.inputs["Surface"])
 
 
 def _choose_camera(scene):

@@ -45,6 +45,7 @@ fn argument(choice: Choice) -> &'static str {
         Choice::Glass => "glass=",
         Choice::Ground => "ground=",
         Choice::LightUnits => "light_units=",
+        Choice::MemoryLimit => "the memory limit",
         Choice::NoSidecar => "sidecar=False",
         Choice::PointRadius => "point_radius=",
         Choice::Smooth => "smooth=",
