@@ -6,7 +6,7 @@ import struct
 import bpy
 import numpy as np
 
-from . import cache, fingerprint, glow, grids, media, shaders, trees
+from . import cache, fingerprint, glow, grids, media, shaders, sidecar, trees
 from .glb import Y_UP
 from .context import choose, opened
 from .report import listed
@@ -96,8 +96,7 @@ class Density:
         if "emission" in entries:
             report.warn(self.material.name, "the light of its volume goes by its density here")
             entries = grids.greyed(entries)
-        place = [{"matrix": [v for row in Y_UP @ self.matrix for v in row]}]
-        return {"type": "medium", "grid": file, "transform": place, **entries}
+        return {"type": "medium", "grid": file, "transform": sidecar.placed(Y_UP @ self.matrix), **entries}
 
     def _kept(self, bake_scene, store):
         digest = cache.digest()

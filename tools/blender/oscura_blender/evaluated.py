@@ -176,7 +176,7 @@ def _write(made, holder, known, told, report):
 
 def _place(matrix, mark, moves):
     """Where an object is: its transform, or its motion in place of one."""
-    turned = lambda matrix: [{"matrix": [float(x) for row in Y_UP @ matrix for x in row]}]
+    turned = lambda matrix: sidecar.placed(Y_UP @ matrix)
     matrices = moves.of(mark) if moves is not None else None
     if matrices is None or any(abs(then.to_3x3().determinant()) < 1e-30 for then in matrices):
         return {"transform": turned(matrix)}

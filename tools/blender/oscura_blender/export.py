@@ -9,7 +9,7 @@ import bpy
 
 import addon_utils  # isort: skip (bpy puts it on the path)
 
-from . import cache, camera, context, evaluated, geometry, glb, hair, lights, motion, node_graph, settings, sidecar, volumes, world
+from . import adaptive, cache, camera, context, evaluated, geometry, glb, hair, lights, motion, node_graph, settings, sidecar, volumes, world
 from .report import Report, Stop, listed
 
 OLDEST = (4, 2, 0)
@@ -89,6 +89,7 @@ def _collected(scene, layer, grids, options, report):
         shutter = motion.shutter(scene, options, layer)
         return found, motion.record(scene, graph, found, shutter) if shutter is not None else None, boxes
 
+    adaptive.settle(scene, report)
     return context.in_final_render(scene, layer, look)
 
 
@@ -150,7 +151,7 @@ def _go_to_moment(scene, options):
 def _settings(scene, found, boxes, store, options, report):
     """The tables of the file of settings, and the nodes of cameras and lights."""
     tables = [("[render]", settings.read(scene, found, options.folder, options.name, report))]
-    tables.append(("[environment]", world.entries(scene, options.folder, options.name, store, report)))
+    tables.append(("[environment]", world.entries(scene, found.questions.layer, options.folder, options.name, store, report)))
     cameras, named = [], []
     opened = motion.shutter(scene, options, found.questions.layer)
     for obj in found.cameras:

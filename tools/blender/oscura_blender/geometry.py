@@ -83,24 +83,22 @@ def collect(scene, layer, graph, store, report):
         if _is_replaced(instance):
             continue
         traits = lambda: traits_of(_extras(found, obj, instance.parent))
-        if instance.show_particles and (instance.is_instance or not original.hide_render):
+        if layer.use_strand and instance.show_particles and (instance.is_instance or not original.hide_render):
             hair.add_particles(found, obj, instance, traits())
         if not instance.show_self or (not instance.is_instance and original.hide_render):
             continue
         if obj.type == "LIGHT":
             found.lights.append((original, instance.matrix_world.copy()))
             found.light_marks.append(mark(instance))
-        elif obj.type == "CURVES":
+        elif obj.type == "CURVES" and layer.use_strand:
             hair.add_curves(found, obj, instance, traits())
-        elif obj.type == "VOLUME":
+        elif obj.type == "VOLUME" and layer.use_volumes:
             _add_volume(found, obj, instance, store, report)
         elif obj.type in LOST:
             lost.setdefault(LOST[obj.type], []).append(original.name)
-        elif obj.type in MESHES:
+        elif obj.type in MESHES and layer.use_solid:
             # Curves, texts and metaballs come once more, with their faces, as instances of themselves.
             _add_mesh(found, obj, instance, report)
-        if _is_adaptive(original, scene):
-            report.warn(original.name, "adaptive subdivision is not supported: it is subdivided as often as its modifier says")
         if not instance.is_instance:
             _tell_of_the_rest(original, report)
     for what, names in lost.items():
@@ -298,17 +296,6 @@ def _values(mesh, name, size):
     if name in mesh.attributes:
         mesh.attributes[name].data.foreach_get("value", found)
     return found
-
-
-def _is_adaptive(obj, scene):
-    """Does Cycles subdivide an object as finely as the camera sees it?"""
-    last = obj.modifiers[-1] if obj.modifiers else None
-    if last is None or last.type != "SUBSURF" or not last.show_render or context.engine_of(scene) != "CYCLES":
-        return False
-    # Blender 5 and newer, or older ones.
-    if hasattr(last, "use_adaptive_subdivision"):
-        return last.use_adaptive_subdivision
-    return obj.cycles.use_adaptive_subdivision and scene.cycles.feature_set == "EXPERIMENTAL"
 
 
 def _tell_of_the_rest(obj, report):

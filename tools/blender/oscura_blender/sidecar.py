@@ -28,6 +28,11 @@ def value(of):
     return number(of)
 
 
+def placed(matrix):
+    """A transform by a matrix: its last row exactly, which products of Blender's matrices have up to rounding."""
+    return [{"matrix": [float(x) for row in list(matrix)[:3] for x in row] + [0.0, 0.0, 0.0, 1.0]}]
+
+
 def table(title, entries):
     """A table; keys whose value is None are left out."""
     lines = [f"{key} = {value(v)}" for key, v in entries.items() if v is not None]

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
-from . import grids
+from . import grids, sidecar
 
 # Kinds of grids that are read.
 NUMBERS = ("FLOAT", "DOUBLE")
@@ -92,7 +92,7 @@ def add(store, obj, instance, name, report):
     where = {}
     if "grid_name" in entries:
         turned = store.up @ matrix @ store.up.inverted()
-        where = {"grid": file, "up": "z", "transform": [{"matrix": [value for row in turned for value in row]}]}
+        where = {"grid": file, "up": "z", "transform": sidecar.placed(turned)}
     corners = _corners(obj, data, AROUND if where else 0)
     mesh = bpy.data.meshes.new(name)
     is_mirrored = matrix.determinant() < 0

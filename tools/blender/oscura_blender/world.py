@@ -28,9 +28,9 @@ class _Target:
         self.folder, self.name, self.store = folder, name, store
 
 
-def entries(scene, folder, name, store, report):
+def entries(scene, layer, folder, name, store, report):
     """The entries of [environment]; pictures go to the folder."""
-    world = scene.world
+    world = scene.world if layer.use_sky else None
     factor = film_exposure(scene)
     hidden = scene.render.film_transparent or (world is not None and not world.cycles_visibility.camera)
     seen, found = _parts(world, _Target(folder, name, store), hidden, report)
