@@ -25,7 +25,7 @@ use crate::color::Rgb;
 use crate::math::{Frame, Vec3};
 use crate::scene::{
     Clearcoat, ColorSlot, DiffuseTransmission, EnergyCompensation, FloatSlot, FresnelModel, GlassReflection,
-    Iridescence, PbrMaterial, ShadingModel,
+    Iridescence, PbrMaterial, ShadingModel, SkippedCaustics,
 };
 use std::f32::consts::FRAC_1_PI;
 
@@ -72,6 +72,15 @@ const PARTS: usize = 6;
 const GLASS: usize = 5;
 
 impl Layered {
+    /// Takes glossy reflection or transmission away; sheen and what is diffuse stay.
+    pub(super) fn leave_out(&mut self, lobes: SkippedCaustics) {
+        if lobes.reflective {
+            self.opaque.leave_out_reflection();
+            (self.coat.factor, self.film.factor) = (0.0, 0.0);
+        }
+        self.glass.leave_out(lobes);
+    }
+
     #[inline]
     fn closure(&self, wo: Vec3) -> LayeredClosure {
         let above = ggx::above(wo);

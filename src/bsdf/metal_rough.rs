@@ -76,6 +76,12 @@ impl MetalRough {
 }
 
 impl<S: Facets> MetalRough<S> {
+    /// Takes the layer and the metal away.
+    pub fn leave_out_reflection(&mut self) {
+        (self.layer_f0, self.layer_f90) = (Rgb::ZERO, 0.0);
+        (self.metal_f0, self.metallic) = (Rgb::ZERO, 0.0);
+    }
+
     /// What a direction above the surface sees.
     #[inline(always)]
     pub fn closure(&self, above: Vec3) -> MetalRoughClosure {

@@ -47,7 +47,9 @@ pub use thin_film::ThinFilm;
 
 use crate::color::Rgb;
 use crate::math::Vec3;
-use crate::scene::{ColorSlot, EnergyCompensation, FresnelModel, GlassReflection, Model, PbrMaterial};
+use crate::scene::{
+    ColorSlot, EnergyCompensation, FresnelModel, GlassReflection, Model, PbrMaterial, SkippedCaustics,
+};
 use lobe::{always, with_side};
 use microsurface::MicrosurfaceProgram;
 
@@ -107,6 +109,25 @@ impl Bsdf {
             Bsdf::RoughDielectric(glass) => Bsdf::RoughDielectric(without(glass)),
             Bsdf::Layered(layered) => Bsdf::Layered(Layered { glass: without(layered.glass), ..layered }),
             other => other,
+        }
+    }
+
+    /// Takes glossy reflection or transmission away, of lobes that are mirrors or smooth as well. Glass that keeps one of them
+    /// keeps what its facets make of the other's energy.
+    pub fn leave_out(&mut self, lobes: SkippedCaustics) {
+        let SkippedCaustics { reflective, refractive } = lobes;
+        match self {
+            Bsdf::SchlickMetal(_) | Bsdf::Conductor(_) if reflective => *self = Bsdf::Black,
+            Bsdf::Phong(phong) if reflective => phong.specular = Rgb::ZERO,
+            Bsdf::MetalRough(material) if reflective => material.leave_out_reflection(),
+            Bsdf::Dielectric(_) | Bsdf::ThinDielectric(_) | Bsdf::RoughDielectric(_)
+                if reflective && refractive =>
+            {
+                *self = Bsdf::Black;
+            }
+            Bsdf::RoughDielectric(glass) => glass.leave_out(lobes),
+            Bsdf::Layered(layered) => layered.leave_out(lobes),
+            _ => {}
         }
     }
 

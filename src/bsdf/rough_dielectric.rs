@@ -8,7 +8,7 @@ use super::{
 };
 use crate::color::Rgb;
 use crate::math::Vec3;
-use crate::scene::{ColorSlot, EnergyCompensation, GlassReflection};
+use crate::scene::{ColorSlot, EnergyCompensation, GlassReflection, SkippedCaustics};
 
 /// Alpha times (ior - 1) below which refraction spreads light by less than single precision can tell from a single
 /// direction: the surface counts as smooth.
@@ -121,6 +121,16 @@ impl RoughDielectric {
     pub(super) fn roughen(&mut self, least: f32) {
         if self.walls == Walls::Solid {
             self.surface.roughen(least);
+        }
+    }
+
+    /// Takes reflection or transmission away.
+    pub(super) fn leave_out(&mut self, lobes: SkippedCaustics) {
+        if lobes.refractive {
+            self.tint = Rgb::ZERO;
+        }
+        if lobes.reflective {
+            self.reflectance = GlassReflectance::Colored(GlassReflection::None);
         }
     }
 

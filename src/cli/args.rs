@@ -215,7 +215,7 @@ pub(crate) struct RenderArgs {
     pub clamp: Option<Clamp>,
     #[arg(long, help = setting_help("filter_glossy"), value_name = "F", allow_negative_numbers = true, value_parser = strength)]
     pub filter_glossy: Option<f32>,
-    /// Lift the limits of bounces, the clamps and the glossy filter that a scene asks for, as files of Blender do.
+    /// Lift the limits of bounces, the clamps and the glossy filter that a scene asks for, as files of Blender do, and render the caustics that it leaves out.
     #[arg(long, conflicts_with_all = ["bounces", "clamp", "filter_glossy"])]
     pub unbiased: bool,
     #[arg(long, help = setting_help("seed"), value_name = "N", allow_negative_numbers = true)]

@@ -26,7 +26,7 @@ use oscura::render::{
 };
 use oscura::scene::{
     BounceLimits, Camera, Clamp, EnergyCompensation, Environment, Filter, FresnelModel, ImageId, Model,
-    Motion, Moving, RayKinds, Scene, Settings,
+    Motion, Moving, RayKinds, Scene, Settings, SkippedCaustics,
 };
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -65,6 +65,7 @@ pub(crate) fn choices(args: &RenderArgs) -> Choices {
             bounces: args.bounces.or(args.unbiased.then_some(BounceLimits::NONE)),
             clamp: args.clamp.or(args.unbiased.then_some(Clamp::NONE)),
             filter_glossy: args.filter_glossy.or(args.unbiased.then_some(0.0)),
+            skip_caustics: args.unbiased.then_some(SkippedCaustics::NONE),
             seed: args.seed,
             filter,
             energy_compensation,

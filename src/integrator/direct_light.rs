@@ -12,7 +12,7 @@ use super::guiding::Guided;
 use super::mis::LightPdf;
 use super::radiance_buffer::RadianceOrigin;
 use super::sampling::Purpose;
-use super::shading_geometry::terminator;
+use super::shading_geometry::terminator_at;
 use super::shading_groups::{
     Closure, GeneralClass, LambertClass, MediumClass, MetalRoughClass, SortedVertices, VertexClass,
 };
@@ -462,7 +462,7 @@ impl<C: VertexClass, const SOFT: bool> Kernel for Direct<'_, C, SOFT> {
             let pdf = eval.pdf_solid_angle * self.counts.branches * self.class.light_density(v, i);
             let mut weight = light_pdf.mis_weight_over_pdf(pdf) * self.counts.share;
             if SOFT && !C::Closure::IN_MEDIUM && !closure.crosses(wi) {
-                weight *= terminator(ns * side, ng * side, wi);
+                weight *= terminator_at(self.class.is_mapped(v, i), ns * side, ng * side, wi);
             }
             let is_lit = !light_pdf.is_none() & (!C::Closure::OPAQUE | (height > 0.0));
             let weight = if is_lit { weight } else { 0.0 };

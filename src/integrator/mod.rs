@@ -30,6 +30,7 @@ mod sampling;
 mod scatter;
 mod shading_geometry;
 mod shading_groups;
+mod skipped_caustics;
 mod slabs;
 mod stages;
 mod surface;
@@ -51,7 +52,7 @@ pub use workspace::{RayCounts, Workspace};
 use crate::compile::{CompiledScene, View};
 use crate::film::{AovSet, AovSpace, FilterSampler, MatteIds, Source};
 use crate::sampling::sampler::Dimensions;
-use crate::scene::{BounceLimits, Clamp};
+use crate::scene::{BounceLimits, Clamp, SkippedCaustics};
 use interior::CameraInterior;
 use radiance_buffer::Layers;
 use reuse::Tiling;
@@ -70,6 +71,8 @@ pub struct PathOptions<'a> {
     pub clamp: Clamp,
     /// Strength of the glossy filter; 0 without it.
     pub filter_glossy: f32,
+    /// Caustics that are left out.
+    pub skip_caustics: SkippedCaustics,
     /// How many samples pixels take, and which random points.
     pub plan: SamplePlan<'a>,
     /// Reconstruction filter.
@@ -176,6 +179,7 @@ impl<'a> Integrator<'a> {
                 selects_by_normal: scene.lights.use_tree(),
                 bounce_limits: options.bounces != BounceLimits::NONE,
                 filter_glossy: options.filter_glossy > 0.0,
+                skips_caustics: options.skip_caustics != SkippedCaustics::NONE,
                 light_passes: layers.has_passes(),
                 caustics: options.caustics.is_some(),
                 guiding: options.guide.is_some(),

@@ -260,6 +260,12 @@ pub trait VertexClass {
     /// The closure of vertex `i`.
     fn closure(&self, v: &Vertices, i: usize) -> Self::Closure;
 
+    /// Did a map or a bump give the shading normal of vertex `i`?
+    #[inline(always)]
+    fn is_mapped(&self, v: &Vertices, i: usize) -> bool {
+        v.is_mapped[i] > 0.0
+    }
+
     /// The density of the light sample's direction by guided sampling at vertex `i`, over the closure's.
     #[inline(always)]
     fn light_density(&self, _v: &Vertices, _i: usize) -> f32 {

@@ -15,6 +15,7 @@ use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
 use crate::compile::SurfaceCoordinates;
 use crate::math::{Frame, Hit, Ray, Vec2, Vec3, select};
+use crate::scene::SkippedCaustics;
 use crate::shape::{Surface, shading_normal, triangle_surface};
 use crate::simd::{Kernel, dispatch, map_each};
 use crate::texture::{HitData, PointReader, TexturePoint};
@@ -26,6 +27,8 @@ struct Vertex {
     bsdf: Bsdf,
     /// Solids on the far side.
     beyond: Interior,
+    /// A map or a bump gave the shading normal.
+    is_mapped: bool,
     /// The ray came from behind.
     is_back: bool,
     /// Direction to the viewer, unit length.
@@ -39,6 +42,9 @@ impl Integrator<'_> {
         self.make_plain(sorted.plain(), &mut w.wave.vertices);
         self.make_plain(sorted.plain_metal_rough(), &mut w.wave.vertices);
         self.make_textured(bounce, sorted.textured(), w);
+        if self.options.skip_caustics != SkippedCaustics::NONE {
+            self.leave_out_caustics(sorted, w);
+        }
         prepare(&mut w.wave, sorted.metal_rough(), self.scene.shading);
     }
 
@@ -215,7 +221,7 @@ impl Integrator<'_> {
     fn vertex(&self, bounce: u32, i: usize, w: &mut Workspace) -> Vertex {
         let wo = -w.rays[i].direction;
         let mut at = self.hit_point(bounce, i, w);
-        let (material, is_back) = (at.material, at.is_back);
+        let HitPoint { material, is_back, .. } = at;
         if material.class == BsdfClass::Hair {
             // Hair scatters to all sides of the fibre.
             at.surface.ng = at.surface.ns;
@@ -231,10 +237,12 @@ impl Integrator<'_> {
             bsdf = self.scatter_at_thin_glass(bsdf, i, w);
         }
         let pane = self.reflect_at_pane(material.pane_thickness, i, w);
+        let surface = Surface { ns, ..at.surface };
         let mut vertex = Vertex {
-            surface: Surface { ns, ..at.surface },
+            surface,
             bsdf: pane.unwrap_or(bsdf),
             beyond: w.arriving.interior[i],
+            is_mapped: ns != at.surface.ns,
             is_back,
             wo,
         };
@@ -357,19 +365,21 @@ impl Integrator<'_> {
 
 /// Stores a vertex of an opaque shading group, with normals on the viewer's side.
 fn store_opaque(v: &mut Vertices, k: usize, vertex: Vertex) {
-    let Vertex { mut surface, is_back, wo, .. } = vertex;
+    let Vertex { mut surface, is_mapped, is_back, wo, .. } = vertex;
     let side = if is_back { -1.0 } else { 1.0 };
     surface.ng *= side;
     surface.ns *= side;
     store(v, k, &surface);
+    v.is_mapped[k] = if is_mapped { 1.0 } else { 0.0 };
     set(&mut v.wo, k, wo);
 }
 
 /// Stores a vertex with a general BSDF.
 fn store_general(v: &mut Vertices, k: usize, vertex: Vertex) {
-    let Vertex { mut surface, beyond, wo, .. } = vertex;
+    let Vertex { mut surface, beyond, is_mapped, wo, .. } = vertex;
     surface.ns = scattering_normal(surface.ns, surface.ng, wo);
     store(v, k, &surface);
+    v.is_mapped[k] = if is_mapped { 1.0 } else { 0.0 };
     set(&mut v.wo, k, wo);
     v.beyond[k] = beyond;
 }
@@ -464,6 +474,7 @@ impl Kernel for OrientNormals<'_> {
             let side = if ng.dot(get(&v.wo, i)) < 0.0 { -1.0 } else { 1.0 };
             set(&mut v.ng, i, ng * side);
             set(&mut v.ns, i, ns * side);
+            v.is_mapped[i] = 0.0;
         }
     }
 }
@@ -631,6 +642,7 @@ impl Kernel for BendNormals<'_> {
             let side = if ng.dot(get(&v.wo, i)) < 0.0 { -1.0 } else { 1.0 };
             set(&mut v.ng, i, ng * side);
             set(&mut v.ns, i, n * side);
+            v.is_mapped[i] = if is_mapped { 1.0 } else { 0.0 };
         }
     }
 }

@@ -33,7 +33,13 @@ impl Integrator<'_> {
         let Workspace { medium_segments, overlapping_segments, rays, arriving, times, .. } = w;
         medium_segments.clear();
         overlapping_segments.clear();
+        let ends = bounce == 0 && self.view.camera.is_clipped();
         for (i, ray) in rays.iter_mut().enumerate() {
+            if ends
+                && self.is_open_ended(ray, arriving.interior[i], times.of(arriving.state.radiance_index[i]))
+            {
+                arriving.interior[i] = Interior::AIR;
+            }
             let interior = arriving.interior[i];
             let medium = interior.medium();
             let scatters = self.scene.media[usize::from(medium)].scattering.is_some();
@@ -60,6 +66,12 @@ impl Integrator<'_> {
             ray.t_max = segment.scatter_t.min(ray.t_max);
             medium_segments.push(segment);
         }
+    }
+
+    /// Does a clipped camera ray start in a medium without a surface, and see no end of it?
+    fn is_open_ended(&self, ray: &Ray, interior: Interior, time: f32) -> bool {
+        self.scene.media[usize::from(interior.medium())].is_boundary
+            && !self.scene.accel.closest_one_in_time(ray, time).is_hit()
     }
 
     /// The position of the light for equiangular sampling. None within solids, whose surfaces hide lights.
@@ -220,7 +232,8 @@ impl Integrator<'_> {
         v.anisotropy[k] = medium.scattering.as_ref().map_or(0.0, |s| s.anisotropy);
     }
 
-    /// Continues pending paths that hit boundaries without a surface in the media behind.
+    /// Continues pending paths that hit boundaries without a surface in the media behind. Camera rays on which far clipping leaves nothing
+    /// behind a boundary, and so no end of the medium, go on outside of all solids, as in Cycles.
     pub(super) fn cross_boundaries(&self, bounce: u32, pass: u32, w: &mut Workspace) {
         let is_clipped = bounce == 0 && self.view.camera.is_clipped();
         for at in 0..w.pending.len() {
@@ -231,7 +244,12 @@ impl Integrator<'_> {
             }
             let (here, last) = (w.arriving.interior[i], w.medium_segments[i].crossed.map_or(0.0, |c| c.at));
             let crossing = (&hit, time);
-            let Some(beyond) = self.beyond_boundary(&w.rays[i], crossing, here, last) else { continue };
+            let Some(mut beyond) = self.beyond_boundary(&w.rays[i], crossing, here, last) else { continue };
+            let far = if is_clipped { self.reach(w, i) } else { f32::INFINITY };
+            if is_clipped && !self.scene.accel.next_one(&Ray { t_max: far, ..w.rays[i] }, &hit, time).is_hit()
+            {
+                beyond = Interior::AIR;
+            }
             let throughput = get_rgb(&w.arriving.state.throughput, i);
             let throughput = throughput * self.passed(bounce, i, hit.t, w);
             let path = &mut w.arriving.state;
@@ -249,7 +267,6 @@ impl Integrator<'_> {
                 u,
                 &mut w.overlapping_segments,
             );
-            let far = if is_clipped { self.reach(w, i) } else { f32::INFINITY };
             w.rays[i].t_max = segment.scatter_t.min(far);
             w.medium_segments[i] = segment;
             w.medium_segments[i].crossed = Some(BoundaryCrossing { at: hit.t, before: here });

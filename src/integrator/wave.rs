@@ -195,6 +195,8 @@ pub struct StateConditions<'a> {
     pub bounce_limits: bool,
     /// The glossy filter is on.
     pub filter_glossy: bool,
+    /// Some caustics are left out.
+    pub skips_caustics: bool,
     /// Light passes are among the outputs.
     pub light_passes: bool,
     /// Caustics are traced from the lights.
@@ -271,7 +273,7 @@ path_state! {
     /// The first scattering event.
     first_bounces: FirstBounces, if |c| c.light_passes;
     /// Kind of the ray and receiver class of its start.
-    visibility: [RayVisibility; LENGTH], if |c| c.features.ray_kinds || c.bounce_limits;
+    visibility: [RayVisibility; LENGTH], if |c| c.features.ray_kinds || c.bounce_limits || c.skips_caustics;
     /// Number of bounces so far, by kind.
     bounce_counts: [BounceCounts; LENGTH], if |c| c.bounce_limits;
     /// Smallest density of a sampled direction so far, 1/sr, for the glossy filter.
@@ -409,6 +411,8 @@ pub struct Vertices {
     pub ng: Lanes3,
     /// Shading normal, on the side of the geometric one.
     pub ns: Lanes3,
+    /// 1 where a map or a bump gave the shading normal, else 0.
+    pub is_mapped: Lanes,
     /// Offset of ray origins along the normal, metres.
     pub offset: Lanes,
     /// 1 where the shading normal was bent for the viewer, else 0; at vertices of opaque glTF materials.

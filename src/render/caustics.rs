@@ -84,7 +84,7 @@ impl Technique for LightTracing {
             (options.adaptive != Adaptive::Off, "pixels get different numbers of samples"),
             (
                 options.limits_paths(),
-                "bounces are limited by kind, light is clamped, or glossy surfaces are filtered",
+                "bounces are limited by kind, light is clamped, glossy surfaces are filtered, or caustics are left out",
             ),
             (options.max_depth < 2, "there is no indirect light with so few bounces"),
         ])

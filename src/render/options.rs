@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use crate::film::{AovSet, AovSpace, MATTE_LEVELS};
 use crate::integrator::reuse::GroupShape;
 use crate::output::part::Region;
-use crate::scene::{BounceLimits, CatcherOutput, Clamp, Filter, Settings};
+use crate::scene::{BounceLimits, CatcherOutput, Clamp, Filter, Settings, SkippedCaustics};
 use std::str::FromStr;
 use std::time::Duration;
 
@@ -143,6 +143,8 @@ macro_rules! render_settings {
                 clamp: Clamp = Clamp::NONE, hashed, scene(clamp);
             "Glossy filter, as Cycles' Filter Glossy: roughen what paths hit after a rough bounce, which blurs caustics; 0 is off, 1 is Cycles' default", "0" =>
                 filter_glossy: f32 = 0.0, hashed, scene(filter_glossy);
+            "Caustics to leave out, as where Cycles' Reflective or Refractive Caustics are off", "none" =>
+                skip_caustics: SkippedCaustics = SkippedCaustics::NONE, hashed, scene(skip_caustics);
             "Reconstruction filter", "blackman-harris" =>
                 filter: Filter = Filter::default(), named("the filter"), scene(filter);
             "AOVs (render passes) to write as further EXR channels", "" =>
@@ -312,9 +314,12 @@ impl RenderOptions {
         RenderOptions { width, height, ..self }
     }
 
-    /// Are bounces limited by kind, is light clamped, or are glossy surfaces filtered?
+    /// Are bounces limited by kind, is light clamped, are glossy surfaces filtered, or caustics left out?
     pub(super) fn limits_paths(&self) -> bool {
-        self.bounces != BounceLimits::NONE || self.clamp != Clamp::NONE || self.filter_glossy > 0.0
+        self.bounces != BounceLimits::NONE
+            || self.clamp != Clamp::NONE
+            || self.filter_glossy > 0.0
+            || self.skip_caustics != SkippedCaustics::NONE
     }
 
     /// Sets the minimum and maximum samples of a pixel with a noise threshold or adaptive sampling.

@@ -93,7 +93,7 @@ fn obstacle_to_sharing(target: &Target<'_>) -> Option<&'static str> {
         // Connected paths have other lengths, and their light is not that of one path.
         (
             options.limits_paths(),
-            "bounces are limited by kind, light is clamped, or glossy surfaces are filtered",
+            "bounces are limited by kind, light is clamped, glossy surfaces are filtered, or caustics are left out",
         ),
         (options.max_depth < 2, "there is no indirect light with so few bounces"),
     ])

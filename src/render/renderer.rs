@@ -11,7 +11,7 @@ use crate::compile::Compiler;
 use crate::error::{Error, Result};
 use crate::film::{Aov, AovSet, AovSpace};
 use crate::load::Loaded;
-use crate::scene::{BounceLimits, Clamp, EnergyCompensation, Filter, FresnelModel};
+use crate::scene::{BounceLimits, Clamp, EnergyCompensation, Filter, FresnelModel, SkippedCaustics};
 use std::sync::Arc;
 use std::time::Duration;
 

@@ -139,6 +139,7 @@ pub(super) fn plain_paths<'a>(
         bounces: options.bounces,
         clamp: options.clamp,
         filter_glossy: options.filter_glossy,
+        skip_caustics: options.skip_caustics,
         plan: SamplePlan::Even(ZSobolOrder::new(options.seed, options.samples.max(options.planned), 1)),
         filter,
         aovs: AovSet::NONE,

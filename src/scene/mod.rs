@@ -55,7 +55,9 @@ pub use object_info::ObjectInfo;
 pub use object_traits::{LightLinks, Link, ObjectSet, ObjectSets, ObjectTraits, RayKinds};
 pub use outline::{MaterialUses, Outline};
 pub(crate) use outline::{encloses, is_closed};
-pub use settings::{BounceLimits, CatcherOutput, Clamp, EnergyCompensation, Filter, Settings, ShadingModel};
+pub use settings::{
+    BounceLimits, CatcherOutput, Clamp, EnergyCompensation, Filter, Settings, ShadingModel, SkippedCaustics,
+};
 pub use slot::{ColorSlot, FloatSlot, NormalMap, Parameter, ParameterMut, Parameters};
 pub use splats::{Splats, f16};
 pub use texture::{Interpolation, MAX_TEXTURE_NESTING, Mapping, NoiseKind, Texture, TextureTransform, Wrap};

@@ -97,6 +97,21 @@ impl Default for Clamp {
     }
 }
 
+/// Caustics that are left out, as Cycles does where its Reflective or Refractive Caustics are off: on rays that a surface scattered
+/// diffusely, surfaces have no glossy reflection, or no transmission. Removes noise and, with it, light.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SkippedCaustics {
+    /// Those of glossy reflection.
+    pub reflective: bool,
+    /// Those of transmission.
+    pub refractive: bool,
+}
+
+impl SkippedCaustics {
+    /// All caustics are rendered.
+    pub const NONE: SkippedCaustics = SkippedCaustics { reflective: false, refractive: false };
+}
+
 /// The settings that scene files may have, each with its type and meaning: makes the struct and the merge.
 macro_rules! scene_settings {
     ($($name:ident: $type:ty, $help:literal;)*) => {
@@ -126,6 +141,7 @@ scene_settings! {
     bounces: BounceLimits, "Maximum numbers of bounces by kind";
     clamp: Clamp, "Clamping of the light of single paths";
     filter_glossy: f32, "Glossy filter: roughens what paths hit after a rough bounce; 0 is off";
+    skip_caustics: SkippedCaustics, "Caustics to leave out";
     seed: u32, "Random seed";
     filter: Filter, "Reconstruction filter";
     energy_compensation: EnergyCompensation, "Energy compensation of rough surfaces; `microfacet` in scene files";

@@ -127,3 +127,25 @@ fn rays_that_start_within_a_medium_are_in_it() {
         }
     }
 }
+
+/// Camera rays on which far clipping cuts the end of a medium off see through it; rays to a surface before that don't.
+#[test]
+fn media_whose_end_is_clipped_are_not_there() {
+    let ahead = camera(DVec3::new(0.0, 0.0, 5.0), DVec3::ZERO, DVec3::Y, 0.1);
+    for (albedo, clip) in
+        [(0.0, [0.0, 5.5]), (1e-6, [0.0, 5.5]), (0.0, [4.9, 5.5]), (1e-6, [4.9, 5.5]), (1e-6, [5.1, 5.5])]
+    {
+        let medium = Medium { albedo: [albedo; 3], ..Medium::scattering([0.7; 3]) };
+        let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+        let filled = Material { medium: Some(medium), ..Material::new("body", Model::Boundary {}) };
+        let filled = material(&mut scene, filled);
+        sphere(&mut scene, [0.0; 3], 1.0, filled);
+        scene.cameras.push(Camera { clip: Some(clip), ..ahead.clone() });
+        let of = |what: &str| format!("{what} within {clip:?} of albedo {albedo}");
+        assert_radiance(&of("open"), &scene, &options(8, 256, 4), 1.0, 1e-3);
+        let wall = material(&mut scene, Material::emitter("wall", [5.0; 3], true));
+        quad(&mut scene, [-50.0, -50.0, -0.4], [100.0, 0.0, 0.0], [0.0, 100.0, 0.0], wall);
+        let left = (-0.7 * (5.4 - clip[0].max(4.0))).exp();
+        assert_radiance(&of("closed"), &scene, &options(8, 256, 4), 5.0 * left, 3e-3);
+    }
+}

@@ -9,7 +9,7 @@ use oscura::math::DVec3;
 use oscura::render::{Guiding, PathReuse, RenderOptions, Splitting};
 use oscura::scene::{
     BounceLimits, Clamp, Clearcoat, ColorSlot, Emission, EnergyCompensation, Environment, FloatSlot, Fog,
-    FresnelModel, Light, Material, Medium, Model, PbrMaterial, Scene,
+    FresnelModel, Light, Material, Medium, Model, PbrMaterial, Scene, SkippedCaustics,
 };
 
 const FREE: BounceLimits = BounceLimits::NONE;
@@ -196,4 +196,44 @@ fn the_glossy_filter_roughens_what_diffuse_light_comes_from() {
     let (smooth, filtered, rough) = (by(metal(0.3), 0.0), by(metal(0.3), 1e9), by(metal(rough), 0.0));
     println!("metal: {filtered}, {rough} where it is rough, {smooth} where smooth");
     assert!((filtered - rough).abs() < 0.03 * (smooth - rough).abs(), "{filtered} for {rough}, not {smooth}");
+}
+
+/// What diffuse light comes from has no glossy lobes, or no transmission, where caustics are left out.
+#[test]
+fn skipped_caustics_are_those_that_diffuse_rays_find() {
+    let room = |wall: Material| {
+        let mut scene = grey_floor();
+        scene.environment = Environment::Constant([0.5; 3]);
+        let wall = material(&mut scene, wall);
+        quad(&mut scene, [1.0, 0.0, -2.0], [0.0, 0.0, 4.0], [0.0, 2.0, 0.0], wall);
+        scene.lights.push(Light::point([-2.0, 3.0, 0.5], [50.0; 3]));
+        scene
+    };
+    let tint = ColorSlot::constant([0.9; 3]);
+    let rough = FloatSlot::constant(0.3);
+    let metal = Material::new(
+        "metal",
+        Model::Conductor { metal: None, eta: [0.2; 3], k: [3.0; 3], roughness: rough },
+    );
+    let glass = Material::new("glass", Model::Dielectric { ior: 1.5, tint, fresnel: FresnelModel::Exact });
+    let black = || Material::new("black", Model::Black);
+    let lit = plain(8, 1024);
+    let [reflective, refractive] = [(true, false), (true, true)]
+        .map(|(reflective, refractive)| lit.skip_caustics(SkippedCaustics { reflective, refractive }));
+    let cases = [
+        ("metal", metal, black(), reflective),
+        ("paint", pbr("paint", [0.5; 3], 0.0, 0.3), Material::lambert("matt", [0.5; 3]), reflective),
+        ("half metal", pbr("half", [0.5; 3], 0.5, 0.3), Material::lambert("dark", [0.25; 3]), reflective),
+        ("glass", glass, black(), refractive),
+    ];
+    for (what, glossy, left, skipping) in cases {
+        let (glossy, left) = (room(glossy), room(left));
+        let (truth, error) = measure(&left, &lit);
+        let (other, _) = measure(&glossy, &lit);
+        assert!((other - truth).abs() > 8.0 * error, "{what}: {other} is as bright as {truth}");
+        let (found, of_found) = measure(&glossy, &skipping);
+        let error = error.hypot(of_found);
+        println!("{what}: {found}, {truth} expected, {other} with caustics, +- {error}");
+        assert!((found - truth).abs() < 4.5 * error, "{what}: {found} for {truth} +- {error}");
+    }
 }

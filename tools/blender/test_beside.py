@@ -384,17 +384,48 @@ class BesideTest(SceneTest):
         plane, cycles = self.add_plane(None, "Sea"), self.scene.cycles
         fine = plane.modifiers.new("Fine", "SUBSURF")
         for kind in ("warnings", "notes"):
-            for word in ("fast approximation", "caustics", "adaptive"):
+            for word in ("fast approximation", "adaptive subdivision"):
                 self.assertNotIn(word, told(kind))
-        cycles.use_fast_gi, cycles.caustics_refractive = True, False
+        cycles.use_fast_gi = True
+        self.scene.render.resolution_x = self.scene.render.resolution_y = 64
         # Blender 5 and newer, or older ones.
         if hasattr(fine, "use_adaptive_subdivision"):
             fine.use_adaptive_subdivision = True
         else:
             cycles.feature_set, plane.cycles.use_adaptive_subdivision = "EXPERIMENTAL", True
         answer = self.export()[2]
-        self.assertIn("Cycles leaves out refractive caustics; here they are rendered", [message for _, message in answer["notes"]])
-        self.assertEqual(sorted(place for place, _ in answer["warnings"]), ["", "Sea"])
+        self.assertEqual([place for place, _ in answer["warnings"]], [""])
+        self.assertEqual([place for place, text in answer["notes"] if "adaptive subdivision" in text], ["Sea"])
+
+    def test_adaptive_subdivision_is_as_fine_as_the_camera_sees(self):
+        plane, cycles, eye = self.add_plane(None, "Sea"), self.scene.cycles, self.scene.camera
+        fine = plane.modifiers.new("Fine", "SUBSURF")
+        fine.subdivision_type = "SIMPLE"
+        if not hasattr(fine, "use_adaptive_subdivision"):
+            self.skipTest("older Blender has the switch elsewhere")
+        fine.use_adaptive_subdivision = True
+        self.scene.render.resolution_x = self.scene.render.resolution_y = 64
+        eye.data.type, eye.data.ortho_scale = "ORTHO", 4.0
+        faces = lambda: len(read_ply(self.folder / self.export()[1]["objects"][0]["mesh"])[2])
+        # Edges of two metres have 32 pixels.
+        for size, levels in ((1.0, 5), (8.0, 2)):
+            fine.adaptive_pixel_size = size
+            self.assertEqual(faces(), 2 * 4**levels, size)
+
+    def test_worlds_are_off_where_view_layers_say_so(self):
+        self.scene.world = bpy.data.worlds.new("grey")
+        self.scene.world.use_nodes = True
+        found = lambda: self.export()[1]["environment"]["background"]
+        self.assertGreater(min(found()), 0.0)
+        self.scene.view_layers[0].use_sky = False
+        self.assertEqual(found(), [0.0] * 3)
+
+    def test_matrices_end_in_the_row_that_they_must_have(self):
+        plane = self.add_plane(None, "Tilted")
+        plane.parent = bpy.data.objects.new("holder", None)
+        self.scene.collection.objects.link(plane.parent)
+        plane.matrix_parent_inverse[3][3] = 0.9999999
+        self.assertEqual(self.export()[1]["objects"][0]["transform"][0]["matrix"][12:], [0.0, 0.0, 0.0, 1.0])
 
     def test_what_changes_the_picture_afterwards_is_named(self):
         def told():
@@ -420,7 +451,8 @@ class BesideTest(SceneTest):
             self.assertNotIn(kept, told()[0])
 
     def test_light_ends_where_cycles_ends_it(self):
-        cycles, names = self.scene.cycles, ("depth", "bounces", "clamp", "filter_glossy", "microfacet", "caught")
+        names = ("depth", "bounces", "clamp", "filter_glossy", "skip_caustics", "microfacet", "caught")
+        cycles = self.scene.cycles
         found = lambda: {name: value for name, value in self.export()[1]["render"].items() if name in names}
         for kind, limit in (("", 12), ("diffuse_", 4), ("glossy_", 4), ("transmission_", 12), ("volume_", 0)):
             self.assertEqual(cycles.bl_rna.properties[f"{kind or 'max_'}bounces"].default, limit)
@@ -435,7 +467,10 @@ class BesideTest(SceneTest):
         # Clamps are before the film's exposure there, and of what is seen here.
         cycles.film_exposure, cycles.sample_clamp_direct = 2.0, 3.0
         cycles.max_bounces, cycles.blur_glossy = 4, 0.0
-        self.assertEqual(found(), {"depth": 5, "bounces": {"volume": 1}, "clamp": {"direct": 6.0, "indirect": 20.0}})
+        few = {"depth": 5, "bounces": {"volume": 1}, "clamp": {"direct": 6.0, "indirect": 20.0}}
+        self.assertEqual(found(), few)
+        cycles.caustics_refractive = False
+        self.assertEqual(found(), {**few, "skip_caustics": {"refractive": True}})
 
     def test_files_of_our_own_engine_have_its_limits(self):
         """And what is there for the likeness to Cycles alone is not."""

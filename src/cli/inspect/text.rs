@@ -7,7 +7,8 @@ use oscura::math::DVec3;
 use oscura::scene::{
     AlphaMode, BounceLimits, Camera, Clamp, ColorSlot, EnergyCompensation, Environment, FloatSlot,
     FresnelModel, GlassReflection, Instance, Light, LightKind, Material, MaterialId, MixComponent, Model,
-    Panorama, Parameter, Parameters, PbrMaterial, Projection, Scene, Texture, instance_extents, scene_extent,
+    Panorama, Parameter, Parameters, PbrMaterial, Projection, Scene, SkippedCaustics, Texture,
+    instance_extents, scene_extent,
 };
 use std::collections::HashMap;
 use std::path::Path;
@@ -137,6 +138,14 @@ fn settings(scene: &Scene) -> Vec<String> {
         format!("clamp {}", join(finite.map(|(which, limit)| format!("{which}={limit}"))))
     };
     shown.extend(s.clamp.map(clamps));
+    let skipped = |c: SkippedCaustics| {
+        let kinds = [("reflective", c.reflective), ("refractive", c.refractive)];
+        format!(
+            "skip_caustics {}",
+            join(kinds.iter().filter(|(_, is_skipped)| *is_skipped).map(|(kind, _)| (*kind).to_string()))
+        )
+    };
+    shown.extend(s.skip_caustics.map(skipped));
     shown.extend(s.filter_glossy.map(|f| format!("filter_glossy {f}")));
     shown.extend(s.filter.map(|f| format!("filter {f:?}")));
     let scattering = |e: EnergyCompensation| match e {

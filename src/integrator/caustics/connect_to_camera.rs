@@ -3,7 +3,7 @@
 use super::super::Integrator;
 use super::super::interior::{CameraInterior, Interior};
 use super::super::radiance_buffer::PathClass;
-use super::super::shading_geometry::{HitPoint, scattering_normal, terminator};
+use super::super::shading_geometry::{HitPoint, scattering_normal, terminator_at};
 use super::super::shading_groups::ShadingGroup;
 use super::super::wave::FirstBounce;
 use super::super::workspace::Workspace;
@@ -55,6 +55,8 @@ pub(super) struct Receiver {
     pub is_diffuse: bool,
     pub ng: Vec3,
     pub ns: Vec3,
+    /// A map or a bump gave the shading normal.
+    pub is_mapped: bool,
     /// Directions to the camera and back along the light path.
     pub wo: Vec3,
     pub wi: Vec3,
@@ -93,7 +95,8 @@ impl Integrator<'_> {
         let (width, spread) = self.view.camera.pixel_cone();
         let (wo, wi) = (sight.direction, -path.ray.direction);
         let (bsdf, ns) = self.read_material(at, width + spread * sight.distance, wo, wavelengths.as_ref());
-        let receiver = self.receiver(path, material, bsdf, [ns, at.surface.ng]).seen(wo, wi);
+        let receiver =
+            self.receiver(path, material, bsdf, ([ns, at.surface.ng], ns != at.surface.ns)).seen(wo, wi);
         let BsdfEval { f_cos, pdf_solid_angle } = self.scattered(&receiver)?;
         let Receiver { ng, wo, wi, .. } = receiver;
         let area = sight.pixels_per_area * (wo.dot(ng) / wi.dot(ng)).abs();
@@ -128,13 +131,13 @@ impl Integrator<'_> {
         })
     }
 
-    /// A surface with this BSDF, shading normal and geometric normal.
+    /// A surface with this BSDF, shading normal and geometric normal, and whether a map gave the former.
     pub(super) fn receiver(
         &self,
         path: &LightPath,
         material: u32,
         bsdf: Bsdf,
-        [ns, ng]: [Vec3; 2],
+        ([ns, ng], is_mapped): ([Vec3; 2], bool),
     ) -> Receiver {
         let is_of_diffuse = self.options.caustics.is_some_and(|p| p.role(material) == Role::DiffuseReceiver);
         let group = self.groups[material as usize];
@@ -146,12 +149,12 @@ impl Integrator<'_> {
             );
         // No path from the camera finds the rest of the only ones.
         let is_diffuse = is_of_diffuse && !path.is_only_way;
-        Receiver { bsdf, is_lambert, is_opaque, is_diffuse, ng, ns, wo: ng, wi: ng }
+        Receiver { bsdf, is_lambert, is_opaque, is_diffuse, ng, ns, is_mapped, wo: ng, wi: ng }
     }
 
     /// BSDF times cosine, and the density with which a path from the camera would sample the direction of the light.
     pub(super) fn scattered(&self, at: &Receiver) -> Option<BsdfEval> {
-        let Receiver { bsdf, is_lambert, is_opaque, is_diffuse, ng, ns, wo, wi } = at;
+        let Receiver { bsdf, is_lambert, is_opaque, is_diffuse, ng, ns, is_mapped, wo, wi } = at;
         let height = wi.dot(*ng);
         let crosses = height * wo.dot(*ng) < 0.0;
         if height == 0.0 || bsdf.is_specular() || crosses && (*is_opaque || !bsdf.scatters_through()) {
@@ -176,7 +179,7 @@ impl Integrator<'_> {
         };
         let side = if height < 0.0 { -1.0 } else { 1.0 };
         let is_soft = self.softens_terminator() && !crosses;
-        let kept = if is_soft { terminator(n * side, *ng * side, *wi) } else { 1.0 };
+        let kept = if is_soft { terminator_at(*is_mapped, n * side, *ng * side, *wi) } else { 1.0 };
         (eval.pdf_solid_angle > 0.0).then_some(BsdfEval { f_cos: eval.f_cos * kept, ..eval })
     }
 

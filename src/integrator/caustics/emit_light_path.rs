@@ -11,7 +11,7 @@ use crate::film::Splat;
 use crate::integrator::interfaces::CoincidentHit;
 use crate::integrator::interior::Interior;
 use crate::integrator::shading_geometry::HitPoint;
-use crate::integrator::shading_geometry::{bent_normal, scattering_normal, terminator};
+use crate::integrator::shading_geometry::{bent_normal, scattering_normal, terminator_at};
 use crate::integrator::wave::{get_rgb, set_rgb};
 use crate::integrator::workspace::Workspace;
 use crate::integrator::{Integrator, Purpose};
@@ -189,6 +189,8 @@ struct CasterPoint {
     /// Geometric and shading normal, on the side that `bsdf` is for.
     ng: Vec3,
     ns: Vec3,
+    /// A map or a bump gave the shading normal.
+    is_mapped: bool,
     /// Direction back along the path.
     wo: Vec3,
     /// No path from the camera finds this light: if it is scattered specularly here, or in any way.
@@ -287,7 +289,8 @@ impl Integrator<'_> {
         }
         let (bsdf, ns) = self.read_material(at, 0.0, wo, wavelengths);
         let is_only_way = [path.is_only_way, path.is_only_way && path.bounces > 0];
-        let mut caster = CasterPoint { bsdf, ng: at.surface.ng, ns, wo, is_only_way };
+        let mut caster =
+            CasterPoint { bsdf, ng: at.surface.ng, ns, is_mapped: ns != at.surface.ns, wo, is_only_way };
         let (mut beyond, mut surface) = (arriving.interior[0], at.surface);
         if is_solid {
             let boundary = match self.coincident_surfaces(&path.ray, at) {
@@ -364,7 +367,11 @@ impl Integrator<'_> {
         let frame = Frame::from_normal(ns);
         let f_cos = bsdf.eval(frame.to_local(direction), frame.to_local(*wo)).f_cos;
         let side = if direction.dot(*ng) < 0.0 { -1.0 } else { 1.0 };
-        let kept = if self.softens_terminator() { terminator(ns * side, *ng * side, *wo) } else { 1.0 };
+        let kept = if self.softens_terminator() {
+            terminator_at(at.is_mapped, ns * side, *ng * side, *wo)
+        } else {
+            1.0
+        };
         Some(Redirected {
             direction,
             weight: f_cos * (kept / sample.pdf_solid_angle),
@@ -383,7 +390,7 @@ impl Integrator<'_> {
         [a, b, lobe]: [f32; 3],
     ) -> Option<Redirected> {
         let CasterPoint { bsdf, ng, ns, wo: wi, .. } = at;
-        let receiver = self.receiver(path, material, *bsdf, [*ns, *ng]);
+        let receiver = self.receiver(path, material, *bsdf, ([*ns, *ng], at.is_mapped));
         let (direction, pdf) = if receiver.is_lambert || receiver.is_opaque && ns != ng {
             // The whole hemisphere of the geometric normal.
             let side = if wi.dot(*ng) < 0.0 { -1.0 } else { 1.0 };

@@ -11,7 +11,7 @@ use crate::integrator::interior::Interior;
 use crate::integrator::radiance_buffer::PathClass;
 use crate::integrator::radiance_buffer::RadianceBuffer;
 use crate::integrator::sampling::FIRST_ROULETTE;
-use crate::integrator::shading_geometry::{bent_normal, terminator};
+use crate::integrator::shading_geometry::{bent_normal, terminator_at};
 use crate::integrator::shading_groups::SortedVertices;
 use crate::integrator::shading_groups::{Closure, LambertClass, VertexClass};
 use crate::integrator::shading_groups::{MetalRoughClass, copy_metal_rough};
@@ -144,6 +144,7 @@ impl Prefixes {
         to.origin_primitives[k] = from.origin_primitives[i];
         set(&mut to.ng, k, ng);
         from.ns.copy_to(i, &mut to.ns, k);
+        to.is_mapped[k] = from.is_mapped[i];
         match class {
             LAMBERT => from.albedo.copy_to(i, &mut to.albedo, k),
             _ => {
@@ -213,7 +214,7 @@ impl<C: VertexClass, const SOFT: bool> Kernel for Connect<'_, C, SOFT> {
                 let geometry = cosine / squared;
                 let mut value = get_rgb(&prefixes.throughput, i) * eval.f_cos;
                 if SOFT {
-                    value *= terminator(ns, ng, wi);
+                    value *= terminator_at(class.is_mapped(v, i), ns, ng, wi);
                 }
                 let faces = (cosine > 0.0) & (wi.dot(ng) > 0.0) & (eval.pdf_solid_angle > 0.0);
                 // Paths without throughput end, so a prefix has no density where its contribution is 0.

@@ -8,6 +8,7 @@
 //! | `bounces` | maximum numbers of bounces by kind: `{ diffuse = 5, glossy = 5, transmission = 13, volume = 1 }`, of which some may be left out; the picture loses the light of longer paths | at least 1 |
 //! | `clamp` | maximum of the light that a single path brings, mean of the channels: `{ direct = 50, indirect = 10 }`, either may be left out; direct is after at most one bounce. Removes fireflies and, with them, light | above 0 |
 //! | `filter_glossy` | glossy filter, as Cycles' Filter Glossy: what paths hit after a rough bounce is roughened, which blurs caustics; 0 is off, 1 is Cycles' default | 0 to 1000 |
+//! | `skip_caustics` | caustics to leave out, as where Cycles' Reflective or Refractive Caustics are off: `{ reflective = true, refractive = true }`: on rays that a surface scattered diffusely, surfaces have no glossy reflection, or no transmission | |
 //! | `seed` | random seed | |
 //! | `filter` | reconstruction filter: `box`, `gaussian`, `blackman-harris` | |
 //! | `microfacet` | `multi` or `single` scattering between microfacets | |
@@ -26,7 +27,9 @@ use super::builder::SceneFileBuilder;
 use super::fields::Fields;
 use crate::color::ViewTransform;
 use crate::load::files;
-use crate::scene::{BounceLimits, CatcherOutput, Clamp, EnergyCompensation, Filter, FresnelModel, Settings};
+use crate::scene::{
+    BounceLimits, CatcherOutput, Clamp, EnergyCompensation, Filter, FresnelModel, Settings, SkippedCaustics,
+};
 use std::ops::Range;
 
 /// A list of names.
@@ -72,6 +75,17 @@ fn clamp(fields: &Fields) -> Option<Clamp> {
     Some(found)
 }
 
+/// Caustics to leave out.
+fn skip_caustics(fields: &Fields) -> Option<SkippedCaustics> {
+    let fields = fields.table("skip_caustics")?;
+    let found = SkippedCaustics {
+        reflective: fields.flag("reflective", false),
+        refractive: fields.flag("refractive", false),
+    };
+    fields.finish();
+    Some(found)
+}
+
 /// A part of the picture.
 fn crop(fields: &Fields) -> Option<[u32; 4]> {
     let found = fields.numbers::<4>("crop")?;
@@ -96,6 +110,7 @@ pub(super) fn read(build: &SceneFileBuilder, fields: &Fields) -> Settings {
         bounces: bounces(fields),
         clamp: clamp(fields),
         filter_glossy: number(fields, "filter_glossy", 0.0..1000.0),
+        skip_caustics: skip_caustics(fields),
         seed: fields.integer("seed", 0, u32::MAX),
         filter: fields.choice("filter", &filters),
         energy_compensation: fields

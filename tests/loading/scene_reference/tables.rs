@@ -79,6 +79,7 @@ pub const TABLES: &[Table] = &[
             ("bounces", "{ diffuse = 3 }", "{ diffuse = 4 }"),
             ("clamp", "{ indirect = 3 }", "{ indirect = 4 }"),
             ("filter_glossy", "1", "0.5"),
+            ("skip_caustics", "{ reflective = true }", "{ refractive = true }"),
             ("seed", "5", "6"),
             ("filter", "\"box\"", "\"gaussian\""),
             ("microfacet", "\"single\"", "\"multi\""),
@@ -93,6 +94,11 @@ pub const TABLES: &[Table] = &[
             ("crop", "[1, 2, 3, 4]", "[1, 2, 3, 5]"),
             ("aovs", "[\"depth\"]", "[\"uv\", \"depth\"]"),
         ],
+    ),
+    lines(
+        "skip_caustics",
+        "[materials]\na = { type = \"lambert\" }\n[render.skip_caustics]\n",
+        &[("reflective", "true", "false"), ("refractive", "true", "false")],
     ),
     lines(
         "bounces",

@@ -11,7 +11,7 @@ use oscura::scene::{
     ImageId, Instance, Interpolation, Iridescence, Lamp, Light, LightKind, LightLinks, LightProfile, Link,
     Mapping, Material, MaterialId, Medium, Mesh, MeshId, MeshPart, MixComponent, Model, Motion, NoiseKind,
     NormalMap, ObjectInfo, ObjectSet, ObjectSets, ObjectTraits, PbrMaterial, Portal, ProfileId, Projection,
-    Quad, RayKinds, Scene, Settings, Shape, ShapeKind, Sheen, Splats, SpotFade, Texture, TextureId,
+    Quad, RayKinds, Scene, Settings, Shape, ShapeKind, Sheen, SkippedCaustics, Splats, SpotFade, Texture, TextureId,
     TextureTransform, ThinLens, VertexAttribute, Wrap,
 };
 
@@ -122,10 +122,11 @@ structs! {
     Aperture { blades, rotation_rad, ratio }
     Settings {
         width, height, samples, depth, seed, filter, energy_compensation, fresnel, spectral, exposure, view, white_balance, noise, caught,
-        denoise, crop, aovs, bounces, clamp, filter_glossy,
+        denoise, crop, aovs, bounces, clamp, filter_glossy, skip_caustics,
     }
     BounceLimits { diffuse, glossy, transmission, volume }
     Clamp { direct, indirect }
+    SkippedCaustics { reflective, refractive }
 }
 
 enums! {

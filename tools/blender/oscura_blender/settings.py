@@ -175,17 +175,17 @@ def _limits(cycles, report):
     limited = ", ".join([f"{cycles.max_bounces} in all", *words])
     clamped = "".join(f", {which} light clamped at {clamps[which]:.4g}" for which in clamp)
     filtered = f", glossy filter {cycles.blur_glossy:.4g}" if cycles.blur_glossy > 0 else ""
-    report.note("", f"light ends where Cycles ends it (bounces: {limited}{clamped}{filtered}); --unbiased lifts the limits")
-    return {"depth": cycles.max_bounces + 1, "bounces": bounces or None, "clamp": clamp or None, "filter_glossy": cycles.blur_glossy or None}
+    skipped = {kind: True for kind in ("reflective", "refractive") if not getattr(cycles, f"caustics_{kind}")}
+    without = f", no {' and no '.join(skipped)} caustics" if skipped else ""
+    report.note("", f"light ends where Cycles ends it (bounces: {limited}{clamped}{filtered}{without}); --unbiased lifts the limits")
+    limits = {"depth": cycles.max_bounces + 1, "bounces": bounces or None, "clamp": clamp or None}
+    return {**limits, "filter_glossy": cycles.blur_glossy or None, "skip_caustics": skipped or None}
 
 
 def _tell_of_light_left_out(cycles, report):
     """Tells which light Cycles leaves out or estimates; here all is followed."""
     if cycles.use_fast_gi:
         report.warn("", "Cycles' fast approximation of global illumination is not supported: light is followed through all bounces")
-    lost = [kind for kind in ("reflective", "refractive") if not getattr(cycles, f"caustics_{kind}")]
-    if lost:
-        report.note("", f"Cycles leaves out {' and '.join(lost)} caustics; here they are rendered")
 
 
 def _tell_of_the_rest(scene, report):
