@@ -11,8 +11,8 @@ use oscura::scene::{
     ImageId, Instance, Interpolation, Iridescence, Lamp, Light, LightKind, LightLinks, LightProfile, Link,
     Mapping, Material, MaterialId, Medium, Mesh, MeshId, MeshPart, MixComponent, Model, Motion, NoiseKind,
     NormalMap, ObjectInfo, ObjectSet, ObjectSets, ObjectTraits, PbrMaterial, Portal, ProfileId, Projection,
-    Quad, RayKinds, Scene, Settings, Shape, ShapeKind, Sheen, SkippedCaustics, Splats, SpotFade, Texture, TextureId,
-    TextureTransform, ThinLens, VertexAttribute, Wrap,
+    Quad, RayKinds, Scene, Settings, Shape, ShapeKind, Sheen, SkippedCaustics, Splats, SpotFade, Texture,
+    TextureId, TextureTransform, ThinLens, VertexAttribute, Wrap,
 };
 
 /// Ids mostly change to others that may exist.
