@@ -1,7 +1,7 @@
 //! Large images that become textures stay encoded while a scene is loaded: only their headers are read.
 
-use super::source::{ImageFile, Source, Use};
-use super::{Layout, decode, format_of, jpeg_is_complete, metadata_warnings, source};
+use super::source::{ImageFile, Layout, Source, Use};
+use super::{decode, format_of, jpeg_is_complete, metadata_warnings, source};
 use crate::error::{Error, Result, Warning};
 use crate::image::{Damage, Encoded, Encoding, Image, ImageSource, Pixels};
 use image::{ColorType, ImageDecoder, ImageFormat, ImageReader};

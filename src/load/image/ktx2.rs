@@ -1,8 +1,8 @@
 //! KTX2 to pixels: Basis Universal textures (ETC1S, UASTC and their relatives, KHR_texture_basisu), and plain 8-bit
 //! pixels, also deflated by Zstandard or ZLIB. The first level of the first layer is read.
 
-use super::source::{self, Source, Use};
-use super::{Layout, basis};
+use super::basis;
+use super::source::{self, Layout, Source, Use};
 use crate::error::{Result, Warning};
 use crate::image::{Encoding, Image, Pixels};
 use std::sync::Arc;

@@ -27,14 +27,6 @@ use std::io::Cursor;
 use std::path::Path;
 use std::sync::Arc;
 
-/// What the header of an image says of its pixels.
-struct Layout {
-    size: [u32; 2],
-    channels: u32,
-    /// Of a channel: 8 or 16.
-    bits: u32,
-}
-
 /// The warning about a truncated JPEG file.
 const CUT_SHORT: &str = "the JPEG lacks its end, so that a part of it may be missing; the rest is grey";
 

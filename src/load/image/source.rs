@@ -49,6 +49,14 @@ impl ImageFile<'_> {
     }
 }
 
+/// What the header of an image says of its pixels.
+pub(super) struct Layout {
+    pub size: [u32; 2],
+    pub channels: u32,
+    /// Of a channel: 8 or 16.
+    pub bits: u32,
+}
+
 /// The location of the bytes, for messages.
 pub(super) struct Source<'a> {
     pub bytes: &'a [u8],
