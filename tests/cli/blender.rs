@@ -122,7 +122,7 @@ fn large_images_of_the_export_stay_until_they_are_decoded() {
     let noisy = image::RgbImage::from_fn(700, 700, |x, y| image::Rgb([(x * y) as u8, x as u8, y as u8]));
     noisy.save(place.path("large.png")).expect("written");
     let ball = "[textures.t]\ntype = \"image\"\nfile = \"scene.image0.png\"\n[materials.m]\ntype = \"lambert\"\n\
-                color = \"textures.t\"\n[[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\nmaterial = \"m\"\n";
+                color = \"t\"\n[[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\nmaterial = \"m\"\n";
     fs::write(place.path("model.toml"), format!("{SIDECAR}{ball}")).expect("written");
     let here = place.path("").display().to_string();
     let script = format!(
