@@ -15,6 +15,7 @@ pub(super) const MODEL: &str = "scene";
 /// The package of the exporter, by file.
 const PACKAGE: &[(&str, &str)] = &[
     ("__init__.py", include_str!("../../../tools/blender/oscura_blender/__init__.py")),
+    ("adaptive.py", include_str!("../../../tools/blender/oscura_blender/adaptive.py")),
     ("bakes.py", include_str!("../../../tools/blender/oscura_blender/bakes.py")),
     ("brushed.py", include_str!("../../../tools/blender/oscura_blender/brushed.py")),
     ("cache.py", include_str!("../../../tools/blender/oscura_blender/cache.py")),
