@@ -445,6 +445,7 @@ mod tests {
         assert_eq!(Tree::Fast.quality(1), TreeQuality::Fast);
         assert_eq!(Tree::default().quality(u64::MAX), TreeQuality::Full);
     }
+
     /// Copies of small meshes are counted: placements share them before the copies fill the memory.
     #[test]
     fn many_placements_share_small_meshes() {

@@ -237,15 +237,9 @@ impl Integrator<'_> {
             bsdf = self.scatter_at_thin_glass(bsdf, i, w);
         }
         let pane = self.reflect_at_pane(material.pane_thickness, i, w);
-        let surface = Surface { ns, ..at.surface };
-        let mut vertex = Vertex {
-            surface,
-            bsdf: pane.unwrap_or(bsdf),
-            beyond: w.arriving.interior[i],
-            is_mapped: ns != at.surface.ns,
-            is_back,
-            wo,
-        };
+        let (surface, beyond) = (Surface { ns, ..at.surface }, w.arriving.interior[i]);
+        let is_mapped = ns != at.surface.ns;
+        let mut vertex = Vertex { surface, bsdf: pane.unwrap_or(bsdf), beyond, is_mapped, is_back, wo };
         if material.emission.is_some() {
             self.emit(bounce, i, &at, w);
         }
