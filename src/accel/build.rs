@@ -14,7 +14,7 @@ use super::traversal::DeepSlot;
 use super::wide_tree::{Collapse, ShapeSource, TreeWriter, WIDTH, WrittenTree};
 use super::{Accel, BuildMark, BuildStats, BuiltTree, BuiltTrees, EMPTY_TREE, TreeSummary};
 use crate::math::{Bounds3, DAffine3, DVec3};
-use crate::simd::{Line, reserve_lines};
+use crate::simd::{Line, reserve_on_huge_pages};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::time::Instant;
@@ -175,7 +175,7 @@ impl<'a> Builder<'a> {
         built().for_each(|geometry| estimate.add_geometry(geometry));
         // With that of the world, where something moves.
         estimate.add_instances(placed + 1);
-        reserve_lines(&mut self.lines, estimate.lines());
+        reserve_on_huge_pages(&mut self.lines, estimate.lines());
     }
 
     fn mark(&self) -> BuildMark {

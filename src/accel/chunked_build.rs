@@ -21,7 +21,7 @@ use super::wide_tree::{Collapse, ShapeSource, Subtree, TreeWriter, WrittenTree};
 use crate::gauge::Gauge;
 use crate::math::{Bounds3, Vec3};
 use crate::shape::triangle::LANES;
-use crate::simd::{Claim, Claims, Line, append_claims, reserve_lines};
+use crate::simd::{Claim, Claims, Line, append_claims, reserve_on_huge_pages};
 use glam::Vec3A;
 use obvhs::aabb::Aabb;
 use rayon::prelude::*;
@@ -288,7 +288,7 @@ pub fn build(
     (options, threads): (BuildOptions, Threads),
     lines: &mut Vec<Line>,
 ) -> Result<WrittenTree, BufferFull> {
-    reserve_lines(lines, estimated_lines(primitives, shapes.geometry));
+    reserve_on_huge_pages(lines, estimated_lines(primitives, shapes.geometry));
     let limit = (primitives.len() / MIN_CHUNKS).clamp(MIN_CHUNK, MAX_CHUNK);
     let count = large_to_front(primitives, space, limit);
     let (large, primitives) = primitives.split_at_mut(count);
@@ -430,7 +430,7 @@ pub fn append<T: Send>(
         };
         queue.run(threads, &build)
     })?;
-    reserve_lines(lines, overflow.iter().map(|part| part.lines.len() - UNUSED).sum());
+    reserve_on_huge_pages(lines, overflow.iter().map(|part| part.lines.len() - UNUSED).sum());
     for mut part in overflow {
         part.relocate();
         lines.extend_from_slice(&part.lines[UNUSED..]);

@@ -15,7 +15,7 @@ use super::motion;
 use super::primitives::{Primitive, PrimitiveKind, triangle_vertices};
 use crate::math::{Bounds3, Vec3};
 use crate::shape::triangle::LANES;
-use crate::simd::{Line, reserve_lines};
+use crate::simd::{Line, reserve_on_huge_pages};
 use rayon::prelude::*;
 
 /// Children of a node.
@@ -286,7 +286,7 @@ fn make_room(lines: &mut Vec<Line>, end: usize) -> Result<(), BufferFull> {
     if end > MAX_LINE {
         return Err(BufferFull);
     }
-    reserve_lines(lines, end - lines.len());
+    reserve_on_huge_pages(lines, end - lines.len());
     Ok(())
 }
 

@@ -13,6 +13,7 @@ use crate::error::Result;
 use crate::math::{Bounds3, DAffine3, DVec3, Mat3, Vec3, poly};
 use crate::scene::{MaterialId, Mesh, Moving, Scene, Splats};
 use crate::shape::{Analytic, CurveSegments, Quad, Shape as _, SplatCloud};
+use crate::simd::reserve_on_huge_pages;
 use crate::texture::AttributeList;
 use bevy_mikktspace::{Geometry, Ops, TangentSpace, generate_tangents};
 use rayon::prelude::*;
@@ -323,6 +324,7 @@ impl Space {
                 placed.transform_point3(DVec3::from(p.map(f64::from))).as_vec3().to_array()
             }
         };
+        reserve_on_huge_pages(&mut shapes.positions, mesh.positions.len());
         shapes.positions.extend(mesh.positions.iter().map(position));
         // Mirroring turns counter-clockwise into clockwise; the front stays the front.
         let mirrors = placed.matrix3.determinant() < 0.0;
@@ -333,6 +335,8 @@ impl Space {
                 [a + first, b + first, c + first]
             }
         };
+        reserve_on_huge_pages(&mut shapes.triangles, mesh.triangles.len());
+        reserve_on_huge_pages(&mut attributes.materials, mesh.triangles.len());
         for part in &mesh.parts {
             let id = material.unwrap_or(part.material);
             if !is_hidden(id) {
@@ -446,6 +450,7 @@ fn extend<T: Copy>(
     if list.is_empty() && !has_values {
         return;
     }
+    reserve_on_huge_pages(list, total - list.len());
     list.resize(before, filler);
     if has_values {
         list.extend(values);

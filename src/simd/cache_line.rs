@@ -16,13 +16,13 @@ impl Line {
 
 const _: () = assert!(size_of::<Line>() == 64 && align_of::<Line>() == 64);
 
-/// Reserves memory for `additional` more lines, on huge pages where the system has them for the asking: a walk through much
-/// memory then misses fewer address translations. A list that has to grow at least doubles: however often that is, each line
+/// Reserves memory for `additional` more elements, on huge pages where the system has them for the asking: random accesses to much
+/// memory then miss fewer address translations. A list that has to grow at least doubles: however often that is, each element
 /// moves a few times at most.
-pub fn reserve_lines(lines: &mut Vec<Line>, additional: usize) {
-    if lines.capacity() - lines.len() < additional {
-        lines.reserve(additional);
-        prefer_huge_pages(lines);
+pub fn reserve_on_huge_pages<T>(list: &mut Vec<T>, additional: usize) {
+    if list.capacity() - list.len() < additional {
+        list.reserve(additional);
+        prefer_huge_pages(list);
     }
 }
 

@@ -21,7 +21,7 @@ mod x86;
 pub use block::{BlockQuery, BoxRay, Entry, Planes, ShearedLine, TriangleBlock, map_each};
 pub use cache_line::{
     Claim, Claims, Line, Table, append_claims, prefer_huge_pages, prefetch_element, prefetch_lines,
-    reserve_lines,
+    reserve_on_huge_pages,
 };
 pub use lanes::{Lanes, LanesKernel};
 pub use wide::{ScalarWide, WIDEN, Wide, WideKernel};

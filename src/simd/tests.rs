@@ -301,7 +301,7 @@ fn lists_that_grow_in_parts_move_each_line_a_few_times() {
         let (mut lines, mut moved) = (Vec::new(), 0);
         for _ in 0..parts {
             let before = lines.capacity();
-            reserve_lines(&mut lines, 7);
+            reserve_on_huge_pages(&mut lines, 7);
             moved += if lines.capacity() == before { 0 } else { lines.len() };
             lines.resize(lines.len() + 7, Line::ZERO);
         }
