@@ -107,30 +107,36 @@ fn slabs_of(mesh: &Mesh, triangles: &[[u32; 3]]) -> Vec<Slab> {
 fn bodies_of(mesh: &Mesh, triangles: &[[u32; 3]]) -> Vec<Vec<u32>> {
     let mut first_at: HashMap<[u32; 3], u32> = HashMap::new();
     let mut parents: Vec<u32> = Vec::new();
+    // What `first_at` says of each vertex, once it was asked.
+    let mut known = vec![u32::MAX; mesh.positions.len()];
     let mut corners: Vec<u32> = Vec::with_capacity(triangles.len());
     for triangle in triangles {
-        let vertices = triangle.map(|i| {
-            // Adding 0 makes -0 and 0 the same.
-            let position = mesh.positions[i as usize].map(|c| (c + 0.0).to_bits());
-            *first_at.entry(position).or_insert_with(|| {
-                parents.push(parents.len() as u32);
-                parents.len() as u32 - 1
-            })
+        let [a, b, c] = triangle.map(|i| {
+            let vertex = &mut known[i as usize];
+            if *vertex == u32::MAX {
+                // Adding 0 makes -0 and 0 the same.
+                let position = mesh.positions[i as usize].map(|c| (c + 0.0).to_bits());
+                *vertex = *first_at.entry(position).or_insert_with(|| {
+                    parents.push(parents.len() as u32);
+                    parents.len() as u32 - 1
+                });
+            }
+            root(&mut parents, *vertex)
         });
-        let [a, b, c] = vertices.map(|v| root(&mut parents, v));
         parents[b as usize] = a;
         let c = root(&mut parents, c);
         parents[c as usize] = a;
         corners.push(a);
     }
-    let mut numbers: HashMap<u32, usize> = HashMap::new();
+    let mut numbers = vec![usize::MAX; parents.len()];
     let mut bodies: Vec<Vec<u32>> = Vec::new();
     for (triangle, corner) in corners.into_iter().enumerate() {
-        let body = *numbers.entry(root(&mut parents, corner)).or_insert_with(|| {
+        let number = &mut numbers[root(&mut parents, corner) as usize];
+        if *number == usize::MAX {
+            *number = bodies.len();
             bodies.push(Vec::new());
-            bodies.len() - 1
-        });
-        bodies[body].push(triangle as u32);
+        }
+        bodies[*number].push(triangle as u32);
     }
     bodies
 }

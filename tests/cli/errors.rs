@@ -274,3 +274,33 @@ fn nobody_has_to_listen() {
     assert_eq!(child.wait().unwrap().code(), Some(0));
     assert!(folder.path().join("a.png").exists());
 }
+
+/// What standard output can't take is an error, not a success without the report.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_report_that_cant_be_written_is_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = cornell();
+    let small = ["render", &scene, "-o", "a.png", "--width", "8", "--height", "8", "--spp", "1", "--json"];
+    for args in [&small[..], &["inspect", &scene, "--json"]] {
+        let full = fs::File::options().write(true).open("/dev/full").expect("Linux has it");
+        let mut program = std::process::Command::new(env!("CARGO_BIN_EXE_oscura"));
+        let output = program.args(args).current_dir(folder.path()).stdout(full).output().expect("it starts");
+        assert_eq!(code(&output), 4, "{args:?}: {}", stderr(&output));
+        assert!(stderr(&output).contains("standard output can't be written"), "{}", stderr(&output));
+    }
+}
+
+/// A picture that is nearly black says so, with the exposure that shows it.
+#[test]
+fn nearly_black_pictures_name_the_exposure() {
+    let folder = tempfile::tempdir().unwrap();
+    let bright = render(folder.path(), "a.png", &[]);
+    assert!(!stderr(&bright).contains("nearly black"), "{}", stderr(&bright));
+    let dark = render(folder.path(), "b.png", &["--exposure", "-12"]);
+    assert!(stderr(&dark).contains("nearly black"), "{}", stderr(&dark));
+    let said = stderr(&dark);
+    let stops = said.split("--exposure ").nth(1).and_then(|rest| rest.split(' ').next());
+    let stops: f64 = stops.and_then(|stops| stops.parse().ok()).expect("a number of stops");
+    assert!((-4.0..=4.0).contains(&stops), "{said}");
+}

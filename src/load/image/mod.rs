@@ -415,7 +415,7 @@ mod tests {
         assert!(error.contains("2000 x 2000 pixels, which take 46 MiB"), "{error}");
         let large = encode(RgbImage::new(700, 700), ImageFormat::Png);
         let of = ImageFile { memory_limit: Some(1 << 20), ..file(&large, (NAMELESS, ""), None) };
-        let on_damage: OnDamage = Arc::new(|error| crate::image::Damage::Fatal(error));
+        let on_damage: OnDamage = Arc::new(crate::image::Damage::Fatal);
         assert!(for_texture(&of, Use::Color, &mut Vec::new(), on_damage).is_err());
     }
 
