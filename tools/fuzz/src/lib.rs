@@ -1,10 +1,11 @@
 //! What all targets share: bytes become files, which are loaded and compiled as the command line would.
 
 use oscura::compile::{CompileOptions, compile};
-use oscura::load::{LoadOptions, load};
 use oscura::film::Film;
+use oscura::load::{LoadOptions, load};
 use oscura::output::part::{PartFile, PartHeader, check_parts, read_part};
 use oscura::output::{ExrOptions, Metadata, encode_exr};
+use oscura::scene::CatcherOutput;
 use std::cell::OnceCell;
 use std::path::Path;
 use tempfile::TempDir;
@@ -37,7 +38,9 @@ pub fn check_part(bytes: &[u8]) {
         for bytes in [bytes, &summed] {
             std::fs::write(&file, bytes).expect("written");
             match read_part(&file) {
-                Err(error) => assert!(error.problems.iter().all(|p| !p.message.is_empty()), "a problem without words"),
+                Err(error) => {
+                    assert!(error.problems.iter().all(|p| !p.message.is_empty()), "a problem without words")
+                }
                 Ok(part) => {
                     assert!(part.film.planes().count() >= 4, "a film without colour");
                     let _ = check_parts(&[(file.clone(), part.header.clone())]);
@@ -57,7 +60,7 @@ fn merge_and_encode(part: PartFile) {
     let layout = part.header.channels.layout().expect("it has been read");
     let Ok(mut film) = Film::of_layout(width, height, layout) else { return };
     film.merge_film(&part.film);
-    film.settle_catchers();
+    film.settle_catchers(CatcherOutput::All);
     part.backdrop.iter().for_each(|backdrop| film.lay_behind(backdrop));
     let encoded = encode_exr(&film, false, &ExrOptions::default(), &Metadata::default());
     assert!(encoded.is_ok_and(|encoded| !encoded.bytes.is_empty()), "a picture that can't be encoded");
@@ -95,7 +98,9 @@ pub fn split<'a>(bytes: &'a [u8], separator: &[u8]) -> (&'a [u8], &'a [u8]) {
 /// A ZIP archive that stores one file.
 pub fn stored(name: &str, content: &[u8]) -> Vec<u8> {
     let size = (content.len() as u32).to_le_bytes();
-    let common = [&[20, 0, 0, 0, 0, 0, 0, 0, 0, 0][..], &crc32fast::hash(content).to_le_bytes(), &size, &size].concat();
+    let common =
+        [&[20, 0, 0, 0, 0, 0, 0, 0, 0, 0][..], &crc32fast::hash(content).to_le_bytes(), &size, &size]
+            .concat();
     let length = (name.len() as u16).to_le_bytes();
     let mut archive = [&b"PK\x03\x04"[..], &common, &length, &[0; 2], name.as_bytes(), content].concat();
     let at = (archive.len() as u32).to_le_bytes();
