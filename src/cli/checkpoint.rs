@@ -158,14 +158,6 @@ pub(super) fn check(args: &RenderArgs) -> Result<()> {
         return Err(Error::usage(message).with_help("leave it off"));
     }
     check_limits(args, is_adaptive)?;
-    if parts(args) > 0 && (long.noise.is_some() || args.quality.is_some()) {
-        let message = "parts of an image need the same number of samples: --noise and --quality don't go together with .part";
-        return Err(Error::usage(message).with_help("give --spp, or render the part to an image"));
-    }
-    if parts(args) > 0 && long.region.is_some() && long.time_limit.is_some() {
-        let message = "parts of an image need the same number of samples: --time-limit doesn't go together with --region and .part";
-        return Err(Error::usage(message).with_help("give --spp, or render the region to an image"));
-    }
     check_parts(args)?;
     match &long.checkpoint {
         Some(file) if !is_sequence => check_file(args, file),
@@ -193,6 +185,15 @@ fn check_parts(args: &RenderArgs) -> Result<()> {
     if args.long.region.is_some() && parts > 0 && parts < outputs {
         let message = "--region makes either a picture or a .part file";
         return Err(Error::usage(message).with_help("render one, and the other by another call"));
+    }
+    let one_size = "parts of an image need the same number of samples:";
+    if parts > 0 && (args.long.noise.is_some() || args.quality.is_some()) {
+        let message = format!("{one_size} --noise and --quality don't go together with .part");
+        return Err(Error::usage(message).with_help("give --spp, or render the part to an image"));
+    }
+    if parts > 0 && args.long.region.is_some() && args.long.time_limit.is_some() {
+        let message = format!("{one_size} --time-limit doesn't go together with --region and .part");
+        return Err(Error::usage(message).with_help("give --spp, or render the region to an image"));
     }
     if args.exr.overscan.is_some() && parts > 0 {
         return Err(Error::usage("--overscan goes into pictures, not into .part files"));

@@ -38,14 +38,15 @@ struct Header {
 pub(super) fn layout(source: &Source, warnings: &mut Vec<Warning>) -> Result<Option<Layout>> {
     let header = checked_header(source, warnings)?;
     let size = [header.width, header.height.max(1)];
-    let channels = match plain_channels(header.format) {
+    let plain = plain_channels(header.format);
+    let channels = match plain {
         Some(channels) => Some(channels),
         None => basis::channels(source)?,
     };
     // What is cut off is best decoded, and reported, at once.
     let [offset, length, inflated] = header.level;
     let pixels = u64::from(size[0]) * u64::from(size[1]);
-    let least = match (plain_channels(header.format), header.supercompression) {
+    let least = match (plain, header.supercompression) {
         (Some(channels), _) => pixels * u64::from(channels),
         // BasisLZ doesn't know; the widest blocks of the others hold 6 x 6 pixels in 16 bytes.
         (None, BASIS_LZ) => 0,
