@@ -32,7 +32,7 @@ pub enum Pixels {
 pub struct Encoded {
     /// Width, height and channels of the decoded image. [`Scene::validate`](crate::scene::Scene::validate) compares the image's own.
     pub size: [u32; 3],
-    /// Bits of each number once it is decoded: 8 or 16.
+    /// Bits of each number once it is decoded: 8 or 16 of an integer, 32 of a float.
     pub bits: u32,
     /// Where they come from.
     pub source: Arc<dyn ImageSource>,
@@ -42,9 +42,11 @@ pub struct Encoded {
 pub trait ImageSource: Debug + Send + Sync {
     /// The decoded image; its name and its encoding are those of the image that asks.
     ///
+    /// Adds warnings about what only the pixels show.
+    ///
     /// # Errors
     /// [`Damage`] if the image can't be decoded, or has another size than it had when the scene was loaded.
-    fn decode(&self) -> Result<Image, Damage>;
+    fn decode(&self, warnings: &mut Vec<Warning>) -> Result<Image, Damage>;
 
     /// Hands over the encoded bytes; nothing if they can't be read any more.
     fn with_bytes(&self, take: &mut dyn FnMut(&[u8]));
@@ -100,7 +102,7 @@ impl Codes<'_> {
 
 /// The values of 1 to 4 channels as RGBA.
 #[inline]
-fn spread(values: &[f32]) -> [f32; 4] {
+pub(crate) fn spread(values: &[f32]) -> [f32; 4] {
     match *values {
         [grey] => [grey, grey, grey, 1.0],
         [grey, alpha] => [grey, grey, grey, alpha],
@@ -146,13 +148,18 @@ impl Image {
         matches!(*self.pixels, Pixels::Encoded(_))
     }
 
+    /// Are its numbers floats, also where they are still encoded?
+    pub fn is_float(&self) -> bool {
+        matches!(*self.pixels, Pixels::F32(_) | Pixels::Encoded(Encoded { bits: 32, .. }))
+    }
+
     /// The image with its pixels: decoded, if they are encoded. Keeps nothing.
     ///
     /// # Errors
     /// As for [`ImageSource::decode`].
-    pub fn decoded(&self) -> Result<Image, Damage> {
+    pub fn decoded(&self, warnings: &mut Vec<Warning>) -> Result<Image, Damage> {
         let Pixels::Encoded(encoded) = &*self.pixels else { return Ok(self.clone()) };
-        let Image { pixels, .. } = encoded.source.decode()?;
+        let Image { pixels, .. } = encoded.source.decode(warnings)?;
         Ok(Image { pixels, ..self.clone() })
     }
 

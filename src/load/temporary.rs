@@ -1,6 +1,7 @@
 //! Temporary folders that scenes are read from: they stay for as long as images may be decoded from them.
 
 use super::Loaded;
+use crate::error::Warning;
 use crate::image::{Damage, Encoded, Image, ImageSource, Pixels};
 use std::sync::Arc;
 use tempfile::TempDir;
@@ -23,8 +24,8 @@ struct Kept {
 }
 
 impl ImageSource for Kept {
-    fn decode(&self) -> Result<Image, Damage> {
-        self.source.decode()
+    fn decode(&self, warnings: &mut Vec<Warning>) -> Result<Image, Damage> {
+        self.source.decode(warnings)
     }
 
     fn with_bytes(&self, take: &mut dyn FnMut(&[u8])) {

@@ -16,7 +16,7 @@ struct Counted {
 }
 
 impl ImageSource for Counted {
-    fn decode(&self) -> Result<Image, Damage> {
+    fn decode(&self, _: &mut Vec<Warning>) -> Result<Image, Damage> {
         match self.decodes.fetch_add(1, Relaxed) < self.most {
             true => Ok(self.image.clone()),
             false => Err(Damage::LeftOut(Warning::general("gone"))),
@@ -26,20 +26,25 @@ impl ImageSource for Counted {
     fn with_bytes(&self, _: &mut dyn FnMut(&[u8])) {}
 }
 
-/// Noise and a ramp, of 8 or 16 bits.
-fn decoded(width: u32, height: u32, channels: u32, is_deep: bool, seed: u32) -> Image {
+/// Noise and a ramp, of numbers of so many bits.
+fn decoded(width: u32, height: u32, channels: u32, bits: u32, seed: u32) -> Image {
     let value = |i: u32| (i.wrapping_mul(2_654_435_761).wrapping_add(seed) >> 9) % 90 + i / 97;
     let count = width * height * channels;
-    let pixels = match is_deep {
-        true => Pixels::U16((0..count).map(|i| (value(i) * 131) as u16).collect()),
-        false => Pixels::U8((0..count).map(|i| value(i) as u8).collect()),
+    let (pixels, encoding) = match bits {
+        8 => (Pixels::U8((0..count).map(|i| value(i) as u8).collect()), Encoding::Srgb),
+        16 => (Pixels::U16((0..count).map(|i| (value(i) * 131) as u16).collect()), Encoding::Srgb),
+        _ => (Pixels::F32((0..count).map(|i| value(i) as f32 / 7.0 - 5.0).collect()), Encoding::Linear),
     };
     let pixels = Arc::new(pixels);
-    Image { name: format!("image {seed}"), width, height, channels, encoding: Encoding::Srgb, pixels }
+    Image { name: format!("image {seed}"), width, height, channels, encoding, pixels }
 }
 
 fn encoded(image: &Image, most: u64) -> (Image, Arc<Counted>) {
-    let bits = if matches!(*image.pixels, Pixels::U16(_)) { 16 } else { 8 };
+    let bits = match *image.pixels {
+        Pixels::U8(_) => 8,
+        Pixels::U16(_) => 16,
+        _ => 32,
+    };
     let source = Arc::new(Counted { image: image.clone(), decodes: AtomicU64::new(0), most });
     let size = [image.width, image.height, image.channels];
     let pixels = Arc::new(Pixels::Encoded(Encoded { size, bits, source: source.clone() }));
@@ -76,10 +81,15 @@ fn look(textures: &CompiledTextures, texture: usize, count: u32, most_texels: f3
 #[test]
 fn texels_found_on_demand_are_those_in_memory() {
     let kinds = [Interpolation::Trilinear, Interpolation::Bilinear, Interpolation::Nearest];
-    for (width, height, channels, is_deep) in
-        [(300, 200, 3, false), (256, 256, 4, false), (130, 70, 1, true), (64, 199, 2, true)]
-    {
-        let image = decoded(width, height, channels, is_deep, 5);
+    for (width, height, channels, bits) in [
+        (300, 200, 3, 8),
+        (256, 256, 4, 8),
+        (130, 70, 1, 16),
+        (64, 199, 2, 16),
+        (100, 150, 3, 32),
+        (140, 70, 4, 32),
+    ] {
+        let image = decoded(width, height, channels, bits, 5);
         for kind in kinds {
             let textures = [texture(0, kind)];
             let (resident, _) = made(&textures, std::slice::from_ref(&image), &TextureNeeds::default());
@@ -101,7 +111,7 @@ fn texels_found_on_demand_are_those_in_memory() {
 
 #[test]
 fn levels_finer_than_needed_are_not_kept_and_each_image_is_decoded_once() {
-    let image = decoded(512, 512, 3, false, 1);
+    let image = decoded(512, 512, 3, 8, 1);
     let (on_demand, source) = encoded(&image, u64::MAX);
     let textures = [texture(0, Interpolation::Trilinear)];
     let needs = TextureNeeds { finest: vec![Some(3)], limit: None };
@@ -128,7 +138,7 @@ fn levels_finer_than_needed_are_not_kept_and_each_image_is_decoded_once() {
 
 #[test]
 fn images_that_nothing_needs_are_never_decoded() {
-    let images: Vec<_> = (0..3).map(|seed| encoded(&decoded(64, 64, 3, false, seed), u64::MAX)).collect();
+    let images: Vec<_> = (0..3).map(|seed| encoded(&decoded(64, 64, 3, 8, seed), u64::MAX)).collect();
     let textures: Vec<Texture> = (0..3).map(|i| texture(i, Interpolation::Trilinear)).collect();
     let needs = TextureNeeds { finest: vec![Some(0), None, None], limit: None };
     let list: Vec<Image> = images.iter().map(|(image, _)| image.clone()).collect();
@@ -140,7 +150,7 @@ fn images_that_nothing_needs_are_never_decoded() {
 #[test]
 fn what_is_kept_stays_within_the_limit() {
     const COUNT: usize = 8;
-    let full: Vec<Image> = (0..COUNT as u32).map(|seed| decoded(256, 256, 3, false, seed)).collect();
+    let full: Vec<Image> = (0..COUNT as u32).map(|seed| decoded(256, 256, 3, 8, seed)).collect();
     let images: Vec<_> = full.iter().map(|image| encoded(image, u64::MAX)).collect();
     let list: Vec<Image> = images.iter().map(|(image, _)| image.clone()).collect();
     let textures: Vec<Texture> = (0..COUNT).map(|i| texture(i, Interpolation::Trilinear)).collect();
@@ -164,7 +174,7 @@ fn what_is_kept_stays_within_the_limit() {
 
 #[test]
 fn a_lost_file_is_told_once_and_a_coarse_copy_stands_in() {
-    let image = decoded(256, 256, 3, false, 1);
+    let image = decoded(256, 256, 3, 8, 1);
     let (on_demand, source) = encoded(&image, 1);
     let textures = [texture(0, Interpolation::Trilinear), texture(0, Interpolation::Bilinear)];
     let needs = TextureNeeds { finest: vec![Some(4)], limit: None };
@@ -180,7 +190,7 @@ fn a_lost_file_is_told_once_and_a_coarse_copy_stands_in() {
 
 #[test]
 fn textures_of_damaged_images_are_lost() {
-    let (broken, _) = encoded(&decoded(64, 64, 3, false, 1), 0);
+    let (broken, _) = encoded(&decoded(64, 64, 3, 8, 1), 0);
     let textures = [texture(0, Interpolation::Bilinear)];
     let (compiled, report) = made(&textures, &[broken], &TextureNeeds::default());
     assert!(compiled.is_lost(TextureId(0)) && report.warnings.len() == 1);
@@ -189,7 +199,7 @@ fn textures_of_damaged_images_are_lost() {
 
 #[test]
 fn images_with_the_same_pixels_are_decoded_together() {
-    let (color, source) = encoded(&decoded(64, 64, 3, false, 1), u64::MAX);
+    let (color, source) = encoded(&decoded(64, 64, 3, 8, 1), u64::MAX);
     let data = Image { encoding: Encoding::Linear, ..color.clone() };
     let textures = [texture(0, Interpolation::Bilinear), texture(1, Interpolation::Trilinear)];
     made(&textures, &[color, data], &TextureNeeds::default());
@@ -198,7 +208,7 @@ fn images_with_the_same_pixels_are_decoded_together() {
 
 #[test]
 fn later_pictures_decode_what_they_show_more_of_and_nothing_else() {
-    let images: Vec<_> = (0..2).map(|seed| encoded(&decoded(256, 256, 3, false, seed), u64::MAX)).collect();
+    let images: Vec<_> = (0..2).map(|seed| encoded(&decoded(256, 256, 3, 8, seed), u64::MAX)).collect();
     let list: Vec<Image> = images.iter().map(|(image, _)| image.clone()).collect();
     let textures: Vec<Texture> = (0..2).map(|i| texture(i, Interpolation::Trilinear)).collect();
     let needs = |finest: [u32; 2]| TextureNeeds { finest: finest.map(Some).to_vec(), limit: None };
@@ -214,7 +224,7 @@ fn later_pictures_decode_what_they_show_more_of_and_nothing_else() {
 
 #[test]
 fn threads_that_ask_together_find_the_same() {
-    let image = decoded(400, 300, 3, false, 9);
+    let image = decoded(400, 300, 3, 8, 9);
     let textures = [texture(0, Interpolation::Bilinear)];
     let (resident, _) = made(&textures, std::slice::from_ref(&image), &TextureNeeds::default());
     let expected = look(&resident, 0, 3000, 0.0);

@@ -155,7 +155,10 @@ impl PagedImage {
     }
 
     fn keep_from(&self, asked: usize) {
-        let mut image = match self.image.decoded() {
+        let mut warnings = Vec::new();
+        let decoded = self.image.decoded(&mut warnings);
+        self.store.tell(warnings);
+        let mut image = match decoded {
             Ok(image) => Image { encoding: self.image.encoding, ..image },
             Err(damage) => return self.store.tell_damage(&self.image, damage),
         };
@@ -252,7 +255,7 @@ pub struct TextureReport {
     pub file_bytes: u64,
     /// Bytes that all levels of all images would take.
     pub all_bytes: u64,
-    /// Damaged images.
+    /// About what images hold, and damaged ones.
     pub warnings: Vec<Warning>,
 }
 
@@ -365,6 +368,8 @@ pub(super) fn of(
     let kept: Vec<ImageId> = levels.keys().copied().collect();
     for batch in batches(plans, needs.decoding()) {
         let built: Vec<_> = batch.into_par_iter().map(|group| build(group, &store)).collect();
+        let (built, warnings): (Vec<_>, Vec<_>) = built.into_iter().unzip();
+        report.warnings.extend(warnings.into_iter().flatten());
         for (id, built) in built.into_iter().flatten() {
             let built = match built {
                 Ok(built) => Some(built),
@@ -507,15 +512,19 @@ impl LevelPlan<'_> {
     }
 }
 
-/// Makes the levels of images with the same pixels.
-fn build(group: Vec<LevelPlan>, store: &Arc<Store>) -> Vec<(ImageId, Result<Levels, Option<Damage>>)> {
+/// The levels of an image, or why there are none: damage, which the first of several images with the same pixels has.
+type Built = (ImageId, Result<Levels, Option<Damage>>);
+
+/// Makes the levels of images with the same pixels, with warnings about these.
+fn build(group: Vec<LevelPlan>, store: &Arc<Store>) -> (Vec<Built>, Vec<Warning>) {
+    let mut warnings = Vec::new();
     let is_needed = group.iter().any(|plan| !plan.image.is_encoded() || plan.is_decoded());
-    let mut decoded = match is_needed.then(|| group[0].image.decoded()).transpose() {
+    let mut decoded = match is_needed.then(|| group[0].image.decoded(&mut warnings)).transpose() {
         Ok(decoded) => decoded,
         Err(damage) => {
             // Told once; the others are left out with it.
             let mut damage = Some(damage);
-            return group.into_iter().map(|plan| (plan.id, Err(damage.take()))).collect();
+            return (group.into_iter().map(|plan| (plan.id, Err(damage.take()))).collect(), warnings);
         }
     };
     let count = group.len();
@@ -527,7 +536,7 @@ fn build(group: Vec<LevelPlan>, store: &Arc<Store>) -> Vec<(ImageId, Result<Leve
         let full = full.map(|full| Image { encoding, name: plan.image.name.clone(), ..full });
         made.push((plan.id, Ok(build_one(&plan, full, store))));
     }
-    made
+    (made, warnings)
 }
 
 fn build_one(plan: &LevelPlan, full: Option<Image>, store: &Arc<Store>) -> Levels {

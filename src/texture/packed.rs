@@ -2,17 +2,18 @@
 //
 // A level is cut into tiles of 64 x 64 texels, and a tile into blocks of 8 x 8. A block stores the least value of each channel and the
 // differences to it, each in as many bits as the largest needs ("frame of reference": Goldstein, Ramakrishnan, Shaft 1998, "Compressing
-// Relations and Indexes"). Photographs take 30 to 70 % of their pixels, smooth pictures 4 to 10 %; a texel is found by a few additions,
-// without decoding its neighbours. Tried and lost: Huffman codes of predicted residuals, which take 0 to 15 % less, but 15 us a
+// Relations and Indexes"). Of floats these are the bit patterns, without the zeros that all of a block end in: numbers from half floats
+// and from Radiance files have many. Photographs take 30 to 70 % of their pixels, smooth pictures 4 to 10 %; a texel is found by a few
+// additions, without decoding its neighbours. Tried and lost: Huffman codes of predicted residuals, which take 0 to 15 % less, but 15 us a
 // tile before its first texel is known.
 //
-// Layout of a tile, little-endian: 64 offsets of blocks as u16, counted from the start of the tile; the blocks; 4 bytes of 0, so that
-// four bytes can be read at each difference, also at those of no bits behind the last block. Layout of a block: for each channel the
-// least value (a byte, or two of a level of 16 bits) and the number of bits of a difference (a byte); then 64 differences for each channel,
-// row by row.
+// Layout of a tile, little-endian: 64 offsets of blocks as u16, counted from the start of the tile, in bytes (floats: in eights of bytes);
+// the blocks; 8 bytes of 0, so that eight bytes can be read at each difference, also at those of no bits behind the last block. Layout
+// of a block: for each channel the least value (1, 2 or 4 bytes) and the number of bits of a difference (a byte), for floats also the
+// number of zeros that were left out (a byte) and 2 bytes of 0; then 64 differences for each channel, row by row.
 
 use super::store::{Store, TileKey, TileRow};
-use crate::image::{Codes, Encoding, Image, Pixels};
+use crate::image::{Codes, Encoding, Image, Pixels, spread};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -31,58 +32,101 @@ const ACROSS: u32 = SIDE / BLOCK;
 /// Bytes of the offsets of a tile's blocks.
 const OFFSETS: usize = (ACROSS * ACROSS) as usize * 2;
 
+/// The type of a stored number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Number {
+    U8,
+    U16,
+    F32,
+}
+
+impl Number {
+    const fn bytes(self) -> usize {
+        match self {
+            Number::U8 => 1,
+            Number::U16 => 2,
+            Number::F32 => 4,
+        }
+    }
+
+    /// Bytes of what a block has about a channel before its differences.
+    const fn header(self) -> usize {
+        match self {
+            Number::U8 => 2,
+            Number::U16 => 3,
+            Number::F32 => 8,
+        }
+    }
+
+    /// Bytes that a step of the offsets of blocks stands for.
+    const fn step(self) -> usize {
+        if matches!(self, Number::F32) { 8 } else { 1 }
+    }
+}
+
 /// How texels are stored.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Format {
     channels: u32,
-    /// 16 bits a channel, else 8.
-    is_deep: bool,
+    number: Number,
     encoding: Encoding,
 }
 
 impl Format {
-    /// That of an image of 8 or 16 bits.
+    /// That of an image that is not encoded.
     fn of(image: &Image) -> Format {
-        let is_deep = matches!(*image.pixels, Pixels::U16(_));
-        Format { channels: image.channels, is_deep, encoding: image.encoding }
-    }
-
-    /// Bytes of the least value and the number of bits of a channel.
-    fn header(self) -> usize {
-        if self.is_deep { 3 } else { 2 }
+        let number = match *image.pixels {
+            Pixels::U8(_) | Pixels::Encoded(_) => Number::U8,
+            Pixels::U16(_) => Number::U16,
+            Pixels::F32(_) => Number::F32,
+        };
+        Format { channels: image.channels, number, encoding: image.encoding }
     }
 
     /// The texel at a position in a tile, as linear RGBA. Black where bytes are missing.
     #[inline]
     pub fn texel(self, tile: &[u8], x: u32, y: u32) -> [f32; 4] {
-        let codes = self.codes(tile, x, y).unwrap_or_default();
         let n = self.channels as usize;
-        match self.is_deep {
-            true => Codes::U16(&codes[..n]).rgba(self.encoding),
-            false => Codes::U8(&codes.map(|code| code as u8)[..n]).rgba(self.encoding),
+        match self.number {
+            Number::U8 => Codes::U8(&self.codes(tile, x, y).map(|code| code as u8)[..n]).rgba(self.encoding),
+            Number::U16 => {
+                Codes::U16(&self.codes(tile, x, y).map(|code| code as u16)[..n]).rgba(self.encoding)
+            }
+            Number::F32 => spread(&self.codes(tile, x, y).map(f32::from_bits)[..n]),
         }
     }
 
+    /// The stored numbers, for floats their bit patterns; zeros where bytes are missing.
     #[inline]
-    fn codes(self, tile: &[u8], x: u32, y: u32) -> Option<[u16; 4]> {
-        let word = |at: usize| Some(u16::from_le_bytes(tile.get(at..at + 2)?.try_into().ok()?));
+    fn codes(self, tile: &[u8], x: u32, y: u32) -> [u32; 4] {
+        let found = match self.number {
+            Number::U8 => self.codes_of::<{ Number::U8.bytes() }>(tile, x, y),
+            Number::U16 => self.codes_of::<{ Number::U16.bytes() }>(tile, x, y),
+            Number::F32 => self.codes_of::<{ Number::F32.bytes() }>(tile, x, y),
+        };
+        found.unwrap_or_default()
+    }
+
+    /// The same of numbers of `BYTES` bytes.
+    #[inline]
+    fn codes_of<const BYTES: usize>(self, tile: &[u8], x: u32, y: u32) -> Option<[u32; 4]> {
+        let (channels, header) = (self.channels as usize, self.number.header());
         let block = (y / BLOCK * ACROSS + x / BLOCK) as usize;
         let texel = (y % BLOCK * BLOCK + x % BLOCK) as usize;
-        let mut header = usize::from(word(block * 2)?);
-        let mut bits = header + self.channels as usize * self.header();
+        let offset = u16::from_le_bytes(tile.get(block * 2..block * 2 + 2)?.try_into().ok()?);
+        let start = usize::from(offset) * self.number.step();
+        let mut bits = start + channels * header;
+        let headers = tile.get(start..bits)?;
         let mut codes = [0; 4];
-        for code in &mut codes[..self.channels as usize] {
-            let (least, width) = match self.is_deep {
-                true => (word(header)?, *tile.get(header + 2)?),
-                false => (u16::from(*tile.get(header)?), *tile.get(header + 1)?),
-            };
-            let width = usize::from(width.min(16));
+        for (code, header) in codes.iter_mut().zip(headers.chunks_exact(header)) {
+            let least = header[..BYTES].iter().rev().fold(0u32, |least, &byte| least << 8 | u32::from(byte));
+            let width = usize::from(header[BYTES].min(BYTES as u8 * 8));
+            let zeros = if BYTES == 4 { u32::from(header[5].min(31)) } else { 0 };
             let bit = texel * width;
             let at = bits + bit / 8;
-            let four = u32::from_le_bytes(tile.get(at..at + 4)?.try_into().ok()?);
-            let difference = four >> (bit % 8) & ((1 << width) - 1);
-            *code = least.wrapping_add(difference as u16);
-            header += self.header();
+            let eight = u64::from_le_bytes(tile.get(at..at + 8)?.try_into().ok()?);
+            let difference = (eight >> (bit % 8) & ((1 << width) - 1)) as u32;
+            *code = least.wrapping_add(difference << zeros);
             bits += width * TEXELS / 8;
         }
         Some(codes)
@@ -113,7 +157,7 @@ impl PackedRow {
 }
 
 impl PackedLevel {
-    /// Compresses a level of 8 or 16 bits; others are black. The store decides where the bytes are kept.
+    /// Compresses a level; one that is still encoded is black. The store decides where the bytes are kept.
     pub fn new(level: &Image, store: &Store) -> PackedLevel {
         let rows = (0..level.height.div_ceil(SIDE)).map(|row| packed_row(level, row, store)).collect();
         PackedLevel { format: Format::of(level), rows }
@@ -156,17 +200,42 @@ fn packed_row(level: &Image, row: u32, store: &Store) -> PackedRow {
     let (mut ends, mut bytes) = (Vec::new(), Vec::new());
     for column in 0..level.width.div_ceil(SIDE) {
         match &*level.pixels {
-            Pixels::U8(data) => pack_tile(data, level, [column, row], &mut bytes),
-            Pixels::U16(data) => pack_tile(data, level, [column, row], &mut bytes),
-            Pixels::F32(_) | Pixels::Encoded(_) => {}
+            Pixels::U8(data) => pack_tile(data, level, [column, row], |v| v.into(), &mut bytes),
+            Pixels::U16(data) => pack_tile(data, level, [column, row], |v| v.into(), &mut bytes),
+            Pixels::F32(data) => pack_tile(data, level, [column, row], f32::to_bits, &mut bytes),
+            Pixels::Encoded(_) => {}
         }
         ends.push(bytes.len() as u32);
     }
     PackedRow { ends, bytes: store.keep(bytes) }
 }
 
-/// Adds a tile to those of its row.
-fn pack_tile<T: Copy + Into<u16>>(data: &[T], level: &Image, [column, row]: [u32; 2], out: &mut Vec<u8>) {
+/// Adds a tile to those of its row; `code` gives the bits of a number.
+fn pack_tile<T: Copy>(
+    data: &[T],
+    level: &Image,
+    place: [u32; 2],
+    code: impl Fn(T) -> u32,
+    out: &mut Vec<u8>,
+) {
+    match level.channels {
+        1 => pack_tile_of::<T, 1>(data, level, place, code, out),
+        2 => pack_tile_of::<T, 2>(data, level, place, code, out),
+        3 => pack_tile_of::<T, 3>(data, level, place, code, out),
+        _ => pack_tile_of::<T, 4>(data, level, place, code, out),
+    }
+}
+
+/// The same of `N` channels.
+fn pack_tile_of<T: Copy, const N: usize>(
+    data: &[T],
+    level: &Image,
+    [column, row]: [u32; 2],
+    code: impl Fn(T) -> u32,
+    out: &mut Vec<u8>,
+) {
+    let number = Format::of(level).number;
+    let texels = data.as_chunks::<N>().0;
     let start = out.len();
     out.resize(start + OFFSETS, 0);
     let side = |at: u32, size: u32| (size - at * SIDE).min(SIDE);
@@ -174,56 +243,92 @@ fn pack_tile<T: Copy + Into<u16>>(data: &[T], level: &Image, [column, row]: [u32
     for y in (0..height).step_by(BLOCK as usize) {
         for x in (0..width).step_by(BLOCK as usize) {
             let block = (y / BLOCK * ACROSS + x / BLOCK) as usize;
-            let offset = ((out.len() - start) as u16).to_le_bytes();
+            let offset = (((out.len() - start) / number.step()) as u16).to_le_bytes();
             out[start + block * 2..start + block * 2 + 2].copy_from_slice(&offset);
-            let size = [(width - x).min(BLOCK), (height - y).min(BLOCK)];
-            pack_block(data, level, [column * SIDE + x, row * SIDE + y], size, out);
+            let first = (row * SIDE + y) as usize * level.width as usize + (column * SIDE + x) as usize;
+            let size = [(width - x).min(BLOCK), (height - y).min(BLOCK)].map(|n| n as usize);
+            let values = block_of(&texels[first..], level.width as usize, size, &code);
+            pack_block(&values, number, out);
         }
     }
-    out.extend([0; 4]);
+    out.extend([0; 8]);
 }
 
-fn pack_block<T: Copy + Into<u16>>(
-    data: &[T],
-    level: &Image,
-    [x, y]: [u32; 2],
-    [width, height]: [u32; 2],
-    out: &mut Vec<u8>,
-) {
-    let n = level.channels as usize;
-    let is_deep = size_of::<T>() == 2;
-    let first = (y as usize * level.width as usize + x as usize) * n;
-    let mut values = [[0u16; TEXELS]; 4];
-    let mut ranges = [[u16::MAX, 0]; 4];
-    for line in 0..height as usize {
-        let from = first + line * level.width as usize * n;
-        let texels = data[from..from + width as usize * n].chunks_exact(n);
-        for (column, texel) in texels.enumerate() {
-            for ((values, [least, most]), &value) in values.iter_mut().zip(&mut ranges).zip(texel) {
-                let value = value.into();
-                values[line * BLOCK as usize + column] = value;
-                (*least, *most) = (value.min(*least), value.max(*most));
+/// The numbers of each channel of a block, whose first texel is the first one of `texels`. Those beyond the border of a level repeat it.
+#[inline]
+fn block_of<T: Copy, const N: usize>(
+    texels: &[[T; N]],
+    row_length: usize,
+    [width, height]: [usize; 2],
+    code: impl Fn(T) -> u32,
+) -> [[u32; TEXELS]; N] {
+    let mut values = texels[0].map(|value| [code(value); TEXELS]);
+    for line in 0..height {
+        let from = &texels[line * row_length..][..width];
+        for (column, texel) in from.iter().enumerate() {
+            for c in 0..N {
+                values[c][line * BLOCK as usize + column] = code(texel[c]);
             }
         }
     }
-    let bits = |[least, most]: [u16; 2]| u16::BITS - (most - least).leading_zeros();
-    for &[least, most] in &ranges[..n] {
-        out.extend(&least.to_le_bytes()[..if is_deep { 2 } else { 1 }]);
-        out.push(bits([least, most]) as u8);
+    values
+}
+
+fn pack_block<const N: usize>(channels: &[[u32; TEXELS]; N], number: Number, out: &mut Vec<u8>) {
+    let frames = channels.each_ref().map(Frame::of);
+    let zeros = |frame: &Frame| if number == Number::F32 { frame.zeros } else { 0 };
+    for frame in &frames {
+        let zeros = zeros(frame);
+        out.extend(&frame.least.to_le_bytes()[..number.bytes()]);
+        out.extend(&[frame.width(zeros) as u8, zeros as u8, 0, 0][..number.header() - number.bytes()]);
     }
-    for (values, range) in values[..n].iter().zip(ranges) {
-        pack_bits(values, range[0], bits(range), out);
+    for (values, frame) in channels.iter().zip(&frames) {
+        let zeros = zeros(frame);
+        pack_bits(values, frame.least, zeros, frame.width(zeros), out);
     }
 }
 
-/// Appends the lower `width` bits of the differences to the least value. Texels beyond the border of a level may have any.
-fn pack_bits(values: &[u16; TEXELS], least: u16, width: u32, out: &mut Vec<u8>) {
+/// The frame of reference of a channel in a block.
+#[derive(Clone, Copy)]
+struct Frame {
+    least: u32,
+    most: u32,
+    /// Lowest bits in which no two numbers differ.
+    zeros: u32,
+}
+
+impl Frame {
+    fn of(values: &[u32; TEXELS]) -> Frame {
+        let (mut least, mut most, mut differing) = (u32::MAX, 0, 0);
+        for &value in values {
+            (least, most) = (value.min(least), value.max(most));
+            differing |= value ^ values[0];
+        }
+        Frame { least, most, zeros: differing.trailing_zeros().min(31) }
+    }
+
+    /// Bits of the largest difference without so many zeros.
+    fn width(&self, zeros: u32) -> u32 {
+        u32::BITS - ((self.most - self.least) >> zeros).leading_zeros()
+    }
+}
+
+/// Appends the lower `width` bits of the differences to the least value, without `zeros` bits that are 0.
+fn pack_bits(values: &[u32; TEXELS], least: u32, zeros: u32, width: u32, out: &mut Vec<u8>) {
     // Eight differences at a time fill whole bytes.
     for eight in values.chunks_exact(8).filter(|_| width > 0) {
-        let mask = (1u128 << width) - 1;
-        let difference = |value: u16| u128::from(value.wrapping_sub(least)) & mask;
-        let packed = eight.iter().rev().fold(0u128, |packed, &v| packed << width | difference(v));
-        out.extend(&packed.to_le_bytes()[..width as usize]);
+        let (mut packed, mut at) = ([0; 40], 0);
+        let (mut bits, mut count) = (0u64, 0);
+        for &value in eight {
+            bits |= u64::from((value - least) >> zeros) << count;
+            count += width;
+            if count >= 32 {
+                packed[at..at + 4].copy_from_slice(&(bits as u32).to_le_bytes());
+                (bits, count, at) = (bits >> 32, count - 32, at + 4);
+            }
+        }
+        packed[at..at + 8].copy_from_slice(&bits.to_le_bytes());
+        out.extend(&packed[..width as usize]);
     }
 }
 
@@ -232,16 +337,29 @@ mod tests {
     use super::*;
     use std::sync::Arc;
 
+    const ALL: [Number; 3] = [Number::U8, Number::U16, Number::F32];
+
     /// A level of some texture with noise, of any numbers.
-    fn level(width: u32, height: u32, channels: u32, is_deep: bool) -> Image {
+    fn level(width: u32, height: u32, channels: u32, number: Number) -> Image {
         let count = width * height * channels;
         let value = |i: u32| (i.wrapping_mul(2_654_435_761) >> 20) ^ (i / 7);
-        let pixels = match is_deep {
-            true => Pixels::U16((0..count).map(|i| (value(i) * 31) as u16).collect()),
-            false => Pixels::U8((0..count).map(|i| value(i) as u8).collect()),
+        let pixels = match number {
+            Number::U8 => Pixels::U8((0..count).map(|i| value(i) as u8).collect()),
+            Number::U16 => Pixels::U16((0..count).map(|i| (value(i) * 31) as u16).collect()),
+            // Of both signs, with exponents far apart, and some of few digits.
+            Number::F32 => Pixels::F32((0..count).map(|i| float(i, value(i))).collect()),
         };
         let pixels = Arc::new(pixels);
         Image { name: "a".into(), width, height, channels, encoding: Encoding::Srgb, pixels }
+    }
+
+    fn float(i: u32, value: u32) -> f32 {
+        match i / 1000 % 4 {
+            0 => value as f32 / 7.0,
+            1 => value as f32 / 16.0,
+            2 => (value as f32 - 2000.0) * 1e30,
+            _ => f32::from_bits(i.wrapping_mul(2_654_435_761) & !(1 << 30)),
+        }
     }
 
     /// A store with room for so many bytes in memory.
@@ -254,8 +372,8 @@ mod tests {
         // No two levels may have the same.
         let mut ids = 1 << 32..;
         for (width, height) in [(64, 64), (1, 1), (130, 65), (63, 200), (1, 129)] {
-            for (channels, is_deep) in (1..=4).flat_map(|n| [(n, false), (n, true)]) {
-                let level = level(width, height, channels, is_deep);
+            for (channels, number) in (1..=4).flat_map(|n| ALL.map(|number| (n, number))) {
+                let level = level(width, height, channels, number);
                 for room in [0, 60_000, 1 << 40] {
                     let (store, id) = (store(room), ids.next().expect("there are more"));
                     let packed = PackedLevel::new(&level, &store);
@@ -274,7 +392,7 @@ mod tests {
             let most = ((1u32 << bits) - 1) as u16;
             let value = |i: u32| 7u16.saturating_add(if i % 3 == 1 { most } else { most & (i * 977) as u16 });
             let pixels = Arc::new(Pixels::U16((0..64).map(value).collect()));
-            let level = Image { pixels, ..level(8, 8, 1, true) };
+            let level = Image { pixels, ..level(8, 8, 1, Number::U16) };
             let store = store(1 << 20);
             let packed = PackedLevel::new(&level, &store);
             (0..64).for_each(|i| {
@@ -286,17 +404,19 @@ mod tests {
     #[test]
     fn smooth_images_take_less_room() {
         let codes = (0..256 * 256u32).map(|i| (i % 256 / 8 + i / 2048) as u8).collect();
-        let smooth = Image { pixels: Arc::new(Pixels::U8(codes)), ..level(256, 256, 1, false) };
+        let smooth = Image { pixels: Arc::new(Pixels::U8(codes)), ..level(256, 256, 1, Number::U8) };
         assert!(PackedLevel::new(&smooth, &store(1 << 20)).bytes() < 256 * 256 / 6);
     }
 
     #[test]
     fn lost_bytes_are_black() {
-        let format = Format { channels: 3, is_deep: false, encoding: Encoding::Srgb };
-        for tile in [&[][..], &[0; 40], &[255; 200]] {
+        for (number, tile) in
+            ALL.into_iter().flat_map(|n| [&[][..], &[0; 40], &[255; 200]].map(|tile| (n, tile)))
+        {
+            let format = Format { channels: 3, number, encoding: Encoding::Srgb };
             let [.., alpha] = format.texel(tile, 63, 63);
             assert_eq!(alpha, 1.0);
+            assert_eq!(format.texel(&[0; 200], 5, 5), [0.0, 0.0, 0.0, 1.0]);
         }
-        assert_eq!(format.texel(&[0; 200], 5, 5), [0.0, 0.0, 0.0, 1.0]);
     }
 }

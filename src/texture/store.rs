@@ -206,6 +206,13 @@ impl Store {
         });
     }
 
+    /// Notes warnings about an image that was decoded.
+    pub fn tell(&self, warnings: Vec<Warning>) {
+        for warning in warnings {
+            self.warn(&warning.to_string(), || warning.clone());
+        }
+    }
+
     /// Keeps a warning, unless there is one about the same.
     fn warn(&self, about: &str, warning: impl FnOnce() -> Warning) {
         let mut warnings = lock(&self.warnings);

@@ -92,7 +92,8 @@ fn large_pictures_of_archives_stay_readable() {
     let files = [("a.obj", OBJ), ("a.mtl", &b"newmtl a\nmap_Kd a.png\n"[..]), ("a.png", &picture[..])];
     let loaded = read("a.zip", &zip(&files)).unwrap_or_else(|e| panic!("{e}"));
     assert!(loaded.scene.images[0].is_encoded(), "small ones are decoded at once");
-    let decoded = loaded.scene.images[0].decoded().unwrap_or_else(|damage| panic!("{damage:?}"));
+    let decoded =
+        loaded.scene.images[0].decoded(&mut Vec::new()).unwrap_or_else(|damage| panic!("{damage:?}"));
     assert_eq!((decoded.width, decoded.height), (700, 700));
 }
 

@@ -238,7 +238,7 @@ fn large_images_of_textures_are_decoded_when_a_scene_is_compiled() {
     let loaded = load(&path, &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
     let image = &loaded.scene.images[0];
     assert!(image.is_encoded() && (image.width, image.height, image.channels) == (700, 600, 3));
-    let decoded = image.decoded().expect("it is whole");
+    let decoded = image.decoded(&mut Vec::new()).expect("it is whole");
     assert_eq!((decoded.bytes(), decoded.encoding), (700 * 600 * 3, Encoding::Srgb));
     let (_, report) = compile(&loaded.scene, &CompileOptions::default()).expect("it is whole");
     // With its pyramid.

@@ -45,7 +45,7 @@ fn decode_images(loaded: &mut Loaded) -> Result<()> {
         if !image.is_encoded() || !seen.insert(Arc::as_ptr(&image.pixels)) {
             continue;
         }
-        match image.decoded() {
+        match image.decoded(&mut loaded.warnings) {
             Ok(_) => {}
             Err(Damage::LeftOut(warning)) => loaded.warnings.push(warning),
             Err(Damage::Fatal(error)) => return Err(error),

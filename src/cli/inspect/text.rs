@@ -1,7 +1,7 @@
 //! The answer for people.
 
 use crate::cli::report::ShapeCounts;
-use oscura::image::{Encoding, Image, Pixels};
+use oscura::image::{Encoded, Encoding, Image, Pixels};
 use oscura::load::Loaded;
 use oscura::math::DVec3;
 use oscura::scene::{
@@ -88,11 +88,9 @@ fn strands(scene: &Scene) -> String {
 
 fn image_line(image: &Image) -> String {
     let bits = match &*image.pixels {
-        Pixels::U8(_) => "8 bits",
-        Pixels::U16(_) => "16 bits",
-        Pixels::F32(_) => "32-bit floats",
-        Pixels::Encoded(encoded) if encoded.bits == 8 => "8 bits",
-        Pixels::Encoded(_) => "16 bits",
+        Pixels::U8(_) | Pixels::Encoded(Encoded { bits: 8, .. }) => "8 bits",
+        Pixels::U16(_) | Pixels::Encoded(Encoded { bits: 16, .. }) => "16 bits",
+        Pixels::F32(_) | Pixels::Encoded(_) => "32-bit floats",
     };
     let encoding = match image.encoding {
         Encoding::Linear => "linear",

@@ -198,7 +198,8 @@ impl Heights {
             return Err("is displaced by images only, which lie by texture coordinates".into());
         };
         let image = scene.images.get(image.index()).ok_or("is displaced by an image that is not there")?;
-        let image = image.decoded().map_err(|_| "is displaced by an image that can't be decoded")?;
+        let image =
+            image.decoded(&mut Vec::new()).map_err(|_| "is displaced by an image that can't be decoded")?;
         // Heights are no colours, whatever else the image is used for.
         let image = Image { encoding: Encoding::Linear, ..image };
         let size = [image.width as usize, image.height as usize];

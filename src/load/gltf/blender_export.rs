@@ -75,8 +75,8 @@ fn has_alpha(scene: &Scene, texture: TextureId) -> bool {
     if n != 2 && n != 4 {
         return false;
     }
-    // Images that can't be decoded are reported when the scene is compiled.
-    let Ok(Image { pixels, .. }) = image.decoded() else { return false };
+    // Damage is reported when the scene is compiled.
+    let Ok(Image { pixels, .. }) = image.decoded(&mut Vec::new()) else { return false };
     match &*pixels {
         Pixels::U8(data) => data.chunks_exact(n).any(|p| p[n - 1] < u8::MAX),
         Pixels::U16(data) => data.chunks_exact(n).any(|p| p[n - 1] < u16::MAX),

@@ -339,10 +339,7 @@ fn read_what_can_be(
     unreadable.append(&mut lost);
     let image = |need: &ImageNeed| {
         let image = decoded.get(*numbers.get(&need.index)?)?.as_ref()?;
-        let encoding = match *image.pixels {
-            Pixels::F32(_) => Encoding::Linear,
-            Pixels::U8(_) | Pixels::U16(_) | Pixels::Encoded(_) => need.encoding,
-        };
+        let encoding = if image.is_float() { Encoding::Linear } else { need.encoding };
         let image = Image { encoding, ..image.clone() };
         Some(match need.gloss {
             Some(gloss) => roughness(&image, gloss.factor()),

@@ -1,7 +1,7 @@
 //! Large images that become textures stay encoded while a scene is loaded: only their headers are read.
 
 use super::source::{ImageFile, Layout, Source, Use};
-use super::{decode, format_of, jpeg_is_complete, metadata_warnings, source};
+use super::{decode, format_of, jpeg_is_complete, metadata_warnings, openexr, radiance, source};
 use crate::error::{Error, Result, Warning};
 use crate::image::{Damage, Encoded, Encoding, Image, ImageSource, Pixels};
 use image::{ColorType, ImageDecoder, ImageFormat, ImageReader};
@@ -21,8 +21,7 @@ const BEGINNING: usize = 1 << 16;
 /// Decides what happens to a scene with a damaged image.
 pub(crate) type OnDamage = Arc<dyn Fn(Error) -> Damage + Send + Sync>;
 
-/// The image of a texture: decoded if it is small or of a format that has no plain header, else encoded. Only images of 8 and 16 bits
-/// stay encoded; their decoders give no warnings beyond those about the header.
+/// The image of a texture: decoded if it is small or of a format that has no plain header, else encoded.
 ///
 /// # Errors
 /// As for [`super::decode`]; damage behind the header of a large image is reported by `on_damage` when it is decoded.
@@ -36,20 +35,22 @@ pub(crate) fn for_texture(
     let source = of.source();
     let mut own = Vec::new();
     // Errors are found once more by the decoder, with all that is to be said.
-    let layout = source::guarded(&source, || layout(&source, of.mime, &mut own)).ok().flatten();
+    let layout = source::guarded(&source, || layout(&source, of.mime, purpose, &mut own)).ok().flatten();
     let Some(Layout { size: [width, height], channels, bits }) = layout else {
         return decode(of, purpose, warnings);
     };
+    let is_float = bits == 32;
     warnings.append(&mut own);
     let origin = match of.own_file.map(|path| (path, Stamp::of(path))) {
         Some((path, Some(stamp))) => Origin::File(path.to_path_buf(), stamp),
         _ => Origin::Memory(of.bytes.as_ref().into()),
     };
-    let encoding = if purpose == Use::Data { Encoding::Linear } else { Encoding::Srgb };
+    let encoding = if purpose == Use::Data || is_float { Encoding::Linear } else { Encoding::Srgb };
     let name = source.name();
     let (file, pointer) = (file.to_path_buf(), pointer.to_string());
     let mime = of.mime.map(str::to_string);
-    let deferred = Deferred { origin, file, pointer, mime, size: [width, height], channels, bits, on_damage };
+    let size = [width, height];
+    let deferred = Deferred { origin, file, pointer, mime, purpose, size, channels, bits, on_damage };
     let size = [width, height, channels];
     let pixels = Arc::new(Pixels::Encoded(Encoded { size, bits, source: Arc::new(deferred) }));
     Ok(Image { name, width, height, channels, encoding, pixels })
@@ -76,10 +77,20 @@ pub(crate) fn read_for_texture(
 }
 
 /// The layout of a large image; `None` if it is better decoded at once.
-fn layout(source: &Source, mime: Option<&str>, warnings: &mut Vec<Warning>) -> Result<Option<Layout>> {
-    let found = match super::ktx2::is_ktx2(source.bytes) {
-        true => super::ktx2::layout(source, warnings)?,
-        false => common_layout(source, mime, warnings)?,
+fn layout(
+    source: &Source,
+    mime: Option<&str>,
+    purpose: Use,
+    warnings: &mut Vec<Warning>,
+) -> Result<Option<Layout>> {
+    let found = if super::ktx2::is_ktx2(source.bytes) {
+        super::ktx2::layout(source, warnings)?
+    } else {
+        match format_of(source, mime, warnings)? {
+            ImageFormat::OpenExr => Some(openexr::layout(source, purpose.has_alpha())?),
+            ImageFormat::Hdr => Some(radiance::layout(source)?),
+            format => common_layout(source, format, warnings)?,
+        }
     };
     let Some(found) = found else { return Ok(None) };
     let ([width, height], channel) = (found.size.map(u64::from), u64::from(found.bits / 8));
@@ -92,11 +103,11 @@ fn layout(source: &Source, mime: Option<&str>, warnings: &mut Vec<Warning>) -> R
 }
 
 /// The same of what the crate `image` decodes; `None` for floats and palettes, too.
-fn common_layout(source: &Source, mime: Option<&str>, warnings: &mut Vec<Warning>) -> Result<Option<Layout>> {
-    let format = format_of(source, mime, warnings)?;
-    if matches!(format, ImageFormat::OpenExr | ImageFormat::Hdr) {
-        return Ok(None);
-    }
+fn common_layout(
+    source: &Source,
+    format: ImageFormat,
+    warnings: &mut Vec<Warning>,
+) -> Result<Option<Layout>> {
     // The decoder of JPEG copies what it is given.
     let beginning = &source.bytes[..source.bytes.len().min(BEGINNING)];
     let found = match format {
@@ -156,6 +167,7 @@ struct Deferred {
     file: PathBuf,
     pointer: String,
     mime: Option<String>,
+    purpose: Use,
     size: [u32; 2],
     channels: u32,
     bits: u32,
@@ -182,17 +194,22 @@ impl Deferred {
         source.error("has changed since the scene was loaded")
     }
 
-    fn try_decode(&self) -> Result<Image> {
+    fn try_decode(&self, warnings: &mut Vec<Warning>) -> Result<Image> {
         let bytes = self.bytes()?;
         let place = (self.file.as_path(), self.pointer.as_str());
         let file = ImageFile { bytes, own_file: None, place, mime: self.mime.as_deref(), memory_limit: None };
-        // Integers are the same for all uses, and warnings have been given from the header.
-        let image = decode(&file, Use::Data, &mut Vec::new())?;
+        let mut found = Vec::new();
+        let image = decode(&file, self.purpose, &mut found)?;
         let bits = match *image.pixels {
             Pixels::U8(_) => 8,
             Pixels::U16(_) => 16,
-            Pixels::F32(_) | Pixels::Encoded(_) => 0,
+            Pixels::F32(_) => 32,
+            Pixels::Encoded(_) => 0,
         };
+        // Those about integers were given when the header was read.
+        if bits == 32 {
+            warnings.append(&mut found);
+        }
         let is_same =
             ([image.width, image.height], image.channels, bits) == (self.size, self.channels, self.bits);
         if is_same { Ok(image) } else { Err(self.changed()) }
@@ -200,8 +217,8 @@ impl Deferred {
 }
 
 impl ImageSource for Deferred {
-    fn decode(&self) -> std::result::Result<Image, Damage> {
-        self.try_decode().map_err(|error| (self.on_damage)(error))
+    fn decode(&self, warnings: &mut Vec<Warning>) -> std::result::Result<Image, Damage> {
+        self.try_decode(warnings).map_err(|error| (self.on_damage)(error))
     }
 
     fn with_bytes(&self, take: &mut dyn FnMut(&[u8])) {

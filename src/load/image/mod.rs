@@ -87,8 +87,7 @@ fn decode_source(
         }
         match format_of(source, mime, warnings)? {
             ImageFormat::OpenExr => {
-                let has_alpha = matches!(purpose, Use::Color | Use::Picture);
-                openexr::displayed(source, purpose != Use::Data, has_alpha, warnings)
+                openexr::displayed(source, purpose != Use::Data, purpose.has_alpha(), warnings)
             }
             format => decode_common(source, format, purpose, warnings),
         }
@@ -524,6 +523,65 @@ mod tests {
             warnings,
             [format!("{place} b.RGB; left out: channel 'a.B', channel 'a.Z', channel 'c.R'")]
         );
+    }
+
+    /// An EXR whose display window begins and ends elsewhere than its pixels, with a number that is not finite.
+    fn large_exr() -> Vec<u8> {
+        let (width, height) = (400, 300);
+        let values = |seed: u32| {
+            let value = |i: u32| (i.wrapping_mul(2_654_435_761 + seed) >> 20) as f32 / 64.0;
+            let mut values: Vec<f32> = (0..width * height).map(value).collect();
+            values[70_000] = f32::NAN;
+            FlatSamples::F32(values)
+        };
+        let names = ["R", "G", "B", "A", "Z"];
+        let channels = names.iter().zip(0..).map(|(name, seed)| AnyChannel::new(*name, values(seed)));
+        let channels = AnyChannels::sort(channels.collect());
+        let mut attributes = LayerAttributes::named("beauty");
+        attributes.layer_position = exr::math::Vec2(20, -10);
+        let size = (width as usize, height as usize);
+        let layer = exr::image::Layer::new(size, attributes, exr::image::Encoding::FAST_LOSSLESS, channels);
+        let attributes = ImageAttributes::new(IntegerBounds::from_dimensions((380, 310)));
+        let layers = exr::image::Layers::from(vec![layer]);
+        let mut bytes = Cursor::new(Vec::new());
+        let image = exr::image::Image::from_layers(attributes, layers);
+        image.write().non_parallel().to_buffered(&mut bytes).expect("written");
+        bytes.into_inner()
+    }
+
+    #[test]
+    fn large_float_textures_stay_encoded_and_give_the_same_later() {
+        let body: Vec<u8> =
+            (0..400 * 300u32).flat_map(|i| [(i >> 8) as u8, i as u8, 9, 126 + (i % 5) as u8]).collect();
+        let turned =
+            [b"#?RADIANCE\nEXPOSURE=2\nFORMAT=32-bit_rle_rgbe\n\n+X 400 +Y 300\n", &body[..]].concat();
+        for (bytes, purpose, size) in [
+            (large_exr(), Use::Color, [380, 310, 4]),
+            (large_exr(), Use::Data, [380, 310, 3]),
+            (turned, Use::Color, [400, 300, 3]),
+        ] {
+            let (at_once, told) = decoded(&bytes, purpose);
+            let at_once = at_once.expect("it can be read");
+            let (mut early, mut late) = (Vec::new(), Vec::new());
+            let of = file(&bytes, (NAMELESS, "/images/3"), None);
+            let image = for_texture(&of, purpose, &mut early, Arc::new(crate::image::Damage::Fatal));
+            let image = image.expect("its header is read");
+            assert!(image.is_encoded() && image.is_float() && early.is_empty(), "{early:?}");
+            assert_eq!([image.width, image.height, image.channels], size);
+            assert_eq!((image.encoding, image.bytes()), (at_once.encoding, at_once.bytes()));
+            let image = image.decoded(&mut late).unwrap_or_else(|damage| panic!("{damage:?}"));
+            let bits = |image: &Image| match &*image.pixels {
+                Pixels::F32(numbers) => numbers.iter().map(|v| v.to_bits()).collect::<Vec<u32>>(),
+                other => panic!("{other:?}"),
+            };
+            assert!(bits(&image) == bits(&at_once));
+            assert_eq!(late.iter().map(ToString::to_string).collect::<Vec<_>>(), told);
+            assert!(!told.is_empty());
+        }
+        let cut = &large_exr()[..200_000];
+        let of = file(cut, (NAMELESS, ""), None);
+        let image = for_texture(&of, Use::Color, &mut Vec::new(), Arc::new(crate::image::Damage::Fatal));
+        assert!(image.is_err() || image.is_ok_and(|image| image.decoded(&mut Vec::new()).is_err()));
     }
 
     #[test]

@@ -1,10 +1,10 @@
 //! EXR to pixels: the first layer with colour.
 
-use super::source::{self, Source, guarded, read_bytes, signature};
+use super::source::{self, Layout, Source, guarded, read_bytes, signature};
 use crate::color::{Primaries, converted};
-use crate::error::{Result, Warning};
+use crate::error::{Error, Result, Warning};
 use crate::image::{Encoding, Image, Pixels};
-use exr::image::{AnyChannel, AnyChannels, Blocks, FlatSamples, Layer, Layers};
+use exr::image::{AnyChannels, Blocks, FlatSamples, Layer, Layers};
 use exr::math::Vec2;
 use exr::meta::MetaData;
 use exr::meta::attribute::{AttributeValue, Chromaticities, Text};
@@ -38,10 +38,7 @@ fn decode_placed(
     alpha: bool,
     warnings: &mut Vec<Warning>,
 ) -> Result<(Image, Placed)> {
-    let broken = |e: exr::error::Error| source.error(format!("can't be read as an EXR image: {e}"));
-    let meta = MetaData::read_from_buffered(Cursor::new(source.bytes), false).map_err(broken)?;
-    check_kind(source, &meta)?;
-    check_sizes(source, &meta)?;
+    checked(source)?;
     let image = exr::prelude::read()
         .no_deep_data()
         .largest_resolution_level()
@@ -49,16 +46,15 @@ fn decode_placed(
         .all_layers()
         .all_attributes()
         .from_buffered(Cursor::new(source.bytes))
-        .map_err(broken)?;
+        .map_err(|e| broken(source, &e))?;
     let layers = &image.layer_data;
-    let chosen = layers.iter().enumerate().find_map(|(i, layer)| Some((i, Colour::find(layer)?)));
-    let Some((index, colour)) = chosen else {
-        return Err(source.error("has no layer with channels R, G and B or Y"));
-    };
+    let names =
+        |layer: &Layer<AnyChannels<FlatSamples>>| names(layer.channel_data.list.iter().map(|c| &c.name));
+    let (index, colour) = Colour::of_file(source, layers.iter().map(names))?;
     if let Some(message) = colour.left_out(layers, index) {
         warnings.push(source.warning(message));
     }
-    let planes = colour.planes(alpha);
+    let planes = colour.planes(&layers[index], alpha);
     let mut values = interleave(&planes);
     let space = image.attributes.chromaticities.filter(|_| is_color && colour.color.len() == 3);
     if let Some(matrix) = space.and_then(|c| primaries(&c).to_rec709()) {
@@ -80,6 +76,35 @@ fn decode_placed(
         pixels: Arc::new(Pixels::F32(values)),
     };
     Ok((image, placed))
+}
+
+/// The header of a file of a kind and a size that are read.
+fn checked(source: &Source) -> Result<MetaData> {
+    let meta = MetaData::read_from_buffered(Cursor::new(source.bytes), false);
+    let meta = meta.map_err(|e| broken(source, &e))?;
+    check_kind(source, &meta)?;
+    check_sizes(source, &meta)?;
+    Ok(meta)
+}
+
+fn broken(source: &Source, error: &exr::error::Error) -> Error {
+    source.error(format!("can't be read as an EXR image: {error}"))
+}
+
+fn names<'a>(channels: impl Iterator<Item = &'a Text>) -> Vec<String> {
+    channels.map(Text::to_string).collect()
+}
+
+/// What [`displayed`] will give, by the header.
+pub(super) fn layout(source: &Source, alpha: bool) -> Result<Layout> {
+    let meta = checked(source)?;
+    let of_header = |header: &Header| names(header.channels.list.iter().map(|channel| &channel.name));
+    let (index, colour) = Colour::of_file(source, meta.headers.iter().map(of_header))?;
+    let shown = meta.headers[index].shared_attributes.display_window.size;
+    let size = [shown.0, shown.1].map(|n| u32::try_from(n).unwrap_or(u32::MAX));
+    source::check(source, size[0].into(), size[1].into())?;
+    let alpha = usize::from(alpha && colour.alpha.is_some());
+    Ok(Layout { size, channels: (colour.color.len() + alpha) as u32, bits: 32 })
 }
 
 /// The same within the display window: black and transparent where the file has no pixels, without those beyond it. Renderers write
@@ -179,24 +204,28 @@ pub(super) fn primaries(of: &Chromaticities) -> Primaries {
     Primaries { red: pair(of.red), green: pair(of.green), blue: pair(of.blue), white: pair(of.white) }
 }
 
-/// The channels of a layer that make a picture.
-struct Colour<'a> {
+/// The channels of a layer that make a picture, by number.
+struct Colour {
     /// R, G and B, or Y.
-    color: Vec<&'a AnyChannel<FlatSamples>>,
-    alpha: Option<&'a AnyChannel<FlatSamples>>,
+    color: Vec<usize>,
+    alpha: Option<usize>,
     /// The prefix of the channels (`diffuse.` of `diffuse.R`).
     prefix: String,
 }
 
-impl<'a> Colour<'a> {
+impl Colour {
+    /// That of the first layer which has one, and the number of the layer; given the names of each layer's channels.
+    fn of_file(source: &Source, layers: impl Iterator<Item = Vec<String>>) -> Result<(usize, Colour)> {
+        let found = layers.enumerate().find_map(|(i, names)| Some((i, Colour::find(&names)?)));
+        found.ok_or_else(|| source.error("has no layer with channels R, G and B or Y"))
+    }
+
     /// Channels of plain letters, or else the first whose names have a part before them; colour before grey.
-    fn find(layer: &'a Layer<AnyChannels<FlatSamples>>) -> Option<Colour<'a>> {
-        let names: Vec<String> = layer.channel_data.list.iter().map(|c| c.name.to_string()).collect();
+    fn find(names: &[String]) -> Option<Colour> {
         let prefixed = names.iter().filter_map(|name| Some(name[..=name.rfind('.')?].to_string()));
         let prefixes: Vec<String> = std::iter::once(String::new()).chain(prefixed).collect();
         let channel = |prefix: &str, letter: &str| {
-            let found = names.iter().position(|name| name.strip_prefix(prefix) == Some(letter))?;
-            Some(&layer.channel_data.list[found])
+            names.iter().position(|name| name.strip_prefix(prefix) == Some(letter))
         };
         [&["R", "G", "B"][..], &["Y"]].into_iter().find_map(|letters| {
             prefixes.iter().find_map(|prefix| {
@@ -208,9 +237,10 @@ impl<'a> Colour<'a> {
         })
     }
 
-    fn planes(&self, alpha: bool) -> Vec<&'a FlatSamples> {
+    fn planes<'a>(&self, layer: &'a Layer<AnyChannels<FlatSamples>>, alpha: bool) -> Vec<&'a FlatSamples> {
         let alpha = self.alpha.filter(|_| alpha);
-        self.color.iter().copied().chain(alpha).map(|c| &c.sample_data).collect()
+        let channels = self.color.iter().copied().chain(alpha);
+        channels.map(|channel| &layer.channel_data.list[channel].sample_data).collect()
     }
 
     /// Warns of layers and channels that are not used; alpha has its own rules.
@@ -219,12 +249,10 @@ impl<'a> Colour<'a> {
             Some(name) => format!("layer '{name}'"),
             None => format!("layer {}", i + 1),
         };
-        let is_used = |channel: &AnyChannel<FlatSamples>| {
-            self.color.iter().copied().chain(self.alpha).any(|c| std::ptr::eq(c, channel))
-        };
+        let is_used = |channel: usize| self.color.contains(&channel) || self.alpha == Some(channel);
         let others = (0..layers.len()).filter(|&i| i != index).map(layer_name);
-        let unused = layers[index].channel_data.list.iter().filter(|c| !is_used(c));
-        let all: Vec<String> = others.chain(unused.map(|c| format!("channel '{}'", c.name))).collect();
+        let unused = layers[index].channel_data.list.iter().enumerate().filter(|(i, _)| !is_used(*i));
+        let all: Vec<String> = others.chain(unused.map(|(_, c)| format!("channel '{}'", c.name))).collect();
         if all.is_empty() {
             return None;
         }

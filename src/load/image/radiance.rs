@@ -4,7 +4,7 @@
 //! `EXPOSURE` and `COLORCORR` are what the numbers were multiplied by; several multiply. Rows of the header's last line may run along
 //! either axis and either way: `-Y h +X w` is the usual order. `FORMAT=32-bit_rle_xyze` holds CIE XYZ.
 
-use super::source::{self, Source};
+use super::source::{self, Layout, Source};
 use crate::color::converted;
 use crate::error::{Result, Warning};
 use image::codecs::hdr::HdrDecoder;
@@ -42,20 +42,18 @@ struct Header {
     length: usize,
 }
 
+/// What [`decode`] will give, by the header.
+pub(super) fn layout(source: &Source) -> Result<Layout> {
+    Ok(Layout { size: Header::checked(source)?.size(), channels: 3, bits: 32 })
+}
+
 /// Decodes a file, and says what its header asked for.
 ///
 /// # Errors
 /// An input error for a damaged file.
 pub(super) fn decode(source: &Source, warnings: &mut Vec<Warning>) -> Result<Radiance> {
-    let header = Header::read(source)?;
+    let header = Header::checked(source)?;
     let [rows, columns] = header.axes.map(|axis| axis.2);
-    source::check(source, columns.into(), rows.into())?;
-    source::check_memory(
-        source,
-        columns.into(),
-        rows.into(),
-        u64::from(columns) * u64::from(rows) * BYTES_A_PIXEL,
-    )?;
     // The decoder reads plain headers alone.
     let plain = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {rows} +X {columns}\n");
     let file = plain.as_bytes().chain(&source.bytes[header.length..]);
@@ -87,6 +85,21 @@ pub(super) fn broken(source: &Source, error: &ImageError) -> crate::error::Error
 }
 
 impl Header {
+    /// That of an image of a size that is read.
+    fn checked(source: &Source) -> Result<Header> {
+        let header = Header::read(source)?;
+        let [width, height] = header.size().map(u64::from);
+        source::check(source, width, height)?;
+        source::check_memory(source, width, height, width * height * BYTES_A_PIXEL)?;
+        Ok(header)
+    }
+
+    /// Width and height.
+    fn size(&self) -> [u32; 2] {
+        let [(first_is_x, _, rows), (_, _, columns)] = self.axes;
+        if first_is_x { [rows, columns] } else { [columns, rows] }
+    }
+
     fn read(source: &Source) -> Result<Header> {
         let fail = |what: &str| source.error(format!("can't be read as an image: {what}"));
         let mut header = Header { factors: [1.0; 3], is_xyz: false, axes: [(false, false, 0); 2], length: 0 };
@@ -130,7 +143,7 @@ impl Header {
     /// The pixels from the left to the right and from the top down.
     fn in_order(&self, rgb: Vec<f32>) -> Radiance {
         let [(first_is_x, first_grows, rows), (_, second_grows, columns)] = self.axes;
-        let (width, height) = if first_is_x { (rows, columns) } else { (columns, rows) };
+        let [width, height] = self.size();
         // y of the file grows upwards.
         let is_usual = !first_is_x && !first_grows && second_grows;
         if is_usual {

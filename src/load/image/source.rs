@@ -26,6 +26,11 @@ impl Use {
     pub fn is_photograph(self) -> bool {
         matches!(self, Use::Environment | Use::Picture)
     }
+
+    /// Does it take alpha from an EXR?
+    pub fn has_alpha(self) -> bool {
+        matches!(self, Use::Color | Use::Picture)
+    }
 }
 
 /// An image file in memory, and what is known of it.
@@ -53,7 +58,7 @@ impl ImageFile<'_> {
 pub(super) struct Layout {
     pub size: [u32; 2],
     pub channels: u32,
-    /// Of a channel: 8 or 16.
+    /// Of a channel: 8 or 16 of an integer, 32 of a float.
     pub bits: u32,
 }
 

@@ -324,7 +324,7 @@ impl<'a> Maps<'a> {
         let id = match self.bumps.get(&key) {
             Some(known) => *known,
             None => {
-                let made = match loaded.scene.images[image.index()].decoded() {
+                let made = match loaded.scene.images[image.index()].decoded(&mut loaded.warnings) {
                     Ok(heights) if holds_normals(&heights) => None,
                     Ok(heights) => Some(normals_of_heights(&heights, map.bump * BUMP_HEIGHT)),
                     Err(Damage::LeftOut(warning)) => {

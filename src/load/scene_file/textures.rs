@@ -443,7 +443,7 @@ pub(super) fn read_pixels(
 ) -> Option<ImageId> {
     let id = read_image(build, name, span.clone(), purpose)?;
     let image = &mut build.loaded.scene.images[id.index()];
-    match image.decoded() {
+    match image.decoded(&mut build.loaded.warnings) {
         Ok(decoded) => *image = decoded,
         Err(Damage::LeftOut(warning)) => build.problems.push(span, warning.message),
         Err(Damage::Fatal(error)) => {

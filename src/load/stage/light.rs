@@ -249,8 +249,8 @@ fn mean(scene: &Scene, slot: &ColorSlot) -> f64 {
 fn mean_of_texture(scene: &Scene, id: TextureId) -> [f32; 3] {
     match scene.textures.get(id.index()) {
         Some(Texture::Image { image, .. }) => {
-            // Images that can't be decoded are reported and left out when the scene is compiled.
-            let image = scene.images.get(image.index()).and_then(|image| image.decoded().ok());
+            // Damage is reported when the scene is compiled.
+            let image = scene.images.get(image.index()).and_then(|image| image.decoded(&mut Vec::new()).ok());
             image.as_ref().map_or([1.0; 3], mean_of_image)
         }
         Some(Texture::Solid(color)) => *color,

@@ -1,5 +1,6 @@
 //! What is said about broken scenes, word for word.
 
+use crate::error::Warning;
 use crate::image::{Damage, Encoded, Image, ImageSource, Pixels};
 use crate::math::{DAffine3, DVec3};
 use crate::scene::{
@@ -146,7 +147,7 @@ fn encoded_images_keep_their_size() {
     struct Source(Image);
 
     impl ImageSource for Source {
-        fn decode(&self) -> Result<Image, Damage> {
+        fn decode(&self, _: &mut Vec<Warning>) -> Result<Image, Damage> {
             Ok(self.0.clone())
         }
 
