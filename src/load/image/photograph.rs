@@ -3,10 +3,10 @@
 //! Profiles of cameras, telephones and displays are three primaries with tone curves, or one curve for grey: these are applied.
 //! Those of printers are tables (`A2B0`), which are not read.
 
-use super::source::be;
 use crate::color::converted;
 use image::metadata::Orientation;
 use image::{ColorType, DynamicImage, Rgb32FImage, Rgba32FImage};
+use moxcms::{ColorProfile, DataColorSpace, ToneCurveEvaluator, ToneReprCurve};
 
 /// XYZ of the profile connection space, whose white is D50, to linear Rec. 709, whose white is D65 (adapted by Bradford's matrix;
 /// ICC.1:2022, annex E).
@@ -22,28 +22,10 @@ pub(super) fn turned(mut picture: DynamicImage, orientation: Option<Orientation>
     picture
 }
 
-/// The curve from a stored value to linear light, both 0 to 1.
-#[derive(Debug)]
-enum ToneCurve {
-    Gamma(f64),
-    /// Values at even distances, linear between them.
-    Table(Vec<u16>),
-    /// The general form (function type 4): `(a x + b)^g + e` from `d` on, `c x + f` below.
-    Parametric {
-        g: f64,
-        a: f64,
-        b: f64,
-        c: f64,
-        d: f64,
-        e: f64,
-        f: f64,
-    },
-}
-
 /// How stored colours become linear Rec. 709.
 pub(super) struct Profile {
     /// By channel; grey has three alike.
-    curves: [ToneCurve; 3],
+    curves: [Box<dyn ToneCurveEvaluator + Send + Sync>; 3],
     rec709_from_device: [[f64; 3]; 3],
     is_grey: bool,
 }
@@ -51,10 +33,11 @@ pub(super) struct Profile {
 impl Profile {
     /// A profile of curves; `None` for others and damaged ones.
     pub fn read(bytes: &[u8]) -> Option<Profile> {
-        let tag = |name: &[u8; 4]| tag(bytes, name);
-        match bytes.get(16..20)? {
-            b"GRAY" => {
-                let curve = || ToneCurve::read(tag(b"kTRC")?);
+        let profile = ColorProfile::new_from_slice(bytes).ok()?;
+        let curve = |of: &Option<ToneReprCurve>| of.as_ref()?.make_linear_evaluator().ok();
+        match profile.color_space {
+            DataColorSpace::Gray => {
+                let curve = || curve(&profile.gray_trc);
                 let identity = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
                 Some(Profile {
                     curves: [curve()?, curve()?, curve()?],
@@ -62,14 +45,12 @@ impl Profile {
                     is_grey: true,
                 })
             }
-            b"RGB " => {
-                let [r, g, b] = [b"rXYZ", b"gXYZ", b"bXYZ"].map(|name| xyz(tag(name)?));
-                let columns = [r?, g?, b?];
-                let curve = |name| ToneCurve::read(tag(name)?);
+            DataColorSpace::Rgb if profile.colorant_matrix().determinant()? != 0.0 => {
+                let columns = profile.colorant_matrix().v;
                 let product =
-                    |row: usize, c: usize| (0..3).map(|k| REC709_FROM_PCS[row][k] * columns[c][k]).sum();
+                    |row: usize, c: usize| (0..3).map(|k| REC709_FROM_PCS[row][k] * columns[k][c]).sum();
                 Some(Profile {
-                    curves: [curve(b"rTRC")?, curve(b"gTRC")?, curve(b"bTRC")?],
+                    curves: [curve(&profile.red_trc)?, curve(&profile.green_trc)?, curve(&profile.blue_trc)?],
                     rec709_from_device: std::array::from_fn(|row| std::array::from_fn(|c| product(row, c))),
                     is_grey: false,
                 })
@@ -87,7 +68,10 @@ impl Profile {
         // Integers have few values: each is looked up.
         let levels = if color.bytes_per_pixel() / color.channel_count() == 1 { 256 } else { 65_536 };
         let tables = self.curves.each_ref().map(|curve| {
-            let linear = |level: usize| curve.linear(level as f64 / (levels - 1) as f64) as f32;
+            let linear = |level: usize| {
+                let y = curve.evaluate_value(level as f32 / (levels - 1) as f32);
+                if y.is_finite() { y.clamp(0.0, 1.0) } else { 0.0 }
+            };
             (0..levels).map(linear).collect::<Vec<f32>>()
         });
         let pixel = |rgb: [f32; 3]| {
@@ -109,120 +93,14 @@ impl Profile {
     }
 }
 
-impl ToneCurve {
-    /// `curveType` or `parametricCurveType`.
-    fn read(tag: &[u8]) -> Option<ToneCurve> {
-        let count = be(tag, 8, 4)?;
-        match tag.get(..4)? {
-            b"curv" => match count {
-                0 => Some(ToneCurve::Gamma(1.0)),
-                1 => Some(ToneCurve::Gamma(be(tag, 12, 2)? as f64 / 256.0)),
-                _ => {
-                    let table = tag.get(12..12usize.checked_add(count.checked_mul(2)?)?)?.as_chunks::<2>().0;
-                    Some(ToneCurve::Table(table.iter().map(|pair| u16::from_be_bytes(*pair)).collect()))
-                }
-            },
-            b"para" => {
-                let number = |i: usize| fixed(tag, 12 + 4 * i);
-                let (mut a, mut b, mut c, mut d, mut e, mut f) = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0);
-                let kind = be(tag, 8, 2)?;
-                let g = number(0)?;
-                if kind >= 1 {
-                    (a, b) = (number(1)?, number(2)?);
-                    // Below where the power would be of a negative number.
-                    d = if a == 0.0 { 0.0 } else { -b / a };
-                }
-                match kind {
-                    0 | 1 => {}
-                    2 => (e, f) = (number(3)?, number(3)?),
-                    3 => (c, d) = (number(3)?, number(4)?),
-                    4 => (c, d, e, f) = (number(3)?, number(4)?, number(5)?, number(6)?),
-                    _ => return None,
-                }
-                Some(ToneCurve::Parametric { g, a, b, c, d, e, f })
-            }
-            _ => None,
-        }
-    }
-
-    fn linear(&self, x: f64) -> f64 {
-        let y = match *self {
-            ToneCurve::Gamma(gamma) => x.powf(gamma),
-            ToneCurve::Table(ref table) => {
-                let at = x * (table.len() - 1) as f64;
-                let (low, share) = (at as usize, at.fract());
-                let [low, high] = [low, (low + 1).min(table.len() - 1)].map(|i| f64::from(table[i]));
-                (low + (high - low) * share) / 65535.0
-            }
-            ToneCurve::Parametric { g, a, b, e, d, .. } if x >= d => (a * x + b).max(0.0).powf(g) + e,
-            ToneCurve::Parametric { c, f, .. } => c * x + f,
-        };
-        if y.is_finite() { y.clamp(0.0, 1.0) } else { 0.0 }
-    }
-}
-
-/// The bytes of a tag up to the profile's end.
-fn tag<'a>(profile: &'a [u8], name: &[u8; 4]) -> Option<&'a [u8]> {
-    let tags = be(profile, 128, 4)?.min(1024);
-    let entry = (0..tags).map(|i| 132 + 12 * i).find(|at| profile.get(*at..at + 4) == Some(name))?;
-    profile.get(be(profile, entry + 4, 4)?..)
-}
-
-/// `XYZType`.
-fn xyz(tag: &[u8]) -> Option<[f64; 3]> {
-    Some([fixed(tag, 8)?, fixed(tag, 12)?, fixed(tag, 16)?])
-}
-
-/// `s15Fixed16Number`.
-fn fixed(bytes: &[u8], at: usize) -> Option<f64> {
-    Some(f64::from(be(bytes, at, 4)? as u32 as i32) / 65536.0)
-}
-
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
     use image::{GrayImage, RgbImage};
 
-    fn number(value: f64) -> [u8; 4] {
-        ((value * 65536.0).round() as i32).to_be_bytes()
-    }
-
-    /// A profile of tags after a header that says what its colours are.
-    fn profile(space: &[u8; 4], tags: &[(&[u8; 4], Vec<u8>)]) -> Vec<u8> {
-        let mut bytes = vec![0; 128];
-        bytes[16..20].copy_from_slice(space);
-        bytes.extend((tags.len() as u32).to_be_bytes());
-        let mut at = 132 + 12 * tags.len();
-        for (name, data) in tags {
-            bytes.extend(*name);
-            bytes.extend((at as u32).to_be_bytes());
-            bytes.extend((data.len() as u32).to_be_bytes());
-            at += data.len();
-        }
-        bytes.extend(tags.iter().flat_map(|(_, data)| data.clone()));
-        bytes
-    }
-
-    fn xyz_tag(xyz: [f64; 3]) -> Vec<u8> {
-        [&b"XYZ \0\0\0\0"[..], &xyz.map(number).concat()].concat()
-    }
-
-    /// Display P3 as Apple's profile has it, with the curve of sRGB.
+    /// Display P3 with the curve of sRGB.
     pub fn display_p3() -> Vec<u8> {
-        let curve =
-            [2.4, 1.0 / 1.055, 0.055 / 1.055, 1.0 / 12.92, 0.04045].map(number).as_flattened().to_vec();
-        let curve = [&b"para\0\0\0\0\0\x03\0\0"[..], &curve].concat();
-        profile(
-            b"RGB ",
-            &[
-                (b"rXYZ", xyz_tag([0.51512, 0.2412, -0.00105])),
-                (b"gXYZ", xyz_tag([0.29198, 0.69225, 0.04189])),
-                (b"bXYZ", xyz_tag([0.1571, 0.06657, 0.78407])),
-                (b"rTRC", curve.clone()),
-                (b"gTRC", curve.clone()),
-                (b"bTRC", curve),
-            ],
-        )
+        ColorProfile::new_display_p3().encode().expect("its parts are known")
     }
 
     #[test]
@@ -240,39 +118,20 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn curves_of_all_kinds() {
-        let at = |tag: &[u8], x: f64| ToneCurve::read(tag).expect("a curve").linear(x);
-        let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-4, "{a} {b}");
-        near(at(b"curv\0\0\0\0\0\0\0\0", 0.3), 0.3);
-        near(at(b"curv\0\0\0\0\0\0\0\x01\x02\0", 0.5), 0.25);
-        near(at(b"curv\0\0\0\0\0\0\0\x03\0\0\x20\0\xff\xff", 0.25), 0.0625);
-        let parametric = |kind: u8, numbers: &[f64]| {
-            let numbers: Vec<u8> = numbers.iter().flat_map(|v| number(*v)).collect();
-            [&b"para\0\0\0\0\0"[..], &[kind, 0, 0], &numbers].concat()
-        };
-        near(at(&parametric(0, &[2.0]), 0.5), 0.25);
-        near(at(&parametric(1, &[2.0, 2.0, -0.5]), 0.5), 0.25);
-        near(at(&parametric(1, &[2.0, 2.0, -0.5]), 0.2), 0.0);
-        near(at(&parametric(2, &[1.0, 0.5, -0.1, 0.2]), 0.1), 0.2);
-        near(at(&parametric(4, &[1.0, 0.5, 0.0, 0.25, 0.5, 0.1, 0.05]), 0.4), 0.15);
-        near(at(&parametric(4, &[1.0, 0.5, 0.0, 0.25, 0.5, 0.1, 0.05]), 0.6), 0.4);
-        assert!(ToneCurve::read(&parametric(9, &[1.0; 7])).is_none());
-    }
-
-    #[test]
     fn what_does_not_fit_is_left_alone() {
-        let grey = profile(b"GRAY", &[(b"kTRC", b"curv\0\0\0\0\0\0\0\x01\x01\0".to_vec())]);
+        let grey = ColorProfile::new_gray_with_gamma(1.0).encode().expect("its parts are known");
         let grey = Profile::read(&grey).expect("a curve");
         let picture = DynamicImage::ImageLuma8(GrayImage::from_pixel(1, 1, image::Luma([51])));
         let linear = grey.apply(&picture).expect("grey").into_rgb32f()[(0, 0)].0;
         assert!(linear.iter().all(|v| (v - 0.2).abs() < 1e-6), "{linear:?}");
         assert!(grey.apply(&DynamicImage::new_rgb8(1, 1)).is_none());
         let whole = display_p3();
-        assert!(Profile::read(&profile(b"CMYK", &[])).is_none());
+        let mut without_curves = ColorProfile::new_srgb();
+        without_curves.red_trc = None;
+        assert!(Profile::read(&without_curves.encode().expect("its parts are known")).is_none());
         for length in 0..whole.len() {
             let _ = Profile::read(&whole[..length]);
         }
-        assert!(Profile::read(&whole[..whole.len() - 8]).is_none());
     }
 
     #[test]
