@@ -103,8 +103,11 @@ fn run_frames(args: &RenderArgs, frames: Frames, cancel: &CancelHandle) -> Resul
     check_scene_path(&args.scene)?;
     check_memory_before_loading(args)?;
     let environment = EnvironmentOverride::load(args)?;
+    // While a frame is rendered, its own limits count.
+    let mut watchdog = Some(watch_memory(args));
     let rendered =
         load_frames(&args.scene, &load_options(args)?, missing.iter().copied(), args.fps, &mut |loaded| {
+            watchdog = None;
             let Some(number) = numbers.next() else { return Ok(ControlFlow::Break(())) };
             let targets = Targets::check(&file(number))?;
             let mut args = args.clone();
@@ -115,11 +118,13 @@ fn run_frames(args: &RenderArgs, frames: Frames, cancel: &CancelHandle) -> Resul
             args.long.checkpoint = args.long.checkpoint.map(|file| Frames::file(&file, number));
             outcome = run_one(&args, cancel, &targets, Some(&environment), loaded, start, &mut kept)?;
             start = Instant::now();
+            watchdog = Some(watch_memory(&args));
             Ok(match outcome {
                 Outcome::Done => ControlFlow::Continue(()),
                 _ => ControlFlow::Break(()),
             })
         });
+    drop(watchdog);
     match (&rendered, &outcome) {
         (Ok(()), Outcome::Done) => kept.moving.map_or(Ok(()), |moving| moving.finish(args))?,
         _ => kept.moving.iter().for_each(|moving| moving.say_unfinished(args)),

@@ -1,6 +1,9 @@
 //! Time limits.
 
 use crate::program::*;
+use flate2::Compression;
+use flate2::write::GzEncoder;
+use std::io::Write;
 
 #[test]
 fn a_time_limit_holds_for_large_pictures_and_endless_paths() {
@@ -105,4 +108,27 @@ fn a_memory_limit_refuses_images_before_they_are_decoded() {
     // A model loses its texture alone.
     let (code, said) = of("a.obj", &[]);
     assert!(code == 0 && said.contains("texture left out") && said.contains(large), "{code}: {said}");
+}
+
+/// What a compressed file holds is not known before it is read: the limit is watched while it is.
+#[test]
+fn a_memory_limit_is_watched_while_scenes_and_frames_are_loaded() {
+    let folder = tempfile::tempdir().unwrap();
+    let count = 20_000_000;
+    let header = format!(
+        "ply\nformat binary_little_endian 1.0\nelement vertex {count}\nproperty float x\nproperty float y\n\
+         property float z\nend_header\n"
+    );
+    let mut packed = GzEncoder::new(Vec::new(), Compression::fast());
+    packed.write_all(header.as_bytes()).unwrap();
+    let zeros = vec![0; 12 << 16];
+    (0..=count >> 16).for_each(|_| packed.write_all(&zeros).unwrap());
+    std::fs::write(folder.path().join("a.ply.gz"), packed.finish().unwrap()).unwrap();
+    for output in [&["-o", "a.png"][..], &["-o", "a##.png", "--frames", "0-1"]] {
+        let common = ["render", "a.ply.gz", "--size", "16x16", "--spp", "1", "--memory-limit", "64M"];
+        let run = oscura(folder.path(), &[&common[..], output].concat());
+        let said = stderr(&run);
+        assert!(code(&run) == 2 && said.contains("loading the scene takes"), "{}: {said}", code(&run));
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
 }
