@@ -97,6 +97,23 @@ fn composite(balls: &[Ball], origin: DVec3, direction: DVec3, background: f64) -
     sum + left * background
 }
 
+/// With a diffuse material a splat scatters light by its colour: in surroundings of radiance 1 it has the radiance of its albedo.
+#[test]
+fn splats_of_a_diffuse_material_are_lit_by_the_scene() {
+    let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+    let ball = Ball { scales: [0.5, 0.4, 0.001], color: 0.25, ..BALL };
+    add(&mut scene, &[ball]);
+    let white = Material { use_vertex_colors: true, ..Material::lambert("white", [1.0; 3]) };
+    scene.instances[0].material = Some(material(&mut scene, white));
+    let (from, at) = (DVec3::new(0.1, 0.1, 4.0), DVec3::new(0.1, 0.1, 0.0));
+    scene.cameras.push(ray(from, at));
+    let truth = composite(&[ball], from, at - from, 1.0);
+    assert!(truth < 0.7, "{truth}");
+    assert_radiance("a diffuse splat", &scene, &options(16, 256, 4), truth, 3e-3);
+    scene.environment = Environment::Constant([0.0; 3]);
+    assert_radiance("without light", &scene, &options(16, 64, 4), 0.0, 1e-9);
+}
+
 #[test]
 fn one_splat_has_the_profile_of_a_gaussian() {
     let turned = DQuat::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), 0.7);

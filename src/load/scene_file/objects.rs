@@ -69,7 +69,7 @@ use crate::load::subdivide::{MOST_LEVELS, Subdivision};
 use crate::load::subdivided::{CHANGES_FORM, in_scene};
 use crate::math::{DAffine3, DMat3, DQuat, DVec3, transform_at};
 use crate::scene::{
-    Instance, MaterialId, Mesh, MeshId, MeshPart, Motion, Moving, Quad, SceneMotion, Shape, ShapeKind,
+    Instance, MaterialId, Mesh, MeshId, MeshPart, Motion, Moving, Quad, Scene, SceneMotion, Shape, ShapeKind,
 };
 use crate::shape::mesh_of;
 use std::ops::Range;
@@ -242,14 +242,9 @@ fn add_mesh(
         }
         let name =
             if i.name == NAMELESS { object.name.clone() } else { format!("{}/{}", object.name, i.name) };
-        let material = material.or(i.material);
-        build.loaded.scene.instances.push(Instance {
-            name,
-            world_from_object,
-            material,
-            motion,
-            ..i.clone()
-        });
+        let mut instance = Instance { name, world_from_object, motion, ..i.clone() };
+        give_material(&mut build.loaded.scene, &mut instance, material);
+        build.loaded.scene.instances.push(instance);
     }
     let Some(first) = asset.shapes.first() else { return };
     if object.motion.is_some() {
@@ -263,6 +258,15 @@ fn add_mesh(
     let shapes = asset.shapes.iter().filter_map(|shape| placed_shape(object, shape.clone()));
     let shapes = shapes.map(|s| Shape { material: material.unwrap_or(s.material), ..s });
     build.loaded.scene.shapes.extend(shapes);
+}
+
+/// Replaces all materials of an instance, if there is another one. Splats keep their colours, by which its own are multiplied.
+fn give_material(scene: &mut Scene, instance: &mut Instance, material: Option<MaterialId>) {
+    let Some(material) = material else { return };
+    if scene.meshes[instance.mesh.index()].splats.is_some() {
+        scene.materials[material.index()].use_vertex_colors = true;
+    }
+    instance.material = Some(material);
 }
 
 /// The materials that an object lists for the faces of its mesh by their numbers.
@@ -509,10 +513,11 @@ pub(super) fn override_object<'a>(
         light.links = given.links.unwrap_or(light.links);
     }
     for &i in &instances {
-        let instance = &mut scene.instances[i];
+        let mut instance = scene.instances[i].clone();
         instance.light_group = light_group.clone().or(instance.light_group.take());
         given.apply(&mut instance.traits);
-        instance.material = material.or(instance.material);
+        give_material(scene, &mut instance, material);
+        scene.instances[i] = instance;
     }
     for i in instances.into_iter().filter(|_| subdivision.is_some()) {
         let Instance { mesh, motion, .. } = build.loaded.scene.instances[i];

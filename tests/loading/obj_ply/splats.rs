@@ -40,6 +40,18 @@ fn close(found: &[f32], expected: &[f32]) {
     }
 }
 
+/// A material of a scene file takes the place of their light, multiplied by their colours.
+#[test]
+fn a_material_of_the_scene_file_keeps_the_colours() {
+    let scene = b"[camera]\nlook_from = [0, 0, 5]\nlook_at = [0, 0, 0]\n[materials]\nlit = { type = \"lambert\", color = 0.9 }\n\
+        [[objects]]\nmesh = \"a.ply\"\nmaterial = \"lit\"\n";
+    let splats = plain(0, &[row(&[], USUAL)]);
+    let loaded = load_files(&[("s.toml", scene), ("a.ply", &splats)]).unwrap_or_else(|e| panic!("{e}"));
+    let material = loaded.scene.instances[0].material.expect("another one");
+    let material = &loaded.scene.materials[material.index()];
+    assert!(material.name == "lit" && material.use_vertex_colors && material.emission.is_none());
+}
+
 #[test]
 fn plain_splats_are_activated() {
     // Coefficients of red first, then of green, then of blue.
