@@ -145,6 +145,16 @@ impl Layered {
         }
     }
 
+    /// The diffuse base beneath its layers as `wo` sees it, and its share of what `wo` sees.
+    pub(super) fn base(&self, wo: Vec3) -> (OrenNayar, f32) {
+        let LayeredClosure { opaque_closure, rough, weights, probabilities, .. } = self.closure(wo);
+        if self.diffuse_roughness > 0.0 {
+            return (OrenNayar { color: rough.color * weights[4], ..rough }, probabilities[4]);
+        }
+        let color = opaque_closure.diffuse * weights[2];
+        (OrenNayar { color, roughness: 0.0 }, probabilities[2] * opaque_closure.probability_diffuse)
+    }
+
     /// The diffuse base, taken from the opaque part, where it is rough; a black one elsewhere.
     #[inline]
     fn take_rough(&self, opaque: &mut MetalRough<Microsurface>) -> OrenNayar {

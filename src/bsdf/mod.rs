@@ -97,17 +97,55 @@ impl Bsdf {
     pub fn without_straight(self) -> Bsdf {
         let without = |glass: RoughDielectric| RoughDielectric { tint: Rgb::ZERO, ..glass };
         match self {
-            Bsdf::ThinDielectric(ThinDielectric { ior, .. }) => Bsdf::RoughDielectric(RoughDielectric {
-                surface: Microsurface::isotropic(0.0),
-                ior,
-                walls: Walls::Thin,
-                refraction: Refraction::Scales,
-                tint: Rgb::ZERO,
-                reflectance: GlassReflectance::Plain,
-                energy_compensation: EnergyCompensation::Off,
-            }),
+            Bsdf::ThinDielectric(ThinDielectric { ior, .. }) => Bsdf::RoughDielectric(without(
+                single_scattering_glass(ior, Walls::Thin, Refraction::Scales, 0.0),
+            )),
             Bsdf::RoughDielectric(glass) => Bsdf::RoughDielectric(without(glass)),
             Bsdf::Layered(layered) => Bsdf::Layered(Layered { glass: without(layered.glass), ..layered }),
+            other => other,
+        }
+    }
+
+    /// The diffuse base as `wo` sees it, what lies above it, and the share 0..1 of the base in what `wo` sees.
+    pub fn split_base(self, wo: Vec3) -> (Bsdf, Bsdf, f32) {
+        match self {
+            Bsdf::Lambert(_) | Bsdf::OrenNayar(_) => (self, Bsdf::Black, 1.0),
+            Bsdf::MetalRough(material) => {
+                let closure = material.closure(above(wo));
+                let base = Bsdf::Lambert(Lambert { albedo: closure.diffuse });
+                (base, self.without_base(), closure.probability_diffuse)
+            }
+            Bsdf::Layered(layered) => {
+                let (base, share) = layered.base(wo);
+                let base = match base.roughness > 0.0 {
+                    true => Bsdf::OrenNayar(base),
+                    false => Bsdf::Lambert(Lambert { albedo: base.color }),
+                };
+                (base, self.without_base(), share)
+            }
+            other => (Bsdf::Black, other, 0.0),
+        }
+    }
+
+    /// Does it reflect diffusely?
+    pub fn has_base(&self) -> bool {
+        match self {
+            Bsdf::Lambert(_) | Bsdf::OrenNayar(_) | Bsdf::Phong(_) => true,
+            Bsdf::MetalRough(material) => material.diffuse != Rgb::ZERO,
+            Bsdf::Layered(layered) => layered.opaque.diffuse != Rgb::ZERO || layered.through != Rgb::ZERO,
+            _ => false,
+        }
+    }
+
+    /// Takes diffuse reflection away.
+    pub fn without_base(self) -> Bsdf {
+        match self {
+            Bsdf::Lambert(_) | Bsdf::OrenNayar(_) => Bsdf::Black,
+            Bsdf::MetalRough(material) => Bsdf::MetalRough(MetalRough { diffuse: Rgb::ZERO, ..material }),
+            Bsdf::Layered(mut layered) => {
+                layered.opaque.diffuse = Rgb::ZERO;
+                Bsdf::Layered(layered)
+            }
             other => other,
         }
     }
@@ -131,7 +169,7 @@ impl Bsdf {
         }
     }
 
-    /// Makes facets at least this rough (GGX alpha), exact mirrors of layers included.
+    /// Makes facets at least this rough (GGX alpha), those of exact mirrors and smooth solid glass included.
     pub fn roughen(&mut self, least: f32) {
         if least < ggx::MIN_ALPHA {
             return;
@@ -141,6 +179,10 @@ impl Bsdf {
             Bsdf::Conductor(metal) => metal.surface.roughen(least),
             Bsdf::MetalRough(material) => material.surface.alpha = material.surface.alpha.max(least),
             Bsdf::RoughDielectric(glass) => glass.roughen(least),
+            Bsdf::Dielectric(glass) if glass.ior != 1.0 => {
+                let rough = single_scattering_glass(glass.ior, Walls::Solid, glass.refraction, least);
+                *self = Bsdf::RoughDielectric(RoughDielectric { tint: glass.tint, ..rough });
+            }
             Bsdf::Layered(layered) => {
                 layered.opaque.surface.roughen(least);
                 layered.glass.roughen(least);
@@ -148,6 +190,19 @@ impl Bsdf {
             }
             _ => {}
         }
+    }
+}
+
+/// Clear glass of a GGX alpha.
+fn single_scattering_glass(ior: f32, walls: Walls, refraction: Refraction, alpha: f32) -> RoughDielectric {
+    RoughDielectric {
+        surface: Microsurface::isotropic(alpha),
+        ior,
+        walls,
+        refraction,
+        tint: Rgb::ONE,
+        reflectance: GlassReflectance::Plain,
+        energy_compensation: EnergyCompensation::Off,
     }
 }
 

@@ -119,8 +119,10 @@ pub(super) struct Facet {
 impl RoughDielectric {
     /// Makes the facets of solid glass at least this rough, GGX alpha; thin glass lets light straight through.
     pub(super) fn roughen(&mut self, least: f32) {
-        if self.walls == Walls::Solid {
+        if self.walls == Walls::Solid && self.surface.alpha.iter().any(|alpha| *alpha < least) {
             self.surface.roughen(least);
+            // What single scattering loses by that is lost, as in Cycles.
+            self.energy_compensation = EnergyCompensation::Off;
         }
     }
 

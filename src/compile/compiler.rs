@@ -332,12 +332,13 @@ fn features(
 ) -> Features {
     let is_foggy = media.first().is_some_and(|m| m.scattering.is_some());
     let boundaries = materials.iter().any(|m| m.is_boundary && m.medium_index != 0);
+    let mapped_normals = materials.iter().any(|m| m.normal_map.is_some() || m.normal.is_some());
     Features {
         alpha: materials.iter().any(CompiledMaterial::may_be_absent),
         panes: materials.iter().any(|m| m.pane_thickness > 0.0),
         normals: geometries.has_normals(),
-        bent_normals: geometries.has_normals()
-            || materials.iter().any(|m| m.normal_map.is_some() || m.normal.is_some()),
+        bent_normals: geometries.has_normals() || mapped_normals,
+        mapped_normals,
         footprints: textures.use_footprints(),
         media: media.len() > 1 || is_foggy,
         priorities: media.iter().skip(1).any(|m| m.priority != media[1].priority),

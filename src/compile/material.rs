@@ -442,17 +442,18 @@ impl CompiledMaterial {
         if self.uses_vertex_colors { bsdf.tinted(uplifted_share(vertex_color, waves)) } else { bsdf }
     }
 
-    /// The shading normal at a point, from the normal map if there is one. It stays on the outer side of the surface.
+    /// The shading normal at a point, from the normal map if there is one, and whether a graph's normal points into the surface: it is laid into
+    /// the tangent plane then. Normal maps stay on the outer side.
     #[inline]
     pub fn shading_normal(
         &self,
         slots: &PointReader<'_>,
         surface: &Surface,
         tangent_frame: Option<Mat3>,
-    ) -> Vec3 {
+    ) -> (Vec3, bool) {
         match self.normal {
             Some(graph) => given_normal(graph, slots, surface),
-            None => mapped_normal(self.normal_map, slots, surface, tangent_frame),
+            None => (mapped_normal(self.normal_map, slots, surface, tangent_frame), false),
         }
     }
 
@@ -491,13 +492,23 @@ impl CompiledMaterial {
     }
 }
 
-/// The normal that a graph gives; the surface's shading normal where it leads to the other side.
+/// The normal that a graph gives, and whether it points into the surface; the surface's own where it gives none.
 #[inline(never)]
-fn given_normal(graph: TextureId, slots: &PointReader<'_>, surface: &Surface) -> Vec3 {
-    let Some(given) = slots.vector(graph) else { return surface.ns };
-    let bent = given.normalize_or_zero() * if slots.is_back() { -1.0 } else { 1.0 };
-    if bent.dot(surface.ns) > 0.0 { bent } else { surface.ns }
+fn given_normal(graph: TextureId, slots: &PointReader<'_>, surface: &Surface) -> (Vec3, bool) {
+    let given = slots.vector(graph).unwrap_or(Vec3::ZERO).normalize_or_zero();
+    let given = given * if slots.is_back() { -1.0 } else { 1.0 };
+    let height = given.dot(surface.ns);
+    if height > 0.0 {
+        return (given, false);
+    }
+    let tangent = (given - surface.ns * height).normalize_or_zero();
+    let is_opposite = tangent == Vec3::ZERO;
+    let laid = if is_opposite { surface.ns } else { (tangent + surface.ns * LEAST_HEIGHT).normalize() };
+    (laid, given != Vec3::ZERO)
 }
+
+/// Cosine to the surface's normal of normals that point into it.
+const LEAST_HEIGHT: f32 = 1e-4;
 
 /// A normal from a map; the surface's shading normal without one, and where the map leads to its other side.
 #[inline]

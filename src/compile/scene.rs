@@ -154,6 +154,8 @@ pub struct Features {
     pub normals: bool,
     /// Some shading normals differ from the geometric ones: those of vertices or of maps.
     pub bent_normals: bool,
+    /// Some are those of maps or bumps.
+    pub mapped_normals: bool,
     /// Some textures depend on how much of a surface a path sees.
     pub footprints: bool,
     /// Some solids are transmissive.

@@ -353,7 +353,7 @@ impl Integrator<'_> {
         if self.scene.features.boundaries {
             self.start_shadow_segments(sorted, w);
         }
-        if self.scene.features.panes {
+        if self.passes_panes() {
             self.start_shadow_crossings(sorted, w);
         }
         let shows_shadow = bounce == 0 && self.first_hits.contains(Aov::Shadow) && !w.excludes_casters;
@@ -361,7 +361,7 @@ impl Integrator<'_> {
             self.save_unoccluded(w);
         }
         self.test_shadow_rays(bounce, w);
-        if self.scene.features.panes {
+        if self.passes_panes() {
             self.refract_light_samples(branches, sorted, w);
         }
         if self.scene.features.boundaries {
@@ -462,7 +462,7 @@ impl<C: VertexClass, const SOFT: bool> Kernel for Direct<'_, C, SOFT> {
             let pdf = eval.pdf_solid_angle * self.counts.branches * self.class.light_density(v, i);
             let mut weight = light_pdf.mis_weight_over_pdf(pdf) * self.counts.share;
             if SOFT && !C::Closure::IN_MEDIUM && !closure.crosses(wi) {
-                weight *= terminator_at(self.class.is_mapped(v, i), ns * side, ng * side, wi);
+                weight *= terminator_at(v.relief[i], ns * side, ng * side, wi);
             }
             let is_lit = !light_pdf.is_none() & (!C::Closure::OPAQUE | (height > 0.0));
             let weight = if is_lit { weight } else { 0.0 };

@@ -381,6 +381,6 @@ impl Integrator<'_> {
     /// The RGB BSDF of a surface, for AOVs.
     #[cold]
     pub(super) fn rgb_bsdf(&self, at: &HitPoint<'_>, wo: Vec3) -> Bsdf {
-        self.read_material(at, 0.0, wo, None).0
+        self.read_material(at, 0.0, wo, None).bsdf
     }
 }

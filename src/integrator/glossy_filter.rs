@@ -2,7 +2,7 @@
 //! surfaces are blurred instead of noisy. Pictures lose their contrast, and some light.
 //!
 //! Facets have a GGX alpha of at least `0.5 sqrt(1 - p / f)`, where `p` is the smallest density of a direction that the path has
-//! sampled so far and `f` the strength of the filter. Exact mirrors and smooth glass keep their directions.
+//! sampled so far and `f` the strength of the filter, exact mirrors and smooth solid glass as well (panes then let no light samples pass).
 
 use super::Integrator;
 use super::shading_groups::SortedVertices;

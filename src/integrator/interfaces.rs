@@ -16,7 +16,7 @@
 use super::Integrator;
 use super::interior::Interior;
 use super::sampling::RandomChoice;
-use super::shading_geometry::HitPoint;
+use super::shading_geometry::{EvaluatedMaterial, HitPoint};
 use super::shading_groups::SortedVertices;
 use super::wave::{PathState, Paths, Vertices, Wave, get, get_rgb, set_rgb};
 use super::workspace::{SampleTimes, Workspace};
@@ -267,9 +267,7 @@ const GRAZING: f32 = 0.01;
 #[derive(Clone, Copy)]
 pub(super) struct CoincidentHit<'a> {
     pub at: HitPoint<'a>,
-    pub bsdf: Bsdf,
-    /// Shading normal.
-    pub ns: Vec3,
+    pub met: EvaluatedMaterial,
     /// Filter width, metres.
     pub width: f32,
 }
@@ -334,8 +332,8 @@ impl Integrator<'_> {
     ) -> (CoincidentHit<'a>, InterfaceHit) {
         let width = first.width;
         let others = coincident.iter().flatten().map(|at| {
-            let (bsdf, ns) = self.read_material(at, width, wo, wavelengths);
-            CoincidentHit { at: *at, bsdf, ns, width }
+            let met = self.read_material(at, width, wo, wavelengths);
+            CoincidentHit { at: *at, met, width }
         });
         let all = || std::iter::once(first).chain(others.clone());
         if let Some(exited) = all().find(|candidate| candidate.at.is_back) {
@@ -364,7 +362,7 @@ impl Integrator<'_> {
         let tint = all()
             .filter(|candidate| Some(candidate.at.material.medium_index) != counted)
             .filter(|candidate| is_edge(candidate.at.material.medium_index))
-            .fold(Rgb::ONE, |tint, candidate| tint * candidate.bsdf.crossing_tint());
+            .fold(Rgb::ONE, |tint, candidate| tint * candidate.met.bsdf.crossing_tint());
         let mut candidate = best.unwrap_or(first);
         for other in all() {
             let span = (other.at.surface.p - candidate.at.surface.p).abs();
@@ -377,7 +375,8 @@ impl Integrator<'_> {
             );
         };
         let sides = if best.at.is_back { [near, far] } else { [far, near] };
-        let (bsdf, is_inverted) = self.interface(best.bsdf, (sides, false), (bounce, i), paths, wavelengths);
+        let (bsdf, is_inverted) =
+            self.interface(best.met.bsdf, (sides, false), (bounce, i), paths, wavelengths);
         let bsdf = if tint == Rgb::ONE { bsdf } else { bsdf.tinted(tint) };
         (candidate, InterfaceHit { bsdf, is_inverted, beyond })
     }

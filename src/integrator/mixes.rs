@@ -4,7 +4,9 @@
 //! the mean over selections is the reflected light of the weighted sum.
 
 use super::Integrator;
+use super::interior::Interior;
 use super::sampling::Purpose;
+use super::shading_geometry::HitPoint;
 use super::wave::{get_rgb, set_rgb};
 use super::workspace::Workspace;
 use crate::color::Rgb;
@@ -32,8 +34,24 @@ impl Integrator<'_> {
         }
     }
 
+    /// The component whose body a path is in that arrives from behind: light that has entered a body leaves it by the same surface, and
+    /// its weight has counted where it entered.
+    fn body_around(&self, at: &HitPoint<'_>, interior: Interior) -> Option<u32> {
+        if !at.is_back || !self.scene.features.subsurface {
+            return None;
+        }
+        let medium = interior.medium();
+        self.scene.media[usize::from(medium)].scattering.as_ref().filter(|scattering| !scattering.counts)?;
+        let mut indices = at.material.components.iter().map(|component| component.index);
+        indices.find(|&index| self.scene.materials[index as usize].medium_index == medium)
+    }
+
     fn select_component(&self, bounce: u32, i: usize, dimensions: &Dimensions, w: &mut Workspace) {
         let at = self.hit_point(bounce, i, w);
+        if let Some(body) = self.body_around(&at, w.arriving.interior[i]) {
+            w.materials[i] = body;
+            return;
+        }
         if at.material.emission.is_some() {
             self.emit(bounce, i, &at, w);
         }

@@ -19,6 +19,7 @@ mod guiding;
 mod hit_data;
 mod interfaces;
 mod interior;
+mod leaning_normals;
 mod limits;
 mod medium_segment;
 mod mis;
@@ -157,7 +158,7 @@ impl<'a> Integrator<'a> {
     /// Prepares to trace a view of a scene.
     pub fn new(scene: &'a CompiledScene, view: &'a View, options: PathOptions<'a>) -> Integrator<'a> {
         let sets = 1 + 2 * PREPARED_BOUNCES.min(options.max_depth);
-        let groups = groups_of(scene);
+        let groups = groups_of(scene, options.filter_glossy > 0.0);
         let dimensions = (0..sets).map(Dimensions::new).collect();
         let layers = Layers::new(options.aovs, options.light_groups, options.catchers);
         let excluded = scene.materials.iter().map(|m| m.is_of_caught_object()).collect();
@@ -189,6 +190,11 @@ impl<'a> Integrator<'a> {
             options,
             dimensions,
         }
+    }
+
+    /// Do light samples pass panes of glass? The glossy filter makes them rough.
+    fn passes_panes(&self) -> bool {
+        self.scene.features.panes && self.options.filter_glossy == 0.0
     }
 
     /// Is the shadow terminator softened: requested, and do shading normals differ from geometric ones?

@@ -65,8 +65,8 @@ impl Integrator<'_> {
         let (material, normal) = (at.material, at.surface.ng);
         let direction = ray.direction.normalize();
         let cosine = -direction.dot(normal);
-        let (bsdf, _) = self.read_material(&at, 0.0, -direction, wavelengths);
-        let (ior, front) = bsdf.smooth_interface(cosine, false)?;
+        let met = self.read_material(&at, 0.0, -direction, wavelengths);
+        let (ior, front) = met.bsdf.smooth_interface(cosine, false)?;
         let within = direction / ior + normal * (cosine / ior - front.cos_transmitted);
         let origin = offset_along(at.surface.p, -normal, normal.abs().dot(at.surface.p_error));
         let inner = Ray { origin_primitive: hit.into(), ..Ray::new(origin, within) };
@@ -89,8 +89,8 @@ impl Integrator<'_> {
         {
             return None;
         }
-        let (exit_bsdf, _) = self.read_material(&exit, 0.0, -within, wavelengths);
-        let (_, back) = exit_bsdf.smooth_interface(front.cos_transmitted, true)?;
+        let left = self.read_material(&exit, 0.0, -within, wavelengths);
+        let (_, back) = left.bsdf.smooth_interface(front.cos_transmitted, true)?;
         let medium = &self.scene.media[usize::from(material.medium_index)];
         let way = medium.transmittance_at(exit_hit.t, wavelengths);
         // All orders of reflection between the faces.
@@ -145,7 +145,7 @@ impl Integrator<'_> {
     /// Forgets the panes that the rays of the bounce before passed.
     pub(super) fn start_crossings(&self, w: &mut Workspace) {
         w.crossings.clear();
-        if self.scene.features.panes {
+        if self.passes_panes() {
             w.crossings.resize(w.rays.len(), RayCrossings::NONE);
         }
     }
@@ -366,7 +366,7 @@ impl Integrator<'_> {
         let side = if !C::Closure::OPAQUE && wi.dot(ng) < 0.0 { -1.0 } else { 1.0 };
         let mut weight = pdf.mis_weight_over_pdf(eval.pdf_solid_angle * branches * class.light_density(v, i));
         if self.softens_terminator() && !C::Closure::IN_MEDIUM && !closure.crosses(wi) {
-            weight *= terminator_at(class.is_mapped(v, i), ns * side, ng * side, wi);
+            weight *= terminator_at(v.relief[i], ns * side, ng * side, wi);
         }
         if C::Closure::OPAQUE && wi.dot(ng) <= 0.0 {
             return Rgb::ZERO;

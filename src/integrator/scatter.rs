@@ -130,9 +130,8 @@ impl<C: VertexClass, const SOFT: bool> Kernel for Scatter<'_, C, SOFT> {
             let mut throughput = get_rgb(&path.throughput, i) * s.weight;
             if SOFT {
                 let is_smooth = s.is_specular | s.is_transmission | C::Closure::IN_MEDIUM;
-                let is_mapped = self.class.is_mapped(v, i);
                 throughput *=
-                    if is_smooth { 1.0 } else { terminator_at(is_mapped, ns * side, ng * side, wi) };
+                    if is_smooth { 1.0 } else { terminator_at(v.relief[i], ns * side, ng * side, wi) };
             }
             if !C::Closure::OPAQUE {
                 path.roulette_scale[i] *= s.eta * s.eta;
@@ -289,7 +288,7 @@ fn repeat_vertices(v: &mut Vertices, sorted: &SortedVertices, times: usize, is_g
     v.p.repeat(count, times);
     v.ng.repeat(count, times);
     v.ns.repeat(count, times);
-    v.is_mapped.repeat(count, times);
+    v.relief.repeat(count, times);
     v.offset.repeat(count, times);
     v.wo.repeat(count, times);
     v.origin_primitives.repeat(count, times);

@@ -1,7 +1,8 @@
 //! Surface hits and corrections of shading normals.
 
+use crate::bsdf::Bsdf;
 use crate::compile::CompiledMaterial;
-use crate::math::{Hit, Vec3, select};
+use crate::math::{Frame, Hit, Vec3, select};
 use crate::scene::RayKinds;
 use crate::shape::Surface;
 
@@ -17,6 +18,34 @@ pub(super) struct HitPoint<'a> {
     pub time: f32,
     /// The path that arrives, as far as graphs of nodes ask.
     pub path: PathOrigin,
+}
+
+/// A material evaluated at a hit.
+#[derive(Clone, Copy)]
+pub(super) struct EvaluatedMaterial {
+    pub bsdf: Bsdf,
+    /// Shading normal, on the side of the geometric one.
+    pub ns: Vec3,
+    /// A map or a bump gave it.
+    pub is_mapped: bool,
+}
+
+/// The squared GGX alpha of the relief that a mapped normal is part of, over the squared tangent of its angle to the surface's.
+pub(super) const RELIEF: f32 = 0.125;
+
+/// The same where facets alone reflect: they are not shadowed.
+pub(super) const FACETS_ALONE: f32 = 1e-20;
+
+impl EvaluatedMaterial {
+    /// How its relief shadows light, as [`terminator_at`] takes it: [`RELIEF`] at diffuse bases whose normal a map or a bump gave, [`FACETS_ALONE`]
+    /// at other lobes with such a normal, 0 without one.
+    pub fn relief(&self) -> f32 {
+        match self.is_mapped {
+            false => 0.0,
+            true if self.bsdf.has_base() => RELIEF,
+            true => FACETS_ALONE,
+        }
+    }
 }
 
 /// What graphs of nodes know of a path that arrives.
@@ -76,6 +105,19 @@ pub(super) fn bent_normal(ns: Vec3, ng: Vec3, wo: Vec3) -> (Vec3, bool) {
     (select(is_flat, ns, n * side), !is_flat & (is_behind | sinks))
 }
 
+/// A viewer's direction in the frame of a normal, on the side of that frame that the viewer is on by the geometric normal.
+#[inline(always)]
+pub(super) fn local_viewer(frame: &Frame, wo: Vec3, ng: Vec3) -> Vec3 {
+    let local = frame.to_local(wo);
+    let is_below = wo.dot(ng) < 0.0;
+    let agrees = (local.z < 0.0) == is_below;
+    Vec3::new(
+        local.x,
+        local.y,
+        if agrees { local.z } else { LEAST.copysign(if is_below { -1.0 } else { 1.0 }) },
+    )
+}
+
 /// The height over the geometric surface at which light is whole, over the sine of the angle between the normals.
 const WHOLE: f32 = 0.5;
 
@@ -115,24 +157,24 @@ fn terminator(ns: Vec3, ng: Vec3, wi: Vec3) -> f32 {
 /// Light that sees both sides of the relief is that of the mapped normal alone: such normals lean by tens of degrees, where
 /// making up for the loss in even light would brighten lamps visibly (12 % at 55 degrees).
 #[inline(always)]
-fn mapped_terminator(ns: Vec3, ng: Vec3, wi: Vec3) -> f32 {
+fn mapped_terminator(relief: f32, [ns, ng, wi]: [Vec3; 3]) -> f32 {
     let squared_tangent = |cosine: f32| {
         let squared = cosine * cosine;
         (1.0 - squared) / if squared > 1e-12 { squared } else { 1e-12 }
     };
     let height = wi.dot(ng);
-    let squared_alpha = 0.125 * squared_tangent(ng.dot(ns));
+    let squared_alpha = relief * squared_tangent(ng.dot(ns));
     let squared_alpha = if squared_alpha < 1.0 { squared_alpha } else { 1.0 };
     let masked = squared_alpha * squared_tangent(height);
     let masked = if masked > 0.0 { masked } else { 0.0 };
     if height > 0.0 { 2.0 / (1.0 + (1.0 + masked).sqrt()) } else { 1.0 }
 }
 
-/// [`terminator`] or [`mapped_terminator`].
+/// [`terminator`] or, where `relief` is above 0, [`mapped_terminator`].
 #[inline(always)]
-pub(super) fn terminator_at(is_mapped: bool, ns: Vec3, ng: Vec3, wi: Vec3) -> f32 {
-    let (smooth, mapped) = (terminator(ns, ng, wi), mapped_terminator(ns, ng, wi));
-    if is_mapped { mapped } else { smooth }
+pub(super) fn terminator_at(relief: f32, ns: Vec3, ng: Vec3, wi: Vec3) -> f32 {
+    let (smooth, mapped) = (terminator(ns, ng, wi), mapped_terminator(relief, [ns, ng, wi]));
+    if relief > 0.0 { mapped } else { smooth }
 }
 
 #[cfg(test)]
@@ -230,10 +272,10 @@ mod tests {
             [(0.0f32, 1.0), (50.0, 0.70361 / 0.76134), (60.0, 0.86101), (80.0, 0.34485 / 0.69060)]
         {
             let (sine, cosine) = degrees.to_radians().sin_cos();
-            let found = terminator_at(true, ns, Vec3::Z, Vec3::new(sine * 0.6, sine * 0.8, cosine));
+            let found = terminator_at(RELIEF, ns, Vec3::Z, Vec3::new(sine * 0.6, sine * 0.8, cosine));
             assert!((found - kept).abs() < 5e-4, "{degrees}: {found}, {kept} in Cycles");
         }
-        assert_eq!(terminator_at(true, Vec3::Z, Vec3::Z, Vec3::new(0.8, 0.0, 0.6)), 1.0);
+        assert_eq!(terminator_at(RELIEF, Vec3::Z, Vec3::Z, Vec3::new(0.8, 0.0, 0.6)), 1.0);
     }
 
     #[test]

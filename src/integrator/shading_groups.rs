@@ -1,6 +1,6 @@
 //! Shading groups: which vertices are shaded by the same loop, their order, and the closure of each group.
 
-use super::shading_geometry::bent_normal;
+use super::shading_geometry::{bent_normal, local_viewer};
 use super::wave::{
     MetalRoughClosures, MetalRoughMaterials, PerPath, Vertices, WAVE, Wave, get, get_rgb, set, set_rgb,
 };
@@ -162,7 +162,7 @@ impl SortedVertices {
 }
 
 /// The groups of all materials of a scene.
-pub fn groups_of(scene: &CompiledScene) -> Vec<ShadingGroup> {
+pub fn groups_of(scene: &CompiledScene, filters_glossy: bool) -> Vec<ShadingGroup> {
     let own = scene.materials.iter().map(|m| group_of(m, scene.shading.spectral));
     let mut groups: Vec<ShadingGroup> = own.collect();
     let is_rough =
@@ -173,6 +173,12 @@ pub fn groups_of(scene: &CompiledScene) -> Vec<ShadingGroup> {
             if *group == ShadingGroup::Specular && material.medium_index != 0 {
                 *group = ShadingGroup::Rough;
             }
+        }
+    }
+    if filters_glossy {
+        // Paths may meet what is smooth for the camera as a rough surface, which light samples reach.
+        for group in groups.iter_mut().filter(|group| **group == ShadingGroup::Specular) {
+            *group = ShadingGroup::Rough;
         }
     }
     groups
@@ -259,12 +265,6 @@ pub trait VertexClass {
 
     /// The closure of vertex `i`.
     fn closure(&self, v: &Vertices, i: usize) -> Self::Closure;
-
-    /// Did a map or a bump give the shading normal of vertex `i`?
-    #[inline(always)]
-    fn is_mapped(&self, v: &Vertices, i: usize) -> bool {
-        v.is_mapped[i] > 0.0
-    }
 
     /// The density of the light sample's direction by guided sampling at vertex `i`, over the closure's.
     #[inline(always)]
@@ -358,7 +358,7 @@ impl Closure for GeneralClosure<'_> {
             return BsdfEval::ZERO;
         }
         let frame = Frame::from_normal(self.ns);
-        let (wo, wi) = (frame.to_local(self.wo), frame.to_local(wi));
+        let (wo, wi) = (local_viewer(&frame, self.wo, self.ng), frame.to_local(wi));
         // The light must be on the same side of both normals.
         if crosses && wo.z * wi.z >= 0.0 {
             return BsdfEval::ZERO;
@@ -369,7 +369,7 @@ impl Closure for GeneralClosure<'_> {
     #[inline]
     fn sample(&self, u: [f32; 3]) -> BsdfSample {
         let frame = Frame::from_normal(self.ns);
-        let sample = self.bsdf.sample(frame.to_local(self.wo), u);
+        let sample = self.bsdf.sample(local_viewer(&frame, self.wo, self.ng), u);
         BsdfSample { wi: frame.to_world(sample.wi), ..sample }
     }
 

@@ -4,7 +4,7 @@ use super::Integrator;
 use super::first_hit::{AovContext, FirstHit};
 use super::interfaces::CoincidentHit;
 use super::interior::Interior;
-use super::shading_geometry::{HitPoint, PathOrigin, scattering_normal};
+use super::shading_geometry::{EvaluatedMaterial, HitPoint, PathOrigin, RELIEF, scattering_normal};
 use super::shading_groups::{
     ShadingGroup, ShadingGroupCounts, SortedVertices, load_material, prepare, store_material,
 };
@@ -35,6 +35,12 @@ struct Vertex {
     wo: Vec3,
 }
 
+impl Vertex {
+    fn material(&self) -> EvaluatedMaterial {
+        EvaluatedMaterial { bsdf: self.bsdf, ns: self.surface.ns, is_mapped: self.is_mapped }
+    }
+}
+
 impl Integrator<'_> {
     /// Makes the vertices where the arriving paths continue, sorted by shading group, and adds the emission of surfaces.
     pub(super) fn surfaces(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
@@ -45,7 +51,9 @@ impl Integrator<'_> {
         if self.options.skip_caustics != SkippedCaustics::NONE {
             self.leave_out_caustics(sorted, w);
         }
+        self.keep_mapped_normals(sorted.metal_rough(), &mut w.wave.vertices);
         prepare(&mut w.wave, sorted.metal_rough(), self.scene.shading);
+        self.select_parts(bounce, sorted.metal_rough(), w);
     }
 
     /// Widens the ray cones of paths to those at their hits.
@@ -150,8 +158,10 @@ impl Integrator<'_> {
                 ShadingGroup::Medium => self.make_medium_vertex(i, k, w),
                 ShadingGroup::Rough | ShadingGroup::Specular => {
                     let vertex = self.vertex(bounce, i, w);
-                    w.bsdfs[k - general.start] = vertex.bsdf;
-                    store_general(&mut w.wave.vertices, k, vertex);
+                    let met =
+                        self.select_part(bounce, i, vertex.material(), [vertex.surface.ng, vertex.wo], w);
+                    w.bsdfs[k - general.start] = met.bsdf;
+                    store_general(&mut w.wave.vertices, k, &vertex, &met);
                 }
             }
             if bounce == 0 {
@@ -232,13 +242,13 @@ impl Integrator<'_> {
             self.assume_inside(material, at.hit.t, i, &mut w.arriving, wavelengths);
         }
         let wavelengths = w.times.wavelengths(w.arriving.state.radiance_index[i]);
-        let (mut bsdf, ns) = self.read_material(&at, w.arriving.footprints.width[i], wo, wavelengths);
+        let mut met = self.read_material(&at, w.arriving.footprints.width[i], wo, wavelengths);
         if material.passes_straight && w.arriving.state.pdf[i].competes() {
-            bsdf = self.scatter_at_thin_glass(bsdf, i, w);
+            met.bsdf = self.scatter_at_thin_glass(met.bsdf, i, w);
         }
         let pane = self.reflect_at_pane(material.pane_thickness, i, w);
+        let EvaluatedMaterial { bsdf, ns, is_mapped } = met;
         let (surface, beyond) = (Surface { ns, ..at.surface }, w.arriving.interior[i]);
-        let is_mapped = ns != at.surface.ns;
         let mut vertex = Vertex { surface, bsdf: pane.unwrap_or(bsdf), beyond, is_mapped, is_back, wo };
         if material.emission.is_some() {
             self.emit(bounce, i, &at, w);
@@ -248,16 +258,17 @@ impl Integrator<'_> {
             let boundary = match self.coincident_surfaces(&w.rays[i], &at) {
                 None => self.boundary(bsdf, material, is_back, (bounce, i), &mut w.arriving, wavelengths),
                 Some(coincident) => {
-                    let met = CoincidentHit { at, bsdf, ns, width: w.arriving.footprints.width[i] };
-                    let (met, boundary) = self.coincident_interface(
-                        met,
+                    let first = CoincidentHit { at, met, width: w.arriving.footprints.width[i] };
+                    let (refracting, boundary) = self.coincident_interface(
+                        first,
                         coincident,
                         wo,
                         (bounce, i),
                         &mut w.arriving,
                         wavelengths,
                     );
-                    vertex.surface = Surface { ns: met.ns, ..met.at.surface };
+                    vertex.surface = Surface { ns: refracting.met.ns, ..refracting.at.surface };
+                    vertex.is_mapped = refracting.met.is_mapped;
                     boundary
                 }
             };
@@ -304,9 +315,9 @@ impl Integrator<'_> {
         width: f32,
         wo: Vec3,
         wavelengths: Option<&Wavelengths>,
-    ) -> (Bsdf, Vec3) {
+    ) -> EvaluatedMaterial {
         match at.material.constant.filter(|_| !at.material.uses_uv) {
-            Some(bsdf) => (bsdf, at.surface.ns),
+            Some(bsdf) => EvaluatedMaterial { bsdf, ns: at.surface.ns, is_mapped: false },
             None => self.textured(at, width, wo, wavelengths),
         }
     }
@@ -318,13 +329,13 @@ impl Integrator<'_> {
         width: f32,
         wo: Vec3,
         wavelengths: Option<&Wavelengths>,
-    ) -> (Bsdf, Vec3) {
+    ) -> EvaluatedMaterial {
         let HitPoint { surface, hit, material, time, .. } = at;
         let hit_point = at;
         let at = self.scene.geometries.coordinates(surface, hit, self.scene.features.footprints, *time);
         let hit_data = self.hit_data(hit_point, &at, wo);
         let slots = self.slots(&at, surface, wo, width, hit_data.as_ref());
-        let ns = material.shading_normal(&slots, surface, at.tangent_frame);
+        let (ns, points_inwards) = material.shading_normal(&slots, surface, at.tangent_frame);
         let frame = if material.uses_frame {
             let scattering = Frame::from_normal(scattering_normal(ns, surface.ng, wo));
             let coat = material.coat_normal(&slots, surface, at.tangent_frame);
@@ -338,7 +349,8 @@ impl Integrator<'_> {
             None => material.bsdf(&slots, &frame, vertex_color),
             Some(wavelengths) => material.bsdf_by_wavelength(&slots, &frame, vertex_color, wavelengths),
         };
-        (bsdf, ns)
+        let bsdf = if points_inwards { bsdf.without_base() } else { bsdf };
+        EvaluatedMaterial { bsdf, ns, is_mapped: ns != surface.ns }
     }
 
     /// Texture lookups at a point with the filter width of a path that sees it from `wo`; graphs read `hit` ([`Integrator::hit_data`]).
@@ -359,23 +371,22 @@ impl Integrator<'_> {
 
 /// Stores a vertex of an opaque shading group, with normals on the viewer's side.
 fn store_opaque(v: &mut Vertices, k: usize, vertex: Vertex) {
-    let Vertex { mut surface, is_mapped, is_back, wo, .. } = vertex;
+    let relief = vertex.material().relief();
+    let Vertex { mut surface, is_back, wo, .. } = vertex;
     let side = if is_back { -1.0 } else { 1.0 };
     surface.ng *= side;
     surface.ns *= side;
     store(v, k, &surface);
-    v.is_mapped[k] = if is_mapped { 1.0 } else { 0.0 };
+    v.relief[k] = relief;
     set(&mut v.wo, k, wo);
 }
 
-/// Stores a vertex with a general BSDF.
-fn store_general(v: &mut Vertices, k: usize, vertex: Vertex) {
-    let Vertex { mut surface, beyond, is_mapped, wo, .. } = vertex;
-    surface.ns = scattering_normal(surface.ns, surface.ng, wo);
-    store(v, k, &surface);
-    v.is_mapped[k] = if is_mapped { 1.0 } else { 0.0 };
-    set(&mut v.wo, k, wo);
-    v.beyond[k] = beyond;
+/// Stores a vertex with the general BSDF that was selected.
+fn store_general(v: &mut Vertices, k: usize, vertex: &Vertex, met: &EvaluatedMaterial) {
+    store(v, k, &Surface { ns: met.ns, ..vertex.surface });
+    v.relief[k] = met.relief();
+    set(&mut v.wo, k, vertex.wo);
+    v.beyond[k] = vertex.beyond;
 }
 
 impl Integrator<'_> {
@@ -468,7 +479,7 @@ impl Kernel for OrientNormals<'_> {
             let side = if ng.dot(get(&v.wo, i)) < 0.0 { -1.0 } else { 1.0 };
             set(&mut v.ng, i, ng * side);
             set(&mut v.ns, i, ns * side);
-            v.is_mapped[i] = 0.0;
+            v.relief[i] = 0.0;
         }
     }
 }
@@ -636,7 +647,7 @@ impl Kernel for BendNormals<'_> {
             let side = if ng.dot(get(&v.wo, i)) < 0.0 { -1.0 } else { 1.0 };
             set(&mut v.ng, i, ng * side);
             set(&mut v.ns, i, n * side);
-            v.is_mapped[i] = if is_mapped { 1.0 } else { 0.0 };
+            v.relief[i] = if is_mapped { RELIEF } else { 0.0 };
         }
     }
 }

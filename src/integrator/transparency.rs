@@ -13,7 +13,7 @@
 use super::Integrator;
 use super::interior::CameraInterior;
 use super::sampling::RandomChoice;
-use super::shading_geometry::{HitPoint, PathOrigin, scattering_normal};
+use super::shading_geometry::{EvaluatedMaterial, HitPoint, PathOrigin, scattering_normal};
 use super::shading_groups::SortedVertices;
 use super::slabs::{ShadowCrossings, behind_pane};
 use super::stages::Stages;
@@ -243,7 +243,7 @@ impl Integrator<'_> {
             };
             // A ray that a pane shifts may miss what is behind it.
             let may_be_absent_at = hit.is_hit()
-                && (self.scene.features.panes
+                && (self.passes_panes()
                     || may_be_absent()
                     || self.is_not_a_blocker(vertex, hit, &wave.vertices.light));
             *occluded = hit.is_hit() && !may_be_absent_at;
@@ -480,7 +480,7 @@ impl Integrator<'_> {
         let wo = -ray.direction.normalize();
         let at = self.point_of(ray, *hit, index, time);
         // Unfiltered, as in light sampling.
-        let (bsdf, ns) = self.read_material(&at, 0.0, wo, wavelengths);
+        let EvaluatedMaterial { bsdf, ns, .. } = self.read_material(&at, 0.0, wo, wavelengths);
         let ns = scattering_normal(ns, at.surface.ng, wo);
         bsdf.straight(Frame::from_normal(ns).to_local(wo))
     }

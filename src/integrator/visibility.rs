@@ -19,6 +19,7 @@ use super::Integrator;
 use super::radiance_buffer::PathClass;
 use super::sampling::RandomChoice;
 use super::shading_geometry::PathOrigin;
+use super::shading_geometry::local_viewer;
 use super::shading_groups::{
     Closure, GeneralClass, LambertClass, MediumClass, MetalRoughClass, SortedVertices, VertexClass,
 };
@@ -315,7 +316,7 @@ impl FirstBounce {
     pub fn of(bsdf: &Bsdf, [ns, ng]: [Vec3; 2], wo: Vec3, wi: Vec3) -> FirstBounce {
         let frame = Frame::from_normal(ns);
         let crosses = wi.dot(ng) * wo.dot(ng) < 0.0;
-        let (wo, wi) = (frame.to_local(wo), frame.to_local(wi));
+        let (wo, wi) = (local_viewer(&frame, wo, ng), frame.to_local(wi));
         FirstBounce { diffuse: share(bsdf.diffuse_part(wo, wi), bsdf.eval(wo, wi).f_cos), crosses }
     }
 }

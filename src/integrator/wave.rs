@@ -411,10 +411,12 @@ pub struct Vertices {
     pub ng: Lanes3,
     /// Shading normal, on the side of the geometric one.
     pub ns: Lanes3,
-    /// 1 where a map or a bump gave the shading normal, else 0.
-    pub is_mapped: Lanes,
+    /// See [`EvaluatedMaterial::relief`](super::shading_geometry::EvaluatedMaterial::relief).
+    pub relief: Lanes,
     /// Offset of ray origins along the normal, metres.
     pub offset: Lanes,
+    /// Shading normal before it is bent for the viewer; at vertices of opaque glTF materials, in scenes with mapped normals.
+    pub unbent: Lanes3,
     /// 1 where the shading normal was bent for the viewer, else 0; at vertices of opaque glTF materials.
     pub is_bent: Lanes,
     /// Towards the viewer.

@@ -290,7 +290,8 @@ fn compile(
         Texture::Mix { a, b, factor } => Compiled::Mix([a.0, b.0, factor.0]),
         Texture::Nodes(graph) => {
             let program = Program::new(graph, attributes);
-            match program.constant() {
+            // Normals take vectors with their signs.
+            match program.constant().filter(|_| !graph.is_vector()) {
                 Some([r, g, b]) => Compiled::Constant([r, g, b, 1.0]),
                 None => Compiled::Nodes(Arc::new(program)),
             }

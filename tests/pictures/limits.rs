@@ -6,7 +6,7 @@ use crate::support::{
 };
 use oscura::Renderer;
 use oscura::math::DVec3;
-use oscura::render::{Guiding, PathReuse, RenderOptions, Splitting};
+use oscura::render::{Caustics, Guiding, PathReuse, RenderOptions, Splitting};
 use oscura::scene::{
     BounceLimits, Clamp, Clearcoat, ColorSlot, Emission, EnergyCompensation, Environment, FloatSlot, Fog,
     FresnelModel, Light, Material, Medium, Model, PbrMaterial, Scene, SkippedCaustics,
@@ -171,9 +171,11 @@ fn the_glossy_filter_roughens_what_diffuse_light_comes_from() {
     };
     let rough = 0.5f32.sqrt();
     let lit = plain(8, 1024);
-    for (what, [smooth, rough]) in
-        [("coated", [coated(0.3), coated(rough)]), ("conductor", [conductor(0.3), conductor(rough)])]
-    {
+    for (what, [smooth, rough]) in [
+        ("coated", [coated(0.3), coated(rough)]),
+        ("conductor", [conductor(0.3), conductor(rough)]),
+        ("mirror", [conductor(0.0), conductor(rough)]),
+    ] {
         let (smooth, rough) = (room(smooth), room(rough));
         let (truth, error) = measure(&rough, &lit);
         let (other, _) = measure(&smooth, &lit);
@@ -196,6 +198,37 @@ fn the_glossy_filter_roughens_what_diffuse_light_comes_from() {
     let (smooth, filtered, rough) = (by(metal(0.3), 0.0), by(metal(0.3), 1e9), by(metal(rough), 0.0));
     println!("metal: {filtered}, {rough} where it is rough, {smooth} where smooth");
     assert!((filtered - rough).abs() < 0.03 * (smooth - rough).abs(), "{filtered} for {rough}, not {smooth}");
+}
+
+/// Smooth glass is roughened as well: it lets light samples of a lamp behind it pass.
+#[test]
+fn the_glossy_filter_roughens_smooth_glass() {
+    let room = |model: Model| {
+        let mut scene = grey_floor();
+        scene.settings.energy_compensation = Some(EnergyCompensation::Off);
+        let glass = material(&mut scene, Material::new("glass", model));
+        sphere(&mut scene, [1.5, 0.7, 0.0], 0.6, glass);
+        scene.lights.push(Light::point([3.0, 1.4, 0.0], [50.0; 3]));
+        scene
+    };
+    let tint = ColorSlot::constant([0.9; 3]);
+    let glass = |roughness: f32| {
+        let roughness = FloatSlot::constant(roughness);
+        Model::Glass { ior: 1.5, tint, roughness, is_thin: false }
+    };
+    let by = |model: Model, strength: f32| {
+        let picture = Renderer::new(room(model)).size(8, 8).samples(4096).filter_glossy(strength);
+        mean(&picture.caustics(Caustics::Off).render().expect("it renders").into_film())
+    };
+    // Filtered, all paths are those through rough glass.
+    let rough = by(glass(0.5f32.sqrt()), 0.0);
+    let dielectric = Model::Dielectric { ior: 1.5, tint, fresnel: FresnelModel::Exact };
+    for smooth in [glass(0.0), dielectric] {
+        let (filtered, sharp) = (by(smooth.clone(), 1e9), by(smooth, 0.0));
+        println!("{filtered}, {rough} where it is rough, {sharp} where smooth");
+        assert!((filtered / rough - 1.0).abs() < 2e-3, "{filtered} for {rough}");
+        assert!(sharp < 0.9 * rough, "{sharp} is as bright as {rough}");
+    }
 }
 
 /// What diffuse light comes from has no glossy lobes, or no transmission, where caustics are left out.

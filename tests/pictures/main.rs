@@ -17,6 +17,7 @@ mod facing;
 mod grids;
 mod guiding;
 mod lamps;
+mod leaning_normals;
 mod limits;
 mod linking;
 mod media;

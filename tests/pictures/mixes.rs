@@ -1,13 +1,13 @@
 //! Mixes of materials: closed forms, and the same means whatever the technique.
 
 use crate::support::differences::{assert_same_bits, assert_same_means};
-use crate::support::{assert_radiance, camera, floor, material, options, quad, sphere};
+use crate::support::{assert_radiance, camera, floor, material, measure, options, quad, sphere};
 use oscura::math::DVec3;
 use oscura::render::{Caustics, Guiding, PathReuse, Splitting};
 use oscura::scene::nodes::{Node, NodeGraph, NodeInput, NodeKind};
 use oscura::scene::{
-    AlphaMode, ColorSlot, Emission, Environment, FloatSlot, FresnelModel, Light, LightKind, Mapping,
-    Material, MixComponent, Model, Scene, Texture,
+    AlphaMode, ColorSlot, DiffuseTransmission, Emission, Environment, FloatSlot, FresnelModel, Light,
+    LightKind, Mapping, Material, Medium, MixComponent, Model, PbrMaterial, Scene, Texture,
 };
 use std::sync::Arc;
 
@@ -46,6 +46,44 @@ fn even_light_shows_the_weighted_sum() {
     sphere(&mut scene, [0.0; 3], 1.0, body);
     scene.cameras.push(camera(DVec3::new(0.3, 0.2, 5.0), DVec3::ZERO, DVec3::Y, 5.0));
     assert_radiance("diffuse and glass", &scene, &options(8, 256, 200), 1.0, 4e-3);
+}
+
+/// Light that has entered a body by its share of a mix leaves it whole.
+#[test]
+fn bodies_are_mixed_by_what_enters_them() {
+    let (none, whole) = (FloatSlot::constant(0.0), FloatSlot::constant(1.0));
+    let white = ColorSlot::constant([1.0; 3]);
+    let model = PbrMaterial {
+        metallic: none,
+        specular: none,
+        ior: 1.0,
+        has_volume: true,
+        diffuse_transmission: Some(DiffuseTransmission { factor: whole, color: white }),
+        ..PbrMaterial::default()
+    };
+    let medium = Some(Medium::subsurface([0.6; 3], [0.01; 3], 0.0));
+    let wax = Material { medium, ..Material::gltf("wax", model) };
+    let few = options(16, 512, 100);
+    let ball = |of: Material| {
+        let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+        let of = material(&mut scene, of);
+        sphere(&mut scene, [0.0; 3], 1.0, of);
+        scene.cameras.push(camera(DVec3::new(0.3, 0.2, 5.0), DVec3::ZERO, DVec3::Y, 5.0));
+        scene
+    };
+    let (of_wax, error_of_wax) = measure(&ball(wax.clone()), &few);
+    assert!((of_wax - 0.6).abs() < 0.02, "wax: {of_wax}");
+    for (share, albedo) in [(0.2, 0.9), (0.5, 0.0), (0.8, 0.3)] {
+        let constant = |w: f32| ColorSlot::constant([w; 3]);
+        let mixed = mix(vec![(constant(1.0 - share), grey(albedo)), (constant(share), wax.clone())]);
+        let truth = f64::from(share) * of_wax + f64::from((1.0 - share) * albedo);
+        let (found, error) = measure(&ball(mixed), &few);
+        let error = error.hypot(f64::from(share) * error_of_wax);
+        assert!(
+            error < 1e-3 && (found - truth).abs() < 4.5 * error,
+            "{share} of wax: {found} for {truth} +- {error}"
+        );
+    }
 }
 
 /// Weights of graphs know the hit: the normal of a level sheet is (0, 1, 0), so that green light is reflected.

@@ -182,7 +182,8 @@ class NodesTest(SceneTest):
         tree.links.new(half.outputs[0], shader.inputs["Subsurface Weight"])
         self.add_plane(material)
         table = self.export()["materials"]["wax"]
-        self.assertEqual(table["nodes"][table["surface"]]["subsurface_weight"], 1.0)
+        mix = table["nodes"][table["surface"]]
+        self.assertEqual((mix["type"], mix["factor"]), ("mix_shader", 0.75))
 
     def test_what_is_not_evaluated_is_baked_and_told(self):
         """The occlusion of a plane that half of a wall stands on, within a group; its normals by Bevel are signed."""

@@ -331,11 +331,17 @@ class SurfacesTest(SceneTest):
         shader.inputs["Subsurface Weight"].default_value = 0.25
         self.add("cube", faint, location=(4, 0, 0))
         _, settings, answer = self.export()
-        self.assertEqual([about for about, _ in answer["warnings"]], ["faint"])
-        body, _ = self.surface(settings["materials"]["wax"])
+        self.assertEqual(answer["warnings"], [])
+        # A share that scatters beneath the surface is a mix of all and nothing.
+        for name, share in (("wax", 0.75), ("faint", 0.25)):
+            table = settings["materials"][name]
+            mix = self.surface(table)[0]
+            self.assertEqual((mix["type"], table["volume"]), ("mix_shader", True))
+            self.assertAlmostEqual(mix["factor"], share)
+            self.assertEqual([table["nodes"][mix[key]]["subsurface_weight"] for key in ("a", "b")], [0.0, 1.0])
+        table = settings["materials"]["wax"]
+        body = table["nodes"][self.surface(table)[0]["b"]]
         np.testing.assert_allclose(body["subsurface_body"], [0.75, 0.5, 0.5], atol=2e-3)
-        self.assertEqual((body["subsurface_weight"], settings["materials"]["wax"]["volume"]), (1.0, True))
-        self.assertEqual(self.surface(settings["materials"]["faint"])[0]["subsurface_weight"], 0.0)
 
 
 if __name__ == "__main__":

@@ -2,8 +2,9 @@
 
 use super::super::Integrator;
 use super::super::interior::{CameraInterior, Interior};
+use super::super::leaning_normals::eval_parts;
 use super::super::radiance_buffer::PathClass;
-use super::super::shading_geometry::{HitPoint, scattering_normal, terminator_at};
+use super::super::shading_geometry::{EvaluatedMaterial, HitPoint, scattering_normal, terminator_at};
 use super::super::shading_groups::ShadingGroup;
 use super::super::wave::FirstBounce;
 use super::super::workspace::Workspace;
@@ -94,9 +95,8 @@ impl Integrator<'_> {
         // Texture footprint of a ray from the camera.
         let (width, spread) = self.view.camera.pixel_cone();
         let (wo, wi) = (sight.direction, -path.ray.direction);
-        let (bsdf, ns) = self.read_material(at, width + spread * sight.distance, wo, wavelengths.as_ref());
-        let receiver =
-            self.receiver(path, material, bsdf, ([ns, at.surface.ng], ns != at.surface.ns)).seen(wo, wi);
+        let met = self.read_material(at, width + spread * sight.distance, wo, wavelengths.as_ref());
+        let receiver = self.receiver(path, material, met, at.surface.ng).seen(wo, wi);
         let BsdfEval { f_cos, pdf_solid_angle } = self.scattered(&receiver)?;
         let Receiver { ng, wo, wi, .. } = receiver;
         let area = sight.pixels_per_area * (wo.dot(ng) / wi.dot(ng)).abs();
@@ -131,13 +131,13 @@ impl Integrator<'_> {
         })
     }
 
-    /// A surface with this BSDF, shading normal and geometric normal, and whether a map gave the former.
+    /// A surface of this geometric normal.
     pub(super) fn receiver(
         &self,
         path: &LightPath,
         material: u32,
-        bsdf: Bsdf,
-        ([ns, ng], is_mapped): ([Vec3; 2], bool),
+        EvaluatedMaterial { bsdf, ns, is_mapped }: EvaluatedMaterial,
+        ng: Vec3,
     ) -> Receiver {
         let is_of_diffuse = self.options.caustics.is_some_and(|p| p.role(material) == Role::DiffuseReceiver);
         let group = self.groups[material as usize];
@@ -160,17 +160,20 @@ impl Integrator<'_> {
         if height == 0.0 || bsdf.is_specular() || crosses && (*is_opaque || !bsdf.scatters_through()) {
             return None;
         }
+        let met = EvaluatedMaterial { bsdf: *bsdf, ns: *ns, is_mapped: *is_mapped };
         let n = if *is_lambert { *ns } else { scattering_normal(*ns, *ng, *wo) };
         let eval = if *is_lambert {
             let pdf_solid_angle = wi.dot(n).max(0.0) * FRAC_1_PI;
             BsdfEval { f_cos: bsdf.albedo() * pdf_solid_angle, pdf_solid_angle }
         } else {
             let frame = Frame::from_normal(n);
-            let (wo, wi) = (frame.to_local(*wo), frame.to_local(*wi));
+            let (viewer, light) = (*wo, *wi);
+            let (wo, wi) = (frame.to_local(viewer), frame.to_local(light));
             if crosses && wo.z * wi.z >= 0.0 {
                 return None;
             }
-            let eval = bsdf.eval(wo, wi);
+            let is_split = *is_mapped && n != *ns;
+            let eval = if is_split { eval_parts(&met, *ng, [viewer, light]) } else { bsdf.eval(wo, wi) };
             if *is_diffuse {
                 BsdfEval { f_cos: bsdf.diffuse_part(wo, wi).min(eval.f_cos), ..eval }
             } else {
@@ -179,7 +182,7 @@ impl Integrator<'_> {
         };
         let side = if height < 0.0 { -1.0 } else { 1.0 };
         let is_soft = self.softens_terminator() && !crosses;
-        let kept = if is_soft { terminator_at(*is_mapped, n * side, *ng * side, *wi) } else { 1.0 };
+        let kept = if is_soft { terminator_at(met.relief(), n * side, *ng * side, *wi) } else { 1.0 };
         (eval.pdf_solid_angle > 0.0).then_some(BsdfEval { f_cos: eval.f_cos * kept, ..eval })
     }
 

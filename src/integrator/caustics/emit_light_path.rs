@@ -3,7 +3,7 @@
 use super::connect_to_camera::CameraConnection;
 use super::plan::{CausticTally, LightPath};
 use super::{MOST_PASSES, STILL, is_stretched};
-use crate::bsdf::{Bsdf, BsdfClass, BsdfEval, BsdfSample};
+use crate::bsdf::{BsdfClass, BsdfEval, BsdfSample};
 use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
 use crate::compile::Role;
@@ -11,7 +11,7 @@ use crate::film::Splat;
 use crate::integrator::interfaces::CoincidentHit;
 use crate::integrator::interior::Interior;
 use crate::integrator::shading_geometry::HitPoint;
-use crate::integrator::shading_geometry::{bent_normal, scattering_normal, terminator_at};
+use crate::integrator::shading_geometry::{EvaluatedMaterial, bent_normal, scattering_normal, terminator_at};
 use crate::integrator::wave::{get_rgb, set_rgb};
 use crate::integrator::workspace::Workspace;
 use crate::integrator::{Integrator, Purpose};
@@ -185,12 +185,9 @@ const SURVIVAL: f32 = 0.8;
 
 /// A hit of a light path at a surface that scatters it.
 struct CasterPoint {
-    bsdf: Bsdf,
-    /// Geometric and shading normal, on the side that `bsdf` is for.
+    /// Its material; normals are on the side that its BSDF is for.
+    met: EvaluatedMaterial,
     ng: Vec3,
-    ns: Vec3,
-    /// A map or a bump gave the shading normal.
-    is_mapped: bool,
     /// Direction back along the path.
     wo: Vec3,
     /// No path from the camera finds this light: if it is scattered specularly here, or in any way.
@@ -287,39 +284,40 @@ impl Integrator<'_> {
         if is_solid && at.is_back {
             self.assume_inside(material, at.hit.t, 0, arriving, wavelengths);
         }
-        let (bsdf, ns) = self.read_material(at, 0.0, wo, wavelengths);
+        let met = self.read_material(at, 0.0, wo, wavelengths);
         let is_only_way = [path.is_only_way, path.is_only_way && path.bounces > 0];
-        let mut caster =
-            CasterPoint { bsdf, ng: at.surface.ng, ns, is_mapped: ns != at.surface.ns, wo, is_only_way };
+        let mut caster = CasterPoint { met, ng: at.surface.ng, wo, is_only_way };
         let (mut beyond, mut surface) = (arriving.interior[0], at.surface);
         if is_solid {
             let boundary = match self.coincident_surfaces(&path.ray, at) {
-                None => self.boundary(bsdf, material, at.is_back, (path.bounces, 0), arriving, wavelengths),
+                None => {
+                    self.boundary(met.bsdf, material, at.is_back, (path.bounces, 0), arriving, wavelengths)
+                }
                 Some(touching) => {
-                    let met = CoincidentHit { at: *at, bsdf, ns, width: 0.0 };
-                    let (met, boundary) = self.coincident_interface(
-                        met,
+                    let first = CoincidentHit { at: *at, met, width: 0.0 };
+                    let (refracting, boundary) = self.coincident_interface(
+                        first,
                         touching,
                         wo,
                         (path.bounces, 0),
                         arriving,
                         wavelengths,
                     );
-                    surface = met.at.surface;
-                    (caster.ng, caster.ns) = (surface.ng, met.ns);
+                    surface = refracting.at.surface;
+                    (caster.ng, caster.met) = (surface.ng, refracting.met);
                     boundary
                 }
             };
-            (caster.bsdf, beyond) = (boundary.bsdf, boundary.beyond);
+            (caster.met.bsdf, beyond) = (boundary.bsdf, boundary.beyond);
             if boundary.is_inverted {
-                (caster.ng, caster.ns) = (-caster.ng, -caster.ns);
+                (caster.ng, caster.met.ns) = (-caster.ng, -caster.met.ns);
             }
         }
         CasterHit { caster, surface, beyond }
     }
 
     fn scatter_at_caster(&self, at: &CasterPoint, u: [f32; 3]) -> Option<Redirected> {
-        let CasterPoint { bsdf, ng, ns, wo, .. } = at;
+        let CasterPoint { met: EvaluatedMaterial { bsdf, ns, .. }, ng, wo, .. } = at;
         // Both normals must agree on the side.
         if wo.dot(*ng) * wo.dot(*ns) <= 0.0 {
             return None;
@@ -346,7 +344,7 @@ impl Integrator<'_> {
 
     /// Specular scattering. Refraction scales flux and radiance differently: `sample.flux` is the ratio.
     fn scatter_specular(at: &CasterPoint, sample: &BsdfSample, direction: Vec3) -> Redirected {
-        let CasterPoint { ng, ns, wo, .. } = at;
+        let CasterPoint { met: EvaluatedMaterial { ns, .. }, ng, wo, .. } = at;
         let scale = (wo.dot(*ns) * direction.dot(*ng)) / (wo.dot(*ng) * direction.dot(*ns));
         Redirected {
             direction,
@@ -359,7 +357,8 @@ impl Integrator<'_> {
 
     /// Scattering by an opaque polished surface: the BSDF for a path from the camera that arrives from the sampled direction.
     fn scatter_glossy(&self, at: &CasterPoint, sample: &BsdfSample, direction: Vec3) -> Option<Redirected> {
-        let CasterPoint { bsdf, ng, ns, wo, .. } = at;
+        let CasterPoint { met, ng, wo, .. } = at;
+        let EvaluatedMaterial { bsdf, ns, .. } = met;
         if sample.is_transmission {
             return None;
         }
@@ -368,7 +367,7 @@ impl Integrator<'_> {
         let f_cos = bsdf.eval(frame.to_local(direction), frame.to_local(*wo)).f_cos;
         let side = if direction.dot(*ng) < 0.0 { -1.0 } else { 1.0 };
         let kept = if self.softens_terminator() {
-            terminator_at(at.is_mapped, ns * side, *ng * side, *wo)
+            terminator_at(met.relief(), ns * side, *ng * side, *wo)
         } else {
             1.0
         };
@@ -389,8 +388,9 @@ impl Integrator<'_> {
         material: u32,
         [a, b, lobe]: [f32; 3],
     ) -> Option<Redirected> {
-        let CasterPoint { bsdf, ng, ns, wo: wi, .. } = at;
-        let receiver = self.receiver(path, material, *bsdf, ([*ns, *ng], at.is_mapped));
+        let CasterPoint { met, ng, wo: wi, .. } = at;
+        let EvaluatedMaterial { bsdf, ns, .. } = met;
+        let receiver = self.receiver(path, material, *met, *ng);
         let (direction, pdf) = if receiver.is_lambert || receiver.is_opaque && ns != ng {
             // The whole hemisphere of the geometric normal.
             let side = if wi.dot(*ng) < 0.0 { -1.0 } else { 1.0 };

@@ -169,7 +169,7 @@ impl<const SOFT: bool> Kernel for GoOn<'_, SOFT> {
             let density = v.guided.density[i];
             let mut throughput = before * (1.0 / density);
             if SOFT {
-                throughput *= terminator_at(v.is_mapped[i] > 0.0, ns, ng, wi);
+                throughput *= terminator_at(v.relief[i], ns, ng, wi);
             }
             let roulette_scale = path.roulette_scale[i];
             let plain = survival(throughput, roulette_scale, chances[i], self.params.roulette);
@@ -246,8 +246,7 @@ impl<const SOFT: bool> Kernel for GoOnRough<'_, SOFT> {
             v.guided.carried[i] = (before * s.weight).luminance() * over_cosine;
             let mut throughput = before * s.weight * (1.0 / factor);
             if SOFT {
-                throughput *=
-                    if s.is_specular { 1.0 } else { terminator_at(v.is_mapped[i] > 0.0, ns, ng, s.wi) };
+                throughput *= if s.is_specular { 1.0 } else { terminator_at(v.relief[i], ns, ng, s.wi) };
             }
             let roulette_scale = path.roulette_scale[i];
             let plain = survival(throughput, roulette_scale, chances[i], self.params.roulette);

@@ -144,7 +144,7 @@ impl Prefixes {
         to.origin_primitives[k] = from.origin_primitives[i];
         set(&mut to.ng, k, ng);
         from.ns.copy_to(i, &mut to.ns, k);
-        to.is_mapped[k] = from.is_mapped[i];
+        to.relief[k] = from.relief[i];
         match class {
             LAMBERT => from.albedo.copy_to(i, &mut to.albedo, k),
             _ => {
@@ -214,7 +214,7 @@ impl<C: VertexClass, const SOFT: bool> Kernel for Connect<'_, C, SOFT> {
                 let geometry = cosine / squared;
                 let mut value = get_rgb(&prefixes.throughput, i) * eval.f_cos;
                 if SOFT {
-                    value *= terminator_at(class.is_mapped(v, i), ns, ng, wi);
+                    value *= terminator_at(v.relief[i], ns, ng, wi);
                 }
                 let faces = (cosine > 0.0) & (wi.dot(ng) > 0.0) & (eval.pdf_solid_angle > 0.0);
                 // Paths without throughput end, so a prefix has no density where its contribution is 0.

@@ -68,6 +68,13 @@ const STANDARD_ATTRIBUTES: [(&str, &str, &str); 4] = [
 ];
 
 impl NodeGraph {
+    /// Does it give a vector?
+    pub fn is_vector(&self) -> bool {
+        let NodeInput::Link { node, output } = self.result else { return false };
+        let outputs = self.nodes.get(node).map(|node| node.kind.outputs());
+        outputs.and_then(|outputs| outputs.get(output)).is_some_and(|o| o.kind == SocketType::Vector)
+    }
+
     /// All that is wrong with it: links that lead nowhere or in a circle, inputs that are too many or too few.
     pub fn problems(&self) -> Vec<String> {
         let mut problems = Vec::new();

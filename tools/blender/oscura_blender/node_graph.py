@@ -153,8 +153,6 @@ KNOWN = {
     "emission": "Color,Strength",
 }
 
-# Subsurface scattering of less weight is left to diffuse reflection.
-LEAST_SUBSURFACE = 0.5
 
 # Inputs that oscura takes as constants only.
 CONSTANT = {
@@ -211,10 +209,6 @@ def feed(socket, groups=()):
             return Feed(value=_without_image(node.image, output), groups=groups, type=output.type)
         else:
             return Feed(output, groups)
-
-
-def _is_body(found):
-    return found.node is not None and found.node.bl_idname == "ShaderNodeSubsurfaceScattering"
 
 
 def _default(socket):
@@ -294,7 +288,7 @@ class Graph:
         elif node.bl_idname == "ShaderNodeAddShader":
             entries, (first, second) = {"type": "add_shader"}, node.inputs
         elif node.bl_idname in SHADERS:
-            return self._add(node, found.groups, self._closure(node, found.groups))
+            return self._add(node, found.groups, self._in_part(self._closure(node, found.groups)))
         elif node.bl_idname in FILLINGS:
             return None
         elif found.output.type != "SHADER":
@@ -306,19 +300,10 @@ class Graph:
             return self.made({"type": "diffuse_bsdf"})
         for key, socket in (("a", first), ("b", second)):
             part = feed(socket, found.groups)
-            factor = entries.get("factor", 1.0)
-            share = abs(factor - (key == "a")) if isinstance(factor, float) else 1.0
-            name = self._faint(part, share) if _is_body(part) and 0 < share < LEAST_SUBSURFACE else self.shader(part)
+            name = self.shader(part)
             if name is not None:
                 entries[key] = name
         return self._add(node, found.groups, entries)
-
-    def _faint(self, found, share):
-        """Diffuse reflection in the place of a body that is mixed in with a small share."""
-        self.baker.warn(f"subsurface scattering of weight {share:.3g} is taken for diffuse reflection")
-        entries = self._closure(found.node, found.groups)
-        kept = {key: value for key, value in entries.items() if key in ("color", "normal")}
-        return self.made({"type": "diffuse_bsdf", **kept})
 
     def _closure(self, node, groups):
         kind = SHADERS[node.bl_idname]
@@ -352,6 +337,15 @@ class Graph:
             self._expose(entries, "strength" if kind == "emission" else "emission_strength")
         return self._with_body(node, entries, groups)
 
+    def _in_part(self, entries):
+        """A shader, or where a share of it scatters beneath the surface a mix of two: a body is all or nothing."""
+        weight = entries.get("subsurface_weight", 0.0)
+        if not 0.0 < weight < 1.0:
+            return entries
+        without = {key: value for key, value in entries.items() if key != "subsurface_body"}
+        parts = (("a", {**without, "subsurface_weight": 0.0}), ("b", {**entries, "subsurface_weight": 1.0}))
+        return {"type": "mix_shader", "factor": weight, **{key: self.made(part) for key, part in parts}}
+
     def _lift(self, entries):
         """Adds the bumps of all of the surface to a shader's normal."""
         if self.relief is not None and entries["type"] not in ("emission", "transparent_bsdf"):
@@ -380,13 +374,11 @@ class Graph:
         is_principled = entries["type"] == "principled_bsdf"
         if is_principled:
             weight, others = entries.get("subsurface_weight", 0.0), [entries.get(name, 0.0) for name in ("metallic", "transmission_weight")]
-            # Light that has entered a body leaves it by the same surface: a share of it is all or nothing.
-            is_body = weight >= LEAST_SUBSURFACE and others == [0.0, 0.0]
-            if weight != 0.0 and not is_body:
-                self.baker.warn(f"subsurface scattering of weight {weight:.3g} is taken for diffuse reflection")
-            entries = {**entries, "subsurface_weight": 1.0 if is_body else 0.0}
-            if not is_body:
+            if weight == 0.0:
                 return entries
+            if others != [0.0, 0.0]:
+                self.baker.warn(f"subsurface scattering of weight {weight:.3g} beneath metal or glass is taken for diffuse reflection")
+                return {**entries, "subsurface_weight": 0.0}
         elif entries["type"] != "subsurface_scattering":
             return entries
         key, name, body = ("base_color", "Base Color", "subsurface_body") if is_principled else ("color", "Color", "body")

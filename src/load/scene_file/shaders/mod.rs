@@ -380,6 +380,23 @@ impl Lowering<'_, '_, '_> {
         }
     }
 
+    /// The texture of a vector, of which zero is none.
+    fn vector_texture(&mut self, input: NodeInput) -> Option<TextureId> {
+        match input {
+            NodeInput::Value([0.0, 0.0, 0.0]) => None,
+            NodeInput::Link { node, output }
+                if self.graph.nodes[node].kind.outputs()[output].kind == SocketType::Vector =>
+            {
+                self.texture(input)
+            }
+            _ => {
+                let add = NodeKind::VectorMath { operation: VectorOperation::Add };
+                let vector = self.push(add, &[input, NodeInput::Value([0.0; 3])]);
+                self.texture(vector)
+            }
+        }
+    }
+
     /// A graph of the nodes that a result needs.
     fn pruned(&self, result: NodeInput) -> NodeGraph {
         let whole = NodeGraph { result, ..self.graph.clone() };

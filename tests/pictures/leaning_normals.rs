@@ -1,0 +1,75 @@
+//! Normals of graphs that lean away from the viewer or point into the surface.
+
+use crate::support::{floor, mean, measure, options, picture};
+use oscura::scene::nodes::{Node, NodeGraph, NodeInput, NodeKind, VectorOperation};
+use oscura::scene::{Clearcoat, ColorSlot, FloatSlot, Light, Material, Model, PbrMaterial, Scene, Texture};
+use std::sync::Arc;
+
+/// A floor that is shaded with one normal. The viewer is at (-3, 1, -2).
+fn shaded(material: Material, normal: [f32; 3]) -> Scene {
+    let mut scene = floor(material);
+    let none = NodeInput::Value([0.0; 3]);
+    let inputs = vec![NodeInput::Value(normal), none, none, none];
+    let kind = NodeKind::VectorMath { operation: VectorOperation::Add };
+    let nodes = vec![Node { kind, inputs, image: None }];
+    let graph = NodeGraph { nodes, result: NodeInput::Link { node: 0, output: 0 }, is_z_up: false };
+    let normal = scene.add_texture(Texture::Nodes(Arc::new(graph)));
+    scene.materials[0].normal = Some(normal);
+    scene.lights.push(Light::point([2.0, 3.0, 1.0], [20.0; 3]));
+    scene.lights.push(Light::point([-2.0, 2.0, 1.0], [20.0; 3]));
+    scene
+}
+
+fn faint(change: impl Fn(&mut PbrMaterial)) -> Material {
+    let mut pbr = PbrMaterial {
+        base_color: ColorSlot::constant([0.6; 3]),
+        metallic: FloatSlot::constant(0.0),
+        roughness: FloatSlot::constant(1.0),
+        specular: FloatSlot::constant(1e-4),
+        ..PbrMaterial::default()
+    };
+    change(&mut pbr);
+    Material::new("faint", Model::Pbr(Box::new(pbr)))
+}
+
+/// A layer that reflects next to nothing doesn't turn the diffuse base beneath it towards the viewer.
+#[test]
+fn diffuse_bases_keep_the_normals_that_maps_give() {
+    let few = options(4, 2048, 1);
+    let coat = || {
+        let (factor, roughness) = (FloatSlot::constant(1e-4), FloatSlot::constant(1.0));
+        Some(Clearcoat { factor, roughness, normal_map: None })
+    };
+    let materials = [
+        ("layer", faint(|_| ())),
+        ("coat", faint(|pbr| pbr.clearcoat = coat())),
+        ("rough", faint(|pbr| pbr.diffuse_roughness = FloatSlot::constant(1e-3))),
+        ("rough alone", {
+            let (color, roughness) = (ColorSlot::constant([0.6; 3]), FloatSlot::constant(1e-3));
+            Material::new("rough", Model::OrenNayar { color, roughness })
+        }),
+    ];
+    for normal in [[3.0, 2.0, 2.0], [1.0, 1.0, 1.0], [-1.0, 2.0, 0.5]] {
+        let truth = mean(&picture(&shaded(Material::lambert("matt", [0.6; 3]), normal), &few));
+        assert!(truth > 0.01, "{truth}");
+        for (what, material) in &materials {
+            let (found, error) = measure(&shaded(material.clone(), normal), &few);
+            let most = 4.5 * error + 2e-3 * truth;
+            assert!((found - truth).abs() < most, "{what}, {normal:?}: {found} for {truth} +- {error}");
+        }
+    }
+}
+
+/// As in Cycles, a normal that points into the surface leaves its diffuse reflection without light; of any length, normals mean the same.
+#[test]
+fn normals_that_point_inwards_are_dark_and_lengths_mean_nothing() {
+    let few = options(4, 256, 1);
+    let seen = |normal| mean(&picture(&shaded(Material::lambert("matt", [0.6; 3]), normal), &few));
+    assert_eq!(seen([1.0, -0.1, 0.0]), 0.0);
+    assert_eq!(seen([0.0, -1.0, 0.0]), 0.0);
+    let unit = seen([0.6, 0.8, 0.0]);
+    for length in [0.1, 3.0] {
+        assert!((seen([0.6 * length, 0.8 * length, 0.0]) / unit - 1.0).abs() < 1e-5);
+    }
+    assert!((seen([0.0, 1.0, 0.0]) / unit - 1.0).abs() > 0.05, "{unit}");
+}
