@@ -60,6 +60,13 @@ class ShapesTest(SceneTest):
         half.modifiers.new("Mirror", "MIRROR")
         plain, other = self.add("cube", "Plain", pattern), self.add("cube", "Other", bpy.data.materials.new("other"))
         other.modifiers.new("Array", "ARRAY")
+        made, tree = self.add("cube", "Made", pattern), bpy.data.node_groups.new("made", "GeometryNodeTree")
+        tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+        ball, paint, end = (tree.nodes.new(kind) for kind in ("GeometryNodeMeshUVSphere", "GeometryNodeSetMaterial", "NodeGroupOutput"))
+        ball.inputs["Radius"].default_value, paint.inputs["Material"].default_value = 3.0, pattern
+        tree.links.new(ball.outputs[0], paint.inputs[0])
+        tree.links.new(paint.outputs[0], end.inputs[0])
+        made.modifiers.new("Nodes", "NODES").node_group = tree
         found = {}
 
         def look(graph):
@@ -75,7 +82,9 @@ class ShapesTest(SceneTest):
         bpy.utils.register_class(context.Engine)
         self.addCleanup(bpy.utils.unregister_class, context.Engine)
         context.in_final_render(self.scene, self.scene.view_layers[0], look)
-        self.assertEqual(set(found), {"Row", "Bent", "Half"})
+        self.assertEqual(set(found), {"Row", "Bent", "Half", "Made"})
+        # A mesh that nodes make has its own extent.
+        np.testing.assert_allclose((found["Made"].min(0), found["Made"].max(0)), [(0, 0, 0), (1, 1, 1)], atol=1e-5)
         corners = np.array([vertex.co for vertex in plain.data.vertices]) * 0.5 + 0.5
         # The second is one and a half lengths away; the mirrored half is three lengths away from the other.
         np.testing.assert_allclose(found["Row"], np.concatenate([corners, corners + (1.5, 0, 0)]), atol=1e-6)
@@ -83,7 +92,7 @@ class ShapesTest(SceneTest):
         extent = (found["Half"].min(0), found["Half"].max(0))
         np.testing.assert_allclose(extent, [(-3, 0, 0), (1, 1, 1)], atol=1e-6)
         self.assertEqual([scene.name for scene in bpy.data.scenes], [self.scene.name])
-        self.assertEqual(len(bpy.data.objects), 6)
+        self.assertEqual(len(bpy.data.objects), 7)
 
     def test_patterns_do_not_follow_what_deforms(self):
         """The left half is red, the right one green, of a mesh of two faces whose right edge is moved away."""

@@ -24,7 +24,7 @@ def settle(mesh, obj):
     if any(material is not None and _asks(material.original) for material in materials):
         places = np.empty(3 * len(obj.data.vertices), np.float32)
         obj.data.vertices.foreach_get("undeformed_co", places)
-        _set(mesh, coordinates(obj.original.data, places.reshape(-1, 3)))
+        _set(mesh, coordinates(obj.data, places.reshape(-1, 3)))
 
 
 def keep(mesh, places):
