@@ -330,8 +330,18 @@ class SurfacesTest(SceneTest):
         faint, _, shader = shader_tree("faint")
         shader.inputs["Subsurface Weight"].default_value = 0.25
         self.add("cube", faint, location=(4, 0, 0))
+        jade, _, shader = shader_tree("jade")
+        for name, value in (("Subsurface Weight", 1.0), ("Metallic", 0.25), ("Transmission Weight", 0.5)):
+            shader.inputs[name].default_value = value
+        self.add("cube", jade, location=(8, 0, 0))
         _, settings, answer = self.export()
         self.assertEqual(answer["warnings"], [])
+        # The body lies beneath what metal and glass leave; the other part has all of them.
+        nodes = settings["materials"]["jade"]["nodes"]
+        mix = self.surface(settings["materials"]["jade"])[0]
+        shares = [[nodes[mix[key]][name] for name in ("metallic", "transmission_weight", "subsurface_weight")] for key in ("a", "b")]
+        self.assertAlmostEqual(mix["factor"], 0.375)
+        np.testing.assert_allclose(shares, [(0.4, 1, 0), (0, 0, 1)], atol=1e-6)
         # A share that scatters beneath the surface is a mix of all and nothing.
         for name, share in (("wax", 0.75), ("faint", 0.25)):
             table = settings["materials"][name]

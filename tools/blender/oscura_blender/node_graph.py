@@ -338,13 +338,21 @@ class Graph:
         return self._with_body(node, entries, groups)
 
     def _in_part(self, entries):
-        """A shader, or where a share of it scatters beneath the surface a mix of two: a body is all or nothing."""
-        weight = entries.get("subsurface_weight", 0.0)
-        if not 0.0 < weight < 1.0:
+        """A shader, or where a share of it scatters beneath the surface a mix of two: a body is all or nothing, and has neither metal nor glass."""
+        weight, metal, glass = (entries.get(name, 0.0) for name in ("subsurface_weight", "metallic", "transmission_weight"))
+        if weight == 0.0 or not isinstance(weight, float):
             return entries
+        share = weight * (1 - metal) * (1 - glass)
+        if share >= 1.0:
+            return entries
+        if share <= 0.0:
+            return {**entries, "subsurface_weight": 0.0}
         without = {key: value for key, value in entries.items() if key != "subsurface_body"}
-        parts = (("a", {**without, "subsurface_weight": 0.0}), ("b", {**entries, "subsurface_weight": 1.0}))
-        return {"type": "mix_shader", "factor": weight, **{key: self.made(part) for key, part in parts}}
+        # The other part has all of the metal and the glass.
+        metals, glasses = metal / (1 - share), (1 - metal) * glass / max(1 - share - metal, 1e-6)
+        other = {**without, "subsurface_weight": 0.0, "metallic": metals, "transmission_weight": min(glasses, 1.0)}
+        body = {**entries, "subsurface_weight": 1.0, "metallic": 0.0, "transmission_weight": 0.0}
+        return {"type": "mix_shader", "factor": share, "a": self.made(other), "b": self.made(body)}
 
     def _lift(self, entries):
         """Adds the bumps of all of the surface to a shader's normal."""
@@ -376,8 +384,8 @@ class Graph:
             weight, others = entries.get("subsurface_weight", 0.0), [entries.get(name, 0.0) for name in ("metallic", "transmission_weight")]
             if weight == 0.0:
                 return entries
-            if others != [0.0, 0.0]:
-                self.baker.warn(f"subsurface scattering of weight {weight:.3g} beneath metal or glass is taken for diffuse reflection")
+            if not all(isinstance(other, float) for other in others):
+                self.baker.warn(f"subsurface scattering of weight {weight:.3g} beneath metal or glass that varies is taken for diffuse reflection")
                 return {**entries, "subsurface_weight": 0.0}
         elif entries["type"] != "subsurface_scattering":
             return entries
