@@ -162,6 +162,7 @@ class NodesTest(SceneTest):
         node.image = alpha.image = bpy.data.images.load(picture.filepath_raw)
         tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
         tree.links.new(alpha.outputs["Alpha"], shader.inputs["Alpha"])
+        tree.links.new(node.outputs["Color"], shader.inputs["Normal"])
         empty, tree, shader, node = shader_tree("empty", "TexImage")
         tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
         self.add_plane(material, "Lost")
@@ -173,7 +174,9 @@ class NodesTest(SceneTest):
         (self.folder / "picture.png").unlink()
         found = self.export()["materials"]
         self.assertEqual((base(found, "lost"), base(found, "empty")), ([1.0, 0.0, 1.0], [0.0] * 3))
-        self.assertEqual(found["lost"]["nodes"][found["lost"]["surface"]]["alpha"], 1.0)
+        lost = found["lost"]["nodes"][found["lost"]["surface"]]
+        self.assertEqual((lost["alpha"], lost["normal"]), (1.0, [1.0, 0.0, 1.0]))
+        self.assertNotIn("normal", found["empty"]["nodes"][found["empty"]["surface"]])
         self.assertEqual(warnings(), ["images whose files are missing are magenta, as in Blender: 'picture.png'"])
 
     def test_constants_of_arithmetic_reach_inputs_that_may_not_vary(self):

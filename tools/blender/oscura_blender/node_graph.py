@@ -320,8 +320,7 @@ class Graph:
                 continue
             name, found = socket.name, feed(socket, groups)
             if name == "Normal":
-                if found.node is not None:
-                    entries["normal"] = self.value(found)
+                self._turn(entries, found)
                 continue
             if name not in known:
                 if found.node is not None and name not in ("Weight", "Subsurface IOR", "Tangent"):
@@ -353,6 +352,12 @@ class Graph:
         other = {**without, "subsurface_weight": 0.0, "metallic": metals, "transmission_weight": min(glasses, 1.0)}
         body = {**entries, "subsurface_weight": 1.0, "metallic": 0.0, "transmission_weight": 0.0}
         return {"type": "mix_shader", "factor": share, "a": self.made(other), "b": self.made(body)}
+
+    def _turn(self, entries, found):
+        """The normal that a shader is given: a node's, or the colour of an image that is missing."""
+        value = found.value if isinstance(found.value, list) else [found.value or 0.0] * 3
+        if found.node is not None or any(value):
+            entries["normal"] = self.value(found) if found.node is not None else value
 
     def _lift(self, entries):
         """Adds the bumps of all of the surface to a shader's normal."""
@@ -406,9 +411,7 @@ class Graph:
             found = feed(node.inputs[name], groups)
             value = self._constant(node, node.inputs[name], found) if name in CONSTANT else None
             entries[name.lower()] = self.value(found, "VALUE") if value is None else value
-        normal = feed(node.inputs["Normal"], groups)
-        if normal.node is not None:
-            entries["normal"] = self.value(normal)
+        self._turn(entries, feed(node.inputs["Normal"], groups))
         self._lift(entries)
         self._brush(node, entries, groups)
         return entries
