@@ -83,6 +83,11 @@ dispatch::bsdfs! {
 }
 
 impl Bsdf {
+    /// A smooth surface that lets nothing pass.
+    pub fn is_mirror(&self) -> bool {
+        self.is_specular() && self.appearance().transmission == Rgb::ZERO
+    }
+
     /// The index of refraction of a smooth face of a solid, and what it does to light that arrives at a cosine, from inside or from
     /// outside; `None` for all else.
     pub fn smooth_interface(&self, cosine: f32, is_inside: bool) -> Option<(f32, SmoothInterface)> {

@@ -14,7 +14,7 @@ use std::time::Instant;
 const RGB: [&str; 3] = ["R", "G", "B"];
 
 /// Layers with red, green and blue that are no light.
-const DATA: [&str; 5] = ["albedo.", "variance.", "DiffCol.", "GlossCol.", "TransCol."];
+const DATA: [&str; 6] = ["albedo.", "denoising_albedo.", "variance.", "DiffCol.", "GlossCol.", "TransCol."];
 
 pub(crate) fn run(args: &DenoiseArgs) -> Result<Outcome> {
     if Format::of(&args.output)? != Format::Exr {
@@ -108,8 +108,10 @@ impl Layers {
         Layers {
             color: triple(RGB).unwrap_or_default(),
             variance: triple(["variance.R", "variance.G", "variance.B"]),
-            albedo: triple(["albedo.R", "albedo.G", "albedo.B"]),
-            normal: triple(["N.X", "N.Y", "N.Z"]),
+            albedo: triple(["denoising_albedo.R", "denoising_albedo.G", "denoising_albedo.B"])
+                .or_else(|| triple(["albedo.R", "albedo.G", "albedo.B"])),
+            normal: triple(["denoising_normal.X", "denoising_normal.Y", "denoising_normal.Z"])
+                .or_else(|| triple(["N.X", "N.Y", "N.Z"])),
             parts: parts.collect(),
         }
     }

@@ -509,7 +509,7 @@ pub(super) fn unused_option_warnings(args: &RenderArgs, scene: &Scene, prepared:
     let given = args.aov.iter().fold(AovSet::NONE, |all, aovs| all.union(*aovs));
     let aovs = given.union(aovs);
     let has_mattes = aovs.mattes().next().is_some();
-    let placed = [Aov::Position, Aov::Normal, Aov::GeometricNormal];
+    let placed = [Aov::Position, Aov::Normal, Aov::GeometricNormal, Aov::DenoisingNormal];
     let has_placed = placed.into_iter().any(|aov| aovs.contains(aov));
     let is_space_chosen = args.aov_space != AovSpace::default();
     let moves = scene.instances.iter().any(|i| !matches!(i.motion, Motion::Still))

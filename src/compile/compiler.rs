@@ -356,6 +356,7 @@ fn features(
         catchers: materials.iter().any(|m| m.presence.is_some_and(|p| p.is_catcher)),
         links: false,
         mixes: materials.iter().any(|m| !m.components.is_empty()),
+        mirrors: materials.iter().any(|m| m.alike().is_some_and(|b| b.is_mirror())),
         holdouts: materials.iter().any(|m| m.presence.is_some_and(|p| p.is_holdout)),
         absorption: media.iter().any(|m| m.absorption.is_some()),
     }

@@ -186,6 +186,8 @@ pub struct Features {
     pub paths: bool,
     /// Some materials are mixes.
     pub mixes: bool,
+    /// Some materials are smooth mirrors.
+    pub mirrors: bool,
     /// Some objects are holdouts.
     pub holdouts: bool,
     /// Some objects are shadow catchers.

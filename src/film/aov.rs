@@ -116,6 +116,10 @@ table! {
         "Way of the first surface in the picture, pixels to the right and up: to the previous frame (X, Y), to the next (Z, W)"
     Albedo "albedo" rgb!("albedo"), Float FirstHit Mean;
         "Reflectance of the first surface"
+    DenoisingAlbedo "denoising_albedo" rgb!("denoising_albedo"), Float FirstHit Mean;
+        "Reflectance of the first surface that is no smooth mirror, times that of the mirrors before it"
+    DenoisingNormal "denoising_normal" xyz!("denoising_normal"), Float FirstHit Mean;
+        "Shading normal of that surface, in the space that is chosen (the world's)"
     Roughness "roughness" &["roughness.V"], Float FirstHit Mean;
         "Roughness of the first surface as materials give it: the root of its facets' alpha; 1 for diffuse ones"
     DiffuseColor "diffuse_color" rgb!("DiffCol"), Half FirstHit Mean;
@@ -180,7 +184,7 @@ impl AovSpace {
 
     /// Is a channel of this name one that depends on it?
     pub fn concerns(channel: &str) -> bool {
-        ["P.", "N.", "Ng."].iter().any(|layer| channel.starts_with(layer))
+        ["P.", "N.", "Ng.", "denoising_normal."].iter().any(|layer| channel.starts_with(layer))
     }
 }
 

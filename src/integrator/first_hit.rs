@@ -1,4 +1,8 @@
 //! AOVs of the first surface that a camera ray hits. One line for each; `film/channel.rs` has the table.
+//!
+//! The guides of denoising are those of the first surface that is no smooth mirror: paths that have met nothing else so far are
+//! marked ([`super::wave::Paths`]). They stop at glass: what is reflected and what passes differ from sample to sample, and such guides
+//! brought more noise than texture.
 
 use crate::bsdf::{Appearance, Bsdf};
 use crate::color::Rgb;
@@ -19,7 +23,7 @@ pub(super) struct FirstHit<'a> {
     pub wo: Vec3,
     /// Its BSDF.
     pub bsdf: &'a Bsdf,
-    /// Factor on it: 1 but for components of mixes.
+    /// Factor on it: 1 but for components of mixes, and in mirrors.
     pub weight: Rgb,
 }
 
@@ -45,6 +49,8 @@ struct Common {
 
 /// AOVs of colours, and those of objects.
 const OF_LOOKS: [Aov; 4] = [Aov::Roughness, Aov::DiffuseColor, Aov::GlossyColor, Aov::TransmissionColor];
+/// Those of the first surface that is seen in smooth mirrors.
+const OF_CHAINS: [Aov; 2] = [Aov::DenoisingAlbedo, Aov::DenoisingNormal];
 const OF_OBJECTS: [Aov; 3] = [Aov::ObjectId, Aov::CryptoObject, Aov::CryptoAsset];
 
 impl FirstHit<'_> {
@@ -82,7 +88,7 @@ impl FirstHit<'_> {
                 AovSpace::World => three((scene.anchor + p.as_dvec3()).as_vec3().to_array()),
                 AovSpace::Camera => three(view.camera.point_in_camera_space(p).to_array()),
             },
-            Aov::Normal => normal(ns),
+            Aov::Normal | Aov::DenoisingNormal => normal(ns),
             Aov::GeometricNormal => normal(ng),
             Aov::Facing => one((ns * side).dot(self.wo).clamp(0.0, 1.0)),
             Aov::Uv => {
@@ -91,7 +97,7 @@ impl FirstHit<'_> {
                 [u, v, 0.0, 0.0]
             }
             Aov::Motion => self.motion(scene, view),
-            Aov::Albedo => three((self.bsdf.albedo() * self.weight).to_array()),
+            Aov::Albedo | Aov::DenoisingAlbedo => three((self.bsdf.albedo() * self.weight).to_array()),
             Aov::Roughness => one(look.roughness),
             Aov::DiffuseColor => three((look.diffuse * self.weight).to_array()),
             Aov::GlossyColor => three((look.glossy * self.weight).to_array()),
@@ -144,7 +150,8 @@ pub(super) struct FirstHits {
     width: usize,
     /// Behind the components of each sample there is space for the largest AOV, so that all are written with one size.
     values: Vec<f32>,
-    is_hit: Vec<bool>,
+    /// How many surfaces are recorded for each sample: the first, and those that its branches see in mirrors.
+    surfaces: Vec<u32>,
 }
 
 impl FirstHits {
@@ -163,8 +170,8 @@ impl FirstHits {
         // Values of samples without a hit are not read.
         let numbers = (count * self.stride()).max(self.values.len());
         self.values.resize(numbers, 0.0);
-        self.is_hit.clear();
-        self.is_hit.resize(count, false);
+        self.surfaces.clear();
+        self.surfaces.resize(count, 0);
     }
 
     /// Stride between samples, components.
@@ -174,8 +181,8 @@ impl FirstHits {
 
     /// Records the first surface of a sample.
     pub fn record(&mut self, sample: usize, hit: &FirstHit, shown: &AovContext) {
-        let Some(is_hit) = self.is_hit.get_mut(sample) else { return };
-        *is_hit = true;
+        let Some(surfaces) = self.surfaces.get_mut(sample) else { return };
+        *surfaces = 1;
         let stride = self.stride();
         let own = &mut self.values[sample * stride..(sample + 1) * stride];
         let common = hit.common(self.aovs, shown.scene);
@@ -187,9 +194,24 @@ impl FirstHits {
         }
     }
 
+    /// Replaces the guides of denoising by those of a surface that a sample sees in mirrors, or by the mean of
+    /// several that its branches see.
+    pub fn record_behind(&mut self, sample: usize, hit: &FirstHit, shown: &AovContext) {
+        let stride = self.stride();
+        let Some(surfaces) = self.surfaces.get_mut(sample).filter(|surfaces| **surfaces > 0) else { return };
+        let own = &mut self.values[sample * stride..(sample + 1) * stride];
+        let common = hit.common(AovSet::NONE, shown.scene);
+        for &(aov, place) in self.places.iter().filter(|(aov, _)| OF_CHAINS.contains(aov)) {
+            let values = hit.values(aov, &common, shown);
+            let means = own[place..].iter_mut().zip(values).take(aov.info().components());
+            means.for_each(|(mean, value)| *mean += (value - *mean) / *surfaces as f32);
+        }
+        *surfaces += 1;
+    }
+
     /// Adds to the components of an AOV, if it is requested and the sample has a hit.
     pub fn add(&mut self, sample: usize, aov: Aov, values: [f32; 2]) {
-        if !self.is_hit.get(sample).is_some_and(|&is_hit| is_hit) {
+        if !self.is_hit(sample) {
             return;
         }
         if let Some((_, place)) = self.places.iter().find(|(other, _)| *other == aov) {
@@ -198,9 +220,12 @@ impl FirstHits {
         }
     }
 
+    fn is_hit(&self, sample: usize) -> bool {
+        self.surfaces.get(sample).is_some_and(|&surfaces| surfaces > 0)
+    }
+
     /// The components of a sample, if it has a hit.
     pub fn get(&self, sample: usize) -> Option<&[f32]> {
-        let is_hit = self.is_hit.get(sample).is_some_and(|&is_hit| is_hit);
-        is_hit.then(|| &self.values[sample * self.stride()..][..self.width])
+        self.is_hit(sample).then(|| &self.values[sample * self.stride()..][..self.width])
     }
 }

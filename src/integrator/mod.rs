@@ -51,7 +51,7 @@ pub use wave::WAVE;
 pub use workspace::{RayCounts, Workspace};
 
 use crate::compile::{CompiledScene, View};
-use crate::film::{AovSet, AovSpace, FilterSampler, MatteIds, Source};
+use crate::film::{Aov, AovSet, AovSpace, FilterSampler, MatteIds, Source};
 use crate::sampling::sampler::Dimensions;
 use crate::scene::{BounceLimits, Clamp, SkippedCaustics};
 use interior::CameraInterior;
@@ -185,6 +185,8 @@ impl<'a> Integrator<'a> {
                 caustics: options.caustics.is_some(),
                 guiding: options.guide.is_some(),
                 transparent_glass: options.transparent_glass,
+                denoising_guides: options.aovs.contains(Aov::DenoisingAlbedo)
+                    || options.aovs.contains(Aov::DenoisingNormal),
             }),
             only_light: scene.lights.is_vectorised().then_some(0),
             options,

@@ -262,6 +262,14 @@ fn first_branch_index(sample: u32, branches: u32) -> u32 {
     WAVE as u32 + sample * branches
 }
 
+/// The sample whose radiance, or that of whose branches, has a radiance index.
+pub(super) fn sample_of_branch(radiance_index: u32, branches: u32) -> u32 {
+    match radiance_index.checked_sub(WAVE as u32) {
+        Some(branch) => branch / branches,
+        None => radiance_index,
+    }
+}
+
 /// Sets the radiance indices of branches to their own.
 fn index_branches(path: &mut PathState, count: usize, branches: u32) {
     for i in 0..count * branches as usize {

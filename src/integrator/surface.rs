@@ -1,14 +1,17 @@
 //! From hits to vertices: sorts hits by shading group, adds emission, evaluates geometry and textures.
 
 use super::Integrator;
-use super::first_hit::{AovContext, FirstHit};
+use super::first_hit::{AovContext, FirstHit, FirstHits};
 use super::interfaces::CoincidentHit;
 use super::interior::Interior;
+use super::scatter::sample_of_branch;
 use super::shading_geometry::{EvaluatedMaterial, HitPoint, PathOrigin, RELIEF, scattering_normal};
 use super::shading_groups::{
     ShadingGroup, ShadingGroupCounts, SortedVertices, load_material, prepare, store_material,
 };
-use super::wave::{CornerLanes, Lanes3, TexturedLanes, Vertices, WAVE, get, set, set_rgb};
+use super::wave::{
+    CornerLanes, Lanes3, PathState, TexturedLanes, Vertices, WAVE, get, get_rgb, set, set_rgb,
+};
 use super::workspace::Workspace;
 use crate::bsdf::{Bsdf, BsdfClass, LocalFrame, MetalRough};
 use crate::color::Rgb;
@@ -80,7 +83,7 @@ impl Integrator<'_> {
         w: &mut Workspace,
     ) -> ShadingGroupCounts {
         let mut counts = ShadingGroupCounts::new();
-        let needs_details = bounce == 0 && self.first_hits.any();
+        let (needs_details, follows) = (bounce == 0 && self.first_hits.any(), self.follows_mirrors(bounce));
         let scattering = self.scene.features.scattering;
         w.groups.clear();
         if !KNOWS_MATERIALS {
@@ -96,7 +99,8 @@ impl Integrator<'_> {
                         ShadingGroup::MetalRough
                     }
                     group @ (ShadingGroup::Plain | ShadingGroup::PlainMetalRough) => {
-                        let is_plain = !needs_details && self.scene.geometries.is_flat(hit);
+                        let is_shown = needs_details || follows && w.arriving.mirrored[i] != 0;
+                        let is_plain = !is_shown && self.scene.geometries.is_flat(hit);
                         if is_plain { group } else { group.of_any_shape() }
                     }
                     group => group,
@@ -197,7 +201,7 @@ impl Integrator<'_> {
     /// Adds the emission of a surface where the path ends.
     fn end_at_surface(&self, bounce: u32, i: usize, w: &mut Workspace) {
         let material = &self.scene.materials[w.materials[i] as usize];
-        if bounce == 0 && self.first_hits.any() || material.medium_index != 0 {
+        if self.is_shown(bounce, i, w) || material.medium_index != 0 {
             self.vertex(bounce, i, w);
         } else if material.emission.is_some() {
             let at = self.hit_point(bounce, i, w);
@@ -281,20 +285,63 @@ impl Integrator<'_> {
         if self.optional.chains {
             self.end_chain_if_bent(bounce, i, &vertex.surface, wo, &mut w.arriving.chains);
         }
-        if bounce == 0 && self.first_hits.any() {
-            self.record_first_vertex(i, &at, &vertex, w);
+        if self.is_shown(bounce, i, w) {
+            self.record_vertex(bounce, i, &at, &vertex, w);
         }
         vertex
     }
 
-    /// Records the AOVs of the vertex where camera ray `i` hit a surface.
-    fn record_first_vertex(&self, i: usize, at: &HitPoint<'_>, vertex: &Vertex, w: &mut Workspace) {
+    /// Are paths followed through mirrors, for the guides of denoising?
+    fn follows_mirrors(&self, bounce: u32) -> bool {
+        self.optional.mirrored && bounce > 0
+    }
+
+    /// Do AOVs show the vertex of arriving path `i`?
+    fn is_shown(&self, bounce: u32, i: usize, w: &Workspace) -> bool {
+        match bounce {
+            0 => self.first_hits.any(),
+            _ => self.optional.mirrored && w.arriving.mirrored[i] != 0,
+        }
+    }
+
+    /// Records the AOVs of the vertex where ray `i` hit a surface: of camera rays, or of those from mirrors.
+    fn record_vertex(&self, bounce: u32, i: usize, at: &HitPoint<'_>, vertex: &Vertex, w: &mut Workspace) {
+        let is_mirror = vertex.bsdf.is_mirror();
+        if self.optional.mirrored {
+            w.arriving.mirrored[i] = u32::from(is_mirror);
+        }
+        if bounce > 0 && is_mirror {
+            return;
+        }
         let surface = Surface { material: w.materials[i], ..vertex.surface };
         let of_rgb = self.is_spectral().then(|| self.rgb_bsdf(at, vertex.wo));
         let bsdf = of_rgb.as_ref().unwrap_or(&vertex.bsdf);
-        let weight = w.component_weight(i);
+        let weight = self.weight_of_shown(bounce, [i, i], &w.arriving.state, w);
         let hit = FirstHit { hit: w.hits[i], time: at.time, surface, wo: vertex.wo, bsdf, weight };
-        w.first_hits.record(w.arriving.state.radiance_index[i] as usize, &hit, &self.shown());
+        self.record(bounce, w.arriving.state.radiance_index[i], &hit, &mut w.first_hits);
+    }
+
+    /// Records what AOVs show of a vertex for the sample with a radiance index.
+    fn record(&self, bounce: u32, radiance_index: u32, hit: &FirstHit<'_>, first_hits: &mut FirstHits) {
+        match bounce {
+            0 => first_hits.record(radiance_index as usize, hit, &self.shown()),
+            _ => {
+                let sample = sample_of_branch(radiance_index, self.options.branches);
+                first_hits.record_behind(sample as usize, hit, &self.shown());
+            }
+        }
+    }
+
+    /// The factor on the albedo of a vertex that AOVs show, of ray `i` and the path `k` of `paths`.
+    fn weight_of_shown(&self, bounce: u32, [i, k]: [usize; 2], paths: &PathState, w: &Workspace) -> Rgb {
+        if bounce == 0 {
+            return w.component_weight(i);
+        }
+        // What mirrors reflect, without the shares of branches.
+        let weight = get_rgb(&paths.throughput, k) * paths.roulette_scale[k];
+        let weight =
+            if self.is_spectral() { Rgb::ONE * ((weight.r + weight.g + weight.b) / 3.0) } else { weight };
+        weight.min(Rgb::ONE)
     }
 
     /// The context of AOVs.
@@ -510,15 +557,17 @@ impl Integrator<'_> {
             self.read_textures(bounce, k, w);
         }
         dispatch(BendNormals { vertices: &mut w.wave.vertices, range: range.clone() });
-        if bounce == 0 && self.first_hits.any() {
+        if bounce == 0 && self.first_hits.any() || self.follows_mirrors(bounce) {
             for k in range {
-                self.record_first_hit(k, w);
+                if bounce == 0 || w.wave.paths.mirrored[k] != 0 {
+                    self.record_textured(bounce, k, w);
+                }
             }
         }
     }
 
-    /// Records the AOVs of vertex `k`, the first of its path.
-    fn record_first_hit(&self, k: usize, w: &mut Workspace) {
+    /// Records the AOVs of vertex `k`.
+    fn record_textured(&self, bounce: u32, k: usize, w: &mut Workspace) {
         let v = &w.wave.vertices;
         let i = v.textured.ray[k] as usize;
         let surface = Surface {
@@ -530,9 +579,13 @@ impl Integrator<'_> {
         };
         let bsdf = Bsdf::MetalRough(load_material(&v.metal_rough, k, self.scene.shading));
         // Moving geometry is in other groups.
-        let weight = w.component_weight(i);
+        let paths = &w.wave.paths.state;
+        let weight = self.weight_of_shown(bounce, [i, k], paths, w);
         let hit = FirstHit { hit: w.hits[i], time: 0.0, surface, wo: get(&v.wo, k), bsdf: &bsdf, weight };
-        w.first_hits.record(w.wave.paths.state.radiance_index[k] as usize, &hit, &self.shown());
+        self.record(bounce, paths.radiance_index[k], &hit, &mut w.first_hits);
+        if self.optional.mirrored {
+            w.wave.paths.mirrored[k] = 0;
+        }
     }
 
     /// Reads the textures of vertex `k`: normal map, material, emission.

@@ -230,6 +230,9 @@ impl Integrator<'_> {
         v.offset[k] = 0.0;
         let medium = &self.scene.media[usize::from(segment.medium)];
         v.anisotropy[k] = medium.scattering.as_ref().map_or(0.0, |s| s.anisotropy);
+        if self.optional.mirrored {
+            w.arriving.mirrored[i] = 0;
+        }
     }
 
     /// Continues pending paths that hit boundaries without a surface in the media behind. Camera rays on which far clipping leaves nothing

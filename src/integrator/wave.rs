@@ -205,6 +205,8 @@ pub struct StateConditions<'a> {
     pub guiding: bool,
     /// Glass is transparent in the alpha channel.
     pub transparent_glass: bool,
+    /// Guides of denoising are among the outputs.
+    pub denoising_guides: bool,
 }
 
 /// Declares the state of paths: each optional array once, with its type and the condition under which it is in use. Makes
@@ -286,6 +288,8 @@ path_state! {
     reference: Lanes, if |c| c.guiding;
     /// 1 where the path has passed nothing but clear glass since the camera, else 0.
     clear: Words, if |c| c.transparent_glass;
+    /// 1 where the path has met nothing but smooth mirrors since the camera, else 0; unset before its first vertex.
+    mirrored: Words, if |c| c.denoising_guides && c.features.mirrors;
 }
 
 /// Corners of the triangles and quads at vertices, from which a vectorised loop makes surfaces.

@@ -165,7 +165,7 @@ fn asset_name(path: &str) -> &str {
 
 /// The AOVs that a picture to be denoised needs.
 pub fn denoising_guides() -> AovSet {
-    AovSet::from([Aov::Albedo, Aov::Normal])
+    AovSet::from([Aov::DenoisingAlbedo, Aov::DenoisingNormal])
 }
 
 /// [`Rendering::denoise`](super::Rendering::denoise) for a film; without the halves of samples the noise is estimated by the
@@ -187,7 +187,9 @@ fn floats(planes: Option<Vec<Values>>) -> Option<[Vec<f32>; 3]> {
 fn denoise_channels(film: &mut Film) -> &'static str {
     let layer = |names: &[&str]| floats(film.components(names));
     let Some(color) = layer(&["R", "G", "B"]) else { return Guides::default().names() };
-    let (albedo, normal) = (floats(film.aov(Aov::Albedo)), floats(film.aov(Aov::Normal)));
+    let guide = |own: Aov, first: Aov| floats(film.aov(own)).or_else(|| floats(film.aov(first)));
+    let albedo = guide(Aov::DenoisingAlbedo, Aov::Albedo);
+    let normal = guide(Aov::DenoisingNormal, Aov::Normal);
     let deviations = film.deviations();
     let variance = floats(film.aov(Aov::Variance));
     let noise = match (&deviations, &variance) {

@@ -129,7 +129,9 @@ fn pictures_on_the_way_can_be_denoised() {
     fs::copy(&picture, &kept).unwrap();
     send(&child, "-TERM");
     assert_eq!(child.wait_with_output().expect("it ends").status.code(), Some(130));
-    assert!(["albedo.R", "N.X"].iter().all(|name| planes(&kept).contains_key(*name)));
+    assert!(
+        ["denoising_albedo.R", "denoising_normal.X"].iter().all(|name| planes(&kept).contains_key(*name))
+    );
     assert_eq!(planes(&picture).keys().collect::<Vec<_>>(), ["A", "B", "G", "R"]);
     assert_eq!(attribute(&kept, "denoised"), None);
     assert!(attribute(&picture, "denoised").is_some());

@@ -359,3 +359,62 @@ fn mattes_hold_shares() {
     assert!((mean - 0.25).abs() < 0.01, "{mean}");
     assert_eq!(ranks(&film, "CryptoAsset", left), [(matte_id("room"), 1.0)]);
 }
+
+/// Guides of denoising are those of what mirrors show, and of glass itself, while the AOVs of first surfaces are their own; the picture is the same
+/// with them.
+#[test]
+fn denoising_sees_into_mirrors() {
+    const WALL: [f32; 3] = [0.6, 0.4, 0.2];
+    let clear =
+        Model::Dielectric { ior: 1.5, tint: ColorSlot::constant([1.0; 3]), fresnel: FresnelModel::Exact };
+    let mirror = Model::SchlickMetal {
+        color: ColorSlot::constant([0.9, 0.8, 0.7]),
+        roughness: FloatSlot::constant(0.0),
+    };
+    let guides = AovSet::from([Aov::DenoisingAlbedo, Aov::DenoisingNormal]);
+    for wall_model in ["lambert", "gltf"] {
+        for (name, model) in
+            [("mirror", Some(mirror.clone())), ("glass", Some(clear.clone())), ("none", None)]
+        {
+            let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+            let wall = match wall_model {
+                "lambert" => Material::lambert("wall", WALL),
+                _ => Material::gltf("wall", pbr(WALL, 1.0, 0.5)),
+            };
+            let wall = material(&mut scene, wall);
+            // Behind the camera for the mirror, behind the ball of glass else.
+            let z = if name == "mirror" { 9.0 } else { -9.0 };
+            quad(&mut scene, [-90.0, -90.0, z], [180.0, 0.0, 0.0], [0.0, 180.0, 0.0], wall);
+            if let Some(model) = model {
+                let own = material(&mut scene, Material::new(name, model));
+                match name {
+                    "mirror" => {
+                        quad(&mut scene, [-3.0, -3.0, 0.0], [6.0, 0.0, 0.0], [0.0, 6.0, 0.0], own);
+                    }
+                    _ => sphere(&mut scene, [0.0; 3], 1.0, own),
+                }
+            }
+            scene.cameras.push(camera(DVec3::new(0.0, 0.0, 5.0), DVec3::ZERO, DVec3::Y, 10.0));
+            for reuse in ["off", SHARED] {
+                let film = shot(&scene, 64, 1, reuse, guides.with(Aov::Albedo).with(Aov::Normal));
+                let middle = |names: &[&str; 3]| names.map(|name| plane(&film, name)[24 * 48 + 24]);
+                let albedo = middle(&["denoising_albedo.R", "denoising_albedo.G", "denoising_albedo.B"]);
+                let normal = middle(&["denoising_normal.X", "denoising_normal.Y", "denoising_normal.Z"]);
+                let (first, first_normal) =
+                    (middle(&["albedo.R", "albedo.G", "albedo.B"]), middle(&["N.X", "N.Y", "N.Z"]));
+                let (expected, own, facing) = match name {
+                    "mirror" => ([0.54, 0.32, 0.14], [0.9, 0.8, 0.7], -1.0),
+                    "glass" => ([1.0; 3], [1.0; 3], 1.0),
+                    _ => (WALL, WALL, 1.0),
+                };
+                let context = format!("{name} before {wall_model}, {reuse}: {albedo:?} {normal:?} {first:?}");
+                assert!((0..3).all(|c| (albedo[c] - expected[c]).abs() < 1e-5), "{context}");
+                assert!((normal[2] - facing).abs() < 1e-2, "{context}");
+                assert!((0..3).all(|c| (first[c] - own[c]).abs() < 1e-5), "{context}");
+                assert!((first_normal[2] - 1.0).abs() < 1e-2, "{context}");
+                let without = shot(&scene, 64, 1, reuse, AovSet::NONE);
+                assert!(without.rgba() == film.rgba(), "{name} before {wall_model}, {reuse}");
+            }
+        }
+    }
+}
