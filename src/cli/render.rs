@@ -23,7 +23,7 @@ use oscura::film::{Aov, Film};
 use oscura::load::stage::{Background, Turntable, middle};
 use oscura::load::{LoadOptions, Loaded, is_of_blender, load, load_frames};
 use oscura::output::is_same_target;
-use oscura::render::{CancelHandle, PassOutcome, RenderOptions, Rendering, Statistics, in_pool};
+use oscura::render::{CancelHandle, PassOutcome, RarePaths, RenderOptions, Rendering, Statistics, in_pool};
 use oscura::scene::Scene;
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
@@ -343,6 +343,8 @@ pub(super) fn run_one(
     if let Some(ended) = end_without_picture(args, &rendering, &settled.options) {
         return kept.and(ended);
     }
+    let rare = rendering.rare_paths();
+    warnings.extend(rare_warning(args, rare, said));
     let denoise_s = denoising.run(&mut rendering, said);
     let (outputs, picture) = (targets.names(rendering.is_complete()), rendering.into_picture());
     let writing = Instant::now();
@@ -454,6 +456,22 @@ fn dark_note(
         said.notes(std::slice::from_ref(&note));
     }
     Some(note)
+}
+
+/// Warns of light that few paths carry, of which the estimate of the noise knows too little.
+fn rare_warning(args: &RenderArgs, rare: Option<RarePaths>, said: &mut PrintedMessages) -> Option<Warning> {
+    let RarePaths { share, pixel: [x, y], .. } = rare?;
+    let warning = Warning::general(format!(
+        "rare bright paths remain: single samples hold {:.0} % of the picture's light, most of it near pixel {x}, {y}, and more may be \
+         missing than the noise tells; more samples, --caustics on (light through glass and off mirrors) or --guiding on find it, --clamp \
+         cuts it off",
+        (share * 100.0).max(1.0)
+    ))
+    .with_code("rare-paths");
+    if !args.quiet {
+        said.warnings(std::slice::from_ref(&warning));
+    }
+    Some(warning)
 }
 
 /// Warns if the noise threshold was not reached.

@@ -18,6 +18,7 @@ mod pass;
 mod path_strategy;
 mod picture;
 mod progress;
+mod rare_paths;
 mod renderer;
 mod rendering;
 mod resolve_options;
@@ -37,6 +38,7 @@ pub use picture::{
     Labels, Picture, denoise_film, denoising_guides, film_bytes, film_warnings, shows_alpha, splat_bytes,
 };
 pub use progress::{CancelHandle, Event, PassOutcome, Statistics};
+pub use rare_paths::RarePaths;
 pub use renderer::{Renderer, in_pool};
 pub use rendering::Rendering;
 pub use resolve_options::{ALL_AOVS, Choices, Settled};

@@ -20,6 +20,7 @@
 //!
 //! Errors are relative to the values of pixels, which are estimated as well ([`BrightestPass`]).
 
+use super::rare_paths::{self, RarePaths};
 use crate::film::Film;
 use crate::integrator::reuse::INTERVAL;
 use rayon::prelude::*;
@@ -130,6 +131,11 @@ impl Noise {
         let variance = variances[0] + variances[1];
         let later = variances[0] * ratios[0] + variances[1] * ratios[1];
         Some((variance, if variance > 0.0 { later / variance } else { ratio }))
+    }
+
+    /// Light that single paths brought to the picture, whose pixels have these means now.
+    pub fn rare_paths(&self, means: &[[f32; 3]], width: usize) -> Option<RarePaths> {
+        rare_paths::find(means, &self.brightest.values(means, width, self.now), width)
     }
 
     /// The state as bytes, for a checkpoint.

@@ -5,6 +5,7 @@ use super::options::RenderOptions;
 use super::pass::{PassWork, take_all, try_strategies};
 use super::picture::{Labels, Picture, denoise_film, layout, of_film, shows_alpha};
 use super::progress::{CancelHandle, Event, Listener, PassOutcome, Progress, Spent, Statistics, Stopwatch};
+use super::rare_paths::RarePaths;
 use super::resolve_options::Look;
 use super::schedule::{Pass, SAMPLE_BLOCK, Schedule};
 use super::technique::{Target, Trial, plain_paths};
@@ -286,6 +287,11 @@ impl Rendering {
         };
         self.techniques.report(&mut statistics);
         statistics
+    }
+
+    /// Light that single paths brought, where the noise is estimated: what that estimate can't know of.
+    pub fn rare_paths(&self) -> Option<RarePaths> {
+        self.noise.as_ref()?.rare_paths(&self.film.means(), self.film.width() as usize)
     }
 
     /// How [`Rendering::save`] writes the picture so far.

@@ -175,6 +175,37 @@ fn noise_that_is_not_reached_is_said() {
     assert!(said("8").contains("too few samples"), "{}", said("8"));
 }
 
+/// A small lamp over a ball of glass in a closed room: without light paths from the lamp few paths find what it focuses.
+#[test]
+fn light_that_few_paths_carry_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let quad = |corner: &str, u: &str, v: &str| {
+        format!("[[objects]]\nquad = {{ corner = {corner}, u = {u}, v = {v} }}\nmaterial = \"w\"\n")
+    };
+    let walls = [
+        quad("[-2, 0, 3]", "[4, 0, 0]", "[0, 0, -5]"),
+        quad("[-2, 2.5, -2]", "[4, 0, 0]", "[0, 0, 5]"),
+        quad("[-2, 0, -2]", "[4, 0, 0]", "[0, 2.5, 0]"),
+        quad("[-2, 0, 3]", "[0, 0, -5]", "[0, 2.5, 0]"),
+        quad("[2, 0, 3]", "[0, 2.5, 0]", "[0, 0, -5]"),
+        quad("[-2, 0, 3]", "[0, 2.5, 0]", "[4, 0, 0]"),
+    ];
+    let scene = "[camera]\nlook_from = [0, 1.2, 2.6]\nlook_at = [0, 1, 0]\nvfov = 60\n[materials]\n\
+        w = { type = \"lambert\", color = 0.7 }\ng = { type = \"dielectric\" }\n\
+        [[objects]]\nsphere = { center = [0, 0.6, 0], radius = 0.4 }\nmaterial = \"g\"\n\
+        [[lights]]\npoint = { position = [-1, 2.2, 0.3], radius = 0.02, power = 60 }\n";
+    fs::write(folder.path().join("room.toml"), walls.concat() + scene).unwrap();
+    let codes = |more: &[&str]| {
+        let common =
+            ["render", "room.toml", "-o", "a.exr", "--size", "192x128", "--noise", "1", "--max-spp", "32"];
+        let output = oscura(folder.path(), &[&common[..], &["--json"], more].concat());
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        report(&output)["warning_codes"].to_string()
+    };
+    assert!(codes(&["--caustics", "off"]).contains("rare-paths"));
+    assert!(!codes(&["--caustics", "on"]).contains("rare-paths"));
+}
+
 #[test]
 fn luminance_is_converted_and_not_alpha() {
     use exr::prelude::*;
