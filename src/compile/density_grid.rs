@@ -238,6 +238,10 @@ impl DensityGrid {
                 continue;
             }
             let (a, b) = ((0.0 - o) / d, (self.size[axis] as f32 - o) / d);
+            // A grid beyond what single precision holds.
+            if a.is_nan() || b.is_nan() {
+                return None;
+            }
             begin = begin.max(a.min(b));
             end = end.min(a.max(b));
         }
@@ -542,6 +546,18 @@ mod tests {
             if inside(p) { f64::from(grid.density(p) * ray.scale) } else { 0.0 }
         };
         (0..n).map(at).sum::<f64>() * f64::from(to) / f64::from(n)
+    }
+
+    #[test]
+    fn no_ray_finds_a_grid_beyond_single_precision() {
+        let mut far = Grid::in_box(String::new(), [2; 3], Arc::new(vec![1.0; 8]), DVec3::ZERO, DVec3::ONE);
+        far.world_from_voxels.translation = DVec3::new(1e154, -1e154, 0.0);
+        let grid = DensityGrid::new(&far, DVec3::ZERO);
+        for direction in [Vec3::X, Vec3::new(0.6, -0.8, 0.0), Vec3::new(0.6, 0.0, 0.8)] {
+            let ray = grid.ray(Vec3::splat(0.5), direction, 1.0);
+            assert_eq!(grid.transmittance(&ray, 0.0, 1e30, 7), 1.0);
+            assert_eq!(grid.integral(&ray, 0.0, 1e30, 7), 0.0);
+        }
     }
 
     #[test]

@@ -130,7 +130,9 @@ fn trial((name, base): &(String, Scene), seed: u64) -> Trial {
 /// So many trials, over all scenes in turn. Each is worked on by one thread alone: a thread that waits for others in a common pool takes
 /// up another trial, whose time would be counted with its own.
 fn trials(bases: &[(String, Scene)], count: u64) -> Vec<Trial> {
-    let next = AtomicU64::new(0);
+    // One trial again: `OSCURA_SEED=68234 cargo test ... many_mutated -- --ignored --nocapture`.
+    let only = std::env::var("OSCURA_SEED").ok().and_then(|seed| seed.parse::<u64>().ok());
+    let (next, count) = (AtomicU64::new(only.unwrap_or(0)), only.map_or(count, |seed| seed + 1));
     let work = || {
         let alone = ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
         let mut own = Vec::new();
