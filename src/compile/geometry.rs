@@ -3,7 +3,8 @@
 use super::objects::{ObjectId, Owners};
 use crate::accel;
 use crate::math::{
-    Bounds3, DAffine3, DMat3, Hit, Mat3, Ray, TransformKeys, Vec2, Vec3, gamma, segment, transform_at,
+    Bounds3, DAffine3, DMat3, Hit, Mat3, OriginPrimitive, Ray, TransformKeys, Vec2, Vec3, gamma, segment,
+    transform_at,
 };
 use crate::shape::triangle::interpolate;
 use crate::shape::{
@@ -200,12 +201,18 @@ impl Geometries {
     /// The material at a hit.
     #[inline(always)]
     pub fn material(&self, hit: &Hit) -> u32 {
-        match hit.instance.checked_sub(1) {
-            None => self.world.attributes.materials[hit.prim as usize],
+        self.material_of(hit.into())
+    }
+
+    /// The material of a primitive.
+    #[inline(always)]
+    pub fn material_of(&self, OriginPrimitive { prim, instance }: OriginPrimitive) -> u32 {
+        match instance.checked_sub(1) {
+            None => self.world.attributes.materials[prim as usize],
             Some(i) => {
                 let placement = &self.placements[i as usize];
                 let of_primitive =
-                    self.shared[placement.geometry as usize].attributes.materials[hit.prim as usize];
+                    self.shared[placement.geometry as usize].attributes.materials[prim as usize];
                 placement.material.unwrap_or(of_primitive)
             }
         }

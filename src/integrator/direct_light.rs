@@ -353,7 +353,7 @@ impl Integrator<'_> {
         if self.scene.features.boundaries {
             self.start_shadow_segments(sorted, w);
         }
-        if self.passes_panes() {
+        if self.scene.features.panes {
             self.start_shadow_crossings(sorted, w);
         }
         let shows_shadow = bounce == 0 && self.first_hits.contains(Aov::Shadow) && !w.excludes_casters;
@@ -361,7 +361,7 @@ impl Integrator<'_> {
             self.save_unoccluded(w);
         }
         self.test_shadow_rays(bounce, w);
-        if self.passes_panes() {
+        if self.scene.features.panes {
             self.refract_light_samples(branches, sorted, w);
         }
         if self.scene.features.boundaries {

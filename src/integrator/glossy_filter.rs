@@ -2,7 +2,8 @@
 //! surfaces are blurred instead of noisy. Pictures lose their contrast, and some light.
 //!
 //! Facets have a GGX alpha of at least `0.5 sqrt(1 - p / f)`, where `p` is the smallest density of a direction that the path has
-//! sampled so far and `f` the strength of the filter, exact mirrors and smooth solid glass as well (panes then let no light samples pass).
+//! sampled so far and `f` the strength of the filter, exact mirrors and smooth solid glass as well. Panes stay smooth, unlike in Cycles: light
+//! samples pass them, so that there is nothing to blur, and a sun shines through a window.
 
 use super::Integrator;
 use super::shading_groups::SortedVertices;
@@ -22,7 +23,12 @@ impl Integrator<'_> {
             *alpha = alpha.max(least(i));
         }
         let first = sorted.general().start;
-        for i in sorted.rough() {
+        let has_panes = self.scene.features.panes;
+        let origins = &wave.vertices.origin_primitives;
+        let is_pane = |i: usize| {
+            self.scene.materials[self.scene.geometries.material_of(origins[i]) as usize].pane_thickness > 0.0
+        };
+        for i in sorted.rough().filter(|&i| !(has_panes && is_pane(i))) {
             bsdfs[i - first].roughen(least(i));
         }
     }

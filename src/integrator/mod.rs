@@ -194,11 +194,6 @@ impl<'a> Integrator<'a> {
         }
     }
 
-    /// Do light samples pass panes of glass? The glossy filter makes them rough.
-    fn passes_panes(&self) -> bool {
-        self.scene.features.panes && self.options.filter_glossy == 0.0
-    }
-
     /// Is the shadow terminator softened: requested, and do shading normals differ from geometric ones?
     fn softens_terminator(&self) -> bool {
         self.options.soft_terminator && self.scene.features.bent_normals

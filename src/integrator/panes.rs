@@ -145,7 +145,7 @@ impl Integrator<'_> {
     /// Forgets the panes that the rays of the bounce before passed.
     pub(super) fn start_crossings(&self, w: &mut Workspace) {
         w.crossings.clear();
-        if self.passes_panes() {
+        if self.scene.features.panes {
             w.crossings.resize(w.rays.len(), RayCrossings::NONE);
         }
     }

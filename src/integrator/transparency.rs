@@ -243,7 +243,7 @@ impl Integrator<'_> {
             };
             // A ray that a pane shifts may miss what is behind it.
             let may_be_absent_at = hit.is_hit()
-                && (self.passes_panes()
+                && (self.scene.features.panes
                     || may_be_absent()
                     || self.is_not_a_blocker(vertex, hit, &wave.vertices.light));
             *occluded = hit.is_hit() && !may_be_absent_at;

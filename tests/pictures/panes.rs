@@ -182,6 +182,21 @@ fn room_with_skylight(floor: Material, has_ball: bool) -> Scene {
     scene
 }
 
+/// The glossy filter leaves panes as they are: a lamp shines through a window, whatever it does to other glass.
+#[test]
+fn the_glossy_filter_keeps_panes() {
+    let scene = room_with_skylight(Material::lambert("grey", [0.5; 3]), false);
+    let by = |filter| {
+        let options: RenderOptions = options(24, 256, 8).caustics(Caustics::Off).filter_glossy(filter);
+        measure(&scene, &options)
+    };
+    let ((filtered, error), (plain, error_plain)) = (by(1.0), by(0.0));
+    let combined = error.hypot(error_plain);
+    println!("{filtered:.5} +- {error:.5}, without {plain:.5} +- {error_plain:.5}");
+    assert!(combined < 1e-2 * plain, "too uncertain to tell");
+    assert!((filtered - plain).abs() < 4.5 * combined, "{filtered} is not {plain} +- {combined}");
+}
+
 /// Light through panes on all kinds of floors, with paths from lights or without, with a ball of glass or without.
 #[test]
 #[ignore = "means of many pictures, which take long"]

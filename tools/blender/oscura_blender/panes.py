@@ -12,7 +12,7 @@ def tell_of_upright(holder, slot, found, report):
     if _stands(holder, slot, found):
         message = "a single upright sheet of glass bends light as if a solid began there, as in Cycles"
         material = holder.data.materials[slot].name
-        report.note(material, f"{message}; with --glass panes, or a thickness (a Solidify modifier) and --filter-glossy 0, light passes it straight")
+        report.note(material, f"{message}; with a thickness (a Solidify modifier) or --glass panes light passes it straight")
 
 
 def _stands(holder, slot, found):
