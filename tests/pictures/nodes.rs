@@ -268,7 +268,15 @@ fn values_at_points_are_those_of_cycles() {
 #[test]
 fn normals_of_graphs_light_surfaces_as_maps_do() {
     let folder = folder();
-    let image = folder.join("picture.png").display().to_string();
+    let own = tempfile::tempdir().expect("a temporary folder");
+    // Of normals on the outer side: others are dark where a graph gives them, and held at the surface where a map does.
+    let map = image::RgbImage::from_fn(64, 64, |x, y| {
+        let slope = |v: u32, turns: f32| 0.8 * (v as f32 / 64.0 * std::f32::consts::TAU * turns).sin();
+        let normal = Vec3::new(slope(x, 3.0), slope(y, 2.0), 1.0).normalize();
+        image::Rgb(normal.to_array().map(|n| ((n * 0.5 + 0.5) * 255.0).round() as u8))
+    });
+    map.save(own.path().join("normals.png")).expect("written");
+    let image = own.path().join("normals.png").display().to_string();
     let film = |normal: &str| {
         let text = format!(
             "camera = {{ look_from = [0, 0.4, 3], look_at = [0, 0, 0] }}\n[environment]\nbackground = 0.1\n[[lights]]\n\
