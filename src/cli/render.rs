@@ -343,14 +343,13 @@ pub(super) fn run_one(
     if let Some(ended) = end_without_picture(args, &rendering, &settled.options) {
         return kept.and(ended);
     }
-    let rare = rendering.rare_paths();
-    warnings.extend(rare_warning(args, rare, said));
+    warnings.extend(error_warnings(args, &rendering, said));
     let denoise_s = denoising.run(&mut rendering, said);
     let (outputs, picture) = (targets.names(rendering.is_complete()), rendering.into_picture());
     let writing = Instant::now();
     let pictures = encode(FinishedPicture::from(&picture));
     say_pictures(args, said, &pictures, picture.statistics().interrupted)?;
-    warnings.extend(pictures.warnings.iter().cloned().chain(noise_warning(args, picture.statistics(), said)));
+    warnings.extend(pictures.warnings.iter().cloned());
     notes.extend(dark_note(args, picture.film(), png.exposure, &loaded.scene, said));
     pictures.write()?;
     kept?; // after the pictures: who runs out of space for the one may have some for the others
@@ -372,8 +371,7 @@ pub(super) fn run_one(
         left_out,
     };
     show::draw(args, picture.film(), &png);
-    say_run(args, &run);
-    Ok(if run.statistics.interrupted { Outcome::Interrupted } else { Outcome::Done })
+    Ok(say_run(args, &run))
 }
 
 /// Checks that the outputs can store pictures of this size.
@@ -458,24 +456,29 @@ fn dark_note(
     Some(note)
 }
 
+/// Warns where the error may be larger than asked for or than it seems.
+fn error_warnings(args: &RenderArgs, rendering: &Rendering, said: &mut PrintedMessages) -> Vec<Warning> {
+    let (rare, noise) = (rendering.rare_paths(), noise_warning(args, &rendering.statistics()));
+    let warnings: Vec<Warning> = rare.map(rare_warning).into_iter().chain(noise).collect();
+    if !args.quiet {
+        said.warnings(&warnings);
+    }
+    warnings
+}
+
 /// Warns of light that few paths carry, of which the estimate of the noise knows too little.
-fn rare_warning(args: &RenderArgs, rare: Option<RarePaths>, said: &mut PrintedMessages) -> Option<Warning> {
-    let RarePaths { share, pixel: [x, y], .. } = rare?;
-    let warning = Warning::general(format!(
+fn rare_warning(RarePaths { share, pixel: [x, y], .. }: RarePaths) -> Warning {
+    Warning::general(format!(
         "rare bright paths remain: single samples hold {:.0} % of the picture's light, most of it near pixel {x}, {y}, and more may be \
          missing than the noise tells; more samples, --caustics on (light through glass and off mirrors) or --guiding on find it, --clamp \
          cuts it off",
         (share * 100.0).max(1.0)
     ))
-    .with_code("rare-paths");
-    if !args.quiet {
-        said.warnings(std::slice::from_ref(&warning));
-    }
-    Some(warning)
+    .with_code("rare-paths")
 }
 
 /// Warns if the noise threshold was not reached.
-fn noise_warning(args: &RenderArgs, statistics: &Statistics, said: &mut PrintedMessages) -> Option<Warning> {
+fn noise_warning(args: &RenderArgs, statistics: &Statistics) -> Option<Warning> {
     let is_promised = args.quality.is_none_or(Quality::promises_error);
     let asked = args.long.noise.filter(|_| is_promised && !statistics.interrupted)?;
     let message = match statistics.error {
@@ -485,15 +488,11 @@ fn noise_warning(args: &RenderArgs, statistics: &Statistics, said: &mut PrintedM
         }
         None => "there are too few samples to tell the noise: at least 16 a pixel are needed".to_string(),
     };
-    let warning = Warning::general(message);
-    if !args.quiet {
-        said.warnings(std::slice::from_ref(&warning));
-    }
-    Some(warning)
+    Some(Warning::general(message))
 }
 
-/// Prints the report of a run.
-fn say_run(args: &RenderArgs, run: &Run) {
+/// Prints the report of a run, and gives how it ended.
+fn say_run(args: &RenderArgs, run: &Run) -> Outcome {
     if args.verbose {
         run.print_details();
     }
@@ -503,6 +502,7 @@ fn say_run(args: &RenderArgs, run: &Run) {
     if args.json {
         json::print(&json::of_run(run));
     }
+    if run.statistics.interrupted { Outcome::Interrupted } else { Outcome::Done }
 }
 
 /// Prints the notes and warnings of loading, and with --explain what was left out.
