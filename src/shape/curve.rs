@@ -283,6 +283,17 @@ mod tests {
         at(0.5 * (low + high))
     }
 
+    /// The least distance along a ray, but for what is below 0 for less than a small step: nothing is nearer than the distance of a point.
+    fn nearest_along(s: &CurveSegment, ray: &Ray, end: f32) -> f64 {
+        let (mut t, mut nearest) = (0.0, f64::INFINITY);
+        while t < end {
+            let here = distance(s, ray.at(t));
+            nearest = nearest.min(here);
+            t += (here as f32).max(3e-3);
+        }
+        nearest
+    }
+
     fn cases() -> Vec<CurveSegment> {
         let (a, b) = (Vec3::new(0.3, -0.2, 0.1), Vec3::new(1.1, 0.7, -0.4));
         vec![
@@ -309,7 +320,6 @@ mod tests {
                     + random.direction() * (1.5 * size * random.next());
                 let origin = aim + random.direction() * (6.0 * random.next() + 0.01);
                 let ray = Ray::new(origin, (aim - origin).normalize());
-                let nearest = (0..3000).map(|i| distance(&s, ray.at(i as f32 * 3e-3)));
                 let hit = s.enter(ray.origin.to_array(), ray.direction.to_array()).filter(|hit| hit.t > 0.0);
                 match hit {
                     Some(hit) => {
@@ -326,7 +336,7 @@ mod tests {
                     None => {
                         missed += 1;
                         let inside = distance(&s, origin) < 1e-6;
-                        assert!(inside || nearest.fold(f64::INFINITY, f64::min) > -1e-5, "{s:?} {ray:?}");
+                        assert!(inside || nearest_along(&s, &ray, 9.0) > -1e-5, "{s:?} {ray:?}");
                     }
                 }
             }
@@ -462,7 +472,7 @@ mod tests {
             let geometry = helix(segments, radius, far);
             let accel = Accel::build(std::slice::from_ref(&geometry), &[]);
             let (mut wrong, mut again, mut all) = (0, 0, 0);
-            for _ in 0..1500 {
+            for _ in 0..600 {
                 let index = segments / 4 + (random.next() * 0.4 * segments as f32) as usize;
                 let s = geometry.curves.get(index);
                 let origin = s.ends[0] + random.direction() * 1.5 * radius;
@@ -488,7 +498,7 @@ mod tests {
             }
             println!("{segments} {radius}: {wrong} wrong, {again} met again of {all}");
             // What grazes the surface is told by rounding, or by steps.
-            assert!(all > 700 && wrong * 100 < all, "{segments} {radius}: {wrong} of {all}");
+            assert!(all > 280 && wrong * 100 < all, "{segments} {radius}: {wrong} of {all}");
         }
     }
 
