@@ -20,11 +20,9 @@ impl Integrator<'_> {
     pub(super) fn generate(&self, samples: &mut CameraSamples<'_>, w: &mut Workspace) {
         self.start_camera_samples(samples, w);
         let count = w.pixels.len();
-        w.rays.clear();
-        w.rays_before_split = None;
+        w.begin_wave();
         w.radiance_buffer.begin(count, self.layers, self.options.clamp);
         w.first_hits.reset(count, self.first_hits);
-        w.uncovered.clear();
         let (paths, vertices, scratch) = (&mut *w.arriving, &mut w.wave.vertices, &mut w.wave.scratch);
         let dimensions = self.dimensions(0, Purpose::Camera);
         let (camera, filter) = (&self.view.camera, self.options.filter);

@@ -129,6 +129,23 @@ impl Workspace {
         }
     }
 
+    /// Begins a wave of camera paths: empties what some scenes alone fill, since threads keep their memory from scene to scene.
+    pub(super) fn begin_wave(&mut self) {
+        self.rays.clear();
+        self.escaped.clear();
+        self.component_weights.clear();
+        self.unoccluded.clear();
+        self.passed_kinds.clear();
+        self.uncovered.clear();
+        self.catcher_samples.clear();
+        self.crossings.clear();
+        self.shadow_crossings.clear();
+        self.medium_segments.clear();
+        self.overlapping_segments.clear();
+        self.shadow_segments.clear();
+        self.rays_before_split = None;
+    }
+
     /// Factor on the BSDF where ray `i` hit: 1 but for components of mixes.
     pub(super) fn component_weight(&self, i: usize) -> Rgb {
         self.component_weights.get(i).copied().unwrap_or(Rgb::ONE)

@@ -1,9 +1,11 @@
 //! The same pixels whatever the number of threads; other pixels from another seed.
 
+use crate::panes::under_a_pane;
 use crate::support::sheet::{self, Variant};
 use crate::support::{material, options, picture, quad, sphere};
 use oscura::film::{Aov, AovSet, Film, Values};
 use oscura::image::Image;
+use oscura::math::DVec3;
 use oscura::render::in_pool;
 use oscura::scene::{
     AlphaMode, ColorSlot, Environment, FloatSlot, ImageId, Interpolation, Material, Model, PbrMaterial, Scene,
@@ -73,6 +75,29 @@ fn any_number_of_threads_gives_the_same_pixels() {
         let one = with(Some(1));
         assert!(one == with(Some(2)) && one == with(Some(7)) && one == with(None), "{name} differs");
     }
+}
+
+/// Threads keep their memory from scene to scene: what one of them used must not be read in the next.
+#[test]
+fn pictures_depend_on_no_scene_before() {
+    let files = ["cornell-quads.toml", "lamp-in-fog.toml", "smoke.toml", "window.toml", "wax.toml"];
+    let of_files = files.map(|name| (name, scene(name)));
+    let pane = under_a_pane(Material::lambert("grey", [0.5; 3]), DVec3::new(0.0, 0.2, 0.8), true);
+    let others = [("everything", everything()), ("pane", pane)];
+    let scenes: Vec<(&str, Scene)> = of_files.into_iter().chain(others).collect();
+    // Light from surfaces that scatter once: many paths are left in the memory when the last bounce ends.
+    let take = |scene: &Scene| bits(&picture(scene, &options(8, 32, 1)));
+    let by_one_thread = |scene: &Scene| in_pool(Some(1), || take(scene)).expect("the thread starts");
+    let alone: Vec<_> = scenes.iter().map(|(_, scene)| by_one_thread(scene)).collect();
+    let one_after_another = || {
+        for (before, first) in &scenes {
+            for ((name, second), alone) in scenes.iter().zip(&alone) {
+                take(first);
+                assert!(take(second) == *alone, "{name} differs after {before}");
+            }
+        }
+    };
+    in_pool(Some(1), one_after_another).expect("the thread starts");
 }
 
 #[test]

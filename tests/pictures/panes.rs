@@ -95,7 +95,7 @@ fn points_and_suns_shine_through_solid_panes() {
 }
 
 /// A floor under a pane and a lamp with a size, which light samples find or not.
-fn under_a_pane(of: Material, edge: DVec3, is_sampled: bool) -> Scene {
+pub fn under_a_pane(of: Material, edge: DVec3, is_sampled: bool) -> Scene {
     let mut scene = Scene::default();
     floor_seen_from_below(&mut scene, of);
     let glass = glass(&mut scene);
