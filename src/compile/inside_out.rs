@@ -68,12 +68,11 @@ fn part_materials_of<'a>(scene: &'a Scene, instance: &'a Instance) -> impl Itera
 
 /// Six times the volume within a mesh; negative where its triangles run clockwise seen from outside.
 fn volume(mesh: &Mesh) -> f64 {
-    let corner = |i: u32| DVec3::from_array(mesh.positions[i as usize].map(f64::from));
     // From a point of the mesh: far from the origin sums cancel.
-    let Some(first) = mesh.triangles.first().map(|t| corner(t[0])) else { return 0.0 };
+    let Some([first, ..]) = mesh.triangles.first().map(|t| mesh.corners_f64(*t)) else { return 0.0 };
     let of_triangle = |t: &[u32; 3]| {
-        let [a, b, c] = t.map(|i| corner(i) - first);
-        a.dot(b.cross(c))
+        let [a, b, c] = mesh.corners_f64(*t);
+        (a - first).dot((b - first).cross(c - first))
     };
     mesh.triangles.iter().map(of_triangle).sum()
 }

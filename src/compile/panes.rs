@@ -105,33 +105,34 @@ fn slabs_of(mesh: &Mesh, triangles: &[[u32; 3]]) -> Vec<Slab> {
 
 /// The triangles of each body: those that share vertices. Vertices at the same position are one.
 fn bodies_of(mesh: &Mesh, triangles: &[[u32; 3]]) -> Vec<Vec<u32>> {
-    let mut first_at: HashMap<[u32; 3], u32> = HashMap::new();
-    let mut parents: Vec<u32> = Vec::new();
-    // What `first_at` says of each vertex, once it was asked.
-    let mut known = vec![u32::MAX; mesh.positions.len()];
-    let mut corners: Vec<u32> = Vec::with_capacity(triangles.len());
-    for triangle in triangles {
-        let [a, b, c] = triangle.map(|i| {
-            let vertex = &mut known[i as usize];
-            if *vertex == u32::MAX {
-                // Adding 0 makes -0 and 0 the same.
-                let position = mesh.positions[i as usize].map(|c| (c + 0.0).to_bits());
-                *vertex = *first_at.entry(position).or_insert_with(|| {
-                    parents.push(parents.len() as u32);
-                    parents.len() as u32 - 1
-                });
+    // Sets of connected vertices: each refers to another one of its set, the representative to itself; none without a triangle.
+    let mut parents = vec![u32::MAX; mesh.positions.len()];
+    let mut sets = 0;
+    for &[a, b, c] in triangles {
+        for vertex in [a, b, c] {
+            if parents[vertex as usize] == u32::MAX {
+                parents[vertex as usize] = vertex;
+                sets += 1;
             }
-            root(&mut parents, *vertex)
-        });
-        parents[b as usize] = a;
-        let c = root(&mut parents, c);
-        parents[c as usize] = a;
-        corners.push(a);
+        }
+        sets -= u32::from(unite(&mut parents, a, b)) + u32::from(unite(&mut parents, a, c));
+    }
+    if sets > 1 {
+        let mut first_at: HashMap<[u32; 3], u32> = HashMap::new();
+        for vertex in 0..parents.len() as u32 {
+            if parents[vertex as usize] == u32::MAX {
+                continue;
+            }
+            // Adding 0 makes -0 and 0 the same.
+            let position = mesh.positions[vertex as usize].map(|c| (c + 0.0).to_bits());
+            let first = *first_at.entry(position).or_insert(vertex);
+            unite(&mut parents, first, vertex);
+        }
     }
     let mut numbers = vec![usize::MAX; parents.len()];
     let mut bodies: Vec<Vec<u32>> = Vec::new();
-    for (triangle, corner) in corners.into_iter().enumerate() {
-        let number = &mut numbers[root(&mut parents, corner) as usize];
+    for (triangle, [corner, ..]) in triangles.iter().enumerate() {
+        let number = &mut numbers[root(&mut parents, *corner) as usize];
         if *number == usize::MAX {
             *number = bodies.len();
             bodies.push(Vec::new());
@@ -139,6 +140,13 @@ fn bodies_of(mesh: &Mesh, triangles: &[[u32; 3]]) -> Vec<Vec<u32>> {
         bodies[*number].push(triangle as u32);
     }
     bodies
+}
+
+/// Makes the sets of two vertices one. False if they are one already.
+fn unite(parents: &mut [u32], a: u32, b: u32) -> bool {
+    let (a, b) = (root(parents, a), root(parents, b));
+    parents[b as usize] = a;
+    a != b
 }
 
 /// The representative of a vertex's set, by path halving.
@@ -152,41 +160,57 @@ fn root(parents: &mut [u32], mut vertex: u32) -> u32 {
 
 /// A body as a slab along each of the [`MOST_AXES`] normals of its largest triangles: an instance may flatten it along any.
 fn slabs_of_body(mesh: &Mesh, triangles: &[[u32; 3]], body: &[u32]) -> Vec<Slab> {
-    let corners: Vec<[DVec3; 3]> = body
-        .iter()
-        .map(|&t| triangles[t as usize].map(|i| DVec3::from_array(mesh.positions[i as usize].map(f64::from))))
-        .collect();
-    let areas: Vec<DVec3> = corners.iter().map(|[a, b, c]| (*b - *a).cross(*c - *a) * 0.5).collect();
+    let corners = |triangle: u32| mesh.corners_f64(triangles[triangle as usize]);
+    let face = |&triangle: &u32| {
+        let [a, b, c] = corners(triangle);
+        let area = (b - a).cross(c - a) * 0.5;
+        Face { triangle, area, size: area.length() }
+    };
+    let faces: Vec<Face> = body.iter().map(face).collect();
     let mut axes: Vec<DVec3> = Vec::new();
     for _ in 0..MOST_AXES {
-        let others = areas.iter().filter(|area| !axes.iter().any(|&axis| is_along(**area, axis)));
-        let largest = others.max_by(|a, b| a.length().total_cmp(&b.length()));
-        axes.extend(largest.and_then(|area| area.try_normalize()));
+        axes.extend(largest_beside(&axes, &faces).and_then(|face| face.area.try_normalize()));
     }
-    axes.into_iter().filter_map(|axis| slab_along(axis, &corners, &areas)).collect()
+    axes.into_iter().filter_map(|axis| slab_along(axis, &faces, corners)).collect()
 }
 
-/// Is a vector parallel to an axis of unit length?
-fn is_along(v: DVec3, axis: DVec3) -> bool {
-    v.dot(axis).abs() >= FLAT_COSINE * v.length()
+/// A triangle of a body.
+struct Face {
+    triangle: u32,
+    /// Its normal, as long as its area.
+    area: DVec3,
+    /// Its area.
+    size: f64,
+}
+
+impl Face {
+    /// Is it perpendicular to an axis of unit length?
+    fn is_along(&self, axis: DVec3) -> bool {
+        self.area.dot(axis).abs() >= FLAT_COSINE * self.size
+    }
+}
+
+/// The largest of the faces that are perpendicular to none of the axes.
+fn largest_beside<'a>(axes: &[DVec3], faces: &'a [Face]) -> Option<&'a Face> {
+    let mut largest: Option<&Face> = None;
+    for face in faces {
+        if largest.is_none_or(|largest| face.size > largest.size)
+            && !axes.iter().any(|&axis| face.is_along(axis))
+        {
+            largest = Some(face);
+        }
+    }
+    largest
 }
 
 /// The slab with this normal that triangles form; `None` if they have not two flat faces of the same area there.
-fn slab_along(axis: DVec3, corners: &[[DVec3; 3]], areas: &[DVec3]) -> Option<Slab> {
+fn slab_along(axis: DVec3, faces: &[Face], corners: impl Fn(u32) -> [DVec3; 3]) -> Option<Slab> {
     let mut of_faces = [0.0; 2];
-    let mut rim = Vec::new();
     let mut levels = [(f64::INFINITY, f64::NEG_INFINITY); 2];
-    for (corners, &area) in corners.iter().zip(areas) {
-        if area == DVec3::ZERO {
-            continue;
-        }
-        if !is_along(area, axis) {
-            rim.push(area);
-            continue;
-        }
-        let side = usize::from(area.dot(axis) < 0.0);
-        of_faces[side] += area.length();
-        for corner in corners {
+    for face in faces.iter().filter(|face| face.is_along(axis) && face.size > 0.0) {
+        let side = usize::from(face.area.dot(axis) < 0.0);
+        of_faces[side] += face.size;
+        for corner in corners(face.triangle) {
             let level = corner.dot(axis);
             levels[side] = (levels[side].0.min(level), levels[side].1.max(level));
         }
@@ -198,12 +222,51 @@ fn slab_along(axis: DVec3, corners: &[[DVec3; 3]], areas: &[DVec3]) -> Option<Sl
         && (of_faces[0] - of_faces[1]).abs() <= MOST_DIFFERENCE * area
         && thickness > 0.0
         && unevenness <= 1e-3 * thickness;
-    is_slab.then_some(Slab { axis, thickness, area, rim })
+    is_slab.then(|| {
+        let rim = faces.iter().filter(|face| !face.is_along(axis)).map(|face| face.area).collect();
+        Slab { axis, thickness, area, rim }
+    })
 }
 
 #[cfg(test)]
 mod tests {
+    use super::*;
     use crate::load::load;
+    use crate::scene::MaterialId;
+
+    /// Tetrahedra with vertices shared by their triangles, or with three of its own for each.
+    fn tetrahedra(places: &[f32], are_shared: bool) -> Mesh {
+        let corners = |x: f32| [[x, 0.0, 0.0], [x + 1.0, 0.0, 0.0], [x, 1.0, 0.0], [x, 0.0, 1.0]];
+        let shared: Vec<[f32; 3]> = places.iter().flat_map(|&x| corners(x)).collect();
+        let of_one = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
+        let first = (0..places.len() as u32).map(|i| 4 * i);
+        let triangles: Vec<[u32; 3]> = first.flat_map(|i| of_one.map(|t| t.map(|v| v + i))).collect();
+        if are_shared {
+            return Mesh::new("a", shared, triangles, MaterialId(0));
+        }
+        let own = triangles.iter().flatten().map(|&v| shared[v as usize]).collect();
+        Mesh::new(
+            "a",
+            own,
+            (0..triangles.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect(),
+            MaterialId(0),
+        )
+    }
+
+    #[test]
+    fn bodies_are_connected_by_positions() {
+        for are_shared in [true, false] {
+            let bodies = |places: &[f32]| {
+                let mesh = tetrahedra(places, are_shared);
+                bodies_of(&mesh, &mesh.triangles)
+            };
+            assert_eq!(bodies(&[0.0]), [[0, 1, 2, 3]]);
+            assert_eq!(bodies(&[0.0, 5.0]), [[0, 1, 2, 3], [4, 5, 6, 7]]);
+            // One's tip is a corner of the next.
+            assert_eq!(bodies(&[0.0, 5.0, 1.0]), [vec![0, 1, 2, 3, 8, 9, 10, 11], vec![4, 5, 6, 7]]);
+            assert_eq!(bodies(&[-1.0, -0.0, 0.0, 9.0]).len(), 2);
+        }
+    }
 
     /// The thickness of panes of each material of a scene file, in metres.
     fn thickness(objects: &str) -> f32 {

@@ -85,7 +85,7 @@ mod tests {
 
     /// Power laws with their closed inverses: `x = least u^(-1 / a)`.
     #[test]
-    fn tails_are_told_by_their_index() {
+    fn heavy_tails_are_found() {
         for seed in 0..20 {
             let heavy = found(seed, |u| 0.01 * u.powf(-1.0)).expect("an infinite variance");
             assert!((0.6..1.6).contains(&heavy.tail_index) && heavy.share > 0.01, "{heavy:?}");

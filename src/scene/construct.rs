@@ -54,6 +54,22 @@ impl Mesh {
         let parts = vec![MeshPart { first_triangle: 0, triangle_count, material }];
         Mesh { name: name.into(), positions, triangles, parts, ..Mesh::default() }
     }
+
+    /// The positions of a triangle's vertices; a vertex that is missing is at the origin.
+    // Not by `map` of arrays, which is seldom inlined: loops over all triangles of a scene call this.
+    #[inline]
+    pub(crate) fn corners(&self, [a, b, c]: [u32; 3]) -> [[f32; 3]; 3] {
+        let position = |vertex: u32| self.positions.get(vertex as usize).copied().unwrap_or_default();
+        [position(a), position(b), position(c)]
+    }
+
+    /// The same in double precision.
+    #[inline]
+    pub(crate) fn corners_f64(&self, triangle: [u32; 3]) -> [DVec3; 3] {
+        let [a, b, c] = self.corners(triangle);
+        let wide = |[x, y, z]: [f32; 3]| DVec3::new(x.into(), y.into(), z.into());
+        [wide(a), wide(b), wide(c)]
+    }
 }
 
 impl Instance {

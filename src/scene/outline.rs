@@ -100,8 +100,7 @@ pub(crate) fn encloses(mesh: &Mesh) -> bool {
     }
     let (mut open, mut area) = (DVec3::ZERO, 0.0);
     for triangle in &mesh.triangles {
-        let corner = |i: u32| mesh.positions.get(i as usize).copied().unwrap_or_default().map(f64::from);
-        let [a, b, c] = triangle.map(|i| DVec3::from_array(corner(i)));
+        let [a, b, c] = mesh.corners_f64(*triangle);
         let vector = (b - a).cross(c - a);
         open += vector;
         area += vector.length();
@@ -113,8 +112,9 @@ pub(crate) fn encloses(mesh: &Mesh) -> bool {
 pub(crate) fn is_closed(mesh: &Mesh) -> bool {
     let mut sum = 0u64;
     for triangle in &mesh.triangles {
-        let keys = triangle.map(|i| key(mesh.positions.get(i as usize).copied().unwrap_or_default()));
-        for (a, b) in [(0, 1), (1, 2), (2, 0)].map(|(i, k)| (keys[i], keys[k])) {
+        let [a, b, c] = mesh.corners(*triangle);
+        let [a, b, c] = [key(a), key(b), key(c)];
+        for (a, b) in [(a, b), (b, c), (c, a)] {
             // Each edge is run through once in each direction.
             let both = mix64(a.wrapping_add(b) ^ mix64(a ^ b));
             sum = if a < b { sum.wrapping_add(both) } else { sum.wrapping_sub(if a > b { both } else { 0 }) };
@@ -132,19 +132,20 @@ struct EdgeHash {
 impl EdgeHash {
     fn add_mesh(&mut self, mesh: &Mesh) {
         for triangle in &mesh.triangles {
-            let corners = triangle.map(|i| mesh.positions.get(i as usize).copied().unwrap_or_default());
-            self.add_polygon(&corners);
+            self.add_polygon(&mesh.corners(*triangle));
         }
     }
 
-    /// EdgeHash go by where their ends are: vertices may be split for normals or texture coordinates.
+    /// Edges go by the positions of their ends: vertices may be split for normals or texture coordinates.
     fn add_polygon(&mut self, corners: &[[f32; 3]]) {
-        let keys = corners.iter().map(|&p| key(p));
-        let next = corners.iter().cycle().skip(1).map(|&p| key(p));
-        for (a, b) in keys.zip(next) {
-            if a != b {
-                self.sum ^= mix64(a.wrapping_add(b) ^ mix64(a ^ b));
+        let Some(&last) = corners.last() else { return };
+        let mut before = key(last);
+        for &corner in corners {
+            let at = key(corner);
+            if at != before {
+                self.sum ^= mix64(at.wrapping_add(before) ^ mix64(at ^ before));
             }
+            before = at;
         }
     }
 }

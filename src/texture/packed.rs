@@ -88,28 +88,24 @@ impl Format {
     pub fn texel(self, tile: &[u8], x: u32, y: u32) -> [f32; 4] {
         let n = self.channels as usize;
         match self.number {
-            Number::U8 => Codes::U8(&self.codes(tile, x, y).map(|code| code as u8)[..n]).rgba(self.encoding),
-            Number::U16 => {
-                Codes::U16(&self.codes(tile, x, y).map(|code| code as u16)[..n]).rgba(self.encoding)
+            Number::U8 => {
+                let codes = self.codes::<{ Number::U8.bytes() }>(tile, x, y).unwrap_or_default();
+                Codes::U8(&codes.map(|code| code as u8)[..n]).rgba(self.encoding)
             }
-            Number::F32 => spread(&self.codes(tile, x, y).map(f32::from_bits)[..n]),
+            Number::U16 => {
+                let codes = self.codes::<{ Number::U16.bytes() }>(tile, x, y).unwrap_or_default();
+                Codes::U16(&codes.map(|code| code as u16)[..n]).rgba(self.encoding)
+            }
+            Number::F32 => {
+                let codes = self.codes::<{ Number::F32.bytes() }>(tile, x, y).unwrap_or_default();
+                spread(&codes.map(f32::from_bits)[..n])
+            }
         }
     }
 
-    /// The stored numbers, for floats their bit patterns; zeros where bytes are missing.
+    /// The stored numbers, each of `BYTES` bytes, for floats their bit patterns; `None` where bytes are missing.
     #[inline]
-    fn codes(self, tile: &[u8], x: u32, y: u32) -> [u32; 4] {
-        let found = match self.number {
-            Number::U8 => self.codes_of::<{ Number::U8.bytes() }>(tile, x, y),
-            Number::U16 => self.codes_of::<{ Number::U16.bytes() }>(tile, x, y),
-            Number::F32 => self.codes_of::<{ Number::F32.bytes() }>(tile, x, y),
-        };
-        found.unwrap_or_default()
-    }
-
-    /// The same of numbers of `BYTES` bytes.
-    #[inline]
-    fn codes_of<const BYTES: usize>(self, tile: &[u8], x: u32, y: u32) -> Option<[u32; 4]> {
+    fn codes<const BYTES: usize>(self, tile: &[u8], x: u32, y: u32) -> Option<[u32; 4]> {
         let (channels, header) = (self.channels as usize, self.number.header());
         let block = (y / BLOCK * ACROSS + x / BLOCK) as usize;
         let texel = (y % BLOCK * BLOCK + x % BLOCK) as usize;
@@ -275,46 +271,39 @@ fn block_of<T: Copy, const N: usize>(
 }
 
 fn pack_block<const N: usize>(channels: &[[u32; TEXELS]; N], number: Number, out: &mut Vec<u8>) {
-    let frames = channels.each_ref().map(Frame::of);
-    let zeros = |frame: &Frame| if number == Number::F32 { frame.zeros } else { 0 };
+    let frames = channels.each_ref().map(|values| Frame::of(values, number));
     for frame in &frames {
-        let zeros = zeros(frame);
         out.extend(&frame.least.to_le_bytes()[..number.bytes()]);
-        out.extend(&[frame.width(zeros) as u8, zeros as u8, 0, 0][..number.header() - number.bytes()]);
+        out.extend(&[frame.width as u8, frame.zeros as u8, 0, 0][..number.header() - number.bytes()]);
     }
     for (values, frame) in channels.iter().zip(&frames) {
-        let zeros = zeros(frame);
-        pack_bits(values, frame.least, zeros, frame.width(zeros), out);
+        pack_bits(values, frame, out);
     }
 }
 
 /// The frame of reference of a channel in a block.
-#[derive(Clone, Copy)]
 struct Frame {
     least: u32,
-    most: u32,
-    /// Lowest bits in which no two numbers differ.
+    /// Lowest bits that are not stored, since no two numbers differ in them; of floats alone.
     zeros: u32,
+    /// Bits of the largest difference without those.
+    width: u32,
 }
 
 impl Frame {
-    fn of(values: &[u32; TEXELS]) -> Frame {
+    fn of(values: &[u32; TEXELS], number: Number) -> Frame {
         let (mut least, mut most, mut differing) = (u32::MAX, 0, 0);
         for &value in values {
             (least, most) = (value.min(least), value.max(most));
             differing |= value ^ values[0];
         }
-        Frame { least, most, zeros: differing.trailing_zeros().min(31) }
-    }
-
-    /// Bits of the largest difference without so many zeros.
-    fn width(&self, zeros: u32) -> u32 {
-        u32::BITS - ((self.most - self.least) >> zeros).leading_zeros()
+        let zeros = if number == Number::F32 { differing.trailing_zeros().min(31) } else { 0 };
+        Frame { least, zeros, width: u32::BITS - ((most - least) >> zeros).leading_zeros() }
     }
 }
 
-/// Appends the lower `width` bits of the differences to the least value, without `zeros` bits that are 0.
-fn pack_bits(values: &[u32; TEXELS], least: u32, zeros: u32, width: u32, out: &mut Vec<u8>) {
+/// Appends the differences to the least value in the bits of a frame of reference.
+fn pack_bits(values: &[u32; TEXELS], &Frame { least, zeros, width }: &Frame, out: &mut Vec<u8>) {
     // Eight differences at a time fill whole bytes.
     for eight in values.chunks_exact(8).filter(|_| width > 0) {
         let (mut packed, mut at) = ([0; 40], 0);
