@@ -143,7 +143,7 @@ impl Error {
         self
     }
 
-    /// Adds the problems of another error of the same kind, each told with its file.
+    /// Adds the problems of another error of the same kind, each with its file.
     pub fn append(&mut self, other: Error) {
         let place_of = |file: &Option<PathBuf>, place: String| match file {
             Some(file) if place.is_empty() => file.display().to_string(),

@@ -68,7 +68,7 @@ pub use render::{Picture, Renderer};
 
 use std::path::Path;
 
-/// Loads a scene from a `.gltf`, `.glb`, `.obj`, `.ply` or `.toml` file, told apart by the extension; [`load::load`]
+/// Loads a scene from a `.gltf`, `.glb`, `.obj`, `.ply` or `.toml` file, recognised by the extension; [`load::load`]
 /// takes options.
 ///
 /// # Errors

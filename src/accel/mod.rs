@@ -122,7 +122,7 @@ impl Accel {
         !self.motions.is_empty()
     }
 
-    /// Are hits of rays with times ([`Accel::closest_in_time`]) others than those without? Where nothing moves, times tell rays that
+    /// Are hits of rays with times ([`Accel::closest_in_time`]) others than those without? Where nothing moves, times distinguish rays that
     /// are alike to the bit from one another, so that each accepts splats of its own.
     #[inline(always)]
     pub fn uses_times(&self) -> bool {

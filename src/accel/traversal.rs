@@ -499,7 +499,7 @@ pub fn starts_near(id: u32, origin_primitive: u32) -> bool {
     id.wrapping_sub(origin_primitive).wrapping_add(NEAR) <= 2 * NEAR
 }
 
-/// A number that tells a ray at a time from others.
+/// A hash of a ray and its time.
 #[inline(always)]
 fn key_of(ray: &Ray, time: f32) -> u64 {
     let pair = |a: f32, b: f32| u64::from(a.to_bits()) << 32 | u64::from(b.to_bits());

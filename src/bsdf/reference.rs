@@ -112,7 +112,7 @@ pub struct RoughInterface {
 }
 
 impl RoughInterface {
-    /// Where light seen along `wo` comes from, and how many facets it met.
+    /// Where light seen along `wo` comes from, and how many facets it was scattered by.
     pub fn walk(&self, wo: DVec3, random: &mut Random) -> (DVec3, u32) {
         let mut unit = || f64::from(random.next());
         let (mut direction, mut is_outside, mut facets) = (-wo, wo.z > 0.0, 0);
@@ -157,7 +157,7 @@ impl RoughInterface {
     }
 }
 
-/// Light that meets one facet only is what single scattering keeps: by its closed form for reflection at alpha 1, with
+/// Light scattered by one facet only is what single scattering keeps: by its closed form for reflection at alpha 1, with
 /// an index so high that nearly all is reflected.
 #[test]
 fn walks_of_one_facet_are_single_scattering() {

@@ -10,7 +10,7 @@ use crate::color::Rgb;
 use crate::math::Vec3;
 use crate::scene::{ColorSlot, EnergyCompensation, GlassReflection, SkippedCaustics};
 
-/// Alpha times (ior - 1) below which refraction spreads light by less than single precision can tell from a single
+/// Alpha times (ior - 1) below which refraction spreads light by less than single precision resolves from a single
 /// direction: the surface counts as smooth.
 const LEAST_SPREAD: f32 = 1e-4;
 

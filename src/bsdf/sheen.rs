@@ -47,7 +47,7 @@ pub struct Sheen {
 struct LtcLobe {
     a: f32,
     b: f32,
-    /// Rotation about z that brings the direction to the half plane x > 0, y = 0.
+    /// Rotation about z of the direction into the half plane x > 0, y = 0.
     turn: [f32; 2],
 }
 

@@ -31,7 +31,7 @@ pub(crate) struct CameraArgs {
 }
 
 impl CameraArgs {
-    /// Changes one of a scene's cameras, also to a vertical field of view, in degrees. `middle` tells what a camera is aimed at
+    /// Changes one of a scene's cameras, also to a vertical field of view, in degrees. `middle` gives what a camera is aimed at
     /// that only has a place.
     ///
     /// # Errors

@@ -89,13 +89,13 @@ impl<'a> CheckpointWriter<'a> {
     }
 
     /// Writes the checkpoint if it is due. A failure, such as a full disk, is a warning.
-    pub fn before_pass(&mut self, rendering: &mut Rendering, said: &mut PrintedMessages) {
+    pub fn before_pass(&mut self, rendering: &mut Rendering, printed: &mut PrintedMessages) {
         let is_due = self.written.elapsed() >= self.args.long.checkpoint_interval;
         // The last block of samples may be incomplete: the checkpoint must end before it.
         if (is_due || rendering.ends_within_block()) && rendering.is_between_blocks() {
             if let Err(error) = self.write_checkpoint(rendering) {
                 let message = format!("the checkpoint was not written, an older one is as it was: {error}");
-                said.warnings(&[Warning::general(message)]);
+                printed.warnings(&[Warning::general(message)]);
             }
             self.written = Instant::now();
         }

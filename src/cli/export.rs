@@ -31,9 +31,9 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Outcome> {
     let parent = args.output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let exported = export(&args.scene, &options, parent)?;
     if !args.quiet {
-        let mut said = PrintedMessages::default();
-        said.notes(&exported.notes);
-        said.warnings(&exported.warnings);
+        let mut printed = PrintedMessages::default();
+        printed.notes(&exported.notes);
+        printed.warnings(&exported.warnings);
     }
     if args.strict && !exported.warnings.is_empty() {
         let problems = exported.warnings.iter().map(|w| Problem::new("", w.to_string())).collect();

@@ -100,7 +100,7 @@ fn merge(args: &MergeArgs) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// The heads of all files; those that can't be read are told together.
+/// The heads of all files; those that can't be read are reported together.
 fn heads(files: &[PathBuf]) -> Result<Vec<(PathBuf, PartHeader)>> {
     let (mut heads, mut failed) = (Vec::new(), None::<Error>);
     for file in files {

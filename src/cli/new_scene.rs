@@ -37,7 +37,7 @@ pub(crate) fn run(args: &NewArgs) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-// `oscura new --beside MODEL`: a file of settings for what the model can't carry, with what the model tells filled in.
+// `oscura new --beside MODEL`: a file of settings for what the model can't carry, filled in from the model.
 
 fn write_sidecar(model: &Path, args: &NewArgs) -> Result<Outcome> {
     let path = sidecar::path_for(model);

@@ -88,7 +88,7 @@ pub(super) fn named<T: Copy + Send + Sync + 'static>(
 
 // The argument of `--preview`.
 
-/// Where a running tev listens unless told otherwise.
+/// Address at which tev listens by default.
 const TEV: &str = "127.0.0.1:14158";
 
 /// Where a running render is shown.

@@ -288,14 +288,14 @@ impl<'a> Denoising<'a> {
     }
 
     /// Denoises if that is asked for; returns the time, seconds.
-    pub fn run(&self, rendering: &mut Rendering, said: &mut PrintedMessages) -> Option<f64> {
+    pub fn run(&self, rendering: &mut Rendering, printed: &mut PrintedMessages) -> Option<f64> {
         let kept = self.kept().filter(|_| self.has_pictures)?;
         if !self.args.quiet {
-            said.notes(&self.args.picture.denoiser.notes());
+            printed.notes(&self.args.picture.denoiser.notes());
         }
         let start = Instant::now();
-        let telling = ProgressTarget::of(self.args.quiet, self.args.long.progress);
-        let waiting = StageProgress::new(telling, "denoise", &Gauge::default());
+        let target = ProgressTarget::of(self.args.quiet, self.args.long.progress);
+        let waiting = StageProgress::new(target, "denoise", &Gauge::default());
         rendering.denoise(kept);
         drop(waiting);
         Some(start.elapsed().as_secs_f64())
@@ -359,7 +359,7 @@ impl AnimationFiles {
     }
 
     /// Reports that none of them is written because the run ended early.
-    pub fn say_unfinished(&self, args: &RenderArgs) {
+    pub fn print_unfinished(&self, args: &RenderArgs) {
         if args.quiet {
             return;
         }

@@ -42,11 +42,11 @@ impl Preview {
         png: &PngOptions,
         camera: &Camera,
         triangles: u64,
-        said: &mut PrintedMessages,
+        printed: &mut PrintedMessages,
     ) {
         match self {
             Preview::Page(page) => page.begin(rendering, png, camera, triangles),
-            Preview::Tev(tev) => tev.begin(rendering, said),
+            Preview::Tev(tev) => tev.begin(rendering, printed),
         }
     }
 
@@ -59,10 +59,10 @@ impl Preview {
     }
 
     /// Shows the picture so far, unless one was shown a moment ago.
-    pub fn show(&mut self, rendering: &Rendering, is_finished: bool, said: &mut PrintedMessages) {
+    pub fn show(&mut self, rendering: &Rendering, is_finished: bool, printed: &mut PrintedMessages) {
         match self {
             Preview::Page(page) => page.show(rendering, is_finished),
-            Preview::Tev(tev) => tev.show(rendering, is_finished, said),
+            Preview::Tev(tev) => tev.show(rendering, is_finished, printed),
         }
     }
 }
@@ -115,7 +115,7 @@ impl Tev {
     }
 
     /// A picture begins, in the place of the one before.
-    pub fn begin(&mut self, rendering: &Rendering, said: &mut PrintedMessages) {
+    pub fn begin(&mut self, rendering: &Rendering, printed: &mut PrintedMessages) {
         self.next = Instant::now();
         let film = rendering.film();
         let names: Vec<String> = film.names().map(String::from).collect();
@@ -127,7 +127,7 @@ impl Tev {
             channel_names: &names,
         };
         let sent = self.client.as_mut().map(|client| client.send(packet));
-        self.check(sent, said);
+        self.check(sent, printed);
     }
 
     /// When the picture so far is to be sent next, if the viewer is still there.
@@ -136,7 +136,7 @@ impl Tev {
     }
 
     /// Sends the picture so far, unless one was sent a moment ago.
-    pub fn show(&mut self, rendering: &Rendering, is_finished: bool, said: &mut PrintedMessages) {
+    pub fn show(&mut self, rendering: &Rendering, is_finished: bool, printed: &mut PrintedMessages) {
         let start = Instant::now();
         let Some(client) = self.client.as_mut().filter(|_| is_finished || start >= self.next) else { return };
         let film = rendering.shown();
@@ -162,16 +162,16 @@ impl Tev {
             height: film.height(),
             data: &data,
         });
-        self.check(Some(sent), said);
+        self.check(Some(sent), printed);
         self.next = Instant::now() + PAUSE.max(start.elapsed() * SHARE);
     }
 
     /// A viewer that is closed meanwhile is no reason to lose the picture.
-    fn check(&mut self, sent: Option<std::io::Result<()>>, said: &mut PrintedMessages) {
+    fn check(&mut self, sent: Option<std::io::Result<()>>, printed: &mut PrintedMessages) {
         if let Some(Err(error)) = sent {
             self.client = None;
             let text = format!("tev at {} no longer shows the picture: {error}", self.address);
-            said.warnings(&[Warning::general(text)]);
+            printed.warnings(&[Warning::general(text)]);
         }
     }
 }

@@ -22,7 +22,7 @@ const FIRST_LINE: Duration = Duration::from_secs(2);
 /// Longest time between two plain lines: a log shows that the program is alive.
 const LONGEST_PAUSE: Duration = Duration::from_secs(600);
 
-/// How progress is told.
+/// How progress is reported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum ProgressArg {
     /// Lines for people, on standard error.
@@ -63,7 +63,7 @@ impl ProgressLine {
     }
 }
 
-/// What programs were told.
+/// What was reported to programs.
 #[derive(Default)]
 pub(crate) struct LastLine {
     /// When the last line was printed.
@@ -232,7 +232,7 @@ const PATIENCE: Duration = Duration::from_secs(2);
 /// Steps of a bar.
 const STEPS: f64 = 1000.0;
 
-/// To whom it is told.
+/// To whom it is reported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum ProgressTarget {
     Nobody,
@@ -280,13 +280,13 @@ pub(super) struct StageProgress {
 
 impl StageProgress {
     /// For what `label` names, which begins now; the gauge is that of the work.
-    pub fn new(telling: ProgressTarget, label: &'static str, gauge: &Gauge) -> StageProgress {
-        if telling == ProgressTarget::Nobody {
+    pub fn new(target: ProgressTarget, label: &'static str, gauge: &Gauge) -> StageProgress {
+        if target == ProgressTarget::Nobody {
             return StageProgress { over: None, thread: None };
         }
         let (over, until) = channel();
         let gauge = gauge.clone();
-        let thread = std::thread::spawn(move || wait(telling, label, &gauge, &until));
+        let thread = std::thread::spawn(move || wait(target, label, &gauge, &until));
         StageProgress { over: Some(over), thread: Some(thread) }
     }
 }
@@ -299,21 +299,21 @@ impl Drop for StageProgress {
     }
 }
 
-/// Tells until it is over, or nothing if that is soon.
-fn wait(telling: ProgressTarget, label: &'static str, gauge: &Gauge, until: &Receiver<()>) {
+/// Reports until it is over, or nothing if that is soon.
+fn wait(target: ProgressTarget, label: &'static str, gauge: &Gauge, until: &Receiver<()>) {
     let start = Instant::now();
     let goes_on = |pause| until.recv_timeout(pause) == Err(RecvTimeoutError::Timeout);
     if !goes_on(PATIENCE) {
         return;
     }
-    if telling == ProgressTarget::Terminal {
+    if target == ProgressTarget::Terminal {
         return draw(label, gauge, goes_on);
     }
-    let mut pause = if telling == ProgressTarget::Lines { PATIENCE } else { MACHINE_PAUSE };
+    let mut pause = if target == ProgressTarget::Lines { PATIENCE } else { MACHINE_PAUSE };
     loop {
         let (elapsed_s, progress) = (start.elapsed().as_secs_f64(), gauge.share());
         let share = progress.map_or_else(String::new, |share| format!("{:.0} %, ", share * 100.0));
-        match telling {
+        match target {
             ProgressTarget::Json => json::print(&WaitingLine { event: label, progress, elapsed_s }),
             ProgressTarget::Openjd => print_line(&format!("openjd_status: {label}, {share}{elapsed_s:.0} s")),
             _ => {

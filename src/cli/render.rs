@@ -58,7 +58,7 @@ fn run_picture(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
     let environment = EnvironmentOverride::load(args)?;
     let options = load_options(args)?;
     let mut loaded = load_scene(args, cancel, &options)?;
-    say_default_output(args);
+    print_default_output(args);
     if args.mark.is_some() {
         let parts = options.files.paths();
         let refuse = |target: &PathBuf| default_output::refuse_part(&args.scene, target, &parts, ELSEWHERE);
@@ -72,7 +72,7 @@ fn run_picture(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
 const ELSEWHERE: &str = "name the picture by -o FILE, which may replace a file";
 
 /// Says where a picture without `-o` goes, and what else could be done.
-fn say_default_output(args: &RenderArgs) {
+fn print_default_output(args: &RenderArgs) {
     if args.mark.is_some() && !args.quiet {
         let (file, scene) = (args.output[0].display(), args.scene.display());
         say!("note: without -o, the picture is {file} ('oscura view {scene}' shows it live in a browser)");
@@ -97,7 +97,7 @@ fn run_frames(args: &RenderArgs, frames: Frames, cancel: &CancelHandle) -> Resul
             .iter()
             .try_for_each(|&number| checkpoint::check_file(args, &Frames::file(checkpoint, number)))?;
     }
-    say_existing(args, frames.numbers().count() - missing.len());
+    print_existing(args, frames.numbers().count() - missing.len());
     let (mut start, mut numbers, mut outcome) = (Instant::now(), missing.iter().copied(), Outcome::Done);
     let mut kept = RunState { moving, ..RunState::new(args, Compiler::sequence())? };
     check_scene_path(&args.scene)?;
@@ -127,13 +127,13 @@ fn run_frames(args: &RenderArgs, frames: Frames, cancel: &CancelHandle) -> Resul
     drop(watchdog);
     match (&rendered, &outcome) {
         (Ok(()), Outcome::Done) => kept.moving.map_or(Ok(()), |moving| moving.finish(args))?,
-        _ => kept.moving.iter().for_each(|moving| moving.say_unfinished(args)),
+        _ => kept.moving.iter().for_each(|moving| moving.print_unfinished(args)),
     }
     rendered.map(|()| outcome)
 }
 
 /// Reports how many frames are skipped.
-fn say_existing(args: &RenderArgs, frames: usize) {
+fn print_existing(args: &RenderArgs, frames: usize) {
     if !args.quiet && frames > 0 {
         say!("resume   {frames} frames exist and are left out");
     }
@@ -247,9 +247,9 @@ fn all(args: &RenderArgs, shots: &[RenderArgs], cancel: &CancelHandle) -> Result
 
 /// Loads the scene, with progress reports if it takes long.
 pub(super) fn load_scene(args: &RenderArgs, cancel: &CancelHandle, options: &LoadOptions) -> Result<Loaded> {
-    say_export(args);
-    let telling = ProgressTarget::of(args.quiet, args.long.progress);
-    let waiting = StageProgress::new(telling, "load", &options.gauge);
+    print_export(args);
+    let target = ProgressTarget::of(args.quiet, args.long.progress);
+    let waiting = StageProgress::new(target, "load", &options.gauge);
     let watchdog = watch_memory(args);
     let loaded = load(&args.scene, options);
     drop((waiting, watchdog));
@@ -259,7 +259,7 @@ pub(super) fn load_scene(args: &RenderArgs, cancel: &CancelHandle, options: &Loa
 }
 
 /// Where progress of loading, building and denoising is reported.
-fn say_export(args: &RenderArgs) {
+fn print_export(args: &RenderArgs) {
     if !args.quiet && is_of_blender(&args.scene) {
         say!("export   {} by Blender", args.scene.display());
     }
@@ -290,7 +290,7 @@ pub(super) fn load_options(args: &RenderArgs) -> Result<LoadOptions> {
 
 /// State shared by all pictures of a run.
 pub(super) struct RunState {
-    pub said: PrintedMessages,
+    pub printed: PrintedMessages,
     pub compiler: Compiler,
     /// Animation files that frames are added to.
     pub moving: Option<AnimationFiles>,
@@ -305,7 +305,7 @@ impl RunState {
     /// If the preview can't be opened.
     pub fn new(args: &RenderArgs, compiler: Compiler) -> Result<RunState> {
         let preview = args.preview.as_ref().map(|how| Preview::open(args, how)).transpose()?;
-        Ok(RunState { said: PrintedMessages::default(), compiler, moving: None, preview })
+        Ok(RunState { printed: PrintedMessages::default(), compiler, moving: None, preview })
     }
 }
 
@@ -318,39 +318,40 @@ pub(super) fn run_one(
     environment: Option<&EnvironmentOverride>,
     loaded: &mut Loaded,
     start: Instant,
-    RunState { said, compiler, moving, preview }: &mut RunState,
+    RunState { printed, compiler, moving, preview }: &mut RunState,
 ) -> Result<Outcome> {
     let (given, args) = (args, &completed(args, &loaded.scene.settings));
     let prepared = prepare_files((given, args), targets, environment, loaded, start, compiler)?;
     // Files record everything that is not in the picture.
     let Prepared { scene, labels, camera, settled, how, kept_aovs, png, build, load_s, .. } = prepared;
     let Prepared { mut notes, mut warnings, left_out, .. } = prepared;
-    let told: Vec<Warning> = warnings.iter().chain(&build.notes).cloned().collect();
+    let recorded: Vec<Warning> = warnings.iter().chain(&build.notes).cloned().collect();
     let (width, height) = (settled.options.width, settled.options.height);
     check_size(targets, moving.as_ref(), (width, height))?;
-    say_scene(args, said, (&notes, &warnings, &left_out));
+    print_scene(args, printed, (&notes, &warnings, &left_out));
     refuse_warnings(args, &warnings, ErrorKind::Input)?;
     stop_before_pixels(cancel)?;
 
     let denoising = Denoising::of(args, targets, kept_aovs);
-    let encode = |shot: FinishedPicture| Pictures::encode(&how, targets, shot, &png, &told);
-    let mut keeper = CheckpointWriter::new(args, targets, loaded, &settled, &png, &told, denoising.kept())?;
+    let encode = |shot: FinishedPicture| Pictures::encode(&how, targets, shot, &png, &recorded);
+    let mut keeper =
+        CheckpointWriter::new(args, targets, loaded, &settled, &png, &recorded, denoising.kept())?;
     let rendering = Rendering::labelled(scene, labels, &camera, settled.options)?;
     let rendering = keeper.begin(rendering.placed(loaded.scene.backdrop.clone(), loaded.offset))?;
-    preview.iter_mut().for_each(|shown| shown.begin(&rendering, &png, &camera, build.triangles, said));
+    preview.iter_mut().for_each(|shown| shown.begin(&rendering, &png, &camera, build.triangles, printed));
     let (mut rendering, kept) =
-        take_picture(args, cancel, rendering, &mut keeper, &encode, said, preview.as_mut())?;
+        take_picture(args, cancel, rendering, &mut keeper, &encode, printed, preview.as_mut())?;
     if let Some(ended) = end_without_picture(args, &rendering, &settled.options) {
         return kept.and(ended);
     }
-    warnings.extend(error_warnings(args, &rendering, said));
-    let denoise_s = denoising.run(&mut rendering, said);
+    warnings.extend(error_warnings(args, &rendering, printed));
+    let denoise_s = denoising.run(&mut rendering, printed);
     let (outputs, picture) = (targets.names(rendering.is_complete()), rendering.into_picture());
     let writing = Instant::now();
     let pictures = encode(FinishedPicture::from(&picture));
-    say_pictures(args, said, &pictures, picture.statistics().interrupted)?;
+    print_pictures(args, printed, &pictures, picture.statistics().interrupted)?;
     warnings.extend(pictures.warnings.iter().cloned());
-    notes.extend(dark_note(args, picture.film(), png.exposure, &loaded.scene, said));
+    notes.extend(dark_note(args, picture.film(), png.exposure, &loaded.scene, printed));
     pictures.write()?;
     kept?; // after the pictures: who runs out of space for the one may have some for the others
     moving.iter_mut().try_for_each(|moving| moving.add(picture.film(), &png))?;
@@ -371,7 +372,7 @@ pub(super) fn run_one(
         left_out,
     };
     show::draw(args, picture.film(), &png);
-    Ok(say_run(args, &run))
+    Ok(print_run(args, &run))
 }
 
 /// Checks that the outputs can store pictures of this size.
@@ -429,14 +430,14 @@ fn is_unfinished_frame(args: &RenderArgs, rendering: &Rendering) -> bool {
 }
 
 /// Reports warnings of encoding. `--strict` does not apply to interrupted runs.
-fn say_pictures(
+fn print_pictures(
     args: &RenderArgs,
-    said: &mut PrintedMessages,
+    printed: &mut PrintedMessages,
     pictures: &Pictures,
     is_interrupted: bool,
 ) -> Result<()> {
     if !args.quiet {
-        said.warnings(&pictures.warnings);
+        printed.warnings(&pictures.warnings);
     }
     if is_interrupted { Ok(()) } else { refuse_warnings(args, &pictures.warnings, ErrorKind::Output) }
 }
@@ -447,21 +448,21 @@ fn dark_note(
     film: &Film,
     exposure: f32,
     scene: &Scene,
-    said: &mut PrintedMessages,
+    printed: &mut PrintedMessages,
 ) -> Option<Warning> {
     let note = darkness::note(film, exposure, scene, &args.scene)?;
     if !args.quiet {
-        said.notes(std::slice::from_ref(&note));
+        printed.notes(std::slice::from_ref(&note));
     }
     Some(note)
 }
 
 /// Warns where the error may be larger than asked for or than it seems.
-fn error_warnings(args: &RenderArgs, rendering: &Rendering, said: &mut PrintedMessages) -> Vec<Warning> {
+fn error_warnings(args: &RenderArgs, rendering: &Rendering, printed: &mut PrintedMessages) -> Vec<Warning> {
     let (rare, noise) = (rendering.rare_paths(), noise_warning(args, &rendering.statistics()));
     let warnings: Vec<Warning> = rare.map(rare_warning).into_iter().chain(noise).collect();
     if !args.quiet {
-        said.warnings(&warnings);
+        printed.warnings(&warnings);
     }
     warnings
 }
@@ -470,7 +471,7 @@ fn error_warnings(args: &RenderArgs, rendering: &Rendering, said: &mut PrintedMe
 fn rare_warning(RarePaths { share, pixel: [x, y], .. }: RarePaths) -> Warning {
     Warning::general(format!(
         "rare bright paths remain: single samples hold {:.0} % of the picture's light, most of it near pixel {x}, {y}, and more may be \
-         missing than the noise tells; more samples, --caustics on (light through glass and off mirrors) or --guiding on find it, --clamp \
+         missing than the estimated noise shows; more samples, --caustics on (light through glass and off mirrors) or --guiding on find it, --clamp \
          cuts it off",
         (share * 100.0).max(1.0)
     ))
@@ -486,13 +487,13 @@ fn noise_warning(args: &RenderArgs, statistics: &Statistics) -> Option<Warning> 
         Some(error) => {
             format!("the noise is {:.2} %, not the {asked} % asked for", error * 100.0)
         }
-        None => "there are too few samples to tell the noise: at least 16 a pixel are needed".to_string(),
+        None => "there are too few samples to estimate the noise: at least 16 a pixel are needed".to_string(),
     };
     Some(Warning::general(message))
 }
 
 /// Prints the report of a run, and gives how it ended.
-fn say_run(args: &RenderArgs, run: &Run) -> Outcome {
+fn print_run(args: &RenderArgs, run: &Run) -> Outcome {
     if args.verbose {
         run.print_details();
     }
@@ -506,16 +507,16 @@ fn say_run(args: &RenderArgs, run: &Run) -> Outcome {
 }
 
 /// Prints the notes and warnings of loading, and with --explain what was left out.
-fn say_scene(
+fn print_scene(
     args: &RenderArgs,
-    said: &mut PrintedMessages,
+    printed: &mut PrintedMessages,
     (notes, warnings, left_out): (&[Warning], &[Warning], &[String]),
 ) {
     if args.quiet {
         return;
     }
-    said.notes(notes);
-    said.warnings(warnings);
+    printed.notes(notes);
+    printed.warnings(warnings);
     if args.explain {
         left_out.iter().for_each(|what| say!("left out: {what}"));
     }
@@ -529,7 +530,7 @@ fn take_picture<'a>(
     rendering: Rendering,
     keeper: &mut CheckpointWriter,
     encode: &dyn Fn(FinishedPicture) -> Pictures<'a>,
-    said: &mut PrintedMessages,
+    printed: &mut PrintedMessages,
     mut preview: Option<&mut Preview>,
 ) -> Result<(Rendering, Result<()>)> {
     let ends = StopCriteria { limit: args.long.time_limit, by_noise: args.long.noise.is_some() };
@@ -540,7 +541,7 @@ fn take_picture<'a>(
         rendering.with_cancel_handle(cancel.clone()).on_event(move |event| shown.show(&event));
     let mut saved = Instant::now();
     loop {
-        keeper.before_pass(&mut rendering, said);
+        keeper.before_pass(&mut rendering, printed);
         let due = [
             keeper.next_write(),
             preview.as_ref().and_then(|shown| shown.next_show()),
@@ -550,16 +551,16 @@ fn take_picture<'a>(
         if rendering.run_until(|| due.is_some_and(|due| Instant::now() >= due)) != PassOutcome::Progressed {
             break;
         }
-        preview.iter_mut().for_each(|shown| shown.show(&rendering, false, said));
+        preview.iter_mut().for_each(|shown| shown.show(&rendering, false, printed));
         if args.long.save_every.is_some_and(|pause| saved.elapsed() >= pause) {
             // A full disk only costs this intermediate picture.
             if let Err(error) = encode(FinishedPicture::from(&rendering)).write() {
-                said.warnings(&[Warning::general(format!("the picture so far was not written: {error}"))]);
+                printed.warnings(&[Warning::general(format!("the picture so far was not written: {error}"))]);
             }
             saved = Instant::now();
         }
     }
-    preview.iter_mut().for_each(|shown| shown.show(&rendering, true, said));
+    preview.iter_mut().for_each(|shown| shown.show(&rendering, true, printed));
     progress.finish(rendering.is_complete());
     let kept = keeper.finish(&mut rendering);
     Ok((rendering, kept))
@@ -614,7 +615,7 @@ fn run_turntable(args: &RenderArgs, count: u32, cancel: &CancelHandle) -> Result
         let targets = Targets::check(&files(k))?;
         let outcome = run_one(args, cancel, &targets, None, &mut loaded, start, &mut kept);
         if !matches!(outcome, Ok(Outcome::Done)) {
-            kept.moving.iter().for_each(|moving| moving.say_unfinished(args));
+            kept.moving.iter().for_each(|moving| moving.print_unfinished(args));
             return outcome;
         }
         start = Instant::now();

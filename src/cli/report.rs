@@ -466,7 +466,7 @@ fn option(choice: Choice) -> &'static str {
         Choice::AllowExternal => "--allow-external",
         Choice::Aovs => "--aov",
         Choice::Background => "--background",
-        Choice::Beside => "the file that 'oscura new --beside FILE' writes",
+        Choice::NewSidecar => "the file that 'oscura new --beside FILE' writes",
         Choice::Blender => "--blender PATH",
         Choice::Environment => "--env none",
         Choice::Float => "--float",

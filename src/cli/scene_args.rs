@@ -317,7 +317,7 @@ const LISTED: usize = 8;
 /// Extensions of files that may have been meant as the picture to write.
 const PICTURES: [&str; 5] = ["exr", "hdr", "png", "jpg", "jpeg"];
 
-/// Is there a file? Loading it tells what else may be wrong with it.
+/// Is there a file? Loading it reports other problems.
 ///
 /// # Errors
 /// An input error with its remedy where there is none.
@@ -325,7 +325,7 @@ pub(crate) fn check_scene_path(path: &Path) -> Result<()> {
     if path.is_dir() {
         return Err(Error::input(path, "is a folder").with_help(scenes_in(path)));
     }
-    // What else may be wrong with a path, reading it tells.
+    // Reading a path reports its other problems.
     if matches!(path.try_exists(), Ok(false)) {
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let (message, help) = match folder.is_dir() {

@@ -310,7 +310,7 @@ fn resized_crop([x0, y0, x1, y1]: [u32; 4], args: &RenderArgs, settings: &Settin
 /// The quality of a render: what `--quality` says, or `Normal` where neither the user nor the scene says when to stop. Parts
 /// of pictures have none, since all parts need the same number of samples.
 fn quality_of(args: &RenderArgs, settings: &Settings) -> Option<Quality> {
-    let has_end = says_when_to_stop(args) || args.long.time_limit.is_some();
+    let has_end = has_stop_condition(args) || args.long.time_limit.is_some();
     let of_scene = settings.samples.is_some() || settings.noise.is_some();
     let is_part = args.output.iter().any(|path| is_part(path));
     args.quality.or((!has_end && !of_scene && !is_part).then_some(Quality::Normal))
@@ -318,7 +318,7 @@ fn quality_of(args: &RenderArgs, settings: &Settings) -> Option<Quality> {
 
 /// True if the arguments give a number of samples or a noise threshold, or ask for a part of a picture, all parts of which have the same
 /// number of samples.
-fn says_when_to_stop(args: &RenderArgs) -> bool {
+fn has_stop_condition(args: &RenderArgs) -> bool {
     let long = &args.long;
     let is_part = long.sample_range.is_some() || long.region.is_some();
     let is_counted = args.spp.is_some() || is_part || long.plan.is_some();
@@ -339,7 +339,7 @@ fn apply_quality(args: &mut RenderArgs, settings: &Settings) {
 
 /// The scene's noise threshold, unless the user says how many samples to take.
 fn apply_noise_threshold(args: &mut RenderArgs, settings: &Settings) {
-    if !says_when_to_stop(args) && settings.noise.is_some() {
+    if !has_stop_condition(args) && settings.noise.is_some() {
         args.long.noise = settings.noise;
         args.long.max_spp = args.long.max_spp.or(settings.samples);
     }

@@ -13,7 +13,7 @@ use std::env;
 use std::fmt::Write as _;
 use std::io::{IsTerminal, Write as _};
 
-/// Width and height of terminals that don't tell theirs, in characters.
+/// Width and height of terminals that don't report theirs, in characters.
 const USUAL_SIZE: (u32, u32) = (80, 24);
 
 /// Rows left for what is printed behind the picture.
@@ -36,7 +36,7 @@ pub(super) fn check(args: &RenderArgs) -> Result<()> {
         return Err(Error::usage(message).with_help("leave it out, and write a picture by -o"));
     }
     if args.show == Some(ShowArg::Auto) && variable("TERM").is_empty_or("dumb") {
-        let message = "--show can't tell that this terminal shows colours (TERM is not set, or dumb)";
+        let message = "--show needs a terminal that shows colours (TERM is not set, or dumb)";
         return Err(Error::usage(message).with_help("choose: --show=blocks, kitty or sixel"));
     }
     Ok(())

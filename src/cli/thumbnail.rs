@@ -327,7 +327,7 @@ fn data_folder() -> Result<PathBuf> {
     let given = |name: &str| env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
     let usual = || given("HOME").map(|home| home.join(".local/share"));
     given("XDG_DATA_HOME").or_else(usual).ok_or_else(|| {
-        Error::usage("can't tell where the user's data are").with_help("set XDG_DATA_HOME to a folder")
+        Error::usage("can't find the folder of the user's data").with_help("set XDG_DATA_HOME to a folder")
     })
 }
 

@@ -39,7 +39,7 @@ pub(crate) fn run(args: &ViewArgs) -> Result<Outcome> {
 }
 
 fn show(args: &ViewArgs, cancel: &CancelHandle) -> Result<Outcome> {
-    // A port that is taken is told before the scene is loaded.
+    // A port in use is reported before the scene is loaded.
     let server = bind(args.port)?;
     let files = SavedFiles::default();
     let model = Model::load(args, &files, cancel)?;
@@ -251,7 +251,7 @@ impl Model {
         DisplaySettings::new(self.png.clone())
     }
 
-    /// What pages tell about it.
+    /// What pages show about it.
     pub fn facts(&self, args: &ViewArgs) -> SceneInfo {
         let (w, h) = (self.settled.options.width, self.settled.options.height);
         let part = |share: u32| ((w / share).max(1), (h / share).max(1));
@@ -361,7 +361,7 @@ fn rotation(environment: &Environment) -> Option<f64> {
 
 /// How long a small first picture may take, seconds.
 const PREVIEW_S: f64 = 0.06;
-/// Samples a second until the first picture tells.
+/// Samples a second assumed until the first picture is measured.
 const FIRST_GUESS: f64 = 5e5;
 /// Largest size of the finished picture over that of a first one.
 const COARSEST: u32 = 8;
@@ -389,12 +389,12 @@ fn render_wishes(
         }
         // Whatever went wrong, what was there before is still there and goes on.
         let followed = model.follow(&order.wish);
-        tell(shared, followed.err().map_or(broken.clone(), |error| error.to_string()));
+        report_trouble(shared, followed.err().map_or(broken.clone(), |error| error.to_string()));
         if let Err(error) = render(&model, &order, shared, &mut speed) {
             if shared.lock().frame.is_none() {
                 return Err(error);
             }
-            tell(shared, error.to_string());
+            report_trouble(shared, error.to_string());
         }
     }
     Ok(())
@@ -415,7 +415,7 @@ fn take_over(args: &ViewArgs, model: &Model, wish: &mut ViewRequest, shared: &Sh
 }
 
 /// Shows what went wrong, unless it is shown.
-fn tell(shared: &Shared, trouble: String) {
+fn report_trouble(shared: &Shared, trouble: String) {
     if shared.lock().trouble != trouble {
         shared.show(|state| state.trouble = trouble);
     }

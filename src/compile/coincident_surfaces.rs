@@ -424,7 +424,7 @@ mod overlaps_tests {
         assert!(!touch(&[square(0, [0.0; 3]), upright]));
     }
 
-    /// The points that are asked about lie in both, and what they are told counts.
+    /// The points to test lie in both.
     #[test]
     fn the_caller_has_the_last_word() {
         let both = [square(0, [0.0; 3]), square(1, [1.5, 1.5, 0.0])].concat();

@@ -63,7 +63,7 @@ impl Compiler {
         }
     }
 
-    /// Tells how far building is.
+    /// Reports the progress of building.
     pub fn gauge(&self) -> &Gauge {
         &self.gauge
     }

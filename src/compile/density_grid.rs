@@ -116,7 +116,7 @@ impl DensityGrid {
     }
 
     /// Where a ray collides between two of its points, by numbers that follow `salt` and a first one in 0..1, at the first collision
-    /// that `ends` it, told another number in 0..1; infinite if nowhere.
+    /// that `ends` it, given another number in 0..1; infinite if nowhere.
     #[inline]
     pub fn collision(
         &self,

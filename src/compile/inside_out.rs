@@ -1,6 +1,6 @@
 //! Closed meshes of solids whose triangles are oriented inwards: their orientation is flipped.
 //!
-//! Which side of a surface is inside decides what light is refracted by. A closed mesh tells it by its volume, the sum of the
+//! Which side of a surface is inside decides what light is refracted by. The sign of the volume of a closed mesh shows it, the sum of the
 //! tetrahedra between its triangles and a point (Zhang, Chen 2001, "Efficient Feature Extraction for 2D/3D Objects in Mesh
 //! Representation", section 2): negative, its triangles run clockwise. But a mesh of this kind within a body of the same
 //! material is a hole in it, as meant.

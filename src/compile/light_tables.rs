@@ -150,7 +150,7 @@ impl Links {
         Links { of_lights, classes, class_of_material }
     }
 
-    /// More classes than can be told apart.
+    /// More classes than their numbers can represent.
     pub(super) fn problems(&self) -> Vec<Problem> {
         let count = self.classes.len();
         let message = format!(

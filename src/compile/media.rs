@@ -16,7 +16,7 @@ use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-/// Gathers the media of a scene's materials after that of the environment, and tells the materials their numbers.
+/// Gathers the media of a scene's materials after that of the environment, and sets their numbers in the materials.
 ///
 /// Materials that nothing has get none. Neither do clear media of open surfaces: a pane that is a single sheet is meant as
 /// a window, and would fill the room behind it with glass.
@@ -261,7 +261,7 @@ fn crowded_place(mut boxes: Vec<Bounds>, most: usize) -> Option<DVec3> {
             near.extend((holds(&bounds, 0, x) && meets(&bounds, own)).then_some(number));
             false
         });
-        // In the order of the list: the first place that is found is told.
+        // In the order of the list: the first place that is found is reported.
         near.sort_unstable();
         let near: Vec<&Bounds> = near.iter().map(|&number| &boxes[number as usize]).collect();
         if near.len() <= most {

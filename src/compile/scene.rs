@@ -34,7 +34,7 @@ pub struct CompileOptions {
     pub tree: Tree,
     /// Keep texture coordinates that no material asks for: an output shows them.
     pub keeps_uv: bool,
-    /// Is told how far the building of trees is.
+    /// Receives the progress of building trees.
     pub gauge: Gauge,
     /// The picture that will be rendered, or the first of several. Images of textures are kept only as finely as it shows them; others
     /// may be rendered as well, and take longer where they show more. Without it images are kept as they are.

@@ -11,7 +11,7 @@ const RANK: usize = 3;
 /// How many times as bright as the neighbour of that rank, and as the darker of the halves, a pixel may be.
 const LIMIT: f32 = 10.0;
 
-/// Factors in 0..1 that take the fireflies out. The deviations tell what is in both halves of the samples, which is really
+/// Factors in 0..1 that take the fireflies out. The deviations show what is in both halves of the samples, which is really
 /// there.
 pub(super) fn factors(width: usize, height: usize, color: Color, deviations: Option<Color>) -> Vec<f32> {
     let at = |planes: Color, i: usize| luminance([planes[0][i], planes[1][i], planes[2][i]]);

@@ -13,7 +13,7 @@ pub enum Choice {
     /// What is behind everything.
     Background,
     /// A file beside the model says what its format can't.
-    Beside,
+    NewSidecar,
     /// Where Blender is.
     Blender,
     /// The caller lights the scene, or wants no light.
@@ -54,7 +54,7 @@ impl Choice {
         Choice::AllowExternal,
         Choice::Aovs,
         Choice::Background,
-        Choice::Beside,
+        Choice::NewSidecar,
         Choice::Blender,
         Choice::Environment,
         Choice::Float,
@@ -81,7 +81,7 @@ impl fmt::Display for Choice {
             Choice::AllowExternal => "`LoadOptions::allow_external`",
             Choice::Aovs => "`Renderer::aovs`",
             Choice::Background => "`StageOptions::background`",
-            Choice::Beside => "`scene_file::sidecar`",
+            Choice::NewSidecar => "`scene_file::sidecar`",
             Choice::Blender => "`BlenderOptions::program`",
             Choice::Environment => "`LoadOptions::brings_environment`",
             Choice::Float => "`OutputOptions::float`",

@@ -31,7 +31,7 @@ pub struct AovInfo {
 }
 
 impl AovInfo {
-    /// How many numbers each sample brings.
+    /// How many numbers each sample has.
     pub const fn components(&self) -> usize {
         components(self.reduction, self.names.len())
     }

@@ -25,11 +25,11 @@ pub enum PixelType {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Source {
-    /// Its red, green and blue. Every sample brings them.
+    /// Its red, green and blue. Every sample has them.
     Color,
     /// The surface that its camera ray hit, if any.
     FirstHit,
-    /// A part of its red, green and blue: that of a light pass or of a group of lights. Every sample brings them.
+    /// A part of its red, green and blue: that of a light pass or of a group of lights. Every sample has them.
     PartOfColor,
 }
 
@@ -98,7 +98,7 @@ impl Channel {
         }
     }
 
-    /// How many numbers each sample brings.
+    /// How many numbers each sample has.
     pub fn components(&self) -> usize {
         components(self.reduction, self.names.len())
     }
@@ -111,7 +111,7 @@ impl Channel {
     }
 }
 
-/// How many numbers each sample brings to a channel of so many names.
+/// How many numbers each sample adds to a channel of so many names.
 pub(super) const fn components(reduction: Reduction, names: usize) -> usize {
     match reduction {
         // An id, whose counts become several planes.
@@ -170,7 +170,7 @@ pub(super) struct Counts<'a> {
 /// What is kept for one channel.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Accumulator {
-    /// Numbers that a sample brings.
+    /// Numbers of a sample.
     width: usize,
     pub(super) kept: Kept,
 }
@@ -398,7 +398,7 @@ fn places(pixels: Range<usize>, width: usize) -> Range<usize> {
     pixels.start * width..pixels.end * width
 }
 
-// What a film holds, and where the numbers that a sample brings belong.
+// What a film holds, and where the numbers of a sample belong.
 
 /// What a film is a list of. The first channel is colour.
 #[derive(Debug, PartialEq)]
@@ -408,7 +408,7 @@ pub struct Layout {
     pub(super) has_first_hits: bool,
     /// Whether the colour of the first half of each pixel's samples is kept apart.
     pub(super) has_halves: bool,
-    /// Of each channel beyond colour the place of its first number among those that a sample brings to its source.
+    /// Of each channel beyond colour the place of its first number among those of a sample for its source.
     pub(super) offsets: Vec<usize>,
     /// How many channels show parts of the colour.
     pub(super) parts: usize,
@@ -447,7 +447,7 @@ impl Layout {
         layout
     }
 
-    /// Numbers that a sample brings of its first hit.
+    /// Numbers of a sample's first hit.
     pub(super) fn first_hit_width(&self) -> usize {
         self.exponents.len()
     }

@@ -47,7 +47,7 @@ impl Film {
     /// An empty film of `width` by `height` pixels with colour and further channels.
     ///
     /// # Errors
-    /// A usage error that tells how much memory it takes, if that isn't there.
+    /// Fails with a usage error that states the memory needed where there is not enough.
     pub fn try_new(width: u32, height: u32, further: impl IntoIterator<Item = Channel>) -> Result<Film> {
         Film::of_layout(width, height, Layout::new(further))
     }

@@ -136,7 +136,7 @@ mod tests {
     use super::*;
     use crate::film::{Aov, AovSet};
 
-    /// The tile of a pass at a place: each sample tells its pass by its colour and by the id of its material.
+    /// The tile of a pass at a place: the colour and the material id of each sample encode its pass.
     fn tile(film: &SharedFilm, pass: usize, (x0, y0): (u32, u32)) -> FilmTile {
         let mut tile = FilmTile::new(x0, y0, 16, 16, film.film.layout());
         for pixel in 0..256 {

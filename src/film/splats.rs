@@ -4,7 +4,7 @@
 use super::channel::{Layout, Reduction, reciprocal};
 use super::exact_sum::{HalfSum, SumList, add_exact, on_grid};
 
-/// Light that a path from a lamp brings to a pixel.
+/// Contribution of a path from a light to a pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Splat {
     /// Column and row in the picture.
@@ -62,7 +62,7 @@ impl Splats {
         SumList::try_new(3 * pixels, true).expect("there is memory for light from lamps")
     }
 
-    /// Adds one to a pixel; nothing if one of its numbers is not finite, which is told by `false`.
+    /// Adds one to a pixel; returns `false` and adds nothing if one of its numbers is not finite.
     pub fn add(&mut self, pixel: usize, splat: &Splat, is_of_first_half: bool) -> bool {
         let of_layers = splat.parts.iter().flat_map(|parts| &**parts);
         let parts = of_layers.clone().flat_map(|part| &part.rgb);

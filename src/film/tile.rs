@@ -21,7 +21,7 @@ pub struct FilmTile {
     pub(super) invalid_samples: u64,
 }
 
-/// Plain sums of what the samples of a tile bring. The numbers that a sample brings to a source stand together, so that they are
+/// Plain sums of the samples of a tile. The numbers of a sample for a source stand together, so that they are
 /// added in one go.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct TileSums {
@@ -153,7 +153,7 @@ impl FilmTile {
         true
     }
 
-    /// Adds a sample to all channels. `first_hit` has what the first surface brings to the channels that show it, their
+    /// Adds a sample to all channels. `first_hit` has the values of the first surface for the channels that show it, their
     /// components one after another in the order of the film's channels; `None` when the sample hit nothing. What is
     /// not finite counts as having hit nothing.
     pub fn add_with_first_hit(&mut self, pixel: u32, rgb: [f32; 3], alpha: f32, first_hit: Option<&[f32]>) {

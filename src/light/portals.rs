@@ -2,7 +2,7 @@
 //! portal (Bitterli, Novak, Jarosz 2015, "Portal-Masked Environment Map Sampling").
 //!
 //! In the frame of a portal directions have two angles, the arc tangents of their slopes. A rectangle as seen from any point is
-//! a rectangle of these angles, so a table of sums over them tells what comes through it, and inverts to directions. Of
+//! a rectangle of these angles, so a table of sums over them gives what comes through it, and inverts to directions. Of
 //! several portals one is chosen by what comes through each. A point in front of none samples the whole environment; what
 //! no portal shows is left to scattered rays, which multiple importance sampling weighs fully there.
 

@@ -158,7 +158,7 @@ impl<'a> Words<'a> {
         let wanted = count.checked_mul(size).filter(|&bytes| bytes <= self.0.len());
         let Some(bytes) = wanted else {
             return Err(format!(
-                "ends within its {what}: {count} are said, and {} bytes are left",
+                "ends within its {what}: {count} are declared, and {} bytes are left",
                 self.0.len()
             ));
         };

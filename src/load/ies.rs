@@ -2,7 +2,7 @@
 //!
 //! After lines of text, of which the last begins with `TILT=`, numbers follow: ten and three of the luminaire, its vertical and its
 //! horizontal angles, and candelas for each pair of them. Candelas are multiplied by the candela multiplier and the two ballast
-//! factors; tilts, which tell what lamps lose when they are turned, are not.
+//! factors; tilts, the losses of lamps by their orientation, are not.
 
 use crate::scene::LightProfile;
 

@@ -99,8 +99,8 @@ fn load_each(
         }
     };
     let loaded = load_file(&unpacked.model, &inner, moments, &mut |loaded| {
-        let said = loaded.warnings.iter_mut().chain(&mut loaded.notes);
-        said.for_each(|warning| of_archive(&mut warning.file));
+        let messages = loaded.warnings.iter_mut().chain(&mut loaded.notes);
+        messages.for_each(|warning| of_archive(&mut warning.file));
         unpacked.keep_for(loaded);
         each(loaded)
     });
@@ -118,7 +118,7 @@ fn is_archive(path: &Path) -> Result<bool> {
         return Ok(false);
     }
     let mut start = Vec::new();
-    // What can't be read is said by the reader.
+    // The reader reports what can't be read.
     let _ = File::open(path).and_then(|file| file.take(contents::HEAD as u64).read_to_end(&mut start));
     if zip::is_archive(&start) {
         return Ok(!formats::is_package(path));

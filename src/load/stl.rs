@@ -50,8 +50,8 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let origin = mesh_tools::distant_origin(single.iter());
     drop(single);
     let mut loaded = Loaded::default();
-    let said = facets.warnings.iter().map(|message| Warning::new(path, "", message.as_str()));
-    loaded.warnings.extend(said);
+    let warnings = facets.warnings.iter().map(|message| Warning::new(path, "", message.as_str()));
+    loaded.warnings.extend(warnings);
     add_mesh(path, &facets, origin, &mut loaded)?;
     mesh_tools::place_at_origin(path, origin, &mut loaded);
     loaded.up_hint = UpHint { writer: Some((Up::Z, "the custom of STL files")), is_mostly_y: false };
@@ -65,8 +65,8 @@ fn add_mesh(path: &Path, facets: &Facets, origin: DVec3, loaded: &mut Loaded) ->
     let mut material = Material::lambert("default", [0.8; 3]);
     if !facets.colors.is_empty() {
         color_triangles(&mut mesh, &facets.colors);
-        let told = bound_colors(&mut mesh.colors, false).map(|what| Warning::new(path, "", what));
-        loaded.warnings.extend(told);
+        let warning = bound_colors(&mut mesh.colors, false).map(|what| Warning::new(path, "", what));
+        loaded.warnings.extend(warning);
         material = Material { use_vertex_colors: true, ..Material::lambert("face colours", [1.0; 3]) };
     }
     let mut repairs = Repairs::default();

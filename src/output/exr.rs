@@ -121,7 +121,7 @@ fn encode_image(image: &AnyImage) -> Result<Vec<u8>, String> {
         false => {
             let mut bytes = Cursor::new(Vec::new());
             let write = image.write();
-            // The encoder brings a pool of its own with all cores.
+            // The encoder has a pool of its own with all cores.
             let write = if rayon::current_num_threads() == 1 { write.non_parallel() } else { write };
             write.to_buffered(&mut bytes).map_err(|e| e.to_string())?;
             bytes.into_inner()

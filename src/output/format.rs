@@ -56,7 +56,7 @@ impl Format {
             "hdr" => Format::Hdr,
             _ => {
                 let what = match extension.as_str() {
-                    "" => "has no extension to tell the format of the picture".to_string(),
+                    "" => "has no extension, which gives the format of the picture".to_string(),
                     other => format!("pictures can't be written as '.{other}'"),
                 };
                 return Err(Error::usage(format!("{}: {what}", path.display()))

@@ -1,7 +1,7 @@
 //! Files of sums (`.part`): a part of a picture, or one that is not finished. EXR can't hold them: sums are pairs of an f64
 //! and an f32, and lists of ids, where EXR has no type above 32 bits.
 //!
-//! A file is: 16 bytes that tell what it is; the length of the head as a u64; the head, JSON; the film's sums; the picture
+//! A file is: 16 bytes of signature; the length of the head as a u64; the head, JSON; the film's sums; the picture
 //! behind it, if any; what rendering needs to go on; and the CRC-32 of all that. Numbers are little-endian.
 
 use super::atomic::write_with;
@@ -238,14 +238,14 @@ pub fn differences(ours: &Identity, theirs: &Identity) -> Vec<String> {
     let names = ours.keys().chain(theirs.keys().filter(|name| !ours.contains_key(*name)));
     let differing = names.filter(|name| ours.get(*name) != theirs.get(*name));
     let word = |value: Option<&String>| value.map_or("missing", String::as_str).to_string();
-    let told = differing.map(|name| {
+    let messages = differing.map(|name| {
         let (ours, theirs) = (word(ours.get(name)), word(theirs.get(name)));
         match ours.starts_with(PRINT) || theirs.starts_with(PRINT) {
             true => format!("{name} changed"),
             false => format!("{name} is {ours} here and {theirs} there"),
         }
     });
-    told.collect()
+    messages.collect()
 }
 
 /// A rectangle of pixels: from column `x0` and row `y0` up to, not including, column `x1` and row `y1`.
@@ -546,7 +546,7 @@ fn missing(parts: &[(PathBuf, PartHeader)], first: &PartHeader) -> Vec<String> {
 fn without(bounds: &Bounds, other: &Bounds) -> Vec<Bounds> {
     let Some(both) = common(bounds, other) else { return vec![*bounds] };
     let (mut left, mut rest) = (Vec::new(), *bounds);
-    // Samples first, so that what is missing of whole pictures is told as such.
+    // Samples first, so that missing samples of whole pictures are reported as such.
     for k in [2, 1, 0] {
         for (from, to) in [(rest[k].0, both[k].0), (both[k].1, rest[k].1)] {
             if from < to {

@@ -92,7 +92,7 @@ struct Running {
     child: Child,
     frames: Option<ChildStdin>,
     /// What it prints.
-    said: Option<JoinHandle<String>>,
+    messages: Option<JoinHandle<String>>,
     temporary: Option<NamedTempFile>,
     size: (u32, u32),
     has_alpha: bool,
@@ -175,15 +175,15 @@ impl Video {
         command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
         let mut child = command.spawn().map_err(|e| missing(&self.path, &e))?;
         let frames = child.stdin.take();
-        let said = child.stderr.take().map(|mut pipe| {
+        let messages = child.stderr.take().map(|mut pipe| {
             std::thread::spawn(move || {
                 let mut bytes = Vec::new();
-                // What was read until then is told.
+                // What was read until then is reported.
                 let _ = pipe.read_to_end(&mut bytes);
                 String::from_utf8_lossy(&bytes).into_owned()
             })
         });
-        Ok(Running { child, frames, said, temporary: Some(temporary), size, has_alpha })
+        Ok(Running { child, frames, messages, temporary: Some(temporary), size, has_alpha })
     }
 }
 
@@ -193,11 +193,11 @@ impl Running {
         self.frames = None;
         let status = self.child.wait();
         let ended = status.map_or_else(|e| e.to_string(), |status| status.to_string());
-        let said = self.said.take().and_then(|thread| thread.join().ok()).unwrap_or_default();
-        let lines: Vec<&str> = said.lines().map(str::trim_end).filter(|line| !line.is_empty()).collect();
+        let messages = self.messages.take().and_then(|thread| thread.join().ok()).unwrap_or_default();
+        let lines: Vec<&str> = messages.lines().map(str::trim_end).filter(|line| !line.is_empty()).collect();
         let last = lines[lines.len().saturating_sub(SHOWN)..].join("\n    ");
-        let said = if last.is_empty() { " and printed nothing".into() } else { format!(":\n    {last}") };
-        Error::output(path, format!("was not made: {PROGRAM} ended with {ended}{said}"))
+        let reason = if last.is_empty() { " and printed nothing".into() } else { format!(":\n    {last}") };
+        Error::output(path, format!("was not made: {PROGRAM} ended with {ended}{reason}"))
             .with_help("nothing was written; numbered pictures, .gif and .apng take no encoder")
     }
 }
@@ -300,7 +300,7 @@ impl Animation {
 
     fn gif(&self, frames_a_second: f64) -> image::ImageResult<Vec<u8>> {
         let mut bytes = Vec::new();
-        // The encoder's best colours take a second a frame; 10 are hardly told apart.
+        // The encoder's best colours take a second a frame; 10 are hardly visible.
         let mut encoder = GifEncoder::new_with_speed(&mut bytes, 10);
         encoder.set_repeat(Repeat::Infinite)?;
         let delay = Delay::from_saturating_duration(Duration::from_secs_f64(1.0 / frames_a_second));

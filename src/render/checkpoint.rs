@@ -319,17 +319,20 @@ mod tests {
         let ours = of(&mut before, same);
         assert_eq!(of(&mut after, same), ours);
         assert_eq!(format!("{before:?}"), format!("{:?}", scene()), "the scene is as it was");
-        let told = |change: fn(&mut Scene), name: &str| {
+        let names_change = |change: fn(&mut Scene), name: &str| {
             let mut other = scene();
             change(&mut other);
             assert_eq!(differences(&ours, &of(&mut other, same)), [format!("{name} changed")]);
         };
-        told(|s| s.meshes[0].positions[1][2] = 1e-30, "the geometry");
-        told(|s| s.shapes.clear(), "the geometry");
-        told(|s| s.images[0] = Image::from_linear_rgb("a", 1, 2, vec![0.5; 6]), "the textures");
-        told(|s| s.materials[0] = Material::lambert("clay", [0.6, 0.3, 0.21]), "the materials");
-        told(|s| s.backdrop = Some(Backdrop::Color([1.0; 3])), "the background");
-        told(|s| s.cameras[0] = Camera::look_at([0.0, 2.0, 6.1], [0.0, 1.0, 0.0], 30.0), "the camera");
+        names_change(|s| s.meshes[0].positions[1][2] = 1e-30, "the geometry");
+        names_change(|s| s.shapes.clear(), "the geometry");
+        names_change(|s| s.images[0] = Image::from_linear_rgb("a", 1, 2, vec![0.5; 6]), "the textures");
+        names_change(|s| s.materials[0] = Material::lambert("clay", [0.6, 0.3, 0.21]), "the materials");
+        names_change(|s| s.backdrop = Some(Backdrop::Color([1.0; 3])), "the background");
+        names_change(
+            |s| s.cameras[0] = Camera::look_at([0.0, 2.0, 6.1], [0.0, 1.0, 0.0], 30.0),
+            "the camera",
+        );
         let other = of(&mut after, |choices| choices.settings.depth = Some(7));
         assert_eq!(differences(&ours, &other), ["depth is 100 here and 7 there"]);
         let other = of(&mut after, |choices| choices.options.soft_terminator = false);

@@ -371,7 +371,7 @@ mod tests {
     fn play(seed: u64, extra: impl Fn(u32) -> f32) -> Vec<(u32, f64, f64)> {
         let (width, mut random) = (48, SplitMix64::new(seed));
         let real: Vec<f32> = (0..width * width).map(|i| 0.5 + (i % 7) as f32 * 0.02).collect();
-        let (mut sums, mut noise, mut told) = (vec![0.0f32; real.len()], Noise::default(), Vec::new());
+        let (mut sums, mut noise, mut estimates) = (vec![0.0f32; real.len()], Noise::default(), Vec::new());
         for sample in 0..256 {
             for (at, (sum, real)) in sums.iter_mut().zip(&real).enumerate() {
                 let more = if at == 20 * width + 31 { extra(sample) } else { 0.0 };
@@ -385,19 +385,19 @@ mod tests {
                 });
                 let error = (squares.sum::<f64>() / real.len() as f64).sqrt();
                 noise.observe_means(means, width, samples);
-                told.extend(noise.error().map(|estimated| (samples, estimated, error)));
+                estimates.extend(noise.error().map(|estimated| (samples, estimated, error)));
             }
         }
-        told
+        estimates
     }
 
     /// What one bright sample leaves is known from when it comes until the end, whenever that was.
     #[test]
     fn a_bright_sample_is_not_forgotten() {
         for (at, seed) in [(70, 1), (100, 2), (130, 3)] {
-            let told = play(seed, |sample| if sample == at { 2000.0 } else { 0.0 });
+            let estimates = play(seed, |sample| if sample == at { 2000.0 } else { 0.0 });
             let (before, after): (Vec<_>, Vec<_>) =
-                told.into_iter().partition(|(samples, ..)| *samples <= at);
+                estimates.into_iter().partition(|(samples, ..)| *samples <= at);
             assert!(before.iter().all(|(_, _, real)| *real < 0.2), "{before:?}");
             assert!(after.iter().all(|(_, _, real)| *real > 0.2), "{after:?}");
             let judged = before.into_iter().chain(after).filter(|(samples, ..)| *samples >= 64);

@@ -13,7 +13,7 @@ use std::time::Duration;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum PathReuse {
-    /// Where the picture gains by it, as some squares of the first pass with two samples or more tell (among the first
+    /// Where the picture gains by it, as trials on some squares of the first pass with two samples or more show (among the first
     /// eight samples, and in pictures of some 200 x 200 pixels or more).
     #[default]
     Auto,
@@ -28,7 +28,7 @@ pub enum PathReuse {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Splitting {
-    /// As many as the picture gains most by, as some squares of the first pass tell, where it gains more than by sharing
+    /// As many as the picture gains most by, as trials on some squares of the first pass show, where it gains more than by sharing
     /// paths: see [`PathReuse::Auto`].
     #[default]
     Auto,
@@ -50,7 +50,7 @@ impl Splitting {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Caustics {
-    /// Where the picture gains by it, as some paths from lamps tell before the first pass, or where nothing else finds the
+    /// Where the picture gains by it, as a trial of some paths from lights shows before the first pass, or where nothing else finds the
     /// light. Not in scenes with media that scatter or with thin sheets of glass, where something moves, where things are
     /// visible to some kinds of rays only, with holdouts or shadow catchers, and with [adaptive sampling](Adaptive).
     #[default]
@@ -66,7 +66,7 @@ pub enum Caustics {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Guiding {
-    /// Where what diffuse surfaces receive from others is noisy, and what was learned makes it less so, as some paths tell before (a
+    /// Where what diffuse surfaces receive from others is noisy, and what was learned makes it less so, as a trial of some paths shows before (a
     /// three-hundredth of the work that is planned, and more where it is noisy).
     #[default]
     Auto,
@@ -139,7 +139,7 @@ macro_rules! render_settings {
                 max_depth: u32 = 100, named("depth"), scene(depth);
             "Maximum numbers of bounces by kind, such as diffuse=5,glossy=5,transmission=13,volume=1; the image loses the light of longer paths", "no limits" =>
                 bounces: BounceLimits = BounceLimits::NONE, hashed, scene(bounces);
-            "Clamp the light that a single path brings, mean of the channels, such as direct=50,indirect=10 (direct: after at most one bounce). Removes fireflies and, with them, light", "off" =>
+            "Clamp the contribution of a single path, mean of the channels, such as direct=50,indirect=10 (direct: after at most one bounce). Removes fireflies and, with them, light", "off" =>
                 clamp: Clamp = Clamp::NONE, hashed, scene(clamp);
             "Glossy filter, as Cycles' Filter Glossy: roughen what paths hit after a rough bounce, which blurs caustics; 0 is off, 1 is Cycles' default", "0" =>
                 filter_glossy: f32 = 0.0, hashed, scene(filter_glossy);

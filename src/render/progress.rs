@@ -118,7 +118,7 @@ pub enum PassOutcome {
 pub struct Statistics {
     /// Seconds of wall-clock time, without the time between passes.
     pub render_s: f64,
-    /// Seconds of processor time, all threads together; 0 where the system doesn't tell.
+    /// Seconds of processor time, all threads together; 0 where the system doesn't report it.
     pub render_cpu_s: f64,
     /// Rays traced.
     pub rays: u64,

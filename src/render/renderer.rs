@@ -32,7 +32,7 @@ use std::time::Duration;
 /// # std::fs::remove_file(&path).ok();
 /// # Ok::<(), oscura::Error>(())
 /// ```
-#[must_use = "it renders when told to: by `render` or `start`"]
+#[must_use = "it renders when `render` or `start` is called"]
 pub struct Renderer {
     loaded: Arc<Loaded>,
     choices: Choices,
@@ -190,7 +190,7 @@ impl Renderer {
     ///
     /// # Errors
     /// As for [`Renderer::start`]. Being stopped by a [`CancelHandle`] or the time limit is no error: the picture's
-    /// statistics tell of it.
+    /// statistics report it.
     pub fn render(self) -> Result<Picture> {
         let mut rendering = self.start()?;
         rendering.run();

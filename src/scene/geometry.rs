@@ -198,7 +198,7 @@ kinds! {
     Disk "disk" "disks" closed: false half_extent: around_flat_disk;
     /// A disk that turns its front to the origin of each ray: a lamp with a soft falloff. It has no textures.
     FacingDisk "facing disk" "facing disks" closed: false half_extent: |_| DVec3::ONE;
-    /// A sphere that each ray meets once, from outside its near side and from inside its far one: a lamp that rays pass.
+    /// A sphere that each ray intersects once, from outside its near side and from inside its far one: a lamp that rays pass.
     Shell "shell" "shells" closed: false half_extent: |_| DVec3::ONE;
 }
 

@@ -42,7 +42,7 @@ pub struct Vertices {
     pub normals: Vec<[f32; 3]>,
 }
 
-/// What objects do while a picture is taken. Of cameras and lights without a surface it is said where they are:
+/// What objects do while a picture is taken. Of cameras and lights without a surface it gives positions:
 /// [`Camera::motion`](super::Camera::motion), [`Light::motion`](super::Light::motion).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneMotion {

@@ -108,7 +108,7 @@ pub struct ObjectSets(u64);
 pub struct ObjectSet(u8);
 
 impl ObjectSet {
-    /// As many sets can be told apart.
+    /// Maximum number of distinct sets.
     pub const COUNT: usize = 64;
 
     /// The set of a number; `None` from [`ObjectSet::COUNT`] on.

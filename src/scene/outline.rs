@@ -12,7 +12,7 @@ pub enum Outline {
     None,
     /// Some end at an edge.
     Open,
-    /// They enclose bodies, as far as can be told from edges.
+    /// They enclose bodies: each edge belongs to an even number of faces.
     Closed,
 }
 

@@ -76,7 +76,7 @@ impl Default for BounceLimits {
     }
 }
 
-/// Clamping of the light of single paths: what one brings, weighted, is scaled down to a mean of its three channels of at most this;
+/// Clamping of the light of single paths: the weighted contribution of one is scaled down to a mean of its three channels of at most this;
 /// infinite without clamping. Removes fireflies and, with them, light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Clamp {

@@ -497,7 +497,7 @@ mod tests {
                 wrong += usize::from(found != expected && (found - expected).abs() > 0.02);
             }
             println!("{segments} {radius}: {wrong} wrong, {again} met again of {all}");
-            // What grazes the surface is told by rounding, or by steps.
+            // Rounding, or the step size, decides grazing rays.
             assert!(all > 280 && wrong * 100 < all, "{segments} {radius}: {wrong} of {all}");
         }
     }

@@ -251,7 +251,7 @@ impl SphereSampler {
         LightPoint { point, pdf_solid_angle: self.pdf_solid_angle() }
     }
 
-    /// Where a ray from inside in a direction of unit length meets the sphere.
+    /// Where a ray from inside in a direction of unit length intersects the sphere.
     #[inline(always)]
     fn inside_at(&self, direction: Vec3) -> Vec3 {
         let f = self.reference - self.center;

@@ -1,4 +1,4 @@
-//! Gaussian splats: where a ray sees one, how opaque it is there, and the colour that it has from there.
+//! Gaussian splats: the point of largest opacity along a ray, the opacity there, and the colour towards the viewer.
 
 use super::traits::{PreparedRay, Surface};
 use crate::math::{Bounds3, Mat3, Quat, Vec3, gamma, poly};
@@ -6,23 +6,23 @@ use crate::scene::Splats;
 use half::f16;
 use std::sync::Arc;
 
-/// Splats with their middles.
+/// Splats and their centres.
 #[derive(Clone, Debug, Default)]
 pub struct SplatCloud {
-    /// Their middles, metres.
+    /// Centres, metres.
     pub centers: Vec<[f32; 3]>,
-    /// All else; `None` where there are none.
+    /// All other parameters; `None` without splats.
     pub splats: Option<Arc<Splats>>,
 }
 
-/// A splat as rays see it.
+/// A splat, prepared for intersection.
 #[derive(Clone, Copy, Debug)]
 pub struct Splat {
-    /// Its middle.
+    /// Centre, metres.
     pub center: Vec3,
-    /// Turns and scales it to a sphere of standard deviation 1; row by row.
+    /// Rows of the matrix that maps it to a sphere of standard deviation 1.
     pub rows: [[f32; 3]; 3],
-    /// Opacity of its middle.
+    /// Opacity at the centre.
     pub opacity: f32,
 }
 
@@ -30,7 +30,7 @@ impl SplatCloud {
     /// None.
     pub const EMPTY: SplatCloud = SplatCloud { centers: Vec::new(), splats: None };
 
-    /// How many there are.
+    /// Number of splats.
     pub fn count(&self) -> usize {
         self.centers.len()
     }
@@ -46,14 +46,14 @@ impl SplatCloud {
         size_of_val(&self.centers[..]) + self.splats.as_deref().map_or(0, of)
     }
 
-    /// Its axes, turned to object space, and the standard deviations along them.
+    /// Its axes in object space, and the standard deviations along them.
     fn axes(&self, index: usize) -> Option<(Mat3, Vec3)> {
         let splats = self.splats.as_ref()?;
         let turned = Mat3::from_quat(Quat::from_array(*splats.rotations.get(index)?));
         Some((turned, Vec3::from_array(*splats.scales.get(index)?)))
     }
 
-    /// A splat by its number.
+    /// The splat of an index.
     pub fn get(&self, index: usize) -> Option<Splat> {
         let (axes, scales) = self.axes(index)?;
         let row = |axis: Vec3, scale: f32| (axis / scale).to_array();
@@ -62,7 +62,7 @@ impl SplatCloud {
         Some(Splat { center: Vec3::from_array(*self.centers.get(index)?), rows, opacity })
     }
 
-    /// The box around the part of a splat that is there ([`Splats::LEAST_OPACITY`]); `None` where nothing is.
+    /// The box around the part of a splat above [`Splats::LEAST_OPACITY`]; `None` where it is nowhere above.
     pub fn bounds_of(&self, index: usize) -> Option<Bounds3> {
         let (axes, scales) = self.axes(index)?;
         let radius = radius(*self.splats.as_ref()?.opacities.get(index)?)?;
@@ -83,7 +83,7 @@ impl SplatCloud {
         all.filter(|b| b.min.is_finite() && b.max.is_finite()).fold(Bounds3::EMPTY, Bounds3::union)
     }
 
-    /// The surface of a splat where a ray, which comes along `direction`, sees it at `p`: a disk across its shortest axis.
+    /// The surface of a splat at point `p` of a ray along `direction`: a disk perpendicular to its shortest axis.
     pub fn surface(&self, index: usize, p: Vec3, direction: Vec3) -> Surface {
         let shortest = self.axes(index).map(|(axes, scales)| axes.col(scales.min_position()));
         let normal = shortest.unwrap_or(Vec3::Z);
@@ -101,8 +101,8 @@ impl SplatCloud {
     }
 }
 
-/// The linear value of one that is encoded as sRGB (IEC 61966-2-1), and may exceed 1; relative error below 3e-6. The same bits on all
-/// CPUs, which powers of the system's library are not.
+/// Decodes an sRGB value (IEC 61966-2-1), which may exceed 1; relative error below 3e-6. The same bits on all
+/// CPUs, unlike the power function of the system's library.
 fn decoded(encoded: f32) -> f32 {
     match encoded <= 0.040_45 {
         true => encoded / 12.92,
@@ -110,7 +110,7 @@ fn decoded(encoded: f32) -> f32 {
     }
 }
 
-/// How many standard deviations from its middle a splat of this opacity ends; `None` where it is nothing.
+/// Radius of a splat of this opacity, in standard deviations; `None` where it is too transparent to count.
 fn radius(opacity: f32) -> Option<f32> {
     let over = opacity / Splats::LEAST_OPACITY;
     (over >= 1.0).then(|| (2.0 * poly::ln(over)).max(0.0).sqrt())
@@ -153,17 +153,17 @@ fn basis(direction: Vec3) -> [f32; 16] {
     ]
 }
 
-/// Squared distance from its middle, in standard deviations, beyond which no splat is: 2 ln 255 for an opaque one, and rounding.
+/// Upper bound of the squared radius of splats, in standard deviations: 2 ln 255 for an opaque one, and rounding.
 pub const LARGEST_SQUARED: f32 = 11.09;
 
-/// Splats of a packet, value by value.
+/// Splats of a packet as a structure of arrays.
 #[derive(Clone, Copy, Debug)]
 pub struct SplatLanes<'a> {
-    /// Middles: x, y, z.
+    /// Centres: x, y, z.
     pub center: [&'a [f32; 4]; 3],
     /// The matrices of [`Splat::rows`], row by row.
     pub rows: [&'a [f32; 4]; 9],
-    /// Opacities of middles; 0 in unused lanes.
+    /// Opacities at the centres; 0 in unused lanes.
     pub opacity: &'a [f32; 4],
 }
 
@@ -192,7 +192,7 @@ impl SplatLanes<'_> {
         (t, squared)
     }
 
-    /// The opacity of a splat at a squared distance; 0 where it has ended.
+    /// The opacity of a splat at a squared distance; 0 beyond its radius.
     #[inline(always)]
     pub fn opacity_at(&self, lane: usize, squared: f32) -> f32 {
         let opacity = self.opacity[lane] * poly::exp(-0.5 * squared);
@@ -200,7 +200,7 @@ impl SplatLanes<'_> {
     }
 }
 
-/// A direction of any length as two numbers in -1..1: projected to an octahedron, which is unfolded (Meyer et al. 2010, "On
+/// The octahedral encoding of a direction of any length, two numbers in -1..1 (Meyer et al. 2010, "On
 /// Floating-Point Normal Vectors").
 #[inline(always)]
 pub fn octahedral(direction: [f32; 3]) -> [f32; 2] {
@@ -210,7 +210,7 @@ pub fn octahedral(direction: [f32; 3]) -> [f32; 2] {
     if z >= 0.0 { [u, v] } else { [(1.0 - v.abs()).copysign(x), (1.0 - u.abs()).copysign(y)] }
 }
 
-/// The unit direction of [`octahedral`] numbers.
+/// Decodes [`octahedral`]; a unit vector.
 #[inline(always)]
 pub fn from_octahedral([u, v]: [f32; 2]) -> Vec3 {
     let z = 1.0 - u.abs() - v.abs();
@@ -317,7 +317,7 @@ mod tests {
     }
 
     /// All CPU levels accept the same splats, alone and in batches, with the tree's queries of all kinds; over many times of a ray the
-    /// share of rays that meet anything is that of compositing.
+    /// share of rays that hit anything is that of compositing.
     #[test]
     fn the_tree_accepts_the_same_splats_on_all_levels() {
         use crate::accel::{Accel, AccelInstance, Geometry};

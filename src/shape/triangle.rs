@@ -28,7 +28,7 @@ pub struct Weights {
 
 /// The lanes that the ray's line intersects: a superset of those that [`weights`] accepts, in which only edge
 /// functions that round to zero are undecided. Where along the line is left to [`plane_parameters`]: single precision
-/// could not tell it from the ray's start on surfaces that touch.
+/// could not distinguish it from the origin of the ray on surfaces that touch.
 #[inline(always)]
 pub fn candidates<W: Wide>(w: W, rows: &TriangleRows, ray: &PreparedRay, boxes: &BoxRay) -> u32 {
     w.candidates(rows, boxes, &ray.origin, &ray.shear)
@@ -186,7 +186,7 @@ impl Directions {
     }
 }
 
-/// The plane coordinates (weights of the edges) at which a ray from the reference point in direction `w` meets the
+/// The plane coordinates (weights of the edges) at which a ray from the reference point in direction `w` intersects the
 /// plane of a triangle with corner `p0` (relative to the reference point) and edges `e1`, `e2`.
 #[inline(always)]
 pub(super) fn plane_coordinates(p0: Vec3, e1: Vec3, e2: Vec3, w: Vec3) -> (f32, f32) {

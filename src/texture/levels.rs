@@ -157,10 +157,10 @@ impl PagedImage {
     fn keep_from(&self, asked: usize) {
         let mut warnings = Vec::new();
         let decoded = self.image.decoded(&mut warnings);
-        self.store.tell(warnings);
+        self.store.add_warnings(warnings);
         let mut image = match decoded {
             Ok(image) => Image { encoding: self.image.encoding, ..image },
-            Err(damage) => return self.store.tell_damage(&self.image, damage),
+            Err(damage) => return self.store.warn_of_damage(&self.image, damage),
         };
         for _ in 0..asked {
             image = halved_by_one_thread(&image);
@@ -270,7 +270,7 @@ impl TextureReport {
         }
         if self.reduced > 0 {
             let (all, kept) = (self.all_bytes as f64 / MIB, self.bytes as f64 / MIB);
-            let message = "finer than any path of the picture can tell apart";
+            let message = "finer than any path of the picture resolves";
             list.push(format!(
                 "the levels of {} textures that are {message}: {kept:.1} of {all:.1} MiB are kept",
                 self.reduced
@@ -353,7 +353,7 @@ pub(super) fn of(
     let earlier = earlier.unwrap_or_default();
     let mut plans = plans(textures, images, &needs);
     let resident = within_limit(&mut plans, needs.limit);
-    tell_of(&plans, report);
+    warn_of(&plans, report);
     let left = needs.limit.map_or(u64::MAX, |limit| limit.saturating_sub(resident));
     let new_store = || Arc::new(Store::new(left, needs.decoding()));
     let store = earlier.store.clone().unwrap_or_else(new_store);
@@ -395,7 +395,7 @@ pub(super) fn of(
 }
 
 /// Counts what becomes of images.
-fn tell_of(plans: &[LevelPlan], report: &mut TextureReport) {
+fn warn_of(plans: &[LevelPlan], report: &mut TextureReport) {
     let count = |is_one: &dyn Fn(&LevelPlan) -> bool| plans.iter().filter(|plan| is_one(plan)).count() as u64;
     report.decoded = count(&|plan| plan.is_decoded());
     report.unneeded = count(&|plan| plan.image.is_encoded() && !plan.is_decoded());
@@ -522,7 +522,7 @@ fn build(group: Vec<LevelPlan>, store: &Arc<Store>) -> (Vec<Built>, Vec<Warning>
     let mut decoded = match is_needed.then(|| group[0].image.decoded(&mut warnings)).transpose() {
         Ok(decoded) => decoded,
         Err(damage) => {
-            // Told once; the others are left out with it.
+            // Reported once; the others are left out with it.
             let mut damage = Some(damage);
             return (group.into_iter().map(|plan| (plan.id, Err(damage.take()))).collect(), warnings);
         }

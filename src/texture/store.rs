@@ -193,21 +193,22 @@ impl Store {
     }
 
     /// Notes that an image can't be decoded any more.
-    pub fn tell_damage(&self, image: &Image, damage: Damage) {
+    pub fn warn_of_damage(&self, image: &Image, damage: Damage) {
         self.warn(&image.name, || {
-            let said = "a coarse copy of the image, or black, was shown where its finer texels were needed";
+            let message =
+                "a coarse copy of the image, or black, was shown where its finer texels were needed";
             let warning = match damage {
                 Damage::LeftOut(Warning { file, place, .. }) => {
                     Warning { file, place, ..Warning::general(String::new()) }
                 }
                 Damage::Fatal(_) => Warning::general(String::new()),
             };
-            Warning { message: format!("{}: {said}", image.name), ..warning }
+            Warning { message: format!("{}: {message}", image.name), ..warning }
         });
     }
 
     /// Notes warnings about an image that was decoded.
-    pub fn tell(&self, warnings: Vec<Warning>) {
+    pub fn add_warnings(&self, warnings: Vec<Warning>) {
         for warning in warnings {
             self.warn(&warning.to_string(), || warning.clone());
         }

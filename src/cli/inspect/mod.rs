@@ -23,7 +23,7 @@ pub(crate) fn run(args: &InspectArgs) -> Result<Outcome> {
         no_sidecar: args.no_sidecar,
         blender: args.blender.options(),
         gltf: args.asset.options(),
-        // What 'render' adds is told, but is not in the file.
+        // What 'render' adds is listed, but is not in the file.
         stage: StageOptions { is_foretold: true, ..StageOptions::studio() },
         ..LoadOptions::default()
     };
@@ -38,7 +38,7 @@ pub(crate) fn run(args: &InspectArgs) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// Decodes the images that are still encoded, one after the other, to tell of those that are damaged as rendering would.
+/// Decodes the images that are still encoded, one after the other, to report damaged ones as rendering would.
 fn decode_images(loaded: &mut Loaded) -> Result<()> {
     let mut seen = HashSet::new();
     for image in &loaded.scene.images {

@@ -55,15 +55,15 @@ fn exported(path: &Path, options: &LoadOptions, parent: &Path, links: bool) -> R
     });
     let (work, folder) =
         made.map_err(|e| Error::output(parent, format!("can't hold a temporary folder: {e}")))?;
-    let said = process::run(&host, &path, options, work.path(), &folder, links)?;
+    let exported = process::run(&host, &path, options, work.path(), &folder, links)?;
     let of_file = |(place, message): (String, String)| Warning::new(&path, place, message);
     Ok(Exported {
         model: folder.join(process::MODEL).with_extension("glb"),
         folder,
-        warnings: said.warnings.into_iter().map(of_file).collect(),
-        notes: said.notes.into_iter().map(of_file).collect(),
-        moment: said.moment,
-        fps: said.fps,
+        warnings: exported.warnings.into_iter().map(of_file).collect(),
+        notes: exported.notes.into_iter().map(of_file).collect(),
+        moment: exported.moment,
+        fps: exported.fps,
         parent: Arc::new(work),
     })
 }

@@ -160,13 +160,13 @@ fn failure(host: &Host, file: &Path, status: ExitStatus, log: &Path) -> Error {
     let text = String::from_utf8_lossy(&text);
     let lines: Vec<&str> = text.lines().map(str::trim_end).filter(|line| !line.is_empty()).collect();
     let last = lines[lines.len().saturating_sub(SHOWN)..].join("\n    ");
-    let said = match last.is_empty() {
+    let message = match last.is_empty() {
         true => "and printed nothing".to_string(),
         false => format!("and printed:\n    {last}"),
     };
     let error = Error::input(
         file,
-        format!("can't be exported: {} ended with {status}, {said}", host.program().display()),
+        format!("can't be exported: {} ended with {status}, {message}", host.program().display()),
     );
     match host {
         Host::Python(_) if text.contains("No module named 'bpy'") => {
@@ -245,11 +245,11 @@ pub(super) fn find(file: &Path, asked: Option<&Path>) -> Result<Host> {
 
 /// A program's version; else an error message.
 fn identify(program: &Path) -> std::result::Result<Host, String> {
-    let said = output(program, &["--version"])?;
-    if said.lines().any(|line| line.starts_with("Python 3")) {
+    let message = output(program, &["--version"])?;
+    if message.lines().any(|line| line.starts_with("Python 3")) {
         return Ok(Host::Python(program.to_path_buf()));
     }
-    let version = said.lines().find_map(|line| line.trim().strip_prefix("Blender "));
+    let version = message.lines().find_map(|line| line.trim().strip_prefix("Blender "));
     let Some(version) = version else { return Err("is neither Blender nor Python".to_string()) };
     match numbers(version) {
         Some(found) if found >= OLDEST => Ok(Host::Blender(program.to_path_buf())),

@@ -33,7 +33,7 @@ pub(super) fn apply(loaded: &mut Loaded) {
         }
     }
     let Loaded { scene, warnings, .. } = loaded;
-    tell_of_shapes(scene, &heights, warnings);
+    warn_of_shapes(scene, &heights, warnings);
     quads_to_meshes(scene, &heights, warnings);
     instances(scene, &heights, warnings);
     loaded.scene.materials.iter_mut().for_each(|m| m.displacement = None);
@@ -46,7 +46,7 @@ fn warn(warnings: &mut Vec<Warning>, name: &str, message: impl Into<String>) {
 }
 
 /// Analytic shapes have no triangles.
-fn tell_of_shapes(scene: &Scene, heights: &AllHeights, warnings: &mut Vec<Warning>) {
+fn warn_of_shapes(scene: &Scene, heights: &AllHeights, warnings: &mut Vec<Warning>) {
     let shape = scene.shapes.iter().find(|shape| heights.contains_key(&shape.material));
     if let Some(shape) = shape {
         warn(warnings, &shape.name, "only meshes, boxes and quads are displaced, no spheres or disks");
@@ -549,8 +549,8 @@ mod tests {
         let rock = displaced_by(&mut scene, 4, 1e-6, |x, _| x as f32 / 4.0);
         scene.quads.push(Quad::new([0.0; 3], [2.0, 0.0, 0.0], [0.0, 1.0, 0.0], rock));
         let loaded = applied(scene);
-        let told: Vec<String> = loaded.warnings.iter().map(|w| w.message.clone()).collect();
-        assert!(told.iter().any(|w| w.contains("at least") && w.contains("is possible")), "{told:?}");
+        let messages: Vec<String> = loaded.warnings.iter().map(|w| w.message.clone()).collect();
+        assert!(messages.iter().any(|w| w.contains("at least") && w.contains("is possible")), "{messages:?}");
         let triangles: usize = loaded.scene.meshes.iter().map(|mesh| mesh.triangles.len()).max().unwrap_or(0);
         assert!((10_000..1_000_000).contains(&triangles), "{triangles}");
     }

@@ -143,42 +143,42 @@ pub(in crate::load) fn warn_of_losses(path: &Path, loaded: &mut Loaded) {
          transparency of the film, exposure and view; volumes, subsurface scattering, displacement, bumps and other nodes \
          beside Principled BSDF; visibility by kinds of rays, holdouts and shadow catchers, instances of particles and \
          geometry nodes. The file of Blender itself keeps them ('oscura render scene.blend'); {} makes up for some",
-        Choice::Beside
+        Choice::NewSidecar
     )));
     loaded.warnings.extend(warnings(lost).into_iter().map(about));
 }
 
 fn warnings(lost: &BlenderExport) -> Vec<String> {
     let BlenderExport { lamps, white, rough_metal, unused_alpha, enclosing, .. } = lost;
-    let mut said = Vec::new();
+    let mut notes = Vec::new();
     if let Some(names) = list("node", lamps) {
-        said.push(format!(
+        notes.push(format!(
             "{names} without contents may have been area lights, which Blender does not export"
         ));
     }
     if let Some(names) = list("material", white) {
-        said.push(format!(
+        notes.push(format!(
             "{names}: pure white without a texture; Blender writes that, too, where nodes that it can't export give the \
              colour"
         ));
     }
     if let Some(names) = list("material", rough_metal) {
-        said.push(format!(
+        notes.push(format!(
             "{names}: metal of roughness 1 without a texture; Blender writes that, too, where nodes that it can't export \
              give the roughness or the metalness"
         ));
     }
     if let Some(names) = list("material", unused_alpha) {
-        said.push(format!(
+        notes.push(format!(
             "{names}: the image of the base colour has alpha, which the material does not use"
         ));
     }
     for (object, inside) in enclosing {
-        said.push(format!(
+        notes.push(format!(
             "object '{object}' with a lost material encloses the {inside}: it may have been a volume, and hides all else"
         ));
     }
-    said
+    notes
 }
 
 /// Names of things of a kind, if there are any.

@@ -58,7 +58,7 @@ fn read(doc: &Document, reference: &Value, from: &str, report: &mut Report) -> V
     }
     let faces = faces(doc, raw, &at, report)?;
     let size = faces[0].width;
-    if raw.get("specularImageSize").and_then(Value::as_u64).is_some_and(|told| told != u64::from(size)) {
+    if raw.get("specularImageSize").and_then(Value::as_u64).is_some_and(|stated| stated != u64::from(size)) {
         let message = format!("is not {size}, the size of the pictures, which counts");
         report.warn(format!("{at}/specularImageSize"), message);
     }

@@ -132,7 +132,7 @@ fn at(
     let points_and_lines = std::mem::take(&mut builder.points_and_lines);
     let (mut scene, still) = builder.finish(report);
     image_light::light(doc, hierarchy.scene, (&mut scene, shared), report);
-    moments.into_iter().for_each(|moments| moments.tell(&mut scene, report));
+    moments.into_iter().for_each(|moments| moments.apply(&mut scene, report));
     read_scene_extras(doc, hierarchy.scene, &mut scene, report);
     let blender =
         blender_export::blender_losses(doc, &hierarchy, &scene, &shared.materials.export_losses, report);
@@ -142,12 +142,12 @@ fn at(
         return Err(Error::input_problems(doc.path, problems));
     }
     let named = |list: Vec<Warning>| {
-        list.into_iter().map(|said| Warning { place: doc.in_names(&said.place), ..said }).collect()
+        list.into_iter().map(|found| Warning { place: doc.in_names(&found.place), ..found }).collect()
     };
     let (warnings, notes) = (named(report.warnings()), named(report.notes()));
     let stand_ins = materials::stand_ins(&scene.materials);
-    let said = Loaded { warnings, notes, left_out, ..Loaded::default() };
-    let mut loaded = Loaded { scene, empties, blender, has_area_lights, stand_ins, ..said };
+    let messages = Loaded { warnings, notes, left_out, ..Loaded::default() };
+    let mut loaded = Loaded { scene, empties, blender, has_area_lights, stand_ins, ..messages };
     points_and_lines.add(doc, options, &mut loaded)?;
     Ok((loaded, still))
 }

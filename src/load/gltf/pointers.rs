@@ -148,7 +148,7 @@ impl PointerAnimation {
                 *place = value;
             }
         }
-        // What is said holds for the whole film.
+        // The warning holds for the whole film.
         let changes = time_s.map_or_else(Vec::new, |t| report.lasting(|report| changes(doc, t, report)));
         for (pointer, value) in &changes {
             let entry = entry_of(pointer);

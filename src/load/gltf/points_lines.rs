@@ -44,7 +44,7 @@ pub(super) struct PointsAndLines {
 }
 
 impl PointsAndLines {
-    /// Notes that the points and lines of a mesh are seen at a place.
+    /// Adds an instance of the points and lines of a mesh.
     pub fn place(
         &mut self,
         (doc, materials): (&Document, &mut Materials),
@@ -59,10 +59,10 @@ impl PointsAndLines {
         }
     }
 
-    /// Adds them to a scene that has all else.
+    /// Adds them to a scene; last, as their size depends on that of the scene.
     ///
     /// # Errors
-    /// A usage error for a radius that is none.
+    /// A usage error for an invalid radius.
     pub fn add(&self, doc: &Document, options: &LoadOptions, loaded: &mut Loaded) -> Result<()> {
         let placed = || {
             self.placed

@@ -30,7 +30,7 @@ struct Entry {
     kind: Severity,
     /// It concerns something that is read once for all time samples.
     is_lasting: bool,
-    said: Warning,
+    warning: Warning,
 }
 
 /// What went wrong and what was repaired, in the order in which it was found; the same is noted once.
@@ -60,7 +60,8 @@ impl Report {
     /// Begins another time sample: drops all entries but those of things that are read once.
     pub fn begin_time(&mut self) {
         self.entries.retain(|e| e.is_lasting);
-        self.seen = self.entries.iter().map(|e| (e.said.place.clone(), e.said.message.clone())).collect();
+        self.seen =
+            self.entries.iter().map(|e| (e.warning.place.clone(), e.warning.message.clone())).collect();
     }
 
     /// Runs `of` for something that is read once: its entries stay for all later time samples.
@@ -106,19 +107,19 @@ impl Report {
 
     /// Notes a warning.
     pub fn warn(&mut self, pointer: impl Into<String>, message: impl Into<String>) -> Reported {
-        self.say(Severity::Warning, pointer.into(), message.into());
+        self.add_entry(Severity::Warning, pointer.into(), message.into());
         Reported(())
     }
 
     /// Adds a note about the choice among several valid interpretations.
     pub fn note(&mut self, pointer: impl Into<String>, message: impl Into<String>) {
-        self.say(Severity::Note, pointer.into(), message.into());
+        self.add_entry(Severity::Note, pointer.into(), message.into());
     }
 
-    fn say(&mut self, kind: Severity, pointer: String, message: String) {
+    fn add_entry(&mut self, kind: Severity, pointer: String, message: String) {
         if self.seen.insert((pointer.clone(), message.clone())) {
-            let said = Warning::new(&self.file, pointer, message);
-            self.entries.push(Entry { kind, is_lasting: self.is_lasting, said });
+            let warning = Warning::new(&self.file, pointer, message);
+            self.entries.push(Entry { kind, is_lasting: self.is_lasting, warning });
         }
     }
 
@@ -134,7 +135,7 @@ impl Report {
 
     fn append(&mut self, kind: Severity, list: &[Warning]) {
         let is_lasting = self.is_lasting;
-        self.entries.extend(list.iter().map(|said| Entry { kind, is_lasting, said: said.clone() }));
+        self.entries.extend(list.iter().map(|warning| Entry { kind, is_lasting, warning: warning.clone() }));
     }
 
     /// All problems, with a last line for those beyond the list.
@@ -159,10 +160,10 @@ impl Report {
     fn list(&self, kind: Severity) -> Vec<Warning> {
         let (mut list, mut alike) = (Vec::new(), HashMap::<&str, usize>::new());
         for entry in self.entries.iter().filter(|e| e.kind == kind) {
-            let count = alike.entry(&entry.said.message).or_default();
+            let count = alike.entry(&entry.warning.message).or_default();
             *count += 1;
             if *count <= ALIKE {
-                list.push(entry.said.clone());
+                list.push(entry.warning.clone());
             }
         }
         let mut many: Vec<(&str, usize)> = alike.into_iter().filter(|(_, n)| *n > ALIKE).collect();

@@ -259,10 +259,10 @@ impl<'b, 'a> SceneBuilder<'b, 'a> {
         let targets = self.doc.json.pointer(&format!("/meshes/{mesh}/primitives/0/targets"));
         let targets = targets.and_then(Value::as_array).map_or(0, Vec::len);
         let animated = of_node.and_then(WeightsPose::count);
-        let told = animated.unwrap_or(weights.len());
-        if told > targets || animated.is_some_and(|count| count < targets) {
+        let count_given = animated.unwrap_or(weights.len());
+        if count_given > targets || animated.is_some_and(|count| count < targets) {
             let message = format!(
-                "has {told} weights for the {targets} morph targets of its mesh; missing ones are 0, surplus ones are left out"
+                "has {count_given} weights for the {targets} morph targets of its mesh; missing ones are 0, surplus ones are left out"
             );
             report.warn(node.pointer(), message);
         }

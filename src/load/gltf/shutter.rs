@@ -84,7 +84,7 @@ impl ShutterSamples {
     }
 
     /// Adds the motion to the scene at the picture's time.
-    pub fn tell(&self, scene: &mut Scene, report: &mut Report) {
+    pub fn apply(&self, scene: &mut Scene, report: &mut Report) {
         let (mut absent, mut unlike) = (0, 0);
         let names = numbered(&scene.instances);
         for (i, name) in names.iter().enumerate() {
@@ -120,9 +120,9 @@ impl ShutterSamples {
             );
             report.warn("/animations", message);
         }
-        self.tell_cameras(scene);
-        self.tell_lights(scene);
-        self.tell_quads(scene);
+        self.set_cameras(scene);
+        self.set_lights(scene);
+        self.set_quads(scene);
     }
 
     /// Is an instance's mesh deformed at some time?
@@ -150,7 +150,7 @@ impl ShutterSamples {
         Some(Moving { keys: keys.collect::<Option<_>>()?, neighbours })
     }
 
-    fn tell_cameras(&self, scene: &mut Scene) {
+    fn set_cameras(&self, scene: &mut Scene) {
         for (i, camera) in scene.cameras.iter_mut().enumerate() {
             let place = |m: &ShutterSample| {
                 m.cameras.get(i).filter(|c| c.name == camera.name).map(|c| c.world_from_camera)
@@ -159,7 +159,7 @@ impl ShutterSamples {
         }
     }
 
-    fn tell_lights(&self, scene: &mut Scene) {
+    fn set_lights(&self, scene: &mut Scene) {
         for (i, light) in scene.lights.iter_mut().enumerate() {
             let kind = |m: &ShutterSample| m.lights.get(i).filter(|l| l.name == light.name).map(|l| l.kind);
             let differs = |moving: &Moving<LightKind>| differs(moving, &light.kind);
@@ -167,7 +167,7 @@ impl ShutterSamples {
         }
     }
 
-    fn tell_quads(&self, scene: &mut Scene) {
+    fn set_quads(&self, scene: &mut Scene) {
         for (i, quad) in scene.quads.iter().enumerate() {
             let now = world_from_quad(quad);
             let place = |m: &ShutterSample| {

@@ -43,7 +43,7 @@ fn extension(raw: &Value) -> Option<&Value> {
 fn spz_view(raw: &Value, extension: &Value) -> Option<usize> {
     let own = raw.get("extensions").and_then(|all| all.get(SPZ_OF_PRIMITIVES));
     let inner = extension.get("extensions").and_then(Value::as_object);
-    // The number at its end is the version of SPZ, which SPZ tells, too.
+    // The number at its end is the version of SPZ, which SPZ data state, too.
     let inner = inner.and_then(|all| all.iter().find(|(name, _)| name.starts_with(SPZ)));
     let spz = inner.map(|(_, spz)| spz).or(own)?;
     spz.get("bufferView")?.as_u64().map(|view| view as usize)
@@ -71,8 +71,8 @@ pub(super) fn read(
     };
     warn_of_kinds(extension, at, report);
     list.set_linear(extension.get("colorSpace").and_then(Value::as_str) == Some("lin_rec709_display"));
-    let (told, faint) = list.told();
-    for what in told.into_iter().chain(faint) {
+    let (messages, faint) = list.messages();
+    for what in messages.into_iter().chain(faint) {
         report.warn(at, what);
     }
     match list.is_empty() {
@@ -95,8 +95,8 @@ fn warn_of_kinds(extension: &Value, at: &str, report: &mut Report) {
 /// The splats of an SPZ file in a view of a buffer.
 fn compressed(doc: &Document, view: usize, at: &str, report: &mut Report) -> Valid<SplatList> {
     let bytes = files::inflated(doc.view(view, at, report)?.bytes).map_err(|why| report.problem(at, why))?;
-    let (list, told) = spz::read(&bytes).map_err(|problem| report.problem(at, problem.message))?;
-    if let Some(what) = told {
+    let (list, messages) = spz::read(&bytes).map_err(|problem| report.problem(at, problem.message))?;
+    if let Some(what) = messages {
         report.warn(at, what);
     }
     Ok(list)

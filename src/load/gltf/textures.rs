@@ -82,7 +82,7 @@ pub(super) struct Textures {
     /// The images that they need; their ids count along.
     pub images: Vec<ImageNeed>,
     numbers: HashMap<ImageNeed, usize>,
-    /// What is said of images whose bytes are none, by index in the file.
+    /// Problems of images without bytes, by index in the file.
     pub unreadable: BTreeMap<usize, String>,
     known: HashMap<TextureKey, Valid<TextureId>>,
 }
@@ -194,7 +194,7 @@ impl Textures {
     }
 }
 
-/// What is said of a material that refers to an image that can't be decoded.
+/// The warning about a material that refers to an image that can't be decoded.
 pub(super) fn without_texture(why: &str) -> String {
     format!("{why}; the material's constants are used alone")
 }
@@ -215,7 +215,7 @@ fn wrap(mode: Checked<WrappingMode>) -> Wrap {
     }
 }
 
-/// The magnification filter decides; without one, the minification filter, which also tells whether ever
+/// The magnification filter decides; without one, the minification filter, which also states whether ever
 /// coarser copies of the image are wanted.
 fn filter(sampler: &Sampler) -> Interpolation {
     match (sampler.mag_filter, sampler.min_filter) {
@@ -262,7 +262,7 @@ pub(super) fn read(doc: &Document, needs: &[ImageNeed], report: &mut Report) -> 
 }
 
 /// Reads the images of textures, in the order of the needs. A white pixel stands for those whose bytes are no image, which
-/// come with what is said of them. Other problems are noted.
+/// come with their warnings. Other problems are noted.
 pub(super) fn read_textures(
     doc: &Document,
     needs: &[ImageNeed],
@@ -386,7 +386,7 @@ fn fetch<'d>(doc: &'d Document, need: ImageNeed, report: &mut Report) -> Valid<S
     Ok(Source { need, name, fetched, memory_limit: doc.memory_limit, on_damage })
 }
 
-/// An image, or the problem of the asset that it is, and what is to be said of it.
+/// An image, or its problem, and its warnings.
 struct Decoded {
     image: Result<Image, Problem>,
     warnings: Vec<Warning>,

@@ -34,7 +34,7 @@ pub(crate) fn for_texture(
     let (file, pointer) = of.place;
     let source = of.source();
     let mut own = Vec::new();
-    // Errors are found once more by the decoder, with all that is to be said.
+    // The decoder finds errors again and reports them.
     let layout = source::guarded(&source, || layout(&source, of.mime, purpose, &mut own)).ok().flatten();
     let Some(Layout { size: [width, height], channels, bits }) = layout else {
         return decode(of, purpose, warnings);
@@ -68,11 +68,11 @@ pub(crate) fn read_for_texture(
     on_damage: OnDamage,
 ) -> Result<Image> {
     let bytes = source::read_bytes(path, memory_limit)?;
-    let said = metadata_warnings(&bytes, path, "", purpose);
+    let of_metadata = metadata_warnings(&bytes, path, "", purpose);
     let file =
         ImageFile { bytes: bytes.into(), own_file: Some(path), place: (path, ""), mime: None, memory_limit };
     let image = for_texture(&file, purpose, warnings, on_damage)?;
-    warnings.extend(said);
+    warnings.extend(of_metadata);
     Ok(image)
 }
 

@@ -236,7 +236,7 @@ mod tests {
     /// Half a gigabyte in a length field.
     const HUGE: u32 = 1 << 29;
 
-    fn said(bytes: &[u8], format: ImageFormat, purpose: Use) -> Vec<String> {
+    fn messages_of(bytes: &[u8], format: ImageFormat, purpose: Use) -> Vec<String> {
         messages(
             &Source { bytes, file: Path::new("picture"), pointer: "", memory_limit: None },
             format,
@@ -335,12 +335,12 @@ mod tests {
     fn orientation_is_not_lost_silently() {
         let expected = ["asks to be turned (EXIF orientation 6); its pixels are taken as stored"];
         let turned =
-            |bytes: &[u8], format| assert_eq!(said(bytes, format, Use::Data), expected, "{format:?}");
+            |bytes: &[u8], format| assert_eq!(messages_of(bytes, format, Use::Data), expected, "{format:?}");
         turned(&jpeg(Vec::new(), exif(6)), ImageFormat::Jpeg);
         turned(&png(&[(b"eXIf", &exif(6))]), ImageFormat::Png);
         turned(&webp(&[(b"EXIF", &exif(6))]), ImageFormat::WebP);
         turned(&tiff(&[&[(256, 2), (274, 6)]]), ImageFormat::Tiff);
-        assert!(said(&jpeg(Vec::new(), exif(1)), ImageFormat::Jpeg, Use::Color).is_empty());
+        assert!(messages_of(&jpeg(Vec::new(), exif(1)), ImageFormat::Jpeg, Use::Color).is_empty());
     }
 
     #[test]
@@ -355,16 +355,17 @@ mod tests {
         ] {
             let expected: Vec<&str> = expected.into_iter().collect();
             let bytes = jpeg(profile.clone(), Vec::new());
-            assert_eq!(said(&bytes, ImageFormat::Jpeg, Use::Color), expected);
-            assert!(said(&bytes, ImageFormat::Jpeg, Use::Data).is_empty());
-            assert_eq!(said(&webp(&[(b"ICCP", &profile)]), ImageFormat::WebP, Use::Color), expected);
+            assert_eq!(messages_of(&bytes, ImageFormat::Jpeg, Use::Color), expected);
+            assert!(messages_of(&bytes, ImageFormat::Jpeg, Use::Data).is_empty());
+            assert_eq!(messages_of(&webp(&[(b"ICCP", &profile)]), ImageFormat::WebP, Use::Color), expected);
             let mut png = Vec::new();
             let mut encoder = PngEncoder::new(&mut png);
             encoder.set_icc_profile(profile).expect("room for a profile");
             encoder.write_image(&[9; 12], 2, 2, ExtendedColorType::Rgb8).expect("encoded");
-            assert_eq!(said(&png, ImageFormat::Png, Use::Color), expected);
+            assert_eq!(messages_of(&png, ImageFormat::Png, Use::Color), expected);
         }
-        let gamma = |value: u32| said(&png(&[(b"gAMA", &value.to_be_bytes())]), ImageFormat::Png, Use::Color);
+        let gamma =
+            |value: u32| messages_of(&png(&[(b"gAMA", &value.to_be_bytes())]), ImageFormat::Png, Use::Color);
         assert!(gamma(45_455).is_empty());
         assert_eq!(gamma(100_000), ["says that its colours have gamma 1.000, which is ignored"]);
     }
@@ -373,17 +374,17 @@ mod tests {
     fn frames_and_pages_are_counted() {
         let frames = "is an animation of 3 frames, of which only the first is used";
         let animated = png(&[(b"acTL", &[0, 0, 0, 3, 0, 0, 0, 0])]);
-        assert_eq!(said(&animated, ImageFormat::Png, Use::Color), [frames]);
+        assert_eq!(messages_of(&animated, ImageFormat::Png, Use::Color), [frames]);
         let animated =
             webp(&[(b"ANIM", &[0; 6]), (b"ANMF", &[0; 3]), (b"ANMF", &[0; 4]), (b"ANMF", &[0; 1])]);
-        assert_eq!(said(&animated, ImageFormat::WebP, Use::Data), [frames]);
+        assert_eq!(messages_of(&animated, ImageFormat::WebP, Use::Data), [frames]);
         // The second picture is the first in small.
         let pages = tiff(&[&[(256, 2)], &[(254, 1)], &[(254, 0)]]);
         assert_eq!(
-            said(&pages, ImageFormat::Tiff, Use::Data),
+            messages_of(&pages, ImageFormat::Tiff, Use::Data),
             ["holds 2 pictures, of which only the first is used"]
         );
-        assert!(said(&tiff(&[&[(256, 2)]]), ImageFormat::Tiff, Use::Data).is_empty());
+        assert!(messages_of(&tiff(&[&[(256, 2)]]), ImageFormat::Tiff, Use::Data).is_empty());
     }
 
     /// Files that end anywhere, whose lengths are beyond them, and whose chains go round in circles.
@@ -397,22 +398,22 @@ mod tests {
         ];
         for (bytes, format) in samples {
             for at in 0..bytes.len() {
-                said(&bytes[..at], format, Use::Color);
+                messages_of(&bytes[..at], format, Use::Color);
                 for number in [0, 1, HUGE, u32::MAX] {
                     let mut broken = bytes.clone();
                     broken.splice(at..(at + 4).min(bytes.len()), number.to_be_bytes());
-                    said(&broken, format, Use::Color);
+                    messages_of(&broken, format, Use::Color);
                 }
             }
         }
         let mut circle = tiff(&[&[(256, 2)]]);
         let end = circle.len();
         circle[end - 4..].copy_from_slice(&8u32.to_le_bytes());
-        assert!(said(&circle, ImageFormat::Tiff, Use::Data).len() <= 1);
+        assert!(messages_of(&circle, ImageFormat::Tiff, Use::Data).len() <= 1);
         // Files by these encoders give no warnings.
         let mut plain = Cursor::new(Vec::new());
         DynamicImage::new_rgb8(2, 2).write_to(&mut plain, ImageFormat::Png).expect("encoded");
-        assert!(said(plain.get_ref(), ImageFormat::Png, Use::Color).is_empty());
+        assert!(messages_of(plain.get_ref(), ImageFormat::Png, Use::Color).is_empty());
     }
 
     #[test]
@@ -422,7 +423,10 @@ mod tests {
         std::fs::write(&path, jpeg(profile("Adobe RGB (1998)"), exif(8))).expect("written");
         let mut warnings = Vec::new();
         crate::load::image::read(&path, Use::Color, None, &mut warnings).expect("it can be read");
-        let said: Vec<String> = warnings.iter().map(ToString::to_string).collect();
-        assert!(said.len() == 2 && said.iter().all(|text| text.contains("turned.jpg: ")), "{said:?}");
+        let messages: Vec<String> = warnings.iter().map(ToString::to_string).collect();
+        assert!(
+            messages.len() == 2 && messages.iter().all(|text| text.contains("turned.jpg: ")),
+            "{messages:?}"
+        );
     }
 }

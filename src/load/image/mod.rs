@@ -1,6 +1,6 @@
 //! The one reader of images: PNG, JPEG, WebP, GIF, BMP, TGA and TIFF by the crate `image`, Radiance HDR, EXR, and KTX2.
 //!
-//! What was 8-bit in the file stays 8-bit. The format is told by the content; TGA, which has no signature, by its media
+//! What was 8-bit in the file stays 8-bit. The format is recognised by the content; TGA, which has no signature, by its media
 //! type or name. Sizes are compared with the file's length before anything is allocated (`limits`).
 
 mod basis;
@@ -560,7 +560,7 @@ mod tests {
             (large_exr(), Use::Data, [380, 310, 3]),
             (turned, Use::Color, [400, 300, 3]),
         ] {
-            let (at_once, told) = decoded(&bytes, purpose);
+            let (at_once, expected) = decoded(&bytes, purpose);
             let at_once = at_once.expect("it can be read");
             let (mut early, mut late) = (Vec::new(), Vec::new());
             let of = file(&bytes, (NAMELESS, "/images/3"), None);
@@ -575,8 +575,8 @@ mod tests {
                 other => panic!("{other:?}"),
             };
             assert!(bits(&image) == bits(&at_once));
-            assert_eq!(late.iter().map(ToString::to_string).collect::<Vec<_>>(), told);
-            assert!(!told.is_empty());
+            assert_eq!(late.iter().map(ToString::to_string).collect::<Vec<_>>(), expected);
+            assert!(!expected.is_empty());
         }
         let cut = &large_exr()[..200_000];
         let of = file(cut, (NAMELESS, ""), None);

@@ -268,7 +268,7 @@ fn colour(rgb: [f32; 3]) -> [f32; 3] {
 pub(super) struct Maps<'a> {
     pub options: &'a LoadOptions,
     images: HashMap<(PathBuf, Use), Option<ImageId>>,
-    /// Normal maps made of height maps, by file and height; `None` where files that are said to hold heights hold normals.
+    /// Normal maps made of height maps, by file and height; `None` where files of height maps hold normals.
     bumps: HashMap<(PathBuf, u32), Option<ImageId>>,
 }
 

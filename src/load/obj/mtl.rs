@@ -1,7 +1,7 @@
 //! The statements of MTL files (Wavefront, "MTL material format", and the PBR keys of Exocortex, tinyobjloader's
 //! "PBR extension"), checked before `tobj` reads them.
 //!
-//! `tobj` ends the program on colours of fewer than three numbers, stops at the first number it doesn't like, knows
+//! `tobj` ends the program on colours of fewer than three numbers, stops at the first number it can't parse, knows
 //! keywords in one spelling only, and has no lines. It gets sound statements in its own spelling; before the file name of
 //! a texture stands the line.
 
@@ -113,7 +113,7 @@ pub(super) fn read(path: &Path, warnings: &mut Vec<Warning>) -> Result<Vec<Mtl>,
 }
 
 /// `Tr` is transparency, but old versions of MeshLab, and some others, write opacity for it: where MeshLab wrote the file, or
-/// where all materials would be invisible, `Tr` counts as that. Says so.
+/// where all materials would be invisible, `Tr` counts as that. Returns a warning.
 fn take_as_opacity(all: &mut [Mtl], is_by_meshlab: bool) -> Option<String> {
     let transparency = |m: &Mtl| m.number("Tr").filter(|_| m.number("d").is_none());
     let is_hidden = |m: &Mtl| transparency(m).is_some_and(|t| t >= 1.0);

@@ -11,7 +11,7 @@
 //! are left out with a warning, and any other property without. Where comments name pictures (`TextureFile`, as MeshLab
 //! writes them) and there are texture coordinates, they are the colour: the first one, or that of the face's number. Vertices without faces are a point
 //! cloud, which becomes spheres. Positions beyond the precision of single floats are kept around an origin of their own.
-//! Files of Gaussian splats are told by their properties (`splats.rs`).
+//! Files of Gaussian splats are recognised by their properties (`splats.rs`).
 
 mod faces;
 mod header;
@@ -230,8 +230,8 @@ fn finish(
         return Err(Error::input(path, "is empty: it has no vertices"));
     }
     let mut loaded = Loaded::default();
-    let told = mesh_tools::bound_colors(&mut mesh.colors, true).map(|what| Warning::new(path, "", what));
-    loaded.warnings.extend(told);
+    let warning = mesh_tools::bound_colors(&mut mesh.colors, true).map(|what| Warning::new(path, "", what));
+    loaded.warnings.extend(warning);
     if mesh.triangles.is_empty() {
         let cloud = Cloud { positions: &mesh.positions, colors: &mesh.colors, origin };
         cloud.add(path, options, &mut loaded)?;

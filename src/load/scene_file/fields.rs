@@ -49,7 +49,7 @@ impl<'a> Problems<'a> {
         self.list.borrow_mut().push(problem);
     }
 
-    /// Makes errors about a range of the text that turn up when the text has long been read.
+    /// Makes errors about a range of the text that are found later, when the text is no longer in memory.
     pub fn later(&self, file: &Path, span: Range<usize>) -> impl Fn(String) -> Error + Send + Sync + use<> {
         let text = self.shared_text.get_or_init(|| self.text.into()).clone();
         let file = file.to_path_buf();
@@ -71,7 +71,7 @@ impl<'a> Problems<'a> {
     }
 }
 
-/// One table. Reading a key marks it as known; [`Fields::finish`] complains about the rest.
+/// One table. Reading a key marks it as known; [`Fields::finish`] reports the rest.
 pub(super) struct Fields<'a> {
     /// What the table describes, for messages.
     what: String,
@@ -114,7 +114,7 @@ impl<'a> Fields<'a> {
         self.raw(key).is_some()
     }
 
-    /// These keys are known, whether or not something comes to ask for them.
+    /// Marks keys as known without reading them.
     pub fn know(&self, keys: &[&'static str]) {
         self.known.borrow_mut().extend(keys);
     }
@@ -248,16 +248,16 @@ impl<'a> Fields<'a> {
         self.typed(key, "a list", |v| v.as_array().map(|a| &a[..])).map(|v| v.value)
     }
 
-    /// Says that a key is missing.
+    /// Reports a missing key.
     pub fn require<T>(&self, key: &str, value: Option<T>) -> Option<T> {
-        // A value of the wrong type has had its complaint.
+        // A value of the wrong type was reported already.
         if value.is_none() && !self.table.contains_key(key) {
             self.problems.push(self.span(), format!("{} needs '{key}'", self.what));
         }
         value
     }
 
-    /// Complains about every key that nothing has asked for.
+    /// Reports each key that was not read.
     pub fn finish(&self) {
         let known = self.known.borrow();
         for (key, _) in self.table.iter() {

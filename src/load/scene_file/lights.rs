@@ -452,9 +452,9 @@ fn read_profile(build: &SceneFileBuilder, fields: &Fields) -> Option<(Arc<LightP
         }
     };
     // Read in any case: what is asked for is known.
-    let told = (positive(fields, "power"), positive(fields, "intensity"));
+    let photometric = (positive(fields, "power"), positive(fields, "intensity"));
     let strength = positive(fields, "strength");
-    if strength.is_some() && told != (None, None) {
+    if strength.is_some() && photometric != (None, None) {
         let message =
             "'strength' is a factor on what the 'ies' file says, which 'power' and 'intensity' replace";
         fields.problems.push(fields.span(), message);
@@ -462,7 +462,7 @@ fn read_profile(build: &SceneFileBuilder, fields: &Fields) -> Option<(Arc<LightP
     let is_clockwise = fields.flag("clockwise", false);
     let profile = if is_clockwise { profile.map(LightProfile::mirrored) } else { profile };
     let (profile, peak) = ies::relative(profile?);
-    let intensity = match told {
+    let intensity = match photometric {
         (None, None) => strength.unwrap_or(1.0) * peak / ies::LUMENS_PER_WATT,
         (Some(power), None) => power / (4.0 * PI * f64::from(profile.mean(STEPS)).max(1e-9)),
         (None, Some(intensity)) => intensity,

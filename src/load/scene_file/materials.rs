@@ -30,7 +30,7 @@
 //!
 //! | Key | Value |
 //! |---|---|
-//! | `color` | what much of it looks like (0.8), or one of the next two in its place |
+//! | `color` | reflectance of dense hair (0.8), or one of the next two in its place |
 //! | `melanin` | how much pigment, 0 (white) to 1 (black); `melanin_redness`, 0 (brown) to 1 (red), is 0.5 by default |
 //! | `absorption` | by channel, per radius: three numbers from 0 up, or one |
 //! | `roughness` | along the fibre, 0 to 1 (0.3) |

@@ -3,7 +3,7 @@
 //!
 //! | Medium | Default | Meaning |
 //! |---|---|---|
-//! | `density` | 1 | extinction coefficient per metre: light meets something after 1 / `density` metres on average; a number or one for each channel |
+//! | `density` | 1 | extinction coefficient per metre: the mean free path is 1 / `density` metres; a number or one for each channel |
 //! | `color` | 1 | share of that light that is scattered, 0 to 1; the rest is absorbed |
 //! | `anisotropy` | 0 | mean cosine of the scattering angle, above -1 and below 1: 0 scatters to all sides, 0.8 forward as haze does |
 //! | `emission` | 0 | radiance that each metre adds |

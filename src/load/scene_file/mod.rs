@@ -147,7 +147,7 @@ fn read_parts<'a>(build: &mut SceneFileBuilder, root: &Fields<'a>) {
     if let Some(fields) = root.table("environment") {
         environment::read(build, &fields);
     }
-    nodes::tell_of_missing_attributes(build);
+    nodes::warn_of_missing_attributes(build);
     traits::resolve_links(build);
     match build.is_sidecar {
         true => root.tables("camera").iter().for_each(|fields| camera::adjust(build, fields, &mut assets)),

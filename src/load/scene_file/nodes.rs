@@ -60,7 +60,7 @@ pub(super) fn attribute_names(root: &Fields) -> BTreeSet<String> {
 }
 
 /// Notes attributes that graphs read by name and no mesh has.
-pub(super) fn tell_of_missing_attributes(build: &mut SceneFileBuilder) {
+pub(super) fn warn_of_missing_attributes(build: &mut SceneFileBuilder) {
     let scene = &build.loaded.scene;
     let known: BTreeSet<&str> =
         scene.meshes.iter().flat_map(|mesh| &mesh.attributes).map(|a| a.name.as_str()).collect();

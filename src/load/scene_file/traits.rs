@@ -25,7 +25,7 @@ use crate::scene::{
 };
 use std::collections::{HashMap, HashSet};
 
-/// The rays that see something; `own` where nothing is said.
+/// The rays that see something; `own` where the file has no key for it.
 pub(super) fn visible_to(fields: &Fields, own: RayKinds) -> RayKinds {
     let listed = fields.list("visible_to").map(|list| {
         list.iter().fold(RayKinds::NONE, |sum, value| {
@@ -59,7 +59,7 @@ impl TraitOverrides {
         TraitOverrides { own: traits(fields), links: read_links(build, fields) }
     }
 
-    /// Changes what is said; the rest stays.
+    /// Changes the given traits; the rest stays.
     pub fn apply(&self, traits: &mut ObjectTraits) {
         if let Some(own) = self.own {
             *traits = ObjectTraits { links: traits.links, ..own };

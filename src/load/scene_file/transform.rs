@@ -205,7 +205,7 @@ pub(super) fn read_motion(
     let moved = |frames: f64| track.at(now + frames) * back;
     let shutter = build.shutter;
     if !shutter.wants_motion() {
-        say_closed(build);
+        warn_of_closed(build);
         return Some(EvaluatedMotion { at_moment, onwards: None });
     }
     let (keys, is_enough) = shutter.keys_for(&mut |frames| vec![moved(frames)]);
@@ -218,7 +218,7 @@ pub(super) fn read_motion(
     Some(EvaluatedMotion { at_moment, onwards: Some(Moving { keys, neighbours }) })
 }
 
-fn say_closed(build: &mut SceneFileBuilder) {
+fn warn_of_closed(build: &mut SceneFileBuilder) {
     let message = "something moves, but the shutter is closed: 'shutter' of [camera] opens it";
     let note = Warning::new(build.file, "", message);
     if build.options.shutter.frames.is_none() && !build.loaded.notes.iter().any(|n| n.message == note.message)

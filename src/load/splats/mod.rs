@@ -102,18 +102,18 @@ impl SplatList {
     }
 
     /// What was left out or repaired, in words, and what nobody sees.
-    pub fn told(&self) -> (Vec<String>, Option<String>) {
-        let mut told = Vec::new();
-        let mut tell = |count: usize, what: &str| {
+    pub fn messages(&self) -> (Vec<String>, Option<String>) {
+        let mut messages = Vec::new();
+        let mut add = |count: usize, what: &str| {
             if count > 0 {
-                told.push(format!("{count} splats {what}"));
+                messages.push(format!("{count} splats {what}"));
             }
         };
-        tell(self.not_finite, "with numbers that are not finite were left out");
-        tell(self.unturned, "without a rotation (of zeros) are not turned");
+        add(self.not_finite, "with numbers that are not finite were left out");
+        add(self.unturned, "without a rotation (of zeros) are not turned");
         let faint = (self.invisible > 0)
             .then(|| format!("{} splats without size or of an opacity below 1/255", self.invisible));
-        (told, faint)
+        (messages, faint)
     }
 
     /// The middles.
@@ -152,8 +152,8 @@ pub(super) fn material() -> Material {
 /// The scene of a file that holds splats alone, whose `up` axis its format has by custom.
 pub(super) fn finish(path: &Path, list: SplatList, up: (Up, &'static str)) -> Result<Loaded> {
     let mut loaded = Loaded::default();
-    let (told, faint) = list.told();
-    loaded.warnings.extend(told.into_iter().map(|what| Warning::new(path, "", what)));
+    let (messages, faint) = list.messages();
+    loaded.warnings.extend(messages.into_iter().map(|what| Warning::new(path, "", what)));
     loaded.left_out.extend(faint);
     if list.is_empty() {
         return Err(Error::input(path, "holds no splats that can be seen"));

@@ -28,10 +28,10 @@ const COLOR_SCALE: f32 = 0.15;
 pub(in crate::load) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     options.files.note(path);
     let bytes = files::read_model(path)?;
-    let (list, told) = read(&bytes).map_err(|problem| Error::input_problems(path, vec![problem]))?;
+    let (list, warning) = read(&bytes).map_err(|problem| Error::input_problems(path, vec![problem]))?;
     drop(bytes);
     let mut loaded = finish(path, list, (Up::Y, "the custom of SPZ files"))?;
-    loaded.warnings.extend(told.map(|what| Warning::new(path, "", what)));
+    loaded.warnings.extend(warning.map(|what| Warning::new(path, "", what)));
     Ok(loaded)
 }
 
@@ -254,8 +254,8 @@ mod tests {
 
     #[test]
     fn splats_are_unpacked() {
-        let (list, told) = read(&file()).expect("it is whole");
-        assert!(told.is_none());
+        let (list, warning) = read(&file()).expect("it is whole");
+        assert!(warning.is_none());
         assert_eq!(list.centers(), [[1.0, -0.5, 2.0]]);
         let splats = &list.splats;
         assert_eq!(splats.opacities, [0.8]);

@@ -1,5 +1,5 @@
 //! What bare models lack: a camera that sees all of them, light, a ground that takes their shadow, a material. What a file
-//! brings stays as it is: a scene with a camera is a scene, and only gets light where it has none at all.
+//! contains stays as it is: a scene with a camera is a scene, and only gets light where it has none at all.
 
 mod framing;
 mod ground;
@@ -23,7 +23,7 @@ pub use options::{Background, Ground, StageLight, StageOptions};
 /// (0.6 + 0.54 * 2 / 3) = 0.96 times their albedo: white ones are not burnt out in a PNG.
 const SOFT_SKY: ([f32; 3], [f32; 3]) = ([0.064, 0.06, 0.056], [1.056, 1.14, 1.224]);
 
-/// Adds what a scene lacks, and says so: a camera that frames the model, unless there is one; light, unless anything
+/// Adds what a scene lacks, with notes: a camera that frames the model, unless there is one; light, unless anything
 /// lights it or the caller brings an environment; ground and material by [`StageOptions`], where there is no camera either.
 /// Parts that shine light a scene with a camera, unless it is a model ([`Loaded::is_model`]) whose parts only glow; a model
 /// without a camera is to be looked at, and is lit, too. Light that the caller chose takes the place of an environment.
@@ -51,7 +51,7 @@ pub fn complete(loaded: &mut Loaded, options: &StageOptions, brings_environment:
         if is_dark {
             light_scene(loaded, options, emitted_light);
         }
-        say_unused(loaded, options, brings_environment);
+        warn_of_unused(loaded, options, brings_environment);
     }
     background(loaded, options);
 }
@@ -82,7 +82,7 @@ pub fn middle(loaded: &Loaded) -> DVec3 {
     }
 }
 
-/// Does a scene with a camera but without lamps need light? One of little light says so.
+/// Does a scene with a camera but without lamps need light? Warns where there is little.
 fn lacks_light(loaded: &mut Loaded, emitted_light: EmittedLight) -> bool {
     if emitted_light == EmittedLight::Dim && loaded.is_model {
         let message = format!(
@@ -187,7 +187,7 @@ fn soften(loaded: &mut Loaded) {
 }
 
 /// Warns of stage options without effect, as the scene or the caller defines what they set.
-fn say_unused(loaded: &mut Loaded, options: &StageOptions, brings_environment: bool) {
+fn warn_of_unused(loaded: &mut Loaded, options: &StageOptions, brings_environment: bool) {
     let mut say = |is_unused: bool, what: Choice, why: &str| {
         if is_unused {
             loaded.warnings.push(Warning::general(format!("{what} changes nothing: {why}")));
@@ -216,7 +216,7 @@ fn background(loaded: &mut Loaded, options: &StageOptions) {
     }
 }
 
-// The material of models that bring none.
+// The material of models without one.
 
 /// Linear reflectance of clay: dark enough for light to model it, a little warm.
 const COLOR: [f32; 3] = [0.60, 0.57, 0.53];
@@ -402,8 +402,8 @@ mod tests {
         let mut bare = shining();
         complete(&mut bare, &soft(), false);
         assert!(matches!(bare.scene.environment, Environment::Gradient { .. }));
-        let said: Vec<String> = bare.warnings.iter().map(ToString::to_string).collect();
-        assert!(said.len() == 2 && said[1].contains("parts that shine"), "{said:?}");
+        let messages: Vec<String> = bare.warnings.iter().map(ToString::to_string).collect();
+        assert!(messages.len() == 2 && messages[1].contains("parts that shine"), "{messages:?}");
         let mut scene = shining();
         scene.scene.cameras = bare.scene.cameras.clone();
         complete(&mut scene, &StageOptions::studio(), false);
@@ -428,13 +428,19 @@ mod tests {
     fn models_with_cameras_are_lit_unless_parts_of_them_are_lamps() {
         let outcome = |mut loaded: Loaded| {
             complete(&mut loaded, &StageOptions::studio(), false);
-            let said: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
-            (loaded.scene.environment != Environment::Black, said.join("\n"))
+            let messages: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
+            (loaded.scene.environment != Environment::Black, messages.join("\n"))
         };
-        let (is_lit, said) = outcome(glowing(0.05, 1.0));
-        assert!(is_lit && said.contains("parts that shine") && said.contains("soft default sky"), "{said}");
-        let (is_lit, said) = outcome(glowing(0.05, 9.0));
-        assert!(!is_lit && said.contains("will be dark") && said.contains("StageOptions::light"), "{said}");
+        let (is_lit, messages) = outcome(glowing(0.05, 1.0));
+        assert!(
+            is_lit && messages.contains("parts that shine") && messages.contains("soft default sky"),
+            "{messages}"
+        );
+        let (is_lit, messages) = outcome(glowing(0.05, 9.0));
+        assert!(
+            !is_lit && messages.contains("will be dark") && messages.contains("StageOptions::light"),
+            "{messages}"
+        );
         // A lamp that lights the room, whether it is large or strong.
         assert_eq!(outcome(glowing(0.7, 1.0)), (false, String::new()));
         assert_eq!(outcome(glowing(0.05, 300.0)), (false, String::new()));
@@ -465,20 +471,23 @@ mod tests {
         let chosen = StageOptions { is_light_chosen: true, ..StageOptions::studio() };
         let lit = |mut loaded: Loaded, brings: bool| {
             complete(&mut loaded, &chosen, brings);
-            let said =
+            let messages =
                 loaded.notes.iter().chain(&loaded.warnings).map(ToString::to_string).collect::<Vec<_>>();
-            (matches!(loaded.scene.environment, Environment::Image { .. }), said.join("\n"))
+            (matches!(loaded.scene.environment, Environment::Image { .. }), messages.join("\n"))
         };
         for radius in [0.05, 0.7] {
-            let (is_lit, said) = lit(glowing(radius, 1.0), false);
-            assert!(is_lit && said.contains("parts that shine: studio light, too"), "{said}");
+            let (is_lit, messages) = lit(glowing(radius, 1.0), false);
+            assert!(is_lit && messages.contains("parts that shine: studio light, too"), "{messages}");
         }
         let mut sunny = glowing(0.05, 1.0);
         sunny.scene.environment = Environment::Constant([1.0; 3]);
-        let (is_lit, said) = lit(sunny, false);
-        assert!(is_lit && said.contains("in place of the environment"), "{said}");
-        let (is_lit, said) = lit(glowing(0.05, 1.0), true);
-        assert!(!is_lit && said.contains("changes nothing: another environment is asked for"), "{said}");
+        let (is_lit, messages) = lit(sunny, false);
+        assert!(is_lit && messages.contains("in place of the environment"), "{messages}");
+        let (is_lit, messages) = lit(glowing(0.05, 1.0), true);
+        assert!(
+            !is_lit && messages.contains("changes nothing: another environment is asked for"),
+            "{messages}"
+        );
     }
 
     #[test]

@@ -146,7 +146,7 @@ impl StageOptions {
         }
     }
 
-    /// The ground of a bare model; `is_lit` tells that light does not come from the stage.
+    /// The ground of a bare model; `is_lit`: light does not come from the stage.
     pub(super) fn ground_for(&self, is_lit: bool) -> Ground {
         let suits = match self.light.is_stage() && !is_lit {
             true => Ground::Shadow,

@@ -48,11 +48,11 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     }
     let Reader { mut loaded, repairs, unread, supports, broken, .. } = reader;
     loaded.warnings.extend(repairs.warnings(path));
-    let mut tell = |message: String| loaded.warnings.push(Warning::new(path, "", message));
+    let mut warn = |message: String| loaded.warnings.push(Warning::new(path, "", message));
     if broken > 0 {
-        tell(format!("{broken} triangles with a vertex that is missing: left out"));
+        warn(format!("{broken} triangles with a vertex that is missing: left out"));
     }
-    unread.iter().for_each(|what| tell(format!("{what} are not read")));
+    unread.iter().for_each(|what| warn(format!("{what} are not read")));
     if supports > 0 {
         loaded.left_out.push(format!("{supports} objects that support others while they are printed"));
     }

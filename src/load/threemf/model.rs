@@ -1,5 +1,5 @@
 //! The XML of a model part: 3D Manufacturing Format, core specification 1.3, materials and properties extension 1.2, production
-//! extension 1.1. Elements are told by their names without prefixes.
+//! extension 1.1. Elements are recognised by their names without prefixes.
 
 use crate::color::srgb_table;
 use crate::error::Problem;

@@ -26,7 +26,7 @@ pub(super) fn check_meshes(scene: &Scene, findings: &mut Findings) {
 
 fn check_triangles(mesh: &Mesh, place: Entry, findings: &mut Findings) {
     let (indices, vertices) = (mesh.triangles.as_flattened(), mesh.positions.len());
-    // More vertices than indices can tell apart: all are in range.
+    // More vertices than indices can address: all are in range.
     let Ok(vertices) = u32::try_from(vertices) else { return };
     let are_in_range = |block: &[u32]| !block.iter().fold(false, |bad, &i| bad | (i >= vertices));
     if !indices.par_chunks(BLOCK).all(are_in_range) {

@@ -8,7 +8,7 @@ use crate::scene::{
     MeshId, MeshPart, Model, PbrMaterial, Projection, Scene, Settings, Shape, Texture, TextureId,
 };
 
-fn told(scene: &Scene) -> Vec<String> {
+fn problems(scene: &Scene) -> Vec<String> {
     scene.validate().iter().map(ToString::to_string).collect()
 }
 
@@ -29,7 +29,7 @@ fn triangle() -> Scene {
 fn of_mesh(change: impl FnOnce(&mut Mesh)) -> Vec<String> {
     let mut scene = triangle();
     change(&mut scene.meshes[0]);
-    told(&scene)
+    problems(&scene)
 }
 
 #[test]
@@ -69,10 +69,10 @@ fn meshes() {
 fn problems_of_one_kind_are_counted() {
     let mut scene = triangle();
     scene.instances = vec![Instance::new(MeshId(9), DAffine3::IDENTITY); 100_000];
-    let told = told(&scene);
-    assert_eq!(told.len(), 9);
-    assert_eq!(told[0], "instances[0], mesh: is MeshId(9), but must be one of the scene's meshes");
-    assert_eq!(told[8], "99992 more of this kind: mesh must be one of the scene's meshes");
+    let problems = problems(&scene);
+    assert_eq!(problems.len(), 9);
+    assert_eq!(problems[0], "instances[0], mesh: is MeshId(9), but must be one of the scene's meshes");
+    assert_eq!(problems[8], "99992 more of this kind: mesh must be one of the scene's meshes");
 }
 
 #[test]
@@ -85,7 +85,7 @@ fn textures_and_images() {
     };
     let mut scene = Scene { textures: vec![checker(0, 5)], ..Scene::default() };
     assert_eq!(
-        told(&scene),
+        problems(&scene),
         [
             "textures[0], even: is TextureId(0), but must be a texture that comes before this one",
             "textures[0], odd: is TextureId(5), but must be a texture that comes before this one",
@@ -93,18 +93,18 @@ fn textures_and_images() {
     );
     // Each holds the one before.
     scene.textures = (0..64).map(|i| if i == 0 { Texture::Normal } else { checker(i - 1, 0) }).collect();
-    assert_eq!(told(&scene), [""; 0]);
+    assert_eq!(problems(&scene), [""; 0]);
     scene.textures.push(checker(63, 63));
     assert_eq!(
-        told(&scene),
+        problems(&scene),
         ["textures[64], nesting: is 65, but must be at most 64 textures, one in the other"]
     );
     let mix = |a, b, factor| Texture::Mix { a: TextureId(a), b: TextureId(b), factor: TextureId(factor) };
     scene.textures[64] = mix(0, 62, 63);
-    assert_eq!(told(&scene).len(), 1);
+    assert_eq!(problems(&scene).len(), 1);
     scene.textures = vec![Texture::Normal, mix(0, 1, 2), mix(0, 0, 1)];
     assert_eq!(
-        told(&scene),
+        problems(&scene),
         [
             "textures[1], b: is TextureId(1), but must be a texture that comes before this one",
             "textures[1], factor: is TextureId(2), but must be a texture that comes before this one",
@@ -114,7 +114,7 @@ fn textures_and_images() {
     scene.textures =
         (0..9).map(|i| if i == 0 { Texture::Normal } else { mix(i - 1, i - 1, i - 1) }).collect();
     assert_eq!(
-        told(&scene),
+        problems(&scene),
         ["textures[8], mixes: is 6561, but must be made of at most 4096 textures that are no mixes"]
     );
     let mut image = Image::from_linear_rgb("sky", 2, 1, vec![0.0, 1.0, f32::NAN, 3.0, 4.0, 5.0]);
@@ -129,7 +129,7 @@ fn textures_and_images() {
     scene = Scene { images: vec![image], textures: vec![texture], ..Scene::default() };
     scene.environment = Environment::Image { image: ImageId(1), strength: -1.0, rotation_rad: 0.0 };
     assert_eq!(
-        told(&scene),
+        problems(&scene),
         [
             "images[0] 'sky', channels: is 5, but must be 1 to 4",
             "images[0] 'sky', length of pixels: is 6, but must be width * height * channels",
@@ -159,7 +159,7 @@ fn encoded_images_keep_their_size() {
     let pixels = std::sync::Arc::new(Pixels::Encoded(Encoded { size: [2, 1, 3], bits: 8, source }));
     let with = |width, height, channels| {
         let image = Image { width, height, channels, pixels: pixels.clone(), ..image.clone() };
-        told(&Scene { images: vec![image], ..Scene::default() })
+        problems(&Scene { images: vec![image], ..Scene::default() })
     };
     assert_eq!(with(2, 1, 3), [""; 0]);
     for (width, height, channels) in [(3, 1, 3), (2, 2, 3), (2, 1, 4)] {
@@ -177,7 +177,7 @@ fn materials() {
     let pbr = PbrMaterial { ior: 0.5, attenuation_distance: 0.0, ..PbrMaterial::default() };
     scene.materials.push(Material::new("jelly", Model::Pbr(Box::new(pbr))));
     assert_eq!(
-        told(&scene),
+        problems(&scene),
         [
             "materials[0] 'pane', tint: is TextureId(3), but must be one of the scene's textures",
             "materials[0] 'pane', tint: is [1.0, -0.5, NaN], but must be finite numbers from 0 up",
@@ -210,7 +210,7 @@ fn lights_cameras_shapes_and_settings() {
     });
     scene.settings = Settings { width: Some(0), ..Settings::default() };
     assert_eq!(
-        told(&scene),
+        problems(&scene),
         [
             "shapes[0] 'ball', radius: is -1.0, but must be a finite number above 0",
             "lights[0] 'lamp', intensity: is [inf, 0.0, 0.0], but must be finite numbers from 0 up",

@@ -330,7 +330,7 @@ fn understood<T: DeserializeOwned>(raw: &Value, at: &str, report: &mut Report) -
 // The metallic-roughness model, and what all models share: emission, alpha, normal maps.
 
 impl MaterialBuilder<'_, '_> {
-    /// The base colour, white where nothing is said.
+    /// The base colour, white by default.
     pub fn base_color(&mut self, json: &gltf::json::Material) -> Base {
         let pbr = &json.pbr_metallic_roughness;
         let place = "/pbrMetallicRoughness/baseColorFactor";
@@ -388,7 +388,7 @@ impl MaterialBuilder<'_, '_> {
         extensions: &ext::Material,
     ) -> PbrMaterial {
         let pbr = &json.pbr_metallic_roughness;
-        if self.doc.is_from_blender() && self.says_nothing() {
+        if self.doc.is_from_blender() && self.has_no_surface() {
             return self.lost_nodes(base_color);
         }
         let texture = pbr.metallic_roughness_texture.as_ref();
@@ -430,7 +430,7 @@ impl MaterialBuilder<'_, '_> {
     }
 
     /// Has the material no parameters of its surface?
-    pub fn says_nothing(&self) -> bool {
+    pub fn has_no_surface(&self) -> bool {
         let extensions = self.raw.get("extensions").and_then(Value::as_object);
         let emits_at_most = |name: &String| name == "KHR_materials_emissive_strength";
         self.raw.get("pbrMetallicRoughness").is_none()
@@ -548,7 +548,7 @@ impl ExportLosses {
         let pbr = builder.raw.get("pbrMetallicRoughness");
         let has = |key: &str| pbr.and_then(|pbr| pbr.get(key)).is_some_and(|v| *v != Value::Null);
         ExportLosses {
-            is_lost: builder.says_nothing(),
+            is_lost: builder.has_no_surface(),
             is_white: pbr.is_some()
                 && !has("baseColorFactor")
                 && !has("baseColorTexture")
