@@ -325,7 +325,7 @@ pub(super) fn run_one(
     // Files record everything that is not in the picture.
     let Prepared { scene, labels, camera, settled, how, kept_aovs, png, build, load_s, .. } = prepared;
     let Prepared { mut notes, mut warnings, left_out, .. } = prepared;
-    let recorded: Vec<Warning> = warnings.iter().chain(&build.notes).cloned().collect();
+    let log: Vec<Warning> = warnings.iter().chain(&build.notes).cloned().collect();
     let (width, height) = (settled.options.width, settled.options.height);
     check_size(targets, moving.as_ref(), (width, height))?;
     print_scene(args, printed, (&notes, &warnings, &left_out));
@@ -333,9 +333,8 @@ pub(super) fn run_one(
     stop_before_pixels(cancel)?;
 
     let denoising = Denoising::of(args, targets, kept_aovs);
-    let encode = |shot: FinishedPicture| Pictures::encode(&how, targets, shot, &png, &recorded);
-    let mut keeper =
-        CheckpointWriter::new(args, targets, loaded, &settled, &png, &recorded, denoising.kept())?;
+    let encode = |shot: FinishedPicture| Pictures::encode(&how, targets, shot, &png, &log);
+    let mut keeper = CheckpointWriter::new(args, targets, loaded, &settled, &png, &log, denoising.kept())?;
     let rendering = Rendering::labelled(scene, labels, &camera, settled.options)?;
     let rendering = keeper.begin(rendering.placed(loaded.scene.backdrop.clone(), loaded.offset))?;
     preview.iter_mut().for_each(|shown| shown.begin(&rendering, &png, &camera, build.triangles, printed));
