@@ -42,6 +42,15 @@ class BesideTest(SceneTest):
         start = glb.json["bufferViews"][accessor["bufferView"]].get("byteOffset", 0) + accessor.get("byteOffset", 0)
         return np.frombuffer(bytes(glb.binary[start:]), "<f4", 3 * accessor["count"]).reshape(-1, 3)
 
+    def test_scattering_of_skin_is_told_by_its_index_of_refraction(self):
+        material, _, principled = shader_tree("skin")
+        for method, ior in (("RANDOM_WALK", 0.0), ("RANDOM_WALK_SKIN", 1.4)):
+            principled.subsurface_method = method
+            principled.inputs["Subsurface Weight"].default_value = 1.0
+            self.add_plane(material)
+            surface = self.surface(self.export()[1]["materials"]["skin"])[0]
+            self.assertAlmostEqual(surface.get("subsurface_skin_ior", 0.0), ior, places=6)
+
     def relief(self, method):
         """A roof over a smooth plane that a displacement makes."""
         material, tree, _, height, relief = shader_tree("relief", "TexCoord", "Displacement")

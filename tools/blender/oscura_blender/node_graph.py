@@ -328,6 +328,7 @@ class Graph:
                 continue
             value = self._constant(node, socket, found) if name in CONSTANT else None
             entries[name.lower().replace(" ", "_")] = self.value(found, socket.type) if value is None else value
+        self._as_skin(node, entries, groups)
         if node.bl_idname == "ShaderNodeHoldout":
             entries["color"] = [0.0, 0.0, 0.0]
         self._lift(entries)
@@ -335,6 +336,16 @@ class Graph:
         if kind == "emission" or kind == "principled_bsdf":
             self._expose(entries, "strength" if kind == "emission" else "emission_strength")
         return self._with_body(node, entries, groups)
+
+    def _as_skin(self, node, entries, groups):
+        """The index of refraction of Random Walk (Skin), which says what its radius means."""
+        is_principled = entries["type"] == "principled_bsdf"
+        method, prefix = ("subsurface_method", "Subsurface ") if is_principled else ("falloff", "")
+        if getattr(node, method, "") == "RANDOM_WALK_SKIN" and (not is_principled or entries.get("subsurface_weight", 0.0) != 0.0):
+            socket = node.inputs[f"{prefix}IOR"]
+            found = feed(socket, groups)
+            value = self._constant(node, socket, found)
+            entries[f"{prefix.lower().replace(' ', '_')}skin_ior"] = self.value(found, "VALUE") if value is None else value
 
     def _in_part(self, entries):
         """A shader, or where a share of it scatters beneath the surface a mix of two: a body is all or nothing, and has neither metal nor glass."""

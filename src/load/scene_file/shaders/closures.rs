@@ -1,7 +1,7 @@
 //! Blender's shader nodes as materials: the closures of Cycles 5.0 by the models that scatter as they do.
 
-use super::Lowering;
 use super::table::Shader;
+use super::{Lowering, dipole};
 use crate::math::poly;
 use crate::scene::nodes::{MathOperation, NodeInput, NodeKind};
 use crate::scene::{
@@ -198,8 +198,9 @@ impl Lowering<'_, '_, '_> {
         let scale = self.constant(index, "scale", 0.05);
         let radius = self.constant_color(index, "radius", [1.0, 0.2, 0.1]);
         let anisotropy = self.constant(index, "anisotropy", 0.0);
+        let paths = mean_free_paths(radius.map(|r| r * scale), color, self.constant(index, "skin_ior", 0.0));
         let mut material = Material::new(self.material, Model::Black);
-        scatter_within(&mut material, bare(), (color, paint), radius.map(|r| r * scale), anisotropy);
+        scatter_within(&mut material, bare(), (color, paint), paths, anisotropy);
         self.add_component(index, weight, material);
     }
 
@@ -240,6 +241,7 @@ impl Lowering<'_, '_, '_> {
             let radius = self.constant_color(index, "subsurface_radius", [1.0, 0.2, 0.1]);
             let scale = self.constant(index, "subsurface_scale", 0.05);
             let anisotropy = self.constant(index, "subsurface_anisotropy", 0.0);
+            let skin_ior = self.constant(index, "subsurface_skin_ior", 0.0);
             if scale > 0.0 {
                 let color = match pbr.base_color.texture {
                     None => NodeInput::Value(pbr.base_color.factor),
@@ -247,7 +249,8 @@ impl Lowering<'_, '_, '_> {
                 };
                 let painted = self.painted(index, color, "subsurface_body");
                 pbr.base_color = ColorSlot::constant([0.0; 3]);
-                scatter_within(&mut material, pbr, painted, radius.map(|r| r * scale), anisotropy);
+                let paths = mean_free_paths(radius.map(|r| r * scale), painted.0, skin_ior);
+                scatter_within(&mut material, pbr, painted, paths, anisotropy);
                 return self.add_component(index, weight, material);
             }
         }
@@ -338,19 +341,27 @@ impl Lowering<'_, '_, '_> {
     }
 }
 
-/// Fills a material with what scatters light beneath its surface, of an albedo and a paint, and of mean free paths in metres as
-/// Blender has them.
+/// Reduced mean free paths in metres from the radii that a shader has: of Random Walk, or of Random Walk (Skin) where it has an
+/// index of refraction.
+fn mean_free_paths(radius: [f32; 3], color: [f32; 3], skin_ior: f32) -> [f32; 3] {
+    if skin_ior <= 0.0 {
+        return radius.map(|r| r / (4.0 * PI));
+    }
+    [0, 1, 2].map(|c| radius[c] * dipole::path_per_length(color[c], skin_ior.clamp(1.01, 3.8)))
+}
+
+/// Fills a material with what scatters light beneath its surface, of an albedo and a paint, and of reduced mean free paths in metres.
 fn scatter_within(
     material: &mut Material,
     mut pbr: PbrMaterial,
     (color, paint): ([f32; 3], ColorSlot),
-    radius: [f32; 3],
+    paths: [f32; 3],
     anisotropy: f32,
 ) {
     let anisotropy = anisotropy.clamp(-0.99, 0.99);
-    let radius = radius.map(|r| (r * (1.0 - anisotropy) / (4.0 * PI)).max(1e-6));
+    let paths = paths.map(|path| (path * (1.0 - anisotropy)).max(1e-6));
     pbr.has_volume = true;
     pbr.diffuse_transmission = Some(DiffuseTransmission { factor: FloatSlot::constant(1.0), color: paint });
     material.model = Model::Pbr(Box::new(pbr));
-    material.medium = Some(Medium::subsurface(color.map(|c| c.clamp(0.0, 1.0)), radius, anisotropy));
+    material.medium = Some(Medium::subsurface(color.map(|c| c.clamp(0.0, 1.0)), paths, anisotropy));
 }

@@ -14,6 +14,7 @@
 //! | `principled_bsdf` | those of Blender's node, in lower case with `_` for spaces: `base_color`, `metallic`, `roughness`, `specular_ior_level`, ... |
 //! | `diffuse_bsdf`, `glossy_bsdf`, `glass_bsdf`, `refraction_bsdf`, `translucent_bsdf`, `transparent_bsdf`, `sheen_bsdf`, `metallic_bsdf`, `subsurface_scattering` | the same: `color`, `roughness`, `ior`, `anisotropy`, `normal` |
 //! | `subsurface_scattering`, `principled_bsdf` | `body`, `subsurface_body`: the colour of a body that a colour which varies paints |
+//! | | `skin_ior`, `subsurface_skin_ior`: above 0, the scattering is Random Walk (Skin) of this index of refraction: its radius is a diffusion length, and mean free paths depend on the colour |
 //! | `emission` | `color`, `strength` (1) |
 //! | `mix_shader` | `factor` (0.5), `a`, `b`: shaders; without one nothing is scattered |
 //! | `add_shader` | `a`, `b` |
@@ -21,6 +22,7 @@
 //! A colour in the place of a shader is an emission, as in Cycles.
 
 mod closures;
+mod dipole;
 mod table;
 
 use super::builder::SceneFileBuilder;

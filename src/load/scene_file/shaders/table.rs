@@ -35,8 +35,8 @@ shaders! {
     /// Disney's and Autodesk's material.
     Principled "principled_bsdf" (
         base_color, metallic, roughness, ior, alpha, normal, diffuse_roughness, subsurface_weight, subsurface_radius,
-        subsurface_scale, subsurface_anisotropy, subsurface_body, specular_ior_level, specular_tint, anisotropic, anisotropic_rotation,
-        transmission_weight, coat_weight, coat_roughness, coat_ior, coat_tint, sheen_weight, sheen_roughness, sheen_tint,
+        subsurface_scale, subsurface_anisotropy, subsurface_skin_ior, subsurface_body, specular_ior_level, specular_tint,
+        anisotropic, anisotropic_rotation, transmission_weight, coat_weight, coat_roughness, coat_ior, coat_tint, sheen_weight, sheen_roughness, sheen_tint,
         emission_color, emission_strength, thin_film_thickness, thin_film_ior
     );
     /// Lambert, or Oren-Nayar where it is rough.
@@ -56,7 +56,7 @@ shaders! {
     /// Fibres.
     Sheen "sheen_bsdf" (color, roughness, normal);
     /// A body that scatters light within.
-    Subsurface "subsurface_scattering" (color, scale, radius, anisotropy, body, normal);
+    Subsurface "subsurface_scattering" (color, scale, radius, anisotropy, skin_ior, body, normal);
     /// Emitted light.
     Emission "emission" (color, strength);
     /// Two shaders mixed.
