@@ -75,13 +75,23 @@ class BesideTest(SceneTest):
 
     def test_bumps_of_what_is_displaced_as_well_are_on_its_former_normals(self):
         found, bump = self.relief("BOTH")
-        self.assertEqual((bump["type"], bump["distance"]), ("bump", 2.0))
+        self.assertEqual((bump["type"], bump["distance"], bump["object_scale"]), ("bump", 2.0, 2.0))
         self.assertGreater(np.ptp(found["z"]), 0.5)
         np.testing.assert_allclose(found["nz"], 1, atol=1e-3)
 
     def test_bumps_alone_leave_the_vertices(self):
         found, bump = self.relief("BUMP")
-        self.assertEqual((bump["type"], np.ptp(found["z"])), ("bump", 0))
+        self.assertEqual((bump["type"], bump["object_scale"], np.ptp(found["z"])), ("bump", 1.0, 0))
+
+    def test_maps_of_normals_stand_on_smooth_normals(self):
+        material, tree, principled, height, relief, mapped = shader_tree("mapped", "TexCoord", "Displacement", "NormalMap")
+        material.displacement_method = "BUMP"
+        tree.links.new(height.outputs["UV"], relief.inputs["Height"])
+        tree.links.new(relief.outputs[0], tree.nodes["Material Output"].inputs["Displacement"])
+        tree.links.new(mapped.outputs[0], principled.inputs["Normal"])
+        self.add_plane(material)
+        surface, feeding = self.surface(self.export()[1]["materials"]["mapped"])
+        self.assertEqual(feeding(surface, "normal")["type"], "normal_map")
 
     def test_motion_of_objects_and_cameras_is_an_animation(self):
         moved = self.add_plane(None, "Moved")

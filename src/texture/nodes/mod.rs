@@ -274,8 +274,9 @@ impl Builder<'_> {
         if let Some(texture) = node.image {
             return self.image(graph, index, texture, inputs[0].1);
         }
-        if let NodeKind::Bump { invert, filter_width } = node.kind {
-            return vec![self.bump(graph, index, &inputs, (invert, filter_width))];
+        if let NodeKind::Bump { invert, filter_width, object_scale } = node.kind {
+            let distance = self.scaled_distance(&inputs, object_scale);
+            return vec![self.bump(graph, index, &inputs, (distance, invert, filter_width))];
         }
         match self.sources_of(&node.kind, &inputs) {
             Some(outputs) => outputs,
@@ -289,13 +290,13 @@ impl Builder<'_> {
         graph: &NodeGraph,
         index: usize,
         inputs: &[(SocketType, [Number; 3])],
-        (invert, filter_width): (bool, f32),
+        (distance, invert, filter_width): (Number, bool, f32),
     ) -> [Number; 3] {
         let (height, normal) = (graph.nodes[index].inputs[2], inputs[3].1);
         if self.bumps >= MAX_BUMPS || !matches!(height, NodeInput::Link { .. } | NodeInput::Texture { .. }) {
             return normal;
         }
-        let mut flat = vec![inputs[0].1[0], inputs[1].1[0], inputs[2].1[0]];
+        let mut flat = vec![inputs[0].1[0], distance, inputs[2].1[0]];
         let outer = self.beside;
         self.bumps += 1;
         for step in [0, 1] {
@@ -312,6 +313,25 @@ impl Builder<'_> {
         flat.extend(normal);
         flat.extend(self.load(Source::Steps));
         three(&self.step(Operation::Bump { invert, filter_width }, flat, 3))
+    }
+
+    /// The distance of a bump, multiplied by a power of the object's scale along the normal.
+    fn scaled_distance(&mut self, inputs: &[(SocketType, [Number; 3])], power: f32) -> Number {
+        let distance = inputs[1].1[0];
+        if power == 0.0 {
+            return distance;
+        }
+        let mut along = inputs[3].1.to_vec();
+        along.extend(self.load(Source::WorldFromObject));
+        let along = self.step(Operation::Transposed, along, 3);
+        let scale = self.step(Operation::Length, along, 1)[0];
+        let factor = self.math(MathOperation::Power, scale, Number::of(power));
+        self.math(MathOperation::Multiply, distance, factor)
+    }
+
+    fn math(&mut self, operation: MathOperation, a: Number, b: Number) -> Number {
+        let kind = NodeKind::Math { operation, use_clamp: false };
+        self.step(Operation::Node(kind), vec![a, b, Number::of(0.0)], 1)[0]
     }
 
     /// The outputs of a node of images.

@@ -119,7 +119,8 @@ class Materials:
         """Displacement that is meant as bumps."""
         node = relief.bumps(material)
         if node is not None:
-            graph.relief = [graph.value(node_graph.feed(node.inputs[name]), "VALUE") for name in ("Height", "Scale")]
+            height, scale = (graph.value(node_graph.feed(node.inputs[name]), "VALUE") for name in ("Height", "Scale"))
+            graph.relief = height, scale, relief.object_scale(material, node)
 
 
 def take(found, moves, told, images):

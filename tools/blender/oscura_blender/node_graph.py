@@ -252,7 +252,7 @@ class Graph:
         self.asks_object = False  # does a node ask about the object?
         self.images = images
         self.baker = baker if baker is not None else bakes.BakeRequests()
-        self.relief = None  # the height and its scale of bumps on all of the surface
+        self.relief = None  # height, its scale and how often that is the object's, of bumps on all of the surface
         self.brushed = None  # the axis around which it is brushed; empty along texture coordinates
         self._known = {}
         self._refused = {}  # why nodes are baked
@@ -372,11 +372,18 @@ class Graph:
 
     def _lift(self, entries):
         """Adds the bumps of all of the surface to a shader's normal."""
-        if self.relief is not None and entries["type"] not in ("emission", "transparent_bsdf"):
-            height, scale = self.relief
-            bump = {"type": "bump", "strength": 1.0, "height": height, "distance": scale}
+        if self.relief is not None and entries["type"] not in ("emission", "transparent_bsdf") and not self._is_mapped(entries.get("normal")):
+            height, scale, object_scale = self.relief
+            bump = {"type": "bump", "strength": 1.0, "height": height, "distance": scale, "object_scale": object_scale}
             before = {"normal": entries["normal"]} if "normal" in entries else {}
             entries["normal"] = f"{self.made({**bump, **before})}.normal"
+
+    def _is_mapped(self, normal):
+        """Is a normal one of a map in tangent space, bumped or not? Those stand on the smooth normals, without bumps of all of the surface."""
+        node = self.nodes.get(normal.rpartition(".")[0]) if isinstance(normal, str) else None
+        if node is not None and node["type"] == "bump":
+            return self._is_mapped(node.get("normal"))
+        return node is not None and node["type"] == "normal_map" and node["space"] == "tangent"
 
     def _brush(self, node, entries, groups):
         """The direction in which a surface is brushed is one of the mesh: around an axis, or along its texture coordinates."""

@@ -17,6 +17,11 @@ def bumps(material):
     return node if is_bump else None
 
 
+def object_scale(material, node):
+    """How often the object's scale multiplies the heights of bumps: once in its space, and once where Cycles takes the slopes there."""
+    return float(node.space == "OBJECT") + float(material.displacement_method == "BOTH")
+
+
 def displace(holders, found, report):
     """Moves the vertices of all meshes with materials that displace them."""
     wanted = [holder for holder in holders if is_displaced(holder)]
