@@ -1,6 +1,6 @@
 //! AOVs of the first surface that a camera ray hits. One line for each; `film/channel.rs` has the table.
 //!
-//! The guides of denoising are those of the first surface that is no smooth mirror: paths that have met nothing else so far are
+//! Denoising guides show the first surface that is not a smooth mirror: paths that have hit nothing else so far are
 //! marked ([`super::wave::Paths`]). They stop at glass: what is reflected and what passes differ from sample to sample, and such guides
 //! brought more noise than texture.
 
@@ -50,7 +50,7 @@ struct Common {
 /// AOVs of colours, and those of objects.
 const OF_LOOKS: [Aov; 4] = [Aov::Roughness, Aov::DiffuseColor, Aov::GlossyColor, Aov::TransmissionColor];
 /// Those of the first surface that is seen in smooth mirrors.
-const OF_CHAINS: [Aov; 2] = [Aov::DenoisingAlbedo, Aov::DenoisingNormal];
+const DENOISING_GUIDES: [Aov; 2] = [Aov::DenoisingAlbedo, Aov::DenoisingNormal];
 const OF_OBJECTS: [Aov; 3] = [Aov::ObjectId, Aov::CryptoObject, Aov::CryptoAsset];
 
 impl FirstHit<'_> {
@@ -180,29 +180,29 @@ impl FirstHits {
     }
 
     /// Records the first surface of a sample.
-    pub fn record(&mut self, sample: usize, hit: &FirstHit, shown: &AovContext) {
+    pub fn record(&mut self, sample: usize, hit: &FirstHit, aov_context: &AovContext) {
         let Some(surfaces) = self.surfaces.get_mut(sample) else { return };
         *surfaces = 1;
         let stride = self.stride();
         let own = &mut self.values[sample * stride..(sample + 1) * stride];
-        let common = hit.common(self.aovs, shown.scene);
+        let common = hit.common(self.aovs, aov_context.scene);
         for &(aov, place) in &self.places {
             // The next one overwrites what this one doesn't have.
             if let Some(own) = own[place..].first_chunk_mut() {
-                *own = hit.values(aov, &common, shown);
+                *own = hit.values(aov, &common, aov_context);
             }
         }
     }
 
     /// Replaces the guides of denoising by those of a surface that a sample sees in mirrors, or by the mean of
     /// several that its branches see.
-    pub fn record_behind(&mut self, sample: usize, hit: &FirstHit, shown: &AovContext) {
+    pub fn record_in_mirror(&mut self, sample: usize, hit: &FirstHit, aov_context: &AovContext) {
         let stride = self.stride();
         let Some(surfaces) = self.surfaces.get_mut(sample).filter(|surfaces| **surfaces > 0) else { return };
         let own = &mut self.values[sample * stride..(sample + 1) * stride];
-        let common = hit.common(AovSet::NONE, shown.scene);
-        for &(aov, place) in self.places.iter().filter(|(aov, _)| OF_CHAINS.contains(aov)) {
-            let values = hit.values(aov, &common, shown);
+        let common = hit.common(AovSet::NONE, aov_context.scene);
+        for &(aov, place) in self.places.iter().filter(|(aov, _)| DENOISING_GUIDES.contains(aov)) {
+            let values = hit.values(aov, &common, aov_context);
             let means = own[place..].iter_mut().zip(values).take(aov.info().components());
             means.for_each(|(mean, value)| *mean += (value - *mean) / *surfaces as f32);
         }

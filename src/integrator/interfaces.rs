@@ -267,7 +267,7 @@ const GRAZING: f32 = 0.01;
 #[derive(Clone, Copy)]
 pub(super) struct CoincidentHit<'a> {
     pub at: HitPoint<'a>,
-    pub met: EvaluatedMaterial,
+    pub evaluated: EvaluatedMaterial,
     /// Filter width, metres.
     pub width: f32,
 }
@@ -332,8 +332,8 @@ impl Integrator<'_> {
     ) -> (CoincidentHit<'a>, InterfaceHit) {
         let width = first.width;
         let others = coincident.iter().flatten().map(|at| {
-            let met = self.read_material(at, width, wo, wavelengths);
-            CoincidentHit { at: *at, met, width }
+            let evaluated = self.read_material(at, width, wo, wavelengths);
+            CoincidentHit { at: *at, evaluated, width }
         });
         let all = || std::iter::once(first).chain(others.clone());
         if let Some(exited) = all().find(|candidate| candidate.at.is_back) {
@@ -362,7 +362,7 @@ impl Integrator<'_> {
         let tint = all()
             .filter(|candidate| Some(candidate.at.material.medium_index) != counted)
             .filter(|candidate| is_edge(candidate.at.material.medium_index))
-            .fold(Rgb::ONE, |tint, candidate| tint * candidate.met.bsdf.crossing_tint());
+            .fold(Rgb::ONE, |tint, candidate| tint * candidate.evaluated.bsdf.crossing_tint());
         let mut candidate = best.unwrap_or(first);
         for other in all() {
             let span = (other.at.surface.p - candidate.at.surface.p).abs();
@@ -376,7 +376,7 @@ impl Integrator<'_> {
         };
         let sides = if best.at.is_back { [near, far] } else { [far, near] };
         let (bsdf, is_inverted) =
-            self.interface(best.met.bsdf, (sides, false), (bounce, i), paths, wavelengths);
+            self.interface(best.evaluated.bsdf, (sides, false), (bounce, i), paths, wavelengths);
         let bsdf = if tint == Rgb::ONE { bsdf } else { bsdf.tinted(tint) };
         (candidate, InterfaceHit { bsdf, is_inverted, beyond })
     }

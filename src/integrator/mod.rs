@@ -19,8 +19,8 @@ mod guiding;
 mod hit_data;
 mod interfaces;
 mod interior;
-mod leaning_normals;
 mod limits;
+mod mapped_normals;
 mod medium_segment;
 mod mis;
 mod mixes;
@@ -86,7 +86,7 @@ pub struct PathOptions<'a> {
     pub mattes: &'a MatteIds,
     /// How many of the scene's groups of lights are kept apart: all or none.
     pub light_groups: usize,
-    /// Tell what shadow catchers catch. Paths are neither shared nor split then.
+    /// Record the light on shadow catchers with and without shadow casters. Paths are neither shared nor split then.
     pub catchers: bool,
     /// Make samples transparent that see where nothing is through clear glass.
     pub transparent_glass: bool,

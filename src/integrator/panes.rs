@@ -65,8 +65,8 @@ impl Integrator<'_> {
         let (material, normal) = (at.material, at.surface.ng);
         let direction = ray.direction.normalize();
         let cosine = -direction.dot(normal);
-        let met = self.read_material(&at, 0.0, -direction, wavelengths);
-        let (ior, front) = met.bsdf.smooth_interface(cosine, false)?;
+        let evaluated = self.read_material(&at, 0.0, -direction, wavelengths);
+        let (ior, front) = evaluated.bsdf.smooth_interface(cosine, false)?;
         let within = direction / ior + normal * (cosine / ior - front.cos_transmitted);
         let origin = offset_along(at.surface.p, -normal, normal.abs().dot(at.surface.p_error));
         let inner = Ray { origin_primitive: hit.into(), ..Ray::new(origin, within) };

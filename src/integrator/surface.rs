@@ -54,9 +54,9 @@ impl Integrator<'_> {
         if self.options.skip_caustics != SkippedCaustics::NONE {
             self.leave_out_caustics(sorted, w);
         }
-        self.keep_mapped_normals(sorted.metal_rough(), &mut w.wave.vertices);
+        self.keep_unbent_normals(sorted.metal_rough(), &mut w.wave.vertices);
         prepare(&mut w.wave, sorted.metal_rough(), self.scene.shading);
-        self.select_parts(bounce, sorted.metal_rough(), w);
+        self.select_lobes(bounce, sorted.metal_rough(), w);
     }
 
     /// Widens the ray cones of paths to those at their hits.
@@ -99,8 +99,8 @@ impl Integrator<'_> {
                         ShadingGroup::MetalRough
                     }
                     group @ (ShadingGroup::Plain | ShadingGroup::PlainMetalRough) => {
-                        let is_shown = needs_details || follows && w.arriving.mirrored[i] != 0;
-                        let is_plain = !is_shown && self.scene.geometries.is_flat(hit);
+                        let has_aovs = needs_details || follows && w.arriving.mirrored[i] != 0;
+                        let is_plain = !has_aovs && self.scene.geometries.is_flat(hit);
                         if is_plain { group } else { group.of_any_shape() }
                     }
                     group => group,
@@ -162,10 +162,10 @@ impl Integrator<'_> {
                 ShadingGroup::Medium => self.make_medium_vertex(i, k, w),
                 ShadingGroup::Rough | ShadingGroup::Specular => {
                     let vertex = self.vertex(bounce, i, w);
-                    let met =
-                        self.select_part(bounce, i, vertex.material(), [vertex.surface.ng, vertex.wo], w);
-                    w.bsdfs[k - general.start] = met.bsdf;
-                    store_general(&mut w.wave.vertices, k, &vertex, &met);
+                    let evaluated =
+                        self.select_lobe(bounce, i, vertex.material(), [vertex.surface.ng, vertex.wo], w);
+                    w.bsdfs[k - general.start] = evaluated.bsdf;
+                    store_general(&mut w.wave.vertices, k, &vertex, &evaluated);
                 }
             }
             if bounce == 0 {
@@ -201,7 +201,7 @@ impl Integrator<'_> {
     /// Adds the emission of a surface where the path ends.
     fn end_at_surface(&self, bounce: u32, i: usize, w: &mut Workspace) {
         let material = &self.scene.materials[w.materials[i] as usize];
-        if self.is_shown(bounce, i, w) || material.medium_index != 0 {
+        if self.has_aovs(bounce, i, w) || material.medium_index != 0 {
             self.vertex(bounce, i, w);
         } else if material.emission.is_some() {
             let at = self.hit_point(bounce, i, w);
@@ -246,12 +246,12 @@ impl Integrator<'_> {
             self.assume_inside(material, at.hit.t, i, &mut w.arriving, wavelengths);
         }
         let wavelengths = w.times.wavelengths(w.arriving.state.radiance_index[i]);
-        let mut met = self.read_material(&at, w.arriving.footprints.width[i], wo, wavelengths);
+        let mut evaluated = self.read_material(&at, w.arriving.footprints.width[i], wo, wavelengths);
         if material.passes_straight && w.arriving.state.pdf[i].competes() {
-            met.bsdf = self.scatter_at_thin_glass(met.bsdf, i, w);
+            evaluated.bsdf = self.scatter_at_thin_glass(evaluated.bsdf, i, w);
         }
         let pane = self.reflect_at_pane(material.pane_thickness, i, w);
-        let EvaluatedMaterial { bsdf, ns, is_mapped } = met;
+        let EvaluatedMaterial { bsdf, ns, is_mapped } = evaluated;
         let (surface, beyond) = (Surface { ns, ..at.surface }, w.arriving.interior[i]);
         let mut vertex = Vertex { surface, bsdf: pane.unwrap_or(bsdf), beyond, is_mapped, is_back, wo };
         if material.emission.is_some() {
@@ -262,7 +262,7 @@ impl Integrator<'_> {
             let boundary = match self.coincident_surfaces(&w.rays[i], &at) {
                 None => self.boundary(bsdf, material, is_back, (bounce, i), &mut w.arriving, wavelengths),
                 Some(coincident) => {
-                    let first = CoincidentHit { at, met, width: w.arriving.footprints.width[i] };
+                    let first = CoincidentHit { at, evaluated, width: w.arriving.footprints.width[i] };
                     let (refracting, boundary) = self.coincident_interface(
                         first,
                         coincident,
@@ -271,8 +271,8 @@ impl Integrator<'_> {
                         &mut w.arriving,
                         wavelengths,
                     );
-                    vertex.surface = Surface { ns: refracting.met.ns, ..refracting.at.surface };
-                    vertex.is_mapped = refracting.met.is_mapped;
+                    vertex.surface = Surface { ns: refracting.evaluated.ns, ..refracting.at.surface };
+                    vertex.is_mapped = refracting.evaluated.is_mapped;
                     boundary
                 }
             };
@@ -285,7 +285,7 @@ impl Integrator<'_> {
         if self.optional.chains {
             self.end_chain_if_bent(bounce, i, &vertex.surface, wo, &mut w.arriving.chains);
         }
-        if self.is_shown(bounce, i, w) {
+        if self.has_aovs(bounce, i, w) {
             self.record_vertex(bounce, i, &at, &vertex, w);
         }
         vertex
@@ -297,7 +297,7 @@ impl Integrator<'_> {
     }
 
     /// Do AOVs show the vertex of arriving path `i`?
-    fn is_shown(&self, bounce: u32, i: usize, w: &Workspace) -> bool {
+    fn has_aovs(&self, bounce: u32, i: usize, w: &Workspace) -> bool {
         match bounce {
             0 => self.first_hits.any(),
             _ => self.optional.mirrored && w.arriving.mirrored[i] != 0,
@@ -316,7 +316,7 @@ impl Integrator<'_> {
         let surface = Surface { material: w.materials[i], ..vertex.surface };
         let of_rgb = self.is_spectral().then(|| self.rgb_bsdf(at, vertex.wo));
         let bsdf = of_rgb.as_ref().unwrap_or(&vertex.bsdf);
-        let weight = self.weight_of_shown(bounce, [i, i], &w.arriving.state, w);
+        let weight = self.aov_weight(bounce, [i, i], &w.arriving.state, w);
         let hit = FirstHit { hit: w.hits[i], time: at.time, surface, wo: vertex.wo, bsdf, weight };
         self.record(bounce, w.arriving.state.radiance_index[i], &hit, &mut w.first_hits);
     }
@@ -324,16 +324,16 @@ impl Integrator<'_> {
     /// Records what AOVs show of a vertex for the sample with a radiance index.
     fn record(&self, bounce: u32, radiance_index: u32, hit: &FirstHit<'_>, first_hits: &mut FirstHits) {
         match bounce {
-            0 => first_hits.record(radiance_index as usize, hit, &self.shown()),
+            0 => first_hits.record(radiance_index as usize, hit, &self.aov_context()),
             _ => {
                 let sample = sample_of_branch(radiance_index, self.options.branches);
-                first_hits.record_behind(sample as usize, hit, &self.shown());
+                first_hits.record_in_mirror(sample as usize, hit, &self.aov_context());
             }
         }
     }
 
     /// The factor on the albedo of a vertex that AOVs show, of ray `i` and the path `k` of `paths`.
-    fn weight_of_shown(&self, bounce: u32, [i, k]: [usize; 2], paths: &PathState, w: &Workspace) -> Rgb {
+    fn aov_weight(&self, bounce: u32, [i, k]: [usize; 2], paths: &PathState, w: &Workspace) -> Rgb {
         if bounce == 0 {
             return w.component_weight(i);
         }
@@ -345,7 +345,7 @@ impl Integrator<'_> {
     }
 
     /// The context of AOVs.
-    pub(super) fn shown(&self) -> AovContext<'_> {
+    pub(super) fn aov_context(&self) -> AovContext<'_> {
         AovContext {
             scene: self.scene,
             view: self.view,
@@ -429,9 +429,9 @@ fn store_opaque(v: &mut Vertices, k: usize, vertex: Vertex) {
 }
 
 /// Stores a vertex with the general BSDF that was selected.
-fn store_general(v: &mut Vertices, k: usize, vertex: &Vertex, met: &EvaluatedMaterial) {
-    store(v, k, &Surface { ns: met.ns, ..vertex.surface });
-    v.relief[k] = met.relief();
+fn store_general(v: &mut Vertices, k: usize, vertex: &Vertex, evaluated: &EvaluatedMaterial) {
+    store(v, k, &Surface { ns: evaluated.ns, ..vertex.surface });
+    v.relief[k] = evaluated.relief();
     set(&mut v.wo, k, vertex.wo);
     v.beyond[k] = vertex.beyond;
 }
@@ -580,7 +580,7 @@ impl Integrator<'_> {
         let bsdf = Bsdf::MetalRough(load_material(&v.metal_rough, k, self.scene.shading));
         // Moving geometry is in other groups.
         let paths = &w.wave.paths.state;
-        let weight = self.weight_of_shown(bounce, [i, k], paths, w);
+        let weight = self.aov_weight(bounce, [i, k], paths, w);
         let hit = FirstHit { hit: w.hits[i], time: 0.0, surface, wo: get(&v.wo, k), bsdf: &bsdf, weight };
         self.record(bounce, paths.radiance_index[k], &hit, &mut w.first_hits);
         if self.optional.mirrored {

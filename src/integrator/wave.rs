@@ -288,7 +288,7 @@ path_state! {
     reference: Lanes, if |c| c.guiding;
     /// 1 where the path has passed nothing but clear glass since the camera, else 0.
     clear: Words, if |c| c.transparent_glass;
-    /// 1 where the path has met nothing but smooth mirrors since the camera, else 0; unset before its first vertex.
+    /// 1 where the path has hit only smooth mirrors since the camera, else 0; unset before its first vertex.
     mirrored: Words, if |c| c.denoising_guides && c.features.mirrors;
 }
 

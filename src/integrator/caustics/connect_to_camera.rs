@@ -2,7 +2,7 @@
 
 use super::super::Integrator;
 use super::super::interior::{CameraInterior, Interior};
-use super::super::leaning_normals::eval_parts;
+use super::super::mapped_normals::eval_lobes;
 use super::super::radiance_buffer::PathClass;
 use super::super::shading_geometry::{EvaluatedMaterial, HitPoint, scattering_normal, terminator_at};
 use super::super::shading_groups::ShadingGroup;
@@ -82,8 +82,8 @@ impl Integrator<'_> {
         let sight = self.view.camera.connect(at.surface.p, path.lens)?;
         let margin = self.options.filter.radius();
         let is_on = |at: f32, size: u32| at > -margin && at < size as f32 + margin;
-        let is_shown = |[x, y]: [f32; 2]| is_on(x, self.view.width) && is_on(y, self.view.height);
-        if !self.view.camera.equivalent_film_points(sight.film).any(is_shown) {
+        let has_aovs = |[x, y]: [f32; 2]| is_on(x, self.view.width) && is_on(y, self.view.height);
+        if !self.view.camera.equivalent_film_points(sight.film).any(has_aovs) {
             return None;
         }
         let is_back = sight.direction.dot(at.surface.ng) <= 0.0;
@@ -95,8 +95,8 @@ impl Integrator<'_> {
         // Texture footprint of a ray from the camera.
         let (width, spread) = self.view.camera.pixel_cone();
         let (wo, wi) = (sight.direction, -path.ray.direction);
-        let met = self.read_material(at, width + spread * sight.distance, wo, wavelengths.as_ref());
-        let receiver = self.receiver(path, material, met, at.surface.ng).seen(wo, wi);
+        let evaluated = self.read_material(at, width + spread * sight.distance, wo, wavelengths.as_ref());
+        let receiver = self.receiver(path, material, evaluated, at.surface.ng).seen(wo, wi);
         let BsdfEval { f_cos, pdf_solid_angle } = self.scattered(&receiver)?;
         let Receiver { ng, wo, wi, .. } = receiver;
         let area = sight.pixels_per_area * (wo.dot(ng) / wi.dot(ng)).abs();
@@ -160,7 +160,7 @@ impl Integrator<'_> {
         if height == 0.0 || bsdf.is_specular() || crosses && (*is_opaque || !bsdf.scatters_through()) {
             return None;
         }
-        let met = EvaluatedMaterial { bsdf: *bsdf, ns: *ns, is_mapped: *is_mapped };
+        let evaluated = EvaluatedMaterial { bsdf: *bsdf, ns: *ns, is_mapped: *is_mapped };
         let n = if *is_lambert { *ns } else { scattering_normal(*ns, *ng, *wo) };
         let eval = if *is_lambert {
             let pdf_solid_angle = wi.dot(n).max(0.0) * FRAC_1_PI;
@@ -173,7 +173,8 @@ impl Integrator<'_> {
                 return None;
             }
             let is_split = *is_mapped && n != *ns;
-            let eval = if is_split { eval_parts(&met, *ng, [viewer, light]) } else { bsdf.eval(wo, wi) };
+            let eval =
+                if is_split { eval_lobes(&evaluated, *ng, [viewer, light]) } else { bsdf.eval(wo, wi) };
             if *is_diffuse {
                 BsdfEval { f_cos: bsdf.diffuse_part(wo, wi).min(eval.f_cos), ..eval }
             } else {
@@ -182,7 +183,7 @@ impl Integrator<'_> {
         };
         let side = if height < 0.0 { -1.0 } else { 1.0 };
         let is_soft = self.softens_terminator() && !crosses;
-        let kept = if is_soft { terminator_at(met.relief(), n * side, *ng * side, *wi) } else { 1.0 };
+        let kept = if is_soft { terminator_at(evaluated.relief(), n * side, *ng * side, *wi) } else { 1.0 };
         (eval.pdf_solid_angle > 0.0).then_some(BsdfEval { f_cos: eval.f_cos * kept, ..eval })
     }
 

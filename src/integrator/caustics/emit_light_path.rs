@@ -186,7 +186,7 @@ const SURVIVAL: f32 = 0.8;
 /// A hit of a light path at a surface that scatters it.
 struct CasterPoint {
     /// Its material; normals are on the side that its BSDF is for.
-    met: EvaluatedMaterial,
+    evaluated: EvaluatedMaterial,
     ng: Vec3,
     /// Direction back along the path.
     wo: Vec3,
@@ -256,7 +256,7 @@ impl Integrator<'_> {
         })
     }
 
-    /// Does a path that met nothing but panes enter one, go on within, or leave it in its first direction?
+    /// Does a path that hit only panes enter one, go on within, or leave it in its first direction?
     fn goes_straight_on(&self, path: &LightPath, at: &HitPoint<'_>, scattered: &Redirected) -> bool {
         if at.material.pane_thickness <= 0.0 {
             return false;
@@ -284,17 +284,22 @@ impl Integrator<'_> {
         if is_solid && at.is_back {
             self.assume_inside(material, at.hit.t, 0, arriving, wavelengths);
         }
-        let met = self.read_material(at, 0.0, wo, wavelengths);
+        let evaluated = self.read_material(at, 0.0, wo, wavelengths);
         let is_only_way = [path.is_only_way, path.is_only_way && path.bounces > 0];
-        let mut caster = CasterPoint { met, ng: at.surface.ng, wo, is_only_way };
+        let mut caster = CasterPoint { evaluated, ng: at.surface.ng, wo, is_only_way };
         let (mut beyond, mut surface) = (arriving.interior[0], at.surface);
         if is_solid {
             let boundary = match self.coincident_surfaces(&path.ray, at) {
-                None => {
-                    self.boundary(met.bsdf, material, at.is_back, (path.bounces, 0), arriving, wavelengths)
-                }
+                None => self.boundary(
+                    evaluated.bsdf,
+                    material,
+                    at.is_back,
+                    (path.bounces, 0),
+                    arriving,
+                    wavelengths,
+                ),
                 Some(touching) => {
-                    let first = CoincidentHit { at: *at, met, width: 0.0 };
+                    let first = CoincidentHit { at: *at, evaluated, width: 0.0 };
                     let (refracting, boundary) = self.coincident_interface(
                         first,
                         touching,
@@ -304,20 +309,20 @@ impl Integrator<'_> {
                         wavelengths,
                     );
                     surface = refracting.at.surface;
-                    (caster.ng, caster.met) = (surface.ng, refracting.met);
+                    (caster.ng, caster.evaluated) = (surface.ng, refracting.evaluated);
                     boundary
                 }
             };
-            (caster.met.bsdf, beyond) = (boundary.bsdf, boundary.beyond);
+            (caster.evaluated.bsdf, beyond) = (boundary.bsdf, boundary.beyond);
             if boundary.is_inverted {
-                (caster.ng, caster.met.ns) = (-caster.ng, -caster.met.ns);
+                (caster.ng, caster.evaluated.ns) = (-caster.ng, -caster.evaluated.ns);
             }
         }
         CasterHit { caster, surface, beyond }
     }
 
     fn scatter_at_caster(&self, at: &CasterPoint, u: [f32; 3]) -> Option<Redirected> {
-        let CasterPoint { met: EvaluatedMaterial { bsdf, ns, .. }, ng, wo, .. } = at;
+        let CasterPoint { evaluated: EvaluatedMaterial { bsdf, ns, .. }, ng, wo, .. } = at;
         // Both normals must agree on the side.
         if wo.dot(*ng) * wo.dot(*ns) <= 0.0 {
             return None;
@@ -344,7 +349,7 @@ impl Integrator<'_> {
 
     /// Specular scattering. Refraction scales flux and radiance differently: `sample.flux` is the ratio.
     fn scatter_specular(at: &CasterPoint, sample: &BsdfSample, direction: Vec3) -> Redirected {
-        let CasterPoint { met: EvaluatedMaterial { ns, .. }, ng, wo, .. } = at;
+        let CasterPoint { evaluated: EvaluatedMaterial { ns, .. }, ng, wo, .. } = at;
         let scale = (wo.dot(*ns) * direction.dot(*ng)) / (wo.dot(*ng) * direction.dot(*ns));
         Redirected {
             direction,
@@ -357,8 +362,8 @@ impl Integrator<'_> {
 
     /// Scattering by an opaque polished surface: the BSDF for a path from the camera that arrives from the sampled direction.
     fn scatter_glossy(&self, at: &CasterPoint, sample: &BsdfSample, direction: Vec3) -> Option<Redirected> {
-        let CasterPoint { met, ng, wo, .. } = at;
-        let EvaluatedMaterial { bsdf, ns, .. } = met;
+        let CasterPoint { evaluated, ng, wo, .. } = at;
+        let EvaluatedMaterial { bsdf, ns, .. } = evaluated;
         if sample.is_transmission {
             return None;
         }
@@ -367,7 +372,7 @@ impl Integrator<'_> {
         let f_cos = bsdf.eval(frame.to_local(direction), frame.to_local(*wo)).f_cos;
         let side = if direction.dot(*ng) < 0.0 { -1.0 } else { 1.0 };
         let kept = if self.softens_terminator() {
-            terminator_at(met.relief(), ns * side, *ng * side, *wo)
+            terminator_at(evaluated.relief(), ns * side, *ng * side, *wo)
         } else {
             1.0
         };
@@ -388,9 +393,9 @@ impl Integrator<'_> {
         material: u32,
         [a, b, lobe]: [f32; 3],
     ) -> Option<Redirected> {
-        let CasterPoint { met, ng, wo: wi, .. } = at;
-        let EvaluatedMaterial { bsdf, ns, .. } = met;
-        let receiver = self.receiver(path, material, *met, *ng);
+        let CasterPoint { evaluated, ng, wo: wi, .. } = at;
+        let EvaluatedMaterial { bsdf, ns, .. } = evaluated;
+        let receiver = self.receiver(path, material, *evaluated, *ng);
         let (direction, pdf) = if receiver.is_lambert || receiver.is_opaque && ns != ng {
             // The whole hemisphere of the geometric normal.
             let side = if wi.dot(*ng) < 0.0 { -1.0 } else { 1.0 };

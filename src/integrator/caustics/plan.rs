@@ -76,7 +76,7 @@ pub(super) struct LightPath {
     pub bounces: u32,
     /// All of them are casters or receivers.
     pub has_roles: bool,
-    /// It passed panes straight on and met nothing else: light samples find its light.
+    /// It passed panes straight on and hit nothing else: light samples find its light.
     pub is_straight: bool,
     /// The light where it starts.
     pub light: u32,

@@ -26,7 +26,7 @@ pub struct BlockSamples {
     pub squares: f64,
 }
 
-/// Least part of what a sample has that is told from rounding.
+/// Least share of a sample's light that is distinguished from rounding.
 const LEAST_SHARE: f32 = 1e-6;
 
 impl Integrator<'_> {

@@ -384,8 +384,8 @@ nodes! {
     /// object or the world.
     NormalMap "normal_map" { space: NormalSpace = NormalSpace::Tangent, uv_map: String = String::new() }
         (strength: float 1.0, color: color [0.5, 0.5, 1.0]) -> (normal: vector);
-    /// A normal that leans as the slope of heights does, which are read at distances of `filter_width` pixels. `object_scale` is how
-    /// often the distance is multiplied by the scale of the object along the normal: 1 where heights are in its space.
+    /// A normal that leans as the slope of heights does, which are read at distances of `filter_width` pixels. The distance is multiplied by
+    /// the scale of the object along the normal to the power of `object_scale`: 1 for heights in object space.
     Bump "bump" { invert: bool = false, filter_width: f32 = 0.1, object_scale: f32 = 0.0 }
         (strength: float 1.0, distance: float 0.001, height: float 1.0, normal: normal) -> (normal: vector);
     /// A direction, and its cosine with a normal.

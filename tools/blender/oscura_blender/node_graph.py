@@ -252,7 +252,7 @@ class Graph:
         self.asks_object = False  # does a node ask about the object?
         self.images = images
         self.baker = baker if baker is not None else bakes.BakeRequests()
-        self.relief = None  # height, its scale and how often that is the object's, of bumps on all of the surface
+        self.relief = None  # height, scale and exponent of the object's scale of bumps on all of the surface
         self.brushed = None  # the axis around which it is brushed; empty along texture coordinates
         self._known = {}
         self._refused = {}  # why nodes are baked

@@ -18,7 +18,7 @@ def bumps(material):
 
 
 def object_scale(material, node):
-    """How often the object's scale multiplies the heights of bumps: once in its space, and once where Cycles takes the slopes there."""
+    """Exponent of the object's scale in the heights of bumps: one for object space, and one where Cycles takes the slopes there."""
     return float(node.space == "OBJECT") + float(material.displacement_method == "BOTH")
 
 

@@ -1,4 +1,4 @@
-//! Mapped normals that lean away from the viewer.
+//! Mapped normals that face away from the viewer.
 //!
 //! Facets are evaluated around a normal that is bent towards the viewer ([`super::shading_geometry::bent_normal`]). The diffuse
 //! base beneath doesn't depend on the viewer and keeps the normal that the map gives, as in Cycles 5.0. A vertex has one normal:
@@ -29,11 +29,11 @@ fn probability(share: f32) -> f32 {
 }
 
 /// Value and density of a mapped surface for a viewer, with each part around its own normal.
-pub(super) fn eval_parts(met: &EvaluatedMaterial, ng: Vec3, [wo, wi]: [Vec3; 2]) -> BsdfEval {
-    let facets = Frame::from_normal(scattering_normal(met.ns, ng, wo));
-    let base = Frame::from_normal(met.ns);
+pub(super) fn eval_lobes(evaluated: &EvaluatedMaterial, ng: Vec3, [wo, wi]: [Vec3; 2]) -> BsdfEval {
+    let facets = Frame::from_normal(scattering_normal(evaluated.ns, ng, wo));
+    let base = Frame::from_normal(evaluated.ns);
     let wo_facets = facets.to_local(wo);
-    let (of_base, of_facets, share) = met.bsdf.split_base(wo_facets);
+    let (of_base, of_facets, share) = evaluated.bsdf.split_base(wo_facets);
     let (a, b) = (
         of_base.eval(local_viewer(&base, wo, ng), base.to_local(wi)),
         of_facets.eval(wo_facets, facets.to_local(wi)),
@@ -47,7 +47,7 @@ pub(super) fn eval_parts(met: &EvaluatedMaterial, ng: Vec3, [wo, wi]: [Vec3; 2])
 
 impl Integrator<'_> {
     /// Keeps the shading normals of vertices of opaque glTF materials from before they are bent.
-    pub(super) fn keep_mapped_normals(&self, range: Range<usize>, v: &mut Vertices) {
+    pub(super) fn keep_unbent_normals(&self, range: Range<usize>, v: &mut Vertices) {
         if self.scene.features.mapped_normals {
             for c in 0..3 {
                 let (from, to): (&Lanes3, &mut Lanes3) = (&v.ns, &mut v.unbent);
@@ -57,7 +57,7 @@ impl Integrator<'_> {
     }
 
     /// Selects parts of opaque glTF materials whose mapped normals were bent.
-    pub(super) fn select_parts(&self, bounce: u32, range: Range<usize>, w: &mut Workspace) {
+    pub(super) fn select_lobes(&self, bounce: u32, range: Range<usize>, w: &mut Workspace) {
         if !self.scene.features.mapped_normals {
             return;
         }
@@ -94,19 +94,19 @@ impl Integrator<'_> {
     }
 
     /// The material at the vertex of arriving path `i`, with the normal that its BSDF is evaluated around; one of its parts where they need two.
-    pub(super) fn select_part(
+    pub(super) fn select_lobe(
         &self,
         bounce: u32,
         i: usize,
-        met: EvaluatedMaterial,
+        evaluated: EvaluatedMaterial,
         [ng, wo]: [Vec3; 2],
         w: &mut Workspace,
     ) -> EvaluatedMaterial {
-        let bent = scattering_normal(met.ns, ng, wo);
-        if !met.is_mapped || bent == met.ns {
-            return EvaluatedMaterial { ns: bent, ..met };
+        let bent = scattering_normal(evaluated.ns, ng, wo);
+        if !evaluated.is_mapped || bent == evaluated.ns {
+            return EvaluatedMaterial { ns: bent, ..evaluated };
         }
-        let (base, above, share) = met.bsdf.split_base(Frame::from_normal(bent).to_local(wo));
+        let (base, above, share) = evaluated.bsdf.split_base(Frame::from_normal(bent).to_local(wo));
         let p = probability(share);
         let path = &mut w.arriving.state;
         let dimensions = self.dimensions(bounce, Purpose::Mix);
@@ -114,7 +114,7 @@ impl Integrator<'_> {
         let is_base = u < p;
         let throughput = get_rgb(&path.throughput, i);
         set_rgb(&mut path.throughput, i, throughput * (1.0 / if is_base { p } else { 1.0 - p }));
-        let (bsdf, ns) = if is_base { (base, met.ns) } else { (above, bent) };
-        EvaluatedMaterial { bsdf, ns, ..met }
+        let (bsdf, ns) = if is_base { (base, evaluated.ns) } else { (above, bent) };
+        EvaluatedMaterial { bsdf, ns, ..evaluated }
     }
 }
