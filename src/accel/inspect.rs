@@ -240,8 +240,9 @@ fn analytic_distance(packet: &AnalyticPacket, p: Vec3) -> f32 {
     let distances = shapes.map(|shape| {
         let (center, radius) = shape.center_and_radius();
         let outside = p.distance(center) - radius;
-        // Within the sphere around a flat shape: it may be anywhere.
-        if shape.is_flat() { outside.max(0.0) } else { outside.abs() }
+        // Within the sphere around a flat shape, its plane may be all there is to know.
+        let from_plane = || shape.normal().map_or(0.0, |normal| (p - center).dot(normal).abs());
+        if shape.is_flat() { outside.max(from_plane()) } else { outside.abs() }
     });
     distances.fold(f32::INFINITY, f32::min)
 }
@@ -280,6 +281,7 @@ mod tests {
     use super::super::{AccelInstance, Geometry};
     use super::*;
     use crate::math::{DAffine3, DVec3};
+    use crate::shape::Disk;
 
     /// The nearest of many points on a triangle, from a fine grid.
     fn searched(p: Vec3, [a, b, c]: [Vec3; 3]) -> f32 {
@@ -315,6 +317,16 @@ mod tests {
             // The grid's step is at most 0.4 / 60 m.
             assert!(found <= truth + 1e-6 && found >= truth - 0.01, "{p}: {found}, not {truth}");
         }
+    }
+
+    #[test]
+    fn a_wide_disk_is_as_far_as_its_plane() {
+        let disk = Disk { center: Vec3::ZERO, axis: 100.0 * Vec3::Y };
+        let ground = Geometry { analytic: vec![Analytic::Disk(disk)], ..Geometry::default() };
+        let accel = Accel::build(&[ground], &[]);
+        assert!((accel.distance(Vec3::new(3.0, 2.0, 5.0)) - 2.0).abs() < 1e-6);
+        assert!((accel.distance(Vec3::new(102.0, 0.0, 0.0)) - 2.0).abs() < 1e-4, "beside it");
+        assert_eq!(accel.distance(Vec3::new(50.0, 0.0, 0.0)), 0.0, "on it");
     }
 
     #[test]
