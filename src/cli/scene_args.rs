@@ -146,6 +146,18 @@ pub(crate) enum StageArg {
     None,
 }
 
+impl StageArg {
+    /// As users write it.
+    pub fn name(self) -> String {
+        self.to_possible_value().map(|value| value.get_name().to_string()).unwrap_or_default()
+    }
+
+    /// The one of a name.
+    pub fn of(name: &str) -> Option<StageArg> {
+        StageArg::from_str(name, false).ok()
+    }
+}
+
 /// Ground of models without a camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum GroundArg {
@@ -303,10 +315,15 @@ fn crease(text: &str) -> std::result::Result<f64, String> {
 }
 
 /// Axes by name.
+/// The axis of a name.
+pub(crate) fn up_of(name: &str) -> Option<Up> {
+    Up::ALL.iter().copied().find(|up| up.name() == name)
+}
+
 pub(crate) fn up() -> impl TypedValueParser<Value = Up> {
     let names = Up::ALL.iter().map(|up| PossibleValue::new(up.name()));
     let parser = PossibleValuesParser::new(names);
-    parser.try_map(|name| Up::ALL.iter().copied().find(|up| up.name() == name).ok_or("is no axis"))
+    parser.try_map(|name| up_of(&name).ok_or("is no axis"))
 }
 
 // What was given in the place of a scene: a file that isn't there, or a folder.

@@ -4,19 +4,20 @@
 use super::args::RenderArgs;
 use super::outcome::Outcome;
 use super::page::{
-    DisplaySettings, Frame, Page, Pose, RenderRequest, SceneInfo, Shared, ViewRequest, bind, own_command,
+    DisplaySettings, Frame, Page, Pose, RECORDED, RenderRequest, SceneInfo, Shared, ViewRequest, bind,
+    own_command,
 };
 use super::process::cancel_by_signals;
 use super::render::{load_options, load_scene};
-use super::scene_args::{BackgroundArg, check_scene_path};
+use super::scene_args::{BackgroundArg, StageArg, check_scene_path};
 use super::settings::{EnvironmentOverride, PictureUse, Prepared, check_memory_before_loading, prepare};
 use clap::error::ErrorKind;
 use clap::parser::ValueSource;
-use clap::{Arg, ArgAction, ArgMatches, Args, Command, value_parser};
-use oscura::compile::{CompiledScene, Compiler, View};
+use clap::{Arg, ArgAction, ArgMatches, Args, Command, ValueEnum, value_parser};
+use oscura::compile::{CompiledScene, Compiler, ObjectId, View};
 use oscura::error::{Error, Result, Warning};
-use oscura::film::{Aov, AovSet};
-use oscura::load::{LoadOptions, Loaded, SavedFiles};
+use oscura::film::Aov;
+use oscura::load::{LoadOptions, Loaded, SavedFiles, Up, leaves_up_open};
 use oscura::math::DVec3;
 use oscura::output::PngOptions;
 use oscura::render::{CancelHandle, Guiding, Labels, PassOutcome, Rendering, Settled, in_pool};
@@ -48,8 +49,9 @@ fn show(args: &ViewArgs, cancel: &CancelHandle) -> Result<Outcome> {
         facts.notes.iter().for_each(|note| say!("note: {note}"));
     }
     let wish = model.wish(args, &facts, &poses)?;
-    let shared = Shared::new(wish, model.look(), facts, poses);
-    let page = Page::open(server, shared, !args.no_open, args.picture.quiet);
+    let look = DisplaySettings { denoise: !args.picture.picture.no_denoise, ..model.look() };
+    let shared = Shared::new(wish, look, facts, poses);
+    let page = Page::open(server, shared, &args.picture, !args.no_open);
     // Rendering stays on this thread, which belongs to the pool.
     std::thread::scope(|scope| {
         scope.spawn(|| watch_over(args.watch.then_some(&files), cancel, &page.shared));
@@ -79,7 +81,7 @@ fn watch_over(files: Option<&SavedFiles>, cancel: &CancelHandle, shared: &Shared
 // The arguments of `oscura view`: those of `render`, but for what concerns files that are written.
 
 /// Arguments of `render` that have no meaning here: they are about files, sequences and reports.
-const UNUSED: [&str; 39] = [
+const UNUSED: [&str; 38] = [
     "output",
     "verbose",
     "frames",
@@ -98,7 +100,6 @@ const UNUSED: [&str; 39] = [
     "region",
     "progress",
     "memory_limit",
-    "denoise",
     "denoiser",
     "oidn_library",
     "deep",
@@ -244,7 +245,9 @@ impl Model {
         let pose =
             poses.get(camera).cloned().ok_or_else(|| Error::input(&args.picture.scene, "has no camera"))?;
         let rotation = self.own_rotation.and(args.picture.env_rotation);
-        Ok(ViewRequest { pose, camera, size, rotation, aov: None, loads: self.loads })
+        let stage = &args.picture.stage;
+        let (up, stage) = (Some(stage.up).filter(|up| *up != Up::Auto), stage.stage);
+        Ok(ViewRequest { pose, camera, size, rotation, aov: None, up, stage, loads: self.loads })
     }
 
     pub fn look(&self) -> DisplaySettings {
@@ -254,7 +257,8 @@ impl Model {
     /// What pages show about it.
     pub fn facts(&self, args: &ViewArgs) -> SceneInfo {
         let (w, h) = (self.settled.options.width, self.settled.options.height);
-        let part = |share: u32| ((w / share).max(1), (h / share).max(1));
+        let part = |(n, of): (u64, u64)| [w, h].map(|v| (u64::from(v) * n / of).max(1) as u32).into();
+        let has_stage = self.loaded.turntable.is_some() && args.picture.env.is_none();
         let name = args.picture.scene.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let camera = |(i, camera): (usize, &Camera)| match camera.name.as_str() {
             "" => format!("Camera {i}"),
@@ -264,10 +268,15 @@ impl Model {
             name,
             cameras: self.loaded.scene.cameras.iter().enumerate().map(camera).collect(),
             triangles: self.triangles,
-            sizes: [4, 2, 1].map(part).to_vec(),
+            sizes: [(1, 4), (1, 2), (3, 4), (1, 1)].map(part).to_vec(),
             rotation: self.own_rotation,
             samples: self.samples,
             passes: self.passes(),
+            up: leaves_up_open(&args.picture.scene).then(|| args.picture.stage.up.name()),
+            stage: has_stage.then(|| args.picture.stage.stage.unwrap_or(StageArg::Studio).name()),
+            ups: Up::ALL.map(Up::name).to_vec(),
+            stages: StageArg::value_variants().iter().map(|stage| stage.name()).collect(),
+            objects: objects(&self.loaded.scene),
             notes: self.notes.clone(),
             is_live: true,
             command: own_command(),
@@ -350,6 +359,12 @@ fn turn(scene: &mut Scene, wanted: Option<f64>) {
     }
 }
 
+/// The names of a scene's objects by number, of the first million.
+fn objects(scene: &Scene) -> Arc<[String]> {
+    let all = ObjectId::all(scene).take(1_000_000);
+    all.map(|object| object.name(scene).unwrap_or_default().to_string()).collect()
+}
+
 fn rotation(environment: &Environment) -> Option<f64> {
     match environment {
         Environment::Image { rotation_rad, .. } => Some(rotation_rad.to_degrees()),
@@ -383,6 +398,7 @@ fn render_wishes(
     while let Some(mut order) = shared.next_order(done) {
         done = order.number;
         if order.wish.loads != model.loads {
+            let args = &chosen(args, &order.wish);
             let loaded = model.reload(args, files, cancel, order.wish.loads);
             let taken = loaded.and_then(|()| take_over(args, &model, &mut order.wish, shared));
             broken = taken.err().map_or(String::new(), |error| error.to_string());
@@ -398,6 +414,14 @@ fn render_wishes(
         }
     }
     Ok(())
+}
+
+/// The arguments with what pages chose of them.
+fn chosen(args: &ViewArgs, wish: &ViewRequest) -> ViewArgs {
+    let mut args = args.clone();
+    args.picture.stage.up = wish.up.unwrap_or(args.picture.stage.up);
+    args.picture.stage.stage = wish.stage.or(args.picture.stage.stage);
+    args
 }
 
 /// Shows what is known of a scene that was loaded again, and brings what is wanted to it.
@@ -447,10 +471,7 @@ fn render_at(
     is_last: bool,
 ) -> Result<bool> {
     let (width, height) = order.wish.size;
-    let aovs = [Some(Aov::Depth), order.wish.aov]
-        .into_iter()
-        .flatten()
-        .fold(AovSet::NONE, |all, aov| all.union(aov.into()));
+    let aovs = order.wish.aov.iter().fold(RECORDED, |all, aov| all.with(*aov));
     // A limit makes the first pass one of a single sample.
     let options = model
         .settled
@@ -458,6 +479,7 @@ fn render_at(
         .size((width / scale).max(1), (height / scale).max(1))
         .samples(samples)
         .aovs(aovs)
+        .halves(true)
         .time_limit(Some(Duration::from_secs(1 << 30)))
         // The first picture can't wait until paths have learned.
         .guiding(Guiding::Off)

@@ -239,6 +239,11 @@ fn smoothed(path: &Path, options: &LoadOptions, is_of_meshes: bool, loaded: &mut
     }
 }
 
+/// Do files of this format leave open which axis points up?
+pub fn leaves_up_open(path: impl AsRef<Path>) -> bool {
+    matches!(formats::of(path.as_ref()), Format::Model(model) if model.leaves_up_open)
+}
+
 /// The steps that follow reading, for all formats: options that apply to meshes, the sidecar, the up axis, displacement,
 /// the stage of models without camera or light, and validation.
 fn complete(

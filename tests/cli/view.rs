@@ -49,6 +49,12 @@ impl View {
         let mut child = Command::new(env!("CARGO_BIN_EXE_oscura"))
             .args(arguments)
             .args(["--width", "64", "--height", "48"])
+            .args(
+                arguments
+                    .first()
+                    .filter(|first| **first == "view" && !arguments.contains(&"--denoise"))
+                    .map(|_| "--no-denoise"),
+            )
             .current_dir(folder.path())
             .stderr(Stdio::piped())
             .spawn()
@@ -207,10 +213,117 @@ fn pictures_so_far_are_saved_as_files() {
     let (status, exr) = view.ask("GET", "/picture.exr", "", &[]);
     assert_eq!((status, &exr[..4]), (200, &[0x76, 0x2f, 0x31, 0x01][..]));
     assert_eq!(&view.ask("GET", "/picture.png", "", &[]).1[1..4], b"PNG");
-    for page in ["/", "/page.css", "/page.js", "/hands.js"] {
+    for page in ["/", "/page.css", "/page.js", "/hands.js", "/picture.js", "/icon.svg"] {
         assert_eq!(view.ask("GET", page, "", &[]).0, 200, "{page}");
     }
     assert_eq!(view.ask("GET", "/../Cargo.toml", "", &[]).0, 404);
+}
+
+/// A grey ball under a sky, whose pixels are noisy.
+fn noisy_scene() -> String {
+    let scene =
+        SCENE.replace("background = [0.5, 0.5, 0.5]", "sky = { nadir = [0, 0, 0], zenith = [1, 2, 4] }");
+    scene.replace("type = \"emissive\"\nradiance = [1, 0, 0]", "type = \"lambert\"\ncolor = [0.8, 0.8, 0.8]")
+}
+
+/// Mean difference of neighbours within the ball.
+fn roughness(pixels: &[u8]) -> f64 {
+    let places = || (18..30).flat_map(|y| (26..38).map(move |x| (x, y)));
+    let step = |(x, y)| f64::from(pixel(pixels, x, y)[1].abs_diff(pixel(pixels, x + 1, y)[1]));
+    places().map(step).sum::<f64>() / places().count() as f64
+}
+
+#[test]
+fn pictures_are_denoised_where_that_is_wanted() {
+    let view = View::of(
+        &[("scene.toml", &noisy_scene())],
+        &["view", "scene.toml", "--no-open", "--spp", "4", "--denoise"],
+    );
+    let is_denoised = |state: &Value| state["finished"] == true && state["denoised"] == 4.0;
+    let (state, smooth) = view.wait(is_denoised);
+    assert!(state["command"].as_str().unwrap().contains(" --denoise "), "{state}");
+    let (_, exr) = view.ask("GET", "/picture.exr", "", &[]);
+    let file = view.folder.path().join("saved.exr");
+    fs::write(&file, exr).unwrap();
+    assert!(format!("{:?}", attribute(&file, "denoised")).contains("guides"), "the file tells");
+    view.post("/set", r#"{"split": 0.5}"#);
+    let (_, halved) = view.wait(|state| state["split"] == 0.5);
+    view.post("/set", r#"{"denoise": false}"#);
+    let (state, noisy) = view.wait(|state| state["denoise"] == false);
+    assert!(
+        state["denoised"].is_null() && state["command"].as_str().unwrap().contains(" --no-denoise "),
+        "{state}"
+    );
+    assert!(roughness(&smooth) < 0.6 * roughness(&noisy), "{} {}", roughness(&smooth), roughness(&noisy));
+    for (x, of) in [(31, &noisy), (32, &smooth)] {
+        assert!((0..48).all(|y| pixel(&halved, x, y) == pixel(of, x, y)), "column {x}");
+    }
+    assert_eq!(view.ask("POST", "/set", r#"{"split": 2}"#, &[]).0, 400);
+}
+
+#[test]
+fn objects_have_outlines_and_names() {
+    let scene = SCENE.replace("[[objects]]", "[[objects]]\nname = \"red ball\"");
+    let view = View::of(&[("scene.toml", &scene)], &["view", "scene.toml", "--no-open", "--spp", "1"]);
+    view.finished();
+    let (status, body) = view.ask("GET", "/outline?x=0.5&y=0.5", "", &[]);
+    let outline: Value = serde_json::from_slice(&body).expect("an outline");
+    assert_eq!(
+        (status, &outline["name"], &outline["width"]),
+        (200, &"red ball".into(), &64.into()),
+        "{outline}"
+    );
+    assert!(outline["path"].as_str().unwrap().starts_with('M'), "{outline}");
+    for nowhere in ["x=0.01&y=0.01", "x=2&y=0", "x=0.5", ""] {
+        assert_eq!(view.ask("GET", &format!("/outline?{nowhere}"), "", &[]).0, 404, "{nowhere}");
+    }
+}
+
+#[test]
+fn passes_have_small_pictures() {
+    let view = View::new(&[]);
+    view.finished();
+    for (pass, shown) in [("", [255, 0, 0, 255]), ("normal", [128, 128, 255, 255])] {
+        let (status, body) = view.ask("GET", &format!("/thumbnail?pass={pass}"), "", &[]);
+        assert_eq!(status, 200, "{pass}");
+        let length = u32::from_le_bytes(body[..4].try_into().unwrap()) as usize;
+        let told: Value = serde_json::from_slice(&body[4..4 + length]).unwrap();
+        assert_eq!((&told["width"], &told["height"]), (&64.into(), &48.into()));
+        let middle = pixel(&body[4 + length..], 32, 24);
+        assert!(middle.iter().zip(shown).all(|(a, b)| a.abs_diff(b) < 8), "{pass}: {middle:?}");
+    }
+    for none in ["roughness", "nonsense"] {
+        assert_eq!(view.ask("GET", &format!("/thumbnail?pass={none}"), "", &[]).0, 404, "{none}");
+    }
+    // What is recorded anyway is shown without rendering again.
+    let (state, _) = view.finished();
+    view.post("/set", r#"{"pass": "albedo"}"#);
+    let (after, _) = view.wait(|state| state["pass"] == "albedo");
+    assert_eq!((&after["order"], &after["finished"]), (&state["order"], &true.into()));
+}
+
+#[test]
+fn models_change_their_stage_and_their_up_axis() {
+    let mesh = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nv 0 0 1\nf 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n";
+    let view =
+        View::of(&[("model.obj", mesh)], &["view", "model.obj", "--no-open", "--spp", "1", "--up", "y"]);
+    let (state, studio) = view.finished();
+    assert_eq!((&state["stage"], &state["up"]), (&"studio".into(), &"y".into()), "{state}");
+    view.post("/set", r#"{"stage": "sunset"}"#);
+    let (state, sunset) = view.wait(|state| state["stage"] == "sunset" && state["finished"] == true);
+    let warmth = |pixels: &[u8]| i32::from(pixel(pixels, 2, 2)[0]) - i32::from(pixel(pixels, 2, 2)[2]);
+    assert!(warmth(&sunset) > warmth(&studio) + 10, "{} {}", warmth(&sunset), warmth(&studio));
+    assert_eq!(state["command"].as_str().unwrap().matches("--stage sunset").count(), 1, "{state}");
+    view.post("/set", r#"{"up": "z"}"#);
+    let (state, _) = view.wait(|state| state["up"] == "z" && state["finished"] == true);
+    let command = state["command"].as_str().unwrap();
+    assert!(command.contains("--up=z") && command.matches("--up").count() == 1, "{command}");
+    for nonsense in [r#"{"up": "w"}"#, r#"{"stage": "moon"}"#] {
+        assert_eq!(view.ask("POST", "/set", nonsense, &[]).0, 400, "{nonsense}");
+    }
+    let toml = View::new(&[]);
+    let (state, _) = toml.finished();
+    assert!(state["stage"].is_null() && state["up"].is_null(), "nothing to choose: {state}");
 }
 
 #[test]

@@ -101,12 +101,45 @@ def check_hosts(address):
             raise AssertionError(f"{url} with {headers} should be refused")
 
 
+def check_panel(page, pictures):
+    """Denoising, passes, outlines, the help, and what readers of the screen are told."""
+    page.locator("#denoise").check()
+    wait_for(page, "document.body.dataset.denoised > 100", "a denoised picture")
+    unnamed = page.evaluate("""() => [...document.querySelectorAll("button, a, input, select, textarea, canvas, progress")]
+      .filter((e) => e.checkVisibility() && !(e.labels?.length || e.ariaLabel || e.textContent.trim() || e.closest("button")))
+      .map((e) => e.outerHTML)""")
+    assert not unnamed, f"controls without a name: {unnamed}"
+    wait_for(page, "document.querySelector('#thumbnails button:nth-child(3) canvas').width > 100", "small pictures")
+    page.locator("#thumbnails button").nth(2).click()
+    wait_to_see(page, lambda seen: abs(seen["mean"][0] - 127.5) < 30, "normals by their small picture")
+    page.keyboard.press("Shift+P")
+    page.locator("#thumbnails button").first.click()
+    wait_for(page, "document.getElementById('pass').value === ''", "colour again")
+    box = page.locator("#picture").bounding_box()
+    page.mouse.move(box["x"] + 0.58 * box["width"], box["y"] + 0.5 * box["height"])
+    wait_for(page, "document.getElementById('outline').getAttribute('d')?.length > 100", "an outline")
+    pictures(page, "outline")
+    page.keyboard.press("o")
+    wait_for(page, "!document.getElementById('outline').getAttribute('d')", "no outline")
+    page.keyboard.press("d")
+    wait_for(page, "!document.getElementById('denoise').checked && document.body.dataset.denoised === '0'", "noise")
+    page.keyboard.press("?")
+    assert page.evaluate("document.getElementById('help').open"), "the help opens"
+    page.keyboard.press("Escape")
+    page.set_viewport_size({"width": 390, "height": 844})
+    width = page.locator("#picture").bounding_box()["width"]
+    assert width > 380 and page.evaluate("document.documentElement.scrollWidth") == 390, f"a phone's screen: {width}"
+    pictures(page, "phone")
+    page.set_viewport_size({"width": 1280, "height": 720})
+
+
 def check(page, other, program, pictures):
     start = time.monotonic()
     page.goto(program.address)
     wait_for(page, "document.body.dataset.version > 0", "a first picture")
     print(f"first picture after {time.monotonic() - start:.2f} s, page and all")
-    wait_for(page, "document.body.dataset.samples >= 1", "a whole picture")
+    page.locator("#denoise").uncheck()
+    wait_for(page, "document.body.dataset.denoised === '0' && document.body.dataset.samples >= 1", "a whole picture")
     first = page.evaluate(LOOK)
     assert first["mean"][2] > 100, f"a light sky: {first}"
     samples = float(page.evaluate("document.body.dataset.samples"))
@@ -116,6 +149,7 @@ def check(page, other, program, pictures):
     wait_for(page, "document.body.dataset.finished === 'true'", "all samples")
     pictures(page, "page")
 
+    check_panel(page, pictures)
     other.goto(program.address)
     wait_for(other, "document.body.dataset.finished === 'true'", "a second page shows the same")
 

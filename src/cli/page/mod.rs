@@ -1,7 +1,10 @@
 //! A page in the browser that shows a picture while it renders: what it asks for and how it is served. [`state`] is shared by
 //! the threads that answer requests and the one that renders.
 
+mod denoiser;
 mod http;
+mod outline;
+mod pixels;
 mod pose;
 mod server;
 mod state;
@@ -14,7 +17,9 @@ use oscura::render::Rendering;
 use oscura::scene::Camera;
 pub(super) use pose::Pose;
 pub(super) use server::{Page, bind};
-pub(super) use state::{DisplaySettings, Frame, RenderRequest, SceneInfo, Shared, ViewRequest, own_command};
+pub(super) use state::{
+    DisplaySettings, Frame, RECORDED, RenderRequest, SceneInfo, Shared, ViewRequest, own_command,
+};
 use std::time::{Duration, Instant};
 
 // `oscura render --preview`: the page shows what is rendered anyway.
@@ -38,7 +43,16 @@ impl PagePreview {
     pub fn open(args: &RenderArgs, opens: bool) -> Result<PagePreview> {
         let server = bind(0)?;
         let pose = Pose::new(Camera::look_at([0.0, 0.0, 1.0], [0.0; 3], 30.0), 1.0);
-        let wish = ViewRequest { pose, camera: 0, size: (1, 1), rotation: None, aov: None, loads: 0 };
+        let wish = ViewRequest {
+            pose,
+            camera: 0,
+            size: (1, 1),
+            rotation: None,
+            aov: None,
+            up: None,
+            stage: None,
+            loads: 0,
+        };
         let facts = SceneInfo {
             name: args.scene.file_name().unwrap_or_default().to_string_lossy().into_owned(),
             command: std::iter::once("oscura".to_string()).chain(state::arguments()).collect(),
@@ -46,7 +60,7 @@ impl PagePreview {
         };
         let look = DisplaySettings::new(PngOptions::default());
         let shared = Shared::new(wish, look, facts, Vec::new());
-        Ok(PagePreview { page: Page::open(server, shared, opens, args.quiet), shown: None })
+        Ok(PagePreview { page: Page::open(server, shared, args, opens), shown: None })
     }
 
     /// A picture begins.
@@ -58,7 +72,8 @@ impl PagePreview {
         self.page.shared.wish(|state| {
             state.wish.pose = Pose::new(camera.clone(), 1.0);
             state.wish.size = size;
-            state.look = DisplaySettings { aov: state.look.aov, ..DisplaySettings::new(png.clone()) };
+            let DisplaySettings { aov, denoise, split, .. } = state.look;
+            state.look = DisplaySettings { aov, denoise, split, ..DisplaySettings::new(png.clone()) };
             state.facts.sizes = vec![size];
             state.facts.cameras = vec![camera.name.clone()];
             state.facts.triangles = triangles;

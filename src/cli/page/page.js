@@ -2,11 +2,16 @@
 // sent to it, and come back with the next picture, so that several pages stay alike.
 
 import { listen } from "./hands.js";
+import { decode, drawHistogram, outliner, put, thumbnails } from "./picture.js";
 
 const $ = (id) => document.getElementById(id);
 const canvas = $("picture");
-const context = canvas.getContext("2d");
-let told = null;
+const outline = outliner($("overlay"), $("outline"), $("object"));
+const showThumbnails = thumbnails($("thumbnails"), canvas, (pass) => set({ pass }));
+let told = null, namesObjects = true;
+
+/** Values that every picture has besides the pass that is shown. */
+const RECORDED = /^([RGBAZ]$|N\.|albedo\.|denoising_|object\.)/;
 
 /** Sends something to the program. */
 async function post(url, body) {
@@ -38,23 +43,26 @@ async function follow() {
   }
 }
 
-/** Draws an answer: a length, JSON of that length, pixels. */
+/** Draws an answer. */
 function draw(buffer) {
-  const length = new DataView(buffer).getUint32(0, true);
-  told = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
-  const pixels = new Uint8ClampedArray(buffer, 4 + length);
-  if (canvas.width !== told.width || canvas.height !== told.height) {
-    canvas.width = told.width;
-    canvas.height = told.height;
+  const wasFinished = told?.finished, order = told?.order;
+  const { told: news, image } = decode(buffer);
+  told = news;
+  if (image) {
+    put(canvas, image);
+    drawHistogram($("histogram"), image);
   }
-  context.putImageData(new ImageData(pixels, told.width, told.height), 0, 0);
   $("waiting").hidden = true;
+  if (told.order !== order) outline.clear();
+  if (told.finished && !wasFinished) $("said").textContent = "The picture is done.";
   fit();
   tell();
+  showThumbnails(told);
   // For programs that drive the page.
   document.body.dataset.version = told.version;
   document.body.dataset.samples = told.preview ? 0 : told.samples;
   document.body.dataset.finished = told.finished;
+  document.body.dataset.denoised = told.denoised ?? 0;
   return told.version;
 }
 
@@ -62,10 +70,10 @@ function draw(buffer) {
 function fit() {
   if (!told) return;
   const [width, height] = told.size;
-  const room = canvas.parentElement;
+  const room = $("stage");
   const scale = Math.min(room.clientWidth / width, room.clientHeight / height, 2);
-  canvas.style.width = `${Math.round(width * scale)}px`;
-  canvas.style.height = `${Math.round(height * scale)}px`;
+  $("frame").style.width = `${Math.round(width * scale)}px`;
+  $("frame").style.height = `${Math.round(height * scale)}px`;
 }
 
 /** Fills a list of choices, unless it has them already. */
@@ -96,17 +104,31 @@ function tell() {
   $("facts").textContent = `${facts.triangles.toLocaleString("en")} triangles`;
   const samples = told.samples.toLocaleString("en", { maximumFractionDigits: 0 });
   const progress = told.preview ? "preview" : `${samples} of ${facts.samples} samples`;
-  const error = told.error && !told.preview ? `, error about ${(100 * told.error).toPrecision(2)} %` : "";
+  const error = told.error && !told.preview ? `, noise ${(100 * told.error).toPrecision(2)} %` : "";
   $("state").textContent = `${progress}, ${told.seconds.toFixed(1)} s${error}${told.finished ? ", done" : ""}`;
+  $("progress").value = told.preview ? 0 : told.samples / facts.samples;
   showTrouble(told.trouble);
   slide("exposure", told.exposure, `${told.exposure.toFixed(1)} stops`);
-  slide("defocus", told.defocus, told.defocus ? `${told.defocus.toFixed(2)}°` : "closed");
+  slide("defocus", told.defocus, told.defocus ? `${told.defocus.toFixed(2)}°` : "off");
+  $("denoise").checked = told.denoise;
+  const taken = Math.round(told.denoised ?? 0);
+  $("denoise-value").textContent = taken ? `of ${taken} sample${taken > 1 ? "s" : ""}` : told.denoise ? "soon" : "off";
+  $("split-row").hidden = !told.denoise;
+  slide("split", told.split, `${Math.round(100 * told.split)} %`);
+  $("split-line").hidden = !told.denoised || told.split === 0 || told.pass !== "";
+  $("split-line").style.left = `${100 * told.split}%`;
   document.body.classList.toggle("looking-on", !facts.is_live);
   $("rotation-row").hidden = facts.rotation === null;
   slide("rotation", told.rotation ?? 0, `${Math.round(told.rotation ?? 0)}°`);
   fill($("view"), told.views.map((name) => [name, name]), told.view);
   fill($("pass"), [["", "colour"], ...facts.passes.map(([name, about]) => [name, name.replaceAll("_", " "), about])], told.pass);
   fill($("size"), facts.sizes.map(([w, h]) => [`${w},${h}`, `${w} x ${h}`]), told.size.join(","));
+  const named = (names) => names.map((name) => [name, name]);
+  $("stage-row").hidden = told.stage === null;
+  $("up-row").hidden = told.up === null;
+  $("light").hidden = told.stage === null && told.up === null && facts.rotation === null;
+  fill($("stage-light"), named(facts.stages), told.stage);
+  fill($("up"), named(facts.ups), told.up);
   fill($("camera"), facts.cameras.map((name, i) => [String(i), name]), String(told.camera));
   if (document.activeElement !== $("command")) $("command").value = told.command;
   $("note-count").textContent = `(${facts.notes.length})`;
@@ -117,7 +139,7 @@ function tell() {
   }
 }
 
-/** Numbers under the mouse. */
+/** Numbers and the object under the mouse. */
 async function probe(x, y) {
   const answer = await fetch(`probe?x=${x}&y=${y}`);
   if (!answer.ok) return;
@@ -125,8 +147,10 @@ async function probe(x, y) {
   const number = (v) => (v === null ? "none" : Number(v).toPrecision(4));
   const rgb = ["R", "G", "B"].map((c) => number(values[c])).join(" ");
   const depth = values.Z > 5e9 ? "" : `  ${number(values.Z)} m`;
-  const others = Object.entries(values).filter(([name]) => !["R", "G", "B", "A", "Z"].includes(name)).slice(0, 4);
-  const more = others.map(([name, v]) => `  ${name} ${number(v)}`).join("");
+  if (namesObjects) outline.show(x, y, values["object.id"], told.version);
+  const prefix = { normal: "N.", albedo: "albedo." }[told.pass];
+  const shown = ([name]) => (prefix ? name.startsWith(prefix) : !RECORDED.test(name));
+  const more = Object.entries(values).filter(shown).slice(0, 4).map(([name, v]) => `  ${name} ${number(v)}`).join("");
   $("probe").textContent = `${column}, ${row}  ${rgb}${depth}${more}`;
 }
 
@@ -146,9 +170,13 @@ function live(input, choice) {
 live($("exposure"), (v) => ({ exposure: Number(v) }));
 live($("rotation"), (v) => ({ rotation: Number(v) }));
 live($("defocus"), (v) => ({ defocus: Number(v) }));
+live($("split"), (v) => ({ split: Number(v) }));
 live($("view"), (v) => ({ view: v }));
 live($("pass"), (v) => ({ pass: v }));
 live($("size"), (v) => ({ size: v.split(",").map(Number) }));
+live($("stage-light"), (v) => ({ stage: v }));
+live($("up"), (v) => ({ up: v }));
+$("denoise").addEventListener("input", () => set({ denoise: $("denoise").checked }));
 $("camera").addEventListener("input", () => post("camera", Number($("camera").value)));
 $("reset").addEventListener("click", () => post("camera", Number($("camera").value)));
 $("reload").addEventListener("click", () => post("reload"));
@@ -167,6 +195,32 @@ const aim = (on) => {
   canvas.classList.toggle("aiming", on);
 };
 $("focus").addEventListener("click", () => aim($("focus").getAttribute("aria-pressed") !== "true"));
+$("keys").addEventListener("click", () => $("help").showModal());
+$("theme").addEventListener("click", () => {
+  const root = document.documentElement.style;
+  root.colorScheme = { "": "light", light: "dark", dark: "" }[root.colorScheme];
+});
+
+/** Keys that work wherever the focus is, but where text or a choice is entered. */
+const keys = {
+  "?": () => $("help").showModal(),
+  d: () => $("denoise").click(),
+  r: () => $("reset").click(),
+  p: () => stepPass(1),
+  P: () => stepPass(-1),
+  o: () => { namesObjects = !namesObjects; outline.clear(); },
+  Escape: () => { aim(false); outline.clear(); },
+};
+const stepPass = (by) => {
+  const list = $("pass");
+  set({ pass: list.options[(list.selectedIndex + by + list.length) % list.length].value });
+};
+window.addEventListener("keydown", (event) => {
+  const isTyping = event.target.matches("select, textarea") || $("help").open;
+  if (!told || isTyping || event.ctrlKey || event.metaKey || event.altKey || !keys[event.key]) return;
+  keys[event.key]();
+  event.preventDefault();
+});
 
 listen(canvas, {
   move: async (step) => told?.facts.is_live && post("move", step),
@@ -177,7 +231,8 @@ listen(canvas, {
     if (!told?.facts.is_live) return;
     if (await post("focus", [x, y]) && told.defocus === 0) set({ defocus: 1 });
   },
-  reset: () => $("reset").click(),
+  tap: probe,
+  leave: () => outline.clear(),
 });
 window.addEventListener("resize", fit);
 follow();

@@ -3,13 +3,19 @@
 //! Requests must name this machine as their host, so that no foreign name that leads here is served, must not come from
 //! another site's pages, and must have the page's key in their path, which other users of this machine don't know.
 
+use super::denoiser::denoise_frames;
 use super::http;
 use super::http::{Answering, Request, Response};
+use super::outline::Outline;
+use super::pixels::Pixels;
 use super::pose::Move;
-use super::state::{Frame, Shared, State, state_json};
+use super::state::{Frame, RECORDED, Shared, State, state_json};
+use crate::cli::args::RenderArgs;
+use crate::cli::scene_args::{StageArg, up_of};
 use oscura::error::{Error, Result};
 use oscura::film::Aov;
 use oscura::output::{Format, OutputOptions, encode};
+use oscura::render::denoising_guides;
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
@@ -59,15 +65,17 @@ pub(crate) struct Page {
 
 impl Page {
     /// Serves a page, tells where it is, and opens it.
-    pub fn open(server: Server, shared: Shared, opens: bool, is_quiet: bool) -> Page {
+    pub fn open(server: Server, shared: Shared, args: &RenderArgs, opens: bool) -> Page {
         let Server { listener, address, door } = server;
         let page = Page { address, is_over: Arc::default(), shared: Arc::new(shared) };
         let place = format!("http://{address}{}", door.page());
-        if !is_quiet {
+        if !args.quiet {
             say!("view     {place} (Ctrl-C ends it)");
         }
         let way_in = format!("http://{address}{}", door.way_in());
         let (is_over, shared) = (page.is_over.clone(), page.shared.clone());
+        let (denoised, threads) = (shared.clone(), args.threads.map(usize::from));
+        std::thread::spawn(move || denoise_frames(&denoised, threads));
         let answer = move |request: &Request| response(answered(request, address.port(), &door, &shared));
         let answer: Arc<Answering> = Arc::new(answer);
         std::thread::spawn(move || http::serve(&listener, &is_over, &answer));
@@ -152,11 +160,13 @@ const PATIENCE: Duration = Duration::from_secs(20);
 const LOOK_ON: &str =
     "this picture is rendered to the end as it was begun; 'oscura view' shows what can be turned";
 
-const PAGE: [(&str, &str, &str); 4] = [
+const PAGE: [(&str, &str, &str); 6] = [
     ("/", "text/html; charset=utf-8", include_str!("index.html")),
     ("/page.css", "text/css; charset=utf-8", include_str!("page.css")),
     ("/page.js", "text/javascript; charset=utf-8", include_str!("page.js")),
     ("/hands.js", "text/javascript; charset=utf-8", include_str!("hands.js")),
+    ("/picture.js", "text/javascript; charset=utf-8", include_str!("picture.js")),
+    ("/icon.svg", "image/svg+xml", include_str!("icon.svg")),
 ];
 
 pub(super) struct Answer {
@@ -207,37 +217,90 @@ pub(super) fn get(url: &str, shared: &Shared) -> Answer {
                 None => Answer::text(404, "there is no such pixel yet"),
             }
         }
+        "/outline" => {
+            let place = number("x").zip(number("y"));
+            let (frame, names) = {
+                let state = shared.lock();
+                (state.frame.clone(), state.facts.objects.clone())
+            };
+            match place.zip(frame).and_then(|(place, frame)| Outline::at(&frame, place, &names)) {
+                Some(found) => Answer::json(&json!(found)),
+                None => Answer::text(404, "there is no object here"),
+            }
+        }
+        "/thumbnail" => thumbnail(query.strip_prefix("pass=").unwrap_or_default(), shared),
         "/picture.exr" => picture(Format::Exr, "picture.exr", shared),
         "/picture.png" => picture(Format::Png, "picture.png", shared),
         _ => Answer::text(404, "there is no such page"),
     }
 }
 
-/// The state as JSON and the pixels behind it: the JSON's length as four bytes, the lowest first; the JSON; RGBA.
+/// The state as JSON and the pixels behind it: the JSON's length as four bytes, the lowest first; the JSON; RGBA, unless who
+/// asks has it already: encoding takes longer than a first picture.
 fn frame(version: u64, shared: &Shared) -> Answer {
     let state = shared.wait_for_news(version, PATIENCE);
     let (Some(frame), true) = (state.frame.clone(), state.version > version) else {
         return Answer { status: 204, ..Answer::bytes(Vec::new()) };
     };
-    let (look, text) = (state.look.clone(), state_json(&state, &frame).to_string());
+    let (look, denoised) = (state.look.clone(), state.denoised_frame().cloned());
+    let text = state_json(&state, &frame);
+    let has_pixels = version >= state.pixels_version;
     drop(state);
-    let pixels = frame.pixels(&look);
-    let mut body = Vec::with_capacity(4 + text.len() + pixels.len());
+    if has_pixels {
+        return text_and_pixels(text, &Pixels { width: 0, height: 0, rgba: Vec::new() });
+    }
+    text_and_pixels(text, &Pixels::of(&frame, denoised.as_ref(), &look))
+}
+
+/// Adds the size of the pixels to the text.
+fn text_and_pixels(mut text: Value, pixels: &Pixels) -> Answer {
+    (text["width"], text["height"]) = (pixels.width.into(), pixels.height.into());
+    let text = text.to_string();
+    let mut body = Vec::with_capacity(4 + text.len() + pixels.rgba.len());
     body.extend((text.len() as u32).to_le_bytes());
     body.extend(text.into_bytes());
-    body.extend(pixels);
+    body.extend(&pixels.rgba);
     Answer::bytes(body)
+}
+
+/// Widest small picture of a pass, pixels.
+const THUMBNAIL: u32 = 160;
+
+/// A small picture of a pass, in the form of [`frame`]; "" is colour.
+fn thumbnail(pass: &str, shared: &Shared) -> Answer {
+    let (frame, mut look, denoised) = {
+        let state = shared.lock();
+        (state.frame.clone(), state.look.clone(), state.denoised_frame().cloned())
+    };
+    (look.aov, look.split) = (Aov::from_option(pass), 0.0);
+    let has_it = |frame: &Frame| look.aov.is_none_or(|aov| frame.film.aov(aov).is_some());
+    match frame.filter(|frame| has_it(frame) && (pass.is_empty() || look.aov.is_some())) {
+        Some(frame) => {
+            let small = Pixels::of(&frame, denoised.as_ref(), &look).reduced(THUMBNAIL);
+            text_and_pixels(json!({ "pass": pass }), &small)
+        }
+        None => Answer::text(404, "there is no picture of this pass yet"),
+    }
 }
 
 /// The picture so far as a file.
 fn picture(format: Format, name: &'static str, shared: &Shared) -> Answer {
-    let (frame, look) = {
+    let (frame, look, denoised) = {
         let state = shared.lock();
-        (state.frame.clone(), state.look.clone())
+        (state.frame.clone(), state.look.clone(), state.denoised_frame().cloned())
     };
     let Some(frame) = frame else { return Answer::text(404, "there is no picture yet") };
-    let options = OutputOptions { png: look.png, ..frame.output.clone() };
-    match encode(&frame.film, format, &options, name) {
+    let mut options = OutputOptions { png: look.png, ..frame.output.clone() };
+    let mut film = match denoised.filter(|denoised| denoised.scale == frame.scale) {
+        Some(denoised) => {
+            options.metadata.denoised = Some(denoised.by.to_string());
+            options.metadata.samples = denoised.samples;
+            (*denoised.film).clone()
+        }
+        None => frame.film.clone(),
+    };
+    film.forget(denoising_guides().iter());
+    match encode(&film, format, &options, name) {
         Ok(encoded) => Answer { name: Some(name), ..Answer::bytes(encoded.bytes) },
         Err(error) => Answer::text(500, &error.to_string()),
     }
@@ -254,6 +317,12 @@ struct Settings {
     rotation: Option<f64>,
     size: Option<(u32, u32)>,
     defocus: Option<f64>,
+    denoise: Option<bool>,
+    /// Share of the width that shows the picture before denoising.
+    split: Option<f64>,
+    /// The axis that points up.
+    up: Option<String>,
+    stage: Option<String>,
 }
 
 /// Does as it is told.
@@ -320,11 +389,13 @@ fn set(settings: Settings, shared: &Shared) -> std::result::Result<(), String> {
     let look = shared.lock().look.clone();
     let view = settings.view.as_deref().map(|name| look.view(name).ok_or("there is no such view"));
     let view = view.transpose()?;
-    let fits = |exposure: f32| (-100.0..=100.0).contains(&exposure);
-    if !settings.exposure.is_none_or(fits) || !settings.rotation.is_none_or(f64::is_finite) {
-        return Err("a number is out of range".to_string());
-    }
-    let is_wish = settings.rotation.is_some() || settings.size.is_some() || settings.defocus.is_some();
+    check_numbers(&settings)?;
+    let up = settings.up.as_deref().map(|name| up_of(name).ok_or("there is no such axis")).transpose()?;
+    let stage = settings.stage.as_deref().map(|name| StageArg::of(name).ok_or("there is no such stage"));
+    let stage = stage.transpose()?;
+    let loads = up.is_some() || stage.is_some();
+    let is_lens = settings.size.is_some() || settings.defocus.is_some();
+    let is_wish = settings.rotation.is_some() || is_lens || loads;
     if is_wish && !shared.lock().facts.is_live {
         return Err(LOOK_ON.to_string());
     }
@@ -332,24 +403,41 @@ fn set(settings: Settings, shared: &Shared) -> std::result::Result<(), String> {
     if settings.size.is_some_and(|size| !sizes.contains(&size)) {
         return Err("there is no such size".to_string());
     }
-    shared.show(|state| {
+    let is_look = settings.exposure.is_some() || view.is_some() || settings.pass.is_some();
+    let is_look = is_look || settings.denoise.is_some() || settings.split.is_some();
+    let look_changes = |state: &mut State| {
         state.look.png.exposure = settings.exposure.unwrap_or(state.look.png.exposure);
         state.look.png.view = view.unwrap_or(look.png.view);
+        state.look.denoise = settings.denoise.unwrap_or(state.look.denoise);
+        state.look.split = settings.split.unwrap_or(state.look.split);
         if settings.pass.is_some() {
             state.look.aov = aov;
         }
-    });
-    let is_recorded = |state: &State| state.wish.aov == aov || aov.is_none();
+    };
+    if is_look {
+        shared.show(look_changes);
+    }
+    let is_recorded =
+        |state: &State| aov.is_none_or(|aov| RECORDED.contains(aov) || state.wish.aov == Some(aov));
     let is_live = shared.lock().facts.is_live;
     if is_wish || (is_live && settings.pass.is_some() && !is_recorded(&shared.lock())) {
         shared.wish(|state| {
-            state.wish.aov = aov.or(state.wish.aov);
+            (state.wish.up, state.wish.stage) = (up.or(state.wish.up), stage.or(state.wish.stage));
+            state.wish.loads += u64::from(loads);
+            state.wish.aov = aov.filter(|aov| !RECORDED.contains(*aov)).or(state.wish.aov);
             state.wish.rotation = settings.rotation.or(state.wish.rotation);
             state.wish.size = settings.size.unwrap_or(state.wish.size);
             settings.defocus.filter(|d| d.is_finite()).into_iter().for_each(|d| state.wish.pose.open(d));
         });
     }
     Ok(())
+}
+
+fn check_numbers(settings: &Settings) -> std::result::Result<(), String> {
+    let fits = settings.exposure.is_none_or(|exposure| (-100.0..=100.0).contains(&exposure))
+        && settings.rotation.is_none_or(f64::is_finite)
+        && settings.split.is_none_or(|split| (0.0..=1.0).contains(&split));
+    fits.then_some(()).ok_or("a number is out of range".to_string())
 }
 
 // The key of a page: a random part of its address, which keeps out other users of the machine.

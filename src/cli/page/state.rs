@@ -2,8 +2,10 @@
 
 use super::pose::Pose;
 use crate::cli::process;
-use oscura::film::{Aov, Film, Values};
-use oscura::output::{OutputOptions, PngOptions, ViewTransform, rgba8};
+use crate::cli::scene_args::StageArg;
+use oscura::film::{Aov, AovSet, Film, Values};
+use oscura::load::Up;
+use oscura::output::{OutputOptions, PngOptions, ViewTransform};
 use oscura::render::{CancelHandle, Rendering};
 use serde_json::{Map, Value, json};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard};
@@ -21,6 +23,9 @@ pub(crate) struct ViewRequest {
     pub rotation: Option<f64>,
     /// What to record besides colour and depth.
     pub aov: Option<Aov>,
+    /// The axis that points up, and what lights a model, if pages chose them.
+    pub up: Option<Up>,
+    pub stage: Option<StageArg>,
     /// How often the scene was to be loaded again.
     pub loads: u64,
 }
@@ -56,6 +61,13 @@ pub(crate) struct SceneInfo {
     pub samples: u32,
     /// Passes that may be shown, with what they are.
     pub passes: Vec<(&'static str, &'static str)>,
+    /// The axis that points up, where that may be chosen.
+    pub up: Option<&'static str>,
+    /// The stage of a model without a camera.
+    pub stage: Option<String>,
+    /// The names that both may have.
+    pub ups: Vec<&'static str>,
+    pub stages: Vec<String>,
     /// Notes and warnings.
     pub notes: Vec<String>,
     /// May pages move the camera and the like? Else they look on.
@@ -63,6 +75,9 @@ pub(crate) struct SceneInfo {
     /// What renders this scene: words of a command, to which follow the choices of pages.
     #[serde(skip)]
     pub command: Vec<String>,
+    /// Names of the objects, by number.
+    #[serde(skip)]
+    pub objects: Arc<[String]>,
 }
 
 pub(crate) struct State {
@@ -75,10 +90,14 @@ pub(crate) struct State {
     pub poses: Vec<Pose>,
     /// The latest picture.
     pub frame: Option<Arc<Frame>>,
+    /// The latest one that was denoised.
+    pub denoised: Option<Denoised>,
     /// What went wrong the last time; empty if nothing did.
     pub trouble: String,
     /// Counts all that pages show.
     pub version: u64,
+    /// The version at which the pixels changed.
+    pub pixels_version: u64,
     pub is_over: bool,
     /// Stops the rendering in progress.
     cancel: CancelHandle,
@@ -108,8 +127,10 @@ impl Shared {
             facts,
             poses,
             frame: None,
+            denoised: None,
             trouble: String::new(),
             version: 0,
+            pixels_version: 0,
             is_over: false,
             cancel: CancelHandle::new(),
         };
@@ -136,6 +157,7 @@ impl Shared {
         let mut state = self.lock();
         change(&mut state);
         state.version += 1;
+        state.pixels_version = state.version;
         self.changed.notify_all();
     }
 
@@ -156,6 +178,18 @@ impl Shared {
         Some(RenderRequest { wish: state.wish.clone(), number: state.wishes, cancel: state.cancel.clone() })
     }
 
+    /// Waits for a frame of what is wanted that is due to be denoised; `None` when all is over.
+    pub fn next_frame(&self, is_due: impl Fn(&Frame) -> bool) -> Option<Arc<Frame>> {
+        let suits = |state: &State, frame: &Frame| frame.order == state.wishes && is_due(frame);
+        let waits = |state: &mut State| {
+            let due = state.look.denoise && state.frame.as_ref().is_some_and(|frame| suits(state, frame));
+            !due && !state.is_over
+        };
+        let state = self.changed.wait_while(self.lock(), waits);
+        let state = state.unwrap_or_else(|poisoned| poisoned.into_inner());
+        state.frame.clone().filter(|_| !state.is_over)
+    }
+
     /// Waits until there is more to show than `version`; gives up after a while.
     pub fn wait_for_news(&self, version: u64, most: Duration) -> MutexGuard<'_, State> {
         let is_old =
@@ -167,20 +201,24 @@ impl Shared {
 
 // What pages are told about the state.
 
-/// Everything but the pixels.
+/// Everything but the pixels and their size.
 pub(super) fn state_json(state: &State, frame: &Frame) -> Value {
     let png = &state.look.png;
     let pass = state.look.aov.filter(|&aov| frame.film.aov(aov).is_some());
     json!({
         "version": state.version,
-        "width": frame.film.width(),
-        "height": frame.film.height(),
         "samples": frame.samples,
         "seconds": frame.seconds,
         "error": frame.error,
         "finished": frame.is_finished && frame.order == state.wishes,
         "preview": frame.scale > 1,
+        "order": frame.order,
+        "denoise": state.look.denoise,
+        "denoised": state.denoised_frame().map(|denoised| denoised.samples),
+        "split": state.look.split,
         "trouble": state.trouble,
+        "up": state.wish.up.map(Up::name).or(state.facts.up),
+        "stage": state.wish.stage.map(StageArg::name).or(state.facts.stage.clone()),
         "facts": state.facts,
         "size": state.wish.size,
         "camera": state.wish.camera,
@@ -192,6 +230,14 @@ pub(super) fn state_json(state: &State, frame: &Frame) -> Value {
         "pass": pass.map_or("", |aov| aov.info().option),
         "command": command(state),
     })
+}
+
+impl State {
+    /// The denoised picture of what is shown, if there is one and it is wanted.
+    pub fn denoised_frame(&self) -> Option<&Denoised> {
+        let order = self.frame.as_ref()?.order;
+        self.denoised.as_ref().filter(|denoised| self.look.denoise && denoised.order == order)
+    }
 }
 
 /// The command that renders what is shown.
@@ -210,6 +256,15 @@ fn command(state: &State) -> String {
     if let Some(rotation) = state.wish.rotation {
         add("--env-rotation", rotation.to_string());
     }
+    if let Some(up) = state.wish.up {
+        // An axis with a minus sign could be taken for an option.
+        words.push(format!("--up={}", up.name()));
+    }
+    if let Some(stage) = state.wish.stage {
+        words.extend(["--stage".to_string(), stage.name()]);
+    }
+    words.push(if state.look.denoise { "--denoise" } else { "--no-denoise" }.to_string());
+    let mut add = |option: &str, value: String| words.extend([option.to_string(), value]);
     // What the scene's file says of these may be something else.
     add("--exposure", state.look.png.exposure.to_string());
     add("--spp", state.facts.samples.to_string());
@@ -232,8 +287,10 @@ pub(super) fn arguments() -> impl Iterator<Item = String> {
 
 /// The arguments of this process that a render takes as well and that the page doesn't set.
 fn given(arguments: impl Iterator<Item = String>) -> Vec<String> {
-    const FLAGS: [&str; 2] = ["--no-open", "--watch"];
-    const SET: [&str; 16] = [
+    const FLAGS: [&str; 4] = ["--no-open", "--watch", "--denoise", "--no-denoise"];
+    const SET: [&str; 18] = [
+        "--up",
+        "--stage",
         "--size",
         "--resolution",
         "--camera",
@@ -287,13 +344,17 @@ pub(crate) struct DisplaySettings {
     pub aov: Option<Aov>,
     /// A view besides those with names, to go back to.
     pub own_view: Option<ViewTransform>,
+    /// Is the denoised picture shown, once there is one?
+    pub denoise: bool,
+    /// Share of the width, from the left, that shows the picture before denoising.
+    pub split: f64,
 }
 
 impl DisplaySettings {
     /// Colour as said.
     pub fn new(png: PngOptions) -> DisplaySettings {
         let own_view = Some(png.view.clone()).filter(|view| matches!(view, ViewTransform::Table(_)));
-        DisplaySettings { png, aov: None, own_view }
+        DisplaySettings { png, aov: None, own_view, denoise: false, split: 0.0 }
     }
 
     /// The names of all views.
@@ -309,9 +370,31 @@ impl DisplaySettings {
     }
 }
 
+/// What `oscura view` always records: what denoising needs, and what is shown small or at once.
+pub(crate) const RECORDED: AovSet = AovSet::NONE
+    .with(Aov::Depth)
+    .with(Aov::Normal)
+    .with(Aov::Albedo)
+    .with(Aov::ObjectId)
+    .with(Aov::DenoisingAlbedo)
+    .with(Aov::DenoisingNormal);
+
+/// A frame after denoising.
+#[derive(Clone)]
+pub(crate) struct Denoised {
+    pub film: Arc<Film>,
+    /// The denoiser and its guides.
+    pub by: Arc<str>,
+    // As the frame had them.
+    pub samples: f64,
+    pub scale: u32,
+    pub is_finished: bool,
+    pub order: u64,
+}
+
 /// A picture so far.
 pub(crate) struct Frame {
-    /// Colour, depth, and at most one AOV.
+    /// Colour, [`RECORDED`], and at most one more AOV; of a render in progress, what it records.
     pub film: Film,
     pub output: OutputOptions,
     pub samples: f64,
@@ -341,14 +424,6 @@ impl Frame {
         }
     }
 
-    /// RGBA, 8 bits, row by row from the top.
-    pub fn pixels(&self, look: &DisplaySettings) -> Vec<u8> {
-        match look.aov.and_then(|aov| Some((aov, self.film.aov(aov)?))) {
-            None => rgba8(&self.film, &look.png),
-            Some((aov, planes)) => show(aov, planes, &look.png),
-        }
-    }
-
     /// Everything about the pixel at a place, as shares of width and height from the upper left corner.
     pub fn probe(&self, x: f64, y: f64) -> Option<Value> {
         let (x, y) = self.pixel(x, y)?;
@@ -372,65 +447,12 @@ impl Frame {
         (depth > 0.0 && depth < 0.5 * oscura::film::BACKGROUND_DEPTH).then_some(f64::from(depth))
     }
 
-    fn pixel(&self, x: f64, y: f64) -> Option<(u32, u32)> {
+    pub(super) fn pixel(&self, x: f64, y: f64) -> Option<(u32, u32)> {
         let place = |share: f64, size: u32| {
             ((0.0..=1.0).contains(&share)).then_some(((share * f64::from(size)) as u32).min(size - 1))
         };
         Some((place(x, self.film.width())?, place(y, self.film.height())?))
     }
-}
-
-/// A pass as colours: colours by the look, directions as normal maps have them, ids by hue, other numbers from black for the
-/// least to white for the largest (depths the other way round, in logarithms).
-fn show(aov: Aov, planes: Vec<Values>, png: &PngOptions) -> Vec<u8> {
-    let names = aov.info().names;
-    let planes: Vec<Vec<f32>> = planes.into_iter().map(Values::into_floats).collect();
-    let is = |ending: &str| names.first().is_some_and(|name| name.ends_with(ending));
-    let gain = png.exposure.exp2();
-    let rgb: Box<dyn Fn(usize) -> [f32; 3]> = if aov.info().option.ends_with("_id") {
-        Box::new(|i| hue(planes[0][i]))
-    } else if is("00.R") {
-        Box::new(|i| hue(planes[0][i]).map(|c| c * planes[1][i]))
-    } else if is(".R") {
-        Box::new(|i| png.view.encode([0, 1, 2].map(|c| gain * planes[c][i])))
-    } else if names[0].starts_with('N') && is(".X") {
-        Box::new(|i| [0, 1, 2].map(|c| 0.5 + 0.5 * planes[c][i]))
-    } else {
-        let is_depth = is("Z");
-        let scaled: Vec<Vec<f32>> = planes.iter().map(|plane| spread(plane, is_depth)).collect();
-        Box::new(move |i| {
-            [0, 1, 2]
-                .map(|c| scaled.get(c).or(scaled.last().filter(|_| scaled.len() == 1)).map_or(0.0, |p| p[i]))
-        })
-    };
-    let byte = |v: f32| (v * 255.0 + 0.5) as u8;
-    (0..planes[0].len())
-        .flat_map(|i| {
-            let [r, g, b] = rgb(i).map(byte);
-            [r, g, b, 255]
-        })
-        .collect()
-}
-
-/// Values brought to 0..1.
-fn spread(plane: &[f32], is_depth: bool) -> Vec<f32> {
-    let value = |v: f32| if is_depth { -v.max(1e-6).ln() } else { v };
-    let is_there = |v: f32| v.is_finite() && v < 0.5 * oscura::film::BACKGROUND_DEPTH;
-    let there = plane.iter().copied().filter(|&v| is_there(v)).map(value);
-    let (low, high) = there.fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
-    let range = (high - low).max(1e-20);
-    let share = |&v: &f32| if is_there(v) { (value(v) - low) / range } else { 0.0 };
-    plane.iter().map(share).collect()
-}
-
-/// A colour for an id, whatever it is a number of; black for none.
-fn hue(id: f32) -> [f32; 3] {
-    if id == 0.0 {
-        return [0.0; 3];
-    }
-    let mixed = id.to_bits().wrapping_mul(0x9e37_79b1) ^ (id.to_bits() >> 15);
-    let part = |shift: u32| 0.25 + 0.75 * ((mixed.wrapping_mul(0x85eb_ca6b) >> shift & 255) as f32 / 255.0);
-    [part(24), part(16), part(8)]
 }
 
 #[cfg(test)]
@@ -442,8 +464,16 @@ mod tests {
     fn wishes_fit_a_scene_that_has_changed() {
         let pose = |x: f64| Pose::new(Camera::look_at([x, 0.0, 5.0], [x, 0.0, 0.0], 30.0), 5.0);
         let eye = |wish: &ViewRequest| wish.pose.camera().world_from_camera.translation.x;
-        let own =
-            ViewRequest { pose: pose(0.0), camera: 0, size: (40, 30), rotation: None, aov: None, loads: 0 };
+        let own = ViewRequest {
+            pose: pose(0.0),
+            camera: 0,
+            size: (40, 30),
+            rotation: None,
+            aov: None,
+            up: None,
+            stage: None,
+            loads: 0,
+        };
         let facts =
             |width: u32| SceneInfo { sizes: vec![(width / 2, 30), (width, 60)], ..SceneInfo::default() };
         let before = facts(100).sizes;
@@ -466,7 +496,7 @@ mod told_tests {
     #[test]
     fn the_page_replaces_what_it_sets() {
         let words = "view a.glb --no-open --port 80 --spp 64 --exposure=1 --env x.hdr --width 10 \
-                     --view-height 3 --fov=30 --depth 4";
+                     --view-height 3 --fov=30 --denoise --depth 4";
         let kept = given(words.split(' ').map(str::to_string));
         assert_eq!(kept.join(" "), "a.glb --env x.hdr --depth 4");
     }
@@ -477,24 +507,5 @@ mod told_tests {
             [quoted("a-1.glb"), quoted("my scene.glb"), quoted("it's"), quoted("")],
             ["a-1.glb", "'my scene.glb'", "'it'\\''s'", "''"]
         );
-    }
-}
-
-#[cfg(test)]
-mod frame_tests {
-    use super::*;
-
-    #[test]
-    fn numbers_spread_from_black_to_white() {
-        assert_eq!(spread(&[1.0, 3.0, 2.0, f32::NAN], false), [0.0, 1.0, 0.5, 0.0]);
-        let depths = spread(&[1.0, 100.0, 10.0, oscura::film::BACKGROUND_DEPTH], true);
-        assert_eq!((depths[0], depths[1], depths[3]), (1.0, 0.0, 0.0));
-        assert!((depths[2] - 0.5).abs() < 1e-6);
-    }
-
-    #[test]
-    fn ids_have_colours_of_their_own() {
-        assert_eq!(hue(0.0), [0.0; 3]);
-        assert_ne!(hue(1.0), hue(2.0));
     }
 }

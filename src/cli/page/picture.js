@@ -1,0 +1,112 @@
+// What is drawn of a picture besides the picture: its histogram, the outline of an object, passes as thumbnails.
+
+/** An answer of the program: a length, JSON of that length, pixels unless they are as before. */
+export function decode(buffer) {
+  const length = new DataView(buffer).getUint32(0, true);
+  const told = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
+  const pixels = new Uint8ClampedArray(buffer, 4 + length);
+  return { told, image: pixels.length ? new ImageData(pixels, told.width, told.height) : null };
+}
+
+/** Draws pixels into a canvas, which takes their size. */
+export function put(canvas, image) {
+  if (canvas.width !== image.width) canvas.width = image.width;
+  if (canvas.height !== image.height) canvas.height = image.height;
+  canvas.getContext("2d").putImageData(image, 0, 0);
+}
+
+/** How often the values of red, green and blue occur, and the share of pixels that have one at its limit. */
+export function drawHistogram(canvas, image) {
+  const counts = [0, 1, 2].map(() => new Uint32Array(256));
+  const data = image.data;
+  let clipped = 0;
+  for (let i = 0; i < data.length; i += 4) {
+    for (let c = 0; c < 3; c++) counts[c][data[i + c]]++;
+    if (Math.max(data[i], data[i + 1], data[i + 2]) === 255) clipped++;
+  }
+  const { width, height } = canvas, context = canvas.getContext("2d");
+  // Peaks of plain backgrounds are cut, and the square root keeps small parts visible.
+  const most = (6 * data.length) / 4 / 256;
+  context.clearRect(0, 0, width, height);
+  context.globalCompositeOperation = "lighter";
+  ["#c22", "#2a2", "#33d"].forEach((color, c) => {
+    context.fillStyle = color;
+    counts[c].forEach((count, x) => {
+      const bar = Math.round(Math.min(1, Math.sqrt(count / most)) * height);
+      context.fillRect(x, height - bar, 1, bar);
+    });
+  });
+  const share = (100 * clipped) / (data.length / 4);
+  canvas.setAttribute("aria-label", `Histogram; ${share.toFixed(1)} % of the pixels are at the upper limit`);
+  canvas.title = `${share.toFixed(1)} % of the pixels are at the upper limit`;
+}
+
+/** Shows the outline and the name of what is at a place, asked for once an object and picture. */
+export function outliner(svg, path, label) {
+  let shown = 0, at = 0, busy = false;
+  const clear = () => {
+    shown = 0;
+    label.hidden = true;
+    path.setAttribute("d", "");
+  };
+  const show = async (x, y, object, version) => {
+    label.style.left = `${100 * x}%`;
+    label.style.top = `${100 * y}%`;
+    if (!object) return clear();
+    if (busy || (object === shown && version === at)) return;
+    busy = true;
+    const answer = await fetch(`outline?x=${x}&y=${y}`);
+    busy = false;
+    if (!answer.ok) return clear();
+    const outline = await answer.json();
+    [shown, at] = [outline.object, version];
+    svg.setAttribute("viewBox", `0 0 ${outline.width} ${outline.height}`);
+    path.setAttribute("d", outline.path);
+    label.textContent = outline.name;
+    label.hidden = false;
+  };
+  return { show, clear };
+}
+
+/** Passes that are always recorded, with their captions. */
+const SHOWN = [["", "colour"], ["albedo", "albedo"], ["normal", "normal"], ["depth", "depth"], ["object_id", "objects"]];
+
+/** How long a view stays before its small pictures are asked for, milliseconds. */
+const REST = 700;
+
+/** Buttons with small pictures that choose a pass. That of the pass that is shown is drawn from `picture`. */
+export function thumbnails(group, picture, choose) {
+  let key = null, timer = 0;
+  const buttons = SHOWN.map(([pass, caption]) => {
+    const button = document.createElement("button");
+    button.append(document.createElement("canvas"), caption);
+    button.addEventListener("click", () => choose(pass));
+    group.append(button);
+    return [pass, button];
+  });
+  const refresh = async (shown) => {
+    for (const [pass, button] of buttons) {
+      const small = button.firstChild;
+      if (button.hidden) continue;
+      if (pass === shown) {
+        [small.width, small.height] = [160, Math.round((160 * picture.height) / picture.width)];
+        small.getContext("2d").drawImage(picture, 0, 0, small.width, small.height);
+        continue;
+      }
+      const answer = await fetch(`thumbnail?pass=${pass}`);
+      if (answer.ok) put(small, decode(await answer.arrayBuffer()).image);
+    }
+  };
+  return (told) => {
+    for (const [pass, button] of buttons) {
+      button.hidden = pass !== "" && !told.facts.passes.some(([name]) => name === pass);
+      button.setAttribute("aria-pressed", told.pass === pass);
+    }
+    // New ones of each view, and at its end.
+    const wanted = JSON.stringify([told.order, told.finished, told.exposure, told.view]);
+    if (told.preview || wanted === key) return;
+    key = wanted;
+    clearTimeout(timer);
+    timer = setTimeout(() => refresh(told.pass), REST);
+  };
+}

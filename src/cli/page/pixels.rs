@@ -1,0 +1,157 @@
+//! What pages show of a frame: colour, the denoised picture or a pass, in 8 bits.
+
+use super::state::{Denoised, DisplaySettings, Frame};
+use oscura::film::{Aov, Film, Values};
+use oscura::output::{PngOptions, rgba8};
+
+/// RGBA, 8 bits, row by row from the top.
+pub(super) struct Pixels {
+    pub width: u32,
+    pub height: u32,
+    pub rgba: Vec<u8>,
+}
+
+impl Pixels {
+    /// What the page shows of a frame.
+    pub fn of(frame: &Frame, denoised: Option<&Denoised>, look: &DisplaySettings) -> Pixels {
+        let pass = look.aov.and_then(|aov| Some((aov, frame.film.aov(aov)?)));
+        let of_film = |film: &Film, rgba| Pixels { width: film.width(), height: film.height(), rgba };
+        match (pass, denoised) {
+            (Some((aov, planes)), _) => of_film(&frame.film, show(aov, planes, &look.png)),
+            (None, None) => of_film(&frame.film, rgba8(&frame.film, &look.png)),
+            (None, Some(Denoised { film, .. })) => {
+                let after = of_film(film, rgba8(film, &look.png));
+                if look.split <= 0.0 {
+                    return after;
+                }
+                after.right_of(look.split, of_film(&frame.film, rgba8(&frame.film, &look.png)))
+            }
+        }
+    }
+
+    /// Another picture to the left of a share of the width, this one to its right, in the size of the other.
+    fn right_of(&self, split: f64, mut left: Pixels) -> Pixels {
+        let (width, height) = (left.width as usize, left.height as usize);
+        let first = ((split * width as f64) as usize).min(width);
+        for y in 0..height {
+            for x in first..width {
+                let at = (y * self.height as usize / height) * self.width as usize
+                    + x * self.width as usize / width;
+                left.rgba[4 * (y * width + x)..][..4].copy_from_slice(&self.rgba[4 * at..][..4]);
+            }
+        }
+        left
+    }
+
+    /// The same, at most so wide: means of blocks of pixels.
+    pub fn reduced(&self, most: u32) -> Pixels {
+        let step = self.width.div_ceil(most).max(1) as usize;
+        let (width, height) = (self.width as usize / step, (self.height as usize / step).max(1));
+        let mean = |x: usize, y: usize, c: usize| {
+            let rows = (y * step)..(y * step + step).min(self.height as usize);
+            let (mut sum, mut count) = (0, 0);
+            for row in rows {
+                for column in x * step..x * step + step {
+                    sum += u32::from(self.rgba[4 * (row * self.width as usize + column) + c]);
+                    count += 1;
+                }
+            }
+            (sum / count) as u8
+        };
+        let places = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+        let rgba = places.flat_map(|(x, y)| [0, 1, 2, 3].map(|c| mean(x, y, c))).collect();
+        Pixels { width: width as u32, height: height as u32, rgba }
+    }
+}
+
+/// A pass as colours: colours by the look, directions as normal maps have them, ids by hue, other numbers from black for the
+/// least to white for the largest (depths the other way round, in logarithms).
+fn show(aov: Aov, planes: Vec<Values>, png: &PngOptions) -> Vec<u8> {
+    let names = aov.info().names;
+    let planes: Vec<Vec<f32>> = planes.into_iter().map(Values::into_floats).collect();
+    let is = |ending: &str| names.first().is_some_and(|name| name.ends_with(ending));
+    let gain = png.exposure.exp2();
+    let rgb: Box<dyn Fn(usize) -> [f32; 3]> = if aov.info().option.ends_with("_id") {
+        Box::new(|i| hue(planes[0][i]))
+    } else if is("00.R") {
+        Box::new(|i| hue(planes[0][i]).map(|c| c * planes[1][i]))
+    } else if is(".R") {
+        Box::new(|i| png.view.encode([0, 1, 2].map(|c| gain * planes[c][i])))
+    } else if names[0].starts_with('N') && is(".X") {
+        Box::new(|i| [0, 1, 2].map(|c| 0.5 + 0.5 * planes[c][i]))
+    } else {
+        let is_depth = is("Z");
+        let scaled: Vec<Vec<f32>> = planes.iter().map(|plane| spread(plane, is_depth)).collect();
+        Box::new(move |i| {
+            [0, 1, 2]
+                .map(|c| scaled.get(c).or(scaled.last().filter(|_| scaled.len() == 1)).map_or(0.0, |p| p[i]))
+        })
+    };
+    let byte = |v: f32| (v * 255.0 + 0.5) as u8;
+    (0..planes[0].len())
+        .flat_map(|i| {
+            let [r, g, b] = rgb(i).map(byte);
+            [r, g, b, 255]
+        })
+        .collect()
+}
+
+/// Values brought to 0..1.
+fn spread(plane: &[f32], is_depth: bool) -> Vec<f32> {
+    let value = |v: f32| if is_depth { -v.max(1e-6).ln() } else { v };
+    let is_there = |v: f32| v.is_finite() && v < 0.5 * oscura::film::BACKGROUND_DEPTH;
+    let there = plane.iter().copied().filter(|&v| is_there(v)).map(value);
+    let (low, high) = there.fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+    let range = (high - low).max(1e-20);
+    let share = |&v: &f32| if is_there(v) { (value(v) - low) / range } else { 0.0 };
+    plane.iter().map(share).collect()
+}
+
+/// A colour for an id, whatever it is a number of; black for none.
+fn hue(id: f32) -> [f32; 3] {
+    if id == 0.0 {
+        return [0.0; 3];
+    }
+    let mixed = id.to_bits().wrapping_mul(0x9e37_79b1) ^ (id.to_bits() >> 15);
+    let part = |shift: u32| 0.25 + 0.75 * ((mixed.wrapping_mul(0x85eb_ca6b) >> shift & 255) as f32 / 255.0);
+    [part(24), part(16), part(8)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_spread_from_black_to_white() {
+        assert_eq!(spread(&[1.0, 3.0, 2.0, f32::NAN], false), [0.0, 1.0, 0.5, 0.0]);
+        let depths = spread(&[1.0, 100.0, 10.0, oscura::film::BACKGROUND_DEPTH], true);
+        assert_eq!((depths[0], depths[1], depths[3]), (1.0, 0.0, 0.0));
+        assert!((depths[2] - 0.5).abs() < 1e-6);
+    }
+
+    #[test]
+    fn ids_have_colours_of_their_own() {
+        assert_eq!(hue(0.0), [0.0; 3]);
+        assert_ne!(hue(1.0), hue(2.0));
+    }
+
+    #[test]
+    fn a_split_has_the_noisy_picture_at_its_left() {
+        let filled =
+            |width, height, v: u8| Pixels { width, height, rgba: vec![v; 4 * (width * height) as usize] };
+        let both = filled(2, 1, 200).right_of(0.5, filled(4, 2, 10));
+        assert_eq!((both.width, both.height), (4, 2));
+        let reds: Vec<u8> = both.rgba.chunks(4).map(|pixel| pixel[0]).collect();
+        assert_eq!(reds, [10, 10, 200, 200, 10, 10, 200, 200]);
+    }
+
+    #[test]
+    fn reduced_pictures_are_means_of_blocks() {
+        let rgba = [0, 100, 50, 50, 100, 200, 50, 50, 9, 9].iter().flat_map(|&v| [v; 4]).collect();
+        let small = Pixels { width: 5, height: 2, rgba }.reduced(2);
+        // Steps of three columns: the last two have no whole block.
+        assert_eq!((small.width, small.height, small.rgba.len()), (1, 1, 4));
+        let same = Pixels { width: 2, height: 1, rgba: vec![7; 8] }.reduced(160);
+        assert_eq!((same.width, same.height, same.rgba), (2, 1, vec![7; 8]));
+    }
+}
