@@ -10,7 +10,9 @@ use super::page::{
 use super::process::cancel_by_signals;
 use super::render::{load_options, load_scene};
 use super::scene_args::{BackgroundArg, StageArg, check_scene_path};
-use super::settings::{EnvironmentOverride, PictureUse, Prepared, check_memory_before_loading, prepare};
+use super::settings::{
+    EnvironmentOverride, PictureUse, Prepared, check_memory_before_loading, completed, prepare,
+};
 use clap::error::ErrorKind;
 use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Args, Command, ValueEnum, value_parser};
@@ -217,7 +219,14 @@ impl Model {
         let mut compiler = Compiler::sequence();
         compiler.expect_other_cameras();
         let wants = PictureUse { has_exr: true, keeps_uv: true, pictures: 1 };
-        let prepared = prepare(args, wants, Some(&environment), &mut loaded, start, &mut compiler)?;
+        let prepared = prepare(
+            &completed(args, &loaded.scene.settings),
+            wants,
+            Some(&environment),
+            &mut loaded,
+            start,
+            &mut compiler,
+        )?;
         let Prepared { scene, settled, png, notes, warnings, build, .. } = prepared;
         let own_rotation = rotation(&loaded.scene.environment);
         Ok(Model {

@@ -195,11 +195,14 @@ fn the_command_renders_what_is_shown() {
 
 #[test]
 fn the_command_says_what_the_arguments_said() {
-    let scene = SCENE.replace("[camera]", "[render]\nexposure = 2\nsamples = 1\n[camera]");
+    let scene = SCENE.replace("[camera]", "[render]\nexposure = 2\nview = \"agx\"\nsamples = 1\n[camera]");
     let arguments = "view scene.toml --no-open --eye 1,2,3 --target 0.2,0,0 --defocus 8 --fov 50";
     let arguments: Vec<&str> = arguments.split(' ').collect();
     let view = View::of(&[("scene.toml", &scene)], &arguments);
-    let (_, pixels) = view.wait(|state| state["samples"].as_f64().is_some_and(|n| n >= 1.0));
+    let (state, _) = view.wait(|state| state["samples"].as_f64().is_some_and(|n| n >= 1.0));
+    assert_eq!(state["view"], "agx", "the scene's");
+    view.post("/set", r#"{"view": "srgb"}"#);
+    let (_, pixels) = view.wait(|state| state["view"] == "srgb");
     assert_eq!(pixel(&pixels, 1, 1), [255, 255, 255, 255], "by the scene's exposure");
     view.post("/set", r#"{"exposure": 0}"#);
     let (state, shown) = view.wait(|state| state["exposure"] == 0.0 && state["finished"] == true);

@@ -4,6 +4,7 @@ MODEL is shown on a desktop's screen and on a phone's. Needs the package playwri
 /usr/bin/chromium or where CHROMIUM says.
 """
 
+import io
 import os
 import pathlib
 import re
@@ -24,7 +25,7 @@ LARGEST = 200_000
 
 
 def start(program, model):
-    process = subprocess.Popen([program, "view", model, "--no-open", "--width", "960", "--height", "720", "--spp", "64"],
+    process = subprocess.Popen([program, "view", model, "--no-open", "--width", "960", "--height", "540", "--spp", "64"],
                                stderr=subprocess.PIPE, text=True)
     for line in process.stderr:
         if found := re.search(r"http://127\.0\.0\.1:\d+/[0-9a-f]+/", line):
@@ -51,12 +52,13 @@ def shoot(browser, address, screen, folder):
         box = page.locator("#picture").bounding_box()
         page.mouse.move(box["x"] + 0.55 * box["width"], box["y"] + 0.45 * box["height"])
         wait_for(page, "document.getElementById('outline').getAttribute('d')?.length > 0")
+    page.evaluate("document.activeElement.blur()")
     page.wait_for_timeout(500)
-    path = folder / f"page-{name}.png"
-    page.screenshot(path=str(path))
+    path = folder / f"page-{name}.jpg"
+    picture = Image.open(io.BytesIO(page.screenshot()))
     page.close()
-    # Fewer colours make a file of a third of the size; the panel keeps its own.
-    Image.open(path).convert("RGB").quantize(256, dither=Image.Dither.FLOYDSTEINBERG).save(path, optimize=True)
+    # Full resolution of colours keeps letters clean.
+    picture.convert("RGB").save(path, quality=80, subsampling=0, optimize=True)
     assert path.stat().st_size < LARGEST, f"{path} has {path.stat().st_size} bytes"
 
 

@@ -96,6 +96,9 @@ function slide(id, value, text) {
   $(`${id}-value`).textContent = text;
 }
 
+/** Two digits, or all before the point. */
+const percent = (share) => (share < 1 ? (100 * share).toPrecision(2) : Math.round(100 * share));
+
 /** Brings everything beside the picture up to date. */
 function tell() {
   const facts = told.facts;
@@ -104,7 +107,7 @@ function tell() {
   $("facts").textContent = `${facts.triangles.toLocaleString("en")} triangles`;
   const samples = told.samples.toLocaleString("en", { maximumFractionDigits: 0 });
   const progress = told.preview ? "preview" : `${samples} of ${facts.samples} samples`;
-  const error = told.error && !told.preview ? `, noise ${(100 * told.error).toPrecision(2)} %` : "";
+  const error = told.error && !told.preview ? `, noise ${percent(told.error)} %` : "";
   $("state").textContent = `${progress}, ${told.seconds.toFixed(1)} s${error}${told.finished ? ", done" : ""}`;
   $("progress").value = told.preview ? 0 : told.samples / facts.samples;
   showTrouble(told.trouble);

@@ -79,7 +79,9 @@ export function thumbnails(group, picture, choose) {
   let key = null, timer = 0;
   const buttons = SHOWN.map(([pass, caption]) => {
     const button = document.createElement("button");
-    button.append(document.createElement("canvas"), caption);
+    const small = document.createElement("canvas");
+    small.width = small.height = 1;
+    button.append(small, caption);
     button.addEventListener("click", () => choose(pass));
     group.append(button);
     return [pass, button];
