@@ -47,6 +47,7 @@ def shoot(browser, address, screen, folder):
     wait_for(page, f"Number(document.body.dataset.denoised) >= {SAMPLES}")
     # Before and after the denoiser, and the outline of what the mouse points at.
     page.locator("#split").fill("0" if is_phone else "0.35")
+    wait_for(page, f"document.getElementById('split-line').hidden === {str(is_phone).lower()}")
     wait_for(page, "document.querySelector('#thumbnails button:nth-child(2) canvas').width > 100")
     if not is_phone:
         box = page.locator("#picture").bounding_box()
