@@ -314,12 +314,12 @@ fn crease(text: &str) -> std::result::Result<f64, String> {
     number(text, |v| (0.0..=180.0).contains(&v), "a number of degrees from 0 to 180")
 }
 
-/// Axes by name.
 /// The axis of a name.
 pub(crate) fn up_of(name: &str) -> Option<Up> {
     Up::ALL.iter().copied().find(|up| up.name() == name)
 }
 
+/// Parser of axes by name.
 pub(crate) fn up() -> impl TypedValueParser<Value = Up> {
     let names = Up::ALL.iter().map(|up| PossibleValue::new(up.name()));
     let parser = PossibleValuesParser::new(names);

@@ -37,7 +37,7 @@ fn argument(choice: Choice) -> &'static str {
         Choice::AllowExternal => "allow_external=True",
         Choice::Aovs => "aovs=",
         Choice::Background => "background=",
-        Choice::Beside => "a file of settings beside the model",
+        Choice::NewSidecar => "a file of settings beside the model",
         Choice::Blender => "blender=",
         Choice::Environment => "environment=None",
         Choice::Float => "float32=True",
