@@ -2,7 +2,6 @@
 
 use super::state::Frame;
 use oscura::film::{Aov, Values};
-use std::fmt::Write;
 
 /// An object at a place of the picture.
 #[derive(Debug, PartialEq, serde::Serialize)]
@@ -39,25 +38,24 @@ fn path(width: usize, height: usize, is_it: impl Fn(usize, usize) -> bool) -> St
     let across = |x: usize, y: usize| is_it(x, y) != is_it(x, y.wrapping_sub(1));
     let down = |y: usize, x: usize| is_it(x, y) != is_it(x.wrapping_sub(1), y);
     for y in 0..=height {
-        runs(width, |x| across(x, y), |from, to| write!(path, "M{from} {y}H{to}"));
+        runs(width, |x| across(x, y)).into_iter().for_each(|(from, to)| path += &format!("M{from} {y}H{to}"));
     }
     for x in 0..=width {
-        runs(height, |y| down(y, x), |from, to| write!(path, "M{x} {from}V{to}"));
+        runs(height, |y| down(y, x)).into_iter().for_each(|(from, to)| path += &format!("M{x} {from}V{to}"));
     }
     path
 }
 
-/// Calls back for each longest run of places that suit.
-fn runs(count: usize, suits: impl Fn(usize) -> bool, mut run: impl FnMut(usize, usize) -> std::fmt::Result) {
-    let mut from = None;
-    for at in 0..=count {
-        match (from, at < count && suits(at)) {
-            (None, true) => from = Some(at),
-            // Writing into a string doesn't fail.
-            (Some(start), false) => (from, _) = (None, run(start, at)),
-            _ => {}
+/// The longest runs of places that suit, as ranges.
+fn runs(count: usize, suits: impl Fn(usize) -> bool) -> Vec<(usize, usize)> {
+    let mut runs: Vec<(usize, usize)> = Vec::new();
+    for at in (0..count).filter(|&at| suits(at)) {
+        match runs.last_mut() {
+            Some((_, end)) if *end == at => *end = at + 1,
+            _ => runs.push((at, at + 1)),
         }
     }
+    runs
 }
 
 #[cfg(test)]
