@@ -480,7 +480,7 @@ fn render_at(
     is_last: bool,
 ) -> Result<bool> {
     let (width, height) = order.wish.size;
-    let aovs = order.wish.aov.iter().fold(RECORDED, |all, aov| all.with(*aov));
+    let aovs = order.wish.aov.map_or(RECORDED, |aov| RECORDED.with(aov));
     // A limit makes the first pass one of a single sample.
     let options = model
         .settled

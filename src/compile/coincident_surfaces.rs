@@ -161,9 +161,8 @@ impl Solids {
         match solid.surface {
             SolidSurface::Mesh { mesh, placed } => {
                 let mesh = &scene.meshes[mesh];
-                let corner =
-                    |i: u32| placed.transform_point3(mesh.positions[i as usize].map(f64::from).into());
-                mesh.triangles.par_iter().filter_map(|&t| near(t.map(corner))).collect()
+                let corners = |t: &[u32; 3]| mesh.corners_f64(*t).map(|p| placed.transform_point3(p));
+                mesh.triangles.par_iter().filter_map(|t| near(corners(t))).collect()
             }
             SolidSurface::Quad([a, u, v]) => {
                 [[a, a + u, a + u + v], [a, a + u + v, a + v]].into_iter().filter_map(near).collect()

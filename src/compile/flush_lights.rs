@@ -135,11 +135,8 @@ fn mark_on_meshes(scene: &Scene, lights: &[FlatLight<'_>], is_flush: &mut [bool]
                 continue;
             }
             *flush = mesh.triangles.par_iter().with_min_len(4096).any(|t| {
-                let place = |i: u32| {
-                    let p = mesh.positions[i as usize].map(f64::from);
-                    instance.world_from_object.transform_point3(p.into())
-                };
-                light.is_covered_by(&t.map(place))
+                let place = |p| instance.world_from_object.transform_point3(p);
+                light.is_covered_by(&mesh.corners_f64(*t).map(place))
             });
         }
     }

@@ -184,10 +184,8 @@ pub(super) struct Winding {
 impl Winding {
     /// That of a mesh.
     pub fn of(mesh: &Mesh, world_from_object: &DAffine3) -> Winding {
-        let corner =
-            |i: u32| world_from_object.transform_point3(mesh.positions[i as usize].map(f64::from).into());
-        let mut faces: Vec<WorldTriangle> =
-            mesh.triangles.iter().map(|t| WorldTriangle(t.map(corner))).collect();
+        let placed = |t: &[u32; 3]| mesh.corners_f64(*t).map(|p| world_from_object.transform_point3(p));
+        let mut faces: Vec<WorldTriangle> = mesh.triangles.iter().map(|t| WorldTriangle(placed(t))).collect();
         let tree = BoxTree::sort(&mut faces);
         let areas = tree.nodes.iter().map(|node| Dipole::of(&faces[node.items()], node.bounds)).collect();
         Winding { faces, tree, areas }

@@ -232,9 +232,7 @@ impl Viewpoint {
         let triangles = &mesh.triangles[first..first + part.triangle_count as usize];
         let mut seen = Footprint { is_used: true, ..Footprint::NOWHERE };
         for triangle in triangles {
-            let corner =
-                |i: u32| world.transform_point3(DVec3::from(mesh.positions[i as usize].map(f64::from)));
-            let corners = triangle.map(corner);
+            let corners = mesh.corners_f64(*triangle).map(|p| world.transform_point3(p));
             let width = self.width(corners);
             let area = (corners[1] - corners[0]).cross(corners[2] - corners[0]).length();
             seen.width = seen.width.min(width as f32);

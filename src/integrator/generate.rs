@@ -21,6 +21,7 @@ impl Integrator<'_> {
         self.start_camera_samples(samples, w);
         let count = w.pixels.len();
         w.begin_wave();
+        w.rays.clear();
         w.radiance_buffer.begin(count, self.layers, self.options.clamp);
         w.first_hits.reset(count, self.first_hits);
         let (paths, vertices, scratch) = (&mut *w.arriving, &mut w.wave.vertices, &mut w.wave.scratch);

@@ -131,8 +131,6 @@ impl Workspace {
 
     /// Begins a wave of camera paths: empties what some scenes alone fill, since threads keep their memory from scene to scene.
     pub(super) fn begin_wave(&mut self) {
-        self.rays.clear();
-        self.escaped.clear();
         self.component_weights.clear();
         self.unoccluded.clear();
         self.passed_kinds.clear();

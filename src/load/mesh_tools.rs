@@ -120,7 +120,7 @@ pub(super) fn normalize_normals(mesh: &mut Mesh) {
         }
     }
     for t in mesh.triangles.iter().filter(|t| t.iter().any(|&i| missing[i as usize])) {
-        let [a, b, c] = t.map(|i| DVec3::from(mesh.positions[i as usize].map(f64::from)));
+        let [a, b, c] = mesh.corners_f64(*t);
         if let Some(face) = (b - a).cross(c - a).try_normalize() {
             for i in t.map(|i| i as usize).into_iter().filter(|&i| missing[i]) {
                 mesh.normals[i] = face.as_vec3().to_array();

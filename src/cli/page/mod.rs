@@ -43,16 +43,7 @@ impl PagePreview {
     pub fn open(args: &RenderArgs, opens: bool) -> Result<PagePreview> {
         let server = bind(0)?;
         let pose = Pose::new(Camera::look_at([0.0, 0.0, 1.0], [0.0; 3], 30.0), 1.0);
-        let wish = ViewRequest {
-            pose,
-            camera: 0,
-            size: (1, 1),
-            rotation: None,
-            aov: None,
-            up: None,
-            stage: None,
-            loads: 0,
-        };
+        let wish = ViewRequest::new(pose, (1, 1));
         let facts = SceneInfo {
             name: args.scene.file_name().unwrap_or_default().to_string_lossy().into_owned(),
             command: std::iter::once("oscura".to_string()).chain(state::arguments()).collect(),

@@ -31,6 +31,11 @@ pub(crate) struct ViewRequest {
 }
 
 impl ViewRequest {
+    /// A view by the first camera, with the scene's own settings.
+    pub fn new(pose: Pose, size: (u32, u32)) -> ViewRequest {
+        ViewRequest { pose, camera: 0, size, rotation: None, aov: None, up: None, stage: None, loads: 0 }
+    }
+
     /// Brings it to a scene that was loaded again, which is shown as `own` says at first; before, there were these sizes.
     pub fn fit(&mut self, own: &ViewRequest, sizes_before: &[(u32, u32)], facts: &SceneInfo, poses: &[Pose]) {
         if !facts.sizes.contains(&self.size) {
@@ -256,19 +261,16 @@ fn command(state: &State) -> String {
     if let Some(rotation) = state.wish.rotation {
         add("--env-rotation", rotation.to_string());
     }
-    if let Some(up) = state.wish.up {
-        // An axis with a minus sign could be taken for an option.
-        words.push(format!("--up={}", up.name()));
-    }
     if let Some(stage) = state.wish.stage {
-        words.extend(["--stage".to_string(), stage.name()]);
+        add("--stage", stage.name());
     }
-    words.push(if state.look.denoise { "--denoise" } else { "--no-denoise" }.to_string());
-    let mut add = |option: &str, value: String| words.extend([option.to_string(), value]);
     // What the scene's file says of these may be something else.
     add("--exposure", state.look.png.exposure.to_string());
     add("--spp", state.facts.samples.to_string());
     add("--view", state.look.png.view.name().to_string());
+    // An axis with a minus sign could be taken for an option.
+    words.extend(state.wish.up.map(|up| format!("--up={}", up.name())));
+    words.push(if state.look.denoise { "--denoise" } else { "--no-denoise" }.to_string());
     words.extend(state.wish.pose.arguments());
     words.extend(["-o".to_string(), "picture.exr".to_string(), "-o".to_string(), "picture.png".to_string()]);
     words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")
@@ -464,16 +466,7 @@ mod tests {
     fn wishes_fit_a_scene_that_has_changed() {
         let pose = |x: f64| Pose::new(Camera::look_at([x, 0.0, 5.0], [x, 0.0, 0.0], 30.0), 5.0);
         let eye = |wish: &ViewRequest| wish.pose.camera().world_from_camera.translation.x;
-        let own = ViewRequest {
-            pose: pose(0.0),
-            camera: 0,
-            size: (40, 30),
-            rotation: None,
-            aov: None,
-            up: None,
-            stage: None,
-            loads: 0,
-        };
+        let own = ViewRequest::new(pose(0.0), (40, 30));
         let facts =
             |width: u32| SceneInfo { sizes: vec![(width / 2, 30), (width, 60)], ..SceneInfo::default() };
         let before = facts(100).sizes;
