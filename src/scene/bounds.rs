@@ -47,29 +47,67 @@ impl HullPoints<'_> {
 
     /// The box around the points, placed.
     fn extent(&self, place: impl Fn(DVec3) -> DVec3) -> Extent {
-        let mut extent = Extent::default();
-        self.visit(|p| extent.grow(place(p)));
-        extent
+        let (mut low, mut high, mut is_empty) = (DVec3::INFINITY, DVec3::NEG_INFINITY, true);
+        self.visit(|p| {
+            let p = place(p);
+            (low, high, is_empty) = (low.min(p), high.max(p), false);
+        });
+        Extent((!is_empty).then_some((low, high)))
     }
 }
 
-/// The points of each mesh of a scene.
-fn points_of_meshes(scene: &Scene) -> Vec<HullPoints<'_>> {
-    let mut placements = vec![0usize; scene.meshes.len()];
-    for instance in &scene.instances {
-        if let Some(times) = placements.get_mut(instance.mesh.index()) {
-            *times += 1;
+/// The points of a scene's meshes that bound them, found once for several questions. The scene need not be valid.
+pub struct MeshHulls<'s> {
+    scene: &'s Scene,
+    points: Vec<HullPoints<'s>>,
+}
+
+impl<'s> MeshHulls<'s> {
+    /// Of the meshes of a scene.
+    pub fn of(scene: &'s Scene) -> MeshHulls<'s> {
+        let mut placements = vec![0usize; scene.meshes.len()];
+        for instance in &scene.instances {
+            if let Some(times) = placements.get_mut(instance.mesh.index()) {
+                *times += 1;
+            }
         }
+        let is_boxed = boxed_meshes(scene, &placements);
+        let points = |(mesh, &is_boxed): (_, &bool)| {
+            let used = HullPoints::Used(mesh, used_vertices(mesh));
+            if !is_boxed {
+                return used;
+            }
+            let corners = |(low, high)| box_corners(low, high);
+            HullPoints::Around(used.extent(|p| p).0.map_or(Vec::new(), corners))
+        };
+        MeshHulls { scene, points: scene.meshes.par_iter().zip(&is_boxed).map(points).collect() }
     }
-    let is_boxed = boxed_meshes(scene, &placements);
-    let points = |(mesh, &is_boxed): (_, &bool)| {
-        let used = HullPoints::Used(mesh, used_vertices(mesh));
-        if !is_boxed {
-            return used;
+
+    /// The box around each instance, in world space; empty where the mesh doesn't exist. Vertices of no triangle don't
+    /// count.
+    pub fn instance_extents(&self) -> Vec<Extent> {
+        let of = |i: &Instance| {
+            let place = |p| i.world_from_object.transform_point3(p);
+            self.points.get(i.mesh.index()).map_or(Extent::default(), |points| points.extent(place))
+        };
+        self.scene.instances.par_iter().map(of).collect()
+    }
+
+    /// Hands points to `each` whose hull holds all meshes and quads and the middles of curves, in world space. Shapes are left to the caller.
+    pub fn visit(&self, each: &mut dyn FnMut(DVec3)) {
+        for instance in &self.scene.instances {
+            if let Some(points) = self.points.get(instance.mesh.index()) {
+                points.visit(|p| each(instance.world_from_object.transform_point3(p)));
+            }
         }
-        HullPoints::Around(used.extent(|p| p).0.map_or(Vec::new(), |(low, high)| box_corners(low, high)))
-    };
-    scene.meshes.par_iter().zip(&is_boxed).map(points).collect()
+        self.scene.quads.iter().flat_map(quad_corners).for_each(&mut *each);
+        self.scene.curves.iter().for_each(|curves| curves.visit(&mut |p, _| each(p)));
+    }
+}
+
+/// The box around each instance, by [`MeshHulls::instance_extents`].
+pub fn instance_extents(scene: &Scene) -> Vec<Extent> {
+    MeshHulls::of(scene).instance_extents()
 }
 
 /// For which meshes the corners of their bounding boxes stand, so that at most [`MOST_VERTICES`] placed points are left.
@@ -90,32 +128,8 @@ fn boxed_meshes(scene: &Scene, placements: &[usize]) -> Vec<bool> {
     is_boxed
 }
 
-/// Hands points to `each` whose hull holds all meshes and quads and the middles of curves, in world space. Shapes are left to the caller. The scene
-/// need not be valid.
-pub fn visit_points(scene: &Scene, each: &mut dyn FnMut(DVec3)) {
-    let points = points_of_meshes(scene);
-    for instance in &scene.instances {
-        if let Some(points) = points.get(instance.mesh.index()) {
-            points.visit(|p| each(instance.world_from_object.transform_point3(p)));
-        }
-    }
-    scene.quads.iter().flat_map(quad_corners).for_each(&mut *each);
-    scene.curves.iter().for_each(|curves| curves.visit(&mut |p, _| each(p)));
-}
-
 fn quad_corners(q: &Quad) -> [DVec3; 4] {
     [q.corner, q.corner + q.edge_u, q.corner + q.edge_v, q.corner + q.edge_u + q.edge_v]
-}
-
-/// The box around each instance, in world space; empty where the mesh doesn't exist. Vertices of no triangle don't
-/// count. The scene need not be valid.
-pub fn instance_extents(scene: &Scene) -> Vec<Extent> {
-    let points = points_of_meshes(scene);
-    let of = |i: &Instance| {
-        let place = |p| i.world_from_object.transform_point3(p);
-        points.get(i.mesh.index()).map_or(Extent::default(), |points| points.extent(place))
-    };
-    scene.instances.par_iter().map(of).collect()
 }
 
 /// Marks the vertices that triangles use.

@@ -36,7 +36,7 @@ mod texture;
 mod validate;
 
 pub use attribute::VertexAttribute;
-pub use bounds::{Extent, instance_extents, scene_extent, visit_points};
+pub use bounds::{Extent, MeshHulls, instance_extents, scene_extent};
 pub use camera::{Aperture, Camera, Panorama, Projection, ThinLens, looking_at};
 pub use environment::{Backdrop, Environment, Portal};
 pub use geometry::{CurveBasis, Curves, Instance, Mesh, MeshPart, Motion, Quad, Shape, ShapeKind, ShapeTag};

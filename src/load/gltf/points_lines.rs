@@ -64,6 +64,9 @@ impl PointsAndLines {
     /// # Errors
     /// A usage error for an invalid radius.
     pub fn add(&self, doc: &Document, options: &LoadOptions, loaded: &mut Loaded) -> Result<()> {
+        if self.placed.is_empty() {
+            return Ok(());
+        }
         let placed = || {
             self.placed
                 .iter()

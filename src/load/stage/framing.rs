@@ -3,8 +3,7 @@
 use super::options::StageOptions;
 use crate::math::{DAffine3, DQuat, DVec3};
 use crate::scene::{
-    Camera, Curves, Environment, Extent, Instance, Mesh, Projection, Scene, Settings, Shape,
-    instance_extents, scene_extent, visit_points,
+    Camera, Curves, Environment, Extent, MeshHulls, Projection, Scene, Settings, Shape, scene_extent,
 };
 
 /// Share of the picture's shorter side that stays free on each side of the model.
@@ -137,7 +136,8 @@ pub(super) struct Outline {
 impl Outline {
     /// Of a scene, relative to `offset`. A scene without objects gets a box of 2 m.
     pub fn of(scene: &Scene, offset: DVec3) -> Outline {
-        let extents = instance_extents(scene);
+        let hulls = MeshHulls::of(scene);
+        let extents = hulls.instance_extents();
         let bounds = scene_extent(scene, &extents).0;
         let fits = |p: DVec3| p.is_finite() && p.abs().max_element() < FARTHEST;
         let Some((min, max)) = bounds.filter(|&(min, max)| fits(min) && fits(max)) else {
@@ -151,7 +151,7 @@ impl Outline {
                     each(p);
                 }
             };
-            visit_points(scene, &mut near);
+            hulls.visit(&mut near);
             for shape in &scene.shapes {
                 visit_shape(shape, scene.shapes.len(), &mut near);
             }
@@ -312,26 +312,36 @@ impl Limit {
 /// Finds the gap that separates outliers from the scene; `None` where there is no such gap. The scene
 /// need not be valid.
 fn limit(scene: &Scene, extents: &[Extent]) -> Option<Limit> {
-    let items = items(scene);
-    if items.is_empty() {
+    let items = Items::of(scene);
+    if items.count == 0 {
         return limit_of_splats(scene);
     }
-    let middle = median(&items)?;
-    let all: f64 = items.iter().map(|item| item.weight).sum();
-    let mut reach: Vec<(f64, f64, f64)> =
-        items.iter().map(|i| (i.near(middle), i.far(middle), i.weight)).collect();
-    reach.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    let (middle, all) = items.median()?;
     let (mut far, mut weight) = (0.0f64, 0.0);
-    for &(near, its_far, its_weight) in &reach {
-        if near > GAP * far && far > 0.0 && weight >= MOST * all {
-            let distance = 0.5 * (far + near);
-            let beyond = beyond(scene, extents, middle, distance, near);
+    for bin in items.by_distance(middle) {
+        if bin.near > GAP * far && far > 0.0 && weight >= MOST * all {
+            let distance = 0.5 * (far + bin.near);
+            let beyond = beyond(scene, extents, middle, distance, bin.near);
             return Some(Limit { middle, distance, beyond });
         }
-        far = far.max(its_far);
-        weight += its_weight;
+        far = far.max(bin.far);
+        weight += bin.weight;
     }
     None
+}
+
+/// Items whose distance from a middle has the same exponent.
+#[derive(Clone, Copy)]
+struct Bin {
+    /// Distance of the nearest box.
+    near: f64,
+    /// Distance of the farthest corner.
+    far: f64,
+    weight: f64,
+}
+
+impl Bin {
+    const EMPTY: Bin = Bin { near: f64::INFINITY, far: 0.0, weight: 0.0 };
 }
 
 /// Splats that the extent of a scan is taken of, at most.
@@ -369,31 +379,101 @@ fn limit_of_splats(scene: &Scene) -> Option<Limit> {
     })
 }
 
-/// All parts of a scene that have a place.
-fn items(scene: &Scene) -> Vec<Item> {
-    let mesh_of = |i: &Instance| scene.meshes.get(i.mesh.index());
-    let count = |i: &Instance| mesh_of(i).map_or(0, |mesh| mesh.triangles.len());
-    let total = scene.instances.iter().fold(0usize, |sum, i| sum.saturating_add(count(i)));
-    let step = total.div_ceil(MOST_TRIANGLES).max(1);
-    let placed = scene.instances.iter().filter_map(|i| Some((i, mesh_of(i)?)));
-    let mut items: Vec<Item> = placed.flat_map(|(i, mesh)| triangles(i, mesh, step)).collect();
-    let others = scene.shapes.len() + scene.quads.len() + scene.curves.len();
-    let weight = total.max(1) as f64 / others.max(1) as f64;
-    items.extend(scene.shapes.iter().map(|s| {
-        let half = s.half_extent();
-        Item { min: s.center - half, max: s.center + half, weight }
-    }));
-    items.extend(scene.quads.iter().map(|q| {
-        let (u, v) = (q.edge_u, q.edge_v);
-        let (low, high) = (u.min(DVec3::ZERO) + v.min(DVec3::ZERO), u.max(DVec3::ZERO) + v.max(DVec3::ZERO));
-        Item { min: q.corner + low, max: q.corner + high, weight }
-    }));
-    items.extend(scene.curves.iter().filter_map(|curves| {
-        let (min, max) = curves_box(curves)?;
-        Some(Item { min, max, weight })
-    }));
-    items.retain(|item| item.min.is_finite() && item.max.is_finite());
-    items
+/// The parts of a scene that have a place, visited without a list of them: there may be many.
+struct Items<'s> {
+    scene: &'s Scene,
+    /// Of the triangles every `step`-th is an item.
+    step: usize,
+    /// Weight of each of the others.
+    weight: f64,
+    /// Number of items, those without a finite place included.
+    count: usize,
+    boxes_of_curves: Vec<(DVec3, DVec3)>,
+}
+
+impl<'s> Items<'s> {
+    fn of(scene: &'s Scene) -> Items<'s> {
+        let placed = || scene.instances.iter().filter_map(|i| scene.meshes.get(i.mesh.index()));
+        let total = placed().fold(0usize, |sum, mesh| sum.saturating_add(mesh.triangles.len()));
+        let step = total.div_ceil(MOST_TRIANGLES).max(1);
+        let others = scene.shapes.len() + scene.quads.len() + scene.curves.len();
+        Items {
+            scene,
+            step,
+            weight: total.max(1) as f64 / others.max(1) as f64,
+            count: placed().map(|mesh| mesh.triangles.len().div_ceil(step)).sum::<usize>() + others,
+            boxes_of_curves: scene.curves.iter().filter_map(curves_box).collect(),
+        }
+    }
+
+    fn visit(&self, mut each: impl FnMut(Item)) {
+        let mut finite = |min: DVec3, max: DVec3, weight: f64| {
+            if min.is_finite() && max.is_finite() {
+                each(Item { min, max, weight });
+            }
+        };
+        for instance in &self.scene.instances {
+            let Some(mesh) = self.scene.meshes.get(instance.mesh.index()) else { continue };
+            let corner = |i: u32| {
+                let p = mesh.positions.get(i as usize)?;
+                Some(instance.world_from_object.transform_point3(DVec3::from(p.map(f64::from))))
+            };
+            for &[a, b, c] in mesh.triangles.iter().step_by(self.step) {
+                if let (Some(a), Some(b), Some(c)) = (corner(a), corner(b), corner(c)) {
+                    finite(a.min(b).min(c), a.max(b).max(c), self.step as f64);
+                }
+            }
+        }
+        for s in &self.scene.shapes {
+            let half = s.half_extent();
+            finite(s.center - half, s.center + half, self.weight);
+        }
+        for q in &self.scene.quads {
+            let (u, v) = (q.edge_u, q.edge_v);
+            let low = u.min(DVec3::ZERO) + v.min(DVec3::ZERO);
+            let high = u.max(DVec3::ZERO) + v.max(DVec3::ZERO);
+            finite(q.corner + low, q.corner + high, self.weight);
+        }
+        self.boxes_of_curves.iter().for_each(|&(min, max)| finite(min, max, self.weight));
+    }
+
+    /// The median of the middles, axis by axis, and the weight of all items.
+    fn median(&self) -> Option<(DVec3, f64)> {
+        let step = self.count.div_ceil(MEDIAN).max(1);
+        let (mut picked, mut at, mut all) = (Vec::new(), 0, 0.0);
+        self.visit(|item| {
+            if at % step == 0 {
+                picked.push((item.middle(), item.weight));
+            }
+            at += 1;
+            all += item.weight;
+        });
+        let half = 0.5 * picked.iter().map(|(_, weight)| weight).sum::<f64>();
+        let mut along = |axis: usize| {
+            picked.sort_unstable_by(|a, b| a.0[axis].total_cmp(&b.0[axis]));
+            let mut sum = 0.0;
+            let middle = picked.iter().find(|(_, weight)| {
+                sum += weight;
+                sum >= half
+            });
+            middle.map(|(p, _)| p[axis])
+        };
+        Some((DVec3::new(along(0)?, along(1)?, along(2)?), all))
+    }
+
+    /// The items in order of their distance from `middle`, in bins of an octave: a gap of more than that has all nearer items in
+    /// lower bins, so that bins find the same gaps as sorting does.
+    fn by_distance(&self, middle: DVec3) -> impl Iterator<Item = Bin> {
+        const { assert!(GAP > 2.0) };
+        let mut bins = vec![Bin::EMPTY; 1 << 11];
+        self.visit(|item| {
+            let (near, far) = (item.near(middle), item.far(middle));
+            // The exponent of a number that isn't negative.
+            let bin = &mut bins[(near.to_bits() >> 52) as usize];
+            *bin = Bin { near: bin.near.min(near), far: bin.far.max(far), weight: bin.weight + item.weight };
+        });
+        bins.into_iter().filter(|bin| bin.weight > 0.0)
+    }
 }
 
 /// The box around the points of curves.
@@ -401,39 +481,6 @@ fn curves_box(curves: &Curves) -> Option<(DVec3, DVec3)> {
     let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     curves.visit(&mut |p, _| (min, max) = (min.min(p), max.max(p)));
     (min.x <= max.x).then_some((min, max))
-}
-
-/// Every `step`-th triangle of an instance.
-fn triangles<'s>(
-    instance: &'s Instance,
-    mesh: &'s Mesh,
-    step: usize,
-) -> impl Iterator<Item = Item> + use<'s> {
-    let corner = move |i: u32| {
-        let p = mesh.positions.get(i as usize)?;
-        Some(instance.world_from_object.transform_point3(DVec3::from(p.map(f64::from))))
-    };
-    mesh.triangles.iter().step_by(step).filter_map(move |&[a, b, c]| {
-        let [a, b, c] = [corner(a)?, corner(b)?, corner(c)?];
-        Some(Item { min: a.min(b).min(c), max: a.max(b).max(c), weight: step as f64 })
-    })
-}
-
-/// The median of the middles, axis by axis.
-fn median(items: &[Item]) -> Option<DVec3> {
-    let step = items.len().div_ceil(MEDIAN).max(1);
-    let mut picked: Vec<(DVec3, f64)> = items.iter().step_by(step).map(|i| (i.middle(), i.weight)).collect();
-    let all: f64 = picked.iter().map(|(_, weight)| weight).sum();
-    let mut along = |axis: usize| {
-        picked.sort_unstable_by(|a, b| a.0[axis].total_cmp(&b.0[axis]));
-        let mut sum = 0.0;
-        let middle = picked.iter().find(|(_, weight)| {
-            sum += weight;
-            sum >= 0.5 * all
-        });
-        middle.map(|(p, _)| p[axis])
-    };
-    Some(DVec3::new(along(0)?, along(1)?, along(2)?))
 }
 
 /// Names the objects beyond `distance`; the nearest is `near` away.

@@ -219,11 +219,13 @@ pub(super) fn of(scene: &Scene) -> EmittedLight {
             add(instance.material.unwrap_or(part.material), &|| triangles.iter().map(area).sum());
         }
     }
-    match (strongest, power / inside(scene)) {
-        (strongest, _) if strongest <= 0.0 => EmittedLight::None,
+    if strongest <= 0.0 {
+        return EmittedLight::None;
+    }
+    match power / inside(scene) {
         // Areas that are not finite are no reason to light anything.
-        (_, radiance) if radiance.is_nan() || radiance >= ENOUGH => EmittedLight::Light,
-        (strongest, _) if strongest <= 1.0 => EmittedLight::Glow,
+        radiance if radiance.is_nan() || radiance >= ENOUGH => EmittedLight::Light,
+        _ if strongest <= 1.0 => EmittedLight::Glow,
         _ => EmittedLight::Dim,
     }
 }
