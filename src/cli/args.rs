@@ -137,6 +137,9 @@ pub(crate) struct RenderArgs {
     /// The frame of a sequence that is being rendered, as messages name it.
     #[arg(skip)]
     pub frame: Option<String>,
+    /// What is added to the seed for that frame.
+    #[arg(skip)]
+    pub seed_shift: u32,
     /// Output file: .exr, .png, .jpg, .tif, .webp, .hdr or .part; may be given several times [default: SCENE.png].
     ///
     /// With --orbit and --frames also .gif, .apng, .mp4 or .webm (video needs the program ffmpeg). #### or %04d is
@@ -220,6 +223,9 @@ pub(crate) struct RenderArgs {
     pub unbiased: bool,
     #[arg(long, help = setting_help("seed"), value_name = "N", allow_negative_numbers = true)]
     pub seed: Option<u32>,
+    /// Each frame of a sequence has a seed of its own, the seed plus its number: noise that `oscura denoise` averages over frames.
+    #[arg(long)]
+    pub animate_seed: bool,
     #[arg(long, help = setting_help("aovs"), value_name = "LIST", value_delimiter = ',', value_parser = AovParser)]
     pub aov: Vec<AovSet>,
     #[arg(long, help = setting_help("aov_space"), value_name = "SPACE", default_value = "world")]

@@ -1,13 +1,16 @@
-//! `oscura denoise`: denoises the picture of a file.
+//! `oscura denoise`: denoises the picture of a file, or those of a sequence.
 
 use super::outcome::Outcome;
+use super::parsers::Frames;
 use super::picture_args::DenoiseArgs;
-use oscura::denoise::{Guides, NAME, Noise, Noisy, denoise, slices};
+use oscura::denoise::temporal::{Frame, REACH, stabilized};
+use oscura::denoise::{Denoised, Guides, NAME, Noise, Noisy, denoise, slices};
 use oscura::error::{Error, Result};
 use oscura::film::LIGHT_GROUP;
 use oscura::load::image::{Layered, load_layered};
-use oscura::output::{DENOISED, Format, check_target, encode_layered, write_atomically};
+use oscura::output::{DENOISED, Format, check_target, encode_layered, is_same_target, write_atomically};
 use oscura::render::in_pool;
+use std::ops::RangeInclusive;
 use std::path::Path;
 use std::time::Instant;
 
@@ -21,58 +24,210 @@ pub(crate) fn run(args: &DenoiseArgs) -> Result<Outcome> {
         return Err(Error::usage(format!("{}: what is denoised is written as .exr", args.output.display()))
             .with_help("'oscura convert' makes other files of it"));
     }
-    check_target(&args.output)?;
-    in_pool(args.threads.map(usize::from), || denoise_file(args))?
+    let is_sequence = Frames::is_pattern(&args.picture);
+    if args.frames.is_some() && !is_sequence {
+        let message = format!("--frames is for sequences, and {} is one picture", args.picture.display());
+        return Err(Error::usage(message).with_help("name all of them by #### in place of their numbers"));
+    }
+    in_pool(args.threads.map(usize::from), || {
+        if is_sequence { denoise_sequence(args) } else { denoise_file(args) }
+    })?
 }
 
 fn denoise_file(args: &DenoiseArgs) -> Result<Outcome> {
+    check_target(&args.output)?;
     let start = Instant::now();
-    let first = load_layered(&args.picture)?;
-    let part = part_with_color(&first, &args.picture)?;
-    let second = args.other_seed.as_deref().map(|path| other(path, &first, part)).transpose()?;
-    let mut file = first.clone();
-    if let Some(second) = &second {
-        average(&mut file, second);
-    }
-    let layers = Layers::of(&file, part);
-    let deviations = second.as_ref().and_then(|second| half_difference(&first, second, part));
-    let noise = match (&deviations, &layers.variance) {
-        (Some(deviations), _) => Noise::Deviations(slices(deviations)),
-        (None, Some(variance)) => Noise::Variance(slices(variance)),
-        (None, None) => Noise::Unknown,
-    };
+    let noisy = NoisyFile::load(&args.picture, args.other_seed.as_deref())?;
     let load_s = start.elapsed().as_secs_f64();
     let start = Instant::now();
-    let [width, height] = file.size(part);
-    let result = denoise(&Noisy {
-        width,
-        height,
-        color: slices(&layers.color),
-        noise,
-        guides: layers.guides(),
-        parts: layers.sets().map(|set| set.map(|(_, part)| slices(part)).collect()).collect(),
-    });
+    let result = noisy.denoised();
     let denoise_s = start.elapsed().as_secs_f64();
-    let prefixes = std::iter::once("").chain(layers.sets().flatten().map(|(prefix, _)| prefix.as_str()));
-    for (prefix, values) in prefixes.zip(std::iter::once(&result.color).chain(result.parts.iter().flatten()))
-    {
-        for (letter, values) in RGB.iter().zip(values) {
-            let name = format!("{prefix}{letter}");
-            let Some(part) = file.part_with(part, &name) else { continue };
-            file.set_values(part, &name, values);
-        }
-    }
-    let by = format!("{NAME}; guides {}; noise {}", layers.guides().names(), name_of(&noise));
-    (0..file.len()).for_each(|part| file.set_attribute(part, DENOISED, &by));
-    let bytes = encode_layered(&file).map_err(|message| Error::output(&args.output, message))?;
-    write_atomically(&args.output, &bytes)?;
+    let by = noisy.description();
+    noisy.write(&result, &by, &args.output)?;
     if !args.quiet {
         args.denoiser.notes().iter().for_each(|note| say!("note: {note}"));
-        say!("guides   {}; noise {}", layers.guides().names(), name_of(&noise));
+        say!("guides   {}; noise {}", noisy.layers.guides().names(), name_of(&noisy.noise()));
         say!("time     load {load_s:.3} s, denoise {denoise_s:.3} s");
         say!("wrote    {}", args.output.display());
     }
     Ok(Outcome::Done)
+}
+
+/// A picture with noise in a file.
+struct NoisyFile {
+    file: Layered,
+    /// The part with the picture.
+    part: usize,
+    layers: Layers,
+    /// Half of what the picture differs by from that of another seed.
+    deviations: Option<[Vec<f32>; 3]>,
+}
+
+impl NoisyFile {
+    /// Reads a file, and the same picture with another seed.
+    ///
+    /// # Errors
+    /// If one of them can't be read, or is no such picture.
+    fn load(path: &Path, other_seed: Option<&Path>) -> Result<NoisyFile> {
+        let first = load_layered(path)?;
+        let part = part_with_color(&first, path)?;
+        let second = other_seed.map(|path| other(path, &first, part)).transpose()?;
+        let deviations = second.as_ref().and_then(|second| half_difference(&first, second, part));
+        let mut file = first;
+        if let Some(second) = &second {
+            average(&mut file, second);
+        }
+        let layers = Layers::of(&file, part);
+        Ok(NoisyFile { file, part, layers, deviations })
+    }
+
+    fn noise(&self) -> Noise<'_> {
+        match (&self.deviations, &self.layers.variance) {
+            (Some(deviations), _) => Noise::Deviations(slices(deviations)),
+            (None, Some(variance)) => Noise::Variance(slices(variance)),
+            (None, None) => Noise::Unknown,
+        }
+    }
+
+    fn denoised(&self) -> Denoised {
+        let [width, height] = self.file.size(self.part);
+        let layers = &self.layers;
+        denoise(&Noisy {
+            width,
+            height,
+            color: slices(&layers.color),
+            noise: self.noise(),
+            guides: layers.guides(),
+            parts: layers.sets().map(|set| set.map(|(_, part)| slices(part)).collect()).collect(),
+        })
+    }
+
+    /// What took the noise out, for the header.
+    fn description(&self) -> String {
+        format!("{NAME}; guides {}; noise {}", self.layers.guides().names(), name_of(&self.noise()))
+    }
+
+    /// Writes the file with what denoising made of it.
+    fn write(&self, result: &Denoised, by: &str, target: &Path) -> Result<()> {
+        let mut file = self.file.clone();
+        let parts = self.layers.sets().flatten().map(|(prefix, _)| prefix.as_str());
+        let results = std::iter::once(&result.color).chain(result.parts.iter().flatten());
+        for (prefix, values) in std::iter::once("").chain(parts).zip(results) {
+            for (letter, values) in RGB.iter().zip(values) {
+                let name = format!("{prefix}{letter}");
+                let Some(part) = file.part_with(self.part, &name) else { continue };
+                file.set_values(part, &name, values);
+            }
+        }
+        (0..file.len()).for_each(|part| file.set_attribute(part, DENOISED, by));
+        let bytes = encode_layered(&file).map_err(|message| Error::output(target, message))?;
+        write_atomically(target, &bytes)
+    }
+
+    /// As a frame of a sequence, whose noise has been taken out.
+    ///
+    /// # Errors
+    /// If there are no motion vectors.
+    fn frame(&self, path: &Path) -> Result<Frame> {
+        let [width, height] = self.file.size(self.part);
+        let vectors = MOTION.map(|name| {
+            let part = self.file.part_with(self.part, name)?;
+            self.file.values(part, name)
+        });
+        let [Some(a), Some(b), Some(c), Some(d)] = vectors else {
+            return Err(Error::input(path, "has no motion vectors, which lead from frame to frame")
+                .with_help("render frames with --aov denoising_albedo,denoising_normal,variance,motion"));
+        };
+        let Layers { color, variance, normal, .. } = &self.layers;
+        let half_power = |deviations: &[Vec<f32>; 3]| {
+            deviations.each_ref().map(|plane| plane.iter().map(|v| v * v).collect::<Vec<f32>>())
+        };
+        Ok(Frame {
+            width,
+            height,
+            noisy: color.clone(),
+            variance: self.deviations.as_ref().map(half_power).or_else(|| variance.clone()),
+            normal: normal.clone(),
+            motion: [a, b, c, d],
+            denoised: self.denoised(),
+        })
+    }
+}
+
+// Sequences.
+
+/// Channels of motion vectors.
+const MOTION: [&str; 4] = ["Vector.X", "Vector.Y", "Vector.Z", "Vector.W"];
+
+/// Denoises the frames of a sequence, each with those near it.
+fn denoise_sequence(args: &DenoiseArgs) -> Result<Outcome> {
+    if !Frames::is_pattern(&args.output) || is_same_target(&args.picture, &args.output) {
+        let message = format!("-o {}: a sequence needs names of its own", args.output.display());
+        return Err(Error::usage(message).with_help("such as -o clean.####.exr"));
+    }
+    let all = Frames::existing(&args.picture)?;
+    let wanted = |number: &u32| args.frames.is_none_or(|frames| frames.numbers().any(|n| n == *number));
+    let numbers: Vec<u32> = all.iter().copied().filter(wanted).collect();
+    if numbers.is_empty() {
+        return Err(Error::input(&args.picture, "there are no such frames"));
+    }
+    numbers.iter().try_for_each(|&number| check_target(&Frames::file(&args.output, number)))?;
+    if !args.quiet {
+        args.denoiser.notes().iter().for_each(|note| say!("note: {note}"));
+    }
+    let mut window = Window::default();
+    for &number in &numbers {
+        let range = neighbourhood(&all, number);
+        window.slide(args, range.clone())?;
+        let at = (number - range.start()) as usize;
+        let file = &window.files[at];
+        let by = format!("{}; frames {}-{}", file.description(), range.start(), range.end());
+        let target = Frames::file(&args.output, number);
+        file.write(&stabilized(&window.frames, at), &by, &target)?;
+        if !args.quiet {
+            say!("wrote    {}", target.display());
+        }
+    }
+    Ok(Outcome::Done)
+}
+
+/// The frames that a frame is averaged with: those around it that follow each other.
+fn neighbourhood(all: &[u32], number: u32) -> RangeInclusive<u32> {
+    let is_there = |number: &u32| all.binary_search(number).is_ok();
+    let reach = REACH as u32;
+    let before = (number.saturating_sub(reach)..number).rev().take_while(is_there).last();
+    let after = (number + 1..=number.saturating_add(reach)).take_while(is_there).last();
+    before.unwrap_or(number)..=after.unwrap_or(number)
+}
+
+/// Frames of a sequence that follow each other, each denoised by itself.
+#[derive(Default)]
+struct Window {
+    /// Number of the first.
+    first: u32,
+    files: Vec<NoisyFile>,
+    frames: Vec<Frame>,
+}
+
+impl Window {
+    /// Goes on to a later range of frames.
+    ///
+    /// # Errors
+    /// If one of them can't be read.
+    fn slide(&mut self, args: &DenoiseArgs, range: RangeInclusive<u32>) -> Result<()> {
+        let passed = (range.start() - self.first) as usize;
+        self.files.drain(..passed.min(self.files.len()));
+        self.frames.drain(..passed.min(self.frames.len()));
+        self.first = *range.start();
+        for number in self.first + self.frames.len() as u32..=*range.end() {
+            let path = Frames::file(&args.picture, number);
+            let other_seed = args.other_seed.as_ref().map(|path| Frames::file(path, number));
+            let file = NoisyFile::load(&path, other_seed.as_deref())?;
+            self.frames.push(file.frame(&path)?);
+            self.files.push(file);
+        }
+        Ok(())
+    }
 }
 
 /// What of a file denoising looks at.

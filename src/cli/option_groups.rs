@@ -88,6 +88,7 @@ pub(super) const GROUPS: [(&str, &[&str]); 13] = [
             "filter_glossy",
             "unbiased",
             "seed",
+            "animate_seed",
             "caustics",
             "spectral",
         ],

@@ -1,6 +1,7 @@
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Arg, Command, ValueEnum};
+use oscura::error::Error;
 use oscura::film::{Aov, AovInfo, AovSet, PixelType};
 use oscura::output::part::Region;
 use oscura::render::ALL_AOVS;
@@ -183,6 +184,37 @@ impl Frames {
     /// The file for a frame: `#` in the name stand for the digits of its number, as `%04d` does for four; without any,
     /// `.####` comes before the extension.
     pub(crate) fn file(path: &Path, number: u32) -> PathBuf {
+        let (head, width, tail) = Frames::parts_of_name(path);
+        path.with_file_name(format!("{head}{number:0width$}{tail}"))
+    }
+
+    /// Stands `#` or `%04d` in a file's name?
+    pub(crate) fn is_pattern(path: &Path) -> bool {
+        with_marks(&path.file_name().unwrap_or_default().to_string_lossy()).contains('#')
+    }
+
+    /// The numbers of the frames that are there, in order.
+    ///
+    /// # Errors
+    /// If the folder can't be read.
+    pub(crate) fn existing(path: &Path) -> Result<Vec<u32>, Error> {
+        let (head, _, tail) = Frames::parts_of_name(path);
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let unreadable = |e| Error::input(folder, format!("can't be read: {e}"));
+        let mut numbers = Vec::new();
+        for entry in std::fs::read_dir(folder).map_err(unreadable)? {
+            let name = entry.map_err(unreadable)?.file_name().to_string_lossy().into_owned();
+            let digits = name.strip_prefix(&head).and_then(|rest| rest.strip_suffix(&tail));
+            let number = digits.and_then(|digits| digits.parse().ok());
+            numbers
+                .extend(number.filter(|&n| Frames::file(path, n).file_name().is_some_and(|of| *of == *name)));
+        }
+        numbers.sort_unstable();
+        Ok(numbers)
+    }
+
+    /// What stands before the number of a frame in a name, the least digits of the number, and what stands after it.
+    fn parts_of_name(path: &Path) -> (String, usize, String) {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let name = with_marks(&name);
         let pattern = match name.contains('#') {
@@ -194,8 +226,7 @@ impl Frames {
         };
         let start = pattern.find('#').unwrap_or(0);
         let width = pattern[start..].chars().take_while(|c| *c == '#').count();
-        let (head, tail) = (&pattern[..start], &pattern[start + width..]);
-        path.with_file_name(format!("{head}{number:0width$}{tail}"))
+        (pattern[..start].to_string(), width, pattern[start + width..].to_string())
     }
 }
 

@@ -1,6 +1,6 @@
 //! Arguments about pictures after rendering, and of the commands that read them.
 
-use super::parsers::{number, stops};
+use super::parsers::{Frames, number, stops};
 use clap::builder::{PossibleValue, PossibleValuesParser, StringValueParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use oscura::error::Warning;
@@ -81,10 +81,16 @@ fn kelvin(text: &str) -> Result<f32, String> {
 #[derive(Args, Debug)]
 pub(crate) struct DenoiseArgs {
     /// Image to denoise (.exr) with R, G, B; better with the guides albedo.R, .G, .B and N.X, .Y, .Z (--aov albedo,normal).
+    /// With #### in place of its number, all frames of a sequence, each averaged with its neighbours by motion vectors
+    /// (--aov motion).
     pub picture: PathBuf,
-    /// Output file (.exr): all channels of the input, its colour and light passes denoised.
+    /// Output file (.exr), of sequences with ####: all channels of the input, its colour and light passes denoised.
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
+    /// Frames of the sequence to denoise, such as 7, 1-10 or 1-10x2 [default: all]. Two frames before and after are read, too, if
+    /// they are there.
+    #[arg(long, value_name = "A-B")]
+    pub frames: Option<Frames>,
     /// The same image rendered with another seed: both are averaged, and their difference estimates the noise. Without
     /// it, the noise is estimated from the channels variance.R, .G, .B (--aov variance), else from the image itself.
     #[arg(long, value_name = "FILE")]

@@ -24,7 +24,7 @@ use oscura::load::stage::{Background, Turntable, middle};
 use oscura::load::{LoadOptions, Loaded, is_of_blender, load, load_frames};
 use oscura::output::is_same_target;
 use oscura::render::{CancelHandle, PassOutcome, RarePaths, RenderOptions, Rendering, Statistics, in_pool};
-use oscura::scene::Scene;
+use oscura::scene::{Camera, Moving, Scene};
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -111,6 +111,7 @@ fn run_frames(args: &RenderArgs, frames: Frames, cancel: &CancelHandle) -> Resul
             let Some(number) = numbers.next() else { return Ok(ControlFlow::Break(())) };
             let targets = Targets::check(&file(number))?;
             let mut args = args.clone();
+            args.seed_shift = if args.animate_seed { number } else { 0 };
             args.frame = Some(match is_of_blender(&args.scene) {
                 true => format!("frame    {number}"),
                 false => format!("frame    {number}, {:.3} s", f64::from(number) / args.fps),
@@ -323,7 +324,8 @@ pub(super) fn run_one(
     let (given, args) = (args, &completed(args, &loaded.scene.settings));
     let prepared = prepare_files((given, args), targets, environment, loaded, start, compiler)?;
     // Files record everything that is not in the picture.
-    let Prepared { scene, labels, camera, settled, how, kept_aovs, png, build, load_s, .. } = prepared;
+    let Prepared { scene, labels, camera, mut settled, how, kept_aovs, png, build, load_s, .. } = prepared;
+    settled.options = settled.options.seed(settled.options.seed.wrapping_add(args.seed_shift));
     let Prepared { mut notes, mut warnings, left_out, .. } = prepared;
     let log: Vec<Warning> = warnings.iter().chain(&build.notes).cloned().collect();
     let (width, height) = (settled.options.width, settled.options.height);
@@ -607,10 +609,17 @@ fn run_turntable(args: &RenderArgs, count: u32, cancel: &CancelHandle) -> Result
     let table = turntable(&loaded);
     let mut kept = RunState { moving, ..RunState::new(args, Compiler::sequence())? };
     for k in 0..count {
-        let args = &RenderArgs { frame: Some(format!("frame    {k} of {count}")), ..args.clone() };
-        let angle = f64::from(k) / f64::from(count) * TAU;
-        loaded.scene.cameras[number] = table.camera(&first, angle);
-        table.light(&mut loaded.scene, angle);
+        let seed_shift = if args.animate_seed { k } else { 0 };
+        let args =
+            &RenderArgs { frame: Some(format!("frame    {k} of {count}")), seed_shift, ..args.clone() };
+        let angle = |frame: f64| frame / f64::from(count) * TAU;
+        let now = f64::from(k);
+        let neighbours =
+            [now - 1.0, now + 1.0].map(|frame| table.camera(&first, angle(frame)).world_from_camera);
+        let has_vectors = args.aov.iter().any(|aovs| aovs.contains(Aov::Motion));
+        let motion = has_vectors.then(|| Moving { keys: Vec::new(), neighbours: Some(neighbours) });
+        loaded.scene.cameras[number] = Camera { motion, ..table.camera(&first, angle(now)) };
+        table.light(&mut loaded.scene, angle(now));
         let targets = Targets::check(&files(k))?;
         let outcome = run_one(args, cancel, &targets, None, &mut loaded, start, &mut kept);
         if !matches!(outcome, Ok(Outcome::Done)) {

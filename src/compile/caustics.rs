@@ -154,11 +154,23 @@ impl CompiledScene {
         let world = &self.geometries.world;
         let senders = world.attributes.materials.iter().enumerate().filter(|(_, m)| sends(**m));
         let (mut object, mut end) = (0, 0);
+        // The object that each vertex was last visited for: triangles share vertices.
+        let mut visited: Vec<u32> = Vec::new();
         for (prim, _) in senders {
             if prim as u32 >= end {
                 (object, end) = (world.owners.of(prim as u32).0, world.owners.end_of_run(prim as u32));
             }
-            visit_primitive(world, prim, |ball| visit(object, ball));
+            let Some(triangle) = world.shapes.triangles.get(prim) else {
+                visit_primitive(world, prim, |ball| visit(object, ball));
+                continue;
+            };
+            visited.resize(world.shapes.positions.len(), u32::MAX);
+            for &i in triangle {
+                let vertex = i as usize;
+                if std::mem::replace(&mut visited[vertex], object) != object {
+                    visit(object, point(Vec3::from_array(world.shapes.positions[vertex])));
+                }
+            }
         }
         for placement in &self.geometries.placements {
             let space = &self.geometries.shared[placement.geometry as usize];
@@ -194,12 +206,9 @@ fn point(center: Vec3) -> TargetSphere {
     TargetSphere { center, radius: 0.0 }
 }
 
-/// Calls `visit` with balls of which each sphere that holds them holds a primitive.
+/// Calls `visit` with balls of which each sphere that holds them holds a primitive that is no triangle.
 fn visit_primitive(space: &Space, prim: usize, mut visit: impl FnMut(TargetSphere)) {
     let shapes = &space.shapes;
-    if let Some(t) = shapes.triangles.get(prim) {
-        return t.iter().for_each(|&i| visit(point(Vec3::from_array(shapes.positions[i as usize]))));
-    }
     let prim = prim - shapes.triangles.len();
     if let Some(quad) = shapes.quads.get(prim) {
         let corners = [Vec3::ZERO, quad.edge_u, quad.edge_v, quad.edge_u + quad.edge_v];

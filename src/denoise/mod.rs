@@ -9,6 +9,7 @@ mod outliers;
 mod parts;
 mod planes;
 mod residual;
+pub mod temporal;
 #[cfg(test)]
 mod tests;
 

@@ -72,3 +72,53 @@ fn options_of_a_library_say_that_they_have_no_effect() {
     let said = run(folder, "denoise a.exr -o c.exr --denoiser oidn");
     assert!(said.contains("built in"), "{said}");
 }
+
+/// Frames of a sequence are averaged with their neighbours; which frames a command denoises changes none of them.
+#[test]
+fn sequences_are_denoised_over_frames() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    std::fs::write(
+        folder.join("scene.toml"),
+        "[camera]\nlook_from = [0, 1, 4]\nlook_at = [0, 0, 0]\nvfov = 40\nmotion = { translate = [0.01, 0, 0] }\n\
+         [environment]\nsky = { nadir = 0.2, zenith = [0.5, 0.7, 1] }\n\
+         [materials]\nclay = { type = \"lambert\", color = [0.7, 0.4, 0.3] }\n\
+         [[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\nmaterial = \"clay\"\n",
+    )
+    .unwrap();
+    let layers = "--aov denoising_albedo,denoising_normal,variance,motion";
+    let render = |name: &str, more: &str| {
+        run(
+            folder,
+            &format!(
+                "render scene.toml -o {name}.##.exr --frames 1-4 --width 40 --spp 4 --quiet --reproducible {more}"
+            ),
+        );
+    };
+    render("noisy", &format!("--animate-seed {layers}"));
+    render("same", layers);
+    let at = |name: &str| folder.join(name);
+    assert_eq!(attribute(&at("noisy.01.exr"), "worldToNDC"), attribute(&at("same.01.exr"), "worldToNDC"));
+    assert_ne!(planes(&at("noisy.01.exr"))["R"], planes(&at("same.01.exr"))["R"]);
+    run(folder, "denoise noisy.##.exr -o clean.##.exr --quiet");
+    run(folder, "denoise noisy.##.exr -o part.##.exr --frames 3 --quiet");
+    run(folder, "denoise noisy.03.exr -o alone.exr --quiet");
+    assert!(at("clean.01.exr").exists() && at("clean.04.exr").exists() && !at("part.02.exr").exists());
+    let (clean, part, alone) =
+        (planes(&at("clean.03.exr")), planes(&at("part.03.exr")), planes(&at("alone.exr")));
+    assert_eq!(clean, part);
+    assert!(clean["R"] != alone["R"] && clean["A"] == alone["A"] && clean["Vector.X"] == alone["Vector.X"]);
+
+    render("plain", "");
+    let output = oscura(folder, &["denoise", "plain.##.exr", "-o", "x.##.exr"]);
+    assert!(code(&output) == 3 && stderr(&output).contains("--aov"), "{}", stderr(&output));
+    for (line, expected) in [
+        ("denoise noisy.##.exr -o one.exr", "####"),
+        ("denoise noisy.##.exr -o noisy.##.exr", "names of its own"),
+        ("denoise noisy.01.exr -o one.exr --frames 1-2", "one picture"),
+        ("denoise gone.##.exr -o x.##.exr", "no such frames"),
+    ] {
+        let output = oscura(folder, &line.split(' ').collect::<Vec<_>>());
+        assert!(code(&output) != 0 && stderr(&output).contains(expected), "{line}: {}", stderr(&output));
+    }
+}

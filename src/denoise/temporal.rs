@@ -1,0 +1,419 @@
+//! Sequences: a denoised frame averaged with its neighbours in time, where these show the same.
+//!
+//! Motion vectors lead from each pixel to where its surface is in a neighbouring frame, which is read there by Catmull-Rom splines, as in
+//! temporal antialiasing (Yang, Liu, Salvi 2020, "A Survey of Temporal Antialiasing Techniques", section 4). It counts where the way
+//! back ends at the pixel again and normals agree: not behind what hides it.
+//!
+//! Light that changes (shadows, reflections, what is seen through glass) is found by the noisy pictures: where the difference of
+//! two frames, averaged over a large or a small square, exceeds its noise, the neighbour counts less. So it does where the denoised pictures differ
+//! by more than the noise of their pixels, as at edges that are read between pixels. Denoised frames err independently
+//! where their samples do: what remains of their errors, which flickers, falls with the number of frames. Each frame
+//! depends on those near it alone, so that parts of a sequence can be denoised anywhere.
+
+use super::Denoised;
+use super::parts::add_up;
+use super::planes::{Color, slices, smoothed};
+use rayon::prelude::*;
+
+/// Frames before and after that are averaged.
+pub const REACH: usize = 2;
+
+/// Farthest that the way to a neighbour and back may end from where it began, pixels.
+const FARTHEST_RETURN: f32 = 0.75;
+/// Least cosine between the normals of a pixel and of what is read for it.
+const LEAST_COSINE: f32 = 0.8;
+/// Radii of the squares in which light is compared, pixels.
+const RADII: [usize; 2] = [5, 1];
+/// Differences whose power exceeds that of their noise by this factor lower the weight of a neighbour.
+const CAUTION: f32 = 2.0;
+/// The share of the noisy pixels' noise that the differences of denoised pixels may have.
+const SHARE_OF_NOISE: f32 = 1.0 / 9.0;
+/// Relative differences of each channel that don't count as a change: of squares, and of pixels of the denoised picture.
+const LEAST_CHANGE: f32 = 0.01;
+const LEAST_CHANGE_OF_PIXELS: f32 = 0.01;
+
+/// A frame of a sequence, denoised by itself.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    /// Pixels in a row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// The picture with noise.
+    pub noisy: [Vec<f32>; 3],
+    /// The variance of its values, where it is known.
+    pub variance: Option<[Vec<f32>; 3]>,
+    /// Normal of the first surface.
+    pub normal: Option<[Vec<f32>; 3]>,
+    /// Way of the first surface in the picture, pixels to the right and up: to the previous frame (0, 1), to the next (2, 3).
+    pub motion: [Vec<f32>; 4],
+    /// The picture without noise.
+    pub denoised: Denoised,
+}
+
+impl Frame {
+    fn len(&self) -> usize {
+        self.width * self.height
+    }
+
+    fn middle_of(&self, pixel: usize) -> [f32; 2] {
+        [(pixel % self.width) as f32 + 0.5, (pixel / self.width) as f32 + 0.5]
+    }
+
+    fn pixel_at(&self, [x, y]: [f32; 2]) -> Option<usize> {
+        let is_inside = x >= 0.0 && y >= 0.0 && x < self.width as f32 && y < self.height as f32;
+        is_inside.then(|| y as usize * self.width + x as usize)
+    }
+
+    /// Where the surface that is seen at a place is in the next frame, or in the one before.
+    fn moved(&self, place: [f32; 2], is_forward: bool) -> Option<[f32; 2]> {
+        let pixel = self.pixel_at(place)?;
+        let first = if is_forward { 2 } else { 0 };
+        Some([place[0] + self.motion[first][pixel], place[1] - self.motion[first + 1][pixel]])
+    }
+
+    /// A weighted sum of pixels around a place, `2 N` by `2 N` of them, those at the border in place of others.
+    #[inline]
+    fn sum_around<const N: usize>(
+        &self,
+        place: [f32; 2],
+        weights: impl Fn(f32) -> [[f32; 2]; N],
+        mut add: impl FnMut(usize, f32),
+    ) {
+        let [(column, across), (row, down)] = place.map(|v| {
+            let v = v - 0.5;
+            (v.floor() as i64 - (N as i64 - 1), weights(v - v.floor()))
+        });
+        let clamped = |v: i64, length: usize| v.clamp(0, length as i64 - 1) as usize;
+        for (j, down) in (0i64..).zip(down.as_flattened()) {
+            let start = clamped(row + j, self.height) * self.width;
+            for (i, across) in (0i64..).zip(across.as_flattened()) {
+                add(start + clamped(column + i, self.width), across * down);
+            }
+        }
+    }
+
+    /// Means of the pixels around a place, linear between their middles.
+    fn linear<const K: usize>(&self, place: [f32; 2], value: impl Fn(usize) -> [f32; K]) -> [f32; K] {
+        let mut sums = [0.0; K];
+        self.sum_around(
+            place,
+            |t| [[1.0 - t, t]],
+            |pixel, weight| {
+                sums.iter_mut().zip(value(pixel)).for_each(|(sum, v)| *sum += weight * v);
+            },
+        );
+        sums
+    }
+
+    /// The value of a plane at a place by Catmull-Rom splines, within those of the four nearest pixels.
+    fn sharp(&self, place: [f32; 2], plane: &[f32]) -> f32 {
+        let weights = |t: f32| {
+            let (t2, t3) = (t * t, t * t * t);
+            [
+                [-0.5 * t + t2 - 0.5 * t3, 1.0 - 2.5 * t2 + 1.5 * t3],
+                [0.5 * t + 2.0 * t2 - 1.5 * t3, -0.5 * t2 + 0.5 * t3],
+            ]
+        };
+        let (mut sum, mut least, mut most) = (0.0, f32::INFINITY, f32::NEG_INFINITY);
+        self.sum_around(place, weights, |pixel, weight| sum += weight * plane[pixel]);
+        self.sum_around(
+            place,
+            |t| [[1.0 - t, t]],
+            |pixel, _| {
+                (least, most) = (least.min(plane[pixel]), most.max(plane[pixel]));
+            },
+        );
+        sum.clamp(least, most)
+    }
+}
+
+/// A neighbouring frame as a frame sees it.
+struct Neighbour<'f> {
+    frame: &'f Frame,
+    /// Where each pixel is there.
+    places: Vec<[f32; 2]>,
+    /// How much each pixel counts, 0 to 1.
+    weights: Vec<f32>,
+}
+
+/// A frame averaged with its neighbours: `frames` are those of a sequence near it, itself at index `at`.
+///
+/// # Panics
+/// If there is no frame at that index.
+pub fn stabilized(frames: &[Frame], at: usize) -> Denoised {
+    let frame = &frames[at];
+    let is_alike = |other: &Frame| (other.width, other.height) == (frame.width, frame.height);
+    let near = at.saturating_sub(REACH)..frames.len().min(at + REACH + 1);
+    let others =
+        near.filter(|&other| other != at && frames[at.min(other)..=at.max(other)].iter().all(is_alike));
+    let neighbours: Vec<Neighbour> = others
+        .map(|other| {
+            let (places, is_seen) = places(frames, at, other);
+            let weights = weights(frame, &frames[other], &places, &is_seen);
+            Neighbour { frame: &frames[other], places, weights }
+        })
+        .collect();
+    let blend = |own: Color, of: &(dyn for<'f> Fn(&'f Denoised) -> Color<'f> + Sync)| {
+        [0, 1, 2].map(|c| {
+            let at_pixel = |i: usize| {
+                let (mut sum, mut all) = (own[c][i], 1.0);
+                for Neighbour { frame, places, weights } in neighbours.iter().filter(|n| n.weights[i] > 0.0) {
+                    sum += weights[i] * frame.sharp(places[i], of(&frame.denoised)[c]);
+                    all += weights[i];
+                }
+                sum / all
+            };
+            (0..own[c].len()).into_par_iter().with_min_len(1024).map(at_pixel).collect::<Vec<f32>>()
+        })
+    };
+    let own = &frame.denoised;
+    let color = blend(slices(&own.color), &|denoised| slices(&denoised.color));
+    let mut parts = own.parts.clone();
+    for (s, set) in parts.iter_mut().enumerate() {
+        let has_set =
+            |other: &Neighbour| other.frame.denoised.parts.get(s).is_some_and(|of| of.len() == set.len());
+        if neighbours.iter().all(has_set) {
+            for (p, part) in set.iter_mut().enumerate() {
+                *part = blend(slices(&own.parts[s][p]), &|denoised| slices(&denoised.parts[s][p]));
+            }
+            let before: Vec<Color> = own.parts[s].iter().map(slices).collect();
+            add_up(slices(&own.color), &before, &color, set);
+        }
+    }
+    Denoised { color, parts }
+}
+
+/// Where each pixel of frame `at` is in frame `other`; not a number where it leaves the picture on the way.
+fn ways(frames: &[Frame], at: usize, other: usize) -> Vec<[f32; 2]> {
+    let of = |pixel: usize| {
+        let start = frames[at].middle_of(pixel);
+        let place = (0..at.abs_diff(other)).try_fold(start, |place, step| {
+            let from = if other > at { at + step } else { at - step };
+            frames[from].moved(place, other > at)
+        });
+        place.unwrap_or([f32::NAN; 2])
+    };
+    (0..frames[at].len()).into_par_iter().with_min_len(1024).map(of).collect()
+}
+
+/// Where each pixel of frame `at` is in frame `other`, and whether it is seen there.
+fn places(frames: &[Frame], at: usize, other: usize) -> (Vec<[f32; 2]>, Vec<bool>) {
+    let (there, back) = (ways(frames, at, other), ways(frames, other, at));
+    let (frame, target) = (&frames[at], &frames[other]);
+    let normal = |frame: &Frame, pixel: usize| {
+        frame.normal.as_ref().map_or([0.0; 3], |normal| [0, 1, 2].map(|c| normal[c][pixel]))
+    };
+    let is_seen = |(pixel, &place): (usize, &[f32; 2])| {
+        if target.pixel_at(place).is_none() {
+            return false;
+        }
+        let [dx, dy, x, y, z] = target.linear(place, |pixel| {
+            let (to, [x, y], [nx, ny, nz]) = (back[pixel], target.middle_of(pixel), normal(target, pixel));
+            [to[0] - x, to[1] - y, nx, ny, nz]
+        });
+        let start = frame.middle_of(pixel);
+        let returns = (place[0] + dx - start[0]).hypot(place[1] + dy - start[1]) <= FARTHEST_RETURN;
+        let own = normal(frame, pixel);
+        let length = |n: [f32; 3]| n.iter().map(|v| v * v).sum::<f32>().sqrt();
+        let cosine = own[0] * x + own[1] * y + own[2] * z;
+        returns && cosine >= LEAST_COSINE * length(own) * length([x, y, z]) - 1e-6
+    };
+    let is_seen = there.par_iter().enumerate().with_min_len(1024).map(is_seen).collect();
+    (there, is_seen)
+}
+
+/// What two frames show at the pixels of one of them, in one channel; 0 where the other doesn't show a pixel.
+struct Compared {
+    /// The noisy pictures.
+    own: Vec<f32>,
+    there: Vec<f32>,
+    /// The variance of their difference.
+    variance: Vec<f32>,
+    /// The difference of the denoised pictures.
+    shift: Vec<f32>,
+}
+
+impl Compared {
+    fn of(frame: &Frame, other: &Frame, places: &[[f32; 2]], is_seen: &[bool], c: usize) -> Compared {
+        let plane = |value: &(dyn Fn(usize) -> f32 + Sync)| -> Vec<f32> {
+            let of = |i: usize| if is_seen[i] { value(i) } else { 0.0 };
+            (0..is_seen.len()).into_par_iter().with_min_len(1024).map(of).collect()
+        };
+        let finite = |v: f32| if v.is_finite() { v } else { 0.0 };
+        let spread = |frame: &Frame, i: usize| {
+            let known = frame.variance.as_ref().map(|variance| variance[c][i]).filter(|v| v.is_finite());
+            // Without an estimate a value counts as uncertain as it is large.
+            known.unwrap_or_else(|| finite(frame.noisy[c][i] * frame.noisy[c][i]))
+        };
+        let linear =
+            |place: [f32; 2], value: &dyn Fn(usize) -> f32| other.linear(place, |pixel| [value(pixel)])[0];
+        Compared {
+            own: plane(&|i| finite(frame.noisy[c][i])),
+            there: plane(&|i| linear(places[i], &|pixel| finite(other.noisy[c][pixel]))),
+            variance: plane(&|i| spread(frame, i) + linear(places[i], &|pixel| spread(other, pixel))),
+            shift: plane(&|i| other.sharp(places[i], &other.denoised.color[c]) - frame.denoised.color[c][i]),
+        }
+    }
+}
+
+/// How much each pixel of another frame counts: less than 1 where the pictures differ by more than their noise.
+fn weights(frame: &Frame, other: &Frame, places: &[[f32; 2]], is_seen: &[bool]) -> Vec<f32> {
+    let channels = [0, 1, 2].map(|c| Compared::of(frame, other, places, is_seen, c));
+    let mut weights: Vec<f32> = is_seen.iter().map(|&is_seen| if is_seen { 1.0 } else { 0.0 }).collect();
+    let mask = weights.clone();
+    let mut lower = |power: &[f32], noise: &[f32]| {
+        for (weight, (power, noise)) in weights.iter_mut().zip(power.iter().zip(noise)) {
+            let ratio = CAUTION * noise / power.max(1e-30);
+            *weight *= (ratio * ratio).min(1.0);
+        }
+    };
+    for radius in RADII {
+        let mean = |plane: &[f32]| smoothed(frame.width, frame.height, plane, radius);
+        let covered = mean(&mask);
+        let pixels = ((2 * radius + 1) * (2 * radius + 1)) as f32;
+        let (mut power, mut noise) = (vec![0.0f32; mask.len()], vec![0.0f32; mask.len()]);
+        for channel in &channels {
+            let (own, there, variance) = (mean(&channel.own), mean(&channel.there), mean(&channel.variance));
+            for i in 0..mask.len() {
+                let covered = covered[i].max(1e-6);
+                let difference = (there[i] - own[i]) / covered;
+                let scale = LEAST_CHANGE * 0.5 * (there[i] + own[i]) / covered;
+                power[i] += difference * difference;
+                noise[i] += variance[i] / (covered * covered * pixels) + scale * scale;
+            }
+        }
+        lower(&power, &noise);
+    }
+    // Where the denoised pixels differ by more than their noise.
+    let sum = |of: &dyn Fn(&Compared, f32, usize) -> f32| {
+        let at = |i: usize| {
+            channels
+                .iter()
+                .zip(&frame.denoised.color)
+                .map(|(channel, denoised)| of(channel, denoised[i], i))
+                .sum()
+        };
+        smoothed(frame.width, frame.height, &(0..mask.len()).map(at).collect::<Vec<f32>>(), 1)
+    };
+    let power = sum(&|channel, _, i| channel.shift[i] * channel.shift[i]);
+    let noise = sum(&|channel, denoised, i| {
+        let scale = LEAST_CHANGE_OF_PIXELS * denoised * mask[i];
+        SHARE_OF_NOISE * channel.variance[i] + scale * scale
+    });
+    lower(&power, &noise);
+    weights
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::hash::SplitMix64;
+
+    const WIDTH: usize = 64;
+    const HEIGHT: usize = 48;
+    /// Frames of the sequence.
+    const COUNT: usize = 5;
+
+    /// A wall with a smooth pattern that moves `speed` pixels to the right a frame, with errors of half the noise's deviation
+    /// after denoising; `light` is what each frame's light is multiplied by.
+    fn sequence(speed: f32, light: [f32; COUNT]) -> (Vec<Frame>, Vec<Vec<f32>>) {
+        let mut random = SplitMix64::new(3);
+        let mut gauss = || (0..12).map(|_| random.next_unit()).sum::<f64>() as f32 - 6.0;
+        let mut truths = Vec::new();
+        let frames = (0..COUNT).map(|frame| {
+            let truth: Vec<f32> = (0..WIDTH * HEIGHT)
+                .map(|i| {
+                    let x = (i % WIDTH) as f32 - speed * frame as f32;
+                    light[frame] * (1.0 + 0.5 * (0.3 * x).sin() * (0.2 * (i / WIDTH) as f32).cos())
+                })
+                .collect();
+            let mut erring =
+                |deviation: f32| [0; 3].map(|_| truth.iter().map(|v| v + deviation * gauss()).collect());
+            let (noisy, color) = (erring(0.2), erring(0.05));
+            truths.push(truth.clone());
+            let plane = |v: f32| vec![v; WIDTH * HEIGHT];
+            Frame {
+                width: WIDTH,
+                height: HEIGHT,
+                noisy,
+                variance: Some([0; 3].map(|_| plane(0.04))),
+                normal: Some([plane(0.0), plane(0.0), plane(1.0)]),
+                motion: [plane(-speed), plane(0.0), plane(speed), plane(0.0)],
+                denoised: Denoised { parts: vec![vec![color.clone()]], color },
+            }
+        });
+        let frames = frames.collect();
+        (frames, truths)
+    }
+
+    /// Mean squared error, away from the sides.
+    fn error(color: &[Vec<f32>; 3], truth: &[f32]) -> f32 {
+        let inside = |i: &usize| (8..WIDTH - 8).contains(&(i % WIDTH));
+        let squares = (0..truth.len()).filter(inside).map(|i| (color[1][i] - truth[i]).powi(2));
+        squares.clone().sum::<f32>() / squares.count() as f32
+    }
+
+    /// Five frames that show the same have nearly a fifth of the error of one, wherever they move.
+    #[test]
+    fn errors_of_moving_surfaces_average_out() {
+        for speed in [0.0, 0.4, 3.0] {
+            let (frames, truths) = sequence(speed, [1.0; COUNT]);
+            let ratio = error(&stabilized(&frames, 2).color, &truths[2])
+                / error(&frames[2].denoised.color, &truths[2]);
+            assert!(ratio < 0.35, "{speed}: {ratio}");
+            // The first has two neighbours.
+            let ratio = error(&stabilized(&frames, 0).color, &truths[0])
+                / error(&frames[0].denoised.color, &truths[0]);
+            assert!(ratio < 0.5, "{speed}: {ratio}");
+        }
+    }
+
+    /// Frames under another light don't count.
+    #[test]
+    fn light_that_changes_is_not_averaged() {
+        let (frames, truths) = sequence(0.4, [0.4, 0.7, 1.0, 1.4, 1.8]);
+        let before = error(&frames[2].denoised.color, &truths[2]);
+        let after = error(&stabilized(&frames, 2).color, &truths[2]);
+        assert!(after < 1.05 * before, "{after} {before}");
+    }
+
+    /// What turns away, or hides behind something that moves otherwise, is not read.
+    #[test]
+    fn other_surfaces_are_not_averaged() {
+        let (mut frames, _) = sequence(0.0, [1.0; COUNT]);
+        let own = frames[2].denoised.clone();
+        for at in [0, 1, 3, 4] {
+            frames[at].normal = Some([1.0, 0.0, 0.0].map(|v| vec![v; WIDTH * HEIGHT]));
+        }
+        assert_eq!(stabilized(&frames, 2), own);
+        let (mut frames, _) = sequence(0.0, [1.0; COUNT]);
+        for at in [1, 3] {
+            // To the frame and away from it: the way back ends elsewhere.
+            frames[at].motion = [5.0, 0.0, 5.0, 0.0].map(|v| vec![v; WIDTH * HEIGHT]);
+        }
+        let stable = stabilized(&frames, 2);
+        let near_left = |i: &usize| i % WIDTH < WIDTH - 8;
+        assert!(
+            (0..WIDTH * HEIGHT)
+                .filter(near_left)
+                .all(|i| stable.color[0][i] == frames[2].denoised.color[0][i])
+        );
+    }
+
+    #[test]
+    fn parts_still_add_up() {
+        let (mut frames, _) = sequence(0.4, [1.0; COUNT]);
+        for frame in &mut frames {
+            let color = &frame.denoised.color;
+            let share =
+                |share: f32| [0, 1, 2].map(|c| color[c].iter().map(|v| v * share).collect::<Vec<f32>>());
+            frame.denoised.parts = vec![vec![share(0.25), share(0.75)]];
+        }
+        let stable = stabilized(&frames, 2);
+        for i in 0..WIDTH * HEIGHT {
+            let sum = stable.parts[0][0][0][i] + stable.parts[0][1][0][i];
+            assert!((sum - stable.color[0][i]).abs() < 1e-5 * stable.color[0][i]);
+        }
+    }
+}
