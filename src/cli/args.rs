@@ -392,7 +392,7 @@ pub(crate) struct CompareArgs {
     pub json: bool,
 }
 
-fn frames_per_second(text: &str) -> Result<f64, String> {
+pub(super) fn frames_per_second(text: &str) -> Result<f64, String> {
     number(text, |f| f.is_finite() && f > 0.0, "a number above 0")
 }
 

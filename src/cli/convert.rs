@@ -1,7 +1,9 @@
-//! `oscura convert`: a layer of an EXR as a picture to look at.
+//! `oscura convert`: a layer of an EXR, or of a sequence of them, as a picture to look at.
 
 use super::outcome::Outcome;
+use super::parsers::Frames;
 use super::picture_args::ConvertArgs;
+use super::pictures::{AnimationFiles, is_moving};
 use font8x8::legacy::BASIC_LEGACY;
 use oscura::color::converted;
 use oscura::error::{Error, Result};
@@ -9,8 +11,12 @@ use oscura::load::image::{Layered, load_layered};
 use oscura::output::{
     Format, Linear, PngOptions, check_target, encode_rgb8, encode_shown, is_color, shown8, write_atomically,
 };
+use std::path::Path;
 
 pub(crate) fn run(args: &ConvertArgs) -> Result<Outcome> {
+    if is_moving(&args.output) {
+        return animate(args);
+    }
     let format = Format::of(&args.output)?;
     if format == Format::Exr {
         return Err(Error::usage(format!(
@@ -24,32 +30,80 @@ pub(crate) fn run(args: &ConvertArgs) -> Result<Outcome> {
             Error::usage("--sheet is made to look at, and .hdr is linear").with_help("write a .png or .jpg")
         );
     }
-    check_target(&args.output)?;
-    let file = load_layered(&args.picture)?;
-    let options = PngOptions {
+    if !Frames::is_pattern(&args.picture) {
+        convert_file(args, (&args.picture, &args.output), format)?;
+        return Ok(Outcome::Done);
+    }
+    if !Frames::is_pattern(&args.output) {
+        let message = format!("-o {}: a sequence needs a name for each frame", args.output.display());
+        return Err(Error::usage(message)
+            .with_help("such as -o frame.####.png, or one animation such as -o walk.mp4"));
+    }
+    for number in Frames::of_sequence(&args.picture, None)? {
+        let [picture, output] = [&args.picture, &args.output].map(|path| Frames::file(path, number));
+        convert_file(args, (&picture, &output), format)?;
+    }
+    Ok(Outcome::Done)
+}
+
+fn png_options(args: &ConvertArgs) -> PngOptions {
+    PngOptions {
         view: args.view.clone(),
         exposure: args.exposure,
         white_balance: args.white_balance,
         dither: args.dither,
         deep: args.deep,
         opaque: false,
-    };
+    }
+}
+
+fn convert_file(args: &ConvertArgs, (picture, output): (&Path, &Path), format: Format) -> Result<()> {
+    check_target(output)?;
+    let file = load_layered(picture)?;
+    let options = png_options(args);
     let (bytes, invalid) = match args.sheet {
         true => (encode_sheet(&file, format, &options), None),
         false => {
-            let (part, rgba) = find(&file, args.layer.as_deref()).ok_or_else(|| no_layer(&file, args))?;
-            let ([width, height], rgba) = file.in_display_window(part, &rgba);
-            let picture = Linear { width: width as u32, height: height as u32, rgba: &rgba };
-            (encode_shown(&picture, format, &options), invalid(&rgba))
+            let ([width, height], rgba) = pixels(&file, args, picture)?;
+            let linear = Linear { width, height, rgba: &rgba };
+            (encode_shown(&linear, format, &options), invalid(&rgba))
         }
     };
-    let bytes = bytes.map_err(|message| Error::output(&args.output, message))?;
-    write_atomically(&args.output, &bytes)?;
+    let bytes = bytes.map_err(|message| Error::output(output, message))?;
+    write_atomically(output, &bytes)?;
     if !args.quiet {
         invalid.iter().for_each(|note| say!("note: {note}"));
-        say!("wrote    {}", args.output.display());
+        say!("wrote    {}", output.display());
     }
+    Ok(())
+}
+
+/// Makes one animation of a sequence.
+fn animate(args: &ConvertArgs) -> Result<Outcome> {
+    if !Frames::is_pattern(&args.picture) || args.sheet {
+        let message = format!("{}: an animation needs the pictures of a sequence", args.output.display());
+        return Err(
+            Error::usage(message).with_help("name them by #### in place of their numbers, without --sheet")
+        );
+    }
+    let numbers = Frames::of_sequence(&args.picture, None)?;
+    let mut moving = AnimationFiles::new(std::slice::from_ref(&args.output), args.fps)?;
+    let options = png_options(args);
+    for number in numbers {
+        let picture = Frames::file(&args.picture, number);
+        let ([width, height], rgba) = pixels(&load_layered(&picture)?, args, &picture)?;
+        moving.check_size(width, height)?;
+        moving.add(&Linear { width, height, rgba: &rgba }, &options)?;
+    }
+    moving.finish(args.quiet)?;
     Ok(Outcome::Done)
+}
+
+/// The layer of a file that is to be seen, and its size.
+fn pixels(file: &Layered, args: &ConvertArgs, path: &Path) -> Result<([u32; 2], Vec<[f32; 4]>)> {
+    let (part, rgba) = find(file, args.layer.as_deref()).ok_or_else(|| no_layer(file, args, path))?;
+    let (size, rgba) = file.in_display_window(part, &rgba);
+    Ok((size.map(|length| length as u32), rgba))
 }
 
 /// How many values are no numbers that a picture could show, if some are.
@@ -120,7 +174,7 @@ fn first(file: &Layered, part: usize, prefix: &str) -> Option<Vec<[f32; 4]>> {
     Some(pixels)
 }
 
-fn no_layer(file: &Layered, args: &ConvertArgs) -> Error {
+fn no_layer(file: &Layered, args: &ConvertArgs, path: &Path) -> Error {
     let mut layers: Vec<String> = (0..file.len())
         .flat_map(|part| file.channels(part))
         .map(|channel| {
@@ -133,7 +187,7 @@ fn no_layer(file: &Layered, args: &ConvertArgs) -> Error {
         Some(layer) => format!("has no layer '{layer}'"),
         None => "has no channels".to_string(),
     };
-    Error::input(&args.picture, message).with_help(format!("it has {}", layers.join(", ")))
+    Error::input(path, message).with_help(format!("it has {}", layers.join(", ")))
 }
 
 // All layers of an EXR beside each other, small, with their names: what a file holds at a glance.

@@ -213,6 +213,19 @@ impl Frames {
         Ok(numbers)
     }
 
+    /// The numbers of those that are there, of those that are asked for.
+    ///
+    /// # Errors
+    /// If there are none.
+    pub(crate) fn of_sequence(path: &Path, wanted: Option<Frames>) -> Result<Vec<u32>, Error> {
+        let mut numbers = Frames::existing(path)?;
+        numbers.retain(|number| wanted.is_none_or(|frames| frames.numbers().any(|n| n == *number)));
+        if numbers.is_empty() {
+            return Err(Error::input(path, "there are no such frames"));
+        }
+        Ok(numbers)
+    }
+
     /// What stands before the number of a frame in a name, the least digits of the number, and what stands after it.
     fn parts_of_name(path: &Path) -> (String, usize, String) {
         let name = path.file_name().unwrap_or_default().to_string_lossy();

@@ -1,5 +1,6 @@
 //! Arguments about pictures after rendering, and of the commands that read them.
 
+use super::args::{FRAME_RATE, frames_per_second};
 use super::parsers::{Frames, number, stops};
 use clap::builder::{PossibleValue, PossibleValuesParser, StringValueParser, TypedValueParser};
 use clap::{Args, ValueEnum};
@@ -116,11 +117,14 @@ pub(crate) struct InfoArgs {
 
 #[derive(Args, Debug)]
 pub(crate) struct ConvertArgs {
-    /// Image (.exr).
+    /// Image (.exr); with #### in place of its number all frames of a sequence.
     pub picture: PathBuf,
-    /// Output file: .png, .jpg, .tif, .webp or .hdr.
+    /// Output file: .png, .jpg, .tif, .webp or .hdr; of sequences with ####, or one .gif, .apng, .mp4 or .webm.
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
+    /// Frame rate of .gif, .apng, .mp4 and .webm, frames per second.
+    #[arg(long, value_name = "N", default_value_t = FRAME_RATE, value_parser = frames_per_second, allow_negative_numbers = true)]
+    pub fps: f64,
     /// Layer, part or channel to convert instead of the combined image: N, DiffDir, Z, ...
     #[arg(long, value_name = "LAYER")]
     pub layer: Option<String>,

@@ -8,8 +8,8 @@ use oscura::error::{Error, Result, Warning};
 use oscura::film::{AovSet, Film};
 use oscura::gauge::Gauge;
 use oscura::output::{
-    Animation, AnimationFormat, ExrOptions, ExrWindow, Format, Metadata, OutputOptions, PngOptions, Video,
-    VideoFormat, check_target, encode, is_same_target, write_atomically,
+    Animation, AnimationFormat, ExrOptions, ExrWindow, Format, Linear, Metadata, OutputOptions, PngOptions,
+    Video, VideoFormat, check_target, encode, is_same_target, write_atomically,
 };
 use oscura::render::{Picture, Rendering};
 use std::borrow::Cow;
@@ -333,16 +333,23 @@ impl AnimationFiles {
     ///
     /// # Errors
     /// If one of them can't be written, or there is no encoder for it.
-    pub fn new(args: &RenderArgs) -> Result<AnimationFiles> {
-        let frames_a_second = args.fps;
+    pub fn of(args: &RenderArgs) -> Result<AnimationFiles> {
+        if let Some(path) = args.output.iter().find(|path| is_moving(path) && args.long.resume) {
+            let message = "--resume leaves out frames that exist, and a moving picture takes them all";
+            return Err(
+                Error::usage(format!("{}: {message}", path.display())).with_help("leave one of both out")
+            );
+        }
+        AnimationFiles::new(&args.output, args.fps)
+    }
+
+    /// Those among some files, of so many frames a second.
+    ///
+    /// # Errors
+    /// If one of them can't be written, or there is no encoder for it.
+    pub fn new(outputs: &[PathBuf], frames_a_second: f64) -> Result<AnimationFiles> {
         let (mut animations, mut videos) = (Vec::new(), Vec::new());
-        for path in args.output.iter().filter(|path| is_moving(path)) {
-            if args.long.resume {
-                let message = "--resume leaves out frames that exist, and a moving picture takes them all";
-                return Err(
-                    Error::usage(format!("{}: {message}", path.display())).with_help("leave one of both out")
-                );
-            }
+        for path in outputs.iter().filter(|path| is_moving(path)) {
             check_target(path)?;
             animations.extend(AnimationFormat::of(path).map(|format| (path.clone(), format)));
             videos.extend(Video::new(path, frames_a_second)?.map(|video| (path.clone(), video)));
@@ -369,24 +376,32 @@ impl AnimationFiles {
         }
     }
 
+    /// Adds a rendered frame to all of them.
+    ///
+    /// # Errors
+    /// As for [`AnimationFiles::add`].
+    pub fn add_film(&mut self, film: &Film, png: &PngOptions) -> Result<()> {
+        self.add(&Linear { width: film.width(), height: film.height(), rgba: &film.rgba() }, png)
+    }
+
     /// Adds a frame to all of them.
     ///
     /// # Errors
     /// An output error if an encoder fails.
-    pub fn add(&mut self, film: &Film, png: &PngOptions) -> Result<()> {
+    pub fn add(&mut self, picture: &Linear, png: &PngOptions) -> Result<()> {
         if !self.animations.is_empty() {
-            self.animation.add_film(film, png);
+            self.animation.add_picture(picture, png);
         }
-        self.videos.iter_mut().try_for_each(|(_, video)| video.add_film(film, png))
+        self.videos.iter_mut().try_for_each(|(_, video)| video.add(picture, png))
     }
 
     /// Writes them.
     ///
     /// # Errors
     /// An output error for the first that can't be written.
-    pub fn finish(self, args: &RenderArgs) -> Result<()> {
+    pub fn finish(self, quiet: bool) -> Result<()> {
         let say = |path: &Path| {
-            if !args.quiet {
+            if !quiet {
                 say!("wrote    {}", path.display());
             }
         };

@@ -81,7 +81,7 @@ fn print_default_output(args: &RenderArgs) {
 
 /// Renders the frames of an animation; with --resume, those whose files are missing.
 fn run_frames(args: &RenderArgs, frames: Frames, cancel: &CancelHandle) -> Result<Outcome> {
-    let moving = Some(AnimationFiles::new(args)?);
+    let moving = Some(AnimationFiles::of(args)?);
     let still = still(&args.output);
     let file = |number| still.iter().map(|path| Frames::file(path, number)).collect::<Vec<_>>();
     for number in frames.numbers() {
@@ -127,7 +127,7 @@ fn run_frames(args: &RenderArgs, frames: Frames, cancel: &CancelHandle) -> Resul
         });
     drop(watchdog);
     match (&rendered, &outcome) {
-        (Ok(()), Outcome::Done) => kept.moving.map_or(Ok(()), |moving| moving.finish(args))?,
+        (Ok(()), Outcome::Done) => kept.moving.map_or(Ok(()), |moving| moving.finish(args.quiet))?,
         _ => kept.moving.iter().for_each(|moving| moving.print_unfinished(args)),
     }
     rendered.map(|()| outcome)
@@ -355,7 +355,7 @@ pub(super) fn run_one(
     notes.extend(dark_note(args, picture.film(), png.exposure, &loaded.scene, printed));
     pictures.write()?;
     kept?; // after the pictures: who runs out of space for the one may have some for the others
-    moving.iter_mut().try_for_each(|moving| moving.add(picture.film(), &png))?;
+    moving.iter_mut().try_for_each(|moving| moving.add_film(picture.film(), &png))?;
     let run = Run {
         total_s: start.elapsed().as_secs_f64(),
         load_s,
@@ -594,7 +594,7 @@ fn run_turntable(args: &RenderArgs, count: u32, cancel: &CancelHandle) -> Result
     let still = still(&args.output);
     let files = |k: u32| still.iter().map(|path| Frames::file(path, k)).collect::<Vec<_>>();
     (0..count).try_for_each(|k| Targets::check(&files(k)).map(drop))?;
-    let moving = Some(AnimationFiles::new(args)?);
+    let moving = Some(AnimationFiles::of(args)?);
     let mut start = Instant::now();
     check_scene_path(&args.scene)?;
     let environment = EnvironmentOverride::load(args)?;
@@ -628,7 +628,7 @@ fn run_turntable(args: &RenderArgs, count: u32, cancel: &CancelHandle) -> Result
         }
         start = Instant::now();
     }
-    kept.moving.map_or(Ok(()), |moving| moving.finish(args))?;
+    kept.moving.map_or(Ok(()), |moving| moving.finish(args.quiet))?;
     Ok(Outcome::Done)
 }
 

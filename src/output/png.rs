@@ -79,16 +79,20 @@ pub fn encode_shown(picture: &Linear, format: Format, options: &PngOptions) -> R
 
 /// The pixels as displays take them: RGBA with straight alpha, row by row from the top.
 pub fn rgba8(film: &Film, options: &PngOptions) -> Vec<u8> {
-    let picture = Linear { width: film.width(), height: film.height(), rgba: &film.rgba() };
+    straight8(&Linear { width: film.width(), height: film.height(), rgba: &film.rgba() }, options)
+}
+
+/// The same of other pixels.
+pub(super) fn straight8(picture: &Linear, options: &PngOptions) -> Vec<u8> {
     let mut rgba =
-        narrow(&codes(&picture, options, Shape { alpha: true, straight: !options.opaque, most: 255.0 }));
+        narrow(&codes(picture, options, Shape { alpha: true, straight: !options.opaque, most: 255.0 }));
     if options.opaque {
         rgba.as_chunks_mut::<4>().0.iter_mut().for_each(|pixel| pixel[3] = 255);
     }
     rgba
 }
 
-/// The same of other pixels.
+/// The same before black, with the alpha beside it.
 pub fn shown8(picture: &Linear, options: &PngOptions) -> Vec<u8> {
     narrow(&codes(picture, options, Shape { alpha: true, straight: false, most: 255.0 }))
 }

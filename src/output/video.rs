@@ -1,9 +1,8 @@
 //! Video, by the program `ffmpeg`: frames go to it as they are made, and no file stands where they are not all in.
 
 use super::atomic::{create, place};
-use super::png::{Linear, PngOptions, rgba8, shown8};
+use super::png::{Linear, PngOptions, shown8, straight8};
 use crate::error::{Error, Result};
-use crate::film::Film;
 use image::codecs::gif::{GifEncoder, Repeat};
 use image::{Delay, Frame, RgbaImage};
 use std::io::{self, Read, Write};
@@ -127,12 +126,12 @@ impl Video {
     ///
     /// # Errors
     /// A usage error for a size that no video has, an output error with what the encoder says.
-    pub fn add_film(&mut self, film: &Film, options: &PngOptions) -> Result<()> {
-        let size = (film.width(), film.height());
+    pub fn add(&mut self, picture: &Linear, options: &PngOptions) -> Result<()> {
+        let size = (picture.width, picture.height);
         if self.running.is_none() {
             self.check_size(size.0, size.1)?;
             let has_alpha = self.format == VideoFormat::WebM
-                && rgba8(film, options).chunks_exact(4).any(|pixel| pixel[3] != 255);
+                && straight8(picture, options).chunks_exact(4).any(|pixel| pixel[3] != 255);
             self.running = Some(self.start(size, has_alpha)?);
         }
         let Some(running) = &mut self.running else { return Ok(()) };
@@ -141,7 +140,7 @@ impl Video {
                 format!("frames of {} x {} and {} x {}", running.size.0, running.size.1, size.0, size.1);
             return Err(Error::output(&self.path, message + " pixels are no video"));
         }
-        let rgba = frame(film, options, running.has_alpha);
+        let rgba = frame(picture, options, running.has_alpha);
         match running.frames.as_mut().map(|pipe| pipe.write_all(&rgba)) {
             Some(Ok(())) => Ok(()),
             // It ended before its frames did, and says why.
@@ -232,12 +231,11 @@ fn missing(path: &Path, error: &io::Error) -> Error {
 }
 
 /// A frame as it goes to the encoder: RGBA, straight alpha where there is any, else opaque before black, as JPEGs have it.
-fn frame(film: &Film, options: &PngOptions, has_alpha: bool) -> Vec<u8> {
+fn frame(picture: &Linear, options: &PngOptions, has_alpha: bool) -> Vec<u8> {
     if has_alpha {
-        return rgba8(film, options);
+        return straight8(picture, options);
     }
-    let picture = Linear { width: film.width(), height: film.height(), rgba: &film.rgba() };
-    let mut rgba = shown8(&picture, options);
+    let mut rgba = shown8(picture, options);
     rgba.chunks_exact_mut(4).for_each(|pixel| pixel[3] = 255);
     rgba
 }
@@ -279,8 +277,8 @@ impl Animation {
     }
 
     /// Adds a picture as PNGs would show it.
-    pub fn add_film(&mut self, film: &Film, options: &PngOptions) {
-        self.add(rgba8(film, options), film.width(), film.height());
+    pub fn add_picture(&mut self, picture: &Linear, options: &PngOptions) {
+        self.add(straight8(picture, options), picture.width, picture.height);
     }
 
     /// Encodes the frames, so many a second.
@@ -332,8 +330,8 @@ impl Animation {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::film::AovSet;
-    use crate::output::{Format, encode_shown};
+    use crate::film::{AovSet, Film};
+    use crate::output::{Format, encode_shown, rgba8};
 
     /// Pixels half covered by light.
     fn edge() -> Film {
@@ -350,7 +348,7 @@ mod tests {
         let picture = Linear { width: 16, height: 16, rgba: &film.rgba() };
         let jpeg = encode_shown(&picture, Format::Jpeg, &options).expect("encoded");
         let jpeg = image::load_from_memory(&jpeg).expect("a picture").into_rgb8();
-        let frame = frame(&film, &options, false);
+        let frame = frame(&picture, &options, false);
         for (pixel, expected) in frame.chunks_exact(4).zip(jpeg.pixels()) {
             assert!(pixel.iter().zip(expected.0).all(|(a, b)| a.abs_diff(b) <= 3), "{pixel:?} {expected:?}");
             assert_eq!(pixel[3], 255);
@@ -360,10 +358,11 @@ mod tests {
     #[test]
     fn transparent_frames_have_straight_alpha() {
         let (film, options) = (edge(), PngOptions::default());
-        let transparent = frame(&film, &options, true);
+        let picture = Linear { width: 16, height: 16, rgba: &film.rgba() };
+        let transparent = frame(&picture, &options, true);
         assert_eq!(transparent, rgba8(&film, &options));
         assert_eq!(transparent[3], 128);
-        assert!(transparent[0] > frame(&film, &options, false)[0]);
+        assert!(transparent[0] > frame(&picture, &options, false)[0]);
     }
 
     #[test]

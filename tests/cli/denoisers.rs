@@ -109,6 +109,13 @@ fn sequences_are_denoised_over_frames() {
     assert_eq!(clean, part);
     assert!(clean["R"] != alone["R"] && clean["A"] == alone["A"] && clean["Vector.X"] == alone["Vector.X"]);
 
+    run(folder, "convert clean.##.exr -o shown.##.png --quiet");
+    run(folder, "convert clean.##.exr -o shown.apng --fps 12 --quiet");
+    run(folder, "convert clean.03.exr -o alone.png --quiet");
+    let bytes = |name: &str| std::fs::read(at(name)).unwrap();
+    assert_eq!(bytes("shown.03.png"), bytes("alone.png"));
+    assert!(bytes("shown.apng").windows(4).filter(|word| word == b"fcTL").count() == 4);
+
     render("plain", "");
     let output = oscura(folder, &["denoise", "plain.##.exr", "-o", "x.##.exr"]);
     assert!(code(&output) == 3 && stderr(&output).contains("--aov"), "{}", stderr(&output));
@@ -117,6 +124,8 @@ fn sequences_are_denoised_over_frames() {
         ("denoise noisy.##.exr -o noisy.##.exr", "names of its own"),
         ("denoise noisy.01.exr -o one.exr --frames 1-2", "one picture"),
         ("denoise gone.##.exr -o x.##.exr", "no such frames"),
+        ("convert clean.##.exr -o one.png", "####"),
+        ("convert clean.01.exr -o one.gif", "####"),
     ] {
         let output = oscura(folder, &line.split(' ').collect::<Vec<_>>());
         assert!(code(&output) != 0 && stderr(&output).contains(expected), "{line}: {}", stderr(&output));
