@@ -16,8 +16,8 @@ const MOST: u32 = INTERVAL;
 /// Fraction of the remaining time that a pass may take: a wrong prediction then costs little.
 const SHARE: f64 = 0.1;
 
-/// Plans passes. With a time limit, the first has one sample per pixel and measures the time of a sample; later ones take at most a tenth
-/// of the remaining time (but at least one sample), and none begins that is predicted to end too late.
+/// Plans passes. With a time limit, the first has one sample per pixel and measures the time of a sample; later ones take at most as many as
+/// all before and a tenth of the remaining time (but at least one sample), and none begins that is predicted to end too late.
 pub(super) struct Schedule {
     limit: Option<Duration>,
     end: u32,
@@ -107,8 +107,8 @@ impl Schedule {
                 if sample_s > left_s {
                     return None;
                 }
-                // `as` saturates.
-                ((SHARE * left_s / sample_s) as u32).clamp(1, MOST)
+                // `as` saturates. At first the number of samples doubles, so that what is shown gets better steadily.
+                ((SHARE * left_s / sample_s) as u32).min(self.next).clamp(1, MOST)
             }
         };
         // Passes don't straddle multiples of a full one: which pixels share paths changes there.
@@ -344,7 +344,7 @@ mod tests {
             assert!(sizes.iter().all(|&n| n == 1 || f64::from(n) * sample_s <= 1.0), "{sizes:?}");
         }
         // All samples done long before.
-        assert_eq!(play(Schedule::new(0..12, Some(Duration::from_secs(10))), 0.001).0, [1, 7, 4]);
+        assert_eq!(play(Schedule::new(0..12, Some(Duration::from_secs(10))), 0.001).0, [1, 1, 2, 4, 4]);
     }
 
     #[test]

@@ -347,7 +347,9 @@ fn carry_out(folder: &Path, line: &str) -> bool {
         }
         None if is_render => {
             for pair in arguments.windows(2).filter(|p| p[0] == "-o") {
-                assert!(folder.join(&pair[1]).is_file(), "{line} wrote no {}", pair[1]);
+                // Of a sequence the first frame.
+                let file = pair[1].replace("####", "0001");
+                assert!(folder.join(&file).is_file(), "{line} wrote no {file}");
             }
         }
         None => {}
