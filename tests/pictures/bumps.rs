@@ -191,3 +191,28 @@ fn heights_of_scaled_objects_lean_normals_as_in_cycles() {
         }
     }
 }
+
+/// The coat of a Principled shader lies flat over its bumps, as in Cycles, where its own normal has no link.
+#[test]
+fn normals_of_nodes_leave_the_coat_as_it_is() {
+    let folder = folder();
+    let shader = |normal: &str, coat: f32| {
+        format!(
+            "[materials.a]\ntype = \"nodes\"\nsurface = \"p\"\n[materials.a.nodes]\nplace = {{ type = \"geometry\" }}\n\
+             sum = {{ type = \"vector_math\", operation = \"add\", a = \"place.normal\", b = [0.4, 0.2, 0] }}\n\
+             lean = {{ type = \"vector_math\", operation = \"normalize\", a = \"sum.vector\" }}\n\
+             p = {{ type = \"principled_bsdf\", base_color = {}, specular_ior_level = 0, coat_weight = {coat}, \
+             coat_roughness = 0.3{normal} }}\n",
+            if coat > 0.0 { 0.0 } else { 0.5 }
+        )
+    };
+    let ball = "sphere = { center = [0, 0, 0], radius = 0.8 }\nmaterial = \"a\"";
+    let pictures =
+        |coat| ["", ", normal = \"lean.vector\""].map(|n| picture(folder.path(), &shader(n, coat), ball));
+    let [flat, bumped] = pictures(1.0);
+    let (worst, range) = compared(&flat, &bumped);
+    assert!(range > 0.1 && worst < 1e-3 * range, "{worst} of {range}");
+    let [flat, bumped] = pictures(0.0);
+    let (worst, range) = compared(&flat, &bumped);
+    assert!(worst > 0.1 * range, "the base is bumped: {worst} of {range}");
+}
