@@ -424,3 +424,24 @@ fn mistakes_in_shaders_are_told() {
     let told = load_text(&with_camera(mix)).expect_err("mixes in mixes").to_string();
     assert!(told.contains("can't be a mix itself"), "{told}");
 }
+
+#[test]
+fn missing_files_name_the_script_that_makes_them() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("scene.toml");
+    let text = "textures.t = { type = \"image\", file = \"made/t.png\" }\nmaterials.m = { type = \"lambert\", color = \"t\" }\n\
+                [[objects]]\nmesh = \"made/a.ply\"\nmaterial = \"m\"\n[[curves]]\nfile = \"made/b.hair\"\nradius = 1\nmaterial = \"m\"\n";
+    std::fs::write(&path, with_camera(text)).expect("written");
+    let help = || {
+        let error = load(&path, &LoadOptions::default()).expect_err("three files are missing");
+        error.problems.iter().map(|p| p.help.clone().unwrap_or_default()).collect::<Vec<_>>()
+    };
+    assert_eq!(help(), ["paths are relative to the folder of the scene file"; 3]);
+    std::fs::write(folder.path().join("build.py"), "").expect("written");
+    let script = folder.path().join("build.py");
+    let told = help();
+    assert!(
+        told.len() == 3 && told.iter().all(|h| h.ends_with(&format!("python3 {}", script.display()))),
+        "{told:?}"
+    );
+}

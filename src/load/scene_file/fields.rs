@@ -9,6 +9,15 @@ use std::sync::Arc;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
+/// What to do where a file isn't there: run the script `build.py` next to it or in the folder above, or mend the path.
+fn help_for_missing(path: &Path) -> String {
+    let script = path.ancestors().skip(1).take(2).map(|folder| folder.join("build.py")).find(|s| s.is_file());
+    match script {
+        Some(script) => format!("a script makes or fetches it: python3 {}", script.display()),
+        None => "paths are relative to the folder of the scene file".to_string(),
+    }
+}
+
 /// The problems found so far.
 pub(super) struct Problems<'a> {
     text: &'a str,
@@ -36,8 +45,8 @@ impl<'a> Problems<'a> {
     /// Adds a problem with a file, only at the first place that names it.
     pub fn push_of_file(&self, span: Range<usize>, path: &Path, message: String) {
         if self.list.borrow().iter().all(|problem| problem.message != message) {
-            let help = "paths are relative to the folder of the scene file";
-            self.add(span, message, matches!(path.try_exists(), Ok(false)).then(|| help.to_string()));
+            let is_missing = matches!(path.try_exists(), Ok(false));
+            self.add(span, message, is_missing.then(|| help_for_missing(path)));
         }
     }
 

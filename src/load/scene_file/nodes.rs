@@ -299,7 +299,10 @@ impl<'a> Links<'_, 'a> {
         let found = found.or_else(|| (output.is_empty() && outputs.len() == 1).then_some(0));
         if found.is_none() {
             let names: Vec<&str> = outputs.iter().map(|socket| socket.name).collect();
-            let message = format!("node '{node}' has no output '{output}'");
+            let message = match output {
+                "" => format!("node '{node}' has several outputs: name one, as in '{node}.{}'", names[0]),
+                _ => format!("node '{node}' has no output '{output}'"),
+            };
             build.problems.push_help(value.span(), message, format!("its outputs: {}", names.join(", ")));
         }
         found.map(|output| NodeInput::Link { node: index, output })

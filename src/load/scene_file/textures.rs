@@ -428,7 +428,7 @@ pub(super) fn read_image(
             Some(ImageId(images.len() as u32 - 1))
         }
         Err(e) => {
-            build.problems.push(span, e.to_string());
+            build.problems.push_of_file(span, &path, e.to_string());
             None
         }
     }
