@@ -445,3 +445,16 @@ fn missing_files_name_the_script_that_makes_them() {
         "{told:?}"
     );
 }
+
+#[test]
+fn components_of_mixes_are_not_unused() {
+    let mix = "materials.a = { type = \"lambert\" }\nmaterials.b = { type = \"lambert\" }\nmaterials.z = { type = \"lambert\" }\n\
+               materials.both = { type = \"mix\", components = [{ material = \"a\" }, { material = \"b\" }] }\n\
+               [[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\nmaterial = \"both\"\n";
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("scene.toml");
+    std::fs::write(&path, with_camera(mix)).expect("written");
+    let loaded = load(&path, &LoadOptions::default()).expect("it loads");
+    let unused: Vec<_> = loaded.left_out.iter().filter(|l| l.contains("nothing refers to it")).collect();
+    assert_eq!(unused, ["material 'default': nothing refers to it", "material 'z': nothing refers to it"]);
+}

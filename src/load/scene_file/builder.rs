@@ -24,6 +24,8 @@ pub(super) struct SceneFileBuilder<'a> {
     pub linking: Linking,
     /// The nodes of the model by their names.
     pub nodes: NodeIndex,
+    /// The materials that mixes are made of, which are no unused ones.
+    pub components: HashSet<String>,
     /// The scene so far.
     pub loaded: Loaded,
 }
@@ -38,8 +40,8 @@ impl<'a> SceneFileBuilder<'a> {
         is_sidecar: bool,
         loaded: Loaded,
     ) -> SceneFileBuilder<'a> {
-        let (linking, nodes) = (Linking::default(), NodeIndex::default());
-        SceneFileBuilder { file, options, problems, shutter, is_sidecar, linking, nodes, loaded }
+        let (linking, nodes, components) = Default::default();
+        SceneFileBuilder { file, options, problems, shutter, is_sidecar, linking, nodes, components, loaded }
     }
 
     /// The path of a file that the scene file names.

@@ -168,6 +168,9 @@ impl<'a> Materials<'a> {
         textures.only_check();
         let Some(all) = &self.fields else { return };
         for (name, value) in all.entries().filter(|(n, _)| !self.done.contains_key(*n)) {
+            if build.components.contains(name) {
+                continue;
+            }
             match value.get_ref().as_table() {
                 Some(table) => {
                     let fields = Fields::new(format!("material '{name}'"), table, value.span(), all.problems);
@@ -328,6 +331,7 @@ fn mix<'a>(
             return None;
         }
         let material = read(build, textures, &fields, all, named_as.value)?;
+        build.components.insert(named_as.value.to_string());
         components.push(MixComponent { weight, material });
     }
     Some(Material::new(name, Model::Mix { components }))
