@@ -22,6 +22,7 @@ mod output;
 mod program;
 mod readme;
 mod sequence;
+mod showcase;
 #[cfg(target_os = "linux")]
 mod signals;
 #[path = "../common/skip.rs"]

@@ -458,3 +458,26 @@ fn components_of_mixes_are_not_unused() {
     let unused: Vec<_> = loaded.left_out.iter().filter(|l| l.contains("nothing refers to it")).collect();
     assert_eq!(unused, ["material 'default': nothing refers to it", "material 'z': nothing refers to it"]);
 }
+
+/// Nothing is wrong with the showcase but what its scripts make or fetch, which isn't there in a fresh clone.
+#[test]
+fn showcase_scenes_only_ask_for_their_scripts() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let mut seen = 0;
+    for entry in std::fs::read_dir(scenes().join("showcase")).expect("the showcase") {
+        let from = entry.expect("an entry").path();
+        if !from.join("scene.toml").is_file() {
+            continue;
+        }
+        for file in ["scene.toml", "build.py"] {
+            std::fs::copy(from.join(file), folder.path().join(file)).expect("copied");
+        }
+        let error = load(folder.path().join("scene.toml"), &LoadOptions::default()).expect_err("no meshes");
+        for problem in &error.problems {
+            let helps = problem.help.as_ref().is_some_and(|help| help.ends_with("build.py"));
+            assert!(problem.message.contains("can't be read") && helps, "{}: {problem:?}", from.display());
+        }
+        seen += 1;
+    }
+    assert!(seen >= 6, "{seen}");
+}
