@@ -3,6 +3,9 @@
 #[doc = include_str!("first_picture.md")]
 pub mod first_picture {}
 
+#[doc = include_str!("gallery.md")]
+pub mod gallery {}
+
 #[doc = include_str!("scans.md")]
 pub mod scans {}
 

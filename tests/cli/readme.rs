@@ -30,9 +30,10 @@ struct Block {
 }
 
 /// README.md and the pages of the guide.
-const PAGES: [&str; 21] = [
+const PAGES: [&str; 22] = [
     "README.md",
     "src/guide/first_picture.md",
+    "src/guide/gallery.md",
     "src/guide/scans.md",
     "src/guide/from_blender.md",
     "src/guide/rendering.md",
@@ -474,6 +475,10 @@ fn existing_files(name: &str) -> u32 {
     for (file, path) in links.chain(files.map(|file| (file, root.join(file)))) {
         if file.contains("tools/") && !root.join("tools").exists() {
             skip("tools", &format!("{file}: the package on crates.io is without tools"));
+            continue;
+        }
+        if file.contains("assets/showcase") && !root.join("assets/showcase").exists() {
+            skip("showcase", &format!("{file}: the package on crates.io is without pictures of the gallery"));
             continue;
         }
         assert!(path.exists(), "{name} names {file}, which doesn't exist");

@@ -26,6 +26,7 @@ pub(crate) enum Text {
 const FILES: &[(Option<&str>, usize, &str, &str)] = &[
     (Some(""), 0, "oscura", "README.md"),
     (Some("Using it"), 0, "First picture", "src/guide/first_picture.md"),
+    (None, 0, "Gallery", "src/guide/gallery.md"),
     (None, 0, "Models and scans", "src/guide/scans.md"),
     (None, 0, "From Blender", "src/guide/from_blender.md"),
     (None, 0, "Rendering", "src/guide/rendering.md"),
