@@ -3,6 +3,7 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Arg, Command, ValueEnum};
 use oscura::error::Error;
 use oscura::film::{Aov, AovInfo, AovSet, PixelType};
+use oscura::load::names_in;
 use oscura::output::part::Region;
 use oscura::render::ALL_AOVS;
 use oscura::scene::{BounceLimits, Clamp};
@@ -200,10 +201,8 @@ impl Frames {
     pub(crate) fn existing(path: &Path) -> Result<Vec<u32>, Error> {
         let (head, _, tail) = Frames::parts_of_name(path);
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let unreadable = |e| Error::input(folder, format!("can't be read: {e}"));
         let mut numbers = Vec::new();
-        for entry in std::fs::read_dir(folder).map_err(unreadable)? {
-            let name = entry.map_err(unreadable)?.file_name().to_string_lossy().into_owned();
+        for name in names_in(folder)? {
             let digits = name.strip_prefix(&head).and_then(|rest| rest.strip_suffix(&tail));
             let number = digits.and_then(|digits| digits.parse().ok());
             numbers

@@ -324,8 +324,7 @@ pub(super) fn run_one(
     let (given, args) = (args, &completed(args, &loaded.scene.settings));
     let prepared = prepare_files((given, args), targets, environment, loaded, start, compiler)?;
     // Files record everything that is not in the picture.
-    let Prepared { scene, labels, camera, mut settled, how, kept_aovs, png, build, load_s, .. } = prepared;
-    settled.options = settled.options.seed(settled.options.seed.wrapping_add(args.seed_shift));
+    let Prepared { scene, labels, camera, settled, how, kept_aovs, png, build, load_s, .. } = prepared;
     let Prepared { mut notes, mut warnings, left_out, .. } = prepared;
     let log: Vec<Warning> = warnings.iter().chain(&build.notes).cloned().collect();
     let (width, height) = (settled.options.width, settled.options.height);
@@ -397,6 +396,8 @@ fn prepare_files(
     }
     let wants = PictureUse::of_files(args, targets.has_exr());
     let mut prepared = prepare(args, wants, environment, loaded, start, compiler)?;
+    let options = &mut prepared.settled.options;
+    *options = options.seed(options.seed.wrapping_add(args.seed_shift));
     prepared.warnings.extend(unused_option_warnings(given, &loaded.scene, &prepared));
     prepared.notes.extend(idle_option_notes(given, &loaded.scene));
     Ok(prepared)

@@ -128,6 +128,16 @@ impl Seek for ModelReader {
 /// The beginning of files compressed by gzip.
 pub(super) const GZIP: &[u8] = b"\x1f\x8b";
 
+/// The names of all files and folders in a folder.
+///
+/// # Errors
+/// An input error if it can't be read.
+pub fn names_in(folder: &Path) -> crate::error::Result<Vec<String>> {
+    let unreadable = |e| Error::input(folder, format!("can't be read: {e}"));
+    let entries = std::fs::read_dir(folder).map_err(unreadable)?;
+    entries.map(|entry| Ok(entry.map_err(unreadable)?.file_name().to_string_lossy().into_owned())).collect()
+}
+
 /// Opens a regular file.
 ///
 /// # Errors

@@ -35,6 +35,7 @@ mod vdb;
 mod words;
 mod zip;
 
+pub use files::names_in;
 pub use formats::extensions;
 pub use options::SavedFiles;
 pub use options::{BlenderExport, EmptyNode, LoadOptions, Loaded};
