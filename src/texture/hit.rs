@@ -237,11 +237,15 @@ pub struct HitData<'a> {
 const LEAST_STEP: f32 = 1e-4;
 
 impl<'a> HitData<'a> {
-    /// Steps over the surface as wide as what a path sees.
+    /// Steps over the surface: as wide as a pixel where the camera sees it, in the directions of Cycles, so that the slopes of bumps finer than pixels are
+    /// the same. [`TexturePoint::width`] is half of that.
     pub fn steps(&self, point: &TexturePoint) -> [Vec3; 2] {
-        let (a, b) = self.true_normal.any_orthonormal_pair();
-        let width = if point.width > 0.0 { point.width } else { LEAST_STEP };
-        [a * width, b * width]
+        let n = self.true_normal;
+        // Diagonals of Blender's axes, of which z points upwards.
+        let along = Vec3::new(1.0, 1.0, -1.0).cross(n).try_normalize();
+        let along = along.unwrap_or_else(|| Vec3::new(-1.0, 1.0, -1.0).cross(n).normalize_or_zero());
+        let width = if point.width > 0.0 { 2.0 * point.width } else { LEAST_STEP };
+        [along * width, n.cross(along) * width]
     }
 
     /// The point and the hit beside it, a step further.

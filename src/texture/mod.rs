@@ -246,7 +246,11 @@ impl CompiledTextures {
 
     /// Do lookups depend on how much of a surface a path sees?
     pub fn use_footprints(&self) -> bool {
-        self.textures.iter().any(|t| matches!(t, Compiled::Image { lookup, .. } if lookup.has_pyramid()))
+        self.textures.iter().any(|texture| match texture {
+            Compiled::Image { lookup, .. } => lookup.has_pyramid(),
+            Compiled::Nodes(program) => program.reads_width(),
+            _ => false,
+        })
     }
 }
 

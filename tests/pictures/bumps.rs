@@ -216,3 +216,45 @@ fn normals_of_nodes_leave_the_coat_as_it_is() {
     let (worst, range) = compared(&flat, &bumped);
     assert!(worst > 0.1 * range, "the base is bumped: {worst} of {range}");
 }
+
+/// Bumps that are finer than pixels lean normals by the heights a pixel apart, as in Cycles 5.0, also where no image asks how wide pixels are: a plane of
+/// fractal noise by the sun, in blocks of 40 x 40 pixels.
+#[test]
+fn bumps_finer_than_pixels_are_those_of_cycles() {
+    const CYCLES: [[f64; 4]; 4] = [
+        [0.2075, 0.1886, 0.1912, 0.1896],
+        [0.1922, 0.1947, 0.1918, 0.1783],
+        [0.1929, 0.1980, 0.1853, 0.1991],
+        [0.1830, 0.1926, 0.1910, 0.1883],
+    ];
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    std::fs::write(at("a.obj"), "v -2 -2 0\nv 2 -2 0\nv 2 2 0\nv -2 2 0\nf 1 2 3 4\n").expect("written");
+    let (sine, cosine) = 0.9f64.sin_cos();
+    let (east, north) = 0.7f64.sin_cos();
+    let text = format!(
+        "[camera]\ntype = \"orthographic\"\nview_height = 2\nlook_from = [0, {}, {}]\nlook_at = [0, 0, 0]\nwidth = 160\nheight = 160\n\
+         [materials.a]\ntype = \"nodes\"\nup = \"z\"\nsurface = \"diffuse\"\n[materials.a.nodes]\n\
+         at = {{ type = \"texture_coordinate\" }}\n\
+         noise = {{ type = \"noise_texture\", vector = \"at.object\", scale = 5, detail = 7, roughness = 0.5 }}\n\
+         bump = {{ type = \"bump\", height = \"noise.factor\", distance = 1, filter_width = 1 }}\n\
+         diffuse = {{ type = \"diffuse_bsdf\", color = 0.6, normal = \"bump.normal\" }}\n\
+         [[lights]]\nsun = {{ direction = [{}, {}, {}], irradiance = 3 }}\n\
+         [[objects]]\nmesh = \"a.obj\"\nmaterial = \"a\"\n\
+         transform = [{{ matrix = [1, 0, 0, 0, 0, 0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 1] }}]\n",
+        20.0 * cosine,
+        20.0 * sine,
+        -east * sine,
+        -cosine,
+        -north * sine,
+    );
+    std::fs::write(at("scene.toml"), &text).expect("written");
+    let loaded = load(at("scene.toml"), &Default::default()).unwrap_or_else(|e| panic!("{e}\n{text}"));
+    let film = crate::support::picture(&loaded.scene, &options(160, 16, 1));
+    for (i, expected) in CYCLES.as_flattened().iter().enumerate() {
+        let (column, row) = (i as u32 % 4 * 40, i as u32 / 4 * 40);
+        let pixels = (0..40).flat_map(|y| (0..40).map(move |x| (column + x, row + y)));
+        let found = pixels.map(|(x, y)| f64::from(film.mean_rgba(x, y)[1])).sum::<f64>() / 1600.0;
+        assert!((found / expected - 1.0).abs() < 0.02, "block {i}: {found} for {expected}");
+    }
+}

@@ -100,6 +100,11 @@ impl Program {
         self.sources().any(|source| source == Source::Path)
     }
 
+    /// Does it read how wide a pixel is on the surface?
+    pub fn reads_width(&self) -> bool {
+        self.sources().any(|source| matches!(source, Source::Steps | Source::Edge))
+    }
+
     /// Textures that it reads.
     pub fn textures(&self) -> impl Iterator<Item = TextureId> + '_ {
         self.steps.iter().filter_map(|step| match step.operation {
@@ -284,7 +289,7 @@ impl Builder<'_> {
         }
     }
 
-    /// A normal that leans by the slope of heights, whose part of the graph is built once more for each of two points beside.
+    /// A normal that leans by the slope of heights, whose part of the graph is built once more for the point and for each of two beside.
     fn bump(
         &mut self,
         graph: &NodeGraph,
@@ -296,11 +301,11 @@ impl Builder<'_> {
         if self.bumps >= MAX_BUMPS || !matches!(height, NodeInput::Link { .. } | NodeInput::Texture { .. }) {
             return normal;
         }
-        let mut flat = vec![inputs[0].1[0], distance, inputs[2].1[0]];
+        let mut flat = vec![inputs[0].1[0], distance];
         let outer = self.beside;
         self.bumps += 1;
-        for step in [0, 1] {
-            self.beside = Some((step, filter_width));
+        for beside in [outer, Some((0, filter_width)), Some((1, filter_width))] {
+            self.beside = beside;
             let mut outputs: HashMap<usize, Vec<[Number; 3]>> = HashMap::new();
             for node in graph.order_of(&height).unwrap_or_default() {
                 let made = self.node(graph, node, &outputs);
@@ -357,7 +362,8 @@ impl Builder<'_> {
         let zero = Number::of(0.0);
         let mut flat = vector.to_vec();
         flat.push(match graph.texture_coordinates(&node.inputs[0]) {
-            Some((name, factor)) if lies == ImageProjection::Flat => {
+            // Heights are those of points, as in Cycles: slopes are steeper than those of averages.
+            Some((name, factor)) if lies == ImageProjection::Flat && self.bumps == 0 => {
                 let footprint = self.load(Source::Footprint(self.attribute(name)));
                 let scale = NodeKind::Math { operation: MathOperation::Multiply, use_clamp: false };
                 self.step(Operation::of(&scale), vec![footprint[0], Number::of(factor), zero], 1)[0]

@@ -197,7 +197,7 @@ impl Source {
                 numbers
             }
             Source::Strand => strand(hit, is_z_up),
-            Source::Edge => filled([squared_distance_from_edge(hit), point.width]),
+            Source::Edge => filled([squared_distance_from_edge(hit), 2.0 * point.width]),
             Source::ObjectFromWorld
             | Source::WorldFromObject
             | Source::CameraFromWorld
