@@ -32,7 +32,7 @@ pub struct CompiledMaterial {
     pub light_spectrum: Option<Arc<Spectrum>>,
     /// Single-sided: rays that arrive from behind pass.
     pub is_absent_from_behind: bool,
-    /// A smooth thin sheet that transmits straight on: shadow rays pass it.
+    /// A smooth thin sheet that transmits straight on: shadow rays pass it. Not one that shines: what passes would not take its light along.
     pub passes_straight: bool,
     /// Metres up to which two of its flat parallel faces make a pane that shadow rays pass; 0 where there is none.
     pub pane_thickness: f32,
@@ -46,6 +46,8 @@ pub struct CompiledMaterial {
     pub normal_map: Option<NormalMap>,
     /// A graph that gives the shading normal.
     pub normal: Option<TextureId>,
+    /// The same with the bumps of a displacement alone.
+    bumped_normal: Option<TextureId>,
     /// Alpha; `None` for opaque surfaces.
     pub alpha: Option<Alpha>,
     /// Ray visibility, holdout and catcher; `None` for usual surfaces.
@@ -278,7 +280,6 @@ impl CompiledMaterial {
             albedo: constant.map_or(Rgb::ZERO, |b| b.albedo()),
             emission,
             light_spectrum,
-            // What passes would not take its light along.
             passes_straight: program.may_pass_straight() && emission.is_none(),
             pane_thickness: 0.0,
             is_absent_from_behind,
@@ -287,6 +288,7 @@ impl CompiledMaterial {
             medium_index: 0,
             normal_map,
             normal,
+            bumped_normal: material.bumped_normal,
             alpha,
             presence: presence.filter(|p| *p != Presence::FULL),
             uses_vertex_colors: material.use_vertex_colors,
@@ -455,6 +457,13 @@ impl CompiledMaterial {
             Some(graph) => given_normal(graph, slots, surface),
             None => (mapped_normal(self.normal_map, slots, surface, tangent_frame), false),
         }
+    }
+
+    /// The normal with the bumps of a displacement alone, where there are some; `ns` is the shading normal.
+    #[inline]
+    pub fn bumped_normal(&self, slots: &PointReader<'_>, surface: &Surface, ns: Vec3) -> Option<Vec3> {
+        let graph = self.bumped_normal?;
+        Some(if self.normal == Some(graph) { ns } else { given_normal(graph, slots, surface).0 })
     }
 
     /// What the normal map says at a point, in the frame of tangents; not normalised, zero without a map.

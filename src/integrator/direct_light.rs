@@ -12,7 +12,7 @@ use super::guiding::Guided;
 use super::mis::LightPdf;
 use super::radiance_buffer::RadianceOrigin;
 use super::sampling::Purpose;
-use super::shading_geometry::terminator_at;
+use super::shading_geometry::{Horizon, Relief, Sharp, Soft, Terminator};
 use super::shading_groups::{
     Closure, GeneralClass, LambertClass, MediumClass, MetalRoughClass, SortedVertices, VertexClass,
 };
@@ -323,10 +323,10 @@ impl Integrator<'_> {
         let (branches, share) =
             (self.bsdf_samples_per_light_sample(bounce), 1.0 / self.light_samples(bounce) as f32);
         let counts = DirectParams { branches, share };
-        if self.softens_terminator() {
-            direct::<true>(counts, guided, sorted, w);
-        } else {
-            direct::<false>(counts, guided, sorted, w);
+        match self.terminator() {
+            Terminator::Sharp => direct(Sharp, counts, guided, sorted, w),
+            Terminator::Soft => direct(Soft, counts, guided, sorted, w),
+            Terminator::Relief => direct(Relief, counts, guided, sorted, w),
         }
         let features = &self.scene.features;
         if (features.absorption || features.scattering) && !features.boundaries {
@@ -407,26 +407,33 @@ impl Integrator<'_> {
 }
 
 /// Weighted contributions of the light samples at all shading groups, with softened shadow terminators or without.
-fn direct<const SOFT: bool>(counts: DirectParams, guided: bool, sorted: &SortedVertices, w: &mut Workspace) {
+fn direct<T: Horizon>(
+    horizon: T,
+    counts: DirectParams,
+    guided: bool,
+    sorted: &SortedVertices,
+    w: &mut Workspace,
+) {
     let Workspace { wave, bsdfs, .. } = w;
     if guided {
-        dispatch(Direct::<_, SOFT> { wave, class: Guided(LambertClass), range: sorted.lambert(), counts });
+        dispatch(Direct { horizon, wave, class: Guided(LambertClass), range: sorted.lambert(), counts });
         let class = Guided(MetalRoughClass);
-        dispatch(Direct::<_, SOFT> { wave, class, range: sorted.metal_rough(), counts });
+        dispatch(Direct { horizon, wave, class, range: sorted.metal_rough(), counts });
     } else {
-        dispatch(Direct::<_, SOFT> { wave, class: LambertClass, range: sorted.lambert(), counts });
-        dispatch(Direct::<_, SOFT> { wave, class: MetalRoughClass, range: sorted.metal_rough(), counts });
+        dispatch(Direct { horizon, wave, class: LambertClass, range: sorted.lambert(), counts });
+        dispatch(Direct { horizon, wave, class: MetalRoughClass, range: sorted.metal_rough(), counts });
     }
     if !sorted.medium().is_empty() {
-        dispatch(Direct::<_, SOFT> { wave, class: MediumClass, range: sorted.medium(), counts });
+        dispatch(Direct { horizon, wave, class: MediumClass, range: sorted.medium(), counts });
     }
     let range = sorted.rough();
     // Its loop has no use for a higher CPU level.
-    Direct::<_, SOFT> { wave, class: GeneralClass { bsdfs, first: range.start }, range, counts }.run();
+    Direct { horizon, wave, class: GeneralClass { bsdfs, first: range.start }, range, counts }.run();
 }
 
 /// Weighted contributions of the light samples at the vertices of a shading group.
-pub(super) struct Direct<'a, C, const SOFT: bool> {
+pub(super) struct Direct<'a, C, T> {
+    pub horizon: T,
     pub wave: &'a mut Wave,
     pub class: C,
     pub range: Range<usize>,
@@ -442,7 +449,7 @@ pub(super) struct DirectParams {
     pub share: f32,
 }
 
-impl<C: VertexClass, const SOFT: bool> Kernel for Direct<'_, C, SOFT> {
+impl<C: VertexClass, T: Horizon> Kernel for Direct<'_, C, T> {
     type Output = ();
 
     #[inline(always)]
@@ -461,8 +468,8 @@ impl<C: VertexClass, const SOFT: bool> Kernel for Direct<'_, C, SOFT> {
             let side = if !C::Closure::OPAQUE && height < 0.0 { -1.0 } else { 1.0 };
             let pdf = eval.pdf_solid_angle * self.counts.branches * self.class.light_density(v, i);
             let mut weight = light_pdf.mis_weight_over_pdf(pdf) * self.counts.share;
-            if SOFT && !C::Closure::IN_MEDIUM && !closure.crosses(wi) {
-                weight *= terminator_at(v.relief[i], ns * side, ng * side, wi);
+            if T::SOFTENS && !C::Closure::IN_MEDIUM && !closure.crosses(wi) {
+                weight *= self.horizon.kept(v, i, [ns * side, ng * side], side, wi);
             }
             let is_lit = !light_pdf.is_none() & (!C::Closure::OPAQUE | (height > 0.0));
             let weight = if is_lit { weight } else { 0.0 };

@@ -7,7 +7,7 @@
 
 use super::Integrator;
 use super::sampling::Purpose;
-use super::shading_geometry::{EvaluatedMaterial, FACETS_ALONE, RELIEF, local_viewer, scattering_normal};
+use super::shading_geometry::{EvaluatedMaterial, UNMAPPED, WHOLE_LIGHT, local_viewer, scattering_normal};
 use super::wave::{Lanes3, Vertices, get, get_rgb, set, set_rgb};
 use super::workspace::Workspace;
 use crate::bsdf::BsdfEval;
@@ -64,12 +64,14 @@ impl Integrator<'_> {
         let dimensions = self.dimensions(bounce, Purpose::Mix);
         let (path, v) = (&mut w.wave.paths.state, &mut w.wave.vertices);
         for i in range {
-            if v.relief[i] == 0.0 {
+            if v.relief[i] == UNMAPPED {
                 continue;
             }
             let closures = &mut v.metal_rough_closures;
             let share = closures.probability_diffuse[i];
-            v.relief[i] = if share > 0.0 { RELIEF } else { FACETS_ALONE };
+            if share <= 0.0 {
+                v.relief[i] = WHOLE_LIGHT;
+            }
             if v.is_bent[i] == 0.0 {
                 continue;
             }
@@ -84,7 +86,7 @@ impl Integrator<'_> {
                 set(&mut v.ns, i, unbent);
             } else {
                 set_rgb(&mut closures.diffuse, i, Rgb::ZERO);
-                v.relief[i] = FACETS_ALONE;
+                v.relief[i] = WHOLE_LIGHT;
             }
             closures.probability_diffuse[i] = if is_base { 1.0 } else { 0.0 };
             closures.probability_specular[i] = if is_base { 0.0 } else { 1.0 };
@@ -103,7 +105,7 @@ impl Integrator<'_> {
         w: &mut Workspace,
     ) -> EvaluatedMaterial {
         let bent = scattering_normal(evaluated.ns, ng, wo);
-        if !evaluated.is_mapped || bent == evaluated.ns {
+        if !evaluated.mapping.is_mapped || bent == evaluated.ns {
             return EvaluatedMaterial { ns: bent, ..evaluated };
         }
         let (base, above, share) = evaluated.bsdf.split_base(Frame::from_normal(bent).to_local(wo));

@@ -58,6 +58,7 @@ use interior::CameraInterior;
 use radiance_buffer::Layers;
 use reuse::Tiling;
 use sampling::Purpose;
+use shading_geometry::Terminator;
 use shading_groups::{ShadingGroup, groups_of};
 use wave::{OptionalState, StateConditions};
 
@@ -197,6 +198,15 @@ impl<'a> Integrator<'a> {
     /// Is the shadow terminator softened: requested, and do shading normals differ from geometric ones?
     fn softens_terminator(&self) -> bool {
         self.options.soft_terminator && self.scene.features.bent_normals
+    }
+
+    /// What shading normals do to light near the horizon.
+    fn terminator(&self) -> Terminator {
+        match self.softens_terminator() {
+            false => Terminator::Sharp,
+            true if self.scene.features.mapped_normals => Terminator::Relief,
+            true => Terminator::Soft,
+        }
     }
 
     fn dimensions(&self, bounce: u32, purpose: Purpose) -> Dimensions {

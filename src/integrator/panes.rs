@@ -21,7 +21,7 @@ use super::guiding::Guided;
 use super::interior::Interior;
 use super::mis::LightPdf;
 use super::sampling::RandomChoice;
-use super::shading_geometry::{HitPoint, terminator_at};
+use super::shading_geometry::{HitPoint, Horizon, Relief, Soft, Terminator};
 use super::shading_groups::{
     Closure, GeneralClass, LambertClass, MediumClass, MetalRoughClass, SortedVertices, VertexClass,
 };
@@ -365,8 +365,13 @@ impl Integrator<'_> {
         let (ng, ns) = (get(&v.ng, i), get(&v.ns, i));
         let side = if !C::Closure::OPAQUE && wi.dot(ng) < 0.0 { -1.0 } else { 1.0 };
         let mut weight = pdf.mis_weight_over_pdf(eval.pdf_solid_angle * branches * class.light_density(v, i));
-        if self.softens_terminator() && !C::Closure::IN_MEDIUM && !closure.crosses(wi) {
-            weight *= terminator_at(v.relief[i], ns * side, ng * side, wi);
+        if !C::Closure::IN_MEDIUM && !closure.crosses(wi) {
+            let normals = [ns * side, ng * side];
+            weight *= match self.terminator() {
+                Terminator::Sharp => 1.0,
+                Terminator::Soft => Soft.kept(v, i, normals, side, wi),
+                Terminator::Relief => Relief.kept(v, i, normals, side, wi),
+            };
         }
         if C::Closure::OPAQUE && wi.dot(ng) <= 0.0 {
             return Rgb::ZERO;

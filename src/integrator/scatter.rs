@@ -2,7 +2,7 @@
 
 use super::mis::DirectionPdf;
 use super::sampling::{FIRST_ROULETTE, Purpose, ScatterParams, survival};
-use super::shading_geometry::terminator_at;
+use super::shading_geometry::{Horizon, Relief, Sharp, Soft, Terminator};
 use super::shading_groups::{
     Closure, GeneralClass, LambertClass, MediumClass, MetalRoughClass, SortedVertices, VertexClass,
 };
@@ -21,10 +21,10 @@ impl Integrator<'_> {
         let dimensions = &self.dimensions(bounce, Purpose::Scatter);
         let branches = self.bsdf_samples_per_light_sample(bounce);
         let params = ScatterParams { dimensions, roulette: bounce >= FIRST_ROULETTE, branches };
-        if self.softens_terminator() {
-            self.scatter_all::<true>(bounce, params, sorted, w);
-        } else {
-            self.scatter_all::<false>(bounce, params, sorted, w);
+        match self.terminator() {
+            Terminator::Sharp => self.scatter_all(Sharp, bounce, params, sorted, w),
+            Terminator::Soft => self.scatter_all(Soft, bounce, params, sorted, w),
+            Terminator::Relief => self.scatter_all(Relief, bounce, params, sorted, w),
         }
         if self.optional.receiver_normal {
             // Light sampling does not reach specular vertices.
@@ -35,8 +35,9 @@ impl Integrator<'_> {
     }
 
     /// Scatters at the vertices of all shading groups, with softened shadow terminators or without.
-    fn scatter_all<const SOFT: bool>(
+    fn scatter_all<T: Horizon>(
         &self,
+        horizon: T,
         bounce: u32,
         params: ScatterParams<'_>,
         sorted: &SortedVertices,
@@ -45,8 +46,9 @@ impl Integrator<'_> {
         let Workspace { wave, bsdfs, .. } = w;
         if let Some(guide) = self.options.guide {
             let uses_adjoint_roulette = self.uses_adjoint_roulette(bounce);
-            guiding::scatter::<SOFT>(params, uses_adjoint_roulette, guide, sorted.lambert(), wave);
-            guiding::scatter_metal_rough::<SOFT>(
+            guiding::scatter(horizon, params, uses_adjoint_roulette, guide, sorted.lambert(), wave);
+            guiding::scatter_metal_rough(
+                horizon,
                 params,
                 uses_adjoint_roulette,
                 guide,
@@ -54,20 +56,15 @@ impl Integrator<'_> {
                 wave,
             );
         } else {
-            dispatch(Scatter::<_, SOFT> { wave, class: LambertClass, range: sorted.lambert(), params });
-            dispatch(Scatter::<_, SOFT> {
-                wave,
-                class: MetalRoughClass,
-                range: sorted.metal_rough(),
-                params,
-            });
+            dispatch(Scatter { horizon, wave, class: LambertClass, range: sorted.lambert(), params });
+            dispatch(Scatter { horizon, wave, class: MetalRoughClass, range: sorted.metal_rough(), params });
         }
         if !sorted.medium().is_empty() {
-            dispatch(Scatter::<_, SOFT> { wave, class: MediumClass, range: sorted.medium(), params });
+            dispatch(Scatter { horizon, wave, class: MediumClass, range: sorted.medium(), params });
         }
         let range = sorted.general();
         // Its loop has no use for a higher CPU level.
-        Scatter::<_, SOFT> { wave, class: GeneralClass { bsdfs, first: range.start }, range, params }.run();
+        Scatter { horizon, wave, class: GeneralClass { bsdfs, first: range.start }, range, params }.run();
     }
 
     /// Makes the surviving paths the arriving ones of the next bounce, with their rays.
@@ -105,14 +102,15 @@ fn widen(spread: &mut f32, pdf_solid_angle: f32) {
 }
 
 /// Scatters at the vertices of a shading group.
-pub(super) struct Scatter<'a, C, const SOFT: bool> {
+pub(super) struct Scatter<'a, C, T> {
+    pub horizon: T,
     pub wave: &'a mut Wave,
     pub class: C,
     pub range: Range<usize>,
     pub params: ScatterParams<'a>,
 }
 
-impl<C: VertexClass, const SOFT: bool> Kernel for Scatter<'_, C, SOFT> {
+impl<C: VertexClass, T: Horizon> Kernel for Scatter<'_, C, T> {
     type Output = ();
 
     #[inline(always)]
@@ -128,10 +126,10 @@ impl<C: VertexClass, const SOFT: bool> Kernel for Scatter<'_, C, SOFT> {
             let height = wi.dot(ng);
             let side = if !C::Closure::OPAQUE && height < 0.0 { -1.0 } else { 1.0 };
             let mut throughput = get_rgb(&path.throughput, i) * s.weight;
-            if SOFT {
-                let is_smooth = s.is_specular | s.is_transmission | C::Closure::IN_MEDIUM;
+            if T::SOFTENS {
+                let is_whole = s.is_specular | s.is_transmission | C::Closure::IN_MEDIUM;
                 throughput *=
-                    if is_smooth { 1.0 } else { terminator_at(v.relief[i], ns * side, ng * side, wi) };
+                    if is_whole { 1.0 } else { self.horizon.kept(v, i, [ns * side, ng * side], side, wi) };
             }
             if !C::Closure::OPAQUE {
                 path.roulette_scale[i] *= s.eta * s.eta;
@@ -200,7 +198,8 @@ impl Integrator<'_> {
         if self.optional.interior {
             vertices.beyond.repeat(count, branches);
         }
-        repeat_vertices(vertices, sorted, branches, self.options.guide.is_some());
+        let has_relief = self.scene.features.mapped_normals;
+        repeat_vertices(vertices, sorted, branches, [self.options.guide.is_some(), has_relief]);
         if self.options.keeps_plain {
             index_branches(&mut paths.state, count, self.options.branches);
             w.radiance_buffer.extend_with_passes(WAVE + WAVE);
@@ -291,12 +290,20 @@ fn divide(path: &mut PathState, count: usize, branches: u32) {
 }
 
 /// Repeats what scattering reads of vertices.
-fn repeat_vertices(v: &mut Vertices, sorted: &SortedVertices, times: usize, is_guided: bool) {
+fn repeat_vertices(
+    v: &mut Vertices,
+    sorted: &SortedVertices,
+    times: usize,
+    [is_guided, has_relief]: [bool; 2],
+) {
     let count = sorted.all().end;
     v.p.repeat(count, times);
     v.ng.repeat(count, times);
     v.ns.repeat(count, times);
-    v.relief.repeat(count, times);
+    if has_relief {
+        v.relief.repeat(count, times);
+        v.smooth.repeat(count, times);
+    }
     v.offset.repeat(count, times);
     v.wo.repeat(count, times);
     v.origin_primitives.repeat(count, times);

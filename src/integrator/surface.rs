@@ -5,7 +5,9 @@ use super::first_hit::{AovContext, FirstHit, FirstHits};
 use super::interfaces::CoincidentHit;
 use super::interior::Interior;
 use super::scatter::sample_of_branch;
-use super::shading_geometry::{EvaluatedMaterial, HitPoint, PathOrigin, RELIEF, scattering_normal};
+use super::shading_geometry::{
+    EvaluatedMaterial, HitPoint, Mapping, PathOrigin, RELIEF, UNMAPPED, scattering_normal,
+};
 use super::shading_groups::{
     ShadingGroup, ShadingGroupCounts, SortedVertices, load_material, prepare, store_material,
 };
@@ -30,8 +32,7 @@ struct Vertex {
     bsdf: Bsdf,
     /// Solids on the far side.
     beyond: Interior,
-    /// A map or a bump gave the shading normal.
-    is_mapped: bool,
+    mapping: Mapping,
     /// The ray came from behind.
     is_back: bool,
     /// Direction to the viewer, unit length.
@@ -40,7 +41,7 @@ struct Vertex {
 
 impl Vertex {
     fn material(&self) -> EvaluatedMaterial {
-        EvaluatedMaterial { bsdf: self.bsdf, ns: self.surface.ns, is_mapped: self.is_mapped }
+        EvaluatedMaterial { bsdf: self.bsdf, ns: self.surface.ns, mapping: self.mapping }
     }
 }
 
@@ -251,9 +252,9 @@ impl Integrator<'_> {
             evaluated.bsdf = self.scatter_at_thin_glass(evaluated.bsdf, i, w);
         }
         let pane = self.reflect_at_pane(material.pane_thickness, i, w);
-        let EvaluatedMaterial { bsdf, ns, is_mapped } = evaluated;
+        let EvaluatedMaterial { bsdf, ns, mapping } = evaluated;
         let (surface, beyond) = (Surface { ns, ..at.surface }, w.arriving.interior[i]);
-        let mut vertex = Vertex { surface, bsdf: pane.unwrap_or(bsdf), beyond, is_mapped, is_back, wo };
+        let mut vertex = Vertex { surface, bsdf: pane.unwrap_or(bsdf), beyond, mapping, is_back, wo };
         if material.emission.is_some() {
             self.emit(bounce, i, &at, w);
         }
@@ -272,7 +273,7 @@ impl Integrator<'_> {
                         wavelengths,
                     );
                     vertex.surface = Surface { ns: refracting.evaluated.ns, ..refracting.at.surface };
-                    vertex.is_mapped = refracting.evaluated.is_mapped;
+                    vertex.mapping = refracting.evaluated.mapping;
                     boundary
                 }
             };
@@ -280,6 +281,7 @@ impl Integrator<'_> {
             if boundary.is_inverted {
                 vertex.surface.ng = -vertex.surface.ng;
                 vertex.surface.ns = -vertex.surface.ns;
+                vertex.mapping = vertex.mapping.on_side(-1.0);
             }
         }
         if self.optional.chains {
@@ -364,7 +366,9 @@ impl Integrator<'_> {
         wavelengths: Option<&Wavelengths>,
     ) -> EvaluatedMaterial {
         match at.material.constant.filter(|_| !at.material.uses_uv) {
-            Some(bsdf) => EvaluatedMaterial { bsdf, ns: at.surface.ns, is_mapped: false },
+            Some(bsdf) => {
+                EvaluatedMaterial { bsdf, ns: at.surface.ns, mapping: Mapping::none(at.surface.ns) }
+            }
             None => self.textured(at, width, wo, wavelengths),
         }
     }
@@ -397,7 +401,13 @@ impl Integrator<'_> {
             Some(wavelengths) => material.bsdf_by_wavelength(&slots, &frame, vertex_color, wavelengths),
         };
         let bsdf = if points_inwards { bsdf.without_base() } else { bsdf };
-        EvaluatedMaterial { bsdf, ns, is_mapped: ns != surface.ns }
+        let bumps = material.bumped_normal(&slots, surface, ns);
+        let mapping = Mapping {
+            smooth: bumps.unwrap_or(surface.ns),
+            is_mapped: ns != surface.ns,
+            has_bumps: bumps.is_some(),
+        };
+        EvaluatedMaterial { bsdf, ns, mapping }
     }
 
     /// Texture lookups at a point with the filter width of a path that sees it from `wo`; graphs read `hit` ([`Integrator::hit_data`]).
@@ -419,21 +429,30 @@ impl Integrator<'_> {
 /// Stores a vertex of an opaque shading group, with normals on the viewer's side.
 fn store_opaque(v: &mut Vertices, k: usize, vertex: Vertex) {
     let relief = vertex.material().relief();
-    let Vertex { mut surface, is_back, wo, .. } = vertex;
+    let Vertex { mut surface, mapping, is_back, wo, .. } = vertex;
     let side = if is_back { -1.0 } else { 1.0 };
     surface.ng *= side;
     surface.ns *= side;
     store(v, k, &surface);
-    v.relief[k] = relief;
+    store_relief(v, k, relief, mapping.smooth * side);
     set(&mut v.wo, k, wo);
 }
 
 /// Stores a vertex with the general BSDF that was selected.
 fn store_general(v: &mut Vertices, k: usize, vertex: &Vertex, evaluated: &EvaluatedMaterial) {
     store(v, k, &Surface { ns: evaluated.ns, ..vertex.surface });
-    v.relief[k] = evaluated.relief();
+    store_relief(v, k, evaluated.relief(), evaluated.mapping.smooth);
     set(&mut v.wo, k, vertex.wo);
     v.beyond[k] = vertex.beyond;
+}
+
+/// Stores what a map or a bump did to the shading normal.
+#[inline(always)]
+fn store_relief(v: &mut Vertices, k: usize, relief: f32, smooth: Vec3) {
+    v.relief[k] = relief;
+    if relief != UNMAPPED {
+        set(&mut v.smooth, k, smooth);
+    }
 }
 
 impl Integrator<'_> {
@@ -526,7 +545,7 @@ impl Kernel for OrientNormals<'_> {
             let side = if ng.dot(get(&v.wo, i)) < 0.0 { -1.0 } else { 1.0 };
             set(&mut v.ng, i, ng * side);
             set(&mut v.ns, i, ns * side);
-            v.relief[i] = 0.0;
+            v.relief[i] = UNMAPPED;
         }
     }
 }
@@ -700,7 +719,8 @@ impl Kernel for BendNormals<'_> {
             let side = if ng.dot(get(&v.wo, i)) < 0.0 { -1.0 } else { 1.0 };
             set(&mut v.ng, i, ng * side);
             set(&mut v.ns, i, n * side);
-            v.relief[i] = if is_mapped { RELIEF } else { 0.0 };
+            set(&mut v.smooth, i, ns * side);
+            v.relief[i] = if is_mapped { RELIEF } else { UNMAPPED };
         }
     }
 }

@@ -6,7 +6,7 @@ use super::direct_light::{
 use super::mis::LightPdf;
 use super::sampling::ScatterParams;
 use super::scatter::Scatter;
-use super::shading_geometry::scattering_normal;
+use super::shading_geometry::{Soft, scattering_normal};
 use super::shading_groups::{
     GeneralClass, LambertClass, MetalRoughClass, VertexClass, prepare, store_material,
 };
@@ -88,8 +88,8 @@ fn compare(mut wave: Box<Wave>, class: impl VertexClass + Copy, bsdfs: &[Bsdf]) 
     let mut general_wave = copy(&wave);
     let general = || GeneralClass { bsdfs, first: 0 };
     let counts = DirectParams { branches: 1.0, share: 1.0 };
-    dispatch(Direct::<_, true> { wave: &mut wave, class, range: 0..COUNT, counts });
-    Direct::<_, true> { wave: &mut general_wave, class: general(), range: 0..COUNT, counts }.run();
+    dispatch(Direct { horizon: Soft, wave: &mut wave, class, range: 0..COUNT, counts });
+    Direct { horizon: Soft, wave: &mut general_wave, class: general(), range: 0..COUNT, counts }.run();
     let mut lit = 0;
     for i in 0..COUNT {
         let of = |w: &Wave| get_rgb(&w.vertices.light.contribution, i);
@@ -106,8 +106,8 @@ fn compare(mut wave: Box<Wave>, class: impl VertexClass + Copy, bsdfs: &[Bsdf]) 
     assert!(lit > COUNT / 8, "{lit} lit");
 
     let params = ScatterParams { dimensions: &Dimensions::new(2), roulette: true, branches: 1.0 };
-    dispatch(Scatter::<_, true> { wave: &mut wave, class, range: 0..COUNT, params });
-    Scatter::<_, true> { wave: &mut general_wave, class: general(), range: 0..COUNT, params }.run();
+    dispatch(Scatter { horizon: Soft, wave: &mut wave, class, range: 0..COUNT, params });
+    Scatter { horizon: Soft, wave: &mut general_wave, class: general(), range: 0..COUNT, params }.run();
     let (mut scattered, mut borderline) = (0, 0);
     for i in 0..COUNT {
         let pdf = |w: &Wave| w.paths.state.pdf[i];

@@ -415,8 +415,10 @@ pub struct Vertices {
     pub ng: Lanes3,
     /// Shading normal, on the side of the geometric one.
     pub ns: Lanes3,
-    /// See [`EvaluatedMaterial::relief`](super::shading_geometry::EvaluatedMaterial::relief).
+    /// How relief shadows light: [`super::shading_geometry::RELIEF`] and the like.
     pub relief: Lanes,
+    /// The normal that maps count against, on the same side; where `relief` isn't 0.
+    pub smooth: Lanes3,
     /// Offset of ray origins along the normal, metres.
     pub offset: Lanes,
     /// Shading normal before it is bent for the viewer; at vertices of opaque glTF materials, in scenes with mapped normals.

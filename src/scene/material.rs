@@ -122,6 +122,8 @@ pub struct Material {
     pub normal_map: Option<NormalMap>,
     /// A graph of nodes that gives the shading normal in world space, on the viewer's side, in place of a normal map.
     pub normal: Option<TextureId>,
+    /// A graph that gives the normal of the surface with the bumps of a displacement, on which those of `normal` are.
+    pub bumped_normal: Option<TextureId>,
     /// Vertex colours multiply the base colour.
     pub use_vertex_colors: bool,
     /// What fills its solids, beside what the model says of their inside; only where the model lets light in.
@@ -151,6 +153,7 @@ impl Material {
             alpha: FloatSlot::constant(1.0),
             normal_map: None,
             normal: None,
+            bumped_normal: None,
             use_vertex_colors: false,
             medium: None,
             displacement: None,
@@ -183,8 +186,8 @@ impl Parameters for Lamp {}
 
 parameters_of_fields! {
     Material {
-        name, model, emission, double_sided, alpha_mode, alpha, normal_map, normal, use_vertex_colors, medium, displacement,
-        priority, lamp, index, light_group,
+        name, model, emission, double_sided, alpha_mode, alpha, normal_map, normal, bumped_normal, use_vertex_colors,
+        medium, displacement, priority, lamp, index, light_group,
     }
     Displacement { texture, scale, midlevel, edge }
     Emission { radiance, two_sided }

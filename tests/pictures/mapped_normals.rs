@@ -1,6 +1,8 @@
-//! Normals of graphs that lean away from the viewer or point into the surface.
+//! Normals of graphs that lean away from the viewer, point into the surface, or stand on few triangles.
 
 use crate::support::{floor, mean, measure, options, picture};
+use crate::terminator::ball;
+use oscura::film::Film;
 use oscura::scene::nodes::{Node, NodeGraph, NodeInput, NodeKind, VectorOperation};
 use oscura::scene::{Clearcoat, ColorSlot, FloatSlot, Light, Material, Model, PbrMaterial, Scene, Texture};
 use std::sync::Arc;
@@ -72,4 +74,38 @@ fn normals_that_point_inwards_are_dark_and_lengths_mean_nothing() {
         assert!((seen([0.6 * length, 0.8 * length, 0.0]) / unit - 1.0).abs() < 1e-5);
     }
     assert!((seen([0.0, 1.0, 0.0]) / unit - 1.0).abs() > 0.05, "{unit}");
+}
+
+/// A ball of few triangles, each vertex with its smooth normal, shaded with normals that lean off the smooth ones.
+fn leaning_ball(rings: u32) -> Scene {
+    let mut scene = ball(rings, 2 * rings);
+    let none = NodeInput::Value([0.0; 3]);
+    let lean = NodeInput::Value([0.35, 0.4, -0.3]);
+    let normal = NodeInput::Link { node: 0, output: 2 };
+    let add = NodeKind::VectorMath { operation: VectorOperation::Add };
+    let geometry = NodeKind::from_name("geometry").expect("a node");
+    let nodes = vec![
+        Node { kind: geometry, inputs: Vec::new(), image: None },
+        Node { kind: add, inputs: vec![normal, lean, none, none], image: None },
+    ];
+    let graph = NodeGraph { nodes, result: NodeInput::Link { node: 1, output: 0 }, is_z_up: false };
+    let normal = scene.add_texture(Texture::Nodes(Arc::new(graph)));
+    scene.materials[0].normal = Some(normal);
+    scene
+}
+
+/// Relief is that of the smooth surface: light on it doesn't show where the triangles are.
+#[test]
+fn mapped_normals_of_few_triangles_are_lit_as_those_of_many() {
+    let few = options(24, 64, 1);
+    let shown = |rings: u32| {
+        let mut scene = leaning_ball(rings);
+        scene.lights.push(Light::directional([-0.8, -0.5, 0.3], [3.0; 3]));
+        picture(&scene, &few)
+    };
+    let (coarse, fine) = (shown(10), shown(80));
+    let inner = (6..18).flat_map(|y| (6..18).map(move |x| (x, y)));
+    let of = |film: &Film, (x, y)| f64::from(film.mean_rgba(x, y)[1]);
+    let worst = inner.map(|at| (of(&coarse, at) / of(&fine, at) - 1.0).abs()).fold(0.0, f64::max);
+    assert!(worst < 0.03, "{worst}");
 }

@@ -6,7 +6,7 @@ use oscura::scene::{Environment, Instance, Material, Mesh, Scene};
 use std::f64::consts::{PI, TAU};
 
 /// A ball of few triangles, shaded as a round one, that scatters evenly.
-fn ball(rings: u32, around: u32) -> Scene {
+pub fn ball(rings: u32, around: u32) -> Scene {
     let mut scene = Scene::default();
     let grey = material(&mut scene, Material::lambert("grey", [0.277; 3]));
     let row = around + 1;

@@ -4,7 +4,9 @@ use super::super::Integrator;
 use super::super::interior::{CameraInterior, Interior};
 use super::super::mapped_normals::eval_lobes;
 use super::super::radiance_buffer::PathClass;
-use super::super::shading_geometry::{EvaluatedMaterial, HitPoint, scattering_normal, terminator_at};
+use super::super::shading_geometry::{
+    EvaluatedMaterial, HitPoint, Mapping, scattering_normal, terminator_at,
+};
 use super::super::shading_groups::ShadingGroup;
 use super::super::wave::FirstBounce;
 use super::super::workspace::Workspace;
@@ -56,8 +58,7 @@ pub(super) struct Receiver {
     pub is_diffuse: bool,
     pub ng: Vec3,
     pub ns: Vec3,
-    /// A map or a bump gave the shading normal.
-    pub is_mapped: bool,
+    pub mapping: Mapping,
     /// Directions to the camera and back along the light path.
     pub wo: Vec3,
     pub wi: Vec3,
@@ -67,7 +68,14 @@ impl Receiver {
     /// The same for these directions.
     pub fn seen(self, wo: Vec3, wi: Vec3) -> Receiver {
         let side = if self.is_opaque && wo.dot(self.ng) < 0.0 { -1.0 } else { 1.0 };
-        Receiver { ng: self.ng * side, ns: self.ns * side, wo, wi, ..self }
+        Receiver {
+            ng: self.ng * side,
+            ns: self.ns * side,
+            mapping: self.mapping.on_side(side),
+            wo,
+            wi,
+            ..self
+        }
     }
 }
 
@@ -136,7 +144,7 @@ impl Integrator<'_> {
         &self,
         path: &LightPath,
         material: u32,
-        EvaluatedMaterial { bsdf, ns, is_mapped }: EvaluatedMaterial,
+        EvaluatedMaterial { bsdf, ns, mapping }: EvaluatedMaterial,
         ng: Vec3,
     ) -> Receiver {
         let is_of_diffuse = self.options.caustics.is_some_and(|p| p.role(material) == Role::DiffuseReceiver);
@@ -149,18 +157,18 @@ impl Integrator<'_> {
             );
         // No path from the camera finds the rest of the only ones.
         let is_diffuse = is_of_diffuse && !path.is_only_way;
-        Receiver { bsdf, is_lambert, is_opaque, is_diffuse, ng, ns, is_mapped, wo: ng, wi: ng }
+        Receiver { bsdf, is_lambert, is_opaque, is_diffuse, ng, ns, mapping, wo: ng, wi: ng }
     }
 
     /// BSDF times cosine, and the density with which a path from the camera would sample the direction of the light.
     pub(super) fn scattered(&self, at: &Receiver) -> Option<BsdfEval> {
-        let Receiver { bsdf, is_lambert, is_opaque, is_diffuse, ng, ns, is_mapped, wo, wi } = at;
+        let Receiver { bsdf, is_lambert, is_opaque, is_diffuse, ng, ns, mapping, wo, wi } = at;
         let height = wi.dot(*ng);
         let crosses = height * wo.dot(*ng) < 0.0;
         if height == 0.0 || bsdf.is_specular() || crosses && (*is_opaque || !bsdf.scatters_through()) {
             return None;
         }
-        let evaluated = EvaluatedMaterial { bsdf: *bsdf, ns: *ns, is_mapped: *is_mapped };
+        let evaluated = EvaluatedMaterial { bsdf: *bsdf, ns: *ns, mapping: *mapping };
         let n = if *is_lambert { *ns } else { scattering_normal(*ns, *ng, *wo) };
         let eval = if *is_lambert {
             let pdf_solid_angle = wi.dot(n).max(0.0) * FRAC_1_PI;
@@ -172,7 +180,7 @@ impl Integrator<'_> {
             if crosses && wo.z * wi.z >= 0.0 {
                 return None;
             }
-            let is_split = *is_mapped && n != *ns;
+            let is_split = mapping.is_mapped && n != *ns;
             let eval =
                 if is_split { eval_lobes(&evaluated, *ng, [viewer, light]) } else { bsdf.eval(wo, wi) };
             if *is_diffuse {
@@ -183,7 +191,8 @@ impl Integrator<'_> {
         };
         let side = if height < 0.0 { -1.0 } else { 1.0 };
         let is_soft = self.softens_terminator() && !crosses;
-        let kept = if is_soft { terminator_at(evaluated.relief(), n * side, *ng * side, *wi) } else { 1.0 };
+        let normals = [n * side, mapping.smooth * side, *ng * side];
+        let kept = if is_soft { terminator_at(evaluated.relief(), normals, *wi) } else { 1.0 };
         (eval.pdf_solid_angle > 0.0).then_some(BsdfEval { f_cos: eval.f_cos * kept, ..eval })
     }
 

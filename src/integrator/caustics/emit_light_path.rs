@@ -316,6 +316,7 @@ impl Integrator<'_> {
             (caster.evaluated.bsdf, beyond) = (boundary.bsdf, boundary.beyond);
             if boundary.is_inverted {
                 (caster.ng, caster.evaluated.ns) = (-caster.ng, -caster.evaluated.ns);
+                caster.evaluated.mapping = caster.evaluated.mapping.on_side(-1.0);
             }
         }
         CasterHit { caster, surface, beyond }
@@ -372,7 +373,7 @@ impl Integrator<'_> {
         let f_cos = bsdf.eval(frame.to_local(direction), frame.to_local(*wo)).f_cos;
         let side = if direction.dot(*ng) < 0.0 { -1.0 } else { 1.0 };
         let kept = if self.softens_terminator() {
-            terminator_at(evaluated.relief(), ns * side, *ng * side, *wo)
+            terminator_at(evaluated.relief(), [ns * side, evaluated.mapping.smooth * side, *ng * side], *wo)
         } else {
             1.0
         };

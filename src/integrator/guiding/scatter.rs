@@ -5,7 +5,7 @@ use super::guide::{Guide, NO_MEAN};
 use super::place;
 use crate::integrator::Integrator;
 use crate::integrator::sampling::{FIRST_ROULETTE, ScatterParams, survival};
-use crate::integrator::shading_geometry::terminator_at;
+use crate::integrator::shading_geometry::Horizon;
 use crate::integrator::shading_groups::MetalRoughClass;
 use crate::integrator::shading_groups::{Closure, VertexClass};
 use crate::integrator::wave::{Vertices, Wave};
@@ -53,7 +53,8 @@ impl Integrator<'_> {
 }
 
 /// Scatters at Lambertian vertices.
-pub(in super::super) fn scatter<const SOFT: bool>(
+pub(in super::super) fn scatter<T: Horizon>(
+    horizon: T,
     params: ScatterParams<'_>,
     uses_adjoint_roulette: bool,
     guide: &Guide,
@@ -62,11 +63,12 @@ pub(in super::super) fn scatter<const SOFT: bool>(
 ) {
     dispatch(Choose { params, guide, range: range.clone(), wave });
     let judge = Judge { floor: guide.floor, uses_adjoint_roulette };
-    dispatch(GoOn::<SOFT> { params, judge, range, wave });
+    dispatch(GoOn { horizon, params, judge, range, wave });
 }
 
 /// Scatters at vertices of opaque glTF materials, whose diffuse lobes are guided.
-pub(in super::super) fn scatter_metal_rough<const SOFT: bool>(
+pub(in super::super) fn scatter_metal_rough<T: Horizon>(
+    horizon: T,
     params: ScatterParams<'_>,
     uses_adjoint_roulette: bool,
     guide: &Guide,
@@ -78,7 +80,7 @@ pub(in super::super) fn scatter_metal_rough<const SOFT: bool>(
     }
     let judge = Judge { floor: guide.floor, uses_adjoint_roulette };
     dispatch(ChooseLobe { params, guide, range: range.clone(), wave });
-    dispatch(GoOnRough::<SOFT> { params, judge, densities: guide.densities(), range, wave });
+    dispatch(GoOnRough { horizon, params, judge, densities: guide.densities(), range, wave });
 }
 
 /// Ends paths by what is expected of them.
@@ -145,14 +147,15 @@ impl Kernel for Choose<'_> {
 }
 
 /// Makes directions of the chosen points, and plays roulette.
-struct GoOn<'a, const SOFT: bool> {
+struct GoOn<'a, T> {
+    horizon: T,
     params: ScatterParams<'a>,
     judge: Judge,
     range: Range<usize>,
     wave: &'a mut Wave,
 }
 
-impl<const SOFT: bool> Kernel for GoOn<'_, SOFT> {
+impl<T: Horizon> Kernel for GoOn<'_, T> {
     type Output = ();
 
     #[inline(always)]
@@ -167,10 +170,7 @@ impl<const SOFT: bool> Kernel for GoOn<'_, SOFT> {
             let carried = before.luminance();
             v.guided.carried[i] = carried;
             let density = v.guided.density[i];
-            let mut throughput = before * (1.0 / density);
-            if SOFT {
-                throughput *= terminator_at(v.relief[i], ns, ng, wi);
-            }
+            let throughput = before * (1.0 / density) * self.horizon.kept(v, i, [ns, ng], 1.0, wi);
             let roulette_scale = path.roulette_scale[i];
             let plain = survival(throughput, roulette_scale, chances[i], self.params.roulette);
             let expected = carried * roulette_scale * means[i];
@@ -217,7 +217,8 @@ impl Kernel for ChooseLobe<'_> {
 }
 
 /// Makes directions of the chosen points and lobes, and plays roulette.
-struct GoOnRough<'a, const SOFT: bool> {
+struct GoOnRough<'a, T> {
+    horizon: T,
     params: ScatterParams<'a>,
     judge: Judge,
     densities: Table<'a, f32>,
@@ -225,7 +226,7 @@ struct GoOnRough<'a, const SOFT: bool> {
     wave: &'a mut Wave,
 }
 
-impl<const SOFT: bool> Kernel for GoOnRough<'_, SOFT> {
+impl<T: Horizon> Kernel for GoOnRough<'_, T> {
     type Output = ();
 
     #[inline(always)]
@@ -244,10 +245,8 @@ impl<const SOFT: bool> Kernel for GoOnRough<'_, SOFT> {
             // The value over the cosine lobe's: what a mean of the cell would bring by this direction.
             let over_cosine = s.pdf_solid_angle * PI / s.wi.dot(ns);
             v.guided.carried[i] = (before * s.weight).luminance() * over_cosine;
-            let mut throughput = before * s.weight * (1.0 / factor);
-            if SOFT {
-                throughput *= if s.is_specular { 1.0 } else { terminator_at(v.relief[i], ns, ng, s.wi) };
-            }
+            let kept = if s.is_specular { 1.0 } else { self.horizon.kept(v, i, [ns, ng], 1.0, s.wi) };
+            let throughput = before * s.weight * (1.0 / factor) * kept;
             let roulette_scale = path.roulette_scale[i];
             let plain = survival(throughput, roulette_scale, chances[i], self.params.roulette);
             // What facets reflect may be much brighter than what is expected of the cell.

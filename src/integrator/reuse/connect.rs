@@ -11,7 +11,7 @@ use crate::integrator::interior::Interior;
 use crate::integrator::radiance_buffer::PathClass;
 use crate::integrator::radiance_buffer::RadianceBuffer;
 use crate::integrator::sampling::FIRST_ROULETTE;
-use crate::integrator::shading_geometry::{bent_normal, terminator_at};
+use crate::integrator::shading_geometry::{Horizon, Relief, Sharp, Soft, Terminator, UNMAPPED, bent_normal};
 use crate::integrator::shading_groups::SortedVertices;
 use crate::integrator::shading_groups::{Closure, LambertClass, VertexClass};
 use crate::integrator::shading_groups::{MetalRoughClass, copy_metal_rough};
@@ -145,6 +145,9 @@ impl Prefixes {
         set(&mut to.ng, k, ng);
         from.ns.copy_to(i, &mut to.ns, k);
         to.relief[k] = from.relief[i];
+        if from.relief[i] != UNMAPPED {
+            from.smooth.copy_to(i, &mut to.smooth, k);
+        }
         match class {
             LAMBERT => from.albedo.copy_to(i, &mut to.albedo, k),
             _ => {
@@ -185,7 +188,8 @@ pub const RUN: usize = 16;
 const _: () = assert!(WAVE.is_multiple_of(RUN) && WAVE.is_multiple_of(GroupShape::MOST_PIXELS as usize));
 
 /// Computes density and value of the prefixes of a class at runs of places.
-pub struct Connect<'a, C, const SOFT: bool> {
+pub struct Connect<'a, C, T> {
+    pub horizon: T,
     pub class: C,
     /// The class in [`Prefixes::class`].
     pub class_id: u32,
@@ -194,12 +198,12 @@ pub struct Connect<'a, C, const SOFT: bool> {
     pub pairs: &'a mut Pairs,
 }
 
-impl<C: VertexClass, const SOFT: bool> Kernel for Connect<'_, C, SOFT> {
+impl<C: VertexClass, T: Horizon> Kernel for Connect<'_, C, T> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
-        let Connect { class, class_id, runs, prefixes, pairs } = self;
+        let Connect { horizon, class, class_id, runs, prefixes, pairs } = self;
         let v = &prefixes.vertices;
         for &run in runs {
             // The bound lets the compiler drop bounds checks.
@@ -212,10 +216,8 @@ impl<C: VertexClass, const SOFT: bool> Kernel for Connect<'_, C, SOFT> {
                 let eval = class.closure(v, i).eval(wi);
                 let cosine = -wi.dot(get(&pairs.ng, i));
                 let geometry = cosine / squared;
-                let mut value = get_rgb(&prefixes.throughput, i) * eval.f_cos;
-                if SOFT {
-                    value *= terminator_at(v.relief[i], ns, ng, wi);
-                }
+                let kept = horizon.kept(v, i, [ns, ng], 1.0, wi);
+                let value = get_rgb(&prefixes.throughput, i) * eval.f_cos * kept;
                 let faces = (cosine > 0.0) & (wi.dot(ng) > 0.0) & (eval.pdf_solid_angle > 0.0);
                 // Paths without throughput end, so a prefix has no density where its contribution is 0.
                 let [r, g, b] = value.to_array();
@@ -487,10 +489,10 @@ impl Integrator<'_> {
             if round.runs.is_empty() {
                 continue;
             }
-            if self.softens_terminator() {
-                connect::<true>(classes, &round.runs, &mut reuse);
-            } else {
-                connect::<false>(classes, &round.runs, &mut reuse);
+            match self.terminator() {
+                Terminator::Sharp => connect(Sharp, classes, &round.runs, &mut reuse),
+                Terminator::Soft => connect(Soft, classes, &round.runs, &mut reuse),
+                Terminator::Relief => connect(Relief, classes, &round.runs, &mut reuse),
             }
             self.guide_pairs(&round, &mut reuse);
             self.test_visibility(&round, &mut reuse, w);
@@ -686,7 +688,7 @@ impl Round {
 }
 
 /// Computes the pairs of a round, with a loop for each class of prefixes.
-fn connect<const SOFT: bool>([lambert, metal_rough]: [bool; 2], runs: &[u16], reuse: &mut Reuse) {
+fn connect<T: Horizon>(horizon: T, [lambert, metal_rough]: [bool; 2], runs: &[u16], reuse: &mut Reuse) {
     let Reuse { prefixes, pairs, .. } = reuse;
     for &run in runs {
         let places = usize::from(run) * RUN..(usize::from(run) + 1) * RUN;
@@ -694,10 +696,10 @@ fn connect<const SOFT: bool>([lambert, metal_rough]: [bool; 2], runs: &[u16], re
     }
     if lambert {
         let (class, class_id) = (LambertClass, LAMBERT);
-        dispatch(Connect::<_, SOFT> { class, class_id, runs, prefixes, pairs });
+        dispatch(Connect { horizon, class, class_id, runs, prefixes, pairs });
     }
     if metal_rough {
         let (class, class_id) = (MetalRoughClass, METAL_ROUGH);
-        dispatch(Connect::<_, SOFT> { class, class_id, runs, prefixes, pairs });
+        dispatch(Connect { horizon, class, class_id, runs, prefixes, pairs });
     }
 }

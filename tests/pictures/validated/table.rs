@@ -91,7 +91,7 @@ structs! {
     Quad { name, corner, edge_u, edge_v, material, traits, info }
     ObjectInfo { color, index, random }
     Material {
-        name, model, emission, double_sided, alpha_mode, alpha, normal_map, normal, use_vertex_colors, medium, displacement,
+        name, model, emission, double_sided, alpha_mode, alpha, normal_map, normal, bumped_normal, use_vertex_colors, medium, displacement,
         priority, lamp, index, light_group,
     }
     Displacement { texture, scale, midlevel, edge }

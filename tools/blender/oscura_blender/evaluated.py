@@ -21,7 +21,7 @@ class Material:
     def __init__(self, graph, surface=None, medium=None, whole=None):
         self.nodes, self.surface, self.medium = graph.nodes, surface, medium
         self.whole = whole  # the table of what has no surface
-        self.brushed = graph.brushed or ""
+        self.brushed, self.bumps = graph.brushed or "", graph.bumps
         self.attributes, self.asks_object = graph.attributes, graph.asks_object
         self.lets_light_in = any(_passes(node, PASSING) for node in graph.nodes.values())
         self.refracts = any(_passes(node, REFRACTING) for node in graph.nodes.values())
@@ -31,6 +31,8 @@ class Material:
         if self.whole is not None:
             return self.whole
         entries = {"type": "nodes", "surface": self.surface, "up": "z"}
+        if self.bumps is not None:
+            entries["bumps"] = self.bumps
         if self.lets_light_in and is_solid:
             entries["volume"] = True
             if self.medium is not None:

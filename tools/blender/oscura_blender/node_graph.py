@@ -252,6 +252,7 @@ class Graph:
         self.asks_object = False  # does a node ask about the object?
         self.images = images
         self.baker = baker if baker is not None else bakes.BakeRequests()
+        self.bumps = None  # the normal of the surface with these
         self.relief = None  # height, scale and exponent of the object's scale of bumps on all of the surface
         self.brushed = None  # the axis around which it is brushed; empty along texture coordinates
         self._known = {}
@@ -372,11 +373,16 @@ class Graph:
 
     def _lift(self, entries):
         """Adds the bumps of all of the surface to a shader's normal."""
-        if self.relief is not None and entries["type"] not in ("emission", "transparent_bsdf") and not self._is_mapped(entries.get("normal")):
-            height, scale, object_scale = self.relief
-            bump = {"type": "bump", "strength": 1.0, "height": height, "distance": scale, "object_scale": object_scale}
-            before = {"normal": entries["normal"]} if "normal" in entries else {}
-            entries["normal"] = f"{self.made({**bump, **before})}.normal"
+        if self.relief is None or entries["type"] in ("emission", "transparent_bsdf"):
+            return
+        height, scale, object_scale = self.relief
+        bump = {"type": "bump", "strength": 1.0, "height": height, "distance": scale, "object_scale": object_scale}
+        if self.bumps is None:
+            self.bumps = f"{self.made(bump)}.normal"
+        if "normal" not in entries:
+            entries["normal"] = self.bumps
+        elif not self._is_mapped(entries["normal"]):
+            entries["normal"] = f"{self.made({**bump, 'normal': entries['normal']})}.normal"
 
     def _is_mapped(self, normal):
         """Is a normal one of a map in tangent space, bumped or not? Those stand on the smooth normals, without bumps of all of the surface."""

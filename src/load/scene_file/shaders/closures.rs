@@ -79,6 +79,7 @@ impl Lowering<'_, '_, '_> {
     fn add_component(&mut self, index: usize, weight: NodeInput, mut material: Material) {
         let normal = self.color(index, "normal", [0.0; 3]);
         material.normal = self.vector_texture(normal);
+        material.bumped_normal = self.vector_texture(self.bumps);
         if weight != NodeInput::Value([0.0; 3]) {
             self.components.push((weight, material));
         }

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `nodes` | nodes by name: those of textures of `type = "nodes"`, and the shaders below |
 //! | `surface` | the shader that the surface has: `"NODE"` |
+//! | `bumps` | the output that gives the normal of the surface with the bumps of a displacement, as `normal` of shaders: `"NODE.OUTPUT"`; normal maps shadow light against it |
 //! | `volume` | true: light that passes enters a solid (false) |
 //! | `up` | `"z"`: vectors of the world are those of Blender, as of textures of nodes (`"y"`) |
 //! | `medium`, `priority` | of a solid, as of `type = "pbr"` |
@@ -65,7 +66,7 @@ pub(super) fn read<'a>(
     fields: &Fields<'a>,
     name: &str,
 ) -> Option<Material> {
-    fields.know(&["surface", "nodes", "volume", "up", "medium"]);
+    fields.know(&["surface", "nodes", "bumps", "volume", "up", "medium"]);
     let surface = fields.require("surface", fields.string("surface"));
     let table = fields.require("nodes", fields.table("nodes"))?;
     let is_solid = fields.flag("volume", false);
@@ -82,6 +83,7 @@ pub(super) fn read<'a>(
     if shaders.len() < shading.len() {
         return None;
     }
+    let bumps = fields.raw("bumps").map_or(Some(NodeInput::Value([0.0; 3])), |v| links.input(build, v))?;
     let surface = surface?;
     let Some(first) = position(&names, surface.value) else {
         unknown(build, &names, surface.value, surface.span);
@@ -97,6 +99,7 @@ pub(super) fn read<'a>(
         is_solid,
         checking: textures.is_check(),
         graph,
+        bumps,
         shaders: &shaders,
         textures: HashMap::new(),
         components: Vec::new(),
@@ -175,6 +178,8 @@ struct Lowering<'l, 'b, 'a> {
     checking: bool,
     /// The value nodes, to which those of weights are added.
     graph: NodeGraph,
+    /// The normal of the surface with bumps.
+    bumps: NodeInput,
     shaders: &'l [ShaderNode<'a>],
     /// Textures of outputs, each once.
     textures: HashMap<(usize, usize), TextureId>,
