@@ -2,7 +2,10 @@
 
 use super::camera_args::{CameraArgs, ShutterArgs};
 use super::exr_args::ExrArgs;
-use super::parsers::{AovParser, Frames, PreviewArg, ShowArg, bounce_limits, clamp, number, region, stops};
+use super::parsers::{
+    AovParser, FRAME_RATE, Frames, PreviewArg, ShowArg, bounce_limits, clamp, frames_per_second, number,
+    region, stops,
+};
 use super::picture_args::{PictureArgs, views};
 use super::progress::ProgressArg;
 use super::quality::Quality;
@@ -20,8 +23,6 @@ use std::time::Duration;
 
 /// Default number of Cryptomatte ranks.
 pub(crate) const CRYPTO_LEVELS: u32 = 6;
-/// Default frame rate, frames per second.
-pub(crate) const FRAME_RATE: f64 = 24.0;
 
 /// Shells that have completion scripts.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -390,10 +391,6 @@ pub(crate) struct CompareArgs {
     /// Print one JSON object on standard output.
     #[arg(long)]
     pub json: bool,
-}
-
-pub(super) fn frames_per_second(text: &str) -> Result<f64, String> {
-    number(text, |f| f.is_finite() && f > 0.0, "a number above 0")
 }
 
 fn strength(text: &str) -> Result<f32, String> {

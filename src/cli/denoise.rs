@@ -167,7 +167,7 @@ fn denoise_sequence(args: &DenoiseArgs) -> Result<Outcome> {
     }
     let all = Frames::existing(&args.picture)?;
     let numbers = Frames::of_sequence(&args.picture, args.frames)?;
-    numbers.iter().try_for_each(|&number| check_target(&Frames::file(&args.output, number)))?;
+    numbers.iter().try_for_each(|&number| check_target(Frames::file(&args.output, number)))?;
     if !args.quiet {
         args.denoiser.notes().iter().for_each(|note| say!("note: {note}"));
     }

@@ -143,6 +143,14 @@ const MOST: u64 = 1 << 20;
 /// Most digits of a number in a name.
 const MOST_DIGITS: usize = 20;
 
+/// Default frame rate, frames per second.
+pub(crate) const FRAME_RATE: f64 = 24.0;
+
+/// A frame rate.
+pub(super) fn frames_per_second(text: &str) -> Result<f64, String> {
+    number(text, |f| f.is_finite() && f > 0.0, "a number above 0")
+}
+
 /// A range of frames: first, last (included) and step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Frames {

@@ -1,7 +1,6 @@
 //! Arguments about pictures after rendering, and of the commands that read them.
 
-use super::args::{FRAME_RATE, frames_per_second};
-use super::parsers::{Frames, number, stops};
+use super::parsers::{FRAME_RATE, Frames, frames_per_second, number, stops};
 use clap::builder::{PossibleValue, PossibleValuesParser, StringValueParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use oscura::error::Warning;

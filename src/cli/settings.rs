@@ -1,10 +1,9 @@
 //! From arguments to settings: choices, preparation of the scene, memory limits, options without effect.
 
-use super::args::{
-    CRYPTO_LEVELS, FRAME_RATE, FilterArg, FresnelArg, MicrofacetArg, RenderArgs, TerminatorArg, TreeArg,
-};
+use super::args::{CRYPTO_LEVELS, FilterArg, FresnelArg, MicrofacetArg, RenderArgs, TerminatorArg, TreeArg};
 use super::checkpoint::cropped;
 use super::exr_args::Framed;
+use super::parsers::FRAME_RATE;
 use super::pictures::{EncodeOptions, format_of, is_moving, is_part};
 use super::process;
 use super::progress::{ProgressTarget, StageProgress};
