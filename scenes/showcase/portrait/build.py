@@ -5,17 +5,16 @@ The scan: Infinite, 3D Head Scan by Lee Perry-Smith, CC BY 3.0, based on a work 
 compressed: 'pip install DracoPy' brings the decoder.
 """
 
-import hashlib
 import json
 import math
 import os
 import random
 import struct
 import sys
-import urllib.request
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path.insert(0, os.path.dirname(HERE))
+from fetch import fetch  # noqa: E402
 from shapes import Mesh, cross, dot, mix, normalized, smoothstep, subtract  # noqa: E402
 
 OUT = os.path.join(HERE, "meshes")
@@ -32,19 +31,6 @@ HAIRLINE = [(-9, 0.2), (-1.2, 0.25), (-0.8, 0.5), (-0.35, 1.0), (-0.22, 1.97), (
             (1.1, 2.72), (1.5, 3.06), (1.9, 3.2), (9, 3.3)]
 BROW = [(0.20, 2.02), (0.45, 2.09), (0.75, 2.13), (0.98, 2.04), (1.14, 1.92)]
 LASHES = [(0.22, 1.71), (0.32, 1.64), (0.45, 1.59), (0.60, 1.57), (0.78, 1.61), (0.93, 1.66)]
-
-
-def fetch(source, name, checksum):
-    path = os.path.join(OUT, name)
-    if not os.path.exists(path):
-        print("fetching", SOURCE + source)
-        with urllib.request.urlopen(SOURCE + source, timeout=60) as answer:
-            data = answer.read()
-        with open(path, "wb") as file:
-            file.write(data)
-    with open(path, "rb") as file:
-        if hashlib.sha256(file.read()).hexdigest() != checksum:
-            sys.exit("%s is not the file that this scene was made with: delete it and try again" % path)
 
 
 def read_head(path):
@@ -211,7 +197,7 @@ def save(strands, path):
 def main():
     os.makedirs(OUT, exist_ok=True)
     for source, (name, checksum) in FILES.items():
-        fetch(source, name, checksum)
+        fetch(SOURCE + source, os.path.join(OUT, name), checksum)
     head = read_head(os.path.join(OUT, "LeePerrySmith.glb"))
     rng = random.Random(7)
     skin = Skin(head, rng)

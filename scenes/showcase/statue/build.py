@@ -5,15 +5,14 @@ The scans are of the project Three D Scans (threedscans.com), which puts its sca
 games by Keijiro Takahashi (github.com/keijiro/ThreeDScans). Files that are there already are only checked.
 """
 
-import hashlib
 import os
 import struct
 import sys
-import urllib.request
 import zlib
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path.insert(0, os.path.dirname(HERE))
+from fetch import fetch  # noqa: E402
 from shapes import Mesh, arc, lathe  # noqa: E402
 
 OUT = os.path.join(HERE, "meshes")
@@ -25,19 +24,6 @@ FILES = {
     "Athena/Athena.fbx": "083a018d02405b0b2326da31ec74b1d211104083a0ac776a58a5d4f37d800aad",
     "Nymph/Nymph.fbx": "c899f68a20d001c3490a21306741f74b44fe48fe5fdb797efcc9914be8cafd2f",
 }
-
-
-def fetch(name, checksum):
-    path = os.path.join(OUT, os.path.basename(name))
-    if not os.path.exists(path):
-        print("fetching", SOURCE + name)
-        with urllib.request.urlopen(SOURCE + name, timeout=60) as answer:
-            data = answer.read()
-        with open(path, "wb") as file:
-            file.write(data)
-    with open(path, "rb") as file:
-        if hashlib.sha256(file.read()).hexdigest() != checksum:
-            sys.exit("%s is not the file that this scene was made with: delete it and try again" % path)
 
 
 class Fbx:
@@ -124,7 +110,7 @@ def pedestal(radius, height):
 def main():
     os.makedirs(OUT, exist_ok=True)
     for name, checksum in FILES.items():
-        fetch(name, checksum)
+        fetch(SOURCE + name, os.path.join(OUT, os.path.basename(name)), checksum)
     for name in ("Plato", "Athena", "Nymph"):
         mesh = read_mesh(os.path.join(OUT, name + ".fbx"))
         low, high = ([f(c) for c in zip(*mesh.points)] for f in (min, max))
