@@ -215,7 +215,9 @@ fn scenes_render_in_a_fresh_clone() {
         fs::create_dir_all(target.parent().expect("a folder")).unwrap();
         fs::copy(root.join(file), target).unwrap();
     }
-    let scenes: Vec<&&str> = files.iter().filter(|file| file.ends_with(".toml")).collect();
+    // Those of the showcase ask for their scripts, and have a test of their own.
+    let is_scene = |file: &&&str| file.ends_with(".toml") && !file.starts_with("scenes/showcase/");
+    let scenes: Vec<&&str> = files.iter().filter(is_scene).collect();
     assert!(scenes.len() >= 40, "{}", scenes.len());
     for scene in scenes {
         let words =
