@@ -261,12 +261,11 @@ impl CompiledMaterial {
         let coat = model.pbr().and_then(|pbr| pbr.clearcoat);
         let coat_normal_map = usable(coat.and_then(|c| c.normal_map), textures);
         // The coat's normal differs from the base's where one of them is mapped.
-        let is_mapped = coat_normal_map.is_some() || normal_map.is_some() || normal.is_some();
-        let uses_frame = has_axis(&model) || (coat.is_some() && is_mapped);
+        let is_mapped = normal_map.is_some() || normal.is_some();
+        let uses_frame = has_axis(&model) || (coat.is_some() && (is_mapped || coat_normal_map.is_some()));
         let uses_uv = is_textured
             || uses_frame
-            || normal_map.is_some()
-            || normal.is_some()
+            || is_mapped
             || emission.is_some_and(|e| e.radiance.texture.is_some())
             || alpha.is_some_and(|a| a.slot.texture.is_some());
         let is_constant = !is_textured && !material.use_vertex_colors && !uses_frame;
