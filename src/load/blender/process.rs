@@ -33,6 +33,7 @@ const PACKAGE: &[(&str, &str)] = &[
     ("glow.py", include_str!("../../../tools/blender/oscura_blender/glow.py")),
     ("grids.py", include_str!("../../../tools/blender/oscura_blender/grids.py")),
     ("hair.py", include_str!("../../../tools/blender/oscura_blender/hair.py")),
+    ("image_files.py", include_str!("../../../tools/blender/oscura_blender/image_files.py")),
     ("lamp_trees.py", include_str!("../../../tools/blender/oscura_blender/lamp_trees.py")),
     ("lights.py", include_str!("../../../tools/blender/oscura_blender/lights.py")),
     ("links.py", include_str!("../../../tools/blender/oscura_blender/links.py")),

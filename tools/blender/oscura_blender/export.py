@@ -9,7 +9,7 @@ import bpy
 
 import addon_utils  # isort: skip (bpy puts it on the path)
 
-from . import adaptive, cache, camera, context, evaluated, geometry, glb, hair, lights, motion, node_graph, settings, sidecar, volumes, world
+from . import adaptive, cache, camera, context, evaluated, geometry, glb, hair, image_files, lights, motion, settings, sidecar, volumes, world
 from .report import Report, Stop, listed
 
 OLDEST = (4, 2, 0)
@@ -65,7 +65,7 @@ def export(options, report):
         found, moves, boxes = _collected(scene, layer, grids, options, report)
         found.exposure, found.grids = settings.film_exposure(scene), grids
         tables, cameras, empties = _settings(scene, found, boxes, store, options, report)
-    images = node_graph.Images(options.folder, options.name, options.links)
+    images = image_files.Images(options.folder, options.name, options.links)
     made = evaluated.take(found, moves, (found, store, options, report), images)
     world.settle(dict(tables)["[environment]"], found)
     comment = f"What glTF can't carry of {os.path.basename(options.file)}; 'oscura help sidecar' explains it."
@@ -112,7 +112,7 @@ def _open(options, report):
             raise Stop(f"there is no scene '{options.scene}', only {names}")
     for missing in _missing_libraries():
         report.warn("", f"the linked file {missing} is missing")
-    missing = [image.name for image in bpy.data.images if image.users and node_graph.is_missing(image)]
+    missing = [image.name for image in bpy.data.images if image.users and image_files.is_missing(image)]
     if missing:
         report.warn("", f"images whose files are missing are magenta, as in Blender: {listed(missing)}")
     return scene, _layer(scene, options.view_layer, report)
