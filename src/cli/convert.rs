@@ -39,7 +39,7 @@ pub(crate) fn run(args: &ConvertArgs) -> Result<Outcome> {
         return Err(Error::usage(message)
             .with_help("such as -o frame.####.png, or one animation such as -o walk.mp4"));
     }
-    for number in Frames::of_sequence(&args.picture, None)? {
+    for number in Frames::existing(&args.picture)? {
         let [picture, output] = [&args.picture, &args.output].map(|path| Frames::file(path, number));
         convert_file(args, (&picture, &output), format)?;
     }
@@ -86,7 +86,7 @@ fn animate(args: &ConvertArgs) -> Result<Outcome> {
             Error::usage(message).with_help("name them by #### in place of their numbers, without --sheet")
         );
     }
-    let numbers = Frames::of_sequence(&args.picture, None)?;
+    let numbers = Frames::existing(&args.picture)?;
     let mut moving = AnimationFiles::new(std::slice::from_ref(&args.output), args.fps)?;
     let options = png_options(args);
     for number in numbers {

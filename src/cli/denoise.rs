@@ -166,7 +166,11 @@ fn denoise_sequence(args: &DenoiseArgs) -> Result<Outcome> {
         return Err(Error::usage(message).with_help("such as -o clean.####.exr"));
     }
     let all = Frames::existing(&args.picture)?;
-    let numbers = Frames::of_sequence(&args.picture, args.frames)?;
+    let is_wanted = |number: &u32| args.frames.is_none_or(|frames| frames.contains(*number));
+    let numbers: Vec<u32> = all.iter().copied().filter(is_wanted).collect();
+    if numbers.is_empty() {
+        return Err(Frames::missing(&args.picture));
+    }
     numbers.iter().try_for_each(|&number| check_target(Frames::file(&args.output, number)))?;
     if !args.quiet {
         args.denoiser.notes().iter().for_each(|note| say!("note: {note}"));

@@ -202,10 +202,15 @@ impl Frames {
         with_marks(&path.file_name().unwrap_or_default().to_string_lossy()).contains('#')
     }
 
+    /// Is it one of them?
+    pub(crate) fn contains(self, number: u32) -> bool {
+        (self.first..=self.last).contains(&number) && (number - self.first).is_multiple_of(self.step)
+    }
+
     /// The numbers of the frames that are there, in order.
     ///
     /// # Errors
-    /// If the folder can't be read.
+    /// If the folder can't be read, or there are none.
     pub(crate) fn existing(path: &Path) -> Result<Vec<u32>, Error> {
         let (head, _, tail) = Frames::parts_of_name(path);
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -217,20 +222,12 @@ impl Frames {
                 .extend(number.filter(|&n| Frames::file(path, n).file_name().is_some_and(|of| *of == *name)));
         }
         numbers.sort_unstable();
-        Ok(numbers)
+        if numbers.is_empty() { Err(Frames::missing(path)) } else { Ok(numbers) }
     }
 
-    /// The numbers of those that are there, of those that are asked for.
-    ///
-    /// # Errors
-    /// If there are none.
-    pub(crate) fn of_sequence(path: &Path, wanted: Option<Frames>) -> Result<Vec<u32>, Error> {
-        let mut numbers = Frames::existing(path)?;
-        numbers.retain(|number| wanted.is_none_or(|frames| frames.numbers().any(|n| n == *number)));
-        if numbers.is_empty() {
-            return Err(Error::input(path, "there are no such frames"));
-        }
-        Ok(numbers)
+    /// None of the frames that are asked for is there.
+    pub(crate) fn missing(path: &Path) -> Error {
+        Error::input(path, "there are no such frames")
     }
 
     /// What stands before the number of a frame in a name, the least digits of the number, and what stands after it.
