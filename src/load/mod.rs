@@ -16,6 +16,7 @@ pub mod image;
 mod mesh_tools;
 pub mod obj;
 mod options;
+mod panorama;
 pub mod ply;
 mod points;
 pub mod scene_file;

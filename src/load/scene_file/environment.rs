@@ -3,7 +3,9 @@
 //! - `background = [r, g, b]`: the same radiance from everywhere,
 //! - `sky = { nadir = [r, g, b], zenith = [r, g, b] }`: a vertical blend (default: white below, `[.5, .7, 1]` above),
 //! - `sky = { sun_elevation = 30 }`: a clear sky with its sun (Hosek, Wilkie 2012), see below,
-//! - `image = "file"`: equirectangular, with `rotation` (degrees counter-clockwise seen from above; 0) and `strength` (1).
+//! - `image = "file"`: equirectangular, with `rotation` (degrees counter-clockwise seen from above; 0) and `strength` (1),
+//! - `texture = "NAME"`: what a texture is at the points of the unit sphere, such as one of `type = "nodes"`, with `rotation`, `strength` and the
+//!   `resolution` of the equirectangular image that is made of it (its width, 16 to 16384 texels; that of the largest image which the texture reads, from 2048 to 8192).
 //!
 //! The clear sky is given by `sun_elevation` (degrees above the horizon, 0 to 90) and, optionally, `sun_azimuth` (degrees clockwise
 //! seen from above, from -z towards x; 0), `turbidity` (1 is the clearest air, 3 a clear day, 10 haze; 3), `ground_albedo` (a colour from 0 to
@@ -12,10 +14,13 @@
 //! the sun has a radiance of some 50: `exposure = -5` in `[render]` suits it. The sun is a light of its own, which cameras and
 //! mirrors see.
 //!
+//! `sun = { direction = [x, y, z], angle = 0.5358, irradiance = [r, g, b] }` adds a sun to an image, a texture or an even environment that shows none: parallel light
+//! that travels that way, of a disk of a diameter of so many degrees, which cameras and mirrors see; what it brings to a surface that faces it is in W/m2.
+//!
 //! `fog = { density = 0.1 }` fills the space around all solids (see `media`), and may stand alone.
 //!
-//! `seen = { background = [r, g, b] }` is what cameras see in place of it, which lights nothing: an even radiance, or an `image` with `rotation` and
-//! `strength` as above.
+//! `seen = { background = [r, g, b] }` is what cameras see in place of it, which lights nothing: an even radiance, or an `image` or a `texture`
+//! with `rotation` and `strength` as above.
 //!
 //! A `group` names the group of lights that it is in. With `visible_to_camera = false` it lights the scene, but cameras see nothing of it: the picture is transparent there;
 //! `visible_to` lists the kinds of rays that see it, as for objects. With `sampled = false` only paths that leave the scene find its light,
@@ -40,33 +45,40 @@
 use super::builder::SceneFileBuilder;
 use super::fields::Fields;
 use super::media;
-use super::textures::read_pixels;
+use super::textures::{Textures, read_pixels};
 use super::traits::{group, visible_to};
 use super::transform::{MovingPlacement, Placement, at_node, placed};
+use crate::load::Loaded;
 use crate::load::image::Use;
-use crate::load::sky::{PhysicalSky, SUN_ANGLE_RAD};
+use crate::load::panorama;
+use crate::load::sky::{self, PhysicalSky, SUN_ANGLE_RAD};
 use crate::math::DVec3;
 use crate::scene::{Environment, Portal, RayKinds};
 
-pub(super) fn read(build: &mut SceneFileBuilder, fields: &Fields) {
+pub(super) fn read<'a>(build: &mut SceneFileBuilder, fields: &Fields<'a>, textures: &mut Textures<'a>) {
     let sky = fields.table("sky");
-    let given = [fields.has("background"), fields.has("sky"), fields.has("image")];
-    let light = even_or_image(build, fields);
+    let given = ["background", "sky", "image", "texture"].map(|key| fields.has(key));
+    let light = even_or_image(build, fields, textures);
     if let Some(seen) = fields.table("seen") {
-        build.loaded.scene.camera_environment = seen_by_camera(build, &seen);
+        build.loaded.scene.camera_environment = seen_by_camera(build, &seen, textures);
     }
     build.loaded.scene.environment_visible_to = visible_to(fields, RayKinds::ALL);
     build.loaded.scene.environment_unsampled = !fields.flag("sampled", true);
     build.loaded.scene.environment_group = group(fields, "group");
     build.loaded.scene.fog = media::fog(fields);
+    let sun = fields.table("sun");
     fields.finish();
     let count = given.iter().filter(|g| **g).count();
     if count == 0 && fields.has("fog") {
         return;
     }
     if count != 1 {
-        let message = "'environment' needs exactly one of 'background', 'sky' and 'image', or 'fog' alone";
+        let message =
+            "'environment' needs exactly one of 'background', 'sky', 'image' and 'texture', or 'fog' alone";
         return fields.problems.push(fields.span(), message);
+    }
+    if let Some(sun) = sun {
+        add_sun(build, &sun, fields.has("sky"));
     }
     if let Some(light) = light {
         build.loaded.scene.environment = light;
@@ -83,34 +95,78 @@ pub(super) fn read(build: &mut SceneFileBuilder, fields: &Fields) {
     }
 }
 
-/// The same radiance from everywhere, or an image.
-fn even_or_image(build: &mut SceneFileBuilder, fields: &Fields) -> Option<Environment> {
+/// The same radiance from everywhere, an image or a texture.
+fn even_or_image<'a>(
+    build: &mut SceneFileBuilder,
+    fields: &Fields<'a>,
+    textures: &mut Textures<'a>,
+) -> Option<Environment> {
     let background = fields.color("background");
     let image = fields.string("image");
+    let texture = fields.string("texture");
     let rotation_rad = fields.number("rotation").map_or(0.0, |r| r.value.to_radians());
     let strength = fields.number_in("strength", 0.0..f64::from(f32::MAX), 1.0) as f32;
-    if !fields.has("image") && (fields.has("rotation") || fields.has("strength")) {
-        fields.problems.push(fields.span(), "'rotation' and 'strength' belong to an environment image");
+    let width = fields.has("resolution").then(|| {
+        let (least, most) = panorama::WIDTHS.into_inner();
+        fields.number_in("resolution", f64::from(least)..f64::from(most), f64::from(least)) as u32
+    });
+    let is_picture = fields.has("image") || fields.has("texture");
+    if !is_picture && (fields.has("rotation") || fields.has("strength")) {
+        fields
+            .problems
+            .push(fields.span(), "'rotation' and 'strength' belong to an environment image or texture");
+    }
+    if width.is_some() && !fields.has("texture") {
+        fields.problems.push(fields.span(), "'resolution' belongs to an environment texture");
     }
     if let Some(c) = background {
         return Some(Environment::Constant(c.value));
+    }
+    if let Some(name) = texture {
+        let id = textures.get(build, name.value, name.span.clone())?;
+        let Loaded { scene, warnings, .. } = &mut build.loaded;
+        let made = panorama::environment(scene, id, width, strength, rotation_rad, warnings);
+        return made.map_err(|error| fields.problems.push(name.span, error.to_string())).ok();
     }
     let file = image?;
     let image = read_pixels(build, file.value, file.span, Use::Environment)?;
     Some(Environment::Image { image, strength, rotation_rad })
 }
 
-fn seen_by_camera(build: &mut SceneFileBuilder, fields: &Fields) -> Option<Environment> {
-    let seen = even_or_image(build, fields);
+fn seen_by_camera<'a>(
+    build: &mut SceneFileBuilder,
+    fields: &Fields<'a>,
+    textures: &mut Textures<'a>,
+) -> Option<Environment> {
+    let seen = even_or_image(build, fields, textures);
     fields.finish();
-    if fields.has("background") == fields.has("image") {
-        fields.problems.push(fields.span(), "'seen' needs exactly one of 'background' and 'image'");
+    if ["background", "image", "texture"].iter().filter(|key| fields.has(key)).count() != 1 {
+        fields
+            .problems
+            .push(fields.span(), "'seen' needs exactly one of 'background', 'image' and 'texture'");
     }
     seen
 }
 
 const PHYSICAL: [&str; 7] =
     ["sun_elevation", "sun_azimuth", "turbidity", "ground_albedo", "sun", "sun_size", "strength"];
+
+/// A sun in front of an environment.
+fn add_sun(build: &mut SceneFileBuilder, fields: &Fields, is_beside_sky: bool) {
+    let direction = fields.require("direction", fields.vector("direction"));
+    let angle = fields.number_in("angle", 0.01..90.0, SUN_ANGLE_RAD.to_degrees());
+    let irradiance = fields.require("irradiance", fields.color("irradiance"));
+    fields.finish();
+    let Some((direction, irradiance)) = direction.zip(irradiance) else { return };
+    let Some(way) = direction.value.try_normalize() else {
+        return fields.problems.push(direction.span, "'direction' must be longer than 0");
+    };
+    if is_beside_sky {
+        let message = "'sky' has a sun of its own: leave 'sun' out";
+        return fields.problems.push(fields.span(), message);
+    }
+    sky::add_sun(&mut build.loaded.scene, way, angle.to_radians(), irradiance.value);
+}
 
 /// A clear sky, as an image and a light.
 fn add_physical(build: &mut SceneFileBuilder, sky: &Fields) {

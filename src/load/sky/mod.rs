@@ -67,17 +67,8 @@ impl PhysicalSky {
         scene.environment = Environment::Image { image, strength: self.strength as f32, rotation_rad: 0.0 };
         scene.environment_sun = None;
         if self.has_sun {
-            let intensity = dome.sun.map(|v| (v * self.strength) as f32);
-            let kind = LightKind::Sun { direction: -dome.to_sun, angle_rad: self.sun_angle_rad };
-            let group = scene.environment_group.clone();
-            let visible_to = scene.environment_visible_to;
-            scene.environment_sun = Some(scene.lights.len() as u32);
-            scene.lights.push(Light {
-                name: "sun of the sky".to_string(),
-                group,
-                visible_to,
-                ..Light::new(kind, intensity)
-            });
+            let irradiance = dome.sun.map(|v| (v * self.strength) as f32);
+            add_sun(scene, -dome.to_sun, self.sun_angle_rad, irradiance);
         }
         Ok(())
     }
@@ -121,6 +112,15 @@ impl PhysicalSky {
             None => Ok(()),
         }
     }
+}
+
+/// Adds the sun of the environment, a light that cameras see as a disk: its light travels in `direction`.
+pub fn add_sun(scene: &mut Scene, direction: DVec3, angle_rad: f64, irradiance: [f32; 3]) {
+    let kind = LightKind::Sun { direction, angle_rad };
+    let (group, visible_to) = (scene.environment_group.clone(), scene.environment_visible_to);
+    scene.environment_sun = Some(scene.lights.len() as u32);
+    let name = "sun of the sky".to_string();
+    scene.lights.push(Light { name, group, visible_to, ..Light::new(kind, irradiance) });
 }
 
 /// A sky whose coefficients have been looked up.

@@ -188,8 +188,34 @@ pub const TABLES: &[Table] = &[
             ("sampled", "false", "true"),
             ("group", "\"sky\"", "\"other\""),
             ("fog", "{ density = 0.1 }", "{ density = 0.2 }"),
+            (
+                "sun",
+                "{ direction = [0, -1, 0], angle = 1, irradiance = 2 }",
+                "{ direction = [0, -1, 1], angle = 1, irradiance = 2 }",
+            ),
         ],
     ),
+    lines(
+        "environment",
+        "[materials]\na = { type = \"lambert\" }\n[textures]\none = { type = \"perlin\", low = 0, high = 1 }\ntwo = { type = \"perlin\", low = 0, high = 2 }\n[environment]\n",
+        &[
+            ("texture", "\"one\"", "\"two\""),
+            ("resolution", "32", "64"),
+            ("rotation", "10", "20"),
+            ("strength", "0.5", "2"),
+        ],
+    ),
+    Table {
+        about: "sun of the environment",
+        before: "[materials]\na = { type = \"lambert\" }\n[environment]\nbackground = 1\nsun = { ",
+        between: ", ",
+        after: " }\n[[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\nmaterial = \"a\"\n",
+        keys: &[
+            ("direction", "[0, -1, 0]", "[1, -1, 0]"),
+            ("angle", "1", "2"),
+            ("irradiance", "[1, 2, 3]", "[3, 2, 1]"),
+        ],
+    },
     Table {
         about: "portal",
         before: "[materials]\na = { type = \"lambert\" }\n[environment]\nbackground = 1\n[[portals]]\n",
