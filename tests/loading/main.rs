@@ -4,6 +4,7 @@ mod archives;
 mod curves;
 mod gltf;
 mod images;
+mod instances;
 mod left_out;
 mod linking;
 mod moving;

@@ -15,6 +15,7 @@
 
 mod faces;
 mod header;
+pub(super) mod places;
 mod rows;
 mod splats;
 

@@ -209,7 +209,7 @@ pub(super) fn exact(value: &Property) -> f64 {
 }
 
 /// A share of 1: integers count in their type's maximum.
-fn unit(value: &Property) -> f32 {
+pub(super) fn unit(value: &Property) -> f32 {
     match *value {
         Property::UChar(v) => f32::from(v) / 255.0,
         Property::UShort(v) => f32::from(v) / 65535.0,
@@ -218,7 +218,7 @@ fn unit(value: &Property) -> f32 {
 }
 
 /// A linear colour channel: integers are sRGB-encoded, as every common exporter writes them.
-fn color(value: &Property) -> f32 {
+pub(super) fn color(value: &Property) -> f32 {
     match value {
         Property::UChar(v) => srgb_table()[usize::from(*v)],
         Property::UShort(_) => linear_from_srgb(unit(value)),

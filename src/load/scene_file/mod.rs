@@ -22,6 +22,7 @@ mod camera;
 mod curves;
 mod environment;
 mod fields;
+mod instances;
 mod lights;
 mod materials;
 mod media;
@@ -145,7 +146,7 @@ fn read_parts<'a>(build: &mut SceneFileBuilder, root: &Fields<'a>) {
     lights::read(build, root);
     environment::read_portals(build, root);
     if let Some(fields) = root.table("environment") {
-        environment::read(build, &fields);
+        environment::read(build, &fields, &mut textures);
     }
     nodes::warn_of_missing_attributes(build);
     traits::resolve_links(build);

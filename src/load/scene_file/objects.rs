@@ -14,6 +14,11 @@
 //! `mesh_keys = [{ frame = -0.5, mesh = "before.ply" }, { frame = 0.5, mesh = "after.ply" }]` deforms a `mesh`: each file has its vertices, in
 //! their order, at a frame (see `motion`); in between they move evenly. All objects of a mesh have the same `mesh_keys`.
 //!
+//! `instances = "leaves.ply"` places copies of the object, its transform included, by the vertices of a PLY file. Its properties: the place `x y z`;
+//! optionally a rotation, the quaternion `qx qy qz qw` or a normal `nx ny nz` to which the object's y axis turns; a factor `scale` or one for each
+//! axis, `sx sy sz`; in place of these the matrix `m00` to `m22`, row by row; and `red green blue alpha`, `index` and `random`, which nodes of type
+//! `object_info` give. All copies have the object's name. They take 0.1 to 0.2 KiB each; triangles are kept once.
+//!
 //! `subdivide = 2` makes smooth surfaces of the polygons of a `mesh` (`oscura help subdivision`).
 //!
 //! `visible_to = ["camera", "diffuse", "glossy", "transmission", "volume", "shadow"]` lists the kinds of rays that see an
@@ -58,6 +63,7 @@
 use super::assets::Assets;
 use super::builder::SceneFileBuilder;
 use super::fields::{Fields, nearest, number, numbers};
+use super::instances;
 use super::materials::Materials;
 use super::mesh_keys::MeshKeys;
 use super::textures::Textures;
@@ -119,9 +125,13 @@ pub(super) fn read<'a>(
         let name = fields.string("name").map_or_else(|| format!("object {}", i + 1), |n| n.value.to_string());
         let object = Object::read(build, &fields, name);
         let before = counts(build);
+        let places = instances::read(build, &fields, &object);
         read_object(build, &fields, &object, materials, textures, assets);
         give_traits(build, &fields, before);
         fields.finish();
+        if let Some(places) = places {
+            instances::copy(build, fields.span(), before, &places);
+        }
     }
     assets.give_listed_materials(&mut build.loaded.scene);
     build.nodes.remove_hidden(&mut build.loaded.scene);

@@ -22,6 +22,13 @@ fn scene(text: &str) -> String {
         bytes.extend([0.0, 0.0, 0.0, 1.0, 1.0, 1.0, value].into_iter().flat_map(f32::to_le_bytes));
         std::fs::write(folder.path().join(name), bytes).expect("a grid");
     }
+    for (name, scale) in [("one.ply", 1), ("two.ply", 2)] {
+        let head = "ply\nformat ascii 1.0\nelement vertex 2\n";
+        let properties =
+            "property float x\nproperty float y\nproperty float z\nproperty float scale\nend_header\n";
+        let places = format!("{head}{properties}0 0 0 {scale}\n5 0 0 {scale}\n");
+        std::fs::write(folder.path().join(name), places).expect("places");
+    }
     let grid = include_bytes!("../../../src/load/vdb/tests/blosc.vdb");
     std::fs::write(folder.path().join("smoke.vdb"), grid).expect("a grid");
     for (name, x) in [("one.curves", 1), ("two.curves", 2)] {
@@ -99,6 +106,8 @@ fn objects_and_their_transforms() {
         "visible_to_camera = false",
         "holdout = true",
         "shadow_catcher = true",
+        "instances = \"one.ply\"",
+        "instances = \"two.ply\"",
         "transform = [{ matrix = [1, 0, 0, 5,  0, 1, 0, 0,  0, 0, 1, 0,  0, 0, 0, 1] }]",
     ] {
         assert!(shown(more) != plain, "{more}");
