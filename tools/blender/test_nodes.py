@@ -4,6 +4,7 @@
 """
 
 import json
+import math
 import tomllib
 import unittest
 
@@ -58,8 +59,8 @@ class NodesTest(SceneTest):
         bpy.context.scene.world = world
         world.use_nodes = True
         tree = world.node_tree
-        gradient = tree.nodes.new("ShaderNodeTexGradient")
-        tree.links.new(gradient.outputs[0], tree.nodes["Background"].inputs["Color"])
+        place = tree.nodes.new("ShaderNodeTexCoord")
+        tree.links.new(place.outputs["Window"], tree.nodes["Background"].inputs["Color"])
         self.add_plane(bpy.data.materials.new("plain"))
         cache = self.folder / "cache"
         self.export("--cache", str(cache))
@@ -75,6 +76,63 @@ class NodesTest(SceneTest):
         tree.nodes["Background"].inputs["Strength"].default_value = 2.0
         self.export("--cache", str(cache))
         self.assertNotEqual(picture.read_bytes(), first)
+
+    def test_worlds_are_textures(self):
+        world = bpy.data.worlds.new("sky")
+        bpy.context.scene.world = world
+        world.use_nodes = True
+        tree = world.node_tree
+        place, voronoi, mix, other = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("TexCoord", "TexVoronoi", "MixShader", "Emission"))
+        background, end = tree.nodes["Background"], tree.nodes["World Output"]
+        tree.links.new(place.outputs["Normal"], voronoi.inputs["Vector"])
+        tree.links.new(voronoi.outputs["Color"], background.inputs["Color"])
+        background.inputs["Strength"].default_value = 2.0
+        for socket, shader in zip(mix.inputs[1:], (background, other)):
+            tree.links.new(shader.outputs[0], socket)
+        tree.links.new(mix.outputs[0], end.inputs["Surface"])
+        self.add_plane(bpy.data.materials.new("plain"))
+        settings = self.export()
+        self.assertEqual(settings["environment"]["texture"], "world")
+        table = settings["textures"]["world"]
+        found = lambda value: table["nodes"][value.rpartition(".")[0]]
+        total = found(table["result"])
+        self.assertEqual(total["type"], "vector_math")
+        shares = [found(total[key]) for key in "ab" if isinstance(total[key], str)]
+        # Half of strength 2.
+        (first,) = [found(share["a"]) for share in shares]
+        seen = found(first["a"]) if first["type"] == "vector_math" else first
+        self.assertEqual(seen["type"], "voronoi_texture")
+        back = found(seen["vector"])
+        self.assertEqual((back["operation"], back["scale"], found(back["a"])["type"]), ("scale", -1.0, "geometry"))
+        self.assertEqual(total["b"], [0.5, 0.5, 0.5])
+        tree.links.new(tree.nodes.new("ShaderNodeRGB").outputs[0], background.inputs["Color"])
+        self.assertEqual(len(self.export()["environment"]["background"]), 3)
+
+    def test_suns_of_skies_are_lights(self):
+        world = bpy.data.worlds.new("sky")
+        bpy.context.scene.world = world
+        world.use_nodes = True
+        tree = world.node_tree
+        sky, tint = tree.nodes.new("ShaderNodeTexSky"), tree.nodes.new("ShaderNodeHueSaturation")
+        sky.sun_elevation, sky.sun_rotation = math.radians(30), math.radians(90)
+        background = tree.nodes["Background"]
+        tree.links.new(sky.outputs[0], background.inputs["Color"])
+        self.add_plane(bpy.data.materials.new("plain"))
+        plain = self.export()["environment"]["sun"]
+        # Towards +x of Blender, light travels down and towards -x.
+        np.testing.assert_allclose(plain["direction"], [-math.cos(math.radians(30)), -0.5, 0], atol=1e-6)
+        self.assertAlmostEqual(plain["angle"], math.degrees(sky.sun_size), places=4)
+        tint.inputs["Saturation"].default_value = 0.0
+        tree.links.new(sky.outputs[0], tint.inputs["Color"])
+        tree.links.new(tint.outputs[0], background.inputs["Color"])
+        background.inputs["Strength"].default_value = 0.5
+        grey = self.export()["environment"]["sun"]["irradiance"]
+        np.testing.assert_allclose(grey, [max(plain["irradiance"]) / 2] * 3, rtol=1e-3)
+        # What the horizon cuts is no light.
+        sky.sun_elevation = 0.0
+        self.assertNotIn("sun", self.export()["environment"])
+        sky.sun_elevation, sky.sun_disc = math.radians(30), False
+        self.assertNotIn("sun", self.export()["environment"])
 
     def test_groups_reroutes_and_muted_nodes_are_resolved(self):
         inner = bpy.data.node_groups.new("inner", "ShaderNodeTree")

@@ -192,7 +192,8 @@ class SurfacesTest(SceneTest):
         np.testing.assert_allclose(settings["environment"]["seen"]["background"], [0.5, 0.6, 0.7], rtol=1e-5)
         self.assertEqual(answer["warnings"], [])
         tree.links.new(sky.outputs[0], other.inputs[0])
-        self.assertTrue((self.folder / self.export()[1]["environment"]["seen"]["image"]).is_file())
+        settings = self.export()[1]
+        self.assertIn(settings["environment"]["seen"]["texture"], settings["textures"])
         tree.links.new(path.outputs["Is Glossy Ray"], mix.inputs[0])
         _, settings, answer = self.export()
         self.assertEqual([about for about, message in answer["warnings"] if "kind of ray" in message], ["World"])

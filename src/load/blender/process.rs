@@ -34,6 +34,7 @@ const PACKAGE: &[(&str, &str)] = &[
     ("grids.py", include_str!("../../../tools/blender/oscura_blender/grids.py")),
     ("hair.py", include_str!("../../../tools/blender/oscura_blender/hair.py")),
     ("image_files.py", include_str!("../../../tools/blender/oscura_blender/image_files.py")),
+    ("instances.py", include_str!("../../../tools/blender/oscura_blender/instances.py")),
     ("lamp_trees.py", include_str!("../../../tools/blender/oscura_blender/lamp_trees.py")),
     ("lights.py", include_str!("../../../tools/blender/oscura_blender/lights.py")),
     ("links.py", include_str!("../../../tools/blender/oscura_blender/links.py")),
@@ -50,6 +51,7 @@ const PACKAGE: &[(&str, &str)] = &[
     ("settings.py", include_str!("../../../tools/blender/oscura_blender/settings.py")),
     ("shaders.py", include_str!("../../../tools/blender/oscura_blender/shaders.py")),
     ("sidecar.py", include_str!("../../../tools/blender/oscura_blender/sidecar.py")),
+    ("skies.py", include_str!("../../../tools/blender/oscura_blender/skies.py")),
     ("skins.py", include_str!("../../../tools/blender/oscura_blender/skins.py")),
     ("stills.py", include_str!("../../../tools/blender/oscura_blender/stills.py")),
     ("strand_colors.py", include_str!("../../../tools/blender/oscura_blender/strand_colors.py")),
@@ -58,6 +60,7 @@ const PACKAGE: &[(&str, &str)] = &[
     ("view_table.py", include_str!("../../../tools/blender/oscura_blender/view_table.py")),
     ("volumes.py", include_str!("../../../tools/blender/oscura_blender/volumes.py")),
     ("world.py", include_str!("../../../tools/blender/oscura_blender/world.py")),
+    ("world_graph.py", include_str!("../../../tools/blender/oscura_blender/world_graph.py")),
 ];
 
 /// What starts it.

@@ -1,6 +1,7 @@
 """Cameras: as glTF has them, and what it can't carry."""
 
 import math
+from itertools import chain
 from collections import namedtuple
 
 import numpy as np
@@ -65,12 +66,22 @@ def _range(camera):
 
 def boxes(graph):
     """Corners of the boxes around all that is shown, in the world: eight each."""
-    corners = []
+    known, of_data, matrices = [], [], []
+    numbers = {}
     for instance in graph.object_instances:
-        if instance.object.type not in UNSEEN:
-            matrix = np.array(instance.matrix_world)
-            corners.append(np.array(instance.object.bound_box) @ matrix[:3, :3].T + matrix[:3, 3])
-    return np.array(corners).reshape(-1, 8, 3)
+        obj = instance.object
+        if obj.type in UNSEEN:
+            continue
+        key = obj.original, obj.data.as_pointer() if obj.data is not None else None
+        if key not in numbers:
+            numbers[key] = len(known)
+            known.append(np.array(obj.bound_box))
+        of_data.append(numbers[key])
+        matrices.extend(chain.from_iterable(instance.matrix_world))
+    if not known:
+        return np.zeros((0, 8, 3))
+    matrices = np.array(matrices).reshape(-1, 4, 4)
+    return np.array(known)[of_data] @ matrices[:, :3, :3].transpose(0, 2, 1) + matrices[:, None, :3, 3]
 
 
 def _is_clipping(obj, camera, corners):

@@ -2,13 +2,16 @@
 
 import os
 
-from . import bakes, densities, geometry, media, mesh_files, node_graph, panes, relief, report as reports, sidecar, shaders, skins
+from . import bakes, densities, geometry, instances, media, mesh_files, node_graph, panes, relief, report as reports, sidecar, shaders, skins
 from .glb import Y_UP
 
 # Tables of the materials of faces without one, and of what has no surface.
 DEFAULT = {"type": "nodes", "surface": "surface", "nodes": {"surface": {"type": "principled_bsdf"}}}
 BLACK = {"type": "lambert", "color": [0.0, 0.0, 0.0]}
 NOTHING = {"type": "nodes", "surface": "surface", "nodes": {"surface": {"type": "transparent_bsdf"}}}
+
+# So many copies of a mesh that stand still are a file of places, not a table each.
+LEAST_COPIES = 16
 
 # Inputs that let light into a solid, by the type of their shader; others always do.
 REFRACTING = {"principled_bsdf": ("transmission_weight",), "glass_bsdf": None, "refraction_bsdf": None}
@@ -55,7 +58,7 @@ class Evaluated:
         self.folder, self.name = folder, name
         self.materials = {}  # tables by name
         self.objects = []  # tables of objects
-        self.meshes = 0  # files of meshes
+        self.meshes = self.places = 0  # files of meshes, and of places of copies
         self._tables = {}  # by material and whether it fills solids
 
     def add(self, material, is_solid, name):
@@ -163,27 +166,30 @@ def _write(made, holder, known, told, report):
     keys = _shapes(made, written, file, (moves, shapes)) if shapes is not None else []
     extras = found.extras.get(holder.name, {})
     traits, group = geometry.traits_of(extras), extras.get("light_group")
+    shared = {"mesh": file, "materials": listed, **traits, **({"mesh_keys": keys} if keys else {}), **({"light_group": group} if group else {})}
+    still = {}  # matrices and infos by name
     for (name, matrix), info, mark in zip(found.placements[holder.name], found.infos[holder.name], found.marks[holder.name]):
         if abs(matrix.to_3x3().determinant()) < 1e-30:
             continue
-        entries = {"name": name, "mesh": file, "materials": listed, **_place(matrix, mark, moves), **traits}
-        if keys:
-            entries["mesh_keys"] = keys
-        if group:
-            entries["light_group"] = group
-        if asks_object:
-            entries.update(info)
-        entries.update(found.links.shining.get(name, {}))
-        made.objects.append(entries)
+        info, motion = info if asks_object else {}, _motion(mark, moves)
+        if motion is None:
+            still.setdefault(name, []).append((matrix, info))
+        else:
+            made.objects.append({"name": name, **shared, "motion": motion, **info, **found.links.shining.get(name, {})})
+    for name, copies in still.items():
+        entries = {"name": name, **shared, **found.links.shining.get(name, {})}
+        if len(copies) >= LEAST_COPIES:
+            made.objects.append({**entries, "instances": instances.write(made, copies)})
+        else:
+            made.objects += ({**entries, "transform": sidecar.placed(Y_UP @ matrix), **info} for matrix, info in copies)
 
 
-def _place(matrix, mark, moves):
-    """Where an object is: its transform, or its motion in place of one."""
-    turned = lambda matrix: sidecar.placed(Y_UP @ matrix)
+def _motion(mark, moves):
+    """The motion of an object; None of one that stands still."""
     matrices = moves.of(mark) if moves is not None else None
     if matrices is None or any(abs(then.to_3x3().determinant()) < 1e-30 for then in matrices):
-        return {"transform": turned(matrix)}
-    return {"motion": {"keys": [{"frame": frame, "transform": turned(then)} for frame, then in zip(moves.frames(), matrices)]}}
+        return None
+    return {"keys": [{"frame": frame, "transform": sidecar.placed(Y_UP @ then)} for frame, then in zip(moves.frames(), matrices)]}
 
 
 def _shapes(made, written, file, told):

@@ -64,8 +64,8 @@ def export(options, report):
         grids = volumes.Store(options.folder, options.name, glb.Y_UP)
         found, moves, boxes = _collected(scene, layer, grids, options, report)
         found.exposure, found.grids = settings.film_exposure(scene), grids
-        tables, cameras, empties = _settings(scene, found, boxes, store, options, report)
-    images = image_files.Images(options.folder, options.name, options.links)
+        images = image_files.Images(options.folder, options.name, options.links)
+        tables, cameras, empties = _settings(scene, found, boxes, store, images, options, report)
     made = evaluated.take(found, moves, (found, store, options, report), images)
     world.settle(dict(tables)["[environment]"], found)
     comment = f"What glTF can't carry of {os.path.basename(options.file)}; 'oscura help sidecar' explains it."
@@ -148,10 +148,10 @@ def _go_to_moment(scene, options):
     context.go(scene, frame)
 
 
-def _settings(scene, found, boxes, store, options, report):
+def _settings(scene, found, boxes, store, images, options, report):
     """The tables of the file of settings, and the nodes of cameras and lights."""
     tables = [("[render]", settings.read(scene, found, options.folder, options.name, report))]
-    tables.append(("[environment]", world.entries(scene, found.questions.layer, options.folder, options.name, store, report)))
+    tables += world.tables(scene, found.questions.layer, options.folder, options.name, store, images, report)
     cameras, named = [], []
     opened = motion.shutter(scene, options, found.questions.layer)
     for obj in found.cameras:

@@ -57,6 +57,7 @@ class Collected:
         self.bakes = []  # files of pictures that were baked
         self.volumes = {}  # names of volume objects by what tells them from all else
         self.links = None  # what lights are linked to
+        self.kinds = {}  # of instances: what those of one mesh have in common that an object makes of another
         self.questions = None  # that materials ask about objects
         self.faces = 0  # of meshes that were made for the sake of materials
 
@@ -125,9 +126,14 @@ def mark(instance):
 
 def _add_mesh(found, obj, instance, report):
     parent = instance.parent if instance.is_instance else None
-    extras = _extras(found, obj, parent)
-    key = (obj.data.as_pointer(), *extras.items(), *_own_materials(obj).items(), found.links.key(_linked(obj, parent)))
-    asking = [material for material in _materials(found, obj) if found.questions.is_asked(material)]
+    maker = obj.original, parent and parent.original, obj.data.as_pointer()
+    if maker not in found.kinds:
+        # What all copies have in common that an object makes of another.
+        extras = _extras(found, obj, parent)
+        key = (maker[2], *extras.items(), *_own_materials(obj).items(), found.links.key(_linked(obj, parent)))
+        asking = [material for material in _materials(found, obj) if found.questions.is_asked(material)]
+        found.kinds[maker] = extras, key, asking, _name(obj, parent)
+    extras, key, asking, name = found.kinds[maker]
     told = objectwise.answers(instance, obj, parent, asking, found.questions.layer) if asking else ()
     if told and (key, told) not in found.objects and found.is_crowded(obj, report):
         told = next((known[1] for known in found.objects if known[0] == key), told)
@@ -141,7 +147,6 @@ def _add_mesh(found, obj, instance, report):
     holder = found.objects[key]
     if holder is None:
         return
-    name = _name(obj, parent)
     found.placements[holder.name].append((name, instance.matrix_world.copy()))
     found.marks[holder.name].append(mark(instance))
     found.infos[holder.name].append(objectwise.info(instance, obj))

@@ -200,7 +200,7 @@ def feed(socket, groups=()):
             if inner is None:
                 return Feed(value=_zero(output), groups=groups)
             socket, groups = inner, (*groups, node)
-        elif node.bl_idname == "ShaderNodeTexImage" and (node.image is None or image_files.is_missing(node.image)):
+        elif node.bl_idname in ("ShaderNodeTexImage", "ShaderNodeTexEnvironment") and (node.image is None or image_files.is_missing(node.image)):
             return Feed(value=_without_image(node.image, output), groups=groups, type=output.type)
         else:
             return Feed(output, groups)
@@ -560,8 +560,8 @@ class Graph:
         """Writes an input; a texture's vector without a link is a coordinate of the surface."""
         found = feed(socket, groups)
         if found.node is None and socket.hide_value:
-            # A normal without a link is the surface's.
-            if name != "normal":
+            # Normals without a link are the surface's, and places are without one.
+            if name != "normal" and implicit != "position":
                 entries[name] = self.coordinates(implicit)
             return
         entries[name] = self.value(found, socket.type)
@@ -772,11 +772,26 @@ def _image(graph, node, groups):
     return entries
 
 
-def _image_entries(node, file):
-    image = node.image
+def _environment(graph, node, groups):
+    file = graph.images.file(node.image) if node.image.source in ("FILE", "GENERATED") else None
+    if file is None:
+        raise Unsupported(f"the image '{node.image.name}'")
+    entries = {"type": "environment_texture", "file": file, "color_space": _space(node.image)}
+    entries.update({"interpolation": node.interpolation.lower(), "projection": node.projection.lower()})
+    graph.put(entries, "vector", node.inputs[0], groups, "position")
+    return entries
+
+
+def _space(image):
     space = SPACES.get(image.colorspace_settings.name)
     if space is None:
         raise Unsupported(f"the colour space {image.colorspace_settings.name}")
+    return space
+
+
+def _image_entries(node, file):
+    image = node.image
+    space = _space(image)
     entries = {
         "type": "image_texture",
         "file": file,
@@ -813,6 +828,7 @@ SPECIAL = {
     "ShaderNodeBump": (_bump, _by_name),
     "ShaderNodeNormal": (_normal, _by_name),
     "ShaderNodeTexImage": (_image, _by_name),
+    "ShaderNodeTexEnvironment": (_environment, _by_name),
     "ShaderNodeMix": (_mix, lambda node, socket: "result"),
     "ShaderNodeMixRGB": (_old_mix, lambda node, socket: "result"),
     "ShaderNodeMapRange": (_map_range, lambda node, socket: "result"),

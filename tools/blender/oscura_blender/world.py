@@ -1,4 +1,4 @@
-"""The world: a constant, a picture, or whatever else its node tree makes, rendered to a picture."""
+"""The world: a constant, a picture, or a texture of its nodes; what oscura can't evaluate, Cycles renders to a picture."""
 
 import math
 import os
@@ -7,7 +7,8 @@ import shutil
 import bpy
 import numpy as np
 
-from . import cache, context, fingerprint, geometry, media, shaders, stills
+from . import cache, context, fingerprint, geometry, media, shaders, sidecar, skies, stills, trees, world_graph
+from .node_graph import Unsupported, feed
 from .settings import film_exposure
 
 # Colour spaces whose values are light as oscura has it.
@@ -21,19 +22,40 @@ WIDTH = 2048
 WIDEST = 8192
 
 
+# The name of its texture in the file of settings.
+TEXTURE = "world"
+
+
 class _Target:
     """Where pictures go, and where those that take long are kept."""
 
-    def __init__(self, folder, name, store):
-        self.folder, self.name, self.store = folder, name, store
+    def __init__(self, folder, name, store, images):
+        self.folder, self.name, self.store, self.images = folder, name, store, images
+        self.textures, self.skies = [], 0
+
+    def texture(self, entries):
+        """The name of a texture, which is a table of its own."""
+        name = TEXTURE if not self.textures else f"{TEXTURE} {len(self.textures) + 1}"
+        self.textures.append((f"[textures.{sidecar.value(name)}]", entries))
+        return name
+
+    def sky(self, node):
+        self.skies += 1
+        return skies.file(node, self, self.skies)
 
 
-def entries(scene, layer, folder, name, store, report):
-    """The entries of [environment]; pictures go to the folder."""
+def tables(scene, layer, folder, name, store, images, report):
+    """The table [environment], and those of its textures; pictures go to the folder."""
+    target = _Target(folder, name, store, images)
+    found = _entries(scene, layer, target, report)
+    return [("[environment]", found), *target.textures]
+
+
+def _entries(scene, layer, target, report):
     world = scene.world if layer.use_sky else None
     factor = film_exposure(scene)
     hidden = scene.render.film_transparent or (world is not None and not world.cycles_visibility.camera)
-    seen, found = _parts(world, _Target(folder, name, store), hidden, report)
+    seen, found = _parts(world, target, hidden, report)
     found = _exposed(found, factor)
     if seen is not None:
         found["seen"] = _exposed(seen, factor)
@@ -51,9 +73,14 @@ def entries(scene, layer, folder, name, store, report):
 
 
 def _exposed(entries, factor):
+    if factor == 1:
+        return entries
     if "background" in entries:
         return {"background": [factor * c for c in entries["background"]]}
-    return {**entries, "strength": factor * entries.get("strength", 1.0)} if factor != 1 else entries
+    exposed = {**entries, "strength": factor * entries.get("strength", 1.0)}
+    if "sun" in entries:
+        exposed["sun"] = {**entries["sun"], "irradiance": [factor * c for c in entries["sun"]["irradiance"]]}
+    return exposed
 
 
 def settle(entries, objects):
@@ -85,7 +112,7 @@ def _parts(world, target, is_hidden, report):
         return None, _light(world, target)
     if asked != {"Is Camera Ray"}:
         report.warn(world.name, "the world differs by the kind of ray: others than the camera's see what diffuse ones do")
-    seen = None if is_hidden else _as_seen_by(world, _CAMERA, _Target(target.folder, f"{target.name}.seen", target.store))
+    seen = None if is_hidden else _as_seen_by(world, _CAMERA, target)
     return seen, _as_seen_by(world, _DIFFUSE, target)
 
 
@@ -104,30 +131,34 @@ def _light(world, target):
         return {"background": [0, 0, 0]}
     if not world.use_nodes or world.node_tree is None:
         return {"background": list(world.color)}
-    tree = world.node_tree
-    node = _mixed_in(shaders.output(tree))
-    if node is None:
-        return {"background": [0, 0, 0]}
-    if node.bl_idname == "ShaderNodeBackground" and not node.mute:
-        color, strength = shaders.constant(node.inputs["Color"]), shaders.constant(node.inputs["Strength"])
-        if color is not None and strength is not None:
-            return {"background": [max(c * strength, 0.0) for c in color]}
-        if strength is not None:
-            picture = _picture(shaders.source(node.inputs["Color"]), target)
-            if picture:
-                return {**picture, "strength": max(strength, 0.0)}
-    return {"image": _rendered(world, target)}
+    end = shaders.end(world.node_tree)
+    shown = feed(end.inputs["Surface"]) if end is not None else None
+    node = shown.node if shown is not None else None
+    if node is not None and node.bl_idname == "ShaderNodeBackground":
+        strength = shaders.constant(node.inputs["Strength"])
+        picture = _picture(shaders.source(node.inputs["Color"]), target) if strength is not None else None
+        if picture:
+            return {**picture, "strength": max(strength, 0.0)}
+    try:
+        sun = _sun(world, target)
+        radiance = world_graph.read(world, target.images, target.sky)
+    except Unsupported:
+        return {"image": _rendered(world, target)}
+    if isinstance(radiance, list):
+        return {"background": radiance}
+    return {"texture": target.texture(radiance), **sun}
 
 
-def _mixed_in(node):
-    """The shader that a mix of shaders consists of alone, if it does."""
-    while node is not None and node.bl_idname == "ShaderNodeMixShader" and not node.mute:
-        share = shaders.constant(node.inputs[0])
-        if share not in (0.0, 1.0):
-            break
-        feeding = shaders.source(node.inputs[1 + int(share)])
-        node = feeding.node if feeding else None
-    return node
+def _sun(world, target):
+    """The entry for the sun of a sky node, none without one."""
+    found = [sky for _, sky in trees.nodes_with_trees(world.node_tree, ("ShaderNodeTexSky",)) if skies.has_sun(sky)]
+    if not found:
+        return {}
+    sun = skies.sun(world, found[0], target) if len(found) == 1 and not found[0].inputs[0].is_linked else None
+    if sun is None:
+        raise Unsupported("a sun that is no light")
+    (x, y, z), angle, irradiance = sun
+    return {"sun": {"direction": [-x, -z, y], "angle": math.degrees(angle), "irradiance": irradiance}}
 
 
 def _picture(feeding, target):
@@ -203,6 +234,7 @@ def _render(world, path):
     scene = context.new_scene("oscura world")
     try:
         world.cycles_visibility.camera = True
+        world.cycles.sampling_method = "NONE"  # nothing is lit
         scene.world = world
         stills.look_around(scene)
         stills.prepare(scene, (width, width // 2), 16 if has_sun else 4)
