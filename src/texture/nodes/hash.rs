@@ -63,37 +63,45 @@ pub fn hash_to_vector(k: &[f32]) -> [f32; 3] {
 }
 
 /// A cell's random numbers, 0..1: `pcg2d`, `pcg3d` and `pcg4d` by the number of dimensions, on signed integers whose shifts keep the sign.
+/// Loops over cells vectorise: there are no branches and no calls.
 #[inline(always)]
 pub fn hash_cell<const N: usize>(cell: [i32; N]) -> [f32; N] {
-    let mut v = cell.map(|c| c.wrapping_mul(1_664_525).wrapping_add(1_013_904_223));
-    for round in 0..2 {
-        let add = |v: &mut [i32; N], to: usize, a: i32, b: i32| v[to] = v[to].wrapping_add(a.wrapping_mul(b));
-        let get = |v: &[i32; N], i: usize| v[i % N];
-        match N {
-            2 => {
-                let y = get(&v, 1);
-                add(&mut v, 0, y, 1_664_525);
-                let x = get(&v, 0);
-                add(&mut v, 1, x, 1_664_525);
-            }
-            3 => {
-                for (to, a, b) in [(0, 1, 2), (1, 2, 0), (2, 0, 1)] {
-                    let (a, b) = (get(&v, a), get(&v, b));
-                    add(&mut v, to, a, b);
-                }
-            }
-            _ => {
-                for (to, a, b) in [(0, 1, 3), (1, 2, 0), (2, 0, 1), (3, 1, 2)] {
-                    let (a, b) = (get(&v, a), get(&v, b));
-                    add(&mut v, to % N, a, b);
-                }
-            }
+    let mut v = cell;
+    for c in &mut v {
+        *c = c.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+    }
+    add_products(&mut v);
+    for c in &mut v {
+        *c ^= *c >> 16;
+    }
+    add_products(&mut v);
+    let mut unit = [0.0; N];
+    for i in 0..N {
+        unit[i] = (v[i] & 0x7fff_ffff) as f32 * (1.0 / 0x7fff_ffff as f32);
+    }
+    unit
+}
+
+/// Adds products of numbers to others, in turn.
+#[inline(always)]
+fn add_products<const N: usize>(v: &mut [i32; N]) {
+    match N {
+        2 => {
+            v[0] = v[0].wrapping_add(v[1 % N].wrapping_mul(1_664_525));
+            v[1 % N] = v[1 % N].wrapping_add(v[0].wrapping_mul(1_664_525));
         }
-        if round == 0 {
-            v = v.map(|c| c ^ (c >> 16));
+        3 => {
+            v[0] = v[0].wrapping_add(v[1 % N].wrapping_mul(v[2 % N]));
+            v[1 % N] = v[1 % N].wrapping_add(v[2 % N].wrapping_mul(v[0]));
+            v[2 % N] = v[2 % N].wrapping_add(v[0].wrapping_mul(v[1 % N]));
+        }
+        _ => {
+            v[0] = v[0].wrapping_add(v[1 % N].wrapping_mul(v[3 % N]));
+            v[1 % N] = v[1 % N].wrapping_add(v[2 % N].wrapping_mul(v[0]));
+            v[2 % N] = v[2 % N].wrapping_add(v[0].wrapping_mul(v[1 % N]));
+            v[3 % N] = v[3 % N].wrapping_add(v[1 % N].wrapping_mul(v[2 % N]));
         }
     }
-    v.map(|c| (c & 0x7fff_ffff) as f32 * (1.0 / 0x7fff_ffff as f32))
 }
 
 /// A cell's random colour.

@@ -3,6 +3,7 @@
 
 use super::hash::{hash_floats, hash_words};
 use crate::scene::nodes::NoiseType;
+use crate::simd;
 
 /// Coordinates beyond this repeat, since single precision has no fractions left there.
 const PERIOD: f32 = 100_000.0;
@@ -52,9 +53,26 @@ fn gradient<const N: usize>(hash: u32, d: [f32; N]) -> f32 {
 /// Most corners of a cell.
 const CORNERS: usize = 16;
 
-/// Gradient noise, about -1..1. Loops over the corners of the cell are free of branches, so that they vectorise.
+/// Gradient noise, about -1..1.
 #[inline]
 pub fn signed_noise<const N: usize>(p: [f32; N]) -> f32 {
+    simd::dispatch(Lattice(p))
+}
+
+/// Gradient noise at a point. Loops over the corners of the cell are free of branches, so that they vectorise.
+struct Lattice<const N: usize>([f32; N]);
+
+impl<const N: usize> simd::Kernel for Lattice<N> {
+    type Output = f32;
+
+    #[inline(always)]
+    fn run(self) -> f32 {
+        lattice_noise(self.0)
+    }
+}
+
+#[inline(always)]
+fn lattice_noise<const N: usize>(p: [f32; N]) -> f32 {
     let (mut cell, mut inside) = ([0u32; N], [0.0f32; N]);
     for i in 0..N {
         let mut x = p[i];

@@ -4,6 +4,7 @@
 use super::hash::{cell_color, cell_point};
 use crate::math::poly;
 use crate::scene::nodes::{DistanceMetric, VoronoiFeature};
+use crate::simd;
 
 /// Parameters of the texture.
 #[derive(Clone, Copy, Debug)]
@@ -46,9 +47,14 @@ fn mix(a: f32, b: f32, t: f32) -> f32 {
 }
 
 /// The cell of a point and the place within it.
+#[inline(always)]
 fn split<const N: usize>(p: [f32; N]) -> ([f32; N], [f32; N]) {
-    let cell = p.map(f32::floor);
-    (cell, std::array::from_fn(|i| p[i] - cell[i]))
+    let (mut cell, mut inside) = ([0.0; N], [0.0; N]);
+    for i in 0..N {
+        cell[i] = p[i].floor();
+        inside[i] = p[i] - cell[i];
+    }
+    (cell, inside)
 }
 
 /// Offsets to the cells around, the first dimension fastest.
@@ -71,16 +77,66 @@ fn around<const N: usize>(reach: i32) -> impl Iterator<Item = [i32; N]> {
     })
 }
 
+#[inline(always)]
 fn dot<const N: usize>(a: [f32; N], b: [f32; N]) -> f32 {
-    (0..N).map(|i| a[i] * b[i]).sum()
+    let mut sum = 0.0;
+    for i in 0..N {
+        sum += a[i] * b[i];
+    }
+    sum
 }
 
+#[inline(always)]
 fn minus<const N: usize>(a: [f32; N], b: [f32; N]) -> [f32; N] {
     std::array::from_fn(|i| a[i] - b[i])
 }
 
+#[inline(always)]
 fn power(x: f32, y: f32) -> f32 {
     if x > 0.0 { poly::exp(y * poly::ln(x)) } else { 0.0 }
+}
+
+/// Most cells around one, itself included.
+const MOST_CELLS: usize = 81;
+
+/// Offsets to the cells around by dimension, the first dimension fastest.
+const OFFSETS: [[i32; MOST_CELLS]; 4] = {
+    let (mut offsets, mut k) = ([[0; MOST_CELLS]; 4], 0);
+    while k < MOST_CELLS {
+        let (mut rest, mut i) = (k, 0);
+        while i < 4 {
+            offsets[i][k] = (rest % 3) as i32 - 1;
+            rest /= 3;
+            i += 1;
+        }
+        k += 1;
+    }
+    offsets
+};
+
+/// The distances to the nearest two points, and the offsets to their cells.
+struct Nearest<'a, const N: usize> {
+    voronoi: &'a Voronoi,
+    p: [f32; N],
+}
+
+impl<const N: usize> simd::Kernel for Nearest<'_, N> {
+    type Output = [(f32, [i32; N]); 2];
+
+    #[inline(always)]
+    fn run(self) -> [(f32, [i32; N]); 2] {
+        let (cell, local) = split(self.p);
+        let distances = self.voronoi.distances(cell, local);
+        let mut found = [(f32::MAX, 0); 2];
+        for (k, &distance) in distances.iter().enumerate().take(3usize.pow(N as u32)) {
+            if distance < found[0].0 {
+                found = [(distance, k), found[0]];
+            } else if distance < found[1].0 {
+                found[1] = (distance, k);
+            }
+        }
+        found.map(|(distance, k)| (distance, std::array::from_fn(|i| OFFSETS[i][k])))
+    }
 }
 
 impl Voronoi {
@@ -98,8 +154,14 @@ impl Voronoi {
         }
     }
 
+    #[inline(always)]
     fn distance<const N: usize>(&self, a: [f32; N], b: [f32; N]) -> f32 {
-        let d = minus(a, b).map(f32::abs);
+        self.length(minus(a, b).map(f32::abs))
+    }
+
+    /// The length of a vector of the absolute values `d`.
+    #[inline(always)]
+    fn length<const N: usize>(&self, d: [f32; N]) -> f32 {
         match self.metric {
             _ if N == 1 => d[0],
             DistanceMetric::Euclidean => dot(d, d).sqrt(),
@@ -120,22 +182,48 @@ impl Voronoi {
 
     /// The nearest and the second nearest point.
     fn nearest<const N: usize>(&self, p: [f32; N]) -> [Cell<N>; 2] {
-        let (cell, local) = split(p);
-        let mut found = [(f32::MAX, [0.0; N], [0; N]); 2];
-        for offset in around(1) {
+        simd::dispatch(Nearest { voronoi: self, p }).map(|(distance, offset)| {
+            let cell = p.map(f32::floor);
             let (point, other) = self.point(cell, offset);
-            let distance = self.distance(point, local);
-            if distance < found[0].0 {
-                found = [(distance, point, other), found[0]];
-            } else if distance < found[1].0 {
-                found[1] = (distance, point, other);
-            }
-        }
-        found.map(|(distance, point, other)| Cell {
-            distance,
-            color: cell_color(other),
-            position: std::array::from_fn(|i| point[i] + cell[i]),
+            Cell { distance, color: cell_color(other), position: std::array::from_fn(|i| point[i] + cell[i]) }
         })
+    }
+
+    /// Distances from a place in a cell to the points of the cells around, in the order of [`OFFSETS`].
+    #[inline(always)]
+    fn distances<const N: usize>(&self, cell: [f32; N], local: [f32; N]) -> [f32; MOST_CELLS] {
+        match self.metric {
+            _ if N == 1 => self.each_distance(cell, local, |d| d[0]),
+            DistanceMetric::Euclidean => self.each_distance(cell, local, |d| dot(d, d).sqrt()),
+            DistanceMetric::Manhattan => self.each_distance(cell, local, |d| d.iter().sum()),
+            _ => self.each_distance(cell, local, |d| self.length(d)),
+        }
+    }
+
+    /// The loop has no branches, so that it vectorises.
+    #[inline(always)]
+    fn each_distance<const N: usize>(
+        &self,
+        cell: [f32; N],
+        local: [f32; N],
+        length: impl Fn([f32; N]) -> f32,
+    ) -> [f32; MOST_CELLS] {
+        let (mut distances, mut own) = ([f32::MAX; MOST_CELLS], [0; N]);
+        for i in 0..N {
+            own[i] = cell[i] as i32;
+        }
+        for k in 0..3usize.pow(N as u32) {
+            let mut other = [0; N];
+            for i in 0..N {
+                other[i] = own[i].wrapping_add(OFFSETS[i][k]);
+            }
+            let (random, mut d) = (cell_point(other), [0.0; N]);
+            for i in 0..N {
+                d[i] = (OFFSETS[i][k] as f32 + random[i] * self.randomness - local[i]).abs();
+            }
+            distances[k] = length(d);
+        }
+        distances
     }
 
     /// The nearest point, smoothly blended with others (Quilez 2014, "Smooth Voronoi").
