@@ -228,7 +228,7 @@ impl Warning {
 
 /// Names in a message: the first few in quotation marks, and how many more there are.
 pub fn listed(names: &[impl AsRef<str>]) -> String {
-    /// So many are named.
+    /// Number of items that are named.
     const FIRST: usize = 3;
     let shown = names.len().min(if names.len() == FIRST + 1 { FIRST + 1 } else { FIRST });
     let mut parts: Vec<String> = names[..shown].iter().map(|name| format!("'{}'", name.as_ref())).collect();

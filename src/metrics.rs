@@ -252,7 +252,7 @@ const RGB_FROM_XYZ: [[f64; 3]; 3] = [
 pub struct Flip {
     /// Mean over all pixels.
     pub mean: f64,
-    /// That of each pixel, row by row from the top.
+    /// The error of each pixel, row by row from the top.
     pub map: Vec<f32>,
 }
 

@@ -127,7 +127,7 @@ pub enum Reuse {
     Nothing,
     /// The trees of the geometries before the first changing one, but for the world's.
     Shared,
-    /// These and the world with the instances that stand still.
+    /// Shared geometries and the world with the instances that do not move.
     World,
 }
 
@@ -167,7 +167,7 @@ impl Estimate {
     /// The most memory that references can address.
     pub const LIMIT: u64 = MAX_LINE as u64 * LINE;
 
-    /// That of everything that a structure is built over, as far as an instance uses it.
+    /// Estimates a whole acceleration structure: the world and the geometries that an instance uses.
     pub fn of(input: &AccelInput) -> Estimate {
         let mut estimate = Estimate::default();
         let used = input.used_geometries();

@@ -69,7 +69,7 @@ pub fn triangle_vertices(geometry: &Geometry, index: usize) -> Option<[Vec3; 3]>
     vertices_of(&geometry.positions, *geometry.triangles.get(index)?)
 }
 
-/// The same from a list of positions.
+/// The vertices of a triangle from a list of positions.
 pub fn vertices_of(positions: &[[f32; 3]], [a, b, c]: [u32; 3]) -> Option<[Vec3; 3]> {
     let at = |i: u32| positions.get(i as usize).copied().map(Vec3::from);
     Some([at(a)?, at(b)?, at(c)?])

@@ -688,7 +688,7 @@ fn buffers_of_many_geometries_do_not_grow() {
     }
 }
 
-/// Of what estimates are made of, each alone.
+/// Each input of the estimates alone.
 #[test]
 fn estimates_hold() {
     let mut rng = Rng::new(3);

@@ -89,7 +89,7 @@ pub enum LayerFresnel {
 }
 
 impl LayerFresnel {
-    /// That of a model for a layer of an index of refraction (see [`DielectricCurve::of_ior`]).
+    /// The Fresnel term of a layer by a model and its index of refraction (see [`DielectricCurve::of_ior`]).
     #[inline(always)]
     pub fn new(model: FresnelModel, ior: f32) -> LayerFresnel {
         match model {
@@ -126,7 +126,7 @@ pub struct DielectricCurve {
     pub amplitude: f32,
 }
 
-/// That of an index of 2 + sqrt(3): 1 / sqrt(3).
+/// The amplitude at normal incidence of an index of 2 + sqrt(3): 1 / sqrt(3).
 pub(super) const LARGEST_AMPLITUDE: f32 = 0.577_350_26;
 
 impl DielectricCurve {

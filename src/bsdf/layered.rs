@@ -334,7 +334,7 @@ impl Transmissive for Layered {
 }
 
 impl<S: Facets> MetalRough<S> {
-    /// The same material on another surface.
+    /// The same material on another microsurface.
     pub fn on<T>(self, surface: T) -> MetalRough<T> {
         MetalRough {
             diffuse: self.diffuse,

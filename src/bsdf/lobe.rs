@@ -47,7 +47,7 @@ pub struct Appearance {
 }
 
 impl Appearance {
-    /// Of a surface that scatters nothing.
+    /// The appearance of a surface that scatters nothing.
     pub const BLACK: Appearance =
         Appearance { diffuse: Rgb::ZERO, glossy: Rgb::ZERO, transmission: Rgb::ZERO, roughness: 1.0 };
 
@@ -114,7 +114,7 @@ pub struct BsdfSample {
 /// Scaling of radiance by refraction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Refraction {
-    /// It is divided by the square of the index of the side where the light comes from over that of the viewer's.
+    /// Radiance is divided by the square of the index of the side where the light comes from over that of the viewer's.
     Scales,
     /// Nothing, as in Cycles: it is flux then that changes, by the square of the index of the side where it comes from over that
     /// of the side where it goes.
@@ -124,7 +124,7 @@ pub enum Refraction {
 /// Factors of a refraction.
 #[derive(Clone, Copy, Debug)]
 pub struct Refracted {
-    /// That of radiance.
+    /// Factor on radiance.
     pub weight: f32,
     /// See [`BsdfSample::eta`].
     pub eta: f32,

@@ -24,7 +24,7 @@ pub struct MetalRough<S = Isotropic> {
     pub diffuse: Rgb,
     /// Reflectance of the dielectric layer at normal incidence.
     pub layer_f0: Rgb,
-    /// The same at grazing incidence.
+    /// Fresnel reflectance of the layer at grazing incidence.
     pub layer_f90: f32,
     /// How it goes from one to the other.
     pub layer_fresnel: LayerFresnel,

@@ -27,7 +27,7 @@ pub trait Facets: Copy {
     fn reflection(&self, wo: Vec3, wi: Vec3) -> Reflection;
 }
 
-/// The same roughness in all directions.
+/// Facets of the same roughness in all directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Isotropic {
     /// GGX alpha; below [`MIN_ALPHA`] an exact mirror.
@@ -94,7 +94,7 @@ impl Microsurface {
         Microsurface { alpha, axis }
     }
 
-    /// The same roughness in all directions.
+    /// A surface of the same roughness in all directions.
     #[inline]
     pub fn isotropic(alpha: f32) -> Microsurface {
         Microsurface::new([alpha; 2], [1.0, 0.0])

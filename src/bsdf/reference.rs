@@ -54,7 +54,7 @@ pub fn reflected(cosine: f64, alpha: f64, points: usize) -> [f64; 2] {
     reflected_from(direction(cosine), [alpha; 2], 0.5, points)
 }
 
-/// The same for a direction and facets of two roughnesses; `turn` is half of the circle where the direction is in the plane
+/// Reflectance of facets of two roughnesses for a direction; `turn` is half of the circle where the direction is in the plane
 /// of x and z and the roughnesses are the same, otherwise all of it.
 pub fn reflected_from(wo: DVec3, alpha: [f64; 2], turn: f64, points: usize) -> [f64; 2] {
     reflections(wo, alpha, turn, points)

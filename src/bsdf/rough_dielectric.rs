@@ -28,7 +28,7 @@ pub enum Walls {
 pub enum GlassReflectance {
     /// As physics says.
     Plain,
-    /// The same share of another colour.
+    /// A reflectance by colour instead of the index of refraction.
     Colored(GlassReflection),
     /// As KHR_materials_specular changes it: Fresnel's equations, stretched to run from `f0` at normal to `f90` at grazing
     /// incidence. Total reflection stays total.
@@ -86,7 +86,7 @@ pub struct RoughDielectric {
 }
 
 impl GlassReflectance {
-    /// That of the index of refraction, of a colour.
+    /// The reflectance by the index of refraction, tinted by a colour.
     pub fn colored(color: GlassReflection) -> GlassReflectance {
         match color {
             GlassReflection::White => GlassReflectance::Plain,

@@ -60,7 +60,7 @@ impl Camera {
         sight.pixels_per_area.is_finite().then_some(sight)
     }
 
-    /// The same for panoramas.
+    /// Connects a point to a panorama.
     ///
     /// All directions of such a camera and all points of their round lenses together are as many as rotations, times the distance
     /// from the lens's center. Let a ray meet a sphere around the camera: to turn it so that its direction or so that the point which

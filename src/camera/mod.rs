@@ -107,7 +107,7 @@ impl Camera {
         }
     }
 
-    /// The same for cameras that are no panoramas.
+    /// [`Camera::ray`] for cameras other than panoramas.
     #[inline(always)]
     pub fn lens_ray(&self, x: f32, y: f32, lens: [f32; 2]) -> Ray {
         if self.has_lens() {

@@ -217,7 +217,7 @@ enum Kind {
     Color,
     /// Grey, white for the largest value.
     Amount,
-    /// The same of roots.
+    /// Grey by the square root, white for the largest value.
     Variance,
     /// Bright is near.
     Depth,

@@ -241,7 +241,7 @@ struct Layers {
 }
 
 impl Layers {
-    /// Those of a part with a picture, and of others of its size.
+    /// The layers of one part, and of other parts of the same size.
     fn of(file: &Layered, part: usize) -> Layers {
         let is_light = |prefix: &str| {
             !prefix.is_empty()
@@ -300,7 +300,7 @@ fn part_with_color(file: &Layered, path: &Path) -> Result<usize> {
     })
 }
 
-/// The same picture with another seed.
+/// Reads the picture that was rendered with another seed.
 fn other(path: &Path, first: &Layered, part: usize) -> Result<Layered> {
     let other = load_layered(path)?;
     let fits =

@@ -136,14 +136,14 @@ pub(crate) struct Framed {
     origin: (i32, i32),
     /// Width and height of the frame.
     frame: (u32, u32),
-    /// The same with what is around it.
+    /// Size with overscan.
     pub size: (u32, u32),
     /// What is rendered of that, if not all, in its own pixels.
     pub region: Option<Region>,
 }
 
 impl Framed {
-    /// So many percent of a frame around it, or around what is cropped from it.
+    /// Adds overscan of `percent` percent around a frame, or around what is cropped from it.
     fn new(frame: (u32, u32), cropped: Option<Region>, percent: f64) -> Framed {
         let border = |size: u32| (f64::from(size) * percent / 100.0).ceil() as u32;
         let (x, y) = (border(frame.0), border(frame.1));

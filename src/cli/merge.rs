@@ -28,7 +28,7 @@ struct MergeReport {
     height: u32,
     /// The mean of those that are there.
     samples_per_pixel: f64,
-    /// Of all parts together, seconds.
+    /// Render time of all parts together, seconds.
     render_s: f64,
     render_cpu_s: f64,
     rays: u64,

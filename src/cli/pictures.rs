@@ -343,7 +343,7 @@ impl AnimationFiles {
         AnimationFiles::new(&args.output, args.fps)
     }
 
-    /// Those among some files, of so many frames a second.
+    /// The animations among the outputs, at a frame rate in frames per second.
     ///
     /// # Errors
     /// If one of them can't be written, or there is no encoder for it.

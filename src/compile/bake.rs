@@ -29,7 +29,7 @@ pub(super) struct Baked {
     pub instances: Vec<AccelInstance>,
     /// The first of these that moves.
     pub first_moving: usize,
-    /// Those that move while the picture is taken.
+    /// Instances that move while the shutter is open.
     pub moving: Vec<MovingInstance>,
 }
 
@@ -217,7 +217,7 @@ fn needs_of(used: impl Iterator<Item = MaterialId>, materials: &[CompiledMateria
 }
 
 impl Needs {
-    /// Those of a mesh that is not copied: every use may bring its own material.
+    /// The attributes that a shared mesh needs: every instance may bring its own material.
     fn of_shared(materials: &[CompiledMaterial], keeps_uv: bool) -> Needs {
         let any = |f: fn(&CompiledMaterial) -> bool| materials.iter().any(f);
         Needs {

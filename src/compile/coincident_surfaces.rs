@@ -138,7 +138,7 @@ impl Solids {
 
     /// The triangles of solid `i` that reach into the boxes around others.
     fn pieces(&self, i: usize, scene: &Scene) -> Vec<SolidTriangle> {
-        /// Of so many others each is asked, without the tree.
+        /// Up to this number of candidates, each is tested without the tree.
         const FEW: usize = 8;
         let (solid, mut few) = (&self.all[i], Vec::new());
         let has_many = self.any_near(i, &solid.bounds, |other| {
@@ -444,7 +444,7 @@ mod overlaps_tests {
         }
     }
 
-    /// Of two fine grids a little apart each triangle meets a few others only.
+    /// In two fine grids with a small gap, each triangle is tested against few others.
     #[test]
     fn few_boxes_are_looked_into() {
         let n = 60;

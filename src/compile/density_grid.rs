@@ -145,7 +145,7 @@ impl DensityGrid {
         self.ratio_tracking(ray, [from, to], salt, 1.0, |left, share| left * (1.0 - share), |left| left)
     }
 
-    /// The same by channel; `relative` is the extinction of each channel over that of the ray, at most 1.
+    /// Transmittance by channel; `relative` is the extinction of each channel over that of the ray, at most 1.
     pub fn transmittance_by_channel(
         &self,
         ray: &GridRay,
@@ -190,7 +190,7 @@ impl DensityGrid {
         self.integral_of(ray, [from, to], salt, 0.0, |density, _| density)
     }
 
-    /// The same with a factor on the density that depends on the ray parameter.
+    /// The integral with a factor on the density that depends on the ray parameter.
     pub fn integral_times(
         &self,
         ray: &GridRay,
@@ -201,7 +201,7 @@ impl DensityGrid {
         self.integral_of(ray, way, salt, Rgb::ZERO, |density, t| factor(t) * density)
     }
 
-    /// The same of a function of the density and of where on the ray it is; `zero` is what there is where nothing is.
+    /// The integral of a function of the density and the ray parameter; `zero` is its value where the density is 0.
     #[inline]
     pub(super) fn integral_of<T: Add<Output = T> + Mul<f32, Output = T>>(
         &self,
@@ -312,7 +312,7 @@ struct BlockTraversal {
 }
 
 impl BlockTraversal {
-    /// Of a ray that starts where it enters the grid and leaves it at `end`.
+    /// Traverses a ray that starts where it enters the grid and leaves it at `end`.
     fn new(grid: &DensityGrid, ray: &GridRay, end: f32) -> BlockTraversal {
         let mut walk = BlockTraversal {
             t: 0.0,
@@ -394,7 +394,7 @@ struct BlackBodyEmission {
 }
 
 impl CompiledEmissionGrid {
-    /// Of a medium, by the scene's grids.
+    /// The emission of a medium, by the scene's grids.
     pub(super) fn new(
         glow: scene::EmissionGrid,
         grids: &[Grid],
@@ -437,7 +437,7 @@ impl CompiledEmissionGrid {
         }
     }
 
-    /// The same with a factor on the emission that depends on the ray parameter.
+    /// The integral with a factor on the emission that depends on the ray parameter.
     pub fn integral_times(
         &self,
         (origin, direction): (Vec3, Vec3),
@@ -496,7 +496,7 @@ impl BlackBodies {
     /// Cooler ones, of which next to nothing is seen, have the colour of this, in kelvins.
     pub const COOLEST: f32 = 800.0;
 
-    /// Those whose luminance is 1 at a temperature in kelvins.
+    /// Black bodies scaled to a luminance of 1 at a temperature in kelvins.
     pub fn relative_to(kelvin: f32) -> BlackBodies {
         BlackBodies { reference: Curve::black_body(kelvin.into(), 1.0), kelvin }
     }

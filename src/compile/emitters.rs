@@ -19,7 +19,7 @@ pub struct Emitters {
     pub lights: Vec<AreaLight>,
     /// Primitive of the world's own geometry and its light, by primitive.
     pub light_of_primitive: Vec<(u32, u32)>,
-    /// Of lights that move, at the keys of their motion.
+    /// Moving lights, at the keys of their motion.
     pub moving: BTreeMap<usize, MovingLight<AreaLight>>,
     /// Their instances and primitives.
     pub moving_primitives: BTreeMap<(u32, u32), u32>,

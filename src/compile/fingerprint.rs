@@ -18,7 +18,7 @@ const FACTOR: u64 = 0x9e37_79b9_7f4a_7c15;
 const BLOCK: usize = 1 << 20;
 
 impl Fingerprint {
-    /// That of nothing.
+    /// The fingerprint of no data.
     pub const START: Fingerprint = Fingerprint(0x5851_f42d_4c95_7f2d);
 
     /// With a number more.

@@ -33,7 +33,7 @@ pub struct Attributes {
     pub materials: Vec<u32>,
     /// Rotations from world to texture space by analytic shape; empty if none is needed.
     pub object_from_world: Vec<Mat3>,
-    /// Of the points of curves.
+    /// Attributes of the points of curves.
     pub curves: CurveAttributes,
 }
 
@@ -541,7 +541,7 @@ fn uv_frame(corners: [Vec3; 3], uv: [Vec2; 3], n: Vec3) -> Option<Mat3> {
 // Transforms from object to world space.
 
 impl Transform {
-    /// That of a matrix.
+    /// The transform of a matrix.
     pub(super) fn of(world_from_object: &DAffine3) -> Transform {
         let DAffine3 { matrix3, translation } = world_from_object;
         Transform {

@@ -82,7 +82,7 @@ struct Bodies<'a> {
     scene: &'a Scene,
     boxes: Vec<NumberedBox>,
     tree: BoxTree,
-    /// Of instances that something was asked about.
+    /// By instance, once needed.
     windings: Vec<OnceLock<Winding>>,
 }
 
@@ -182,7 +182,7 @@ pub(super) struct Winding {
 }
 
 impl Winding {
-    /// That of a mesh.
+    /// The winding of a mesh.
     pub fn of(mesh: &Mesh, world_from_object: &DAffine3) -> Winding {
         let placed = |t: &[u32; 3]| mesh.corners_f64(*t).map(|p| world_from_object.transform_point3(p));
         let mut faces: Vec<WorldTriangle> = mesh.triangles.iter().map(|t| WorldTriangle(placed(t))).collect();

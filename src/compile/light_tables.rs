@@ -63,7 +63,7 @@ const NONE: u16 = u16::MAX;
 const MOST_GROUPS: usize = NONE as usize - 1;
 
 impl LightGroups {
-    /// Those of the lights that were found in a scene; empty where all are in one group.
+    /// The groups of the lights that were found in a scene; empty where all are in one group.
     pub(super) fn of(
         (scene, numbers): (&Scene, &ObjectMaterials),
         emitters: &Emitters,
@@ -119,7 +119,7 @@ pub struct Links {
 }
 
 impl Links {
-    /// Those of a scene.
+    /// The light links of a scene.
     pub(super) fn of(
         scene: &Scene,
         lights: &Lights,

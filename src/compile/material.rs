@@ -46,7 +46,7 @@ pub struct CompiledMaterial {
     pub normal_map: Option<NormalMap>,
     /// A graph that gives the shading normal.
     pub normal: Option<TextureId>,
-    /// The same with the bumps of a displacement alone.
+    /// The normal with the bumps of a displacement alone.
     bumped_normal: Option<TextureId>,
     /// Alpha; `None` for opaque surfaces.
     pub alpha: Option<Alpha>,
@@ -121,13 +121,13 @@ pub struct Presence {
 }
 
 impl Presence {
-    /// That of a lamp.
+    /// The presence of a light's surface.
     fn of_lamp(lamp: &Lamp, has_alpha: bool) -> Presence {
         let is_obstacle = lamp.is_obstacle || has_alpha;
         Presence { visible_to: lamp.visible_to, is_obstacle, ..Presence::FULL }
     }
 
-    /// That of most surfaces.
+    /// A surface that is present for all rays.
     const FULL: Presence = Presence {
         visible_to: RayKinds::ALL,
         is_obstacle: true,
@@ -356,7 +356,7 @@ impl CompiledMaterial {
         self.constant.or(self.example)
     }
 
-    /// The same material of objects with traits.
+    /// The material on objects with traits.
     pub(super) fn with_traits(&self, traits: &ObjectTraits) -> CompiledMaterial {
         let own = self.presence.unwrap_or(Presence::FULL);
         let visible_to = own.visible_to.and(traits.visible_to);

@@ -84,7 +84,7 @@ impl Medium {
         }
     }
 
-    /// The same for pictures that are rendered by wavelength.
+    /// The medium for spectral rendering.
     pub(super) fn by_wavelength(mut self, model: &Model, filling: Option<&scene::Medium>) -> Medium {
         let pbr = model.pbr();
         let cauchy = pbr.filter(|_| self.iors.is_some()).and_then(|pbr| {
@@ -334,7 +334,7 @@ impl Scattering {
 /// The coefficients of a medium as spectra.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ScatteringSpectra {
-    /// Of what the medium says itself. Coefficients have no upper end: in the middle between 0 and twice the largest, spectra are the
+    /// The extinction of the medium itself. Coefficients have no upper end: in the middle between 0 and twice the largest, spectra are the
     /// smoothest, as those of lights.
     extinction: Spectrum,
     /// What of light is left, but for that, after a way of so many metres.
@@ -347,12 +347,12 @@ pub struct ScatteringSpectra {
 #[derive(Clone, Debug, PartialEq)]
 enum Albedo {
     Own(Spectrum),
-    /// That of the colour of a thick body: what is seen of solids with a surface.
+    /// By the colour that a thick body shows: for solids with a surface.
     OfBody(Spectrum, f32),
 }
 
 impl ScatteringSpectra {
-    /// Of a medium of which solids with a surface (`is_body`) or spaces are full, and what light loses in it besides; `None` where it
+    /// The spectra of a medium that fills solids with a surface (`is_body`) or spaces, with the absorption of the material; `None` where it
     /// is grey.
     pub fn of(
         medium: &scene::Medium,

@@ -162,7 +162,7 @@ pub struct MotionVectors {
 }
 
 impl MotionVectors {
-    /// Those of a scene whose origin moves to `origin`.
+    /// The motion vectors of a scene whose origin moves to `origin`.
     pub(super) fn of(scene: &Scene, origin: DVec3) -> MotionVectors {
         let (numbering, motion) = (Numbering::of(scene), &scene.motion);
         let to_origin = DAffine3::from_translation(-origin);

@@ -20,7 +20,7 @@ pub struct Numbering {
 }
 
 impl Numbering {
-    /// That of a scene.
+    /// Numbers the objects of a scene.
     pub fn of(scene: &Scene) -> Numbering {
         Numbering { instances: scene.instances.len(), quads: scene.quads.len(), shapes: scene.shapes.len() }
     }
@@ -76,7 +76,7 @@ impl ObjectId {
 pub struct Owners(Vec<(u32, ObjectId)>);
 
 impl Owners {
-    /// Of no primitives.
+    /// Owners of no primitives.
     pub const EMPTY: Owners = Owners(Vec::new());
 
     /// The primitives from `first` on belong to an object; `first` grows from call to call.
@@ -116,7 +116,7 @@ pub(super) struct ObjectMaterials {
 }
 
 impl ObjectMaterials {
-    /// Those of a scene.
+    /// The materials of a scene's objects.
     pub fn of(scene: &Scene) -> ObjectMaterials {
         let own = scene.materials.len() as u32;
         let mut all = ObjectMaterials { own, ..ObjectMaterials::default() };

@@ -413,7 +413,7 @@ pub enum Tree {
 /// Scenes of fewer triangles have full trees: they take less than a third of a second.
 const MIN_TRIANGLES: u64 = 1 << 17;
 
-/// So many camera rays a triangle pay for a full tree. (Measured: see the README of `tools/rays`.)
+/// Camera rays per triangle from which a full tree pays. (Measured: see the README of `tools/rays`.)
 const RAYS_A_TRIANGLE: u64 = 4;
 
 impl Tree {

@@ -24,7 +24,7 @@ pub(super) struct Sources {
 }
 
 impl Sources {
-    /// Those of a scene.
+    /// The sources of a scene.
     pub fn of(scene: &Scene, plan: &Plan) -> Sources {
         Sources {
             keys: plan.keys.clone(),
@@ -52,9 +52,9 @@ impl Sources {
 /// Parts of the frame before that a frame may reuse.
 #[derive(Default)]
 pub(super) struct Reusable {
-    /// The same textures.
+    /// The compiled textures, if they are the same.
     pub textures: Option<CompiledTextures>,
-    /// The same environment, if there is one at all.
+    /// The environment, if it is the same; `Some(None)` where there is none.
     pub environment: Option<Option<EnvironmentLight>>,
     geometry: Option<(Accel, Geometries, Keys)>,
 }

@@ -310,9 +310,9 @@ fn of_attributes(attributes: &Attributes) -> usize {
 pub struct View {
     /// Camera rays, in the compiled scene's coordinates.
     pub camera: camera::Camera,
-    /// The same while the shutter is open, if it moves then.
+    /// The camera while the shutter is open, if it moves then.
     pub moving: Option<MovingCamera>,
-    /// The same a frame before and a frame after, where that is known.
+    /// The camera a frame before and a frame after, where that is known.
     pub neighbours: [camera::Camera; 2],
     /// Picture width in pixels.
     pub width: u32,

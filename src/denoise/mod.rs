@@ -40,7 +40,7 @@ pub struct Guides<'a> {
 }
 
 impl Guides<'_> {
-    /// Those that are used, by name.
+    /// Names of the guides in use.
     pub fn names(&self) -> &'static str {
         match (self.albedo, self.normal) {
             (Some(_), Some(_)) => "albedo, normal",

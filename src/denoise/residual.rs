@@ -21,13 +21,13 @@ use rayon::prelude::*;
 
 /// How much more than noise a residual must be: by the root of this it is not kept at all.
 const CAUTION: f32 = 3.0;
-/// So much is added where powers are those of one pixel, less where they are means of several.
+/// Added to [`CAUTION`] where powers are those of one pixel, less where they are means of several.
 const CAUTION_OF_ONE: f32 = 5.0;
-/// So much is added where there is more noise than light: few bright samples decide there.
+/// Added to [`CAUTION`] where there is more noise than light: few bright samples decide there.
 const CAUTION_OF_NOISE: f32 = 12.0;
 /// The power of the proposal's relative bias, summed over the channels, that is taken for granted: 0.7 % of each.
 const LEAST_BIAS: f32 = 3.0 * 0.007 * 0.007;
-/// The same from this scale on, where a pixel has 32 x 32 of the picture: 5 % of each channel. Proposals darken large regions by
+/// [`LEAST_BIAS`] from this scale on, where a pixel has 32 x 32 of the picture: 5 % of each channel. Proposals darken large regions by
 /// as much where few samples are bright, and the noise of such means is small.
 const LARGE_SCALE: u32 = 5;
 const LEAST_BIAS_OF_LARGE: f32 = 3.0 * 0.05 * 0.05;

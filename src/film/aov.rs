@@ -285,13 +285,13 @@ impl AovSet {
         set
     }
 
-    /// These and one more.
+    /// This set with one more AOV.
     #[must_use]
     pub const fn with(self, aov: Aov) -> AovSet {
         AovSet(self.0 | 1 << aov as u32)
     }
 
-    /// These and others.
+    /// The union with another set.
     #[must_use]
     pub const fn union(self, other: AovSet) -> AovSet {
         AovSet(self.0 | other.0)
@@ -308,7 +308,7 @@ impl AovSet {
         self.0 != 0
     }
 
-    /// Those of a source.
+    /// The AOVs of a source.
     #[must_use]
     pub fn of(self, source: Source) -> AovSet {
         self.iter().filter(|aov| aov.info().source == source).collect()
@@ -329,7 +329,7 @@ impl AovSet {
         self.channels_with(MATTE_LEVELS)
     }
 
-    /// Those asked for, in the order of the table.
+    /// The AOVs of the set, in the order of the table.
     pub fn iter(self) -> impl Iterator<Item = Aov> {
         Aov::ALL.iter().copied().filter(move |&aov| self.contains(aov))
     }

@@ -116,7 +116,7 @@ pub(super) struct Sums {
     pub(super) rgb_low: Vec<[f32; 3]>,
     /// Samples of each pixel.
     pub count: Vec<u32>,
-    /// Those that hit something; empty where no channel asks for it.
+    /// Samples that hit something, by pixel; empty where no channel asks for it.
     pub(super) hits: Vec<u32>,
     /// One for each channel beyond colour.
     pub(super) further: Vec<Accumulator>,

@@ -408,11 +408,11 @@ pub struct Layout {
     pub(super) has_first_hits: bool,
     /// Whether the colour of the first half of each pixel's samples is kept apart.
     pub(super) has_halves: bool,
-    /// Of each channel beyond colour the place of its first number among those of a sample for its source.
+    /// By channel beyond colour: the index of its first number among those of a sample for its source.
     pub(super) offsets: Vec<usize>,
     /// How many channels show parts of the colour.
     pub(super) parts: usize,
-    /// Of each number of a first hit the bits that are all set where it is not finite; 0 for integers.
+    /// By number of a first hit: the bits that are all set where it is not finite; 0 for integers.
     pub(super) exponents: Vec<u32>,
 }
 

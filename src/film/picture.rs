@@ -85,7 +85,7 @@ impl Film {
         Film { width: 0, height: 0, origin: (0, 0), layout, bands, invalid_samples: 0 }
     }
 
-    /// The same as a part of a larger picture, in which its first pixel stands at (`x0`, `y0`): tiles have their places in
+    /// This film as a part of a larger picture, in which its first pixel stands at (`x0`, `y0`): tiles have their places in
     /// that picture, and only what is within the part is taken.
     #[must_use]
     pub fn at(self, x0: u32, y0: u32) -> Film {
@@ -279,7 +279,7 @@ impl Film {
         self.channels().iter().enumerate().flat_map(|(index, channel)| self.planes_of_channel(index, channel))
     }
 
-    /// The same all at once, on all threads of the current pool.
+    /// All planes at once, on all threads of the current pool.
     pub fn all_planes(&self) -> Vec<Plane<'_>> {
         let of = |(index, channel)| self.planes_of_channel(index, channel);
         self.channels().par_iter().enumerate().flat_map_iter(of).collect()
@@ -413,7 +413,7 @@ impl Film {
         self.forget_channels(aovs.into_iter().map(|aov| aov.info().names[0]));
     }
 
-    /// The same for channels by the names of their first components.
+    /// Removes channels by the names of their first components.
     pub(super) fn forget_channels<'a>(&mut self, first_names: impl IntoIterator<Item = &'a str>) {
         for name in first_names {
             let Some(index) = self.channels().iter().position(|c| c.names[0] == name) else { continue };

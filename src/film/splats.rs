@@ -27,7 +27,7 @@ pub struct SplatPart {
 }
 
 impl SplatPart {
-    /// Of no layer.
+    /// A splat to no layer.
     pub const NONE: SplatPart = SplatPart { layer: u16::MAX, rgb: [0.0; 3] };
 }
 

@@ -29,7 +29,7 @@ pub(super) struct TileSums {
     pub rgba: Vec<[f64; 4]>,
     /// Samples of each pixel.
     pub count: Vec<u32>,
-    /// Those that hit something; empty where no channel asks for it.
+    /// Samples that hit something, by pixel; empty where no channel asks for it.
     pub hits: Vec<u32>,
     /// Empty where halves are not kept apart.
     pub first_half: Vec<HalfSum>,
@@ -117,7 +117,7 @@ impl FilmTile {
         empty.restarted(x0, y0, width, height, layout)
     }
 
-    /// The same in the memory of a tile that is not needed any more.
+    /// An empty tile in the memory of one that is no longer needed.
     ///
     /// # Panics
     /// If there is no memory for it.
@@ -160,7 +160,7 @@ impl FilmTile {
         self.add_with_parts(pixel, rgb, alpha, first_hit, &[], false);
     }
 
-    /// The same with the parts of the colour for the channels that show them, red, green and blue of each, in the order of
+    /// Adds samples with the parts of the colour for the channels that show them, red, green and blue of each, in the order of
     /// the film's channels. Films that keep the halves of their samples apart need to know which one it belongs to.
     pub fn add_with_parts(
         &mut self,

@@ -49,7 +49,7 @@ struct Common {
 
 /// AOVs of colours, and those of objects.
 const OF_LOOKS: [Aov; 4] = [Aov::Roughness, Aov::DiffuseColor, Aov::GlossyColor, Aov::TransmissionColor];
-/// Those of the first surface that is seen in smooth mirrors.
+/// AOVs of the first surface that is seen in smooth mirrors.
 const DENOISING_GUIDES: [Aov; 2] = [Aov::DenoisingAlbedo, Aov::DenoisingNormal];
 const OF_OBJECTS: [Aov; 3] = [Aov::ObjectId, Aov::CryptoObject, Aov::CryptoAsset];
 

@@ -128,7 +128,7 @@ impl Interior {
 /// The solids around the points where a camera's rays start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CameraInterior {
-    /// The same for all camera rays.
+    /// The same interior for all camera rays.
     Same(Interior),
     /// Different over the plane of an orthographic camera, over time, or at clipping planes.
     Differs,
@@ -240,7 +240,7 @@ mod tests {
         assert_eq!(left, Interior::AIR);
     }
 
-    /// Of the media here 0 to 3 add up, 3 is of a higher priority, and 4 and 5 displace others.
+    /// Of these media, 0 to 3 add up, 3 is of a higher priority, and 4 and 5 displace others.
     #[test]
     fn media_in_one_place() {
         let of = |adds_up, priority| Medium { adds_up, priority, ..Medium::AIR };

@@ -168,7 +168,7 @@ impl MediumSegment {
         }
     }
 
-    /// The same for media without a grid.
+    /// The weight of passing media without a grid.
     #[inline]
     fn ungridded_passing_weight(&self, medium: &Scattering, to: f32) -> Rgb {
         let left = self.transmittance(medium, to);
@@ -197,7 +197,7 @@ impl MediumSegment {
         self.overlapping_emission(medium, throughput, to, u, |_| Rgb::ONE)
     }
 
-    /// The same among overlapping media, which attenuate emission at a distance by `others`.
+    /// Emission in overlapping media, which attenuate it at a distance by `others`.
     #[inline]
     pub fn overlapping_emission(
         &self,
@@ -303,7 +303,7 @@ impl DeltaTracking {
         self.follow_channels(medium, grid, &ray, span)
     }
 
-    /// The same where the extinction of channels differs.
+    /// Follows a segment where the extinction of channels differs.
     #[cold]
     fn follow_channels(
         &self,

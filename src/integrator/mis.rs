@@ -14,7 +14,7 @@ use bytemuck::Zeroable;
 pub struct DirectionPdf(f32);
 
 impl DirectionPdf {
-    /// Of camera rays and specular lobes, in whose directions light sampling finds nothing.
+    /// Camera rays and specular lobes: light sampling finds nothing in their directions.
     pub const SPECULAR: DirectionPdf = DirectionPdf(0.0);
 
     /// The density of a scattered direction, 1/sr, 0 for specular lobes; or the path's end.
@@ -70,13 +70,13 @@ impl LightPdf {
     /// No sample.
     pub const NONE: LightPdf = LightPdf(0.0);
 
-    /// Of a light that has a size, 1/sr; 0 is no sample.
+    /// The density of a sample of a light with a size, 1/sr; 0 is no sample.
     #[inline(always)]
     pub fn new(pdf_solid_angle: f32) -> LightPdf {
         LightPdf(pdf_solid_angle)
     }
 
-    /// Of a light of zero size.
+    /// The selection probability of a light of zero size.
     #[inline(always)]
     pub fn delta(probability: f32) -> LightPdf {
         LightPdf(-probability)

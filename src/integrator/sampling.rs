@@ -9,7 +9,7 @@ use crate::sampling::{AdaptiveSampleMap, ZSobolOrder};
 /// Numbers of samples of pixels, and their random sequences.
 #[derive(Clone, Copy, Debug)]
 pub enum SamplePlan<'a> {
-    /// The same number for all pixels.
+    /// The same number of samples for all pixels.
     Even(ZSobolOrder),
     /// Adaptive.
     Allotted(&'a AdaptiveSampleMap),
@@ -209,7 +209,7 @@ pub(super) enum RandomChoice {
     MediumBoundary { surface: u32 },
     /// Point of emission along a ray through a medium.
     MediumEmission,
-    /// The same in one of several overlapping media.
+    /// Emission in one of several overlapping media.
     OverlappingEmission { medium: u32 },
     /// Kind of the next ray at a surface with several lobes.
     RayKind,

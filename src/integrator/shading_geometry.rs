@@ -52,19 +52,19 @@ pub(super) const WHOLE_LIGHT: f32 = 1.0;
 /// Diffuse bases: by the relief that the normal is part of.
 pub(super) const RELIEF: f32 = 2.0;
 
-/// The same on the bumps of a displacement.
+/// [`RELIEF`] on the bumps of a displacement.
 pub(super) const RELIEF_ON_BUMPS: f32 = 3.0;
 
 /// The squared GGX alpha of that relief, over the squared tangent of the normal's angle to the surface's.
 const RELIEF_ALPHA: f32 = 0.125;
 
 impl Mapping {
-    /// Of a surface without maps and bumps.
+    /// A surface without maps and bumps.
     pub const fn none(ns: Vec3) -> Mapping {
         Mapping { smooth: ns, is_mapped: false, has_bumps: false }
     }
 
-    /// The same for the other side of the surface where that is -1.
+    /// The mapping of the other side of the surface where `side` is -1.
     pub fn on_side(self, side: f32) -> Mapping {
         Mapping { smooth: self.smooth * side, ..self }
     }
@@ -187,7 +187,7 @@ fn terminator(ns: Vec3, ng: Vec3, wi: Vec3) -> f32 {
     g * (1.0 + g * (1.0 - g)) / if is_above { left } else { 1.0 }
 }
 
-/// The same where a map or a bump gave `ns`, as in Cycles: shadowing by the microfacets that most likely have such a normal (Conty
+/// The terminator where a map or a bump gave `ns`, as in Cycles: shadowing by the microfacets that most likely have such a normal (Conty
 /// Estevez, Lecocq, Stein 2019, "A Microfacet-Based Shadowing Function to Solve the Bump Terminator Problem", eq. 12.3 and 12.5).
 /// Light that sees both sides of the relief is that of the mapped normal alone: such normals lean by tens of degrees, where
 /// making up for the loss in even light would brighten lamps visibly (12 % at 55 degrees). The relief is one of the smooth surface
@@ -247,7 +247,7 @@ pub(super) struct Sharp;
 #[derive(Clone, Copy)]
 pub(super) struct Soft;
 
-/// The same in scenes with mapped normals.
+/// [`Soft`] in scenes with mapped normals.
 #[derive(Clone, Copy)]
 pub(super) struct Relief;
 

@@ -170,7 +170,7 @@ pub(super) struct ShadowCrossings {
     pub slabs: Slabs,
     /// Where the ray hit each of them.
     pub hits: [Hit; MOST],
-    /// Of all of them.
+    /// Transmittance of all slabs.
     pub transmittance: Rgb,
     /// The solids around the start of the shadow ray.
     pub interior: Interior,

@@ -188,7 +188,7 @@ impl Integrator<'_> {
         set_rgb(&mut w.wave.vertices.albedo, k, material.albedo);
     }
 
-    /// The same for an opaque glTF material.
+    /// Gathers the parameters of an opaque glTF material.
     #[inline(always)]
     fn gather_plain_metal_rough(&self, i: usize, k: usize, w: &mut Workspace) {
         self.gather_corners(i, k, w);

@@ -455,7 +455,7 @@ impl Integrator<'_> {
         passes
     }
 
-    /// The same for thin glass or a pane, behind which the ray is `next`.
+    /// Does a shadow ray pass thin glass or a pane, behind which it is `next`?
     fn shadow_ray_passes_glass(
         &self,
         i: usize,

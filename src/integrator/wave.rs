@@ -111,7 +111,7 @@ impl RayVisibility {
     const CLASS_SHIFT: u32 = 17;
     const CLASS_MASK: u32 = !0 << RayVisibility::CLASS_SHIFT;
 
-    /// Of camera rays.
+    /// The visibility of camera rays.
     pub fn camera() -> RayVisibility {
         RayVisibility(RayKinds::CAMERA.bits())
     }
@@ -122,7 +122,7 @@ impl RayVisibility {
         RayKinds::from_bits(self.0)
     }
 
-    /// Of a new ray of a kind from the same vertex.
+    /// The visibility of a new ray of a kind from the same vertex.
     #[inline(always)]
     pub fn with_kind(self, kind: RayKinds) -> RayVisibility {
         RayVisibility(kind.bits() | self.0 & RayVisibility::CLASS_MASK)

@@ -46,7 +46,7 @@ pub struct Workspace {
     pub(super) passed_kinds: Vec<RayKinds>,
     /// Samples whose camera rays hit holdouts or shadow catchers.
     pub(super) uncovered: Vec<u32>,
-    /// Those whose camera rays hit shadow catchers.
+    /// Samples whose camera rays hit shadow catchers.
     pub(super) catcher_samples: Vec<u32>,
     /// Are shadow casters excluded, to render shadow catchers without them?
     pub(super) excludes_casters: bool,

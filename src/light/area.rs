@@ -40,7 +40,7 @@ pub struct Edges {
 /// What a surface emits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Radiance {
-    /// The same everywhere.
+    /// The same radiance at all points.
     Constant(Rgb),
     /// A texture times a factor, over a flat light.
     Flat {
@@ -356,7 +356,7 @@ fn triangle(e: &Edges, reference: Vec3) -> SphericalTriangle {
 /// Angular distribution of a surface's radiance; see [`scene::Beam`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Beam {
-    /// The same in all directions.
+    /// The same radiance in all directions.
     Even,
     /// A grid of slats in front: the factor is (`tan_half` - tan) times `scale`, of the angle to the normal.
     Grid {

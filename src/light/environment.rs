@@ -307,7 +307,7 @@ impl ImageMap {
         self.map.sample(u)
     }
 
-    /// The same from many pairs of numbers, the first ones of all pairs first.
+    /// Samples from many pairs of numbers, the first ones of all pairs first.
     #[inline(always)]
     pub fn sample_many_uv<const N: usize>(&self, u: [[f32; N]; 2]) -> MapSamples<N> {
         self.map.sample_many(u)

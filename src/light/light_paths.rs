@@ -261,7 +261,7 @@ impl DirectionCone {
 }
 
 impl TargetSpheres {
-    /// Those with a radius above 0.
+    /// The target spheres with a radius above 0.
     pub fn new(spheres: impl IntoIterator<Item = TargetSphere>) -> TargetSpheres {
         let is_usable = |sphere: &TargetSphere| {
             sphere.radius > 0.0 && sphere.radius.is_finite() && sphere.center.is_finite()

@@ -199,7 +199,7 @@ struct Group {
     /// How many.
     pub count: usize,
     pub bounds: LightBounds,
-    /// Of looking here.
+    /// Cost of visiting the node.
     cost: f32,
 }
 
@@ -313,14 +313,14 @@ pub struct Receiver {
 #[repr(C, align(64))]
 struct Node {
     center: [[f32; WIDTH]; 3],
-    /// Of the sphere around the box.
+    /// Radii of the spheres around the boxes.
     radius: [f32; WIDTH],
     weight: [f32; WIDTH],
     axis: [[f32; WIDTH]; 3],
     /// How far the box reaches beyond its centre along the axis.
     reach: [f32; WIDTH],
     cos_normals: [f32; WIDTH],
-    /// Of the largest angle between the axis and a direction that is lit; below -1 where all are.
+    /// Cosines of the largest angle between the axis and a lit direction; below -1 where all are lit.
     cos_lit: [f32; WIDTH],
     /// Other nodes, or lights with [`LEAF`].
     pub child: [u32; WIDTH],

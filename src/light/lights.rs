@@ -406,7 +406,7 @@ pub struct SelectedLight {
 impl SelectedLight {
     const NONE: SelectedLight = SelectedLight { index: 0, pdf_discrete: 0.0 };
 
-    /// Of the lights at some place, which are chosen with a probability of `share`.
+    /// A selection among the lights near a point, which has the probability `share`.
     #[inline(always)]
     pub fn near(share: f32, chosen: Option<(u32, f32)>) -> SelectedLight {
         chosen.map_or(SelectedLight::NONE, |(index, pdf)| SelectedLight { index, pdf_discrete: share * pdf })
@@ -512,7 +512,7 @@ impl LightSampler {
 #[derive(Clone, Debug)]
 pub struct MovingLight<T>(pub Vec<T>);
 
-/// Those of a scene's lights that move, by their index in their lists.
+/// The moving lights of a scene, by their index in their lists.
 #[derive(Clone, Debug, Default)]
 pub struct LightMotions {
     /// Emissive surfaces.

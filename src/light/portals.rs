@@ -261,7 +261,7 @@ impl SummedArea {
         up_to(high) - up_to(low)
     }
 
-    /// The same for any `x`.
+    /// The integral over what is left of `x`, between two heights.
     fn left_of(&self, x: f64, low: f64, high: f64) -> f64 {
         let column = (x as usize).min(SIZE - 1);
         self.left(column, low, high) + self.column(column, low, high) * (x - column as f64)
@@ -344,7 +344,7 @@ mod tests {
         light
     }
 
-    /// Such that it serves the other side.
+    /// The portal turned around, so that it serves the other side.
     fn flipped(portal: scene::Portal) -> scene::Portal {
         let (edge_u, edge_v) = (portal.edge_v, portal.edge_u);
         scene::Portal { edge_u, edge_v, ..portal }

@@ -41,7 +41,7 @@ pub fn write_atomically(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
     write_with(path.as_ref(), &mut |writer| writer.write_all(bytes))
 }
 
-/// The same with what `write` writes.
+/// [`write_atomically`] for data that `write` writes.
 ///
 /// # Errors
 /// As for [`write_atomically`].

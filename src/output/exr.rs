@@ -267,7 +267,7 @@ fn exr_date(time: SystemTime) -> Option<String> {
 /// Magic number and version come before the attributes.
 const ATTRIBUTES_START: usize = 8;
 
-/// Of the version's bits, the one that says that there are several parts.
+/// The version bit of multi-part files.
 const IS_MULTIPART: u8 = 1 << 4;
 
 /// Sorts the attributes of each header in place. Headers keep their length, so that the offsets that follow stay right.
@@ -343,7 +343,7 @@ fn convert(planes: &mut [Plane], matrix: &[[f64; 3]; 3]) {
 type AnyImage = Image<Layers<AnyChannels<FlatSamples>>>;
 type AnyLayer = Layer<AnyChannels<FlatSamples>>;
 
-/// Of zlib's levels: passes of the Cornell box are 0.5 % larger than at 4, in less than half of the time; below 2 they are 13 %
+/// The level of zlib: passes of the Cornell box are 0.5 % larger than at 4, in less than half of the time; below 2 they are 13 %
 /// larger.
 const LEVEL: Level = Level::new(2);
 
@@ -448,7 +448,7 @@ pub struct Matte {
 }
 
 impl Matte {
-    /// Of a kind (`CryptoObject`) for things of these names.
+    /// A matte of a kind (`CryptoObject`) for objects or materials of these names.
     pub fn new(kind: &'static str, names: Vec<String>) -> Matte {
         let manifest = names
             .into_iter()

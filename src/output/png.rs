@@ -12,7 +12,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-/// Of 100, for JPEGs.
+/// JPEG quality, of 100.
 const QUALITY: u8 = 92;
 
 /// How a picture looks.
@@ -82,7 +82,7 @@ pub fn rgba8(film: &Film, options: &PngOptions) -> Vec<u8> {
     straight8(&Linear { width: film.width(), height: film.height(), rgba: &film.rgba() }, options)
 }
 
-/// The same of other pixels.
+/// 8-bit pixels of a linear picture, with straight alpha.
 pub(super) fn straight8(picture: &Linear, options: &PngOptions) -> Vec<u8> {
     let mut rgba =
         narrow(&codes(picture, options, Shape { alpha: true, straight: !options.opaque, most: 255.0 }));
@@ -92,7 +92,7 @@ pub(super) fn straight8(picture: &Linear, options: &PngOptions) -> Vec<u8> {
     rgba
 }
 
-/// The same before black, with the alpha beside it.
+/// 8-bit pixels of a linear picture before black, with the alpha beside it.
 pub fn shown8(picture: &Linear, options: &PngOptions) -> Vec<u8> {
     narrow(&codes(picture, options, Shape { alpha: true, straight: false, most: 255.0 }))
 }
@@ -189,7 +189,7 @@ pub fn encode_png_rgb8(data: &[u8], width: u32, height: u32) -> Result<Vec<u8>, 
     encode_rgb8(data, width, height, Format::Png)
 }
 
-/// The same in another format than EXR and HDR.
+/// Encodes RGB pixels in a format other than EXR and HDR.
 ///
 /// # Errors
 /// What the encoder objects to.

@@ -32,7 +32,7 @@ pub enum Splitting {
     /// paths: see [`PathReuse::Auto`].
     #[default]
     Auto,
-    /// So many: 2, 4, 8 or 16, and then paths are not shared; or 1.
+    /// A number of branches: 2, 4, 8 or 16, and then paths are not shared; or 1.
     Into(u32),
 }
 

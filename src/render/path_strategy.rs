@@ -164,7 +164,7 @@ impl Technique for StrategyTrials {
 /// Edge of a square in pixels.
 const EDGE: u32 = 32;
 
-/// Of this many squares, one takes part in trials.
+/// One of this many squares takes part in trials.
 const SQUARES_PER_TRIAL: u32 = 24;
 
 /// Fewest squares for each candidate: a single one could be exceptional.
@@ -364,7 +364,7 @@ impl BlockTally {
         self.pixels.iter().map(|pixel| pixel.count).sum()
     }
 
-    /// The same without the strategy that is tried.
+    /// Rays per sample without the strategy that is tried.
     pub fn plain_rays_per_sample(&self) -> f64 {
         let RayCounts { all, single, in_fans, in_branches } = self.rays;
         let others = (all - single - in_fans - in_branches) as f64;

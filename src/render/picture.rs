@@ -120,7 +120,7 @@ pub struct Labels {
 }
 
 impl Labels {
-    /// Those of a scene that a picture with these options asks for.
+    /// The labels of a scene that a picture with these options needs.
     pub fn of(scene: &Scene, options: &RenderOptions) -> Labels {
         let mut labels = Labels::default();
         if options.light_groups {

@@ -84,7 +84,7 @@ impl Renderer {
         Renderer::shared(Arc::new(scene.into()))
     }
 
-    /// The same for a scene that is rendered several times: nothing of it is copied.
+    /// A renderer for a scene that is rendered several times: nothing of it is copied.
     pub fn shared(loaded: Arc<Loaded>) -> Renderer {
         let (choices, cancel) = (Choices::default(), CancelHandle::new());
         Renderer { loaded, choices, cancel, listener: None, texture_memory: None }

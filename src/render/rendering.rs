@@ -88,7 +88,7 @@ impl Rendering {
         Rendering::labelled(scene, Labels::default(), camera, options)
     }
 
-    /// The same with the names that files show, [`Labels::of`] the scene. Without, mattes show nothing, and there are no groups of
+    /// A rendering with the names that files show, [`Labels::of`] the scene. Without, mattes show nothing, and there are no groups of
     /// lights.
     ///
     /// # Errors
@@ -133,7 +133,7 @@ impl Rendering {
         })
     }
 
-    /// The same with what a [`Renderer`](super::Renderer) knows.
+    /// A rendering with what a [`Renderer`](super::Renderer) has compiled.
     pub(super) fn with(
         self,
         earlier: Vec<Warning>,
@@ -228,7 +228,7 @@ impl Rendering {
         picture::save(&self.shown(), path.as_ref(), &self.output_options())
     }
 
-    /// The same with other options than [`Rendering::output_options`].
+    /// [`Rendering::save`] with other options than [`Rendering::output_options`].
     ///
     /// # Errors
     /// As for [`Picture::save`].

@@ -48,7 +48,7 @@ impl Pass {
         (width, height)
     }
 
-    /// The same where pixels share paths within square regions with this edge, and the number of samples per pixel of a wave. Tiles consist
+    /// Tile size and samples where pixels share paths within square regions with this edge, and the number of samples per pixel of a wave. Tiles consist
     /// of whole regions.
     pub fn tile_of_regions(self, edge: u32) -> ((u32, u32), u32) {
         let pixels = edge * edge;
@@ -71,7 +71,7 @@ impl Schedule {
         Schedule { limit, end: samples.end, next: samples.start, whole_passes: false, sample_s: None }
     }
 
-    /// The same with full passes, whatever time they take: none begins when the time is over.
+    /// The schedule with full passes, whatever time they take: none begins when the time is over.
     pub fn with_whole_passes(self) -> Schedule {
         Schedule { whole_passes: true, ..self }
     }

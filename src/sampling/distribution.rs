@@ -150,7 +150,7 @@ pub struct BilinearMap {
     row_cumulative: Vec<f32>,
     /// Where the search for a block starts: the largest power of two below their number.
     first_step: u32,
-    /// The same for a piece of the marginal.
+    /// First step of the search for a piece of the marginal.
     first_row_step: u32,
 }
 
@@ -224,7 +224,7 @@ impl BilinearMap {
         MapSample { uv: [many.u[0], many.v[0]], pdf_area: many.pdf_area[0] }
     }
 
-    /// The same from many pairs of numbers, the first ones of all pairs first. All take the same steps, without branches,
+    /// Samples from many pairs of numbers, the first ones of all pairs first. All take the same steps, without branches,
     /// so that loops over them vectorise.
     #[inline(always)]
     pub fn sample_many<const N: usize>(&self, u: [[f32; N]; 2]) -> MapSamples<N> {

@@ -38,7 +38,7 @@ impl SobolPoint {
         SobolPoint::of_branches(seed, index, 0)
     }
 
-    /// The same where each sample has 2^`branch_bits` branches, which have as many points of the sequence to themselves.
+    /// The point where each sample has 2^`branch_bits` branches, each with its own range of the sequence.
     #[inline(always)]
     pub fn of_branches(seed: u32, index: u32, branch_bits: u32) -> SobolPoint {
         let bits = SAMPLES_PER_SEED.trailing_zeros() - branch_bits;

@@ -27,7 +27,7 @@ impl Extent {
 
 /// Points whose convex hull contains a mesh.
 enum HullPoints<'m> {
-    /// Those of its vertices that are marked.
+    /// The marked vertices of a mesh.
     Used(&'m Mesh, Vec<bool>),
     /// Some points around it.
     Around(Vec<DVec3>),
@@ -63,7 +63,7 @@ pub struct MeshHulls<'s> {
 }
 
 impl<'s> MeshHulls<'s> {
-    /// Of the meshes of a scene.
+    /// The hulls of a scene's meshes.
     pub fn of(scene: &'s Scene) -> MeshHulls<'s> {
         let mut placements = vec![0usize; scene.meshes.len()];
         for instance in &scene.instances {

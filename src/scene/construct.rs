@@ -63,7 +63,7 @@ impl Mesh {
         [position(a), position(b), position(c)]
     }
 
-    /// The same in double precision.
+    /// The corners in double precision.
     #[inline]
     pub(crate) fn corners_f64(&self, triangle: [u32; 3]) -> [DVec3; 3] {
         let [a, b, c] = self.corners(triangle);

@@ -10,7 +10,7 @@ pub enum Environment {
     /// Nothing: black.
     #[default]
     Black,
-    /// The same radiance from everywhere.
+    /// The same radiance from all directions.
     Constant([f32; 3]),
     /// A vertical blend: `nadir` straight down to `zenith` straight up, linear in the unit direction's y
     /// (the sky of "Ray Tracing in One Weekend").

@@ -137,7 +137,7 @@ impl LightProfile {
         }
     }
 
-    /// The same with its horizontal angles the other way round.
+    /// The profile with its horizontal angles the other way round.
     #[must_use]
     pub fn mirrored(mut self) -> LightProfile {
         // The others are symmetric.

@@ -502,7 +502,7 @@ pub enum GlassReflection {
     /// White, as physics has it.
     #[default]
     White,
-    /// That of light that crosses the surface once, as of the Glass BSDF of Cycles.
+    /// The colour of light that crosses the surface once, as of the Glass BSDF of Cycles.
     Tinted,
     /// Nothing is reflected, and all light passes that can, as of the Refraction BSDF of Cycles.
     None,

@@ -46,12 +46,12 @@ pub struct Vertices {
 /// [`Camera::motion`](super::Camera::motion), [`Light::motion`](super::Light::motion).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneMotion {
-    /// Of instances, by the number in [`Motion::Keyed`](super::Motion::Keyed): `world_from_object`.
+    /// Transforms of instances, by the number in [`Motion::Keyed`](super::Motion::Keyed): `world_from_object`.
     pub instances: Vec<Moving<DAffine3>>,
-    /// Of meshes that change their shape, by index.
+    /// Vertices of meshes that change their shape, by index.
     pub meshes: BTreeMap<usize, Moving<Vertices>>,
-    /// Of quads, by index: from where they are in the scene's list to where they are then.
+    /// Transforms of quads, by index: from their place in the scene's list to where they are then.
     pub quads: BTreeMap<usize, Moving<DAffine3>>,
-    /// Of shapes, likewise. (Spheres that shine stay round: they go along with their middle and grow with the volume.)
+    /// Transforms of shapes, likewise. (Emissive spheres stay round: their centre moves, and their volume scales.)
     pub shapes: BTreeMap<usize, Moving<DAffine3>>,
 }

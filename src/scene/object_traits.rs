@@ -39,19 +39,19 @@ impl RayKinds {
         self.0 & other.0 == other.0
     }
 
-    /// These and others.
+    /// The union with another set.
     #[inline(always)]
     pub const fn with(self, other: RayKinds) -> RayKinds {
         RayKinds(self.0 | other.0)
     }
 
-    /// These but not others.
+    /// The kinds that are not in another set.
     #[inline(always)]
     pub const fn without(self, other: RayKinds) -> RayKinds {
         RayKinds(self.0 & !other.0)
     }
 
-    /// Those that are among others, too.
+    /// The intersection with another set.
     #[inline(always)]
     pub const fn and(self, other: RayKinds) -> RayKinds {
         RayKinds(self.0 & other.0)
@@ -68,7 +68,7 @@ impl RayKinds {
         self.0 as u32
     }
 
-    /// Of such a number.
+    /// The set of a number from [`RayKinds::bits`].
     #[inline(always)]
     pub const fn from_bits(bits: u32) -> RayKinds {
         RayKinds((bits as u8) & RayKinds::ALL.0)
@@ -121,7 +121,7 @@ impl ObjectSets {
     /// No set.
     pub const NONE: ObjectSets = ObjectSets(0);
 
-    /// These and another one.
+    /// This set with another one.
     pub const fn with(self, set: ObjectSet) -> ObjectSets {
         ObjectSets(self.0 | 1 << set.0)
     }
@@ -139,7 +139,7 @@ pub enum Link {
     /// All.
     #[default]
     All,
-    /// Those in a set.
+    /// The objects in a set.
     Only(ObjectSet),
     /// All that are not in a set.
     AllBut(ObjectSet),

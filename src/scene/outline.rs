@@ -33,7 +33,7 @@ struct Uses {
 }
 
 impl MaterialUses<'_> {
-    /// Those of a scene. Objects of materials that don't exist count for nothing.
+    /// The uses of a scene's materials. Objects of materials that don't exist are ignored.
     pub fn of(scene: &Scene) -> MaterialUses<'_> {
         let mut of_materials = vec![Uses::default(); scene.materials.len()];
         let mut add = |id: MaterialId, to: &mut dyn FnMut(&mut Uses)| {

@@ -101,9 +101,9 @@ impl Default for Clamp {
 /// diffusely, surfaces have no glossy reflection, or no transmission. Removes noise and, with it, light.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SkippedCaustics {
-    /// Those of glossy reflection.
+    /// Caustics of glossy reflection.
     pub reflective: bool,
-    /// Those of transmission.
+    /// Caustics of transmission.
     pub refractive: bool,
 }
 

@@ -189,12 +189,12 @@ pub struct FacingDisk {
 }
 
 impl FacingDisk {
-    /// That of a scene around `center`.
+    /// The disk of a scene's shape around `center`.
     pub(super) fn of_scene(shape: &scene::Shape, center: Vec3) -> FacingDisk {
         FacingDisk { center, radius: shape.radius as f32 }
     }
 
-    /// That of packed numbers.
+    /// The disk of packed numbers.
     #[inline(always)]
     pub(super) fn unpack(numbers: &[f32; 6]) -> FacingDisk {
         let [x, y, z, radius, ..] = *numbers;

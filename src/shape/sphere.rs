@@ -293,12 +293,12 @@ impl SphereSampler {
 pub struct Shell(pub Sphere);
 
 impl Shell {
-    /// That of a scene around `center`.
+    /// The sphere of a scene's shape around `center`.
     pub(super) fn of_scene(shape: &scene::Shape, center: Vec3) -> Shell {
         Shell(Sphere::of_scene(shape, center))
     }
 
-    /// That of packed numbers.
+    /// The sphere of packed numbers.
     #[inline(always)]
     pub(super) fn unpack(numbers: &[f32; 6]) -> Shell {
         Shell(Sphere::unpack(numbers))

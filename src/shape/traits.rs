@@ -153,7 +153,7 @@ impl PreparedRay {
         Some(range)
     }
 
-    /// The same for a ray that is tested against no boxes, with its line.
+    /// [`PreparedRay::set`] for a ray that is tested without boxes; also returns its line.
     #[inline(always)]
     pub fn set_line(&mut self, ray: &Ray) -> Option<((f32, f32), ShearedLine)> {
         let range = self.set_scaled(ray)?;

@@ -20,9 +20,9 @@ pub type TriangleRows = [[f32; LANES]; 12];
 /// Where a lane's triangle is hit: the barycentric weights of vertices 1 and 2.
 #[derive(Clone, Copy, Debug)]
 pub struct Weights {
-    /// Of vertex 1.
+    /// Barycentric coordinate of vertex 1.
     pub u: f32,
-    /// Of vertex 2.
+    /// Barycentric coordinate of vertex 2.
     pub v: f32,
 }
 

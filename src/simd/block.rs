@@ -79,7 +79,7 @@ macro_rules! edge_functions {
     }};
 }
 
-/// The same with AVX-512.
+/// The kernel with AVX-512.
 ///
 /// # Safety
 /// The CPU must have it, and `line.axes` must be below 3.
@@ -112,7 +112,7 @@ pub(super) unsafe fn list16(block: &TriangleBlock, query: &BlockQuery, to: &mut 
     }
 }
 
-/// The same with AVX2.
+/// The kernel with AVX2.
 ///
 /// # Safety
 /// The CPU must have it, and `line.axes` must be below 3.
@@ -172,7 +172,7 @@ pub(super) fn meets(
     }
 }
 
-/// The same with NEON.
+/// The kernel with NEON.
 ///
 /// # Safety
 /// `line.axes` must be below 3.
@@ -437,7 +437,7 @@ pub unsafe fn compress<const AVX512: bool>(x: __m256i, mask: u32) -> __m256i {
     }
 }
 
-/// The same function of each number of an array. Such loops must contain all that they call, and the standard library's
+/// Applies a function to each number of an array. Such loops must contain all that they call, and the standard library's
 /// `map` is seldom inlined.
 #[inline(always)]
 #[allow(clippy::needless_range_loop)]

@@ -36,7 +36,7 @@ fn mask_of(lanes: uint32x4_t) -> u32 {
     unsafe { vaddvq_u32(vandq_u32(lanes, four([1, 2, 4, 8]))) }
 }
 
-/// The same of eight lanes.
+/// The mask of eight lanes.
 #[inline(always)]
 fn mask_of_pair(lanes: Pair<uint32x4_t>) -> u32 {
     // SAFETY: registers only.

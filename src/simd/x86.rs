@@ -27,7 +27,7 @@ macro_rules! stage4 {
     }};
 }
 
-/// The same on eight keys.
+/// A stage of the sort on eight keys.
 macro_rules! stage8 {
     ($x:ident, [$($from:literal),*], $low:literal) => {{
         let other = _mm256_permutevar8x32_epi32($x, _mm256_setr_epi32($($from),*));

@@ -52,7 +52,7 @@ impl UvMap {
         self.offset + Vec2::new(self.x.dot(uv), self.y.dot(uv))
     }
 
-    /// The same for maps that do the same.
+    /// A key that is equal for mappings that do the same.
     pub fn bits(&self) -> [u32; 7] {
         let numbers =
             [self.x.x, self.x.y, self.y.x, self.y.y, self.offset.x, self.offset.y].map(f32::to_bits);

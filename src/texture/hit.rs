@@ -104,9 +104,9 @@ impl AttributeList {
 /// The attributes at a hit, by their numbers in [`CompiledTextures::attributes`](super::CompiledTextures::attributes).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct HitAttributes<'a> {
-    /// Of the hit's space.
+    /// Attributes of the hit's space.
     pub lists: &'a [AttributeList],
-    /// Of a triangle, and the weights of its vertices.
+    /// The vertices of the triangle that was hit, and their weights.
     pub triangle: Option<([u32; 3], [f32; 3])>,
 }
 
@@ -120,7 +120,7 @@ impl HitAttributes<'_> {
         self.lists.get(usize::from(number))?.at(triangle, weights)
     }
 
-    /// The same at the corners of the triangle.
+    /// The values at the corners of the triangle.
     pub fn corners(&self, number: u16) -> Option<[AttributeValue; 3]> {
         let (triangle, _) = self.triangle?;
         let list = self.lists.get(usize::from(number))?;

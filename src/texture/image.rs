@@ -61,7 +61,7 @@ impl ImageLookup {
         self.eval_by(footprint, |image, _| self.taps(image, uv))
     }
 
-    /// The same where texels are found by `taps`, from a level of the pyramid and its number.
+    /// The filtered value where `taps` looks up texels of a level of the pyramid, by its number.
     #[inline(always)]
     pub(super) fn eval_by(&self, footprint: f32, taps: impl Fn(&Image, usize) -> Taps) -> [f32; 4] {
         let texels = footprint * self.mean_size;

@@ -67,7 +67,7 @@ impl CompiledTextures {
         CompiledTextures::after(None, textures, images, world_offset, needs)
     }
 
-    /// The same with images of an earlier picture of the same textures and images, as far as they suffice.
+    /// The textures with images of an earlier picture of the same textures and images, as far as they suffice.
     ///
     /// # Errors
     /// As for [`CompiledTextures::new`].
@@ -127,12 +127,12 @@ impl CompiledTextures {
         self.images.on_demand()
     }
 
-    /// The same textures in a world whose origin has moved otherwise.
+    /// The textures in a world whose origin has moved.
     pub fn moved(self, world_offset: Vec3) -> CompiledTextures {
         CompiledTextures { world_offset, ..self }
     }
 
-    /// The same beside the profiles of a scene's lamps.
+    /// The textures with the profiles of a scene's lights.
     #[must_use]
     pub fn with_profiles(self, profiles: &[Arc<LightProfile>]) -> CompiledTextures {
         CompiledTextures { profiles: profiles.to_vec(), ..self }
@@ -152,7 +152,7 @@ impl CompiledTextures {
         }
     }
 
-    /// The same with spectra as they are, where pictures are rendered by wavelength; else they are constant colours. Those that were
+    /// The textures with spectra as they are, where rendering is spectral; else they are constant colours. Those that were
     /// [added](CompiledTextures::add_spectrum) to the `count` textures of the scene are gone.
     #[must_use]
     pub fn with_spectra(mut self, textures: &[Texture], are_kept: bool) -> CompiledTextures {

@@ -73,7 +73,7 @@ pub(super) struct Format {
 }
 
 impl Format {
-    /// That of an image that is not encoded.
+    /// The format of an image that is not encoded.
     fn of(image: &Image) -> Format {
         let number = match *image.pixels {
             Pixels::U8(_) | Pixels::Encoded(_) => Number::U8,
@@ -159,7 +159,7 @@ impl PackedLevel {
         PackedLevel { format: Format::of(level), rows }
     }
 
-    /// The same with the help of other threads.
+    /// A packed level, with the help of other threads.
     pub fn new_by_all_threads(level: &Image, store: &Store) -> PackedLevel {
         let rows = 0..level.height.div_ceil(SIDE);
         let rows = rows.into_par_iter().map(|row| packed_row(level, row, store)).collect();
@@ -222,7 +222,7 @@ fn pack_tile<T: Copy>(
     }
 }
 
-/// The same of `N` channels.
+/// Packs a tile of `N` channels.
 fn pack_tile_of<T: Copy, const N: usize>(
     data: &[T],
     level: &Image,

@@ -17,7 +17,7 @@ pub(super) fn halved(image: &Image) -> Image {
     halved_by(image, Threads::All)
 }
 
-/// The same without help of other threads.
+/// The image halved without the help of other threads.
 pub(super) fn halved_by_one_thread(image: &Image) -> Image {
     halved_by(image, Threads::This)
 }

@@ -50,7 +50,7 @@ impl Pose {
         Pose { camera, target, is_moved: false, is_lens_changed: false, is_zoomed: false, given }
     }
 
-    /// The same for the camera that arguments were about, and a vertical field of view in degrees.
+    /// The pose that camera arguments ask for, and a vertical field of view in degrees.
     #[must_use]
     pub fn with_arguments(self, place: &CameraArgs, fov: Option<f64>) -> Pose {
         let given = Given {

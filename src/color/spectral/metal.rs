@@ -24,7 +24,7 @@ fn indices() -> &'static [Index] {
 }
 
 impl Metal {
-    /// That of a name.
+    /// The metal of a name.
     pub fn named(name: &str) -> Option<Metal> {
         METALS.iter().position(|(own, _)| *own == name).map(|i| Metal(i as u8))
     }

@@ -227,7 +227,7 @@ impl Table {
 /// A spectrum, relative to D65 where it is light.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Spectrum {
-    /// The same at all wavelengths.
+    /// The same value at all wavelengths.
     Grey(f32),
     /// The smooth spectrum of a colour.
     Uplifted {
@@ -252,12 +252,12 @@ fn scale_of_share(most: f32) -> f32 {
 }
 
 impl Spectrum {
-    /// That of a colour which is a share of light (a reflectance).
+    /// The spectrum of a reflectance or another colour in 0..1.
     pub fn of_share(rgb: Rgb) -> Spectrum {
         Spectrum::of(rgb, scale_of_share(rgb.max_element()))
     }
 
-    /// That of the colour of a light: white is D65.
+    /// The spectrum of the colour of a light: white is D65.
     pub fn of_light(rgb: Rgb) -> Spectrum {
         Spectrum::of(rgb, rgb.max_element() / MIDDLE)
     }
@@ -309,7 +309,7 @@ pub fn uplifted_share(rgb: Rgb, waves: &Wavelengths) -> Rgb {
     if most == least { rgb } else { uplifted(rgb, scale_of_share(most), waves) }
 }
 
-/// The same of the colour of a light.
+/// The values of the spectrum of a light's colour at a path's wavelengths.
 #[inline]
 pub fn uplifted_light(rgb: Rgb, waves: &Wavelengths) -> Rgb {
     let rgb = rgb.max(Rgb::ZERO);

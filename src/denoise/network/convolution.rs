@@ -37,7 +37,7 @@ impl Tile {
         &self.data[(y * self.blocks + block) * self.stride..][..self.width]
     }
 
-    /// The same to write.
+    /// A row to write to.
     pub fn row_mut(&mut self, y: usize, block: usize) -> &mut [Channels] {
         &mut self.data[(y * self.blocks + block) * self.stride..][..self.width]
     }

@@ -65,7 +65,7 @@ pub(super) struct Receiver {
 }
 
 impl Receiver {
-    /// The same for these directions.
+    /// The receiver seen along these directions.
     pub fn seen(self, wo: Vec3, wi: Vec3) -> Receiver {
         let side = if self.is_opaque && wo.dot(self.ng) < 0.0 { -1.0 } else { 1.0 };
         Receiver {

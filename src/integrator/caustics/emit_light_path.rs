@@ -194,7 +194,7 @@ struct CasterPoint {
     is_only_way: [bool; 2],
 }
 
-/// The same with its surface and the solids on the other side.
+/// A hit of a caster with its surface and the solids on the other side.
 struct CasterHit {
     caster: CasterPoint,
     surface: Surface,

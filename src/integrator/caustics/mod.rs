@@ -53,7 +53,7 @@ const ARRIVES: u32 = 1;
 const ARRIVES_BY_CASTER: u32 = 2;
 /// Number of these bits.
 const BITS: u32 = 2;
-/// The same including the current vertex.
+/// [`ARRIVES`] of the chain that includes the current vertex.
 const LEAVES: u32 = ARRIVES << BITS;
 const LEAVES_BY_CASTER: u32 = ARRIVES_BY_CASTER << BITS;
 /// The current vertex is a receiver by its diffuse lobes only ([`Role::DiffuseReceiver`]).
@@ -103,7 +103,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// The same for sorted vertices whose normals were bent before.
+    /// Ends chains at sorted vertices whose normals were bent before.
     pub(super) fn end_bent_chains(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         if bounce >= 1 && self.optional.chains && self.scene.features.bent_normals {
             for i in sorted.metal_rough() {

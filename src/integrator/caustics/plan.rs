@@ -33,7 +33,7 @@ impl CausticPlan {
         Some(CausticPlan { roles, light_count, emission, seed, paths: paths.max(1) })
     }
 
-    /// The same with another number of paths.
+    /// This plan with another number of paths.
     #[must_use]
     pub fn with_paths(self, paths: u32) -> CausticPlan {
         CausticPlan { paths: paths.max(1), ..self }

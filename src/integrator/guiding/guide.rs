@@ -29,7 +29,7 @@ pub struct Guide {
     numbers: Numbers,
     /// By cell. Their means are of incident luminance from scattering, times the cosine over pi; [`NO_MEAN`] without training data.
     pub(super) histograms: Vec<Histogram>,
-    /// Of all bins of all cells.
+    /// Densities of all bins of all cells.
     pub(super) densities: Vec<f32>,
     /// Least reference luminance of Russian roulette.
     pub(super) floor: f32,
@@ -118,7 +118,7 @@ struct CellEstimate {
 }
 
 impl CellEstimate {
-    /// Of a cell with the posterior of its parent as prior, `trust` times as strong as usual.
+    /// Estimates a cell with the posterior of its parent as prior, `trust` times as strong as usual.
     fn new(cell: &CellSums, above: &CellEstimate, trust: f32) -> CellEstimate {
         let prior = PRIOR * trust;
         // Effective number of training samples.
@@ -162,7 +162,7 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// Of cubes with edges of this many metres.
+    /// A grid of cubes with edges of this many metres.
     pub fn new(edge: f32) -> Grid {
         Grid { scale: 1.0 / edge }
     }

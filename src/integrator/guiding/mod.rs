@@ -54,7 +54,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// The same for vertex `i` alone.
+    /// Guides the light sample of vertex `i` alone.
     pub(super) fn guide_light_sample(&self, i: usize, sorted: &SortedVertices, wave: &mut Wave) {
         let Some(guide) = self.options.guide else { return };
         let (densities, vertices) = (guide.densities(), &mut wave.vertices);

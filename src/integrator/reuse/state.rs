@@ -52,11 +52,11 @@ pub struct Suffixes {
     /// Throughput of the path there, and the density of its direction, per steradian.
     pub throughput: RgbLanes,
     pub pdf: Lanes,
-    /// Of glTF materials.
+    /// Parameters of glTF materials.
     pub material: MetalRoughMaterials,
     /// Transmittance of the layer above the diffuse part towards the end of the prefix.
     pub rest: Lanes,
-    /// Of glTF materials: diffuse fraction of the radiance from the light sample and from the scattered ray, below the layer.
+    /// glTF materials: diffuse fraction of the radiance from the light sample and from the scattered ray, below the layer.
     pub direct_share: RgbLanes,
     pub scattered_share: RgbLanes,
     /// Radiance towards all prefixes; of glTF materials, below the layer.
@@ -109,7 +109,7 @@ pub struct Reuse {
     pub pairs: Box<Pairs>,
     /// By place: radiance of prefixes from the suffixes of their group.
     pub gained: Box<RgbLanes>,
-    /// The same for light passes and light groups.
+    /// State of light passes and light groups.
     pub layers: SharedLayers,
     pub fans: Fans,
 }

@@ -162,7 +162,7 @@ fn affordable(
     edges
 }
 
-/// Of the box around a mesh.
+/// The diagonal of the box around a mesh, object units.
 fn diagonal(mesh: &Mesh) -> f32 {
     let (mut low, mut high) = ([f32::MAX; 3], [f32::MIN; 3]);
     for p in &mesh.positions {
@@ -189,7 +189,7 @@ struct Heights {
 }
 
 impl Heights {
-    /// Of a texture, which must be an image by texture coordinates; else the reason.
+    /// The heights of a texture, which must be an image by texture coordinates; else the reason.
     pub fn of(scene: &Scene, (id, channel): (TextureId, u8)) -> Result<Heights, String> {
         let texture = scene.textures.get(id.index());
         let Some(Texture::Image { image, wrap_u, wrap_v, mapping: Mapping::Uv { set, transform }, .. }) =

@@ -302,7 +302,7 @@ fn unit(q: DQuat, at: &str, report: &mut Report) -> Valid<DQuat> {
 /// What a channel drives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Element {
-    /// So many numbers, 1 to 4.
+    /// Values of 1 to 4 numbers.
     Numbers(usize),
     /// A unit quaternion.
     Rotation,
@@ -332,7 +332,7 @@ pub(super) struct Samplers<'d, 'a> {
 }
 
 impl<'d, 'a> Samplers<'d, 'a> {
-    /// Of a file at a time, seconds.
+    /// The samplers of a file at a time, seconds.
     pub fn new(doc: &'d Document<'a>, time_s: f64) -> Samplers<'d, 'a> {
         Samplers { doc, time_s, times: HashMap::new() }
     }
@@ -523,7 +523,7 @@ impl Track<'_> {
         self.part(key, 1)
     }
 
-    /// Of a cubic spline's key: 0 the in-tangent, 1 the value, 2 the out-tangent.
+    /// A part of a cubic spline's key: 0 the in-tangent, 1 the value, 2 the out-tangent.
     fn part(&self, key: usize, part: usize) -> Vec<f64> {
         let entry = if self.interpolation == Interpolation::Cubic { key * 3 + part } else { key };
         self.values[entry * self.width..][..self.width].iter().map(|&v| f64::from(v)).collect()

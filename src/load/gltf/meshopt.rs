@@ -499,7 +499,7 @@ fn octahedral8(bytes: &mut [u8]) {
     }
 }
 
-/// The same with 16 bits.
+/// The octahedral filter with 16 bits.
 fn octahedral16(bytes: &mut [u8]) {
     for element in bytes.as_chunks_mut::<8>().0 {
         let words = words(element).map(|w| w as i16);
@@ -557,7 +557,7 @@ fn color8(bytes: &mut [u8]) {
     }
 }
 
-/// The same with 16 bits.
+/// The colour filter with 16 bits.
 fn color16(bytes: &mut [u8]) {
     for element in bytes.as_chunks_mut::<8>().0 {
         let [y, co, cg, a] = words(element);

@@ -42,7 +42,7 @@ const PROPERTIES: &[(&str, usize)] = &[
 /// A pointer to a unit quaternion.
 const ROTATION: &str = "/extensions/EXT_lights_image_based/lights/*/rotation";
 
-/// Those of the extensions of materials.
+/// Animatable properties of the extensions of materials.
 const OF_MATERIALS: &[(&str, &[(&str, usize)])] = &[
     ("KHR_materials_anisotropy", &[("anisotropyStrength", 1), ("anisotropyRotation", 1)]),
     (
@@ -84,7 +84,7 @@ const OF_MATERIALS: &[(&str, &[(&str, usize)])] = &[
     ),
 ];
 
-/// Those of a reference to a texture.
+/// Animatable properties of a reference to a texture.
 const OF_TEXTURES: &[(&str, usize)] = &[("offset", 2), ("rotation", 1), ("scale", 2)];
 
 /// Planes of cameras, which cut nothing away here, and what concerns interaction alone.
@@ -130,7 +130,7 @@ pub(super) struct PointerAnimation {
     originals: Vec<Change>,
     /// The changes under which the cached materials were read.
     of_materials: Vec<Change>,
-    /// Those under which the cached surroundings were read.
+    /// The changes under which the cached surroundings were read.
     of_surroundings: Vec<Change>,
 }
 

@@ -34,7 +34,7 @@ struct Loose {
     strands: Option<Vec<Vec<u32>>>,
 }
 
-/// Those of the scene that is shown.
+/// The points and lines of the visible nodes.
 #[derive(Default)]
 pub(super) struct PointsAndLines {
     /// By mesh of the file, once read.

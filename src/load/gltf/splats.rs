@@ -18,7 +18,7 @@ use serde_json::Value;
 pub(super) const NAME: &str = "KHR_gaussian_splatting";
 /// The extension of it whose splats are an SPZ file in a view of a buffer.
 const SPZ: &str = "KHR_gaussian_splatting_compression_spz";
-/// The same of primitives, in an older draft.
+/// The extension of primitives in an older draft.
 const SPZ_OF_PRIMITIVES: &str = "KHR_spz_gaussian_splats_compression";
 
 /// Bytes that a splat takes in the scene, about.

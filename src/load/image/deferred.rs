@@ -102,7 +102,7 @@ fn layout(
     Ok(Some(found))
 }
 
-/// The same of what the crate `image` decodes; `None` for floats and palettes, too.
+/// The layout of what the crate `image` decodes; `None` for floats and palettes, too.
 fn common_layout(
     source: &Source,
     format: ImageFormat,

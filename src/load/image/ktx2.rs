@@ -27,7 +27,7 @@ struct Header {
     layers: u32,
     faces: u32,
     supercompression: u32,
-    /// Of the first level: first byte, length, and length when inflated.
+    /// The first level: first byte, length, and length when inflated.
     level: [u64; 3],
 }
 

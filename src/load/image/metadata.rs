@@ -258,7 +258,7 @@ mod tests {
         bytes
     }
 
-    /// The same in two languages of version 4.
+    /// A profile of version 4 with its name in two languages.
     fn profile_v4(name: &str) -> Vec<u8> {
         let mut bytes = profile("")[..144].to_vec();
         let units: Vec<u8> = name.encode_utf16().flat_map(u16::to_be_bytes).collect();

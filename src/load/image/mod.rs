@@ -74,7 +74,7 @@ pub(crate) fn decode(of: &ImageFile, purpose: Use, warnings: &mut Vec<Warning>) 
     decode_source(&of.source(), of.mime, purpose, warnings)
 }
 
-/// The same of a source with its declared media type, if there is one.
+/// [`decode`] for a source with its declared media type, if there is one.
 fn decode_source(
     source: &Source,
     mime: Option<&str>,
@@ -118,7 +118,7 @@ pub fn load_environment(path: &Path, warnings: &mut Vec<Warning>) -> Result<Imag
     load_environment_within(path, None, warnings)
 }
 
-/// The same of an image whose pixels may take so many bytes.
+/// [`load_environment`] with a limit on the memory of the pixels, bytes.
 ///
 /// # Errors
 /// As for [`load_environment`], and if they take more.

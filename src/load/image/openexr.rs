@@ -107,7 +107,7 @@ pub(super) fn layout(source: &Source, alpha: bool) -> Result<Layout> {
     Ok(Layout { size, channels: (colour.color.len() + alpha) as u32, bits: 32 })
 }
 
-/// The same within the display window: black and transparent where the file has no pixels, without those beyond it. Renderers write
+/// An EXR within its display window: black and transparent where the file has no pixels, without those beyond it. Renderers write
 /// what isn't empty, and pictures from elsewhere margins.
 pub(super) fn displayed(
     source: &Source,
@@ -214,7 +214,7 @@ struct Colour {
 }
 
 impl Colour {
-    /// That of the first layer which has one, and the number of the layer; given the names of each layer's channels.
+    /// The channels of the first layer that has a picture, and the number of that layer; given the names of each layer's channels.
     fn of_file(source: &Source, layers: impl Iterator<Item = Vec<String>>) -> Result<(usize, Colour)> {
         let found = layers.enumerate().find_map(|(i, names)| Some((i, Colour::find(&names)?)));
         found.ok_or_else(|| source.error("has no layer with channels R, G and B or Y"))

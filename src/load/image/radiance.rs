@@ -36,7 +36,7 @@ struct Header {
     /// Product of all factors on each channel.
     factors: [f32; 3],
     is_xyz: bool,
-    /// Of the first and the second axis: is it x, does it grow, and how many pixels it has.
+    /// The first and the second axis: is it x, does it grow, and how many pixels it has.
     axes: [(bool, bool, u32); 2],
     /// Bytes up to the pixels.
     length: usize,
@@ -85,7 +85,7 @@ pub(super) fn broken(source: &Source, error: &ImageError) -> crate::error::Error
 }
 
 impl Header {
-    /// That of an image of a size that is read.
+    /// The header of an image whose size was checked.
     fn checked(source: &Source) -> Result<Header> {
         let header = Header::read(source)?;
         let [width, height] = header.size().map(u64::from);

@@ -58,7 +58,7 @@ impl ImageFile<'_> {
 pub(super) struct Layout {
     pub size: [u32; 2],
     pub channels: u32,
-    /// Of a channel: 8 or 16 of an integer, 32 of a float.
+    /// Bits per channel: 8 or 16 of an integer, 32 of a float.
     pub bits: u32,
 }
 
@@ -152,7 +152,7 @@ pub(super) fn check_memory(source: &Source, width: u64, height: u64, bytes: u64)
     Err(source.error(message).with_help(format!("make it smaller, or raise {}", Choice::MemoryLimit)))
 }
 
-/// The same limit for the buffers that decoders allocate: 16 bytes a pixel.
+/// The limit for the buffers that decoders allocate: 16 bytes per pixel.
 pub(super) fn for_decoder(source: &Source) -> Limits {
     let mut limits = Limits::no_limits();
     limits.max_alloc = Some(pixels(source.bytes.len()) * 16);

@@ -261,7 +261,7 @@ pub(super) fn float(word: &[u8]) -> Option<f32> {
     std::str::from_utf8(word).ok()?.parse().ok()
 }
 
-/// The same in double precision.
+/// A number in double precision.
 #[inline]
 pub(super) fn double(word: &[u8]) -> Option<f64> {
     std::str::from_utf8(word).ok()?.parse().ok()

@@ -585,7 +585,7 @@ impl Object {
     }
 }
 
-/// Of a vertex, 0 where the file has none. The file's v grows upwards.
+/// The texture coordinates of a vertex, 0 where the file has none. The file's v grows upwards.
 fn texture_coordinates(model: &tobj::Mesh, vertex: usize) -> [f32; 2] {
     model.texcoords.as_chunks::<2>().0.get(vertex).map_or([0.0, 1.0], |[u, v]| [*u, 1.0 - v])
 }

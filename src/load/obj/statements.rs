@@ -62,7 +62,7 @@ pub(super) struct Statements {
     passes: Passes,
     /// Statements of positions, texture coordinates and normals in the file.
     totals: [usize; 3],
-    /// Those so far.
+    /// Numbers of positions, texture coordinates and normals so far.
     counts: [usize; 3],
     /// Lines of vertices that are broken.
     broken: HashSet<usize>,

@@ -31,7 +31,7 @@ pub(super) enum Slot {
     Uv(usize),
     Color(usize),
     Alpha,
-    /// Of the attribute of a number, which of its components.
+    /// A component of an attribute: the attribute's number and the component.
     Attribute(u8, u8),
     /// The number of a face's picture.
     Picture,

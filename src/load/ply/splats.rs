@@ -119,7 +119,7 @@ struct Harmonics {
 }
 
 impl Harmonics {
-    /// Of the properties of an element.
+    /// The harmonics among the properties of an element.
     fn of(source: &Source, element: &str) -> Harmonics {
         let has = |number: &usize| source.has(element, &format!("f_rest_{number}"));
         let in_file = (0..MOST_REST).take_while(has).count() / 3;

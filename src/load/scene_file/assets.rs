@@ -49,7 +49,7 @@ pub(super) struct Assets {
     smooth: HashMap<(MeshId, u64), MeshId>,
     /// Attributes of vertices that something may read.
     attributes: Arc<BTreeSet<String>>,
-    /// Of instances that list them.
+    /// Materials of instances that list them.
     listed: Vec<ListedMaterials>,
     /// What `mesh_keys` say of meshes that deform.
     deformed: HashMap<MeshId, String>,
@@ -247,7 +247,7 @@ fn smoothed(scene: &mut Scene, id: MeshId, crease_rad: f64) -> MeshId {
     MeshId(scene.meshes.len() as u32 - 1)
 }
 
-/// The same for all names of a file.
+/// The key of a path: one for all names of a file.
 fn key(path: &Path) -> PathBuf {
     path.canonicalize().unwrap_or_else(|_| path.to_path_buf())
 }

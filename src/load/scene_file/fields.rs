@@ -21,7 +21,7 @@ fn help_for_missing(path: &Path) -> String {
 /// The problems found so far.
 pub(super) struct Problems<'a> {
     text: &'a str,
-    /// The same for errors that outlive the reading.
+    /// The text shared with errors that outlive the parsing.
     shared_text: OnceCell<Arc<str>>,
     list: RefCell<Vec<Problem>>,
 }

@@ -423,7 +423,7 @@ fn roughness_of_fuzz(fuzz: f64) -> f64 {
 pub(super) struct MeasuredMetal {
     pub eta: [f32; 3],
     pub k: [f32; 3],
-    /// The same by wavelength.
+    /// The metal, for spectral rendering.
     pub metal: Option<Metal>,
 }
 

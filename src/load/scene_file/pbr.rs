@@ -58,7 +58,7 @@ impl Slots<'_, '_, '_> {
         self.number_beside(key, otherwise, otherwise)
     }
 
-    /// The same where a model has another one than what is taken without the key.
+    /// A number whose default is `otherwise` but `own` in a model that has another value.
     fn number_beside(&mut self, key: &'static str, otherwise: FloatSlot, own: FloatSlot) -> FloatSlot {
         if self.fields.raw(key).is_none_or(|value| value.get_ref().as_str().is_none()) {
             return share(self.fields, key, otherwise);

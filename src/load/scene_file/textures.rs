@@ -115,7 +115,7 @@ impl<'a> Textures<'a> {
         }
     }
 
-    /// The same in the place of a colour of a model's material.
+    /// A colour that replaces one of a model's material.
     pub fn color_in_place(
         &mut self,
         build: &mut SceneFileBuilder,

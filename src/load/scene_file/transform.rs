@@ -330,7 +330,7 @@ impl MovingPlacement {
 }
 
 impl Placement {
-    /// Of a light at a node; `None` if the node is flattened. Sheared axes are orthogonalized, so that the light stays a
+    /// The placement of a light at a node; `None` if the node is flattened. Sheared axes are orthogonalized, so that the light stays a
     /// rectangle.
     fn of_node(m: &DAffine3) -> Option<Placement> {
         let (x, y, z) = (m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis);

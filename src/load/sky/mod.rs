@@ -24,9 +24,9 @@ pub const SUN_ANGLE_RAD: f64 = 0.5358 * PI / 180.0;
 /// A clear sky with its sun, over ground of one colour.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PhysicalSky {
-    /// Of the sun above the horizon, 0 to half of pi.
+    /// Elevation of the sun above the horizon, 0 to half of pi.
     pub sun_elevation_rad: f64,
-    /// Of the sun, from -z towards x: clockwise seen from above.
+    /// Azimuth of the sun, from -z towards x: clockwise seen from above.
     pub sun_azimuth_rad: f64,
     /// Turbidity: 1 is the clearest air, 3 a clear day, 10 thick haze.
     pub turbidity: f64,

@@ -134,7 +134,7 @@ pub(super) struct Outline {
 }
 
 impl Outline {
-    /// Of a scene, relative to `offset`. A scene without objects gets a box of 2 m.
+    /// The outline of a scene, relative to `offset`. A scene without objects gets a box of 2 m.
     pub fn of(scene: &Scene, offset: DVec3) -> Outline {
         let hulls = MeshHulls::of(scene);
         let extents = hulls.instance_extents();
@@ -382,7 +382,7 @@ fn limit_of_splats(scene: &Scene) -> Option<Limit> {
 /// The parts of a scene that have a place, visited without a list of them: there may be many.
 struct Items<'s> {
     scene: &'s Scene,
-    /// Of the triangles every `step`-th is an item.
+    /// Every `step`-th triangle is an item.
     step: usize,
     /// Weight of each of the others.
     weight: f64,

@@ -17,7 +17,7 @@ pub enum StageLight {
     Sky,
     /// A low, warm sun.
     Sunset,
-    /// The same white from everywhere.
+    /// The same white from all directions.
     White,
     /// None.
     None,

@@ -83,7 +83,7 @@ fn edges(mesh: &Mesh, triangle: &[u32; 3]) -> [Edge; 3] {
     [[a, b], [b, c], [c, a]].map(|[a, b]| if a <= b { [a, b] } else { [b, a] })
 }
 
-/// Of the triangles `down` those whose connected sheets have no edge in common with what rises.
+/// The triangles among `down` whose connected sheets share no edge with a triangle that rises.
 fn apart(mesh: &Mesh, down: &[usize], rising: &HashSet<Edge>) -> HashSet<usize> {
     let mut neighbours: HashMap<Edge, Vec<usize>> = HashMap::new();
     for &t in down {

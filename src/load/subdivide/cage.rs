@@ -185,7 +185,7 @@ pub(super) struct Sharp {
 }
 
 impl Fans {
-    /// Of faces with numbers of corners, whose corners refer to `count` values.
+    /// The fans of faces with these numbers of corners, whose corners refer to `count` values.
     pub fn new(arities: &[u32], corners: &[u32], count: usize) -> Fans {
         let (next, before) = rings(arities);
         let mut uses: Vec<(u32, u32, u32)> = (0..corners.len() as u32)

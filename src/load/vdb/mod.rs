@@ -27,7 +27,7 @@ const UUID: usize = 36;
 /// A grid in a file.
 struct Entry {
     name: String,
-    /// Such as `Tree_float_5_4_3`.
+    /// The type of the tree, such as `Tree_float_5_4_3`.
     kind: String,
     /// It shares the tree of another.
     instance_of: String,
@@ -351,7 +351,7 @@ mod tests {
 
     /// Two grids, packed by Blosc; the second, `density`, has 1 + i + 10 j + 100 k over 64 at the voxel (i - 2, j + 4, k + 1).
     const BLOSC: &[u8] = include_bytes!("tests/blosc.vdb");
-    /// The same density as half floats, and a grid of truth values.
+    /// A density as half floats, and a boolean grid.
     const HALF: &[u8] = include_bytes!("tests/half.vdb");
 
     fn value(grid: &Grid, [x, y, z]: [u32; 3]) -> f32 {

@@ -133,7 +133,7 @@ impl NodeGraph {
         })
     }
 
-    /// The same of an input.
+    /// The nodes that an input needs, each after those that it needs; `None` if links form a cycle.
     pub fn order_of(&self, input: &NodeInput) -> Option<Vec<usize>> {
         let NodeInput::Link { node, .. } = *input else { return Some(Vec::new()) };
         let (mut order, mut state) = (Vec::new(), vec![0u8; self.nodes.len()]);

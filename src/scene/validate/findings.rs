@@ -62,7 +62,7 @@ impl Findings {
         }
     }
 
-    /// The same where the field is not as it must be.
+    /// Rejects a field unless a condition holds.
     pub fn require(
         &mut self,
         is_met: bool,

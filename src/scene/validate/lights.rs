@@ -269,7 +269,7 @@ fn check_fov(fov_rad: f64, place: Entry, findings: &mut Findings) {
 /// Narrowest view of a panorama, radians.
 const LEAST_ANGLE: f64 = 1e-5;
 
-/// Of more, an opening is round.
+/// An aperture with more blades is a disk.
 const MOST_BLADES: u32 = 256;
 
 /// Width over height of pixels.

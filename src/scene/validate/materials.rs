@@ -371,7 +371,7 @@ pub(super) fn check_textures(scene: &Scene, findings: &mut Findings) {
     }
 }
 
-/// Of one texture at one place.
+/// Maximum number of textures of one lookup.
 const MOST_LOOKUPS: u64 = 4096;
 
 const NESTING: &str = "at most 64 textures, one in the other";

@@ -43,7 +43,7 @@ impl Scene {
 }
 
 impl Camera {
-    /// The same for a camera that is in no scene.
+    /// [`Scene::validate`] for a camera outside a scene.
     pub fn validate(&self) -> Vec<Problem> {
         let mut findings = Findings::default();
         lights::check_camera(self, 0, &mut findings);

@@ -42,7 +42,7 @@ pub struct Points<'a> {
 pub enum Operation {
     /// What points give.
     Load(Source),
-    /// The same beside them: along which step, by how much of it.
+    /// The source at an offset, for derivatives: along which step, by how much of it.
     LoadMoved { source: Source, step: usize, share: f32 },
     /// A normal from a map of normals.
     NormalMap(NormalSpace),
@@ -54,7 +54,7 @@ pub enum Operation {
     Transposed,
     /// A vector by a transform that is the same everywhere.
     Affine([f32; 12]),
-    /// Of a vector.
+    /// Normalizes a vector.
     Normalize,
     /// Length of a vector.
     Length,
@@ -66,9 +66,9 @@ pub enum Operation {
     Environment { texture: TextureId, reading: ImageReading, lies: EnvironmentProjection },
     /// The first of two squared distances is at most half a width.
     IsNear { in_pixels: bool },
-    /// Of three numbers.
+    /// The mean of three numbers.
     Mean,
-    /// Of a colour.
+    /// The luminance of a colour.
     Luminance,
     /// The function of a node.
     Node(NodeKind),

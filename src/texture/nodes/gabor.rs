@@ -34,7 +34,7 @@ pub fn two_dimensional(p: [f32; 2], frequency: f32, isotropy: f32, angle_rad: f3
     outputs(sum, 0.25)
 }
 
-/// The same in three dimensions, along a direction.
+/// Gabor noise in three dimensions, along a direction.
 pub fn three_dimensional(p: [f32; 3], frequency: f32, isotropy: f32, direction: [f32; 3]) -> [f32; 3] {
     let cell = p.map(f32::floor);
     let direction = Vec3::from_array(normalize(direction));

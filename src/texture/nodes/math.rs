@@ -105,7 +105,7 @@ pub fn scalar(operation: MathOperation, a: f32, b: f32, c: f32) -> f32 {
     }
 }
 
-/// The same for operations that round or repeat.
+/// Operations that round or repeat.
 #[inline(always)]
 fn rounding(operation: MathOperation, a: f32, b: f32, c: f32) -> f32 {
     match operation {
@@ -138,7 +138,7 @@ fn rounding(operation: MathOperation, a: f32, b: f32, c: f32) -> f32 {
     }
 }
 
-/// The same for functions of angles.
+/// Functions of angles.
 #[inline(always)]
 fn trigonometry(operation: MathOperation, a: f32, b: f32) -> f32 {
     match operation {

@@ -392,7 +392,7 @@ impl Builder<'_> {
         self.surface_sources(kind).or_else(|| self.other_sources(kind, inputs))
     }
 
-    /// Those of coordinates and attributes.
+    /// The sources of coordinates and attributes.
     fn surface_sources(&mut self, kind: &NodeKind) -> Option<Vec<[Number; 3]>> {
         let generated = self.attribute("generated");
         Some(match kind {
@@ -449,7 +449,7 @@ impl Builder<'_> {
         })
     }
 
-    /// Those of the object, the camera and the path.
+    /// The sources of the object, the camera and the path.
     fn other_sources(
         &mut self,
         kind: &NodeKind,

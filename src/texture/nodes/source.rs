@@ -62,7 +62,7 @@ pub enum Source {
     ObjectFromWorld,
     /// The inverse.
     WorldFromObject,
-    /// The same of the camera, with z along its axis.
+    /// The transform into camera space, with z along the camera's axis.
     CameraFromWorld,
     /// The inverse.
     WorldFromCamera,

@@ -281,7 +281,7 @@ pub(super) struct SpecularGlossiness {
 }
 
 impl SpecularGlossiness {
-    /// The same in the newer model's terms.
+    /// The material in terms of the metallic-roughness model.
     pub fn model(&self) -> PbrMaterial {
         PbrMaterial {
             base_color: self.diffuse.color,

@@ -137,7 +137,7 @@ impl Users {
         Users { of_materials, of_meshes }
     }
 
-    /// Those with a material, in order.
+    /// The meshes with a material, in order.
     fn meshes(&self, id: MaterialId) -> &[usize] {
         self.of_materials.get(&id).map_or(&[], Vec::as_slice)
     }

@@ -34,9 +34,9 @@ pub(super) struct Materials {
     /// Export losses, parallel to the list.
     pub export_losses: Vec<ExportLosses>,
     needs: Vec<MaterialNeeds>,
-    /// Those that are on panes, which became sheets.
+    /// Materials of window panes, which became thin sheets.
     panes: Vec<MaterialId>,
-    /// That of Gaussian splats, once there are some.
+    /// The material of Gaussian splats, once there are some.
     splats: Option<MaterialId>,
     known: HashMap<Option<usize>, Valid<MaterialId>>,
 }
