@@ -261,7 +261,7 @@ fn end_with(
     skipped + last.unwrap_or(0)
 }
 
-/// Least number of chunks, as far as [`MIN_CHUNK`] allows. (A thread needs some 450 bytes a primitive of its chunk.)
+/// Minimum number of chunks, as far as [`MIN_CHUNK`] allows. (A thread needs some 450 bytes a primitive of its chunk.)
 const MIN_CHUNKS: usize = 32;
 /// Limits on the primitives of a chunk.
 const MIN_CHUNK: usize = 1 << 13;

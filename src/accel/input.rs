@@ -64,7 +64,7 @@ pub struct AccelInstance {
 pub enum TreeQuality {
     /// Fast to build, for few rays.
     Fast,
-    /// Fewest traversal steps a ray.
+    /// Fewest traversal steps per ray.
     #[default]
     Full,
 }
@@ -164,7 +164,7 @@ const fn in_own_packet(lines: u64) -> u64 {
 }
 
 impl Estimate {
-    /// The most memory that references can address.
+    /// Maximum memory that references can address, bytes.
     pub const LIMIT: u64 = MAX_LINE as u64 * LINE;
 
     /// Estimates a whole acceleration structure: the world and the geometries that an instance uses.

@@ -400,7 +400,7 @@ impl<'a> QueryState<'a> {
     }
 }
 
-/// The least or greatest of each axis.
+/// The minimum or maximum of each axis.
 #[inline(always)]
 fn all_of(lanes: &[[f32; LANES_PER_RUN]; 3], better: impl Fn(f32, f32) -> f32 + Copy) -> [f32; 3] {
     let mut all = [lanes[0][0], lanes[1][0], lanes[2][0]];
@@ -421,7 +421,7 @@ fn occludes(packet: &TrianglePacket, lane: usize, ray: &Ray) -> bool {
     t > t_min && t < t_max && weights_of(|axis, k| packet.rows[4 * axis + k][lane], &line).is_some()
 }
 
-/// Least absolute component of a direction.
+/// Minimum absolute component of a direction.
 const SMALLEST: f32 = 1.0 / (1u64 << 60) as f32;
 
 /// Bound on the rounding of a plane's parameter.
@@ -482,7 +482,7 @@ impl SegmentHull {
     }
 }
 
-/// Most segments of a query.
+/// Maximum number of segments of a query.
 pub const RAYS: usize = 64;
 
 /// Relative rounding error of f32.

@@ -404,7 +404,7 @@ fn deep_trees_are_walked_to_their_end() {
 /// numbers, where of one of each all are hit by rays that start behind the last hit.
 #[test]
 fn many_primitives_in_one_place_follow_each_other() {
-    const MOST: usize = 200;
+    const MAX: usize = 200;
     let single = soup(300, 0.6, 8);
     let times = |count: usize| Geometry {
         positions: single.positions.clone(),
@@ -426,7 +426,7 @@ fn many_primitives_in_one_place_follow_each_other() {
         }
         let mut found = Vec::new();
         let mut hit = many.closest_one(&ray);
-        while hit.is_hit() && found.len() < MOST * 7 {
+        while hit.is_hit() && found.len() < MAX * 7 {
             found.push((hit.t, hit.instance, hit.prim));
             hit = many.next_one(&ray, &hit, 0.0);
         }

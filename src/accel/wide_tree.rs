@@ -32,7 +32,7 @@ const COST_INSTANCE: f32 = 3.0;
 /// Lanes of the longest leaf that is chosen.
 pub const MAX_LANES: u32 = 16;
 
-/// Least expected costs of a binary node in the wide tree, and the splits that give them.
+/// Minimum expected costs of a binary node in the wide tree, and the splits that give them.
 #[derive(Clone, Copy, Default)]
 struct CollapseCosts {
     /// As one child of a wide node, and as at most 2, 3, ... 7 children.
@@ -97,7 +97,7 @@ impl Collapse {
         self.costs[node].left_of_node == 0
     }
 
-    /// The least expected cost of the whole tree as one child.
+    /// The minimum expected cost of the whole tree as one child.
     pub fn cost(&self) -> f32 {
         self.costs[0].cost[0]
     }
@@ -209,7 +209,7 @@ fn choose<'a>(
     chosen
 }
 
-/// The least cost of two nodes as 1 (infinite), 2, ... 8 children together, and how many of these are the left one's: of
+/// The minimum cost of two nodes as 1 (infinite), 2, ... 8 children together, and how many of these are the left one's: of
 /// equal ones the fewest. (All numbers of children at once, which the compiler makes vectors of.)
 #[inline(always)]
 fn splits(left: &[f32; WIDTH - 1], right: &[f32; WIDTH - 1]) -> ([f32; WIDTH], [u32; WIDTH]) {

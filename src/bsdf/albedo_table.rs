@@ -9,8 +9,8 @@ const ROWS: usize = 128;
 /// cos / alpha), for the ratio of `grazing` to it by s itself.
 const COLUMNS: usize = 96;
 /// The square root of [`MIN_ALPHA`]: smoother facets are a mirror.
-pub(super) const LEAST_ROUGHNESS: f32 = 0.031_622_777;
-const _: () = assert!((LEAST_ROUGHNESS * LEAST_ROUGHNESS - MIN_ALPHA).abs() < 1e-9);
+pub(super) const MIN_ROUGHNESS: f32 = 0.031_622_777;
+const _: () = assert!((MIN_ROUGHNESS * MIN_ROUGHNESS - MIN_ALPHA).abs() < 1e-9);
 
 /// Pairs (full, grazing / full).
 static ALBEDO: [[[f32; 2]; COLUMNS]; ROWS] = decoded(include_bytes!("albedo.bin"));
@@ -46,7 +46,7 @@ impl DirectionalAlbedo {
             (i, x - i as f32)
         };
         let (root, roughness) = (cos_o.clamp(0.0, 1.0).sqrt(), alpha.clamp(0.0, 1.0).sqrt());
-        let (row, t) = locate((roughness - LEAST_ROUGHNESS) * (1.0 / (1.0 - LEAST_ROUGHNESS)), ROWS);
+        let (row, t) = locate((roughness - MIN_ROUGHNESS) * (1.0 / (1.0 - MIN_ROUGHNESS)), ROWS);
         let (low, high) = (&ALBEDO[row], &ALBEDO[row + 1]);
         let value = |k: usize, x: f32| {
             let (column, s) = locate(x, COLUMNS);
@@ -80,7 +80,7 @@ mod tests {
 
     /// What a node of the table holds.
     fn node(row: usize, column: usize) -> [f64; 2] {
-        let least = f64::from(LEAST_ROUGHNESS);
+        let least = f64::from(MIN_ROUGHNESS);
         let r = least + (1.0 - least) * row as f64 / (ROWS - 1) as f64;
         let x = column as f64 / (COLUMNS - 1) as f64;
         let relative = x * r / (1.0 + r - x);
@@ -112,7 +112,7 @@ mod tests {
         let mut random = Random::new(3);
         let (mut full, mut grazing) = (0.0f64, 0.0f64);
         for i in 0..2000 {
-            let r = LEAST_ROUGHNESS + (1.0 - LEAST_ROUGHNESS) * random.next();
+            let r = MIN_ROUGHNESS + (1.0 - MIN_ROUGHNESS) * random.next();
             let x = random.next();
             // Half of the places crowd where the cosine is near alpha.
             let s = if i % 2 == 0 { x } else { x * r / (1.0 + r - x) };

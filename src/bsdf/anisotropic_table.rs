@@ -1,6 +1,6 @@
 //! Directional albedo of facets with two roughnesses: that of one roughness, corrected by a table.
 
-use super::albedo_table::{DirectionalAlbedo, LEAST_ROUGHNESS};
+use super::albedo_table::{DirectionalAlbedo, MIN_ROUGHNESS};
 use super::dielectric_table::mean_cosine;
 use super::fresnel::DielectricCurve;
 use super::ggx::MIN_ALPHA;
@@ -50,7 +50,7 @@ fn largest(small: f32) -> f32 {
 #[inline(always)]
 fn small_axis(small: f32) -> f32 {
     if small < KINK {
-        (small - LEAST_ROUGHNESS) * (AT_KINK / (KINK - LEAST_ROUGHNESS))
+        (small - MIN_ROUGHNESS) * (AT_KINK / (KINK - MIN_ROUGHNESS))
     } else {
         AT_KINK + (small - KINK) * ((1.0 - AT_KINK) / (1.0 - KINK))
     }
@@ -200,7 +200,7 @@ mod tests {
     fn node(index: [usize; 4]) -> [f64; 2] {
         let x: [f32; 4] = std::array::from_fn(|axis| index[axis] as f32 / (NODES[axis] - 1) as f32);
         let small = match x[0] < AT_KINK {
-            true => LEAST_ROUGHNESS + (KINK - LEAST_ROUGHNESS) * (x[0] / AT_KINK),
+            true => MIN_ROUGHNESS + (KINK - MIN_ROUGHNESS) * (x[0] / AT_KINK),
             false => KINK + (1.0 - KINK) * ((x[0] - AT_KINK) / (1.0 - AT_KINK)),
         };
         let large = small + (largest(small) - small) * x[1];

@@ -1,6 +1,6 @@
 //! Directional albedo of GGX facets with the exact Fresnel curve of a dielectric, from a table.
 
-use super::albedo_table::LEAST_ROUGHNESS;
+use super::albedo_table::MIN_ROUGHNESS;
 use super::fresnel::DielectricCurve;
 
 /// Nodes by roughness r = sqrt(alpha) from the least to 1, by index of refraction (see [`index_axis`]), and by view
@@ -8,7 +8,7 @@ use super::fresnel::DielectricCurve;
 const NODES: [usize; 3] = [32, 16, 40];
 
 /// What the table holds, from here on over a range of 1 in steps of 1 / 65535.
-const LEAST: f32 = -0.1;
+const MIN: f32 = -0.1;
 
 /// The mean cosine of facets is the cosine at which a smooth surface weighs light as the rough one does on average: the
 /// share of reflected light weighted by the curve is the directional albedo times the curve's weight there. It depends
@@ -52,9 +52,9 @@ fn scaled(cosine: f32, roughness: f32) -> f32 {
 #[inline(always)]
 pub fn mean_cosine(cos_o: f32, alpha: f32, curve: DielectricCurve) -> f32 {
     let cosine = cos_o.clamp(0.0, 1.0);
-    let (root, roughness) = (cosine.sqrt(), alpha.clamp(0.0, 1.0).sqrt().max(LEAST_ROUGHNESS));
+    let (root, roughness) = (cosine.sqrt(), alpha.clamp(0.0, 1.0).sqrt().max(MIN_ROUGHNESS));
     let place = [
-        (roughness - LEAST_ROUGHNESS) * (1.0 / (1.0 - LEAST_ROUGHNESS)),
+        (roughness - MIN_ROUGHNESS) * (1.0 / (1.0 - MIN_ROUGHNESS)),
         index_axis(curve),
         root * (1.0 + roughness) / (root + roughness),
     ];
@@ -73,7 +73,7 @@ pub fn mean_cosine(cos_o: f32, alpha: f32, curve: DielectricCurve) -> f32 {
         low + tb * (high - low)
     };
     let (low, high) = (across(&MEAN_COSINE[a]), across(&MEAN_COSINE[a + 1]));
-    let shift = (low + ta * (high - low)) * (1.0 / 65535.0) + LEAST;
+    let shift = (low + ta * (high - low)) * (1.0 / 65535.0) + MIN;
     let z = (scaled(cosine, roughness) + shift).clamp(0.0, 1.0);
     z * roughness / (1.0 + roughness - z)
 }
@@ -106,7 +106,7 @@ mod tests {
 
     /// A column of nodes, by index of refraction.
     fn nodes(row: usize, column: usize) -> [f64; NODES[1]] {
-        let least = f64::from(LEAST_ROUGHNESS);
+        let least = f64::from(MIN_ROUGHNESS);
         let r = least + (1.0 - least) * row as f64 / (NODES[0] - 1) as f64;
         let x = column as f64 / (NODES[2] - 1) as f64;
         let cosine = (x * r / (1.0 + r - x)).powi(2).min(1.0);
@@ -140,7 +140,7 @@ mod tests {
     /// Writes the data file when `OSCURA_WRITE_TABLES` is set, then compares some nodes.
     #[test]
     fn table_is_the_integral() {
-        let unit = |v: f64| (v - f64::from(LEAST)) * 65535.0;
+        let unit = |v: f64| (v - f64::from(MIN)) * 65535.0;
         if std::env::var_os("OSCURA_WRITE_TABLES").is_some() {
             let mut bytes = Vec::new();
             for row in 0..NODES[0] {
@@ -181,7 +181,7 @@ mod tests {
         let mut random = Random::new(3);
         let (mut lists, mut squares) = ([Vec::new(), Vec::new()], 0.0);
         for i in 0..2000 {
-            let r = LEAST_ROUGHNESS + (1.0 - LEAST_ROUGHNESS) * random.next();
+            let r = MIN_ROUGHNESS + (1.0 - MIN_ROUGHNESS) * random.next();
             let x = random.next();
             let s = if i % 2 == 0 { x } else { x * r / (1.0 + r - x) };
             let cosine = (s * s).max(1e-6);

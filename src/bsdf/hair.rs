@@ -37,14 +37,14 @@ pub struct Hair {
 const LOBES: usize = 4;
 
 /// Rougher ones are no narrower than single precision resolves.
-const LEAST_ROUGHNESS: f32 = 0.01;
+const MIN_ROUGHNESS: f32 = 0.01;
 
 /// Darker colours than this, or hair as black as it gets.
-const LEAST_COLOR: f32 = 1e-12;
+const MIN_COLOR: f32 = 1e-12;
 
 /// Variance of the longitudinal lobe: Chiang et al. 2016, eq. 7.
 fn longitudinal_variance(roughness: f32) -> f32 {
-    let b = roughness.clamp(LEAST_ROUGHNESS, 1.0);
+    let b = roughness.clamp(MIN_ROUGHNESS, 1.0);
     let b20 = power(b, 20);
     let root = 0.726 * b + 0.812 * b * b + 3.7 * b20;
     root * root
@@ -53,7 +53,7 @@ fn longitudinal_variance(roughness: f32) -> f32 {
 /// Scale of the azimuthal logistic: eq. 8, with the factor that gives it the width of a Gaussian of that deviation.
 fn azimuthal_scale(roughness: f32) -> f32 {
     const ROOT_PI_OVER_8: f32 = 0.626_657_1;
-    let b = roughness.clamp(LEAST_ROUGHNESS, 1.0);
+    let b = roughness.clamp(MIN_ROUGHNESS, 1.0);
     ROOT_PI_OVER_8 * (0.265 * b + 1.194 * b * b + 5.372 * power(b, 22))
 }
 
@@ -247,7 +247,7 @@ impl Hair {
 /// Eq. 9: the absorption of hair that has a colour where there is much of it.
 #[inline(always)]
 fn root_absorption(color: Rgb, scale: f32) -> Rgb {
-    color.map(|c| -poly::ln(c.clamp(LEAST_COLOR, 1.0)).min(0.0) / scale)
+    color.map(|c| -poly::ln(c.clamp(MIN_COLOR, 1.0)).min(0.0) / scale)
 }
 
 impl Lobe for Hair {

@@ -13,7 +13,7 @@ use super::albedo_table::DirectionalAlbedo;
 use super::dielectric::tint_of_crossing;
 use super::diffuse::{DiffuseThrough, OrenNayar};
 use super::fresnel::LayerFresnel;
-use super::lobe::{LEAST_ALBEDO, LocalFrame, MaterialProgram, Refracted, Slots, always};
+use super::lobe::{MIN_ALBEDO, LocalFrame, MaterialProgram, Refracted, Slots, always};
 use super::metal::FacetReflection;
 use super::metal_rough::{MetalRough, MetalRoughClosure};
 use super::microsurface::{Facets, Isotropic, Microsurface, MicrosurfaceProgram};
@@ -125,7 +125,7 @@ impl Layered {
             if of_glass > 0.0 { of_glass * glass.albedo_estimate(above.z, wo.z < 0.0) } else { 0.0 },
         ];
         let total: f32 = shares.iter().sum();
-        let scale = if total > LEAST_ALBEDO { 1.0 / total } else { 0.0 };
+        let scale = if total > MIN_ALBEDO { 1.0 / total } else { 0.0 };
         LayeredClosure {
             weights: [
                 Rgb::splat(strength),
@@ -237,7 +237,7 @@ impl Lobe for Layered {
         }
         let probability = closure.probabilities[part];
         // Rounding may lead to the last part, whatever its probability.
-        if probability <= LEAST_ALBEDO {
+        if probability <= MIN_ALBEDO {
             return BsdfSample::ABSORBED;
         }
         let u = [u[0], u[1], (rest / probability).min(1.0f32.next_down())];

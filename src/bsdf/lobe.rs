@@ -196,7 +196,7 @@ impl BsdfEval {
 }
 
 /// Albedos below this count as black: a guard against division by zero.
-pub(super) const LEAST_ALBEDO: f32 = 1e-30;
+pub(super) const MIN_ALBEDO: f32 = 1e-30;
 
 /// With a z of -0 turned to 0, so that its sign says the same as a comparison.
 #[inline(always)]

@@ -2,7 +2,7 @@
 
 use super::albedo_table::DirectionalAlbedo;
 use super::fresnel::{DielectricCurve, LayerFresnel};
-use super::lobe::LEAST_ALBEDO;
+use super::lobe::MIN_ALBEDO;
 use super::microsurface::{Facets, Isotropic};
 use super::{Appearance, BsdfEval, BsdfSample, Lobe, fresnel, ggx};
 use crate::color::Rgb;
@@ -136,7 +136,7 @@ impl<S: Facets> MetalRough<S> {
         let diffuse = self.diffuse * rest;
         let (s, d) = (specular.mean(), diffuse.mean());
         let albedo = s + d;
-        let whole = if albedo > LEAST_ALBEDO { albedo } else { 1.0 };
+        let whole = if albedo > MIN_ALBEDO { albedo } else { 1.0 };
         MetalRoughClosure {
             diffuse,
             rest,
@@ -218,7 +218,7 @@ impl MetalRoughClosure {
         let of_mirror = self.reflectance(above.z) / self.probability_specular;
         let weight = Rgb::select(is_mirror, of_mirror, value.f_cos / value.pdf_solid_angle);
         let pdf = if is_mirror { self.probability_specular } else { value.pdf_solid_angle };
-        let goes_on = (self.albedo > LEAST_ALBEDO) & (wi.z > 0.0) & (pdf > 0.0);
+        let goes_on = (self.albedo > MIN_ALBEDO) & (wi.z > 0.0) & (pdf > 0.0);
         BsdfSample {
             wi: Vec3::new(wi.x, wi.y, wi.z.copysign(wo.z)),
             weight: Rgb::select(goes_on, weight, Rgb::ZERO),

@@ -67,7 +67,7 @@ impl Facets for Isotropic {
 }
 
 /// Smallest ratio of the two alphas.
-const LEAST_RATIO: f32 = 1.0 / (LARGEST_ROOT_RATIO * LARGEST_ROOT_RATIO);
+const MIN_RATIO: f32 = 1.0 / (LARGEST_ROOT_RATIO * LARGEST_ROOT_RATIO);
 
 /// Facets of two roughnesses.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -89,7 +89,7 @@ impl Microsurface {
     #[inline]
     pub fn new(alpha: [f32; 2], axis: [f32; 2]) -> Microsurface {
         let is_mirror = alpha[0].max(alpha[1]) < MIN_ALPHA;
-        let least = (alpha[0].max(alpha[1]) * LEAST_RATIO).max(MIN_ALPHA);
+        let least = (alpha[0].max(alpha[1]) * MIN_RATIO).max(MIN_ALPHA);
         let alpha = alpha.map(|a| if is_mirror { 0.0 } else { a.clamp(least, 1.0) });
         Microsurface { alpha, axis }
     }

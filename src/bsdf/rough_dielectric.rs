@@ -12,7 +12,7 @@ use crate::scene::{ColorSlot, EnergyCompensation, GlassReflection, SkippedCausti
 
 /// Alpha times (ior - 1) below which refraction spreads light by less than single precision resolves from a single
 /// direction: the surface counts as smooth.
-const LEAST_SPREAD: f32 = 1e-4;
+const MIN_SPREAD: f32 = 1e-4;
 
 /// What is behind the surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -141,7 +141,7 @@ impl RoughDielectric {
     pub fn is_smooth(&self) -> bool {
         let [a, b] = self.surface.alpha();
         self.surface.is_mirror()
-            || (self.walls == Walls::Solid && a.min(b) * (self.ior - 1.0).abs() < LEAST_SPREAD)
+            || (self.walls == Walls::Solid && a.min(b) * (self.ior - 1.0).abs() < MIN_SPREAD)
     }
 
     /// Index of refraction of the other side over the side of `wo`.

@@ -348,7 +348,7 @@ fn smaller(values: &[f32], full: [usize; 2], (width, height): (usize, usize), ki
     (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| one(x, y)).collect()
 }
 
-/// The least and the largest value that are meant; both 0 where there is none.
+/// The minimum and the maximum value that are shown; both 0 where there is none.
 fn range(values: &[f32], kind: Kind) -> (f32, f32) {
     let meant = values.iter().copied().filter(|v| v.is_finite() && !(kind == Kind::Depth && *v >= FAR));
     let (least, most) = meant.fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));

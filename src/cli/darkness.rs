@@ -11,7 +11,7 @@ use std::path::Path;
 const DARK: f64 = 0.18 / 100.0;
 /// Share of pixels as bright as middle grey that makes a dark picture one of a small bright thing.
 const SEEN: f64 = 1e-3;
-/// Most pixels that are looked at.
+/// Maximum number of pixels that are looked at.
 const LOOKED_AT: u64 = 1 << 18;
 
 /// A note for a picture that is nearly black at this exposure (stops).

@@ -149,14 +149,14 @@ fn unknown(topic: &str, command: &clap::Command) -> Error {
 
 /// The command, topic or option whose name is most like a word, if two letters at most differ.
 fn nearest(word: &str, command: &clap::Command) -> Option<String> {
-    const MOST: usize = 2;
+    const MAX: usize = 2;
     let word = word.trim_start_matches('-').to_lowercase();
     let mut names: Vec<String> = command.get_subcommands().map(|c| c.get_name().to_string()).collect();
     names.extend(topic_names());
     let render = subcommand(command, "render")?;
     names.extend(render.get_arguments().filter_map(|arg| arg.get_long().map(str::to_string)));
     let far = |name: &String| levenshtein(&word, name);
-    names.into_iter().filter(|name| far(name) <= MOST.min(word.len() / 3)).min_by_key(far)
+    names.into_iter().filter(|name| far(name) <= MAX.min(word.len() / 3)).min_by_key(far)
 }
 
 /// A command by name, called in usage lines as users call it.
@@ -193,7 +193,7 @@ pub(crate) fn man(args: &ManArgs) -> Result<Outcome> {
 /// Columns of a terminal.
 const WIDTH: usize = 100;
 /// Narrowest column of a table.
-const LEAST: usize = 12;
+const MIN: usize = 12;
 const GAP: usize = 2;
 
 /// Plain text for a terminal.
@@ -258,7 +258,7 @@ fn table(text: &mut String, lines: &[&str]) {
     let mut widths: Vec<usize> = (0..columns).map(|c| longest(c).unwrap_or(0)).collect();
     // The widest columns give way.
     while widths.iter().sum::<usize>() + GAP * columns > WIDTH {
-        let Some(widest) = (0..columns).max_by_key(|&c| widths[c]).filter(|&c| widths[c] > LEAST) else {
+        let Some(widest) = (0..columns).max_by_key(|&c| widths[c]).filter(|&c| widths[c] > MIN) else {
             break;
         };
         widths[widest] -= 1;

@@ -105,8 +105,8 @@ const WORLD: &str = "\
 # or: image = \"studio.exr\", rotation = 0, strength = 1
 ";
 
-/// Most cameras with a proposal.
-const MOST_CAMERAS: usize = 8;
+/// Maximum number of cameras with a proposal.
+const MAX_CAMERAS: usize = 8;
 
 fn cameras(scene: &Scene) -> Vec<String> {
     let proposal = |name: &str| {
@@ -117,7 +117,7 @@ fn cameras(scene: &Scene) -> Vec<String> {
         )
     };
     // The one that the whole model is framed by is none of its own.
-    let own = scene.cameras.iter().filter(|c| c.name != "default").take(MOST_CAMERAS);
+    let own = scene.cameras.iter().filter(|c| c.name != "default").take(MAX_CAMERAS);
     own.map(|camera| proposal(&camera.name)).collect()
 }
 

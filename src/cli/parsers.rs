@@ -137,11 +137,11 @@ pub(crate) enum ShowArg {
 
 // Numbered sequences of pictures: `--frames 1-10x2`.
 
-/// Most pictures of one command; beyond, the range is surely a slip.
-const MOST: u64 = 1 << 20;
+/// Maximum number of pictures of one command; beyond, the range is surely a slip.
+const MAX: u64 = 1 << 20;
 
-/// Most digits of a number in a name.
-const MOST_DIGITS: usize = 20;
+/// Maximum number of digits of a number in a name.
+const MAX_DIGITS: usize = 20;
 
 /// Default frame rate, frames per second.
 pub(crate) const FRAME_RATE: f64 = 24.0;
@@ -177,8 +177,8 @@ impl FromStr for Frames {
         if step == 0 || last < first {
             return Err("the last frame comes before the first, or the step is 0".to_string());
         }
-        if u64::from(last - first) / u64::from(step) >= MOST {
-            return Err(format!("more than {MOST} frames"));
+        if u64::from(last - first) / u64::from(step) >= MAX {
+            return Err(format!("more than {MAX} frames"));
         }
         Ok(Frames { first, last, step })
     }
@@ -253,7 +253,7 @@ fn with_marks(name: &str) -> Cow<'_, str> {
         let rest = &name[at + 1..];
         let digits = rest.find(|c: char| !c.is_ascii_digit()).unwrap_or(rest.len());
         let width = if digits == 0 { Some(1) } else { rest[..digits].parse().ok() };
-        if let (Some(tail), Some(width @ 1..=MOST_DIGITS)) = (rest[digits..].strip_prefix('d'), width) {
+        if let (Some(tail), Some(width @ 1..=MAX_DIGITS)) = (rest[digits..].strip_prefix('d'), width) {
             return Cow::Owned(format!("{}{}{tail}", &name[..at], "#".repeat(width)));
         }
     }

@@ -63,7 +63,7 @@ pub(crate) fn remember_words(words: &[OsString]) {
     WORDS.lock().unwrap_or_else(PoisonError::into_inner).clone_from(&words.to_vec());
 }
 
-/// The most memory that the process had, bytes; where the system reports it (Linux).
+/// Peak memory of the process, bytes; where the system reports it (Linux).
 pub(crate) fn peak_memory() -> Option<u64> {
     kib("/proc/self/status", "VmHWM:")
 }

@@ -13,7 +13,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Least time between two lines for programs.
+/// Minimum time between two progress lines for programs.
 pub(super) const MACHINE_PAUSE: Duration = Duration::from_millis(500);
 
 /// Time of the first plain line. The time of each further one is twice that of the line before.
@@ -200,7 +200,7 @@ fn next_line(elapsed: Duration) -> Duration {
 }
 
 /// Shorter times say nothing about how long the rest takes: memory is being filled for the first time.
-const LEAST_KNOWN: Duration = Duration::from_millis(500);
+const MIN_KNOWN: Duration = Duration::from_millis(500);
 
 impl StopCriteria {
     /// How long a picture will take of which a share is done and that has this error; `None` where too little is known.
@@ -212,7 +212,7 @@ impl StopCriteria {
 
 /// How long a picture will take of which a share is done; `None` where too little of it is.
 fn left(share: f64, elapsed: Duration, limit: Option<Duration>) -> Option<String> {
-    if elapsed < LEAST_KNOWN || share <= 0.0 {
+    if elapsed < MIN_KNOWN || share <= 0.0 {
         return None;
     }
     let until = limit.map_or(f64::INFINITY, |limit| limit.saturating_sub(elapsed).as_secs_f64());

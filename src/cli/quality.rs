@@ -21,7 +21,7 @@ pub(crate) enum Quality {
 pub(crate) struct Preset {
     /// Noise threshold, percent; without one, all samples are taken.
     pub noise: Option<f32>,
-    /// Most samples per pixel.
+    /// Maximum number of samples per pixel.
     pub samples: u32,
     pub denoise: bool,
 }

@@ -6,7 +6,7 @@ use oscura::load::blender::{BlenderOptions, default_cache};
 use oscura::load::gltf::{Glass, GltfOptions, LightUnits};
 use oscura::load::image::load_picture;
 use oscura::load::stage::{Background, Ground, StageLight, StageOptions, ViewFrom};
-use oscura::load::subdivide::{MOST_LEVELS, Subdivision};
+use oscura::load::subdivide::{MAX_LEVELS, Subdivision};
 use oscura::load::{Up, extensions, is_named_as_scene};
 use std::path::{Path, PathBuf};
 
@@ -199,7 +199,7 @@ pub(crate) struct StageArgs {
     #[arg(long, value_name = "DEG", num_args = 0..=1, require_equals = true, default_missing_value = "30", value_parser = crease)]
     pub smooth: Option<f64>,
     /// Catmull-Clark subdivision levels of OBJ and PLY meshes.
-    #[arg(long, value_name = "LEVELS", value_parser = clap::value_parser!(u32).range(0..=i64::from(MOST_LEVELS)), allow_negative_numbers = true)]
+    #[arg(long, value_name = "LEVELS", value_parser = clap::value_parser!(u32).range(0..=i64::from(MAX_LEVELS)), allow_negative_numbers = true)]
     pub subdivide: Option<u32>,
 }
 
@@ -328,7 +328,7 @@ pub(crate) fn up() -> impl TypedValueParser<Value = Up> {
 
 // What was given in the place of a scene: a file that isn't there, or a folder.
 
-/// Most files that a message lists.
+/// Maximum number of files that a message lists.
 const LISTED: usize = 8;
 
 /// Extensions of files that may have been meant as the picture to write.

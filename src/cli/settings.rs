@@ -32,7 +32,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 /// Default maximum of samples per pixel with a noise threshold.
-const MOST_SAMPLES: u32 = 1 << 16;
+const MAX_SAMPLES: u32 = 1 << 16;
 
 /// The render settings of the arguments.
 pub(crate) fn choices(args: &RenderArgs) -> Choices {
@@ -59,7 +59,7 @@ pub(crate) fn choices(args: &RenderArgs) -> Choices {
             width: args.width,
             height: args.height,
             // With a noise threshold, the maximum.
-            samples: args.spp.or(args.long.noise.map(|_| args.long.max_spp.unwrap_or(MOST_SAMPLES))),
+            samples: args.spp.or(args.long.noise.map(|_| args.long.max_spp.unwrap_or(MAX_SAMPLES))),
             depth: args.depth.or(args.unbiased.then_some(RenderOptions::default().max_depth)),
             bounces: args.bounces.or(args.unbiased.then_some(BounceLimits::NONE)),
             clamp: args.clamp.or(args.unbiased.then_some(Clamp::NONE)),
@@ -352,7 +352,7 @@ const BYTES_A_TRIANGLE: u64 = 150;
 /// Memory that each key of a triangle takes that changes its shape, bytes: in the tree, and twice with its vertices.
 const BYTES_A_KEY: u64 = 100;
 
-/// Most bytes of memory that anything may take.
+/// Maximum number of bytes of memory that anything may take.
 pub(super) fn memory_limit(args: &RenderArgs) -> Option<u64> {
     args.long.memory_limit.or_else(process::memory_of_machine)
 }

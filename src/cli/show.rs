@@ -111,7 +111,7 @@ fn has_all_colors() -> bool {
 
 // The terminal graphics protocol of kitty.
 
-/// Most characters of a piece.
+/// Maximum number of characters of a piece.
 const PIECE: usize = 4096;
 
 /// A PNG, drawn over so many columns and rows; the terminal gives no answer.

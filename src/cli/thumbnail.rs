@@ -191,10 +191,10 @@ pub(crate) struct ThumbArgs {
     /// Number of threads [default: one per core].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_negative_numbers = true)]
     pub threads: Option<u16>,
-    /// Most seconds for each model; the program ends when one takes longer.
+    /// Time limit for each model, seconds; the program ends when one takes longer.
     #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     pub time_limit: Option<u32>,
-    /// Most memory, such as 2G or 500M; the program ends when a model takes more.
+    /// Memory limit, such as 2G or 500M; the program ends when a model takes more.
     #[arg(long, value_name = "SIZE", value_parser = bytes)]
     pub memory_limit: Option<u64>,
     /// Let glTF and OBJ files and sidecars refer to files outside their folder.

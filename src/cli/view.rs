@@ -173,7 +173,7 @@ pub(crate) fn refuse_unused(
 
 /// Samples of a finished picture, unless the arguments say so.
 const SAMPLES: u32 = 1024;
-/// Most pixels that a picture has at first, unless the arguments say so.
+/// Maximum number of pixels that a picture has at first, unless the arguments say so.
 const PIXELS: u64 = 640_000;
 
 struct Model {

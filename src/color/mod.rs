@@ -147,7 +147,7 @@ impl Rgb {
         max(self.r, max(self.g, self.b))
     }
 
-    /// The least channel.
+    /// The smallest channel.
     #[inline(always)]
     pub fn min_element(self) -> f32 {
         let min = |a: f32, b: f32| if a < b { a } else { b };

@@ -2,7 +2,7 @@
 
 use crate::math::DVec3;
 
-/// Most items of a leaf.
+/// Maximum number of items of a leaf.
 const LEAF: usize = 8;
 
 /// A box: its least and its greatest corner.

@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 /// Metals up to this perceptual roughness (the square root of GGX alpha) cast caustics.
 const MAX_CASTER_ROUGHNESS: f32 = 0.25;
 
-/// Most bounding spheres of casters.
+/// Maximum number of bounding spheres of casters.
 const MAX_TARGETS: usize = 16;
 
 /// Role of a material for caustics.

@@ -24,7 +24,7 @@ const ERROR: f64 = 0.05;
 const OUTWARDS: f64 = 2.0 / 3.0;
 /// Largest square root of the area of a segment's bounding box (without the radius), over the radius.
 const LARGEST_BOX: f64 = 12.0;
-/// Most segments of one Bezier span.
+/// Maximum number of segments of one Bezier span.
 const MAX_PIECES: usize = 64;
 /// Strands of one parallel task.
 const CHUNK: usize = 256;

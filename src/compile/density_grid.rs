@@ -213,10 +213,10 @@ impl DensityGrid {
     ) -> T {
         /// Voxels that a step crosses, and most steps.
         const STRIDE: f32 = 4.0;
-        const MOST: f32 = 32.0;
+        const MAX: f32 = 32.0;
         let Some([begin, end]) = self.entry(ray, from, to) else { return zero };
         let (start, way) = (ray.origin + ray.direction * begin, end - begin);
-        let steps = (ray.direction.length() * way / STRIDE).ceil().clamp(1.0, MOST);
+        let steps = (ray.direction.length() * way / STRIDE).ceil().clamp(1.0, MAX);
         let mut numbers = RandomSequence(salt);
         let mut sum = zero;
         for step in 0..steps as u32 {

@@ -8,8 +8,8 @@ use crate::scene::{MaterialId, Model, Quad, Scene, ShapeKind, instance_extents};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// Most flat lights for which other surfaces are searched.
-const MOST_LIGHTS: usize = 256;
+/// Maximum number of flat lights for which other surfaces are searched.
+const MAX_LIGHTS: usize = 256;
 
 /// Distance from a plane within which points are in it, relative to coordinates around the camera.
 const FLUSH: f64 = 4e-7;
@@ -60,7 +60,7 @@ impl FlatLight<'_> {
 /// Finds the flat lights of a scene that lie in the plane of other surfaces; `origin` becomes that of the compiled scene.
 pub(super) fn find(scene: &Scene, origin: DVec3, notes: &mut Vec<Warning>) -> Shifts {
     let lights = flat_lights(scene, origin);
-    if lights.is_empty() || lights.len() > MOST_LIGHTS {
+    if lights.is_empty() || lights.len() > MAX_LIGHTS {
         return Shifts::default();
     }
     let mut is_flush: Vec<bool> = lights.iter().map(|light| is_on_quad(light, scene)).collect();

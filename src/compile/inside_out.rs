@@ -106,7 +106,7 @@ impl Bodies<'_> {
 
     /// Does an instance lie inside another solid that has one of its materials? Then its inward orientation makes a cavity.
     fn have_hole(&self, number: usize) -> bool {
-        /// Most vertices that are tested.
+        /// Maximum number of vertices that are tested.
         const POINTS: usize = 16;
         let instance = &self.scene.instances[number];
         let mesh = &self.scene.meshes[instance.mesh.index()];

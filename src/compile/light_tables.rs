@@ -60,7 +60,7 @@ pub struct LightGroups {
 const NONE: u16 = u16::MAX;
 
 /// Further groups count as the last.
-const MOST_GROUPS: usize = NONE as usize - 1;
+const MAX_GROUPS: usize = NONE as usize - 1;
 
 impl LightGroups {
     /// The groups of the lights that were found in a scene; empty where all are in one group.
@@ -75,7 +75,7 @@ impl LightGroups {
         }
         let number = |name: &str| {
             let found = names.binary_search_by(|own| own.as_str().cmp(group_or_default(name)));
-            found.unwrap_or(0).min(MOST_GROUPS) as u16
+            found.unwrap_or(0).min(MAX_GROUPS) as u16
         };
         let materials: Vec<u16> = scene.materials.iter().map(|m| number(&m.light_group)).collect();
         let own = |instance: &Instance| instance.light_group.as_deref().map_or(NONE, number);
@@ -104,7 +104,7 @@ impl LightGroups {
     }
 }
 
-/// Most classes of receivers.
+/// Maximum number of classes of receivers.
 pub const MAX_RECEIVER_CLASSES: usize = 1 << 15;
 
 /// Light linking and shadow linking by light; empty if every light is linked to every object.

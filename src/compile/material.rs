@@ -511,12 +511,12 @@ fn given_normal(graph: TextureId, slots: &PointReader<'_>, surface: &Surface) ->
     }
     let tangent = (given - surface.ns * height).normalize_or_zero();
     let is_opposite = tangent == Vec3::ZERO;
-    let laid = if is_opposite { surface.ns } else { (tangent + surface.ns * LEAST_HEIGHT).normalize() };
+    let laid = if is_opposite { surface.ns } else { (tangent + surface.ns * MIN_HEIGHT).normalize() };
     (laid, given != Vec3::ZERO)
 }
 
 /// Cosine to the surface's normal of normals that point into it.
-const LEAST_HEIGHT: f32 = 1e-4;
+const MIN_HEIGHT: f32 = 1e-4;
 
 /// A normal from a map; the surface's shading normal without one, and where the map leads to its other side.
 #[inline]

@@ -196,7 +196,7 @@ fn surrounding(fog: Option<&Fog>, anchor: DVec3, is_spectral: bool) -> Medium {
     Medium { adds_up: scattering.is_some(), scattering, ..Medium::AIR }
 }
 
-/// Most enclosing solids that a path keeps track of.
+/// Maximum number of enclosing solids that a path keeps track of.
 pub const OVERLAP_LIMIT: usize = 8;
 
 /// Warns if more than [`OVERLAP_LIMIT`] index-matched media may overlap at a point.

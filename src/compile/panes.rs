@@ -7,7 +7,7 @@ use crate::math::{DMat3, DVec3};
 use crate::scene::{Instance, Mesh, Scene};
 use std::collections::HashMap;
 
-/// Least cosine between normals of the same face.
+/// Minimum cosine between normals of the same face.
 const FLAT_COSINE: f64 = 1.0 - 1e-6;
 
 /// Largest area of the rim relative to one face: within this far from it, light that is reflected within the pane more than once would

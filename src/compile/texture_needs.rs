@@ -118,7 +118,7 @@ impl Footprint {
         Footprint { is_used: self.is_used || other.is_used, width: self.width.min(other.width), of_sets }
     }
 
-    /// The least footprint of lookups.
+    /// The minimum footprint of lookups.
     fn footprint(&self, mapping: &Mapping) -> f32 {
         match mapping {
             Mapping::Uv { set, transform } => {
@@ -213,7 +213,7 @@ impl Viewpoint {
         Viewpoint { positions, lens_radius, cone: [start.into(), growth.into()] }
     }
 
-    /// Least width of what is seen in the box around points.
+    /// Minimum width of what is seen in the box around points.
     fn width(&self, points: impl IntoIterator<Item = DVec3>) -> f64 {
         let empty = [DVec3::INFINITY, DVec3::NEG_INFINITY];
         let [low, high] = points.into_iter().fold(empty, |[low, high], p| [low.min(p), high.max(p)]);

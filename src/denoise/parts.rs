@@ -5,7 +5,7 @@ use super::planes::Color;
 /// Relative difference up to which sums are the same, of half-precision files too.
 const ROUNDING: f32 = 4e-3;
 /// The share of pixels in which parts must add up to the picture.
-const MOST: f64 = 0.99;
+const MAX: f64 = 0.99;
 
 /// Makes denoised parts add up to the denoised picture, if the noisy ones add up to the noisy picture: each pixel's parts
 /// change by one factor; where they are black, they share what is missing alike.
@@ -21,7 +21,7 @@ pub(super) fn add_up(
     };
     let values = 3 * noisy[0].len();
     let equal: usize = (0..3).map(|c| (0..noisy[c].len()).filter(|&i| add_up_at(c, i)).count()).sum();
-    if (equal as f64) < MOST * values as f64 {
+    if (equal as f64) < MAX * values as f64 {
         return;
     }
     for c in 0..3 {

@@ -26,11 +26,11 @@ const CAUTION_OF_ONE: f32 = 5.0;
 /// Added to [`CAUTION`] where there is more noise than light: few bright samples decide there.
 const CAUTION_OF_NOISE: f32 = 12.0;
 /// The power of the proposal's relative bias, summed over the channels, that is taken for granted: 0.7 % of each.
-const LEAST_BIAS: f32 = 3.0 * 0.007 * 0.007;
-/// [`LEAST_BIAS`] from this scale on, where a pixel has 32 x 32 of the picture: 5 % of each channel. Proposals darken large regions by
+const MIN_BIAS: f32 = 3.0 * 0.007 * 0.007;
+/// [`MIN_BIAS`] from this scale on, where a pixel has 32 x 32 of the picture: 5 % of each channel. Proposals darken large regions by
 /// as much where few samples are bright, and the noise of such means is small.
 const LARGE_SCALE: u32 = 5;
-const LEAST_BIAS_OF_LARGE: f32 = 3.0 * 0.05 * 0.05;
+const MIN_BIAS_OF_LARGE: f32 = 3.0 * 0.05 * 0.05;
 /// Radius of the squares over which powers are averaged, pixels of the scale.
 const RADIUS: usize = 3;
 /// Radius of larger squares, and the share of their noise that there is everywhere in them: samples that are all 0 by chance
@@ -40,9 +40,9 @@ const SHARE_OF_WIDE: f32 = 0.25;
 /// Larger powers, of fireflies, count as this, with which the share is the power of pixels that are black by chance.
 const LARGEST_WIDE: f32 = 3.0 / SHARE_OF_WIDE;
 /// Scales of fewer pixels tell nothing of correlations.
-const LEAST_PIXELS: usize = 256;
+const MIN_PIXELS: usize = 256;
 /// Values are compared relative to themselves and this fraction of the picture's mean.
-const LEAST: f32 = 0.02;
+const MIN: f32 = 0.02;
 
 /// The proposal with what stands out of the residual.
 pub(super) fn restored(
@@ -53,7 +53,7 @@ pub(super) fn restored(
     mut proposed: [Vec<f32>; 3],
 ) -> [Vec<f32>; 3] {
     let mean = |plane: &&[f32]| plane.iter().map(|v| f64::from(*v)).sum::<f64>() / plane.len() as f64;
-    let least = (LEAST as f64 * noisy.iter().map(mean).sum::<f64>() / 3.0) as f32;
+    let least = (MIN as f64 * noisy.iter().map(mean).sum::<f64>() / 3.0) as f32;
     let least = least.max(1e-20);
     let weight = proposed.each_ref().map(|plane| plane.iter().map(|v| v + least).collect::<Vec<f32>>());
     let relative = |c: usize, value: &dyn Fn(usize) -> f32| -> Vec<f32> {
@@ -93,7 +93,7 @@ fn kept(scales: &[Scale]) -> [Vec<f32>; 3] {
             None => [0, 1, 2].map(|_| vec![0.0; scale.width * scale.height]),
         };
         // Noise that varies together at this scale falls less to the second next one, whose pixels are 16 of this.
-        let next = scales.get(level + 2).filter(|next| next.independent.len() >= LEAST_PIXELS);
+        let next = scales.get(level + 2).filter(|next| next.independent.len() >= MIN_PIXELS);
         let together = next.map_or(1.0, |_| correlations[level + 2] / correlations[level]);
         kept = Some(scale.keep(of_larger, together.clamp(1.0, 16.0) as f32));
     }
@@ -173,7 +173,7 @@ impl Scale {
         let side = |length: usize| length.min(2 * RADIUS + 1) as f32;
         let count = side(self.width) * side(self.height);
         let caution = CAUTION + CAUTION_OF_ONE / count + by_chance(count / together) - by_chance(count);
-        let bias = if self.level < LARGE_SCALE { LEAST_BIAS } else { LEAST_BIAS_OF_LARGE };
+        let bias = if self.level < LARGE_SCALE { MIN_BIAS } else { MIN_BIAS_OF_LARGE };
         for (i, (signal, noise)) in signal.iter().zip(&noise).enumerate() {
             let ratio = noise / signal.max(1e-30);
             let least = bias / (bias + noise);

@@ -20,8 +20,8 @@ pub const REACH: usize = 2;
 
 /// Farthest that the way to a neighbour and back may end from where it began, pixels.
 const FARTHEST_RETURN: f32 = 0.75;
-/// Least cosine between the normals of a pixel and of what is read for it.
-const LEAST_COSINE: f32 = 0.8;
+/// Minimum cosine between the normals of a pixel and of what is read for it.
+const MIN_COSINE: f32 = 0.8;
 /// Radii of the squares in which light is compared, pixels.
 const RADII: [usize; 2] = [5, 1];
 /// Differences whose power exceeds that of their noise by this factor lower the weight of a neighbour.
@@ -29,8 +29,8 @@ const CAUTION: f32 = 2.0;
 /// The share of the noisy pixels' noise that the differences of denoised pixels may have.
 const SHARE_OF_NOISE: f32 = 1.0 / 9.0;
 /// Relative differences of each channel that don't count as a change: of squares, and of pixels of the denoised picture.
-const LEAST_CHANGE: f32 = 0.01;
-const LEAST_CHANGE_OF_PIXELS: f32 = 0.01;
+const MIN_CHANGE: f32 = 0.01;
+const MIN_CHANGE_OF_PIXELS: f32 = 0.01;
 
 /// A frame of a sequence, denoised by itself.
 #[derive(Clone, Debug)]
@@ -217,7 +217,7 @@ fn places(frames: &[Frame], at: usize, other: usize) -> (Vec<[f32; 2]>, Vec<bool
         let own = normal(frame, pixel);
         let length = |n: [f32; 3]| n.iter().map(|v| v * v).sum::<f32>().sqrt();
         let cosine = own[0] * x + own[1] * y + own[2] * z;
-        returns && cosine >= LEAST_COSINE * length(own) * length([x, y, z]) - 1e-6
+        returns && cosine >= MIN_COSINE * length(own) * length([x, y, z]) - 1e-6
     };
     let is_seen = there.par_iter().enumerate().with_min_len(1024).map(is_seen).collect();
     (there, is_seen)
@@ -278,7 +278,7 @@ fn weights(frame: &Frame, other: &Frame, places: &[[f32; 2]], is_seen: &[bool]) 
             for i in 0..mask.len() {
                 let covered = covered[i].max(1e-6);
                 let difference = (there[i] - own[i]) / covered;
-                let scale = LEAST_CHANGE * 0.5 * (there[i] + own[i]) / covered;
+                let scale = MIN_CHANGE * 0.5 * (there[i] + own[i]) / covered;
                 power[i] += difference * difference;
                 noise[i] += variance[i] / (covered * covered * pixels) + scale * scale;
             }
@@ -298,7 +298,7 @@ fn weights(frame: &Frame, other: &Frame, places: &[[f32; 2]], is_seen: &[bool]) 
     };
     let power = sum(&|channel, _, i| channel.shift[i] * channel.shift[i]);
     let noise = sum(&|channel, denoised, i| {
-        let scale = LEAST_CHANGE_OF_PIXELS * denoised * mask[i];
+        let scale = MIN_CHANGE_OF_PIXELS * denoised * mask[i];
         SHARE_OF_NOISE * channel.variance[i] + scale * scale
     });
     lower(&power, &noise);

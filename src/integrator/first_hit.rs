@@ -72,7 +72,7 @@ impl FirstHit<'_> {
         aov: Aov,
         &Common { material, object, side, look }: &Common,
         &AovContext { scene, view, mattes, space }: &AovContext,
-    ) -> [f32; MOST_COMPONENTS] {
+    ) -> [f32; MAX_COMPONENTS] {
         let one = |value: f32| [value, 0.0, 0.0, 0.0];
         let three = |[x, y, z]: [f32; 3]| [x, y, z, 0.0];
         let Surface { p, ng, ns, .. } = self.surface;
@@ -108,7 +108,7 @@ impl FirstHit<'_> {
             Aov::CryptoMaterial => id(&mattes.materials, material),
             Aov::CryptoAsset => id(&mattes.assets, object),
             // Other AOVs are recorded elsewhere.
-            _ => [0.0; MOST_COMPONENTS],
+            _ => [0.0; MAX_COMPONENTS],
         }
     }
 
@@ -127,14 +127,14 @@ impl FirstHit<'_> {
     }
 }
 
-const MOST_COMPONENTS: usize = 4;
+const MAX_COMPONENTS: usize = 4;
 
 // The number of components is large enough.
 const _: () = {
     let mut i = 0;
     while i < Aov::ALL.len() {
         let info = Aov::ALL[i].info();
-        assert!(info.components() <= MOST_COMPONENTS, "an AOV has more components");
+        assert!(info.components() <= MAX_COMPONENTS, "an AOV has more components");
         i += 1;
     }
 };
@@ -176,7 +176,7 @@ impl FirstHits {
 
     /// Stride between samples, components.
     fn stride(&self) -> usize {
-        self.width + MOST_COMPONENTS
+        self.width + MAX_COMPONENTS
     }
 
     /// Records the first surface of a sample.

@@ -252,7 +252,7 @@ fn channel_of(throughput: Rgb) -> usize {
 }
 
 /// Maximum number of coincident surfaces besides the one that was hit.
-const MOST: usize = 3;
+const MAX: usize = 3;
 
 /// Maximum distance of coincident surfaces, in units of the sum of their rounding error bounds.
 const NEAR: f32 = 4.0;
@@ -273,7 +273,7 @@ pub(super) struct CoincidentHit<'a> {
 }
 
 /// The coincident surfaces besides the one that was hit.
-pub(super) type CoincidentSurfaces<'a> = [Option<HitPoint<'a>>; MOST];
+pub(super) type CoincidentSurfaces<'a> = [Option<HitPoint<'a>>; MAX];
 
 impl Integrator<'_> {
     /// Finds the surfaces of other solids that coincide with the one that a ray hit.
@@ -283,7 +283,7 @@ impl Integrator<'_> {
     }
 
     fn find_coincident_surfaces(&self, ray: &Ray, at: &HitPoint<'_>) -> Option<CoincidentSurfaces<'_>> {
-        let mut list = [None; MOST];
+        let mut list = [None; MAX];
         let rounding = |at: &HitPoint<'_>| at.surface.ng.abs().dot(at.surface.p_error);
         // Rounding of object-to-world transforms far from the origin.
         let place = (self.scene.anchor.as_vec3() + at.surface.p).abs().max_element() * gamma(4);
@@ -298,9 +298,9 @@ impl Integrator<'_> {
         };
         let mut count = 0;
         // Adjacent triangles around an edge or a corner count once, and may be many.
-        for _ in 0..4 * MOST {
+        for _ in 0..4 * MAX {
             let hit = self.scene.accel.closest_one_in_time(&next, at.time);
-            if !hit.is_hit() || count == MOST {
+            if !hit.is_hit() || count == MAX {
                 break;
             }
             (next.t_min, next.origin_primitive) = (hit.t, (&hit).into());

@@ -4,17 +4,17 @@ use crate::compile::{CompiledScene, Medium, OVERLAP_LIMIT, ObjectId, View};
 use crate::math::{Hit, Ray, Vec3};
 use bytemuck::Zeroable;
 
-/// The solids that a path is within, by the indices of their media: up to [`Interior::MOST`], those entered last. Sixteen
+/// The solids that a path is within, by the indices of their media: up to [`Interior::MAX`], those entered last. Sixteen
 /// bits each, the last one lowest; 0 is none. Two words, for an alignment of 8.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Zeroable)]
 pub struct Interior([u64; 2]);
 
 const BITS: u32 = u16::BITS;
-const _: () = assert!(Interior::MOST * BITS == u128::BITS);
+const _: () = assert!(Interior::MAX * BITS == u128::BITS);
 
 impl Interior {
     /// Maximum number of solids in the list.
-    pub const MOST: u32 = OVERLAP_LIMIT as u32;
+    pub const MAX: u32 = OVERLAP_LIMIT as u32;
 
     /// Outside of all solids.
     pub const AIR: Interior = Interior([0; 2]);
@@ -45,7 +45,7 @@ impl Interior {
             let medium = &media[usize::from(medium)];
             medium.adds_up && medium.priority >= top.priority
         };
-        let count = (0..Interior::MOST).take_while(|&k| number(k) != 0).count() as u32;
+        let count = (0..Interior::MAX).take_while(|&k| number(k) != 0).count() as u32;
         let deepest = if top.adds_up && count > 0 { count } else { 0 };
         let is_first = move |k: u32| (0..k).all(|other| number(other) != number(k));
         // The medium around the scene is behind the last entry.
@@ -168,13 +168,13 @@ impl CameraInterior {
 
 /// Media of the solids around a point, the one that a ray leaves first at the end.
 fn solids_around(scene: &CompiledScene, p: Vec3, direction: Vec3, time: f32) -> Vec<u16> {
-    const MOST_SURFACES: u32 = 256;
+    const MAX_SURFACES: u32 = 256;
     let ray = Ray::new(p, direction);
     let (mut entered, mut left): (Vec<(u16, Option<ObjectId>)>, Vec<u16>) = (Vec::new(), Vec::new());
     // Coincident surfaces are hit next.
     let has_neighbours = scene.features.coincident_surfaces || scene.features.overlaps;
     let mut hit = Hit::MISS;
-    for number in 0..MOST_SURFACES {
+    for number in 0..MAX_SURFACES {
         hit = match number {
             0 => scene.accel.closest_one_in_time(&ray, time),
             _ if has_neighbours => scene.accel.next_one(&ray, &hit, time),
@@ -229,14 +229,14 @@ mod tests {
         assert_eq!(enter(some, 4), Interior::AIR.enter(4).enter(1).enter(3).enter(2));
         assert_eq!(enter(enter(some, 4), 5), enter(some, 4).enter(5));
         assert_eq!(enter(enter(enter(some, 4), 3), 4).leave(2).medium(), 3);
-        let full = (0..Interior::MOST).fold(Interior::AIR, |inside, _| enter(inside, 5));
+        let full = (0..Interior::MAX).fold(Interior::AIR, |inside, _| enter(inside, 5));
         assert_eq!(enter(full, 4), full, "none is of a lower priority");
     }
 
     #[test]
     fn the_outermost_of_many_is_forgotten() {
-        let all = (1..=Interior::MOST as u16 + 1).fold(Interior::AIR, Interior::enter);
-        let left = (2..=Interior::MOST as u16 + 1).fold(all, Interior::leave);
+        let all = (1..=Interior::MAX as u16 + 1).fold(Interior::AIR, Interior::enter);
+        let left = (2..=Interior::MAX as u16 + 1).fold(all, Interior::leave);
         assert_eq!(left, Interior::AIR);
     }
 
@@ -266,7 +266,7 @@ mod tests {
         let airless = [Medium::AIR, of(true, 0), of(true, 0)];
         let inside = Interior::AIR.enter(1).enter(2);
         assert_eq!(inside.overlapping(&airless).collect::<Vec<_>>(), [1]);
-        let full = (0..Interior::MOST).fold(Interior::AIR, |inside, k| inside.enter(1 + k as u16 % 2));
+        let full = (0..Interior::MAX).fold(Interior::AIR, |inside, k| inside.enter(1 + k as u16 % 2));
         assert_eq!(full.overlapping(&media).collect::<Vec<_>>(), [1, 0]);
     }
 }

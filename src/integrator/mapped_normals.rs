@@ -17,7 +17,7 @@ use crate::sampling::sampler::SobolPoint;
 use std::ops::Range;
 
 /// Probability of either part at least, where there are both: light samples of narrow highlights vary less by that.
-const LEAST_PROBABILITY: f32 = 0.25;
+const MIN_PROBABILITY: f32 = 0.25;
 
 /// The probability of selecting the base that has this share of what the viewer sees.
 #[inline]
@@ -25,7 +25,7 @@ fn probability(share: f32) -> f32 {
     if share <= 0.0 || share >= 1.0 {
         return share.clamp(0.0, 1.0);
     }
-    share.clamp(LEAST_PROBABILITY, 1.0 - LEAST_PROBABILITY)
+    share.clamp(MIN_PROBABILITY, 1.0 - MIN_PROBABILITY)
 }
 
 /// Value and density of a mapped surface for a viewer, with each part around its own normal.

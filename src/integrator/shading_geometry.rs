@@ -100,7 +100,7 @@ impl PathOrigin {
 }
 
 /// Smallest cosine between the viewer and the normal that lobes are evaluated around.
-const LEAST: f32 = 1e-4;
+const MIN: f32 = 1e-4;
 
 /// Largest cosine by which the mirror direction is lifted above the surface.
 const LIFT: f32 = 0.01;
@@ -120,8 +120,8 @@ pub(super) fn bent_normal(ns: Vec3, ng: Vec3, wo: Vec3) -> (Vec3, bool) {
     let side = if ng.dot(wo) < 0.0 { -1.0 } else { 1.0 };
     let (n, g) = (ns * side, ng * side);
     let cosine = n.dot(wo);
-    let is_behind = cosine < LEAST;
-    let raised = n + wo * if is_behind { LEAST - cosine } else { 0.0 };
+    let is_behind = cosine < MIN;
+    let raised = n + wo * if is_behind { MIN - cosine } else { 0.0 };
     let n = raised / raised.length();
     let mirror = n * (2.0 * n.dot(wo)) - wo;
     let (above, seen) = (mirror.dot(g), wo.dot(g));
@@ -149,7 +149,7 @@ pub(super) fn local_viewer(frame: &Frame, wo: Vec3, ng: Vec3) -> Vec3 {
     Vec3::new(
         local.x,
         local.y,
-        if agrees { local.z } else { LEAST.copysign(if is_below { -1.0 } else { 1.0 }) },
+        if agrees { local.z } else { MIN.copysign(if is_below { -1.0 } else { 1.0 }) },
     )
 }
 

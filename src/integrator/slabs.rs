@@ -5,14 +5,14 @@ use super::mis::LightPdf;
 use crate::color::Rgb;
 use crate::math::{Frame, Hit, Ray, Vec3};
 
-/// Most panes that a ray passes.
+/// Maximum number of panes that a ray passes.
 pub(super) const MOST: usize = 6;
 
 /// Newton steps of a refracted connection. Three are enough where the panes are thinner than a tenth of the distance.
 const STEPS: usize = 12;
 
 /// Sideways distance by which a refracted connection misses its target at which the steps end, relative to its length: some roundings.
-const MOST_MISS: f32 = 4e-6;
+const MAX_MISS: f32 = 4e-6;
 
 /// The geometry of a pane.
 #[derive(Clone, Copy, Debug)]
@@ -120,7 +120,7 @@ impl Slabs {
             let s = rest.dot(w);
             let frame = Frame::from_normal(w);
             let (a, b) = (rest.dot(frame.s), rest.dot(frame.t));
-            if a.abs().max(b.abs()) <= MOST_MISS * between.length() {
+            if a.abs().max(b.abs()) <= MAX_MISS * between.length() {
                 return (s > 0.0).then_some(w);
             }
             let [xx, xy, yy] = self.jacobian(w, s, &frame);

@@ -671,11 +671,11 @@ impl Kernel for TextureFrames<'_> {
             let of_vertices = (0..3).fold(Vec3::ZERO, |sum, c| sum + get(&t.tangents[c], i) * weights[c]);
             let hand_by_uv = if n.cross(by_uv).dot(up) < 0.0 { -1.0 } else { 1.0 };
             let given = flat(of_vertices, n);
-            let uses_given = (t.handedness[i] != 0.0) & (given.length_squared() > LEAST_SQUARED);
+            let uses_given = (t.handedness[i] != 0.0) & (given.length_squared() > MIN_SQUARED);
             let tangent = select(uses_given, given, flat(by_uv, n));
             let hand = if uses_given { t.handedness[i] } else { hand_by_uv };
             let length = tangent.length();
-            let scale = if length * length > LEAST_SQUARED { 1.0 / length } else { 0.0 };
+            let scale = if length * length > MIN_SQUARED { 1.0 / length } else { 0.0 };
             let tangent = tangent * scale;
             let bitangent = n.cross(tangent) * if hand < 0.0 { -1.0 } else { 1.0 };
             (t.uv[0][i], t.uv[1][i]) = (at.x, at.y);
@@ -687,7 +687,7 @@ impl Kernel for TextureFrames<'_> {
 }
 
 /// Squared length below which tangents count as zero.
-const LEAST_SQUARED: f32 = 1e-30;
+const MIN_SQUARED: f32 = 1e-30;
 
 /// The component of a vector perpendicular to a normal.
 #[inline(always)]

@@ -12,8 +12,8 @@ use std::f32::consts::PI;
 /// From this solid angle of its targets on, steradians, a surface emits by the cosine.
 const WIDE: f32 = PI;
 
-/// Least probability of each light relative to a uniform choice: estimates of their power may be wrong.
-const LEAST_SHARE: f32 = 0.02;
+/// Minimum probability of each light relative to a uniform choice: estimates of their power may be wrong.
+const MIN_SHARE: f32 = 0.02;
 
 /// Largest distance of a light in radii of the largest target: the rounding of directions, some 1e-7, would hit it unevenly.
 const FARTHEST: f32 = 1e6;
@@ -70,7 +70,7 @@ impl LightPathSampler {
         if total.is_nan() || total <= 0.0 {
             return None;
         }
-        let least = LEAST_SHARE * total / weights.len() as f32;
+        let least = MIN_SHARE * total / weights.len() as f32;
         weights.iter_mut().for_each(|weight| *weight += least);
         let reach = reach.max(targets.reach());
         Some(LightPathSampler { table: AliasTable::new(&weights), targets, reach })

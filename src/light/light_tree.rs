@@ -185,7 +185,7 @@ impl LightTree {
 /// Bins along an axis.
 const BINS: usize = 12;
 /// Larger groups are split at the median: a search for the best split would take long and gain little.
-const MOST_WEIGHED: usize = 16_384;
+const MAX_WEIGHED: usize = 16_384;
 
 /// A light of a tree under construction.
 #[derive(Clone, Copy, Debug)]
@@ -237,7 +237,7 @@ fn split_into_groups(items: &mut [Item], halve: bool) -> Vec<Group> {
 fn cut(items: &mut [Item], halve: bool) -> usize {
     let middle = |i: &Item| i.bounds.bounds.center();
     let centers = Bounds3::of(items.iter().map(middle));
-    let best = if halve || items.len() > MOST_WEIGHED { None } else { best_cut(items, &centers) };
+    let best = if halve || items.len() > MAX_WEIGHED { None } else { best_cut(items, &centers) };
     if let Some((axis, position)) = best {
         let mut left = 0;
         for i in 0..items.len() {

@@ -372,9 +372,9 @@ impl Lights {
     }
 }
 
-/// Least probability of choosing among the lights at a position, and among those at infinity, where both may contribute: the
+/// Minimum probability of choosing among the lights at a position, and among those at infinity, where both may contribute: the
 /// estimates ignore occlusion.
-const LEAST_SHARE: f32 = 0.25;
+const MIN_SHARE: f32 = 0.25;
 
 /// Chooses a light for a receiver: first between the lights at a position and those at infinity, by their estimated irradiance;
 /// then among the former by a [`LightTree`], among the latter by their irradiance.
@@ -475,8 +475,8 @@ impl LightSampler {
                     return 1.0;
                 }
                 let share = near / (near + self.far_irradiance);
-                let share = if share > LEAST_SHARE { share } else { LEAST_SHARE };
-                if share < 1.0 - LEAST_SHARE { share } else { 1.0 - LEAST_SHARE }
+                let share = if share > MIN_SHARE { share } else { MIN_SHARE };
+                if share < 1.0 - MIN_SHARE { share } else { 1.0 - MIN_SHARE }
             }
         }
     }
@@ -629,7 +629,7 @@ mod tests {
                 let deviation = (pdf * (1.0 - pdf) / N as f32).sqrt();
                 assert!((share - pdf).abs() <= 5.0 * deviation + 1e-4, "{index}: {share} {pdf}");
             }
-            assert!(far >= LEAST_SHARE - 1e-6);
+            assert!(far >= MIN_SHARE - 1e-6);
         }
     }
 

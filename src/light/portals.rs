@@ -16,7 +16,7 @@ use std::sync::Arc;
 /// Steps of each of the two angles over half a turn: a third of a degree.
 const SIZE: usize = 512;
 /// Texels of this share of the mean are chosen at least: what is darker may have a bright spot between the samples.
-const LEAST_SHARE: f64 = 1e-3;
+const MIN_SHARE: f64 = 1e-3;
 
 /// The portals of a scene, ready for rendering.
 #[derive(Clone, Debug, Default)]
@@ -211,7 +211,7 @@ impl SummedArea {
             values.iter().sum::<f64>() / 4.0
         };
         let mut values: Vec<f64> = (0..SIZE * SIZE).into_par_iter().map(texel).collect();
-        let least = LEAST_SHARE * values.iter().sum::<f64>() / values.len() as f64;
+        let least = MIN_SHARE * values.iter().sum::<f64>() / values.len() as f64;
         values.iter_mut().for_each(|value| *value = value.max(least));
         let mut sums = vec![0.0; (SIZE + 1) * (SIZE + 1)];
         for row in 0..SIZE {

@@ -17,7 +17,7 @@ use std::path::Path;
 /// The header of a `.hair` file, bytes.
 const HEADER: usize = 128;
 /// Files may not be larger, bytes.
-const MOST_BYTES: u64 = 1 << 33;
+const MAX_BYTES: u64 = 1 << 33;
 /// Maximum coordinate, metres.
 const FARTHEST: f64 = 1e18;
 
@@ -40,7 +40,7 @@ pub(super) struct CurveFile {
 /// Reads a file; an error is a sentence.
 pub(super) fn read(path: &Path) -> Result<CurveFile, String> {
     let name = path.display();
-    let bytes = files::read(path, MOST_BYTES).map_err(|e| format!("{name}: {e}"))?;
+    let bytes = files::read(path, MAX_BYTES).map_err(|e| format!("{name}: {e}"))?;
     parse(&bytes).map_err(|e| format!("{name}: {e}"))
 }
 

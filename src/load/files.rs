@@ -11,13 +11,13 @@ use std::fs::File;
 use std::io::{Cursor, Read, Seek, SeekFrom};
 use std::path::{Component, Path, PathBuf};
 
-/// Most bytes of a file of text: scene files, material libraries, profiles.
-pub(super) const MOST_TEXT: u64 = 1 << 28;
-/// Most bytes of any other file: images, buffers, grids.
-pub(super) const MOST_DATA: u64 = 1 << 35;
+/// Maximum number of bytes of a file of text: scene files, material libraries, profiles.
+pub(super) const MAX_TEXT: u64 = 1 << 28;
+/// Maximum number of bytes of any other file: images, buffers, grids.
+pub(super) const MAX_DATA: u64 = 1 << 35;
 
 /// Last parts of names that are looked for.
-const MOST_ENDS: usize = 64;
+const MAX_ENDS: usize = 64;
 
 /// Reads a regular file of at most `most` bytes.
 ///
@@ -68,7 +68,7 @@ pub(super) fn inflated(bytes: &[u8]) -> Result<Cow<'_, [u8]>, String> {
         return Ok(Cow::Borrowed(bytes));
     }
     let mut unpacked = Vec::new();
-    let read = MultiGzDecoder::new(bytes).take(MOST_DATA).read_to_end(&mut unpacked);
+    let read = MultiGzDecoder::new(bytes).take(MAX_DATA).read_to_end(&mut unpacked);
     read.map_err(|e| format!("can't be unpacked as gzip: {e}"))?;
     Ok(Cow::Owned(unpacked))
 }
@@ -196,7 +196,7 @@ pub(super) fn find_any(file: &Path, names: &[String], allow_external: bool) -> R
     let each = names.iter().zip(&slashed).flat_map(|(name, slashed)| [name.as_str(), slashed.as_str()]);
     let ends = slashed.iter().flat_map(|name| name.match_indices('/').map(|(slash, _)| &name[slash + 1..]));
     let mut leads_out = false;
-    for wanted in each.chain(ends.take(MOST_ENDS)) {
+    for wanted in each.chain(ends.take(MAX_ENDS)) {
         let relative = Path::new(wanted);
         if wanted.is_empty() || wanted.contains('\0') {
             continue;
@@ -282,7 +282,7 @@ mod tests {
         assert!(read(&path, 4).expect_err("too long").contains("at most 4"));
         assert!(read(folder.path(), 9).expect_err("no file").contains("folder"));
         File::options().write(true).open(&path).and_then(|file| file.set_len(1 << 36)).expect("sparse");
-        assert!(read(&path, MOST_DATA).expect_err("too long").contains("68719476736 bytes"));
+        assert!(read(&path, MAX_DATA).expect_err("too long").contains("68719476736 bytes"));
         if cfg!(unix) {
             for device in ["/dev/zero", "/dev/null"] {
                 assert!(read(Path::new(device), 9).expect_err(device).contains("a device or a pipe"));

@@ -27,7 +27,7 @@ pub(super) struct GridChoice<'a> {
 pub(super) fn read(path: &Path, choice: GridChoice) -> Result<Grid, String> {
     let name = path.display().to_string();
     let extension = path.extension().map_or_else(String::new, |e| e.to_string_lossy().to_lowercase());
-    let bytes = files::read(path, files::MOST_DATA).map_err(|e| format!("{name}: {e}"))?;
+    let bytes = files::read(path, files::MAX_DATA).map_err(|e| format!("{name}: {e}"))?;
     let grid = match extension.as_str() {
         "vdb" => vdb::parse(&bytes, &name, choice.name, (choice.is_z_up, choice.has_margin)),
         "nvdb" => {

@@ -6,8 +6,8 @@
 
 use crate::scene::LightProfile;
 
-/// Most numbers that a file may have; the finest measurements have some ten thousand.
-const MOST_NUMBERS: usize = 1 << 22;
+/// Maximum number of values that a file may have; the finest measurements have some ten thousand.
+const MAX_NUMBERS: usize = 1 << 22;
 
 /// Luminous efficacy of monochromatic light of 540 THz, lm/W (the SI's definition of the candela): scenes want W/sr.
 pub(super) const LUMENS_PER_WATT: f64 = 683.0;
@@ -79,8 +79,8 @@ fn numbers<'t>(lines: impl Iterator<Item = (usize, &'t str)>) -> Result<Vec<f64>
                 return Err(format!("has '{shown}' in line {} where a number should stand", index + 1));
             };
             list.push(number);
-            if list.len() > MOST_NUMBERS {
-                return Err(format!("has more than {MOST_NUMBERS} numbers"));
+            if list.len() > MAX_NUMBERS {
+                return Err(format!("has more than {MAX_NUMBERS} numbers"));
             }
         }
     }
@@ -106,7 +106,7 @@ impl Numbers {
     /// A number of things, at least 1.
     fn count(&mut self, what: &str) -> Result<usize, String> {
         let number = self.take(1, what)?[0];
-        match number.fract() == 0.0 && (1.0..=MOST_NUMBERS as f64).contains(&number) {
+        match number.fract() == 0.0 && (1.0..=MAX_NUMBERS as f64).contains(&number) {
             true => Ok(number as usize),
             false => Err(format!("says that it has {number} {what}")),
         }

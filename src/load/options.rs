@@ -46,7 +46,7 @@ pub struct LoadOptions {
     pub lit_nodes: BTreeSet<String>,
     /// The stage of a model without camera or light.
     pub stage: StageOptions,
-    /// Most bytes that the pixels of one image may take: larger ones are refused by their headers, as damaged ones are.
+    /// Maximum number of bytes that the pixels of one image may take: larger ones are refused by their headers, as damaged ones are.
     pub memory_limit: Option<u64>,
     /// Records the files that are read or looked for.
     pub files: SavedFiles,

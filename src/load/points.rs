@@ -8,7 +8,7 @@ use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
 /// Maximum number of distinct colours; more are quantized.
-const MOST_COLORS: usize = 1 << 15;
+const MAX_COLORS: usize = 1 << 15;
 /// Levels of each channel (as its square root, which is nearly even to the eye) where colours are rounded.
 const LEVELS: f32 = 31.0;
 
@@ -35,10 +35,10 @@ impl Cloud<'_> {
         };
         let exact = self.distinct_colors();
         let rounded = |i: usize| self.color(i).map(|c| ((c.sqrt() * LEVELS).round() / LEVELS).powi(2));
-        let round = exact > MOST_COLORS;
+        let round = exact > MAX_COLORS;
         if round {
             let message =
-                format!("the points have more than {MOST_COLORS} colours, which are rounded to 32 levels");
+                format!("the points have more than {MAX_COLORS} colours, which are rounded to 32 levels");
             loaded.warnings.push(Warning::new(path, "", message));
         }
         let mut materials: HashMap<[u32; 3], MaterialId> = HashMap::new();
@@ -85,7 +85,7 @@ impl Cloud<'_> {
         let mut seen = HashSet::new();
         for i in 0..self.colors.len() {
             seen.insert(self.color(i).map(f32::to_bits));
-            if seen.len() > MOST_COLORS {
+            if seen.len() > MAX_COLORS {
                 break;
             }
         }
@@ -108,9 +108,9 @@ const RADIUS: f64 = 0.71;
 /// Points that a cell of the search should hold, if they lie on a surface.
 const IN_CELL: f64 = 4.0;
 /// Largest radius, as a share of the cloud's size: few points stay small.
-const MOST: f64 = 0.02;
+const MAX: f64 = 0.02;
 /// Radius of a cloud whose points have no distance, as a share of its size, or in metres where it has none.
-const LEAST: f64 = 1e-3;
+const MIN: f64 = 1e-3;
 
 /// A radius for the points' spheres, above 0: by the median distance of the fourth neighbour.
 fn radius(positions: &[[f32; 3]]) -> f64 {
@@ -120,14 +120,14 @@ fn radius(positions: &[[f32; 3]]) -> f64 {
     let max = points.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
     let size = if points.is_empty() { 0.0 } else { (max - min).length() };
     if size <= 0.0 {
-        return LEAST;
+        return MIN;
     }
     let grid = Grid::new(&points, min, size * (IN_CELL / points.len() as f64).sqrt().min(1.0));
     let step = points.len().div_ceil(PROBES);
     let mut distances: Vec<f64> = points.iter().step_by(step).filter_map(|&p| grid.neighbour(p)).collect();
     distances.sort_by(f64::total_cmp);
     let median = distances.get(distances.len() / 2).copied().unwrap_or(0.0);
-    if median > 0.0 { (RADIUS * median).min(MOST * size) } else { LEAST * size }
+    if median > 0.0 { (RADIUS * median).min(MAX * size) } else { MIN * size }
 }
 
 /// Points by the cubes that they are in.

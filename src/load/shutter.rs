@@ -48,7 +48,7 @@ impl ShutterPosition {
 pub const LONGEST_SHUTTER: f64 = 1000.0;
 
 /// Maximum number of keys chosen automatically.
-const MOST_KEYS: usize = 65;
+const MAX_KEYS: usize = 65;
 
 /// Tolerance of interpolated transforms: axes relative to their length, positions relative to the whole trajectory.
 const TOLERANCE: f64 = 1e-3;
@@ -101,7 +101,7 @@ impl ShutterOptions {
         }
         let ways = self.ways(places);
         let mut steps = 1;
-        while steps + 1 < MOST_KEYS {
+        while steps + 1 < MAX_KEYS {
             if self.is_even(steps, places, &ways, TOLERANCE) {
                 return (steps + 1, true);
             }

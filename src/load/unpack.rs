@@ -1,7 +1,7 @@
 //! Models inside ZIP archives, which are unpacked into a temporary folder.
 
 use super::formats;
-use super::zip::{Archive, MOST_BYTES};
+use super::zip::{Archive, MAX_BYTES};
 use super::{Loaded, files, temporary};
 use crate::error::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -35,7 +35,7 @@ impl Unpacked {
                 return Err(fail(format!("holds a file whose path leads out of it: '{}'", entry.name)));
             }
             let data = archive
-                .data(entry, MOST_BYTES - total)
+                .data(entry, MAX_BYTES - total)
                 .map_err(|why| fail(format!("'{}' {why}", entry.name)))?;
             total += data.len() as u64;
             let target = folder.path().join(&relative);

@@ -65,8 +65,8 @@ pub(super) fn turn_as_guessed(path: &Path, options: &LoadOptions, loaded: &mut L
 // wide bases below their middle, and are mirrored left and right, not up and down. Weights and thresholds here were set by
 // a dozen models and their copies turned on their backs.
 
-/// Most triangles that are looked at.
-const MOST_TRIANGLES: usize = 200_000;
+/// Maximum number of triangles that are looked at.
+const MAX_TRIANGLES: usize = 200_000;
 /// Share of the height that counts as the base.
 const BASE: f64 = 0.03;
 /// Cells along each axis of the grid for the symmetry test.
@@ -116,7 +116,7 @@ struct Surface {
 impl Surface {
     fn of(scene: &Scene) -> Surface {
         let total: usize = scene.meshes.iter().map(|m| m.triangles.len()).sum();
-        let step = total.div_ceil(MOST_TRIANGLES).max(1);
+        let step = total.div_ceil(MAX_TRIANGLES).max(1);
         let (mut points, mut faces) = (Vec::new(), Vec::new());
         for instance in &scene.instances {
             let Some(mesh) = scene.meshes.get(instance.mesh.index()) else { continue };

@@ -6,11 +6,11 @@ use flate2::read::DeflateDecoder;
 use std::io::Read;
 use std::path::Path;
 
-/// Most entries of an archive, and most bytes of all together.
-const MOST_ENTRIES: usize = 1 << 16;
-pub(super) const MOST_BYTES: u64 = 1 << 33;
+/// Maximum number of entries of an archive, and of bytes of all together.
+const MAX_ENTRIES: usize = 1 << 16;
+pub(super) const MAX_BYTES: u64 = 1 << 33;
 /// What deflate packs into a byte at most.
-const MOST_RATIO: u64 = 1032;
+const MAX_RATIO: u64 = 1032;
 
 /// Does a file begin like an archive?
 pub(super) fn is_archive(start: &[u8]) -> bool {
@@ -29,7 +29,7 @@ impl Archive {
     /// # Errors
     /// An input error if it can't be read, or its list is broken.
     pub fn open(path: &Path) -> Result<Archive> {
-        let bytes = files::read(path, MOST_BYTES).map_err(|message| Error::input(path, message))?;
+        let bytes = files::read(path, MAX_BYTES).map_err(|message| Error::input(path, message))?;
         let damaged = || Error::input(path, "is a damaged ZIP archive: its list of files is broken");
         let entries = entries(&bytes).ok_or_else(damaged)?;
         Ok(Archive { bytes, entries })
@@ -62,7 +62,7 @@ impl Archive {
         let plain = |name: &str| name.trim_start_matches('/').replace('\\', "/");
         let wanted = plain(name);
         let entry = self.entries.iter().find(|entry| plain(&entry.name).eq_ignore_ascii_case(&wanted));
-        entry.ok_or("is not in the archive")?.data(&self.bytes, MOST_BYTES)
+        entry.ok_or("is not in the archive")?.data(&self.bytes, MAX_BYTES)
     }
 }
 
@@ -84,7 +84,7 @@ impl Entry {
         if self.is_encrypted {
             return Err("is encrypted: unpack the archive first".into());
         }
-        if self.size > most || self.size > self.packed.saturating_mul(MOST_RATIO).saturating_add(64) {
+        if self.size > most || self.size > self.packed.saturating_mul(MAX_RATIO).saturating_add(64) {
             return Err(format!(
                 "claims {} bytes, more than its {} packed ones justify",
                 self.size, self.packed
@@ -128,7 +128,7 @@ fn entries(bytes: &[u8]) -> Option<Vec<Entry>> {
         let end = usize::try_from(number(bytes, locator + 8, 8)?).ok()?;
         (count, at) = (number(bytes, end.checked_add(32)?, 8)?, number(bytes, end.checked_add(48)?, 8)?);
     }
-    let count = usize::try_from(count).ok().filter(|&n| n <= MOST_ENTRIES)?;
+    let count = usize::try_from(count).ok().filter(|&n| n <= MAX_ENTRIES)?;
     let (mut at, mut entries) = (usize::try_from(at).ok()?, Vec::new());
     for _ in 0..count {
         let header = bytes.get(at..).filter(|h| h.starts_with(b"PK\x01\x02"))?;

@@ -124,9 +124,9 @@ const LONGEST: usize = 200;
 /// The file that a path leads to: that of a symbolic link, which stays, or the path itself.
 fn followed(path: &Path) -> PathBuf {
     /// Links that lead to links.
-    const MOST: usize = 40;
+    const MAX: usize = 40;
     let mut path = path.to_path_buf();
-    for _ in 0..MOST {
+    for _ in 0..MAX {
         let Ok(link) = fs::read_link(&path) else { break };
         path = folder_of(&path).join(link);
     }

@@ -31,7 +31,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// Most pixels that a side can have, where the format sets a limit that pictures may reach.
+    /// Maximum number of pixels that a side can have, where the format sets a limit that pictures may reach.
     pub fn largest_edge(self) -> Option<u32> {
         match self {
             Format::WebP => Some(16_383),

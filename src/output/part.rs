@@ -333,8 +333,8 @@ impl Channels {
 
     /// The film's layout; `None` if there is none of the kind.
     pub fn layout(&self) -> Option<Layout> {
-        const MOST_LEVELS: u32 = 64;
-        let aovs = self.aovs().filter(|_| (1..=MOST_LEVELS).contains(&self.matte_levels))?;
+        const MAX_LEVELS: u32 = 64;
+        let aovs = self.aovs().filter(|_| (1..=MAX_LEVELS).contains(&self.matte_levels))?;
         if !self.light_groups.iter().all(|name| is_group_name(name)) {
             return None;
         }
@@ -436,7 +436,7 @@ pub struct PartHeader {
 
 // Do parts make up a picture?
 
-/// Most items that an error lists.
+/// Maximum number of items that an error lists.
 const LISTED: usize = 20;
 
 /// Samples of pixels: columns, rows, samples.

@@ -115,9 +115,9 @@ pub fn with_png_text(mut png: Vec<u8>, keyword: &str, text: &str) -> Vec<u8> {
 /// The text of a keyword that [`with_png_text`] added to a file; `None` for any other file.
 pub fn png_text(path: &Path, keyword: &str) -> Option<String> {
     /// Longest text that is looked for, bytes.
-    const MOST: u64 = 4096;
+    const MAX: u64 = 4096;
     let mut start = Vec::new();
-    File::open(path).ok()?.take(PNG_HEAD as u64 + 8 + MOST).read_to_end(&mut start).ok()?;
+    File::open(path).ok()?.take(PNG_HEAD as u64 + 8 + MAX).read_to_end(&mut start).ok()?;
     let (head, rest) = start.split_at_checked(PNG_HEAD)?;
     let (length, rest) = rest.split_first_chunk::<4>()?;
     let data = rest.strip_prefix(b"tEXt")?.get(..u32::from_be_bytes(*length) as usize)?;

@@ -18,12 +18,12 @@ const RADIUS: usize = 1;
 /// Part of the mean squared error that every pixel is taken to have besides its own: what it has not shown yet.
 const UNSEEN: f64 = 0.01;
 
-/// Most samples of a pixel, for each that the average one has.
-const MOST: f64 = 8.0;
+/// Maximum number of samples of a pixel, relative to the average.
+const MAX: f64 = 8.0;
 
-/// Fewest samples of the average pixel and fewest pixels of a picture.
-const LEAST_SAMPLES: u32 = 16;
-const LEAST_PIXELS: u32 = 128 * 128;
+/// Minimum numbers of samples of the average pixel and of pixels of a picture.
+const MIN_SAMPLES: u32 = 16;
+const MIN_PIXELS: u32 = 128 * 128;
 
 /// The work for a given error must fall by this factor. (What is predicted is not quite reached: points that are evenly
 /// spread over a pixel make its error fall faster than their number grows. Of a predicted 2.0, 1.4 were measured.)
@@ -62,8 +62,8 @@ impl Technique for AdaptiveSampling {
         let options = target.options;
         first_reason(&[
             (options.time_limit.is_some(), "rendering has a time limit"),
-            (options.samples < LEAST_SAMPLES, "there are too few samples"),
-            (options.width * options.height < LEAST_PIXELS, "the picture has too few pixels"),
+            (options.samples < MIN_SAMPLES, "there are too few samples"),
+            (options.width * options.height < MIN_PIXELS, "the picture has too few pixels"),
         ])
     }
 
@@ -103,7 +103,7 @@ impl ErrorMap {
         let scale = |(&e, &c): (&f32, &f32)| ((f64::from(e) + UNSEEN * mean) / f64::from(c)).sqrt();
         let scales: Vec<f64> = errors.par_iter().zip(&costs).map(scale).collect();
         let least = f64::from(earlier.max(options.least_samples.min(total)));
-        let most = (MOST * f64::from(total)).min(f64::from(options.most_samples.max(total)));
+        let most = (MAX * f64::from(total)).min(f64::from(options.most_samples.max(total)));
         // The least sum of e / n for a given sum of c n has n in proportion to the root of e / c.
         let sum_at = |factor: f64| scales.iter().map(|s| (factor * s).clamp(least, most)).sum::<f64>();
         let wanted = f64::from(total) * scales.len() as f64;

@@ -27,16 +27,16 @@ const LEAST_TRIED: f64 = 1.0 / 4.0;
 /// Fraction of the noisiest pixels that are left out of that.
 const LEFT_OUT: f64 = 0.01;
 
-/// Fewest pixels that are left out.
+/// Minimum number of pixels that are left out.
 const LEAST_LEFT_OUT: usize = 12;
 
 /// Candidates for the number of light paths per pixel and sample.
 const SHARES: [f64; 6] = [0.0625, 0.125, 0.25, 0.5, 1.0, 2.0];
 
-/// Least ratio of the efficiencies with light tracing and without.
+/// Minimum ratio of the efficiencies with light tracing and without.
 const LEAST_GAIN: f64 = 1.3;
 
-/// Least fraction of the picture's light that light paths must find.
+/// Minimum fraction of the picture's light that light paths must find.
 const LEAST_LIGHT: f64 = 1e-5;
 
 /// Time of a ray of a light path with all that belongs to it, relative to a ray of a path from the camera. (Glass and metal balls in a

@@ -26,34 +26,34 @@ const PARTS: u64 = 16;
 
 /// The first test whether training may pay takes one part over this number; fewest paths of the test.
 const PROBE: u64 = 4;
-const LEAST_PROBE: u64 = 1 << 10;
+const MIN_PROBE: u64 = 1 << 10;
 
-/// Least noise of the radiance that diffuse vertices find (see [`Finds`]) for training.
+/// Minimum noise of the radiance that diffuse vertices find (see [`Finds`]) for training.
 ///
 /// Of fifty scenes at 128 x 128 pixels with 64 samples, five had 4 or more: rooms lit through a gap of a door, a slit and a window (1000,
 /// 330 and 6 to 12), which guided are 4.3, 3.1 and 1.3 times as efficient (learning included), and two with caustics (43 and 10), which don't
 /// gain. The others, with 3 or less, are guided .64 to .88 times as efficient.
-const LEAST_NOISE: f64 = 4.0;
+const MIN_NOISE: f64 = 4.0;
 
 /// Largest ratio of the noise of a training pass to that of the first one. Of the rooms it was .06 to .6 and .05 to
 /// .54, of one with glossy walls .77 and .42, of the scenes with caustics .4 to 2 and .45 to .8.
-const MOST_LEFT: [f64; PASSES.len()] = [f64::INFINITY, 0.9, 0.5, f64::INFINITY, f64::INFINITY];
+const MAX_LEFT: [f64; PASSES.len()] = [f64::INFINITY, 0.9, 0.5, f64::INFINITY, f64::INFINITY];
 
 /// Parts after which a guide is accepted.
 const PROVEN: u32 = 4;
 
 /// Fraction of the picture's mean luminance that bounds the scale of noise from below.
-const LEAST_LUMINANCE: f64 = 0.2;
+const MIN_LUMINANCE: f64 = 0.2;
 
-/// Most pixels of the whole image, of which a part may be rendered, for automatic training, which takes 12 bytes per pixel.
-const MOST_PIXELS: f64 = (1u64 << 27) as f64;
+/// Maximum number of pixels of the whole image, of which a part may be rendered, for automatic training, which takes 12 bytes per pixel.
+const MAX_PIXELS: f64 = (1u64 << 27) as f64;
 
 /// Samples per pixel assumed where a noise level ends rendering and guiding is automatic.
 const PLANNED_BY_NOISE: u32 = 64;
 
-/// Fewest paths of a part where guiding is requested, and most paths of a part.
-const LEAST_PART: u64 = 1 << 9;
-const MOST_PART: u64 = 1 << 18;
+/// Minimum number of paths of a part where guiding is requested, and maximum number of paths of a part.
+const MIN_PART: u64 = 1 << 9;
+const MAX_PART: u64 = 1 << 18;
 
 /// Aim for the final number of training samples per cell.
 const SAMPLES_OF_CELL: f64 = 2000.0;
@@ -65,7 +65,7 @@ const SHARE_OF_TIME: f64 = 0.1;
 const BLOCKS: usize = 16;
 
 /// Bound on the vertices of most paths, and bytes of a training sample while cells are updated.
-const MOST_VERTICES: u32 = 64;
+const MAX_VERTICES: u32 = 64;
 const CELL_SAMPLE_BYTES: usize = 24;
 
 /// Separates the random numbers of training from those of pictures with the same seed.
@@ -128,7 +128,7 @@ impl Technique for PathGuiding {
     }
 }
 
-/// Most memory of training, bytes.
+/// Memory limit of training, bytes.
 pub fn guiding_bytes(options: &RenderOptions) -> u64 {
     if options.guiding == Guiding::Off || part(options) < least_part(options) {
         return 0;
@@ -136,7 +136,7 @@ pub fn guiding_bytes(options: &RenderOptions) -> u64 {
     let pixels = u64::from(options.width) * u64::from(options.height);
     // Those of the current update, and those traced at the same time.
     let paths = part(options).min((2 * steps_at_once() * BLOCKS * WAVE) as u64);
-    let vertices = paths * u64::from(options.max_depth.min(MOST_VERTICES));
+    let vertices = paths * u64::from(options.max_depth.min(MAX_VERTICES));
     // Samples of each pixel, and what vertices found.
     pixels * 12 + vertices * (size_of::<TrainingSample>() + CELL_SAMPLE_BYTES) as u64
 }
@@ -155,16 +155,16 @@ fn part(options: &RenderOptions) -> u64 {
     };
     let planned = options.samples.max(options.planned).min(most).next_power_of_two();
     let pixels = f64::from(options.width) * f64::from(options.height);
-    if options.guiding == Guiding::Auto && pixels > MOST_PIXELS {
+    if options.guiding == Guiding::Auto && pixels > MAX_PIXELS {
         return 0;
     }
     let paths = SHARE * f64::from(planned) * pixels;
-    ((paths / PARTS as f64) as u64).min(MOST_PART)
+    ((paths / PARTS as f64) as u64).min(MAX_PART)
 }
 
-/// Fewest paths of a part.
+/// Minimum number of paths of a part.
 fn least_part(options: &RenderOptions) -> u64 {
-    if options.guiding == Guiding::Auto { PROBE * LEAST_PROBE } else { LEAST_PART }
+    if options.guiding == Guiding::Auto { PROBE * MIN_PROBE } else { MIN_PART }
 }
 
 /// Trains a guide.
@@ -196,7 +196,7 @@ impl Training<'_> {
             return Ok(());
         }
         let (mut number, mut noise_of_first) = (0, None);
-        for (parts, most_left) in PASSES.into_iter().zip(MOST_LEFT) {
+        for (parts, most_left) in PASSES.into_iter().zip(MAX_LEFT) {
             let guide = state.guide().unwrap_or_else(Guide::blank);
             state.finds = Finds::default();
             for _ in 0..parts {
@@ -221,7 +221,7 @@ impl Training<'_> {
     fn may_pay(&self, stop: &(dyn Fn() -> bool + Sync)) -> Result<bool, Stopped> {
         let mut state = TrainingState::default();
         self.take_part(&Guide::blank(), OF_PROBE, part(self.0.target.options) / PROBE, &mut state, stop)?;
-        Ok(state.finds.noise() >= LEAST_NOISE)
+        Ok(state.finds.noise() >= MIN_NOISE)
     }
 
     /// Trains with this many paths.
@@ -357,7 +357,7 @@ impl Finds {
     fn add(&mut self, found: &BlockSamples, mean: f64) {
         let samples = found.samples as f64;
         let around = found.luminance / samples.max(1.0);
-        let scale = around * around + (LEAST_LUMINANCE * mean).powi(2);
+        let scale = around * around + (MIN_LUMINANCE * mean).powi(2);
         self.squares += if scale > 0.0 { found.squares / scale } else { 0.0 };
         self.samples += samples;
     }

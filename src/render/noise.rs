@@ -26,8 +26,8 @@ use crate::integrator::reuse::INTERVAL;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Fewest samples for an estimate.
-const LEAST: u32 = 8;
+/// Minimum number of samples for an estimate.
+const MIN: u32 = 8;
 
 /// Added to squared values, so that the relative error of black is finite.
 const FLOOR: f64 = 0.01;
@@ -41,7 +41,7 @@ const TAIL: f64 = 0.01;
 
 /// Pixels of a run, which is summed in order, and fewest pixels of a thread.
 const RUN: usize = 1 << 12;
-const LEAST_OF_THREAD: usize = RUN;
+const MIN_PER_THREAD: usize = RUN;
 
 /// Numbers with equal bits above these (sign, exponent, two bits of the mantissa) share a bin.
 const SIZE_SHIFT: u32 = 50;
@@ -71,7 +71,7 @@ type Parts = [f64; 2];
 impl Noise {
     /// Observes a film whose pixels all have this many samples.
     pub fn observe(&mut self, film: &Film, samples: u32) {
-        if samples < LEAST {
+        if samples < MIN {
             self.now = samples;
             return;
         }
@@ -80,7 +80,7 @@ impl Noise {
 
     fn observe_means(&mut self, means: Vec<[f32; 3]>, width: usize, samples: u32) {
         self.now = samples;
-        if samples < LEAST {
+        if samples < MIN {
             return;
         }
         self.brightest.observe(&means, samples);
@@ -209,7 +209,7 @@ impl BrightestPass {
         let [n, m] = [self.samples, samples].map(|count| count as f32);
         // A resumed picture without earlier state: the difference is no pass.
         if samples.saturating_sub(self.samples) == INTERVAL {
-            let pixels = self.sums.par_iter_mut().zip(&self.means).zip(means).with_min_len(LEAST_OF_THREAD);
+            let pixels = self.sums.par_iter_mut().zip(&self.means).zip(means).with_min_len(MIN_PER_THREAD);
             pixels.for_each(|((sum, before), now)| {
                 *sum = std::array::from_fn(|c| sum[c].max(m * now[c] - n * before[c]));
             });
@@ -229,13 +229,13 @@ impl BrightestPass {
         let without = |(now, sum): (&[f32; 3], &[f32; 3])| -> [f32; 3] {
             std::array::from_fn(|c| ((m * now[c] - sum[c]) / others).max(0.0))
         };
-        let pixels = means.par_iter().zip(&self.sums).with_min_len(LEAST_OF_THREAD);
+        let pixels = means.par_iter().zip(&self.sums).with_min_len(MIN_PER_THREAD);
         let rest: Vec<[f32; 3]> = pixels.map(without).collect();
         let value = |(at, now): (usize, &[f32; 3])| {
             let around = second_brightest_around(&rest, width, at);
             std::array::from_fn(|c| now[c].min(rest[at][c].max(around[c])))
         };
-        means.par_iter().enumerate().with_min_len(LEAST_OF_THREAD).map(value).collect()
+        means.par_iter().enumerate().with_min_len(MIN_PER_THREAD).map(value).collect()
     }
 }
 
@@ -256,7 +256,7 @@ fn second_brightest_around(values: &[[f32; 3]], width: usize, at: usize) -> [f32
 
 /// Squared relative changes of the means of pixels; the mean over channels.
 fn squared_changes(before: &[[f32; 3]], now: &[[f32; 3]], values: &[[f32; 3]]) -> Vec<f64> {
-    let pixels = before.par_iter().zip(now).zip(values).with_min_len(LEAST_OF_THREAD);
+    let pixels = before.par_iter().zip(now).zip(values).with_min_len(MIN_PER_THREAD);
     let squares = pixels.map(|((before, now), value)| {
         let squares = [0, 1, 2].map(|c| {
             let (moved, value) = (f64::from(now[c]) - f64::from(before[c]), f64::from(value[c]));

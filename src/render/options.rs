@@ -40,8 +40,8 @@ impl Splitting {
     /// One path from each sample.
     pub const OFF: Splitting = Splitting::Into(1);
 
-    /// Most paths.
-    pub const MOST: u32 = 16;
+    /// Maximum number of paths.
+    pub const MAX: u32 = 16;
 }
 
 /// Whether caustics are found from the lamp: light that smooth glass, mirrors or polished metal send from lamps to diffuse surfaces,
@@ -356,7 +356,7 @@ impl FromStr for Splitting {
         match (text, text.parse()) {
             ("auto", _) => Ok(Splitting::Auto),
             ("off", _) => Ok(Splitting::OFF),
-            (_, Ok(branches @ (1 | 2 | 4 | 8 | Splitting::MOST))) => Ok(Splitting::Into(branches)),
+            (_, Ok(branches @ (1 | 2 | 4 | 8 | Splitting::MAX))) => Ok(Splitting::Into(branches)),
             _ => Err(Error::usage(format!("'{text}' is no way to split paths"))
                 .with_help("give auto, off, 2, 4, 8 or 16")),
         }

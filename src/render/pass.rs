@@ -22,7 +22,7 @@ thread_local! {
     static SPARE: Cell<Option<FilmTile>> = const { Cell::new(None) };
 }
 
-/// Fewest paths from lights between two additions of splats: so many that threads hardly wait for the last ones.
+/// Minimum number of paths from lights between two additions of splats: so many that threads hardly wait for the last ones.
 const PATHS_PER_SPLATTING: u32 = 1 << 19;
 
 /// A pass, as all threads share it.

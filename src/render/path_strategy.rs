@@ -167,8 +167,8 @@ const EDGE: u32 = 32;
 /// One of this many squares takes part in trials.
 const SQUARES_PER_TRIAL: u32 = 24;
 
-/// Fewest squares for each candidate: a single one could be exceptional.
-const LEAST_SQUARES: u32 = 3;
+/// Minimum number of squares for each candidate: a single one could be exceptional.
+const MIN_SQUARES: u32 = 3;
 
 /// Width, height and spacing of the groups that are tried, in pixels. The last ones are large and are tried only where there are few
 /// connections.
@@ -177,14 +177,14 @@ const SHAPES: [(u32, u32, u32); 3] = [(2, 2, 2), (4, 4, 4), (8, 8, 4)];
 /// Paths per sample in a trial of splitting; the gain for other numbers is computed from it.
 const BRANCHES: u32 = 4;
 
-/// Most paths per sample that trials may decide on.
-const MOST_BRANCHES: u32 = 8;
+/// Maximum number of paths per sample that trials may decide on.
+const MAX_BRANCHES: u32 = 8;
 
-/// Least ratio of the efficiency with path sharing to that without.
+/// Minimum ratio of the efficiency with path sharing to that without.
 const LEAST_GAIN: f64 = 1.25;
 
-/// Least ratio of the efficiency with splitting to that without. Larger, as a few bright pixels may hide errors of others.
-const LEAST_GAIN_OF_SPLITTING: f64 = 1.4;
+/// Minimum ratio of the efficiency with splitting to that without. Larger, as a few bright pixels may hide errors of others.
+const MIN_GAIN_OF_SPLITTING: f64 = 1.4;
 
 /// Squares whose trial left more than this many times the squared error of the best strategy are rendered again with that one. (Over
 /// all samples of a picture that pays from twice the error on, and earlier where samples are so evenly distributed that the error
@@ -216,7 +216,7 @@ const FIXED_COST: f64 = 0.05;
 const FAN_CONNECTION_COST: f64 = 0.17;
 
 /// Time of all connections, relative to that of the other rays, up to which larger groups are tried.
-const MOST_COST: f64 = 0.5;
+const MAX_COST: f64 = 0.5;
 
 /// What a trial tries.
 #[derive(Clone, Copy, Debug)]
@@ -241,7 +241,7 @@ pub(super) struct SquareTrial {
 pub(super) fn trials(open: StrategyTrials, view: &View, pass: Pass) -> Vec<SquareTrial> {
     let (columns, rows) = (view.width / EDGE, view.height / EDGE);
     let shapes = SHAPES.len() as u32;
-    let of_each = (columns * rows).div_ceil(SQUARES_PER_TRIAL * shapes).max(LEAST_SQUARES);
+    let of_each = (columns * rows).div_ceil(SQUARES_PER_TRIAL * shapes).max(MIN_SQUARES);
     // The groups of later passes cross the borders of squares.
     let is_possible = pass.samples >= 2 && pass.first_sample < INTERVAL;
     if !is_possible || columns * rows < 3 * shapes * of_each {
@@ -287,7 +287,7 @@ pub(super) fn strategy_of(trial: &SquareTrial, results: &[(PathStrategy, Errors)
                 [(_, smallest)] => smallest.gain_of_sharing() >= HOPEFUL,
                 // The last shape's groups have four times as many connections as these.
                 [.., (_, last)] => {
-                    last.gain_of_sharing() >= LEAST_GAIN && last.cost_of_connections() < MOST_COST
+                    last.gain_of_sharing() >= LEAST_GAIN && last.cost_of_connections() < MAX_COST
                 }
             };
             is_hopeful.then_some(PathStrategy::Shared(shape))
@@ -486,7 +486,7 @@ impl Candidate {
 
 /// Possible numbers of paths per sample.
 fn numbers_of_branches() -> impl Iterator<Item = u32> {
-    (1..=MOST_BRANCHES.trailing_zeros()).map(|bits| 1 << bits)
+    (1..=MAX_BRANCHES.trailing_zeros()).map(|bits| 1 << bits)
 }
 
 /// The strategy with the largest gain, or the plain one if none gains enough.
@@ -504,7 +504,7 @@ pub(super) fn best(results: &[(PathStrategy, Errors)]) -> Candidate {
         }
         PathStrategy::Alone { .. } => {
             let splittings = numbers_of_branches().map(|branches| of(strategy).splitting_into(branches));
-            splittings.filter(|s| s.gain >= LEAST_GAIN_OF_SPLITTING).collect()
+            splittings.filter(|s| s.gain >= MIN_GAIN_OF_SPLITTING).collect()
         }
     });
     let plain = Candidate { strategy: PathStrategy::PLAIN, change: Change::NONE, error: 1.0, gain: 1.0 };

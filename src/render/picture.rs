@@ -87,7 +87,7 @@ pub(super) fn layout(options: &RenderOptions, labels: &Labels) -> Layout {
     Layout::new(further).with_halves(options.halves)
 }
 
-/// Most bytes of the splats of light paths in a film.
+/// Maximum number of bytes of the splats of light paths in a film.
 pub fn splat_bytes(options: &RenderOptions, labels: &Labels) -> u64 {
     let region = options.pixels();
     let pixels = u64::from(region.width()) * u64::from(region.height());

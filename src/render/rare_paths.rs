@@ -10,13 +10,13 @@ use crate::color::luminance;
 
 /// Share of the pixels, those of the largest excess, that the tail index is estimated from; and the fewest.
 const TAIL: f64 = 0.002;
-const LEAST: usize = 16;
+const MIN: usize = 16;
 
 /// Tail index below which paths are called rare: the variance is infinite below 2, and the estimate from few values is uncertain.
 const HEAVY: f64 = 1.6;
 
 /// Share of the picture's light above which such a tail is reported, and a single pixel whatever the tail.
-const LEAST_SHARE: f64 = 0.01;
+const MIN_SHARE: f64 = 0.01;
 
 /// Pixels along each side of the parts of a picture that are compared.
 const PART: usize = 32;
@@ -38,7 +38,7 @@ pub(super) fn find(means: &[[f32; 3]], robust: &[[f32; 3]], width: usize) -> Opt
         |(mean, robust): (&[f32; 3], &[f32; 3])| f64::from(luminance(*mean) - luminance(*robust)).max(0.0);
     let all: Vec<f64> = means.iter().zip(robust).map(excess).collect();
     let light: f64 = means.iter().map(|mean| f64::from(luminance(*mean)).max(0.0)).sum();
-    let count = ((all.len() as f64 * TAIL) as usize).max(LEAST);
+    let count = ((all.len() as f64 * TAIL) as usize).max(MIN);
     if all.len() <= count || light <= 0.0 {
         return None;
     }
@@ -49,7 +49,7 @@ pub(super) fn find(means: &[[f32; 3]], robust: &[[f32; 3]], width: usize) -> Opt
     let tail_index = if least > 0.0 { count as f64 / logarithms } else { 0.0 };
     let share = larger.iter().sum::<f64>() / light;
     let largest = larger.iter().copied().fold(0.0, f64::max) / light;
-    (tail_index < HEAVY && share >= LEAST_SHARE || largest >= LEAST_SHARE).then(|| {
+    (tail_index < HEAVY && share >= MIN_SHARE || largest >= MIN_SHARE).then(|| {
         let at = brightest(&all, width);
         RarePaths { share, pixel: [(at % width) as u32, (at / width) as u32], tail_index }
     })

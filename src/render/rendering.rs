@@ -70,8 +70,8 @@ pub struct Rendering {
     pub(super) noise: Option<Noise>,
 }
 
-/// Most passes that overlap.
-const MOST_AT_ONCE: usize = 64;
+/// Maximum number of passes that overlap.
+const MAX_AT_ONCE: usize = 64;
 
 impl Rendering {
     /// The picture of a compiled scene by one of its description's cameras, with no sample yet. Scenes may be shared by
@@ -179,7 +179,7 @@ impl Rendering {
     pub fn run_until(&mut self, is_due: impl Fn() -> bool + Sync) -> PassOutcome {
         // Checkpoints are resumed at the end of a block.
         let is_last = |own: &Rendering| own.finishes_passes && own.ends_within_block();
-        while self.next_passes(MOST_AT_ONCE, &is_due) == PassOutcome::Progressed {
+        while self.next_passes(MAX_AT_ONCE, &is_due) == PassOutcome::Progressed {
             if is_due() || is_last(self) {
                 break;
             }

@@ -8,7 +8,7 @@ use crate::film::{Aov, AovSet};
 use crate::scene::{Camera, Scene, Settings, ShadingModel};
 
 const DEFAULT_ASPECT: f64 = 16.0 / 9.0;
-/// Most pixels of a picture, of which parts may be rendered alone. Memory is another limit, which the machine knows.
+/// Maximum number of pixels of a picture, of which parts may be rendered alone. Memory is another limit, which the machine knows.
 const PIXEL_LIMIT: u64 = u32::MAX as u64;
 
 /// A user's choices. What they leave open the scene decides; then the defaults of [`RenderOptions`] hold.

@@ -12,7 +12,7 @@ use std::ops::Range;
 use std::time::Duration;
 
 /// Samples of a full pass.
-const MOST: u32 = INTERVAL;
+const MAX: u32 = INTERVAL;
 /// Fraction of the remaining time that a pass may take: a wrong prediction then costs little.
 const SHARE: f64 = 0.1;
 
@@ -41,10 +41,10 @@ impl Pass {
         let (width, height) = match self.samples {
             1 => (64, 32),
             2 | 3 => (32, 32),
-            4..MOST => (32, 16),
+            4..MAX => (32, 16),
             _ => (16, 16),
         };
-        debug_assert!(width * height * self.samples.min(MOST) <= 2 * WAVE as u32);
+        debug_assert!(width * height * self.samples.min(MAX) <= 2 * WAVE as u32);
         (width, height)
     }
 
@@ -99,8 +99,8 @@ impl Schedule {
             return None;
         }
         let samples = match (self.limit, self.sample_s) {
-            (None, _) => MOST,
-            _ if self.whole_passes => MOST,
+            (None, _) => MAX,
+            _ if self.whole_passes => MAX,
             (Some(_), None) => 1,
             (Some(limit), Some(sample_s)) => {
                 let left_s = limit.saturating_sub(elapsed).as_secs_f64();
@@ -108,11 +108,11 @@ impl Schedule {
                     return None;
                 }
                 // `as` saturates. At first the number of samples doubles, so that what is shown gets better steadily.
-                ((SHARE * left_s / sample_s) as u32).min(self.next).clamp(1, MOST)
+                ((SHARE * left_s / sample_s) as u32).min(self.next).clamp(1, MAX)
             }
         };
         // Passes don't straddle multiples of a full one: which pixels share paths changes there.
-        let samples = samples.min(left).min(MOST - self.next % MOST);
+        let samples = samples.min(left).min(MAX - self.next % MAX);
         let pass = Pass { first_sample: self.next, samples };
         self.next += pass.samples;
         (pass.samples > 0).then_some(pass)

@@ -16,7 +16,7 @@ pub const MIN_EXPECTED: f64 = 8.0;
 /// inside a cell leaves a doubt of that size, and the total must be known to a few of the samples.
 const LEAF_ERROR: f64 = 2e-5;
 /// Splits of a cell at most.
-const MOST_SPLITS: u32 = 20;
+const MAX_SPLITS: u32 = 20;
 /// Where a part is split: the golden section.
 const SPLIT: f64 = 0.381_966_011_250_105_15;
 
@@ -201,7 +201,7 @@ impl Chi2 {
             .map(|i| {
                 let low = [(i % columns) as f64 * size[0], (i / columns) as f64 * size[1]];
                 let whole = lobatto(density, low, size);
-                refine(density, low, size, whole, tolerance, [2 * self.least_splits, MOST_SPLITS])
+                refine(density, low, size, whole, tolerance, [2 * self.least_splits, MAX_SPLITS])
             })
             .collect()
     }

@@ -172,10 +172,10 @@ pub struct ZSobolOrder {
 impl ZSobolOrder {
     /// For `samples` a pixel, with `branches` paths from each, by the user's seed.
     pub fn new(seed: u32, samples: u32, branches: u32) -> ZSobolOrder {
-        const MOST_BITS: u32 = SAMPLES_PER_SEED.trailing_zeros();
+        const MAX_BITS: u32 = SAMPLES_PER_SEED.trailing_zeros();
         let points = samples.saturating_mul(branches);
-        let run_bits = (32 - points.saturating_sub(1).leading_zeros()).min(MOST_BITS);
-        let edge_bits = ((MOST_BITS - run_bits) / 2).min(MAX_EDGE_BITS);
+        let run_bits = (32 - points.saturating_sub(1).leading_zeros()).min(MAX_BITS);
+        let edge_bits = ((MAX_BITS - run_bits) / 2).min(MAX_EDGE_BITS);
         let edge_bits = if samples > MAX_Z_ORDER_SPP { 0 } else { edge_bits };
         ZSobolOrder { seed, run_bits, edge_bits }
     }

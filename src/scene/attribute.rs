@@ -12,7 +12,7 @@ pub struct VertexAttribute {
 }
 
 impl VertexAttribute {
-    /// The most numbers that a vertex may have.
+    /// Maximum number of values that a vertex may have.
     pub const MAX_WIDTH: u32 = 4;
 
     /// One without vertices.

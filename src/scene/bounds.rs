@@ -5,7 +5,7 @@ use crate::math::DVec3;
 use rayon::prelude::*;
 
 /// Largest number of placed vertices in all. Beyond, the corners of bounding boxes stand for the meshes with the most.
-const MOST_VERTICES: usize = 20_000_000;
+const MAX_VERTICES: usize = 20_000_000;
 
 /// A box around points in world space, metres: its least and its greatest corner; `None` before the first point.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -110,7 +110,7 @@ pub fn instance_extents(scene: &Scene) -> Vec<Extent> {
     MeshHulls::of(scene).instance_extents()
 }
 
-/// For which meshes the corners of their bounding boxes stand, so that at most [`MOST_VERTICES`] placed points are left.
+/// For which meshes the corners of their bounding boxes stand, so that at most [`MAX_VERTICES`] placed points are left.
 fn boxed_meshes(scene: &Scene, placements: &[usize]) -> Vec<bool> {
     let placed = |i: usize| scene.meshes[i].positions.len().saturating_mul(placements[i]);
     let mut left = (0..scene.meshes.len()).map(placed).fold(0, usize::saturating_add);
@@ -119,7 +119,7 @@ fn boxed_meshes(scene: &Scene, placements: &[usize]) -> Vec<bool> {
     largest.sort_by_key(|&i| std::cmp::Reverse(placed(i)));
     let mut is_boxed = vec![false; scene.meshes.len()];
     for i in largest {
-        if left <= MOST_VERTICES {
+        if left <= MAX_VERTICES {
             break;
         }
         is_boxed[i] = true;
@@ -135,7 +135,7 @@ fn quad_corners(q: &Quad) -> [DVec3; 4] {
 /// Marks the vertices that triangles use.
 fn used_vertices(mesh: &Mesh) -> Vec<bool> {
     if let Some(splats) = &mesh.splats {
-        return splats.opacities.iter().map(|opacity| *opacity >= Splats::LEAST_OPACITY).collect();
+        return splats.opacities.iter().map(|opacity| *opacity >= Splats::MIN_OPACITY).collect();
     }
     let mut used = vec![false; mesh.positions.len()];
     for &i in mesh.triangles.as_flattened() {

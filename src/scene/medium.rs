@@ -130,7 +130,7 @@ impl Grid {
         Grid { name, size, values, world_from_voxels }
     }
 
-    /// The least and the greatest corner of the box along the axes of the world that is around its own, metres.
+    /// The lower and the upper corner of the box along the axes of the world that is around its own, metres.
     pub fn bounds(&self) -> (DVec3, DVec3) {
         let corner = |k: u32| {
             let at = [0, 1, 2].map(|axis| if k >> axis & 1 == 1 { f64::from(self.size[axis]) } else { 0.0 });

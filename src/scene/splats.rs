@@ -32,7 +32,7 @@ impl Splats {
 
     /// The opacity below which a splat is nothing, where its surface ends: 1/255, with which the splats of the paper are optimised.
     /// Of its projection, the outermost 1 / (255 opacity) are cut off: 0.4 % where it is opaque.
-    pub const LEAST_OPACITY: f32 = 1.0 / 255.0;
+    pub const MIN_OPACITY: f32 = 1.0 / 255.0;
 
     /// Coefficients of a splat, for a degree of spherical harmonics.
     pub fn coefficients_of(degree: u8) -> usize {

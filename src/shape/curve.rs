@@ -251,9 +251,9 @@ fn turn(v: Vec3, from: Vec3, to: Vec3) -> Vec3 {
 
 /// A normal on the side of a viewer: where it leads away, bent until it doesn't.
 fn facing(n: Vec3, wo: Vec3) -> Vec3 {
-    const LEAST: f32 = 1e-4;
+    const MIN: f32 = 1e-4;
     let cosine = n.dot(wo);
-    if cosine >= LEAST { n } else { (n + wo * (LEAST - cosine)).try_normalize().unwrap_or(wo) }
+    if cosine >= MIN { n } else { (n + wo * (MIN - cosine)).try_normalize().unwrap_or(wo) }
 }
 
 #[cfg(test)]
@@ -283,7 +283,7 @@ mod tests {
         at(0.5 * (low + high))
     }
 
-    /// The least distance along a ray, but for what is below 0 for less than a small step: nothing is nearer than the distance of a point.
+    /// The smallest distance along a ray, but for what is below 0 for less than a small step: nothing is nearer than the distance of a point.
     fn nearest_along(s: &CurveSegment, ray: &Ray, end: f32) -> f64 {
         let (mut t, mut nearest) = (0.0, f64::INFINITY);
         while t < end {

@@ -12,7 +12,7 @@ use std::f32::consts::{FRAC_1_PI, PI, SQRT_2};
 
 /// Smallest radius relative to the coordinates of the center for which normals follow from points. A smaller sphere is seen as one
 /// that faces the viewer.
-const LEAST_RADIUS: f32 = 1e-5;
+const MIN_RADIUS: f32 = 1e-5;
 
 /// A sphere.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -145,7 +145,7 @@ impl Shape for Sphere {
     #[inline(always)]
     fn normal_at(&self, point: Vec3, reference: Vec3) -> Vec3 {
         // Below that the rounding of points, up to 6e-8 of their coordinates, would turn normals by more than a hundredth.
-        if self.radius < LEAST_RADIUS * self.center.abs().max_element() && reference != point {
+        if self.radius < MIN_RADIUS * self.center.abs().max_element() && reference != point {
             return (reference - self.center).normalize_or_zero();
         }
         (point - self.center) / self.radius

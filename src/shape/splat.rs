@@ -62,7 +62,7 @@ impl SplatCloud {
         Some(Splat { center: Vec3::from_array(*self.centers.get(index)?), rows, opacity })
     }
 
-    /// The box around the part of a splat above [`Splats::LEAST_OPACITY`]; `None` where it is nowhere above.
+    /// The box around the part of a splat above [`Splats::MIN_OPACITY`]; `None` where it is nowhere above.
     pub fn bounds_of(&self, index: usize) -> Option<Bounds3> {
         let (axes, scales) = self.axes(index)?;
         let radius = radius(*self.splats.as_ref()?.opacities.get(index)?)?;
@@ -112,7 +112,7 @@ fn decoded(encoded: f32) -> f32 {
 
 /// Radius of a splat of this opacity, in standard deviations; `None` where it is too transparent to count.
 fn radius(opacity: f32) -> Option<f32> {
-    let over = opacity / Splats::LEAST_OPACITY;
+    let over = opacity / Splats::MIN_OPACITY;
     (over >= 1.0).then(|| (2.0 * poly::ln(over)).max(0.0).sqrt())
 }
 
@@ -196,7 +196,7 @@ impl SplatLanes<'_> {
     #[inline(always)]
     pub fn opacity_at(&self, lane: usize, squared: f32) -> f32 {
         let opacity = self.opacity[lane] * poly::exp(-0.5 * squared);
-        if opacity >= Splats::LEAST_OPACITY { opacity } else { 0.0 }
+        if opacity >= Splats::MIN_OPACITY { opacity } else { 0.0 }
     }
 }
 
@@ -273,7 +273,7 @@ mod tests {
             for step in [-0.05, -0.01, 0.01, 0.05] {
                 assert!(opacity_at(&cloud, origin + direction * (t + step)) <= there + 1e-6);
             }
-            if opacity > Splats::LEAST_OPACITY {
+            if opacity > Splats::MIN_OPACITY {
                 let bounds = cloud.bounds_of(0).expect("bounds");
                 let p = origin + direction * t;
                 assert!((p - bounds.min).min_element() > -1e-5 && (bounds.max - p).min_element() > -1e-5);
@@ -294,7 +294,7 @@ mod tests {
         for _ in 0..200_000 {
             let on_surface = random.direction() * end * Vec3::from_array(splats.scales[0]);
             let p = Vec3::from_array(cloud.centers[0]) + rotation * on_surface;
-            assert!((opacity_at(&cloud, p) - Splats::LEAST_OPACITY).abs() < 1e-5);
+            assert!((opacity_at(&cloud, p) - Splats::MIN_OPACITY).abs() < 1e-5);
             seen = seen.union(Bounds3 { min: p, max: p });
         }
         assert!((seen.min - bounds.min).abs().max_element() < 2e-3 && seen.min.cmpge(bounds.min).all());
@@ -357,7 +357,7 @@ mod tests {
                 let one =
                     SplatCloud { centers: vec![cloud.centers[i]], splats: Some(Arc::new(alone(&cloud, i))) };
                 let (t, opacity) = peak(&one, origin, direction);
-                if t > 0.0 && opacity >= Splats::LEAST_OPACITY { f64::from(1.0 - opacity) } else { 1.0 }
+                if t > 0.0 && opacity >= Splats::MIN_OPACITY { f64::from(1.0 - opacity) } else { 1.0 }
             };
             let truth: f64 = 1.0 - (0..cloud.count()).map(left).product::<f64>();
             let times: Vec<f32> = (0..20_000).map(|_| random.next()).collect();
@@ -389,7 +389,7 @@ mod tests {
             let expected = crate::color::linear_from_srgb(encoded);
             assert!((decoded(encoded) - expected).abs() <= 3e-6 * expected, "{encoded}");
         }
-        assert!(LARGEST_SQUARED > 2.0 * (1.0 / Splats::LEAST_OPACITY).ln());
+        assert!(LARGEST_SQUARED > 2.0 * (1.0 / Splats::MIN_OPACITY).ln());
     }
 
     #[test]

@@ -234,7 +234,7 @@ pub struct HitData<'a> {
 }
 
 /// Shortest step over a surface, metres, where no path says what it sees.
-const LEAST_STEP: f32 = 1e-4;
+const MIN_STEP: f32 = 1e-4;
 
 impl<'a> HitData<'a> {
     /// Steps over the surface: as wide as a pixel where the camera sees it, in the directions of Cycles, so that the slopes of bumps finer than pixels are
@@ -244,7 +244,7 @@ impl<'a> HitData<'a> {
         // Diagonals of Blender's axes, of which z points upwards.
         let along = Vec3::new(1.0, 1.0, -1.0).cross(n).try_normalize();
         let along = along.unwrap_or_else(|| Vec3::new(-1.0, 1.0, -1.0).cross(n).normalize_or_zero());
-        let width = if point.width > 0.0 { 2.0 * point.width } else { LEAST_STEP };
+        let width = if point.width > 0.0 { 2.0 * point.width } else { MIN_STEP };
         [along * width, n.cross(along) * width]
     }
 

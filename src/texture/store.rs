@@ -48,10 +48,10 @@ pub(super) struct Store {
     /// Bytes of compressed tiles that may yet stay in memory.
     room: AtomicU64,
     scratch: OnceLock<Option<ScratchFile>>,
-    /// Most bytes of the tiles of a shard.
+    /// Maximum number of bytes of the tiles of a shard.
     most_of_shard: usize,
     shards: Vec<Mutex<Shard>>,
-    /// Most bytes of images that are decoded at the same time; one may be larger.
+    /// Maximum number of bytes of images that are decoded at the same time; one may be larger.
     most_decoding: usize,
     /// Bytes of the images that are being decoded.
     decoding: Mutex<usize>,

@@ -87,7 +87,7 @@ fn composite(balls: &[Ball], origin: DVec3, direction: DVec3, background: f64) -
         .iter()
         .map(|ball| (peak(ball, origin, direction), kept(ball.color)))
         .map(|((t, opacity), color)| (t, opacity, color))
-        .filter(|(t, opacity, _)| *t > 0.0 && *opacity >= f64::from(Splats::LEAST_OPACITY))
+        .filter(|(t, opacity, _)| *t > 0.0 && *opacity >= f64::from(Splats::MIN_OPACITY))
         .collect();
     found.sort_by(|a, b| a.0.total_cmp(&b.0));
     let over = |(sum, left): (f64, f64), (_, opacity, color): &(f64, f64, f64)| {
@@ -314,7 +314,7 @@ fn splats_light_what_is_around_them() {
     let glowing = Ball { center: [0.0, 1.0, 0.0], scales: [0.1; 3], opacity: 0.9, color: 3.0, ..BALL };
     let mut scene = floor(Material::lambert("white", [0.8; 3]));
     add(&mut scene, &[glowing]);
-    let end = 1.0 - f64::from(Splats::LEAST_OPACITY) / 0.9;
+    let end = 1.0 - f64::from(Splats::MIN_OPACITY) / 0.9;
     let irradiance = 2.0 * PI * kept(3.0) * 0.9 * 0.01 * end;
     assert_radiance("light of a splat", &scene, &options(16, 1024, 1), 0.8 / PI * irradiance, 1e-2);
 }
@@ -334,7 +334,7 @@ fn moving_splats_are_blurred() {
     let opacity = |i: i32| {
         let x = (f64::from(i) + 0.5) / f64::from(steps) * 2.0 - 1.0;
         let opacity = 0.8 * (-0.5 * x * x / 0.04).exp();
-        if opacity >= f64::from(Splats::LEAST_OPACITY) { opacity } else { 0.0 }
+        if opacity >= f64::from(Splats::MIN_OPACITY) { opacity } else { 0.0 }
     };
     let truth = (0..steps).map(opacity).sum::<f64>() / f64::from(steps) * kept(1.0);
     assert_radiance("moving", &scene, &options(16, 512, 2), truth, 1e-2);

@@ -241,7 +241,7 @@ fn warning(warning: &Warning) -> WarningEntry<'_> {
 
 // The objects of a scene for programs.
 
-/// The least and the greatest coordinates.
+/// The lower and the upper corner.
 pub type Bounds = [[f64; 3]; 2];
 
 /// The bounds of what has any.

@@ -426,7 +426,7 @@ pub fn describe_camera(camera: &Camera) -> String {
 // The objects of a scene as a tree: the names of instances are paths of nodes.
 
 /// Lines of the tree that are shown.
-const MOST_LINES: usize = 400;
+const MAX_LINES: usize = 400;
 
 #[derive(Default)]
 struct Node<'a> {
@@ -475,9 +475,9 @@ pub fn tree(scene: &Scene) -> Vec<String> {
         lines.push(format!("{}{name}{}", "  ".repeat(depth), described(&node.content)));
         stack.extend(node.children.iter().rev().map(|&c| (c, depth + 1)));
     }
-    if lines.len() > MOST_LINES {
-        let more = lines.len() - MOST_LINES;
-        lines.truncate(MOST_LINES);
+    if lines.len() > MAX_LINES {
+        let more = lines.len() - MAX_LINES;
+        lines.truncate(MAX_LINES);
         lines.push(format!("... and {more} more"));
     }
     lines

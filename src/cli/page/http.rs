@@ -10,10 +10,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
-/// Most connections at a time; each has a thread.
-const MOST_CONNECTIONS: usize = 64;
+/// Maximum number of connections at a time; each has a thread.
+const MAX_CONNECTIONS: usize = 64;
 /// Longest request line with all its headers, and longest body, bytes.
-const MOST_BYTES: usize = 1 << 16;
+const MAX_BYTES: usize = 1 << 16;
 /// How long a request may take to arrive.
 const READING: Duration = Duration::from_secs(5);
 /// How long an answer may take to leave.
@@ -115,7 +115,7 @@ impl Slot {
     fn take(open: &Arc<Open>, number: u64, stream: &TcpStream) -> Option<Slot> {
         let stream = stream.try_clone().ok()?;
         let mut connections = open.lock();
-        if connections.len() >= MOST_CONNECTIONS {
+        if connections.len() >= MAX_CONNECTIONS {
             let slow = connections.iter().find(|(_, connection)| connection.is_reading).map(|(n, _)| *n)?;
             if let Some(connection) = connections.remove(&slow) {
                 // Its thread wakes up and ends.
@@ -170,7 +170,7 @@ fn receive(stream: &mut TcpStream, until: Instant) -> Result<Request, Flaw> {
         if let Some(at) = found {
             break searched + at;
         }
-        if bytes.len() > MOST_BYTES {
+        if bytes.len() > MAX_BYTES {
             return Err(Flaw::Refused(431, "the request's header is too long"));
         }
         searched = bytes.len().saturating_sub(3);
@@ -188,7 +188,7 @@ fn receive(stream: &mut TcpStream, until: Instant) -> Result<Request, Flaw> {
         is_number.then(|| text.parse().unwrap_or(usize::MAX))
     });
     let length = length.ok_or(Flaw::Refused(400, "the body's length is no number"))?;
-    if length > MOST_BYTES {
+    if length > MAX_BYTES {
         return Err(Flaw::Refused(413, "the request's body is too long"));
     }
     while body.len() < length {

@@ -37,9 +37,9 @@ pub(super) fn place(nm: f64) -> f64 {
 
 /// The fit stops at this error relative to the brightest channel.
 const WANTED: f64 = 1e-6;
-const MOST_STEPS: usize = 60;
+const MAX_STEPS: usize = 60;
 /// Largest polynomial coefficient: with larger ones a spectrum is a step between two wavelengths.
-const MOST_COEFFICIENT: f64 = 300.0;
+const MAX_COEFFICIENT: f64 = 300.0;
 
 /// Linear Rec. 709 of a sigmoid reflectance under D65, and its derivatives by the coefficients.
 fn look([a, b, c]: [f64; 3]) -> ([f64; 3], [[f64; 3]; 3]) {
@@ -73,12 +73,12 @@ pub(super) fn fit(rgb: [f64; 3], start: [f64; 3]) -> ([f64; 3], f64) {
     let mut best = start;
     let (mut found, mut slopes) = look(best);
     let (mut now, mut damping) = (error(found, rgb, scale), 1e-6);
-    for _ in 0..MOST_STEPS {
+    for _ in 0..MAX_STEPS {
         if now < WANTED {
             break;
         }
         let Some(step) = step(&slopes, found, rgb, damping) else { break };
-        let next = [0, 1, 2].map(|i| (best[i] - step[i]).clamp(-MOST_COEFFICIENT, MOST_COEFFICIENT));
+        let next = [0, 1, 2].map(|i| (best[i] - step[i]).clamp(-MAX_COEFFICIENT, MAX_COEFFICIENT));
         let (found_next, slopes_next) = look(next);
         let error_next = error(found_next, rgb, scale);
         if error_next < now {

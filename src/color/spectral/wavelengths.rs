@@ -15,8 +15,8 @@ pub const LANES: usize = 3;
 const STEP_NM: f32 = 5.0;
 const NODES: usize = MATCHING.len();
 
-/// The least density of a wavelength, as a share of the mean one.
-const LEAST_DENSITY: f64 = 0.05;
+/// The minimum density of a wavelength, as a share of the mean one.
+const MIN_DENSITY: f64 = 0.05;
 
 /// Response of the CIE 1931 observer and the density of wavelength sampling, tabulated; linear between nodes.
 struct Observer {
@@ -68,7 +68,7 @@ fn observer() -> &'static Observer {
         // Importance sampling by the observer's response: the variance of white light is smallest.
         let lengths = rgb.map(|[r, g, b]| (r * r + g * g + b * b).sqrt());
         let mean = lengths.iter().sum::<f64>() / NODES as f64;
-        let weights = lengths.map(|length| length + LEAST_DENSITY * mean);
+        let weights = lengths.map(|length| length + MIN_DENSITY * mean);
         let sum = trapezoid(weights.into_iter());
         let density = weights.map(|weight| weight / sum);
         let mut cumulative = [0.0; NODES];

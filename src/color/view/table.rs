@@ -10,9 +10,9 @@ use std::str::FromStr;
 /// What `.view` files begin with.
 const MAGIC: &[u8] = b"OSCVIEW1";
 
-/// Most nodes along an edge of the lattice, and of a table a channel.
-const MOST_NODES: usize = 129;
-const MOST_KNOTS: usize = 65_536;
+/// Maximum number of nodes along an edge of the lattice, and of a table per channel.
+const MAX_NODES: usize = 129;
+const MAX_KNOTS: usize = 65_536;
 
 /// What a display shows of linear colours: curves bring each channel to 0..1 (what lies outside them is held), a lattice of
 /// display values follows, between whose nodes tetrahedra interpolate.
@@ -53,12 +53,12 @@ impl ViewTable {
 
     fn from_binary(bytes: &[u8], path: &Path) -> Result<ViewTable, String> {
         let mut rest = Binary(bytes);
-        let count = rest.count("knots of a curve", MOST_KNOTS)?;
+        let count = rest.count("knots of a curve", MAX_KNOTS)?;
         let (knots, values) = (rest.floats(count)?, rest.floats(count)?);
         if !knots.is_sorted_by(|a, b| a < b) {
             return Err("knots of a curve must ascend".to_string());
         }
-        let edge = rest.count("nodes along an edge", MOST_NODES)?;
+        let edge = rest.count("nodes along an edge", MAX_NODES)?;
         let numbers = rest.take(6 * edge * edge * edge)?.as_chunks::<2>().0;
         let share = |pair: [u8; 2]| f32::from(u16::from_le_bytes(pair)) / 65_535.0;
         let nodes = numbers.as_chunks::<3>().0.iter().map(|node| node.map(share)).collect();
@@ -148,7 +148,7 @@ fn tetrahedral(size: [usize; 3], nodes: &[[f32; 3]], at: [f32; 3]) -> [f32; 3] {
 }
 
 fn curve(words: &mut Words) -> Result<ToneCurve, String> {
-    let count = words.count("knots of a curve", MOST_KNOTS)?;
+    let count = words.count("knots of a curve", MAX_KNOTS)?;
     let line = words.line();
     let knots = words.numbers(count)?;
     let values = words.numbers(count)?;
@@ -159,14 +159,14 @@ fn curve(words: &mut Words) -> Result<ToneCurve, String> {
 }
 
 fn line(words: &mut Words) -> Result<Values, String> {
-    let count = words.count("nodes", MOST_KNOTS)?;
+    let count = words.count("nodes", MAX_KNOTS)?;
     Ok(Values::Line(colors(words, count)?))
 }
 
 fn lattice(words: &mut Words) -> Result<Values, String> {
     let mut size = [0; 3];
     for edge in &mut size {
-        *edge = words.count("nodes along an edge", MOST_NODES)?;
+        *edge = words.count("nodes along an edge", MAX_NODES)?;
     }
     Ok(Values::Lattice(size, colors(words, size.iter().product())?))
 }

@@ -6,7 +6,7 @@
 use super::weights::{BLOCK, Convolution, blocks};
 use crate::simd::{Lanes, LanesKernel};
 
-/// Most pixels that are computed beyond a row's end, and read beyond those.
+/// Maximum number of pixels that are computed beyond a row's end, and read beyond those.
 const SLACK: usize = 12 + 2;
 
 /// Sixteen channels of a pixel.

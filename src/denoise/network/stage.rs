@@ -9,12 +9,12 @@ use std::ops::Range;
 
 /// Columns of a tile: with those that two further convolutions need, whole steps of the inner loop.
 const TILE_WIDTH: usize = 128;
-/// Most rows of a band.
+/// Maximum number of rows of a band.
 const BAND_HEIGHT: usize = 64;
 /// Bands that there should be at least, so that threads are busy.
-const LEAST_BANDS: usize = 8;
-/// Fewest rows of a band, else the rows around it cost too much.
-const LEAST_HEIGHT: usize = 16;
+const MIN_BANDS: usize = 8;
+/// Minimum number of rows of a band, else the rows around it cost too much.
+const MIN_HEIGHT: usize = 16;
 
 /// Some rows of a picture of many channels: row by row, block by block of channels.
 pub(super) struct Tensor {
@@ -99,7 +99,7 @@ impl Stage<'_> {
         values_of_pair: usize,
         write: impl Fn(&Tile, usize, &mut [T]) + Sync,
     ) {
-        let even = rows.len().div_ceil(LEAST_BANDS).clamp(LEAST_HEIGHT, BAND_HEIGHT).next_multiple_of(2);
+        let even = rows.len().div_ceil(MIN_BANDS).clamp(MIN_HEIGHT, BAND_HEIGHT).next_multiple_of(2);
         let bands = out.par_chunks_mut(even / 2 * values_of_pair).enumerate();
         bands.for_each_init(Default::default, |tiles, (band, out)| {
             let y0 = rows.start + band * even;

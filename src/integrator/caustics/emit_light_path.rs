@@ -23,7 +23,7 @@ use crate::sampling::warp;
 use crate::shape::Surface;
 use std::ops::Range;
 
-/// Least cosine between the directions of a path before and behind panes that it passed straight on.
+/// Minimum cosine between the directions of a path before and behind panes that it passed straight on.
 const STRAIGHT: f32 = 1.0 - 4e-6;
 
 /// Separates the seeds of light paths from those of pixels.

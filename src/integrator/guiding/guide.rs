@@ -11,7 +11,7 @@ const UNIFORM_FRACTION: f32 = 0.25;
 const PRIOR: f32 = 256.0;
 
 /// Cells with fewer training samples use their parent's.
-const LEAST_COUNT: u32 = 8;
+const MIN_COUNT: u32 = 8;
 
 /// Index of the cell without training data, with a uniform histogram.
 pub const UNKNOWN: u32 = 0;
@@ -20,7 +20,7 @@ pub const UNKNOWN: u32 = 0;
 pub const NO_MEAN: f32 = -1.0;
 
 /// Fraction of the picture's mean luminance that bounds the reference of Russian roulette from below.
-const LEAST_SHARE: f64 = 0.2;
+const MIN_SHARE: f64 = 0.2;
 
 /// A guide: by cells of position and normal, a density of directions relative to the cosine lobe, and the mean incident radiance.
 #[derive(Clone, Debug)]
@@ -31,7 +31,7 @@ pub struct Guide {
     pub(super) histograms: Vec<Histogram>,
     /// Densities of all bins of all cells.
     pub(super) densities: Vec<f32>,
-    /// Least reference luminance of Russian roulette.
+    /// Minimum reference luminance of Russian roulette.
     pub(super) floor: f32,
 }
 
@@ -52,7 +52,7 @@ impl Guide {
     /// From training data of a picture with this mean luminance.
     pub fn new(trained: &TrainedCells, luminance: f64) -> Guide {
         let mut guide =
-            Guide { grid: trained.grid, floor: (LEAST_SHARE * luminance) as f32, ..Guide::blank() };
+            Guide { grid: trained.grid, floor: (MIN_SHARE * luminance) as f32, ..Guide::blank() };
         let (mut numbers, mut parents) = (Numbers::default(), Vec::<CellSums>::new());
         for cell in trained.cells() {
             let key = parent(cell.key);
@@ -68,7 +68,7 @@ impl Guide {
         for (cell, learned) in parents.iter().zip(&of_parents) {
             guide.add(cell.key, learned);
         }
-        for cell in trained.cells().filter(|cell| cell.count >= LEAST_COUNT) {
+        for cell in trained.cells().filter(|cell| cell.count >= MIN_COUNT) {
             let above = numbers.get(parent(cell.key)).map_or(&even, |number| &of_parents[number as usize]);
             guide.add(cell.key, &CellEstimate::new(cell, above, 1.0));
         }
@@ -399,7 +399,7 @@ pub struct CellSample {
     value: f32,
 }
 
-/// Most training samples that decide on the size of cells.
+/// Maximum number of training samples that decide on the size of cells.
 const TRIED: usize = 1 << 15;
 
 /// Parts of the cells, which are updated in parallel.

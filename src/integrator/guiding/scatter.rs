@@ -20,8 +20,8 @@ use std::ops::Range;
 /// The first bounce after which a path may be ended by what is expected of it.
 const FIRST_JUDGED: u32 = 1;
 
-/// Least probability with which a path goes on.
-const LEAST: f32 = 0.05;
+/// Minimum probability with which a path goes on.
+const MIN: f32 = 0.05;
 
 /// A path that is expected to bring this share of what it might have brought from its first vertex goes on for certain.
 const WHOLE_SHARE: f32 = 0.5;
@@ -111,7 +111,7 @@ impl Judge {
         let judged = is_known & (by > 0.0);
         let share = expected / if judged { by * WHOLE_SHARE } else { 1.0 };
         let q = (if share < 1.0 { share } else { 1.0 }).sqrt();
-        let q = if q > LEAST { q } else { LEAST };
+        let q = if q > MIN { q } else { MIN };
         let q = if self.uses_adjoint_roulette { q } else { 1.0 };
         let survives = if judged { chance < q } else { plain.0 };
         (survives, if judged { 1.0 / q } else { plain.1 })

@@ -26,8 +26,8 @@ pub struct BlockSamples {
     pub squares: f64,
 }
 
-/// Least share of a sample's light that is distinguished from rounding.
-const LEAST_SHARE: f32 = 1e-6;
+/// Minimum share of a sample's light that is distinguished from rounding.
+const MIN_SHARE: f32 = 1e-6;
 
 impl Integrator<'_> {
     /// Traces the samples of a block to learn from them; `None` if `stop` said so.
@@ -99,7 +99,7 @@ impl Integrator<'_> {
                 _ => w.radiance_buffer.radiance(sample).luminance(),
             };
             let value = (after - before) / carried;
-            let counts = !ends && value.is_finite() && after - before > LEAST_SHARE * after;
+            let counts = !ends && value.is_finite() && after - before > MIN_SHARE * after;
             if counts {
                 w.brought_squares += f64::from(after - before).powi(2);
             }

@@ -1,6 +1,6 @@
 use super::Tiling;
 use super::state::{
-    DIRECT, Diffuse, GroupLanes, LAMBERT, LEAST_REST, METAL_ROUGH, NONE, Pairs, Prefixes, Reuse, SCATTERED,
+    DIRECT, Diffuse, GroupLanes, LAMBERT, MIN_REST, METAL_ROUGH, NONE, Pairs, Prefixes, Reuse, SCATTERED,
     SharedLayers, Suffixes, layer_rest,
 };
 use super::tiling::GroupShape;
@@ -31,8 +31,8 @@ use std::ops::Range;
 const LAST_BOUNCE: u32 = 2;
 const _: () = assert!(LAST_BOUNCE < FIRST_ROULETTE);
 
-/// Least GGX alpha for which connections to other suffixes pay without a diffuse part.
-const LEAST_ALPHA: f32 = 0.1;
+/// Minimum GGX alpha for which connections to other suffixes pay without a diffuse part.
+const MIN_ALPHA: f32 = 0.1;
 
 impl Integrator<'_> {
     /// Records the vertices where paths are cut. Radiance of suffixes is gathered separately from here on, with throughput 1.
@@ -122,7 +122,7 @@ impl Integrator<'_> {
             return None;
         }
         let rest = layer_rest(&v.metal_rough, i, get(&v.ns, i), get(&v.wo, i), self.scene.shading);
-        (rest >= LEAST_REST).then_some(rest)
+        (rest >= MIN_REST).then_some(rest)
     }
 }
 
@@ -130,7 +130,7 @@ impl Integrator<'_> {
 #[inline(always)]
 fn spreads(v: &Vertices, i: usize, class: u32) -> bool {
     class == LAMBERT
-        || v.metal_rough.alpha[i] >= LEAST_ALPHA
+        || v.metal_rough.alpha[i] >= MIN_ALPHA
         || v.metal_rough_closures.probability_diffuse[i] > 0.1
 }
 
@@ -185,7 +185,7 @@ impl Suffixes {
 
 /// Places per loop: of one group or of several.
 pub const RUN: usize = 16;
-const _: () = assert!(WAVE.is_multiple_of(RUN) && WAVE.is_multiple_of(GroupShape::MOST_PIXELS as usize));
+const _: () = assert!(WAVE.is_multiple_of(RUN) && WAVE.is_multiple_of(GroupShape::MAX_PIXELS as usize));
 
 /// Computes density and value of the prefixes of a class at runs of places.
 pub struct Connect<'a, C, T> {
@@ -466,11 +466,11 @@ impl Reuse {
 
 // Connection of each prefix of a group to each suffix.
 
-/// Least group size for testing visibility together: fewer rays are faster one by one.
+/// Minimum group size for testing visibility together: fewer rays are faster one by one.
 const FAN: usize = 16;
 
-/// Least number of rays for that.
-const LEAST_RAYS: u32 = 5;
+/// Minimum number of rays for that.
+const MIN_RAYS: u32 = 5;
 
 /// End of prefixes for a missing suffix.
 const NO_END: u32 = u32::MAX;
@@ -585,7 +585,7 @@ impl Integrator<'_> {
 
     /// Tests the prefixes of a group against a suffix together. Returns those that must be tested one by one.
     fn test_fan(&self, sender: usize, group: usize, asked: u64, reuse: &mut Reuse, w: &mut Workspace) -> u64 {
-        if asked.count_ones() < LEAST_RAYS {
+        if asked.count_ones() < MIN_RAYS {
             return asked;
         }
         let Reuse { prefixes, suffixes, pairs, fans, .. } = reuse;
@@ -632,7 +632,7 @@ impl Integrator<'_> {
                 pairs.rest[i] = layer_rest(&suffixes.material, sender, ns, wo, self.scene.shading);
                 let (_, is_bent) = bent_normal(ns, ng, wo);
                 // As for the owner.
-                if is_bent || pairs.rest[i] < LEAST_REST {
+                if is_bent || pairs.rest[i] < MIN_REST {
                     pairs.density[i] = 0.0;
                 }
             }

@@ -166,9 +166,9 @@ pub const SCATTERED: u32 = 2 * WAVE as u32;
 
 // The layer of glTF materials above their diffuse part, whose transmittance depends on the direction.
 
-/// Least transmittance of a layer for sharing: below, few directions are sampled for the diffuse part, and their radiance would be scaled
+/// Minimum transmittance of a layer for sharing: below, few directions are sampled for the diffuse part, and their radiance would be scaled
 /// up for other prefixes.
-pub const LEAST_REST: f32 = 0.1;
+pub const MIN_REST: f32 = 0.1;
 
 /// Transmittance of the layer of material `k` in direction `wo`.
 pub fn layer_rest(m: &MetalRoughMaterials, k: usize, ns: Vec3, wo: Vec3, shading: ShadingModel) -> f32 {

@@ -25,9 +25,9 @@ pub struct GroupShape {
 
 impl GroupShape {
     /// Largest extent of a group, in pixels.
-    const MOST_EDGE: u32 = 32;
-    /// Most pixels of a group.
-    pub(super) const MOST_PIXELS: u32 = 64;
+    const MAX_EDGE: u32 = 32;
+    /// Maximum number of pixels of a group.
+    pub(super) const MAX_PIXELS: u32 = 64;
 
     /// Groups of `width` by `height` pixels; `None` unless these and `spacing` are powers of two, a group has from 2 to
     /// 64 pixels, and `spacing` times its edges is at most 32.
@@ -36,8 +36,8 @@ impl GroupShape {
         let edge = width.max(height).checked_mul(spacing)?;
         // No overflow: both are at most 32 if the first two conditions hold.
         let is_possible = is_shape
-            && edge <= GroupShape::MOST_EDGE
-            && (2..=GroupShape::MOST_PIXELS).contains(&(width * height));
+            && edge <= GroupShape::MAX_EDGE
+            && (2..=GroupShape::MAX_PIXELS).contains(&(width * height));
         is_possible.then_some(GroupShape { width, height, spacing })
     }
 

@@ -13,8 +13,8 @@ use crate::scene::{
 };
 use std::collections::HashMap;
 
-/// Most triangles that all displaced meshes of a scene may have together.
-const MOST_TRIANGLES: usize = 16_000_000;
+/// Maximum number of triangles that all displaced meshes of a scene may have together.
+const MAX_TRIANGLES: usize = 16_000_000;
 /// Edges of this share of a mesh's diagonal, where the material gives no length.
 const DEFAULT_EDGE: f32 = 1.0 / 256.0;
 
@@ -96,9 +96,9 @@ fn instances(scene: &mut Scene, heights: &AllHeights, warnings: &mut Vec<Warning
         let displaced = match made.get(&key) {
             Some(known) => *known,
             None => {
-                let displaced = displaced(own, &parts, MOST_TRIANGLES - triangles, warnings);
+                let displaced = displaced(own, &parts, MAX_TRIANGLES - triangles, warnings);
                 triangles += displaced.as_ref().map_or(0, |mesh| mesh.triangles.len());
-                triangles = triangles.min(MOST_TRIANGLES);
+                triangles = triangles.min(MAX_TRIANGLES);
                 let id = displaced.map(|mesh| scene.add_mesh(mesh));
                 made.insert(key, id);
                 id
@@ -128,7 +128,7 @@ fn displaced(own: &Mesh, parts: &Parts, budget: usize, warnings: &mut Vec<Warnin
     let (fine, longest) = tessellate::subdivided(own, &edges, budget);
     if let Some(longest) = longest {
         let message = format!(
-            "is subdivided to edges of {longest:.3}, not finer: all displaced meshes together may have {MOST_TRIANGLES} triangles"
+            "is subdivided to edges of {longest:.3}, not finer: all displaced meshes together may have {MAX_TRIANGLES} triangles"
         );
         warn(warnings, &own.name, message);
     }
@@ -154,7 +154,7 @@ fn affordable(
     let wanted = edges.iter().flatten().copied().fold(f32::INFINITY, f32::min);
     let message = format!(
         "is subdivided to edges of {default:.3}, the default: edges of {wanted:e} would take at least {least:.1e} triangles, and all displaced \
-         meshes together may have {MOST_TRIANGLES}; edge = {:.1e} is possible",
+         meshes together may have {MAX_TRIANGLES}; edge = {:.1e} is possible",
         f64::from(wanted) * shortest
     );
     warn(warnings, &own.name, message);

@@ -11,7 +11,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::rc::Rc;
 
 /// Single weights that pointers name are below this: more morph targets than any mesh has.
-const MOST_WEIGHTS: usize = 1 << 16;
+const MAX_WEIGHTS: usize = 1 << 16;
 
 /// What animations say about one node; `None` leaves the file's own value.
 #[derive(Default)]
@@ -278,7 +278,7 @@ pub(super) fn of_pose(target: &Value) -> Option<Posed> {
     let ["", list, index, property_of @ ..] = &steps[..] else { return None };
     let index: usize = index.parse().ok()?;
     let single = match property_of {
-        ["weights", single] => Some(single.parse().ok().filter(|weight| *weight < MOST_WEIGHTS)?),
+        ["weights", single] => Some(single.parse().ok().filter(|weight| *weight < MAX_WEIGHTS)?),
         [_] => None,
         _ => return None,
     };

@@ -129,7 +129,7 @@ fn each_once<T: PartialEq>(all: impl Iterator<Item = T>) -> Vec<T> {
 
 // Says what Blender's own exporter leaves out of glTF files.
 
-/// Most names in one warning.
+/// Maximum number of names in one warning.
 const LISTED: usize = 8;
 
 /// Warns of what Blender's exporter dropped. Where a sidecar adds what the model can't store, its writer

@@ -122,7 +122,7 @@ impl<'a> Document<'a> {
     pub fn fetch(&self, uri: &str, at: &str, report: &mut Report) -> Valid<FetchedFile<'a>> {
         match self.locate(uri, at, report) {
             Ok(Target::Embedded { mime, bytes }) => Ok(FetchedFile { bytes: bytes.into(), mime, file: None }),
-            Ok(Target::File(path)) => match files::read(&path, files::MOST_DATA) {
+            Ok(Target::File(path)) => match files::read(&path, files::MAX_DATA) {
                 Ok(bytes) => {
                     self.note_read(bytes.len());
                     Ok(FetchedFile { bytes: bytes.into(), mime: None, file: Some(path) })

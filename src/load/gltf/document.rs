@@ -30,7 +30,7 @@ pub(super) struct Document<'a> {
     pub files: &'a SavedFiles,
     /// Options of loading.
     pub options: &'a GltfOptions,
-    /// Most bytes that the pixels of one image may take.
+    /// Maximum number of bytes that the pixels of one image may take.
     pub memory_limit: Option<u64>,
     /// The contents of each buffer, once read.
     pub(super) buffers: Vec<OnceCell<Valid<Cow<'a, [u8]>>>>,

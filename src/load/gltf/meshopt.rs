@@ -194,7 +194,7 @@ impl<'s> Stream<'s> {
 
 /// Elements in a group.
 const GROUP: usize = 16;
-/// Most bytes and most elements of a block.
+/// Maximum numbers of bytes and of elements of a block.
 const BLOCK_BYTES: usize = 8192;
 const BLOCK_ELEMENTS: usize = 256;
 

@@ -66,7 +66,7 @@ pub(super) struct Hierarchy {
     pub scene: Option<usize>,
 }
 
-/// Most names of ancestors in the name of an instance.
+/// Maximum number of names of ancestors in the name of an instance.
 const PATH_NAMES: usize = 8;
 
 impl Hierarchy {

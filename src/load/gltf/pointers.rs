@@ -213,9 +213,9 @@ fn changes(doc: &Document, time_s: f64, report: &mut Report) -> Vec<Change> {
 
 /// Curves between keys may overshoot what a camera can see.
 fn keep_field_of_view(pointer: &str, numbers: &mut [f64], at: &str, report: &mut Report) {
-    const LEAST: f64 = 1e-3;
-    for number in numbers.iter_mut().filter(|n| !(LEAST..=PI - LEAST).contains(*n)) {
-        *number = number.clamp(LEAST, PI - LEAST);
+    const MIN: f64 = 1e-3;
+    for number in numbers.iter_mut().filter(|n| !(MIN..=PI - MIN).contains(*n)) {
+        *number = number.clamp(MIN, PI - MIN);
         report.warn(at, format!("leads {pointer} out of 0 to pi at times; it stays between there"));
     }
 }

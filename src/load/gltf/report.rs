@@ -4,7 +4,7 @@ use crate::error::{Problem, Warning};
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
-/// Most problems that are listed, and most warnings with the same words.
+/// Maximum numbers of problems that are listed, and of warnings with the same text.
 const LISTED: usize = 32;
 const ALIKE: usize = 8;
 

@@ -246,7 +246,7 @@ struct Source<'d> {
     need: ImageNeed,
     name: String,
     fetched: FetchedFile<'d>,
-    /// Most bytes that its pixels may take.
+    /// Maximum number of bytes that its pixels may take.
     memory_limit: Option<u64>,
     /// For damage that is found later.
     on_damage: OnDamage,

@@ -38,8 +38,8 @@ pub(super) struct Deformation<'s> {
     pub skin: Option<&'s SkinPose>,
 }
 
-/// Most sets of four joints a vertex; files with more are not known.
-const MOST_INFLUENCE_SETS: u32 = 4;
+/// Maximum number of sets of four joints a vertex; files with more are not known.
+const MAX_INFLUENCE_SETS: u32 = 4;
 
 /// What a primitive's vertices are made of, as far as its material needs it. Tangents mean nothing without normals.
 ///
@@ -59,9 +59,9 @@ pub(super) fn attributes(
     let uv = |set: Option<u32>| Some((set?, accessor(Semantic::TexCoords(set?))?));
     let normals = accessor(Semantic::Normals);
     let mut influences = Vec::new();
-    for set in deformation.skin.map_or(0..0, |_| 0..MOST_INFLUENCE_SETS + 1) {
+    for set in deformation.skin.map_or(0..0, |_| 0..MAX_INFLUENCE_SETS + 1) {
         match (accessor(Semantic::Joints(set)), accessor(Semantic::Weights(set))) {
-            (Some(joints), Some(weights)) if set < MOST_INFLUENCE_SETS => influences.push((joints, weights)),
+            (Some(joints), Some(weights)) if set < MAX_INFLUENCE_SETS => influences.push((joints, weights)),
             (None, None) => break,
             _ => {
                 let message =

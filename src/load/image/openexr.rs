@@ -17,7 +17,7 @@ use std::io::Cursor;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Most unused layers and channels that are named.
+/// Maximum number of unused layers and channels that are named.
 const LISTED: usize = 8;
 
 /// Decodes the first layer with channels R, G and B, or else with Y (grey). Where `alpha` is wanted and there is a

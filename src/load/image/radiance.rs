@@ -21,7 +21,7 @@ pub(super) struct Radiance {
 /// Bytes of a decoded pixel: three floats.
 const BYTES_A_PIXEL: u64 = 12;
 
-/// Most bytes of a header.
+/// Maximum number of bytes of a header.
 const LONGEST_HEADER: usize = 1 << 20;
 
 /// CIE XYZ to linear Rec. 709, whose white is D65 (IEC 61966-2-1).

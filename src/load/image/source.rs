@@ -43,7 +43,7 @@ pub(crate) struct ImageFile<'a> {
     pub place: (&'a Path, &'a str),
     /// The declared media type.
     pub mime: Option<&'a str>,
-    /// Most bytes that its pixels may take.
+    /// Maximum number of bytes that its pixels may take.
     pub memory_limit: Option<u64>,
 }
 
@@ -67,7 +67,7 @@ pub(super) struct Source<'a> {
     pub bytes: &'a [u8],
     pub file: &'a Path,
     pub pointer: &'a str,
-    /// Most bytes that its pixels may take; `None` for no limit.
+    /// Maximum number of bytes that its pixels may take; `None` for no limit.
     pub memory_limit: Option<u64>,
 }
 
@@ -103,7 +103,7 @@ pub(super) fn guarded<T>(source: &Source, decode: impl FnOnce() -> Result<T>) ->
 
 /// A file's bytes, at most so many.
 pub(super) fn read_bytes(path: &Path, memory_limit: Option<u64>) -> Result<Vec<u8>> {
-    files::read(path, memory_limit.unwrap_or(u64::MAX).min(files::MOST_DATA))
+    files::read(path, memory_limit.unwrap_or(u64::MAX).min(files::MAX_DATA))
         .map_err(|message| Error::input(path, message))
 }
 
@@ -118,12 +118,12 @@ pub(super) fn signature(bytes: &[u8]) -> Option<ImageFormat> {
 const ALWAYS: u64 = 1 << 24;
 /// Maximum number of pixels per byte: deflate packs at most 1032 bytes into one, and a byte holds 8 bilevel pixels.
 const PER_BYTE: u64 = 1032 * 8;
-/// Most pixels of an image, whatever its file: 32,768 x 16,384.
-const MOST: u64 = 1 << 29;
+/// Maximum number of pixels of an image, whatever its file: 32,768 x 16,384.
+const MAX: u64 = 1 << 29;
 
-/// Most pixels that a file of this length can justify.
+/// Maximum number of pixels that a file of this length can justify.
 pub(super) fn pixels(file_length: usize) -> u64 {
-    (file_length as u64).saturating_mul(PER_BYTE).clamp(ALWAYS, MOST)
+    (file_length as u64).saturating_mul(PER_BYTE).clamp(ALWAYS, MAX)
 }
 
 /// Refuses sizes of zero and beyond what the file's length can justify.

@@ -64,25 +64,25 @@ const CHUNK: usize = 18;
 const CHUNK_COLORS: usize = 30;
 const REST: usize = NAMES.len();
 /// Coefficients `f_rest_*` of the highest degree that is written, 4.
-const MOST_REST: usize = 72;
+const MAX_REST: usize = 72;
 
 /// Splats of a chunk.
 const IN_CHUNK: usize = 256;
 
 /// A row of one of the elements.
 struct Row {
-    values: [f64; REST + MOST_REST],
+    values: [f64; REST + MAX_REST],
 }
 
 impl Record for Row {
     fn new() -> Row {
-        Row { values: [0.0; REST + MOST_REST] }
+        Row { values: [0.0; REST + MAX_REST] }
     }
 
     fn slot(name: &str) -> Option<Slot> {
         let rest = || {
             let number: usize = name.strip_prefix("f_rest_")?.parse().ok()?;
-            (number < MOST_REST).then_some(REST + number)
+            (number < MAX_REST).then_some(REST + number)
         };
         NAMES.iter().position(|known| *known == name).or_else(rest).map(|place| Slot::Value(place as u8))
     }
@@ -122,7 +122,7 @@ impl Harmonics {
     /// The harmonics among the properties of an element.
     fn of(source: &Source, element: &str) -> Harmonics {
         let has = |number: &usize| source.has(element, &format!("f_rest_{number}"));
-        let in_file = (0..MOST_REST).take_while(has).count() / 3;
+        let in_file = (0..MAX_REST).take_while(has).count() / 3;
         let fits = |degree: &u8| Splats::coefficients_of(*degree) - 1 <= in_file;
         let degree = (0..=Splats::MAX_DEGREE).rev().find(fits).unwrap_or(0);
         Harmonics { in_file, degree }

@@ -433,7 +433,7 @@ fn fov(fields: &Fields) -> f64 {
 const FOVS: Range<f64> = 1e-3..360.0;
 
 /// Narrowest part of a panorama, degrees.
-const LEAST: f64 = 1e-3;
+const MIN: f64 = 1e-3;
 
 /// Two angles that grow, radians; all that there are without the key.
 fn limits(fields: &Fields, key: &'static str, most: f64) -> Option<[f64; 2]> {
@@ -441,7 +441,7 @@ fn limits(fields: &Fields, key: &'static str, most: f64) -> Option<[f64; 2]> {
         return (!fields.has(key)).then_some([-most, most].map(f64::to_radians));
     };
     let [from, to] = limits.value;
-    if !(-most <= from && to <= most && to - from >= LEAST) {
+    if !(-most <= from && to <= most && to - from >= MIN) {
         let message = format!("'{key}' must be two angles that grow, from -{most} to {most} degrees");
         fields.problems.push(limits.span, message);
         return None;

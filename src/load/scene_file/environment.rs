@@ -95,7 +95,7 @@ pub(super) fn read<'a>(build: &mut SceneFileBuilder, fields: &Fields<'a>, textur
     }
 }
 
-/// The same radiance from everywhere, an image or a texture.
+/// A constant environment, an image or a texture.
 fn even_or_image<'a>(
     build: &mut SceneFileBuilder,
     fields: &Fields<'a>,

@@ -443,7 +443,7 @@ fn read_profile(build: &SceneFileBuilder, fields: &Fields) -> Option<(Arc<LightP
     let file = fields.string("ies")?;
     let path = build.readable_path(file.value, file.span.clone())?;
     build.options.files.note(&path);
-    let bytes = files::read(&path, files::MOST_TEXT);
+    let bytes = files::read(&path, files::MAX_TEXT);
     let profile = match bytes.and_then(|bytes| ies::parse(&bytes)) {
         Ok(profile) => Some(profile),
         Err(message) => {

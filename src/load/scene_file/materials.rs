@@ -221,7 +221,7 @@ fn kinds() -> Vec<(&'static str, MaterialType)> {
 }
 
 /// Largest constant that a parameter may be.
-const MOST_CONSTANT: f64 = 1e6;
+const MAX_CONSTANT: f64 = 1e6;
 
 /// Reads the parameters of a model, each by its own key.
 fn plain(fields: &Fields, mut model: Model, mut slot: impl FnMut(&'static str, f32) -> ColorSlot) -> Model {
@@ -232,7 +232,7 @@ fn plain(fields: &Fields, mut model: Model, mut slot: impl FnMut(&'static str, f
             *number = FloatSlot::constant(value as f32);
         }
         ParameterMut::Constant(value) => {
-            *value = fields.number_in(key, 0.0..MOST_CONSTANT, (*value).into()) as f32;
+            *value = fields.number_in(key, 0.0..MAX_CONSTANT, (*value).into()) as f32;
         }
         ParameterMut::Texture(_) => {}
     });

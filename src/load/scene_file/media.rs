@@ -56,8 +56,8 @@ use crate::math::{DAffine3, DMat3, DVec3};
 use crate::scene::{ColorSlot, DiffuseTransmission, EmissionGrid, FloatSlot, Fog, Grid, Medium, PbrMaterial};
 use std::path::Path;
 
-/// Most that an extinction coefficient may be: flights in denser media are shorter than positions are precise.
-const MOST_DENSITY: f32 = 1e9;
+/// Largest extinction coefficient: flights in denser media are shorter than positions are precise.
+const MAX_DENSITY: f32 = 1e9;
 
 /// The keys of a medium that fills a solid.
 pub(super) fn filling(build: &mut SceneFileBuilder, fields: &Fields) -> Medium {
@@ -196,10 +196,10 @@ impl<'a> GlowKeys<'a> {
 /// The keys of a medium in a table.
 fn medium(fields: &Fields) -> Medium {
     let extinction = fields.color("density").map_or([1.0; 3], |d| {
-        if d.value.iter().any(|x| *x > MOST_DENSITY) {
-            fields.problems.push(d.span, format!("'density' must be at most {MOST_DENSITY:e} per metre"));
+        if d.value.iter().any(|x| *x > MAX_DENSITY) {
+            fields.problems.push(d.span, format!("'density' must be at most {MAX_DENSITY:e} per metre"));
         }
-        d.value.map(|x| x.min(MOST_DENSITY))
+        d.value.map(|x| x.min(MAX_DENSITY))
     });
     Medium {
         extinction,

@@ -70,7 +70,7 @@ impl TomlText {
     /// An input error if it can't be read or isn't UTF-8.
     fn read(path: &Path, options: &LoadOptions) -> Result<TomlText> {
         options.files.note(path);
-        let bytes = files::read(path, files::MOST_TEXT).map_err(|message| Error::input(path, message))?;
+        let bytes = files::read(path, files::MAX_TEXT).map_err(|message| Error::input(path, message))?;
         let text = String::from_utf8(bytes).map_err(|e| {
             let before = &e.as_bytes()[..e.utf8_error().valid_up_to()];
             let line = before.iter().filter(|&&b| b == b'\n').count() + 1;

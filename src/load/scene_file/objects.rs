@@ -71,7 +71,7 @@ use super::traits::{self, TraitOverrides, group};
 use super::transform;
 use crate::error::Warning;
 use crate::load::mesh_tools::{Faces, NAMELESS, box_faces, pyramid_faces, triangle_faces, uniform_scale};
-use crate::load::subdivide::{MOST_LEVELS, Subdivision};
+use crate::load::subdivide::{MAX_LEVELS, Subdivision};
 use crate::load::subdivided::{CHANGES_FORM, in_scene};
 use crate::math::{DAffine3, DMat3, DQuat, DVec3, transform_at};
 use crate::scene::{
@@ -658,7 +658,7 @@ pub(super) fn is_subdivision_asked(root: &Fields) -> bool {
 fn read_subdivision(fields: &Fields) -> Option<Subdivision> {
     let given = fields.raw("subdivide")?;
     if number(given.get_ref()).is_some() {
-        let levels = fields.integer("subdivide", 0, MOST_LEVELS)?;
+        let levels = fields.integer("subdivide", 0, MAX_LEVELS)?;
         return Some(Subdivision { levels, has_round_corners: false });
     }
     let Some(table) = given.get_ref().as_table() else {
@@ -667,7 +667,7 @@ fn read_subdivision(fields: &Fields) -> Option<Subdivision> {
         return None;
     };
     let table = Fields::new("'subdivide'", table, given.span(), fields.problems);
-    let levels = table.require("levels", table.integer("levels", 0, MOST_LEVELS));
+    let levels = table.require("levels", table.integer("levels", 0, MAX_LEVELS));
     table.choice("scheme", &[("catmull-clark", ())]);
     let corners = table.choice("corners", &[("sharp", false), ("round", true)]);
     table.finish();

@@ -139,7 +139,7 @@ fn view(build: &SceneFileBuilder, fields: &Fields) -> Option<ViewTransform> {
     }
     let path = build.readable_path(given.value, given.span.clone())?;
     build.options.files.note(&path);
-    files::read(&path, files::MOST_TEXT)
+    files::read(&path, files::MAX_TEXT)
         .and_then(|bytes| ViewTransform::from_table(&bytes, &path))
         .map_err(|message| fields.problems.push(given.span, format!("{}: {message}", path.display())))
         .ok()

@@ -366,12 +366,12 @@ fn image_texture(build: &mut SceneFileBuilder, fields: &Fields, checking: bool) 
 }
 
 /// Largest number of colours.
-const MOST_COLORS: usize = 65_536;
+const MAX_COLORS: usize = 65_536;
 
 fn facing(fields: &Fields) -> Option<Texture> {
     let list = fields.require("colors", fields.list("colors"))?;
     let colors: Option<Vec<[f32; 3]>> = list.iter().map(|v| color(v.get_ref())).collect();
-    match colors.filter(|colors| (2..=MOST_COLORS).contains(&colors.len())) {
+    match colors.filter(|colors| (2..=MAX_COLORS).contains(&colors.len())) {
         Some(colors) => Some(Texture::Facing(colors.into())),
         None => {
             let message = "'colors' of a texture by facing must be a list of 2 to 65536 colours or numbers";
@@ -457,11 +457,11 @@ pub(super) fn read_pixels(
 const RANGE_NM: Range<f64> = 1.0..1e6;
 
 /// Largest luminance, and largest value.
-const MOST: f64 = 1e9;
+const MAX: f64 = 1e9;
 
 fn read_spectrum(fields: &Fields) -> Option<Curve> {
     let is_light = fields.flag("light", false);
-    let luminance = fields.has("luminance").then(|| fields.number_in("luminance", 0.0..MOST, 1.0));
+    let luminance = fields.has("luminance").then(|| fields.number_in("luminance", 0.0..MAX, 1.0));
     let kelvin = fields.has("black_body").then(|| fields.number_in("black_body", 100.0..100_000.0, 5000.0));
     if let Some(kelvin) = kelvin {
         if fields.has("values") {
@@ -506,8 +506,8 @@ fn values(fields: &Fields) -> Option<Vec<(f64, f64)>> {
         fields.problems.push(fields.span(), "wavelengths must rise, in nanometres from 1 on");
         return None;
     }
-    if pairs.iter().any(|(_, value)| !(0.0..=MOST).contains(value)) {
-        fields.problems.push(fields.span(), format!("values of spectra must be from 0 to {MOST}"));
+    if pairs.iter().any(|(_, value)| !(0.0..=MAX).contains(value)) {
+        fields.problems.push(fields.span(), format!("values of spectra must be from 0 to {MAX}"));
         return None;
     }
     Some(pairs)

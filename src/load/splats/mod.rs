@@ -75,7 +75,7 @@ impl SplatList {
             self.not_finite += 1;
             return;
         }
-        if *opacity < Splats::LEAST_OPACITY || longest <= f32::MIN_POSITIVE {
+        if *opacity < Splats::MIN_OPACITY || longest <= f32::MIN_POSITIVE {
             self.invisible += 1;
             return;
         }

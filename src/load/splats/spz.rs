@@ -17,7 +17,7 @@ pub(crate) const MAGIC: &[u8] = b"NGSP";
 const OLD_HEADER: usize = 16;
 const HEADER: usize = 32;
 /// Zstandard streams hold at most so many times their bytes: what claims more is no honest file.
-const MOST_RATIO: usize = 1024;
+const MAX_RATIO: usize = 1024;
 /// Colours are stored as 0.5 + 0.15 times their coefficient.
 const COLOR_SCALE: f32 = 0.15;
 
@@ -182,7 +182,7 @@ fn packed<'a>(header: &Header, bytes: &'a [u8]) -> std::result::Result<Streams<'
             .and_then(|length| bytes.get(at..at.checked_add(length)?))
             .ok_or_else(|| cut(header))?;
         at += held.len();
-        if size > held.len().saturating_mul(MOST_RATIO) {
+        if size > held.len().saturating_mul(MAX_RATIO) {
             return Err(cut(header));
         }
         let list = unzstd(held, size)?;

@@ -125,7 +125,7 @@ const FARTHEST: f64 = 1e150;
 pub(super) struct Outline {
     /// Relative to the offset it was made with, metres.
     pub points: Vec<DVec3>,
-    /// Least corner of the box around them.
+    /// Lower corner of the box around them.
     pub min: DVec3,
     /// Greatest corner.
     pub max: DVec3,
@@ -262,9 +262,9 @@ pub(super) fn on_grid(p: DVec3, size: f64) -> DVec3 {
 const GAP: f64 = 20.0;
 /// Share of the scene that must be nearer than a gap, by numbers of triangles; all other shapes weigh as much together as all
 /// triangles.
-const MOST: f64 = 0.9;
+const MAX: f64 = 0.9;
 /// Maximum number of triangles considered; of larger scenes every second, third, ... one of each mesh is.
-const MOST_TRIANGLES: usize = 1 << 19;
+const MAX_TRIANGLES: usize = 1 << 19;
 /// Middles of triangles that the median is taken of, at most.
 const MEDIAN: usize = 50_000;
 /// Names in a message.
@@ -319,7 +319,7 @@ fn limit(scene: &Scene, extents: &[Extent]) -> Option<Limit> {
     let (middle, all) = items.median()?;
     let (mut far, mut weight) = (0.0f64, 0.0);
     for bin in items.by_distance(middle) {
-        if bin.near > GAP * far && far > 0.0 && weight >= MOST * all {
+        if bin.near > GAP * far && far > 0.0 && weight >= MAX * all {
             let distance = 0.5 * (far + bin.near);
             let beyond = beyond(scene, extents, middle, distance, bin.near);
             return Some(Limit { middle, distance, beyond });
@@ -345,7 +345,7 @@ impl Bin {
 }
 
 /// Splats that the extent of a scan is taken of, at most.
-const MOST_SPLATS: usize = 100_000;
+const MAX_SPLATS: usize = 100_000;
 /// Share of the splats that are near the middle of what was photographed, and how much farther away from it others count.
 const NEAR_SPLATS: (f64, f64) = (0.9, 1.5);
 
@@ -354,7 +354,7 @@ fn limit_of_splats(scene: &Scene) -> Option<Limit> {
     let placed = scene.instances.iter().filter_map(|i| Some((i, scene.meshes.get(i.mesh.index())?)));
     let placed = placed.filter(|(_, mesh)| mesh.splats.is_some());
     let total: usize = placed.clone().map(|(_, mesh)| mesh.positions.len()).sum();
-    let step = total.div_ceil(MOST_SPLATS).max(1);
+    let step = total.div_ceil(MAX_SPLATS).max(1);
     let centers = placed.flat_map(|(instance, mesh)| {
         let world = |p: &[f32; 3]| instance.world_from_object.transform_point3(DVec3::from(p.map(f64::from)));
         mesh.positions.iter().step_by(step).map(world)
@@ -395,7 +395,7 @@ impl<'s> Items<'s> {
     fn of(scene: &'s Scene) -> Items<'s> {
         let placed = || scene.instances.iter().filter_map(|i| scene.meshes.get(i.mesh.index()));
         let total = placed().fold(0usize, |sum, mesh| sum.saturating_add(mesh.triangles.len()));
-        let step = total.div_ceil(MOST_TRIANGLES).max(1);
+        let step = total.div_ceil(MAX_TRIANGLES).max(1);
         let others = scene.shapes.len() + scene.quads.len() + scene.curves.len();
         Items {
             scene,

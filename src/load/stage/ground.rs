@@ -36,7 +36,7 @@ const FADE_REACH: f64 = 30.0;
 const FADE_TEXELS: u32 = 128;
 /// Share of the way up to where something fades out on which nothing is lost.
 const FADE_START: f64 = 0.2;
-/// The most that a ground reflects.
+/// Maximum reflectance of a ground.
 const WHITEST: f64 = 0.95;
 
 /// The blending of a ground into the background.

@@ -12,16 +12,16 @@ use cage::{Fans, NONE};
 use refine::Edges;
 use std::collections::{BTreeMap, HashMap};
 
-/// Most triangles that all subdivided meshes of a scene may have together.
-const MOST_TRIANGLES: u64 = 16_000_000;
+/// Maximum number of triangles that all subdivided meshes of a scene may have together.
+const MAX_TRIANGLES: u64 = 16_000_000;
 
-/// Most steps.
-pub const MOST_LEVELS: u32 = 10;
+/// Maximum number of steps.
+pub const MAX_LEVELS: u32 = 10;
 
 /// How a mesh is subdivided.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Subdivision {
-    /// Steps, from 0, which changes nothing, to [`MOST_LEVELS`]; each makes four faces of one.
+    /// Steps, from 0, which changes nothing, to [`MAX_LEVELS`]; each makes four faces of one.
     pub levels: u32,
     /// Corners of open sheets, which only one face has, become round, too, as Blender has it by default; else they stay where they
     /// are.
@@ -66,7 +66,7 @@ impl Polygons {
                 &of_triangles
             }
         };
-        let fine = subdivided(cage, how, MOST_TRIANGLES - self.triangles)?;
+        let fine = subdivided(cage, how, MAX_TRIANGLES - self.triangles)?;
         self.triangles += fine.triangles.len() as u64;
         Ok(fine)
     }
@@ -93,7 +93,7 @@ fn subdivided(cage: &Cage, how: Subdivision, budget: u64) -> Result<Mesh, String
             None => "leave it as it is".to_string(),
         };
         return Err(format!(
-            "'{}' would have {count} triangles after {} levels of subdivision, but all subdivided meshes together may have {MOST_TRIANGLES}: {remedy}",
+            "'{}' would have {count} triangles after {} levels of subdivision, but all subdivided meshes together may have {MAX_TRIANGLES}: {remedy}",
             cage.mesh.name, how.levels
         ));
     }
@@ -215,7 +215,7 @@ mod tests {
     }
 
     fn fine(cage: &Cage, how: Subdivision, levels: u32) -> Mesh {
-        subdivided(cage, Subdivision { levels, ..how }, MOST_TRIANGLES).expect("fits")
+        subdivided(cage, Subdivision { levels, ..how }, MAX_TRIANGLES).expect("fits")
     }
 
     fn point(mesh: &Mesh, vertex: usize) -> DVec3 {

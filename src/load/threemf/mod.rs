@@ -28,7 +28,7 @@ const START: &str = "3D/3dmodel.model";
 const START_TYPE: &str = "/3dmodel";
 /// Levels of components, and objects that a file may place.
 const DEEPEST: usize = 64;
-const MOST_INSTANCES: usize = 1 << 20;
+const MAX_INSTANCES: usize = 1 << 20;
 /// The linear grey of what has no colour beside what has one.
 const GREY: [f32; 4] = [0.8, 0.8, 0.8, 1.0];
 
@@ -163,8 +163,8 @@ impl<'a> Reader<'a> {
             let name = if object.name.is_empty() { NAMELESS.to_string() } else { object.name.clone() };
             self.loaded.scene.instances.push(Instance { name, ..Instance::new(mesh, world) });
         }
-        if self.loaded.scene.instances.len() > MOST_INSTANCES {
-            return Err(self.fail(&place, format!("more than {MOST_INSTANCES} objects are placed")));
+        if self.loaded.scene.instances.len() > MAX_INSTANCES {
+            return Err(self.fail(&place, format!("more than {MAX_INSTANCES} objects are placed")));
         }
         object.components.iter().try_for_each(|component| self.place(part, component, world, depth + 1))
     }

@@ -14,8 +14,8 @@ use values::{Number, Values};
 
 const MAGIC: i64 = 0x5644_4220;
 const VERSIONS: std::ops::RangeInclusive<u32> = 222..=224;
-/// Most voxels of the box: two GiB.
-const MOST_VOXELS: u64 = 1 << 29;
+/// Maximum number of voxels of the box: two GiB.
+const MAX_VOXELS: u64 = 1 << 29;
 /// Makes z y, and y -z.
 const Z_UP: DAffine3 = DAffine3 {
     matrix3: DMat3 { x_axis: DVec3::X, y_axis: DVec3::NEG_Z, z_axis: DVec3::Y },
@@ -152,8 +152,8 @@ fn box_of(cubes: &[Cube], margin: i64) -> Result<([i64; 3], [u64; 3]), String> {
     let size = [0, 1, 2].map(|k| (high[k] + margin - low[k]) as u64);
     let voxels = size.iter().try_fold(1u64, |product, &n| product.checked_mul(n));
     let [x, y, z] = size;
-    if voxels.is_none_or(|voxels| voxels > MOST_VOXELS) {
-        let message = format!("spans {x} x {y} x {z} voxels, more than {MOST_VOXELS}");
+    if voxels.is_none_or(|voxels| voxels > MAX_VOXELS) {
+        let message = format!("spans {x} x {y} x {z} voxels, more than {MAX_VOXELS}");
         return Err(message + ": resample it to a lower resolution");
     }
     Ok((low, size))

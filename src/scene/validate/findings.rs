@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use std::fmt::{Debug, Display, Formatter, Result};
 
 /// Problems of one kind beyond this many are only counted.
-const MOST_ALIKE: usize = 8;
+const MAX_ALIKE: usize = 8;
 /// Numbers that one thread looks at in a row.
 pub(super) const BLOCK: usize = 1 << 16;
 
@@ -107,8 +107,8 @@ impl Findings {
     /// All problems, with a line for each kind that has more than are listed.
     pub fn into_problems(self) -> Vec<Problem> {
         let Findings { mut list, kinds } = self;
-        for RepeatedProblem { field, what, count } in kinds.into_iter().filter(|k| k.count > MOST_ALIKE) {
-            let more = count - MOST_ALIKE;
+        for RepeatedProblem { field, what, count } in kinds.into_iter().filter(|k| k.count > MAX_ALIKE) {
+            let more = count - MAX_ALIKE;
             list.push(Problem::new("", format!("{more} more of this kind: {field} must be {what}")));
         }
         list
@@ -122,6 +122,6 @@ impl Findings {
             self.kinds.len() - 1
         });
         self.kinds[at].count += 1;
-        self.kinds[at].count <= MOST_ALIKE
+        self.kinds[at].count <= MAX_ALIKE
     }
 }

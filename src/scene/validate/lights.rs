@@ -57,7 +57,7 @@ fn check_kind(kind: &LightKind, place: Entry, findings: &mut Findings) {
         LightKind::Directional { direction } => check_direction(direction, place, findings),
         LightKind::Sun { direction, angle_rad } => {
             check_direction(direction, place, findings);
-            let is_met = (LEAST_SUN_RAD..=PI).contains(&angle_rad);
+            let is_met = (MIN_SUN_RAD..=PI).contains(&angle_rad);
             findings.require(is_met, place, "angle_rad", angle_rad, "from 1e-5 to pi");
         }
     }
@@ -72,7 +72,7 @@ pub(super) fn check_aim(rotation: DQuat, cone: Option<[f64; 2]>, place: Entry, f
 }
 
 /// Smaller suns are no different from parallel light, but for rounding.
-const LEAST_SUN_RAD: f64 = 1e-5;
+const MIN_SUN_RAD: f64 = 1e-5;
 
 fn check_position(position: DVec3, place: Entry, findings: &mut Findings) {
     findings.require(position.is_finite(), place, "position", position, "finite");
@@ -85,8 +85,8 @@ fn check_direction(direction: DVec3, place: Entry, findings: &mut Findings) {
 
 // The environment.
 
-/// Most texels of an environment's image: tables over it have 32-bit indices.
-const MOST_TEXELS: u64 = 1 << 29;
+/// Maximum number of texels of an environment's image: tables over it have 32-bit indices.
+const MAX_TEXELS: u64 = 1 << 29;
 
 /// Places of portals, metres.
 const FARTHEST: f64 = 1e18;
@@ -135,7 +135,7 @@ fn check_light(scene: &Scene, environment: &Environment, place: &'static str, fi
                 return findings.reject(place, "image", image, "one of the scene's images");
             };
             let texels = u64::from(map.width) * u64::from(map.height);
-            let is_met = texels <= MOST_TEXELS;
+            let is_met = texels <= MAX_TEXELS;
             findings.require(is_met, place, "texels of the image", texels, "at most 2^29");
             findings.require(!map.is_encoded(), place, "pixels of the image", "encoded", DECODED);
         }
@@ -145,7 +145,7 @@ fn check_light(scene: &Scene, environment: &Environment, place: &'static str, fi
 // Groups of lights: their names become names of channels.
 
 /// More than a picture could hold apart.
-const MOST_GROUPS: usize = 1 << 15;
+const MAX_GROUPS: usize = 1 << 15;
 
 pub(super) fn check_groups(scene: &Scene, findings: &mut Findings) {
     let groups = scene.light_groups();
@@ -153,7 +153,7 @@ pub(super) fn check_groups(scene: &Scene, findings: &mut Findings) {
         let allowed = "1 to 64 letters, digits, _ and -";
         findings.require(is_group_name(name), "light groups", "name", name, allowed);
     }
-    findings.require(groups.len() <= MOST_GROUPS, "light groups", "number", groups.len(), "at most 32768");
+    findings.require(groups.len() <= MAX_GROUPS, "light groups", "number", groups.len(), "at most 32768");
 }
 
 // Cameras.
@@ -224,7 +224,7 @@ fn check_lens(camera: &Camera, place: Entry, findings: &mut Findings) {
     let is_met = distance > 0.0 && distance <= FARTHEST_FOCUS;
     findings.require(is_met, place, "focus_distance", distance, "above 0 and at most 1e18");
     let Aperture { blades, rotation_rad, ratio } = lens.aperture;
-    let is_met = blades == 0 || (3..=MOST_BLADES).contains(&blades);
+    let is_met = blades == 0 || (3..=MAX_BLADES).contains(&blades);
     findings.require(is_met, place, "blades", blades, "0, or from 3 to 256");
     findings.require(rotation_rad.is_finite(), place, "rotation_rad", rotation_rad, "finite");
     let is_met = (1e-3..=1e3).contains(&ratio);
@@ -247,7 +247,7 @@ fn check_panorama(panorama: &Panorama, place: Entry, findings: &mut Findings) {
                 ("longitude_rad", longitude_rad, PI, "growing, from -pi to pi"),
                 ("latitude_rad", latitude_rad, FRAC_PI_2, "growing, from -pi/2 to pi/2"),
             ] {
-                let is_met = -most <= from && to <= most && to - from >= LEAST_ANGLE;
+                let is_met = -most <= from && to <= most && to - from >= MIN_ANGLE;
                 findings.require(is_met, place, field, [from, to], allowed);
             }
         }
@@ -262,15 +262,15 @@ fn check_panorama(panorama: &Panorama, place: Entry, findings: &mut Findings) {
 }
 
 fn check_fov(fov_rad: f64, place: Entry, findings: &mut Findings) {
-    let is_met = (LEAST_ANGLE..=TAU).contains(&fov_rad);
+    let is_met = (MIN_ANGLE..=TAU).contains(&fov_rad);
     findings.require(is_met, place, "fov_rad", fov_rad, "above 0 and at most 2 pi");
 }
 
 /// Narrowest view of a panorama, radians.
-const LEAST_ANGLE: f64 = 1e-5;
+const MIN_ANGLE: f64 = 1e-5;
 
 /// An aperture with more blades is a disk.
-const MOST_BLADES: u32 = 256;
+const MAX_BLADES: u32 = 256;
 
 /// Width over height of pixels.
 const PIXELS: RangeInclusive<f64> = 1e-3..=1e3;

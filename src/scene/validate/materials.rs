@@ -14,7 +14,7 @@ use std::fmt::Display;
 const FINITE: &str = "a finite number";
 const FROM_ZERO: &str = "a finite number from 0 up";
 /// Larger indices of metals, whose fourth powers Fresnel's equations take, mean nothing.
-const MOST_INDEX: f32 = 1e4;
+const MAX_INDEX: f32 = 1e4;
 const INDEX: &str = "numbers from 0 to 10,000";
 const CHANNEL: &str = "a channel from 0 to 3";
 
@@ -45,13 +45,13 @@ fn check_attenuation(medium: &Medium, model: &Model, place: Entry, findings: &mu
 }
 
 /// The peak of narrower beams has no place among single-precision numbers.
-const LEAST_BEAM_RAD: f64 = 1e-4;
+const MIN_BEAM_RAD: f64 = 1e-4;
 
 fn check_beam(beam: Option<Beam>, profiles: usize, place: Entry, findings: &mut Findings) {
     match beam {
         None | Some(Beam::Even) => {}
         Some(Beam::Grid { half_angle_rad: half }) => {
-            let is_met = (LEAST_BEAM_RAD..FRAC_PI_2).contains(&half);
+            let is_met = (MIN_BEAM_RAD..FRAC_PI_2).contains(&half);
             findings.require(is_met, place, "half_angle_rad", half, "from 1e-4 to below pi / 2");
         }
         Some(Beam::Cone { direction, inner_angle_rad: inner, outer_angle_rad: outer, .. }) => {
@@ -122,7 +122,7 @@ fn check_alpha(material: &Material, place: Entry, findings: &mut Findings) {
 fn check_model(model: &Model, place: Entry, findings: &mut Findings) {
     match model {
         Model::Conductor { eta, k, .. } => {
-            let is_index = |rgb: &[f32; 3]| rgb.iter().all(|c| (0.0..=MOST_INDEX).contains(c));
+            let is_index = |rgb: &[f32; 3]| rgb.iter().all(|c| (0.0..=MAX_INDEX).contains(c));
             findings.require(is_index(eta), place, "eta", eta, INDEX);
             findings.require(is_index(k), place, "k", k, INDEX);
         }
@@ -167,13 +167,13 @@ fn check_pbr(pbr: &PbrMaterial, place: Entry, findings: &mut Findings) {
 // What fills spaces: fog and the insides of solids.
 
 /// Flights in denser media are shorter than positions are precise.
-const MOST_EXTINCTION: f32 = 1e9;
+const MAX_EXTINCTION: f32 = 1e9;
 
 /// Rays look at so many points of a grid at most, times a small number.
-const MOST_MEAN_FREE_PATHS: f64 = 1e5;
+const MAX_MEAN_FREE_PATHS: f64 = 1e5;
 
 fn check_medium(medium: &Medium, grids: &[Grid], place: impl Display + Copy, findings: &mut Findings) {
-    let is_met = medium.extinction.iter().all(|x| (0.0..=MOST_EXTINCTION).contains(x));
+    let is_met = medium.extinction.iter().all(|x| (0.0..=MAX_EXTINCTION).contains(x));
     findings.require(is_met, place, "extinction", medium.extinction, "numbers from 0 to 1e9 per metre");
     let is_met = medium.albedo.iter().all(|x| (0.0..=1.0).contains(x));
     findings.require(is_met, place, "albedo", medium.albedo, "numbers from 0 to 1");
@@ -211,7 +211,7 @@ fn check_medium(medium: &Medium, grids: &[Grid], place: impl Display + Copy, fin
     let thickest = grid.values.iter().fold(0.0f32, |most, x| most.max(*x));
     let paths = f64::from(thickest) * f64::from(most) * longest_way(grid);
     // Numbers that are none have had their complaint.
-    let is_met = paths.is_nan() || paths <= MOST_MEAN_FREE_PATHS;
+    let is_met = paths.is_nan() || paths <= MAX_MEAN_FREE_PATHS;
     findings.require(is_met, place, "grid", paths, "at most 1e5 mean free paths across where it is thickest");
 }
 
@@ -372,7 +372,7 @@ pub(super) fn check_textures(scene: &Scene, findings: &mut Findings) {
 }
 
 /// Maximum number of textures of one lookup.
-const MOST_LOOKUPS: u64 = 4096;
+const MAX_LOOKUPS: u64 = 4096;
 
 const NESTING: &str = "at most 64 textures, one in the other";
 
@@ -380,7 +380,7 @@ const NESTING: &str = "at most 64 textures, one in the other";
 fn check_nesting(depth: u32, looked_up: u64, place: Entry, findings: &mut Findings) {
     findings.require(depth <= MAX_TEXTURE_NESTING, place, "nesting", depth, NESTING);
     let expected = "made of at most 4096 textures that are no mixes";
-    findings.require(looked_up <= MOST_LOOKUPS, place, "mixes", looked_up, expected);
+    findings.require(looked_up <= MAX_LOOKUPS, place, "mixes", looked_up, expected);
 }
 
 /// The depth of a part of a texture; 0 where there is none.

@@ -185,7 +185,7 @@ struct Builder<'a> {
     bumps: u32,
 }
 
-/// Most bumps whose heights depend on another.
+/// Maximum number of bumps whose heights depend on another.
 const MAX_BUMPS: u32 = 2;
 
 impl Builder<'_> {

@@ -50,7 +50,7 @@ fn gradient<const N: usize>(hash: u32, d: [f32; N]) -> f32 {
     }
 }
 
-/// Most corners of a cell.
+/// Maximum number of corners of a cell.
 const CORNERS: usize = 16;
 
 /// Gradient noise, about -1..1.
@@ -180,11 +180,11 @@ impl Fractal {
     }
 
     fn hybrid<const N: usize>(&self, mut p: [f32; N]) -> f32 {
-        const LEAST_WEIGHT: f32 = 0.001;
+        const MIN_WEIGHT: f32 = 0.001;
         let (octaves, rest) = self.whole_octaves();
         let (mut power, mut value, mut weight) = (1.0, 0.0, 1.0f32);
         for _ in 0..=octaves {
-            if weight <= LEAST_WEIGHT {
+            if weight <= MIN_WEIGHT {
                 break;
             }
             weight = weight.min(1.0);
@@ -194,7 +194,7 @@ impl Fractal {
             weight *= self.gain * signal;
             p = p.map(|x| x * self.lacunarity);
         }
-        if rest != 0.0 && weight > LEAST_WEIGHT {
+        if rest != 0.0 && weight > MIN_WEIGHT {
             value += rest * weight.min(1.0) * (signed_noise(p) + self.offset) * power;
         }
         value

@@ -76,7 +76,7 @@ pub const FIRST_SET: u16 = u16::MAX;
 /// Numbers of a source.
 pub type Numbers = [f32; 12];
 
-/// The most numbers that a source has, filled up with zeros.
+/// Maximum number of values that a source has, filled up with zeros.
 fn filled<const N: usize>(values: [f32; N]) -> Numbers {
     std::array::from_fn(|i| values.get(i).copied().unwrap_or(0.0))
 }

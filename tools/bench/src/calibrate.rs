@@ -8,7 +8,7 @@ use std::path::Path;
 
 /// Samples of the smallest picture whose estimate is judged, and of the first that may stop a run that is judged. Before, a
 /// pass of eight samples changes the error by more than a fifth.
-const LEAST_SAMPLES: u32 = 64;
+const MIN_SAMPLES: u32 = 64;
 
 /// Errors asked for: each this part of the one before.
 const STEP: f64 = 0.84;
@@ -36,7 +36,7 @@ struct Pass {
 pub fn calibrate(path: &Path, setup: &Setup, seeds: u32) -> Result<Vec<Run>> {
     let subject = Subject::new(path, setup)?;
     let (reference, own) = subject.reference(setup.reference)?;
-    let most = setup.ladder.iter().copied().max().unwrap_or(LEAST_SAMPLES);
+    let most = setup.ladder.iter().copied().max().unwrap_or(MIN_SAMPLES);
     let run = |seed: u32| {
         // An error that is never reached.
         let mut rendering = subject.rendering(most, seed, Some(f32::MIN_POSITIVE))?;
@@ -64,7 +64,7 @@ pub fn calibrate(path: &Path, setup: &Setup, seeds: u32) -> Result<Vec<Run>> {
 impl Run {
     /// Where a run ends that asks for this error, if that is at some pass but the first.
     fn stop(&self, asked: f64) -> Option<&Pass> {
-        self.passes.iter().find(|pass| pass.estimated <= asked).filter(|pass| pass.samples > LEAST_SAMPLES)
+        self.passes.iter().find(|pass| pass.estimated <= asked).filter(|pass| pass.samples > MIN_SAMPLES)
     }
 
     /// True over asked errors of all stops.
@@ -75,7 +75,7 @@ impl Run {
 
     /// Estimated over true errors of the larger pictures.
     fn estimates(&self) -> Vec<f64> {
-        let judged = self.passes.iter().filter(|pass| pass.samples >= LEAST_SAMPLES);
+        let judged = self.passes.iter().filter(|pass| pass.samples >= MIN_SAMPLES);
         judged.map(|pass| pass.estimated / pass.real.max(f64::MIN_POSITIVE)).collect()
     }
 }

@@ -11,12 +11,12 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 /// No power may be larger.
-pub const MOST: f64 = 1.1;
+pub const MAX: f64 = 1.1;
 
 /// Less processor time, in seconds, is too little to fit a power to.
-const LEAST_S: f64 = 0.15;
+const MIN_S: f64 = 0.15;
 /// The same for memory, in bytes.
-const LEAST_BYTES: f64 = 8.0 * 1024.0 * 1024.0;
+const MIN_BYTES: f64 = 8.0 * 1024.0 * 1024.0;
 
 /// A scene file and the arguments of its rendering.
 type Render = (PathBuf, Vec<String>);
@@ -217,7 +217,7 @@ impl Row {
 
     /// Does a cost grow faster than in proportion?
     pub fn is_too_steep(&self) -> bool {
-        self.powers.iter().flatten().any(|&power| power > MOST)
+        self.powers.iter().flatten().any(|&power| power > MAX)
     }
 }
 
@@ -298,8 +298,8 @@ fn powers(before: &[(u64, Cost)], size: u64, cost: Cost, is_side: bool) -> [Opti
         (last - first >= least).then(|| ((now - first) / (last - first)).max(1e-9).ln() / ratio)
     };
     [
-        power(first.cpu_s, last.cpu_s, cost.cpu_s, LEAST_S),
-        power(first.bytes, last.bytes, cost.bytes, LEAST_BYTES),
+        power(first.cpu_s, last.cpu_s, cost.cpu_s, MIN_S),
+        power(first.bytes, last.bytes, cost.bytes, MIN_BYTES),
     ]
 }
 

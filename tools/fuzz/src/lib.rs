@@ -11,7 +11,7 @@ use std::path::Path;
 use tempfile::TempDir;
 
 /// Pixels of the largest picture that a part is merged into.
-const MOST_PIXELS: u64 = 1 << 14;
+const MAX_PIXELS: u64 = 1 << 14;
 
 thread_local! {
     static FOLDER: OnceCell<TempDir> = const { OnceCell::new() };
@@ -54,7 +54,7 @@ pub fn check_part(bytes: &[u8]) {
 /// Makes a picture of a part, as merging it alone would, unless that is large.
 fn merge_and_encode(part: PartFile) {
     let PartHeader { width, height, .. } = part.header;
-    if u64::from(width) * u64::from(height) > MOST_PIXELS {
+    if u64::from(width) * u64::from(height) > MAX_PIXELS {
         return;
     }
     let layout = part.header.channels.layout().expect("it has been read");

@@ -8,7 +8,7 @@ use std::path::Path;
 use std::time::Instant;
 
 /// Smallest width that a picture is made narrower to.
-const LEAST_WIDTH: u32 = 100;
+const MIN_WIDTH: u32 = 100;
 
 /// How to render all scenes.
 #[derive(Clone, Copy, Debug)]
@@ -116,6 +116,6 @@ fn size_and_samples(scene: &Scene, quality: Quality, path: &Path) -> Result<([u3
         let message = "has no size and samples: give '[render]' with width, height and samples";
         return Err(Error::input(path, message));
     };
-    let shrink = if width / quality.shrink < LEAST_WIDTH { 1 } else { quality.shrink };
+    let shrink = if width / quality.shrink < MIN_WIDTH { 1 } else { quality.shrink };
     Ok(([width / shrink, (height / shrink).max(1)], samples.div_ceil(quality.fewer)))
 }

@@ -4,14 +4,14 @@ use super::errors::usage;
 use oscura::load::Up;
 use oscura::load::gltf::{Glass, LightUnits};
 use oscura::load::stage::{Ground, StageLight, ViewFrom};
-use oscura::load::subdivide::{MOST_LEVELS, Subdivision};
+use oscura::load::subdivide::{MAX_LEVELS, Subdivision};
 use oscura::output::{ViewTransform, read_view};
 use pyo3::PyResult;
 use std::path::Path;
 use std::str::FromStr;
 
 /// As many as the program takes.
-const MOST_THREADS: usize = 1024;
+const MAX_THREADS: usize = 1024;
 
 /// What a word stands for in a list of choices.
 fn choose<T: Clone>(argument: &str, word: &str, choices: &[(&str, T)]) -> PyResult<T> {
@@ -75,7 +75,7 @@ pub fn crease(degrees: Option<f64>) -> PyResult<Option<f64>> {
 /// Catmull-Clark subdivision, so many times.
 pub fn subdivision(levels: Option<u32>) -> PyResult<Option<Subdivision>> {
     match levels {
-        Some(levels) if levels > MOST_LEVELS => Err(usage(format!("subdivide must be 0 to {MOST_LEVELS}"))),
+        Some(levels) if levels > MAX_LEVELS => Err(usage(format!("subdivide must be 0 to {MAX_LEVELS}"))),
         levels => Ok(levels.map(|levels| Subdivision { levels, has_round_corners: false })),
     }
 }
@@ -104,8 +104,8 @@ where
 
 /// A number of threads, if it is one that can be.
 pub fn checked_threads(count: Option<usize>) -> PyResult<Option<usize>> {
-    match count.is_none_or(|count| (1..=MOST_THREADS).contains(&count)) {
+    match count.is_none_or(|count| (1..=MAX_THREADS).contains(&count)) {
         true => Ok(count),
-        false => Err(usage(format!("threads must be 1 to {MOST_THREADS}"))),
+        false => Err(usage(format!("threads must be 1 to {MAX_THREADS}"))),
     }
 }

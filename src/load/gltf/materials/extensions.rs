@@ -123,8 +123,8 @@ impl MaterialBuilder<'_, '_> {
 
 const NEW: &str = "KHR_materials_scatter";
 const OLD: &str = "KHR_materials_volume_scatter";
-/// Most of the cosine that the scattering of media has on average.
-const MOST_ANISOTROPY: f32 = 0.999;
+/// Maximum mean cosine of the scattering of media.
+const MAX_ANISOTROPY: f32 = 0.999;
 
 /// What the newer extension says.
 struct Scatter {
@@ -192,7 +192,7 @@ impl MaterialBuilder<'_, '_> {
         let names = ["multiscatterColorFactor", "multiscatterColor", "scatterAlbedo"];
         let name = names.into_iter().find(|name| extension.get(name).is_some()).unwrap_or(names[0]);
         let color = self.numbers(from, name, [0.0; 3]);
-        let anisotropy = self.number(from, "scatterAnisotropy", 0.0, [-MOST_ANISOTROPY, MOST_ANISOTROPY]);
+        let anisotropy = self.number(from, "scatterAnisotropy", 0.0, [-MAX_ANISOTROPY, MAX_ANISOTROPY]);
         let at = format!("{}{place}", self.at);
         self.draft(OLD, &at);
         self.solid(model, color.map(|c| c.min(1.0)), anisotropy, &at)
@@ -219,7 +219,7 @@ impl MaterialBuilder<'_, '_> {
             return None;
         }
         model.attenuation_distance = f32::INFINITY;
-        let anisotropy = anisotropy.clamp(-MOST_ANISOTROPY, MOST_ANISOTROPY);
+        let anisotropy = anisotropy.clamp(-MAX_ANISOTROPY, MAX_ANISOTROPY);
         Some(Medium { extinction, ..Medium::subsurface(color, [1.0; 3], anisotropy) })
     }
 

@@ -180,7 +180,7 @@ fn build(
 // Slots, numbers and textures of one material, checked while they are taken from the file.
 
 /// Largest factor on a normal map's slopes; beyond, the surface is a comb of vertical walls.
-const MOST_NORMAL_SCALE: f32 = 1000.0;
+const MAX_NORMAL_SCALE: f32 = 1000.0;
 
 /// Colour and opacity of a surface.
 #[derive(Clone, Copy)]
@@ -317,7 +317,7 @@ impl<'b> MaterialBuilder<'b, '_> {
         let reference = Reference { transform, ..Reference::new(&info, at.clone()) };
         let texture = self.texture(reference, Encoding::Linear)?;
         let scale = number_of(raw, "scale", &at, self.report)?.map_or(1.0, |s| s as f32);
-        let scale = self.clamped(scale, -MOST_NORMAL_SCALE, MOST_NORMAL_SCALE, &format!("{place}/scale"));
+        let scale = self.clamped(scale, -MAX_NORMAL_SCALE, MAX_NORMAL_SCALE, &format!("{place}/scale"));
         Ok(NormalMap { texture, scale })
     }
 }

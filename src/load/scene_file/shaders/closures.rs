@@ -14,7 +14,7 @@ const NONE: FloatSlot = FloatSlot::constant(0.0);
 const WHITE: [f32; 3] = [1.0; 3];
 
 /// Subsurface scattering of less weight counts as diffuse reflection.
-const LEAST_SUBSURFACE: f32 = 0.5;
+const MIN_SUBSURFACE: f32 = 0.5;
 
 /// Mean length of light's way through a coat over its thickness.
 const COAT_WAY: f32 = 1.1;
@@ -238,7 +238,7 @@ impl Lowering<'_, '_, '_> {
         let mut material = Material::new(self.material, Model::Black);
         let subsurface = self.constant(index, "subsurface_weight", 0.0);
         let is_opaque = pbr.metallic == NONE && pbr.transmission == NONE;
-        if subsurface >= LEAST_SUBSURFACE && is_opaque {
+        if subsurface >= MIN_SUBSURFACE && is_opaque {
             let radius = self.constant_color(index, "subsurface_radius", [1.0, 0.2, 0.1]);
             let scale = self.constant(index, "subsurface_scale", 0.05);
             let anisotropy = self.constant(index, "subsurface_anisotropy", 0.0);

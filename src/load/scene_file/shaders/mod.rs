@@ -43,7 +43,7 @@ use std::sync::Arc;
 use table::Shader;
 
 /// Closures of a material, above which its graph is refused: shaders that several mixes share count once for each.
-const MOST_CLOSURES: usize = 64;
+const MAX_CLOSURES: usize = 64;
 
 /// A shader node with its inputs, in the order of [`Shader::inputs`].
 struct ShaderNode<'a> {
@@ -201,8 +201,8 @@ impl Lowering<'_, '_, '_> {
         if self.path.contains(&index) {
             return Err(format!("the shaders around '{}' go round in a circle", node.name));
         }
-        if self.components.len() > MOST_CLOSURES {
-            return Err(format!("its shaders make more than {MOST_CLOSURES} closures"));
+        if self.components.len() > MAX_CLOSURES {
+            return Err(format!("its shaders make more than {MAX_CLOSURES} closures"));
         }
         self.path.push(index);
         match node.shader {
