@@ -2,7 +2,7 @@
 //!
 //! [`build`] cuts the primitives into chunks by the surface area heuristic in bins (Wald 2007, "On fast Construction of SAH-based
 //! Bounding Volume Hierarchies"), builds a tree over each chunk and joins these by a small tree over them. Each thread works on
-//! one chunk at a time, which fits its caches. Peak memory: 32 bytes a primitive for the boxes and 66 to 78 for the tree, with 15
+//! one chunk at a time, which fits its caches. Peak memory: 32 bytes per primitive for the boxes and 66 to 78 for the tree, with 15
 //! more for what two threads work on at 2 million triangles, and 1.5 at 20 million. The README of `tools/rays` has the
 //! measurements, and what was tried and lost.
 //!
@@ -261,7 +261,7 @@ fn end_with(
     skipped + last.unwrap_or(0)
 }
 
-/// Minimum number of chunks, as far as [`MIN_CHUNK`] allows. (A thread needs some 450 bytes a primitive of its chunk.)
+/// Minimum number of chunks, as far as [`MIN_CHUNK`] allows. (A thread needs some 450 bytes per primitive of its chunk.)
 const MIN_CHUNKS: usize = 32;
 /// Limits on the primitives of a chunk.
 const MIN_CHUNK: usize = 1 << 13;

@@ -77,7 +77,7 @@ impl<'a> CheckpointWriter<'a> {
         rendering.go_on(file, read_part(file)?, &self.identity).map_err(plan_help)?;
         if !self.args.quiet {
             let samples = rendering.film().samples(0, 0);
-            say!("resume   {} from {samples} samples a pixel", file.display());
+            say!("resume   {} from {samples} samples per pixel", file.display());
         }
         Ok(rendering)
     }

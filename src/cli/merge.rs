@@ -227,7 +227,7 @@ fn say(args: &MergeArgs, report: &MergeReport, warnings: &[Warning]) {
         let (width, height, samples) = (report.width, report.height, report.samples_per_pixel);
         let count = counted(count as u64, "part");
         let samples = (samples * 10.0).round() / 10.0;
-        say!("merged   {count} in {seconds:.2} s: {width} x {height}, {samples} samples a pixel");
+        say!("merged   {count} in {seconds:.2} s: {width} x {height}, {samples} samples per pixel");
         report.outputs.iter().for_each(|output| say!("wrote    {output}"));
     }
     if args.json {

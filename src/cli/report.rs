@@ -218,7 +218,7 @@ impl Run {
         let (outputs, time) = (self.outputs.join(", "), readable_time(self.total_s));
         let denoised = if self.denoise_s.is_some() { ", denoised" } else { "" };
         let facts =
-            format!("{}x{}, {samples} samples a pixel{noise}{denoised}, {time}", self.size.0, self.size.1);
+            format!("{}x{}, {samples} samples per pixel{noise}{denoised}, {time}", self.size.0, self.size.1);
         match (frame, self.outputs.is_empty()) {
             (Some(frame), true) => say!("{frame}: {facts}"),
             (Some(frame), false) => say!("{frame}: {outputs}, {facts}"),
@@ -251,7 +251,7 @@ impl Run {
         let guided = if s.guide_cells.is_some() { ", guided" } else { "" };
         let lamps = if s.lamp_paths.is_some() { ", caustics from the lamp" } else { "" };
         say!(
-            "picture  {} x {}, {} samples a pixel{mean}, {}{branches}{shared}{guided}{lamps}, {}",
+            "picture  {} x {}, {} samples per pixel{mean}, {}{branches}{shared}{guided}{lamps}, {}",
             self.size.0,
             self.size.1,
             // Not an integer if stopped early.

@@ -197,7 +197,7 @@ fn mean(pixels: impl Iterator<Item = [u8; 4]>) -> [u8; 4] {
     [r, g, b, byte(alphas / count.max(1.0))]
 }
 
-// Two pixels a character: the upper half block in one colour on a ground of another.
+// Two pixels per character: the upper half block in one colour on a ground of another.
 
 /// The picture in characters; in 256 colours where the terminal hasn't all.
 fn block_text(picture: &Pixels, has_all_colors: bool) -> String {

@@ -137,7 +137,7 @@ impl MovingShape {
     }
 }
 
-// Motion vectors: positions of surface points a frame before and a frame after.
+// Motion vectors: positions of surface points per frame before and a frame after.
 
 /// World transforms at the time of the frame, a frame before and a frame after.
 #[derive(Clone, Copy, Debug)]

@@ -351,7 +351,7 @@ pub(super) fn reciprocal(count: u32) -> f64 {
     if count == 0 { 0.0 } else { 1.0 / f64::from(count) }
 }
 
-/// The means of all components over so many values a pixel; `empty` where there are none. Most of what writing a picture takes
+/// The means of all components over so many values per pixel; `empty` where there are none. Most of what writing a picture takes
 /// but for its compression is here.
 fn means(sums: &[f64], width: usize, counts: &[u32], empty: f32) -> Vec<Values> {
     let mut planes = vec![vec![empty; counts.len()]; width];

@@ -2,7 +2,7 @@ use std::ops::Range;
 
 // Which ids cover each pixel: a list a pixel, as long as it needs to be.
 
-/// Counts of ids a pixel. The lists are chains through one array: a picture has few ids a pixel, and most pixels one.
+/// Counts of ids per pixel. The lists are chains through one array: a picture has few ids per pixel, and most pixels one.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Coverage {
     /// First entry of each pixel's chain, plus one; 0 for none.

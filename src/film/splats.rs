@@ -38,9 +38,9 @@ pub(super) struct Splats {
     pub all: Vec<HalfSum>,
     /// Over those of the first half; empty where halves are not kept apart.
     pub first_half: Vec<HalfSum>,
-    /// What each layer has, three numbers a pixel.
+    /// What each layer has, three numbers per pixel.
     pub layers: Vec<SumList>,
-    /// Sums of squares, three numbers a pixel, where the film keeps a variance.
+    /// Sums of squares, three numbers per pixel, where the film keeps a variance.
     pub squares: Option<SumList>,
 }
 
@@ -57,7 +57,7 @@ impl Splats {
         }
     }
 
-    /// Sums of three numbers a pixel.
+    /// Sums of three numbers per pixel.
     pub fn list(pixels: usize) -> SumList {
         SumList::try_new(3 * pixels, true).expect("there is memory for light from lamps")
     }
@@ -120,7 +120,7 @@ impl Splats {
         rgb.map(|sum| sum * reciprocal(count))
     }
 
-    /// Means of a layer, three numbers a pixel.
+    /// Means of a layer, three numbers per pixel.
     pub fn means_of_layer(&self, layer: usize) -> Option<impl Iterator<Item = [f64; 3]>> {
         let sums = self.layers.get(layer)?;
         Some(self.all.iter().zip(sums.high.as_chunks::<3>().0).map(|(all, sums)| {

@@ -1,4 +1,4 @@
-//! Which samples a block takes, random numbers by purpose, and Russian roulette.
+//! Which samples per block takes, random numbers by purpose, and Russian roulette.
 
 use super::wave::PathState;
 use crate::color::Rgb;

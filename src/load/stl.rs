@@ -2,7 +2,7 @@
 //!
 //! Layout: 3D Systems 1988, "StereoLithography Interface Specification". Binary files have 80 bytes of header, the number of
 //! triangles (u32, little-endian), and 50 bytes for each: normal and corners as floats, and two bytes of attributes, where
-//! programs put colours of five bits a channel. Normals of files are those of the faces, and not read. Corners at the same place
+//! programs put colours of five bits per channel. Normals of files are those of the faces, and not read. Corners at the same place
 //! become one vertex. Files have neither units nor materials; z points up by the custom of printing and CAD.
 
 use super::mesh_tools::{NAMELESS, Repairs, bound_colors, color_triangles, triangulate};

@@ -26,7 +26,7 @@ pub struct PngOptions {
     pub white_balance: Option<f32>,
     /// Hides the steps between 8-bit values with an 8x8 ordered pattern (Bayer 1973).
     pub dither: bool,
-    /// 16 bits a channel instead of 8, in PNG and TIFF.
+    /// 16 bits per channel instead of 8, in PNG and TIFF.
     pub deep: bool,
     /// Stand before black where the picture is transparent: no alpha.
     pub opaque: bool,

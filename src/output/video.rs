@@ -98,7 +98,7 @@ struct Running {
 }
 
 impl Video {
-    /// One of so many frames a second; `None` where the file's name asks for another kind of file.
+    /// One of so many frames per second; `None` where the file's name asks for another kind of file.
     ///
     /// # Errors
     /// A usage error if the encoder can't be run, an output error if the file can't be written.
@@ -245,7 +245,7 @@ fn frame(picture: &Linear, options: &PngOptions, has_alpha: bool) -> Vec<u8> {
 /// The kinds of files of moving pictures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AnimationFormat {
-    /// At most 256 colours a frame, transparent or opaque.
+    /// At most 256 colours per frame, transparent or opaque.
     Gif,
     /// Animated PNG: 8 bits, lossless.
     Apng,

@@ -1,4 +1,4 @@
-//! Caustics by light tracing: whether paths from lights find them, and how many such paths a pass has. A trial measures what some
+//! Caustics by light tracing: whether paths from lights find them, and how many such paths per pass has. A trial measures what some
 //! of them bring.
 
 use super::options::{Adaptive, Caustics, RenderOptions};

@@ -260,7 +260,7 @@ impl Rendering {
         }
         if header.end_sample > taken.end {
             let message =
-                format!("has {} samples a pixel already, more than {}", header.end_sample, taken.end);
+                format!("has {} samples per pixel already, more than {}", header.end_sample, taken.end);
             return Err(Error::input(file, message).with_help("ask for as many or more"));
         }
         let way = header.way.as_ref().and_then(strategy).filter(|_| header.end_sample > taken.start);

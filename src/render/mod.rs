@@ -1,6 +1,6 @@
 //! Rendering: from a scene to a picture, at once or pass by pass; progress, stopping.
 //!
-//! The picture is made in passes of a few samples a pixel. In a pass, threads take tiles in any order and merge each into
+//! The picture is made in passes of a few samples per pixel. In a pass, threads take tiles in any order and merge each into
 //! the film when it is done; tiles share no pixels, and the tiles of a later pass wait for those of the earlier one where
 //! they lie, so every pixel's sum has one order at any number of threads. Passes overlap where nothing has to look at the
 //! picture between them: a time limit, an estimate of the noise and light paths do.

@@ -96,7 +96,7 @@ pub enum Adaptive {
 #[non_exhaustive]
 pub enum TreeChoice {
     /// Fast where fewer camera rays will be traced than four for each of 130,000 triangles or more, else full. (With a time
-    /// limit, of which nobody knows how many samples it allows, a million camera rays a second are counted at most.)
+    /// limit, of which nobody knows how many samples it allows, a million camera rays per second are counted at most.)
     #[default]
     Auto,
     /// The tree that is built soon.

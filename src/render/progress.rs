@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub enum Event {
-    /// Progress; comes from any thread, several times a second.
+    /// Progress; comes from any thread, several times per second.
     #[non_exhaustive]
     Progress {
         /// Paths done.
@@ -29,7 +29,7 @@ pub enum Event {
 /// Takes events, from any thread.
 pub(super) type Listener = dyn Fn(Event) + Send + Sync;
 
-/// Counts paths and rays, and reports them at most ten times a second.
+/// Counts paths and rays, and reports them at most ten times per second.
 #[derive(Debug)]
 pub(super) struct Progress {
     samples: AtomicU64,
@@ -147,7 +147,7 @@ pub struct Statistics {
     /// Stopped by the time limit before all samples were done.
     pub timed_out: bool,
     /// The estimated relative error of the whole picture, where [`RenderOptions::noise`](super::RenderOptions::noise) asks
-    /// for it: see there. `None` below 32 samples a pixel.
+    /// for it: see there. `None` below 32 samples per pixel.
     pub error: Option<f64>,
 }
 

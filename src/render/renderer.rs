@@ -156,7 +156,7 @@ impl Renderer {
         self
     }
 
-    /// Calls `listener` with the progress several times a second, from any thread.
+    /// Calls `listener` with the progress several times per second, from any thread.
     pub fn on_event(mut self, listener: impl Fn(Event) + Send + Sync + 'static) -> Renderer {
         self.listener = Some(Box::new(listener));
         self

@@ -157,7 +157,7 @@ impl Rendering {
         Rendering { cancel, ..self }
     }
 
-    /// Calls `listener` with the progress several times a second, from any thread, in place of an earlier listener.
+    /// Calls `listener` with the progress several times per second, from any thread, in place of an earlier listener.
     #[must_use]
     pub fn on_event(self, listener: impl Fn(Event) + Send + Sync + 'static) -> Rendering {
         Rendering { listener: Some(Box::new(listener)), ..self }

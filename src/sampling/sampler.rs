@@ -145,7 +145,7 @@ fn owen_scramble_rev(mut n: u32, scramble: u32) -> u32 {
 /// Largest edge of a region in bits: 16 pixels.
 pub(super) const MAX_EDGE_BITS: u32 = 4;
 
-/// Largest number of samples a pixel in Z order. Above, each pixel has a sequence of its own: rendering may continue from any number of
+/// Largest number of samples per pixel in Z order. Above, each pixel has a sequence of its own: rendering may continue from any number of
 /// samples to any other.
 pub const MAX_Z_ORDER_SPP: u32 = 256;
 
@@ -158,7 +158,7 @@ pub const MAX_Z_ORDER_SPP: u32 = 256;
 /// other: their samples complement each other, and the error of the mean over such a block is lower (Ahmed, Wonka 2020,
 /// "Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via Hierarchical Ordering of Pixels").
 ///
-/// Regions have 16x16 pixels, fewer where so many runs do not fit into one sequence (from 257 points a pixel on, those of
+/// Regions have 16x16 pixels, fewer where so many runs do not fit into one sequence (from 257 points per pixel on, those of
 /// all paths of its samples), and each a seed of its own. They lie at fixed places of the picture, so that samples depend on nothing but their pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ZSobolOrder {

@@ -148,7 +148,7 @@ pub enum Texture {
     Noise {
         /// Which noise.
         kind: NoiseKind,
-        /// Lattice cells a metre.
+        /// Lattice cells per metre.
         frequency: f32,
         /// Octaves of turbulence, 1 to 16.
         octaves: u32,

@@ -70,7 +70,7 @@ fn parts_are_put_together_to_the_same_bytes() {
     assert_eq!(attribute(&folder.join("x.exr"), "stoppedBy"), text("parts are missing"));
     let said = stderr(&allowed);
     // 44 rows have all 20 samples, 20 rows the 12 of whole blocks of eight and what follows.
-    assert!(said.contains("merged   3 parts") && said.contains("17.5 samples a pixel"), "{said}");
+    assert!(said.contains("merged   3 parts") && said.contains("17.5 samples per pixel"), "{said}");
     let twice = merge(&["d.part", "b.part", "a.part", "c.part", "c.part", "-o", "y.exr", "--json"]);
     assert!(code(&twice) == 3 && is_coded(&twice, "parts-overlap"), "{}", stderr(&twice));
     shoot(folder, &["--spp", "20", "-o", "e.part", "--sample-range", "0..8", "--seed", "3"]);
@@ -121,7 +121,7 @@ fn a_finished_picture_goes_on_where_it_can() {
     shoot(folder, &[&["--spp", "260", "--width", "16", "-o", "a.exr"], &kept[..]].concat());
     let said =
         shoot(folder, &[&["--spp", "300", "--width", "16", "-o", "a.exr", "--resume"], &kept[..]].concat());
-    assert!(said.contains("from 256 samples a pixel") && same(folder, "a.exr", "whole.exr"), "{said}");
+    assert!(said.contains("from 256 samples per pixel") && same(folder, "a.exr", "whole.exr"), "{said}");
 
     let scene = cornell();
     let go_on = |more: &[&str]| {

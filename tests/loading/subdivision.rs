@@ -38,7 +38,7 @@ fn polygons_of_obj_files_become_smooth() {
     let counts: Vec<u32> = mesh.parts.iter().map(|part| part.triangle_count).collect();
     assert_eq!(counts, [64, 96], "materials keep their faces");
     assert_eq!((mesh.normals.len(), mesh.uv_sets[0].len()), (mesh.positions.len(), mesh.positions.len()));
-    // Each face has its own texture coordinates: 25 vertices a face, but those that neighbours share by chance.
+    // Each face has its own texture coordinates: 25 vertices per face, but those that neighbours share by chance.
     assert!(mesh.positions.len() > 100 && mesh.positions.len() <= 125, "{}", mesh.positions.len());
     // The lowest point of the rounded bottom lies where that of a cube does, but for the open top: nearly.
     let lowest = mesh.positions.iter().map(|p| p[1]).fold(f32::INFINITY, f32::min);

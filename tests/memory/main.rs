@@ -51,7 +51,7 @@ fn building_takes_at_most_150_bytes_a_triangle() {
         let tree = accel.stats().bytes as f64 / triangles;
         assert!(
             peak > tree && peak < 150.0,
-            "{quality:?}: {peak} bytes a triangle at the peak, {tree} at the end"
+            "{quality:?}: {peak} bytes per triangle at the peak, {tree} at the end"
         );
     }
 }

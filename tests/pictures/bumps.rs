@@ -217,7 +217,7 @@ fn normals_of_nodes_leave_the_coat_as_it_is() {
     assert!(worst > 0.1 * range, "the base is bumped: {worst} of {range}");
 }
 
-/// Bumps that are finer than pixels lean normals by the heights a pixel apart, as in Cycles 5.0, also where no image asks how wide pixels are: a plane of
+/// Bumps that are finer than pixels lean normals by the heights per pixel apart, as in Cycles 5.0, also where no image asks how wide pixels are: a plane of
 /// fractal noise by the sun, in blocks of 40 x 40 pixels.
 #[test]
 fn bumps_finer_than_pixels_are_those_of_cycles() {

@@ -131,7 +131,7 @@ fn compare_with_cycles(step: usize) {
         let worst = differences.fold(0.0f64, |worst, d| if d.abs() > worst.abs() { d } else { worst });
         count += 1;
         println!("{label}: {worst:+.5} of {largest:.3}");
-        // The standard error of a block of which half is 1 and half is 0 is 1 % with 64 samples a pixel.
+        // The standard error of a block of which half is 1 and half is 0 is 1 % with 64 samples per pixel.
         let has_steps = ["image", "wireframe", "bump of a picture"].iter().any(|kind| label.contains(kind));
         // Cycles' tangents are those of the ball's quads, ours of its triangles, and of further texture coordinates not even smooth.
         let most = match label {

@@ -475,7 +475,7 @@ pub(super) enum Interpolation {
     Cubic,
 }
 
-/// Keys of one channel. `values` holds `width` numbers a key; with cubic splines the in-tangent, the value and the
+/// Keys of one channel. `values` holds `width` numbers per key; with cubic splines the in-tangent, the value and the
 /// out-tangent of each.
 pub(super) struct Track<'t> {
     /// Seconds, not decreasing.

@@ -160,7 +160,7 @@ impl<'s> Stream<'s> {
         Ok(self.take(1)?[0])
     }
 
-    /// An unsigned number of seven bits a byte, the lowest first, at most five bytes long.
+    /// An unsigned number of seven bits per byte, the lowest first, at most five bytes long.
     pub fn varint(&mut self) -> Result<u32, String> {
         let mut value = 0u32;
         for shift in [0, 7, 14, 21, 28] {

@@ -38,7 +38,7 @@ pub(super) struct Deformation<'s> {
     pub skin: Option<&'s SkinPose>,
 }
 
-/// Maximum number of sets of four joints a vertex; files with more are not known.
+/// Maximum number of sets of four joints per vertex; files with more are not known.
 const MAX_INFLUENCE_SETS: u32 = 4;
 
 /// What a primitive's vertices are made of, as far as its material needs it. Tangents mean nothing without normals.

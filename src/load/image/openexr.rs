@@ -183,7 +183,7 @@ struct Placed {
 fn check_kind(source: &Source, meta: &MetaData) -> Result<()> {
     if meta.headers.iter().any(|header| header.deep) {
         return Err(source
-            .error("is a deep EXR: it holds several samples a pixel")
+            .error("is a deep EXR: it holds several samples per pixel")
             .with_help("flatten it in a compositor"));
     }
     let is_subsampled =

@@ -133,7 +133,7 @@ impl Harmonics {
         let read = Splats::coefficients_of(self.degree) - 1;
         (self.in_file > read).then(|| {
             format!(
-                "{} of {} coefficients of spherical harmonics a channel",
+                "{} of {} coefficients of spherical harmonics per channel",
                 self.in_file - read,
                 self.in_file
             )

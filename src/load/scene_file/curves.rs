@@ -5,7 +5,7 @@
 //! | `name` | for reports |
 //! | `strands` | a list of strands, each a list of points `[x, y, z]` from root to tip |
 //! | `file` | or a file of them: `.curves` (text) or `.hair` (binary), see the guide |
-//! | `basis` | `"linear"`, `"bezier"` (4, 7, 10, ... points a strand), `"bspline"` (4 points or more) or `"catmull-rom"`; default: the file's, else `"catmull-rom"`, and `"linear"` for `.hair` |
+//! | `basis` | `"linear"`, `"bezier"` (4, 7, 10, ... points per strand), `"bspline"` (4 points or more) or `"catmull-rom"`; default: the file's, else `"catmull-rom"`, and `"linear"` for `.hair` |
 //! | `radius` | metres: one number, or `[root, tip]`; needed unless the file has radii, which it replaces |
 //! | `material` | a name, by default `"default"`: `"hair"` or any opaque or thin material without emission |
 //! | `transform` | as of objects; radii grow with the cube root of its volume |

@@ -11,7 +11,7 @@
 //! | `"facing"` | `colors`, a list of colours or numbers by the cosine of the angle between the view and the normal, evenly spaced from 0 (seen at grazing angles) to 1 (head on), linear between; at least two |
 //! | `"nodes"` | `nodes`, a table of nodes by name, and `result`, the output of one of them; the guide has a section on textures of nodes |
 //! | `"spectrum"` | a measured spectrum, see `spectra` |
-//! | `"perlin"`, `"turbulence"`, `"marble"` | `frequency` (cells a metre; 1), `octaves` (1 to 16; 7), `low`, `high` colours, `seed` |
+//! | `"perlin"`, `"turbulence"`, `"marble"` | `frequency` (cells per metre; 1), `octaves` (1 to 16; 7), `low`, `high` colours, `seed` |
 //!
 //! Textures of `type = "spectrum"`: measured spectra. Pictures by wavelength (`spectral` in `[render]`, or `--spectral`) are made
 //! with them, others with the colour that they look like.

@@ -14,8 +14,8 @@
 //!
 //! | Key | Meaning |
 //! |---|---|
-//! | `translate` | `[x, y, z]`: so many metres a frame |
-//! | `rotate` | `{ axis, angle, center = [0, 0, 0] }`: so many degrees a frame about an axis through a point of the world |
+//! | `translate` | `[x, y, z]`: so many metres per frame |
+//! | `rotate` | `{ axis, angle, center = [0, 0, 0] }`: so many degrees per frame about an axis through a point of the world |
 //! | `keys` | instead of both: a list of `{ frame, transform }` in the order of time; at such a time the steps of `transform` follow those of the object. In between, places, angles and sizes change evenly; before the first and after the last key it stands still |
 
 use super::builder::SceneFileBuilder;

@@ -12,7 +12,7 @@ const IMPULSES: u32 = 8;
 /// Standard deviations of the noise by which it is divided.
 const SPREAD: f32 = 6.0;
 
-/// Value and phase, 0..1, and intensity in two dimensions, of a frequency in cycles a cell, in a direction of `angle_rad`, and any where
+/// Value and phase, 0..1, and intensity in two dimensions, of a frequency in cycles per cell, in a direction of `angle_rad`, and any where
 /// `isotropy` is 1.
 pub fn two_dimensional(p: [f32; 2], frequency: f32, isotropy: f32, angle_rad: f32) -> [f32; 3] {
     let cell = p.map(f32::floor);

@@ -46,7 +46,7 @@ fn gltf(generated: &Generated, model: many::Model) -> Result<Render> {
     Ok((generated.write("growing.gltf", model.gltf.as_bytes())?, words(SMALL)))
 }
 
-/// A room with so many pixels a side and samples a pixel, without techniques that are chosen by what the picture is like.
+/// A room with so many pixels a side and samples per pixel, without techniques that are chosen by what the picture is like.
 fn room(generated: &Generated, side: u64, samples: u64, more: &[&str]) -> Result<Render> {
     let scene = generated.write("growing.toml", rooms::slit().as_bytes())?;
     let (side, samples) = (side.to_string(), samples.to_string());

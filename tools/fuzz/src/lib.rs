@@ -66,7 +66,7 @@ fn merge_and_encode(part: PartFile) {
     assert!(encoded.is_ok_and(|encoded| !encoded.bytes.is_empty()), "a picture that can't be encoded");
 }
 
-/// A folder that lies in memory where the system has such a place: thousands of files a second are written.
+/// A folder that lies in memory where the system has such a place: thousands of files per second are written.
 fn memory_folder() -> std::io::Result<TempDir> {
     let shared_memory = Path::new("/dev/shm");
     if shared_memory.is_dir() { TempDir::new_in(shared_memory) } else { TempDir::new() }

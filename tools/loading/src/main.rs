@@ -6,7 +6,7 @@
 //!
 //! ```text
 //! oscura-loading FOLDER [ROUNDS]     FOLDER holds mesh.ply, mesh.obj and mesh.glb (oscura-assets mesh); 5 rounds
-//! oscura-loading --stages FILE       load, validate, compile: seconds and bytes a triangle
+//! oscura-loading --stages FILE       load, validate, compile: seconds and bytes per triangle
 //! ```
 
 mod alone;

@@ -21,7 +21,7 @@ impl Begin {
         Ok(Begin { wall: Instant::now(), cpu: ProcessTime::now(), resident: resident()? })
     }
 
-    /// A row of the table: time, and bytes a triangle more than at the start, at the peak and left.
+    /// A row of the table: time, and bytes per triangle more than at the start, at the peak and left.
     fn end(self, name: &str, triangles: u64) -> Result<(), String> {
         let (wall, cpu) = (self.wall.elapsed().as_secs_f64(), self.cpu.elapsed().as_secs_f64());
         let each = |bytes: u64| (bytes as f64 - self.resident as f64) / triangles.max(1) as f64;
@@ -32,7 +32,7 @@ impl Begin {
 
 /// Loads and compiles a file twice, for a fast and for a full tree, and prints a table.
 pub fn table(file: &Path) -> Result<(), String> {
-    println!("| stage | s | s of processor | bytes a triangle at the peak | left |\n|---|---|---|---|---|");
+    println!("| stage | s | s of processor | bytes per triangle at the peak | left |\n|---|---|---|---|---|");
     let begin = Begin::now()?;
     let scene = load(file, &LoadOptions::default()).map_err(|e| e.to_string())?.scene;
     let triangles: u64 = scene.meshes.iter().map(|m| m.triangles.len() as u64).sum();
@@ -48,7 +48,7 @@ pub fn table(file: &Path) -> Result<(), String> {
         let rest = report.build_s - stats.build_s;
         let bytes = stats.bytes as f64 / triangles.max(1) as f64;
         let what = format!(
-            "compile: {name} tree {:.3} s, {bytes:.0} bytes a triangle; else {rest:.3} s",
+            "compile: {name} tree {:.3} s, {bytes:.0} bytes per triangle; else {rest:.3} s",
             stats.build_s
         );
         begin.end(&what, triangles)?;

@@ -8,14 +8,14 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use std::sync::Arc;
 
-/// `N` numbers a row.
+/// `N` numbers per row.
 pub fn rows<const N: usize>(argument: &str, numbers: &Bound<'_, PyAny>) -> PyResult<Vec<[f32; N]>> {
     let array: PyArrayLike2<'_, f32, AllowTypeChange> = numbers
         .extract()
-        .map_err(|_| PyTypeError::new_err(format!("{argument} must be an array of {N} numbers a row")))?;
+        .map_err(|_| PyTypeError::new_err(format!("{argument} must be an array of {N} numbers per row")))?;
     let shape = array.shape();
     if shape[1] != N {
-        return Err(usage(format!("{argument} has {} numbers a row instead of {N}", shape[1])));
+        return Err(usage(format!("{argument} has {} numbers per row instead of {N}", shape[1])));
     }
     let array = array.as_array();
     Ok(array.outer_iter().map(|row| std::array::from_fn(|i| row[i])).collect())
@@ -23,7 +23,7 @@ pub fn rows<const N: usize>(argument: &str, numbers: &Bound<'_, PyAny>) -> PyRes
 
 /// Rows of three indices below `count`.
 pub fn triangles(numbers: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<[u32; 3]>> {
-    let wrong = || PyTypeError::new_err("triangles must be an array of 3 whole numbers a row");
+    let wrong = || PyTypeError::new_err("triangles must be an array of 3 whole numbers per row");
     let numpy = numbers.py().import("numpy")?;
     let array = numpy.call_method1("asarray", (numbers,)).map_err(|_| wrong())?;
     let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
@@ -32,7 +32,7 @@ pub fn triangles(numbers: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<[u32;
     }
     let array: PyArrayLike2<'_, i64, AllowTypeChange> = array.extract().map_err(|_| wrong())?;
     if array.shape()[1] != 3 {
-        return Err(usage(format!("triangles have {} indices a row instead of 3", array.shape()[1])));
+        return Err(usage(format!("triangles have {} indices per row instead of 3", array.shape()[1])));
     }
     let index = |value: i64| {
         let fits = u32::try_from(value).ok().filter(|&index| (index as usize) < count);

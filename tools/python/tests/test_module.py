@@ -184,7 +184,7 @@ def test_slips_are_named():
         scene.add_mesh(square, [[0, 1, -1]], clay)
     with pytest.raises(TypeError, match="whole numbers"):
         scene.add_mesh(square, [[0, 1, 1.5]], clay)
-    with pytest.raises(oscura.UsageError, match="2 numbers a row instead of 3"):
+    with pytest.raises(oscura.UsageError, match="2 numbers per row instead of 3"):
         scene.add_mesh([[0, 0], [1, 0]], [[0, 1, 0]], clay)
     with pytest.raises(oscura.UsageError, match="normals has 1 rows for 3"):
         scene.add_mesh(square, [[0, 1, 2]], clay, normals=[[0, 0, 1]])

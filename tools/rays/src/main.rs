@@ -175,7 +175,7 @@ fn measure(options: &Options) -> Result<()> {
     }
 }
 
-/// Traces the rays as often as asked, after once to warm up: millions of rays a second, sorted, and the hits.
+/// Traces the rays as often as asked, after once to warm up: millions of rays per second, sorted, and the hits.
 fn speeds(accel: &Accel, options: &Options, rays: &[Ray]) -> Result<(Vec<f64>, Vec<Hit>)> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(options.threads).build();
     let pool = pool.map_err(|e| format!("--threads: {e}"))?;

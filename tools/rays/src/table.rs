@@ -8,7 +8,7 @@ use crate::{Options, speeds};
 pub fn print(names: &str, options: &Options) -> Result<()> {
     let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
     println!(
-        "| scene | triangles | build s | bytes a triangle | rays | 1 thread, Mray/s | {cores} threads |"
+        "| scene | triangles | build s | bytes per triangle | rays | 1 thread, Mray/s | {cores} threads |"
     );
     println!("|---|---|---|---|---|---|---|");
     for name in names.split(',') {
