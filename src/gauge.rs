@@ -15,13 +15,13 @@ struct Counts {
 }
 
 impl Gauge {
-    /// Begins work of so many units; nothing of it is done.
+    /// Starts work of `total` units.
     pub fn begin(&self, total: u64) {
         self.0.done.store(0, Ordering::Relaxed);
         self.0.total.store(total, Ordering::Relaxed);
     }
 
-    /// So many more units are done.
+    /// Counts further units as done.
     pub fn add(&self, units: u64) {
         self.0.done.fetch_add(units, Ordering::Relaxed);
     }
@@ -31,7 +31,7 @@ impl Gauge {
         (self.0.done.load(Ordering::Relaxed), self.0.total.load(Ordering::Relaxed))
     }
 
-    /// The share that is done, 0..1; `None` as long as nobody has said how much there is.
+    /// The share that is done, 0..1; `None` before [`Gauge::begin`].
     pub fn share(&self) -> Option<f64> {
         let (done, total) = self.counts();
         (total > 0).then(|| (done as f64 / total as f64).min(1.0))

@@ -16,7 +16,7 @@ pub struct Binary {
     pub bounds: Vec<Bounds3>,
     /// Nodes of the subtree; 1 for leaves.
     pub size: Vec<u32>,
-    /// Leaves: which primitive.
+    /// Primitive of a leaf; `u32::MAX` for inner nodes.
     pub primitive: Vec<u32>,
 }
 
@@ -34,19 +34,19 @@ impl Binary {
     }
 }
 
-/// Reinsertion looks for a better place in the whole tree, which takes as long as a ray takes that visits all boxes in its
-/// way. Beyond this expected number of visits (primitives in one heap) it would not end, and could not help.
+/// Reinsertion searches the whole tree for a better place, at about the cost of a ray that visits all boxes on its
+/// way. Beyond this expected number of visits (primitives that overlap heavily) it takes too long and gains nothing.
 const MAX_VISITS_FOR_REINSERTION: f64 = 3000.0;
 
 /// Build effort: the search distance of the clustering (neighbours on either side, along the curve that
 /// orders them, among which a cluster looks for another to join), and whether reinsertion follows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effort {
-    /// Chunks of fast trees: 4, no reinsertion.
+    /// Chunks of fast trees: search distance 4, no reinsertion.
     Least,
-    /// Chunks of full-quality trees: 14. (24 takes a quarter longer for 0.1 % of expected cost.)
+    /// Chunks of full-quality trees: search distance 14. (24 takes a quarter longer for 0.1 % of expected cost.)
     Chunk,
-    /// Whole trees: 24.
+    /// Whole trees: search distance 24.
     Most,
 }
 
@@ -77,7 +77,7 @@ pub fn build(
     let Workspace { boxes, ploc, bvh, optimizer } = workspace;
     space.boxes(primitives, boxes);
     let ids = (0..primitives.len() as u32).collect();
-    // By their numbers: the search distances that obvhs names bring code for six of them.
+    // Const generics: obvhs's enum of search distances would instantiate six of them.
     const PRECISION: SortPrecision = SortPrecision::U64;
     match effort {
         Effort::Least => ploc.build_ploc::<4, _>(bvh, boxes, ids, PRECISION, 0),
@@ -209,7 +209,7 @@ struct Core {
 
 /// Primitives sampled to find the core.
 const SAMPLES: usize = 4096;
-/// Fraction of them that may lie below, and above, on each axis.
+/// Fraction of the samples outside of the core at either end of each axis.
 const OUTSIDE: f64 = 0.1;
 /// The margin in sizes of the core.
 const MARGIN: f64 = 64.0;
@@ -275,7 +275,7 @@ fn logarithmic(d: f64) -> f64 {
     f64::from(power) + d / below
 }
 
-/// A tree of least depth: splits primitives at the median of their centroids along the longest axis. For scenes whose better
+/// A tree of minimum depth: splits primitives at the median of their centroids along the longest axis. For scenes whose better
 /// tree is too deep for the stacks of traversal, which takes thousands of shapes each inside the next.
 pub fn median_split(primitives: &[Primitive]) -> Binary {
     let count = 2 * primitives.len() - 1;
@@ -316,7 +316,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn logarithmicing_keeps_order_and_joins() {
+    fn logarithmic_scale_is_monotonic_and_continuous() {
         assert_eq!(
             [0.0, 0.25, 1.0, 2.0, 3.0, 4.0, 1024.0].map(logarithmic),
             [0.0, 0.25, 1.0, 2.0, 2.5, 3.0, 11.0]

@@ -355,7 +355,7 @@ pub const fn largest_whole(quality: TreeQuality) -> usize {
 
 /// The contents of a tree: a geometry and the instances in its space.
 pub struct TreeContents<'a> {
-    /// ShapeSource.
+    /// Shapes.
     pub geometry: &'a Geometry,
     /// Instances; their ids are indices of `records`.
     pub placed: Vec<Primitive>,

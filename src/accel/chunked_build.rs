@@ -245,7 +245,7 @@ fn prefix_sums(numbers: &mut [usize]) {
     }
 }
 
-/// How many primitives at the end of a list hold `wanted` ones for which `is_first`; `sums` says how many are in the last chunk,
+/// Length of the end of a list that holds `wanted` primitives for which `is_first`; `sums` are their numbers in the last chunk,
 /// the last two and so on.
 fn end_with(
     list: &[Primitive],
@@ -269,7 +269,7 @@ const MAX_CHUNK: usize = 1 << 15;
 
 /// A primitive counts as large if its box has more than this fraction of the mean area of a chunk.
 const LARGE_AREA: f64 = 0.25;
-/// At most one of so many primitives counts as large.
+/// At most one in this many primitives counts as large.
 const MIN_PRIMITIVES_PER_LARGE: usize = 64;
 
 /// Estimated cache lines of the tree over these primitives.
@@ -404,7 +404,7 @@ pub fn empty_buffer() -> Vec<Line> {
 
 /// Which threads build.
 pub enum Threads<'a> {
-    /// At most so many of the pool; the others help with their parallel loops.
+    /// At most this many of the pool; the others help with their parallel loops.
     Pool(usize),
     /// The calling thread.
     This(&'a mut Workspace),
@@ -596,7 +596,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn threads_part_primitives_as_one_does() {
+    fn parallel_partition_equals_the_sequential_one() {
         let list = |count: usize| -> Vec<Primitive> {
             let id = |i: usize| (i as u32).wrapping_mul(0x9e37_79b9) ^ (i as u32).wrapping_mul(i as u32) << 7;
             let one = |i| Primitive { kind: PrimitiveKind::Triangle, id: id(i), bounds: Bounds3::EMPTY };

@@ -8,7 +8,7 @@ use crate::shape::{Analytic, CurveSegments, Quad, SplatCloud};
 use crate::simd::Line;
 use std::fmt::{self, Display, Formatter};
 
-/// ShapeSource in one space.
+/// Shapes in one space.
 #[derive(Clone, Debug, Default)]
 pub struct Geometry {
     /// Vertices.
@@ -41,7 +41,7 @@ impl Geometry {
 /// An instance that moves while the shutter is open.
 #[derive(Clone, Debug)]
 pub struct MovingInstance {
-    /// Its index.
+    /// Index of the instance.
     pub instance: usize,
     /// Transforms at equal steps of time.
     pub keys: TransformKeys,
@@ -72,7 +72,7 @@ pub enum TreeQuality {
 /// What a structure is built over.
 #[derive(Clone, Copy, Debug)]
 pub struct AccelInput<'a> {
-    /// ShapeSource by geometry; the first stands in the world as it is.
+    /// Shapes by geometry; the first is in world space.
     pub geometries: &'a [&'a Geometry],
     /// Placed geometries: `Hit::instance` is the index plus 1.
     pub instances: &'a [AccelInstance],
@@ -185,11 +185,11 @@ impl Estimate {
         self.add_analytic(geometry.analytic.len());
         self.add_curves(geometry.curves.len());
         self.add_splats(geometry.splats.count());
-        // However small it is.
+        // At least one node.
         self.bytes += 8 * LINE;
     }
 
-    /// Adds triangles, whose vertices move between so many keys; none where they stand still.
+    /// Adds triangles whose vertices move between `keys` keys; 0 for static ones.
     pub fn add_triangles(&mut self, count: usize, keys: usize) {
         let lines = TRIANGLE_LINES as u64;
         let lines = if keys == 0 { lines } else { ANALYTIC_LINES as u64 + keys as u64 * lines };
@@ -261,13 +261,13 @@ impl Display for TooLarge {
         let numbers = numbers.iter().filter(|(count, _)| *count > 0);
         let numbers: Vec<String> = numbers.map(|(count, what)| format!("{count} {what}")).collect();
         let limit = gib(Estimate::LIMIT);
-        // Found while it was built, where packets are emptier than was expected.
+        // Found during the build, where packets are emptier than estimated.
         let size = if bytes > Estimate::LIMIT { gib(bytes) } else { limit };
         let about = if bytes > Estimate::LIMIT { "about" } else { "more than" };
         write!(
             f,
-            "{} take {about} {size:.1} GiB of acceleration structure, of which {limit:.0} GiB can be addressed; place \
-             meshes several times, which share one, in place of copies, or render parts apart",
+            "{} take {about} {size:.1} GiB of acceleration structure, of which {limit:.0} GiB can be addressed; use \
+             instances of shared meshes instead of copies, or render parts of the scene separately",
             numbers.join(", ")
         )
     }

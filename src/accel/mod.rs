@@ -108,21 +108,21 @@ impl Accel {
         self.trace(level, &rays[..count], AnyOccluder(&mut occluded[..count]));
     }
 
-    /// The nearest hit of one ray: for odd jobs, batches are faster.
+    /// The nearest hit of one ray: for occasional rays, as batches are faster.
     pub fn closest_one(&self, ray: &Ray) -> Hit {
         let mut hit = [Hit::MISS];
         self.closest(std::slice::from_ref(ray), &mut hit);
         hit[0]
     }
 
-    /// Does anything move while rays are traced? The queries without times then hold for the middle of the time, and shapes that
-    /// are deformed are missed.
+    /// Does anything move while rays are traced? Queries without times then use the middle of the shutter interval, and shapes that
+    /// deform are missed.
     #[inline(always)]
     pub fn is_moving(&self) -> bool {
         !self.motions.is_empty()
     }
 
-    /// Are hits of rays with times ([`Accel::closest_in_time`]) others than those without? Where nothing moves, times distinguish rays that
+    /// Do hits depend on the times of rays ([`Accel::closest_in_time`])? Where nothing moves, times distinguish rays that
     /// are alike to the bit from one another, so that each accepts splats of its own.
     #[inline(always)]
     pub fn uses_times(&self) -> bool {
@@ -132,7 +132,7 @@ impl Accel {
     /// [`Accel::closest`] where things move: each ray at its own time in 0..1.
     pub fn closest_in_time(&self, rays: &[Ray], times: &[f32], hits: &mut [Hit]) {
         let count = rays.len().min(hits.len()).min(times.len());
-        self.walk_in_time(&rays[..count], times, ClosestHit(&mut hits[..count]));
+        self.traverse_in_time(&rays[..count], times, ClosestHit(&mut hits[..count]));
     }
 
     /// [`Accel::closest_one`] at a time, if things move.
@@ -145,22 +145,22 @@ impl Accel {
         hit[0]
     }
 
-    /// The hit of a ray that follows another one in the order of [`Accel::closest`], however many lie in one place; at a time, if
-    /// things move. Curves have no such order: of those in one place some are missed.
+    /// The hit of a ray after another one in the order of [`Accel::closest`], of any number at the same distance; at a time, if
+    /// things move. Curves have no such order: of coincident ones some are missed.
     pub fn next_one(&self, ray: &Ray, hit: &Hit, time: f32) -> Hit {
         let ray = Ray { t_min: hit.t.next_down(), origin_primitive: hit.into(), ..*ray };
         let mut next = Hit::MISS;
-        self.walk_in_time(&[ray], &[time], NextHit(&mut next));
+        self.traverse_in_time(&[ray], &[time], NextHit(&mut next));
         next
     }
 
     /// [`Accel::any`] where things move.
     pub fn any_in_time(&self, rays: &[Ray], times: &[f32], hits: &mut [Hit]) {
         let count = rays.len().min(hits.len()).min(times.len());
-        self.walk_in_time(&rays[..count], times, AnyHit(&mut hits[..count]));
+        self.traverse_in_time(&rays[..count], times, AnyHit(&mut hits[..count]));
     }
 
-    fn walk_in_time<O: Output>(&self, rays: &[Ray], times: &[f32], output: O) {
+    fn traverse_in_time<O: Output>(&self, rays: &[Ray], times: &[f32], output: O) {
         let &Accel { ref lines, root, reach, ref motions, .. } = self;
         let times = TimeByRay { times, motions };
         WORKSPACE.with(|workspace| {
@@ -176,12 +176,12 @@ impl Accel {
                 let workspace = &mut *workspace.borrow_mut();
                 dispatch_wide_at(level, ScanAll { scan, rays, output, workspace });
             }),
-            None => self.walk(level, rays, output),
+            None => self.traverse(level, rays, output),
         }
     }
 
-    /// Walks the tree.
-    fn walk<O: Output>(&self, level: Level, rays: &[Ray], output: O) {
+    /// Traverses the tree.
+    fn traverse<O: Output>(&self, level: Level, rays: &[Ray], output: O) {
         let (&Accel { ref lines, root, reach, .. }, times) = (self, NoMotion);
         WORKSPACE.with(|workspace| {
             let Workspace { shallow, deep } = &mut *workspace.borrow_mut();

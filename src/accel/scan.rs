@@ -270,7 +270,7 @@ mod tests {
             for level in Level::ALL.into_iter().filter(|l| l.is_available()) {
                 let mut hits = [vec![Hit::MISS; rays.len()], vec![Hit::MISS; rays.len()]];
                 accel.trace(level, &rays, ClosestHit(&mut hits[0]));
-                accel.walk(level, &rays, ClosestHit(&mut hits[1]));
+                accel.traverse(level, &rays, ClosestHit(&mut hits[1]));
                 assert_eq!(hits[0], hits[1], "{count} {}", level.name());
                 let mut occluded = vec![false; rays.len()];
                 accel.trace(level, &rays, AnyOccluder(&mut occluded));

@@ -13,7 +13,7 @@ use super::albedo_table::DirectionalAlbedo;
 use super::dielectric::tint_of_crossing;
 use super::diffuse::{DiffuseThrough, OrenNayar};
 use super::fresnel::LayerFresnel;
-use super::lobe::{MIN_ALBEDO, LocalFrame, MaterialProgram, Refracted, Slots, always};
+use super::lobe::{LocalFrame, MIN_ALBEDO, MaterialProgram, Refracted, Slots, always};
 use super::metal::FacetReflection;
 use super::metal_rough::{MetalRough, MetalRoughClosure};
 use super::microsurface::{Facets, Isotropic, Microsurface, MicrosurfaceProgram};

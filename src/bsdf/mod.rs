@@ -83,7 +83,7 @@ dispatch::bsdfs! {
 }
 
 impl Bsdf {
-    /// A smooth surface that lets nothing pass.
+    /// Is it smooth and opaque?
     pub fn is_mirror(&self) -> bool {
         self.is_specular() && self.appearance().transmission == Rgb::ZERO
     }
@@ -98,7 +98,7 @@ impl Bsdf {
         }
     }
 
-    /// All but what passes [straight on](Bsdf::straight).
+    /// The BSDF without its [straight transmission](Bsdf::straight).
     pub fn without_straight(self) -> Bsdf {
         let without = |glass: RoughDielectric| RoughDielectric { tint: Rgb::ZERO, ..glass };
         match self {
@@ -142,7 +142,7 @@ impl Bsdf {
         }
     }
 
-    /// Takes diffuse reflection away.
+    /// The BSDF without diffuse reflection.
     pub fn without_base(self) -> Bsdf {
         match self {
             Bsdf::Lambert(_) | Bsdf::OrenNayar(_) => Bsdf::Black,
@@ -155,8 +155,8 @@ impl Bsdf {
         }
     }
 
-    /// Takes glossy reflection or transmission away, of lobes that are mirrors or smooth as well. Glass that keeps one of them
-    /// keeps what its facets make of the other's energy.
+    /// Removes glossy reflection or transmission, specular ones included. Glass that keeps one of them
+    /// keeps the energy that multiple scattering moves into it from the other.
     pub fn leave_out(&mut self, lobes: SkippedCaustics) {
         let SkippedCaustics { reflective, refractive } = lobes;
         match self {

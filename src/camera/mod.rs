@@ -10,15 +10,15 @@ use panorama::Panorama;
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
-/// A camera ready to generate rays. It lives in coordinates around the compiled scene's anchor.
+/// A camera ready to generate rays. Coordinates are relative to the compiled scene's anchor.
 #[derive(Clone, Copy, Debug)]
 pub struct Camera {
     origin: Vec3,
     /// Direction (perspective) or position offset (orthographic) at the film's top left corner.
     corner: Vec3,
-    /// Change of it from one pixel to the next in a row.
+    /// Change of `corner` per pixel along a row.
     step_x: Vec3,
-    /// Change of it from one row to the next.
+    /// Change of `corner` per row.
     step_y: Vec3,
     forward: Vec3,
     right: Vec3,
@@ -31,8 +31,8 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// Prepares a camera for a film of `width` x `height` pixels; coordinates count from `anchor`, a point of
-    /// the world. The vertical field of view is kept whatever the film's and the pixels' shape.
+    /// Prepares a camera for a film of `width` x `height` pixels; coordinates are relative to `anchor`, a point of
+    /// the world. The vertical field of view is kept, whatever the aspect ratios of film and pixels.
     pub fn new(camera: &scene::Camera, width: u32, height: u32, anchor: DVec3) -> Camera {
         let m = camera.world_from_camera.matrix3;
         let (right, up, back) = (m.x_axis.normalize(), m.y_axis.normalize(), m.z_axis.normalize());
@@ -43,7 +43,7 @@ impl Camera {
         let half_height = match camera.projection {
             Projection::Perspective { vfov_rad } => (vfov_rad * 0.5).tan(),
             Projection::Orthographic { half_height } => half_height,
-            // Only the size of pixels counts.
+            // For the pixel size only.
             Projection::Panorama(_) => {
                 0.5 * f64::from(height) * f64::from(panorama.map_or(0.0, |p| p.pixel_rad()))
             }
@@ -99,7 +99,7 @@ impl Camera {
     }
 
     /// The ray through film point (x, y), in pixels from the top left corner, and lens point `lens` in 0..1 squared.
-    /// Its direction has unit length. Where a panorama shows nothing it is the ray ahead.
+    /// Its direction has unit length. Film points outside of a panorama's image give the ray straight ahead.
     pub fn ray(&self, x: f32, y: f32, lens: [f32; 2]) -> Ray {
         match &self.panorama {
             Some(_) => self.panoramic_ray(x, y, lens).unwrap_or(Ray::new(self.origin, self.forward)),
@@ -123,7 +123,7 @@ impl Camera {
         self.pinhole_ray(x, y)
     }
 
-    /// The ray through film point (x, y) and the center of the lens: that of a camera without one that is no panorama.
+    /// The ray through film point (x, y) and the center of the lens, of a camera other than a panorama.
     #[inline(always)]
     pub fn pinhole_ray(&self, x: f32, y: f32) -> Ray {
         let (origin, direction) = self.line(x, y);
@@ -137,7 +137,7 @@ impl Camera {
         if self.is_perspective { (self.origin, film) } else { (self.origin + film, self.forward) }
     }
 
-    /// The ray of a panorama; `None` where that shows nothing, and for other cameras.
+    /// The ray of a panorama; `None` outside of its image, and for other cameras.
     ///
     /// The lens is a disk across the direction of the film point, and what is in focus lies on a sphere (as in Cycles).
     pub fn panoramic_ray(&self, x: f32, y: f32, lens: [f32; 2]) -> Option<Ray> {
@@ -152,7 +152,7 @@ impl Camera {
         Some(Ray::new(self.origin + offset, direction))
     }
 
-    /// The unit vector of a direction along its axes: to the right, up, and ahead. (Those of a camera that turns are mixtures.)
+    /// A unit direction in world space from one along right, up and forward. (Interpolated axes of a moving camera are not orthonormal.)
     fn to_world(self, d: Vec3) -> Vec3 {
         (self.right * d.x + self.up * d.y + self.forward * d.z).normalize_or(self.forward)
     }
@@ -169,7 +169,7 @@ impl Camera {
         self.aperture.radius > 0.0
     }
 
-    /// Where a point is seen: the film point whose rays through the center of the lens meet it. Infinite or NaN for points beside a
+    /// Projects a point to the film, through the center of the lens. Infinite or NaN for points in the plane of a
     /// perspective camera.
     pub fn film_point(&self, p: Vec3) -> [f32; 2] {
         if let Some(panorama) = &self.panorama {
@@ -182,7 +182,7 @@ impl Camera {
         [self.step_x, self.step_y].map(|step| offset.dot(step) / step.length_squared())
     }
 
-    /// How far it is on the film from one of its points to another, which a panorama that goes around is the shorter way.
+    /// The offset on the film from one point to another; in a full panorama the shorter one of both ways around.
     pub fn film_way(&self, from: [f32; 2], to: [f32; 2]) -> [f32; 2] {
         match &self.panorama {
             Some(panorama) => panorama.film_offset(from, to),
@@ -200,8 +200,8 @@ impl Camera {
         self.is_perspective
     }
 
-    /// Width of what a camera ray stands for at its start, and its growth over a metre: half a pixel's, so that the many
-    /// rays of a pixel see more than one of them would. Of pixels that aren't square, of their shorter side.
+    /// Width of a ray's footprint at its origin, and its growth per metre: half a pixel's, so that the many
+    /// samples of a pixel resolve more than one would. For pixels that aren't square, the shorter side counts.
     pub fn pixel_cone(&self) -> (f32, f32) {
         let half_pixel = 0.5 * self.step_x.length().min(self.step_y.length());
         if self.is_perspective { (0.0, half_pixel) } else { (half_pixel, 0.0) }
@@ -219,13 +219,13 @@ impl Camera {
 
 /// From the world to normalized device coordinates as OpenEXR defines them for its attribute `worldToNDC` (after RenderMan):
 /// what is seen has x from 0 at the left edge of a picture of `width` x `height` pixels to 1 at the right one, and y from 0 at
-/// the top to 1 at the bottom. z is one over the depth with perspective, the depth with parallel rays. Column vectors. No matrix says it of a panorama.
+/// the top to 1 at the bottom. z is one over the depth with perspective, the depth with parallel rays. Column vectors. `None` for panoramas, which are not linear.
 pub fn ndc_from_world(camera: &scene::Camera, width: u32, height: u32) -> Option<DMat4> {
     let world_from_camera = camera.world_from_camera;
     let m = world_from_camera.matrix3;
     let (right, up, back) = (m.x_axis.normalize(), m.y_axis.normalize(), m.z_axis.normalize());
     let eye = world_from_camera.translation;
-    // Rows that give a point's place along an axis, from where the camera stands.
+    // Rows that give a point's coordinate along an axis, relative to the camera.
     let along = |axis: DVec3| axis.extend(-axis.dot(eye));
     let (x, y, depth, one) = (along(right), along(up), -along(back), DVec4::W);
     let (half_height, weight) = match camera.projection {
@@ -241,12 +241,12 @@ pub fn ndc_from_world(camera: &scene::Camera, width: u32, height: u32) -> Option
     Some(DMat4::from_cols(ndc_x, ndc_y, z, weight).transpose())
 }
 
-/// A camera at equal steps of time; between two of them the corners of its picture move along straight lines.
+/// A camera at equal steps of time; the corners of its picture are interpolated linearly.
 #[derive(Clone, Debug)]
 pub struct MovingCamera(Arc<[Camera]>);
 
 impl MovingCamera {
-    /// From what it is at each step, two or more.
+    /// From the camera at each step, two or more.
     pub fn new(keys: impl Iterator<Item = Camera>) -> MovingCamera {
         MovingCamera(keys.collect())
     }

@@ -25,8 +25,8 @@ pub(super) struct CheckpointWriter<'a> {
 }
 
 impl<'a> CheckpointWriter<'a> {
-    /// For a scene that was loaded; of a picture whose noise will be taken out with the AOVs that stay then. Fingerprints are
-    /// taken only where they are of use.
+    /// For a loaded scene. `aovs_after_denoising`: the AOVs that stay if the picture will be denoised. Fingerprints are
+    /// computed only if something is written.
     pub fn new(
         args: &'a RenderArgs,
         targets: &'a Targets,
@@ -34,7 +34,7 @@ impl<'a> CheckpointWriter<'a> {
         settled: &Settled,
         png: &PngOptions,
         warnings: &[Warning],
-        kept_without_noise: Option<AovSet>,
+        aovs_after_denoising: Option<AovSet>,
     ) -> Result<CheckpointWriter<'a>> {
         let keeps = args.long.checkpoint.is_some() || !targets.parts().is_empty();
         let identity = if keeps { identity(&mut loaded.scene, settled)? } else { Identity::new() };
@@ -42,7 +42,7 @@ impl<'a> CheckpointWriter<'a> {
         let finish = Finish {
             world_offset: (offset != [0.0; 3]).then_some(offset.map(f64::to_bits)),
             warnings: warnings.iter().map(Warning::to_string).collect(),
-            denoise: kept_without_noise
+            denoise: aovs_after_denoising
                 .map(|aovs| aovs.iter().map(|aov| aov.info().option.to_string()).collect()),
             owner: args.owner.clone(),
             float: args.float,
@@ -94,7 +94,7 @@ impl<'a> CheckpointWriter<'a> {
         // The last block of samples may be incomplete: the checkpoint must end before it.
         if (is_due || rendering.ends_within_block()) && rendering.is_between_blocks() {
             if let Err(error) = self.write_checkpoint(rendering) {
-                let message = format!("the checkpoint was not written, an older one is as it was: {error}");
+                let message = format!("the checkpoint was not written; an older one is unchanged: {error}");
                 printed.warnings(&[Warning::general(message)]);
             }
             self.written = Instant::now();
@@ -124,7 +124,7 @@ impl<'a> CheckpointWriter<'a> {
 /// Adds how to resume with more samples to the error that refuses it.
 fn plan_help(error: Error) -> Error {
     match error.to_string().contains("samples are arranged for") {
-        true => error.with_help("go on to as many samples as were planned; begin with --plan N to go on to N, or with more than 256"),
+        true => error.with_help("resume to at most the planned number of samples; start with --plan N, or with more than 256 samples, to resume to more"),
         false => error,
     }
 }
@@ -134,15 +134,15 @@ pub(super) fn check(args: &RenderArgs) -> Result<()> {
     let long = &args.long;
     let is_sequence = args.frames.is_some() || args.orbit.is_some();
     if long.resume && args.frames.is_none() && long.checkpoint.is_none() {
-        let help = "give --checkpoint FILE to go on from, or --frames";
-        return Err(Error::usage("--resume has nothing to go on from").with_help(help));
+        let help = "give --checkpoint FILE to resume from, or --frames";
+        return Err(Error::usage("--resume has nothing to resume from").with_help(help));
     }
     if long.resume && args.frames.is_some() && long.save_every.is_some() {
         let message = "--save-every and --resume can't be used together for a sequence";
-        return Err(Error::usage(message).with_help("pictures so far would pass for finished ones"));
+        return Err(Error::usage(message).with_help("unfinished pictures would be taken for finished ones"));
     }
     if args.orbit.is_some() && (long.checkpoint.is_some() || long.sample_range.is_some() || parts(args) > 0) {
-        return Err(Error::usage("--orbit takes neither checkpoints nor parts"));
+        return Err(Error::usage("--orbit can't be used with checkpoints or partial renders"));
     }
     if args.frames.is_some()
         && long.checkpoint.as_ref().is_some_and(|file| !file.to_string_lossy().contains('#'))
@@ -179,12 +179,12 @@ pub(super) fn cropped(args: &RenderArgs) -> Option<Region> {
 fn check_parts(args: &RenderArgs) -> Result<()> {
     let (parts, outputs) = (parts(args), args.output.len());
     if args.long.sample_range.is_some() && (outputs == 0 || parts < outputs) {
-        let message = "some of the samples are written as a .part file";
+        let message = "a range of samples is written as a .part file";
         return Err(Error::usage(message).with_help("give -o NAME.part; 'oscura merge' puts parts together"));
     }
     if args.long.region.is_some() && parts > 0 && parts < outputs {
         let message = "--region makes either a picture or a .part file";
-        return Err(Error::usage(message).with_help("render one, and the other by another call"));
+        return Err(Error::usage(message).with_help("render them in two runs"));
     }
     let one_size = "parts of an image need the same number of samples:";
     if parts > 0 && (args.long.noise.is_some() || args.quality.is_some()) {
@@ -196,11 +196,11 @@ fn check_parts(args: &RenderArgs) -> Result<()> {
         return Err(Error::usage(message).with_help("give --spp, or render the region to an image"));
     }
     if args.exr.overscan.is_some() && parts > 0 {
-        return Err(Error::usage("--overscan goes into pictures, not into .part files"));
+        return Err(Error::usage("--overscan is for pictures, not for .part files"));
     }
     if args.exr.format.is_given() && outputs > 0 && parts == outputs {
-        let message = "--exr-layout and the like say how EXRs are written, and .part files are none";
-        return Err(Error::usage(message).with_help("'oscura merge', which writes the EXR, takes them"));
+        let message = "--exr-layout and similar options are for EXR files, not for .part files";
+        return Err(Error::usage(message).with_help("give them to 'oscura merge', which writes the EXR"));
     }
     Ok(())
 }
@@ -216,10 +216,10 @@ fn check_limits(args: &RenderArgs, is_adaptive: bool) -> Result<()> {
         return Err(Error::usage(message).with_help("give --noise, --quality or --adaptive auto with them"));
     }
     if args.long.noise.is_some() && args.spp.is_some() && most.is_some() {
-        let message = "with --noise, --spp and --max-spp say the same";
+        let message = "with --noise, --spp and --max-spp mean the same";
         return Err(Error::usage(message).with_help("give one of them"));
     }
-    // Of adaptive sampling, --spp is the average pixel's.
+    // With adaptive sampling, --spp is the average over the pixels.
     let within = |a: Option<u32>, b: Option<u32>| a.zip(b).is_none_or(|(a, b)| a <= b);
     if !(within(least, most) && within(least, args.spp) && (!is_adaptive || within(args.spp, most))) {
         return Err(Error::usage(
@@ -243,8 +243,10 @@ pub(super) fn check_file(args: &RenderArgs, file: &Path) -> Result<()> {
         return Err(Error::usage(message).with_help("give another name, or delete it first"));
     }
     if file.exists() && !args.long.resume {
-        let message = format!("the checkpoint {} is there already", file.display());
-        return Err(Error::usage(message).with_help("go on from it by --resume, or delete it to begin anew"));
+        let message = format!("the checkpoint {} exists already", file.display());
+        return Err(
+            Error::usage(message).with_help("give --resume to resume from it, or delete it to start over")
+        );
     }
     check_target(file)?;
     remove_leftovers(file);

@@ -16,18 +16,21 @@ use std::time::Instant;
 
 const RGB: [&str; 3] = ["R", "G", "B"];
 
-/// Layers with red, green and blue that are no light.
+/// Layers of red, green and blue that hold no radiance.
 const DATA: [&str; 6] = ["albedo.", "denoising_albedo.", "variance.", "DiffCol.", "GlossCol.", "TransCol."];
 
 pub(crate) fn run(args: &DenoiseArgs) -> Result<Outcome> {
     if Format::of(&args.output)? != Format::Exr {
-        return Err(Error::usage(format!("{}: what is denoised is written as .exr", args.output.display()))
-            .with_help("'oscura convert' makes other files of it"));
+        return Err(Error::usage(format!(
+            "{}: denoised pictures are written as .exr",
+            args.output.display()
+        ))
+        .with_help("'oscura convert' converts them to other formats"));
     }
     let is_sequence = Frames::is_pattern(&args.picture);
     if args.frames.is_some() && !is_sequence {
         let message = format!("--frames is for sequences, and {} is one picture", args.picture.display());
-        return Err(Error::usage(message).with_help("name all of them by #### in place of their numbers"));
+        return Err(Error::usage(message).with_help("put #### in place of the frame number"));
     }
     in_pool(args.threads.map(usize::from), || {
         if is_sequence { denoise_sequence(args) } else { denoise_file(args) }
@@ -59,7 +62,7 @@ struct NoisyFile {
     /// The part with the picture.
     part: usize,
     layers: Layers,
-    /// Half of what the picture differs by from that of another seed.
+    /// Half the difference between the picture and that of another seed.
     deviations: Option<[Vec<f32>; 3]>,
 }
 
@@ -71,7 +74,7 @@ impl NoisyFile {
     fn load(path: &Path, other_seed: Option<&Path>) -> Result<NoisyFile> {
         let first = load_layered(path)?;
         let part = part_with_color(&first, path)?;
-        let second = other_seed.map(|path| other(path, &first, part)).transpose()?;
+        let second = other_seed.map(|path| load_other_seed(path, &first, part)).transpose()?;
         let deviations = second.as_ref().and_then(|second| half_difference(&first, second, part));
         let mut file = first;
         if let Some(second) = &second {
@@ -102,12 +105,12 @@ impl NoisyFile {
         })
     }
 
-    /// What took the noise out, for the header.
+    /// Denoiser, guides and noise estimate, for the header.
     fn description(&self) -> String {
         format!("{NAME}; guides {}; noise {}", self.layers.guides().names(), name_of(&self.noise()))
     }
 
-    /// Writes the file with what denoising made of it.
+    /// Writes the file with the denoised pictures.
     fn write(&self, result: &Denoised, by: &str, target: &Path) -> Result<()> {
         let mut file = self.file.clone();
         let parts = self.layers.sets().flatten().map(|(prefix, _)| prefix.as_str());
@@ -124,7 +127,7 @@ impl NoisyFile {
         write_atomically(target, &bytes)
     }
 
-    /// As a frame of a sequence, whose noise has been taken out.
+    /// The denoised frame of a sequence.
     ///
     /// # Errors
     /// If there are no motion vectors.
@@ -135,7 +138,7 @@ impl NoisyFile {
             self.file.values(part, name)
         });
         let [Some(a), Some(b), Some(c), Some(d)] = vectors else {
-            return Err(Error::input(path, "has no motion vectors, which lead from frame to frame")
+            return Err(Error::input(path, "has no motion vectors")
                 .with_help("render frames with --aov denoising_albedo,denoising_normal,variance,motion"));
         };
         let Layers { color, variance, normal, .. } = &self.layers;
@@ -210,7 +213,7 @@ struct Window {
 }
 
 impl Window {
-    /// Goes on to a later range of frames.
+    /// Moves on to a later range of frames.
     ///
     /// # Errors
     /// If one of them can't be read.
@@ -230,13 +233,13 @@ impl Window {
     }
 }
 
-/// What of a file denoising looks at.
+/// The layers of a file that denoising uses.
 struct Layers {
     color: [Vec<f32>; 3],
     variance: Option<[Vec<f32>; 3]>,
     albedo: Option<[Vec<f32>; 3]>,
     normal: Option<[Vec<f32>; 3]>,
-    /// Light passes and groups of lights, by what stands before `R`.
+    /// Light passes and light groups, by their prefix before `R`.
     parts: Vec<(String, [Vec<f32>; 3])>,
 }
 
@@ -271,7 +274,7 @@ impl Layers {
         }
     }
 
-    /// Light groups, and light passes: each of both adds up to the picture.
+    /// Light groups, and light passes: each of the two sets sums to the picture.
     fn sets(&self) -> impl Iterator<Item = impl Iterator<Item = &(String, [Vec<f32>; 3])>> {
         let is_group = |prefix: &str| prefix.starts_with(LIGHT_GROUP);
         [true, false]
@@ -296,23 +299,23 @@ fn name_of(noise: &Noise) -> &'static str {
 fn part_with_color(file: &Layered, path: &Path) -> Result<usize> {
     let has = |part: &usize| file.triple(*part, RGB).is_some();
     (0..file.len()).find(has).ok_or_else(|| {
-        Error::input(path, "has no channels R, G and B").with_help("it is they that are denoised")
+        Error::input(path, "has no channels R, G and B").with_help("these channels are denoised")
     })
 }
 
 /// Reads the picture that was rendered with another seed.
-fn other(path: &Path, first: &Layered, part: usize) -> Result<Layered> {
+fn load_other_seed(path: &Path, first: &Layered, part: usize) -> Result<Layered> {
     let other = load_layered(path)?;
     let fits =
         part < other.len() && other.size(part) == first.size(part) && other.triple(part, RGB).is_some();
     match fits {
         true => Ok(other),
-        false => Err(Error::input(path, "is no picture of the same size and layers")
+        false => Err(Error::input(path, "doesn't have the same size and layers")
             .with_help("give the same picture, rendered with another seed")),
     }
 }
 
-/// Half of what two pictures differ by.
+/// Half the difference of two pictures.
 fn half_difference(first: &Layered, second: &Layered, part: usize) -> Option<[Vec<f32>; 3]> {
     let (first, second) = (first.triple(part, RGB)?, second.triple(part, RGB)?);
     let half = |(a, b): (&f32, &f32)| 0.5 * (a - b);

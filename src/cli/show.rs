@@ -1,4 +1,4 @@
-//! `--show`: the finished picture in the terminal, for people who have nothing else to look at it with (SSH).
+//! `--show`: shows the finished picture in the terminal, also over SSH.
 
 use super::args::RenderArgs;
 use super::parsers::ShowArg;
@@ -16,23 +16,23 @@ use std::io::{IsTerminal, Write as _};
 /// Width and height of terminals that don't report theirs, in characters.
 const USUAL_SIZE: (u32, u32) = (80, 24);
 
-/// Rows left for what is printed behind the picture.
+/// Rows kept for the text after the picture.
 const ROWS_LEFT: u32 = 2;
 
 /// Can the picture be drawn?
 ///
 /// # Errors
-/// A usage error where standard output is no terminal that shows colours, or is for something else.
+/// A usage error where standard output is not a terminal with colours, or is used for JSON or progress.
 pub(super) fn check(args: &RenderArgs) -> Result<()> {
     if args.show.is_none() {
         return Ok(());
     }
     if args.json || matches!(args.long.progress, Some(ProgressArg::Json | ProgressArg::Openjd)) {
-        let message = "--show draws on standard output, where JSON or progress for programs is asked for";
-        return Err(Error::usage(message).with_help("leave one of both out"));
+        let message = "--show writes to standard output, as JSON and progress for programs do";
+        return Err(Error::usage(message).with_help("leave one of them out"));
     }
     if !std::io::stdout().is_terminal() {
-        let message = "--show draws on a terminal, and standard output is none";
+        let message = "--show needs a terminal as standard output";
         return Err(Error::usage(message).with_help("leave it out, and write a picture by -o"));
     }
     if args.show == Some(ShowArg::Auto) && variable("TERM").is_empty_or("dumb") {
@@ -50,7 +50,7 @@ pub(super) fn draw(args: &RenderArgs, film: &Film, png: &PngOptions) {
     let room = (columns, rows - ROWS_LEFT);
     let picture = || Pixels { size: (film.width(), film.height()), rgba: rgba8(film, png) };
     let text = match chosen(how) {
-        // Only for terminals that are known to have it; what an encoder refuses is drawn otherwise.
+        // Only for terminals known to support it; pictures that PNG can't hold are drawn as blocks.
         ShowArg::Kitty => match encode_png(film, &PngOptions { deep: false, ..png.clone() }) {
             Ok(encoded) => kitty_text(&encoded.bytes, cells((film.width(), film.height()), room)),
             Err(_) => block_text(&fitting(&picture(), (room.0, room.1 * 2)), has_all_colors()),
@@ -61,7 +61,7 @@ pub(super) fn draw(args: &RenderArgs, film: &Film, png: &PngOptions) {
         }
     };
     let mut output = std::io::stdout().lock();
-    // Nobody looking any more is no reason to fail.
+    // A closed terminal is not an error.
     let _ = output.write_all(text.as_bytes()).and_then(|()| output.flush());
 }
 
@@ -88,7 +88,7 @@ impl Variable {
     }
 }
 
-/// What the terminal can. Multiplexers pass no graphics on.
+/// What the terminal supports. Multiplexers don't pass graphics through.
 fn chosen(how: ShowArg) -> ShowArg {
     let (term, program) = (variable("TERM"), variable("TERM_PROGRAM"));
     let is_shared = !variable("TMUX").0.is_empty() || term.begins_with(&["screen", "tmux"]);
@@ -104,17 +104,17 @@ fn chosen(how: ShowArg) -> ShowArg {
     }
 }
 
-/// Nearly all terminals show 24 bits of colour; SSH doesn't pass on the variable that says so.
+/// Does the terminal show 24-bit colour? Nearly all do; SSH doesn't pass on COLORTERM, which says so.
 fn has_all_colors() -> bool {
     !variable("TERM_PROGRAM").begins_with(&["Apple_Terminal"]) && variable("TERM").0 != "linux"
 }
 
 // The terminal graphics protocol of kitty.
 
-/// Maximum number of characters of a piece.
+/// Maximum number of characters of a chunk.
 const PIECE: usize = 4096;
 
-/// A PNG, drawn over so many columns and rows; the terminal gives no answer.
+/// A PNG, drawn over `columns` and `rows`; the terminal's response is suppressed.
 fn kitty_text(png: &[u8], (columns, rows): (u32, u32)) -> String {
     let encoded = STANDARD.encode(png);
     let pieces: Vec<&str> =
@@ -130,9 +130,9 @@ fn kitty_text(png: &[u8], (columns, rows): (u32, u32)) -> String {
     text
 }
 
-// Pictures made smaller.
+// Downscaling.
 
-/// Alpha from which on a pixel is drawn.
+/// Minimum alpha of a pixel that is drawn.
 const OPAQUE: u8 = 128;
 
 /// Display-referred RGBA with straight alpha, row by row from the top.
@@ -153,7 +153,7 @@ impl Pixels {
     }
 }
 
-/// The largest size of a picture's shape that is no larger than the picture and the room.
+/// The largest size with a picture's aspect ratio that fits into `room` and doesn't enlarge it.
 fn fitted_size((width, height): (u32, u32), room: (u32, u32)) -> (u32, u32) {
     let across = f64::from(room.0) / f64::from(width.max(1));
     let down = f64::from(room.1) / f64::from(height.max(1));
@@ -162,7 +162,7 @@ fn fitted_size((width, height): (u32, u32), room: (u32, u32)) -> (u32, u32) {
     (edge(width, room.0), edge(height, room.1))
 }
 
-/// The picture, made small enough: each pixel is the mean light of those that it stands for.
+/// The picture scaled down to fit into `room`: each pixel is the linear mean of those that it covers.
 fn fitting(picture: &Pixels, room: (u32, u32)) -> Pixels {
     let size = fitted_size(picture.size, room);
     let range = |at: u32, count: u32, of: u32| {
@@ -197,9 +197,9 @@ fn mean(pixels: impl Iterator<Item = [u8; 4]>) -> [u8; 4] {
     [r, g, b, byte(alphas / count.max(1.0))]
 }
 
-// Two pixels per character: the upper half block in one colour on a ground of another.
+// Two pixels per character: the upper half block, with foreground and background colour.
 
-/// The picture in characters; in 256 colours where the terminal hasn't all.
+/// The picture as half blocks; in 256 colours where the terminal lacks 24-bit colour.
 fn block_text(picture: &Pixels, has_all_colors: bool) -> String {
     let color = |layer: u8, [r, g, b, _]: [u8; 4]| match has_all_colors {
         true => format!("{layer};2;{r};{g};{b}"),
@@ -247,7 +247,7 @@ fn cube(rgb: [u8; 3]) -> u8 {
 
 // Sixel graphics (DEC VT340 manual, chapter 14): bands of six rows, colour by colour.
 
-/// Pixels of a character as far as it is known: few terminals have fewer.
+/// Assumed pixels of a character cell: few terminals have fewer.
 const CELL: (u32, u32) = (8, 16);
 
 /// Levels of red, green and blue: 252 colours.
@@ -256,10 +256,10 @@ const LEVELS: [u32; 3] = [6, 7, 6];
 /// Thresholds in sixteenths (Bayer 1973), which hide the steps between the levels.
 const BAYER: [[u32; 4]; 4] = [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]];
 
-/// The picture; what is transparent stays as it is on the screen.
+/// The picture as sixels; transparent pixels leave the screen unchanged.
 fn sixel_text(picture: &Pixels) -> String {
     let (width, height) = picture.size;
-    // Ratio 1:1, transparent ground, size.
+    // Aspect ratio 1:1, transparent background, size.
     let mut text = format!("\x1bP0;1q\"1;1;{width};{height}");
     for color in 0..LEVELS.iter().product() {
         let [r, g, b] = parts(color);
@@ -275,7 +275,7 @@ fn sixel_text(picture: &Pixels) -> String {
     text
 }
 
-/// Six rows.
+/// Appends a band of six rows.
 fn band(picture: &Pixels, top: u32, text: &mut String) {
     let width = picture.size.0 as usize;
     let mut masks: Vec<Option<Vec<u8>>> = vec![None; LEVELS.iter().product::<u32>() as usize];
@@ -306,7 +306,7 @@ fn color(pixel: [u8; 4], x: u32, y: u32) -> u32 {
     let threshold = BAYER[(y % 4) as usize][(x % 4) as usize];
     let level = |c: usize| {
         let steps = LEVELS[c] - 1;
-        // (threshold + 0.5) / 16 of a step is added before cutting off.
+        // (threshold + 0.5) / 16 of a step is added before truncation.
         (u32::from(pixel[c]) * steps * 32 + (2 * threshold + 1) * 255) / (255 * 32)
     };
     (level(0) * LEVELS[1] + level(1)) * LEVELS[2] + level(2)
@@ -383,7 +383,7 @@ mod sixel_tests {
     }
 
     #[test]
-    fn colors_are_told_apart_and_keep_their_mean() {
+    fn colors_are_distinct_and_keep_their_mean() {
         for number in 0..252 {
             let [r, g, b] = parts(number);
             assert_eq!((r * LEVELS[1] + g) * LEVELS[2] + b, number);

@@ -9,7 +9,7 @@ pub struct Primaries {
     pub green: [f64; 2],
     /// Blue.
     pub blue: [f64; 2],
-    /// What equal amounts of them are.
+    /// White point.
     pub white: [f64; 2],
 }
 
@@ -25,9 +25,9 @@ impl Primaries {
         white: [0.32168, 0.33767],
     };
 
-    /// The matrix that gives linear Rec. 709; `None` where colours are that already, or this is no space of colours.
+    /// The matrix to linear Rec. 709; `None` for Rec. 709 itself and for degenerate primaries.
     pub fn to_rec709(&self) -> Option<[[f64; 3]; 3]> {
-        // Headers hold single floats: what is nearly the identity is.
+        // Headers hold single precision: a matrix close to the identity counts as the identity.
         let is_identity = |m: &[[f64; 3]; 3]| {
             (0..3).all(|row| (0..3).all(|c| (m[row][c] - f64::from(u8::from(row == c))).abs() < 1e-4))
         };
@@ -42,13 +42,13 @@ impl Primaries {
         Some(rows.map(|row| [0, 1, 2].map(|c| row[c] * amounts[c])))
     }
 
-    /// Linear RGB of XYZ, as it is: white stays what it is.
+    /// Linear RGB from XYZ, without chromatic adaptation.
     pub(super) fn rgb_from_xyz(&self) -> Option<Matrix> {
         inverse(&self.xyz_from_rgb()?)
     }
 
-    /// The matrix on linear colours of this space that gives those of another, with its white for white: adapted as by Bradford
-    /// (Lam 1985). `None` if one of them is no space of colours.
+    /// The matrix from linear colours of this space to those of another, with chromatic adaptation of the white point (Bradford,
+    /// Lam 1985). `None` for degenerate primaries.
     pub fn to(&self, other: &Primaries) -> Option<[[f64; 3]; 3]> {
         let [own, others] = [self.white, other.white].map(|white| apply(&CONES_FROM_XYZ, xyz(white)));
         let scaled = [0, 1, 2].map(|cone| CONES_FROM_XYZ[cone].map(|v| v * others[cone] / own[cone]));
@@ -59,7 +59,7 @@ impl Primaries {
     }
 }
 
-/// XYZ of a luminance of 1.
+/// XYZ of a chromaticity at luminance 1.
 fn xyz([x, y]: [f64; 2]) -> [f64; 3] {
     [x / y, 1.0, (1.0 - x - y) / y]
 }
@@ -73,7 +73,7 @@ fn product(a: &Matrix, b: &Matrix) -> Matrix {
     transposed(&columns)
 }
 
-/// By cofactors; `None` if there is none.
+/// The inverse, by cofactors; `None` for singular matrices.
 fn inverse(m: &Matrix) -> Option<Matrix> {
     let minor = |row: usize, column: usize| {
         let [r0, r1] = [(row + 1) % 3, (row + 2) % 3];
@@ -125,8 +125,8 @@ pub fn white_balance(kelvin: f64) -> [[f32; 3]; 3] {
     [0, 1, 2].map(|row| [0, 1, 2].map(|column| columns[column][row] as f32))
 }
 
-/// x and y: daylight (CIE 15:2004, eq. 3.3 and 3.4) above 4500 K, black bodies (Kang et al. 2002) below 3500 K, and what lies
-/// between in between.
+/// Chromaticity of a colour temperature: daylight (CIE 15:2004, eq. 3.3 and 3.4) above 4500 K, black bodies (Kang et al. 2002) below 3500 K, blended
+/// in between.
 fn chromaticity(kelvin: f64) -> [f64; 2] {
     let t = kelvin.clamp(1667.0, 25_000.0);
     let share = ((t - 3500.0) / 1000.0).clamp(0.0, 1.0);
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_space_of_colours_has_no_matrix() {
+    fn degenerate_primaries_have_no_matrix() {
         let line = Primaries { blue: [0.64, 0.33], ..Primaries::REC709 };
         assert_eq!(Primaries::REC709.to(&line), None);
         assert_eq!(Primaries { white: [0.3, 0.0], ..Primaries::AP1 }.to(&Primaries::REC709), None);

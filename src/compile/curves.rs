@@ -1,6 +1,6 @@
 //! Subdivision of curves into round cone segments.
 //!
-//! Cubic strands are cut evenly in their parameter. A piece leaves its strand by at most [`ERROR`] of the radius: the distance of a
+//! Cubic strands are cut evenly in their parameter. A segment deviates from its strand by at most [`ERROR`] of the radius: the distance of a
 //! cubic from its chord is at most an eighth of its largest second derivative, which falls with the square of the number of
 //! pieces. Points are moved outwards of bends by two thirds of that distance, so that segments deviate equally to both sides of the curve. Diagonal segments are shortened until their boxes, which rays are tested against, are not much larger than they
 //! are. Tangents are those of the curve, so that shading is smooth.
@@ -25,7 +25,7 @@ const OUTWARDS: f64 = 2.0 / 3.0;
 /// Largest square root of the area of a segment's bounding box (without the radius), over the radius.
 const LARGEST_BOX: f64 = 12.0;
 /// Maximum number of segments of one Bezier span.
-const MAX_PIECES: usize = 64;
+const MAX_SEGMENTS: usize = 64;
 /// Strands of one parallel task.
 const CHUNK: usize = 256;
 
@@ -91,8 +91,8 @@ fn spans(basis: CurveBasis, n: &[ControlPoint]) -> Vec<[ControlPoint; 4]> {
     }
 }
 
-/// The number of segments of a Bezier span.
-fn pieces(span: &[ControlPoint; 4]) -> usize {
+/// Number of segments of a Bezier span.
+fn segment_count(span: &[ControlPoint; 4]) -> usize {
     let radius = span.iter().map(|n| n.radius).fold(0.0, f64::max);
     let bend = |a: ControlPoint, b: ControlPoint, c: ControlPoint| {
         let of_radius = (a.radius - 2.0 * b.radius + c.radius).abs();
@@ -103,7 +103,7 @@ fn pieces(span: &[ControlPoint; 4]) -> usize {
     let of_error = (6.0 / 8.0 * OUTWARDS * bend / (ERROR * radius)).sqrt();
     let way = (span[3].p - span[0].p).abs();
     let of_box = (way.x * way.y + way.y * way.z + way.z * way.x).sqrt() / (LARGEST_BOX * radius);
-    let most = MAX_PIECES as f64;
+    let most = MAX_SEGMENTS as f64;
     // NaN, of a strand without radius, gives one.
     of_error.max(of_box).min(most).ceil().max(1.0) as usize
 }
@@ -113,7 +113,7 @@ fn bezier(span: &[ControlPoint; 4], t: f64) -> ControlPoint {
     ControlPoint::mix(*span, [s * s * s, 3.0 * s * s * t, 3.0 * s * t * t, t * t * t])
 }
 
-/// A point of a strand, out of the bend there by [`OUTWARDS`] of the chords' distance from the strand, an eighth of the second
+/// A point of a strand, moved out of the bend by [`OUTWARDS`] of the chords' distance from the strand, an eighth of the second
 /// difference.
 fn moved_outwards(cuts: &[(ControlPoint, f64)], i: usize) -> DVec3 {
     let here = cuts[i].0.p;
@@ -129,7 +129,7 @@ impl CutStrands {
         let first = self.segments.points.len();
         let mut cuts = Vec::new();
         for (i, span) in spans.iter().enumerate() {
-            let count = pieces(span);
+            let count = segment_count(span);
             for k in 0..count {
                 let t = k as f64 / count as f64;
                 cuts.push((bezier(span, t), (i as f64 + t) / spans.len() as f64));
@@ -177,7 +177,7 @@ fn tangent(points: &[[f32; 4]], i: usize) -> [f32; 3] {
 /// Subdivides curves, relative to `origin`.
 ///
 /// # Errors
-/// If their points are more than can be numbered.
+/// If their points exceed 32-bit indices.
 fn cut(curves: &Curves, origin: DVec3, has_colors: bool) -> Result<CutStrands> {
     let scale = curves.radius_scale();
     let node = |i: usize| ControlPoint {
@@ -211,7 +211,7 @@ impl Space {
     /// Appends all curves that are seen to the world's own geometry.
     ///
     /// # Errors
-    /// If their points are more than can be numbered.
+    /// If their points exceed 32-bit indices.
     pub(super) fn append_curves(
         &mut self,
         scene: &Scene,
@@ -244,7 +244,7 @@ impl Space {
 }
 
 impl CurveAttributes {
-    /// The strand at sphere `u` of a piece; `first` is the piece's first point.
+    /// The strand at sphere `u` of a segment; `first` is the segment's first point.
     pub(super) fn strand(
         &self,
         all: &CurveSegments,
@@ -270,7 +270,7 @@ impl CurveAttributes {
         StrandData { intercept, length, thickness, tangent: segment.tangent(u).normalize_or_zero(), random }
     }
 
-    /// Texture coordinates, colour and tangents where sphere `u` of a piece touches a point of its surface; `first` is the piece's
+    /// Texture coordinates, colour and tangents where sphere `u` of a segment touches a point of its surface; `first` is the segment's
     /// first point. Texture u grows along the curve, from root to tip, and v around it.
     pub(super) fn coordinates(
         &self,

@@ -10,7 +10,7 @@ pub fn slices(planes: &[Vec<f32>; 3]) -> [&[f32]; 3] {
     planes.each_ref().map(Vec::as_slice)
 }
 
-/// Means over squares of a radius, of the pixels inside of the picture.
+/// Box blur: means over squares of a radius, of the pixels inside of the picture.
 pub(super) fn smoothed(width: usize, height: usize, plane: &[f32], radius: usize) -> Vec<f32> {
     let mut out = vec![0.0; width * height];
     out.par_chunks_mut(width).enumerate().for_each_init(

@@ -45,7 +45,7 @@ pub struct Frame {
     pub variance: Option<[Vec<f32>; 3]>,
     /// Normal of the first surface.
     pub normal: Option<[Vec<f32>; 3]>,
-    /// Way of the first surface in the picture, pixels to the right and up: to the previous frame (0, 1), to the next (2, 3).
+    /// Motion of the first surface in the picture, pixels to the right and up: to the previous frame (0, 1), to the next (2, 3).
     pub motion: [Vec<f32>; 4],
     /// The picture without noise.
     pub denoised: Denoised,

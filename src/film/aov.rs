@@ -26,7 +26,7 @@ pub struct AovInfo {
     pub pixel_type: PixelType,
     /// Where its values come from.
     pub source: Source,
-    /// What becomes of them.
+    /// How the values of samples are combined.
     pub reduction: Reduction,
 }
 
@@ -82,7 +82,7 @@ macro_rules! table {
         }
 
         impl Aov {
-            /// All there are, in the order of the table.
+            /// All AOVs, in the order of the table.
             pub const ALL: &[Aov] = &[$(Aov::$name),+];
         }
 
@@ -101,68 +101,68 @@ table! {
     Depth "depth" &["Z"], Float FirstHit MeanOfHits { empty: BACKGROUND_DEPTH };
         "Distance of the first surface from the camera's plane, metres; 1e10 where there is none"
     DepthMin "depth_min" &["nearest.Z"], Float FirstHit Minimum { empty: BACKGROUND_DEPTH };
-        "The least depth of any sample, metres: edges keep that of what is in front"
+        "Smallest depth of any sample, metres: at edges that of the front object"
     Position "position" xyz!("P"), Float FirstHit MeanOfHits { empty: 0.0 };
-        "Where the first surface is, metres, in the space of places that is chosen (the world's); 0 where there is none"
+        "Position of the first surface, metres, in the AOV space (world by default); 0 where there is none"
     Normal "normal" xyz!("N"), Float FirstHit Mean;
-        "Shading normal of the first surface, towards the camera, in the space that is chosen (the world's)"
+        "Shading normal of the first surface, towards the camera, in the AOV space (world by default)"
     GeometricNormal "geometric_normal" xyz!("Ng"), Float FirstHit Mean;
-        "The same as it is without smoothing and normal maps"
+        "Geometric normal of the first surface, without smoothing and normal maps"
     Facing "facing" &["facing.V"], Float FirstHit Mean;
         "Cosine between the shading normal and the direction to the camera: 1 where the surface faces it"
     Uv "uv" &["UV.U", "UV.V"], Float FirstHit MeanOfHits { empty: 0.0 };
         "First texture coordinates of the first surface, v downwards; 0 where it has none"
     Motion "motion" &["Vector.X", "Vector.Y", "Vector.Z", "Vector.W"], Float FirstHit MeanOfHits { empty: 0.0 };
-        "Way of the first surface in the picture, pixels to the right and up: to the previous frame (X, Y), to the next (Z, W)"
+        "Motion vectors of the first surface, pixels to the right and up: to the previous frame (X, Y), to the next (Z, W)"
     Albedo "albedo" rgb!("albedo"), Float FirstHit Mean;
         "Reflectance of the first surface"
     DenoisingAlbedo "denoising_albedo" rgb!("denoising_albedo"), Float FirstHit Mean;
-        "Reflectance of the first surface that is no smooth mirror, times that of the mirrors before it"
+        "Reflectance of the first surface that is not a smooth mirror, times that of the mirrors before it"
     DenoisingNormal "denoising_normal" xyz!("denoising_normal"), Float FirstHit Mean;
-        "Shading normal of that surface, in the space that is chosen (the world's)"
+        "Shading normal of that surface, in the AOV space (world by default)"
     Roughness "roughness" &["roughness.V"], Float FirstHit Mean;
-        "Roughness of the first surface as materials give it: the root of its facets' alpha; 1 for diffuse ones"
+        "Perceptual roughness of the first surface, the square root of GGX alpha; 1 for diffuse ones"
     DiffuseColor "diffuse_color" rgb!("DiffCol"), Half FirstHit Mean;
-        "Colour of what the first surface scatters diffusely"
+        "Diffuse colour of the first surface"
     GlossyColor "glossy_color" rgb!("GlossCol"), Half FirstHit Mean;
-        "Colour of what its facets reflect, seen along the normal"
+        "Glossy colour of the first surface, at normal incidence"
     TransmissionColor "transmission_color" rgb!("TransCol"), Half FirstHit Mean;
-        "Colour of what it lets pass"
+        "Transmission colour of the first surface"
     DiffuseDirect "diffuse_direct" rgb!("DiffDir"), Half PartOfColor Mean;
-        "Light that came straight from lights and that the first surface scattered diffusely; its colour is in it"
+        "Direct light that the first surface reflects diffusely, multiplied by its colour"
     DiffuseIndirect "diffuse_indirect" rgb!("DiffInd"), Half PartOfColor Mean;
-        "The same of light that other surfaces had scattered before"
+        "Indirect light that the first surface reflects diffusely, multiplied by its colour"
     GlossyDirect "glossy_direct" rgb!("GlossDir"), Half PartOfColor Mean;
-        "Light straight from lights that the first surface's facets reflected"
+        "Direct light that the first surface reflects glossily"
     GlossyIndirect "glossy_indirect" rgb!("GlossInd"), Half PartOfColor Mean;
-        "The same of light that other surfaces had scattered before"
+        "Indirect light that the first surface reflects glossily"
     TransmissionDirect "transmission_direct" rgb!("TransDir"), Half PartOfColor Mean;
-        "Light straight from lights that passed the first surface"
+        "Direct light that the first surface transmits"
     TransmissionIndirect "transmission_indirect" rgb!("TransInd"), Half PartOfColor Mean;
-        "The same of light that other surfaces had scattered before"
+        "Indirect light that the first surface transmits"
     Emission "emission" rgb!("Emit"), Half PartOfColor Mean;
-        "What surfaces emit towards the camera"
+        "Emission of surfaces that the camera sees"
     Environment "environment" rgb!("Env"), Half PartOfColor Mean;
-        "The environment where the camera sees it"
+        "The environment that the camera sees"
     Shadow "shadow" &["shadow.V"], Float FirstHit Share;
-        "Share of the direct light of the first surface that something blocks: 0 lit, 1 in full shadow, 0 where no light comes from"
+        "Shadow: blocked share of the direct light of the first surface; 0 lit, 1 in full shadow, 0 where there is no light"
     ObjectId "object_id" &["object.id"], Uint FirstHit First;
-        "Number of the object that the first sample with a surface hit, from 1; 0 where there is none"
+        "ID of the object that the first sample with a surface hit, from 1; 0 where there is none"
     MaterialId "material_id" &["material.id"], Uint FirstHit First;
-        "Number of its material, from 1; 0 where there is none"
+        "ID of its material, from 1; 0 where there is none"
     CryptoObject "crypto_object" matte!("CryptoObject"), Float FirstHit Coverage;
-        "Cryptomatte of objects: which ones cover a pixel, by the hash of their names, and their shares"
+        "Cryptomatte of objects: hashes of the names of the objects in a pixel, and their coverage"
     CryptoMaterial "crypto_material" matte!("CryptoMaterial"), Float FirstHit Coverage;
         "Cryptomatte of materials"
     CryptoAsset "crypto_asset" matte!("CryptoAsset"), Float FirstHit Coverage;
-        "Cryptomatte of assets: objects by what stands above all of their parents"
+        "Cryptomatte of assets: objects by their topmost parent"
     Samples "samples" &["samples"], Uint Color Count;
-        "How many samples the pixel has"
+        "Number of samples of the pixel"
     Variance "variance" rgb!("variance"), Float Color VarianceOfMean;
-        "Variance of the pixel's colour, were its samples independent (it is less); infinite below two samples"
+        "Variance of the pixel's colour, estimated as if samples were independent (an upper bound); infinite below two samples"
 }
 
-/// Which space the AOVs of places and directions are in: `position`, `normal` and `geometric_normal`.
+/// The space of AOVs of positions and directions: `position`, `normal` and `geometric_normal`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum AovSpace {
     /// The scene's world: right-handed, y up, metres.
@@ -227,7 +227,7 @@ impl Aov {
         is_matte.then(|| info.names[0].trim_end_matches("00.R"))
     }
 
-    /// Its channel; mattes with so many ranks of ids.
+    /// Its channel; mattes with this number of ranks of ids.
     pub fn channel(self, matte_levels: u32) -> Channel {
         let &AovInfo { names, pixel_type, source, reduction, .. } = self.info();
         let names = match self.matte() {
@@ -275,7 +275,7 @@ impl AovSet {
     /// Colour only.
     pub const NONE: AovSet = AovSet(0);
 
-    /// All there are.
+    /// All AOVs.
     pub const fn all() -> AovSet {
         let (mut set, mut i) = (AovSet::NONE, 0);
         while i < Aov::ALL.len() {
@@ -297,12 +297,12 @@ impl AovSet {
         AovSet(self.0 | other.0)
     }
 
-    /// Is it asked for?
+    /// Is it in the set?
     pub const fn contains(self, aov: Aov) -> bool {
         self.0 >> aov as u32 & 1 == 1
     }
 
-    /// Is anything asked for?
+    /// Is the set not empty?
     #[inline(always)]
     pub const fn any(self) -> bool {
         self.0 != 0
@@ -319,7 +319,7 @@ impl AovSet {
         self.iter().filter_map(|aov| Some((aov, aov.matte()?)))
     }
 
-    /// The channels of a film that holds them, mattes with so many ranks of ids.
+    /// The channels of a film that holds them, mattes with this number of ranks of ids.
     pub fn channels_with(self, matte_levels: u32) -> impl Iterator<Item = Channel> {
         self.iter().map(move |aov| aov.channel(matte_levels))
     }

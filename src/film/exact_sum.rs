@@ -1,9 +1,9 @@
-//! Sums of which the order of addends doesn't matter: parts of a picture that are added in any order give the same bits.
+//! Order-independent sums: parts of a picture that are added in any order give the same bits.
 //!
 //! A sum is a pair of numbers: the sum rounded to an f64, and what that leaves out. Both together are exact, and the pair is
 //! the only one of its sum, as long as addends are multiples of a grid and sums don't grow beyond [`LARGEST`]: addends are
-//! rounded to the grid first, which is so fine that rounding is below what f32 addends of 1e-6 say themselves. Beyond, sums
-//! depend on the order by the last digit of an f64.
+//! rounded to the grid first, which is so fine that rounding is below the precision of f32 addends of 1e-6. Beyond, sums
+//! depend on the order in the last digit of an f64.
 
 use crate::simd::{Kernel, dispatch};
 use bytemuck::{Pod, Zeroable};
@@ -11,7 +11,7 @@ use bytemuck::{Pod, Zeroable};
 /// Bits of the grid after the binary point.
 const GRID_BITS: i32 = 44;
 
-/// Adding this and taking it away again rounds what is less than [`ROUNDED`] to the grid.
+/// Adding and subtracting this rounds numbers below [`ROUNDED`] to the grid.
 const ROUNDER: f64 = 1.5 * (1u64 << (52 - GRID_BITS)) as f64;
 
 /// From here on, an f64 has no digits beyond half of the grid.
@@ -38,7 +38,7 @@ pub(super) fn add_exact(high: &mut f64, low: &mut f32, value: f64) {
     *low = (rest - (*high - sum)) as f32;
 }
 
-/// A list of sums. Those of tiles, which follow each other in one order, are plain.
+/// A list of sums. Those of tiles, which get samples in one order, are plain f64 sums.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct SumList {
     pub high: Vec<f64>,
@@ -94,7 +94,7 @@ impl SumList {
     }
 }
 
-/// Numbers that are gathered from pixels before they are added.
+/// Size of the buffer for the numbers of pixels.
 const GATHERED: usize = 96;
 
 /// Adds plain sums to exact ones.

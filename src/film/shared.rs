@@ -1,8 +1,8 @@
 //! A film that many threads add to at once.
 //!
-//! Each band has a lock of its own, which is free almost always: tiles that are traced at the same time lie in other bands, for
-//! they are taken column by column. Where passes overlap, a tile of a later pass waits in its bands until all of the earlier
-//! one is there, so that each pixel gets its samples in one order.
+//! Each band has its own lock, which is hardly ever contended: tiles that are traced at the same time lie in different bands, as
+//! tiles are ordered column by column. Where passes overlap, a tile of a later pass waits in its bands until the earlier
+//! one is complete there, so that each pixel gets its samples in one order.
 
 use super::band::Band;
 use super::picture::Film;
@@ -25,7 +25,7 @@ pub struct SharedFilm {
 struct SharedBand {
     band: Band,
     place: Rect,
-    /// The pass that is added now, and how many of its pixels are not there yet.
+    /// The pass that is being added, and the number of its pixels that are missing.
     pass: usize,
     left: u64,
     /// Tiles of later passes.
@@ -47,7 +47,7 @@ impl Film {
 
 impl SharedFilm {
     /// Adds a tile of a pass, counted from 0, as far as it is within the film. The tiles of each pass cover every pixel once.
-    /// Gives the tile back if nobody needs it any more.
+    /// Returns the tile if it is no longer needed.
     ///
     /// # Panics
     /// If the tile has other channels.
@@ -87,7 +87,7 @@ impl SharedFilm {
         splats.sort_by_key(|splat| splat.y);
     }
 
-    /// The film again. Where rendering was stopped, tiles that still wait are added, pass by pass.
+    /// Joins the bands to a film. Where rendering was stopped, tiles that still wait are added, pass by pass.
     pub fn into_film(self) -> Film {
         let SharedFilm { mut film, bands, invalid, .. } = self;
         film.invalid_samples += invalid.into_inner();

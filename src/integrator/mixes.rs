@@ -34,9 +34,9 @@ impl Integrator<'_> {
         }
     }
 
-    /// The component whose body a path is in that arrives from behind: light that has entered a body leaves it by the same surface, and
-    /// its weight has counted where it entered.
-    fn body_around(&self, at: &HitPoint<'_>, interior: Interior) -> Option<u32> {
+    /// The component whose interior the path arrives from, from behind: light leaves a solid through the component that it entered by,
+    /// and the component's weight was applied there.
+    fn component_around(&self, at: &HitPoint<'_>, interior: Interior) -> Option<u32> {
         if !at.is_back || !self.scene.features.subsurface {
             return None;
         }
@@ -48,8 +48,8 @@ impl Integrator<'_> {
 
     fn select_component(&self, bounce: u32, i: usize, dimensions: &Dimensions, w: &mut Workspace) {
         let at = self.hit_point(bounce, i, w);
-        if let Some(body) = self.body_around(&at, w.arriving.interior[i]) {
-            w.materials[i] = body;
+        if let Some(component) = self.component_around(&at, w.arriving.interior[i]) {
+            w.materials[i] = component;
             return;
         }
         if at.material.emission.is_some() {

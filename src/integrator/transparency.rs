@@ -272,7 +272,7 @@ impl Integrator<'_> {
     }
 
     /// Advances a ray past an absent surface; its origin stays, to which densities refer. Returns whether there may be
-    /// another surface in the same place that only [`Integrator::intersect_past`] finds?
+    /// another surface at the same distance that only [`Integrator::intersect_past`] finds.
     ///
     /// A sheet with different materials on its sides is often modelled as two coincident surfaces that face away from
     /// each other: behind an absent back side, surfaces at the same distance still count. So do they at flat boundaries

@@ -22,7 +22,7 @@ pub enum AreaShape {
     Parallelogram(Edges),
     /// The half of the parallelogram next to the corner.
     Triangle(Edges),
-    /// A sphere, a disk or the like, whole.
+    /// An analytic shape: a sphere, a disk and so on.
     Analytic(Analytic),
 }
 
@@ -71,7 +71,7 @@ pub struct AreaLight {
     pub normal: Vec3,
     /// The back emits too (of a sphere the inside).
     pub two_sided: bool,
-    /// EmittedRay radiance.
+    /// Emitted radiance.
     pub radiance: Radiance,
     /// Its angular distribution.
     pub beam: Beam,
@@ -144,7 +144,7 @@ impl AreaLight {
         }
     }
 
-    /// EmittedRay radiance at a point of the light.
+    /// Emitted radiance at a point of the light.
     #[inline]
     pub fn radiance_at(&self, textures: &CompiledTextures, point: Vec3) -> Rgb {
         let (texture, factor, uv) = match &self.radiance {
@@ -219,7 +219,7 @@ impl AreaLight {
         }
     }
 
-    /// Where a point of a flat light lies along the edges.
+    /// Coordinates of a point of a flat light along its edges.
     #[inline]
     fn edge_coordinates(&self, point: Vec3) -> [f32; 2] {
         match &self.shape {
@@ -372,7 +372,7 @@ pub enum Beam {
     Profile {
         /// Its number among the scene's.
         number: u32,
-        /// How it is turned.
+        /// Its orientation.
         aim: Aim,
         /// Its mean share over all directions.
         mean: f32,
@@ -478,7 +478,7 @@ fn direction_to_point(
 /// A rectangle of the same radiance everywhere and in all directions, with all that sampling it needs.
 #[derive(Clone, Copy, Debug)]
 pub struct UniformRectangle {
-    /// EmittedRay radiance.
+    /// Emitted radiance.
     pub radiance: Rgb,
     edges: Edges,
     normal: Vec3,

@@ -61,12 +61,12 @@ pub struct ImageMap {
     cosine: f32,
 }
 
-/// The place of map coordinates between texels.
+/// Map coordinates as a texel and offsets.
 #[derive(Clone, Copy, Debug)]
 pub struct TexelPosition {
     /// The upper left one of four.
     pub first: u32,
-    /// How far it is to the right ones and to the lower ones, from 0 to 1.
+    /// Bilinear weights of the right and of the lower texels, 0 to 1.
     pub shares: [f32; 2],
 }
 

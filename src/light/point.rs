@@ -257,7 +257,7 @@ impl SpotCone {
     /// A cone about an axis between two half angles, radians.
     pub fn new(direction: DVec3, inner_angle_rad: f64, outer_angle_rad: f64, fade: SpotFade) -> SpotCone {
         let range = match fade {
-            // KHR_lights_punctual, "Inner and Outer SpotCone Angles".
+            // KHR_lights_punctual, "Inner and Outer Cone Angles".
             SpotFade::Square => inner_angle_rad.cos() - outer_angle_rad.cos(),
             SpotFade::Smooth => (1.0 - outer_angle_rad.cos()) * (1.0 - inner_angle_rad / outer_angle_rad),
         };

@@ -28,7 +28,7 @@ pub struct LoadOptions {
     pub point_radius: Option<f64>,
     /// Leave out the materials, textures and images of mesh files: the caller replaces all of them.
     pub geometry_only: bool,
-    /// The named attributes of vertices that somebody reads; others of PLY files are left out. `None` for all.
+    /// The named attributes of vertices that materials read; others of PLY files are left out. `None` for all.
     pub attributes: Option<Arc<BTreeSet<String>>>,
     /// The up axis of OBJ and PLY files; models are rotated to y up.
     pub up: Up,
@@ -82,9 +82,9 @@ pub struct Loaded {
     /// The origin of the model's meshes in world space, metres: coordinates beyond the precision of
     /// f32 are stored relative to it. The scene is placed where the file says.
     pub offset: DVec3,
-    /// It comes from a model as other programs write them, whose shining parts need not be meant as its light.
+    /// The scene is the model of another program, whose emissive parts need not be meant as lights.
     pub is_model: bool,
-    /// It is lit by a stage that loading added.
+    /// A stage that loading added lights the scene.
     pub is_stage_lit: bool,
     /// The turntable of a camera that loading added.
     pub turntable: Option<Turntable>,
@@ -205,7 +205,7 @@ impl GltfOptions {
     /// Finds an entry by name or number; `names` are those of all entries in order.
     ///
     /// # Errors
-    /// A remedy in words that lists what there is.
+    /// A help text that lists the entries.
     pub(super) fn find(names: &[String], wanted: &str) -> Result<usize, String> {
         const LISTED: usize = 20;
         let by_number = || wanted.parse::<usize>().ok().filter(|&i| i < names.len());
@@ -268,7 +268,7 @@ impl Up {
         }
     }
 
-    /// The rotation that brings it up, exact in every number. The front stays where most programs have it: -y of models
+    /// The rotation that turns the axis up, exact in every number. The front stays where most programs have it: -y of models
     /// with z up comes to the front, z.
     pub(super) fn rotation(self) -> DMat3 {
         let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
@@ -300,7 +300,7 @@ impl SavedFiles {
         self.lock().entry(path.to_path_buf()).or_insert_with(|| stamp(path));
     }
 
-    /// Was any of them saved, removed or made since it was noted or this was asked?
+    /// Was any of them saved, removed or created since it was recorded or since the last call?
     pub fn have_changed(&self) -> bool {
         let mut has_any = false;
         for (path, known) in self.lock().iter_mut() {

@@ -54,7 +54,7 @@ pub(super) fn write_with(path: &Path, write: &mut dyn FnMut(&mut dyn Write) -> i
     place(temporary, path)
 }
 
-/// Puts a file of [`create`] in the place of its target, when it is on the disk.
+/// Renames a file of [`create`] to its target, once it is on the disk.
 ///
 /// # Errors
 /// As for [`write_atomically`].
@@ -79,7 +79,7 @@ pub fn remove_file(path: &Path) -> Result<bool> {
     }
 }
 
-/// Removes temporary files of a target that runs left behind which were killed while they wrote it. Files of the last hour
+/// Removes temporary files of a target that killed runs left. Files of the last hour
 /// stay: another run may be writing them.
 pub fn remove_leftovers(path: &Path) {
     const OLD: Duration = Duration::from_secs(3600);
@@ -93,7 +93,7 @@ pub fn remove_leftovers(path: &Path) {
         let age =
             entry.metadata().and_then(|data| data.modified()).map(|time| time.elapsed().unwrap_or_default());
         if is_leftover && age.is_ok_and(|age| age >= OLD) {
-            // Who may not remove it loses nothing by it.
+            // Failing to remove it does no harm.
             let _ = fs::remove_file(entry.path());
         }
     }
@@ -109,7 +109,7 @@ fn hidden_prefix(path: &Path) -> Option<OsString> {
     if name.len() <= LONGEST {
         hidden.push(name);
     } else {
-        // A name may be as long as its system allows, and this one is longer.
+        // The target's name may have the maximum length, which the temporary one would exceed.
         let name = name.to_string_lossy();
         let end = (0..=LONGEST).rev().find(|&at| name.is_char_boundary(at)).unwrap_or(0);
         hidden.push(&name[..end]);
@@ -118,12 +118,12 @@ fn hidden_prefix(path: &Path) -> Option<OsString> {
     Some(hidden)
 }
 
-/// Bytes of a target's name that its temporary file has in its own, of the 255 that most systems allow.
+/// Maximum number of bytes of the target's name in that of its temporary file, of the 255 that most systems allow.
 const LONGEST: usize = 200;
 
 /// The file that a path leads to: that of a symbolic link, which stays, or the path itself.
 fn followed(path: &Path) -> PathBuf {
-    /// Links that lead to links.
+    /// Maximum length of a chain of links.
     const MAX: usize = 40;
     let mut path = path.to_path_buf();
     for _ in 0..MAX {
@@ -137,8 +137,8 @@ fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// A file with a name of its own in the folder of the target; it goes when dropped. It is made like any other file, so
-/// that who may read the picture is decided as everywhere (by the umask).
+/// A temporary file in the folder of the target; removed when dropped. It gets the usual permissions (by the umask), so
+/// that the picture has them, too.
 pub(super) fn create(path: &Path) -> Result<NamedTempFile> {
     let path = &followed(path);
     let hidden = hidden_prefix(path).ok_or_else(|| Error::output(path, "is not a file name"))?;
@@ -155,10 +155,10 @@ fn failure(path: &Path, error: &io::Error) -> Error {
 
 // Folders of files that appear whole.
 
-/// Can a folder of files be put there? It must be new or empty, unless `replaces`, and its parent must exist.
+/// Checks a folder that files will be written to: it must be new or empty, unless `replaces`, and its parent must exist.
 ///
 /// # Errors
-/// A usage error for a folder that holds something, an output error for one that can't be made.
+/// A usage error for a folder that isn't empty, an output error for one that can't be made.
 pub fn check_folder(folder: &Path, replaces: bool) -> Result<()> {
     let parent = folder.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     if !parent.is_dir() {

@@ -1,4 +1,4 @@
-//! How EXR files lie on the disk: layout, compression, tiles, types, and which part of the frame they hold.
+//! Storage of EXR files: layout, compression, tiles, types, and which part of the frame they hold.
 
 use crate::color::Primaries;
 use crate::film::PixelType;
@@ -9,7 +9,7 @@ use exr::prelude::{Blocks, Compression, Encoding, LineOrder, Vec2};
 /// How the channels of an EXR are arranged.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ExrLayout {
-    /// One part: R, G, B, A and Z without a layer's name, others in layers of their own. What most programs like best.
+    /// One part: R, G, B, A and Z without a layer's name, others in layers of their own. The most compatible.
     #[default]
     Single,
     /// A part for each layer, named after it, the picture itself first: programs read only what they show.
@@ -21,7 +21,7 @@ pub enum ExrLayout {
 /// How pixels are compressed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ExrCompression {
-    /// Not at all.
+    /// No compression.
     None,
     /// Runs of equal bytes; lossless.
     Rle,
@@ -36,7 +36,7 @@ pub enum ExrCompression {
     Pxr24,
     /// Blocks of 4 x 4 half floats in 14 bytes; lossy.
     B44,
-    /// The same, flat blocks in 3 bytes; lossy.
+    /// B44 with flat blocks in 3 bytes; lossy.
     B44a,
     /// Cosine transform, 32 lines at a time; lossy.
     Dwaa,
@@ -177,7 +177,7 @@ impl ExrOptions {
         let layer = layer_of(name);
         let given = |wanted: &str| self.types.iter().rev().find(|(n, _)| n == wanted).map(|(_, kind)| *kind);
         let kind = given(name).or_else(|| given(layer)).unwrap_or(own);
-        // Numbers are no floats.
+        // Integers stay integers.
         if own == PixelType::Uint { own } else { kind }
     }
 
@@ -222,7 +222,7 @@ pub(super) fn layer_of(name: &str) -> &str {
     }
 }
 
-// What of EXRs is colour, and the space that it is written in.
+// Which channels of EXRs are colours, and their colour space.
 
 /// The space of the colours in EXRs. Pictures are rendered in linear Rec. 709.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

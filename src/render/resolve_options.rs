@@ -1,4 +1,4 @@
-//! From what a user chooses, what the scene says and the defaults to settled options.
+//! Resolves options: from a user's choices, the scene's settings and the defaults.
 
 use super::options::{RenderOptions, TreeChoice};
 use crate::color::ViewTransform;
@@ -33,23 +33,23 @@ pub struct Settled {
     pub options: RenderOptions,
     /// Models that all materials share.
     pub shading: ShadingModel,
-    /// How good trees are.
+    /// Quality of the BVH.
     pub tree: TreeChoice,
-    /// Which of the scene's cameras.
+    /// Index of the camera in the scene.
     pub camera: Option<usize>,
-    /// How pictures to look at are made of it.
+    /// Settings of display-referred pictures.
     pub look: Look,
 }
 
-/// What the settings of a scene say about pictures to look at.
+/// Settings of display-referred pictures: PNG and other formats that are no EXR.
 #[doc(hidden)]
 #[derive(Clone, Debug, Default)]
 pub struct Look {
-    /// Stops.
+    /// Exposure, stops.
     pub exposure: f32,
-    /// How they are encoded.
+    /// View transform.
     pub view: ViewTransform,
-    /// Temperature of the light that looks white, kelvin.
+    /// White balance: colour temperature that looks white, kelvin.
     pub white_balance: Option<f32>,
 }
 
@@ -126,14 +126,14 @@ fn aovs_of(settings: &Settings) -> Result<AovSet> {
     settings.aovs.iter().flatten().try_fold(AovSet::NONE, |sum, name| Ok(sum.union(set(name)?)))
 }
 
-/// What stands for all AOVs in lists of them.
+/// The name of all AOVs in lists of them.
 pub const ALL_AOVS: &str = "all";
 
-/// Camera rays that a time limit allows for, a second: about what two cores trace of easy scenes.
+/// Assumed camera rays per second under a time limit: about what two cores trace of simple scenes.
 const RAYS_A_SECOND: f64 = 1e6;
 
 impl Settled {
-    /// What trees are to be good for, if so many pictures have them in common.
+    /// The choice of the BVH's quality, if `pictures` pictures share it.
     pub fn tree(&self, pictures: u64) -> Tree {
         let RenderOptions { width, height, samples, time_limit, .. } = self.options;
         let rays = u64::from(width) * u64::from(height) * u64::from(samples);

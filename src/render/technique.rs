@@ -1,4 +1,4 @@
-//! What a technique is: a way to trace paths that lowers the noise of some pictures and is decided on automatically.
+//! The interface of techniques: ways to trace paths that lower the noise of some pictures and are decided on automatically.
 //!
 //! A technique says what prevents it for a scene, tries whether the picture gains by it, adds to the options of the paths, and may
 //! learn from a pass. `techniques.rs` lists them and runs their trials.
@@ -45,7 +45,7 @@ pub(super) trait Technique {
     /// The first reason that prevents the technique, for a warning.
     fn obstacle(&self, target: &Target<'_>) -> Option<&'static str>;
 
-    /// What the warning says is not done, such as "paths are not guided".
+    /// The first words of the warning, such as "paths are not guided".
     fn refusal(&self) -> &'static str;
 
     /// Why the trial found no use for a technique that was asked for, for a warning.
@@ -53,7 +53,7 @@ pub(super) trait Technique {
         None
     }
 
-    /// Decides before the first pass by paths that the picture gets nothing of. Runs only where the technique is asked for and
+    /// Decides before the first pass, by paths that don't contribute to the picture. Runs only where the technique is asked for and
     /// nothing prevents it.
     fn try_before_first_pass(&mut self, _trial: &Trial<'_>) -> Result<(), Stopped> {
         Ok(())
@@ -96,7 +96,7 @@ pub(super) fn first_reason(reasons: &[(bool, &'static str)]) -> Option<&'static 
 /// A trial was stopped.
 pub(super) struct Stopped;
 
-/// What a trial before the first pass has.
+/// The context of a trial before the first pass.
 pub(super) struct Trial<'a> {
     pub target: Target<'a>,
     /// Options of paths that record radiance alone, with what the techniques before this one add.
@@ -162,11 +162,11 @@ pub(super) fn plain_paths<'a>(
 pub(super) struct ErrorMap {
     pub width: usize,
     pub errors: Vec<f32>,
-    /// Rays of a sample behind its camera ray, and a little for that one.
+    /// Rays of a sample after its camera ray, plus [`COST_OF_MISS`].
     pub costs: Vec<f32>,
 }
 
-/// Cost of a sample whose camera ray hits nothing, in further rays with all that belongs to them. (Measured in front of a textured
+/// Cost of a sample whose camera ray hits nothing, in units of a further ray with its shading. (Measured in front of a textured
 /// helmet that fills two fifths of a picture: hardly anything compared with the others.)
 const COST_OF_MISS: f32 = 0.05;
 

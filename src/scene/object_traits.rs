@@ -87,15 +87,15 @@ impl Default for RayKinds {
 pub struct ObjectTraits {
     /// Rays of other kinds pass it.
     pub visible_to: RayKinds,
-    /// Where the camera sees it, the picture is transparent and black. For all else it is an object like others.
+    /// Where the camera sees it, the picture is transparent and black. For all other rays it is an object like others.
     pub is_holdout: bool,
-    /// The camera sees of it only what other objects change on it, their shadows and what they reflect onto it: the picture is
-    /// transparent there, and laid over a photograph of what the object stands for it shows both. For all else it is an
-    /// object like others. A holdout is none.
+    /// The camera sees only how other objects change its light, by shadows and reflected light: the picture is
+    /// transparent there, to be composited over a photograph of the real surface. For all other rays it is an
+    /// object like others. Ignored for holdouts.
     pub is_shadow_catcher: bool,
     /// The sets that it is in, to which lights are linked.
     pub sets: ObjectSets,
-    /// What is lit by what it emits, and what casts shadows in that light.
+    /// Light linking and shadow linking of what it emits.
     pub links: LightLinks,
 }
 
@@ -169,7 +169,7 @@ pub struct LightLinks {
     /// The objects that it lights, by light samples and by rays that find it. Cameras see it in any case, and what it lights lights
     /// all others.
     pub receivers: Link,
-    /// The objects that cast shadows in its light. Mirrors show a light with a surface behind all that is in the way.
+    /// The objects that cast shadows in its light. In mirrors, a light with a surface is seen behind the objects in its way.
     pub blockers: Link,
 }
 

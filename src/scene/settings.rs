@@ -19,7 +19,7 @@ pub enum Filter {
 /// Compensation for the energy that single scattering between microfacets loses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum EnergyCompensation {
-    /// The lost energy is given back: by a factor (Turquin 2019); in solid glass, sent where walks among facets lead
+    /// The lost energy is given back: by a factor (Turquin 2019); in solid glass, distributed as multiple scattering between microfacets
     /// (see [`crate::bsdf::RoughDielectric`]).
     #[default]
     On,
@@ -30,15 +30,15 @@ pub enum EnergyCompensation {
 /// What shadow catchers contribute to the picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum CatcherOutput {
-    /// Shadows as alpha, and the light and colours that other objects bring besides: laid over a plate of what the catcher stands
-    /// for, the picture shows the catcher as it would be among them.
+    /// Shadows as alpha, and the light that other objects add: composited over a plate of the real surface,
+    /// the picture shows that surface among the objects.
     #[default]
     All,
     /// Alpha alone, by the mean of the channels, as Cycles has it.
     Shadows,
 }
 
-/// Choices among models of scattering that are the same for all materials of a picture.
+/// Scattering models that all materials of a picture share.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ShadingModel {
     /// Whether the energy that single scattering loses is given back.

@@ -22,7 +22,7 @@ pub(super) fn halved_by_one_thread(image: &Image) -> Image {
     halved_by(image, Threads::This)
 }
 
-/// Who works.
+/// Whether other threads help.
 #[derive(Clone, Copy)]
 enum Threads {
     All,
@@ -253,12 +253,12 @@ pub(super) trait Texels: Sync {
     fn texel(&self, at: usize) -> [f32; 4];
 }
 
-/// What can be done with the texels of an image, whatever their format.
+/// A task on the texels of an image, generic over their format.
 pub(super) trait WithTexels {
-    /// What comes of it.
+    /// Result of the task.
     type Output;
 
-    /// Does it.
+    /// Runs the task.
     fn run(self, texels: impl Texels) -> Self::Output;
 }
 
@@ -268,7 +268,7 @@ pub(super) fn with_texels<T: WithTexels>(image: &Image, task: T) -> T::Output {
     with_common_texels(image, task, |task| task.run(Any(image)))
 }
 
-/// Lets `task` work on the texels of `image` if they are in memory and of a common format; else `otherwise` does what is to be done.
+/// Lets `task` work on the texels of `image` if they are in memory and of a common format; else runs `otherwise`.
 #[inline(always)]
 pub(super) fn with_common_texels<T: WithTexels>(
     image: &Image,

@@ -111,8 +111,8 @@ fn what_is_no_terminal_is_refused_before_work_starts() {
         assert!(stderr(&output).contains(why), "{}", stderr(&output));
         assert!(!folder.path().join("a.png").exists());
     };
-    refused(&[], "standard output is none");
-    refused(&["--json"], "standard output, where JSON");
+    refused(&[], "--show needs a terminal");
+    refused(&["--json"], "JSON");
 }
 
 #[test]

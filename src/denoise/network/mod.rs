@@ -1,9 +1,9 @@
 //! The U-Net that Open Image Denoise publishes for pictures of path tracers (Afra et al., "Intel Open Image Denoise",
 //! <https://www.openimagedenoise.org>; after Ronneberger et al. 2015, "U-Net: Convolutional Networks for Biomedical Image
-//! Segmentation"): 3x3 convolutions at five resolutions, on the way down with the largest of four pixels, on the way up with
-//! the pixel four times, beside what the way down had at the same resolution.
+//! Segmentation"): 3x3 convolutions at five resolutions; the encoder has 2x2 max pooling, the decoder upsamples by repetition
+//! and concatenates the encoder's output at the same resolution (skip connections).
 //!
-//! Each sum has one order, of fused multiply-adds: the same bits at any number of threads, on all CPU levels. What is kept
+//! Each sum has one order, of fused multiply-adds: the same bits at any number of threads, on all CPU levels. What is stored
 //! between layers has at most half the picture's resolution: the layers at full resolution run tile by tile, those before
 //! them strip by strip.
 
@@ -22,7 +22,7 @@ use weights::{Archive, Convolution};
 const WITH_GUIDES: &[u8] = include_bytes!("../../../assets/denoiser/rt_hdr_alb_nrm.tza");
 const WITHOUT_GUIDES: &[u8] = include_bytes!("../../../assets/denoiser/rt_hdr.tza");
 
-/// Resolutions are halved this often.
+/// Number of halvings of the resolution.
 const LEVELS: usize = 4;
 /// Rows of the picture that the last layers work on at a time.
 const STRIP: usize = 256;
@@ -33,19 +33,19 @@ type Planes<'a> = [&'a [f32]; 3];
 /// The network with its weights.
 pub(super) struct Network {
     has_guides: bool,
-    /// Layers on the way down, from the highest resolution.
+    /// Encoder layers, from the highest resolution.
     down: [Vec<Convolution>; LEVELS],
     /// Layers at the lowest resolution.
     bottom: Vec<Convolution>,
-    /// Layers on the way up, from the highest resolution.
+    /// Decoder layers, from the highest resolution.
     up: [Vec<Convolution>; LEVELS],
 }
 
-/// Channels at each resolution on the way down.
+/// Channels of the encoder at each resolution.
 const DOWN: [usize; LEVELS] = [32, 48, 64, 80];
 /// Channels at the lowest resolution.
 const BOTTOM: usize = 96;
-/// Channels at each resolution on the way up, from the highest.
+/// Channels of the decoder at each resolution, from the highest.
 const UP: [usize; LEVELS] = [64, 64, 96, 112];
 
 impl Network {

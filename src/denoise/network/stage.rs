@@ -1,5 +1,5 @@
-//! Some convolutions of the network in a row, band by band and tile by tile: what lies between them is as large as a tile,
-//! and threads share nothing but what goes in.
+//! Consecutive convolutions of the network, band by band and tile by tile: intermediate results are as large as a tile,
+//! and threads share only the input.
 
 use super::convolution::{Channels, Convolve, Tile};
 use super::weights::{BLOCK, Convolution, blocks};
@@ -7,20 +7,20 @@ use crate::simd::dispatch_lanes;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Columns of a tile: with those that two further convolutions need, whole steps of the inner loop.
+/// Columns of a tile: with the margin of two further convolutions, a multiple of the inner loop's step.
 const TILE_WIDTH: usize = 128;
 /// Maximum number of rows of a band.
 const BAND_HEIGHT: usize = 64;
-/// Bands that there should be at least, so that threads are busy.
+/// Minimum number of bands, to keep threads busy.
 const MIN_BANDS: usize = 8;
-/// Minimum number of rows of a band, else the rows around it cost too much.
+/// Minimum number of rows of a band: with fewer, its margin costs too much.
 const MIN_HEIGHT: usize = 16;
 
 /// Some rows of a picture of many channels: row by row, block by block of channels.
 pub(super) struct Tensor {
     pub width: usize,
     pub channels: usize,
-    /// The picture's rows that are there.
+    /// Rows of the picture that the tensor holds.
     pub rows: Range<usize>,
     pub data: Vec<Channels>,
 }
@@ -37,12 +37,12 @@ impl Tensor {
     }
 }
 
-/// What a stage takes its pixels from.
+/// An input of a stage.
 #[derive(Clone, Copy)]
 pub(super) enum Input<'a> {
     /// A tensor of the stage's resolution.
     Same(&'a Tensor),
-    /// A tensor of half of it, whose pixels become four each.
+    /// A tensor of half the resolution, upsampled by repetition.
     Doubled(&'a Tensor),
     /// The picture.
     Picture(&'a Picture<'a>),
@@ -90,8 +90,8 @@ pub(super) struct Stage<'a> {
 }
 
 impl Stage<'_> {
-    /// Runs the stage for some rows. `out` has so many values for each pair of rows; `write` puts a finished tile, which
-    /// begins at a column of a band, into the values of the band.
+    /// Runs the stage for some rows. `out` has `values_of_pair` values for each pair of rows; `write` copies a finished tile, which
+    /// begins at a column of a band, to the values of the band.
     pub fn run<T: Send>(
         &self,
         rows: Range<usize>,
@@ -119,7 +119,7 @@ impl Stage<'_> {
         for (k, layer) in self.layers.iter().enumerate() {
             dispatch_lanes(Convolve { layer, from, to });
             let margin = margin - k - 1;
-            // What lies outside of the picture is 0 for each convolution.
+            // Each convolution pads the picture with zeros.
             let inside = |range: &Range<usize>, size: usize| {
                 let first = margin.saturating_sub(range.start);
                 first..(size + margin - range.start).min(range.len() + 2 * margin)
@@ -185,7 +185,7 @@ impl Stage<'_> {
         tensor
     }
 
-    /// The largest of four pixels each of the output of the stage, whose size is even.
+    /// The output of the stage, of even size, after 2x2 max pooling.
     pub fn pooled(&self) -> Tensor {
         let channels = self.layers.last().map_or(0, |layer| layer.outputs);
         let (width, count) = (self.size[0] / 2, blocks(channels));

@@ -1,14 +1,14 @@
-//! What stands before and behind the network: the exposure, and a transfer function that makes radiance of any range
+//! Pre- and postprocessing of the network: the exposure, and a transfer function that makes radiance of any range
 //! perceptually uniform, as in Open Image Denoise 2 (`core/color.h`, `core/autoexposure`): the network was trained with both.
 
 use crate::color::luminance;
 use rayon::prelude::*;
 
-/// Pixels whose mean luminance is one sample of the exposure.
+/// Edge of the squares whose mean luminance is a sample of the exposure, pixels.
 const BIN: usize = 16;
 /// The average luminance after exposure.
 const KEY: f32 = 0.18;
-/// Bins that are darker don't count.
+/// Darker bins are ignored.
 const DARKEST: f32 = 1e-8;
 /// The largest value that the transfer function maps to 1.
 const LARGEST: f32 = 65504.0;

@@ -3,10 +3,10 @@
 
 use half::f16;
 
-/// Channels are stored in blocks of as many.
+/// Channels are stored in blocks of this size.
 pub(super) const BLOCK: usize = 16;
 
-/// Blocks that so many channels take.
+/// Number of blocks of some channels.
 pub(super) fn blocks(channels: usize) -> usize {
     channels.div_ceil(BLOCK)
 }
@@ -19,7 +19,7 @@ pub(super) struct Convolution {
     pub outputs: usize,
     /// For each block of outputs, block of inputs, row, column and input in the block: the weights of the block's outputs.
     pub weights: Vec<[f32; BLOCK]>,
-    /// For each block of outputs.
+    /// Biases, by block of outputs.
     pub bias: Vec<[f32; BLOCK]>,
 }
 
@@ -57,7 +57,7 @@ impl<'a> Archive<'a> {
     /// An archive that the program contains.
     ///
     /// # Panics
-    /// If it is none of that format with half-precision tensors: a defect of the program.
+    /// If it is not such an archive with half-precision tensors: a defect of the program.
     pub fn new(bytes: &'a [u8]) -> Archive<'a> {
         let mut header = Cursor { bytes, at: 0 };
         assert_eq!((header.number(2), header.number(1)), (0x41d7, 2), "a tensor archive of version 2");
@@ -85,7 +85,7 @@ impl<'a> Archive<'a> {
         (&tensor.dimensions, bytes.chunks_exact(2).map(value).collect())
     }
 
-    /// A layer whose concatenated inputs have so many channels.
+    /// A layer whose concatenated inputs have these numbers of channels.
     pub fn convolution(&self, name: &str, inputs: &[usize]) -> Convolution {
         let (shape, values) = self.tensor(&format!("{name}.weight"));
         let [outputs, total, 3, 3] = *shape else { panic!("{name}: a 3x3 convolution") };

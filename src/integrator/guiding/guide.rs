@@ -36,7 +36,7 @@ pub struct Guide {
 }
 
 impl Guide {
-    /// Without training data.
+    /// A guide without training data.
     pub fn blank() -> Guide {
         let mut guide = Guide {
             grid: Grid::new(1.0),
@@ -49,10 +49,9 @@ impl Guide {
         guide
     }
 
-    /// From training data of a picture with this mean luminance.
+    /// A guide by the training data of a picture with this mean luminance.
     pub fn new(trained: &TrainedCells, luminance: f64) -> Guide {
-        let mut guide =
-            Guide { grid: trained.grid, floor: (MIN_SHARE * luminance) as f32, ..Guide::blank() };
+        let mut guide = Guide { grid: trained.grid, floor: (MIN_SHARE * luminance) as f32, ..Guide::blank() };
         let (mut numbers, mut parents) = (Numbers::default(), Vec::<CellSums>::new());
         for cell in trained.cells() {
             let key = parent(cell.key);
@@ -276,7 +275,7 @@ pub struct Histogram {
 }
 
 impl Histogram {
-    /// With densities in proportion to positive weights, as far as steps are rounded.
+    /// A histogram whose densities are proportional to positive weights, up to rounding.
     pub fn new(weights: &Bins, mean: f32) -> Histogram {
         let (rows, _) = weights.as_chunks::<EDGE>();
         let mut histogram = Histogram { rows: [0.0; EDGE], mean, columns: [[0.0; EDGE]; EDGE] };
@@ -512,7 +511,7 @@ pub struct TrainedCells {
 }
 
 impl TrainedCells {
-    /// Without training data.
+    /// A guide without training data.
     pub fn new(grid: Grid) -> TrainedCells {
         TrainedCells { grid, shares: Default::default() }
     }
@@ -619,7 +618,7 @@ mod tests {
         assert_eq!(parent(grid.key(a, Vec3::Y)), parent(grid.key(b, Vec3::Y)));
     }
 
-    /// A guide leads to where light came from, and expects as much as came; of other places it knows nothing.
+    /// A guide samples directions that light came from and predicts its mean; other cells are unknown.
     #[test]
     fn guides_know_what_they_learned() {
         let (mut random, grid) = (Random::new(8), Grid::new(1.0));
@@ -652,7 +651,7 @@ mod tests {
         assert_eq!(guide.cells(), 2);
     }
 
-    /// Values near the ends of the range of floats leave a guide that is of use: all that is beyond it says nothing.
+    /// Values near the limits of floats leave a usable guide: those that overflow are ignored.
     #[test]
     fn values_of_any_size_make_usable_guides() {
         let (mut random, grid) = (Random::new(9), Grid::new(1.0));

@@ -1,6 +1,6 @@
 use super::Tiling;
 use super::state::{
-    DIRECT, Diffuse, GroupLanes, LAMBERT, MIN_REST, METAL_ROUGH, NONE, Pairs, Prefixes, Reuse, SCATTERED,
+    DIRECT, Diffuse, GroupLanes, LAMBERT, METAL_ROUGH, MIN_REST, NONE, Pairs, Prefixes, Reuse, SCATTERED,
     SharedLayers, Suffixes, layer_rest,
 };
 use super::tiling::GroupShape;

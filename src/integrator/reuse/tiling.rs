@@ -77,7 +77,7 @@ impl FromStr for GroupShape {
             }
         };
         shape().ok_or_else(|| {
-            Error::usage(format!("'{text}' is no group of pixels")).with_help(
+            Error::usage(format!("'{text}' is not the shape of a group of pixels")).with_help(
                 "give width and height, powers of two with 2 to 64 pixels together, such as 4x4, and perhaps how far \
                  pixels lie apart, as in 4x4/2; 32 pixels at most from edge to edge",
             )
@@ -86,7 +86,7 @@ impl FromStr for GroupShape {
 }
 
 /// The groups of some samples: a grid of square regions, each divided alike. The grid is shifted and the groups change from
-/// pass to pass, so that no two pixels are always apart.
+/// pass to pass, so that no two pixels are always in different groups.
 #[derive(Clone, Debug)]
 pub struct Tiling {
     /// Edge of a region in pixels.

@@ -144,7 +144,7 @@ fn affordable(
 ) -> Vec<Option<f32>> {
     /// Times as many triangles as may be.
     const FAR: f64 = 16.0;
-    let least = tessellate::least_triangles(own, &edges);
+    let least = tessellate::min_triangles(own, &edges);
     if least <= FAR * budget as f64 {
         return edges;
     }

@@ -36,8 +36,8 @@ pub(super) fn subdivided(mesh: &Mesh, edges: &[Option<f32>], most: usize) -> (Me
     (fine, longest)
 }
 
-/// At least so many triangles have edges that are no longer than wanted: those with three such edges are the largest.
-pub(super) fn least_triangles(mesh: &Mesh, edges: &[Option<f32>]) -> f64 {
+/// A lower bound on the number of triangles: those whose edges all have the maximum length have the largest area.
+pub(super) fn min_triangles(mesh: &Mesh, edges: &[Option<f32>]) -> f64 {
     let area = |t: &[u32; 3]| {
         let [a, b, c] = t.map(|i| Vec3::from_array(mesh.positions[i as usize]).as_dvec3());
         0.5 * (b - a).cross(c - a).length()

@@ -18,8 +18,8 @@ use serde_json::Value;
 use std::f64::consts::{PI, TAU};
 
 const LIGHTS: &str = "extensions/EXT_lights_image_based/lights";
-/// Widest picture that is made, in pixels: 400 MB.
-const WIDEST: u32 = 8192;
+/// Maximum width of the converted picture, pixels: 400 MB.
+const MAX_WIDTH: u32 = 8192;
 /// Rays through each of its pixels, along each axis.
 const RAYS: u32 = 2;
 
@@ -49,17 +49,19 @@ fn read(doc: &Document, reference: &Value, from: &str, report: &mut Report) -> V
     let at = format!("/{LIGHTS}/{index}");
     let intensity = number_of(raw, "intensity", &at, report)?.unwrap_or(1.0);
     if !(intensity >= 0.0 && (intensity as f32).is_finite()) {
-        return Err(report.problem(format!("{at}/intensity"), format!("{intensity} is no factor from 0 up")));
+        return Err(
+            report.problem(format!("{at}/intensity"), format!("{intensity} is not a number from 0 up"))
+        );
     }
     let turn = numbers_of(raw, "rotation", &at, report)?.unwrap_or([0.0, 0.0, 0.0, 1.0]);
     let turn = DQuat::from_array(turn);
     if !(turn.length() > 1e-6 && turn.is_finite()) {
-        return Err(report.problem(format!("{at}/rotation"), "is no quaternion of a rotation"));
+        return Err(report.problem(format!("{at}/rotation"), "is not a quaternion of length 1"));
     }
     let faces = faces(doc, raw, &at, report)?;
     let size = faces[0].width;
     if raw.get("specularImageSize").and_then(Value::as_u64).is_some_and(|stated| stated != u64::from(size)) {
-        let message = format!("is not {size}, the size of the pictures, which counts");
+        let message = format!("is not {size}, the size of the images, which is used");
         report.warn(format!("{at}/specularImageSize"), message);
     }
     let name = raw.get("name").and_then(Value::as_str).unwrap_or("surroundings");
@@ -111,7 +113,7 @@ struct Cube<'i> {
 impl Cube<'_> {
     /// The equirectangular picture of as many pixels around as the cube has.
     fn unrolled(&self, name: &str) -> Image {
-        let width = self.faces[0].width.saturating_mul(4).min(WIDEST);
+        let width = self.faces[0].width.saturating_mul(4).min(MAX_WIDTH);
         let height = width / 2;
         let mut rgb = vec![0.0; width as usize * height as usize * 3];
         rgb.par_chunks_mut(width as usize * 3).enumerate().for_each(|(y, row)| {

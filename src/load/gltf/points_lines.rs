@@ -18,9 +18,9 @@ use gltf::json::mesh::{Mode, Primitive, Semantic};
 use gltf::json::validation::Checked;
 use std::collections::HashMap;
 
-/// Radius of lines over the diagonal of everything.
+/// Radius of lines, as a fraction of the diagonal of the scene.
 const LINE_RADIUS: f64 = 1e-3;
-/// Bytes that a point takes in the scene, about.
+/// Approximate bytes per point in the scene.
 const BYTES_PER_POINT: u64 = 256;
 
 /// Points, or strands of lines, of a primitive.
@@ -131,7 +131,7 @@ fn rods(loose: &Loose, place: &DAffine3, name: &str, radius: f64) -> Option<Curv
     let strands = loose.strands.as_ref()?;
     let scale = place.matrix3.determinant().abs().cbrt();
     let is_flat = scale.is_nan() || scale <= 0.0;
-    // Radii grow with the placement. Without an inverse the points are moved here.
+    // Radii scale with the placement. Flat placements have no inverse: points are transformed here.
     let world_from_object = if is_flat { DAffine3::IDENTITY } else { *place };
     let point = |i: u32| {
         let p = loose.positions[i as usize];

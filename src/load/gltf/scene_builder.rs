@@ -23,9 +23,9 @@ struct MeshKey {
     mesh: usize,
     /// Weights of morph targets, as bits.
     weights: Vec<u32>,
-    /// The skin, and the node whose transform holds for what the skin doesn't move.
+    /// The skin, and the node whose transform applies to unskinned vertices.
     skin: Option<(usize, usize)>,
-    /// The node with weights of its own at other moments.
+    /// The node, if its weights are animated.
     changing: Option<usize>,
 }
 
@@ -36,7 +36,7 @@ impl MeshKey {
     }
 }
 
-/// The scene being put together.
+/// The scene under construction.
 pub(super) struct SceneBuilder<'b, 'a> {
     doc: &'b Document<'a>,
     pose: &'b Pose,
@@ -48,7 +48,7 @@ pub(super) struct SceneBuilder<'b, 'a> {
     meshes_by_key: HashMap<MeshKey, Vec<MeshId>>,
     /// Area lights; their materials come after all others.
     area_lights: Vec<AreaLight>,
-    /// What of the shown meshes has no surface.
+    /// Points and lines of the visible meshes.
     pub points_and_lines: PointsAndLines,
 }
 
@@ -123,10 +123,7 @@ impl<'b, 'a> SceneBuilder<'b, 'a> {
         let placements = match (&skin, &node.instances) {
             (Some(skin), instances) => {
                 if instances.is_some() {
-                    report.warn(
-                        node.pointer(),
-                        "has a skin and instances; instances of skinned meshes are one",
-                    );
+                    report.warn(node.pointer(), "has a skin and instances; a skinned mesh gets one instance");
                 }
                 vec![DAffine3::from_translation(skin.origin)]
             }
@@ -195,7 +192,7 @@ impl<'b, 'a> SceneBuilder<'b, 'a> {
         ids
     }
 
-    /// A mesh and its placement; where that is flat (a scale of 0 on an axis), which no ray can be taken back through, a copy of the
+    /// A mesh and its placement; where that is flat (a scale of 0 on an axis) and has no inverse, a copy of the
     /// mesh that is flat itself.
     fn unflattened(
         &mut self,
@@ -323,7 +320,7 @@ pub(super) struct SharedAssets {
     pub materials: Materials,
     /// The images that they need, in the order of the needs.
     pub images: Vec<Image>,
-    /// Meshes of the file, by index, without the deformation by a skin or morph targets; absent while a scene has them.
+    /// Meshes of the file, by index, without the deformation by a skin or morph targets; absent while a scene owns them.
     pub still: HashMap<usize, Vec<Mesh>>,
     /// The profiles of EXT_lights_ies read so far.
     pub profiles: Profiles,

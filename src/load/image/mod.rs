@@ -30,8 +30,8 @@ use std::sync::Arc;
 /// The warning about a truncated JPEG file.
 const CUT_SHORT: &str = "the JPEG lacks its end, so that a part of it may be missing; the rest is grey";
 
-/// Reads an image file as a picture to look at: turned as its orientation (EXIF) asks, in the colours of its profile (ICC). Its pixels may
-/// take so many bytes.
+/// Reads an image file for display, with its orientation (EXIF) and colour profile (ICC) applied. `memory_limit` bounds the bytes of
+/// its pixels.
 ///
 /// # Errors
 /// As for [`load_environment`].
@@ -149,7 +149,7 @@ pub fn load_linear_rgb(path: &Path) -> Result<Image> {
     if image.channels == 3 { Ok(image) } else { Err(source.error("has no layer with channels R, G and B")) }
 }
 
-/// Has an image the shape of a cube's faces in a cross, a row or a column?
+/// Has an image the shape of an unfolded cube map: a cross, a row or a column?
 fn is_cube(width: u32, height: u32) -> bool {
     let is = |w: u64, h: u64| u64::from(width) * h == u64::from(height) * w;
     is(4, 3) || is(3, 4) || is(6, 1) || is(1, 6) || is(3, 2)
@@ -189,7 +189,7 @@ fn format_of(source: &Source, mime: Option<&str>, warnings: &mut Vec<Warning>) -
     })
 }
 
-/// Everything but EXR.
+/// Decodes all formats but EXR and KTX2.
 fn decode_common(
     source: &Source,
     format: ImageFormat,
@@ -226,7 +226,7 @@ fn decode_common(
                 )),
             }
         }
-        decoded = photograph::turned(decoded, metadata.orientation);
+        decoded = photograph::oriented(decoded, metadata.orientation);
     }
     if format == ImageFormat::Jpeg && !jpeg_is_complete(source.bytes) {
         warnings.push(source.warning(CUT_SHORT));
@@ -256,7 +256,7 @@ fn jpeg_is_complete(bytes: &[u8]) -> bool {
     end.is_some_and(|end| bytes[end..].windows(2).all(|w| w != [0xff, 0xda]))
 }
 
-/// Sets numbers that no picture can use to 0 and counts them.
+/// Sets NaN, infinite and, in environments, negative numbers to 0, and counts them.
 fn repair(source: &Source, numbers: &mut [f32], purpose: Use, warnings: &mut Vec<Warning>) {
     let (mut not_finite, mut negative) = (0usize, 0usize);
     for v in numbers.iter_mut() {
@@ -445,7 +445,7 @@ mod tests {
     }
 
     #[test]
-    fn tga_is_told_by_media_type_or_name() {
+    fn tga_is_recognized_by_media_type_or_name() {
         let bytes = encode(rgb(), ImageFormat::Tga);
         let mut warnings = Vec::new();
         let mut read = |path: &str, mime| decode(&file(&bytes, (path, ""), mime), Use::Color, &mut warnings);

@@ -17,7 +17,7 @@ const REC709_FROM_PCS: [[f64; 3]; 3] = [
 ];
 
 /// The picture the right way up.
-pub(super) fn turned(mut picture: DynamicImage, orientation: Option<Orientation>) -> DynamicImage {
+pub(super) fn oriented(mut picture: DynamicImage, orientation: Option<Orientation>) -> DynamicImage {
     picture.apply_orientation(orientation.unwrap_or(Orientation::NoTransforms));
     picture
 }
@@ -141,8 +141,8 @@ pub(super) mod tests {
             picture[(0, 0)] = image::Luma([9]);
             DynamicImage::ImageLuma8(picture)
         };
-        let upright = turned(picture(), Some(Orientation::Rotate90)).into_luma8();
+        let upright = oriented(picture(), Some(Orientation::Rotate90)).into_luma8();
         assert_eq!((upright.dimensions(), upright[(0, 0)].0), ((1, 2), [9]));
-        assert_eq!(turned(picture(), None).into_luma8().dimensions(), (2, 1));
+        assert_eq!(oriented(picture(), None).into_luma8().dimensions(), (2, 1));
     }
 }

@@ -1,9 +1,9 @@
 //! The statements of MTL files (Wavefront, "MTL material format", and the PBR keys of Exocortex, tinyobjloader's
 //! "PBR extension"), checked before `tobj` reads them.
 //!
-//! `tobj` ends the program on colours of fewer than three numbers, stops at the first number it can't parse, knows
-//! keywords in one spelling only, and has no lines. It gets sound statements in its own spelling; before the file name of
-//! a texture stands the line.
+//! `tobj` panics on colours of fewer than three numbers, stops at the first number it can't parse, knows
+//! keywords in one spelling only, and has no lines. It gets valid statements in its own spelling; before the file name of
+//! a texture stands its line number.
 
 use super::lines::{LineFilter, Words, by_tobj, decoded, float};
 use crate::error::Warning;
@@ -74,7 +74,7 @@ pub(super) struct Map {
     pub clamp: bool,
     /// `-bm`: factor on heights.
     pub bump: f32,
-    /// It was given.
+    /// `-bm` was given.
     pub has_bump: bool,
     /// `-imfchan r|g|b|m`: the channel of numbers.
     pub channel: Option<u8>,
@@ -182,7 +182,7 @@ impl LineFilter for Library {
     }
 }
 
-/// A statement as `tobj` gets it, and its options that mean nothing here; the error says why it is ignored.
+/// A statement as `tobj` gets it, and its unsupported options; the error says why it is ignored.
 fn clean(
     keyword: &str,
     words: Words,
@@ -221,7 +221,7 @@ fn clean(
     }
 }
 
-/// Values of `-colorspace` that say what is done anyway: colours are sRGB, numbers linear.
+/// Values of `-colorspace` that match what is done anyway: colours are sRGB, numbers linear.
 const COLOR_SPACES: [&str; 4] = ["srgb", "srgb_texture", "auto", "raw"];
 
 /// Three numbers, or one for grey.
@@ -234,7 +234,7 @@ fn rgb(words: Words) -> Option<[f32; 3]> {
     }
 }
 
-/// A texture statement behind its keyword (`-s 2 2 wood grain.png`), and the options that mean nothing here.
+/// A texture statement behind its keyword (`-s 2 2 wood grain.png`), and its unsupported options.
 fn map(statement: &str, line: usize) -> (Map, Vec<String>) {
     let mut map = Map {
         file: String::new(),
@@ -248,7 +248,7 @@ fn map(statement: &str, line: usize) -> (Map, Vec<String>) {
     };
     let mut ignored = Vec::new();
     let rest = options(&mut map, statement.trim(), &mut ignored);
-    // Some exporters write them behind the name.
+    // Some exporters write options after the name.
     let behind = rest.match_indices(" -").map(|(at, _)| rest.split_at(at));
     let mut split = behind.filter_map(|(name, tail)| {
         let (mut changed, mut ignored) = (map.clone(), Vec::new());
@@ -260,7 +260,7 @@ fn map(statement: &str, line: usize) -> (Map, Vec<String>) {
     (Map { file: name.trim_end().to_string(), ..changed }, ignored)
 }
 
-/// Applies the options that a text begins with, and notes those that mean nothing here; gives what follows them.
+/// Applies the options that a text begins with, and notes unsupported ones; returns the rest.
 fn options<'t>(map: &mut Map, text: &'t str, ignored: &mut Vec<String>) -> &'t str {
     let mut rest = text;
     while rest.starts_with('-') {
@@ -290,7 +290,7 @@ fn options<'t>(map: &mut Map, text: &'t str, ignored: &mut Vec<String>) -> &'t s
     rest
 }
 
-/// Applies an option; false if it means nothing here.
+/// Applies an option; false if it is not supported.
 fn apply(map: &mut Map, option: &str, values: &[&str]) -> bool {
     let number = |i: usize| values.get(i).and_then(|v| v.parse::<f32>().ok()).filter(|x| x.is_finite());
     match option {
@@ -312,7 +312,7 @@ fn apply(map: &mut Map, option: &str, values: &[&str]) -> bool {
             };
             return matches!(values, ["r" | "g" | "b" | "m" | "l"]);
         }
-        // They steer filtering, which is the renderer's own.
+        // They control filtering, for which the renderer has its own settings.
         "-blendu" | "-blendv" | "-boost" | "-texres" => {}
         "-cc" => return values == ["off"],
         // What each map is for decides already.

@@ -1,9 +1,9 @@
 //! The statements of OBJ files (Wavefront, "Advanced Visualizer Manual", appendix B1), checked before `tobj` reads them.
 //!
-//! Nothing says that a vertex must precede the faces that use it. Nearly always it does, and the file goes by once; where it doesn't,
-//! or where something is wrong, the file goes by twice: first its vertices reach `tobj`, then its faces. `tobj` stops at the first problem without its line, ends the program on some, takes `v x y z w`
+//! Nothing says that a vertex must precede the faces that use it. Nearly always it does, and one pass over the file suffices; where it doesn't,
+//! or where something is wrong, there are two: first vertices reach `tobj`, then faces. `tobj` stops at the first problem without its line, panics on some, takes `v x y z w`
 //! as a division, and fills in references that corners lack by others; it knows neither smoothing groups nor, in a file
-//! with several libraries, materials. All this is settled and noted here: what reaches it is sound and even.
+//! with several libraries, materials. All this is resolved and reported here: `tobj` gets valid, uniform statements.
 
 use super::lines::{LineFilter, Words, decoded, double, float};
 use crate::error::Problem;
@@ -57,7 +57,7 @@ pub(super) struct Statements {
     pub points: Vec<u32>,
     /// Polygons are stored for subdivision, by object: groups don't split them.
     pub keeps_polygons: bool,
-    /// The file has to go by twice.
+    /// The file needs two passes.
     pub needs_two_passes: bool,
     passes: Passes,
     /// Statements of positions, texture coordinates and normals in the file.
@@ -114,7 +114,7 @@ impl LineFilter for Statements {
 }
 
 impl Statements {
-    /// For a file that goes by once, or twice.
+    /// The filter of a file in one pass, or in two.
     pub fn new(has_two_passes: bool, keeps_polygons: bool) -> Statements {
         let passes = if has_two_passes { Passes::Vertices } else { Passes::One };
         Statements { passes, keeps_polygons, ..Statements::default() }
@@ -359,7 +359,7 @@ impl Statements {
             *is_plain &= index > 0;
             let (before, total) = (self.counts[kind] as i64, self.totals[kind] as i64);
             let place = if index < 0 { before + index + 1 } else { index };
-            // It may come.
+            // It may follow later in the file.
             self.needs_two_passes |= self.passes == Passes::One && place > total;
             if (1..=total).contains(&place) {
                 corner[kind] = place as u32;
@@ -432,7 +432,7 @@ impl Statements {
         problems
     }
 
-    /// Has the file vertices and nothing that they could be meant for?
+    /// Does the file have vertices, but nothing that uses them?
     fn is_cloud(&self) -> bool {
         let has_only_vertices = self.ignored.keys().all(|what| what.starts_with("colours"));
         self.pieces.is_empty() && self.points.is_empty() && self.totals[0] > 0 && has_only_vertices
@@ -616,7 +616,7 @@ mod numbers_tests {
     use super::*;
 
     #[test]
-    fn plain_numbers_are_told_at_a_glance() {
+    fn plain_numbers_are_recognized() {
         for (text, expected) in [
             (" 1 -2.5\t.5 3.", Some((4, false))),
             (" 123 4", Some((2, true))),

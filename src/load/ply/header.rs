@@ -26,7 +26,7 @@ pub(super) struct Source<'a> {
     rest: &'a [u8],
     /// The rest of an ascii payload.
     lines: Lines<'a>,
-    /// Lines of the header that mean nothing.
+    /// Unknown lines of the header.
     strays: Vec<String>,
     /// The named attributes of vertices.
     attributes: Vec<NamedAttribute>,
@@ -102,9 +102,9 @@ impl VertexLayout {
 
 /// Parts of a file that are not read, for warnings.
 pub(super) struct Unread {
-    /// It would change the picture.
+    /// Data that would change the picture.
     pub shown: Vec<String>,
-    /// It would not.
+    /// Other data.
     pub rest: Vec<String>,
     /// Pictures that comments name.
     pub texture_files: Vec<String>,

@@ -117,8 +117,8 @@ fn matrix(fields: &Fields, m: [f64; 16]) -> Option<DAffine3> {
 
 /// The motion of an object.
 enum Trajectory {
-    /// Evenly.
-    Even { a_frame: DVec3, axis: DVec3, rad_a_frame: f64, center: DVec3 },
+    /// At constant velocity.
+    Even { per_frame: DVec3, axis: DVec3, rad_per_frame: f64, center: DVec3 },
     /// From key to key.
     Keys(Vec<(f64, DAffine3)>),
 }
@@ -127,17 +127,17 @@ impl Trajectory {
     /// The motion's transform at a frame.
     fn at(&self, frame: f64) -> DAffine3 {
         match self {
-            Trajectory::Even { a_frame, axis, rad_a_frame, center } => {
-                let turn = DAffine3::from_axis_angle(*axis, rad_a_frame * frame);
+            Trajectory::Even { per_frame, axis, rad_per_frame, center } => {
+                let turn = DAffine3::from_axis_angle(*axis, rad_per_frame * frame);
                 let to_center = DAffine3::from_translation(-*center);
-                DAffine3::from_translation(*center + *a_frame * frame) * turn * to_center
+                DAffine3::from_translation(*center + *per_frame * frame) * turn * to_center
             }
             Trajectory::Keys(keys) => between(keys, frame),
         }
     }
 }
 
-/// Between two keys parts change evenly, not the matrix, but where that shears.
+/// Interpolates keys by scale, rotation and translation; by the matrix where one of them shears.
 fn between(keys: &[(f64, DAffine3)], frame: f64) -> DAffine3 {
     let (before, share) = segment(keys, frame);
     let Some(share) = share else { return keys.get(before).map_or(DAffine3::IDENTITY, |key| key.1) };
@@ -163,13 +163,13 @@ fn shears(transform: &DAffine3) -> bool {
 
 /// A motion evaluated at the picture's time and around it.
 pub(super) struct EvaluatedMotion {
-    /// From the place of its transform.
+    /// Relative to the object's transform.
     pub at_moment: DAffine3,
     /// Relative to the picture's time, if other times are sampled.
     pub onwards: Option<Moving<DAffine3>>,
 }
 
-/// The motion of something that keeps its size: of the camera, of a light.
+/// The motion of something that can't be scaled: a camera or a light.
 pub(super) fn rigid_motion(
     build: &mut SceneFileBuilder,
     fields: &Fields,
@@ -184,7 +184,7 @@ pub(super) fn rigid_motion(
     if std::iter::once(&moved.at_moment).chain(others).all(is_rigid) {
         return Some(moved);
     }
-    let message = "cameras and lights are moved and turned only: their 'motion' scales or mirrors";
+    let message = "'motion' of cameras and lights must not scale or mirror";
     fields.problems.push(fields.span(), message);
     None
 }
@@ -205,7 +205,7 @@ pub(super) fn read_motion(
     let moved = |frames: f64| track.at(now + frames) * back;
     let shutter = build.shutter;
     if !shutter.wants_motion() {
-        warn_of_closed(build);
+        warn_of_closed_shutter(build);
         return Some(EvaluatedMotion { at_moment, onwards: None });
     }
     let (keys, is_enough) = shutter.keys_for(&mut |frames| vec![moved(frames)]);
@@ -218,7 +218,7 @@ pub(super) fn read_motion(
     Some(EvaluatedMotion { at_moment, onwards: Some(Moving { keys, neighbours }) })
 }
 
-fn warn_of_closed(build: &mut SceneFileBuilder) {
+fn warn_of_closed_shutter(build: &mut SceneFileBuilder) {
     let message = "something moves, but the shutter is closed: 'shutter' of [camera] opens it";
     let note = Warning::new(build.file, "", message);
     if build.options.shutter.frames.is_none() && !build.loaded.notes.iter().any(|n| n.message == note.message)
@@ -230,12 +230,12 @@ fn warn_of_closed(build: &mut SceneFileBuilder) {
 fn read_track(fields: &Fields) -> Option<Trajectory> {
     if fields.has("keys") {
         if fields.has("translate") || fields.has("rotate") {
-            fields.problems.push(fields.span(), "'keys' say all: leave 'translate' and 'rotate' out");
+            fields.problems.push(fields.span(), "'keys' can't be combined with 'translate' or 'rotate'");
             return None;
         }
         return read_keys(fields, "keys", "motion", |key| Some(read(key))).map(Trajectory::Keys);
     }
-    let a_frame = fields.vector("translate").map(|t| t.value);
+    let per_frame = fields.vector("translate").map(|t| t.value);
     let mut turn = (DVec3::Y, 0.0, DVec3::ZERO);
     if let Some(rotate) = fields.table("rotate") {
         let axis = rotate.require("axis", rotate.vector("axis"));
@@ -252,8 +252,8 @@ fn read_track(fields: &Fields) -> Option<Trajectory> {
         fields.problems.push(fields.span(), "'motion' needs 'translate', 'rotate' or 'keys'");
         return None;
     }
-    let (axis, rad_a_frame, center) = turn;
-    Some(Trajectory::Even { a_frame: a_frame.unwrap_or(DVec3::ZERO), axis, rad_a_frame, center })
+    let (axis, rad_per_frame, center) = turn;
+    Some(Trajectory::Even { per_frame: per_frame.unwrap_or(DVec3::ZERO), axis, rad_per_frame, center })
 }
 
 /// Reads the list of keys `list` of a table: tables with a `frame`, which increases, and what `read` makes of the rest. Problems call them
@@ -299,7 +299,7 @@ pub(super) fn segment<T>(keys: &[(f64, T)], frame: f64) -> (usize, Option<f64>) 
     (before, is_between.then(|| (frame - keys[before].0) / (keys[after].0 - keys[before].0)))
 }
 
-/// A light's place, and how it moves on from there.
+/// The placement of a light, and its motion.
 pub(super) struct MovingPlacement {
     /// At the picture's time.
     pub now: Placement,
@@ -307,10 +307,10 @@ pub(super) struct MovingPlacement {
     pub motion: Option<Moving<Placement>>,
 }
 
-/// The place of a light.
+/// The placement of a light.
 #[derive(Clone, Copy)]
 pub(super) struct Placement {
-    /// Its middle.
+    /// Its center.
     pub center: DVec3,
     /// The direction of emission, of unit length.
     pub direction: DVec3,
@@ -412,14 +412,14 @@ pub(super) fn nodes_of_lights(root: &Fields) -> Vec<String> {
     nodes.map(str::to_string).collect()
 }
 
-/// The way the light travels: `direction`, or from `position` to `target`.
+/// The direction of emission: `direction`, or from `position` to `target`.
 pub(super) fn direction(fields: &Fields, position: Option<DVec3>) -> Option<DVec3> {
     let target = position.and_then(|p| fields.vector("target").map(|t| (t.value - p, t.span)));
     let direction = fields.vector("direction").map(|d| (d.value, d.span));
     let (vector, span) = match (target, direction) {
         (Some(one), None) | (None, Some(one)) => one,
         (Some(_), Some((_, span))) => {
-            fields.problems.push(span, "'target' and 'direction' say the same: leave one out");
+            fields.problems.push(span, "'target' and 'direction' exclude each other: leave one out");
             return None;
         }
         (None, None) => {

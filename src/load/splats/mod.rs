@@ -13,8 +13,8 @@ use half::f16;
 use std::path::Path;
 use std::sync::Arc;
 
-/// The shortest axis of a splat, as a share of the longest: flatter ones would leave single precision.
-const FLATTEST: f32 = 1e-4;
+/// Minimum ratio of the shortest to the longest axis of a splat: flatter ones exceed single precision.
+const MIN_AXIS_RATIO: f32 = 1e-4;
 
 /// A splat as a file has it, in linear scale and opacity.
 #[derive(Clone, Copy, Debug)]
@@ -45,10 +45,10 @@ pub(super) struct SplatList {
 }
 
 impl SplatList {
-    /// None yet, with room for `count`.
+    /// An empty list with capacity for `count`.
     ///
     /// # Errors
-    /// Where there is no memory for so many.
+    /// If there is not enough memory.
     pub fn new(count: usize, degree: u8, origin: DVec3) -> std::result::Result<SplatList, Problem> {
         let mut list = SplatList { origin, ..SplatList::default() };
         list.splats.degree = degree;
@@ -79,7 +79,7 @@ impl SplatList {
             self.invisible += 1;
             return;
         }
-        let least = longest * FLATTEST;
+        let least = longest * MIN_AXIS_RATIO;
         self.flat += usize::from(scales.iter().any(|scale| scale.abs() < least));
         let turned = Quat::from_array(*rotation);
         let length = turned.length();
@@ -101,7 +101,7 @@ impl SplatList {
         self.splats.is_linear = is_linear;
     }
 
-    /// What was left out or repaired, in words, and what nobody sees.
+    /// Messages about what was left out or repaired, and about invisible splats.
     pub fn messages(&self) -> (Vec<String>, Option<String>) {
         let mut messages = Vec::new();
         let mut add = |count: usize, what: &str| {
@@ -110,18 +110,18 @@ impl SplatList {
             }
         };
         add(self.not_finite, "with numbers that are not finite were left out");
-        add(self.unturned, "without a rotation (of zeros) are not turned");
+        add(self.unturned, "with a zero quaternion are not rotated");
         let faint = (self.invisible > 0)
             .then(|| format!("{} splats without size or of an opacity below 1/255", self.invisible));
         (messages, faint)
     }
 
-    /// The middles.
+    /// The centers.
     pub fn centers(&self) -> &[[f32; 3]] {
         &self.centers
     }
 
-    /// Is there none that can be seen?
+    /// Are there no visible splats?
     pub fn is_empty(&self) -> bool {
         self.centers.is_empty()
     }
@@ -139,7 +139,7 @@ impl SplatList {
     }
 }
 
-/// The material of splats: they shine with their colours, and scatter nothing.
+/// The material of splats: they emit their colours and scatter nothing.
 pub(super) fn material() -> Material {
     let radiance = ColorSlot::constant([1.0; 3]);
     Material {
@@ -171,7 +171,7 @@ pub(super) fn finish(path: &Path, list: SplatList, up: (Up, &'static str)) -> Re
     Ok(loaded)
 }
 
-/// An opacity by the number that optimisation has in its place.
+/// The opacity of a logit.
 pub(super) fn sigmoid(x: f32) -> f32 {
     1.0 / (1.0 + exp(-x))
 }

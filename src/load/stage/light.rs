@@ -1,5 +1,5 @@
 //! The light of stages: small generated environment pictures, which a distribution over their texels samples with little
-//! noise, and which don't care how large a model is.
+//! noise, and which are independent of the model's size.
 
 use super::options::{StageLight, StageOptions};
 use crate::color::luminance;
@@ -161,9 +161,9 @@ pub(super) fn reflected(light: StageLight, horizon: [f32; 3], normal: DVec3) -> 
 
 // Light emitted by the surfaces of a scene.
 
-/// Parts light a scene where the light that they send out, spread evenly over the inside of the box around all, makes white
+/// Emissive parts count as the scene's lights if their power, spread evenly over the inside of the box around all, gives white
 /// walls of at least this radiance. A PNG shows it as 38 of 255; the soft sky makes some 30 times of it.
-const ENOUGH: f64 = 0.02;
+const MIN_WALL_RADIANCE: f64 = 0.02;
 
 /// Texels of an image, along each side, that its mean is taken of at most.
 const TEXELS: u32 = 256;
@@ -173,7 +173,7 @@ const TEXELS: u32 = 256;
 pub(super) enum EmittedLight {
     /// There are none.
     None,
-    /// They glow: they show themselves, and light nothing worth looking at. None is brighter than white paper in full
+    /// They glow: they are seen, but light nothing noticeably. None is brighter than white paper in full
     /// light, as those of glTF are that use no `KHR_materials_emissive_strength`.
     Glow,
     /// Lamps of little power.
@@ -224,7 +224,7 @@ pub(super) fn of(scene: &Scene) -> EmittedLight {
     }
     match power / inside(scene) {
         // Areas that are not finite are no reason to light anything.
-        radiance if radiance.is_nan() || radiance >= ENOUGH => EmittedLight::Light,
+        radiance if radiance.is_nan() || radiance >= MIN_WALL_RADIANCE => EmittedLight::Light,
         _ if strongest <= 1.0 => EmittedLight::Glow,
         _ => EmittedLight::Dim,
     }

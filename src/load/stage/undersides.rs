@@ -1,4 +1,4 @@
-//! Undersides on the ground: sheets that lie on it and have a front only, which looks down. Nobody sees their fronts, and they are absent
+//! Undersides on the ground: one-sided sheets that lie on it and face down. Their fronts are never seen, and they are absent
 //! from behind; but light that the ground reflects would end at them, and leave a black patch in their place.
 
 use crate::error::Warning;
@@ -10,8 +10,8 @@ use std::collections::{HashMap, HashSet};
 /// An edge by the bits of its ends' coordinates, in order.
 type Edge = [[u32; 3]; 2];
 
-/// Leaves out undersides up to a height, relative to the model's offset. Those that close a body stay: what is inside it would be
-/// open to the ground. Meshes that are known elsewhere stay as they are; their instances show others.
+/// Removes undersides up to a height, relative to the model's offset. Those that close a body stay: its inside would be
+/// open to the ground. Meshes are not changed, as others may refer to them: instances get copies.
 pub(super) fn leave_out(loaded: &mut Loaded, height: f64) {
     let scene = &mut loaded.scene;
     let (mut count, mut emptied) = (0, HashSet::new());
@@ -63,7 +63,7 @@ fn undersides(scene: &Scene, instance: &Instance, offset: DVec3, height: f64) ->
         return None;
     }
     let rising = mesh.triangles.iter().filter(|t| lows(t) == 2).flat_map(|t| edges(mesh, t)).collect();
-    let hidden = apart(mesh, &down, &rising);
+    let hidden = unattached(mesh, &down, &rising);
     (!hidden.is_empty()).then_some(hidden)
 }
 
@@ -84,7 +84,7 @@ fn edges(mesh: &Mesh, triangle: &[u32; 3]) -> [Edge; 3] {
 }
 
 /// The triangles among `down` whose connected sheets share no edge with a triangle that rises.
-fn apart(mesh: &Mesh, down: &[usize], rising: &HashSet<Edge>) -> HashSet<usize> {
+fn unattached(mesh: &Mesh, down: &[usize], rising: &HashSet<Edge>) -> HashSet<usize> {
     let mut neighbours: HashMap<Edge, Vec<usize>> = HashMap::new();
     for &t in down {
         edges(mesh, &mesh.triangles[t])

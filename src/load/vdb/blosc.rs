@@ -1,5 +1,5 @@
-//! Buffers of the library Blosc (format 1 and 2), in which OpenVDB keeps values: blocks of bytes that are sorted by their place in a
-//! number (shuffled), split by that, and packed by LZ4.
+//! Buffers of the library Blosc (format 1 and 2), in which OpenVDB stores values: blocks of bytes that are sorted by their position in a
+//! number (byte shuffle), split by that position, and compressed with LZ4.
 
 /// Bytes of a buffer's header.
 const HEADER: usize = 16;
@@ -7,9 +7,9 @@ const SHUFFLED: u8 = 1;
 const STORED: u8 = 2;
 const BITS_SHUFFLED: u8 = 4;
 const UNSPLIT: u8 = 0x10;
-/// Blocks are split for numbers up to this size only,
+/// Only blocks of numbers up to this size are split, bytes,
 const WIDEST_SPLIT: usize = 16;
-/// and where they hold so many numbers.
+/// and only if they hold this many numbers.
 const SHORTEST_SPLIT: usize = 128;
 
 /// Unpacks a buffer that holds `wanted` bytes; an error is a sentence.
@@ -29,8 +29,10 @@ pub(super) fn unpack(packed: &[u8], wanted: usize) -> Result<Vec<u8>, String> {
     let codec = flags >> 5;
     if codec != 1 || flags & BITS_SHUFFLED != 0 {
         let name = ["BloscLZ", "LZ4", "Snappy", "zlib", "Zstandard"].get(usize::from(codec));
-        let name = name.copied().unwrap_or("an unknown way");
-        return Err(format!("is packed by {name} within Blosc, of which only shuffled LZ4 is read"));
+        let name = name.copied().unwrap_or("an unknown codec");
+        return Err(format!(
+            "is compressed by {name} within Blosc, of which only LZ4 with byte shuffle is supported"
+        ));
     }
     let mut unpacked = Vec::with_capacity(length);
     for (number, start) in (0..length).step_by(block).enumerate() {
@@ -57,7 +59,7 @@ fn word(packed: &[u8], at: usize) -> Option<u32> {
     Some(u32::from_le_bytes(bytes.try_into().ok()?))
 }
 
-/// A block in as many pieces, each behind its length.
+/// A block of `pieces`, each after its length.
 fn unpack_block(packed: &[u8], mut at: usize, size: usize, pieces: usize) -> Result<Vec<u8>, String> {
     let piece = size / pieces;
     let mut bytes = Vec::with_capacity(size);
@@ -75,7 +77,7 @@ fn unpack_block(packed: &[u8], mut at: usize, size: usize, pieces: usize) -> Res
     Ok(bytes)
 }
 
-/// Appends a block of LZ4 (its "block format") until there are `wanted` bytes. Matches don't reach before where it began.
+/// Appends a block of LZ4 (its "block format") until there are `wanted` bytes. Matches must not reach before its start.
 fn unpack_lz4(mut source: &[u8], wanted: usize, out: &mut Vec<u8>) -> Option<()> {
     let first = out.len();
     let byte = |source: &mut &[u8]| {

@@ -13,7 +13,7 @@ use std::fmt::Display;
 
 const FINITE: &str = "a finite number";
 const FROM_ZERO: &str = "a finite number from 0 up";
-/// Larger indices of metals, whose fourth powers Fresnel's equations take, mean nothing.
+/// Maximum index of refraction of metals: Fresnel's equations take its fourth power.
 const MAX_INDEX: f32 = 1e4;
 const INDEX: &str = "numbers from 0 to 10,000";
 const CHANNEL: &str = "a channel from 0 to 3";
@@ -36,7 +36,7 @@ pub(super) fn check_materials(scene: &Scene, findings: &mut Findings) {
     }
 }
 
-/// A grid makes a medium thinner and thicker for all channels alike: what a solid absorbs everywhere has no place there.
+/// A grid scales the extinction of all channels alike: a solid's own absorption can't be added.
 fn check_attenuation(medium: &Medium, model: &Model, place: Entry, findings: &mut Findings) {
     let Some(pbr) = model.pbr().filter(|pbr| pbr.has_volume && medium.grid.is_some()) else { return };
     let is_met = coefficients(pbr.attenuation_color, pbr.attenuation_distance).is_none();
@@ -44,7 +44,7 @@ fn check_attenuation(medium: &Medium, model: &Model, place: Entry, findings: &mu
     findings.require(is_met, place, "attenuation_distance", pbr.attenuation_distance, rule);
 }
 
-/// The peak of narrower beams has no place among single-precision numbers.
+/// The peak of narrower beams overflows single precision.
 const MIN_BEAM_RAD: f64 = 1e-4;
 
 fn check_beam(beam: Option<Beam>, profiles: usize, place: Entry, findings: &mut Findings) {
@@ -118,7 +118,7 @@ fn check_alpha(material: &Material, place: Entry, findings: &mut Findings) {
     }
 }
 
-/// What is no parameter, or has limits of its own. Other models need nothing here: every parameter was visited.
+/// Checks fields that are no parameters or have limits of their own. All other parameters were visited.
 fn check_model(model: &Model, place: Entry, findings: &mut Findings) {
     match model {
         Model::Conductor { eta, k, .. } => {
@@ -166,10 +166,10 @@ fn check_pbr(pbr: &PbrMaterial, place: Entry, findings: &mut Findings) {
 
 // What fills spaces: fog and the insides of solids.
 
-/// Flights in denser media are shorter than positions are precise.
+/// In denser media, mean free paths are below the precision of positions.
 const MAX_EXTINCTION: f32 = 1e9;
 
-/// Rays look at so many points of a grid at most, times a small number.
+/// Bounds the number of lookups of a ray in a grid, up to a small factor.
 const MAX_MEAN_FREE_PATHS: f64 = 1e5;
 
 fn check_medium(medium: &Medium, grids: &[Grid], place: impl Display + Copy, findings: &mut Findings) {
@@ -181,13 +181,7 @@ fn check_medium(medium: &Medium, grids: &[Grid], place: impl Display + Copy, fin
     findings.require(is_met, place, "anisotropy", medium.anisotropy, "above -1 and below 1");
     findings.require_color(&medium.emission, place, "emission");
     if let Some(glow) = medium.glow {
-        findings.require(
-            medium.grid.is_some(),
-            place,
-            "glow",
-            glow.grid,
-            "none where there is no grid of densities",
-        );
+        findings.require(medium.grid.is_some(), place, "glow", glow.grid, "none without a grid of densities");
         if grids.get(glow.grid.index()).is_none() {
             findings.reject(place, "glow", glow.grid, "one of the scene's grids");
         }
@@ -200,25 +194,21 @@ fn check_medium(medium: &Medium, grids: &[Grid], place: impl Display + Copy, fin
     };
     let [r, g, b] = medium.extinction;
     let is_met = (r == g && g == b) || medium.emission == [0.0; 3];
-    findings.require(
-        is_met,
-        place,
-        "extinction",
-        medium.extinction,
-        "grey where there is a grid that shines",
-    );
+    findings.require(is_met, place, "extinction", medium.extinction, "grey where there is an emissive grid");
     let most = r.max(g).max(b);
     let thickest = grid.values.iter().fold(0.0f32, |most, x| most.max(*x));
-    let paths = f64::from(thickest) * f64::from(most) * longest_way(grid);
-    // Numbers that are none have had their complaint.
+    let paths = f64::from(thickest) * f64::from(most) * longest_diagonal(grid);
+    // NaN is reported above.
     let is_met = paths.is_nan() || paths <= MAX_MEAN_FREE_PATHS;
     findings.require(is_met, place, "grid", paths, "at most 1e5 mean free paths across where it is thickest");
 }
 
 /// The longest of the diagonals of its box, metres.
-fn longest_way(grid: &Grid) -> f64 {
+fn longest_diagonal(grid: &Grid) -> f64 {
     let [x, y, z] = [0, 1, 2].map(|k| grid.world_from_voxels.matrix3.col(k) * f64::from(grid.size[k]));
-    [x + y + z, x + y - z, x - y + z, x - y - z].into_iter().fold(0.0, |most, way| way.length().max(most))
+    [x + y + z, x + y - z, x - y + z, x - y - z]
+        .into_iter()
+        .fold(0.0, |most, diagonal| diagonal.length().max(most))
 }
 
 fn check_grids(grids: &[Grid], findings: &mut Findings) {
@@ -234,11 +224,11 @@ fn check_grids(grids: &[Grid], findings: &mut Findings) {
         let is_whole = map.is_finite() && map.matrix3.determinant() != 0.0;
         let voxel = DVec3::from_array([0, 1, 2].map(|k| map.matrix3.col(k).length()));
         let is_sized = !(voxel.min_element() < 1e-18 || voxel.max_element() > 1e18);
-        // Rays are taken to voxels in single precision, by an inverse that a nearly flat one has not.
+        // Rays are transformed to voxels in single precision, in which the inverse of a nearly flat map overflows.
         let is_turned = map.matrix3.inverse().as_mat3().is_finite();
         let is_met = is_whole && (is_turned || !is_sized);
         findings.require(is_met, place, "world_from_voxels", map, "finite, and not flat");
-        // Numbers that are none, and what is flat, have had their complaint.
+        // NaN and flat maps are reported above.
         let is_met = is_sized || !is_whole;
         findings.require(is_met, place, "world_from_voxels", voxel, "voxels between 1e-18 and 1e18 metres");
     }
@@ -261,7 +251,7 @@ pub(super) fn check_media(scene: &Scene, findings: &mut Findings) {
 // Images: as many numbers as width, height and channels say.
 
 pub(super) fn check_images(scene: &Scene, findings: &mut Findings) {
-    // The environment counts texels that are no numbers as black; textures hand them on.
+    // NaN texels are black in the environment; textures pass them on.
     let mut is_texture = vec![false; scene.images.len()];
     for texture in &scene.textures {
         if let Texture::Image { image, .. } = texture
@@ -310,9 +300,9 @@ fn check_image(image: &Image, place: Entry, is_finite: bool, findings: &mut Find
 // Textures: what they refer to, and how they lie on surfaces.
 
 pub(super) fn check_textures(scene: &Scene, findings: &mut Findings) {
-    // How many textures lie one in the other, up to each one.
+    // Nesting depth of each texture.
     let mut depths: Vec<u32> = Vec::with_capacity(scene.textures.len());
-    // How many are looked up for each one.
+    // Number of lookups of each texture.
     let mut lookups: Vec<u64> = Vec::with_capacity(scene.textures.len());
     let of = |lookups: &[u64], part: TextureId| lookups.get(part.index()).copied().unwrap_or(1);
     for (index, texture) in scene.textures.iter().enumerate() {
@@ -374,12 +364,12 @@ pub(super) fn check_textures(scene: &Scene, findings: &mut Findings) {
 /// Maximum number of textures of one lookup.
 const MAX_LOOKUPS: u64 = 4096;
 
-const NESTING: &str = "at most 64 textures, one in the other";
+const NESTING: &str = "at most 64 nested textures";
 
 /// Bounds how deep textures are nested, and how many of them one lookup evaluates.
 fn check_nesting(depth: u32, looked_up: u64, place: Entry, findings: &mut Findings) {
     findings.require(depth <= MAX_TEXTURE_NESTING, place, "nesting", depth, NESTING);
-    let expected = "made of at most 4096 textures that are no mixes";
+    let expected = "made of at most 4096 textures other than mixes";
     findings.require(looked_up <= MAX_LOOKUPS, place, "mixes", looked_up, expected);
 }
 
@@ -392,7 +382,7 @@ fn check_part(
     findings: &mut Findings,
 ) -> u32 {
     let depth = depths.get(part.index()).copied();
-    // This also rules out circles.
+    // This also rules out cycles.
     findings.require(depth.is_some(), place, field, part, "a texture that comes before this one");
     depth.unwrap_or(0)
 }

@@ -265,10 +265,10 @@ fn broken_pictures_of_surroundings() {
         ("specularImages", json!("none"), "six images"),
         ("specularImages", json!([[0, 1, 2, 3, 4, -5]]), "six images"),
         ("specularImages", json!([[0, 1, 2, 3, 4, 77]]), "there are 7"),
-        ("intensity", json!(-1), "factor from 0 up"),
-        ("intensity", json!("bright"), "is not a number"),
-        ("rotation", json!([0, 0, 0, 0]), "quaternion"),
-        ("rotation", json!([0, 1]), "4 numbers"),
+        ("intensity", json!(-1), "lights/0/intensity"),
+        ("intensity", json!("bright"), "lights/0/intensity"),
+        ("rotation", json!([0, 0, 0, 0]), "lights/0/rotation"),
+        ("rotation", json!([0, 1]), "lights/0/rotation"),
     ] {
         let message = refused(key, value.clone());
         assert!(message.contains(said), "{key} = {value}: {message}");

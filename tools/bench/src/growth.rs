@@ -297,10 +297,7 @@ fn powers(before: &[(u64, Cost)], size: u64, cost: Cost, is_side: bool) -> [Opti
     let power = |first: f64, last: f64, now: f64, least: f64| {
         (last - first >= least).then(|| ((now - first) / (last - first)).max(1e-9).ln() / ratio)
     };
-    [
-        power(first.cpu_s, last.cpu_s, cost.cpu_s, MIN_S),
-        power(first.bytes, last.bytes, cost.bytes, MIN_BYTES),
-    ]
+    [power(first.cpu_s, last.cpu_s, cost.cpu_s, MIN_S), power(first.bytes, last.bytes, cost.bytes, MIN_BYTES)]
 }
 
 /// Renders a scene by a process.

@@ -4,7 +4,7 @@
 /// Steps of the bisection: to a part in a million.
 const STEPS: usize = 40;
 
-/// The reduced albedo at which light leaves a body as good as whole, and its complement.
+/// The reduced albedo from which a body counts as white, and its complement.
 const WHITE: (f32, f64) = (0.995, 1e-6);
 
 /// Reduced mean free path of a body of a colour over its diffusion length 1 / sqrt(3 sigma_a sigma_t), at an index of refraction.
