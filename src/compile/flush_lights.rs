@@ -108,7 +108,7 @@ fn hides(scene: &Scene, id: MaterialId) -> bool {
     material.emission.is_none() && !matches!(material.model, Model::Boundary {})
 }
 
-/// Does another quad that does not shine lie in the plane of a light?
+/// Does another quad that does not emit light lie in the plane of a light?
 fn is_on_quad(light: &FlatLight<'_>, scene: &Scene) -> bool {
     let is_other = |quad: &&Quad| hides(scene, quad.material);
     scene.quads.iter().filter(is_other).any(|quad| {

@@ -20,7 +20,7 @@ pub(super) fn check(problems: Vec<Problem>) -> Result<()> {
 /// Fails where a scene with its plan is too large.
 pub(super) fn check_size(scene: &Scene, plan: &Plan) -> Result<()> {
     let objects = scene.instances.len() + scene.quads.len() + scene.shapes.len() + scene.curves.len();
-    // Quads and the like may all shine; so may triangles, which the accelerator limits.
+    // Quads and the like may all be emissive; so may triangles, which the accelerator limits.
     let lights = scene.lights.len() + scene.quads.len() + scene.shapes.len();
     let curves = scene.curves.iter().map(|curves| curves.points.len() as u64).sum();
     let counts = [

@@ -32,7 +32,7 @@ pub struct CompiledMaterial {
     pub light_spectrum: Option<Arc<Spectrum>>,
     /// Single-sided: rays that arrive from behind pass.
     pub is_absent_from_behind: bool,
-    /// A smooth thin sheet that transmits straight on: shadow rays pass it. Not one that shines: what passes would not take its light along.
+    /// A smooth thin sheet that transmits straight on: shadow rays pass it. Not one that emits light: what passes would not take its light along.
     pub passes_straight: bool,
     /// Metres up to which two of its flat parallel faces make a pane that shadow rays pass; 0 where there is none.
     pub pane_thickness: f32,
@@ -216,7 +216,7 @@ fn emission_of(
         let beam = Beam::new(material.lamp.unwrap_or_default().beam, textures.profiles());
         (radiance.factor != [0.0; 3]).then_some(CompiledEmission {
             radiance,
-            // Nothing shines where nothing is.
+            // Absent surfaces do not emit.
             two_sided: e.two_sided && !is_absent_from_behind,
             beam,
         })
@@ -657,7 +657,7 @@ pub(super) fn with_spectra(material: &Material, textures: &mut CompiledTextures)
     uplifted
 }
 
-/// What shines: the slot with a constant colour in place of a spectrum, and the spectrum.
+/// Emission: the slot with a constant colour in place of a spectrum, and the spectrum.
 fn light_spectrum(slot: ColorSlot, textures: &CompiledTextures) -> (ColorSlot, Option<Arc<Spectrum>>) {
     let slot = fold_color(slot, textures);
     match slot.texture {

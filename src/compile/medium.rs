@@ -21,7 +21,7 @@ pub struct Medium {
     /// Extinction coefficient by channel, per metre, of media that only absorb; `None` for clear ones and those that
     /// scatter.
     pub absorption: Option<Rgb>,
-    /// What scatters or shines.
+    /// What scatters or emits.
     pub scattering: Option<Scattering>,
     /// Its boundary is index-matched: no surface reflects or refracts there.
     pub is_boundary: bool,

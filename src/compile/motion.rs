@@ -112,7 +112,7 @@ pub(super) fn moving_shapes(
     all
 }
 
-/// Where a shape around its own middle stands. Spheres that shine are not turned: interpolated rotations would bend them a little,
+/// Where a shape around its own middle stands. Spheres that emit light are not turned: interpolated rotations would bend them a little,
 /// and what samples their light asks for spheres.
 fn placed(shape: &Shape, world_from_rest: &DAffine3, emits: bool) -> DAffine3 {
     let m = world_from_rest.matrix3;

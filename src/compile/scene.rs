@@ -113,7 +113,7 @@ pub struct CompiledScene {
     pub media: Vec<Medium>,
     /// Texture lookups.
     pub textures: CompiledTextures,
-    /// Everything that shines.
+    /// Everything that emits light.
     pub lights: Lights,
     /// The environment that camera rays see, if it differs from the one that lights the scene and is not black.
     pub camera_environment: Option<EnvironmentLight>,
@@ -224,7 +224,7 @@ impl CompiledScene {
         self.light_kinds.get(index as usize).copied().unwrap_or(RayKinds::ALL)
     }
 
-    /// The spectrum of light `index`, where pictures are rendered by wavelength and it shines the same everywhere and not white.
+    /// The spectrum of light `index`, where pictures are rendered by wavelength and it emits the same everywhere and is not white.
     #[inline]
     pub fn spectrum_of_light(&self, index: u32) -> Option<&Spectrum> {
         self.light_spectra.get(index as usize).and_then(Option::as_deref)

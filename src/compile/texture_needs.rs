@@ -68,13 +68,13 @@ pub(super) fn of(scene: &Scene, options: &CompileOptions) -> TextureNeeds {
     TextureNeeds { finest, limit }
 }
 
-/// The textures of a material that are looked up at points: what shines, and what is partly absent.
+/// The textures of a material that are looked up at points: emission, and partial absence.
 fn points(material: &Material) -> impl Iterator<Item = TextureId> {
     let radiance = material.emission.map(|emission| emission.radiance);
-    let shining = radiance.filter(|slot| slot.factor != [0.0; 3]).and_then(|slot| slot.texture);
+    let emissive = radiance.filter(|slot| slot.factor != [0.0; 3]).and_then(|slot| slot.texture);
     let is_partial = material.alpha_mode != AlphaMode::Opaque;
     let alpha = material.alpha.texture.filter(|_| is_partial).map(|(id, _)| id);
-    shining.into_iter().chain(alpha)
+    emissive.into_iter().chain(alpha)
 }
 
 /// Calls `f` with the image textures that a texture is made of, by number, and how they lie.

@@ -208,13 +208,13 @@ impl MediumSegment {
         others: impl Fn(f32) -> Rgb,
     ) -> Rgb {
         let span = self.span_before(to);
-        let shines = throughput * medium.emission;
-        if span <= 0.0 || shines.max_element() <= 0.0 {
+        let emission = throughput * medium.emission;
+        if span <= 0.0 || emission.max_element() <= 0.0 {
             return Rgb::ZERO;
         }
-        let (x, density) = self.emission_point(medium, shines, span, u);
+        let (x, density) = self.emission_point(medium, emission, span, u);
         let at = self.extent[0] + x;
-        over(shines * self.ungridded_passing_weight(medium, at) * others(at), density)
+        over(emission * self.ungridded_passing_weight(medium, at) * others(at), density)
     }
 
     /// Length of the segment within the medium up to distance `to`, metres.
@@ -231,8 +231,8 @@ impl MediumSegment {
     /// sampling, whose density decays more slowly than exponentials, it falls off with the extinction itself. Channels
     /// are selected in proportion to their emission.
     #[inline]
-    fn emission_point(&self, medium: &Scattering, shines: Rgb, span: f32, u: f32) -> (f32, f32) {
-        let (extinction, shines) = (medium.extinction.to_array(), shines.to_array());
+    fn emission_point(&self, medium: &Scattering, emission: Rgb, span: f32, u: f32) -> (f32, f32) {
+        let (extinction, emission) = (medium.extinction.to_array(), emission.to_array());
         let mut least = f32::INFINITY;
         for (share, &extinction) in self.shares.iter().zip(&extinction) {
             if *share > 0.0 {
@@ -242,18 +242,18 @@ impl MediumSegment {
         if self.equiangular.is_some() || !self.draws() {
             least = 0.0;
         }
-        let sum = shines[0] + shines[1] + shines[2];
+        let sum = emission[0] + emission[1] + emission[2];
         let (mut channel, mut rest) = (0, u * sum);
-        while channel < 2 && rest >= shines[channel] {
-            rest -= shines[channel];
+        while channel < 2 && rest >= emission[channel] {
+            rest -= emission[channel];
             channel += 1;
         }
-        let u = (rest / shines[channel].max(f32::MIN_POSITIVE)).clamp(0.0, 1.0f32.next_down());
+        let u = (rest / emission[channel].max(f32::MIN_POSITIVE)).clamp(0.0, 1.0f32.next_down());
         let rates = map_each(extinction, |x| (x - least).max(0.0));
         let x = TruncatedExponential::new(rates[channel], span).sample(u);
         let mut density = 0.0;
         for c in 0..3 {
-            density += shines[c] / sum * TruncatedExponential::new(rates[c], span).density(x);
+            density += emission[c] / sum * TruncatedExponential::new(rates[c], span).density(x);
         }
         (x, density)
     }

@@ -336,7 +336,7 @@ mod tests {
             true => Environment::Image { image: ImageId(0), strength: 1.0, rotation_rad: 0.4 },
             false => Environment::Gradient { nadir: [0.1; 3], zenith: [1.0; 3] },
         };
-        let mut light = EnvironmentLight::new(&environment, &[image], true).expect("it shines");
+        let mut light = EnvironmentLight::new(&environment, &[image], true).expect("it emits");
         let side = window([2.0, 0.5, 1.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.5]);
         let above = window([-1.0, 3.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -2.0]);
         light.set_portals(&[flipped(side), flipped(above)], DVec3::ZERO);

@@ -247,7 +247,7 @@ impl Scene {
         self.object_traits().any(|traits| traits.is_shadow_catcher)
     }
 
-    /// The groups of everything that shines, in alphabetical order. Every light is in exactly one.
+    /// The groups of everything that emits light, in alphabetical order. Every light is in exactly one.
     pub fn light_groups(&self) -> Vec<String> {
         let emitters = self.materials.iter().filter(|m| m.emission.is_some()).map(|m| &m.light_group);
         let environment = (self.environment != Environment::Black).then_some(&self.environment_group);

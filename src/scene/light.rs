@@ -48,13 +48,13 @@ pub enum LightKind {
         /// How it fades in between.
         fade: SpotFade,
     },
-    /// A point that shines as [`Light::profile`] says.
+    /// A point that emits light as [`Light::profile`] says.
     Profiled {
         /// Where it is.
         position: DVec3,
-        /// Turns the profile into world space: it shines along -z, and its horizontal angles turn from x to y.
+        /// Turns the profile into world space: it emits along -z, and its horizontal angles turn from x to y.
         rotation: DQuat,
-        /// Half angles, radians, between which a cone about the way it shines fades by a smooth step, if there is one.
+        /// Half angles, radians, between which a cone about its axis fades by a smooth step, if there is one.
         cone: Option<[f64; 2]>,
     },
     /// Parallel light from infinitely far.
@@ -85,7 +85,7 @@ pub enum SpotFade {
 }
 
 /// Intensities over a sphere, as the files of luminaires hold them (IES LM-63, photometry of type C): the vertical angle is
-/// counted from the way the lamp shines, the horizontal one about it.
+/// counted from the axis of the light, the horizontal one about it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightProfile {
     /// Increasing, within 0..180 degrees; beyond them it is dark.

@@ -81,9 +81,9 @@ pub enum Beam {
     Profile {
         /// The profile; its largest value is 1.
         profile: ProfileId,
-        /// Turns it into world space: it shines along -z, and its horizontal angles turn from x to y.
+        /// Turns it into world space: it emits along -z, and its horizontal angles turn from x to y.
         rotation: DQuat,
-        /// Half angles, radians, between which a cone about the way it shines fades by a smooth step, if there is one.
+        /// Half angles, radians, between which a cone about its axis fades by a smooth step, if there is one.
         cone: Option<[f64; 2]>,
     },
 }
@@ -133,7 +133,7 @@ pub struct Material {
     /// Which of several solids counts where they overlap: the one of the highest priority, and among equals the one that light
     /// entered last.
     pub priority: i32,
-    /// What is special about a surface that shines; only where it is absent nowhere.
+    /// What is special about a surface that emits light; only where it is absent nowhere.
     pub lamp: Option<Lamp>,
     /// A number that graphs of nodes know it by.
     pub index: u32,

@@ -5,7 +5,7 @@ use super::slot::Parameters;
 use crate::math::{DAffine3, DMat3, DVec3};
 use std::sync::Arc;
 
-/// A medium that scatters, absorbs and shines.
+/// A medium that scatters, absorbs and emits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Medium {
     /// Extinction coefficient by channel, per metre.
@@ -17,7 +17,7 @@ pub struct Medium {
     pub anisotropy: f32,
     /// Emitted radiance per metre.
     pub emission: [f32; 3],
-    /// Factors on the extinction, and on the emission where nothing else is; media that shine have the same extinction in all
+    /// Factors on the extinction, and on the emission where nothing else is; emissive media have the same extinction in all
     /// channels then.
     pub grid: Option<GridId>,
     /// Grid of factors on the emission, in place of `grid`.
@@ -29,7 +29,7 @@ pub struct Medium {
 pub struct EmissionGrid {
     /// Factors on the emission, or temperatures.
     pub grid: GridId,
-    /// Kelvins where the grid is 1: the medium shines as a black body, and its emission is the luminance that each metre of
+    /// Kelvins where the grid is 1: the medium emits as a black body, and its emission is the luminance that each metre of
     /// [`EmissionGrid::REFERENCE_KELVIN`] adds.
     pub kelvin: Option<f32>,
     /// The luminance goes by the fourth power of the temperature, as all that a black body sends does (Stefan, Boltzmann), not

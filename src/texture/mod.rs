@@ -44,7 +44,7 @@ pub struct CompiledTextures {
     world_offset: Vec3,
     /// Names of the attributes that graphs read, by their numbers.
     attributes: Arc<[String]>,
-    /// How lamps shine, by [`ProfileId`](crate::scene::ProfileId).
+    /// Profiles of lights, by [`ProfileId`](crate::scene::ProfileId).
     profiles: Vec<Arc<LightProfile>>,
     /// Textures whose images are damaged.
     lost: HashSet<TextureId>,

@@ -8,7 +8,7 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-/// A triangle that shines, before a camera.
+/// A triangle that emits light, before a camera.
 const MODEL: &str = r#"{
     "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0, 1, 2]}],
     "nodes": [{"mesh": 0}, {"name": "front", "camera": 0, "translation": [0.3, 0.3, 2]}, {"name": "lamp"}],

@@ -270,7 +270,7 @@ fn triangles_without_area_are_a_note() {
     assert!(picture.get_pixel(24, 24) != picture.get_pixel(2, 24));
 }
 
-/// A square floor with a camera, of glTF, and a spark that shines.
+/// A square floor with a camera, of glTF, and a spark that emits light.
 fn spark(folder: &Path) {
     let floats = |list: &[f32]| list.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
     let floor = [[-2.0, 0.0, 2.0], [2.0, 0.0, 2.0], [0.0, 0.0, -2.0]];

@@ -6,7 +6,7 @@ use std::path::Path;
 /// A table that shows colours as their complements.
 const NEGATIVE: &str = "CSPLUTV100\n3D\n2\n0 1\n0 1\n2\n0 1\n0 1\n2\n0 1\n0 1\n2 2 2\n1 1 1\n0 1 1\n1 0 1\n0 0 1\n1 1 0\n0 1 0\n1 0 0\n0 0 0\n";
 
-/// A sheet that shines evenly, which the camera sees everywhere.
+/// A sheet that emits light evenly, which the camera sees everywhere.
 const SCENE: &str = r#"
 camera = { look_from = [0, 0, 2], look_at = [0, 0, 0], vfov = 20 }
 environment = { background = 0 }

@@ -90,7 +90,7 @@ fn what_is_wrong_is_told() {
         (STRAND.to_string(), "have no radii"),
         (format!("{STRAND}radius = -1"), "'radius' must be a number above 0"),
         (format!("{STRAND}radius = [0, 0]"), "'radius' must be a number above 0"),
-        (format!("{STRAND}radius = 1\nmaterial = \"lamp\""), "does not shine"),
+        (format!("{STRAND}radius = 1\nmaterial = \"lamp\""), "does not emit light"),
         (format!("{STRAND}radius = 1\nmaterial = \"glass\""), "no solid glass"),
         (format!("{STRAND}radius = 1\nmaterial = \"milk\""), "no solid glass"),
         (format!("{STRAND}radius = 1\nmaterial = \"fur\""), "fur"),

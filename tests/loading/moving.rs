@@ -95,7 +95,7 @@ fn what_is_no_motion_says_so() {
     assert!(read_by(&format!("{negative}{BALL}"), &LoadOptions::default()).is_err());
 }
 
-/// What samples spheres that shine asks for round ones.
+/// What samples emissive spheres asks for round ones.
 #[test]
 fn spheres_that_shine_become_meshes_where_they_are_stretched() {
     let glowing = HEAD.replace("\"lambert\"", "\"emissive\", radiance = [1, 1, 1]");
@@ -114,7 +114,7 @@ fn spheres_that_shine_become_meshes_where_they_are_stretched() {
             [1 - usize::from(becomes_mesh), usize::from(becomes_mesh)]
         );
         let is_said =
-            loaded.warnings.iter().any(|w| w.message.contains("its motion stretches the shining sphere"));
+            loaded.warnings.iter().any(|w| w.message.contains("its motion stretches the emissive sphere"));
         assert_eq!(is_said, becomes_mesh, "{scale}: {:?}", loaded.warnings);
         if becomes_mesh {
             let keys = &scene.motion.instances[0].keys;

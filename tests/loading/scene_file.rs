@@ -88,7 +88,7 @@ fn the_cornell_box_has_its_view_and_a_light_that_faces_down() {
     let normal = light.edge_u.cross(light.edge_v);
     assert!(normal.normalize().distance(-DVec3::Y) < 1e-12);
     assert!((normal.length() - 0.13 * 0.105).abs() < 1e-12);
-    let emission = scene.materials[light.material.index()].emission.expect("it shines");
+    let emission = scene.materials[light.material.index()].emission.expect("it emits");
     assert!(!emission.two_sided && emission.radiance.factor == [17.0, 12.0, 4.0]);
 }
 
@@ -381,9 +381,9 @@ fn shaders_become_the_simplest_material() {
     // Emission is added up, and a colour in the place of a shader is one.
     let nodes = "e = { type = \"emission\", color = [1, 0.5, 0], strength = 2 }\n\
                  a = { type = \"add_shader\", a = \"e\", b = [1, 1, 1] }";
-    let shining = material_of_nodes("a", nodes);
-    assert_eq!(shining.model, Model::Black);
-    assert_eq!(shining.emission.map(|e| e.radiance), Some(ColorSlot::constant([3.0, 2.0, 1.0])));
+    let emissive = material_of_nodes("a", nodes);
+    assert_eq!(emissive.model, Model::Black);
+    assert_eq!(emissive.emission.map(|e| e.radiance), Some(ColorSlot::constant([3.0, 2.0, 1.0])));
     // A share that passes is alpha, and what remains has its whole weight.
     let nodes = "d = { type = \"diffuse_bsdf\", color = 0.5 }\nt = { type = \"transparent_bsdf\" }\n\
                  m = { type = \"mix_shader\", factor = 0.25, a = \"t\", b = \"d\" }";

@@ -89,7 +89,7 @@ fn an_area_light_is_a_quad_that_faces_its_target() {
     assert!(normal.distance(DVec3::NEG_Y) < 1e-12, "{normal}");
     assert!((quad.corner + (quad.edge_u + quad.edge_v) / 2.0).distance(DVec3::Y * 3.0) < 1e-12);
     assert_eq!((quad.edge_u.length(), quad.edge_v.length()), (2.0, 0.5));
-    let emission = scene.materials[quad.material.index()].emission.expect("it shines");
+    let emission = scene.materials[quad.material.index()].emission.expect("it emits");
     let radiance = (10.0 / PI) as f32;
     assert_eq!(emission.radiance.factor, [radiance, radiance * 0.5, 0.0]);
     assert!(!emission.two_sided);
@@ -115,7 +115,7 @@ fn an_area_light_stands_where_the_exporter_left_an_empty_node() {
     assert!((quad.corner + (quad.edge_u + quad.edge_v) / 2.0).distance(DVec3::new(1.0, 2.0, 3.0)) < 1e-12);
     // The width lies along x.
     assert!(quad.edge_u.x.abs() > 2.0 - 1e-12);
-    let emission = scene.materials[quad.material.index()].emission.expect("it shines");
+    let emission = scene.materials[quad.material.index()].emission.expect("it emits");
     assert!((f64::from(emission.radiance.factor[0]) - 4.0 / (PI * 2.0)).abs() < 1e-6);
     let error = with("Arae").expect_err("no such node").to_string();
     assert!(error.contains("no empty node 'Arae' (did you mean 'Area'?)"), "{error}");

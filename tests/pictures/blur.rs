@@ -39,7 +39,7 @@ fn assert_near(what: &str, found: &[f64], truth: &[f64], tolerance: f64) {
     }
 }
 
-fn shining(scene: &mut Scene) -> MaterialId {
+fn emissive(scene: &mut Scene) -> MaterialId {
     material(scene, Material::emitter("light", [1.0; 3], true))
 }
 
@@ -63,7 +63,7 @@ fn a_moving_bar_covers_a_ramp() {
         |x: f32| vec![[x, -2.0, 0.0], [x + w as f32, -2.0, 0.0], [x + w as f32, 2.0, 0.0], [x, 2.0, 0.0]];
     for kind in ["quad", "mesh", "vertices"] {
         let mut scene = Scene::default();
-        let light = shining(&mut scene);
+        let light = emissive(&mut scene);
         front_view(&mut scene);
         if kind == "quad" {
             quad(&mut scene, [x0, -2.0, 0.0], [w, 0.0, 0.0], [0.0, 4.0, 0.0], light);
@@ -91,7 +91,7 @@ fn a_moving_ball_is_the_mean_of_still_ones() {
     const STILL: usize = 64;
     let scene_at = |x: f64| {
         let mut scene = Scene::default();
-        let light = shining(&mut scene);
+        let light = emissive(&mut scene);
         front_view(&mut scene);
         sphere(&mut scene, [x, 0.1, 0.0], 0.3, light);
         scene
@@ -114,7 +114,7 @@ fn a_moving_ball_is_the_mean_of_still_ones() {
 #[test]
 fn a_spinning_sector_is_an_even_disk() {
     let mut scene = Scene::default();
-    let light = shining(&mut scene);
+    let light = emissive(&mut scene);
     front_view(&mut scene);
     let positions = vec![[0.0; 3], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]];
     let mesh = scene.add_mesh(Mesh::new("sector", positions, vec![[0, 1, 2]], light));
@@ -200,7 +200,7 @@ fn lights_that_meet_go_their_own_ways() {
 fn a_moving_camera_is_a_world_that_moves_back() {
     let world = || {
         let mut scene = Scene::default();
-        let light = shining(&mut scene);
+        let light = emissive(&mut scene);
         quad(&mut scene, [-0.4, -0.5, 0.0], [0.5, 0.2, 0.0], [0.1, 0.9, 0.3], light);
         let view = camera(DVec3::new(0.2, 0.1, 3.0), DVec3::ZERO, DVec3::Y, 40.0);
         scene.cameras.push(view);

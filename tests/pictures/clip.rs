@@ -10,12 +10,12 @@ use oscura::scene::{
 
 const SKY: f32 = 8.0;
 
-/// Sheets that shine by 1, 2 and 4, one, two and three metres ahead, before a sky.
+/// Sheets that emit light by 1, 2 and 4, one, two and three metres ahead, before a sky.
 fn sheets(seen_by: Camera) -> Scene {
     let mut scene = Scene { environment: Environment::Constant([SKY; 3]), ..Scene::default() };
     for (distance, radiance) in [(1.0, 1.0), (2.0, 2.0), (3.0, 4.0)] {
-        let shining = material(&mut scene, Material::emitter("sheet", [radiance; 3], true));
-        quad(&mut scene, [-50.0, -50.0, -distance], [100.0, 0.0, 0.0], [0.0, 100.0, 0.0], shining);
+        let emissive = material(&mut scene, Material::emitter("sheet", [radiance; 3], true));
+        quad(&mut scene, [-50.0, -50.0, -distance], [100.0, 0.0, 0.0], [0.0, 100.0, 0.0], emissive);
     }
     scene.cameras.push(seen_by);
     scene
@@ -60,8 +60,8 @@ fn panoramas_see_between_two_spheres() {
     for (clip, expected) in [(None, 1.0), (Some([1.5, 2.5]), 2.0), (Some([2.5, 3.0]), f64::from(SKY))] {
         let mut scene = Scene { environment: Environment::Constant([SKY; 3]), ..Scene::default() };
         for radius in [1.0, 2.0] {
-            let shining = material(&mut scene, Material::emitter("ball", [radius as f32; 3], true));
-            sphere(&mut scene, [0.0; 3], radius, shining);
+            let emissive = material(&mut scene, Material::emitter("ball", [radius as f32; 3], true));
+            sphere(&mut scene, [0.0; 3], radius, emissive);
         }
         let ahead = camera(DVec3::ZERO, DVec3::NEG_Z, DVec3::Y, 40.0);
         let projection = Projection::Panorama(Panorama::ALL_AROUND);

@@ -221,7 +221,7 @@ fn disk_light_on_a_plane() {
     }
 }
 
-/// The back of a disk that shines in front is dark, and its outline is a circle.
+/// The back of a disk that emits light in front is dark, and its outline is a circle.
 #[test]
 fn a_disk_is_round_and_has_a_front() {
     for (normal, seen) in [(1.0, std::f64::consts::FRAC_PI_4 * 0.81), (-1.0, 0.0)] {

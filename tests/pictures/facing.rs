@@ -35,9 +35,9 @@ fn painted(texture: TextureId) -> Material {
     }
 }
 
-fn shining(texture: TextureId) -> Material {
+fn emissive(texture: TextureId) -> Material {
     let emission = Some(Emission { radiance: ColorSlot::texture(texture), two_sided: true });
-    Material { emission, ..Material::new("shining", Model::Black) }
+    Material { emission, ..Material::new("emissive", Model::Black) }
 }
 
 fn thin(texture: TextureId) -> Material {
@@ -60,7 +60,7 @@ fn tables_are_linear_in_the_cosine() {
                 truth,
                 1e-3,
             );
-            let lit = sheet(cosine, from_behind, shining);
+            let lit = sheet(cosine, from_behind, emissive);
             assert_radiance(&format!("emitted, {cosine}, {side}"), &lit, &few, truth, 1e-3);
             // What is absent shows the environment.
             let clear = sheet(cosine, from_behind, thin);
@@ -80,7 +80,7 @@ fn tables_are_linear_in_the_cosine() {
 fn mixes_are_by_the_angle_from_place_to_place() {
     for (cosine, share) in [(0.25, 0.5), (0.75, 0.6)] {
         for (place, truth) in [(2.0, 0.2 + share * (0.6 - 0.2)), (7.0, 0.6)] {
-            for (of, name) in [(painted as fn(TextureId) -> Material, "reflected"), (shining, "emitted")] {
+            for (of, name) in [(painted as fn(TextureId) -> Material, "reflected"), (emissive, "emitted")] {
                 let mut scene = sheet(cosine, false, |table| of(TextureId(table.0 + 4)));
                 let solid = |value: f32| Texture::Solid([value; 3]);
                 let cells =
@@ -220,8 +220,8 @@ fn even_tables_are_constants() {
 /// that meet it alone.
 #[test]
 fn shining_tables_light_rooms() {
-    let shining = |texture| Material { double_sided: true, ..shining(texture) };
-    let nearly = room(&[0.5, 0.500_001], shining);
+    let emissive = |texture| Material { double_sided: true, ..emissive(texture) };
+    let nearly = room(&[0.5, 0.500_001], emissive);
     let mut even = nearly.clone();
     even.textures[0] = Texture::Solid([0.5; 3]);
     let options = plain(4).samples(128);

@@ -125,7 +125,7 @@ fn beams_of_a_grid() {
     assert_radiance("outside the grid's beam", &scene, &options(8, 16, 1), 0.0, 1.0);
 }
 
-/// A ball that shines into a cone lights as a spot light does.
+/// A ball that emits light into a cone lights as a spot light does.
 #[test]
 fn cones_of_a_ball() {
     let center = DVec3::new(0.5, 2.0, 0.3);

@@ -40,7 +40,7 @@ fn floor(of: Material) -> Scene {
     scene
 }
 
-/// Adds a ball that shines.
+/// Adds a ball that emits light.
 fn add_lamp(scene: &mut Scene, name: &str, center: [f64; 3], radiance: f32, links: LightLinks) {
     let lamp = material(scene, Material::emitter(name, [radiance; 3], false));
     sphere(scene, center, 0.5, lamp);

@@ -72,19 +72,19 @@ fn media_that_absorb_follow_beers_law() {
 fn media_that_shine_fill_up() {
     for (extinction, albedo) in [(0.8, 0.0), (0.0, 0.0)] {
         let mut scene = Scene::default();
-        let shining = Medium { emission: [0.4; 3], ..medium(extinction, albedo, 0.0) };
-        let filled = body(&mut scene, shining);
+        let emissive = Medium { emission: [0.4; 3], ..medium(extinction, albedo, 0.0) };
+        let filled = body(&mut scene, emissive);
         sphere(&mut scene, [0.0; 3], 1.5, filled);
         scene.cameras.push(beam([0.0, 0.0, 5.0]));
         let truth = integral(0.0, 3.0, 4000, |t| 0.4 * (-f64::from(extinction) * t).exp());
-        assert_radiance(&format!("shining {extinction}"), &scene, &options(8, 64, 8), truth, 3e-3);
+        assert_radiance(&format!("emissive {extinction}"), &scene, &options(8, 64, 8), truth, 3e-3);
     }
     // In equilibrium: fog without an end is everywhere as bright as it is thick.
     let mut scene = Scene::default();
-    let shining = Medium { emission: [0.4; 3], ..medium(0.8, 0.5, 0.3) };
-    scene.fog = fog(shining, NO_END);
+    let emissive = Medium { emission: [0.4; 3], ..medium(0.8, 0.5, 0.3) };
+    scene.fog = fog(emissive, NO_END);
     scene.cameras.push(beam([0.0, 0.0, 5.0]));
-    assert_radiance("shining fog", &scene, &options(16, 64, 200), 0.4 / (0.8 * 0.5), 5e-3);
+    assert_radiance("emissive fog", &scene, &options(16, 64, 200), 0.4 / (0.8 * 0.5), 5e-3);
 }
 
 /// Grids of one value are homogeneous: what they let through, what they scatter of a lamp once, and in a white furnace; also
@@ -138,14 +138,14 @@ fn grids_shine() {
         let between: f64 = along.windows(2).map(|w| 0.5 * (w[0] + w[1])).sum();
         let mass = (between + 0.5 * (along[0] + along[39])) * 0.1;
         let grid = scene.add_grid(Grid::in_box(name, size, std::sync::Arc::new(values), min, max));
-        let shining = Medium { grid: Some(grid), emission: [0.6, 0.3, 0.15], ..medium(extinction, 0.0, 0.0) };
-        let filled = body(&mut scene, shining);
+        let emissive = Medium { grid: Some(grid), emission: [0.6, 0.3, 0.15], ..medium(extinction, 0.0, 0.0) };
+        let filled = body(&mut scene, emissive);
         sphere(&mut scene, [0.0; 3], 4.0, filled);
         scene.cameras.push(beam([0.1, 0.2, 6.0]));
         let sigma = f64::from(extinction);
         let filled_up = if sigma > 0.0 { (1.0 - (-sigma * mass).exp()) / sigma } else { mass };
         let options = &options(16, 256, 8);
-        assert_radiance(&format!("shining grid, {what}"), &scene, options, 0.3 * filled_up, 3e-3);
+        assert_radiance(&format!("emissive grid, {what}"), &scene, options, 0.3 * filled_up, 3e-3);
         // Red and green are made of the same points.
         let film = picture(&scene, options);
         let [red, green, blue, _] = film.mean_rgba(3, 4);
@@ -155,13 +155,13 @@ fn grids_shine() {
     let values = std::sync::Arc::new(vec![1.0; 8]);
     let (name, min, max) = (String::new(), DVec3::splat(-300.0), DVec3::splat(300.0));
     let grid = scene.add_grid(Grid::in_box(name, [2; 3], values, min, max));
-    let shining = Medium { grid: Some(grid), emission: [0.4; 3], ..medium(0.8, 0.5, 0.3) };
-    let filled = body(&mut scene, shining);
+    let emissive = Medium { grid: Some(grid), emission: [0.4; 3], ..medium(0.8, 0.5, 0.3) };
+    let filled = body(&mut scene, emissive);
     sphere(&mut scene, [0.0; 3], 200.0, filled);
     scene.cameras.push(beam([0.0, 0.0, 250.0]));
     // Seen from outside a half space is darker than within: as where the same medium has no grid.
     let mut even = scene.clone();
-    even.materials[0].medium = Some(Medium { grid: None, ..shining });
+    even.materials[0].medium = Some(Medium { grid: None, ..emissive });
     let [(a, of_a), (b, of_b)] = [&scene, &even].map(|scene| measure(scene, &options(16, 256, 200)));
     let error = of_a.hypot(of_b);
     assert!((a - b).abs() < 4.5 * error && error < 0.01 * b, "{a} {b} +- {error}");
@@ -297,7 +297,7 @@ fn single_scattering_agrees_with_quadrature() {
     }
 }
 
-/// The same of a ball that shines, which both light samples and scattered rays find, and through the boundary of a body.
+/// The same of a ball that emits light, which both light samples and scattered rays find, and through the boundary of a body.
 #[test]
 fn single_scattering_of_a_ball_agrees_with_quadrature() {
     const SIGMA: f64 = 0.5;
@@ -311,8 +311,8 @@ fn single_scattering_of_a_ball_agrees_with_quadrature() {
         })
     };
     let with_lamp = |scene: &mut Scene| {
-        let shining = material(scene, Material::emitter("ball", [5.0; 3], false));
-        sphere(scene, middle.to_array(), radius, shining);
+        let emissive = material(scene, Material::emitter("ball", [5.0; 3], false));
+        sphere(scene, middle.to_array(), radius, emissive);
     };
     let mut foggy = Scene { fog: fog(medium(SIGMA as f32, 1.0, 0.0), NO_END), ..Scene::default() };
     with_lamp(&mut foggy);

@@ -50,10 +50,10 @@ fn lit_all_around() -> Scene {
     Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() }
 }
 
-/// A plane of z, far beyond what is seen, that shines with 1 to both sides.
+/// A plane of z, far beyond what is seen, that emits light with 1 to both sides.
 fn shining_plane(scene: &mut Scene, z: f64) {
-    let shining = material(scene, Material::emitter("plane", [1.0; 3], true));
-    quad(scene, [-20.0, -20.0, z], [40.0, 0.0, 0.0], [0.0, 40.0, 0.0], shining);
+    let emissive = material(scene, Material::emitter("plane", [1.0; 3], true));
+    quad(scene, [-20.0, -20.0, z], [40.0, 0.0, 0.0], [0.0, 40.0, 0.0], emissive);
 }
 
 /// The midpoint rule.
@@ -152,9 +152,9 @@ fn light_of_a_floor_leaves_through_what_stands_on_it() {
 /// What shines falls off differently by channel, one of them not at all.
 #[test]
 fn coloured_media_shine_in_each_channel() {
-    let shining = |red: f32| Medium { emission: [0.0, 0.4, 0.4], ..medium([red, 1.0, 3.0], 0.5) };
+    let emissive = |red: f32| Medium { emission: [0.0, 0.4, 0.4], ..medium([red, 1.0, 3.0], 0.5) };
     for (red, has_lamp) in [(0.0, false), (1e-6, false), (1.0, false), (0.0, true)] {
-        let mut scene = Scene { fog: fog(shining(red), f64::INFINITY), ..Scene::default() };
+        let mut scene = Scene { fog: fog(emissive(red), f64::INFINITY), ..Scene::default() };
         if has_lamp {
             let kind = LightKind::Point { position: DVec3::new(0.0, 0.3, -2.0) };
             scene.lights.push(Light::new(kind, [1e-9; 3]));
@@ -163,7 +163,7 @@ fn coloured_media_shine_in_each_channel() {
         assert_radiance(&format!("glow {red} {has_lamp}"), &scene, &options(16, 64, 0), 0.4, 1e-2);
     }
     let mut scene = Scene::default();
-    let filled = body(&mut scene, Medium { emission: [0.4; 3], ..shining(0.0) });
+    let filled = body(&mut scene, Medium { emission: [0.4; 3], ..emissive(0.0) });
     sphere(&mut scene, [0.0; 3], 1.5, filled);
     scene.cameras.push(parallel([0.0, 0.0, 5.0], 1e-3));
     assert_radiance("glow of a body", &scene, &options(16, 64, 0), 0.4 * (1.0 - (-3.0f64).exp()), 1e-2);

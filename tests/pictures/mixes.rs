@@ -106,8 +106,8 @@ fn mixes_shine_and_are_absent_as_one() {
     let constant = |w: f32| ColorSlot::constant([w; 3]);
     let both = || mix(vec![(constant(0.5), grey(0.2)), (constant(0.25), grey(0.8))]);
     let emission = Some(Emission { radiance: ColorSlot::constant([0.5; 3]), two_sided: true });
-    let shining = in_even_light(Material { emission, ..both() });
-    assert_radiance("shining", &shining, &options(8, 1024, 4), 0.5 + 0.3, 4e-3);
+    let emissive = in_even_light(Material { emission, ..both() });
+    assert_radiance("emissive", &emissive, &options(8, 1024, 4), 0.5 + 0.3, 4e-3);
     let alpha = FloatSlot::constant(0.25);
     let absent = in_even_light(Material { alpha, alpha_mode: AlphaMode::Blend, emission, ..both() });
     assert_radiance("absent", &absent, &options(8, 4096, 4), 0.75 + 0.25 * (0.5 + 0.3), 4e-3);

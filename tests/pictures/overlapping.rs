@@ -329,7 +329,7 @@ fn white_furnace(cases: impl Iterator<Item = ([Kind; 2], bool)>) {
     }
 }
 
-/// Lumps of smoke, seen whole, with a lamp, a floor and a sky: two media that shine and scatter, by halves.
+/// Lumps of smoke, seen whole, with a lamp, a floor and a sky: two emissive media and scatter, by halves.
 fn lumps(shares: &[f32], with_fog: bool) -> Scene {
     let sky = Environment::Gradient { nadir: [0.1, 0.05, 0.0], zenith: [0.3, 0.4, 0.8] };
     let mut scene = Scene { environment: sky, ..Scene::default() };
@@ -463,16 +463,16 @@ fn warnings(scene: &Scene) -> Vec<String> {
     report.warnings.iter().map(ToString::to_string).collect()
 }
 
-/// Boxes that share faces, on a floor that shines and lies in the plane of their bottoms: each is entered and left once, and
+/// Boxes that share faces, on a floor that emits light and lies in the plane of their bottoms: each is entered and left once, and
 /// the floor is met.
 #[test]
 fn boxes_in_one_place_on_a_floor() {
     for count in [1, 2, 3, 5] {
         for (is_first, is_inside) in [(true, false), (false, false), (true, true), (false, true)] {
             let mut scene = Scene::default();
-            let shining = material(&mut scene, Material::emitter("floor", [1.0; 3], true));
+            let emissive = material(&mut scene, Material::emitter("floor", [1.0; 3], true));
             let floor = |scene: &mut Scene| {
-                quad(scene, [-20.0, -20.0, 0.0], [40.0, 0.0, 0.0], [0.0, 40.0, 0.0], shining);
+                quad(scene, [-20.0, -20.0, 0.0], [40.0, 0.0, 0.0], [0.0, 40.0, 0.0], emissive);
             };
             if is_first {
                 floor(&mut scene);

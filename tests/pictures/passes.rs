@@ -214,7 +214,7 @@ fn relighting_is_rendering_with_other_lights() {
     let [lamp, sky, bulb] = [[20.0, 15.0, 9.0], [0.3, 0.4, 0.6], [0.2, 0.1, 0.1]].map(weights);
     let mut other = scene.clone();
     let lamp_material = other.materials.iter_mut().find(|m| m.name == "lamp").expect("the lamp");
-    let emission = lamp_material.emission.as_mut().expect("it shines");
+    let emission = lamp_material.emission.as_mut().expect("it emits");
     emission.radiance.factor = product(emission.radiance.factor, lamp);
     other.environment = Environment::Constant(product([0.3, 0.4, 0.6], sky));
     other.lights[0].intensity = product(other.lights[0].intensity, bulb);

@@ -137,7 +137,7 @@ fn measured_spectra_look_as_their_integrals_say() {
     });
     let truth = rgb_of(|nm| curve.at(nm as f32).into());
     assert_means("paint in daylight", means(&scene, &options(16, 64, 8), true, 8), truth, 3e-3);
-    // A sphere within a larger one that shines.
+    // A sphere within a larger one that emits light.
     let mut scene = Scene { environment: Environment::Black, ..scene };
     scene.textures.push(Texture::Spectrum(lamp.clone()));
     let mut shell = Material::emitter("lamp", [1.0; 3], true);

@@ -62,8 +62,8 @@ fn white_stays_white_in_coloured_media() {
 fn shining_media_have_the_colour_of_their_integral() {
     let emission = [0.5, 0.2, 0.05];
     for albedo in [0.0, 1e-6] {
-        let shining = Medium { albedo: [albedo; 3], emission, ..Medium::scattering(DENSE) };
-        let scene = ball(shining, 0.0, 1e-3);
+        let emissive = Medium { albedo: [albedo; 3], emission, ..Medium::scattering(DENSE) };
+        let scene = ball(emissive, 0.0, 1e-3);
         let (sigma, shines) = (coefficient(DENSE), coefficient(emission));
         let truth = rgb_of(|nm| shines(nm) * (1.0 - (-2.0 * sigma(nm)).exp()) / sigma(nm));
         let what = format!("albedo {albedo}");

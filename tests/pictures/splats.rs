@@ -48,13 +48,13 @@ fn splats(balls: &[Ball]) -> Splats {
 }
 
 /// The material that splats of files have.
-fn shining() -> Material {
+fn emissive() -> Material {
     let emission = Some(Emission { radiance: ColorSlot::constant([1.0; 3]), two_sided: true });
     Material { emission, use_vertex_colors: true, ..Material::new("splats", Model::Black) }
 }
 
 fn place(scene: &mut Scene, centers: Vec<[f32; 3]>, splats: Splats, world_from_object: DAffine3) {
-    let material = material(scene, shining());
+    let material = material(scene, emissive());
     let parts = vec![MeshPart { first_triangle: 0, triangle_count: 0, material }];
     let mesh = Mesh { positions: centers, splats: Some(Arc::new(splats)), parts, ..Mesh::default() };
     let mesh = scene.add_mesh(mesh);

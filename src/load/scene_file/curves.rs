@@ -12,7 +12,7 @@
 //!
 //! They may have `visible_to`, `visible_to_camera`, `holdout`, `shadow_catcher`, `color`, `index` and `random` as objects have. Textures have u along the strand,
 //! from 0 at its root to 1 at its tip, and v around it. Colours of a file multiply the `color` of the material. Curves are met from
-//! outside only, don't shine and stand still while the picture is taken.
+//! outside only, are not emissive, and are static while the picture is taken.
 
 use super::builder::SceneFileBuilder;
 use super::fields::{Fields, number, numbers};

@@ -4,7 +4,7 @@
 //!
 //! | Shape | Value |
 //! |---|---|
-//! | `area` | `{ center, target or direction, up = [0, 1, 0], size = [width, height], shape = "rectangle", spread = 180, image, power or radiance }`: a rectangle, or an `"ellipse"` of that size, that shines from its front, which faces the target; height is along `up`, or -z where the light shines along `up`. `spread` is the full angle in degrees of its beam, as slats in front of it would leave; the power stays. `image` is a file that covers the light, upright as seen from in front of it, and multiplies its radiance (power is that of a white one) |
+//! | `area` | `{ center, target or direction, up = [0, 1, 0], size = [width, height], shape = "rectangle", spread = 180, image, power or radiance }`: a rectangle, or an `"ellipse"` of that size, that emits light from its front, which faces the target; height is along `up`, or -z where the light emits along `up`. `spread` is the full angle in degrees of its beam, as slats in front of it would leave; the power stays. `image` is a file that covers the light, upright as seen from in front of it, and multiplies its radiance (power is that of a white one) |
 //! | `point` | `{ position, radius = 0, soft_falloff = false, power or intensity }`: a sphere, if it has a radius; with `ies`, see below |
 //! | `spot` | `{ position, target or direction, angle = 45, blend = 0.15, radius = 0, soft_falloff = false, power or intensity }`: a cone of the full angle, which fades over the outer share `blend` of it; with `ies`, see below |
 //! | `sun` | `{ direction, angle = 0, irradiance }`: parallel light that travels that way, or that of a disk of a diameter of `angle` degrees, infinitely far away |
@@ -14,14 +14,14 @@
 //! off. Such lamps stop no light.
 //!
 //! `ies = "lamp.ies"` gives points and spots the profile of a luminaire (IES LM-63, photometry of type C; the path is relative to
-//! this file); with a radius each place of the sphere shines so, and shadows are soft. It shines along `direction` or to `target`, points without either down, and `turn`
+//! this file); with a radius each point of the sphere emits so, and shadows are soft. It emits along `direction` or to `target`, points without either down, and `turn`
 //! turns it about that way by so many degrees; a spot's cone cuts it. Horizontal angles turn counter-clockwise as seen from behind
 //! the lamp, with `clockwise = true` the other way, as Cycles has them. Without `power` and `intensity` it is as bright as the file says
 //! (candela times its factors, by 683 lm/W), times `strength`; `intensity` is that of its brightest direction, `power` that of all
 //! directions together, before a cone cuts it.
 //!
 //! Beside a model, `node = "NAME"` stands for position, centre and direction: the light takes the place of an empty node of
-//! the model, and of area lights the scale, as Blender exports its lights; it shines along the node's -z, and moves along with
+//! the model, and of area lights the scale, as Blender exports its lights; it emits along the node's -z, and moves along with
 //! the node while the shutter is open.
 //!
 //! Power is in watts of the visible spectrum: an area light of area A has the radiance P / (pi A), a point the intensity
@@ -250,7 +250,7 @@ fn carried(mut kind: LightKind, by: &DAffine3) -> LightKind {
     kind
 }
 
-/// A light with a profile that shines along -z, turned and moved.
+/// A light with a profile that emits light along -z, turned and moved.
 fn turned(mut kind: LightKind, center: DVec3, by: DQuat) -> LightKind {
     if let LightKind::Profiled { position, rotation, .. } = &mut kind {
         (*position, *rotation) = (center, (by * *rotation).normalize());

@@ -14,7 +14,7 @@
 //! | `"mix"` | `components`, a list of `{ material = "NAME", weight = 0.5 }`: other materials of the file, without emission and alpha, and the factors on what they scatter: numbers, colours or names of textures |
 //! | `"nodes"` | `nodes`, a table of Blender's shader nodes by name, and `surface`, the shader among them that the surface has; `volume` (false): light that passes enters a solid, which a `medium` may fill; `bumps`, the output that gives the normal with the bumps of a displacement; `up` = `"z"` where vectors of the world are Blender's. The guide has a section on materials of nodes |
 //!
-//! Those that may shine, `"emissive"` and `"pbr"`, may have a `light_group`, whose light `--light-groups` keeps apart.
+//! Those that may be emissive, `"emissive"` and `"pbr"`, may have a `light_group`, whose light `--light-groups` keeps apart.
 //!
 //! Those with an inside, `"dielectric"`, `"medium"` and `"pbr"`, may have a `priority`, a whole number (0). Where solids overlap, the
 //! one of the highest priority counts: glass of priority 1 around a liquid that reaches into its wall ends where the glass says. Among

@@ -10,7 +10,7 @@
 //! | `grid` | none | `.vdb` or `.vol` file of factors on the density, and on the emission, in solids only; where there is an emission `density` is one number then, and with `density = 0` the grid shines without hiding anything |
 //! | `grid_name` | `density`, or the only one | which grid of a `.vdb` file |
 //! | `emission_grid` | none | another grid of the `.vdb` file, such as `flame` (next to a `.vol` file, another such file): factors on the emission in place of those of `grid` |
-//! | `temperature_grid` | none | another grid, likewise, such as `temperature`: it shines as a black body; `emission` is what each metre of 1500 K adds, and hotter ones more: by Planck's law some 15 times as much at 1800 K |
+//! | `temperature_grid` | none | another grid, likewise, such as `temperature`: it emits as a black body; `emission` is what each metre of 1500 K adds, and hotter ones more: by Planck's law some 15 times as much at 1800 K |
 //! | `temperature` | 1 | kelvins where `temperature_grid` is 1, which is right for grids of kelvins; for those of 0 to 1, such as Blender's, 1500 to 2500 |
 //! | `temperature_law` | `planck` | how what is seen grows with the temperature; `stefan-boltzmann`: as all of the power does, which goes by its fourth power (twice as much at 1800 K as at 1500 K): Blender's fire |
 //! | `up` | `y` | axis of a `.vdb` file that points up: `z` in those of Blender |
@@ -23,7 +23,7 @@
 //! The solid that has the medium must enclose the grid: a box, say. A grid stands in the world: a solid that moves doesn't take it along.
 //!
 //! Media of solids without a surface (`type = "medium"`) add up where they overlap, with each other and with the fog, up to eight at a
-//! place; a `priority` above those of others displaces them, and a solid of `density = 0` that shines nowhere is a hole in them. Solids of
+//! place; a `priority` above those of others displaces them, and a solid of `density = 0` that emits light nowhere is a hole in them. Solids of
 //! one material that overlap are one.
 //!
 //! A `.vol` file is a grid as Mitsuba reads it: `VOL` and the byte 3, then little-endian u32: 1 (for 32-bit floats), voxels along
@@ -138,7 +138,7 @@ impl<'a> GlowKeys<'a> {
                 .choice("temperature_law", &[("planck", false), ("stefan-boltzmann", true)]),
         };
         if keys.factors.is_some() && keys.heat.is_some() {
-            let message = "'emission_grid' and 'temperature_grid' both say where it shines: leave one out";
+            let message = "'emission_grid' and 'temperature_grid' exclude each other: leave one out";
             fields.problems.push(fields.span(), message);
         }
         if (keys.kelvin.is_some() || keys.scales_with_power.is_some()) && keys.heat.is_none() {
@@ -147,7 +147,7 @@ impl<'a> GlowKeys<'a> {
         }
         if keys.is_given() && !fields.has("emission") {
             let message =
-                "'emission_grid' and 'temperature_grid' say where the medium shines, but not how much";
+                "'emission_grid' and 'temperature_grid' say where the medium emits light, but not how much";
             fields.problems.push_help(fields.span(), message, "add 'emission', such as 10");
         }
         keys

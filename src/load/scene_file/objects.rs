@@ -30,7 +30,7 @@
 //! `color = [r, g, b]` or `[r, g, b, alpha]` (white), `index` (0) and `random` (from 0 to 1; by default it follows from the name) are what nodes
 //! of type `object_info` give.
 //!
-//! `light_link` and `shadow_link` say which objects the light of one that shines lights, and which cast shadows in it
+//! `light_link` and `shadow_link` of an emissive object say which objects its light reaches, and which cast shadows in it
 //! (`oscura help lights`).
 //!
 //! Shapes without a material take `[materials.default]`. Quads stay what they are under every transform.
@@ -43,7 +43,7 @@
 //! | `disk` | `{ center, normal, radius }`; flat, its front where `normal` points (default y, up) |
 //!
 //! They stay what they are under rotation, translation and even scaling, and become meshes, with a warning, under any other
-//! transform (a sphere one of 81,920 triangles), and so do spheres that shine where their motion bends them. A texture on a disk touches its edge; its top points up (of a level disk
+//! transform (a sphere one of 81,920 triangles), and so do emissive spheres where their motion bends them. A texture on a disk touches its edge; its top points up (of a level disk
 //! to -z) and turns with it.
 //!
 //! # subdivision
@@ -615,7 +615,7 @@ pub(super) fn placed_shape(object: &Object, shape: Shape) -> Option<Shape> {
     })
 }
 
-/// Is it a sphere that shines, and that its motion stretches more along one axis than along another? What samples the light of
+/// Is it a sphere that emits light, and that its motion stretches more along one axis than along another? What samples the light of
 /// spheres asks for round ones.
 fn is_stretched_light(build: &SceneFileBuilder, object: &Object, shape: &Shape) -> bool {
     let material = build.loaded.scene.materials.get(shape.material.index());
@@ -627,7 +627,7 @@ fn is_stretched_light(build: &SceneFileBuilder, object: &Object, shape: &Shape) 
 /// Adds a shape under the transform of its object; as a mesh, with a warning, where that bends it.
 fn add_shape(build: &mut SceneFileBuilder, object: &Object, shape: Shape) {
     let (is_stretched, kind) = (is_stretched_light(build, object, &shape), shape.kind.tag().name());
-    let reason = if is_stretched { "motion stretches the shining" } else { "transform bends the" };
+    let reason = if is_stretched { "motion stretches the emissive" } else { "transform bends the" };
     if let Some(placed) = placed_shape(object, shape.clone()).filter(|_| !is_stretched) {
         let scene = &mut build.loaded.scene;
         scene.motion.shapes.extend(object.motion.clone().map(|moving| (scene.shapes.len(), moving)));

@@ -24,7 +24,7 @@
 //! | `iridescence_ior`, `iridescence_thickness` | 1.3, 400 | the film's index of refraction and its thickness in nanometres |
 //! | `diffuse_transmission`, `diffuse_transmission_color` | 0, 1 | share and colour of diffuse light that passes |
 //! | `emission` | none | radiance |
-//! | `two_sided` | true | the back scatters (and shines) as the front does; false: seen from behind the surface is not there |
+//! | `two_sided` | true | the back scatters (and emits) as the front does; false: seen from behind the surface is not there |
 
 use super::builder::SceneFileBuilder;
 use super::fields::Fields;

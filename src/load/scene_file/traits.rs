@@ -11,7 +11,7 @@
 //!
 //! `light_link = { include = ["Figure"] }` has a light shine on these objects only, `{ exclude = ["Floor"] }` on all but these;
 //! `shadow_link` says in the same way which objects cast shadows in its light. With both lists, those of the first that
-//! are not in the second. Lights have them, and objects that shine. Names are those of objects of the file or of nodes of a model, and
+//! are not in the second. Lights have them, and emissive objects. Names are those of objects of the file or of nodes of a model, and
 //! mean all below these; with a slash before it, that of a node without a parent.
 //!
 //! What receives light is the surface where a path was scattered last: mirrors show a lamp that they are not linked to as

@@ -25,7 +25,7 @@ const SOFT_SKY: ([f32; 3], [f32; 3]) = ([0.064, 0.06, 0.056], [1.056, 1.14, 1.22
 
 /// Adds what a scene lacks, with notes: a camera that frames the model, unless there is one; light, unless anything
 /// lights it or the caller brings an environment; ground and material by [`StageOptions`], where there is no camera either.
-/// Parts that shine light a scene with a camera, unless it is a model ([`Loaded::is_model`]) whose parts only glow; a model
+/// Emissive parts light a scene with a camera, unless it is a model ([`Loaded::is_model`]) whose parts only glow; a model
 /// without a camera is to be looked at, and is lit, too. Light that the caller chose takes the place of an environment.
 pub fn complete(loaded: &mut Loaded, options: &StageOptions, brings_environment: bool) {
     if options.is_foretold {
@@ -86,7 +86,7 @@ pub fn middle(loaded: &Loaded) -> DVec3 {
 fn lacks_light(loaded: &mut Loaded, emitted_light: EmittedLight) -> bool {
     if emitted_light == EmittedLight::Dim && loaded.is_model {
         let message = format!(
-            "no light but parts that shine, of little power: the picture will be dark ({} adds light)",
+            "no light but emissive parts of little power: the picture will be dark ({} adds light)",
             Choice::Stage
         );
         loaded.warnings.push(Warning::general(message));
@@ -150,7 +150,7 @@ fn light_scene(loaded: &mut Loaded, options: &StageOptions, emitted_light: Emitt
     if options.is_light_chosen && options.light.is_stage() {
         let message = match (lamps_in_words(&loaded.scene), emitted_light) {
             ("", EmittedLight::None) => format!("no light: {}", options.light),
-            ("", _) => format!("no light but parts that shine: {}, too", options.light),
+            ("", _) => format!("no light but emissive parts: {}, too", options.light),
             (lamps, _) => format!("{}{lamps}", options.light),
         };
         loaded.scene.environment = light::environment(&mut loaded.scene, options);
@@ -177,7 +177,7 @@ fn soften(loaded: &mut Loaded) {
     let message = match light::of(scene) {
         EmittedLight::None => "no light: lit by a soft default sky of mean radiance 0.6".to_string(),
         _ => format!(
-            "no light but parts that shine: lit by a soft default sky of mean radiance 0.6, too ({} for none)",
+            "no light but emissive parts: lit by a soft default sky of mean radiance 0.6, too ({} for none)",
             Choice::Environment
         ),
     };
@@ -398,23 +398,23 @@ mod tests {
 
     #[test]
     fn parts_that_shine_light_scenes_but_not_bare_models() {
-        let shining = || ball(DVec3::ZERO, 1.0, Material::emitter("lamp", [1.0; 3], false));
-        let mut bare = shining();
+        let emissive = || ball(DVec3::ZERO, 1.0, Material::emitter("lamp", [1.0; 3], false));
+        let mut bare = emissive();
         complete(&mut bare, &soft(), false);
         assert!(matches!(bare.scene.environment, Environment::Gradient { .. }));
         let messages: Vec<String> = bare.warnings.iter().map(ToString::to_string).collect();
-        assert!(messages.len() == 2 && messages[1].contains("parts that shine"), "{messages:?}");
-        let mut scene = shining();
+        assert!(messages.len() == 2 && messages[1].contains("emissive parts"), "{messages:?}");
+        let mut scene = emissive();
         scene.scene.cameras = bare.scene.cameras.clone();
         complete(&mut scene, &StageOptions::studio(), false);
         assert_eq!((&scene.scene.environment, scene.warnings.len()), (&Environment::Black, 0));
-        let mut without = shining();
+        let mut without = emissive();
         complete(&mut without, &soft(), true);
         assert_eq!((&without.scene.environment, without.warnings.len()), (&Environment::Black, 0));
         assert_eq!(without.notes.len(), 1);
     }
 
-    /// A room of 4 m with a camera and a ball of this radius that shines.
+    /// A room of 4 m with a camera and a ball of this radius that emits light.
     fn glowing(radius: f64, radiance: f32) -> Loaded {
         let mut loaded = ball(DVec3::ZERO, radius, Material::emitter("led", [radiance; 3], false));
         loaded.scene.materials.push(grey());
@@ -433,7 +433,7 @@ mod tests {
         };
         let (is_lit, messages) = outcome(glowing(0.05, 1.0));
         assert!(
-            is_lit && messages.contains("parts that shine") && messages.contains("soft default sky"),
+            is_lit && messages.contains("emissive parts") && messages.contains("soft default sky"),
             "{messages}"
         );
         let (is_lit, messages) = outcome(glowing(0.05, 9.0));
@@ -477,7 +477,7 @@ mod tests {
         };
         for radius in [0.05, 0.7] {
             let (is_lit, messages) = lit(glowing(radius, 1.0), false);
-            assert!(is_lit && messages.contains("parts that shine: studio light, too"), "{messages}");
+            assert!(is_lit && messages.contains("emissive parts: studio light, too"), "{messages}");
         }
         let mut sunny = glowing(0.05, 1.0);
         sunny.scene.environment = Environment::Constant([1.0; 3]);

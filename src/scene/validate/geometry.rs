@@ -169,7 +169,7 @@ fn suits(material: &Material, place: Entry, findings: &mut Findings) {
     let name = &material.name;
     let opaque = "no solid glass and filled with no medium: curves take opaque and thin materials and 'hair'";
     findings.require(!is_solid(material), place, "material", name, opaque);
-    let dark = "one that does not shine: curves are no lights";
+    let dark = "one that does not emit light: curves are no lights";
     findings.require(material.emission.is_none(), place, "material", name, dark);
 }
 

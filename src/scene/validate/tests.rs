@@ -292,6 +292,6 @@ fn media_are_checked() {
     let foggy =
         |medium, radius| Scene { fog: Some(Fog { medium, center: DVec3::ZERO, radius }), ..Scene::default() };
     assert!(!foggy(good, f64::NAN).validate().is_empty());
-    let shining = Medium { emission: [1.0; 3], ..Medium::scattering([1.0, 0.0, 1.0]) };
-    assert!(!foggy(shining, f64::INFINITY).validate().is_empty());
+    let emissive = Medium { emission: [1.0; 3], ..Medium::scattering([1.0, 0.0, 1.0]) };
+    assert!(!foggy(emissive, f64::INFINITY).validate().is_empty());
 }

@@ -337,7 +337,7 @@ fn without_its_texture_a_material_does_not_shine() {
     assert!(loaded.scene.materials[0].emission.is_none());
     let said: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
     assert!(
-        said.iter().any(|s| s.contains("/materials/0/emissiveTexture: is lost: the material does not shine")),
+        said.iter().any(|s| s.contains("/materials/0/emissiveTexture: is lost: the material does not emit light")),
         "{said:?}"
     );
 }

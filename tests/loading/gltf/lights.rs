@@ -40,7 +40,7 @@ fn rectangles_shine_along_minus_z() {
     assert!((edge_u.cross(*edge_v).length() - 2.0).abs() < 1e-12);
     assert!(near(*corner + (*edge_u + *edge_v) / 2.0, [1.0, 2.0, 3.0]));
     let emitter = &loaded.scene.materials[material.index()];
-    let emission = emitter.emission.expect("it shines");
+    let emission = emitter.emission.expect("it emits");
     assert!(!emission.two_sided);
     for (found, expected) in emission.radiance.factor.into_iter().zip([10.0, 5.0, 0.0]) {
         assert!((found - expected).abs() < 1e-5, "{found}");
@@ -57,7 +57,7 @@ fn disks_and_what_is_left_out_of_them() {
     let [disk @ Shape { radius, .. }] = &loaded.scene.shapes[..] else { panic!("one") };
     // Turned by a right angle about x, -z is y.
     assert!((radius - 1.5).abs() < 1e-12 && near(disk.rotation * DVec3::Z, [0.0, 1.0, 0.0]));
-    let emission = loaded.scene.materials[disk.material.index()].emission.expect("it shines");
+    let emission = loaded.scene.materials[disk.material.index()].emission.expect("it emits");
     assert!((emission.radiance.factor[0] - 1000.0 / 683.0).abs() < 1e-5);
 }
 

@@ -55,7 +55,7 @@ fn factors_and_extensions() {
     let p = pbr(&m);
     assert_eq!((m.name.as_str(), m.double_sided, m.alpha.factor), ("glass", true, 0.4));
     assert_eq!(m.alpha_mode, AlphaMode::Mask { cutoff: 0.3 });
-    let emission = m.emission.expect("it shines");
+    let emission = m.emission.expect("it emits");
     assert_eq!((emission.radiance.factor, emission.two_sided), ([8.0, 4.0, 0.0], true));
     assert_eq!((p.base_color.factor, p.metallic.factor, p.roughness.factor), ([0.1, 0.2, 0.3], 0.5, 0.6));
     assert_eq!((p.ior, p.specular.factor, p.specular_color.factor), (1.33, 0.7, [2.0, 1.0, 0.0]));
@@ -80,7 +80,7 @@ fn unlit_shines_and_out_of_range_is_clamped() {
     }));
     let m = &loaded.scene.materials[0];
     assert_eq!(m.model, Model::Black);
-    assert_eq!(m.emission.expect("it shines").radiance.factor, [0.5, 1.0, 0.0]);
+    assert_eq!(m.emission.expect("it emits").radiance.factor, [0.5, 1.0, 0.0]);
     let warned = |words: &str| loaded.warnings.iter().filter(|w| w.message.contains(words)).count();
     assert_eq!((warned("unlit"), warned("clamped")), (1, 2));
 }

@@ -72,7 +72,7 @@ fn materials_change() {
     };
     near(&pbr(&half).base_color.factor, &[0.75, 0.375, 0.1875]);
     near(&[pbr(&half).roughness.factor, pbr(&half).ior], &[0.5, 3.375]);
-    let glow = half.scene.materials[0].emission.expect("it shines").radiance.factor;
+    let glow = half.scene.materials[0].emission.expect("it emits").radiance.factor;
     near(&glow, &[3.375; 3]);
     near(&[pbr(&show(&asset, 2.0)).roughness.factor], &[1.0]);
     // At rest nothing moves.
@@ -171,7 +171,7 @@ fn textures_move_and_nodes_vanish() {
     assert_eq!(seen[3], seen[1], "what a moment changed is put back");
 }
 
-/// Areas that shine, surroundings and profiles, and what concerns interaction alone, in silence.
+/// Areas that emit light, surroundings and profiles, and what concerns interaction alone, in silence.
 #[test]
 fn lights_of_extensions_change() {
     let asset = driven(|a| {

@@ -18,7 +18,7 @@ fn each_model_has_its_keys() {
     assert!(
         matches!(&by_name("b").model, Model::Pbr(p) if p.roughness.factor == 0.4 && p.metallic.factor == 1.0)
     );
-    assert_eq!(by_name("c").emission.expect("it shines").radiance.factor, [3.0, 2.0, 1.0]);
+    assert_eq!(by_name("c").emission.expect("it emits").radiance.factor, [3.0, 2.0, 1.0]);
     assert!(matches!(by_name("g").model, Model::Dielectric { ior, .. } if ior == 1.45));
 }
 
@@ -148,8 +148,8 @@ fn bumps_are_heights_or_normals() {
 fn emission_and_its_map() {
     let emission = |s: &str| material(&with_material(s)).emission;
     assert!(emission("Ke 0 0 0\n").is_none());
-    assert_eq!(emission("Ke 1 2 3\n").expect("it shines").radiance.factor, [1.0, 2.0, 3.0]);
-    let mapped = emission("map_Ke maps/alpha.png\n").expect("it shines").radiance;
+    assert_eq!(emission("Ke 1 2 3\n").expect("it emits").radiance.factor, [1.0, 2.0, 3.0]);
+    let mapped = emission("map_Ke maps/alpha.png\n").expect("it emits").radiance;
     assert!(mapped.factor == [1.0; 3] && mapped.texture.is_some());
 }
 

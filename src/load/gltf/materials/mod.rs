@@ -155,7 +155,7 @@ fn build(
         material.alpha = FloatSlot::constant(1.0);
     }
     if extensions.unlit.is_some() {
-        builder.report.warn(&*builder.at, "is unlit: it shines with its base colour, whatever lights it");
+        builder.report.warn(&*builder.at, "is unlit: it emits its base colour, whatever lights it");
         material.emission = Some(Emission { radiance: base.color, two_sided: json.double_sided });
     } else {
         material.emission = builder.emission(&json, &extensions);
@@ -368,7 +368,7 @@ impl MaterialBuilder<'_, '_> {
         let radiance = self.color(factor, json.emissive_texture.as_ref(), "/emissiveTexture");
         if json.emissive_texture.is_some() && radiance.texture.is_none() {
             let place = format!("{}/emissiveTexture", self.at);
-            self.report.warn(place, "is lost: the material does not shine, rather than everywhere alike");
+            self.report.warn(place, "is lost: the material does not emit light, rather than everywhere alike");
             return None;
         }
         Some(Emission { radiance, two_sided: json.double_sided })
