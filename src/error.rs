@@ -21,6 +21,37 @@ pub enum ErrorKind {
     Interrupted,
 }
 
+/// The text of a problem or a warning and its stable code: made of the text alone, or of the pair of both.
+#[derive(Clone, Debug)]
+pub struct Message {
+    text: String,
+    code: &'static str,
+}
+
+impl From<String> for Message {
+    fn from(text: String) -> Message {
+        Message { text, code: "" }
+    }
+}
+
+impl From<&str> for Message {
+    fn from(text: &str) -> Message {
+        Message::from(text.to_string())
+    }
+}
+
+impl From<&String> for Message {
+    fn from(text: &String) -> Message {
+        Message::from(text.clone())
+    }
+}
+
+impl<T: Into<String>> From<(&'static str, T)> for Message {
+    fn from((code, text): (&'static str, T)) -> Message {
+        Message { text: text.into(), code }
+    }
+}
+
 /// One thing that is wrong in an input.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Problem {
@@ -38,8 +69,9 @@ pub struct Problem {
 
 impl Problem {
     /// A problem at a place (JSON pointer or line; empty for the whole file).
-    pub fn new(place: impl Into<String>, message: impl Into<String>) -> Problem {
-        Problem { place: place.into(), message: message.into(), help: None, span: None, code: "" }
+    pub fn new(place: impl Into<String>, message: impl Into<Message>) -> Problem {
+        let Message { text, code } = message.into();
+        Problem { place: place.into(), message: text, help: None, span: None, code }
     }
 
     /// Adds what would mend it.
@@ -92,7 +124,7 @@ pub type Result<T> = std::result::Result<T, Error>;
 
 impl Error {
     /// An input file with one problem that concerns the file as a whole.
-    pub fn input(file: &Path, message: impl Into<String>) -> Error {
+    pub fn input(file: &Path, message: impl Into<Message>) -> Error {
         Error::input_problems(file, vec![Problem::new("", message)])
     }
 
@@ -102,7 +134,7 @@ impl Error {
     }
 
     /// A file that could not be written.
-    pub fn output(file: &Path, message: impl Into<String>) -> Error {
+    pub fn output(file: &Path, message: impl Into<Message>) -> Error {
         Error {
             kind: ErrorKind::Output,
             file: Some(file.to_path_buf()),
@@ -112,7 +144,7 @@ impl Error {
     }
 
     /// Arguments that make no sense.
-    pub fn usage(message: impl Into<String>) -> Error {
+    pub fn usage(message: impl Into<Message>) -> Error {
         Error {
             kind: ErrorKind::Usage,
             file: None,
@@ -210,13 +242,15 @@ pub struct Warning {
 
 impl Warning {
     /// A warning about a place in a file.
-    pub fn new(file: &Path, place: impl Into<String>, message: impl Into<String>) -> Warning {
-        Warning { file: Some(file.to_path_buf()), place: place.into(), message: message.into(), code: "" }
+    pub fn new(file: &Path, place: impl Into<String>, message: impl Into<Message>) -> Warning {
+        let Message { text, code } = message.into();
+        Warning { file: Some(file.to_path_buf()), place: place.into(), message: text, code }
     }
 
     /// A warning that belongs to no file.
-    pub fn general(message: impl Into<String>) -> Warning {
-        Warning { file: None, place: String::new(), message: message.into(), code: "" }
+    pub fn general(message: impl Into<Message>) -> Warning {
+        let Message { text, code } = message.into();
+        Warning { file: None, place: String::new(), message: text, code }
     }
 
     /// Adds a stable code.

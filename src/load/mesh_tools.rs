@@ -50,10 +50,14 @@ impl Repairs {
         let zeroed =
             format!("{attributes} texture coordinates, colours or attributes that are not finite became 0");
         let turned = format!("{normals} normals that are not finite became those of faces");
-        let counted = [(triangles, dropped), (attributes, zeroed), (normals, turned)]
-            .into_iter()
-            .filter(|(n, _)| *n > 0);
-        counted.map(|(_, message)| Warning::new(path, "", message))
+        let counted = [
+            (triangles, "corners-not-finite", dropped),
+            (attributes, "attributes-not-finite", zeroed),
+            (normals, "normals-not-finite", turned),
+        ]
+        .into_iter()
+        .filter(|(n, ..)| *n > 0);
+        counted.map(|(_, code, message)| Warning::new(path, "", (code, message)))
     }
 }
 
@@ -76,7 +80,10 @@ const LARGEST_LEVEL: f32 = 15.0;
 /// Vertex colours as shares of 1, which surfaces need that reflect no more than all light: whole numbers of which one is large are
 /// levels of 0 to 255 (sRGB-encoded where `is_encoded`), all others are clamped. Says what was done; numbers that are not finite
 /// stay.
-pub(super) fn bound_colors<const N: usize>(colors: &mut [[f32; N]], is_encoded: bool) -> Option<String> {
+pub(super) fn bound_colors<const N: usize>(
+    colors: &mut [[f32; N]],
+    is_encoded: bool,
+) -> Option<(&'static str, String)> {
     let beyond = |c: &&[f32; N]| c.iter().any(|v| *v < 0.0 || *v > 1.0);
     let count = colors.iter().filter(beyond).count();
     if count == 0 {
@@ -94,12 +101,16 @@ pub(super) fn bound_colors<const N: usize>(colors: &mut [[f32; N]], is_encoded: 
                 *value = if is_encoded && channel < 3 { linear_from_srgb(share) } else { share };
             }
         }
-        return Some(format!(
-            "vertex colours are whole numbers up to {largest}: they are taken as levels of 0 to 255"
+        return Some((
+            "vertex-colors-bytes",
+            format!("vertex colours are whole numbers up to {largest}: they are taken as levels of 0 to 255"),
         ));
     }
     colors.as_flattened_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, 1.0));
-    Some(format!("{count} of {total} vertex colours are beyond 0 to 1 and clamped"))
+    Some((
+        "vertex-colors-clamped",
+        format!("{count} of {total} vertex colours are beyond 0 to 1 and clamped"),
+    ))
 }
 
 /// Gives normals unit length; a vertex whose normal has none gets the direction of one of its triangles.

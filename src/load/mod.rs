@@ -130,7 +130,7 @@ fn is_archive(path: &Path) -> Result<bool> {
         Some(contents::Content { what, remedy }) => {
             Err(Error::input(path, format!("is {what}")).with_help(remedy))
         }
-        None if is_named_so => Err(Error::input(path, "is no ZIP archive")),
+        None if is_named_so => Err(Error::input(path, ("zip-missing", "is not a ZIP archive"))),
         None => Ok(false),
     }
 }
@@ -237,7 +237,7 @@ fn smoothed(path: &Path, options: &LoadOptions, is_of_meshes: bool, loaded: &mut
             false => "it is for OBJ and PLY files; scene files have the key 'smooth' of objects",
         };
         let message = format!("{} changes nothing: {why}", Choice::Smooth);
-        loaded.warnings.push(Warning::new(path, "", message));
+        loaded.warnings.push(Warning::new(path, "", ("unused-option", message)));
     }
 }
 
@@ -267,7 +267,7 @@ fn complete(
     if leaves_up_open {
         upright::turn_as_asked(options, loaded);
     } else if !matches!(options.up, Up::Auto | Up::Y) {
-        let message = "the choice of the axis that points up changes nothing here";
+        let message = ("unused-option", "the choice of the axis that points up changes nothing here");
         loaded.warnings.push(Warning::new(path, "", message));
     }
     match sidecar {

@@ -44,7 +44,9 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     options.gauge.add(bytes.len() as u64);
     drop(bytes);
     if facets.corners.is_empty() {
-        return Err(Error::input(path, "has no triangles").with_help("only surfaces can be rendered"));
+        return Err(
+            Error::input(path, ("no-surface", "has no triangles")).with_help("only surfaces can be rendered")
+        );
     }
     let single: Vec<[f32; 3]> = facets.corners.iter().map(|c| c.map(|x| x as f32)).collect();
     let origin = mesh_tools::distant_origin(single.iter());
@@ -119,14 +121,14 @@ fn count(bytes: &[u8]) -> Option<u64> {
 fn binary(path: &Path, bytes: &[u8]) -> Result<Facets> {
     let Some(promised) = count(bytes) else {
         let message = format!("is no STL file: it ends after {} bytes, inside its header", bytes.len());
-        return Err(Error::input(path, message));
+        return Err(Error::input(path, ("cut-short", message)));
     };
     let mut facets = Facets::default();
     let held = (bytes.len() - HEADER) / FACET;
     let wanted = usize::try_from(promised).unwrap_or(usize::MAX);
     if wanted > held && held == 0 {
         let message = format!("promises {promised} triangles, but ends after its header");
-        return Err(Error::input(path, message).with_help("export or download the file again"));
+        return Err(Error::input(path, ("cut-short", message)).with_help("export or download the file again"));
     }
     if wanted > held {
         let message =
@@ -278,12 +280,12 @@ mod tests {
         let whole = file(b"", &[([0, 1, 2], 0), ([0, 2, 3], 0)]);
         let cut = read(&whole[..whole.len() - 9]).expect("one triangle is left");
         assert_eq!(cut.scene.meshes[0].triangles.len(), 1);
-        assert!(cut.warnings[0].message.contains("promises 2 triangles, but holds 1"));
-        let refusal = |bytes: &[u8]| read(bytes).expect_err("it is refused").to_string();
-        assert!(refusal(&whole[..90]).contains("ends after its header"));
-        assert!(refusal(b"abc").contains("inside its header"));
-        assert!(refusal(b"solid a\nendsolid a\n").contains("no triangles"));
-        let commas = refusal(b"solid a\nfacet\nouter loop\nvertex 1,5 0,0 2,0\n");
-        assert!(commas.contains("line 4") && commas.contains("decimal commas"), "{commas}");
+        assert!(cut.warnings[0].message.contains("2 triangles"));
+        let refusal = |bytes: &[u8]| read(bytes).expect_err("it is refused");
+        assert_eq!(refusal(&whole[..90]).problems[0].code, "cut-short");
+        assert_eq!(refusal(b"abc").problems[0].code, "cut-short");
+        assert_eq!(refusal(b"solid a\nendsolid a\n").problems[0].code, "no-surface");
+        let commas = refusal(b"solid a\nfacet\nouter loop\nvertex 1,5 0,0 2,0\n").to_string();
+        assert!(commas.contains("line 4") && commas.contains("LC_NUMERIC"), "{commas}");
     }
 }

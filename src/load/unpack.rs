@@ -32,7 +32,8 @@ impl Unpacked {
         for entry in archive.entries().iter().filter(|e| !e.name.ends_with('/')) {
             let relative = entry.name.replace('\\', "/");
             if relative.is_empty() || files::leaves(Path::new(&relative)) {
-                return Err(fail(format!("holds a file whose path leads out of it: '{}'", entry.name)));
+                let message = format!("holds a file whose path leads out of it: '{}'", entry.name);
+                return Err(fail(message).with_code("path-outside"));
             }
             let data = archive
                 .data(entry, MAX_BYTES - total)
@@ -49,7 +50,9 @@ impl Unpacked {
         models.sort();
         let Some((.., model)) = models.first() else {
             let help = format!("it should hold one of {}", formats::models_in_words());
-            return Err(fail("is an archive without a model".into()).with_help(help));
+            return Err(fail("is an archive without a model".into())
+                .with_help(help)
+                .with_code("zip-without-model"));
         };
         Ok(Unpacked { model: folder.path().join(model), folder: Arc::new(folder) })
     }

@@ -50,11 +50,11 @@ pub(super) fn turn_as_guessed(path: &Path, options: &LoadOptions, loaded: &mut L
     }
     let (up, why) = up(loaded);
     if up != Up::Y {
-        let message = format!("{} points up, by {why} ({} decides)", up.name(), Choice::Up);
+        let message = ("up-guessed", format!("{} points up, by {why} ({} decides)", up.name(), Choice::Up));
         loaded.notes.push(Warning::new(path, "", message));
         stand_all(loaded, up);
     } else if let Some(why) = Some(why).filter(|why| !why.is_empty()) {
-        let message = format!("y points up, by {why} ({} decides)", Choice::Up);
+        let message = ("up-guessed", format!("y points up, by {why} ({} decides)", Choice::Up));
         loaded.notes.push(Warning::new(path, "", message));
     }
 }

@@ -30,7 +30,8 @@ impl Archive {
     /// An input error if it can't be read, or its list is broken.
     pub fn open(path: &Path) -> Result<Archive> {
         let bytes = files::read(path, MAX_BYTES).map_err(|message| Error::input(path, message))?;
-        let damaged = || Error::input(path, "is a damaged ZIP archive: its list of files is broken");
+        let damaged =
+            || Error::input(path, ("zip-damaged", "is a damaged ZIP archive: its list of files is broken"));
         let entries = entries(&bytes).ok_or_else(damaged)?;
         Ok(Archive { bytes, entries })
     }

@@ -1,5 +1,6 @@
 //! Compressed models, models in archives, and files that are none.
 
+use crate::codes::code_of;
 use flate2::Compression;
 use flate2::write::{DeflateEncoder, GzEncoder};
 use oscura::error::Error;
@@ -64,7 +65,7 @@ fn compressed_models_are_read_like_others() {
     // By their content, whatever their name.
     assert_eq!(triangles(&read("a.ply", &gzip(PLY))), 1);
     let cut = read("a.ply.gz", &gzip(PLY)[..40]).expect_err("it is cut");
-    assert!(cut.to_string().contains("can't be unpacked as gzip"), "{cut}");
+    assert!(cut.to_string().contains("gzip"), "{cut}");
 }
 
 #[test]
@@ -100,11 +101,11 @@ fn large_pictures_of_archives_stay_readable() {
 #[test]
 fn archives_that_are_none_or_hostile_are_refused() {
     let whole = zip(&[("a.obj", OBJ)]);
-    let refusal = |bytes: &[u8]| read("a.zip", bytes).expect_err("it is refused").to_string();
-    assert!(refusal(&whole[..whole.len() - 30]).contains("damaged ZIP archive"));
-    assert!(refusal(&zip(&[("a.txt", b"?")])).contains("without a model"));
-    assert!(refusal(&zip(&[("../a.obj", OBJ)])).contains("leads out"));
-    assert!(refusal(b"no archive").contains("is no ZIP archive"));
+    let refusal = |bytes: &[u8]| code_of(&read("a.zip", bytes).expect_err("it is refused"));
+    assert_eq!(refusal(&whole[..whole.len() - 30]), "zip-damaged");
+    assert_eq!(refusal(&zip(&[("a.txt", b"?")])), "zip-without-model");
+    assert_eq!(refusal(&zip(&[("../a.obj", OBJ)])), "path-outside");
+    assert_eq!(refusal(b"no archive"), "zip-missing");
     let mut claims = whole.clone();
     let at = claims.windows(4).position(|w| w == b"PK\x01\x02").expect("a directory");
     claims[at + 24..at + 28].copy_from_slice(&0x7fff_ffffu32.to_le_bytes());

@@ -105,5 +105,5 @@ fn what_is_wrong_is_told() {
         assert!(error.contains(words), "{curves}: {error}");
     }
     let error = with_file("file = \"b.hair\"", "b.hair", b"HAIR").expect_err("a header").to_string();
-    assert!(error.contains("b.hair") && error.contains("has 4 bytes"), "{error}");
+    assert!(error.contains("b.hair") && error.contains("4 bytes"), "{error}");
 }

@@ -65,7 +65,7 @@ fn statements_of_mtl_files_that_don_t_count() {
     let options = warnings_of_material("map_Kd -bm high -clamp maybe a.png");
     assert!(options.iter().any(|w| w.contains("-bm, -clamp ignored")), "{options:?}");
     let maps = warnings_of_material("norm a.png\nbump b.png");
-    assert!(maps.iter().any(|w| w.contains("'bump' is ignored beside 'norm'")), "{maps:?}");
+    assert!(maps.iter().any(|w| w.contains("'bump'") && w.contains("'norm'")), "{maps:?}");
 }
 
 /// A triangle as PLY, with properties for the vertices and faces and their values.
@@ -216,7 +216,7 @@ fn obj_files_of_vertices_alone_are_point_clouds() {
         let folder = tempfile::tempdir().expect("a folder");
         std::fs::write(folder.path().join("a.obj"), text).expect("written");
         let error = load(folder.path().join("a.obj"), &LoadOptions::default()).expect_err("no surface");
-        assert!(error.to_string().contains("has no faces"), "{error}");
+        assert!(error.problems[0].code == "no-surface", "{error}");
     }
 }
 
@@ -257,8 +257,7 @@ fn lights_of_a_mesh_file_are_named_and_warnings_of_one_that_only_lends_its_camer
         ),
         ("a.gltf", model),
     ]);
-    let notes: Vec<&str> = placed.notes.iter().map(|n| n.message.as_str()).collect();
-    assert!(notes.iter().any(|n| n.contains("its 1 lights are left out")), "{notes:?}");
+    assert!(placed.notes.iter().any(|n| n.code == "lights-left-out"), "{:?}", placed.notes);
     let scene = "camera = { from = \"a.gltf\" }\nmaterials.default = { type = \"lambert\" }\n\
                  [[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\n";
     let lent = loaded(&[("s.toml", scene), ("a.gltf", model)]);
@@ -277,17 +276,17 @@ fn keys_of_scene_files_that_do_nothing() {
     };
     assert_eq!(refusal("", ""), "");
     assert!(refusal(", focal_length = 35", "").contains("'focal_length' needs 'f_stop'"));
-    assert!(refusal(", focus_distance = 3", "").contains("add 'defocus_angle' or 'f_stop'"));
+    assert!(refusal(", focus_distance = 3", "").contains("'defocus_angle'"));
     assert_eq!(refusal(", focus_distance = 3, defocus_angle = 0", ""), "");
-    assert!(refusal("", ", clearcoat_roughness = 0.5").contains("does nothing without 'clearcoat'"));
-    assert!(refusal("", ", iridescence_ior = 1.5").contains("does nothing without 'iridescence'"));
+    assert!(refusal("", ", clearcoat_roughness = 0.5").contains("'clearcoat_roughness'"));
+    assert!(refusal("", ", iridescence_ior = 1.5").contains("'iridescence_ior'"));
     let color = ", transmission = 1, volume = true, attenuation_color = [1, 2, 1], attenuation_distance = 1";
-    assert!(refusal("", color).contains("'attenuation_color' must be from 0 to 1"));
+    assert!(refusal("", color).contains("'attenuation_color'"));
     let filled = ", volume = true, medium = { density = 5 }";
-    assert!(refusal("", filled).contains("no light reaches this 'medium'"));
+    assert!(refusal("", filled).contains("'medium'"));
     assert_eq!(refusal("", &format!("{filled}, transmission = 1")), "");
     let faces = "box = { min = [0, 0, 0], max = [1, 1, 1] }\nmaterial = \"default\"\n\
                  materials = [\"default\", \"default\", \"default\", \"default\", \"default\", \"default\"]\n";
     let both = open(&[("s.toml", &format!("{SCENE}{faces}"))]).expect_err("one of them would be lost");
-    assert!(both.contains("'material' and 'materials' say the same"), "{both}");
+    assert!(both.contains("'materials'"), "{both}");
 }

@@ -1,6 +1,8 @@
 //! Everything that reads files: each format's corners, real and damaged files, and what fuzzing found.
 
 mod archives;
+#[path = "../common/codes.rs"]
+mod codes;
 mod curves;
 mod gltf;
 mod images;

@@ -118,7 +118,7 @@ fn an_area_light_stands_where_the_exporter_left_an_empty_node() {
     let emission = scene.materials[quad.material.index()].emission.expect("it emits");
     assert!((f64::from(emission.radiance.factor[0]) - 4.0 / (PI * 2.0)).abs() < 1e-6);
     let error = with("Arae").expect_err("no such node").to_string();
-    assert!(error.contains("no empty node 'Arae' (did you mean 'Area'?)"), "{error}");
+    assert!(error.contains("'Arae'") && error.contains("'Area'"), "{error}");
     assert!(with("left").is_err(), "a camera is no empty node");
 }
 
@@ -338,7 +338,7 @@ fn objects_may_be_special_to_rays_and_pictures() {
         assert_eq!(of(line), expected, "{line}");
     }
     let wrong = with_sidecar("[objects.\"node 0\"]\nvisible_to = [\"camra\"]\n").expect_err("no kind");
-    assert!(wrong.to_string().contains("kinds of rays"), "{wrong}");
+    assert!(wrong.to_string().contains("'visible_to'"), "{wrong}");
 }
 
 /// As custom properties of Blender come with glTF.
@@ -517,7 +517,8 @@ fn sidecars_read_regular_files_of_the_folder() {
     let refusal = |toml: &str, allow_external| {
         std::fs::write(inside.join("a.oscura.toml"), toml).expect("written");
         let options = LoadOptions { allow_external, ..LoadOptions::default() };
-        load(inside.join("a.obj"), &options).expect_err("it is refused").to_string()
+        let error = load(inside.join("a.obj"), &options).expect_err("it is refused");
+        format!("{error} [{}]", error.problems[0].code)
     };
     let names = [
         "[environment]\nimage = \"NAME\"",
@@ -531,7 +532,7 @@ fn sidecars_read_regular_files_of_the_folder() {
     for text in names {
         for name in ["/dev/zero", "../secret.png", "//server/share/a.png"] {
             let error = refusal(&text.replace("NAME", name), false);
-            assert!(error.contains("leads out of the folder of the model"), "{text}: {error}");
+            assert!(error.contains("[path-outside]"), "{text}: {error}");
             assert!(error.contains("allow"), "{error}");
         }
     }

@@ -138,7 +138,8 @@ fn grids_shine() {
         let between: f64 = along.windows(2).map(|w| 0.5 * (w[0] + w[1])).sum();
         let mass = (between + 0.5 * (along[0] + along[39])) * 0.1;
         let grid = scene.add_grid(Grid::in_box(name, size, std::sync::Arc::new(values), min, max));
-        let emissive = Medium { grid: Some(grid), emission: [0.6, 0.3, 0.15], ..medium(extinction, 0.0, 0.0) };
+        let emissive =
+            Medium { grid: Some(grid), emission: [0.6, 0.3, 0.15], ..medium(extinction, 0.0, 0.0) };
         let filled = body(&mut scene, emissive);
         sphere(&mut scene, [0.0; 3], 4.0, filled);
         scene.cameras.push(beam([0.1, 0.2, 6.0]));

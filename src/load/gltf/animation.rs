@@ -170,14 +170,14 @@ pub(super) fn pose(doc: &Document, time_s: f64, report: &mut Report) -> Pose {
     }
     if reader.targetless > 0 {
         let message = format!("{} channels move no node; they stand still", reader.targetless);
-        report.warn("/animations", message);
+        report.warn("/animations", ("channels-without-node", message));
     }
     if reader.doubled > 0 {
         let message = format!(
             "{} channels move what an earlier animation moves already; the first in the file counts",
             reader.doubled
         );
-        report.warn("/animations", message);
+        report.warn("/animations", ("channels-without-node", message));
     }
     if count == 0 {
         report.warn(

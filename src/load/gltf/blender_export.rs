@@ -136,47 +136,49 @@ const LISTED: usize = 8;
 /// knows.
 pub(in crate::load) fn warn_of_losses(path: &Path, loaded: &mut Loaded) {
     let Some(lost) = &loaded.blender else { return };
-    let about = |message: String| Warning::new(path, "", message);
-    loaded.notes.push(about(format!(
+    let about = |(code, message): (&'static str, String)| Warning::new(path, "", (code, message));
+    loaded.notes.push(about(("blender-exporter-limits", format!(
         "Blender's glTF files never hold the world, area lights, portals, sizes of lamps, angles of suns, nodes of lamps, \
          links of lights and lamps without shadows; depth of field, shift, panoramas, motion blur, the picture's size, \
          transparency of the film, exposure and view; volumes, subsurface scattering, displacement, bumps and other nodes \
          beside Principled BSDF; visibility by kinds of rays, holdouts and shadow catchers, instances of particles and \
          geometry nodes. The file of Blender itself keeps them ('oscura render scene.blend'); {} makes up for some",
         Choice::NewSidecar
-    )));
+    ))));
     loaded.warnings.extend(warnings(lost).into_iter().map(about));
 }
 
-fn warnings(lost: &BlenderExport) -> Vec<String> {
+fn warnings(lost: &BlenderExport) -> Vec<(&'static str, String)> {
     let BlenderExport { lamps, white, rough_metal, unused_alpha, enclosing, .. } = lost;
     let mut notes = Vec::new();
     if let Some(names) = list("node", lamps) {
-        notes.push(format!(
-            "{names} without contents may have been area lights, which Blender does not export"
+        notes.push((
+            "lost-area-lights",
+            format!("{names} without contents may have been area lights, which Blender does not export"),
         ));
     }
     if let Some(names) = list("material", white) {
-        notes.push(format!(
+        notes.push(("lost-color", format!(
             "{names}: pure white without a texture; Blender writes that, too, where nodes that it can't export give the \
              colour"
-        ));
+        )));
     }
     if let Some(names) = list("material", rough_metal) {
-        notes.push(format!(
+        notes.push(("lost-roughness", format!(
             "{names}: metal of roughness 1 without a texture; Blender writes that, too, where nodes that it can't export \
              give the roughness or the metalness"
-        ));
+        )));
     }
     if let Some(names) = list("material", unused_alpha) {
-        notes.push(format!(
-            "{names}: the image of the base colour has alpha, which the material does not use"
+        notes.push((
+            "unused-alpha",
+            format!("{names}: the image of the base colour has alpha, which the material does not use"),
         ));
     }
     for (object, inside) in enclosing {
-        notes.push(format!(
+        notes.push(("lost-volume", format!(
             "object '{object}' with a lost material encloses the {inside}: it may have been a volume, and hides all else"
-        ));
+        )));
     }
     notes
 }

@@ -56,7 +56,10 @@ impl<'a> Document<'a> {
             let size = bytes.len();
             return Err(report.problem(
                 at,
-                format!("reaches from byte {offset} over {length} bytes, but its buffer has {size}"),
+                (
+                    "range-beyond-buffer",
+                    format!("reaches from byte {offset} over {length} bytes, but its buffer has {size}"),
+                ),
             ));
         };
         Ok(&bytes[offset as usize..end as usize])
@@ -146,7 +149,7 @@ impl<'a> Document<'a> {
                 let is_plain = path.components().eq(files::beside(self.path, &plain(uri)).components());
                 if !is_plain {
                     let message = format!("'{}' is taken to mean {}", shortened(uri), path.display());
-                    report.note(at, message);
+                    report.note(at, ("uri-guessed", message));
                 }
             }
             // It may come.

@@ -373,7 +373,7 @@ fn read_area_light(doc: &Document, (node, raw): (&Node, &Value), report: &mut Re
     let index = required(index_of(raw, "light", &at, report), "light", &at, report)?;
     let light = doc.raw(AREA_LIGHTS, index, &format!("{at}/light"), report)?;
     let at = pointer(AREA_LIGHTS, index);
-    report.warn("", "EXT_lights_area is a draft: what is made of it may change");
+    report.warn("", ("extension-draft", "EXT_lights_area is a draft: its support may change"));
     let form = match light.get("type").and_then(Value::as_str) {
         Some("rect") => Form::Rectangle,
         Some("disk") => Form::Disk,

@@ -81,7 +81,7 @@ pub(super) fn load_moments(
     if repaired > 0 {
         let message =
             format!("its JSON holds {repaired} numbers that are none (NaN and the like); they became 0");
-        report.lasting(|report| report.warn("", message));
+        report.lasting(|report| report.warn("", ("json-not-a-number", message)));
     }
     shared.materials.geometry_only = options.geometry_only;
     let mut pointer_animation = PointerAnimation::default();

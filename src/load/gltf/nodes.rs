@@ -117,7 +117,7 @@ pub(super) fn walk(doc: &Document, pose: &Pose, parents: &NodeParents, report: &
     let mut hidden = 0usize;
     while let Some(step) = stack.pop() {
         if reached.get(step.node).copied() == Some(true) {
-            let message = "is reached twice: nodes form a cycle, or one is the child of two";
+            let message = ("node-cycle", "is reached twice: nodes form a cycle, or one is the child of two");
             report.problem(pointer("nodes", step.node), message);
             continue;
         }
@@ -246,10 +246,19 @@ pub(super) fn local(node: &Value, pose: Option<&NodePose>, at: &str, report: &mu
     let moves = pose.is_some_and(|p| p.translation.is_some() || p.rotation.is_some() || p.scale.is_some());
     let transform = if node.get("matrix").is_some() {
         if ["translation", "rotation", "scale"].iter().any(|key| node.get(key).is_some()) {
-            report.warn(at, "has a matrix and also a translation, rotation or scale; the matrix counts");
+            report.warn(
+                at,
+                (
+                    "matrix-overrides",
+                    "has a matrix and also a translation, rotation or scale; the matrix is used",
+                ),
+            );
         }
         if moves {
-            report.warn(format!("{at}/matrix"), "an animated node must not have a matrix; the matrix counts");
+            report.warn(
+                format!("{at}/matrix"),
+                ("matrix-overrides", "an animated node must not have a matrix; the matrix is used"),
+            );
         }
         matrix(node, at, report)?
     } else {
@@ -291,7 +300,7 @@ fn rotation(node: &Value, at: &str, report: &mut Report) -> Valid<DQuat> {
     let rotation = DQuat::from_array(rotation);
     let length = rotation.length();
     if !(length > 1e-6 && length.is_finite()) {
-        report.warn(format!("{at}/rotation"), "is no unit quaternion; it is left out");
+        report.warn(format!("{at}/rotation"), ("rotation-invalid", "is no unit quaternion; it is left out"));
         return Ok(DQuat::IDENTITY);
     }
     if (length - 1.0).abs() > 1e-3 {

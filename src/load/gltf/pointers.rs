@@ -237,11 +237,11 @@ fn target<'v>(
     }
     let Some(element) = element_of(pointer) else {
         let message = format!("'{pointer}' is not known as something that moves; the channel stands still");
-        return Err(report.warn(place, message));
+        return Err(report.warn(place, ("animation-pointer-unknown", message)));
     };
     if !leads_somewhere(&doc.json, pointer) {
         let message = format!("'{pointer}' leads to nothing in the file; the channel stands still");
-        return Err(report.warn(place, message));
+        return Err(report.warn(place, ("animation-pointer-unknown", message)));
     }
     Ok(Some((pointer, element)))
 }

@@ -1,6 +1,6 @@
 //! Problems, warnings and notes about a glTF file.
 
-use crate::error::{Problem, Warning};
+use crate::error::{Message, Problem, Warning};
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
@@ -73,7 +73,7 @@ impl Report {
     }
 
     /// Notes a problem.
-    pub fn problem(&mut self, pointer: impl Into<String>, message: impl Into<String>) -> Reported {
+    pub fn problem(&mut self, pointer: impl Into<String>, message: impl Into<Message>) -> Reported {
         self.add(Problem::new(pointer, message))
     }
 
@@ -106,19 +106,20 @@ impl Report {
     }
 
     /// Notes a warning.
-    pub fn warn(&mut self, pointer: impl Into<String>, message: impl Into<String>) -> Reported {
-        self.add_entry(Severity::Warning, pointer.into(), message.into());
+    pub fn warn(&mut self, pointer: impl Into<String>, message: impl Into<Message>) -> Reported {
+        let warning = Warning::new(&self.file, pointer, message);
+        self.add_entry(Severity::Warning, warning);
         Reported(())
     }
 
     /// Adds a note about the choice among several valid interpretations.
-    pub fn note(&mut self, pointer: impl Into<String>, message: impl Into<String>) {
-        self.add_entry(Severity::Note, pointer.into(), message.into());
+    pub fn note(&mut self, pointer: impl Into<String>, message: impl Into<Message>) {
+        let note = Warning::new(&self.file, pointer, message);
+        self.add_entry(Severity::Note, note);
     }
 
-    fn add_entry(&mut self, kind: Severity, pointer: String, message: String) {
-        if self.seen.insert((pointer.clone(), message.clone())) {
-            let warning = Warning::new(&self.file, pointer, message);
+    fn add_entry(&mut self, kind: Severity, warning: Warning) {
+        if self.seen.insert((warning.place.clone(), warning.message.clone())) {
             self.entries.push(Entry { kind, is_lasting: self.is_lasting, warning });
         }
     }
@@ -142,7 +143,8 @@ impl Report {
     pub fn take_problems(&mut self) -> Vec<Problem> {
         let mut problems = std::mem::take(&mut self.problems);
         if self.unlisted > 0 {
-            problems.push(Problem::new("", format!("and {} more problems", self.unlisted)));
+            problems
+                .push(Problem::new("", ("more-problems", format!("and {} more problems", self.unlisted))));
         }
         problems
     }

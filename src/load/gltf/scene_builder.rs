@@ -208,7 +208,7 @@ impl<'b, 'a> SceneBuilder<'b, 'a> {
         if flat.triangles.is_empty() {
             return Err(report.warn(
                 node.pointer(),
-                "shrinks its mesh to a line or a point (a scale of 0); it is left out",
+                ("mesh-degenerate", "shrinks its mesh to a line or a point (a scale of 0); it is left out"),
             ));
         }
         self.scene.meshes.push(flat);
@@ -261,7 +261,7 @@ impl<'b, 'a> SceneBuilder<'b, 'a> {
             let message = format!(
                 "has {count_given} weights for the {targets} morph targets of its mesh; missing ones are 0, surplus ones are left out"
             );
-            report.warn(node.pointer(), message);
+            report.warn(node.pointer(), ("morph-weight-count", message));
         }
         if weights.iter().any(|w| !w.is_finite()) {
             report.problem(node.pointer(), "shows morph targets with weights that are not finite numbers");

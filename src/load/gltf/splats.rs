@@ -72,11 +72,14 @@ pub(super) fn read(
     warn_of_kinds(extension, at, report);
     list.set_linear(extension.get("colorSpace").and_then(Value::as_str) == Some("lin_rec709_display"));
     let (messages, faint) = list.messages();
-    for what in messages.into_iter().chain(faint) {
+    for what in messages {
+        report.warn(at, what);
+    }
+    if let Some(what) = faint {
         report.warn(at, what);
     }
     match list.is_empty() {
-        true => Err(report.warn(at, "holds no splats that can be seen")),
+        true => Err(report.warn(at, ("splats-invisible", "holds no splats that can be seen"))),
         false => Ok(Some(list.into_mesh("splats", material()))),
     }
 }
@@ -87,7 +90,10 @@ fn warn_of_kinds(extension: &Value, at: &str, report: &mut Report) {
         [("kernel", &["ellipse"][..]), ("colorSpace", &["srgb_rec709_display", "lin_rec709_display"])];
     for (key, values) in known {
         if let Some(other) = extension.get(key).and_then(Value::as_str).filter(|v| !values.contains(v)) {
-            report.warn(at, format!("has the {key} '{other}', which is taken as '{}'", values[0]));
+            report.warn(
+                at,
+                ("splats-kernel", format!("has the {key} '{other}', which is taken as '{}'", values[0])),
+            );
         }
     }
 }
@@ -112,7 +118,8 @@ fn plain(doc: &Document, raw: &Value, at: &str, report: &mut Report) -> Valid<Sp
     let needed = needed.into_iter().chain([("SH_DEGREE_0_COEF_0", coefficient((0, 0)))]);
     let missing: Vec<&str> = needed.filter(|(_, index)| index.is_none()).map(|(name, _)| name).collect();
     if index("POSITION").is_none() || !missing.is_empty() {
-        return Err(report.warn(at, format!("lacks attributes of splats: {}", missing.join(", "))));
+        return Err(report
+            .warn(at, ("splats-incomplete", format!("lacks attributes of splats: {}", missing.join(", ")))));
     }
     let degree =
         (1..=Splats::MAX_DEGREE).take_while(|&l| of_degree(l).all(|c| coefficient(c).is_some())).count();

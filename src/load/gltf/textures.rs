@@ -142,18 +142,19 @@ impl Textures {
         let json: gltf::json::Texture = doc.entry("textures", reference.texture, &from, report)?;
         let raw = doc.raw("textures", reference.texture, &from, report)?;
         let Some(index) = source(raw) else {
-            return Err(
-                report.warn(at, "has no image that can be read; the material's constants are used alone")
-            );
+            return Err(report.warn(
+                at,
+                (TEXTURE_MISSING, "has no image that can be read; the material's constants are used alone"),
+            ));
         };
         let image = doc.raw("images", index, &format!("{at}/source"), report)?;
         if let Some(why) = self.unreadable.get(&index) {
-            return Err(report.warn(pointer("images", index), without_texture(why)));
+            return Err(report.warn(pointer("images", index), (TEXTURE_MISSING, without_texture(why))));
         }
         if let Some(uri) = image.get("uri").and_then(Value::as_str).filter(|uri| !uri.starts_with("data:"))
             && let Err(why) = doc.locate(uri, &format!("{}/uri", pointer("images", index)), report)
         {
-            return Err(report.warn(pointer("images", index), without_texture(&why)));
+            return Err(report.warn(pointer("images", index), (TEXTURE_MISSING, without_texture(&why))));
         }
         let mut wraps = (Wrap::Repeat, Wrap::Repeat);
         let mut interpolation = Interpolation::Bilinear;
@@ -193,6 +194,9 @@ impl Textures {
         ImageId(index as u32)
     }
 }
+
+/// Code of the warnings about materials that lose a texture.
+const TEXTURE_MISSING: &str = "texture-missing";
 
 /// The warning about a material that refers to an image that can't be decoded.
 pub(super) fn without_texture(why: &str) -> String {

@@ -191,7 +191,7 @@ impl Deferred {
 
     fn changed(&self) -> Error {
         let source = Source { bytes: &[], file: &self.file, pointer: &self.pointer, memory_limit: None };
-        source.error("has changed since the scene was loaded")
+        source.error(("file-changed", "has changed since the scene was loaded"))
     }
 
     fn try_decode(&self, warnings: &mut Vec<Warning>) -> Result<Image> {

@@ -89,7 +89,9 @@ fn checked_header(source: &Source, warnings: &mut Vec<Warning>) -> Result<Header
     // 0 layers mark what is no list of textures.
     if header.layers > 1 || header.faces > 1 {
         let (layers, faces) = (header.layers.max(1), header.faces);
-        warnings.push(source.warning(format!("holds {layers} x {faces} images; the first is taken")));
+        warnings.push(
+            source.warning(("image-list", format!("holds {layers} x {faces} images; the first is taken"))),
+        );
     }
     Ok(header)
 }

@@ -1,6 +1,6 @@
 //! An image before it is decoded: its bytes, where they come from, and what it is for.
 
-use crate::error::{Choice, Error, Problem, Result, Warning};
+use crate::error::{Choice, Error, Message, Problem, Result, Warning};
 use crate::load::decoders;
 use crate::load::decoders::Decoder;
 use crate::load::files;
@@ -72,7 +72,7 @@ pub(super) struct Source<'a> {
 }
 
 impl Source<'_> {
-    pub fn error(&self, message: impl Into<String>) -> Error {
+    pub fn error(&self, message: impl Into<Message>) -> Error {
         Error::input_problems(self.file, vec![Problem::new(self.pointer, message)])
     }
 
@@ -82,7 +82,7 @@ impl Source<'_> {
         self.error(message).with_help(format!("{}, or convert the image to PNG", decoder.remedy()))
     }
 
-    pub fn warning(&self, message: impl Into<String>) -> Warning {
+    pub fn warning(&self, message: impl Into<Message>) -> Warning {
         Warning::new(self.file, self.pointer, message)
     }
 
@@ -135,7 +135,7 @@ pub(super) fn check(source: &Source, width: u64, height: u64) -> Result<()> {
         _ => {
             let bytes = source.bytes.len();
             let claim = format!("claims {width} x {height} pixels in {bytes} bytes; at most {most} pixels");
-            Err(source.error(format!("{claim} are accepted for a file of that length")))
+            Err(source.error(("image-size-claim", format!("{claim} are accepted for a file of that length"))))
         }
     }
 }

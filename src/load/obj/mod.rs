@@ -149,7 +149,7 @@ fn read_in(
     let mut start = Vec::new();
     file.by_ref().take(16).read_to_end(&mut start).and_then(|_| file.rewind()).map_err(unreadable)?;
     if is_utf_16(&start) {
-        return Err(Error::input(path, "is UTF-16 text").with_help("save the file as UTF-8"));
+        return Err(Error::input(path, ("utf-16", "is UTF-16 text")).with_help("save the file as UTF-8"));
     }
     // Corners with the same indices become one vertex; polygons stay what they are.
     let even = tobj::LoadOptions { single_index: true, ..tobj::LoadOptions::default() };
@@ -256,7 +256,7 @@ fn unused_materials(path: &Path, libraries: &[(PathBuf, Mtl)]) -> Option<Warning
         libraries.len(),
         first.file_name().unwrap_or_default().display()
     );
-    Some(Warning::new(path, "", message))
+    Some(Warning::new(path, "", ("materials-unused", message)))
 }
 
 /// The library of the model's name beside a file that names none but asks for materials.
@@ -274,7 +274,9 @@ fn library_beside(
         Some((_, line)) => (Some(*line), ("is taken, which has the model's name", "'mtllib' names others")),
         None => (None, ("beside it goes unused", "'mtllib' and 'usemtl' would take it")),
     };
-    warnings.push(Warning::new(path, "", format!("names no material library: '{name}' {effect} ({remedy})")));
+    let message = format!("names no material library: '{name}' {effect} ({remedy})");
+    let code = if is_asked.is_some() { "library-guessed" } else { "library-unused" };
+    warnings.push(Warning::new(path, "", (code, message)));
     is_asked.map(|line| (name, line))
 }
 

@@ -423,7 +423,8 @@ impl Statements {
             problems.push(Problem::new("", message));
         }
         if self.pieces.is_empty() && self.points.is_empty() && !self.is_cloud() && problems.is_empty() {
-            let mut problem = Problem::new("", "has no faces").with_help("only surfaces can be rendered");
+            let mut problem =
+                Problem::new("", ("no-surface", "has no faces")).with_help("only surfaces can be rendered");
             if let Some((what, (line, count))) = self.ignored.iter().next() {
                 problem.message = format!("has no faces, but {count} {what}, the first in line {line}");
             }

@@ -361,7 +361,7 @@ fn first_line(text: &str) -> String {
 fn header_text(bytes: &[u8]) -> Result<HeaderText> {
     if !bytes.starts_with(b"ply") {
         if is_utf_16(bytes) {
-            return Err(Problem::new("", "is UTF-16 text").with_help("save the file as UTF-8"));
+            return Err(Problem::new("", ("utf-16", "is UTF-16 text")).with_help("save the file as UTF-8"));
         }
         return Err(Problem::new("", "is not a PLY file: it doesn't start with 'ply'"));
     }

@@ -176,7 +176,8 @@ fn plain(mut source: Source, origin: DVec3) -> std::result::Result<(SplatList, O
     let needed = NAMES[..PACKED].iter().filter(|name| !(is_flat && **name == "scale_2"));
     let missing: Vec<&str> = needed.filter(|name| !source.has("vertex", name)).copied().collect();
     if !missing.is_empty() {
-        let message = format!("lacks the properties {} of Gaussian splats", missing.join(", "));
+        let message =
+            ("splats-incomplete", format!("lacks the properties {} of Gaussian splats", missing.join(", ")));
         return Err(Problem::new("header", message));
     }
     let harmonics = Harmonics::of(&source, "vertex");
@@ -218,7 +219,10 @@ fn packed(mut source: Source, origin: DVec3) -> std::result::Result<(SplatList, 
     let needed = needed.chain(NAMES[CHUNK..CHUNK_COLORS].iter().map(|name| ("chunk", *name)));
     let missing: Vec<&str> = needed.filter(|(of, name)| !source.has(of, name)).map(|n| n.1).collect();
     if !missing.is_empty() {
-        let message = format!("lacks the properties {} of compressed splats", missing.join(", "));
+        let message = (
+            "splats-incomplete",
+            format!("lacks the properties {} of compressed splats", missing.join(", ")),
+        );
         return Err(Problem::new("header", message));
     }
     let (has_colors, count) = (source.has("chunk", "max_b"), source.count("vertex"));
@@ -239,7 +243,8 @@ fn packed(mut source: Source, origin: DVec3) -> std::result::Result<(SplatList, 
         })?;
     }
     if chunks.len() < words.len().div_ceil(IN_CHUNK) || rest.len() < in_row.saturating_mul(words.len()) {
-        let message = format!("has too few rows of 'chunk' or 'sh' for its {count} splats");
+        let message =
+            ("splats-incomplete", format!("has too few rows of 'chunk' or 'sh' for its {count} splats"));
         return Err(Problem::new("header", message).with_help("export or download the file again"));
     }
     let mut list = SplatList::new(words.len(), harmonics.degree, origin)?;

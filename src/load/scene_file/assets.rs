@@ -276,7 +276,8 @@ fn absorb(build: &mut SceneFileBuilder, path: &Path, mut loaded: Loaded) -> Asse
     shapes.retain(|shape| shape.kind == ShapeKind::Sphere);
     let lights = loaded.scene.lights.len() + loaded.scene.quads.len() + points - shapes.len();
     if lights > 0 {
-        let message = format!("its {lights} lights are left out: a scene file lists its own");
+        let message =
+            ("lights-left-out", format!("its {lights} lights are left out: a scene file lists its own"));
         build.loaded.notes.push(Warning::new(path, "", message));
     }
     if loaded.scene.environment != Environment::Black {

@@ -53,7 +53,7 @@ impl<'a> SceneFileBuilder<'a> {
     /// folder alone, unless others are permitted. What is refused is noted as a problem.
     pub fn readable_path(&self, name: &str, span: Range<usize>) -> Option<PathBuf> {
         if self.is_sidecar && !self.options.allow_external && files::leaves(Path::new(name)) {
-            let message = format!("'{name}' leads out of the folder of the model");
+            let message = ("path-outside", format!("'{name}' leads out of the folder of the model"));
             let help = format!("move the file there, or permit it by {}", Choice::AllowExternal);
             self.problems.push_help(span, message, help);
             return None;

@@ -302,7 +302,7 @@ fn placed(fields: &Fields) -> Option<Camera> {
     let Some(placement) = ups.into_iter().find_map(|up| looking_at(eye.value, target, up)) else {
         let message = match eye.value == target {
             true => "the camera has no direction: 'look_from' and 'look_at' coincide",
-            false => "the camera has no upright: 'view_up' points along the view",
+            false => "the camera has no upright: 'view_up' is parallel to the view direction",
         };
         fields.problems.push(eye.span, message);
         return None;

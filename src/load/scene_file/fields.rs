@@ -1,6 +1,6 @@
 //! Typed access to the keys of a TOML table that notes every problem instead of stopping at the first.
 
-use crate::error::{Error, Problem, Result};
+use crate::error::{Error, Message, Problem, Result};
 use crate::math::DVec3;
 use std::cell::{OnceCell, RefCell};
 use std::ops::Range;
@@ -33,12 +33,12 @@ impl<'a> Problems<'a> {
     }
 
     /// Adds a problem about a range of the text.
-    pub fn push(&self, span: Range<usize>, message: impl Into<String>) {
+    pub fn push(&self, span: Range<usize>, message: impl Into<Message>) {
         self.add(span, message.into(), None);
     }
 
     /// Adds a problem with help.
-    pub fn push_help(&self, span: Range<usize>, message: impl Into<String>, help: impl Into<String>) {
+    pub fn push_help(&self, span: Range<usize>, message: impl Into<Message>, help: impl Into<String>) {
         self.add(span, message.into(), Some(help.into()));
     }
 
@@ -46,11 +46,11 @@ impl<'a> Problems<'a> {
     pub fn push_of_file(&self, span: Range<usize>, path: &Path, message: String) {
         if self.list.borrow().iter().all(|problem| problem.message != message) {
             let is_missing = matches!(path.try_exists(), Ok(false));
-            self.add(span, message, is_missing.then(|| help_for_missing(path)));
+            self.add(span, message.into(), is_missing.then(|| help_for_missing(path)));
         }
     }
 
-    fn add(&self, span: Range<usize>, message: String, help: Option<String>) {
+    fn add(&self, span: Range<usize>, message: Message, help: Option<String>) {
         let before = self.text.as_bytes().get(..span.start).unwrap_or_default();
         let line = before.iter().filter(|&&b| b == b'\n').count() + 1;
         let mut problem = Problem::new(format!("line {line}"), message).with_span(span);

@@ -327,7 +327,7 @@ fn mix<'a>(
         let what = format!("material '{}'", named_as.value);
         let fields = Fields::new(what, table, value.span(), all.problems);
         if fields.string("type").is_some_and(|kind| kind.value == "mix") {
-            build.problems.push(named_as.span, "a component of a mix can't be a mix itself");
+            build.problems.push(named_as.span, ("nested-mix", "a component of a mix can't be a mix itself"));
             return None;
         }
         let material = read(build, textures, &fields, all, named_as.value)?;
@@ -353,7 +353,7 @@ fn warn_of_brightness(build: &mut SceneFileBuilder, material: &Material) {
             "material '{}' reflects more light than arrives by its colour [{r}, {g}, {b}]: colours are linear, from 0 to 1",
             material.name
         );
-        build.loaded.warnings.push(Warning::new(build.file, "", message));
+        build.loaded.warnings.push(Warning::new(build.file, "", ("color-above-one", message)));
     }
 }
 

@@ -638,7 +638,8 @@ fn add_shape(build: &mut SceneFileBuilder, object: &Object, shape: Shape) {
     mesh.parts.push(MeshPart { first_triangle: 0, triangle_count, material: shape.material });
     let message =
         format!("{}: its {reason} {kind}, which becomes a mesh of {triangle_count} triangles", shape.name);
-    build.loaded.warnings.push(Warning::new(build.file, "", message));
+    let code = if is_stretched { "light-stretched" } else { "shape-bent" };
+    build.loaded.warnings.push(Warning::new(build.file, "", (code, message)));
     let scale = DVec3::splat(shape.radius);
     let unit = DAffine3::from_scale_rotation_translation(scale, shape.rotation, shape.center);
     add_placed(build, object, mesh, object.world_from_object * unit);

@@ -185,7 +185,7 @@ fn filling(fields: &Fields, material: &mut Material, model: &mut PbrMaterial, me
             fields.problems.push(fields.span(), message);
         } else if !lets_light_in(model) {
             let span = fields.raw("medium").map_or(fields.span(), |value| value.span());
-            let message = "no light reaches this 'medium': the surface lets none in";
+            let message = ("medium-unreachable", "no light reaches this 'medium': the surface is opaque");
             let help =
                 "add 'transmission' or 'diffuse_transmission', or say 'subsurface' in place of 'medium'";
             fields.problems.push_help(span, message, help);

@@ -298,7 +298,8 @@ impl<'a> Textures<'a> {
         span: Range<usize>,
     ) -> Option<TextureId> {
         if self.done.get(name) == Some(&None) {
-            build.problems.push(span, format!("texture '{own}' contains itself, or '{name}' has a problem"));
+            let message = format!("texture '{own}' contains itself, or '{name}' has a problem");
+            build.problems.push(span, ("texture-cycle", message));
             return None;
         }
         self.get(build, name, span)

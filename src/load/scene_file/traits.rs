@@ -149,7 +149,8 @@ pub(super) fn resolve_links(build: &mut SceneFileBuilder) {
             Some(near) => format!("did you mean '{near}'?"),
             None => "links name objects of the model or of the file".into(),
         };
-        build.problems.push_help(span.clone(), format!("there is no object '{name}' to link to"), help);
+        let message = ("unknown-object", format!("there is no object '{name}' to link to"));
+        build.problems.push_help(span.clone(), message, help);
     }
     // Each name with the sets that include it and those that exclude it, a bit for each.
     let mut of_names: HashMap<&str, [u64; 2]> = HashMap::new();

@@ -379,7 +379,7 @@ pub(super) fn at_node(build: &mut SceneFileBuilder, fields: &Fields) -> Option<M
     let name = fields.string("node")?;
     let empties = &build.loaded.empties;
     let Some(empty) = empties.iter().find(|empty| empty.name == name.value) else {
-        let message = format!("the model has no empty node '{}'", name.value);
+        let message = ("unknown-node", format!("the model has no empty node '{}'", name.value));
         let help = match nearest(name.value, empties.iter().map(|empty| empty.name.as_str())) {
             Some(near) => format!("did you mean '{near}'?"),
             None => format!("it has {} nodes that hold nothing", empties.len()),

@@ -102,15 +102,15 @@ impl SplatList {
     }
 
     /// Messages about what was left out or repaired, and about invisible splats.
-    pub fn messages(&self) -> (Vec<String>, Option<String>) {
+    pub fn messages(&self) -> (Vec<(&'static str, String)>, Option<String>) {
         let mut messages = Vec::new();
-        let mut add = |count: usize, what: &str| {
+        let mut add = |count: usize, code: &'static str, what: &str| {
             if count > 0 {
-                messages.push(format!("{count} splats {what}"));
+                messages.push((code, format!("{count} splats {what}")));
             }
         };
-        add(self.not_finite, "with numbers that are not finite were left out");
-        add(self.unturned, "with a zero quaternion are not rotated");
+        add(self.not_finite, "splats-not-finite", "with numbers that are not finite were left out");
+        add(self.unturned, "splats-not-rotated", "with a zero quaternion are not rotated");
         let faint = (self.invisible > 0)
             .then(|| format!("{} splats without size or of an opacity below 1/255", self.invisible));
         (messages, faint)
@@ -156,7 +156,7 @@ pub(super) fn finish(path: &Path, list: SplatList, up: (Up, &'static str)) -> Re
     loaded.warnings.extend(messages.into_iter().map(|what| Warning::new(path, "", what)));
     loaded.left_out.extend(faint);
     if list.is_empty() {
-        return Err(Error::input(path, "holds no splats that can be seen"));
+        return Err(Error::input(path, ("splats-invisible", "holds no splats that can be seen")));
     }
     u32::try_from(list.centers.len())
         .map_err(|_| Error::input(path, "has more than 4,294,967,295 splats"))?;

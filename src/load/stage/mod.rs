@@ -89,7 +89,7 @@ fn lacks_light(loaded: &mut Loaded, emitted_light: EmittedLight) -> bool {
             "no light but emissive parts of little power: the picture will be dark ({} adds light)",
             Choice::Stage
         );
-        loaded.warnings.push(Warning::general(message));
+        loaded.warnings.push(Warning::general(("little-light", message)));
     }
     emitted_light == EmittedLight::None || emitted_light == EmittedLight::Glow && loaded.is_model
 }
@@ -130,7 +130,7 @@ fn set_up(loaded: &mut Loaded, options: &StageOptions, is_lit: bool) {
             ground.in_words(),
             Choice::Stage
         );
-        loaded.notes.push(Warning::general(message));
+        loaded.notes.push(Warning::general(("stage", message)));
     }
     ground::add(loaded, options, &outline, is_lit);
 }
@@ -140,7 +140,10 @@ fn light_plainly(loaded: &mut Loaded, options: &StageOptions) {
     if options.light == StageLight::Soft {
         soften(loaded);
     } else if lamps_in_words(&loaded.scene).is_empty() && light::of(&loaded.scene) == EmittedLight::None {
-        let message = format!("no light at all: the picture will be black ({} adds light)", Choice::Stage);
+        let message = (
+            "no-light",
+            format!("no light at all: the picture will be black ({} adds light)", Choice::Stage),
+        );
         loaded.warnings.push(Warning::general(message));
     }
 }
@@ -155,7 +158,7 @@ fn light_scene(loaded: &mut Loaded, options: &StageOptions, emitted_light: Emitt
         };
         loaded.scene.environment = light::environment(&mut loaded.scene, options);
         loaded.is_stage_lit = true;
-        loaded.notes.push(Warning::general(message));
+        loaded.notes.push(Warning::general(("stage-light", message)));
     } else if options.light != StageLight::None {
         soften(loaded);
     }
@@ -183,14 +186,16 @@ fn soften(loaded: &mut Loaded) {
     };
     let (nadir, zenith) = SOFT_SKY;
     scene.environment = Environment::Gradient { nadir, zenith };
-    loaded.warnings.push(Warning::general(message));
+    loaded.warnings.push(Warning::general(("default-sky", message)));
 }
 
 /// Warns of stage options without effect, as the scene or the caller defines what they set.
 fn warn_of_unused(loaded: &mut Loaded, options: &StageOptions, brings_environment: bool) {
     let mut say = |is_unused: bool, what: Choice, why: &str| {
         if is_unused {
-            loaded.warnings.push(Warning::general(format!("{what} changes nothing: {why}")));
+            loaded
+                .warnings
+                .push(Warning::general(("unused-option", format!("{what} changes nothing: {why}"))));
         }
     };
     let own_camera = "the scene has a camera of its own";
@@ -372,7 +377,7 @@ mod tests {
         loaded.stand_ins.push(MaterialId(0));
         complete(&mut loaded, &StageOptions { is_foretold: true, ..StageOptions::studio() }, false);
         let scene = &loaded.scene;
-        assert!(loaded.notes[0].message.contains("studio light, on a ground"), "{:?}", loaded.notes);
+        assert!(loaded.notes[0].code == "stage", "{:?}", loaded.notes);
         assert_eq!((scene.shapes.len(), scene.images.len(), scene.cameras.len()), (1, 0, 1));
         assert_eq!((scene.textures.len(), scene.materials.len()), (0, 1));
         assert_eq!((&scene.environment, &scene.materials[0]), (&Environment::Black, &grey()));
@@ -397,13 +402,13 @@ mod tests {
     }
 
     #[test]
-    fn parts_that_shine_light_scenes_but_not_bare_models() {
+    fn emissive_parts_light_scenes_but_not_bare_models() {
         let emissive = || ball(DVec3::ZERO, 1.0, Material::emitter("lamp", [1.0; 3], false));
         let mut bare = emissive();
         complete(&mut bare, &soft(), false);
         assert!(matches!(bare.scene.environment, Environment::Gradient { .. }));
-        let messages: Vec<String> = bare.warnings.iter().map(ToString::to_string).collect();
-        assert!(messages.len() == 2 && messages[1].contains("emissive parts"), "{messages:?}");
+        let codes: Vec<&str> = bare.warnings.iter().map(|w| w.code).collect();
+        assert_eq!(codes[1..], ["default-sky"]);
         let mut scene = emissive();
         scene.scene.cameras = bare.scene.cameras.clone();
         complete(&mut scene, &StageOptions::studio(), false);
@@ -428,19 +433,11 @@ mod tests {
     fn models_with_cameras_are_lit_unless_parts_of_them_are_lamps() {
         let outcome = |mut loaded: Loaded| {
             complete(&mut loaded, &StageOptions::studio(), false);
-            let messages: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
-            (loaded.scene.environment != Environment::Black, messages.join("\n"))
+            let codes: Vec<&str> = loaded.warnings.iter().map(|w| w.code).collect();
+            (loaded.scene.environment != Environment::Black, codes.join(" "))
         };
-        let (is_lit, messages) = outcome(glowing(0.05, 1.0));
-        assert!(
-            is_lit && messages.contains("emissive parts") && messages.contains("soft default sky"),
-            "{messages}"
-        );
-        let (is_lit, messages) = outcome(glowing(0.05, 9.0));
-        assert!(
-            !is_lit && messages.contains("will be dark") && messages.contains("StageOptions::light"),
-            "{messages}"
-        );
+        assert_eq!(outcome(glowing(0.05, 1.0)), (true, "default-sky".to_string()));
+        assert_eq!(outcome(glowing(0.05, 9.0)), (false, "little-light".to_string()));
         // A lamp that lights the room, whether it is large or strong.
         assert_eq!(outcome(glowing(0.7, 1.0)), (false, String::new()));
         assert_eq!(outcome(glowing(0.05, 300.0)), (false, String::new()));
@@ -471,23 +468,16 @@ mod tests {
         let chosen = StageOptions { is_light_chosen: true, ..StageOptions::studio() };
         let lit = |mut loaded: Loaded, brings: bool| {
             complete(&mut loaded, &chosen, brings);
-            let messages =
-                loaded.notes.iter().chain(&loaded.warnings).map(ToString::to_string).collect::<Vec<_>>();
-            (matches!(loaded.scene.environment, Environment::Image { .. }), messages.join("\n"))
+            let codes = loaded.notes.iter().chain(&loaded.warnings).map(|w| w.code).collect::<Vec<_>>();
+            (matches!(loaded.scene.environment, Environment::Image { .. }), codes.join(" "))
         };
         for radius in [0.05, 0.7] {
-            let (is_lit, messages) = lit(glowing(radius, 1.0), false);
-            assert!(is_lit && messages.contains("emissive parts: studio light, too"), "{messages}");
+            assert_eq!(lit(glowing(radius, 1.0), false), (true, "stage-light".to_string()));
         }
         let mut sunny = glowing(0.05, 1.0);
         sunny.scene.environment = Environment::Constant([1.0; 3]);
-        let (is_lit, messages) = lit(sunny, false);
-        assert!(is_lit && messages.contains("in place of the environment"), "{messages}");
-        let (is_lit, messages) = lit(glowing(0.05, 1.0), true);
-        assert!(
-            !is_lit && messages.contains("changes nothing: another environment is asked for"),
-            "{messages}"
-        );
+        assert_eq!(lit(sunny, false), (true, "stage-light".to_string()));
+        assert_eq!(lit(glowing(0.05, 1.0), true), (false, "unused-option".to_string()));
     }
 
     #[test]

@@ -9,7 +9,7 @@ use super::image::{ImageFile, OnDamage, Use, for_texture};
 use super::mesh_tools::{NAMELESS, Repairs};
 use super::zip::Archive;
 use super::{LoadOptions, Loaded, Up, UpHint};
-use crate::error::{Error, Problem, Result, Warning};
+use crate::error::{Error, Message, Problem, Result, Warning};
 use crate::image::Damage;
 use crate::math::{DAffine3, DVec3};
 use crate::scene::{
@@ -60,7 +60,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         let what =
             if unread.is_empty() { String::new() } else { format!(": {} are not read", unread.join(", ")) };
         let help = "the file's build names no object with triangles";
-        return Err(Error::input(path, format!("shows nothing{what}")).with_help(help));
+        return Err(Error::input(path, ("no-surface", format!("shows nothing{what}"))).with_help(help));
     }
     loaded.up_hint = UpHint { writer: Some((Up::Z, "the 3MF specification")), is_mostly_y: false };
     loaded.scene.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -109,7 +109,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    fn fail(&self, place: &str, message: impl Into<String>) -> Error {
+    fn fail(&self, place: &str, message: impl Into<Message>) -> Error {
         Error::input_problems(self.path, vec![Problem::new(place, message)])
     }
 
@@ -149,10 +149,12 @@ impl<'a> Reader<'a> {
         let model = self.model(part)?;
         let place = format!("{part}, object {}", what.object);
         let Some(object) = model.objects.get(&what.object) else {
-            return Err(self.fail(&place, "is placed, but not defined"));
+            return Err(self.fail(&place, ("object-undefined", "is placed, but not defined")));
         };
         if depth > DEEPEST {
-            return Err(self.fail(&place, "holds itself, or components beyond 64 levels"));
+            return Err(
+                self.fail(&place, ("object-cycle", "contains itself, or components beyond 64 levels"))
+            );
         }
         if object.is_support {
             self.supports += 1;
@@ -164,7 +166,10 @@ impl<'a> Reader<'a> {
             self.loaded.scene.instances.push(Instance { name, ..Instance::new(mesh, world) });
         }
         if self.loaded.scene.instances.len() > MAX_INSTANCES {
-            return Err(self.fail(&place, format!("more than {MAX_INSTANCES} objects are placed")));
+            return Err(self.fail(
+                &place,
+                ("too-many-objects", format!("more than {MAX_INSTANCES} objects are placed")),
+            ));
         }
         object.components.iter().try_for_each(|component| self.place(part, component, world, depth + 1))
     }

@@ -75,7 +75,7 @@ impl NodeGraph {
         outputs.and_then(|outputs| outputs.get(output)).is_some_and(|o| o.kind == SocketType::Vector)
     }
 
-    /// All that is wrong with it: links that lead nowhere or in a circle, inputs that are too many or too few.
+    /// All that is wrong with it: links that lead nowhere or form a cycle, inputs that are too many or too few.
     pub fn problems(&self) -> Vec<String> {
         let mut problems = Vec::new();
         let mut check = |place: String, input: &NodeInput| match *input {
@@ -114,12 +114,12 @@ impl NodeGraph {
             );
         }
         if problems.is_empty() && self.order().is_none() {
-            problems.push("its links go round in a circle".to_string());
+            problems.push("its links form a cycle".to_string());
         }
         problems
     }
 
-    /// The nodes that the result needs, each after those that it needs; `None` if links go round in a circle.
+    /// The nodes that the result needs, each after those that it needs; `None` if links form a cycle.
     pub fn order(&self) -> Option<Vec<usize>> {
         self.order_of(&self.result)
     }

@@ -87,7 +87,7 @@ fn many_problems_are_counted() {
     });
     let error = load_triangle(&asset).expect_err("it is broken");
     assert!(error.problems.len() < 50);
-    assert!(error.to_string().contains("more problems"));
+    assert!(error.problems.last().is_some_and(|last| last.code == "more-problems"));
 }
 
 #[test]
@@ -148,7 +148,7 @@ fn unknown_chunks_are_skipped() {
     bytes[16..20].copy_from_slice(b"ACME");
     std::fs::write(&path, &bytes).expect("written");
     let message = open(&path).expect_err("no JSON").to_string();
-    assert!(message.contains("'ACME', not JSON"), "{message}");
+    assert!(message.contains("'ACME'"), "{message}");
 }
 
 /// The triangle with its bytes in the document.

@@ -45,7 +45,7 @@ fn rectangles_shine_along_minus_z() {
     for (found, expected) in emission.radiance.factor.into_iter().zip([10.0, 5.0, 0.0]) {
         assert!((found - expected).abs() < 1e-5, "{found}");
     }
-    let drafts = loaded.warnings.iter().filter(|w| w.message.contains("EXT_lights_area is a draft"));
+    let drafts = loaded.warnings.iter().filter(|w| w.code == "extension-draft");
     assert_eq!(drafts.count(), 1, "{:?}", loaded.warnings);
     assert!(loaded.has_area_lights);
 }
@@ -185,7 +185,7 @@ fn six_pictures_are_the_environment() {
         assert_eq!(of(direction), Vec3::from(color), "{direction:?}");
     }
     assert!(loaded.warnings.iter().all(|w| w.file.is_none()), "{:?}", loaded.warnings);
-    assert!(loaded.left_out.iter().any(|l| l.starts_with("1 of 7 images")), "{:?}", loaded.left_out);
+    assert!(loaded.left_out.iter().any(|l| l.contains("1 of 7")), "{:?}", loaded.left_out);
     // A right angle about y takes what was at +z to +x.
     let turned = surrounded(|a| {
         let light = &mut a["extensions"]["EXT_lights_image_based"]["lights"][0];

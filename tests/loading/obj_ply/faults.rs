@@ -11,7 +11,7 @@ const PIXEL: &[u8] = include_bytes!("pixel.png");
 
 /// The warnings about the file.
 fn said(loaded: &Loaded) -> String {
-    loaded.warnings.iter().filter(|w| w.file.is_some()).map(|w| format!("{w}\n")).collect()
+    loaded.warnings.iter().filter(|w| w.file.is_some()).map(|w| format!("{w} [{}]\n", w.code)).collect()
 }
 
 fn obj(text: &str) -> Loaded {
@@ -25,10 +25,10 @@ fn colours_of_bytes_are_told_from_shares() {
     assert!(
         colors[0] == [1.0, 0.0, 0.0, 1.0] && (colors[1][1] - linear_from_srgb(188.0 / 255.0)).abs() < 1e-6
     );
-    assert!(said(&bytes).contains("levels of 0 to 255"), "{}", said(&bytes));
+    assert!(said(&bytes).contains("[vertex-colors-bytes]"), "{}", said(&bytes));
     let bright = obj("v 0 0 0 2.5 0 0\nv 1 0 0 0 0.5 0\nv 0 1 0 0 0 0\nf 1 2 3\n");
     assert_eq!(bright.scene.meshes[0].colors[0], [1.0, 0.0, 0.0, 1.0]);
-    assert!(said(&bright).contains("1 of 3 vertex colours"), "{}", said(&bright));
+    assert!(said(&bright).contains("[vertex-colors-clamped]"), "{}", said(&bright));
     let paint = obj("v 0 0 0\nv 1 0 0\nv 0 1 0\n#MRGB ffff0000ff00ff00ff0000ff\nf 1 2 3\n");
     assert_eq!(paint.scene.meshes[0].colors[1], [0.0, 1.0, 0.0, 1.0]);
     for kind in ["int", "float", "ushort"] {
@@ -68,7 +68,7 @@ fn what_is_no_number_is_repaired() {
     let loaded =
         obj(&format!("{TRIANGLE}vt 1.#IND 0\n{normals}v 1 1 1.#INF\nf 1/1/1 2/2/2 3/1/2\nf 1 2 4\n"));
     assert_eq!(loaded.scene.meshes.iter().map(|m| m.triangles.len()).sum::<usize>(), 1);
-    for part in ["1 triangles with corners", "1 texture coordinates", "1 normals that are not finite"] {
+    for part in ["[corners-not-finite]", "[attributes-not-finite]", "[normals-not-finite]"] {
         assert!(said(&loaded).contains(part), "{part}: {}", said(&loaded));
     }
     let commas =
@@ -80,20 +80,12 @@ fn what_is_no_number_is_repaired() {
 fn faces_with_missing_vertices_are_left_out() {
     let loaded = obj(&format!("{TRIANGLE}f 1 2 3\nf 1 2 9\nf 0 1 2\n"));
     assert_eq!(loaded.scene.meshes[0].triangles.len(), 1);
-    assert!(
-        said(&loaded).contains("line 6: 2 faces that refer to vertices beyond the 3"),
-        "{}",
-        said(&loaded)
-    );
+    assert!(said(&loaded).contains("line 6: 2 faces"), "{}", said(&loaded));
     let text = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement \
                 face 2\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n3 0 1 7\n";
     let loaded = load_ply(text.as_bytes()).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(loaded.scene.meshes[0].triangles.len(), 1);
-    assert!(
-        said(&loaded).contains("1 faces with missing vertices (face 1: refers to vertex 7"),
-        "{}",
-        said(&loaded)
-    );
+    assert!(said(&loaded).contains("face 1: "), "{}", said(&loaded));
 }
 
 fn with_library(library: &str) -> (Material, String) {
@@ -119,7 +111,7 @@ fn textures_are_found_however_the_library_spells_them() {
     }
     let (material, said) = with_library("newmtl a\nmap_Ka my map.png\n");
     let Model::Lambert { albedo } = material.model else { panic!("not diffuse") };
-    assert!(albedo.texture.is_some() && said.contains("'map_Ka' is taken as the colour"), "{said}");
+    assert!(albedo.texture.is_some() && said.contains("'map_Ka'"), "{said}");
 }
 
 /// What MeshLab calls transparency is opacity, and what would hide the whole model isn't meant.
@@ -131,10 +123,10 @@ fn transparency_that_hides_everything_is_opacity() {
     ] {
         let (material, said) = with_library(library);
         assert_eq!(material.alpha.factor, 1.0, "{library}");
-        assert!(said.contains("'Tr' of 2 materials is taken as their opacity"), "{said}");
+        assert!(said.contains("'Tr' of 2 "), "{said}");
     }
     let (material, said) = with_library("newmtl a\nTr 1\nnewmtl b\nTr 0\n");
-    assert!(material.alpha.factor == 0.0 && said.contains("makes it invisible"), "{said}");
+    assert!(material.alpha.factor == 0.0 && said.contains("'Tr'"), "{said}");
 }
 
 #[test]
@@ -146,12 +138,12 @@ fn libraries_that_nothing_names_or_uses_are_hinted_at() {
     let unnamed = load(format!("{TRIANGLE}usemtl a\n{faces}"));
     let Model::Lambert { albedo } = unnamed.scene.materials[0].model else { panic!("not diffuse") };
     assert!(
-        albedo.factor == [0.25, 0.5, 0.75] && said(&unnamed).contains("'a.mtl' is taken"),
+        albedo.factor == [0.25, 0.5, 0.75] && said(&unnamed).contains("[library-guessed]"),
         "{}",
         said(&unnamed)
     );
     let unused = load(format!("mtllib a.mtl\n{TRIANGLE}{faces}"));
-    assert!(said(&unused).contains("has no 'usemtl'"), "{}", said(&unused));
+    assert!(said(&unused).contains("[materials-unused]"), "{}", said(&unused));
     let neither = load(format!("{TRIANGLE}{faces}"));
-    assert!(said(&neither).contains("'a.mtl' beside it goes unused"), "{}", said(&neither));
+    assert!(said(&neither).contains("[library-unused]"), "{}", said(&neither));
 }

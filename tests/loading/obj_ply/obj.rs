@@ -1,6 +1,7 @@
 //! What OBJ files may hold.
 
 use super::{load_files, obj_scene};
+use crate::codes::code_of;
 use oscura::math::Vec3;
 use oscura::scene::{Mesh, Scene};
 
@@ -25,7 +26,7 @@ fn corners() {
 fn errors_name_the_line() {
     let error = load_files(&[("a.obj", b"v 0 0 0\nv 1 x 0\n")]).expect_err("a bad number");
     assert_eq!(error.problems[0].place, "line 2");
-    assert!(load_files(&[("a.obj", b"vn 0 0 1\n")]).expect_err("no faces").to_string().contains("no faces"));
+    assert_eq!(code_of(&load_files(&[("a.obj", b"vn 0 0 1\n")]).expect_err("no faces")), "no-surface");
     assert!(load_files(&[("a.obj", b"v 0 0 0\nf 1 2 3\n")]).is_err());
 }
 
@@ -34,7 +35,7 @@ fn utf_16_is_called_by_its_name() {
     for mark in [[0xff, 0xfe], [0xfe, 0xff]] {
         let text = [&mark[..], b"v\0 \0"].concat();
         let error = load_files(&[("a.obj", &text)]).expect_err("it is no text that is read");
-        assert!(error.to_string().contains("UTF-16"), "{error}");
+        assert_eq!(code_of(&error), "utf-16");
     }
     // Without a mark there is a zero beside each letter.
     let text = "# a triangle\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
@@ -51,7 +52,10 @@ fn utf_16_is_called_by_its_name() {
         (encoded("newmtl a\nKd 1 0 0\n"), "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\n");
     let loaded = load_files(&[("a.obj", obj.as_bytes()), ("a.mtl", &mtl)]).expect("it is grey");
     let warned: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
-    assert!(warned[0].contains("'a.mtl' is UTF-16 text") && !warned.concat().contains('\0'), "{warned:?}");
+    assert!(
+        warned[0].contains("'a.mtl'") && warned[0].contains("UTF-16") && !warned.concat().contains('\0'),
+        "{warned:?}"
+    );
     for (name, text) in
         [("a.ply", "ply\nformat ascii 1.0\n"), ("a.gltf", "{\"asset\": {\"version\": \"2.0\"}}")]
     {
@@ -68,10 +72,7 @@ fn all_problems_come_at_once() {
     assert_eq!(places, ["line 3", "line 7", "line 8"], "{error}");
     let missing =
         load_files(&[("a.obj", b"v 0 0 0\nf 1 2 3\nf 1 0 1\n")]).expect_err("no face is left").to_string();
-    assert!(
-        missing.contains("2 faces that refer to vertices beyond the 1, the first in line 2"),
-        "{missing}"
-    );
+    assert!(missing.contains("2 faces") && missing.contains("line 2"), "{missing}");
     let many = format!("v 0 0 0\n{}", "f 1 x 3\n".repeat(1000));
     let error = load_files(&[("a.obj", many.as_bytes())]).expect_err("it is broken");
     assert_eq!(error.problems.len(), 11);
@@ -192,7 +193,7 @@ fn what_is_left_out_is_counted_with_its_place() {
         assert!(shown.iter().any(|w| w.contains(part)), "'{part}' is not in {shown:?}");
     }
     let error = load_files(&[("a.obj", b"xyz 1\n\xff\xfe")]).expect_err("no OBJ");
-    assert!(error.to_string().contains("has no faces, but 1 statements"), "{error}");
+    assert!(code_of(&error) == "no-surface", "{error}");
 }
 
 /// What `tobj` divides by, takes from another corner, or keeps for the whole object.
@@ -210,7 +211,7 @@ fn what_tobj_would_misread_is_read_as_the_format_means_it() {
     let text = format!("{points}f 1/1/1 2//1 3/1/1\n");
     let loaded = load_files(&[("a.obj", text.as_bytes())]).unwrap_or_else(|e| panic!("{e}"));
     let said: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
-    assert!(said.iter().any(|w| w.contains("1 texture coordinates of faces that lack them")), "{said:?}");
+    assert!(said.iter().any(|w| w.contains("1 texture coordinates")), "{said:?}");
     assert!(loaded.scene.meshes[0].uv_sets.is_empty() && loaded.scene.meshes[0].normals.len() == 3);
     for (broken, line) in [("vt x\n", 1), ("vt 0 x\n", 1), ("v 1 2\n", 1), ("vn 0 0\n", 1)] {
         let error = load_files(&[("a.obj", format!("{broken}{points}f 1 2 3\n").as_bytes())]);

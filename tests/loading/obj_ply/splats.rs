@@ -1,6 +1,7 @@
 //! PLY files of Gaussian splats, plain and compressed, whole and damaged.
 
 use super::{load_files, load_ply};
+use crate::codes::code_of;
 use oscura::load::{LoadOptions, Up, load};
 use oscura::math::DVec3;
 use oscura::scene::Scene;
@@ -77,7 +78,11 @@ fn plain_splats_are_activated() {
     let path = folder.path().join("a.ply");
     std::fs::write(&path, plain(0, &[row(&[], USUAL)])).expect("written");
     let guessed = load(&path, &LoadOptions { up: Up::Auto, ..LoadOptions::default() }).expect("it loads");
-    assert!(guessed.notes.iter().any(|note| note.message.contains("-y points up")), "{:?}", guessed.notes);
+    assert!(
+        guessed.notes.iter().any(|note| note.code == "up-guessed" && note.message.starts_with("-y")),
+        "{:?}",
+        guessed.notes
+    );
     let up = guessed.scene.instances[0].world_from_object.transform_vector3(-DVec3::Y);
     assert!((up - DVec3::Y).length() < 1e-12, "{up}");
 }
@@ -92,13 +97,13 @@ fn splats_of_text_and_flat_splats_load() {
     let [a, b, c] = only_splats(&loaded.scene).scales[0];
     assert!(a == b && (c / a - 1e-4).abs() < 1e-7, "{a} {b} {c}");
     let lacking = text.replace("rot_2", "other");
-    let error = load_ply(lacking.as_bytes()).expect_err("no rotation").to_string();
-    assert!(error.contains("lacks the properties rot_2 of Gaussian splats"), "{error}");
+    let error = load_ply(lacking.as_bytes()).expect_err("no rotation");
+    assert!(code_of(&error) == "splats-incomplete" && error.to_string().contains("rot_2"), "{error}");
 }
 
 /// What no picture can show is left out with its number, and what can be mended is.
 #[test]
-fn damaged_splats_are_told() {
+fn damaged_splats_are_counted() {
     let with = |at: usize, value: f32| {
         let mut row = row(&[], USUAL);
         row[at] = value;
@@ -109,12 +114,14 @@ fn damaged_splats_are_told() {
     let rows: Vec<Vec<f32>> = odd.into_iter().chain(faint).chain([row(&[], USUAL)]).collect();
     let loaded = load_ply(&plain(0, &rows)).expect("it loads");
     assert_eq!(only_splats(&loaded.scene).len(), 2);
-    let said: Vec<&str> = loaded.warnings.iter().map(|w| w.message.as_str()).collect();
-    assert!(said.iter().any(|w| w.contains("4 splats with numbers that are not finite")), "{said:?}");
-    assert!(said.iter().any(|w| w.contains("1 splats without a rotation")), "{said:?}");
-    assert!(loaded.left_out.iter().any(|w| w.contains("2 splats without size")), "{:?}", loaded.left_out);
-    let none = load_ply(&plain(0, &[with(0, f32::NAN)])).expect_err("nothing is left").to_string();
-    assert!(none.contains("holds no splats that can be seen"), "{none}");
+    let counted = |code: &str, count: &str| {
+        loaded.warnings.iter().any(|w| w.code == code && w.message.starts_with(count))
+    };
+    assert!(counted("splats-not-finite", "4 "), "{:?}", loaded.warnings);
+    assert!(counted("splats-not-rotated", "1 "), "{:?}", loaded.warnings);
+    assert!(loaded.left_out.iter().any(|w| w.contains("2 splats")), "{:?}", loaded.left_out);
+    let none = load_ply(&plain(0, &[with(0, f32::NAN)])).expect_err("nothing is left");
+    assert_eq!(code_of(&none), "splats-invisible");
     let whole = plain(0, &[row(&[], USUAL)]);
     for length in 0..whole.len() {
         assert!(load_ply(&whole[..length]).is_err(), "{length}");
@@ -171,8 +178,7 @@ fn compressed_splats_are_unpacked() {
     // Bytes of red first: the second coefficient of the first splat has those of 0, 30 and 60.
     let of = |byte: f32| byte * 8.0 / 255.0 - 4.0;
     close(&splats.coefficients[1].map(|c| c.to_f32()), &[of(0.0), of(30.0), of(60.0)]);
-    let error = load_ply(&packed(0)).expect_err("no bounds").to_string();
-    assert!(error.contains("too few rows of 'chunk' or 'sh'"), "{error}");
+    assert_eq!(code_of(&load_ply(&packed(0)).expect_err("no bounds")), "splats-incomplete");
     let whole = packed(1);
     for length in (0..whole.len()).step_by(7) {
         assert!(load_ply(&whole[..length]).is_err(), "{length}");

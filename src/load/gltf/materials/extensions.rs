@@ -29,7 +29,10 @@ impl MaterialBuilder<'_, '_> {
         let Some((extension, place)) = self.extension("KHR_materials_diffuse_roughness") else { return };
         let from = (extension, place.as_str());
         let at = format!("{}{place}", self.at);
-        self.report.warn(at, "KHR_materials_diffuse_roughness is a draft: what is made of it may change");
+        self.report.warn(
+            at,
+            ("extension-draft", "KHR_materials_diffuse_roughness is a draft: its support may change"),
+        );
         let factor = self.number(from, "diffuseRoughnessFactor", 0.0, UNIT);
         if factor == 0.0 {
             return;
@@ -158,7 +161,7 @@ impl MaterialBuilder<'_, '_> {
     }
 
     fn draft(&mut self, name: &str, at: &str) {
-        self.report.warn(at, format!("{name} is a draft: what is made of it may change"));
+        self.report.warn(at, ("extension-draft", format!("{name} is a draft: its support may change")));
     }
 
     fn scatter(&mut self, is_solid: bool) -> Option<Scatter> {

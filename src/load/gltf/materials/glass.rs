@@ -50,7 +50,7 @@ impl Materials {
             "material '{}' is transparent without a volume, as Blender exports glass; taken as {how}",
             material.name
         );
-        report.lasting(|report| report.note("", message));
+        report.lasting(|report| report.note("", ("glass-panes", message)));
     }
 
     /// Makes single sheets of the panes of a material that is on nothing else.
@@ -87,7 +87,7 @@ impl Materials {
                 thickness,
                 Choice::Glass
             );
-            report.lasting(|report| report.note("", message));
+            report.lasting(|report| report.note("", ("glass-panes", message)));
         }
         // Meshes of other moments have lost their second face already.
         for (index, pane) in panes.into_iter().flatten() {

@@ -368,7 +368,8 @@ impl MaterialBuilder<'_, '_> {
         let radiance = self.color(factor, json.emissive_texture.as_ref(), "/emissiveTexture");
         if json.emissive_texture.is_some() && radiance.texture.is_none() {
             let place = format!("{}/emissiveTexture", self.at);
-            self.report.warn(place, "is lost: the material does not emit light, rather than everywhere alike");
+            self.report
+                .warn(place, "is lost: the material does not emit light, rather than everywhere alike");
             return None;
         }
         Some(Emission { radiance, two_sided: json.double_sided })

@@ -110,7 +110,7 @@ pub(super) fn read<'a>(
     };
     if let Err(problem) = lowering.add(first, NodeInput::Value([1.0; 3])) {
         let span = fields.span();
-        build.problems.push(span, format!("{}: {problem}", fields.what()));
+        build.problems.push(span, ("shader-graph-invalid", format!("{}: {problem}", fields.what())));
         return None;
     }
     let mut material = lowering.finish();
@@ -131,7 +131,7 @@ fn unknown(build: &mut SceneFileBuilder, names: &[&str], text: &str, span: std::
         Some(near) => format!("did you mean '{near}'?"),
         None => format!("shaders of this material: {}", names.join(", ")),
     };
-    build.problems.push_help(span, format!("there is no shader '{text}'"), help);
+    build.problems.push_help(span, ("unknown-shader", format!("there is no shader '{text}'")), help);
 }
 
 /// A shader node; `None` after a problem.
@@ -199,7 +199,7 @@ impl Lowering<'_, '_, '_> {
     fn add(&mut self, index: usize, weight: NodeInput) -> Result<(), String> {
         let node = &self.shaders[index];
         if self.path.contains(&index) {
-            return Err(format!("the shaders around '{}' go round in a circle", node.name));
+            return Err(format!("the shaders around '{}' form a cycle", node.name));
         }
         if self.components.len() > MAX_CLOSURES {
             return Err(format!("its shaders make more than {MAX_CLOSURES} closures"));
