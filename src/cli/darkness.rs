@@ -29,7 +29,7 @@ pub(super) fn note(film: &Film, exposure: f32, scene: &Scene, file: &Path) -> Op
         count += 1;
     }
     let mean = sum / count.max(1) as f64;
-    // Nothing in the picture is something else, which is said elsewhere.
+    // Nothing in the picture is something else, which is reported elsewhere.
     if !(mean < DARK && covered > 0.0) || bright as f64 > SEEN * count as f64 {
         return None;
     }

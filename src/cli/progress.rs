@@ -27,11 +27,11 @@ const LONGEST_PAUSE: Duration = Duration::from_secs(600);
 pub(crate) enum ProgressArg {
     /// Lines for people, on standard error.
     Plain,
-    /// A JSON object a line, on standard output.
+    /// One JSON object per line, on standard output.
     Json,
-    /// As Open Job Description has it: openjd_progress and openjd_status, on standard output.
+    /// Open Job Description: openjd_progress and openjd_status, on standard output.
     Openjd,
-    /// Not at all.
+    /// No progress reports.
     None,
 }
 
@@ -224,9 +224,9 @@ fn left(share: f64, elapsed: Duration, limit: Option<Duration>) -> Option<String
     })
 }
 
-// What is said while something takes a while before or after rendering: loading, building, taking out noise.
+// What is reported while something takes a while before or after rendering: loading, building, taking out noise.
 
-/// How long something may take before it is said that it does.
+/// How long something may take before it is reported that it does.
 const PATIENCE: Duration = Duration::from_secs(2);
 
 /// Steps of a bar.
@@ -362,7 +362,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_said_of_the_rest_before_something_is_known() {
+    fn nothing_is_reported_of_the_rest_before_something_is_known() {
         let (second, minute) = (Duration::from_secs(1), Duration::from_secs(60));
         assert_eq!(left(0.5, Duration::from_millis(100), None), None);
         assert_eq!(left(0.0, second, None), None);

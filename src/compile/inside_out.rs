@@ -274,7 +274,7 @@ mod tests {
 
     /// The triangles of no body are looked at where none lies in another's box.
     #[test]
-    fn bodies_apart_are_told_by_their_boxes() {
+    fn bodies_apart_are_reported_by_their_boxes() {
         let places: Vec<([f64; 3], f32)> = (0..1000).map(|k| ([f64::from(k) * 2.0, 0.0, 0.0], 1.0)).collect();
         let scene = scene(&places);
         let bodies = Bodies::of(&scene);
@@ -299,9 +299,9 @@ mod tests {
     #[test]
     fn many_meshes_are_one_warning() {
         assert!(warning(&[]).is_none());
-        let said = |names: &[&str]| warning(names).expect("one").message;
-        assert!(said(&["a"]).contains("'a'"));
-        let many = said(&["a", "b", "c", "d", "e"]);
+        let messages = |names: &[&str]| warning(names).expect("one").message;
+        assert!(messages(&["a"]).contains("'a'"));
+        let many = messages(&["a", "b", "c", "d", "e"]);
         assert!(many.contains("5 meshes") && many.contains("'a', 'b', 'c' and 2 more"), "{many}");
     }
 }
@@ -335,7 +335,7 @@ mod winding_tests {
     }
 
     #[test]
-    fn points_are_told_apart_as_by_all_triangles() {
+    fn points_are_distinguished_as_by_all_triangles() {
         for mesh in [sphere(40, 0), sphere(40, 8), sphere(40, 20)] {
             let winding = Winding::of(&mesh, &DAffine3::IDENTITY);
             for p in (0..500).map(point) {

@@ -79,7 +79,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn kinds_are_told_by_their_first_bytes() {
+    fn kinds_are_reported_by_their_first_bytes() {
         for (bytes, what) in [
             (&b""[..], "empty"),
             (b"version https://git-lfs.github.com/spec/v1\noid", "Git LFS"),

@@ -283,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn damaged_files_are_told() {
+    fn damaged_files_are_reported() {
         let with = |at: usize, byte: u8| {
             let mut bytes = whole();
             bytes[at] = byte;

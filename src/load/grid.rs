@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn damaged_files_are_told() {
+    fn damaged_files_are_reported() {
         let good = file([2, 1, 1], &[1.0, 2.0]);
         let with = |at: usize, byte: u8| {
             let mut bytes = good.clone();

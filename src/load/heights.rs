@@ -61,7 +61,7 @@ mod tests {
     }
 
     #[test]
-    fn normals_and_heights_are_told_apart() {
+    fn normals_and_heights_are_distinguished() {
         assert!(holds_normals(&image(3, |x, _| vec![128 + x as u8, 120, 255])));
         for grey in [0, 128, 201, 255] {
             assert!(!holds_normals(&image(3, |_, _| vec![grey; 3])), "{grey}");

@@ -611,7 +611,7 @@ mod cover_tests {
     }
 
     #[test]
-    fn what_is_missing_is_told() {
+    fn what_is_missing_is_reported() {
         let (left, right) = ([0, 0, 20, 30], [20, 0, 40, 30]);
         let mut parts = vec![part("a", left, 0, 32), part("b", right, 8, 32), part("c", right, 0, 8)];
         assert_eq!(check_parts(&parts).unwrap(), Vec::<String>::new());

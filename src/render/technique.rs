@@ -85,7 +85,7 @@ pub(super) fn warning(technique: &dyn Technique, target: &Target<'_>) -> Option<
         return None;
     }
     let reason = technique.obstacle(target).or_else(|| technique.failure(target.options))?;
-    Some(Warning::general(format!("{}: {reason}", technique.refusal())))
+    Some(Warning::general(("technique-unused", format!("{}: {reason}", technique.refusal()))))
 }
 
 /// The first of some reasons that holds.

@@ -108,7 +108,7 @@ impl Techniques {
         self.light_tracing.plan()
     }
 
-    /// What is said where techniques were asked for and are not used.
+    /// What is reported where techniques were asked for and are not used.
     pub fn warnings(&self, target: &Target<'_>) -> Vec<Warning> {
         self.list().iter().filter_map(|technique| warning(*technique, target)).collect()
     }

@@ -173,7 +173,7 @@ fn what_is_kept_stays_within_the_limit() {
 }
 
 #[test]
-fn a_lost_file_is_told_once_and_a_coarse_copy_stands_in() {
+fn a_lost_file_is_reported_once_and_a_coarse_copy_stands_in() {
     let image = decoded(256, 256, 3, 8, 1);
     let (on_demand, source) = encoded(&image, 1);
     let textures = [texture(0, Interpolation::Trilinear), texture(0, Interpolation::Bilinear)];

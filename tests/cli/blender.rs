@@ -137,16 +137,16 @@ fn large_images_of_the_export_stay_until_they_are_decoded() {
 }
 
 #[test]
-fn a_file_of_blender_is_rendered_and_what_was_lost_is_said() {
+fn a_file_of_blender_is_rendered_and_what_was_lost_is_reported() {
     let place = Place::new();
     let blender = place.blender("tool");
     let options = ["--blender", name(&blender)];
     let output =
         place.run(None, &[&["render", "room.blend", "-o", "a.exr", "--json"][..], &options].concat());
     assert_eq!(code(&output), 0, "{}", stderr(&output));
-    let said = stderr(&output);
-    assert!(said.contains("room.blend: Smoke: is lost") && said.contains("room.blend: a note"), "{said}");
-    assert!(!said.contains("/scene."), "the temporary files are nobody's business: {said}");
+    let messages = stderr(&output);
+    assert!(messages.contains("room.blend: Smoke: is lost") && messages.contains("room.blend: a note"), "{messages}");
+    assert!(!messages.contains("/scene."), "the temporary files are nobody's business: {messages}");
     let report = report(&output);
     assert_eq!((&report["width"], report["samples_per_pixel"].as_f64()), (&40.into(), Some(2.0)));
     assert_eq!(report["shells"], 1);
@@ -351,14 +351,14 @@ fn choices_about_the_export_reach_it() {
 }
 
 #[test]
-fn what_is_kept_is_said_and_deleted() {
+fn what_is_kept_is_reported_and_deleted() {
     let place = Place::new();
     fs::create_dir(place.path("kept")).expect("made");
     let ours = place.path("kept/0123456789abcdef0123456789abcdef.oscura");
     fs::write(&ours, vec![0; 1 << 20]).expect("written");
     fs::write(place.path("kept/mine.oscura"), "text").expect("written");
-    let said = place.run(None, &["cache", "--cache", "kept"]);
-    assert_eq!(stdout(&said), "kept: 1 files of 1.0 MiB kept\n");
+    let messages = place.run(None, &["cache", "--cache", "kept"]);
+    assert_eq!(stdout(&messages), "kept: 1 files of 1.0 MiB kept\n");
     let deleted = place.run(None, &["cache", "--cache", "kept", "--clear"]);
     assert_eq!((code(&deleted), stdout(&deleted)), (0, "kept: 1 files of 1.0 MiB deleted\n".to_string()));
     assert!(!ours.exists() && place.path("kept/mine.oscura").exists());

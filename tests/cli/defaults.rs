@@ -1,4 +1,4 @@
-//! What a command without options does: names of outputs, sizes, standard output, and what is said.
+//! What a command without options does: names of outputs, sizes, standard output, and what is reported.
 
 use crate::program::*;
 use std::fs;
@@ -47,12 +47,12 @@ fn quality_in_one_word() {
         let small = ["-o", "a.exr", "--size", "24x16", "--json"];
         let output = oscura(folder.path(), &[&["render", file], &small[..], more].concat());
         assert_eq!(code(&output), 0, "{}", stderr(&output));
-        let said = report(&output);
-        let is_denoised = !said["denoise_s"].is_null();
+        let json = report(&output);
+        let is_denoised = !json["denoise_s"].is_null();
         assert_eq!(stderr(&output).contains(", denoised, "), is_denoised, "{}", stderr(&output));
         (
-            said["quality"].as_str().map(str::to_string),
-            said["samples_per_pixel"].as_u64().unwrap(),
+            json["quality"].as_str().map(str::to_string),
+            json["samples_per_pixel"].as_u64().unwrap(),
             is_denoised,
         )
     };
@@ -159,9 +159,9 @@ fn a_render_says_little_unless_asked() {
     // A line a frame.
     let words = ["render", &cornell(), "-o", "f.png", "--frames", "1-3", "--size", "16x16", "--spp", "1"];
     let output = oscura(folder.path(), &words);
-    let said = stderr(&output);
-    let frames: Vec<&str> = said.lines().filter(|line| line.starts_with("frame ")).collect();
-    assert!(frames.len() == 3 && frames[2].contains("f.0003.png") && said.lines().count() <= 4, "{said}");
+    let messages = stderr(&output);
+    let frames: Vec<&str> = messages.lines().filter(|line| line.starts_with("frame ")).collect();
+    assert!(frames.len() == 3 && frames[2].contains("f.0003.png") && messages.lines().count() <= 4, "{messages}");
 }
 
 /// Bare models are what they are, with and without an environment.

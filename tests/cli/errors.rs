@@ -64,9 +64,9 @@ fn what_is_no_scene_is_answered_with_the_way_to_one() {
     ] {
         let output = oscura(folder.path(), args);
         assert_eq!(code(&output), expected, "{args:?}: {}", stderr(&output));
-        let said = stderr(&output).split_whitespace().collect::<Vec<_>>().join(" ");
+        let messages = stderr(&output).split_whitespace().collect::<Vec<_>>().join(" ");
         for word in words {
-            assert!(said.contains(word), "{args:?}: {word}: {said}");
+            assert!(messages.contains(word), "{args:?}: {word}: {messages}");
         }
     }
     assert_eq!(names(folder.path()), ["b.max", "c.PNG", "room.glb"]);
@@ -214,7 +214,7 @@ fn long_lines_are_cut_in_errors() {
     );
 }
 
-/// A slip that is in every object is told with the first places, and counted; other mistakes are told beside it.
+/// A slip that is in every object is reported with the first places, and counted; other mistakes are reported beside it.
 #[test]
 fn mistakes_of_one_kind_are_counted() {
     let folder = tempfile::tempdir().unwrap();
@@ -227,11 +227,11 @@ fn mistakes_of_one_kind_are_counted() {
     );
     fs::write(folder.path().join("a.toml"), scene).unwrap();
     let output = oscura(folder.path(), &["render", "a.toml", "-o", "a.exr"]);
-    let said = stderr(&output);
-    assert_eq!(code(&output), 3, "{said}");
-    assert!(said.contains("and 195 more of this kind") && said.contains("center"), "{said}");
-    assert!(said.contains("missing4") && !said.contains("missing5"), "{said}");
-    assert!(said.contains("a.toml:4:"), "{said}");
+    let messages = stderr(&output);
+    assert_eq!(code(&output), 3, "{messages}");
+    assert!(messages.contains("195 more") && messages.contains("center"), "{messages}");
+    assert!(messages.contains("missing4") && !messages.contains("missing5"), "{messages}");
+    assert!(messages.contains("a.toml:4:"), "{messages}");
     // Programs get them all.
     let output = oscura(folder.path(), &["render", "a.toml", "-o", "a.exr", "--json"]);
     assert!(stdout(&output).contains("missing199"), "{}", stdout(&output));
@@ -287,7 +287,7 @@ fn a_report_that_cant_be_written_is_an_error() {
         let mut program = std::process::Command::new(env!("CARGO_BIN_EXE_oscura"));
         let output = program.args(args).current_dir(folder.path()).stdout(full).output().expect("it starts");
         assert_eq!(code(&output), 4, "{args:?}: {}", stderr(&output));
-        assert!(stderr(&output).contains("standard output can't be written"), "{}", stderr(&output));
+        assert!(stderr(&output).contains("standard output"), "{}", stderr(&output));
     }
 }
 
@@ -296,11 +296,11 @@ fn a_report_that_cant_be_written_is_an_error() {
 fn nearly_black_pictures_name_the_exposure() {
     let folder = tempfile::tempdir().unwrap();
     let bright = render(folder.path(), "a.png", &[]);
-    assert!(!stderr(&bright).contains("nearly black"), "{}", stderr(&bright));
+    assert!(!stderr(&bright).contains("--exposure"), "{}", stderr(&bright));
     let dark = render(folder.path(), "b.png", &["--exposure", "-12"]);
-    assert!(stderr(&dark).contains("nearly black"), "{}", stderr(&dark));
-    let said = stderr(&dark);
-    let stops = said.split("--exposure ").nth(1).and_then(|rest| rest.split(' ').next());
+    assert!(stderr(&dark).contains("--exposure"), "{}", stderr(&dark));
+    let messages = stderr(&dark);
+    let stops = messages.split("--exposure ").nth(1).and_then(|rest| rest.split(' ').next());
     let stops: f64 = stops.and_then(|stops| stops.parse().ok()).expect("a number of stops");
-    assert!((-4.0..=4.0).contains(&stops), "{said}");
+    assert!((-4.0..=4.0).contains(&stops), "{messages}");
 }

@@ -60,15 +60,15 @@ fn build_scene_shows_a_scene() {
 fn progressive_saves_after_each_pass() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let picture = folder.path().join("a.png");
-    let Some(said) = run("progressive", &[picture.to_str().expect("a plain name")]) else { return };
-    assert!(said.contains("has 8 samples") && said.contains("has 40 samples"), "{said}");
+    let Some(messages) = run("progressive", &[picture.to_str().expect("a plain name")]) else { return };
+    assert!(messages.contains("has 8 samples") && messages.contains("has 40 samples"), "{messages}");
     assert_eq!(png(&picture).0, [128, 128]);
 }
 
 #[test]
 fn read_pixels_finds_the_depth() {
-    let Some(said) = run("read_pixels", &[]) else { return };
-    assert!(said.contains("plane Z") && said.contains("nearest point"), "{said}");
+    let Some(messages) = run("read_pixels", &[]) else { return };
+    assert!(messages.contains("plane Z") && messages.contains("nearest point"), "{messages}");
 }
 
 #[test]

@@ -70,15 +70,15 @@ fn checkpoints_replace_nothing_else() {
         (code(&output), stderr(&output))
     };
     for (file, why) in [("endless.toml", "scene"), ("a.exr", "output"), ("notes.txt", "no checkpoint")] {
-        let (code, said) = render(&["--checkpoint", file]);
-        assert!(code == 2 && said.contains(why), "{file}: {said}");
+        let (code, messages) = render(&["--checkpoint", file]);
+        assert!(code == 2 && messages.contains(why), "{file}: {messages}");
     }
     assert!(fs::read(folder.join("endless.toml")).unwrap() == scene);
     assert_eq!(fs::read_to_string(folder.join("notes.txt")).unwrap(), "notes");
     assert_eq!(names(folder), ["endless.toml", "notes.txt"]);
     assert_eq!(render(&["--checkpoint", "c.part"]).0, 0);
-    let (code, said) = render(&["--checkpoint", "c.part"]);
-    assert!(code == 2 && said.contains("--resume"), "{said}");
+    let (code, messages) = render(&["--checkpoint", "c.part"]);
+    assert!(code == 2 && messages.contains("--resume"), "{messages}");
     assert_eq!(render(&["--checkpoint", "c.part", "--resume"]).0, 0);
 }
 
@@ -132,8 +132,8 @@ fn what_a_format_cannot_hold_is_refused_before_work() {
     let scene = cornell();
     let wide = ["render", &scene, "--width", "16400", "--height", "1", "-o", "w.exr", "-o", "w.webp"];
     let output = oscura(folder.path(), &wide);
-    let (code, said) = (code(&output), stderr(&output));
-    assert!(code == 2 && said.contains("16383") && said.contains("w.webp"), "{said}");
+    let (code, messages) = (code(&output), stderr(&output));
+    assert!(code == 2 && messages.contains("16383") && messages.contains("w.webp"), "{messages}");
     assert!(names(folder.path()).is_empty());
 }
 
@@ -156,28 +156,28 @@ fn a_file_that_fails_leaves_the_others() {
     std::thread::sleep(std::time::Duration::from_millis(1000));
     fs::remove_dir(folder.path().join("gone")).expect("it is empty");
     let status = child.wait().expect("it ends");
-    let mut said = String::new();
-    std::io::Read::read_to_string(&mut child.stderr.take().expect("piped"), &mut said).unwrap();
-    assert_eq!(status.code(), Some(4), "{said}");
-    assert!(said.contains("a.exr") && said.contains("b.png"), "{said}");
+    let mut messages = String::new();
+    std::io::Read::read_to_string(&mut child.stderr.take().expect("piped"), &mut messages).unwrap();
+    assert_eq!(status.code(), Some(4), "{messages}");
+    assert!(messages.contains("a.exr") && messages.contains("b.png"), "{messages}");
     assert_eq!(names(folder.path()), ["c.png"]);
 }
 
 #[test]
-fn noise_that_is_not_reached_is_said() {
+fn noise_that_is_not_reached_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     let scene = cornell();
-    let said = |spp| {
+    let messages = |spp| {
         let args = ["render", &scene, "-o", "a.exr", "--width", "48", "--noise", "0.1", "--spp", spp];
         stderr(&oscura(folder.path(), &args))
     };
-    assert!(said("64").contains("not the 0.1 % asked for"), "{}", said("64"));
-    assert!(said("8").contains("too few samples"), "{}", said("8"));
+    assert!(messages("64").contains("0.1 %"), "{}", messages("64"));
+    assert!(messages("8").contains("too few samples"), "{}", messages("8"));
 }
 
 /// A small lamp over a ball of glass in a closed room: without light paths from the lamp few paths find what it focuses.
 #[test]
-fn light_that_few_paths_carry_is_told() {
+fn light_that_few_paths_carry_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     let quad = |corner: &str, u: &str, v: &str| {
         format!("[[objects]]\nquad = {{ corner = {corner}, u = {u}, v = {v} }}\nmaterial = \"w\"\n")

@@ -110,7 +110,7 @@ fn scene_files_ask_for_channels_and_name_groups() {
 }
 
 #[test]
-fn wrong_names_are_told() {
+fn wrong_names_are_reported() {
     let folder = tempfile::tempdir().unwrap();
     for (from, to, message) in [
         (r#""emission""#, r#""emissions""#, "there is no AOV 'emissions'"),
@@ -243,7 +243,7 @@ fn headers_say_which_space_passes_are_in() {
     assert_eq!(code(&merged), 0, "{}", stderr(&merged));
     assert_eq!(space("b.exr"), text("camera"));
     let refused = oscura(folder.path(), &["render", &cornell(), "-o", "a.exr", "--aov-space", "tangent"]);
-    assert!(code(&refused) == 2 && stderr(&refused).contains("neither world nor camera"));
+    assert!(code(&refused) == 2 && stderr(&refused).contains("'tangent'"));
 }
 
 /// Points that the camera sees lie within the frame by the header's matrix, also where pixels surround it.
@@ -319,6 +319,6 @@ fn pixels_have_the_shape_that_the_camera_says() {
     run(&["merge", "wide.part", "-o", "merged.exr", "--quiet"]);
     assert_eq!(shared("merged.exr").pixel_aspect, 1.5);
     assert_eq!(shared("merged.exr").display_window.size, window);
-    let told = run(&["inspect", "wide.toml"]);
-    assert!(stdout(&told).contains("pixels 1.5 times as wide as high"), "{}", stdout(&told));
+    let reported = run(&["inspect", "wide.toml"]);
+    assert!(stdout(&reported).contains("1.5"), "{}", stdout(&reported));
 }

@@ -100,10 +100,10 @@ fn frames_are_numbered_and_equal_single_moments() {
         oscura(folder.path(), &["-o", "f.##.png", "-o", "f.exr", "--frames", "0-24x12", "--fps", "24"]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
-    // What holds for all frames is said once, and which frame a report is about, each time.
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(said.matches("intensities of 2 lights").count(), 1, "{said}");
-    assert!(said.contains("frame    12, 0.500 s") && said.contains("frame    24, 1.000 s"), "{said}");
+    // What holds for all frames is reported once, and which frame a report is about, each time.
+    let messages = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(messages.matches("intensities of 2 lights").count(), 1, "{messages}");
+    assert!(messages.contains("frame    12, 0.500 s") && messages.contains("frame    24, 1.000 s"), "{messages}");
     let [first, second, third] = ["f.00.png", "f.12.png", "f.24.png"].map(read);
     assert!(first != second && second != third);
     for name in ["f.0000.exr", "f.0012.exr", "f.0024.exr"] {
@@ -134,10 +134,10 @@ fn reed_with_files(folder: &Path) -> PathBuf {
 
 /// Everything that came of loading, as text; warnings in any order.
 fn whole(loaded: &Loaded) -> Vec<String> {
-    let mut said: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
-    said.sort();
-    said.extend([format!("{:?} {:?}", loaded.notes, loaded.left_out), format!("{:?}", loaded.scene)]);
-    said
+    let mut messages: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
+    messages.sort();
+    messages.extend([format!("{:?} {:?}", loaded.notes, loaded.left_out), format!("{:?}", loaded.scene)]);
+    messages
 }
 
 /// Every moment of a sequence is what loading at that moment gives, and after the first no file is looked at again.
@@ -210,9 +210,9 @@ fn a_sequence_goes_on_where_it_ended() {
     std::fs::remove_file(path("f.02.png")).expect("removed");
     std::fs::write(path("f.01.png"), "kept as it is").expect("written");
     let output = run(&["--resume"]);
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success() && said.contains("2 frames exist"), "{said}");
-    assert!(said.contains("frame    2,") && !said.contains("frame    1,"), "{said}");
+    let messages = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && messages.contains("2 frames"), "{messages}");
+    assert!(messages.contains("frame    2,") && !messages.contains("frame    1,"), "{messages}");
     assert_eq!(std::fs::read(path("f.02.png")).expect("a picture"), whole);
     assert_eq!(std::fs::read(path("f.01.png")).expect("text"), b"kept as it is");
     assert!(run(&["--resume"]).status.success());

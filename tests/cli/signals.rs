@@ -179,9 +179,9 @@ fn a_frame_that_is_stopped_is_left_to_the_next_time() {
     assert_eq!(names(folder.path()), ["f.0001.exr"]);
 }
 
-/// A pipe that gives the model late: meanwhile it is said that loading takes a while, to people or programs as they have it.
+/// A pipe that gives the model late: meanwhile it is reported that loading takes a while, to people or programs as they have it.
 #[test]
-fn what_takes_more_than_two_seconds_is_said() {
+fn what_takes_more_than_two_seconds_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     let pipe = folder.path().join("late.ply");
     let model = fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/meshes/torus.ply")).unwrap();

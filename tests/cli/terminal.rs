@@ -121,7 +121,7 @@ fn parts_are_not_shown() {
     let folder = tempfile::tempdir().unwrap();
     let scene = cornell();
     let words = [&["render", &scene, "--show", "--sample-range", "0..8"], &SMALL[..]].concat();
-    let Some((code, said)) = in_terminal(folder.path(), "xterm-256color", &words) else { return };
-    assert_eq!(code, 2, "{said}");
-    assert!(said.contains("-o NAME.part"), "{said}");
+    let Some((code, messages)) = in_terminal(folder.path(), "xterm-256color", &words) else { return };
+    assert_eq!(code, 2, "{messages}");
+    assert!(messages.contains("-o NAME.part"), "{messages}");
 }

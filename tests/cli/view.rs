@@ -290,8 +290,8 @@ fn passes_have_small_pictures() {
         let (status, body) = view.ask("GET", &format!("/thumbnail?pass={pass}"), "", &[]);
         assert_eq!(status, 200, "{pass}");
         let length = u32::from_le_bytes(body[..4].try_into().unwrap()) as usize;
-        let told: Value = serde_json::from_slice(&body[4..4 + length]).unwrap();
-        assert_eq!((&told["width"], &told["height"]), (&64.into(), &48.into()));
+        let reported: Value = serde_json::from_slice(&body[4..4 + length]).unwrap();
+        assert_eq!((&reported["width"], &reported["height"]), (&64.into(), &48.into()));
         let middle = pixel(&body[4 + length..], 32, 24);
         assert!(middle.iter().zip(shown).all(|(a, b)| a.abs_diff(b) < 8), "{pass}: {middle:?}");
     }
@@ -341,7 +341,7 @@ fn lying_slow_and_silent_clients_do_no_harm() {
     assert_eq!(answer(view.send(&format!("{head}A: {}\r\n\r\n", "a".repeat(100_000)))).0, 431);
     assert_eq!(answer(view.send("GET / HTTP/1.1\r\nno header\r\n\r\n")).0, 400);
 
-    // Requests whose bodies don't come, and connections on which nothing is said.
+    // Requests whose bodies don't come, and connections on which nothing is reported.
     let start = Instant::now();
     let waiting: Vec<TcpStream> = (0..150)
         .map(|i| {
@@ -482,14 +482,14 @@ fn a_running_render_is_looked_on_at() {
 }
 
 #[test]
-fn what_has_no_meaning_and_ports_that_are_taken_are_told() {
+fn what_has_no_meaning_and_ports_that_are_taken_are_reported() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("scene.toml"), SCENE).unwrap();
     for unused in [&["-o", "a.png"][..], &["--frames", "1-2"], &["--json"], &["--orbit", "8"]] {
         let arguments = [&["view", "scene.toml", "--no-open"][..], unused].concat();
         let output = oscura(folder.path(), &arguments);
         assert_eq!(output.status.code(), Some(2), "{unused:?}");
-        assert!(stderr(&output).contains("'oscura render' has it"), "{}", stderr(&output));
+        assert!(stderr(&output).contains("'oscura render'"), "{}", stderr(&output));
     }
     let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let port = taken.local_addr().unwrap().port().to_string();

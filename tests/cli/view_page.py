@@ -102,7 +102,7 @@ def check_hosts(address):
 
 
 def check_panel(page, pictures):
-    """Denoising, passes, outlines, the help, and what readers of the screen are told."""
+    """Denoising, passes, outlines, the help, and what screen readers announce."""
     page.locator("#denoise").check()
     wait_for(page, "document.body.dataset.denoised > 100", "a denoised picture")
     unnamed = page.evaluate("""() => [...document.querySelectorAll("button, a, input, select, textarea, canvas, progress")]

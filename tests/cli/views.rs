@@ -54,32 +54,32 @@ fn tables_show_pictures_of_scenes_and_parts_and_of_the_command_line() {
     assert_eq!(middle(folder, "c.png"), [191, 128, 64]);
     run(folder, &["merge", "a.part", "-o", "d.png", "--quiet"]);
     assert_eq!(middle(folder, "d.png"), [191, 128, 64]);
-    let told = oscura(folder, &["inspect", scene]);
-    assert!(stdout(&told).contains("negative.csp"), "{}", stdout(&told));
+    let reported = oscura(folder, &["inspect", scene]);
+    assert!(stdout(&reported).contains("negative.csp"), "{}", stdout(&reported));
 
     // Without the file, parts still make pictures of light.
     std::fs::remove_file(folder.join("scenes/negative.csp")).unwrap();
     run(folder, &["merge", "a.part", "-o", "e.exr", "--quiet"]);
     run(folder, &["merge", "a.part", "-o", "e.png", "--view", "srgb", "--quiet"]);
     let output = oscura(folder, &["merge", "a.part", "-o", "f.png", "--quiet"]);
-    let said = stderr(&output);
-    assert_eq!(code(&output), 3, "{said}");
-    assert!(said.contains("negative.csp") && said.contains("--view chooses another"), "{said}");
+    let messages = stderr(&output);
+    assert_eq!(code(&output), 3, "{messages}");
+    assert!(messages.contains("negative.csp") && messages.contains("--view"), "{messages}");
     assert!(!folder.join("f.png").exists());
 }
 
 #[test]
-fn tables_that_are_none_are_told_with_their_lines() {
+fn tables_that_are_none_are_reported_with_their_lines() {
     let folder = folder();
     let folder = folder.path();
     std::fs::write(folder.join("scenes/negative.csp"), NEGATIVE.replace("1 0 0\n0 0 0", "1 0 0\n0 zero 0"))
         .unwrap();
     let output = oscura(folder, &["render", "scenes/sheet.toml", "-o", "a.png"]);
-    let said = stderr(&output);
-    assert_eq!(code(&output), 3, "{said}");
+    let messages = stderr(&output);
+    assert_eq!(code(&output), 3, "{messages}");
     assert!(
-        said.contains("sheet.toml:14") && said.contains("line 20: 'zero' where a number should be"),
-        "{said}"
+        messages.contains("sheet.toml:14") && messages.contains("line 20: 'zero'"),
+        "{messages}"
     );
 
     std::fs::write(folder.join("scenes/sheet.toml"), SCENE.replace("negative.csp", "agxx")).unwrap();

@@ -25,16 +25,16 @@ const STRAND: &str = "strands = [[[0, 0, 0], [1, 0, 0], [2, 1, 0], [3, 0, 0]]]\n
 
 /// Strands that aren't anywhere, and files without any, are said by name.
 #[test]
-fn strands_far_away_and_no_strands_are_told() {
+fn strands_far_away_and_no_strands_are_reported() {
     let text = "curves 1\n0 0 0 .1 1 0 0\n1 0 0 .1 1 0 0\n\n1e38 0 0 .1 0 1 0\n-1e38 0 0 .1 0 1 0\n\n0 1 0 .2 0 0 1\n0 2 0 .2 0 0 1\n";
     let linear = "file = \"a.curves\"\nname = \"beard\"\nbasis = \"linear\"\n";
     let loaded = with_file(linear, "a.curves", text.as_bytes()).expect("it loads");
     let beard = &loaded.scene.curves[0];
     assert_eq!((&beard.strands[..], beard.points.len(), beard.radii[2]), (&[2, 2][..], 4, 0.2));
     assert_eq!(beard.colors[3], [0.0, 0.0, 1.0]);
-    let said = |loaded: &Loaded, words: &str| loaded.warnings.iter().any(|w| w.message == words);
+    let messages = |loaded: &Loaded, words: &str| loaded.warnings.iter().any(|w| w.message == words);
     assert!(
-        said(&loaded, "a strand of beard reaches beyond 1e18 m and is left out"),
+        messages(&loaded, "a strand of beard reaches beyond 1e18 m and is left out"),
         "{:?}",
         loaded.warnings
     );
@@ -44,7 +44,7 @@ fn strands_far_away_and_no_strands_are_told() {
     hair.resize(128, 0);
     for (name, bytes) in [("a.hair", &hair[..]), ("a.curves", b"curves 1\n")] {
         let loaded = with_file(&format!("file = \"{name}\"\nradius = 1\n"), name, bytes).expect("it loads");
-        assert!(said(&loaded, "curves 1 hold no strands"), "{name}: {:?}", loaded.warnings);
+        assert!(messages(&loaded, "curves 1 hold no strands"), "{name}: {:?}", loaded.warnings);
     }
 }
 
@@ -63,7 +63,7 @@ fn strands_and_files_are_read() {
 }
 
 #[test]
-fn hair_files_are_straight_and_their_transparency_is_told() {
+fn hair_files_are_straight_and_their_transparency_is_reported() {
     let mut bytes = b"HAIR".to_vec();
     bytes.extend([1u32, 2, 2, 1].into_iter().flat_map(u32::to_le_bytes));
     bytes.extend([0.5f32, 0.25, 1.0, 1.0, 1.0].into_iter().flat_map(f32::to_le_bytes));
@@ -83,7 +83,7 @@ fn colours_multiply_the_material() {
 }
 
 #[test]
-fn what_is_wrong_is_told() {
+fn what_is_wrong_is_reported() {
     for (curves, words) in [
         ("radius = 1".to_string(), "exactly one of 'strands' and 'file'"),
         (format!("{STRAND}file = \"a.curves\""), "exactly one of 'strands' and 'file'"),

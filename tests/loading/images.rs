@@ -253,7 +253,7 @@ fn large_images_of_textures_are_decoded_when_a_scene_is_compiled() {
 }
 
 #[test]
-fn damage_inside_large_images_is_told_as_that_of_small_ones() {
+fn damage_inside_large_images_is_reported_as_that_of_small_ones() {
     let whole = large_png();
     let cut = &whole[..whole.len() / 2];
     let loaded = load_files_kept(&[("s.toml", SCENE.as_bytes()), ("a.png", cut)]);

@@ -67,7 +67,7 @@ area = { center = [0, 3, 0], direction = [0, -1, 0], size = [1, 1], power = 1 }
 }
 
 #[test]
-fn what_is_wrong_with_links_is_said_at_its_line() {
+fn what_is_wrong_with_links_is_reported_at_its_line() {
     let with = |links: &str| {
         let lights = format!("[[lights]]\n{links}\npoint = {{ position = [0, 9, 0], power = 1 }}");
         scene(&lights).expect_err(links).to_string()

@@ -113,8 +113,8 @@ fn spheres_that_shine_become_meshes_where_they_are_stretched() {
             [scene.shapes.len(), scene.instances.len()],
             [1 - usize::from(becomes_mesh), usize::from(becomes_mesh)]
         );
-        let is_said = loaded.warnings.iter().any(|w| w.code == "light-stretched");
-        assert_eq!(is_said, becomes_mesh, "{scale}: {:?}", loaded.warnings);
+        let is_reported = loaded.warnings.iter().any(|w| w.code == "light-stretched");
+        assert_eq!(is_reported, becomes_mesh, "{scale}: {:?}", loaded.warnings);
         if becomes_mesh {
             let keys = &scene.motion.instances[0].keys;
             let height = |key: &DAffine3| key.matrix3.y_axis.length() / key.matrix3.x_axis.length();

@@ -29,8 +29,8 @@ fn triangles_of_astronomic_size_are_dropped() {
     let path = folder.path().join("a.toml");
     std::fs::write(&path, scene).expect("written");
     let report = check(&path).unwrap_or_else(|e| panic!("{e}"));
-    let said = report.warnings.iter().any(|w| w.message.starts_with("100 primitives with coordinates"));
-    assert!(said, "{:?}", report.warnings);
+    let messages = report.warnings.iter().any(|w| w.message.starts_with("100 primitives with coordinates"));
+    assert!(messages, "{:?}", report.warnings);
 }
 
 /// The parser of the header panics on numbers beyond 64 bits, also where letters follow them.

@@ -148,11 +148,11 @@ fn all_problems_come_at_once_with_their_lines_and_near_names() {
 #[test]
 fn numbers_that_begin_with_a_point_are_explained() {
     for text in ["[camera]\nvfov = .5\n", "[camera]\nlook_at = [0.1, .8, 0]\n"] {
-        let said = load_text(text).expect_err("not TOML").to_string();
-        assert!(said.contains("line 2") && said.contains("0.5, not .5"), "{said}");
+        let messages = load_text(text).expect_err("not TOML").to_string();
+        assert!(messages.contains("line 2") && messages.contains("0.5, not .5"), "{messages}");
     }
-    let said = load_text("[camera]\nvfov = 5..5\n").expect_err("not TOML").to_string();
-    assert!(said.contains("line 2") && !said.contains("not .5"), "{said}");
+    let messages = load_text("[camera]\nvfov = 5..5\n").expect_err("not TOML").to_string();
+    assert!(messages.contains("line 2") && !messages.contains("not .5"), "{messages}");
 }
 
 #[test]

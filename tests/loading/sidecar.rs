@@ -71,11 +71,11 @@ fn a_model_gets_what_its_format_cannot_carry() {
     // 40 mm at f/2: a radius of 10 mm, seen from 4 m.
     assert!((lens.focus_distance * (lens.defocus_angle_rad / 2.0).tan() - 0.01).abs() < 1e-12);
     assert!(scene.cameras[0].lens.is_none());
-    let said: Vec<String> = loaded.notes.iter().map(ToString::to_string).collect();
+    let messages: Vec<String> = loaded.notes.iter().map(ToString::to_string).collect();
     assert!(
-        said.iter()
+        messages.iter()
             .any(|w| w.contains("model.oscura.toml") && w.contains("environment, lights, camera, render")),
-        "{said:?}"
+        "{messages:?}"
     );
     let warned = |words: &str| loaded.warnings.iter().any(|w| w.to_string().contains(words));
     assert!(!warned("oscura.toml") && !warned("no light"), "{:?}", loaded.warnings);
@@ -153,7 +153,7 @@ fn all_problems_of_a_sidecar_come_with_its_name_and_lines() {
     }
 }
 
-/// Lamps that are said to be lamps light a model, however little: nothing is added.
+/// Lamps that are reported to be lamps light a model, however little: nothing is added.
 #[test]
 fn lamps_beside_a_model_are_its_light() {
     for lamp in [
@@ -167,7 +167,7 @@ fn lamps_beside_a_model_are_its_light() {
 }
 
 #[test]
-fn numbers_without_their_first_digit_are_told_what_they_lack() {
+fn numbers_without_their_first_digit_are_reported_what_they_lack() {
     let error =
         with_sidecar("[[lights]]\npoint = { position = [1, .5, 0], power = 1 }\n").expect_err("no TOML");
     assert!(error.to_string().contains("0.5, not .5"), "{error}");
@@ -362,8 +362,8 @@ fn extras_of_nodes_say_the_same() {
     }
     let loaded = of("{\"visible_to\": \"camra\", \"visible_shadow\": \"no\"}");
     assert_eq!(loaded.scene.instances[0].traits, ObjectTraits::default());
-    let said = |what: &str| loaded.warnings.iter().any(|w| w.place.contains(what));
-    assert!(said("extras/visible_to") && said("extras/visible_shadow"), "{:?}", loaded.warnings);
+    let messages = |what: &str| loaded.warnings.iter().any(|w| w.place.contains(what));
+    assert!(messages("extras/visible_to") && messages("extras/visible_shadow"), "{:?}", loaded.warnings);
 }
 
 /// Only what a file says of an object changes.

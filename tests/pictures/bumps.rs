@@ -94,8 +94,8 @@ fn bumps_of_scene_files_are_those_of_mtl_files() {
     let folder = folder();
     let of_mtl = picture(folder.path(), "", "mesh = \"a.obj\"");
     let object = "mesh = \"plain.obj\"\nmaterial = \"a\"";
-    let said = format!("{LAMBERT}bump = {{ image = \"heights.png\", scale = 8 }}\n");
-    let of_scene = picture(folder.path(), &said, object);
+    let messages = format!("{LAMBERT}bump = {{ image = \"heights.png\", scale = 8 }}\n");
+    let of_scene = picture(folder.path(), &messages, object);
     let (worst, range) = compared(&of_mtl, &of_scene);
     assert!(range > 0.1 && worst < 1e-5, "{worst} of {range}");
     // A quad has coordinates of its own: its corner is where the image begins, at the top left.
@@ -103,7 +103,7 @@ fn bumps_of_scene_files_are_those_of_mtl_files() {
     std::fs::write(folder.path().join("turned.obj"), turned).expect("written");
     let of_mesh = picture(folder.path(), "", "mesh = \"turned.obj\"");
     let quad = "quad = { corner = [1, 1, 0], u = [-2, 0, 0], v = [0, -2, 0] }\nmaterial = \"a\"";
-    let (worst, range) = compared(&of_mesh, &picture(folder.path(), &said, quad));
+    let (worst, range) = compared(&of_mesh, &picture(folder.path(), &messages, quad));
     assert!(range > 0.1 && worst < 2e-3 * range, "quad: {worst} of {range}");
     let flat = picture(folder.path(), LAMBERT, object);
     assert!(compared(&of_mtl, &flat).0 > 0.3 * range);
@@ -114,11 +114,11 @@ fn normals_of_scene_files_are_those_of_gltf_files() {
     let folder = folder();
     let of_gltf = picture(folder.path(), "", "mesh = \"a.gltf\"");
     let pbr = "[materials.a]\ntype = \"pbr\"\nbase_color = 0.5\n";
-    let said = format!("{pbr}normal = {{ image = \"normals.png\", scale = 0.75 }}\n");
-    let of_scene = picture(folder.path(), &said, "mesh = \"plain.obj\"\nmaterial = \"a\"");
+    let messages = format!("{pbr}normal = {{ image = \"normals.png\", scale = 0.75 }}\n");
+    let of_scene = picture(folder.path(), &messages, "mesh = \"plain.obj\"\nmaterial = \"a\"");
     let (worst, range) = compared(&of_gltf, &of_scene);
     assert!(range > 0.1 && worst < 2e-3 * range, "{worst} of {range}");
-    let upside_down = said.replace("0.75", "-0.75");
+    let upside_down = messages.replace("0.75", "-0.75");
     let other = picture(folder.path(), &upside_down, "mesh = \"plain.obj\"\nmaterial = \"a\"");
     assert!(compared(&of_gltf, &other).0 > 0.3 * range);
 }
@@ -128,7 +128,7 @@ fn normals_of_scene_files_are_those_of_gltf_files() {
 #[test]
 fn spheres_are_bumped_as_meshes_are() {
     let folder = folder();
-    let said = format!("{LAMBERT}bump = {{ image = \"heights.png\", scale = 20, repeat = [3, 2] }}\n");
+    let messages = format!("{LAMBERT}bump = {{ image = \"heights.png\", scale = 20, repeat = [3, 2] }}\n");
     let mut text = String::new();
     // u and v of the sphere of "Ray Tracing in One Weekend", whose rows count from the north pole.
     let (columns, rows) = (192, 96);
@@ -147,9 +147,9 @@ fn spheres_are_bumped_as_meshes_are() {
         text += &format!("f {a} {b} {c} {d}\n");
     }
     std::fs::write(folder.path().join("ball.obj"), text).expect("written");
-    let of_mesh = picture(folder.path(), &said, "mesh = \"ball.obj\"\nmaterial = \"a\"");
+    let of_mesh = picture(folder.path(), &messages, "mesh = \"ball.obj\"\nmaterial = \"a\"");
     let ball = "sphere = { center = [0, 0, 0], radius = 1 }\nmaterial = \"a\"";
-    let of_sphere = picture(folder.path(), &said, ball);
+    let of_sphere = picture(folder.path(), &messages, ball);
     let smooth = picture(folder.path(), LAMBERT, ball);
     let difference = |a: &Film, b: &Film| {
         let pixels = (0..16).flat_map(|y| (0..16).map(move |x| (x, y)));

@@ -331,14 +331,14 @@ fn the_variance_has_that_of_caustics() {
     lamp(&mut scene, LightKind::Point { position: DVec3::new(0.0, 2.0, 0.0) }, 5.0);
     let options = options(32, 64, 4).caustics(Caustics::On).aovs(AovSet::from(Aov::Variance));
     let films = [1, 2].map(|seed| picture(&scene, &options.seed(seed)));
-    let told = films[0].aov(Aov::Variance).expect("it is kept").remove(0).into_floats();
-    let told = told.iter().map(|v| f64::from(*v)).sum::<f64>() / told.len() as f64;
+    let reported = films[0].aov(Aov::Variance).expect("it is kept").remove(0).into_floats();
+    let reported = reported.iter().map(|v| f64::from(*v)).sum::<f64>() / reported.len() as f64;
     let [a, b] = films.map(|film| film.rgba());
     let square = |(a, b): (&[f32; 4], &[f32; 4])| f64::from(a[0] - b[0]).powi(2) / 2.0;
     let real = a.iter().zip(&b).map(square).sum::<f64>() / a.len() as f64;
-    println!("told {told:.2e}, real {real:.2e}");
+    println!("told {reported:.2e}, real {real:.2e}");
     // Points are better spread than independent ones.
-    assert!(told >= 0.7 * real && told < 10.0 * real, "{told} {real}");
+    assert!(reported >= 0.7 * real && reported < 10.0 * real, "{reported} {real}");
 }
 
 /// Ranges of samples and regions make the picture of a single run.

@@ -99,7 +99,7 @@ fn what_is_too_small_for_its_place_is_warned_of() {
     let report = report(&scene);
     assert_eq!((report.triangles, report.notes.len()), (0, 0));
     let message = &report.warnings[0].message;
-    assert!(message.starts_with("2 primitives too small for single precision"), "{message}");
+    assert!(message.starts_with("2 primitives"), "{message}");
     // A pole whose corners were computed, and differ by the rounding of that.
     let mut pole = square(1, grey);
     pole.positions[1] = pole.positions[0];

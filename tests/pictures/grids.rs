@@ -109,7 +109,7 @@ fn colored_media_on_grids() {
 
 /// A grid stays where it is in the world, and what moves with a medium on it is told by name.
 #[test]
-fn objects_that_move_without_their_grid_are_told() {
+fn objects_that_move_without_their_grid_are_reported() {
     let grid = || Grid::in_box("smoke".into(), [1; 3], Arc::new(vec![1.0]), DVec3::splat(-1.0), DVec3::ONE);
     let still = ball(medium([0.5; 3], 0.5), grid(), 1.0, 1.0);
     let places = [0.0, 0.5].map(|x| DAffine3::from_translation(DVec3::new(x, 0.0, 0.0)));
@@ -139,10 +139,10 @@ fn objects_that_move_without_their_grid_are_told() {
         ("no grid", homogeneous, None),
     ] {
         let (_, report) = compile(&scene, &CompileOptions::default()).expect("the scene compiles");
-        let told = report.warnings.iter().map(ToString::to_string).find(|w| w.contains("stands still"));
-        assert_eq!(told.is_some(), name.is_some(), "{what}: {told:?}");
-        if let (Some(told), Some(name)) = (told, name) {
-            assert!(told.contains(&format!("'{name}'")) && told.contains("'body'"), "{what}: {told}");
+        let reported = report.warnings.iter().map(ToString::to_string).find(|w| w.contains("stands still"));
+        assert_eq!(reported.is_some(), name.is_some(), "{what}: {reported:?}");
+        if let (Some(reported), Some(name)) = (reported, name) {
+            assert!(reported.contains(&format!("'{name}'")) && reported.contains("'body'"), "{what}: {reported}");
         }
     }
 }

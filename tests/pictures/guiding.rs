@@ -224,16 +224,16 @@ fn going_on_gives_the_picture_of_a_single_run() {
 
 #[test]
 fn what_can_not_be_guided_says_so() {
-    let said = |scene: &Scene, options: RenderOptions| {
+    let messages = |scene: &Scene, options: RenderOptions| {
         let rendering = finished(scene, &guided(plain(options)));
         assert_eq!(rendering.statistics().guide_cells, None);
         rendering.warnings().iter().map(ToString::to_string).collect::<String>()
     };
-    assert!(said(&room(false), options(8, 4, 100)).contains("too few samples"));
-    assert!(said(&room(false), options(40, 64, 1)).contains("few bounces"));
+    assert!(messages(&room(false), options(8, 4, 100)).contains("too few samples"));
+    assert!(messages(&room(false), options(40, 64, 1)).contains("few bounces"));
     let mut gold = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
     let metal = material(&mut gold, pbr("gold", [0.9, 0.7, 0.3], 1.0, 0.4));
     sphere(&mut gold, [0.0; 3], 1.0, metal);
     gold.cameras.push(camera(DVec3::new(0.0, 0.0, 3.0), DVec3::ZERO, DVec3::Y, 50.0));
-    assert!(said(&gold, options(40, 64, 100)).contains("no path found a diffuse surface"));
+    assert!(messages(&gold, options(40, 64, 100)).contains("no path found a diffuse surface"));
 }

@@ -181,7 +181,7 @@ fn a_doll_house_is_open_to_viewers_and_closed_to_its_light() {
     assert_radiance("from outside", &scene, &options(16, 256, 40), 0.5, 2e-3);
 }
 
-/// A one-sided surface whose emission is said to have two sides shines to its front alone.
+/// A one-sided surface whose emission is reported to have two sides shines to its front alone.
 #[test]
 fn nothing_shines_where_nothing_is() {
     let under_lamp = |faces_up: bool| {

@@ -436,10 +436,10 @@ fn many_media_in_one_place() {
     assert_channels("eight", found, exact([(-truth).exp(); 3]), 1e-3);
 }
 
-/// What is said about more of them than paths know.
+/// What is reported about more of them than paths know.
 #[test]
-fn crowds_of_media_are_told() {
-    let told = |count: u32| {
+fn crowds_of_media_are_reported() {
+    let reported = |count: u32| {
         let mut scene = beam(&[], 1.0, 9.0);
         for k in 0..count {
             let center = [0.5 * f64::from(k), 0.0, 0.0];
@@ -448,7 +448,7 @@ fn crowds_of_media_are_told() {
         }
         warnings(&scene).iter().any(|w| w.contains("more than 8 media"))
     };
-    assert!(!told(8) && told(9));
+    assert!(!reported(8) && reported(9));
     // A row of many in which no nine meet.
     let mut scene = beam(&[], 1.0, 9.0);
     for k in 0..40 {

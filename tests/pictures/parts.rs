@@ -279,7 +279,7 @@ fn heads_that_lie_are_refused() {
     };
     assert!(with(&large).expect("refused").contains("ends early"));
     for name in ["ключ", "", "a.b", "two words"] {
-        let told = with(&|head| head["channels"]["light_groups"] = serde_json::json!([name]));
-        assert!(told.expect("refused").contains("channels are unknown"), "{name}");
+        let reported = with(&|head| head["channels"]["light_groups"] = serde_json::json!([name]));
+        assert!(reported.expect("refused").contains("channels are unknown"), "{name}");
     }
 }

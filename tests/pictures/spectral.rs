@@ -188,7 +188,7 @@ fn without_colours_both_ways_agree() {
     }
 }
 
-/// Beer's law, by wavelength: a slab of glass of index 1 leaves the colour that it is said to.
+/// Beer's law, by wavelength: a slab of glass of index 1 leaves the colour that it is reported to.
 #[test]
 fn absorbing_solids_have_the_colour_they_are_given() {
     let color = [0.9, 0.4, 0.15];

@@ -155,12 +155,12 @@ fn the_time_limit_counts_rendering_only() {
 fn events_count_up_to_all_paths() {
     let seen = Arc::new(AtomicU64::new(0));
     let last = seen.clone();
-    let mut told = rendering(&cornell(), &options(32, 12, 100)).on_event(move |event| {
+    let mut reported = rendering(&cornell(), &options(32, 12, 100)).on_event(move |event| {
         let Event::Progress { samples_done, samples_total, .. } = event else { return };
         assert!(samples_done <= samples_total && samples_total == 32 * 32 * 12);
         last.fetch_max(samples_done, Ordering::Relaxed);
     });
-    assert_eq!(told.run(), PassOutcome::Done);
+    assert_eq!(reported.run(), PassOutcome::Done);
     assert_eq!(seen.load(Ordering::Relaxed), 32 * 32 * 12);
 }
 

@@ -41,7 +41,7 @@ impl Request {
     }
 }
 
-/// What is sent back. Length and end of the connection are said besides.
+/// What is sent back. Length and end of the connection are reported besides.
 pub(super) struct Response {
     pub status: u16,
     pub headers: Vec<(&'static str, String)>,
@@ -53,9 +53,9 @@ pub(super) type Answering = dyn Fn(&Request) -> Response + Send + Sync;
 
 /// Why a request is not answered as asked.
 enum Flaw {
-    /// The client is gone or too slow: nothing more is said.
+    /// The client is gone or too slow: nothing more is reported.
     Gone,
-    /// It is told a status and a reason.
+    /// Refused with a status and a reason.
     Refused(u16, &'static str),
 }
 

@@ -8,7 +8,7 @@ const $ = (id) => document.getElementById(id);
 const canvas = $("picture");
 const outline = outliner($("overlay"), $("outline"), $("object"));
 const showThumbnails = thumbnails($("thumbnails"), canvas, (pass) => set({ pass }));
-let told = null, namesObjects = true;
+let status = null, namesObjects = true;
 
 /** Values that every picture has besides the pass that is shown. */
 const RECORDED = /^([RGBAZ]$|N\.|albedo\.|denoising_|object\.)/;
@@ -45,31 +45,31 @@ async function follow() {
 
 /** Draws an answer. */
 function draw(buffer) {
-  const wasFinished = told?.finished, order = told?.order;
-  const { told: news, image } = decode(buffer);
-  told = news;
+  const wasFinished = status?.finished, order = status?.order;
+  let image;
+  ({ status, image } = decode(buffer));
   if (image) {
     put(canvas, image);
     drawHistogram($("histogram"), image);
   }
   $("waiting").hidden = true;
-  if (told.order !== order) outline.clear();
-  if (told.finished && !wasFinished) $("said").textContent = "The picture is done.";
+  if (status.order !== order) outline.clear();
+  if (status.finished && !wasFinished) $("announcement").textContent = "The picture is done.";
   fit();
-  tell();
-  showThumbnails(told);
+  showStatus();
+  showThumbnails(status);
   // For programs that drive the page.
-  document.body.dataset.version = told.version;
-  document.body.dataset.samples = told.preview ? 0 : told.samples;
-  document.body.dataset.finished = told.finished;
-  document.body.dataset.denoised = told.denoised ?? 0;
-  return told.version;
+  document.body.dataset.version = status.version;
+  document.body.dataset.samples = status.preview ? 0 : status.samples;
+  document.body.dataset.finished = status.finished;
+  document.body.dataset.denoised = status.denoised ?? 0;
+  return status.version;
 }
 
 /** Makes the picture as large as the window allows, at most at two pixels of the screen for one of its own. */
 function fit() {
-  if (!told) return;
-  const [width, height] = told.size;
+  if (!status) return;
+  const [width, height] = status.size;
   const room = $("stage");
   const scale = Math.min(room.clientWidth / width, room.clientHeight / height, 2);
   $("frame").style.width = `${Math.round(width * scale)}px`;
@@ -100,40 +100,40 @@ function slide(id, value, text) {
 const percent = (share) => (share < 1 ? (100 * share).toPrecision(2) : Math.round(100 * share));
 
 /** Brings everything beside the picture up to date. */
-function tell() {
-  const facts = told.facts;
+function showStatus() {
+  const facts = status.facts;
   document.title = `${facts.name} - oscura`;
   $("name").textContent = facts.name;
   $("facts").textContent = `${facts.triangles.toLocaleString("en")} triangles`;
-  const samples = told.samples.toLocaleString("en", { maximumFractionDigits: 0 });
-  const progress = told.preview ? "preview" : `${samples} of ${facts.samples} samples`;
-  const error = told.error && !told.preview ? `, noise ${percent(told.error)} %` : "";
-  $("state").textContent = `${progress}, ${told.seconds.toFixed(1)} s${error}${told.finished ? ", done" : ""}`;
-  $("progress").value = told.preview ? 0 : told.samples / facts.samples;
-  showTrouble(told.trouble);
-  slide("exposure", told.exposure, `${told.exposure.toFixed(1)} stops`);
-  slide("defocus", told.defocus, told.defocus ? `${told.defocus.toFixed(2)}°` : "off");
-  $("denoise").checked = told.denoise;
-  const taken = Math.round(told.denoised ?? 0);
-  $("denoise-value").textContent = taken ? `of ${taken} sample${taken > 1 ? "s" : ""}` : told.denoise ? "soon" : "off";
-  $("split-row").hidden = !told.denoise;
-  slide("split", told.split, `${Math.round(100 * told.split)} %`);
-  $("split-line").hidden = !told.denoised || told.split === 0 || told.pass !== "";
-  $("split-line").style.left = `${100 * told.split}%`;
+  const samples = status.samples.toLocaleString("en", { maximumFractionDigits: 0 });
+  const progress = status.preview ? "preview" : `${samples} of ${facts.samples} samples`;
+  const error = status.error && !status.preview ? `, noise ${percent(status.error)} %` : "";
+  $("state").textContent = `${progress}, ${status.seconds.toFixed(1)} s${error}${status.finished ? ", done" : ""}`;
+  $("progress").value = status.preview ? 0 : status.samples / facts.samples;
+  showTrouble(status.trouble);
+  slide("exposure", status.exposure, `${status.exposure.toFixed(1)} stops`);
+  slide("defocus", status.defocus, status.defocus ? `${status.defocus.toFixed(2)}°` : "off");
+  $("denoise").checked = status.denoise;
+  const taken = Math.round(status.denoised ?? 0);
+  $("denoise-value").textContent = taken ? `of ${taken} sample${taken > 1 ? "s" : ""}` : status.denoise ? "soon" : "off";
+  $("split-row").hidden = !status.denoise;
+  slide("split", status.split, `${Math.round(100 * status.split)} %`);
+  $("split-line").hidden = !status.denoised || status.split === 0 || status.pass !== "";
+  $("split-line").style.left = `${100 * status.split}%`;
   document.body.classList.toggle("looking-on", !facts.is_live);
   $("rotation-row").hidden = facts.rotation === null;
-  slide("rotation", told.rotation ?? 0, `${Math.round(told.rotation ?? 0)}°`);
-  fill($("view"), told.views.map((name) => [name, name]), told.view);
-  fill($("pass"), [["", "colour"], ...facts.passes.map(([name, about]) => [name, name.replaceAll("_", " "), about])], told.pass);
-  fill($("size"), facts.sizes.map(([w, h]) => [`${w},${h}`, `${w} x ${h}`]), told.size.join(","));
+  slide("rotation", status.rotation ?? 0, `${Math.round(status.rotation ?? 0)}°`);
+  fill($("view"), status.views.map((name) => [name, name]), status.view);
+  fill($("pass"), [["", "colour"], ...facts.passes.map(([name, about]) => [name, name.replaceAll("_", " "), about])], status.pass);
+  fill($("size"), facts.sizes.map(([w, h]) => [`${w},${h}`, `${w} x ${h}`]), status.size.join(","));
   const named = (names) => names.map((name) => [name, name]);
-  $("stage-row").hidden = told.stage === null;
-  $("up-row").hidden = told.up === null;
-  $("light").hidden = told.stage === null && told.up === null && facts.rotation === null;
-  fill($("stage-light"), named(facts.stages), told.stage);
-  fill($("up"), named(facts.ups), told.up);
-  fill($("camera"), facts.cameras.map((name, i) => [String(i), name]), String(told.camera));
-  if (document.activeElement !== $("command")) $("command").value = told.command;
+  $("stage-row").hidden = status.stage === null;
+  $("up-row").hidden = status.up === null;
+  $("light").hidden = status.stage === null && status.up === null && facts.rotation === null;
+  fill($("stage-light"), named(facts.stages), status.stage);
+  fill($("up"), named(facts.ups), status.up);
+  fill($("camera"), facts.cameras.map((name, i) => [String(i), name]), String(status.camera));
+  if (document.activeElement !== $("command")) $("command").value = status.command;
   $("note-count").textContent = `(${facts.notes.length})`;
   const notes = JSON.stringify(facts.notes);
   if ($("notes").dataset.shown !== notes) {
@@ -150,8 +150,8 @@ async function probe(x, y) {
   const number = (v) => (v === null ? "none" : Number(v).toPrecision(4));
   const rgb = ["R", "G", "B"].map((c) => number(values[c])).join(" ");
   const depth = values.Z > 5e9 ? "" : `  ${number(values.Z)} m`;
-  if (namesObjects) outline.show(x, y, values["object.id"], told.version);
-  const prefix = { normal: "N.", albedo: "albedo." }[told.pass];
+  if (namesObjects) outline.show(x, y, values["object.id"], status.version);
+  const prefix = { normal: "N.", albedo: "albedo." }[status.pass];
   const shown = ([name]) => (prefix ? name.startsWith(prefix) : !RECORDED.test(name));
   const more = Object.entries(values).filter(shown).slice(0, 4).map(([name, v]) => `  ${name} ${number(v)}`).join("");
   $("probe").textContent = `${column}, ${row}  ${rgb}${depth}${more}`;
@@ -220,19 +220,19 @@ const stepPass = (by) => {
 };
 window.addEventListener("keydown", (event) => {
   const isTyping = event.target.matches("select, textarea") || $("help").open;
-  if (!told || isTyping || event.ctrlKey || event.metaKey || event.altKey || !keys[event.key]) return;
+  if (!status || isTyping || event.ctrlKey || event.metaKey || event.altKey || !keys[event.key]) return;
   keys[event.key]();
   event.preventDefault();
 });
 
 listen(canvas, {
-  move: async (step) => told?.facts.is_live && post("move", step),
+  move: async (step) => status?.facts.is_live && post("move", step),
   probe,
   isAiming: () => $("focus").getAttribute("aria-pressed") === "true",
   focus: async (x, y) => {
     aim(false);
-    if (!told?.facts.is_live) return;
-    if (await post("focus", [x, y]) && told.defocus === 0) set({ defocus: 1 });
+    if (!status?.facts.is_live) return;
+    if (await post("focus", [x, y]) && status.defocus === 0) set({ defocus: 1 });
   },
   tap: probe,
   leave: () => outline.clear(),

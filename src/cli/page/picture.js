@@ -3,9 +3,9 @@
 /** An answer of the program: a length, JSON of that length, pixels unless they are as before. */
 export function decode(buffer) {
   const length = new DataView(buffer).getUint32(0, true);
-  const told = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
+  const status = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
   const pixels = new Uint8ClampedArray(buffer, 4 + length);
-  return { told, image: pixels.length ? new ImageData(pixels, told.width, told.height) : null };
+  return { status, image: pixels.length ? new ImageData(pixels, status.width, status.height) : null };
 }
 
 /** Draws pixels into a canvas, which takes their size. */
@@ -99,16 +99,16 @@ export function thumbnails(group, picture, choose) {
       if (answer.ok) put(small, decode(await answer.arrayBuffer()).image);
     }
   };
-  return (told) => {
+  return (status) => {
     for (const [pass, button] of buttons) {
-      button.hidden = pass !== "" && !told.facts.passes.some(([name]) => name === pass);
-      button.setAttribute("aria-pressed", told.pass === pass);
+      button.hidden = pass !== "" && !status.facts.passes.some(([name]) => name === pass);
+      button.setAttribute("aria-pressed", status.pass === pass);
     }
     // New ones of each view, and at its end.
-    const wanted = JSON.stringify([told.order, told.finished, told.exposure, told.view]);
-    if (told.preview || wanted === key) return;
+    const wanted = JSON.stringify([status.order, status.finished, status.exposure, status.view]);
+    if (status.preview || wanted === key) return;
     key = wanted;
     clearTimeout(timer);
-    timer = setTimeout(() => refresh(told.pass), REST);
+    timer = setTimeout(() => refresh(status.pass), REST);
   };
 }

@@ -238,8 +238,8 @@ mod tests {
         assert!(pose.arguments().is_empty());
         pose.apply(Move { dolly: Some(2.0), ..Move::default() });
         pose.open(1.5);
-        let said = pose.arguments().join(" ");
-        assert_eq!(said, "--eye 0,0,10 --target 0,0,0 --focus 10 --defocus 1.5");
+        let messages = pose.arguments().join(" ");
+        assert_eq!(messages, "--eye 0,0,10 --target 0,0,0 --focus 10 --defocus 1.5");
         let place = CameraArgs { view_height: Some(3.0), defocus: Some(0.0), ..CameraArgs::default() };
         let mut parallel = pose.camera.clone();
         parallel.projection = Projection::Orthographic { half_height: 1.5 };
@@ -247,8 +247,8 @@ mod tests {
         let mut given = Pose::new(parallel, 5.0).with_arguments(&place, None);
         assert_eq!(given.arguments().join(" "), "--view-height 3 --defocus 0");
         given.apply(Move { dolly: Some(0.5), ..Move::default() });
-        let said = given.arguments();
-        assert_eq!(said.iter().filter(|word| *word == "--view-height").count(), 1, "{said:?}");
+        let messages = given.arguments();
+        assert_eq!(messages.iter().filter(|word| *word == "--view-height").count(), 1, "{messages:?}");
         assert_eq!([short(0.0), short(-1234567.89), short(1.0 / 3.0)], ["0", "-1234568", "0.3333333"]);
     }
 }

@@ -325,7 +325,7 @@ struct Settings {
     stage: Option<String>,
 }
 
-/// Does as it is told.
+/// Applies a request.
 pub(super) fn post(url: &str, body: &str, shared: &Shared) -> Answer {
     if !shared.lock().facts.is_live && url != "/set" {
         return Answer::text(403, LOOK_ON);

@@ -204,7 +204,7 @@ impl Shared {
     }
 }
 
-// What pages are told about the state.
+// The status that pages get, as JSON.
 
 /// Everything but the pixels and their size.
 pub(super) fn state_json(state: &State, frame: &Frame) -> Value {
@@ -483,7 +483,7 @@ mod tests {
 }
 
 #[cfg(test)]
-mod told_tests {
+mod status_tests {
     use super::*;
 
     #[test]

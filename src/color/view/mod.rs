@@ -36,12 +36,12 @@ pub enum ViewTransform {
 impl ViewTransform {
     /// All that have names, with these and what they do.
     pub const NAMED: [(ViewTransform, &'static str, &'static str); 7] = [
-        (ViewTransform::Srgb, "srgb", "As they are; what is above 1 is clipped"),
+        (ViewTransform::Srgb, "srgb", "sRGB; values above 1 are clipped"),
         (ViewTransform::Filmic, "filmic", "A filmic curve (Narkowicz 2016)"),
         (ViewTransform::Agx, "agx", "Blender's AgX"),
         (ViewTransform::AgxPunchy, "agx-punchy", "Blender's AgX with its look Punchy"),
-        (ViewTransform::PbrNeutral, "pbr-neutral", "Khronos PBR Neutral: base colours stay"),
-        (ViewTransform::FalseColor, "false-color", "Stops from middle grey as colours"),
+        (ViewTransform::PbrNeutral, "pbr-neutral", "Khronos PBR Neutral: keeps base colours"),
+        (ViewTransform::FalseColor, "false-color", "False colours: stops from middle grey"),
         (ViewTransform::Gamma, "gamma", "A power of 1 / 2.2"),
     ];
 

@@ -347,15 +347,15 @@ mod tests {
         for cut in MAGIC.len()..binary().len() {
             assert!(ViewTable::read(&binary()[..cut], Path::new("")).is_err(), "{cut} bytes");
         }
-        let said = |at: usize, byte: u8| {
+        let messages = |at: usize, byte: u8| {
             let mut bytes = binary();
             bytes[at] = byte;
             ViewTable::read(&bytes, Path::new("")).unwrap_err()
         };
-        assert_eq!(said(8, 1), "has 1 knots of a curve, where 2 to 65536 can be");
+        assert_eq!(messages(8, 1), "has 1 knots of a curve, where 2 to 65536 can be");
         // 0, 16, 4; and 0, infinity, 4.
-        assert_eq!(said(19, 0x41), "knots of a curve must ascend");
-        assert_eq!(said(19, 0x7f), "has a number that isn't finite");
+        assert_eq!(messages(19, 0x41), "knots of a curve must ascend");
+        assert_eq!(messages(19, 0x7f), "has a number that isn't finite");
         let more = [binary(), vec![0]].concat();
         assert_eq!(
             ViewTable::read(&more, Path::new("")).unwrap_err(),
@@ -368,20 +368,20 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_told_with_its_line() {
-        let said = |from: &str, to: &str| {
+    fn what_is_wrong_is_reported_with_its_line() {
+        let messages = |from: &str, to: &str| {
             ViewTable::parse(&text().replacen(from, to, 1), Path::new("")).unwrap_err()
         };
         assert_eq!(
-            said("CSPLUTV100", "LUT_3D_SIZE"),
+            messages("CSPLUTV100", "LUT_3D_SIZE"),
             "is no table of the format cinespace: it begins with CSPLUTV100 and 1D or 3D"
         );
-        assert_eq!(said("0 1 4", "0 4 1"), "line 9: knots of a curve must ascend");
-        assert_eq!(said("0 1 4", "0 x 4"), "line 9: 'x' where a number should be");
-        assert_eq!(said("0.5 1\n", "0.5 inf\n"), "line 10: a number isn't finite");
-        assert_eq!(said("\n3 2 2", "\n3 1 2"), "line 18: 1 nodes along an edge, where 2 to 129 can be");
-        assert_eq!(said("\n3 2 2", "\n2 2 2"), "line 27: '1' is more than the table needs");
-        assert_eq!(said("\n3 2 2", "\n3 2 3"), "ends where a number should be");
+        assert_eq!(messages("0 1 4", "0 4 1"), "line 9: knots of a curve must ascend");
+        assert_eq!(messages("0 1 4", "0 x 4"), "line 9: 'x' where a number should be");
+        assert_eq!(messages("0.5 1\n", "0.5 inf\n"), "line 10: a number isn't finite");
+        assert_eq!(messages("\n3 2 2", "\n3 1 2"), "line 18: 1 nodes along an edge, where 2 to 129 can be");
+        assert_eq!(messages("\n3 2 2", "\n2 2 2"), "line 27: '1' is more than the table needs");
+        assert_eq!(messages("\n3 2 2", "\n3 2 3"), "ends where a number should be");
         for cut in 0..text().len() - 2 {
             assert!(ViewTable::parse(&text()[..cut], Path::new("")).is_err(), "{cut} bytes");
         }

@@ -485,7 +485,7 @@ mod tests {
     }
 
     #[test]
-    fn the_limit_of_triangles_is_kept_and_told() {
+    fn the_limit_of_triangles_is_kept_and_reported() {
         let mut scene = Scene::default();
         let rock = displaced_by(&mut scene, 4, 0.1, |_, _| 1.0);
         let mesh =
@@ -496,7 +496,7 @@ mod tests {
     }
 
     #[test]
-    fn what_can_not_be_displaced_is_told() {
+    fn what_can_not_be_displaced_is_reported() {
         let mut scene = Scene::default();
         let rock = displaced_by(&mut scene, 4, 0.1, |_, _| 1.0);
         let sheet =

@@ -403,7 +403,7 @@ mod tests {
             };
             let image = read(Some(1 << 20)).unwrap_or_else(|e| panic!("{e}"));
             let error = read(Some(20)).expect_err("it takes 24 bytes or more").to_string();
-            assert!(error.contains("4 x 2 pixels") && error.contains("1 MiB of memory"), "{error}");
+            assert!(error.contains("4 x 2") && error.contains("1 MiB"), "{error}");
             assert!(error.contains(&Choice::MemoryLimit.to_string()), "{error}");
             assert!(read(Some(image.bytes() as u64 - 1)).is_err());
         }
@@ -411,7 +411,7 @@ mod tests {
         let claims = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2000 +X 2000\n";
         let of = ImageFile { memory_limit: Some(1000), ..file(claims, (NAMELESS, ""), None) };
         let error = decode(&of, Use::Color, &mut Vec::new()).expect_err("it is too large").to_string();
-        assert!(error.contains("2000 x 2000 pixels, which take 46 MiB"), "{error}");
+        assert!(error.contains("2000 x 2000") && error.contains("46 MiB"), "{error}");
         let large = encode(RgbImage::new(700, 700), ImageFormat::Png);
         let of = ImageFile { memory_limit: Some(1 << 20), ..file(&large, (NAMELESS, ""), None) };
         let on_damage: OnDamage = Arc::new(crate::image::Damage::Fatal);
@@ -643,7 +643,8 @@ mod tests {
             }
         }
         assert!(error(b"").contains("is empty"));
-        assert!(error(b"hello, this is text").contains("not an image of a known format"));
+        let unknown = decoded(b"hello, this is text", Use::Color).0.expect_err("no image");
+        assert_eq!(unknown.problems[0].code, "image-format-unknown");
         assert!(error(b"hello, this is text").contains("PNG, JPEG"));
         assert!(error(b"GIF89a......").contains("can't be read as an image"));
     }
@@ -655,8 +656,8 @@ mod tests {
         png[20..24].copy_from_slice(&32_768u32.to_be_bytes());
         let crc = crc32(&png[12..29]);
         png[29..33].copy_from_slice(&crc.to_be_bytes());
-        assert!(error(&png).contains("claims 32768 x 32768 pixels in"), "{}", error(&png));
-        assert!(error(&hdr(32_768, 32_768, &[])).contains("claims 32768 x 32768"));
+        assert!(error(&png).contains("32768 x 32768"), "{}", error(&png));
+        assert!(error(&hdr(32_768, 32_768, &[])).contains("32768 x 32768"));
         let mut bmp = encode(rgb(), ImageFormat::Bmp);
         bmp[18..22].copy_from_slice(&32_768u32.to_le_bytes());
         bmp[22..26].copy_from_slice(&32_767u32.to_le_bytes());
@@ -666,7 +667,7 @@ mod tests {
         let at =
             wide.windows(window.len()).position(|w| w == window).expect("a data window") + window.len() + 4;
         wide[at + 8..at + 16].copy_from_slice(&[0xff, 0x7f, 0, 0, 0xff, 0x7f, 0, 0]);
-        assert!(error(&wide).contains("claims 32768 x 32768"), "{}", error(&wide));
+        assert!(error(&wide).contains("32768 x 32768"), "{}", error(&wide));
     }
 
     /// The checksum of PNG chunks, bit by bit (PNG specification, annex D).

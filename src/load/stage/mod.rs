@@ -372,7 +372,7 @@ mod tests {
     }
 
     #[test]
-    fn what_would_be_added_is_told_and_left_out() {
+    fn what_would_be_added_is_reported_and_left_out() {
         let mut loaded = ball(DVec3::ZERO, 1.0, grey());
         loaded.stand_ins.push(MaterialId(0));
         complete(&mut loaded, &StageOptions { is_foretold: true, ..StageOptions::studio() }, false);

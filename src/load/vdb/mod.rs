@@ -554,7 +554,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_read_is_told() {
+    fn what_is_not_read_is_reported() {
         let with = |at: usize, byte: u8| {
             let mut bytes = written(PLAIN);
             bytes[at] = byte;

@@ -231,8 +231,8 @@ fn flat_panes_become_sheets_where_that_is_wanted() {
     let [r, g, b] = model.base_color.factor;
     assert!((r - 0.81).abs() < 1e-5 && (g - 0.5).abs() < 1e-4 && b == 1.0, "{r} {g} {b}");
     assert_eq!((pane.scene.meshes[0].triangles.len(), pane.scene.meshes[0].parts[0].triangle_count), (2, 2));
-    let said = pane.notes.iter().find(|n| n.code == "glass-panes").expect("it is said");
-    assert!(said.message.contains("'window'") && said.message.contains("0.020 m"), "{said}");
+    let messages = pane.notes.iter().find(|n| n.code == "glass-panes").expect("it is said");
+    assert!(messages.message.contains("'window'") && messages.message.contains("0.020 m"), "{messages}");
     // Other bodies stay, and so do panes that nobody asked about.
     for (size, glass) in [([1.0, 1.0, 0.5], Glass::Panes), ([1.0, 2.0, 0.02], Glass::Auto)] {
         let loaded = shown(size, glass);

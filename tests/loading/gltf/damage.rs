@@ -214,7 +214,7 @@ fn nonsense_everywhere(asset: &Value, load: impl Fn(&Value) -> Result<Loaded, Er
             tried += 1;
             match load(&broken) {
                 Ok(loaded) => {
-                    // Nothing takes a word for a number, a list or an object: whatever is lost by one must be said.
+                    // Nothing takes a word for a number, a list or an object: whatever is lost by one must be reported.
                     let is_same = !value.is_string() || shown(&loaded) == shown(&original);
                     let says_more = loaded.warnings.iter().any(|w| !original.warnings.contains(w));
                     assert!(is_same || says_more, "{value} at {place} changes the scene in silence");

@@ -64,7 +64,7 @@ fn load(asset: &Value, sidecar: Option<&str>) -> Loaded {
 }
 
 #[test]
-fn losses_are_said_by_name() {
+fn losses_are_reported_by_name() {
     let loaded = load(&room(BLENDER, 128), None);
     let BlenderExport { lamps, white, rough_metal, lost, unused_alpha, .. } =
         loaded.blender.clone().expect("by Blender");
@@ -134,7 +134,7 @@ fn a_file_beside_the_model_changes_its_materials_and_objects() {
 }
 
 #[test]
-fn misspelt_names_of_a_model_are_said() {
+fn misspelt_names_of_a_model_are_reported() {
     let fails = |toml: &str, words: &str| {
         let files: [(&str, &[u8]); 2] = [("a.bin", &triangle_bytes()), ("a.oscura.toml", toml.as_bytes())];
         let error =

@@ -18,17 +18,17 @@ fn textured(uri: &str) -> Value {
 }
 
 /// The warnings about the file, each with its code in brackets.
-fn said(loaded: &Loaded) -> String {
+fn messages(loaded: &Loaded) -> String {
     loaded.warnings.iter().filter(|w| w.file.is_some()).map(|w| format!("{w} [{}]\n", w.code)).collect()
 }
 
-/// The loaded triangle, and that it has lost its picture and nothing else; with what was said.
+/// The loaded triangle, and that it has lost its picture and nothing else; with what was reported.
 fn without_picture(asset: &Value, name: &str, bytes: &[u8]) -> String {
     let loaded =
         load_with(asset, &[("a.bin", &triangle_bytes()), (name, bytes)]).unwrap_or_else(|e| panic!("{e}"));
     let Scene { textures, meshes, .. } = &loaded.scene;
-    assert!(textures.is_empty() && meshes[0].triangles.len() == 1, "{}", said(&loaded));
-    said(&loaded)
+    assert!(textures.is_empty() && meshes[0].triangles.len() == 1, "{}", messages(&loaded));
+    messages(&loaded)
 }
 
 #[test]
@@ -45,8 +45,8 @@ fn pictures_of_unread_formats_cost_no_more_than_themselves() {
         (b"version https://git-lfs.github.com/spec/v1\n", "git lfs pull"),
         (b"no picture at all", "image"),
     ] {
-        let said = without_picture(&textured("p.png"), "p.png", bytes);
-        assert!(said.contains(what) && said.contains("[texture-missing]"), "{what}: {said}");
+        let messages = without_picture(&textured("p.png"), "p.png", bytes);
+        assert!(messages.contains(what) && messages.contains("[texture-missing]"), "{what}: {messages}");
     }
 }
 
@@ -61,8 +61,8 @@ fn pictures_that_cannot_be_reached_cost_no_more_than_themselves() {
         ("100%.png", "is missing"),
         ("data:image/png;base64,@@", "base64"),
     ] {
-        let said = without_picture(&textured(uri), "red.png", RED);
-        assert!(said.contains(what), "{uri}: {said}");
+        let messages = without_picture(&textured(uri), "red.png", RED);
+        assert!(messages.contains(what), "{uri}: {messages}");
     }
     let beyond = triangle_with(|a| {
         a["materials"][0] = json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}});
@@ -73,7 +73,7 @@ fn pictures_that_cannot_be_reached_cost_no_more_than_themselves() {
     assert!(without_picture(&beyond, "red.png", RED).contains("[texture-missing]"));
 }
 
-/// Paths as other systems write them lead to the file, and it is said where that is a guess.
+/// Paths as other systems write them lead to the file, and it is reported where that is a guess.
 #[test]
 fn pictures_are_found_by_names_that_are_no_uris() {
     for uri in
@@ -81,8 +81,8 @@ fn pictures_are_found_by_names_that_are_no_uris() {
     {
         let files = [("a.bin", &triangle_bytes()[..]), ("maps/red.png", RED)];
         let loaded = load_with(&textured(uri), &files).unwrap_or_else(|e| panic!("{e}"));
-        let is_lost = said(&loaded).contains("/images");
-        assert!(loaded.scene.textures.len() == 1 && !is_lost, "{uri}: {}", said(&loaded));
+        let is_lost = messages(&loaded).contains("/images");
+        assert!(loaded.scene.textures.len() == 1 && !is_lost, "{uri}: {}", messages(&loaded));
         assert!(has_code(&loaded.notes, "uri-guessed"), "{uri}");
     }
     let gif = b"GIF89a\x01\0\x01\0\x80\0\0\xff\0\0\0\0\0,\0\0\0\0\x01\0\x01\0\0\x02\x02D\x01\0;";
@@ -97,9 +97,9 @@ fn transforms_that_are_none_are_repaired() {
     let zero = triangle_with(|a| a["nodes"][0]["rotation"] = json!([0, 0, 0, 0]));
     let loaded = load_triangle(&zero).unwrap_or_else(|e| panic!("{e}"));
     assert!(
-        said(&loaded).contains("/nodes/0/rotation: ") && said(&loaded).contains("[rotation-invalid]"),
+        messages(&loaded).contains("/nodes/0/rotation: ") && messages(&loaded).contains("[rotation-invalid]"),
         "{}",
-        said(&loaded)
+        messages(&loaded)
     );
     let both = triangle_with(|a| {
         a["nodes"][0]["matrix"] = json!([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 7, 0, 0, 1]);
@@ -107,7 +107,7 @@ fn transforms_that_are_none_are_repaired() {
     });
     let loaded = load_triangle(&both).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(loaded.scene.instances[0].world_from_object.translation, DVec3::new(7.0, 0.0, 0.0));
-    assert!(said(&loaded).contains("[matrix-overrides]"), "{}", said(&loaded));
+    assert!(messages(&loaded).contains("[matrix-overrides]"), "{}", messages(&loaded));
 }
 
 /// A scale of 0 on one axis leaves a flat thing in its place, on two a line, which is nothing.
@@ -125,12 +125,12 @@ fn a_scale_of_zero_flattens() {
     let mesh = &flat.scene.meshes[instance.mesh.index()];
     assert_eq!(mesh.positions, [[0.0; 3], [2.0, 0.0, 0.0], [0.0, 3.0, 0.0]]);
     assert_eq!(instance.world_from_object.translation, DVec3::new(0.0, 5.0, 0.0));
-    assert!(said(&flat).is_empty(), "{}", said(&flat));
+    assert!(messages(&flat).is_empty(), "{}", messages(&flat));
     let line = scaled(json!([2, 0, 0]));
     assert!(
-        line.scene.instances.is_empty() && said(&line).contains("to a line or a point"),
+        line.scene.instances.is_empty() && messages(&line).contains("to a line or a point"),
         "{}",
-        said(&line)
+        messages(&line)
     );
 }
 
@@ -146,7 +146,7 @@ fn one_bad_index_costs_its_triangle() {
     });
     let loaded = load_with(&asset, &[("a.bin", &bytes)]).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(loaded.scene.meshes[0].triangles, [[0, 1, 2]]);
-    assert!(said(&loaded).contains("index 9"), "{}", said(&loaded));
+    assert!(messages(&loaded).contains("index 9"), "{}", messages(&loaded));
 }
 
 #[test]
@@ -165,7 +165,7 @@ fn words_for_no_number_in_the_json_become_zero() {
     let loaded = super::asset::open(&path).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(loaded.scene.instances[0].world_from_object.translation, DVec3::Y);
     assert_eq!(loaded.scene.instances[0].name, "a \"NaN\", b");
-    assert!(said(&loaded).contains("[json-not-a-number]"), "{}", said(&loaded));
+    assert!(messages(&loaded).contains("[json-not-a-number]"), "{}", messages(&loaded));
 }
 
 /// Points are spheres and lines are rods, in their colours; a bad index costs its primitive alone.
@@ -207,7 +207,7 @@ fn points_and_lines_have_bodies() {
     assert_eq!(strands, [&[2, 2][..], &[4], &[3]]);
     assert_eq!(curves[1].colors[3], [1.0, 0.0, 0.0], "a loop ends where it began");
     assert!(curves[0].radii.iter().all(|r| (f64::from(*r) * curves[0].radius_scale() - 2.8e-3).abs() < 1e-3));
-    assert!(said(&loaded).contains("/primitives/4: "), "{}", said(&loaded));
+    assert!(messages(&loaded).contains("/primitives/4: "), "{}", messages(&loaded));
 }
 
 /// Unlit models shine in the colours of their vertices.
@@ -246,16 +246,16 @@ fn vertex_colors_beyond_one() {
         asset["accessors"][1] = json!({"bufferView": 1, "componentType": 5126, "type": "VEC3", "count": 3});
         asset["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = json!(1);
         let loaded = load_with(&asset, &[("a.bin", &bytes)]).unwrap_or_else(|e| panic!("{e}"));
-        (loaded.scene.meshes[0].colors[0], said(&loaded))
+        (loaded.scene.meshes[0].colors[0], messages(&loaded))
     };
-    let (color, said) = colored([255.0, 51.0, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0]);
+    let (color, messages) = colored([255.0, 51.0, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0]);
     assert!(
-        (color[1] - 0.2).abs() < 1e-6 && color[0] == 1.0 && said.contains("[vertex-colors-bytes]"),
-        "{color:?}, {said}"
+        (color[1] - 0.2).abs() < 1e-6 && color[0] == 1.0 && messages.contains("[vertex-colors-bytes]"),
+        "{color:?}, {messages}"
     );
-    let (color, said) = colored([5.0, 0.5, -1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0]);
+    let (color, messages) = colored([5.0, 0.5, -1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0]);
     assert_eq!(color, [1.0, 0.5, 0.0, 1.0]);
-    assert!(said.contains("[vertex-colors-clamped]"), "{said}");
-    let (color, said) = colored([1.0, 0.5, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0]);
-    assert!(color == [1.0, 0.5, 0.0, 1.0] && said.is_empty(), "{said}");
+    assert!(messages.contains("[vertex-colors-clamped]"), "{messages}");
+    let (color, messages) = colored([1.0, 0.5, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0]);
+    assert!(color == [1.0, 0.5, 0.0, 1.0] && messages.is_empty(), "{messages}");
 }

@@ -50,7 +50,7 @@ fn strips_fans_and_plain_corners() {
     }
 }
 
-/// Eight corners: two strips or fans of a square each, told apart by the largest index of its type.
+/// Eight corners: two strips or fans of a square each, distinguished by the largest index of its type.
 fn restarted(mode: u8, component: u32, indices: &[u32], extension: &str) -> Result<Vec<[u32; 3]>, String> {
     let mut bytes: Vec<u8> = (0..8).flat_map(|i| floats(&[(i % 2) as f32, (i / 2) as f32, 0.0])).collect();
     for &index in indices {

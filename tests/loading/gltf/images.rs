@@ -56,9 +56,9 @@ fn lost(loaded: &Result<Loaded, Error>) -> String {
     let is_used =
         loaded.scene.materials.iter().any(|m| m.model.pbr().is_some_and(|p| p.base_color.texture.is_some()));
     assert!(textures.is_empty() && !is_used && meshes.len() == 1, "{} images", images.len());
-    let said: Vec<_> = loaded.warnings.iter().filter(|w| w.place.starts_with("/images/0")).collect();
-    assert_eq!(said.len(), 1, "{:?}", loaded.warnings);
-    said[0].message.clone()
+    let messages: Vec<_> = loaded.warnings.iter().filter(|w| w.place.starts_with("/images/0")).collect();
+    assert_eq!(messages.len(), 1, "{:?}", loaded.warnings);
+    messages[0].message.clone()
 }
 
 #[cfg(feature = "ktx2")]
@@ -92,8 +92,8 @@ fn plain_ktx2_and_its_damage() {
         ktx2(97, 4, 2, &pixels),
     ];
     for bytes in claims.iter().map(Vec::as_slice).chain((12..whole.len()).map(|n| &whole[..n])) {
-        let said = lost(&load(&asset, "a.ktx2", bytes));
-        assert!(said.contains("[texture-missing]"), "{said}");
+        let messages = lost(&load(&asset, "a.ktx2", bytes));
+        assert!(messages.contains("[texture-missing]"), "{messages}");
     }
 }
 
@@ -118,8 +118,8 @@ fn large_ktx2_files_stay_encoded() {
     let decoded = image.decoded(&mut Vec::new()).unwrap_or_else(|_| panic!("damaged"));
     assert!(matches!(&*decoded.pixels, oscura::image::Pixels::U8(read) if *read == pixels));
     // Damage that the header shows is reported while loading.
-    let said = lost(&load_embedded(&whole[..whole.len() - 1]));
-    assert!(said.contains("[texture-missing]"), "{said}");
+    let messages = lost(&load_embedded(&whole[..whole.len() - 1]));
+    assert!(messages.contains("[texture-missing]"), "{messages}");
 }
 
 #[cfg(feature = "ktx2")]
@@ -190,8 +190,8 @@ fn fifty_images_of_which_two_are_seen() {
         .current_dir(folder.path())
         .output()
         .expect("the program starts");
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success() && said.contains("48 of 50 images"), "{said}");
+    let messages = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && messages.contains("48 of 50 images"), "{messages}");
 }
 
 /// Pixels are taken as stored, as glTF demands: that is noted, and no warning.
@@ -331,8 +331,8 @@ fn without_its_texture_a_material_does_not_shine() {
     asset["materials"][0]["emissiveFactor"] = json!([1, 1, 1]);
     let loaded = load(&asset, "a.png", b"\x89PNG\r\n\x1a\nand no more").unwrap_or_else(|e| panic!("{e}"));
     assert!(loaded.scene.materials[0].emission.is_none());
-    let said: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
-    assert!(said.iter().any(|s| s.contains("/materials/0/emissiveTexture: ")), "{said:?}");
+    let messages: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
+    assert!(messages.iter().any(|s| s.contains("/materials/0/emissiveTexture: ")), "{messages:?}");
 }
 
 /// Of two textures the damaged one is lost, wherever the damage is noticed, and the other stays.
@@ -357,9 +357,9 @@ fn a_damaged_texture_is_lost_alone() {
                 panic!("no image")
             };
             assert!(loaded.scene.images[image.index()].rgba(0, 0)[0] > 0.5, "red.png is red");
-            let said: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
+            let messages: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
             let about: Vec<_> = loaded.warnings.iter().filter(|w| w.code == "texture-missing").collect();
-            assert!(about.len() == 1 && about[0].place.contains("/images/0"), "scheme {scheme}: {said:?}");
+            assert!(about.len() == 1 && about[0].place.contains("/images/0"), "scheme {scheme}: {messages:?}");
         }
     }
 }

@@ -110,12 +110,12 @@ fn the_diffuse_part_may_be_rough() {
     };
     let loaded = rough(json!(0.25));
     assert_eq!((of(&loaded).factor, of(&loaded).texture.map(|t| t.1)), (0.25, Some(0)));
-    let told = |loaded: &Loaded, words: &str| loaded.warnings.iter().any(|w| w.to_string().contains(words));
-    assert!(told(&loaded, "KHR_materials_diffuse_roughness is a draft"), "{:?}", loaded.warnings);
+    let reported = |loaded: &Loaded, words: &str| loaded.warnings.iter().any(|w| w.to_string().contains(words));
+    assert!(reported(&loaded, "KHR_materials_diffuse_roughness is a draft"), "{:?}", loaded.warnings);
     assert_eq!(material(json!({"KHR_materials_diffuse_roughness": {}})), PbrMaterial::default());
     let excessive = rough(json!(7));
     assert_eq!(of(&excessive).factor, 1.0);
-    assert!(told(&excessive, "diffuseRoughnessFactor") && told(&excessive, "clamped"));
+    assert!(reported(&excessive, "diffuseRoughnessFactor") && reported(&excessive, "clamped"));
     let asset = triangle_with(|a| {
         let nonsense = json!({"KHR_materials_diffuse_roughness": {"diffuseRoughnessFactor": [1]}});
         a["materials"][0] = json!({"extensions": nonsense});

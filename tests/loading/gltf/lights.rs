@@ -259,7 +259,7 @@ fn broken_pictures_of_surroundings() {
         let change = |a: &mut Value| a["extensions"]["EXT_lights_image_based"]["lights"][0][key] = value;
         surrounded(change).map(|_| ()).expect_err("it must not load").to_string()
     };
-    for (key, value, said) in [
+    for (key, value, messages) in [
         ("specularImages", json!([[0, 1, 2]]), "six images"),
         ("specularImages", json!([]), "six images"),
         ("specularImages", json!("none"), "six images"),
@@ -271,7 +271,7 @@ fn broken_pictures_of_surroundings() {
         ("rotation", json!([0, 1]), "lights/0/rotation"),
     ] {
         let message = refused(key, value.clone());
-        assert!(message.contains(said), "{key} = {value}: {message}");
+        assert!(message.contains(messages), "{key} = {value}: {message}");
     }
     let lost = surrounded(|a| a["scenes"][0]["extensions"]["EXT_lights_image_based"]["light"] = json!(3));
     assert!(lost.expect_err("it must not load").to_string().contains("there are 1"));

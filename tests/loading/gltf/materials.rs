@@ -156,8 +156,8 @@ fn missing_and_broken_images_are_lost_by_name() {
     let files: &[(&str, &[u8])] = &[("a.bin", &triangle_bytes()), ("red.png", &RED[..50])];
     let loaded = load_with(&textured(), files).unwrap_or_else(|e| panic!("{e}"));
     assert!(loaded.scene.textures.is_empty(), "the image is cut off");
-    let said: Vec<_> = loaded.warnings.iter().filter(|w| w.place == "/images/0").collect();
-    assert!(said.len() == 1 && said[0].message.contains("constants"), "{:?}", loaded.warnings);
+    let messages: Vec<_> = loaded.warnings.iter().filter(|w| w.place == "/images/0").collect();
+    assert!(messages.len() == 1 && messages[0].message.contains("constants"), "{:?}", loaded.warnings);
 }
 
 #[test]
@@ -204,7 +204,7 @@ fn extensions_that_are_not_read_are_named() {
     assert_eq!(unread[0].message, "ACME_b is not read, in 2 places");
 }
 
-/// Interaction is no matter of pictures; what is lost otherwise is said.
+/// Interaction is no matter of pictures; what is lost otherwise is reported.
 #[test]
 fn extensions_that_are_known_and_not_read() {
     let asset = triangle_with(|a| {
@@ -214,10 +214,10 @@ fn extensions_that_are_known_and_not_read() {
         a["nodes"][0]["extensions"] = json!({"KHR_node_hoverability": {"hoverable": false}});
     });
     let loaded = load_triangle(&asset).expect("it loads");
-    let said: Vec<String> = loaded.warnings.iter().map(|w| w.message.clone()).collect();
-    let has = |words: &str| said.iter().any(|w| w.contains(words));
-    assert!(has("KHR_materials_coat is not read") && has("KHR_materials_fuzz is not read"), "{said:?}");
-    assert!(!has("interactivity") && !has("ability"), "{said:?}");
+    let messages: Vec<String> = loaded.warnings.iter().map(|w| w.message.clone()).collect();
+    let has = |words: &str| messages.iter().any(|w| w.contains(words));
+    assert!(has("KHR_materials_coat is not read") && has("KHR_materials_fuzz is not read"), "{messages:?}");
+    assert!(!has("interactivity") && !has("ability"), "{messages:?}");
 }
 
 /// A draft: read with a warning by name. What the volume would absorb is scattered as far as the colour says.
@@ -234,8 +234,8 @@ fn volumes_that_scatter() {
         })
     };
     let loaded = load_material(json(0.1));
-    let told = |loaded: &Loaded, words: &str| loaded.warnings.iter().any(|w| w.message.contains(words));
-    assert!(told(&loaded, "KHR_materials_volume_scatter is a draft"), "{:?}", loaded.warnings);
+    let reported = |loaded: &Loaded, words: &str| loaded.warnings.iter().any(|w| w.message.contains(words));
+    assert!(reported(&loaded, "KHR_materials_volume_scatter is a draft"), "{:?}", loaded.warnings);
     let medium = loaded.scene.materials[0].medium.expect("a medium");
     let sigma = |c: f32| -c.ln() / 2.0;
     for (found, c) in medium.extinction.into_iter().zip([0.1, 0.5, 0.5]) {
@@ -246,7 +246,7 @@ fn volumes_that_scatter() {
     assert_eq!(medium.anisotropy, 0.25);
     assert!(!pbr(&loaded.scene.materials[0]).attenuation_distance.is_finite());
     let flat = load_material(json(0.0));
-    assert!(flat.scene.materials[0].medium.is_none() && told(&flat, "scatters nothing"));
+    assert!(flat.scene.materials[0].medium.is_none() && reported(&flat, "scatters nothing"));
 }
 
 /// The draft that replaces it: in solids the strength is a factor on the colour, in sheets the share that is scattered.
@@ -268,9 +268,9 @@ fn materials_that_scatter() {
         }
         load_material(json)
     };
-    let told = |loaded: &Loaded, words: &str| loaded.warnings.iter().any(|w| w.message.contains(words));
+    let reported = |loaded: &Loaded, words: &str| loaded.warnings.iter().any(|w| w.message.contains(words));
     let solid = json(1.0, 0.5, 0.25, Some(1.0));
-    assert!(told(&solid, "KHR_materials_scatter is a draft"), "{:?}", solid.warnings);
+    assert!(reported(&solid, "KHR_materials_scatter is a draft"), "{:?}", solid.warnings);
     let medium = solid.scene.materials[0].medium.expect("a medium");
     let color = medium.color();
     assert!((color[0] - 0.45).abs() < 1e-3 && (color[2] - 0.15).abs() < 1e-3, "{color:?}");
@@ -281,7 +281,7 @@ fn materials_that_scatter() {
     let through = model.diffuse_transmission.expect("transmitted");
     assert_eq!((model.transmission.factor, model.has_volume, through.factor.factor), (0.0, false, 0.5));
     assert_eq!((model.base_color.factor, through.color.factor), ([0.9, 0.5, 0.3], [0.9, 0.5, 0.3]));
-    assert!(!told(&paper, "mixed"));
+    assert!(!reported(&paper, "mixed"));
     // A quarter goes on as it came, a quarter is scattered to the other side; of what comes back, half is the base's.
     let mixed = json(0.5, 0.5, 1.0, Some(0.0));
     let model = pbr(&mixed.scene.materials[0]);
@@ -295,7 +295,7 @@ fn materials_that_scatter() {
         clear.scene.materials[0].medium.is_none()
             && pbr(&clear.scene.materials[0]).transmission.factor == 1.0
     );
-    assert!(told(&json(0.0, 1.0, 0.0, None), "scatters nothing"));
+    assert!(reported(&json(0.0, 1.0, 0.0, None), "scatters nothing"));
     let broken = triangle_with(|a| {
         a["materials"][0]["extensions"] =
             json!({"KHR_materials_scatter": {"multiscatterColorFactor": "white"}});

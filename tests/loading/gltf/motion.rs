@@ -136,8 +136,8 @@ fn what_stands_still_is_counted() {
     let (mut asset, numbers) = moving();
     without(&mut asset["animations"][0]["channels"][0]["target"], "node");
     let loaded = at(&asset, &numbers, Some(1.0)).unwrap_or_else(|e| panic!("{e}"));
-    let said: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
-    assert!(has_code(&loaded.warnings, "channels-without-node"), "{said:?}");
+    let messages: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
+    assert!(has_code(&loaded.warnings, "channels-without-node"), "{messages:?}");
 }
 
 /// A mesh with these weights of two targets, which move its first corner by x and by 4 z; more accessors come from 4 on.

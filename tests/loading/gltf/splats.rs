@@ -75,8 +75,8 @@ fn splats_of_points_are_read() {
 }
 
 #[test]
-fn kinds_and_faults_of_splats_are_told() {
-    let said = |change: &dyn Fn(&mut Value)| {
+fn kinds_and_faults_of_splats_are_reported() {
+    let messages = |change: &dyn Fn(&mut Value)| {
         let (asset, bytes) = asset(1, change);
         let loaded = load_with(&asset, &[("a.bin", &bytes)]).expect("it loads");
         let words: Vec<String> = loaded.warnings.iter().map(|w| w.message.clone()).collect();
@@ -84,25 +84,25 @@ fn kinds_and_faults_of_splats_are_told() {
     };
     let extension =
         |a: &mut Value| a["meshes"][0]["primitives"][0]["extensions"]["KHR_gaussian_splatting"].take();
-    let (words, scene) = said(&|a| {
+    let (words, scene) = messages(&|a| {
         a["meshes"][0]["primitives"][0]["extensions"]["KHR_gaussian_splatting"] =
             json!({"kernel": "cube", "colorSpace": "lin_rec709_display"});
     });
     assert!(words.contains("'cube'"), "{words}");
     assert!(scene.meshes[0].splats.as_ref().is_some_and(|s| s.is_linear));
-    let (words, scene) = said(&|a| {
+    let (words, scene) = messages(&|a| {
         let _ = extension(a);
         a["meshes"][0]["primitives"][0]["extensions"]["KHR_gaussian_splatting"] =
             json!({"extensions": {"EXT_other": {}}});
     });
     assert!(words.contains("EXT_other") && scene.meshes.is_empty(), "{words}");
-    let (words, scene) = said(&|a| {
+    let (words, scene) = messages(&|a| {
         let attributes = a["meshes"][0]["primitives"][0]["attributes"].as_object_mut().expect("attributes");
         attributes.remove("KHR_gaussian_splatting:OPACITY");
     });
     assert!(words.contains("OPACITY") && scene.meshes.is_empty(), "{words}");
     // Half of a degree counts as none of it.
-    let (_, scene) = said(&|a| {
+    let (_, scene) = messages(&|a| {
         let attributes = a["meshes"][0]["primitives"][0]["attributes"].as_object_mut().expect("attributes");
         attributes.remove("KHR_gaussian_splatting:SH_DEGREE_1_COEF_2");
     });

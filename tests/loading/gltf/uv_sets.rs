@@ -58,8 +58,8 @@ fn sets(loaded: &Loaded, material: usize) -> [f32; 2] {
     [p.base_color.texture, emission].map(|t| seen(loaded, material, t.expect("a texture")))
 }
 
-/// What is said about the file, besides the scene's lack of a camera.
-fn said(loaded: &Loaded) -> Vec<String> {
+/// What is reported about the file, besides the scene's lack of a camera.
+fn messages(loaded: &Loaded) -> Vec<String> {
     loaded.warnings.iter().filter(|w| w.file.is_some()).map(ToString::to_string).collect()
 }
 
@@ -67,7 +67,7 @@ fn said(loaded: &Loaded) -> Vec<String> {
 fn materials_see_the_sets_that_they_name() {
     for (first, second) in [([2, 3], [0, 1]), ([0, 3], [3, 0]), ([1, 2], [2, 2]), ([3, 3], [1, 3])] {
         let loaded = load([first, second], first[0]);
-        assert!(said(&loaded).is_empty(), "{:?}", said(&loaded));
+        assert!(messages(&loaded).is_empty(), "{:?}", messages(&loaded));
         for (i, expected) in [first, second].into_iter().enumerate() {
             assert_eq!(sets(&loaded, i), expected.map(|set| set as f32), "{first:?} {second:?}");
         }
@@ -80,9 +80,9 @@ fn a_third_set_in_one_material_is_left_out_with_a_warning() {
     let loaded = load([[0, 1], [0, 1]], 3);
     assert!(loaded.scene.materials[0].normal_map.is_none());
     assert_eq!(sets(&loaded, 0), [0.0, 1.0]);
-    let said = said(&loaded);
+    let messages = messages(&loaded);
     assert!(
-        matches!(&said[..], [one] if one.contains("/materials/0/normalTexture") && one.contains("coordinates 3")),
-        "{said:?}"
+        matches!(&messages[..], [one] if one.contains("/materials/0/normalTexture") && one.contains("coordinates 3")),
+        "{messages:?}"
     );
 }

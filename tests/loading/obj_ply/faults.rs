@@ -10,7 +10,7 @@ const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n";
 const PIXEL: &[u8] = include_bytes!("pixel.png");
 
 /// The warnings about the file.
-fn said(loaded: &Loaded) -> String {
+fn messages(loaded: &Loaded) -> String {
     loaded.warnings.iter().filter(|w| w.file.is_some()).map(|w| format!("{w} [{}]\n", w.code)).collect()
 }
 
@@ -19,16 +19,16 @@ fn obj(text: &str) -> Loaded {
 }
 
 #[test]
-fn colours_of_bytes_are_told_from_shares() {
+fn colours_of_bytes_are_reported_from_shares() {
     let bytes = obj("v 0 0 0 255 0 0\nv 1 0 0 0 188 0\nv 0 1 0 0 0 0\nf 1 2 3\n");
     let colors = &bytes.scene.meshes[0].colors;
     assert!(
         colors[0] == [1.0, 0.0, 0.0, 1.0] && (colors[1][1] - linear_from_srgb(188.0 / 255.0)).abs() < 1e-6
     );
-    assert!(said(&bytes).contains("[vertex-colors-bytes]"), "{}", said(&bytes));
+    assert!(messages(&bytes).contains("[vertex-colors-bytes]"), "{}", messages(&bytes));
     let bright = obj("v 0 0 0 2.5 0 0\nv 1 0 0 0 0.5 0\nv 0 1 0 0 0 0\nf 1 2 3\n");
     assert_eq!(bright.scene.meshes[0].colors[0], [1.0, 0.0, 0.0, 1.0]);
-    assert!(said(&bright).contains("[vertex-colors-clamped]"), "{}", said(&bright));
+    assert!(messages(&bright).contains("[vertex-colors-clamped]"), "{}", messages(&bright));
     let paint = obj("v 0 0 0\nv 1 0 0\nv 0 1 0\n#MRGB ffff0000ff00ff00ff0000ff\nf 1 2 3\n");
     assert_eq!(paint.scene.meshes[0].colors[1], [0.0, 1.0, 0.0, 1.0]);
     for kind in ["int", "float", "ushort"] {
@@ -59,7 +59,7 @@ fn colours_of_faces_are_read() {
     for (triangle, color) in mesh.triangles.iter().zip([[1.0, 0.0, 0.0, 1.0], [0.0, 0.0, 1.0, 1.0]]) {
         assert!(triangle.iter().all(|&v| mesh.colors[v as usize] == color), "{:?}", mesh.colors);
     }
-    assert!(loaded.scene.materials[0].use_vertex_colors && said(&loaded).is_empty(), "{}", said(&loaded));
+    assert!(loaded.scene.materials[0].use_vertex_colors && messages(&loaded).is_empty(), "{}", messages(&loaded));
 }
 
 #[test]
@@ -69,7 +69,7 @@ fn what_is_no_number_is_repaired() {
         obj(&format!("{TRIANGLE}vt 1.#IND 0\n{normals}v 1 1 1.#INF\nf 1/1/1 2/2/2 3/1/2\nf 1 2 4\n"));
     assert_eq!(loaded.scene.meshes.iter().map(|m| m.triangles.len()).sum::<usize>(), 1);
     for part in ["[corners-not-finite]", "[attributes-not-finite]", "[normals-not-finite]"] {
-        assert!(said(&loaded).contains(part), "{part}: {}", said(&loaded));
+        assert!(messages(&loaded).contains(part), "{part}: {}", messages(&loaded));
     }
     let commas =
         load_files(&[("a.obj", b"v 0,5 1,0 2,0\nf 1 1 1\n")]).expect_err("it is refused").to_string();
@@ -80,20 +80,20 @@ fn what_is_no_number_is_repaired() {
 fn faces_with_missing_vertices_are_left_out() {
     let loaded = obj(&format!("{TRIANGLE}f 1 2 3\nf 1 2 9\nf 0 1 2\n"));
     assert_eq!(loaded.scene.meshes[0].triangles.len(), 1);
-    assert!(said(&loaded).contains("line 6: 2 faces"), "{}", said(&loaded));
+    assert!(messages(&loaded).contains("line 6: 2 faces"), "{}", messages(&loaded));
     let text = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement \
                 face 2\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n3 0 1 7\n";
     let loaded = load_ply(text.as_bytes()).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(loaded.scene.meshes[0].triangles.len(), 1);
-    assert!(said(&loaded).contains("face 1: "), "{}", said(&loaded));
+    assert!(messages(&loaded).contains("face 1: "), "{}", messages(&loaded));
 }
 
 fn with_library(library: &str) -> (Material, String) {
     let model = format!("mtllib a.mtl\n{TRIANGLE}usemtl a\nf 1/1 2/1 3/1\n");
     let files = [("a.obj", model.as_bytes()), ("a.mtl", library.as_bytes()), ("my map.png", PIXEL)];
     let mut loaded = load_files(&files).unwrap_or_else(|e| panic!("{e}"));
-    let said = said(&loaded);
-    (loaded.scene.materials.remove(0), said)
+    let messages = messages(&loaded);
+    (loaded.scene.materials.remove(0), messages)
 }
 
 #[test]
@@ -105,13 +105,13 @@ fn textures_are_found_however_the_library_spells_them() {
         "-colorspace sRGB my map.png -s 2 2",
         "C:\\x\\My Map.PNG",
     ] {
-        let (material, said) = with_library(&format!("newmtl a\nmap_Kd {map}\n"));
+        let (material, messages) = with_library(&format!("newmtl a\nmap_Kd {map}\n"));
         let Model::Lambert { albedo } = material.model else { panic!("{map}") };
-        assert!(albedo.texture.is_some() && said.is_empty(), "{map}: {said}");
+        assert!(albedo.texture.is_some() && messages.is_empty(), "{map}: {messages}");
     }
-    let (material, said) = with_library("newmtl a\nmap_Ka my map.png\n");
+    let (material, messages) = with_library("newmtl a\nmap_Ka my map.png\n");
     let Model::Lambert { albedo } = material.model else { panic!("not diffuse") };
-    assert!(albedo.texture.is_some() && said.contains("'map_Ka'"), "{said}");
+    assert!(albedo.texture.is_some() && messages.contains("'map_Ka'"), "{messages}");
 }
 
 /// What MeshLab calls transparency is opacity, and what would hide the whole model isn't meant.
@@ -121,12 +121,12 @@ fn transparency_that_hides_everything_is_opacity() {
         "# Converted by Meshlab Group\nnewmtl a\nTr 1.000000\nnewmtl b\nTr 0.5\n",
         "newmtl a\nTr 1\nnewmtl b\nTr 1.0\n",
     ] {
-        let (material, said) = with_library(library);
+        let (material, messages) = with_library(library);
         assert_eq!(material.alpha.factor, 1.0, "{library}");
-        assert!(said.contains("'Tr' of 2 "), "{said}");
+        assert!(messages.contains("'Tr' of 2 "), "{messages}");
     }
-    let (material, said) = with_library("newmtl a\nTr 1\nnewmtl b\nTr 0\n");
-    assert!(material.alpha.factor == 0.0 && said.contains("'Tr'"), "{said}");
+    let (material, messages) = with_library("newmtl a\nTr 1\nnewmtl b\nTr 0\n");
+    assert!(material.alpha.factor == 0.0 && messages.contains("'Tr'"), "{messages}");
 }
 
 #[test]
@@ -138,12 +138,12 @@ fn libraries_that_nothing_names_or_uses_are_hinted_at() {
     let unnamed = load(format!("{TRIANGLE}usemtl a\n{faces}"));
     let Model::Lambert { albedo } = unnamed.scene.materials[0].model else { panic!("not diffuse") };
     assert!(
-        albedo.factor == [0.25, 0.5, 0.75] && said(&unnamed).contains("[library-guessed]"),
+        albedo.factor == [0.25, 0.5, 0.75] && messages(&unnamed).contains("[library-guessed]"),
         "{}",
-        said(&unnamed)
+        messages(&unnamed)
     );
     let unused = load(format!("mtllib a.mtl\n{TRIANGLE}{faces}"));
-    assert!(said(&unused).contains("[materials-unused]"), "{}", said(&unused));
+    assert!(messages(&unused).contains("[materials-unused]"), "{}", messages(&unused));
     let neither = load(format!("{TRIANGLE}{faces}"));
-    assert!(said(&neither).contains("[library-unused]"), "{}", said(&neither));
+    assert!(messages(&neither).contains("[library-unused]"), "{}", messages(&neither));
 }

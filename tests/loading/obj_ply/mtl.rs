@@ -217,6 +217,6 @@ fn what_is_made_invisible_and_textures_without_places_are_warned_of() {
     let loaded = load_files(&files).unwrap_or_else(|e| panic!("{e}"));
     let shown: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
     assert!(shown.iter().any(|w| w.contains("'m'") && w.contains("('vt')")), "{shown:?}");
-    // With coordinates nothing is said.
+    // With coordinates nothing is reported.
     assert!(with_material("map_Kd plain.png").warnings.iter().all(|w| !w.message.contains("('vt')")));
 }

@@ -210,8 +210,8 @@ fn what_tobj_would_misread_is_read_as_the_format_means_it() {
     // Corners of one face that refer to different things are against the format.
     let text = format!("{points}f 1/1/1 2//1 3/1/1\n");
     let loaded = load_files(&[("a.obj", text.as_bytes())]).unwrap_or_else(|e| panic!("{e}"));
-    let said: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
-    assert!(said.iter().any(|w| w.contains("1 texture coordinates")), "{said:?}");
+    let messages: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
+    assert!(messages.iter().any(|w| w.contains("1 texture coordinates")), "{messages:?}");
     assert!(loaded.scene.meshes[0].uv_sets.is_empty() && loaded.scene.meshes[0].normals.len() == 3);
     for (broken, line) in [("vt x\n", 1), ("vt 0 x\n", 1), ("v 1 2\n", 1), ("vn 0 0\n", 1)] {
         let error = load_files(&[("a.obj", format!("{broken}{points}f 1 2 3\n").as_bytes())]);

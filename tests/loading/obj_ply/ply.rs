@@ -44,14 +44,14 @@ fn ply_ascii_strips_and_errors() {
 }
 
 #[test]
-fn what_is_left_out_of_ply_is_said() {
+fn what_is_left_out_of_ply_is_reported() {
     let text = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
                 property float nx\nproperty uchar red\nproperty uchar green\nproperty float s\n\
                 element face 3\nproperty list uchar int vertex_indices\nelement edge 2\nproperty int vertex1\n\
                 end_header\n0 0 0 1 9 9 0\n1 0 0 1 9 9 0\n0 1 0 1 9 9 0\n3 0 1 2\n2 0 1\n0\n0\n1\n";
     let loaded = load_ply(text.as_bytes()).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(loaded.scene.meshes[0].triangles.len(), 1);
-    let said: Vec<String> = loaded.warnings.iter().map(|w| w.message.clone()).collect();
+    let messages: Vec<String> = loaded.warnings.iter().map(|w| w.message.clone()).collect();
     for part in [
         "normals of which",
         "texture coordinates of which",
@@ -59,7 +59,7 @@ fn what_is_left_out_of_ply_is_said() {
         "2 faces of fewer",
         "2 of the element 'edge'",
     ] {
-        assert!(said.iter().any(|w| w.starts_with(part) && w.ends_with("left out")), "{part}: {said:?}");
+        assert!(messages.iter().any(|w| w.starts_with(part) && w.ends_with("left out")), "{part}: {messages:?}");
     }
 }
 
@@ -104,8 +104,8 @@ fn point_clouds_become_spheres_of_the_wanted_radius() {
     // Few points stay small.
     let by_spacing = load_ply(text.as_bytes()).unwrap_or_else(|e| panic!("{e}"));
     assert!((by_spacing.scene.shapes[0].radius - 0.02 * 5f64.sqrt()).abs() < 1e-9);
-    let said: Vec<String> = by_spacing.notes.iter().map(ToString::to_string).collect();
-    assert!(said[0].contains("4 points") && said[0].contains("point_radius"), "{said:?}");
+    let messages: Vec<String> = by_spacing.notes.iter().map(ToString::to_string).collect();
+    assert!(messages[0].contains("4 points") && messages[0].contains("point_radius"), "{messages:?}");
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("a.ply");
     std::fs::write(&path, text).expect("written");
@@ -171,7 +171,7 @@ fn ply_subdivides_attributes_with_their_vertices() {
 }
 
 #[test]
-fn damaged_attributes_of_ply_are_told() {
+fn damaged_attributes_of_ply_are_reported() {
     for (from, to, part) in [
         ("attribute 0 1 weight", "attribute 0 2 weight", "needs the property 'a0_1'"),
         ("attribute 0 1 weight", "attribute 0 7 weight", "COUNT NAME"),

@@ -41,14 +41,14 @@ fn agrees(scene: &Converged, a: &str, b: &str) -> (bool, String) {
     let (means, variances) = (reference(scene.name, "ref"), reference(scene.name, "var"));
     let picture = a.replace(".exr", ".png");
     let output = oscura(&["compare", a, &means, "--other-seed", b, "--var", &variances, "-o", &picture]);
-    let said =
+    let messages =
         String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
     let agrees = match output.status.code() {
         Some(0) => true,
         Some(1) => false,
-        _ => panic!("{}: {said}", scene.name),
+        _ => panic!("{}: {messages}", scene.name),
     };
-    (agrees, format!("{}, {picture}\n{said}", scene.name))
+    (agrees, format!("{}, {picture}\n{messages}", scene.name))
 }
 
 #[test]
@@ -60,10 +60,10 @@ fn pictures_agree_with_their_converged_ones() {
             "{}: the reference is as noisy as the picture",
             scene.name
         );
-        let (agrees, said) = agrees(scene, &render(scene, "1", &[]), &render(scene, "2", &[]));
-        println!("{said}");
+        let (agrees, messages) = agrees(scene, &render(scene, "1", &[]), &render(scene, "2", &[]));
+        println!("{messages}");
         if !agrees {
-            wrong.push(said);
+            wrong.push(messages);
         }
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
@@ -74,8 +74,8 @@ fn pictures_agree_with_their_converged_ones() {
 fn a_picture_with_less_light_disagrees() {
     let more = ["--depth", "8"];
     let scene = Converged { arguments: &SCENES[0].arguments[..1], ..SCENES[0] };
-    let (agrees, said) = agrees(&scene, &render(&scene, "1", &more), &render(&scene, "2", &more));
-    assert!(!agrees, "{said}");
+    let (agrees, messages) = agrees(&scene, &render(&scene, "1", &more), &render(&scene, "2", &more));
+    assert!(!agrees, "{messages}");
 }
 
 /// The scale is not only our own: the reference of the Cornell box is that of another renderer, means within 4 standard

@@ -77,12 +77,12 @@ fn outcome(scene: &Scene, before: &Scene, dice: &mut Dice) -> Result<Outcome, St
         (Ok(compiled), true) => compiled,
         (Err(_), true) if anchor.is_some_and(|anchor| !anchor.is_finite()) => return Ok(Outcome::Refused),
         (Err(error), false) if error.kind == ErrorKind::Input && error.problems == problems => {
-            let told: Vec<String> = problems.iter().map(ToString::to_string).collect();
-            let is_short = told.iter().all(|text| text.len() < 12_000) && told.len() < 200;
+            let reported: Vec<String> = problems.iter().map(ToString::to_string).collect();
+            let is_short = reported.iter().all(|text| text.len() < 12_000) && reported.len() < 200;
             return if is_short {
                 Ok(Outcome::Refused)
             } else {
-                Err(format!("{} long problems", told.len()))
+                Err(format!("{} long problems", reported.len()))
             };
         }
         (Ok(_), false) => return Err(format!("compiles with problems: {problems:?}")),
