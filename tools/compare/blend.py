@@ -4,7 +4,7 @@
 
 Makes FOLDER/X.blend, Cycles' X.ref.1.exr and X.ref.2.exr where they are missing, oscura's X.1.exr and X.2.exr, and X.png:
 oscura, Cycles, and their difference. Prints by scene the mean over Cycles' and the RMS of the relative difference of
-blocks of 16 x 16 pixels, each with what noise explains of it taken off, told by two seeds of either.
+blocks of 16 x 16 pixels, each with what noise explains of it taken off, estimated from two seeds of either.
 """
 
 import os
@@ -25,8 +25,8 @@ def render(folder, name, options):
             print(done.stderr)
             return False
         if seed == 1:
-            told = [line for line in done.stderr.splitlines() if line.startswith("warning:")]
-            print("\n".join(told), end="\n" if told else "")
+            warnings = [line for line in done.stderr.splitlines() if line.startswith("warning:")]
+            print("\n".join(warnings), end="\n" if warnings else "")
     return True
 
 

@@ -3,7 +3,7 @@
     python blend_plain.py FOLDER [SCENE...]      with a Python that has bpy, after blend.py made FOLDER
 
 Writes FOLDER/plain/X.glb with cameras, lights and modifiers, asks `oscura inspect` about it, and prints by scene what was lost that
-is said, what is not, and which materials have nodes that glTF can't hold and are not named.
+is reported, what is not, and which materials have nodes that glTF can't hold and are not named.
 """
 
 import re
@@ -16,7 +16,7 @@ import bpy
 import blend_scenes
 from blend_run import PROGRAM
 
-# Losses, and how they are said.
+# Losses, and how they are reported.
 SAID = {
     "world": r"the world",
     "area lights": r"area lights",
@@ -145,16 +145,16 @@ def main():
         lost = {kind for of in (of_worlds, of_lamps, of_cameras, of_materials, of_objects) for kind, is_so in of(scene) if is_so}
         meant = corners(scene)
         bpy.ops.export_scene.gltf(filepath=str(path), export_cameras=True, export_lights=True, export_apply=True)
-        told = subprocess.run([PROGRAM, "inspect", str(path)], capture_output=True, text=True).stdout
-        there = re.search(r"\((\d+) triangles\)", told)
+        listing = subprocess.run([PROGRAM, "inspect", str(path)], capture_output=True, text=True).stdout
+        there = re.search(r"\((\d+) triangles\)", listing)
         # Hidden things are exported, so that there may be more.
         if int(there.group(1) if there else 0) < 0.99 * meant:
             lost.add("missing geometry")
-        words = told[told.find("  notes") :]
+        words = listing[listing.find("  notes") :]
         unsaid = sorted(kind for kind in lost if not re.search(SAID[kind], words))
         silent = [m.name for m in used(scene) if has_other_nodes(m) and f"'{m.name}'" not in words]
         rows.append(f"| {name} | {', '.join(sorted(lost - set(unsaid)))} | {', '.join(unsaid)} | {', '.join(sorted(silent))} |")
-    head = "| scene | lost and said | lost and not said | materials with other nodes that are not named |"
+    head = "| scene | lost and reported | lost and not reported | materials with other nodes that are not named |"
     print(head, "|---|---|---|---|", *rows, sep="\n")
 
 

@@ -78,7 +78,7 @@ def objects(gltf):
 
 
 def masks(gltf):
-    """By material: the pixels that surely show it. Flat things are told by what is left."""
+    """By material: the pixels that surely show it. Flat things are found by what is left."""
     origin, d = rays(gltf)
     nearest = np.full(d.shape[:2], np.inf)
     owner = np.full(d.shape[:2], -1)

@@ -23,9 +23,9 @@ def bytes_of(folder, name):
 
 
 def finish(child, code=0):
-    said = child.communicate()[1].decode()
-    assert child.returncode == code, (child.returncode, said)
-    return said
+    output = child.communicate()[1].decode()
+    assert child.returncode == code, (child.returncode, output)
+    return output
 
 
 def kill_test(folder):

@@ -7,7 +7,7 @@ DATA is a folder with `models` and `blender`; models that are not there are skip
 back, flat, thin, tiny and huge, far from the origin, points, painted and open ones.
 Measured by a second picture without ground on a transparent background: how much of the room between margins of a tenth
 of the shorter side the model fills, how even the margins are, and how many of its pixels have a channel at 255. Whether
-the right axis is up is told by the program's note, where the format leaves it open. `--plain` is for programs that
+the right axis is up is taken from the program's note, where the format leaves it open. `--plain` is for programs that
 have no stage: the sheet alone.
 Needs Pillow and numpy.
 """
@@ -88,17 +88,17 @@ def main():
     args = parser.parse_args()
     os.makedirs(args.out, exist_ok=True)
     tiles, right, asked, worst = [], 0, 0, 0.0
-    print('| model | up | said | fill | off middle | clipped |\n|---|---|---|---:|---:|---:|')
+    print('| model | up | note | fill | off middle | clipped |\n|---|---|---|---:|---:|---:|')
     for name, path, up, more in models(args.data, os.path.join(args.out, 'made')):
         picture, mask = (os.path.join(args.out, name + end) for end in ('.png', '.mask.png'))
-        code, said = shoot(args.program, path, picture, args.size, more + ['--spp', str(args.spp)])
+        code, log = shoot(args.program, path, picture, args.size, more + ['--spp', str(args.spp)])
         if code:
-            print(f'| {name} | failed: {said.strip().splitlines()[-1]} |')
+            print(f'| {name} | failed: {log.strip().splitlines()[-1]} |')
             continue
         tiles.append((name, picture))
         if args.plain:
             continue
-        found = re.search(r'(\S+) points up', said)
+        found = re.search(r'(\S+) points up', log)
         guess = found.group(1) if found else ('y' if up else '')
         asked, right = asked + 1, right + (guess == (up or ''))
         shoot(args.program, path, mask, args.size, more + ['--spp', '4', '--background', 'transparent', '--ground', 'none'])

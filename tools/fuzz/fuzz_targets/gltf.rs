@@ -1,4 +1,4 @@
-//! glTF as text or binary, told apart by the first bytes.
+//! glTF as text or binary, distinguished by the first bytes.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -166,11 +166,11 @@ fn count(program: &Path, scene: &str) -> Result<u64> {
         .stdout(Stdio::null())
         .output()
         .map_err(|e| format!("valgrind: {e}"))?;
-    let said = String::from_utf8_lossy(&output.stderr);
+    let log = String::from_utf8_lossy(&output.stderr);
     if !output.status.success() {
-        return Err(format!("{scene}: {said}").into());
+        return Err(format!("{scene}: {log}").into());
     }
-    let number = said.lines().find_map(|line| line.split("Collected : ").nth(1));
+    let number = log.lines().find_map(|line| line.split("Collected : ").nth(1));
     Ok(number.ok_or("callgrind tells no number")?.trim().parse()?)
 }
 

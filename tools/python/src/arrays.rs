@@ -76,7 +76,7 @@ pub fn image(name: &str, pixels: &Bound<'_, PyAny>, is_srgb: Option<bool>) -> Py
     let dtype: String = dtype.getattr("name")?.extract()?;
     let is_bytes = dtype == "uint8";
     if !is_bytes && kind != "f" {
-        // What white is among them can't be told.
+        // For other integers, the value of white is unknown.
         return Err(usage(format!(
             "{name} is an array of {dtype}; give bytes (uint8), or floats of which 1 is white: numpy.float32(pixels) / 255, or / 65535"
         )));

@@ -25,13 +25,13 @@ pub fn watched<R: Send>(
     listener: Option<&Bound<'_, PyAny>>,
     work: impl FnOnce(Sender<Progress>) -> R + Send,
 ) -> PyResult<R> {
-    let (sender, mut news) = channel();
+    let (sender, mut progress) = channel();
     thread::scope(|scope| {
         let worker = scope.spawn(move || work(sender));
         let mut failure = None;
         loop {
-            let (newest, is_over) = py.detach(|| newest(&mut news));
-            if let Err(error) = told(py, listener, newest)
+            let (newest, is_over) = py.detach(|| newest(&mut progress));
+            if let Err(error) = notify(py, listener, newest)
                 && failure.is_none()
             {
                 cancel.cancel();
@@ -47,19 +47,19 @@ pub fn watched<R: Send>(
     })
 }
 
-/// Waits for news; the last of them, and whether there will be no more.
-fn newest(news: &mut Receiver<Progress>) -> (Option<Progress>, bool) {
-    match news.recv_timeout(PAUSE) {
-        Ok(first) => (Some(news.try_iter().last().unwrap_or(first)), false),
+/// Waits for progress; the last of them, and whether there will be no more.
+fn newest(progress: &mut Receiver<Progress>) -> (Option<Progress>, bool) {
+    match progress.recv_timeout(PAUSE) {
+        Ok(first) => (Some(progress.try_iter().last().unwrap_or(first)), false),
         Err(RecvTimeoutError::Timeout) => (None, false),
         Err(RecvTimeoutError::Disconnected) => (None, true),
     }
 }
 
-/// Hands news on, and lets Python handle signals.
-fn told(py: Python<'_>, listener: Option<&Bound<'_, PyAny>>, news: Option<Progress>) -> PyResult<()> {
+/// Hands progress on, and lets Python handle signals.
+fn notify(py: Python<'_>, listener: Option<&Bound<'_, PyAny>>, progress: Option<Progress>) -> PyResult<()> {
     py.check_signals()?;
-    if let Some((listener, Progress { share, elapsed })) = listener.zip(news) {
+    if let Some((listener, Progress { share, elapsed })) = listener.zip(progress) {
         listener.call1((share, elapsed.as_secs_f64()))?;
     }
     Ok(())

@@ -32,7 +32,7 @@ fn row(what: &str) -> Row {
 }
 
 /// Random directions to the outer side from random points of a convex mesh: those hit nothing, but for neighbours
-/// that rounding has turned to the front, which are told by their distance.
+/// that rounding has turned to the front, which are found by their distance.
 fn self_hits(geometry: &Geometry, count: usize) -> u64 {
     let accel = build(geometry);
     let mut random = Random::new(count as u64);
