@@ -132,7 +132,7 @@ pub(crate) struct RenderArgs {
     /// The one of `scenes` that is being rendered.
     #[arg(skip)]
     pub scene: PathBuf,
-    /// Without -o: marks the picture as this command's own (see `default_output`).
+    /// Without -o: marks the picture as this command's own (see `pictures`).
     #[arg(skip)]
     pub mark: Option<String>,
     /// The frame of a sequence that is being rendered, as messages name it.

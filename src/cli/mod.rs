@@ -21,7 +21,6 @@ mod command_line;
 mod compare;
 mod convert;
 mod darkness;
-mod default_output;
 mod denoise;
 mod export;
 mod exr_args;
@@ -48,7 +47,6 @@ mod settings;
 mod show;
 mod thumbnail;
 mod view;
-mod watchdog;
 
 /// Runs the program with these arguments, the first of which is its own name. Returns the exit code: 0 done, 1 pictures
 /// disagree, 2 usage, 3 bad input, 4 output failed, 130 interrupted.

@@ -2,10 +2,11 @@
 
 use super::args::RenderArgs;
 use super::checkpoint::CheckpointWriter;
-use super::default_output;
 use super::outcome::{Outcome, exit_code};
 use super::parsers::Frames;
-use super::pictures::{AnimationFiles, Denoising, FinishedPicture, Pictures, Targets, check_stdout, still};
+use super::pictures::{
+    self, AnimationFiles, Denoising, FinishedPicture, Pictures, Targets, check_stdout, still,
+};
 use super::preview::Preview;
 use super::process::{cancel_by_signals, peak_memory};
 use super::progress::{Progress, ProgressTarget, StageProgress, StopCriteria};
@@ -61,7 +62,7 @@ fn run_picture(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
     print_default_output(args);
     if args.mark.is_some() {
         let parts = options.files.paths();
-        let refuse = |target: &PathBuf| default_output::refuse_part(&args.scene, target, &parts, ELSEWHERE);
+        let refuse = |target: &PathBuf| pictures::refuse_part(&args.scene, target, &parts, ELSEWHERE);
         args.output.iter().try_for_each(refuse)?;
     }
     let mut kept = RunState::new(args, Compiler::single())?;
@@ -175,7 +176,7 @@ fn of_scene(args: &RenderArgs, scene: &Path) -> RenderArgs {
     let is_sequence = args.frames.is_some() || args.orbit.is_some();
     if own.output.is_empty() && own.show.is_none() && !is_sequence {
         own.output.push(format!("{stem}.png").into());
-        own.mark = Some(default_output::mark("render", scene));
+        own.mark = Some(pictures::mark("render", scene));
     }
     own
 }
@@ -184,7 +185,7 @@ fn of_scene(args: &RenderArgs, scene: &Path) -> RenderArgs {
 fn check(shots: &[RenderArgs]) -> Result<()> {
     for shot in shots {
         if let Some(mark) = &shot.mark {
-            let check = |target: &PathBuf| default_output::check(target, mark, ELSEWHERE);
+            let check = |target: &PathBuf| pictures::check(target, mark, ELSEWHERE);
             shot.output.iter().try_for_each(check)?;
         }
         if shot.output.is_empty() && shot.show.is_none() {

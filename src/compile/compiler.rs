@@ -12,8 +12,8 @@ use super::plan::{Plan, Tree};
 use super::reuse::{BuiltGeometry, Reusable, Sources};
 use super::scene::{CompileOptions, CompileReport, CompiledScene, ExpectedPicture, Features, View};
 use super::{
-    coincident_surfaces, emitters, flush_lights, inside_out, material, media, motion, object_data, panes,
-    plan, texture_needs,
+    coincident_surfaces, emitters, flush_lights, inside_out, material, media, motion, objects, panes, plan,
+    texture_needs,
 };
 use crate::accel::{Accel, BuildStats};
 use crate::error::{Problem, Result, Warning};
@@ -174,7 +174,7 @@ fn compile_after(
         anchor,
         accel,
         geometries,
-        objects: object_data::of(scene, &materials, anchor),
+        objects: objects::of(scene, &materials, anchor),
         materials,
         shading: options.shading,
         media,

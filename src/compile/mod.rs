@@ -19,7 +19,6 @@ mod material;
 mod media;
 mod medium;
 mod motion;
-mod object_data;
 mod objects;
 mod panes;
 mod plan;

@@ -5,17 +5,17 @@
 //! (`residual`). So brightness is conserved, and the error falls with the number of samples.
 
 mod network;
-mod outliers;
-mod parts;
 mod planes;
 mod residual;
 pub mod temporal;
 #[cfg(test)]
 mod tests;
 
+use crate::color::luminance;
 use crate::sampling::hash::hash32;
 use network::Network;
 pub use planes::{Color, slices};
+use rayon::prelude::*;
 use std::borrow::Cow;
 
 /// What is known about a picture's noise.
@@ -98,7 +98,7 @@ pub fn denoise(noisy: &Noisy) -> Denoised {
     let deviations = deviations(noisy, color);
     let deviations = deviations.each_ref().map(|plane| &**plane);
     let known = (!matches!(noisy.noise, Noise::Unknown)).then_some(deviations);
-    let factors = outliers::factors(width, height, color, known);
+    let factors = factors(width, height, color, known);
     let run = |color: Color, deviations: Color| {
         let proposed = network.run(width, height, color, &factors, guides);
         residual::restored(width, height, color, deviations, proposed)
@@ -111,7 +111,7 @@ pub fn denoise(noisy: &Noisy) -> Denoised {
             run(part, slices(&deviations_of_part(color, deviations, part)))
         };
         let mut parts: Vec<_> = set.iter().map(of).collect();
-        parts::add_up(color, set, &result, &mut parts);
+        add_up(color, set, &result, &mut parts);
         parts
     });
     let parts = parts.collect();
@@ -158,4 +158,77 @@ fn deviations<'a>(noisy: &Noisy<'a>, color: Color) -> [Cow<'a, [f32]>; 3] {
         Noise::Variance(given) => known(c, given[c], &|i, v| signed(i, v.max(0.0).sqrt())),
         Noise::Unknown => Cow::Owned(guessed(c)),
     })
+}
+
+// Fireflies: pixels that a rare path made far brighter than all around them.
+
+/// Radius of the neighbourhood that pixels are compared with.
+const RADIUS: usize = 2;
+/// As many neighbours that are as bright make a pixel part of what it shows.
+const RANK: usize = 3;
+/// How many times as bright as the neighbour of that rank, and as the darker of the halves, a pixel may be.
+const LIMIT: f32 = 10.0;
+
+/// Factors in 0..1 that take the fireflies out. The deviations show what is in both halves of the samples, which is really
+/// there.
+pub(super) fn factors(width: usize, height: usize, color: Color, deviations: Option<Color>) -> Vec<f32> {
+    let at = |planes: Color, i: usize| luminance([planes[0][i], planes[1][i], planes[2][i]]);
+    let brightness: Vec<f32> = (0..width * height).map(|i| at(color, i)).collect();
+    let factor = |x: usize, y: usize| {
+        let own = brightness[y * width + x];
+        let mut largest = [0.0f32; RANK];
+        for v in y.saturating_sub(RADIUS)..(y + RADIUS + 1).min(height) {
+            for u in x.saturating_sub(RADIUS)..(x + RADIUS + 1).min(width) {
+                let mut value = if (u, v) == (x, y) { 0.0 } else { brightness[v * width + u] };
+                for kept in &mut largest {
+                    (*kept, value) = (kept.max(value), kept.min(value));
+                }
+            }
+        }
+        let darker = deviations.map_or(0.0, |d| own - at(d, y * width + x).abs());
+        let limit = LIMIT * largest[RANK - 1].max(darker);
+        if own > limit { limit / own } else { 1.0 }
+    };
+    let mut factors = vec![1.0; width * height];
+    let rows = factors.par_chunks_mut(width).enumerate();
+    rows.for_each(|(y, row)| row.iter_mut().enumerate().for_each(|(x, to)| *to = factor(x, y)));
+    factors
+}
+
+// Parts of a picture, which add up to it.
+
+/// Relative difference up to which sums are the same, of half-precision files too.
+const ROUNDING: f32 = 4e-3;
+/// The share of pixels in which parts must add up to the picture.
+const MAX: f64 = 0.99;
+
+/// Makes denoised parts add up to the denoised picture, if the noisy ones add up to the noisy picture: each pixel's parts
+/// change by one factor; where they are black, they share what is missing alike.
+pub(super) fn add_up(
+    noisy: Color,
+    noisy_parts: &[Color],
+    denoised: &[Vec<f32>; 3],
+    parts: &mut [[Vec<f32>; 3]],
+) {
+    let add_up_at = |c: usize, i: usize| {
+        let sum: f32 = noisy_parts.iter().map(|part| part[c][i]).sum();
+        (sum - noisy[c][i]).abs() <= ROUNDING * noisy[c][i].abs().max(1e-4)
+    };
+    let values = 3 * noisy[0].len();
+    let equal: usize = (0..3).map(|c| (0..noisy[c].len()).filter(|&i| add_up_at(c, i)).count()).sum();
+    if (equal as f64) < MAX * values as f64 {
+        return;
+    }
+    for c in 0..3 {
+        for (i, whole) in denoised[c].iter().enumerate() {
+            let sum: f32 = parts.iter().map(|part| part[c][i]).sum();
+            if sum > 1e-12 {
+                let factor = whole / sum;
+                parts.iter_mut().for_each(|part| part[c][i] *= factor);
+            } else {
+                let share = whole / parts.len() as f32;
+                parts.iter_mut().for_each(|part| part[c][i] = share);
+            }
+        }
+    }
 }

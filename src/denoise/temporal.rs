@@ -11,7 +11,7 @@
 //! depends on those near it alone, so that parts of a sequence can be denoised anywhere.
 
 use super::Denoised;
-use super::parts::add_up;
+use super::add_up;
 use super::planes::{Color, slices, smoothed};
 use rayon::prelude::*;
 

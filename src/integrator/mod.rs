@@ -31,7 +31,6 @@ mod sampling;
 mod scatter;
 mod shading_geometry;
 mod shading_groups;
-mod skipped_caustics;
 mod slabs;
 mod stages;
 mod surface;

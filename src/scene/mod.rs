@@ -14,7 +14,6 @@
 //! # Ok::<(), oscura::Error>(())
 //! ```
 
-mod attribute;
 mod bounds;
 mod camera;
 mod construct;
@@ -26,20 +25,19 @@ mod material;
 mod medium;
 mod motion;
 pub mod nodes;
-mod object_info;
 mod object_traits;
 mod outline;
 mod settings;
 mod slot;
-mod splats;
 mod texture;
 mod validate;
 
-pub use attribute::VertexAttribute;
 pub use bounds::{Extent, MeshHulls, instance_extents, scene_extent};
 pub use camera::{Aperture, Camera, Panorama, Projection, ThinLens, looking_at};
 pub use environment::{Backdrop, Environment, Portal};
+pub use geometry::VertexAttribute;
 pub use geometry::{CurveBasis, Curves, Instance, Mesh, MeshPart, Motion, Quad, Shape, ShapeKind, ShapeTag};
+pub use geometry::{Splats, f16};
 pub use ids::{GridId, ImageId, MaterialId, MeshId, ProfileId, TextureId};
 pub use light::{
     DEFAULT_GROUP, GROUP_KEY, Light, LightKind, LightProfile, SpotFade, group_or_default, is_group_name,
@@ -51,7 +49,7 @@ pub use material::{
 };
 pub use medium::{EmissionGrid, Fog, Grid, Medium, coefficients};
 pub use motion::{Moving, SceneMotion, Vertices};
-pub use object_info::ObjectInfo;
+pub use object_traits::ObjectInfo;
 pub use object_traits::{LightLinks, Link, ObjectSet, ObjectSets, ObjectTraits, RayKinds};
 pub use outline::{MaterialUses, Outline};
 pub(crate) use outline::{encloses, is_closed};
@@ -59,7 +57,6 @@ pub use settings::{
     BounceLimits, CatcherOutput, Clamp, EnergyCompensation, Filter, Settings, ShadingModel, SkippedCaustics,
 };
 pub use slot::{ColorSlot, FloatSlot, NormalMap, Parameter, ParameterMut, Parameters};
-pub use splats::{Splats, f16};
 pub use texture::{Interpolation, MAX_TEXTURE_NESTING, Mapping, NoiseKind, Texture, TextureTransform, Wrap};
 
 use crate::image::Image;

@@ -10,7 +10,6 @@ mod nodes;
 mod noise;
 mod packed;
 mod pyramid;
-mod scratch;
 mod store;
 
 use crate::color::Rgb;

@@ -145,7 +145,10 @@ fn a_file_of_blender_is_rendered_and_what_was_lost_is_reported() {
         place.run(None, &[&["render", "room.blend", "-o", "a.exr", "--json"][..], &options].concat());
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     let messages = stderr(&output);
-    assert!(messages.contains("room.blend: Smoke: is lost") && messages.contains("room.blend: a note"), "{messages}");
+    assert!(
+        messages.contains("room.blend: Smoke: is lost") && messages.contains("room.blend: a note"),
+        "{messages}"
+    );
     assert!(!messages.contains("/scene."), "the temporary files are nobody's business: {messages}");
     let report = report(&output);
     assert_eq!((&report["width"], report["samples_per_pixel"].as_f64()), (&40.into(), Some(2.0)));

@@ -161,7 +161,10 @@ fn a_render_says_little_unless_asked() {
     let output = oscura(folder.path(), &words);
     let messages = stderr(&output);
     let frames: Vec<&str> = messages.lines().filter(|line| line.starts_with("frame ")).collect();
-    assert!(frames.len() == 3 && frames[2].contains("f.0003.png") && messages.lines().count() <= 4, "{messages}");
+    assert!(
+        frames.len() == 3 && frames[2].contains("f.0003.png") && messages.lines().count() <= 4,
+        "{messages}"
+    );
 }
 
 /// Bare models are what they are, with and without an environment.

@@ -38,7 +38,10 @@ fn all_layouts_are_denoised_and_converted_alike() {
             ),
         );
         let messages = run(folder.path(), &format!("denoise {layout}.exr -o clean-{layout}.exr"));
-        assert!(messages.contains("albedo, normal;") && messages.contains("variance"), "{layout}: {messages}");
+        assert!(
+            messages.contains("albedo, normal;") && messages.contains("variance"),
+            "{layout}: {messages}"
+        );
         let (noisy, clean) = (format!("{layout}.exr"), format!("clean-{layout}.exr"));
         let (noisy, clean) = (all_planes(&folder.path().join(noisy)), all_planes(&folder.path().join(clean)));
         assert!(noisy["G"] != clean["G"] && noisy["DiffDir.G"] != clean["DiffDir.G"], "{layout}");
@@ -207,9 +210,5 @@ fn regions_are_crops_and_have_pixels_around_them() {
 
     let line = format!("render {} -o a.part -o a.exr {fixed} --region 0,0,8,8", cornell());
     let mixed = oscura(folder.path(), &line.split_whitespace().collect::<Vec<_>>());
-    assert!(
-        code(&mixed) == 2 && stderr(&mixed).contains("--region"),
-        "{}",
-        stderr(&mixed)
-    );
+    assert!(code(&mixed) == 2 && stderr(&mixed).contains("--region"), "{}", stderr(&mixed));
 }

@@ -128,7 +128,11 @@ fn a_memory_limit_is_watched_while_scenes_and_frames_are_loaded() {
         let common = ["render", "a.ply.gz", "--size", "16x16", "--spp", "1", "--memory-limit", "64M"];
         let run = oscura(folder.path(), &[&common[..], output].concat());
         let messages = stderr(&run);
-        assert!(code(&run) == 2 && messages.contains("loading the scene takes"), "{}: {messages}", code(&run));
+        assert!(
+            code(&run) == 2 && messages.contains("loading the scene takes"),
+            "{}: {messages}",
+            code(&run)
+        );
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 }

@@ -121,7 +121,10 @@ fn a_finished_picture_goes_on_where_it_can() {
     shoot(folder, &[&["--spp", "260", "--width", "16", "-o", "a.exr"], &kept[..]].concat());
     let messages =
         shoot(folder, &[&["--spp", "300", "--width", "16", "-o", "a.exr", "--resume"], &kept[..]].concat());
-    assert!(messages.contains("resume ") && messages.contains("256") && same(folder, "a.exr", "whole.exr"), "{messages}");
+    assert!(
+        messages.contains("resume ") && messages.contains("256") && same(folder, "a.exr", "whole.exr"),
+        "{messages}"
+    );
 
     let scene = cornell();
     let go_on = |more: &[&str]| {

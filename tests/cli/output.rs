@@ -276,10 +276,7 @@ fn files_are_like_others_that_users_make() {
     );
 
     let error = write_atomically(folder.path().join("absent/a.png"), b"x").unwrap_err().to_string();
-    assert!(
-        error.contains("absent/a.png: ") && error.ends_with("(os error 2)"),
-        "{error}"
-    );
+    assert!(error.contains("absent/a.png: ") && error.ends_with("(os error 2)"), "{error}");
 }
 
 #[test]

@@ -103,7 +103,10 @@ fn frames_are_numbered_and_equal_single_moments() {
     // What holds for all frames is reported once, and which frame a report is about, each time.
     let messages = String::from_utf8_lossy(&output.stderr);
     assert_eq!(messages.matches("intensities of 2 lights").count(), 1, "{messages}");
-    assert!(messages.contains("frame    12, 0.500 s") && messages.contains("frame    24, 1.000 s"), "{messages}");
+    assert!(
+        messages.contains("frame    12, 0.500 s") && messages.contains("frame    24, 1.000 s"),
+        "{messages}"
+    );
     let [first, second, third] = ["f.00.png", "f.12.png", "f.24.png"].map(read);
     assert!(first != second && second != third);
     for name in ["f.0000.exr", "f.0012.exr", "f.0024.exr"] {

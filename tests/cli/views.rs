@@ -77,10 +77,7 @@ fn tables_that_are_none_are_reported_with_their_lines() {
     let output = oscura(folder, &["render", "scenes/sheet.toml", "-o", "a.png"]);
     let messages = stderr(&output);
     assert_eq!(code(&output), 3, "{messages}");
-    assert!(
-        messages.contains("sheet.toml:14") && messages.contains("line 20: 'zero'"),
-        "{messages}"
-    );
+    assert!(messages.contains("sheet.toml:14") && messages.contains("line 20: 'zero'"), "{messages}");
 
     std::fs::write(folder.join("scenes/sheet.toml"), SCENE.replace("negative.csp", "agxx")).unwrap();
     let output = oscura(folder, &["render", "scenes/sheet.toml", "-o", "a.png"]);

@@ -73,7 +73,8 @@ fn a_model_gets_what_its_format_cannot_carry() {
     assert!(scene.cameras[0].lens.is_none());
     let messages: Vec<String> = loaded.notes.iter().map(ToString::to_string).collect();
     assert!(
-        messages.iter()
+        messages
+            .iter()
             .any(|w| w.contains("model.oscura.toml") && w.contains("environment, lights, camera, render")),
         "{messages:?}"
     );

@@ -142,7 +142,10 @@ fn objects_that_move_without_their_grid_are_reported() {
         let reported = report.warnings.iter().map(ToString::to_string).find(|w| w.contains("stands still"));
         assert_eq!(reported.is_some(), name.is_some(), "{what}: {reported:?}");
         if let (Some(reported), Some(name)) = (reported, name) {
-            assert!(reported.contains(&format!("'{name}'")) && reported.contains("'body'"), "{what}: {reported}");
+            assert!(
+                reported.contains(&format!("'{name}'")) && reported.contains("'body'"),
+                "{what}: {reported}"
+            );
         }
     }
 }

@@ -126,7 +126,7 @@ fn only_the_command_line_prints() {
 fn only_load_and_output_open_files() {
     // The command line reads its own memory use from the system; textures that memory has no room for are in a temporary file.
     only(
-        &["load", "output", "cli/process.rs", "texture/scratch.rs"],
+        &["load", "output", "cli/process.rs", "texture/store.rs"],
         &["std :: fs", "File :: open", "File :: create", "OpenOptions", "fs :: read"],
     );
 }
@@ -135,7 +135,7 @@ fn only_load_and_output_open_files() {
 #[test]
 fn few_files_know_the_system() {
     let words = ["cfg ( unix )", "target_os", "os :: unix", "os :: windows", "os :: linux", "libc ::"];
-    only(&["simd/cache_line.rs", "output/video.rs", "texture/scratch.rs"], &words);
+    only(&["simd/cache_line.rs", "output/video.rs", "texture/store.rs"], &words);
 }
 
 /// Whoever uses the library has no options: its messages name choices as the library does (`error::Choice`).

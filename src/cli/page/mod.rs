@@ -3,7 +3,6 @@
 
 mod denoiser;
 mod http;
-mod outline;
 mod pixels;
 mod pose;
 mod server;

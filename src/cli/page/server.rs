@@ -6,7 +6,7 @@
 use super::denoiser::denoise_frames;
 use super::http;
 use super::http::{Answering, Request, Response};
-use super::outline::Outline;
+use super::pixels::Outline;
 use super::pixels::Pixels;
 use super::pose::Move;
 use super::state::{Frame, RECORDED, Shared, State, state_json};

@@ -8,7 +8,6 @@
 
 mod metal;
 mod metals;
-mod observer;
 mod uplift;
 mod wavelengths;
 

@@ -7,7 +7,6 @@
 //! between layers has at most half the picture's resolution: the layers at full resolution run tile by tile, those before
 //! them strip by strip.
 
-mod convolution;
 mod stage;
 #[cfg(test)]
 mod tests;

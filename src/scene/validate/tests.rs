@@ -59,10 +59,7 @@ fn meshes() {
         assert!(problems.len() == 1 && problems[0].contains("cover all triangles"), "{problems:?}");
     }
     let problems = of_mesh(|m| m.parts[0].material = MaterialId(7));
-    assert!(
-        problems[0].contains("MaterialId(7)"),
-        "{problems:?}"
-    );
+    assert!(problems[0].contains("MaterialId(7)"), "{problems:?}");
 }
 
 #[test]

@@ -359,7 +359,10 @@ fn a_damaged_texture_is_lost_alone() {
             assert!(loaded.scene.images[image.index()].rgba(0, 0)[0] > 0.5, "red.png is red");
             let messages: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
             let about: Vec<_> = loaded.warnings.iter().filter(|w| w.code == "texture-missing").collect();
-            assert!(about.len() == 1 && about[0].place.contains("/images/0"), "scheme {scheme}: {messages:?}");
+            assert!(
+                about.len() == 1 && about[0].place.contains("/images/0"),
+                "scheme {scheme}: {messages:?}"
+            );
         }
     }
 }

@@ -110,7 +110,8 @@ fn the_diffuse_part_may_be_rough() {
     };
     let loaded = rough(json!(0.25));
     assert_eq!((of(&loaded).factor, of(&loaded).texture.map(|t| t.1)), (0.25, Some(0)));
-    let reported = |loaded: &Loaded, words: &str| loaded.warnings.iter().any(|w| w.to_string().contains(words));
+    let reported =
+        |loaded: &Loaded, words: &str| loaded.warnings.iter().any(|w| w.to_string().contains(words));
     assert!(reported(&loaded, "KHR_materials_diffuse_roughness is a draft"), "{:?}", loaded.warnings);
     assert_eq!(material(json!({"KHR_materials_diffuse_roughness": {}})), PbrMaterial::default());
     let excessive = rough(json!(7));

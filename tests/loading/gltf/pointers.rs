@@ -210,7 +210,11 @@ fn what_leads_nowhere_stands_still_and_is_named() {
     for pointer in pointers {
         let loaded = show(&driven(|a| drive(a, pointer, 3, "LINEAR")), 1.0);
         let place = "/channels/0/target/extensions/KHR_animation_pointer/pointer";
-        assert!(messages(&loaded, place) && messages(&loaded, &format!("'{pointer}'")), "{:?}", loaded.warnings);
+        assert!(
+            messages(&loaded, place) && messages(&loaded, &format!("'{pointer}'")),
+            "{:?}",
+            loaded.warnings
+        );
         assert_eq!(pbr(&loaded), &PbrMaterial::default(), "{pointer}");
     }
     let twice = driven(|a| {

@@ -59,7 +59,11 @@ fn colours_of_faces_are_read() {
     for (triangle, color) in mesh.triangles.iter().zip([[1.0, 0.0, 0.0, 1.0], [0.0, 0.0, 1.0, 1.0]]) {
         assert!(triangle.iter().all(|&v| mesh.colors[v as usize] == color), "{:?}", mesh.colors);
     }
-    assert!(loaded.scene.materials[0].use_vertex_colors && messages(&loaded).is_empty(), "{}", messages(&loaded));
+    assert!(
+        loaded.scene.materials[0].use_vertex_colors && messages(&loaded).is_empty(),
+        "{}",
+        messages(&loaded)
+    );
 }
 
 #[test]

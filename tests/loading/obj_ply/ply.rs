@@ -59,7 +59,10 @@ fn what_is_left_out_of_ply_is_reported() {
         "2 faces of fewer",
         "2 of the element 'edge'",
     ] {
-        assert!(messages.iter().any(|w| w.starts_with(part) && w.ends_with("left out")), "{part}: {messages:?}");
+        assert!(
+            messages.iter().any(|w| w.starts_with(part) && w.ends_with("left out")),
+            "{part}: {messages:?}"
+        );
     }
 }
 
