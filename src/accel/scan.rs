@@ -170,7 +170,7 @@ impl ScanWorkspace {
         }
         for (t, pair) in self.t[..pairs].iter().zip(&self.pairs) {
             let state = &mut self.rays[(pair >> 16) as usize % BATCH];
-            // As integers: what is negative or NaN comes before all bounds or behind them, and nothing branches.
+            // As integers: what is negative or NaN comes before all bounds or after them, and nothing branches.
             let is_ahead = t.to_bits() as i32 > state.t_min.to_bits() as i32;
             let candidate = key(*t, pair & 0xffff) | u64::from(is_ahead).wrapping_sub(1);
             state.nearest = state.nearest.min(candidate);

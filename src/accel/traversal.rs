@@ -1,7 +1,7 @@
 //! The traversal loop: up to 32 rays in flight, split into a queue of rays at nodes and a queue of rays at leaves.
 //!
 //! A single ray is a chain of dependent loads and unpredictable branches. Here each step handles one ray, prefetches the
-//! lines that this ray needs next, and goes on with another ray, so that the waiting of 32 rays overlaps; and since a
+//! lines that this ray needs next, and continues with another ray, so that the waiting of 32 rays overlaps; and since a
 //! queue holds only one kind of work, its branches are predictable. The order in which one ray visits its own nodes
 //! does not depend on the others: batches of any size give the same hits.
 //!
@@ -566,7 +566,7 @@ impl<const N: usize> Slot<N> {
         self.top = top;
     }
 
-    /// Pops the topmost entry, counting `count` entries written behind the top, that begins before the nearest hit (for any-hit
+    /// Pops the topmost entry, counting `count` entries written after the top, that begins before the nearest hit (for any-hit
     /// queries: the topmost one).
     #[inline(always)]
     pub fn pop(&mut self, count: u32, any_hit: bool) -> u32 {

@@ -495,7 +495,7 @@ impl ShapeSource<'_> {
         ]
     }
 
-    /// Lines of the packets for so many lanes of triangles, analytic shapes, curves, splats and instances.
+    /// Lines of the packets for these numbers of triangle lanes, analytic shapes, curves, splats and instances.
     fn packet_lines(&self, lanes: &[u8; 5]) -> usize {
         self.kinds()
             .iter()

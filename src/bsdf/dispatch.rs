@@ -142,7 +142,7 @@ macro_rules! bsdfs {
                 }
             }
 
-            /// Are all its samples specular, so that light sampling is in vain?
+            /// Are all its samples specular, so that light sampling finds nothing?
             #[inline]
             pub fn is_specular(&self) -> bool {
                 match self {

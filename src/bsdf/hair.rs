@@ -14,7 +14,7 @@ use std::f32::consts::{FRAC_PI_2, PI, TAU};
 /// Model", eq. 7), an azimuthal one (a trimmed logistic) and an attenuation. It is the near-field form (Pharr 2016, "The
 /// Implementation of a Hair Scattering Model"): where across the fibre the viewer looks is known from the surface's normal.
 ///
-/// Without pigment all light goes on. It stands for the whole fibre: what passes leaves where it came in. Not reciprocal for tilted
+/// Without pigment all light continues. It stands for the whole fibre: what passes leaves where it came in. Not reciprocal for tilted
 /// scales, and elsewhere only as far as the viewer's place on the fibre is averaged.
 #[derive(Clone, Copy, Debug)]
 pub struct Hair {

@@ -1,6 +1,6 @@
 //! How media scatter: the phase function of Henyey and Greenstein (1941, "Diffuse radiation in the galaxy").
 //!
-//! Directions leave the point: `wo` the way that the path came from, `wi` the way on. Light that goes on as it went has
+//! Directions leave the point: `wo` the way that the path came from, `wi` the way on. Light that continues as it went has
 //! `wi = -wo`, where the cosine of the scattering angle is 1.
 
 use crate::math::{Frame, Vec3, poly};

@@ -25,7 +25,7 @@ const fn decoded(bytes: &[u8; 12 * NODES * NODES]) -> [[[f32; 3]; NODES]; NODES]
 
 /// A layer of normally oriented fibres (Zeltner, Burley, Chiang 2022, "Practical Multiple-Scattering Sheen Using Linearly
 /// Transformed Cosines"): all orders of scattering in a slab of SGGX microflakes, fitted by a linearly transformed cosine
-/// (Heitz et al. 2016) times the slab's reflectance R. The table was simulated and fitted anew by the tests of this
+/// (Heitz et al. 2016) times the slab's reflectance R. The table was simulated and fitted again by the tests of this
 /// file. Both sides of the surface alike. The lobe is not reciprocal; the light it returns is exactly colour times R:
 ///
 /// | R, view cosine | 0 | 0.07 | 0.2 | 0.47 | 0.73 | 1 |

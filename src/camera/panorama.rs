@@ -113,7 +113,7 @@ impl Panorama {
     }
 
     /// All film points, at most a turn outside of the picture, that show what a film point shows: pictures that go all
-    /// around go on beyond their edges, to the sides with the other end of the row, and over the poles.
+    /// around continue beyond their edges, to the sides with the other end of the row, and over the poles.
     pub fn equivalent_film_points(&self, film: [f32; 2]) -> impl Iterator<Item = [f32; 2]> + use<> {
         let [turn, half_turn] = [TAU / self.step[0].abs(), PI / self.step[0].abs()];
         // Where the poles are on the film.

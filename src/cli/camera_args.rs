@@ -140,7 +140,7 @@ pub(crate) struct ShutterArgs {
 }
 
 impl ShutterArgs {
-    /// The choices, at so many frames per second; with what motion vectors need, if they are asked for.
+    /// The choices at a frame rate, frames per second; with what motion vectors need, if they are asked for.
     pub fn options(&self, fps: f64, vectors: bool) -> ShutterOptions {
         let ShutterArgs { shutter, shutter_position, motion_keys } = *self;
         ShutterOptions { frames: shutter, position: shutter_position, fps, keys: motion_keys, vectors }

@@ -240,7 +240,7 @@ fn plain(text: &str) -> String {
     text
 }
 
-/// Lines of at most so many columns; a longer word has a line of its own.
+/// Wraps to lines of at most this many columns; a longer word has a line of its own.
 fn lines_of(columns: usize) -> Options<'static> {
     Options::new(columns).break_words(false).word_splitter(WordSplitter::NoHyphenation)
 }

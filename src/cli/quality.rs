@@ -17,7 +17,7 @@ pub(crate) enum Quality {
     Final,
 }
 
-/// What a quality stands for.
+/// The settings of a quality.
 pub(crate) struct Preset {
     /// Noise threshold, percent; without one, all samples are taken.
     pub noise: Option<f32>,

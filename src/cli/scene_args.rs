@@ -224,7 +224,7 @@ impl StageArgs {
             && matches!(self.background, None | Some(BackgroundArg::Transparent))
     }
 
-    /// The choices, for a picture of this width over height; reads the background's picture, whose pixels may take so many bytes.
+    /// The choices, for a picture of this width over height; reads the background image, within a memory limit, bytes.
     ///
     /// # Errors
     /// An input error if that can't be read.

@@ -324,7 +324,7 @@ fn has_stop_condition(args: &RenderArgs) -> bool {
     is_counted || long.noise.is_some() || args.adaptive == Adaptive::Auto
 }
 
-/// Puts what the quality stands for into the arguments.
+/// Puts the settings of the quality into the arguments.
 fn apply_quality(args: &mut RenderArgs, settings: &Settings) {
     args.quality = quality_of(args, settings);
     let Some(Preset { noise, samples, denoise }) = args.quality.map(Quality::preset) else { return };

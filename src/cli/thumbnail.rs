@@ -234,7 +234,7 @@ const TYPES: [(&str, &str, &str, Option<&str>); 7] = [
     ("model/vrm", "VRM avatar", "vrm", None),
 ];
 
-/// The program that reads the folder of types anew.
+/// The program that updates the database of MIME types.
 const UPDATE: &str = "update-mime-database";
 
 /// What is written.

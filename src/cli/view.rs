@@ -412,7 +412,7 @@ fn render_wishes(
             let taken = loaded.and_then(|()| take_over(args, &model, &mut order.wish, shared));
             broken = taken.err().map_or(String::new(), |error| error.to_string());
         }
-        // Whatever went wrong, what was there before is still there and goes on.
+        // Whatever went wrong, what was there before is still there and continues.
         let followed = model.follow(&order.wish);
         report_trouble(shared, followed.err().map_or(broken.clone(), |error| error.to_string()));
         if let Err(error) = render(&model, &order, shared, &mut speed) {

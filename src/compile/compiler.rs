@@ -27,7 +27,7 @@ use std::time::Instant;
 
 /// Compiles scenes, the moments of a sequence one after another. What does not change is compiled once: textures, the
 /// environment, and in scenes of many triangles the world that stands still and the meshes that move in it as they are.
-/// Only what moves is placed anew then, and meshes that change their shape are built. (Where something moves, pictures of
+/// Only what moves is placed again then, and meshes that change their shape are built. (Where something moves, pictures of
 /// such scenes may differ from single ones by rounding: a single picture has all in one world.)
 pub struct Compiler {
     is_sequence: bool,

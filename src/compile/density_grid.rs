@@ -262,7 +262,7 @@ impl DensityGrid {
         // From where the grid begins on: far away from it parameters are coarser than its voxels.
         let ray = &GridRay { origin: ray.origin + ray.direction * begin[0], ..*ray };
         let mut walk = BlockTraversal::new(self, ray, begin[1] - begin[0]);
-        // So many mean free paths to the next one.
+        // Mean free paths to the next collision.
         let mut depth = -poly::ln(1.0 - first);
         loop {
             let bound = self.bounds[walk.index(self)] * ray.scale;

@@ -108,7 +108,7 @@ pub struct CompiledEmission {
 pub struct Presence {
     /// Rays of other kinds pass.
     pub visible_to: RayKinds,
-    /// Rays end at it; else they add its emission and go on.
+    /// Rays end at it; else they add its emission and continue.
     pub is_obstacle: bool,
     /// Holdout: camera rays end at it, black and with alpha 0.
     pub is_holdout: bool,

@@ -337,7 +337,7 @@ pub struct ScatteringSpectra {
     /// The extinction of the medium itself. Coefficients have no upper end: in the middle between 0 and twice the largest, spectra are the
     /// smoothest, as those of lights.
     extinction: Spectrum,
-    /// What of light is left, but for that, after a way of so many metres.
+    /// Transmittance of the material's absorption over a distance, metres.
     left: Option<(Spectrum, f32)>,
     albedo: Albedo,
     emission: Spectrum,

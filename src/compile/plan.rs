@@ -296,7 +296,7 @@ fn count_uses(scene: &Scene) -> Vec<usize> {
     uses
 }
 
-/// Meshes with at least so many triangles that have several placements are shared.
+/// Minimum number of triangles of meshes that are shared if they have several placements.
 fn least_shared_triangles(scene: &Scene, uses: &[usize]) -> usize {
     let mut copied: BTreeMap<usize, usize> = BTreeMap::new();
     for (mesh, &uses) in scene.meshes.iter().zip(uses).filter(|&(_, &uses)| uses > 1) {
@@ -417,7 +417,7 @@ const MIN_TRIANGLES: u64 = 1 << 17;
 const RAYS_A_TRIANGLE: u64 = 4;
 
 impl Tree {
-    /// The quality for so many triangles.
+    /// The quality for this number of triangles.
     pub fn quality(self, triangles: u64) -> TreeQuality {
         match self {
             Tree::Fast => TreeQuality::Fast,

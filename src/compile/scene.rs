@@ -352,7 +352,7 @@ impl View {
     /// it?
     ///
     /// Coordinates near a camera that is D away from the anchor are rounded by up to 2^-24 D, and points of surfaces,
-    /// from which paths go on, lie within [`gamma`]`(7)` D, about 7 times as much, of where they should. That may be a
+    /// from which paths continue, lie within [`gamma`]`(7)` D, about 7 times as much, of where they should. That may be a
     /// quarter of a pixel at the nearest surface: with pixels of a thousandth of the distance, D may be 600 times the
     /// distance of the nearest surface.
     pub fn needs_new_anchor(&self, compiled: &CompiledScene) -> bool {

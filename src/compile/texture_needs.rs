@@ -18,10 +18,10 @@ use crate::texture::TextureNeeds;
 use rayon::prelude::*;
 use std::f64::consts::{PI, SQRT_2};
 
-/// Beyond so many triangles, those of all placements together, the boxes of meshes bound what is seen.
+/// Above this number of triangles, of all placements together, the boxes of meshes bound what is seen.
 const MAX_EXACT_TRIANGLES: u64 = 1 << 24;
 
-/// Bytes that the images of textures may take for a picture of so many pixels, unless someone says otherwise: about what it can show of
+/// Default memory limit of texture images for a picture of this many pixels, bytes: about what it can show of
 /// them. A picture of full HD has 2 GB, small ones 192 MiB.
 pub fn texture_memory_for(width: u32, height: u32) -> u64 {
     (u64::from(width) * u64::from(height) * 1024).max(192 << 20)

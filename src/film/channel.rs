@@ -111,7 +111,7 @@ impl Channel {
     }
 }
 
-/// How many numbers each sample adds to a channel of so many names.
+/// Number of values that each sample adds to a channel with this number of names.
 pub(super) const fn components(reduction: Reduction, names: usize) -> usize {
     match reduction {
         // An id, whose counts become several planes.
@@ -274,7 +274,7 @@ impl Accumulator {
         }
     }
 
-    /// Sets three components to means of so many samples; nothing where sums are not what is kept.
+    /// Sets three components to means of `count` samples; does nothing where the film doesn't store sums.
     pub fn set_means(&mut self, values: [&[f32]; 3], samples: &[u32]) {
         let Kept::Sums(sums) = &mut self.kept else { return };
         sums.low.fill(0.0);

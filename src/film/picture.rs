@@ -163,7 +163,7 @@ impl Film {
         self.invalid_samples += other.invalid_samples;
     }
 
-    /// Counts the samples that were left out, where each pixel was brought so many.
+    /// Counts the samples that were left out, by pixel.
     pub fn count_invalid(&mut self, brought: u32) {
         let brought = u64::from(brought) * u64::from(self.width) * u64::from(self.height);
         let valid: u64 = self.counts().map(u64::from).sum();

@@ -1,4 +1,4 @@
-//! The sums of a film as bytes, and back: for files from which pictures are put together or gone on with. Each list has the
+//! The sums of a film as bytes, and back: for partial renders and checkpoints. Each list has the
 //! pixels of the whole film, whatever bands it is kept in.
 
 use super::Film;
@@ -11,7 +11,7 @@ use bytemuck::Pod;
 use std::io::{self, Read, Write};
 
 impl Film {
-    /// Writes the sums: all that a film of the same size and layout needs to go on.
+    /// Writes the sums: all that a film of the same size and layout needs to continue.
     ///
     /// # Errors
     /// Those of the writer.

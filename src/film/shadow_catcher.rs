@@ -29,7 +29,7 @@ const SHARE: [&str; 1] = ["catcher_share.V"];
 /// Parts that samples bring for shadow catchers: radiance with the scene, without, and whether it was one.
 pub const CATCHER_PARTS: usize = 3;
 
-/// Less light than this is none: nothing to compare with.
+/// Less light than this counts as none: nothing to compare with.
 const DARK: f32 = 1e-12;
 
 impl Channel {

@@ -171,7 +171,7 @@ mod tests {
         assert_eq!(shared.into_film(), one_by_one);
     }
 
-    /// Where a pass is not finished, later ones follow all the same in the end.
+    /// Where a pass is not finished, later ones are added in the end.
     #[test]
     fn what_waits_is_not_lost() {
         let shared = film().into_shared();

@@ -42,7 +42,7 @@ pub(super) struct TileSums {
 }
 
 impl TileSums {
-    /// Empties them for so many pixels; the memory stays. False if there is not enough.
+    /// Empties them for `pixels` pixels and keeps the memory. False if there is not enough.
     fn restart(&mut self, pixels: usize, layout: &Layout) -> bool {
         fn zeros<T: bytemuck::Zeroable + Clone>(list: &mut Vec<T>, count: usize) -> bool {
             list.clear();

@@ -262,7 +262,7 @@ impl Kernel for LookUp<'_> {
 
 // Functions take references to the data that loops read, so that the compiler knows it to be constant.
 
-/// Maps directions, in the first arrays of the scratch memory, to texels: bilinear weights behind them, and the texels'
+/// Maps directions, in the first arrays of the scratch memory, to texels: bilinear weights after them, and the texels'
 /// indices in the last array.
 #[inline(always)]
 fn locate(map: &ImageMap, scratch: &mut Scratch, count: usize) {

@@ -232,7 +232,7 @@ impl Kernel for StartBehindPinhole<'_> {
 // Separate loops vectorise; one loop over all steps does not. Functions take references to the data that loops read, so that
 // the compiler knows it to be constant.
 
-/// Initialises paths and draws film and lens samples, to the arrays of the scratch memory behind the first two.
+/// Initialises paths and draws film and lens samples, to the arrays of the scratch memory after the first two.
 #[inline(always)]
 fn draw<const LENS: bool>(
     path: &mut PathState,

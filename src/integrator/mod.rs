@@ -94,7 +94,7 @@ pub struct PathOptions<'a> {
     pub soft_terminator: bool,
     /// Which samples share their paths, if any. Blocks are a wave then, and end where regions do.
     pub reuse: Option<Tiling>,
-    /// How many paths go on from the first surface of each sample; a power of two, and 1 where samples share paths.
+    /// How many paths continue from the first surface of each sample; a power of two, and 1 where samples share paths.
     pub branches: u32,
     /// Keep what samples have alone, without sharing and splitting.
     pub keeps_plain: bool,

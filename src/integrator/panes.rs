@@ -49,7 +49,7 @@ struct Crossing {
     /// Where it leaves the body.
     exit: Vec3,
     exit_hit: Hit,
-    /// From where the ray goes on, along its direction from the hit, metres.
+    /// From where the ray continues, along its direction from the hit, metres.
     advance: f32,
 }
 

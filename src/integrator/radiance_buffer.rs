@@ -128,7 +128,7 @@ pub fn class_of_path(bounce: u32, seen: PathClass, first_bounces: &FirstBounces,
 /// of them, too.
 const ALPHA_GRID: f32 = 1_048_576.0;
 
-/// Radiance and alpha of the samples of a wave, and the recorded layers of the radiance. Indices behind the samples hold
+/// Radiance and alpha of the samples of a wave, and the recorded layers of the radiance. Indices after the samples hold
 /// radiance that is shared or joined later.
 pub struct RadianceBuffer {
     samples: Vec<[f32; 4]>,

@@ -11,12 +11,12 @@ use super::shading_groups::{ShadingGroupCounts, SortedVertices};
 use super::workspace::Workspace;
 use super::{Integrator, PathSample};
 
-/// What stages pass on to each other, in [`Workspace`].
+/// The data that stages pass to each other, in [`Workspace`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Data {
     /// Rays of the arriving paths.
     Rays,
-    /// State of the arriving paths, or of the sorted ones behind the stage "surfaces".
+    /// State of the arriving paths, or of the sorted ones after the stage "surfaces".
     Paths,
     /// Path segments within media.
     Segments,

@@ -236,7 +236,7 @@ impl Integrator<'_> {
     }
 
     /// Continues pending paths that hit boundaries without a surface in the media behind. Camera rays on which far clipping leaves nothing
-    /// behind a boundary, and so no end of the medium, go on outside of all solids, as in Cycles.
+    /// behind a boundary, and so no end of the medium, continue outside of all solids, as in Cycles.
     pub(super) fn cross_boundaries(&self, bounce: u32, pass: u32, w: &mut Workspace) {
         let is_clipped = bounce == 0 && self.view.camera.is_clipped();
         for at in 0..w.pending.len() {

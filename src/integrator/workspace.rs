@@ -185,7 +185,7 @@ pub struct RayCounts {
     pub single: u64,
     /// Rays that connect shared paths, traced in a batch to a common suffix.
     pub in_fans: u64,
-    /// Rays behind splits.
+    /// Rays after splitting.
     pub in_branches: u64,
 }
 

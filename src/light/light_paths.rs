@@ -279,7 +279,7 @@ impl TargetSpheres {
         &self.spheres
     }
 
-    /// Is the largest sphere more than so many of its radii away from a point?
+    /// Is the largest sphere more than this multiple of its radius away from a point?
     pub fn is_farther(&self, p: Vec3, radii: f32) -> bool {
         let largest = self.spheres.iter().max_by(|a, b| a.radius.total_cmp(&b.radius));
         largest.is_some_and(|sphere| (sphere.center - p).length() > radii * sphere.radius)

@@ -88,7 +88,7 @@ impl LightTree {
         }
     }
 
-    /// One step of a descent; returns whether it goes on.
+    /// One step of a descent; returns whether it continues.
     #[inline(always)]
     fn step(&self, receiver: &Receiver, descent: &mut Descent) -> bool {
         let Some(node) = self.nodes.get(descent.at as usize) else { return false };

@@ -1,10 +1,10 @@
-//! What a file holds by its first bytes, where that is none of what is read in its place: for messages that name it and say
+//! What a file holds by its first bytes, where it can't be read in its place: for messages that name it and say
 //! what to do.
 
 /// A kind of content.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Content {
-    /// What it is, behind "is".
+    /// What it is, after "is".
     pub what: &'static str,
     /// What to do.
     pub remedy: &'static str,

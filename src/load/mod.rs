@@ -67,7 +67,7 @@ pub fn load(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Loaded> {
 
 /// Loads the same scene at several times (seconds), in order, and calls `each` with every one until it breaks. Of a glTF
 /// file everything that isn't animated is read once: the file itself, images, materials, and meshes that neither a skin
-/// nor morph targets deform. `each` may change the scene, but not its first meshes. Files of other types are loaded anew
+/// nor morph targets deform. `each` may change the scene, but not its first meshes. Files of other types are loaded again
 /// for every time.
 ///
 /// # Errors

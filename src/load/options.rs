@@ -289,7 +289,7 @@ impl Up {
 /// When a file was saved and its bytes; `None` for one that isn't there.
 type Stamp = Option<(Option<SystemTime>, u64)>;
 
-/// The files that loading has read or looked for in vain. Clones are the same list.
+/// The files that loading has read or not found. Clones are the same list.
 #[derive(Clone, Debug, Default)]
 pub struct SavedFiles(Arc<Mutex<BTreeMap<PathBuf, Stamp>>>);
 

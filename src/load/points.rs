@@ -26,7 +26,7 @@ impl Cloud<'_> {
     /// Adds the points as spheres of the radius that the caller wants, else of one by their spacing.
     ///
     /// # Errors
-    /// A usage error for a radius that is none.
+    /// A usage error for an invalid radius.
     pub fn add(&self, path: &Path, options: &LoadOptions, loaded: &mut Loaded) -> Result<()> {
         let radius = match options.point_radius {
             Some(radius) if radius > 0.0 && radius.is_finite() => radius,

@@ -125,7 +125,7 @@ impl ShutterOptions {
         ways
     }
 
-    /// Is interpolation between so many steps within the tolerance?
+    /// Is interpolation between this number of steps within the tolerance?
     fn is_even(
         &self,
         steps: usize,

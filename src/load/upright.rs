@@ -73,7 +73,7 @@ const BASE: f64 = 0.03;
 const CELLS: usize = 16;
 /// By how much the evidence for z must exceed that for y: in formats that mostly have y up, and in others.
 const LEAD: [f64; 2] = [0.45, 0.1];
-/// Open surfaces whose faces mostly look one way are terrain, if they have so many triangles.
+/// Minimum number of triangles of a terrain: an open surface whose faces mostly look one way.
 const TERRAIN: usize = 100;
 
 /// The axis and the reason; an empty reason without evidence. A model's position in the world is no evidence:

@@ -1,6 +1,6 @@
 //! Words and whole numbers in text files.
 
-/// The next word of a text, between blanks, and what is behind it.
+/// The next word of a text, between blanks, and the rest.
 #[inline]
 pub(super) fn next_word(text: &[u8]) -> Option<(&[u8], &[u8])> {
     let start = text.iter().position(|b| !b.is_ascii_whitespace())?;

@@ -185,7 +185,7 @@ pub fn make_folder(folder: &Path) -> Result<()> {
 }
 
 /// Moves the files of one folder to another on the same disk: at once where that doesn't exist or is empty, else one by
-/// one. Gives their names in order.
+/// one. Returns their names in order.
 ///
 /// # Errors
 /// An output error with the reason.

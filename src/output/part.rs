@@ -2,7 +2,7 @@
 //! and an f32, and lists of ids, where EXR has no type above 32 bits.
 //!
 //! A file is: 16 bytes of signature; the length of the head as a u64; the head, JSON; the film's sums; the picture
-//! behind it, if any; what rendering needs to go on; and the CRC-32 of all that. Numbers are little-endian.
+//! behind it, if any; what rendering needs to continue; and the CRC-32 of all that. Numbers are little-endian.
 
 use super::atomic::write_with;
 use crate::error::{Error, Problem, Result};

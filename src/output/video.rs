@@ -98,7 +98,7 @@ struct Running {
 }
 
 impl Video {
-    /// One of so many frames per second; `None` where the file's name asks for another kind of file.
+    /// An encoder at this many frames per second; `None` where the file's name asks for another kind of file.
     ///
     /// # Errors
     /// A usage error if the encoder can't be run, an output error if the file can't be written.
@@ -281,7 +281,7 @@ impl Animation {
         self.add(straight8(picture, options), picture.width, picture.height);
     }
 
-    /// Encodes the frames, so many a second.
+    /// Encodes the frames at a frame rate, frames per second.
     ///
     /// # Errors
     /// What the encoder objects to.

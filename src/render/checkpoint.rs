@@ -144,11 +144,11 @@ impl Write for Printed {
 
 // Writing the sums of a rendering, and resuming from them.
 
-/// Options that a rendering may be gone on from to others of.
+/// Options that a rendering may be continued from to others of.
 const MAY_DIFFER: [&str; 1] = ["samples"];
 
 impl Rendering {
-    /// Finishes passes even when it is cancelled or late, so that the film is one that can be gone on from.
+    /// Finishes passes even when it is cancelled or late, so that the film is one that can be continued from.
     #[must_use]
     pub fn with_whole_passes(mut self) -> Rendering {
         self.schedule = self.schedule.with_whole_passes();
@@ -156,7 +156,7 @@ impl Rendering {
         self
     }
 
-    /// Can the film be gone on from as it is? Its samples are whole blocks then.
+    /// Can the film be continued from as it is? Its samples are whole blocks then.
     pub fn is_between_blocks(&self) -> bool {
         self.schedule.next_sample().is_multiple_of(SAMPLE_BLOCK)
     }
@@ -167,7 +167,7 @@ impl Rendering {
         end - self.schedule.next_sample() < SAMPLE_BLOCK && !end.is_multiple_of(SAMPLE_BLOCK)
     }
 
-    /// Writes the sums so far: a part of the picture, or what [`Rendering::go_on`] goes on from. Whole or not at all.
+    /// Writes the sums so far: a part of the picture, or a checkpoint for [`Rendering::go_on`]. Atomic.
     ///
     /// # Errors
     /// An output error.

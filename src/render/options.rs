@@ -23,7 +23,7 @@ pub enum PathReuse {
     Groups(GroupShape),
 }
 
-/// Whether several paths go on from the first surface of each sample, which lowers the noise of what follows for less than
+/// Whether several paths continue from the first surface of each sample, which lowers the noise of what follows for less than
 /// more samples would.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]

@@ -1,6 +1,6 @@
 //! Passes: threads take tiles and merge them into the film.
 //!
-//! Passes between which nothing has to look at the picture overlap: a thread that finds no tile of a pass left goes on with the next
+//! Passes between which nothing has to look at the picture overlap: a thread that finds no tile of a pass left continues with the next
 //! pass.
 
 use super::path_strategy::{self, BlockTally, Candidate, Errors, PathStrategy, SquareTrial, StrategyTrials};
@@ -22,7 +22,7 @@ thread_local! {
     static SPARE: Cell<Option<FilmTile>> = const { Cell::new(None) };
 }
 
-/// Minimum number of paths from lights between two additions of splats: so many that threads hardly wait for the last ones.
+/// Minimum number of paths from lights between two additions of splats: enough that threads hardly wait for the last ones.
 const PATHS_PER_SPLATTING: u32 = 1 << 19;
 
 /// A pass, as all threads share it.
@@ -59,7 +59,7 @@ pub(super) fn take_all(
             None => take_passes(works, strategies.now, &trials, is_due),
         }
     };
-    // Threads that find no path from a light left go on with tiles.
+    // Threads that find no path from a light left continue with tiles.
     let (is_lit, (begun, is_done)) = rayon::join(|| first.trace_light_paths(), take);
     (begun, is_lit && is_done)
 }

@@ -37,7 +37,7 @@ impl PathStrategy {
         }
     }
 
-    /// Paths that go on from the first surface of each sample.
+    /// Paths that continue from the first surface of each sample.
     pub fn branches(self) -> u32 {
         match self {
             PathStrategy::Alone { branches } => branches,

@@ -106,7 +106,7 @@ pub enum PassOutcome {
     Done,
     /// Stopped by a [`CancelHandle`](super::CancelHandle); no further pass will be taken.
     Cancelled,
-    /// The picture is as good as it was to be; no further pass will be taken.
+    /// The picture has the requested quality; no further pass will be taken.
     Converged,
     /// Stopped by the time limit; no further pass will be taken.
     TimedOut,

@@ -175,7 +175,7 @@ impl Rendering {
 
     /// Takes passes until `is_due` says that the picture is to be looked at, which is asked before each but the first, from any thread;
     /// until all samples are taken, or it is stopped. Without a time limit and a noise that is asked for, threads that have nothing left
-    /// to do in a pass go on with the next one: what few passes at a time cost on many threads is saved.
+    /// to do in a pass continue with the next one: what few passes at a time cost on many threads is saved.
     pub fn run_until(&mut self, is_due: impl Fn() -> bool + Sync) -> PassOutcome {
         // Checkpoints are resumed at the end of a block.
         let is_last = |own: &Rendering| own.finishes_passes && own.ends_within_block();

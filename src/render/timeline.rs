@@ -29,7 +29,7 @@ pub fn record() {
     IS_ON.store(true, Ordering::Relaxed);
 }
 
-/// Ends it. Gives how long it was, and the parts in their order.
+/// Ends it. Returns its length and the parts in order.
 #[doc(hidden)]
 pub fn recorded() -> (Duration, Vec<Span>) {
     IS_ON.store(false, Ordering::Relaxed);

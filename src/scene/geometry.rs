@@ -250,7 +250,7 @@ impl CurveBasis {
         CurveBasis::ALL.into_iter().find(|basis| basis.name() == name)
     }
 
-    /// May a strand have so many points?
+    /// May a strand have this number of points?
     pub fn takes(self, points: usize) -> bool {
         match self {
             CurveBasis::Linear | CurveBasis::CatmullRom => points >= 2,
@@ -393,7 +393,7 @@ impl Splats {
         (usize::from(degree) + 1).pow(2)
     }
 
-    /// The degree that so many coefficients are of.
+    /// The degree with this number of coefficients.
     pub fn degree_of(coefficients: usize) -> Option<u8> {
         (0..=Splats::MAX_DEGREE).find(|&degree| Splats::coefficients_of(degree) == coefficients)
     }

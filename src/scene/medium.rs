@@ -13,7 +13,7 @@ pub struct Medium {
     /// Single-scattering albedo by channel, 0..1.
     pub albedo: [f32; 3],
     /// Mean cosine of the scattering angle, between -1 and 1 (Henyey, Greenstein 1941): 0 is the same to all sides, above it
-    /// light goes on as it went.
+    /// light continues as it went.
     pub anisotropy: f32,
     /// Emitted radiance per metre.
     pub emission: [f32; 3],

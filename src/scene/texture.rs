@@ -17,7 +17,7 @@ pub enum Wrap {
     Repeat,
     /// Starts over, every second time mirrored.
     Mirror,
-    /// The border goes on.
+    /// The border continues.
     Clamp,
 }
 

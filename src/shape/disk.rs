@@ -362,7 +362,7 @@ mod tests {
         assert_eq!((lies.tangent, lies.handedness, lies.uv_per_metre), (Vec3::X, 1.0, 1.0));
     }
 
-    /// Rays that go on from a hit, on either side, don't intersect the disk again; nor do those that miss its edge.
+    /// Rays that continue from a hit, on either side, don't intersect the disk again; nor do those that miss its edge.
     #[test]
     fn rays_meet_it_once() {
         let disk = disk();

@@ -91,7 +91,7 @@ pub fn prefer_huge_pages<T>(list: &mut Vec<T>) {
         let length = size.saturating_sub(skip) / HUGE_PAGE * HUGE_PAGE;
         if length > 0 {
             // SAFETY: the range lies in memory that the vector owns; the advice changes how it is mapped, not what it holds.
-            // Failure (an old kernel, say) is as good as no advice.
+            // Failure (an old kernel, say) is ignored.
             unsafe { libc::madvise(first.wrapping_add(skip).cast(), length, libc::MADV_HUGEPAGE) };
         }
     }

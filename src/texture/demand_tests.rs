@@ -26,7 +26,7 @@ impl ImageSource for Counted {
     fn with_bytes(&self, _: &mut dyn FnMut(&[u8])) {}
 }
 
-/// Noise and a ramp, of numbers of so many bits.
+/// Noise and a ramp, of numbers of this many bits.
 fn decoded(width: u32, height: u32, channels: u32, bits: u32, seed: u32) -> Image {
     let value = |i: u32| (i.wrapping_mul(2_654_435_761).wrapping_add(seed) >> 9) % 90 + i / 97;
     let count = width * height * channels;

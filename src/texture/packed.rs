@@ -351,7 +351,7 @@ mod tests {
         }
     }
 
-    /// A store with room for so many bytes in memory.
+    /// A store that keeps at most this many bytes in memory.
     fn store(bytes: u64) -> Store {
         Store::new(bytes, 1 << 20)
     }

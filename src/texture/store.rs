@@ -182,7 +182,7 @@ impl Store {
         lock(&self.shards[(mixed >> 32) as usize % SHARDS])
     }
 
-    /// Decodes an image of so many bytes, when others leave room for it.
+    /// Decodes an image of this many bytes, once the memory for it is free.
     pub fn decode<T>(&self, bytes: usize, work: impl FnOnce() -> T) -> T {
         let is_too_much = |decoding: &mut usize| *decoding > 0 && *decoding + bytes > self.most_decoding;
         let waiting = self.decoded.wait_while(lock(&self.decoding), is_too_much);

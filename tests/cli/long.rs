@@ -329,8 +329,12 @@ fn a_folder_that_becomes_read_only_keeps_its_checkpoint() {
         _ => return skip("mounts", "this system lets users mount nothing"),
     }
     let read = |name: &str| fs::read_to_string(folder.join(name)).unwrap();
-    assert_eq!((read("code").trim(), read("names").trim()), ("4", "c.part"), "{}", read("said"));
-    assert!(read("said").contains("a.exr") && read("said").contains("Read-only"), "{}", read("said"));
+    assert_eq!((read("code").trim(), read("names").trim()), ("4", "c.part"), "{}", read("messages"));
+    assert!(
+        read("messages").contains("a.exr") && read("messages").contains("Read-only"),
+        "{}",
+        read("messages")
+    );
     shoot(folder, &["--spp", "1200", "-o", "a.exr", "--checkpoint", "c.part", "--resume"]);
     shoot(folder, &["--spp", "1200", "-o", "whole.exr"]);
     assert!(same(folder, "a.exr", "whole.exr"));

@@ -27,7 +27,7 @@ fn the_bessel_function_is_its_series() {
     }
 }
 
-/// Without pigment all light goes on, whatever the roughness and where on the fibre the viewer looks, and densities are one.
+/// Without pigment all light continues, whatever the roughness and where on the fibre the viewer looks, and densities are one.
 #[test]
 fn the_white_furnace_and_the_density_are_one() {
     let (rows, columns) = (600, 300);

@@ -256,7 +256,7 @@ impl Integrator<'_> {
         })
     }
 
-    /// Does a path that hit only panes enter one, go on within, or leave it in its first direction?
+    /// Does a path that hit only panes enter one, continue within, or leave it in its first direction?
     fn goes_straight_on(&self, path: &LightPath, at: &HitPoint<'_>, scattered: &Redirected) -> bool {
         if at.material.pane_thickness <= 0.0 {
             return false;

@@ -20,10 +20,10 @@ use std::ops::Range;
 /// The first bounce after which a path may be ended by what is expected of it.
 const FIRST_JUDGED: u32 = 1;
 
-/// Minimum probability with which a path goes on.
+/// Minimum probability with which a path continues.
 const MIN: f32 = 0.05;
 
-/// A path that is expected to bring this share of what it might have brought from its first vertex goes on for certain.
+/// A path that is expected to bring this share of what it might have brought from its first vertex continues for certain.
 const WHOLE_SHARE: f32 = 0.5;
 
 /// Vertices of a class that are guided.
@@ -93,7 +93,7 @@ struct Judge {
 }
 
 impl Judge {
-    /// Does a path go on of which so much is expected, and the factor that makes up for those that don't? Where the cell's mean is not
+    /// Does a path continue of which so much is expected, and the factor that makes up for those that don't? Where the cell's mean is not
     /// known, or no reference, as `plain` says. `reference` is what was expected at the path's first guided vertex, 0 before.
     #[inline(always)]
     fn survival(

@@ -110,7 +110,7 @@ impl Integrator<'_> {
     }
 }
 
-/// Finds the bins of the directions in which paths go on.
+/// Finds the bins of the directions in which paths continue.
 struct FindBins<'a> {
     vertices: &'a mut Vertices,
     range: Range<usize>,

@@ -18,7 +18,7 @@ const MAX_TRIANGLES: usize = 16_000_000;
 /// Edges of this share of a mesh's diagonal, where the material gives no length.
 const DEFAULT_EDGE: f32 = 1.0 / 256.0;
 
-/// Applies the displacement of all materials to what has them. None is left behind.
+/// Applies the displacement of all materials to the meshes that have them; no material keeps one.
 pub(super) fn apply(loaded: &mut Loaded) {
     if loaded.scene.materials.iter().all(|m| m.displacement.is_none()) {
         return;
@@ -135,14 +135,14 @@ fn displaced(own: &Mesh, parts: &Parts, budget: usize, warnings: &mut Vec<Warnin
     Some(lifted(fine, parts))
 }
 
-/// Edges that are not far too short: where so many triangles are out of reach, nothing is gained by cutting until the limit.
+/// Limits edges that are far too short: where their triangles exceed the budget by far, subdividing up to it gains nothing.
 fn affordable(
     own: &Mesh,
     mut edges: Vec<Option<f32>>,
     budget: usize,
     warnings: &mut Vec<Warning>,
 ) -> Vec<Option<f32>> {
-    /// Times as many triangles as may be.
+    /// Multiple of the budget from which edges count as far too short.
     const FAR: f64 = 16.0;
     let least = tessellate::min_triangles(own, &edges);
     if least <= FAR * budget as f64 {

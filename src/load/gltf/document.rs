@@ -194,7 +194,7 @@ pub(super) fn pointer(list: &str, index: usize) -> String {
     format!("/{list}/{index}")
 }
 
-/// A list of indices held by an object; entries that are none are problems.
+/// A list of indices held by an object; invalid entries are problems.
 pub(super) fn list_of_indices(object: &Value, key: &str, at: &str, report: &mut Report) -> Vec<usize> {
     let Some(value) = object.get(key) else { return Vec::new() };
     let Some(list) = value.as_array() else {
@@ -351,11 +351,11 @@ pub(super) fn open<'a>(path: &Path, bytes: &'a [u8]) -> Result<Parts<'a>> {
 /// The JSON chunk and the binary chunk.
 type Chunks<'a> = (Cow<'a, [u8]>, Option<Cow<'a, [u8]>>);
 
-/// Takes a GLB apart (glTF 2.0, section 4.4). Chunks behind these two are skipped, as it demands; so is one of unknown type
+/// Splits a GLB into its chunks (glTF 2.0, section 4.4). Chunks after these two are skipped, as it demands; so is one of unknown type
 /// instead of the second, which the crate refuses.
 fn chunks<'a>(path: &Path, bytes: &'a [u8]) -> Result<Chunks<'a>> {
     let fail = |message: String| Error::input(path, format!("is a broken GLB: {message}"));
-    // The crate subtracts its header's length from this without a look, and reads on behind the file's end by it.
+    // The crate subtracts its header's length from this without a check, and reads beyond the file's end by it.
     let length = bytes.get(8..HEADER).and_then(|b| b.try_into().ok()).map(u32::from_le_bytes);
     let Some(length) = length.map(|length| length as usize) else {
         return Err(fail(format!("it ends after {} bytes, inside its header", bytes.len())));

@@ -203,7 +203,7 @@ const BLOCK_ELEMENTS: usize = 256;
 enum Channel {
     Bytes,
     Words,
-    /// Exclusive or with 32 bits that are turned left by so many.
+    /// Exclusive or with 32 bits, rotated left by this many.
     Xor(u32),
 }
 
@@ -310,7 +310,7 @@ fn read_deltas(
     Ok(())
 }
 
-/// Reads 16 numbers of so many bits; one with all bits set is an escape for a byte that follows the group.
+/// Reads 16 numbers of this many bits; one with all bits set is an escape for a byte that follows the group.
 fn read_group(stream: &mut Stream, bits: usize, out: &mut [u8]) -> Result<(), String> {
     match bits {
         0 => out.fill(0),
@@ -348,7 +348,7 @@ impl<T: Copy> Fifo<T> {
         self.next = (self.next + 1) % 16;
     }
 
-    /// The entry that so many were pushed after; reading what was never written is an error.
+    /// The entry this many pushes ago; reading what was never written is an error.
     fn get(&self, age: u8) -> Result<T, String> {
         let at = (self.next + 15 - usize::from(age & 15)) % 16;
         self.entries[at].ok_or_else(|| "it refers to an entry before its start".to_string())

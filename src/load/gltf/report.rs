@@ -88,7 +88,7 @@ impl Report {
         Reported(())
     }
 
-    /// Runs `work` for something that the file can do without: its first problem is returned, and is none of the file.
+    /// Runs `work` for something that the file can do without: its first problem is returned, and not counted as one of the file.
     ///
     /// # Errors
     /// The problem.

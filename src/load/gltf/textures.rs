@@ -435,6 +435,6 @@ fn on_damage(doc: &Document, name: String, at: String) -> OnDamage {
     let in_names = doc.in_names(&at);
     Arc::new(move |error| {
         let why = without_texture(&in_words(problem(error, &name, &at)));
-        Damage::LeftOut(Warning::new(&file, in_names.as_str(), why))
+        Damage::LeftOut(Warning::new(&file, in_names.as_str(), (TEXTURE_MISSING, why)))
     })
 }

@@ -24,7 +24,7 @@ pub(crate) type OnDamage = Arc<dyn Fn(Error) -> Damage + Send + Sync>;
 /// The image of a texture: decoded if it is small or of a format that has no plain header, else encoded.
 ///
 /// # Errors
-/// As for [`super::decode`]; damage behind the header of a large image is reported by `on_damage` when it is decoded.
+/// As for [`super::decode`]; damage after the header of a large image is reported by `on_damage` when it is decoded.
 pub(crate) fn for_texture(
     of: &ImageFile,
     purpose: Use,

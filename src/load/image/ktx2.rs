@@ -155,7 +155,7 @@ const BASIS_LZ: u32 = 1;
 const ZSTANDARD: u32 = 2;
 const ZLIB: u32 = 3;
 
-/// At most so many bytes of what Zstandard holds.
+/// The bytes of Zstandard data, up to a maximum.
 #[cfg(feature = "ktx2")]
 fn unzstd(source: &Source, held: &[u8], size: usize) -> Result<Vec<u8>> {
     use std::io::Read;

@@ -101,7 +101,7 @@ fn of_jpeg(bytes: &[u8]) -> Metadata<'_> {
                 if let Some(exif) = segment.strip_prefix(b"Exif\0\0").filter(|_| marker == 0xe1) {
                     found.orientation = Orientation::from_exif_chunk(exif);
                 }
-                // A long profile goes on in further segments, which are numbered from 1 on.
+                // A long profile continues in further segments, which are numbered from 1 on.
                 let part = segment.strip_prefix(b"ICC_PROFILE\0").filter(|_| marker == 0xe2);
                 if let Some([number, _, part @ ..]) = part {
                     match &mut found.profile {
@@ -218,7 +218,7 @@ fn description(profile: &[u8]) -> Option<String> {
     Some(text.trim().to_string()).filter(|text| !text.is_empty())
 }
 
-/// A number of so many bytes, the least significant first.
+/// A little-endian number of this many bytes.
 fn le(bytes: &[u8], at: usize, length: usize) -> Option<usize> {
     let digits = bytes.get(at..at.checked_add(length)?)?;
     usize::try_from(digits.iter().rfold(0u64, |n, &b| n << 8 | u64::from(b))).ok()

@@ -101,7 +101,7 @@ pub(super) fn guarded<T>(source: &Source, decode: impl FnOnce() -> Result<T>) ->
     decoders::catch(decode).map_err(broken)?
 }
 
-/// A file's bytes, at most so many.
+/// A file's bytes, up to a maximum.
 pub(super) fn read_bytes(path: &Path, memory_limit: Option<u64>) -> Result<Vec<u8>> {
     files::read(path, memory_limit.unwrap_or(u64::MAX).min(files::MAX_DATA))
         .map_err(|message| Error::input(path, message))
@@ -159,7 +159,7 @@ pub(super) fn for_decoder(source: &Source) -> Limits {
     limits
 }
 
-/// A number of so many bytes, the most significant first.
+/// A big-endian number of this many bytes.
 pub(super) fn be(bytes: &[u8], at: usize, length: usize) -> Option<usize> {
     let digits = bytes.get(at..at.checked_add(length)?)?;
     usize::try_from(digits.iter().fold(0u64, |n, &b| n << 8 | u64::from(b))).ok()

@@ -1,5 +1,5 @@
 //! Lines of OBJ and MTL files as the formats mean them: without a byte order mark, with any kind of line end, and
-//! joined where a `\` says that a line goes on; and what is made of them, for `tobj` to read.
+//! joined where a `\` says that a line continues; and what is made of them, for `tobj` to read.
 
 use crate::gauge::Gauge;
 use crate::load::decoders;
@@ -50,7 +50,7 @@ pub(super) trait LineFilter {
     /// Appends to `out` what the line with this number (that of its first, where lines are joined; from 1) becomes.
     fn line(&mut self, number: usize, text: &[u8], out: &mut Vec<u8>);
 
-    /// Is it pointless to go on?
+    /// Should reading stop?
     fn gives_up(&self) -> bool {
         false
     }
@@ -67,7 +67,7 @@ struct Cleaning<R, C> {
     cleaner: C,
     /// Lines taken so far.
     number: usize,
-    /// A line that goes on in the next, so far, and the number of its first.
+    /// A line that continues in the next, so far, and the number of its first.
     joined: (usize, Vec<u8>),
     out: Vec<u8>,
 }
@@ -214,7 +214,7 @@ pub(super) fn by_tobj<C: LineFilter + Send, T>(
         let cleaning = &mut cleaning;
         let read = scope.spawn(move || {
             cleaning.run(|piece| {
-                // Should `tobj` give up, the cleaner goes on: it knows all that is wrong.
+                // Should `tobj` give up, the cleaner continues: it knows all that is wrong.
                 let _ = sender.send(piece);
             })
         });
@@ -238,7 +238,7 @@ pub(super) fn decoded(bytes: &[u8]) -> String {
 pub(super) struct Words<'a>(pub &'a [u8]);
 
 impl<'a> Words<'a> {
-    /// Everything behind the words taken so far, without blanks around it; comments included.
+    /// Everything after the words taken so far, without blanks around it; comments included.
     pub fn rest(&self) -> &'a [u8] {
         self.0.trim_ascii()
     }

@@ -219,7 +219,7 @@ impl Conversion<'_, '_> {
         }
     }
 
-    /// Warns of what is clamped to 0..1, and of an index of refraction that is none.
+    /// Warns of what is clamped to 0..1, and of an invalid index of refraction.
     fn warn_of_ranges(&mut self) {
         let source = self.source;
         let is_share = |x: &f32| (0.0..=1.0).contains(x);

@@ -650,7 +650,7 @@ impl LineFilter for Positions {
 /// Adds the points with these numbers, from 0, as spheres.
 ///
 /// # Errors
-/// An input error if the file can no longer be read, a usage error for a radius that is none.
+/// An input error if the file can no longer be read, a usage error for an invalid radius.
 fn add_points(
     path: &Path,
     numbers: &[u32],

@@ -70,7 +70,7 @@ pub(super) struct Map {
     pub offset: [f32; 2],
     /// `-s`: factor on the coordinates.
     pub scale: [f32; 2],
-    /// `-clamp on`: the border goes on outside 0..1.
+    /// `-clamp on`: the border continues outside 0..1.
     pub clamp: bool,
     /// `-bm`: factor on heights.
     pub bump: f32,
@@ -234,7 +234,7 @@ fn rgb(words: Words) -> Option<[f32; 3]> {
     }
 }
 
-/// A texture statement behind its keyword (`-s 2 2 wood grain.png`), and its unsupported options.
+/// A texture statement after its keyword (`-s 2 2 wood grain.png`), and its unsupported options.
 fn map(statement: &str, line: usize) -> (Map, Vec<String>) {
     let mut map = Map {
         file: String::new(),

@@ -14,7 +14,7 @@
 //! | `focus_at` | instead: a point of that plane | |
 //! | `blades`, `blade_rotation` | instead of a round lens a polygon of 3 to 256 sides; how far it is turned counter-clockwise, degrees | round, 0 |
 //! | `aperture_ratio` | height over width of the lens: 2 for the tall discs of wide screens | 1 |
-//! | `shift` | `[x, y]`: the frame moves right and up by so many heights of the picture, what is in it left and down, as in Blender; upright lines stay parallel | `[0, 0]` |
+//! | `shift` | lens shift `[x, y]`: the frame moves right and up by these multiples of the picture's height, its content left and down, as in Blender; vertical lines stay parallel | `[0, 0]` |
 //! | `clip` | `[near, far]`: the camera sees only what lies between these distances from its plane (of panoramas from itself), metres, as in Blender; the rest still casts shadows and stands in mirrors | all |
 //! | `shutter` | how long the shutter is open, frames, 0 to 1000: what moves in that time is blurred; `--shutter` has precedence | 0 |
 //! | `shutter_position` | `"centre"`: around the picture's moment; `"start"`: from it on; `"end"`: up to it | `"centre"` |

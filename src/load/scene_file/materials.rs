@@ -515,7 +515,7 @@ fn read_displacement(build: &mut SceneFileBuilder, fields: &Fields, is_check: bo
     Some(Displacement { texture, scale: scale.value as f32, midlevel, edge })
 }
 
-/// Ways to go on beyond the edges of an image.
+/// Ways to continue beyond the edges of an image.
 const WRAPS: [(&str, Wrap); 3] = [("repeat", Wrap::Repeat), ("mirror", Wrap::Mirror), ("clamp", Wrap::Clamp)];
 
 /// The mapping of an image to a surface.

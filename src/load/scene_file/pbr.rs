@@ -13,7 +13,7 @@
 //! | `volume` | false | the surface bounds a solid; otherwise it is a thin sheet |
 //! | `keeps_radiance` | false | refracted light keeps its radiance, as in Blender's Cycles; by physics it is divided by the square of the index. Without `volume` the surface is then one open sheet that bends light by the sides of its normal, as the surface of a solid does, with nothing behind |
 //! | `glass_reflection` | "white" | colour of what the surface reflects where light may pass: `"white"`, `"tinted"` (that of light that crosses it once, as Blender's Glass node) or `"none"` (nothing, and all light passes that can, as Blender's Refraction node) |
-//! | `attenuation_color`, `attenuation_distance` | 1, none | colour of white light after so many metres in the solid |
+//! | `attenuation_color`, `attenuation_distance` | 1, none | colour of white light after this distance in the solid, metres |
 //! | `medium` | none | what fills a solid that lets light in, see `media` |
 //! | `subsurface` | none | wax, skin, marble: `{ color, radius, scale, anisotropy }`, see `media`; in place of the diffuse base |
 //! | `dispersion` | 0 | 20 / Abbe number of the solid |

@@ -21,7 +21,7 @@
 //! | `values` | a list of pairs of a wavelength (nm, rising) and a value; or of values alone |
 //! | `from`, `to` | wavelengths of the first and the last of values alone, with even steps between (nm) |
 //! | `light` | `true`: the power of a light by wavelength in any unit, for `radiance` and `emission`; else shares of light, 0 to 1 (`false`) |
-//! | `black_body` | in place of `values`: the light of a black body of so many kelvins, 100 to 100,000 |
+//! | `black_body` | in place of `values`: the light of a black body of this temperature, 100 to 100,000 kelvin |
 //! | `luminance` | of a light: the luminance of its radiance, where white of radiance 1 has 1 (1) |
 //!
 //! Between values a spectrum is straight, beyond the first and the last it is constant; 380 to 780 nm count, in steps of 1 nm.

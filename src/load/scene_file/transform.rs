@@ -7,16 +7,16 @@
 //!
 //! # motion
 //!
-//! `motion` of an object, of the camera or of a light: how it moves on from the place that it has, an object by its `transform`. Cameras and
-//! lights can't grow; those at a node of a model move along with it. Times are in frames; 0 is the moment of a
-//! single picture, and N that of frame N of a sequence. With `shutter` of `[camera]` (`--shutter`) pictures show the way that it
-//! takes while the shutter is open.
+//! `motion` of an object, of the camera or of a light: its motion relative to its placement (of an object its `transform`). Cameras and
+//! lights can't be scaled; those at a node of a model move along with it. Times are in frames; 0 is the time of a
+//! single picture, and N that of frame N of a sequence. With `shutter` of `[camera]` (`--shutter`) pictures show the motion blur
+//! of the time that the shutter is open.
 //!
 //! | Key | Meaning |
 //! |---|---|
-//! | `translate` | `[x, y, z]`: so many metres per frame |
-//! | `rotate` | `{ axis, angle, center = [0, 0, 0] }`: so many degrees per frame about an axis through a point of the world |
-//! | `keys` | instead of both: a list of `{ frame, transform }` in the order of time; at such a time the steps of `transform` follow those of the object. In between, places, angles and sizes change evenly; before the first and after the last key it stands still |
+//! | `translate` | `[x, y, z]`: metres per frame |
+//! | `rotate` | `{ axis, angle, center = [0, 0, 0] }`: rotation by `angle` degrees per frame about an axis through a point of the world |
+//! | `keys` | instead of both: a list of `{ frame, transform }` in the order of time; at such a time the steps of `transform` follow those of the object. In between, translation, rotation and scale are interpolated linearly; before the first and after the last key they are constant |
 
 use super::builder::SceneFileBuilder;
 use super::fields::{Fields, nearest, number};

@@ -200,7 +200,7 @@ const SHAPES: usize = TURBIDITIES * 2 * CONTROL_POINTS * 3 * PARAMETERS;
 const MEANS: usize = TURBIDITIES * 2 * CONTROL_POINTS * 3;
 const SUNS: usize = TURBIDITIES * SEGMENTS * 3 * POWERS;
 
-/// Its number at an index. The three arrays are one behind the other.
+/// Its number at an index. The three arrays follow each other.
 fn at(index: usize) -> f64 {
     let mut bytes = [0; 4];
     bytes.copy_from_slice(&DATASET[4 * index..4 * index + 4]);

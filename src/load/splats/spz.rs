@@ -16,7 +16,7 @@ pub(crate) const MAGIC: &[u8] = b"NGSP";
 /// Bytes of the header up to version 3, and from version 4 on.
 const OLD_HEADER: usize = 16;
 const HEADER: usize = 32;
-/// Zstandard streams hold at most so many times their bytes: what claims more is no honest file.
+/// Maximum compression ratio of Zstandard streams: files that claim more are refused.
 const MAX_RATIO: usize = 1024;
 /// Colours are stored as 0.5 + 0.15 times their coefficient.
 const COLOR_SCALE: f32 = 0.15;

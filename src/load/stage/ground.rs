@@ -138,7 +138,7 @@ fn fading(scene: &mut Scene, reach: f64) -> FloatSlot {
     for row in 0..FADE_TEXELS {
         for column in 0..FADE_TEXELS {
             let away = place(row).hypot(place(column));
-            // The outermost texels go on for ever.
+            // The outermost texels continue for ever.
             let end = 1.0 - 2.0 / f64::from(FADE_TEXELS);
             rgb.extend([(1.0 - light::smooth(FADE_START, end, away)) as f32; 3]);
         }

@@ -8,7 +8,7 @@ use std::str::FromStr;
 /// The lighting of scenes without lights.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum StageLight {
-    /// A soft sky that lets the model's own look be; no stage else. For programs that go on with the scene.
+    /// A soft sky that keeps the model's own look, without a stage. For programs that use the scene further.
     #[default]
     Soft,
     /// A large key light from the camera's left, a fill and a rim light, as soft boxes far away.

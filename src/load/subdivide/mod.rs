@@ -428,9 +428,6 @@ mod tests {
         }
         let error =
             subdivided(&cube(), Subdivision { levels: 10, ..SHARP }, 1_000_000).expect_err("too many");
-        assert!(
-            error.contains("12582912 triangles") && error.contains("at most 8"),
-            "{error}"
-        );
+        assert!(error.contains("12582912 triangles") && error.contains("at most 8"), "{error}");
     }
 }

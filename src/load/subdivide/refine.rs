@@ -18,7 +18,7 @@ pub(super) enum Edges {
 
 /// What a value is.
 enum VertexRule {
-    /// The middle of a ring of so many faces.
+    /// The middle of a ring of this many faces.
     Inner(f64),
     /// On a curve between two neighbours.
     Curve([u32; 2]),

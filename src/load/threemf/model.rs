@@ -39,7 +39,7 @@ pub(super) struct Object {
     pub vertices: Vec<[f32; 3]>,
     pub triangles: Vec<Triangle>,
     pub components: Vec<Reference>,
-    /// Triangles with an index that is none.
+    /// Triangles with an invalid index.
     pub broken: usize,
 }
 

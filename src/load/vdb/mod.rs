@@ -73,7 +73,7 @@ fn entries(from: &mut Bytes) -> Result<Vec<Entry>, String> {
         let name = from.text()?;
         let (kind, instance_of) = (from.text()?, from.text()?);
         let (at, _, end) = (from.i64()?, from.i64()?, from.i64()?);
-        // Grids of the same name have a number behind a separator.
+        // Grids of the same name have a number after a separator.
         let name = name.split('\u{1e}').next().unwrap_or_default().to_string();
         entries.push(Entry { name, kind, instance_of, at });
         // Entries follow each other, or a small file could name billions of them.

@@ -219,7 +219,7 @@ options! {
         Linear = "linear", Quadratic = "quadratic", Easing = "easing", Diagonal = "diagonal", Spherical = "spherical",
         QuadraticSphere = "quadratic_sphere", Radial = "radial",
     }
-    /// How images go on outside.
+    /// How images continue outside.
     Extension { Repeat = "repeat", Extend = "extend", Clip = "clip", Mirror = "mirror", }
     /// Between texels; smart is cubic.
     ImageInterpolation { Linear = "linear", Closest = "closest", Cubic = "cubic", Smart = "smart", }

@@ -92,10 +92,7 @@ fn textures_and_images() {
     scene.textures = (0..64).map(|i| if i == 0 { Texture::Normal } else { checker(i - 1, 0) }).collect();
     assert_eq!(problems(&scene), [""; 0]);
     scene.textures.push(checker(63, 63));
-    assert_eq!(
-        problems(&scene),
-        ["textures[64], nesting: is 65, but must be at most 64 textures, one in the other"]
-    );
+    assert_eq!(problems(&scene), ["textures[64], nesting: is 65, but must be at most 64 nested textures"]);
     let mix = |a, b, factor| Texture::Mix { a: TextureId(a), b: TextureId(b), factor: TextureId(factor) };
     scene.textures[64] = mix(0, 62, 63);
     assert_eq!(problems(&scene).len(), 1);
@@ -112,7 +109,7 @@ fn textures_and_images() {
         (0..9).map(|i| if i == 0 { Texture::Normal } else { mix(i - 1, i - 1, i - 1) }).collect();
     assert_eq!(
         problems(&scene),
-        ["textures[8], mixes: is 6561, but must be made of at most 4096 textures that are no mixes"]
+        ["textures[8], mixes: is 6561, but must be made of at most 4096 textures other than mixes"]
     );
     let mut image = Image::from_linear_rgb("sky", 2, 1, vec![0.0, 1.0, f32::NAN, 3.0, 4.0, 5.0]);
     (image.width, image.channels) = (3, 5);
@@ -247,7 +244,7 @@ fn media_are_checked() {
     let hot = |grid, kelvin| Some(EmissionGrid { grid: GridId(grid), kelvin, scales_with_power: false });
     assert!(with(Medium { glow: hot(0, Some(1500.0)), ..gridded }, one(&[1.0])).is_empty());
     for (medium, grids, words) in [
-        (Medium { glow: hot(0, None), ..good }, one(&[1.0]), "none where there is no grid"),
+        (Medium { glow: hot(0, None), ..good }, one(&[1.0]), "none without a grid"),
         (Medium { glow: hot(1, None), ..gridded }, one(&[1.0]), "one of the scene's grids"),
         (Medium { glow: hot(0, Some(0.0)), ..gridded }, one(&[1.0]), "kelvin"),
         (Medium { glow: hot(0, Some(f32::NAN)), ..gridded }, one(&[1.0]), "kelvin"),

@@ -58,7 +58,7 @@ fn lost(loaded: &Result<Loaded, Error>) -> String {
     assert!(textures.is_empty() && !is_used && meshes.len() == 1, "{} images", images.len());
     let messages: Vec<_> = loaded.warnings.iter().filter(|w| w.place.starts_with("/images/0")).collect();
     assert_eq!(messages.len(), 1, "{:?}", loaded.warnings);
-    messages[0].message.clone()
+    format!("{} [{}]", messages[0].message, messages[0].code)
 }
 
 #[cfg(feature = "ktx2")]

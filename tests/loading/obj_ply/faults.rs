@@ -130,7 +130,7 @@ fn transparency_that_hides_everything_is_opacity() {
         assert!(messages.contains("'Tr' of 2 "), "{messages}");
     }
     let (material, messages) = with_library("newmtl a\nTr 1\nnewmtl b\nTr 0\n");
-    assert!(material.alpha.factor == 0.0 && messages.contains("'Tr'"), "{messages}");
+    assert!(material.alpha.factor == 0.0 && messages.contains("'Tr 1'"), "{messages}");
 }
 
 #[test]

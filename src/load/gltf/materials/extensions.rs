@@ -226,7 +226,7 @@ impl MaterialBuilder<'_, '_> {
         Some(Medium { extinction, ..Medium::subsurface(color, [1.0; 3], anisotropy) })
     }
 
-    /// A thin sheet: of the share of light that is transmitted, a part goes on and the rest, `strength`, is scattered diffusely, a share
+    /// A thin sheet: of the share of light that is transmitted, a part continues and the rest, `strength`, is scattered diffusely, a share
     /// (1 + g) / 2 of it to the other side. The shares of the sum are those of [`PbrMaterial`], whose diffuse
     /// reflection has one colour: that of both reflections together.
     fn sheet(&mut self, model: &mut PbrMaterial, scatter: &Scatter) {

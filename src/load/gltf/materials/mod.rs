@@ -483,7 +483,7 @@ impl MaterialBuilder<'_, '_> {
     }
 }
 
-/// Gives a body to glass that has none in the file. Its exporters mean a solid whose colour shows once in light that has
+/// Makes glass without a volume in the file solid. Its exporters mean a solid whose colour shows once in light that has
 /// passed all of it.
 fn make_solid(model: &mut PbrMaterial) {
     model.tints_once |= !model.has_volume;
