@@ -3,8 +3,8 @@
 use super::Loaded;
 use crate::color::linear_from_srgb;
 use crate::error::Warning;
-use crate::math::{DAffine3, DMat3, DVec3, Vec2, all_finite};
-use crate::scene::Mesh;
+use crate::math::{DAffine3, DMat3, DQuat, DVec3, Vec2, all_finite};
+use crate::scene::{Mesh, Shape};
 use std::collections::HashMap;
 use std::path::Path;
 
@@ -259,6 +259,18 @@ pub(super) fn uniform_scale(transform: &DAffine3) -> Option<f64> {
         .iter()
         .all(|d| d.abs() <= 1e-9 * scale * scale);
     (scale > 0.0 && scale.is_finite() && even && square && m.determinant() > 0.0).then_some(scale)
+}
+
+/// A shape under a transform; `None` where that bends it.
+pub(super) fn placed_shape(m: &DAffine3, shape: Shape) -> Option<Shape> {
+    let scale = uniform_scale(m)?;
+    let turn = DMat3::from_cols(m.matrix3.x_axis / scale, m.matrix3.y_axis / scale, m.matrix3.z_axis / scale);
+    Some(Shape {
+        center: m.transform_point3(shape.center),
+        radius: shape.radius * scale,
+        rotation: DQuat::from_mat3(&turn) * shape.rotation,
+        ..shape
+    })
 }
 
 // Coordinates far from the origin, such as those of maps: single floats keep seven digits, of which a distance of

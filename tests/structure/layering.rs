@@ -19,7 +19,7 @@ const RANKS: &[(u32, &[&str])] = &[
 ];
 
 /// Imports inside one rank that are meant.
-const WITHIN_RANK: &[(&str, &str)] = &[("compile", "film"), ("load", "shape")];
+const WITHIN_RANK: &[(&str, &str)] = &[("compile", "film"), ("load", "shape"), ("load", "texture")];
 
 fn rank(module: &str) -> Option<u32> {
     RANKS.iter().find(|(_, modules)| modules.contains(&module)).map(|&(rank, _)| rank)

@@ -2,8 +2,8 @@
 
 use super::builder::SceneFileBuilder;
 use super::fields::Fields;
-use super::objects::{Object, placed_shape};
 use crate::error::Warning;
+use crate::load::mesh_tools::placed_shape;
 use crate::load::{files, ply};
 use crate::math::DAffine3;
 use crate::sampling::hash::{hash32, unit};
@@ -15,7 +15,7 @@ use std::ops::Range;
 const MOST_BYTES: u64 = 1 << 36;
 
 /// Reads the places of an object's copies; `None` without the key or after a problem.
-pub(super) fn read(build: &mut SceneFileBuilder, fields: &Fields, object: &Object) -> Option<Vec<Place>> {
+pub(super) fn read(build: &mut SceneFileBuilder, fields: &Fields, name: &str) -> Option<Vec<Place>> {
     let file = fields.string("instances")?;
     if fields.has("motion") {
         let message = "copies at the places of a file don't move";
@@ -29,7 +29,7 @@ pub(super) fn read(build: &mut SceneFileBuilder, fields: &Fields, object: &Objec
     match read {
         Ok(Places { list, flat }) => {
             if flat > 0 {
-                let message = format!("{flat} copies of '{}' without a volume were left out", object.name);
+                let message = format!("{flat} copies of '{name}' without a volume were left out");
                 build.loaded.warnings.push(Warning::new(&path, "", message));
             }
             Some(list)
@@ -64,9 +64,8 @@ pub(super) fn copy(
     let own = scene.shapes.split_off(shapes);
     scene.shapes.reserve(own.len() * places.len());
     for (number, place) in places.iter().enumerate() {
-        let to = Object { name: String::new(), world_from_object: place.world_from_object, motion: None };
         for shape in &own {
-            let Some(copy) = placed_shape(&to, shape.clone()) else {
+            let Some(copy) = placed_shape(&place.world_from_object, shape.clone()) else {
                 let message = format!("the scale of copy {number} would bend a shape that stays round");
                 return build.problems.push_help(span, message, "scale copies of spheres and disks evenly");
             };

@@ -70,7 +70,9 @@ use super::textures::Textures;
 use super::traits::{self, TraitOverrides, group};
 use super::transform;
 use crate::error::Warning;
-use crate::load::mesh_tools::{Faces, NAMELESS, box_faces, pyramid_faces, triangle_faces, uniform_scale};
+use crate::load::mesh_tools::{
+    Faces, NAMELESS, box_faces, placed_shape, pyramid_faces, triangle_faces, uniform_scale,
+};
 use crate::load::subdivide::{MAX_LEVELS, Subdivision};
 use crate::load::subdivided::{CHANGES_FORM, in_scene};
 use crate::math::{DAffine3, DMat3, DQuat, DVec3, transform_at};
@@ -125,7 +127,7 @@ pub(super) fn read<'a>(
         let name = fields.string("name").map_or_else(|| format!("object {}", i + 1), |n| n.value.to_string());
         let object = Object::read(build, &fields, name);
         let before = counts(build);
-        let places = instances::read(build, &fields, &object);
+        let places = instances::read(build, &fields, &object.name);
         read_object(build, &fields, &object, materials, textures, assets);
         give_traits(build, &fields, before);
         fields.finish();
@@ -261,11 +263,12 @@ fn add_mesh(
         let message = "the points of a point cloud can't move";
         return fields.problems.push_help(file.span, message, "leave 'motion' out");
     }
-    if placed_shape(object, first.clone()).is_none() {
+    if placed_shape(&object.world_from_object, first.clone()).is_none() {
         let message = "the points of a point cloud are spheres, which this transform bends";
         return fields.problems.push_help(file.span, message, "scale by the same factor along all axes");
     }
-    let shapes = asset.shapes.iter().filter_map(|shape| placed_shape(object, shape.clone()));
+    let shapes =
+        asset.shapes.iter().filter_map(|shape| placed_shape(&object.world_from_object, shape.clone()));
     let shapes = shapes.map(|s| Shape { material: material.unwrap_or(s.material), ..s });
     build.loaded.scene.shapes.extend(shapes);
 }
@@ -602,19 +605,6 @@ fn facing(normal: DVec3) -> DQuat {
     DQuat::from_mat3(&DMat3::from_cols(right, normal.cross(right), normal)).normalize()
 }
 
-/// A shape under the transform of its object; `None` where that bends it.
-pub(super) fn placed_shape(object: &Object, shape: Shape) -> Option<Shape> {
-    let m = object.world_from_object;
-    let scale = uniform_scale(&m)?;
-    let turn = DMat3::from_cols(m.matrix3.x_axis / scale, m.matrix3.y_axis / scale, m.matrix3.z_axis / scale);
-    Some(Shape {
-        center: m.transform_point3(shape.center),
-        radius: shape.radius * scale,
-        rotation: DQuat::from_mat3(&turn) * shape.rotation,
-        ..shape
-    })
-}
-
 /// Is it a sphere that emits light, and that its motion stretches more along one axis than along another? What samples the light of
 /// spheres asks for round ones.
 fn is_stretched_light(build: &SceneFileBuilder, object: &Object, shape: &Shape) -> bool {
@@ -628,7 +618,7 @@ fn is_stretched_light(build: &SceneFileBuilder, object: &Object, shape: &Shape) 
 fn add_shape(build: &mut SceneFileBuilder, object: &Object, shape: Shape) {
     let (is_stretched, kind) = (is_stretched_light(build, object, &shape), shape.kind.tag().name());
     let reason = if is_stretched { "motion stretches the emissive" } else { "transform bends the" };
-    if let Some(placed) = placed_shape(object, shape.clone()).filter(|_| !is_stretched) {
+    if let Some(placed) = placed_shape(&object.world_from_object, shape.clone()).filter(|_| !is_stretched) {
         let scene = &mut build.loaded.scene;
         scene.motion.shapes.extend(object.motion.clone().map(|moving| (scene.shapes.len(), moving)));
         return scene.shapes.push(placed);
