@@ -468,8 +468,12 @@ impl<C: VertexClass, T: Horizon> Kernel for Direct<'_, C, T> {
             let side = if !C::Closure::OPAQUE && height < 0.0 { -1.0 } else { 1.0 };
             let pdf = eval.pdf_solid_angle * self.counts.branches * self.class.light_density(v, i);
             let mut weight = light_pdf.mis_weight_over_pdf(pdf) * self.counts.share;
+            let mut eval = eval;
             if T::SOFTENS && !C::Closure::IN_MEDIUM && !closure.crosses(wi) {
                 weight *= self.horizon.kept(v, i, [ns * side, ng * side], side, wi);
+                let relief;
+                (eval, relief) = closure.on_relief(self.horizon, (v, i), (ns * side, side), (wi, eval));
+                weight *= relief;
             }
             let is_lit = !light_pdf.is_none() & (!C::Closure::OPAQUE | (height > 0.0));
             let weight = if is_lit { weight } else { 0.0 };

@@ -28,8 +28,8 @@ fn probability(share: f32) -> f32 {
     share.clamp(MIN_PROBABILITY, 1.0 - MIN_PROBABILITY)
 }
 
-/// Value and density of a mapped surface for a viewer, with each part around its own normal.
-pub(super) fn eval_lobes(evaluated: &EvaluatedMaterial, ng: Vec3, [wo, wi]: [Vec3; 2]) -> BsdfEval {
+/// Value and density of a mapped surface for a viewer, with each part around its own normal; and the value of its base.
+pub(super) fn eval_lobes(evaluated: &EvaluatedMaterial, ng: Vec3, [wo, wi]: [Vec3; 2]) -> (BsdfEval, Rgb) {
     let facets = Frame::from_normal(scattering_normal(evaluated.ns, ng, wo));
     let base = Frame::from_normal(evaluated.ns);
     let wo_facets = facets.to_local(wo);
@@ -39,10 +39,11 @@ pub(super) fn eval_lobes(evaluated: &EvaluatedMaterial, ng: Vec3, [wo, wi]: [Vec
         of_facets.eval(wo_facets, facets.to_local(wi)),
     );
     let p = probability(share);
-    BsdfEval {
+    let eval = BsdfEval {
         f_cos: a.f_cos + b.f_cos,
         pdf_solid_angle: p * a.pdf_solid_angle + (1.0 - p) * b.pdf_solid_angle,
-    }
+    };
+    (eval, a.f_cos)
 }
 
 impl Integrator<'_> {

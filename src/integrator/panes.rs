@@ -361,7 +361,7 @@ impl Integrator<'_> {
     ) -> Rgb {
         let Wave { paths, vertices: v, .. } = wave;
         let closure = class.closure(v, i);
-        let eval = closure.eval(wi);
+        let mut eval = closure.eval(wi);
         let (ng, ns) = (get(&v.ng, i), get(&v.ns, i));
         let side = if !C::Closure::OPAQUE && wi.dot(ng) < 0.0 { -1.0 } else { 1.0 };
         let mut weight = pdf.mis_weight_over_pdf(eval.pdf_solid_angle * branches * class.light_density(v, i));
@@ -370,7 +370,11 @@ impl Integrator<'_> {
             weight *= match self.terminator() {
                 Terminator::Sharp => 1.0,
                 Terminator::Soft => Soft.kept(v, i, normals, side, wi),
-                Terminator::Relief => Relief.kept(v, i, normals, side, wi),
+                Terminator::Relief => {
+                    let relief;
+                    (eval, relief) = closure.on_relief(Relief, (v, i), (ns * side, side), (wi, eval));
+                    Relief.kept(v, i, normals, side, wi) * relief
+                }
             };
         }
         if C::Closure::OPAQUE && wi.dot(ng) <= 0.0 {

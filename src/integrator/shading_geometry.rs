@@ -2,6 +2,7 @@
 
 use super::wave::{Vertices, get};
 use crate::bsdf::Bsdf;
+use crate::color::Rgb;
 use crate::compile::CompiledMaterial;
 use crate::math::{Frame, Hit, Vec3, select};
 use crate::scene::RayKinds;
@@ -105,10 +106,14 @@ const MIN: f32 = 1e-4;
 /// Largest cosine by which the mirror direction is lifted above the surface.
 const LIFT: f32 = 0.01;
 
-/// The normal that lobes are evaluated around: the shading normal `ns`, bent as far as needed for the viewer to be on the
-/// same side of it as of the surface, and for the mirror direction not to lead into the surface (Keller et al. 2017, "The
-/// Iray Light Transport Simulation and Rendering System", section 3.3), where reflections would be lost and leave
-/// black spots. All vectors have unit length; `ns` is on the side of `ng`.
+/// The normal that lobes are evaluated around: the shading normal `ns`, tilted towards the geometric one as far as needed for the mirror
+/// direction not to lead into the surface, where reflections would be lost and leave black spots. The viewer is on the same side of it
+/// as of the surface then. All vectors have unit length; `ns` is on the side of `ng`.
+///
+/// With `n = (x, z)` in the plane of both normals, z along `ng`, and `w = (u, v)` the viewer in that plane, the mirror direction has the
+/// height `t` where `2 (n . w) z - v = t`: `z^2 = (a + v t - u sqrt(a - t^2)) / (2 a)` with `a = u^2 + v^2`. Cycles solves the same
+/// (`ensure_valid_specular_reflection`). Bending towards the viewer, out of that plane (Keller et al. 2017, "The Iray Light Transport
+/// Simulation and Rendering System", section 3.3), made plastic whose normals lean by 55 degrees 5 % brighter or darker than there.
 #[inline(always)]
 pub(super) fn scattering_normal(ns: Vec3, ng: Vec3, wo: Vec3) -> Vec3 {
     bent_normal(ns, ng, wo).0
@@ -119,25 +124,25 @@ pub(super) fn scattering_normal(ns: Vec3, ng: Vec3, wo: Vec3) -> Vec3 {
 pub(super) fn bent_normal(ns: Vec3, ng: Vec3, wo: Vec3) -> (Vec3, bool) {
     let side = if ng.dot(wo) < 0.0 { -1.0 } else { 1.0 };
     let (n, g) = (ns * side, ng * side);
-    let cosine = n.dot(wo);
-    let is_behind = cosine < MIN;
-    let raised = n + wo * if is_behind { MIN - cosine } else { 0.0 };
-    let n = raised / raised.length();
-    let mirror = n * (2.0 * n.dot(wo)) - wo;
-    let (above, seen) = (mirror.dot(g), wo.dot(g));
+    let seen = wo.dot(g);
+    let above = 2.0 * n.dot(wo) * n.dot(g) - seen;
     // A viewer at grazing incidence sees mirror directions at grazing angles.
     let least = if seen < LIFT { 0.9 * seen } else { LIFT };
-    let lifted = mirror + g * (least - above);
-    let half = wo + lifted / lifted.length();
-    let length = half.length();
-    let bent = half / if length > 0.0 { length } else { 1.0 };
+    let x = n - g * n.dot(g);
+    let length = x.length();
+    let x = x / if length > 0.0 { length } else { 1.0 };
+    let along = wo.dot(x);
+    let a = along * along + seen * seen;
+    let rest = a - least * least;
+    let root = if rest > 0.0 { rest } else { 0.0 }.sqrt();
+    let squared = 0.5 * (a + seen * least - along * root) / if a > 1e-30 { a } else { 1e-30 };
     // All is computed, then chosen from: loops over many normals vectorise.
-    let is_far = length > 1e-12;
-    let bent = select(is_far, bent, g);
-    let sinks = above < least;
-    let n = select(sinks, bent, n);
+    let squared = if squared < 1.0 { squared } else { 1.0 };
+    let squared = if squared > 0.0 { squared } else { 0.0 };
+    let bent = x * (1.0 - squared).sqrt() + g * squared.sqrt();
     let is_flat = (ns.x == ng.x) & (ns.y == ng.y) & (ns.z == ng.z);
-    (select(is_flat, ns, n * side), !is_flat & (is_behind | sinks))
+    let sinks = (above < least) & !is_flat;
+    (select(sinks, bent * side, ns), sinks)
 }
 
 /// A viewer's direction in the frame of a normal, on the side of that frame that the viewer is on by the geometric normal.
@@ -206,19 +211,30 @@ fn mapped_terminator([ns, smooth, wi]: [Vec3; 3]) -> f32 {
     if height > 0.0 { 2.0 / (1.0 + (1.0 + masked).sqrt()) } else { 0.0 }
 }
 
-/// The factor on light to a surface shaded with `ns`, by its relief: [`terminator`] where no map gave that normal; where one did, that of the
-/// normal `smooth` beneath, and [`mapped_terminator`] besides. Cycles 5.0 doesn't soften what the bumps of a displacement shadow. Normals and `wi` are on
+/// The factor on light to a surface shaded with `ns`, by [`terminator`] where no map gave that normal; where one did, by that of the
+/// normal `smooth` beneath. Cycles 5.0 doesn't soften what the bumps of a displacement shadow. Normals and `wi` are on
 /// the same side of the surface.
-///
-/// Facets alone keep all light. Cycles cuts off light samples below the smooth normal, but not what facets reflect of the sky: balls of
-/// roughness 0.4 in even light come within 0.4 % of its like this and lose 3 % by a cut.
 #[inline(always)]
 pub(super) fn terminator_at(relief: f32, [ns, smooth, ng]: [Vec3; 3], wi: Vec3) -> f32 {
     let is_softened = (relief == UNMAPPED) | (relief == RELIEF);
     let soft = terminator(select(relief == RELIEF, smooth, ns), ng, wi);
+    if is_softened { soft } else { 1.0 }
+}
+
+/// The factor on what a surface reflects diffusely besides, where a map gave its normal: [`mapped_terminator`].
+///
+/// Facets keep all light. Cycles cuts off light samples below the smooth normal, but not what facets reflect of the sky: balls of
+/// roughness 0.4 in even light come within 0.4 % of its like this and lose 3 % by a cut.
+#[inline(always)]
+pub(super) fn relief_at(relief: f32, [ns, smooth]: [Vec3; 2], wi: Vec3) -> f32 {
     let mapped = mapped_terminator([ns, smooth, wi]);
-    let soft = if is_softened { soft } else { 1.0 };
-    soft * if relief >= RELIEF { mapped } else { 1.0 }
+    if relief >= RELIEF { mapped } else { 1.0 }
+}
+
+/// A value of which the diffuse part is dimmed by a relief.
+#[inline(always)]
+pub(super) fn under_relief(value: Rgb, diffuse: Rgb, relief: f32) -> Rgb {
+    value - diffuse.min(value) * (1.0 - relief)
 }
 
 /// What shading normals of a scene do to light from near the horizon.
@@ -226,9 +242,18 @@ pub(super) trait Horizon: Copy + Sync {
     /// Is there anything to ask for?
     const SOFTENS: bool = true;
 
+    /// Are there mapped normals?
+    const HAS_RELIEF: bool = false;
+
     /// The factor on light from `wi` at vertex `i`, whose shading normal is `ns` and geometric one `ng`, both on the side of `wi`; `side` is -1 where those
     /// of the vertex are on the other side.
     fn kept(self, v: &Vertices, i: usize, normals: [Vec3; 2], side: f32, wi: Vec3) -> f32;
+
+    /// The factor on the diffuse part besides, with `ns` and `side` as above.
+    #[inline(always)]
+    fn relief(self, _: &Vertices, _: usize, _: Vec3, _: f32, _: Vec3) -> f32 {
+        1.0
+    }
 }
 
 /// Which of them a scene needs.
@@ -268,9 +293,16 @@ impl Horizon for Soft {
 }
 
 impl Horizon for Relief {
+    const HAS_RELIEF: bool = true;
+
     #[inline(always)]
     fn kept(self, v: &Vertices, i: usize, [ns, ng]: [Vec3; 2], side: f32, wi: Vec3) -> f32 {
         terminator_at(v.relief[i], [ns, get(&v.smooth, i) * side, ng], wi)
+    }
+
+    #[inline(always)]
+    fn relief(self, v: &Vertices, i: usize, ns: Vec3, side: f32, wi: Vec3) -> f32 {
+        relief_at(v.relief[i], [ns, get(&v.smooth, i) * side], wi)
     }
 }
 

@@ -1,6 +1,6 @@
 //! Shading groups: which vertices are shaded by the same loop, their order, and the closure of each group.
 
-use super::shading_geometry::{bent_normal, local_viewer};
+use super::shading_geometry::{Horizon, bent_normal, local_viewer, under_relief};
 use super::wave::{
     MetalRoughClosures, MetalRoughMaterials, PerPath, Vertices, WAVE, Wave, get, get_rgb, set, set_rgb,
 };
@@ -235,6 +235,9 @@ pub trait Closure {
     /// A phase function.
     const IN_MEDIUM: bool = false;
 
+    /// All light is reflected diffusely.
+    const IS_DIFFUSE: bool = false;
+
     /// Evaluation costs more than a branch; without this it is free of branches, so that loops vectorise.
     const BRANCHES: bool;
 
@@ -243,6 +246,32 @@ pub trait Closure {
 
     /// Samples a direction by three numbers in 0..1, of which the last selects the lobe.
     fn sample(&self, u: [f32; 3]) -> BsdfSample;
+
+    /// The diffuse part of the value for light from `wi`; where some is glossy.
+    #[inline(always)]
+    fn diffuse(&self, _wi: Vec3) -> Rgb {
+        Rgb::ZERO
+    }
+
+    /// Value and density, and a factor on what is scattered, on the relief of vertex `i`.
+    #[inline(always)]
+    fn on_relief<T: Horizon>(
+        &self,
+        horizon: T,
+        (v, i): (&Vertices, usize),
+        (ns, side): (Vec3, f32),
+        (wi, eval): (Vec3, BsdfEval),
+    ) -> (BsdfEval, f32) {
+        if !T::HAS_RELIEF || Self::IN_MEDIUM {
+            return (eval, 1.0);
+        }
+        let relief = horizon.relief(v, i, ns, side, wi);
+        match Self::IS_DIFFUSE {
+            true => (eval, relief),
+            false if Self::BRANCHES && relief == 1.0 => (eval, 1.0),
+            false => (BsdfEval { f_cos: under_relief(eval.f_cos, self.diffuse(wi), relief), ..eval }, 1.0),
+        }
+    }
 
     /// Is `wi` on the other side of the surface than the viewer?
     #[inline(always)]
@@ -294,6 +323,7 @@ impl VertexClass for LambertClass {
 
 impl Closure for LambertClosure {
     const OPAQUE: bool = true;
+    const IS_DIFFUSE: bool = true;
     const BRANCHES: bool = false;
 
     #[inline(always)]
@@ -376,6 +406,11 @@ impl Closure for GeneralClosure<'_> {
     #[inline]
     fn crosses(&self, wi: Vec3) -> bool {
         wi.dot(self.ng) * self.wo.dot(self.ng) < 0.0
+    }
+
+    fn diffuse(&self, wi: Vec3) -> Rgb {
+        let frame = Frame::from_normal(self.ns);
+        self.bsdf.diffuse_part(local_viewer(&frame, self.wo, self.ng), frame.to_local(wi))
     }
 }
 
@@ -588,6 +623,12 @@ impl Closure for MetalRoughVertex {
     #[inline(always)]
     fn eval(&self, wi: Vec3) -> BsdfEval {
         self.lobes.eval(&self.surface, self.wo, self.frame.to_local(wi))
+    }
+
+    #[inline(always)]
+    fn diffuse(&self, wi: Vec3) -> Rgb {
+        let cosine = self.frame.to_local(wi).z;
+        self.lobes.diffuse * (FRAC_1_PI * if cosine > 0.0 { cosine } else { 0.0 })
     }
 
     #[inline(always)]

@@ -5,7 +5,7 @@ use super::super::interior::{CameraInterior, Interior};
 use super::super::mapped_normals::eval_lobes;
 use super::super::radiance_buffer::PathClass;
 use super::super::shading_geometry::{
-    EvaluatedMaterial, HitPoint, Mapping, scattering_normal, terminator_at,
+    EvaluatedMaterial, HitPoint, Mapping, relief_at, scattering_normal, terminator_at, under_relief,
 };
 use super::super::shading_groups::ShadingGroup;
 use super::super::wave::FirstBounce;
@@ -170,9 +170,10 @@ impl Integrator<'_> {
         }
         let evaluated = EvaluatedMaterial { bsdf: *bsdf, ns: *ns, mapping: *mapping };
         let n = if *is_lambert { *ns } else { scattering_normal(*ns, *ng, *wo) };
-        let eval = if *is_lambert {
+        let (eval, diffuse) = if *is_lambert {
             let pdf_solid_angle = wi.dot(n).max(0.0) * FRAC_1_PI;
-            BsdfEval { f_cos: bsdf.albedo() * pdf_solid_angle, pdf_solid_angle }
+            let f_cos = bsdf.albedo() * pdf_solid_angle;
+            (BsdfEval { f_cos, pdf_solid_angle }, f_cos)
         } else {
             let frame = Frame::from_normal(n);
             let (viewer, light) = (*wo, *wi);
@@ -181,19 +182,23 @@ impl Integrator<'_> {
                 return None;
             }
             let is_split = mapping.is_mapped && n != *ns;
-            let eval =
-                if is_split { eval_lobes(&evaluated, *ng, [viewer, light]) } else { bsdf.eval(wo, wi) };
-            if *is_diffuse {
-                BsdfEval { f_cos: bsdf.diffuse_part(wo, wi).min(eval.f_cos), ..eval }
-            } else {
-                eval
-            }
+            let (eval, diffuse) = match is_split {
+                true => eval_lobes(&evaluated, *ng, [viewer, light]),
+                false => (bsdf.eval(wo, wi), bsdf.diffuse_part(wo, wi)),
+            };
+            let part = bsdf.diffuse_part(wo, wi).min(eval.f_cos);
+            (BsdfEval { f_cos: if *is_diffuse { part } else { eval.f_cos }, ..eval }, diffuse)
         };
         let side = if height < 0.0 { -1.0 } else { 1.0 };
         let is_soft = self.softens_terminator() && !crosses;
         let normals = [n * side, mapping.smooth * side, *ng * side];
-        let kept = if is_soft { terminator_at(evaluated.relief(), normals, *wi) } else { 1.0 };
-        (eval.pdf_solid_angle > 0.0).then_some(BsdfEval { f_cos: eval.f_cos * kept, ..eval })
+        let f_cos = if is_soft {
+            let relief = relief_at(evaluated.relief(), [*ns * side, normals[1]], *wi);
+            under_relief(eval.f_cos, diffuse, relief) * terminator_at(evaluated.relief(), normals, *wi)
+        } else {
+            eval.f_cos
+        };
+        (eval.pdf_solid_angle > 0.0).then_some(BsdfEval { f_cos, ..eval })
     }
 
     /// The layers that light of this light belongs to, and its shares.

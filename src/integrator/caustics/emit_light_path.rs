@@ -11,7 +11,9 @@ use crate::film::Splat;
 use crate::integrator::interfaces::CoincidentHit;
 use crate::integrator::interior::Interior;
 use crate::integrator::shading_geometry::HitPoint;
-use crate::integrator::shading_geometry::{EvaluatedMaterial, bent_normal, scattering_normal, terminator_at};
+use crate::integrator::shading_geometry::{
+    EvaluatedMaterial, bent_normal, relief_at, scattering_normal, terminator_at, under_relief,
+};
 use crate::integrator::wave::{get_rgb, set_rgb};
 use crate::integrator::workspace::Workspace;
 use crate::integrator::{Integrator, Purpose};
@@ -370,12 +372,16 @@ impl Integrator<'_> {
         }
         let ns = scattering_normal(*ns, *ng, direction);
         let frame = Frame::from_normal(ns);
-        let f_cos = bsdf.eval(frame.to_local(direction), frame.to_local(*wo)).f_cos;
+        let (viewer, light) = (frame.to_local(direction), frame.to_local(*wo));
+        let f_cos = bsdf.eval(viewer, light).f_cos;
         let side = if direction.dot(*ng) < 0.0 { -1.0 } else { 1.0 };
-        let kept = if self.softens_terminator() {
-            terminator_at(evaluated.relief(), [ns * side, evaluated.mapping.smooth * side, *ng * side], *wo)
+        let normals = [ns * side, evaluated.mapping.smooth * side, *ng * side];
+        let (f_cos, kept) = if self.softens_terminator() {
+            let relief = relief_at(evaluated.relief(), [normals[0], normals[1]], *wo);
+            let f_cos = under_relief(f_cos, bsdf.diffuse_part(viewer, light), relief);
+            (f_cos, terminator_at(evaluated.relief(), normals, *wo))
         } else {
-            1.0
+            (f_cos, 1.0)
         };
         Some(Redirected {
             direction,

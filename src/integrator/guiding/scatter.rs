@@ -5,6 +5,7 @@ use super::guide::{Guide, NO_MEAN};
 use super::place;
 use crate::integrator::Integrator;
 use crate::integrator::sampling::{FIRST_ROULETTE, ScatterParams, survival};
+use crate::integrator::scatter::sample_on_relief;
 use crate::integrator::shading_geometry::Horizon;
 use crate::integrator::shading_groups::MetalRoughClass;
 use crate::integrator::shading_groups::{Closure, VertexClass};
@@ -170,7 +171,8 @@ impl<T: Horizon> Kernel for GoOn<'_, T> {
             let carried = before.luminance();
             v.guided.carried[i] = carried;
             let density = v.guided.density[i];
-            let throughput = before * (1.0 / density) * self.horizon.kept(v, i, [ns, ng], 1.0, wi);
+            let kept = self.horizon.kept(v, i, [ns, ng], 1.0, wi) * self.horizon.relief(v, i, ns, 1.0, wi);
+            let throughput = before * (1.0 / density) * kept;
             let roulette_scale = path.roulette_scale[i];
             let plain = survival(throughput, roulette_scale, chances[i], self.params.roulette);
             let expected = carried * roulette_scale * means[i];
@@ -246,7 +248,11 @@ impl<T: Horizon> Kernel for GoOnRough<'_, T> {
             let over_cosine = s.pdf_solid_angle * PI / s.wi.dot(ns);
             v.guided.carried[i] = (before * s.weight).luminance() * over_cosine;
             let kept = if s.is_specular { 1.0 } else { self.horizon.kept(v, i, [ns, ng], 1.0, s.wi) };
-            let throughput = before * s.weight * (1.0 / factor) * kept;
+            let weight = match T::HAS_RELIEF && !s.is_specular {
+                true => sample_on_relief(&closure, self.horizon, (v, i), (ns, 1.0), &s),
+                false => s.weight,
+            };
+            let throughput = before * weight * (1.0 / factor) * kept;
             let roulette_scale = path.roulette_scale[i];
             let plain = survival(throughput, roulette_scale, chances[i], self.params.roulette);
             // What facets reflect may be much brighter than what is expected of the cell.

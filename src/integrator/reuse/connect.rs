@@ -213,11 +213,13 @@ impl<C: VertexClass, T: Horizon> Kernel for Connect<'_, C, T> {
                 let squared = way.dot(way);
                 let wi = way / squared.sqrt();
                 let (ng, ns) = (get(&v.ng, i), get(&v.ns, i));
-                let eval = class.closure(v, i).eval(wi);
+                let closure = class.closure(v, i);
+                let eval = closure.eval(wi);
                 let cosine = -wi.dot(get(&pairs.ng, i));
                 let geometry = cosine / squared;
                 let kept = horizon.kept(v, i, [ns, ng], 1.0, wi);
-                let value = get_rgb(&prefixes.throughput, i) * eval.f_cos * kept;
+                let (eval, relief) = closure.on_relief(horizon, (v, i), (ns, 1.0), (wi, eval));
+                let value = get_rgb(&prefixes.throughput, i) * eval.f_cos * (kept * relief);
                 let faces = (cosine > 0.0) & (wi.dot(ng) > 0.0) & (eval.pdf_solid_angle > 0.0);
                 // Paths without throughput end, so a prefix has no density where its contribution is 0.
                 let [r, g, b] = value.to_array();
