@@ -26,6 +26,8 @@ mod reference;
 mod rough_dielectric;
 mod sheen;
 mod thin_film;
+mod toon;
+mod velvet;
 
 pub use crate::scene::ShadingModel;
 pub use albedo_table::DirectionalAlbedo;
@@ -61,6 +63,10 @@ dispatch::bsdfs! {
         diffuse::OrenNayar(diffuse::OrenNayarProgram),
         /// The modified Phong model.
         phong::Phong(phong::PhongProgram),
+        /// The velvet of Ashikhmin.
+        velvet::Velvet(velvet::VelvetProgram),
+        /// Light in steps.
+        toon::Toon(toon::ToonProgram),
         /// A metal of a colour, with Schlick's Fresnel term.
         metal::SchlickMetal(metal::SchlickMetalProgram),
         /// A metal of a complex index of refraction.
@@ -136,6 +142,7 @@ impl Bsdf {
     pub fn has_base(&self) -> bool {
         match self {
             Bsdf::Lambert(_) | Bsdf::OrenNayar(_) | Bsdf::Phong(_) => true,
+            Bsdf::Toon(toon) => !toon.is_glossy,
             Bsdf::MetalRough(material) => material.diffuse != Rgb::ZERO,
             Bsdf::Layered(layered) => layered.opaque.diffuse != Rgb::ZERO || layered.through != Rgb::ZERO,
             _ => false,
@@ -162,6 +169,7 @@ impl Bsdf {
         match self {
             Bsdf::SchlickMetal(_) | Bsdf::Conductor(_) if reflective => *self = Bsdf::Black,
             Bsdf::Phong(phong) if reflective => phong.specular = Rgb::ZERO,
+            Bsdf::Toon(toon) if reflective && toon.is_glossy => *self = Bsdf::Black,
             Bsdf::MetalRough(material) if reflective => material.leave_out_reflection(),
             Bsdf::Dielectric(_) | Bsdf::ThinDielectric(_) | Bsdf::RoughDielectric(_)
                 if reflective && refractive =>
@@ -228,6 +236,15 @@ impl BsdfProgram {
             Model::Phong { diffuse, specular, exponent } => {
                 PhongProgram { diffuse: *diffuse, specular: *specular, exponent: *exponent }.into()
             }
+            Model::Velvet { color, deviation } => {
+                VelvetProgram { color: *color, deviation: *deviation }.into()
+            }
+            Model::Toon { color, size, smooth } => {
+                ToonProgram { color: *color, size: *size, smooth: *smooth, is_glossy: false }.into()
+            }
+            Model::ToonHighlight { color, size, smooth } => {
+                ToonProgram { color: *color, size: *size, smooth: *smooth, is_glossy: true }.into()
+            }
             Model::SchlickMetal { color, roughness } => {
                 SchlickMetalProgram { color: *color, roughness: *roughness, energy_compensation }.into()
             }
@@ -275,7 +292,10 @@ impl BsdfProgram {
     }
 
     fn of_pbr(pbr: &PbrMaterial, shading: ShadingModel) -> BsdfProgram {
-        let energy_compensation = shading.energy_compensation;
+        let energy_compensation = pbr.energy_compensation.unwrap_or(shading.energy_compensation);
+        // The vectorised loops have one choice for all vertices.
+        let is_as_others = energy_compensation == shading.energy_compensation;
+        let shading = ShadingModel { energy_compensation, ..shading };
         let layered = || LayeredProgram::new(pbr, shading).into();
         let is_dielectric = always(&pbr.metallic, 0.0);
         let is_rough = layered::is_rough_diffuse(pbr);
@@ -297,7 +317,7 @@ impl BsdfProgram {
                 }
             };
         }
-        if pbr.anisotropy.is_some() || is_rough {
+        if pbr.anisotropy.is_some() || is_rough || !is_as_others {
             return layered();
         }
         if always(&pbr.metallic, 1.0) && always(&pbr.roughness, 0.0) {

@@ -267,7 +267,8 @@ impl CompiledMaterial {
             || uses_frame
             || is_mapped
             || emission.is_some_and(|e| e.radiance.texture.is_some())
-            || alpha.is_some_and(|a| a.slot.texture.is_some());
+            || alpha
+                .is_some_and(|a| a.slot.texture.is_some() || a.passing.is_some_and(|p| p.texture.is_some()));
         let is_constant = !is_textured && !material.use_vertex_colors && !uses_frame;
         let example = is_constant.then(|| program.evaluate(&Factors, &LocalFrame::STRAIGHT));
         let constant = example.filter(|_| !is_spectral);
@@ -557,6 +558,8 @@ fn has_texture(model: &Model, holds: impl Fn(TextureId) -> bool) -> bool {
 #[derive(Clone, Copy, Debug)]
 pub struct Alpha {
     pub(super) slot: FloatSlot,
+    /// Factor on light that passes; `None` where it is white.
+    pub passing: Option<ColorSlot>,
     cutoff: Option<f32>,
     /// It differs with the direction of the ray.
     pub depends_on_viewer: bool,
@@ -565,7 +568,7 @@ pub struct Alpha {
 impl Alpha {
     /// Zero alpha stays zero whatever vertices and textures multiply it with.
     pub(super) fn is_never_present(&self) -> bool {
-        self.slot.factor == 0.0 && self.cutoff.is_none_or(|cutoff| cutoff > 0.0)
+        self.slot.factor == 0.0 && self.passing.is_none() && self.cutoff.is_none_or(|cutoff| cutoff > 0.0)
     }
 
     /// The probability that the surface is present at a point.
@@ -582,12 +585,16 @@ impl Alpha {
 /// The partial presence of a material; `None` where it is there everywhere.
 fn alpha_of(material: &Material, textures: &CompiledTextures) -> Option<Alpha> {
     let slot = fold_float(material.alpha, textures);
-    let depends_on_viewer = slot.texture.is_some_and(|(id, _)| textures.depends_on_viewer(id));
-    let alpha = match material.alpha_mode {
+    let passing = fold_color(material.passing, textures);
+    let passing = (passing != ColorSlot::constant([1.0; 3])).then_some(passing);
+    let read = [slot.texture.map(|(id, _)| id), passing.and_then(|slot| slot.texture)];
+    let depends_on_viewer = read.into_iter().flatten().any(|id| textures.depends_on_viewer(id));
+    let cutoff = match material.alpha_mode {
         AlphaMode::Opaque => return None,
-        AlphaMode::Mask { cutoff } => Alpha { slot, cutoff: Some(cutoff), depends_on_viewer },
-        AlphaMode::Blend => Alpha { slot, cutoff: None, depends_on_viewer },
+        AlphaMode::Mask { cutoff } => Some(cutoff),
+        AlphaMode::Blend => None,
     };
+    let alpha = Alpha { slot, passing, cutoff, depends_on_viewer };
     // Present everywhere: nothing to do.
     let present = |a: f32| alpha.cutoff.map_or(a >= 1.0, |cutoff| a >= cutoff);
     let constant = slot.texture.is_none() && !material.use_vertex_colors;

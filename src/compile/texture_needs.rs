@@ -74,7 +74,8 @@ fn points(material: &Material) -> impl Iterator<Item = TextureId> {
     let emissive = radiance.filter(|slot| slot.factor != [0.0; 3]).and_then(|slot| slot.texture);
     let is_partial = material.alpha_mode != AlphaMode::Opaque;
     let alpha = material.alpha.texture.filter(|_| is_partial).map(|(id, _)| id);
-    emissive.into_iter().chain(alpha)
+    let passing = material.passing.texture.filter(|_| is_partial);
+    emissive.into_iter().chain(alpha).chain(passing)
 }
 
 /// Calls `f` with the image textures that a texture is made of, by number, and how they lie.

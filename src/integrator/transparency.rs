@@ -23,10 +23,11 @@ use super::workspace::{SampleTimes, Workspace};
 use crate::bsdf::Bsdf;
 use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
-use crate::compile::CompiledMaterial;
+use crate::compile::{Alpha, CompiledMaterial, share_at};
 use crate::math::{Frame, Hit, Ray, Vec3};
 use crate::scene::RayKinds;
 use crate::shape::Surface;
+use crate::texture::PointReader;
 
 /// Maximum number of surfaces that a ray may pass.
 const MAX_PASSED_SURFACES: u32 = 4096;
@@ -94,7 +95,8 @@ impl Integrator<'_> {
             let path = &arriving.state;
             let time = times.of(path.radiance_index[i]);
             let uniform = || RandomChoice::Alpha { surface: pass }.uniform(path, i, bounce);
-            match self.response(&rays[i], &hits[i], time, self.kind(bounce, i, arriving), uniform) {
+            let kind = self.kind(bounce, i, arriving);
+            match self.response(&rays[i], &hits[i], time, kind, uniform) {
                 HitResponse::Stops => {
                     let (at, crossing) = ((bounce, i), (&rays[i], &hits[i], time));
                     let waves = times.wavelengths(arriving.state.radiance_index[i]);
@@ -103,7 +105,14 @@ impl Integrator<'_> {
                     self.passes_thin_glass(at, crossing, pass, waves, path)
                         || self.passes_pane(at, crossing, pass, (path, interior), (crossings, waves))
                 }
-                HitResponse::Passes => true,
+                HitResponse::Passes => {
+                    let waves = times.wavelengths(path.radiance_index[i]);
+                    if let Some(color) = self.passing((&rays[i], &hits[i], time), kind, waves) {
+                        let throughput = get_rgb(&arriving.state.throughput, i);
+                        set_rgb(&mut arriving.state.throughput, i, throughput * color);
+                    }
+                    true
+                }
                 HitResponse::PassUnseen(others) => {
                     self.record_unseen(i, others, arriving);
                     true
@@ -198,6 +207,12 @@ impl Integrator<'_> {
                 let uniform = || RandomChoice::ShadowAlpha { surface: pass }.uniform(path, i, bounce);
                 let response = self.response(&shadow_rays[k], &hit, time, LIGHT_SAMPLE_KINDS, uniform);
                 let (crossing, mut next) = ((&shadow_rays[k], &hit, time), None);
+                if let HitResponse::Passes = response
+                    && let Some(color) = self.passing(crossing, LIGHT_SAMPLE_KINDS, waves)
+                {
+                    let contribution = get_rgb(&light.contribution, i);
+                    set_rgb(&mut light.contribution, i, contribution * color);
+                }
                 let passed = shadow_crossings.get_mut(k);
                 let passes = || self.shadow_ray_passes_glass(i, crossing, (passed, &mut next), light, waves);
                 if response.blocks(passes, passed_kinds.get_mut(k)) {
@@ -361,7 +376,32 @@ impl Integrator<'_> {
         material: &CompiledMaterial,
         kinds: RayKinds,
     ) -> f32 {
-        let Some(alpha) = material.alpha else { return 1.0 };
+        let read = |alpha: &Alpha, slots: &PointReader<'_>, of_vertex| alpha.presence(slots, of_vertex);
+        self.read_alpha((ray, hit, time), material, kinds, read).unwrap_or(1.0)
+    }
+
+    /// The colour of light that passes a surface where it is absent by its alpha; `None` for white.
+    fn passing(
+        &self,
+        (ray, hit, time): (&Ray, &Hit, f32),
+        kinds: RayKinds,
+        wavelengths: Option<&Wavelengths>,
+    ) -> Option<Rgb> {
+        let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
+        let color = material.alpha.and_then(|alpha| alpha.passing)?;
+        let read = |_: &Alpha, slots: &PointReader<'_>, _| share_at(slots, &color, wavelengths);
+        self.read_alpha((ray, hit, time), material, kinds, read)
+    }
+
+    /// Reads the alpha of a material at a point, with that of vertices.
+    fn read_alpha<R>(
+        &self,
+        (ray, hit, time): (&Ray, &Hit, f32),
+        material: &CompiledMaterial,
+        kinds: RayKinds,
+        read: impl FnOnce(&Alpha, &PointReader<'_>, f32) -> R,
+    ) -> Option<R> {
+        let alpha = material.alpha?;
         let surface: Surface = self.scene.geometries.surface(ray, hit, time);
         let at = self.scene.geometries.coordinates(&surface, hit, false, time);
         let vertex_alpha = if material.uses_vertex_colors { at.color[3] } else { 1.0 };
@@ -371,7 +411,7 @@ impl Integrator<'_> {
         let path = PathOrigin { kinds, ..PathOrigin::UNKNOWN };
         let hit_point = HitPoint { surface, hit: *hit, material, is_back, time, path };
         let hit_data = self.hit_data(&hit_point, &at, wo);
-        alpha.presence(&self.slots(&at, &surface, wo, 0.0, hit_data.as_ref()), vertex_alpha)
+        Some(read(&alpha, &self.slots(&at, &surface, wo, 0.0, hit_data.as_ref()), vertex_alpha))
     }
 }
 

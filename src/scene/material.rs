@@ -4,6 +4,7 @@
 use super::light::SpotFade;
 use super::medium::Medium;
 use super::object_traits::RayKinds;
+use super::settings::EnergyCompensation;
 use super::slot::{
     ColorSlot, FloatSlot, NormalMap, Parameter, ParameterMut, Parameters, parameters_of_fields,
 };
@@ -118,6 +119,8 @@ pub struct Material {
     pub alpha_mode: AlphaMode,
     /// Opacity, used unless the mode is opaque.
     pub alpha: FloatSlot,
+    /// Factor on light that passes where the surface is absent by its alpha, from 0; white for holes.
+    pub passing: ColorSlot,
     /// Normal map.
     pub normal_map: Option<NormalMap>,
     /// A graph of nodes that gives the shading normal in world space, on the viewer's side, in place of a normal map.
@@ -151,6 +154,7 @@ impl Material {
             double_sided: true,
             alpha_mode: AlphaMode::Opaque,
             alpha: FloatSlot::constant(1.0),
+            passing: ColorSlot::constant([1.0; 3]),
             normal_map: None,
             normal: None,
             bumped_normal: None,
@@ -186,7 +190,7 @@ impl Parameters for Lamp {}
 
 parameters_of_fields! {
     Material {
-        name, model, emission, double_sided, alpha_mode, alpha, normal_map, normal, bumped_normal, use_vertex_colors,
+        name, model, emission, double_sided, alpha_mode, alpha, passing, normal_map, normal, bumped_normal, use_vertex_colors,
         medium, displacement, priority, lamp, index, light_group,
     }
     Displacement { texture, scale, midlevel, edge }
@@ -322,6 +326,31 @@ models! {
             /// Exponent of the cosine, from 0.
             exponent: f32 = "exponent" 30.0,
         }
+        /// The velvet of Ashikhmin: facets whose normals lie along the surface.
+        "velvet" Velvet {
+            /// Factor on the scattered light, 0..1.
+            color: ColorSlot = "color" ColorSlot::constant([0.8; 3]),
+            /// Standard deviation of the normals from the surface, 0.01..1.
+            deviation: FloatSlot = "deviation" FloatSlot::constant(0.5),
+        }
+        /// Toon shading: light from within an angle of the normal counts alike.
+        "toon" Toon {
+            /// Factor on the scattered light, 0..1.
+            color: ColorSlot = "color" ColorSlot::constant([0.8; 3]),
+            /// The angle over a right angle, 0..1.
+            size: FloatSlot = "size" FloatSlot::constant(0.5),
+            /// The angle over which light fades out beyond, over a right angle, 0..1.
+            smooth: FloatSlot = "smooth" FloatSlot::constant(0.0),
+        }
+        /// The same around the mirror direction.
+        "toon-highlight" ToonHighlight {
+            /// Factor on the scattered light, 0..1.
+            color: ColorSlot = "color" ColorSlot::constant([0.8; 3]),
+            /// The angle over a right angle, 0..1.
+            size: FloatSlot = "size" FloatSlot::constant(0.5),
+            /// The angle over which light fades out beyond, over a right angle, 0..1.
+            smooth: FloatSlot = "smooth" FloatSlot::constant(0.0),
+        }
     }
     other {
         /// A metal of a colour: GGX microfacets with Schlick's Fresnel term.
@@ -419,6 +448,9 @@ impl Model {
             | Model::Lambert { .. }
             | Model::OrenNayar { .. }
             | Model::Phong { .. }
+            | Model::Velvet { .. }
+            | Model::Toon { .. }
+            | Model::ToonHighlight { .. }
             | Model::SchlickMetal { .. }
             | Model::Conductor { .. } => Transmission::None,
             Model::Dielectric { ior, .. } | Model::Glass { ior, is_thin: false, .. } => {
@@ -478,6 +510,8 @@ pub struct PbrMaterial {
     pub keeps_radiance: bool,
     /// Colour of what the interface reflects where light may pass it.
     pub glass_reflection: GlassReflection,
+    /// Whether the energy that single scattering between its facets loses is given back; `None`: as in all of the picture.
+    pub energy_compensation: Option<EnergyCompensation>,
     /// Colour of white light after `attenuation_distance` in the volume.
     pub attenuation_color: [f32; 3],
     /// Metres; infinite means no absorption.
@@ -518,6 +552,8 @@ impl GlassReflection {
 }
 
 impl Parameters for GlassReflection {}
+
+impl Parameters for EnergyCompensation {}
 
 /// A clear dielectric layer of index of refraction 1.5 on top of all others (KHR_materials_clearcoat).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -590,6 +626,7 @@ impl Default for PbrMaterial {
             tints_once: false,
             keeps_radiance: false,
             glass_reflection: GlassReflection::White,
+            energy_compensation: None,
             attenuation_color: [1.0; 3],
             attenuation_distance: f32::INFINITY,
             dispersion: 0.0,
@@ -606,8 +643,8 @@ parameters_of_fields! {
     MixComponent { weight, material }
     PbrMaterial {
         base_color, metallic, roughness, diffuse_roughness, ior, specular, specular_color, transmission, has_volume,
-        tints_once, keeps_radiance, glass_reflection, attenuation_color, attenuation_distance, dispersion, clearcoat, sheen, anisotropy,
-        iridescence, diffuse_transmission,
+        tints_once, keeps_radiance, glass_reflection, energy_compensation, attenuation_color, attenuation_distance, dispersion, clearcoat,
+        sheen, anisotropy, iridescence, diffuse_transmission,
     }
     Clearcoat { factor, roughness, normal_map }
     Sheen { color, roughness }

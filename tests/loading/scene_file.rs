@@ -5,7 +5,7 @@ use oscura::error::Error;
 use oscura::load::{LoadOptions, Loaded, load};
 use oscura::math::DVec3;
 use oscura::sampling::hash::SplitMix64;
-use oscura::scene::{AlphaMode, ColorSlot, FloatSlot, Material, Model, Projection};
+use oscura::scene::{AlphaMode, ColorSlot, EnergyCompensation, FloatSlot, Material, Model, Projection};
 use std::path::{Path, PathBuf};
 
 fn scenes() -> PathBuf {
@@ -395,6 +395,31 @@ fn shaders_become_the_simplest_material() {
     let nodes = "e = { type = \"emission\" }\nt = { type = \"transparent_bsdf\" }\na = { type = \"add_shader\", a = \"e\", b = \"t\" }";
     let glow = material_of_nodes("a", nodes);
     assert!(glow.emission.is_some() && glow.lamp.is_some_and(|lamp| !lamp.is_obstacle));
+}
+
+#[test]
+fn what_passes_a_surface_of_shaders_has_its_colour() {
+    // A sheet that scatters nothing is passed by all; beside another shader, by the mean share.
+    let sheet = material_of_nodes("t", "t = { type = \"transparent_bsdf\", color = [1, 0.5, 0.25] }");
+    assert_eq!((sheet.alpha, sheet.alpha_mode), (FloatSlot::constant(0.0), AlphaMode::Blend));
+    assert_eq!(sheet.passing, ColorSlot::constant([1.0, 0.5, 0.25]));
+    let nodes = "d = { type = \"diffuse_bsdf\", color = 0.5 }\nt = { type = \"transparent_bsdf\", color = [1, 0.5, 0] }\n\
+                 m = { type = \"mix_shader\", factor = 0.5, a = \"t\", b = \"d\" }";
+    let mixed = material_of_nodes("m", nodes);
+    assert_eq!(mixed.alpha, FloatSlot::constant(0.75));
+    assert_eq!(mixed.passing, ColorSlot::constant([2.0, 1.0, 0.0]));
+}
+
+/// What becomes of light among facets is a choice of each shader.
+#[test]
+fn shaders_choose_what_facets_do() {
+    let of = |value: &str| {
+        let nodes = format!("p = {{ type = \"principled_bsdf\", roughness = 0.5{value} }}");
+        material_of_nodes("p", &nodes).model.pbr().expect("a glTF material").energy_compensation
+    };
+    assert_eq!(of(""), None);
+    assert_eq!(of(", multiscatter = 0"), Some(EnergyCompensation::Off));
+    assert_eq!(of(", multiscatter = 1"), Some(EnergyCompensation::On));
 }
 
 /// The base of the Principled shader: an index of refraction by its specular level, a coat, emission.

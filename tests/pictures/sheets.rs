@@ -57,6 +57,34 @@ fn lights_without_size_shine_through_panes() {
     }
 }
 
+/// Light that passes where a surface is absent by its alpha has its colour, on its way from lamps, from the sky and to the eye.
+#[test]
+fn what_passes_by_alpha_is_coloured() {
+    let sun = Light::new(LightKind::Directional { direction: DVec3::new(0.6, -0.8, 0.0) }, [5.0; 3]);
+    for (what, light, truth) in
+        [("sun", Some(sun), 0.8 / std::f64::consts::PI * 5.0 * 0.8), ("sky", None, 0.8)]
+    {
+        let mut scene = Scene::default();
+        let grey = material(&mut scene, Material::lambert("grey", [0.8; 3]));
+        quad(&mut scene, [-50.0, 0.0, 50.0], [100.0, 0.0, 0.0], [0.0, 0.0, -100.0], grey);
+        let sheet = Material {
+            alpha_mode: AlphaMode::Blend,
+            alpha: FloatSlot::constant(0.25),
+            passing: ColorSlot::constant([0.9, 0.6, 0.3]),
+            ..Material::new("sheet", Model::Black)
+        };
+        let sheet = material(&mut scene, sheet);
+        quad(&mut scene, [-500.0, 1.0, 500.0], [1000.0, 0.0, 0.0], [0.0, 0.0, -1000.0], sheet);
+        match light {
+            Some(sun) => scene.lights.push(sun),
+            None => scene.environment = Environment::Constant([1.0; 3]),
+        }
+        scene.cameras.push(camera(DVec3::new(0.0, 3.0, 0.0), DVec3::ZERO, DVec3::X, 1e-3));
+        let left = (0.75f64 * 0.6).powi(2);
+        assert_radiance(what, &scene, &options(16, 4096, 2), truth * left, 1e-2);
+    }
+}
+
 /// A white floor under a clear pane in a white sky loses nothing: what panes reflect and what they let pass add up,
 /// however it is found.
 #[test]

@@ -237,6 +237,21 @@ class NodesTest(SceneTest):
         self.assertNotIn("normal", found["empty"]["nodes"][found["empty"]["surface"]])
         self.assertEqual(warnings(), ["images whose files are missing are magenta, as in Blender: 'picture.png'"])
 
+    def test_missing_images_end_where_they_are_clipped(self):
+        material, tree, shader, node = shader_tree("lost", "TexImage")
+        picture = bpy.data.images.new("picture", 8, 8)
+        picture.filepath_raw, picture.file_format = str(self.folder / "picture.png"), "PNG"
+        picture.save()
+        node.image, node.extension = bpy.data.images.load(picture.filepath_raw), "CLIP"
+        tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
+        (self.folder / "picture.png").unlink()
+        self.add_plane(material, "Lost")
+        table = self.export()["materials"]["lost"]
+        image = next(node for node in table["nodes"].values() if node["type"] == "image_texture")
+        self.assertEqual(image["extension"], "clip")
+        found = bpy.data.images.load(str(self.folder / image["file"]))
+        self.assertEqual((tuple(found.size), list(found.pixels)), ((1, 1), [1.0, 0.0, 1.0, 1.0]))
+
     def test_constants_of_arithmetic_reach_inputs_that_may_not_vary(self):
         material, tree, shader, half = shader_tree("wax", "Math")
         half.operation, half.inputs[0].default_value, half.inputs[1].default_value = "MULTIPLY", 1.5, 0.5

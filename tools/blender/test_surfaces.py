@@ -129,22 +129,40 @@ class SurfacesTest(SceneTest):
         self.add("cube", made, location=location)
         return made, tree, node
 
-    def test_facets_scatter_as_often_as_all_shaders_say(self):
+    def test_each_shader_says_what_its_facets_do(self):
         frosted, _, glass = self.glass("frosted", Roughness=0.5)
         metal, _, shader = shader_tree("metal")
         shader.inputs["Metallic"].default_value = 1.0
         self.add("cube", metal, location=(3, 0, 0))
-        # What is smooth, or neither metal nor glass, loses little.
         self.glass("smooth", location=(6, 0, 0), Roughness=0.0)
         self.add("cube", shader_tree("plastic")[0], location=(9, 0, 0))
-        self.assertNotIn("microfacet", self.export()[1]["render"])
+
+        def exported():
+            _, settings, answer = self.export()
+            self.assertEqual(answer["warnings"], [])
+            nodes = {name: table["nodes"][table["surface"]] for name, table in settings["materials"].items()}
+            kept = {name: node.get("multiscatter") for name, node in nodes.items()}
+            return settings["render"].get("microfacet"), kept
+
+        self.assertEqual(exported(), (None, {"frosted": 1.0, "metal": 1.0, "smooth": None, "plastic": 1.0}))
         glass.distribution = "GGX"
-        _, settings, answer = self.export()
-        self.assertNotIn("microfacet", settings["render"])
-        self.assertEqual([about for about, message in answer["warnings"] if "facet" in message], ["frosted"])
+        self.assertEqual(exported(), (None, {"frosted": 0.0, "metal": 1.0, "smooth": None, "plastic": 1.0}))
+        # All that is rendered goes by what most say.
         shader.distribution = "GGX"
+        self.assertEqual(exported(), ("single", {"frosted": 0.0, "metal": 0.0, "smooth": None, "plastic": 1.0}))
+
+    def test_toon_and_velvet_are_shaders_of_their_own(self):
+        _, _, diffuse = self.glass("diffuse", "BsdfToon", Size=0.3, Smooth=0.1)
+        _, _, glossy = self.glass("glossy", "BsdfToon", location=(3, 0, 0))
+        glossy.component = "GLOSSY"
+        _, _, velvet = self.glass("velvet", "BsdfSheen", location=(6, 0, 0), Roughness=0.4)
+        velvet.distribution = "ASHIKHMIN"
         _, settings, answer = self.export()
-        self.assertEqual(settings["render"]["microfacet"], "single")
+        nodes = {name: table["nodes"][table["surface"]] for name, table in settings["materials"].items()}
+        kinds = {name: node["type"] for name, node in nodes.items()}
+        self.assertEqual(kinds, {"diffuse": "toon_bsdf", "glossy": "toon_highlight_bsdf", "velvet": "velvet_bsdf"})
+        for found, truth in ((nodes["diffuse"]["size"], 0.3), (nodes["diffuse"]["smooth"], 0.1), (nodes["velvet"]["roughness"], 0.4)):
+            self.assertAlmostEqual(found, truth, 5)
         self.assertEqual(answer["warnings"], [])
 
     def test_even_worlds_are_left_to_paths_where_rays_see_different_things(self):

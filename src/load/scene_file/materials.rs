@@ -5,6 +5,8 @@
 //! | `"lambert"` | `color` (0.8) |
 //! | `"oren-nayar"` | `color` (0.8), `roughness` 0 to 1 (1) |
 //! | `"phong"` | `diffuse` (0.5), `specular` (0.5), `exponent` from 0 (30) |
+//! | `"velvet"` | `color` (0.8), `deviation` 0.01 to 1 (0.5): Ashikhmin's, as in older files of Blender; `sheen_color` of `"pbr"` has a better model |
+//! | `"toon"`, `"toon-highlight"` | `color` (0.8), `size` (0.5), `smooth` (0): light from within `size` right angles of the normal, or of the mirror direction, counts alike and fades out over `smooth` right angles more |
 //! | `"metal"` | `color` (0.8) or the `name` of a metal, `fuzz` or `roughness`, both 0 to 1 (0) |
 //! | `"dielectric"` | `ior` (1.5; 1 is air, for bubbles in glass; below 1: of the inside over what is around), `fresnel` = `exact` or `schlick`, `tint` (1), `roughness` 0 to 1 (0), `thin` (false), `medium` within (see `media`) |
 //! | `"medium"` | no surface, only what is within: `density`, `color`, `anisotropy`, `emission`, `grid`, `grid_name`, `emission_grid`, `temperature_grid`, `temperature`, `temperature_law`, `up`, `min`, `max`, `transform`, see `media` |

@@ -379,6 +379,17 @@ pub const TABLES: &[Table] = &[
         before!(material "phong"),
         &[("diffuse", "0.3", "0.4"), ("specular", "0.3", "0.4"), ("exponent", "7", "8")],
     ),
+    lines("velvet", before!(material "velvet"), &[("color", "0.3", "0.4"), ("deviation", "0.3", "0.4")]),
+    lines(
+        "toon",
+        before!(material "toon"),
+        &[("color", "0.3", "0.4"), ("size", "0.3", "0.4"), ("smooth", "0.3", "0.4")],
+    ),
+    lines(
+        "toon-highlight",
+        before!(material "toon-highlight"),
+        &[("color", "0.3", "0.4"), ("size", "0.3", "0.4"), ("smooth", "0.3", "0.4")],
+    ),
     lines("metal", before!(material "metal"), &[("color", "0.3", "0.4"), ("fuzz", "0.3", "0.4")]),
     lines(
         "metal",

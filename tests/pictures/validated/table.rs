@@ -91,7 +91,7 @@ structs! {
     Quad { name, corner, edge_u, edge_v, material, traits, info }
     ObjectInfo { color, index, random }
     Material {
-        name, model, emission, double_sided, alpha_mode, alpha, normal_map, normal, bumped_normal, use_vertex_colors, medium, displacement,
+        name, model, emission, double_sided, alpha_mode, alpha, passing, normal_map, normal, bumped_normal, use_vertex_colors, medium, displacement,
         priority, lamp, index, light_group,
     }
     Displacement { texture, scale, midlevel, edge }
@@ -103,8 +103,8 @@ structs! {
     NormalMap { texture, scale }
     PbrMaterial {
         base_color, metallic, roughness, diffuse_roughness, ior, specular, specular_color, transmission, has_volume,
-        tints_once, keeps_radiance, glass_reflection, attenuation_color, attenuation_distance, dispersion, clearcoat, sheen, anisotropy,
-        iridescence, diffuse_transmission,
+        tints_once, keeps_radiance, glass_reflection, energy_compensation, attenuation_color, attenuation_distance, dispersion, clearcoat,
+        sheen, anisotropy, iridescence, diffuse_transmission,
     }
     Clearcoat { factor, roughness, normal_map }
     Sheen { color, roughness }
@@ -144,6 +144,9 @@ enums! {
         Lambert { albedo }
         OrenNayar { color, roughness }
         Phong { diffuse, specular, exponent }
+        Velvet { color, deviation }
+        Toon { color, size, smooth }
+        ToonHighlight { color, size, smooth }
         SchlickMetal { color, roughness }
         Conductor { eta, k, metal, roughness }
         Dielectric { ior, tint, fresnel }

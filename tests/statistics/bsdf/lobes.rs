@@ -2,7 +2,7 @@
 
 use oscura::bsdf::{
     Bsdf, BsdfProgram, Coat, Conductor, Factors, Lambert, Layered, LocalFrame, Microsurface, OrenNayar,
-    Phong, SchlickMetal, ShadingModel,
+    Phong, SchlickMetal, ShadingModel, Toon, Velvet,
 };
 use oscura::color::Rgb;
 use oscura::math::{Vec2, Vec3};
@@ -171,6 +171,18 @@ pub fn finite() -> Vec<(String, Bsdf)> {
     for exponent in [0.0, 5.0, 60.0] {
         let phong = Phong::new(Rgb::new(0.3, 0.2, 0.1), Rgb::splat(0.5), exponent);
         add(&format!("phong {exponent}"), Bsdf::Phong(phong));
+    }
+    for deviation in [0.2, 0.7] {
+        let color = Rgb::new(0.8, 0.5, 0.1);
+        add(&format!("velvet {deviation}"), Bsdf::Velvet(Velvet { color, deviation }));
+    }
+    for (angles, is_glossy) in
+        [([0.4, 0.3], false), ([0.9, 0.5], false), ([0.2, 0.1], true), ([0.6, 0.0], true)]
+    {
+        add(
+            &format!("toon {angles:?} {is_glossy}"),
+            Bsdf::Toon(Toon::new(Rgb::splat(0.6), angles, is_glossy)),
+        );
     }
     for alpha in [0.05, 0.15, 0.4, 1.0] {
         add(&format!("conductor {alpha}"), conductor(alpha, EnergyCompensation::On));

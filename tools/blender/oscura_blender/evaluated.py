@@ -6,7 +6,7 @@ from . import bakes, densities, geometry, instances, media, mesh_files, node_gra
 from .glb import Y_UP
 
 # Tables of the materials of faces without one, and of what has no surface.
-DEFAULT = {"type": "nodes", "surface": "surface", "nodes": {"surface": {"type": "principled_bsdf"}}}
+DEFAULT = {"type": "nodes", "surface": "surface", "nodes": {"surface": {"type": "principled_bsdf", "multiscatter": 1.0}}}
 BLACK = {"type": "lambert", "color": [0.0, 0.0, 0.0]}
 NOTHING = {"type": "nodes", "surface": "surface", "nodes": {"surface": {"type": "transparent_bsdf"}}}
 

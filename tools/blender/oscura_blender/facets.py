@@ -1,37 +1,42 @@
-"""How often light is scattered among the facets of rough surfaces: a choice of each shader of Cycles, and of a whole picture here. Files of
-before Blender 4.0 have Principled shaders that let it be lost after once."""
+"""Whether light that one facet of a rough surface mirrors into others is lost, which each shader of Cycles chooses: so it is in files from before
+Blender 4.0, and in all that grew from them."""
 
 from . import shaders, trees
 
-KINDS = ("ShaderNodeBsdfPrincipled", "ShaderNodeBsdfGlass", "ShaderNodeBsdfAnisotropic", "ShaderNodeBsdfGlossy", "ShaderNodeBsdfMetallic")
+KINDS = (
+    "ShaderNodeBsdfPrincipled", "ShaderNodeBsdfGlass", "ShaderNodeBsdfRefraction", "ShaderNodeBsdfAnisotropic", "ShaderNodeBsdfGlossy",
+    "ShaderNodeBsdfMetallic",
+)  # fmt: skip
 
 # Smoother surfaces lose nothing that one sees.
 LEAST_ROUGHNESS = 0.15
 
 
-def model(holders, report):
-    """`microfacet` of [render] that the shaders of all rough metal and glass want; None for the one that loses nothing."""
-    once, often = set(), set()
+def keeps_all(node):
+    """Does a shader lose nothing? None where it doesn't matter."""
+    if node.bl_idname not in KINDS or not _loses(node):
+        return None
+    return node.distribution == "MULTI_GGX"
+
+
+def model(holders):
+    """`microfacet` of [render] that most shaders want, which are faster than the others; None for the one that loses nothing."""
+    kept = lost = 0
     for material in trees.of_materials(holders):
         if not material.use_nodes or material.node_tree is None:
             continue
         for _, node in trees.nodes_with_trees(material.node_tree, KINDS):
-            if node.outputs[0].is_linked and not node.mute and _loses(node):
-                (often if node.distribution == "MULTI_GGX" else once).add(material.name)
-    if not once:
-        return None
-    if not often:
-        return "single"
-    for name in sorted(once):
-        report.warn(name, "light that leaves no facet at once is lost in Cycles (GGX), but not in other materials (Multiscatter GGX), and here nowhere")
-    return None
+            if node.outputs[0].is_linked and not node.mute:
+                keeps = keeps_all(node)
+                kept, lost = kept + (keeps is True), lost + (keeps is False)
+    return "single" if lost > kept else None
 
 
 def _loses(node):
-    """Is the shader a rough metal or rough glass?"""
+    """Does the shader have rough facets?"""
     roughness = shaders.constant(node.inputs["Roughness"])
     if roughness is not None and roughness < LEAST_ROUGHNESS:
         return False
     if node.bl_idname != "ShaderNodeBsdfPrincipled":
         return True
-    return any(shaders.constant(node.inputs[name]) != 0 for name in ("Metallic", "Transmission Weight"))
+    return any(shaders.constant(node.inputs[name]) != 0 for name in ("Specular IOR Level", "Metallic", "Transmission Weight"))

@@ -25,6 +25,15 @@ class Images:
             self._files[image] = self._written(image)
         return self._files[image]
 
+    def magenta(self):
+        """An image of one magenta texel, which Blender has for those without a file."""
+        if "" not in self._files:
+            image = bpy.data.images.new("missing", 1, 1, alpha=True)
+            image.pixels[:] = (1.0, 0.0, 1.0, 1.0)
+            self._files[""] = self._saved(image)
+            bpy.data.images.remove(image)
+        return self._files[""]
+
     def frame(self, image, user):
         """The file of an image of a sequence at this frame."""
         return self._placed(bpy.path.abspath(image.filepath_from_user(image_user=user), library=image.library))

@@ -1,7 +1,7 @@
 """Node trees as graphs that oscura evaluates: each node of Blender becomes one of the file of settings, with groups, reroutes and muted
 nodes resolved. What has no counterpart is baked (`bakes.py`), and shaders without one become the likest."""
 
-from . import bakes, image_files, mesh_files, shaders
+from . import bakes, facets, image_files, mesh_files, shaders
 
 
 class Unsupported(Exception):
@@ -105,12 +105,12 @@ SHADERS = {
     "ShaderNodeBsdfTranslucent": "translucent_bsdf",
     "ShaderNodeBsdfTransparent": "transparent_bsdf",
     "ShaderNodeBsdfSheen": "sheen_bsdf",
+    "ShaderNodeBsdfToon": "toon_bsdf",
+    "ShaderNodeBsdfVelvet": "velvet_bsdf",
     "ShaderNodeSubsurfaceScattering": "subsurface_scattering",
     "ShaderNodeEmission": "emission",
     "ShaderNodeBackground": "emission",
     # The likest.
-    "ShaderNodeBsdfToon": "diffuse_bsdf",
-    "ShaderNodeBsdfVelvet": "sheen_bsdf",
     "ShaderNodeBsdfHair": "diffuse_bsdf",
     "ShaderNodeBsdfHairPrincipled": "diffuse_bsdf",
     "ShaderNodeEeveeSpecular": "diffuse_bsdf",
@@ -119,8 +119,6 @@ SHADERS = {
 
 # Those whose likest is another.
 LIKE = {
-    "ShaderNodeBsdfToon": "a diffuse surface",
-    "ShaderNodeBsdfVelvet": "sheen of microfibres",
     "ShaderNodeBsdfHair": "a diffuse surface",
     "ShaderNodeBsdfHairPrincipled": "a diffuse surface",
     "ShaderNodeEeveeSpecular": "a diffuse surface",
@@ -144,6 +142,9 @@ KNOWN = {
     "translucent_bsdf": "Color",
     "transparent_bsdf": "Color",
     "sheen_bsdf": "Color,Roughness",
+    "velvet_bsdf": "Color,Roughness",
+    "toon_bsdf": "Color,Size,Smooth",
+    "toon_highlight_bsdf": "Color,Size,Smooth",
     "subsurface_scattering": "Color,Scale,Radius,Anisotropy",
     "emission": "Color,Strength",
 }
@@ -200,7 +201,7 @@ def feed(socket, groups=()):
             if inner is None:
                 return Feed(value=_zero(output), groups=groups)
             socket, groups = inner, (*groups, node)
-        elif node.bl_idname in ("ShaderNodeTexImage", "ShaderNodeTexEnvironment") and (node.image is None or image_files.is_missing(node.image)):
+        elif node.bl_idname in ("ShaderNodeTexImage", "ShaderNodeTexEnvironment") and _is_even(node):
             return Feed(value=_without_image(node.image, output), groups=groups, type=output.type)
         else:
             return Feed(output, groups)
@@ -219,6 +220,11 @@ def _converted(value, kind, to):
         return value
     weights = (0.2126729, 0.7151522, 0.0721750) if kind == "RGBA" else (1 / 3, 1 / 3, 1 / 3)
     return sum(weight * part for weight, part in zip(weights, value, strict=True))
+
+
+def _is_even(node):
+    """Does an image node give the same everywhere for want of an image? Where an image ends, so does the texel in its place."""
+    return node.image is None or (image_files.is_missing(node.image) and getattr(node, "extension", "") != "CLIP")
 
 
 def _without_image(image, output):
@@ -296,14 +302,12 @@ class Graph:
         return self._add(node, found.groups, entries)
 
     def _closure(self, node, groups):
-        kind = SHADERS[node.bl_idname]
+        kind = _kind(node)
         known = KNOWN[kind].split(",")
         if node.bl_idname in LIKE:
             self.baker.warn(f"the shader {node.bl_label} is not supported: it is {LIKE[node.bl_idname]}")
         if kind == "metallic_bsdf" and node.fresnel_type != "F82":
             return self._metal(node, groups)
-        if kind == "sheen_bsdf" and getattr(node, "distribution", "MICROFIBER") != "MICROFIBER":
-            self.baker.warn(f"sheen of the distribution {node.distribution} is that of microfibres here")
         entries = {"type": kind}
         for socket in node.inputs:
             if not socket.enabled or socket.type == "SHADER":
@@ -321,6 +325,7 @@ class Graph:
         self._as_skin(node, entries, groups)
         if node.bl_idname == "ShaderNodeHoldout":
             entries["color"] = [0.0, 0.0, 0.0]
+        entries.update(_facets(node))
         self._lift(entries)
         self._brush(node, entries, groups)
         if kind == "emission" or kind == "principled_bsdf":
@@ -419,7 +424,7 @@ class Graph:
         base = [((a - 1) ** 2 + b * b) / ((a + 1) ** 2 + b * b) for a, b in zip(n, k)]
         schlick = [f + (1 - f) * (1 - cosine) ** 5 for f in base]
         edge = [min(_conductor(a, b, cosine) / s, 1.0) for a, b, s in zip(n, k, schlick)]
-        entries = {"type": "metallic_bsdf", "base_color": base, "edge_tint": edge}
+        entries = {"type": "metallic_bsdf", "base_color": base, "edge_tint": edge, **_facets(node)}
         for name in ("Roughness", "Anisotropy", "Rotation"):
             found = feed(node.inputs[name], groups)
             value = self._constant(node, node.inputs[name], found) if name in CONSTANT else None
@@ -572,6 +577,21 @@ class Graph:
         if "coordinates" not in self.nodes:
             self.nodes["coordinates"] = {"type": COORDINATES}
         return f"coordinates.{output}"
+
+
+def _kind(node):
+    """What a shader is called in a graph."""
+    if node.bl_idname == "ShaderNodeBsdfSheen" and getattr(node, "distribution", "MICROFIBER") == "ASHIKHMIN":
+        return "velvet_bsdf"
+    if node.bl_idname == "ShaderNodeBsdfToon" and node.component == "GLOSSY":
+        return "toon_highlight_bsdf"
+    return SHADERS[node.bl_idname]
+
+
+def _facets(node):
+    """What becomes of light among the facets of a shader, where that matters."""
+    keeps = facets.keeps_all(node)
+    return {} if keeps is None else {"multiscatter": float(keeps)}
 
 
 def _conductor(n, k, cosine):
@@ -765,6 +785,8 @@ def _image(graph, node, groups):
         file = graph.images.frame(image, node.image_user)
     else:
         file = graph.images.file(image) if image.source in ("FILE", "GENERATED") else None
+    if file is None and image_files.is_missing(image):
+        file = graph.images.magenta()
     if file is None:
         raise Unsupported(f"the image '{image.name}'")
     entries = _image_entries(node, file)

@@ -5,8 +5,8 @@ use super::{Lowering, dipole};
 use crate::math::poly;
 use crate::scene::nodes::{MathOperation, NodeInput, NodeKind};
 use crate::scene::{
-    Anisotropy, Clearcoat, ColorSlot, DiffuseTransmission, FloatSlot, GlassReflection, Iridescence, Material,
-    Medium, Model, PbrMaterial, Sheen,
+    Anisotropy, Clearcoat, ColorSlot, DiffuseTransmission, EnergyCompensation, FloatSlot, GlassReflection,
+    Iridescence, Material, Medium, Model, PbrMaterial, Sheen,
 };
 use std::f32::consts::PI;
 
@@ -71,6 +71,19 @@ impl Lowering<'_, '_, '_> {
                 let roughness = self.float_slot(roughness);
                 Model::Pbr(Box::new(PbrMaterial { sheen: Some(Sheen { color, roughness }), ..bare() }))
             }
+            Shader::Velvet => {
+                let (color, deviation) =
+                    (self.color(index, "color", [0.8; 3]), self.number(index, "roughness", 1.0));
+                Model::Velvet { color: self.color_slot(color), deviation: self.float_slot(deviation) }
+            }
+            Shader::Toon => {
+                let (color, size, smooth) = self.toon(index);
+                Model::Toon { color, size, smooth }
+            }
+            Shader::ToonHighlight => {
+                let (color, size, smooth) = self.toon(index);
+                Model::ToonHighlight { color, size, smooth }
+            }
             Shader::Mix | Shader::Add => return,
         };
         self.add_component(index, weight, Material::new(self.material, model));
@@ -95,6 +108,13 @@ impl Lowering<'_, '_, '_> {
         }
     }
 
+    /// Colour and angles of a toon shader.
+    fn toon(&mut self, index: usize) -> (ColorSlot, FloatSlot, FloatSlot) {
+        let color = self.color(index, "color", [0.8; 3]);
+        let (size, smooth) = (self.number(index, "size", 0.5), self.number(index, "smooth", 0.0));
+        (self.color_slot(color), self.float_slot(size), self.float_slot(smooth))
+    }
+
     /// A layer that reflects its colour at all angles: total reflection, whose index is 0 in glTF.
     fn glossy(&mut self, index: usize) -> Model {
         let color = self.color(index, "color", [0.8; 3]);
@@ -102,6 +122,7 @@ impl Lowering<'_, '_, '_> {
             ior: 0.0,
             specular: FloatSlot::constant(1.0),
             specular_color: self.color_slot(color),
+            energy_compensation: self.energy_compensation(index),
             ..bare()
         };
         self.set_roughness(index, &mut pbr, "anisotropy", "rotation");
@@ -114,6 +135,7 @@ impl Lowering<'_, '_, '_> {
         let mut pbr = PbrMaterial {
             metallic: FloatSlot::constant(1.0),
             base_color: self.edged(color, tint, 1.0),
+            energy_compensation: self.energy_compensation(index),
             ..bare()
         };
         self.set_roughness(index, &mut pbr, "anisotropy", "rotation");
@@ -133,6 +155,15 @@ impl Lowering<'_, '_, '_> {
             (base[c] + metallic * (by_schlick - base[c])).max(0.0)
         });
         ColorSlot::constant(edged)
+    }
+
+    /// What becomes of light that one facet mirrors into others: `None` is what the picture says.
+    fn energy_compensation(&mut self, index: usize) -> Option<EnergyCompensation> {
+        match self.constant(index, "multiscatter", -1.0) {
+            unsaid if unsaid < 0.0 => None,
+            0.0 => Some(EnergyCompensation::Off),
+            _ => Some(EnergyCompensation::On),
+        }
     }
 
     /// Roughness with its anisotropy: in Blender the alphas are those of the roughness over and times the root of
@@ -168,6 +199,7 @@ impl Lowering<'_, '_, '_> {
             specular: FloatSlot::constant(1.0),
             transmission: FloatSlot::constant(1.0),
             glass_reflection: if is_white { GlassReflection::White } else { reflection },
+            energy_compensation: self.energy_compensation(index),
             ..self.interface()
         }))
     }
@@ -178,19 +210,12 @@ impl Lowering<'_, '_, '_> {
         PbrMaterial { has_volume: self.is_solid, keeps_radiance: true, ..bare() }
     }
 
-    /// The grey part of a transparency is a probability, the rest a sheet that tints.
+    /// Light passes straight on.
     fn transparent(&mut self, index: usize, weight: NodeInput) {
-        match self.color(index, "color", WHITE) {
-            NodeInput::Value([r, g, b]) if r == g && g == b => {
-                self.only_mixes &= r == 1.0;
-                self.add_transparency(weight, NodeInput::Value([r; 3]));
-            }
-            color => {
-                let tint = self.color_slot(color);
-                let sheet = Model::Glass { ior: 1.0, tint, roughness: NONE, is_thin: true };
-                self.add_component(index, weight, Material::new(self.material, sheet));
-            }
-        }
+        let color = self.color(index, "color", WHITE);
+        self.only_mixes &= color == NodeInput::Value(WHITE);
+        self.is_tinted |= !matches!(color, NodeInput::Value([r, g, b]) if r == g && g == b);
+        self.add_transparency(weight, color);
     }
 
     fn subsurface(&mut self, index: usize, weight: NodeInput) {
@@ -264,6 +289,7 @@ impl Lowering<'_, '_, '_> {
         let mut pbr = self.interface();
         let base = self.color(index, "base_color", [0.8; 3]);
         pbr.tints_once = true;
+        pbr.energy_compensation = self.energy_compensation(index);
         let number = |l: &mut Self, key, default| {
             let input = l.number(index, key, default);
             l.float_slot(input)

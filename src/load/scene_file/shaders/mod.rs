@@ -14,8 +14,11 @@
 //! |---|---|
 //! | `principled_bsdf` | those of Blender's node, in lower case with `_` for spaces: `base_color`, `metallic`, `roughness`, `specular_ior_level`, ... |
 //! | `diffuse_bsdf`, `glossy_bsdf`, `glass_bsdf`, `refraction_bsdf`, `translucent_bsdf`, `transparent_bsdf`, `sheen_bsdf`, `metallic_bsdf`, `subsurface_scattering` | the same: `color`, `roughness`, `ior`, `anisotropy`, `normal` |
+//! | `velvet_bsdf` | `color`, `roughness`, `normal`: Sheen of Ashikhmin |
+//! | `toon_bsdf`, `toon_highlight_bsdf` | `color`, `size`, `smooth`, `normal`: the components of Toon |
 //! | `subsurface_scattering`, `principled_bsdf` | `body`, `subsurface_body`: the colour of a body that a colour which varies paints |
 //! | | `skin_ior`, `subsurface_skin_ior`: above 0, the scattering is Random Walk (Skin) of this index of refraction: its radius is a diffusion length, and mean free paths depend on the colour |
+//! | all with facets | `multiscatter`: 1 gives back the light that facets mirror into each other, 0 loses it, as GGX of Blender does; without it `microfacet` of `[render]` counts |
 //! | `emission` | `color`, `strength` (1) |
 //! | `mix_shader` | `factor` (0.5), `a`, `b`: shaders; without one nothing is scattered |
 //! | `add_shader` | `a`, `b` |
@@ -105,6 +108,7 @@ pub(super) fn read<'a>(
         components: Vec::new(),
         emission: NodeInput::Value([0.0; 3]),
         transparency: NodeInput::Value([0.0; 3]),
+        is_tinted: false,
         only_mixes: true,
         path: Vec::new(),
     };
@@ -188,6 +192,8 @@ struct Lowering<'l, 'b, 'a> {
     emission: NodeInput,
     /// Share of light that passes.
     transparency: NodeInput,
+    /// What passes may have a colour.
+    is_tinted: bool,
     /// Nothing was added up: weights and transparency sum up to 1.
     only_mixes: bool,
     /// The shaders on the way from the surface.
@@ -438,10 +444,31 @@ impl Lowering<'_, '_, '_> {
         }
     }
 
-    /// The material of all closures. Rays pass with the probability of the mean of the transparency; what is scattered and
-    /// emitted is divided by the other one.
+    /// The probability with which rays pass, and the factor on what they bring. A sheet that scatters and emits nothing is
+    /// passed by all.
+    fn passing(&mut self) -> (NodeInput, ColorSlot) {
+        const ALL: NodeInput = NodeInput::Value([1.0; 3]);
+        let transparency = self.transparency;
+        if !self.is_tinted {
+            return (self.as_number(transparency), ColorSlot::constant([1.0; 3]));
+        }
+        if self.components.is_empty() && self.emission == NodeInput::Value([0.0; 3]) {
+            return (ALL, self.color_slot(transparency));
+        }
+        let share = match transparency {
+            NodeInput::Value([r, g, b]) => NodeInput::Value([((r + g + b) / 3.0).clamp(0.0, 1.0); 3]),
+            varying => {
+                let number = self.as_number(varying);
+                self.clamped(number)
+            }
+        };
+        let color = self.quotient(transparency, share);
+        (share, self.color_slot(color))
+    }
+
+    /// The material of all closures. Rays pass with a probability; what is scattered and emitted is divided by the other one.
     fn finish(mut self) -> Material {
-        let passes = self.as_number(self.transparency);
+        let (passes, passing) = self.passing();
         let alpha = self.complement(passes);
         let is_opaque = alpha == NodeInput::Value([1.0; 3]);
         let is_sole =
@@ -476,6 +503,7 @@ impl Lowering<'_, '_, '_> {
             // Light is added on the way of rays that pass.
             material.lamp = Some(Lamp { is_obstacle: false, ..Lamp::default() });
         } else if !is_opaque {
+            material.passing = passing;
             (material.alpha_mode, material.alpha) = (AlphaMode::Blend, self.float_slot(alpha));
         }
         material
