@@ -44,6 +44,7 @@ from blend_objects import (
 from blend_blur import blurred, blurred_camera
 from blend_glass import jewels, splitting_glass, tinted_glass
 from blend_links import light_links, linked_instances, shadow_links, shadowless
+from blend_interiors import INTERIORS
 from blend_panoramas import (
     equirectangular,
     equirectangular_part,
@@ -89,4 +90,5 @@ SCENES = [
     lampshades, clear_pictures, stretched_lamps, indirect_things, cut_hair,
     clouds, fire, flames, made_volumes, clouds_together, fire_in_smoke, foggy_room, made_densities,
     kitchen, bottle, meadow, street, bust, titles,
+    *INTERIORS,
 ]  # fmt: skip
