@@ -104,6 +104,15 @@ impl Bsdf {
         }
     }
 
+    /// The index of refraction and the GGX alpha of a face of a solid, 0 where it is smooth; `None` for all else.
+    pub fn solid_face(&self) -> Option<(f32, f32)> {
+        match self {
+            Bsdf::Dielectric(glass) => Some((glass.ior, 0.0)),
+            Bsdf::RoughDielectric(glass) => glass.solid_face(),
+            _ => None,
+        }
+    }
+
     /// The BSDF without its [straight transmission](Bsdf::straight).
     pub fn without_straight(self) -> Bsdf {
         let without = |glass: RoughDielectric| RoughDielectric { tint: Rgb::ZERO, ..glass };

@@ -273,6 +273,12 @@ impl RoughDielectric {
         Some(SmoothInterface { reflected, transmitted, cos_transmitted })
     }
 
+    /// The index of refraction and the larger alpha of a solid's face.
+    pub(super) fn solid_face(&self) -> Option<(f32, f32)> {
+        let [a, b] = self.surface.alpha();
+        (self.walls == Walls::Solid).then_some((self.ior, if self.is_smooth() { 0.0 } else { a.max(b) }))
+    }
+
     /// The limit of no roughness.
     #[inline(always)]
     fn sample_smooth(&self, wo: Vec3, u: f32) -> BsdfSample {

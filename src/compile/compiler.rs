@@ -9,6 +9,7 @@ use super::medium::Medium;
 use super::motion::MotionVectors;
 use super::objects::ObjectMaterials;
 use super::plan::{Plan, Tree};
+use super::refractors::RefractedLights;
 use super::reuse::{BuiltGeometry, Reusable, Sources};
 use super::scene::{CompileOptions, CompileReport, CompiledScene, ExpectedPicture, Features, View};
 use super::{
@@ -167,6 +168,7 @@ fn compile_after(
     let sources = (scene, &plan.numbers, options.shading);
     let (lights, tables) = lights(sources, anchor, environment, surfaces, &textures)?;
     report.lights = lights.len() as u64;
+    let refracted_lights = RefractedLights::find(scene, &materials, anchor, (&lights, &textures));
     let features = features(scene, (&geometries, &accel, anchor), &materials, &textures, &media)
         .with_lights(!tables.ray_kinds.is_empty(), tables.links.are_used());
     report.build_s = begin.elapsed().as_secs_f64();
@@ -181,6 +183,7 @@ fn compile_after(
         textures,
         lights,
         camera_environment: camera_environment(scene),
+        refracted_lights,
         light_groups: tables.groups,
         light_spectra: tables.spectra,
         light_kinds: tables.ray_kinds,

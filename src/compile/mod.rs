@@ -22,6 +22,7 @@ mod motion;
 mod objects;
 mod panes;
 mod plan;
+mod refractors;
 mod reuse;
 mod scene;
 mod texture_needs;
@@ -38,6 +39,7 @@ pub use medium::{Ball, Medium, Scattering};
 pub use motion::{MotionVectors, PointMotion};
 pub use objects::ObjectId;
 pub use plan::Tree;
+pub use refractors::{RefractedLights, Refractor, Side};
 pub use scene::{
     CompileOptions, CompileReport, CompiledScene, ExpectedPicture, Features, MemoryPart, View, choose_camera,
 };

@@ -8,6 +8,7 @@ use super::medium::Medium;
 use super::motion::MotionVectors;
 use super::objects::ObjectId;
 use super::plan::Tree;
+use super::refractors::RefractedLights;
 use super::reuse::{Reusable, Sources};
 use crate::accel::{Accel, Geometry, TreeQuality};
 use crate::bsdf::ShadingModel;
@@ -117,6 +118,8 @@ pub struct CompiledScene {
     pub lights: Lights,
     /// The environment that camera rays see, if it differs from the one that lights the scene and is not black.
     pub camera_environment: Option<EnvironmentLight>,
+    /// The small bright ones, and the bodies that refract their light.
+    pub refracted_lights: RefractedLights,
     /// Which group each is in.
     pub light_groups: LightGroups,
     /// Their spectra, by number; see [`CompiledScene::spectrum_of_light`].

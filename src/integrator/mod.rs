@@ -26,6 +26,7 @@ mod mis;
 mod mixes;
 mod panes;
 mod radiance_buffer;
+mod refracted_lights;
 pub mod reuse;
 mod sampling;
 mod scatter;

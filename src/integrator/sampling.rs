@@ -215,6 +215,8 @@ pub(super) enum RandomChoice {
     RayKind,
     /// Channel of the path behind a dispersive interface.
     DispersionChannel,
+    /// Lobe towards a refracted light, or the BSDF.
+    LightLobe,
 }
 
 impl RandomChoice {
@@ -233,6 +235,7 @@ impl RandomChoice {
             RandomChoice::MediumEmission => common ^ 0x3c6e_f372,
             RandomChoice::OverlappingEmission { medium } => common ^ medium,
             RandomChoice::RayKind => common ^ 0x27d4_eb2f,
+            RandomChoice::LightLobe => common ^ 0x165667b1,
             RandomChoice::DispersionChannel => {
                 hash32(seed ^ hash32(shuffled).rotate_left(7) ^ (bounce << 20))
             }

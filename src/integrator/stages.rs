@@ -28,6 +28,8 @@ pub(super) enum Data {
     Vertices,
     /// Guiding distributions of the vertices.
     Cells,
+    /// Lobes of vertices towards refracted lights.
+    Lobes,
     /// Origins and directions of the scattered rays.
     Scattered,
     /// Prefixes and suffixes of paths for path sharing.
@@ -194,7 +196,9 @@ fn always(_: &Integrator<'_>) -> bool {
     true
 }
 
-use Data::{Cells, Groups, Hits, Paths, Rays, Results, Scattered, Segments, Shared, Training, Vertices};
+use Data::{
+    Cells, Groups, Hits, Lobes, Paths, Rays, Results, Scattered, Segments, Shared, Training, Vertices,
+};
 
 /// From the rays of a wave to the vertices where its paths continue.
 pub(super) const ARRIVE: &[Stage] = &[
@@ -386,12 +390,28 @@ pub(super) const LEAVE: &[Stage] = &[
         run: |i, b, w| b.vertices = i.split(&b.vertices, w),
     },
     Stage {
+        name: "refracted lights: lobes",
+        condition: |i| i.samples_refracted_lights(),
+        bounces: Bounces::All,
+        reads: &[Vertices, Paths],
+        writes: &[Lobes],
+        run: |i, b, w| i.find_light_lobes(&b.vertices, w),
+    },
+    Stage {
         name: "scatter",
         condition: always,
         bounces: Bounces::All,
         reads: &[Vertices, Paths],
         writes: &[Scattered, Paths],
         run: |i, b, w| i.scatter(b.number, &b.vertices, w),
+    },
+    Stage {
+        name: "refracted lights: choice",
+        condition: |i| i.samples_refracted_lights(),
+        bounces: Bounces::All,
+        reads: &[Vertices, Lobes, Scattered, Paths],
+        writes: &[Scattered, Paths],
+        run: |i, b, w| i.scatter_to_refracted_lights(b.number, &b.vertices, w),
     },
     Stage {
         name: "densities",

@@ -4,6 +4,7 @@ use super::first_hit::FirstHits;
 use super::guiding::guide::{TrainingSample, VertexRecord};
 use super::medium_segment::{MediumSegment, ShadowSegment};
 use super::radiance_buffer::RadianceBuffer;
+use super::refracted_lights::LightLobes;
 use super::reuse::state::Reuse;
 use super::shading_groups::ShadingGroup;
 use super::slabs::{RayCrossings, ShadowCrossings};
@@ -66,6 +67,8 @@ pub struct Workspace {
     /// Panes that the arriving rays and the shadow rays passed; empty without panes.
     pub(super) crossings: Vec<RayCrossings>,
     pub(super) shadow_crossings: Vec<ShadowCrossings>,
+    /// Vertices with lobes towards refracted lights.
+    pub(super) light_lobes: Vec<LightLobes>,
     /// Path segments and shadow rays in scattering media.
     pub(super) medium_segments: Vec<MediumSegment>,
     /// Segments in media that overlap those.
@@ -117,6 +120,7 @@ impl Workspace {
             pending_hits: Vec::new(),
             crossings: Vec::new(),
             shadow_crossings: Vec::new(),
+            light_lobes: Vec::new(),
             medium_segments: Vec::new(),
             overlapping_segments: Vec::new(),
             shadow_segments: Vec::new(),
@@ -138,6 +142,7 @@ impl Workspace {
         self.catcher_samples.clear();
         self.crossings.clear();
         self.shadow_crossings.clear();
+        self.light_lobes.clear();
         self.medium_segments.clear();
         self.overlapping_segments.clear();
         self.shadow_segments.clear();

@@ -98,6 +98,16 @@ impl Sun {
         uniform_cone_pdf_solid_angle(self.one_minus_cos)
     }
 
+    /// The unit direction to its center.
+    pub fn center(&self) -> Vec3 {
+        self.frame.n
+    }
+
+    /// Half its angle, radians, as long as it is small.
+    pub fn half_angle(&self) -> f32 {
+        (2.0 * self.one_minus_cos).sqrt()
+    }
+
     /// Does a unit vector point at it?
     #[inline(always)]
     pub fn contains(&self, direction: Vec3) -> bool {

@@ -9,6 +9,7 @@ mod light_tree;
 mod lights;
 mod point;
 mod portals;
+mod small_lights;
 mod traits;
 
 use crate::color::Rgb;
@@ -25,6 +26,7 @@ pub use light_paths::{EmittedRay, LightPathSampler, TargetSphere, TargetSpheres}
 pub use light_tree::{Descent, LightTree, Receiver};
 pub use lights::{LightMotions, Lights, MovingLight, SelectedLight, SelectedSun};
 use point::{Point, Profiled, Spot};
+pub use small_lights::{LightPlace, SmallLight};
 pub use traits::{LightBounds, LightOrigin, LightSample, LightSource, PunctualSource};
 
 // The table of lights without a surface (KHR_lights_punctual, measured profiles and suns).

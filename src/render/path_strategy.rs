@@ -80,6 +80,8 @@ fn obstacle_to_sharing(target: &Target<'_>) -> Option<&'static str> {
         (scene.shading.spectral, "they carry wavelengths of their own"),
         // The weights need the visibility of each connection, not a random estimate.
         (has_random_surfaces(scene), "the scene has surfaces that are partly transparent"),
+        // Neighbours have other lobes towards them, or none.
+        (!scene.refracted_lights.is_empty(), "glass or water refracts the light of lamps or suns"),
         // A suffix belongs to the component that its own path selected.
         (features.mixes, "the scene has mixes of materials"),
         // Connections would have to estimate transmittance.

@@ -1,6 +1,7 @@
 //! The same pixels whatever the number of threads; other pixels from another seed.
 
 use crate::panes::under_a_pane;
+use crate::refracted_lights::scene_behind;
 use crate::support::sheet::{self, Variant};
 use crate::support::{material, options, picture, quad, sphere};
 use oscura::film::{Aov, AovSet, Film, Values};
@@ -57,9 +58,11 @@ fn everything() -> Scene {
 }
 
 /// Scenes that together use all loops over vertices.
-fn scenes() -> [(&'static str, Scene); 3] {
+fn scenes() -> [(&'static str, Scene); 5] {
     let named = |name| (name, scene(name));
-    [named("cornell-quads.toml"), named("materials.toml"), ("everything", everything())]
+    let behind = |what| (what, scene_behind(what, Material::lambert("grey", [0.5; 3]), false, true));
+    let [cornell, materials] = [named("cornell-quads.toml"), named("materials.toml")];
+    [cornell, materials, ("everything", everything()), behind("frosted pane"), behind("waves")]
 }
 
 fn bits(film: &Film) -> Vec<[u32; 4]> {
@@ -83,7 +86,8 @@ fn pictures_depend_on_no_scene_before() {
     let files = ["cornell-quads.toml", "lamp-in-fog.toml", "smoke.toml", "window.toml", "wax.toml"];
     let of_files = files.map(|name| (name, scene(name)));
     let pane = under_a_pane(Material::lambert("grey", [0.5; 3]), DVec3::new(0.0, 0.2, 0.8), true);
-    let others = [("everything", everything()), ("pane", pane)];
+    let water = scene_behind("level water", Material::lambert("grey", [0.5; 3]), false, true);
+    let others = [("everything", everything()), ("pane", pane), ("water", water)];
     let scenes: Vec<(&str, Scene)> = of_files.into_iter().chain(others).collect();
     // Light from surfaces that scatter once: many paths are left in the memory when the last bounce ends.
     let take = |scene: &Scene| bits(&picture(scene, &options(8, 32, 1)));

@@ -39,6 +39,7 @@ mod portals;
 mod priorities;
 mod profiled;
 mod references;
+mod refracted_lights;
 mod reuse;
 mod shadow;
 mod sheets;
