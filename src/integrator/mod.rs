@@ -19,6 +19,7 @@ mod guiding;
 mod hit_data;
 mod interfaces;
 mod interior;
+mod light_lobes;
 mod limits;
 mod mapped_normals;
 mod medium_segment;

@@ -16,6 +16,7 @@
 use super::Integrator;
 use super::guiding::Guided;
 use super::interior::Interior;
+use super::light_lobes::LightLobes;
 use super::mis::DirectionPdf;
 use super::sampling::{FIRST_ROULETTE, Purpose, RandomChoice, survival};
 use super::shading_geometry::{Horizon, Relief, Soft, Terminator};
@@ -28,70 +29,14 @@ use crate::bsdf::Bsdf;
 use crate::color::Rgb;
 use crate::compile::{Refractor, Side};
 use crate::light::{LightPlace, SmallLight};
-use crate::math::{Bounds3, Frame, Ray, Vec3, offset_along, poly};
+use crate::math::{Bounds3, Ray, Vec3, offset_along};
 use crate::sampling::sampler::SobolPoint;
-use std::f32::consts::PI;
-
-/// Most lobes of a vertex.
-const MOST: usize = 4;
 
 /// Share of directions that lobes sample where there are some.
 const SHARE: f32 = 0.5;
 
-/// Narrowest and widest lobes, GGX alpha.
-const WIDTHS: [f32; 2] = [5e-4, 0.5];
-
 /// Roughness that the glossy filter gives what paths hit after diffuse scattering, GGX alpha.
 const FILTERED_ALPHA: f32 = 0.4;
-
-/// Directions around an axis: the tangent of their angle to it is distributed as that of GGX normals.
-#[derive(Clone, Copy, Debug)]
-struct Lobe {
-    axis: Vec3,
-    alpha: f32,
-}
-
-impl Lobe {
-    fn pdf_solid_angle(&self, w: Vec3) -> f32 {
-        let cosine = w.dot(self.axis);
-        let squared = self.alpha * self.alpha;
-        let spread = w.cross(self.axis).length_squared() + squared * cosine * cosine;
-        if cosine > 0.0 { squared * cosine / (PI * spread * spread) } else { 0.0 }
-    }
-
-    fn sample(&self, [a, b]: [f32; 2]) -> Vec3 {
-        let tangent = self.alpha * (a / (1.0 - a).max(1e-7)).sqrt();
-        let cosine = 1.0 / (1.0 + tangent * tangent).sqrt();
-        let (sine, phi) = (tangent * cosine, 2.0 * PI * b);
-        let (s, c) = poly::sin_cos(phi);
-        Frame::from_normal(self.axis).to_world(Vec3::new(sine * c, sine * s, cosine))
-    }
-}
-
-/// A vertex with lobes, and the state of its path before it scattered.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct LightLobes {
-    vertex: u32,
-    lobes: [Lobe; MOST],
-    count: usize,
-    throughput: Rgb,
-    roulette_scale: f32,
-    interior: Interior,
-}
-
-impl LightLobes {
-    fn add(&mut self, axis: Vec3, width: f32) {
-        if self.count < MOST && width <= WIDTHS[1] {
-            self.lobes[self.count] = Lobe { axis, alpha: width.max(WIDTHS[0]) };
-            self.count += 1;
-        }
-    }
-
-    fn pdf_solid_angle(&self, w: Vec3) -> f32 {
-        let lobes = &self.lobes[..self.count];
-        lobes.iter().map(|lobe| lobe.pdf_solid_angle(w)).sum::<f32>() / self.count as f32
-    }
-}
 
 /// Where a test ray hit a refracting face.
 struct Face {
@@ -137,7 +82,7 @@ impl Integrator<'_> {
                 continue;
             }
             let lobes = self.lobes_of(i, sorted, w);
-            if lobes.count > 0 {
+            if !lobes.is_empty() {
                 w.light_lobes.push(lobes);
             }
         }
@@ -145,14 +90,9 @@ impl Integrator<'_> {
 
     fn lobes_of(&self, i: usize, sorted: &SortedVertices, w: &Workspace) -> LightLobes {
         let paths = &w.wave.paths;
-        let mut found = LightLobes {
-            vertex: i as u32,
-            lobes: [Lobe { axis: Vec3::Z, alpha: 1.0 }; MOST],
-            count: 0,
-            throughput: get_rgb(&paths.state.throughput, i),
-            roulette_scale: paths.state.roulette_scale[i],
-            interior: if self.optional.interior { paths.interior[i] } else { Interior::AIR },
-        };
+        let interior = if self.optional.interior { paths.interior[i] } else { Interior::AIR };
+        let throughput = get_rgb(&paths.state.throughput, i);
+        let mut found = LightLobes::new(i, throughput, paths.state.roulette_scale[i], interior);
         let (p, ng) = (get(&w.wave.vertices.p, i), get(&w.wave.vertices.ng, i));
         let is_opaque = i < sorted.medium().start;
         let may_arrive = |d: Vec3| !is_opaque || d.dot(ng) > 0.0;
@@ -290,8 +230,7 @@ impl Integrator<'_> {
             let state = &w.wave.paths.state;
             let point = SobolPoint::from_parts(state.seed[i], state.shuffled[i]);
             let [a, b, _, roulette] = point.sample_4d(&dimensions);
-            let lobe = lobes.lobes[((choice / SHARE * lobes.count as f32) as usize).min(lobes.count - 1)];
-            let wi = lobe.sample([a, b]);
+            let wi = lobes.sample(choice / SHARE, [a, b]);
             let value = self.value_towards(i, wi, sorted, w);
             let (paths, v) = (&mut w.wave.paths, &mut w.wave.vertices);
             if self.optional.interior {

@@ -2,9 +2,9 @@
 
 use super::first_hit::FirstHits;
 use super::guiding::guide::{TrainingSample, VertexRecord};
+use super::light_lobes::LightLobes;
 use super::medium_segment::{MediumSegment, ShadowSegment};
 use super::radiance_buffer::RadianceBuffer;
-use super::refracted_lights::LightLobes;
 use super::reuse::state::Reuse;
 use super::shading_groups::ShadingGroup;
 use super::slabs::{RayCrossings, ShadowCrossings};
