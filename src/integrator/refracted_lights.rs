@@ -308,15 +308,20 @@ impl Integrator<'_> {
         if C::Closure::OPAQUE && height <= 0.0 || !C::Closure::IN_MEDIUM && closure.crosses(wi) {
             return None;
         }
-        let eval = closure.eval(wi);
+        let mut eval = closure.eval(wi);
         let side = if !C::Closure::OPAQUE && height < 0.0 { -1.0 } else { 1.0 };
         let normals = [ns * side, ng * side];
-        let kept = match self.terminator() {
+        let mut kept = match self.terminator() {
             _ if C::Closure::IN_MEDIUM => 1.0,
             Terminator::Sharp => 1.0,
             Terminator::Soft => Soft.kept(v, i, normals, side, wi),
             Terminator::Relief => Relief.kept(v, i, normals, side, wi),
         };
+        if matches!(self.terminator(), Terminator::Relief) {
+            let relief;
+            (eval, relief) = closure.on_relief(Relief, (v, i), (ns * side, side), (wi, eval));
+            kept *= relief;
+        }
         let pdf_solid_angle = eval.pdf_solid_angle * class.light_density(v, i);
         Some(Value { f_cos: eval.f_cos * kept, pdf_solid_angle })
     }
