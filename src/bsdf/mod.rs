@@ -53,7 +53,6 @@ use crate::scene::{
     ColorSlot, EnergyCompensation, FresnelModel, GlassReflection, Model, PbrMaterial, SkippedCaustics,
 };
 use lobe::{always, with_side};
-use microsurface::MicrosurfaceProgram;
 
 dispatch::bsdfs! {
     opaque {
@@ -248,11 +247,9 @@ impl BsdfProgram {
             Model::Velvet { color, deviation } => {
                 VelvetProgram { color: *color, deviation: *deviation }.into()
             }
-            Model::Toon { color, size, smooth } => {
-                ToonProgram { color: *color, size: *size, smooth: *smooth, is_glossy: false }.into()
-            }
-            Model::ToonHighlight { color, size, smooth } => {
-                ToonProgram { color: *color, size: *size, smooth: *smooth, is_glossy: true }.into()
+            Model::Toon { color, size, smooth } | Model::ToonHighlight { color, size, smooth } => {
+                let is_glossy = matches!(model, Model::ToonHighlight { .. });
+                ToonProgram { color: *color, size: *size, smooth: *smooth, is_glossy }.into()
             }
             Model::SchlickMetal { color, roughness } => {
                 SchlickMetalProgram { color: *color, roughness: *roughness, energy_compensation }.into()
@@ -277,14 +274,8 @@ impl BsdfProgram {
                 ThinDielectricProgram { ior: *ior, tint: *tint }.into()
             }
             Model::Glass { ior, tint, roughness, is_thin } => RoughDielectricProgram {
-                facets: MicrosurfaceProgram { roughness: *roughness, anisotropy: None },
-                ior: *ior,
                 walls: if *is_thin { Walls::Thin } else { Walls::Solid },
-                refraction,
-                tint: *tint,
-                tints_once: false,
-                reflection: GlassReflection::White,
-                energy_compensation,
+                ..RoughDielectricProgram::new(*ior, *tint, *roughness, energy_compensation)
             }
             .into(),
             Model::Hair { color, roughness, radial_roughness, ior, tilt_rad, coat } => HairProgram {

@@ -8,7 +8,7 @@ use super::{
 };
 use crate::color::Rgb;
 use crate::math::Vec3;
-use crate::scene::{ColorSlot, EnergyCompensation, GlassReflection, SkippedCaustics};
+use crate::scene::{ColorSlot, EnergyCompensation, FloatSlot, GlassReflection, SkippedCaustics};
 
 /// Alpha times (ior - 1) below which refraction spreads light by less than single precision resolves from a single
 /// direction: the surface counts as smooth.
@@ -223,6 +223,27 @@ pub struct RoughDielectricProgram {
     pub reflection: GlassReflection,
     /// See [`RoughDielectric::energy_compensation`].
     pub energy_compensation: EnergyCompensation,
+}
+
+impl RoughDielectricProgram {
+    /// Isotropic glass of a solid.
+    pub fn new(
+        ior: f32,
+        tint: ColorSlot,
+        roughness: FloatSlot,
+        energy_compensation: EnergyCompensation,
+    ) -> RoughDielectricProgram {
+        RoughDielectricProgram {
+            facets: MicrosurfaceProgram { roughness, anisotropy: None },
+            ior,
+            walls: Walls::Solid,
+            refraction: Refraction::Scales,
+            tint,
+            tints_once: false,
+            reflection: GlassReflection::White,
+            energy_compensation,
+        }
+    }
 }
 
 impl MaterialProgram for RoughDielectricProgram {

@@ -267,8 +267,7 @@ impl CompiledMaterial {
             || uses_frame
             || is_mapped
             || emission.is_some_and(|e| e.radiance.texture.is_some())
-            || alpha
-                .is_some_and(|a| a.slot.texture.is_some() || a.passing.is_some_and(|p| p.texture.is_some()));
+            || alpha.is_some_and(|a| a.is_textured());
         let is_constant = !is_textured && !material.use_vertex_colors && !uses_frame;
         let example = is_constant.then(|| program.evaluate(&Factors, &LocalFrame::STRAIGHT));
         let constant = example.filter(|_| !is_spectral);
@@ -566,6 +565,11 @@ pub struct Alpha {
 }
 
 impl Alpha {
+    /// Does it vary by a texture?
+    fn is_textured(&self) -> bool {
+        self.slot.texture.is_some() || self.passing.is_some_and(|passing| passing.texture.is_some())
+    }
+
     /// Zero alpha stays zero whatever vertices and textures multiply it with.
     pub(super) fn is_never_present(&self) -> bool {
         self.slot.factor == 0.0 && self.passing.is_none() && self.cutoff.is_none_or(|cutoff| cutoff > 0.0)

@@ -5,12 +5,12 @@ use super::sampling::{FIRST_ROULETTE, Purpose, ScatterParams, survival};
 use super::shading_geometry::{Horizon, Relief, Sharp, Soft, Terminator};
 use super::shading_groups::{
     Closure, GeneralClass, LambertClass, MediumClass, MetalRoughClass, SortedVertices, VertexClass,
+    sample_on_relief,
 };
 use super::wave::{PathState, PerPath, Vertices, WAVE, Wave, get, get_rgb, repeat, set, set_rgb};
 use super::workspace::Workspace;
 use super::{Integrator, guiding};
-use crate::bsdf::{Bsdf, BsdfEval, BsdfSample};
-use crate::color::Rgb;
+use crate::bsdf::Bsdf;
 use crate::math::{Ray, Vec3, offset_along};
 use crate::sampling::sampler::SobolPoint;
 use crate::simd::{Kernel, dispatch};
@@ -160,23 +160,6 @@ impl<C: VertexClass, T: Horizon> Kernel for Scatter<'_, C, T> {
             path.pdf[i] = DirectionPdf::after_roulette(pdf, goes_on);
         }
     }
-}
-
-/// The weight of a sampled direction on the relief of vertex `i`.
-#[inline(always)]
-pub(super) fn sample_on_relief<C: Closure, T: Horizon>(
-    closure: &C,
-    horizon: T,
-    at: (&Vertices, usize),
-    (ns, side): (Vec3, f32),
-    sample: &BsdfSample,
-) -> Rgb {
-    let pdf_solid_angle = sample.pdf_solid_angle;
-    let eval = BsdfEval { f_cos: sample.weight * pdf_solid_angle, pdf_solid_angle };
-    let (dimmed, relief) = closure.on_relief(horizon, at, (ns, side), (sample.wi, eval));
-    let inverse = 1.0 / if pdf_solid_angle > 0.0 { pdf_solid_angle } else { 1.0 };
-    // Without a part that isn't diffuse the value stays what it is.
-    (if C::IS_DIFFUSE { sample.weight } else { dimmed.f_cos * inverse }) * relief
 }
 
 /// Branches of a split for each light sample. (Rough metal on a floor under image environments with a sun, 8 branches: with

@@ -287,6 +287,23 @@ pub trait Closure {
     }
 }
 
+/// The weight of a sampled direction on the relief of vertex `i`.
+#[inline(always)]
+pub(super) fn sample_on_relief<C: Closure, T: Horizon>(
+    closure: &C,
+    horizon: T,
+    at: (&Vertices, usize),
+    (ns, side): (Vec3, f32),
+    sample: &BsdfSample,
+) -> Rgb {
+    let pdf_solid_angle = sample.pdf_solid_angle;
+    let eval = BsdfEval { f_cos: sample.weight * pdf_solid_angle, pdf_solid_angle };
+    let (dimmed, relief) = closure.on_relief(horizon, at, (ns, side), (sample.wi, eval));
+    let inverse = 1.0 / if pdf_solid_angle > 0.0 { pdf_solid_angle } else { 1.0 };
+    // Without a part that isn't diffuse the value stays what it is.
+    (if C::IS_DIFFUSE { sample.weight } else { dimmed.f_cos * inverse }) * relief
+}
+
 /// Vertices whose closures are loaded in the same way.
 pub trait VertexClass {
     /// Their closure.

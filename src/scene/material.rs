@@ -4,7 +4,6 @@
 use super::light::SpotFade;
 use super::medium::Medium;
 use super::object_traits::RayKinds;
-use super::settings::EnergyCompensation;
 use super::slot::{
     ColorSlot, FloatSlot, NormalMap, Parameter, ParameterMut, Parameters, parameters_of_fields,
 };
@@ -217,6 +216,17 @@ impl Material {
 }
 
 // How surfaces scatter light.
+
+/// Compensation for the energy that single scattering between microfacets loses.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum EnergyCompensation {
+    /// The lost energy is given back: by a factor (Turquin 2019); in solid glass, distributed as multiple scattering between microfacets
+    /// (see [`crate::bsdf::RoughDielectric`]).
+    #[default]
+    On,
+    /// Single scattering only, for comparison with renderers that do so.
+    Off,
+}
 
 /// Which Fresnel term a dielectric uses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -43,9 +43,9 @@ pub use light::{
     DEFAULT_GROUP, GROUP_KEY, Light, LightKind, LightProfile, SpotFade, group_or_default, is_group_name,
 };
 pub use material::{
-    AlphaMode, Anisotropy, Beam, Clearcoat, DiffuseTransmission, Displacement, Emission, FresnelModel,
-    GlassReflection, Iridescence, Lamp, Material, MixComponent, Model, PbrMaterial, Sheen, Transmission,
-    hair_color, hair_color_scale,
+    AlphaMode, Anisotropy, Beam, Clearcoat, DiffuseTransmission, Displacement, Emission, EnergyCompensation,
+    FresnelModel, GlassReflection, Iridescence, Lamp, Material, MixComponent, Model, PbrMaterial, Sheen,
+    Transmission, hair_color, hair_color_scale,
 };
 pub use medium::{EmissionGrid, Fog, Grid, Medium, coefficients};
 pub use motion::{Moving, SceneMotion, Vertices};
@@ -53,9 +53,7 @@ pub use object_traits::ObjectInfo;
 pub use object_traits::{LightLinks, Link, ObjectSet, ObjectSets, ObjectTraits, RayKinds};
 pub use outline::{MaterialUses, Outline};
 pub(crate) use outline::{encloses, is_closed};
-pub use settings::{
-    BounceLimits, CatcherOutput, Clamp, EnergyCompensation, Filter, Settings, ShadingModel, SkippedCaustics,
-};
+pub use settings::{BounceLimits, CatcherOutput, Clamp, Filter, Settings, ShadingModel, SkippedCaustics};
 pub use slot::{ColorSlot, FloatSlot, NormalMap, Parameter, ParameterMut, Parameters};
 pub use texture::{Interpolation, MAX_TEXTURE_NESTING, Mapping, NoiseKind, Texture, TextureTransform, Wrap};
 

@@ -1,6 +1,6 @@
 //! Render settings of scene files.
 
-use super::material::FresnelModel;
+use super::material::{EnergyCompensation, FresnelModel};
 use crate::color::ViewTransform;
 
 /// Reconstruction filter.
@@ -14,17 +14,6 @@ pub enum Filter {
     /// Blackman-Harris window, radius 1.5.
     #[default]
     BlackmanHarris,
-}
-
-/// Compensation for the energy that single scattering between microfacets loses.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum EnergyCompensation {
-    /// The lost energy is given back: by a factor (Turquin 2019); in solid glass, distributed as multiple scattering between microfacets
-    /// (see [`crate::bsdf::RoughDielectric`]).
-    #[default]
-    On,
-    /// Single scattering only, for comparison with renderers that do so.
-    Off,
 }
 
 /// What shadow catchers contribute to the picture.
