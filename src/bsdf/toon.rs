@@ -22,12 +22,12 @@ pub struct Toon {
 }
 
 /// Angles of highlights are at least this share of a right angle.
-const LEAST_SIZE: f32 = 1e-5;
+const MIN_SIZE: f32 = 1e-5;
 
 impl Toon {
     /// By shares of a right angle.
     pub fn new(color: Rgb, [size, smooth]: [f32; 2], is_glossy: bool) -> Toon {
-        let angle_rad = size.max(LEAST_SIZE) * FRAC_PI_2;
+        let angle_rad = size.max(MIN_SIZE) * FRAC_PI_2;
         Toon { color, angle_rad, end_rad: angle_rad + smooth * FRAC_PI_2, is_glossy }
     }
 

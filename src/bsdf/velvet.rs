@@ -15,15 +15,15 @@ use std::f32::consts::{FRAC_1_PI, PI};
 pub struct Velvet {
     /// Factor on the scattered light.
     pub color: Rgb,
-    /// The standard deviation sigma of the density, from [`LEAST_DEVIATION`] to 1.
+    /// The standard deviation sigma of the density, from [`MIN_DEVIATION`] to 1.
     pub deviation: f32,
 }
 
 /// Deviations are at least this.
-const LEAST_DEVIATION: f32 = 0.01;
+const MIN_DEVIATION: f32 = 0.01;
 
 /// Cosines are at least this where they divide.
-const LEAST_COSINE: f32 = 1e-5;
+const MIN_COSINE: f32 = 1e-5;
 
 /// Density of directions that are uniform over the hemisphere.
 const UNIFORM: f32 = 0.5 * FRAC_1_PI;
@@ -34,12 +34,12 @@ impl Velvet {
     fn value(&self, wo: Vec3, wi: Vec3) -> f32 {
         let half = (wo + wi).normalize();
         let (cosine, of_half) = (half.z, wo.dot(half).abs());
-        if cosine >= 1.0 - LEAST_COSINE || of_half <= LEAST_COSINE || wo.z <= LEAST_COSINE {
+        if cosine >= 1.0 - MIN_COSINE || of_half <= MIN_COSINE || wo.z <= MIN_COSINE {
             return 0.0;
         }
         let (squared, inverse) = (1.0 - cosine * cosine, 1.0 / (self.deviation * self.deviation));
         let density = poly::exp(-cosine * cosine / squared * inverse) * inverse / (PI * squared * squared);
-        let masked = (2.0 * (cosine / of_half).max(LEAST_COSINE) * wo.z.min(wi.z)).min(1.0);
+        let masked = (2.0 * (cosine / of_half).max(MIN_COSINE) * wo.z.min(wi.z)).min(1.0);
         0.25 * density * masked / wo.z
     }
 }
@@ -102,7 +102,7 @@ impl MaterialProgram for VelvetProgram {
 
     #[inline]
     fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> Velvet {
-        let deviation = slots.share(&self.deviation).max(LEAST_DEVIATION);
+        let deviation = slots.share(&self.deviation).max(MIN_DEVIATION);
         Velvet { color: slots.share_by_channel(&self.color), deviation }
     }
 }

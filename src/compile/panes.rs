@@ -12,13 +12,13 @@ const FLAT_COSINE: f64 = 1.0 - 1e-6;
 
 /// Largest area of the rim relative to one face: within this far from it, light that is reflected within the pane more than once would
 /// leave through the rim. A square pane is then at most an eighth as thick as wide.
-const MOST_RIM: f64 = 0.5;
+const MAX_RIM: f64 = 0.5;
 
 /// Largest difference between the areas of the two faces, relative.
-const MOST_DIFFERENCE: f64 = 0.02;
+const MAX_DIFFERENCE: f64 = 0.02;
 
 /// Directions in which a body is tried: those of a box.
-const MOST_AXES: usize = 3;
+const MAX_AXES: usize = 3;
 
 /// Margin on the thickness, relative.
 const MARGIN: f64 = 1.01;
@@ -94,7 +94,7 @@ impl Slab {
         let area = (areas * self.axis).length() * self.area;
         let rim: f64 = self.rim.iter().map(|&of_triangle| (areas * of_triangle).length()).sum();
         let thickness = self.thickness / (normals * self.axis).length();
-        (thickness.is_finite() && thickness > 0.0 && rim <= MOST_RIM * area).then_some(thickness)
+        (thickness.is_finite() && thickness > 0.0 && rim <= MAX_RIM * area).then_some(thickness)
     }
 }
 
@@ -158,7 +158,7 @@ fn root(parents: &mut [u32], mut vertex: u32) -> u32 {
     vertex
 }
 
-/// A body as a slab along each of the [`MOST_AXES`] normals of its largest triangles: an instance may flatten it along any.
+/// A body as a slab along each of the [`MAX_AXES`] normals of its largest triangles: an instance may flatten it along any.
 fn slabs_of_body(mesh: &Mesh, triangles: &[[u32; 3]], body: &[u32]) -> Vec<Slab> {
     let corners = |triangle: u32| mesh.corners_f64(triangles[triangle as usize]);
     let face = |&triangle: &u32| {
@@ -168,7 +168,7 @@ fn slabs_of_body(mesh: &Mesh, triangles: &[[u32; 3]], body: &[u32]) -> Vec<Slab>
     };
     let faces: Vec<Face> = body.iter().map(face).collect();
     let mut axes: Vec<DVec3> = Vec::new();
-    for _ in 0..MOST_AXES {
+    for _ in 0..MAX_AXES {
         axes.extend(largest_beside(&axes, &faces).and_then(|face| face.area.try_normalize()));
     }
     axes.into_iter().filter_map(|axis| slab_along(axis, &faces, corners)).collect()
@@ -219,7 +219,7 @@ fn slab_along(axis: DVec3, faces: &[Face], corners: impl Fn(u32) -> [DVec3; 3]) 
     let thickness = levels[0].0 - levels[1].1;
     let unevenness = (levels[0].1 - levels[0].0).max(levels[1].1 - levels[1].0);
     let is_slab = area > 0.0
-        && (of_faces[0] - of_faces[1]).abs() <= MOST_DIFFERENCE * area
+        && (of_faces[0] - of_faces[1]).abs() <= MAX_DIFFERENCE * area
         && thickness > 0.0
         && unevenness <= 1e-3 * thickness;
     is_slab.then(|| {

@@ -9,20 +9,20 @@ use crate::math::{Bounds3, DMat3, DVec3, Vec3};
 use crate::scene::{Instance, Mesh, Scene};
 use crate::texture::CompiledTextures;
 
-/// Most bodies.
-const MOST: usize = 64;
+/// Maximum number of bodies.
+const MAX_BODIES: usize = 64;
 
-/// Most sides of a body that are tried.
-const MOST_SIDES: usize = 6;
+/// Maximum number of sides of a body.
+const MAX_SIDES: usize = 6;
 
-/// Least cosine between the normals of triangles of the same side.
+/// Minimum cosine between the normals of triangles of the same side.
 const SIDE_COSINE: f64 = 0.75;
 
-/// Least share of a body's area in a side.
-const LEAST_SHARE: f64 = 0.08;
+/// Minimum share of a body's area in a side.
+const MIN_SHARE: f64 = 0.08;
 
-/// Largest root mean square of the angles between the normals of a side and their mean, radians.
-const MOST_SPREAD: f64 = 0.25;
+/// Maximum root mean square of the angles between the normals of a side and their mean, radians.
+const MAX_SPREAD: f64 = 0.25;
 
 /// So many triangles show whether a body is round.
 const PROBES: usize = 64;
@@ -95,7 +95,7 @@ impl RefractedLights {
             bodies.extend(body(bounds, sides_of(&[face]), &materials[quad.material.index()]));
         }
         // Where there are so many, most rays would be tested in vain.
-        match bodies.is_empty() || bodies.len() > MOST {
+        match bodies.is_empty() || bodies.len() > MAX_BODIES {
             true => RefractedLights::default(),
             false => {
                 let from_outside = bodies.iter().any(|body| body.is_rough || body.medium == 0);
@@ -179,7 +179,7 @@ impl Face {
 /// The sides of a body.
 fn sides_of(faces: &[Face]) -> Vec<Side> {
     let mut normals: Vec<DVec3> = Vec::new();
-    while normals.len() < MOST_SIDES {
+    while normals.len() < MAX_SIDES {
         let rest = faces.iter().filter(|face| !normals.iter().any(|n| face.normal.dot(*n) >= SIDE_COSINE));
         let Some(largest) = rest.max_by(|a, b| a.size.total_cmp(&b.size)).filter(|face| face.size > 0.0)
         else {
@@ -194,7 +194,7 @@ fn sides_of(faces: &[Face]) -> Vec<Side> {
         let area: f64 = own().map(|face| face.size).sum();
         let squares = own().map(|face| (face.normal - *normal).length_squared() * face.size).sum::<f64>();
         let spread = (squares / area).sqrt();
-        (area >= LEAST_SHARE * total && spread <= MOST_SPREAD)
+        (area >= MIN_SHARE * total && spread <= MAX_SPREAD)
             .then(|| Side { normal: normal.as_vec3(), spread: spread as f32 })
     };
     normals.iter().filter_map(side).collect()

@@ -5,8 +5,8 @@ use crate::color::Rgb;
 use crate::math::{Frame, Vec3, poly};
 use std::f32::consts::PI;
 
-/// Most lobes of a vertex.
-const MOST: usize = 4;
+/// Maximum number of lobes of a vertex.
+const MAX_LOBES: usize = 4;
 
 /// Narrowest and widest lobes, GGX alpha.
 const WIDTHS: [f32; 2] = [5e-4, 0.5];
@@ -39,7 +39,7 @@ impl Lobe {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LightLobes {
     pub vertex: u32,
-    lobes: [Lobe; MOST],
+    lobes: [Lobe; MAX_LOBES],
     count: usize,
     pub throughput: Rgb,
     pub roulette_scale: f32,
@@ -49,7 +49,7 @@ pub(super) struct LightLobes {
 impl LightLobes {
     /// None yet.
     pub fn new(vertex: usize, throughput: Rgb, roulette_scale: f32, interior: Interior) -> LightLobes {
-        let lobes = [Lobe { axis: Vec3::Z, alpha: 1.0 }; MOST];
+        let lobes = [Lobe { axis: Vec3::Z, alpha: 1.0 }; MAX_LOBES];
         LightLobes { vertex: vertex as u32, lobes, count: 0, throughput, roulette_scale, interior }
     }
 
@@ -60,7 +60,7 @@ impl LightLobes {
 
     /// Adds one of a width, GGX alpha, if there is room and it is narrow enough.
     pub fn add(&mut self, axis: Vec3, width: f32) {
-        if self.count < MOST && width <= WIDTHS[1] {
+        if self.count < MAX_LOBES && width <= WIDTHS[1] {
             self.lobes[self.count] = Lobe { axis, alpha: width.max(WIDTHS[0]) };
             self.count += 1;
         }

@@ -25,7 +25,7 @@ use super::shading_geometry::{HitPoint, Horizon, Relief, Soft, Terminator};
 use super::shading_groups::{
     Closure, GeneralClass, LambertClass, MediumClass, MetalRoughClass, SortedVertices, VertexClass,
 };
-use super::slabs::{MOST, RayCrossings, ShadowCrossings, Slab, Slabs};
+use super::slabs::{MAX_SLABS, RayCrossings, ShadowCrossings, Slab, Slabs};
 use super::wave::{LightLanes, PathState, Wave, get, get_rgb, set, set_rgb};
 use super::workspace::Workspace;
 use crate::bsdf::{Bsdf, SchlickMetal};
@@ -35,7 +35,7 @@ use crate::math::{Hit, Ray, Vec3, offset_along};
 use crate::scene::EnergyCompensation;
 
 /// Largest sine of the angle between the two faces.
-const MOST_WEDGE: f32 = 1e-3;
+const MAX_WEDGE: f32 = 1e-3;
 
 /// What a pane does to a ray that hits it.
 #[derive(Clone, Copy, Debug)]
@@ -80,8 +80,8 @@ impl Integrator<'_> {
         let is_pane = exit.is_back
             && exit.material.medium_index == material.medium_index
             && exit.material.pane_thickness > 0.0
-            && exit.surface.ng.cross(normal).length() <= MOST_WEDGE
-            && exit.surface.ns.cross(normal).length() <= MOST_WEDGE
+            && exit.surface.ng.cross(normal).length() <= MAX_WEDGE
+            && exit.surface.ns.cross(normal).length() <= MAX_WEDGE
             && thickness <= material.pane_thickness;
         if !is_pane
             || self.coincident_surfaces(ray, &at).is_some()
@@ -123,7 +123,7 @@ impl Integrator<'_> {
         self.scene.geometries.is_back_of_flat(ray, hit, time)?;
         let at = self.point_of(ray, *hit, index, time);
         let (ng, ns) = (at.surface.ng, at.surface.ns);
-        let is_front = !at.is_back && ray.direction.dot(ng) < 0.0 && ns.cross(ng).length() <= MOST_WEDGE;
+        let is_front = !at.is_back && ray.direction.dot(ng) < 0.0 && ns.cross(ng).length() <= MAX_WEDGE;
         is_front.then_some(at)
     }
 
@@ -245,7 +245,7 @@ impl Integrator<'_> {
             let i = i as usize;
             ShadowCrossings {
                 slabs: Slabs::NONE,
-                hits: [Hit::MISS; MOST],
+                hits: [Hit::MISS; MAX_SLABS],
                 transmittance: Rgb::ONE,
                 interior: self.interior_towards_light(sorted, paths, v, i),
                 wi: get(&v.light.wi, i),

@@ -401,11 +401,14 @@ mod tests {
             [(0.0f32, 1.0), (50.0, 0.70361 / 0.76134), (60.0, 0.86101), (80.0, 0.34485 / 0.69060)]
         {
             let (sine, cosine) = degrees.to_radians().sin_cos();
+            let wi = Vec3::new(sine * 0.6, sine * 0.8, cosine);
             let found =
-                terminator_at(RELIEF, [ns, Vec3::Z, Vec3::Z], Vec3::new(sine * 0.6, sine * 0.8, cosine));
+                terminator_at(RELIEF, [ns, Vec3::Z, Vec3::Z], wi) * relief_at(RELIEF, [ns, Vec3::Z], wi);
             assert!((found - kept).abs() < 5e-4, "{degrees}: {found}, {kept} in Cycles");
         }
-        assert_eq!(terminator_at(RELIEF, [Vec3::Z; 3], Vec3::new(0.8, 0.0, 0.6)), 1.0);
+        let wi = Vec3::new(0.8, 0.0, 0.6);
+        assert_eq!(terminator_at(RELIEF, [Vec3::Z; 3], wi), 1.0);
+        assert_eq!(relief_at(RELIEF, [Vec3::Z; 2], wi), 1.0);
     }
 
     #[test]

@@ -6,7 +6,7 @@ use crate::color::Rgb;
 use crate::math::{Frame, Hit, Ray, Vec3};
 
 /// Maximum number of panes that a ray passes.
-pub(super) const MOST: usize = 6;
+pub(super) const MAX_SLABS: usize = 6;
 
 /// Newton steps of a refracted connection. Three are enough where the panes are thinner than a tenth of the distance.
 const STEPS: usize = 12;
@@ -56,14 +56,14 @@ impl Slab {
 /// The panes that a ray passed, in order.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Slabs {
-    list: [Slab; MOST],
+    list: [Slab; MAX_SLABS],
     count: usize,
 }
 
 impl Slabs {
     /// None.
     pub const NONE: Slabs =
-        Slabs { list: [Slab { normal: Vec3::Z, thickness: 0.0, ior: 1.0 }; MOST], count: 0 };
+        Slabs { list: [Slab { normal: Vec3::Z, thickness: 0.0, ior: 1.0 }; MAX_SLABS], count: 0 };
 
     fn iter(&self) -> impl Iterator<Item = &Slab> {
         self.list[..self.count].iter()
@@ -71,7 +71,7 @@ impl Slabs {
 
     /// Is there room for another?
     pub fn has_room(&self) -> bool {
-        self.count < MOST
+        self.count < MAX_SLABS
     }
 
     /// Are there none?
@@ -169,7 +169,7 @@ pub(super) fn behind_pane(i: usize, crossings: &mut [RayCrossings]) -> Option<Ra
 pub(super) struct ShadowCrossings {
     pub slabs: Slabs,
     /// Where the ray hit each of them.
-    pub hits: [Hit; MOST],
+    pub hits: [Hit; MAX_SLABS],
     /// Transmittance of all slabs.
     pub transmittance: Rgb,
     /// The solids around the start of the shadow ray.

@@ -5,8 +5,8 @@ use crate::math::Vec3;
 use crate::texture::CompiledTextures;
 use std::f32::consts::PI;
 
-/// Most lights of either kind.
-const MOST: usize = 4;
+/// Maximum number of lights of either kind.
+const MAX_LIGHTS: usize = 4;
 
 /// Samples along each axis by which the brightest spot of an environment is found.
 const GRID: usize = 16;
@@ -14,8 +14,8 @@ const GRID: usize = 16;
 /// Largest angle between directions of the same spot, as a cosine: 2 degrees.
 const SPOT_COSINE: f32 = 0.9994;
 
-/// Least share of an environment's light in a spot.
-const LEAST_SHARE: f32 = 0.1;
+/// Minimum share of an environment's light in a spot.
+const MIN_SHARE: f32 = 0.1;
 
 /// Where a light is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -64,7 +64,7 @@ impl Lights {
         let brightest = |mut list: Vec<(f32, SmallLight)>| {
             list.retain(|(power, _)| *power > 0.0);
             list.sort_by(|(a, _), (b, _)| b.total_cmp(a));
-            list.into_iter().take(MOST).map(|(_, light)| light)
+            list.into_iter().take(MAX_LIGHTS).map(|(_, light)| light)
         };
         brightest(far).chain(brightest(near)).collect()
     }
@@ -90,5 +90,5 @@ fn spot_of(environment: &EnvironmentLight) -> Option<(f32, SmallLight)> {
     let spread = near(densest).map(|d| (*d - middle).length_squared()).sum::<f32>() / count;
     // A uniform disk is wider than its root mean square by the root of two.
     let light = SmallLight { place: LightPlace::Far(middle), size: (2.0 * spread).sqrt() };
-    (share >= LEAST_SHARE).then_some((share * environment.mean_luminance() * 4.0 * PI, light))
+    (share >= MIN_SHARE).then_some((share * environment.mean_luminance() * 4.0 * PI, light))
 }

@@ -14,7 +14,7 @@ pub const WIDTHS: RangeInclusive<u32> = 16..=16384;
 
 /// Default widths: of textures without images, and at most of those with images, which are as wide as the widest of these.
 const DEFAULT_WIDTH: u32 = 2048;
-const MOST_DEFAULT_WIDTH: u32 = 8192;
+const MAX_DEFAULT_WIDTH: u32 = 8192;
 
 /// The environment that a texture of a scene makes: the texture is evaluated at the points of the unit sphere around the origin. Its
 /// image is added to the scene; `width` is that in texels, twice the height.
@@ -38,7 +38,7 @@ pub fn environment(
         return Ok(Environment::Constant([r, g, b].map(|c| c * strength)));
     }
     let widest = used.iter().filter_map(|id| scene.images.get(id.index())).map(|image| image.width).max();
-    let default = widest.unwrap_or(0).clamp(DEFAULT_WIDTH, MOST_DEFAULT_WIDTH);
+    let default = widest.unwrap_or(0).clamp(DEFAULT_WIDTH, MAX_DEFAULT_WIDTH);
     let width = width.unwrap_or(default);
     // Images have no detail between their texels.
     let image = scene.add_image(evaluated(&textures, texture, width, widest.is_none()));

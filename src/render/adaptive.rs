@@ -27,7 +27,7 @@ const MIN_PIXELS: u32 = 128 * 128;
 
 /// The work for a given error must fall by this factor. (What is predicted is not quite reached: points that are evenly
 /// spread over a pixel make its error fall faster than their number grows. Of a predicted 2.0, 1.4 were measured.)
-const LEAST_GAIN: f64 = 1.4;
+const MIN_GAIN: f64 = 1.4;
 
 /// How often the interval is halved in which the number of samples is found that an error gets.
 const HALVINGS: u32 = 50;
@@ -116,7 +116,7 @@ impl ErrorMap {
         };
         let (even, after) = (work(&|_| total as f32), work(&|i| counts[i]));
         let extra: Vec<f32> = counts.iter().map(|n| n - earlier as f32).collect();
-        (even >= LEAST_GAIN * after).then(|| {
+        (even >= MIN_GAIN * after).then(|| {
             AdaptiveSampleMap::new(options.seed, self.width as u32, earlier, total - earlier, &extra)
         })
     }

@@ -22,22 +22,22 @@ const EDGE: u32 = 4;
 
 /// In pictures with fewer pixels, trials are smaller in proportion, down to this fraction.
 const ALL_PIXELS: f64 = 65_536.0;
-const LEAST_TRIED: f64 = 1.0 / 4.0;
+const MIN_TRIED: f64 = 1.0 / 4.0;
 
 /// Fraction of the noisiest pixels that are left out of that.
 const LEFT_OUT: f64 = 0.01;
 
 /// Minimum number of pixels that are left out.
-const LEAST_LEFT_OUT: usize = 12;
+const MIN_LEFT_OUT: usize = 12;
 
 /// Candidates for the number of light paths per pixel and sample.
 const SHARES: [f64; 6] = [0.0625, 0.125, 0.25, 0.5, 1.0, 2.0];
 
 /// Minimum ratio of the efficiencies with light tracing and without.
-const LEAST_GAIN: f64 = 1.3;
+const MIN_GAIN: f64 = 1.3;
 
 /// Minimum fraction of the picture's light that light paths must find.
-const LEAST_LIGHT: f64 = 1e-5;
+const MIN_LIGHT: f64 = 1e-5;
 
 /// Time of a ray of a light path with all that belongs to it, relative to a ray of a path from the camera. (Glass and metal balls in a
 /// box: 1.41 times the processor time for 1.13 times the rays.)
@@ -128,7 +128,7 @@ impl LightTrial<'_> {
 
     /// Size of the trial for this picture, given that for large ones.
     fn tried(&self, most: u32) -> u32 {
-        (f64::from(most) * (self.pixels() / ALL_PIXELS).clamp(LEAST_TRIED, 1.0)) as u32
+        (f64::from(most) * (self.pixels() / ALL_PIXELS).clamp(MIN_TRIED, 1.0)) as u32
     }
 
     fn plan(&self) -> Result<Option<CausticPlan>, Stopped> {
@@ -142,7 +142,7 @@ impl LightTrial<'_> {
         }
         let rest = self.rest(&plan)?;
         let (share, gain) = best_share(&scaled(tally, self.pixels() / f64::from(tried)), &rest);
-        let is_wanted = self.0.target.options.caustics == Caustics::On || gain >= LEAST_GAIN;
+        let is_wanted = self.0.target.options.caustics == Caustics::On || gain >= MIN_GAIN;
         let paths = (share * self.pixels()).round().max(1.0);
         Ok(is_wanted.then(|| plan.with_paths(paths as u32)))
     }
@@ -203,7 +203,7 @@ impl LightTrial<'_> {
         let count = squares.len().max(1) as f64;
         squares.sort_by(f64::total_cmp);
         let kept = (count * (1.0 - LEFT_OUT)).ceil() as usize;
-        squares.truncate(kept.min(squares.len().saturating_sub(LEAST_LEFT_OUT)));
+        squares.truncate(kept.min(squares.len().saturating_sub(MIN_LEFT_OUT)));
         let scale = self.pixels() / count;
         let rays = rays as f64 * 0.5 * scale;
         Ok(Rest { squares: squares.iter().sum::<f64>() * scale, light: light * scale, rays })
@@ -231,7 +231,7 @@ fn best_share(one: &CausticTally, rest: &Rest) -> (f64, f64) {
     let ways = SHARES.map(way);
     let (share, gain, _) =
         ways.into_iter().fold(ways[0], |best, next| if next.2 < best.2 { next } else { best });
-    let is_seen = one.sum >= LEAST_LIGHT * (rest.light + one.sum);
+    let is_seen = one.sum >= MIN_LIGHT * (rest.light + one.sum);
     (share, if is_seen { gain } else { 0.0 })
 }
 

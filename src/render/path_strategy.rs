@@ -183,7 +183,7 @@ const BRANCHES: u32 = 4;
 const MAX_BRANCHES: u32 = 8;
 
 /// Minimum ratio of the efficiency with path sharing to that without.
-const LEAST_GAIN: f64 = 1.25;
+const MIN_GAIN: f64 = 1.25;
 
 /// Minimum ratio of the efficiency with splitting to that without. Larger, as a few bright pixels may hide errors of others.
 const MIN_GAIN_OF_SPLITTING: f64 = 1.4;
@@ -289,7 +289,7 @@ pub(super) fn strategy_of(trial: &SquareTrial, results: &[(PathStrategy, Errors)
                 [(_, smallest)] => smallest.gain_of_sharing() >= HOPEFUL,
                 // The last shape's groups have four times as many connections as these.
                 [.., (_, last)] => {
-                    last.gain_of_sharing() >= LEAST_GAIN && last.cost_of_connections() < MAX_COST
+                    last.gain_of_sharing() >= MIN_GAIN && last.cost_of_connections() < MAX_COST
                 }
             };
             is_hopeful.then_some(PathStrategy::Shared(shape))
@@ -502,7 +502,7 @@ pub(super) fn best(results: &[(PathStrategy, Errors)]) -> Candidate {
         PathStrategy::Shared(_) => {
             let gain = of(strategy).gain_of_sharing();
             let best = Candidate { strategy, change: Change::NONE, error: of(strategy).error_ratio(), gain };
-            if gain >= LEAST_GAIN { vec![best] } else { Vec::new() }
+            if gain >= MIN_GAIN { vec![best] } else { Vec::new() }
         }
         PathStrategy::Alone { .. } => {
             let splittings = numbers_of_branches().map(|branches| of(strategy).splitting_into(branches));

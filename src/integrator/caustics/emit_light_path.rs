@@ -2,7 +2,7 @@
 
 use super::connect_to_camera::CameraConnection;
 use super::plan::{CausticTally, LightPath};
-use super::{MOST_PASSES, STILL, is_stretched};
+use super::{MAX_PASSES, STILL, is_stretched};
 use crate::bsdf::{BsdfClass, BsdfEval, BsdfSample};
 use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
@@ -44,7 +44,7 @@ impl Integrator<'_> {
         let mut paths = self.start_light_paths(sample, paths);
         let mut connections = Vec::new();
         // The bound guards against endless stacks of absent surfaces.
-        for pass in 0..MOST_PASSES {
+        for pass in 0..MAX_PASSES {
             if paths.is_empty() {
                 break;
             }

@@ -196,7 +196,7 @@ pub(super) fn leaves_diffuse_light(chain: u32, share: Rgb) -> bool {
 }
 
 /// Largest [`stretch`] of light that paths from lights find.
-const MOST_STRETCH: f32 = 3.0;
+const MAX_STRETCH: f32 = 3.0;
 
 /// Factor of the flux of a path from a light, relative to the radiance of a path from the camera, behind a surface with shading normal
 /// `ns` that scatters light from `wi` to `wo` (Veach 1997, section 5.3); 1 where the normals are equal. Few paths from lights hit a
@@ -207,7 +207,7 @@ fn stretch(ns: Vec3, ng: Vec3, wo: Vec3, wi: Vec3) -> f32 {
 
 /// Is scattering from `wi` to `wo` left to paths from the camera?
 fn is_stretched(ns: Vec3, ng: Vec3, wo: Vec3, wi: Vec3) -> bool {
-    ns != ng && stretch(ns, ng, wo, wi) > MOST_STRETCH
+    ns != ng && stretch(ns, ng, wo, wi) > MAX_STRETCH
 }
 
 fn is_stretched_at(v: &Vertices, i: usize, wi: Vec3) -> bool {
@@ -276,7 +276,7 @@ impl Integrator<'_> {
         }
         let mut pending: Vec<(usize, Ray)> = segments.iter().copied().enumerate().collect();
         let mut hits = Vec::new();
-        for pass in 0..MOST_PASSES {
+        for pass in 0..MAX_PASSES {
             let rays: Vec<Ray> = pending.iter().map(|(_, ray)| *ray).collect();
             hits.clear();
             hits.resize(rays.len(), Hit::MISS);
@@ -300,4 +300,4 @@ impl Integrator<'_> {
 }
 
 /// Bound on the number of surfaces that light passes, against endless stacks.
-pub(super) const MOST_PASSES: u32 = 4096;
+pub(super) const MAX_PASSES: u32 = 4096;

@@ -12,7 +12,7 @@ use ply::places::{Place, Places};
 use std::ops::Range;
 
 /// Files may not be larger, bytes.
-const MOST_BYTES: u64 = 1 << 36;
+const MAX_BYTES: u64 = 1 << 36;
 
 /// Reads the places of an object's copies; `None` without the key or after a problem.
 pub(super) fn read(build: &mut SceneFileBuilder, fields: &Fields, name: &str) -> Option<Vec<Place>> {
@@ -23,7 +23,7 @@ pub(super) fn read(build: &mut SceneFileBuilder, fields: &Fields, name: &str) ->
     }
     let path = build.readable_path(file.value, file.span.clone())?;
     build.options.files.note(&path);
-    let read = files::read(&path, MOST_BYTES).and_then(|bytes| {
+    let read = files::read(&path, MAX_BYTES).and_then(|bytes| {
         ply::places::read(&bytes, &build.options.gauge).map_err(|p| format!("{}: {}", p.place, p.message))
     });
     match read {

@@ -97,12 +97,12 @@ fn power(x: f32, y: f32) -> f32 {
 }
 
 /// Most cells around one, itself included.
-const MOST_CELLS: usize = 81;
+const MAX_CELLS: usize = 81;
 
 /// Offsets to the cells around by dimension, the first dimension fastest.
-const OFFSETS: [[i32; MOST_CELLS]; 4] = {
-    let (mut offsets, mut k) = ([[0; MOST_CELLS]; 4], 0);
-    while k < MOST_CELLS {
+const OFFSETS: [[i32; MAX_CELLS]; 4] = {
+    let (mut offsets, mut k) = ([[0; MAX_CELLS]; 4], 0);
+    while k < MAX_CELLS {
         let (mut rest, mut i) = (k, 0);
         while i < 4 {
             offsets[i][k] = (rest % 3) as i32 - 1;
@@ -191,7 +191,7 @@ impl Voronoi {
 
     /// Distances from a place in a cell to the points of the cells around, in the order of [`OFFSETS`].
     #[inline(always)]
-    fn distances<const N: usize>(&self, cell: [f32; N], local: [f32; N]) -> [f32; MOST_CELLS] {
+    fn distances<const N: usize>(&self, cell: [f32; N], local: [f32; N]) -> [f32; MAX_CELLS] {
         match self.metric {
             _ if N == 1 => self.each_distance(cell, local, |d| d[0]),
             DistanceMetric::Euclidean => self.each_distance(cell, local, |d| dot(d, d).sqrt()),
@@ -207,8 +207,8 @@ impl Voronoi {
         cell: [f32; N],
         local: [f32; N],
         length: impl Fn([f32; N]) -> f32,
-    ) -> [f32; MOST_CELLS] {
-        let (mut distances, mut own) = ([f32::MAX; MOST_CELLS], [0; N]);
+    ) -> [f32; MAX_CELLS] {
+        let (mut distances, mut own) = ([f32::MAX; MAX_CELLS], [0; N]);
         for i in 0..N {
             own[i] = cell[i] as i32;
         }
