@@ -35,7 +35,7 @@ pub(super) fn read(build: &mut SceneFileBuilder, fields: &Fields, name: &str) ->
             Some(list)
         }
         Err(message) => {
-            fields.problems.push(file.span, format!("'{}': {message}", file.value));
+            fields.problems.push_of_file(file.span, &path, format!("'{}': {message}", file.value));
             None
         }
     }
