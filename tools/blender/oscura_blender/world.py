@@ -7,7 +7,7 @@ import shutil
 import bpy
 import numpy as np
 
-from . import cache, context, fingerprint, geometry, media, shaders, sidecar, skies, stills, trees, world_graph
+from . import cache, context, fingerprint, geometry, media, shaders, sidecar, skies, stills, world_graph
 from .node_graph import Unsupported, feed
 from .settings import film_exposure
 
@@ -139,9 +139,15 @@ def _light(world, target):
         picture = _picture(shaders.source(node.inputs["Color"]), target) if strength is not None else None
         if picture:
             return {**picture, "strength": max(strength, 0.0)}
+    shown_skies = []
+
+    def sky(node):
+        shown_skies.append(node)
+        return target.sky(node)
+
     try:
-        sun = _sun(world, target)
-        radiance = world_graph.read(world, target.images, target.sky)
+        radiance = world_graph.read(world, target.images, sky)
+        sun = _sun(world, shown_skies, target)
     except Unsupported:
         return {"image": _rendered(world, target)}
     if isinstance(radiance, list):
@@ -149,9 +155,9 @@ def _light(world, target):
     return {"texture": target.texture(radiance), **sun}
 
 
-def _sun(world, target):
-    """The entry for the sun of a sky node, none without one."""
-    found = [sky for _, sky in trees.nodes_with_trees(world.node_tree, ("ShaderNodeTexSky",)) if skies.has_sun(sky)]
+def _sun(world, shown_skies, target):
+    """The entry for the sun of the sky nodes of a world, none without one."""
+    found = [sky for sky in shown_skies if skies.has_sun(sky)]
     if not found:
         return {}
     sun = skies.sun(world, found[0], target) if len(found) == 1 and not found[0].inputs[0].is_linked else None
