@@ -13,8 +13,7 @@
 //! Scales are those of a pyramid of means of four pixels (Burt and Adelson 1983, "The Laplacian Pyramid as a Compact Image
 //! Code"), of the residual relative to the proposal and weighted by it: the mean of a region is the share of light that it
 //! lost, and what is dark before a bright ground stays dark. The same pyramid of the deviations measures the noise of each
-//! scale, which may be correlated between pixels: where pixels share paths, a square of pixels has as much noise as one of fewer pixels, and its
-//! power exceeds `v` more often by chance. How many pixels vary together follows from how fast noise falls from scale to scale.
+//! scale, which may be correlated between pixels.
 
 use super::planes::{Color, smoothed};
 use rayon::prelude::*;
@@ -39,8 +38,6 @@ const WIDE: usize = 12;
 const SHARE_OF_WIDE: f32 = 0.25;
 /// Larger powers, of fireflies, count as this, with which the share is the power of pixels that are black by chance.
 const LARGEST_WIDE: f32 = 3.0 / SHARE_OF_WIDE;
-/// Scales of fewer pixels tell nothing of correlations.
-const MIN_PIXELS: usize = 256;
 /// Values are compared relative to themselves and this fraction of the picture's mean.
 const MIN: f32 = 0.02;
 
@@ -63,47 +60,13 @@ pub(super) fn restored(
     let deviation = [0, 1, 2].map(|c| relative(c, &|i| deviations[c][i]));
     let independent = (0..width * height).map(|i| power_at(&deviation, i)).collect();
     let first = Scale { level: 0, width, height, residual, deviation, weight, independent };
-    let scales = pyramid(first);
-    let correction = kept(&scales);
-    let weight = &scales[0].weight;
+    let correction = first.kept();
     for c in 0..3 {
-        for ((to, w), k) in proposed[c].iter_mut().zip(&weight[c]).zip(&correction[c]) {
+        for ((to, w), k) in proposed[c].iter_mut().zip(&first.weight[c]).zip(&correction[c]) {
             *to = (*to + w * k).max(0.0);
         }
     }
     proposed
-}
-
-/// All scales, from pixels on.
-fn pyramid(first: Scale) -> Vec<Scale> {
-    let mut scales = vec![first];
-    while let Some(next) = scales.last().filter(|last| last.width > 1 || last.height > 1).map(Scale::halved) {
-        scales.push(next);
-    }
-    scales
-}
-
-/// What is kept of the residual, from the largest scale to pixels.
-fn kept(scales: &[Scale]) -> [Vec<f32>; 3] {
-    let correlations: Vec<f64> = scales.iter().map(Scale::correlation).collect();
-    let mut kept: Option<[Vec<f32>; 3]> = None;
-    for (level, scale) in scales.iter().enumerate().rev() {
-        let of_larger = match kept {
-            Some(kept) => kept.map(|plane| scales[level + 1].doubled(&plane, scale.width, scale.height)),
-            None => [0, 1, 2].map(|_| vec![0.0; scale.width * scale.height]),
-        };
-        // Noise that varies together at this scale falls less to the second next one, whose pixels are 16 of this.
-        let next = scales.get(level + 2).filter(|next| next.independent.len() >= MIN_PIXELS);
-        let together = next.map_or(1.0, |_| correlations[level + 2] / correlations[level]);
-        kept = Some(scale.keep(of_larger, together.clamp(1.0, 16.0) as f32));
-    }
-    kept.unwrap_or_default()
-}
-
-/// The square of how often the noise of a square of `count` independent pixels of three channels is exceeded by chance: by 2.5 standard deviations
-/// of a mean of `3 count / 2` squares of normal deviates.
-fn by_chance(count: f32) -> f32 {
-    (1.0 + 2.5 * (4.0 / (3.0 * count)).sqrt()).powi(2)
 }
 
 /// Sums of the pixels of a scale.
@@ -149,18 +112,13 @@ impl Scale {
         Scale { level: self.level + 1, width, height, residual, deviation, weight, independent }
     }
 
-    /// How many times the noise of pixels that have nothing to do with each other there is.
-    fn correlation(&self) -> f64 {
-        let sum = |value: &dyn Fn(usize) -> f32| {
-            (0..self.independent.len()).map(|i| f64::from(value(i))).sum::<f64>()
-        };
-        let capped = |v: f32| v.min(LARGEST_WIDE);
-        let independent = sum(&|i| capped(self.independent[i]));
-        sum(&|i| capped(power_at(&self.deviation, i))) / independent.max(1e-30)
-    }
-
-    /// Adds what is kept of the residual at this scale to what is kept at larger ones. `together` pixels vary as one.
-    fn keep(&self, mut kept: [Vec<f32>; 3], together: f32) -> [Vec<f32>; 3] {
+    /// What is kept of the residual at this scale and all larger ones.
+    fn kept(&self) -> [Vec<f32>; 3] {
+        let mut kept = [0, 1, 2].map(|_| vec![0.0; self.width * self.height]);
+        if self.width > 1 || self.height > 1 {
+            let next = self.halved();
+            kept = next.kept().map(|plane| next.doubled(&plane, self.width, self.height));
+        }
         let signal: Vec<f32> = (0..self.width * self.height)
             .into_par_iter()
             .with_min_len(4096)
@@ -171,8 +129,7 @@ impl Scale {
         let signal = smoothed(self.width, self.height, &signal, RADIUS);
         let noise = self.noise();
         let side = |length: usize| length.min(2 * RADIUS + 1) as f32;
-        let count = side(self.width) * side(self.height);
-        let caution = CAUTION + CAUTION_OF_ONE / count + by_chance(count / together) - by_chance(count);
+        let caution = CAUTION + CAUTION_OF_ONE / (side(self.width) * side(self.height));
         let bias = if self.level < LARGE_SCALE { MIN_BIAS } else { MIN_BIAS_OF_LARGE };
         for (i, (signal, noise)) in signal.iter().zip(&noise).enumerate() {
             let ratio = noise / signal.max(1e-30);
