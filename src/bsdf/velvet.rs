@@ -15,7 +15,7 @@ use std::f32::consts::{FRAC_1_PI, PI};
 pub struct Velvet {
     /// Factor on the scattered light.
     pub color: Rgb,
-    /// The standard deviation sigma of the density, from [`MIN_DEVIATION`] to 1.
+    /// The standard deviation sigma of the density, from 0.01 to 1.
     pub deviation: f32,
 }
 
