@@ -41,6 +41,26 @@ fn copies_share_a_mesh_and_have_places_of_their_own() {
     assert_eq!((a.name.as_str(), a.traits == b.traits), ("leaf", true));
 }
 
+/// All copies of a mesh have the materials that the object lists for its faces, and objects after them their own.
+#[test]
+fn copies_have_the_listed_materials() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("written");
+    let vertices = "element vertex 3\nproperty float x\nproperty float y\nproperty float z\n";
+    let faces = "element face 1\nproperty list uchar int vertex_indices\nend_header\n";
+    write("leaf.ply", &format!("ply\nformat ascii 1.0\n{vertices}{faces}0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"));
+    write("places.ply", &format!("ply\nformat ascii 1.0\n{vertices}end_header\n0 0 0\n2 0 0\n4 0 0\n"));
+    let materials = "[materials]\na = { type = \"lambert\" }\nb = { type = \"phong\" }\n";
+    let objects = "[[objects]]\nmesh = \"leaf.ply\"\nmaterials = [\"b\"]\ninstances = \"places.ply\"\n[[objects]]\nmesh = \"leaf.ply\"\nmaterials = [\"a\"]\n";
+    write("scene.toml", &format!("{materials}{objects}"));
+    let scene = load(folder.path().join("scene.toml"), &LoadOptions::default()).expect("loads").scene;
+    let name = |i: usize| {
+        let mesh = &scene.meshes[scene.instances[i].mesh.index()];
+        scene.materials[mesh.parts[0].material.index()].name.as_str()
+    };
+    assert_eq!((0..scene.instances.len()).map(name).collect::<Vec<_>>(), ["b", "b", "b", "a"]);
+}
+
 #[test]
 fn spheres_are_copied_and_what_has_no_volume_is_left_out() {
     let still = |x: f64, scale: f64| [x, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, scale, 0.0];

@@ -29,6 +29,7 @@ pub(super) struct Asset {
 }
 
 /// An instance whose faces have the materials of a list.
+#[derive(Clone)]
 struct ListedMaterials {
     instance: usize,
     mesh: MeshId,
@@ -125,6 +126,19 @@ impl Assets {
         let (instance, list) = (scene.instances.len(), list.to_vec());
         self.listed.push(ListedMaterials { instance, mesh, first: own.start, list });
         Ok(())
+    }
+
+    /// Repeats what is noted about the `count` instances from `first` on for each of their copies, which follow in order.
+    pub fn repeat_listed(&mut self, first: usize, count: usize, copies: usize) {
+        let own: Vec<ListedMaterials> =
+            self.listed.iter().filter(|listed| listed.instance >= first).cloned().collect();
+        self.listed.truncate(self.listed.len() - own.len());
+        for copy in 0..copies {
+            let of_copy = own.iter().cloned();
+            self.listed.extend(
+                of_copy.map(|listed| ListedMaterials { instance: listed.instance + copy * count, ..listed }),
+            );
+        }
     }
 
     /// Gives instances that list materials of faces meshes with these. Call it when all objects have been read.

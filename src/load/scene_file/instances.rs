@@ -1,5 +1,6 @@
 //! `instances` of `[[objects]]`: copies of an object at the places of a file.
 
+use super::assets::Assets;
 use super::builder::SceneFileBuilder;
 use super::fields::Fields;
 use crate::error::Warning;
@@ -47,6 +48,7 @@ pub(super) fn copy(
     span: Range<usize>,
     [instances, quads, shapes]: [usize; 3],
     places: &[Place],
+    assets: &mut Assets,
 ) {
     let scene = &mut build.loaded.scene;
     if scene.quads.len() > quads {
@@ -54,6 +56,7 @@ pub(super) fn copy(
         return build.problems.push(span, message);
     }
     let own = scene.instances.split_off(instances);
+    assets.repeat_listed(instances, own.len(), places.len());
     scene.instances.reserve(own.len() * places.len());
     for (number, place) in places.iter().enumerate() {
         for instance in &own {

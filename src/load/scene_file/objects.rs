@@ -132,7 +132,7 @@ pub(super) fn read<'a>(
         give_traits(build, &fields, before);
         fields.finish();
         if let Some(places) = places {
-            instances::copy(build, fields.span(), before, &places);
+            instances::copy(build, fields.span(), before, &places, assets);
         }
     }
     assets.give_listed_materials(&mut build.loaded.scene);
