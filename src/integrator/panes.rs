@@ -21,9 +21,10 @@ use super::guiding::Guided;
 use super::interior::Interior;
 use super::mis::LightPdf;
 use super::sampling::RandomChoice;
-use super::shading_geometry::{HitPoint, Horizon, Relief, Soft, Terminator};
+use super::shading_geometry::HitPoint;
 use super::shading_groups::{
     Closure, GeneralClass, LambertClass, MediumClass, MetalRoughClass, SortedVertices, VertexClass,
+    eval_at_horizon,
 };
 use super::slabs::{MAX_SLABS, RayCrossings, ShadowCrossings, Slab, Slabs};
 use super::wave::{LightLanes, PathState, Wave, get, get_rgb, set, set_rgb};
@@ -361,23 +362,10 @@ impl Integrator<'_> {
     ) -> Rgb {
         let Wave { paths, vertices: v, .. } = wave;
         let closure = class.closure(v, i);
-        let mut eval = closure.eval(wi);
-        let (ng, ns) = (get(&v.ng, i), get(&v.ns, i));
-        let side = if !C::Closure::OPAQUE && wi.dot(ng) < 0.0 { -1.0 } else { 1.0 };
-        let mut weight = pdf.mis_weight_over_pdf(eval.pdf_solid_angle * branches * class.light_density(v, i));
-        if !C::Closure::IN_MEDIUM && !closure.crosses(wi) {
-            let normals = [ns * side, ng * side];
-            weight *= match self.terminator() {
-                Terminator::Sharp => 1.0,
-                Terminator::Soft => Soft.kept(v, i, normals, side, wi),
-                Terminator::Relief => {
-                    let relief;
-                    (eval, relief) = closure.on_relief(Relief, (v, i), (ns * side, side), (wi, eval));
-                    Relief.kept(v, i, normals, side, wi) * relief
-                }
-            };
-        }
-        if C::Closure::OPAQUE && wi.dot(ng) <= 0.0 {
+        let (eval, kept) = eval_at_horizon(&closure, self.terminator(), (v, i), wi);
+        let density = eval.pdf_solid_angle * branches * class.light_density(v, i);
+        let weight = pdf.mis_weight_over_pdf(density) * kept;
+        if C::Closure::OPAQUE && wi.dot(get(&v.ng, i)) <= 0.0 {
             return Rgb::ZERO;
         }
         closure.scattered(eval, weight, get_rgb(&paths.state.throughput, i), get_rgb(&v.light.radiance, i))

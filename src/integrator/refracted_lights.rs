@@ -19,9 +19,9 @@ use super::interior::Interior;
 use super::light_lobes::LightLobes;
 use super::mis::DirectionPdf;
 use super::sampling::{FIRST_ROULETTE, Purpose, RandomChoice, survival};
-use super::shading_geometry::{Horizon, Relief, Soft, Terminator};
 use super::shading_groups::{
     Closure, GeneralClass, LambertClass, MediumClass, MetalRoughClass, SortedVertices, VertexClass,
+    eval_at_horizon,
 };
 use super::wave::{Wave, get, get_rgb, set, set_rgb};
 use super::workspace::Workspace;
@@ -303,25 +303,11 @@ impl Integrator<'_> {
     fn value_in<C: VertexClass>(&self, class: &C, i: usize, wi: Vec3, wave: &Wave) -> Option<Value> {
         let v = &wave.vertices;
         let closure = class.closure(v, i);
-        let (ng, ns) = (get(&v.ng, i), get(&v.ns, i));
-        let height = wi.dot(ng);
+        let height = wi.dot(get(&v.ng, i));
         if C::Closure::OPAQUE && height <= 0.0 || !C::Closure::IN_MEDIUM && closure.crosses(wi) {
             return None;
         }
-        let mut eval = closure.eval(wi);
-        let side = if !C::Closure::OPAQUE && height < 0.0 { -1.0 } else { 1.0 };
-        let normals = [ns * side, ng * side];
-        let mut kept = match self.terminator() {
-            _ if C::Closure::IN_MEDIUM => 1.0,
-            Terminator::Sharp => 1.0,
-            Terminator::Soft => Soft.kept(v, i, normals, side, wi),
-            Terminator::Relief => Relief.kept(v, i, normals, side, wi),
-        };
-        if matches!(self.terminator(), Terminator::Relief) {
-            let relief;
-            (eval, relief) = closure.on_relief(Relief, (v, i), (ns * side, side), (wi, eval));
-            kept *= relief;
-        }
+        let (eval, kept) = eval_at_horizon(&closure, self.terminator(), (v, i), wi);
         let pdf_solid_angle = eval.pdf_solid_angle * class.light_density(v, i);
         Some(Value { f_cos: eval.f_cos * kept, pdf_solid_angle })
     }

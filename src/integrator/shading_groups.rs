@@ -1,6 +1,6 @@
 //! Shading groups: which vertices are shaded by the same loop, their order, and the closure of each group.
 
-use super::shading_geometry::{Horizon, bent_normal, local_viewer, under_relief};
+use super::shading_geometry::{Horizon, Relief, Soft, Terminator, bent_normal, local_viewer, under_relief};
 use super::wave::{
     MetalRoughClosures, MetalRoughMaterials, PerPath, Vertices, WAVE, Wave, get, get_rgb, set, set_rgb,
 };
@@ -284,6 +284,30 @@ pub trait Closure {
     #[inline(always)]
     fn scattered(&self, eval: BsdfEval, weight: f32, throughput: Rgb, radiance: Rgb) -> Rgb {
         throughput * eval.f_cos * radiance * weight
+    }
+}
+
+/// The value of a closure at vertex `i` for light from `wi`, and the factor that shading normals leave of it: for loops over few vertices.
+pub(super) fn eval_at_horizon<C: Closure>(
+    closure: &C,
+    terminator: Terminator,
+    (v, i): (&Vertices, usize),
+    wi: Vec3,
+) -> (BsdfEval, f32) {
+    let eval = closure.eval(wi);
+    if C::IN_MEDIUM || closure.crosses(wi) {
+        return (eval, 1.0);
+    }
+    let (ng, ns) = (get(&v.ng, i), get(&v.ns, i));
+    let side = if !C::OPAQUE && wi.dot(ng) < 0.0 { -1.0 } else { 1.0 };
+    let normals = [ns * side, ng * side];
+    match terminator {
+        Terminator::Sharp => (eval, 1.0),
+        Terminator::Soft => (eval, Soft.kept(v, i, normals, side, wi)),
+        Terminator::Relief => {
+            let (eval, relief) = closure.on_relief(Relief, (v, i), (ns * side, side), (wi, eval));
+            (eval, Relief.kept(v, i, normals, side, wi) * relief)
+        }
     }
 }
 

@@ -186,8 +186,8 @@ impl Integrator<'_> {
                 true => eval_lobes(&evaluated, *ng, [viewer, light]),
                 false => (bsdf.eval(wo, wi), bsdf.diffuse_part(wo, wi)),
             };
-            let part = bsdf.diffuse_part(wo, wi).min(eval.f_cos);
-            (BsdfEval { f_cos: if *is_diffuse { part } else { eval.f_cos }, ..eval }, diffuse)
+            let f_cos = if *is_diffuse { bsdf.diffuse_part(wo, wi).min(eval.f_cos) } else { eval.f_cos };
+            (BsdfEval { f_cos, ..eval }, diffuse)
         };
         let side = if height < 0.0 { -1.0 } else { 1.0 };
         let is_soft = self.softens_terminator() && !crosses;

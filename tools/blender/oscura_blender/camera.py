@@ -1,8 +1,8 @@
 """Cameras: as glTF has them, and what it can't carry."""
 
 import math
-from itertools import chain
 from collections import namedtuple
+from itertools import chain
 
 import numpy as np
 

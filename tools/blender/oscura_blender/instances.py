@@ -20,14 +20,10 @@ def write(made, copies):
     matrices = np.array(Y_UP) @ np.fromiter(flat, np.float64, 16 * len(copies)).reshape(-1, 4, 4)
     columns, names = [matrices[:, :3, 3], matrices[:, :3, :3].reshape(-1, 9)], PLACE
     if copies[0][1]:
-        columns.append(np.array([[*_rgba(info.get("color", (1.0,) * 4)), info.get("index", 0.0), info.get("random", 0.0)] for _, info in copies]))
+        columns.append(np.array([[*info["color"], info["index"], info["random"]] for _, info in copies]))
         names += INFO
     head = ["ply", "format binary_little_endian 1.0", f"element vertex {len(copies)}", *(f"property float {name}" for name in names), "end_header\n"]
     with open(os.path.join(made.folder, file), "wb") as out:
         out.write("\n".join(head).encode())
         out.write(np.ascontiguousarray(np.concatenate(columns, 1), "<f4").tobytes())
     return file
-
-
-def _rgba(color):
-    return (*color, 1.0)[:4]

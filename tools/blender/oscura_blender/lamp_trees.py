@@ -3,7 +3,6 @@ one. The quotient is a picture of an area light, a profile of points and spots, 
 
 import math
 import os
-import tempfile
 from contextlib import contextmanager
 
 import bmesh
@@ -90,7 +89,7 @@ def _alone(light):
             pictures = []
             for source in (kept, plain.outputs[0]):
                 own.node_tree.links.new(source, end.inputs["Surface"])
-                pictures.append(_render(scene))
+                pictures.append(stills.shown(scene))
             whole, even = pictures
             return np.where(even > 1e-6 * even.max(), whole / np.maximum(even, 1e-30), -1.0)
 
@@ -139,20 +138,6 @@ def _plain():
     mesh = bpy.data.meshes.new("oscura plain")
     mesh.from_pydata([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], [], [(0, 1, 2, 3)])
     return mesh
-
-
-def _render(scene):
-    """What a scene shows, rows from below."""
-    with tempfile.TemporaryDirectory(prefix="oscura-") as folder:
-        scene.render.filepath = os.path.join(folder, "lamp.exr")
-        bpy.ops.render.render(write_still=True, scene=scene.name)
-        image = bpy.data.images.load(scene.render.filepath)
-        image.colorspace_settings.name = "Non-Color"
-        width, height = image.size
-        pixels = np.empty(width * height * image.channels, np.float32)
-        image.pixels.foreach_get(pixels)
-        bpy.data.images.remove(image)
-    return np.nan_to_num(pixels.reshape(height, width, -1)[..., :3]).astype(float)
 
 
 def _write_picture(pixels, path):

@@ -2,7 +2,6 @@
 
 import math
 import os
-import tempfile
 from contextlib import contextmanager
 
 import bpy
@@ -34,7 +33,9 @@ def file(node, target, number):
     def make():
         with _alone(node) as scene:
             stills.look_around(scene)
-            _render(scene, (WIDTH, WIDTH // 2), path)
+            stills.prepare(scene, (WIDTH, WIDTH // 2), 1)
+            scene.render.filepath = path
+            bpy.ops.render.render(write_still=True, scene=scene.name)
         return np.fromfile(path, np.uint8)
 
     key = cache.digest()
@@ -64,11 +65,9 @@ def _irradiance(world, to_sun, angle):
     try:
         own.cycles.sampling_method = "NONE"  # nothing is lit
         scene.world = own
-        with tempfile.TemporaryDirectory(prefix="oscura-") as folder:
-            path = os.path.join(folder, "sun.exr")
-            _look_at(scene, to_sun, AROUND * angle)
-            _render(scene, (EDGE, EDGE), path)
-            pixels = _pixels(path)
+        _look_at(scene, to_sun, AROUND * angle)
+        stills.prepare(scene, (EDGE, EDGE), 1)
+        pixels = stills.shown(scene)
     finally:
         bpy.data.scenes.remove(scene)
         bpy.data.worlds.remove(own)
@@ -127,19 +126,3 @@ def _look_at(scene, direction, angle):
     camera = bpy.data.cameras.new("oscura camera")
     camera.angle, camera.clip_start = angle, 1e-4
     stills.place(scene, camera, rotation_euler=direction.to_track_quat("-Z", "Y").to_euler())
-
-
-def _render(scene, size, path):
-    stills.prepare(scene, size, 1)
-    scene.render.filepath = path
-    bpy.ops.render.render(write_still=True, scene=scene.name)
-
-
-def _pixels(path):
-    image = bpy.data.images.load(path)
-    image.colorspace_settings.name = "Non-Color"
-    pixels = np.empty(image.size[0] * image.size[1] * image.channels, np.float32)
-    image.pixels.foreach_get(pixels)
-    shape = (image.size[1], image.size[0], image.channels)
-    bpy.data.images.remove(image)
-    return np.nan_to_num(pixels.reshape(shape)[..., :3]).astype(float)

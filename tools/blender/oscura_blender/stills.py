@@ -1,8 +1,11 @@
 """Pictures that Cycles renders on the way: what a world shows, what a lamp lights."""
 
 import math
+import os
+import tempfile
 
 import bpy
+import numpy as np
 
 
 def look_around(scene, turn=0.0, highest=math.pi / 2):
@@ -54,3 +57,17 @@ def prepare(scene, size, samples):
     cycles.pixel_filter_type = "BOX"
     cycles.max_bounces = 0
     cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0
+
+
+def shown(scene):
+    """What a scene shows (height, width, 3), rows from below."""
+    with tempfile.TemporaryDirectory(prefix="oscura-") as folder:
+        scene.render.filepath = os.path.join(folder, "still.exr")
+        bpy.ops.render.render(write_still=True, scene=scene.name)
+        image = bpy.data.images.load(scene.render.filepath)
+        image.colorspace_settings.name = "Non-Color"
+        width, height = image.size
+        pixels = np.empty(width * height * image.channels, np.float32)
+        image.pixels.foreach_get(pixels)
+        bpy.data.images.remove(image)
+    return np.nan_to_num(pixels.reshape(height, width, -1)[..., :3]).astype(float)

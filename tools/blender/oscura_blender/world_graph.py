@@ -3,7 +3,6 @@
 from . import node_graph, shaders
 from .node_graph import Unsupported, feed
 
-# The name of the texture of a world in the file of settings.
 BLACK = [0.0, 0.0, 0.0]
 
 # What coordinates and places of a world are, by the names of outputs: shares of the direction. A world is seen from within.
