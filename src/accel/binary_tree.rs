@@ -2,7 +2,7 @@
 //! normalizes boxes before ([`NormalizedSpace`]) and puts nodes into depth-first order with exact boxes after. [`median_split`] is
 //! the fallback for trees that are too deep.
 
-use super::primitives::Primitive;
+use super::input::Primitive;
 use crate::math::{Bounds3, DVec3, Vec3};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;

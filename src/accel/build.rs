@@ -6,9 +6,9 @@ use super::chunked_build::{self, Threads, TreePart, append, empty_buffer};
 use super::input::{
     AccelInput, AccelInstance, BuildOptions, Estimate, Geometry, Reuse, TooLarge, TreeQuality,
 };
+use super::input::{Primitive, PrimitiveKind, collect_primitives, is_in_reach};
 use super::layout::{BufferFull, DONE, InstanceRecord};
 use super::motion::{self, Motions};
-use super::primitives::{Primitive, PrimitiveKind, collect_primitives, is_in_reach};
 use super::scan::Scan;
 use super::traversal::DeepSlot;
 use super::wide_tree::{Collapse, ShapeSource, TreeWriter, WIDTH, WrittenTree};

@@ -12,11 +12,11 @@
 
 use super::binary_tree::{self, Effort, NormalizedSpace, Workspace};
 use super::input::{BuildOptions, Estimate, Geometry, TreeQuality};
+use super::input::{Primitive, PrimitiveKind};
 use super::layout::{
     AnalyticPacket, BufferFull, DONE, InstanceRecord, KIND_ANALYTIC, KIND_INSTANCE, LEAF, MAX_LINE, Node,
     TrianglePacket, kind_of, line_of, view_mut,
 };
-use super::primitives::{Primitive, PrimitiveKind};
 use super::wide_tree::{Collapse, ShapeSource, Subtree, TreeWriter, WrittenTree};
 use crate::gauge::Gauge;
 use crate::math::{Bounds3, Vec3};

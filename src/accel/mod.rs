@@ -25,7 +25,6 @@ mod inspect;
 mod layout;
 mod motion;
 mod point_visibility;
-mod primitives;
 mod scan;
 #[cfg(test)]
 mod tests;
@@ -35,15 +34,15 @@ mod wide_tree;
 pub use input::{
     AccelInput, AccelInstance, Estimate, Geometry, MovingInstance, Reuse, TooLarge, TreeQuality,
 };
+pub use input::{Dropped, is_in_reach};
 pub use point_visibility::{PointVisibility, PointVisibilityQuery, SetBits};
-pub use primitives::{Dropped, is_in_reach};
 
 use crate::math::{Bounds3, Hit, Ray};
 use crate::scene::ShapeTag;
 use crate::simd::{Level, Line, best_level, dispatch_wide_at};
+use input::{Primitive, PrimitiveKind};
 use layout::DONE;
 use motion::{Motions, NoMotion, TimeByRay};
-use primitives::{Primitive, PrimitiveKind};
 use scan::{Scan, ScanAll, ScanWorkspace};
 use std::cell::RefCell;
 use traversal::{AnyHit, AnyOccluder, ClosestHit, NextHit, Output, RayStream, ShallowSlot, Workspace};

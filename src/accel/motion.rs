@@ -3,12 +3,12 @@
 //! Times of rays come in a separate list, which only the traversal for moving scenes reads. Node boxes bound their contents over
 //! the whole shutter interval.
 
+use super::input::vertices_of;
 use super::input::{AccelInput, Geometry, MovingInstance};
 use super::layout::{
     ANALYTIC_LINES, AnalyticPacket, InstanceRecord, MOVING_TRIANGLES, TRIANGLE_LINES, TrianglePacket, view,
     view_mut,
 };
-use super::primitives::vertices_of;
 use crate::math::{DAffine3, TransformKeys, Vec3, segment, transform_at};
 use crate::shape::triangle::LANES;
 use crate::simd::Line;

@@ -5,6 +5,7 @@
 
 use super::binary_tree::Binary;
 use super::input::Geometry;
+use super::input::{Primitive, PrimitiveKind, triangle_vertices};
 use super::layout::{
     ANALYTIC_LINES, AnalyticPacket, BufferFull, CURVES, CurvePacket, DONE, INSTANCE_LINES, InstanceRecord,
     KIND_ANALYTIC, KIND_INSTANCE, KIND_TRIANGLES, MAX_LINE, NODE_LINES, Node, PART_QUAD_FIRST,
@@ -12,7 +13,6 @@ use super::layout::{
     line_of, view_mut,
 };
 use super::motion;
-use super::primitives::{Primitive, PrimitiveKind, triangle_vertices};
 use crate::math::{Bounds3, Vec3};
 use crate::shape::triangle::LANES;
 use crate::simd::{Line, reserve_on_huge_pages};

@@ -1,9 +1,9 @@
 //! Directional albedo of facets with two roughnesses: that of one roughness, corrected by a table.
 
-use super::albedo_table::{DirectionalAlbedo, MIN_ROUGHNESS};
 use super::dielectric_table::mean_cosine;
 use super::fresnel::DielectricCurve;
 use super::ggx::MIN_ALPHA;
+use super::ggx::{DirectionalAlbedo, MIN_ROUGHNESS};
 use crate::math::Vec3;
 
 /// Largest ratio of the square roots of the two alphas that the table reaches.

@@ -1,7 +1,7 @@
 //! Directional albedo of GGX facets with the exact Fresnel curve of a dielectric, from a table.
 
-use super::albedo_table::MIN_ROUGHNESS;
 use super::fresnel::DielectricCurve;
+use super::ggx::MIN_ROUGHNESS;
 
 /// Nodes by roughness r = sqrt(alpha) from the least to 1, by index of refraction (see [`index_axis`]), and by view
 /// cosine, as s (1 + r) / (s + r) with s its square root.

@@ -9,10 +9,10 @@
 //! not dimmed by them. Neither side gains or loses energy; the price is that transmission through layers is not
 //! reciprocal.
 
-use super::albedo_table::DirectionalAlbedo;
 use super::dielectric::tint_of_crossing;
 use super::diffuse::{DiffuseThrough, OrenNayar};
 use super::fresnel::LayerFresnel;
+use super::ggx::DirectionalAlbedo;
 use super::lobe::{LocalFrame, MIN_ALBEDO, MaterialProgram, Refracted, Slots, always};
 use super::metal::FacetReflection;
 use super::metal_rough::{MetalRough, MetalRoughClosure};

@@ -1,6 +1,6 @@
 //! Metals: GGX microfacets with Schlick's Fresnel term of a colour, or with the exact Fresnel term of a complex index of refraction.
 
-use super::albedo_table::DirectionalAlbedo;
+use super::ggx::DirectionalAlbedo;
 use super::ggx::MIN_ALPHA;
 use super::microsurface::{Facets, Microsurface};
 use super::{Appearance, BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Slots, fresnel, ggx};

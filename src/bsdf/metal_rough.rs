@@ -1,7 +1,7 @@
 //! The opaque glTF 2.0 material: a GGX layer over a diffuse base, mixed with metal.
 
-use super::albedo_table::DirectionalAlbedo;
 use super::fresnel::{DielectricCurve, LayerFresnel};
+use super::ggx::DirectionalAlbedo;
 use super::lobe::MIN_ALBEDO;
 use super::microsurface::{Facets, Isotropic};
 use super::{Appearance, BsdfEval, BsdfSample, Lobe, fresnel, ggx};

@@ -1,10 +1,10 @@
 //! A rough surface made of GGX facets with a roughness of its own along two tangent directions (Heitz 2014, "Understanding
 //! the Masking-Shadowing Function in Microfacet-Based BRDFs", section 5.4), and the trait over microfacet distributions.
 
-use super::albedo_table::DirectionalAlbedo;
 use super::anisotropic_table::{LARGEST_ROOT_RATIO, anisotropic_albedo, anisotropic_dielectric_grazing};
 use super::dielectric_table::mean_cosine;
 use super::fresnel::DielectricCurve;
+use super::ggx::DirectionalAlbedo;
 use super::ggx::{self, MIN_ALPHA, Reflection};
 use super::lobe::{LocalFrame, Slots, always};
 use crate::math::{Vec2, Vec3, poly};

@@ -5,7 +5,6 @@
 //! Weights are for paths that start at the camera: radiance transmitted into a denser medium is scaled by
 //! 1 / eta^2 and back on the way out (as in pbrt and Mitsuba); [`BsdfSample::eta`] lets Russian roulette undo it.
 
-pub mod albedo_table;
 pub mod anisotropic_table;
 mod dielectric;
 pub mod dielectric_table;
@@ -26,15 +25,13 @@ mod reference;
 mod rough_dielectric;
 mod sheen;
 mod thin_film;
-mod toon;
-mod velvet;
 
 pub use crate::scene::ShadingModel;
-pub use albedo_table::DirectionalAlbedo;
 pub use dielectric::SmoothInterface;
 pub use dielectric_table::mean_cosine;
 pub use diffuse::DiffuseThrough;
 pub use fresnel::{DielectricCurve, LayerFresnel};
+pub use ggx::DirectionalAlbedo;
 pub use ggx::above;
 pub use layered::Coat;
 pub use lobe::{
@@ -63,9 +60,9 @@ dispatch::bsdfs! {
         /// The modified Phong model.
         phong::Phong(phong::PhongProgram),
         /// The velvet of Ashikhmin.
-        velvet::Velvet(velvet::VelvetProgram),
+        phong::Velvet(phong::VelvetProgram),
         /// Light in steps.
-        toon::Toon(toon::ToonProgram),
+        phong::Toon(phong::ToonProgram),
         /// A metal of a colour, with Schlick's Fresnel term.
         metal::SchlickMetal(metal::SchlickMetalProgram),
         /// A metal of a complex index of refraction.

@@ -1,11 +1,15 @@
 //! The modified Phong model of older files.
+//!
+//! Toon shading of Cycles: light has steps instead of gradients.
+//!
+//! The velvet of Ashikhmin, as older files of Blender have it.
 
 use super::{Appearance, BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Slots};
 use crate::color::Rgb;
-use crate::math::{Vec3, poly};
+use crate::math::{Frame, Vec3, poly};
 use crate::sampling::warp;
-use crate::scene::ColorSlot;
-use std::f32::consts::{FRAC_1_PI, TAU};
+use crate::scene::{ColorSlot, FloatSlot};
+use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, PI, TAU};
 
 /// Diffuse reflection and a cosine lobe around the mirror direction (Lafortune, Willems 1994, "Using the modified Phong
 /// reflectance model for physically based rendering"): f = kd / pi + ks (n + 2) / (2 pi) cos^n.
@@ -61,9 +65,7 @@ impl Lobe for Phong {
             let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
             let (s, c) = poly::sin_cos_turns(u[1]);
             let mirror = Vec3::new(-wo.x, -wo.y, wo.z);
-            crate::math::Frame::from_normal(mirror)
-                .to_world(Vec3::new(sine * c, sine * s, cosine))
-                .normalize()
+            Frame::from_normal(mirror).to_world(Vec3::new(sine * c, sine * s, cosine)).normalize()
         } else {
             let up = warp::cosine_hemisphere([u[0], u[1]]);
             Vec3::new(up.x, up.y, up.z.copysign(wo.z))
@@ -139,5 +141,263 @@ impl MaterialProgram for PhongProgram {
     fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> Phong {
         let [diffuse, specular] = [&self.diffuse, &self.specular].map(|slot| slots.share_by_channel(slot));
         Phong::new(diffuse, specular, self.exponent)
+    }
+}
+
+/// Light from within an angle of an axis counts alike, without a cosine; beyond, it fades out linearly with the angle. The axis is the normal,
+/// or the mirror direction. Returns at most `color` of the light. Both sides alike, not reciprocal.
+#[derive(Clone, Copy, Debug)]
+pub struct Toon {
+    /// Factor on the scattered light.
+    pub color: Rgb,
+    /// The angle within which light is whole, radians.
+    pub angle_rad: f32,
+    /// Where it is dark.
+    pub end_rad: f32,
+    /// The axis is the mirror direction: a highlight.
+    pub is_glossy: bool,
+}
+
+/// Angles of highlights are at least this share of a right angle.
+const MIN_SIZE: f32 = 1e-5;
+
+impl Toon {
+    /// By shares of a right angle.
+    pub fn new(color: Rgb, [size, smooth]: [f32; 2], is_glossy: bool) -> Toon {
+        let angle_rad = size.max(MIN_SIZE) * FRAC_PI_2;
+        Toon { color, angle_rad, end_rad: angle_rad + smooth * FRAC_PI_2, is_glossy }
+    }
+
+    /// What is left of light at an angle.
+    fn intensity(&self, angle: f32) -> f32 {
+        if angle < self.angle_rad {
+            return 1.0;
+        }
+        let width = self.end_rad - self.angle_rad;
+        if angle < self.end_rad && width > 0.0 { 1.0 - (angle - self.angle_rad) / width } else { 0.0 }
+    }
+
+    /// The cone of directions that are sampled: the angle, and one minus its cosine.
+    fn cone(&self) -> (f32, f32) {
+        let angle = self.end_rad.min(FRAC_PI_2);
+        let (sine, cosine) = poly::sin_cos(angle);
+        (angle, warp::one_minus_cos(sine * sine, cosine * cosine))
+    }
+
+    /// The axis as a direction above the surface.
+    fn axis(&self, wo: Vec3) -> Vec3 {
+        if self.is_glossy { Vec3::new(-wo.x, -wo.y, wo.z.abs()) } else { Vec3::Z }
+    }
+}
+
+impl Lobe for Toon {
+    fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
+        let local = warp::uniform_cone([u[0], u[1]], self.cone().1);
+        let up = Frame::from_normal(self.axis(wo)).to_world(local);
+        if up.z <= 0.0 {
+            return BsdfSample::ABSORBED;
+        }
+        let wi = Vec3::new(up.x, up.y, up.z.copysign(wo.z));
+        BsdfSample::reflected(wi, self.eval(wo, wi))
+    }
+
+    fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
+        if (wo.z < 0.0) != (wi.z < 0.0) {
+            return BsdfEval::ZERO;
+        }
+        let (end, one_minus_cos) = self.cone();
+        let angle = poly::acos(self.axis(wo).dot(Vec3::new(wi.x, wi.y, wi.z.abs())).clamp(0.0, 1.0));
+        if angle >= end {
+            return BsdfEval::ZERO;
+        }
+        let pdf_solid_angle = warp::uniform_cone_pdf_solid_angle(one_minus_cos);
+        BsdfEval { f_cos: self.color * (self.intensity(angle) * pdf_solid_angle), pdf_solid_angle }
+    }
+
+    fn is_specular(&self) -> bool {
+        false
+    }
+
+    fn tinted(self, color: Rgb) -> Self {
+        Toon { color: self.color * color, ..self }
+    }
+
+    fn albedo(&self) -> Rgb {
+        self.color
+    }
+
+    fn appearance(&self) -> Appearance {
+        let (diffuse, glossy) =
+            if self.is_glossy { (Rgb::ZERO, self.color) } else { (self.color, Rgb::ZERO) };
+        Appearance { diffuse, glossy, ..Appearance::BLACK }
+    }
+
+    fn diffuse_part(&self, wo: Vec3, wi: Vec3) -> Rgb {
+        if self.is_glossy { Rgb::ZERO } else { self.eval(wo, wi).f_cos }
+    }
+}
+
+/// The parameters of a [`Toon`].
+#[derive(Clone, Copy, Debug)]
+pub struct ToonProgram {
+    /// See [`Toon::color`].
+    pub color: ColorSlot,
+    /// The angle within which light is whole, over a right angle.
+    pub size: FloatSlot,
+    /// The angle over which it fades out, over a right angle.
+    pub smooth: FloatSlot,
+    /// See [`Toon::is_glossy`].
+    pub is_glossy: bool,
+}
+
+impl MaterialProgram for ToonProgram {
+    type Lobe = Toon;
+
+    fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> Toon {
+        let angles = [slots.share(&self.size), slots.share(&self.smooth)];
+        Toon::new(slots.share_by_channel(&self.color), angles, self.is_glossy)
+    }
+}
+
+/// Facets whose normals lie along the surface (Ashikhmin, Premoze, Shirley 2000, "A Microfacet-based BRDF Generator", section 4.4), with
+/// the density of normals exp(-cot^2 / sigma^2) / (pi sigma^2 sin^4) and the masking of V grooves (Cook, Torrance 1982, eq. 9). The density
+/// isn't normalised: most light is lost, at grazing incidence some is gained. Both sides alike. Models with more truth to them are those of
+/// [`super::Sheen`].
+#[derive(Clone, Copy, Debug)]
+pub struct Velvet {
+    /// Factor on the scattered light.
+    pub color: Rgb,
+    /// The standard deviation sigma of the density, from 0.01 to 1.
+    pub deviation: f32,
+}
+
+/// Deviations are at least this.
+const MIN_DEVIATION: f32 = 0.01;
+
+/// Cosines are at least this where they divide.
+const MIN_COSINE: f32 = 1e-5;
+
+/// Density of directions that are uniform over the hemisphere.
+const UNIFORM: f32 = 0.5 * FRAC_1_PI;
+
+impl Velvet {
+    /// Value of white velvet for directions above the surface.
+    #[inline]
+    fn value(&self, wo: Vec3, wi: Vec3) -> f32 {
+        let half = (wo + wi).normalize();
+        let (cosine, of_half) = (half.z, wo.dot(half).abs());
+        if cosine >= 1.0 - MIN_COSINE || of_half <= MIN_COSINE || wo.z <= MIN_COSINE {
+            return 0.0;
+        }
+        let (squared, inverse) = (1.0 - cosine * cosine, 1.0 / (self.deviation * self.deviation));
+        let density = poly::exp(-cosine * cosine / squared * inverse) * inverse / (PI * squared * squared);
+        let masked = (2.0 * (cosine / of_half).max(MIN_COSINE) * wo.z.min(wi.z)).min(1.0);
+        0.25 * density * masked / wo.z
+    }
+}
+
+impl Lobe for Velvet {
+    #[inline]
+    fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
+        let up = warp::uniform_cone([u[0], u[1]], 1.0);
+        let wi = Vec3::new(up.x, up.y, up.z.copysign(wo.z));
+        if wi.z == 0.0 {
+            return BsdfSample::ABSORBED;
+        }
+        BsdfSample::reflected(wi, self.eval(wo, wi))
+    }
+
+    #[inline]
+    fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
+        if (wo.z < 0.0) != (wi.z < 0.0) {
+            return BsdfEval::ZERO;
+        }
+        let above = |v: Vec3| Vec3::new(v.x, v.y, v.z.abs());
+        BsdfEval { f_cos: self.color * self.value(above(wo), above(wi)), pdf_solid_angle: UNIFORM }
+    }
+
+    #[inline(always)]
+    fn is_specular(&self) -> bool {
+        false
+    }
+
+    #[inline(always)]
+    fn tinted(self, color: Rgb) -> Self {
+        Velvet { color: self.color * color, ..self }
+    }
+
+    #[inline(always)]
+    fn albedo(&self) -> Rgb {
+        self.color
+    }
+
+    fn appearance(&self) -> Appearance {
+        Appearance { diffuse: self.color, ..Appearance::BLACK }
+    }
+
+    fn diffuse_part(&self, wo: Vec3, wi: Vec3) -> Rgb {
+        self.eval(wo, wi).f_cos
+    }
+}
+
+/// The parameters of a [`Velvet`].
+#[derive(Clone, Copy, Debug)]
+pub struct VelvetProgram {
+    /// See [`Velvet::color`].
+    pub color: ColorSlot,
+    /// See [`Velvet::deviation`].
+    pub deviation: FloatSlot,
+}
+
+impl MaterialProgram for VelvetProgram {
+    type Lobe = Velvet;
+
+    #[inline]
+    fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> Velvet {
+        let deviation = slots.share(&self.deviation).max(MIN_DEVIATION);
+        Velvet { color: slots.share_by_channel(&self.color), deviation }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A diffuse one without a fade returns its colour; light beyond its angle is lost.
+    #[test]
+    fn light_within_the_angle_counts_alike() {
+        let toon = Toon::new(Rgb::splat(0.6), [0.5, 0.0], false);
+        let at = |degrees: f32| {
+            let (sine, cosine) = degrees.to_radians().sin_cos();
+            toon.eval(Vec3::Z, Vec3::new(sine, 0.0, cosine)).f_cos.r
+        };
+        let cone = TAU * (1.0 - std::f32::consts::FRAC_1_SQRT_2);
+        assert!((at(0.0) * cone - 0.6).abs() < 1e-4 && (at(44.0) * cone - 0.6).abs() < 1e-4);
+        assert_eq!(at(46.0), 0.0);
+        let soft = Toon::new(Rgb::ONE, [0.25, 0.5], true);
+        let mirror = Vec3::new(-0.6, 0.0, 0.8);
+        let full = soft.eval(Vec3::new(0.6, 0.0, 0.8), mirror).f_cos.r;
+        // 45 degrees from the mirror direction two fifths of the fade are over.
+        let (sine, cosine) = (0.6f32.asin() - 45.0f32.to_radians()).sin_cos();
+        let faded = soft.eval(Vec3::new(0.6, 0.0, 0.8), Vec3::new(-sine, 0.0, cosine)).f_cos.r;
+        assert!((faded / full - 0.5).abs() < 1e-3, "{faded} {full}");
+    }
+
+    /// Values by hand: at deviation 1 the density at 45 degrees is exp(-1) / (pi / 4), and grooves don't mask.
+    #[test]
+    fn values_are_those_of_the_formula() {
+        let velvet = Velvet { color: Rgb::ONE, deviation: 1.0 };
+        let root = std::f32::consts::FRAC_1_SQRT_2;
+        let wo = Vec3::new(root, 0.0, root);
+        let found = velvet.eval(wo, wo).f_cos.r;
+        let exact = 0.25 * (-1.0f32).exp() * 4.0 * FRAC_1_PI / root;
+        assert!((found / exact - 1.0).abs() < 1e-4, "{found} {exact}");
+        // Light from the other side is masked by 2 cos(half) cos / (wo . half) = 2 * 0.5.
+        let mirrored = velvet.eval(Vec3::new(0.8, 0.0, 0.6), Vec3::new(-0.6, 0.0, 0.8)).f_cos.r;
+        let half = Vec3::new(0.2, 0.0, 1.4).normalize();
+        let (c, s) = (half.z * half.z, half.x * half.x);
+        let masked = (2.0 * half.z / half.dot(Vec3::new(0.8, 0.0, 0.6)) * 0.6f32).min(1.0);
+        let exact = 0.25 * (-c / s).exp() / (PI * s * s) * masked / 0.6;
+        assert!((mirrored / exact - 1.0).abs() < 1e-3, "{mirrored} {exact}");
     }
 }

@@ -1,14 +1,14 @@
 //! The arguments as clap parses them; nothing is decided here.
 
 use super::camera_args::{CameraArgs, ShutterArgs};
-use super::exr_args::ExrArgs;
 use super::parsers::{
     AovParser, FRAME_RATE, Frames, PreviewArg, ShowArg, bounce_limits, clamp, frames_per_second, number,
     region, stops,
 };
+use super::picture_args::ExrArgs;
+use super::picture_args::Quality;
 use super::picture_args::{PictureArgs, views};
 use super::progress::ProgressArg;
-use super::quality::Quality;
 use super::scene_args::{AssetArgs, BlenderArgs, StageArgs};
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, ValueEnum};

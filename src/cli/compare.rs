@@ -2,7 +2,7 @@
 
 use super::args::CompareArgs;
 use super::json;
-use super::outcome::Outcome;
+use super::process::Outcome;
 use super::report::print_line;
 use oscura::error::{Error, Result};
 use oscura::image::Image;

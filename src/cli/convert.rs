@@ -1,9 +1,9 @@
 //! `oscura convert`: a layer of an EXR, or of a sequence of them, as a picture to look at.
 
-use super::outcome::Outcome;
 use super::parsers::Frames;
 use super::picture_args::ConvertArgs;
 use super::pictures::{AnimationFiles, is_moving};
+use super::process::Outcome;
 use font8x8::legacy::BASIC_LEGACY;
 use oscura::color::converted;
 use oscura::error::{Error, Result};

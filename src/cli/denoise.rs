@@ -1,8 +1,8 @@
 //! `oscura denoise`: denoises the picture of a file, or those of a sequence.
 
-use super::outcome::Outcome;
 use super::parsers::Frames;
 use super::picture_args::DenoiseArgs;
+use super::process::Outcome;
 use oscura::denoise::temporal::{Frame, REACH, stabilized};
 use oscura::denoise::{Denoised, Guides, NAME, Noise, Noisy, denoise, slices};
 use oscura::error::{Error, Result};

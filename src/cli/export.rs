@@ -1,12 +1,12 @@
 //! `oscura export`: a Blender file as a folder of files that other programs read, too.
 
 use super::args::{CacheArgs, ExportArgs};
-use super::outcome::Outcome;
+use super::process::Outcome;
 use super::report::{PrintedMessages, print_line};
 use super::scene_args::check_scene_path;
 use oscura::error::{Error, ErrorKind, Problem, Result};
-use oscura::load::blender::cache::{clear, kept};
 use oscura::load::blender::{BlenderOptions, default_cache, export};
+use oscura::load::blender::{clear, kept};
 use oscura::load::gltf::GltfOptions;
 use oscura::load::{LoadOptions, is_of_blender};
 use oscura::output::{check_folder, move_folder};

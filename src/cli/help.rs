@@ -4,7 +4,7 @@
 use super::args::{CompletionsArgs, HelpArgs, ManArgs};
 use super::command_line::Arguments;
 use super::option_groups::GROUPS;
-use super::outcome::Outcome;
+use super::process::Outcome;
 use super::report::print_text;
 use clap::{Arg, ValueEnum};
 use oscura::error::{Error, Result};

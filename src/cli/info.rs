@@ -1,8 +1,8 @@
 //! `oscura info`: what is in an EXR file.
 
 use super::json;
-use super::outcome::Outcome;
 use super::picture_args::InfoArgs;
+use super::process::Outcome;
 use super::report::print_line;
 use oscura::error::Result;
 use oscura::load::image::{Layered, load_layered};

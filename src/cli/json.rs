@@ -1,7 +1,7 @@
 //! How `--json` prints: one line, a blank behind commas and colons, and numbers as plain decimals, never with an exponent,
 //! so that any tool can read them. NaN and infinities become null.
 
-use super::quality::Quality;
+use super::picture_args::Quality;
 use super::report::{self, Run, ShapeCounts};
 use oscura::accel::TreeQuality;
 use oscura::error::{Error, ErrorKind};

@@ -1,10 +1,10 @@
 //! `oscura merge`: a picture from its parts.
 
-use super::exr_args::ExrFormatArgs;
-use super::outcome::Outcome;
 use super::parsers::stops;
+use super::picture_args::ExrFormatArgs;
 use super::picture_args::{DenoiserArgs, views};
 use super::pictures::{EncodeOptions, FinishedPicture, Pictures, Targets};
+use super::process::Outcome;
 use super::report::counted;
 use super::settings::check_memory_before_merging;
 use super::{json, process, report};

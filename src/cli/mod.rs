@@ -3,7 +3,7 @@
 
 use command_line::{Arguments, Command};
 use oscura::error::Error;
-use outcome::{Outcome, exit_code};
+use process::{Outcome, exit_code};
 use std::ffi::OsString;
 
 /// Prints a line on standard error. Nobody listening any more is no reason to stop.
@@ -20,10 +20,8 @@ mod checkpoint;
 mod command_line;
 mod compare;
 mod convert;
-mod darkness;
 mod denoise;
 mod export;
-mod exr_args;
 mod help;
 mod info;
 mod inspect;
@@ -31,7 +29,6 @@ mod json;
 mod merge;
 mod new_scene;
 mod option_groups;
-mod outcome;
 mod page;
 mod parsers;
 mod picture_args;
@@ -39,7 +36,6 @@ mod pictures;
 mod preview;
 mod process;
 mod progress;
-mod quality;
 mod render;
 mod report;
 mod scene_args;

@@ -1,5 +1,5 @@
 use super::args::NewArgs;
-use super::outcome::Outcome;
+use super::process::Outcome;
 use super::report::name_options_in_error;
 use oscura::error::{Error, Result};
 use oscura::load::scene_file::sidecar;

@@ -1,11 +1,21 @@
 //! Arguments about pictures after rendering, and of the commands that read them.
+//!
+//! Arguments about how EXRs lie on the disk, and which part of the frame they hold.
+//!
+//! `--quality`: how many samples a picture gets and whether it is denoised, in one word.
 
-use super::parsers::{FRAME_RATE, Frames, frames_per_second, number, stops};
+use super::parsers::{FRAME_RATE, Frames, frames_per_second, named, number, region, stops};
 use clap::builder::{PossibleValue, PossibleValuesParser, StringValueParser, TypedValueParser};
 use clap::{Args, ValueEnum};
-use oscura::error::Warning;
-use oscura::output::{ViewTransform, read_view};
+use oscura::error::{Error, Result, Warning};
+use oscura::film::PixelType;
+use oscura::output::part::Region;
+use oscura::output::{
+    ExrCompression, ExrLayout, ExrOptions, ExrWindow, ViewTransform, WorkingSpace, read_view,
+};
 use oscura::render::{Caustics, setting_help};
+use oscura::scene::{Backdrop, Camera, Projection};
+use serde::Serialize;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
@@ -26,7 +36,7 @@ impl TypedValueParser for Views {
         command: &clap::Command,
         argument: Option<&clap::Arg>,
         value: &OsStr,
-    ) -> Result<ViewTransform, clap::Error> {
+    ) -> std::result::Result<ViewTransform, clap::Error> {
         let is_file = value.to_str().is_some_and(ViewTransform::is_file);
         match is_file {
             true => {
@@ -73,7 +83,7 @@ pub(crate) struct PictureArgs {
     pub deep: bool,
 }
 
-fn kelvin(text: &str) -> Result<f32, String> {
+fn kelvin(text: &str) -> std::result::Result<f32, String> {
     let fits = |v| (1667.0..=25_000.0).contains(&v);
     number(text, fits, "a number of kelvin from 1667 to 25000").map(|v| v as f32)
 }
@@ -178,5 +188,282 @@ impl DenoiserArgs {
         let message =
             "the network of Open Image Denoise is built in: --denoiser and --oidn-library have no effect";
         is_given.then(|| Warning::general(message)).into_iter().collect()
+    }
+}
+
+fn layouts() -> impl TypedValueParser<Value = ExrLayout> {
+    named(&ExrLayout::ALL, ExrLayout::name, ExrLayout::about)
+}
+
+fn compressions() -> impl TypedValueParser<Value = ExrCompression> {
+    named(&ExrCompression::ALL, ExrCompression::name, |_| "")
+}
+
+fn spaces() -> impl TypedValueParser<Value = WorkingSpace> {
+    named(&WorkingSpace::ALL, WorkingSpace::name, WorkingSpace::about)
+}
+
+/// Format of EXR files.
+#[derive(Args, Clone, Debug)]
+pub(crate) struct ExrFormatArgs {
+    /// Channel layout of EXRs.
+    #[arg(long, value_name = "LAYOUT", default_value = "single", value_parser = layouts())]
+    pub exr_layout: ExrLayout,
+    /// Compression of EXRs; pxr24 and those after it are lossy.
+    #[arg(long, value_name = "KIND", default_value = "zip", value_parser = compressions())]
+    pub exr_compression: ExrCompression,
+    /// Write tiled EXRs with tiles of N x N pixels.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(8..=4096), allow_negative_numbers = true)]
+    pub exr_tiles: Option<u32>,
+    /// Colour space of EXRs.
+    #[arg(long, value_name = "SPACE", default_value = "rec709", value_parser = spaces())]
+    pub working_space: WorkingSpace,
+    /// EXR layers or channels to write as half floats: N, Z, rgba, ...
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub exr_half: Vec<String>,
+    /// EXR layers or channels to write as 32-bit floats.
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub exr_float: Vec<String>,
+}
+
+#[derive(Args, Clone, Debug)]
+pub(crate) struct ExrArgs {
+    #[command(flatten)]
+    pub format: ExrFormatArgs,
+    /// Crop: render only the pixels of a rectangle (X1 and Y1 exclusive), the data window of EXRs.
+    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = region, conflicts_with = "region")]
+    pub crop: Option<Region>,
+    /// Overscan: extend the frame, or the --crop rectangle, by this percentage of the frame's width and height at each
+    /// edge. The display window of EXRs stays the frame.
+    #[arg(long, value_name = "PERCENT", value_parser = percent, allow_negative_numbers = true, conflicts_with = "checkpoint")]
+    pub overscan: Option<f64>,
+}
+
+fn percent(text: &str) -> std::result::Result<f64, String> {
+    number(text, |v| (0.0..=100.0).contains(&v), "a number of percent from 0 to 100")
+}
+
+impl ExrFormatArgs {
+    /// How EXRs are written whose pixels stand so in the frame.
+    pub fn options(&self, window: Option<ExrWindow>) -> ExrOptions {
+        let of = |names: &[String], kind| names.iter().map(|name| (name.clone(), kind)).collect::<Vec<_>>();
+        let mut types = of(&self.exr_half, PixelType::Half);
+        types.extend(of(&self.exr_float, PixelType::Float));
+        let (layout, compression) = (self.exr_layout, self.exr_compression);
+        ExrOptions { layout, compression, tiles: self.exr_tiles, types, space: self.working_space, window }
+    }
+
+    /// Is anything chosen?
+    pub fn is_given(&self) -> bool {
+        let types = self.exr_half.len() + self.exr_float.len();
+        let (layout, compression) = (ExrLayout::default(), ExrCompression::default());
+        self.exr_layout != layout
+            || self.exr_compression != compression
+            || self.exr_tiles.is_some()
+            || self.working_space != WorkingSpace::default()
+            || types > 0
+    }
+
+    /// Do mattes, if there are any, stay what they are?
+    ///
+    /// # Errors
+    /// A usage error for what would change their ids.
+    pub fn check(&self, has_mattes: bool) -> Result<()> {
+        if !self.exr_compression.keeps_ids() && has_mattes {
+            let message = "this --exr-compression would change the ids of Cryptomattes";
+            return Err(Error::usage(message).with_help("take zip, zips or piz"));
+        }
+        if let Some(name) = self.exr_half.iter().find(|name| name.to_ascii_lowercase().starts_with("crypto"))
+        {
+            let message = format!("--exr-half {name} would change the ids of Cryptomattes");
+            return Err(Error::usage(message).with_help("they are 32-bit floats"));
+        }
+        Ok(())
+    }
+}
+
+impl ExrArgs {
+    /// Where the pixels stand in a frame of so many, if they are not just those of the frame; `cropped` are those of it that
+    /// are rendered, if not all.
+    ///
+    /// # Errors
+    /// A usage error for a crop that is beyond the frame, and for a backdrop that would not fit what is left.
+    pub fn window(
+        &self,
+        frame: (u32, u32),
+        cropped: Option<Region>,
+        backdrop: Option<&Backdrop>,
+    ) -> Result<Option<Framed>> {
+        let percent = self.overscan.unwrap_or(0.0);
+        if cropped.is_none() && percent == 0.0 {
+            return Ok(None);
+        }
+        if let Some(crop) = cropped.filter(|crop| crop.x1 > frame.0 || crop.y1 > frame.1) {
+            let message = format!("{crop} is not within {} x {} pixels", frame.0, frame.1);
+            return Err(Error::usage(message).with_help("give less to --crop or --region"));
+        }
+        if matches!(backdrop, Some(Backdrop::Picture(_))) {
+            let message =
+                "a picture as --background doesn't go together with --crop, --region and --overscan";
+            return Err(Error::usage(message).with_help("lay it behind the finished picture"));
+        }
+        Ok(Some(Framed::new(frame, cropped, percent)))
+    }
+}
+
+/// What is rendered of a frame, or around it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Framed {
+    /// The first pixel of the file, in the frame.
+    origin: (i32, i32),
+    /// Width and height of the frame.
+    frame: (u32, u32),
+    /// Size with overscan.
+    pub size: (u32, u32),
+    /// What is rendered of that, if not all, in its own pixels.
+    pub region: Option<Region>,
+}
+
+impl Framed {
+    /// Adds overscan of `percent` percent around a frame, or around what is cropped from it.
+    fn new(frame: (u32, u32), cropped: Option<Region>, percent: f64) -> Framed {
+        let border = |size: u32| (f64::from(size) * percent / 100.0).ceil() as u32;
+        let (x, y) = (border(frame.0), border(frame.1));
+        let (left, top) = cropped.map_or((0, 0), |crop| (crop.x0, crop.y0));
+        Framed {
+            origin: (left as i32 - x as i32, top as i32 - y as i32),
+            frame,
+            size: (frame.0 + 2 * x, frame.1 + 2 * y),
+            region: cropped.map(|crop| Region { x1: crop.x1 + 2 * x, y1: crop.y1 + 2 * y, ..crop }),
+        }
+    }
+
+    /// May the picture of a camera get pixels around it?
+    ///
+    /// # Errors
+    /// A usage error for panoramas, which show all that they can.
+    pub fn check_camera(self, camera: &Camera) -> Result<()> {
+        let is_larger = self.size != self.frame;
+        match camera.projection {
+            Projection::Panorama(_) if is_larger => {
+                let message = format!("--overscan has no meaning for '{}', which is a panorama", camera.name);
+                Err(Error::usage(message).with_help("leave --overscan out"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// For the header.
+    pub fn window(self) -> ExrWindow {
+        ExrWindow { origin: self.origin, frame: self.frame }
+    }
+
+    /// The camera that sees the frame and what is around it, in pixels of the same size.
+    pub fn widened(self, mut camera: Camera) -> Camera {
+        let factor = f64::from(self.size.1) / f64::from(self.frame.1);
+        if factor > 1.0 {
+            camera.projection = match camera.projection {
+                Projection::Perspective { vfov_rad } => {
+                    Projection::Perspective { vfov_rad: 2.0 * ((0.5 * vfov_rad).tan() * factor).atan() }
+                }
+                Projection::Orthographic { half_height } => {
+                    Projection::Orthographic { half_height: half_height * factor }
+                }
+                // Refused: see `check_camera`.
+                Projection::Panorama(panorama) => Projection::Panorama(panorama),
+            };
+            camera.shift = camera.shift.map(|shift| shift / factor);
+        }
+        camera
+    }
+}
+
+/// A quality. Without `--quality` it is `Normal`, unless the user or the scene says how many samples to take.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum Quality {
+    /// 8 samples per pixel, denoised: a look at composition and light.
+    Draft,
+    /// Noise below 12 % before denoising.
+    Normal,
+    /// Noise below 3 % before denoising.
+    High,
+    /// Noise below 1 %, not denoised: the error is that of the samples alone.
+    Final,
+}
+
+/// The settings of a quality.
+pub(crate) struct Preset {
+    /// Noise threshold, percent; without one, all samples are taken.
+    pub noise: Option<f32>,
+    /// Maximum number of samples per pixel.
+    pub samples: u32,
+    pub denoise: bool,
+}
+
+impl Quality {
+    pub fn preset(self) -> Preset {
+        match self {
+            Quality::Draft => Preset { noise: None, samples: 8, denoise: true },
+            Quality::Normal => Preset { noise: Some(12.0), samples: 256, denoise: true },
+            Quality::High => Preset { noise: Some(3.0), samples: 2048, denoise: true },
+            Quality::Final => Preset { noise: Some(1.0), samples: 65_536, denoise: false },
+        }
+    }
+
+    /// True if the picture's error is promised to be below the noise threshold.
+    pub fn promises_error(self) -> bool {
+        !self.preset().denoise
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Only {
+        #[command(flatten)]
+        exr: ExrArgs,
+        #[arg(long)]
+        region: Option<String>,
+        #[arg(long)]
+        checkpoint: Option<String>,
+    }
+
+    fn args(line: &str) -> ExrArgs {
+        Only::try_parse_from(line.split_whitespace()).unwrap_or_else(|e| panic!("{e}")).exr
+    }
+
+    #[test]
+    fn crops_and_overscan_are_windows_of_the_frame() {
+        let of = |line| args(line).window((100, 50), args(line).crop, None).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(of("x"), None);
+        let crop = of("x --crop 10,20,30,40").expect("a window");
+        assert_eq!((crop.window().origin, crop.size), ((10, 20), (100, 50)));
+        let wide = of("x --overscan 5").expect("a window");
+        assert_eq!((wide.window().origin, wide.size), ((-5, -3), (110, 56)));
+        assert_eq!((wide.region, crop.region), (None, Some(Region { x0: 10, y0: 20, x1: 30, y1: 40 })));
+        let both = of("x --crop 10,20,30,40 --overscan 5").expect("a window");
+        assert_eq!((both.window().origin, both.size), ((5, 17), (110, 56)));
+        assert_eq!(both.region, Some(Region { x0: 10, y0: 20, x1: 40, y1: 46 }));
+        let beyond = args("x --crop 10,20,101,40");
+        assert!(beyond.window((100, 50), beyond.crop, None).is_err());
+    }
+
+    #[test]
+    fn pixels_of_the_frame_stay_where_they_are() {
+        use oscura::math::DVec3;
+        let framed = args("x --overscan 10").window((40, 20), None, None).ok().flatten().expect("a window");
+        let camera = Camera { shift: [0.2, -0.1], ..Camera::look_at([0.0, 1.0, 5.0], [0.0; 3], 35.0) };
+        let rays = |camera: &Camera, (w, h): (u32, u32), x: f32, y: f32| {
+            oscura::camera::Camera::new(camera, w, h, DVec3::ZERO).ray(x, y, [0.5; 2]).direction
+        };
+        for (x, y) in [(0.5, 0.5), (39.5, 3.5), (20.0, 10.0)] {
+            let plain = rays(&camera, (40, 20), x, y);
+            let wide = rays(&framed.widened(camera.clone()), framed.size, x + 4.0, y + 2.0);
+            assert!((plain - wide).length() < 1e-6, "{plain} {wide}");
+        }
     }
 }

@@ -1,8 +1,9 @@
 //! What the program asks of the operating system: signals and its own memory.
+//!
+//! How commands end.
 
-use super::outcome::exit_code;
 use super::report;
-use oscura::error::{Error, Result};
+use oscura::error::{Error, ErrorKind, Result};
 use oscura::render::CancelHandle;
 use std::ffi::OsString;
 use std::path::Path;
@@ -98,29 +99,6 @@ fn kib(file: &str, key: &str) -> Option<u64> {
     Some(kib * 1024)
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn each_run_of_a_process_has_a_handle_of_its_own() {
-        let first = cancel_by_signals().expect("watched for");
-        let second = cancel_by_signals().expect("watched for");
-        first.cancel();
-        assert!(!second.is_cancelled());
-    }
-
-    #[test]
-    fn signals_within_a_second_are_one() {
-        let mut watched = Watched { cancel: CancelHandle::new(), first: None };
-        let start = Instant::now();
-        let after = |ms| start + Duration::from_millis(ms);
-        assert!(!watched.signal(start) && watched.cancel.is_cancelled());
-        assert!(!watched.signal(after(1)) && !watched.signal(after(999)));
-        assert!(watched.signal(after(1000)));
-    }
-}
-
 // Limits of time and memory that end the process: files from anywhere become small pictures without anyone watching, and what
 // takes long or much may be anywhere, also inside a decoder.
 
@@ -182,5 +160,50 @@ impl Limits {
         let taken = memory_now().filter(|taken| *taken > most)?;
         let mib = |bytes: u64| bytes >> 20;
         Some(format!("takes {} MiB of memory, more than {} MiB (--memory-limit)", mib(taken), mib(most)))
+    }
+}
+
+/// How a command ended.
+pub(crate) enum Outcome {
+    /// As asked.
+    Done,
+    /// `compare` found that the pictures disagree.
+    Disagreement,
+    /// Stopped by a signal; what was there is written.
+    Interrupted,
+    /// Some of many failed, which has been said; the exit code of the worst.
+    Failed(u8),
+}
+
+/// The exit code of an error.
+pub(crate) fn exit_code(error: &Error) -> u8 {
+    match error.kind {
+        ErrorKind::Usage => 2,
+        ErrorKind::Input => 3,
+        ErrorKind::Output => 4,
+        ErrorKind::Interrupted => 130,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_run_of_a_process_has_a_handle_of_its_own() {
+        let first = cancel_by_signals().expect("watched for");
+        let second = cancel_by_signals().expect("watched for");
+        first.cancel();
+        assert!(!second.is_cancelled());
+    }
+
+    #[test]
+    fn signals_within_a_second_are_one() {
+        let mut watched = Watched { cancel: CancelHandle::new(), first: None };
+        let start = Instant::now();
+        let after = |ms| start + Duration::from_millis(ms);
+        assert!(!watched.signal(start) && watched.cancel.is_cancelled());
+        assert!(!watched.signal(after(1)) && !watched.signal(after(999)));
+        assert!(watched.signal(after(1000)));
     }
 }

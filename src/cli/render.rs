@@ -2,22 +2,22 @@
 
 use super::args::RenderArgs;
 use super::checkpoint::CheckpointWriter;
-use super::outcome::{Outcome, exit_code};
 use super::parsers::Frames;
+use super::picture_args::Quality;
 use super::pictures::{
     self, AnimationFiles, Denoising, FinishedPicture, Pictures, Targets, check_stdout, still,
 };
 use super::preview::Preview;
+use super::process::{Outcome, exit_code};
 use super::process::{cancel_by_signals, peak_memory};
 use super::progress::{Progress, ProgressTarget, StageProgress, StopCriteria};
-use super::quality::Quality;
 use super::report::{PrintedMessages, Run, name_options_in_error};
 use super::scene_args::check_scene_path;
 use super::settings::{
     EnvironmentOverride, PictureUse, Prepared, check_memory_before_loading, choices, completed,
     idle_option_notes, memory_limit, prepare, unused_option_warnings, watch_memory,
 };
-use super::{checkpoint, darkness, json, report, show};
+use super::{checkpoint, json, report, show};
 use oscura::compile::Compiler;
 use oscura::error::{Error, ErrorKind, Problem, Result, Warning};
 use oscura::film::{Aov, Film};
@@ -453,7 +453,7 @@ fn dark_note(
     scene: &Scene,
     printed: &mut PrintedMessages,
 ) -> Option<Warning> {
-    let note = darkness::note(film, exposure, scene, &args.scene)?;
+    let note = report::darkness_note(film, exposure, scene, &args.scene)?;
     if !args.quiet {
         printed.notes(std::slice::from_ref(&note));
     }

@@ -1,11 +1,15 @@
 //! Messages to the user: errors, warnings and the report at the end.
+//!
+//! Pictures in which nothing can be seen, and the option that helps.
 
-use super::quality::Quality;
+use super::picture_args::Quality;
 use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode};
 use oscura::accel::TreeQuality;
+use oscura::color::luminance;
 use oscura::compile::CompileReport;
 use oscura::error::{Choice, Error, Problem, Warning};
-use oscura::load::Loaded;
+use oscura::film::Film;
+use oscura::load::{Loaded, is_named_as_scene};
 use oscura::render::Statistics;
 use oscura::scene::{Scene, ShapeTag};
 use serde::{Serialize, Serializer};
@@ -13,6 +17,7 @@ use std::collections::{HashMap, HashSet};
 use std::fmt;
 use std::io::Write;
 use std::ops::Range;
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A problem with its source location, as miette prints it.
@@ -518,6 +523,79 @@ pub(crate) fn name_options_in_loaded(loaded: &mut Loaded) {
 }
 
 #[cfg(test)]
+mod excerpt_tests {
+    use super::*;
+
+    #[test]
+    fn only_long_lines_are_cut() {
+        assert_eq!(Excerpt::of_long_line("a = 1\nb = 2\n", &(6..7)), None);
+        let long = format!("a = 1\nb = [{} \u{e4}\u{1f600}X, 9 ]", "0, ".repeat(1000));
+        let at = long.find('X').expect("the mark");
+        let excerpt = Excerpt::of_long_line(&long, &(at..at + 1)).expect("a long line");
+        assert_eq!((excerpt.line, excerpt.column), (2, 3009));
+        assert!(excerpt.shown.starts_with("...") && excerpt.shown.ends_with("X, 9 ]"), "{excerpt:?}");
+        assert!(excerpt.shown.len() < 120, "{excerpt:?}");
+        assert_eq!(excerpt.shown.chars().nth(excerpt.marker.find('^').expect("a mark")), Some('X'));
+        // A neighbour would be shown too.
+        assert!(Excerpt::of_long_line(&long, &(0..1)).is_some());
+    }
+
+    #[test]
+    fn spans_at_and_beyond_the_end() {
+        let long = "x".repeat(1000);
+        assert_eq!(Excerpt::of_long_line(&long, &(1000..1000)).map(|e| e.column), Some(1001));
+        assert_eq!(Excerpt::of_long_line(&long, &(2000..2001)), None);
+        assert!(Excerpt::of_long_line(&long, &(0..1000)).is_some_and(|e| e.marker.len() <= 40));
+    }
+}
+
+/// Mean luminance below which a picture is nearly black: a hundredth of middle grey.
+const DARK: f64 = 0.18 / 100.0;
+/// Share of pixels as bright as middle grey that makes a dark picture one of a small bright thing.
+const SEEN: f64 = 1e-3;
+/// Maximum number of pixels that are looked at.
+const LOOKED_AT: u64 = 1 << 18;
+
+/// A darkness_note for a picture that is nearly black at this exposure (stops).
+pub(super) fn darkness_note(film: &Film, exposure: f32, scene: &Scene, file: &Path) -> Option<Warning> {
+    let all = u64::from(film.width()) * u64::from(film.height());
+    let step = all.div_ceil(LOOKED_AT).max(1);
+    let width = u64::from(film.width());
+    let (mut sum, mut bright, mut covered, mut count) = (0.0, 0u64, 0.0, 0u64);
+    for at in (0..all).step_by(usize::try_from(step).unwrap_or(1)) {
+        let [r, g, b, alpha] = film.mean_rgba((at % width) as u32, (at / width) as u32);
+        let value = f64::from(luminance([r, g, b])) * f64::from(exposure).exp2();
+        sum += value.max(0.0);
+        bright += u64::from(value > 0.18);
+        covered += f64::from(alpha);
+        count += 1;
+    }
+    let mean = sum / count.max(1) as f64;
+    // Nothing in the picture is something else, which is reported elsewhere.
+    if !(mean < DARK && covered > 0.0) || bright as f64 > SEEN * count as f64 {
+        return None;
+    }
+    let stops = (0.18 / mean.max(1e-30)).log2();
+    let brighter = match mean > 1e-12 {
+        true => format!("--exposure {} shows it", (f64::from(exposure) + stops).round()),
+        false => "no light reaches what the camera sees".to_string(),
+    };
+    let of_units = match is_of_gltf(file) && scene.lights.iter().any(|light| light.profile.is_none()) {
+        true => format!("; its lights may be meant in other units: {} compat", Choice::LightUnits),
+        false => String::new(),
+    };
+    let of_dark = if scene.lights.is_empty() { "; --env FILE or --stage light it" } else { "" };
+    Some(Warning::general(format!(
+        "the picture is nearly black (mean luminance {mean:.1e}): {brighter}{of_units}{of_dark}"
+    )))
+}
+
+fn is_of_gltf(file: &Path) -> bool {
+    let extension = file.extension().unwrap_or_default().to_ascii_lowercase();
+    is_named_as_scene(file) && ["gltf", "glb", "vrm", "zip"].iter().any(|gltf| extension == *gltf)
+}
+
+#[cfg(test)]
 mod tests {
     use super::*;
 
@@ -548,32 +626,5 @@ mod tests {
         assert_eq!((&lines[9], &lines[11]), (&Line::More(9), &Line::More(8)));
         // Six are shown: no line is saved by counting one.
         assert_eq!(shortened(&list[..12], |text| text).len(), 12);
-    }
-}
-
-#[cfg(test)]
-mod excerpt_tests {
-    use super::*;
-
-    #[test]
-    fn only_long_lines_are_cut() {
-        assert_eq!(Excerpt::of_long_line("a = 1\nb = 2\n", &(6..7)), None);
-        let long = format!("a = 1\nb = [{} \u{e4}\u{1f600}X, 9 ]", "0, ".repeat(1000));
-        let at = long.find('X').expect("the mark");
-        let excerpt = Excerpt::of_long_line(&long, &(at..at + 1)).expect("a long line");
-        assert_eq!((excerpt.line, excerpt.column), (2, 3009));
-        assert!(excerpt.shown.starts_with("...") && excerpt.shown.ends_with("X, 9 ]"), "{excerpt:?}");
-        assert!(excerpt.shown.len() < 120, "{excerpt:?}");
-        assert_eq!(excerpt.shown.chars().nth(excerpt.marker.find('^').expect("a mark")), Some('X'));
-        // A neighbour would be shown too.
-        assert!(Excerpt::of_long_line(&long, &(0..1)).is_some());
-    }
-
-    #[test]
-    fn spans_at_and_beyond_the_end() {
-        let long = "x".repeat(1000);
-        assert_eq!(Excerpt::of_long_line(&long, &(1000..1000)).map(|e| e.column), Some(1001));
-        assert_eq!(Excerpt::of_long_line(&long, &(2000..2001)), None);
-        assert!(Excerpt::of_long_line(&long, &(0..1000)).is_some_and(|e| e.marker.len() <= 40));
     }
 }

@@ -2,13 +2,13 @@
 
 use super::args::{CRYPTO_LEVELS, FilterArg, FresnelArg, MicrofacetArg, RenderArgs, TerminatorArg, TreeArg};
 use super::checkpoint::cropped;
-use super::exr_args::Framed;
 use super::parsers::FRAME_RATE;
+use super::picture_args::Framed;
+use super::picture_args::{Preset, Quality};
 use super::pictures::{EncodeOptions, format_of, is_moving, is_part};
 use super::process;
 use super::process::{Limits, Watchdog};
 use super::progress::{ProgressTarget, StageProgress};
-use super::quality::{Preset, Quality};
 use super::report::name_options_in_loaded;
 use oscura::compile::{CompileReport, CompiledScene, Compiler, MemoryPart, texture_memory_for};
 use oscura::error::{Error, Result, Warning};

@@ -1,8 +1,8 @@
 use super::args::bytes;
-use super::outcome::{Outcome, exit_code};
 use super::pictures::{check, mark, marked, refuse_part};
 use super::process::cancel_by_signals;
 use super::process::{Limits, Watchdog};
+use super::process::{Outcome, exit_code};
 use super::report;
 use super::report::{name_options_in_error, print_text};
 use super::scene_args::{StageArgs, check_scene_path};

@@ -2,11 +2,11 @@
 //! requests and starts a thread for each ([`Page`]), one watches files and signals.
 
 use super::args::RenderArgs;
-use super::outcome::Outcome;
 use super::page::{
     DisplaySettings, Frame, Page, Pose, RECORDED, RenderRequest, SceneInfo, Shared, ViewRequest, bind,
     own_command,
 };
+use super::process::Outcome;
 use super::process::cancel_by_signals;
 use super::render::{load_options, load_scene};
 use super::scene_args::{BackgroundArg, StageArg, check_scene_path};

@@ -1,20 +1,20 @@
 //! Linear RGB colours, luminance, the sRGB transfer function, colour spaces, spectra and view transforms.
-
-mod primaries;
-pub mod spectral;
-mod view;
+//!
+//! Linear RGB colour spaces by their primaries and white point, conversion matrices, and white balance.
 
 use bytemuck::{Pod, Zeroable};
-pub use primaries::{Primaries, white_balance};
 use std::fmt;
 use std::iter::Sum;
 use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 pub use view::{ViewTable, ViewTransform};
 
+pub mod spectral;
+mod view;
+
 /// A colour by a matrix between spaces, in doubles on the way.
 #[inline]
 pub fn converted(matrix: &[[f64; 3]; 3], rgb: [f32; 3]) -> [f32; 3] {
-    primaries::apply(matrix, rgb.map(f64::from)).map(|value| value as f32)
+    apply(matrix, rgb.map(f64::from)).map(|value| value as f32)
 }
 
 /// Relative luminance of a linear Rec. 709 colour (ITU-R BT.709-6, Y row of the RGB to XYZ matrix).
@@ -259,24 +259,6 @@ impl Sum for Rgb {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn srgb_round_trips_every_code() {
-        for code in 0..=255u8 {
-            let linear = srgb_table()[code as usize];
-            assert_eq!((srgb_from_linear(linear) * 255.0).round() as u8, code);
-        }
-    }
-
-    #[test]
-    fn luminance_of_white_is_one() {
-        assert!((luminance([1.0; 3]) - 1.0).abs() < 1e-6);
-    }
-}
-
-#[cfg(test)]
 mod rgb_tests {
     use super::*;
 
@@ -305,5 +287,241 @@ mod rgb_tests {
         assert_eq!((Rgb::select(true, a, Rgb::ONE), Rgb::select(false, a, Rgb::ONE)), (a, Rgb::ONE));
         assert!((Rgb::ONE.luminance() - 1.0).abs() < 1e-6);
         assert_eq!(Rgb::from_slice(&[1.0, 2.0, 3.0, 9.0]), Rgb::from([1.0, 2.0, 3.0]));
+    }
+}
+
+/// Primaries and white point, x and y of each (CIE 1931).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Primaries {
+    /// Red.
+    pub red: [f64; 2],
+    /// Green.
+    pub green: [f64; 2],
+    /// Blue.
+    pub blue: [f64; 2],
+    /// White point.
+    pub white: [f64; 2],
+}
+
+impl Primaries {
+    /// ITU-R BT.709-6, table 1: also those of sRGB.
+    pub const REC709: Primaries =
+        Primaries { red: [0.64, 0.33], green: [0.30, 0.60], blue: [0.15, 0.06], white: [0.3127, 0.3290] };
+    /// ACEScg: AP1 (Academy S-2014-004, table 1), with the white of ACES (about D60).
+    pub const AP1: Primaries = Primaries {
+        red: [0.713, 0.293],
+        green: [0.165, 0.830],
+        blue: [0.128, 0.044],
+        white: [0.32168, 0.33767],
+    };
+
+    /// The matrix to linear Rec. 709; `None` for Rec. 709 itself and for degenerate primaries.
+    pub fn to_rec709(&self) -> Option<[[f64; 3]; 3]> {
+        // Headers hold single precision: a matrix close to the identity counts as the identity.
+        let is_identity = |m: &[[f64; 3]; 3]| {
+            (0..3).all(|row| (0..3).all(|c| (m[row][c] - f64::from(u8::from(row == c))).abs() < 1e-4))
+        };
+        self.to(&Primaries::REC709).filter(|matrix| !is_identity(matrix))
+    }
+
+    /// XYZ of linear RGB, with a luminance of 1 for white (SMPTE RP 177-1993).
+    fn xyz_from_rgb(&self) -> Option<Matrix> {
+        let columns = [self.red, self.green, self.blue].map(xyz);
+        let rows = transposed(&columns);
+        let amounts = apply(&inverse(&rows)?, xyz(self.white));
+        Some(rows.map(|row| [0, 1, 2].map(|c| row[c] * amounts[c])))
+    }
+
+    /// Linear RGB from XYZ, without chromatic adaptation.
+    fn rgb_from_xyz(&self) -> Option<Matrix> {
+        inverse(&self.xyz_from_rgb()?)
+    }
+
+    /// The matrix from linear colours of this space to those of another, with chromatic adaptation of the white point (Bradford,
+    /// Lam 1985). `None` for degenerate primaries.
+    pub fn to(&self, other: &Primaries) -> Option<[[f64; 3]; 3]> {
+        let [own, others] = [self.white, other.white].map(|white| apply(&CONES_FROM_XYZ, xyz(white)));
+        let scaled = [0, 1, 2].map(|cone| CONES_FROM_XYZ[cone].map(|v| v * others[cone] / own[cone]));
+        let adaptation = product(&inverse(&CONES_FROM_XYZ)?, &scaled);
+        let xyz = product(&adaptation, &self.xyz_from_rgb()?);
+        let matrix = product(&inverse(&other.xyz_from_rgb()?)?, &xyz);
+        matrix.as_flattened().iter().all(|v| v.is_finite()).then_some(matrix)
+    }
+}
+
+/// XYZ of a chromaticity at luminance 1.
+fn xyz([x, y]: [f64; 2]) -> [f64; 3] {
+    [x / y, 1.0, (1.0 - x - y) / y]
+}
+
+fn transposed(m: &Matrix) -> Matrix {
+    [0, 1, 2].map(|row| [0, 1, 2].map(|column| m[column][row]))
+}
+
+fn product(a: &Matrix, b: &Matrix) -> Matrix {
+    let columns = transposed(b).map(|column| apply(a, column));
+    transposed(&columns)
+}
+
+/// The inverse, by cofactors; `None` for singular matrices.
+fn inverse(m: &Matrix) -> Option<Matrix> {
+    let minor = |row: usize, column: usize| {
+        let [r0, r1] = [(row + 1) % 3, (row + 2) % 3];
+        let [c0, c1] = [(column + 1) % 3, (column + 2) % 3];
+        m[r0][c0] * m[r1][c1] - m[r0][c1] * m[r1][c0]
+    };
+    let determinant: f64 = (0..3).map(|column| m[0][column] * minor(0, column)).sum();
+    let is_regular = determinant.is_finite() && determinant != 0.0;
+    is_regular.then(|| [0, 1, 2].map(|row| [0, 1, 2].map(|column| minor(column, row) / determinant)))
+}
+
+// White balance: chromatic adaptation from a colour temperature to D65.
+
+/// White of Rec. 709 (D65), x and y.
+const WHITE: [f64; 2] = [0.3127, 0.3290];
+
+/// Cone responses from XYZ, and back (Bradford; Lam 1985).
+const CONES_FROM_XYZ: Matrix =
+    [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]];
+const XYZ_FROM_CONES: Matrix = [
+    [0.986_992_9, -0.147_054_3, 0.159_962_7],
+    [0.432_305_3, 0.518_360_3, 0.049_291_2],
+    [-0.008_528_7, 0.040_042_8, 0.968_486_7],
+];
+/// XYZ from linear Rec. 709, and back (IEC 61966-2-1).
+const XYZ_FROM_RGB: Matrix = [
+    [0.412_390_8, 0.357_584_34, 0.180_480_79],
+    [0.212_639_01, 0.715_168_68, 0.072_192_32],
+    [0.019_330_82, 0.119_194_78, 0.950_532_15],
+];
+const RGB_FROM_XYZ: Matrix = [
+    [3.240_969_9, -1.537_383_2, -0.498_610_76],
+    [-0.969_243_64, 1.875_967_5, 0.041_555_06],
+    [0.055_630_08, -0.203_976_96, 1.056_971_5],
+];
+
+type Matrix = [[f64; 3]; 3];
+
+/// The matrix on linear Rec. 709 that makes light of a temperature, 1667 to 25000 kelvin, white.
+pub fn white_balance(kelvin: f64) -> [[f32; 3]; 3] {
+    let cones = |[x, y]: [f64; 2]| apply(&CONES_FROM_XYZ, [x / y, 1.0, (1.0 - x - y) / y]);
+    let (from, to) = (cones(chromaticity(kelvin)), cones(WHITE));
+    let unit = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let columns = unit.map(|rgb| {
+        let own = apply(&CONES_FROM_XYZ, apply(&XYZ_FROM_RGB, rgb));
+        let adapted = [0, 1, 2].map(|c| own[c] * to[c] / from[c]);
+        apply(&RGB_FROM_XYZ, apply(&XYZ_FROM_CONES, adapted))
+    });
+    [0, 1, 2].map(|row| [0, 1, 2].map(|column| columns[column][row] as f32))
+}
+
+/// Chromaticity of a colour temperature: daylight (CIE 15:2004, eq. 3.3 and 3.4) above 4500 K, black bodies (Kang et al. 2002) below 3500 K, blended
+/// in between.
+fn chromaticity(kelvin: f64) -> [f64; 2] {
+    let t = kelvin.clamp(1667.0, 25_000.0);
+    let share = ((t - 3500.0) / 1000.0).clamp(0.0, 1.0);
+    let (day, body) = (daylight(t.max(4000.0)), black_body(t));
+    [0, 1].map(|k| body[k] + share * (day[k] - body[k]))
+}
+
+fn daylight(t: f64) -> [f64; 2] {
+    let x = match t <= 7000.0 {
+        true => -4.6070e9 / t.powi(3) + 2.9678e6 / t.powi(2) + 0.09911e3 / t + 0.244063,
+        false => -2.0064e9 / t.powi(3) + 1.9018e6 / t.powi(2) + 0.24748e3 / t + 0.237040,
+    };
+    [x, -3.0 * x * x + 2.870 * x - 0.275]
+}
+
+fn black_body(t: f64) -> [f64; 2] {
+    let x = match t <= 4000.0 {
+        true => -0.2661239e9 / t.powi(3) - 0.2343589e6 / t.powi(2) + 0.8776956e3 / t + 0.179910,
+        false => -3.0258469e9 / t.powi(3) + 2.1070379e6 / t.powi(2) + 0.2226347e3 / t + 0.240390,
+    };
+    let y = match t {
+        t if t <= 2222.0 => ((-1.1063814 * x - 1.34811020) * x + 2.18555832) * x - 0.20219683,
+        t if t <= 4000.0 => ((-0.9549476 * x - 1.37418593) * x + 2.09137015) * x - 0.16748867,
+        _ => ((3.0817580 * x - 5.87338670) * x + 3.75112997) * x - 0.37001483,
+    };
+    [x, y]
+}
+
+fn apply(matrix: &Matrix, v: [f64; 3]) -> [f64; 3] {
+    matrix.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
+}
+
+#[cfg(test)]
+mod white_balance_tests {
+    use super::*;
+
+    #[test]
+    fn daylight_stays_and_lamps_become_white() {
+        let balanced = |kelvin, rgb: [f32; 3]| {
+            white_balance(kelvin).map(|row| row[0] * rgb[0] + row[1] * rgb[1] + row[2] * rgb[2])
+        };
+        assert!(balanced(6504.0, [1.0; 3]).iter().all(|v| (v - 1.0).abs() < 2e-3));
+        // CIE illuminant A: 2856 K, x 0.44758, y 0.40745.
+        let [x, y] = [0.44758, 0.40745];
+        let lamp = apply(&RGB_FROM_XYZ, [x / y, 1.0, (1.0 - x - y) / y]).map(|v| v as f32);
+        let white = balanced(2856.0, lamp);
+        assert!(white.iter().all(|v| (v - 1.0).abs() < 0.01), "{lamp:?} {white:?}");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn srgb_round_trips_every_code() {
+        for code in 0..=255u8 {
+            let linear = srgb_table()[code as usize];
+            assert_eq!((srgb_from_linear(linear) * 255.0).round() as u8, code);
+        }
+    }
+
+    #[test]
+    fn luminance_of_white_is_one() {
+        assert!((luminance([1.0; 3]) - 1.0).abs() < 1e-6);
+    }
+
+    fn assert_near(matrix: &Matrix, published: &Matrix, within: f64) {
+        for (own, theirs) in matrix.as_flattened().iter().zip(published.as_flattened()) {
+            assert!((own - theirs).abs() < within, "{matrix:?}, not {published:?}");
+        }
+    }
+
+    /// As in OpenColorIO's built-in transforms (`ACEScg_to_LINEAR-REC709_BFD`, inverted) and in ACES's configurations of it.
+    #[test]
+    fn acescg_is_as_published() {
+        let matrix = Primaries::REC709.to(&Primaries::AP1).expect("spaces of colours");
+        let published = [
+            [0.613_097_402_4, 0.339_523_146_2, 0.047_379_451_4],
+            [0.070_193_722_5, 0.916_353_879_1, 0.013_452_398_5],
+            [0.020_615_592_9, 0.109_569_772_9, 0.869_814_634_2],
+        ];
+        assert_near(&matrix, &published, 1e-6);
+        let back = Primaries::AP1.to(&Primaries::REC709).expect("spaces of colours");
+        let identity = product(&matrix, &back);
+        assert_near(&identity, &[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], 1e-12);
+        assert_near(&Primaries::AP1.to(&Primaries::AP1).expect("itself"), &identity, 1e-12);
+    }
+
+    /// IEC 61966-2-1, and Academy S-2014-004 for AP1.
+    #[test]
+    fn luminances_are_as_published() {
+        let of = |space: Primaries| space.xyz_from_rgb().expect("a space of colours")[1];
+        for (own, published) in [
+            (of(Primaries::REC709), [0.212_639, 0.715_169, 0.072_192]),
+            (of(Primaries::AP1), [0.272_228_72, 0.674_081_77, 0.053_689_52]),
+        ] {
+            assert!(own.iter().zip(published).all(|(a, b)| (a - b).abs() < 1e-6), "{own:?}");
+        }
+    }
+
+    #[test]
+    fn degenerate_primaries_have_no_matrix() {
+        let line = Primaries { blue: [0.64, 0.33], ..Primaries::REC709 };
+        assert_eq!(Primaries::REC709.to(&line), None);
+        assert_eq!(Primaries { white: [0.3, 0.0], ..Primaries::AP1 }.to(&Primaries::REC709), None);
     }
 }

@@ -1,5 +1,6 @@
 //! Compiles a scene, or the frames of a sequence, each of which takes over what did not change since the frame before.
 
+use super::caustics::RefractedLights;
 use super::emitters::Emitters;
 use super::geometry::Geometries;
 use super::light_tables::LightTables;
@@ -9,12 +10,10 @@ use super::medium::Medium;
 use super::motion::MotionVectors;
 use super::objects::ObjectMaterials;
 use super::plan::{Plan, Tree};
-use super::refractors::RefractedLights;
 use super::reuse::{BuiltGeometry, Reusable, Sources};
 use super::scene::{CompileOptions, CompileReport, CompiledScene, ExpectedPicture, Features, View};
 use super::{
-    coincident_surfaces, emitters, flush_lights, inside_out, material, media, motion, objects, panes, plan,
-    texture_needs,
+    coincident_surfaces, emitters, inside_out, material, media, motion, objects, panes, plan, texture_needs,
 };
 use crate::accel::{Accel, BuildStats};
 use crate::error::{Problem, Result, Warning};
@@ -156,7 +155,7 @@ fn compile_after(
     let named = (scene, numbers, textures.attributes().clone());
     let plan = plan::plan(named, &materials, anchor, is_sequence, warnings, left_out);
     let inside_out = inside_out::find(scene, &materials, &mut report.warnings);
-    let shifts = flush_lights::find(scene, anchor, &mut report.notes);
+    let shifts = emitters::find_flush_lights(scene, anchor, &mut report.notes);
     let plan = Plan { keeps_uv: options.keeps_uv, inside_out, shifts, ..plan };
     check_size(scene, &plan)?;
     let BuiltGeometry { geometries, accel } =

@@ -10,7 +10,6 @@ mod curves;
 mod density_grid;
 mod emitters;
 mod fingerprint;
-mod flush_lights;
 mod geometry;
 mod inside_out;
 mod light_tables;
@@ -22,12 +21,12 @@ mod motion;
 mod objects;
 mod panes;
 mod plan;
-mod refractors;
 mod reuse;
 mod scene;
 mod texture_needs;
 
 pub use caustics::Role;
+pub use caustics::{RefractedLights, Refractor, Side};
 pub use compiler::{Compiler, compile};
 pub use density_grid::{BlackBodies, CompiledEmissionGrid, DensityGrid, GridRay};
 pub use fingerprint::{Fingerprint, of_curves, of_mesh};
@@ -39,7 +38,6 @@ pub use medium::{Ball, Medium, Scattering};
 pub use motion::{MotionVectors, PointMotion};
 pub use objects::ObjectId;
 pub use plan::Tree;
-pub use refractors::{RefractedLights, Refractor, Side};
 pub use scene::{
     CompileOptions, CompileReport, CompiledScene, ExpectedPicture, Features, MemoryPart, View, choose_camera,
 };

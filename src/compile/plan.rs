@@ -1,7 +1,7 @@
 //! How each instance is compiled: merged into the world's geometry, as a placement of a shared mesh, or as a placement that moves.
 
+use super::emitters::Shifts;
 use super::fingerprint::Fingerprint;
-use super::flush_lights::Shifts;
 use super::material::CompiledMaterial;
 use super::objects::{ObjectMaterials, only_material, part_materials};
 use super::{fingerprint, motion};

@@ -1,5 +1,6 @@
 //! A scene ready to render, compile options and report, and a camera's view of the scene.
 
+use super::caustics::RefractedLights;
 use super::emitters::Emitters;
 use super::geometry::{Attributes, Geometries, Space};
 use super::light_tables::{LightGroups, Links};
@@ -8,7 +9,6 @@ use super::medium::Medium;
 use super::motion::MotionVectors;
 use super::objects::ObjectId;
 use super::plan::Tree;
-use super::refractors::RefractedLights;
 use super::reuse::{Reusable, Sources};
 use crate::accel::{Accel, Geometry, TreeQuality};
 use crate::bsdf::ShadingModel;

@@ -14,8 +14,9 @@
 //! Code"), of the residual relative to the proposal and weighted by it: the mean of a region is the share of light that it
 //! lost, and what is dark before a bright ground stays dark. The same pyramid of the deviations measures the noise of each
 //! scale, which may be correlated between pixels.
+//!
+//! Planes of floats, row by row from the top.
 
-use super::planes::{Color, smoothed};
 use rayon::prelude::*;
 
 /// How much more than noise a residual must be: by the root of this it is not kept at all.
@@ -177,4 +178,32 @@ impl Scale {
 /// The power of a pixel's values, summed over the channels.
 fn power_at(values: &[Vec<f32>; 3], i: usize) -> f32 {
     values.iter().map(|plane| plane[i] * plane[i]).sum()
+}
+
+/// Red, green and blue of all pixels, row by row from the top.
+pub type Color<'a> = [&'a [f32]; 3];
+
+/// Three planes as a [`Color`].
+pub fn slices(planes: &[Vec<f32>; 3]) -> [&[f32]; 3] {
+    planes.each_ref().map(Vec::as_slice)
+}
+
+/// Box blur: means over squares of a radius, of the pixels inside of the picture.
+pub(super) fn smoothed(width: usize, height: usize, plane: &[f32], radius: usize) -> Vec<f32> {
+    let mut out = vec![0.0; width * height];
+    out.par_chunks_mut(width).enumerate().for_each_init(
+        || vec![0.0f32; width],
+        |sums, (y, row)| {
+            let (y0, y1) = (y.saturating_sub(radius), (y + radius + 1).min(height));
+            sums.fill(0.0);
+            for from in plane[y0 * width..y1 * width].chunks_exact(width) {
+                sums.iter_mut().zip(from).for_each(|(sum, v)| *sum += v);
+            }
+            for (x, to) in row.iter_mut().enumerate() {
+                let inside = &sums[x.saturating_sub(radius)..(x + radius + 1).min(width)];
+                *to = inside.iter().sum::<f32>() / (inside.len() * (y1 - y0)) as f32;
+            }
+        },
+    );
+    out
 }

@@ -12,7 +12,7 @@
 
 use super::Denoised;
 use super::add_up;
-use super::planes::{Color, slices, smoothed};
+use super::residual::{Color, slices, smoothed};
 use rayon::prelude::*;
 
 /// Frames before and after that are averaged.

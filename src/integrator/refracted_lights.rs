@@ -16,13 +16,13 @@
 use super::Integrator;
 use super::guiding::Guided;
 use super::interior::Interior;
-use super::light_lobes::LightLobes;
 use super::mis::DirectionPdf;
 use super::sampling::{FIRST_ROULETTE, Purpose, RandomChoice, survival};
 use super::shading_groups::{
     Closure, GeneralClass, LambertClass, MediumClass, MetalRoughClass, SortedVertices, VertexClass,
     eval_at_horizon,
 };
+use super::slabs::LightLobes;
 use super::wave::{Wave, get, get_rgb, set, set_rgb};
 use super::workspace::Workspace;
 use crate::bsdf::Bsdf;

@@ -2,11 +2,11 @@
 
 use super::first_hit::FirstHits;
 use super::guiding::guide::{TrainingSample, VertexRecord};
-use super::light_lobes::LightLobes;
 use super::medium_segment::{MediumSegment, ShadowSegment};
 use super::radiance_buffer::RadianceBuffer;
-use super::reuse::state::Reuse;
+use super::reuse::Reuse;
 use super::shading_groups::ShadingGroup;
+use super::slabs::LightLobes;
 use super::slabs::{RayCrossings, ShadowCrossings};
 use super::wave::{Paths, WAVE, Wave};
 use crate::accel::Accel;

@@ -2,14 +2,12 @@
 //! them. All implement [`LightSource`].
 
 mod area;
-mod distant;
 mod environment;
 mod light_paths;
 mod light_tree;
 mod lights;
 mod point;
 mod portals;
-mod small_lights;
 mod traits;
 
 use crate::color::Rgb;
@@ -19,14 +17,14 @@ use crate::texture::CompiledTextures;
 pub use area::{
     AreaLight, AreaShape, Beam, Edges, LightDirection, RECTANGLE_NUMBERS, Radiance, UniformRectangle,
 };
-use distant::Directional;
-pub use distant::Sun;
 pub use environment::{EnvironmentLight, EnvironmentSample, ImageMap, TexelPosition, solid_angle_density};
 pub use light_paths::{EmittedRay, LightPathSampler, TargetSphere, TargetSpheres};
+pub use light_paths::{LightPlace, SmallLight};
 pub use light_tree::{Descent, LightTree, Receiver};
 pub use lights::{LightMotions, Lights, MovingLight, SelectedLight, SelectedSun};
+use point::Directional;
+pub use point::Sun;
 use point::{Point, Profiled, Spot};
-pub use small_lights::{LightPlace, SmallLight};
 pub use traits::{LightBounds, LightOrigin, LightSample, LightSource, PunctualSource};
 
 // The table of lights without a surface (KHR_lights_punctual, measured profiles and suns).

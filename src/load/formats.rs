@@ -26,7 +26,7 @@ const MODELS: &[ModelFormat] = &[
     },
     ModelFormat { extensions: &["obj"], load: obj::load, is_gltf: false, leaves_up_open: true },
     ModelFormat { extensions: &["ply"], load: ply::load, is_gltf: false, leaves_up_open: true },
-    ModelFormat { extensions: &["spz"], load: splats::spz::load, is_gltf: false, leaves_up_open: true },
+    ModelFormat { extensions: &["spz"], load: splats::load, is_gltf: false, leaves_up_open: true },
     ModelFormat { extensions: &[THREE_MF], load: threemf::load, is_gltf: false, leaves_up_open: true },
     ModelFormat { extensions: &["stl"], load: stl::load, is_gltf: false, leaves_up_open: true },
 ];

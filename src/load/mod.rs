@@ -2,7 +2,6 @@
 //! with its warnings comes out, or one error with all the problems of the file.
 
 pub mod blender;
-mod contents;
 mod curves;
 mod decoders;
 mod displace;
@@ -16,19 +15,15 @@ pub mod image;
 mod mesh_tools;
 pub mod obj;
 mod options;
-mod panorama;
 pub mod ply;
 mod points;
 pub mod scene_file;
-mod shutter;
 pub mod sky;
 mod smooth;
 mod splats;
 pub mod stage;
 mod stl;
 pub mod subdivide;
-mod subdivided;
-mod temporary;
 mod threemf;
 mod unpack;
 mod upright;
@@ -40,7 +35,7 @@ pub use files::names_in;
 pub use formats::extensions;
 pub use options::SavedFiles;
 pub use options::{BlenderExport, EmptyNode, LoadOptions, Loaded};
-pub use shutter::{LONGEST_SHUTTER, ShutterOptions, ShutterPosition};
+pub use options::{LONGEST_SHUTTER, ShutterOptions, ShutterPosition};
 pub use upright::{Up, UpHint};
 
 use crate::error::{Choice, Error, Result, Warning};
@@ -121,13 +116,13 @@ fn is_archive(path: &Path) -> Result<bool> {
     }
     let mut start = Vec::new();
     // The reader reports what can't be read.
-    let _ = File::open(path).and_then(|file| file.take(contents::HEAD as u64).read_to_end(&mut start));
+    let _ = File::open(path).and_then(|file| file.take(files::HEAD as u64).read_to_end(&mut start));
     if zip::is_archive(&start) {
         return Ok(!formats::is_package(path));
     }
     let is_meant = matches!(format, Format::Model(model) if model.is_gltf) && start.starts_with(b"glTF");
-    match contents::of(&start).filter(|_| !is_meant && !start.starts_with(files::GZIP)) {
-        Some(contents::Content { what, remedy }) => {
+    match files::of(&start).filter(|_| !is_meant && !start.starts_with(files::GZIP)) {
+        Some(files::Content { what, remedy }) => {
             Err(Error::input(path, format!("is {what}")).with_help(remedy))
         }
         None if is_named_so => Err(Error::input(path, ("zip-missing", "is not a ZIP archive"))),
@@ -261,7 +256,7 @@ fn complete(
     };
     let is_mesh_file = model.is_some_and(|model| !model.is_gltf);
     warn_of_unused_options(path, options, is_mesh_file, loaded);
-    subdivided::all(path, options, is_mesh_file, loaded)?;
+    subdivide::all(path, options, is_mesh_file, loaded)?;
     smoothed(path, options, is_mesh_file, loaded);
     let leaves_up_open = model.is_some_and(|model| model.leaves_up_open);
     if leaves_up_open {

@@ -1,9 +1,11 @@
 //! Models inside ZIP archives, which are unpacked into a temporary folder.
+//!
+//! Temporary folders that scenes are read from: they stay for as long as images may be decoded from them.
 
-use super::formats;
 use super::zip::{Archive, MAX_BYTES};
-use super::{Loaded, files, temporary};
-use crate::error::{Error, Result};
+use super::{Loaded, files, formats};
+use crate::error::{Error, Result, Warning};
+use crate::image::{Damage, Encoded, Image, ImageSource, Pixels};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use tempfile::TempDir;
@@ -64,6 +66,33 @@ impl Unpacked {
 
     /// Keeps the folder for as long as pictures of the scene may be decoded from it.
     pub fn keep_for(&self, loaded: &mut Loaded) {
-        temporary::keep_for(&self.folder, loaded);
+        keep_for(&self.folder, loaded);
+    }
+}
+
+/// Keeps a folder for as long as a scene has images that are still encoded.
+pub(super) fn keep_for(folder: &Arc<TempDir>, loaded: &mut Loaded) {
+    for image in &mut loaded.scene.images {
+        if let Pixels::Encoded(encoded) = &*image.pixels {
+            let source = Arc::new(Kept { source: encoded.source.clone(), _folder: folder.clone() });
+            image.pixels = Arc::new(Pixels::Encoded(Encoded { source, ..encoded.clone() }));
+        }
+    }
+}
+
+/// An image whose file is in a temporary folder.
+#[derive(Debug)]
+struct Kept {
+    source: Arc<dyn ImageSource>,
+    _folder: Arc<TempDir>,
+}
+
+impl ImageSource for Kept {
+    fn decode(&self, warnings: &mut Vec<Warning>) -> std::result::Result<Image, Damage> {
+        self.source.decode(warnings)
+    }
+
+    fn with_bytes(&self, take: &mut dyn FnMut(&[u8])) {
+        self.source.with_bytes(take);
     }
 }

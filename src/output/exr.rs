@@ -2,8 +2,8 @@
 //! channels stand in the same part, under the names and in the types that the film gives them. [`ExrOptions`] has what else
 //! there is.
 
+use super::atomic::Encoded;
 use super::exr_options::{ExrOptions, FACTORS, WorkingSpace, is_color, layer_of};
-use super::format::Encoded;
 use crate::color::{Primaries, converted};
 use crate::error::{Choice, Warning};
 use crate::film::{AovSpace, Film, PixelType, Plane, Values, matte_id, matte_key};

@@ -4,7 +4,6 @@
 mod atomic;
 mod exr;
 mod exr_options;
-mod format;
 pub mod part;
 mod png;
 mod video;
@@ -12,13 +11,13 @@ mod video;
 pub use crate::color::{ViewTable, ViewTransform};
 use crate::error::{Error, Result};
 use crate::film::Film;
+pub use atomic::{Encoded, Format};
 pub use atomic::{
     check_folder, check_target, is_same_target, make_folder, move_folder, remove_file, remove_leftovers,
     write_atomically,
 };
 pub use exr::{DENOISED, Matte, Metadata, encode_exr, encode_layered};
 pub use exr_options::{ExrCompression, ExrLayout, ExrOptions, ExrWindow, WorkingSpace, is_color};
-pub use format::{Encoded, Format};
 pub use png::{
     Linear, PngOptions, encode_png, encode_png_rgb8, encode_rgb8, encode_shown, png_text, rgba8, shown8,
     with_png_text,

@@ -1,7 +1,7 @@
 //! Pictures for looking at: display-referred, with straight alpha where they have holes. PNG, JPEG, TIFF and WebP; and
 //! Radiance HDR, which is linear.
 
-use super::format::{Encoded, Format};
+use super::atomic::{Encoded, Format};
 use crate::color::{ViewTransform, white_balance};
 use crate::film::Film;
 use image::codecs::hdr::HdrEncoder;

@@ -1,9 +1,9 @@
 //! Checkpoints and partial renders: the identity of a picture, the file of a rendering's sums, and resuming from it.
 
+use super::options::Settled;
 use super::path_strategy::{PathStrategy, StrategyTrials};
 use super::progress::Spent;
 use super::rendering::Rendering;
-use super::resolve_options::Settled;
 use super::schedule::SAMPLE_BLOCK;
 use crate::compile::{Fingerprint, of_curves, of_mesh};
 use crate::error::{Error, Result};

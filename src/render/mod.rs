@@ -18,10 +18,8 @@ mod pass;
 mod path_strategy;
 mod picture;
 mod progress;
-mod rare_paths;
 mod renderer;
 mod rendering;
-mod resolve_options;
 mod schedule;
 mod technique;
 mod techniques;
@@ -31,6 +29,8 @@ pub mod timeline;
 pub use crate::integrator::reuse::GroupShape;
 pub use checkpoint::identity;
 pub use guiding::guiding_bytes;
+pub use noise::RarePaths;
+pub use options::{ALL_AOVS, Choices, Settled};
 pub use options::{
     Adaptive, Caustics, Guiding, PathReuse, RenderOptions, Splitting, TreeChoice, setting_help,
 };
@@ -38,8 +38,6 @@ pub use picture::{
     Labels, Picture, denoise_film, denoising_guides, film_bytes, film_warnings, shows_alpha, splat_bytes,
 };
 pub use progress::{CancelHandle, Event, PassOutcome, Statistics};
-pub use rare_paths::RarePaths;
 pub use renderer::{Renderer, in_pool};
 pub use rendering::Rendering;
-pub use resolve_options::{ALL_AOVS, Choices, Settled};
 pub use schedule::SAMPLE_BLOCK;

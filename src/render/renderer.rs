@@ -1,12 +1,12 @@
 //! From a scene to a picture in one line, or pass by pass.
 
+use super::options::Choices;
 use super::options::{
     Adaptive, Caustics, Guiding, PathReuse, Splitting, TreeChoice, parameter, render_settings,
 };
 use super::picture::{Labels, Picture};
 use super::progress::{CancelHandle, Event, Listener};
 use super::rendering::Rendering;
-use super::resolve_options::Choices;
 use crate::compile::Compiler;
 use crate::error::{Error, Result};
 use crate::film::{Aov, AovSet, AovSpace};

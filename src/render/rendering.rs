@@ -1,12 +1,12 @@
 //! Rendering pass by pass, with a picture after each pass, or several passes at a time.
 
 use super::noise::Noise;
+use super::noise::RarePaths;
+use super::options::Look;
 use super::options::RenderOptions;
 use super::pass::{PassWork, take_all, try_strategies};
 use super::picture::{Labels, Picture, denoise_film, layout, of_film, shows_alpha};
 use super::progress::{CancelHandle, Event, Listener, PassOutcome, Progress, Spent, Statistics, Stopwatch};
-use super::rare_paths::RarePaths;
-use super::resolve_options::Look;
 use super::schedule::{Pass, SAMPLE_BLOCK, Schedule};
 use super::technique::{Target, Trial, plain_paths};
 use super::techniques::Techniques;

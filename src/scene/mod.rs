@@ -17,7 +17,6 @@
 mod bounds;
 mod camera;
 mod construct;
-mod environment;
 mod geometry;
 mod ids;
 mod light;
@@ -34,11 +33,11 @@ mod validate;
 
 pub use bounds::{Extent, MeshHulls, instance_extents, scene_extent};
 pub use camera::{Aperture, Camera, Panorama, Projection, ThinLens, looking_at};
-pub use environment::{Backdrop, Environment, Portal};
 pub use geometry::VertexAttribute;
 pub use geometry::{CurveBasis, Curves, Instance, Mesh, MeshPart, Motion, Quad, Shape, ShapeKind, ShapeTag};
 pub use geometry::{Splats, f16};
 pub use ids::{GridId, ImageId, MaterialId, MeshId, ProfileId, TextureId};
+pub use light::{Backdrop, Environment, Portal};
 pub use light::{
     DEFAULT_GROUP, GROUP_KEY, Light, LightKind, LightProfile, SpotFade, group_or_default, is_group_name,
 };

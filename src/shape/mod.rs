@@ -3,17 +3,12 @@
 //! Triangles and [`Quad`]s share a vectorised test of four triangles at a time. All other shapes implement [`Shape`] and are
 //! rows of the table of [`Analytic`]; curve segments ([`CurveSegment`]) and Gaussian splats
 //! ([`SplatCloud`]) have packets of their own.
+//!
+//! The table of shapes other than triangles.
 
-mod analytic;
-mod curve;
-mod disk;
-mod quad;
-mod sphere;
-mod splat;
-mod traits;
-pub mod triangle;
-
-pub use analytic::{Analytic, mesh_of};
+use crate::math::{Bounds3, Mat3, Ray, Vec2, Vec3};
+use crate::scene;
+use crate::scene::{Mesh, ShapeKind, ShapeTag};
 pub use curve::{CurveSegment, CurveSegments};
 pub use disk::{Disk, FacingDisk};
 pub use quad::{MIN_RECTANGLE_SOLID_ANGLE, Quad, SphericalParallelogram, SphericalRectangle};
@@ -23,3 +18,165 @@ pub use traits::{LightPoint, Packed, Parametrization, PreparedRay, Shape, Surfac
 pub use triangle::{
     MIN_TRIANGLE_SOLID_ANGLE, SphericalTriangle, shading_normal, triangle_surface, uniform_triangle,
 };
+
+mod curve;
+mod disk;
+mod quad;
+mod sphere;
+mod splat;
+mod traits;
+pub mod triangle;
+
+/// Makes [`Analytic`], and what is done with each shape alike, of a table: the type of each shape, named like its kind in
+/// scenes, and the numbers of that kind. The type has `of_scene` and `mesh` beside [`Shape`].
+macro_rules! shapes {
+    ($($shape:ident $({ $($number:ident),* })?,)*) => {
+        /// A shape that is no triangle.
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub enum Analytic {
+            $(#[doc = concat!("A [`", stringify!($shape), "`].")] $shape($shape),)*
+        }
+
+        impl Analytic {
+            /// A shape of a scene, with its middle in the space of the geometry that it joins.
+            pub fn of_scene(shape: &scene::Shape, center: Vec3) -> Analytic {
+                match shape.kind {
+                    $(ShapeKind::$shape $({ $($number),* })? => {
+                        Analytic::$shape($shape::of_scene(shape, center $($(, $number)*)?))
+                    })*
+                }
+            }
+
+            /// The shape of a packed one; `None` for an unknown kind, such as 0.
+            #[inline(always)]
+            pub fn unpack(packed: &Packed) -> Option<Analytic> {
+                $(if packed.kind == packed_kind(ShapeTag::$shape) {
+                    return Some(Analytic::$shape($shape::unpack(&packed.numbers)));
+                })*
+                None
+            }
+
+            /// Which kind it is.
+            pub fn tag(&self) -> ShapeTag {
+                match self {
+                    $(Analytic::$shape(_) => ShapeTag::$shape,)*
+                }
+            }
+        }
+
+        /// Triangles in place of a shape of this kind that has radius 1, its middle at the origin and isn't turned;
+        /// without materials.
+        pub fn mesh_of(kind: ShapeKind) -> Mesh {
+            match kind {
+                $(ShapeKind::$shape $({ $($number),* })? => $shape::mesh($($($number),*)?),)*
+            }
+        }
+
+        /// Does the same with each shape.
+        macro_rules! each {
+            ($analytic:expr, $inner:ident => $result:expr) => {
+                match $analytic {
+                    $(Analytic::$shape($inner) => $result,)*
+                }
+            };
+        }
+    };
+}
+
+shapes! {
+    Sphere,
+    Disk,
+    FacingDisk,
+    Shell,
+}
+
+/// The kind in a packed shape: 0 is none.
+const fn packed_kind(tag: ShapeTag) -> u8 {
+    tag as u8 + 1
+}
+
+impl Analytic {
+    /// The form stored in leaves of the BVH.
+    pub fn pack(&self) -> Packed {
+        Packed { kind: packed_kind(self.tag()), numbers: self.numbers() }
+    }
+}
+
+impl Shape for Analytic {
+    fn center_and_radius(&self) -> (Vec3, f32) {
+        each!(self, shape => shape.center_and_radius())
+    }
+
+    fn bounds(&self) -> Bounds3 {
+        each!(self, shape => shape.bounds())
+    }
+
+    #[inline(always)]
+    fn is_flat(&self) -> bool {
+        each!(self, shape => shape.is_flat())
+    }
+
+    #[inline(always)]
+    fn normal(&self) -> Option<Vec3> {
+        each!(self, shape => shape.normal())
+    }
+
+    #[inline(always)]
+    fn intersect(&self, ray: &PreparedRay, t_min: f32, t_max: f32) -> Option<f32> {
+        each!(self, shape => shape.intersect(ray, t_min, t_max))
+    }
+
+    #[inline(always)]
+    fn surface(&self, p: Vec3, origin: Vec3) -> Surface {
+        each!(self, shape => shape.surface(p, origin))
+    }
+
+    #[inline]
+    fn texture_coordinates(&self, point: Vec3, normal: Vec3, object_from_world: &Mat3) -> Vec2 {
+        each!(self, shape => shape.texture_coordinates(point, normal, object_from_world))
+    }
+
+    #[inline]
+    fn parametrize(&self, normal: Vec3, object_from_world: &Mat3) -> Parametrization {
+        each!(self, shape => shape.parametrize(normal, object_from_world))
+    }
+
+    fn area(&self) -> f32 {
+        each!(self, shape => shape.area())
+    }
+
+    fn largest_projection(&self) -> f32 {
+        each!(self, shape => shape.largest_projection())
+    }
+
+    #[inline(always)]
+    fn normal_at(&self, point: Vec3, reference: Vec3) -> Vec3 {
+        each!(self, shape => shape.normal_at(point, reference))
+    }
+
+    fn point_by_area(&self, u: [f32; 2]) -> Vec3 {
+        each!(self, shape => shape.point_by_area(u))
+    }
+
+    #[inline(always)]
+    fn sample(&self, reference: Vec3, u: [f32; 2]) -> LightPoint {
+        each!(self, shape => shape.sample(reference, u))
+    }
+
+    #[inline(always)]
+    fn pdf_solid_angle(&self, reference: Vec3, point: Vec3) -> f32 {
+        each!(self, shape => shape.pdf_solid_angle(reference, point))
+    }
+
+    fn is_facing(&self) -> bool {
+        each!(self, shape => shape.is_facing())
+    }
+
+    fn starts_behind(&self, receiver: Vec3, ray: &Ray) -> Option<f32> {
+        each!(self, shape => shape.starts_behind(receiver, ray))
+    }
+
+    fn numbers(&self) -> [f32; 6] {
+        each!(self, shape => shape.numbers())
+    }
+}

@@ -9,7 +9,6 @@
 
 mod block;
 mod cache_line;
-mod lanes;
 #[cfg(target_arch = "aarch64")]
 mod neon;
 #[cfg(test)]
@@ -23,7 +22,7 @@ pub use cache_line::{
     Claim, Claims, Line, Table, append_claims, prefer_huge_pages, prefetch_element, prefetch_lines,
     reserve_on_huge_pages,
 };
-pub use lanes::{Lanes, LanesKernel};
+pub use wide::{Lanes, LanesKernel};
 pub use wide::{ScalarWide, WIDEN, Wide, WideKernel};
 
 use std::sync::OnceLock;
@@ -237,7 +236,7 @@ pub fn dispatch_lanes_at<K: LanesKernel>(level: Level, kernel: K) -> K::Output {
         return kernel.run(unsafe { neon::NeonLanes::new() });
     }
     let _ = level;
-    kernel.run(lanes::ScalarLanes)
+    kernel.run(wide::ScalarLanes)
 }
 
 #[cfg(target_arch = "x86_64")]

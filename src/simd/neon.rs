@@ -2,7 +2,7 @@
 //! asked for holds, and none is fused but the box test's.
 
 use super::block::{self, BlockQuery, BoxRay, Entry, LANES_OF_MASK, Planes, TriangleBlock};
-use super::lanes::Lanes;
+use super::wide::Lanes;
 use super::wide::{WIDEN_UNITS, Wide};
 use core::arch::aarch64::*;
 

@@ -1,7 +1,7 @@
 //! The x86 levels of [`Wide`]: the same registers and instructions, but for AVX-512's compression.
 
 use super::block::{self, BlockQuery, BoxRay, Entry, Planes, TriangleBlock, compress};
-use super::lanes::Lanes;
+use super::wide::Lanes;
 use super::wide::{WIDEN_UNITS, Wide};
 use core::arch::x86_64::*;
 

@@ -1,10 +1,8 @@
 //! Textures ready for lookup: transforms folded, constants known, 8-bit images left as they are and decoded by table. Images are in
 //! memory as far as a picture needs them; the rest is decoded on demand.
 
-mod coordinates;
 mod hit;
 mod image;
-mod image_node;
 mod levels;
 mod nodes;
 mod noise;
@@ -18,14 +16,14 @@ use crate::error::Error;
 use crate::image::Image;
 use crate::math::{Vec2, Vec3};
 use crate::scene::{ImageId, LightProfile, MAX_TEXTURE_NESTING, NoiseKind, Texture, TextureId};
-pub use coordinates::TexturePoint;
-use coordinates::{TextureCoordinates, UvMap, triplanar};
+pub use hit::TexturePoint;
 pub use hit::{
     AttributeList, AttributeValue, CameraData, HitAttributes, HitData, ObjectData, PathData, StrandData,
 };
+use hit::{TextureCoordinates, UvMap, triplanar};
 pub use image::ImageLookup;
+use image::ImageReading;
 use image::Taps;
-use image_node::ImageReading;
 use levels::{Images, Levels};
 pub use levels::{TextureNeeds, TextureReport};
 use nodes::Program;
@@ -378,8 +376,6 @@ fn noise_value(kind: NoiseKind, p: Vec3, octaves: u32, seed: u32) -> f32 {
     value.clamp(0.0, 1.0)
 }
 
-#[cfg(test)]
-mod demand_tests;
 #[cfg(test)]
 mod tests;
 

@@ -1,8 +1,14 @@
 //! Lookups by closed forms, and textures that are malformed.
+//!
+//! Levels that are left out, and what finds them: the same texels, and no more work than is needed, by counts.
 
 use super::*;
+use crate::error::Warning;
+use crate::image::{Damage, Encoded, Encoding, ImageSource, Pixels};
 use crate::math::Vec2;
-use crate::scene::Mapping;
+use crate::scene::{Interpolation, Mapping, Wrap};
+use std::sync::atomic::AtomicU64;
+use std::sync::atomic::Ordering::Relaxed;
 
 fn checker(mapping: Mapping, odd: [f32; 3]) -> CompiledTextures {
     let textures = [
@@ -143,4 +149,236 @@ fn one_pixel_images_are_constants() {
     };
     let t = CompiledTextures::resident(&[texture], &[image], Vec3::ZERO);
     assert_eq!(t.constant(TextureId(0)), Some([0.1, 0.2, 0.3, 1.0]));
+}
+
+/// An image that counts how often it is decoded, and can be so a limited number of times.
+#[derive(Debug)]
+struct Counted {
+    image: Image,
+    decodes: AtomicU64,
+    most: u64,
+}
+
+impl ImageSource for Counted {
+    fn decode(&self, _: &mut Vec<Warning>) -> Result<Image, Damage> {
+        match self.decodes.fetch_add(1, Relaxed) < self.most {
+            true => Ok(self.image.clone()),
+            false => Err(Damage::LeftOut(Warning::general("gone"))),
+        }
+    }
+
+    fn with_bytes(&self, _: &mut dyn FnMut(&[u8])) {}
+}
+
+/// Noise and a ramp, of numbers of this many bits.
+fn decoded(width: u32, height: u32, channels: u32, bits: u32, seed: u32) -> Image {
+    let value = |i: u32| (i.wrapping_mul(2_654_435_761).wrapping_add(seed) >> 9) % 90 + i / 97;
+    let count = width * height * channels;
+    let (pixels, encoding) = match bits {
+        8 => (Pixels::U8((0..count).map(|i| value(i) as u8).collect()), Encoding::Srgb),
+        16 => (Pixels::U16((0..count).map(|i| (value(i) * 131) as u16).collect()), Encoding::Srgb),
+        _ => (Pixels::F32((0..count).map(|i| value(i) as f32 / 7.0 - 5.0).collect()), Encoding::Linear),
+    };
+    let pixels = Arc::new(pixels);
+    Image { name: format!("image {seed}"), width, height, channels, encoding, pixels }
+}
+
+fn encoded(image: &Image, most: u64) -> (Image, Arc<Counted>) {
+    let bits = match *image.pixels {
+        Pixels::U8(_) => 8,
+        Pixels::U16(_) => 16,
+        _ => 32,
+    };
+    let source = Arc::new(Counted { image: image.clone(), decodes: AtomicU64::new(0), most });
+    let size = [image.width, image.height, image.channels];
+    let pixels = Arc::new(Pixels::Encoded(Encoded { size, bits, source: source.clone() }));
+    (Image { pixels, ..image.clone() }, source)
+}
+
+fn texture(image: usize, interpolation: Interpolation) -> Texture {
+    let (wrap_u, wrap_v) = (Wrap::Repeat, Wrap::Mirror);
+    Texture::Image {
+        image: ImageId(image as u32),
+        wrap_u,
+        wrap_v,
+        interpolation,
+        mapping: Mapping::default(),
+    }
+}
+
+fn made(textures: &[Texture], images: &[Image], needs: &TextureNeeds) -> (CompiledTextures, TextureReport) {
+    CompiledTextures::new(textures, images, Vec3::ZERO, needs.clone()).expect("nothing is fatal")
+}
+
+/// Looks up points in footprints of all sizes.
+fn look(textures: &CompiledTextures, texture: usize, count: u32, most_texels: f32) -> Vec<[u32; 4]> {
+    let at = |i: u32| {
+        let part = |k: u32| (i.wrapping_mul(k) % 1009) as f32 / 1009.0;
+        let uv = Vec2::new(part(7919) * 3.0 - 1.0, part(104_729) * 3.0 - 1.0);
+        let width = part(31) * most_texels;
+        let point = TexturePoint { uv: [uv, uv], width, uv_per_metre: [1.0; 2], ..TexturePoint::default() };
+        textures.eval_at(TextureId(texture as u32), &point).map(f32::to_bits)
+    };
+    (0..count).map(at).collect()
+}
+
+#[test]
+fn texels_found_on_demand_are_those_in_memory() {
+    let kinds = [Interpolation::Trilinear, Interpolation::Bilinear, Interpolation::Nearest];
+    for (width, height, channels, bits) in [
+        (300, 200, 3, 8),
+        (256, 256, 4, 8),
+        (130, 70, 1, 16),
+        (64, 199, 2, 16),
+        (100, 150, 3, 32),
+        (140, 70, 4, 32),
+    ] {
+        let image = decoded(width, height, channels, bits, 5);
+        for kind in kinds {
+            let textures = [texture(0, kind)];
+            let (resident, _) = made(&textures, std::slice::from_ref(&image), &TextureNeeds::default());
+            let expected = look(&resident, 0, 2000, 0.2);
+            for finest in [None, Some(0), Some(2), Some(40)] {
+                for limit in [None, Some(1), Some(50_000), Some(1 << 30)] {
+                    let (on_demand, source) = encoded(&image, u64::MAX);
+                    let needs = TextureNeeds { finest: vec![finest], limit };
+                    let (textures, _) = made(&textures, &[on_demand], &needs);
+                    let found = look(&textures, 0, 2000, 0.2);
+                    assert!(found == expected, "{width} {kind:?} {finest:?} {limit:?}");
+                    // Once for what is expected, at most once more for what is not.
+                    assert!((1..=2).contains(&source.decodes.load(Relaxed)));
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn levels_finer_than_needed_are_not_kept_and_each_image_is_decoded_once() {
+    let image = decoded(512, 512, 3, 8, 1);
+    let (on_demand, source) = encoded(&image, u64::MAX);
+    let textures = [texture(0, Interpolation::Trilinear)];
+    let needs = TextureNeeds { finest: vec![Some(3)], limit: None };
+    let (compiled, report) = made(&textures, &[on_demand], &needs);
+    let expected: u64 = (0..7).map(|level| (64u64 >> level).pow(2) * 3).sum();
+    assert_eq!((report.bytes, report.reduced, report.decoded), (expected, 1, 1));
+    assert_eq!((compiled.on_demand().decodes, source.decodes.load(Relaxed)), (0, 1));
+    // Footprints of 8 texels and more.
+    for i in 8..200 {
+        let point =
+            TexturePoint { width: i as f32 / 512.0, uv_per_metre: [1.0; 2], ..TexturePoint::default() };
+        compiled.eval_at(TextureId(0), &point);
+    }
+    assert_eq!((compiled.on_demand().tiles, source.decodes.load(Relaxed)), (0, 1));
+    // Finer ones: the image is decoded once more, and not again.
+    look(&compiled, 0, 5000, 0.0);
+    look(&compiled, 0, 5000, 0.01);
+    assert_eq!((compiled.on_demand().decodes, source.decodes.load(Relaxed)), (1, 2));
+    // Compressed, but no larger than they are with the heads of blocks.
+    let finer: u64 = (0..3).map(|level| (512u64 >> level).pow(2) * 3).sum();
+    let taken = compiled.bytes() as u64 - report.bytes;
+    assert!(taken > finer / 4 && taken < finer + finer / 16, "{taken} of {finer}");
+}
+
+#[test]
+fn images_that_nothing_needs_are_never_decoded() {
+    let images: Vec<_> = (0..3).map(|seed| encoded(&decoded(64, 64, 3, 8, seed), u64::MAX)).collect();
+    let textures: Vec<Texture> = (0..3).map(|i| texture(i, Interpolation::Trilinear)).collect();
+    let needs = TextureNeeds { finest: vec![Some(0), None, None], limit: None };
+    let list: Vec<Image> = images.iter().map(|(image, _)| image.clone()).collect();
+    let (_, report) = made(&textures, &list, &needs);
+    let decodes: Vec<u64> = images.iter().map(|(_, source)| source.decodes.load(Relaxed)).collect();
+    assert_eq!((decodes, report.unneeded), (vec![1, 0, 0], 2));
+}
+
+#[test]
+fn what_is_kept_stays_within_the_limit() {
+    const COUNT: usize = 8;
+    let full: Vec<Image> = (0..COUNT as u32).map(|seed| decoded(256, 256, 3, 8, seed)).collect();
+    let images: Vec<_> = full.iter().map(|image| encoded(image, u64::MAX)).collect();
+    let list: Vec<Image> = images.iter().map(|(image, _)| image.clone()).collect();
+    let textures: Vec<Texture> = (0..COUNT).map(|i| texture(i, Interpolation::Trilinear)).collect();
+    let limit = 600_000;
+    let needs = TextureNeeds { finest: Vec::new(), limit: Some(limit) };
+    let (compiled, report) = made(&textures, &list, &needs);
+    let (resident, _) = made(&textures, &full, &TextureNeeds::default());
+    assert!(report.paged > 0 && report.bytes <= limit * 3 / 4 && report.file_bytes > limit / 2, "{report:?}");
+    for _ in 0..2 {
+        for i in 0..COUNT {
+            assert!(look(&compiled, i, 3000, 0.02) == look(&resident, i, 3000, 0.02));
+        }
+    }
+    let counts = compiled.on_demand();
+    // Each shard may hold a tile that is larger than its share.
+    assert!(compiled.bytes() as u64 + counts.bytes <= limit + 64 * 64 * 64 * 3, "{counts:?}");
+    assert!(counts.evicted_tiles > 0 && counts.tiles > counts.evicted_tiles, "{counts:?}");
+    let decodes: Vec<u64> = images.iter().map(|(_, source)| source.decodes.load(Relaxed)).collect();
+    assert_eq!((decodes, counts.decodes), (vec![1; COUNT], 0));
+}
+
+#[test]
+fn a_lost_file_is_reported_once_and_a_coarse_copy_stands_in() {
+    let image = decoded(256, 256, 3, 8, 1);
+    let (on_demand, source) = encoded(&image, 1);
+    let textures = [texture(0, Interpolation::Trilinear), texture(0, Interpolation::Bilinear)];
+    let needs = TextureNeeds { finest: vec![Some(4)], limit: None };
+    let (compiled, report) = made(&textures, &[on_demand], &needs);
+    assert!(report.warnings.is_empty());
+    let found = look(&compiled, 0, 1000, 0.0);
+    assert!(found.iter().any(|rgba| rgba[0] != 0), "{:?}", found[0]);
+    look(&compiled, 1, 1000, 0.0);
+    let counts = compiled.on_demand();
+    assert_eq!((counts.warnings.len(), source.decodes.load(Relaxed)), (1, 2));
+    assert!(counts.warnings[0].message.starts_with("image 1: a coarse copy"), "{}", counts.warnings[0]);
+}
+
+#[test]
+fn textures_of_damaged_images_are_lost() {
+    let (broken, _) = encoded(&decoded(64, 64, 3, 8, 1), 0);
+    let textures = [texture(0, Interpolation::Bilinear)];
+    let (compiled, report) = made(&textures, &[broken], &TextureNeeds::default());
+    assert!(compiled.is_lost(TextureId(0)) && report.warnings.len() == 1);
+    assert_eq!(compiled.constant(TextureId(0)), Some([1.0; 4]));
+}
+
+#[test]
+fn images_with_the_same_pixels_are_decoded_together() {
+    let (color, source) = encoded(&decoded(64, 64, 3, 8, 1), u64::MAX);
+    let data = Image { encoding: Encoding::Linear, ..color.clone() };
+    let textures = [texture(0, Interpolation::Bilinear), texture(1, Interpolation::Trilinear)];
+    made(&textures, &[color, data], &TextureNeeds::default());
+    assert_eq!(source.decodes.load(Relaxed), 1);
+}
+
+#[test]
+fn later_pictures_decode_what_they_show_more_of_and_nothing_else() {
+    let images: Vec<_> = (0..2).map(|seed| encoded(&decoded(256, 256, 3, 8, seed), u64::MAX)).collect();
+    let list: Vec<Image> = images.iter().map(|(image, _)| image.clone()).collect();
+    let textures: Vec<Texture> = (0..2).map(|i| texture(i, Interpolation::Trilinear)).collect();
+    let needs = |finest: [u32; 2]| TextureNeeds { finest: finest.map(Some).to_vec(), limit: None };
+    let (first, _) = made(&textures, &list, &needs([3, 2]));
+    assert!(first.suit(&needs([3, 3])) && !first.suit(&needs([1, 2])));
+    let (second, _) = CompiledTextures::after(Some(first), &textures, &list, Vec3::ZERO, needs([1, 4]))
+        .expect("nothing is damaged");
+    let decodes: Vec<u64> = images.iter().map(|(_, source)| source.decodes.load(Relaxed)).collect();
+    assert_eq!(decodes, [2, 1]);
+    // The second image is there as finely as it was.
+    assert!(second.suit(&needs([1, 2])));
+}
+
+#[test]
+fn threads_that_ask_together_find_the_same() {
+    let image = decoded(400, 300, 3, 8, 9);
+    let textures = [texture(0, Interpolation::Bilinear)];
+    let (resident, _) = made(&textures, std::slice::from_ref(&image), &TextureNeeds::default());
+    let expected = look(&resident, 0, 3000, 0.0);
+    let (on_demand, source) = encoded(&image, u64::MAX);
+    let needs = TextureNeeds { finest: vec![None], limit: Some(1 << 20) };
+    let (compiled, _) = made(&textures, &[on_demand], &needs);
+    std::thread::scope(|scope| {
+        for _ in 0..4 {
+            scope.spawn(|| assert!(look(&compiled, 0, 3000, 0.0) == expected));
+        }
+    });
+    assert_eq!(source.decodes.load(Relaxed), 1);
 }

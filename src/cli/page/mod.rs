@@ -1,7 +1,6 @@
 //! A page in the browser that shows a picture while it renders: what it asks for and how it is served. [`state`] is shared by
 //! the threads that answer requests and the one that renders.
 
-mod denoiser;
 mod http;
 mod pixels;
 mod pose;

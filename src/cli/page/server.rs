@@ -2,20 +2,20 @@
 //!
 //! Requests must name this machine as their host, so that no foreign name that leads here is served, must not come from
 //! another site's pages, and must have the page's key in their path, which other users of this machine don't know.
+//!
+//! Denoises what pages show, beside the rendering.
 
-use super::denoiser::denoise_frames;
 use super::http;
 use super::http::{Answering, Request, Response};
-use super::pixels::Outline;
-use super::pixels::Pixels;
+use super::pixels::{Outline, Pixels};
 use super::pose::Move;
-use super::state::{Frame, RECORDED, Shared, State, state_json};
+use super::state::{Denoised, Frame, RECORDED, Shared, State, state_json};
 use crate::cli::args::RenderArgs;
 use crate::cli::scene_args::{StageArg, up_of};
 use oscura::error::{Error, Result};
-use oscura::film::Aov;
+use oscura::film::{Aov, AovSet};
 use oscura::output::{Format, OutputOptions, encode};
-use oscura::render::denoising_guides;
+use oscura::render::{denoise_film, denoising_guides, in_pool};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
@@ -509,6 +509,59 @@ fn random_key() -> Result<String> {
 }
 
 #[cfg(test)]
+mod key_tests {
+    use super::*;
+
+    #[test]
+    fn only_who_knows_the_key_comes_in() {
+        let door = PageKey::new().expect("random numbers");
+        let page = door.page();
+        assert_eq!(page.len(), 2 * LENGTH + 2);
+        assert_eq!(door.way(&page), Route::To("/"));
+        assert_eq!(door.way(&format!("{page}frame?after=1")), Route::To("/frame?after=1"));
+        assert_eq!(door.way(page.trim_end_matches('/')), Route::Elsewhere(page.clone()));
+        let other = PageKey::new().expect("random numbers").page();
+        for target in ["/", "/frame", "/open/", &other, &format!("{}x/", page.trim_end_matches('/'))] {
+            assert_eq!(door.way(target), Route::Closed, "{target}");
+        }
+    }
+
+    #[test]
+    fn the_way_in_leads_there_once() {
+        let door = PageKey::new().expect("random numbers");
+        let way_in = door.way_in();
+        assert_eq!(door.way(&format!("{way_in}0")), Route::Closed);
+        assert_eq!(door.way(&way_in), Route::Elsewhere(door.page()));
+        assert_eq!(door.way(&way_in), Route::Closed);
+        assert_ne!(way_in.trim_start_matches("/open/"), door.page().trim_matches('/'));
+    }
+}
+
+/// Denoises frames, where that is wanted, until all is over: the first of each size, then whenever the samples have doubled.
+pub(super) fn denoise_frames(shared: &Shared, threads: Option<usize>) {
+    let mut last: Option<Denoised> = None;
+    while let Some(frame) = shared.next_frame(|frame| is_due(frame, last.as_ref())) {
+        let mut film = frame.film.clone();
+        let Ok(by) = in_pool(threads, || denoise_film(&mut film, AovSet::all())) else { return };
+        let Frame { samples, scale, is_finished, order, .. } = *frame;
+        let denoised = Denoised { film: film.into(), by: by.into(), samples, scale, is_finished, order };
+        last = Some(denoised.clone());
+        // One of an earlier view would take the place of a newer picture.
+        if shared.lock().frame.as_ref().is_some_and(|shown| shown.order == order) {
+            shared.show(|state| state.denoised = Some(denoised));
+        }
+    }
+}
+
+fn is_due(frame: &Frame, last: Option<&Denoised>) -> bool {
+    last.is_none_or(|last| {
+        (frame.order, frame.scale) != (last.order, last.scale)
+            || frame.samples >= 2.0 * last.samples
+            || (frame.is_finished && !last.is_finished)
+    })
+}
+
+#[cfg(test)]
 mod tests {
     use super::*;
 
@@ -544,34 +597,5 @@ mod tests {
         for host in ["127.0.0.1:81", "localhost:", "evil.example"] {
             assert!(refusal_of(Some(host), None, None, 80).is_some(), "{host}");
         }
-    }
-}
-
-#[cfg(test)]
-mod key_tests {
-    use super::*;
-
-    #[test]
-    fn only_who_knows_the_key_comes_in() {
-        let door = PageKey::new().expect("random numbers");
-        let page = door.page();
-        assert_eq!(page.len(), 2 * LENGTH + 2);
-        assert_eq!(door.way(&page), Route::To("/"));
-        assert_eq!(door.way(&format!("{page}frame?after=1")), Route::To("/frame?after=1"));
-        assert_eq!(door.way(page.trim_end_matches('/')), Route::Elsewhere(page.clone()));
-        let other = PageKey::new().expect("random numbers").page();
-        for target in ["/", "/frame", "/open/", &other, &format!("{}x/", page.trim_end_matches('/'))] {
-            assert_eq!(door.way(target), Route::Closed, "{target}");
-        }
-    }
-
-    #[test]
-    fn the_way_in_leads_there_once() {
-        let door = PageKey::new().expect("random numbers");
-        let way_in = door.way_in();
-        assert_eq!(door.way(&format!("{way_in}0")), Route::Closed);
-        assert_eq!(door.way(&way_in), Route::Elsewhere(door.page()));
-        assert_eq!(door.way(&way_in), Route::Closed);
-        assert_ne!(way_in.trim_start_matches("/open/"), door.page().trim_matches('/'));
     }
 }

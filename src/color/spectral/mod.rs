@@ -6,12 +6,11 @@
 //! Colours of Rec. 709 get smooth spectra by the method of Jakob and Hanika (2019, "A Low-Dimensional Function Space for
 //! Efficient Spectral Upsampling"), of [`Sigmoid`]s.
 
-mod metal;
 mod metals;
 mod uplift;
 mod wavelengths;
 
-pub use metal::Metal;
+pub use metals::Metal;
 pub use uplift::{Sigmoid, Spectrum, uplifted_light, uplifted_share};
 pub use wavelengths::{
     Curve, FIRST_NM, LANES, LAST_NM, SECOND_RADIATION_CONSTANT, Wavelengths, rgb_of, rgb_of_wavelength,

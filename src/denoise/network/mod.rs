@@ -6,16 +6,16 @@
 //! Each sum has one order, of fused multiply-adds: the same bits at any number of threads, on all CPU levels. What is stored
 //! between layers has at most half the picture's resolution: the layers at full resolution run tile by tile, those before
 //! them strip by strip.
+//!
+//! Pre- and postprocessing of the network: the exposure, and a transfer function that makes radiance of any range
+//! perceptually uniform, as in Open Image Denoise 2 (`core/color.h`, `core/autoexposure`): the network was trained with both.
+
+use crate::color::luminance;
+use rayon::prelude::*;
+use stage::{Archive, Convolution};
+use stage::{Input, Picture, Stage, Tensor};
 
 mod stage;
-#[cfg(test)]
-mod tests;
-mod transfer;
-mod weights;
-
-use rayon::prelude::*;
-use stage::{Input, Picture, Stage, Tensor};
-use weights::{Archive, Convolution};
 
 /// The weights for pictures with albedo and normals, and for those without.
 const WITH_GUIDES: &[u8] = include_bytes!("../../../assets/denoiser/rt_hdr_alb_nrm.tza");
@@ -85,11 +85,11 @@ impl Network {
         guides: Option<[Planes; 2]>,
     ) -> [Vec<f32>; 3] {
         let size = [width.next_multiple_of(1 << LEVELS), height.next_multiple_of(1 << LEVELS)];
-        let exposure = transfer::exposure(width, height, color, factors);
+        let exposure = exposure(width, height, color, factors);
         let picture = Picture {
             width,
             height,
-            color: color.map(|plane| transfer::encoded(plane, factors, exposure)),
+            color: color.map(|plane| encoded(plane, factors, exposure)),
             guides: guides.filter(|_| self.has_guides),
         };
         let mut out = [0, 1, 2].map(|_| vec![0.0f32; width * height]);
@@ -101,7 +101,7 @@ impl Network {
                 }
             }
         });
-        let decode = |v: &mut f32| *v = transfer::decoded(*v, exposure);
+        let decode = |v: &mut f32| *v = decoded(*v, exposure);
         out.iter_mut().for_each(|plane| plane.par_iter_mut().with_min_len(4096).for_each(decode));
         out
     }
@@ -141,5 +141,206 @@ impl Network {
             });
             write(y0, &strip);
         }
+    }
+}
+
+/// Edge of the squares whose mean luminance is a sample of the exposure, pixels.
+const BIN: usize = 16;
+/// The average luminance after exposure.
+const KEY: f32 = 0.18;
+/// Darker bins are ignored.
+const DARKEST: f32 = 1e-8;
+/// The largest value that the transfer function maps to 1.
+const LARGEST: f32 = 65504.0;
+
+/// The factor that brings the geometric mean of the luminance to the key of 0.18 (Reinhard et al. 2002, "Photographic Tone
+/// Reproduction for Digital Images", eq. 1 and 2, on means of 16x16 pixels); 1 for a black picture.
+fn exposure(width: usize, height: usize, color: [&[f32]; 3], factors: &[f32]) -> f32 {
+    let (columns, rows) = (width.div_ceil(BIN), height.div_ceil(BIN));
+    let mean = |column: usize, row: usize| {
+        let (x0, x1) = (column * width / columns, (column + 1) * width / columns);
+        let (y0, y1) = (row * height / rows, (row + 1) * height / rows);
+        let mut sum = 0.0f32;
+        for y in y0..y1 {
+            for at in y * width + x0..y * width + x1 {
+                sum += luminance(color.map(|plane| (plane[at] * factors[at]).clamp(0.0, f32::MAX)));
+            }
+        }
+        sum / ((x1 - x0) * (y1 - y0)) as f32
+    };
+    let (mut sum, mut count) = (0.0f64, 0u32);
+    for row in 0..rows {
+        for mean in (0..columns).map(|column| mean(column, row)).filter(|mean| *mean > DARKEST) {
+            sum += f64::from(mean.log2());
+            count += 1;
+        }
+    }
+    if count == 0 { 1.0 } else { KEY / (sum / f64::from(count)).exp2() as f32 }
+}
+
+/// A fit to the perceptually uniform encoding of Aydin et al. 2008 ("Extending Quality Metrics to Full Luminance Range
+/// Images"): linear, a power, a logarithm, with the constants of Open Image Denoise.
+const A: f32 = 1.41283765e+03;
+const B: f32 = 1.64593172e+00;
+const C: f32 = 4.31384981e-01;
+const D: f32 = -2.94139609e-03;
+const E: f32 = 1.92653254e-01;
+const F: f32 = 6.26026094e-03;
+const G: f32 = 9.98620152e-01;
+/// Where the pieces meet: luminances, and their encodings.
+const Y0: f32 = 1.57945760e-06;
+const Y1: f32 = 3.22087631e-02;
+const X0: f32 = 2.23151711e-03;
+const X1: f32 = 3.70974749e-01;
+
+fn encode(y: f32) -> f32 {
+    if y <= Y0 {
+        A * y
+    } else if y <= Y1 {
+        B * y.powf(C) + D
+    } else {
+        E * (y + F).ln() + G
+    }
+}
+
+fn decode(x: f32) -> f32 {
+    if x <= X0 {
+        x / A
+    } else if x <= X1 {
+        ((x - D) / B).powf(1.0 / C)
+    } else {
+        ((x - G) / E).exp() - F
+    }
+}
+
+/// The encodings, in 0..1, of a plane of radiance times factors and the exposure.
+fn encoded(plane: &[f32], factors: &[f32], exposure: f32) -> Vec<f32> {
+    let largest = encode(LARGEST);
+    let of = |(v, factor): (&f32, &f32)| {
+        let v = v * factor * exposure;
+        if v > 0.0 { encode(v.min(f32::MAX)) / largest } else { 0.0 }
+    };
+    plane.par_iter().zip(factors).with_min_len(4096).map(of).collect()
+}
+
+/// The radiance of an encoding.
+fn decoded(encoding: f32, exposure: f32) -> f32 {
+    decode(encoding * encode(LARGEST)) / exposure
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::hash::SplitMix64;
+    use crate::simd::{Level, best_level, limit_level};
+    use half::f16;
+
+    const WIDTH: usize = 75;
+    const HEIGHT: usize = 41;
+
+    /// Red, green and blue of each pixel of [`Scene::new`] after the library's filter `RT`: `hdr` with albedo and normal, and
+    /// without guides, in half precision.
+    const LIBRARY: &[u8] = include_bytes!("library.bin");
+
+    struct Scene {
+        width: usize,
+        height: usize,
+        /// Color, albedo, normal.
+        planes: [[Vec<f32>; 3]; 3],
+    }
+
+    impl Scene {
+        /// Squares of eight pixels under noisy light that falls off to the right.
+        fn new(width: usize, height: usize) -> Scene {
+            let unit = |seed: u64, count: usize| -> Vec<f64> {
+                let mut random = SplitMix64::new(seed);
+                (0..count).map(|_| random.next_unit()).collect()
+            };
+            let (squares, noise) = (unit(1, 9 * 64 * 3), unit(2, width * height * 3));
+            let mut planes = [0, 1, 2].map(|_| [0, 1, 2].map(|_| vec![0.0f32; width * height]));
+            for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
+                let (at, square) = (y * width + x, y / 8 % 8 * 8 + x / 8 % 8);
+                let normal = [(x % 16) as f32 / 16.0 - 0.5, (y % 16) as f32 / 16.0 - 0.5, 0.7];
+                let light = 4.0 * (-((x / 4) as f64) / 2.0).exp2();
+                for c in 0..3 {
+                    let (albedo, noise) = (squares[3 * square + c], 2.0 * noise[3 * at + c]);
+                    planes[0][c][at] = (albedo * light * noise * noise) as f32;
+                    planes[1][c][at] = albedo as f32;
+                    planes[2][c][at] = normal[c];
+                }
+            }
+            Scene { width, height, planes }
+        }
+
+        fn denoised(&self, has_guides: bool) -> [Vec<f32>; 3] {
+            let [color, albedo, normal] = self.planes.each_ref().map(|p| p.each_ref().map(Vec::as_slice));
+            let guides = has_guides.then_some([albedo, normal]);
+            let ones = vec![1.0; self.width * self.height];
+            Network::new(has_guides).run(self.width, self.height, color, &ones, guides)
+        }
+    }
+
+    #[test]
+    fn the_network_equals_the_library() {
+        let scene = Scene::new(WIDTH, HEIGHT);
+        let expected: Vec<f32> =
+            LIBRARY.chunks_exact(2).map(|two| f16::from_le_bytes([two[0], two[1]]).to_f32()).collect();
+        for (has_guides, expected) in [true, false].into_iter().zip(expected.chunks_exact(WIDTH * HEIGHT * 3))
+        {
+            let found = scene.denoised(has_guides);
+            for (at, expected) in expected.chunks_exact(3).enumerate() {
+                for c in 0..3 {
+                    let (a, b) = (found[c][at], expected[c]);
+                    // Half precision keeps eleven bits, fewer below 6e-5.
+                    assert!((a - b).abs() <= 6e-4 * b + 1e-6, "pixel {at}, {c}: {a}, library {b}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn strips_tiles_and_threads_change_nothing() {
+        // More than one strip, more than one tile, uneven edges.
+        let scene = Scene::new(141, STRIP + 27);
+        let at = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+            pool.install(|| scene.denoised(true))
+        };
+        let whole = at(1);
+        assert!(whole == at(3));
+        assert!(whole.iter().flatten().all(|v| v.is_finite()));
+    }
+
+    #[test]
+    fn all_levels_have_the_same_bits() {
+        let scene = Scene::new(33, 20);
+        let best = best_level();
+        let of = |level| {
+            limit_level(level);
+            scene.denoised(true)
+        };
+        let results: Vec<_> = Level::ALL.into_iter().map(of).collect();
+        limit_level(best);
+        assert!(results.iter().all(|result| *result == results[0]));
+    }
+
+    #[test]
+    fn decoding_undoes_encoding() {
+        for i in 0..200 {
+            let y = 1e-8 * 10f32.powf(i as f32 * 0.065);
+            let back = decoded(encoded(&[y], &[1.0], 3.0)[0], 3.0);
+            assert!((back / y - 1.0).abs() < 1e-3, "{y} {back}");
+        }
+    }
+
+    #[test]
+    fn exposure_is_relative() {
+        let plane: Vec<f32> = (0..40 * 30).map(|i| 0.1 + i as f32).collect();
+        let bright: Vec<f32> = plane.iter().map(|v| 8.0 * v).collect();
+        let ones = vec![1.0; 40 * 30];
+        let of = |plane: &[f32]| exposure(40, 30, [plane; 3], &ones);
+        let (a, b) = (of(&plane), of(&bright));
+        assert!((a / b - 8.0).abs() < 1e-4);
+        assert_eq!(of(&vec![0.0; 1200]), 1.0);
     }
 }

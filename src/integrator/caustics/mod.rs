@@ -23,13 +23,12 @@
 //! the camera is not known there.
 //!
 //! Where neighbouring pixels share suffixes of paths, only prefixes that leave out the same light take part: see
-//! [`Prefixes::ends`](super::reuse::state::Prefixes::ends).
+//! [`Prefixes::ends`](super::reuse::Prefixes::ends).
 
 mod connect_to_camera;
 mod emit_light_path;
-mod plan;
 
-pub use plan::{CausticPlan, CausticTally};
+pub use connect_to_camera::{CausticPlan, CausticTally};
 
 use super::Integrator;
 use super::mis::LightPdf;

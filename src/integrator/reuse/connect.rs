@@ -1,9 +1,9 @@
 use super::Tiling;
-use super::state::{
+use super::tiling::GroupShape;
+use super::{
     DIRECT, Diffuse, GroupLanes, LAMBERT, METAL_ROUGH, MIN_REST, NONE, Pairs, Prefixes, Reuse, SCATTERED,
     SharedLayers, Suffixes, layer_rest,
 };
-use super::tiling::GroupShape;
 use crate::accel::{PointVisibility, PointVisibilityQuery, SetBits};
 use crate::color::Rgb;
 use crate::integrator::caustics::{leaves_diffuse_light, leaves_light};

@@ -5,8 +5,8 @@ use super::buffers::Accessor;
 use super::document::{Document, name_of, pointer};
 use super::draco;
 use super::materials::Materials;
+use super::points_lines;
 use super::report::{Report, Valid};
-use super::splats;
 use super::vertices::{Attributes, Deformation, add_vertices, attributes};
 use crate::error::Problem;
 use crate::load::mesh_tools::{bound_colors, clear_unusable, normalize_normals};
@@ -58,7 +58,7 @@ impl MeshReader<'_, '_> {
             if primitive.mode == Checked::Valid(Mode::Points) {
                 let material = || self.materials.of_splats();
                 // What is wrong with them doesn't concern the others.
-                let read = splats::read(doc, (index, i), material, &at, self.report);
+                let read = points_lines::read_splats(doc, (index, i), material, &at, self.report);
                 clouds.extend(read.ok().flatten());
             }
             self.add_primitive(primitive, &at, &mut groups);

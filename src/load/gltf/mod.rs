@@ -24,7 +24,6 @@ mod points_lines;
 mod report;
 mod scene_builder;
 mod shutter;
-mod splats;
 mod textures;
 mod vertices;
 

@@ -3,12 +3,10 @@
 //! What was 8-bit in the file stays 8-bit. The format is recognised by the content; TGA, which has no signature, by its media
 //! type or name. Sizes are compared with the file's length before anything is allocated (`limits`).
 
-mod basis;
 mod deferred;
 mod ktx2;
 mod metadata;
 mod openexr;
-mod photograph;
 mod radiance;
 mod source;
 
@@ -18,8 +16,9 @@ pub(crate) use source::{ImageFile, Use};
 
 use crate::error::{Result, Warning};
 use crate::image::{Encoding, Image, Pixels};
-use crate::load::contents::{self, Content};
 use crate::load::decoders::Decoder;
+use crate::load::files;
+use crate::load::files::Content;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 use source::Source;
 use source::{guarded, read_bytes, signature};
@@ -181,7 +180,7 @@ fn format_of(source: &Source, mime: Option<&str>, warnings: &mut Vec<Warning>) -
         return Err(source.lacks(lacking));
     }
     let readable = |f: &ImageFormat| f.reading_enabled() || *f == ImageFormat::OpenExr;
-    format.filter(readable).ok_or_else(|| match contents::of(source.bytes) {
+    format.filter(readable).ok_or_else(|| match files::of(source.bytes) {
         Some(Content { what, remedy }) => source.error(format!("is {what}")).with_help(remedy),
         None => source
             .error(("image-format-unknown", "is not an image of a known format"))
@@ -226,7 +225,7 @@ fn decode_common(
                 )),
             }
         }
-        decoded = photograph::oriented(decoded, metadata.orientation);
+        decoded = metadata::oriented(decoded, metadata.orientation);
     }
     if format == ImageFormat::Jpeg && !jpeg_is_complete(source.bytes) {
         warnings.push(source.warning(("image-cut-short", CUT_SHORT)));
@@ -425,7 +424,7 @@ mod tests {
         let mut bytes = Vec::new();
         let mut encoder = image::codecs::png::PngEncoder::new(&mut bytes);
         let exif = b"MM\0\x2a\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0";
-        encoder.set_icc_profile(photograph::tests::display_p3()).expect("room for a profile");
+        encoder.set_icc_profile(metadata::test_profiles::display_p3()).expect("room for a profile");
         encoder.set_exif_metadata(exif.to_vec()).expect("room for Exif");
         let red = RgbImage::from_fn(4, 2, |x, _| image::Rgb([if x == 0 { 255 } else { 0 }, 0, 0]));
         encoder.write_image(red.as_raw(), 4, 2, image::ExtendedColorType::Rgb8).expect("encoded");

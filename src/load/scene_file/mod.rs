@@ -26,7 +26,6 @@ mod instances;
 mod lights;
 mod materials;
 mod media;
-mod mesh_keys;
 mod nodes;
 mod objects;
 mod pbr;

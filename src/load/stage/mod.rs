@@ -5,7 +5,6 @@ mod framing;
 mod ground;
 mod light;
 mod options;
-mod undersides;
 
 use super::Loaded;
 use crate::error::{Choice, Warning};

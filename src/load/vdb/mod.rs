@@ -2,7 +2,6 @@
 //! packed by zlib or Blosc, as f64, f32 or f16. It becomes a dense grid over the box of its active voxels, one wider on each
 //! side: nothing is outside, and values fall to it over the distance of two voxels.
 
-mod blosc;
 mod values;
 
 use crate::math::{DAffine3, DMat3, DVec3};

@@ -1,15 +1,12 @@
 //! What the steps of a program compute, for many points at a time.
 
 use super::color::{self, Table};
-use super::gabor;
-use super::hash::{hash_floats, hash_to_vector};
 use super::math;
+use super::noise;
 use super::noise::{Fractal, noise_texture};
-use super::normals;
+use super::noise::{hash_floats, hash_to_vector};
 use super::patterns::{self, Wall, Wave};
-use super::projection;
 use super::source::Source;
-use super::spectra;
 use super::voronoi::Voronoi;
 use crate::color::luminance;
 use crate::scene::TextureId;
@@ -17,7 +14,7 @@ use crate::scene::nodes::{
     ClampType, Dimensions, EnvironmentProjection, FactorMode, ImageProjection, MixType, NodeKind,
     NormalSpace, RampInterpolation, TransformType,
 };
-use crate::texture::image_node::ImageReading;
+use crate::texture::image::ImageReading;
 use crate::texture::{HitData, TexturePoint};
 
 /// Reads an image at texture coordinates with a filter width: linear RGBA.
@@ -252,9 +249,9 @@ fn load<const LANES: usize>(step: &Compiled, points: &Points<'_>, r: &mut Regist
 pub fn run<const LANES: usize>(step: &Compiled, points: &Points<'_>, r: &mut Registers<LANES>) {
     match &step.operation {
         Operation::Load(_) | Operation::LoadMoved { .. } => load(step, points, r),
-        Operation::NormalMap(space) => r.each(step, |v: [f32; 30]| normals::mapped(*space, &v)),
+        Operation::NormalMap(space) => r.each(step, |v: [f32; 30]| math::mapped(*space, &v)),
         Operation::Bump { invert, filter_width } => {
-            r.each(step, |v: [f32; 14]| normals::bumped(*invert, *filter_width, &v));
+            r.each(step, |v: [f32; 14]| math::bumped(*invert, *filter_width, &v));
         }
         Operation::Transform(TransformType::Point) => {
             r.each(step, |v: [f32; 15]| affine(&v[3..], [v[0], v[1], v[2]], 1.0))
@@ -273,11 +270,10 @@ pub fn run<const LANES: usize>(step: &Compiled, points: &Points<'_>, r: &mut Reg
         }),
         Operation::Image { texture, reading, lies, blend } => r.each(step, |v: [f32; 7]| {
             let at = |uv, footprint| (points.images)(*texture, reading, uv, footprint);
-            projection::image(*lies, *blend, v, at)
+            math::image(*lies, *blend, v, at)
         }),
         Operation::Environment { texture, reading, lies } => r.each(step, |direction: [f32; 3]| {
-            let [r, g, b, _] =
-                (points.images)(*texture, reading, projection::environment(*lies, direction), 0.0);
+            let [r, g, b, _] = (points.images)(*texture, reading, math::environment(*lies, direction), 0.0);
             [r, g, b]
         }),
         Operation::Mean => r.each(step, |[x, y, z]: [f32; 3]| [(x + y + z) * (1.0 / 3.0)]),
@@ -374,8 +370,8 @@ fn colors<const LANES: usize>(kind: &NodeKind, step: &Compiled, r: &mut Register
         NodeKind::Invert {} => {
             r.each(step, |[f, x, y, z]: [f32; 4]| [x, y, z].map(|c| (1.0 - f) * c + f * (1.0 - c)));
         }
-        NodeKind::Blackbody {} => r.each(step, |[kelvin]: [f32; 1]| spectra::black_body(kelvin)),
-        NodeKind::Wavelength {} => r.each(step, |[nm]: [f32; 1]| spectra::wavelength(nm)),
+        NodeKind::Blackbody {} => r.each(step, |[kelvin]: [f32; 1]| color::black_body(kelvin)),
+        NodeKind::Wavelength {} => r.each(step, |[nm]: [f32; 1]| color::wavelength(nm)),
         NodeKind::RgbToBw {} => r.each(step, |c: [f32; 3]| [luminance(c)]),
         NodeKind::Fresnel {} => {
             r.each(step, |[ior, cosine, is_back]: [f32; 3]| {
@@ -432,8 +428,8 @@ fn noises<const LANES: usize>(kind: &NodeKind, step: &Compiled, r: &mut Register
             let [x, y, z] = [v[0], v[1], v[2]].map(|c| c * v[3]);
             let (frequency, isotropy) = (v[4].max(0.001), 1.0 - v[5].clamp(0.0, 1.0));
             match dimensions {
-                Dimensions::Two => gabor::two_dimensional([x, y], frequency, isotropy, v[6]),
-                _ => gabor::three_dimensional([x, y, z], frequency, isotropy, [v[7], v[8], v[9]]),
+                Dimensions::Two => noise::two_dimensional([x, y], frequency, isotropy, v[6]),
+                _ => noise::three_dimensional([x, y, z], frequency, isotropy, [v[7], v[8], v[9]]),
             }
         }),
         NodeKind::WhiteNoise { dimensions } => r.each(step, |[x, y, z, w]: [f32; 4]| {

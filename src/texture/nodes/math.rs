@@ -1,7 +1,15 @@
 //! Arithmetic of numbers and vectors, with results for all arguments.
+//!
+//! Normals of maps and bumps, as Cycles has them.
+//!
+//! How images lie on surfaces and on the sphere of directions, as in Cycles. The axis of spheres and tubes is z.
 
-use crate::math::poly;
-use crate::scene::nodes::{MappingType, MathOperation, RangeInterpolation, RotationType, VectorOperation};
+use crate::math::{Vec3, poly};
+use crate::scene::nodes::{
+    EnvironmentProjection, ImageProjection, MappingType, MathOperation, NormalSpace, RangeInterpolation,
+    RotationType, VectorOperation,
+};
+use std::f32::consts::PI;
 
 type Vector = [f32; 3];
 
@@ -99,8 +107,8 @@ pub fn scalar(operation: MathOperation, a: f32, b: f32, c: f32) -> f32 {
         MathOperation::Compare => flag(a == b || (a - b).abs() <= c.max(f32::EPSILON)),
         MathOperation::SmoothMin => smooth_min(a, b, c),
         MathOperation::SmoothMax => -smooth_min(-a, -b, c),
-        MathOperation::Radians => a * (std::f32::consts::PI / 180.0),
-        MathOperation::Degrees => a * (180.0 / std::f32::consts::PI),
+        MathOperation::Radians => a * (PI / 180.0),
+        MathOperation::Degrees => a * (180.0 / PI),
         _ => rounding(operation, a, b, c),
     }
 }
@@ -356,4 +364,150 @@ pub fn facing(cosine: f32, blend: f32) -> f32 {
     let blend = blend.clamp(0.0, 1.0 - 1e-5);
     let exponent = if blend < 0.5 { 2.0 * blend } else { 0.5 / (1.0 - blend) };
     1.0 - if blend == 0.5 { cosine } else { power(cosine, exponent) }
+}
+
+fn to_vec3(v: &[f32]) -> Vec3 {
+    Vec3::new(v[0], v[1], v[2])
+}
+
+fn mixed(a: Vec3, b: Vec3, share: f32) -> Vec3 {
+    a + (b - a) * share
+}
+
+/// A normal from a map: of strength, colour, tangent frame with its presence, shading normal, rows of the transform from the world to the
+/// object, and the side that is seen.
+pub fn mapped(space: NormalSpace, v: &[f32; 30]) -> [f32; 3] {
+    let (strength, color, frame, own, rows) = (v[0], &v[1..4], &v[4..14], to_vec3(&v[14..17]), &v[17..29]);
+    let side = if v[29] != 0.0 { -1.0 } else { 1.0 };
+    let mut n = to_vec3(color) * 2.0 - Vec3::ONE;
+    let normal = if space == NormalSpace::Tangent {
+        if frame[9] == 0.0 {
+            return own.to_array();
+        }
+        let n = Vec3::new(n.x * strength, n.y * strength, 1.0 + (n.z - 1.0) * strength.clamp(0.0, 1.0));
+        let turned = to_vec3(&frame[0..3]) * n.x + to_vec3(&frame[3..6]) * n.y + to_vec3(&frame[6..9]) * n.z;
+        turned.normalize_or_zero() * side
+    } else {
+        if matches!(space, NormalSpace::BlenderObject | NormalSpace::BlenderWorld) {
+            (n.y, n.z) = (-n.y, -n.z);
+        }
+        if matches!(space, NormalSpace::Object | NormalSpace::BlenderObject) {
+            // Normals go to the world by the transposed inverse.
+            let column = |i: usize| Vec3::new(rows[i], rows[4 + i], rows[8 + i]);
+            n = Vec3::new(column(0).dot(n), column(1).dot(n), column(2).dot(n));
+        }
+        let n = n.normalize_or_zero() * side;
+        if strength == 1.0 { n } else { mixed(own, n, strength.max(0.0)).normalize_or_zero() }
+    };
+    if normal == Vec3::ZERO { own.to_array() } else { normal.to_array() }
+}
+
+/// A normal that leans by the slope of heights: of strength, distance, the heights here and beside both ways, the normal, and the two steps
+/// (Mikkelsen 2010, "Bump Mapping Unparametrized Surfaces on the GPU").
+pub fn bumped(invert: bool, filter_width: f32, v: &[f32; 14]) -> [f32; 3] {
+    let (strength, distance) = (v[0].max(0.0), if invert { -v[1] } else { v[1] });
+    let (here, along_a, along_b) = (v[2], v[3], v[4]);
+    let (n, a, b) = (to_vec3(&v[5..8]), to_vec3(&v[8..11]), to_vec3(&v[11..14]));
+    let (ra, rb) = (b.cross(n), n.cross(a));
+    let determinant = a.dot(ra);
+    let gradient = ra * (along_a - here) + rb * (along_b - here);
+    let leaning = n * (filter_width * determinant.abs()) - gradient * (distance * determinant.signum());
+    let leaning = Vec3::from_array(normalize(leaning.to_array()));
+    if leaning == Vec3::ZERO || !leaning.is_finite() {
+        return n.to_array();
+    }
+    mixed(n, leaning, strength).normalize_or_zero().to_array()
+}
+
+/// Linear RGBA of an image at a vector: `v` is that, the footprint, and the normal in the object's space; `at` looks up coordinates.
+pub fn image(
+    lies: ImageProjection,
+    blend: f32,
+    [x, y, z, footprint, nx, ny, nz]: [f32; 7],
+    at: impl Fn([f32; 2], f32) -> [f32; 4],
+) -> [f32; 4] {
+    let around = [x, y, z].map(|c| 2.0 * c - 1.0);
+    match lies {
+        ImageProjection::Flat => at([x, y], footprint),
+        ImageProjection::Sphere => at(on_sphere(around), 0.0),
+        ImageProjection::Tube => at(on_tube(around), 0.0),
+        ImageProjection::Box => {
+            let side = |c: f32, is_mirrored: bool| if is_mirrored { 1.0 - c } else { c };
+            let sides = [[side(y, nx < 0.0), z], [side(x, ny > 0.0), z], [side(y, nz > 0.0), x]];
+            let mut sum = [0.0; 4];
+            for (uv, weight) in sides.into_iter().zip(box_weights([nx, ny, nz].map(f32::abs), blend)) {
+                if weight > 0.0 {
+                    let value = at(uv, 0.0);
+                    sum = std::array::from_fn(|i| sum[i] + weight * value[i]);
+                }
+            }
+            sum
+        }
+    }
+}
+
+fn on_sphere([x, y, z]: [f32; 3]) -> [f32; 2] {
+    let length = (x * x + y * y + z * z).sqrt();
+    if length == 0.0 {
+        return [0.0; 2];
+    }
+    let u = if x == 0.0 && y == 0.0 { 0.0 } else { 0.5 * (1.0 - poly::atan2(x, y) / PI) };
+    [u, 1.0 - poly::acos((z / length).clamp(-1.0, 1.0)) / PI]
+}
+
+fn on_tube([x, y, z]: [f32; 3]) -> [f32; 2] {
+    match x == 0.0 && y == 0.0 {
+        true => [0.0; 2],
+        false => [0.5 * (1.0 - poly::atan2(x, y) / PI), 0.5 * (z + 1.0)],
+    }
+}
+
+/// The shares of the sides along x, y and z by the parts of a normal: one side alone, or two or three where they meet.
+fn box_weights(n: [f32; 3], blend: f32) -> [f32; 3] {
+    let sum = n[0] + n[1] + n[2];
+    let [x, y, z] = n.map(|c| c / sum);
+    let limit = 0.5 * (1.0 + blend);
+    if x > limit * (x + y) && x > limit * (x + z) {
+        return [1.0, 0.0, 0.0];
+    }
+    if y > limit * (x + y) && y > limit * (y + z) {
+        return [0.0, 1.0, 0.0];
+    }
+    if z > limit * (x + z) && z > limit * (y + z) {
+        return [0.0, 0.0, 1.0];
+    }
+    if blend <= 0.0 {
+        return [1.0, 0.0, 0.0];
+    }
+    let share = |a: f32, b: f32| ((a / (a + b) - 0.5 * (1.0 - blend)) / blend).clamp(0.0, 1.0);
+    if z < (1.0 - limit) * (y + x) {
+        let first = share(x, y);
+        return [first, 1.0 - first, 0.0];
+    }
+    if x < (1.0 - limit) * (y + z) {
+        let first = share(y, z);
+        return [0.0, first, 1.0 - first];
+    }
+    if y < (1.0 - limit) * (x + z) {
+        let first = share(x, z);
+        return [first, 0.0, 1.0 - first];
+    }
+    [x, y, z].map(|c| ((2.0 - limit) * c + (limit - 1.0)) / (2.0 * limit - 1.0))
+}
+
+/// Coordinates of a direction in an image of surroundings.
+pub fn environment(lies: EnvironmentProjection, direction: [f32; 3]) -> [f32; 2] {
+    let [x, y, z] = normalize(direction);
+    match lies {
+        EnvironmentProjection::Equirectangular => {
+            let level = (x * x + y * y).sqrt();
+            [0.5 - poly::atan2(y, x) / (2.0 * PI), poly::atan2(z, level) / PI + 0.5]
+        }
+        EnvironmentProjection::MirrorBall => {
+            let y = y - 1.0;
+            let length = 2.0 * (-0.5 * y).max(0.0).sqrt();
+            let scale = if length > 0.0 { 1.0 / length } else { 1.0 };
+            [0.5 * (x * scale + 1.0), 0.5 * (z * scale + 1.0)]
+        }
+    }
 }

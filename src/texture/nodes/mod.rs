@@ -2,18 +2,13 @@
 
 mod color;
 mod evaluate;
-mod gabor;
-mod hash;
 mod math;
 mod noise;
-mod normals;
 mod patterns;
-mod projection;
 mod source;
-mod spectra;
 mod voronoi;
 
-use super::image_node::ImageReading;
+use super::image::ImageReading;
 use super::{HitData, TexturePoint};
 use crate::scene::TextureId;
 use crate::scene::nodes::{

@@ -1,9 +1,17 @@
 //! Gradient noise of one to four dimensions (Perlin 2002, "Improving Noise") and its fractal sums (Musgrave in Ebert et al. 2003,
 //! "Texturing and Modeling", chapter 16), with the lattice hash and scales of Cycles.
+//!
+//! Hashes of lattice cells and of floating-point numbers: the last steps of Jenkins' lookup3 (2006, public domain), and the
+//! permuted congruential generators of Jarzynski and Olano 2020, "Hash Functions for GPU Rendering" (pcg2d, pcg3d, pcg4d).
+//!
+//! Gabor noise (Lagae et al. 2009, "Procedural Noise using Sparse Gabor Convolution"), with as many impulses in each cell as in all others
+//! and phases (Tricard et al. 2019, "Procedural Phasor Noise"), as Cycles has it.
 
-use super::hash::{hash_floats, hash_words};
+use super::math::normalize;
+use crate::math::{Vec3, poly};
 use crate::scene::nodes::NoiseType;
 use crate::simd;
+use std::f32::consts::{PI, SQRT_2};
 
 /// Coordinates beyond this repeat, since single precision has no fractions left there.
 const PERIOD: f32 = 100_000.0;
@@ -251,4 +259,211 @@ pub fn noise_texture<const N: usize>(
     let second = fractal.evaluate(add(p, offset(N as f32)));
     let third = fractal.evaluate(add(p, offset(N as f32 + 1.0)));
     [value, value, second, third]
+}
+
+/// A number of 0..1 from 32 bits.
+#[inline(always)]
+fn unit(bits: u32) -> f32 {
+    bits as f32 * (1.0 / u32::MAX as f32)
+}
+
+/// Final mixing of lookup3.
+#[inline(always)]
+fn finish(mut a: u32, mut b: u32, mut c: u32) -> u32 {
+    c = (c ^ b).wrapping_sub(b.rotate_left(14));
+    a = (a ^ c).wrapping_sub(c.rotate_left(11));
+    b = (b ^ a).wrapping_sub(a.rotate_left(25));
+    c = (c ^ b).wrapping_sub(b.rotate_left(16));
+    a = (a ^ c).wrapping_sub(c.rotate_left(4));
+    b = (b ^ a).wrapping_sub(a.rotate_left(14));
+    (c ^ b).wrapping_sub(b.rotate_left(24))
+}
+
+/// Hash of one to four words.
+#[inline(always)]
+pub fn hash_words<const N: usize>(words: [u32; N]) -> u32 {
+    let start = 0xdead_beefu32.wrapping_add((N as u32) << 2).wrapping_add(13);
+    let word = |i: usize| if i < N { words[i] } else { 0 };
+    let (mut a, mut b, mut c) =
+        (start.wrapping_add(word(0)), start.wrapping_add(word(1)), start.wrapping_add(word(2)));
+    if N > 3 {
+        a = a.wrapping_sub(c) ^ c.rotate_left(4);
+        c = c.wrapping_add(b);
+        b = b.wrapping_sub(a) ^ a.rotate_left(6);
+        a = a.wrapping_add(c);
+        c = c.wrapping_sub(b) ^ b.rotate_left(8);
+        b = b.wrapping_add(a);
+        a = a.wrapping_sub(c) ^ c.rotate_left(16);
+        c = c.wrapping_add(b);
+        b = b.wrapping_sub(a) ^ a.rotate_left(19);
+        a = a.wrapping_add(c);
+        c = c.wrapping_sub(b) ^ b.rotate_left(4);
+        b = b.wrapping_add(a);
+        a = a.wrapping_add(word(3));
+    }
+    finish(a, b, c)
+}
+
+/// A random number of 0..1 from the bits of one to four numbers.
+#[inline(always)]
+pub fn hash_floats<const N: usize>(k: [f32; N]) -> f32 {
+    unit(hash_words(k.map(f32::to_bits)))
+}
+
+/// Three random numbers of 0..1 from one to four numbers.
+#[inline(always)]
+pub fn hash_to_vector(k: &[f32]) -> [f32; 3] {
+    match *k {
+        [x] => [hash_floats([x]), hash_floats([x, 1.0]), hash_floats([x, 2.0])],
+        [x, y] => [hash_floats([x, y]), hash_floats([x, y, 1.0]), hash_floats([x, y, 2.0])],
+        [x, y, z] => [hash_floats([x, y, z]), hash_floats([x, y, z, 1.0]), hash_floats([x, y, z, 2.0])],
+        [x, y, z, w] => [hash_floats([x, y, z, w]), hash_floats([z, x, w, y]), hash_floats([w, z, y, x])],
+        _ => [0.0; 3],
+    }
+}
+
+/// A cell's random numbers, 0..1: `pcg2d`, `pcg3d` and `pcg4d` by the number of dimensions, on signed integers whose shifts keep the sign.
+/// Loops over cells vectorise: there are no branches and no calls.
+#[inline(always)]
+pub fn hash_cell<const N: usize>(cell: [i32; N]) -> [f32; N] {
+    let mut v = cell;
+    for c in &mut v {
+        *c = c.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+    }
+    add_products(&mut v);
+    for c in &mut v {
+        *c ^= *c >> 16;
+    }
+    add_products(&mut v);
+    let mut unit = [0.0; N];
+    for i in 0..N {
+        unit[i] = (v[i] & 0x7fff_ffff) as f32 * (1.0 / 0x7fff_ffff as f32);
+    }
+    unit
+}
+
+/// Adds products of numbers to others, in turn.
+#[inline(always)]
+fn add_products<const N: usize>(v: &mut [i32; N]) {
+    match N {
+        2 => {
+            v[0] = v[0].wrapping_add(v[1 % N].wrapping_mul(1_664_525));
+            v[1 % N] = v[1 % N].wrapping_add(v[0].wrapping_mul(1_664_525));
+        }
+        3 => {
+            v[0] = v[0].wrapping_add(v[1 % N].wrapping_mul(v[2 % N]));
+            v[1 % N] = v[1 % N].wrapping_add(v[2 % N].wrapping_mul(v[0]));
+            v[2 % N] = v[2 % N].wrapping_add(v[0].wrapping_mul(v[1 % N]));
+        }
+        _ => {
+            v[0] = v[0].wrapping_add(v[1 % N].wrapping_mul(v[3 % N]));
+            v[1 % N] = v[1 % N].wrapping_add(v[2 % N].wrapping_mul(v[0]));
+            v[2 % N] = v[2 % N].wrapping_add(v[0].wrapping_mul(v[1 % N]));
+            v[3 % N] = v[3 % N].wrapping_add(v[1 % N].wrapping_mul(v[2 % N]));
+        }
+    }
+}
+
+/// A cell's random colour.
+#[inline(always)]
+pub fn cell_color<const N: usize>(cell: [i32; N]) -> [f32; 3] {
+    match N {
+        1 => hash_to_vector(&[cell[0] as f32]),
+        2 => hash_cell([cell[0], cell[1], 0]),
+        3 => hash_cell([cell[0], cell[1], cell[2 % N]]),
+        _ => {
+            let [x, y, z, _] = hash_cell([cell[0], cell[1 % N], cell[2 % N], cell[3 % N]]);
+            [x, y, z]
+        }
+    }
+}
+
+/// A cell's random point of 0..1 in each dimension.
+#[inline(always)]
+pub fn cell_point<const N: usize>(cell: [i32; N]) -> [f32; N] {
+    if N == 1 { [hash_floats([cell[0] as f32]); N] } else { hash_cell(cell) }
+}
+
+/// Impulses in each cell.
+const IMPULSES: u32 = 8;
+
+/// Standard deviations of the noise by which it is divided.
+const SPREAD: f32 = 6.0;
+
+/// Value and phase, 0..1, and intensity in two dimensions, of a frequency in cycles per cell, in a direction of `angle_rad`, and any where
+/// `isotropy` is 1.
+pub fn two_dimensional(p: [f32; 2], frequency: f32, isotropy: f32, angle_rad: f32) -> [f32; 3] {
+    let cell = p.map(f32::floor);
+    let mut sum = [0.0; 2];
+    for (i, j) in (0..9).map(|k| (k % 3 - 1, k / 3 - 1)) {
+        let [x, y] = [cell[0] + i as f32, cell[1] + j as f32];
+        for impulse in (0..IMPULSES).map(|n| 3.0 * n as f32) {
+            let turned = (hash_floats([x, y, impulse]) - 0.5) * PI * isotropy;
+            let seed = impulse + 1.0;
+            let place = [p[0] - x - hash_floats([x, y, seed]), p[1] - y - hash_floats([seed, x, y])];
+            let squared = place[0] * place[0] + place[1] * place[1];
+            if squared < 1.0 {
+                let (sine, cosine) = poly::sin_cos(angle_rad + turned);
+                let cycles = frequency * (place[0] * cosine + place[1] * sine);
+                add_impulse(&mut sum, squared, cycles, hash_floats([x, y, impulse + 2.0]));
+            }
+        }
+    }
+    outputs(sum, 0.25)
+}
+
+/// Gabor noise in three dimensions, along a direction.
+pub fn three_dimensional(p: [f32; 3], frequency: f32, isotropy: f32, direction: [f32; 3]) -> [f32; 3] {
+    let cell = p.map(f32::floor);
+    let direction = Vec3::from_array(normalize(direction));
+    let mut sum = [0.0; 2];
+    for k in 0..27 {
+        let [x, y, z] =
+            [cell[0] + (k % 3 - 1) as f32, cell[1] + (k / 3 % 3 - 1) as f32, cell[2] + (k / 9 - 1) as f32];
+        for impulse in (0..IMPULSES).map(|n| 3.0 * n as f32) {
+            let place = Vec3::from_array(p)
+                - Vec3::new(x, y, z)
+                - Vec3::from_array(hash_to_vector(&[x, y, z, impulse + 1.0]));
+            let squared = place.length_squared();
+            if squared < 1.0 {
+                let along = turned(direction, isotropy, [x, y, z, impulse]);
+                add_impulse(
+                    &mut sum,
+                    squared,
+                    frequency * place.dot(along),
+                    hash_floats([x, y, z, impulse + 2.0]),
+                );
+            }
+        }
+    }
+    outputs(sum, 0.25 / SQRT_2)
+}
+
+/// Adds an impulse of either sign at a squared distance, with a phase in cycles.
+fn add_impulse(sum: &mut [f32; 2], squared: f32, cycles: f32, random: f32) {
+    let window = 0.5 + 0.5 * poly::sin_cos(PI * squared).1;
+    let weight = poly::exp(-PI * squared) * window * if random < 0.5 { -1.0 } else { 1.0 };
+    let (sine, cosine) = poly::sin_cos_turns(cycles);
+    sum[0] += weight * cosine;
+    sum[1] += weight * sine;
+}
+
+/// A direction turned at random.
+fn turned(direction: Vec3, isotropy: f32, seed: [f32; 4]) -> Vec3 {
+    if isotropy == 0.0 {
+        return direction;
+    }
+    let level = (direction.x * direction.x + direction.y * direction.y).sqrt();
+    let side = if direction.y < 0.0 { -1.0 } else { 1.0 };
+    let azimuth = if level > 0.0 { side * poly::acos((direction.x / level).clamp(-1.0, 1.0)) } else { 0.0 };
+    let [first, second, _] = hash_to_vector(&seed);
+    let (sine, cosine) = poly::sin_cos(poly::acos(direction.z.clamp(-1.0, 1.0)) + first * PI * isotropy);
+    let (y, x) = poly::sin_cos(azimuth + second * PI * isotropy);
+    Vec3::new(sine * x, sine * y, cosine)
+}
+
+/// Value, phase and intensity; `integral` is that of the squared kernel.
+fn outputs([x, y]: [f32; 2], integral: f32) -> [f32; 3] {
+    let scale = 1.0 / (SPREAD * (IMPULSES as f32 * 0.5 * integral).sqrt());
+    [0.5 * y * scale + 0.5, (poly::atan2(y, x) + PI) / (2.0 * PI), (x * x + y * y).sqrt() * scale]
 }

@@ -2,7 +2,6 @@
 //! Each is built when the first primitive that is seen asks for it.
 
 mod extensions;
-mod glass;
 
 use super::document::{Document, name_of, number_of, numbers_of, pointer};
 use super::lights;

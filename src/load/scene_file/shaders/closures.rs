@@ -1,7 +1,12 @@
 //! Blender's shader nodes as materials: the closures of Cycles 5.0 by the models that scatter as they do.
+//!
+//! Diffuse reflection of a half space by the dipole of Jensen, Marschner, Levoy, Hanrahan 2001, "A Practical Model for Subsurface
+//! Light Transport": what the radius of Blender's Random Walk (Skin) means.
+//!
+//! The shader nodes: their names in files and their inputs.
 
-use super::table::Shader;
-use super::{Lowering, dipole};
+use super::Lowering;
+use crate::load::scene_file::nodes::Value;
 use crate::math::poly;
 use crate::scene::nodes::{MathOperation, NodeInput, NodeKind};
 use crate::scene::{
@@ -374,7 +379,7 @@ fn mean_free_paths(radius: [f32; 3], color: [f32; 3], skin_ior: f32) -> [f32; 3]
     if skin_ior <= 0.0 {
         return radius.map(|r| r / (4.0 * PI));
     }
-    [0, 1, 2].map(|c| radius[c] * dipole::path_per_length(color[c], skin_ior.clamp(1.01, 3.8)))
+    [0, 1, 2].map(|c| radius[c] * path_per_length(color[c], skin_ior.clamp(1.01, 3.8)))
 }
 
 /// Fills a material with what scatters light beneath its surface, of an albedo and a paint, and of reduced mean free paths in metres.
@@ -391,4 +396,144 @@ fn scatter_within(
     pbr.diffuse_transmission = Some(DiffuseTransmission { factor: FloatSlot::constant(1.0), color: paint });
     material.model = Model::Pbr(Box::new(pbr));
     material.medium = Some(Medium::subsurface(color.map(|c| c.clamp(0.0, 1.0)), paths, anisotropy));
+}
+
+/// Steps of the bisection: to a part in a million.
+const STEPS: usize = 40;
+
+/// The reduced albedo from which a body counts as white, and its complement.
+const NEARLY_WHITE: (f32, f64) = (0.995, 1e-6);
+
+/// Reduced mean free path of a body of a colour over its diffusion length 1 / sqrt(3 sigma_a sigma_t), at an index of refraction.
+pub(super) fn path_per_length(color: f32, ior: f32) -> f32 {
+    let absorbed = if color >= NEARLY_WHITE.0 {
+        NEARLY_WHITE.1
+    } else {
+        absorbed_share(f64::from(color), extrapolation(ior))
+    };
+    (3.0 * absorbed).sqrt() as f32
+}
+
+/// 4 A / 3 of the dipole: how far outside of an index of refraction its boundary lies, in mean free paths.
+fn extrapolation(ior: f32) -> f64 {
+    let eta = f64::from(ior);
+    let diffuse_fresnel = -1.440 / (eta * eta) + 0.710 / eta + 0.668 + 0.0636 * eta;
+    4.0 / 3.0 * (1.0 + diffuse_fresnel) / (1.0 - diffuse_fresnel)
+}
+
+/// One minus the reduced albedo of a half space that reflects a share of diffuse light.
+fn absorbed_share(color: f64, extrapolation: f64) -> f64 {
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..STEPS {
+        let middle = 0.5 * (low + high);
+        if reflectance(middle, extrapolation) > color { low = middle } else { high = middle }
+    }
+    0.5 * (low + high)
+}
+
+/// Diffuse reflectance of a half space; it falls with what is absorbed.
+fn reflectance(absorbed: f64, extrapolation: f64) -> f64 {
+    let root = (3.0 * absorbed).sqrt();
+    0.5 * (1.0 - absorbed) * (1.0 + (-extrapolation * root).exp()) * (-root).exp()
+}
+
+/// Defines the shader nodes: name in files and inputs.
+macro_rules! shaders {
+    ($($(#[$doc:meta])* $shader:ident $name:literal ($($input:ident),*);)*) => {
+        /// A shader node.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub(super) enum Shader { $($(#[$doc])* $shader,)* }
+
+        impl Shader {
+            /// The shader of a name.
+            fn from_name(name: &str) -> Option<Shader> {
+                match name {
+                    $($name => Some(Shader::$shader),)*
+                    _ => None,
+                }
+            }
+
+            /// The name in files.
+            pub fn name(self) -> &'static str {
+                match self { $(Shader::$shader => $name,)* }
+            }
+
+            /// Names of its inputs.
+            pub fn inputs(self) -> &'static [&'static str] {
+                match self { $(Shader::$shader => &[$(stringify!($input)),*],)* }
+            }
+        }
+    };
+}
+
+shaders! {
+    /// Disney's and Autodesk's material.
+    Principled "principled_bsdf" (
+        base_color, metallic, roughness, ior, alpha, normal, diffuse_roughness, subsurface_weight, subsurface_radius,
+        subsurface_scale, subsurface_anisotropy, subsurface_skin_ior, subsurface_body, specular_ior_level, specular_tint,
+        anisotropic, anisotropic_rotation, transmission_weight, coat_weight, coat_roughness, coat_ior, coat_tint, sheen_weight, sheen_roughness, sheen_tint,
+        emission_color, emission_strength, thin_film_thickness, thin_film_ior, multiscatter
+    );
+    /// Lambert, or Oren-Nayar where it is rough.
+    Diffuse "diffuse_bsdf" (color, roughness, normal);
+    /// Microfacets that reflect the same share at all angles.
+    Glossy "glossy_bsdf" (color, roughness, anisotropy, rotation, multiscatter, normal);
+    /// A metal of a reflectance at normal and at grazing incidence.
+    Metallic "metallic_bsdf" (base_color, edge_tint, roughness, anisotropy, rotation, multiscatter, normal);
+    /// A dielectric interface.
+    Glass "glass_bsdf" (color, roughness, ior, multiscatter, normal);
+    /// A dielectric interface without reflection.
+    Refraction "refraction_bsdf" (color, roughness, ior, multiscatter, normal);
+    /// Diffuse transmission.
+    Translucent "translucent_bsdf" (color, normal);
+    /// Light passes straight on.
+    Transparent "transparent_bsdf" (color);
+    /// Fibres.
+    Sheen "sheen_bsdf" (color, roughness, normal);
+    /// The velvet of Ashikhmin.
+    Velvet "velvet_bsdf" (color, roughness, normal);
+    /// Light in steps, around the normal.
+    Toon "toon_bsdf" (color, size, smooth, normal);
+    /// Light in steps, around the mirror direction.
+    ToonHighlight "toon_highlight_bsdf" (color, size, smooth, normal);
+    /// A body that scatters light within.
+    Subsurface "subsurface_scattering" (color, scale, radius, anisotropy, skin_ior, body, normal);
+    /// Emitted light.
+    Emission "emission" (color, strength);
+    /// Two shaders mixed.
+    Mix "mix_shader" (factor, a, b);
+    /// Two shaders added.
+    Add "add_shader" (a, b);
+}
+
+impl Shader {
+    /// The shader that a node's table describes; `None` for other nodes.
+    pub fn of(value: Value) -> Option<Shader> {
+        let name = value.get_ref().as_table()?.get("type")?.get_ref().as_str()?;
+        Shader::from_name(name)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colors_come_back() {
+        for ior in [1.01, 1.4, 2.0] {
+            for color in [0.05, 0.3, 0.8, 0.99] {
+                let absorbed = f64::from(path_per_length(color, ior)).powi(2) / 3.0;
+                let back = reflectance(absorbed, extrapolation(ior));
+                assert!((back - f64::from(color)).abs() < 1e-4, "{ior} {color}: {back}");
+            }
+        }
+    }
+
+    /// The paths of dark bodies are long, those of white bodies short, of black ones 1 / sqrt(1/3).
+    #[test]
+    fn paths_shorten_with_the_color() {
+        let paths = [0.0, 0.1, 0.5, 0.9, 0.999].map(|color| path_per_length(color, 1.4));
+        assert!(paths.is_sorted_by(|a, b| a > b), "{paths:?}");
+        assert!((paths[0] - 3.0f32.sqrt()).abs() < 1e-4, "{paths:?}");
+    }
 }

@@ -26,8 +26,6 @@
 //! A colour in the place of a shader is an emission, as in Cycles.
 
 mod closures;
-mod dipole;
-mod table;
 
 use super::builder::SceneFileBuilder;
 use super::fields::{Fields, nearest};
@@ -41,9 +39,9 @@ use crate::scene::nodes::{
 use crate::scene::{
     AlphaMode, ColorSlot, Emission, FloatSlot, Lamp, Material, MixComponent, Model, Texture, TextureId,
 };
+use closures::Shader;
 use std::collections::HashMap;
 use std::sync::Arc;
-use table::Shader;
 
 /// Closures of a material, above which its graph is refused: shaders that several mixes share count once for each.
 const MAX_CLOSURES: usize = 64;

@@ -1,15 +1,16 @@
 //! Displacement: meshes whose materials have height maps are subdivided and moved along their normals when a scene is loaded, so that
 //! what follows knows of triangles only.
-
-mod tessellate;
+//!
+//! Triangles cut in halves until no edge is longer than wanted. Whether an edge is cut depends on its ends alone, so that triangles
+//! on both sides of it agree and no cracks open.
 
 use super::Loaded;
 use crate::error::Warning;
 use crate::image::{Encoding, Image};
 use crate::math::{DAffine3, DVec3, Vec2, Vec3};
 use crate::scene::{
-    Displacement, Instance, Mapping, MaterialId, Mesh, MeshId, Motion, Quad, Scene, Texture, TextureId,
-    TextureTransform, Wrap,
+    Displacement, Instance, Mapping, MaterialId, Mesh, MeshId, MeshPart, Motion, Quad, Scene, Texture,
+    TextureId, TextureTransform, Wrap,
 };
 use std::collections::HashMap;
 
@@ -125,7 +126,7 @@ fn displaced(own: &Mesh, parts: &Parts, budget: usize, warnings: &mut Vec<Warnin
         .map(|part| part.map(|(d, _)| if d.edge > 0.0 { d.edge } else { DEFAULT_EDGE * diagonal(own) }))
         .collect();
     let edges = affordable(own, edges, budget, warnings);
-    let (fine, longest) = tessellate::subdivided(own, &edges, budget);
+    let (fine, longest) = subdivided(own, &edges, budget);
     if let Some(longest) = longest {
         let message = format!(
             "is subdivided to edges of {longest:.3}, not finer: all displaced meshes together may have {MAX_TRIANGLES} triangles"
@@ -144,7 +145,7 @@ fn affordable(
 ) -> Vec<Option<f32>> {
     /// Multiple of the budget from which edges count as far too short.
     const FAR: f64 = 16.0;
-    let least = tessellate::min_triangles(own, &edges);
+    let least = min_triangles(own, &edges);
     if least <= FAR * budget as f64 {
         return edges;
     }
@@ -368,6 +369,130 @@ fn set_normals(mesh: &mut Mesh, over: &[Option<usize>], smooth: &[(Key, Key)]) {
     mesh.normals = normals.collect();
 }
 
+/// The mesh, without tangents, its parts cut to the lengths that are given; and the longest edge that is left where it would have
+/// more triangles than allowed.
+fn subdivided(mesh: &Mesh, edges: &[Option<f32>], most: usize) -> (Mesh, Option<f32>) {
+    let mut fine = Mesh { tangents: Vec::new(), triangles: Vec::new(), parts: Vec::new(), ..mesh.clone() };
+    let mut longest = None;
+    for (part, edge) in mesh.parts.iter().zip(edges) {
+        let first = part.first_triangle as usize;
+        let mut triangles = mesh.triangles[first..first + part.triangle_count as usize].to_vec();
+        while let Some(edge) = *edge {
+            let cuts: usize =
+                triangles.iter().map(|t| sides(t).filter(|&side| is_cut(&fine, side, edge)).count()).sum();
+            if cuts == 0 {
+                break;
+            }
+            if fine.triangles.len() + triangles.len() + cuts > most {
+                let left = triangles.iter().flat_map(sides).map(|[a, b]| length(&fine, a, b));
+                longest = Some(left.fold(longest.unwrap_or(0.0), f32::max));
+                break;
+            }
+            triangles = cut(&mut fine, &triangles, edge);
+        }
+        fine.parts.push(MeshPart {
+            first_triangle: fine.triangles.len() as u32,
+            triangle_count: triangles.len() as u32,
+            material: part.material,
+        });
+        fine.triangles.append(&mut triangles);
+    }
+    (fine, longest)
+}
+
+/// A lower bound on the number of triangles: those whose edges all have the maximum length have the largest area.
+fn min_triangles(mesh: &Mesh, edges: &[Option<f32>]) -> f64 {
+    let area = |t: &[u32; 3]| {
+        let [a, b, c] = t.map(|i| Vec3::from_array(mesh.positions[i as usize]).as_dvec3());
+        0.5 * (b - a).cross(c - a).length()
+    };
+    let of_part = |(part, edge): (&MeshPart, &Option<f32>)| {
+        let first = part.first_triangle as usize;
+        let triangles = &mesh.triangles[first..first + part.triangle_count as usize];
+        let edge = f64::from((*edge)?);
+        let largest = 3f64.sqrt() / 4.0 * edge * edge;
+        Some(triangles.iter().map(|t| (area(t) / largest).max(1.0)).sum::<f64>())
+    };
+    mesh.parts.iter().zip(edges).filter_map(of_part).sum()
+}
+
+fn sides(triangle: &[u32; 3]) -> impl Iterator<Item = [u32; 2]> + use<> {
+    let [a, b, c] = *triangle;
+    [[a, b], [b, c], [c, a]].into_iter()
+}
+
+fn length(mesh: &Mesh, a: u32, b: u32) -> f32 {
+    let [a, b] = [a, b].map(|i| Vec3::from_array(mesh.positions[i as usize]));
+    // The same from both ends.
+    (a - b).abs().length()
+}
+
+/// Is an edge longer than wanted, and are its halves shorter? Far from the origin neighbouring numbers may be farther apart
+/// than edges are to be, and the middle rounds to an end.
+fn is_cut(mesh: &Mesh, [a, b]: [u32; 2], edge: f32) -> bool {
+    let whole = length(mesh, a, b);
+    if whole <= edge {
+        return false;
+    }
+    let [p, q] = [a, b].map(|i| mesh.positions[i as usize]);
+    let middle = Vec3::from_array(mean(p, q));
+    [p, q].iter().all(|&end| middle.distance(Vec3::from_array(end)) < 0.75 * whole)
+}
+
+/// Cuts all edges longer than `edge` once.
+fn cut(mesh: &mut Mesh, triangles: &[[u32; 3]], edge: f32) -> Vec<[u32; 3]> {
+    let mut middles: HashMap<[u32; 2], u32> = HashMap::new();
+    let mut finer = Vec::with_capacity(2 * triangles.len());
+    for triangle in triangles {
+        let middle = sides(triangle).map(|[a, b]| {
+            is_cut(mesh, [a, b], edge)
+                .then(|| *middles.entry([a.min(b), a.max(b)]).or_insert_with(|| add_middle(mesh, a, b)))
+        });
+        let middle: Vec<Option<u32>> = middle.collect();
+        // Turned so that cut sides come first.
+        let turn = match [middle[0].is_some(), middle[1].is_some(), middle[2].is_some()] {
+            [false, true, _] => 1,
+            [_, false, true] => 2,
+            _ => 0,
+        };
+        let [a, b, c] = [0, 1, 2].map(|k| triangle[(k + turn) % 3]);
+        let [ab, bc, ca] = [0, 1, 2].map(|k| middle[(k + turn) % 3]);
+        match (ab, bc, ca) {
+            (Some(ab), Some(bc), Some(ca)) => {
+                finer.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
+            }
+            (Some(ab), Some(bc), None) => finer.extend([[ab, b, bc], [a, ab, bc], [a, bc, c]]),
+            (Some(ab), None, _) => finer.extend([[a, ab, c], [ab, b, c]]),
+            _ => finer.push(*triangle),
+        }
+    }
+    finer
+}
+
+/// A vertex half way between two.
+fn add_middle(mesh: &mut Mesh, a: u32, b: u32) -> u32 {
+    let (a, b) = (a as usize, b as usize);
+    let index = mesh.positions.len() as u32;
+    mesh.positions.push(mean(mesh.positions[a], mesh.positions[b]));
+    if !mesh.normals.is_empty() {
+        let sum = mean(mesh.normals[a], mesh.normals[b]);
+        let unit = Vec3::from_array(sum).try_normalize().map_or(mesh.normals[a], |n| n.to_array());
+        mesh.normals.push(unit);
+    }
+    for set in mesh.uv_sets.iter_mut().filter(|set| !set.is_empty()) {
+        set.push(mean(set[a], set[b]));
+    }
+    if !mesh.colors.is_empty() {
+        mesh.colors.push(mean(mesh.colors[a], mesh.colors[b]));
+    }
+    mesh.attributes.iter_mut().for_each(|attribute| attribute.push_mean(a, b));
+    index
+}
+
+fn mean<const N: usize>(a: [f32; N], b: [f32; N]) -> [f32; N] {
+    std::array::from_fn(|k| 0.5 * a[k] + 0.5 * b[k])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -458,7 +583,7 @@ mod tests {
             }
         }
         let mesh = Mesh { normals, uv_sets: vec![uv], ..Mesh::new("cube", positions, triangles, rock) };
-        let (fine, longest) = tessellate::subdivided(&mesh, &[Some(0.11)], usize::MAX);
+        let (fine, longest) = subdivided(&mesh, &[Some(0.11)], usize::MAX);
         assert!(longest.is_none());
         for t in &fine.triangles {
             for [a, b] in [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]] {
@@ -490,7 +615,7 @@ mod tests {
         let rock = displaced_by(&mut scene, 4, 0.1, |_, _| 1.0);
         let mesh =
             Mesh::new("sheet", vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], vec![[0, 1, 2]], rock);
-        let (fine, longest) = tessellate::subdivided(&mesh, &[Some(1e-3)], 5000);
+        let (fine, longest) = subdivided(&mesh, &[Some(1e-3)], 5000);
         assert!(fine.triangles.len() <= 5000 && fine.triangles.len() > 1000);
         assert!(longest.is_some_and(|longest| (0.01..0.1).contains(&longest)), "{longest:?}");
     }
@@ -517,7 +642,7 @@ mod tests {
         let positions = vec![[1e8, 0.0, 0.0], [1e8 + 32.0, 0.0, 0.0], [1e8, 0.0, 1e-3]];
         let rock = displaced_by(&mut Scene::default(), 4, 1.0, |_, _| 1.0);
         let mesh = Mesh::new("far", positions, vec![[0, 1, 2]], rock);
-        let (fine, longest) = tessellate::subdivided(&mesh, &[Some(1.0)], 10_000);
+        let (fine, longest) = subdivided(&mesh, &[Some(1.0)], 10_000);
         assert!(longest.is_none() && (4..100).contains(&fine.triangles.len()), "{}", fine.triangles.len());
         let steps = fine.positions.iter().map(|p| (p[0] - 1e8) / 8.0);
         assert_eq!(steps.clone().fold(0.0, f32::max), 4.0);
