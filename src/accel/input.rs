@@ -1,6 +1,5 @@
-//! Input of an [`Accel`](super::Accel): geometries, instances, options, and the estimated memory of the result.
-//!
-//! The primitives of a geometry that a BVH is built over, with their bounds; invalid and degenerate ones are dropped.
+//! Input of an [`Accel`](super::Accel): geometries, instances, options, the estimated memory of the result, and the primitives
+//! of a geometry that a BVH is built over, with their bounds. Invalid and degenerate ones are dropped.
 
 use super::layout::{ANALYTIC_LINES, CURVES, INSTANCE_LINES, MAX_LINE, SPLAT_LINES, TRIANGLE_LINES};
 use crate::gauge::Gauge;

@@ -32,9 +32,9 @@ mod traversal;
 mod wide_tree;
 
 pub use input::{
-    AccelInput, AccelInstance, Estimate, Geometry, MovingInstance, Reuse, TooLarge, TreeQuality,
+    AccelInput, AccelInstance, Dropped, Estimate, Geometry, MovingInstance, Reuse, TooLarge, TreeQuality,
+    is_in_reach,
 };
-pub use input::{Dropped, is_in_reach};
 pub use point_visibility::{PointVisibility, PointVisibilityQuery, SetBits};
 
 use crate::math::{Bounds3, Hit, Ray};

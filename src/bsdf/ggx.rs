@@ -1,7 +1,7 @@
 //! The GGX distribution of microfacet normals (Walter et al. 2007) with Smith's height-correlated shadowing (Heitz
 //! 2014), isotropic. Directions have z above 0.
 //!
-//! Directional albedo of the GGX lobe, from a table: how much of the light from a direction single scattering returns.
+//! The directional albedo of the lobe comes from a table: how much of the light from a direction single scattering returns.
 
 use crate::color::Rgb;
 use crate::math::{Vec3, poly};

@@ -31,8 +31,7 @@ pub use dielectric::SmoothInterface;
 pub use dielectric_table::mean_cosine;
 pub use diffuse::DiffuseThrough;
 pub use fresnel::{DielectricCurve, LayerFresnel};
-pub use ggx::DirectionalAlbedo;
-pub use ggx::above;
+pub use ggx::{DirectionalAlbedo, above};
 pub use layered::Coat;
 pub use lobe::{
     Appearance, BsdfEval, BsdfSample, Factors, Lobe, LocalFrame, MaterialProgram, Refraction, Slots,

@@ -1,8 +1,5 @@
-//! The modified Phong model of older files.
-//!
-//! Toon shading of Cycles: light has steps instead of gradients.
-//!
-//! The velvet of Ashikhmin, as older files of Blender have it.
+//! Empirical reflection: the modified Phong model of older files; toon shading of Cycles, where light has steps instead of
+//! gradients; and the velvet of Ashikhmin, as older files of Blender have it.
 
 use super::{Appearance, BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Slots};
 use crate::color::Rgb;

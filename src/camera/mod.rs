@@ -1,6 +1,6 @@
 //! Cameras, compiled: a point on the film and a point on the lens give a ray.
 //!
-//! Camera importance: the film point of a point of the scene, for light paths that connect to the camera.
+//! The inverse, camera importance, gives the film point of a point of the scene, for light paths that connect to the camera.
 
 use crate::math::{DMat4, DVec3, DVec4, Ray, Vec3, poly, segment};
 use crate::scene;
@@ -593,10 +593,8 @@ mod tests {
             focus_distance: 5.0,
             aperture: scene::Aperture { blades: 6, rotation_rad: 0.2, ratio: 1.5 },
         };
-        let projections = [
-            Projection::Perspective { vfov_rad: 0.9 },
-            Projection::Orthographic { half_height: 2.0 },
-        ];
+        let projections =
+            [Projection::Perspective { vfov_rad: 0.9 }, Projection::Orthographic { half_height: 2.0 }];
         let of = |(projection, lens)| scene::Camera {
             name: String::new(),
             world_from_camera: DAffine3::from_rotation_y(0.4) * DAffine3::from_rotation_x(0.3),

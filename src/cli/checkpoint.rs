@@ -8,7 +8,7 @@ use oscura::film::AovSet;
 use oscura::load::Loaded;
 use oscura::output::part::{Finish, Identity, Region, read_header, read_part};
 use oscura::output::{PngOptions, check_target, is_same_target, remove_leftovers};
-use oscura::render::{Rendering, Settled, identity};
+use oscura::render::{Rendering, ResolvedOptions, identity};
 use oscura::scene::Backdrop;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -31,13 +31,13 @@ impl<'a> CheckpointWriter<'a> {
         args: &'a RenderArgs,
         targets: &'a Targets,
         loaded: &mut Loaded,
-        settled: &Settled,
+        resolved: &ResolvedOptions,
         png: &PngOptions,
         warnings: &[Warning],
         aovs_after_denoising: Option<AovSet>,
     ) -> Result<CheckpointWriter<'a>> {
         let keeps = args.long.checkpoint.is_some() || !targets.parts().is_empty();
-        let identity = if keeps { identity(&mut loaded.scene, settled)? } else { Identity::new() };
+        let identity = if keeps { identity(&mut loaded.scene, resolved)? } else { Identity::new() };
         let offset = loaded.offset.to_array();
         let finish = Finish {
             world_offset: (offset != [0.0; 3]).then_some(offset.map(f64::to_bits)),

@@ -126,7 +126,7 @@ fn lamps(lost: &BlenderExport) -> Option<String> {
         "# Empty nodes with names of lamps: area lights become such nodes. Their sizes (metres) and power (watts) are lost:\n\
          # these are guesses.\n",
     );
-    for name in &lost.lamps {
+    for name in &lost.lights {
         let name = quoted(name);
         let _ = write!(
             text,
@@ -134,7 +134,7 @@ fn lamps(lost: &BlenderExport) -> Option<String> {
              visible_to_camera = false\nobstacle = false\n"
         );
     }
-    (!lost.lamps.is_empty()).then_some(text)
+    (!lost.lights.is_empty()).then_some(text)
 }
 
 fn materials(lost: &BlenderExport) -> Vec<String> {

@@ -1,8 +1,5 @@
-//! Arguments about pictures after rendering, and of the commands that read them.
-//!
-//! Arguments about how EXRs lie on the disk, and which part of the frame they hold.
-//!
-//! `--quality`: how many samples a picture gets and whether it is denoised, in one word.
+//! Arguments about pictures: `--quality`, which sets samples and denoising; the view transform; the layout of EXRs and the part of the
+//! frame that they hold; and those of the commands that read pictures.
 
 use super::parsers::{FRAME_RATE, Frames, frames_per_second, named, number, region, stops};
 use clap::builder::{PossibleValue, PossibleValuesParser, StringValueParser, TypedValueParser};

@@ -1,6 +1,5 @@
-//! What the program asks of the operating system: signals and its own memory.
-//!
-//! How commands end.
+//! What the program asks of the operating system: signals, its own memory, and the exit
+//! codes by which commands end.
 
 use super::report;
 use oscura::error::{Error, ErrorKind, Result};

@@ -14,8 +14,8 @@ use super::progress::{Progress, ProgressTarget, StageProgress, StopCriteria};
 use super::report::{PrintedMessages, Run, name_options_in_error};
 use super::scene_args::check_scene_path;
 use super::settings::{
-    EnvironmentOverride, PictureUse, Prepared, check_memory_before_loading, choices, completed,
-    idle_option_notes, memory_limit, prepare, unused_option_warnings, watch_memory,
+    EnvironmentOverride, PictureUse, Prepared, check_memory_before_loading, completed, idle_option_notes,
+    memory_limit, prepare, requested, unused_option_warnings, watch_memory,
 };
 use super::{checkpoint, json, report, show};
 use oscura::compile::Compiler;
@@ -25,7 +25,7 @@ use oscura::load::stage::{Background, Turntable, middle};
 use oscura::load::{LoadOptions, Loaded, is_of_blender, load, load_frames};
 use oscura::output::is_same_target;
 use oscura::render::{CancelHandle, PassOutcome, RarePaths, RenderOptions, Rendering, Statistics, in_pool};
-use oscura::scene::{Camera, Moving, Scene};
+use oscura::scene::{Camera, Keyframes, Scene};
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -39,7 +39,7 @@ fn run_scene(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
 
 /// Renders a still, a turntable or an animation.
 fn run_all(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
-    choices(args).check_size()?;
+    requested(args).check_size()?;
     checkpoint::check(args)?;
     if let Some(count) = args.orbit {
         return run_turntable(args, count, cancel);
@@ -325,10 +325,10 @@ pub(super) fn run_one(
     let (given, args) = (args, &completed(args, &loaded.scene.settings));
     let prepared = prepare_files((given, args), targets, environment, loaded, start, compiler)?;
     // Files record everything that is not in the picture.
-    let Prepared { scene, labels, camera, settled, how, kept_aovs, png, build, load_s, .. } = prepared;
+    let Prepared { scene, labels, camera, resolved, how, kept_aovs, png, build, load_s, .. } = prepared;
     let Prepared { mut notes, mut warnings, left_out, .. } = prepared;
     let log: Vec<Warning> = warnings.iter().chain(&build.notes).cloned().collect();
-    let (width, height) = (settled.options.width, settled.options.height);
+    let (width, height) = (resolved.options.width, resolved.options.height);
     check_size(targets, moving.as_ref(), (width, height))?;
     print_scene(args, printed, (&notes, &warnings, &left_out));
     refuse_warnings(args, &warnings, ErrorKind::Input)?;
@@ -336,13 +336,13 @@ pub(super) fn run_one(
 
     let denoising = Denoising::of(args, targets, kept_aovs);
     let encode = |shot: FinishedPicture| Pictures::encode(&how, targets, shot, &png, &log);
-    let mut keeper = CheckpointWriter::new(args, targets, loaded, &settled, &png, &log, denoising.kept())?;
-    let rendering = Rendering::labelled(scene, labels, &camera, settled.options)?;
+    let mut keeper = CheckpointWriter::new(args, targets, loaded, &resolved, &png, &log, denoising.kept())?;
+    let rendering = Rendering::labelled(scene, labels, &camera, resolved.options)?;
     let rendering = keeper.begin(rendering.placed(loaded.scene.backdrop.clone(), loaded.offset))?;
     preview.iter_mut().for_each(|shown| shown.begin(&rendering, &png, &camera, build.triangles, printed));
     let (mut rendering, kept) =
         take_picture(args, cancel, rendering, &mut keeper, &encode, printed, preview.as_mut())?;
-    if let Some(ended) = end_without_picture(args, &rendering, &settled.options) {
+    if let Some(ended) = end_without_picture(args, &rendering, &resolved.options) {
         return kept.and(ended);
     }
     warnings.extend(error_warnings(args, &rendering, printed));
@@ -362,7 +362,7 @@ pub(super) fn run_one(
         denoise_s,
         write_s: writing.elapsed().as_secs_f64(),
         size: (width, height),
-        seed: settled.options.seed,
+        seed: resolved.options.seed,
         quality: args.quality,
         compiled: build,
         statistics: *picture.statistics(),
@@ -397,7 +397,7 @@ fn prepare_files(
     }
     let wants = PictureUse::of_files(args, targets.has_exr());
     let mut prepared = prepare(args, wants, environment, loaded, start, compiler)?;
-    let options = &mut prepared.settled.options;
+    let options = &mut prepared.resolved.options;
     *options = options.seed(options.seed.wrapping_add(args.seed_shift));
     prepared.warnings.extend(unused_option_warnings(given, &loaded.scene, &prepared));
     prepared.notes.extend(idle_option_notes(given, &loaded.scene));
@@ -605,7 +605,7 @@ fn run_turntable(args: &RenderArgs, count: u32, cancel: &CancelHandle) -> Result
     let mut loaded = load_scene(args, cancel, &options)?;
     let warnings = environment.apply(args, &mut loaded.scene);
     loaded.warnings.extend(warnings);
-    let number = choices(args).settle(&loaded.scene)?.camera.unwrap_or(0);
+    let number = requested(args).resolve(&loaded.scene)?.camera.unwrap_or(0);
     let first = loaded.scene.cameras.get(number).cloned();
     let first = first.ok_or_else(|| Error::input(&args.scene, "has no camera"))?;
     let table = turntable(&loaded);
@@ -619,7 +619,7 @@ fn run_turntable(args: &RenderArgs, count: u32, cancel: &CancelHandle) -> Result
         let neighbours =
             [now - 1.0, now + 1.0].map(|frame| table.camera(&first, angle(frame)).world_from_camera);
         let has_vectors = args.aov.iter().any(|aovs| aovs.contains(Aov::Motion));
-        let motion = has_vectors.then(|| Moving { keys: Vec::new(), neighbours: Some(neighbours) });
+        let motion = has_vectors.then(|| Keyframes { keys: Vec::new(), neighbours: Some(neighbours) });
         loaded.scene.cameras[number] = Camera { motion, ..table.camera(&first, angle(now)) };
         table.light(&mut loaded.scene, angle(now));
         let targets = Targets::check(&files(k))?;

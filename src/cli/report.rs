@@ -1,6 +1,5 @@
-//! Messages to the user: errors, warnings and the report at the end.
-//!
-//! Pictures in which nothing can be seen, and the option that helps.
+//! Messages to the user: errors, warnings the report at the end, and a note on pictures that are
+//! nearly black.
 
 use super::picture_args::Quality;
 use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode};

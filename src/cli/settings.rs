@@ -20,12 +20,12 @@ use oscura::load::stage::middle;
 use oscura::output::part::{PartHeader, Region};
 use oscura::output::{Format, PngOptions, ViewTransform};
 use oscura::render::{
-    Adaptive, Choices, Labels, RenderOptions, Settled, Splitting, TreeChoice, denoising_guides, film_bytes,
-    guiding_bytes, shows_alpha, splat_bytes,
+    Adaptive, BvhQuality, Labels, RenderOptions, RequestedOptions, ResolvedOptions, Splitting,
+    denoising_guides, film_bytes, guiding_bytes, shows_alpha, splat_bytes,
 };
 use oscura::scene::{
-    BounceLimits, Camera, Clamp, EnergyCompensation, Environment, Filter, FresnelModel, ImageId, Model,
-    Motion, Moving, RayKinds, Scene, Settings, SkippedCaustics,
+    BounceLimits, Camera, Clamp, EnergyCompensation, Environment, Filter, FresnelModel, ImageId, Keyframes,
+    Model, Motion, RayKinds, Scene, Settings, SkippedCaustics,
 };
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -35,7 +35,7 @@ use std::time::Instant;
 const MAX_SAMPLES: u32 = 1 << 16;
 
 /// The render settings of the arguments.
-pub(crate) fn choices(args: &RenderArgs) -> Choices {
+pub(crate) fn requested(args: &RenderArgs) -> RequestedOptions {
     let filter = args.filter.map(|f| match f {
         FilterArg::Box => Filter::Box,
         FilterArg::Gaussian => Filter::Gaussian,
@@ -50,11 +50,11 @@ pub(crate) fn choices(args: &RenderArgs) -> Choices {
         FresnelArg::Schlick => FresnelModel::Schlick,
     });
     let tree = match args.tree {
-        TreeArg::Auto => TreeChoice::Auto,
-        TreeArg::Fast => TreeChoice::Fast,
-        TreeArg::Full => TreeChoice::Full,
+        TreeArg::Auto => BvhQuality::Auto,
+        TreeArg::Fast => BvhQuality::Fast,
+        TreeArg::Full => BvhQuality::Full,
     };
-    Choices {
+    RequestedOptions {
         settings: Settings {
             width: args.width,
             height: args.height,
@@ -97,9 +97,9 @@ pub(crate) fn choices(args: &RenderArgs) -> Choices {
 }
 
 /// Removes AOVs and light groups, which only EXRs can store.
-pub(crate) fn without_exr(choices: Choices) -> Choices {
-    let options = choices.options.aovs(AovSet::NONE).light_groups(false);
-    Choices { options, ..choices }
+pub(crate) fn without_exr(requested: RequestedOptions) -> RequestedOptions {
+    let options = requested.options.aovs(AovSet::NONE).light_groups(false);
+    RequestedOptions { options, ..requested }
 }
 
 /// Checks that --transparent-glass has an effect.
@@ -156,7 +156,7 @@ pub(super) struct Prepared {
     pub scene: Arc<CompiledScene>,
     pub labels: Labels,
     pub camera: Camera,
-    pub settled: Settled,
+    pub resolved: ResolvedOptions,
     /// Options of encoding.
     pub how: EncodeOptions,
     /// AOVs that the files are to have.
@@ -184,46 +184,46 @@ pub(super) fn prepare(
 ) -> Result<Prepared> {
     name_options_in_loaded(loaded);
     let mut warnings = std::mem::take(&mut loaded.warnings);
-    let mut settled = settle(args, wants.has_exr, loaded)?;
-    let kept_aovs = settled.options.aovs;
+    let mut resolved = resolve(args, wants.has_exr, loaded)?;
+    let kept_aovs = resolved.options.aovs;
     if loaded.is_stage_lit && args.splitting == Splitting::Auto {
         // Trials overestimate its gain there: at equal time it had 1.3 to 1.4 times the error.
-        settled.options = settled.options.splitting(Splitting::OFF);
+        resolved.options = resolved.options.splitting(Splitting::OFF);
     }
     if args.picture.denoise {
-        settled.options = settled.options.aovs(kept_aovs.union(denoising_guides())).halves(true);
+        resolved.options = resolved.options.aovs(kept_aovs.union(denoising_guides())).halves(true);
     }
     warnings.extend(environment.map_or(Vec::new(), |e| e.apply(args, &mut loaded.scene)));
     check_glass(args, &loaded.scene)?;
     let load_s = start.elapsed().as_secs_f64();
 
-    args.place.apply(loaded, settled.camera.unwrap_or(0), args.stage.fov, middle)?;
-    let frame = (settled.options.width, settled.options.height);
-    args.exr.format.check(settled.options.aovs.mattes().next().is_some())?;
+    args.place.apply(loaded, resolved.camera.unwrap_or(0), args.stage.fov, middle)?;
+    let frame = (resolved.options.width, resolved.options.height);
+    args.exr.format.check(resolved.options.aovs.mattes().next().is_some())?;
     let framed = args.exr.window(frame, cropped(args), loaded.scene.backdrop.as_ref())?;
-    let mut camera = settled.camera(&loaded.scene)?.clone();
+    let mut camera = resolved.camera(&loaded.scene)?.clone();
     if let Some(framed) = framed {
         framed.check_camera(&camera)?;
         camera = framed.widened(camera);
-        settled.options = settled.options.size(framed.size.0, framed.size.1).region(framed.region);
+        resolved.options = resolved.options.size(framed.size.0, framed.size.1).region(framed.region);
     }
-    check_memory_before_building(args, loaded, &settled)?;
-    compiler.set_tree(settled.tree(wants.pictures));
-    compiler.keep_uv(wants.keeps_uv || settled.options.aovs.contains(Aov::Uv));
-    let (scene, mut build) = compiled(args, compiler, &loaded.scene, &settled, &camera)?;
+    check_memory_before_building(args, loaded, &resolved)?;
+    compiler.set_tree(resolved.tree(wants.pictures));
+    compiler.keep_uv(wants.keeps_uv || resolved.options.aovs.contains(Aov::Uv));
+    let (scene, mut build) = compiled(args, compiler, &loaded.scene, &resolved, &camera)?;
     warnings.append(&mut build.warnings);
     let (mut notes, mut left_out) = (std::mem::take(&mut loaded.notes), std::mem::take(&mut loaded.left_out));
     notes.extend(build.notes.iter().cloned());
     left_out.append(&mut build.left_out);
-    let labels = Labels::of(&loaded.scene, &settled.options);
-    build.memory.push(MemoryPart { name: "picture", bytes: film_bytes(&settled.options, &labels) });
-    let opaque = !shows_alpha(&scene, &settled.options);
-    let png = png(args, settled.look.exposure, loaded.is_stage_lit, opaque);
+    let labels = Labels::of(&loaded.scene, &resolved.options);
+    build.memory.push(MemoryPart { name: "picture", bytes: film_bytes(&resolved.options, &labels) });
+    let opaque = !shows_alpha(&scene, &resolved.options);
+    let png = png(args, resolved.display.exposure, loaded.is_stage_lit, opaque);
     Ok(Prepared {
         scene,
         labels,
         camera,
-        settled,
+        resolved,
         how: EncodeOptions::of(args, framed.map(Framed::window)),
         kept_aovs,
         png,
@@ -240,14 +240,14 @@ fn compiled(
     args: &RenderArgs,
     compiler: &mut Compiler,
     scene: &Scene,
-    settled: &Settled,
+    resolved: &ResolvedOptions,
     camera: &Camera,
 ) -> Result<(Arc<CompiledScene>, CompileReport)> {
-    let size = (settled.options.width, settled.options.height);
+    let size = (resolved.options.width, resolved.options.height);
     compiler.set_texture_memory(Some(texture_memory(args, size)));
     let target = ProgressTarget::of(args.quiet, args.long.progress);
     let _progress = StageProgress::new(target, "build", compiler.gauge());
-    let compiled = compiler.compile(scene, settled.shading, camera, size);
+    let compiled = compiler.compile(scene, resolved.shading, camera, size);
     compiled.map_err(|error| error.in_file(&args.scene))
 }
 
@@ -259,15 +259,15 @@ fn texture_memory(args: &RenderArgs, (width, height): (u32, u32)) -> u64 {
 }
 
 /// Resolves all options, without channels that no output can store.
-fn settle(args: &RenderArgs, has_exr: bool, loaded: &mut Loaded) -> Result<Settled> {
+fn resolve(args: &RenderArgs, has_exr: bool, loaded: &mut Loaded) -> Result<ResolvedOptions> {
     if has_exr {
-        return choices(args).settle(&loaded.scene);
+        return requested(args).resolve(&loaded.scene);
     }
-    let mut settled = without_exr(choices(args)).settle(&loaded.scene)?;
+    let mut resolved = without_exr(requested(args)).resolve(&loaded.scene)?;
     // The AOVs of the scene file are validated but not rendered.
-    settled.options = settled.options.aovs(AovSet::NONE);
+    resolved.options = resolved.options.aovs(AovSet::NONE);
     loaded.scene.settings.aovs = None;
-    Ok(settled)
+    Ok(resolved)
 }
 
 // Settings of the scene file that are arguments of the command line.
@@ -391,15 +391,15 @@ pub(super) fn check_memory_before_merging(parts: &[(PathBuf, PartHeader)]) -> Re
 pub(super) fn check_memory_before_building(
     args: &RenderArgs,
     loaded: &Loaded,
-    settled: &Settled,
+    resolved: &ResolvedOptions,
 ) -> Result<()> {
     let scene = &loaded.scene;
     let triangles: usize = scene.meshes.iter().map(|mesh| mesh.triangles.len()).sum();
-    let keys = |(&mesh, moving): (&usize, &Moving<_>)| {
+    let keys = |(&mesh, moving): (&usize, &Keyframes<_>)| {
         scene.meshes.get(mesh).map_or(0, |mesh| mesh.triangles.len() * moving.keys.len())
     };
     let of_keys: usize = scene.motion.meshes.iter().map(keys).sum();
-    let labels = Labels::of(scene, &settled.options);
+    let labels = Labels::of(scene, &resolved.options);
     refuse(
         args.long.memory_limit,
         &[
@@ -408,12 +408,12 @@ pub(super) fn check_memory_before_building(
                 "building the tree over its triangles",
                 triangles as u64 * BYTES_A_TRIANGLE + of_keys as u64 * BYTES_A_KEY,
             ),
-            ("the picture", film_bytes(&settled.options, &labels)),
-            ("light from lamps", if may_send(scene) { splat_bytes(&settled.options, &labels) } else { 0 }),
-            ("learning what guides paths", guiding_bytes(&settled.options)),
+            ("the picture", film_bytes(&resolved.options, &labels)),
+            ("light from lamps", if may_send(scene) { splat_bytes(&resolved.options, &labels) } else { 0 }),
+            ("learning what guides paths", guiding_bytes(&resolved.options)),
             (
                 "taking the noise out",
-                if args.picture.denoise { denoising_bytes(settled, &labels) } else { 0 },
+                if args.picture.denoise { denoising_bytes(resolved, &labels) } else { 0 },
             ),
         ],
     )
@@ -431,8 +431,8 @@ fn smaller(error: Error) -> Error {
 
 /// What denoising takes besides the film, at most: planes of the picture, its guides and the parts of its light, before and
 /// after.
-fn denoising_bytes(settled: &Settled, labels: &Labels) -> u64 {
-    let options = &settled.options;
+fn denoising_bytes(resolved: &ResolvedOptions, labels: &Labels) -> u64 {
+    let options = &resolved.options;
     let planes =
         60 + 9 * (options.aovs.of(Source::PartOfColor).iter().count() + labels.light_groups.len()) as u64;
     u64::from(options.width) * u64::from(options.height) * 4 * planes

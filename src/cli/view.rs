@@ -3,7 +3,7 @@
 
 use super::args::RenderArgs;
 use super::page::{
-    DisplaySettings, Frame, Page, Pose, RECORDED, RenderRequest, SceneInfo, Shared, ViewRequest, bind,
+    Frame, Page, PageDisplay, Pose, RECORDED, RenderRequest, SceneInfo, Shared, ViewRequest, bind,
     own_command,
 };
 use super::process::Outcome;
@@ -22,7 +22,7 @@ use oscura::film::Aov;
 use oscura::load::{LoadOptions, Loaded, SavedFiles, Up, leaves_up_open};
 use oscura::math::DVec3;
 use oscura::output::PngOptions;
-use oscura::render::{CancelHandle, Guiding, Labels, PassOutcome, Rendering, Settled, in_pool};
+use oscura::render::{CancelHandle, Guiding, Labels, PassOutcome, Rendering, ResolvedOptions, in_pool};
 use oscura::scene::{Camera, Environment, Scene, instance_extents, scene_extent};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -51,8 +51,8 @@ fn show(args: &ViewArgs, cancel: &CancelHandle) -> Result<Outcome> {
         facts.notes.iter().for_each(|note| say!("note: {note}"));
     }
     let wish = model.wish(args, &facts, &poses)?;
-    let look = DisplaySettings { denoise: !args.picture.picture.no_denoise, ..model.look() };
-    let shared = Shared::new(wish, look, facts, poses);
+    let display = PageDisplay { denoise: !args.picture.picture.no_denoise, ..model.display() };
+    let shared = Shared::new(wish, display, facts, poses);
     let page = Page::open(server, shared, &args.picture, !args.no_open);
     // Rendering stays on this thread, which belongs to the pool.
     std::thread::scope(|scope| {
@@ -178,7 +178,7 @@ const PIXELS: u64 = 640_000;
 
 struct Model {
     pub loaded: Loaded,
-    pub settled: Settled,
+    pub resolved: ResolvedOptions,
     pub compiled: Arc<CompiledScene>,
     /// Samples of a finished picture.
     pub samples: u32,
@@ -227,11 +227,11 @@ impl Model {
             start,
             &mut compiler,
         )?;
-        let Prepared { scene, settled, png, notes, warnings, build, .. } = prepared;
+        let Prepared { scene, resolved, png, notes, warnings, build, .. } = prepared;
         let own_rotation = rotation(&loaded.scene.environment);
         Ok(Model {
             loaded,
-            settled,
+            resolved,
             compiled: scene,
             samples: args.spp.unwrap_or(SAMPLES),
             png,
@@ -248,9 +248,9 @@ impl Model {
     pub fn wish(&self, args: &ViewArgs, facts: &SceneInfo, poses: &[Pose]) -> Result<ViewRequest> {
         let fits = |&&(w, h): &&(u32, u32)| u64::from(w) * u64::from(h) <= PIXELS;
         let is_chosen = args.picture.width.or(args.picture.height).is_some();
-        let whole = (self.settled.options.width, self.settled.options.height);
+        let whole = (self.resolved.options.width, self.resolved.options.height);
         let size = facts.sizes.iter().rev().find(fits).filter(|_| !is_chosen).copied().unwrap_or(whole);
-        let camera = self.settled.camera.unwrap_or(0);
+        let camera = self.resolved.camera.unwrap_or(0);
         let pose =
             poses.get(camera).cloned().ok_or_else(|| Error::input(&args.picture.scene, "has no camera"))?;
         let rotation = self.own_rotation.and(args.picture.env_rotation);
@@ -259,13 +259,13 @@ impl Model {
         Ok(ViewRequest { pose, camera, size, rotation, aov: None, up, stage, loads: self.loads })
     }
 
-    pub fn look(&self) -> DisplaySettings {
-        DisplaySettings::new(self.png.clone())
+    pub fn display(&self) -> PageDisplay {
+        PageDisplay::new(self.png.clone())
     }
 
     /// What pages show about it.
     pub fn facts(&self, args: &ViewArgs) -> SceneInfo {
-        let (w, h) = (self.settled.options.width, self.settled.options.height);
+        let (w, h) = (self.resolved.options.width, self.resolved.options.height);
         let part = |(n, of): (u64, u64)| [w, h].map(|v| (u64::from(v) * n / of).max(1) as u32).into();
         let has_stage = self.loaded.turntable.is_some() && args.picture.env.is_none();
         let name = args.picture.scene.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -294,7 +294,7 @@ impl Model {
 
     /// What can be shown. Where things go to is known only if that was asked for when they were loaded.
     fn passes(&self) -> Vec<(&'static str, &'static str)> {
-        let knows_motion = self.settled.options.aovs.contains(Aov::Motion);
+        let knows_motion = self.resolved.options.aovs.contains(Aov::Motion);
         let shown = Aov::ALL.iter().filter(|aov| knows_motion || **aov != Aov::Motion);
         shown.map(|aov| (aov.info().option, aov.info().about)).collect()
     }
@@ -304,7 +304,7 @@ impl Model {
         let scene = &self.loaded.scene;
         let bounds = scene_extent(scene, &instance_extents(scene)).0;
         let (low, high) = bounds.unwrap_or((DVec3::NEG_ONE, DVec3::ONE));
-        let chosen = self.settled.camera.unwrap_or(0);
+        let chosen = self.resolved.camera.unwrap_or(0);
         let pose = |(number, camera): (usize, &Camera)| {
             let eye = camera.world_from_camera.translation;
             let ahead = camera.world_from_camera.transform_vector3(DVec3::NEG_Z);
@@ -349,8 +349,8 @@ impl Model {
             return Ok(());
         }
         turn(&mut self.loaded.scene, wanted);
-        let size = (self.settled.options.width, self.settled.options.height);
-        match self.compiler.compile(&self.loaded.scene, self.settled.shading, camera, size) {
+        let size = (self.resolved.options.width, self.resolved.options.height);
+        match self.compiler.compile(&self.loaded.scene, self.resolved.shading, camera, size) {
             Ok((compiled, _)) => (self.compiled, self.rotation) = (compiled, wanted),
             Err(error) => {
                 turn(&mut self.loaded.scene, self.rotation);
@@ -483,7 +483,7 @@ fn render_at(
     let aovs = order.wish.aov.map_or(RECORDED, |aov| RECORDED.with(aov));
     // A limit makes the first pass one of a single sample.
     let options = model
-        .settled
+        .resolved
         .options
         .size((width / scale).max(1), (height / scale).max(1))
         .samples(samples)

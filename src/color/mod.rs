@@ -1,6 +1,5 @@
-//! Linear RGB colours, luminance, the sRGB transfer function, colour spaces, spectra and view transforms.
-//!
-//! Linear RGB colour spaces by their primaries and white point, conversion matrices, and white balance.
+//! Linear RGB colours, luminance, the sRGB transfer function, spectra and view transforms; colour spaces by their
+//! primaries and white point, conversion matrices, and white balance.
 
 use bytemuck::{Pod, Zeroable};
 use std::fmt;

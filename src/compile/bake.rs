@@ -11,7 +11,7 @@ use crate::accel;
 use crate::accel::{AccelInstance, MovingInstance};
 use crate::error::Result;
 use crate::math::{Bounds3, DAffine3, DVec3, Mat3, Vec3, poly};
-use crate::scene::{MaterialId, Mesh, Moving, Scene, Splats};
+use crate::scene::{Keyframes, MaterialId, Mesh, Scene, Splats};
 use crate::shape::{Analytic, CurveSegments, Quad, Shape as _, SplatCloud};
 use crate::simd::reserve_on_huge_pages;
 use crate::texture::AttributeList;
@@ -360,7 +360,7 @@ impl Space {
         let (shapes, attributes) = (&mut self.shapes, &mut self.attributes);
         let is_seen = |id: MaterialId| !materials[id.index()].is_invisible();
         let stays =
-            |moving: &BTreeMap<usize, Moving<_>>, i: usize| !moving.get(&i).is_some_and(Moving::blurs);
+            |moving: &BTreeMap<usize, Keyframes<_>>, i: usize| !moving.get(&i).is_some_and(Keyframes::blurs);
         let shifted =
             |p: DVec3, shifts: &BTreeMap<usize, DVec3>, i: usize| shifts.get(&i).map_or(p, |by| p + *by);
         let (motion, quads) = (&scene.motion, scene.quads.iter().enumerate());

@@ -1,6 +1,6 @@
 //! Materials that cast and that receive caustics, and bounding spheres of the casters for light tracing.
 //!
-//! Bodies that refract the light of small lights so that light samples can't reach through them: frosted glass, water with waves, single
+//! [`RefractedLights`]: bodies that refract the light of small lights so that light samples can't reach through them: frosted glass, water with waves, single
 //! sheets of glass. See `integrator::refracted_lights`.
 
 use super::geometry::Space;
@@ -21,9 +21,9 @@ const MAX_CASTER_ROUGHNESS: f32 = 0.25;
 /// Maximum number of bounding spheres of casters.
 const MAX_TARGETS: usize = 16;
 
-/// Role of a material for caustics.
+/// CausticRole of a material for caustics.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Role {
+pub enum CausticRole {
     /// Sends light on: smooth glass, mirrors, polished metals.
     Caster,
     /// Scatters light into all directions, so that caustics are visible on it.
@@ -36,28 +36,28 @@ pub enum Role {
 
 impl CompiledMaterial {
     /// Its role, the same at all points.
-    pub fn role(&self) -> Role {
+    pub fn role(&self) -> CausticRole {
         use BsdfClass::{
             Black, Conductor, Dielectric, Lambert, Layered, MetalRough, OrenNayar, RoughDielectric,
             SchlickMetal,
         };
         match self.class {
-            _ if self.depends_on_viewer || self.is_component => Role::Neither,
-            Lambert | OrenNayar => Role::Receiver,
-            Black => Role::Neither,
-            Dielectric | RoughDielectric if self.is_smooth_glass() => Role::Caster,
+            _ if self.depends_on_viewer || self.is_component => CausticRole::Neither,
+            Lambert | OrenNayar => CausticRole::Receiver,
+            Black => CausticRole::Neither,
+            Dielectric | RoughDielectric if self.is_smooth_glass() => CausticRole::Caster,
             MetalRough | SchlickMetal | Conductor if self.is_polished() || self.is_painted_metal() => {
-                Role::Caster
+                CausticRole::Caster
             }
-            MetalRough | SchlickMetal | Conductor if self.is_rough() => Role::Receiver,
-            MetalRough => Role::DiffuseReceiver,
+            MetalRough | SchlickMetal | Conductor if self.is_rough() => CausticRole::Receiver,
+            MetalRough => CausticRole::DiffuseReceiver,
             Layered if self.medium_index == 0 && !self.lets_light_pass() => match self.alike() {
-                Some(bsdf) if bsdf.is_specular() => Role::Caster,
-                _ => Role::DiffuseReceiver,
+                Some(bsdf) if bsdf.is_specular() => CausticRole::Caster,
+                _ => CausticRole::DiffuseReceiver,
             },
             _ => match self.alike() {
-                Some(bsdf) if bsdf.is_specular() && self.is_the_same_in_solids(bsdf) => Role::Caster,
-                _ => Role::Neither,
+                Some(bsdf) if bsdf.is_specular() && self.is_the_same_in_solids(bsdf) => CausticRole::Caster,
+                _ => CausticRole::Neither,
             },
         }
     }
@@ -104,13 +104,13 @@ impl CompiledMaterial {
 }
 
 impl CompiledScene {
-    /// Role of each material.
-    pub fn roles(&self) -> Vec<Role> {
+    /// CausticRole of each material.
+    pub fn roles(&self) -> Vec<CausticRole> {
         self.materials.iter().map(CompiledMaterial::role).collect()
     }
 
     /// Balls around all that sends light on: one for each object, or for neighbouring ones together.
-    pub fn targets(&self, roles: &[Role]) -> TargetSpheres {
+    pub fn targets(&self, roles: &[CausticRole]) -> TargetSpheres {
         // Primitives of an object follow each other: maps are asked once for each.
         let mut runs: Vec<(u32, Bounds3)> = Vec::new();
         self.visit_senders(roles, |object, ball| {
@@ -154,8 +154,8 @@ impl CompiledScene {
     }
 
     /// Calls `visit` with balls within which all primitives lie that send light on, and their objects.
-    fn visit_senders(&self, roles: &[Role], mut visit: impl FnMut(u32, TargetSphere)) {
-        let sends = |material: u32| roles.get(material as usize) == Some(&Role::Caster);
+    fn visit_senders(&self, roles: &[CausticRole], mut visit: impl FnMut(u32, TargetSphere)) {
+        let sends = |material: u32| roles.get(material as usize) == Some(&CausticRole::Caster);
         let world = &self.geometries.world;
         let senders = world.attributes.materials.iter().enumerate().filter(|(_, m)| sends(**m));
         let (mut object, mut end) = (0, 0);

@@ -394,6 +394,11 @@ struct BlackBodyEmission {
 }
 
 impl CompiledEmissionGrid {
+    /// Emission in proportion to the density.
+    pub(super) fn of_density(grid: &Arc<DensityGrid>) -> CompiledEmissionGrid {
+        CompiledEmissionGrid { grid: grid.clone(), heat: None }
+    }
+
     /// The emission of a medium, by the scene's grids.
     pub(super) fn new(
         glow: scene::EmissionGrid,

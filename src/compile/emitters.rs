@@ -1,8 +1,8 @@
 //! Emitting primitives as area lights. Two triangles that form a parallelogram are one light; a primitive that moves is one light with
 //! a key for each key of its motion.
 //!
-//! Flat lights in the plane of other surfaces, as of a ceiling: rays would hit either of them by rounding, or always the other one, so that
-//! the light would not be seen. They are moved to their front by a little more than rounding.
+//! Flat lights may lie in the plane of other surfaces, as of a ceiling: rays would hit either of them by rounding, or always the other one,
+//! so that the light would not be seen. They are moved to their front by a little more than rounding.
 
 use super::geometry::{Geometries, Placement, Primitive, Space, primitive, vertices};
 use super::material::{CompiledEmission, CompiledMaterial};

@@ -3,7 +3,7 @@
 use super::plan::{InstanceMode, Plan};
 use crate::accel::{Estimate, TooLarge};
 use crate::error::{Error, ErrorKind, Problem, Result};
-use crate::scene::{CurveBasis, Curves, Moving, Scene};
+use crate::scene::{CurveBasis, Curves, Keyframes, Scene};
 
 /// Largest count of anything with a 32-bit index: vertices and primitives of a space, objects, materials, lights. `u32::MAX` means
 /// none.
@@ -72,7 +72,7 @@ fn estimate(scene: &Scene, plan: &Plan) -> Estimate {
     let mut estimate = Estimate::default();
     copied(scene, plan).for_each(|mesh| estimate.add_triangles(mesh.triangles, 0));
     for &mesh in &plan.meshes {
-        let keys = scene.motion.meshes.get(&mesh).filter(|moving| Moving::blurs(moving));
+        let keys = scene.motion.meshes.get(&mesh).filter(|moving| Keyframes::blurs(moving));
         estimate.add_splats(scene.meshes[mesh].splats.as_ref().map_or(0, |splats| splats.len()));
         estimate
             .add_triangles(scene.meshes[mesh].triangles.len(), keys.map_or(0, |moving| moving.keys.len()));
@@ -142,7 +142,7 @@ mod tests {
         let plan = Plan { meshes: vec![0; 100], ..Plan::default() };
         assert!(check_size(&scene, &plan).is_ok());
         let keys = vec![Vertices::default(); 16];
-        scene.motion.meshes.insert(0, Moving { keys, neighbours: None });
+        scene.motion.meshes.insert(0, Keyframes { keys, neighbours: None });
         let message = check_size(&scene, &plan).expect_err("too large").to_string();
         assert!(message.contains("104857600 triangles take about 118"), "{message}");
     }

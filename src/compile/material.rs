@@ -8,8 +8,8 @@ use crate::color::spectral::{Spectrum, Wavelengths, uplifted_share};
 use crate::light::Beam;
 use crate::math::{Frame, Mat3, Vec3};
 use crate::scene::{
-    AlphaMode, ColorSlot, FloatSlot, Lamp, LightLinks, Material, MixComponent, Model, NormalMap, ObjectSets,
-    ObjectTraits, ParameterMut, Parameters, PbrMaterial, RayKinds, TextureId, Transmission,
+    AlphaMode, ColorSlot, EmitterTraits, FloatSlot, LightLinks, Material, MixComponent, Model, NormalMap,
+    ObjectSets, ObjectTraits, ParameterMut, Parameters, PbrMaterial, RayKinds, TextureId, Transmission,
 };
 use crate::shape::Surface;
 use crate::texture::{CompiledTextures, PointReader};
@@ -103,7 +103,7 @@ pub struct CompiledEmission {
     pub beam: Beam,
 }
 
-/// Which rays intersect a surface; see [`Lamp`](crate::scene::Lamp) and [`ObjectTraits`].
+/// Which rays intersect a surface; see [`EmitterTraits`](crate::scene::EmitterTraits) and [`ObjectTraits`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Presence {
     /// Rays of other kinds pass.
@@ -122,9 +122,9 @@ pub struct Presence {
 
 impl Presence {
     /// The presence of a light's surface.
-    fn of_lamp(lamp: &Lamp, has_alpha: bool) -> Presence {
-        let is_obstacle = lamp.is_obstacle || has_alpha;
-        Presence { visible_to: lamp.visible_to, is_obstacle, ..Presence::FULL }
+    fn of_lamp(emitter_traits: &EmitterTraits, has_alpha: bool) -> Presence {
+        let is_obstacle = emitter_traits.is_obstacle || has_alpha;
+        Presence { visible_to: emitter_traits.visible_to, is_obstacle, ..Presence::FULL }
     }
 
     /// A surface that is present for all rays.
@@ -213,7 +213,7 @@ fn emission_of(
     });
     let (light, light_spectrum) = light.map_or((None, None), |(slot, spectrum)| (Some(slot), spectrum));
     let emission = material.emission.zip(light).and_then(|(e, radiance)| {
-        let beam = Beam::new(material.lamp.unwrap_or_default().beam, textures.profiles());
+        let beam = Beam::new(material.emitter_traits.unwrap_or_default().beam, textures.profiles());
         (radiance.factor != [0.0; 3]).then_some(CompiledEmission {
             radiance,
             // Absent surfaces do not emit.
@@ -252,7 +252,8 @@ impl CompiledMaterial {
         let class = program.class();
         let (emission, light_spectrum) = emission_of(material, textures, shading, is_absent_from_behind);
         let alpha = alpha_of(material, textures);
-        let presence = material.lamp.map(|lamp| Presence::of_lamp(&lamp, alpha.is_some()));
+        let presence =
+            material.emitter_traits.map(|emitter_traits| Presence::of_lamp(&emitter_traits, alpha.is_some()));
         let normal_map = usable(material.normal_map, textures).filter(|_| class != BsdfClass::Black);
         let normal = material.normal.filter(|_| class != BsdfClass::Black);
         let is_textured = has_texture(&model, |id| textures.spectrum(id).is_none());

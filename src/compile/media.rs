@@ -3,14 +3,14 @@
 use super::box_tree::{Bounds, BoxTree, NumberedBox};
 use super::density_grid::{CompiledEmissionGrid, DensityGrid};
 use super::material::CompiledMaterial;
-use super::medium::{Ball, Medium, Scattering, ScatteringSpectra};
+use super::medium::{Ball, Density, GridMedium, Medium, Scattering, ScatteringSpectra};
 use super::objects::part_materials;
 use crate::color::Rgb;
 use crate::error::Warning;
 use crate::math::{DAffine3, DVec3};
 use crate::scene::{
-    ColorSlot, Environment, FloatSlot, Fog, Instance, LightKind, Material, MaterialId, MaterialUses, Model,
-    Motion, Moving, Outline, Quad, Scene, instance_extents,
+    ColorSlot, Environment, FloatSlot, Fog, Instance, Keyframes, LightKind, Material, MaterialId,
+    MaterialUses, Model, Motion, Outline, Quad, Scene, instance_extents,
 };
 use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet};
@@ -58,9 +58,14 @@ pub(super) fn number(
                 medium.adds_up = medium.is_boundary && medium.does_anything();
                 if let Some(scattering) = &mut medium.scattering {
                     let (grid, glow) = scene.materials[id].medium.map_or((None, None), |m| (m.grid, m.glow));
-                    scattering.glow =
-                        glow.map(|glow| Arc::new(CompiledEmissionGrid::new(glow, &scene.grids, &grids)));
-                    scattering.grid = grid.map(|grid| grids[grid.index()].clone());
+                    if let Some(grid) = grid {
+                        let density = grids[grid.index()].clone();
+                        let emission = Arc::new(match glow {
+                            Some(glow) => CompiledEmissionGrid::new(glow, &scene.grids, &grids),
+                            None => CompiledEmissionGrid::of_density(&density),
+                        });
+                        scattering.density = Density::Grid(GridMedium { density, emission });
+                    }
                     scattering.counts = material.is_boundary;
                 }
                 media.push(medium);
@@ -140,7 +145,7 @@ fn warn_of_still_grids(scene: &Scene, warnings: &mut Vec<Warning>) {
                 .is_some_and(|keys| keys.all().any(|key| differ(key, &placed)))
         }
     };
-    let displaced = |keys: Option<&Moving<DAffine3>>| {
+    let displaced = |keys: Option<&Keyframes<DAffine3>>| {
         keys.is_some_and(|k| k.all().any(|key| differ(key, &DAffine3::IDENTITY)))
     };
     let instances = scene.instances.iter().filter(|instance| moves(instance)).flat_map(|instance| {
@@ -148,7 +153,7 @@ fn warn_of_still_grids(scene: &Scene, warnings: &mut Vec<Warning>) {
         let materials = mesh.into_iter().flat_map(|mesh| part_materials(mesh, instance));
         materials.map(|id| (instance.name.as_str(), id))
     });
-    let is_displaced = |moving: &BTreeMap<usize, Moving<DAffine3>>, i: usize| displaced(moving.get(&i));
+    let is_displaced = |moving: &BTreeMap<usize, Keyframes<DAffine3>>, i: usize| displaced(moving.get(&i));
     let quads = scene.quads.iter().enumerate().filter(|(i, _)| is_displaced(&scene.motion.quads, *i));
     let shapes = scene.shapes.iter().enumerate().filter(|(i, _)| is_displaced(&scene.motion.shapes, *i));
     let quads = quads.map(|(_, quad)| (quad.name.as_str(), quad.material));
@@ -171,19 +176,17 @@ pub(super) fn is_opaque_to_far_light(fog: &Fog) -> bool {
 fn surrounding(fog: Option<&Fog>, anchor: DVec3, is_spectral: bool) -> Medium {
     let Some(fog) = fog else { return Medium::AIR };
     let extinction = Rgb::from_array(fog.medium.extinction);
-    let ball = fog
-        .radius
-        .is_finite()
-        .then(|| Ball { center: (fog.center - anchor).as_vec3(), radius: fog.radius as f32 });
+    let density = match fog.radius.is_finite() {
+        true => Density::Ball(Ball { center: (fog.center - anchor).as_vec3(), radius: fog.radius as f32 }),
+        false => Density::Homogeneous,
+    };
     let is_there = extinction.max_element() > 0.0;
     let whole = Scattering {
         extinction,
         scattered: extinction * Rgb::from_array(fog.medium.albedo),
         emission: Rgb::from_array(fog.medium.emission),
         anisotropy: fog.medium.anisotropy,
-        ball,
-        grid: None,
-        glow: None,
+        density,
         counts: true,
         spectra: if is_spectral {
             ScatteringSpectra::of(&fog.medium, None, false).map(Arc::new)

@@ -1,7 +1,6 @@
 //! Participating media ready for rendering: indices of refraction, absorption, scattering and emission, and their spectra.
 
-use super::density_grid::CompiledEmissionGrid;
-use super::density_grid::DensityGrid;
+use super::density_grid::{CompiledEmissionGrid, DensityGrid};
 use crate::bsdf::BsdfClass;
 use crate::color::Rgb;
 use crate::color::spectral::{Spectrum, Wavelengths};
@@ -206,16 +205,34 @@ pub struct Scattering {
     pub emission: Rgb,
     /// Mean cosine of the scattering angle.
     pub anisotropy: f32,
-    /// Bounding sphere of fog; `None` for media of solids and for unbounded fog.
-    pub ball: Option<Ball>,
-    /// Factors on the coefficients, the same for all channels; `None` where it is homogeneous.
-    pub grid: Option<Arc<DensityGrid>>,
-    /// Grid of factors on the emission; without one `grid` is used.
-    pub glow: Option<Arc<CompiledEmissionGrid>>,
+    /// Where these coefficients hold.
+    pub density: Density,
     /// Scattering counts as bounces; false for subsurface scattering.
     pub counts: bool,
     /// The coefficients by wavelength; where pictures are rendered by wavelength and they are coloured.
     pub spectra: Option<Arc<ScatteringSpectra>>,
+}
+
+/// The kinds of media: where their coefficients hold, and how they vary there. A medium meets its kind in four places, all of them
+/// methods of this file or segments of rays (`integrator/medium_segment.rs`): its extent along a ray, the distance at which a ray is
+/// scattered, transmittance and emission.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Density {
+    /// Homogeneous, in a solid or in all space.
+    Homogeneous,
+    /// Homogeneous within a ball, nothing outside.
+    Ball(Ball),
+    /// Heterogeneous: the coefficients times a grid's values.
+    Grid(GridMedium),
+}
+
+/// The grids of a heterogeneous medium.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GridMedium {
+    /// Factors on the coefficients, the same for all channels.
+    pub density: Arc<DensityGrid>,
+    /// Factors on the emission.
+    pub emission: Arc<CompiledEmissionGrid>,
 }
 
 /// A ball that fog fills.
@@ -240,10 +257,8 @@ impl Scattering {
         let shines = emission.max_element() > 0.0;
         let does_anything = scattered.max_element() > 0.0 || shines || medium.grid.is_some();
         let anisotropy = medium.anisotropy;
-        let (ball, grid, glow) = (None, None, None);
-        let (counts, spectra) = (true, None);
-        let medium =
-            Scattering { extinction, scattered, emission, anisotropy, ball, grid, glow, counts, spectra };
+        let (density, counts, spectra) = (Density::Homogeneous, true, None);
+        let medium = Scattering { extinction, scattered, emission, anisotropy, density, counts, spectra };
         does_anything.then_some(medium)
     }
 
@@ -265,7 +280,7 @@ impl Scattering {
     /// The ray parameters from `from` on at which a ray enters and leaves the medium; the range is empty unless the second is larger.
     #[inline]
     pub fn extent(&self, origin: Vec3, direction: Vec3, from: f32) -> [f32; 2] {
-        let Some(Ball { center, radius }) = self.ball else { return [from, f32::INFINITY] };
+        let Density::Ball(Ball { center, radius }) = self.density else { return [from, f32::INFINITY] };
         // The closest point of the ray's line first: far away from the ball the square of the distance would drown it.
         let squared = direction.length_squared();
         let closest = (center - origin).dot(direction) / squared;
@@ -276,6 +291,15 @@ impl Scattering {
             [from.max(closest - half), from.max(closest + half)]
         } else {
             [from, from]
+        }
+    }
+
+    /// The grids of a heterogeneous medium.
+    #[inline]
+    pub fn grid(&self) -> Option<&GridMedium> {
+        match &self.density {
+            Density::Grid(grid) => Some(grid),
+            Density::Homogeneous | Density::Ball(_) => None,
         }
     }
 
@@ -315,7 +339,7 @@ impl Scattering {
         [from, to]: [f32; 2],
         apart: u32,
     ) -> Rgb {
-        if let Some(grid) = &self.grid {
+        if let Density::Grid(GridMedium { density: grid, .. }) = &self.density {
             let bits = [origin.x, origin.y, origin.z, direction.x, direction.y, direction.z, from];
             let salt = bits.into_iter().fold(apart, |salt, x| hash32(salt ^ x.to_bits()));
             let most = self.extinction.max_element();
@@ -394,15 +418,13 @@ mod tests {
 
     fn ball(radius: f32) -> Scattering {
         let extinction = Rgb::new(0.5, 1.0, 0.0);
-        let ball = Some(Ball { center: Vec3::new(0.0, 0.0, 10.0), radius });
+        let density = Density::Ball(Ball { center: Vec3::new(0.0, 0.0, 10.0), radius });
         Scattering {
             extinction,
             scattered: extinction,
             emission: Rgb::ZERO,
             anisotropy: 0.0,
-            ball,
-            grid: None,
-            glow: None,
+            density,
             counts: true,
             spectra: None,
         }
@@ -427,7 +449,7 @@ mod tests {
 
     #[test]
     fn nothing_is_seen_through_fog_without_an_end() {
-        let medium = Scattering { ball: None, ..ball(1.0) };
+        let medium = Scattering { density: Density::Homogeneous, ..ball(1.0) };
         let left = medium.transmittance_between((Vec3::ZERO, Vec3::Z), [0.0, f32::INFINITY], 0);
         assert_eq!(left, Rgb::new(0.0, 0.0, 1.0));
     }

@@ -25,8 +25,7 @@ mod reuse;
 mod scene;
 mod texture_needs;
 
-pub use caustics::Role;
-pub use caustics::{RefractedLights, Refractor, Side};
+pub use caustics::{CausticRole, RefractedLights, Refractor, Side};
 pub use compiler::{Compiler, compile};
 pub use density_grid::{BlackBodies, CompiledEmissionGrid, DensityGrid, GridRay};
 pub use fingerprint::{Fingerprint, of_curves, of_mesh};
@@ -34,7 +33,7 @@ pub use geometry::{Corners, Geometries, Placement, Space, SurfaceCoordinates, Te
 pub use light_tables::MAX_RECEIVER_CLASSES;
 pub use material::{Alpha, CompiledComponent, CompiledEmission, CompiledMaterial, Presence, share_at};
 pub use media::OVERLAP_LIMIT;
-pub use medium::{Ball, Medium, Scattering};
+pub use medium::{Ball, Density, GridMedium, Medium, Scattering};
 pub use motion::{MotionVectors, PointMotion};
 pub use objects::ObjectId;
 pub use plan::Tree;

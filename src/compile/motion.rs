@@ -7,7 +7,7 @@ use super::objects::{Numbering, ObjectId, ObjectMaterials};
 use crate::light::{MovingLight, PunctualLight};
 use crate::math::{DAffine3, DMat3, DVec3, Hit, Mat3, TransformKeys, Vec3};
 use crate::scene::{
-    Instance, Light, LightKind, MaterialId, MeshId, Motion, Moving, Scene, Shape, ShapeKind, Vertices,
+    Instance, Keyframes, Light, LightKind, MaterialId, MeshId, Motion, Scene, Shape, ShapeKind, Vertices,
 };
 use crate::shape::triangle::interpolate;
 use crate::shape::{Analytic, Quad};
@@ -127,7 +127,7 @@ impl MovingShape {
         mut space: Space,
         material: u32,
         object: ObjectId,
-        moving: &Moving<DAffine3>,
+        moving: &Keyframes<DAffine3>,
         place: impl Fn(&DAffine3) -> DAffine3,
     ) -> MovingShape {
         space.attributes.materials.push(material);
@@ -168,7 +168,7 @@ impl MotionVectors {
         let to_origin = DAffine3::from_translation(-origin);
         let mut objects = HashMap::new();
         let mut add =
-            |object, moving: &Moving<DAffine3>, now: DAffine3, of: &dyn Fn(&DAffine3) -> DAffine3| {
+            |object, moving: &Keyframes<DAffine3>, now: DAffine3, of: &dyn Fn(&DAffine3) -> DAffine3| {
                 if let Some([before, after]) = &moving.neighbours {
                     let neighbours = [to_origin * of(before), to_origin * of(after)];
                     objects.insert(object, ObjectPoses { now: to_origin * now, neighbours });

@@ -14,8 +14,6 @@
 //! Code"), of the residual relative to the proposal and weighted by it: the mean of a region is the share of light that it
 //! lost, and what is dark before a bright ground stays dark. The same pyramid of the deviations measures the noise of each
 //! scale, which may be correlated between pixels.
-//!
-//! Planes of floats, row by row from the top.
 
 use rayon::prelude::*;
 

@@ -1,8 +1,6 @@
-//! The bands of a film: some rows each, to which threads add without meeting those that add to others (`shared.rs`).
+//! The bands of a film: some rows each, to which threads add without meeting those that add to others.
 //!
-//! A film that many threads add to at once.
-//!
-//! Each band has its own lock, which is hardly ever contended: tiles that are traced at the same time lie in different bands, as
+//! Each band of a shared film has its own lock, which is hardly ever contended: tiles that are traced at the same time lie in different bands, as
 //! tiles are ordered column by column. Where passes overlap, a tile of a later pass waits in its bands until the earlier
 //! one is complete there, so that each pixel gets its samples in one order.
 

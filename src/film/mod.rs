@@ -21,8 +21,7 @@ pub use band::SharedFilm;
 pub use channel::{Channel, LIGHT_GROUP, Layout, PixelType, Reduction, Source, Values};
 pub use cryptomatte::{MatteIds, matte_id, matte_key};
 pub use filter::FilterSampler;
-pub use picture::CATCHER_PARTS;
-pub use picture::{Film, Plane};
+pub use picture::{CATCHER_PARTS, Film, Plane};
 pub use splats::{Splat, SplatPart};
 pub use tile::FilmTile;
 

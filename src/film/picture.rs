@@ -1,6 +1,7 @@
 //! A film: its channels for every pixel, in bands of rows.
 //!
-//! Shadow catchers: objects that appear only by what the rest of the scene changes on them.
+//! # Shadow catchers
+//! These are objects that appear only by what the rest of the scene changes on them.
 //!
 //! Of samples whose camera rays meet a catcher first the film holds apart, as means over all samples of the pixel: their
 //! radiance W with the whole scene, their radiance O with nothing but catchers and lights, and their share c. What is seen

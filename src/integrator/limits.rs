@@ -1,4 +1,4 @@
-//! Limits of paths: the number of their bounces, in all and by kind.
+//! Limits of paths: the number of their bounces, in all and by kind; caustics that are left out; and the glossy filter.
 //!
 //! A path that has reached a limit ends at the next vertex, which adds emission but samples no light: so the light of its last
 //! scattering event is still found in both ways, by light samples and by the ray that hits it, and MIS weights hold.

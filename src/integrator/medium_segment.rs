@@ -14,7 +14,7 @@
 
 use super::interior::Interior;
 use crate::color::Rgb;
-use crate::compile::{DensityGrid, GridRay, Scattering};
+use crate::compile::{DensityGrid, GridMedium, GridRay, Scattering};
 use crate::math::{Ray, Vec3, poly};
 use crate::sampling::hash::hash32;
 use crate::simd::map_each;
@@ -105,7 +105,7 @@ impl MediumSegment {
     ) -> MediumSegment {
         let extent = medium.extent(origin, direction, from);
         let mut segment = MediumSegment::straight(index, extent);
-        if let Some(grid) = &medium.grid {
+        if let Some(GridMedium { density: grid, .. }) = medium.grid() {
             let salt = hash32(u[0].to_bits() ^ hash32(u[1].to_bits()));
             let tracked = DeltaTracking { first: u[0], salt, weight: Rgb::ZERO };
             let (scatter_t, weight) =
@@ -160,8 +160,8 @@ impl MediumSegment {
     /// Weight of a path that arrives at distance `to` without scattering.
     #[inline]
     pub fn weight_of_passing(&self, medium: &Scattering, ray: &Ray, to: f32) -> Rgb {
-        match (&self.tracked, &medium.grid) {
-            (Some(tracked), Some(grid)) => {
+        match (&self.tracked, medium.grid()) {
+            (Some(tracked), Some(GridMedium { density: grid, .. })) => {
                 tracked.weight_of_passing((medium, grid), ray, [self.extent[0], to])
             }
             _ => self.ungridded_passing_weight(medium, to),

@@ -61,7 +61,7 @@ use wave::{OptionalState, StateConditions};
 
 /// Options that concern paths.
 #[derive(Clone, Debug)]
-pub struct PathOptions<'a> {
+pub struct IntegratorOptions<'a> {
     /// Largest number of scattering events; 0 shows emission only.
     pub max_depth: u32,
     /// Maximum numbers of scattering events by kind.
@@ -126,7 +126,7 @@ pub struct PathSample<'a> {
 pub struct Integrator<'a> {
     scene: &'a CompiledScene,
     view: &'a View,
-    options: PathOptions<'a>,
+    options: IntegratorOptions<'a>,
     /// Shading group of each material.
     groups: Vec<ShadingGroup>,
     /// By material: may its surfaces be absent in places?
@@ -154,7 +154,7 @@ const PREPARED_BOUNCES: u32 = 32;
 
 impl<'a> Integrator<'a> {
     /// Prepares to trace a view of a scene.
-    pub fn new(scene: &'a CompiledScene, view: &'a View, options: PathOptions<'a>) -> Integrator<'a> {
+    pub fn new(scene: &'a CompiledScene, view: &'a View, options: IntegratorOptions<'a>) -> Integrator<'a> {
         let sets = 1 + 2 * PREPARED_BOUNCES.min(options.max_depth);
         let groups = groups_of(scene, options.filter_glossy > 0.0);
         let dimensions = (0..sets).map(Dimensions::new).collect();

@@ -1,6 +1,4 @@
-//! Surface hits and corrections of shading normals.
-//!
-//! What graphs of nodes read of a hit.
+//! Surface hits and corrections of shading normals; and what graphs of nodes read of a hit.
 
 use super::Integrator;
 use super::wave::{Vertices, get};

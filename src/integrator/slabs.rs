@@ -1,6 +1,5 @@
-//! Ways of rays through slabs, the bodies between two parallel planes: sideways shifts, refracted connections and their densities.
-//!
-//! Lobes of directions towards refracted lights, and the vertices that have some.
+//! Ways of rays through slabs, the bodies between two parallel planes: sideways shifts, refracted connections and their densities; and
+//! the lobes of directions towards lights that are seen through refractive bodies.
 
 use super::interior::Interior;
 use super::mis::LightPdf;

@@ -174,15 +174,11 @@ impl Integrator<'_> {
         let ray = (w.rays[i].origin, w.rays[i].direction);
         // Segments end at collisions; emission before them is not attenuated.
         let span = [segment.extent[0], to.min(segment.scatter_t)];
-        match (&scattering.glow, &scattering.grid) {
-            (Some(glow), Some(_)) => {
-                throughput * scattering.emission * glow.integral(ray, span, salt, wavelengths)
+        match scattering.grid() {
+            Some(grid) => {
+                throughput * scattering.emission * grid.emission.integral(ray, span, salt, wavelengths)
             }
-            (None, Some(grid)) => {
-                let ray = grid.ray(ray.0, ray.1, 1.0);
-                throughput * scattering.emission * grid.integral(&ray, span[0], span[1], salt)
-            }
-            (_, None) => segment.emission(scattering, throughput, to, unit(hash32(salt ^ to.to_bits()))),
+            None => segment.emission(scattering, throughput, to, unit(hash32(salt ^ to.to_bits()))),
         }
     }
 
@@ -505,19 +501,13 @@ impl Integrator<'_> {
         let throughput = get_rgb(&w.arriving.state.throughput, i);
         let ray = (w.rays[i].origin, w.rays[i].direction);
         let span = [segment.extent[0], to.min(segment.scatter_t)];
-        throughput
-            * match (&scattering.glow, &scattering.grid) {
-                (Some(glow), Some(_)) => {
-                    scattering.emission * glow.integral_times(ray, span, salt, wavelengths, factor)
-                }
-                (None, Some(grid)) => {
-                    let ray = grid.ray(ray.0, ray.1, 1.0);
-                    scattering.emission * grid.integral_times(&ray, span, salt, factor)
-                }
-                (_, None) => {
-                    return segment.overlapping_emission(scattering, throughput, to, unit(salt), factor);
-                }
+        match scattering.grid() {
+            Some(grid) => {
+                let integral = grid.emission.integral_times(ray, span, salt, wavelengths, factor);
+                throughput * (scattering.emission * integral)
             }
+            None => segment.overlapping_emission(scattering, throughput, to, unit(salt), factor),
+        }
     }
 
     /// Transmittance of overlapping media between two points of a ray.

@@ -1,7 +1,7 @@
 //! Light paths start: a light is chosen, a point of it and a direction, or of lights at infinity a direction and a point. Rays are
 //! aimed at spheres around what they are to reach first.
 //!
-//! Small bright lights: in which direction, or where, most of the light of a scene starts.
+//! [`SmallLight`]: in which direction, or where, most of the light of a scene starts, where that is narrow.
 
 use super::{
     AreaLight, AreaShape, EnvironmentLight, LightOrigin, LightSource, Lights, PunctualLight, PunctualSource,

@@ -18,13 +18,11 @@ pub use area::{
     AreaLight, AreaShape, Beam, Edges, LightDirection, RECTANGLE_NUMBERS, Radiance, UniformRectangle,
 };
 pub use environment::{EnvironmentLight, EnvironmentSample, ImageMap, TexelPosition, solid_angle_density};
-pub use light_paths::{EmittedRay, LightPathSampler, TargetSphere, TargetSpheres};
-pub use light_paths::{LightPlace, SmallLight};
+pub use light_paths::{EmittedRay, LightPathSampler, LightPlace, SmallLight, TargetSphere, TargetSpheres};
 pub use light_tree::{Descent, LightTree, Receiver};
 pub use lights::{LightMotions, Lights, MovingLight, SelectedLight, SelectedSun};
-use point::Directional;
 pub use point::Sun;
-use point::{Point, Profiled, Spot};
+use point::{Directional, Point, Profiled, Spot};
 pub use traits::{LightBounds, LightOrigin, LightSample, LightSource, PunctualSource};
 
 // The table of lights without a surface (KHR_lights_punctual, measured profiles and suns).

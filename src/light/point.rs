@@ -1,6 +1,5 @@
-//! Lights at a point: uniform, in a cone (spot), and by a measured profile.
-//!
-//! Lights at infinity: parallel light and suns.
+//! Lights at a point: uniform, in a cone (spot), and by a measured profile; and at infinity: parallel
+//! light and suns.
 
 use super::traits::{LightBounds, LightOrigin, LightSample, LightSource, PunctualSource};
 use crate::color::Rgb;

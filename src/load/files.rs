@@ -2,8 +2,7 @@
 //! read only if they are regular files of bearable size. A model may come from anywhere, also to a file manager's thumbnailer:
 //! what it names must neither block (pipes), nor never end (devices), nor lie outside its folder.
 //!
-//! What a file holds by its first bytes, where it can't be read in its place: for messages that name it and say
-//! what to do.
+//! [`content_of`] tells by its first bytes what a file holds that can't be read in another's place, for messages.
 
 use super::LoadOptions;
 use crate::error::{Choice, Error};
@@ -294,7 +293,7 @@ const HEIC: [&[u8]; 8] = [b"heic", b"heix", b"hevc", b"hevx", b"heim", b"heis", 
 pub(super) const HEAD: usize = 512;
 
 /// What a file holds, if that is known.
-pub(super) fn of(bytes: &[u8]) -> Option<Content> {
+pub(super) fn content_of(bytes: &[u8]) -> Option<Content> {
     if bytes.is_empty() {
         return Some(Content { what: "empty", remedy: "export or download the file again" });
     }
@@ -379,10 +378,10 @@ mod tests {
             (b"PK\x03\x04...", "ZIP"),
             (b"DDS |", "DDS"),
         ] {
-            assert!(of(bytes).expect(what).what.contains(what), "{what}");
+            assert!(content_of(bytes).expect(what).what.contains(what), "{what}");
         }
         for bytes in [&b"\x89PNG"[..], b"solid a", b"ply\n", b"\0\0\0\x20ftypmp42"] {
-            assert_eq!(of(bytes), None);
+            assert_eq!(content_of(bytes), None);
         }
     }
 }

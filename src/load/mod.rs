@@ -33,9 +33,10 @@ mod zip;
 
 pub use files::names_in;
 pub use formats::extensions;
-pub use options::SavedFiles;
-pub use options::{BlenderExport, EmptyNode, LoadOptions, Loaded};
-pub use options::{LONGEST_SHUTTER, ShutterOptions, ShutterPosition};
+pub use options::{
+    BlenderExport, EmptyNode, LONGEST_SHUTTER, LoadOptions, Loaded, SavedFiles, ShutterOptions,
+    ShutterPosition,
+};
 pub use upright::{Up, UpHint};
 
 use crate::error::{Choice, Error, Result, Warning};
@@ -121,7 +122,7 @@ fn is_archive(path: &Path) -> Result<bool> {
         return Ok(!formats::is_package(path));
     }
     let is_meant = matches!(format, Format::Model(model) if model.is_gltf) && start.starts_with(b"glTF");
-    match files::of(&start).filter(|_| !is_meant && !start.starts_with(files::GZIP)) {
+    match files::content_of(&start).filter(|_| !is_meant && !start.starts_with(files::GZIP)) {
         Some(files::Content { what, remedy }) => {
             Err(Error::input(path, format!("is {what}")).with_help(remedy))
         }

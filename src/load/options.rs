@@ -7,7 +7,7 @@ use super::subdivide::{Polygons, Subdivision};
 use crate::error::Warning;
 use crate::gauge::Gauge;
 use crate::math::{DAffine3, DMat3, DVec3, mix};
-use crate::scene::{MaterialId, Moving, Scene};
+use crate::scene::{Keyframes, MaterialId, Scene};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -100,14 +100,14 @@ pub struct EmptyNode {
     /// Its world transform at the picture's time.
     pub world_from_node: DAffine3,
     /// Its world transform at other times, if it moves while the shutter is open.
-    pub motion: Option<Moving<DAffine3>>,
+    pub motion: Option<Keyframes<DAffine3>>,
 }
 
 /// Signs in a glTF file by Blender that its exporter dropped something. All by name.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BlenderExport {
     /// Empty nodes with names of lamps: what becomes of area lights.
-    pub lamps: Vec<String>,
+    pub lights: Vec<String>,
     /// Materials that are pure white and without a texture, as those become whose colour comes from other nodes.
     pub white: Vec<String>,
     /// Metals of roughness 1 without a texture, as those become whose roughness or metalness comes from other nodes.

@@ -11,10 +11,9 @@ mod video;
 pub use crate::color::{ViewTable, ViewTransform};
 use crate::error::{Error, Result};
 use crate::film::Film;
-pub use atomic::{Encoded, Format};
 pub use atomic::{
-    check_folder, check_target, is_same_target, make_folder, move_folder, remove_file, remove_leftovers,
-    write_atomically,
+    Encoded, Format, check_folder, check_target, is_same_target, make_folder, move_folder, remove_file,
+    remove_leftovers, write_atomically,
 };
 pub use exr::{DENOISED, Matte, Metadata, encode_exr, encode_layered};
 pub use exr_options::{ExrCompression, ExrLayout, ExrOptions, ExrWindow, WorkingSpace, is_color};

@@ -8,7 +8,7 @@ use super::options::{Adaptive, RenderOptions};
 use super::progress::Statistics;
 use super::schedule::Pass;
 use super::technique::{ErrorMap, Request, Target, Technique, first_reason};
-use crate::integrator::{PathOptions, SamplePlan};
+use crate::integrator::{IntegratorOptions, SamplePlan};
 use crate::sampling::AdaptiveSampleMap;
 use rayon::prelude::*;
 
@@ -67,7 +67,7 @@ impl Technique for AdaptiveSampling {
         ])
     }
 
-    fn configure<'a>(&'a self, paths: &mut PathOptions<'a>) {
+    fn configure<'a>(&'a self, paths: &mut IntegratorOptions<'a>) {
         if let Some(allotment) = &self.allotment {
             paths.plan = SamplePlan::Allotted(allotment);
         }

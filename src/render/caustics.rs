@@ -5,7 +5,9 @@ use super::options::{Adaptive, Caustics, RenderOptions};
 use super::progress::Statistics;
 use super::technique::{Request, Stopped, Target, Technique, Trial, first_reason};
 use super::timeline;
-use crate::integrator::{Block, CausticPlan, CausticTally, Integrator, PathOptions, PathSample, SamplePlan};
+use crate::integrator::{
+    Block, CausticPlan, CausticTally, Integrator, IntegratorOptions, PathSample, SamplePlan,
+};
 use crate::sampling::ZSobolOrder;
 use crate::sampling::hash::r2_sequence;
 use rayon::prelude::*;
@@ -95,7 +97,7 @@ impl Technique for LightTracing {
         Ok(())
     }
 
-    fn configure<'a>(&'a self, paths: &mut PathOptions<'a>) {
+    fn configure<'a>(&'a self, paths: &mut IntegratorOptions<'a>) {
         paths.caustics = self.plan();
     }
 
@@ -169,7 +171,7 @@ impl LightTrial<'_> {
         Integrator::new(
             scene,
             view,
-            PathOptions { plan: samples, caustics: Some(plan), ..self.0.paths.clone() },
+            IntegratorOptions { plan: samples, caustics: Some(plan), ..self.0.paths.clone() },
         )
     }
 

@@ -1,6 +1,6 @@
 //! Checkpoints and partial renders: the identity of a picture, the file of a rendering's sums, and resuming from it.
 
-use super::options::Settled;
+use super::options::ResolvedOptions;
 use super::path_strategy::{PathStrategy, StrategyTrials};
 use super::progress::Spent;
 use super::rendering::Rendering;
@@ -29,8 +29,8 @@ const PICTURES: &str = concat!(env!("CARGO_PKG_VERSION"), ", pictures 3");
 ///
 /// # Errors
 /// An input error for a scene without a camera.
-pub fn identity(scene: &mut Scene, settled: &Settled) -> Result<Identity> {
-    let camera = of_debug(settled.camera(scene)?);
+pub fn identity(scene: &mut Scene, resolved: &ResolvedOptions) -> Result<Identity> {
+    let camera = of_debug(resolved.camera(scene)?);
     let mut rest = take(scene);
     // What is large goes in by its bytes, all else by what `Debug` says of it, which leaves no field out.
     let (meshes, images, backdrop) =
@@ -73,12 +73,12 @@ pub fn identity(scene: &mut Scene, settled: &Settled) -> Result<Identity> {
         ..rest
     };
     let prints = prints.map(|(name, print)| (name.to_string(), format!("{PRINT}{:016x}", print.value())));
-    Ok(prints.into_iter().chain(options(settled)).collect())
+    Ok(prints.into_iter().chain(options(resolved)).collect())
 }
 
 /// The settings that pixels depend on.
-fn options(settled: &Settled) -> impl Iterator<Item = (String, String)> {
-    let options = settled.options;
+fn options(resolved: &ResolvedOptions) -> impl Iterator<Item = (String, String)> {
+    let options = resolved.options;
     let planned = options.samples.max(options.planned);
     let arranged = match planned > MAX_Z_ORDER_SPP {
         true => "any number".to_string(),
@@ -93,7 +93,7 @@ fn options(settled: &Settled) -> impl Iterator<Item = (String, String)> {
         ("the AOVs", aovs.join(",")),
         ("the terminator", if options.soft_terminator { "soft" } else { "off" }.to_string()),
         ("the halves that denoising needs", halves.to_string()),
-        ("shading", format!("{PRINT}{:016x}", of_debug(&settled.shading).value())),
+        ("shading", format!("{PRINT}{:016x}", of_debug(&resolved.shading).value())),
         ("one of the other options", format!("{PRINT}{:016x}", of_debug(&options.hashed()).value())),
     ];
     let entries = separate.into_iter().chain(options.identity_entries());
@@ -292,7 +292,7 @@ fn strategy(way: &Way) -> Option<PathStrategy> {
 mod tests {
     use super::*;
     use crate::output::part::differences;
-    use crate::render::Choices;
+    use crate::render::RequestedOptions;
     use crate::scene::{Camera, Material, Mesh, Shape};
 
     fn scene() -> Scene {
@@ -305,16 +305,16 @@ mod tests {
         scene
     }
 
-    fn of(scene: &mut Scene, change: impl Fn(&mut Choices)) -> Identity {
-        let mut choices = Choices::default();
-        change(&mut choices);
-        let settled = choices.settle(scene).expect("a camera");
-        identity(scene, &settled).expect("a camera")
+    fn of(scene: &mut Scene, change: impl Fn(&mut RequestedOptions)) -> Identity {
+        let mut requested = RequestedOptions::default();
+        change(&mut requested);
+        let resolved = requested.resolve(scene).expect("a camera");
+        identity(scene, &resolved).expect("a camera")
     }
 
     #[test]
     fn whatever_changes_is_named() {
-        let same = |_: &mut Choices| {};
+        let same = |_: &mut RequestedOptions| {};
         let (mut before, mut after) = (scene(), scene());
         let ours = of(&mut before, same);
         assert_eq!(of(&mut after, same), ours);
@@ -333,16 +333,17 @@ mod tests {
             |s| s.cameras[0] = Camera::look_at([0.0, 2.0, 6.1], [0.0, 1.0, 0.0], 30.0),
             "the camera",
         );
-        let other = of(&mut after, |choices| choices.settings.depth = Some(7));
+        let other = of(&mut after, |requested| requested.settings.depth = Some(7));
         assert_eq!(differences(&ours, &other), ["depth is 100 here and 7 there"]);
-        let other = of(&mut after, |choices| choices.options.soft_terminator = false);
+        let other = of(&mut after, |requested| requested.options.soft_terminator = false);
         assert_eq!(differences(&ours, &other), ["the terminator is soft here and off there"]);
     }
 
     #[test]
     fn from_257_samples_on_their_number_does_not_matter() {
-        let with =
-            |samples| of(&mut scene(), |choices: &mut Choices| choices.settings.samples = Some(samples));
+        let with = |samples| {
+            of(&mut scene(), |requested: &mut RequestedOptions| requested.settings.samples = Some(samples))
+        };
         assert_eq!(differences(&with(500), &with(2000)), ["samples is 500 here and 2000 there"]);
         assert_eq!(differences(&with(16), &with(17)).len(), 2);
     }

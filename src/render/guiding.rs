@@ -10,7 +10,7 @@ use super::technique::{Request, Stopped, Target, Technique, Trial, first_reason}
 use super::timeline;
 use crate::bsdf::BsdfClass;
 use crate::integrator::{
-    Block, BlockSamples, CellSamples, Grid, Guide, Integrator, PathOptions, SamplePlan, TrainedCells,
+    Block, BlockSamples, CellSamples, Grid, Guide, Integrator, IntegratorOptions, SamplePlan, TrainedCells,
     TrainingSample, WAVE,
 };
 use crate::sampling::hash::hash32;
@@ -119,7 +119,7 @@ impl Technique for PathGuiding {
         Ok(())
     }
 
-    fn configure<'a>(&'a self, paths: &mut PathOptions<'a>) {
+    fn configure<'a>(&'a self, paths: &mut IntegratorOptions<'a>) {
         paths.guide = self.guide.as_ref();
     }
 
@@ -273,7 +273,8 @@ impl Training<'_> {
     }
 
     fn integrator<'a>(&'a self, plan: SamplePlan<'a>, guide: &'a Guide) -> Integrator<'a> {
-        let paths = PathOptions { plan, guide: Some(guide), records_training: true, ..self.0.paths.clone() };
+        let paths =
+            IntegratorOptions { plan, guide: Some(guide), records_training: true, ..self.0.paths.clone() };
         Integrator::new(self.0.target.scene, self.0.target.view, paths)
     }
 }

@@ -30,9 +30,9 @@ pub use crate::integrator::reuse::GroupShape;
 pub use checkpoint::identity;
 pub use guiding::guiding_bytes;
 pub use noise::RarePaths;
-pub use options::{ALL_AOVS, Choices, Settled};
 pub use options::{
-    Adaptive, Caustics, Guiding, PathReuse, RenderOptions, Splitting, TreeChoice, setting_help,
+    ALL_AOVS, Adaptive, BvhQuality, Caustics, Guiding, PathReuse, RenderOptions, RequestedOptions,
+    ResolvedOptions, Splitting, setting_help,
 };
 pub use picture::{
     Labels, Picture, denoise_film, denoising_guides, film_bytes, film_warnings, shows_alpha, splat_bytes,

@@ -515,8 +515,8 @@ mod tests {
         means[12] = [50.5; 3];
         brightest.observe(&means, 16);
         // The pass of eight samples brought 800 to a pixel that is dark otherwise.
-        let settled = |brightest: &BrightestPass, means: &[[f32; 3]]| brightest.values(means, 5, 16)[12];
-        assert!(settled(&brightest, &means).iter().all(|v| (v - 0.5).abs() < 1e-3));
+        let resolved = |brightest: &BrightestPass, means: &[[f32; 3]]| brightest.values(means, 5, 16)[12];
+        assert!(resolved(&brightest, &means).iter().all(|v| (v - 0.5).abs() < 1e-3));
         // A lamp that lights two more around, in both passes.
         let mut lit = BrightestPass::default();
         let mut around = vec![[0.5f32; 3]; 25];
@@ -524,7 +524,7 @@ mod tests {
         lit.observe(&around, 8);
         around[12] = [50.5; 3];
         lit.observe(&around, 16);
-        assert!(settled(&lit, &around).iter().all(|v| (v - 50.5).abs() < 1e-3));
+        assert!(resolved(&lit, &around).iter().all(|v| (v - 50.5).abs() < 1e-3));
         // What went on from a picture that was not looked at.
         let mut late = BrightestPass::default();
         late.observe(&means, 64);

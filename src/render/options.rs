@@ -100,7 +100,7 @@ pub enum Adaptive {
 /// and take longer to build.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum TreeChoice {
+pub enum BvhQuality {
     /// Fast where fewer camera rays will be traced than four for each of 130,000 triangles or more, else full. (With a time
     /// limit, of which nobody knows how many samples it allows, a million camera rays per second are counted at most.)
     #[default]
@@ -401,13 +401,13 @@ const PIXEL_LIMIT: u64 = u32::MAX as u64;
 /// A user's choices. What they leave open the scene decides; then the defaults of [`RenderOptions`] hold.
 #[doc(hidden)]
 #[derive(Clone, Debug, Default)]
-pub struct Choices {
+pub struct RequestedOptions {
     /// Settings that scenes have, too: these override the scene's.
     pub settings: Settings,
     /// Name or index of a camera; by default the first.
     pub camera: Option<String>,
     /// Quality of the BVH.
-    pub tree: TreeChoice,
+    pub tree: BvhQuality,
     /// All other settings. Those that scenes have are defaults.
     pub options: RenderOptions,
 }
@@ -415,23 +415,23 @@ pub struct Choices {
 /// Everything about a picture that is decided before it is made.
 #[doc(hidden)]
 #[derive(Clone, Debug)]
-pub struct Settled {
+pub struct ResolvedOptions {
     /// How to render.
     pub options: RenderOptions,
     /// Models that all materials share.
     pub shading: ShadingModel,
     /// Quality of the BVH.
-    pub tree: TreeChoice,
+    pub tree: BvhQuality,
     /// Index of the camera in the scene.
     pub camera: Option<usize>,
     /// Settings of display-referred pictures.
-    pub look: Look,
+    pub display: DisplaySettings,
 }
 
 /// Settings of display-referred pictures: PNG and other formats that are no EXR.
 #[doc(hidden)]
 #[derive(Clone, Debug, Default)]
-pub struct Look {
+pub struct DisplaySettings {
     /// Exposure, stops.
     pub exposure: f32,
     /// View transform.
@@ -440,12 +440,12 @@ pub struct Look {
     pub white_balance: Option<f32>,
 }
 
-impl Choices {
+impl RequestedOptions {
     /// Settles everything for a scene.
     ///
     /// # Errors
     /// A usage error for a camera that the scene doesn't have and for a picture with too many pixels.
-    pub fn settle(&self, scene: &Scene) -> Result<Settled> {
+    pub fn resolve(&self, scene: &Scene) -> Result<ResolvedOptions> {
         let camera = self.camera.as_deref().map(|wanted| find_camera(scene, wanted)).transpose()?;
         let (width, height) = self.picture_size(scene, camera.unwrap_or(0))?;
         let settings = self.settings.or(&scene.settings);
@@ -453,12 +453,12 @@ impl Choices {
         options.aovs = options.aovs.union(aovs_of(&settings)?);
         options.catchers = scene.has_catchers();
         options.caught = settings.caught.unwrap_or_default();
-        Ok(Settled {
+        Ok(ResolvedOptions {
             options,
             shading: settings.shading(),
             tree: self.tree,
             camera,
-            look: Look {
+            display: DisplaySettings {
                 exposure: settings.exposure.unwrap_or(0.0),
                 view: settings.view.unwrap_or_default(),
                 white_balance: settings.white_balance,
@@ -519,16 +519,16 @@ pub const ALL_AOVS: &str = "all";
 /// Assumed camera rays per second under a time limit: about what two cores trace of simple scenes.
 const RAYS_A_SECOND: f64 = 1e6;
 
-impl Settled {
+impl ResolvedOptions {
     /// The choice of the BVH's quality, if `pictures` pictures share it.
     pub fn tree(&self, pictures: u64) -> Tree {
         let RenderOptions { width, height, samples, time_limit, .. } = self.options;
         let rays = u64::from(width) * u64::from(height) * u64::from(samples);
         let most = time_limit.map_or(u64::MAX, |limit| (limit.as_secs_f64() * RAYS_A_SECOND) as u64);
         match self.tree {
-            TreeChoice::Auto => Tree::For { camera_rays: rays.min(most).saturating_mul(pictures) },
-            TreeChoice::Fast => Tree::Fast,
-            TreeChoice::Full => Tree::Full,
+            BvhQuality::Auto => Tree::For { camera_rays: rays.min(most).saturating_mul(pictures) },
+            BvhQuality::Fast => Tree::Fast,
+            BvhQuality::Full => Tree::Full,
         }
     }
 

@@ -11,7 +11,7 @@ use super::technique::{ErrorMap, Target, WORKSPACE, plain_paths};
 use super::techniques::Techniques;
 use super::timeline;
 use crate::film::{FilmTile, FilterSampler, Layout, SharedFilm, Splat};
-use crate::integrator::{Block, CausticPlan, Integrator, PathOptions, PathSample, WAVE, Workspace};
+use crate::integrator::{Block, CausticPlan, Integrator, IntegratorOptions, PathSample, WAVE, Workspace};
 use rayon::prelude::*;
 use std::cell::{Cell, RefCell};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -305,7 +305,7 @@ impl<'a> PassWork<'a> {
 
     fn tracer(&self, strategy: PathStrategy, keeps_plain: bool) -> Tracer<'a> {
         let Target { scene, view, options } = self.target;
-        let mut paths = PathOptions {
+        let mut paths = IntegratorOptions {
             aovs: options.aovs,
             aov_space: options.aov_space,
             light_groups: self.labels.light_groups.len(),

@@ -7,7 +7,7 @@ use super::schedule::Pass;
 use super::technique::{Request, Target, Technique, first_reason};
 use crate::compile::{CompiledScene, View};
 use crate::integrator::reuse::{GroupShape, INTERVAL, Tiling};
-use crate::integrator::{Block, PathOptions, PathSample, RayCounts, SamplePlan};
+use crate::integrator::{Block, IntegratorOptions, PathSample, RayCounts, SamplePlan};
 use crate::sampling::ZSobolOrder;
 use crate::sampling::hash::r2_sequence;
 use crate::scene::Clamp;
@@ -46,7 +46,7 @@ impl PathStrategy {
     }
 
     /// Adds to the options of the paths of a pass.
-    pub fn configure(self, pass: Pass, options: &RenderOptions, paths: &mut PathOptions<'_>) {
+    pub fn configure(self, pass: Pass, options: &RenderOptions, paths: &mut IntegratorOptions<'_>) {
         paths.branches = self.branches();
         paths.reuse = self.shape().map(|shape| Tiling::new(shape, pass.first_sample));
         if let SamplePlan::Even(_) = paths.plan {
@@ -155,7 +155,7 @@ impl Technique for StrategyTrials {
     }
 
     // Which strategy a pass has is decided within the first one: `pass.rs` calls `PathStrategy::configure`.
-    fn configure<'a>(&'a self, _paths: &mut PathOptions<'a>) {}
+    fn configure<'a>(&'a self, _paths: &mut IntegratorOptions<'a>) {}
 
     fn report(&self, statistics: &mut Statistics) {
         statistics.path_reuse = self.now.shape();

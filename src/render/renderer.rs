@@ -1,8 +1,8 @@
 //! From a scene to a picture in one line, or pass by pass.
 
-use super::options::Choices;
+use super::options::RequestedOptions;
 use super::options::{
-    Adaptive, Caustics, Guiding, PathReuse, Splitting, TreeChoice, parameter, render_settings,
+    Adaptive, BvhQuality, Caustics, Guiding, PathReuse, Splitting, parameter, render_settings,
 };
 use super::picture::{Labels, Picture};
 use super::progress::{CancelHandle, Event, Listener};
@@ -35,7 +35,7 @@ use std::time::Duration;
 #[must_use = "it renders when `render` or `start` is called"]
 pub struct Renderer {
     loaded: Arc<Loaded>,
-    choices: Choices,
+    requested: RequestedOptions,
     cancel: CancelHandle,
     listener: Option<Box<Listener>>,
     texture_memory: Option<u64>,
@@ -47,14 +47,14 @@ macro_rules! define_method {
     ($name:ident, $help:literal, $type:ty, user $(, $into:ident)?) => {
         #[doc = concat!($help, ": see [`RenderOptions`](super::RenderOptions::", stringify!($name), ").")]
         pub fn $name(mut self, $name: parameter!($type $(, $into)?)) -> Renderer {
-            self.choices.options.$name = $name.into();
+            self.requested.options.$name = $name.into();
             self
         }
     };
     ($name:ident, $help:literal, $type:ty, scene($field:ident)) => {
         #[doc = concat!($help, ": see [`RenderOptions`](super::RenderOptions::", stringify!($name), ").")]
         pub fn $name(mut self, $name: $type) -> Renderer {
-            self.choices.settings.$field = Some($name);
+            self.requested.settings.$field = Some($name);
             self
         }
     };
@@ -86,8 +86,8 @@ impl Renderer {
 
     /// A renderer for a scene that is rendered several times: nothing of it is copied.
     pub fn shared(loaded: Arc<Loaded>) -> Renderer {
-        let (choices, cancel) = (Choices::default(), CancelHandle::new());
-        Renderer { loaded, choices, cancel, listener: None, texture_memory: None }
+        let (requested, cancel) = (RequestedOptions::default(), CancelHandle::new());
+        Renderer { loaded, requested, cancel, listener: None, texture_memory: None }
     }
 
     /// Width and height in pixels.
@@ -97,13 +97,13 @@ impl Renderer {
 
     /// Width in pixels. The height, unless it is given as well, follows by the aspect ratio of the scene or its camera.
     pub fn width(mut self, width: u32) -> Renderer {
-        self.choices.settings.width = Some(width);
+        self.requested.settings.width = Some(width);
         self
     }
 
     /// Height in pixels. The width, unless it is given as well, follows by the aspect ratio of the scene or its camera.
     pub fn height(mut self, height: u32) -> Renderer {
-        self.choices.settings.height = Some(height);
+        self.requested.settings.height = Some(height);
         self
     }
 
@@ -116,37 +116,37 @@ impl Renderer {
 
     /// Whether rough surfaces get back the energy that single scattering between microfacets loses.
     pub fn energy_compensation(mut self, energy_compensation: EnergyCompensation) -> Renderer {
-        self.choices.settings.energy_compensation = Some(energy_compensation);
+        self.requested.settings.energy_compensation = Some(energy_compensation);
         self
     }
 
     /// Fresnel term of the dielectric layers of glTF materials.
     pub fn fresnel(mut self, fresnel: FresnelModel) -> Renderer {
-        self.choices.settings.fresnel = Some(fresnel);
+        self.requested.settings.fresnel = Some(fresnel);
         self
     }
 
     /// Whether paths carry wavelengths instead of red, green and blue: see [`crate::color::spectral`]. Default false.
     pub fn spectral(mut self, spectral: bool) -> Renderer {
-        self.choices.settings.spectral = Some(spectral);
+        self.requested.settings.spectral = Some(spectral);
         self
     }
 
     /// Exposure of PNGs, stops: colours are multiplied by 2 to this power.
     pub fn exposure(mut self, stops: f32) -> Renderer {
-        self.choices.settings.exposure = Some(stops);
+        self.requested.settings.exposure = Some(stops);
         self
     }
 
     /// The scene's camera of this name, else of this number, from 0.
     pub fn camera(mut self, name_or_number: impl ToString) -> Renderer {
-        self.choices.camera = Some(name_or_number.to_string());
+        self.requested.camera = Some(name_or_number.to_string());
         self
     }
 
     /// How good the tree over the scene's triangles is.
-    pub fn tree(mut self, tree: TreeChoice) -> Renderer {
-        self.choices.tree = tree;
+    pub fn tree(mut self, tree: BvhQuality) -> Renderer {
+        self.requested.tree = tree;
         self
     }
 
@@ -170,20 +170,20 @@ impl Renderer {
     pub fn start(self) -> Result<Rendering> {
         let Loaded { scene, warnings, offset, .. } = &*self.loaded;
         let mut warnings = warnings.clone();
-        let settled = self.choices.settle(scene)?;
-        let camera = settled.camera(scene)?;
-        let size = (settled.options.width, settled.options.height);
+        let resolved = self.requested.resolve(scene)?;
+        let camera = resolved.camera(scene)?;
+        let size = (resolved.options.width, resolved.options.height);
         let mut compiler = Compiler::single();
-        compiler.set_tree(settled.tree(1));
-        compiler.keep_uv(settled.options.aovs.contains(Aov::Uv));
+        compiler.set_tree(resolved.tree(1));
+        compiler.keep_uv(resolved.options.aovs.contains(Aov::Uv));
         compiler.set_texture_memory(self.texture_memory);
-        let (compiled, mut report) = compiler.compile(scene, settled.shading, camera, size)?;
+        let (compiled, mut report) = compiler.compile(scene, resolved.shading, camera, size)?;
         warnings.append(&mut report.warnings);
         warnings.append(&mut report.notes);
-        let labels = Labels::of(scene, &settled.options);
-        let rendering = Rendering::labelled(compiled, labels, camera, settled.options)?;
+        let labels = Labels::of(scene, &resolved.options);
+        let rendering = Rendering::labelled(compiled, labels, camera, resolved.options)?;
         let rendering = rendering.placed(scene.backdrop.clone(), *offset);
-        Ok(rendering.with(warnings, settled.look, self.cancel, self.listener))
+        Ok(rendering.with(warnings, resolved.display, self.cancel, self.listener))
     }
 
     /// Renders all samples.

@@ -2,7 +2,7 @@
 
 use super::noise::Noise;
 use super::noise::RarePaths;
-use super::options::Look;
+use super::options::DisplaySettings;
 use super::options::RenderOptions;
 use super::pass::{PassWork, take_all, try_strategies};
 use super::picture::{Labels, Picture, denoise_film, layout, of_film, shows_alpha};
@@ -56,7 +56,7 @@ pub struct Rendering {
     pub(super) listener: Option<Box<Listener>>,
     /// Warnings from before the first pass.
     earlier: Vec<Warning>,
-    pub(super) look: Look,
+    pub(super) display: DisplaySettings,
     /// Composited behind the picture.
     backdrop: Option<Backdrop>,
     /// Offset of the origin of the scene's coordinates in the world, metres.
@@ -123,7 +123,7 @@ impl Rendering {
             cancel: CancelHandle::new(),
             listener: None,
             earlier: Vec::new(),
-            look: Look::default(),
+            display: DisplaySettings::default(),
             backdrop: None,
             world_offset: DVec3::ZERO,
             denoised: None,
@@ -137,11 +137,11 @@ impl Rendering {
     pub(super) fn with(
         self,
         earlier: Vec<Warning>,
-        look: Look,
+        display: DisplaySettings,
         cancel: CancelHandle,
         listener: Option<Box<Listener>>,
     ) -> Rendering {
-        Rendering { earlier, look, cancel, listener, ..self }
+        Rendering { earlier, display, cancel, listener, ..self }
     }
 
     /// Lays a backdrop behind its pictures where they are transparent, and says in headers how far from the world's origin
@@ -324,9 +324,9 @@ impl Rendering {
         };
         OutputOptions {
             png: PngOptions {
-                exposure: self.look.exposure,
-                view: self.look.view.clone(),
-                white_balance: self.look.white_balance,
+                exposure: self.display.exposure,
+                view: self.display.view.clone(),
+                white_balance: self.display.white_balance,
                 opaque: !shows_alpha(&self.scene, &self.options),
                 ..PngOptions::default()
             },

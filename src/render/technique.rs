@@ -10,7 +10,7 @@ use super::timeline;
 use crate::compile::{CompiledScene, View};
 use crate::error::Warning;
 use crate::film::{AovSet, AovSpace, FilterSampler, MatteIds};
-use crate::integrator::{Block, PathOptions, SamplePlan, Workspace};
+use crate::integrator::{Block, IntegratorOptions, SamplePlan, Workspace};
 use crate::sampling::ZSobolOrder;
 use std::cell::RefCell;
 
@@ -60,7 +60,7 @@ pub(super) trait Technique {
     }
 
     /// Adds to the options of the paths what was decided.
-    fn configure<'a>(&'a self, paths: &mut PathOptions<'a>);
+    fn configure<'a>(&'a self, paths: &mut IntegratorOptions<'a>);
 
     /// Must the film be complete between two passes?
     fn separates_passes(&self) -> bool {
@@ -100,7 +100,7 @@ pub(super) struct Stopped;
 pub(super) struct Trial<'a> {
     pub target: Target<'a>,
     /// Options of paths that record radiance alone, with what the techniques before this one add.
-    pub paths: PathOptions<'a>,
+    pub paths: IntegratorOptions<'a>,
     pub progress: &'a Progress,
     pub listener: Option<&'a Listener>,
     pub stopwatch: &'a Stopwatch,
@@ -133,8 +133,8 @@ pub(super) fn plain_paths<'a>(
     options: &RenderOptions,
     filter: &'a FilterSampler,
     mattes: &'a MatteIds,
-) -> PathOptions<'a> {
-    PathOptions {
+) -> IntegratorOptions<'a> {
+    IntegratorOptions {
         max_depth: options.max_depth,
         bounces: options.bounces,
         clamp: options.clamp,

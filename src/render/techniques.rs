@@ -8,7 +8,7 @@ use super::progress::Statistics;
 use super::schedule::Pass;
 use super::technique::{ErrorMap, Request, Stopped, Target, Technique, Trial, warning};
 use crate::error::Warning;
-use crate::integrator::{CausticPlan, PathOptions};
+use crate::integrator::{CausticPlan, IntegratorOptions};
 
 /// All techniques.
 pub(super) struct Techniques {
@@ -65,7 +65,7 @@ impl Techniques {
     }
 
     /// Adds to the options of the paths of a picture what all techniques add.
-    pub fn configure<'a>(&'a self, paths: &mut PathOptions<'a>) {
+    pub fn configure<'a>(&'a self, paths: &mut IntegratorOptions<'a>) {
         self.list().iter().for_each(|technique| technique.configure(paths));
     }
 

@@ -1,6 +1,6 @@
 //! Cameras: projections, thin lens, panoramas.
 
-use super::motion::Moving;
+use super::motion::Keyframes;
 use crate::math::{DAffine3, DMat3, DVec3};
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -76,7 +76,7 @@ pub struct Camera {
     /// outside still casts shadows and is seen in mirrors.
     pub clip: Option<[f64; 2]>,
     /// Its placement at other times, if it moves while the picture is taken.
-    pub motion: Option<Moving<DAffine3>>,
+    pub motion: Option<Keyframes<DAffine3>>,
 }
 
 /// Placement of a camera at `eye` that looks at `target`; `None` where the two coincide or `up` points along the view.

@@ -3,7 +3,7 @@
 //! The environment: what rays that hit nothing see, its sun, and portals.
 
 use super::ImageId;
-use super::motion::Moving;
+use super::motion::Keyframes;
 use super::object_traits::{LightLinks, RayKinds};
 use crate::image::Image;
 use crate::math::{DQuat, DVec3, poly};
@@ -28,7 +28,7 @@ pub struct Light {
     /// What it lights, and what casts shadows in its light.
     pub links: LightLinks,
     /// Its kind at other times, if it moves while the picture is taken.
-    pub motion: Option<Moving<LightKind>>,
+    pub motion: Option<Keyframes<LightKind>>,
 }
 
 /// Kinds of lights without a surface. Directions have unit length and point the way the light travels.

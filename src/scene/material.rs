@@ -37,7 +37,7 @@ pub enum AlphaMode {
 
 /// Special properties of an emitting surface: ray visibility, whether it blocks rays (lamps of Blender don't), and a beam shape.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Lamp {
+pub struct EmitterTraits {
     /// Visible to rays of these kinds; others pass and get no light from it.
     pub visible_to: RayKinds,
     /// Rays end at it; else they add its emission and pass.
@@ -46,14 +46,14 @@ pub struct Lamp {
     pub beam: Beam,
 }
 
-impl Default for Lamp {
+impl Default for EmitterTraits {
     /// A surface like others.
-    fn default() -> Lamp {
-        Lamp { visible_to: RayKinds::ALL, is_obstacle: true, beam: Beam::Even }
+    fn default() -> EmitterTraits {
+        EmitterTraits { visible_to: RayKinds::ALL, is_obstacle: true, beam: Beam::Even }
     }
 }
 
-/// How the radiance of a [`Lamp`] depends on the direction.
+/// How the radiance of a [`EmitterTraits`] depends on the direction.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Beam {
     /// It doesn't.
@@ -136,7 +136,7 @@ pub struct Material {
     /// entered last.
     pub priority: i32,
     /// What is special about a surface that emits light; only where it is absent nowhere.
-    pub lamp: Option<Lamp>,
+    pub emitter_traits: Option<EmitterTraits>,
     /// A number that graphs of nodes know it by.
     pub index: u32,
     /// The group of lights that what it emits belongs to, which pictures may hold apart; empty for the default one.
@@ -161,7 +161,7 @@ impl Material {
             medium: None,
             displacement: None,
             priority: 0,
-            lamp: None,
+            emitter_traits: None,
             index: 0,
             light_group: String::new(),
         }
@@ -185,12 +185,12 @@ impl Material {
 }
 
 impl Parameters for AlphaMode {}
-impl Parameters for Lamp {}
+impl Parameters for EmitterTraits {}
 
 parameters_of_fields! {
     Material {
         name, model, emission, double_sided, alpha_mode, alpha, passing, normal_map, normal, bumped_normal, use_vertex_colors,
-        medium, displacement, priority, lamp, index, light_group,
+        medium, displacement, priority, emitter_traits, index, light_group,
     }
     Displacement { texture, scale, midlevel, edge }
     Emission { radiance, two_sided }

@@ -33,23 +33,23 @@ mod validate;
 
 pub use bounds::{Extent, MeshHulls, instance_extents, scene_extent};
 pub use camera::{Aperture, Camera, Panorama, Projection, ThinLens, looking_at};
-pub use geometry::VertexAttribute;
-pub use geometry::{CurveBasis, Curves, Instance, Mesh, MeshPart, Motion, Quad, Shape, ShapeKind, ShapeTag};
-pub use geometry::{Splats, f16};
+pub use geometry::{
+    CurveBasis, Curves, Instance, Mesh, MeshPart, Motion, Quad, Shape, ShapeKind, ShapeTag, Splats,
+    VertexAttribute, f16,
+};
 pub use ids::{GridId, ImageId, MaterialId, MeshId, ProfileId, TextureId};
-pub use light::{Backdrop, Environment, Portal};
 pub use light::{
-    DEFAULT_GROUP, GROUP_KEY, Light, LightKind, LightProfile, SpotFade, group_or_default, is_group_name,
+    Backdrop, DEFAULT_GROUP, Environment, GROUP_KEY, Light, LightKind, LightProfile, Portal, SpotFade,
+    group_or_default, is_group_name,
 };
 pub use material::{
-    AlphaMode, Anisotropy, Beam, Clearcoat, DiffuseTransmission, Displacement, Emission, EnergyCompensation,
-    FresnelModel, GlassReflection, Iridescence, Lamp, Material, MixComponent, Model, PbrMaterial, Sheen,
-    Transmission, hair_color, hair_color_scale,
+    AlphaMode, Anisotropy, Beam, Clearcoat, DiffuseTransmission, Displacement, Emission, EmitterTraits,
+    EnergyCompensation, FresnelModel, GlassReflection, Iridescence, Material, MixComponent, Model,
+    PbrMaterial, Sheen, Transmission, hair_color, hair_color_scale,
 };
 pub use medium::{EmissionGrid, Fog, Grid, Medium, coefficients};
-pub use motion::{Moving, SceneMotion, Vertices};
-pub use object_traits::ObjectInfo;
-pub use object_traits::{LightLinks, Link, ObjectSet, ObjectSets, ObjectTraits, RayKinds};
+pub use motion::{Keyframes, SceneMotion, Vertices};
+pub use object_traits::{LightLinks, Link, ObjectInfo, ObjectSet, ObjectSets, ObjectTraits, RayKinds};
 pub use outline::{MaterialUses, Outline};
 pub(crate) use outline::{encloses, is_closed};
 pub use settings::{BounceLimits, CatcherOutput, Clamp, Filter, Settings, ShadingModel, SkippedCaustics};

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 /// Keys of a quantity that changes while the shutter is open.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Moving<T> {
+pub struct Keyframes<T> {
     /// What it is at equal steps from the opening of the shutter to its closing; between two of them it changes evenly. Fewer
     /// than two: it stands still then.
     pub keys: Vec<T>,
@@ -13,7 +13,7 @@ pub struct Moving<T> {
     pub neighbours: Option<[T; 2]>,
 }
 
-impl<T> Moving<T> {
+impl<T> Keyframes<T> {
     /// Does it change while the shutter is open, so that there is motion blur?
     pub fn blurs(&self) -> bool {
         self.keys.len() > 1
@@ -25,8 +25,8 @@ impl<T> Moving<T> {
     }
 
     /// What follows from it at each time.
-    pub fn map<U>(&self, of: impl Fn(&T) -> U) -> Moving<U> {
-        Moving {
+    pub fn map<U>(&self, of: impl Fn(&T) -> U) -> Keyframes<U> {
+        Keyframes {
             keys: self.keys.iter().map(&of).collect(),
             neighbours: self.neighbours.as_ref().map(|neighbours| neighbours.each_ref().map(of)),
         }
@@ -47,11 +47,11 @@ pub struct Vertices {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneMotion {
     /// Transforms of instances, by the number in [`Motion::Keyed`](super::Motion::Keyed): `world_from_object`.
-    pub instances: Vec<Moving<DAffine3>>,
+    pub instances: Vec<Keyframes<DAffine3>>,
     /// Vertices of meshes that change their shape, by index.
-    pub meshes: BTreeMap<usize, Moving<Vertices>>,
+    pub meshes: BTreeMap<usize, Keyframes<Vertices>>,
     /// Transforms of quads, by index: from their place in the scene's list to where they are then.
-    pub quads: BTreeMap<usize, Moving<DAffine3>>,
+    pub quads: BTreeMap<usize, Keyframes<DAffine3>>,
     /// Transforms of shapes, likewise. (Emissive spheres stay round: their centre moves, and their volume scales.)
-    pub shapes: BTreeMap<usize, Moving<DAffine3>>,
+    pub shapes: BTreeMap<usize, Keyframes<DAffine3>>,
 }

@@ -16,14 +16,13 @@ use crate::error::Error;
 use crate::image::Image;
 use crate::math::{Vec2, Vec3};
 use crate::scene::{ImageId, LightProfile, MAX_TEXTURE_NESTING, NoiseKind, Texture, TextureId};
-pub use hit::TexturePoint;
 pub use hit::{
     AttributeList, AttributeValue, CameraData, HitAttributes, HitData, ObjectData, PathData, StrandData,
+    TexturePoint,
 };
 use hit::{TextureCoordinates, UvMap, triplanar};
 pub use image::ImageLookup;
-use image::ImageReading;
-use image::Taps;
+use image::{ImageReading, Taps};
 use levels::{Images, Levels};
 pub use levels::{TextureNeeds, TextureReport};
 use nodes::Program;

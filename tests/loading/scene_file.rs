@@ -394,7 +394,7 @@ fn shaders_become_the_simplest_material() {
     // What passes wholly and shines adds its light on the way.
     let nodes = "e = { type = \"emission\" }\nt = { type = \"transparent_bsdf\" }\na = { type = \"add_shader\", a = \"e\", b = \"t\" }";
     let glow = material_of_nodes("a", nodes);
-    assert!(glow.emission.is_some() && glow.lamp.is_some_and(|lamp| !lamp.is_obstacle));
+    assert!(glow.emission.is_some() && glow.emitter_traits.is_some_and(|traits| !traits.is_obstacle));
 }
 
 #[test]

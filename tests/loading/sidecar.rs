@@ -211,8 +211,8 @@ fn cameras_need_not_see_a_material() {
     for more in ["", "alpha = \"blend\"\n"] {
         let loaded = read(more);
         let paint = loaded.scene.materials.iter().find(|m| m.name == "paint").expect("the model's");
-        let lamp = paint.lamp.expect("what it is to cameras");
-        assert!(lamp.visible_to == RayKinds::ALL.without(RayKinds::CAMERA) && lamp.is_obstacle);
+        let traits = paint.emitter_traits.expect("what it is to cameras");
+        assert!(traits.visible_to == RayKinds::ALL.without(RayKinds::CAMERA) && traits.is_obstacle);
     }
 }
 

@@ -5,7 +5,7 @@ use oscura::film::Film;
 use oscura::math::{DAffine3, DVec3};
 use oscura::output::part::Region;
 use oscura::scene::{
-    Instance, Light, Material, MaterialId, Mesh, Motion, Moving, Projection, Scene, Vertices,
+    Instance, Keyframes, Light, Material, MaterialId, Mesh, Motion, Projection, Scene, Vertices,
 };
 use oscura::simd::{Level, limit_level};
 
@@ -18,8 +18,8 @@ fn front_view(scene: &mut Scene) {
     scene.cameras.push(view);
 }
 
-fn moving<T>(keys: Vec<T>) -> Moving<T> {
-    Moving { keys, neighbours: None }
+fn moving<T>(keys: Vec<T>) -> Keyframes<T> {
+    Keyframes { keys, neighbours: None }
 }
 
 fn shift(x: f64) -> DAffine3 {

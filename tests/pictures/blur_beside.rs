@@ -3,14 +3,14 @@
 use crate::support::{assert_radiance, camera, material, mean, options, picture, quad, sphere};
 use oscura::math::{DAffine3, DVec3};
 use oscura::render::{Caustics, Renderer};
-use oscura::scene::{Environment, Fog, Material, Medium, Model, Moving, ObjectTraits, RayKinds, Scene};
+use oscura::scene::{Environment, Fog, Keyframes, Material, Medium, Model, ObjectTraits, RayKinds, Scene};
 
 fn shift(by: [f64; 3]) -> DAffine3 {
     DAffine3::from_translation(by.into())
 }
 
-fn moving(keys: [DAffine3; 2]) -> Moving<DAffine3> {
-    Moving { keys: keys.to_vec(), neighbours: None }
+fn moving(keys: [DAffine3; 2]) -> Keyframes<DAffine3> {
+    Keyframes { keys: keys.to_vec(), neighbours: None }
 }
 
 /// A floor and, above it, a small ball that glows and hardly moves if `way` is not 0.

@@ -5,7 +5,7 @@ use oscura::compile::{CompileOptions, compile};
 use oscura::math::{DAffine3, DMat3, DVec3};
 use oscura::render::RenderOptions;
 use oscura::scene::{
-    Camera, Environment, Grid, Instance, Light, LightKind, Material, Medium, Mesh, Model, Motion, Moving,
+    Camera, Environment, Grid, Instance, Keyframes, Light, LightKind, Material, Medium, Mesh, Model, Motion,
     Projection, Scene,
 };
 use std::f64::consts::PI;
@@ -113,7 +113,7 @@ fn objects_that_move_without_their_grid_are_reported() {
     let grid = || Grid::in_box("smoke".into(), [1; 3], Arc::new(vec![1.0]), DVec3::splat(-1.0), DVec3::ONE);
     let still = ball(medium([0.5; 3], 0.5), grid(), 1.0, 1.0);
     let places = [0.0, 0.5].map(|x| DAffine3::from_translation(DVec3::new(x, 0.0, 0.0)));
-    let keys = |keys: [DAffine3; 2]| Moving { keys: keys.to_vec(), neighbours: None };
+    let keys = |keys: [DAffine3; 2]| Keyframes { keys: keys.to_vec(), neighbours: None };
     let mut of_shape = still.clone();
     of_shape.motion.shapes.insert(0, keys(places));
     let mut of_instance = still.clone();

@@ -3,8 +3,8 @@
 use crate::support::{assert_radiance, camera, disk, grey_floor, material, options, picture, quad, sphere};
 use oscura::math::DVec3;
 use oscura::scene::{
-    Beam, ColorSlot, Environment, FloatSlot, Fog, Lamp, Light, LightKind, Material, Medium, Model, RayKinds,
-    Scene, SpotFade,
+    Beam, ColorSlot, EmitterTraits, Environment, FloatSlot, Fog, Light, LightKind, Material, Medium, Model,
+    RayKinds, Scene, SpotFade,
 };
 use std::f64::consts::PI;
 
@@ -16,8 +16,13 @@ fn unseen() -> RayKinds {
     RayKinds::ALL.without(RayKinds::CAMERA)
 }
 
-fn lamp(scene: &mut Scene, radiance: f32, lamp: Lamp) -> oscura::scene::MaterialId {
-    let emitter = Material { lamp: Some(lamp), ..Material::emitter("lamp", [radiance; 3], false) };
+fn emitter_traits(
+    scene: &mut Scene,
+    radiance: f32,
+    emitter_traits: EmitterTraits,
+) -> oscura::scene::MaterialId {
+    let emitter =
+        Material { emitter_traits: Some(emitter_traits), ..Material::emitter("lamp", [radiance; 3], false) };
     material(scene, emitter)
 }
 
@@ -34,13 +39,13 @@ fn lamps_that_stop_no_light() {
     let truth = light_of_ball(2.0, high, 0.5) + light_of_ball(1.0, low, 0.3) + light_of_ball(5.0, near, 0.1);
     for (what, visible_to, is_obstacle, truth) in [
         ("lamps that hide nothing", unseen(), false, truth),
-        ("a lamp that is seen through", RayKinds::ALL, false, truth + 5.0),
+        ("a emitter_traits that is seen through", RayKinds::ALL, false, truth + 5.0),
         ("an obstacle that is not seen", unseen(), true, truth),
     ] {
         let mut scene = grey_floor();
-        let passed = Lamp { visible_to: unseen(), is_obstacle: false, beam: Beam::Even };
-        let (a, b) = (lamp(&mut scene, 2.0, passed), lamp(&mut scene, 1.0, passed));
-        let c = lamp(&mut scene, 5.0, Lamp { visible_to, is_obstacle, beam: Beam::Even });
+        let passed = EmitterTraits { visible_to: unseen(), is_obstacle: false, beam: Beam::Even };
+        let (a, b) = (emitter_traits(&mut scene, 2.0, passed), emitter_traits(&mut scene, 1.0, passed));
+        let c = emitter_traits(&mut scene, 5.0, EmitterTraits { visible_to, is_obstacle, beam: Beam::Even });
         sphere(&mut scene, high.into(), 0.5, a);
         sphere(&mut scene, low.into(), 0.3, b);
         sphere(&mut scene, near.into(), 0.1, c);
@@ -59,7 +64,7 @@ fn a_lamp_and_a_sky_over_floors_of_all_sizes() {
         let grey = material(&mut scene, Material::lambert("grey", [0.8; 3]));
         quad(&mut scene, [-half, 0.0, half], [2.0 * half, 0.0, 0.0], [0.0, 0.0, -2.0 * half], grey);
         scene.cameras.push(camera(EYE, DVec3::ZERO, DVec3::Y, 1e-3));
-        let bulb = lamp(&mut scene, 30.0, Lamp::default());
+        let bulb = emitter_traits(&mut scene, 30.0, EmitterTraits::default());
         sphere(&mut scene, center.into(), radius, bulb);
         assert_radiance(&format!("half width {half}"), &scene, &options(16, 64, 1), truth, 1e-3);
     }
@@ -74,7 +79,7 @@ fn an_endless_fog_leaves_light_samples_to_lamps() {
     let medium = Medium { albedo: [0.0; 3], ..Medium::scattering([density; 3]) };
     scene.fog = Some(Fog { medium, center: DVec3::ZERO, radius: f64::INFINITY });
     let (center, radius) = (DVec3::new(0.0, 3.0, 0.0), 0.05);
-    let bulb = lamp(&mut scene, 300.0, Lamp::default());
+    let bulb = emitter_traits(&mut scene, 300.0, EmitterTraits::default());
     sphere(&mut scene, center.into(), radius, bulb);
     // The visible half of a ball, seen from afar, is two thirds of its radius nearer than the middle on average.
     let passed = (-f64::from(density) * (EYE.length() + center.y - 2.0 / 3.0 * radius)).exp();
@@ -86,8 +91,10 @@ fn an_endless_fog_leaves_light_samples_to_lamps() {
 #[test]
 fn obstacles_shade() {
     let mut scene = grey_floor();
-    let far = lamp(&mut scene, 2.0, Lamp { visible_to: unseen(), ..Lamp::default() });
-    let dark = lamp(&mut scene, 0.0, Lamp { visible_to: unseen(), ..Lamp::default() });
+    let far =
+        emitter_traits(&mut scene, 2.0, EmitterTraits { visible_to: unseen(), ..EmitterTraits::default() });
+    let dark =
+        emitter_traits(&mut scene, 0.0, EmitterTraits { visible_to: unseen(), ..EmitterTraits::default() });
     sphere(&mut scene, [0.0, 3.0, 0.0], 0.2, far);
     quad(&mut scene, [-1.0, 1.0, -1.0], [2.0, 0.0, 0.0], [0.0, 0.0, 2.0], dark);
     assert_radiance("shade", &scene, &options(8, 16, 1), 0.0, 1.0);
@@ -111,17 +118,18 @@ fn beams_of_a_grid() {
     let truth = 0.8 * 3.0 * (0..n).map(ring).sum::<f64>();
     for lights in [1, 2] {
         let mut scene = grey_floor();
-        let lamp = lamp(&mut scene, 3.0, Lamp { visible_to: unseen(), is_obstacle: false, beam });
-        disk(&mut scene, [0.0, height, 0.0], [0.0, -1.0, 0.0], radius, lamp);
+        let emitter_traits =
+            emitter_traits(&mut scene, 3.0, EmitterTraits { visible_to: unseen(), is_obstacle: false, beam });
+        disk(&mut scene, [0.0, height, 0.0], [0.0, -1.0, 0.0], radius, emitter_traits);
         // The origin lies outside the second one's beam.
         for _ in 1..lights {
-            disk(&mut scene, [4.0, height, 0.0], [0.0, -1.0, 0.0], radius, lamp);
+            disk(&mut scene, [4.0, height, 0.0], [0.0, -1.0, 0.0], radius, emitter_traits);
         }
         assert_radiance(&format!("grid, {lights}"), &scene, &options(16, 256, 1), truth, 4e-3);
     }
     let mut scene = grey_floor();
-    let lamp = lamp(&mut scene, 3.0, Lamp { beam, ..Lamp::default() });
-    quad(&mut scene, [3.0, 2.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0], lamp);
+    let emitter_traits = emitter_traits(&mut scene, 3.0, EmitterTraits { beam, ..EmitterTraits::default() });
+    quad(&mut scene, [3.0, 2.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0], emitter_traits);
     assert_radiance("outside the grid's beam", &scene, &options(8, 16, 1), 0.0, 1.0);
 }
 
@@ -134,8 +142,9 @@ fn cones_of_a_ball() {
         let (inner_angle_rad, outer_angle_rad, fade) = (0.3, 0.6, SpotFade::Smooth);
         let beam = Beam::Cone { direction, inner_angle_rad, outer_angle_rad, fade };
         let mut scene = grey_floor();
-        let lamp = lamp(&mut scene, 3.0, Lamp { visible_to: unseen(), is_obstacle: false, beam });
-        sphere(&mut scene, center.into(), 0.1, lamp);
+        let emitter_traits =
+            emitter_traits(&mut scene, 3.0, EmitterTraits { visible_to: unseen(), is_obstacle: false, beam });
+        sphere(&mut scene, center.into(), 0.1, emitter_traits);
         scene
     };
     let truth = light_of_ball(3.0, center, 0.1);

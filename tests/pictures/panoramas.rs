@@ -6,7 +6,7 @@ use oscura::film::{Aov, AovSet};
 use oscura::math::{DAffine3, DVec3};
 use oscura::render::{Caustics, PathReuse, RenderOptions, Splitting};
 use oscura::scene::{
-    Camera, ColorSlot, Environment, FresnelModel, Light, LightKind, Material, Model, Moving, Panorama,
+    Camera, ColorSlot, Environment, FresnelModel, Keyframes, Light, LightKind, Material, Model, Panorama,
     Projection, Scene, ThinLens,
 };
 use std::f64::consts::PI;
@@ -79,7 +79,7 @@ fn motion_goes_the_shorter_way_around() {
     sphere(&mut scene, [0.0, 0.0, 0.0], 5.0, grey);
     let mut view = panorama(DVec3::ZERO, DVec3::NEG_Z, Panorama::ALL_AROUND);
     let turned = |angle: f64| view.world_from_camera * DAffine3::from_rotation_y(angle);
-    view.motion = Some(Moving { keys: Vec::new(), neighbours: Some([turned(0.3), turned(-0.3)]) });
+    view.motion = Some(Keyframes { keys: Vec::new(), neighbours: Some([turned(0.3), turned(-0.3)]) });
     scene.cameras.push(view);
     let film = picture(&scene, &options(16, 4, 2).aovs(AovSet::default().with(Aov::Motion)));
     let planes: Vec<_> = film.planes().skip(4).collect();

@@ -2,7 +2,7 @@
 
 use crate::support::{assert_radiance, camera, material, options, quad, sphere};
 use oscura::math::{DQuat, DVec3};
-use oscura::scene::{Beam, Lamp, Light, LightKind, LightProfile, Material, RayKinds, Scene};
+use oscura::scene::{Beam, EmitterTraits, Light, LightKind, LightProfile, Material, RayKinds, Scene};
 use std::f64::consts::PI;
 use std::sync::Arc;
 
@@ -39,7 +39,7 @@ fn expected(position: DVec3, rotation: DQuat) -> f64 {
     5.0 * share(rotation.inverse() * way) * -way.y / position.length_squared() * ALBEDO / PI
 }
 
-fn lamp(position: DVec3, rotation: DQuat, cone: Option<[f64; 2]>) -> Light {
+fn emitter_traits(position: DVec3, rotation: DQuat, cone: Option<[f64; 2]>) -> Light {
     let kind = LightKind::Profiled { position, rotation, cone };
     Light { profile: Some(Arc::new(profile())), ..Light::new(kind, [5.0; 3]) }
 }
@@ -52,7 +52,7 @@ fn a_profile_lights_a_floor_as_it_says() {
     for position in [DVec3::new(0.5, 2.0, 1.0), DVec3::new(-1.0, 1.0, 0.3), DVec3::new(0.2, 3.0, -2.0)] {
         for rotation in [down, askew] {
             let truth = expected(position, rotation);
-            let light = lamp(position, rotation, None);
+            let light = emitter_traits(position, rotation, None);
             let what = format!("a profile at {position}");
             assert_radiance(&what, &floor(vec![light.clone()]), &options(16, 64, 1), truth, 1e-3);
             all.0.push(light);
@@ -71,10 +71,10 @@ fn a_cone_cuts_a_profile() {
     let cosine = position.y / position.length();
     let a = (cosine - outer.cos()) / (1.0 - outer.cos());
     let truth = expected(position, down) * a * a * (3.0 - 2.0 * a);
-    let scene = floor(vec![lamp(position, down, Some([0.0, outer]))]);
+    let scene = floor(vec![emitter_traits(position, down, Some([0.0, outer]))]);
     assert_radiance("a cone", &scene, &options(16, 64, 1), truth, 1e-3);
     let beside = DVec3::new(4.0, 2.0, 0.0);
-    let dark = floor(vec![lamp(beside, down, Some([0.0, outer]))]);
+    let dark = floor(vec![emitter_traits(beside, down, Some([0.0, outer]))]);
     assert_radiance("beside the cone", &dark, &options(16, 64, 1), 0.0, 1e-3);
 }
 
@@ -90,7 +90,7 @@ fn balls_shine_by_profiles_and_soften_shadows() {
         let mut scene = floor(Vec::new());
         let profile = scene.add_profile(cosine.clone());
         let bulb = Material {
-            lamp: Some(Lamp {
+            emitter_traits: Some(EmitterTraits {
                 visible_to: RayKinds::ALL,
                 is_obstacle: true,
                 beam: Beam::Profile { profile, rotation: down, cone: None },
@@ -108,11 +108,13 @@ fn balls_shine_by_profiles_and_soften_shadows() {
         assert_radiance(&format!("a ball at {position}"), &scene, &options(16, 256, 1), truth, 3e-3);
 
         let halved = Beam::Profile { profile, rotation: down, cone: Some([1.2, 1.2001]) };
-        scene.materials[bulb.index()].lamp = Some(Lamp { beam: halved, ..Lamp::default() });
+        scene.materials[bulb.index()].emitter_traits =
+            Some(EmitterTraits { beam: halved, ..EmitterTraits::default() });
         assert_radiance("within a wide cone", &scene, &options(16, 256, 1), truth, 3e-3);
         let aside = DQuat::from_rotation_arc(DVec3::NEG_Z, DVec3::Y);
         let away = Beam::Profile { profile, rotation: aside, cone: None };
-        scene.materials[bulb.index()].lamp = Some(Lamp { beam: away, ..Lamp::default() });
+        scene.materials[bulb.index()].emitter_traits =
+            Some(EmitterTraits { beam: away, ..EmitterTraits::default() });
         assert_radiance("turned away", &scene, &options(16, 256, 1), 0.0, 1e-3);
         scene.profiles.clear();
         let problems = scene.validate();
@@ -126,7 +128,7 @@ fn balls_shine_by_profiles_and_soften_shadows() {
 #[test]
 fn profiles_that_are_none_are_refused() {
     let place = DVec3::new(0.5, 2.0, 1.0);
-    let good = lamp(place, DQuat::IDENTITY, None);
+    let good = emitter_traits(place, DQuat::IDENTITY, None);
     assert!(floor(vec![good.clone()]).validate().is_empty());
     let without = Light { profile: None, ..good.clone() };
     let elsewhere = Light { kind: LightKind::Point { position: place }, ..good.clone() };
@@ -136,6 +138,6 @@ fn profiles_that_are_none_are_refused() {
         let problems = floor(vec![light]).validate();
         assert!(problems.iter().any(|p| p.to_string().contains("profile")), "{problems:?}");
     }
-    let turned = lamp(place, DQuat::from_xyzw(0.0, 0.0, 0.0, 2.0), None);
+    let turned = emitter_traits(place, DQuat::from_xyzw(0.0, 0.0, 0.0, 2.0), None);
     assert!(!floor(vec![turned]).validate().is_empty());
 }

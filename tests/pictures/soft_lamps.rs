@@ -5,18 +5,18 @@ use crate::support::{assert_radiance, camera, grey_floor, material, options, qua
 use oscura::math::{DAffine3, DVec3};
 use oscura::render::{Caustics, Guiding, PathReuse, RenderOptions, Splitting};
 use oscura::scene::{
-    Beam, ColorSlot, FloatSlot, FresnelModel, Lamp, Material, Model, Moving, PbrMaterial, RayKinds, Scene,
-    Shape, ShapeKind,
+    Beam, ColorSlot, EmitterTraits, FloatSlot, FresnelModel, Keyframes, Material, Model, PbrMaterial,
+    RayKinds, Scene, Shape, ShapeKind,
 };
 
 const RADIANCE: f32 = 3.0;
 
 /// A lamp of a kind that rays pass, unseen by the camera.
-fn lamp(scene: &mut Scene, kind: ShapeKind, center: DVec3, radius: f64) {
+fn emitter_traits(scene: &mut Scene, kind: ShapeKind, center: DVec3, radius: f64) {
     let visible_to = RayKinds::ALL.without(RayKinds::CAMERA);
-    let lamp = Some(Lamp { visible_to, is_obstacle: false, beam: Beam::Even });
+    let emitter_traits = Some(EmitterTraits { visible_to, is_obstacle: false, beam: Beam::Even });
     let shines_inwards = kind == ShapeKind::Shell;
-    let shine = Material { lamp, ..Material::emitter("lamp", [RADIANCE; 3], shines_inwards) };
+    let shine = Material { emitter_traits, ..Material::emitter("lamp", [RADIANCE; 3], shines_inwards) };
     let shine = material(scene, shine);
     scene.shapes.push(Shape { kind, ..Shape::sphere(center, radius, shine) });
 }
@@ -32,7 +32,7 @@ fn what_a_facing_disk_gives() {
         (DVec3::new(0.0, 0.05, 0.0), 0.5),
     ] {
         let mut scene = grey_floor();
-        lamp(&mut scene, ShapeKind::FacingDisk, center, radius);
+        emitter_traits(&mut scene, ShapeKind::FacingDisk, center, radius);
         let squared = center.length_squared();
         let share = radius * radius / (squared + radius * radius) * center.y / squared.sqrt();
         let truth = 0.8 * f64::from(RADIANCE) * share;
@@ -45,12 +45,12 @@ fn what_a_facing_disk_gives() {
 fn what_a_shell_gives() {
     for center in [DVec3::ZERO, DVec3::new(0.7, 0.6, 0.0), DVec3::new(-0.4, -0.3, 0.2)] {
         let mut scene = grey_floor();
-        lamp(&mut scene, ShapeKind::Shell, center, 1.0);
+        emitter_traits(&mut scene, ShapeKind::Shell, center, 1.0);
         let truth = 0.8 * f64::from(RADIANCE);
         assert_radiance(&format!("within {center}"), &scene, &options(16, 256, 1), truth, 4e-3);
     }
     let mut scene = grey_floor();
-    lamp(&mut scene, ShapeKind::Shell, DVec3::new(0.0, 3.0, 0.0), 1.0);
+    emitter_traits(&mut scene, ShapeKind::Shell, DVec3::new(0.0, 3.0, 0.0), 1.0);
     let truth = 0.8 * f64::from(RADIANCE) / 9.0;
     assert_radiance("outside", &scene, &options(16, 256, 1), truth, 2e-3);
 }
@@ -61,8 +61,9 @@ fn a_shell_is_intersected_once() {
     for (what, center) in [("through", [-1.5, 0.5, -1.0]), ("from inside", [-3.0, 1.0, -2.0])] {
         let mut scene = Scene::default();
         scene.cameras.push(camera(DVec3::new(-3.0, 1.0, -2.0), DVec3::ZERO, DVec3::Y, 1.0));
-        lamp(&mut scene, ShapeKind::Shell, center.into(), 0.4);
-        scene.materials.last_mut().and_then(|m| m.lamp.as_mut()).expect("a lamp").visible_to = RayKinds::ALL;
+        emitter_traits(&mut scene, ShapeKind::Shell, center.into(), 0.4);
+        scene.materials.last_mut().and_then(|m| m.emitter_traits.as_mut()).expect("a lamp").visible_to =
+            RayKinds::ALL;
         assert_radiance(what, &scene, &options(8, 4, 1), f64::from(RADIANCE), 1e-6);
     }
 }
@@ -76,9 +77,9 @@ fn lamps_in_motion() {
         [(ShapeKind::FacingDisk, 0.6, 0.36 / (squared + 0.36)), (ShapeKind::Shell, 0.6, 0.36 / squared)]
     {
         let mut scene = grey_floor();
-        lamp(&mut scene, kind, center, radius);
+        emitter_traits(&mut scene, kind, center, radius);
         let keys = vec![DAffine3::IDENTITY; 2];
-        scene.motion.shapes.insert(0, Moving { keys, neighbours: None });
+        scene.motion.shapes.insert(0, Keyframes { keys, neighbours: None });
         let truth = 0.8 * f64::from(RADIANCE) * share * center.y / squared.sqrt();
         assert_radiance(&format!("{kind:?}"), &scene, &options(16, 256, 1), truth, 4e-3);
     }
@@ -106,7 +107,7 @@ fn beneath_lamp(kind: ShapeKind, thing: Material) -> Scene {
     quad(&mut scene, [-3.0, 0.0, 3.0], [6.0, 0.0, 0.0], [0.0, 0.0, -6.0], grey);
     let thing = material(&mut scene, thing);
     sphere(&mut scene, [0.1, 0.5, 0.1], 0.45, thing);
-    lamp(&mut scene, kind, DVec3::new(0.3, 1.3, 0.0), 0.6);
+    emitter_traits(&mut scene, kind, DVec3::new(0.3, 1.3, 0.0), 0.6);
     scene.cameras.push(camera(DVec3::new(0.2, 2.2, 3.0), DVec3::new(0.0, 0.2, 0.0), DVec3::Y, 35.0));
     scene
 }

@@ -6,8 +6,8 @@ use oscura::compile::{CompileOptions, compile};
 use oscura::math::DVec3;
 use oscura::render::{Caustics, PassOutcome, RenderOptions, Rendering};
 use oscura::scene::{
-    Beam, ColorSlot, Environment, FloatSlot, FresnelModel, Iridescence, Lamp, Material, Model, PbrMaterial,
-    Projection, Scene, ShadingModel, Texture, TextureId,
+    Beam, ColorSlot, EmitterTraits, Environment, FloatSlot, FresnelModel, Iridescence, Material, Model,
+    PbrMaterial, Projection, Scene, ShadingModel, Texture, TextureId,
 };
 use std::path::Path;
 use std::sync::Arc;
@@ -130,7 +130,7 @@ fn colours_look_like_themselves() {
 fn measured_spectra_look_as_their_integrals_say() {
     let nodes = [(400.0, 0.1), (480.0, 0.9), (530.0, 0.1), (640.0, 0.7)];
     let curve = Arc::new(Curve::share(&nodes));
-    let lamp = Arc::new(Curve::black_body(2700.0, 1.0));
+    let emitter_traits = Arc::new(Curve::black_body(2700.0, 1.0));
     let scene = in_furnace([1.0; 3], |scene| {
         scene.textures.push(Texture::Spectrum(curve.clone()));
         Material::new("paint", Model::Lambert { albedo: ColorSlot::texture(TextureId(0)) })
@@ -139,12 +139,12 @@ fn measured_spectra_look_as_their_integrals_say() {
     assert_means("paint in daylight", means(&scene, &options(16, 64, 8), true, 8), truth, 3e-3);
     // A sphere within a larger one that emits light.
     let mut scene = Scene { environment: Environment::Black, ..scene };
-    scene.textures.push(Texture::Spectrum(lamp.clone()));
+    scene.textures.push(Texture::Spectrum(emitter_traits.clone()));
     let mut shell = Material::emitter("lamp", [1.0; 3], true);
     shell.emission.iter_mut().for_each(|e| e.radiance = ColorSlot::texture(TextureId(1)));
     let shell = material(&mut scene, shell);
     sphere(&mut scene, [0.0; 3], 9.0, shell);
-    let truth = rgb_of(|nm| f64::from(curve.at(nm as f32) * lamp.at(nm as f32)));
+    let truth = rgb_of(|nm| f64::from(curve.at(nm as f32) * emitter_traits.at(nm as f32)));
     assert_means("paint in lamplight", means(&scene, &options(16, 64, 8), true, 8), truth, 4e-3);
 }
 
@@ -154,8 +154,8 @@ fn grey_room() -> Scene {
     walls(&mut scene, [1.0; 3], |scene, i| {
         material(scene, Material::lambert("wall", [[0.8, 0.5, 0.4, 0.7, 0.6, 0.3][i]; 3]))
     });
-    let lamp = material(&mut scene, Material::emitter("lamp", [6.0; 3], true));
-    quad(&mut scene, [-0.3, 0.98, -0.3], [0.6, 0.0, 0.0], [0.0, 0.0, 0.6], lamp);
+    let emitter_traits = material(&mut scene, Material::emitter("lamp", [6.0; 3], true));
+    quad(&mut scene, [-0.3, 0.98, -0.3], [0.6, 0.0, 0.0], [0.0, 0.0, 0.6], emitter_traits);
     let plastic = material(&mut scene, pbr("plastic", [0.4; 3], 0.0, 0.3));
     sphere(&mut scene, [-0.5, -0.7, -0.4], 0.3, plastic);
     let metal = material(&mut scene, pbr("metal", [0.8; 3], 1.0, 0.3));
@@ -264,9 +264,12 @@ fn prism(nm: f64) -> Scene {
     let line = [(nm - 4.0, 0.0), (nm, 1.0), (nm + 4.0, 0.0)];
     scene.textures.push(Texture::Spectrum(Arc::new(Curve::light(&line, 1.0))));
     let texture = ColorSlot::texture(TextureId(scene.textures.len() as u32 - 1));
-    for lamp in scene.materials.iter_mut().filter(|m| m.emission.is_some()) {
-        lamp.emission.iter_mut().for_each(|e| e.radiance = texture);
-        lamp.lamp = Some(Lamp { beam: Beam::Grid { half_angle_rad: 0.03 }, ..lamp.lamp.unwrap_or_default() });
+    for emitter_traits in scene.materials.iter_mut().filter(|m| m.emission.is_some()) {
+        emitter_traits.emission.iter_mut().for_each(|e| e.radiance = texture);
+        emitter_traits.emitter_traits = Some(EmitterTraits {
+            beam: Beam::Grid { half_angle_rad: 0.03 },
+            ..emitter_traits.emitter_traits.unwrap_or_default()
+        });
     }
     let normal = ALONG.cross(DVec3::Y);
     let normal = if normal.x > 0.0 { -normal } else { normal };
@@ -296,7 +299,7 @@ fn prisms_bend_each_wavelength_by_snells_law() {
         let b = 0.62 / 20.0 / (inverse_square(486.1) - inverse_square(656.3));
         1.62 + b * (inverse_square(nm) - inverse_square(587.6))
     };
-    let (lamp, target) = (DVec3::new(-0.988, 0.2, 0.365), DVec3::new(-0.075, 0.19, -0.043));
+    let (emitter_traits, target) = (DVec3::new(-0.988, 0.2, 0.365), DVec3::new(-0.075, 0.19, -0.043));
     let edges =
         [[0.0, -0.173_205], [-0.15, 0.086_602_5], [0.15, 0.086_602_5]].map(|[x, z]| DVec3::new(x, 0.0, z));
     let hit = |from: DVec3, way: DVec3, on: DVec3, normal: DVec3| {
@@ -304,10 +307,10 @@ fn prisms_bend_each_wavelength_by_snells_law() {
     };
     let mut places = Vec::new();
     for nm in [440.0, 500.0, 560.0, 640.0] {
-        let way = (target - lamp).normalize();
+        let way = (target - emitter_traits).normalize();
         let [first, second] =
             [edges[1], edges[2]].map(|other| (other - edges[0]).cross(DVec3::Y).normalize());
-        let entry = hit(lamp, way, edges[0], first);
+        let entry = hit(emitter_traits, way, edges[0], first);
         let within = refracted(way, first, 1.0, index(nm));
         let exit = hit(entry, within, edges[0], second);
         let out = refracted(within, second, index(nm), 1.0);

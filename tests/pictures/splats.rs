@@ -5,8 +5,8 @@ use oscura::film::Film;
 use oscura::math::{DAffine3, DMat3, DQuat, DVec3};
 use oscura::render::in_pool;
 use oscura::scene::{
-    ColorSlot, Emission, Environment, FloatSlot, Instance, Light, LightKind, Material, Mesh, MeshPart, Model,
-    Motion, Moving, Projection, Scene, Splats, f16,
+    ColorSlot, Emission, Environment, FloatSlot, Instance, Keyframes, Light, LightKind, Material, Mesh,
+    MeshPart, Model, Motion, Projection, Scene, Splats, f16,
 };
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -327,7 +327,7 @@ fn moving_splats_are_blurred() {
     add(&mut scene, &[ball]);
     scene.instances[0].motion = Motion::Keyed(0);
     let keys = [-1.0, 1.0].map(|x| DAffine3::from_translation(DVec3::X * x)).to_vec();
-    scene.motion.instances.push(Moving { keys, neighbours: None });
+    scene.motion.instances.push(Keyframes { keys, neighbours: None });
     scene.cameras.push(ray(DVec3::Z * 4.0, DVec3::ZERO));
     // The integral over |x| < 1 of the Gaussian where it is above 1/255, by the midpoint rule.
     let steps = 100_000;

@@ -5,7 +5,7 @@ use super::support::{camera, material, options, quad, shot, sphere};
 use oscura::accel::TreeQuality;
 use oscura::compile::{CompileOptions, Tree, compile};
 use oscura::math::{DAffine3, DVec3};
-use oscura::render::{Choices, RenderOptions, TreeChoice};
+use oscura::render::{BvhQuality, RenderOptions, RequestedOptions};
 use oscura::scene::{Environment, Material, Scene};
 use std::sync::Arc;
 use std::time::Duration;
@@ -47,16 +47,18 @@ fn fast_and_full_trees_give_the_same_pixels() {
 #[test]
 fn the_choice_follows_from_the_command_alone() {
     let scene = hills(2);
-    let tree = |choices: Choices, pictures: u64| choices.settle(&scene).expect("settled").tree(pictures);
+    let tree = |requested: RequestedOptions, pictures: u64| {
+        requested.resolve(&scene).expect("settled").tree(pictures)
+    };
     let camera_rays = 1280 * 720 * 128;
-    assert_eq!(tree(Choices::default(), 1), Tree::For { camera_rays });
-    assert_eq!(tree(Choices::default(), 10), Tree::For { camera_rays: 10 * camera_rays });
-    let limited = Choices {
+    assert_eq!(tree(RequestedOptions::default(), 1), Tree::For { camera_rays });
+    assert_eq!(tree(RequestedOptions::default(), 10), Tree::For { camera_rays: 10 * camera_rays });
+    let limited = RequestedOptions {
         options: RenderOptions::default().time_limit(Duration::from_secs(2)),
-        ..Choices::default()
+        ..RequestedOptions::default()
     };
     assert_eq!(tree(limited, 1), Tree::For { camera_rays: 2_000_000 });
-    for (choice, expected) in [(TreeChoice::Fast, Tree::Fast), (TreeChoice::Full, Tree::Full)] {
-        assert_eq!(tree(Choices { tree: choice, ..Choices::default() }, 1), expected);
+    for (choice, expected) in [(BvhQuality::Fast, Tree::Fast), (BvhQuality::Full, Tree::Full)] {
+        assert_eq!(tree(RequestedOptions { tree: choice, ..RequestedOptions::default() }, 1), expected);
     }
 }

@@ -4,8 +4,8 @@ use crate::support::{assert_radiance, camera, floor, material, mean, options, pi
 use oscura::math::{DAffine3, DVec3};
 use oscura::render::RenderOptions;
 use oscura::scene::{
-    ColorSlot, Environment, FloatSlot, Light, Material, Model, Moving, ObjectTraits, PbrMaterial, RayKinds,
-    Scene,
+    ColorSlot, Environment, FloatSlot, Keyframes, Light, Material, Model, ObjectTraits, PbrMaterial,
+    RayKinds, Scene,
 };
 
 const EYE: DVec3 = DVec3::new(-3.0, 1.0, -2.0);
@@ -183,7 +183,7 @@ fn holdouts_cut_holes() {
 /// What moves has the traits of its object, too.
 #[test]
 fn traits_move_along() {
-    let moving = |shift: DVec3| Moving {
+    let moving = |shift: DVec3| Keyframes {
         keys: vec![DAffine3::IDENTITY, DAffine3::from_translation(shift)],
         neighbours: None,
     };

@@ -16,7 +16,7 @@ use oscura::scene::Camera;
 pub(super) use pose::Pose;
 pub(super) use server::{Page, bind};
 pub(super) use state::{
-    DisplaySettings, Frame, RECORDED, RenderRequest, SceneInfo, Shared, ViewRequest, own_command,
+    Frame, PageDisplay, RECORDED, RenderRequest, SceneInfo, Shared, ViewRequest, own_command,
 };
 use std::time::{Duration, Instant};
 
@@ -47,8 +47,8 @@ impl PagePreview {
             command: std::iter::once("oscura".to_string()).chain(state::arguments()).collect(),
             ..SceneInfo::default()
         };
-        let look = DisplaySettings::new(PngOptions::default());
-        let shared = Shared::new(wish, look, facts, Vec::new());
+        let display = PageDisplay::new(PngOptions::default());
+        let shared = Shared::new(wish, display, facts, Vec::new());
         Ok(PagePreview { page: Page::open(server, shared, args, opens), shown: None })
     }
 
@@ -61,8 +61,8 @@ impl PagePreview {
         self.page.shared.wish(|state| {
             state.wish.pose = Pose::new(camera.clone(), 1.0);
             state.wish.size = size;
-            let DisplaySettings { aov, denoise, split, .. } = state.look;
-            state.look = DisplaySettings { aov, denoise, split, ..DisplaySettings::new(png.clone()) };
+            let PageDisplay { aov, denoise, split, .. } = state.display;
+            state.display = PageDisplay { aov, denoise, split, ..PageDisplay::new(png.clone()) };
             state.facts.sizes = vec![size];
             state.facts.cameras = vec![camera.name.clone()];
             state.facts.triangles = triangles;

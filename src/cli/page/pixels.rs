@@ -1,6 +1,6 @@
 //! What pages show of a frame: colour, the denoised picture or a pass, in 8 bits.
 
-use super::state::{Denoised, DisplaySettings, Frame};
+use super::state::{Denoised, Frame, PageDisplay};
 use oscura::film::{Aov, Film, Values};
 use oscura::output::{PngOptions, rgba8};
 
@@ -13,18 +13,18 @@ pub(super) struct Pixels {
 
 impl Pixels {
     /// What the page shows of a frame.
-    pub fn of(frame: &Frame, denoised: Option<&Denoised>, look: &DisplaySettings) -> Pixels {
-        let pass = look.aov.and_then(|aov| Some((aov, frame.film.aov(aov)?)));
+    pub fn of(frame: &Frame, denoised: Option<&Denoised>, display: &PageDisplay) -> Pixels {
+        let pass = display.aov.and_then(|aov| Some((aov, frame.film.aov(aov)?)));
         let of_film = |film: &Film, rgba| Pixels { width: film.width(), height: film.height(), rgba };
         match (pass, denoised) {
-            (Some((aov, planes)), _) => of_film(&frame.film, show(aov, planes, &look.png)),
-            (None, None) => of_film(&frame.film, rgba8(&frame.film, &look.png)),
+            (Some((aov, planes)), _) => of_film(&frame.film, show(aov, planes, &display.png)),
+            (None, None) => of_film(&frame.film, rgba8(&frame.film, &display.png)),
             (None, Some(Denoised { film, .. })) => {
-                let after = of_film(film, rgba8(film, &look.png));
-                if look.split <= 0.0 {
+                let after = of_film(film, rgba8(film, &display.png));
+                if display.split <= 0.0 {
                     return after;
                 }
-                after.right_of(look.split, of_film(&frame.film, rgba8(&frame.film, &look.png)))
+                after.right_of(display.split, of_film(&frame.film, rgba8(&frame.film, &display.png)))
             }
         }
     }

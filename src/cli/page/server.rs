@@ -3,7 +3,7 @@
 //! Requests must name this machine as their host, so that no foreign name that leads here is served, must not come from
 //! another site's pages, and must have the page's key in their path, which other users of this machine don't know.
 //!
-//! Denoises what pages show, beside the rendering.
+//! Pages show denoised pictures while the rendering goes on.
 
 use super::http;
 use super::http::{Answering, Request, Response};
@@ -242,14 +242,14 @@ fn frame(version: u64, shared: &Shared) -> Answer {
     let (Some(frame), true) = (state.frame.clone(), state.version > version) else {
         return Answer { status: 204, ..Answer::bytes(Vec::new()) };
     };
-    let (look, denoised) = (state.look.clone(), state.denoised_frame().cloned());
+    let (display, denoised) = (state.display.clone(), state.denoised_frame().cloned());
     let text = state_json(&state, &frame);
     let has_pixels = version >= state.pixels_version;
     drop(state);
     if has_pixels {
         return text_and_pixels(text, &Pixels { width: 0, height: 0, rgba: Vec::new() });
     }
-    text_and_pixels(text, &Pixels::of(&frame, denoised.as_ref(), &look))
+    text_and_pixels(text, &Pixels::of(&frame, denoised.as_ref(), &display))
 }
 
 /// Adds the size of the pixels to the text.
@@ -268,15 +268,15 @@ const THUMBNAIL: u32 = 160;
 
 /// A small picture of a pass, in the form of [`frame`]; "" is colour.
 fn thumbnail(pass: &str, shared: &Shared) -> Answer {
-    let (frame, mut look, denoised) = {
+    let (frame, mut display, denoised) = {
         let state = shared.lock();
-        (state.frame.clone(), state.look.clone(), state.denoised_frame().cloned())
+        (state.frame.clone(), state.display.clone(), state.denoised_frame().cloned())
     };
-    (look.aov, look.split) = (Aov::from_option(pass), 0.0);
-    let has_it = |frame: &Frame| look.aov.is_none_or(|aov| frame.film.aov(aov).is_some());
-    match frame.filter(|frame| has_it(frame) && (pass.is_empty() || look.aov.is_some())) {
+    (display.aov, display.split) = (Aov::from_option(pass), 0.0);
+    let has_it = |frame: &Frame| display.aov.is_none_or(|aov| frame.film.aov(aov).is_some());
+    match frame.filter(|frame| has_it(frame) && (pass.is_empty() || display.aov.is_some())) {
         Some(frame) => {
-            let small = Pixels::of(&frame, denoised.as_ref(), &look).reduced(THUMBNAIL);
+            let small = Pixels::of(&frame, denoised.as_ref(), &display).reduced(THUMBNAIL);
             text_and_pixels(json!({ "pass": pass }), &small)
         }
         None => Answer::text(404, "there is no picture of this pass yet"),
@@ -285,12 +285,12 @@ fn thumbnail(pass: &str, shared: &Shared) -> Answer {
 
 /// The picture so far as a file.
 fn picture(format: Format, name: &'static str, shared: &Shared) -> Answer {
-    let (frame, look, denoised) = {
+    let (frame, display, denoised) = {
         let state = shared.lock();
-        (state.frame.clone(), state.look.clone(), state.denoised_frame().cloned())
+        (state.frame.clone(), state.display.clone(), state.denoised_frame().cloned())
     };
     let Some(frame) = frame else { return Answer::text(404, "there is no picture yet") };
-    let mut options = OutputOptions { png: look.png, ..frame.output.clone() };
+    let mut options = OutputOptions { png: display.png, ..frame.output.clone() };
     let mut film = match denoised.filter(|denoised| denoised.scale == frame.scale) {
         Some(denoised) => {
             options.metadata.denoised = Some(denoised.by.to_string());
@@ -386,8 +386,8 @@ fn set(settings: Settings, shared: &Shared) -> std::result::Result<(), String> {
         None | Some("") => None,
         Some(name) => Some(Aov::from_option(name).ok_or("there is no such pass")?),
     };
-    let look = shared.lock().look.clone();
-    let view = settings.view.as_deref().map(|name| look.view(name).ok_or("there is no such view"));
+    let display = shared.lock().display.clone();
+    let view = settings.view.as_deref().map(|name| display.view(name).ok_or("there is no such view"));
     let view = view.transpose()?;
     check_numbers(&settings)?;
     let up = settings.up.as_deref().map(|name| up_of(name).ok_or("there is no such axis")).transpose()?;
@@ -406,12 +406,12 @@ fn set(settings: Settings, shared: &Shared) -> std::result::Result<(), String> {
     let is_look = settings.exposure.is_some() || view.is_some() || settings.pass.is_some();
     let is_look = is_look || settings.denoise.is_some() || settings.split.is_some();
     let look_changes = |state: &mut State| {
-        state.look.png.exposure = settings.exposure.unwrap_or(state.look.png.exposure);
-        state.look.png.view = view.unwrap_or(look.png.view);
-        state.look.denoise = settings.denoise.unwrap_or(state.look.denoise);
-        state.look.split = settings.split.unwrap_or(state.look.split);
+        state.display.png.exposure = settings.exposure.unwrap_or(state.display.png.exposure);
+        state.display.png.view = view.unwrap_or(display.png.view);
+        state.display.denoise = settings.denoise.unwrap_or(state.display.denoise);
+        state.display.split = settings.split.unwrap_or(state.display.split);
         if settings.pass.is_some() {
-            state.look.aov = aov;
+            state.display.aov = aov;
         }
     };
     if is_look {

@@ -89,7 +89,7 @@ pub(crate) struct State {
     pub wish: ViewRequest,
     /// Counts wishes.
     pub wishes: u64,
-    pub look: DisplaySettings,
+    pub display: PageDisplay,
     pub facts: SceneInfo,
     /// The scene's cameras.
     pub poses: Vec<Pose>,
@@ -124,11 +124,11 @@ pub(crate) struct Shared {
 }
 
 impl Shared {
-    pub fn new(wish: ViewRequest, look: DisplaySettings, facts: SceneInfo, poses: Vec<Pose>) -> Shared {
+    pub fn new(wish: ViewRequest, display: PageDisplay, facts: SceneInfo, poses: Vec<Pose>) -> Shared {
         let state = State {
             wish,
             wishes: 1,
-            look,
+            display,
             facts,
             poses,
             frame: None,
@@ -187,7 +187,7 @@ impl Shared {
     pub fn next_frame(&self, is_due: impl Fn(&Frame) -> bool) -> Option<Arc<Frame>> {
         let suits = |state: &State, frame: &Frame| frame.order == state.wishes && is_due(frame);
         let waits = |state: &mut State| {
-            let due = state.look.denoise && state.frame.as_ref().is_some_and(|frame| suits(state, frame));
+            let due = state.display.denoise && state.frame.as_ref().is_some_and(|frame| suits(state, frame));
             !due && !state.is_over
         };
         let state = self.changed.wait_while(self.lock(), waits);
@@ -208,8 +208,8 @@ impl Shared {
 
 /// Everything but the pixels and their size.
 pub(super) fn state_json(state: &State, frame: &Frame) -> Value {
-    let png = &state.look.png;
-    let pass = state.look.aov.filter(|&aov| frame.film.aov(aov).is_some());
+    let png = &state.display.png;
+    let pass = state.display.aov.filter(|&aov| frame.film.aov(aov).is_some());
     json!({
         "version": state.version,
         "samples": frame.samples,
@@ -218,9 +218,9 @@ pub(super) fn state_json(state: &State, frame: &Frame) -> Value {
         "finished": frame.is_finished && frame.order == state.wishes,
         "preview": frame.scale > 1,
         "order": frame.order,
-        "denoise": state.look.denoise,
+        "denoise": state.display.denoise,
         "denoised": state.denoised_frame().map(|denoised| denoised.samples),
-        "split": state.look.split,
+        "split": state.display.split,
         "trouble": state.trouble,
         "up": state.wish.up.map(Up::name).or(state.facts.up),
         "stage": state.wish.stage.map(StageArg::name).or(state.facts.stage.clone()),
@@ -231,7 +231,7 @@ pub(super) fn state_json(state: &State, frame: &Frame) -> Value {
         "defocus": state.wish.pose.defocus(),
         "exposure": png.exposure,
         "view": png.view.name(),
-        "views": state.look.views(),
+        "views": state.display.views(),
         "pass": pass.map_or("", |aov| aov.info().option),
         "command": command(state),
     })
@@ -241,7 +241,7 @@ impl State {
     /// The denoised picture of what is shown, if there is one and it is wanted.
     pub fn denoised_frame(&self) -> Option<&Denoised> {
         let order = self.frame.as_ref()?.order;
-        self.denoised.as_ref().filter(|denoised| self.look.denoise && denoised.order == order)
+        self.denoised.as_ref().filter(|denoised| self.display.denoise && denoised.order == order)
     }
 }
 
@@ -265,12 +265,12 @@ fn command(state: &State) -> String {
         add("--stage", stage.name());
     }
     // What the scene's file says of these may be something else.
-    add("--exposure", state.look.png.exposure.to_string());
+    add("--exposure", state.display.png.exposure.to_string());
     add("--spp", state.facts.samples.to_string());
-    add("--view", state.look.png.view.name().to_string());
+    add("--view", state.display.png.view.name().to_string());
     // An axis with a minus sign could be taken for an option.
     words.extend(state.wish.up.map(|up| format!("--up={}", up.name())));
-    words.push(if state.look.denoise { "--denoise" } else { "--no-denoise" }.to_string());
+    words.push(if state.display.denoise { "--denoise" } else { "--no-denoise" }.to_string());
     words.extend(state.wish.pose.arguments());
     words.extend(["-o".to_string(), "picture.exr".to_string(), "-o".to_string(), "picture.png".to_string()]);
     words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")
@@ -340,7 +340,7 @@ fn quoted(word: &str) -> String {
 
 /// How pictures are shown.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct DisplaySettings {
+pub(crate) struct PageDisplay {
     pub png: PngOptions,
     /// The pass to show in place of colour.
     pub aov: Option<Aov>,
@@ -352,11 +352,11 @@ pub(crate) struct DisplaySettings {
     pub split: f64,
 }
 
-impl DisplaySettings {
+impl PageDisplay {
     /// Colour as said.
-    pub fn new(png: PngOptions) -> DisplaySettings {
+    pub fn new(png: PngOptions) -> PageDisplay {
         let own_view = Some(png.view.clone()).filter(|view| matches!(view, ViewTransform::Table(_)));
-        DisplaySettings { png, aov: None, own_view, denoise: false, split: 0.0 }
+        PageDisplay { png, aov: None, own_view, denoise: false, split: 0.0 }
     }
 
     /// The names of all views.

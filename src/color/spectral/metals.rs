@@ -1,7 +1,5 @@
-//! Measured indices of refraction of metals (Palik 1998, "Handbook of Optical Constants of Solids").
+//! Metals by their measured indices of refraction (Palik 1998, "Handbook of Optical Constants of Solids").
 //! Made by `tools/spectra/tables.py`.
-//!
-//! Metals by their measured indices of refraction.
 
 use super::wavelengths::{Curve, Wavelengths};
 use crate::color::Rgb;

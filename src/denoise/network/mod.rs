@@ -7,7 +7,7 @@
 //! between layers has at most half the picture's resolution: the layers at full resolution run tile by tile, those before
 //! them strip by strip.
 //!
-//! Pre- and postprocessing of the network: the exposure, and a transfer function that makes radiance of any range
+//! Before and after the network stand the exposure and a transfer function that makes radiance of any range
 //! perceptually uniform, as in Open Image Denoise 2 (`core/color.h`, `core/autoexposure`): the network was trained with both.
 
 use crate::color::luminance;

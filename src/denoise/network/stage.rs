@@ -1,7 +1,7 @@
 //! Consecutive convolutions of the network, band by band and tile by tile: intermediate results are as large as a tile,
 //! and threads share only the input.
 //!
-//! Weights of the network, from the container that Open Image Denoise publishes them in: little-endian, a table of tensors by
+//! Their weights are in the container that Open Image Denoise publishes: little-endian, a table of tensors by
 //! name at the end ("Tensor Archive", `.tza`, version 2; Open Image Denoise, `core/tza.cpp` and `training/tza.py`).
 
 #![allow(clippy::needless_range_loop)]

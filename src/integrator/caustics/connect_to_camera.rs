@@ -1,12 +1,10 @@
-//! Connections of light paths to the camera, and their splats.
-//!
-//! Which light paths from lights find, the state of such a path, and what the paths bring.
+//! Light paths: which light they find, their state, what they bring, and their connections to the camera with the splats.
 
 use super::STILL;
 use crate::bsdf::{Bsdf, BsdfEval};
 use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
-use crate::compile::{CompiledScene, Role};
+use crate::compile::{CausticRole, CompiledScene};
 use crate::film::{Splat, SplatPart};
 use crate::integrator::Integrator;
 use crate::integrator::interior::{CameraInterior, Interior};
@@ -150,7 +148,8 @@ impl Integrator<'_> {
         EvaluatedMaterial { bsdf, ns, mapping }: EvaluatedMaterial,
         ng: Vec3,
     ) -> Receiver {
-        let is_of_diffuse = self.options.caustics.is_some_and(|p| p.role(material) == Role::DiffuseReceiver);
+        let is_of_diffuse =
+            self.options.caustics.is_some_and(|p| p.role(material) == CausticRole::DiffuseReceiver);
         let group = self.groups[material as usize];
         let is_lambert = matches!(group, ShadingGroup::Plain | ShadingGroup::Lambert);
         let is_opaque = is_lambert
@@ -271,8 +270,8 @@ impl Integrator<'_> {
 /// Which light paths from lights find, and how these paths start.
 #[derive(Clone, Debug)]
 pub struct CausticPlan {
-    /// Role of each material.
-    pub(super) roles: Vec<Role>,
+    /// CausticRole of each material.
+    pub(super) roles: Vec<CausticRole>,
     /// Paths start at the lights before this index; the environment follows.
     pub(super) light_count: u32,
     /// Distribution of the paths' starts.
@@ -310,9 +309,9 @@ impl CausticPlan {
         light < self.light_count
     }
 
-    /// Role of a material.
+    /// CausticRole of a material.
     #[inline(always)]
-    pub(super) fn role(&self, material: u32) -> Role {
+    pub(super) fn role(&self, material: u32) -> CausticRole {
         self.roles[material as usize]
     }
 }

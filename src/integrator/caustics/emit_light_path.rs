@@ -6,7 +6,7 @@ use super::{MAX_PASSES, STILL, is_stretched};
 use crate::bsdf::{BsdfClass, BsdfEval, BsdfSample};
 use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
-use crate::compile::Role;
+use crate::compile::CausticRole;
 use crate::film::Splat;
 use crate::integrator::interfaces::CoincidentHit;
 use crate::integrator::interior::Interior;
@@ -148,22 +148,22 @@ impl Integrator<'_> {
     }
 
     /// What a path does at a surface with this role.
-    fn step(&self, path: &LightPath, role: Role) -> Step {
+    fn step(&self, path: &LightPath, role: CausticRole) -> Step {
         let (bounces, max_depth) = (path.bounces, self.options.max_depth);
         // What it would bring to a surface that scatters is found there by light samples through panes.
-        if path.is_straight && bounces > 0 && role != Role::Caster {
+        if path.is_straight && bounces > 0 && role != CausticRole::Caster {
             return Step { connects: false, continues: false };
         }
         // The first surface must be a caster.
         let is_taken = path.has_roles
             && match role {
-                Role::Caster => true,
-                Role::Receiver | Role::DiffuseReceiver => bounces > 0,
-                Role::Neither => false,
+                CausticRole::Caster => true,
+                CausticRole::Receiver | CausticRole::DiffuseReceiver => bounces > 0,
+                CausticRole::Neither => false,
             };
         let is_free = path.is_only_way && bounces > 0;
         Step {
-            connects: (is_free || is_taken && role != Role::Caster) && max_depth > bounces,
+            connects: (is_free || is_taken && role != CausticRole::Caster) && max_depth > bounces,
             // The connection to the camera needs one more bounce.
             continues: (is_free || is_taken) && max_depth > bounces.saturating_add(1),
         }
@@ -220,7 +220,7 @@ impl Integrator<'_> {
         &self,
         path: &LightPath,
         at: &HitPoint<'_>,
-        role: Role,
+        role: CausticRole,
         material_index: u32,
         w: &mut Workspace,
     ) -> Option<LightPath> {
@@ -229,12 +229,12 @@ impl Integrator<'_> {
         let radiance = get_rgb(&arriving.state.throughput, 0);
         let [a, b, lobe, roulette] = path.point.sample_4d(&Dimensions::new(2 + path.bounces));
         let scattered = match role {
-            Role::Caster => self.scatter_at_caster(&caster, [a, b, lobe])?,
+            CausticRole::Caster => self.scatter_at_caster(&caster, [a, b, lobe])?,
             _ => self.scatter_at_receiver(path, &caster, material_index, [a, b, lobe])?,
         };
         let survival = match role {
-            Role::Caster if path.bounces < FIRST_ROULETTE => 1.0,
-            Role::Caster => SURVIVAL,
+            CausticRole::Caster if path.bounces < FIRST_ROULETTE => 1.0,
+            CausticRole::Caster => SURVIVAL,
             // The flux of surviving paths stays the same.
             _ => (scattered.weight.max_element() * scattered.scale).min(1.0),
         };
@@ -252,7 +252,7 @@ impl Integrator<'_> {
             interior: if scattered.is_transmission { beyond } else { arriving.interior[0] },
             bounces: path.bounces + 1,
             is_straight: path.is_straight && self.goes_straight_on(path, at, &scattered),
-            has_roles: path.has_roles && role != Role::Neither,
+            has_roles: path.has_roles && role != CausticRole::Neither,
             is_only_way: path.is_only_way && (path.bounces > 0 || scattered.is_specular),
             ..*path
         })

@@ -2,13 +2,13 @@
 //! polished metal send from lights to other surfaces is found by paths that start at lights, and connected to the camera. Paths from
 //! the camera find it by chance only, and never where the lights are points or directions.
 //!
-//! With E the camera, D a receiver ([`Role::Receiver`](crate::compile::Role)), S a caster ([`Role::Caster`](crate::compile::Role)) and
+//! With E the camera, D a receiver ([`CausticRole::Receiver`](crate::compile::CausticRole)), S a caster ([`CausticRole::Caster`](crate::compile::CausticRole)) and
 //! L a light, paths from lights find all of `E D (D|S)* S L` and nothing else: they are connected to the camera at each receiver, and
 //! continue there. Paths from the camera leave out exactly these: each stores whether its first surface was a D and all others were D
 //! or S (its *chain*), and whether the last one was an S. The role of a surface follows from its material, and so is the same from both
 //! sides. The environment doesn't count as a light here: paths from the camera find its light.
 //!
-//! Of some receivers only the diffuse lobes take part ([`Role::DiffuseReceiver`](crate::compile::Role)): their other lobes are so smooth,
+//! Of some receivers only the diffuse lobes take part ([`CausticRole::DiffuseReceiver`](crate::compile::CausticRole)): their other lobes are so smooth,
 //! or may be by their textures, that paths from lights would seldom meet the camera in a direction where much is reflected. Paths from
 //! lights find the product of the shares of the diffuse lobes at such vertices, paths from the camera what is missing from 1.
 //!
@@ -37,7 +37,7 @@ use super::shading_groups::SortedVertices;
 use super::wave::{Vertices, Wave, get, get_rgb, set_rgb};
 use super::workspace::Workspace;
 use crate::color::Rgb;
-use crate::compile::{Presence, Role};
+use crate::compile::{CausticRole, Presence};
 use crate::math::{Hit, Ray, Vec3};
 use crate::sampling::hash::{hash32, unit};
 use crate::scene::RayKinds;
@@ -55,7 +55,7 @@ const BITS: u32 = 2;
 /// [`ARRIVES`] of the chain that includes the current vertex.
 const LEAVES: u32 = ARRIVES << BITS;
 const LEAVES_BY_CASTER: u32 = ARRIVES_BY_CASTER << BITS;
-/// The current vertex is a receiver by its diffuse lobes only ([`Role::DiffuseReceiver`]).
+/// The current vertex is a receiver by its diffuse lobes only ([`CausticRole::DiffuseReceiver`]).
 const IS_DIFFUSE: u32 = 1 << (2 * BITS);
 
 impl Integrator<'_> {
@@ -71,14 +71,14 @@ impl Integrator<'_> {
     pub(super) fn follow_chains(&self, bounce: u32, w: &mut Workspace) {
         let Some(plan) = self.options.caustics else { return };
         for (i, hit) in w.hits.iter().enumerate() {
-            let role = if hit.is_hit() { plan.role(w.materials[i]) } else { Role::Neither };
+            let role = if hit.is_hit() { plan.role(w.materials[i]) } else { CausticRole::Neither };
             let chain = &mut w.arriving.chains[i];
             let came = *chain & (ARRIVES | ARRIVES_BY_CASTER);
             let is_taken = bounce == 0 || came != 0;
             *chain = match role {
-                Role::Receiver if is_taken => came | LEAVES,
-                Role::DiffuseReceiver if is_taken => came | LEAVES | IS_DIFFUSE,
-                Role::Caster if came != 0 => came | LEAVES | LEAVES_BY_CASTER,
+                CausticRole::Receiver if is_taken => came | LEAVES,
+                CausticRole::DiffuseReceiver if is_taken => came | LEAVES | IS_DIFFUSE,
+                CausticRole::Caster if came != 0 => came | LEAVES | LEAVES_BY_CASTER,
                 _ => came,
             };
         }

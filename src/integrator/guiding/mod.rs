@@ -14,7 +14,7 @@
 //! The expected contribution of a path is its throughput times the albedo times the mean of the cell. Russian roulette compares it with
 //! that at the path's first guided vertex.
 //!
-//! Paths that train a guide: what they find is recorded where they scattered.
+//! What training paths find is recorded where they scattered.
 
 use super::Integrator;
 use super::sampling::Block;

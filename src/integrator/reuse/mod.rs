@@ -26,7 +26,7 @@
 //! Where a prefix ends depends on the random numbers before its last scattering only, and each scattering has a set of
 //! dimensions of its own, scrambled independently. So suffixes are independent of whether others take part.
 //!
-//! Buffers of a wave for path sharing: ends of prefixes and starts of suffixes, by place (see [`super::Tiling`]).
+//! A wave has buffers for the ends of prefixes and the starts of suffixes, by place (see [`Tiling`]).
 
 use super::radiance_buffer::Layers;
 use super::shading_groups::load_material;

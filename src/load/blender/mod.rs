@@ -3,7 +3,7 @@
 //!
 //! Such files can hold scripts. They are opened with scripts off, with Blender's factory settings and offline.
 //!
-//! The exporter's cache: baked images and grids. Each file of the folder is one of
+//! The exporter keeps baked images and grids in a cache. Each file of the folder is one of
 //! them, named by a hash of all that it was made from (32 hexadecimal digits and `.oscura`), so that none is ever out of
 //! date. The exporter deletes those that were not used for longest once there is too much (`cache.py`).
 

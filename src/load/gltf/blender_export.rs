@@ -24,7 +24,7 @@ pub(super) fn blender_losses(
     if !doc.is_from_blender() || doc.is_our_export() {
         return None;
     }
-    let lamps = lamps(doc, hierarchy, report);
+    let lights = lights(doc, hierarchy, report);
     let named = |is_meant: &dyn Fn(&ExportLosses) -> bool| {
         let materials = scene.materials.iter().zip(export_losses);
         each_once(materials.filter(|(_, export_losses)| is_meant(export_losses)).map(|(m, _)| m.name.clone()))
@@ -34,8 +34,8 @@ pub(super) fn blender_losses(
         rough_metal: named(&|s| s.is_rough_metal),
         lost: named(&|s| s.is_lost),
         unused_alpha: named(&|s| s.ignores_alpha_of.is_some_and(|texture| has_alpha(scene, texture))),
-        enclosing: enclosing(scene, export_losses, &lamps),
-        lamps: lamps.into_iter().map(|(name, _)| name).collect(),
+        enclosing: enclosing(scene, export_losses, &lights),
+        lights: lights.into_iter().map(|(name, _)| name).collect(),
     })
 }
 
@@ -51,7 +51,7 @@ fn is_of_lamp(name: &str) -> bool {
 }
 
 /// Empty nodes named like lights, with their positions; joints of skins and nodes with children don't count.
-fn lamps(doc: &Document, hierarchy: &Hierarchy, report: &mut Report) -> Vec<(String, DAffine3)> {
+fn lights(doc: &Document, hierarchy: &Hierarchy, report: &mut Report) -> Vec<(String, DAffine3)> {
     let skins = doc.json.get("skins").and_then(Value::as_array).into_iter().flatten();
     let joints: HashSet<usize> =
         skins.flat_map(|skin| list_of_indices(skin, "joints", "/skins", report)).collect();
@@ -89,7 +89,7 @@ fn has_alpha(scene: &Scene, texture: TextureId) -> bool {
 fn enclosing(
     scene: &Scene,
     export_losses: &[ExportLosses],
-    lamps: &[(String, DAffine3)],
+    lights: &[(String, DAffine3)],
 ) -> Vec<(String, String)> {
     if !export_losses.iter().any(|s| s.is_lost) {
         return Vec::new();
@@ -100,14 +100,14 @@ fn enclosing(
     };
     let cameras =
         scene.cameras.iter().map(|c| (format!("camera '{}'", c.name), c.world_from_camera.translation));
-    let lights = scene.lights.iter().filter_map(|light| match light.kind {
+    let listed = scene.lights.iter().filter_map(|light| match light.kind {
         LightKind::Point { position }
         | LightKind::Spot { position, .. }
         | LightKind::Profiled { position, .. } => Some((format!("light '{}'", light.name), position)),
         _ => None,
     });
-    let lamps = lamps.iter().map(|(name, place)| (format!("lamp '{name}'"), place.translation));
-    let inside: Vec<(String, DVec3)> = cameras.chain(lights).chain(lamps).collect();
+    let lights = lights.iter().map(|(name, place)| (format!("light '{name}'"), place.translation));
+    let inside: Vec<(String, DVec3)> = cameras.chain(listed).chain(lights).collect();
     let extents = instance_extents(scene);
     let found = extents.iter().enumerate().filter_map(|(index, Extent(extent))| {
         let (low, high) = (*extent)?;
@@ -138,8 +138,8 @@ pub(in crate::load) fn warn_of_losses(path: &Path, loaded: &mut Loaded) {
     let Some(lost) = &loaded.blender else { return };
     let about = |(code, message): (&'static str, String)| Warning::new(path, "", (code, message));
     loaded.notes.push(about(("blender-exporter-limits", format!(
-        "Blender's glTF files never hold the world, area lights, portals, sizes of lamps, angles of suns, nodes of lamps, \
-         links of lights and lamps without shadows; depth of field, shift, panoramas, motion blur, the picture's size, \
+        "Blender's glTF files never hold the world, area lights, portals, sizes of lights, angles of suns, nodes of lights, \
+         links of lights and lights without shadows; depth of field, shift, panoramas, motion blur, the picture's size, \
          transparency of the film, exposure and view; volumes, subsurface scattering, displacement, bumps and other nodes \
          beside Principled BSDF; visibility by kinds of rays, holdouts and shadow catchers, instances of particles and \
          geometry nodes. The file of Blender itself keeps them ('oscura render scene.blend'); {} makes up for some",
@@ -149,9 +149,9 @@ pub(in crate::load) fn warn_of_losses(path: &Path, loaded: &mut Loaded) {
 }
 
 fn warnings(lost: &BlenderExport) -> Vec<(&'static str, String)> {
-    let BlenderExport { lamps, white, rough_metal, unused_alpha, enclosing, .. } = lost;
+    let BlenderExport { lights, white, rough_metal, unused_alpha, enclosing, .. } = lost;
     let mut notes = Vec::new();
-    if let Some(names) = list("node", lamps) {
+    if let Some(names) = list("node", lights) {
         notes.push((
             "lost-area-lights",
             format!("{names} without contents may have been area lights, which Blender does not export"),
@@ -200,9 +200,9 @@ mod tests {
 
     #[test]
     fn lamps_are_known_by_their_names() {
-        let lamps =
+        let lights =
             ["Area", "Area.001", "key_light", "KeyLight", "Rim", "Lamp.003", "SOFTBOX left", "fill-2"];
-        assert!(lamps.iter().all(|name| is_of_lamp(name)));
+        assert!(lights.iter().all(|name| is_of_lamp(name)));
         assert!(
             !["Empty", "Keyboard", "Rimini", "Sunday", "target", "arena", "spine.001"]
                 .iter()

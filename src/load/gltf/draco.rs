@@ -1,7 +1,5 @@
 //! KHR_draco_mesh_compression: primitives whose vertices and indices are one compressed stream. Its contents replace
-//! those of the primitive's accessors.
-//!
-//! The compressed stream of a primitive, by `draco-core`.
+//! those of the primitive's accessors. `draco-core` decodes it.
 
 use super::document::{DecodedAccessor, Document, pointer};
 use super::report::{Report, Valid};

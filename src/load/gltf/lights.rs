@@ -9,9 +9,9 @@ use crate::load::ies::LUMENS_PER_WATT;
 use crate::load::options::LightUnits;
 use crate::math::{DAffine3, DMat3, DQuat, DVec3};
 use crate::scene::{
-    Camera, GROUP_KEY, Instance, Lamp, Light, LightKind, LightLinks, LightProfile, Material, MaterialId,
-    Mesh, MeshId, MeshPart, ObjectTraits, Portal, Projection, Quad, RayKinds, Scene, Shape, ShapeKind,
-    SpotFade, is_group_name,
+    Camera, EmitterTraits, GROUP_KEY, Instance, Light, LightKind, LightLinks, LightProfile, Material,
+    MaterialId, Mesh, MeshId, MeshPart, ObjectTraits, Portal, Projection, Quad, RayKinds, Scene, Shape,
+    ShapeKind, SpotFade, is_group_name,
 };
 use crate::shape::mesh_of;
 use gltf::json::camera::Type;
@@ -342,7 +342,7 @@ pub(super) struct AreaLight {
     name: String,
     radiance: [f32; 3],
     group: String,
-    lamp: Lamp,
+    emitter_traits: EmitterTraits,
     form: Form,
     /// From the unit square, centered at the origin with normal -z, to world space.
     world_from_unit: DAffine3,
@@ -398,9 +398,9 @@ fn read_area_light(doc: &Document, (node, raw): (&Node, &Value), report: &mut Re
     let of_node = light_group(node_raw, &node.pointer(), report);
     let group = of_node.or_else(|| light_group(light, &at, report)).unwrap_or_default();
     let ObjectTraits { visible_to, .. } = object_traits(node_raw, &node.pointer(), report);
-    let lamp = Lamp { visible_to, ..Lamp::default() };
+    let emitter_traits = EmitterTraits { visible_to, ..EmitterTraits::default() };
     let name = name_of(node_raw, "light of node", node.index);
-    Ok(AreaLight { name, radiance, group, lamp, form, world_from_unit })
+    Ok(AreaLight { name, radiance, group, emitter_traits, form, world_from_unit })
 }
 
 /// A size above 0; 1 by default.
@@ -429,10 +429,11 @@ fn world_from_unit(world_from_node: &DAffine3, size: [f64; 2]) -> Option<DAffine
 impl AreaLight {
     /// Adds the light to a scene that has its other materials already.
     pub fn add_to(self, scene: &mut Scene) {
-        let AreaLight { name, radiance, group, lamp, form, world_from_unit } = self;
+        let AreaLight { name, radiance, group, emitter_traits, form, world_from_unit } = self;
         let mut emitter = Material::emitter(&name, radiance, false);
         emitter.light_group = group;
-        emitter.lamp = Some(lamp).filter(|lamp| *lamp != Lamp::default());
+        emitter.emitter_traits =
+            Some(emitter_traits).filter(|emitter_traits| *emitter_traits != EmitterTraits::default());
         let material = scene.add_material(emitter);
         let (x, y, center) =
             (world_from_unit.matrix3.x_axis, world_from_unit.matrix3.y_axis, world_from_unit.translation);

@@ -12,7 +12,7 @@ use super::scene_builder::SharedAssets;
 use super::vertices;
 use crate::load::LoadOptions;
 use crate::math::{DAffine3, DMat3, DVec3};
-use crate::scene::{Camera, Instance, Light, LightKind, Mesh, Motion, Moving, Scene, Vertices};
+use crate::scene::{Camera, Instance, Keyframes, Light, LightKind, Mesh, Motion, Scene, Vertices};
 use std::collections::{BTreeSet, HashMap};
 
 /// The scene at one time.
@@ -75,12 +75,12 @@ impl ShutterSamples {
     }
 
     /// A value at all times; `None` where one is missing.
-    fn all<T>(&self, of: impl Fn(&ShutterSample) -> Option<T>) -> Option<Moving<T>> {
+    fn all<T>(&self, of: impl Fn(&ShutterSample) -> Option<T>) -> Option<Keyframes<T>> {
         let neighbours = match &self.neighbours {
             Some([before, after]) => Some([of(before)?, of(after)?]),
             None => None,
         };
-        Some(Moving { keys: self.keys.iter().map(of).collect::<Option<_>>()?, neighbours })
+        Some(Keyframes { keys: self.keys.iter().map(of).collect::<Option<_>>()?, neighbours })
     }
 
     /// Adds the motion to the scene at the picture's time.
@@ -93,7 +93,7 @@ impl ShutterSamples {
                 continue;
             };
             let (place, mesh) = (scene.instances[i].world_from_object, scene.instances[i].mesh.index());
-            let moving = Moving {
+            let moving = Keyframes {
                 keys: met.keys.iter().map(|m| m.0).collect(),
                 neighbours: met.neighbours.map(|n| n.map(|m| m.0)),
             };
@@ -126,18 +126,18 @@ impl ShutterSamples {
     }
 
     /// Is an instance's mesh deformed at some time?
-    fn is_deformed(&self, met: &Moving<(DAffine3, usize)>) -> bool {
+    fn is_deformed(&self, met: &Keyframes<(DAffine3, usize)>) -> bool {
         let mut keys = self.keys.iter().zip(&met.keys);
         keys.any(|(moment, met)| moment.meshes.contains_key(&met.1))
     }
 
     /// The motion of an empty node; `None` if it is static.
-    pub fn empty(&self, node: usize, now: &DAffine3) -> Option<Moving<DAffine3>> {
+    pub fn empty(&self, node: usize, now: &DAffine3) -> Option<Keyframes<DAffine3>> {
         self.all(|m| m.empties.get(&node).copied()).filter(|moving| differs(moving, now))
     }
 
     /// The vertices of an instance's mesh at all times, if it is deformed.
-    fn vertices(&self, met: &Moving<(DAffine3, usize)>, mesh: &Mesh) -> Option<Moving<Vertices>> {
+    fn vertices(&self, met: &Keyframes<(DAffine3, usize)>, mesh: &Mesh) -> Option<Keyframes<Vertices>> {
         let counts = (mesh.positions.len(), mesh.normals.len());
         let of = |moment: &ShutterSample, mesh: usize| {
             moment.meshes.get(&mesh).filter(|v| (v.positions.len(), v.normals.len()) == counts).cloned()
@@ -147,7 +147,7 @@ impl ShutterSamples {
             (Some([before, after]), Some([b, a])) => Some([of(before, b.1)?, of(after, a.1)?]),
             _ => None,
         };
-        Some(Moving { keys: keys.collect::<Option<_>>()?, neighbours })
+        Some(Keyframes { keys: keys.collect::<Option<_>>()?, neighbours })
     }
 
     fn set_cameras(&self, scene: &mut Scene) {
@@ -162,7 +162,7 @@ impl ShutterSamples {
     fn set_lights(&self, scene: &mut Scene) {
         for (i, light) in scene.lights.iter_mut().enumerate() {
             let kind = |m: &ShutterSample| m.lights.get(i).filter(|l| l.name == light.name).map(|l| l.kind);
-            let differs = |moving: &Moving<LightKind>| differs(moving, &light.kind);
+            let differs = |moving: &Keyframes<LightKind>| differs(moving, &light.kind);
             light.motion = self.all(kind).filter(differs);
         }
     }
@@ -181,12 +181,12 @@ impl ShutterSamples {
 }
 
 /// Does any key differ from the value at the picture's time?
-fn differs<T: PartialEq>(moving: &Moving<T>, now: &T) -> bool {
+fn differs<T: PartialEq>(moving: &Keyframes<T>, now: &T) -> bool {
     moving.all().any(|then| then != now)
 }
 
 /// Do the vertices at any time differ from those at the picture's time?
-fn is_other(moving: &Moving<Vertices>, now: &Mesh) -> bool {
+fn is_other(moving: &Keyframes<Vertices>, now: &Mesh) -> bool {
     moving.all().any(|then| then.positions != now.positions || then.normals != now.normals)
 }
 

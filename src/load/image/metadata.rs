@@ -3,7 +3,7 @@
 //! Pixels of textures are taken as they are stored. glTF demands it (2.0, section 3.8.2: embedded ICC profiles, gamma and animation "MUST
 //! be ignored", and JPEG is JFIF, which knows no orientation), and the texture coordinates of OBJ files and scene files were
 //! made by programs that do the same. Environments and backgrounds are photographs: orientation and profile are applied
-//! (`photograph.rs`). Layouts: ISO 10918-1 (JPEG), PNG third edition, RFC 9649 (WebP), TIFF 6.0 and BigTIFF, ICC.1:2022.
+//!. Layouts: ISO 10918-1 (JPEG), PNG third edition, RFC 9649 (WebP), TIFF 6.0 and BigTIFF, ICC.1:2022.
 //!
 //! What photographs ask for: their orientation (EXIF) and their colour profile (ICC.1:2022).
 //!

@@ -180,7 +180,7 @@ fn format_of(source: &Source, mime: Option<&str>, warnings: &mut Vec<Warning>) -
         return Err(source.lacks(lacking));
     }
     let readable = |f: &ImageFormat| f.reading_enabled() || *f == ImageFormat::OpenExr;
-    format.filter(readable).ok_or_else(|| match files::of(source.bytes) {
+    format.filter(readable).ok_or_else(|| match files::content_of(source.bytes) {
         Some(Content { what, remedy }) => source.error(format!("is {what}")).with_help(remedy),
         None => source
             .error(("image-format-unknown", "is not an image of a known format"))

@@ -11,7 +11,7 @@ use crate::load::mesh_tools::placed_shape;
 use crate::load::{files, ply};
 use crate::math::{DAffine3, DMat3, DVec3, Vec3};
 use crate::sampling::hash::{hash32, unit};
-use crate::scene::{Instance, MeshId, Motion, Moving, ObjectInfo, Scene, Vertices};
+use crate::scene::{Instance, Keyframes, MeshId, Motion, ObjectInfo, Scene, Vertices};
 use ply::places::{Place, Places};
 use std::ops::Range;
 
@@ -148,7 +148,7 @@ impl MeshKeys {
         }
         let is_known = assets.has_mesh_keys(id, &self.label)?;
         let (now, shutter) = (build.frame(), build.shutter);
-        let still = Moving { keys: vec![place; 2], neighbours: shutter.vectors.then_some([place; 2]) };
+        let still = Keyframes { keys: vec![place; 2], neighbours: shutter.vectors.then_some([place; 2]) };
         if !is_known {
             let (keys, _) = shutter.keys_for(&mut |frames| self.shares(now + frames));
             let keys: Vec<Vertices> = shutter.key_frames(keys).map(|f| self.at(now + f)).collect();
@@ -158,7 +158,7 @@ impl MeshKeys {
             let mesh = &mut scene.meshes[id.index()];
             (mesh.positions, mesh.normals) = (shape.positions, shape.normals);
             if shutter.wants_motion() {
-                scene.motion.meshes.insert(id.index(), Moving { keys, neighbours });
+                scene.motion.meshes.insert(id.index(), Keyframes { keys, neighbours });
             }
         }
         if !shutter.wants_motion() || matches!(motion, Motion::Keyed(_)) {

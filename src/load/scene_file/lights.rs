@@ -41,9 +41,9 @@ use crate::load::image::Use;
 use crate::load::{files, ies};
 use crate::math::{DAffine3, DMat3, DQuat, DVec3, Vec2};
 use crate::scene::{
-    Beam, Instance, Interpolation, Lamp, Light, LightKind, LightProfile, Mapping, Material, MaterialId, Mesh,
-    MeshId, MeshPart, Motion, Moving, ObjectTraits, Quad, RayKinds, Shape, ShapeKind, SpotFade, Texture,
-    TextureId, TextureTransform, Wrap,
+    Beam, EmitterTraits, Instance, Interpolation, Keyframes, Light, LightKind, LightProfile, Mapping,
+    Material, MaterialId, Mesh, MeshId, MeshPart, Motion, ObjectTraits, Quad, RayKinds, Shape, ShapeKind,
+    SpotFade, Texture, TextureId, TextureTransform, Wrap,
 };
 use crate::shape::mesh_of;
 use std::f64::consts::{FRAC_PI_4, PI};
@@ -64,7 +64,7 @@ pub(super) fn read(build: &mut SceneFileBuilder, root: &Fields) {
         let name = fields.string("name").map_or(number, |n| n.value.to_string());
         let color = fields.color("color").map_or([1.0; 3], |c| c.value);
         let group = group(&fields, "group");
-        let lamp = Lamp {
+        let emitter_traits = EmitterTraits {
             visible_to: visible_to(&fields, RayKinds::ALL),
             is_obstacle: fields.flag("obstacle", true),
             beam: Beam::Even,
@@ -79,7 +79,12 @@ pub(super) fn read(build: &mut SceneFileBuilder, root: &Fields) {
                         let message = "a light at a node moves along with it: leave 'motion' out";
                         fields.problems.push(shape_fields.span(), message);
                     }
-                    add(build, shape, &shape_fields, LightTraits { name, color, lamp, group, links, moved });
+                    add(
+                        build,
+                        shape,
+                        &shape_fields,
+                        LightTraits { name, color, emitter_traits, group, links, moved },
+                    );
                     shape_fields.finish();
                 }
             }
@@ -150,7 +155,14 @@ fn add_local(build: &mut SceneFileBuilder, is_spot: bool, fields: &Fields, trait
         let motion = motion.map(|moving| ball_motion(build, &traits.name, position, &beam, &moving));
         return add_surface(
             build,
-            (Surface::Ball { position, radius, kind: ball_kind(is_soft, traits.lamp.is_obstacle) }, motion),
+            (
+                Surface::Ball {
+                    position,
+                    radius,
+                    kind: ball_kind(is_soft, traits.emitter_traits.is_obstacle),
+                },
+                motion,
+            ),
             traits,
             beam,
             (radiance, None),
@@ -195,7 +207,7 @@ fn add_profiled(
             let motion = motion.map(|moving| profile_ball_motion(build, &traits.name, &kind, &moving));
             let beam = Beam::Profile { profile: build.loaded.scene.add_profile(profile), rotation, cone };
             let radiance = intensity / (PI * radius * radius);
-            let kind = ball_kind(is_soft, traits.lamp.is_obstacle);
+            let kind = ball_kind(is_soft, traits.emitter_traits.is_obstacle);
             let surface = Surface::Ball { position, radius, kind };
             add_surface(build, (surface, motion), traits, beam, (radiance, None));
         }
@@ -261,13 +273,13 @@ fn turned(mut kind: LightKind, center: DVec3, by: DQuat) -> LightKind {
 fn push(
     build: &mut SceneFileBuilder,
     traits: LightTraits,
-    (kind, motion): (LightKind, Option<Moving<LightKind>>),
+    (kind, motion): (LightKind, Option<Keyframes<LightKind>>),
     strength: f64,
     profile: Option<Arc<LightProfile>>,
 ) {
     let intensity = traits.color.map(|c| c * strength as f32);
-    let LightTraits { name, group, lamp, links, .. } = traits;
-    let visible_to = lamp.visible_to;
+    let LightTraits { name, group, emitter_traits, links, .. } = traits;
+    let visible_to = emitter_traits.visible_to;
     build.loaded.scene.lights.push(Light {
         name,
         kind,
@@ -362,8 +374,8 @@ pub(super) fn ball_motion(
     name: &str,
     position: DVec3,
     beam: &Beam,
-    moving: &Moving<Placement>,
-) -> Moving<DAffine3> {
+    moving: &Keyframes<Placement>,
+) -> Keyframes<DAffine3> {
     if let Beam::Cone { direction, .. } = beam
         && moving.all().any(|then| then.direction.distance(*direction) > 1e-6)
     {
@@ -376,25 +388,26 @@ pub(super) fn ball_motion(
 /// Adds a light with a surface of a radiance, times a picture if it has one, which may move on from where it is.
 fn add_surface(
     build: &mut SceneFileBuilder,
-    (surface, motion): (Surface, Option<Moving<DAffine3>>),
+    (surface, motion): (Surface, Option<Keyframes<DAffine3>>),
     traits: LightTraits,
     beam: Beam,
     (radiance, picture): (f64, Option<TextureId>),
 ) {
-    let LightTraits { name, color, lamp, group, links, .. } = traits;
+    let LightTraits { name, color, emitter_traits, group, links, .. } = traits;
     let traits = ObjectTraits { links, ..ObjectTraits::default() };
     build.loaded.has_area_lights = true;
     let scene = &mut build.loaded.scene;
     let material = MaterialId(scene.materials.len() as u32);
     let is_ball = |of| matches!(surface, Surface::Ball { kind, .. } if kind == of);
     // A rotation has no effect on it.
-    let is_obstacle = lamp.is_obstacle && !is_ball(ShapeKind::FacingDisk);
+    let is_obstacle = emitter_traits.is_obstacle && !is_ball(ShapeKind::FacingDisk);
     let shines_inwards = is_ball(ShapeKind::Shell);
     let mut emitter = Material::emitter(&name, color.map(|c| c * radiance as f32), shines_inwards);
     if let Some(emission) = &mut emitter.emission {
         emission.radiance.texture = picture;
     }
-    emitter.lamp = Some(Lamp { is_obstacle, beam, ..lamp }).filter(|lamp| *lamp != Lamp::default());
+    emitter.emitter_traits = Some(EmitterTraits { is_obstacle, beam, ..emitter_traits })
+        .filter(|emitter_traits| *emitter_traits != EmitterTraits::default());
     emitter.light_group = group;
     scene.materials.push(emitter);
     match surface {
@@ -487,8 +500,8 @@ pub(super) fn profile_ball_motion(
     build: &mut SceneFileBuilder,
     name: &str,
     now: &LightKind,
-    moving: &Moving<LightKind>,
-) -> Moving<DAffine3> {
+    moving: &Keyframes<LightKind>,
+) -> Keyframes<DAffine3> {
     let place = |kind: &LightKind| match *kind {
         LightKind::Profiled { position, rotation, .. } => (position, rotation),
         _ => (DVec3::ZERO, DQuat::IDENTITY),

@@ -80,9 +80,9 @@ use crate::load::heights::{BUMP_HEIGHT, holds_normals, normals_of_heights};
 use crate::load::image::Use;
 use crate::math::Vec2;
 use crate::scene::{
-    AlphaMode, ColorSlot, Displacement, Emission, FloatSlot, FresnelModel, ImageId, Interpolation, Lamp,
-    Mapping, Material, MaterialId, MixComponent, Model, NormalMap, Parameter, ParameterMut, Parameters,
-    Texture, TextureId, TextureTransform, Wrap, hair_color,
+    AlphaMode, ColorSlot, Displacement, Emission, EmitterTraits, FloatSlot, FresnelModel, ImageId,
+    Interpolation, Mapping, Material, MaterialId, MixComponent, Model, NormalMap, Parameter, ParameterMut,
+    Parameters, Texture, TextureId, TextureTransform, Wrap, hair_color,
 };
 use std::collections::HashMap;
 use std::ops::Range;
@@ -629,8 +629,11 @@ pub(super) fn adjust_material<'a>(
         material.alpha_mode = mode;
     }
     if fields.has("visible_to") || fields.has("visible_to_camera") {
-        let lamp = material.lamp.unwrap_or_default();
-        material.lamp = Some(Lamp { visible_to: visible_to(fields, lamp.visible_to), ..lamp });
+        let emitter_traits = material.emitter_traits.unwrap_or_default();
+        material.emitter_traits = Some(EmitterTraits {
+            visible_to: visible_to(fields, emitter_traits.visible_to),
+            ..emitter_traits
+        });
     }
     material.displacement = read_displacement(build, fields, false).or(material.displacement);
     material.normal_map = read_normal_map(build, fields, false).or(material.normal_map);

@@ -77,7 +77,8 @@ use crate::load::subdivide::{CHANGES_FORM, in_scene};
 use crate::load::subdivide::{MAX_LEVELS, Subdivision};
 use crate::math::{DAffine3, DMat3, DQuat, DVec3, transform_at};
 use crate::scene::{
-    Instance, MaterialId, Mesh, MeshId, MeshPart, Motion, Moving, Quad, Scene, SceneMotion, Shape, ShapeKind,
+    Instance, Keyframes, MaterialId, Mesh, MeshId, MeshPart, Motion, Quad, Scene, SceneMotion, Shape,
+    ShapeKind,
 };
 use crate::shape::mesh_of;
 use std::ops::Range;
@@ -405,7 +406,7 @@ pub(super) struct Object {
     /// Its transform.
     pub world_from_object: DAffine3,
     /// Its motion.
-    pub motion: Option<Moving<DAffine3>>,
+    pub motion: Option<Keyframes<DAffine3>>,
 }
 
 impl Object {
@@ -441,7 +442,7 @@ impl Object {
 }
 
 /// An object that moves and whose file moves, too; at as many keys as either has.
-fn both(moving: &Moving<DAffine3>, own: &Moving<DAffine3>, place: &DAffine3) -> Moving<DAffine3> {
+fn both(moving: &Keyframes<DAffine3>, own: &Keyframes<DAffine3>, place: &DAffine3) -> Keyframes<DAffine3> {
     let count = moving.keys.len().max(own.keys.len());
     let at = |i: usize| {
         let time = i as f32 / count.saturating_sub(1).max(1) as f32;
@@ -449,7 +450,7 @@ fn both(moving: &Moving<DAffine3>, own: &Moving<DAffine3>, place: &DAffine3) -> 
     };
     let neighbours = moving.neighbours.zip(own.neighbours);
     let neighbours = neighbours.map(|(m, o)| [m[0] * *place * o[0], m[1] * *place * o[1]]);
-    Moving { keys: (0..count).map(at).collect(), neighbours }
+    Keyframes { keys: (0..count).map(at).collect(), neighbours }
 }
 
 /// Adds a mesh, placed.
@@ -610,7 +611,7 @@ fn facing(normal: DVec3) -> DQuat {
 fn is_stretched_light(build: &SceneFileBuilder, object: &Object, shape: &Shape) -> bool {
     let material = build.loaded.scene.materials.get(shape.material.index());
     let shines = material.is_some_and(|material| material.emission.is_some());
-    let stretches = |moving: &Moving<DAffine3>| moving.all().any(|key| uniform_scale(key).is_none());
+    let stretches = |moving: &Keyframes<DAffine3>| moving.all().any(|key| uniform_scale(key).is_none());
     shines && shape.kind == ShapeKind::Sphere && object.motion.as_ref().is_some_and(stretches)
 }
 

@@ -21,7 +21,8 @@ use super::builder::{Names, NamesOnPaths, SceneFileBuilder};
 use super::fields::{Fields, nearest, numbers};
 use super::transform::EvaluatedMotion;
 use crate::scene::{
-    Lamp, LightLinks, Link, ObjectInfo, ObjectSet, ObjectSets, ObjectTraits, RayKinds, Scene, is_group_name,
+    EmitterTraits, LightLinks, Link, ObjectInfo, ObjectSet, ObjectSets, ObjectTraits, RayKinds, Scene,
+    is_group_name,
 };
 use std::collections::{HashMap, HashSet};
 
@@ -179,7 +180,7 @@ fn names_of(scene: &Scene) -> impl Iterator<Item = &str> {
 pub(super) struct LightTraits {
     pub name: String,
     pub color: [f32; 3],
-    pub lamp: Lamp,
+    pub emitter_traits: EmitterTraits,
     pub group: String,
     pub links: LightLinks,
     /// Its motion.

@@ -22,7 +22,7 @@ use super::builder::SceneFileBuilder;
 use super::fields::{Fields, nearest, number};
 use crate::error::Warning;
 use crate::math::{DAffine3, DMat3, DQuat, DVec3, mix};
-use crate::scene::Moving;
+use crate::scene::Keyframes;
 
 /// The composed transform of an object; the identity without one.
 pub(super) fn read(object: &Fields) -> DAffine3 {
@@ -166,7 +166,7 @@ pub(super) struct EvaluatedMotion {
     /// Relative to the object's transform.
     pub at_moment: DAffine3,
     /// Relative to the picture's time, if other times are sampled.
-    pub onwards: Option<Moving<DAffine3>>,
+    pub onwards: Option<Keyframes<DAffine3>>,
 }
 
 /// The motion of something that can't be scaled: a camera or a light.
@@ -180,7 +180,7 @@ pub(super) fn rigid_motion(
         let m = m.matrix3;
         (m * m.transpose()).abs_diff_eq(DMat3::IDENTITY, 1e-6) && m.determinant() > 0.0
     };
-    let others = moved.onwards.iter().flat_map(Moving::all);
+    let others = moved.onwards.iter().flat_map(Keyframes::all);
     if std::iter::once(&moved.at_moment).chain(others).all(is_rigid) {
         return Some(moved);
     }
@@ -215,7 +215,7 @@ pub(super) fn read_motion(
     }
     let keys = shutter.key_frames(keys).map(&moved).collect();
     let neighbours = shutter.vectors.then(|| [moved(-1.0), moved(1.0)]);
-    Some(EvaluatedMotion { at_moment, onwards: Some(Moving { keys, neighbours }) })
+    Some(EvaluatedMotion { at_moment, onwards: Some(Keyframes { keys, neighbours }) })
 }
 
 fn warn_of_closed_shutter(build: &mut SceneFileBuilder) {
@@ -304,7 +304,7 @@ pub(super) struct MovingPlacement {
     /// At the picture's time.
     pub now: Placement,
     /// At other times, if it moves while the shutter is open.
-    pub motion: Option<Moving<Placement>>,
+    pub motion: Option<Keyframes<Placement>>,
 }
 
 /// The placement of a light.

@@ -119,11 +119,11 @@ fn set_up(loaded: &mut Loaded, options: &StageOptions, is_lit: bool) {
         }
     } else {
         let ground = options.ground_for(is_lit);
-        let lamps = lamps_in_words(&loaded.scene);
+        let lights = lights_in_words(&loaded.scene);
         loaded.scene.environment = light::environment(&mut loaded.scene, options);
         let message = format!(
-            "no camera{}: shown from {}, {}{lamps}{} ({} and the options beside it change that)",
-            if lamps.is_empty() { " and no light" } else { "" },
+            "no camera{}: shown from {}, {}{lights}{} ({} and the options beside it change that)",
+            if lights.is_empty() { " and no light" } else { "" },
             options.view,
             options.light,
             ground.in_words(),
@@ -138,7 +138,7 @@ fn set_up(loaded: &mut Loaded, options: &StageOptions, is_lit: bool) {
 fn light_plainly(loaded: &mut Loaded, options: &StageOptions) {
     if options.light == StageLight::Soft {
         soften(loaded);
-    } else if lamps_in_words(&loaded.scene).is_empty() && light::of(&loaded.scene) == EmittedLight::None {
+    } else if lights_in_words(&loaded.scene).is_empty() && light::of(&loaded.scene) == EmittedLight::None {
         let message = (
             "no-light",
             format!("no light at all: the picture will be black ({} adds light)", Choice::Stage),
@@ -150,10 +150,10 @@ fn light_plainly(loaded: &mut Loaded, options: &StageOptions) {
 /// Light alone, for a scene that has a camera.
 fn light_scene(loaded: &mut Loaded, options: &StageOptions, emitted_light: EmittedLight) {
     if options.is_light_chosen && options.light.is_stage() {
-        let message = match (lamps_in_words(&loaded.scene), emitted_light) {
+        let message = match (lights_in_words(&loaded.scene), emitted_light) {
             ("", EmittedLight::None) => format!("no light: {}", options.light),
             ("", _) => format!("no light but emissive parts: {}, too", options.light),
-            (lamps, _) => format!("{}{lamps}", options.light),
+            (lights, _) => format!("{}{lights}", options.light),
         };
         loaded.scene.environment = light::environment(&mut loaded.scene, options);
         loaded.is_stage_lit = true;
@@ -164,12 +164,12 @@ fn light_scene(loaded: &mut Loaded, options: &StageOptions, emitted_light: Emitt
 }
 
 /// The treatment of a scene's emissive surfaces under a stage's light.
-fn lamps_in_words(scene: &Scene) -> &'static str {
+fn lights_in_words(scene: &Scene) -> &'static str {
     match (scene.environment == Environment::Black, scene.lights.is_empty()) {
         (true, true) => "",
-        (true, false) => ", beside the lamps of the file",
+        (true, false) => ", beside the lights of the file",
         (false, true) => ", in place of the environment of the file",
-        (false, false) => ", in place of the environment of the file and beside its lamps",
+        (false, false) => ", in place of the environment of the file and beside its lights",
     }
 }
 

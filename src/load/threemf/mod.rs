@@ -69,7 +69,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
 
 /// How triangles look.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-enum Look {
+enum Appearance {
     Plain,
     Colors,
     /// A texture of the part.
@@ -85,7 +85,7 @@ struct Reader<'a> {
     /// The meshes of objects by part and number; `None` for those without triangles.
     meshes: HashMap<(String, u32), Option<MeshId>>,
     /// Materials by part and look.
-    materials: HashMap<(String, Look), MaterialId>,
+    materials: HashMap<(String, Appearance), MaterialId>,
     repairs: Repairs,
     unread: Vec<String>,
     supports: usize,
@@ -187,8 +187,8 @@ impl<'a> Reader<'a> {
                 let mut mesh = built.mesh;
                 mesh.name = if object.name.is_empty() { format!("object {id}") } else { object.name.clone() };
                 let mut first_triangle = 0;
-                for (look, triangle_count) in built.parts {
-                    let material = self.material(part, model, look);
+                for (appearance, triangle_count) in built.parts {
+                    let material = self.material(part, model, appearance);
                     mesh.parts.push(MeshPart { first_triangle, triangle_count, material });
                     first_triangle += triangle_count;
                 }
@@ -224,20 +224,22 @@ impl<'a> Reader<'a> {
         self.repairs.make(mesh);
     }
 
-    fn material(&mut self, part: &str, model: &Model, look: Look) -> MaterialId {
-        let key = (part.to_string(), look);
+    fn material(&mut self, part: &str, model: &Model, appearance: Appearance) -> MaterialId {
+        let key = (part.to_string(), appearance);
         if let Some(known) = self.materials.get(&key) {
             return *known;
         }
-        let material = match look {
-            Look::Plain => Material::lambert("default", [0.8; 3]),
-            Look::Colors => Material { use_vertex_colors: true, ..Material::lambert("colours", [1.0; 3]) },
-            Look::Texture(id) => self.textured(part, model, id),
+        let material = match appearance {
+            Appearance::Plain => Material::lambert("default", [0.8; 3]),
+            Appearance::Colors => {
+                Material { use_vertex_colors: true, ..Material::lambert("colours", [1.0; 3]) }
+            }
+            Appearance::Texture(id) => self.textured(part, model, id),
         };
         let scene = &mut self.loaded.scene;
         scene.materials.push(material);
         let id = MaterialId(scene.materials.len() as u32 - 1);
-        if look == Look::Plain {
+        if appearance == Appearance::Plain {
             self.loaded.stand_ins.push(id);
         }
         self.materials.insert(key, id);
@@ -303,7 +305,7 @@ fn in_words(error: Error) -> String {
 /// A mesh whose triangles are sorted by their look, with the number of each.
 struct Built {
     mesh: Mesh,
-    parts: Vec<(Look, u32)>,
+    parts: Vec<(Appearance, u32)>,
 }
 
 /// The looks of a corner.
@@ -315,28 +317,34 @@ struct Corner {
 
 /// Vertices are split where triangles give them several colours or places in a texture.
 fn built(model: &Model, object: &Object) -> Built {
-    let looks: Vec<(Look, [Corner; 3])> = object.triangles.iter().map(|t| look(model, object, t)).collect();
-    let has_colors = looks.iter().any(|(look, _)| *look == Look::Colors);
-    let has_places = looks.iter().any(|(look, _)| matches!(look, Look::Texture(_)));
+    let appearances: Vec<(Appearance, [Corner; 3])> =
+        object.triangles.iter().map(|t| appearance_of(model, object, t)).collect();
+    let has_colors = appearances.iter().any(|(appearance, _)| *appearance == Appearance::Colors);
+    let has_places = appearances.iter().any(|(appearance, _)| matches!(appearance, Appearance::Texture(_)));
     // What has no colour is grey beside what has one.
-    let as_shown = |look: Look| if has_colors && look == Look::Plain { Look::Colors } else { look };
-    let mut sorted: BTreeMap<Look, Vec<usize>> = BTreeMap::new();
-    looks.iter().enumerate().for_each(|(i, (look, _))| sorted.entry(as_shown(*look)).or_default().push(i));
+    let as_shown = |appearance: Appearance| {
+        if has_colors && appearance == Appearance::Plain { Appearance::Colors } else { appearance }
+    };
+    let mut sorted: BTreeMap<Appearance, Vec<usize>> = BTreeMap::new();
+    appearances
+        .iter()
+        .enumerate()
+        .for_each(|(i, (appearance, _))| sorted.entry(as_shown(*appearance)).or_default().push(i));
     let mut mesh = Mesh { positions: object.vertices.clone(), ..Mesh::default() };
     if !has_colors && !has_places {
         mesh.triangles = object.triangles.iter().map(|t| t.corners).collect();
         let count = mesh.triangles.len() as u32;
-        return Built { mesh, parts: vec![(Look::Plain, count)] };
+        return Built { mesh, parts: vec![(Appearance::Plain, count)] };
     }
     let mut corners: Vec<Option<Corner>> = vec![None; mesh.positions.len()];
     let mut others: HashMap<(u32, [u32; 6]), u32> = HashMap::new();
     let mut parts = Vec::new();
-    for (look, list) in sorted {
-        parts.push((look, list.len() as u32));
+    for (appearance, list) in sorted {
+        parts.push((appearance, list.len() as u32));
         for i in list {
             let of = object.triangles[i].corners;
             let triangle: [u32; 3] = std::array::from_fn(|k| {
-                let (old, corner) = (of[k] as usize, looks[i].1[k]);
+                let (old, corner) = (of[k] as usize, appearances[i].1[k]);
                 if *corners[old].get_or_insert(corner) == corner {
                     return of[k];
                 }
@@ -368,23 +376,24 @@ impl Corner {
 }
 
 /// How a triangle looks, by its own property or that of its object.
-fn look(model: &Model, object: &Object, triangle: &Triangle) -> (Look, [Corner; 3]) {
+fn appearance_of(model: &Model, object: &Object, triangle: &Triangle) -> (Appearance, [Corner; 3]) {
     let plain = Corner { color: GREY, place: [0.0; 2] };
     let Property { group, index } = object.property;
     let has_own = triangle.indices[0] != model::NONE;
     let number = if triangle.group == model::NONE { group } else { triangle.group };
     let indices = if has_own { triangle.indices } else { [index; 3] };
-    let colored =
-        |of: [Option<&[f32; 4]>; 3]| (Look::Colors, of.map(|color| Corner { color: opaque(color), ..plain }));
+    let colored = |of: [Option<&[f32; 4]>; 3]| {
+        (Appearance::Colors, of.map(|color| Corner { color: opaque(color), ..plain }))
+    };
     match model.groups.get(&number) {
         Some(Group::Materials(list)) => colored([list.get(indices[0] as usize); 3]),
         Some(Group::Colors(list)) => colored(indices.map(|i| list.get(i as usize))),
         Some(Group::Places { texture, places }) => {
             // Rows of images grow downwards.
             let place = |i: u32| places.get(i as usize).map_or([0.0; 2], |[u, v]| [*u, 1.0 - v]);
-            (Look::Texture(*texture), indices.map(|i| Corner { place: place(i), color: [1.0; 4] }))
+            (Appearance::Texture(*texture), indices.map(|i| Corner { place: place(i), color: [1.0; 4] }))
         }
-        None => (Look::Plain, [plain; 3]),
+        None => (Appearance::Plain, [plain; 3]),
     }
 }
 

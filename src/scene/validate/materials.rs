@@ -32,7 +32,7 @@ pub(super) fn check_materials(scene: &Scene, findings: &mut Findings) {
         }
         let heights = material.displacement.map(|displacement| displacement.texture);
         check_channel(&heights, "displacement", place, findings);
-        check_beam(material.lamp.map(|lamp| lamp.beam), scene.profiles.len(), place, findings);
+        check_beam(material.emitter_traits.map(|traits| traits.beam), scene.profiles.len(), place, findings);
     }
 }
 

@@ -66,9 +66,9 @@ fn load(asset: &Value, sidecar: Option<&str>) -> Loaded {
 #[test]
 fn losses_are_reported_by_name() {
     let loaded = load(&room(BLENDER, 128), None);
-    let BlenderExport { lamps, white, rough_metal, lost, unused_alpha, .. } =
+    let BlenderExport { lights, white, rough_metal, lost, unused_alpha, .. } =
         loaded.blender.clone().expect("by Blender");
-    assert_eq!((lamps, white), (vec!["Area.001".into(), "Key".into()], vec!["Wood".to_string()]));
+    assert_eq!((lights, white), (vec!["Area.001".into(), "Key".into()], vec!["Wood".to_string()]));
     assert_eq!(rough_metal, ["Polish"]);
     assert_eq!((lost, unused_alpha), (vec!["Fog.001".into()], vec!["Leaf".to_string()]));
     let warned: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();

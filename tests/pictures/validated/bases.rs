@@ -6,10 +6,10 @@ use oscura::image::{Encoding, Image, Pixels};
 use oscura::math::{DAffine3, DQuat, DVec3, Vec2, Vec3};
 use oscura::scene::{
     AlphaMode, Anisotropy, Aperture, Beam, Clearcoat, ColorSlot, CurveBasis, Curves, DiffuseTransmission,
-    Emission, Environment, FloatSlot, FresnelModel, ImageId, Instance, Interpolation, Iridescence, Lamp,
-    Light, LightKind, LightProfile, Mapping, Material, MaterialId, Mesh, MeshId, MeshPart, Model, Motion,
-    NoiseKind, NormalMap, ObjectTraits, PbrMaterial, Projection, Scene, Sheen, SpotFade, Texture, TextureId,
-    TextureTransform, ThinLens, VertexAttribute, Wrap,
+    Emission, EmitterTraits, Environment, FloatSlot, FresnelModel, ImageId, Instance, Interpolation,
+    Iridescence, Light, LightKind, LightProfile, Mapping, Material, MaterialId, Mesh, MeshId, MeshPart,
+    Model, Motion, NoiseKind, NormalMap, ObjectTraits, PbrMaterial, Projection, Scene, Sheen, SpotFade,
+    Texture, TextureId, TextureTransform, ThinLens, VertexAttribute, Wrap,
 };
 use std::sync::Arc;
 
@@ -176,11 +176,11 @@ fn shapes() -> Scene {
     let mut veil = Material::lambert("veil", [0.2, 0.8, 0.2]);
     (veil.alpha_mode, veil.alpha, veil.double_sided) = (AlphaMode::Blend, FloatSlot::constant(0.5), false);
     let veil = material(&mut scene, veil);
-    let lamp = material(&mut scene, Material::emitter("lamp", [4.0; 3], true));
+    let emitter_traits = material(&mut scene, Material::emitter("lamp", [4.0; 3], true));
     let mut glow = Material::lambert("glow", [0.5; 3]);
     glow.emission = Some(Emission { radiance: ColorSlot::texture(TextureId(2)), two_sided: false });
     let glow = material(&mut scene, glow);
-    scene.meshes = vec![sheet(2, painted, lattice), sheet(23, grey, painted), sheet(1, glow, lamp)];
+    scene.meshes = vec![sheet(2, painted, lattice), sheet(23, grey, painted), sheet(1, glow, emitter_traits)];
     scene.meshes[1].tangents.clear();
     place(&mut scene, 0, DVec3::ZERO, None, Motion::Still);
     place(&mut scene, 1, DVec3::new(-2.5, 0.0, -1.0), None, Motion::Moves);
@@ -190,7 +190,7 @@ fn shapes() -> Scene {
     sphere(&mut scene, [-1.2, -1.0, 0.6], 0.5, grey);
     sphere(&mut scene, [1.3, 1.0, 0.4], 0.3, glow);
     disk(&mut scene, [1.2, -1.0, 0.5], [0.3, 1.0, 0.8], 0.5, veil);
-    disk(&mut scene, [-1.3, 1.2, 0.5], [0.3, -1.0, 0.8], 0.4, lamp);
+    disk(&mut scene, [-1.3, 1.2, 0.5], [0.3, -1.0, 0.8], 0.4, emitter_traits);
     quad(&mut scene, [-3.0, -2.0, -2.0], [6.0, 0.0, 0.0], [0.0, 0.3, 5.0], painted);
     quad(&mut scene, [-0.5, 3.0, 1.0], [1.0, 0.0, 0.0], [0.2, -0.4, -1.0], glow);
     add_lamps(&mut scene);
@@ -216,7 +216,7 @@ fn add_lamps(scene: &mut Scene) {
     let beams = [Beam::Even, Beam::Grid { half_angle_rad: 0.6 }, cone, measured];
     for (i, beam) in beams.into_iter().enumerate() {
         let mut bulb = Material::emitter("bulb", [3.0; 3], false);
-        bulb.lamp = Some(Lamp {
+        bulb.emitter_traits = Some(EmitterTraits {
             visible_to: if i == 0 { oscura::scene::RayKinds::ALL } else { oscura::scene::RayKinds::SHADOW },
             is_obstacle: false,
             beam,
@@ -338,8 +338,8 @@ fn materials() -> Scene {
     show(&mut scene);
     // A bubble in the glass.
     sphere(&mut scene, [-2.0, 1.0, 0.0], 0.2, MaterialId(8));
-    let lamp = material(&mut scene, Material::emitter("lamp", [6.0; 3], false));
-    quad(&mut scene, [-1.0, 3.0, 1.0], [2.0, 0.0, 0.0], [0.0, 0.0, -2.0], lamp);
+    let emitter_traits = material(&mut scene, Material::emitter("lamp", [6.0; 3], false));
+    quad(&mut scene, [-1.0, 3.0, 1.0], [2.0, 0.0, 0.0], [0.0, 0.0, -2.0], emitter_traits);
     scene.environment = Environment::Constant([0.3, 0.35, 0.4]);
     scene.cameras.push(camera(DVec3::new(0.2, 0.3, 6.0), DVec3::ZERO, DVec3::Y, 50.0));
     scene

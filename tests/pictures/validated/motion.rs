@@ -2,7 +2,7 @@
 
 use super::dice::Dice;
 use super::mutate::{Mutate, fields, structs};
-use oscura::scene::{Moving, SceneMotion, Vertices};
+use oscura::scene::{Keyframes, SceneMotion, Vertices};
 use std::collections::BTreeMap;
 
 structs! {
@@ -10,13 +10,13 @@ structs! {
     Vertices { positions, normals }
 }
 
-impl<T: Mutate + Clone> Mutate for Moving<T> {
-    fn fresh(dice: &mut Dice) -> Moving<T> {
-        Moving { keys: vec![T::fresh(dice), T::fresh(dice)], neighbours: None }
+impl<T: Mutate + Clone> Mutate for Keyframes<T> {
+    fn fresh(dice: &mut Dice) -> Keyframes<T> {
+        Keyframes { keys: vec![T::fresh(dice), T::fresh(dice)], neighbours: None }
     }
 
     fn mutate(&mut self, dice: &mut Dice) {
-        let Moving { keys, neighbours } = self;
+        let Keyframes { keys, neighbours } = self;
         fields(dice, &mut [(".keys", keys), (".neighbours", neighbours)]);
     }
 }

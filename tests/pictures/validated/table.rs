@@ -6,12 +6,12 @@ use super::mutate::{Mutate, enums, fields, structs};
 use oscura::image::{Encoding, Image, Pixels};
 use oscura::scene::{
     AlphaMode, Anisotropy, Aperture, Backdrop, Beam, BounceLimits, Camera, CatcherOutput, Clamp, Clearcoat,
-    ColorSlot, CurveBasis, Curves, DiffuseTransmission, Displacement, Emission, EmissionGrid,
+    ColorSlot, CurveBasis, Curves, DiffuseTransmission, Displacement, Emission, EmissionGrid, EmitterTraits,
     EnergyCompensation, Environment, Filter, FloatSlot, Fog, FresnelModel, GlassReflection, Grid, GridId,
-    ImageId, Instance, Interpolation, Iridescence, Lamp, Light, LightKind, LightLinks, LightProfile, Link,
-    Mapping, Material, MaterialId, Medium, Mesh, MeshId, MeshPart, MixComponent, Model, Motion, NoiseKind,
-    NormalMap, ObjectInfo, ObjectSet, ObjectSets, ObjectTraits, PbrMaterial, Portal, ProfileId, Projection,
-    Quad, RayKinds, Scene, Settings, Shape, ShapeKind, Sheen, SkippedCaustics, Splats, SpotFade, Texture,
+    ImageId, Instance, Interpolation, Iridescence, Light, LightKind, LightLinks, LightProfile, Link, Mapping,
+    Material, MaterialId, Medium, Mesh, MeshId, MeshPart, MixComponent, Model, Motion, NoiseKind, NormalMap,
+    ObjectInfo, ObjectSet, ObjectSets, ObjectTraits, PbrMaterial, Portal, ProfileId, Projection, Quad,
+    RayKinds, Scene, Settings, Shape, ShapeKind, Sheen, SkippedCaustics, Splats, SpotFade, Texture,
     TextureId, TextureTransform, ThinLens, VertexAttribute, Wrap,
 };
 
@@ -92,11 +92,11 @@ structs! {
     ObjectInfo { color, index, random }
     Material {
         name, model, emission, double_sided, alpha_mode, alpha, passing, normal_map, normal, bumped_normal, use_vertex_colors, medium, displacement,
-        priority, lamp, index, light_group,
+        priority, emitter_traits, index, light_group,
     }
     Displacement { texture, scale, midlevel, edge }
     Emission { radiance, two_sided }
-    Lamp { visible_to, is_obstacle, beam }
+    EmitterTraits { visible_to, is_obstacle, beam }
     MixComponent { weight, material }
     ColorSlot { factor, texture }
     FloatSlot { factor, texture }

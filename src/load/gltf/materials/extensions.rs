@@ -1,7 +1,7 @@
 //! Extensions that add a layer or a lobe: rough diffuse reflection, clearcoat, sheen, anisotropy, iridescence, dispersion and
 //! diffuse transmission. A layer with a factor of 0 is left out, with its textures.
 //!
-//! Glass whose kind depends on the meshes that it is on: bodies, sheets and panes.
+//! The kind of glass depends on the meshes that it is on: bodies, sheets and panes.
 
 use super::{Base, MaterialBuilder, Materials};
 use crate::error::Choice;

@@ -37,7 +37,8 @@ use crate::scene::nodes::{
     ClampType, MathOperation, Node, NodeGraph, NodeInput, NodeKind, SocketType, VectorOperation,
 };
 use crate::scene::{
-    AlphaMode, ColorSlot, Emission, FloatSlot, Lamp, Material, MixComponent, Model, Texture, TextureId,
+    AlphaMode, ColorSlot, Emission, EmitterTraits, FloatSlot, Material, MixComponent, Model, Texture,
+    TextureId,
 };
 use closures::Shader;
 use std::collections::HashMap;
@@ -499,7 +500,7 @@ impl Lowering<'_, '_, '_> {
         }
         if is_clear && material.emission.is_some() {
             // Light is added on the way of rays that pass.
-            material.lamp = Some(Lamp { is_obstacle: false, ..Lamp::default() });
+            material.emitter_traits = Some(EmitterTraits { is_obstacle: false, ..EmitterTraits::default() });
         } else if !is_opaque {
             material.passing = passing;
             (material.alpha_mode, material.alpha) = (AlphaMode::Blend, self.float_slot(alpha));
