@@ -281,11 +281,6 @@ impl Lobe for Hair {
         self.eval_seen(&self.seen(self.around(wo, side)), self.around(wi, side))
     }
 
-    #[inline(always)]
-    fn is_specular(&self) -> bool {
-        false
-    }
-
     #[inline]
     fn tinted(self, color: Rgb) -> Self {
         let more = root_absorption(color, self.color_scale);

@@ -15,7 +15,10 @@ pub trait Lobe: Copy {
     fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval;
 
     /// Are all samples specular, so that light sampling contributes nothing?
-    fn is_specular(&self) -> bool;
+    #[inline(always)]
+    fn is_specular(&self) -> bool {
+        false
+    }
 
     /// With its base colour multiplied (by the colour of vertices).
     fn tinted(self, color: Rgb) -> Self;

@@ -89,11 +89,6 @@ impl Lobe for Phong {
     }
 
     #[inline(always)]
-    fn is_specular(&self) -> bool {
-        false
-    }
-
-    #[inline(always)]
     fn tinted(self, color: Rgb) -> Self {
         Phong { diffuse: self.diffuse * color, ..self }
     }
@@ -211,10 +206,6 @@ impl Lobe for Toon {
         BsdfEval { f_cos: self.color * (self.intensity(angle) * pdf_solid_angle), pdf_solid_angle }
     }
 
-    fn is_specular(&self) -> bool {
-        false
-    }
-
     fn tinted(self, color: Rgb) -> Self {
         Toon { color: self.color * color, ..self }
     }
@@ -311,11 +302,6 @@ impl Lobe for Velvet {
         }
         let above = |v: Vec3| Vec3::new(v.x, v.y, v.z.abs());
         BsdfEval { f_cos: self.color * self.value(above(wo), above(wi)), pdf_solid_angle: UNIFORM }
-    }
-
-    #[inline(always)]
-    fn is_specular(&self) -> bool {
-        false
     }
 
     #[inline(always)]

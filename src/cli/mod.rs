@@ -21,7 +21,6 @@ mod command_line;
 mod compare;
 mod convert;
 mod denoise;
-mod export;
 mod help;
 mod info;
 mod inspect;
@@ -62,7 +61,7 @@ fn run(arguments: Arguments) -> u8 {
         Command::Render(a) => (a.json, render::run(&a)),
         Command::Merge(a) => (a.json, merge::run(&a)),
         Command::Inspect(a) => (a.json, inspect::run(&a)),
-        Command::Export(a) => (false, export::run(&a)),
+        Command::Export(a) => (false, new_scene::export_blender_file(&a)),
         Command::Compare(a) => (a.json, compare::run(&a)),
         Command::View(a) => (false, view::run(&a)),
         Command::Denoise(a) => (false, denoise::run(&a)),
@@ -71,7 +70,7 @@ fn run(arguments: Arguments) -> u8 {
         Command::Thumb(a) => (false, thumbnail::run(&a)),
         Command::InstallThumbnailer(a) => (false, thumbnail::install(&a)),
         Command::New(a) => (false, new_scene::run(&a)),
-        Command::Cache(a) => (false, export::run_cache(&a)),
+        Command::Cache(a) => (false, new_scene::run_cache(&a)),
         Command::Help(a) => (false, help::run(&a)),
         Command::Completions(a) => (false, help::completions(&a)),
         Command::Man(a) => (false, help::man(&a)),

@@ -1,10 +1,16 @@
-use super::args::NewArgs;
+//!
+//! `oscura export`: a Blender file as a folder of files that other programs read, too.
+
+use super::args::{CacheArgs, ExportArgs, NewArgs};
 use super::process::Outcome;
-use super::report::name_options_in_error;
-use oscura::error::{Error, Result};
+use super::report::{PrintedMessages, name_options_in_error, print_line};
+use super::scene_args::check_scene_path;
+use oscura::error::{Error, ErrorKind, Problem, Result};
+use oscura::load::blender::{BlenderOptions, clear, default_cache, export, kept};
+use oscura::load::gltf::GltfOptions;
 use oscura::load::scene_file::sidecar;
-use oscura::load::{BlenderExport, LoadOptions, Loaded, load};
-use oscura::output::{check_target, write_atomically};
+use oscura::load::{BlenderExport, LoadOptions, Loaded, is_of_blender, load};
+use oscura::output::{check_folder, check_target, move_folder, write_atomically};
 use oscura::scene::Scene;
 use std::fmt::Write;
 use std::path::Path;
@@ -193,6 +199,60 @@ fn quoted(name: &str) -> String {
 fn key(name: &str) -> String {
     let is_bare = !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
     if is_bare { name.to_string() } else { quoted(name) }
+}
+
+pub(crate) fn export_blender_file(args: &ExportArgs) -> Result<Outcome> {
+    if !is_of_blender(&args.scene) {
+        let message = format!("{} is not a .blend file, and only those are exported", args.scene.display());
+        return Err(Error::usage(message));
+    }
+    check_scene_path(&args.scene)?;
+    check_folder(&args.output, args.force).map_err(|error| match error.kind {
+        ErrorKind::Usage => error.with_help("choose another name, or replace its files by --force"),
+        _ => error,
+    })?;
+    let options = LoadOptions {
+        blender: BlenderOptions { frame: args.frame, ..args.blender.options() },
+        gltf: GltfOptions { scene: args.scene_name.clone(), ..GltfOptions::default() },
+        ..LoadOptions::default()
+    };
+    // On the disk of the folder, so that the export appears there as a whole.
+    let parent = args.output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let exported = export(&args.scene, &options, parent)?;
+    if !args.quiet {
+        let mut printed = PrintedMessages::default();
+        printed.notes(&exported.notes);
+        printed.warnings(&exported.warnings);
+    }
+    if args.strict && !exported.warnings.is_empty() {
+        let problems = exported.warnings.iter().map(|w| Problem::new("", w.to_string())).collect();
+        let file = Some(args.scene.clone());
+        let error = Error { kind: ErrorKind::Input, file, problems, source_text: None };
+        return Err(error.with_help("--strict makes warnings errors"));
+    }
+    let names = move_folder(&exported.folder, &args.output)?;
+    if !args.quiet {
+        for name in names {
+            say!("wrote    {}", args.output.join(name).display());
+        }
+    }
+    Ok(Outcome::Done)
+}
+
+// `oscura cache`: what is kept of Blender files for the next time.
+
+pub(crate) fn run_cache(args: &CacheArgs) -> Result<Outcome> {
+    let Some(folder) = args.folder.clone().or_else(default_cache) else {
+        let error = Error::usage("this system names no folder for caches: nothing is kept");
+        return Err(error.with_help("name a folder by --cache"));
+    };
+    let (found, verb) = match args.clear {
+        true => (clear(&folder)?, "deleted"),
+        false => (kept(&folder)?, "kept"),
+    };
+    let mib = found.bytes as f64 / f64::from(1 << 20);
+    print_line(&format!("{}: {} files of {mib:.1} MiB {verb}", folder.display(), found.files));
+    Ok(Outcome::Done)
 }
 
 #[cfg(test)]

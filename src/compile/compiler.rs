@@ -1,6 +1,5 @@
 //! Compiles a scene, or the frames of a sequence, each of which takes over what did not change since the frame before.
 
-use super::caustics::RefractedLights;
 use super::emitters::Emitters;
 use super::geometry::Geometries;
 use super::light_tables::LightTables;
@@ -9,6 +8,7 @@ use super::material::CompiledMaterial;
 use super::medium::Medium;
 use super::motion::MotionVectors;
 use super::objects::ObjectMaterials;
+use super::panes::RefractedLights;
 use super::plan::{Plan, Tree};
 use super::reuse::{BuiltGeometry, Reusable, Sources};
 use super::scene::{CompileOptions, CompileReport, CompiledScene, ExpectedPicture, Features, View};

@@ -122,7 +122,7 @@ pub struct Presence {
 
 impl Presence {
     /// The presence of a light's surface.
-    fn of_lamp(emitter_traits: &EmitterTraits, has_alpha: bool) -> Presence {
+    fn of_emitter(emitter_traits: &EmitterTraits, has_alpha: bool) -> Presence {
         let is_obstacle = emitter_traits.is_obstacle || has_alpha;
         Presence { visible_to: emitter_traits.visible_to, is_obstacle, ..Presence::FULL }
     }
@@ -252,8 +252,7 @@ impl CompiledMaterial {
         let class = program.class();
         let (emission, light_spectrum) = emission_of(material, textures, shading, is_absent_from_behind);
         let alpha = alpha_of(material, textures);
-        let presence =
-            material.emitter_traits.map(|emitter_traits| Presence::of_lamp(&emitter_traits, alpha.is_some()));
+        let presence = material.emitter_traits.map(|traits| Presence::of_emitter(&traits, alpha.is_some()));
         let normal_map = usable(material.normal_map, textures).filter(|_| class != BsdfClass::Black);
         let normal = material.normal.filter(|_| class != BsdfClass::Black);
         let is_textured = has_texture(&model, |id| textures.spectrum(id).is_none());

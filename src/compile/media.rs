@@ -9,7 +9,7 @@ use crate::color::Rgb;
 use crate::error::Warning;
 use crate::math::{DAffine3, DVec3};
 use crate::scene::{
-    ColorSlot, Environment, FloatSlot, Fog, Instance, Keyframes, LightKind, Material, MaterialId,
+    self, ColorSlot, Environment, FloatSlot, Fog, Instance, Keyframes, LightKind, Material, MaterialId,
     MaterialUses, Model, Motion, Outline, Quad, Scene, instance_extents,
 };
 use std::cell::OnceCell;
@@ -57,14 +57,8 @@ pub(super) fn number(
                 medium.priority = scene.materials[id].priority;
                 medium.adds_up = medium.is_boundary && medium.does_anything();
                 if let Some(scattering) = &mut medium.scattering {
-                    let (grid, glow) = scene.materials[id].medium.map_or((None, None), |m| (m.grid, m.glow));
-                    if let Some(grid) = grid {
-                        let density = grids[grid.index()].clone();
-                        let emission = Arc::new(match glow {
-                            Some(glow) => CompiledEmissionGrid::new(glow, &scene.grids, &grids),
-                            None => CompiledEmissionGrid::of_density(&density),
-                        });
-                        scattering.density = Density::Grid(GridMedium { density, emission });
+                    if let Some(filling) = &scene.materials[id].medium {
+                        scattering.density = density(filling, scene, &grids);
                     }
                     scattering.counts = material.is_boundary;
                 }
@@ -165,6 +159,17 @@ fn warn_of_still_grids(scene: &Scene, warnings: &mut Vec<Warning>) {
             "object '{object}' moves, but the grid of its medium, that of material '{material}', stands still in the world"
         )));
     }
+}
+
+/// The kind of what fills a solid.
+fn density(medium: &scene::Medium, scene: &Scene, grids: &[Arc<DensityGrid>]) -> Density {
+    let Some(grid) = medium.grid else { return Density::Homogeneous };
+    let density = grids[grid.index()].clone();
+    let emission = Arc::new(match medium.glow {
+        Some(glow) => CompiledEmissionGrid::new(glow, &scene.grids, grids),
+        None => CompiledEmissionGrid::of_density(&density),
+    });
+    Density::Grid(GridMedium { density, emission })
 }
 
 /// Is its transmittance to infinity 0 in all channels?

@@ -25,7 +25,7 @@ mod reuse;
 mod scene;
 mod texture_needs;
 
-pub use caustics::{CausticRole, RefractedLights, Refractor, Side};
+pub use caustics::CausticRole;
 pub use compiler::{Compiler, compile};
 pub use density_grid::{BlackBodies, CompiledEmissionGrid, DensityGrid, GridRay};
 pub use fingerprint::{Fingerprint, of_curves, of_mesh};
@@ -36,6 +36,7 @@ pub use media::OVERLAP_LIMIT;
 pub use medium::{Ball, Density, GridMedium, Medium, Scattering};
 pub use motion::{MotionVectors, PointMotion};
 pub use objects::ObjectId;
+pub use panes::{RefractedLights, Refractor, Side};
 pub use plan::Tree;
 pub use scene::{
     CompileOptions, CompileReport, CompiledScene, ExpectedPicture, Features, MemoryPart, View, choose_camera,

@@ -1,6 +1,5 @@
 //! A scene ready to render, compile options and report, and a camera's view of the scene.
 
-use super::caustics::RefractedLights;
 use super::emitters::Emitters;
 use super::geometry::{Attributes, Geometries, Space};
 use super::light_tables::{LightGroups, Links};
@@ -8,6 +7,7 @@ use super::material::CompiledMaterial;
 use super::medium::Medium;
 use super::motion::MotionVectors;
 use super::objects::ObjectId;
+use super::panes::RefractedLights;
 use super::plan::Tree;
 use super::reuse::{Reusable, Sources};
 use crate::accel::{Accel, Geometry, TreeQuality};

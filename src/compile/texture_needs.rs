@@ -11,8 +11,8 @@ use super::scene::{CompileOptions, ExpectedPicture};
 use crate::camera::Camera;
 use crate::math::{DAffine3, DVec3, Vec2};
 use crate::scene::{
-    AlphaMode, Instance, Interpolation, MAX_TEXTURE_NESTING, Mapping, Material, Mesh, MeshPart, Motion,
-    Scene, ShapeKind, Texture, TextureId,
+    AlphaMode, Instance, Interpolation, Mapping, Material, Mesh, MeshPart, Motion, Scene, ShapeKind, Texture,
+    TextureId,
 };
 use crate::texture::TextureNeeds;
 use rayon::prelude::*;
@@ -40,10 +40,11 @@ pub(super) fn of(scene: &Scene, options: &CompileOptions) -> TextureNeeds {
     let mut least = vec![None::<f32>; scene.textures.len()];
     for (material, seen) in scene.materials.iter().zip(&seen).filter(|(_, seen)| seen.is_used) {
         let mut note = |id: TextureId, footprint: &dyn Fn(&Mapping) -> f32| {
-            for_each_image(scene, id, &mut |at, mapping| {
-                let own = footprint(mapping);
-                least[at] = Some(least[at].map_or(own, |known| known.min(own)));
-            });
+            for id in Texture::images_of(&scene.textures, id) {
+                let Texture::Image { mapping, .. } = &scene.textures[id.index()] else { continue };
+                let (own, least) = (footprint(mapping), &mut least[id.index()]);
+                *least = Some(least.map_or(own, |known| known.min(own)));
+            }
         };
         material.textures().for_each(|id| note(id, &|mapping| seen.footprint(mapping)));
         // Light samples and shadow rays look up points.
@@ -76,20 +77,6 @@ fn points(material: &Material) -> impl Iterator<Item = TextureId> {
     let alpha = material.alpha.texture.filter(|_| is_partial).map(|(id, _)| id);
     let passing = material.passing.texture.filter(|_| is_partial);
     emissive.into_iter().chain(alpha).chain(passing)
-}
-
-/// Calls `f` with the image textures that a texture is made of, by number, and how they lie.
-fn for_each_image(scene: &Scene, id: TextureId, f: &mut dyn FnMut(usize, &Mapping)) {
-    let mut pending = vec![(id, 0)];
-    while let Some((id, depth)) = pending.pop() {
-        let Some(texture) = scene.textures.get(id.index()) else { continue };
-        if let Texture::Image { mapping, .. } = texture {
-            f(id.index(), mapping);
-        }
-        if depth < MAX_TEXTURE_NESTING {
-            pending.extend(texture.parts().into_iter().map(|part| (part, depth + 1)));
-        }
-    }
 }
 
 /// The smallest footprint of rays on the surfaces of a material.
@@ -183,16 +170,14 @@ fn seen(scene: &Scene, picture: Option<&ExpectedPicture>) -> Vec<Footprint> {
 
 /// Do lookups of a material read the pyramid of an image that is not decoded yet?
 fn has_large_pyramid(scene: &Scene, material: &Material) -> bool {
-    let mut has = false;
-    for id in material.textures() {
-        for_each_image(scene, id, &mut |at, _| {
-            if let Texture::Image { image, interpolation: Interpolation::Trilinear, .. } = &scene.textures[at]
-            {
-                has |= scene.images.get(image.index()).is_some_and(|image| image.is_encoded());
+    material.textures().flat_map(|id| Texture::images_of(&scene.textures, id)).any(|id| {
+        match &scene.textures[id.index()] {
+            Texture::Image { image, interpolation: Interpolation::Trilinear, .. } => {
+                scene.images.get(image.index()).is_some_and(|image| image.is_encoded())
             }
-        });
-    }
-    has
+            _ => false,
+        }
+    })
 }
 
 /// The camera positions of a picture.

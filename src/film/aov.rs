@@ -1,7 +1,7 @@
 //! The table of the channels that users may ask for.
 //!
 //! A further channel is a row of the table here, and the line that fills it: in `integrator/first_hit.rs` if it shows first
-//! hits, in `integrator/layers.rs` if it is a part of the radiance. The command line, the film and the files walk the table.
+//! hits, in `integrator/radiance_buffer.rs` if it is a part of the radiance. The command line, the film and the files walk the table.
 
 use super::channel::{Channel, PixelType, Reduction, Source, components};
 use crate::error::{Error, Result};

@@ -13,15 +13,16 @@ mod exact_sum;
 mod filter;
 mod picture;
 mod serialize;
+mod shared;
 mod splats;
 mod tile;
 
 pub use aov::{Aov, AovInfo, AovSet, AovSpace, BACKGROUND_DEPTH, MATTE_LEVELS};
-pub use band::SharedFilm;
 pub use channel::{Channel, LIGHT_GROUP, Layout, PixelType, Reduction, Source, Values};
 pub use cryptomatte::{MatteIds, matte_id, matte_key};
 pub use filter::FilterSampler;
 pub use picture::{CATCHER_PARTS, Film, Plane};
+pub use shared::SharedFilm;
 pub use splats::{Splat, SplatPart};
 pub use tile::FilmTile;
 

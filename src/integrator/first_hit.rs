@@ -1,4 +1,4 @@
-//! AOVs of the first surface that a camera ray hits. One line for each; `film/channel.rs` has the table.
+//! AOVs of the first surface that a camera ray hits. One line for each; `film/aov.rs` has the table.
 //!
 //! Denoising guides show the first surface that is not a smooth mirror: paths that have hit nothing else so far are
 //! marked ([`super::wave::Paths`]). They stop at glass: what is reflected and what passes differ from sample to sample, and such guides

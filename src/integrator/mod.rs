@@ -15,6 +15,7 @@ mod emission;
 mod first_hit;
 mod generate;
 mod guiding;
+mod hit_data;
 mod interfaces;
 mod interior;
 mod limits;
@@ -32,8 +33,6 @@ mod shading_groups;
 mod slabs;
 mod stages;
 mod surface;
-#[cfg(test)]
-mod tests;
 mod transparency;
 mod visibility;
 mod volumes;
@@ -210,4 +209,274 @@ impl<'a> Integrator<'a> {
         let set = purpose.dimension_set(bounce);
         self.dimensions.get(set as usize).copied().unwrap_or_else(|| Dimensions::new(set))
     }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::direct_light::{
+        Direct, DirectParams, EnvironmentSampler, RectangleSampler, SampleLight, SampleRectangles,
+        VectorSampler,
+    };
+    use super::mis::LightPdf;
+    use super::sampling::ScatterParams;
+    use super::scatter::Scatter;
+    use super::shading_geometry::{Soft, scattering_normal};
+    use super::shading_groups::{
+        GeneralClass, LambertClass, MetalRoughClass, VertexClass, prepare, store_material,
+    };
+    use super::wave::{Wave, get, get_rgb, set, set_rgb};
+    use crate::bsdf::{Bsdf, Isotropic, Lambert, LayerFresnel, MetalRough, ShadingModel};
+    use crate::color::Rgb;
+    use crate::image::Image;
+    use crate::light::{
+        AreaLight, AreaShape, Edges, EnvironmentLight, LightSample, LightSource, Lights, Radiance,
+    };
+    use crate::math::Vec3;
+    use crate::sampling::chi2::Random;
+    use crate::sampling::sampler::{Dimensions, SobolPoint};
+    use crate::scene::{EnergyCompensation, Environment, FresnelModel, ImageId};
+    use crate::simd::{Kernel, Table, dispatch};
+    use crate::texture::CompiledTextures;
+
+    /// Vertices of a test.
+    const COUNT: usize = 1500;
+
+    fn color(random: &mut Random) -> Rgb {
+        Rgb::new(random.next(), random.next(), random.next())
+    }
+
+    /// Vertices with normals on the viewer's side, light samples of all kinds around them, and paths that arrive.
+    fn random_wave(random: &mut Random) -> Box<Wave> {
+        let mut wave: Box<Wave> = bytemuck::zeroed_box();
+        let Wave { paths, vertices: v, .. } = &mut *wave;
+        for i in 0..COUNT {
+            let (ng, mut wo) = (random.direction(), random.direction());
+            if wo.dot(ng) < 0.0 {
+                wo = -wo;
+            }
+            let bent = (ng + 0.3 * random.direction()).normalize();
+            let ns = scattering_normal(if i % 3 == 0 { ng } else { bent }, ng, wo);
+            set(&mut v.p, i, 2.0 * random.direction());
+            set(&mut v.ng, i, ng);
+            set(&mut v.ns, i, ns);
+            set(&mut v.wo, i, wo);
+            v.offset[i] = 1e-6;
+            set(&mut v.light.wi, i, random.direction());
+            set(&mut v.light.target, i, 5.0 * random.direction());
+            v.light.is_infinite[i] = f32::from(u8::from(i % 2 == 0));
+            set_rgb(&mut v.light.radiance, i, color(random));
+            v.light.pdf[i] = [
+                LightPdf::NONE,
+                LightPdf::delta(1.0),
+                LightPdf::new(random.next()),
+                LightPdf::new(10.0 * random.next()),
+            ][i % 4];
+            set_rgb(&mut paths.state.throughput, i, color(random));
+            paths.state.roulette_scale[i] = 1.0;
+            (paths.state.seed[i], paths.state.shuffled[i]) =
+                SobolPoint::new(i as u32 * 747_796_405, i as u32).to_parts();
+        }
+        wave
+    }
+
+    fn copy(wave: &Wave) -> Box<Wave> {
+        let mut other: Box<Wave> = bytemuck::zeroed_box();
+        let (from, to) = (&wave.vertices, &mut other.vertices);
+        (to.p, to.ng, to.ns, to.wo, to.offset) = (from.p, from.ng, from.ns, from.wo, from.offset);
+        (to.light.wi, to.light.target, to.light.is_infinite) =
+            (from.light.wi, from.light.target, from.light.is_infinite);
+        (to.light.radiance, to.light.pdf) = (from.light.radiance, from.light.pdf);
+        let (from, to) = (&wave.paths.state, &mut other.paths.state);
+        (to.throughput, to.roulette_scale) = (from.throughput, from.roulette_scale);
+        (to.seed, to.shuffled) = (from.seed, from.shuffled);
+        other
+    }
+
+    fn assert_close(a: Rgb, b: Rgb, what: &str) {
+        let (difference, size) = ((a - b).to_array(), a.max_element().max(b.max_element()));
+        assert!(difference.iter().all(|d| d.abs() <= 2e-4 * size.max(1e-3)), "{what}: {a:?} {b:?}");
+    }
+
+    /// Runs both loops of a class at the best CPU level and the general ones with the BSDFs that it stands for.
+    fn compare(mut wave: Box<Wave>, class: impl VertexClass + Copy, bsdfs: &[Bsdf]) {
+        let mut general_wave = copy(&wave);
+        let general = || GeneralClass { bsdfs, first: 0 };
+        let counts = DirectParams { branches: 1.0, share: 1.0 };
+        dispatch(Direct { horizon: Soft, wave: &mut wave, class, range: 0..COUNT, counts });
+        Direct { horizon: Soft, wave: &mut general_wave, class: general(), range: 0..COUNT, counts }.run();
+        let mut lit = 0;
+        for i in 0..COUNT {
+            let of = |w: &Wave| get_rgb(&w.vertices.light.contribution, i);
+            let (own, other) = (of(&wave), of(&general_wave));
+            // Behind the shading normal alone, only the contribution is defined.
+            assert_close(own.max(Rgb::ZERO), other.max(Rgb::ZERO), &format!("contribution {i}"));
+            if own.max_element() > 0.0 {
+                lit += 1;
+                for lanes in [|w: &Wave| w.vertices.light.origin, |w: &Wave| w.vertices.light.direction] {
+                    assert_eq!(get(&lanes(&wave), i), get(&lanes(&general_wave), i), "shadow ray {i}");
+                }
+            }
+        }
+        assert!(lit > COUNT / 8, "{lit} lit");
+
+        let params = ScatterParams { dimensions: &Dimensions::new(2), roulette: true, branches: 1.0 };
+        dispatch(Scatter { horizon: Soft, wave: &mut wave, class, range: 0..COUNT, params });
+        Scatter { horizon: Soft, wave: &mut general_wave, class: general(), range: 0..COUNT, params }.run();
+        let (mut scattered, mut borderline) = (0, 0);
+        for i in 0..COUNT {
+            let pdf = |w: &Wave| w.paths.state.pdf[i];
+            let (own, other) = (pdf(&wave), pdf(&general_wave));
+            if own.has_ended() != other.has_ended() {
+                // Rounding decides who survives.
+                borderline += 1;
+                continue;
+            }
+            if own.has_ended() {
+                continue;
+            }
+            let (own, other) = (own.value(), other.value());
+            scattered += 1;
+            assert!((own - other).abs() <= 5e-4 * own.max(1e-3), "pdf {i}: {own} {other}");
+            let direction = |w: &Wave| get(&w.vertices.next_direction, i);
+            assert!((direction(&wave) - direction(&general_wave)).length() < 1e-5, "direction {i}");
+            let throughput = |w: &Wave| get_rgb(&w.paths.state.throughput, i);
+            assert_close(throughput(&wave), throughput(&general_wave), &format!("throughput {i}"));
+        }
+        assert!(scattered > COUNT / 4 && borderline <= 2, "{scattered} scattered, {borderline} borderline");
+    }
+
+    #[test]
+    fn lambertian_loops_do_as_the_general_ones() {
+        let mut random = Random::new(3);
+        let mut wave = random_wave(&mut random);
+        let mut bsdfs = Vec::new();
+        for i in 0..COUNT {
+            let albedo = color(&mut random);
+            set_rgb(&mut wave.vertices.albedo, i, albedo);
+            bsdfs.push(Bsdf::Lambert(Lambert { albedo }));
+        }
+        compare(wave, LambertClass, &bsdfs);
+    }
+
+    #[test]
+    fn gltf_loops_do_as_the_general_ones() {
+        let fresnels = [FresnelModel::Exact, FresnelModel::Schlick];
+        let pairs = [EnergyCompensation::On, EnergyCompensation::Off].map(|e| fresnels.map(|f| (e, f)));
+        for (energy_compensation, fresnel) in pairs.into_iter().flatten() {
+            let mut random = Random::new(5);
+            let mut wave = random_wave(&mut random);
+            let mut bsdfs = Vec::new();
+            for i in 0..COUNT {
+                let alpha = random.next();
+                let material = MetalRough {
+                    diffuse: color(&mut random),
+                    layer_f0: 0.1 * color(&mut random),
+                    layer_f90: random.next(),
+                    layer_fresnel: LayerFresnel::new(fresnel, 1.1 + random.next()),
+                    metal_f0: color(&mut random),
+                    metallic: random.next(),
+                    surface: Isotropic { alpha: if i % 7 == 0 { 0.0 } else { 0.05 + 0.95 * alpha } },
+                    energy_compensation,
+                };
+                store_material(&mut wave.vertices.metal_rough, i, &material);
+                bsdfs.push(Bsdf::MetalRough(material));
+            }
+            let shading = ShadingModel { energy_compensation, fresnel, ..ShadingModel::default() };
+            prepare(&mut wave, 0..COUNT, shading);
+            compare(wave, MetalRoughClass, &bsdfs);
+        }
+    }
+
+    /// Samples a light by the vectorised loop and one vertex at a time.
+    fn compare_samples(sampler: impl VectorSampler, sample: impl Fn(Vec3, [f32; 2]) -> LightSample) {
+        let mut random = Random::new(7);
+        let mut wave = random_wave(&mut random);
+        let dimensions = &Dimensions::new(1);
+        dispatch(SampleLight { wave: &mut wave, count: COUNT, dimensions, sampler });
+        let reached = compare_light(&wave, |i| {
+            let path = &wave.paths.state;
+            let [a, b, ..] = SobolPoint::from_parts(path.seed[i], path.shuffled[i]).sample_4d(dimensions);
+            sample(get(&wave.vertices.p, i), [a, b])
+        });
+        assert!(reached > COUNT / 4, "{reached} reached");
+    }
+
+    /// Light samples beside those that one vertex at a time gives, with the probability of the light in the density: at how
+    /// many vertices there is light.
+    fn compare_light(wave: &Wave, one: impl Fn(usize) -> LightSample) -> usize {
+        let v = &wave.vertices;
+        let mut reached = 0;
+        for i in 0..COUNT {
+            let one = one(i);
+            let (pdf, expected) = (v.light.pdf[i].value(), one.pdf_solid_angle);
+            assert!((pdf - expected).abs() <= 1e-4 * expected, "pdf {i}: {pdf} {expected}");
+            if expected > 0.0 {
+                reached += 1;
+                assert!((get(&v.light.wi, i) - one.wi).length() < 1e-5, "wi {i}");
+                assert_close(get_rgb(&v.light.radiance, i), one.radiance, &format!("radiance {i}"));
+                assert_eq!(v.light.is_infinite[i] > 0.0, one.is_infinite);
+                if !one.is_infinite {
+                    assert!((get(&v.light.target, i) - one.target).length() < 1e-5, "target {i}");
+                }
+            }
+        }
+        reached
+    }
+
+    #[test]
+    fn many_samples_of_a_rectangle_are_as_single_ones() {
+        let edges = Edges { corner: Vec3::new(-0.5, 3.0, -0.5), edge_u: Vec3::X, edge_v: Vec3::Z };
+        let radiance = Radiance::Constant(Rgb::new(3.0, 2.0, 1.0));
+        let light = AreaLight::new(AreaShape::Rectangle(edges), true, radiance);
+        let textures = CompiledTextures::resident(&[], &[], Vec3::ZERO);
+        let lights = Lights::new(vec![light], Vec::new(), None, &textures);
+        let sampler = RectangleSampler::of(&lights).expect("one rectangle");
+        compare_samples(sampler, |p, u| light.sample(&textures, p, u));
+    }
+
+    #[test]
+    fn many_samples_of_many_rectangles_are_as_single_ones() {
+        let mut random = Random::new(29);
+        let mut area = Vec::new();
+        for k in 0..7 {
+            let mut vector = || Vec3::new(random.next(), random.next(), random.next());
+            let (corner, color) = (vector() * 8.0 - 4.0, vector());
+            let (along, across) = vector().any_orthonormal_pair();
+            let (width, height) = (0.1 + random.next(), 0.1 + random.next());
+            let edges = Edges { corner, edge_u: along * width, edge_v: across * height };
+            let radiance = Radiance::Constant(Rgb::new(color.x, color.y, color.z));
+            area.push(AreaLight::new(AreaShape::Rectangle(edges), k % 2 == 0, radiance));
+        }
+        let textures = CompiledTextures::resident(&[], &[], Vec3::ZERO);
+        let lights = Lights::new(area, Vec::new(), None, &textures);
+        let rectangles = Table::new(lights.rectangles().expect("nothing but rectangles"));
+        let mut wave = random_wave(&mut random);
+        for i in 0..COUNT {
+            wave.vertices.light.index[i] = i as u32 % 7;
+            wave.vertices.light.pdf_discrete[i] = if i % 5 == 0 { 0.0 } else { random.next() };
+            (wave.scratch[0][i], wave.scratch[1][i]) = (random.next(), random.next());
+        }
+        dispatch(SampleRectangles { wave: &mut wave, count: COUNT, rectangles });
+        let reached = compare_light(&wave, |i| {
+            let (v, u) = (&wave.vertices.light, [wave.scratch[0][i], wave.scratch[1][i]]);
+            let sample = lights.sample(&textures, v.index[i], get(&wave.vertices.p, i), u);
+            LightSample { pdf_solid_angle: sample.pdf_solid_angle * v.pdf_discrete[i], ..sample }
+        });
+        assert!(reached > COUNT / 8, "{reached} reached");
+    }
+
+    #[test]
+    fn many_samples_of_an_environment_are_as_single_ones() {
+        let mut random = Random::new(13);
+        let pixels: Vec<f32> = (0..32 * 16 * 3).map(|_| random.next() * random.next() * 4.0).collect();
+        let image = Image::from_linear_rgb("random", 32, 16, pixels);
+        let environment = Environment::Image { image: ImageId(0), rotation_rad: 0.3, strength: 2.0 };
+        let environment = EnvironmentLight::new(&environment, &[image], true);
+        let textures = CompiledTextures::resident(&[], &[], Vec3::ZERO);
+        let lights = Lights::new(Vec::new(), Vec::new(), environment, &textures);
+        let sampler = EnvironmentSampler::of(&lights).expect("one picture");
+        compare_samples(sampler, |p, u| lights.sample(&textures, 0, p, u));
+    }
+
+    const _: () = assert!(COUNT <= super::WAVE);
 }

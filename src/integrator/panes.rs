@@ -24,7 +24,7 @@ use super::sampling::RandomChoice;
 use super::shading_geometry::HitPoint;
 use super::shading_groups::{
     Closure, GeneralClass, LambertClass, MediumClass, MetalRoughClass, SortedVertices, VertexClass,
-    eval_at_horizon,
+    eval_at_horizon, with_vertex_class,
 };
 use super::slabs::{MAX_SLABS, RayCrossings, ShadowCrossings, Slab, Slabs};
 use super::wave::{LightLanes, PathState, Wave, get, get_rgb, set, set_rgb};
@@ -338,19 +338,7 @@ impl Integrator<'_> {
         bsdfs: &[Bsdf],
     ) -> Rgb {
         let (i, guided) = (sample.0, self.options.guide.is_some());
-        if sorted.lambert().contains(&i) && guided {
-            self.value_of(&Guided(LambertClass), sample, branches, wave)
-        } else if sorted.lambert().contains(&i) {
-            self.value_of(&LambertClass, sample, branches, wave)
-        } else if sorted.metal_rough().contains(&i) && guided {
-            self.value_of(&Guided(MetalRoughClass), sample, branches, wave)
-        } else if sorted.metal_rough().contains(&i) {
-            self.value_of(&MetalRoughClass, sample, branches, wave)
-        } else if sorted.medium().contains(&i) {
-            self.value_of(&MediumClass, sample, branches, wave)
-        } else {
-            self.value_of(&GeneralClass { bsdfs, first: sorted.rough().start }, sample, branches, wave)
-        }
+        with_vertex_class!(sorted, i, guided, bsdfs, |class| self.value_of(&class, sample, branches, wave))
     }
 
     fn value_of<C: VertexClass>(

@@ -20,7 +20,7 @@ use super::mis::DirectionPdf;
 use super::sampling::{FIRST_ROULETTE, Purpose, RandomChoice, survival};
 use super::shading_groups::{
     Closure, GeneralClass, LambertClass, MediumClass, MetalRoughClass, SortedVertices, VertexClass,
-    eval_at_horizon,
+    eval_at_horizon, with_vertex_class,
 };
 use super::slabs::LightLobes;
 use super::wave::{Wave, get, get_rgb, set, set_rgb};
@@ -285,19 +285,7 @@ impl Integrator<'_> {
             v.guided.density[i] = v.guided.light_density[i];
         }
         let Workspace { wave, bsdfs, .. } = &*w;
-        if sorted.lambert().contains(&i) && is_guided {
-            self.value_in(&Guided(LambertClass), i, wi, wave)
-        } else if sorted.lambert().contains(&i) {
-            self.value_in(&LambertClass, i, wi, wave)
-        } else if is_guided {
-            self.value_in(&Guided(MetalRoughClass), i, wi, wave)
-        } else if sorted.metal_rough().contains(&i) {
-            self.value_in(&MetalRoughClass, i, wi, wave)
-        } else if sorted.medium().contains(&i) {
-            self.value_in(&MediumClass, i, wi, wave)
-        } else {
-            self.value_in(&GeneralClass { bsdfs, first: sorted.rough().start }, i, wi, wave)
-        }
+        with_vertex_class!(sorted, i, is_guided, bsdfs, |class| self.value_in(&class, i, wi, wave))
     }
 
     fn value_in<C: VertexClass>(&self, class: &C, i: usize, wi: Vec3, wave: &Wave) -> Option<Value> {

@@ -18,6 +18,33 @@ use crate::simd::{Kernel, dispatch};
 use std::f32::consts::FRAC_1_PI;
 use std::ops::Range;
 
+/// An expression with the class of sorted vertex `i`, guided or not.
+macro_rules! with_vertex_class {
+    ($sorted:expr, $i:expr, $is_guided:expr, $bsdfs:expr, |$class:ident| $value:expr) => {{
+        let (sorted, i) = ($sorted, $i);
+        if sorted.lambert().contains(&i) && $is_guided {
+            let $class = Guided(LambertClass);
+            $value
+        } else if sorted.lambert().contains(&i) {
+            let $class = LambertClass;
+            $value
+        } else if sorted.metal_rough().contains(&i) && $is_guided {
+            let $class = Guided(MetalRoughClass);
+            $value
+        } else if sorted.metal_rough().contains(&i) {
+            let $class = MetalRoughClass;
+            $value
+        } else if sorted.medium().contains(&i) {
+            let $class = MediumClass;
+            $value
+        } else {
+            let $class = GeneralClass { bsdfs: $bsdfs, first: sorted.rough().start };
+            $value
+        }
+    }};
+}
+pub(super) use with_vertex_class;
+
 /// The loop that shades a vertex. Vertices are sorted in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]

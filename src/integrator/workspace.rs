@@ -4,7 +4,7 @@ use super::first_hit::FirstHits;
 use super::guiding::guide::{TrainingSample, VertexRecord};
 use super::medium_segment::{MediumSegment, ShadowSegment};
 use super::radiance_buffer::RadianceBuffer;
-use super::reuse::Reuse;
+use super::reuse::tiling::Reuse;
 use super::shading_groups::ShadingGroup;
 use super::slabs::LightLobes;
 use super::slabs::{RayCrossings, ShadowCrossings};

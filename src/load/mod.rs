@@ -24,6 +24,7 @@ mod splats;
 pub mod stage;
 mod stl;
 pub mod subdivide;
+mod subdivided;
 mod threemf;
 mod unpack;
 mod upright;
@@ -257,7 +258,7 @@ fn complete(
     };
     let is_mesh_file = model.is_some_and(|model| !model.is_gltf);
     warn_of_unused_options(path, options, is_mesh_file, loaded);
-    subdivide::all(path, options, is_mesh_file, loaded)?;
+    subdivided::all(path, options, is_mesh_file, loaded)?;
     smoothed(path, options, is_mesh_file, loaded);
     let leaves_up_open = model.is_some_and(|model| model.leaves_up_open);
     if leaves_up_open {

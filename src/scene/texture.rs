@@ -4,6 +4,7 @@ use super::nodes::NodeGraph;
 use super::{ImageId, TextureId};
 use crate::color::spectral::Curve;
 use crate::math::Vec2;
+use std::collections::HashSet;
 use std::sync::Arc;
 
 /// How many textures may lie one in the other: checkers and mixes, and what is in the cells of the innermost.
@@ -162,6 +163,19 @@ pub enum Texture {
 }
 
 impl Texture {
+    /// The image textures that a texture of a scene is made of, itself included, each once.
+    pub fn images_of(textures: &[Texture], id: TextureId) -> Vec<TextureId> {
+        let (mut images, mut known, mut pending) = (Vec::new(), HashSet::new(), vec![id]);
+        while let Some(id) = pending.pop() {
+            let Some(texture) = textures.get(id.index()).filter(|_| known.insert(id)) else { continue };
+            if let Texture::Image { .. } = texture {
+                images.push(id);
+            }
+            pending.extend(texture.parts());
+        }
+        images
+    }
+
     /// Textures that it is made of, directly.
     pub fn parts(&self) -> Vec<TextureId> {
         match self {

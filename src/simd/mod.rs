@@ -11,8 +11,6 @@ mod block;
 mod cache_line;
 #[cfg(target_arch = "aarch64")]
 mod neon;
-#[cfg(test)]
-mod tests;
 mod wide;
 #[cfg(target_arch = "x86_64")]
 mod x86;
@@ -251,4 +249,345 @@ fn run_lanes_avx512<K: LanesKernel>(kernel: K) -> K::Output {
 fn run_lanes_avx2<K: LanesKernel>(kernel: K) -> K::Output {
     // SAFETY: as above.
     kernel.run(unsafe { x86::Avx2::new() })
+}
+
+#[cfg(test)]
+mod tests {
+    // Lanes count in several arrays at once.
+    #![allow(clippy::needless_range_loop)]
+
+    use super::*;
+
+    /// A small generator of numbers for tests (PCG, O'Neill 2014).
+    struct Rng(u64);
+    impl Rng {
+        fn bits(&mut self) -> u32 {
+            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            let x = (((self.0 >> 18) ^ self.0) >> 27) as u32;
+            x.rotate_right((self.0 >> 59) as u32)
+        }
+        fn signed(&mut self) -> f32 {
+            (self.bits() >> 8) as f32 / 8_388_608.0 - 1.0
+        }
+        /// Now and then a special one.
+        fn number(&mut self, special: bool) -> f32 {
+            const SPECIAL: [f32; 12] = [
+                0.0,
+                -0.0,
+                1.0,
+                f32::INFINITY,
+                f32::NEG_INFINITY,
+                f32::NAN,
+                f32::MIN_POSITIVE,
+                -1e-40,
+                f32::MAX,
+                -1e19,
+                3e-20,
+                0.5,
+            ];
+            let which = self.bits() as usize % 96;
+            if special && which < SPECIAL.len() { SPECIAL[which] } else { self.signed() }
+        }
+        fn vector(&mut self) -> [f32; 3] {
+            [self.signed(), self.signed(), self.signed()]
+        }
+        /// One whose largest component lies in [1, 2), with zeros among them.
+        fn direction(&mut self) -> [f32; 3] {
+            let mut d = self.vector();
+            if self.bits().is_multiple_of(4) {
+                d[self.bits() as usize % 3] = 0.0;
+            }
+            d[self.bits() as usize % 3] = (1.0 + self.signed().abs() * 0.99).copysign(self.signed());
+            d
+        }
+    }
+
+    fn ray(rng: &mut Rng) -> (BoxRay, [f32; 3], [f32; 3]) {
+        let (origin, direction) = (rng.vector(), rng.direction());
+        let mut boxes = BoxRay::NONE;
+        boxes.set(origin, direction, 2.0);
+        (boxes, origin, direction)
+    }
+
+    /// Runs a test on each level.
+    fn on_all_levels<T: WideKernel<Output = ()>>(test: impl Fn(&'static str) -> T) {
+        for level in Level::ALL.into_iter().filter(|l| l.is_available()) {
+            dispatch_wide_at(level, test(level.name()));
+        }
+    }
+
+    struct Boxes(&'static str);
+    impl WideKernel for Boxes {
+        type Output = ();
+        #[inline(always)]
+        fn run<W: Wide>(self, w: W) {
+            let (mut rng, mut met, mut missed) = (Rng(1), 0, 0);
+            for _ in 0..4000 {
+                let (ray, origin, direction) = ray(&mut rng);
+                let mut planes = Planes::default();
+                for lane in 0..8 {
+                    for axis in 0..3 {
+                        let (a, b) = (rng.signed(), rng.signed());
+                        (planes[2 * axis][lane], planes[2 * axis + 1][lane]) = (a.min(b), a.max(b));
+                    }
+                }
+                // The last one is empty, the one before it reaches everywhere.
+                for plane in 0..6 {
+                    let sign = if plane % 2 == 0 { 1.0 } else { -1.0 };
+                    (planes[plane][7], planes[plane][6]) = (sign * f32::INFINITY, -sign * f32::INFINITY);
+                }
+                let (mask, _) = w.boxes(&planes, &ray, 0.0, 10.0);
+                assert_eq!(mask >> 6, 1, "{}", self.0);
+                for lane in 0..6 {
+                    let (mut near, mut far, mut scale) = (0.0f64, 10.0f64, 1.0f64);
+                    for axis in 0..3 {
+                        let at = |p: f32| f64::from(p - origin[axis]) / f64::from(direction[axis]);
+                        let (a, b) = (at(planes[2 * axis][lane]), at(planes[2 * axis + 1][lane]));
+                        let is_inside = planes[2 * axis][lane] <= origin[axis]
+                            && origin[axis] <= planes[2 * axis + 1][lane];
+                        if direction[axis] == 0.0 {
+                            near = if is_inside { near } else { f64::INFINITY };
+                        } else {
+                            (near, far) = (near.max(a.min(b)), far.min(a.max(b)));
+                            scale = scale.max(1.0 / f64::from(direction[axis]).abs());
+                        }
+                    }
+                    let is_met = mask >> lane & 1 == 1;
+                    assert!(is_met || near > far, "{}: {near} {far}", self.0);
+                    assert!(!is_met || near <= far + 1e-5 * scale, "{}: {near} {far}", self.0);
+                    met += u32::from(is_met);
+                    missed += u32::from(!is_met);
+                }
+            }
+            assert!(met > 1000 && missed > 1000, "{met} {missed}");
+        }
+    }
+
+    #[test]
+    fn boxes_that_a_ray_meets_are_found_and_others_are_not() {
+        on_all_levels(Boxes);
+    }
+
+    struct OffsetsThatOverflow(&'static str);
+    impl WideKernel for OffsetsThatOverflow {
+        type Output = ();
+        #[inline(always)]
+        fn run<W: Wide>(self, w: W) {
+            // Along y, and so far from the coordinates' origin that nothing is known of x and z: all boxes that the y axis intersects.
+            let mut ray = BoxRay::NONE;
+            ray.set([1e30, -4.0, -1e30], [0.0, 1.0, 0.0], 2.0);
+            let mut planes = [[0.0; 8]; 6];
+            planes[3] = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0];
+            let (mask, near) = w.boxes(&planes, &ray, 0.0, 100.0);
+            assert_eq!(mask, 255, "{}", self.0);
+            let mut entries = [Entry { reference: 9, distance: 9.0 }; 8];
+            w.store_sorted(mask, near, &[0; 8], &mut entries);
+            assert!(entries.iter().all(|e| (e.distance - 4.0).abs() < 1e-5), "{}: {entries:?}", self.0);
+        }
+    }
+
+    #[test]
+    fn an_axis_that_nothing_is_known_of_counts_as_met() {
+        on_all_levels(OffsetsThatOverflow);
+    }
+
+    struct Stores(&'static str);
+    impl WideKernel for Stores {
+        type Output = ();
+        #[inline(always)]
+        fn run<W: Wide>(self, w: W) {
+            let mut rng = Rng(2);
+            // Along x from the origin on, boxes that are open elsewhere: where they are entered is their first plane, unrounded.
+            let mut ray = BoxRay::NONE;
+            ray.set([0.0; 3], [1.0, 0.0, 0.0], 1.0);
+            for i in 0..256 * 40 {
+                let mask = i % 256;
+                let mut planes = [[f32::NEG_INFINITY; 8], [f32::INFINITY; 8]].repeat(3);
+                for (lane, distance) in planes[0].iter_mut().enumerate() {
+                    // Zeros, numbers that agree but for their last bits, equal ones.
+                    *distance = match rng.bits() % 4 {
+                        0 => 0.0,
+                        1 => f32::from_bits(0x3f80_0000 + rng.bits() % 16),
+                        2 => (lane / 3) as f32,
+                        _ => rng.signed().abs() * 1e6,
+                    };
+                }
+                let planes: &Planes = planes.first_chunk().expect("six");
+                let child = [(); 8].map(|()| rng.bits());
+                let (all, near) = w.boxes(planes, &ray, 0.0, f32::MAX);
+                assert_eq!(all, 255, "{}", self.0);
+                let untouched = [Entry { reference: 0, distance: 0.0 }; 8];
+                let (mut entries, mut expected) = (untouched, untouched);
+                w.store_sorted(mask, near, &child, &mut entries);
+                ScalarWide.store_sorted(mask, planes[0], &child, &mut expected);
+                let bits = |e: &Entry| (e.reference, e.distance.to_bits());
+                for k in 0..mask.count_ones() as usize {
+                    assert_eq!(bits(&entries[k]), bits(&expected[k]), "{} {mask:b} {planes:?}", self.0);
+                }
+                w.store_masked(mask, &child, &mut entries);
+                let lanes = (0..8).filter(|lane| mask >> lane & 1 == 1);
+                assert!(
+                    lanes.zip(&entries).all(|(lane, e)| e.reference == child[lane]),
+                    "{} {mask:b}",
+                    self.0
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn children_are_stored_in_the_order_of_the_scalar_twin() {
+        on_all_levels(Stores);
+    }
+
+    fn packet(rng: &mut Rng, special: bool) -> [[f32; 4]; 12] {
+        [(); 12].map(|()| [(); 4].map(|()| rng.number(special)))
+    }
+
+    /// The shear of a ray, as its line has it.
+    fn line(rng: &mut Rng) -> (BoxRay, ShearedLine, [f32; 3], [f32; 3]) {
+        let (boxes, origin, direction) = ray(rng);
+        (boxes, ShearedLine::new(origin, direction), origin, direction)
+    }
+
+    struct Packets(&'static str);
+    impl WideKernel for Packets {
+        type Output = ();
+        #[inline(always)]
+        fn run<W: Wide>(self, w: W) {
+            let (mut rng, mut met, mut ahead) = (Rng(3), 0, 0);
+            for i in 0..60_000u32 {
+                let special = i % 2 == 1;
+                let mut rows = packet(&mut rng, special);
+                let (boxes, line, origin, direction) = line(&mut rng);
+                let [kx, ky, kz] = line.axes();
+                if i % 3 == 0 {
+                    // The line runs through a vertex of each, where edge functions are zero.
+                    for lane in 0..4 {
+                        for axis in [kx, ky, kz] {
+                            rows[4 * axis][lane] =
+                                origin[axis] + if i % 2 == 0 { 0.0 } else { direction[axis] };
+                        }
+                    }
+                }
+                let lanes = w.candidates(&rows, &boxes, &origin, &line.shear);
+                let expected = ScalarWide.candidates(&rows, &boxes, &origin, &line.shear);
+                // x86 may take in a triangle one of whose edge functions is NaN; the exact test sends it away.
+                assert_eq!(lanes & expected, expected, "{} {rows:?}", self.0);
+                assert!(special || lanes == expected, "{} {rows:?}", self.0);
+                assert!(self.0 != "neon" || lanes == expected, "{} {rows:?}", self.0);
+                met += lanes.count_ones();
+
+                let (row, number) = (rows[i as usize % 12], rows[i as usize % 12][i as usize % 4].to_bits());
+                assert_eq!(w.equal(&row, number), ScalarWide.equal(&row, number), "{} {row:?}", self.0);
+
+                let asked = if i % 5 == 0 { u32::MAX } else { rng.bits() & 15 };
+                let t = w.plane_parameters(&rows, &origin, &direction, asked);
+                let expected = ScalarWide.plane_parameters(&rows, &origin, &direction, asked);
+                for lane in (0..4).filter(|lane| asked >> lane & 1 == 1) {
+                    let (a, b) = (t[lane], expected[lane]);
+                    let is_same =
+                        a.to_bits() == b.to_bits() || (a.is_nan() && (b.is_nan() || b.is_sign_negative()));
+                    assert!(is_same, "{}: {t:?} {expected:?}", self.0);
+                    ahead += u32::from(a > 0.0);
+                }
+            }
+            assert!(met > 10_000 && ahead > 10_000, "{met} {ahead}");
+        }
+    }
+
+    #[test]
+    fn packets_are_tested_as_the_scalar_twin_does() {
+        on_all_levels(Packets);
+    }
+
+    struct Blocks(&'static str);
+    impl WideKernel for Blocks {
+        type Output = ();
+        #[inline(always)]
+        fn run<W: Wide>(self, w: W) {
+            let (mut rng, mut met) = (Rng(4), 0);
+            for i in 0..20_000u32 {
+                let special = i % 2 == 1;
+                let mut block = TriangleBlock::EMPTY;
+                let used = rng.bits() as usize % 17;
+                for lane in 0..used {
+                    for row in &mut block.rows {
+                        row[lane] = rng.number(special);
+                    }
+                    block.ids[lane] = rng.bits() % 20;
+                }
+                let line = line(&mut rng).1;
+                let query = BlockQuery { line: &line, ignored: rng.bits() % 20, first: rng.bits() >> 1 };
+                let (mut list, mut expected) = ([0; 16], [0; 16]);
+                let count = w.list_candidates(&block, &query, &mut list);
+                let at_least = ScalarWide.list_candidates(&block, &query, &mut expected);
+                let (list, expected) = (&list[..count], &expected[..at_least]);
+                // As for packets.
+                assert!(expected.iter().all(|number| list.contains(number)), "{} {block:?}", self.0);
+                assert!(list.is_sorted(), "{} {list:?}", self.0);
+                let is_exact = !special || matches!(self.0, "scalar" | "neon");
+                assert!(!is_exact || list == expected, "{} {list:?} {expected:?}", self.0);
+                met += count;
+            }
+            assert!(met > 10_000, "{met}");
+        }
+    }
+
+    #[test]
+    fn blocks_list_what_the_scalar_twin_lists() {
+        on_all_levels(Blocks);
+    }
+
+    #[test]
+    fn a_limit_changes_what_is_used_and_not_what_there_is() {
+        assert_eq!(Level::ALL.last(), Some(&Level::HIGHEST));
+        assert!(Level::ALL.is_sorted() && Level::Scalar.is_available());
+        let available = |level: &Level| level.is_available();
+        let before: Vec<Level> = Level::ALL.into_iter().filter(available).collect();
+        limit_level(Level::Scalar);
+        assert_eq!(best_level(), Level::Scalar);
+        assert_eq!(Level::ALL.into_iter().filter(available).collect::<Vec<_>>(), before);
+        limit_level(Level::HIGHEST);
+        assert_eq!(Some(&best_level()), before.last());
+    }
+
+    /// Lines are counted that move because there was no room.
+    #[test]
+    fn lists_that_grow_in_parts_move_each_line_a_few_times() {
+        for parts in [10, 100, 1000, 10_000] {
+            let (mut lines, mut moved) = (Vec::new(), 0);
+            for _ in 0..parts {
+                let before = lines.capacity();
+                reserve_on_huge_pages(&mut lines, 7);
+                moved += if lines.capacity() == before { 0 } else { lines.len() };
+                lines.resize(lines.len() + 7, Line::ZERO);
+            }
+            assert!(moved <= 2 * 7 * parts, "{moved} lines moved by {parts} parts");
+        }
+    }
+
+    #[test]
+    fn claims_are_filled_in_any_order_as_far_as_there_is_room() {
+        let line = |n: usize| Line([n as u32; 16]);
+        let filled = |skips: bool| {
+            let mut lines = vec![line(0)];
+            lines.reserve_exact(10);
+            let room = lines.capacity();
+            append_claims(&mut lines, |mut claims| {
+                let first = claims.claim(2).expect("room");
+                let second = claims.claim(room - 4).expect("room");
+                assert!(claims.claim(2).is_none() && claims.claim(1).is_none());
+                second.fill(&vec![line(2); room - 4]);
+                if !skips {
+                    first.fill(&[line(1); 2]);
+                }
+            });
+            lines
+        };
+        let lines = filled(false);
+        assert_eq!(lines[..4].iter().map(|l| l.0[3]).collect::<Vec<_>>(), [0, 1, 1, 2]);
+        // A claim that nobody fills is memory that nobody wrote to.
+        assert_eq!(filled(true).len(), 1);
+    }
 }

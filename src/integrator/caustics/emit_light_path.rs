@@ -1,7 +1,7 @@
 //! Light paths: from their start at a light over casters and receivers.
 
 use super::connect_to_camera::CameraConnection;
-use super::connect_to_camera::{CausticTally, LightPath};
+use super::plan::{CausticTally, LightPath};
 use super::{MAX_PASSES, STILL, is_stretched};
 use crate::bsdf::{BsdfClass, BsdfEval, BsdfSample};
 use crate::color::Rgb;

@@ -27,8 +27,9 @@
 
 mod connect_to_camera;
 mod emit_light_path;
+mod plan;
 
-pub use connect_to_camera::{CausticPlan, CausticTally};
+pub use plan::{CausticPlan, CausticTally};
 
 use super::Integrator;
 use super::mis::LightPdf;

@@ -1,8 +1,7 @@
 use super::Tiling;
-use super::tiling::GroupShape;
-use super::{
-    DIRECT, Diffuse, GroupLanes, LAMBERT, METAL_ROUGH, MIN_REST, NONE, Pairs, Prefixes, Reuse, SCATTERED,
-    SharedLayers, Suffixes, layer_rest,
+use super::tiling::{
+    DIRECT, Diffuse, GroupLanes, GroupShape, LAMBERT, METAL_ROUGH, MIN_REST, NONE, Pairs, Prefixes, Reuse,
+    SCATTERED, SharedLayers, Suffixes, layer_rest,
 };
 use crate::accel::{PointVisibility, PointVisibilityQuery, SetBits};
 use crate::color::Rgb;

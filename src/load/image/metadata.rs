@@ -230,8 +230,6 @@ fn le(bytes: &[u8], at: usize, length: usize) -> Option<usize> {
     usize::try_from(digits.iter().rfold(0u64, |n, &b| n << 8 | u64::from(b))).ok()
 }
 
-/// Each loss from bytes made here, whole and damaged.
-
 /// XYZ of the profile connection space, whose white is D50, to linear Rec. 709, whose white is D65 (adapted by Bradford's matrix;
 /// ICC.1:2022, annex E).
 const REC709_FROM_PCS: [[f64; 3]; 3] = [
@@ -371,6 +369,7 @@ pub(super) mod test_profiles {
     }
 }
 
+/// Each loss from bytes made here, whole and damaged.
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -263,7 +263,12 @@ pub fn environment(
     rotation_rad: f64,
     warnings: &mut Vec<Warning>,
 ) -> Result<Environment> {
-    let used = images_of(scene, texture);
+    let image_of = |id: TextureId| match scene.textures[id.index()] {
+        Texture::Image { image, .. } => Some(image),
+        _ => None,
+    };
+    let used: BTreeSet<ImageId> =
+        Texture::images_of(&scene.textures, texture).into_iter().filter_map(image_of).collect();
     let finest = (0..scene.images.len()).map(|i| used.contains(&ImageId(i as u32)).then_some(0)).collect();
     let needs = TextureNeeds { finest, limit: None };
     let (textures, report) = CompiledTextures::new(&scene.textures, &scene.images, Vec3::ZERO, needs)?;
@@ -277,19 +282,6 @@ pub fn environment(
     // Images have no detail between their texels.
     let image = scene.add_image(evaluated(&textures, texture, width, widest.is_none()));
     Ok(Environment::Image { image, strength, rotation_rad })
-}
-
-/// The images that a texture and its parts read.
-fn images_of(scene: &Scene, texture: TextureId) -> BTreeSet<ImageId> {
-    let (mut images, mut known, mut pending) = (BTreeSet::new(), BTreeSet::new(), vec![texture]);
-    while let Some(id) = pending.pop() {
-        let Some(texture) = scene.textures.get(id.index()).filter(|_| known.insert(id)) else { continue };
-        if let Texture::Image { image, .. } = texture {
-            images.insert(*image);
-        }
-        pending.extend(texture.parts());
-    }
-    images
 }
 
 /// The texture in all directions: at the middles of texels, and where `refined` at four points of those whose neighbours differ.

@@ -64,7 +64,7 @@ pub(super) fn read(build: &mut SceneFileBuilder, root: &Fields) {
         let name = fields.string("name").map_or(number, |n| n.value.to_string());
         let color = fields.color("color").map_or([1.0; 3], |c| c.value);
         let group = group(&fields, "group");
-        let emitter_traits = EmitterTraits {
+        let emitter = EmitterTraits {
             visible_to: visible_to(&fields, RayKinds::ALL),
             is_obstacle: fields.flag("obstacle", true),
             beam: Beam::Even,
@@ -83,7 +83,7 @@ pub(super) fn read(build: &mut SceneFileBuilder, root: &Fields) {
                         build,
                         shape,
                         &shape_fields,
-                        LightTraits { name, color, emitter_traits, group, links, moved },
+                        LightTraits { name, color, emitter, group, links, moved },
                     );
                     shape_fields.finish();
                 }
@@ -156,11 +156,7 @@ fn add_local(build: &mut SceneFileBuilder, is_spot: bool, fields: &Fields, trait
         return add_surface(
             build,
             (
-                Surface::Ball {
-                    position,
-                    radius,
-                    kind: ball_kind(is_soft, traits.emitter_traits.is_obstacle),
-                },
+                Surface::Ball { position, radius, kind: ball_kind(is_soft, traits.emitter.is_obstacle) },
                 motion,
             ),
             traits,
@@ -207,7 +203,7 @@ fn add_profiled(
             let motion = motion.map(|moving| profile_ball_motion(build, &traits.name, &kind, &moving));
             let beam = Beam::Profile { profile: build.loaded.scene.add_profile(profile), rotation, cone };
             let radiance = intensity / (PI * radius * radius);
-            let kind = ball_kind(is_soft, traits.emitter_traits.is_obstacle);
+            let kind = ball_kind(is_soft, traits.emitter.is_obstacle);
             let surface = Surface::Ball { position, radius, kind };
             add_surface(build, (surface, motion), traits, beam, (radiance, None));
         }
@@ -278,8 +274,8 @@ fn push(
     profile: Option<Arc<LightProfile>>,
 ) {
     let intensity = traits.color.map(|c| c * strength as f32);
-    let LightTraits { name, group, emitter_traits, links, .. } = traits;
-    let visible_to = emitter_traits.visible_to;
+    let LightTraits { name, group, emitter, links, .. } = traits;
+    let visible_to = emitter.visible_to;
     build.loaded.scene.lights.push(Light {
         name,
         kind,
@@ -393,7 +389,7 @@ fn add_surface(
     beam: Beam,
     (radiance, picture): (f64, Option<TextureId>),
 ) {
-    let LightTraits { name, color, emitter_traits, group, links, .. } = traits;
+    let LightTraits { name, color, emitter: emitter_traits, group, links, .. } = traits;
     let traits = ObjectTraits { links, ..ObjectTraits::default() };
     build.loaded.has_area_lights = true;
     let scene = &mut build.loaded.scene;

@@ -73,8 +73,8 @@ use crate::error::Warning;
 use crate::load::mesh_tools::{
     Faces, NAMELESS, box_faces, placed_shape, pyramid_faces, triangle_faces, uniform_scale,
 };
-use crate::load::subdivide::{CHANGES_FORM, in_scene};
 use crate::load::subdivide::{MAX_LEVELS, Subdivision};
+use crate::load::subdivided::{CHANGES_FORM, in_scene};
 use crate::math::{DAffine3, DMat3, DQuat, DVec3, transform_at};
 use crate::scene::{
     Instance, Keyframes, MaterialId, Mesh, MeshId, MeshPart, Motion, Quad, Scene, SceneMotion, Shape,

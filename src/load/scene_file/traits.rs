@@ -180,7 +180,7 @@ fn names_of(scene: &Scene) -> impl Iterator<Item = &str> {
 pub(super) struct LightTraits {
     pub name: String,
     pub color: [f32; 3],
-    pub emitter_traits: EmitterTraits,
+    pub emitter: EmitterTraits,
     pub group: String,
     pub links: LightLinks,
     /// Its motion.

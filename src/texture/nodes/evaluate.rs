@@ -4,8 +4,8 @@ use super::color::{self, Table};
 use super::math;
 use super::noise;
 use super::noise::{Fractal, noise_texture};
+use super::noise::{Wall, Wave};
 use super::noise::{hash_floats, hash_to_vector};
-use super::patterns::{self, Wall, Wave};
 use super::source::Source;
 use super::voronoi::Voronoi;
 use crate::color::luminance;
@@ -464,15 +464,15 @@ fn pattern<const LANES: usize>(kind: &NodeKind, step: &Compiled, r: &mut Registe
         }
         NodeKind::MagicTexture { turbulence_depth } => {
             r.each(step, |[x, y, z, scale, distortion]: [f32; 5]| {
-                let [a, b, c] = patterns::magic([x, y, z], scale, turbulence_depth, distortion);
+                let [a, b, c] = noise::magic([x, y, z], scale, turbulence_depth, distortion);
                 [a, b, c, (a + b + c) * (1.0 / 3.0)]
             })
         }
         NodeKind::GradientTexture { gradient_type } => {
-            r.each(step, |p: [f32; 3]| [patterns::gradient(gradient_type, p); 4]);
+            r.each(step, |p: [f32; 3]| [noise::gradient(gradient_type, p); 4]);
         }
         NodeKind::CheckerTexture {} => r.each(step, |v: [f32; 10]| {
-            let fac = patterns::checker([v[0], v[1], v[2]].map(|c| c * v[9]));
+            let fac = noise::checker([v[0], v[1], v[2]].map(|c| c * v[9]));
             let first = if fac == 1.0 { 3 } else { 6 };
             [v[first], v[first + 1], v[first + 2], fac]
         }),

@@ -4,7 +4,6 @@ mod color;
 mod evaluate;
 mod math;
 mod noise;
-mod patterns;
 mod source;
 mod voronoi;
 

@@ -1,0 +1,204 @@
+//! A film that many threads add to at once.
+//!
+//! Each band has its own lock, which is hardly ever contended: tiles that are traced at the same time lie in different bands, as
+//! tiles are ordered column by column. Where passes overlap, a tile of a later pass waits in its bands until the earlier
+//! one is complete there, so that each pixel gets its samples in one order.
+
+use super::band::Band;
+use super::picture::Film;
+use super::splats::Splat;
+use super::tile::{FilmTile, Rect};
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard};
+
+/// A film in parts that threads add to.
+pub struct SharedFilm {
+    /// All but the bands.
+    film: Film,
+    place: Rect,
+    bands: Vec<Mutex<SharedBand>>,
+    /// Samples that were left out meanwhile.
+    invalid: AtomicU64,
+}
+
+struct SharedBand {
+    band: Band,
+    place: Rect,
+    /// The pass that is being added, and the number of its pixels that are missing.
+    pass: usize,
+    left: u64,
+    /// Tiles of later passes.
+    waiting: Vec<(usize, Arc<FilmTile>)>,
+}
+
+impl Film {
+    /// The film in parts that threads add to, until [`SharedFilm::into_film`].
+    pub fn into_shared(mut self) -> SharedFilm {
+        let place = self.place();
+        let share = |(number, band): (usize, _)| {
+            let place = place.band(number);
+            Mutex::new(SharedBand { band, place, pass: 0, left: place.area(), waiting: Vec::new() })
+        };
+        let bands = std::mem::take(&mut self.bands).into_iter().enumerate().map(share).collect();
+        SharedFilm { film: self, place, bands, invalid: AtomicU64::new(0) }
+    }
+}
+
+impl SharedFilm {
+    /// Adds a tile of a pass, counted from 0, as far as it is within the film. The tiles of each pass cover every pixel once.
+    /// Returns the tile if it is no longer needed.
+    ///
+    /// # Panics
+    /// If the tile has other channels.
+    pub fn merge(&self, pass: usize, tile: FilmTile) -> Option<FilmTile> {
+        let is_ours = Arc::ptr_eq(&tile.layout, &self.film.layout) || tile.layout == self.film.layout;
+        assert!(is_ours, "a tile has other channels than the film");
+        self.invalid.fetch_add(tile.invalid_samples, Ordering::Relaxed);
+        let tile = Arc::new(tile);
+        for band in &self.bands[self.place.bands_over(tile.place())] {
+            lock(band).take(pass, &tile);
+        }
+        Arc::into_inner(tile)
+    }
+
+    /// How many pixels of a rectangle of the picture are within the film.
+    pub fn pixels_within(&self, x0: u32, y0: u32, width: u32, height: u32) -> u64 {
+        self.place.and(Rect::new((x0, y0), (width, height))).area()
+    }
+
+    /// Adds all splats of a sample, lists of which each is sorted by [`SharedFilm::sort`].
+    pub fn add_splats(&self, lists: &[Vec<Splat>], is_of_first_half: bool) {
+        self.bands.par_iter().for_each(|band| {
+            let SharedBand { band, place, .. } = &mut *lock(band);
+            let mut invalid = 0;
+            for splats in lists {
+                let from = splats.partition_point(|splat| splat.y < place.y0);
+                let until = from + splats[from..].partition_point(|splat| splat.y < place.y1);
+                invalid += band.add_splats(*place, &splats[from..until], is_of_first_half, &self.film.layout);
+            }
+            band.splats(&self.film.layout).count(1, is_of_first_half);
+            self.invalid.fetch_add(invalid, Ordering::Relaxed);
+        });
+    }
+
+    /// Sorts splats by rows; those of a row stay in their order.
+    pub fn sort(splats: &mut [Splat]) {
+        splats.sort_by_key(|splat| splat.y);
+    }
+
+    /// Joins the bands to a film. Where rendering was stopped, tiles that still wait are added, pass by pass.
+    pub fn into_film(self) -> Film {
+        let SharedFilm { mut film, bands, invalid, .. } = self;
+        film.invalid_samples += invalid.into_inner();
+        film.bands = bands.into_par_iter().map(SharedBand::finish).collect();
+        film
+    }
+}
+
+impl SharedBand {
+    fn finish(band: Mutex<SharedBand>) -> Band {
+        let band = band.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let SharedBand { mut band, place, mut waiting, .. } = band;
+        waiting.sort_by_key(|(pass, tile)| (*pass, tile.y0, tile.x0));
+        waiting.iter().for_each(|(_, tile)| band.add_tile(place, tile));
+        band
+    }
+
+    /// Adds a tile when its pass is the one that is added now, and then all that waited for that.
+    fn take(&mut self, pass: usize, tile: &Arc<FilmTile>) {
+        if pass != self.pass {
+            self.waiting.push((pass, tile.clone()));
+            return;
+        }
+        self.add(tile);
+        while self.left == 0 {
+            (self.pass, self.left) = (self.pass + 1, self.place.area());
+            let pass = self.pass;
+            for (_, tile) in self.waiting.extract_if(.., |(of, _)| *of == pass).collect::<Vec<_>>() {
+                self.add(&tile);
+            }
+        }
+    }
+
+    fn add(&mut self, tile: &FilmTile) {
+        self.band.add_tile(self.place, tile);
+        self.left = self.left.saturating_sub(self.place.and(tile.place()).area());
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::film::{Aov, AovSet};
+
+    /// The tile of a pass at a place: the colour and the material id of each sample encode its pass.
+    fn tile(film: &SharedFilm, pass: usize, (x0, y0): (u32, u32)) -> FilmTile {
+        let mut tile = FilmTile::new(x0, y0, 16, 16, film.film.layout());
+        for pixel in 0..256 {
+            let id = f32::from_bits(1 + pass as u32);
+            // So large that sums depend on their order.
+            let value = [1e9, 0.1, 1e17][pass % 3];
+            tile.add_with_first_hit(pixel, [value; 3], 1.0, Some(&[id]));
+        }
+        tile
+    }
+
+    fn film() -> Film {
+        Film::new(50, 70, AovSet::from([Aov::MaterialId])).at(3, 5)
+    }
+
+    fn places() -> Vec<(u32, u32)> {
+        (0..6).flat_map(|y| (0..4).map(move |x| (16 * x, 16 * y))).collect()
+    }
+
+    #[test]
+    fn pixels_get_passes_in_their_order_whatever_the_order_of_tiles() {
+        let mut one_by_one = film();
+        let shared = film().into_shared();
+        let order: Vec<(usize, (u32, u32))> =
+            (0..4).flat_map(|pass| places().into_iter().map(move |place| (pass, place))).collect();
+        order.iter().for_each(|(pass, place)| one_by_one.merge(tile(&shared, *pass, *place)));
+        // Each number once, in another order.
+        let mixed = (0..order.len()).map(|i| order[(i * 41 + 17) % order.len()]);
+        mixed.for_each(|(pass, place)| drop(shared.merge(pass, tile(&shared, pass, place))));
+        let waits = |band: &Mutex<SharedBand>| !lock(band).waiting.is_empty();
+        assert!(!shared.bands.iter().any(waits));
+        assert_eq!(shared.into_film(), one_by_one);
+    }
+
+    /// Where a pass is not finished, later ones are added in the end.
+    #[test]
+    fn what_waits_is_not_lost() {
+        let shared = film().into_shared();
+        let mut one_by_one = film();
+        for (pass, place) in [(2, (16, 16)), (1, (32, 16)), (0, (16, 16)), (1, (16, 16))] {
+            shared.merge(pass, tile(&shared, pass, place));
+        }
+        for (pass, place) in [(0, (16, 16)), (1, (16, 16)), (2, (16, 16)), (1, (32, 16))] {
+            one_by_one.merge(tile(&shared, pass, place));
+        }
+        assert_eq!(shared.into_film(), one_by_one);
+    }
+
+    /// No lock is common to all: tiles of other bands come in while a band is held.
+    #[test]
+    fn bands_do_not_wait_for_each_other() {
+        let shared = Film::new(64, 64, AovSet::NONE).into_shared();
+        let held = lock(&shared.bands[1]);
+        let layout = shared.film.layout();
+        for y0 in [0, 32, 48] {
+            assert!(shared.merge(0, FilmTile::new(0, y0, 64, 16, layout)).is_some());
+        }
+        drop(held);
+        let locks = |y0, height| shared.place.bands_over(Rect::new((0, y0), (16, height))).len();
+        assert_eq!(
+            [locks(0, 16), locks(48, 16), locks(8, 16), locks(32, 32), locks(64, 16)],
+            [1, 1, 2, 2, 0]
+        );
+    }
+}
