@@ -32,15 +32,7 @@ pub(crate) struct Arguments {
 impl Arguments {
     /// The whole command line.
     pub fn whole() -> clap::Command {
-        // What looks like a negative number is a value of the option before it, which says what is wrong with it.
-        let takes_numbers = |command: clap::Command| {
-            command.mut_args(|arg| {
-                let has_value = !arg.is_positional() && arg.get_action().takes_values();
-                arg.allow_negative_numbers(has_value)
-            })
-        };
-        let command = Arguments::command().mut_subcommands(takes_numbers).mut_subcommand("view", view::adapt);
-        command.mut_subcommands(short_quiet).mut_subcommands(group)
+        Arguments::command().mut_subcommands(finish)
     }
 
     /// Reads a command line, the first word of which is the program's name.
@@ -48,8 +40,14 @@ impl Arguments {
     /// # Errors
     /// What clap objects to, and questions for help.
     pub fn read(words: impl Iterator<Item = OsString>) -> Result<Arguments, clap::Error> {
-        let mut command = Arguments::whole();
+        let command = Arguments::command();
         let words = with_command(words.collect(), &command);
+        // Of the other commands, help is all that would need more; finishing all takes a millisecond.
+        let name = words.get(1).and_then(|word| word.to_str()).and_then(|word| command.find_subcommand(word));
+        let mut command = match name.map(|command| command.get_name().to_string()) {
+            Some(name) => command.mut_subcommand(name, finish),
+            None => command,
+        };
         remember_words(&words);
         let matches = command.try_get_matches_from_mut(words)?;
         if let Some(("view", matches)) = matches.subcommand() {
@@ -65,9 +63,15 @@ impl Arguments {
     }
 }
 
-/// `-q` where there is `--quiet`.
-fn short_quiet(command: clap::Command) -> clap::Command {
-    command.mut_args(|arg| if arg.get_id() == "quiet" { arg.short('q') } else { arg })
+/// A command with what its declaration leaves out: headings of help, `-q` where there is `--quiet`, and negative numbers as
+/// values. What looks like a negative number is a value of the option before it, which reports what is wrong with it.
+fn finish(command: clap::Command) -> clap::Command {
+    let command = if command.get_name() == "view" { view::adapt(command) } else { command };
+    group(command.mut_args(|arg| {
+        let has_value = !arg.is_positional() && arg.get_action().takes_values();
+        let arg = arg.allow_negative_numbers(has_value);
+        if arg.get_id() == "quiet" { arg.short('q') } else { arg }
+    }))
 }
 
 /// The words with the command `render`, if they begin with a file or with an option of a command.

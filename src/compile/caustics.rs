@@ -108,14 +108,9 @@ impl CompiledScene {
     pub fn targets(&self, roles: &[CausticRole]) -> TargetSpheres {
         // Primitives of an object follow each other: maps are asked once for each.
         let mut runs: Vec<(u32, Bounds3)> = Vec::new();
-        self.visit_senders(roles, |object, ball| {
-            if runs.last().is_none_or(|run| run.0 != object) {
-                runs.push((object, Bounds3::EMPTY));
-            }
-            if let Some((_, bounds)) = runs.last_mut() {
-                let r = Vec3::splat(ball.radius);
-                *bounds = bounds.with(ball.center - r).with(ball.center + r);
-            }
+        self.visit_senders(roles, |object, ball| match runs.last_mut() {
+            Some((of, bounds)) if *of == object => *bounds = with_ball(*bounds, ball),
+            _ => runs.push((object, with_ball(Bounds3::EMPTY, ball))),
         });
         let mut boxes: BTreeMap<u32, Bounds3> = BTreeMap::new();
         for (object, bounds) in runs {
@@ -199,6 +194,15 @@ impl CompiledScene {
         });
         placed.fold(world, f32::max)
     }
+}
+
+/// Bounds that hold a ball, too. Most balls are vertices of triangles.
+fn with_ball(bounds: Bounds3, ball: TargetSphere) -> Bounds3 {
+    if ball.radius == 0.0 {
+        return bounds.with(ball.center);
+    }
+    let r = Vec3::splat(ball.radius);
+    bounds.with(ball.center - r).with(ball.center + r)
 }
 
 /// A ball without size.

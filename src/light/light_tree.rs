@@ -276,7 +276,8 @@ fn best_cut(items: &[Item], centers: &Bounds3) -> Option<(usize, f32)> {
             before[k] = union(before[k - 1], before[k]);
             behind[BINS - 1 - k] = union(behind[BINS - 1 - k], behind[BINS - k]);
         }
-        for k in 1..BINS {
+        // A split behind an empty bin is the one before it.
+        for k in (1..BINS).filter(|&k| bins[k - 1].is_some()) {
             let (Some(a), Some(b)) = (before[k - 1], behind[k]) else { continue };
             let cost = a.cost(longest, axis) + b.cost(longest, axis);
             if best.is_none_or(|(least, ..)| cost < least) {

@@ -17,13 +17,12 @@ use exr::prelude::{
     AnyChannel, AnyChannels, AttributeValue, Blocks, Compression, FlatSamples, Image, ImageAttributes, Layer,
     LayerAttributes, LineOrder, Text, Vec2, WritableImage, f16,
 };
-use flate2::Compression as Level;
-use flate2::write::ZlibEncoder;
+use flate2::{Compress, Compression as Level, FlushCompress, Status};
 use half::slice::HalfFloatSliceExt;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::io::{Cursor, Write as _};
+use std::io::Cursor;
 use std::time::SystemTime;
 
 /// What the header says about how the picture was made. What is `None` is left out.
@@ -411,10 +410,13 @@ fn compress(layer: &AnyLayer, block: usize) -> std::io::Result<Vec<u8>> {
             }
         }
     }
-    let mut encoder = ZlibEncoder::new(Vec::with_capacity(plain.len() / 2), LEVEL);
-    encoder.write_all(&differences(&apart(&plain)))?;
-    let compressed = encoder.finish()?;
-    Ok(if compressed.len() < plain.len() { compressed } else { plain })
+    let bytes = differences(apart(&plain));
+    let mut encoder = Compress::new(LEVEL, true);
+    // Zlib grows what it can't compress by a thousandth and a few bytes; what is as large as before is stored as it is.
+    let mut compressed = Vec::with_capacity(bytes.len() + bytes.len() / 1000 + 64);
+    let status = encoder.compress_vec(&bytes, &mut compressed, FlushCompress::Finish)?;
+    let is_smaller = status == Status::StreamEnd && compressed.len() < plain.len();
+    Ok(if is_smaller { compressed } else { plain })
 }
 
 /// The bytes at even places, then those at odd ones: samples have two or four, so their number is even.
@@ -428,13 +430,11 @@ fn apart(plain: &[u8]) -> Vec<u8> {
 }
 
 /// What each byte has more than the one before, and 128.
-fn differences(bytes: &[u8]) -> Vec<u8> {
-    let mut list = bytes.to_vec();
-    let pairs = bytes.iter().zip(&bytes[bytes.len().min(1)..]);
-    for (difference, (before, own)) in list.iter_mut().skip(1).zip(pairs) {
-        *difference = own.wrapping_sub(*before).wrapping_add(128);
+fn differences(mut bytes: Vec<u8>) -> Vec<u8> {
+    for i in (1..bytes.len()).rev() {
+        bytes[i] = bytes[i].wrapping_sub(bytes[i - 1]).wrapping_add(128);
     }
-    list
+    bytes
 }
 
 // What headers say about a Cryptomatte (Psyop's specification 1.2.0).
