@@ -96,23 +96,27 @@ fn power(x: f32, y: f32) -> f32 {
     if x > 0.0 { poly::exp(y * poly::ln(x)) } else { 0.0 }
 }
 
-/// Most cells around one, itself included.
-const MAX_CELLS: usize = 81;
+/// Offsets from a cell to those around it by dimension, itself included, the first dimension fastest.
+type Offsets<const CELLS: usize> = [[i32; CELLS]; 4];
 
-/// Offsets to the cells around by dimension, the first dimension fastest.
-const OFFSETS: [[i32; MAX_CELLS]; 4] = {
-    let (mut offsets, mut k) = ([[0; MAX_CELLS]; 4], 0);
-    while k < MAX_CELLS {
+/// The next cells of each cell; 3 to the power of dimensions.
+const NEXT: Offsets<81> = offsets(3);
+/// The cells that smooth distances blend; 5 to the power of dimensions.
+const WIDE: Offsets<625> = offsets(5);
+
+const fn offsets<const CELLS: usize>(side: usize) -> Offsets<CELLS> {
+    let (mut offsets, mut k) = ([[0; CELLS]; 4], 0);
+    while k < CELLS {
         let (mut rest, mut i) = (k, 0);
         while i < 4 {
-            offsets[i][k] = (rest % 3) as i32 - 1;
-            rest /= 3;
+            offsets[i][k] = (rest % side) as i32 - side as i32 / 2;
+            rest /= side;
             i += 1;
         }
         k += 1;
     }
     offsets
-};
+}
 
 /// The distances to the nearest two points, and the offsets to their cells.
 struct Nearest<'a, const N: usize> {
@@ -126,17 +130,113 @@ impl<const N: usize> simd::Kernel for Nearest<'_, N> {
     #[inline(always)]
     fn run(self) -> [(f32, [i32; N]); 2] {
         let (cell, local) = split(self.p);
-        let distances = self.voronoi.distances(cell, local);
+        let count = 3usize.pow(N as u32);
+        let distances = self.voronoi.distances(cell, local, &NEXT, count);
         let mut found = [(f32::MAX, 0); 2];
-        for (k, &distance) in distances.iter().enumerate().take(3usize.pow(N as u32)) {
+        for (k, &distance) in distances.iter().enumerate().take(count) {
             if distance < found[0].0 {
                 found = [(distance, k), found[0]];
             } else if distance < found[1].0 {
                 found[1] = (distance, k);
             }
         }
-        found.map(|(distance, k)| (distance, std::array::from_fn(|i| OFFSETS[i][k])))
+        found.map(|(distance, k)| (distance, std::array::from_fn(|i| NEXT[i][k])))
     }
+}
+
+/// The nearest point, smoothly blended with others (Quilez 2014, "Smooth Voronoi").
+struct Smooth<'a, const N: usize> {
+    voronoi: &'a Voronoi,
+    p: [f32; N],
+}
+
+impl<const N: usize> simd::Kernel for Smooth<'_, N> {
+    type Output = Cell<N>;
+
+    #[inline(always)]
+    fn run(self) -> Cell<N> {
+        let Voronoi { smoothness, .. } = *self.voronoi;
+        let (cell, local) = split(self.p);
+        let count = 5usize.pow(N as u32);
+        let distances = self.voronoi.distances(cell, local, &WIDE, count);
+        let mut smooth = Cell::<N>::ZERO;
+        for (k, &distance) in distances.iter().enumerate().take(count) {
+            // Most points are too far to be blended.
+            if k > 0 && distance >= smooth.distance + smoothness {
+                continue;
+            }
+            let t = (0.5 + 0.5 * (smooth.distance - distance) / smoothness).clamp(0.0, 1.0);
+            let h = if k == 0 { 1.0 } else { t * t * (3.0 - 2.0 * t) };
+            let correction = smoothness * h * (1.0 - h);
+            let share = correction / (1.0 + 3.0 * smoothness);
+            let (point, other) = self.voronoi.point(cell, std::array::from_fn(|i| WIDE[i][k]));
+            let color = cell_color(other);
+            smooth.distance = mix(smooth.distance, distance, h) - correction;
+            smooth.color = std::array::from_fn(|i| mix(smooth.color[i], color[i], h) - share);
+            smooth.position = std::array::from_fn(|i| mix(smooth.position[i], point[i], h) - share);
+        }
+        smooth.position = std::array::from_fn(|i| smooth.position[i] + cell[i]);
+        smooth
+    }
+}
+
+/// The distance to the border between the nearest points (Quilez 2012, "Voronoi edges"), in two and more dimensions.
+struct Edge<'a, const N: usize> {
+    voronoi: &'a Voronoi,
+    p: [f32; N],
+}
+
+impl<const N: usize> simd::Kernel for Edge<'_, N> {
+    type Output = f32;
+
+    /// The loops have no branches, so that they vectorise.
+    #[inline(always)]
+    fn run(self) -> f32 {
+        let (cell, local) = split(self.p);
+        let count = 3usize.pow(N as u32);
+        let vectors = self.voronoi.vectors(cell, local, &NEXT, count);
+        let squared = lengths(&vectors, count, |d| dot(d, d));
+        let mut nearest = 0;
+        for (k, &distance) in squared.iter().enumerate().take(count) {
+            if distance < squared[nearest] {
+                nearest = k;
+            }
+        }
+        let mut to_nearest = [0.0; N];
+        for i in 0..N {
+            to_nearest[i] = vectors[i][nearest];
+        }
+        let mut edges = [0.0f32; 81];
+        for k in 0..count {
+            let (mut across, mut middle) = ([0.0; N], [0.0; N]);
+            for i in 0..N {
+                across[i] = vectors[i][k] - to_nearest[i];
+                middle[i] = (to_nearest[i] + vectors[i][k]) / 2.0;
+            }
+            let squared = dot(across, across);
+            let edge = dot(middle, across) / squared.sqrt();
+            edges[k] = if squared > 0.0001 { edge } else { f32::MAX };
+        }
+        edges.iter().take(count).fold(8.0, |least, &edge| least.min(edge))
+    }
+}
+
+/// A measure of the absolute values of vectors whose components stand in lists.
+#[inline(always)]
+fn lengths<const N: usize, const CELLS: usize>(
+    vectors: &[[f32; CELLS]; N],
+    count: usize,
+    length: impl Fn([f32; N]) -> f32,
+) -> [f32; CELLS] {
+    let mut list = [0.0; CELLS];
+    for k in 0..count {
+        let mut d = [0.0; N];
+        for i in 0..N {
+            d[i] = vectors[i][k].abs();
+        }
+        list[k] = length(d);
+    }
+    list
 }
 
 impl Voronoi {
@@ -150,7 +250,7 @@ impl Voronoi {
             VoronoiFeature::SmoothF1 if self.smoothness == 0.0 => {
                 self.fractal(p, 1.0, |p| self.nearest(p)[0])
             }
-            VoronoiFeature::SmoothF1 => self.fractal(p, 1.0, |p| self.smooth(p)),
+            VoronoiFeature::SmoothF1 => self.fractal(p, 1.0, |p| simd::dispatch(Smooth { voronoi: self, p })),
         }
     }
 
@@ -189,90 +289,61 @@ impl Voronoi {
         })
     }
 
-    /// Distances from a place in a cell to the points of the cells around, in the order of [`OFFSETS`].
+    /// Distances from a place in a cell to the points of `count` cells around.
     #[inline(always)]
-    fn distances<const N: usize>(&self, cell: [f32; N], local: [f32; N]) -> [f32; MAX_CELLS] {
-        match self.metric {
-            _ if N == 1 => self.each_distance(cell, local, |d| d[0]),
-            DistanceMetric::Euclidean => self.each_distance(cell, local, |d| dot(d, d).sqrt()),
-            DistanceMetric::Manhattan => self.each_distance(cell, local, |d| d.iter().sum()),
-            _ => self.each_distance(cell, local, |d| self.length(d)),
-        }
-    }
-
-    /// The loop has no branches, so that it vectorises.
-    #[inline(always)]
-    fn each_distance<const N: usize>(
+    fn distances<const N: usize, const CELLS: usize>(
         &self,
         cell: [f32; N],
         local: [f32; N],
-        length: impl Fn([f32; N]) -> f32,
-    ) -> [f32; MAX_CELLS] {
-        let (mut distances, mut own) = ([f32::MAX; MAX_CELLS], [0; N]);
+        offsets: &Offsets<CELLS>,
+        count: usize,
+    ) -> [f32; CELLS] {
+        let vectors = self.vectors(cell, local, offsets, count);
+        match self.metric {
+            _ if N == 1 => lengths(&vectors, count, |d| d[0]),
+            DistanceMetric::Euclidean => lengths(&vectors, count, |d| dot(d, d).sqrt()),
+            DistanceMetric::Manhattan => lengths(&vectors, count, |d| d.iter().sum()),
+            _ => lengths(&vectors, count, |d| self.length(d)),
+        }
+    }
+
+    /// Components of the vectors from a place in a cell to the points of `count` cells around. The loop has no branches, so
+    /// that it vectorises.
+    #[inline(always)]
+    fn vectors<const N: usize, const CELLS: usize>(
+        &self,
+        cell: [f32; N],
+        local: [f32; N],
+        offsets: &Offsets<CELLS>,
+        count: usize,
+    ) -> [[f32; CELLS]; N] {
+        let (mut vectors, mut own) = ([[0.0; CELLS]; N], [0; N]);
         for i in 0..N {
             own[i] = cell[i] as i32;
         }
-        for k in 0..3usize.pow(N as u32) {
+        for k in 0..count {
             let mut other = [0; N];
             for i in 0..N {
-                other[i] = own[i].wrapping_add(OFFSETS[i][k]);
+                other[i] = own[i].wrapping_add(offsets[i][k]);
             }
-            let (random, mut d) = (cell_point(other), [0.0; N]);
+            let random = cell_point(other);
             for i in 0..N {
-                d[i] = (OFFSETS[i][k] as f32 + random[i] * self.randomness - local[i]).abs();
+                vectors[i][k] = offsets[i][k] as f32 + random[i] * self.randomness - local[i];
             }
-            distances[k] = length(d);
         }
-        distances
-    }
-
-    /// The nearest point, smoothly blended with others (Quilez 2014, "Smooth Voronoi").
-    fn smooth<const N: usize>(&self, p: [f32; N]) -> Cell<N> {
-        let (cell, local) = split(p);
-        let mut smooth = Cell::<N>::ZERO;
-        for (number, offset) in around(2).enumerate() {
-            let (point, other) = self.point(cell, offset);
-            let distance = self.distance(point, local);
-            let t = (0.5 + 0.5 * (smooth.distance - distance) / self.smoothness).clamp(0.0, 1.0);
-            let h = if number == 0 { 1.0 } else { t * t * (3.0 - 2.0 * t) };
-            let correction = self.smoothness * h * (1.0 - h);
-            let share = correction / (1.0 + 3.0 * self.smoothness);
-            let color = cell_color(other);
-            smooth.distance = mix(smooth.distance, distance, h) - correction;
-            smooth.color = std::array::from_fn(|i| mix(smooth.color[i], color[i], h) - share);
-            smooth.position = std::array::from_fn(|i| mix(smooth.position[i], point[i], h) - share);
-        }
-        smooth.position = std::array::from_fn(|i| smooth.position[i] + cell[i]);
-        smooth
+        vectors
     }
 
     /// Distance to the border between the nearest points.
     fn edge<const N: usize>(&self, p: [f32; N]) -> f32 {
+        if N > 1 {
+            return simd::dispatch(Edge { voronoi: self, p });
+        }
         let (cell, local) = split(p);
-        if N == 1 {
-            let middle = self.point(cell, [0; N]).0[0];
-            let (left, right) = (self.point(cell, [-1; N]).0[0], self.point(cell, [1; N]).0[0]);
-            let to = |other: f32| ((middle + other) / 2.0 - local[0]).abs();
-            return to(left).min(to(right));
-        }
-        let vectors = || around(1).map(|offset| minus(self.point(cell, offset).0, local));
-        let (mut to_nearest, mut nearest) = ([0.0; N], f32::MAX);
-        for vector in vectors() {
-            let squared = dot(vector, vector);
-            if squared < nearest {
-                (nearest, to_nearest) = (squared, vector);
-            }
-        }
-        let mut least = 8.0f32;
-        for vector in vectors() {
-            let across = minus(vector, to_nearest);
-            let squared = dot(across, across);
-            if squared > 0.0001 {
-                let middle: [f32; N] = std::array::from_fn(|i| (to_nearest[i] + vector[i]) / 2.0);
-                least = least.min(dot(middle, across) / squared.sqrt());
-            }
-        }
-        least
+        let middle = self.point(cell, [0; N]).0[0];
+        let (left, right) = (self.point(cell, [-1; N]).0[0], self.point(cell, [1; N]).0[0]);
+        let to = |other: f32| ((middle + other) / 2.0 - local[0]).abs();
+        to(left).min(to(right))
     }
 
     /// Radius of the largest sphere about the nearest point that touches that of its own nearest point.
