@@ -172,17 +172,12 @@ impl Integrator<'_> {
         if bounce == 0 { self.options.branches } else { 1 }
     }
 
-    /// Light samples per vertex at a bounce: a power of two; 1 for a uniform sky, which BSDF sampling finds as well.
+    /// Light samples per vertex at a bounce: a power of two.
     pub(super) fn light_samples(&self, bounce: u32) -> u32 {
-        let branches = self.branches(bounce);
-        if branches <= PATHS_PER_LIGHT_SAMPLE || self.scene.lights.are_an_even_sky() {
-            return 1;
-        }
-        branches / PATHS_PER_LIGHT_SAMPLE
+        (self.branches(bounce) / PATHS_PER_LIGHT_SAMPLE).max(1)
     }
 
-    /// MIS: number of BSDF samples per light sample
-    /// at a bounce.
+    /// MIS: number of BSDF samples per light sample at a bounce.
     pub(super) fn bsdf_samples_per_light_sample(&self, bounce: u32) -> f32 {
         (self.branches(bounce) / self.light_samples(bounce)) as f32
     }

@@ -30,7 +30,7 @@ pub struct EnvironmentSample {
 pub struct EnvironmentLight {
     kind: EnvironmentKind,
     pub(super) portals: Portals,
-    /// Are light samples taken?
+    /// May light samples be taken?
     is_sampled: bool,
 }
 
@@ -172,10 +172,16 @@ impl EnvironmentLight {
         self.is_sampled = is_sampled;
     }
 
-    /// Are light samples taken?
+    /// Does the scene let light samples be taken? Then its light obeys the visibility to shadow rays, by whatever samples it is found.
+    pub fn may_be_sampled(&self) -> bool {
+        self.is_sampled
+    }
+
+    /// Are light samples taken? None of an even sky: BSDF samples find its light with little noise wherever it counts, and light
+    /// samples are left for other lights.
     #[inline(always)]
     pub fn is_sampled(&self) -> bool {
-        self.is_sampled
+        self.is_sampled && (self.has_portals() || self.image_map().is_some())
     }
 
     /// Does sampling depend on the point that is lit?

@@ -118,7 +118,7 @@ impl Lights {
         let index = (self.area.len() + self.punctual.len()) as u32;
         let sampled = self.environment.iter().filter(|e| e.is_sampled() && has(index));
         far.extend(sampled.map(|e| (index, e.mean_luminance() * PI)));
-        LightSampler::new(&bounds, near, &far, self.len() == 1)
+        LightSampler::new(&bounds, near, &far, self.count_sampled() == 1)
     }
 
     /// The sampler of a class of receivers.
@@ -141,7 +141,7 @@ impl Lights {
     }
 
     fn find_rectangles(&self) -> Vec<[f32; RECTANGLE_NUMBERS]> {
-        if self.area.len() < self.len() || self.are_moving() {
+        if self.area.len() < self.count_sampled() || self.are_moving() {
             return Vec::new();
         }
         let rectangles = self.area.iter().map(|light| Some(UniformRectangle::of(light)?.pack()));
@@ -168,7 +168,7 @@ impl Lights {
     /// Is there nothing to sample?
     #[inline(always)]
     pub fn is_empty(&self) -> bool {
-        self.area.is_empty() && self.punctual.is_empty() && !self.samples_environment()
+        self.count_sampled() == 0
     }
 
     /// How many there are, the environment included.
@@ -176,10 +176,9 @@ impl Lights {
         self.area.len() + self.punctual.len() + usize::from(self.environment.is_some())
     }
 
-    /// Is the only light a constant or gradient environment without portals?
-    pub fn are_an_even_sky(&self) -> bool {
-        let is_even = |e: &EnvironmentLight| e.image_map().is_none() && !e.has_portals();
-        self.len() == 1 && self.environment.as_ref().is_some_and(is_even)
+    /// Number of lights that light samples are taken of.
+    fn count_sampled(&self) -> usize {
+        self.area.len() + self.punctual.len() + usize::from(self.samples_environment())
     }
 
     /// Emissive surfaces.
@@ -238,7 +237,7 @@ impl Lights {
 
     /// Does the choice depend on the receiver? It doesn't for a single light.
     pub fn use_tree(&self) -> bool {
-        self.len() > 1 && self.samplers().any(|sampler| sampler.has_near)
+        self.count_sampled() > 1 && self.samplers().any(|sampler| sampler.has_near)
     }
 
     /// Chooses a light for a receiver of a class by two numbers in 0..1.
