@@ -20,7 +20,9 @@ use super::microsurface::{Facets, Isotropic, Microsurface, MicrosurfaceProgram};
 use super::rough_dielectric::{GlassReflectance, RoughDielectric, Walls};
 use super::sheen::Sheen;
 use super::thin_film::ThinFilm;
-use super::{Appearance, BsdfEval, BsdfSample, Lobe, Refraction, Transmissive, fresnel, ggx};
+use super::{
+    Appearance, BsdfEval, BsdfSample, Lobe, Refraction, SchlickMetalProgram, Transmissive, fresnel, ggx,
+};
 use crate::color::Rgb;
 use crate::math::{Frame, Vec3};
 use crate::scene::{
@@ -425,6 +427,32 @@ impl MetalRoughProgram {
             normal: if pbr.ior == 0.0 { 1.0 } else { fresnel::f0_from_eta(pbr.ior) },
             layer_fresnel: LayerFresnel::new(shading.fresnel, pbr.ior),
             energy_compensation: shading.energy_compensation,
+        }
+    }
+}
+
+impl MetalRoughProgram {
+    /// A diffuse one.
+    pub(super) fn diffuse(albedo: ColorSlot) -> MetalRoughProgram {
+        MetalRoughProgram {
+            base_color: albedo,
+            metallic: FloatSlot::constant(0.0),
+            roughness: FloatSlot::constant(1.0),
+            specular: FloatSlot::constant(0.0),
+            specular_color: ColorSlot::constant([1.0; 3]),
+            normal: 0.0,
+            layer_fresnel: LayerFresnel::Schlick,
+            energy_compensation: EnergyCompensation::Off,
+        }
+    }
+
+    /// A metal.
+    pub(super) fn metal(metal: &SchlickMetalProgram) -> MetalRoughProgram {
+        MetalRoughProgram {
+            metallic: FloatSlot::constant(1.0),
+            roughness: metal.roughness,
+            energy_compensation: metal.energy_compensation,
+            ..MetalRoughProgram::diffuse(metal.color)
         }
     }
 }

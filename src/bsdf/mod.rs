@@ -6,6 +6,7 @@
 //! 1 / eta^2 and back on the way out (as in pbrt and Mitsuba); [`BsdfSample::eta`] lets Russian roulette undo it.
 
 pub mod anisotropic_table;
+mod blend;
 mod dielectric;
 pub mod dielectric_table;
 mod diffuse;
@@ -68,6 +69,8 @@ dispatch::bsdfs! {
         metal::Conductor(metal::ConductorProgram),
         /// The opaque glTF material.
         metal_rough::MetalRough(layered::MetalRoughProgram),
+        /// The weighted sum of two of these.
+        blend::Blend(blend::BlendProgram),
     }
     transmissive {
         /// Smooth solid glass.
@@ -130,6 +133,10 @@ impl Bsdf {
                 let base = Bsdf::Lambert(Lambert { albedo: closure.diffuse });
                 (base, self.without_base(), closure.probability_diffuse)
             }
+            Bsdf::Blend(blend) => {
+                let (albedo, share) = blend.base(wo);
+                (Bsdf::Lambert(Lambert { albedo }), self.without_base(), share)
+            }
             Bsdf::Layered(layered) => {
                 let (base, share) = layered.base(wo);
                 let base = match base.roughness > 0.0 {
@@ -148,6 +155,7 @@ impl Bsdf {
             Bsdf::Lambert(_) | Bsdf::OrenNayar(_) | Bsdf::Phong(_) => true,
             Bsdf::Toon(toon) => !toon.is_glossy,
             Bsdf::MetalRough(material) => material.diffuse != Rgb::ZERO,
+            Bsdf::Blend(blend) => blend.parts.iter().any(|part| part.diffuse != Rgb::ZERO),
             Bsdf::Layered(layered) => layered.opaque.diffuse != Rgb::ZERO || layered.through != Rgb::ZERO,
             _ => false,
         }
@@ -158,6 +166,10 @@ impl Bsdf {
         match self {
             Bsdf::Lambert(_) | Bsdf::OrenNayar(_) => Bsdf::Black,
             Bsdf::MetalRough(material) => Bsdf::MetalRough(MetalRough { diffuse: Rgb::ZERO, ..material }),
+            Bsdf::Blend(mut blend) => {
+                blend.change(|part| part.diffuse = Rgb::ZERO);
+                Bsdf::Blend(blend)
+            }
             Bsdf::Layered(mut layered) => {
                 layered.opaque.diffuse = Rgb::ZERO;
                 Bsdf::Layered(layered)
@@ -175,6 +187,7 @@ impl Bsdf {
             Bsdf::Phong(phong) if reflective => phong.specular = Rgb::ZERO,
             Bsdf::Toon(toon) if reflective && toon.is_glossy => *self = Bsdf::Black,
             Bsdf::MetalRough(material) if reflective => material.leave_out_reflection(),
+            Bsdf::Blend(blend) if reflective => blend.change(MetalRough::leave_out_reflection),
             Bsdf::Dielectric(_) | Bsdf::ThinDielectric(_) | Bsdf::RoughDielectric(_)
                 if reflective && refractive =>
             {
@@ -195,6 +208,7 @@ impl Bsdf {
             Bsdf::SchlickMetal(metal) => metal.alpha = metal.alpha.max(least),
             Bsdf::Conductor(metal) => metal.surface.roughen(least),
             Bsdf::MetalRough(material) => material.surface.alpha = material.surface.alpha.max(least),
+            Bsdf::Blend(blend) => blend.change(|part| part.surface.alpha = part.surface.alpha.max(least)),
             Bsdf::RoughDielectric(glass) => glass.roughen(least),
             Bsdf::Dielectric(glass) if glass.ior != 1.0 => {
                 let rough = single_scattering_glass(glass.ior, Walls::Solid, glass.refraction, least);

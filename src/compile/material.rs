@@ -2,7 +2,7 @@
 //! each hit.
 
 use super::medium::{Medium, is_transmissive_interface};
-use crate::bsdf::{Bsdf, BsdfClass, BsdfProgram, Factors, LocalFrame, ShadingModel, Slots};
+use crate::bsdf::{BlendProgram, Bsdf, BsdfClass, BsdfProgram, Factors, LocalFrame, ShadingModel, Slots};
 use crate::color::Rgb;
 use crate::color::spectral::{Spectrum, Wavelengths, uplifted_share};
 use crate::light::Beam;
@@ -316,10 +316,7 @@ impl CompiledMaterial {
     ) -> CompiledMaterial {
         for MixComponent { weight, material } in model.components() {
             let compiled = CompiledMaterial::new(material, textures, shading);
-            self.uses_vertex_colors |= compiled.uses_vertex_colors;
-            self.uses_uv |= compiled.uses_uv;
-            self.uses_frame |= compiled.uses_frame;
-            self.depends_on_viewer |= compiled.depends_on_viewer;
+            self.unite_needs(&compiled);
             self.normal_map = self.normal_map.or(compiled.normal_map);
             self.normal = self.normal.or(compiled.normal);
             if self.medium.is_none() {
@@ -335,7 +332,60 @@ impl CompiledMaterial {
             }));
             self.components.push(CompiledComponent { weight: *weight, reflectance, index: 0, material });
         }
-        self
+        self.blended()
+    }
+
+    /// With the sum of two components as its BSDF where [`Blend`](crate::bsdf::Blend) can be that: it is evaluated whole, so that no
+    /// selection adds noise. They may differ in nothing but what they reflect.
+    fn blended(self) -> CompiledMaterial {
+        let [CompiledComponent { weight: of_a, material: Some(a), .. }, second] = &self.components[..] else {
+            return self;
+        };
+        let CompiledComponent { weight: of_b, material: Some(b), .. } = second else { return self };
+        let is_plain = |m: &CompiledMaterial| {
+            m.emission.is_none()
+                && m.alpha.is_none()
+                && m.medium.is_none()
+                && !m.uses_vertex_colors
+                && !m.uses_frame
+        };
+        let normals = |m: &CompiledMaterial| (m.normal_map, m.normal, m.bumped_normal);
+        let are_alike = is_plain(a) && is_plain(b) && normals(a) == normals(b);
+        let weights = [*of_a, *of_b];
+        let program = BlendProgram::of(weights, [&a.program, &b.program]).filter(|_| are_alike);
+        let Some(program) = program.map(BsdfProgram::from) else { return self };
+        let is_constant =
+            [a, b].iter().all(|m| m.alike().is_some()) && weights.iter().all(|w| w.texture.is_none());
+        let is_spectral = a.example.is_some() || b.example.is_some();
+        let example = is_constant.then(|| program.evaluate(&Factors, &LocalFrame::STRAIGHT));
+        let constant = example.filter(|_| !is_spectral);
+        let albedo = constant.map_or(Rgb::ZERO, |bsdf| bsdf.albedo());
+        let (class, example) = (program.class(), example.filter(|_| is_spectral));
+        let (normal_map, normal, bumped_normal) = normals(a);
+        let components = Vec::new();
+        CompiledMaterial {
+            class,
+            program,
+            constant,
+            example,
+            albedo,
+            normal_map,
+            normal,
+            bumped_normal,
+            components,
+            ..self
+        }
+    }
+
+    /// Needs of hits what another one needs, too.
+    fn unite_needs(&mut self, other: &CompiledMaterial) {
+        self.uses_vertex_colors |= other.uses_vertex_colors;
+        self.uses_uv |= other.uses_uv;
+        self.uses_frame |= other.uses_frame;
+        self.depends_on_viewer |= other.depends_on_viewer;
+        self.reads_hit |= other.reads_hit;
+        self.reads_tangents |= other.reads_tangents;
+        self.reads_path |= other.reads_path;
     }
 
     /// Moves the materials of a mix to the end of all materials, with its presence and its medium.
