@@ -63,10 +63,46 @@ fn lattice_gradient<const N: usize>(hash: u32, d: [f32; N]) -> f32 {
 /// Maximum number of corners of a cell.
 const CORNERS: usize = 16;
 
-/// Gradient noise, about -1..1.
+/// Maximum number of points that are evaluated together: the octaves of a fractal sum.
+const MAX_POINTS: usize = 16;
+
+/// Gradient noise, about -1..1, at up to [`MAX_POINTS`] points. Vector lanes are the corners of one cell, or points where these are more.
 #[inline]
-pub fn signed_noise<const N: usize>(p: [f32; N]) -> f32 {
-    simd::dispatch(Lattice(p))
+fn signed_noises<const N: usize>(points: &[[f32; N]]) -> [f32; MAX_POINTS] {
+    let mut values = [0.0; MAX_POINTS];
+    if 4 * points.len() < 3 << N {
+        for (value, &p) in values.iter_mut().zip(points) {
+            *value = simd::dispatch(Lattice(p));
+        }
+    } else if points.len() <= 8 {
+        values[..8].copy_from_slice(&simd::dispatch(Batch::<N, 8>(points)));
+    } else {
+        values = simd::dispatch(Batch::<N, MAX_POINTS>(points));
+    }
+    values
+}
+
+/// A coordinate within the period.
+#[inline(always)]
+fn wrapped(x: f32) -> f32 {
+    if x.abs() < PERIOD {
+        return x;
+    }
+    // Half a cell off the lattice where no coordinate has a fraction, or the noise would be 0.
+    x % PERIOD + if x.abs() >= 1_000_000.0 { 0.5 } else { 0.0 }
+}
+
+/// The interpolation curve between corners.
+#[inline(always)]
+fn fade(x: f32) -> f32 {
+    x * x * x * (x * (x * 6.0 - 15.0) + 10.0)
+}
+
+/// The value of a cell in N dimensions from that of its gradients.
+#[inline(always)]
+fn scaled<const N: usize>(value: f32) -> f32 {
+    let value = value * [0.25, 0.6616, 0.982, 0.8344][N - 1];
+    if value.is_finite() { value } else { 0.0 }
 }
 
 /// Gradient noise at a point. Loops over the corners of the cell are free of branches, so that they vectorise.
@@ -77,43 +113,78 @@ impl<const N: usize> simd::Kernel for Lattice<N> {
 
     #[inline(always)]
     fn run(self) -> f32 {
-        lattice_noise(self.0)
+        let (mut cell, mut inside) = ([0u32; N], [0.0f32; N]);
+        for i in 0..N {
+            let x = wrapped(self.0[i]);
+            let floor = x.floor();
+            cell[i] = floor as i32 as u32;
+            inside[i] = x - floor;
+        }
+        let mut corners = [0.0f32; CORNERS];
+        for corner in 0..1 << N {
+            let (mut words, mut offset) = ([0u32; N], [0.0; N]);
+            for i in 0..N {
+                let bit = (corner >> i & 1) as u32;
+                words[i] = cell[i].wrapping_add(bit);
+                offset[i] = inside[i] - bit as f32;
+            }
+            corners[corner as usize] = lattice_gradient(hash_words(words), offset);
+        }
+        for (i, &x) in inside.iter().enumerate() {
+            let t = fade(x);
+            for k in 0..1 << (N - 1 - i) {
+                corners[k] = (1.0 - t) * corners[2 * k] + t * corners[2 * k + 1];
+            }
+        }
+        scaled::<N>(corners[0])
     }
 }
 
-#[inline(always)]
-fn lattice_noise<const N: usize>(p: [f32; N]) -> f32 {
-    let (mut cell, mut inside) = ([0u32; N], [0.0f32; N]);
-    for i in 0..N {
-        let mut x = p[i];
-        let is_near = x.abs() < PERIOD;
-        if !is_near {
-            // Half a cell off the lattice where no coordinate has a fraction, or the noise would be 0.
-            x = x % PERIOD + if x.abs() >= 1_000_000.0 { 0.5 } else { 0.0 };
-        }
-        let floor = x.floor();
-        cell[i] = floor as i32 as u32;
-        inside[i] = x - floor;
-    }
-    let mut corners = [0.0f32; CORNERS];
-    for corner in 0..1 << N {
-        let (mut words, mut offset) = ([0u32; N], [0.0; N]);
+/// Gradient noise at several points. Loops over the points are free of branches, so that they vectorise.
+struct Batch<'a, const N: usize, const LANES: usize>(&'a [[f32; N]]);
+
+impl<const N: usize, const LANES: usize> simd::Kernel for Batch<'_, N, LANES> {
+    type Output = [f32; LANES];
+
+    #[inline(always)]
+    fn run(self) -> [f32; LANES] {
+        let (mut cell, mut inside) = ([[0u32; LANES]; N], [[0.0f32; LANES]; N]);
         for i in 0..N {
-            let bit = (corner >> i & 1) as u32;
-            words[i] = cell[i].wrapping_add(bit);
-            offset[i] = inside[i] - bit as f32;
+            for (x, p) in inside[i].iter_mut().zip(self.0) {
+                *x = wrapped(p[i]);
+            }
+            for lane in 0..LANES {
+                let floor = inside[i][lane].floor();
+                cell[i][lane] = floor as i32 as u32;
+                inside[i][lane] -= floor;
+            }
         }
-        corners[corner as usize] = lattice_gradient(hash_words(words), offset);
-    }
-    for (i, x) in inside.iter().enumerate() {
-        let t = x * x * x * (x * (x * 6.0 - 15.0) + 10.0);
-        for k in 0..1 << (N - 1 - i) {
-            corners[k] = (1.0 - t) * corners[2 * k] + t * corners[2 * k + 1];
+        let mut corners = [[0.0f32; LANES]; CORNERS];
+        for corner in 0..1usize << N {
+            for lane in 0..LANES {
+                let (mut words, mut offset) = ([0u32; N], [0.0; N]);
+                for i in 0..N {
+                    let bit = (corner >> i & 1) as u32;
+                    words[i] = cell[i][lane].wrapping_add(bit);
+                    offset[i] = inside[i][lane] - bit as f32;
+                }
+                corners[corner][lane] = lattice_gradient(hash_words(words), offset);
+            }
         }
+        for (i, inside) in inside.iter().enumerate() {
+            for k in 0..1 << (N - 1 - i) {
+                for lane in 0..LANES {
+                    let t = fade(inside[lane]);
+                    corners[k][lane] = (1.0 - t) * corners[2 * k][lane] + t * corners[2 * k + 1][lane];
+                }
+            }
+        }
+        let mut values = [0.0; LANES];
+        for lane in 0..LANES {
+            values[lane] = scaled::<N>(corners[0][lane]);
+        }
+        values
     }
-    let scale = [0.25, 0.6616, 0.982, 0.8344][N - 1];
-    let value = corners[0] * scale;
-    if value.is_finite() { value } else { 0.0 }
 }
 
 /// Parameters of a fractal sum.
@@ -142,86 +213,100 @@ impl Fractal {
         }
     }
 
-    fn whole_octaves(&self) -> (u32, f32) {
-        let whole = self.detail.floor();
-        (whole as u32, self.detail - whole)
+    /// Octaves after the first and the share of one more.
+    fn octaves(&self) -> (usize, f32) {
+        let detail = self.detail.min((MAX_POINTS - 1) as f32);
+        let whole = detail.floor();
+        (whole as usize, detail - whole)
+    }
+
+    /// The noise of each octave, that of the last one that is in part included.
+    fn noises<const N: usize>(&self, mut p: [f32; N]) -> [f32; MAX_POINTS] {
+        let (octaves, rest) = self.octaves();
+        let (mut points, mut scale) = ([[0.0; N]; MAX_POINTS], 1.0);
+        let points = &mut points[..1 + octaves + usize::from(rest != 0.0)];
+        for point in &mut *points {
+            // Rounded as in Cycles, whose kinds of sums differ in it.
+            if self.noise_type == NoiseType::Fbm {
+                *point = p.map(|x| x * scale);
+                scale *= self.lacunarity;
+            } else {
+                *point = p;
+                p = p.map(|x| x * self.lacunarity);
+            }
+        }
+        signed_noises(points)
     }
 
     fn fbm<const N: usize>(&self, p: [f32; N]) -> f32 {
-        let (octaves, rest) = self.whole_octaves();
-        let (mut scale, mut amplitude, mut most, mut sum) = (1.0, 1.0, 0.0, 0.0);
-        for _ in 0..=octaves {
-            sum += signed_noise(p.map(|x| x * scale)) * amplitude;
-            most += amplitude;
+        let ((octaves, rest), noises) = (self.octaves(), self.noises(p));
+        let (mut amplitude, mut total, mut sum) = (1.0, 0.0, 0.0);
+        for noise in &noises[..=octaves] {
+            sum += noise * amplitude;
+            total += amplitude;
             amplitude *= self.roughness;
-            scale *= self.lacunarity;
         }
-        let normalized = |sum: f32, most: f32| if self.normalize { 0.5 * sum / most + 0.5 } else { sum };
+        let normalized = |sum: f32, total: f32| if self.normalize { 0.5 * sum / total + 0.5 } else { sum };
         if rest == 0.0 {
-            return normalized(sum, most);
+            return normalized(sum, total);
         }
-        let more = sum + signed_noise(p.map(|x| x * scale)) * amplitude;
-        let (low, high) = (normalized(sum, most), normalized(more, most + amplitude));
+        let more = sum + noises[octaves + 1] * amplitude;
+        let (low, high) = (normalized(sum, total), normalized(more, total + amplitude));
         (1.0 - rest) * low + rest * high
     }
 
-    fn multifractal<const N: usize>(&self, mut p: [f32; N]) -> f32 {
-        let (octaves, rest) = self.whole_octaves();
+    fn multifractal<const N: usize>(&self, p: [f32; N]) -> f32 {
+        let ((octaves, rest), noises) = (self.octaves(), self.noises(p));
         let (mut value, mut power) = (1.0, 1.0);
-        for _ in 0..=octaves {
-            value *= power * signed_noise(p) + 1.0;
+        for noise in &noises[..=octaves] {
+            value *= power * noise + 1.0;
             power *= self.roughness;
-            p = p.map(|x| x * self.lacunarity);
         }
-        if rest != 0.0 { value * (rest * power * signed_noise(p) + 1.0) } else { value }
+        if rest != 0.0 { value * (rest * power * noises[octaves + 1] + 1.0) } else { value }
     }
 
-    fn hetero_terrain<const N: usize>(&self, mut p: [f32; N]) -> f32 {
-        let (octaves, rest) = self.whole_octaves();
+    fn hetero_terrain<const N: usize>(&self, p: [f32; N]) -> f32 {
+        let ((octaves, rest), noises) = (self.octaves(), self.noises(p));
         let mut power = self.roughness;
-        let mut value = self.offset + signed_noise(p);
-        p = p.map(|x| x * self.lacunarity);
-        for _ in 1..=octaves {
-            value += (signed_noise(p) + self.offset) * power * value;
+        let mut value = self.offset + noises[0];
+        for noise in &noises[1..=octaves] {
+            value += (noise + self.offset) * power * value;
             power *= self.roughness;
-            p = p.map(|x| x * self.lacunarity);
         }
-        if rest != 0.0 { value + rest * (signed_noise(p) + self.offset) * power * value } else { value }
+        if rest != 0.0 { value + rest * (noises[octaves + 1] + self.offset) * power * value } else { value }
     }
 
-    fn hybrid<const N: usize>(&self, mut p: [f32; N]) -> f32 {
+    fn hybrid<const N: usize>(&self, p: [f32; N]) -> f32 {
         const MIN_WEIGHT: f32 = 0.001;
-        let (octaves, rest) = self.whole_octaves();
+        let ((octaves, rest), noises) = (self.octaves(), self.noises(p));
         let (mut power, mut value, mut weight) = (1.0, 0.0, 1.0f32);
-        for _ in 0..=octaves {
+        for noise in &noises[..=octaves] {
             if weight <= MIN_WEIGHT {
                 break;
             }
             weight = weight.min(1.0);
-            let signal = (signed_noise(p) + self.offset) * power;
+            let signal = (noise + self.offset) * power;
             power *= self.roughness;
             value += weight * signal;
             weight *= self.gain * signal;
-            p = p.map(|x| x * self.lacunarity);
         }
         if rest != 0.0 && weight > MIN_WEIGHT {
-            value += rest * weight.min(1.0) * (signed_noise(p) + self.offset) * power;
+            value += rest * weight.min(1.0) * (noises[octaves + 1] + self.offset) * power;
         }
         value
     }
 
-    fn ridged<const N: usize>(&self, mut p: [f32; N]) -> f32 {
-        let (octaves, _) = self.whole_octaves();
-        let ridge = |p: [f32; N]| {
-            let signal = self.offset - signed_noise(p).abs();
+    fn ridged<const N: usize>(&self, p: [f32; N]) -> f32 {
+        let ((octaves, _), noises) = (self.octaves(), self.noises(p));
+        let ridge = |noise: f32| {
+            let signal = self.offset - noise.abs();
             signal * signal
         };
-        let mut signal = ridge(p);
+        let mut signal = ridge(noises[0]);
         let (mut value, mut power) = (signal, self.roughness);
-        for _ in 1..=octaves {
-            p = p.map(|x| x * self.lacunarity);
+        for &noise in &noises[1..=octaves] {
             let weight = (signal * self.gain).clamp(0.0, 1.0);
-            signal = ridge(p) * weight;
+            signal = ridge(noise) * weight;
             value += signal * power;
             power *= self.roughness;
         }
@@ -251,8 +336,9 @@ pub fn noise_texture<const N: usize>(
     has_color: bool,
 ) -> [f32; 4] {
     if distortion != 0.0 {
-        let shift: [f32; N] = std::array::from_fn(|i| signed_noise(add(p, offset(i as f32))) * distortion);
-        p = add(p, shift);
+        let points: [[f32; N]; N] = std::array::from_fn(|i| add(p, offset(i as f32)));
+        let noises = signed_noises(&points);
+        p = add(p, std::array::from_fn(|i| noises[i] * distortion));
     }
     let value = fractal.evaluate(p);
     if !has_color {
