@@ -51,15 +51,16 @@ class BesideTest(SceneTest):
             surface = self.surface(self.export()[1]["materials"]["skin"])[0]
             self.assertAlmostEqual(surface.get("subsurface_skin_ior", 0.0), ior, places=6)
 
-    def relief(self, method):
-        """A roof over a smooth plane that a displacement makes."""
+    def relief(self, method, is_smooth=True):
+        """A roof over a plane that a displacement makes."""
         material, tree, _, height, relief = shader_tree("relief", "TexCoord", "Displacement")
         material.displacement_method = method
         tree.links.new(height.outputs["UV"], relief.inputs["Height"])
         relief.inputs["Midlevel"].default_value, relief.inputs["Scale"].default_value = 0.5, 2.0
         tree.links.new(relief.outputs[0], tree.nodes["Material Output"].inputs["Displacement"])
         shown = self.add_plane(material)
-        shown.data.shade_smooth()
+        if is_smooth:
+            shown.data.shade_smooth()
         _, settings, answer = self.export()
         self.assertEqual(answer["warnings"], [])
         surface, feeding = self.surface(settings["materials"]["relief"])
@@ -76,6 +77,12 @@ class BesideTest(SceneTest):
     def test_bumps_of_what_is_displaced_as_well_are_on_its_former_normals(self):
         found, bump = self.relief("BOTH")
         self.assertEqual((bump["type"], bump["distance"], bump["object_scale"]), ("bump", 2.0, 2.0))
+        self.assertGreater(np.ptp(found["z"]), 0.5)
+        np.testing.assert_allclose(found["nz"], 1, atol=1e-3)
+
+    def test_bumps_of_flat_faces_that_are_displaced_as_well_are_on_their_former_normals(self):
+        found, bump = self.relief("BOTH", is_smooth=False)
+        self.assertEqual(bump["type"], "bump")
         self.assertGreater(np.ptp(found["z"]), 0.5)
         np.testing.assert_allclose(found["nz"], 1, atol=1e-3)
 

@@ -1,5 +1,5 @@
 """Displacement: heights are evaluated by Cycles at the vertices of a mesh, which is how Cycles displaces, and move them. Where it is meant
-as both, smooth normals stay those of the mesh before it is displaced, and bumps are a node of the surface's graph."""
+as both, normals stay those of the mesh before it is displaced, of flat faces too, and bumps are a node of the surface's graph."""
 
 import bpy
 import numpy as np
@@ -75,7 +75,7 @@ def _displace(holder, matrix, bake_scene, report):
 
 
 def _move(mesh, heights):
-    """Moves vertices along their normals, by the numbers of the first channel less those of the second. Normals follow, but smooth ones of
+    """Moves vertices along their normals, by the numbers of the first channel less those of the second. Normals follow, but those of
     what has bumps beside; generated coordinates stay."""
     normals, kept, places = np.empty(3 * len(mesh.vertices), np.float32), _kept_normals(mesh), meshes.positions(mesh.vertices)
     mesh.vertex_normals.foreach_get("vector", normals)
@@ -92,15 +92,13 @@ def _move(mesh, heights):
 def _kept_normals(mesh):
     """The normals of corners that stay as they are; 0 for others."""
     count = len(mesh.polygons)
-    slots, corners, flat = np.empty(count, np.int32), np.empty(count, np.int32), np.zeros(count, bool)
+    slots, corners = np.empty(count, np.int32), np.empty(count, np.int32)
     mesh.polygons.foreach_get("material_index", slots)
     mesh.polygons.foreach_get("loop_total", corners)
-    if "sharp_face" in mesh.attributes:
-        mesh.attributes["sharp_face"].data.foreach_get("value", flat)
     stays = np.array([material is not None and material.displacement_method == "BOTH" for material in mesh.materials])
     normals = np.empty(3 * len(mesh.loops), np.float32)
     mesh.corner_normals.foreach_get("vector", normals)
-    return normals.reshape(-1, 3) * np.repeat(stays[np.minimum(slots, len(stays) - 1)] & ~flat, corners)[:, None]
+    return normals.reshape(-1, 3) * np.repeat(stays[np.minimum(slots, len(stays) - 1)], corners)[:, None]
 
 
 def _shine(material, matrix, report):
