@@ -339,6 +339,25 @@ class SurfacesTest(SceneTest):
         self.assertEqual(set(tangents[:, 3]), {1.0})
         self.assertNotIn("a0_0", self.mesh(settings, "plain"))
 
+    def test_maps_on_meshes_without_texture_coordinates_stand_on_longitudes(self):
+        """Tangents run around the vertical axis, as those of Cycles do."""
+        material, tree, principled, mapped = shader_tree("mapped", "NormalMap")
+        tree.links.new(mapped.outputs[0], principled.inputs["Normal"])
+        bpy.ops.mesh.primitive_uv_sphere_add(segments=64, ring_count=32)
+        shown = bpy.context.object
+        shown.data.shade_smooth()
+        shown.data.materials.append(material)
+        self.assertNotIn("a0_0", self.mesh(self.export()[1], shown.name))
+        shown.data.uv_layers.remove(shown.data.uv_layers[0])
+        found = self.mesh(self.export()[1], shown.name)
+        self.assertNotIn("s", found)
+        away = np.hypot(found["x"], found["y"]) > 0.3
+        tangents = np.stack([found[f"a0_{k}"] for k in range(3)], 1)[away]
+        around = np.stack([-found["y"], found["x"], 0 * found["x"]], 1)[away]
+        along = (tangents * around).sum(1) / np.linalg.norm(around, axis=1)
+        self.assertGreater(np.median(along), 0.99)
+        self.assertEqual(np.median(found["a0_3"][away]), 1.0)
+
     def test_bodies_of_varying_colours_know_their_brightest(self):
         wax, tree, shader, checker = shader_tree("wax", "TexChecker")
         checker.inputs["Color1"].default_value, checker.inputs["Color2"].default_value = (0.75, 0.25, 0.5, 1), (0.25, 0.5, 0.125, 1)

@@ -1,6 +1,7 @@
-"""The direction in which surfaces are brushed: Cycles' own runs around the vertical axis of the mesh, by what its Tangent node says
-around another one or along texture coordinates. It becomes the tangents of the mesh."""
+"""Tangents of meshes: the direction in which surfaces are brushed, Cycles' own around the vertical axis of the mesh, by what its Tangent
+node says around another one or along texture coordinates; and what normal maps stand on where a mesh has no texture coordinates."""
 
+import bpy
 import numpy as np
 
 from . import meshes
@@ -27,6 +28,37 @@ def tangents(mesh, axes, corners):
             found[used, :3] = _around(mesh, axis, places[used], normals[used])
             found[used, 3] = 1.0
     return found
+
+
+def on_sphere(mesh, triangles, vertices):
+    """Tangents of corners with their handedness along longitudes and latitudes about the mesh's origin: those that Cycles has for normal
+    maps on meshes without texture coordinates. It finds them on `triangles`, of numbers of corners, whose `vertices` are given."""
+    corners = triangles.ravel()
+    apart = bpy.data.meshes.new("triangles")
+    try:
+        apart.from_pydata(meshes.positions(mesh.vertices), [], vertices[triangles])
+        normals = np.empty(3 * len(mesh.loops), np.float32)
+        mesh.corner_normals.foreach_get("vector", normals)
+        apart.normals_split_custom_set(normals.reshape(-1, 3)[corners])
+        coordinates = _longitudes_and_latitudes(meshes.positions(mesh.vertices)[vertices[corners]].astype(np.float64))
+        apart.uv_layers.new(name="sphere").uv.foreach_set("vector", coordinates.astype(np.float32).ravel())
+        apart.calc_tangents(uvmap="sphere")
+        directions, signs = np.empty(3 * len(corners), np.float32), np.empty(len(corners), np.float32)
+        apart.loops.foreach_get("tangent", directions)
+        apart.loops.foreach_get("bitangent_sign", signs)
+    finally:
+        bpy.data.meshes.remove(apart)
+    found = np.zeros((len(vertices), 4), np.float32)
+    found[corners] = np.concatenate([directions.reshape(-1, 3), signs[:, None]], 1)
+    return found
+
+
+def _longitudes_and_latitudes(places):
+    """Texture coordinates of places on a sphere around them, as Cycles has them."""
+    x, y, z = places.T
+    around = np.where((x == 0) & (y == 0), 0.0, 0.5 - np.arctan2(x, y) / (2 * np.pi))
+    length = np.maximum(np.sqrt((places**2).sum(1)), 1e-30)
+    return np.stack([around, 1 - np.arccos(np.clip(z / length, -1, 1)) / np.pi], 1)
 
 
 def _around(mesh, axis, positions, normals):

@@ -28,6 +28,7 @@ class Material:
         self.attributes, self.asks_object = graph.attributes, graph.asks_object
         self.lets_light_in = any(_passes(node, PASSING) for node in graph.nodes.values())
         self.refracts = any(_passes(node, REFRACTING) for node in graph.nodes.values())
+        self.maps_normals = any(node["type"] == "normal_map" and node["space"] == "tangent" for node in graph.nodes.values())
         self.scatters_within = any(node_graph.scatters_within(node) for node in graph.nodes.values())
 
     def table(self, is_solid):
@@ -161,7 +162,9 @@ def _write(made, holder, known, told, report):
             asks_object |= entry.asks_object
     file = f"{made.name}.mesh{made.meshes}.ply"
     made.meshes += 1
-    written = mesh_files.MeshFile(mesh, attributes, [entry.brushed if entry is not None else "" for entry in shown])
+    axes = [entry.brushed if entry is not None else "" for entry in shown]
+    has_maps = any(entry is not None and entry.maps_normals for entry in shown)
+    written = mesh_files.MeshFile(mesh, attributes, axes, has_maps)
     written.write(os.path.join(made.folder, file))
     keys = _shapes(made, written, file, (moves, shapes)) if shapes is not None else []
     extras = found.extras.get(holder.name, {})

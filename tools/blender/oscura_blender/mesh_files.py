@@ -46,8 +46,8 @@ class Corners:
 class MeshFile:
     """A mesh with the attributes of some names, as far as it has them, as vertices whose corners agree."""
 
-    def __init__(self, mesh, names, axes=()):
-        """`axes` are those around which faces are brushed, by slot."""
+    def __init__(self, mesh, names, axes=(), has_maps=False):
+        """`axes` are those around which faces are brushed, by slot; `has_maps` says that normals are mapped along texture coordinates."""
         mesh.calc_loop_triangles()
         corners = Corners(mesh)
         self.mesh, self.vertices = mesh, corners.vertices
@@ -56,6 +56,8 @@ class MeshFile:
         self.last = max(len(mesh.materials) - 1, 0)
         self.materials = np.clip(_read(mesh.polygons, "material_index", 1, np.int32).ravel(), 0, self.last)[polygons]
         tangents = brushed.tangents(mesh, axes, corners.vertices)
+        if tangents is None and has_maps and not mesh.uv_layers:
+            tangents = brushed.on_sphere(mesh, self.triangles, corners.vertices)
         columns, self.labels = _columns(mesh, corners, names, tangents)
         self.properties = [name for names_of, _ in columns for name in names_of]
         self.first = None  # the first corner of each vertex of the file, where corners of a vertex may differ
