@@ -388,14 +388,30 @@ impl CompiledMaterial {
         self.reads_path |= other.reads_path;
     }
 
-    /// Moves the materials of a mix to the end of all materials, with its presence and its medium.
+    /// Materials of a mix whose solids are filled with another medium than the mix's own, with that, where one of both scatters light.
+    pub(super) fn parts_filled_otherwise(&mut self) -> impl Iterator<Item = (&mut CompiledMaterial, Medium)> {
+        let own = self.medium.as_ref();
+        self.components.iter_mut().filter_map(move |component| {
+            let part = component.material.as_deref_mut()?;
+            let medium = part.medium.clone()?;
+            let scatters = |medium: &Medium| medium.scattering.is_some();
+            let is_other = own.is_some_and(|own| *own != medium && (scatters(own) || scatters(&medium)));
+            is_other.then_some((part, medium))
+        })
+    }
+
+    /// Moves the materials of a mix to the end of all materials, with its presence and, where they have none of their own, its medium.
     pub(super) fn place_components(&mut self, first: usize) -> Vec<CompiledMaterial> {
         let (presence, medium_index) = (self.presence, self.medium_index);
         let mut placed = Vec::new();
         for component in &mut self.components {
             let Some(material) = component.material.take() else { continue };
             component.index = (first + placed.len()) as u32;
-            let medium_index = if material.medium.is_some() { medium_index } else { 0 };
+            let medium_index = match &material.medium {
+                None => 0,
+                Some(_) if material.medium_index != 0 => material.medium_index,
+                Some(_) => medium_index,
+            };
             placed.push(CompiledMaterial { presence, medium_index, ..*material });
         }
         placed

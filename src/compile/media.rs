@@ -66,6 +66,11 @@ pub(super) fn number(
             }
             Err(_) => left_out += 1,
         }
+        let is_closed =
+            uses.get_or_init(|| MaterialUses::of(scene)).outline(MaterialId(id as u32)) == Outline::Closed;
+        if is_closed {
+            left_out += number_parts(material, scene.materials[id].priority, &mut media);
+        }
     }
     if left_out > 0 {
         let most = u16::MAX;
@@ -75,6 +80,25 @@ pub(super) fn number(
         )));
     }
     media
+}
+
+/// Numbers the media of a mix beside its own: what scatters beneath the surface is kept apart from clear glass. Gives how many found
+/// no number.
+fn number_parts(mix: &mut CompiledMaterial, priority: i32, media: &mut Vec<Medium>) -> usize {
+    let mut left_out = 0;
+    for (part, mut medium) in mix.parts_filled_otherwise() {
+        match u16::try_from(media.len()) {
+            Ok(index) => {
+                part.medium_index = index;
+                if let Some(scattering) = &mut medium.scattering {
+                    scattering.counts = false;
+                }
+                media.push(Medium { priority, ..medium });
+            }
+            Err(_) => left_out += 1,
+        }
+    }
+    left_out
 }
 
 /// Replacements of subsurface materials whose surfaces enclose no volume: all light would leave an open sheet on its other side,

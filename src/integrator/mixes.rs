@@ -56,6 +56,17 @@ impl Integrator<'_> {
         indices.find(|&index| self.scene.materials[index as usize].medium_index == medium)
     }
 
+    /// The medium of one of its components whose interior the path arrives from, from behind. What fills solids with others doesn't
+    /// take part there.
+    fn medium_left(&self, at: &HitPoint<'_>, interior: Interior) -> Option<u16> {
+        if !at.is_back || !self.scene.features.subsurface {
+            return None;
+        }
+        let medium = Some(interior.medium()).filter(|&medium| medium != 0)?;
+        let mut indices = at.material.components.iter().map(|component| component.index);
+        indices.any(|index| self.scene.materials[index as usize].medium_index == medium).then_some(medium)
+    }
+
     fn select_component(&self, bounce: u32, i: usize, dimensions: &Dimensions, w: &mut Workspace) {
         let at = self.hit_point(bounce, i, w);
         if let Some(component) = self.component_around(&at, w.arriving.interior[i]) {
@@ -74,8 +85,13 @@ impl Integrator<'_> {
         let path = &mut w.arriving.state;
         let wavelengths = w.times.wavelengths(path.radiance_index[i]);
         let components = &at.material.components;
+        let within = self.medium_left(&at, w.arriving.interior[i]);
         w.components.clear();
         w.components.extend(components.iter().map(|component| {
+            let filled = self.scene.materials[component.index as usize].medium_index;
+            if within.is_some_and(|medium| filled != 0 && filled != medium) {
+                return (Rgb::ZERO, 0.0);
+            }
             let weight = share_at(&slots, &component.weight, wavelengths).max(Rgb::ZERO);
             (weight, weight.luminance() * component.reflectance)
         }));

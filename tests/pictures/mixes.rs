@@ -86,6 +86,46 @@ fn bodies_are_mixed_by_what_enters_them() {
     }
 }
 
+/// A body and clear glass in one material: light that entered by the share of glass leaves by that alone, as in Cycles.
+#[test]
+fn bodies_and_glass_are_kept_apart() {
+    let (none, whole) = (FloatSlot::constant(0.0), FloatSlot::constant(1.0));
+    let solid = PbrMaterial { metallic: none, has_volume: true, ..PbrMaterial::default() };
+    let through = DiffuseTransmission { factor: whole, color: ColorSlot::constant([1.0; 3]) };
+    let body = PbrMaterial { specular: none, ior: 1.0, diffuse_transmission: Some(through), ..solid.clone() };
+    let medium = Some(Medium::subsurface([0.2, 0.5, 0.8], [0.01; 3], 0.0));
+    let wax = Material { medium, ..Material::gltf("wax", body) };
+    // Next to no light is mirrored or bent.
+    let clear = PbrMaterial { transmission: whole, roughness: none, ior: 1.0001, ..solid };
+    let ball = |of: Material| {
+        let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+        let of = material(&mut scene, of);
+        sphere(&mut scene, [0.0; 3], 1.0, of);
+        scene.cameras.push(camera(DVec3::new(0.3, 0.2, 5.0), DVec3::ZERO, DVec3::Y, 5.0));
+        scene
+    };
+    let few = options(16, 512, 100);
+    let (of_wax, error_of_wax) = measure(&ball(wax.clone()), &few);
+    for glass_first in [true, false] {
+        let share = 0.6f32;
+        let constant = |w: f32| ColorSlot::constant([w; 3]);
+        let mut parts = vec![
+            (constant(1.0 - share), Material::gltf("clear", clear.clone())),
+            (constant(share), wax.clone()),
+        ];
+        if !glass_first {
+            parts.reverse();
+        }
+        let truth = f64::from(share) * of_wax + f64::from((1.0 - share) * (1.0 - share));
+        let (found, error) = measure(&ball(mix(parts)), &few);
+        let error = error.hypot(f64::from(share) * error_of_wax);
+        assert!(
+            error < 2e-3 && (found - truth).abs() < 4.5 * error + 2e-3,
+            "glass first {glass_first}: {found} for {truth} +- {error}"
+        );
+    }
+}
+
 /// Weights of graphs know the hit: the normal of a level sheet is (0, 1, 0), so that green light is reflected.
 #[test]
 fn weights_read_the_hit() {
