@@ -19,6 +19,8 @@ pub struct Dielectric {
     pub tint: Rgb,
     /// Fresnel term.
     pub fresnel: FresnelModel,
+    /// What roughens it gives it facets of Beckmann, not of GGX.
+    pub is_beckmann: bool,
 }
 
 /// What a smooth face of a solid does to light, without the scaling of radiance by refraction.
@@ -209,6 +211,8 @@ pub struct DielectricProgram {
     pub tints_once: bool,
     /// See [`Dielectric::fresnel`].
     pub fresnel: FresnelModel,
+    /// See [`Dielectric::is_beckmann`].
+    pub is_beckmann: bool,
 }
 
 impl MaterialProgram for DielectricProgram {
@@ -217,7 +221,9 @@ impl MaterialProgram for DielectricProgram {
     #[inline]
     fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> Dielectric {
         let tint = tint_of_crossing(slots.share_by_channel(&self.tint), self.tints_once);
-        Dielectric { ior: self.ior, refraction: self.refraction, tint, fresnel: self.fresnel }
+        let (ior, refraction, fresnel, is_beckmann) =
+            (self.ior, self.refraction, self.fresnel, self.is_beckmann);
+        Dielectric { ior, refraction, tint, fresnel, is_beckmann }
     }
 
     fn is_smooth_glass(&self) -> bool {

@@ -6,6 +6,7 @@
 //! 1 / eta^2 and back on the way out (as in pbrt and Mitsuba); [`BsdfSample::eta`] lets Russian roulette undo it.
 
 pub mod anisotropic_table;
+mod beckmann;
 mod blend;
 mod dielectric;
 pub mod dielectric_table;
@@ -212,7 +213,11 @@ impl Bsdf {
             Bsdf::RoughDielectric(glass) => glass.roughen(least),
             Bsdf::Dielectric(glass) if glass.ior != 1.0 => {
                 let rough = single_scattering_glass(glass.ior, Walls::Solid, glass.refraction, least);
-                *self = Bsdf::RoughDielectric(RoughDielectric { tint: glass.tint, ..rough });
+                *self = Bsdf::RoughDielectric(RoughDielectric {
+                    tint: glass.tint,
+                    is_beckmann: glass.is_beckmann,
+                    ..rough
+                });
             }
             Bsdf::Layered(layered) => {
                 layered.opaque.surface.roughen(least);
@@ -234,6 +239,7 @@ fn single_scattering_glass(ior: f32, walls: Walls, refraction: Refraction, alpha
         tint: Rgb::ONE,
         reflectance: GlassReflectance::Plain,
         energy_compensation: EnergyCompensation::Off,
+        is_beckmann: false,
     }
 }
 
@@ -273,12 +279,21 @@ impl BsdfProgram {
             }
             .into(),
             Model::Dielectric { ior, tint, fresnel } => {
-                DielectricProgram { ior: *ior, refraction, tint: *tint, tints_once: false, fresnel: *fresnel }
+                let (ior, tint, fresnel) = (*ior, *tint, *fresnel);
+                DielectricProgram { ior, refraction, tint, tints_once: false, fresnel, is_beckmann: false }
                     .into()
             }
             Model::Boundary {} => {
                 let (tint, fresnel) = (ColorSlot::constant([1.0; 3]), FresnelModel::Exact);
-                DielectricProgram { ior: 1.0, refraction, tint, tints_once: false, fresnel }.into()
+                DielectricProgram {
+                    ior: 1.0,
+                    refraction,
+                    tint,
+                    tints_once: false,
+                    fresnel,
+                    is_beckmann: false,
+                }
+                .into()
             }
             Model::Glass { ior, tint, roughness, is_thin: true } if always(roughness, 0.0) => {
                 ThinDielectricProgram { ior: *ior, tint: *tint }.into()
@@ -341,7 +356,8 @@ impl BsdfProgram {
     /// Glass without anything else.
     fn of_glass(pbr: &PbrMaterial, energy_compensation: EnergyCompensation) -> BsdfProgram {
         let (ior, tint, tints_once) = (pbr.ior, pbr.base_color, pbr.tints_once);
-        let (walls, refraction) = (layered::walls(pbr), layered::refraction(pbr));
+        let (walls, refraction, is_beckmann) =
+            (layered::walls(pbr), layered::refraction(pbr), pbr.is_beckmann);
         let (reflection, is_white) = (pbr.glass_reflection, pbr.glass_reflection == GlassReflection::White);
         if !always(&pbr.roughness, 0.0) || pbr.anisotropy.is_some() || !is_white {
             let facets = layered::facets(pbr);
@@ -354,12 +370,14 @@ impl BsdfProgram {
                 tints_once,
                 reflection,
                 energy_compensation,
+                is_beckmann,
             }
             .into();
         }
         match walls {
             Walls::Solid => {
-                DielectricProgram { ior, refraction, tint, tints_once, fresnel: FresnelModel::Exact }.into()
+                let fresnel = FresnelModel::Exact;
+                DielectricProgram { ior, refraction, tint, tints_once, fresnel, is_beckmann }.into()
             }
             Walls::Thin => ThinDielectricProgram { ior, tint }.into(),
         }

@@ -215,6 +215,7 @@ mod tests {
             tint: Rgb::ONE,
             reflectance: GlassReflectance::Plain,
             energy_compensation,
+            is_beckmann: false,
         })
     }
 

@@ -4,7 +4,7 @@ use super::dielectric::{SmoothInterface, tint_of_crossing};
 use super::microsurface::{Facets, Microsurface, MicrosurfaceProgram};
 use super::{
     Appearance, BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Refraction, Slots, Transmissive,
-    fresnel, ggx,
+    beckmann, fresnel, ggx,
 };
 use crate::color::Rgb;
 use crate::math::Vec3;
@@ -83,6 +83,8 @@ pub struct RoughDielectric {
     pub reflectance: GlassReflectance,
     /// Whether the energy that single scattering loses is given back.
     pub energy_compensation: EnergyCompensation,
+    /// The facets of a solid are those of Beckmann, not of GGX, and lose that energy.
+    pub is_beckmann: bool,
 }
 
 impl GlassReflectance {
@@ -223,6 +225,8 @@ pub struct RoughDielectricProgram {
     pub reflection: GlassReflection,
     /// See [`RoughDielectric::energy_compensation`].
     pub energy_compensation: EnergyCompensation,
+    /// See [`RoughDielectric::is_beckmann`].
+    pub is_beckmann: bool,
 }
 
 impl RoughDielectricProgram {
@@ -242,6 +246,7 @@ impl RoughDielectricProgram {
             tints_once: false,
             reflection: GlassReflection::White,
             energy_compensation,
+            is_beckmann: false,
         }
     }
 }
@@ -259,6 +264,7 @@ impl MaterialProgram for RoughDielectricProgram {
             tint: tint_of_crossing(slots.share_by_channel(&self.tint), self.tints_once),
             reflectance: GlassReflectance::colored(self.reflection),
             energy_compensation: self.energy_compensation,
+            is_beckmann: self.is_beckmann,
         }
     }
 
@@ -565,7 +571,7 @@ impl SolidGlassClosure<'_> {
     #[inline(always)]
     pub fn new(glass: &RoughDielectric, above: Vec3, eta: f32) -> SolidGlassClosure<'_> {
         let wo = glass.surface.to_axis(above);
-        let shadowed = (glass.energy_compensation == EnergyCompensation::On)
+        let shadowed = (glass.energy_compensation == EnergyCompensation::On && !glass.is_beckmann)
             .then(|| Shadowed::new(wo.z, eta, &glass.surface));
         SolidGlassClosure { glass, wo, root: glass.surface.smith_root(wo), eta, shadowed }
     }
@@ -627,6 +633,10 @@ impl SolidGlassClosure<'_> {
             return 0.0;
         }
         let root = self.glass.surface.smith_root(v);
+        if self.glass.is_beckmann {
+            let hidden = beckmann::hidden(self.wo.z, self.root) + beckmann::hidden(v.z, root);
+            return (self.wo.z + self.root) / (2.0 * self.wo.z * (1.0 + hidden));
+        }
         (v.z * (self.wo.z + self.root) / (v.z * self.root + self.wo.z * root)).min(1.0)
     }
 
@@ -635,6 +645,11 @@ impl SolidGlassClosure<'_> {
     fn open_refracted(&self, v: Vec3) -> f32 {
         if v.z >= 0.0 {
             return 0.0;
+        }
+        if self.glass.is_beckmann {
+            let (root, wo) = (self.glass.surface.smith_root(v), self.wo.z);
+            let open = (1.0 + beckmann::hidden(wo, self.root)) * (1.0 + beckmann::hidden(-v.z, root));
+            return (wo + self.root) / (2.0 * wo * open);
         }
         (2.0 * v.z / (v.z - self.glass.surface.smith_root(v))).min(1.0)
     }
@@ -694,6 +709,15 @@ impl SolidGlassClosure<'_> {
         BsdfEval { f_cos: light.color * scale, pdf_solid_angle: light.probability }
     }
 
+    /// A lobe of facets of Beckmann, sampled as if they were of GGX, of which there are about as many: at most 4 / e times.
+    #[inline(always)]
+    fn by_distribution(&self, mut lobe: FacetLobe, half: Vec3) -> FacetLobe {
+        if self.glass.is_beckmann {
+            lobe.open.color *= beckmann::over_ggx(half, self.glass.surface.alpha());
+        }
+        lobe
+    }
+
     /// Open and lifted light that facets mirror along a direction, which may lead below the surface.
     #[inline(always)]
     fn mirrored(&self, wi: Vec3) -> [FacetLight; 2] {
@@ -703,6 +727,7 @@ impl SolidGlassClosure<'_> {
         }
         let [part, _] = self.split(half.normalize(), [Some(wi), None]);
         let density = self.glass.surface.distribution(half) * 0.5 / (self.wo.z + self.root);
+        let part = self.by_distribution(part, half);
         [part.open.times(density), part.lifted.times(density)]
     }
 
@@ -724,6 +749,7 @@ impl SolidGlassClosure<'_> {
         // D G1(wo) |wo.h| / wo.z times dh / dwi = eta^2 |wi.h| / |wo + eta wi|^2.
         let stretch = cos_o * -cos_i * (eta / length) * (eta / length);
         let density = self.glass.surface.distribution(half) * 2.0 / (wo.z + self.root) * stretch;
+        let part = self.by_distribution(part, half);
         [part.open.times(density), part.lifted.times(density)]
     }
 }

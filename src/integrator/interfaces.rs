@@ -40,7 +40,13 @@ pub(super) struct InterfaceHit {
 /// Index-matched interface: tint only.
 pub(super) fn index_matched_interface(tint: Rgb) -> Bsdf {
     let refraction = Refraction::Scales;
-    Bsdf::Dielectric(Dielectric { ior: 1.0, refraction, tint, fresnel: FresnelModel::Exact })
+    Bsdf::Dielectric(Dielectric {
+        ior: 1.0,
+        refraction,
+        tint,
+        fresnel: FresnelModel::Exact,
+        is_beckmann: false,
+    })
 }
 
 impl Integrator<'_> {

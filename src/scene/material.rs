@@ -522,6 +522,8 @@ pub struct PbrMaterial {
     pub glass_reflection: GlassReflection,
     /// Whether the energy that single scattering between its facets loses is given back; `None`: as in all of the picture.
     pub energy_compensation: Option<EnergyCompensation>,
+    /// Glass has facets whose slopes are normally distributed (Beckmann), which lose what they mirror into each other, not GGX.
+    pub is_beckmann: bool,
     /// Colour of white light after `attenuation_distance` in the volume.
     pub attenuation_color: [f32; 3],
     /// Metres; infinite means no absorption.
@@ -637,6 +639,7 @@ impl Default for PbrMaterial {
             keeps_radiance: false,
             glass_reflection: GlassReflection::White,
             energy_compensation: None,
+            is_beckmann: false,
             attenuation_color: [1.0; 3],
             attenuation_distance: f32::INFINITY,
             dispersion: 0.0,
@@ -653,7 +656,7 @@ parameters_of_fields! {
     MixComponent { weight, material }
     PbrMaterial {
         base_color, metallic, roughness, diffuse_roughness, ior, specular, specular_color, transmission, has_volume,
-        tints_once, keeps_radiance, glass_reflection, energy_compensation, attenuation_color, attenuation_distance, dispersion, clearcoat,
+        tints_once, keeps_radiance, glass_reflection, energy_compensation, is_beckmann, attenuation_color, attenuation_distance, dispersion, clearcoat,
         sheen, anisotropy, iridescence, diffuse_transmission,
     }
     Clearcoat { factor, roughness, normal_map }

@@ -103,7 +103,7 @@ structs! {
     NormalMap { texture, scale }
     PbrMaterial {
         base_color, metallic, roughness, diffuse_roughness, ior, specular, specular_color, transmission, has_volume,
-        tints_once, keeps_radiance, glass_reflection, energy_compensation, attenuation_color, attenuation_distance, dispersion, clearcoat,
+        tints_once, keeps_radiance, glass_reflection, energy_compensation, is_beckmann, attenuation_color, attenuation_distance, dispersion, clearcoat,
         sheen, anisotropy, iridescence, diffuse_transmission,
     }
     Clearcoat { factor, roughness, normal_map }

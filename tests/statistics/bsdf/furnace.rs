@@ -79,13 +79,20 @@ fn glass_splits_light_as_fresnel_says_and_keeps_all_of_it() {
             refraction: Refraction::Scales,
             tint: Rgb::ONE,
             fresnel,
+            is_beckmann: false,
         });
         for cosine in [1.0f32, 0.6, 0.1, -0.9, -0.5, -0.05] {
             let wo = direction(cosine, 0.4);
             assert!((albedo(&glass, wo, 10_000).r - 1.0).abs() < 1e-4);
         }
     }
-    let of = |refraction| Dielectric { ior: 1.5, refraction, tint: Rgb::ONE, fresnel: FresnelModel::Exact };
+    let of = |refraction| Dielectric {
+        ior: 1.5,
+        refraction,
+        tint: Rgb::ONE,
+        fresnel: FresnelModel::Exact,
+        is_beckmann: false,
+    };
     let glass = of(Refraction::Scales);
     let straight = glass.sample(Vec3::Z, [0.5, 0.5, 0.039]);
     assert!(!straight.is_transmission && (straight.pdf_solid_angle - 0.04).abs() < 1e-6);

@@ -210,6 +210,13 @@ pub fn finite() -> Vec<(String, Bsdf)> {
     ] {
         add(name, resolved(colored(reflection, 0.6, volume)));
     }
+    for (name, roughness) in [("glass of Beckmann's facets", 0.6), ("rough glass of Beckmann's facets", 0.9)]
+    {
+        add(
+            name,
+            resolved(PbrMaterial { is_beckmann: true, ..colored(GlassReflection::White, roughness, true) }),
+        );
+    }
     add("half transmissive", basic(0.6, 0.0, 0.5, true));
     add("mixed", basic(0.6, 0.4, 0.5, false));
     add("brown hair", hair([0.3, 0.15, 0.05], [0.3, 0.3], 0.035, 0.0));

@@ -589,9 +589,11 @@ def _kind(node):
 
 
 def _facets(node):
-    """What becomes of light among the facets of a shader, where that matters."""
+    """What becomes of light among the facets of a shader, where that matters, and how they are distributed in glass."""
     keeps = facets.keeps_all(node)
-    return {} if keeps is None else {"multiscatter": float(keeps)}
+    entries = {} if keeps is None else {"multiscatter": float(keeps)}
+    is_glass = node.bl_idname in ("ShaderNodeBsdfGlass", "ShaderNodeBsdfRefraction")
+    return {**entries, "beckmann": 1.0} if is_glass and node.distribution == "BECKMANN" else entries
 
 
 def _conductor(n, k, cosine):

@@ -203,6 +203,7 @@ impl Lowering<'_, '_, '_> {
             transmission: FloatSlot::constant(1.0),
             glass_reflection: if is_white { GlassReflection::White } else { reflection },
             energy_compensation: self.energy_compensation(index),
+            is_beckmann: self.constant(index, "beckmann", 0.0) > 0.0,
             ..self.interface()
         }))
     }
