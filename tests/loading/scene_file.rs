@@ -422,6 +422,31 @@ fn shaders_choose_what_facets_do() {
     assert_eq!(of(", multiscatter = 1"), Some(EnergyCompensation::On));
 }
 
+/// Glass has the facets that it names.
+#[test]
+fn glass_has_the_facets_of_beckmann_where_it_says_so() {
+    for (value, expected) in [("", false), (", beckmann = 1", true)] {
+        for shader in ["glass_bsdf", "refraction_bsdf"] {
+            let nodes = format!("p = {{ type = \"{shader}\", roughness = 0.5{value} }}");
+            let material = material_of_nodes("p", &nodes);
+            assert_eq!(
+                material.model.pbr().expect("a glTF material").is_beckmann,
+                expected,
+                "{shader}{value}"
+            );
+        }
+    }
+}
+
+/// An index of 0 reflects all, as in Cycles; one of 1 nothing.
+#[test]
+fn an_index_of_zero_is_a_mirror() {
+    for (ior, expected) in [("0.0", 0.0), ("1.0", 1.0)] {
+        let material = material_of_nodes("p", &format!("p = {{ type = \"principled_bsdf\", ior = {ior} }}"));
+        assert_eq!(material.model.pbr().expect("a glTF material").ior, expected, "{ior}");
+    }
+}
+
 /// The base of the Principled shader: an index of refraction by its specular level, a coat, emission.
 #[test]
 fn the_principled_shader_is_the_gltf_material() {

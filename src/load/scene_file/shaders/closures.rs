@@ -16,6 +16,10 @@ use std::f32::consts::PI;
 const NONE: FloatSlot = FloatSlot::constant(0.0);
 const WHITE: [f32; 3] = [1.0; 3];
 
+/// Opaque bases of lower indices reflect all light, but up to 4 % of what arrives evenly from all sides: a surface's index of 0 is no
+/// mistake in Cycles.
+const TOTAL_REFLECTION: f32 = 0.2;
+
 /// Subsurface scattering of less weight counts as diffuse reflection.
 const MIN_SUBSURFACE: f32 = 0.5;
 
@@ -302,8 +306,13 @@ impl Lowering<'_, '_, '_> {
         pbr.diffuse_roughness = number(self, "diffuse_roughness", 0.0);
         pbr.transmission = number(self, "transmission_weight", 0.0);
         let level = number(self, "specular_ior_level", 0.5);
-        let ior = self.constant(index, "ior", 1.5).max(1.0);
+        let given = self.constant(index, "ior", 1.5);
+        let ior = given.max(1.0);
         (pbr.ior, pbr.specular) = match level.texture {
+            // As of glTF's index of 0, all is reflected.
+            None if given < TOTAL_REFLECTION && level.factor >= 0.5 && pbr.transmission == NONE => {
+                (0.0, FloatSlot::constant(1.0))
+            }
             None if level.factor <= 0.0 && pbr.transmission == NONE => (ior, NONE),
             None if pbr.transmission == NONE => {
                 (scaled_ior(ior, 2.0 * level.factor), FloatSlot::constant(1.0))
