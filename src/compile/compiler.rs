@@ -292,7 +292,8 @@ fn environment(
     match &mut environment {
         Some(environment) => {
             environment.set_portals(&scene.portals, anchor);
-            environment.set_sampled(!scene.environment_unsampled);
+            let decides_shadows = scene.object_traits().any(|traits| traits.visible_to.has_own_shadows());
+            environment.set_sampled(!scene.environment_unsampled, decides_shadows);
         }
         None if scene.portals.is_empty() => {}
         None => {

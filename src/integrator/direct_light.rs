@@ -5,7 +5,7 @@
 //!
 //! The shadow AOV ([`Aov::Shadow`]) holds the fraction of the light samples' unweighted luminance that is blocked. MIS
 //! weights are divided out: BSDF sampling finds part of the light that arrives, but none of the light that is blocked,
-//! so weighted sums would not be comparable.
+//! so weighted sums would not be comparable. Even skies, which light samples leave out, are recorded by scattered rays.
 
 use super::Integrator;
 use super::guiding::Guided;
@@ -514,6 +514,20 @@ impl Integrator<'_> {
             let blocked = (all.luminance() / weight - arrived).max(0.0);
             let sample = wave.paths.state.radiance_index[i] as usize;
             first_hits.add(sample, Aov::Shadow, [blocked, arrived]);
+        }
+    }
+
+    /// Records what of an even sky without light samples arrives at the first surfaces: the rays that they scattered.
+    pub(super) fn record_sky_shadows(&self, bounce: u32, w: &mut Workspace) {
+        let Some(environment) = self.scene.lights.environment() else { return };
+        if bounce != 1 || w.excludes_casters || !environment.is_even() || environment.is_sampled() {
+            return;
+        }
+        let path = &w.arriving.state;
+        for (i, ray) in w.rays.iter().enumerate().filter(|(i, _)| path.pdf[*i].competes()) {
+            let light = (get_rgb(&path.throughput, i) * environment.radiance(ray.direction)).luminance();
+            let shadow = if w.hits[i].is_hit() { [light, 0.0] } else { [0.0, light] };
+            w.first_hits.add(path.radiance_index[i] as usize, Aov::Shadow, shadow);
         }
     }
 }

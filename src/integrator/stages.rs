@@ -10,6 +10,7 @@ use super::sampling::{Block, CameraSamples};
 use super::shading_groups::{ShadingGroupCounts, SortedVertices};
 use super::workspace::Workspace;
 use super::{Integrator, PathSample};
+use crate::film::Aov;
 
 /// The data that stages pass to each other, in [`Workspace`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -237,6 +238,14 @@ pub(super) const ARRIVE: &[Stage] = &[
             i.skip_absent_surfaces(b.number, w);
             i.end_crossings(w);
         },
+    },
+    Stage {
+        name: "shadows of even skies",
+        condition: |i| i.first_hits.contains(Aov::Shadow),
+        bounces: Bounces::All,
+        reads: &[Rays, Hits, Paths],
+        writes: &[Results],
+        run: |i, b, w| i.record_sky_shadows(b.number, w),
     },
     Stage {
         name: "holdouts and shadow catchers",

@@ -28,7 +28,6 @@ use super::workspace::Workspace;
 use crate::bsdf::Bsdf;
 use crate::color::Rgb;
 use crate::compile::CompiledMaterial;
-use crate::light::EnvironmentLight;
 use crate::math::{Frame, Hit, Vec3};
 use crate::scene::{LightLinks, Link, RayKinds};
 
@@ -178,7 +177,7 @@ impl Integrator<'_> {
     pub(super) fn keep_visible_escapes(&self, bounce: u32, w: &mut Workspace) {
         let Workspace { escaped, arriving, .. } = w;
         let seen = self.scene.features.environment_visible_to;
-        let is_sampled = self.scene.lights.environment().is_some_and(EnvironmentLight::may_be_sampled);
+        let is_sampled = self.scene.lights.samples_environment();
         escaped.retain(|&i| {
             let i = i as usize;
             let is_shadowed = is_sampled && self.is_shadowed(i, arriving);

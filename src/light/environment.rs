@@ -32,6 +32,8 @@ pub struct EnvironmentLight {
     pub(super) portals: Portals,
     /// May light samples be taken?
     is_sampled: bool,
+    /// Light samples are taken of even skies as well.
+    decides_shadows: bool,
 }
 
 #[derive(Clone, Debug)]
@@ -112,7 +114,12 @@ impl EnvironmentLight {
             EnvironmentKind::Gradient { middle, slope } if *middle == Rgb::ZERO && *slope == Rgb::ZERO => {
                 None
             }
-            _ => Some(EnvironmentLight { kind, portals: Portals::default(), is_sampled: true }),
+            _ => Some(EnvironmentLight {
+                kind,
+                portals: Portals::default(),
+                is_sampled: true,
+                decides_shadows: false,
+            }),
         }
     }
 
@@ -167,21 +174,22 @@ impl EnvironmentLight {
         self.portals = Portals::new(portals, |direction| self.radiance(direction), anchor, &self.portals);
     }
 
-    /// Enables or disables light samples; without them only BSDF samples find its light.
-    pub fn set_sampled(&mut self, is_sampled: bool) {
-        self.is_sampled = is_sampled;
+    /// Enables or disables light samples; without them only BSDF samples find its light. `decides_shadows`: objects are visible to
+    /// shadow rays that aren't to others, or the other way round.
+    pub fn set_sampled(&mut self, is_sampled: bool, decides_shadows: bool) {
+        (self.is_sampled, self.decides_shadows) = (is_sampled, decides_shadows);
     }
 
-    /// Does the scene let light samples be taken? Then its light obeys the visibility to shadow rays, by whatever samples it is found.
-    pub fn may_be_sampled(&self) -> bool {
-        self.is_sampled
-    }
-
-    /// Are light samples taken? None of an even sky: BSDF samples find its light with little noise wherever it counts, and light
-    /// samples are left for other lights.
+    /// Are light samples taken? None of an even sky, unless they decide about shadows: BSDF samples find its light with little noise
+    /// wherever it counts, and light samples are left for other lights.
     #[inline(always)]
     pub fn is_sampled(&self) -> bool {
-        self.is_sampled && (self.has_portals() || self.image_map().is_some())
+        self.is_sampled && (self.decides_shadows || !self.is_even())
+    }
+
+    /// Is it a constant or linear sky without portals?
+    pub fn is_even(&self) -> bool {
+        self.image_map().is_none() && !self.has_portals()
     }
 
     /// Does sampling depend on the point that is lit?

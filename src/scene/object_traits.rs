@@ -39,6 +39,13 @@ impl RayKinds {
         self.0 & other.0 == other.0
     }
 
+    /// Are shadow rays among them and scattered rays not, or the other way round?
+    pub fn has_own_shadows(self) -> bool {
+        let scattered =
+            RayKinds::DIFFUSE.with(RayKinds::GLOSSY).with(RayKinds::TRANSMISSION).with(RayKinds::VOLUME);
+        self.contains(RayKinds::SHADOW) != self.contains(scattered)
+    }
+
     /// The union with another set.
     #[inline(always)]
     pub const fn with(self, other: RayKinds) -> RayKinds {

@@ -379,7 +379,7 @@ fn fog_goes_on_within_clouds() {
         let own = medium(extinction, 0.9, 0.3);
         let ball = Ball { kind: Kind::Even, center: [0.0; 3], radius: 0.9, medium: own };
         body(&mut scene, &ball, own, priority);
-        channels(&scene, &options(16, 128, 20), false)
+        channels(&scene, &options(16, 256, 20), false)
     };
     let alone = [0.4, 0.3, 0.2];
     let together = [0, 1, 2].map(|c| alone[c] + fog.extinction[c]);

@@ -122,7 +122,8 @@ fn colours_look_like_themselves() {
             let slot = ColorSlot::texture(TextureId(scene.textures.len() as u32 - 1));
             Material::new("texture", Model::Lambert { albedo: slot })
         });
-        assert_means("texture", means(&textured, &options(16, 64, 8), true, 8), truth, 8e-3);
+        // The table of spectra is right within 1e-3 on average, up to 1e-2 (bounded by the unit tests of uplifting).
+        assert_means("texture", means(&textured, &options(16, 64, 8), true, 8), truth, 2e-2);
     }
 }
 

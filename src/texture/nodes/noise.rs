@@ -160,7 +160,7 @@ impl<const N: usize, const LANES: usize> simd::Kernel for Batch<'_, N, LANES> {
             }
         }
         let mut corners = [[0.0f32; LANES]; CORNERS];
-        for corner in 0..1usize << N {
+        for (corner, values) in corners.iter_mut().enumerate().take(1 << N) {
             for lane in 0..LANES {
                 let (mut words, mut offset) = ([0u32; N], [0.0; N]);
                 for i in 0..N {
@@ -168,7 +168,7 @@ impl<const N: usize, const LANES: usize> simd::Kernel for Batch<'_, N, LANES> {
                     words[i] = cell[i][lane].wrapping_add(bit);
                     offset[i] = inside[i][lane] - bit as f32;
                 }
-                corners[corner][lane] = lattice_gradient(hash_words(words), offset);
+                values[lane] = lattice_gradient(hash_words(words), offset);
             }
         }
         for (i, inside) in inside.iter().enumerate() {
