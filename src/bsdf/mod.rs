@@ -12,6 +12,7 @@ mod dielectric;
 pub mod dielectric_table;
 mod diffuse;
 mod dispatch;
+mod empirical;
 pub mod fresnel;
 pub mod ggx;
 mod hair;
@@ -21,7 +22,6 @@ mod metal;
 mod metal_rough;
 mod microsurface;
 pub mod phase;
-mod phong;
 #[cfg(test)]
 mod reference;
 mod rough_dielectric;
@@ -59,11 +59,11 @@ dispatch::bsdfs! {
         /// Rough diffuse reflection.
         diffuse::OrenNayar(diffuse::OrenNayarProgram),
         /// The modified Phong model.
-        phong::Phong(phong::PhongProgram),
+        empirical::Phong(empirical::PhongProgram),
         /// The velvet of Ashikhmin.
-        phong::Velvet(phong::VelvetProgram),
+        empirical::Velvet(empirical::VelvetProgram),
         /// Light in steps.
-        phong::Toon(phong::ToonProgram),
+        empirical::Toon(empirical::ToonProgram),
         /// A metal of a colour, with Schlick's Fresnel term.
         metal::SchlickMetal(metal::SchlickMetalProgram),
         /// A metal of a complex index of refraction.

@@ -1,7 +1,7 @@
 //! Emissive surfaces: rectangles, parallelograms, triangles and analytic shapes, with the angular distribution of their radiance
 //! ([`Beam`]), and rectangles in a form for many vertices at a time ([`UniformRectangle`]).
 
-use super::point::{Aim, SpotCone, mean_share};
+use super::punctual::{Aim, SpotCone, mean_share};
 use super::{LightBounds, LightSample, LightSource};
 use crate::color::Rgb;
 use crate::math::{Bounds3, Mat3, Ray, Vec2, Vec3, gamma, offset_ray_origin};

@@ -6,8 +6,8 @@ mod environment;
 mod light_paths;
 mod light_tree;
 mod lights;
-mod point;
 mod portals;
+mod punctual;
 mod traits;
 
 use crate::color::Rgb;
@@ -21,8 +21,8 @@ pub use environment::{EnvironmentLight, EnvironmentSample, ImageMap, TexelPositi
 pub use light_paths::{EmittedRay, LightPathSampler, LightPlace, SmallLight, TargetSphere, TargetSpheres};
 pub use light_tree::{Descent, LightTree, Receiver};
 pub use lights::{LightMotions, Lights, MovingLight, SelectedLight, SelectedSun};
-pub use point::Sun;
-use point::{Directional, Point, Profiled, Spot};
+pub use punctual::Sun;
+use punctual::{Directional, Point, Profiled, Spot};
 pub use traits::{LightBounds, LightOrigin, LightSample, LightSource, PunctualSource};
 
 // The table of lights without a surface (KHR_lights_punctual, measured profiles and suns).
