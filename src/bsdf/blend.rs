@@ -1,10 +1,9 @@
 //! The weighted sum of two materials that reflect diffusely, by microfacets, or both.
 
+use super::layered::MetalRoughProgram;
 use super::lobe::MIN_ALBEDO;
-use super::{
-    Appearance, BsdfEval, BsdfProgram, BsdfSample, Lobe, LocalFrame, MaterialProgram, MetalRough,
-    MetalRoughClosure, MetalRoughProgram, Slots, ggx,
-};
+use super::metal_rough::{MetalRough, MetalRoughClosure};
+use super::{Appearance, BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Slots, ggx};
 use crate::color::Rgb;
 use crate::math::Vec3;
 use crate::scene::ColorSlot;
@@ -164,15 +163,9 @@ pub struct BlendProgram {
 }
 
 impl BlendProgram {
-    /// The sum of two programs with their weights; `None` of others than diffuse and metallic-rough ones.
-    pub fn of(weights: [ColorSlot; 2], programs: [&BsdfProgram; 2]) -> Option<BlendProgram> {
-        let [a, b] = programs.map(|program| match program {
-            BsdfProgram::Lambert(diffuse) => Some(MetalRoughProgram::diffuse(diffuse.albedo)),
-            BsdfProgram::SchlickMetal(metal) => Some(MetalRoughProgram::metal(metal)),
-            BsdfProgram::MetalRough(program) => Some(*program),
-            _ => None,
-        });
-        Some(BlendProgram { weights, parts: [a?, b?] })
+    /// The sum of two programs times weights.
+    pub fn new(weights: [ColorSlot; 2], parts: [MetalRoughProgram; 2]) -> BlendProgram {
+        BlendProgram { weights, parts }
     }
 }
 

@@ -215,6 +215,14 @@ pub struct DielectricProgram {
     pub is_beckmann: bool,
 }
 
+impl DielectricProgram {
+    /// A solid whose tint counts at each crossing.
+    pub(super) fn new(ior: f32, tint: ColorSlot, fresnel: FresnelModel) -> DielectricProgram {
+        let refraction = Refraction::Scales;
+        DielectricProgram { ior, refraction, tint, tints_once: false, fresnel, is_beckmann: false }
+    }
+}
+
 impl MaterialProgram for DielectricProgram {
     type Lobe = Dielectric;
 

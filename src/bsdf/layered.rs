@@ -20,9 +20,7 @@ use super::microsurface::{Facets, Isotropic, Microsurface, MicrosurfaceProgram};
 use super::rough_dielectric::{GlassReflectance, RoughDielectric, Walls};
 use super::sheen::Sheen;
 use super::thin_film::ThinFilm;
-use super::{
-    Appearance, BsdfEval, BsdfSample, Lobe, Refraction, SchlickMetalProgram, Transmissive, fresnel, ggx,
-};
+use super::{Appearance, BsdfEval, BsdfSample, Lobe, Refraction, Transmissive, fresnel, ggx};
 use crate::color::Rgb;
 use crate::math::{Frame, Vec3};
 use crate::scene::{
@@ -446,14 +444,14 @@ impl MetalRoughProgram {
         }
     }
 
-    /// A metal.
-    pub(super) fn metal(metal: &SchlickMetalProgram) -> MetalRoughProgram {
-        MetalRoughProgram {
-            metallic: FloatSlot::constant(1.0),
-            roughness: metal.roughness,
-            energy_compensation: metal.energy_compensation,
-            ..MetalRoughProgram::diffuse(metal.color)
-        }
+    /// A metal with Schlick's Fresnel term.
+    pub(super) fn metal(
+        color: ColorSlot,
+        roughness: FloatSlot,
+        energy_compensation: EnergyCompensation,
+    ) -> MetalRoughProgram {
+        let metallic = FloatSlot::constant(1.0);
+        MetalRoughProgram { metallic, roughness, energy_compensation, ..MetalRoughProgram::diffuse(color) }
     }
 }
 

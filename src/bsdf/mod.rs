@@ -246,7 +246,7 @@ fn single_scattering_glass(ior: f32, walls: Walls, refraction: Refraction, alpha
 impl BsdfProgram {
     /// The program of the cheapest BSDF that is equivalent to a model for all values of its textures.
     pub fn of(model: &Model, shading: ShadingModel) -> BsdfProgram {
-        let (energy_compensation, refraction) = (shading.energy_compensation, Refraction::Scales);
+        let energy_compensation = shading.energy_compensation;
         match model {
             // Hits select a component of a mix.
             Model::Black | Model::Mix { .. } => BsdfProgram::Black,
@@ -278,22 +278,10 @@ impl BsdfProgram {
                 energy_compensation,
             }
             .into(),
-            Model::Dielectric { ior, tint, fresnel } => {
-                let (ior, tint, fresnel) = (*ior, *tint, *fresnel);
-                DielectricProgram { ior, refraction, tint, tints_once: false, fresnel, is_beckmann: false }
-                    .into()
-            }
+            Model::Dielectric { ior, tint, fresnel } => DielectricProgram::new(*ior, *tint, *fresnel).into(),
             Model::Boundary {} => {
-                let (tint, fresnel) = (ColorSlot::constant([1.0; 3]), FresnelModel::Exact);
-                DielectricProgram {
-                    ior: 1.0,
-                    refraction,
-                    tint,
-                    tints_once: false,
-                    fresnel,
-                    is_beckmann: false,
-                }
-                .into()
+                let tint = ColorSlot::constant([1.0; 3]);
+                DielectricProgram::new(1.0, tint, FresnelModel::Exact).into()
             }
             Model::Glass { ior, tint, roughness, is_thin: true } if always(roughness, 0.0) => {
                 ThinDielectricProgram { ior: *ior, tint: *tint }.into()
@@ -313,6 +301,24 @@ impl BsdfProgram {
             }
             .into(),
             Model::Pbr(pbr) => BsdfProgram::of_pbr(pbr, shading),
+        }
+    }
+
+    /// The sum of two programs times weights; `None` where [`Blend`] can't be that.
+    pub fn blend(weights: [ColorSlot; 2], programs: [&BsdfProgram; 2]) -> Option<BsdfProgram> {
+        let [a, b] = programs.map(BsdfProgram::as_metal_rough);
+        Some(BlendProgram::new(weights, [a?, b?]).into())
+    }
+
+    /// An equivalent metallic-rough program.
+    fn as_metal_rough(&self) -> Option<MetalRoughProgram> {
+        match self {
+            BsdfProgram::Lambert(diffuse) => Some(MetalRoughProgram::diffuse(diffuse.albedo)),
+            BsdfProgram::SchlickMetal(metal) => {
+                Some(MetalRoughProgram::metal(metal.color, metal.roughness, metal.energy_compensation))
+            }
+            BsdfProgram::MetalRough(program) => Some(*program),
+            _ => None,
         }
     }
 

@@ -2,7 +2,7 @@
 //! each hit.
 
 use super::medium::{Medium, is_transmissive_interface};
-use crate::bsdf::{BlendProgram, Bsdf, BsdfClass, BsdfProgram, Factors, LocalFrame, ShadingModel, Slots};
+use crate::bsdf::{Bsdf, BsdfClass, BsdfProgram, Factors, LocalFrame, ShadingModel, Slots};
 use crate::color::Rgb;
 use crate::color::spectral::{Spectrum, Wavelengths, uplifted_share};
 use crate::light::Beam;
@@ -352,8 +352,8 @@ impl CompiledMaterial {
         let normals = |m: &CompiledMaterial| (m.normal_map, m.normal, m.bumped_normal);
         let are_alike = is_plain(a) && is_plain(b) && normals(a) == normals(b);
         let weights = [*of_a, *of_b];
-        let program = BlendProgram::of(weights, [&a.program, &b.program]).filter(|_| are_alike);
-        let Some(program) = program.map(BsdfProgram::from) else { return self };
+        let program = BsdfProgram::blend(weights, [&a.program, &b.program]).filter(|_| are_alike);
+        let Some(program) = program else { return self };
         let is_constant =
             [a, b].iter().all(|m| m.alike().is_some()) && weights.iter().all(|w| w.texture.is_none());
         let is_spectral = a.example.is_some() || b.example.is_some();
