@@ -36,7 +36,8 @@ pub(super) fn number(
     let uses = OnceCell::new();
     for (id, material) in materials.iter_mut().enumerate() {
         let Some(mut medium) = material.medium.clone() else { continue };
-        let is_kept = match uses.get_or_init(|| MaterialUses::of(scene)).outline(MaterialId(id as u32)) {
+        let outline = uses.get_or_init(|| MaterialUses::of(scene)).outline(MaterialId(id as u32));
+        let is_kept = match outline {
             Outline::None => false,
             Outline::Open if medium.scattering.is_some() => {
                 let name = &scene.materials[id].name;
@@ -66,9 +67,7 @@ pub(super) fn number(
             }
             Err(_) => left_out += 1,
         }
-        let is_closed =
-            uses.get_or_init(|| MaterialUses::of(scene)).outline(MaterialId(id as u32)) == Outline::Closed;
-        if is_closed {
+        if outline == Outline::Closed {
             left_out += number_parts(material, scene.materials[id].priority, &mut media);
         }
     }
