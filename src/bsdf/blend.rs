@@ -158,15 +158,10 @@ impl Lobe for Blend {
 /// The parameters of a [`Blend`].
 #[derive(Clone, Copy, Debug)]
 pub struct BlendProgram {
-    weights: [ColorSlot; 2],
-    parts: [MetalRoughProgram; 2],
-}
-
-impl BlendProgram {
-    /// The sum of two programs times weights.
-    pub fn new(weights: [ColorSlot; 2], parts: [MetalRoughProgram; 2]) -> BlendProgram {
-        BlendProgram { weights, parts }
-    }
+    /// See [`Blend::weights`].
+    pub weights: [ColorSlot; 2],
+    /// Programs of [`Blend::parts`].
+    pub parts: [MetalRoughProgram; 2],
 }
 
 impl MaterialProgram for BlendProgram {

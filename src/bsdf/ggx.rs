@@ -83,13 +83,16 @@ const _: () = assert!((MIN_ROUGHNESS * MIN_ROUGHNESS - MIN_ALPHA).abs() < 1e-9);
 /// Pairs (full, grazing / full).
 static ALBEDO: [[[f32; 2]; COLUMNS]; ROWS] = decoded(include_bytes!("albedo.bin"));
 
-/// Little-endian numbers, row after row.
-const fn decoded(bytes: &[u8; 8 * COLUMNS * ROWS]) -> [[[f32; 2]; COLUMNS]; ROWS] {
-    let mut table = [[[0.0; 2]; COLUMNS]; ROWS];
+/// A table of little-endian numbers of single precision, row after row, `N` an entry.
+pub(super) const fn decoded<const N: usize, const C: usize, const R: usize>(
+    bytes: &[u8],
+) -> [[[f32; N]; C]; R] {
+    assert!(bytes.len() == 4 * N * C * R);
+    let mut table = [[[0.0; N]; C]; R];
     let mut i = 0;
-    while i < 2 * COLUMNS * ROWS {
+    while i < N * C * R {
         let b = [bytes[4 * i], bytes[4 * i + 1], bytes[4 * i + 2], bytes[4 * i + 3]];
-        table[i / 2 / COLUMNS][i / 2 % COLUMNS][i % 2] = f32::from_le_bytes(b);
+        table[i / N / C][i / N % C][i % N] = f32::from_le_bytes(b);
         i += 1;
     }
     table

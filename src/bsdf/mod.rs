@@ -307,7 +307,7 @@ impl BsdfProgram {
     /// The sum of two programs times weights; `None` where [`Blend`] can't be that.
     pub fn blend(weights: [ColorSlot; 2], programs: [&BsdfProgram; 2]) -> Option<BsdfProgram> {
         let [a, b] = programs.map(BsdfProgram::as_metal_rough);
-        Some(BlendProgram::new(weights, [a?, b?]).into())
+        Some(BlendProgram { weights, parts: [a?, b?] }.into())
     }
 
     /// An equivalent metallic-rough program.

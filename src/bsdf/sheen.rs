@@ -10,18 +10,7 @@ use std::f32::consts::FRAC_1_PI;
 const NODES: usize = 16;
 
 /// Triples (a, b, R), by roughness and view cosine: little-endian numbers of single precision.
-static SHEEN: [[[f32; 3]; NODES]; NODES] = decoded(include_bytes!("sheen.bin"));
-
-const fn decoded(bytes: &[u8; 12 * NODES * NODES]) -> [[[f32; 3]; NODES]; NODES] {
-    let mut table = [[[0.0; 3]; NODES]; NODES];
-    let mut i = 0;
-    while i < 3 * NODES * NODES {
-        let b = [bytes[4 * i], bytes[4 * i + 1], bytes[4 * i + 2], bytes[4 * i + 3]];
-        table[i / 3 / NODES][i / 3 % NODES][i % 3] = f32::from_le_bytes(b);
-        i += 1;
-    }
-    table
-}
+static SHEEN: [[[f32; 3]; NODES]; NODES] = ggx::decoded(include_bytes!("sheen.bin"));
 
 /// A layer of normally oriented fibres (Zeltner, Burley, Chiang 2022, "Practical Multiple-Scattering Sheen Using Linearly
 /// Transformed Cosines"): all orders of scattering in a slab of SGGX microflakes, fitted by a linearly transformed cosine

@@ -22,8 +22,8 @@ use super::workspace::Workspace;
 use crate::color::Rgb;
 use crate::film::Aov;
 use crate::light::{
-    ImageMap, LightDirection, LightSample, Lights, RECTANGLE_NUMBERS, Receiver, UniformRectangle,
-    solid_angle_density,
+    EnvironmentLight, ImageMap, LightDirection, LightSample, Lights, RECTANGLE_NUMBERS, Receiver,
+    UniformRectangle, solid_angle_density,
 };
 use crate::math::{Ray, Vec3, offset_along};
 use crate::sampling::sampler::{Dimensions, SobolPoint};
@@ -517,10 +517,17 @@ impl Integrator<'_> {
         }
     }
 
-    /// Records what of an even sky without light samples arrives at the first surfaces: the rays that they scattered.
+    /// Is there an even sky without light samples, and the shadow AOV?
+    pub(super) fn records_sky_shadows(&self) -> bool {
+        let is_found_by_scattering = |sky: &EnvironmentLight| sky.is_even() && !sky.is_sampled();
+        self.first_hits.contains(Aov::Shadow)
+            && self.scene.lights.environment().is_some_and(is_found_by_scattering)
+    }
+
+    /// Records what of such a sky arrives at the first surfaces: the rays that they scattered.
     pub(super) fn record_sky_shadows(&self, bounce: u32, w: &mut Workspace) {
         let Some(environment) = self.scene.lights.environment() else { return };
-        if bounce != 1 || w.excludes_casters || !environment.is_even() || environment.is_sampled() {
+        if bounce != 1 || w.excludes_casters {
             return;
         }
         let path = &w.arriving.state;

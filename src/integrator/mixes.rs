@@ -3,8 +3,8 @@
 //! MIS weights are those of the selected BSDF: for each selection they estimate its reflected light without bias, so that
 //! the mean over selections is the reflected light of the weighted sum.
 //!
-//! Mapped normals that face away from the viewer are such a selection, too. Facets are evaluated around a normal that is bent towards the viewer ([`super::shading_geometry::bent_normal`]). The diffuse
-//! base beneath doesn't depend on the viewer and keeps the normal that the map gives, as in Cycles 5.0. A vertex has one normal:
+//! Mapped normals that face away from the viewer are such a selection, too. Facets are evaluated around a normal that is bent
+//! towards the viewer ([`super::shading_geometry::bent_normal`]). The diffuse base beneath doesn't depend on the viewer and keeps the normal that the map gives, as in Cycles 5.0. A vertex has one normal:
 //! where both differ, each path selects the base or all else, as at a mix of materials, and its throughput is divided
 //! by the probability.
 

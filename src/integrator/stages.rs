@@ -10,7 +10,6 @@ use super::sampling::{Block, CameraSamples};
 use super::shading_groups::{ShadingGroupCounts, SortedVertices};
 use super::workspace::Workspace;
 use super::{Integrator, PathSample};
-use crate::film::Aov;
 
 /// The data that stages pass to each other, in [`Workspace`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -241,7 +240,7 @@ pub(super) const ARRIVE: &[Stage] = &[
     },
     Stage {
         name: "shadows of even skies",
-        condition: |i| i.first_hits.contains(Aov::Shadow),
+        condition: |i| i.records_sky_shadows(),
         bounces: Bounces::All,
         reads: &[Rays, Hits, Paths],
         writes: &[Results],
