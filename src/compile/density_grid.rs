@@ -6,12 +6,12 @@
 //! collisions of the probabilities that they are none (Novak et al. 2014, "Residual ratio tracking for estimating attenuation in
 //! participating media", section 3.1).
 
-use crate::color::spectral::{Curve, SECOND_RADIATION_CONSTANT, Wavelengths, rgb_of};
+use crate::color::spectral::{Curve, SECOND_RADIATION_CONSTANT, Spectrum, Wavelengths, rgb_of};
 use crate::color::{Rgb, luminance};
 use crate::math::{DVec3, Mat3, Vec3, poly};
 use crate::sampling::hash::{hash32, unit};
 use crate::scene;
-use crate::scene::Grid;
+use crate::scene::{Grid, GridId};
 use std::ops::{Add, Mul};
 use std::sync::Arc;
 
@@ -38,6 +38,14 @@ pub struct GridRay {
     direction: Vec3,
     /// Extinction per unit of density and of the parameter.
     scale: f32,
+}
+
+impl GridRay {
+    /// A point in voxels.
+    #[inline]
+    pub fn at(&self, t: f32) -> Vec3 {
+        self.origin + self.direction * t
+    }
 }
 
 impl DensityGrid {
@@ -99,7 +107,7 @@ impl DensityGrid {
 
     /// The density at a point in voxels; values lie in the middles of voxels.
     #[inline]
-    fn density(&self, p: Vec3) -> f32 {
+    pub fn density(&self, p: Vec3) -> f32 {
         let (mut lower, mut upper, mut weights) = ([0; 3], [0; 3], [0.0; 3]);
         for axis in 0..3 {
             let last = self.size[axis] - 1;
@@ -116,7 +124,7 @@ impl DensityGrid {
     }
 
     /// Where a ray collides between two of its points, by numbers that follow `salt` and a first one in 0..1, at the first collision
-    /// that `ends` it, given another number in 0..1; infinite if nowhere.
+    /// that `ends` it, given its ray parameter and another number in 0..1; infinite if nowhere.
     #[inline]
     pub fn collision(
         &self,
@@ -124,13 +132,13 @@ impl DensityGrid {
         way: [f32; 2],
         first: f32,
         salt: u32,
-        mut ends: impl FnMut(f32) -> bool,
+        mut ends: impl FnMut(f32, f32) -> bool,
     ) -> f32 {
         let mut found = f32::INFINITY;
         let mut numbers = RandomSequence(salt);
         self.tentative(ray, way, first, &mut numbers, |t, share, numbers| {
             let number = numbers.next();
-            let collides = number < share && ends(number / share);
+            let collides = number < share && ends(t, number / share);
             if collides {
                 found = t;
             }
@@ -142,22 +150,22 @@ impl DensityGrid {
     /// An unbiased estimate of the transmittance between two points of a ray, by ratio tracking.
     #[inline]
     pub fn transmittance(&self, ray: &GridRay, from: f32, to: f32, salt: u32) -> f32 {
-        self.ratio_tracking(ray, [from, to], salt, 1.0, |left, share| left * (1.0 - share), |left| left)
+        self.ratio_tracking(ray, [from, to], salt, 1.0, |left, _, share| left * (1.0 - share), |left| left)
     }
 
-    /// Transmittance by channel; `relative` is the extinction of each channel over that of the ray, at most 1.
+    /// Transmittance by channel; `relative` is the extinction of each channel at a ray parameter over that of the ray there, at most 1.
     pub fn transmittance_by_channel(
         &self,
         ray: &GridRay,
         [from, to]: [f32; 2],
         salt: u32,
-        relative: Rgb,
+        relative: impl Fn(f32) -> Rgb,
     ) -> Rgb {
-        let take = |left: Rgb, share: f32| left * (Rgb::ONE - relative * share);
+        let take = |left: Rgb, t: f32, share: f32| left * (Rgb::ONE - relative(t) * share);
         self.ratio_tracking(ray, [from, to], salt, Rgb::ONE, take, |left| left.max_element())
     }
 
-    /// Ratio tracking of a value that starts as `all`; `take` applies a tentative collision of some probability, and `largest` measures
+    /// Ratio tracking of a value that starts as `all`; `take` applies a tentative collision at a ray parameter, of some probability, and `largest` measures
     /// the rest for Russian roulette.
     #[inline]
     fn ratio_tracking<T: Copy + Mul<f32, Output = T>>(
@@ -166,7 +174,7 @@ impl DensityGrid {
         way: [f32; 2],
         salt: u32,
         all: T,
-        take: impl Fn(T, f32) -> T,
+        take: impl Fn(T, f32, f32) -> T,
         largest: impl Fn(T) -> f32,
     ) -> T {
         /// Below this, Russian roulette with a survival probability of 1/4.
@@ -174,8 +182,8 @@ impl DensityGrid {
         let mut left = all;
         let mut numbers = RandomSequence(salt);
         let first = numbers.next();
-        self.tentative(ray, way, first, &mut numbers, |_, share, numbers| {
-            left = take(left, share);
+        self.tentative(ray, way, first, &mut numbers, |t, share, numbers| {
+            left = take(left, t, share);
             if largest(left) < LITTLE {
                 left = left * if numbers.next() < 0.25 { 4.0 } else { 0.0 };
             }
@@ -376,11 +384,23 @@ const COLORS: usize = 1024;
 /// Factor on the emission of a medium.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CompiledEmissionGrid {
+    /// Of factors on all channels, on the first one, or of temperatures.
     grid: Arc<DensityGrid>,
-    heat: Option<BlackBodyEmission>,
+    kind: EmissionKind,
 }
 
-/// Black-body emission, if the values of the grid are temperatures.
+/// What the values of an emission grid are.
+#[derive(Clone, Debug, PartialEq)]
+enum EmissionKind {
+    /// Factors on all channels.
+    Factors,
+    /// Factors by channel: the grids of the second and third one, on the same voxels as the first.
+    Channels([Arc<DensityGrid>; 2]),
+    /// Temperatures.
+    Heat(BlackBodyEmission),
+}
+
+/// Black-body emission.
 #[derive(Clone, Debug, PartialEq)]
 struct BlackBodyEmission {
     /// Kelvins where the grid is 1.
@@ -396,7 +416,7 @@ struct BlackBodyEmission {
 impl CompiledEmissionGrid {
     /// Emission in proportion to the density.
     pub(super) fn of_density(grid: &Arc<DensityGrid>) -> CompiledEmissionGrid {
-        CompiledEmissionGrid { grid: grid.clone(), heat: None }
+        CompiledEmissionGrid { grid: grid.clone(), kind: EmissionKind::Factors }
     }
 
     /// The emission of a medium, by the scene's grids.
@@ -405,40 +425,30 @@ impl CompiledEmissionGrid {
         grids: &[Grid],
         prepared: &[Arc<DensityGrid>],
     ) -> CompiledEmissionGrid {
-        let index = glow.grid.index();
-        let hottest = grids[index].values.iter().fold(0.0f32, |most, x| most.max(*x));
-        let heat = glow.kelvin.map(|kelvin| {
-            let bodies = BlackBodies::relative_to(scene::EmissionGrid::REFERENCE_KELVIN);
-            let last = (COLORS - 1) as f32;
-            let heat = |i: usize| kelvin * hottest * (i as f32 / last);
-            let steps = 0..if glow.scales_with_power { COLORS } else { 0 };
-            let powers: Vec<f32> = steps.map(|i| bodies.power_over_luminance(heat(i))).collect();
-            let color = |i: usize| match powers.get(i) {
-                Some(power) => Rgb::from_array(bodies.rgb(heat(i).max(BlackBodies::COOLEST))) * *power,
-                None => Rgb::from_array(bodies.rgb(heat(i))),
-            };
-            let colors = (0..COLORS).map(color).collect();
-            let per_value = if hottest > 0.0 { last / hottest } else { 0.0 };
-            BlackBodyEmission { kelvin, colors, powers, per_value, bodies }
-        });
-        CompiledEmissionGrid { grid: prepared[index].clone(), heat }
+        use scene::EmissionGrid::{Channels, Factors, Temperatures};
+        let ready = |id: GridId| prepared[id.index()].clone();
+        match glow {
+            Factors(grid) => CompiledEmissionGrid { grid: ready(grid), kind: EmissionKind::Factors },
+            Channels([r, g, b]) => {
+                CompiledEmissionGrid { grid: ready(r), kind: EmissionKind::Channels([ready(g), ready(b)]) }
+            }
+            Temperatures { grid, kelvin, scales_with_power } => {
+                let hottest = grids[grid.index()].values.iter().fold(0.0f32, |most, x| most.max(*x));
+                let heat = BlackBodyEmission::new(kelvin, hottest, scales_with_power);
+                CompiledEmissionGrid { grid: ready(grid), kind: EmissionKind::Heat(heat) }
+            }
+        }
     }
 
     /// An estimate of the integral of the emission factor between two points of a ray, over metres; see
     /// [`DensityGrid::integral`].
-    pub fn integral(
-        &self,
-        (origin, direction): (Vec3, Vec3),
-        [from, to]: [f32; 2],
-        salt: u32,
-        waves: Option<&Wavelengths>,
-    ) -> Rgb {
-        let ray: GridRay = self.grid.ray(origin, direction, 1.0);
-        match &self.heat {
-            None => Rgb::splat(self.grid.integral(&ray, from, to, salt)),
-            Some(heat) => {
-                self.grid.integral_of(&ray, [from, to], salt, Rgb::ZERO, |value, _| heat.at(value, waves))
+    pub fn integral(&self, way: (Vec3, Vec3), span: [f32; 2], salt: u32, waves: Option<&Wavelengths>) -> Rgb {
+        match &self.kind {
+            EmissionKind::Factors => {
+                let ray = self.grid.ray(way.0, way.1, 1.0);
+                Rgb::splat(self.grid.integral(&ray, span[0], span[1], salt))
             }
+            _ => self.integral_times(way, span, salt, waves, |_| Rgb::ONE),
         }
     }
 
@@ -452,9 +462,17 @@ impl CompiledEmissionGrid {
         factor: impl Fn(f32) -> Rgb,
     ) -> Rgb {
         let ray: GridRay = self.grid.ray(origin, direction, 1.0);
-        match &self.heat {
-            None => self.grid.integral_times(&ray, way, salt, factor),
-            Some(heat) => {
+        match &self.kind {
+            EmissionKind::Factors => self.grid.integral_times(&ray, way, salt, factor),
+            EmissionKind::Channels([green, blue]) => {
+                let at = |r: f32, t: f32| {
+                    let p = ray.at(t);
+                    let emission = Rgb::new(r, green.density(p), blue.density(p));
+                    factor(t) * waves.map_or(emission, |waves| Spectrum::of_light(emission).at(waves))
+                };
+                self.grid.integral_of(&ray, way, salt, Rgb::ZERO, at)
+            }
+            EmissionKind::Heat(heat) => {
                 let at = |value: f32, t: f32| heat.at(value, waves) * factor(t);
                 self.grid.integral_of(&ray, way, salt, Rgb::ZERO, at)
             }
@@ -463,6 +481,22 @@ impl CompiledEmissionGrid {
 }
 
 impl BlackBodyEmission {
+    /// Of values up to `hottest` that are 1 at `kelvin`.
+    fn new(kelvin: f32, hottest: f32, scales_with_power: bool) -> BlackBodyEmission {
+        let bodies = BlackBodies::relative_to(scene::EmissionGrid::REFERENCE_KELVIN);
+        let last = (COLORS - 1) as f32;
+        let heat = |i: usize| kelvin * hottest * (i as f32 / last);
+        let steps = 0..if scales_with_power { COLORS } else { 0 };
+        let powers: Vec<f32> = steps.map(|i| bodies.power_over_luminance(heat(i))).collect();
+        let color = |i: usize| match powers.get(i) {
+            Some(power) => Rgb::from_array(bodies.rgb(heat(i).max(BlackBodies::COOLEST))) * *power,
+            None => Rgb::from_array(bodies.rgb(heat(i))),
+        };
+        let colors = (0..COLORS).map(color).collect();
+        let per_value = if hottest > 0.0 { last / hottest } else { 0.0 };
+        BlackBodyEmission { kelvin, colors, powers, per_value, bodies }
+    }
+
     #[inline]
     fn at(&self, value: f32, waves: Option<&Wavelengths>) -> Rgb {
         let at = (value * self.per_value).clamp(0.0, (COLORS - 1) as f32);
@@ -582,7 +616,7 @@ mod tests {
                     let salt = hash32(i);
                     left += f64::from(grid.transmittance(&ray, 0.0, to, salt));
                     let first = unit(hash32(i ^ 0x5bd1_e995));
-                    let t = grid.collision(&ray, [0.0, to], first, salt, |_| true);
+                    let t = grid.collision(&ray, [0.0, to], first, salt, |_, _| true);
                     passed += f64::from(u8::from(t == f32::INFINITY));
                     assert!(t == f32::INFINITY || (0.0..=to).contains(&t));
                 }
@@ -622,7 +656,7 @@ mod tests {
         for (x, is_clear) in [(1e-4, true), (2e-4, true), (9e-4, false)] {
             let ray = grid.ray(Vec3::new(x, 5e-4, 30.0), Vec3::NEG_Z, 5e7);
             for i in 0..20 {
-                let t = grid.collision(&ray, [0.0, f32::INFINITY], unit(hash32(!i)), hash32(i), |_| true);
+                let t = grid.collision(&ray, [0.0, f32::INFINITY], unit(hash32(!i)), hash32(i), |_, _| true);
                 assert_eq!(t == f32::INFINITY, is_clear, "{x}: {t}");
                 assert!(is_clear || (t - 30.0).abs() < 2e-3, "{t}");
                 assert_eq!(grid.transmittance(&ray, 0.0, 40.0, hash32(i)), f32::from(u8::from(is_clear)));
@@ -643,7 +677,7 @@ mod tests {
         for origin in [Vec3::new(1.5, 0.5, -1.0), Vec3::new(0.5, 0.5, 2.0)] {
             let ray = grid.ray(origin, Vec3::Z, 1.0);
             assert_eq!(grid.transmittance(&ray, 0.0, 9.0, 1), 1.0);
-            assert_eq!(grid.collision(&ray, [0.0, 9.0], 0.99, 1, |_| true), f32::INFINITY);
+            assert_eq!(grid.collision(&ray, [0.0, 9.0], 0.99, 1, |_, _| true), f32::INFINITY);
         }
     }
 }

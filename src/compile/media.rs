@@ -9,8 +9,8 @@ use crate::color::Rgb;
 use crate::error::Warning;
 use crate::math::{DAffine3, DVec3};
 use crate::scene::{
-    self, ColorSlot, Environment, FloatSlot, Fog, Instance, Keyframes, LightKind, Material, MaterialId,
-    MaterialUses, Model, Motion, Outline, Quad, Scene, instance_extents,
+    self, ColorSlot, Environment, FloatSlot, Fog, GridId, Instance, Keyframes, LightKind, Material,
+    MaterialId, MaterialUses, Model, Motion, Outline, Quad, Scene, instance_extents,
 };
 use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet};
@@ -187,12 +187,15 @@ fn warn_of_still_grids(scene: &Scene, warnings: &mut Vec<Warning>) {
 /// The kind of what fills a solid.
 fn density(medium: &scene::Medium, scene: &Scene, grids: &[Arc<DensityGrid>]) -> Density {
     let Some(grid) = medium.grid else { return Density::Homogeneous };
-    let density = grids[grid.index()].clone();
+    let ready = |id: GridId| grids[id.index()].clone();
+    let density = ready(grid);
+    let channels = |grids: Option<[GridId; 3]>| grids.map(|grids| Arc::new(grids.map(ready)));
+    let (extinction, scattering) = (channels(medium.extinction_grids), channels(medium.scattering_grids));
     let emission = Arc::new(match medium.glow {
         Some(glow) => CompiledEmissionGrid::new(glow, &scene.grids, grids),
         None => CompiledEmissionGrid::of_density(&density),
     });
-    Density::Grid(GridMedium { density, emission })
+    Density::Grid(GridMedium { density, extinction, scattering, emission })
 }
 
 /// Is its transmittance to infinity 0 in all channels?

@@ -229,8 +229,12 @@ pub enum Density {
 /// The grids of a heterogeneous medium.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GridMedium {
-    /// Factors on the coefficients, the same for all channels.
+    /// Factors on the coefficients of all channels; upper bounds where channels have their own.
     pub density: Arc<DensityGrid>,
+    /// Factors on the extinction by channel, where they aren't those of the density. All grids but that of the emission have the same voxels.
+    pub extinction: Option<Arc<[Arc<DensityGrid>; 3]>>,
+    /// Factors on what is scattered by channel, likewise.
+    pub scattering: Option<Arc<[Arc<DensityGrid>; 3]>>,
     /// Factors on the emission.
     pub emission: Arc<CompiledEmissionGrid>,
 }
@@ -242,6 +246,30 @@ pub struct Ball {
     pub center: Vec3,
     /// Its radius, metres.
     pub radius: f32,
+}
+
+impl GridMedium {
+    /// The factors on the extinction over those of the density, at a point in voxels where that isn't 0. In pictures by wavelength all are
+    /// their mean.
+    #[inline]
+    pub fn relative_extinction(&self, p: Vec3, waves: Option<&Wavelengths>) -> Rgb {
+        let Some(channels) = &self.extinction else { return Rgb::ONE };
+        let relative = self.relative(channels, p);
+        if waves.is_some() { Rgb::splat(relative.mean()) } else { relative }
+    }
+
+    /// The factors on what is scattered, likewise.
+    #[inline]
+    pub fn relative_scattering(&self, p: Vec3, waves: Option<&Wavelengths>) -> Rgb {
+        let Some(channels) = &self.scattering else { return self.relative_extinction(p, waves) };
+        let relative = self.relative(channels, p);
+        waves.map_or(relative, |waves| Spectrum::of_share(relative).at(waves))
+    }
+
+    fn relative(&self, channels: &[Arc<DensityGrid>; 3], p: Vec3) -> Rgb {
+        let density = self.density.density(p);
+        Rgb::from_array([0, 1, 2].map(|c| (channels[c].density(p) / density).clamp(0.0, 1.0)))
+    }
 }
 
 impl Scattering {
@@ -307,7 +335,7 @@ impl Scattering {
     #[inline]
     pub fn is_grey(&self) -> bool {
         let Rgb { r, g, b } = self.extinction;
-        r == g && g == b
+        r == g && g == b && self.grid().is_none_or(|grid| grid.extinction.is_none())
     }
 
     /// Transmittance over a distance in metres.
@@ -337,16 +365,20 @@ impl Scattering {
         &self,
         (origin, direction): (Vec3, Vec3),
         [from, to]: [f32; 2],
-        apart: u32,
+        (apart, waves): (u32, Option<&Wavelengths>),
     ) -> Rgb {
-        if let Density::Grid(GridMedium { density: grid, .. }) = &self.density {
+        if let Density::Grid(own @ GridMedium { density: grid, .. }) = &self.density {
             let bits = [origin.x, origin.y, origin.z, direction.x, direction.y, direction.z, from];
             let salt = bits.into_iter().fold(apart, |salt, x| hash32(salt ^ x.to_bits()));
             let most = self.extinction.max_element();
             let ray = grid.ray(origin, direction, most);
             return match self.is_grey() {
                 true => Rgb::ONE * grid.transmittance(&ray, from, to, salt),
-                false => grid.transmittance_by_channel(&ray, [from, to], salt, self.extinction / most),
+                false => {
+                    let share = self.extinction / most;
+                    let relative = |t: f32| share * own.relative_extinction(ray.at(t), waves);
+                    grid.transmittance_by_channel(&ray, [from, to], salt, relative)
+                }
             };
         }
         let [begin, end] = self.extent(origin, direction, from);
@@ -433,7 +465,8 @@ mod tests {
     #[test]
     fn rays_cross_a_ball_of_fog() {
         let medium = ball(2.0);
-        let along = |origin: Vec3, to: f32| medium.transmittance_between((origin, Vec3::Z), [0.0, to], 0);
+        let along =
+            |origin: Vec3, to: f32| medium.transmittance_between((origin, Vec3::Z), [0.0, to], (0, None));
         let close = |a: Rgb, way: f32| {
             let b = Rgb::new((-0.5 * way).exp(), (-way).exp(), 1.0);
             assert!((a - b).to_array().iter().all(|d| d.abs() < 1e-5), "{a:?} {b:?}");
@@ -450,7 +483,7 @@ mod tests {
     #[test]
     fn nothing_is_seen_through_fog_without_an_end() {
         let medium = Scattering { density: Density::Homogeneous, ..ball(1.0) };
-        let left = medium.transmittance_between((Vec3::ZERO, Vec3::Z), [0.0, f32::INFINITY], 0);
+        let left = medium.transmittance_between((Vec3::ZERO, Vec3::Z), [0.0, f32::INFINITY], (0, None));
         assert_eq!(left, Rgb::new(0.0, 0.0, 1.0));
     }
 }

@@ -14,7 +14,8 @@
 
 use super::interior::Interior;
 use crate::color::Rgb;
-use crate::compile::{DensityGrid, GridMedium, GridRay, Scattering};
+use crate::color::spectral::Wavelengths;
+use crate::compile::{GridMedium, GridRay, Scattering};
 use crate::math::{Ray, Vec3, poly};
 use crate::sampling::hash::hash32;
 use crate::simd::map_each;
@@ -70,6 +71,9 @@ struct DeltaTracking {
     weight: Rgb,
 }
 
+/// A medium with its grids, and the wavelengths of a path.
+type InGrid<'a> = (&'a Scattering, &'a GridMedium, Option<&'a Wavelengths>);
+
 /// Probability of equiangular sampling, where a light guides.
 const EQUIANGULAR_PROBABILITY: f32 = 0.5;
 
@@ -96,7 +100,7 @@ impl MediumSegment {
     /// numbers the first selects the distance, the second the density.
     #[inline]
     pub fn draw(
-        (index, medium): (u16, &Scattering),
+        (index, medium, waves): (u16, &Scattering, Option<&Wavelengths>),
         (origin, direction): (Vec3, Vec3),
         from: f32,
         throughput: Rgb,
@@ -105,11 +109,11 @@ impl MediumSegment {
     ) -> MediumSegment {
         let extent = medium.extent(origin, direction, from);
         let mut segment = MediumSegment::straight(index, extent);
-        if let Some(GridMedium { density: grid, .. }) = medium.grid() {
+        if let Some(grid) = medium.grid() {
             let salt = hash32(u[0].to_bits() ^ hash32(u[1].to_bits()));
             let tracked = DeltaTracking { first: u[0], salt, weight: Rgb::ZERO };
             let (scatter_t, weight) =
-                tracked.follow((medium, grid), (origin, direction), [from, f32::INFINITY]);
+                tracked.follow((medium, grid, waves), (origin, direction), [from, f32::INFINITY]);
             (segment.scatter_t, segment.tracked) = (scatter_t, Some(DeltaTracking { weight, ..tracked }));
             return segment;
         }
@@ -159,10 +163,15 @@ impl MediumSegment {
 
     /// Weight of a path that arrives at distance `to` without scattering.
     #[inline]
-    pub fn weight_of_passing(&self, medium: &Scattering, ray: &Ray, to: f32) -> Rgb {
+    pub fn weight_of_passing(
+        &self,
+        (medium, waves): (&Scattering, Option<&Wavelengths>),
+        ray: &Ray,
+        to: f32,
+    ) -> Rgb {
         match (&self.tracked, medium.grid()) {
-            (Some(tracked), Some(GridMedium { density: grid, .. })) => {
-                tracked.weight_of_passing((medium, grid), ray, [self.extent[0], to])
+            (Some(tracked), Some(grid)) => {
+                tracked.weight_of_passing((medium, grid, waves), ray, [self.extent[0], to])
             }
             _ => self.ungridded_passing_weight(medium, to),
         }
@@ -291,33 +300,37 @@ impl DeltaTracking {
     #[inline]
     fn follow(
         &self,
-        (medium, grid): (&Scattering, &DensityGrid),
+        (medium, grid, waves): InGrid<'_>,
         (origin, direction): (Vec3, Vec3),
         span: [f32; 2],
     ) -> (f32, Rgb) {
-        let ray = grid.ray(origin, direction, medium.extinction.max_element());
+        let ray = grid.density.ray(origin, direction, medium.extinction.max_element());
         if medium.is_grey() {
-            let scatter_t = grid.collision(&ray, span, self.first, self.salt, |_| true);
-            return (scatter_t, medium.scattered / medium.extinction.r);
+            let scatter_t = grid.density.collision(&ray, span, self.first, self.salt, |_, _| true);
+            let is_end = scatter_t < f32::INFINITY;
+            let scattered =
+                if is_end { grid.relative_scattering(ray.at(scatter_t), waves) } else { Rgb::ONE };
+            return (scatter_t, medium.scattered / medium.extinction.r * scattered);
         }
-        self.follow_channels(medium, grid, &ray, span)
+        self.follow_channels((medium, grid, waves), &ray, span)
     }
 
     /// Follows a segment where the extinction of channels differs.
     #[cold]
     fn follow_channels(
         &self,
-        medium: &Scattering,
-        grid: &DensityGrid,
+        (medium, grid, waves): InGrid<'_>,
         ray: &GridRay,
         span: [f32; 2],
     ) -> (f32, Rgb) {
         let most = medium.extinction.max_element();
-        let (scattered, passing) = (medium.scattered / most, Rgb::ONE - medium.extinction / most);
+        let (scattered, extinction) = (medium.scattered / most, medium.extinction / most);
         let sum = |rgb: Rgb| rgb.r + rgb.g + rgb.b;
         let mut weight = Rgb::ONE;
-        let scatter_t = grid.collision(ray, span, self.first, self.salt, |number| {
-            let (ends, goes_on) = (weight * scattered, weight * passing);
+        let scatter_t = grid.density.collision(ray, span, self.first, self.salt, |t, number| {
+            let p = ray.at(t);
+            let ends = weight * scattered * grid.relative_scattering(p, waves);
+            let goes_on = weight * (Rgb::ONE - extinction * grid.relative_extinction(p, waves));
             let share = sum(ends) / (sum(ends) + sum(goes_on));
             // Without scattering and null collisions the share is NaN, and the path ends.
             let is_end = share.is_nan() || number < share;
@@ -332,7 +345,7 @@ impl DeltaTracking {
 
     /// Weight of a path that arrives at a distance without scattering.
     #[inline]
-    fn weight_of_passing(&self, in_medium: (&Scattering, &DensityGrid), ray: &Ray, span: [f32; 2]) -> Rgb {
+    fn weight_of_passing(&self, in_medium: InGrid<'_>, ray: &Ray, span: [f32; 2]) -> Rgb {
         if in_medium.0.is_grey() {
             return Rgb::ONE;
         }

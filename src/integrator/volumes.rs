@@ -150,7 +150,9 @@ impl Integrator<'_> {
         let medium = &self.scene.media[usize::from(segment.medium)];
         let wavelengths = w.times.wavelengths(w.arriving.state.radiance_index[i]);
         match &medium.scattering {
-            Some(scattering) => segment.weight_of_passing(&scattering.in_lanes(wavelengths), &w.rays[i], to),
+            Some(scattering) => {
+                segment.weight_of_passing((&scattering.in_lanes(wavelengths), wavelengths), &w.rays[i], to)
+            }
             None if medium.absorption.is_some() && to.is_finite() => {
                 medium.transmittance_at(to - segment.extent[0], wavelengths)
             }
@@ -172,11 +174,16 @@ impl Integrator<'_> {
         let (throughput, wavelengths) =
             (get_rgb(&path.throughput, i), w.times.wavelengths(path.radiance_index[i]));
         let ray = (w.rays[i].origin, w.rays[i].direction);
-        // Segments end at collisions; emission before them is not attenuated.
         let span = [segment.extent[0], to.min(segment.scatter_t)];
         match scattering.grid() {
-            Some(grid) => {
+            // Segments end at collisions; emission before them is not attenuated.
+            Some(grid) if scattering.is_grey() => {
                 throughput * scattering.emission * grid.emission.integral(ray, span, salt, wavelengths)
+            }
+            Some(grid) => {
+                let weight = |t: f32| segment.weight_of_passing((scattering, wavelengths), &w.rays[i], t);
+                let integral = grid.emission.integral_times(ray, span, salt, wavelengths, weight);
+                throughput * scattering.emission * integral
             }
             None => segment.emission(scattering, throughput, to, unit(hash32(salt ^ to.to_bits()))),
         }
@@ -394,7 +401,7 @@ impl Integrator<'_> {
     ) -> MediumSegment {
         match &self.scene.media[usize::from(medium)].scattering {
             Some(s) => {
-                let scattering = (medium, &*s.in_lanes(wavelengths));
+                let scattering = (medium, &*s.in_lanes(wavelengths), wavelengths);
                 MediumSegment::draw(
                     scattering,
                     (ray.origin, ray.direction),

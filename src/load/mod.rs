@@ -17,6 +17,7 @@ pub mod obj;
 mod options;
 pub mod ply;
 mod points;
+mod procedural_media;
 pub mod scene_file;
 pub mod sky;
 mod smooth;
@@ -243,7 +244,7 @@ pub fn leaves_up_open(path: impl AsRef<Path>) -> bool {
     matches!(formats::of(path.as_ref()), Format::Model(model) if model.leaves_up_open)
 }
 
-/// The steps that follow reading, for all formats: options that apply to meshes, the sidecar, the up axis, displacement,
+/// The steps that follow reading, for all formats: options that apply to meshes, the sidecar, the up axis, displacement, procedural media,
 /// the stage of models without camera or light, and validation.
 fn complete(
     path: &Path,
@@ -278,6 +279,7 @@ fn complete(
     // Subdivision is complete; the meshes of the next moment differ.
     loaded.polygons = subdivide::Polygons::default();
     displace::apply(loaded);
+    procedural_media::apply(loaded)?;
     loaded.is_model = model.is_some() || formats::is_of_others(path);
     stage::complete(loaded, &options.stage, options.brings_environment);
     let problems = loaded.scene.validate();

@@ -1,7 +1,7 @@
 //! Participating media, and the grids of densities that they use.
 
-use super::GridId;
-use super::slot::Parameters;
+use super::slot::{Parameters, parameters_of_fields};
+use super::{GridId, TextureId};
 use crate::math::{DAffine3, DMat3, DVec3};
 use std::sync::Arc;
 
@@ -17,29 +17,73 @@ pub struct Medium {
     pub anisotropy: f32,
     /// Emitted radiance per metre.
     pub emission: [f32; 3],
-    /// Factors on the extinction, and on the emission where nothing else is; emissive media have the same extinction in all
-    /// channels then.
+    /// Factors on the extinction, and on the emission where nothing else is.
     pub grid: Option<GridId>,
-    /// Grid of factors on the emission, in place of `grid`.
+    /// Factors on the extinction by channel, in place of `grid`: nowhere above its values, on the same voxels.
+    pub extinction_grids: Option<[GridId; 3]>,
+    /// Factors on what the extinction scatters, likewise, and nowhere above the extinction.
+    pub scattering_grids: Option<[GridId; 3]>,
+    /// Grids of the emission, in place of `grid`.
     pub glow: Option<EmissionGrid>,
+    /// Textures that the coefficients are multiplied by. Loading evaluates them on grids, and leaves none.
+    pub textures: MediumTextures,
 }
 
-/// A grid of emission factors or temperatures.
+/// Textures in space that say what a medium is from place to place.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MediumTextures {
+    /// Factors on the extinction.
+    pub density: Option<TextureId>,
+    /// Factors on the albedo.
+    pub color: Option<TextureId>,
+    /// Factors on the emission.
+    pub emission: Option<TextureId>,
+    /// Voxels along the longest edge of the box around a solid; 0 for as many as usual.
+    pub resolution: u32,
+}
+
+impl MediumTextures {
+    /// Are there none?
+    pub fn is_empty(&self) -> bool {
+        self.density.is_none() && self.color.is_none() && self.emission.is_none()
+    }
+}
+
+parameters_of_fields! {
+    MediumTextures { density, color, emission, resolution }
+}
+
+/// Grids of emission factors or temperatures.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct EmissionGrid {
-    /// Factors on the emission, or temperatures.
-    pub grid: GridId,
-    /// Kelvins where the grid is 1: the medium emits as a black body, and its emission is the luminance that each metre of
-    /// [`EmissionGrid::REFERENCE_KELVIN`] adds.
-    pub kelvin: Option<f32>,
-    /// The luminance goes by the fourth power of the temperature, as all that a black body sends does (Stefan, Boltzmann), not
-    /// as what is seen of it (Planck's law).
-    pub scales_with_power: bool,
+pub enum EmissionGrid {
+    /// Factors on the emission.
+    Factors(GridId),
+    /// Factors on the emission by channel.
+    Channels([GridId; 3]),
+    /// The medium emits as a black body, and its emission is the luminance that each metre of [`EmissionGrid::REFERENCE_KELVIN`] adds.
+    Temperatures {
+        /// Temperatures.
+        grid: GridId,
+        /// Kelvins where the grid is 1.
+        kelvin: f32,
+        /// The luminance goes by the fourth power of the temperature, as all that a black body sends does (Stefan, Boltzmann), not as what
+        /// is seen of it (Planck's law).
+        scales_with_power: bool,
+    },
 }
 
 impl EmissionGrid {
     /// The temperature at which black bodies have the emission that is given.
     pub const REFERENCE_KELVIN: f32 = 1500.0;
+
+    /// All of its grids.
+    pub fn grids(&self) -> impl Iterator<Item = GridId> + use<> {
+        let grids = match *self {
+            EmissionGrid::Factors(grid) | EmissionGrid::Temperatures { grid, .. } => [grid; 3],
+            EmissionGrid::Channels(grids) => grids,
+        };
+        grids.into_iter()
+    }
 }
 
 /// What fills the space around all solids.
@@ -56,7 +100,17 @@ pub struct Fog {
 impl Medium {
     /// A medium of an extinction coefficient that absorbs nothing and scatters evenly.
     pub fn scattering(extinction: [f32; 3]) -> Medium {
-        Medium { extinction, albedo: [1.0; 3], anisotropy: 0.0, emission: [0.0; 3], grid: None, glow: None }
+        Medium {
+            extinction,
+            albedo: [1.0; 3],
+            anisotropy: 0.0,
+            emission: [0.0; 3],
+            grid: None,
+            extinction_grids: None,
+            scattering_grids: None,
+            glow: None,
+            textures: MediumTextures::default(),
+        }
     }
 
     /// A medium of mean free paths `radius`, metres, of which a thick body under a surface that neither refracts nor reflects
@@ -66,12 +120,9 @@ impl Medium {
     /// and Conty (2017, "Revisiting Physically Based Shading at Imageworks", equations 9 and 10).
     pub fn subsurface(color: [f32; 3], radius: [f32; 3], anisotropy: f32) -> Medium {
         Medium {
-            extinction: radius.map(f32::recip),
             albedo: color.map(|c| Medium::albedo_of_color(c, anisotropy)),
             anisotropy,
-            emission: [0.0; 3],
-            grid: None,
-            glow: None,
+            ..Medium::scattering(radius.map(f32::recip))
         }
     }
 
@@ -96,7 +147,20 @@ impl Medium {
     }
 }
 
-impl Parameters for Medium {}
+/// Only its textures: no texture of a material's surface can change its numbers.
+impl Parameters for Medium {
+    fn visit(&self, name: &'static str, visitor: &mut dyn FnMut(&'static str, super::Parameter<'_>)) {
+        self.textures.visit(name, visitor);
+    }
+
+    fn visit_mut(
+        &mut self,
+        name: &'static str,
+        visitor: &mut dyn FnMut(&'static str, super::ParameterMut<'_>),
+    ) {
+        self.textures.visit_mut(name, visitor);
+    }
+}
 
 /// The extinction coefficients of Beer's law from what is left of white light after a distance (KHR_materials_volume); `None`
 /// where nothing is lost.

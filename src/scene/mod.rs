@@ -47,7 +47,7 @@ pub use material::{
     EnergyCompensation, FresnelModel, GlassReflection, Iridescence, Material, MixComponent, Model,
     PbrMaterial, Sheen, Transmission, hair_color, hair_color_scale,
 };
-pub use medium::{EmissionGrid, Fog, Grid, Medium, coefficients};
+pub use medium::{EmissionGrid, Fog, Grid, Medium, MediumTextures, coefficients};
 pub use motion::{Keyframes, SceneMotion, Vertices};
 pub use object_traits::{LightLinks, Link, ObjectInfo, ObjectSet, ObjectSets, ObjectTraits, RayKinds};
 pub use outline::{MaterialUses, Outline};

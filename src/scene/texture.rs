@@ -4,7 +4,7 @@ use super::nodes::NodeGraph;
 use super::{ImageId, TextureId};
 use crate::color::spectral::Curve;
 use crate::math::Vec2;
-use std::collections::HashSet;
+use std::collections::{BTreeSet, HashSet};
 use std::sync::Arc;
 
 /// How many textures may lie one in the other: checkers and mixes, and what is in the cells of the innermost.
@@ -174,6 +174,15 @@ impl Texture {
             pending.extend(texture.parts());
         }
         images
+    }
+
+    /// The images that a texture of a scene looks into.
+    pub fn image_ids(textures: &[Texture], id: TextureId) -> BTreeSet<ImageId> {
+        let image_of = |id: TextureId| match textures.get(id.index()) {
+            Some(Texture::Image { image, .. }) => Some(*image),
+            _ => None,
+        };
+        Texture::images_of(textures, id).into_iter().filter_map(image_of).collect()
     }
 
     /// Textures that it is made of, directly.

@@ -3,8 +3,9 @@
 //!
 //! Texture coordinates: UV sets with affine maps, world space, triplanar projection, and ray footprints.
 
-use crate::math::{DAffine3, DMat4, Mat3, Vec2, Vec3};
-use crate::scene::{Mapping, TextureTransform};
+use crate::math::{DAffine3, DMat4, DVec3, Mat3, Vec2, Vec3};
+use crate::sampling::hash::mix64;
+use crate::scene::{Curves, Instance, Mapping, Mesh, ObjectInfo, Quad, Shape, TextureTransform};
 
 /// The numbers of an attribute by vertex. Vertices of meshes without it have none.
 #[derive(Clone, Debug, Default)]
@@ -151,6 +152,56 @@ pub struct ObjectData {
 }
 
 impl ObjectData {
+    /// An object with its place and the box around it in its own space; the world's origin moves to `anchor`.
+    fn new(
+        (name, info): (&str, &ObjectInfo),
+        place: DAffine3,
+        [low, high]: [Vec3; 2],
+        anchor: DVec3,
+    ) -> ObjectData {
+        let world_from_object = DAffine3 { translation: place.translation - anchor, ..place };
+        let is_flat = place.matrix3.determinant() == 0.0;
+        ObjectData {
+            world_from_object,
+            object_from_world: if is_flat { DAffine3::IDENTITY } else { world_from_object.inverse() },
+            location: place.translation.as_vec3(),
+            generated: ObjectData::generated(low, high),
+            color: info.color,
+            index: info.index,
+            random: info.random.unwrap_or_else(|| random(name)),
+        }
+    }
+
+    /// An instance of a mesh with a box around it.
+    pub fn of_instance(instance: &Instance, bounds: [Vec3; 2], anchor: DVec3) -> ObjectData {
+        ObjectData::new((&instance.name, &instance.info), instance.world_from_object, bounds, anchor)
+    }
+
+    /// A quad, whose space is the world from its corner on.
+    pub fn of_quad(quad: &Quad, anchor: DVec3) -> ObjectData {
+        let size = (quad.edge_u + quad.edge_v).as_vec3();
+        let bounds = [size.min(Vec3::ZERO), size.max(Vec3::ZERO)];
+        ObjectData::new((&quad.name, &quad.info), DAffine3::from_translation(quad.corner), bounds, anchor)
+    }
+
+    /// A shape, whose space is metres around its centre.
+    pub fn of_shape(shape: &Shape, anchor: DVec3) -> ObjectData {
+        let half = Vec3::splat(shape.radius as f32);
+        let place = DAffine3::from_rotation_translation(shape.rotation, shape.center);
+        ObjectData::new((&shape.name, &shape.info), place, [-half, half], anchor)
+    }
+
+    /// Curves.
+    pub fn of_curves(curves: &Curves, anchor: DVec3) -> ObjectData {
+        let points = curves.points.iter().map(|&p| Vec3::from_array(p));
+        ObjectData::new((&curves.name, &curves.info), curves.world_from_object, bounds(points), anchor)
+    }
+
+    /// The box around a mesh in its own space.
+    pub fn bounds_of_mesh(mesh: &Mesh) -> [Vec3; 2] {
+        bounds(mesh.positions.iter().map(|&p| Vec3::from_array(p)))
+    }
+
     /// Factors and offsets for a box.
     pub fn generated(low: Vec3, high: Vec3) -> [Vec3; 2] {
         // Blender takes 2 in place of no size, and not less than twice 1e-5.
@@ -161,6 +212,18 @@ impl ObjectData {
         let factor = Vec3::from_array(factor);
         [factor, Vec3::splat(0.5) - (low + high) * 0.5 * factor]
     }
+}
+
+fn bounds(points: impl Iterator<Item = Vec3>) -> [Vec3; 2] {
+    let nothing = [Vec3::INFINITY, Vec3::NEG_INFINITY];
+    let [low, high] = points.fold(nothing, |[low, high], p| [low.min(p), high.max(p)]);
+    if low.cmple(high).all() { [low, high] } else { [Vec3::ZERO; 2] }
+}
+
+/// A number in 0..1 for a name.
+fn random(name: &str) -> f32 {
+    let hash = name.bytes().fold(name.len() as u64, |hash, byte| mix64(hash ^ u64::from(byte)));
+    (hash >> 40) as f32 / (1u64 << 24) as f32
 }
 
 /// A camera as nodes see it.

@@ -63,6 +63,21 @@ impl CompiledTextures {
         CompiledTextures::after(None, textures, images, world_offset, needs)
     }
 
+    /// The same for a few textures of a scene, with their images at the finest level; those of others aren't decoded.
+    ///
+    /// # Errors
+    /// As for [`CompiledTextures::new`].
+    pub fn of_some(
+        textures: &[Texture],
+        images: &[Image],
+        some: &[TextureId],
+    ) -> Result<(CompiledTextures, TextureReport), Error> {
+        let used: BTreeSet<ImageId> =
+            some.iter().flat_map(|&texture| Texture::image_ids(textures, texture)).collect();
+        let finest = (0..images.len()).map(|i| used.contains(&ImageId(i as u32)).then_some(0)).collect();
+        CompiledTextures::new(textures, images, Vec3::ZERO, TextureNeeds { finest, limit: None })
+    }
+
     /// The textures with images of an earlier picture of the same textures and images, as far as they suffice.
     ///
     /// # Errors

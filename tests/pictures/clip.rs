@@ -99,14 +99,7 @@ fn rays_that_start_within_a_medium_are_in_it() {
     // Media that don't scatter have another way through the code.
     let cases = [(1.0, 2.0), (5.0, 1.0), (5.5, 0.5), (6.5, 0.0)];
     for (albedo, (near, way)) in [0.0, 1e-6].into_iter().flat_map(|albedo| cases.map(|case| (albedo, case))) {
-        let medium = Medium {
-            extinction: [0.7; 3],
-            albedo: [albedo; 3],
-            anisotropy: 0.0,
-            emission: [0.0; 3],
-            grid: None,
-            glow: None,
-        };
+        let medium = Medium { albedo: [albedo; 3], ..Medium::scattering([0.7; 3]) };
         let before_wall = |mut scene: Scene, far: f64| {
             let wall = material(&mut scene, Material::emitter("wall", [5.0; 3], true));
             quad(&mut scene, [-50.0, -50.0, -3.0], [100.0, 0.0, 0.0], [0.0, 100.0, 0.0], wall);

@@ -91,7 +91,7 @@ fn mirrors_and_glass_are_limited_by_their_own_bounces() {
 fn fog_scatters_as_often_as_it_may() {
     let mut scene = Scene::default();
     let (extinction, albedo) = ([0.4; 3], [0.9; 3]);
-    let medium = Medium { extinction, albedo, anisotropy: 0.3, emission: [0.0; 3], grid: None, glow: None };
+    let medium = Medium { albedo, anisotropy: 0.3, ..Medium::scattering(extinction) };
     scene.fog = Some(Fog { medium, center: DVec3::ZERO, radius: 5.0 });
     scene.lights.push(Light::point([0.5, 1.0, 0.0], [5.0; 3]));
     scene.cameras.push(camera(DVec3::new(0.0, 0.0, 4.0), DVec3::ZERO, DVec3::Y, 50.0));

@@ -37,6 +37,7 @@ mod physical_sky;
 mod picture_lamps;
 mod portals;
 mod priorities;
+mod procedural_media;
 mod profiled;
 mod references;
 mod refracted_lights;

@@ -13,7 +13,7 @@ const NO_END: f64 = f64::INFINITY;
 
 fn medium(extinction: f32, albedo: f32, anisotropy: f32) -> Medium {
     let (extinction, albedo) = ([extinction; 3], [albedo; 3]);
-    Medium { extinction, albedo, anisotropy, emission: [0.0; 3], grid: None, glow: None }
+    Medium { albedo, anisotropy, ..Medium::scattering(extinction) }
 }
 
 fn fog(medium: Medium, radius: f64) -> Option<Fog> {
@@ -189,7 +189,11 @@ fn grids_shine_by_other_grids() {
     for (kelvin, scales_with_power) in [(None, false), (Some(1300.0), false), (Some(1300.0), true)] {
         let mut scene = Scene::default();
         let [smoke, fire] = [grid(density, along), grid(heat, hot)].map(|grid| scene.add_grid(grid));
-        let glow = Some(EmissionGrid { grid: fire, kelvin, scales_with_power });
+        let glow = Some(kelvin.map_or(EmissionGrid::Factors(fire), |kelvin| EmissionGrid::Temperatures {
+            grid: fire,
+            kelvin,
+            scales_with_power,
+        }));
         let burning = Medium { grid: Some(smoke), glow, emission: [0.6; 3], ..medium(0.7, 0.0, 0.0) };
         let filled = body(&mut scene, burning);
         sphere(&mut scene, [0.0; 3], 3.0, filled);

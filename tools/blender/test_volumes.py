@@ -122,15 +122,7 @@ class VolumesTest(SceneTest):
         found = settings["materials"]["both (Cloud)"]
         self.assertEqual((found["density"], found["color"]), ([1.0, 0.5, 1.0], [0.5, 0.5, 0.0]))
 
-    def grid(self, entries):
-        """The values of a grid beside the model by slice, row and column, and the corners of its box."""
-        data = (self.folder / entries["grid"]).read_bytes()
-        self.assertEqual(data[:4], b"VOL\x03")
-        one, nx, ny, nz, channels = np.frombuffer(data, "<u4", 5, 4)
-        self.assertEqual((one, channels), (1, 1))
-        return np.frombuffer(data, "<f4", offset=48).reshape(nz, ny, nx), np.frombuffer(data, "<f4", 6, 24).reshape(2, 3)
-
-    def test_densities_that_are_trees_become_grids(self):
+    def test_densities_that_are_trees_stay_trees(self):
         material, tree, node = self.medium("fog", "VolumeScatter", Color=(0.5, 0.25, 1, 1))
         place, parts, times = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("TexCoord", "SeparateXYZ", "Math"))
         times.operation, times.inputs[1].default_value = "MULTIPLY", 3.0
@@ -143,20 +135,35 @@ class VolumesTest(SceneTest):
         box.data.materials.append(material)
         _, settings, answer = self.export()
         self.assertEqual(answer["warnings"], [])
-        (found,) = (entries for entries in settings["materials"].values() if "grid" in entries)
-        self.assertEqual((found["type"], found["density"], found["color"]), ("medium", [0.5, 0.25, 1.0], [1.0] * 3))
-        values, (low, high) = self.grid(found)
-        self.assertEqual(values.shape, (130, 34, 66))
-        np.testing.assert_allclose(high, [1 + 2 / 64, 1 + 2 / 32, 1 + 2 / 128], rtol=1e-6)
-        # The middles of voxels from one below the box to one above.
-        truth = np.maximum(3 * (np.arange(130) - 0.5) / 128, 0)
-        np.testing.assert_allclose(values, np.broadcast_to(truth[:, None, None], values.shape), atol=2e-3)
-        (matrix,) = (np.reshape(step["matrix"], (4, 4)) for step in found["transform"])
-        np.testing.assert_allclose(matrix @ [1, 1, 1, 1], [2, 5, -2.5, 1], rtol=1e-6)
-        # Colours that vary are not carried.
-        tree.links.new(place.outputs["Generated"], node.inputs["Color"])
+        (found,) = (entries for entries in settings["materials"].values() if "nodes" in entries and entries["type"] == "medium")
+        node, output = found["density"].split(".")
+        self.assertEqual((found["color"], found["up"], found["nodes"][node]["operation"]), ([1.0] * 3, "z", "multiply"))
+        np.testing.assert_allclose(found["nodes"][node]["b"], [0.5, 0.25, 1.0], rtol=1e-6)
+        # Colours vary likewise.
+        tree.links.new(place.outputs["Generated"], next(own for own in tree.nodes if own.bl_idname == "ShaderNodeVolumeScatter").inputs["Color"])
         _, settings, answer = self.export()
-        self.assertEqual([about for about, message in answer["warnings"] if "left out" in message], ["fog"])
+        self.assertEqual(answer["warnings"], [])
+
+    def test_volumes_of_several_shaders_are_one_medium(self):
+        material, tree, scatter = self.medium("mist", "VolumeScatter", Density=2.0, Color=(0.5, 0.5, 0.5, 1))
+        absorb, light, add, mix, noise = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("VolumeAbsorption", "Emission", "AddShader", "MixShader", "TexNoise"))
+        absorb.inputs["Density"].default_value, absorb.inputs["Color"].default_value = 4.0, (0.75, 0.5, 1, 1)
+        tree.links.new(scatter.outputs[0], add.inputs[0])
+        tree.links.new(absorb.outputs[0], add.inputs[1])
+        tree.links.new(add.outputs[0], tree.nodes["Material Output"].inputs["Volume"])
+        bpy.ops.mesh.primitive_cube_add(size=2)
+        bpy.context.object.data.materials.append(material)
+        _, settings, _ = self.export()
+        found = settings["materials"]["mist"]
+        np.testing.assert_allclose((found["density"], found["color"]), ([2.0, 3.0, 1.0], [0.5, 1 / 3, 1.0]), rtol=1e-6)
+        # By a share that varies all of it does.
+        for k, part in enumerate((add, light)):
+            tree.links.new(part.outputs[0], mix.inputs[1 + k])
+        tree.links.new(noise.outputs[0], mix.inputs[0])
+        tree.links.new(mix.outputs[0], tree.nodes["Material Output"].inputs["Volume"])
+        _, settings, answer = self.export()
+        found = settings["materials"]["mist"]
+        self.assertEqual((answer["warnings"], [type(found[key]) for key in ("density", "color", "emission")]), ([], [str] * 3))
 
     def test_what_is_lost_is_told_by_name(self):
         material, _, _ = self.medium("white", "VolumePrincipled")

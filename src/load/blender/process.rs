@@ -22,7 +22,6 @@ const PACKAGE: &[(&str, &str)] = &[
     ("camera.py", include_str!("../../../tools/blender/oscura_blender/camera.py")),
     ("cones.py", include_str!("../../../tools/blender/oscura_blender/cones.py")),
     ("context.py", include_str!("../../../tools/blender/oscura_blender/context.py")),
-    ("densities.py", include_str!("../../../tools/blender/oscura_blender/densities.py")),
     ("evaluated.py", include_str!("../../../tools/blender/oscura_blender/evaluated.py")),
     ("export.py", include_str!("../../../tools/blender/oscura_blender/export.py")),
     ("facets.py", include_str!("../../../tools/blender/oscura_blender/facets.py")),

@@ -54,10 +54,9 @@ use crate::load::image::Use;
 use crate::load::sky::{PhysicalSky, SUN_ANGLE_RAD};
 use crate::load::{Loaded, sky};
 use crate::math::{DVec3, Vec3, poly};
-use crate::scene::{Environment, ImageId, Portal, RayKinds, Scene, Texture, TextureId};
-use crate::texture::{CompiledTextures, PointReader, TextureNeeds, TexturePoint};
+use crate::scene::{Environment, Portal, RayKinds, Scene, Texture, TextureId};
+use crate::texture::{CompiledTextures, PointReader, TexturePoint};
 use rayon::prelude::*;
-use std::collections::BTreeSet;
 use std::ops::RangeInclusive;
 
 pub(super) fn read<'a>(build: &mut SceneFileBuilder, fields: &Fields<'a>, textures: &mut Textures<'a>) {
@@ -263,15 +262,8 @@ pub fn environment(
     rotation_rad: f64,
     warnings: &mut Vec<Warning>,
 ) -> Result<Environment> {
-    let image_of = |id: TextureId| match scene.textures[id.index()] {
-        Texture::Image { image, .. } => Some(image),
-        _ => None,
-    };
-    let used: BTreeSet<ImageId> =
-        Texture::images_of(&scene.textures, texture).into_iter().filter_map(image_of).collect();
-    let finest = (0..scene.images.len()).map(|i| used.contains(&ImageId(i as u32)).then_some(0)).collect();
-    let needs = TextureNeeds { finest, limit: None };
-    let (textures, report) = CompiledTextures::new(&scene.textures, &scene.images, Vec3::ZERO, needs)?;
+    let (textures, report) = CompiledTextures::of_some(&scene.textures, &scene.images, &[texture])?;
+    let used = Texture::image_ids(&scene.textures, texture);
     warnings.extend(report.warnings);
     if let Some([r, g, b, _]) = textures.constant(texture) {
         return Ok(Environment::Constant([r, g, b].map(|c| c * strength)));

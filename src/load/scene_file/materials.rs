@@ -9,7 +9,7 @@
 //! | `"toon"`, `"toon-highlight"` | `color` (0.8), `size` (0.5), `smooth` (0): light from within `size` right angles of the normal, or of the mirror direction, counts alike and fades out over `smooth` right angles more |
 //! | `"metal"` | `color` (0.8) or the `name` of a metal, `fuzz` or `roughness`, both 0 to 1 (0) |
 //! | `"dielectric"` | `ior` (1.5; 1 is air, for bubbles in glass; below 1: of the inside over what is around), `fresnel` = `exact` or `schlick`, `tint` (1), `roughness` 0 to 1 (0), `thin` (false), `medium` within (see `media`) |
-//! | `"medium"` | no surface, only what is within: `density`, `color`, `anisotropy`, `emission`, `grid`, `grid_name`, `emission_grid`, `temperature_grid`, `temperature`, `temperature_law`, `up`, `min`, `max`, `transform`, see `media` |
+//! | `"medium"` | no surface, only what is within: `density`, `color`, `anisotropy`, `emission`, `nodes`, `resolution`, `grid`, `grid_name`, `emission_grid`, `temperature_grid`, `temperature`, `temperature_law`, `up`, `min`, `max`, `transform`, see `media` |
 //! | `"hair"` | see `hair`, for `[[curves]]` |
 //! | `"emissive"` | `radiance` (required), `two_sided` (false) |
 //! | `"pbr"` | the keys of the table below |
@@ -263,10 +263,10 @@ fn read<'a>(
         MaterialType::Metal => metal(fields, name, slot("color", 0.8)),
         MaterialType::Dielectric => {
             let model = dielectric(fields, slot("tint", 1.0));
-            Material { medium: media::table(build, fields, "medium"), ..Material::new(name, model) }
+            Material { medium: media::table(build, textures, fields, "medium"), ..Material::new(name, model) }
         }
         MaterialType::Medium => Material {
-            medium: Some(media::filling(build, fields)),
+            medium: Some(media::filling(build, textures, fields)),
             ..Material::new(name, Model::Boundary {})
         },
         MaterialType::Emissive => {
@@ -278,7 +278,7 @@ fn read<'a>(
         }
         MaterialType::Hair => Material::new(name, read_hair(fields, slot)),
         MaterialType::Pbr => {
-            let medium = media::table(build, fields, "medium");
+            let medium = media::table(build, textures, fields, "medium");
             pbr::material(name, medium, &mut Slots { build, textures, fields, of_model: false })
         }
         MaterialType::Mix => finished(fields, mix(build, textures, fields, all, name))?,
@@ -614,7 +614,7 @@ pub(super) fn adjust_material<'a>(
         fields.problems.push_help(fields.span(), message, "give it a 'type'");
         return None;
     };
-    let medium = media::table(build, fields, "medium");
+    let medium = media::table(build, textures, fields, "medium");
     let slots = &mut Slots { build, textures, fields, of_model: true };
     pbr::adjust((&mut material, &mut model), medium, slots);
     let modes = [

@@ -1,19 +1,21 @@
 //! What fills a space that light crosses: `fog` of `[environment]` around all solids, `medium` of a material within its
-//! solids, with densities on a grid if it has one.
+//! solids, with densities on a grid or by textures if it has some.
 //!
 //! | Medium | Default | Meaning |
 //! |---|---|---|
-//! | `density` | 1 | extinction coefficient per metre: the mean free path is 1 / `density` metres; a number or one for each channel |
-//! | `color` | 1 | share of that light that is scattered, 0 to 1; the rest is absorbed |
+//! | `density` | 1 | extinction coefficient per metre: the mean free path is 1 / `density` metres; a number, one for each channel, or in solids a texture |
+//! | `color` | 1 | share of that light that is scattered, 0 to 1; the rest is absorbed; in solids also a texture |
 //! | `anisotropy` | 0 | mean cosine of the scattering angle, above -1 and below 1: 0 scatters to all sides, 0.8 forward as haze does |
-//! | `emission` | 0 | radiance that each metre adds |
-//! | `grid` | none | `.vdb` or `.vol` file of factors on the density, and on the emission, in solids only; where there is an emission `density` is one number then, and with `density = 0` the grid shines without hiding anything |
+//! | `emission` | 0 | radiance that each metre adds; in solids also a texture |
+//! | `nodes` | none | nodes by name, as of textures of `type = "nodes"`: `density`, `color` and `emission` may be outputs of these, `"NODE.OUTPUT"` |
+//! | `resolution` | 2 million voxels in all | voxels along the longest edge of the box around a solid on which textures are evaluated, 1 to 1024 |
+//! | `grid` | none | `.vdb` or `.vol` file of factors on the density, and on the emission, in solids only; with `density = 0` the grid shines without hiding anything |
 //! | `grid_name` | `density`, or the only one | which grid of a `.vdb` file |
 //! | `emission_grid` | none | another grid of the `.vdb` file, such as `flame` (next to a `.vol` file, another such file): factors on the emission in place of those of `grid` |
 //! | `temperature_grid` | none | another grid, likewise, such as `temperature`: it emits as a black body; `emission` is what each metre of 1500 K adds, and hotter ones more: by Planck's law some 15 times as much at 1800 K |
 //! | `temperature` | 1 | kelvins where `temperature_grid` is 1, which is right for grids of kelvins; for those of 0 to 1, such as Blender's, 1500 to 2500 |
 //! | `temperature_law` | `planck` | how what is seen grows with the temperature; `stefan-boltzmann`: as all of the power does, which goes by its fourth power (twice as much at 1800 K as at 1500 K): Blender's fire |
-//! | `up` | `y` | axis of a `.vdb` file that points up: `z` in those of Blender |
+//! | `up` | `y` | axis of a `.vdb` file that points up: `z` in those of Blender, and for `nodes` with Blender's vectors |
 //! | `min`, `max` | the file's | corners of the box along the axes that the grid is fitted to; outside it nothing is |
 //! | `transform` | none | moves, turns, scales, mirrors or shears the grid (with what glows) from there to its place in the world, see `transform`; the solid around it is not moved |
 //!
@@ -21,6 +23,11 @@
 //! them), in boxes of up to 2^29 voxels, which may stand anyhow. Values fall to nothing over a voxel beyond the outermost ones,
 //! unless `min` or `max` say where the box ends. Level sets, vectors and NanoVDB's own files are not read.
 //! The solid that has the medium must enclose the grid: a box, say. A grid stands in the world: a solid that moves doesn't take it along.
+//!
+//! Textures are evaluated in space, in the world or in the coordinates of the object, when the scene is loaded: noise makes clouds, a gradient
+//! ground fog. Boxes, quads and meshes of several materials are in the space of the world. Each other object has a grid of its own, with at most 2^27 voxels for
+//! all objects of a material. In pictures by
+//! wavelength an extinction whose colour differs from place to place is the mean of its channels.
 //!
 //! Media of solids without a surface (`type = "medium"`) add up where they overlap, with each other and with the fog, up to eight at a
 //! place; a `priority` above those of others displaces them, and a solid of `density = 0` that emits light nowhere is a hole in them. Solids of
@@ -50,18 +57,30 @@
 
 use super::builder::SceneFileBuilder;
 use super::fields::{Fields, Located};
+use super::textures::Textures;
 use super::transform;
 use crate::load::grid;
 use crate::math::{DAffine3, DMat3, DVec3};
-use crate::scene::{ColorSlot, DiffuseTransmission, EmissionGrid, FloatSlot, Fog, Grid, Medium, PbrMaterial};
+use crate::scene::{
+    ColorSlot, DiffuseTransmission, EmissionGrid, FloatSlot, Fog, Grid, Medium, MediumTextures, PbrMaterial,
+};
 use std::path::Path;
 
 /// Largest extinction coefficient: flights in denser media are shorter than positions are precise.
 const MAX_DENSITY: f32 = 1e9;
 
 /// The keys of a medium that fills a solid.
-pub(super) fn filling(build: &mut SceneFileBuilder, fields: &Fields) -> Medium {
-    let medium = medium(fields);
+pub(super) fn filling<'a>(
+    build: &mut SceneFileBuilder,
+    textures: &mut Textures<'a>,
+    fields: &Fields<'a>,
+) -> Medium {
+    let varying = medium_textures(build, textures, fields);
+    let medium = Medium { textures: varying, ..medium(fields) };
+    if !varying.is_empty() && fields.has("grid") {
+        let message = "'grid' and textures exclude each other: leave one out";
+        fields.problems.push(fields.span(), ("grid-and-texture", message));
+    }
     let corners = [fields.vector("min"), fields.vector("max")];
     let name = fields.string("grid_name").map(|name| name.value);
     let is_z_up = fields.choice("up", &[("y", false), ("z", true)]).unwrap_or(false);
@@ -69,7 +88,7 @@ pub(super) fn filling(build: &mut SceneFileBuilder, fields: &Fields) -> Medium {
     let moved = transform::read(fields);
     let Some(file) = fields.string("grid") else {
         let is_fitted = corners.iter().any(Option::is_some) || fields.has("transform");
-        if is_fitted || name.is_some() || is_z_up || glow.is_given() {
+        if is_fitted || name.is_some() || is_z_up && !fields.has("nodes") || glow.is_given() {
             let message = "'min', 'max', 'transform', 'grid_name', 'up', 'emission_grid' and 'temperature_grid' are about a \
                            'grid'";
             fields.problems.push(fields.span(), message);
@@ -178,11 +197,11 @@ impl<'a> GlowKeys<'a> {
         build.options.files.note(&file);
         match grid::read(&file, choice) {
             Ok(grid) => {
+                let grid = build.loaded.scene.add_grid(place.put(grid));
                 let scales_with_power = self.scales_with_power.unwrap_or(false);
-                Some(EmissionGrid {
-                    grid: build.loaded.scene.add_grid(place.put(grid)),
-                    kelvin,
-                    scales_with_power,
+                Some(match kelvin {
+                    Some(kelvin) => EmissionGrid::Temperatures { grid, kelvin, scales_with_power },
+                    None => EmissionGrid::Factors(grid),
                 })
             }
             Err(e) => {
@@ -193,26 +212,65 @@ impl<'a> GlowKeys<'a> {
     }
 }
 
-/// The keys of a medium in a table.
+/// The textures that coefficients of a medium are given.
+fn medium_textures<'a>(
+    build: &mut SceneFileBuilder,
+    textures: &mut Textures<'a>,
+    fields: &Fields<'a>,
+) -> MediumTextures {
+    let is_z_up = fields.string("up").is_some_and(|up| up.value == "z");
+    let nodes = fields.table("nodes").and_then(|table| {
+        let (named, mut graph) = textures.value_nodes(build, &table.entries().collect::<Vec<_>>(), "")?;
+        graph.is_z_up = is_z_up;
+        Some((named, graph))
+    });
+    let mut of = |key: &'static str| {
+        let value = fields.raw(key)?;
+        let name = value.get_ref().as_str()?;
+        let node = name.split_once('.').map_or(name, |(node, _)| node);
+        match nodes.as_ref().filter(|(named, _)| named.iter().any(|(own, _)| *own == node)) {
+            Some((named, graph)) => textures.output(build, fields, (named, graph), value),
+            None => textures.get(build, name, value.span()),
+        }
+    };
+    let (density, color, emission) = (of("density"), of("color"), of("emission"));
+    let found = MediumTextures { density, color, emission, resolution: 0 };
+    let resolution = fields.whole("resolution", 1, 1024);
+    if found.is_empty() && (resolution.is_some() || nodes.is_some()) && !fields.has("grid") {
+        let message =
+            "'nodes' and 'resolution' are about textures: give 'density', 'color' or 'emission' one";
+        fields.problems.push(fields.span(), ("medium-without-texture", message));
+    }
+    MediumTextures { resolution: resolution.map_or(0, |n| n as u32), ..found }
+}
+
+/// A coefficient that is no texture.
+fn constant(fields: &Fields, key: &'static str) -> Option<Located<[f32; 3]>> {
+    let is_texture = fields.raw(key).is_some_and(|value| value.get_ref().as_str().is_some());
+    if is_texture { None } else { fields.color(key) }
+}
+
+/// The keys of a medium in a table; coefficients with textures are 1.
 fn medium(fields: &Fields) -> Medium {
-    let extinction = fields.color("density").map_or([1.0; 3], |d| {
+    let is_texture =
+        |key: &'static str| fields.raw(key).is_some_and(|value| value.get_ref().as_str().is_some());
+    let emission = if is_texture("emission") { [1.0; 3] } else { [0.0; 3] };
+    let extinction = constant(fields, "density").map_or([1.0; 3], |d| {
         if d.value.iter().any(|x| *x > MAX_DENSITY) {
             fields.problems.push(d.span, format!("'density' must be at most {MAX_DENSITY:e} per metre"));
         }
         d.value.map(|x| x.min(MAX_DENSITY))
     });
     Medium {
-        extinction,
         albedo: share(fields, "color", 1.0),
         anisotropy: anisotropy(fields),
-        emission: fields.color("emission").map_or([0.0; 3], |c| c.value),
-        grid: None,
-        glow: None,
+        emission: constant(fields, "emission").map_or(emission, |c| c.value),
+        ..Medium::scattering(extinction)
     }
 }
 
 fn share(fields: &Fields, key: &'static str, otherwise: f32) -> [f32; 3] {
-    let Some(color) = fields.color(key) else { return [otherwise; 3] };
+    let Some(color) = constant(fields, key) else { return [otherwise; 3] };
     if color.value.iter().any(|c| *c > 1.0) {
         fields
             .problems
@@ -233,9 +291,14 @@ fn anisotropy(fields: &Fields) -> f32 {
 }
 
 /// The table of a medium under a key.
-pub(super) fn table(build: &mut SceneFileBuilder, fields: &Fields, key: &'static str) -> Option<Medium> {
+pub(super) fn table<'a>(
+    build: &mut SceneFileBuilder,
+    textures: &mut Textures<'a>,
+    fields: &Fields<'a>,
+    key: &'static str,
+) -> Option<Medium> {
     let table = fields.table(key)?;
-    let medium = filling(build, &table);
+    let medium = filling(build, textures, &table);
     table.finish();
     Some(medium)
 }
@@ -245,11 +308,23 @@ pub(super) fn priority(fields: &Fields) -> Option<i32> {
     fields.has("priority").then(|| fields.whole("priority", -1000, 1000).map_or(0, |n| n as i32))
 }
 
+/// The keys of a medium that is the same everywhere.
+fn even(fields: &Fields) -> Medium {
+    for key in ["density", "color", "emission"] {
+        if let Some(value) = fields.raw(key).filter(|value| value.get_ref().as_str().is_some()) {
+            let message =
+                format!("'{key}' of fog can't be a texture: only solids have boxes to evaluate it in");
+            fields.problems.push(value.span(), ("fog-with-texture", message));
+        }
+    }
+    medium(fields)
+}
+
 /// `fog` of the environment.
 pub(super) fn fog(fields: &Fields) -> Option<Fog> {
     let table = fields.table("fog")?;
     let fog = Fog {
-        medium: medium(&table),
+        medium: even(&table),
         center: table.vector("center").map_or(DVec3::ZERO, |c| c.value),
         radius: table.number_in("radius", 1e-9..1e18, f64::INFINITY),
     };

@@ -103,6 +103,28 @@ impl<'a> Textures<'a> {
         problems.is_empty().then(|| Texture::Nodes(Arc::new(graph)))
     }
 
+    /// The texture of an output of named nodes, whose graph has no result yet; `None` after a problem.
+    pub(super) fn output(
+        &mut self,
+        build: &mut SceneFileBuilder,
+        fields: &Fields<'a>,
+        (named, graph): (&[(&'a str, NodeKind)], &NodeGraph),
+        value: Value<'a>,
+    ) -> Option<TextureId> {
+        let result = Links { nodes: named, textures: self, own: "" }.input(build, value)?;
+        let graph = NodeGraph { result, ..graph.clone() };
+        if let Some(problem) = graph.problems().first() {
+            build.problems.push(fields.span(), format!("{}: {problem}", fields.what()));
+            return None;
+        }
+        if self.is_check() {
+            return Some(TextureId(0));
+        }
+        let textures = &mut build.loaded.scene.textures;
+        textures.push(Texture::Nodes(Arc::new(graph)));
+        Some(TextureId(textures.len() as u32 - 1))
+    }
+
     /// The nodes that tables describe, a graph without a result; `None` after a problem.
     pub(super) fn value_nodes(
         &mut self,

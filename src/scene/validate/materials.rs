@@ -5,8 +5,8 @@ use super::lights::check_aim;
 use crate::image::{Image, Pixels};
 use crate::math::DVec3;
 use crate::scene::{
-    AlphaMode, Backdrop, Beam, ColorSlot, FloatSlot, Fog, Grid, MAX_TEXTURE_NESTING, Mapping, Material,
-    Medium, Model, Parameter, PbrMaterial, Scene, Texture, TextureId, coefficients,
+    AlphaMode, Backdrop, Beam, ColorSlot, EmissionGrid, FloatSlot, Fog, Grid, MAX_TEXTURE_NESTING, Mapping,
+    Material, Medium, Model, Parameter, PbrMaterial, Scene, Texture, TextureId, coefficients,
 };
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::fmt::Display;
@@ -180,21 +180,36 @@ fn check_medium(medium: &Medium, grids: &[Grid], place: impl Display + Copy, fin
     let is_met = medium.anisotropy.abs() < 1.0;
     findings.require(is_met, place, "anisotropy", medium.anisotropy, "above -1 and below 1");
     findings.require_color(&medium.emission, place, "emission");
-    if let Some(glow) = medium.glow {
-        findings.require(medium.grid.is_some(), place, "glow", glow.grid, "none without a grid of densities");
-        if grids.get(glow.grid.index()).is_none() {
-            findings.reject(place, "glow", glow.grid, "one of the scene's grids");
-        }
-        let is_met = glow.kelvin.is_none_or(|kelvin| (1e-6..=1e6).contains(&kelvin));
-        findings.require(is_met, place, "kelvin", glow.kelvin, "from 1e-6 to 1e6");
+    findings.require(
+        medium.textures.is_empty(),
+        place,
+        "textures",
+        medium.textures,
+        "none: loading makes grids of them",
+    );
+    let of_channels =
+        [("extinction_grids", medium.extinction_grids), ("scattering_grids", medium.scattering_grids)];
+    let glow = medium.glow.into_iter().flat_map(|glow| glow.grids()).map(|id| ("glow", id));
+    let channels =
+        of_channels.iter().flat_map(|&(field, ids)| ids.into_iter().flatten().map(move |id| (field, id)));
+    for (field, id) in channels.clone().chain(glow) {
+        findings.require(medium.grid.is_some(), place, field, id, "none without a grid of densities");
+        findings.require(grids.get(id.index()).is_some(), place, field, id, "one of the scene's grids");
+    }
+    if let Some(EmissionGrid::Temperatures { kelvin, .. }) = medium.glow {
+        findings.require((1e-6..=1e6).contains(&kelvin), place, "kelvin", kelvin, "from 1e-6 to 1e6");
     }
     let Some(id) = medium.grid else { return };
     let Some(grid) = grids.get(id.index()) else {
         return findings.reject(place, "grid", id, "one of the scene's grids");
     };
+    for (field, id) in channels {
+        let Some(channel) = grids.get(id.index()) else { continue };
+        let is_same = channel.size == grid.size && channel.world_from_voxels == grid.world_from_voxels;
+        let is_met = is_same && channel.values.iter().zip(&*grid.values).all(|(s, d)| s <= d || d.is_nan());
+        findings.require(is_met, place, field, id, "nowhere above the values of 'grid', on the same voxels");
+    }
     let [r, g, b] = medium.extinction;
-    let is_met = (r == g && g == b) || medium.emission == [0.0; 3];
-    findings.require(is_met, place, "extinction", medium.extinction, "grey where there is an emissive grid");
     let most = r.max(g).max(b);
     let thickest = grid.values.iter().fold(0.0f32, |most, x| most.max(*x));
     let paths = f64::from(thickest) * f64::from(most) * longest_diagonal(grid);

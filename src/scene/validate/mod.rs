@@ -322,7 +322,7 @@ mod tests {
 
     #[test]
     fn media_are_checked() {
-        use crate::scene::{EmissionGrid, Fog, Grid, GridId, Medium};
+        use crate::scene::{EmissionGrid, Fog, Grid, GridId, Medium, MediumTextures, TextureId};
         let good = Medium::scattering([1.0; 3]);
         let grid = |values: &[f32], size| {
             let (name, values) = ("smoke".to_string(), std::sync::Arc::new(values.to_vec()));
@@ -341,13 +341,20 @@ mod tests {
         assert!(with(gridded, one(&[1.0])).is_empty());
         assert!(with(Medium { emission: [1.0; 3], ..gridded }, one(&[1.0])).is_empty());
         assert!(with(Medium { extinction: [1.0, 2.0, 1.0], ..gridded }, one(&[1.0])).is_empty());
-        let hot = |grid, kelvin| Some(EmissionGrid { grid: GridId(grid), kelvin, scales_with_power: false });
-        assert!(with(Medium { glow: hot(0, Some(1500.0)), ..gridded }, one(&[1.0])).is_empty());
+        let hot =
+            |kelvin| Some(EmissionGrid::Temperatures { grid: GridId(0), kelvin, scales_with_power: false });
+        let glow = |grid| Some(EmissionGrid::Factors(GridId(grid)));
+        assert!(with(Medium { glow: hot(1500.0), ..gridded }, one(&[1.0])).is_empty());
+        let colored = Medium { grid: Some(GridId(1)), scattering_grids: Some([GridId(0); 3]), ..good };
+        assert!(with(colored, [one(&[0.5]), one(&[1.0])].concat()).is_empty());
+        let textures = MediumTextures { color: Some(TextureId(0)), ..MediumTextures::default() };
         for (medium, grids, words) in [
-            (Medium { glow: hot(0, None), ..good }, one(&[1.0]), "none without a grid"),
-            (Medium { glow: hot(1, None), ..gridded }, one(&[1.0]), "one of the scene's grids"),
-            (Medium { glow: hot(0, Some(0.0)), ..gridded }, one(&[1.0]), "kelvin"),
-            (Medium { glow: hot(0, Some(f32::NAN)), ..gridded }, one(&[1.0]), "kelvin"),
+            (Medium { glow: glow(0), ..good }, one(&[1.0]), "none without a grid"),
+            (Medium { glow: glow(1), ..gridded }, one(&[1.0]), "one of the scene's grids"),
+            (Medium { glow: hot(0.0), ..gridded }, one(&[1.0]), "kelvin"),
+            (Medium { glow: hot(f32::NAN), ..gridded }, one(&[1.0]), "kelvin"),
+            (colored, [one(&[1.5]), one(&[1.0])].concat(), "scattering_grids"),
+            (Medium { textures, ..good }, Vec::new(), "textures"),
             (Medium { extinction: [1.0, -0.1, 1.0], ..good }, Vec::new(), "extinction"),
             (Medium { extinction: [f32::NAN; 3], ..good }, Vec::new(), "extinction"),
             (Medium { albedo: [1.1; 3], ..good }, Vec::new(), "albedo"),
@@ -355,7 +362,6 @@ mod tests {
             (Medium { anisotropy: f32::NAN, ..good }, Vec::new(), "anisotropy"),
             (Medium { emission: [f32::INFINITY; 3], ..good }, Vec::new(), "emission"),
             (gridded, Vec::new(), "one of the scene's grids"),
-            (Medium { extinction: [1.0, 2.0, 1.0], emission: [1.0; 3], ..gridded }, one(&[1.0]), "grey"),
             (good, one(&[-1.0]), "from 0 up"),
             (good, one(&[f32::NAN]), "NaN"),
             (good, vec![grid(&[1.0], [2, 1, 1])], "size"),

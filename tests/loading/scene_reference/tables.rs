@@ -431,6 +431,23 @@ pub const TABLES: &[Table] = &[
     lines("medium", before!(material "medium"), &[("emission", "0.3", "0.4"), ("priority", "1", "-2")]),
     lines(
         "medium",
+        concat!(before!(material "medium"), "density = \"noise.factor\"\n"),
+        &[(
+            "nodes",
+            "{ noise = { type = \"noise_texture\" } }",
+            "{ noise = { type = \"noise_texture\", scale = 2 } }",
+        )],
+    ),
+    lines(
+        "medium",
+        concat!(
+            before!(material "medium"),
+            "density = \"noise.factor\"\nnodes = { noise = { type = \"noise_texture\" } }\n"
+        ),
+        &[("resolution", "4", "5")],
+    ),
+    lines(
+        "medium",
         concat!(before!(material "medium"), "grid = \"one.vol\"\n"),
         &[("transform", "[{ translate = [0, 1, 0] }]", "[{ scale = 2 }]")],
     ),

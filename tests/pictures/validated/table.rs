@@ -9,10 +9,10 @@ use oscura::scene::{
     ColorSlot, CurveBasis, Curves, DiffuseTransmission, Displacement, Emission, EmissionGrid, EmitterTraits,
     EnergyCompensation, Environment, Filter, FloatSlot, Fog, FresnelModel, GlassReflection, Grid, GridId,
     ImageId, Instance, Interpolation, Iridescence, Light, LightKind, LightLinks, LightProfile, Link, Mapping,
-    Material, MaterialId, Medium, Mesh, MeshId, MeshPart, MixComponent, Model, Motion, NoiseKind, NormalMap,
-    ObjectInfo, ObjectSet, ObjectSets, ObjectTraits, PbrMaterial, Portal, ProfileId, Projection, Quad,
-    RayKinds, Scene, Settings, Shape, ShapeKind, Sheen, SkippedCaustics, Splats, SpotFade, Texture,
-    TextureId, TextureTransform, ThinLens, VertexAttribute, Wrap,
+    Material, MaterialId, Medium, MediumTextures, Mesh, MeshId, MeshPart, MixComponent, Model, Motion,
+    NoiseKind, NormalMap, ObjectInfo, ObjectSet, ObjectSets, ObjectTraits, PbrMaterial, Portal, ProfileId,
+    Projection, Quad, RayKinds, Scene, Settings, Shape, ShapeKind, Sheen, SkippedCaustics, Splats, SpotFade,
+    Texture, TextureId, TextureTransform, ThinLens, VertexAttribute, Wrap,
 };
 
 /// Ids mostly change to others that may exist.
@@ -72,8 +72,8 @@ impl Mutate for ObjectSets {
 ids! { GridId ImageId MaterialId MeshId ProfileId TextureId }
 
 structs! {
-    Medium { extinction, albedo, anisotropy, emission, grid, glow }
-    EmissionGrid { grid, kelvin, scales_with_power }
+    Medium { extinction, albedo, anisotropy, emission, grid, extinction_grids, scattering_grids, glow, textures }
+    MediumTextures { density, color, emission, resolution }
     Grid { name, size, values, world_from_voxels }
     Fog { medium, center, radius }
     Scene {
@@ -130,6 +130,7 @@ structs! {
 }
 
 enums! {
+    EmissionGrid { Temperatures { grid, kelvin, scales_with_power } } { Factors Channels }
     Motion { Still {} Moves {} Deforms {} } { Keyed }
     ShapeKind { Sphere {} Disk {} FacingDisk {} Shell {} } {}
     CurveBasis { Linear {} Bezier {} BSpline {} CatmullRom {} } {}

@@ -2,7 +2,7 @@
 
 import os
 
-from . import bakes, densities, geometry, instances, media, mesh_files, node_graph, panes, relief, report as reports, sidecar, shaders, skins
+from . import bakes, geometry, instances, media, mesh_files, node_graph, panes, relief, report as reports, sidecar, shaders, skins
 from .glb import Y_UP
 
 # Tables of the materials of faces without one, and of what has no surface.
@@ -108,13 +108,14 @@ class Materials:
         if end is None:
             return Material(graph, whole=BLACK)
         self._add_bumps(graph, material)
-        filling, is_lost = media.Filling(), False
+        medium, is_lost = None, False
         try:
-            filling = media.read(end.inputs["Volume"])
+            filling = media.read(end.inputs["Volume"], exposure)
+            medium = None if filling.is_nothing() else filling.entries()
+            graph.asks_object |= filling.graph.asks_object
         except media.Varying as varying:
             is_lost = True
-            baker.warn(f"its volume differs from place to place ({varying}) and is left out")
-        medium = None if filling.is_nothing() else filling.entries(exposure)
+            baker.warn(f"its volume can't be evaluated ({varying}) and is left out")
         surface = graph.shader(node_graph.feed(end.inputs["Surface"]))
         if surface is None and (medium is not None or is_lost):
             return Material(graph, whole=NOTHING if medium is None else {"type": "medium", **medium})
@@ -131,11 +132,10 @@ class Materials:
 
 def take(found, moves, told, images):
     """Writes all that was collected."""
-    _, store, options, report = told
+    _, _, options, report = told
     made, known = Evaluated(options.folder, options.name), Materials(images, told)
     holders = [holder for holder in found.objects.values() if holder is not None]
     relief.displace(holders, found, report)
-    found.media.update(densities.settle(holders, found, store, report))
     for holder in holders:
         _write(made, holder, known, (found, moves), report)
     return made

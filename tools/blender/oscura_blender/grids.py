@@ -52,9 +52,6 @@ class Medium:
             if not dense:
                 grid = next((part.grid for part in shining if part.grid is not None), None)
             found.update(self._light(shining, grid, scale, report))
-            if len(set(found["density"])) > 1:
-                report.warn(self.name, "what shines takes the same of all colours from light here: the mean of what it has")
-                found = greyed(found)
         if not any(found["density"]) and "emission" not in found:
             return None
         if grid is None:
@@ -101,13 +98,6 @@ def _coefficients(parts, scale):
         if cosine:
             found["anisotropy"] = max(min(cosine, 0.99), -0.99)
     return found
-
-
-def greyed(found):
-    """The same with one density: what is scattered stays, by channel, as far as a share of it can be."""
-    mean = sum(found["density"]) / 3
-    color = [min(c * d / mean, 1.0) if mean > 0 else 0.0 for c, d in zip(found["color"], found["density"])]
-    return {**found, "density": [mean] * 3, "color": color}
 
 
 def read(material, known, report):

@@ -97,11 +97,13 @@ def _fog(world, factor, report):
     if end is None or shaders.source(end.inputs["Volume"]) is None:
         return {}
     try:
-        filling = media.read(end.inputs["Volume"])
+        filling = media.read(end.inputs["Volume"], factor)
+        if filling.is_varying():
+            raise media.Varying("nodes")
     except media.Varying as varying:
         report.warn(world.name, f"the volume of the world differs from place to place ({varying}) and is left out")
         return {}
-    return {} if filling.is_nothing() else {"fog": filling.entries(factor)}
+    return {} if filling.is_nothing() else {"fog": filling.entries()}
 
 
 def _parts(world, target, is_hidden, report):

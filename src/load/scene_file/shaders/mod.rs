@@ -72,7 +72,7 @@ pub(super) fn read<'a>(
     let surface = fields.require("surface", fields.string("surface"));
     let table = fields.require("nodes", fields.table("nodes"))?;
     let is_solid = fields.flag("volume", false);
-    let medium = media::table(build, fields, "medium");
+    let medium = media::table(build, textures, fields, "medium");
     let is_shader = |value: Value| Shader::of(value).is_some();
     let values: Vec<(&str, Value)> = table.entries().filter(|(_, value)| !is_shader(value)).collect();
     let shading: Vec<(&str, Value)> = table.entries().filter(|(_, value)| is_shader(value)).collect();

@@ -1,0 +1,365 @@
+//! Media whose coefficients are textures in space: when a scene is loaded, they are evaluated on grids in the boxes around the solids that
+//! they fill, so that what follows knows of grids only.
+
+use super::Loaded;
+use crate::error::{Error, Warning};
+use crate::math::{DAffine3, DMat4, DVec3, Vec3};
+use crate::scene::{
+    EmissionGrid, Grid, Instance, Material, MaterialId, Medium, Mesh, Scene, TextureId, instance_extents,
+};
+use crate::texture::{
+    CameraData, CompiledTextures, HitAttributes, HitData, ObjectData, PathData, PointReader, TexturePoint,
+};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// Voxels of a grid, and at most along its longest edge, where the medium doesn't say how many.
+const VOXELS: f64 = (1u64 << 21) as f64;
+const MAX_RESOLUTION: u32 = 512;
+
+/// Maximum number of voxels of all grids of a material; where there would be more, they are coarser.
+const MAX_VOXELS: f64 = (1u64 << 27) as f64;
+
+/// Mean free paths across a grid, above which densities are cut off.
+const MAX_MEAN_FREE_PATHS: f64 = 0.9e5;
+
+/// Evaluates the textures of all media; none are left.
+///
+/// # Errors
+/// That of a damaged image of such a texture.
+pub(super) fn apply(loaded: &mut Loaded) -> Result<(), Error> {
+    for id in (0..loaded.scene.materials.len() as u32).map(MaterialId) {
+        let Some(medium) = loaded.scene.materials[id.index()].medium else { continue };
+        if !medium.textures.is_empty() {
+            evaluate(loaded, id, medium)?;
+        }
+    }
+    Ok(())
+}
+
+/// Evaluates the textures of a material's medium for each solid that has the material. Solids but the first get copies of it.
+fn evaluate(loaded: &mut Loaded, id: MaterialId, medium: Medium) -> Result<(), Error> {
+    let textures = medium.textures;
+    let used = [textures.density, textures.color, textures.emission].into_iter().flatten();
+    let (compiled, report) =
+        CompiledTextures::of_some(&loaded.scene.textures, &loaded.scene.images, &used.collect::<Vec<_>>())?;
+    loaded.warnings.extend(report.warnings);
+    let solids = Solid::all(&loaded.scene, id);
+    let affordable = MAX_VOXELS / solids.len().max(1) as f64;
+    let (resolution, most) = match textures.resolution {
+        0 => (MAX_RESOLUTION, VOXELS.min(affordable)),
+        wanted => (wanted, affordable),
+    };
+    let camera_from_world = loaded
+        .scene
+        .cameras
+        .first()
+        .map_or(DMat4::IDENTITY, |camera| DMat4::from(camera.world_from_camera.inverse()));
+    let mut is_cut = false;
+    for (number, solid) in solids.iter().enumerate() {
+        let voxels = Voxels::of(solid, resolution, most);
+        let at = |texture| voxels.values(solid, (&compiled, texture), &camera_from_world);
+        let values = Values {
+            density: textures.density.map(at),
+            color: textures.color.map(at),
+            emission: textures.emission.map(at),
+        };
+        let own = &loaded.scene.materials[id.index()];
+        let (name, own) = (own.name.clone(), own.clone());
+        let (filling, was_cut) = values.medium(&mut loaded.scene, medium, &voxels, &name);
+        is_cut |= was_cut;
+        let filled = Material { medium: Some(filling), ..own };
+        if number == 0 {
+            loaded.scene.materials[id.index()] = filled;
+        } else {
+            let copy = loaded.scene.add_material(filled);
+            solid.give(&mut loaded.scene, copy);
+        }
+    }
+    let material = &mut loaded.scene.materials[id.index()];
+    if solids.is_empty() {
+        material.medium = Some(Medium { textures: Default::default(), ..medium });
+    }
+    if is_cut {
+        let message = format!(
+            "material '{}' is denser in places than can be traced: it is cut off there",
+            material.name
+        );
+        loaded.warnings.push(Warning::general(message));
+    }
+    Ok(())
+}
+
+/// A solid that a medium fills.
+struct Solid {
+    /// Its number in the list of its kind; the first of several that share a grid.
+    which: Which,
+    data: ObjectData,
+    /// From the space of the box to the world.
+    world_from_box: DAffine3,
+    /// The box around it.
+    low: DVec3,
+    high: DVec3,
+}
+
+#[derive(Clone, Copy)]
+enum Which {
+    Instance(usize),
+    Shape(usize),
+    /// Objects of which no single one can have a material of its own.
+    Several,
+}
+
+impl Solid {
+    /// The solids of a material: instances and shapes that can have a material of their own, and all others together.
+    fn all(scene: &Scene, id: MaterialId) -> Vec<Solid> {
+        let has = |instance: &Instance, mesh: &Mesh| {
+            instance.material.map_or_else(|| mesh.parts.iter().any(|p| p.material == id), |own| own == id)
+        };
+        let is_single = |instance: &Instance, mesh: &Mesh| {
+            instance.material.is_some() || mesh.parts.iter().all(|part| part.material == id)
+        };
+        let mut solids = Vec::new();
+        let mut others: Option<Solid> = None;
+        let extents = instance_extents(scene);
+        for (index, instance) in scene.instances.iter().enumerate() {
+            let Some(mesh) = scene.meshes.get(instance.mesh.index()).filter(|mesh| has(instance, mesh))
+            else {
+                continue;
+            };
+            let [low, high] = ObjectData::bounds_of_mesh(mesh);
+            let data = ObjectData::of_instance(instance, [low, high], DVec3::ZERO);
+            if is_single(instance, mesh) {
+                let world_from_box = instance.world_from_object;
+                let (low, high) = (low.as_dvec3(), high.as_dvec3());
+                solids.push(Solid { which: Which::Instance(index), data, world_from_box, low, high });
+            } else if let Some(extent) = extents[index].0 {
+                join(&mut others, data, extent);
+            }
+        }
+        for quad in scene.quads.iter().filter(|quad| quad.material == id) {
+            let far = quad.corner + quad.edge_u + quad.edge_v;
+            let (a, b) = (quad.corner + quad.edge_u, quad.corner + quad.edge_v);
+            let extent = (quad.corner.min(far).min(a).min(b), quad.corner.max(far).max(a).max(b));
+            join(&mut others, ObjectData::of_quad(quad, DVec3::ZERO), extent);
+        }
+        for (index, shape) in scene.shapes.iter().enumerate().filter(|(_, shape)| shape.material == id) {
+            let (low, high) = (shape.center - shape.half_extent(), shape.center + shape.half_extent());
+            let data = ObjectData::of_shape(shape, DVec3::ZERO);
+            solids.push(Solid {
+                which: Which::Shape(index),
+                data,
+                world_from_box: DAffine3::IDENTITY,
+                low,
+                high,
+            });
+        }
+        // The others keep the material itself.
+        others.into_iter().chain(solids).collect()
+    }
+
+    /// Gives it a material.
+    fn give(&self, scene: &mut Scene, material: MaterialId) {
+        match self.which {
+            Which::Instance(index) => scene.instances[index].material = Some(material),
+            Which::Shape(index) => scene.shapes[index].material = material,
+            Which::Several => {}
+        }
+    }
+}
+
+/// Adds an object to those that share a grid in a box along the axes of the world, which is their space.
+fn join(others: &mut Option<Solid>, data: ObjectData, (low, high): (DVec3, DVec3)) {
+    let (world_from_object, object_from_world) = (DAffine3::IDENTITY, DAffine3::IDENTITY);
+    let data = ObjectData { world_from_object, object_from_world, location: Vec3::ZERO, ..data };
+    let (which, world_from_box) = (Which::Several, DAffine3::IDENTITY);
+    let all = others.get_or_insert(Solid { which, data, world_from_box, low, high });
+    (all.low, all.high) = (all.low.min(low), all.high.max(high));
+    all.data.generated = ObjectData::generated(all.low.as_vec3(), all.high.as_vec3());
+}
+
+/// The voxels of a box, with one more on each side so that what lies on its faces is interpolated.
+struct Voxels {
+    size: [u32; 3],
+    world_from_voxels: DAffine3,
+}
+
+impl Voxels {
+    /// So many along the longest edge, and at most so many in all.
+    fn of(solid: &Solid, resolution: u32, most: f64) -> Voxels {
+        let longest = (solid.high - solid.low).max_element();
+        let extent = (solid.high - solid.low).max(DVec3::splat(1e-6 * longest));
+        let columns = solid.world_from_box.matrix3;
+        let metres = DVec3::new(columns.x_axis.length(), columns.y_axis.length(), columns.z_axis.length());
+        let along = extent * metres;
+        let share = along / along.max_element().max(f64::MIN_POSITIVE);
+        let counted = |n: f64| (share * n - 1e-3).ceil().max(DVec3::ONE);
+        let mut counts = counted(resolution.into());
+        while counts.element_product() > most && counts.max_element() > 1.0 {
+            counts = counted((0.97 * counts.max_element()).floor());
+        }
+        let step = (extent / counts).max(DVec3::splat(1e-12));
+        let place = DAffine3::from_translation(solid.low - step) * DAffine3::from_scale(step);
+        let size = [counts.x, counts.y, counts.z].map(|n| n as u32 + 2);
+        Voxels { size, world_from_voxels: solid.world_from_box * place }
+    }
+
+    /// Colours of a texture in the middles of voxels; negative and infinite numbers are 0.
+    fn values(
+        &self,
+        solid: &Solid,
+        (textures, texture): (&CompiledTextures, TextureId),
+        camera_from_world: &DMat4,
+    ) -> Vec<[f32; 3]> {
+        let [nx, ny, nz] = self.size.map(|n| n as usize);
+        let mut values = vec![[0.0; 3]; nx * ny * nz];
+        values.par_chunks_exact_mut(nx).enumerate().for_each(|(row, values)| {
+            for (x, value) in values.iter_mut().enumerate() {
+                let voxel = DVec3::new(x as f64, (row % ny) as f64, (row / ny) as f64) + 0.5;
+                let world = self.world_from_voxels.transform_point3(voxel);
+                let [r, g, b, _] = color(solid, (textures, texture), camera_from_world, world);
+                *value = [r, g, b].map(|c| if c.is_finite() { c.max(0.0) } else { 0.0 });
+            }
+        });
+        values
+    }
+
+    fn grid(&self, name: &str, values: impl Iterator<Item = f32>) -> Grid {
+        let world_from_voxels = self.world_from_voxels;
+        Grid {
+            name: name.to_string(),
+            size: self.size,
+            values: Arc::new(values.collect()),
+            world_from_voxels,
+        }
+    }
+
+    /// A grid of one voxel, 1 everywhere in the box.
+    fn even(&self, name: &str) -> Grid {
+        let size = DVec3::from_array(self.size.map(f64::from));
+        let world_from_voxels = self.world_from_voxels * DAffine3::from_scale(size);
+        Grid { name: name.to_string(), size: [1; 3], values: Arc::new(vec![1.0]), world_from_voxels }
+    }
+
+    /// The longest diagonal, metres.
+    fn diagonal(&self) -> f64 {
+        let [x, y, z] = [0, 1, 2].map(|k| self.world_from_voxels.matrix3.col(k) * f64::from(self.size[k]));
+        [x + y + z, x + y - z, x - y + z, x - y - z].into_iter().fold(0.0, |most, d| d.length().max(most))
+    }
+}
+
+/// A texture at a point of a solid.
+fn color(
+    solid: &Solid,
+    (textures, texture): (&CompiledTextures, TextureId),
+    camera_from_world: &DMat4,
+    world: DVec3,
+) -> [f32; 4] {
+    let p = world.as_vec3();
+    let point = TexturePoint { world: p, normal: Vec3::Y, cosine: 1.0, ..TexturePoint::default() };
+    let hit = HitData {
+        attributes: HitAttributes::default(),
+        object: &solid.data,
+        camera: CameraData { camera_from_world, ndc_from_world: None },
+        object_point: solid.data.object_from_world.transform_point3(world).as_vec3(),
+        shading_normal: Vec3::Y,
+        true_normal: Vec3::Y,
+        incoming: Vec3::Y,
+        is_back: false,
+        parametric: [0.0; 2],
+        corners: None,
+        corner_uv: None,
+        point: p,
+        tangent_frame: None,
+        material_index: 0.0,
+        path: PathData::default(),
+        strand: None,
+    };
+    PointReader::new(textures, point).with_hit(Some(&hit)).eval(texture)
+}
+
+/// Values of textures on voxels; `None` for what has no texture.
+struct Values {
+    density: Option<Vec<[f32; 3]>>,
+    color: Option<Vec<[f32; 3]>>,
+    emission: Option<Vec<[f32; 3]>>,
+}
+
+impl Values {
+    /// The medium with grids in place of textures; was a density cut off?
+    fn medium(self, scene: &mut Scene, medium: Medium, voxels: &Voxels, name: &str) -> (Medium, bool) {
+        let mut filling = Medium { textures: Default::default(), ..medium };
+        let whole = match (self.density, &self.color) {
+            (Some(values), _) => values,
+            (None, Some(color)) => vec![[1.0; 3]; color.len()],
+            (None, None) => Vec::new(),
+        };
+        let (mut density, tint) = scalar(&whole);
+        filling.extinction = [0, 1, 2].map(|c| medium.extinction[c] * tint.map_or(1.0, |tint| tint[c]));
+        let thickest = filling.extinction.into_iter().fold(0.0, f32::max);
+        let most = (MAX_MEAN_FREE_PATHS / (voxels.diagonal() * f64::from(thickest))) as f32;
+        let is_cut = density.iter().any(|&d| d > most);
+        density.iter_mut().for_each(|d| *d = d.min(most));
+        let density = &density;
+        let mut add = |channel: &dyn Fn(usize, usize) -> f32| {
+            [0, 1, 2].map(|c| {
+                let values = (0..density.len()).map(|i| channel(i, c).min(density[i]));
+                scene.add_grid(voxels.grid(name, values))
+            })
+        };
+        if tint.is_none() {
+            filling.extinction_grids = Some(add(&|i, c| whole[i][c]));
+        }
+        if let Some(color) = &self.color {
+            let extinction = |i: usize, c: usize| if tint.is_none() { whole[i][c] } else { density[i] };
+            filling.scattering_grids = Some(add(&|i, c| extinction(i, c) * color[i][c].min(1.0)));
+        }
+        let is_even = density.is_empty();
+        let grid = if is_even { voxels.even(name) } else { voxels.grid(name, density.iter().copied()) };
+        filling.grid = Some(scene.add_grid(grid));
+        if medium.emission != [0.0; 3] {
+            let (grids, tint) = glow(self.emission, scene, voxels, name);
+            filling.emission = [0, 1, 2].map(|c| medium.emission[c] * tint[c]);
+            filling.glow = Some(grids);
+        }
+        (filling, is_cut)
+    }
+}
+
+/// The grids of the emission and a factor on it by channel.
+fn glow(
+    values: Option<Vec<[f32; 3]>>,
+    scene: &mut Scene,
+    voxels: &Voxels,
+    name: &str,
+) -> (EmissionGrid, [f32; 3]) {
+    let Some(values) = values else {
+        return (EmissionGrid::Factors(scene.add_grid(voxels.even(name))), [1.0; 3]);
+    };
+    let mut add = |values: Vec<f32>| scene.add_grid(voxels.grid(name, values.into_iter()));
+    match scalar(&values) {
+        (factors, Some(tint)) => (EmissionGrid::Factors(add(factors)), tint),
+        (_, None) => {
+            let channel = |c: usize| values.iter().map(|value| value[c]).collect();
+            (EmissionGrid::Channels([channel(0), channel(1), channel(2)].map(&mut add)), [1.0; 3])
+        }
+    }
+}
+
+/// Colours as numbers times one colour, whose largest channel is 1; where they have several, there is no such colour, and the numbers are the
+/// largest channels.
+fn scalar(values: &[[f32; 3]]) -> (Vec<f32>, Option<[f32; 3]>) {
+    const CLOSE: f32 = 1e-3;
+    let sums = values.iter().fold([0.0f64; 3], |sums, v| [0, 1, 2].map(|c| sums[c] + f64::from(v[c])));
+    let brightest = (0..3).max_by(|&a, &b| sums[a].total_cmp(&sums[b])).unwrap_or(0);
+    if sums[brightest] <= 0.0 {
+        return (vec![0.0; values.len()], Some([1.0; 3]));
+    }
+    let tint = sums.map(|sum| (sum / sums[brightest]) as f32);
+    let follows =
+        |v: &[f32; 3]| (0..3).all(|c| (v[c] - tint[c] * v[brightest]).abs() <= CLOSE * v[brightest]);
+    match values.iter().all(follows) {
+        true => (values.iter().map(|v| v[brightest]).collect(), Some(tint)),
+        false => (values.iter().map(|[r, g, b]| r.max(*g).max(*b)).collect(), None),
+    }
+}
