@@ -25,9 +25,9 @@
 //! The solid that has the medium must enclose the grid: a box, say. A grid stands in the world: a solid that moves doesn't take it along.
 //!
 //! Textures are evaluated in space, in the world or in the coordinates of the object, when the scene is loaded: noise makes clouds, a gradient
-//! ground fog. Boxes, quads and meshes of several materials are in the space of the world. Each other object has a grid of its own, with at most 2^27 voxels for
-//! all objects of a material. In pictures by
-//! wavelength an extinction whose colour differs from place to place is the mean of its channels.
+//! ground fog. Quads and meshes of several materials share a grid in the space of the world; each other object has a grid of its own, with at most
+//! 2^27 voxels for all objects of a material. In pictures by wavelength an extinction whose colour differs from place to place is the mean
+//! of its channels.
 //!
 //! Media of solids without a surface (`type = "medium"`) add up where they overlap, with each other and with the fog, up to eight at a
 //! place; a `priority` above those of others displaces them, and a solid of `density = 0` that emits light nowhere is a hole in them. Solids of
