@@ -53,7 +53,6 @@ struct Readme;
 
 pub mod error;
 pub mod film;
-pub mod gauge;
 #[cfg(doc)]
 pub mod guide;
 pub mod image;
@@ -61,6 +60,7 @@ pub mod load;
 pub mod output;
 pub mod render;
 pub mod scene;
+pub mod work_counter;
 
 pub use error::{Error, Result};
 pub use glam;

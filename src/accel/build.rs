@@ -63,8 +63,15 @@ impl Accel {
         let quality = TreeQuality::Full;
         let moving = &[];
         let geometries = &geometries[..];
-        let input =
-            AccelInput { geometries, instances, first_moving, first_changing, moving, quality, gauge: None };
+        let input = AccelInput {
+            geometries,
+            instances,
+            first_moving,
+            first_changing,
+            moving,
+            quality,
+            counter: None,
+        };
         Accel::try_build(&input).expect("a structure that can be addressed")
     }
 
@@ -109,7 +116,7 @@ impl<'a> Builder<'a> {
         Builder {
             input: *input,
             tree: TreeBuilder {
-                options: BuildOptions { quality: input.quality, gauge: input.gauge },
+                options: BuildOptions { quality: input.quality, counter: input.counter },
                 // Two trees may lie one below the other, and a third where something moves.
                 max_depth: if is_apart { MAX_DEPTH * 2 / 3 } else { MAX_DEPTH },
             },
@@ -163,13 +170,13 @@ impl<'a> Builder<'a> {
     /// Reports the number of primitives and reserves the estimated memory: a growing buffer would be copied. (Pages that are not
     /// written to take no memory.)
     fn reserve(&mut self, shared: &[usize], changing: &[usize], reuse: Reuse) {
-        let AccelInput { geometries, instances, first_moving, gauge, .. } = self.input;
+        let AccelInput { geometries, instances, first_moving, counter, .. } = self.input;
         let world = if reuse < Reuse::World { geometries.get(..1).unwrap_or(&[]) } else { &[] };
         let placed = instances.len() - if reuse < Reuse::World { 0 } else { first_moving };
         let built = || world.iter().chain(shared.iter().chain(changing).map(|&g| &geometries[g]));
-        if let Some(gauge) = gauge {
+        if let Some(counter) = counter {
             let primitives: usize = built().map(|geometry| geometry.primitives()).sum();
-            gauge.begin(2 * (primitives + placed) as u64);
+            counter.begin(2 * (primitives + placed) as u64);
         }
         let mut estimate = Estimate::default();
         built().for_each(|geometry| estimate.add_geometry(geometry));

@@ -18,10 +18,10 @@ use super::layout::{
     TrianglePacket, kind_of, line_of, view_mut,
 };
 use super::wide_tree::{Collapse, ShapeSource, Subtree, TreeWriter, WrittenTree};
-use crate::gauge::Gauge;
 use crate::math::{Bounds3, Vec3};
 use crate::shape::triangle::LANES;
 use crate::simd::{Claim, Claims, Line, append_claims, reserve_on_huge_pages};
+use crate::work_counter::WorkCounter;
 use glam::Vec3A;
 use obvhs::aabb::Aabb;
 use rayon::prelude::*;
@@ -36,17 +36,17 @@ const PARALLEL: usize = 1 << 16;
 /// Below this depth of splits primitives are split at the median of their order.
 const MAX_CUTS: u32 = 40;
 
-/// Reorders primitives into chunks of at most `limit` and returns their ranges; the gauge counts the primitives of finished
+/// Reorders primitives into chunks of at most `limit` and returns their ranges; the counter counts the primitives of finished
 /// chunks.
 fn cut_into_chunks(
     primitives: &mut [Primitive],
     space: &NormalizedSpace,
     limit: usize,
-    gauge: Option<&Gauge>,
+    counter: Option<&WorkCounter>,
 ) -> Vec<Range<usize>> {
     let mut chunks = Vec::new();
     let mut rest = 0;
-    for size in sizes(primitives, space, (limit, gauge), 0) {
+    for size in sizes(primitives, space, (limit, counter), 0) {
         chunks.push(rest..rest + size);
         rest += size;
     }
@@ -56,12 +56,12 @@ fn cut_into_chunks(
 fn sizes(
     primitives: &mut [Primitive],
     space: &NormalizedSpace,
-    (limit, gauge): (usize, Option<&Gauge>),
+    (limit, counter): (usize, Option<&WorkCounter>),
     cuts: u32,
 ) -> Vec<usize> {
     if primitives.len() <= limit {
-        if let Some(gauge) = gauge {
-            gauge.add(primitives.len() as u64);
+        if let Some(counter) = counter {
+            counter.add(primitives.len() as u64);
         }
         return vec![primitives.len()];
     }
@@ -70,8 +70,8 @@ fn sizes(
     let middle = if cuts < MAX_CUTS { split(primitives, space, are_idle) } else { primitives.len() / 2 };
     let (left, right) = primitives.split_at_mut(middle);
     let (mut sizes, more) = rayon::join(
-        || sizes(left, space, (limit, gauge), cuts + 1),
-        || sizes(right, space, (limit, gauge), cuts + 1),
+        || sizes(left, space, (limit, counter), cuts + 1),
+        || sizes(right, space, (limit, counter), cuts + 1),
     );
     sizes.extend(more);
     sizes
@@ -295,7 +295,7 @@ pub fn build(
     // Normalized with a large ground plane, the triangles of a scan on it may fall below the resolution.
     let own_space = (count > 0).then(|| NormalizedSpace::of(primitives));
     let space = own_space.as_ref().unwrap_or(space);
-    let chunks = cut_into_chunks(primitives, space, limit, options.gauge);
+    let chunks = cut_into_chunks(primitives, space, limit, options.counter);
     let effort = match options.quality {
         TreeQuality::Fast => Effort::Least,
         TreeQuality::Full => Effort::Chunk,

@@ -2,11 +2,11 @@
 //! of a geometry that a BVH is built over, with their bounds. Invalid and degenerate ones are dropped.
 
 use super::layout::{ANALYTIC_LINES, CURVES, INSTANCE_LINES, MAX_LINE, SPLAT_LINES, TRIANGLE_LINES};
-use crate::gauge::Gauge;
 use crate::math::{Bounds3, DAffine3, TransformKeys, Vec3};
 use crate::shape::triangle::LANES;
 use crate::shape::{Analytic, CurveSegment, CurveSegments, Quad, Shape, SplatCloud, triangle};
 use crate::simd::{Line, prefer_huge_pages};
+use crate::work_counter::WorkCounter;
 use rayon::prelude::*;
 use std::fmt;
 use std::fmt::{Display, Formatter};
@@ -88,7 +88,7 @@ pub struct AccelInput<'a> {
     /// Quality of the trees.
     pub quality: TreeQuality,
     /// Counts the progress of the build.
-    pub gauge: Option<&'a Gauge>,
+    pub counter: Option<&'a WorkCounter>,
 }
 
 impl AccelInput<'_> {
@@ -111,14 +111,14 @@ pub struct BuildOptions<'a> {
     /// Quality of the trees.
     pub quality: TreeQuality,
     /// Counts finished primitives, each twice: when chunks are cut and when trees are built.
-    pub gauge: Option<&'a Gauge>,
+    pub counter: Option<&'a WorkCounter>,
 }
 
 impl BuildOptions<'_> {
     /// Counts primitives as done.
     pub fn report(&self, primitives: usize) {
-        if let Some(gauge) = self.gauge {
-            gauge.add(primitives as u64);
+        if let Some(counter) = self.counter {
+            counter.add(primitives as u64);
         }
     }
 }

@@ -2,9 +2,9 @@
 
 use super::traversal::ShallowSlot;
 use super::*;
-use crate::gauge::Gauge;
 use crate::math::{DAffine3, DQuat, DVec3, NO_HIT, OriginPrimitive, Vec3};
 use crate::shape::{Analytic, CurveSegments, Quad, Sphere};
+use crate::work_counter::WorkCounter;
 
 /// A small generator of numbers for tests (PCG, O'Neill 2014).
 pub struct Rng(u64);
@@ -618,7 +618,7 @@ fn try_build(
     geometries: &[&Geometry],
     instances: &[AccelInstance],
     quality: TreeQuality,
-    gauge: Option<&Gauge>,
+    counter: Option<&WorkCounter>,
 ) -> Result<Accel, TooLarge> {
     let (first_moving, first_changing) = (instances.len(), geometries.len());
     let moving = &[];
@@ -629,7 +629,7 @@ fn try_build(
         first_changing,
         moving,
         quality,
-        gauge,
+        counter,
     })
 }
 
@@ -677,9 +677,9 @@ fn buffers_of_many_geometries_do_not_grow() {
             let accel = try_build(&geometries, &instances, quality, None).expect("small");
             let (first_moving, first_changing) = (instances.len(), geometries.len());
             let (geometries, instances) = (&geometries[..], &instances[..]);
-            let (moving, gauge) = (&[], None);
+            let (moving, counter) = (&[], None);
             let input =
-                AccelInput { geometries, instances, first_moving, first_changing, moving, quality, gauge };
+                AccelInput { geometries, instances, first_moving, first_changing, moving, quality, counter };
             let bytes = (accel.lines.capacity() * size_of::<Line>()) as u64;
             let estimate = Estimate::of(&input);
             let is_room = estimate.bytes <= bytes && bytes < estimate.bytes + 1000;
@@ -743,13 +743,13 @@ fn progress_counts_what_is_built_and_ends_where_all_is() {
     broken.triangles[5] = [0, 0, 0];
     geometries[0] = &broken;
     for quality in [TreeQuality::Fast, TreeQuality::Full] {
-        let gauge = Gauge::default();
-        let accel = try_build(&geometries, &instances, quality, Some(&gauge)).expect("small");
-        assert_eq!(gauge.share(), Some(1.0));
+        let counter = WorkCounter::default();
+        let accel = try_build(&geometries, &instances, quality, Some(&counter)).expect("small");
+        assert_eq!(counter.share(), Some(1.0));
         assert_eq!(accel.stats().dropped.degenerate, 1);
         let primitives: usize = geometries[..40].iter().map(|g| g.primitives()).sum();
         assert_eq!(
-            gauge.counts(),
+            counter.counts(),
             (2 * (primitives + instances.len()) as u64, 2 * (primitives + instances.len()) as u64)
         );
     }
@@ -760,10 +760,10 @@ fn progress_counts_what_is_built_and_ends_where_all_is() {
 fn what_cannot_be_addressed_is_refused_before_work() {
     let mut large = soup(10_000, 0.1, 2);
     large.keys = vec![Vec::new(); 100_000];
-    let gauge = Gauge::default();
-    let error = try_build(&[&large], &[], TreeQuality::Full, Some(&gauge)).err().expect("too large");
+    let counter = WorkCounter::default();
+    let error = try_build(&[&large], &[], TreeQuality::Full, Some(&counter)).err().expect("too large");
     assert!(error.to_string().contains("10000 triangles"), "{error}");
-    assert_eq!(gauge.share(), None);
+    assert_eq!(counter.share(), None);
     // Unless nothing places it.
     assert!(try_build(&[&Geometry::default(), &large], &[], TreeQuality::Full, None).is_ok());
 }

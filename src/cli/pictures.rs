@@ -5,12 +5,12 @@ use super::progress::{ProgressArg, ProgressTarget, StageProgress};
 use super::report::{PrintedMessages, name_options_in_warnings, print_bytes};
 use oscura::error::{Error, Result, Warning};
 use oscura::film::{AovSet, Film};
-use oscura::gauge::Gauge;
 use oscura::output::{
     Animation, AnimationFormat, ExrOptions, ExrWindow, Format, Linear, Metadata, OutputOptions, PngOptions,
     Video, VideoFormat, check_target, encode, is_same_target, png_text, with_png_text, write_atomically,
 };
 use oscura::render::{Picture, Rendering};
+use oscura::work_counter::WorkCounter;
 use std::borrow::Cow;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
@@ -294,7 +294,7 @@ impl<'a> Denoising<'a> {
         }
         let start = Instant::now();
         let target = ProgressTarget::of(self.args.quiet, self.args.long.progress);
-        let waiting = StageProgress::new(target, "denoise", &Gauge::default());
+        let waiting = StageProgress::new(target, "denoise", &WorkCounter::default());
         rendering.denoise(kept);
         drop(waiting);
         Some(start.elapsed().as_secs_f64())

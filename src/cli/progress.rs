@@ -4,8 +4,8 @@ use super::json;
 use super::report::print_line;
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
-use oscura::gauge::Gauge;
 use oscura::render::Event;
+use oscura::work_counter::WorkCounter;
 use serde::Serialize;
 use std::io::IsTerminal;
 use std::sync::Mutex;
@@ -279,14 +279,14 @@ pub(super) struct StageProgress {
 }
 
 impl StageProgress {
-    /// For what `label` names, which begins now; the gauge is that of the work.
-    pub fn new(target: ProgressTarget, label: &'static str, gauge: &Gauge) -> StageProgress {
+    /// For what `label` names, which begins now; the counter is that of the work.
+    pub fn new(target: ProgressTarget, label: &'static str, counter: &WorkCounter) -> StageProgress {
         if target == ProgressTarget::Nobody {
             return StageProgress { over: None, thread: None };
         }
         let (over, until) = channel();
-        let gauge = gauge.clone();
-        let thread = std::thread::spawn(move || wait(target, label, &gauge, &until));
+        let counter = counter.clone();
+        let thread = std::thread::spawn(move || wait(target, label, &counter, &until));
         StageProgress { over: Some(over), thread: Some(thread) }
     }
 }
@@ -300,18 +300,18 @@ impl Drop for StageProgress {
 }
 
 /// Reports until it is over, or nothing if that is soon.
-fn wait(target: ProgressTarget, label: &'static str, gauge: &Gauge, until: &Receiver<()>) {
+fn wait(target: ProgressTarget, label: &'static str, counter: &WorkCounter, until: &Receiver<()>) {
     let start = Instant::now();
     let goes_on = |pause| until.recv_timeout(pause) == Err(RecvTimeoutError::Timeout);
     if !goes_on(PATIENCE) {
         return;
     }
     if target == ProgressTarget::Terminal {
-        return draw(label, gauge, goes_on);
+        return draw(label, counter, goes_on);
     }
     let mut pause = if target == ProgressTarget::Lines { PATIENCE } else { MACHINE_PAUSE };
     loop {
-        let (elapsed_s, progress) = (start.elapsed().as_secs_f64(), gauge.share());
+        let (elapsed_s, progress) = (start.elapsed().as_secs_f64(), counter.share());
         let share = progress.map_or_else(String::new, |share| format!("{:.0} %, ", share * 100.0));
         match target {
             ProgressTarget::Json => json::print(&WaitingLine { event: label, progress, elapsed_s }),
@@ -328,7 +328,7 @@ fn wait(target: ProgressTarget, label: &'static str, gauge: &Gauge, until: &Rece
 }
 
 /// A bar on the terminal; as long as nobody knows how much there is to do, a spinner.
-fn draw(label: &'static str, gauge: &Gauge, goes_on: impl Fn(Duration) -> bool) {
+fn draw(label: &'static str, counter: &WorkCounter, goes_on: impl Fn(Duration) -> bool) {
     let bar = ProgressBar::new(STEPS as u64).with_message(label).with_elapsed(PATIENCE);
     let style = |template| ProgressStyle::with_template(template).ok();
     let spinner = style("{spinner} {msg}  {elapsed}");
@@ -336,7 +336,7 @@ fn draw(label: &'static str, gauge: &Gauge, goes_on: impl Fn(Duration) -> bool) 
     known.iter().for_each(|style| bar.set_style(style.clone()));
     let mut is_known = true;
     loop {
-        let share = gauge.share();
+        let share = counter.share();
         if share.is_some() != is_known {
             is_known = share.is_some();
             let style = if is_known { &known } else { &spinner };

@@ -251,7 +251,7 @@ fn all(args: &RenderArgs, shots: &[RenderArgs], cancel: &CancelHandle) -> Result
 pub(super) fn load_scene(args: &RenderArgs, cancel: &CancelHandle, options: &LoadOptions) -> Result<Loaded> {
     print_export(args);
     let target = ProgressTarget::of(args.quiet, args.long.progress);
-    let waiting = StageProgress::new(target, "load", &options.gauge);
+    let waiting = StageProgress::new(target, "load", &options.counter);
     let watchdog = watch_memory(args);
     let loaded = load(&args.scene, options);
     drop((waiting, watchdog));

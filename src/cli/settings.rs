@@ -246,7 +246,7 @@ fn compiled(
     let size = (resolved.options.width, resolved.options.height);
     compiler.set_texture_memory(Some(texture_memory(args, size)));
     let target = ProgressTarget::of(args.quiet, args.long.progress);
-    let _progress = StageProgress::new(target, "build", compiler.gauge());
+    let _progress = StageProgress::new(target, "build", compiler.counter());
     let compiled = compiler.compile(scene, resolved.shading, camera, size);
     compiled.map_err(|error| error.in_file(&args.scene))
 }

@@ -17,11 +17,11 @@ use super::{
 };
 use crate::accel::{Accel, BuildStats};
 use crate::error::{Problem, Result, Warning};
-use crate::gauge::Gauge;
 use crate::light::{EnvironmentLight, LightMotions, Lights, PunctualLight};
 use crate::math::DVec3;
 use crate::scene::{Camera, Model, RayKinds, Scene, ShadingModel};
 use crate::texture::CompiledTextures;
+use crate::work_counter::WorkCounter;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -36,7 +36,7 @@ pub struct Compiler {
     keeps_uv: bool,
     texture_memory: Option<u64>,
     is_free: bool,
-    gauge: Gauge,
+    counter: WorkCounter,
 }
 
 impl Compiler {
@@ -51,7 +51,7 @@ impl Compiler {
     }
 
     fn new(is_sequence: bool) -> Compiler {
-        let (tree, gauge) = (Tree::default(), Gauge::default());
+        let (tree, counter) = (Tree::default(), WorkCounter::default());
         Compiler {
             is_sequence,
             latest: None,
@@ -59,13 +59,13 @@ impl Compiler {
             keeps_uv: false,
             texture_memory: None,
             is_free: false,
-            gauge,
+            counter,
         }
     }
 
     /// Reports the progress of building.
-    pub fn gauge(&self) -> &Gauge {
-        &self.gauge
+    pub fn counter(&self) -> &WorkCounter {
+        &self.counter
     }
 
     /// Chooses how good the trees are that rays walk. Default [`Tree::Full`].
@@ -110,10 +110,10 @@ impl Compiler {
         let earlier = self.latest.take();
         let anchor = earlier.as_ref().filter(suits).map(|s| s.anchor);
         let anchor = Some(anchor.unwrap_or(camera.world_from_camera.translation));
-        let (tree, keeps_uv, gauge) = (self.tree, self.keeps_uv, self.gauge.clone());
+        let (tree, keeps_uv, counter) = (self.tree, self.keeps_uv, self.counter.clone());
         let picture = (!self.is_free).then(|| ExpectedPicture { camera: camera.clone(), width, height });
         let texture_memory = self.texture_memory;
-        let options = CompileOptions { shading, anchor, tree, keeps_uv, gauge, picture, texture_memory };
+        let options = CompileOptions { shading, anchor, tree, keeps_uv, counter, picture, texture_memory };
         // Who still renders the earlier moment keeps it.
         let earlier = earlier.and_then(|scene| Arc::try_unwrap(scene).ok());
         let (compiled, report) = compile_after(earlier, scene, &options, self.is_sequence)?;
@@ -159,7 +159,7 @@ fn compile_after(
     let plan = Plan { keeps_uv: options.keeps_uv, inside_out, shifts, ..plan };
     check_size(scene, &plan)?;
     let BuiltGeometry { geometries, accel } =
-        kept.geometry(scene, &materials, anchor, &plan, (options.tree, &options.gauge))?;
+        kept.geometry(scene, &materials, anchor, &plan, (options.tree, &options.counter))?;
     report_accel(accel.stats(), &mut report, || plan::count_degenerate(scene, &plan));
     let emitters = emitters::find(&geometries, &materials);
     let environment = environment(scene, kept.environment.take(), anchor, &mut report.warnings);
@@ -356,11 +356,11 @@ fn features(
         ray_kinds: materials
             .iter()
             .any(|m| m.reads_path || !m.visible_to().contains(RayKinds::ALL.without(RayKinds::CAMERA))),
-        catchers: materials.iter().any(|m| m.presence.is_some_and(|p| p.is_catcher)),
+        catchers: materials.iter().any(|m| m.surface_visibility.is_some_and(|p| p.is_catcher)),
         links: false,
         mixes: materials.iter().any(|m| !m.components.is_empty()),
         mirrors: materials.iter().any(|m| m.alike().is_some_and(|b| b.is_mirror())),
-        holdouts: materials.iter().any(|m| m.presence.is_some_and(|p| p.is_holdout)),
+        holdouts: materials.iter().any(|m| m.surface_visibility.is_some_and(|p| p.is_holdout)),
         absorption: media.iter().any(|m| m.absorption.is_some()),
     }
 }

@@ -240,7 +240,7 @@ fn ray_kinds(
 /// By area light: does it belong to an object that is left out of the reference picture of the shadow catchers? Empty without
 /// catchers.
 fn caught(emitters: &Emitters, geometries: &Geometries, materials: &[CompiledMaterial]) -> Vec<bool> {
-    if !materials.iter().any(|m| m.presence.is_some_and(|p| p.is_catcher)) {
+    if !materials.iter().any(|m| m.surface_visibility.is_some_and(|p| p.is_catcher)) {
         return Vec::new();
     }
     let mut caught = vec![false; emitters.lights.len()];

@@ -51,7 +51,7 @@ pub struct CompiledMaterial {
     /// Alpha; `None` for opaque surfaces.
     pub alpha: Option<Alpha>,
     /// Ray visibility, holdout and catcher; `None` for usual surfaces.
-    pub presence: Option<Presence>,
+    pub surface_visibility: Option<SurfaceVisibility>,
     /// Vertex colours multiply the base colour.
     pub uses_vertex_colors: bool,
     /// The BSDF's parameters depend on the view direction, so that it can be neither evaluated for another viewer nor traced from lights.
@@ -105,7 +105,7 @@ pub struct CompiledEmission {
 
 /// Which rays intersect a surface; see [`EmitterTraits`](crate::scene::EmitterTraits) and [`ObjectTraits`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Presence {
+pub struct SurfaceVisibility {
     /// Rays of other kinds pass.
     pub visible_to: RayKinds,
     /// Rays end at it; else they add its emission and continue.
@@ -120,15 +120,15 @@ pub struct Presence {
     pub links: LightLinks,
 }
 
-impl Presence {
-    /// The presence of a light's surface.
-    fn of_emitter(emitter_traits: &EmitterTraits, has_alpha: bool) -> Presence {
+impl SurfaceVisibility {
+    /// What rays see of a light's surface.
+    fn of_emitter(emitter_traits: &EmitterTraits, has_alpha: bool) -> SurfaceVisibility {
         let is_obstacle = emitter_traits.is_obstacle || has_alpha;
-        Presence { visible_to: emitter_traits.visible_to, is_obstacle, ..Presence::FULL }
+        SurfaceVisibility { visible_to: emitter_traits.visible_to, is_obstacle, ..SurfaceVisibility::FULL }
     }
 
     /// A surface that is present for all rays.
-    const FULL: Presence = Presence {
+    const FULL: SurfaceVisibility = SurfaceVisibility {
         visible_to: RayKinds::ALL,
         is_obstacle: true,
         is_holdout: false,
@@ -252,7 +252,7 @@ impl CompiledMaterial {
         let class = program.class();
         let (emission, light_spectrum) = emission_of(material, textures, shading, is_absent_from_behind);
         let alpha = alpha_of(material, textures);
-        let presence = material.emitter_traits.map(|traits| Presence::of_emitter(&traits, alpha.is_some()));
+        let visibility = material.emitter_traits.map(|t| SurfaceVisibility::of_emitter(&t, alpha.is_some()));
         let normal_map = usable(material.normal_map, textures).filter(|_| class != BsdfClass::Black);
         let normal = material.normal.filter(|_| class != BsdfClass::Black);
         let is_textured = has_texture(&model, |id| textures.spectrum(id).is_none());
@@ -289,7 +289,7 @@ impl CompiledMaterial {
             normal,
             bumped_normal: material.bumped_normal,
             alpha,
-            presence: presence.filter(|p| *p != Presence::FULL),
+            surface_visibility: visibility.filter(|v| *v != SurfaceVisibility::FULL),
             uses_vertex_colors: material.use_vertex_colors,
             depends_on_viewer: has_texture(&model, |id| textures.depends_on_viewer(id)),
             shines_by_viewer: emission.and_then(|e| e.radiance.texture).is_some_and(differs),
@@ -400,9 +400,9 @@ impl CompiledMaterial {
         })
     }
 
-    /// Moves the materials of a mix to the end of all materials, with its presence and, where they have none of their own, its medium.
+    /// Moves the materials of a mix to the end of all materials, with its visibility to rays and, where they have none of their own, its medium.
     pub(super) fn place_components(&mut self, first: usize) -> Vec<CompiledMaterial> {
-        let (presence, medium_index) = (self.presence, self.medium_index);
+        let (surface_visibility, medium_index) = (self.surface_visibility, self.medium_index);
         let mut placed = Vec::new();
         for component in &mut self.components {
             let Some(material) = component.material.take() else { continue };
@@ -412,7 +412,7 @@ impl CompiledMaterial {
                 Some(_) if material.medium_index != 0 => material.medium_index,
                 Some(_) => medium_index,
             };
-            placed.push(CompiledMaterial { presence, medium_index, ..*material });
+            placed.push(CompiledMaterial { surface_visibility, medium_index, ..*material });
         }
         placed
     }
@@ -424,34 +424,37 @@ impl CompiledMaterial {
 
     /// The material on objects with traits.
     pub(super) fn with_traits(&self, traits: &ObjectTraits) -> CompiledMaterial {
-        let own = self.presence.unwrap_or(Presence::FULL);
+        let own = self.surface_visibility.unwrap_or(SurfaceVisibility::FULL);
         let visible_to = own.visible_to.and(traits.visible_to);
         let (is_holdout, is_catcher) = (traits.is_holdout, traits.is_shadow_catcher);
         let (sets, links) = (traits.sets, traits.links);
-        let presence = Presence { visible_to, is_holdout, is_catcher, sets, links, ..own };
-        CompiledMaterial { presence: Some(presence).filter(|p| *p != Presence::FULL), ..self.clone() }
+        let surface_visibility = SurfaceVisibility { visible_to, is_holdout, is_catcher, sets, links, ..own };
+        CompiledMaterial {
+            surface_visibility: Some(surface_visibility).filter(|p| *p != SurfaceVisibility::FULL),
+            ..self.clone()
+        }
     }
 
     /// Is its object left out of the reference picture of shadow catchers? Pure emitters are not: they scatter nothing.
     pub fn is_of_caught_object(&self) -> bool {
         let is_lamp = !self.uses_normals() && self.emission.is_some();
-        !is_lamp && !self.presence.is_some_and(|presence| presence.is_catcher)
+        !is_lamp && !self.surface_visibility.is_some_and(|v| v.is_catcher)
     }
 
     /// The ray kinds that it is visible to.
     pub fn visible_to(&self) -> RayKinds {
-        self.presence.map_or(RayKinds::ALL, |presence| presence.visible_to)
+        self.surface_visibility.map_or(RayKinds::ALL, |v| v.visible_to)
     }
 
     /// The sets of objects that its object is in.
     pub fn sets(&self) -> ObjectSets {
-        self.presence.map_or(ObjectSets::NONE, |presence| presence.sets)
+        self.surface_visibility.map_or(ObjectSets::NONE, |v| v.sets)
     }
 
     /// What the light that it emits is linked to.
     #[inline]
     pub fn links(&self) -> LightLinks {
-        self.presence.map_or(LightLinks::ALL, |presence| presence.links)
+        self.surface_visibility.map_or(LightLinks::ALL, |v| v.links)
     }
 
     /// Is it absent everywhere?
@@ -462,7 +465,7 @@ impl CompiledMaterial {
     /// May rays pass its surface?
     pub fn may_be_absent(&self) -> bool {
         self.alpha.is_some()
-            || self.presence.is_some()
+            || self.surface_visibility.is_some()
             || self.is_absent_from_behind
             || self.passes_straight
             || self.pane_thickness > 0.0
@@ -641,9 +644,9 @@ impl Alpha {
         self.slot.factor == 0.0 && self.passing.is_none() && self.cutoff.is_none_or(|cutoff| cutoff > 0.0)
     }
 
-    /// The probability that the surface is present at a point.
+    /// The opacity at a point: the probability that rays hit the surface there.
     #[inline]
-    pub fn presence(&self, slots: &PointReader<'_>, vertex_alpha: f32) -> f32 {
+    pub fn opacity(&self, slots: &PointReader<'_>, vertex_alpha: f32) -> f32 {
         let alpha = slots.number(&self.slot) * vertex_alpha;
         match self.cutoff {
             Some(cutoff) => f32::from(u8::from(alpha >= cutoff)),
@@ -652,7 +655,7 @@ impl Alpha {
     }
 }
 
-/// The partial presence of a material; `None` where it is there everywhere.
+/// To which rays a material is visible; `None` where it is to all.
 fn alpha_of(material: &Material, textures: &CompiledTextures) -> Option<Alpha> {
     let slot = fold_float(material.alpha, textures);
     let passing = fold_color(material.passing, textures);

@@ -10,7 +10,7 @@ use crate::error::Warning;
 use crate::math::{DAffine3, DVec3};
 use crate::scene::{
     self, ColorSlot, Environment, FloatSlot, Fog, GridId, Instance, Keyframes, LightKind, Material,
-    MaterialId, MaterialUses, Model, Motion, Outline, Quad, Scene, instance_extents,
+    MaterialId, MaterialUses, Model, Motion, Watertightness, Quad, Scene, instance_extents,
 };
 use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet};
@@ -36,18 +36,18 @@ pub(super) fn number(
     let uses = OnceCell::new();
     for (id, material) in materials.iter_mut().enumerate() {
         let Some(mut medium) = material.medium.clone() else { continue };
-        let outline = uses.get_or_init(|| MaterialUses::of(scene)).outline(MaterialId(id as u32));
-        let is_kept = match outline {
-            Outline::None => false,
-            Outline::Open if medium.scattering.is_some() => {
+        let watertightness = uses.get_or_init(|| MaterialUses::of(scene)).watertightness(MaterialId(id as u32));
+        let is_kept = match watertightness {
+            Watertightness::None => false,
+            Watertightness::Open if medium.scattering.is_some() => {
                 let name = &scene.materials[id].name;
                 warnings.push(Warning::general(format!(
                     "material '{name}' fills nothing: its surfaces have edges, and a medium needs a closed solid"
                 )));
                 false
             }
-            Outline::Open => medium.absorption.is_some() || medium.is_dispersive(),
-            Outline::Closed => true,
+            Watertightness::Open => medium.absorption.is_some() || medium.is_dispersive(),
+            Watertightness::Closed => true,
         };
         if !is_kept {
             continue;
@@ -67,7 +67,7 @@ pub(super) fn number(
             }
             Err(_) => left_out += 1,
         }
-        if outline == Outline::Closed {
+        if watertightness == Watertightness::Closed {
             left_out += number_parts(material, scene.materials[id].priority, &mut media);
         }
     }
@@ -104,13 +104,13 @@ fn number_parts(mix: &mut CompiledMaterial, priority: i32, media: &mut Vec<Mediu
 /// whatever the colour. They get a diffuse base with the albedo of a thick slab.
 pub(super) fn without_bodies(scene: &Scene, warnings: &mut Vec<Warning>) -> Vec<Option<Material>> {
     let uses = OnceCell::new();
-    let outline = |id: usize| uses.get_or_init(|| MaterialUses::of(scene)).outline(MaterialId(id as u32));
+    let watertightness = |id: usize| uses.get_or_init(|| MaterialUses::of(scene)).watertightness(MaterialId(id as u32));
     let mut without_body = |(id, material): (usize, &Material)| {
         let (medium, pbr) = (material.medium?, material.model.pbr()?);
         let through = pbr.diffuse_transmission.filter(|t| t.factor == FloatSlot::constant(1.0))?;
         let scatters = (0..3).any(|c| medium.extinction[c] * medium.albedo[c] > 0.0);
         let is_subsurface = pbr.has_volume && pbr.transmission.factor == 0.0 && scatters;
-        if !is_subsurface || outline(id) != Outline::Open {
+        if !is_subsurface || watertightness(id) != Watertightness::Open {
             return None;
         }
         let name = &material.name;

@@ -31,7 +31,9 @@ pub use density_grid::{BlackBodies, CompiledEmissionGrid, DensityGrid, GridRay};
 pub use fingerprint::{Fingerprint, of_curves, of_mesh};
 pub use geometry::{Corners, Geometries, Placement, Space, SurfaceCoordinates, TextureCorners, Transform};
 pub use light_tables::MAX_RECEIVER_CLASSES;
-pub use material::{Alpha, CompiledComponent, CompiledEmission, CompiledMaterial, Presence, share_at};
+pub use material::{
+    Alpha, CompiledComponent, CompiledEmission, CompiledMaterial, SurfaceVisibility, share_at,
+};
 pub use media::OVERLAP_LIMIT;
 pub use medium::{Ball, Density, GridMedium, Medium, Scattering};
 pub use motion::{MotionVectors, PointMotion};

@@ -7,12 +7,12 @@ use super::material::CompiledMaterial;
 use super::plan::{Keys, Plan, Tree};
 use crate::accel::{self, Accel, AccelInput, Reuse, TooLarge};
 use crate::error::Result;
-use crate::gauge::Gauge;
 use crate::image::Image;
 use crate::light::{EnvironmentLight, Lights};
 use crate::math::DVec3;
 use crate::scene::{Environment, Scene, Texture};
 use crate::texture::CompiledTextures;
+use crate::work_counter::WorkCounter;
 use std::sync::Arc;
 
 /// The inputs of a compiled scene whose results the next frame may reuse.
@@ -91,7 +91,7 @@ impl Reusable {
         materials: &[CompiledMaterial],
         origin: DVec3,
         plan: &Plan,
-        tree: (Tree, &Gauge),
+        tree: (Tree, &WorkCounter),
     ) -> Result<BuiltGeometry> {
         let earlier = self.geometry.take();
         let (reuse, kept, accel) = match (earlier, &plan.keys) {
@@ -113,7 +113,7 @@ impl Reusable {
 fn build(
     baked: &Baked,
     plan: &Plan,
-    (tree, gauge): (Tree, &Gauge),
+    (tree, counter): (Tree, &WorkCounter),
     reuse: Reuse,
     earlier: Option<Accel>,
 ) -> std::result::Result<Accel, TooLarge> {
@@ -128,7 +128,7 @@ fn build(
         first_changing: plan.first_changing + 1,
         moving: &baked.moving,
         quality: tree.quality(triangles),
-        gauge: Some(gauge),
+        counter: Some(counter),
     };
     match earlier {
         Some(earlier) => earlier.rebuild(reuse, &input),

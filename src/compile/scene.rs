@@ -15,11 +15,11 @@ use crate::bsdf::ShadingModel;
 use crate::camera::{self, MovingCamera, ndc_from_world};
 use crate::color::spectral::Spectrum;
 use crate::error::{Error, ErrorKind, Problem, Result, Warning};
-use crate::gauge::Gauge;
 use crate::light::{EnvironmentLight, Lights};
 use crate::math::{DMat4, DVec3, Hit, gamma};
 use crate::scene::{Camera, MaterialId, RayKinds, Scene, ShapeTag};
 use crate::texture::{CompiledTextures, ObjectData, TextureReport};
+use crate::work_counter::WorkCounter;
 use std::sync::Arc;
 
 /// What to compile for.
@@ -36,7 +36,7 @@ pub struct CompileOptions {
     /// Keep texture coordinates that no material asks for: an output shows them.
     pub keeps_uv: bool,
     /// Receives the progress of building trees.
-    pub gauge: Gauge,
+    pub counter: WorkCounter,
     /// The picture that will be rendered, or the first of several. Images of textures are kept only as finely as it shows them; others
     /// may be rendered as well, and take longer where they show more. Without it images are kept as they are.
     pub picture: Option<ExpectedPicture>,

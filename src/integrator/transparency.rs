@@ -149,7 +149,7 @@ impl Integrator<'_> {
             let material = &self.scene.materials[self.scene.geometries.material(&hit) as usize];
             let kind = self.kind(bounce, i, &w.arriving);
             if material.emission.is_none()
-                || !material.presence.is_some_and(|p| !p.is_obstacle && p.visible_to.contains(kind))
+                || !material.surface_visibility.is_some_and(|p| !p.is_obstacle && p.visible_to.contains(kind))
             {
                 continue;
             }
@@ -279,7 +279,7 @@ impl Integrator<'_> {
     fn is_surely_front(&self, ray: &Ray, hit: &Hit, time: f32) -> bool {
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
         material.alpha.is_none()
-            && material.presence.is_none()
+            && material.surface_visibility.is_none()
             && !material.passes_straight
             && material.pane_thickness <= 0.0
             && !material.is_boundary
@@ -345,12 +345,12 @@ impl Integrator<'_> {
         let is_absent = material.is_boundary
             || material.is_absent_from_behind && self.scene.geometries.is_back(ray, hit, time);
         let is_there = !is_absent && self.is_present(material, ray, hit, (time, kind), uniform);
-        match material.presence {
+        match material.surface_visibility {
             _ if !is_there => HitResponse::Passes,
             None => HitResponse::Stops,
-            Some(presence) if !presence.is_obstacle => HitResponse::Passes,
-            Some(presence) if presence.visible_to.contains(kind) => HitResponse::Stops,
-            Some(presence) => HitResponse::PassUnseen(presence.visible_to),
+            Some(visibility) if !visibility.is_obstacle => HitResponse::Passes,
+            Some(visibility) if visibility.visible_to.contains(kind) => HitResponse::Stops,
+            Some(visibility) => HitResponse::PassUnseen(visibility.visible_to),
         }
     }
 
@@ -364,11 +364,11 @@ impl Integrator<'_> {
         (time, kind): (f32, RayKinds),
         uniform: impl Fn() -> f32,
     ) -> bool {
-        material.alpha.is_none() || uniform() < self.presence(ray, hit, time, material, kind)
+        material.alpha.is_none() || uniform() < self.opacity(ray, hit, time, material, kind)
     }
 
     /// The alpha of a surface where a ray of some kinds hit it.
-    pub(super) fn presence(
+    pub(super) fn opacity(
         &self,
         ray: &Ray,
         hit: &Hit,
@@ -376,7 +376,7 @@ impl Integrator<'_> {
         material: &CompiledMaterial,
         kinds: RayKinds,
     ) -> f32 {
-        let read = |alpha: &Alpha, slots: &PointReader<'_>, of_vertex| alpha.presence(slots, of_vertex);
+        let read = |alpha: &Alpha, slots: &PointReader<'_>, of_vertex| alpha.opacity(slots, of_vertex);
         self.read_alpha((ray, hit, time), material, kinds, read).unwrap_or(1.0)
     }
 
@@ -615,7 +615,7 @@ impl Integrator<'_> {
         w.catcher_samples.clear();
         for (i, hit) in w.hits.iter().enumerate() {
             let material = &self.scene.materials[w.materials[i] as usize];
-            if hit.is_hit() && material.presence.is_some_and(|p| p.is_catcher && !p.is_holdout) {
+            if hit.is_hit() && material.surface_visibility.is_some_and(|p| p.is_catcher && !p.is_holdout) {
                 w.catcher_samples.push(w.arriving.state.radiance_index[i]);
             }
         }

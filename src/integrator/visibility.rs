@@ -200,7 +200,7 @@ impl Integrator<'_> {
     fn cut_out_holdouts(&self, w: &mut Workspace) {
         for i in 0..w.hits.len() {
             let material = &self.scene.materials[w.materials[i] as usize];
-            if w.hits[i].is_hit() && material.presence.is_some_and(|p| p.is_holdout) {
+            if w.hits[i].is_hit() && material.surface_visibility.is_some_and(|p| p.is_holdout) {
                 if self.scene.features.scattering {
                     // Emission of media in front of it stays.
                     self.passed(0, i, w.hits[i].t, w);

@@ -5,7 +5,7 @@
 use super::stage::{StageOptions, Turntable};
 use super::subdivide::{Polygons, Subdivision};
 use crate::error::Warning;
-use crate::gauge::Gauge;
+use crate::work_counter::WorkCounter;
 use crate::math::{DAffine3, DMat3, DVec3, mix};
 use crate::scene::{Keyframes, MaterialId, Scene};
 use std::collections::{BTreeMap, BTreeSet};
@@ -52,7 +52,7 @@ pub struct LoadOptions {
     /// Records the files that are read or looked for.
     pub files: SavedFiles,
     /// Progress of reading PLY and OBJ files.
-    pub gauge: Gauge,
+    pub counter: WorkCounter,
     /// Don't look for the model's sidecar (`model.oscura.toml` next to `model.glb`).
     pub no_sidecar: bool,
 }

@@ -36,12 +36,12 @@ struct Facets {
 pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     options.files.note(path);
     let bytes = files::read_model(path)?;
-    options.gauge.begin(bytes.len() as u64);
+    options.counter.begin(bytes.len() as u64);
     let facets = match is_ascii(&bytes) {
         true => ascii(&bytes).map_err(|problem| Error::input_problems(path, vec![problem]))?,
         false => binary(path, &bytes)?,
     };
-    options.gauge.add(bytes.len() as u64);
+    options.counter.add(bytes.len() as u64);
     drop(bytes);
     if facets.corners.is_empty() {
         return Err(

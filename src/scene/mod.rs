@@ -25,11 +25,11 @@ mod medium;
 mod motion;
 pub mod nodes;
 mod object_traits;
-mod outline;
 mod settings;
 mod slot;
 mod texture;
 mod validate;
+mod watertightness;
 
 pub use bounds::{Extent, MeshHulls, instance_extents, scene_extent};
 pub use camera::{Aperture, Camera, Panorama, Projection, ThinLens, looking_at};
@@ -50,11 +50,11 @@ pub use material::{
 pub use medium::{EmissionGrid, Fog, Grid, Medium, MediumTextures, coefficients};
 pub use motion::{Keyframes, SceneMotion, Vertices};
 pub use object_traits::{LightLinks, Link, ObjectInfo, ObjectSet, ObjectSets, ObjectTraits, RayKinds};
-pub use outline::{MaterialUses, Outline};
-pub(crate) use outline::{encloses, is_closed};
 pub use settings::{BounceLimits, CatcherOutput, Clamp, Filter, Settings, ShadingModel, SkippedCaustics};
 pub use slot::{ColorSlot, FloatSlot, NormalMap, Parameter, ParameterMut, Parameters};
 pub use texture::{Interpolation, MAX_TEXTURE_NESTING, Mapping, NoiseKind, Texture, TextureTransform, Wrap};
+pub use watertightness::{MaterialUses, Watertightness};
+pub(crate) use watertightness::{encloses, is_closed};
 
 use crate::image::Image;
 use std::sync::Arc;
@@ -82,7 +82,7 @@ pub struct Scene {
     pub images: Vec<Image>,
     /// Grids of densities, by [`GridId`].
     pub grids: Vec<Grid>,
-    /// Profiles of lamps with a surface, by [`ProfileId`].
+    /// Profiles of lights with a surface, by [`ProfileId`].
     pub profiles: Vec<Arc<LightProfile>>,
     /// Point, spot and directional lights.
     pub lights: Vec<Light>,

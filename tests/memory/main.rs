@@ -43,7 +43,7 @@ fn building_takes_at_most_150_bytes_a_triangle() {
                 first_changing: 1,
                 moving: &[],
                 quality,
-                gauge: None,
+                counter: None,
             })
             .expect("it can be addressed")
         });

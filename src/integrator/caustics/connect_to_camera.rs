@@ -95,7 +95,8 @@ impl Integrator<'_> {
             return None;
         }
         let is_back = sight.direction.dot(at.surface.ng) <= 0.0;
-        let is_hidden = at.material.presence.is_some_and(|p| !p.visible_to.contains(RayKinds::CAMERA));
+        let is_hidden =
+            at.material.surface_visibility.is_some_and(|p| !p.visible_to.contains(RayKinds::CAMERA));
         if is_hidden || at.material.is_absent_from_behind && is_back {
             return None;
         }

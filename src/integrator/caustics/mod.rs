@@ -38,7 +38,7 @@ use super::shading_groups::SortedVertices;
 use super::wave::{Vertices, Wave, get, get_rgb, set_rgb};
 use super::workspace::Workspace;
 use crate::color::Rgb;
-use crate::compile::{CausticRole, Presence};
+use crate::compile::{CausticRole, SurfaceVisibility};
 use crate::math::{Hit, Ray, Vec3};
 use crate::sampling::hash::{hash32, unit};
 use crate::scene::RayKinds;
@@ -238,11 +238,11 @@ impl Integrator<'_> {
             return Passage { passes: false, hits: true };
         }
         let material = &self.scene.materials[index];
-        let is_seen_as_such = |presence: Presence| {
-            presence.is_obstacle && (!is_seen || presence.visible_to.contains(RayKinds::CAMERA))
+        let is_seen_as_such = |visibility: SurfaceVisibility| {
+            visibility.is_obstacle && (!is_seen || visibility.visible_to.contains(RayKinds::CAMERA))
         };
-        let is_present = material.presence.is_none_or(is_seen_as_such)
-            && unit(hash32(salt)) < self.presence(ray, hit, STILL, material, RayKinds::NONE);
+        let is_present = material.surface_visibility.is_none_or(is_seen_as_such)
+            && unit(hash32(salt)) < self.opacity(ray, hit, STILL, material, RayKinds::NONE);
         if !material.is_absent_from_behind {
             return Passage { passes: !is_present, hits: is_present };
         }

@@ -1,10 +1,10 @@
 //! Lines of OBJ and MTL files as the formats mean them: without a byte order mark, with any kind of line end, and
 //! joined where a `\` says that a line continues; and what is made of them, for `tobj` to read.
 
-use crate::gauge::Gauge;
 use crate::load::decoders;
 use crate::load::files::ModelReader;
 use crate::load::words::next_word;
+use crate::work_counter::WorkCounter;
 use memchr::memchr;
 use std::io::{BufRead, ErrorKind, Read, Result, Seek, SeekFrom};
 use std::panic::resume_unwind;
@@ -17,29 +17,29 @@ const CHUNK: usize = 1 << 18;
 const AHEAD: usize = 4;
 
 /// A reader that reports progress.
-pub(super) struct GaugedReader<'a> {
+pub(super) struct CountedReader<'a> {
     file: ModelReader,
-    gauge: &'a Gauge,
+    counter: &'a WorkCounter,
 }
 
-impl<'a> GaugedReader<'a> {
+impl<'a> CountedReader<'a> {
     /// The file from its current position.
-    pub fn new(file: ModelReader, gauge: &'a Gauge) -> GaugedReader<'a> {
+    pub fn new(file: ModelReader, counter: &'a WorkCounter) -> CountedReader<'a> {
         // A pipe has no length, and no share that is done.
-        gauge.begin(file.length());
-        GaugedReader { file, gauge }
+        counter.begin(file.length());
+        CountedReader { file, counter }
     }
 }
 
-impl Read for GaugedReader<'_> {
+impl Read for CountedReader<'_> {
     fn read(&mut self, out: &mut [u8]) -> Result<usize> {
         let count = self.file.read(out)?;
-        self.gauge.add(count as u64);
+        self.counter.add(count as u64);
         Ok(count)
     }
 }
 
-impl Seek for GaugedReader<'_> {
+impl Seek for CountedReader<'_> {
     fn seek(&mut self, to: SeekFrom) -> Result<u64> {
         self.file.seek(to)
     }

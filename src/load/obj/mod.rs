@@ -25,7 +25,7 @@ use crate::color::linear_from_srgb;
 use crate::error::{Error, Result, Warning};
 use crate::math::{DAffine3, DVec3};
 use crate::scene::{Instance, Material, MaterialId, Mesh, MeshId, MeshPart};
-use lines::{GaugedReader, LineFilter, Words, by_tobj, each_line};
+use lines::{CountedReader, LineFilter, Words, by_tobj, each_line};
 use materials::Maps;
 use mtl::Mtl;
 use statements::Piece;
@@ -155,7 +155,7 @@ fn read_in(
     let even = tobj::LoadOptions { single_index: true, ..tobj::LoadOptions::default() };
     let cleaner = Statements::new(has_two_passes, options.keeps_polygons);
     let no_library = |_: &Path| Err(tobj::LoadError::OpenFileFailed);
-    let (models, statements) = by_tobj(GaugedReader::new(file, &options.gauge), cleaner, |reader| {
+    let (models, statements) = by_tobj(CountedReader::new(file, &options.counter), cleaner, |reader| {
         tobj::load_obj_buf(reader, &even, no_library).map(|(models, _)| models)
     })
     .map_err(|message| Error::input(path, message))?;

@@ -5,9 +5,9 @@
 
 use super::rows::{self, Face, Lines, Record, Slot, Vertex, cut, split_line};
 use crate::error::Problem;
-use crate::gauge::Gauge;
 use crate::load::Up;
 use crate::load::words::is_utf_16;
+use crate::work_counter::WorkCounter;
 use ply_rs::parser::Parser;
 use ply_rs::ply::{ElementDef, Encoding, Header, PropertyType, ScalarType};
 
@@ -31,7 +31,7 @@ pub(super) struct Source<'a> {
     /// The named attributes of vertices.
     attributes: Vec<NamedAttribute>,
     /// Progress: number of rows read.
-    gauge: &'a Gauge,
+    counter: &'a WorkCounter,
 }
 
 /// A header's text.
@@ -121,17 +121,17 @@ const COLORS: [[&str; 3]; 3] =
 
 impl<'a> Source<'a> {
     /// Checks and reads the header, and begins to count rows.
-    pub fn open(bytes: &'a [u8], gauge: &'a Gauge) -> Result<Source<'a>> {
+    pub fn open(bytes: &'a [u8], counter: &'a WorkCounter) -> Result<Source<'a>> {
         let HeaderText { text, length, lines, strays, attributes } = header_text(bytes)?;
         let header = Parser::<super::SkippedElement>::new()
             .read_header(&mut text.as_bytes())
             .map_err(|e| Problem::new("header", first_line(&e.to_string())))?;
         let rest = &bytes[length..];
-        let source = Source { header, rest, lines: Lines::new(rest, lines), strays, attributes, gauge };
+        let source = Source { header, rest, lines: Lines::new(rest, lines), strays, attributes, counter };
         source.check_attributes()?;
         source.check_counts()?;
         source.check_types()?;
-        gauge.begin(source.header.elements.iter().map(|(_, e)| e.count as u64).sum());
+        counter.begin(source.header.elements.iter().map(|(_, e)| e.count as u64).sum());
         Ok(source)
     }
 
@@ -286,10 +286,10 @@ impl<'a> Source<'a> {
         if definition.properties.is_empty() {
             return Ok(());
         }
-        let gauge = self.gauge;
+        let counter = self.counter;
         let each = |row: usize, record: &E| {
             if (row + 1).is_multiple_of(COUNTED) {
-                gauge.add(COUNTED as u64);
+                counter.add(COUNTED as u64);
             }
             each(row, record);
         };

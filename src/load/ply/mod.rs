@@ -41,7 +41,7 @@ use std::sync::Arc;
 pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     options.files.note(path);
     let bytes = files::read_model(path)?;
-    let header = Source::open(&bytes, &options.gauge);
+    let header = Source::open(&bytes, &options.counter);
     if header.map_err(|problem| Error::input_problems(path, vec![problem]))?.holds_splats() {
         return splats::load(path, &bytes, options);
     }
@@ -82,7 +82,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
 /// Reads the content of a PLY file around an origin, and what it leaves out; `path` is for messages.
 fn parse(path: &Path, bytes: &[u8], origin: DVec3, options: &LoadOptions) -> Result<(Mesh, Faces, Unread)> {
     let fail = |problem: Problem| Error::input_problems(path, vec![problem]);
-    let mut source = Source::open(bytes, &options.gauge).map_err(fail)?;
+    let mut source = Source::open(bytes, &options.counter).map_err(fail)?;
     let defined = source.vertex_layout();
     defined.check().map_err(fail)?;
     let mut mesh = Mesh { name: "mesh".to_string(), ..Mesh::default() };

@@ -3,8 +3,8 @@
 use super::header::Source;
 use super::rows::{List, Record, Slot, color, exact, unit};
 use crate::error::Problem;
-use crate::gauge::Gauge;
 use crate::math::{DAffine3, DMat3, DQuat, DVec3};
+use crate::work_counter::WorkCounter;
 use ply_rs::ply::Property;
 
 /// Names of the properties of vertices that are read.
@@ -165,8 +165,8 @@ impl Layout {
 ///
 /// # Errors
 /// A file that is cut short, lacks properties, or holds numbers that aren't finite.
-pub(in crate::load) fn read(bytes: &[u8], gauge: &Gauge) -> Result<Places, Problem> {
-    let mut source = Source::open(bytes, gauge)?;
+pub(in crate::load) fn read(bytes: &[u8], counter: &WorkCounter) -> Result<Places, Problem> {
+    let mut source = Source::open(bytes, counter)?;
     let layout = Layout::of(&source)?;
     let mut places = Places { list: Vec::with_capacity(source.count("vertex")), flat: 0 };
     let mut bad = None;
@@ -200,7 +200,7 @@ mod tests {
         let count = rows.lines().count();
         let properties: String = properties.iter().map(|p| format!("property {p}\n")).collect();
         let text = format!("ply\nformat ascii 1.0\nelement vertex {count}\n{properties}end_header\n{rows}\n");
-        read(text.as_bytes(), &Gauge::default())
+        read(text.as_bytes(), &WorkCounter::default())
     }
 
     #[test]

@@ -153,7 +153,7 @@ impl Harmonics {
 /// An input error for a file that is cut short or lacks a property, or has no splats.
 pub(super) fn load(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded> {
     let fail = |problem: Problem| Error::input_problems(path, vec![problem]);
-    let open = || Source::open(bytes, &options.gauge);
+    let open = || Source::open(bytes, &options.counter);
     let is_packed = open().map_err(fail)?.has("vertex", "packed_position");
     let read = |origin: DVec3| {
         let source = open()?;

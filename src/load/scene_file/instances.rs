@@ -28,7 +28,7 @@ pub(super) fn read(build: &mut SceneFileBuilder, fields: &Fields, name: &str) ->
     let path = build.readable_path(file.value, file.span.clone())?;
     build.options.files.note(&path);
     let read = files::read(&path, MAX_BYTES).and_then(|bytes| {
-        ply::places::read(&bytes, &build.options.gauge).map_err(|p| format!("{}: {}", p.place, p.message))
+        ply::places::read(&bytes, &build.options.counter).map_err(|p| format!("{}: {}", p.place, p.message))
     });
     match read {
         Ok(Places { list, flat }) => {

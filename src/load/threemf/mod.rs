@@ -39,7 +39,7 @@ const GREY: [f32; 4] = [0.8, 0.8, 0.8, 1.0];
 pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     options.files.note(path);
     let archive = Archive::open(path)?;
-    options.gauge.begin(archive.size() as u64);
+    options.counter.begin(archive.size() as u64);
     let mut reader = Reader::new(path, options, archive);
     let start = reader.start_part();
     let root = reader.model(&start)?;
@@ -125,7 +125,7 @@ impl<'a> Reader<'a> {
             return Ok(known.clone());
         }
         let bytes = self.archive.file(part).map_err(|why| self.fail(part, why))?;
-        self.options.gauge.add(1);
+        self.options.counter.add(1);
         let text = std::str::from_utf8(&bytes).map_err(|_| self.fail(part, "is no UTF-8"))?;
         let model = model::parse(text.trim_start_matches('\u{feff}'));
         let model = model.map_err(|p| self.fail(&place_in(part, &p.place), p.message))?;

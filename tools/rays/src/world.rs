@@ -45,7 +45,7 @@ impl World {
             first_changing,
             moving: &[],
             quality,
-            gauge: None,
+            counter: None,
         })
         .expect("it can be addressed")
     }

@@ -7,7 +7,7 @@ use std::collections::HashSet;
 
 /// What the surfaces of a material are like together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Outline {
+pub enum Watertightness {
     /// There are none.
     None,
     /// Some end at an edge.
@@ -62,10 +62,10 @@ impl MaterialUses<'_> {
         MaterialUses { scene, of_materials }
     }
 
-    /// The outline of all that has a material. Meshes count as wholes, since a body may have several materials; quads of one
+    /// Whether all that has a material is watertight together. Meshes count as wholes, since a body may have several materials; quads of one
     /// material belong together, spheres are always closed.
-    pub fn outline(&self, material: MaterialId) -> Outline {
-        let Some(uses) = self.of_materials.get(material.index()) else { return Outline::None };
+    pub fn watertightness(&self, material: MaterialId) -> Watertightness {
+        let Some(uses) = self.of_materials.get(material.index()) else { return Watertightness::None };
         let (mut edges, mut count) = (EdgeHash::default(), 0);
         for mesh in uses.meshes.iter().filter_map(|&i| self.scene.meshes.get(i)) {
             count += mesh.triangles.len();
@@ -79,9 +79,9 @@ impl MaterialUses<'_> {
         }
         let are_closed = uses.shapes.iter().all(|&i| self.scene.shapes[i].kind.tag().is_closed());
         match count {
-            0 if uses.shapes.is_empty() && !uses.has_curves => Outline::None,
-            _ if edges.sum == 0 && are_closed && !uses.has_curves => Outline::Closed,
-            _ => Outline::Open,
+            0 if uses.shapes.is_empty() && !uses.has_curves => Watertightness::None,
+            _ if edges.sum == 0 && are_closed && !uses.has_curves => Watertightness::Closed,
+            _ => Watertightness::Open,
         }
     }
 }
@@ -162,7 +162,7 @@ mod tests {
     use crate::scene::{Instance, Material, MeshId, MeshPart, Quad};
 
     /// A box of quads with some faces left out.
-    fn outline_of_box(faces: usize) -> Outline {
+    fn watertightness_of_box(faces: usize) -> Watertightness {
         let (x, y, z) = (DVec3::X, DVec3::Y * 2.0, DVec3::Z * 3.0);
         let all =
             [(DVec3::ZERO, y, x), (z, x, y), (DVec3::ZERO, x, z), (y, z, x), (DVec3::ZERO, z, y), (x, y, z)];
@@ -173,13 +173,13 @@ mod tests {
         for name in 0..4 {
             scene.add_material(Material::lambert(name.to_string(), [0.5; 3]));
         }
-        MaterialUses::of(&scene).outline(MaterialId(3))
+        MaterialUses::of(&scene).watertightness(MaterialId(3))
     }
 
     #[test]
     fn boxes_are_closed_with_all_their_faces() {
-        assert_eq!([0, 1, 5, 6].map(outline_of_box), {
-            [Outline::None, Outline::Open, Outline::Open, Outline::Closed]
+        assert_eq!([0, 1, 5, 6].map(watertightness_of_box), {
+            [Watertightness::None, Watertightness::Open, Watertightness::Open, Watertightness::Closed]
         });
     }
 

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// Counts of what is done and of what there is to do, in units of the work itself: bytes, rows, triangles. Copies are of the same
 /// counts, and any thread may look at them.
 #[derive(Clone, Debug, Default)]
-pub struct Gauge(Arc<Counts>);
+pub struct WorkCounter(Arc<Counts>);
 
 #[derive(Debug, Default)]
 struct Counts {
@@ -14,7 +14,7 @@ struct Counts {
     total: AtomicU64,
 }
 
-impl Gauge {
+impl WorkCounter {
     /// Starts work of `total` units.
     pub fn begin(&self, total: u64) {
         self.0.done.store(0, Ordering::Relaxed);
@@ -31,7 +31,7 @@ impl Gauge {
         (self.0.done.load(Ordering::Relaxed), self.0.total.load(Ordering::Relaxed))
     }
 
-    /// The share that is done, 0..1; `None` before [`Gauge::begin`].
+    /// The share that is done, 0..1; `None` before [`WorkCounter::begin`].
     pub fn share(&self) -> Option<f64> {
         let (done, total) = self.counts();
         (total > 0).then(|| (done as f64 / total as f64).min(1.0))
@@ -44,16 +44,16 @@ mod tests {
 
     #[test]
     fn copies_show_the_same_share() {
-        let gauge = Gauge::default();
-        let seen = gauge.clone();
+        let counter = WorkCounter::default();
+        let seen = counter.clone();
         assert_eq!(seen.share(), None);
-        gauge.begin(8);
+        counter.begin(8);
         assert_eq!(seen.share(), Some(0.0));
-        gauge.add(2);
+        counter.add(2);
         assert_eq!(seen.share(), Some(0.25));
-        gauge.add(100);
+        counter.add(100);
         assert_eq!(seen.share(), Some(1.0));
-        gauge.begin(4);
+        counter.begin(4);
         assert_eq!(seen.share(), Some(0.0));
     }
 }
