@@ -1,7 +1,7 @@
 //! The weighted sum of two materials that reflect diffusely, by microfacets, or both.
 
-use super::layered::MetalRoughProgram;
 use super::lobe::MIN_ALBEDO;
+use super::metal_rough::MetalRoughProgram;
 use super::metal_rough::{MetalRough, MetalRoughClosure};
 use super::{Appearance, BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Slots, ggx};
 use crate::color::Rgb;

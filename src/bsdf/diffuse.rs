@@ -37,6 +37,11 @@ impl Lobe for Lambert {
     }
 
     #[inline(always)]
+    fn is_base(&self) -> bool {
+        true
+    }
+
+    #[inline(always)]
     fn tinted(self, color: Rgb) -> Self {
         Lambert { albedo: self.albedo * color }
     }
@@ -141,6 +146,11 @@ impl Lobe for OrenNayar {
         let cosine = zi * FRAC_1_PI;
         let pdf_solid_angle = probability_uniform * (0.5 * FRAC_1_PI) + (1.0 - probability_uniform) * cosine;
         BsdfEval { f_cos: (single + multiple) * cosine, pdf_solid_angle }
+    }
+
+    #[inline(always)]
+    fn is_base(&self) -> bool {
+        true
     }
 
     #[inline(always)]

@@ -152,6 +152,16 @@ macro_rules! bsdfs {
                 }
             }
 
+            /// See [`Lobe::is_base`].
+            #[inline]
+            pub fn is_base(&self) -> bool {
+                match self {
+                    Bsdf::Black => false,
+                    $(Bsdf::$opaque(lobe) => lobe.is_base(),)*
+                    $(Bsdf::$transmissive(lobe) => lobe.is_base(),)*
+                }
+            }
+
             /// May light from the other side of the surface reach the viewer by a lobe of finite width?
             #[inline(always)]
             pub fn scatters_through(&self) -> bool {

@@ -15,12 +15,12 @@ use super::fresnel::LayerFresnel;
 use super::ggx::DirectionalAlbedo;
 use super::lobe::{LocalFrame, MIN_ALBEDO, MaterialProgram, Refracted, Slots, always};
 use super::metal::FacetReflection;
-use super::metal_rough::{MetalRough, MetalRoughClosure};
+use super::metal_rough::{MetalRough, MetalRoughClosure, MetalRoughProgram};
 use super::microsurface::{Facets, Isotropic, Microsurface, MicrosurfaceProgram};
 use super::rough_dielectric::{GlassReflectance, RoughDielectric, Walls};
 use super::sheen::Sheen;
 use super::thin_film::ThinFilm;
-use super::{Appearance, BsdfEval, BsdfSample, Lobe, Refraction, Transmissive, fresnel, ggx};
+use super::{Appearance, BsdfEval, BsdfSample, Lobe, Refraction, Transmissive, ggx};
 use crate::color::Rgb;
 use crate::math::{Frame, Vec3};
 use crate::scene::{
@@ -387,95 +387,6 @@ pub(super) fn walls(pbr: &PbrMaterial) -> Walls {
 /// What becomes of radiance where light enters it.
 pub(super) fn refraction(pbr: &PbrMaterial) -> Refraction {
     if pbr.keeps_radiance { Refraction::KeepsRadiance } else { Refraction::Scales }
-}
-
-/// The parameters of a [`MetalRough`].
-#[derive(Clone, Copy, Debug)]
-pub struct MetalRoughProgram {
-    base_color: ColorSlot,
-    metallic: FloatSlot,
-    roughness: FloatSlot,
-    specular: FloatSlot,
-    specular_color: ColorSlot,
-    /// Reflectance of the dielectric layer at normal incidence, as its index of refraction gives it.
-    normal: f32,
-    layer_fresnel: LayerFresnel,
-    energy_compensation: EnergyCompensation,
-}
-
-impl MetalRoughProgram {
-    /// Share of metal.
-    pub fn metallic(&self) -> FloatSlot {
-        self.metallic
-    }
-
-    /// Perceptual roughness.
-    pub fn roughness(&self) -> FloatSlot {
-        self.roughness
-    }
-
-    pub(super) fn new(pbr: &PbrMaterial, shading: ShadingModel) -> MetalRoughProgram {
-        MetalRoughProgram {
-            base_color: pbr.base_color,
-            metallic: pbr.metallic,
-            roughness: pbr.roughness,
-            specular: pbr.specular,
-            specular_color: pbr.specular_color,
-            // KHR_materials_ior: 0 means that all light is reflected.
-            normal: if pbr.ior == 0.0 { 1.0 } else { fresnel::f0_from_eta(pbr.ior) },
-            layer_fresnel: LayerFresnel::new(shading.fresnel, pbr.ior),
-            energy_compensation: shading.energy_compensation,
-        }
-    }
-}
-
-impl MetalRoughProgram {
-    /// A diffuse one.
-    pub(super) fn diffuse(albedo: ColorSlot) -> MetalRoughProgram {
-        MetalRoughProgram {
-            base_color: albedo,
-            metallic: FloatSlot::constant(0.0),
-            roughness: FloatSlot::constant(1.0),
-            specular: FloatSlot::constant(0.0),
-            specular_color: ColorSlot::constant([1.0; 3]),
-            normal: 0.0,
-            layer_fresnel: LayerFresnel::Schlick,
-            energy_compensation: EnergyCompensation::Off,
-        }
-    }
-
-    /// A metal with Schlick's Fresnel term.
-    pub(super) fn metal(
-        color: ColorSlot,
-        roughness: FloatSlot,
-        energy_compensation: EnergyCompensation,
-    ) -> MetalRoughProgram {
-        let metallic = FloatSlot::constant(1.0);
-        MetalRoughProgram { metallic, roughness, energy_compensation, ..MetalRoughProgram::diffuse(color) }
-    }
-}
-
-impl MaterialProgram for MetalRoughProgram {
-    type Lobe = MetalRough;
-
-    #[inline]
-    fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> MetalRough {
-        let base = slots.share_by_channel(&self.base_color);
-        let (metallic, specular) = (slots.share(&self.metallic), slots.share(&self.specular));
-        let alpha = slots.alpha(&self.roughness);
-        let tint = slots.color(&self.specular_color).max(Rgb::ZERO);
-        MetalRough {
-            diffuse: base * (1.0 - metallic),
-            // KHR_materials_specular: f0 is clamped before the factor.
-            layer_f0: (tint * self.normal).min(Rgb::ONE) * specular,
-            layer_f90: specular,
-            layer_fresnel: self.layer_fresnel,
-            metal_f0: base,
-            metallic,
-            surface: Isotropic { alpha },
-            energy_compensation: self.energy_compensation,
-        }
-    }
 }
 
 /// The parameters of a [`Layered`].

@@ -20,6 +20,11 @@ pub trait Lobe: Copy {
         false
     }
 
+    /// Is all of it a diffuse base, which bends with a surface's bumps and which layers leave out of the light from behind?
+    fn is_base(&self) -> bool {
+        false
+    }
+
     /// With its base colour multiplied (by the colour of vertices).
     fn tinted(self, color: Rgb) -> Self;
 

@@ -6,7 +6,6 @@
 //! 1 / eta^2 and back on the way out (as in pbrt and Mitsuba); [`BsdfSample::eta`] lets Russian roulette undo it.
 
 pub mod anisotropic_table;
-mod beckmann;
 mod blend;
 mod dielectric;
 pub mod dielectric_table;
@@ -69,7 +68,7 @@ dispatch::bsdfs! {
         /// A metal of a complex index of refraction.
         metal::Conductor(metal::ConductorProgram),
         /// The opaque glTF material.
-        metal_rough::MetalRough(layered::MetalRoughProgram),
+        metal_rough::MetalRough(metal_rough::MetalRoughProgram),
         /// The weighted sum of two of these.
         blend::Blend(blend::BlendProgram),
     }
@@ -128,7 +127,7 @@ impl Bsdf {
     /// The diffuse base as `wo` sees it, what lies above it, and the share 0..1 of the base in what `wo` sees.
     pub fn split_base(self, wo: Vec3) -> (Bsdf, Bsdf, f32) {
         match self {
-            Bsdf::Lambert(_) | Bsdf::OrenNayar(_) => (self, Bsdf::Black, 1.0),
+            base if base.is_base() => (base, Bsdf::Black, 1.0),
             Bsdf::MetalRough(material) => {
                 let closure = material.closure(above(wo));
                 let base = Bsdf::Lambert(Lambert { albedo: closure.diffuse });
@@ -153,19 +152,19 @@ impl Bsdf {
     /// Does it reflect diffusely?
     pub fn has_base(&self) -> bool {
         match self {
-            Bsdf::Lambert(_) | Bsdf::OrenNayar(_) | Bsdf::Phong(_) => true,
+            Bsdf::Phong(_) => true,
             Bsdf::Toon(toon) => !toon.is_glossy,
             Bsdf::MetalRough(material) => material.diffuse != Rgb::ZERO,
             Bsdf::Blend(blend) => blend.parts.iter().any(|part| part.diffuse != Rgb::ZERO),
             Bsdf::Layered(layered) => layered.opaque.diffuse != Rgb::ZERO || layered.through != Rgb::ZERO,
-            _ => false,
+            other => other.is_base(),
         }
     }
 
     /// The BSDF without diffuse reflection.
     pub fn without_base(self) -> Bsdf {
         match self {
-            Bsdf::Lambert(_) | Bsdf::OrenNayar(_) => Bsdf::Black,
+            base if base.is_base() => Bsdf::Black,
             Bsdf::MetalRough(material) => Bsdf::MetalRough(MetalRough { diffuse: Rgb::ZERO, ..material }),
             Bsdf::Blend(mut blend) => {
                 blend.change(|part| part.diffuse = Rgb::ZERO);

@@ -1,10 +1,10 @@
 //! Glass of any roughness, solid and thin-walled.
 
 use super::dielectric::{SmoothInterface, tint_of_crossing};
-use super::microsurface::{Facets, Microsurface, MicrosurfaceProgram};
+use super::microsurface::{Facets, Microsurface, MicrosurfaceProgram, beckmann_hidden, beckmann_over_ggx};
 use super::{
     Appearance, BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Refraction, Slots, Transmissive,
-    beckmann, fresnel, ggx,
+    fresnel, ggx,
 };
 use crate::color::Rgb;
 use crate::math::Vec3;
@@ -634,7 +634,7 @@ impl SolidGlassClosure<'_> {
         }
         let root = self.glass.surface.smith_root(v);
         if self.glass.is_beckmann {
-            let hidden = beckmann::hidden(self.wo.z, self.root) + beckmann::hidden(v.z, root);
+            let hidden = beckmann_hidden(self.wo.z, self.root) + beckmann_hidden(v.z, root);
             return (self.wo.z + self.root) / (2.0 * self.wo.z * (1.0 + hidden));
         }
         (v.z * (self.wo.z + self.root) / (v.z * self.root + self.wo.z * root)).min(1.0)
@@ -648,7 +648,7 @@ impl SolidGlassClosure<'_> {
         }
         if self.glass.is_beckmann {
             let (root, wo) = (self.glass.surface.smith_root(v), self.wo.z);
-            let open = (1.0 + beckmann::hidden(wo, self.root)) * (1.0 + beckmann::hidden(-v.z, root));
+            let open = (1.0 + beckmann_hidden(wo, self.root)) * (1.0 + beckmann_hidden(-v.z, root));
             return (wo + self.root) / (2.0 * wo * open);
         }
         (2.0 * v.z / (v.z - self.glass.surface.smith_root(v))).min(1.0)
@@ -713,7 +713,7 @@ impl SolidGlassClosure<'_> {
     #[inline(always)]
     fn by_distribution(&self, mut lobe: FacetLobe, half: Vec3) -> FacetLobe {
         if self.glass.is_beckmann {
-            lobe.open.color *= beckmann::over_ggx(half, self.glass.surface.alpha());
+            lobe.open.color *= beckmann_over_ggx(half, self.glass.surface.alpha());
         }
         lobe
     }
