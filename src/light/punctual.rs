@@ -118,26 +118,11 @@ fn bounds_all_around(position: Vec3, weight: f32) -> LightBounds {
     LightBounds { bounds, weight, axis: Vec3::Z, normals_rad: PI, emission_rad: 0.5 * PI }
 }
 
-/// [`LightSource`] of a delta light at a point: no other strategy finds it.
-macro_rules! delta_light {
-    () => {
-        fn pdf_solid_angle(&self, _reference: Vec3, _to: Vec3) -> f32 {
-            0.0
-        }
-
-        fn radiance(&self, _textures: &CompiledTextures, _reference: Vec3, _to: Vec3) -> Rgb {
-            Rgb::ZERO
-        }
-    };
-}
-
 impl LightSource for Point {
     #[inline(always)]
     fn sample(&self, _textures: &CompiledTextures, reference: Vec3, _u: [f32; 2]) -> LightSample {
         sample_point(self.position, self.intensity, 1.0, reference)
     }
-
-    delta_light!();
 
     fn power(&self, _textures: &CompiledTextures) -> f32 {
         self.intensity.luminance() * (4.0 * PI)
@@ -168,8 +153,6 @@ impl LightSource for Spot {
         let cosine = (reference - self.position).normalize_or_zero().dot(self.cone.axis);
         sample_point(self.position, self.intensity, self.cone.attenuation(cosine), reference)
     }
-
-    delta_light!();
 
     fn power(&self, _textures: &CompiledTextures) -> f32 {
         self.intensity.luminance() * self.cone.solid_angle()
@@ -210,8 +193,6 @@ impl LightSource for Profiled {
         let attenuation = self.aim.share(self.profile.as_deref(), direction);
         sample_point(self.position, self.intensity, attenuation, reference)
     }
-
-    delta_light!();
 
     fn power(&self, _textures: &CompiledTextures) -> f32 {
         self.intensity.luminance() * (4.0 * PI * self.mean)
@@ -361,8 +342,6 @@ impl LightSource for Directional {
             pdf_solid_angle: 1.0,
         }
     }
-
-    delta_light!();
 
     fn power(&self, _textures: &CompiledTextures) -> f32 {
         self.irradiance.luminance() * PI

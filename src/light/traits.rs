@@ -16,10 +16,14 @@ pub trait LightSource {
     fn sample(&self, textures: &CompiledTextures, reference: Vec3, u: [f32; 2]) -> LightSample;
 
     /// Density per solid angle with which [`LightSource::sample`] returns `to`; 0 for delta lights, which no other strategy finds.
-    fn pdf_solid_angle(&self, reference: Vec3, to: Vec3) -> f32;
+    fn pdf_solid_angle(&self, _reference: Vec3, _to: Vec3) -> f32 {
+        0.0
+    }
 
-    /// EmittedRay radiance from `to` towards `reference`; 0 for delta lights.
-    fn radiance(&self, textures: &CompiledTextures, reference: Vec3, to: Vec3) -> Rgb;
+    /// Emitted radiance from `to` towards `reference`; 0 for delta lights.
+    fn radiance(&self, _textures: &CompiledTextures, _reference: Vec3, _to: Vec3) -> Rgb {
+        Rgb::ZERO
+    }
 
     /// Luminous power in relative units; of a light at infinity that on a disk of radius 1 m.
     fn power(&self, textures: &CompiledTextures) -> f32;

@@ -75,6 +75,51 @@ pub enum LightKind {
     },
 }
 
+impl LightKind {
+    /// A word for reports.
+    pub fn name(&self) -> &'static str {
+        match self {
+            LightKind::Point { .. } => "point",
+            LightKind::Spot { .. } => "spot",
+            LightKind::Profiled { .. } => "profiled",
+            LightKind::Directional { .. } => "directional",
+            LightKind::Sun { .. } => "sun",
+        }
+    }
+
+    /// Where it is; `None` for lights at infinity, whose strength is an irradiance.
+    pub fn position(&self) -> Option<DVec3> {
+        match *self {
+            LightKind::Point { position }
+            | LightKind::Spot { position, .. }
+            | LightKind::Profiled { position, .. } => Some(position),
+            LightKind::Directional { .. } | LightKind::Sun { .. } => None,
+        }
+    }
+
+    /// The way its light travels along its axis, if it has one.
+    pub fn direction(&self) -> Option<DVec3> {
+        match *self {
+            LightKind::Point { .. } => None,
+            LightKind::Profiled { rotation, .. } => Some(rotation * DVec3::NEG_Z),
+            LightKind::Spot { direction, .. }
+            | LightKind::Directional { direction }
+            | LightKind::Sun { direction, .. } => Some(direction),
+        }
+    }
+
+    /// The half angles of the cone that it shines in, where it is whole and where it ends, radians, if it has one.
+    pub fn cone_rad(&self) -> Option<[f64; 2]> {
+        match *self {
+            LightKind::Spot { inner_angle_rad, outer_angle_rad, .. } => {
+                Some([inner_angle_rad, outer_angle_rad])
+            }
+            LightKind::Profiled { cone, .. } => cone,
+            _ => None,
+        }
+    }
+}
+
 /// How a spot light fades from its inner cone to its outer one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]

@@ -9,16 +9,15 @@ use oscura::error::{Result, Warning};
 use oscura::image::Damage;
 use oscura::load::stage::StageOptions;
 use oscura::load::{LoadOptions, Loaded, load};
-use oscura::math::DVec3;
 use oscura::scene::{
-    Camera, Extent, Light, LightKind, MaterialId, Panorama, Projection, Scene, instance_extents, scene_extent,
+    Camera, Extent, Light, MaterialId, Panorama, Projection, Scene, instance_extents, scene_extent,
 };
 use serde::Serialize;
 use std::collections::HashSet;
 use std::path::Path;
 use std::sync::Arc;
 use text::{
-    environment_name, instance_materials, light_kind, material_images, placed_triangles, used_images,
+    environment_name, instance_materials, light_unit, material_images, placed_triangles, used_images,
     used_materials,
 };
 
@@ -152,24 +151,13 @@ struct LightEntry<'a> {
 }
 
 fn light(light: &Light) -> LightEntry<'_> {
-    let (kind, unit) = light_kind(light);
-    let (position, direction, angles) = match light.kind {
-        LightKind::Point { position } => (Some(position), None, None),
-        LightKind::Spot { position, direction, inner_angle_rad, outer_angle_rad, .. } => {
-            (Some(position), Some(direction), Some([inner_angle_rad, outer_angle_rad]))
-        }
-        LightKind::Profiled { position, rotation, cone } => {
-            (Some(position), Some(rotation * DVec3::NEG_Z), cone)
-        }
-        LightKind::Directional { direction } | LightKind::Sun { direction, .. } => {
-            (None, Some(direction), None)
-        }
-    };
+    let (position, direction, angles) =
+        (light.kind.position(), light.kind.direction(), light.kind.cone_rad());
     LightEntry {
         name: &light.name,
-        kind,
+        kind: light.kind.name(),
         intensity: light.intensity.map(f64::from),
-        unit,
+        unit: light_unit(light),
         position: position.map(|p| p.to_array()),
         direction: direction.map(|d| d.to_array()),
         inner_angle_deg: angles.map(|a| a[0].to_degrees()),

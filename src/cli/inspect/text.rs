@@ -3,7 +3,6 @@
 use crate::cli::report::ShapeCounts;
 use oscura::image::{Encoded, Encoding, Image, Pixels};
 use oscura::load::Loaded;
-use oscura::math::DVec3;
 use oscura::scene::{
     AlphaMode, BounceLimits, Camera, Clamp, ColorSlot, EnergyCompensation, Environment, FloatSlot,
     FresnelModel, GlassReflection, Instance, Light, LightKind, Material, MaterialId, MixComponent, Model,
@@ -306,42 +305,27 @@ fn share(slot: &FloatSlot) -> String {
     }
 }
 
-/// The kind of a light, and the unit of its strength.
-pub fn light_kind(light: &Light) -> (&'static str, &'static str) {
-    match light.kind {
-        LightKind::Point { .. } => ("point", "W/sr"),
-        LightKind::Spot { .. } => ("spot", "W/sr"),
-        LightKind::Profiled { .. } => ("profiled", "W/sr"),
-        LightKind::Directional { .. } => ("directional", "W/m2"),
-        LightKind::Sun { .. } => ("sun", "W/m2"),
-    }
+/// The unit of a light's strength.
+pub fn light_unit(light: &Light) -> &'static str {
+    if light.kind.position().is_some() { "W/sr" } else { "W/m2" }
 }
 
 /// A light with its strength and place.
 pub fn describe_light(light: &Light) -> String {
-    let (kind, unit) = light_kind(light);
-    let place = match light.kind {
-        LightKind::Point { position } => format!("at {}", list(&position.to_array())),
-        LightKind::Spot { position, direction, inner_angle_rad, outer_angle_rad, .. } => format!(
-            "at {} towards {}, full to {} and dark from {} degrees off its axis",
-            list(&position.to_array()),
-            list(&direction.to_array()),
+    let at = light.kind.position().map(|p| format!("at {}", list(&p.to_array())));
+    let towards = light.kind.direction().map(|d| format!("towards {}", list(&d.to_array())));
+    let place: Vec<String> = at.into_iter().chain(towards).collect();
+    let more = match light.kind {
+        LightKind::Spot { inner_angle_rad, outer_angle_rad, .. } => format!(
+            ", full to {} and dark from {} degrees off its axis",
             number(inner_angle_rad.to_degrees()),
             number(outer_angle_rad.to_degrees())
         ),
-        LightKind::Profiled { position, rotation, .. } => format!(
-            "at {} towards {}",
-            list(&position.to_array()),
-            list(&(rotation * DVec3::NEG_Z).to_array())
-        ),
-        LightKind::Directional { direction } => format!("towards {}", list(&direction.to_array())),
-        LightKind::Sun { direction, angle_rad } => format!(
-            "towards {}, {} degrees wide",
-            list(&direction.to_array()),
-            number(angle_rad.to_degrees())
-        ),
+        LightKind::Sun { angle_rad, .. } => format!(", {} degrees wide", number(angle_rad.to_degrees())),
+        _ => String::new(),
     };
-    format!("{kind}, {} {unit}, {place}", list(&light.intensity))
+    let (kind, unit) = (light.kind.name(), light_unit(light));
+    format!("{kind}, {} {unit}, {}{more}", list(&light.intensity), place.join(" "))
 }
 
 /// The kind of the environment.
