@@ -267,9 +267,9 @@ impl From<Aov> for Channel {
 
 /// Which AOVs a picture carries. What isn't asked for is neither stored nor computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct AovSet(u32);
+pub struct AovSet(u64);
 
-const _: () = assert!(Aov::ALL.len() <= u32::BITS as usize);
+const _: () = assert!(Aov::ALL.len() <= u64::BITS as usize);
 
 impl AovSet {
     /// Colour only.
@@ -288,7 +288,7 @@ impl AovSet {
     /// This set with one more AOV.
     #[must_use]
     pub const fn with(self, aov: Aov) -> AovSet {
-        AovSet(self.0 | 1 << aov as u32)
+        AovSet(self.0 | 1 << aov as u64)
     }
 
     /// The union with another set.
@@ -299,7 +299,7 @@ impl AovSet {
 
     /// Is it in the set?
     pub const fn contains(self, aov: Aov) -> bool {
-        self.0 >> aov as u32 & 1 == 1
+        self.0 >> aov as u64 & 1 == 1
     }
 
     /// Is the set not empty?

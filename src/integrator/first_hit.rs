@@ -107,8 +107,18 @@ impl FirstHit<'_> {
             Aov::CryptoObject => id(&mattes.objects, object),
             Aov::CryptoMaterial => id(&mattes.materials, material),
             Aov::CryptoAsset => id(&mattes.assets, object),
-            // Other AOVs are recorded elsewhere.
-            _ => [0.0; MAX_COMPONENTS],
+            // Added up by shadow rays, or no matter of first hits: the radiance buffer and the film have them.
+            Aov::Shadow
+            | Aov::DiffuseDirect
+            | Aov::DiffuseIndirect
+            | Aov::GlossyDirect
+            | Aov::GlossyIndirect
+            | Aov::TransmissionDirect
+            | Aov::TransmissionIndirect
+            | Aov::Emission
+            | Aov::Environment
+            | Aov::Samples
+            | Aov::Variance => [0.0; MAX_COMPONENTS],
         }
     }
 
