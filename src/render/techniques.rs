@@ -10,40 +10,49 @@ use super::technique::{ErrorMap, Request, Stopped, Target, Technique, Trial, war
 use crate::error::Warning;
 use crate::integrator::{CausticPlan, IntegratorOptions};
 
-/// All techniques.
-pub(super) struct Techniques {
+/// Makes [`Techniques`] of a list in the order in which they decide: a technique sees in its trial what those before it add. A row: a
+/// field, its type and what makes one.
+macro_rules! techniques {
+    ($($(#[$doc:meta])* $visibility:vis $name:ident: $technique:ty = $new:expr,)*) => {
+        /// All techniques.
+        pub(super) struct Techniques {
+            $($(#[$doc])* $visibility $name: $technique,)*
+            are_prepared: bool,
+        }
+
+        impl Techniques {
+            /// Nothing is tried yet.
+            pub fn new(target: &Target<'_>) -> Techniques {
+                Techniques { $($name: $new(target),)* are_prepared: false }
+            }
+
+            fn list(&self) -> Vec<&dyn Technique> {
+                vec![$(&self.$name),*]
+            }
+
+            fn list_mut(&mut self) -> Vec<&mut dyn Technique> {
+                vec![$(&mut self.$name),*]
+            }
+        }
+    };
+}
+
+techniques! {
     /// Caustics by paths from lights.
-    light_tracing: LightTracing,
+    light_tracing: LightTracing = untried,
     /// Path guiding.
-    guiding: PathGuiding,
+    guiding: PathGuiding = untried,
     /// Path sharing or splitting.
-    pub strategy: StrategyTrials,
+    pub strategy: StrategyTrials = StrategyTrials::new,
     /// More samples in noisy pixels.
-    adaptive: AdaptiveSampling,
-    are_prepared: bool,
+    adaptive: AdaptiveSampling = untried,
+}
+
+fn untried<T: Default>(_: &Target<'_>) -> T {
+    T::default()
 }
 
 impl Techniques {
-    /// Nothing is tried yet.
-    pub fn new(target: &Target<'_>) -> Techniques {
-        Techniques {
-            light_tracing: LightTracing::default(),
-            guiding: PathGuiding::default(),
-            strategy: StrategyTrials::new(target),
-            adaptive: AdaptiveSampling::default(),
-            are_prepared: false,
-        }
-    }
-
-    /// The list. A technique sees in its trial what those before it add.
-    fn list(&self) -> [&dyn Technique; 4] {
-        [&self.light_tracing, &self.guiding, &self.strategy, &self.adaptive]
-    }
-
-    fn list_mut(&mut self) -> [&mut dyn Technique; 4] {
-        [&mut self.light_tracing, &mut self.guiding, &mut self.strategy, &mut self.adaptive]
-    }
-
     /// Runs the trials before the first pass, once.
     pub fn prepare(&mut self, trial: &Trial<'_>) -> Result<(), Stopped> {
         if self.are_prepared {
