@@ -9,8 +9,8 @@ use crate::color::Rgb;
 use crate::error::Warning;
 use crate::math::{DAffine3, DVec3};
 use crate::scene::{
-    self, ColorSlot, Environment, FloatSlot, Fog, GridId, Instance, Keyframes, LightKind, Material,
-    MaterialId, MaterialUses, Model, Motion, Watertightness, Quad, Scene, instance_extents,
+    self, ColorSlot, Environment, FloatSlot, Fog, GridId, Instance, Keyframes, Material, MaterialId,
+    MaterialUses, Model, Motion, Quad, Scene, Watertightness, instance_extents,
 };
 use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet};
@@ -36,7 +36,8 @@ pub(super) fn number(
     let uses = OnceCell::new();
     for (id, material) in materials.iter_mut().enumerate() {
         let Some(mut medium) = material.medium.clone() else { continue };
-        let watertightness = uses.get_or_init(|| MaterialUses::of(scene)).watertightness(MaterialId(id as u32));
+        let watertightness =
+            uses.get_or_init(|| MaterialUses::of(scene)).watertightness(MaterialId(id as u32));
         let is_kept = match watertightness {
             Watertightness::None => false,
             Watertightness::Open if medium.scattering.is_some() => {
@@ -104,7 +105,8 @@ fn number_parts(mix: &mut CompiledMaterial, priority: i32, media: &mut Vec<Mediu
 /// whatever the colour. They get a diffuse base with the albedo of a thick slab.
 pub(super) fn without_bodies(scene: &Scene, warnings: &mut Vec<Warning>) -> Vec<Option<Material>> {
     let uses = OnceCell::new();
-    let watertightness = |id: usize| uses.get_or_init(|| MaterialUses::of(scene)).watertightness(MaterialId(id as u32));
+    let watertightness =
+        |id: usize| uses.get_or_init(|| MaterialUses::of(scene)).watertightness(MaterialId(id as u32));
     let mut without_body = |(id, material): (usize, &Material)| {
         let (medium, pbr) = (material.medium?, material.model.pbr()?);
         let through = pbr.diffuse_transmission.filter(|t| t.factor == FloatSlot::constant(1.0))?;
@@ -129,10 +131,10 @@ pub(super) fn without_bodies(scene: &Scene, warnings: &mut Vec<Warning>) -> Vec<
 
 /// Warns of distant lights that unbounded fog hides.
 fn warn_of_endless_fog(scene: &Scene, warnings: &mut Vec<Warning>) {
-    let is_endless = |fog: &Fog| fog.radius.is_infinite() && fog.medium.extinction != [0.0; 3];
-    let is_far = |kind: &LightKind| matches!(kind, LightKind::Directional { .. } | LightKind::Sun { .. });
-    let has_far_light =
-        scene.environment != Environment::Black || scene.lights.iter().any(|light| is_far(&light.kind));
+    let is_endless =
+        |fog: &Fog| fog_density(fog, DVec3::ZERO).is_endless() && fog.medium.extinction != [0.0; 3];
+    let has_far_light = scene.environment != Environment::Black
+        || scene.lights.iter().any(|light| light.kind.position().is_none());
     if scene.fog.as_ref().is_some_and(is_endless) && has_far_light {
         warnings.push(Warning::general(
             "the fog has no end, so that no light of the environment or a sun comes through: give it a radius",
@@ -200,24 +202,29 @@ fn density(medium: &scene::Medium, scene: &Scene, grids: &[Arc<DensityGrid>]) ->
 
 /// Is its transmittance to infinity 0 in all channels?
 pub(super) fn is_opaque_to_far_light(fog: &Fog) -> bool {
-    fog.radius.is_infinite() && fog.medium.extinction.iter().all(|&extinction| extinction > 0.0)
+    let is_dense = fog.medium.extinction.iter().all(|&extinction| extinction > 0.0);
+    is_dense && fog_density(fog, DVec3::ZERO).is_endless()
+}
+
+/// The kind of fog, relative to `anchor`.
+fn fog_density(fog: &Fog, anchor: DVec3) -> Density {
+    match fog.radius.is_finite() {
+        true => Density::Ball(Ball { center: (fog.center - anchor).as_vec3(), radius: fog.radius as f32 }),
+        false => Density::Homogeneous,
+    }
 }
 
 /// The medium around the scene, relative to `anchor`.
 fn surrounding(fog: Option<&Fog>, anchor: DVec3, is_spectral: bool) -> Medium {
     let Some(fog) = fog else { return Medium::AIR };
     let extinction = Rgb::from_array(fog.medium.extinction);
-    let density = match fog.radius.is_finite() {
-        true => Density::Ball(Ball { center: (fog.center - anchor).as_vec3(), radius: fog.radius as f32 }),
-        false => Density::Homogeneous,
-    };
     let is_there = extinction.max_element() > 0.0;
     let whole = Scattering {
         extinction,
         scattered: extinction * Rgb::from_array(fog.medium.albedo),
         emission: Rgb::from_array(fog.medium.emission),
         anisotropy: fog.medium.anisotropy,
-        density,
+        density: fog_density(fog, anchor),
         counts: true,
         spectra: if is_spectral {
             ScatteringSpectra::of(&fog.medium, None, false).map(Arc::new)

@@ -226,6 +226,16 @@ pub enum Density {
     Grid(GridMedium),
 }
 
+impl Density {
+    /// Is it dense infinitely far away in all directions, so that nothing there is seen through it?
+    pub fn is_endless(&self) -> bool {
+        match self {
+            Density::Homogeneous => true,
+            Density::Ball(_) | Density::Grid(_) => false,
+        }
+    }
+}
+
 /// The grids of a heterogeneous medium.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GridMedium {
@@ -308,7 +318,10 @@ impl Scattering {
     /// The ray parameters from `from` on at which a ray enters and leaves the medium; the range is empty unless the second is larger.
     #[inline]
     pub fn extent(&self, origin: Vec3, direction: Vec3, from: f32) -> [f32; 2] {
-        let Density::Ball(Ball { center, radius }) = self.density else { return [from, f32::INFINITY] };
+        let Ball { center, radius } = match self.density {
+            Density::Homogeneous | Density::Grid(_) => return [from, f32::INFINITY],
+            Density::Ball(ball) => ball,
+        };
         // The closest point of the ray's line first: far away from the ball the square of the distance would drown it.
         let squared = direction.length_squared();
         let closest = (center - origin).dot(direction) / squared;
@@ -367,23 +380,27 @@ impl Scattering {
         [from, to]: [f32; 2],
         (apart, waves): (u32, Option<&Wavelengths>),
     ) -> Rgb {
-        if let Density::Grid(own @ GridMedium { density: grid, .. }) = &self.density {
-            let bits = [origin.x, origin.y, origin.z, direction.x, direction.y, direction.z, from];
-            let salt = bits.into_iter().fold(apart, |salt, x| hash32(salt ^ x.to_bits()));
-            let most = self.extinction.max_element();
-            let ray = grid.ray(origin, direction, most);
-            return match self.is_grey() {
-                true => Rgb::ONE * grid.transmittance(&ray, from, to, salt),
-                false => {
-                    let share = self.extinction / most;
-                    let relative = |t: f32| share * own.relative_extinction(ray.at(t), waves);
-                    grid.transmittance_by_channel(&ray, [from, to], salt, relative)
+        match &self.density {
+            Density::Homogeneous | Density::Ball(_) => {
+                let [begin, end] = self.extent(origin, direction, from);
+                let to = to.min(end);
+                if to > begin { self.transmittance((to - begin) * direction.length()) } else { Rgb::ONE }
+            }
+            Density::Grid(own @ GridMedium { density: grid, .. }) => {
+                let bits = [origin.x, origin.y, origin.z, direction.x, direction.y, direction.z, from];
+                let salt = bits.into_iter().fold(apart, |salt, x| hash32(salt ^ x.to_bits()));
+                let most = self.extinction.max_element();
+                let ray = grid.ray(origin, direction, most);
+                match self.is_grey() {
+                    true => Rgb::ONE * grid.transmittance(&ray, from, to, salt),
+                    false => {
+                        let share = self.extinction / most;
+                        let relative = |t: f32| share * own.relative_extinction(ray.at(t), waves);
+                        grid.transmittance_by_channel(&ray, [from, to], salt, relative)
+                    }
                 }
-            };
+            }
         }
-        let [begin, end] = self.extent(origin, direction, from);
-        let to = to.min(end);
-        if to > begin { self.transmittance((to - begin) * direction.length()) } else { Rgb::ONE }
     }
 }
 

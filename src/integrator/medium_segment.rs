@@ -331,13 +331,15 @@ impl DeltaTracking {
             let p = ray.at(t);
             let ends = weight * scattered * grid.relative_scattering(p, waves);
             let goes_on = weight * (Rgb::ONE - extinction * grid.relative_extinction(p, waves));
-            let share = sum(ends) / (sum(ends) + sum(goes_on));
-            // Without scattering and null collisions the share is NaN, and the path ends.
-            let is_end = share.is_nan() || number < share;
-            weight = if is_end { ends / share } else { goes_on / (1.0 - share) };
-            if share.is_nan() {
+            let all = sum(ends) + sum(goes_on);
+            if all == 0.0 {
+                // Everything is absorbed.
                 weight = Rgb::ZERO;
+                return true;
             }
+            let share = sum(ends) / all;
+            let is_end = number < share;
+            weight = if is_end { ends / share } else { goes_on / (1.0 - share) };
             is_end
         });
         (scatter_t, weight)
@@ -394,11 +396,11 @@ impl EquiangularSampling {
         extent: [f32; 2],
         light_position: Vec3,
     ) -> Option<EquiangularSampling> {
-        let to_lamp = light_position - origin;
-        let closest = to_lamp.dot(direction);
+        let to_light = light_position - origin;
+        let closest = to_light.dot(direction);
         // For rays through the light itself.
-        let least = 1e-3 * to_lamp.length();
-        let distance = (to_lamp - direction * closest).length().max(least);
+        let least = 1e-3 * to_light.length();
+        let distance = (to_light - direction * closest).length().max(least);
         let angle = |t: f32| {
             if t.is_finite() { poly::atan2(t - closest, distance) } else { 0.5 * std::f32::consts::PI }
         };
