@@ -1,11 +1,10 @@
 //! What the steps of a program compute, for many points at a time.
 
 use super::color::{self, Table};
+use super::hash::{hash_floats, hash_to_vector};
 use super::math;
-use super::noise;
-use super::noise::{Fractal, noise_texture};
-use super::noise::{Wall, Wave};
-use super::noise::{hash_floats, hash_to_vector};
+use super::noise::{self, Fractal, noise_texture};
+use super::patterns::{self, Wall, Wave};
 use super::source::Source;
 use super::voronoi::Voronoi;
 use crate::color::luminance;
@@ -428,8 +427,8 @@ fn noises<const LANES: usize>(kind: &NodeKind, step: &Compiled, r: &mut Register
             let [x, y, z] = [v[0], v[1], v[2]].map(|c| c * v[3]);
             let (frequency, isotropy) = (v[4].max(0.001), 1.0 - v[5].clamp(0.0, 1.0));
             match dimensions {
-                Dimensions::Two => noise::two_dimensional([x, y], frequency, isotropy, v[6]),
-                _ => noise::three_dimensional([x, y, z], frequency, isotropy, [v[7], v[8], v[9]]),
+                Dimensions::Two => noise::gabor_2d([x, y], frequency, isotropy, v[6]),
+                _ => noise::gabor_3d([x, y, z], frequency, isotropy, [v[7], v[8], v[9]]),
             }
         }),
         NodeKind::WhiteNoise { dimensions } => r.each(step, |[x, y, z, w]: [f32; 4]| {
@@ -464,15 +463,15 @@ fn pattern<const LANES: usize>(kind: &NodeKind, step: &Compiled, r: &mut Registe
         }
         NodeKind::MagicTexture { turbulence_depth } => {
             r.each(step, |[x, y, z, scale, distortion]: [f32; 5]| {
-                let [a, b, c] = noise::magic([x, y, z], scale, turbulence_depth, distortion);
+                let [a, b, c] = patterns::magic([x, y, z], scale, turbulence_depth, distortion);
                 [a, b, c, (a + b + c) * (1.0 / 3.0)]
             })
         }
         NodeKind::GradientTexture { gradient_type } => {
-            r.each(step, |p: [f32; 3]| [noise::gradient(gradient_type, p); 4]);
+            r.each(step, |p: [f32; 3]| [patterns::gradient(gradient_type, p); 4]);
         }
         NodeKind::CheckerTexture {} => r.each(step, |v: [f32; 10]| {
-            let fac = noise::checker([v[0], v[1], v[2]].map(|c| c * v[9]));
+            let fac = patterns::checker([v[0], v[1], v[2]].map(|c| c * v[9]));
             let first = if fac == 1.0 { 3 } else { 6 };
             [v[first], v[first + 1], v[first + 2], fac]
         }),

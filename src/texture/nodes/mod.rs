@@ -2,8 +2,10 @@
 
 mod color;
 mod evaluate;
+mod hash;
 mod math;
 mod noise;
+mod patterns;
 mod source;
 mod voronoi;
 

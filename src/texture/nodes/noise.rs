@@ -1,19 +1,15 @@
 //! Gradient noise of one to four dimensions (Perlin 2002, "Improving Noise") and its fractal sums (Musgrave in Ebert et al. 2003,
 //! "Texturing and Modeling", chapter 16), with the lattice hash and scales of Cycles.
 //!
-//! Hashes of lattice cells and of floating-point numbers: the last steps of Jenkins' lookup3 (2006, public domain), and the
-//! permuted congruential generators of Jarzynski and Olano 2020, "Hash Functions for GPU Rendering" (pcg2d, pcg3d, pcg4d).
-//!
 //! Gabor noise (Lagae et al. 2009, "Procedural Noise using Sparse Gabor Convolution"), with as many impulses in each cell as in all others
 //! and phases (Tricard et al. 2019, "Procedural Phasor Noise"), as Cycles has it.
-//!
-//! Other patterns: waves, magic, gradients, checkers, bricks.
 
+use super::hash::{hash_floats, hash_to_vector, hash_words};
 use super::math::normalize;
 use crate::math::{Vec3, poly};
-use crate::scene::nodes::{BandsDirection, GradientType, NoiseType, RingsDirection, WaveProfile, WaveType};
+use crate::scene::nodes::NoiseType;
 use crate::simd;
-use std::f32::consts::{FRAC_PI_2, PI, SQRT_2, TAU};
+use std::f32::consts::{PI, SQRT_2};
 
 /// Coordinates beyond this repeat, since single precision has no fractions left there.
 const PERIOD: f32 = 100_000.0;
@@ -353,128 +349,7 @@ pub fn noise_texture<const N: usize>(
     [value, value, second, third]
 }
 
-/// A number of 0..1 from 32 bits.
-#[inline(always)]
-fn unit(bits: u32) -> f32 {
-    bits as f32 * (1.0 / u32::MAX as f32)
-}
-
-/// Final mixing of lookup3.
-#[inline(always)]
-fn finish(mut a: u32, mut b: u32, mut c: u32) -> u32 {
-    c = (c ^ b).wrapping_sub(b.rotate_left(14));
-    a = (a ^ c).wrapping_sub(c.rotate_left(11));
-    b = (b ^ a).wrapping_sub(a.rotate_left(25));
-    c = (c ^ b).wrapping_sub(b.rotate_left(16));
-    a = (a ^ c).wrapping_sub(c.rotate_left(4));
-    b = (b ^ a).wrapping_sub(a.rotate_left(14));
-    (c ^ b).wrapping_sub(b.rotate_left(24))
-}
-
-/// Hash of one to four words.
-#[inline(always)]
-pub fn hash_words<const N: usize>(words: [u32; N]) -> u32 {
-    let start = 0xdead_beefu32.wrapping_add((N as u32) << 2).wrapping_add(13);
-    let word = |i: usize| if i < N { words[i] } else { 0 };
-    let (mut a, mut b, mut c) =
-        (start.wrapping_add(word(0)), start.wrapping_add(word(1)), start.wrapping_add(word(2)));
-    if N > 3 {
-        a = a.wrapping_sub(c) ^ c.rotate_left(4);
-        c = c.wrapping_add(b);
-        b = b.wrapping_sub(a) ^ a.rotate_left(6);
-        a = a.wrapping_add(c);
-        c = c.wrapping_sub(b) ^ b.rotate_left(8);
-        b = b.wrapping_add(a);
-        a = a.wrapping_sub(c) ^ c.rotate_left(16);
-        c = c.wrapping_add(b);
-        b = b.wrapping_sub(a) ^ a.rotate_left(19);
-        a = a.wrapping_add(c);
-        c = c.wrapping_sub(b) ^ b.rotate_left(4);
-        b = b.wrapping_add(a);
-        a = a.wrapping_add(word(3));
-    }
-    finish(a, b, c)
-}
-
-/// A random number of 0..1 from the bits of one to four numbers.
-#[inline(always)]
-pub fn hash_floats<const N: usize>(k: [f32; N]) -> f32 {
-    unit(hash_words(k.map(f32::to_bits)))
-}
-
-/// Three random numbers of 0..1 from one to four numbers.
-#[inline(always)]
-pub fn hash_to_vector(k: &[f32]) -> [f32; 3] {
-    match *k {
-        [x] => [hash_floats([x]), hash_floats([x, 1.0]), hash_floats([x, 2.0])],
-        [x, y] => [hash_floats([x, y]), hash_floats([x, y, 1.0]), hash_floats([x, y, 2.0])],
-        [x, y, z] => [hash_floats([x, y, z]), hash_floats([x, y, z, 1.0]), hash_floats([x, y, z, 2.0])],
-        [x, y, z, w] => [hash_floats([x, y, z, w]), hash_floats([z, x, w, y]), hash_floats([w, z, y, x])],
-        _ => [0.0; 3],
-    }
-}
-
-/// A cell's random numbers, 0..1: `pcg2d`, `pcg3d` and `pcg4d` by the number of dimensions, on signed integers whose shifts keep the sign.
-/// Loops over cells vectorise: there are no branches and no calls.
-#[inline(always)]
-pub fn hash_cell<const N: usize>(cell: [i32; N]) -> [f32; N] {
-    let mut v = cell;
-    for c in &mut v {
-        *c = c.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-    }
-    add_products(&mut v);
-    for c in &mut v {
-        *c ^= *c >> 16;
-    }
-    add_products(&mut v);
-    let mut unit = [0.0; N];
-    for i in 0..N {
-        unit[i] = (v[i] & 0x7fff_ffff) as f32 * (1.0 / 0x7fff_ffff as f32);
-    }
-    unit
-}
-
-/// Adds products of numbers to others, in turn.
-#[inline(always)]
-fn add_products<const N: usize>(v: &mut [i32; N]) {
-    match N {
-        2 => {
-            v[0] = v[0].wrapping_add(v[1 % N].wrapping_mul(1_664_525));
-            v[1 % N] = v[1 % N].wrapping_add(v[0].wrapping_mul(1_664_525));
-        }
-        3 => {
-            v[0] = v[0].wrapping_add(v[1 % N].wrapping_mul(v[2 % N]));
-            v[1 % N] = v[1 % N].wrapping_add(v[2 % N].wrapping_mul(v[0]));
-            v[2 % N] = v[2 % N].wrapping_add(v[0].wrapping_mul(v[1 % N]));
-        }
-        _ => {
-            v[0] = v[0].wrapping_add(v[1 % N].wrapping_mul(v[3 % N]));
-            v[1 % N] = v[1 % N].wrapping_add(v[2 % N].wrapping_mul(v[0]));
-            v[2 % N] = v[2 % N].wrapping_add(v[0].wrapping_mul(v[1 % N]));
-            v[3 % N] = v[3 % N].wrapping_add(v[1 % N].wrapping_mul(v[2 % N]));
-        }
-    }
-}
-
-/// A cell's random colour.
-#[inline(always)]
-pub fn cell_color<const N: usize>(cell: [i32; N]) -> [f32; 3] {
-    match N {
-        1 => hash_to_vector(&[cell[0] as f32]),
-        2 => hash_cell([cell[0], cell[1], 0]),
-        3 => hash_cell([cell[0], cell[1], cell[2 % N]]),
-        _ => {
-            let [x, y, z, _] = hash_cell([cell[0], cell[1 % N], cell[2 % N], cell[3 % N]]);
-            [x, y, z]
-        }
-    }
-}
-
-/// A cell's random point of 0..1 in each dimension.
-#[inline(always)]
-pub fn cell_point<const N: usize>(cell: [i32; N]) -> [f32; N] {
-    if N == 1 { [hash_floats([cell[0] as f32]); N] } else { hash_cell(cell) }
-}
+// Gabor noise.
 
 /// Impulses in each cell.
 const IMPULSES: u32 = 8;
@@ -484,7 +359,7 @@ const SPREAD: f32 = 6.0;
 
 /// Value and phase, 0..1, and intensity in two dimensions, of a frequency in cycles per cell, in a direction of `angle_rad`, and any where
 /// `isotropy` is 1.
-pub fn two_dimensional(p: [f32; 2], frequency: f32, isotropy: f32, angle_rad: f32) -> [f32; 3] {
+pub fn gabor_2d(p: [f32; 2], frequency: f32, isotropy: f32, angle_rad: f32) -> [f32; 3] {
     let cell = p.map(f32::floor);
     let mut sum = [0.0; 2];
     for (i, j) in (0..9).map(|k| (k % 3 - 1, k / 3 - 1)) {
@@ -505,7 +380,7 @@ pub fn two_dimensional(p: [f32; 2], frequency: f32, isotropy: f32, angle_rad: f3
 }
 
 /// Gabor noise in three dimensions, along a direction.
-pub fn three_dimensional(p: [f32; 3], frequency: f32, isotropy: f32, direction: [f32; 3]) -> [f32; 3] {
+pub fn gabor_3d(p: [f32; 3], frequency: f32, isotropy: f32, direction: [f32; 3]) -> [f32; 3] {
     let cell = p.map(f32::floor);
     let direction = Vec3::from_array(normalize(direction));
     let mut sum = [0.0; 2];
@@ -558,171 +433,6 @@ fn turned(direction: Vec3, isotropy: f32, seed: [f32; 4]) -> Vec3 {
 fn outputs([x, y]: [f32; 2], integral: f32) -> [f32; 3] {
     let scale = 1.0 / (SPREAD * (IMPULSES as f32 * 0.5 * integral).sqrt());
     [0.5 * y * scale + 0.5, (poly::atan2(y, x) + PI) / (2.0 * PI), (x * x + y * y).sqrt() * scale]
-}
-
-/// Moves points off the borders of cells, where rounding would decide.
-fn off_borders(x: f32) -> f32 {
-    (x + 0.000_001) * 0.999_999
-}
-
-/// The kind of a wave.
-#[derive(Clone, Copy, Debug)]
-pub struct Wave {
-    pub wave_type: WaveType,
-    pub bands: BandsDirection,
-    pub rings: RingsDirection,
-    pub profile: WaveProfile,
-}
-
-impl Wave {
-    /// The wave at a scaled point.
-    pub fn evaluate(
-        &self,
-        p: [f32; 3],
-        distortion: f32,
-        detail: f32,
-        detail_scale: f32,
-        roughness: f32,
-        phase: f32,
-    ) -> f32 {
-        let [x, y, z] = p.map(off_borders);
-        let length = |x: f32, y: f32, z: f32| (x * x + y * y + z * z).sqrt() * 20.0;
-        let mut n = match (self.wave_type, self.bands, self.rings) {
-            (WaveType::Bands, BandsDirection::X, _) => x * 20.0,
-            (WaveType::Bands, BandsDirection::Y, _) => y * 20.0,
-            (WaveType::Bands, BandsDirection::Z, _) => z * 20.0,
-            (WaveType::Bands, BandsDirection::Diagonal, _) => (x + y + z) * 10.0,
-            (WaveType::Rings, _, RingsDirection::X) => length(0.0, y, z),
-            (WaveType::Rings, _, RingsDirection::Y) => length(x, 0.0, z),
-            (WaveType::Rings, _, RingsDirection::Z) => length(x, y, 0.0),
-            (WaveType::Rings, _, RingsDirection::Spherical) => length(x, y, z),
-        } + phase;
-        if distortion != 0.0 {
-            let fractal = Fractal {
-                noise_type: NoiseType::Fbm,
-                normalize: true,
-                detail,
-                roughness,
-                lacunarity: 2.0,
-                offset: 0.0,
-                gain: 0.0,
-            };
-            n += distortion * (fractal.evaluate([x, y, z].map(|c| c * detail_scale)) * 2.0 - 1.0);
-        }
-        match self.profile {
-            WaveProfile::Sine => 0.5 + 0.5 * poly::sin_cos(n - FRAC_PI_2).0,
-            WaveProfile::Saw => {
-                let turns = n / TAU;
-                turns - turns.floor()
-            }
-            WaveProfile::Triangle => {
-                let turns = n / TAU;
-                (turns - (turns + 0.5).floor()).abs() * 2.0
-            }
-        }
-    }
-}
-
-/// The magic texture at an unscaled point.
-pub fn magic(p: [f32; 3], scale: f32, depth: u32, distortion: f32) -> [f32; 3] {
-    let [a, b, c] = p.map(|x| (x * scale) % TAU);
-    let (sin, cos) = (|x: f32| poly::sin_cos(x).0, |x: f32| poly::sin_cos(x).1);
-    let mut x = sin((a + b + c) * 5.0);
-    let mut y = cos((-a + b - c) * 5.0);
-    let mut z = -cos((-a - b + c) * 5.0);
-    for step in 0..depth.min(10) {
-        if step == 0 {
-            (x, y, z) = (x * distortion, y * distortion, z * distortion);
-        }
-        match step {
-            0 => y = -cos(x - y + z) * distortion,
-            1 => x = cos(x - y - z) * distortion,
-            2 => z = sin(-x - y - z) * distortion,
-            3 => x = -cos(-x + y - z) * distortion,
-            4 => y = -sin(-x + y + z) * distortion,
-            5 => y = -cos(-x + y + z) * distortion,
-            6 => x = cos(x + y + z) * distortion,
-            7 => z = sin(x + y - z) * distortion,
-            8 => x = -cos(-x - y + z) * distortion,
-            _ => y = -sin(x - y + z) * distortion,
-        }
-    }
-    let divisor = if distortion == 0.0 { 1.0 } else { distortion * 2.0 };
-    [x, y, z].map(|v| 0.5 - v / divisor)
-}
-
-/// A gradient, 0..1.
-pub fn gradient(kind: GradientType, [x, y, z]: [f32; 3]) -> f32 {
-    let sphere = || (0.999_999 - (x * x + y * y + z * z).sqrt()).max(0.0);
-    let value = match kind {
-        GradientType::Linear => x,
-        GradientType::Quadratic => x.max(0.0) * x.max(0.0),
-        GradientType::Easing => {
-            let t = x.clamp(0.0, 1.0);
-            3.0 * t * t - 2.0 * t * t * t
-        }
-        GradientType::Diagonal => (x + y) * 0.5,
-        GradientType::Radial => poly::atan2(y, x) / TAU + 0.5,
-        GradientType::Spherical => sphere(),
-        GradientType::QuadraticSphere => sphere() * sphere(),
-    };
-    value.clamp(0.0, 1.0)
-}
-
-/// 1 in the first kind of cells, 0 in the others.
-pub fn checker(p: [f32; 3]) -> f32 {
-    let [x, y, z] = p.map(|c| (off_borders(c).floor() as i32) & 1);
-    if (x == y) == (z == 1) { 1.0 } else { 0.0 }
-}
-
-/// Sizes of a wall, in scaled units.
-#[derive(Clone, Copy, Debug)]
-pub struct Wall {
-    pub offset: f32,
-    pub offset_frequency: u32,
-    pub squash: f32,
-    pub squash_frequency: u32,
-    pub mortar_size: f32,
-    pub mortar_smooth: f32,
-    pub bias: f32,
-    pub brick_width: f32,
-    pub row_height: f32,
-}
-
-/// A random number of 0..1 for a brick.
-fn brick_tint(n: u32) -> f32 {
-    let n = n.wrapping_add(1013) & 0x7fff_ffff;
-    let n = (n >> 13) ^ n;
-    let mixed = n
-        .wrapping_mul(n.wrapping_mul(n).wrapping_mul(60493).wrapping_add(19_990_303))
-        .wrapping_add(1_376_312_589);
-    0.5 * ((mixed & 0x7fff_ffff) as f32 / 1_073_741_824.0)
-}
-
-impl Wall {
-    /// The tint of the brick at a scaled point, and how much mortar is there.
-    pub fn evaluate(&self, x: f32, y: f32) -> (f32, f32) {
-        let row = (y / self.row_height).floor() as i32;
-        let every = |frequency: u32| row % frequency as i32 == 0;
-        let (mut width, mut offset) = (self.brick_width, 0.0);
-        if self.offset_frequency > 0 && self.squash_frequency > 0 {
-            width *= if every(self.squash_frequency) { self.squash } else { 1.0 };
-            offset = if every(self.offset_frequency) { width * self.offset } else { 0.0 };
-        }
-        let brick = ((x + offset) / width).floor() as i32;
-        let (in_x, in_y) = (x + offset - width * brick as f32, y - self.row_height * row as f32);
-        let tint = brick_tint((row << 16).wrapping_add(brick & 0xffff) as u32) + self.bias;
-        let nearest = in_x.min(in_y).min((width - in_x).min(self.row_height - in_y));
-        let mortar = if nearest >= self.mortar_size {
-            0.0
-        } else if self.mortar_smooth == 0.0 {
-            1.0
-        } else {
-            let t = ((1.0 - nearest / self.mortar_size) / self.mortar_smooth).clamp(0.0, 1.0);
-            t * t * (3.0 - 2.0 * t)
-        };
-        (tint.clamp(0.0, 1.0), mortar)
-    }
 }
 
 #[cfg(test)]
