@@ -15,6 +15,9 @@ use rayon::prelude::*;
 /// Light paths of a trial.
 const TRIED_PATHS: u32 = 1 << 13;
 
+/// Number of the sample that a trial takes: no picture has it.
+const TRIAL_SAMPLE: u32 = u32::MAX;
+
 /// Light paths of one task.
 const PATHS_AT_A_TIME: u32 = 1 << 7;
 
@@ -69,7 +72,7 @@ impl Technique for LightTracing {
     }
 
     fn refusal(&self) -> &'static str {
-        "caustics are not found from the lamp"
+        "caustics are not found by paths from lights"
     }
 
     fn obstacle(&self, target: &Target<'_>) -> Option<&'static str> {
@@ -157,7 +160,7 @@ impl LightTrial<'_> {
         let tallies = starts.into_par_iter().map(|start| {
             let paths = start..tried.min(start + PATHS_AT_A_TIME);
             self.0.run(("caustics", group), self.0.stop, |w| {
-                Some(integrator.trace_light_paths(u32::MAX, paths, w, &mut Vec::new()))
+                Some(integrator.trace_light_paths(TRIAL_SAMPLE, paths, w, &mut Vec::new()))
             })
         });
         let tallies = tallies.collect::<Result<Vec<CausticTally>, Stopped>>()?;

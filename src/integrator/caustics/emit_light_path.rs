@@ -72,11 +72,11 @@ impl Integrator<'_> {
         let start = |index: u32| {
             let point = SobolPoint::new(seed, index);
             let [a, b, c, d] = point.sample_4d(&first);
-            let [of_lamp, of_ball, x, y] = point.sample_4d(&second);
-            let emitted = plan.emission.sample(lights, textures, [a, b], [c, d], of_lamp, of_ball)?;
+            let [of_light, of_ball, x, y] = point.sample_4d(&second);
+            let emitted = plan.emission.sample(lights, textures, [a, b], [c, d], of_light, of_ball)?;
             let EmittedRay { ray, radiance, scale, light, is_delta } = emitted;
-            let hero = if self.is_spectral() { point.sample_4d(&wavelength)[0] } else { f32::NAN };
-            let wavelengths = (!hero.is_nan()).then(|| Wavelengths::draw(hero));
+            let hero = self.is_spectral().then(|| point.sample_4d(&wavelength)[0]);
+            let wavelengths = hero.map(Wavelengths::draw);
             Some(LightPath {
                 ray,
                 start: ray.direction,
@@ -139,10 +139,10 @@ impl Integrator<'_> {
         }
     }
 
-    /// Does a path that comes straight from its lamp bring light to where it hit? Its ray may start a little too near.
+    /// Does a path that comes straight from its light bring light to where it hit? Its ray may start a little too near.
     fn is_lit_along(&self, path: &LightPath, hit: &Hit, salt: u32, w: &mut Workspace) -> bool {
-        let Some(lamp) = self.scene.lights.area().get(path.light as usize) else { return true };
-        let Some(behind) = lamp.starts_behind(path.ray.at(hit.t), &path.ray) else { return false };
+        let Some(emitter) = self.scene.lights.area().get(path.light as usize) else { return true };
+        let Some(behind) = emitter.starts_behind(path.ray.at(hit.t), &path.ray) else { return false };
         let start = Ray::segment(path.ray.origin, path.ray.direction * -behind);
         behind == 0.0 || !self.blocked(&[start], &[salt], false, w)[0]
     }

@@ -82,15 +82,15 @@ pub(super) struct LightPath {
     pub light: u32,
     /// The light is a point or a direction, and the first surface perfectly specular: no path from the camera finds this light.
     pub is_only_way: bool,
-    /// Position of the hero wavelength in the distribution of wavelengths, 0 to 1; NaN without wavelengths.
-    pub hero: f32,
+    /// Position of the hero wavelength in the distribution of wavelengths, 0 to 1, in spectral rendering.
+    pub hero: Option<f32>,
 }
 
 impl LightPath {
     /// The wavelengths that it carries.
     #[inline]
     pub fn wavelengths(&self) -> Option<Wavelengths> {
-        (!self.hero.is_nan()).then(|| Wavelengths::draw(self.hero))
+        self.hero.map(Wavelengths::draw)
     }
 }
 
