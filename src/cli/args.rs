@@ -115,6 +115,15 @@ pub(crate) enum TreeArg {
     Full,
 }
 
+/// A frame of a sequence.
+#[derive(Clone, Debug)]
+pub struct SequenceFrame {
+    /// Its number, which `--animate-seed` adds to the seed.
+    pub number: u32,
+    /// As messages name it.
+    pub label: String,
+}
+
 /// Shadow terminator of meshes with shading normals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum TerminatorArg {
@@ -135,12 +144,9 @@ pub(crate) struct RenderArgs {
     /// Without -o: marks the picture as this command's own (see `pictures`).
     #[arg(skip)]
     pub mark: Option<String>,
-    /// The frame of a sequence that is being rendered, as messages name it.
+    /// The frame of a sequence that is being rendered.
     #[arg(skip)]
-    pub frame: Option<String>,
-    /// What is added to the seed for that frame.
-    #[arg(skip)]
-    pub seed_shift: u32,
+    pub frame: Option<SequenceFrame>,
     /// Output file: .exr, .png, .jpg, .tif, .webp, .hdr or .part; may be given several times [default: SCENE.png].
     ///
     /// With --orbit and --frames also .gif, .apng, .mp4 or .webm (video needs the program ffmpeg). #### or %04d is

@@ -1,6 +1,6 @@
 //! `oscura render`: load, compile, render, write, report.
 
-use super::args::RenderArgs;
+use super::args::{RenderArgs, SequenceFrame};
 use super::checkpoint::CheckpointWriter;
 use super::parsers::Frames;
 use super::picture_args::Quality;
@@ -112,11 +112,11 @@ fn run_frames(args: &RenderArgs, frames: Frames, cancel: &CancelHandle) -> Resul
             let Some(number) = numbers.next() else { return Ok(ControlFlow::Break(())) };
             let targets = Targets::check(&file(number))?;
             let mut args = args.clone();
-            args.seed_shift = if args.animate_seed { number } else { 0 };
-            args.frame = Some(match is_of_blender(&args.scene) {
+            let label = match is_of_blender(&args.scene) {
                 true => format!("frame    {number}"),
                 false => format!("frame    {number}, {:.3} s", f64::from(number) / args.fps),
-            });
+            };
+            args.frame = Some(SequenceFrame { number, label });
             args.long.checkpoint = args.long.checkpoint.map(|file| Frames::file(&file, number));
             outcome = run_one(&args, cancel, &targets, Some(&environment), loaded, start, &mut kept)?;
             start = Instant::now();
@@ -393,12 +393,14 @@ fn prepare_files(
     compiler: &mut Compiler,
 ) -> Result<Prepared> {
     if let Some(frame) = args.frame.as_ref().filter(|_| args.verbose) {
-        say!("{frame}");
+        say!("{}", frame.label);
     }
     let wants = PictureUse::of_files(args, targets.has_exr());
     let mut prepared = prepare(args, wants, environment, loaded, start, compiler)?;
-    let options = &mut prepared.resolved.options;
-    *options = options.seed(options.seed.wrapping_add(args.seed_shift));
+    if let Some(frame) = args.frame.as_ref().filter(|_| args.animate_seed) {
+        let options = &mut prepared.resolved.options;
+        *options = options.seed(options.seed.wrapping_add(frame.number));
+    }
     prepared.warnings.extend(unused_option_warnings(given, &loaded.scene, &prepared));
     prepared.notes.extend(idle_option_notes(given, &loaded.scene));
     Ok(prepared)
@@ -501,7 +503,7 @@ fn print_run(args: &RenderArgs, run: &Run) -> Outcome {
         run.print_details();
     }
     if !args.quiet {
-        run.print_end(args.frame.as_deref());
+        run.print_end(args.frame.as_ref().map(|frame| frame.label.as_str()));
     }
     if args.json {
         json::print(&json::of_run(run));
@@ -537,7 +539,12 @@ fn take_picture<'a>(
     mut preview: Option<&mut Preview>,
 ) -> Result<(Rendering, Result<()>)> {
     let ends = StopCriteria { limit: args.long.time_limit, by_noise: args.long.noise.is_some() };
-    let progress = Progress::new(args.quiet, args.long.progress, ends, args.frame.as_deref());
+    let progress = Progress::new(
+        args.quiet,
+        args.long.progress,
+        ends,
+        args.frame.as_ref().map(|frame| frame.label.as_str()),
+    );
     let progress = Arc::new(progress);
     let shown = progress.clone();
     let mut rendering =
@@ -611,9 +618,8 @@ fn run_turntable(args: &RenderArgs, count: u32, cancel: &CancelHandle) -> Result
     let table = turntable(&loaded);
     let mut kept = RunState { moving, ..RunState::new(args, Compiler::sequence())? };
     for k in 0..count {
-        let seed_shift = if args.animate_seed { k } else { 0 };
-        let args =
-            &RenderArgs { frame: Some(format!("frame    {k} of {count}")), seed_shift, ..args.clone() };
+        let frame = Some(SequenceFrame { number: k, label: format!("frame    {k} of {count}") });
+        let args = &RenderArgs { frame, ..args.clone() };
         let angle = |frame: f64| frame / f64::from(count) * TAU;
         let now = f64::from(k);
         let neighbours =
