@@ -365,7 +365,7 @@ impl fmt::Display for Choice {
             Choice::AllowExternal => "`LoadOptions::allow_external`",
             Choice::Aovs => "`Renderer::aovs`",
             Choice::Background => "`StageOptions::background`",
-            Choice::NewSidecar => "`scene_file::sidecar`",
+            Choice::NewSidecar => "`scene_file::sidecar_path`",
             Choice::Blender => "`BlenderOptions::program`",
             Choice::Environment => "`LoadOptions::brings_environment`",
             Choice::Float => "`OutputOptions::float`",

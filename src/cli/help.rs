@@ -8,7 +8,7 @@ use super::process::Outcome;
 use super::report::print_text;
 use clap::{Arg, ValueEnum};
 use oscura::error::{Error, Result};
-use oscura::load::scene_file::reference::{CHAPTERS, Chapter};
+use oscura::load::scene_file::{CHAPTERS, Chapter};
 use std::fmt::Write;
 use strsim::levenshtein;
 use textwrap::{Options, WordSplitter, fill, wrap};

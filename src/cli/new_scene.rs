@@ -8,7 +8,7 @@ use super::scene_args::check_scene_path;
 use oscura::error::{Error, ErrorKind, Problem, Result};
 use oscura::load::blender::{BlenderOptions, clear, default_cache, export, kept};
 use oscura::load::gltf::GltfOptions;
-use oscura::load::scene_file::sidecar;
+use oscura::load::scene_file::sidecar_path;
 use oscura::load::{BlenderExport, LoadOptions, Loaded, is_of_blender, load};
 use oscura::output::{check_folder, check_target, move_folder, write_atomically};
 use oscura::scene::Scene;
@@ -46,7 +46,7 @@ pub(crate) fn run(args: &NewArgs) -> Result<Outcome> {
 // `oscura new --beside MODEL`: a file of settings for what the model can't carry, filled in from the model.
 
 fn write_sidecar(model: &Path, args: &NewArgs) -> Result<Outcome> {
-    let path = sidecar::path_for(model);
+    let path = sidecar_path(model);
     if path == model || model.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
         let message = format!("{} is no model", model.display());
         return Err(Error::usage(message).with_help("name a .glb, .gltf, .obj or .ply file"));

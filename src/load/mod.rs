@@ -43,7 +43,7 @@ pub use upright::{Up, UpHint};
 
 use crate::error::{Choice, Error, Result, Warning};
 use formats::Format;
-use scene_file::sidecar::{self, Sidecar};
+use scene_file::{Sidecar, sidecar_text};
 use std::fs::File;
 use std::io::Read;
 use std::ops::ControlFlow;
@@ -142,7 +142,7 @@ fn load_file(
 ) -> Result<()> {
     let format = formats::of(path);
     let text = match format {
-        Format::Model(_) if !options.no_sidecar => sidecar::text_for(path, options)?,
+        Format::Model(_) if !options.no_sidecar => sidecar_text(path, options)?,
         _ => None,
     };
     let sidecar = text.as_ref().map(Sidecar::parse);

@@ -8,8 +8,7 @@
 //! date. The exporter deletes those that were not used for longest once there is too much (`cache.py`).
 
 pub use super::options::BlenderOptions;
-use super::scene_file::sidecar;
-use super::scene_file::sidecar::Sidecar;
+use super::scene_file::{Sidecar, sidecar_text};
 use super::{LoadOptions, Loaded, SavedFiles, ShutterOptions, formats, gltf, unpack};
 use crate::error::{Error, Result, Warning};
 use crate::scene::{Environment, Settings};
@@ -115,7 +114,7 @@ fn leave_out_defaults(loaded: &mut Loaded) {
 fn read(exported: &Exported, options: &LoadOptions) -> Result<Loaded> {
     // What was exported just now may name the pictures where they are.
     let options = &LoadOptions { allow_external: true, ..options.clone() };
-    let text = sidecar::text_for(&exported.model, options)?;
+    let text = sidecar_text(&exported.model, options)?;
     let sidecar = text.as_ref().map(Sidecar::parse);
     let options = &sidecar.as_ref().map_or_else(|| options.clone(), |s| s.reader_options(options));
     let mut loaded = gltf::load(&exported.model, options)?;

@@ -15,6 +15,23 @@
 //! Angles are in degrees, lengths in metres, colours linear Rec. 709, and paths relative to the scene file. Every
 //! problem of the file is reported at once, with its line and, for a misspelt name, the nearest one that exists.
 //! What nothing refers to is not loaded. A file next to a model may add what the model's format can't store (`sidecar`).
+//!
+//! # sidecar
+//!
+//! `model.oscura.toml` next to `model.glb`: what the model's format can't carry. Its parts are those of scene files, all
+//! optional, and added to the model:
+//!
+//! | Part | Effect |
+//! |---|---|
+//! | `[environment]` | the world |
+//! | `[[lights]]`, `[[objects]]` | more of both, with `[materials.NAME]` and `[textures.NAME]` |
+//! | `[materials.NAME]` of a material of the model | changes it: with a `type` all of it, else what the keys of type `pbr` say; `alpha` = `"opaque"`, `"mask"` or `"blend"` decides what the alpha of its base colour does; `visible_to_camera` = false hides it from the camera, and from nothing else; `visible_to` lists the rays that see it, as for objects of scene files |
+//! | `[objects.NAME]` | changes what a node of the model and all nodes below it show: `hidden = true` leaves it out (lights, too), `material = "NAME"` gives it a material of the file or of the model, `light_group = "NAME"` puts its lights and what it emits into a group; `subdivide = N` subdivides its meshes, as for objects of scene files; `visible_to`, `visible_to_camera`, `holdout`, `shadow_catcher`, `light_link` and `shadow_link` as for objects of scene files; a name that begins with a slash is that of a node without a parent; among `[[objects]]`, `node = "NAME"` says which node is meant |
+//! | `[camera]` with `look_from` | a camera before those of the model |
+//! | `[camera]` otherwise | depth of field, `shift` and `type` with its keys (panoramas ...), as of scene files, of the model's cameras, or only of that called `name`; `shutter` and `shutter_position`; with `default = true` it comes before the others; `width`, `height` |
+//! | `[[camera]]` | the same for several cameras, each by its name |
+//! | `[[portals]]` | windows through which light of the environment is looked for |
+//! | `[render]` | settings of rendering |
 
 mod assets;
 mod builder;
@@ -29,16 +46,14 @@ mod media;
 mod nodes;
 mod objects;
 mod pbr;
-pub mod reference;
 mod render_settings;
 mod shaders;
-pub mod sidecar;
 mod textures;
 mod traits;
 mod transform;
 
 use super::{LoadOptions, Loaded, files};
-use crate::error::{Error, Problem, Result};
+use crate::error::{Choice, Error, Problem, Result, Warning};
 use assets::Assets;
 use builder::SceneFileBuilder;
 use fields::{Fields, Problems};
@@ -176,4 +191,144 @@ fn lacks_first_digit(text: &str, offset: usize) -> bool {
         let is_first = !before.ends_with(|c: char| c.is_ascii_digit() || c == '.');
         is_first && rest.strip_prefix('.').is_some_and(|t| t.starts_with(|c: char| c.is_ascii_digit()))
     })
+}
+
+// Sidecars.
+
+/// The sidecar's path for a model: its name with `.oscura.toml` for the extension.
+pub fn sidecar_path(model: &Path) -> PathBuf {
+    model.with_extension("oscura.toml")
+}
+
+/// The text of the sidecar next to a model; `None` where there is none.
+///
+/// # Errors
+/// An input error if the file can't be read or isn't UTF-8.
+pub(in crate::load) fn sidecar_text(model: &Path, options: &LoadOptions) -> Result<Option<TomlText>> {
+    let path = sidecar_path(model);
+    options.files.note(&path);
+    path.is_file().then(|| TomlText::read(&path, options)).transpose()
+}
+
+/// The sidecar of a model, parsed.
+pub(in crate::load) struct Sidecar<'t> {
+    file: TomlFile<'t>,
+}
+
+impl<'t> Sidecar<'t> {
+    /// Syntax errors are reported by [`Sidecar::apply`].
+    pub fn parse(text: &'t TomlText) -> Sidecar<'t> {
+        Sidecar { file: TomlFile::parse(text) }
+    }
+
+    /// The options with those settings of the sidecar that the model's reader needs: the shutter, the empty nodes at which
+    /// lights are placed, and whether some mesh is subdivided. Problems of the file are reported by [`Sidecar::apply`].
+    pub fn reader_options(&self, options: &LoadOptions) -> LoadOptions {
+        let problems = Problems::new(self.file.text);
+        let root = self.file.root(true, &problems);
+        let shutter = camera::shutter_options(options.shutter, &root);
+        let lit_nodes = options.lit_nodes.iter().cloned().chain(transform::nodes_of_lights(&root)).collect();
+        let keeps_polygons = options.keeps_polygons || objects::is_subdivision_asked(&root);
+        LoadOptions { shutter, lit_nodes, keeps_polygons, ..options.clone() }
+    }
+
+    /// Adds the sidecar's contents to its model, with a note about it.
+    ///
+    /// # Errors
+    /// All problems of the file.
+    pub fn apply(&self, options: &LoadOptions, loaded: &mut Loaded) -> Result<()> {
+        *loaded = self.file.add_to(std::mem::take(loaded), options, true)?;
+        loaded.notes.push(Warning::new(self.file.path, "", self.note()));
+        Ok(())
+    }
+
+    fn note(&self) -> String {
+        let parts = ["environment", "materials", "lights", "portals", "objects", "camera", "render"];
+        let used: Vec<&str> =
+            parts.into_iter().filter(|part| self.file.root.get_ref().contains_key(*part)).collect();
+        let used = if used.is_empty() { "it is empty".to_string() } else { used.join(", ") };
+        format!("lies beside the model and was used: {used} ({} leaves it out)", Choice::NoSidecar)
+    }
+}
+
+// The reference of scene files (`oscura help`, the guide): the module documentation of the parsers. `tests/loading/scene_reference/`
+// compares it with the keys that the parsers accept.
+
+/// One chapter of the reference.
+#[derive(Clone, Copy, Debug)]
+pub struct Chapter {
+    /// Its subject, as written in a scene file.
+    pub title: &'static str,
+    sections: &'static [Section],
+}
+
+/// Module documentation of a source file from a heading (`//! # heading`) to the next one.
+#[derive(Clone, Copy, Debug)]
+struct Section {
+    source: &'static str,
+    /// Empty: the text before the first heading.
+    heading: &'static str,
+}
+
+const fn section(source: &'static str, heading: &'static str) -> Section {
+    Section { source, heading }
+}
+
+const fn chapter(title: &'static str, sections: &'static [Section]) -> Chapter {
+    Chapter { title, sections }
+}
+
+/// All chapters, in the order of a scene file.
+pub const CHAPTERS: &[Chapter] = &[
+    chapter("scene files", &[section(include_str!("mod.rs"), "")]),
+    chapter("[camera]", &[section(include_str!("camera.rs"), "")]),
+    chapter("[environment]", &[section(include_str!("environment.rs"), "")]),
+    chapter("media", &[section(include_str!("media.rs"), "")]),
+    chapter("[render]", &[section(include_str!("render_settings.rs"), "")]),
+    chapter("[textures]", &[section(include_str!("textures.rs"), "")]),
+    chapter("[materials]", &[section(include_str!("materials.rs"), ""), section(include_str!("pbr.rs"), "")]),
+    chapter("[[objects]]", &[section(include_str!("objects.rs"), "")]),
+    chapter("subdivision", &[section(include_str!("objects.rs"), "subdivision")]),
+    chapter("[[curves]]", &[section(include_str!("curves.rs"), "")]),
+    chapter("transform", &[section(include_str!("transform.rs"), "")]),
+    chapter("motion", &[section(include_str!("transform.rs"), "motion")]),
+    chapter(
+        "[[lights]]",
+        &[section(include_str!("lights.rs"), ""), section(include_str!("traits.rs"), "linking")],
+    ),
+    chapter("[[portals]]", &[section(include_str!("environment.rs"), "portals")]),
+    chapter("sidecar", &[section(include_str!("mod.rs"), "sidecar")]),
+];
+
+impl Chapter {
+    /// The text in markdown.
+    pub fn markdown(&self) -> String {
+        self.sections.iter().map(Section::markdown).collect::<Vec<_>>().join("\n\n")
+    }
+
+    /// The chapter of a title, with or without its brackets.
+    pub fn find(title: &str) -> Option<&'static Chapter> {
+        CHAPTERS.iter().find(|c| c.name() == title || c.title == title)
+    }
+
+    /// The title without brackets.
+    pub fn name(&self) -> &'static str {
+        self.title.trim_matches(['[', ']'])
+    }
+}
+
+impl Section {
+    fn markdown(&self) -> String {
+        let lines = self.source.lines().map_while(|l| l.strip_prefix("//!"));
+        let lines = lines.map(|l| l.strip_prefix(' ').unwrap_or(l));
+        let mut heading = "";
+        let lines = lines.filter(|line| {
+            let next = line.strip_prefix("# ");
+            heading = next.unwrap_or(heading);
+            next.is_none() && heading == self.heading
+        });
+        let text = lines.collect::<Vec<_>>().join("\n");
+        // Links to sibling modules become their names.
+        text.replace("[`super::", "`").replace("`super::", "`").replace("`]", "`").trim().to_string()
+    }
 }

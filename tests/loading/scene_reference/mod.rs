@@ -5,7 +5,7 @@ mod keys;
 mod tables;
 
 use oscura::load::load;
-use oscura::load::scene_file::reference::{CHAPTERS, Chapter};
+use oscura::load::scene_file::{CHAPTERS, Chapter};
 use std::collections::BTreeSet;
 use std::path::Path;
 

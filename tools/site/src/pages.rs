@@ -1,6 +1,6 @@
 //! Which pages the book has, in their order.
 
-use oscura::load::scene_file::reference::{CHAPTERS, Chapter};
+use oscura::load::scene_file::{CHAPTERS, Chapter};
 
 /// A page of the book.
 pub(crate) struct Page {
