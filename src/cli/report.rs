@@ -253,9 +253,9 @@ impl Run {
         let branches = if s.branches > 1 { format!(" of {} branches", s.branches) } else { String::new() };
         let mean = if s.is_adaptive { " on average" } else { "" };
         let guided = if s.guide_cells.is_some() { ", guided" } else { "" };
-        let lamps = if s.lamp_paths.is_some() { ", caustics from the lamp" } else { "" };
+        let caustics = if s.lamp_paths.is_some() { ", caustics by light tracing" } else { "" };
         say!(
-            "picture  {} x {}, {} samples per pixel{mean}, {}{branches}{shared}{guided}{lamps}, {}",
+            "picture  {} x {}, {} samples per pixel{mean}, {}{branches}{shared}{guided}{caustics}, {}",
             self.size.0,
             self.size.1,
             // Not an integer if stopped early.

@@ -9,7 +9,7 @@ use super::tile::{FilmTile, Rect, TileSums};
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Band {
     pub sums: Sums,
-    /// Light from paths of lamps, once there is some.
+    /// Light of paths from lights, once there is some.
     pub splats: Option<Splats>,
 }
 

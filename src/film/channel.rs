@@ -478,7 +478,7 @@ impl Layout {
         self.has_halves
     }
 
-    /// Bytes that light from lamps takes for one pixel, at most.
+    /// Bytes that the light of paths from lights takes for one pixel, at most.
     pub fn splat_bytes_per_pixel(&self) -> u64 {
         let further = self.further().iter().filter(|channel| {
             channel.source == Source::PartOfColor || channel.reduction == Reduction::VarianceOfMean

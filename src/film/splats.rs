@@ -1,4 +1,4 @@
-//! Light that arrives at pixels from elsewhere than their own samples: paths from lamps, which end at whatever pixel shows
+//! Light that arrives at pixels from elsewhere than their own samples: paths from lights, which end at whatever pixel shows
 //! where they do. Its mean is added to that of the pixels' samples.
 
 use super::channel::{Layout, Reduction, reciprocal};
@@ -11,7 +11,7 @@ pub struct Splat {
     pub x: u32,
     /// See `x`.
     pub y: u32,
-    /// Radiance, linear, as its share of the mean over all paths from lamps that stand for one sample of each pixel.
+    /// Radiance, linear, as its share of the mean over all paths from lights that stand for one sample of each pixel.
     pub rgb: [f32; 3],
     /// The parts of it that belong to layers, if there are some: two light passes at most, and a group of lights.
     pub parts: Option<Box<[SplatPart; 3]>>,
@@ -59,7 +59,7 @@ impl Splats {
 
     /// Sums of three numbers per pixel.
     pub fn list(pixels: usize) -> SumList {
-        SumList::try_new(3 * pixels, true).expect("there is memory for light from lamps")
+        SumList::try_new(3 * pixels, true).expect("there is memory for the light of paths from lights")
     }
 
     /// Adds one to a pixel; returns `false` and adds nothing if one of its numbers is not finite.

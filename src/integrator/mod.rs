@@ -95,7 +95,7 @@ pub struct IntegratorOptions<'a> {
     pub branches: u32,
     /// Keep what samples have alone, without sharing and splitting.
     pub keeps_plain: bool,
-    /// Which light is left to paths from lamps, if any.
+    /// Which light is left to paths from lights, if any.
     pub caustics: Option<&'a CausticPlan>,
     /// Guides the paths, if any.
     pub guide: Option<&'a Guide>,

@@ -176,7 +176,7 @@ const STEEP: f32 = 0.45;
 /// of the paper's term and a ramp up to there the larger counts: that takes 0.5 % and 2.9 %. All is divided by what
 /// is left of even light then, so that a diffuse surface reflects as much of it as where the triangles cut it off.
 /// Glossy lobes that see nothing of the horizon are brighter by that. Like the paper's term it depends on the light's
-/// direction and not on the viewer's: it is not reciprocal, and paths from lamps apply it to the same end.
+/// direction and not on the viewer's: it is not reciprocal, and paths from lights apply it to the same end.
 #[inline(always)]
 fn terminator(ns: Vec3, ng: Vec3, wi: Vec3) -> f32 {
     let (of_surface, of_shading, cosine) = (wi.dot(ng), wi.dot(ns), ng.dot(ns));
@@ -195,7 +195,7 @@ fn terminator(ns: Vec3, ng: Vec3, wi: Vec3) -> f32 {
 /// The terminator where a map or a bump gave `ns`, as in Cycles: shadowing by the microfacets that most likely have such a normal (Conty
 /// Estevez, Lecocq, Stein 2019, "A Microfacet-Based Shadowing Function to Solve the Bump Terminator Problem", eq. 12.3 and 12.5).
 /// Light that sees both sides of the relief is that of the mapped normal alone: such normals lean by tens of degrees, where
-/// making up for the loss in even light would brighten lamps visibly (12 % at 55 degrees). The relief is one of the smooth surface
+/// making up for the loss in even light would brighten lights visibly (12 % at 55 degrees). The relief is one of the smooth surface
 /// that triangles stand for, `smooth` its normal: no light comes from below.
 #[inline(always)]
 fn mapped_terminator([ns, smooth, wi]: [Vec3; 3]) -> f32 {

@@ -5,9 +5,9 @@
 use super::stage::{StageOptions, Turntable};
 use super::subdivide::{Polygons, Subdivision};
 use crate::error::Warning;
-use crate::work_counter::WorkCounter;
 use crate::math::{DAffine3, DMat3, DVec3, mix};
 use crate::scene::{Keyframes, MaterialId, Scene};
+use crate::work_counter::WorkCounter;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -106,7 +106,7 @@ pub struct EmptyNode {
 /// Signs in a glTF file by Blender that its exporter dropped something. All by name.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BlenderExport {
-    /// Empty nodes with names of lamps: what becomes of area lights.
+    /// Empty nodes with names of lights: what becomes of area lights.
     pub lights: Vec<String>,
     /// Materials that are pure white and without a texture, as those become whose colour comes from other nodes.
     pub white: Vec<String>,
@@ -116,7 +116,7 @@ pub struct BlenderExport {
     pub lost: Vec<String>,
     /// Opaque materials whose base colour has an image with alpha.
     pub unused_alpha: Vec<String>,
-    /// Objects of such lost materials that enclose a camera or a lamp, as the cubes of fogs do: with the name of that.
+    /// Objects of such lost materials that enclose a camera or a light, as the cubes of fogs do: with the name of that.
     pub enclosing: Vec<(String, String)>,
 }
 

@@ -22,7 +22,7 @@
 //!
 //! Light that few paths carry: what the estimate of the noise can't know of.
 //!
-//! Where a path is improbable but bright, as through glass to a small lamp, a picture of few samples lacks its light or has it in single
+//! Where a path is improbable but bright, as through glass to a small light, a picture of few samples lacks its light or has it in single
 //! pixels. The variance of such pixels is that of the paths that were found, and says nothing of those that weren't. They show by what
 //! the brightest pass of a pixel adds to what its other passes and its neighbours have, the excess: its largest values follow a power law,
 //! `P(excess > x) ~ x^-a`, whose variance is infinite for `a < 2`. Hill's estimate (1975, "A Simple General Approach to Inference About

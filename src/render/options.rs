@@ -50,8 +50,8 @@ impl Splitting {
     pub const MAX: u32 = 16;
 }
 
-/// Whether caustics are found from the lamp: light that smooth glass, mirrors or polished metal send from lamps to diffuse surfaces,
-/// and these to others, up to one that the camera sees directly. Pictures have the same mean either way, but for lamps without a size (points,
+/// Whether caustics are found by paths from lights: light that smooth glass, mirrors or polished metal send from lights to diffuse surfaces,
+/// and these to others, up to one that the camera sees directly. Pictures have the same mean either way, but for lights without a size (points,
 /// spots, suns without an angle): only this finds what they send through smooth glass and by mirrors.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]

@@ -37,7 +37,7 @@ add! {
     add_image: Image => images, ImageId;
     /// Adds a grid and returns its id, for media.
     add_grid: Grid => grids, GridId;
-    /// Adds a profile and returns its id, for the beams of lamps.
+    /// Adds a profile and returns its id, for the beams of lights.
     add_profile: Arc<LightProfile> => profiles, ProfileId;
 }
 

@@ -197,9 +197,9 @@ kinds! {
     Sphere "sphere" "spheres" closed: true half_extent: |_| DVec3::ONE;
     /// A flat disk whose front faces z. Textures have x to the right and y up, and touch its edge.
     Disk "disk" "disks" closed: false half_extent: around_flat_disk;
-    /// A disk that turns its front to the origin of each ray: a lamp with a soft falloff. It has no textures.
+    /// A disk that turns its front to the origin of each ray: a light with a soft falloff. It has no textures.
     FacingDisk "facing disk" "facing disks" closed: false half_extent: |_| DVec3::ONE;
-    /// A sphere that each ray intersects once, from outside its near side and from inside its far one: a lamp that rays pass.
+    /// A sphere that each ray intersects once, from outside its near side and from inside its far one: a light that rays pass.
     Shell "shell" "shells" closed: false half_extent: |_| DVec3::ONE;
 }
 

@@ -35,7 +35,7 @@ pub enum AlphaMode {
     Blend,
 }
 
-/// Special properties of an emitting surface: ray visibility, whether it blocks rays (lamps of Blender don't), and a beam shape.
+/// Special properties of an emitting surface: ray visibility, whether it blocks rays (lights of Blender don't), and a beam shape.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EmitterTraits {
     /// Visible to rays of these kinds; others pass and get no light from it.
@@ -59,7 +59,7 @@ pub enum Beam {
     /// It doesn't.
     #[default]
     Even,
-    /// Slats in front of the lamp hide part of it, as in a soft box: with the tangent of the angle to the surface's normal
+    /// Slats in front of the light hide part of it, as in a soft box: with the tangent of the angle to the surface's normal
     /// the radiance falls in a line to 0 at this half angle (radians, from 1e-4 to below pi / 2); its peak rises so that the
     /// power stays.
     Grid {

@@ -149,7 +149,7 @@ impl CompiledTextures {
         CompiledTextures { profiles: profiles.to_vec(), ..self }
     }
 
-    /// The profiles of lamps.
+    /// The profiles of lights.
     pub fn profiles(&self) -> &[Arc<LightProfile>] {
         &self.profiles
     }

@@ -8,7 +8,7 @@ use crate::error::{Choice, Warning};
 use crate::image::{Image, Pixels};
 use crate::load::{BlenderExport, Loaded};
 use crate::math::{DAffine3, DVec3};
-use crate::scene::{Extent, LightKind, Scene, Texture, TextureId, instance_extents};
+use crate::scene::{Extent, Scene, Texture, TextureId, instance_extents};
 use serde_json::Value;
 use std::collections::HashSet;
 use std::path::Path;
@@ -39,11 +39,11 @@ pub(super) fn blender_losses(
     })
 }
 
-/// Words in the names of lamps; by the first two alone a name is known.
+/// Words in the names of lights; by the first two alone a name is known.
 const PARTS_OF_NAMES: [&str; 3] = ["light", "lamp", "softbox"];
 const NAMES: [&str; 6] = ["area", "sun", "spot", "key", "fill", "rim"];
 
-/// Is it a name that lamps have?
+/// Is it a name that lights have?
 fn is_of_lamp(name: &str) -> bool {
     let lower = name.to_lowercase();
     let mut words = lower.split(|c: char| !c.is_alphabetic());
@@ -85,7 +85,7 @@ fn has_alpha(scene: &Scene, texture: TextureId) -> bool {
     }
 }
 
-/// Objects all of whose materials are lost, with a camera or a lamp inside.
+/// Objects all of whose materials are lost, with a camera or a light inside.
 fn enclosing(
     scene: &Scene,
     export_losses: &[ExportLosses],
@@ -100,11 +100,8 @@ fn enclosing(
     };
     let cameras =
         scene.cameras.iter().map(|c| (format!("camera '{}'", c.name), c.world_from_camera.translation));
-    let listed = scene.lights.iter().filter_map(|light| match light.kind {
-        LightKind::Point { position }
-        | LightKind::Spot { position, .. }
-        | LightKind::Profiled { position, .. } => Some((format!("light '{}'", light.name), position)),
-        _ => None,
+    let listed = scene.lights.iter().filter_map(|light| {
+        light.kind.position().map(|position| (format!("light '{}'", light.name), position))
     });
     let lights = lights.iter().map(|(name, place)| (format!("light '{name}'"), place.translation));
     let inside: Vec<(String, DVec3)> = cameras.chain(listed).chain(lights).collect();

@@ -109,7 +109,7 @@ fn without_scale(transform: &DAffine3) -> Option<DAffine3> {
 /// Divisors from the file's units (candela, lux) to W/sr and W/m2: of point and spot lights, and of directional lights.
 ///
 /// Blender's exporter writes candela and lux in its default mode; its mode "Unitless" leaves the factor of 683 out,
-/// and its mode "Raw" also that of 4 pi between the watts of a lamp and its intensity.
+/// and its mode "Raw" also that of 4 pi between the watts of a light and its intensity.
 fn divisors(doc: &Document) -> (f64, f64) {
     match doc.options.light_units {
         LightUnits::Auto if engine(doc).is_some() => (1.0, 1.0),

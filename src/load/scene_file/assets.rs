@@ -286,7 +286,7 @@ fn absorb(build: &mut SceneFileBuilder, path: &Path, mut loaded: Loaded) -> Asse
     let Scene { meshes, instances, mut shapes, materials, textures, images, cameras, motion, .. } =
         loaded.scene;
     let points = shapes.len();
-    // The disks of models are lamps.
+    // The disks of models are lights.
     shapes.retain(|shape| shape.kind == ShapeKind::Sphere);
     let lights = loaded.scene.lights.len() + loaded.scene.quads.len() + points - shapes.len();
     if lights > 0 {

@@ -9,14 +9,14 @@
 //! | `spot` | `{ position, target or direction, angle = 45, blend = 0.15, radius = 0, soft_falloff = false, power or intensity }`: a cone of the full angle, which fades over the outer share `blend` of it; with `ies`, see below |
 //! | `sun` | `{ direction, angle = 0, irradiance }`: parallel light that travels that way, or that of a disk of a diameter of `angle` degrees, infinitely far away |
 //!
-//! With `soft_falloff` a lamp with a radius r is a disk that faces whatever it lights, so that what is near it, or in it, is lit more
+//! With `soft_falloff` a light with a radius r is a disk that faces whatever it lights, so that what is near it, or in it, is lit more
 //! softly: at a distance d it gives d^2 / (d^2 + r^2) of what a sphere gives. Blender's points and spots are so, unless that is switched
-//! off. Such lamps stop no light.
+//! off. Such lights stop no rays.
 //!
 //! `ies = "lamp.ies"` gives points and spots the profile of a luminaire (IES LM-63, photometry of type C; the path is relative to
 //! this file); with a radius each point of the sphere emits so, and shadows are soft. It emits along `direction` or to `target`, points without either down, and `turn`
 //! turns it about that way by so many degrees; a spot's cone cuts it. Horizontal angles turn counter-clockwise as seen from behind
-//! the lamp, with `clockwise = true` the other way, as Cycles has them. Without `power` and `intensity` it is as bright as the file says
+//! the light, with `clockwise = true` the other way, as Cycles has them. Without `power` and `intensity` it is as bright as the file says
 //! (candela times its factors, by 683 lm/W), times `strength`; `intensity` is that of its brightest direction, `power` that of all
 //! directions together, before a cone cuts it.
 //!
@@ -28,7 +28,7 @@
 //! P / (4 pi), and so has a spot of the same power, as in Blender. Radiance is in W/sr/m2, intensity in W/sr,
 //! irradiance in W/m2 across the light. Area lights, and points and spots with a radius, are surfaces. With
 //! `visible_to_camera = false` the camera looks through them, and with `obstacle = false` they stop no light: rays pass and
-//! take theirs along once, and spheres light what is within them. Blender's lamps are so. All other lights have no surface; mirrors show suns with an angle.
+//! take theirs along once, and spheres light what is within them. Blender's are so. All other lights have no surface; mirrors show suns with an angle.
 
 use super::builder::SceneFileBuilder;
 use super::fields::Fields;

@@ -14,8 +14,8 @@
 //! are not in the second. Lights have them, and emissive objects. Names are those of objects of the file or of nodes of a model, and
 //! mean all below these; with a slash before it, that of a node without a parent.
 //!
-//! What receives light is the surface where a path was scattered last: mirrors show a lamp that they are not linked to as
-//! black, cameras see it. Fog and other media are in no list. Lamps with a `shadow_link` light rough surfaces by light samples only.
+//! What receives light is the surface where a path was scattered last: mirrors show a light that they are not linked to as
+//! black, cameras see it. Fog and other media are in no list. Lights with a `shadow_link` light rough surfaces by light samples only.
 
 use super::builder::{Names, NamesOnPaths, SceneFileBuilder};
 use super::fields::{Fields, nearest, numbers};
@@ -171,7 +171,7 @@ pub(super) fn resolve_links(build: &mut SceneFileBuilder) {
     build.loaded.scene.object_traits_mut().for_each(|(name, traits)| traits.sets = of_object(name));
 }
 
-/// The names of all that may be linked to; lamps may be, and nothing is lit of those without a surface.
+/// The names of all that may be linked to; lights may be, and nothing is lit of those without a surface.
 fn names_of(scene: &Scene) -> impl Iterator<Item = &str> {
     scene.object_names().chain(scene.lights.iter().map(|light| light.name.as_str()))
 }

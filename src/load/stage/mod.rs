@@ -81,7 +81,7 @@ pub fn middle(loaded: &Loaded) -> DVec3 {
     }
 }
 
-/// Does a scene with a camera but without lamps need light? Warns where there is little.
+/// Does a scene with a camera but without lights need light? Warns where there is little.
 fn lacks_light(loaded: &mut Loaded, emitted_light: EmittedLight) -> bool {
     if emitted_light == EmittedLight::Dim && loaded.is_model {
         let message = format!(
