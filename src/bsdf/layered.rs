@@ -561,10 +561,10 @@ impl Coat {
 
     /// The reflecting lobe of a layer of full strength, in its own frame.
     #[inline(always)]
-    fn lobe(&self) -> FacetReflection<impl Fn(f32) -> Rgb> {
+    fn lobe(&self) -> FacetReflection<Isotropic, impl Fn(f32) -> Rgb> {
         let Coat { alpha, fresnel, energy_compensation, .. } = *self;
         let reflectance = move |cosine| fresnel.reflectance(F0, Rgb::ONE, cosine);
-        FacetReflection { alpha, f0: F0, reflectance, energy_compensation }
+        FacetReflection { facets: Isotropic { alpha }, f0: F0, reflectance, energy_compensation }
     }
 
     /// Is its reflection a single direction?

@@ -1,8 +1,6 @@
 //! Metals: GGX microfacets with Schlick's Fresnel term of a colour, or with the exact Fresnel term of a complex index of refraction.
 
-use super::ggx::DirectionalAlbedo;
-use super::ggx::MIN_ALPHA;
-use super::microsurface::{Facets, Microsurface};
+use super::microsurface::{BeckmannFacets, Facets, Isotropic, Microsurface};
 use super::{Appearance, BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Slots, fresnel, ggx};
 use crate::color::Rgb;
 use crate::color::spectral::{Metal, Wavelengths};
@@ -27,10 +25,10 @@ pub struct SchlickMetal {
 
 impl SchlickMetal {
     #[inline(always)]
-    fn lobe(&self) -> FacetReflection<impl Fn(f32) -> Rgb> {
+    fn lobe(&self) -> FacetReflection<Isotropic, impl Fn(f32) -> Rgb> {
         let SchlickMetal { f0, alpha, energy_compensation } = *self;
         let reflectance = move |cosine| fresnel::schlick(f0, Rgb::ONE, cosine);
-        FacetReflection { alpha, f0, reflectance, energy_compensation }
+        FacetReflection { facets: Isotropic { alpha }, f0, reflectance, energy_compensation }
     }
 
     /// Is it an exact mirror?
@@ -92,6 +90,82 @@ impl MaterialProgram for SchlickMetalProgram {
             alpha: slots.alpha(&self.roughness),
             energy_compensation: self.energy_compensation,
         }
+    }
+}
+
+/// Facets whose slopes are normally distributed (Beckmann), of the same reflectance at all angles; both sides alike. Light that facets
+/// mirror into each other is lost.
+#[derive(Clone, Copy, Debug)]
+pub struct Beckmann {
+    /// Reflectance of a facet.
+    pub color: Rgb,
+    /// Root mean square slope, 0..1; below [`super::ggx::MIN_ALPHA`] an exact mirror.
+    pub alpha: f32,
+}
+
+impl Beckmann {
+    #[inline(always)]
+    fn lobe(&self) -> FacetReflection<BeckmannFacets, impl Fn(f32) -> Rgb> {
+        let Beckmann { color, alpha } = *self;
+        FacetReflection {
+            facets: BeckmannFacets { alpha },
+            f0: color,
+            reflectance: move |_| color,
+            energy_compensation: EnergyCompensation::Off,
+        }
+    }
+}
+
+impl Lobe for Beckmann {
+    #[inline]
+    fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
+        self.lobe().sample(wo, u)
+    }
+
+    #[inline]
+    fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
+        self.lobe().eval(wo, wi)
+    }
+
+    #[inline(always)]
+    fn is_specular(&self) -> bool {
+        self.lobe().is_mirror()
+    }
+
+    #[inline(always)]
+    fn tinted(self, color: Rgb) -> Self {
+        Beckmann { color: self.color * color, ..self }
+    }
+
+    #[inline(always)]
+    fn albedo(&self) -> Rgb {
+        self.color
+    }
+
+    fn appearance(&self) -> Appearance {
+        Appearance {
+            glossy: self.color,
+            roughness: Appearance::roughness([self.alpha; 2]),
+            ..Appearance::BLACK
+        }
+    }
+}
+
+/// The parameters of [`Beckmann`].
+#[derive(Clone, Copy, Debug)]
+pub struct BeckmannProgram {
+    /// See [`Beckmann::color`].
+    pub color: ColorSlot,
+    /// Perceptual roughness.
+    pub roughness: FloatSlot,
+}
+
+impl MaterialProgram for BeckmannProgram {
+    type Lobe = Beckmann;
+
+    #[inline]
+    fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> Beckmann {
+        Beckmann { color: slots.share_by_channel(&self.color), alpha: slots.alpha(&self.roughness) }
     }
 }
 
@@ -239,11 +313,11 @@ impl MaterialProgram for ConductorProgram {
     }
 }
 
-/// Reflection by isotropic GGX microfacets with any Fresnel term; the same on both sides. The lobe of [`SchlickMetal`] and of the
+/// Reflection by microfacets with any Fresnel term; the same on both sides. The lobe of [`SchlickMetal`], of [`Beckmann`] and of the
 /// clearcoat.
-pub(super) struct FacetReflection<R: Fn(f32) -> Rgb> {
-    /// GGX alpha 0..1; below [`MIN_ALPHA`] an exact mirror.
-    pub alpha: f32,
+pub(super) struct FacetReflection<F: Facets, R: Fn(f32) -> Rgb> {
+    /// Smooth ones are an exact mirror.
+    pub facets: F,
     /// Reflectance at normal incidence, by which lost energy is given back (Turquin 2019, eq. 16).
     pub f0: Rgb,
     /// Reflectance under a cosine.
@@ -252,18 +326,18 @@ pub(super) struct FacetReflection<R: Fn(f32) -> Rgb> {
     pub energy_compensation: EnergyCompensation,
 }
 
-impl<R: Fn(f32) -> Rgb> FacetReflection<R> {
+impl<F: Facets, R: Fn(f32) -> Rgb> FacetReflection<F, R> {
     /// Is it an exact mirror?
     #[inline(always)]
     pub fn is_mirror(&self) -> bool {
-        self.alpha < MIN_ALPHA
+        self.facets.is_mirror()
     }
 
-    /// The compensation for a view cosine.
+    /// The compensation for a view direction.
     #[inline(always)]
-    fn compensation(&self, cos_o: f32) -> Rgb {
+    fn compensation(&self, above: Vec3) -> Rgb {
         match self.energy_compensation {
-            EnergyCompensation::On => DirectionalAlbedo::at(cos_o, self.alpha).compensation(self.f0),
+            EnergyCompensation::On => self.facets.directional_albedo(above).compensation(self.f0),
             EnergyCompensation::Off => Rgb::ONE,
         }
     }
@@ -275,11 +349,11 @@ impl<R: Fn(f32) -> Rgb> FacetReflection<R> {
         if self.is_mirror() {
             return BsdfSample::mirror(wo, (self.reflectance)(above.z), 1.0);
         }
-        let normal = ggx::sample_visible_normal(above, [self.alpha; 2], [u[0], u[1]]);
+        let normal = self.facets.sample_visible_normal(above, [u[0], u[1]]);
         let wi = normal * (2.0 * above.dot(normal)) - above;
         let lost = wi.z <= 0.0;
-        let r = ggx::reflection(above, wi, self.alpha);
-        let factor = (self.reflectance)(r.cos_half) * self.compensation(above.z);
+        let r = self.facets.reflection(above, wi);
+        let factor = (self.reflectance)(r.cos_half) * self.compensation(above);
         let weight = factor * (r.f_cos / r.pdf_solid_angle.max(f32::MIN_POSITIVE));
         BsdfSample {
             wi: Vec3::new(wi.x, wi.y, wi.z.copysign(wo.z)),
@@ -299,8 +373,8 @@ impl<R: Fn(f32) -> Rgb> FacetReflection<R> {
             return BsdfEval::ZERO;
         }
         let above = ggx::above(wo);
-        let r = ggx::reflection(above, Vec3::new(wi.x, wi.y, wi.z.abs()), self.alpha);
-        let factor = (self.reflectance)(r.cos_half) * self.compensation(above.z);
+        let r = self.facets.reflection(above, Vec3::new(wi.x, wi.y, wi.z.abs()));
+        let factor = (self.reflectance)(r.cos_half) * self.compensation(above);
         BsdfEval { f_cos: factor * r.f_cos, pdf_solid_angle: r.pdf_solid_angle }
     }
 }

@@ -5,7 +5,7 @@ use super::anisotropic_table::{LARGEST_ROOT_RATIO, anisotropic_albedo, anisotrop
 use super::dielectric_table::mean_cosine;
 use super::fresnel::DielectricCurve;
 use super::ggx::DirectionalAlbedo;
-use super::ggx::{self, MIN_ALPHA, Reflection};
+use super::ggx::{self, MIN_ALPHA, MIN_COS, Reflection};
 use super::lobe::{LocalFrame, Slots, always};
 use crate::math::{Vec2, Vec3, poly};
 use crate::scene::{Anisotropy, ColorSlot, FloatSlot};
@@ -63,6 +63,52 @@ impl Facets for Isotropic {
     #[inline(always)]
     fn reflection(&self, wo: Vec3, wi: Vec3) -> Reflection {
         ggx::reflection(wo, wi, self.alpha)
+    }
+}
+
+/// Facets whose slopes are normally distributed, with the same alpha in all directions. They are sampled as if they were those of GGX.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BeckmannFacets {
+    /// Root mean square slope; below [`MIN_ALPHA`] an exact mirror.
+    pub alpha: f32,
+}
+
+impl Facets for BeckmannFacets {
+    #[inline(always)]
+    fn alpha(&self) -> [f32; 2] {
+        [self.alpha; 2]
+    }
+
+    #[inline(always)]
+    fn is_mirror(&self) -> bool {
+        self.alpha < MIN_ALPHA
+    }
+
+    /// Of GGX: nothing gives back what these lose.
+    #[inline(always)]
+    fn directional_albedo(&self, wo: Vec3) -> DirectionalAlbedo {
+        Isotropic { alpha: self.alpha }.directional_albedo(wo)
+    }
+
+    #[inline(always)]
+    fn dielectric_grazing(&self, wo: Vec3, albedo: DirectionalAlbedo, curve: DielectricCurve) -> f32 {
+        Isotropic { alpha: self.alpha }.dielectric_grazing(wo, albedo, curve)
+    }
+
+    #[inline(always)]
+    fn sample_visible_normal(&self, wo: Vec3, u: [f32; 2]) -> Vec3 {
+        ggx::sample_visible_normal(wo, [self.alpha; 2], u)
+    }
+
+    #[inline]
+    fn reflection(&self, wo: Vec3, wi: Vec3) -> Reflection {
+        let ggx = ggx::reflection(wo, wi, self.alpha);
+        let root = |z: f32| ggx::smith_root(z, self.alpha * self.alpha);
+        let (zo, zi) = (wo.z.max(MIN_COS), wi.z.max(MIN_COS));
+        let distribution =
+            ggx.pdf_solid_angle * 2.0 * (zo + root(zo)) * beckmann_over_ggx(wo + wi, [self.alpha; 2]);
+        let hidden = beckmann_hidden(zo, root(zo)) + beckmann_hidden(zi, root(zi));
+        Reflection { f_cos: 0.25 * distribution / (zo * (1.0 + hidden)), ..ggx }
     }
 }
 
@@ -174,7 +220,7 @@ impl Facets for Microsurface {
     fn reflection(&self, wo: Vec3, wi: Vec3) -> Reflection {
         let (wo, wi) = (self.to_axis(wo), self.to_axis(wi));
         let half = wo + wi;
-        let (zo, zi) = (wo.z.max(ggx::MIN_COS), wi.z.max(ggx::MIN_COS));
+        let (zo, zi) = (wo.z.max(MIN_COS), wi.z.max(MIN_COS));
         let d = self.distribution(half);
         let (root_o, root_i) = (self.smith_root(wo), self.smith_root(wi));
         Reflection {

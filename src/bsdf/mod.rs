@@ -65,6 +65,8 @@ dispatch::bsdfs! {
         empirical::Toon(empirical::ToonProgram),
         /// A metal of a colour, with Schlick's Fresnel term.
         metal::SchlickMetal(metal::SchlickMetalProgram),
+        /// Facets of Beckmann.
+        metal::Beckmann(metal::BeckmannProgram),
         /// A metal of a complex index of refraction.
         metal::Conductor(metal::ConductorProgram),
         /// The opaque glTF material.
@@ -183,7 +185,9 @@ impl Bsdf {
     pub fn leave_out(&mut self, lobes: SkippedCaustics) {
         let SkippedCaustics { reflective, refractive } = lobes;
         match self {
-            Bsdf::SchlickMetal(_) | Bsdf::Conductor(_) if reflective => *self = Bsdf::Black,
+            Bsdf::SchlickMetal(_) | Bsdf::Beckmann(_) | Bsdf::Conductor(_) if reflective => {
+                *self = Bsdf::Black
+            }
             Bsdf::Phong(phong) if reflective => phong.specular = Rgb::ZERO,
             Bsdf::Toon(toon) if reflective && toon.is_glossy => *self = Bsdf::Black,
             Bsdf::MetalRough(material) if reflective => material.leave_out_reflection(),
@@ -206,6 +210,7 @@ impl Bsdf {
         }
         match self {
             Bsdf::SchlickMetal(metal) => metal.alpha = metal.alpha.max(least),
+            Bsdf::Beckmann(facets) => facets.alpha = facets.alpha.max(least),
             Bsdf::Conductor(metal) => metal.surface.roughen(least),
             Bsdf::MetalRough(material) => material.surface.alpha = material.surface.alpha.max(least),
             Bsdf::Blend(blend) => blend.change(|part| part.surface.alpha = part.surface.alpha.max(least)),
@@ -268,6 +273,9 @@ impl BsdfProgram {
             }
             Model::SchlickMetal { color, roughness } => {
                 SchlickMetalProgram { color: *color, roughness: *roughness, energy_compensation }.into()
+            }
+            Model::Beckmann { color, roughness } => {
+                BeckmannProgram { color: *color, roughness: *roughness }.into()
             }
             Model::Conductor { eta, k, metal, roughness } => ConductorProgram {
                 metal: *metal,

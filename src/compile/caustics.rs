@@ -33,7 +33,7 @@ impl CompiledMaterial {
     /// Its role, the same at all points.
     pub fn role(&self) -> CausticRole {
         use BsdfClass::{
-            Black, Conductor, Dielectric, Lambert, Layered, MetalRough, OrenNayar, RoughDielectric,
+            Beckmann, Black, Conductor, Dielectric, Lambert, Layered, MetalRough, OrenNayar, RoughDielectric,
             SchlickMetal,
         };
         match self.class {
@@ -41,10 +41,12 @@ impl CompiledMaterial {
             Lambert | OrenNayar => CausticRole::Receiver,
             Black => CausticRole::Neither,
             Dielectric | RoughDielectric if self.is_smooth_glass() => CausticRole::Caster,
-            MetalRough | SchlickMetal | Conductor if self.is_polished() || self.is_painted_metal() => {
+            MetalRough | SchlickMetal | Beckmann | Conductor
+                if self.is_polished() || self.is_painted_metal() =>
+            {
                 CausticRole::Caster
             }
-            MetalRough | SchlickMetal | Conductor if self.is_rough() => CausticRole::Receiver,
+            MetalRough | SchlickMetal | Beckmann | Conductor if self.is_rough() => CausticRole::Receiver,
             MetalRough => CausticRole::DiffuseReceiver,
             Layered if self.medium_index == 0 && !self.lets_light_pass() => match self.alike() {
                 Some(bsdf) if bsdf.is_specular() => CausticRole::Caster,
@@ -77,6 +79,7 @@ impl CompiledMaterial {
                 metallic.texture.is_none() && metallic.factor >= 1.0 && is_smooth(program.roughness())
             }
             BsdfProgram::SchlickMetal(program) => is_smooth(program.roughness),
+            BsdfProgram::Beckmann(program) => is_smooth(program.roughness),
             _ => false,
         }
     }
@@ -86,6 +89,7 @@ impl CompiledMaterial {
         let roughness = match &self.program {
             BsdfProgram::MetalRough(program) => program.roughness(),
             BsdfProgram::SchlickMetal(program) => program.roughness,
+            BsdfProgram::Beckmann(program) => program.roughness,
             BsdfProgram::Conductor(program) => program.roughness,
             _ => return false,
         };

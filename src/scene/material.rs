@@ -336,6 +336,13 @@ models! {
             /// Exponent of the cosine, from 0.
             exponent: f32 = "exponent" 30.0,
         }
+        /// Facets whose slopes are normally distributed.
+        "beckmann" Beckmann {
+            /// Reflectance of a facet, the same at all angles, 0..1.
+            color: ColorSlot = "color" ColorSlot::constant([0.8; 3]),
+            /// Perceptual roughness 0..1: the root of the root mean square slope.
+            roughness: FloatSlot = "roughness" FloatSlot::constant(0.2),
+        }
         /// The velvet of Ashikhmin: facets whose normals lie along the surface.
         "velvet" Velvet {
             /// Factor on the scattered light, 0..1.
@@ -458,6 +465,7 @@ impl Model {
             | Model::Lambert { .. }
             | Model::OrenNayar { .. }
             | Model::Phong { .. }
+            | Model::Beckmann { .. }
             | Model::Velvet { .. }
             | Model::Toon { .. }
             | Model::ToonHighlight { .. }

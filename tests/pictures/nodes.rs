@@ -6,7 +6,7 @@ use oscura::film::Film;
 use oscura::load::{LoadOptions, load};
 use oscura::math::{DAffine3, DMat3, DVec3, Vec2, Vec3};
 use oscura::scene::nodes::{Node, NodeGraph, NodeInput, NodeKind, SettingValue};
-use oscura::scene::{Camera, Projection, Scene, Texture, TextureId};
+use oscura::scene::{Camera, Medium, Projection, Scene, Texture, TextureId};
 use oscura::texture::{CompiledTextures, TextureNeeds};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -298,4 +298,41 @@ fn normals_of_graphs_light_surfaces_as_maps_do() {
     let most = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     assert!(most(&plain, &by_map) > 0.02, "the map shows");
     assert!(most(&by_graph, &by_map) < 4e-3, "{by_graph:?} {by_map:?}");
+}
+
+/// The mean of a small picture of a ball of radius 1 that fills it, in white light.
+fn in_white_light(shader: &str, height: f64) -> f64 {
+    let text = format!(
+        "[camera]\nlook_from = [0, 0, 5]\nlook_at = [0, 0, 0]\ntype = \"orthographic\"\nview_height = {height}\n\
+         [environment]\nbackground = 1\n[materials.shown]\ntype = \"nodes\"\nsurface = \"shader\"\nvolume = true\n\
+         [materials.shown.nodes]\nshader = {{ {shader} }}\n[[objects]]\nsphere = {{ center = [0, 0, 0], radius = 1 }}\nmaterial = \"shown\"\n"
+    );
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("scene.toml");
+    std::fs::write(&path, text).expect("written");
+    let scene = load(&path, &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}")).scene;
+    crate::support::mean(&picture(&scene, &options(16, 256, 64)))
+}
+
+/// A dark body much smaller than its mean free path lets light pass as much as it scatters, over a fifth.
+#[test]
+fn dark_bodies_hide_light_that_passes_them_unscattered() {
+    for color in [0.003f32, 0.01, 0.5] {
+        let shader =
+            format!("type = \"subsurface_scattering\", color = {color}, scale = 1e6, radius = [1, 1, 1]");
+        let albedo = f64::from(Medium::albedo_of_color(color, 0.0));
+        let (found, truth) = (in_white_light(&shader, 0.01), (albedo / 0.2).min(1.0));
+        assert!((found / truth - 1.0).abs() < 2e-2, "{color}: {found}, truth {truth}");
+    }
+}
+
+/// Grey glossy shaders reflect as much at all angles.
+#[test]
+fn glossy_shaders_have_the_same_reflectance_at_all_angles() {
+    for (shader, precision) in [("", 1e-3), (", beckmann = 1", 1e-3)] {
+        let shader = format!("type = \"glossy_bsdf\", color = 0.3, roughness = 0{shader}");
+        // The square within the ball's outline, most of which is seen at an angle.
+        let found = in_white_light(&shader, 1.4);
+        assert!((found / 0.3 - 1.0).abs() < precision, "{shader}: {found}");
+    }
 }

@@ -151,14 +151,15 @@ class SurfacesTest(SceneTest):
         shader.distribution = "GGX"
         self.assertEqual(exported(), ("single", {"frosted": 0.0, "metal": 0.0, "smooth": None, "plastic": 1.0}))
 
-    def test_glass_says_how_its_facets_are_distributed(self):
-        for name, kind, place in (("glass", "BsdfGlass", 0), ("refraction", "BsdfRefraction", 3)):
+    def test_shaders_say_how_their_facets_are_distributed(self):
+        for name, kind, place in (("glass", "BsdfGlass", 0), ("refraction", "BsdfRefraction", 3), ("glossy", "BsdfAnisotropic", 6)):
             for distribution in ("BECKMANN", "GGX"):
                 glass = self.glass(name + distribution, kind, location=(place, len(distribution), 0))[2]
                 glass.distribution = distribution
         nodes = {name: table["nodes"][table["surface"]] for name, table in self.export()[1]["materials"].items()}
         told = {name: node.get("beckmann") for name, node in nodes.items()}
-        self.assertEqual(told, {"glassBECKMANN": 1.0, "glassGGX": None, "refractionBECKMANN": 1.0, "refractionGGX": None})
+        kinds = ("glass", "refraction", "glossy")
+        self.assertEqual(told, {kind + name: value for kind in kinds for name, value in (("BECKMANN", 1.0), ("GGX", None))})
 
     def test_toon_and_velvet_are_shaders_of_their_own(self):
         _, _, diffuse = self.glass("diffuse", "BsdfToon", Size=0.3, Smooth=0.1)

@@ -53,5 +53,15 @@ class TreesTest(SceneTest):
             self.assertEqual(feeding(surface, "base_color")["file"], expected)
         self.assertEqual((self.folder / "scene.image0.png").read_bytes(), (self.folder / "a picture.png").read_bytes())
 
+    def test_nodes_have_names_in_any_language(self):
+        material, tree, shader, noise = shader_tree("wood", "TexNoise")
+        shader.name, noise.name = "プリンシプルBSDF", "ノイズテクスチャ"
+        tree.links.new(noise.outputs["Color"], shader.inputs["Base Color"])
+        self.add_plane(material)
+        _, settings, answer = self.export()
+        surface, feeding = self.surface(settings["materials"]["wood"])
+        self.assertEqual((answer["warnings"], feeding(surface, "base_color")["type"]), ([], "noise_texture"))
+
+
 if __name__ == "__main__":
     main()

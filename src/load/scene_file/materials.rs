@@ -5,6 +5,7 @@
 //! | `"lambert"` | `color` (0.8) |
 //! | `"oren-nayar"` | `color` (0.8), `roughness` 0 to 1 (1) |
 //! | `"phong"` | `diffuse` (0.5), `specular` (0.5), `exponent` from 0 (30) |
+//! | `"beckmann"` | `color` (0.8), `roughness` 0 to 1 (0.2): facets whose slopes are normally distributed, of the same reflectance at all angles, as in older files of Blender |
 //! | `"velvet"` | `color` (0.8), `deviation` 0.01 to 1 (0.5): Ashikhmin's, as in older files of Blender; `sheen_color` of `"pbr"` has a better model |
 //! | `"toon"`, `"toon-highlight"` | `color` (0.8), `size` (0.5), `smooth` (0): light from within `size` right angles of the normal, or of the mirror direction, counts alike and fades out over `smooth` right angles more |
 //! | `"metal"` | `color` (0.8) or the `name` of a metal, `fuzz` or `roughness`, both 0 to 1 (0) |

@@ -379,6 +379,7 @@ pub const TABLES: &[Table] = &[
         before!(material "phong"),
         &[("diffuse", "0.3", "0.4"), ("specular", "0.3", "0.4"), ("exponent", "7", "8")],
     ),
+    lines("beckmann", before!(material "beckmann"), &[("color", "0.3", "0.4"), ("roughness", "0.3", "0.4")]),
     lines("velvet", before!(material "velvet"), &[("color", "0.3", "0.4"), ("deviation", "0.3", "0.4")]),
     lines(
         "toon",

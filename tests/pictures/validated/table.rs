@@ -145,6 +145,7 @@ enums! {
         Lambert { albedo }
         OrenNayar { color, roughness }
         Phong { diffuse, specular, exponent }
+        Beckmann { color, roughness }
         Velvet { color, deviation }
         Toon { color, size, smooth }
         ToonHighlight { color, size, smooth }

@@ -1,8 +1,8 @@
 //! The BSDFs under test.
 
 use oscura::bsdf::{
-    Bsdf, BsdfProgram, Coat, Conductor, Factors, Lambert, Layered, LocalFrame, Microsurface, OrenNayar,
-    Phong, SchlickMetal, ShadingModel, Toon, Velvet,
+    Beckmann, Bsdf, BsdfProgram, Coat, Conductor, Factors, Lambert, Layered, LocalFrame, Microsurface,
+    OrenNayar, Phong, SchlickMetal, ShadingModel, Toon, Velvet,
 };
 use oscura::color::Rgb;
 use oscura::math::{Vec2, Vec3};
@@ -171,6 +171,10 @@ pub fn finite() -> Vec<(String, Bsdf)> {
     for exponent in [0.0, 5.0, 60.0] {
         let phong = Phong::new(Rgb::new(0.3, 0.2, 0.1), Rgb::splat(0.5), exponent);
         add(&format!("phong {exponent}"), Bsdf::Phong(phong));
+    }
+    for alpha in [0.05, 0.4, 1.0] {
+        let color = Rgb::new(0.9, 0.5, 0.1);
+        add(&format!("beckmann {alpha}"), Bsdf::Beckmann(Beckmann { color, alpha }));
     }
     for deviation in [0.2, 0.7] {
         let color = Rgb::new(0.8, 0.5, 0.1);

@@ -1,7 +1,7 @@
 //! Light takes every way back as it came, where the models promise it.
 
 use super::lobes::{basic, conductor, glass, gold, length};
-use oscura::bsdf::{Bsdf, Lambert, OrenNayar, Phong};
+use oscura::bsdf::{Beckmann, Bsdf, Lambert, OrenNayar, Phong};
 use oscura::color::Rgb;
 use oscura::sampling::chi2::Random;
 use oscura::scene::EnergyCompensation;
@@ -18,6 +18,7 @@ fn reflection_is_reciprocal() {
         gold([0.2, 0.7], EnergyCompensation::Off),
     ];
     lobes.extend([0.1, 0.5, 1.0].map(|alpha| conductor(alpha, EnergyCompensation::Off)));
+    lobes.extend([0.1, 0.5, 1.0].map(|alpha| Bsdf::Beckmann(Beckmann { color, alpha })));
     for bsdf in lobes {
         for _ in 0..10_000 {
             let (wo, wi) = (random.direction(), random.direction());

@@ -256,7 +256,9 @@ class Graph:
         self._exposure = exposure
 
     def _add(self, node, groups, entries):
-        base = "".join(c if c.isalnum() else "_" for c in node.name.lower()).strip("_") or "node"
+        # Keys without quotes are of ASCII.
+        base = "".join(c if c.isascii() and c.isalnum() else "_" for c in node.name.lower()).strip("_")
+        base = base or node.bl_idname.removeprefix("ShaderNode").lower()
         name, number = base, 1
         while name in self.nodes:
             number += 1
@@ -589,11 +591,11 @@ def _kind(node):
 
 
 def _facets(node):
-    """What becomes of light among the facets of a shader, where that matters, and how they are distributed in glass."""
+    """What becomes of light among the facets of a shader, where that matters, and how they are distributed."""
     keeps = facets.keeps_all(node)
     entries = {} if keeps is None else {"multiscatter": float(keeps)}
-    is_glass = node.bl_idname in ("ShaderNodeBsdfGlass", "ShaderNodeBsdfRefraction")
-    return {**entries, "beckmann": 1.0} if is_glass and node.distribution == "BECKMANN" else entries
+    is_known = node.bl_idname.removeprefix("ShaderNodeBsdf") in ("Glass", "Refraction", "Glossy", "Anisotropic")
+    return {**entries, "beckmann": 1.0} if is_known and node.distribution == "BECKMANN" else entries
 
 
 def _conductor(n, k, cosine):

@@ -125,15 +125,37 @@ impl Lowering<'_, '_, '_> {
     /// A layer that reflects its colour at all angles: total reflection, whose index is 0 in glTF.
     fn glossy(&mut self, index: usize) -> Model {
         let color = self.color(index, "color", [0.8; 3]);
+        let is_even = self.number(index, "anisotropy", 0.0) == NodeInput::Value([0.0; 3]);
+        if is_even && self.constant(index, "beckmann", 0.0) > 0.0 {
+            let roughness = self.number(index, "roughness", 0.2);
+            return Model::Beckmann { color: self.color_slot(color), roughness: self.float_slot(roughness) };
+        }
+        // Reflectances rise to the specular factor: with the brightest channel as that, greys are the same at all angles.
+        let brightest = self.brightest(color);
+        let tint = self.quotient(color, brightest);
         let mut pbr = PbrMaterial {
             ior: 0.0,
-            specular: FloatSlot::constant(1.0),
-            specular_color: self.color_slot(color),
+            specular: self.float_slot(brightest),
+            specular_color: self.color_slot(tint),
             energy_compensation: self.energy_compensation(index),
             ..bare()
         };
         self.set_roughness(index, &mut pbr, "anisotropy", "rotation");
         Model::Pbr(Box::new(pbr))
+    }
+
+    /// The largest channel of a colour, as a number.
+    fn brightest(&mut self, color: NodeInput) -> NodeInput {
+        if let NodeInput::Value([r, g, b]) = color {
+            return NodeInput::Value([r.max(g).max(b); 3]);
+        }
+        let NodeInput::Link { node, .. } = self.push(NodeKind::SeparateXyz {}, &[color]) else {
+            return color;
+        };
+        let channel = |output| NodeInput::Link { node, output };
+        let maximum = || NodeKind::Math { operation: MathOperation::Maximum, use_clamp: false };
+        let larger = self.push(maximum(), &[channel(0), channel(1)]);
+        self.push(maximum(), &[larger, channel(2)])
     }
 
     fn metal(&mut self, index: usize) -> Model {
@@ -400,11 +422,19 @@ fn scatter_within(
 ) {
     let anisotropy = anisotropy.clamp(-0.99, 0.99);
     let paths = paths.map(|path| (path * (1.0 - anisotropy)).max(1e-6));
+    let mut medium = Medium::subsurface(color.map(|c| c.clamp(0.0, 1.0)), paths, anisotropy);
+    // What little dark bodies scatter is lost on the surface as well, also by light that passes them without scattering: it is crossed twice.
+    let kept = medium.albedo.map(|albedo| (albedo / MIN_ALBEDO).min(1.0).sqrt());
+    medium.albedo = medium.albedo.map(|albedo| albedo.max(MIN_ALBEDO));
+    let color = ColorSlot { factor: [0, 1, 2].map(|c| paint.factor[c] * kept[c]), ..paint };
     pbr.has_volume = true;
-    pbr.diffuse_transmission = Some(DiffuseTransmission { factor: FloatSlot::constant(1.0), color: paint });
+    pbr.diffuse_transmission = Some(DiffuseTransmission { factor: FloatSlot::constant(1.0), color });
     material.model = Model::Pbr(Box::new(pbr));
-    material.medium = Some(Medium::subsurface(color.map(|c| c.clamp(0.0, 1.0)), paths, anisotropy));
+    material.medium = Some(medium);
 }
+
+/// The least albedo of single scattering in bodies, as in Cycles.
+const MIN_ALBEDO: f32 = 0.2;
 
 /// Steps of the bisection: to a part in a million.
 const STEPS: usize = 40;

@@ -18,7 +18,7 @@
 //! | `toon_bsdf`, `toon_highlight_bsdf` | `color`, `size`, `smooth`, `normal`: the components of Toon |
 //! | `subsurface_scattering`, `principled_bsdf` | `body`, `subsurface_body`: the colour of a body that a colour which varies paints |
 //! | | `skin_ior`, `subsurface_skin_ior`: above 0, the scattering is Random Walk (Skin) of this index of refraction: its radius is a diffusion length, and mean free paths depend on the colour |
-//! | `glass_bsdf`, `refraction_bsdf` | `beckmann`: 1 for facets whose slopes are normally distributed, in place of GGX; they lose what they mirror into each other |
+//! | `glossy_bsdf`, `glass_bsdf`, `refraction_bsdf` | `beckmann`: 1 for facets whose slopes are normally distributed, in place of GGX; they lose what they mirror into each other |
 //! | all with facets | `multiscatter`: 1 gives back the light that facets mirror into each other, 0 loses it, as GGX of Blender does; without it `microfacet` of `[render]` counts |
 //! | `emission` | `color`, `strength` (1) |
 //! | `mix_shader` | `factor` (0.5), `a`, `b`: shaders; without one nothing is scattered |
@@ -549,7 +549,7 @@ shaders! {
     /// Lambert, or Oren-Nayar where it is rough.
     Diffuse "diffuse_bsdf" (color, roughness, normal);
     /// Microfacets that reflect the same share at all angles.
-    Glossy "glossy_bsdf" (color, roughness, anisotropy, rotation, multiscatter, normal);
+    Glossy "glossy_bsdf" (color, roughness, anisotropy, rotation, multiscatter, beckmann, normal);
     /// A metal of a reflectance at normal and at grazing incidence.
     Metallic "metallic_bsdf" (base_color, edge_tint, roughness, anisotropy, rotation, multiscatter, normal);
     /// A dielectric interface.
