@@ -5,7 +5,8 @@ use super::Loaded;
 use crate::error::{Error, Warning};
 use crate::math::{DAffine3, DMat4, DVec3, Vec3};
 use crate::scene::{
-    EmissionGrid, Grid, Instance, Material, MaterialId, Medium, Mesh, Scene, TextureId, instance_extents,
+    EmissionGrid, Grid, Instance, Material, MaterialId, Medium, MediumTextures, Mesh, Model, Scene,
+    TextureId, instance_extents,
 };
 use crate::texture::{
     CameraData, CompiledTextures, HitAttributes, HitData, ObjectData, PathData, PointReader, TexturePoint,
@@ -18,7 +19,7 @@ const VOXELS: f64 = (1u64 << 21) as f64;
 const MAX_RESOLUTION: u32 = 512;
 
 /// Maximum number of voxels of all grids of a material; where there would be more, they are coarser.
-const MAX_VOXELS: f64 = (1u64 << 27) as f64;
+const MAX_VOXELS: f64 = (1u64 << 26) as f64;
 
 /// Mean free paths across a grid, above which densities are cut off.
 const MAX_MEAN_FREE_PATHS: f64 = 0.9e5;
@@ -34,18 +35,38 @@ pub(super) fn apply(loaded: &mut Loaded) -> Result<(), Error> {
             evaluate(loaded, id, medium)?;
         }
     }
+    let Loaded { scene, warnings, .. } = loaded;
+    scene.materials.iter_mut().for_each(|material| leave_out_of_mixes(material, warnings));
     Ok(())
+}
+
+/// Components of mixes have no grids: their media are even.
+fn leave_out_of_mixes(material: &mut Material, warnings: &mut Vec<Warning>) {
+    let Model::Mix { components } = &mut material.model else { return };
+    for part in components.iter_mut().map(|component| &mut component.material) {
+        let Some(medium) = part.medium.as_mut().filter(|medium| !medium.textures.is_empty()) else {
+            continue;
+        };
+        medium.textures = MediumTextures::default();
+        let message = format!("material '{}': textures of its medium are left out in a mix", part.name);
+        warnings.push(Warning::general(("medium-texture-in-mix", message)));
+    }
 }
 
 /// Evaluates the textures of a material's medium for each solid that has the material. Solids but the first get copies of it.
 fn evaluate(loaded: &mut Loaded, id: MaterialId, medium: Medium) -> Result<(), Error> {
     let textures = medium.textures;
+    let solids = Solid::all(&loaded.scene, id);
+    if solids.is_empty() {
+        loaded.scene.materials[id.index()].medium =
+            Some(Medium { textures: MediumTextures::default(), ..medium });
+        return Ok(());
+    }
     let used = [textures.density, textures.color, textures.emission].into_iter().flatten();
     let (compiled, report) =
         CompiledTextures::of_some(&loaded.scene.textures, &loaded.scene.images, &used.collect::<Vec<_>>())?;
     loaded.warnings.extend(report.warnings);
-    let solids = Solid::all(&loaded.scene, id);
-    let affordable = MAX_VOXELS / solids.len().max(1) as f64;
+    let affordable = MAX_VOXELS / solids.len() as f64;
     let (resolution, most) = match textures.resolution {
         0 => (MAX_RESOLUTION, VOXELS.min(affordable)),
         wanted => (wanted, affordable),
@@ -76,16 +97,11 @@ fn evaluate(loaded: &mut Loaded, id: MaterialId, medium: Medium) -> Result<(), E
             solid.give(&mut loaded.scene, copy);
         }
     }
-    let material = &mut loaded.scene.materials[id.index()];
-    if solids.is_empty() {
-        material.medium = Some(Medium { textures: Default::default(), ..medium });
-    }
     if is_cut {
-        let message = format!(
-            "material '{}' is denser in places than can be traced: it is cut off there",
-            material.name
-        );
-        loaded.warnings.push(Warning::general(message));
+        let name = &loaded.scene.materials[id.index()].name;
+        let message =
+            format!("material '{name}' is denser in places than can be traced: it is cut off there");
+        loaded.warnings.push(Warning::general(("medium-too-dense", message)));
     }
     Ok(())
 }
@@ -288,7 +304,7 @@ struct Values {
 impl Values {
     /// The medium with grids in place of textures; was a density cut off?
     fn medium(self, scene: &mut Scene, medium: Medium, voxels: &Voxels, name: &str) -> (Medium, bool) {
-        let mut filling = Medium { textures: Default::default(), ..medium };
+        let mut filling = Medium { textures: MediumTextures::default(), ..medium };
         let whole = match (self.density, &self.color) {
             (Some(values), _) => values,
             (None, Some(color)) => vec![[1.0; 3]; color.len()],

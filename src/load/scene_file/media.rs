@@ -26,7 +26,7 @@
 //!
 //! Textures are evaluated in space, in the world or in the coordinates of the object, when the scene is loaded: noise makes clouds, a gradient
 //! ground fog. Quads and meshes of several materials share a grid in the space of the world; each other object has a grid of its own, with at most
-//! 2^27 voxels for all objects of a material. In pictures by wavelength an extinction whose colour differs from place to place is the mean
+//! 2^26 voxels for all objects of a material. In pictures by wavelength an extinction whose colour differs from place to place is the mean
 //! of its channels.
 //!
 //! Media of solids without a surface (`type = "medium"`) add up where they overlap, with each other and with the fog, up to eight at a
