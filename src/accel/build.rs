@@ -9,7 +9,6 @@ use super::input::{
 use super::input::{Primitive, PrimitiveKind, collect_primitives, is_in_reach};
 use super::layout::{BufferFull, DONE, InstanceRecord};
 use super::motion::{self, Motions};
-use super::scan::Scan;
 use super::traversal::DeepSlot;
 use super::wide_tree::{Collapse, ShapeSource, TreeWriter, WIDTH, WrittenTree};
 use super::{Accel, BuildMark, BuildStats, BuiltTree, BuiltTrees, EMPTY_TREE, TreeSummary};
@@ -292,10 +291,9 @@ impl<'a> Builder<'a> {
         stats.build_s = begin.elapsed().as_secs_f64();
         let (root, reach) = top.map_or((world.tree.root, world.reach()), |top| (top.tree.root, top.reach()));
         let bounds = top.map_or(world.bounds, |top| top.bounds);
-        let scan = Scan::new(&lines, root);
         let motions = Motions::of(&input);
         let stack_size = stack_size(depth);
-        Accel { lines, root, scan, motions, bounds, reach, stack_size, expected, stats, trees }
+        Accel { lines, root, motions, bounds, reach, stack_size, expected, stats, trees }
     }
 
     /// The record of an instance and its box in world space; `None` if its geometry is empty.

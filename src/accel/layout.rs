@@ -432,16 +432,11 @@ impl InstanceRecord {
     }
 }
 
-/// The plane of a triangle, and what the triangle is.
+/// The plane of a triangle.
 #[derive(Clone, Copy, Debug)]
-#[repr(align(64))]
 pub struct Plane {
     normal: [f64; 3],
     vertex: [f32; 3],
-    /// Id of the primitive.
-    pub id: u32,
-    /// Which part of it the triangle is.
-    pub part: u32,
 }
 
 impl Plane {
@@ -454,7 +449,7 @@ impl Plane {
         let (e, f) = (edge(1), edge(2));
         let normal = [e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]];
         let vertex = [packet.rows[0][lane], packet.rows[4][lane], packet.rows[8][lane]];
-        Plane { normal, vertex, id: packet.id(lane), part: packet.part(lane) }
+        Plane { normal, vertex }
     }
 
     /// The ray parameter of the intersection, rounded as in [`crate::simd::Wide::plane_parameters`]; infinite or NaN for parallel rays.

@@ -25,7 +25,6 @@ mod inspect;
 mod layout;
 mod motion;
 mod point_visibility;
-mod scan;
 #[cfg(test)]
 mod tests;
 mod traversal;
@@ -43,7 +42,6 @@ use crate::simd::{Level, Line, best_level, dispatch_wide_at};
 use input::{Primitive, PrimitiveKind};
 use layout::DONE;
 use motion::{Motions, NoMotion, TimeByRay};
-use scan::{Scan, ScanAll, ScanWorkspace};
 use std::cell::RefCell;
 use traversal::{AnyHit, AnyOccluder, ClosestHit, NextHit, Output, RayStream, ShallowSlot, Workspace};
 
@@ -51,8 +49,6 @@ use traversal::{AnyHit, AnyOccluder, ClosestHit, NextHit, Output, RayStream, Sha
 pub struct Accel {
     lines: Vec<Line>,
     root: u32,
-    /// All triangles in a list if there are few: rays are then tested against each of them.
-    scan: Option<Scan>,
     /// What moves while rays are traced.
     motions: Motions,
     /// Bounding box of everything.
@@ -67,7 +63,6 @@ pub struct Accel {
 
 thread_local! {
     static WORKSPACE: RefCell<Workspace> = const { RefCell::new(Workspace::new()) };
-    static SCAN_WORKSPACE: RefCell<ScanWorkspace> = const { RefCell::new(ScanWorkspace::new()) };
 }
 
 impl Accel {
@@ -92,19 +87,19 @@ impl Accel {
     /// on. As fast as [`Accel::occluded`].
     pub fn any(&self, rays: &[Ray], hits: &mut [Hit]) {
         let count = rays.len().min(hits.len());
-        self.trace(best_level(), &rays[..count], AnyHit(&mut hits[..count]));
+        self.traverse(best_level(), &rays[..count], AnyHit(&mut hits[..count]));
     }
 
     /// [`Accel::closest`] on a CPU level, or on the best available one below it: for tests and measurements.
     pub fn closest_at(&self, level: Level, rays: &[Ray], hits: &mut [Hit]) {
         let count = rays.len().min(hits.len());
-        self.trace(level, &rays[..count], ClosestHit(&mut hits[..count]));
+        self.traverse(level, &rays[..count], ClosestHit(&mut hits[..count]));
     }
 
     /// [`Accel::occluded`] on a CPU level, or on the best available one below it: for tests and measurements.
     pub fn occluded_at(&self, level: Level, rays: &[Ray], occluded: &mut [bool]) {
         let count = rays.len().min(occluded.len());
-        self.trace(level, &rays[..count], AnyOccluder(&mut occluded[..count]));
+        self.traverse(level, &rays[..count], AnyOccluder(&mut occluded[..count]));
     }
 
     /// The nearest hit of one ray: for occasional rays, as batches are faster.
@@ -167,16 +162,6 @@ impl Accel {
             let slots = &mut workspace.borrow_mut().deep;
             dispatch_wide_at(best_level(), RayStream { lines, root, reach, rays, times, output, slots });
         });
-    }
-
-    fn trace<O: Output>(&self, level: Level, rays: &[Ray], output: O) {
-        match &self.scan {
-            Some(scan) => SCAN_WORKSPACE.with(|workspace| {
-                let workspace = &mut *workspace.borrow_mut();
-                dispatch_wide_at(level, ScanAll { scan, rays, output, workspace });
-            }),
-            None => self.traverse(level, rays, output),
-        }
     }
 
     /// Traverses the tree.

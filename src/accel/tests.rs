@@ -138,7 +138,7 @@ fn levels_agree_in_corners_at_any_scale() {
             [Ray::new(Vec3::ZERO, corner / scale), before(Vec3::X), before(Vec3::Y), before(Vec3::Z), far]
         });
         let rays: Vec<Ray> = rays.collect();
-        // LeafItems triangles are scanned, more are in a tree.
+        // Triangles alone, and with other shapes.
         let mut many = geometry.clone();
         many.quads.push(Quad {
             corner: Vec3::splat(scale),

@@ -7,7 +7,7 @@
 
 #![allow(unsafe_code)]
 
-mod block;
+mod boxes;
 mod cache_line;
 #[cfg(target_arch = "aarch64")]
 mod neon;
@@ -15,7 +15,7 @@ mod wide;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
-pub use block::{BlockQuery, BoxRay, Entry, Planes, ShearedLine, TriangleBlock, map_each};
+pub use boxes::{BoxRay, Entry, Planes, ShearedLine, map_each};
 pub use cache_line::{
     Claim, Claims, Line, Table, append_claims, prefer_huge_pages, prefetch_element, prefetch_lines,
     reserve_on_huge_pages,
@@ -499,44 +499,6 @@ mod tests {
     #[test]
     fn packets_are_tested_as_the_scalar_twin_does() {
         on_all_levels(Packets);
-    }
-
-    struct Blocks(&'static str);
-    impl WideKernel for Blocks {
-        type Output = ();
-        #[inline(always)]
-        fn run<W: Wide>(self, w: W) {
-            let (mut rng, mut met) = (Rng(4), 0);
-            for i in 0..20_000u32 {
-                let special = i % 2 == 1;
-                let mut block = TriangleBlock::EMPTY;
-                let used = rng.bits() as usize % 17;
-                for lane in 0..used {
-                    for row in &mut block.rows {
-                        row[lane] = rng.number(special);
-                    }
-                    block.ids[lane] = rng.bits() % 20;
-                }
-                let line = line(&mut rng).1;
-                let query = BlockQuery { line: &line, ignored: rng.bits() % 20, first: rng.bits() >> 1 };
-                let (mut list, mut expected) = ([0; 16], [0; 16]);
-                let count = w.list_candidates(&block, &query, &mut list);
-                let at_least = ScalarWide.list_candidates(&block, &query, &mut expected);
-                let (list, expected) = (&list[..count], &expected[..at_least]);
-                // As for packets.
-                assert!(expected.iter().all(|number| list.contains(number)), "{} {block:?}", self.0);
-                assert!(list.is_sorted(), "{} {list:?}", self.0);
-                let is_exact = !special || matches!(self.0, "scalar" | "neon");
-                assert!(!is_exact || list == expected, "{} {list:?} {expected:?}", self.0);
-                met += count;
-            }
-            assert!(met > 10_000, "{met}");
-        }
-    }
-
-    #[test]
-    fn blocks_list_what_the_scalar_twin_lists() {
-        on_all_levels(Blocks);
     }
 
     #[test]

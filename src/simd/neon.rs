@@ -1,7 +1,7 @@
 //! The NEON level of [`Wide`]: eight lanes are two registers of four. No instruction here looks at what a lane that is not
 //! asked for holds, and none is fused but the box test's.
 
-use super::block::{self, BlockQuery, BoxRay, Entry, LANES_OF_MASK, Planes, TriangleBlock};
+use super::boxes::{self, BoxRay, Entry, LANES_OF_MASK, Planes};
 use super::wide::Lanes;
 use super::wide::{WIDEN_UNITS, Wide};
 use core::arch::aarch64::*;
@@ -303,14 +303,8 @@ impl Wide for Neon {
                 let y = vsubq_f32(vsubq_f32(vld1q_f32(ys.add(4 * k)), oy), vmulq_n_f32(z, sy));
                 (x, y)
             };
-            mask_of(block::meets(vertex(0), vertex(1), vertex(2)))
+            mask_of(boxes::meets(vertex(0), vertex(1), vertex(2)))
         }
-    }
-
-    #[inline(always)]
-    fn list_candidates(self, block: &TriangleBlock, query: &BlockQuery, to: &mut [u32; 16]) -> usize {
-        // SAFETY: see above; `line.axes` are below 3.
-        unsafe { block::list4_four_times(block, query, to) }
     }
 
     #[inline(always)]

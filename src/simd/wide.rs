@@ -5,8 +5,7 @@
 //! Sixteen floats with fused multiply-adds, for convolutions: the same operations in the same order on all levels, so the
 //! same bits.
 
-use super::block;
-use super::block::{BlockQuery, BoxRay, Entry, Planes, TriangleBlock, map_each};
+use super::boxes::{BoxRay, Entry, Planes, map_each};
 
 /// Box tests accept this much more (Ize 2013, "Robust BVH Ray Traversal"): 32 roundings. At most four are the box
 /// test's own on either side; the shear of the triangle test moves each vertex by at most five more.
@@ -34,9 +33,6 @@ pub trait Wide: Copy {
     /// The triangles whose three edge functions have no two opposite signs, seen along the ray: see
     /// `accel::triangle`. `rows` are those of a packet: for each axis four times vertex 0, 1, 2 and something else.
     fn candidates(self, rows: &[[f32; 4]; 12], ray: &BoxRay, origin: &[f32; 3], shear: &[f32; 2]) -> u32;
-    /// Lists the triangles of a block that `candidates` would accept and the query does not leave out: writes their numbers in
-    /// order, and returns how many. What follows the last one is unspecified.
-    fn list_candidates(self, block: &TriangleBlock, query: &BlockQuery, to: &mut [u32; 16]) -> usize;
     /// The lanes that hold these bits.
     fn equal(self, row: &[f32; 4], number: u32) -> u32;
     /// Where a ray intersects the planes of four triangles: `n . (a - o) / n . d` in f64, rounded once, the same bits on all
@@ -141,11 +137,6 @@ impl Wide for ScalarWide {
         bits::<4>(|i| {
             ((u[i] >= 0.0) & (v[i] >= 0.0) & (w[i] >= 0.0)) | ((u[i] <= 0.0) & (v[i] <= 0.0) & (w[i] <= 0.0))
         })
-    }
-
-    #[inline(always)]
-    fn list_candidates(self, block: &TriangleBlock, query: &BlockQuery, to: &mut [u32; 16]) -> usize {
-        block::list(block, query, to)
     }
 
     #[inline(always)]

@@ -1,6 +1,6 @@
 //! The x86 levels of [`Wide`]: the same registers and instructions, but for AVX-512's compression.
 
-use super::block::{self, BlockQuery, BoxRay, Entry, Planes, TriangleBlock, compress};
+use super::boxes::{BoxRay, Entry, Planes, compress};
 use super::wide::Lanes;
 use super::wide::{WIDEN_UNITS, Wide};
 use core::arch::x86_64::*;
@@ -229,12 +229,6 @@ impl<const AVX512: bool> Wide for X86<AVX512> {
                 _mm_movemask_ps(_mm_or_ps(positive, negative)) as u32
             }
         }
-    }
-
-    #[inline(always)]
-    fn list_candidates(self, block: &TriangleBlock, query: &BlockQuery, to: &mut [u32; 16]) -> usize {
-        // SAFETY: see above; `line.axes` are below 3.
-        unsafe { if AVX512 { block::list16(block, query, to) } else { block::list8_twice(block, query, to) } }
     }
 
     #[inline(always)]
