@@ -15,7 +15,7 @@ use clap::{Args, ValueEnum};
 use oscura::film::{AovSet, AovSpace};
 use oscura::output::ViewTransform;
 use oscura::output::part::Region;
-use oscura::render::{Adaptive, Guiding, PathReuse, Splitting, setting_help};
+use oscura::render::{Guiding, PathReuse, Splitting, setting_help};
 use oscura::scene::{BounceLimits, Clamp};
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -212,7 +212,7 @@ pub(crate) struct RenderArgs {
     pub blender: BlenderArgs,
     /// Quality of the image: when to stop, and whether to denoise [default: normal, unless another option or the scene says when to
     /// stop].
-    #[arg(long, value_name = "Q", value_enum, conflicts_with_all = ["spp", "noise", "adaptive", "plan", "sample_range"])]
+    #[arg(long, value_name = "Q", value_enum, conflicts_with_all = ["spp", "noise", "plan", "sample_range"])]
     pub quality: Option<Quality>,
     /// Samples per pixel [default: by the quality; 128 with a time limit and for parts of images].
     #[arg(long, alias = "samples", value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
@@ -281,8 +281,6 @@ pub(crate) struct RenderArgs {
     pub path_reuse: PathReuse,
     #[arg(long, help = setting_help("splitting"), value_name = "PATHS", default_value = "auto", hide_default_value = true)]
     pub splitting: Splitting,
-    #[arg(long, help = setting_help("adaptive"), value_name = "CHOICE", default_value = "off", hide_default_value = true)]
-    pub adaptive: Adaptive,
     /// BVH quality: fast builds sooner, full traces faster. The image does not depend on it.
     #[arg(long, default_value = "auto")]
     pub tree: TreeArg,
@@ -429,10 +427,10 @@ pub(crate) struct LongArgs {
     /// At the latest after --max-spp samples per pixel [default then: 65536].
     #[arg(long, value_name = "P", value_parser = percent, allow_negative_numbers = true)]
     pub noise: Option<f32>,
-    /// Minimum samples per pixel with --noise or --adaptive auto.
+    /// Minimum samples per pixel with --noise.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     pub min_spp: Option<u32>,
-    /// Maximum samples per pixel with --noise (same as --spp) or --adaptive auto.
+    /// Maximum samples per pixel with --noise (same as --spp).
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     pub max_spp: Option<u32>,
     #[arg(long, help = setting_help("time_limit"), value_name = "S", value_parser = seconds)]

@@ -152,12 +152,7 @@ pub(super) fn check(args: &RenderArgs) -> Result<()> {
             Error::usage(message).with_help("give a name with ####, such as --checkpoint frame.####.part")
         );
     }
-    let is_adaptive = args.adaptive == oscura::render::Adaptive::Auto;
-    if is_adaptive && (long.checkpoint.is_some() || long.noise.is_some()) {
-        let message = "--adaptive auto can't be used with --checkpoint and --noise";
-        return Err(Error::usage(message).with_help("leave it off"));
-    }
-    check_limits(args, is_adaptive)?;
+    check_limits(args)?;
     check_parts(args)?;
     match &long.checkpoint {
         Some(file) if !is_sequence => check_file(args, file),
@@ -206,25 +201,22 @@ fn check_parts(args: &RenderArgs) -> Result<()> {
 }
 
 /// Checks --min-spp and --max-spp.
-fn check_limits(args: &RenderArgs, is_adaptive: bool) -> Result<()> {
+fn check_limits(args: &RenderArgs) -> Result<()> {
     let (least, most) = (args.long.min_spp, args.long.max_spp);
     if least.is_none() && most.is_none() {
         return Ok(());
     }
-    if args.spp.is_some() && args.long.noise.is_none() && !is_adaptive {
+    if args.spp.is_some() && args.long.noise.is_none() {
         let message = "--min-spp and --max-spp have no effect: all pixels get as many samples";
-        return Err(Error::usage(message).with_help("give --noise, --quality or --adaptive auto with them"));
+        return Err(Error::usage(message).with_help("give --noise or --quality with them"));
     }
     if args.long.noise.is_some() && args.spp.is_some() && most.is_some() {
         let message = "with --noise, --spp and --max-spp mean the same";
         return Err(Error::usage(message).with_help("give one of them"));
     }
-    // With adaptive sampling, --spp is the average over the pixels.
     let within = |a: Option<u32>, b: Option<u32>| a.zip(b).is_none_or(|(a, b)| a <= b);
-    if !(within(least, most) && within(least, args.spp) && (!is_adaptive || within(args.spp, most))) {
-        return Err(Error::usage(
-            "--min-spp must not be above --spp and --max-spp, nor --spp above --max-spp",
-        ));
+    if !(within(least, most) && within(least, args.spp)) {
+        return Err(Error::usage("--min-spp must not be above --spp and --max-spp"));
     }
     Ok(())
 }

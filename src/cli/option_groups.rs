@@ -81,7 +81,6 @@ pub(super) const GROUPS: [(&str, &[&str]); 13] = [
             "noise",
             "max_spp",
             "min_spp",
-            "adaptive",
             "depth",
             "bounces",
             "clamp",

@@ -251,11 +251,10 @@ impl Run {
         let shared =
             s.path_reuse.map(|shape| format!(", shared by {} pixels", shape.pixels())).unwrap_or_default();
         let branches = if s.branches > 1 { format!(" of {} branches", s.branches) } else { String::new() };
-        let mean = if s.is_adaptive { " on average" } else { "" };
         let guided = if s.guide_cells.is_some() { ", guided" } else { "" };
         let caustics = if s.lamp_paths.is_some() { ", caustics by light tracing" } else { "" };
         say!(
-            "picture  {} x {}, {} samples per pixel{mean}, {}{branches}{shared}{guided}{caustics}, {}",
+            "picture  {} x {}, {} samples per pixel, {}{branches}{shared}{guided}{caustics}, {}",
             self.size.0,
             self.size.1,
             // Not an integer if stopped early.

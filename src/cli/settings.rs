@@ -20,8 +20,8 @@ use oscura::load::stage::middle;
 use oscura::output::part::{PartHeader, Region};
 use oscura::output::{Format, PngOptions, ViewTransform};
 use oscura::render::{
-    Adaptive, BvhQuality, Labels, RenderOptions, RequestedOptions, ResolvedOptions, Splitting,
-    denoising_guides, film_bytes, guiding_bytes, shows_alpha, splat_bytes,
+    BvhQuality, Labels, RenderOptions, RequestedOptions, ResolvedOptions, Splitting, denoising_guides,
+    film_bytes, guiding_bytes, shows_alpha, splat_bytes,
 };
 use oscura::scene::{
     BounceLimits, Camera, Clamp, EnergyCompensation, Environment, Filter, FresnelModel, ImageId, Keyframes,
@@ -89,8 +89,7 @@ pub(crate) fn requested(args: &RenderArgs) -> RequestedOptions {
             .splitting(args.splitting)
             .caustics(args.picture.caustics)
             .guiding(args.guiding.guiding)
-            .adaptive(args.adaptive)
-            .sample_limits(args.long.min_spp.unwrap_or(0), args.long.max_spp.unwrap_or(u32::MAX))
+            .least_samples(args.long.min_spp.unwrap_or(0))
             .noise(args.long.noise.map(|percent| percent / 100.0))
             .time_limit(args.long.time_limit),
     }
@@ -321,7 +320,7 @@ fn has_stop_condition(args: &RenderArgs) -> bool {
     let long = &args.long;
     let is_part = long.sample_range.is_some() || long.region.is_some();
     let is_counted = args.spp.is_some() || is_part || long.plan.is_some();
-    is_counted || long.noise.is_some() || args.adaptive == Adaptive::Auto
+    is_counted || long.noise.is_some()
 }
 
 /// Puts the settings of the quality into the arguments.

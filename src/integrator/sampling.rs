@@ -4,15 +4,15 @@ use super::wave::PathState;
 use crate::color::Rgb;
 use crate::sampling::hash::{hash32, unit};
 use crate::sampling::sampler::Dimensions;
-use crate::sampling::{AdaptiveSampleMap, ZSobolOrder};
+use crate::sampling::{UnevenSamples, ZSobolOrder};
 
 /// Numbers of samples of pixels, and their random sequences.
 #[derive(Clone, Copy, Debug)]
 pub enum SamplePlan<'a> {
     /// The same number of samples for all pixels.
     Even(ZSobolOrder),
-    /// Adaptive.
-    Allotted(&'a AdaptiveSampleMap),
+    /// A number of each pixel's own, all in one pass.
+    Uneven(&'a UnevenSamples),
 }
 
 impl SamplePlan<'_> {
@@ -25,7 +25,7 @@ impl SamplePlan<'_> {
                 let (seed, start) = arrangement.first(x, y);
                 (seed, (start >> branch_bits) + block.first_sample, block.samples)
             }
-            SamplePlan::Allotted(allotment) => allotment.of_pixel(x, y, block.first_sample, block.samples),
+            SamplePlan::Uneven(samples) => samples.of_pixel(x, y),
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Caustics by light tracing: whether paths from lights find them, and how many such paths per pass has. A trial measures what some
 //! of them bring.
 
-use super::options::{Adaptive, Caustics, RenderOptions};
+use super::options::{Caustics, RenderOptions};
 use super::progress::Statistics;
 use super::technique::{Request, Stopped, Target, Technique, Trial, first_reason};
 use super::timeline;
@@ -86,7 +86,6 @@ impl Technique for LightTracing {
             (features.links, "lights of the scene are linked to some objects only"),
             (features.ray_kinds, "objects or lights of the scene are visible to some kinds of rays only"),
             (features.holdouts || options.catchers, "the scene has holdouts or shadow catchers"),
-            (options.adaptive != Adaptive::Off, "pixels get different numbers of samples"),
             (
                 options.limits_paths(),
                 "bounces are limited by kind, light is clamped, glossy surfaces are filtered, or caustics are left out",

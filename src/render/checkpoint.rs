@@ -85,7 +85,7 @@ fn options(resolved: &ResolvedOptions) -> impl Iterator<Item = (String, String)>
         false => planned.next_power_of_two().to_string(),
     };
     let aovs: Vec<&str> = options.aovs.iter().map(|aov| aov.info().option).collect();
-    let halves = if options.halves { options.halving(false).name() } else { "none" };
+    let halves = if options.halves { options.halving().name() } else { "none" };
     let separate = [
         ("version", PICTURES.to_string()),
         ("size", format!("{} x {}", options.width, options.height)),

@@ -14,7 +14,7 @@ use crate::integrator::{
     TrainingSample, WAVE,
 };
 use crate::sampling::hash::hash32;
-use crate::sampling::{AdaptiveSampleMap, MAX_Z_ORDER_SPP};
+use crate::sampling::{MAX_Z_ORDER_SPP, UnevenSamples};
 use rayon::prelude::*;
 
 /// Fraction of the planned samples spent on training.
@@ -237,8 +237,8 @@ impl Training<'_> {
         let pixels = width as usize * height as usize;
         let per_pixel = paths as f64 / pixels as f64;
         let seed = hash32(seed ^ hash32(SEED ^ number));
-        let allotment = AdaptiveSampleMap::new(seed, width, 0, 1, &vec![per_pixel as f32; pixels]);
-        let integrator = self.integrator(SamplePlan::Allotted(&allotment), guide);
+        let samples = UnevenSamples::new(seed, width, &vec![per_pixel as f32; pixels]);
+        let integrator = self.integrator(SamplePlan::Uneven(&samples), guide);
         let blocks = blocks(width, height, per_pixel);
         let (steps, at_once) = (blocks.len().div_ceil(BLOCKS), steps_at_once());
         let trace = |first: usize| -> Result<Vec<BlockSamples>, Stopped> {

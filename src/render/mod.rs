@@ -8,7 +8,6 @@
 //! A rendering may take a part of a picture (`schedule.rs`), be written to a file and resumed (`checkpoint.rs`): its film's sums
 //! are exact, and the technique that the first pass decides on is part of the file.
 
-mod adaptive;
 mod caustics;
 mod checkpoint;
 mod guiding;
@@ -31,8 +30,8 @@ pub use checkpoint::identity;
 pub use guiding::guiding_bytes;
 pub use noise::RarePaths;
 pub use options::{
-    ALL_AOVS, Adaptive, BvhQuality, Caustics, Guiding, PathReuse, RenderOptions, RequestedOptions,
-    ResolvedOptions, Splitting, setting_help,
+    ALL_AOVS, BvhQuality, Caustics, Guiding, PathReuse, RenderOptions, RequestedOptions, ResolvedOptions,
+    Splitting, setting_help,
 };
 pub use picture::{
     Labels, Picture, denoise_film, denoising_guides, film_bytes, film_warnings, shows_alpha, splat_bytes,

@@ -58,7 +58,7 @@ impl Splitting {
 pub enum Caustics {
     /// Where the picture gains by it, as a trial of some paths from lights shows before the first pass, or where nothing else finds the
     /// light. Not in scenes with media that scatter or with thin sheets of glass, where something moves, where things are
-    /// visible to some kinds of rays only, with holdouts or shadow catchers, and with [adaptive sampling](Adaptive).
+    /// visible to some kinds of rays only, and with holdouts or shadow catchers.
     #[default]
     Auto,
     /// Wherever that is possible.
@@ -80,20 +80,6 @@ pub enum Guiding {
     On,
     /// Never.
     Off,
-}
-
-/// Which pixels get how many samples.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Adaptive {
-    /// All pixels the same number.
-    #[default]
-    Off,
-    /// After the first eight samples of all pixels, more where neighbouring pixels are noisy and fewer elsewhere, if there
-    /// are sixteen samples or more, the picture should gain by it, has no time limit, and its pixels don't share paths. The
-    /// noisiest pixels gain; others lose. (A textured helmet under a sky: the mean squared error without the worst thousandth
-    /// of pixels falls by a tenth to a fifth at the same processor time, the median one rises by a quarter.)
-    Auto,
 }
 
 /// How good the tree over a scene's triangles is, which rays walk. Pictures don't depend on it; full trees make rays faster
@@ -184,14 +170,9 @@ macro_rules! render_settings {
                 caustics: Caustics = Caustics::default(), hashed, user;
             "Path guiding at diffuse surfaces, with guided Russian roulette: on, off, or auto, where it lowers the noise of indirect light. Training takes a fifth of the samples of the whole image, also for a part of it; rooms lit through a door gain several times that", "" =>
                 guiding: Guiding = Guiding::default(), named("guiding"), user;
-            "Adaptive sampling: more samples for noisy pixels, fewer for others; auto or off", "off" =>
-                adaptive: Adaptive = Adaptive::default(), hashed, user;
-            "Minimum samples per pixel with a noise threshold or adaptive sampling", "" =>
+            "Minimum samples per pixel with a noise threshold", "" =>
                 /// At most `samples`.
                 least_samples: u32 = 0, free, internal;
-            "Maximum samples per pixel with a noise threshold or adaptive sampling", "" =>
-                /// At least `samples`, which are those of the average pixel, and at most eight times that.
-                most_samples: u32 = u32::MAX, free, internal;
             "Noise threshold: stop when the estimated relative error of the image is below this, or after the maximum of samples", "" =>
                 /// As a fraction: the root of the mean over pixels and colours of `(x - r)^2 / (r^2 + 0.01)`, where `x` is the
                 /// picture and `r` what it would be with all samples there are.
@@ -327,12 +308,6 @@ impl RenderOptions {
             || self.filter_glossy > 0.0
             || self.skip_caustics != SkippedCaustics::NONE
     }
-
-    /// Sets the minimum and maximum samples of a pixel with a noise threshold or adaptive sampling.
-    #[must_use]
-    pub fn sample_limits(self, least_samples: u32, most_samples: u32) -> RenderOptions {
-        RenderOptions { least_samples, most_samples, ..self }
-    }
 }
 
 impl FromStr for PathReuse {
@@ -389,7 +364,6 @@ macro_rules! from_words {
     )*};
 }
 from_words! {
-    Adaptive: "auto" => Auto, "off" => Off;
     Caustics: "auto" => Auto, "on" => On, "off" => Off;
     Guiding: "auto" => Auto, "on" => On, "off" => Off;
 }

@@ -3,11 +3,11 @@
 //! Passes between which nothing has to look at the picture overlap: a thread that finds no tile of a pass left continues with the next
 //! pass.
 
-use super::path_strategy::{self, BlockTally, Candidate, Errors, PathStrategy, SquareTrial, StrategyTrials};
+use super::path_strategy::{self, BlockTally, Errors, PathStrategy, SquareTrial, StrategyTrials};
 use super::picture::Labels;
 use super::progress::{Listener, Progress, Stopwatch};
 use super::schedule::{Pass, Tiles, parts, within};
-use super::technique::{ErrorMap, Target, WORKSPACE, plain_paths};
+use super::technique::{Target, WORKSPACE, plain_paths};
 use super::techniques::Techniques;
 use super::timeline;
 use crate::film::{FilmTile, FilterSampler, Layout, SharedFilm, Splat};
@@ -48,16 +48,12 @@ pub(super) struct PassWork<'a> {
 pub(super) fn take_all(
     works: &[PassWork<'_>],
     strategies: &mut StrategyTrials,
-    errors: &mut Option<ErrorMap>,
     is_due: &(dyn Fn() -> bool + Sync),
 ) -> (usize, bool) {
     let first = &works[0];
     let take = || {
-        let Some(trials) = try_strategies(first, strategies, errors) else { return (1, false) };
-        match errors {
-            Some(errors) => (1, first.take_with_errors(strategies.now, &trials, errors)),
-            None => take_passes(works, strategies.now, &trials, is_due),
-        }
+        let Some(trials) = try_strategies(first, strategies) else { return (1, false) };
+        take_passes(works, strategies.now, &trials, is_due)
     };
     // Threads that find no path from a light left continue with tiles.
     let (is_lit, (begun, is_done)) = rayon::join(|| first.trace_light_paths(), take);
@@ -69,11 +65,10 @@ pub(super) fn take_all(
 pub(super) fn try_strategies(
     work: &PassWork<'_>,
     strategies: &mut StrategyTrials,
-    errors: &mut Option<ErrorMap>,
 ) -> Option<Vec<SquareTrial>> {
     let mut trials = path_strategy::trials(*strategies, work.target.view, work.pass);
     if !trials.is_empty() {
-        let best = work.try_all(&mut trials, errors);
+        let best = work.try_all(&mut trials);
         *strategies = StrategyTrials::decided(best.unwrap_or(PathStrategy::PLAIN));
         best?;
     }
@@ -153,32 +148,13 @@ impl<'a> PassWork<'a> {
         blocks.iter().filter_map(|b| within(&region, b, shares)).collect()
     }
 
-    /// Renders the tiles outside the squares of trials and records their errors. False if it was stopped.
-    pub fn take_with_errors(
-        &self,
-        strategy: PathStrategy,
-        trials: &[SquareTrial],
-        errors: &mut ErrorMap,
-    ) -> bool {
-        let tracer = self.tracer(strategy, false);
-        let one = |block: &Block| {
-            let mut tally = BlockTally::new(block);
-            let take = || self.take(&tracer, block, Some(&mut tally));
-            let is_done = timeline::item("tiles", self.pass.first_sample, take);
-            (*block, tally.pixel_errors(), tally.rays_per_sample(), is_done)
-        };
-        let taken: Vec<_> = self.blocks(strategy, &tracer, trials).par_iter().map(one).collect();
-        taken.iter().for_each(|(block, of_block, rays, _)| errors.set(block, of_block, *rays));
-        taken.iter().all(|(.., is_done)| *is_done)
-    }
-
     /// Runs trials, as far as each is worth it, and keeps those in the list whose squares need not be rendered again. Returns the best
     /// strategy; `None` if it was stopped.
-    pub fn try_all(&self, trials: &mut Vec<SquareTrial>, map: &mut Option<ErrorMap>) -> Option<PathStrategy> {
+    pub fn try_all(&self, trials: &mut Vec<SquareTrial>) -> Option<PathStrategy> {
         let (mut results, mut tried) = (Vec::new(), Vec::new());
         for trial in trials.drain(..) {
             if let Some(strategy) = path_strategy::strategy_of(&trial, &results) {
-                let (errors, taken) = self.try_one(strategy, &trial.squares, map);
+                let (errors, taken) = self.try_one(strategy, &trial.squares);
                 tried.push((trial, taken));
                 let Some(errors) = errors else {
                     // These samples are all that the squares will get.
@@ -195,23 +171,11 @@ impl<'a> PassWork<'a> {
                 trials.push(trial);
             }
         }
-        let Candidate { strategy, change, .. } = best;
-        if let Some(map) = map {
-            trials
-                .iter()
-                .flat_map(|trial| &trial.squares)
-                .for_each(|square| map.scale(square, change.error as f32, change.cost as f32));
-        }
-        Some(strategy)
+        Some(best.strategy)
     }
 
     /// Renders the squares of a trial. The errors are `None` if it was stopped.
-    fn try_one(
-        &self,
-        strategy: PathStrategy,
-        squares: &[Block],
-        map: &mut Option<ErrorMap>,
-    ) -> (Option<Errors>, Vec<RenderedTile>) {
+    fn try_one(&self, strategy: PathStrategy, squares: &[Block]) -> (Option<Errors>, Vec<RenderedTile>) {
         let tracer = self.tracer(strategy, true);
         let blocks: Vec<Block> = squares.iter().flat_map(|s| tracer.tiles.divide(*s)).collect();
         let group = timeline::group();
@@ -222,11 +186,6 @@ impl<'a> PassWork<'a> {
             Some((tally, RenderedTile { rays: 0, ..taken }))
         };
         let blocks: Vec<Option<(BlockTally, RenderedTile)>> = blocks.par_iter().map(try_block).collect();
-        if let Some(map) = map {
-            for (tally, RenderedTile { block, .. }) in blocks.iter().flatten() {
-                map.set(block, &tally.plain_pixel_errors(), tally.plain_rays_per_sample());
-            }
-        }
         // In order, so that the sum does not depend on threads.
         let sum = |sum: Errors, block: &Option<(BlockTally, RenderedTile)>| {
             Some(sum.plus(block.as_ref()?.0.errors()))
@@ -316,7 +275,7 @@ impl<'a> PassWork<'a> {
         };
         self.techniques.configure(&mut paths);
         strategy.configure(self.pass, options, &mut paths);
-        let tiles = Tiles::of(self.pass, paths.reuse.as_ref(), self.techniques.are_samples_allotted());
+        let tiles = Tiles::of(self.pass, paths.reuse.as_ref());
         Tracer { integrator: Integrator::new(scene, view, paths), tiles }
     }
 
@@ -341,7 +300,7 @@ impl<'a> PassWork<'a> {
 
     /// How many of the samples of a block's pixels belong to the first half. They come first.
     fn of_first_half(&self, block: &Block) -> u64 {
-        let rule = self.target.options.halving(self.techniques.are_samples_allotted());
+        let rule = self.target.options.halving();
         u64::from(rule.of_first_half(block.first_sample, block.samples))
     }
 

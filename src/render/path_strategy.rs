@@ -357,32 +357,6 @@ impl BlockTally {
         self.rays = self.rays.plus(rays);
     }
 
-    /// Mean number of rays of a sample.
-    pub fn rays_per_sample(&self) -> f64 {
-        self.rays.all as f64 / f64::from(self.samples().max(1))
-    }
-
-    fn samples(&self) -> u32 {
-        self.pixels.iter().map(|pixel| pixel.count).sum()
-    }
-
-    /// Rays per sample without the strategy that is tried.
-    pub fn plain_rays_per_sample(&self) -> f64 {
-        let RayCounts { all, single, in_fans, in_branches } = self.rays;
-        let others = (all - single - in_fans - in_branches) as f64;
-        (others + in_branches as f64 / f64::from(BRANCHES)) / f64::from(self.samples().max(1))
-    }
-
-    /// Squared errors of the pixels.
-    pub fn pixel_errors(&self) -> Vec<f32> {
-        self.pixels.iter().map(|pixel| pixel.tried.squared_error(self.half, &pixel.tried) as f32).collect()
-    }
-
-    /// Squared errors of the pixels without the strategy that is tried.
-    pub fn plain_pixel_errors(&self) -> Vec<f32> {
-        self.pixels.iter().map(|pixel| pixel.plain.squared_error(self.half, &pixel.tried) as f32).collect()
-    }
-
     /// The sums of squared errors.
     pub fn errors(&self) -> Errors {
         let mut errors = Errors { rays: self.rays, ..Errors::default() };
@@ -445,32 +419,16 @@ impl Errors {
         let suffixes = suffixes.clamp(0.0, 1.0);
         let suffix_rays = self.rays.in_branches as f64 / tried;
         let prefix_rays = (self.rays.all - self.rays.in_branches) as f64;
-        let change = Change {
-            error: 1.0 - suffixes + suffixes / number,
-            cost: (prefix_rays + number * suffix_rays) / (prefix_rays + suffix_rays).max(1.0),
-        };
-        let (strategy, gain) = (PathStrategy::Alone { branches }, 1.0 / (change.error * change.cost));
-        Candidate { strategy, change, error: change.error, gain }
+        let error = 1.0 - suffixes + suffixes / number;
+        let cost = (prefix_rays + number * suffix_rays) / (prefix_rays + suffix_rays).max(1.0);
+        Candidate { strategy: PathStrategy::Alone { branches }, error, gain: 1.0 / (error * cost) }
     }
-}
-
-/// Factors of the squared error and of the rays of a sample.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Change {
-    pub error: f64,
-    pub cost: f64,
-}
-
-impl Change {
-    pub const NONE: Change = Change { error: 1.0, cost: 1.0 };
 }
 
 /// A strategy and its predicted gain.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Candidate {
     pub strategy: PathStrategy,
-    /// How splitting changes errors and costs.
-    pub change: Change,
     /// Ratio of its squared error to that of the plain strategy.
     error: f64,
     /// Ratio of its efficiency to that of the plain strategy.
@@ -501,7 +459,7 @@ pub(super) fn best(results: &[(PathStrategy, Errors)]) -> Candidate {
     let candidates = results.iter().map(|(strategy, _)| *strategy).flat_map(|strategy| match strategy {
         PathStrategy::Shared(_) => {
             let gain = of(strategy).gain_of_sharing();
-            let best = Candidate { strategy, change: Change::NONE, error: of(strategy).error_ratio(), gain };
+            let best = Candidate { strategy, error: of(strategy).error_ratio(), gain };
             if gain >= MIN_GAIN { vec![best] } else { Vec::new() }
         }
         PathStrategy::Alone { .. } => {
@@ -509,7 +467,7 @@ pub(super) fn best(results: &[(PathStrategy, Errors)]) -> Candidate {
             splittings.filter(|s| s.gain >= MIN_GAIN_OF_SPLITTING).collect()
         }
     });
-    let plain = Candidate { strategy: PathStrategy::PLAIN, change: Change::NONE, error: 1.0, gain: 1.0 };
+    let plain = Candidate { strategy: PathStrategy::PLAIN, error: 1.0, gain: 1.0 };
     candidates.fold(plain, |best, next| if next.gain > best.gain { next } else { best })
 }
 

@@ -130,8 +130,6 @@ pub struct Statistics {
     pub path_reuse: Option<GroupShape>,
     /// Paths per sample from its first surface on.
     pub branches: u32,
-    /// Do noisy pixels get more samples than others?
-    pub is_adaptive: bool,
     /// Number of light paths per sample of all pixels, if light tracing finds caustics.
     pub lamp_paths: Option<u32>,
     /// Number of cells of the guide with training data, if paths were guided.

@@ -1,9 +1,7 @@
 //! From a scene to a picture in one line, or pass by pass.
 
 use super::options::RequestedOptions;
-use super::options::{
-    Adaptive, BvhQuality, Caustics, Guiding, PathReuse, Splitting, parameter, render_settings,
-};
+use super::options::{BvhQuality, Caustics, Guiding, PathReuse, Splitting, parameter, render_settings};
 use super::picture::{Labels, Picture};
 use super::progress::{CancelHandle, Event, Listener};
 use super::rendering::Rendering;

@@ -494,20 +494,18 @@ impl Rendering {
             stop: &stop,
         };
         let works: Vec<PassWork<'_>> = passes.iter().enumerate().map(work).collect();
-        let (mut strategy, pass) = (self.techniques.strategy, passes[0]);
-        let mut errors = self.techniques.error_map(&self.target(), pass, strategy.now.shape().is_some());
+        let mut strategy = self.techniques.strategy;
         let is_due = || is_due() || self.cancel.is_cancelled();
         let taken = match takes {
-            Takes::All => take_all(&works, &mut strategy, &mut errors, &is_due),
-            Takes::TrialsOnly => (1, try_strategies(&works[0], &mut strategy, &mut errors).is_some()),
+            Takes::All => take_all(&works, &mut strategy, &is_due),
+            Takes::TrialsOnly => (1, try_strategies(&works[0], &mut strategy).is_some()),
         };
         drop(works);
         let film = film.into_film();
         if takes == Takes::All {
             self.film = film;
         }
-        let target = Target { scene: &self.scene, view: &self.view, options: &self.options };
-        self.techniques.learn(&target, pass, strategy, errors);
+        self.techniques.strategy = strategy;
         taken
     }
 }

@@ -1,7 +1,7 @@
 //! Which pixels and samples a rendering takes: the range of samples and the region of a partial render, the passes, their
 //! tiles, and which samples belong to the first half.
 
-use super::options::{Adaptive, RenderOptions};
+use super::options::RenderOptions;
 use crate::compile::View;
 use crate::error::{Error, Result};
 use crate::integrator::reuse::{INTERVAL, Tiling};
@@ -171,10 +171,6 @@ impl RenderOptions {
             let message = format!("the range of samples {from}..{until} is none of the picture's");
             return Err(Error::usage(message).with_help(format!("it has the samples 0..{}", self.samples)));
         }
-        if self.is_part() && self.adaptive == Adaptive::Auto {
-            let message = "parts of pictures whose pixels get different numbers of samples can't be rendered";
-            return Err(Error::usage(message).with_help("leave adaptive sampling off"));
-        }
         if self.sample_range.is_some() && (self.noise.is_some() || self.time_limit.is_some()) {
             let message =
                 "a range of samples is rendered whole: it takes no noise threshold and no time limit";
@@ -207,10 +203,9 @@ pub(super) struct Tiles {
 }
 
 impl Tiles {
-    pub fn of(pass: Pass, reuse: Option<&Tiling>, allotted: bool) -> Tiles {
+    pub fn of(pass: Pass, reuse: Option<&Tiling>) -> Tiles {
         let (samples, shift) = (pass.samples, reuse.map_or((0, 0), Tiling::shift));
         let ((width, height), samples) = match reuse {
-            None if allotted => ((32, 32), samples),
             None => (pass.tile(), samples),
             Some(tiling) => pass.tile_of_regions(tiling.region()),
         };
@@ -278,11 +273,10 @@ pub(super) enum Halving {
 }
 
 impl RenderOptions {
-    /// Split in the middle where the number of samples is known. Runs alternate where rendering may end early or be resumed, or where
-    /// pixels have different numbers of samples (`is_allotted`).
-    pub(super) fn halving(&self, is_allotted: bool) -> Halving {
+    /// Split in the middle where the number of samples is known. Runs alternate where rendering may end early or be resumed.
+    pub(super) fn halving(&self) -> Halving {
         let is_open = self.time_limit.is_some() || self.noise.is_some() || self.planned > 0;
-        match is_open || is_allotted || self.samples > MAX_Z_ORDER_SPP {
+        match is_open || self.samples > MAX_Z_ORDER_SPP {
             true => Halving::Alternating,
             false => Halving::Before(self.samples / 2),
         }
@@ -387,7 +381,7 @@ mod tiles_tests {
         for ((first_sample, samples), shape) in passes.iter().flat_map(|p| shapes.map(|s| (*p, s))) {
             let pass = Pass { first_sample, samples };
             let reuse = shape.map(|s| Tiling::new(s.parse::<GroupShape>().unwrap(), first_sample));
-            let tiles = Tiles::of(pass, reuse.as_ref(), false);
+            let tiles = Tiles::of(pass, reuse.as_ref());
             for (width, height) in sizes {
                 let mut counts = vec![0; (width * height) as usize];
                 for tile in tiles.divide(Block { x0: 0, y0: 0, width, height, first_sample, samples }) {
@@ -426,10 +420,10 @@ mod halving_tests {
 
     #[test]
     fn more_samples_do_not_change_halves_that_may_go_on() {
-        let of = |samples| RenderOptions { samples, ..RenderOptions::default() }.halving(false);
+        let of = |samples| RenderOptions { samples, ..RenderOptions::default() }.halving();
         assert_eq!(of(MAX_Z_ORDER_SPP + 8), of(4 * MAX_Z_ORDER_SPP));
         assert_eq!(of(64), Halving::Before(32));
         let planned = RenderOptions { samples: 64, planned: 128, ..RenderOptions::default() };
-        assert_eq!(planned.halving(false), RenderOptions { samples: 128, ..planned }.halving(false));
+        assert_eq!(planned.halving(), RenderOptions { samples: 128, ..planned }.halving());
     }
 }

@@ -1,16 +1,15 @@
 //! The interface of techniques: ways to trace paths that lower the noise of some pictures and are decided on automatically.
 //!
-//! A technique says what prevents it for a scene, tries whether the picture gains by it, adds to the options of the paths, and may
-//! learn from a pass. `techniques.rs` lists them and runs their trials.
+//! A technique says what prevents it for a scene, tries whether the picture gains by it, and adds to the options of the paths.
+//! `techniques.rs` lists them and runs their trials.
 
 use super::options::RenderOptions;
 use super::progress::{Listener, Progress, Statistics, Stopwatch};
-use super::schedule::Pass;
 use super::timeline;
 use crate::compile::{CompiledScene, View};
 use crate::error::Warning;
 use crate::film::{AovSet, AovSpace, FilterSampler, MatteIds};
-use crate::integrator::{Block, IntegratorOptions, SamplePlan, Workspace};
+use crate::integrator::{IntegratorOptions, SamplePlan, Workspace};
 use crate::sampling::ZSobolOrder;
 use std::cell::RefCell;
 
@@ -66,14 +65,6 @@ pub(super) trait Technique {
     fn separates_passes(&self) -> bool {
         false
     }
-
-    /// Does it learn from the errors of the pixels after this pass, in which pixels share paths or don't?
-    fn learns_from(&self, _target: &Target<'_>, _pass: Pass, _shares_paths: bool) -> bool {
-        false
-    }
-
-    /// Learns from the errors of the pixels after a pass.
-    fn learn(&mut self, _options: &RenderOptions, _pass: Pass, _errors: &ErrorMap) {}
 
     /// Adds what it does to the statistics.
     fn report(&self, statistics: &mut Statistics);
@@ -155,45 +146,5 @@ pub(super) fn plain_paths<'a>(
         caustics: None,
         guide: None,
         records_training: false,
-    }
-}
-
-/// Relative squared errors of the pixels of a picture and the costs of a sample there, row by row.
-pub(super) struct ErrorMap {
-    pub width: usize,
-    pub errors: Vec<f32>,
-    /// Rays of a sample after its camera ray, plus [`COST_OF_MISS`].
-    pub costs: Vec<f32>,
-}
-
-/// Cost of a sample whose camera ray hits nothing, in units of a further ray with its shading. (Measured in front of a textured
-/// helmet that fills two fifths of a picture: hardly anything compared with the others.)
-const COST_OF_MISS: f32 = 0.05;
-
-impl ErrorMap {
-    /// Zeros.
-    pub fn new(width: u32, height: u32) -> ErrorMap {
-        let zeros = vec![0.0; width as usize * height as usize];
-        ErrorMap { width: width as usize, costs: zeros.clone(), errors: zeros }
-    }
-
-    /// Sets the errors of a block's pixels, and the rays of a sample there.
-    pub fn set(&mut self, block: &Block, errors: &[f32], rays_per_sample: f64) {
-        let cost = COST_OF_MISS + (rays_per_sample as f32 - 1.0).max(0.0);
-        for (row, errors) in errors.chunks(block.width as usize).enumerate() {
-            let from = (block.y0 as usize + row) * self.width + block.x0 as usize;
-            self.errors[from..from + errors.len()].copy_from_slice(errors);
-            self.costs[from..from + errors.len()].fill(cost);
-        }
-    }
-
-    /// Multiplies the errors and the costs of a block's pixels.
-    pub fn scale(&mut self, block: &Block, error: f32, cost: f32) {
-        for row in block.y0 as usize..(block.y0 + block.height) as usize {
-            let from = row * self.width + block.x0 as usize;
-            let pixels = from..from + block.width as usize;
-            self.errors[pixels.clone()].iter_mut().for_each(|e| *e *= error);
-            self.costs[pixels].iter_mut().for_each(|c| *c *= cost);
-        }
     }
 }

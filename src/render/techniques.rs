@@ -1,12 +1,10 @@
 //! The list of techniques, in the order in which they decide, and the place that runs their trials.
 
-use super::adaptive::AdaptiveSampling;
 use super::caustics::LightTracing;
 use super::guiding::PathGuiding;
 use super::path_strategy::StrategyTrials;
 use super::progress::Statistics;
-use super::schedule::Pass;
-use super::technique::{ErrorMap, Request, Stopped, Target, Technique, Trial, warning};
+use super::technique::{Request, Stopped, Target, Technique, Trial, warning};
 use crate::error::Warning;
 use crate::integrator::{CausticPlan, IntegratorOptions};
 
@@ -44,8 +42,6 @@ techniques! {
     guiding: PathGuiding = untried,
     /// Path sharing or splitting.
     pub strategy: StrategyTrials = StrategyTrials::new,
-    /// More samples in noisy pixels.
-    adaptive: AdaptiveSampling = untried,
 }
 
 fn untried<T: Default>(_: &Target<'_>) -> T {
@@ -78,38 +74,9 @@ impl Techniques {
         self.list().iter().for_each(|technique| technique.configure(paths));
     }
 
-    /// A map of errors for a pass from which a technique learns.
-    pub fn error_map(&self, target: &Target<'_>, pass: Pass, shares_paths: bool) -> Option<ErrorMap> {
-        let learns = |technique: &&dyn Technique| technique.learns_from(target, pass, shares_paths);
-        let options = target.options;
-        self.list().iter().any(learns).then(|| ErrorMap::new(options.width, options.height))
-    }
-
-    /// Takes over the strategy that was decided on in a pass, and lets the techniques learn from its errors.
-    pub fn learn(
-        &mut self,
-        target: &Target<'_>,
-        pass: Pass,
-        strategy: StrategyTrials,
-        errors: Option<ErrorMap>,
-    ) {
-        self.strategy = strategy;
-        let Some(errors) = errors else { return };
-        for technique in self.list_mut() {
-            if technique.learns_from(target, pass, strategy.now.shape().is_some()) {
-                technique.learn(target.options, pass, &errors);
-            }
-        }
-    }
-
     /// Must the film be complete between two passes?
     pub fn separate_passes(&self) -> bool {
         self.list().iter().any(|technique| technique.separates_passes())
-    }
-
-    /// Do pixels get different numbers of samples?
-    pub fn are_samples_allotted(&self) -> bool {
-        self.adaptive.is_allotted()
     }
 
     /// Which light is found by paths from lights, if any.

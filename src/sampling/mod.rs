@@ -13,7 +13,7 @@ pub mod warp;
 
 pub use distribution::AliasTable;
 pub use distribution::{BilinearMap, MapSample, MapSamples};
-pub use sampler::{AdaptiveSampleMap, MAX_Z_ORDER_SPP, ZSobolOrder};
+pub use sampler::{MAX_Z_ORDER_SPP, UnevenSamples, ZSobolOrder};
 
 /// The power heuristic (Veach 1997, section 9.2) with exponent 2 for one sample of each of two strategies: the weight of a sample drawn with
 /// density `pdf` where the other strategy would have had density `other`, both in one measure. 0 where `pdf` is 0.

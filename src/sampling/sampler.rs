@@ -202,35 +202,28 @@ pub(super) fn morton(x: u32, y: u32) -> u32 {
 /// Distinguishes these sequences from those of [`ZSobolOrder`] with the same seed.
 const SEED: u32 = 0x5f3a_9c41;
 
-/// Adaptive sampling: the number of samples of each pixel beyond those that all have.
+/// Numbers of samples of pixels, each with its own.
 ///
 /// As in [`ZSobolOrder`], the pixels of a region of 16x16 take runs of one Sobol sequence in Morton
 /// order, each as long as its samples are many; a run of points that follow each other is well spread wherever it begins.
 #[derive(Clone, Debug)]
-pub struct AdaptiveSampleMap {
+pub struct UnevenSamples {
     seed: u32,
     width: u32,
-    /// Samples that all pixels have already.
-    earlier: u32,
-    /// Planned samples of the mean pixel.
-    mean: u32,
     /// Samples of each pixel, row by row.
     counts: Vec<u32>,
     /// Start of each pixel's run in its region's sequence.
     starts: Vec<u32>,
 }
 
-impl AdaptiveSampleMap {
-    /// For `samples` a pixel, row by row, with mean `mean`, after all pixels have `earlier` samples. Fractions are rounded by error
-    /// diffusion along the Morton order.
-    pub fn new(seed: u32, width: u32, earlier: u32, mean: u32, samples: &[f32]) -> AdaptiveSampleMap {
+impl UnevenSamples {
+    /// For `samples` a pixel, row by row. Fractions are rounded by error diffusion along the Morton order.
+    pub fn new(seed: u32, width: u32, samples: &[f32]) -> UnevenSamples {
         let height = samples.len() as u32 / width;
         let edge = 1u32 << MAX_EDGE_BITS;
-        let mut map = AdaptiveSampleMap {
+        let mut map = UnevenSamples {
             seed: hash32(seed ^ SEED),
             width,
-            earlier,
-            mean,
             counts: vec![0; samples.len()],
             starts: vec![0; samples.len()],
         };
@@ -259,17 +252,12 @@ impl AdaptiveSampleMap {
         map
     }
 
-    /// What pixel (`x`, `y`) takes in a pass in which the average pixel takes `samples` from sample `first_sample` on: the
-    /// seed of its sequence, the index of the first sample there, and how many follow.
+    /// What pixel (`x`, `y`) takes: the seed of its sequence, the index of the first sample there, and how many follow.
     #[inline(always)]
-    pub fn of_pixel(&self, x: u32, y: u32, first_sample: u32, samples: u32) -> (u32, u32, u32) {
+    pub fn of_pixel(&self, x: u32, y: u32) -> (u32, u32, u32) {
         let at = y as usize * self.width as usize + x as usize;
-        let from = first_sample - self.earlier;
-        let until =
-            |sample: u32| (u64::from(self.counts[at]) * u64::from(sample) / u64::from(self.mean)) as u32;
-        let (first, end) = (until(from), until(from + samples));
         let seed = pixel_seed(x >> MAX_EDGE_BITS, y >> MAX_EDGE_BITS, self.seed);
-        (seed, self.starts[at] + first, end - first)
+        (seed, self.starts[at], self.counts[at])
     }
 }
 

@@ -15,11 +15,10 @@ fn denoising_keeps_the_light_of_uneven_halves() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let parts = ["--aov", "emission,diffuse_direct,diffuse_indirect", "--float"];
-    let cases: [(&str, &[&str]); 4] = [
+    let cases: [(&str, &[&str]); 3] = [
         ("three.exr", &["--spp", "3"]),
         ("noise.exr", &["--noise", "1", "--spp", "8"]),
         ("odd.exr", &["--noise", "1", "--spp", "13"]),
-        ("adaptive.exr", &["--adaptive", "auto", "--spp", "16"]),
     ];
     for (name, more) in cases {
         let plain = format!("plain-{name}");

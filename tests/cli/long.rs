@@ -96,14 +96,11 @@ fn what_makes_no_sense_is_refused() {
     assert!(refused(&["-o", "a.exr", "--resume"]).contains("--checkpoint"));
     assert!(refused(&["-o", "a.part", "--region", "0,0,65,9"]).contains("64 x 64"));
     assert!(refused(&["-o", "a.part", "--region", "9,0,9,9"]).contains("region"));
-    assert!(refused(&["-o", "a.exr", "--checkpoint", "c", "--adaptive", "auto"]).contains("--adaptive"));
     assert!(refused(&["-o", "f.exr", "--checkpoint", "c", "--frames", "1-2"]).contains("####"));
     assert!(refused(&["-o", "a.exr", "--noise", "0"]).contains("percent"));
     assert!(refused(&["-o", "a.exr", "--spp", "8", "--min-spp", "8"]).contains("--noise"));
     assert!(refused(&["-o", "a.exr", "--noise", "2", "--spp", "8", "--max-spp", "8"]).contains("--max-spp"));
     assert!(refused(&["-o", "a.exr", "--noise", "2", "--min-spp", "9", "--max-spp", "8"]).contains("above"));
-    let ends = ["-o", "a.exr", "--adaptive", "auto", "--spp", "64", "--max-spp", "32"];
-    assert!(refused(&ends).contains("above"));
     assert!(refused(&["-o", "a.exr", "--memory-limit", "1M"]).contains("1 MiB"));
     assert!(
         refused(&["-o", "a.exr", "--width", "16384", "--height", "8192", "--memory-limit", "2G"])

@@ -1,6 +1,5 @@
 //! Pictures of whole scenes: against closed forms, references and each other.
 
-mod adaptive;
 mod blur;
 mod blur_beside;
 mod bumps;

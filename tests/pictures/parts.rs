@@ -216,8 +216,6 @@ fn parts_that_make_no_sense_are_refused() {
     assert!(refused(region(0, 0, 17, 3)).contains("0,0,17,3"));
     assert!(refused(region(3, 3, 3, 4)).contains("16 x 16"));
     assert!(refused(options.sample_range((8, 65))).contains("0..64"));
-    let adaptive = options.sample_range((0, 8)).adaptive(oscura::render::Adaptive::Auto);
-    assert!(refused(adaptive).contains("adaptive"));
     let limited = options.sample_range((0, 8)).time_limit(std::time::Duration::from_secs(1));
     assert!(refused(limited).contains("time"));
 }

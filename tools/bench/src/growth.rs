@@ -51,7 +51,7 @@ fn room(generated: &Generated, side: u64, samples: u64, more: &[&str]) -> Result
     let scene = generated.write("growing.toml", rooms::slit().as_bytes())?;
     let (side, samples) = (side.to_string(), samples.to_string());
     let mut arguments = words(&["--width", &side, "--height", &side, "--spp", &samples]);
-    let techniques = ["--path-reuse", "--splitting", "--guiding", "--caustics", "--adaptive"];
+    let techniques = ["--path-reuse", "--splitting", "--guiding", "--caustics"];
     techniques.iter().for_each(|technique| arguments.extend(words(&[technique, "off"])));
     arguments.extend(words(more));
     Ok((scene, arguments))

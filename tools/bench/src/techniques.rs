@@ -4,7 +4,7 @@ use crate::measure::{Setup, Subject, to_image};
 use oscura::error::Result;
 use oscura::image::Image;
 use oscura::metrics::errors;
-use oscura::render::{Adaptive, Caustics, Guiding, PathReuse, RenderOptions, Splitting};
+use oscura::render::{Caustics, Guiding, PathReuse, RenderOptions, Splitting};
 use std::path::Path;
 
 /// Pixels along the sides of the blocks whose means are compared as well: what eyes and denoisers keep.
@@ -17,7 +17,7 @@ struct Technique {
 }
 
 /// The first is what the others are compared with.
-const TECHNIQUES: [Technique; 8] = [
+const TECHNIQUES: [Technique; 7] = [
     Technique { name: "none", with: plain },
     Technique { name: "by default", with: |options| options },
     Technique { name: "paths not shared", with: |options| options.path_reuse(PathReuse::Off) },
@@ -25,7 +25,6 @@ const TECHNIQUES: [Technique; 8] = [
     Technique { name: "no caustics from lamps", with: |options| options.caustics(Caustics::Off) },
     Technique { name: "always guided", with: |options| options.guiding(Guiding::On) },
     Technique { name: "never guided", with: |options| options.guiding(Guiding::Off) },
-    Technique { name: "adaptive", with: |options| options.adaptive(Adaptive::Auto) },
 ];
 
 fn plain(options: RenderOptions) -> RenderOptions {

@@ -48,7 +48,7 @@ fn run(
 #[pyo3(signature = (
     scene, *, samples=None, width=None, height=None, max_depth=None, seed=None, camera=None, aovs=vec![],
     light_groups=false, crypto_levels=6, denoise=false, caustics="auto", guiding="auto", path_reuse="auto", splitting="auto",
-    adaptive="off", time_limit=None, exposure=None, threads=None, progress=None
+    time_limit=None, exposure=None, threads=None, progress=None
 ))]
 #[expect(clippy::too_many_arguments, reason = "they are named in Python")]
 pub fn render(
@@ -68,7 +68,6 @@ pub fn render(
     guiding: &str,
     path_reuse: &str,
     splitting: &str,
-    adaptive: &str,
     time_limit: Option<f64>,
     exposure: Option<f32>,
     threads: Option<usize>,
@@ -97,7 +96,6 @@ pub fn render(
         .guiding(parsed("guiding", guiding)?)
         .path_reuse(parsed("path_reuse", path_reuse)?)
         .splitting(parsed("splitting", splitting)?)
-        .adaptive(parsed("adaptive", adaptive)?)
         .time_limit(time_limit)
         .cancel_by(&cancel);
     renderer = chosen(renderer, samples, Renderer::samples);

@@ -106,7 +106,6 @@ def render(
     guiding: _Choice = "off",
     path_reuse: str = "auto",
     splitting: str = "auto",
-    adaptive: Literal["auto", "off"] = "off",
     time_limit: float | None = None,
     exposure: float | None = None,
     threads: int | None = None,
