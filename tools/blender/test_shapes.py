@@ -3,11 +3,14 @@
     python test_shapes.py            with a Python that has bpy
 """
 
+import math
+from types import SimpleNamespace
+
 import bpy
 import numpy as np
 from testing import SceneTest, main, shader_tree
 
-from oscura_blender import context, undeformed
+from oscura_blender import camera, context, undeformed
 
 
 class ShapesTest(SceneTest):
@@ -31,6 +34,12 @@ class ShapesTest(SceneTest):
         material, tree, shader, noise = shader_tree("pattern", "TexNoise")
         tree.links.new(noise.outputs[0], shader.inputs["Base Color"])
         return material
+
+    def test_cameras_of_any_focal_length_have_an_angle(self):
+        lens = SimpleNamespace(type="PERSP", sensor_fit="AUTO", sensor_width=36.0, sensor_height=24.0, clip_start=0.1, clip_end=100.0)
+        for focal_length in (50.0, 1e30, math.inf):
+            lens.lens = focal_length
+            self.assertTrue(0 < camera.gltf(lens, self.scene)["perspective"]["yfov"] < math.pi, focal_length)
 
     def test_keys_and_modifiers_that_make_vertices(self):
         """A key that widens a cube, then a subdivision: the model is as wide as the evaluated mesh, once."""

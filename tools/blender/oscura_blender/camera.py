@@ -41,7 +41,8 @@ def gltf(camera, scene):
         sides = {"xmag": half_height * width / height, "ymag": half_height}
         return {"type": "orthographic", "orthographic": {**sides, **_range(camera)}}
     sensor = camera.sensor_height if camera.sensor_fit == "VERTICAL" else camera.sensor_width
-    tangent = sensor / (2 * camera.lens) * (height / width if by_width else 1)
+    # Importers leave cameras of infinite focal lengths behind; models have no angle of 0.
+    tangent = max(sensor / (2 * camera.lens) * (height / width if by_width else 1), 1e-6)
     lens = {"yfov": 2 * math.atan(tangent), "aspectRatio": width / height}
     return {"type": "perspective", "perspective": {**lens, **_range(camera)}}
 
