@@ -108,7 +108,7 @@ impl Beckmann {
     fn lobe(&self) -> FacetReflection<BeckmannFacets, impl Fn(f32) -> Rgb> {
         let Beckmann { color, alpha } = *self;
         FacetReflection {
-            facets: BeckmannFacets { alpha },
+            facets: BeckmannFacets(Isotropic { alpha }),
             f0: color,
             reflectance: move |_| color,
             energy_compensation: EnergyCompensation::Off,

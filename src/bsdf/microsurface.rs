@@ -66,47 +66,44 @@ impl Facets for Isotropic {
     }
 }
 
-/// Facets whose slopes are normally distributed, with the same alpha in all directions. They are sampled as if they were those of GGX.
+/// Facets whose slopes are normally distributed, of a root mean square slope alpha. They are sampled as if they were those of GGX, whose
+/// albedos they have, too: nothing gives back what these lose.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BeckmannFacets {
-    /// Root mean square slope; below [`MIN_ALPHA`] an exact mirror.
-    pub alpha: f32,
-}
+pub struct BeckmannFacets(pub Isotropic);
 
 impl Facets for BeckmannFacets {
     #[inline(always)]
     fn alpha(&self) -> [f32; 2] {
-        [self.alpha; 2]
+        self.0.alpha()
     }
 
     #[inline(always)]
     fn is_mirror(&self) -> bool {
-        self.alpha < MIN_ALPHA
+        self.0.is_mirror()
     }
 
-    /// Of GGX: nothing gives back what these lose.
     #[inline(always)]
     fn directional_albedo(&self, wo: Vec3) -> DirectionalAlbedo {
-        Isotropic { alpha: self.alpha }.directional_albedo(wo)
+        self.0.directional_albedo(wo)
     }
 
     #[inline(always)]
     fn dielectric_grazing(&self, wo: Vec3, albedo: DirectionalAlbedo, curve: DielectricCurve) -> f32 {
-        Isotropic { alpha: self.alpha }.dielectric_grazing(wo, albedo, curve)
+        self.0.dielectric_grazing(wo, albedo, curve)
     }
 
     #[inline(always)]
     fn sample_visible_normal(&self, wo: Vec3, u: [f32; 2]) -> Vec3 {
-        ggx::sample_visible_normal(wo, [self.alpha; 2], u)
+        self.0.sample_visible_normal(wo, u)
     }
 
     #[inline]
     fn reflection(&self, wo: Vec3, wi: Vec3) -> Reflection {
-        let ggx = ggx::reflection(wo, wi, self.alpha);
-        let root = |z: f32| ggx::smith_root(z, self.alpha * self.alpha);
+        let (ggx, alpha) = (self.0.reflection(wo, wi), self.0.alpha);
+        let root = |z: f32| ggx::smith_root(z, alpha * alpha);
         let (zo, zi) = (wo.z.max(MIN_COS), wi.z.max(MIN_COS));
         let distribution =
-            ggx.pdf_solid_angle * 2.0 * (zo + root(zo)) * beckmann_over_ggx(wo + wi, [self.alpha; 2]);
+            ggx.pdf_solid_angle * 2.0 * (zo + root(zo)) * beckmann_over_ggx(wo + wi, [alpha; 2]);
         let hidden = beckmann_hidden(zo, root(zo)) + beckmann_hidden(zi, root(zi));
         Reflection { f_cos: 0.25 * distribution / (zo * (1.0 + hidden)), ..ggx }
     }

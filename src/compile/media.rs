@@ -10,7 +10,7 @@ use crate::error::Warning;
 use crate::math::{DAffine3, DVec3};
 use crate::scene::{
     self, ColorSlot, Environment, FloatSlot, Fog, GridId, Instance, Keyframes, Material, MaterialId,
-    MaterialUses, Model, Motion, Quad, Scene, Watertightness, instance_extents,
+    MaterialUses, Model, Motion, Scene, Watertightness, instance_extents,
 };
 use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet};
@@ -263,7 +263,7 @@ fn bodies(scene: &Scene, materials: &[CompiledMaterial]) -> Vec<Bounds> {
     let mut of_quads: BTreeMap<MaterialId, Bounds> = BTreeMap::new();
     for quad in scene.quads.iter().filter(|quad| is_body(quad.material)) {
         let bounds = of_quads.entry(quad.material).or_insert(Bounds::NONE);
-        *bounds = bounds.around(Bounds::of(corners(quad)));
+        *bounds = bounds.around(Bounds::of(quad.corners()));
     }
     let shapes = scene.shapes.iter().filter(|shape| is_body(shape.material));
     let shapes = shapes.map(|s| Bounds { low: s.center - s.half_extent(), high: s.center + s.half_extent() });
@@ -274,11 +274,6 @@ fn bodies(scene: &Scene, materials: &[CompiledMaterial]) -> Vec<Bounds> {
         found.extend(placed.into_iter().filter_map(|i| extents[i].0).map(|(low, high)| Bounds { low, high }));
     }
     found
-}
-
-fn corners(quad: &Quad) -> [DVec3; 4] {
-    let opposite = quad.corner + quad.edge_u + quad.edge_v;
-    [quad.corner, quad.corner + quad.edge_u, quad.corner + quad.edge_v, opposite]
 }
 
 /// A point in more than `most` boxes. If there is one, then there is one whose coordinates are those of lower corners of boxes.

@@ -21,9 +21,6 @@ const MAX_RESOLUTION: u32 = 512;
 /// Maximum number of voxels of all grids of a material; where there would be more, they are coarser.
 const MAX_VOXELS: f64 = (1u64 << 26) as f64;
 
-/// Mean free paths across a grid, above which densities are cut off.
-const MAX_MEAN_FREE_PATHS: f64 = 0.9e5;
-
 /// Evaluates the textures of all media; none are left.
 ///
 /// # Errors
@@ -154,9 +151,9 @@ impl Solid {
             }
         }
         for quad in scene.quads.iter().filter(|quad| quad.material == id) {
-            let far = quad.corner + quad.edge_u + quad.edge_v;
-            let (a, b) = (quad.corner + quad.edge_u, quad.corner + quad.edge_v);
-            let extent = (quad.corner.min(far).min(a).min(b), quad.corner.max(far).max(a).max(b));
+            let corners = quad.corners();
+            let extent =
+                corners.iter().fold((corners[0], corners[0]), |(low, high), &c| (low.min(c), high.max(c)));
             join(&mut others, ObjectData::of_quad(quad, DVec3::ZERO), extent);
         }
         for (index, shape) in scene.shapes.iter().enumerate().filter(|(_, shape)| shape.material == id) {
@@ -256,12 +253,6 @@ impl Voxels {
         let world_from_voxels = self.world_from_voxels * DAffine3::from_scale(size);
         Grid { name: name.to_string(), size: [1; 3], values: Arc::new(vec![1.0]), world_from_voxels }
     }
-
-    /// The longest diagonal, metres.
-    fn diagonal(&self) -> f64 {
-        let [x, y, z] = [0, 1, 2].map(|k| self.world_from_voxels.matrix3.col(k) * f64::from(self.size[k]));
-        [x + y + z, x + y - z, x - y + z, x - y - z].into_iter().fold(0.0, |most, d| d.length().max(most))
-    }
 }
 
 /// A texture at a point of a solid.
@@ -313,7 +304,9 @@ impl Values {
         let (mut density, tint) = scalar(&whole);
         filling.extinction = [0, 1, 2].map(|c| medium.extinction[c] * tint.map_or(1.0, |tint| tint[c]));
         let thickest = filling.extinction.into_iter().fold(0.0, f32::max);
-        let most = (MAX_MEAN_FREE_PATHS / (voxels.diagonal() * f64::from(thickest))) as f32;
+        // A little below what a scene may have.
+        let paths = voxels.even(name).longest_diagonal() * f64::from(thickest);
+        let most = (0.9 * Grid::MAX_MEAN_FREE_PATHS / paths) as f32;
         let is_cut = density.iter().any(|&d| d > most);
         density.iter_mut().for_each(|d| *d = d.min(most));
         let density = &density;

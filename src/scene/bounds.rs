@@ -100,7 +100,7 @@ impl<'s> MeshHulls<'s> {
                 points.visit(|p| each(instance.world_from_object.transform_point3(p)));
             }
         }
-        self.scene.quads.iter().flat_map(quad_corners).for_each(&mut *each);
+        self.scene.quads.iter().flat_map(Quad::corners).for_each(&mut *each);
         self.scene.curves.iter().for_each(|curves| curves.visit(&mut |p, _| each(p)));
     }
 }
@@ -126,10 +126,6 @@ fn boxed_meshes(scene: &Scene, placements: &[usize]) -> Vec<bool> {
         left = left.saturating_sub(placed(i)).saturating_add(placements[i].saturating_mul(8));
     }
     is_boxed
-}
-
-fn quad_corners(q: &Quad) -> [DVec3; 4] {
-    [q.corner, q.corner + q.edge_u, q.corner + q.edge_v, q.corner + q.edge_u + q.edge_v]
 }
 
 /// Marks the vertices that triangles use.
@@ -160,7 +156,7 @@ pub fn scene_extent(scene: &Scene, instances: &[Extent]) -> Extent {
         all.grow(shape.center + shape.half_extent());
     }
     for q in &scene.quads {
-        quad_corners(q).into_iter().for_each(|p| all.grow(p));
+        q.corners().into_iter().for_each(|p| all.grow(p));
     }
     for curves in &scene.curves {
         curves.visit(&mut |p, radius| {

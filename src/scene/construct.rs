@@ -138,6 +138,12 @@ impl Quad {
         let (traits, info) = (ObjectTraits::default(), ObjectInfo::default());
         Quad { name: String::new(), corner, edge_u, edge_v, material, traits, info }
     }
+
+    /// Its corners, metres: the first, the ends of both edges, the opposite one.
+    pub fn corners(&self) -> [DVec3; 4] {
+        let Quad { corner, edge_u, edge_v, .. } = self;
+        [*corner, corner + edge_u, corner + edge_v, corner + edge_u + edge_v]
+    }
 }
 
 impl Light {

@@ -194,6 +194,18 @@ impl Grid {
         Grid { name, size, values, world_from_voxels }
     }
 
+    /// Mean free paths across a grid where it is thickest, above which a scene isn't valid: they bound the number of lookups of a ray, up to
+    /// a small factor.
+    pub const MAX_MEAN_FREE_PATHS: f64 = 1e5;
+
+    /// The longest of the diagonals of its box, metres.
+    pub fn longest_diagonal(&self) -> f64 {
+        let [x, y, z] = [0, 1, 2].map(|k| self.world_from_voxels.matrix3.col(k) * f64::from(self.size[k]));
+        [x + y + z, x + y - z, x - y + z, x - y - z]
+            .into_iter()
+            .fold(0.0, |most, diagonal| diagonal.length().max(most))
+    }
+
     /// The lower and the upper corner of the box along the axes of the world that is around its own, metres.
     pub fn bounds(&self) -> (DVec3, DVec3) {
         let corner = |k: u32| {

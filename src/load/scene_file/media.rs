@@ -57,6 +57,7 @@
 
 use super::builder::SceneFileBuilder;
 use super::fields::{Fields, Located};
+use super::nodes::Value;
 use super::textures::Textures;
 use super::transform;
 use crate::load::grid;
@@ -225,8 +226,7 @@ fn medium_textures<'a>(
         Some((named, graph))
     });
     let mut of = |key: &'static str| {
-        let value = fields.raw(key)?;
-        let name = value.get_ref().as_str()?;
+        let (value, name) = texture_name(fields, key)?;
         let node = name.split_once('.').map_or(name, |(node, _)| node);
         match nodes.as_ref().filter(|(named, _)| named.iter().any(|(own, _)| *own == node)) {
             Some((named, graph)) => textures.output(build, fields, (named, graph), value),
@@ -244,17 +244,20 @@ fn medium_textures<'a>(
     MediumTextures { resolution: resolution.map_or(0, |n| n as u32), ..found }
 }
 
+/// A text in the place of a coefficient.
+fn texture_name<'a>(fields: &Fields<'a>, key: &'static str) -> Option<(Value<'a>, &'a str)> {
+    let value = fields.raw(key)?;
+    Some((value, value.get_ref().as_str()?))
+}
+
 /// A coefficient that is no texture.
 fn constant(fields: &Fields, key: &'static str) -> Option<Located<[f32; 3]>> {
-    let is_texture = fields.raw(key).is_some_and(|value| value.get_ref().as_str().is_some());
-    if is_texture { None } else { fields.color(key) }
+    if texture_name(fields, key).is_some() { None } else { fields.color(key) }
 }
 
 /// The keys of a medium in a table; coefficients with textures are 1.
 fn medium(fields: &Fields) -> Medium {
-    let is_texture =
-        |key: &'static str| fields.raw(key).is_some_and(|value| value.get_ref().as_str().is_some());
-    let emission = if is_texture("emission") { [1.0; 3] } else { [0.0; 3] };
+    let emission = if texture_name(fields, "emission").is_some() { [1.0; 3] } else { [0.0; 3] };
     let extinction = constant(fields, "density").map_or([1.0; 3], |d| {
         if d.value.iter().any(|x| *x > MAX_DENSITY) {
             fields.problems.push(d.span, format!("'density' must be at most {MAX_DENSITY:e} per metre"));
@@ -311,7 +314,7 @@ pub(super) fn priority(fields: &Fields) -> Option<i32> {
 /// The keys of a medium that is the same everywhere.
 fn even(fields: &Fields) -> Medium {
     for key in ["density", "color", "emission"] {
-        if let Some(value) = fields.raw(key).filter(|value| value.get_ref().as_str().is_some()) {
+        if let Some((value, _)) = texture_name(fields, key) {
             let message =
                 format!("'{key}' of fog can't be a texture: only solids have boxes to evaluate it in");
             fields.problems.push(value.span(), ("fog-with-texture", message));

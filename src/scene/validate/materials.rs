@@ -169,9 +169,6 @@ fn check_pbr(pbr: &PbrMaterial, place: Entry, findings: &mut Findings) {
 /// In denser media, mean free paths are below the precision of positions.
 const MAX_EXTINCTION: f32 = 1e9;
 
-/// Bounds the number of lookups of a ray in a grid, up to a small factor.
-const MAX_MEAN_FREE_PATHS: f64 = 1e5;
-
 fn check_medium(medium: &Medium, grids: &[Grid], place: impl Display + Copy, findings: &mut Findings) {
     let is_met = medium.extinction.iter().all(|x| (0.0..=MAX_EXTINCTION).contains(x));
     findings.require(is_met, place, "extinction", medium.extinction, "numbers from 0 to 1e9 per metre");
@@ -212,18 +209,10 @@ fn check_medium(medium: &Medium, grids: &[Grid], place: impl Display + Copy, fin
     let [r, g, b] = medium.extinction;
     let most = r.max(g).max(b);
     let thickest = grid.values.iter().fold(0.0f32, |most, x| most.max(*x));
-    let paths = f64::from(thickest) * f64::from(most) * longest_diagonal(grid);
+    let paths = f64::from(thickest) * f64::from(most) * grid.longest_diagonal();
     // NaN is reported above.
-    let is_met = paths.is_nan() || paths <= MAX_MEAN_FREE_PATHS;
+    let is_met = paths.is_nan() || paths <= Grid::MAX_MEAN_FREE_PATHS;
     findings.require(is_met, place, "grid", paths, "at most 1e5 mean free paths across where it is thickest");
-}
-
-/// The longest of the diagonals of its box, metres.
-fn longest_diagonal(grid: &Grid) -> f64 {
-    let [x, y, z] = [0, 1, 2].map(|k| grid.world_from_voxels.matrix3.col(k) * f64::from(grid.size[k]));
-    [x + y + z, x + y - z, x - y + z, x - y - z]
-        .into_iter()
-        .fold(0.0, |most, diagonal| diagonal.length().max(most))
 }
 
 fn check_grids(grids: &[Grid], findings: &mut Findings) {

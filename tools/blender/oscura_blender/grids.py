@@ -1,7 +1,7 @@
 """Volumes whose shaders read grids: by which grid each part of a medium goes, and what it is taken times."""
 
 from . import shaders
-from .media import Varying
+from .media import BODY, Varying
 
 ONE, BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 
@@ -10,7 +10,7 @@ VOLUME_INFO = {"Color": "color", "Density": "density", "Flame": "flame", "Temper
 
 # The radiance of a metre of a black body of 1500 K in Cycles, whose law is that of Stefan and Boltzmann: a constant over pi, times
 # a millionth.
-BODY_OF_1500_KELVIN = 5.670373e-14 / 3.14159265 * 1500.0**4
+BODY_OF_1500_KELVIN = BODY * 1500.0**4
 
 
 class Part:

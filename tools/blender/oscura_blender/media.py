@@ -47,6 +47,9 @@ class Filling:
     def ratio(self, a, b):
         return a if _is(b, 1.0) else self._made("divide", lambda x, y: x / y if y else 0.0, a, b)
 
+    def lesser(self, a, b):
+        return self._made("minimum", min, a, b)
+
     def positive(self, a):
         return self._made("maximum", max, a, 0.0)
 
@@ -204,8 +207,7 @@ def _sum(filling, node, groups, share):
 
 
 def _mix(filling, node, groups, share):
-    factor = filling.value(node, node.inputs[0].name, groups)
-    factor = filling._made("minimum", min, factor, 1.0)
+    factor = filling.lesser(filling.value(node, node.inputs[0].name, groups), 1.0)
     for socket, part in zip(node.inputs[1:3], (filling.difference(1.0, factor), factor)):
         _read(filling, feed(socket, groups), filling.product(share, part))
 
