@@ -105,7 +105,7 @@ impl Rgb {
 
     /// A function of each channel of two colours.
     #[inline(always)]
-    fn zip(self, other: Rgb, f: impl Fn(f32, f32) -> f32) -> Rgb {
+    pub fn zip(self, other: Rgb, f: impl Fn(f32, f32) -> f32) -> Rgb {
         Rgb { r: f(self.r, other.r), g: f(self.g, other.g), b: f(self.b, other.b) }
     }
 

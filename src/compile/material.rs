@@ -332,6 +332,11 @@ impl CompiledMaterial {
             }));
             self.components.push(CompiledComponent { weight: *weight, reflectance, index: 0, material });
         }
+        // Weights are a part of what a component sends.
+        for component in self.components.iter_mut().filter_map(|c| c.material.as_deref_mut()) {
+            component.depends_on_viewer |= self.depends_on_viewer;
+            component.reads_path |= self.reads_path;
+        }
         self.blended()
     }
 
@@ -415,6 +420,11 @@ impl CompiledMaterial {
             placed.push(CompiledMaterial { surface_visibility, medium_index, ..*material });
         }
         placed
+    }
+
+    /// Does what it sends from a point into a direction depend on the path that arrives, or do its parameters on the viewer?
+    pub fn depends_on_path(&self) -> bool {
+        self.depends_on_viewer || self.reads_path || self.alpha.is_some_and(|alpha| alpha.depends_on_viewer)
     }
 
     /// Its BSDF, which is the same everywhere but for colours by wavelength.

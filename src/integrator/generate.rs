@@ -22,7 +22,7 @@ impl Integrator<'_> {
         let count = w.pixels.len();
         w.begin_wave();
         w.rays.clear();
-        w.radiance_buffer.begin(count, self.layers, self.options.clamp);
+        w.radiance_buffer.begin(count, self.layers, self.clamp_of_branches());
         w.first_hits.reset(count, self.first_hits);
         let (paths, vertices, scratch) = (&mut *w.arriving, &mut w.wave.vertices, &mut w.wave.scratch);
         let dimensions = self.dimensions(0, Purpose::Camera);

@@ -35,6 +35,9 @@ impl Integrator<'_> {
         if bounce == 0 && self.first_hits.any() {
             w.component_weights.resize(w.hits.len(), Rgb::ONE);
         }
+        if self.optional.component_weight {
+            w.arriving.component_weight.as_flattened_mut().fill(1.0);
+        }
         let dimensions = self.dimensions(bounce, Purpose::Mix);
         for i in 0..w.hits.len() {
             let material = &self.scene.materials[w.materials[i] as usize];
@@ -114,6 +117,9 @@ impl Integrator<'_> {
         set_rgb(&mut path.throughput, i, throughput);
         if let Some(weight) = w.component_weights.get_mut(i) {
             *weight = factor;
+        }
+        if self.optional.component_weight {
+            set_rgb(&mut w.arriving.component_weight, i, factor);
         }
     }
 }

@@ -180,6 +180,7 @@ impl<'a> Integrator<'a> {
                 skips_caustics: options.skip_caustics != SkippedCaustics::NONE,
                 light_passes: layers.has_passes(),
                 caustics: options.caustics.is_some(),
+                sharing: options.reuse.is_some(),
                 guiding: options.guide.is_some(),
                 transparent_glass: options.transparent_glass,
                 denoising_guides: options.aovs.contains(Aov::DenoisingAlbedo)

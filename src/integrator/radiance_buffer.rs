@@ -140,6 +140,8 @@ pub struct RadianceBuffer {
     plain: Vec<[f32; 3]>,
     layers: Layers,
     clamp: Clamp,
+    /// By index: factor from its radiance to that of the picture, for the clamp; where there is one.
+    clamp_scales: Vec<Rgb>,
     /// There are neither layers nor a clamp.
     is_plain: bool,
     /// Layers by index.
@@ -156,6 +158,7 @@ impl RadianceBuffer {
             plain: Vec::new(),
             layers: Layers::default(),
             clamp: Clamp::NONE,
+            clamp_scales: Vec::new(),
             is_plain: true,
             parts: Vec::new(),
         }
@@ -167,6 +170,7 @@ impl RadianceBuffer {
         self.clamp = clamp;
         self.samples.clear();
         self.parts.clear();
+        self.clamp_scales.clear();
         (self.count, self.with_passes, self.layers) = (count, count, layers);
         self.extend(count);
         self.plain.clear();
@@ -176,6 +180,16 @@ impl RadianceBuffer {
     pub fn extend(&mut self, count: usize) {
         self.samples.resize(count, [0.0; 4]);
         self.parts.resize(count * self.layers.count(), [0.0; 3]);
+        if self.clamp != Clamp::NONE {
+            self.clamp_scales.resize(count, Rgb::ONE);
+        }
+    }
+
+    /// The radiance of these indices reaches the picture times `throughput`.
+    pub fn scale_clamp(&mut self, indices: [u32; 2], throughput: Rgb) {
+        if self.clamp != Clamp::NONE {
+            indices.into_iter().for_each(|index| self.clamp_scales[index as usize] = throughput);
+        }
     }
 
     /// Extends the indices to `count`, for branches of samples: see [`RadianceBuffer::join`].
@@ -237,7 +251,7 @@ impl RadianceBuffer {
         if self.is_plain {
             return self.add(index, value);
         }
-        let value = self.clamped(bounces, value);
+        let value = self.clamped(index, bounces, value);
         self.add(index, value);
         if self.has_layers() {
             self.divide(index, value, origin);
@@ -245,9 +259,10 @@ impl RadianceBuffer {
     }
 
     /// Scales the light of a path down to the clamp, as Cycles does.
-    fn clamped(&self, bounces: u32, value: Rgb) -> Rgb {
+    fn clamped(&self, index: u32, bounces: u32, value: Rgb) -> Rgb {
         let most = 3.0 * if bounces > 1 { self.clamp.indirect } else { self.clamp.direct };
-        let sum = value.r.abs() + value.g.abs() + value.b.abs();
+        let seen = value * self.clamp_scales.get(index as usize).copied().unwrap_or(Rgb::ONE);
+        let sum = seen.r.abs() + seen.g.abs() + seen.b.abs();
         if sum > most { value * (most / sum) } else { value }
     }
 

@@ -61,14 +61,11 @@ impl Integrator<'_> {
     /// Are there lights behind refracting bodies that paths look for?
     pub(super) fn samples_refracted_lights(&self) -> bool {
         // A guide is trained with the densities of its own samples.
-        !self.scene.refracted_lights.is_empty()
-            && !self.options.records_training
-            && self.options.reuse.is_none()
-            && !self.scene.is_moving()
+        !self.scene.refracted_lights.is_empty() && !self.options.records_training && !self.scene.is_moving()
     }
 
     /// Finds the lobes of the vertices.
-    pub(super) fn find_light_lobes(&self, sorted: &SortedVertices, w: &mut Workspace) {
+    pub(super) fn find_light_lobes(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         w.light_lobes.clear();
         let (rough, from_outside) = (sorted.rough(), self.scene.refracted_lights.from_outside);
         for i in sorted.lit() {
@@ -84,6 +81,9 @@ impl Integrator<'_> {
             let lobes = self.lobes_of(i, sorted, w);
             if !lobes.is_empty() {
                 w.light_lobes.push(lobes);
+                if let Some(reuse) = &mut w.reuse {
+                    reuse.leave_out(bounce, w.wave.paths.state.radiance_index[i]);
+                }
             }
         }
     }

@@ -13,6 +13,7 @@ use super::{Integrator, guiding};
 use crate::bsdf::Bsdf;
 use crate::math::{Ray, Vec3, offset_along};
 use crate::sampling::sampler::SobolPoint;
+use crate::scene::Clamp;
 use crate::simd::{Kernel, dispatch};
 use std::ops::Range;
 
@@ -185,6 +186,12 @@ impl Integrator<'_> {
     /// Camera rays per wave, so that all branches fit into it.
     pub(super) fn samples_per_wave(&self) -> usize {
         WAVE / self.options.branches as usize
+    }
+
+    /// The clamp of the light of a branch, which has its part of the throughput.
+    pub(super) fn clamp_of_branches(&self) -> Clamp {
+        let Clamp { direct, indirect } = self.options.clamp;
+        Clamp { direct, indirect: indirect / self.options.branches as f32 }
     }
 
     /// Repeats each vertex, one copy after the other, and returns the new ranges of the shading groups.

@@ -216,8 +216,8 @@ fn group_of(material: &CompiledMaterial, by_wavelength: bool) -> ShadingGroup {
     let is_plain = material.constant.is_some() && !material.uses_uv && material.emission.is_none();
     match material.class {
         BsdfClass::Black => ShadingGroup::None,
-        // Path sharing needs BSDFs that don't depend on the viewer.
-        BsdfClass::Lambert | BsdfClass::MetalRough if material.depends_on_viewer => ShadingGroup::Rough,
+        // Path sharing needs surfaces that don't depend on the viewer or the path.
+        BsdfClass::Lambert | BsdfClass::MetalRough if material.depends_on_path() => ShadingGroup::Rough,
         BsdfClass::Lambert => {
             if is_plain {
                 ShadingGroup::Plain

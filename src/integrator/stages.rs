@@ -403,7 +403,7 @@ pub(super) const LEAVE: &[Stage] = &[
         bounces: Bounces::All,
         reads: &[Vertices, Paths],
         writes: &[Lobes],
-        run: |i, b, w| i.find_light_lobes(&b.vertices, w),
+        run: |i, b, w| i.find_light_lobes(b.number, &b.vertices, w),
     },
     Stage {
         name: "scatter",

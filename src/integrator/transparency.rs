@@ -268,12 +268,6 @@ impl Integrator<'_> {
         }
     }
 
-    /// Is this a hit on a surface that may be absent?
-    #[inline(always)]
-    pub(super) fn may_be_absent_at(&self, hit: &Hit) -> bool {
-        hit.is_hit() && self.may_be_absent[self.scene.geometries.material(hit) as usize]
-    }
-
     /// Is the hit on the front of a surface that is absent from behind only, wherever it hit the primitive?
     #[inline(always)]
     fn is_surely_front(&self, ray: &Ray, hit: &Hit, time: f32) -> bool {

@@ -172,6 +172,12 @@ impl BounceCounts {
             || u32::from(self.volume) >= limits.volume
     }
 
+    /// The counts, each up to 3, in eight bits.
+    pub fn bits(self) -> u32 {
+        let counts = [self.diffuse, self.glossy, self.transmission, self.volume];
+        counts.into_iter().fold(0, |bits, count| bits << 2 | u32::from(count.min(3)))
+    }
+
     /// Counts an event that sent a ray of a kind.
     pub fn count(&mut self, kind: RayKinds) {
         let count = match kind {
@@ -201,6 +207,8 @@ pub struct StateConditions<'a> {
     pub light_passes: bool,
     /// Caustics are traced from the lights.
     pub caustics: bool,
+    /// Pixels share paths.
+    pub sharing: bool,
     /// Paths are guided.
     pub guiding: bool,
     /// Glass is transparent in the alpha channel.
@@ -280,6 +288,8 @@ path_state! {
     bounce_counts: [BounceCounts; LENGTH], if |c| c.bounce_limits;
     /// Smallest density of a sampled direction so far, 1/sr, for the glossy filter.
     least_pdf: Lanes, if |c| c.filter_glossy;
+    /// Factor of the throughput for the component that was selected at the last hit on a mix; 1 at others.
+    component_weight: RgbLanes, if |c| c.sharing && c.features.mixes;
     /// Whether caustics traced from the lights contain the path so far: see [`super::caustics`].
     chains: Words, if |c| c.caustics;
     /// The share of the light found by such a path that caustics traced from the lights contain: that of its receivers' diffuse lobes.

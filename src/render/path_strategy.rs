@@ -5,12 +5,11 @@ use super::options::{PathReuse, RenderOptions, Splitting};
 use super::progress::Statistics;
 use super::schedule::Pass;
 use super::technique::{Request, Target, Technique, first_reason};
-use crate::compile::{CompiledScene, View};
+use crate::compile::{Medium, View};
 use crate::integrator::reuse::{GroupShape, INTERVAL, Tiling};
 use crate::integrator::{Block, IntegratorOptions, PathSample, RayCounts, SamplePlan};
 use crate::sampling::ZSobolOrder;
 use crate::sampling::hash::r2_sequence;
-use crate::scene::Clamp;
 use std::collections::HashSet;
 
 /// How samples trace their paths.
@@ -65,12 +64,6 @@ pub(super) struct StrategyTrials {
     may_split: bool,
 }
 
-/// Are there surfaces that some paths pass through at random?
-fn has_random_surfaces(scene: &CompiledScene) -> bool {
-    scene.features.panes
-        || scene.materials.iter().any(|material| material.alpha.is_some() || material.passes_straight)
-}
-
 /// Why paths can't be shared.
 fn obstacle_to_sharing(target: &Target<'_>) -> Option<&'static str> {
     let Target { scene, options, .. } = target;
@@ -78,25 +71,14 @@ fn obstacle_to_sharing(target: &Target<'_>) -> Option<&'static str> {
     first_reason(&[
         // Paths of other wavelengths have found other radiance.
         (scene.shading.spectral, "they carry wavelengths of their own"),
-        // The weights need the visibility of each connection, not a random estimate.
-        (has_random_surfaces(scene), "the scene has surfaces that are partly transparent"),
-        // Neighbours have other lobes towards them, or none.
-        (!scene.refracted_lights.is_empty(), "glass or water refracts the light of lamps or suns"),
-        // A suffix belongs to the component that its own path selected.
-        (features.mixes, "the scene has mixes of materials"),
-        // Connections would have to estimate transmittance.
-        (features.scattering, "the scene has media that scatter"),
+        // Connections would have to estimate transmittance. Other media are within surfaces, which end connections.
+        (scene.media.first().is_some_and(Medium::does_anything), "a medium fills the scene"),
         (options.catchers, "the scene has shadow catchers"),
         // Connections don't have the ray kind of the paths that they replace.
         (features.links, "lights of the scene are linked to some objects only"),
         (features.ray_kinds, "objects or lights of the scene are visible to some kinds of rays only"),
-        // Paths have times of their own.
-        (scene.is_moving(), "something moves in the scene"),
-        // Connected paths have other lengths, and their light is not that of one path.
-        (
-            options.limits_paths(),
-            "bounces are limited by kind, light is clamped, glossy surfaces are filtered, or caustics are left out",
-        ),
+        // Paths have times of their own, and rays see splats of their own.
+        (scene.accel.uses_times(), "something moves in the scene, or it has Gaussian splats"),
         (options.max_depth < 2, "there is no indirect light with so few bounces"),
     ])
 }
@@ -106,7 +88,7 @@ impl StrategyTrials {
     pub fn new(target: &Target<'_>) -> StrategyTrials {
         let options = target.options;
         let can_share = obstacle_to_sharing(target).is_none();
-        let can_split = options.max_depth >= 1 && !options.catchers && options.clamp == Clamp::NONE;
+        let can_split = options.max_depth >= 1 && !options.catchers && options.clamp.direct == f32::INFINITY;
         if let PathReuse::Groups(shape) = options.path_reuse
             && can_share
         {

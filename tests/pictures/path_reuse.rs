@@ -3,13 +3,14 @@
 use crate::support::differences::{assert_same_bits, assert_same_means, bits, differences, noise};
 use crate::support::sheet::{self, Variant};
 use crate::support::{
-    assert_radiance, camera, material, options, pbr, picture, quad, rendering, sphere, walls,
+    assert_radiance, camera, cuboid, material, mean, options, pbr, picture, quad, rendering, sphere, walls,
 };
 use oscura::math::{DAffine3, DVec3, Vec3};
-use oscura::render::{GroupShape, PassOutcome, PathReuse, RenderOptions};
+use oscura::render::{GroupShape, PassOutcome, PathReuse, RenderOptions, Splitting};
 use oscura::scene::{
-    AlphaMode, ColorSlot, Environment, FloatSlot, Instance, Interpolation, Material, Mesh, MeshId, MeshPart,
-    Model, Scene,
+    AlphaMode, BounceLimits, Clamp, ColorSlot, DiffuseTransmission, Environment, FloatSlot, Instance,
+    Interpolation, Material, Medium, Mesh, MeshId, MeshPart, MixComponent, Model, PbrMaterial, Scene,
+    SkippedCaustics, Texture,
 };
 use std::path::Path;
 
@@ -212,19 +213,134 @@ fn a_pilot_decides() {
     assert_eq!((shape, rays), (None, rays_without));
 }
 
-/// Surfaces that are partly absent hide light at random: then paths are not shared, and it is reported.
-#[test]
-fn partly_transparent_scenes_share_nothing() {
+/// What connections of the room are blocked by or begin at.
+#[derive(Clone, Copy, Debug)]
+enum Crowd {
+    /// Paper that is absent at random, a thin sheet of glass, a solid pane.
+    Sheets,
+    /// Mixes of three materials, by weights that depend on the viewer or not.
+    Mixes,
+    /// Fog without a surface, and a solid that scatters light beneath its surface.
+    Bodies,
+}
+
+/// The room with more in it.
+fn crowded(crowd: Crowd) -> Scene {
     let mut scene = room();
-    let mut paper = Material::lambert("paper", [0.7; 3]);
-    (paper.alpha_mode, paper.alpha) = (AlphaMode::Blend, FloatSlot::constant(0.4));
-    let paper = material(&mut scene, paper);
-    quad(&mut scene, [-0.5, -0.5, -0.8], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], paper);
-    let options = options(20, 8, 100);
-    let mut forced = rendering(&scene, &options.path_reuse(groups("4x4")));
-    forced.run();
-    assert!(forced.warnings().iter().any(|w| w.code == "technique-unused"));
-    assert!(bits(forced.film()) == bits(&picture(&scene, &options.path_reuse(PathReuse::Off))));
+    let constant = |w: f32| ColorSlot::constant([w; 3]);
+    let box_of = |scene: &mut Scene, low, high, of| {
+        let (positions, triangles) = cuboid(low, high);
+        let mesh = scene.add_mesh(Mesh::new("box", positions, triangles, of));
+        scene.instances.push(Instance::new(mesh, DAffine3::IDENTITY));
+    };
+    match crowd {
+        Crowd::Sheets => {
+            let mut paper = Material::lambert("paper", [0.7; 3]);
+            (paper.alpha_mode, paper.alpha) = (AlphaMode::Blend, FloatSlot::constant(0.4));
+            let paper = material(&mut scene, paper);
+            quad(&mut scene, [-0.7, -0.6, -0.8], [0.7, 0.0, 0.2], [0.0, 0.9, 0.0], paper);
+            let (none, whole) = (FloatSlot::constant(0.0), FloatSlot::constant(1.0));
+            let clear = PbrMaterial {
+                transmission: whole,
+                roughness: none,
+                metallic: none,
+                ..PbrMaterial::default()
+            };
+            let thin = material(&mut scene, Material::gltf("thin", clear.clone()));
+            quad(&mut scene, [-0.9, -0.9, 0.3], [0.8, 0.0, 0.0], [0.0, 1.2, 0.0], thin);
+            let solid =
+                material(&mut scene, Material::gltf("solid", PbrMaterial { has_volume: true, ..clear }));
+            box_of(&mut scene, [0.2, -0.9, -0.5], [0.25, 0.6, 0.5], solid);
+        }
+        Crowd::Mixes => {
+            let by_view = scene.add_texture(Texture::Facing([[0.1; 3], [0.8; 3]].into()));
+            for (weight, x) in [(constant(0.4), -0.6), (ColorSlot::texture(by_view), 0.1)] {
+                let parts = [
+                    (weight, Material::lambert("matt", [0.9, 0.3, 0.2])),
+                    (constant(0.3), pbr("plastic", [0.2, 0.6, 0.9], 0.0, 0.4)),
+                    (constant(0.2), pbr("metal", [0.9, 0.9, 0.4], 1.0, 0.5)),
+                ];
+                let components =
+                    parts.into_iter().map(|(weight, material)| MixComponent { weight, material }).collect();
+                let mixed = material(&mut scene, Material::new("mix", Model::Mix { components }));
+                box_of(&mut scene, [x, -0.98, -0.6], [x + 0.5, 0.1, -0.1], mixed);
+            }
+        }
+        Crowd::Bodies => {
+            let fog = Medium { albedo: [0.8; 3], ..Medium::scattering([1.5; 3]) };
+            let fog = material(
+                &mut scene,
+                Material { medium: Some(fog), ..Material::new("fog", Model::Boundary {}) },
+            );
+            box_of(&mut scene, [-0.9, -0.9, -0.2], [0.0, 0.2, 0.5], fog);
+            let (none, whole) = (FloatSlot::constant(0.0), FloatSlot::constant(1.0));
+            let diffuse_transmission = Some(DiffuseTransmission { factor: whole, color: constant(1.0) });
+            let wax = PbrMaterial {
+                metallic: none,
+                specular: none,
+                ior: 1.0,
+                has_volume: true,
+                diffuse_transmission,
+                ..PbrMaterial::default()
+            };
+            let medium = Some(Medium::subsurface([0.8, 0.5, 0.3], [0.05; 3], 0.0));
+            let wax = material(&mut scene, Material { medium, ..Material::gltf("wax", wax) });
+            sphere(&mut scene, [0.5, -0.5, -0.5], 0.35, wax);
+        }
+    }
+    scene
+}
+
+/// Connections end at what rays pass at random, bends them or scatters light on its way; paths through it stay with their pixels. So no mean
+/// changes.
+#[test]
+fn sharing_in_crowded_rooms_changes_no_mean() {
+    for crowd in [Crowd::Sheets, Crowd::Mixes, Crowd::Bodies] {
+        let scene = crowded(crowd);
+        let options = options(EDGE, 16, 100).path_reuse(PathReuse::Off).splitting(Splitting::OFF);
+        let shared = options.path_reuse(groups("4x4/2"));
+        let ratio = noise(&scene, &options) / noise(&scene, &shared);
+        println!("{crowd:?}: variance / {ratio:.2}");
+        assert!(ratio > 1.2, "{crowd:?}: {ratio}");
+        assert_same_means(&format!("{crowd:?}"), &scene, [&options, &shared], 16);
+        assert_same_bits(&format!("{crowd:?}"), &scene, &options.samples(4).path_reuse(groups("4x4/2")));
+    }
+}
+
+/// Bounces by kind, left-out caustics and the glossy filter decide alike for the members of a group. The clamp compares the light of a path with
+/// its owner's throughput: a picture loses as much as alone, but at the borders of objects.
+#[test]
+fn sharing_keeps_limits_of_paths() {
+    let scene = room();
+    let plain = options(EDGE, 32, 100).path_reuse(PathReuse::Off).splitting(Splitting::OFF);
+    let bounces = BounceLimits { diffuse: 2, glossy: 2, transmission: 8, ..BounceLimits::NONE };
+    let skipped = SkippedCaustics { reflective: true, refractive: true };
+    for (what, options) in [
+        ("bounces", plain.bounces(bounces)),
+        ("caustics", plain.skip_caustics(skipped)),
+        ("filter", plain.filter_glossy(1.0)),
+    ] {
+        let shared = options.path_reuse(groups("4x4/2"));
+        let found = differences(&scene, [&options, &shared], 16).whole;
+        println!("{what}: {:.1e} +- {:.1e}", found.0, found.1);
+        assert!(found.0.abs() < 4.5 * found.1 && found.1 < 2e-3, "{what}: {found:?}");
+    }
+    let clamped = plain.clamp(Clamp { direct: f32::INFINITY, indirect: 0.4 });
+    let [free, alone, shared] = [plain, clamped, clamped.path_reuse(groups("4x4/2"))]
+        .map(|options| (1..=4).map(|seed| mean(&picture(&scene, &options.seed(seed)))).sum::<f64>() / 4.0);
+    println!("clamp: free {free:.4}, alone {alone:.4}, shared {shared:.4}");
+    assert!(alone < 0.95 * free, "the clamp takes light: {alone} of {free}");
+    assert!((shared - alone).abs() < 0.1 * (free - alone), "{shared} for {alone}, free {free}");
+}
+
+/// Branches of a sample are clamped as whole paths are.
+#[test]
+fn splitting_keeps_the_clamp() {
+    let scene = room();
+    let plain = options(EDGE, 32, 100).path_reuse(PathReuse::Off).splitting(Splitting::OFF);
+    let clamped = plain.clamp(Clamp { direct: f32::INFINITY, indirect: 0.4 });
+    let split = clamped.splitting(Splitting::Into(4));
+    assert_same_means("clamped, split", &scene, [&clamped, &split], 16);
 }
 
 #[test]

@@ -15,11 +15,11 @@ use crate::integrator::shading_groups::SortedVertices;
 use crate::integrator::shading_groups::{Closure, LambertClass, VertexClass};
 use crate::integrator::shading_groups::{MetalRoughClass, copy_metal_rough};
 use crate::integrator::wave::FirstBounce;
-use crate::integrator::wave::{PerPath, RgbLanes, WAVE, get, get_rgb, set, set_rgb};
+use crate::integrator::wave::{Paths, PerPath, RgbLanes, WAVE, get, get_rgb, set, set_rgb};
 use crate::integrator::wave::{Vertices, Wave};
 use crate::integrator::workspace::Workspace;
 use crate::integrator::{Integrator, guiding};
-use crate::math::{Hit, Ray, offset_along};
+use crate::math::{Ray, offset_along};
 use crate::simd::{Kernel, Table, dispatch};
 use std::f32::consts::FRAC_1_PI;
 use std::ops::Range;
@@ -39,20 +39,45 @@ impl Integrator<'_> {
         if bounce > LAST_BOUNCE + 1 {
             return;
         }
-        let Workspace { wave, reuse: Some(reuse), .. } = w else { return };
+        let Workspace { wave, reuse: Some(reuse), radiance_buffer, .. } = w else { return };
         for i in sorted.lambert() {
-            self.cut(bounce, i, LAMBERT, wave, reuse);
+            self.cut(bounce, i, LAMBERT, wave, reuse, radiance_buffer);
         }
         for i in sorted.metal_rough() {
-            self.cut(bounce, i, METAL_ROUGH, wave, reuse);
+            self.cut(bounce, i, METAL_ROUGH, wave, reuse, radiance_buffer);
         }
     }
 
+    /// The key of a prefix that ends at vertex `i`: what decides which paths may continue there, and which of their light counts. That is
+    /// the number of bounces, whether suffixes leave out light that light paths find, and, where they are in use, the count of bounces
+    /// without random walks and those by kind. What limits and left-out caustics do to a suffix depends on the kind of its first
+    /// ray, which its owner draws; then classes, which draw alike, share only among themselves.
+    fn prefix_key(&self, bounce: u32, i: usize, class: u32, paths: &Paths) -> u32 {
+        let mut key = bounce << 1 | u32::from(self.optional.chains && leaves_light(paths.chains[i]));
+        if self.optional.depth {
+            key = key << 3 | paths.depth[i].min(7);
+        }
+        if self.optional.bounce_counts {
+            key = key << 8 | paths.bounce_counts[i].bits();
+        }
+        if self.optional.visibility {
+            key = key << 2 | class;
+        }
+        key
+    }
+
     #[inline(always)]
-    fn cut(&self, bounce: u32, i: usize, class: u32, wave: &mut Wave, reuse: &mut Reuse) {
+    fn cut(
+        &self,
+        bounce: u32,
+        i: usize,
+        class: u32,
+        wave: &mut Wave,
+        reuse: &mut Reuse,
+        radiance_buffer: &mut RadianceBuffer,
+    ) {
         let Wave { paths, vertices: v, .. } = wave;
-        let path = &mut paths.state;
-        let k = reuse.place(path.radiance_index[i]);
+        let k = reuse.place(paths.state.radiance_index[i]);
         let Reuse { prefixes, suffixes, .. } = reuse;
         if self.optional.chains && leaves_diffuse_light(paths.chains[i], get_rgb(&paths.chain_share, i)) {
             return;
@@ -60,18 +85,24 @@ impl Integrator<'_> {
         if prefixes.class[k] == NONE {
             let is_in_air = !self.optional.interior || paths.interior[i] == Interior::AIR;
             if bounce <= LAST_BOUNCE && is_in_air && spreads(v, i, class) {
-                prefixes.keep(k, class, bounce, v, i, get_rgb(&path.throughput, i));
-                let leaves = self.optional.chains && leaves_light(paths.chains[i]);
-                prefixes.ends[k] = if leaves { bounce + LAST_BOUNCE + 1 } else { bounce };
+                prefixes.keep(k, class, bounce, v, i, get_rgb(&paths.state.throughput, i));
+                prefixes.keys[k] = self.prefix_key(bounce, i, class, paths);
                 if self.optional.first_bounces {
                     let is_first = bounce == 0;
                     let first = if is_first { FirstBounce::DIFFUSE } else { paths.first_bounces.get(i) };
                     prefixes.first_bounces.set(k, first);
                 }
             }
-        } else if prefixes.bounce[k] + 1 == bounce && path.pdf[i].competes() {
+        } else if prefixes.bounce[k] + 1 == bounce && paths.state.pdf[i].competes() {
             let Some(rest) = self.shared_part(v, i, class) else { return };
-            let throughput = get_rgb(&path.throughput, i);
+            let path = &mut paths.state;
+            let mut throughput = get_rgb(&path.throughput, i);
+            let mut begin = Rgb::ONE;
+            if self.optional.component_weight {
+                // The weight of the selected component belongs to the suffix.
+                begin = get_rgb(&paths.component_weight, i);
+                throughput = throughput.zip(begin, |t, weight| if weight > 0.0 { t / weight } else { 0.0 });
+            }
             suffixes.keep(k, class, v, i, throughput, path.pdf[i].value());
             suffixes.rest[k] = rest;
             if self.optional.first_bounces {
@@ -79,7 +110,9 @@ impl Integrator<'_> {
             }
             // Russian roulette uses the whole throughput.
             path.roulette_scale[i] *= throughput.max_element();
-            set_rgb(&mut path.throughput, i, Rgb::ONE);
+            set_rgb(&mut path.throughput, i, begin);
+            let sample = path.radiance_index[i];
+            radiance_buffer.scale_clamp([sample + DIRECT, sample + SCATTERED], throughput);
             path.radiance_index[i] += DIRECT;
         }
     }
@@ -223,8 +256,8 @@ impl<C: VertexClass, T: Horizon> Kernel for Connect<'_, C, T> {
                 // Paths without throughput end, so a prefix has no density where its contribution is 0.
                 let [r, g, b] = value.to_array();
                 let has_value = (r > 0.0) | (g > 0.0) | (b > 0.0);
-                let has_ended_there = prefixes.ends[i] == pairs.ends[i];
-                let connects = faces & has_value & has_ended_there;
+                let continues_alike = prefixes.keys[i] == pairs.keys[i];
+                let connects = faces & has_value & continues_alike;
                 let is_own_class = prefixes.class[i] == class_id;
                 let density = if connects { eval.pdf_solid_angle * geometry } else { 0.0 };
                 pairs.density[i] = if is_own_class { density } else { pairs.density[i] };
@@ -473,8 +506,8 @@ const FAN: usize = 16;
 /// Minimum number of rays for that.
 const MIN_RAYS: u32 = 5;
 
-/// End of prefixes for a missing suffix.
-const NO_END: u32 = u32::MAX;
+/// Key of prefixes for a missing suffix.
+const NO_KEY: u32 = u32::MAX;
 
 impl Integrator<'_> {
     /// Connects every prefix to the suffixes of its group.
@@ -547,10 +580,14 @@ impl Integrator<'_> {
         }
     }
 
-    /// Sets the density of prefixes to 0 where the suffix is occluded. The owner needs no test.
+    /// Sets the density of prefixes to 0 where the suffix is occluded.
+    ///
+    /// Surfaces that rays pass at random, or bend rays, count as opaque: the balance heuristic needs the visibility itself, not an estimate.
+    /// What paths find through them stays with its owner. So in scenes with such surfaces the owner is tested like the others.
     fn test_visibility(&self, round: &Round, reuse: &mut Reuse, w: &mut Workspace) {
+        let tests_owner = self.scene.features.alpha;
         for &sender in &round.senders {
-            reuse.pairs.density[usize::from(sender)] = 0.0;
+            reuse.pairs.density[usize::from(sender)] = if tests_owner { 1.0 } else { 0.0 };
         }
         self.test_layers(round, reuse);
         w.shadow_rays.clear();
@@ -572,14 +609,23 @@ impl Integrator<'_> {
                 w.shadow_vertices.push(i as u32);
             }
         }
-        let before = w.ray_counts.all;
-        // The bounce doesn't matter: scenes with surfaces that are absent at random, by numbers that depend on it, don't share paths. Lights
-        // that cast no shadows are possible.
-        self.test_shadow_rays(1, w);
-        w.ray_counts.single += w.ray_counts.all - before;
+        w.occluded.clear();
+        w.occluded.resize(w.shadow_rays.len(), false);
+        self.scene.accel.occluded(&w.shadow_rays, &mut w.occluded);
+        w.ray_counts.all += w.shadow_rays.len() as u64;
+        w.ray_counts.single += w.shadow_rays.len() as u64;
         for (&i, &occluded) in w.shadow_vertices.iter().zip(&w.occluded) {
             if occluded {
                 reuse.pairs.density[i as usize] = 0.0;
+            }
+        }
+        if tests_owner {
+            for &sender in &round.senders {
+                let sender = usize::from(sender);
+                let is_found_otherwise = reuse.pairs.density[sender] == 0.0;
+                let none =
+                    if is_found_otherwise { group_of(sender, round.group) } else { sender..sender + 1 };
+                reuse.pairs.density[none].fill(0.0);
             }
         }
     }
@@ -599,12 +645,7 @@ impl Integrator<'_> {
             rays: asked,
         };
         let accel = &self.scene.accel;
-        let PointVisibility { occluded_rays: stopped, unknown } = match self.scene.features.alpha {
-            true => accel.point_visibility(&fan, |prim| {
-                self.may_be_absent_at(&Hit { prim, instance: 0, ..Hit::MISS })
-            }),
-            false => accel.point_visibility(&fan, |_| false),
-        };
+        let PointVisibility { occluded_rays: stopped, unknown } = accel.point_visibility(&fan, |_| false);
         fans.count(2 * unknown.count_ones() > asked.count_ones());
         for k in SetBits(stopped) {
             pairs.density[places.start + k] = 0.0;
@@ -670,10 +711,10 @@ impl Round {
             let sender = first + turn;
             let places = first..first + self.group;
             if s.class[sender] == NONE {
-                pairs.ends[places].fill(NO_END);
+                pairs.keys[places].fill(NO_KEY);
                 continue;
             }
-            pairs.ends[places.clone()].fill(prefixes.ends[sender]);
+            pairs.keys[places.clone()].fill(prefixes.keys[sender]);
             for c in 0..3 {
                 pairs.y[c][places.clone()].fill(s.p[c][sender]);
                 pairs.ng[c][places.clone()].fill(s.ng[c][sender]);

@@ -190,9 +190,8 @@ pub struct Prefixes {
     pub class: Words,
     /// Number of earlier bounces of the path.
     pub bounce: Words,
-    /// The number of earlier bounces combined with whether suffixes leave out light that light paths find. Only prefixes with equal values
-    /// share suffixes.
-    pub ends: Words,
+    /// Only prefixes with equal keys share suffixes: see [`super::connect`].
+    pub keys: Words,
     /// First bounce of the path, diffuse for prefixes that end there. Used with light passes only.
     pub first_bounces: FirstBounces,
 }
@@ -248,8 +247,8 @@ pub struct Pairs {
     /// Position and normal of the suffix's start.
     pub y: Lanes3,
     pub ng: Lanes3,
-    /// Required end of prefixes (see [`Prefixes::ends`]); no prefix has the value used without a suffix.
-    pub ends: Words,
+    /// Required key of prefixes (see [`Prefixes::keys`]); no prefix has the value used without a suffix.
+    pub keys: Words,
     /// Density per square metre with which the prefix samples the suffix's start.
     pub density: Lanes,
     /// Transmittance of the suffix's layer towards the prefix.
@@ -311,6 +310,15 @@ impl Reuse {
             gained: bytemuck::zeroed_box(),
             layers: SharedLayers::default(),
             fans: Fans::default(),
+        }
+    }
+
+    /// The path with this index of radiance doesn't end its prefix at this bounce after all: its direction is sampled with another density than
+    /// the BSDF's.
+    pub fn leave_out(&mut self, bounce: u32, sample: u32) {
+        let k = self.place(sample);
+        if self.prefixes.bounce[k] == bounce {
+            self.prefixes.class[k] = NONE;
         }
     }
 
