@@ -161,11 +161,11 @@ fn compile_after(
     let BuiltGeometry { geometries, accel } =
         kept.geometry(scene, &materials, anchor, &plan, (options.tree, &options.counter))?;
     report_accel(accel.stats(), &mut report, || plan::count_degenerate(scene, &plan));
-    let emitters = emitters::find(&geometries, &materials);
-    let environment = environment(scene, kept.environment.take(), anchor, &mut report.warnings);
+    let objects = objects::of(scene, &materials, anchor);
+    let emitters = emitters::find(&geometries, &materials, &textures, &objects);
+    let sky = environment(scene, kept.environment.take(), anchor, &mut report.warnings);
     let surfaces = (&emitters, &geometries, &materials[..]);
-    let sources = (scene, &plan.numbers, options.shading);
-    let (lights, tables) = lights(sources, anchor, environment, surfaces, &textures)?;
+    let (lights, tables) = lights((scene, &plan.numbers, options.shading), anchor, sky, surfaces, &textures)?;
     report.lights = lights.len() as u64;
     let refracted_lights = RefractedLights::find(scene, &materials, anchor, (&lights, &textures));
     let features = features(scene, (&geometries, &accel, anchor), &materials, &textures, &media)
@@ -175,7 +175,7 @@ fn compile_after(
         anchor,
         accel,
         geometries,
-        objects: objects::of(scene, &materials, anchor),
+        objects,
         materials,
         shading: options.shading,
         media,

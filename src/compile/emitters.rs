@@ -5,16 +5,19 @@
 //! so that the light would not be seen. They are moved to their front by a little more than rounding.
 
 use super::geometry::{Geometries, Placement, Primitive, Space, primitive, vertices};
+use super::hit_reader::{HitReader, SurfaceHit, point_reader};
 use super::material::{CompiledEmission, CompiledMaterial};
 use super::objects::{ObjectId, part_materials};
 use crate::accel;
 use crate::accel::is_in_reach;
+use crate::bsdf::Slots;
 use crate::color::Rgb;
 use crate::error::{Warning, listed};
 use crate::light::{AreaLight, AreaShape, Edges, MovingLight, Radiance};
-use crate::math::{Bounds3, DAffine3, DVec3, Hit, Mat3, Vec2, Vec3};
+use crate::math::{Bounds3, DAffine3, DMat4, DVec3, Frame, Hit, Mat3, Ray, Vec2, Vec3};
 use crate::scene::{MaterialId, Model, Quad, Scene, ShapeKind, instance_extents};
 use crate::shape::{Analytic, Packed, Shape};
+use crate::texture::{CameraData, CompiledTextures, ObjectData, PathData};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -33,32 +36,121 @@ pub struct Emitters {
 }
 
 /// All emitting primitives: those of the world's own geometry, and those of placements that move. (Other placements have none.)
-pub fn find(geometries: &Geometries, materials: &[CompiledMaterial]) -> Emitters {
+pub fn find(
+    geometries: &Geometries,
+    materials: &[CompiledMaterial],
+    textures: &CompiledTextures,
+    objects: &[ObjectData],
+) -> Emitters {
     let mut emitters = Emitters::default();
     if materials.iter().any(|m| m.emission.is_some()) {
-        emitters.add_still(&geometries.world, materials);
+        emitters.add_still(&EmissionReader { geometries, textures, objects }, materials);
         emitters.add_moving(geometries, materials);
     }
     emitters
 }
 
-/// The emission that light sampling serves. Emission of surfaces with alpha, or that depends on the view direction or on the colours of
-/// vertices, is found only by paths that hit them.
-fn sampled_emission(material: &CompiledMaterial) -> Option<CompiledEmission> {
-    let is_plain = material.alpha.is_none() && !material.shines_by_viewer && !material.shines_by_vertex();
-    material.emission.filter(|_| is_plain)
+/// How light samples get what a material emits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Sampling {
+    /// Not at all: paths that hit it find it.
+    None,
+    /// It depends on the point alone.
+    ByPoint,
+    /// The emission and the alpha are evaluated as for a hit.
+    ByHit,
+}
+
+/// How light sampling serves a material. Left out is what depends on the path, which light samples and hits would see differently, and the
+/// emission of unlit models, which is not meant as light.
+fn sampling_of(material: &CompiledMaterial) -> Sampling {
+    let needs_hit = material.shines_by_viewer || material.alpha.is_some();
+    let is_unusual = material.reads_path || material.surface_visibility.is_some();
+    match material.emission {
+        None => Sampling::None,
+        _ if material.shines_by_vertex() || needs_hit && is_unusual => Sampling::None,
+        _ if needs_hit => Sampling::ByHit,
+        _ => Sampling::ByPoint,
+    }
+}
+
+/// Estimates what surfaces emit.
+struct EmissionReader<'a> {
+    geometries: &'a Geometries,
+    textures: &'a CompiledTextures,
+    objects: &'a [ObjectData],
+}
+
+/// Points of a primitive and cosines of directions at which its emission is estimated.
+const ESTIMATE_POINTS: [[f32; 2]; 3] = [[1.0 / 6.0; 2], [2.0 / 3.0, 1.0 / 6.0], [1.0 / 6.0, 2.0 / 3.0]];
+const ESTIMATE_COSINES: [f32; 2] = [0.9, 0.4];
+
+/// Number of primitives from which on one point of each must do.
+const MANY_PRIMITIVES: usize = 20_000;
+
+impl EmissionReader<'_> {
+    /// Mean luminance of the front of a primitive of the world.
+    fn luminance(&self, primitive: u32, shape: &AreaShape, material: &CompiledMaterial) -> f32 {
+        let light = AreaLight::new(*shape, false, Radiance::Constant(Rgb::ONE));
+        let all = self.geometries.world.attributes.materials.len();
+        let points = &ESTIMATE_POINTS[..if all > MANY_PRIMITIVES { 1 } else { ESTIMATE_POINTS.len() }];
+        let mut sum = 0.0;
+        for &place in points {
+            let point = light.point_by_area(place);
+            let [u, v] = light.edge_coordinates(point);
+            let hit = Hit { t: 1.0, u, v, prim: primitive, ..Hit::MISS };
+            let normal = light.normal_at(point, point);
+            for cosine in ESTIMATE_COSINES {
+                let wo = Frame::from_normal(normal).to_world(Vec3::new(
+                    (1.0 - cosine * cosine).sqrt(),
+                    0.0,
+                    cosine,
+                ));
+                sum += self.emitted(&Ray::new(point + wo, -wo), &hit, material);
+            }
+        }
+        sum / (points.len() * ESTIMATE_COSINES.len()) as f32
+    }
+
+    /// Luminance of the emission at a hit, times the alpha.
+    fn emitted(&self, ray: &Ray, hit: &Hit, material: &CompiledMaterial) -> f32 {
+        let Some(emission) = &material.emission else { return 0.0 };
+        let surface = self.geometries.surface(ray, hit, 0.0);
+        let coordinates = self.geometries.coordinates(&surface, hit, false, 0.0);
+        let camera = CameraData { camera_from_world: &DMat4::IDENTITY, ndc_from_world: None };
+        let reader = HitReader { geometries: self.geometries, objects: self.objects, camera };
+        let at = SurfaceHit { surface: &surface, hit, material, is_back: false, time: 0.0 };
+        let wo = -ray.direction;
+        let hit_data = reader.read(at, &coordinates, wo, PathData::default()).filter(|_| material.reads_hit);
+        let slots = point_reader(self.textures, &coordinates, &surface, wo, 0.0, hit_data.as_ref());
+        let vertex_alpha = if material.uses_vertex_colors { coordinates.color[3] } else { 1.0 };
+        let opacity = material.alpha.map_or(1.0, |alpha| alpha.opacity(&slots, vertex_alpha));
+        let luminance = slots.color(&emission.radiance).luminance() * opacity;
+        if luminance.is_finite() { luminance.max(0.0) } else { 0.0 }
+    }
 }
 
 impl Emitters {
-    fn add_still(&mut self, world: &Space, materials: &[CompiledMaterial]) {
-        let Space { shapes, attributes, .. } = world;
+    fn add_still(&mut self, reader: &EmissionReader<'_>, materials: &[CompiledMaterial]) {
+        let world = &reader.geometries.world;
+        let Space { shapes, attributes, .. } = &**world;
         let numbers = &attributes.materials;
         let mut prim = 0;
         while prim < numbers.len() {
             let first = prim;
             prim += 1;
-            let Some(emission) = sampled_emission(&materials[numbers[first] as usize]) else { continue };
+            let material = &materials[numbers[first] as usize];
+            let (Some(emission), sampling) = (material.emission, sampling_of(material)) else { continue };
+            if sampling == Sampling::None {
+                continue;
+            }
             let Some(shape) = area_shape(shapes, first as u32, None) else { continue };
+            if sampling == Sampling::ByHit {
+                let luminance = reader.luminance(first as u32, &shape, material);
+                let radiance = Radiance::AtHit { primitive: first as u32, luminance };
+                self.push(emission.light(shape, radiance), first..prim);
+                continue;
+            }
             let is_pair = prim < shapes.triangles.len() && numbers[first] == numbers[prim];
             let is_uniform = emission.radiance.texture.is_none();
             match (is_pair && is_uniform).then(|| parallelogram(shapes, first)).flatten() {
@@ -83,7 +175,11 @@ impl Emitters {
             let keys = keys_of(geometries, placement, space);
             for (prim, own) in space.attributes.materials.iter().enumerate() {
                 let (prim, material) = (prim as u32, placement.material.unwrap_or(*own));
-                let Some(emission) = sampled_emission(&materials[material as usize]) else { continue };
+                let material = &materials[material as usize];
+                let Some(emission) = material.emission.filter(|_| sampling_of(material) == Sampling::ByPoint)
+                else {
+                    continue;
+                };
                 let shapes = keys.iter().map(|key| area_shape(&space.shapes, prim, Some(key)));
                 let Some(shapes) = shapes.collect::<Option<Vec<AreaShape>>>() else { continue };
                 let radiance = radiance(space, prim, &emission, keys[0].mirrors());

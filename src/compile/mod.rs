@@ -11,6 +11,7 @@ mod density_grid;
 mod emitters;
 mod fingerprint;
 mod geometry;
+mod hit_reader;
 mod inside_out;
 mod light_tables;
 mod limits;
@@ -30,6 +31,7 @@ pub use compiler::{Compiler, compile};
 pub use density_grid::{BlackBodies, CompiledEmissionGrid, DensityGrid, GridRay};
 pub use fingerprint::{Fingerprint, of_curves, of_mesh};
 pub use geometry::{Corners, Geometries, Placement, Space, SurfaceCoordinates, TextureCorners, Transform};
+pub use hit_reader::{HitReader, SurfaceHit, point_reader};
 pub use light_tables::MAX_RECEIVER_CLASSES;
 pub use material::{
     Alpha, CompiledComponent, CompiledEmission, CompiledMaterial, SurfaceVisibility, share_at,

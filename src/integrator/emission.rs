@@ -13,16 +13,16 @@ use super::sampling::Purpose;
 use super::shading_geometry::HitPoint;
 use super::shading_groups::SortedVertices;
 use super::visibility::class;
-use super::wave::{LENGTH, Paths, Scratch, WAVE, get, get_rgb, set_rgb};
+use super::wave::{LENGTH, Paths, Scratch, WAVE, Wave, get, get_rgb, set_rgb};
 use super::workspace::Workspace;
 use crate::bsdf::{Bsdf, Slots};
 use crate::color::Rgb;
 use crate::color::spectral::{Spectrum, Wavelengths, uplifted_light};
 use crate::light::{
-    EnvironmentLight, ImageMap, LightSource, Lights, Receiver, SelectedSun, TexelPosition,
-    solid_angle_density,
+    AreaLight, EnvironmentLight, ImageMap, LightSource, Lights, Radiance, Receiver, SelectedSun,
+    TexelPosition, solid_angle_density,
 };
-use crate::math::{Ray, Vec3};
+use crate::math::{Hit, Ray, Vec3};
 use crate::sampling::sampler::SobolPoint;
 use crate::scene::RayKinds;
 use crate::simd::{Kernel, dispatch};
@@ -329,6 +329,31 @@ impl Integrator<'_> {
         match light.and_then(|light| self.scene.spectrum_of_light(light)) {
             Some(spectrum) => scaled(spectrum, rgb, wavelengths),
             None => uplifted_light(rgb, wavelengths),
+        }
+    }
+
+    /// Multiplies light samples of lights that shine by the hit with what a path would find there: the emission towards the vertex, times the
+    /// probability that the surface is there.
+    #[cold]
+    pub(super) fn evaluate_emission_at_hits(&self, sorted: &SortedVertices, w: &mut Workspace) {
+        let Workspace { wave, times, .. } = w;
+        let Wave { paths, vertices: v, .. } = &mut **wave;
+        for i in sorted.lit() {
+            let radiance = get_rgb(&v.light.radiance, i);
+            let light = self.scene.lights.area().get(v.light.index[i] as usize);
+            let Some(AreaLight { radiance: Radiance::AtHit { primitive, .. }, .. }) = light else { continue };
+            if radiance.max_element() <= 0.0 {
+                continue;
+            }
+            let (origin, target) = (get(&v.p, i), get(&v.light.target, i));
+            let [a, b] = light.map_or([0.0; 2], |light| light.edge_coordinates(target));
+            let hit = Hit { t: (target - origin).length(), u: a, v: b, prim: *primitive, ..Hit::MISS };
+            let ray = Ray::new(origin, get(&v.light.wi, i));
+            let time = times.of(paths.state.radiance_index[i]);
+            let at = self.point_of(&ray, hit, self.scene.geometries.material(&hit), time);
+            let opacity = self.opacity(&ray, &hit, time, at.material, RayKinds::SHADOW);
+            let emitted = self.emitted(&at, -ray.direction, None) * opacity;
+            set_rgb(&mut v.light.radiance, i, radiance * emitted);
         }
     }
 

@@ -2,7 +2,7 @@
 
 use super::Integrator;
 use super::shading_geometry::{HitPoint, PathOrigin};
-use crate::compile::SurfaceCoordinates;
+use crate::compile::{HitReader, SurfaceCoordinates, SurfaceHit};
 use crate::math::Vec3;
 use crate::scene::RayKinds;
 use crate::texture::{CameraData, HitData, PathData};
@@ -21,32 +21,17 @@ impl Integrator<'_> {
 
     #[inline(never)]
     fn read_hit(&self, at: &HitPoint<'_>, coordinates: &SurfaceCoordinates, wo: Vec3) -> Option<HitData<'_>> {
-        let HitPoint { surface, hit, is_back, time, path, .. } = at;
-        let geometries = &self.scene.geometries;
-        let object = self.scene.objects.get(geometries.object(hit).0 as usize)?;
-        let side = if *is_back { -1.0 } else { 1.0 };
-        let object_from_world = geometries.object_from_world(hit, *time).unwrap_or(object.object_from_world);
-        Some(HitData {
-            attributes: geometries.attributes(hit),
-            object,
+        let HitPoint { surface, hit, material, is_back, time, path } = at;
+        let reader = HitReader {
+            geometries: &self.scene.geometries,
+            objects: &self.scene.objects,
             camera: CameraData {
                 camera_from_world: &self.view.camera_from_world,
                 ndc_from_world: self.view.ndc_from_world.as_ref(),
             },
-            object_point: object_from_world.transform_point3(surface.p.as_dvec3()).as_vec3(),
-            shading_normal: surface.ns * side,
-            true_normal: surface.ng * side,
-            incoming: wo,
-            is_back: *is_back,
-            parametric: [1.0 - hit.u - hit.v, hit.u],
-            corners: geometries.world_corners(hit, *time),
-            corner_uv: geometries.corner_uv(hit),
-            point: surface.p,
-            tangent_frame: coordinates.tangent_frame,
-            material_index: at.material.index,
-            path: path_data(path, hit.t),
-            strand: geometries.strand(hit),
-        })
+        };
+        let at = SurfaceHit { surface, hit, material, is_back: *is_back, time: *time };
+        reader.read(at, coordinates, wo, path_data(path, hit.t))
     }
 }
 

@@ -19,6 +19,7 @@ use crate::bsdf::{Bsdf, BsdfClass, LocalFrame, MetalRough};
 use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
 use crate::compile::SurfaceCoordinates;
+use crate::compile::point_reader;
 use crate::math::{Frame, Hit, Ray, Vec2, Vec3, select};
 use crate::scene::SkippedCaustics;
 use crate::shape::{Surface, shading_normal, triangle_surface};
@@ -419,10 +420,7 @@ impl Integrator<'_> {
         width: f32,
         hit: Option<&'h HitData<'h>>,
     ) -> PointReader<'h> {
-        let (world, normal) = (surface.p, surface.ng);
-        let cosine = surface.ns.dot(wo).abs();
-        let point = TexturePoint { uv: at.uv, world, normal, cosine, width, uv_per_metre: at.uv_per_metre };
-        PointReader::new(&self.scene.textures, point).with_hit(hit)
+        point_reader(&self.scene.textures, at, surface, wo, width, hit)
     }
 }
 

@@ -60,6 +60,14 @@ pub enum Radiance {
         /// Turns the shape's texture coordinates.
         object_from_world: Mat3,
     },
+    /// By the primitive that is hit: it depends on the direction, or on more than a point. Light samples have a radiance of 1, which is
+    /// multiplied by the emission at the hit.
+    AtHit {
+        /// Index of the primitive, among those of the world.
+        primitive: u32,
+        /// Its mean luminance, estimated.
+        luminance: f32,
+    },
 }
 
 /// An emissive surface, on one side or on both.
@@ -130,12 +138,18 @@ impl AreaLight {
         }
     }
 
+    /// Is its radiance that at the hit?
+    pub fn shines_by_hit(&self) -> bool {
+        matches!(self.radiance, Radiance::AtHit { .. })
+    }
+
     fn mean_luminance(&self, textures: &CompiledTextures) -> f32 {
         const GRID: usize = 8;
         let cell = |i: usize| (i as f32 + 0.5) / GRID as f32;
         let points = (0..GRID * GRID).map(|i| [cell(i % GRID), cell(i / GRID)]);
         match self.radiance {
             Radiance::Constant(c) => c.luminance(),
+            Radiance::AtHit { luminance, .. } => luminance,
             _ => {
                 let sum: f32 =
                     points.map(|u| self.radiance_at(textures, self.point_by_area(u)).luminance()).sum();
@@ -149,6 +163,7 @@ impl AreaLight {
     pub fn radiance_at(&self, textures: &CompiledTextures, point: Vec3) -> Rgb {
         let (texture, factor, uv) = match &self.radiance {
             Radiance::Constant(c) => return *c,
+            Radiance::AtHit { .. } => return Rgb::ONE,
             Radiance::Flat { texture, factor, uv } => {
                 let [a, b] = self.edge_coordinates(point);
                 let mix = |c: [Vec2; 3]| c[0] * (1.0 - a - b) + c[1] * a + c[2] * b;
@@ -221,7 +236,7 @@ impl AreaLight {
 
     /// Coordinates of a point of a flat light along its edges.
     #[inline]
-    fn edge_coordinates(&self, point: Vec3) -> [f32; 2] {
+    pub fn edge_coordinates(&self, point: Vec3) -> [f32; 2] {
         match &self.shape {
             AreaShape::Rectangle(e) | AreaShape::Parallelogram(e) | AreaShape::Triangle(e) => {
                 let (d, n) = (point - e.corner, e.edge_u.cross(e.edge_v));

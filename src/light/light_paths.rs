@@ -62,7 +62,10 @@ impl LightPathSampler {
         }
         let across: f32 = targets.spheres().iter().map(|sphere| PI * sphere.radius * sphere.radius).sum();
         let towards = |p| targets.solid_angle(p).min(4.0 * PI);
-        let of_area = |light: &AreaLight| light.power(textures) / PI * towards(light.middle());
+        let of_area = |light: &AreaLight| match light.shines_by_hit() {
+            true => 0.0,
+            false => light.power(textures) / PI * towards(light.middle()),
+        };
         let of_punctual = |light: &PunctualLight| match light.origin() {
             // The power of spots and points is over all directions.
             LightOrigin::Point(p) => light.power(textures) / (4.0 * PI) * towards(p),
@@ -75,7 +78,12 @@ impl LightPathSampler {
             return None;
         }
         let least = MIN_SHARE * total / weights.len() as f32;
-        weights.iter_mut().for_each(|weight| *weight += least);
+        let is_left_out = |i: usize| lights.is_by_hit(i as u32);
+        weights
+            .iter_mut()
+            .enumerate()
+            .filter(|(i, _)| !is_left_out(*i))
+            .for_each(|(_, weight)| *weight += least);
         let reach = reach.max(targets.reach());
         Some(LightPathSampler { table: AliasTable::new(&weights), targets, reach })
     }

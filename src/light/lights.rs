@@ -26,6 +26,8 @@ pub struct Lights {
     /// All lights if they are static [`UniformRectangle`]s; else empty.
     rectangles: Vec<[f32; RECTANGLE_NUMBERS]>,
     motions: LightMotions,
+    /// Some area lights shine by the hit.
+    shines_by_hit: bool,
 }
 
 /// A sun among the lights.
@@ -61,7 +63,9 @@ impl Lights {
     ) -> Lights {
         let (suns, rectangles, linked) = (Vec::new(), Vec::new(), Vec::new());
         let sampler = LightSampler::new(&[], 0, &[], false);
-        let mut lights = Lights { area, punctual, environment, sampler, linked, suns, rectangles, motions };
+        let shines_by_hit = area.iter().any(AreaLight::shines_by_hit);
+        let mut lights =
+            Lights { area, punctual, environment, sampler, linked, suns, rectangles, motions, shines_by_hit };
         lights.sampler = lights.sampler_of(textures, |_| true);
         lights.suns = lights.find_suns();
         lights.rectangles = lights.find_rectangles();
@@ -76,6 +80,17 @@ impl Lights {
             + size_of_val(&self.rectangles[..])
             + samplers.map(|sampler| sampler.tree.bytes()).sum::<usize>()
             + self.environment.as_ref().map_or(0, EnvironmentLight::bytes)
+    }
+
+    /// Do some area lights shine by the hit?
+    #[inline(always)]
+    pub fn shines_by_hit(&self) -> bool {
+        self.shines_by_hit
+    }
+
+    /// Does a light shine by the hit?
+    pub fn is_by_hit(&self, index: u32) -> bool {
+        self.shines_by_hit && self.area.get(index as usize).is_some_and(AreaLight::shines_by_hit)
     }
 
     /// Lets receivers of each class choose among the lights for which `is_linked(class, light)` holds.

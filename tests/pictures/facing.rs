@@ -216,8 +216,7 @@ fn even_tables_are_constants() {
     assert!(mean.abs() < 4.5 * error + 1e-6 && error < 1e-3, "{mean} +- {error}");
 }
 
-/// What shines by the angle of view gives the light that it would with a constant of the same power: seen from everywhere, by paths
-/// that meet it alone.
+/// What shines by the angle of view gives the light that it would with a constant of the same power.
 #[test]
 fn shining_tables_light_rooms() {
     let emissive = |texture| Material { double_sided: true, ..emissive(texture) };
@@ -230,6 +229,33 @@ fn shining_tables_light_rooms() {
             / 16.0;
     let (mean, error) = crate::support::measure(&nearly, &options);
     println!("a lamp by a table: {mean:.5} +- {error:.5}, by light sampling {truth:.5}");
-    // The noise of light sampling is much smaller.
     assert!(error < 5e-3 * truth && (mean - truth).abs() < 4.5 * error * 1.2, "{mean} +- {error}, {truth}");
+}
+
+/// Light samples find lamps that shine by the angle of view or are partly absent: a small square lamp of edge a, at a distance d under an angle, gives
+/// the irradiance L a a cos cos / (d d), with the radiance L of that angle and the alpha as a factor. Found by scattered rays alone, the
+/// few samples here would have errors of many times as much.
+#[test]
+fn lamps_that_shine_by_the_hit_are_sampled() {
+    for alpha in [1.0, 0.4] {
+        for (cosine, radiance) in [(0.75f64, 0.6f64), (0.6, 0.78)] {
+            let mut scene = Scene::default();
+            let texture = ramp(&mut scene, &RAMP);
+            let grey = material(&mut scene, Material::lambert("grey", [0.8; 3]));
+            quad(&mut scene, [-50.0, 0.0, 50.0], [100.0, 0.0, 0.0], [0.0, 0.0, -100.0], grey);
+            let mode = if alpha < 1.0 { AlphaMode::Blend } else { AlphaMode::Opaque };
+            let of = Material { alpha: FloatSlot::constant(alpha), alpha_mode: mode, ..emissive(texture) };
+            let of = material(&mut scene, of);
+            let (height, edge) = (2.0, 0.005);
+            let aside = height * (1.0 - cosine * cosine).sqrt() / cosine;
+            let corner = [aside - 0.5 * edge, height, -0.5 * edge];
+            quad(&mut scene, corner, [edge, 0.0, 0.0], [0.0, 0.0, edge], of);
+            scene.cameras.push(camera(DVec3::new(0.1, 0.3, 0.2), DVec3::ZERO, DVec3::X, 1e-3));
+            let irradiance =
+                radiance * f64::from(alpha) * (edge * cosine).powi(2) / (height / cosine).powi(2);
+            let truth = 0.8 / std::f64::consts::PI * irradiance;
+            let options = options(4, 64, 1).splitting(Splitting::OFF);
+            assert_radiance(&format!("{cosine}, alpha {alpha}"), &scene, &options, truth, 1e-3);
+        }
+    }
 }

@@ -15,6 +15,8 @@ pub struct CausticPlan {
     pub(super) roles: Vec<CausticRole>,
     /// Paths start at the lights before this index; the environment follows.
     pub(super) light_count: u32,
+    /// By light: its emission depends on the hit, so that no paths start there; empty if there is none.
+    by_hit: Vec<bool>,
     /// Distribution of the paths' starts.
     pub(super) emission: LightPathSampler,
     /// Seed of these paths.
@@ -30,7 +32,11 @@ impl CausticPlan {
         let targets = scene.targets(&roles);
         let light_count = (scene.lights.area().len() + scene.lights.punctual().len()) as u32;
         let emission = LightPathSampler::new(&scene.lights, &scene.textures, targets, scene.reach())?;
-        Some(CausticPlan { roles, light_count, emission, seed, paths: paths.max(1) })
+        let by_hit = match scene.lights.shines_by_hit() {
+            true => (0..light_count).map(|light| scene.lights.is_by_hit(light)).collect(),
+            false => Vec::new(),
+        };
+        Some(CausticPlan { roles, light_count, by_hit, emission, seed, paths: paths.max(1) })
     }
 
     /// This plan with another number of paths.
@@ -47,7 +53,7 @@ impl CausticPlan {
     /// Do paths start at this light?
     #[inline(always)]
     pub(super) fn takes(&self, light: u32) -> bool {
-        light < self.light_count
+        light < self.light_count && self.by_hit.get(light as usize) != Some(&true)
     }
 
     /// CausticRole of a material.
