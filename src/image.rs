@@ -48,7 +48,30 @@ pub trait ImageSource: Debug + Send + Sync {
     /// [`Damage`] if the image can't be decoded, or has another size than it had when the scene was loaded.
     fn decode(&self, warnings: &mut Vec<Warning>) -> Result<Image, Damage>;
 
-    /// Hands over the encoded bytes; nothing if they can't be read any more.
+    /// Bytes of memory that [`ImageSource::decode_rows`] takes; `None` where it decodes the whole image first.
+    fn bytes_by_rows(&self) -> Option<usize> {
+        None
+    }
+
+    /// Hands over the numbers of an image of floats, some rows at a time from the top down. Other threads help if they may. With an
+    /// error, what was handed over is void.
+    ///
+    /// # Errors
+    /// As for [`ImageSource::decode`].
+    fn decode_rows(
+        &self,
+        in_parallel: bool,
+        warnings: &mut Vec<Warning>,
+        take: &mut dyn FnMut(&[f32]),
+    ) -> Result<(), Damage> {
+        let _ = in_parallel;
+        if let Pixels::F32(numbers) = &*self.decode(warnings)?.pixels {
+            take(numbers);
+        }
+        Ok(())
+    }
+
+    /// Hands over the encoded bytes, of large files in several parts; nothing if they can't be read any more.
     fn with_bytes(&self, take: &mut dyn FnMut(&[u8]));
 }
 
@@ -161,6 +184,17 @@ impl Image {
         let Pixels::Encoded(encoded) = &*self.pixels else { return Ok(self.clone()) };
         let Image { pixels, .. } = encoded.source.decode(warnings)?;
         Ok(Image { pixels, ..self.clone() })
+    }
+
+    /// Where its numbers come from some rows at a time, if they may, and the bytes of memory that this takes.
+    pub fn rows(&self) -> Option<(&dyn ImageSource, usize)> {
+        let Pixels::Encoded(encoded) = &*self.pixels else { return None };
+        Some((&*encoded.source, encoded.source.bytes_by_rows()?))
+    }
+
+    /// Bytes of memory that decoding it takes.
+    pub fn decoding_bytes(&self) -> usize {
+        self.rows().map_or(self.bytes(), |(_, bytes)| bytes.min(self.bytes()))
     }
 
     /// One pixel as linear RGBA. Grey spreads over RGB; missing alpha is 1. `x` and `y` must be inside. Those of an image that is

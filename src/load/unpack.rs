@@ -92,6 +92,19 @@ impl ImageSource for Kept {
         self.source.decode(warnings)
     }
 
+    fn bytes_by_rows(&self) -> Option<usize> {
+        self.source.bytes_by_rows()
+    }
+
+    fn decode_rows(
+        &self,
+        in_parallel: bool,
+        warnings: &mut Vec<Warning>,
+        take: &mut dyn FnMut(&[f32]),
+    ) -> std::result::Result<(), Damage> {
+        self.source.decode_rows(in_parallel, warnings, take)
+    }
+
     fn with_bytes(&self, take: &mut dyn FnMut(&[u8])) {
         self.source.with_bytes(take);
     }

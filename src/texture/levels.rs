@@ -1,7 +1,8 @@
 //! Mip levels of texture images: which of them stay in memory, and how texels of the others are found on demand.
 
+use super::by_rows::{LevelsByRows, MadeLevels};
 use super::packed::{PackedLevel, SIDE};
-use super::pyramid::{Texels, WithTexels, halved, halved_by_one_thread, sizes, with_common_texels};
+use super::pyramid::{Texels, Threads, WithTexels, halved, halved_by_one_thread, sizes, with_common_texels};
 use super::store::{Store, TexturesOnDemand};
 use crate::error::{Error, Warning};
 use crate::image::{Damage, Encoding, Image, Pixels};
@@ -55,7 +56,7 @@ impl Texels for OtherTexels<'_> {
 
 // Levels that are not resident: they are compressed, in memory or in a temporary file ([`Store`]), and each of their texels is found
 // there, the very one that a level in memory has. A level that was not expected to be needed is compressed when the first lookup asks for
-// it: the whole image is decoded then, since JPEG and PNG can't be read in parts, and with that level the coarser ones are kept that are
+// it: the whole image is decoded then, since JPEG and PNG can't be read in parts (EXR and HDR come row by row), and with that level the coarser ones are kept that are
 // not in memory. Nothing is decoded twice for the same level.
 //
 // Nothing here waits for other work of the thread pool: a thread that waits there may begin another tile of the picture and ask for
@@ -148,7 +149,7 @@ impl PagedImage {
     fn decode(&self, asked: usize) -> &PackedLevel {
         let alone = lock(&self.decoding);
         if self.packed[asked].get().is_none() {
-            self.store.decode(self.image.bytes(), || self.keep_from(asked));
+            self.store.decode(self.image.decoding_bytes(), || self.keep_from(asked));
         }
         drop(alone);
         self.packed[asked].get_or_init(|| PackedLevel::new(&self.stand_in(asked), &self.store))
@@ -156,6 +157,20 @@ impl PagedImage {
 
     fn keep_from(&self, asked: usize) {
         let mut warnings = Vec::new();
+        if let Some((source, _)) = self.image.rows() {
+            let missing = (asked..self.resident_from.max(asked + 1))
+                .filter(|&level| self.packed[level].get().is_none());
+            let mut levels =
+                LevelsByRows::new(&self.image, &missing.collect(), None, Threads::This, &self.store);
+            let decoded = source.decode_rows(false, &mut warnings, &mut |rows| levels.add(rows));
+            self.store.add_warnings(warnings);
+            return match decoded {
+                Ok(()) => {
+                    levels.finish().packed.into_iter().for_each(|(level, packed)| self.keep(level, packed))
+                }
+                Err(damage) => self.store.warn_of_damage(&self.image, damage),
+            };
+        }
         let decoded = self.image.decoded(&mut warnings);
         self.store.add_warnings(warnings);
         let mut image = match decoded {
@@ -494,7 +509,7 @@ fn batches(plans: Vec<LevelPlan>, most: u64) -> Vec<Vec<Vec<LevelPlan>>> {
     for group in groups {
         // Pixels that stay take no more memory while they are decoded.
         let is_passing = |plan: &LevelPlan| plan.is_decoded() && plan.resident_from > 0;
-        let own = if group.iter().any(is_passing) { group[0].image.bytes() as u64 } else { 0 };
+        let own = if group.iter().any(is_passing) { group[0].image.decoding_bytes() as u64 } else { 0 };
         if bytes + own > most && bytes > 0 {
             batches.push(Vec::new());
             bytes = 0;
@@ -518,6 +533,9 @@ type Built = (ImageId, Result<Levels, Option<Damage>>);
 /// Makes the levels of images with the same pixels, with warnings about these.
 fn build(group: Vec<LevelPlan>, store: &Arc<Store>) -> (Vec<Built>, Vec<Warning>) {
     let mut warnings = Vec::new();
+    if group.iter().any(LevelPlan::is_decoded) && group[0].image.rows().is_some() {
+        return (build_by_rows(group, store, &mut warnings), warnings);
+    }
     let is_needed = group.iter().any(|plan| !plan.image.is_encoded() || plan.is_decoded());
     let mut decoded = match is_needed.then(|| group[0].image.decoded(&mut warnings)).transpose() {
         Ok(decoded) => decoded,
@@ -560,6 +578,46 @@ fn build_one(plan: &LevelPlan, full: Option<Image>, store: &Arc<Store>) -> Level
             made.push(is_resident.then_some(image));
         }
     }
+    assembled(plan, made, kept, stand_in, store)
+}
+
+/// Makes the levels of images with the same pixels while these are decoded.
+fn build_by_rows(group: Vec<LevelPlan>, store: &Arc<Store>, warnings: &mut Vec<Warning>) -> Vec<Built> {
+    let begin = |plan: &LevelPlan| {
+        let packed = (plan.needed_from..plan.resident_from).collect();
+        let resident = Some(plan.resident_from).filter(|&level| level < plan.sizes.len());
+        plan.is_decoded().then(|| LevelsByRows::new(plan.image, &packed, resident, Threads::All, store))
+    };
+    let mut made: Vec<Option<LevelsByRows>> = group.iter().map(begin).collect();
+    let take = &mut |rows: &[f32]| made.iter_mut().flatten().for_each(|levels| levels.add(rows));
+    let decoded = group[0].image.rows().map(|(source, _)| source.decode_rows(true, warnings, take));
+    if let Some(Err(damage)) = decoded {
+        // Reported once; the others are left out with it.
+        let mut damage = Some(damage);
+        return group.into_iter().map(|plan| (plan.id, Err(damage.take()))).collect();
+    }
+    let finish = |(plan, made): (LevelPlan, Option<LevelsByRows>)| {
+        let Some(levels) = made else { return (plan.id, Ok(build_one(&plan, None, store))) };
+        let MadeLevels { packed, resident, stand_in } = levels.finish();
+        let mut levels = vec![None; plan.resident_from];
+        let next = |finer: &Image| ((finer.width, finer.height) != (1, 1)).then(|| halved(finer));
+        levels.extend(
+            std::iter::successors(resident, next).take(plan.sizes.len() - plan.resident_from).map(Some),
+        );
+        (plan.id, Ok(assembled(&plan, levels, packed, stand_in, store)))
+    };
+    group.into_iter().zip(made).map(finish).collect()
+}
+
+/// The levels of an image: those that stay in memory, and those that are compressed.
+fn assembled(
+    plan: &LevelPlan,
+    mut made: Vec<Option<Image>>,
+    kept: Vec<(usize, PackedLevel)>,
+    stand_in: Image,
+    store: &Arc<Store>,
+) -> Levels {
+    let count = plan.sizes.len();
     made.resize_with(count, || None);
     let of = Arc::new(PagedImage::new(plan.image.clone(), count, plan.resident_from, stand_in, store));
     let level = |(level, image): (usize, Option<Image>)| match image {

@@ -1,6 +1,7 @@
 //! Textures ready for lookup: transforms folded, constants known, 8-bit images left as they are and decoded by table. Images are in
 //! memory as far as a picture needs them; the rest is decoded on demand.
 
+mod by_rows;
 mod hit;
 mod image;
 mod levels;

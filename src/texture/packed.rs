@@ -12,10 +12,12 @@
 // of a block: for each channel the least value (1, 2 or 4 bytes) and the number of bits of a difference (a byte), for floats also the
 // number of zeros that were left out (a byte) and 2 bytes of 0; then 64 differences for each channel, row by row.
 
+use super::pyramid::Threads;
 use super::store::{Store, TileKey, TileRow};
 use crate::image::{Codes, Encoding, Image, Pixels, spread};
 use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Width and height of a tile; those at the right and lower border are smaller.
 pub(super) const SIDE: u32 = 64;
@@ -152,6 +154,70 @@ impl PackedRow {
     }
 }
 
+/// A level of floats that is compressed while its rows arrive, from the top down.
+#[derive(Debug)]
+pub(super) struct Packing {
+    /// Its size and its format; the pixels are rows that wait until there are enough for tiles.
+    waiting: Image,
+    rows: Vec<PackedRow>,
+}
+
+impl Packing {
+    /// A level of the size and the format of an image, whose pixels don't matter.
+    pub fn new(level: Image) -> Packing {
+        Packing { waiting: Image { pixels: Arc::new(Pixels::F32(Vec::new())), ..level }, rows: Vec::new() }
+    }
+
+    /// Adds whole rows.
+    pub fn add(&mut self, mut numbers: &[f32], threads: Threads, store: &Store) {
+        let Image { width, height, channels, .. } = self.waiting;
+        let row_length = width as usize * channels as usize;
+        while !numbers.is_empty() {
+            let missing = (height - self.rows.len() as u32 * SIDE).min(SIDE) as usize * row_length;
+            let Some(Pixels::F32(waiting)) = Arc::get_mut(&mut self.waiting.pixels) else { return };
+            let (now, later) = numbers.split_at((missing - waiting.len()).min(numbers.len()));
+            waiting.extend(now);
+            numbers = later;
+            if waiting.len() == missing {
+                self.rows.push(packed_strip(&self.waiting, threads, store));
+                if let Some(Pixels::F32(waiting)) = Arc::get_mut(&mut self.waiting.pixels) {
+                    waiting.clear();
+                }
+            }
+        }
+    }
+
+    /// The level, once all its rows were added.
+    pub fn finish(self) -> PackedLevel {
+        PackedLevel { format: Format::of(&self.waiting), rows: self.rows }
+    }
+}
+
+/// The tiles of as many rows as an image has; its height is that of the level.
+fn packed_strip(strip: &Image, threads: Threads, store: &Store) -> PackedRow {
+    let rows = match &*strip.pixels {
+        Pixels::F32(numbers) => numbers.len() / (strip.width * strip.channels) as usize,
+        _ => 0,
+    };
+    let strip = Image { height: rows as u32, ..strip.clone() };
+    if threads == Threads::This {
+        return packed_row(&strip, 0, store);
+    }
+    let columns = (0..strip.width.div_ceil(SIDE)).into_par_iter().with_min_len(8);
+    let tiles: Vec<Vec<u8>> = columns.map(|column| packed_tile(&strip, [column, 0])).collect();
+    let ends = tiles.iter().scan(0, |end, tile| {
+        *end += tile.len() as u32;
+        Some(*end)
+    });
+    PackedRow { ends: ends.collect(), bytes: store.keep(tiles.concat()) }
+}
+
+fn packed_tile(level: &Image, place: [u32; 2]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    pack(level, place, &mut bytes);
+    bytes
+}
+
 impl PackedLevel {
     /// Compresses a level; one that is still encoded is black. The store decides where the bytes are kept.
     pub fn new(level: &Image, store: &Store) -> PackedLevel {
@@ -195,15 +261,20 @@ impl PackedLevel {
 fn packed_row(level: &Image, row: u32, store: &Store) -> PackedRow {
     let (mut ends, mut bytes) = (Vec::new(), Vec::new());
     for column in 0..level.width.div_ceil(SIDE) {
-        match &*level.pixels {
-            Pixels::U8(data) => pack_tile(data, level, [column, row], |v| v.into(), &mut bytes),
-            Pixels::U16(data) => pack_tile(data, level, [column, row], |v| v.into(), &mut bytes),
-            Pixels::F32(data) => pack_tile(data, level, [column, row], f32::to_bits, &mut bytes),
-            Pixels::Encoded(_) => {}
-        }
+        pack(level, [column, row], &mut bytes);
         ends.push(bytes.len() as u32);
     }
     PackedRow { ends, bytes: store.keep(bytes) }
+}
+
+/// Adds a tile to those of its row; none of a level that is still encoded.
+fn pack(level: &Image, place: [u32; 2], out: &mut Vec<u8>) {
+    match &*level.pixels {
+        Pixels::U8(data) => pack_tile(data, level, place, |v| v.into(), out),
+        Pixels::U16(data) => pack_tile(data, level, place, |v| v.into(), out),
+        Pixels::F32(data) => pack_tile(data, level, place, f32::to_bits, out),
+        Pixels::Encoded(_) => {}
+    }
 }
 
 /// Adds a tile to those of its row; `code` gives the bits of a number.
@@ -324,7 +395,6 @@ fn pack_bits(values: &[u32; TEXELS], &Frame { least, zeros, width }: &Frame, out
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::sync::Arc;
 
     const ALL: [Number; 3] = [Number::U8, Number::U16, Number::F32];
 

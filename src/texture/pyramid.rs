@@ -3,6 +3,7 @@
 use crate::color::{linear_from_srgb, srgb_from_linear, srgb_table};
 use crate::image::{Encoding, Image, Pixels};
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
 /// Width and height of an image's levels, from itself down to one texel.
@@ -23,14 +24,24 @@ pub(super) fn halved_by_one_thread(image: &Image) -> Image {
 }
 
 /// Whether other threads help.
-#[derive(Clone, Copy)]
-enum Threads {
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Threads {
     All,
     This,
 }
 
 fn halved_by(image: &Image, threads: Threads) -> Image {
-    let means = Downsampling::new(image, threads);
+    halved_rows(image, [0, image.height], 0..(image.height / 2).max(1), threads)
+}
+
+/// Some rows of the next coarser level, made of those rows of an image of `height` rows that follow `first`.
+pub(super) fn halved_rows(
+    image: &Image,
+    [first, height]: [u32; 2],
+    coarse: Range<u32>,
+    threads: Threads,
+) -> Image {
+    let means = Downsampling::new(image, [first, height], coarse, threads);
     let is_srgb = image.encoding == Encoding::Srgb;
     let pixels = match &*image.pixels {
         Pixels::U8(_) => {
@@ -48,6 +59,12 @@ fn halved_by(image: &Image, threads: Threads) -> Image {
     };
     let (width, height) = (means.columns.len() as u32, means.rows.len() as u32);
     Image { name: image.name.clone(), width, height, pixels: Arc::new(pixels), ..*image }
+}
+
+/// The rows of a level of `height` rows that a row of the next coarser one is made of.
+pub(super) fn covered(row: u32, height: u32) -> Range<u32> {
+    let taps = BoxTaps::of_level(row, height);
+    taps.first..taps.first + taps.count
 }
 
 /// The texels of a finer level that a coarser one's texel covers along one axis, and how much of each.
@@ -76,6 +93,11 @@ impl BoxTaps {
         taps
     }
 
+    /// What a row of the next coarser level covers of a level of `fine` rows.
+    fn of_level(i: u32, fine: u32) -> BoxTaps {
+        BoxTaps::new(i, (fine / 2).max(1), fine)
+    }
+
     fn iter(&self) -> impl Iterator<Item = (usize, f32)> + '_ {
         (0..self.count as usize).map(|k| (self.first as usize + k, self.weights[k]))
     }
@@ -86,16 +108,26 @@ struct Downsampling<'a> {
     image: &'a Image,
     columns: Vec<BoxTaps>,
     rows: Vec<BoxTaps>,
+    /// Every texel covers two by two.
+    is_even: bool,
     threads: Threads,
 }
 
 impl<'a> Downsampling<'a> {
-    fn new(image: &'a Image, threads: Threads) -> Downsampling<'a> {
-        let taps = |fine: u32| {
-            let coarse = (fine / 2).max(1);
-            (0..coarse).map(|i| BoxTaps::new(i, coarse, fine)).collect::<Vec<_>>()
+    fn new(
+        image: &'a Image,
+        [first, height]: [u32; 2],
+        coarse: Range<u32>,
+        threads: Threads,
+    ) -> Downsampling<'a> {
+        let (width, narrow) = (image.width, (image.width / 2).max(1));
+        let columns = (0..narrow).map(|i| BoxTaps::new(i, narrow, width)).collect();
+        let row = |i: u32| {
+            let taps = BoxTaps::of_level(i, height);
+            BoxTaps { first: taps.first - first, ..taps }
         };
-        Downsampling { image, columns: taps(image.width), rows: taps(image.height), threads }
+        let is_even = width.is_multiple_of(2) && height.is_multiple_of(2);
+        Downsampling { image, columns, rows: coarse.map(row).collect(), is_even, threads }
     }
 
     /// All texels in the image's own format: colours by one function, alphas by the other.
@@ -143,11 +175,6 @@ impl<'a> Downsampling<'a> {
         }
         values
     }
-
-    /// Does every texel cover two by two?
-    fn is_even(&self) -> bool {
-        self.image.width.is_multiple_of(2) && self.image.height.is_multiple_of(2)
-    }
 }
 
 /// Finds the linear texels of a row.
@@ -162,7 +189,7 @@ impl WithTexels for RowMeans<'_> {
 
     fn run(self, texels: impl Texels) {
         let stride = self.of.image.width as usize;
-        if self.of.is_even() {
+        if self.of.is_even {
             let first = self.row.first as usize * stride;
             for (x, mean) in self.means.iter_mut().enumerate() {
                 let at = first + 2 * x;

@@ -120,6 +120,32 @@ fn a_missing_map_of_an_obj_material_is_a_warning_that_names_it() {
     assert!(left_out.iter().all(|w| w.contains("my map.png'")), "{left_out:?}");
 }
 
+/// A block in the middle of a large EXR is damaged: the material does without its texture, and the model is there.
+#[test]
+fn a_damaged_block_of_an_exr_costs_its_texture_and_not_the_model() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = |name: &str| folder.path().join(name);
+    let pixel = |x: usize, y: usize| (x as f32 / 64.0, y as f32, (x * y % 97) as f32);
+    exr::prelude::write_rgb_file(path("map.exr"), 512, 512, pixel).expect("written");
+    std::fs::write(path("a.obj"), OBJ).expect("written");
+    std::fs::write(path("m.mtl"), b"newmtl a\nmap_Kd map.exr\nnewmtl b\nKd 1 0 0\n").expect("written");
+    let compiled = || {
+        let loaded = load(path("a.obj"), &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
+        assert!(loaded.scene.images[0].is_encoded(), "only its header is read");
+        compile(&loaded.scene, &CompileOptions::default()).unwrap_or_else(|e| panic!("{e}")).1
+    };
+    let whole = compiled();
+    assert!(whole.warnings.is_empty(), "{:?}", whole.warnings);
+    let mut bytes = std::fs::read(path("map.exr")).expect("read");
+    let middle = bytes.len() / 2;
+    bytes[middle..middle + 20_000].fill(0xa5);
+    std::fs::write(path("map.exr"), bytes).expect("written");
+    let damaged = compiled();
+    let messages: Vec<String> = damaged.warnings.iter().map(ToString::to_string).collect();
+    assert!(messages.len() == 1 && messages[0].contains("map.exr"), "{messages:?}");
+    assert_eq!(damaged.triangles, whole.triangles);
+}
+
 /// Broken EXR files of others; where they are absent, there is nothing to check.
 #[test]
 fn damaged_exr_files_never_panic() {

@@ -1,8 +1,37 @@
-//! Memory at the peak of a build. The only test of its program, since the system counts for the whole process.
+//! Memory at the peak of a build, and of textures. The only test of its program, since what it counts is of the whole process.
 
 #![cfg(target_os = "linux")]
 
 use oscura::accel::{Accel, AccelInput, Geometry, TreeQuality};
+use oscura::compile::{CompileOptions, ExpectedPicture, compile};
+use oscura::load::{LoadOptions, load};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+
+/// Counts the bytes that are allocated, and the most that were at a time.
+struct Counting;
+
+static NOW: AtomicUsize = AtomicUsize::new(0);
+static PEAK: AtomicUsize = AtomicUsize::new(0);
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+// SAFETY: the system's allocator does the work.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        let now = NOW.fetch_add(layout.size(), Relaxed) + layout.size();
+        PEAK.fetch_max(now, Relaxed);
+        // SAFETY: the caller's promises are those that the system asks for.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        NOW.fetch_sub(layout.size(), Relaxed);
+        // SAFETY: as above.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
 
 /// A line of `/proc/self/status`, in bytes.
 fn status(key: &str) -> f64 {
@@ -26,8 +55,13 @@ fn sheet(n: u32) -> Geometry {
     sheet
 }
 
-/// All that is resident on top of the mesh's own arrays when it is the most: primitives, what threads work on, and the tree.
 #[test]
+fn peaks() {
+    building_takes_at_most_150_bytes_a_triangle();
+    float_textures_are_never_in_memory_as_a_whole();
+}
+
+/// All that is resident on top of the mesh's own arrays when it is the most: primitives, what threads work on, and the tree.
 fn building_takes_at_most_150_bytes_a_triangle() {
     let mesh = sheet(1000);
     let triangles = mesh.triangles.len() as f64;
@@ -54,4 +88,37 @@ fn building_takes_at_most_150_bytes_a_triangle() {
             "{quality:?}: {peak} bytes per triangle at the peak, {tree} at the end"
         );
     }
+}
+
+/// Two images of 192 MiB each, of which a small picture needs the coarse levels.
+fn float_textures_are_never_in_memory_as_a_whole() {
+    const SIDE: usize = 4096;
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let mut scene = "camera = { look_from = [0, 0, 9], look_at = [0, 0, 0] }\n".to_string();
+    for name in ["a", "b"] {
+        let pixel = |x: usize, y: usize| (x as f32 / 64.0, (y % 128) as f32, (x * y % 97) as f32);
+        exr::prelude::write_rgb_file(folder.path().join(format!("{name}.exr")), SIDE, SIDE, pixel)
+            .expect("written");
+        scene += &format!(
+            "textures.{name} = {{ type = \"image\", file = \"{name}.exr\" }}\n\
+             materials.{name} = {{ type = \"lambert\", color = \"{name}\" }}\n\
+             [[objects]]\nquad = {{ corner = [-1, -1, 0], u = [2, 0, 0], v = [0, 2, 0] }}\nmaterial = \"{name}\"\n"
+        );
+    }
+    let path = folder.path().join("s.toml");
+    std::fs::write(&path, scene).expect("written");
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().expect("a pool");
+    let before = NOW.load(Relaxed);
+    PEAK.store(before, Relaxed);
+    let report = pool.install(|| {
+        let loaded = load(&path, &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
+        let camera = loaded.scene.cameras[0].clone();
+        let picture = Some(ExpectedPicture { camera, width: 64, height: 36 });
+        let options = CompileOptions { picture, ..CompileOptions::default() };
+        compile(&loaded.scene, &options).unwrap_or_else(|e| panic!("{e}")).1
+    });
+    let (peak, image) = (PEAK.load(Relaxed) - before, SIDE * SIDE * 3 * 4);
+    assert_eq!((report.textures.decoded, report.textures.reduced), (2, 2));
+    assert!(report.textures.bytes < 1 << 20, "{:?}", report.textures);
+    assert!(peak < image / 2, "{peak} bytes at the peak, where an image has {image}");
 }

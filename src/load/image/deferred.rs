@@ -1,13 +1,18 @@
 //! Large images that become textures stay encoded while a scene is loaded: only their headers are read.
 
+use super::repair::Repair;
 use super::source::{ImageFile, Layout, Source, Use};
-use super::{decode, format_of, jpeg_is_complete, metadata_warnings, openexr, radiance, source};
+use super::{
+    decode, decode_source, format_of, jpeg_is_complete, metadata_warnings, openexr, radiance, source,
+};
 use crate::error::{Error, Result, Warning};
 use crate::image::{Damage, Encoded, Encoding, Image, ImageSource, Pixels};
+use crate::load::files;
 use image::{ColorType, ImageDecoder, ImageFormat, ImageReader};
 use std::borrow::Cow;
 use std::fmt::{self, Debug};
-use std::io::Cursor;
+use std::fs::File;
+use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::SystemTime;
@@ -17,6 +22,9 @@ const LARGE: u64 = 1 << 20;
 
 /// Bytes that hold the headers of most JPEG files.
 const BEGINNING: usize = 1 << 16;
+
+/// Bytes that are read, or numbers that are decoded, together.
+const AT_ONCE: usize = 1 << 23;
 
 /// Decides what happens to a scene with a damaged image.
 pub(crate) type OnDamage = Arc<dyn Fn(Error) -> Damage + Send + Sync>;
@@ -36,24 +44,18 @@ pub(crate) fn for_texture(
     let mut own = Vec::new();
     // The decoder finds errors again and reports them.
     let layout = source::guarded(&source, || layout(&source, of.mime, purpose, &mut own)).ok().flatten();
-    let Some(Layout { size: [width, height], channels, bits }) = layout else {
+    let Some(layout) = layout else {
         return decode(of, purpose, warnings);
     };
-    let is_float = bits == 32;
     warnings.append(&mut own);
     let origin = match of.own_file.map(|path| (path, Stamp::of(path))) {
         Some((path, Some(stamp))) => Origin::File(path.to_path_buf(), stamp),
         _ => Origin::Memory(of.bytes.as_ref().into()),
     };
-    let encoding = if purpose == Use::Data || is_float { Encoding::Linear } else { Encoding::Srgb };
-    let name = source.name();
     let (file, pointer) = (file.to_path_buf(), pointer.to_string());
     let mime = of.mime.map(str::to_string);
-    let size = [width, height];
-    let deferred = Deferred { origin, file, pointer, mime, purpose, size, channels, bits, on_damage };
-    let size = [width, height, channels];
-    let pixels = Arc::new(Pixels::Encoded(Encoded { size, bits, source: Arc::new(deferred) }));
-    Ok(Image { name, width, height, channels, encoding, pixels })
+    let deferred = Deferred { origin, file, pointer, mime, purpose, layout, on_damage };
+    Ok(deferred.into_image(source.name()))
 }
 
 /// Reads the file of an image that becomes a texture; see [`for_texture`].
@@ -67,6 +69,21 @@ pub(crate) fn read_for_texture(
     warnings: &mut Vec<Warning>,
     on_damage: OnDamage,
 ) -> Result<Image> {
+    if let Some(open) = Open::new(path) {
+        let source = open.source((path, ""), memory_limit);
+        // What goes wrong here is found again, and reported, with the whole file.
+        let layout = || source::guarded(&source, || layout(&source, None, purpose, &mut Vec::new()));
+        let is_float =
+            matches!(source::signature(source.bytes), Some(ImageFormat::OpenExr | ImageFormat::Hdr));
+        if let Some(Ok(Some(layout))) = is_float.then(layout)
+            && layout.rows.is_some()
+        {
+            let origin = Origin::Parts(path.to_path_buf(), open.stamp);
+            let (file, pointer) = (path.to_path_buf(), String::new());
+            let deferred = Deferred { origin, file, pointer, mime: None, purpose, layout, on_damage };
+            return Ok(deferred.into_image(source.name()));
+        }
+    }
     let bytes = source::read_bytes(path, memory_limit)?;
     let of_metadata = metadata_warnings(&bytes, path, "", purpose);
     let file =
@@ -131,7 +148,7 @@ fn common_layout(
     if format == ImageFormat::Jpeg && !jpeg_is_complete(source.bytes) {
         warnings.push(source.warning(super::CUT_SHORT));
     }
-    Ok(Some(Layout { size: [width, height], channels, bits }))
+    Ok(Some(Layout { size: [width, height], channels, bits, rows: None }))
 }
 
 /// The header as a decoder reports it.
@@ -141,6 +158,52 @@ fn size_and_type(source: &Source, bytes: &[u8], format: ImageFormat) -> Result<(
     reader.limits(source::for_decoder(source));
     let decoder = reader.into_decoder().map_err(broken)?;
     Ok((decoder.dimensions(), decoder.color_type()))
+}
+
+/// A file of which the beginning was read.
+struct Open {
+    file: File,
+    stamp: StampOfFile,
+    beginning: Vec<u8>,
+}
+
+impl Open {
+    fn new(path: &Path) -> Option<Open> {
+        let file = files::open(path).ok()?;
+        let metadata = file.metadata().ok().filter(|data| data.len() <= files::MAX_DATA)?;
+        let mut beginning = Vec::new();
+        (&file).take(BEGINNING as u64).read_to_end(&mut beginning).ok()?;
+        Some(Open { stamp: (metadata.len(), metadata.modified().ok()), file, beginning })
+    }
+
+    fn source<'a>(&'a self, place: (&'a Path, &'a str), memory_limit: Option<u64>) -> Source<'a> {
+        Source::in_file((&self.file, self.stamp.0), &self.beginning, place, memory_limit)
+    }
+}
+
+/// Decodes a float image that becomes a texture, and hands over some rows at a time, from the top down. Other threads help if they
+/// may.
+fn decode_rows(
+    source: &Source,
+    purpose: Use,
+    in_parallel: bool,
+    warnings: &mut Vec<Warning>,
+    take: &mut dyn FnMut(&[f32]),
+) -> Result<()> {
+    let mut repair = Repair::new(purpose);
+    let mut repaired = |mut rows: Vec<f32>| {
+        repair.apply(&mut rows);
+        take(&rows);
+    };
+    source::guarded(source, || match source::signature(source.bytes) {
+        Some(ImageFormat::Hdr) => radiance::rows(source, warnings, &mut repaired),
+        _ => {
+            let kind = (purpose != Use::Data, purpose.has_alpha());
+            openexr::displayed_rows(source, kind, in_parallel, warnings, &mut repaired)
+        }
+    })?;
+    repair.warn(source, warnings);
+    Ok(())
 }
 
 /// Length of a file, and when it was written last.
@@ -158,6 +221,8 @@ impl Stamp {
 /// The location of the bytes.
 enum Origin {
     File(PathBuf, StampOfFile),
+    /// A file that is read in parts.
+    Parts(PathBuf, StampOfFile),
     Memory(Arc<[u8]>),
 }
 
@@ -168,18 +233,25 @@ struct Deferred {
     pointer: String,
     mime: Option<String>,
     purpose: Use,
-    size: [u32; 2],
-    channels: u32,
-    bits: u32,
+    layout: Layout,
     on_damage: OnDamage,
 }
 
 impl Deferred {
+    fn into_image(self, name: String) -> Image {
+        let Layout { size: [width, height], channels, bits, .. } = self.layout;
+        let is_linear = self.purpose == Use::Data || bits == 32;
+        let encoding = if is_linear { Encoding::Linear } else { Encoding::Srgb };
+        let size = [width, height, channels];
+        let pixels = Arc::new(Pixels::Encoded(Encoded { size, bits, source: Arc::new(self) }));
+        Image { name, width, height, channels, encoding, pixels }
+    }
+
     /// Its bytes, if they are those of which the header was read.
     fn bytes(&self) -> Result<Cow<'_, [u8]>> {
         match &self.origin {
             Origin::Memory(bytes) => Ok(Cow::Borrowed(bytes)),
-            Origin::File(path, stamp) => {
+            Origin::File(path, stamp) | Origin::Parts(path, stamp) => {
                 let bytes = source::read_bytes(path, None)?;
                 match Stamp::of(path) == Some(*stamp) {
                     true => Ok(Cow::Owned(bytes)),
@@ -190,16 +262,28 @@ impl Deferred {
     }
 
     fn changed(&self) -> Error {
-        let source = Source { bytes: &[], file: &self.file, pointer: &self.pointer, memory_limit: None };
-        source.error(("file-changed", "has changed since the scene was loaded"))
+        Source::new(&[], self.place(), None).error(("file-changed", "has changed since the scene was loaded"))
+    }
+
+    fn place(&self) -> (&Path, &str) {
+        (&self.file, &self.pointer)
+    }
+
+    /// Does something with its bytes, if they are those of which the header was read.
+    fn with_source<T>(&self, work: impl FnOnce(&Source) -> Result<T>) -> Result<T> {
+        match &self.origin {
+            Origin::Parts(path, stamp) => match Open::new(path).filter(|open| open.stamp == *stamp) {
+                Some(open) => work(&open.source(self.place(), None)),
+                None => Err(self.changed()),
+            },
+            _ => work(&Source::new(&self.bytes()?, self.place(), None)),
+        }
     }
 
     fn try_decode(&self, warnings: &mut Vec<Warning>) -> Result<Image> {
-        let bytes = self.bytes()?;
-        let place = (self.file.as_path(), self.pointer.as_str());
-        let file = ImageFile { bytes, own_file: None, place, mime: self.mime.as_deref(), memory_limit: None };
         let mut found = Vec::new();
-        let image = decode(&file, self.purpose, &mut found)?;
+        let image =
+            self.with_source(|source| decode_source(source, self.mime.as_deref(), self.purpose, &mut found))?;
         let bits = match *image.pixels {
             Pixels::U8(_) => 8,
             Pixels::U16(_) => 16,
@@ -210,9 +294,25 @@ impl Deferred {
         if bits == 32 {
             warnings.append(&mut found);
         }
-        let is_same =
-            ([image.width, image.height], image.channels, bits) == (self.size, self.channels, self.bits);
+        let Layout { size, channels, bits: expected, .. } = self.layout;
+        let is_same = ([image.width, image.height], image.channels, bits) == (size, channels, expected);
         if is_same { Ok(image) } else { Err(self.changed()) }
+    }
+
+    fn try_rows(
+        &self,
+        in_parallel: bool,
+        warnings: &mut Vec<Warning>,
+        take: &mut dyn FnMut(&[f32]),
+    ) -> Result<()> {
+        self.with_source(|source| {
+            let Layout { size, channels, .. } = self.layout;
+            let found = layout(source, None, self.purpose, &mut Vec::new())?;
+            if found.is_none_or(|found| (found.size, found.channels) != (size, channels)) {
+                return Err(self.changed());
+            }
+            decode_rows(source, self.purpose, in_parallel, warnings, take)
+        })
     }
 }
 
@@ -221,17 +321,52 @@ impl ImageSource for Deferred {
         self.try_decode(warnings).map_err(|error| (self.on_damage)(error))
     }
 
-    fn with_bytes(&self, take: &mut dyn FnMut(&[u8])) {
-        if let Ok(bytes) = self.bytes() {
-            take(&bytes);
+    fn bytes_by_rows(&self) -> Option<usize> {
+        let Layout { size: [width, _], channels, bits, rows } = self.layout;
+        // A block as it is, decompressed and as numbers; twice the latter for what is made of them.
+        let row = width as usize * channels as usize * 4;
+        let together = (rows.filter(|_| bits == 32)? as usize * row).max(AT_ONCE);
+        Some(together * 4)
+    }
+
+    fn decode_rows(
+        &self,
+        in_parallel: bool,
+        warnings: &mut Vec<Warning>,
+        take: &mut dyn FnMut(&[f32]),
+    ) -> std::result::Result<(), Damage> {
+        if self.layout.rows.is_some() {
+            return self.try_rows(in_parallel, warnings, take).map_err(|error| (self.on_damage)(error));
         }
+        if let Pixels::F32(numbers) = &*self.decode(warnings)?.pixels {
+            take(numbers);
+        }
+        Ok(())
+    }
+
+    fn with_bytes(&self, take: &mut dyn FnMut(&[u8])) {
+        if !matches!(self.origin, Origin::Parts(..)) {
+            if let Ok(bytes) = self.bytes() {
+                take(&bytes);
+            }
+            return;
+        }
+        let _ = self.with_source(|source| {
+            let mut file = source.reader(0);
+            let mut part = Vec::new();
+            while file.by_ref().take(AT_ONCE as u64).read_to_end(&mut part).is_ok_and(|count| count > 0) {
+                take(&part);
+                part.clear();
+            }
+            Ok(())
+        });
     }
 }
 
 impl Debug for Deferred {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [width, height] = self.size;
-        let Deferred { file, pointer, channels, bits, .. } = self;
+        let Deferred { file, pointer, layout, .. } = self;
+        let Layout { size: [width, height], channels, bits, .. } = layout;
         write!(f, "{}{pointer}, {width} x {height}, {channels} channels of {bits} bits", file.display())
     }
 }

@@ -61,7 +61,7 @@ pub(super) fn layout(source: &Source, warnings: &mut Vec<Warning>) -> Result<Opt
     if offset.saturating_add(length) > source.bytes.len() as u64 || inflated < least {
         return Ok(None);
     }
-    Ok(channels.map(|channels| Layout { size, channels, bits: 8 }))
+    Ok(channels.map(|channels| Layout { size, channels, bits: 8, rows: None }))
 }
 
 /// Decodes the largest level of the first layer and face; warns of others.

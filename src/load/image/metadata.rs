@@ -382,11 +382,7 @@ mod tests {
     const HUGE: u32 = 1 << 29;
 
     fn messages_of(bytes: &[u8], format: ImageFormat, purpose: Use) -> Vec<String> {
-        messages(
-            &Source { bytes, file: Path::new("picture"), pointer: "", memory_limit: None },
-            format,
-            purpose,
-        )
+        messages(&Source::new(bytes, (Path::new("picture"), ""), None), format, purpose)
     }
 
     /// An ICC profile of which only the name counts.

@@ -4,10 +4,12 @@
 //! type or name. Sizes are compared with the file's length before anything is allocated (`limits`).
 
 mod deferred;
+mod exr_rows;
 mod ktx2;
 mod metadata;
 mod openexr;
 mod radiance;
+mod repair;
 mod source;
 
 pub(crate) use deferred::{OnDamage, for_texture, read_for_texture};
@@ -20,6 +22,7 @@ use crate::load::decoders::Decoder;
 use crate::load::files;
 use crate::load::files::Content;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
+use repair::Repair;
 use source::Source;
 use source::{guarded, read_bytes, signature};
 use std::io::Cursor;
@@ -50,7 +53,7 @@ pub(crate) fn read(
     warnings: &mut Vec<Warning>,
 ) -> Result<Image> {
     let bytes = read_bytes(path, memory_limit)?;
-    let source = Source { bytes: &bytes, file: path, pointer: "", memory_limit };
+    let source = Source::new(&bytes, (path, ""), memory_limit);
     let image = decode_source(&source, None, purpose, warnings)?;
     warnings.extend(metadata_warnings(&bytes, path, "", purpose));
     Ok(image)
@@ -59,7 +62,7 @@ pub(crate) fn read(
 /// Warnings about metadata that [`decode`] ignores, and further frames and
 /// pages.
 pub(crate) fn metadata_warnings(bytes: &[u8], file: &Path, pointer: &str, purpose: Use) -> Vec<Warning> {
-    let source = Source { bytes, file, pointer, memory_limit: None };
+    let source = Source::new(bytes, (file, pointer), None);
     let format = signature(bytes);
     let messages = format.map_or(Vec::new(), |format| metadata::messages(&source, format, purpose));
     messages.into_iter().map(|message| source.warning(message)).collect()
@@ -92,7 +95,9 @@ fn decode_source(
         }
     })?;
     if let Some(Pixels::F32(numbers)) = Arc::get_mut(&mut image.pixels) {
-        repair(source, numbers, purpose, warnings);
+        let mut repair = Repair::new(purpose);
+        repair.apply(numbers);
+        repair.warn(source, warnings);
     }
     if purpose == Use::Environment && u64::from(image.width) != 2 * u64::from(image.height) {
         let (width, height) = (image.width, image.height);
@@ -137,7 +142,7 @@ pub fn load_environment_within(
 /// An input error if the file is missing, broken, larger than its length can justify, or holds no colour.
 pub fn load_linear_rgb(path: &Path) -> Result<Image> {
     let bytes = read_bytes(path, None)?;
-    let source = Source { bytes: &bytes, file: path, pointer: "", memory_limit: None };
+    let source = Source::new(&bytes, (path, ""), None);
     let image = guarded(&source, || match signature(&bytes) {
         Some(ImageFormat::OpenExr) => openexr::decode(&source, true, false, &mut Vec::new()),
         Some(ImageFormat::Hdr) => decode_common(&source, ImageFormat::Hdr, Use::Environment, &mut Vec::new()),
@@ -253,29 +258,6 @@ fn decode_common(
 fn jpeg_is_complete(bytes: &[u8]) -> bool {
     let end = bytes.windows(2).rposition(|w| w == [0xff, 0xd9]);
     end.is_some_and(|end| bytes[end..].windows(2).all(|w| w != [0xff, 0xda]))
-}
-
-/// Sets NaN, infinite and, in environments, negative numbers to 0, and counts them.
-fn repair(source: &Source, numbers: &mut [f32], purpose: Use, warnings: &mut Vec<Warning>) {
-    let (mut not_finite, mut negative) = (0usize, 0usize);
-    for v in numbers.iter_mut() {
-        if !v.is_finite() {
-            not_finite += 1;
-            *v = 0.0;
-        } else if *v < 0.0 && purpose == Use::Environment {
-            negative += 1;
-            *v = 0.0;
-        }
-    }
-    let total = numbers.len();
-    if not_finite > 0 {
-        warnings.push(
-            source.warning(format!("{not_finite} of {total} numbers are NaN or infinite and became 0")),
-        );
-    }
-    if negative > 0 {
-        warnings.push(source.warning(format!("{negative} of {total} numbers are negative and became 0")));
-    }
 }
 
 /// Every format from bytes made here, whole, cut short and with impossible sizes.
@@ -576,6 +558,22 @@ mod tests {
             assert!(bits(&image) == bits(&at_once));
             assert_eq!(late.iter().map(ToString::to_string).collect::<Vec<_>>(), expected);
             assert!(!expected.is_empty());
+            // The same by rows, from memory and from a file of which only the beginning was read.
+            let folder = tempfile::tempdir().expect("a folder");
+            let path = folder.path().join("a");
+            std::fs::write(&path, &bytes).expect("written");
+            let on_damage: OnDamage = Arc::new(crate::image::Damage::Fatal);
+            let from_file = read_for_texture(&path, purpose, None, &mut early, on_damage.clone());
+            let from_file = from_file.expect("its header is read");
+            let from_memory = for_texture(&of, purpose, &mut early, on_damage).expect("its header is read");
+            for (image, in_parallel) in [(&from_file, true), (&from_file, false), (&from_memory, false)] {
+                assert_eq!(image.rows().is_some(), bytes[0] != b'#', "what is turned comes as a whole");
+                let Pixels::Encoded(encoded) = &*image.pixels else { panic!("decoded") };
+                let (mut found, mut late) = (Vec::new(), Vec::new());
+                let take = &mut |rows: &[f32]| found.extend(rows.iter().map(|v| v.to_bits()));
+                encoded.source.decode_rows(in_parallel, &mut late, take).unwrap_or_else(|d| panic!("{d:?}"));
+                assert!(found == bits(&at_once) && late.len() == expected.len(), "{late:?}");
+            }
         }
         let cut = &large_exr()[..200_000];
         let of = file(cut, (NAMELESS, ""), None);

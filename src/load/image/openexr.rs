@@ -1,24 +1,28 @@
 //! EXR to pixels: the first layer with colour.
 
+use super::exr_rows::Part;
 use super::source::{self, Layout, Source, guarded, read_bytes, signature};
 use crate::color::{Primaries, converted};
 use crate::error::{Error, Result, Warning};
 use crate::image::{Encoding, Image, Pixels};
-use exr::image::{AnyChannels, Blocks, FlatSamples, Layer, Layers};
+use exr::image::{AnyChannels, Blocks, FlatSamples, Layers};
 use exr::math::Vec2;
 use exr::meta::MetaData;
 use exr::meta::attribute::{AttributeValue, Chromaticities, Text};
 use exr::meta::header::Header;
 use exr::prelude::{ReadChannels, ReadLayers, f16};
-use half::slice::HalfFloatSliceExt;
 use image::ImageFormat;
-use std::borrow::Cow;
 use std::io::Cursor;
+use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 
 /// Maximum number of unused layers and channels that are named.
 const LISTED: usize = 8;
+
+/// Bytes of numbers that are decoded together where all of an image is wanted, and where rows are.
+const OF_ALL: usize = 1 << 26;
+const OF_ROWS: usize = 1 << 23;
 
 /// Decodes the first layer with channels R, G and B, or else with Y (grey). Where `alpha` is wanted and there is a
 /// channel A, colour, which EXR stores multiplied by alpha, is divided by it. Where the numbers are colours (`is_color`), those of
@@ -29,82 +33,22 @@ pub(super) fn decode(
     alpha: bool,
     warnings: &mut Vec<Warning>,
 ) -> Result<Image> {
-    decode_placed(source, is_color, alpha, warnings).map(|(image, _)| image)
-}
-
-fn decode_placed(
-    source: &Source,
-    is_color: bool,
-    alpha: bool,
-    warnings: &mut Vec<Warning>,
-) -> Result<(Image, Placed)> {
-    checked(source)?;
-    let image = exr::prelude::read()
-        .no_deep_data()
-        .largest_resolution_level()
-        .all_channels()
-        .all_layers()
-        .all_attributes()
-        .from_buffered(Cursor::new(source.bytes))
-        .map_err(|e| broken(source, &e))?;
-    let layers = &image.layer_data;
-    let names =
-        |layer: &Layer<AnyChannels<FlatSamples>>| names(layer.channel_data.list.iter().map(|c| &c.name));
-    let (index, colour) = Colour::of_file(source, layers.iter().map(names))?;
-    if let Some(message) = colour.left_out(layers, index) {
-        warnings.push(source.warning(message));
-    }
-    let planes = colour.planes(&layers[index], alpha);
-    let mut values = interleave(&planes);
-    let space = image.attributes.chromaticities.filter(|_| is_color && colour.color.len() == 3);
-    if let Some(matrix) = space.and_then(|c| primaries(&c).to_rec709()) {
-        for pixel in values.chunks_exact_mut(planes.len()) {
-            let color = converted(&matrix, [pixel[0], pixel[1], pixel[2]]);
-            pixel[..3].copy_from_slice(&color);
-        }
-    }
-    let (shown, corner) = (image.attributes.display_window, layers[index].attributes.layer_position);
-    let size = [shown.size.0, shown.size.1].map(|n| u32::try_from(n).unwrap_or(u32::MAX));
-    let display = Window { position: [shown.position.0, shown.position.1], size };
-    let placed = Placed { position: [corner.0, corner.1], display };
-    let image = Image {
-        name: source.name(),
-        width: layers[index].size.0 as u32,
-        height: layers[index].size.1 as u32,
-        channels: planes.len() as u32,
-        encoding: Encoding::Linear,
-        pixels: Arc::new(Pixels::F32(values)),
-    };
-    Ok((image, placed))
-}
-
-/// The header of a file of a kind and a size that are read.
-fn checked(source: &Source) -> Result<MetaData> {
-    let meta = MetaData::read_from_buffered(Cursor::new(source.bytes), false);
-    let meta = meta.map_err(|e| broken(source, &e))?;
-    check_kind(source, &meta)?;
-    check_sizes(source, &meta)?;
-    Ok(meta)
-}
-
-fn broken(source: &Source, error: &exr::error::Error) -> Error {
-    source.error(format!("can't be read as an EXR image: {error}"))
-}
-
-fn names<'a>(channels: impl Iterator<Item = &'a Text>) -> Vec<String> {
-    channels.map(Text::to_string).collect()
+    let picture = Picture::open(source, alpha)?;
+    picture.warn(warnings);
+    let size = picture.header().layer_size;
+    let mut numbers = Vec::with_capacity(size.area() * picture.channels().len());
+    let reading = Reading { is_color, in_parallel: true, together: OF_ALL };
+    picture.each(0..size.1, &reading, &mut |rows| numbers.extend(rows))?;
+    Ok(picture.image([size.0 as u32, size.1 as u32], numbers))
 }
 
 /// What [`displayed`] will give, by the header.
 pub(super) fn layout(source: &Source, alpha: bool) -> Result<Layout> {
-    let meta = checked(source)?;
-    let of_header = |header: &Header| names(header.channels.list.iter().map(|channel| &channel.name));
-    let (index, colour) = Colour::of_file(source, meta.headers.iter().map(of_header))?;
-    let shown = meta.headers[index].shared_attributes.display_window.size;
-    let size = [shown.0, shown.1].map(|n| u32::try_from(n).unwrap_or(u32::MAX));
+    let picture = Picture::open(source, alpha)?;
+    let Window { size, .. } = picture.display();
     source::check(source, size[0].into(), size[1].into())?;
-    let alpha = usize::from(alpha && colour.alpha.is_some());
-    Ok(Layout { size, channels: (colour.color.len() + alpha) as u32, bits: 32 })
+    let rows = picture.header().max_block_pixel_size().1.min(picture.header().layer_size.1);
+    Ok(Layout { size, channels: picture.channels().len() as u32, bits: 32, rows: Some(rows as u32) })
 }
 
 /// An EXR within its display window: black and transparent where the file has no pixels, without those beyond it. Renderers write
@@ -115,32 +59,204 @@ pub(super) fn displayed(
     alpha: bool,
     warnings: &mut Vec<Warning>,
 ) -> Result<Image> {
-    let (image, data) = decode_placed(source, is_color, alpha, warnings)?;
-    let Window { position, size } = data.display;
-    if position == data.position && size == [image.width, image.height] {
-        return Ok(image);
+    let picture = Picture::open(source, alpha)?;
+    let size = picture.display().size;
+    let mut numbers = Vec::new();
+    let reading = Reading { is_color, in_parallel: true, together: OF_ALL };
+    picture.each_displayed(&reading, warnings, &mut |rows| match numbers.is_empty() {
+        // Small images come at once.
+        true if rows.len() == size[0] as usize * size[1] as usize * picture.channels().len() => {
+            numbers = rows
+        }
+        true => {
+            numbers.reserve_exact(size[0] as usize * size[1] as usize * picture.channels().len());
+            numbers.extend(rows);
+        }
+        false => numbers.extend(rows),
+    })?;
+    Ok(picture.image(size, numbers))
+}
+
+/// The same, handed over some rows at a time, from the top down.
+pub(super) fn displayed_rows(
+    source: &Source,
+    (is_color, alpha): (bool, bool),
+    in_parallel: bool,
+    warnings: &mut Vec<Warning>,
+    take: &mut dyn FnMut(Vec<f32>),
+) -> Result<()> {
+    let reading = Reading { is_color, in_parallel, together: OF_ROWS };
+    Picture::open(source, alpha)?.each_displayed(&reading, warnings, take)
+}
+
+/// How pixels are read.
+struct Reading {
+    /// The numbers are colours.
+    is_color: bool,
+    /// Other threads may help.
+    in_parallel: bool,
+    /// Bytes of numbers that are read together.
+    together: usize,
+}
+
+/// A file whose headers were read, and what is taken of it.
+struct Picture<'a> {
+    source: &'a Source<'a>,
+    meta: MetaData,
+    /// Where the headers end.
+    end: u64,
+    /// The layer.
+    index: usize,
+    colour: Colour,
+    alpha: bool,
+}
+
+impl<'a> Picture<'a> {
+    fn open(source: &'a Source<'a>, alpha: bool) -> Result<Picture<'a>> {
+        let mut head = Cursor::new(source.bytes);
+        let meta = MetaData::read_from_buffered(&mut head, false).map_err(|e| broken(source, &e))?;
+        check_kind(source, &meta)?;
+        check_sizes(source, &meta)?;
+        MetaData::validate(&meta.headers, false).map_err(|e| broken(source, &e))?;
+        let of_header = |header: &Header| names(header.channels.list.iter().map(|channel| &channel.name));
+        let (index, colour) = Colour::of_file(source, meta.headers.iter().map(of_header))?;
+        Ok(Picture { source, meta, end: head.position(), index, colour, alpha })
     }
-    let [width, height] = size.map(u64::from);
-    source::check(source, width, height)?;
-    source::check_memory(source, width, height, width * height * u64::from(image.channels) * 4)?;
-    let Pixels::F32(values) = &*image.pixels else { return Ok(image) };
-    let message = format!(
-        "has pixels for {} x {} at {}, {} of its display window of {} x {} at {}, {}: it was fitted to that",
-        image.width,
-        image.height,
-        data.position[0],
-        data.position[1],
-        size[0],
-        size[1],
-        position[0],
-        position[1]
-    );
-    warnings.push(source.warning(message));
-    let shift = [0, 1].map(|axis| i64::from(data.position[axis]) - i64::from(position[axis]));
-    let held = [image.width, image.height, image.channels].map(|n| n as usize);
-    let values = fitted(values, held, shift, size.map(|n| n as usize));
-    let pixels = Arc::new(Pixels::F32(values));
-    Ok(Image { width: size[0], height: size[1], pixels, ..image })
+
+    fn header(&self) -> &Header {
+        &self.meta.headers[self.index]
+    }
+
+    /// The channels that are taken, by number.
+    fn channels(&self) -> Vec<usize> {
+        let alpha = self.colour.alpha.filter(|_| self.alpha);
+        self.colour.color.iter().copied().chain(alpha).collect()
+    }
+
+    fn display(&self) -> Window {
+        let shown = self.header().shared_attributes.display_window;
+        let size = [shown.size.0, shown.size.1].map(|n| u32::try_from(n).unwrap_or(u32::MAX));
+        Window { position: [shown.position.0, shown.position.1], size }
+    }
+
+    fn warn(&self, warnings: &mut Vec<Warning>) {
+        let message = self.colour.left_out(&self.meta.headers, self.index);
+        warnings.extend(message.map(|message| self.source.warning(message)));
+    }
+
+    fn image(&self, [width, height]: [u32; 2], numbers: Vec<f32>) -> Image {
+        let (name, channels) = (self.source.name(), self.channels().len() as u32);
+        let pixels = Arc::new(Pixels::F32(numbers));
+        Image { name, width, height, channels, encoding: Encoding::Linear, pixels }
+    }
+
+    /// Hands over rows of the data window, some at a time.
+    fn each(&self, lines: Range<usize>, reading: &Reading, take: &mut dyn FnMut(Vec<f32>)) -> Result<()> {
+        let channels = self.channels();
+        let (count, width) = (channels.len(), self.header().layer_size.0);
+        let space = self.header().shared_attributes.chromaticities;
+        let space = space.filter(|_| reading.is_color && self.colour.color.len() == 3);
+        let matrix = space.and_then(|c| primaries(&c).to_rec709());
+        let finish = |line: &mut [f32]| finished(line, count, matrix.as_ref());
+        let fail = |e: exr::error::Error| broken(self.source, &e);
+        let mut part = Part::open(self.source, (&self.meta, self.end), self.index, channels).map_err(fail)?;
+        let height = part.block_height();
+        let step = (reading.together / part.row_bytes().max(1)).max(1);
+        let last = lines.end.div_ceil(height).min(part.len());
+        for first in (lines.start / height..last).step_by(step) {
+            let rows = first..(first + step).min(last);
+            let mut numbers = part.rows(rows.clone(), reading.in_parallel, finish).map_err(fail)?;
+            // Blocks may begin before what is wanted, and end after it.
+            let at = rows.start * height;
+            numbers.truncate((lines.end - at).saturating_mul(width * count));
+            numbers.drain(..lines.start.saturating_sub(at) * width * count);
+            take(numbers);
+        }
+        Ok(())
+    }
+
+    /// Hands over rows of the display window, some at a time.
+    fn each_displayed(
+        &self,
+        reading: &Reading,
+        warnings: &mut Vec<Warning>,
+        take: &mut dyn FnMut(Vec<f32>),
+    ) -> Result<()> {
+        self.warn(warnings);
+        let (Window { position, size }, header) = (self.display(), self.header());
+        let (held, corner) = (header.layer_size, header.own_attributes.layer_position);
+        if position == [corner.0, corner.1] && size.map(|n| n as usize) == [held.0, held.1] {
+            return self.each(0..held.1, reading, take);
+        }
+        let channels = self.channels().len();
+        let [width, height] = size.map(u64::from);
+        source::check(self.source, width, height)?;
+        source::check_memory(self.source, width, height, width * height * channels as u64 * 4)?;
+        let message = format!(
+            "has pixels for {} x {} at {}, {} of its display window of {} x {} at {}, {}: it was fitted to that",
+            held.0, held.1, corner.0, corner.1, size[0], size[1], position[0], position[1]
+        );
+        warnings.push(self.source.warning(message));
+        let [width, height] = size.map(|n| n as usize);
+        let shift =
+            [i64::from(corner.0) - i64::from(position[0]), i64::from(corner.1) - i64::from(position[1])];
+        let Span { from, to, count } = Span::of(shift[1], held.1, height);
+        let step = (reading.together / (width * channels * 4)).max(1);
+        let blank = |lines: usize| {
+            let starts = (0..lines).step_by(step);
+            starts.map(move |first| vec![0.0; step.min(lines - first) * width * channels])
+        };
+        blank(if count > 0 { to } else { height }).for_each(&mut *take);
+        if count > 0 {
+            self.each(from..from + count, reading, &mut |rows| {
+                let lines = rows.len() / (held.0 * channels);
+                take(fitted(&rows, [held.0, lines, channels], [shift[0], 0], [width, lines]));
+            })?;
+            blank(height - to - count).for_each(take);
+        }
+        Ok(())
+    }
+}
+
+/// Colours that are divided by their alpha, and in linear Rec. 709.
+fn finished(line: &mut [f32], channels: usize, matrix: Option<&[[f64; 3]; 3]>) {
+    if channels == 4 {
+        for pixel in line.chunks_exact_mut(4) {
+            let alpha = pixel[3];
+            if alpha > 0.0 {
+                pixel[..3].iter_mut().for_each(|v| *v /= alpha);
+            }
+        }
+    }
+    if let Some(matrix) = matrix {
+        for pixel in line.chunks_exact_mut(channels) {
+            let color = converted(matrix, [pixel[0], pixel[1], pixel[2]]);
+            pixel[..3].copy_from_slice(&color);
+        }
+    }
+}
+
+fn broken(source: &Source, error: &exr::error::Error) -> Error {
+    source.error(format!("can't be read as an EXR image: {error}"))
+}
+
+fn names<'a>(channels: impl Iterator<Item = &'a Text>) -> Vec<String> {
+    channels.map(Text::to_string).collect()
+}
+
+/// Where pixels lie along an axis of a rectangle of another size: the first pixel, the first place and how many.
+struct Span {
+    from: usize,
+    to: usize,
+    count: usize,
+}
+
+impl Span {
+    fn of(shift: i64, held: usize, room: usize) -> Span {
+        let (from, to) = ((-shift).max(0), shift.max(0));
+        let count = (held as i64 - from).min(room as i64 - to).max(0);
+        Span { from: from as usize, to: to as usize, count: count as usize }
+    }
 }
 
 /// Pixels of a width, a height and channels, placed in a rectangle of another size; 0 where there are none.
@@ -151,14 +267,8 @@ fn fitted<T: Copy + Default>(
     size: [usize; 2],
 ) -> Vec<T> {
     let mut out = vec![T::default(); size[0] * size[1] * channels];
-    // Of one axis: the first pixel, the first place and how many.
-    let span = |shift: i64, held: usize, room: usize| {
-        let (from, to) = ((-shift).max(0), shift.max(0));
-        let count = (held as i64 - from).min(room as i64 - to).max(0);
-        (from as usize, to as usize, count as usize)
-    };
-    let (x, at_x, columns) = span(shift[0], width, size[0]);
-    let (y, at_y, rows) = span(shift[1], height, size[1]);
+    let Span { from: x, to: at_x, count: columns } = Span::of(shift[0], width, size[0]);
+    let Span { from: y, to: at_y, count: rows } = Span::of(shift[1], height, size[1]);
     for row in 0..rows {
         let from = ((y + row) * width + x) * channels;
         let to = ((at_y + row) * size[0] + at_x) * channels;
@@ -171,12 +281,6 @@ fn fitted<T: Copy + Default>(
 struct Window {
     position: [i32; 2],
     size: [u32; 2],
-}
-
-/// Where the pixels of a file are, and the rectangle that is shown.
-struct Placed {
-    position: [i32; 2],
-    display: Window,
 }
 
 /// Refuses what the decoder doesn't read, by its name.
@@ -237,21 +341,15 @@ impl Colour {
         })
     }
 
-    fn planes<'a>(&self, layer: &'a Layer<AnyChannels<FlatSamples>>, alpha: bool) -> Vec<&'a FlatSamples> {
-        let alpha = self.alpha.filter(|_| alpha);
-        let channels = self.color.iter().copied().chain(alpha);
-        channels.map(|channel| &layer.channel_data.list[channel].sample_data).collect()
-    }
-
     /// Warns of layers and channels that are not used; alpha has its own rules.
-    fn left_out(&self, layers: &[Layer<AnyChannels<FlatSamples>>], index: usize) -> Option<String> {
-        let layer_name = |i: usize| match &layers[i].attributes.layer_name {
+    fn left_out(&self, layers: &[Header], index: usize) -> Option<String> {
+        let layer_name = |i: usize| match &layers[i].own_attributes.layer_name {
             Some(name) => format!("layer '{name}'"),
             None => format!("layer {}", i + 1),
         };
         let is_used = |channel: usize| self.color.contains(&channel) || self.alpha == Some(channel);
         let others = (0..layers.len()).filter(|&i| i != index).map(layer_name);
-        let unused = layers[index].channel_data.list.iter().enumerate().filter(|(i, _)| !is_used(*i));
+        let unused = layers[index].channels.list.iter().enumerate().filter(|(i, _)| !is_used(*i));
         let all: Vec<String> = others.chain(unused.map(|(_, c)| format!("channel '{}'", c.name))).collect();
         if all.is_empty() {
             return None;
@@ -281,51 +379,19 @@ pub(super) fn check_sizes(source: &Source, meta: &MetaData) -> Result<()> {
             .sum::<u64>();
         source::check_memory(source, width, height, memory)?;
         // Each chunk has an offset of 8 bytes in a table and a header of at least 8.
-        if (header.chunk_count as u64).saturating_mul(16) > source.bytes.len() as u64 {
+        if (header.chunk_count as u64).saturating_mul(16) > source.length {
             return Err(source.error(format!(
                 "promises {} blocks of pixels, but the file has only {} bytes: it is cut short",
-                header.chunk_count,
-                source.bytes.len()
+                header.chunk_count, source.length
             )));
         }
     }
     // Channels make numbers many: a large file may hold as many as it has bits.
-    let bytes = source.bytes.len();
-    if samples > source::pixels(bytes).saturating_mul(4).max(bytes as u64 * 8) {
+    let bytes = source.length;
+    if samples > source::pixels(bytes).saturating_mul(4).max(bytes.saturating_mul(8)) {
         return Err(source.error(format!("claims {samples} numbers in {bytes} bytes, which is too many")));
     }
     Ok(())
-}
-
-fn interleave(planes: &[&FlatSamples]) -> Vec<f32> {
-    let count = planes.len();
-    let mut out = vec![0f32; planes.first().map_or(0, |p| p.len()) * count];
-    for (c, plane) in planes.iter().enumerate() {
-        let values = numbers(plane);
-        out.iter_mut().skip(c).step_by(count).zip(values.iter()).for_each(|(o, v)| *o = *v);
-    }
-    if count == 4 {
-        for pixel in out.chunks_exact_mut(4) {
-            let alpha = pixel[3];
-            if alpha > 0.0 {
-                pixel[..3].iter_mut().for_each(|v| *v /= alpha);
-            }
-        }
-    }
-    out
-}
-
-/// The samples of a channel; half floats are converted many at a time.
-fn numbers(plane: &FlatSamples) -> Cow<'_, [f32]> {
-    match plane {
-        FlatSamples::F32(values) => values.into(),
-        FlatSamples::F16(values) => {
-            let mut numbers = vec![0.0; values.len()];
-            values.convert_to_f32_slice(&mut numbers);
-            numbers.into()
-        }
-        FlatSamples::U32(values) => values.iter().map(|&v| v as f32).collect(),
-    }
 }
 
 // Complete EXR files: all parts, channels and attributes, unchanged.
@@ -547,7 +613,7 @@ fn shown(value: &AttributeValue) -> String {
 /// An input error if the file is missing, no EXR, broken, or larger than its length can justify.
 pub fn load_layered(path: &Path) -> Result<Layered> {
     let bytes = read_bytes(path, None)?;
-    let source = Source { bytes: &bytes, file: path, pointer: "", memory_limit: None };
+    let source = Source::new(&bytes, (path, ""), None);
     if signature(&bytes) != Some(ImageFormat::OpenExr) {
         let help = "'oscura render SCENE -o NAME.exr' writes one";
         return Err(source.error("is not an .exr file").with_help(help));

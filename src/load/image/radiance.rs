@@ -42,9 +42,14 @@ struct Header {
     length: usize,
 }
 
+/// Bytes of numbers that are handed over together.
+const TOGETHER: usize = 1 << 23;
+
 /// What [`decode`] will give, by the header.
 pub(super) fn layout(source: &Source) -> Result<Layout> {
-    Ok(Layout { size: Header::checked(source)?.size(), channels: 3, bits: 32 })
+    let header = Header::checked(source)?;
+    let rows = header.is_usual().then_some(1);
+    Ok(Layout { size: header.size(), channels: 3, bits: 32, rows })
 }
 
 /// Decodes a file, and says what its header asked for.
@@ -53,25 +58,26 @@ pub(super) fn layout(source: &Source) -> Result<Layout> {
 /// An input error for a damaged file.
 pub(super) fn decode(source: &Source, warnings: &mut Vec<Warning>) -> Result<Radiance> {
     let header = Header::checked(source)?;
-    let [rows, columns] = header.axes.map(|axis| axis.2);
-    // The decoder reads plain headers alone.
-    let plain = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {rows} +X {columns}\n");
-    let file = plain.as_bytes().chain(&source.bytes[header.length..]);
-    let decoder = HdrDecoder::new_nonstrict(file).map_err(|e| broken(source, &e))?;
-    let decoded = DynamicImage::from_decoder(decoder).map_err(|e| broken(source, &e))?;
-    let mut image = header.in_order(decoded.into_rgb32f().into_raw());
-    if header.factors != [1.0; 3] {
-        let [r, g, b] = header.factors;
-        let shown = if r == g && g == b { r.to_string() } else { format!("{r} {g} {b}") };
-        let message =
-            format!("its numbers are divided by what they were multiplied by (EXPOSURE, COLORCORR): {shown}");
-        warnings.push(source.warning(message));
-        image.rgb.as_chunks_mut::<3>().0.iter_mut().for_each(|p| *p = [p[0] / r, p[1] / g, p[2] / b]);
-    }
-    if header.is_xyz {
-        image.rgb.as_chunks_mut::<3>().0.iter_mut().for_each(|p| *p = converted(&REC709_FROM_XYZ, *p));
-    }
-    Ok(image)
+    let [width, height] = header.size();
+    let mut rgb = Vec::with_capacity(width as usize * height as usize * 3);
+    header.each(source, &mut |rows| rgb.extend(rows))?;
+    header.warn(source, warnings);
+    Ok(header.in_order(rgb))
+}
+
+/// Decodes a file in the usual order of pixels and hands over some rows at a time, from the top down.
+///
+/// # Errors
+/// An input error for a damaged file.
+pub(super) fn rows(
+    source: &Source,
+    warnings: &mut Vec<Warning>,
+    take: &mut dyn FnMut(Vec<f32>),
+) -> Result<()> {
+    let header = Header::checked(source)?;
+    header.each(source, take)?;
+    header.warn(source, warnings);
+    Ok(())
 }
 
 /// The error of a decoder, in words that say what to do where that is known.
@@ -98,6 +104,48 @@ impl Header {
     fn size(&self) -> [u32; 2] {
         let [(first_is_x, _, rows), (_, _, columns)] = self.axes;
         if first_is_x { [rows, columns] } else { [columns, rows] }
+    }
+
+    /// Hands over the pixels of some rows at a time, in the order of the file.
+    fn each(&self, source: &Source, take: &mut dyn FnMut(Vec<f32>)) -> Result<()> {
+        let [rows, columns] = self.axes.map(|axis| axis.2);
+        let mut file = source.reader(self.length as u64);
+        let step = (TOGETHER as u64 / (u64::from(columns) * BYTES_A_PIXEL)).max(1);
+        for first in (0..rows).step_by(step as usize) {
+            let some = u64::from(rows - first).min(step);
+            // The decoder reads plain headers alone, and not a byte more than its rows.
+            let plain = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {some} +X {columns}\n");
+            let decoder = HdrDecoder::new_nonstrict(plain.as_bytes().chain(&mut file));
+            let decoded = decoder.and_then(DynamicImage::from_decoder).map_err(|e| broken(source, &e))?;
+            let mut rgb = decoded.into_rgb32f().into_raw();
+            if self.factors != [1.0; 3] {
+                let [r, g, b] = self.factors;
+                rgb.as_chunks_mut::<3>().0.iter_mut().for_each(|p| *p = [p[0] / r, p[1] / g, p[2] / b]);
+            }
+            if self.is_xyz {
+                rgb.as_chunks_mut::<3>().0.iter_mut().for_each(|p| *p = converted(&REC709_FROM_XYZ, *p));
+            }
+            take(rgb);
+        }
+        Ok(())
+    }
+
+    /// Says what the numbers were divided by.
+    fn warn(&self, source: &Source, warnings: &mut Vec<Warning>) {
+        let [r, g, b] = self.factors;
+        if self.factors != [1.0; 3] {
+            let shown = if r == g && g == b { r.to_string() } else { format!("{r} {g} {b}") };
+            let message = format!(
+                "its numbers are divided by what they were multiplied by (EXPOSURE, COLORCORR): {shown}"
+            );
+            warnings.push(source.warning(message));
+        }
+    }
+
+    /// Do rows run from the left to the right, and from the top down? y of the file grows upwards.
+    fn is_usual(&self) -> bool {
+        let [(first_is_x, first_grows, _), (_, second_grows, _)] = self.axes;
+        !first_is_x && !first_grows && second_grows
     }
 
     fn read(source: &Source) -> Result<Header> {
@@ -144,9 +192,7 @@ impl Header {
     fn in_order(&self, rgb: Vec<f32>) -> Radiance {
         let [(first_is_x, first_grows, rows), (_, second_grows, columns)] = self.axes;
         let [width, height] = self.size();
-        // y of the file grows upwards.
-        let is_usual = !first_is_x && !first_grows && second_grows;
-        if is_usual {
+        if self.is_usual() {
             return Radiance { width, height, rgb };
         }
         let mut out = vec![0.0; rgb.len()];
@@ -193,10 +239,7 @@ mod tests {
         let mut bytes = header.as_bytes().to_vec();
         bytes.extend((1..=6u8).flat_map(|red| [red, 0, 0, 129]));
         let mut warnings = Vec::new();
-        let image = decode(
-            &Source { bytes: &bytes, file: Path::new("a.hdr"), pointer: "", memory_limit: None },
-            &mut warnings,
-        );
+        let image = decode(&Source::new(&bytes, (Path::new("a.hdr"), ""), None), &mut warnings);
         (image, warnings)
     }
 
@@ -226,6 +269,34 @@ mod tests {
         for size in ["-Y 2 +Y 3", "-Y 2", "+Z 2 +X 3", "-Y two +X 3", "-Y 0 +X 3"] {
             assert!(decoded(&format!("#?RADIANCE\n\n{size}\n")).0.is_err(), "{size}");
         }
+    }
+
+    #[test]
+    fn rows_are_those_of_the_file_decoded_at_once() {
+        let (width, height) = (9, 100_000);
+        let head = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n");
+        let mut bytes = head.into_bytes();
+        for row in 0..height {
+            match row % 3 {
+                0 => (0..width).for_each(|x| bytes.extend([x as u8, row as u8, 7, 130])),
+                // Run lengths, of the older kind and of the later one.
+                1 => bytes.extend([row as u8, 5, 6, 128, 1, 1, 1, 7, 9, 9, 9, 120]),
+                _ => {
+                    bytes.extend([2, 2, 0, 9]);
+                    (0..4).for_each(|c| bytes.extend([128 + 5, row as u8, 4, c, 2, 3, 120]));
+                }
+            }
+        }
+        let whole =
+            HdrDecoder::new(bytes.as_slice()).and_then(DynamicImage::from_decoder).expect("it is read");
+        let source = Source::new(&bytes, (Path::new("a.hdr"), ""), None);
+        let mut parts = Vec::new();
+        rows(&source, &mut Vec::new(), &mut |rows| parts.push(rows)).expect("it is read");
+        assert!(parts.len() > 1 && parts.iter().all(|rows| rows.len() * 4 <= TOGETHER), "{}", parts.len());
+        assert!(parts.concat() == whole.into_rgb32f().into_raw());
+        bytes.truncate(bytes.len() - 1);
+        let source = Source::new(&bytes, (Path::new("a.hdr"), ""), None);
+        assert!(rows(&source, &mut Vec::new(), &mut |_| {}).is_err());
     }
 
     #[test]

@@ -6,6 +6,8 @@ use crate::load::decoders::Decoder;
 use crate::load::files;
 use image::{ImageFormat, Limits};
 use std::borrow::Cow;
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read};
 use std::path::Path;
 
 /// The use of an image, which decides about its colour encoding.
@@ -50,7 +52,7 @@ pub(crate) struct ImageFile<'a> {
 impl ImageFile<'_> {
     pub(super) fn source(&self) -> Source<'_> {
         let (file, pointer) = self.place;
-        Source { bytes: &self.bytes, file, pointer, memory_limit: self.memory_limit }
+        Source::new(&self.bytes, (file, pointer), self.memory_limit)
     }
 }
 
@@ -60,18 +62,52 @@ pub(super) struct Layout {
     pub channels: u32,
     /// Bits per channel: 8 or 16 of an integer, 32 of a float.
     pub bits: u32,
+    /// Rows that are decoded together; `None` if that is the whole image.
+    pub rows: Option<u32>,
 }
 
-/// The location of the bytes, for messages.
+/// The bytes of an image, and their location for messages.
 pub(super) struct Source<'a> {
+    /// All of them, or the beginning of an open file.
     pub bytes: &'a [u8],
+    open: Option<&'a File>,
+    /// Number of all bytes.
+    pub length: u64,
     pub file: &'a Path,
     pub pointer: &'a str,
     /// Maximum number of bytes that its pixels may take; `None` for no limit.
     pub memory_limit: Option<u64>,
 }
 
-impl Source<'_> {
+impl<'a> Source<'a> {
+    /// An image in memory.
+    pub fn new(
+        bytes: &'a [u8],
+        (file, pointer): (&'a Path, &'a str),
+        memory_limit: Option<u64>,
+    ) -> Source<'a> {
+        Source { bytes, open: None, length: bytes.len() as u64, file, pointer, memory_limit }
+    }
+
+    /// An image in a file, of which the beginning was read.
+    pub fn in_file(
+        (open, length): (&'a File, u64),
+        beginning: &'a [u8],
+        (file, pointer): (&'a Path, &'a str),
+        memory_limit: Option<u64>,
+    ) -> Source<'a> {
+        Source { bytes: beginning, open: Some(open), length, file, pointer, memory_limit }
+    }
+
+    /// The bytes from a position on.
+    pub fn reader(&'a self, position: u64) -> Box<dyn BufRead + 'a> {
+        let start = usize::try_from(position).unwrap_or(usize::MAX).min(self.bytes.len());
+        match self.open {
+            None => Box::new(&self.bytes[start..]),
+            Some(file) => Box::new(BufReader::new(FileReader { file, position })),
+        }
+    }
+
     pub fn error(&self, message: impl Into<Message>) -> Error {
         Error::input_problems(self.file, vec![Problem::new(self.pointer, message)])
     }
@@ -90,6 +126,29 @@ impl Source<'_> {
     pub fn name(&self) -> String {
         let file = self.file.display();
         if self.pointer.is_empty() { file.to_string() } else { format!("{file}#{}", self.pointer) }
+    }
+}
+
+/// Reads a file from a position on, whatever else reads it.
+struct FileReader<'a> {
+    file: &'a File,
+    position: u64,
+}
+
+impl Read for FileReader<'_> {
+    fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
+        #[cfg(unix)]
+        let count = std::os::unix::fs::FileExt::read_at(self.file, into, self.position)?;
+        #[cfg(windows)]
+        let count = std::os::windows::fs::FileExt::seek_read(self.file, into, self.position)?;
+        #[cfg(not(any(unix, windows)))]
+        let count = {
+            // An image is read by one thread.
+            io::Seek::seek(&mut self.file, io::SeekFrom::Start(self.position))?;
+            Read::read(&mut self.file, into)?
+        };
+        self.position += count as u64;
+        Ok(count)
     }
 }
 
@@ -122,18 +181,18 @@ const PER_BYTE: u64 = 1032 * 8;
 const MAX: u64 = 1 << 29;
 
 /// Maximum number of pixels that a file of this length can justify.
-pub(super) fn pixels(file_length: usize) -> u64 {
-    (file_length as u64).saturating_mul(PER_BYTE).clamp(ALWAYS, MAX)
+pub(super) fn pixels(file_length: u64) -> u64 {
+    file_length.saturating_mul(PER_BYTE).clamp(ALWAYS, MAX)
 }
 
 /// Refuses sizes of zero and beyond what the file's length can justify.
 pub(super) fn check(source: &Source, width: u64, height: u64) -> Result<()> {
-    let most = pixels(source.bytes.len());
+    let most = pixels(source.length);
     match width.checked_mul(height) {
         Some(0) => Err(source.error("has no pixels")),
         Some(n) if n <= most && width.max(height) <= u64::from(u32::MAX) => Ok(()),
         _ => {
-            let bytes = source.bytes.len();
+            let bytes = source.length;
             let claim = format!("claims {width} x {height} pixels in {bytes} bytes; at most {most} pixels");
             Err(source.error(("image-size-claim", format!("{claim} are accepted for a file of that length"))))
         }
@@ -155,7 +214,7 @@ pub(super) fn check_memory(source: &Source, width: u64, height: u64, bytes: u64)
 /// The limit for the buffers that decoders allocate: 16 bytes per pixel.
 pub(super) fn for_decoder(source: &Source) -> Limits {
     let mut limits = Limits::no_limits();
-    limits.max_alloc = Some(pixels(source.bytes.len()) * 16);
+    limits.max_alloc = Some(pixels(source.length) * 16);
     limits
 }
 
