@@ -95,16 +95,17 @@ fn float_textures_are_never_in_memory_as_a_whole() {
     const SIDE: usize = 4096;
     let folder = tempfile::tempdir().expect("a temporary folder");
     let mut scene = "camera = { look_from = [0, 0, 9], look_at = [0, 0, 0] }\n".to_string();
+    let mut objects = String::new();
     for name in ["a", "b"] {
         let pixel = |x: usize, y: usize| (x as f32 / 64.0, (y % 128) as f32, (x * y % 97) as f32);
-        exr::prelude::write_rgb_file(folder.path().join(format!("{name}.exr")), SIDE, SIDE, pixel)
-            .expect("written");
-        scene += &format!(
-            "textures.{name} = {{ type = \"image\", file = \"{name}.exr\" }}\n\
-             materials.{name} = {{ type = \"lambert\", color = \"{name}\" }}\n\
-             [[objects]]\nquad = {{ corner = [-1, -1, 0], u = [2, 0, 0], v = [0, 2, 0] }}\nmaterial = \"{name}\"\n"
-        );
+        let file = folder.path().join(format!("{name}.exr"));
+        exr::prelude::write_rgb_file(file, SIDE, SIDE, pixel).expect("written");
+        scene += &format!("textures.{name} = {{ type = \"image\", file = \"{name}.exr\" }}\n");
+        scene += &format!("materials.{name} = {{ type = \"lambert\", color = \"{name}\" }}\n");
+        let quad = "quad = { corner = [-1, -1, 0], u = [2, 0, 0], v = [0, 2, 0] }";
+        objects += &format!("[[objects]]\n{quad}\nmaterial = \"{name}\"\n");
     }
+    scene += &objects;
     let path = folder.path().join("s.toml");
     std::fs::write(&path, scene).expect("written");
     let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().expect("a pool");
