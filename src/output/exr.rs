@@ -20,6 +20,7 @@ use exr::prelude::{
 use flate2::{Compress, Compression as Level, FlushCompress, Status};
 use half::slice::HalfFloatSliceExt;
 use rayon::prelude::*;
+use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::io::Cursor;
@@ -346,6 +347,11 @@ type AnyLayer = Layer<AnyChannels<FlatSamples>>;
 /// larger.
 const LEVEL: Level = Level::new(2);
 
+thread_local! {
+    /// Making a compressor takes as long as compressing some lines.
+    static ENCODER: RefCell<Compress> = RefCell::new(Compress::new(LEVEL, true));
+}
+
 /// Does this module compress it?
 fn is_zip(image: &AnyImage) -> bool {
     let suits = |layer: &AnyLayer| {
@@ -411,10 +417,12 @@ fn compress(layer: &AnyLayer, block: usize) -> std::io::Result<Vec<u8>> {
         }
     }
     let bytes = differences(apart(&plain));
-    let mut encoder = Compress::new(LEVEL, true);
     // Zlib grows what it can't compress by a thousandth and a few bytes; what is as large as before is stored as it is.
     let mut compressed = Vec::with_capacity(bytes.len() + bytes.len() / 1000 + 64);
-    let status = encoder.compress_vec(&bytes, &mut compressed, FlushCompress::Finish)?;
+    let status = ENCODER.with_borrow_mut(|encoder| {
+        encoder.reset();
+        encoder.compress_vec(&bytes, &mut compressed, FlushCompress::Finish)
+    })?;
     let is_smaller = status == Status::StreamEnd && compressed.len() < plain.len();
     Ok(if is_smaller { compressed } else { plain })
 }
