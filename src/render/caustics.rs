@@ -2,6 +2,7 @@
 //! of them bring.
 
 use super::options::{Caustics, RenderOptions};
+use super::path_strategy::LightPathShares;
 use super::progress::Statistics;
 use super::technique::{Request, Stopped, Target, Technique, Trial, first_reason};
 use super::timeline;
@@ -53,9 +54,15 @@ const RAY_COST: f64 = 3.0;
 pub(super) struct LightTracing {
     /// Which light the paths from lights find, and how many of them there are; none where the technique is not used.
     plan: Option<CausticPlan>,
+    shares: LightPathShares,
 }
 
 impl LightTracing {
+    /// What the paths from lights add to the error and the time of the others.
+    pub fn light_path_shares(&self) -> LightPathShares {
+        self.shares
+    }
+
     /// The plan, if the technique is used.
     pub fn plan(&self) -> Option<&CausticPlan> {
         self.plan.as_ref()
@@ -95,7 +102,9 @@ impl Technique for LightTracing {
     }
 
     fn try_before_first_pass(&mut self, trial: &Trial<'_>) -> Result<(), Stopped> {
-        self.plan = LightTrial(trial).plan()?;
+        if let Some((plan, shares)) = LightTrial(trial).plan()? {
+            (self.plan, self.shares) = (Some(plan), shares);
+        }
         Ok(())
     }
 
@@ -135,7 +144,7 @@ impl LightTrial<'_> {
         (f64::from(most) * (self.pixels() / ALL_PIXELS).clamp(MIN_TRIED, 1.0)) as u32
     }
 
-    fn plan(&self) -> Result<Option<CausticPlan>, Stopped> {
+    fn plan(&self) -> Result<Option<(CausticPlan, LightPathShares)>, Stopped> {
         // One path per pixel, to begin with.
         let plan = CausticPlan::new(self.0.target.scene, self.0.target.options.seed, self.pixels() as u32);
         let Some(plan) = plan else { return Ok(None) };
@@ -145,10 +154,11 @@ impl LightTrial<'_> {
             return Ok(None);
         }
         let rest = self.rest(&plan)?;
-        let (share, gain) = best_share(&scaled(tally, self.pixels() / f64::from(tried)), &rest);
+        let one = scaled(tally, self.pixels() / f64::from(tried));
+        let (share, gain) = best_share(&one, &rest);
         let is_wanted = self.0.target.options.caustics == Caustics::On || gain >= MIN_GAIN;
         let paths = (share * self.pixels()).round().max(1.0);
-        Ok(is_wanted.then(|| plan.with_paths(paths as u32)))
+        Ok(is_wanted.then(|| (plan.with_paths(paths as u32), shares(&one, &rest, share))))
     }
 
     /// Traces this many light paths.
@@ -228,7 +238,7 @@ fn scaled(tally: CausticTally, factor: f64) -> CausticTally {
 fn best_share(one: &CausticTally, rest: &Rest) -> (f64, f64) {
     let way = |share: f64| {
         let error = rest.squares + one.squares / share;
-        let cost = 1.0 + share * RAY_COST * one.rays as f64 / rest.rays.max(1.0);
+        let cost = 1.0 + shares(one, rest, share).time;
         let gain = (rest.squares + one.squares_from_camera) / (error * cost).max(1e-300);
         (share, gain, error * cost)
     };
@@ -237,6 +247,14 @@ fn best_share(one: &CausticTally, rest: &Rest) -> (f64, f64) {
         ways.into_iter().fold(ways[0], |best, next| if next.2 < best.2 { next } else { best });
     let is_seen = one.sum >= MIN_LIGHT * (rest.light + one.sum);
     (share, if is_seen { gain } else { 0.0 })
+}
+
+/// What a number of light paths per pixel and sample adds to the error and the time of the paths from the camera.
+fn shares(one: &CausticTally, rest: &Rest, share: f64) -> LightPathShares {
+    LightPathShares {
+        error: one.squares / share / rest.squares.max(1e-300),
+        time: share * RAY_COST * one.rays as f64 / rest.rays.max(1.0),
+    }
 }
 
 #[cfg(test)]

@@ -190,7 +190,8 @@ impl<'a> PassWork<'a> {
         let sum = |sum: Errors, block: &Option<(BlockTally, RenderedTile)>| {
             Some(sum.plus(block.as_ref()?.0.errors()))
         };
-        let errors = blocks.iter().try_fold(Errors::default(), sum);
+        let start = Errors { light_paths: self.techniques.light_path_shares(), ..Errors::default() };
+        let errors = blocks.iter().try_fold(start, sum);
         (errors, blocks.into_iter().flatten().map(|(_, taken)| taken).collect())
     }
 

@@ -356,6 +356,14 @@ pub(super) struct Errors {
     pub tried: f64,
     pub plain: f64,
     pub rays: RayCounts,
+    pub light_paths: LightPathShares,
+}
+
+/// What paths from lights add to the squared error of plain paths and to their time, relative to these: no splitting changes it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct LightPathShares {
+    pub error: f64,
+    pub time: f64,
 }
 
 impl Errors {
@@ -364,6 +372,7 @@ impl Errors {
             tried: self.tried + other.tried,
             plain: self.plain + other.plain,
             rays: self.rays.plus(other.rays),
+            light_paths: self.light_paths,
         }
     }
 
@@ -403,7 +412,9 @@ impl Errors {
         let prefix_rays = (self.rays.all - self.rays.in_branches) as f64;
         let error = 1.0 - suffixes + suffixes / number;
         let cost = (prefix_rays + number * suffix_rays) / (prefix_rays + suffix_rays).max(1.0);
-        Candidate { strategy: PathStrategy::Alone { branches }, error, gain: 1.0 / (error * cost) }
+        let LightPathShares { error: other_error, time: other_time } = self.light_paths;
+        let gain = (1.0 + other_error) * (1.0 + other_time) / ((error + other_error) * (cost + other_time));
+        Candidate { strategy: PathStrategy::Alone { branches }, error, gain }
     }
 }
 
@@ -436,7 +447,7 @@ pub(super) fn best(results: &[(PathStrategy, Errors)]) -> Candidate {
     // The sums of all squares that tried the same.
     let of = |strategy: PathStrategy| {
         let same = results.iter().filter(|(other, _)| *other == strategy);
-        same.fold(Errors::default(), |sum, (_, errors)| sum.plus(*errors))
+        same.map(|(_, errors)| *errors).reduce(Errors::plus).unwrap_or_default()
     };
     let candidates = results.iter().map(|(strategy, _)| *strategy).flat_map(|strategy| match strategy {
         PathStrategy::Shared(_) => {
@@ -482,5 +493,20 @@ impl HalfSums {
             if squared > 0.0 { squared.min(LARGEST_ERROR * LARGEST_ERROR) } else { 0.0 }
         };
         (0..3).map(of_channel).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Where paths from lights have most of the error and of the time, splitting gains and costs little.
+    #[test]
+    fn paths_from_lights_bound_the_gain() {
+        let rays = RayCounts { all: 120, in_branches: 80, ..RayCounts::default() };
+        let alone = Errors { tried: 0.25, plain: 1.0, rays, light_paths: LightPathShares::default() };
+        let both = Errors { light_paths: LightPathShares { error: 100.0, time: 100.0 }, ..alone };
+        assert!(alone.gain_of_splitting() > MIN_GAIN_OF_SPLITTING, "{}", alone.gain_of_splitting());
+        assert!((both.gain_of_splitting() - 1.0).abs() < 0.02, "{}", both.gain_of_splitting());
     }
 }

@@ -2,7 +2,7 @@
 
 use super::caustics::LightTracing;
 use super::guiding::PathGuiding;
-use super::path_strategy::StrategyTrials;
+use super::path_strategy::{LightPathShares, StrategyTrials};
 use super::progress::Statistics;
 use super::technique::{Request, Stopped, Target, Technique, Trial, warning};
 use crate::error::Warning;
@@ -82,6 +82,11 @@ impl Techniques {
     /// Which light is found by paths from lights, if any.
     pub fn caustics(&self) -> Option<&CausticPlan> {
         self.light_tracing.plan()
+    }
+
+    /// What paths from lights add to the error and the time of paths from the camera.
+    pub fn light_path_shares(&self) -> LightPathShares {
+        self.light_tracing.light_path_shares()
     }
 
     /// What is reported where techniques were asked for and are not used.

@@ -7,7 +7,7 @@ use crate::load::files;
 use image::{ImageFormat, Limits};
 use std::borrow::Cow;
 use std::fs::File;
-use std::io::{self, BufRead, BufReader, Read};
+use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
 /// The use of an image, which decides about its colour encoding.
@@ -129,7 +129,7 @@ impl<'a> Source<'a> {
     }
 }
 
-/// Reads a file from a position on, whatever else reads it.
+/// Reads a file from a position on, wherever others that share it have read before.
 struct FileReader<'a> {
     file: &'a File,
     position: u64,
@@ -137,16 +137,8 @@ struct FileReader<'a> {
 
 impl Read for FileReader<'_> {
     fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
-        #[cfg(unix)]
-        let count = std::os::unix::fs::FileExt::read_at(self.file, into, self.position)?;
-        #[cfg(windows)]
-        let count = std::os::windows::fs::FileExt::seek_read(self.file, into, self.position)?;
-        #[cfg(not(any(unix, windows)))]
-        let count = {
-            // An image is read by one thread.
-            io::Seek::seek(&mut self.file, io::SeekFrom::Start(self.position))?;
-            Read::read(&mut self.file, into)?
-        };
+        self.file.seek(SeekFrom::Start(self.position))?;
+        let count = self.file.read(into)?;
         self.position += count as u64;
         Ok(count)
     }
