@@ -20,8 +20,8 @@ use oscura::load::stage::middle;
 use oscura::output::part::{PartHeader, Region};
 use oscura::output::{Format, PngOptions, ViewTransform};
 use oscura::render::{
-    BvhQuality, Labels, RenderOptions, RequestedOptions, ResolvedOptions, Splitting, denoising_guides,
-    film_bytes, guiding_bytes, shows_alpha, splat_bytes,
+    BvhQuality, Labels, PathReuse, RenderOptions, RequestedOptions, ResolvedOptions, Splitting,
+    denoising_guides, film_bytes, guiding_bytes, shows_alpha, splat_bytes,
 };
 use oscura::scene::{
     BounceLimits, Camera, Clamp, EnergyCompensation, Environment, Filter, FresnelModel, ImageId, Keyframes,
@@ -93,6 +93,24 @@ pub(crate) fn requested(args: &RenderArgs) -> RequestedOptions {
             .noise(args.long.noise.map(|percent| percent / 100.0))
             .time_limit(args.long.time_limit),
     }
+}
+
+/// Without techniques that nobody asked for and that would do harm, though trials find a gain.
+fn without_harmful_techniques(
+    options: RenderOptions,
+    args: &RenderArgs,
+    is_stage_lit: bool,
+) -> RenderOptions {
+    let mut options = options;
+    if is_stage_lit && args.splitting == Splitting::Auto {
+        // Trials overestimate its gain there: at equal time it had 1.3 to 1.4 times the error.
+        options = options.splitting(Splitting::OFF);
+    }
+    if args.picture.denoise && args.path_reuse == PathReuse::Auto {
+        // Denoising takes noise that pixels share for detail and leaves patches of it.
+        options = options.path_reuse(PathReuse::Off);
+    }
+    options
 }
 
 /// Removes AOVs and light groups, which only EXRs can store.
@@ -185,10 +203,7 @@ pub(super) fn prepare(
     let mut warnings = std::mem::take(&mut loaded.warnings);
     let mut resolved = resolve(args, wants.has_exr, loaded)?;
     let kept_aovs = resolved.options.aovs;
-    if loaded.is_stage_lit && args.splitting == Splitting::Auto {
-        // Trials overestimate its gain there: at equal time it had 1.3 to 1.4 times the error.
-        resolved.options = resolved.options.splitting(Splitting::OFF);
-    }
+    resolved.options = without_harmful_techniques(resolved.options, args, loaded.is_stage_lit);
     if args.picture.denoise {
         resolved.options = resolved.options.aovs(kept_aovs.union(denoising_guides())).halves(true);
     }
