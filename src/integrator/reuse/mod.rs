@@ -24,9 +24,9 @@
 //! else; it must be asked for the owner and for all others alike, and prefixes that don't take part have no density.
 //!
 //! So surfaces that rays pass at random (alpha, sheets, panes, boundaries of media) end connections, and a suffix that its owner found
-//! through one is its own. Where the component of a mix was selected at y, its weight belongs to the suffix. Prefixes whose direction
-//! is sampled with lobes towards refracted lights end nowhere at that vertex. Surfaces whose parameters depend on the viewer or
-//! on the path that arrives are not shared.
+//! through one is its own. Where the component of a mix was selected at y, its weight belongs to the suffix. No prefix ends at a
+//! vertex that samples directions with lobes towards refracted lights. Surfaces whose parameters depend on the viewer or on the path
+//! that arrives are not shared.
 //!
 //! Where a prefix ends depends on the random numbers before its last scattering only, and each scattering has a set of
 //! dimensions of its own, scrambled independently. So suffixes are independent of whether others take part.
