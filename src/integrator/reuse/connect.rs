@@ -622,9 +622,8 @@ impl Integrator<'_> {
         if tests_owner {
             for &sender in &round.senders {
                 let sender = usize::from(sender);
-                let is_found_otherwise = reuse.pairs.density[sender] == 0.0;
-                let none =
-                    if is_found_otherwise { group_of(sender, round.group) } else { sender..sender + 1 };
+                let is_owner_blocked = reuse.pairs.density[sender] == 0.0;
+                let none = if is_owner_blocked { group_of(sender, round.group) } else { sender..sender + 1 };
                 reuse.pairs.density[none].fill(0.0);
             }
         }
