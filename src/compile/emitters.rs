@@ -121,7 +121,8 @@ impl EmissionReader<'_> {
         let reader = HitReader { geometries: self.geometries, objects: self.objects, camera };
         let at = SurfaceHit { surface: &surface, hit, material, is_back: false, time: 0.0 };
         let wo = -ray.direction;
-        let hit_data = reader.read(at, &coordinates, wo, PathData::default()).filter(|_| material.reads_hit);
+        let read = || reader.read(at, &coordinates, wo, PathData::default());
+        let hit_data = material.reads_hit.then(read).flatten();
         let slots = point_reader(self.textures, &coordinates, &surface, wo, 0.0, hit_data.as_ref());
         let vertex_alpha = if material.uses_vertex_colors { coordinates.color[3] } else { 1.0 };
         let opacity = material.alpha.map_or(1.0, |alpha| alpha.opacity(&slots, vertex_alpha));

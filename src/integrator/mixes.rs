@@ -31,10 +31,6 @@ impl Integrator<'_> {
             w.materials.clear();
             w.materials.extend(w.hits.iter().map(|hit| if hit.is_hit() { material(hit) } else { 0 }));
         }
-        w.component_weights.clear();
-        if bounce == 0 && self.first_hits.any() {
-            w.component_weights.resize(w.hits.len(), Rgb::ONE);
-        }
         if self.optional.component_weight {
             w.arriving.component_weight.as_flattened_mut().fill(1.0);
         }
@@ -115,9 +111,6 @@ impl Integrator<'_> {
         w.materials[i] = selected.index;
         let throughput = get_rgb(&path.throughput, i) * factor;
         set_rgb(&mut path.throughput, i, throughput);
-        if let Some(weight) = w.component_weights.get_mut(i) {
-            *weight = factor;
-        }
         if self.optional.component_weight {
             set_rgb(&mut w.arriving.component_weight, i, factor);
         }

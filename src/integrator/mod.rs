@@ -183,6 +183,7 @@ impl<'a> Integrator<'a> {
                 sharing: options.reuse.is_some(),
                 guiding: options.guide.is_some(),
                 transparent_glass: options.transparent_glass,
+                first_hits: options.aovs.of(Source::FirstHit).any(),
                 denoising_guides: options.aovs.contains(Aov::DenoisingAlbedo)
                     || options.aovs.contains(Aov::DenoisingNormal),
             }),

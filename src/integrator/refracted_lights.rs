@@ -81,7 +81,7 @@ impl Integrator<'_> {
             let lobes = self.lobes_of(i, sorted, w);
             if !lobes.is_empty() {
                 w.light_lobes.push(lobes);
-                if let Some(reuse) = &mut w.reuse {
+                if let (Some(_), Some(reuse)) = (&self.options.reuse, &mut w.reuse) {
                     reuse.leave_out(bounce, w.wave.paths.state.radiance_index[i]);
                 }
             }

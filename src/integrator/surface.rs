@@ -338,7 +338,8 @@ impl Integrator<'_> {
     /// The factor on the albedo of a vertex that AOVs show, of ray `i` and the path `k` of `paths`.
     fn aov_weight(&self, bounce: u32, [i, k]: [usize; 2], paths: &PathState, w: &Workspace) -> Rgb {
         if bounce == 0 {
-            return w.component_weight(i);
+            let has_weights = self.optional.component_weight;
+            return if has_weights { get_rgb(&w.arriving.component_weight, i) } else { Rgb::ONE };
         }
         // What mirrors reflect, without the shares of branches.
         let weight = get_rgb(&paths.throughput, k) * paths.roulette_scale[k];

@@ -213,6 +213,8 @@ pub struct StateConditions<'a> {
     pub guiding: bool,
     /// Glass is transparent in the alpha channel.
     pub transparent_glass: bool,
+    /// AOVs of the first hit are among the outputs.
+    pub first_hits: bool,
     /// Guides of denoising are among the outputs.
     pub denoising_guides: bool,
 }
@@ -289,7 +291,7 @@ path_state! {
     /// Smallest density of a sampled direction so far, 1/sr, for the glossy filter.
     least_pdf: Lanes, if |c| c.filter_glossy;
     /// Factor of the throughput for the component that was selected at the last hit on a mix; 1 at others.
-    component_weight: RgbLanes, if |c| c.sharing && c.features.mixes;
+    component_weight: RgbLanes, if |c| c.features.mixes && (c.sharing || c.first_hits);
     /// Whether caustics traced from the lights contain the path so far: see [`super::caustics`].
     chains: Words, if |c| c.caustics;
     /// The share of the light found by such a path that caustics traced from the lights contain: that of its receivers' diffuse lobes.

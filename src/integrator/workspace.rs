@@ -31,8 +31,6 @@ pub struct Workspace {
     pub(super) escaped: Vec<u32>,
     /// Material of each hit.
     pub(super) materials: Vec<u32>,
-    /// Weight over probability of the component selected at each hit, at the first surfaces; empty without mixes.
-    pub(super) component_weights: Vec<Rgb>,
     /// Weight and importance of each component of the mix at hand.
     pub(super) components: Vec<(Rgb, f32)>,
     /// BSDFs of the vertices without a vectorised class.
@@ -99,7 +97,6 @@ impl Workspace {
             groups: Vec::with_capacity(WAVE),
             escaped: Vec::with_capacity(WAVE),
             materials: Vec::with_capacity(WAVE),
-            component_weights: Vec::new(),
             components: Vec::new(),
             bsdfs: Vec::new(),
             shadow_rays: Vec::with_capacity(WAVE),
@@ -135,7 +132,6 @@ impl Workspace {
 
     /// Begins a wave of camera paths: empties what some scenes alone fill, since threads keep their memory from scene to scene.
     pub(super) fn begin_wave(&mut self) {
-        self.component_weights.clear();
         self.unoccluded.clear();
         self.passed_kinds.clear();
         self.uncovered.clear();
@@ -147,11 +143,6 @@ impl Workspace {
         self.overlapping_segments.clear();
         self.shadow_segments.clear();
         self.rays_before_split = None;
-    }
-
-    /// Factor on the BSDF where ray `i` hit: 1 but for components of mixes.
-    pub(super) fn component_weight(&self, i: usize) -> Rgb {
-        self.component_weights.get(i).copied().unwrap_or(Rgb::ONE)
     }
 
     /// Finds the nearest hits of `rays`.

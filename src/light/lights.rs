@@ -89,6 +89,7 @@ impl Lights {
     }
 
     /// Does a light shine by the hit?
+    #[inline(always)]
     pub fn is_by_hit(&self, index: u32) -> bool {
         self.shines_by_hit && self.area.get(index as usize).is_some_and(AreaLight::shines_by_hit)
     }

@@ -141,7 +141,7 @@ impl Integrator<'_> {
         let Some(plan) = self.options.caustics else { return Rgb::ONE };
         let is_left = bounce >= 2
             && w.arriving.chains[i] & ARRIVES_BY_CASTER != 0
-            && light.is_some_and(|light| plan.takes(light));
+            && light.is_some_and(|light| plan.takes(&self.scene.lights, light));
         if is_left { Rgb::ONE - get_rgb(&w.arriving.chain_share, i) } else { Rgb::ONE }
     }
 
@@ -169,8 +169,8 @@ impl Integrator<'_> {
         let Wave { paths, vertices: v, .. } = &mut *w.wave;
         let chains = &paths.chains;
         for i in sorted.lit() {
-            let is_left =
-                chains[i] & LEAVES_BY_CASTER != 0 && plan.takes(self.only_light.unwrap_or(v.light.index[i]));
+            let is_left = chains[i] & LEAVES_BY_CASTER != 0
+                && plan.takes(&self.scene.lights, self.only_light.unwrap_or(v.light.index[i]));
             if is_left && !is_stretched_at(v, i, get(&v.light.wi, i)) {
                 let kept = Rgb::ONE - get_rgb(&paths.chain_share, i);
                 if kept == Rgb::ZERO {

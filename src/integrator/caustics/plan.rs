@@ -4,7 +4,7 @@ use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
 use crate::compile::{CausticRole, CompiledScene};
 use crate::integrator::interior::Interior;
-use crate::light::LightPathSampler;
+use crate::light::{LightPathSampler, Lights};
 use crate::math::{Ray, Vec3};
 use crate::sampling::sampler::SobolPoint;
 
@@ -15,8 +15,6 @@ pub struct CausticPlan {
     pub(super) roles: Vec<CausticRole>,
     /// Paths start at the lights before this index; the environment follows.
     pub(super) light_count: u32,
-    /// By light: its emission depends on the hit, so that no paths start there; empty if there is none.
-    by_hit: Vec<bool>,
     /// Distribution of the paths' starts.
     pub(super) emission: LightPathSampler,
     /// Seed of these paths.
@@ -32,11 +30,7 @@ impl CausticPlan {
         let targets = scene.targets(&roles);
         let light_count = (scene.lights.area().len() + scene.lights.punctual().len()) as u32;
         let emission = LightPathSampler::new(&scene.lights, &scene.textures, targets, scene.reach())?;
-        let by_hit = match scene.lights.shines_by_hit() {
-            true => (0..light_count).map(|light| scene.lights.is_by_hit(light)).collect(),
-            false => Vec::new(),
-        };
-        Some(CausticPlan { roles, light_count, by_hit, emission, seed, paths: paths.max(1) })
+        Some(CausticPlan { roles, light_count, emission, seed, paths: paths.max(1) })
     }
 
     /// This plan with another number of paths.
@@ -50,10 +44,10 @@ impl CausticPlan {
         self.paths
     }
 
-    /// Do paths start at this light?
+    /// Do paths start at this one of the scene's lights? Not where its emission depends on the hit.
     #[inline(always)]
-    pub(super) fn takes(&self, light: u32) -> bool {
-        light < self.light_count && self.by_hit.get(light as usize) != Some(&true)
+    pub(super) fn takes(&self, lights: &Lights, light: u32) -> bool {
+        light < self.light_count && !lights.is_by_hit(light)
     }
 
     /// CausticRole of a material.
