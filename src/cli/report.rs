@@ -554,23 +554,27 @@ const SEEN: f64 = 1e-3;
 /// Maximum number of pixels that are looked at.
 const LOOKED_AT: u64 = 1 << 18;
 
-/// A darkness_note for a picture that is nearly black at this exposure (stops).
+/// A note for a picture that is nearly black at this exposure (stops).
 pub(super) fn darkness_note(film: &Film, exposure: f32, scene: &Scene, file: &Path) -> Option<Warning> {
     let all = u64::from(film.width()) * u64::from(film.height());
     let step = all.div_ceil(LOOKED_AT).max(1);
     let width = u64::from(film.width());
-    let (mut sum, mut bright, mut covered, mut count) = (0.0, 0u64, 0.0, 0u64);
+    let (count, scale) = (all.div_ceil(step), f64::from(exposure).exp2());
+    let (mut sum, mut bright, mut covered) = (0.0, 0u64, 0.0);
     for at in (0..all).step_by(usize::try_from(step).unwrap_or(1)) {
         let [r, g, b, alpha] = film.mean_rgba((at % width) as u32, (at / width) as u32);
-        let value = f64::from(luminance([r, g, b])) * f64::from(exposure).exp2();
+        let value = f64::from(luminance([r, g, b])) * scale;
         sum += value.max(0.0);
         bright += u64::from(value > 0.18);
         covered += f64::from(alpha);
-        count += 1;
+        // Most pictures are seen to be bright after few pixels.
+        if bright as f64 > SEEN * count as f64 {
+            return None;
+        }
     }
     let mean = sum / count.max(1) as f64;
     // Nothing in the picture is something else, which is reported elsewhere.
-    if !(mean < DARK && covered > 0.0) || bright as f64 > SEEN * count as f64 {
+    if !(mean < DARK && covered > 0.0) {
         return None;
     }
     let stops = (0.18 / mean.max(1e-30)).log2();

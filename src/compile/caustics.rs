@@ -9,6 +9,7 @@ use crate::math::{Bounds3, Vec3};
 use crate::scene::FloatSlot;
 use crate::shape::Shape;
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 /// Metals up to this perceptual roughness (the square root of GGX alpha) cast caustics.
 const MAX_CASTER_ROUGHNESS: f32 = 0.25;
@@ -110,16 +111,11 @@ impl CompiledScene {
 
     /// Balls around all that sends light on: one for each object, or for neighbouring ones together.
     pub fn targets(&self, roles: &[CausticRole]) -> TargetSpheres {
-        // Primitives of an object follow each other: maps are asked once for each.
-        let mut runs: Vec<(u32, Bounds3)> = Vec::new();
-        self.visit_senders(roles, |object, ball| match runs.last_mut() {
-            Some((of, bounds)) if *of == object => *bounds = with_ball(*bounds, ball),
-            _ => runs.push((object, with_ball(Bounds3::EMPTY, ball))),
-        });
+        let senders = Senders::of(self, roles);
         let mut boxes: BTreeMap<u32, Bounds3> = BTreeMap::new();
-        for (object, bounds) in runs {
-            let all = boxes.entry(object).or_insert(Bounds3::EMPTY);
-            *all = all.union(bounds);
+        for run in &senders.runs {
+            let bounds = boxes.entry(run.object).or_insert(Bounds3::EMPTY);
+            senders.visit(run, |ball| *bounds = with_ball(*bounds, ball));
         }
         let mut groups: Vec<(Bounds3, Vec<u32>)> =
             boxes.into_iter().map(|(object, b)| (b, vec![object])).collect();
@@ -132,55 +128,14 @@ impl CompiledScene {
         let group_of: BTreeMap<u32, usize> = groups.iter().enumerate().flat_map(group_of).collect();
         let mut balls: Vec<TargetSphere> =
             groups.iter().map(|(bounds, _)| TargetSphere { center: bounds.center(), radius: 0.0 }).collect();
-        let mut last = None;
-        self.visit_senders(roles, |object, ball| {
-            let (_, group) = match last {
-                Some(known @ (of, _)) if of == object => known,
-                _ => (object, group_of.get(&object).copied().unwrap_or(usize::MAX)),
-            };
-            last = Some((object, group));
-            if let Some(around) = balls.get_mut(group) {
+        for run in &senders.runs {
+            let Some(around) = group_of.get(&run.object).map(|&group| &mut balls[group]) else { continue };
+            senders.visit(run, |ball| {
                 let far = (ball.center - around.center).length() + ball.radius;
                 around.radius = around.radius.max(far * (1.0 + 1e-5));
-            }
-        });
+            });
+        }
         TargetSpheres::new(balls)
-    }
-
-    /// Calls `visit` with balls within which all primitives lie that send light on, and their objects.
-    fn visit_senders(&self, roles: &[CausticRole], mut visit: impl FnMut(u32, TargetSphere)) {
-        let sends = |material: u32| roles.get(material as usize) == Some(&CausticRole::Caster);
-        let world = &self.geometries.world;
-        let senders = world.attributes.materials.iter().enumerate().filter(|(_, m)| sends(**m));
-        let (mut object, mut end) = (0, 0);
-        // The object that each vertex was last visited for: triangles share vertices.
-        let mut visited: Vec<u32> = Vec::new();
-        for (prim, _) in senders {
-            if prim as u32 >= end {
-                (object, end) = (world.owners.of(prim as u32).0, world.owners.end_of_run(prim as u32));
-            }
-            let Some(triangle) = world.shapes.triangles.get(prim) else {
-                visit_primitive(world, prim, |ball| visit(object, ball));
-                continue;
-            };
-            visited.resize(world.shapes.positions.len(), u32::MAX);
-            for &i in triangle {
-                let vertex = i as usize;
-                if std::mem::replace(&mut visited[vertex], object) != object {
-                    visit(object, point(Vec3::from_array(world.shapes.positions[vertex])));
-                }
-            }
-        }
-        for placement in &self.geometries.placements {
-            let space = &self.geometries.shared[placement.geometry as usize];
-            let materials = &space.attributes.materials;
-            let is_sender = placement.material.map_or_else(|| materials.iter().any(|m| sends(*m)), sends);
-            if is_sender && !space.bounds.is_empty() {
-                let place = placement.world_from_object;
-                let corners = space.bounds.corners().map(|p| place.linear * p + place.translation);
-                corners.into_iter().for_each(|p| visit(placement.object.0, point(p)));
-            }
-        }
     }
 
     /// Radius of a ball about the origin that holds all that rays can hit.
@@ -201,6 +156,103 @@ impl CompiledScene {
 }
 
 /// Bounds that hold a ball, too. Most balls are vertices of triangles.
+/// Balls within which all primitives lie that send light on.
+struct Senders<'s> {
+    /// Of all vertices.
+    positions: &'s [[f32; 3]],
+    /// Vertices of triangles that send light on; those that triangles share, once a run.
+    vertices: Vec<u32>,
+    /// Balls of all other primitives.
+    balls: Vec<TargetSphere>,
+    runs: Vec<SenderRun>,
+}
+
+/// What of an object sends light on, or a part of it.
+struct SenderRun {
+    object: u32,
+    vertices: Range<usize>,
+    balls: Range<usize>,
+}
+
+impl<'s> Senders<'s> {
+    fn of(scene: &'s CompiledScene, roles: &[CausticRole]) -> Senders<'s> {
+        let world = &scene.geometries.world;
+        let positions = &world.shapes.positions;
+        let mut senders = Senders { positions, vertices: Vec::new(), balls: Vec::new(), runs: Vec::new() };
+        senders.add_world(world, roles);
+        senders.add_placements(scene, roles);
+        senders
+    }
+
+    fn add_world(&mut self, world: &Space, roles: &[CausticRole]) {
+        let senders = world.attributes.materials.iter().enumerate().filter(|(_, m)| sends(roles, **m));
+        // Primitives of an object follow each other: maps are asked once for each.
+        let mut end = 0;
+        // The run that each vertex was last visited for.
+        let mut visited: Vec<u32> = Vec::new();
+        for (prim, _) in senders {
+            if prim as u32 >= end {
+                end = world.owners.end_of_run(prim as u32);
+                self.begin_run(world.owners.of(prim as u32).0);
+            }
+            match world.shapes.triangles.get(prim) {
+                None => visit_primitive(world, prim, |ball| self.balls.push(ball)),
+                Some(triangle) => {
+                    visited.resize(world.shapes.positions.len(), 0);
+                    let run = self.runs.len() as u32;
+                    for &vertex in triangle {
+                        if std::mem::replace(&mut visited[vertex as usize], run) != run {
+                            self.vertices.push(vertex);
+                        }
+                    }
+                }
+            }
+            self.end_run();
+        }
+    }
+
+    fn add_placements(&mut self, scene: &CompiledScene, roles: &[CausticRole]) {
+        for placement in &scene.geometries.placements {
+            let space = &scene.geometries.shared[placement.geometry as usize];
+            let materials = &space.attributes.materials;
+            let is_sender = placement
+                .material
+                .map_or_else(|| materials.iter().any(|m| sends(roles, *m)), |m| sends(roles, m));
+            if is_sender && !space.bounds.is_empty() {
+                let place = placement.world_from_object;
+                let corners = space.bounds.corners().map(|p| place.linear * p + place.translation);
+                self.begin_run(placement.object.0);
+                self.balls.extend(corners.into_iter().map(point));
+                self.end_run();
+            }
+        }
+    }
+
+    fn begin_run(&mut self, object: u32) {
+        let (vertices, balls) = (self.vertices.len(), self.balls.len());
+        self.runs.push(SenderRun { object, vertices: vertices..vertices, balls: balls..balls });
+    }
+
+    /// Ends the last run after what was added.
+    fn end_run(&mut self) {
+        if let Some(run) = self.runs.last_mut() {
+            (run.vertices.end, run.balls.end) = (self.vertices.len(), self.balls.len());
+        }
+    }
+
+    fn visit(&self, run: &SenderRun, mut visit: impl FnMut(TargetSphere)) {
+        for &vertex in &self.vertices[run.vertices.clone()] {
+            visit(point(Vec3::from_array(self.positions[vertex as usize])));
+        }
+        self.balls[run.balls.clone()].iter().for_each(|ball| visit(*ball));
+    }
+}
+
+/// Does a material send light on?
+fn sends(roles: &[CausticRole], material: u32) -> bool {
+    roles.get(material as usize) == Some(&CausticRole::Caster)
+}
+
 fn with_ball(bounds: Bounds3, ball: TargetSphere) -> Bounds3 {
     if ball.radius == 0.0 {
         return bounds.with(ball.center);

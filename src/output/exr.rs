@@ -416,11 +416,13 @@ fn compress(layer: &AnyLayer, block: usize) -> std::io::Result<Vec<u8>> {
             }
         }
     }
-    let bytes = differences(apart(&plain));
+    let bytes = differences(&apart(&plain));
     // Zlib grows what it can't compress by a thousandth and a few bytes; what is as large as before is stored as it is.
     let mut compressed = Vec::with_capacity(bytes.len() + bytes.len() / 1000 + 64);
     let status = ENCODER.with_borrow_mut(|encoder| {
-        encoder.reset();
+        if encoder.total_in() > 0 {
+            encoder.reset();
+        }
         encoder.compress_vec(&bytes, &mut compressed, FlushCompress::Finish)
     })?;
     let is_smaller = status == Status::StreamEnd && compressed.len() < plain.len();
@@ -438,11 +440,12 @@ fn apart(plain: &[u8]) -> Vec<u8> {
 }
 
 /// What each byte has more than the one before, and 128.
-fn differences(mut bytes: Vec<u8>) -> Vec<u8> {
-    for i in (1..bytes.len()).rev() {
-        bytes[i] = bytes[i].wrapping_sub(bytes[i - 1]).wrapping_add(128);
-    }
-    bytes
+fn differences(bytes: &[u8]) -> Vec<u8> {
+    let mut differences = Vec::with_capacity(bytes.len());
+    differences.extend(bytes.first());
+    let pairs = bytes.iter().zip(bytes.iter().skip(1));
+    differences.extend(pairs.map(|(before, byte)| byte.wrapping_sub(*before).wrapping_add(128)));
+    differences
 }
 
 // What headers say about a Cryptomatte (Psyop's specification 1.2.0).

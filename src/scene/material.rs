@@ -509,7 +509,8 @@ pub struct PbrMaterial {
     /// Roughness 0..1 of the diffuse part by the model of Oren and Nayar (KHR_materials_diffuse_roughness); 0 is Lambert's
     /// law.
     pub diffuse_roughness: FloatSlot,
-    /// Index of refraction (KHR_materials_ior); 1.5 by default, 0 means total reflection.
+    /// Index of refraction over that of the outside (KHR_materials_ior); 1.5 by default, below 1 for what is thinner, such as
+    /// bubbles, 0 means total reflection.
     pub ior: f32,
     /// Strength of the dielectric reflection (KHR_materials_specular).
     pub specular: FloatSlot,

@@ -438,6 +438,22 @@ fn glass_has_the_facets_of_beckmann_where_it_says_so() {
     }
 }
 
+/// What transmits light may be thinner than what is around it.
+#[test]
+fn indices_below_one_are_those_of_what_transmits() {
+    let of = |node: &str| {
+        material_of_nodes("p", &format!("p = {{ {node}, ior = 0.7 }}")).model.pbr().map(|p| p.ior)
+    };
+    assert_eq!(of("type = \"glass_bsdf\""), Some(0.7));
+    assert_eq!(of("type = \"refraction_bsdf\""), Some(0.7));
+    assert_eq!(of("type = \"principled_bsdf\", transmission_weight = 0.5"), Some(0.7));
+    let loaded =
+        load_text(&with_nodes("p", "p = { type = \"principled_bsdf\", ior = 0.7 }")).expect("a scene");
+    let warnings: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
+    assert_eq!(warnings.len(), 1, "{warnings:?}");
+    assert!(warnings[0].contains("index of refraction"), "{warnings:?}");
+}
+
 /// An index of 0 reflects all, as in Cycles; one of 1 nothing.
 #[test]
 fn an_index_of_zero_is_a_mirror() {

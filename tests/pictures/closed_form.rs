@@ -1,6 +1,8 @@
 //! Light transport against answers that are known in closed form.
 
-use crate::support::{assert_radiance, camera, disk, grey_floor, material, options, quad, sphere, walls};
+use crate::support::{
+    assert_radiance, camera, disk, grey_floor, material, measure, options, quad, sphere, walls,
+};
 use oscura::math::DVec3;
 use oscura::scene::{
     AlphaMode, ColorSlot, Environment, FloatSlot, FresnelModel, Light, LightKind, Material, Model,
@@ -254,25 +256,42 @@ fn punctual_lights_on_a_plane() {
     }
 }
 
-/// A smooth dielectric plane shows of an emitter above it what the Fresnel equations say.
+/// A smooth dielectric plane shows of an emitter above it what the Fresnel equations say, also where it is the thinner side.
 #[test]
 fn fresnel_reflectance() {
-    for degrees in [0.5f64, 45.0, 60.0, 80.0] {
-        let mut scene = Scene::default();
-        let tint = ColorSlot::constant([1.0; 3]);
-        let glass = Model::Dielectric { ior: 1.5, tint, fresnel: FresnelModel::Exact };
-        let glass = material(&mut scene, Material::new("glass", glass));
-        quad(&mut scene, [-9.0, 0.0, 9.0], [18.0, 0.0, 0.0], [0.0, 0.0, -18.0], glass);
-        let light = material(&mut scene, Material::emitter("light", [1.0; 3], true));
-        quad(&mut scene, [-2000.0, 40.0, -2000.0], [4000.0, 0.0, 0.0], [0.0, 0.0, 4000.0], light);
-        let (sine, cosine) = degrees.to_radians().sin_cos();
-        let eye = DVec3::new(sine, cosine, 0.0) * 5.0;
-        scene.cameras.push(camera(eye, DVec3::ZERO, DVec3::Z, 1e-3));
-        let cos_t = (1.0 - sine * sine / 2.25).sqrt();
-        let parallel = (1.5 * cosine - cos_t) / (1.5 * cosine + cos_t);
-        let perpendicular = (cosine - 1.5 * cos_t) / (cosine + 1.5 * cos_t);
-        let truth = 0.5 * (parallel * parallel + perpendicular * perpendicular);
-        let what = format!("Fresnel at {degrees} degrees");
-        assert_radiance(&what, &scene, &options(16, 256, 4), truth, 5e-3);
+    let white = ColorSlot::constant([1.0; 3]);
+    let dense = Model::Dielectric { ior: 1.5, tint: white, fresnel: FresnelModel::Exact };
+    let transmission = FloatSlot::constant(1.0);
+    let thin = PbrMaterial {
+        base_color: white,
+        ior: 0.7,
+        metallic: FloatSlot::constant(0.0),
+        roughness: FloatSlot::constant(0.0),
+        transmission,
+        has_volume: true,
+        ..Default::default()
+    };
+    for (ior, model) in [(1.5f64, dense), (0.7, Model::Pbr(Box::new(thin)))] {
+        for degrees in [0.5f64, 40.0, 45.0, 60.0, 80.0] {
+            let mut scene = Scene::default();
+            let glass = material(&mut scene, Material::new("glass", model.clone()));
+            quad(&mut scene, [-9.0, 0.0, 9.0], [18.0, 0.0, 0.0], [0.0, 0.0, -18.0], glass);
+            let light = material(&mut scene, Material::emitter("light", [1.0; 3], true));
+            quad(&mut scene, [-2000.0, 40.0, -2000.0], [4000.0, 0.0, 0.0], [0.0, 0.0, 4000.0], light);
+            let (sine, cosine) = degrees.to_radians().sin_cos();
+            let eye = DVec3::new(sine, cosine, 0.0) * 5.0;
+            scene.cameras.push(camera(eye, DVec3::ZERO, DVec3::Z, 1e-3));
+            let cos_t = (1.0 - (sine / ior).powi(2)).max(0.0).sqrt();
+            let parallel = (ior * cosine - cos_t) / (ior * cosine + cos_t);
+            let perpendicular = (cosine - ior * cos_t) / (cosine + ior * cos_t);
+            let truth = if cos_t == 0.0 { 1.0 } else { 0.5 * (parallel.powi(2) + perpendicular.powi(2)) };
+            // Paths are spread so evenly that all pictures may have the same number of reflections: the truth's, rounded.
+            let (mean, error) = measure(&scene, &options(16, 256, 4));
+            println!(
+                "index of refraction {ior} at {degrees} degrees: {mean:.6} +- {error:.6}, truth {truth:.6}"
+            );
+            assert!((mean - truth).abs() <= 4.5 * error + 1.0 / 65_536.0, "{mean} +- {error}, not {truth}");
+            assert!(error <= 5e-3 * truth, "{error}");
+        }
     }
 }

@@ -96,7 +96,7 @@ pub(super) fn adjust(
     model.metallic = slots.number("metallic", model.metallic);
     model.roughness = slots.number("roughness", model.roughness);
     model.diffuse_roughness = share(fields, "diffuse_roughness", model.diffuse_roughness);
-    model.ior = fields.number_in("ior", 1.0..10.0, model.ior.into()) as f32;
+    model.ior = fields.number_in("ior", 0.1..10.0, model.ior.into()) as f32;
     model.specular = slots.number("specular", model.specular);
     model.specular_color = slots.color("specular_color", model.specular_color);
     model.transmission = slots.number("transmission", model.transmission);

@@ -157,8 +157,6 @@ fn check_component(material: &Material, place: Entry, findings: &mut Findings) {
 
 fn check_pbr(pbr: &PbrMaterial, place: Entry, findings: &mut Findings) {
     findings.require_color(&pbr.attenuation_color, place, "attenuation_color");
-    let is_index = !(pbr.ior > 0.0 && pbr.ior < 1.0);
-    findings.require(is_index, place, "ior", pbr.ior, "0, or a finite number from 1 up");
     if let Some(film) = &pbr.iridescence {
         check_channel(&film.thickness_texture, "thickness_texture", place, findings);
     }

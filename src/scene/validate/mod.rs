@@ -262,7 +262,7 @@ mod tests {
         let tint = ColorSlot { factor: [1.0, -0.5, f32::NAN], texture: Some(TextureId(3)) };
         let model = Model::Dielectric { ior: 0.0, tint, fresnel: Default::default() };
         scene.materials.push(Material::new("pane", model));
-        let pbr = PbrMaterial { ior: 0.5, attenuation_distance: 0.0, ..PbrMaterial::default() };
+        let pbr = PbrMaterial { ior: -0.5, attenuation_distance: 0.0, ..PbrMaterial::default() };
         scene.materials.push(Material::new("jelly", Model::Pbr(Box::new(pbr))));
         assert_eq!(
             problems(&scene),
@@ -270,8 +270,8 @@ mod tests {
                 "materials[0] 'pane', tint: is TextureId(3), but must be one of the scene's textures",
                 "materials[0] 'pane', tint: is [1.0, -0.5, NaN], but must be finite numbers from 0 up",
                 "materials[0] 'pane', ior: is 0.0, but must be a finite number above 0",
+                "materials[1] 'jelly', ior: is -0.5, but must be a finite number from 0 up",
                 "materials[1] 'jelly', attenuation_distance: is 0.0, but must be above 0, or infinite",
-                "materials[1] 'jelly', ior: is 0.5, but must be 0, or a finite number from 1 up",
             ]
         );
     }

@@ -20,6 +20,9 @@ const WHITE: [f32; 3] = [1.0; 3];
 /// mistake in Cycles.
 const TOTAL_REFLECTION: f32 = 0.2;
 
+/// Glass of a smaller index of refraction has this one: beyond a grazing angle of a thousandth, all is reflected.
+const MIN_GLASS_IOR: f32 = 1e-3;
+
 /// Subsurface scattering of less weight counts as diffuse reflection.
 const MIN_SUBSURFACE: f32 = 0.5;
 
@@ -224,7 +227,7 @@ impl Lowering<'_, '_, '_> {
         Model::Pbr(Box::new(PbrMaterial {
             base_color: self.color_slot(color),
             roughness: self.float_slot(roughness),
-            ior: self.constant(index, "ior", 1.5).max(1.0),
+            ior: self.constant(index, "ior", 1.5).max(MIN_GLASS_IOR),
             specular: FloatSlot::constant(1.0),
             transmission: FloatSlot::constant(1.0),
             glass_reflection: if is_white { GlassReflection::White } else { reflection },
@@ -328,20 +331,7 @@ impl Lowering<'_, '_, '_> {
         pbr.diffuse_roughness = number(self, "diffuse_roughness", 0.0);
         pbr.transmission = number(self, "transmission_weight", 0.0);
         let level = number(self, "specular_ior_level", 0.5);
-        let given = self.constant(index, "ior", 1.5);
-        let ior = given.max(1.0);
-        (pbr.ior, pbr.specular) = match level.texture {
-            // As of glTF's index of 0, all is reflected.
-            None if given < TOTAL_REFLECTION && level.factor >= 0.5 && pbr.transmission == NONE => {
-                (0.0, FloatSlot::constant(1.0))
-            }
-            None if level.factor <= 0.0 && pbr.transmission == NONE => (ior, NONE),
-            None if pbr.transmission == NONE => {
-                (scaled_ior(ior, 2.0 * level.factor), FloatSlot::constant(1.0))
-            }
-            None => (ior, FloatSlot::constant(2.0 * level.factor.min(0.5))),
-            Some(_) => (ior, FloatSlot { factor: 2.0 * level.factor, ..level }),
-        };
+        (pbr.ior, pbr.specular) = self.dielectric(index, level, pbr.transmission == NONE);
         self.set_roughness(index, &mut pbr, "anisotropic", "anisotropic_rotation");
         let tint = self.color(index, "specular_tint", WHITE);
         pbr.base_color = self.color_slot(base);
@@ -354,6 +344,25 @@ impl Lowering<'_, '_, '_> {
         let coat_tint = self.principled_layers(index, &mut pbr);
         pbr.base_color.factor = [0, 1, 2].map(|c| pbr.base_color.factor[c] * coat_tint[c]);
         (pbr, coat_tint)
+    }
+
+    /// The index of refraction of the Principled shader, and the strength of its reflection.
+    fn dielectric(&mut self, index: usize, level: FloatSlot, is_opaque: bool) -> (f32, FloatSlot) {
+        let given = self.constant(index, "ior", 1.5);
+        if is_opaque && (TOTAL_REFLECTION..1.0).contains(&given) && level.factor > 0.0 {
+            self.warn("below an index of refraction of 1 only what transmits light reflects it".to_string());
+        }
+        let ior = given.max(if is_opaque { 1.0 } else { MIN_GLASS_IOR });
+        match level.texture {
+            // As of glTF's index of 0, all is reflected.
+            None if is_opaque && given < TOTAL_REFLECTION && level.factor >= 0.5 => {
+                (0.0, FloatSlot::constant(1.0))
+            }
+            None if is_opaque && level.factor <= 0.0 => (ior, NONE),
+            None if is_opaque => (scaled_ior(ior, 2.0 * level.factor), FloatSlot::constant(1.0)),
+            None => (ior, FloatSlot::constant(2.0 * level.factor.min(0.5))),
+            Some(_) => (ior, FloatSlot { factor: 2.0 * level.factor, ..level }),
+        }
     }
 
     /// Coat, sheen and film; gives the tint of what lies under the coat.
