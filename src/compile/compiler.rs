@@ -19,7 +19,7 @@ use crate::accel::{Accel, BuildStats};
 use crate::error::{Problem, Result, Warning};
 use crate::light::{EnvironmentLight, LightMotions, Lights, PunctualLight};
 use crate::math::DVec3;
-use crate::scene::{Camera, Model, RayKinds, Scene, ShadingModel};
+use crate::scene::{Camera, Environment, Model, RayKinds, Scene, ShadingModel};
 use crate::texture::CompiledTextures;
 use crate::work_counter::WorkCounter;
 use std::sync::Arc;
@@ -352,6 +352,7 @@ fn features(
         subsurface: media.iter().filter_map(|m| m.scattering.as_ref()).any(|s| !s.counts),
         environment_visible_to: scene.environment_visible_to,
         camera_environment: scene.camera_environment.is_some(),
+        background: *scene.camera_environment.as_ref().unwrap_or(&scene.environment) != Environment::Black,
         paths: materials.iter().any(|m| m.reads_path),
         ray_kinds: materials
             .iter()

@@ -181,6 +181,8 @@ pub struct Features {
     pub environment_visible_to: RayKinds,
     /// Camera rays see another environment than the one that lights the scene.
     pub camera_environment: bool,
+    /// Camera rays that hit nothing see a background, which may be black: they are opaque.
+    pub background: bool,
     /// Objects or lights are visible to some kinds of rays only, the camera's aside.
     pub ray_kinds: bool,
     /// Lights are linked to some objects only.

@@ -130,21 +130,32 @@ impl Integrator<'_> {
                     group,
                 },
             );
-            w.radiance_buffer.cover(path.radiance_index[i]);
+        }
+    }
+
+    /// Makes camera rays opaque that leave towards a background, which may be black.
+    fn cover_background(&self, w: &mut Workspace) {
+        if self.scene.features.background {
+            for &i in &w.escaped {
+                w.radiance_buffer.cover(w.arriving.state.radiance_index[i as usize]);
+            }
         }
     }
 
     /// Adds the environment to the paths that left the scene.
     pub(super) fn escape(&self, bounce: u32, w: &mut Workspace) {
-        let lights = &self.scene.lights;
+        let (lights, features) = (&self.scene.lights, &self.scene.features);
         if bounce > 0 {
             if self.optional.clear {
                 self.add_clear_background(w);
             }
-        } else if !self.scene.features.environment_visible_to.contains(RayKinds::CAMERA) {
+        } else if !features.environment_visible_to.contains(RayKinds::CAMERA) {
             return;
-        } else if self.scene.features.camera_environment {
-            return self.escape_to_camera(w);
+        } else {
+            self.cover_background(w);
+            if features.camera_environment {
+                return self.escape_to_camera(w);
+            }
         }
         self.add_suns(bounce, w);
         let Some(environment) = lights.environment() else { return };
@@ -187,9 +198,6 @@ impl Integrator<'_> {
                     group: self.scene.light_groups.of_light(light),
                 },
             );
-            if bounce == 0 {
-                w.radiance_buffer.cover(path.radiance_index[i]);
-            }
         }
     }
 }

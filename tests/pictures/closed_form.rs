@@ -1,7 +1,7 @@
 //! Light transport against answers that are known in closed form.
 
 use crate::support::{
-    assert_radiance, camera, disk, grey_floor, material, measure, options, quad, sphere, walls,
+    assert_radiance, camera, disk, grey_floor, material, measure, options, picture, quad, sphere, walls,
 };
 use oscura::math::DVec3;
 use oscura::scene::{
@@ -293,5 +293,23 @@ fn fresnel_reflectance() {
             assert!((mean - truth).abs() <= 4.5 * error + 1.0 / 65_536.0, "{mean} +- {error}, not {truth}");
             assert!(error <= 5e-3 * truth, "{error}");
         }
+    }
+}
+
+/// A black background is one: pixels are opaque where cameras see it, and transparent where there is none.
+#[test]
+fn black_backgrounds_are_opaque() {
+    let black = Environment::Constant([0.0; 3]);
+    let grey = Some(Environment::Constant([0.5; 3]));
+    for (environment, seen, alpha) in [
+        (Environment::Black, None, 0.0),
+        (black.clone(), None, 1.0),
+        (Environment::Constant([0.5; 3]), Some(black.clone()), 1.0),
+        (black, grey, 1.0),
+    ] {
+        let mut scene = Scene { environment, camera_environment: seen, ..Scene::default() };
+        scene.cameras.push(camera(DVec3::new(0.0, 0.0, 5.0), DVec3::ZERO, DVec3::Y, 40.0));
+        let film = picture(&scene, &options(4, 4, 4));
+        assert!(film.rgba().iter().all(|pixel| pixel[3] == alpha), "{scene:?}");
     }
 }

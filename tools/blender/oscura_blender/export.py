@@ -163,6 +163,8 @@ def _settings(scene, found, boxes, store, images, options, report):
         named.append(("[[camera]]", entries))
     if scene.camera is None:
         report.warn("", "has no active camera")
+    elif scene.camera not in found.cameras:
+        report.warn(scene.camera.name, "is the active camera, but no camera: pictures are seen from the first camera")
     empties, shining = [], []
     for number, (obj, matrix) in enumerate(found.lights):
         name = f"light {number}: {obj.name}"
