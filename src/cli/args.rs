@@ -3,7 +3,7 @@
 use super::camera_args::{CameraArgs, ShutterArgs};
 use super::parsers::{
     AovParser, FRAME_RATE, Frames, PreviewArg, ShowArg, bounce_limits, clamp, frames_per_second, number,
-    region, stops,
+    region, stops, whole,
 };
 use super::picture_args::ExrArgs;
 use super::picture_args::Quality;
@@ -65,7 +65,7 @@ pub(crate) struct CacheArgs {
 pub(crate) struct HelpArgs {
     /// A command, an option, a topic, 'scene-file', or a section of scene files.
     #[arg(allow_hyphen_values = true)]
-    pub topic: Option<String>,
+    pub topic: Vec<String>,
 }
 
 #[derive(Args, Debug)]
@@ -164,9 +164,9 @@ pub(crate) struct RenderArgs {
     /// Image size in pixels, such as 1920x1080; short for --width and --height.
     #[arg(long, visible_alias = "resolution", value_name = "WxH", conflicts_with_all = ["width", "height"], value_parser = size)]
     pub size: Option<(u32, u32)>,
-    #[arg(long, help = setting_help("width"), value_name = "W", value_parser = clap::value_parser!(u32).range(1..=65536), allow_negative_numbers = true)]
+    #[arg(long, help = setting_help("width"), value_name = "W", value_parser = whole::<u32>(1, 65536), allow_negative_numbers = true)]
     pub width: Option<u32>,
-    #[arg(long, help = setting_help("height"), value_name = "H", value_parser = clap::value_parser!(u32).range(1..=65536), allow_negative_numbers = true)]
+    #[arg(long, help = setting_help("height"), value_name = "H", value_parser = whole::<u32>(1, 65536), allow_negative_numbers = true)]
     pub height: Option<u32>,
     /// Render an animation: a frame range such as 1-10, or 1-10x2 with a step.
     ///
@@ -179,7 +179,7 @@ pub(crate) struct RenderArgs {
     /// Render a turntable of N frames, as numbered files or as one animation.
     ///
     /// The camera orbits the model once.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=100_000), conflicts_with = "frames", allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", value_parser = whole::<u32>(2, 100_000), conflicts_with = "frames", allow_negative_numbers = true)]
     pub orbit: Option<u32>,
     #[command(flatten)]
     pub shutter: ShutterArgs,
@@ -215,7 +215,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "Q", value_enum, conflicts_with_all = ["spp", "noise", "plan", "sample_range"])]
     pub quality: Option<Quality>,
     /// Samples per pixel [default: by the quality; 128 with a time limit and for parts of images].
-    #[arg(long, alias = "samples", value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
+    #[arg(long, alias = "samples", value_name = "N", value_parser = whole::<u32>(1, u32::MAX), allow_negative_numbers = true)]
     pub spp: Option<u32>,
     #[arg(long, help = setting_help("max_depth"), value_name = "N", allow_negative_numbers = true)]
     pub depth: Option<u32>,
@@ -228,7 +228,7 @@ pub(crate) struct RenderArgs {
     /// Lift the limits of bounces, the clamps and the glossy filter that a scene asks for, as files of Blender do, and render the caustics that it leaves out.
     #[arg(long, conflicts_with_all = ["bounces", "clamp", "filter_glossy"])]
     pub unbiased: bool,
-    #[arg(long, help = setting_help("seed"), value_name = "N", allow_negative_numbers = true)]
+    #[arg(long, help = setting_help("seed"), value_name = "N", value_parser = whole::<u32>(0, u32::MAX), allow_negative_numbers = true)]
     pub seed: Option<u32>,
     /// Each frame of a sequence has a seed of its own, the seed plus its number: noise that `oscura denoise` averages over frames.
     #[arg(long)]
@@ -239,7 +239,7 @@ pub(crate) struct RenderArgs {
     pub aov_space: AovSpace,
     #[arg(long, help = setting_help("light_groups"))]
     pub light_groups: bool,
-    #[arg(long, help = setting_help("matte_levels"), value_name = "N", default_value_t = CRYPTO_LEVELS, value_parser = clap::value_parser!(u32).range(1..=64), allow_negative_numbers = true)]
+    #[arg(long, help = setting_help("matte_levels"), value_name = "N", default_value_t = CRYPTO_LEVELS, value_parser = whole::<u32>(1, 64), allow_negative_numbers = true)]
     pub crypto_levels: u32,
     /// Transparent background: the camera does not see the environment, which still lights the scene.
     #[arg(long, conflicts_with = "background")]
@@ -250,7 +250,7 @@ pub(crate) struct RenderArgs {
     #[command(flatten)]
     pub picture: PictureArgs,
     /// Number of threads [default: one per core]. The image does not depend on it.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", value_parser = whole::<u16>(1, 1024), allow_negative_numbers = true)]
     pub threads: Option<u16>,
     #[command(flatten)]
     pub long: LongArgs,
@@ -428,10 +428,10 @@ pub(crate) struct LongArgs {
     #[arg(long, value_name = "P", value_parser = percent, allow_negative_numbers = true)]
     pub noise: Option<f32>,
     /// Minimum samples per pixel with --noise.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", value_parser = whole::<u32>(1, u32::MAX), allow_negative_numbers = true)]
     pub min_spp: Option<u32>,
     /// Maximum samples per pixel with --noise (same as --spp).
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", value_parser = whole::<u32>(1, u32::MAX), allow_negative_numbers = true)]
     pub max_spp: Option<u32>,
     #[arg(long, help = setting_help("time_limit"), value_name = "S", value_parser = seconds)]
     pub time_limit: Option<Duration>,
@@ -449,7 +449,7 @@ pub(crate) struct LongArgs {
     /// With the same or a higher number of samples. An interrupted frame of an animation is not written.
     #[arg(long)]
     pub resume: bool,
-    #[arg(long, help = setting_help("planned"), value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
+    #[arg(long, help = setting_help("planned"), value_name = "N", value_parser = whole::<u32>(1, u32::MAX), allow_negative_numbers = true)]
     pub plan: Option<u32>,
     #[arg(long, help = setting_help("sample_range"), value_name = "A..B", value_parser = range)]
     pub sample_range: Option<(u32, u32)>,

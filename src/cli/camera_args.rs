@@ -1,6 +1,6 @@
 //! Arguments about where the camera stands and how it sees, in place of what the scene says.
 
-use super::parsers::{named, number};
+use super::parsers::{named, number, whole};
 use clap::Args;
 use clap::builder::TypedValueParser;
 use oscura::error::{Error, Result};
@@ -135,7 +135,7 @@ pub(crate) struct ShutterArgs {
     pub shutter_position: Option<ShutterPosition>,
     /// Motion blur steps: number of times at which moving objects are evaluated while the shutter is open, 2 or more
     /// [default: as many as their motion needs, at most 65].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1000), allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", value_parser = whole::<u32>(2, 1000), allow_negative_numbers = true)]
     pub motion_keys: Option<u32>,
 }
 

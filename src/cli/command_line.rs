@@ -8,6 +8,7 @@ use super::option_groups::group;
 use super::picture_args::{ConvertArgs, DenoiseArgs, InfoArgs};
 use super::process::remember_words;
 use super::thumbnail::{ThumbArgs, ThumbnailerArgs};
+use super::tips::with_tips;
 use super::view;
 use super::view::ViewArgs;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -49,7 +50,8 @@ impl Arguments {
             None => command,
         };
         remember_words(&words);
-        let matches = command.try_get_matches_from_mut(words)?;
+        let matches =
+            command.try_get_matches_from_mut(words).map_err(|error| with_tips(error, &mut command))?;
         if let Some(("view", matches)) = matches.subcommand() {
             view::refuse_unused(&mut command, matches)?;
         }

@@ -7,6 +7,7 @@ use super::process::Outcome;
 use font8x8::legacy::BASIC_LEGACY;
 use oscura::color::converted;
 use oscura::error::{Error, Result};
+use oscura::film::Aov;
 use oscura::load::image::{Layered, load_layered};
 use oscura::output::{
     Format, Linear, PngOptions, check_target, encode_rgb8, encode_shown, is_color, shown8, write_atomically,
@@ -101,9 +102,17 @@ fn animate(args: &ConvertArgs) -> Result<Outcome> {
 
 /// The layer of a file that is to be seen, and its size.
 fn pixels(file: &Layered, args: &ConvertArgs, path: &Path) -> Result<([u32; 2], Vec<[f32; 4]>)> {
-    let (part, rgba) = find(file, args.layer.as_deref()).ok_or_else(|| no_layer(file, args, path))?;
+    let layer = args.layer.as_deref();
+    let found = find(file, layer).or_else(|| find(file, Some(layer_of_pass(layer?)?)));
+    let (part, rgba) = found.ok_or_else(|| no_layer(file, args, path))?;
     let (size, rgba) = file.in_display_window(part, &rgba);
     Ok((size.map(|length| length as u32), rgba))
+}
+
+/// The layer of a pass by its name for `--aov`: `Z` of `depth`.
+fn layer_of_pass(name: &str) -> Option<&'static str> {
+    let channel = *Aov::from_option(name)?.info().names.first()?;
+    Some(channel.rsplit_once('.').map_or(channel, |(layer, _)| layer))
 }
 
 /// How many values are no numbers that a picture could show, if some are.

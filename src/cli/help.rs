@@ -8,6 +8,7 @@ use super::process::Outcome;
 use super::report::print_text;
 use clap::{Arg, ValueEnum};
 use oscura::error::{Error, Result};
+use oscura::film::Aov;
 use oscura::load::scene_file::{CHAPTERS, Chapter};
 use std::fmt::Write;
 use strsim::levenshtein;
@@ -19,7 +20,8 @@ const WHOLE: &str = "scene-file";
 /// Prints the help of a command or topic.
 pub(crate) fn run(args: &HelpArgs) -> Result<Outcome> {
     let mut command = Arguments::whole();
-    let text = match args.topic.as_deref() {
+    let topic = args.topic.join(" ");
+    let text = match Some(topic.as_str()).filter(|topic| !topic.is_empty()) {
         None => command.render_long_help().to_string() + &topics(),
         Some(topic) => match about(topic, &command) {
             Some(text) => text,
@@ -36,26 +38,32 @@ pub(crate) fn run(args: &HelpArgs) -> Result<Outcome> {
 
 /// The help of a word: a command, a chapter of scene files, a heading of options, an option, or what options are about.
 fn about(word: &str, command: &clap::Command) -> Option<String> {
-    let word = word.trim_start_matches('-').to_lowercase();
-    if word == WHOLE {
+    let word = word.trim_start_matches('-').to_lowercase().replace(['_', ' '], "-");
+    if spellings(&word).iter().any(|word| word == WHOLE || word == "toml") {
         return Some(CHAPTERS.iter().map(shown).collect::<Vec<_>>().join("\n"));
     }
     let spellings = spellings(&word);
-    let named = spellings.iter().find_map(|word| subcommand(command, word));
+    let named = spellings.iter().find_map(|word| subcommand(command, meant_command(word)));
     let chapter = spellings.iter().find_map(|word| Chapter::find(meant(word)));
     let heading = spellings.iter().find_map(|word| heading(word));
     let of_heading =
         heading.and_then(|heading| options(command, |arg| arg.get_help_heading() == Some(heading)));
-    let parts = [named.map(|mut found| found.render_long_help().to_string()), chapter.map(shown), of_heading];
+    let plain = spellings.iter().find_map(|word| plain_topic(word));
+    let of_command = named.map(|mut found| found.render_long_help().to_string());
+    let parts = [plain.map(plain_text), of_command, chapter.map(shown), of_heading];
     if parts.iter().any(Option::is_some) {
         return Some(parts.into_iter().flatten().collect::<Vec<_>>().join("\n"));
     }
     let has_name =
         |arg: &Arg| arg.get_long_and_visible_aliases().is_some_and(|names| names.contains(&&*word));
+    let pass = spellings.iter().find_map(|word| Aov::from_option(&word.replace('-', "_"))).map(about_pass);
+    if let Some(pass) = pass {
+        return Some(pass + &options(command, has_name).unwrap_or_default());
+    }
     options(command, has_name).or_else(|| {
         let is_about = |arg: &Arg| {
             let help = arg.get_long_help().or_else(|| arg.get_help());
-            help.is_some_and(|help| help.to_string().to_lowercase().contains(&word))
+            help.is_some_and(|help| help.to_string().to_lowercase().replace(' ', "-").contains(&word))
         };
         options(command, is_about).filter(|_| word.len() > 2)
     })
@@ -74,7 +82,8 @@ fn meant(word: &str) -> &str {
         "pbr" | "material" | "metal" | "glass" | "displacement" | "priority" | "bsdf" | "shader" => {
             "materials"
         }
-        "fog" | "subsurface" | "medium" | "volume" | "volumetric" | "grid" | "smoke" | "cloud" => "media",
+        "fog" | "subsurface" | "sss" | "skin" | "medium" | "volume" | "volumetric" | "grid" | "smoke"
+        | "cloud" => "media",
         "light" | "lamp" | "sun" | "spot" => "lights",
         "object" | "mesh" | "meshe" | "shape" | "instance" | "sphere" => "objects",
         "subdivide" | "catmull-clark" => "subdivision",
@@ -84,7 +93,6 @@ fn meant(word: &str) -> &str {
         "lens" | "dof" | "depth-of-field" | "bokeh" | "panorama" => "camera",
         "hair" | "fur" | "strand" | "curve" => "curves",
         "transformation" | "rotate" | "scale" => "transform",
-        "scene-files" | "toml" | "scenes" => WHOLE,
         _ => word,
     }
 }
@@ -100,11 +108,67 @@ fn heading(word: &str) -> Option<&'static str> {
         "noise" | "sampling" | "quality" | "sample" | "firefly" | "fireflie" => "sampling and quality",
         "aov" | "pass" | "layer" | "channel" | "cryptomatte" => "passes",
         "denoiser" | "oidn" | "denoise" => "denoising",
-        "checkpoint" | "farm" | "time" | "interruption" => "long renders",
+        "checkpoint" | "farm" | "time" | "interruption" | "part" | "tile" => "long renders",
         "exr" | "png" | "format" | "file" => "output",
         other => other,
     };
-    GROUPS.iter().map(|(heading, _)| *heading).find(|heading| heading.to_lowercase() == word)
+    GROUPS.iter().map(|(heading, _)| *heading).find(|heading| as_topic(heading) == as_topic(word))
+}
+
+/// A heading as a topic: one word.
+fn as_topic(heading: &str) -> String {
+    heading.to_lowercase().replace(' ', "-")
+}
+
+/// The command that another word stands for.
+fn meant_command(word: &str) -> &str {
+    match word {
+        "watch" | "live" | "page" | "viewer" | "browser" => "view",
+        "thumbnail" => "thumb",
+        "part" => "merge",
+        _ => word,
+    }
+}
+
+/// Topics that belong to no option: names, and what there is to say.
+const PLAIN: [(&[&str], &str); 4] = [
+    (
+        &["exit-codes", "exit", "code", "error", "status"],
+        "Exit codes: 0 done, 1 compare found disagreement, 2 usage (options that make no sense), 3 bad input (nothing is \
+         written), 4 output failed, 130 interrupted by a signal. Of several scenes in one command the highest. With --json \
+         a failure is a JSON object on standard output, with its exit code.",
+    ),
+    (
+        &["signals", "ctrl-c", "interrupt", "sigterm", "stop", "kill"],
+        "Ctrl-C (SIGINT), SIGTERM and SIGHUP stop rendering soon; the picture has the samples taken until then, and the exit \
+         code is 130. If some pixels have no sample yet, no picture is written and a file that was there stays. Signals \
+         within a second of the first are the same request; a later one ends the program at once. --checkpoint FILE with \
+         --resume goes on later, to the same bits.",
+    ),
+    (
+        &["standard-output", "stdout", "pipe", "stdin", "standard-input"],
+        "-o - writes a PNG to standard output, -o exr:- an EXR (also jpg:-, tif:-, webp:-, hdr:-). Progress, notes, warnings and \
+         the report go to standard error; -q prints errors only. Scenes are read from files: their images lie beside them.",
+    ),
+    (
+        &["gpu", "cuda", "optix", "cpu"],
+        "oscura renders on the processor (CPU) with all its cores (--threads N); it uses no graphics card.",
+    ),
+];
+
+fn plain_topic(word: &str) -> Option<&'static str> {
+    PLAIN.iter().find(|(names, _)| names.contains(&word)).map(|(_, text)| *text)
+}
+
+fn plain_text(text: &str) -> String {
+    fill(text, lines_of(WIDTH)) + "\n"
+}
+
+/// What a pass has, and how it is asked for.
+fn about_pass(aov: Aov) -> String {
+    let info = aov.info();
+    plain_text(&format!("--aov {}: {}; EXR channels {}.", info.option, info.about, info.names.join(", ")))
+        + "\n"
 }
 
 /// The help of some options of `render`; `None` if there are none.
@@ -127,10 +191,11 @@ fn shown(chapter: &Chapter) -> String {
 /// Names of all topics besides commands.
 fn topic_names() -> Vec<String> {
     let chapters = CHAPTERS.iter().skip(1).map(|chapter| chapter.name().to_string());
-    let headings = GROUPS.iter().map(|(heading, _)| heading.to_lowercase()).filter(|h| h != "help");
+    let headings = GROUPS.iter().map(|(heading, _)| as_topic(heading)).filter(|h| h != "help");
+    let headings = headings.chain(PLAIN.iter().map(|(names, _)| names[0].to_string()));
     let mut names: Vec<String> = chapters.collect();
     for heading in headings {
-        if !heading.contains(' ') && !names.contains(&heading) {
+        if !names.contains(&heading) {
             names.push(heading);
         }
     }
@@ -303,10 +368,28 @@ mod tests {
             "glasses",
             "meshes",
             "firefly",
+            "long renders",
+            "long-renders",
+            "scene-files",
+            "sampling and quality",
+            "Exit codes",
+            "exit",
+            "signals",
+            "pipes",
+            "gpu",
+            "live",
+            "thumbnails",
+            "sss",
+            "parts",
         ] {
             assert!(about(word, &command).is_some(), "{word}");
         }
         assert!(about("xyzzy", &command).is_none());
+        let depth = about("depth", &command).expect("a pass and an option");
+        assert!(depth.contains("--aov depth") && depth.contains("bounces of a path"), "{depth}");
+        for name in topic_names() {
+            assert!(about(&name, &command).is_some(), "{name}");
+        }
         assert_eq!(nearest("matirials", &command).as_deref(), Some("materials"));
         assert_eq!(nearest("denoze", &command).as_deref(), Some("denoise"));
         assert_eq!(nearest("xyzzy", &command), None);

@@ -1,6 +1,6 @@
 //! `oscura merge`: a picture from its parts.
 
-use super::parsers::stops;
+use super::parsers::{stops, whole};
 use super::picture_args::ExrFormatArgs;
 use super::picture_args::{DenoiserArgs, views};
 use super::pictures::{EncodeOptions, FinishedPicture, Pictures, Targets};
@@ -48,6 +48,10 @@ fn merge(args: &MergeArgs) -> Result<Outcome> {
     let targets = Targets::check(&args.output)?;
     if let Some(part) = targets.parts().first() {
         return Err(Error::usage(format!("{}: parts become pictures", part.display())));
+    }
+    let twice = args.parts.iter().enumerate().find(|(at, part)| args.parts[..*at].contains(part));
+    if let Some((_, part)) = twice {
+        return Err(Error::input(part, ("parts-overlap", "is given twice")));
     }
     let mut parts = heads(&args.parts)?;
     // Channels that show first samples take the parts in the order of samples.
@@ -273,7 +277,7 @@ pub(crate) struct MergeArgs {
     #[arg(long, value_name = "NAME")]
     pub owner: Option<String>,
     /// Number of threads [default: one per core].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", value_parser = whole::<u16>(1, 1024), allow_negative_numbers = true)]
     pub threads: Option<u16>,
     /// Print errors only.
     #[arg(long)]

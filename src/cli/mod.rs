@@ -41,6 +41,7 @@ mod scene_args;
 mod settings;
 mod show;
 mod thumbnail;
+mod tips;
 mod view;
 
 /// Runs the program with these arguments, the first of which is its own name. Returns the exit code: 0 done, 1 pictures

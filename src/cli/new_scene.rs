@@ -10,8 +10,9 @@ use oscura::load::blender::{BlenderOptions, clear, default_cache, export, kept};
 use oscura::load::gltf::GltfOptions;
 use oscura::load::scene_file::sidecar_path;
 use oscura::load::{BlenderExport, LoadOptions, Loaded, is_of_blender, load};
+use oscura::math::DVec3;
 use oscura::output::{check_folder, check_target, move_folder, write_atomically};
-use oscura::scene::Scene;
+use oscura::scene::{Camera, Material, Model, Scene};
 use std::fmt::Write;
 use std::path::Path;
 
@@ -76,8 +77,10 @@ fn text(model: &Path, loaded: &Loaded) -> String {
     parts.push(PICTURE.to_string());
     parts.push(WORLD.to_string());
     parts.extend(cameras(&loaded.scene));
+    parts.push(LAMP.to_string());
     parts.extend(lamps(&lost));
     parts.extend(materials(&lost));
+    parts.extend(own_materials(&loaded.scene, &lost));
     parts.extend(objects(&lost));
     parts.join("\n")
 }
@@ -111,6 +114,42 @@ const WORLD: &str = "\
 # or: image = \"studio.exr\", rotation = 0, strength = 1
 ";
 
+const LAMP: &str = "\
+# A lamp in place of the stage's light, in metres and watts; others are area, spot and sun (`oscura help lights`).
+#[[lights]]
+#name = \"key\"
+#point = { position = [2.0, 3.0, 2.0], radius = 0.3, power = 500.0 }
+";
+
+/// Name of the camera that a model without one is framed by.
+const FRAMING: &str = "default";
+
+/// Maximum number of materials with a proposal.
+const MAX_MATERIALS: usize = 12;
+
+/// Materials of the model that nothing was proposed for.
+fn own_materials(scene: &Scene, lost: &BlenderExport) -> Vec<String> {
+    let is_proposed = |name: &String| {
+        [&lost.white, &lost.lost, &lost.unused_alpha].iter().any(|names| names.contains(name))
+    };
+    let mut own: Vec<&Material> = Vec::new();
+    for material in scene.materials.iter().filter(|m| !m.name.is_empty() && !is_proposed(&m.name)) {
+        if own.iter().all(|known| known.name != material.name) {
+            own.push(material);
+        }
+    }
+    let part = |material: &&Material| {
+        // Others than those of glTF have no keys that a part of them could change.
+        let kind = if matches!(material.model, Model::Pbr(_)) { "" } else { "#type = \"pbr\"\n" };
+        format!(
+            "# A material of the model: keys of type \"pbr\" change it, with a type it becomes another.\n\
+             #[materials.{}]\n{kind}#base_color = [0.8, 0.8, 0.8]\n#metallic = 0.0\n#roughness = 0.5\n",
+            key(&material.name)
+        )
+    };
+    own.iter().take(MAX_MATERIALS).map(part).collect()
+}
+
 /// Maximum number of cameras with a proposal.
 const MAX_CAMERAS: usize = 8;
 
@@ -123,8 +162,25 @@ fn cameras(scene: &Scene) -> Vec<String> {
         )
     };
     // The one that the whole model is framed by is none of its own.
-    let own = scene.cameras.iter().filter(|c| c.name != "default").take(MAX_CAMERAS);
-    own.map(|camera| proposal(&camera.name)).collect()
+    let own = scene.cameras.iter().filter(|c| c.name != FRAMING).take(MAX_CAMERAS);
+    let proposals: Vec<String> = own.map(|camera| proposal(&camera.name)).collect();
+    let framing = scene.cameras.iter().find(|camera| camera.name == FRAMING);
+    match framing.filter(|_| proposals.is_empty()) {
+        Some(camera) => vec![framed(camera)],
+        None => proposals,
+    }
+}
+
+/// The camera of a model without one, to begin with; `oscura view` finds others.
+fn framed(camera: &Camera) -> String {
+    let eye = camera.world_from_camera.translation;
+    let to = eye - camera.world_from_camera.matrix3.z_axis;
+    let list = |v: DVec3| format!("[{:.4}, {:.4}, {:.4}]", v.x, v.y, v.z);
+    format!(
+        "# A camera: as the model is shown without one.\n#[camera]\n#look_from = {}\n#look_at = {}\n#vfov = 30\n",
+        list(eye),
+        list(to)
+    )
 }
 
 fn lamps(lost: &BlenderExport) -> Option<String> {

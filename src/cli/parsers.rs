@@ -19,6 +19,20 @@ pub(super) fn number(text: &str, is_valid: impl Fn(f64) -> bool, what: &str) -> 
     text.parse().ok().filter(|&v| is_valid(v)).ok_or_else(|| format!("must be {what}"))
 }
 
+/// A whole number within bounds, both included.
+pub(super) fn whole<T: TryFrom<u32>>(
+    least: u32,
+    most: u32,
+) -> impl Fn(&str) -> Result<T, String> + Clone + Send + Sync + 'static {
+    move |text| {
+        let value = text.parse::<u32>().ok().filter(|v| (least..=most).contains(v));
+        value.and_then(|v| T::try_from(v).ok()).ok_or_else(|| match most {
+            u32::MAX => format!("must be a whole number, {least} or more"),
+            _ => format!("must be a whole number from {least} to {most}"),
+        })
+    }
+}
+
 /// Stops of exposure; the range is that of scene files.
 pub(super) fn stops(text: &str) -> Result<f32, String> {
     number(text, |v| (-100.0..=100.0).contains(&v), "a number from -100 to 100").map(|v| v as f32)
@@ -44,7 +58,7 @@ fn limits<const N: usize>(text: &str, names: [&str; N]) -> Result<[Option<f64>; 
     for entry in text.split(',') {
         let (name, value) = entry
             .split_once('=')
-            .ok_or_else(|| format!("'{entry}' is not a limit such as {}=5", names[0]))?;
+            .ok_or_else(|| format!("'{entry}' is not a limit such as {}=5", names.join("=5,")))?;
         let at = names.iter().position(|known| *known == name.trim());
         let at = at.ok_or_else(|| format!("'{name}' is none of {}", names.join(", ")))?;
         let value = number(value.trim(), |v| v > 0.0, "a number above 0")?;
@@ -262,6 +276,9 @@ fn with_marks(name: &str) -> Cow<'_, str> {
 
 // `--aov`: names of the film's table of channels, `all`, and `help` for the table.
 
+/// All three Cryptomattes.
+const ALL_MATTES: &str = "cryptomatte";
+
 /// Reads one name.
 #[derive(Clone)]
 pub(super) struct AovParser;
@@ -275,6 +292,10 @@ impl AovParser {
             // Names of earlier versions.
             PossibleValue::new("nearest").hide(true),
             PossibleValue::new("material").hide(true),
+            // Names that others give them.
+            PossibleValue::new(ALL_MATTES).hide(true),
+            PossibleValue::new("z").hide(true),
+            PossibleValue::new("normals").hide(true),
         ];
         PossibleValuesParser::new(Aov::ALL.iter().map(value).chain(further))
     }
@@ -290,6 +311,10 @@ impl TypedValueParser for AovParser {
             return Err(error);
         }
         let name = AovParser::inner().parse_ref(cmd, arg, value)?;
+        if name == ALL_MATTES {
+            let mattes = [Aov::CryptoObject, Aov::CryptoMaterial, Aov::CryptoAsset];
+            return Ok(mattes.into_iter().map(AovSet::from).fold(AovSet::NONE, AovSet::union));
+        }
         let one = Aov::from_option(&name).map(AovSet::from);
         Ok(one.unwrap_or_else(AovSet::all))
     }

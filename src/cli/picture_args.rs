@@ -1,7 +1,7 @@
 //! Arguments about pictures: `--quality`, which sets samples and denoising; the view transform; the layout of EXRs and the part of the
 //! frame that they hold; and those of the commands that read pictures.
 
-use super::parsers::{FRAME_RATE, Frames, frames_per_second, named, number, region, stops};
+use super::parsers::{FRAME_RATE, Frames, frames_per_second, named, number, region, stops, whole};
 use clap::builder::{PossibleValue, PossibleValuesParser, StringValueParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use oscura::error::{Error, Result, Warning};
@@ -105,7 +105,7 @@ pub(crate) struct DenoiseArgs {
     #[command(flatten)]
     pub denoiser: DenoiserArgs,
     /// Number of threads [default: one per core]. The image does not depend on it.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", value_parser = whole::<u16>(1, 1024), allow_negative_numbers = true)]
     pub threads: Option<u16>,
     /// Print errors only.
     #[arg(long)]
@@ -210,7 +210,7 @@ pub(crate) struct ExrFormatArgs {
     #[arg(long, value_name = "KIND", default_value = "zip", value_parser = compressions())]
     pub exr_compression: ExrCompression,
     /// Write tiled EXRs with tiles of N x N pixels.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(8..=4096), allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", value_parser = whole::<u32>(8, 4096), allow_negative_numbers = true)]
     pub exr_tiles: Option<u32>,
     /// Colour space of EXRs.
     #[arg(long, value_name = "SPACE", default_value = "rec709", value_parser = spaces())]

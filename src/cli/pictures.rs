@@ -254,7 +254,7 @@ impl<'a> Pictures<'a> {
     /// An output error that says of all others why they were not.
     pub fn write(self) -> Result<()> {
         let written = self.files.into_iter().map(|(path, bytes)| match is_stdout(path) {
-            true => bytes.map(|bytes| print_bytes(&bytes)),
+            true => print_bytes(&bytes?),
             false => write_atomically(path, &bytes?),
         });
         let mut failed = written.filter_map(Result::err);

@@ -168,13 +168,16 @@ impl Progress {
                     return;
                 }
                 *next = next_line(elapsed);
+                let error_known = error.is_some();
                 let left = ends.left(share, elapsed, error);
                 let left = left.map_or_else(String::new, |left| format!("about {left} left, "));
                 let error = error.map_or_else(String::new, |error| format!(", error {:.2} %", error * 100.0));
-                say!(
-                    "{label}{:.1} %  {seconds:.0} s elapsed, {left}{speed:.1} M rays/s{error}",
-                    share * 100.0
-                );
+                // Without an estimate of the noise nobody knows how far it is.
+                let done = match ends.is_known(error_known) {
+                    true => format!("{:.1} %  ", share * 100.0),
+                    false => String::new(),
+                };
+                say!("{label}{done}{seconds:.0} s elapsed, {left}{speed:.1} M rays/s{error}");
             }
         }
     }
@@ -203,10 +206,14 @@ fn next_line(elapsed: Duration) -> Duration {
 const MIN_KNOWN: Duration = Duration::from_millis(500);
 
 impl StopCriteria {
+    /// Does the share of the samples say how far rendering is?
+    fn is_known(self, is_error_known: bool) -> bool {
+        is_error_known || !self.by_noise
+    }
+
     /// How long a picture will take of which a share is done and that has this error; `None` where too little is known.
     fn left(self, share: f64, elapsed: Duration, error: Option<f64>) -> Option<String> {
-        let is_known = error.is_some() || !self.by_noise;
-        if is_known { left(share, elapsed, self.limit) } else { None }
+        if self.is_known(error.is_some()) { left(share, elapsed, self.limit) } else { None }
     }
 }
 

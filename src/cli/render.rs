@@ -184,7 +184,8 @@ fn of_scene(args: &RenderArgs, scene: &Path) -> RenderArgs {
 /// Checks that all output files can be written and that no two scenes write the same file.
 fn check(shots: &[RenderArgs]) -> Result<()> {
     for shot in shots {
-        if let Some(mark) = &shot.mark {
+        // A scene that isn't there is reported as such.
+        if let Some(mark) = shot.mark.as_ref().filter(|_| shot.scene.exists()) {
             let check = |target: &PathBuf| pictures::check(target, mark, ELSEWHERE);
             shot.output.iter().try_for_each(check)?;
         }
@@ -415,14 +416,15 @@ fn end_without_picture(
     if is_unfinished_frame(args, rendering) {
         return Some(Ok(Outcome::Interrupted));
     }
-    is_incomplete(rendering.statistics(), options).then(|| Err(nothing_written()))
+    is_incomplete(rendering, options).then(|| Err(nothing_written()))
 }
 
-/// True where a signal came before each pixel had a sample: pixels without one are black.
-fn is_incomplete(statistics: Statistics, options: &RenderOptions) -> bool {
-    let (width, height) =
-        options.region.map_or((options.width, options.height), |region| (region.width(), region.height()));
-    statistics.interrupted && statistics.samples < u64::from(width) * u64::from(height)
+/// True where a signal came before each pixel had a sample: pixels without one are black. Those outside of a region have none.
+fn is_incomplete(rendering: &Rendering, options: &RenderOptions) -> bool {
+    let film = rendering.film();
+    let all = u64::from(film.width()) * u64::from(film.height());
+    let wanted = options.region.map_or(all, |region| u64::from(region.width()) * u64::from(region.height()));
+    rendering.statistics().interrupted && film.unsampled_pixels() > all.saturating_sub(wanted)
 }
 
 /// True for an interrupted frame of an animation: it is not written, since --resume would take it for a finished one.

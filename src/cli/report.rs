@@ -56,6 +56,7 @@ pub(crate) fn error(error: &Error) {
     match &file {
         Some(file) if count > 1 => say!("error: {file}: {count} problems"),
         Some(file) => say!("error: {file}"),
+        None if count == 1 => return lone(&error.problems[0]),
         None => say!("error:"),
     }
     for line in shortened(&error.problems, |problem| &problem.message) {
@@ -72,6 +73,15 @@ pub(crate) fn error(error: &Error) {
             }
             _ => plain(problem),
         }
+    }
+}
+
+/// A problem of no file in particular.
+fn lone(problem: &Problem) {
+    let place = if problem.place.is_empty() { String::new() } else { format!("{}: ", problem.place) };
+    say!("error: {place}{}", problem.message);
+    if let Some(help) = &problem.help {
+        say!("  help: {help}");
     }
 }
 
@@ -124,9 +134,14 @@ pub(crate) fn print_text(text: &str) {
     note_stdout(std::io::stdout().write_all(text.as_bytes()));
 }
 
-/// Writes the bytes of a file to standard output.
-pub(crate) fn print_bytes(bytes: &[u8]) {
-    note_stdout(std::io::stdout().write_all(bytes));
+/// Writes the bytes of a picture to standard output.
+///
+/// # Errors
+/// An output error, also where nobody reads on: the picture is lost.
+pub(crate) fn print_bytes(bytes: &[u8]) -> oscura::error::Result<()> {
+    let mut out = std::io::stdout();
+    let written = out.write_all(bytes).and_then(|()| out.flush());
+    written.map_err(|error| Error::output(Path::new("standard output"), format!("can't be written: {error}")))
 }
 
 /// Something that was printed on standard output is lost.
@@ -586,10 +601,12 @@ pub(super) fn darkness_note(film: &Film, exposure: f32, scene: &Scene, file: &Pa
         true => format!("; its lights may be meant in other units: {} compat", Choice::LightUnits),
         false => String::new(),
     };
+    let how_dark = match mean > 1e-12 {
+        true => format!("nearly black (mean luminance {mean:.1e})"),
+        false => "black".to_string(),
+    };
     let of_dark = if scene.lights.is_empty() { "; --env FILE or --stage light it" } else { "" };
-    Some(Warning::general(format!(
-        "the picture is nearly black (mean luminance {mean:.1e}): {brighter}{of_units}{of_dark}"
-    )))
+    Some(Warning::general(format!("the picture is {how_dark}: {brighter}{of_units}{of_dark}")))
 }
 
 fn is_of_gltf(file: &Path) -> bool {

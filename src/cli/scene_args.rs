@@ -1,4 +1,4 @@
-use super::parsers::number;
+use super::parsers::{number, whole};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use oscura::error::{Error, Result, Warning};
@@ -7,7 +7,7 @@ use oscura::load::gltf::{Glass, GltfOptions, LightUnits};
 use oscura::load::image::load_picture;
 use oscura::load::stage::{Background, Ground, StageLight, StageOptions, ViewFrom};
 use oscura::load::subdivide::{MAX_LEVELS, Subdivision};
-use oscura::load::{Up, extensions, is_named_as_scene};
+use oscura::load::{Up, extensions, is_named_as_scene, names_in};
 use std::path::{Path, PathBuf};
 
 // Arguments about glTF assets, the same for all commands that load them.
@@ -105,7 +105,7 @@ pub(crate) struct BlenderArgs {
     #[arg(long, value_name = "LAYER")]
     pub view_layer: Option<String>,
     /// Maximum size of baked textures, 16 to 16384 pixels [default: 1024; 512 for ambient occlusion and bevels].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(16..=16384), allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", value_parser = whole::<u32>(16, 16384), allow_negative_numbers = true)]
     pub bake: Option<u32>,
     /// Cache folder of baked textures [default: see 'oscura cache'].
     #[arg(long, value_name = "FOLDER", conflicts_with = "no_cache")]
@@ -199,7 +199,7 @@ pub(crate) struct StageArgs {
     #[arg(long, value_name = "DEG", num_args = 0..=1, require_equals = true, default_missing_value = "30", value_parser = crease)]
     pub smooth: Option<f64>,
     /// Catmull-Clark subdivision levels of OBJ and PLY meshes.
-    #[arg(long, value_name = "LEVELS", value_parser = clap::value_parser!(u32).range(0..=i64::from(MAX_LEVELS)), allow_negative_numbers = true)]
+    #[arg(long, value_name = "LEVELS", value_parser = whole::<u32>(0, MAX_LEVELS), allow_negative_numbers = true)]
     pub subdivide: Option<u32>,
 }
 
@@ -339,6 +339,10 @@ const PICTURES: [&str; 5] = ["exr", "hdr", "png", "jpg", "jpeg"];
 /// # Errors
 /// An input error with its remedy where there is none.
 pub(crate) fn check_scene_path(path: &Path) -> Result<()> {
+    if path == Path::new("-") {
+        let error = Error::input(path, "scenes are not read from standard input");
+        return Err(error.with_help("give the name of a file; its images lie beside it"));
+    }
     if path.is_dir() {
         return Err(Error::input(path, "is a folder").with_help(scenes_in(path)));
     }
@@ -360,6 +364,16 @@ pub(crate) fn check_scene_path(path: &Path) -> Result<()> {
         return Err(Error::input(path, message).with_help(help));
     }
     Ok(())
+}
+
+/// Scenes with this stem in the current folder.
+pub(super) fn scenes_named(stem: &str) -> Vec<String> {
+    let is_meant =
+        |name: &String| is_named_as_scene(name) && Path::new(name).file_stem().is_some_and(|s| s == stem);
+    let mut names: Vec<String> = names_in(Path::new(".")).unwrap_or_default();
+    names.retain(is_meant);
+    names.sort();
+    names
 }
 
 /// Names the scenes in a folder.

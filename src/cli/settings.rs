@@ -20,7 +20,7 @@ use oscura::load::stage::middle;
 use oscura::output::part::{PartHeader, Region};
 use oscura::output::{Format, PngOptions, ViewTransform};
 use oscura::render::{
-    BvhQuality, Labels, PathReuse, RenderOptions, RequestedOptions, ResolvedOptions, Splitting,
+    BvhQuality, Labels, PathReuse, RenderOptions, RequestedOptions, ResolvedOptions, SAMPLE_BLOCK, Splitting,
     denoising_guides, film_bytes, guiding_bytes, shows_alpha, splat_bytes,
 };
 use oscura::scene::{
@@ -487,6 +487,8 @@ struct Made {
     exposed: bool,
     /// Formats with 16 bits per channel.
     deep: bool,
+    /// Formats with alpha.
+    alpha: bool,
     /// GIF, APNG or video.
     moving: bool,
 }
@@ -507,6 +509,7 @@ impl Made {
             shown,
             exposed: shown || is(&[Format::Hdr]),
             deep: part || is(&[Format::Png, Format::Tiff]),
+            alpha: part || live || moving || is(&[Format::Exr, Format::Png, Format::Tiff, Format::WebP]),
             moving,
         }
     }
@@ -544,6 +547,13 @@ pub(super) fn unused_option_warnings(args: &RenderArgs, scene: &Scene, prepared:
         ("--dither", args.dither, made.shown, NOT_SHOWN),
         ("--deep", args.picture.deep, made.deep, "no output is a PNG or TIFF"),
         (
+            "the transparent background",
+            args.transparent
+                || matches!(args.stage.background, Some(super::scene_args::BackgroundArg::Transparent)),
+            made.alpha,
+            "the output has no alpha; .png, .tif, .webp and .exr have",
+        ),
+        (
             "--fps",
             args.fps != FRAME_RATE,
             timed,
@@ -559,7 +569,22 @@ pub(super) fn idle_option_notes(args: &RenderArgs, scene: &Scene) -> Vec<Warning
     let has_groups = scene.light_groups().len() > 1;
     let is_idle = args.light_groups && Made::of(args).exr && !has_groups;
     let message = "the scene has no light groups: --light-groups adds no channels";
-    is_idle.then(|| Warning::general(message)).into_iter().collect()
+    let groups = is_idle.then(|| Warning::general(message));
+    let range = args.long.sample_range.and_then(|range| block_note(range, args.spp));
+    groups.into_iter().chain(range).collect()
+}
+
+/// Says which samples a range means that doesn't begin and end with blocks.
+fn block_note((from, until): (u32, u32), samples: Option<u32>) -> Option<Warning> {
+    let whole = |sample: u32| sample.checked_next_multiple_of(SAMPLE_BLOCK).unwrap_or(u32::MAX);
+    let (first, last) = (whole(from), whole(until));
+    // The last block of a picture may be a part of one.
+    let message = format!(
+        "--sample-range: samples come in blocks of {SAMPLE_BLOCK}, which belong to the range of their first sample: \
+         {first}..{last}, or up to the last of the picture"
+    );
+    let is_other = first != from || last != until && samples != Some(until);
+    is_other.then(|| Warning::general(message))
 }
 
 // Environment of the arguments, which overrides the scene's.

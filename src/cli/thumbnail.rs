@@ -1,4 +1,5 @@
 use super::args::bytes;
+use super::parsers::whole;
 use super::pictures::{check, mark, marked, refuse_part};
 use super::process::cancel_by_signals;
 use super::process::{Limits, Watchdog};
@@ -87,8 +88,10 @@ fn all(args: &ThumbArgs, targets: &[PathBuf], cancel: &CancelHandle) -> Result<O
     }
     let worst = failures.iter().map(|(_, error)| exit_code(error)).max();
     let Some(worst) = worst else { return Ok(Outcome::Done) };
-    say!("{} of {} models failed:", failures.len(), args.models.len());
-    failures.iter().for_each(|(model, _)| say!("  {}", model.display()));
+    if args.models.len() > 1 {
+        say!("{} of {} models failed:", failures.len(), args.models.len());
+        failures.iter().for_each(|(model, _)| say!("  {}", model.display()));
+    }
     Ok(Outcome::Failed(worst))
 }
 
@@ -183,16 +186,16 @@ pub(crate) struct ThumbArgs {
     #[arg(id = "force_overwrite", long = "force")]
     pub force: bool,
     /// Longer side of the thumbnail, pixels.
-    #[arg(long, value_name = "N", default_value = "512", value_parser = clap::value_parser!(u32).range(1..=8192), allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", default_value = "512", value_parser = whole::<u32>(1, 8192), allow_negative_numbers = true)]
     pub size: u32,
     /// Samples per pixel; the thumbnail is denoised.
-    #[arg(long, value_name = "N", default_value = "4", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", default_value = "4", value_parser = whole::<u32>(1, u32::MAX), allow_negative_numbers = true)]
     pub spp: u32,
     /// Number of threads [default: one per core].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", value_parser = whole::<u16>(1, 1024), allow_negative_numbers = true)]
     pub threads: Option<u16>,
     /// Time limit for each model, seconds; the program ends when one takes longer.
-    #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
+    #[arg(long, value_name = "SECONDS", value_parser = whole::<u32>(1, u32::MAX), allow_negative_numbers = true)]
     pub time_limit: Option<u32>,
     /// Memory limit, such as 2G or 500M; the program ends when a model takes more.
     #[arg(long, value_name = "SIZE", value_parser = bytes)]

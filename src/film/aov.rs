@@ -203,7 +203,8 @@ impl FromStr for AovSpace {
 }
 
 /// Names that an AOV had before.
-const ALIASES: [(&str, &str); 2] = [("nearest", "depth_min"), ("material", "material_id")];
+const ALIASES: [(&str, &str); 4] =
+    [("nearest", "depth_min"), ("material", "material_id"), ("z", "depth"), ("normals", "normal")];
 
 /// Ranks of a matte unless others are asked for.
 pub const MATTE_LEVELS: u32 = 6;

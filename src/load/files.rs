@@ -45,7 +45,7 @@ pub(super) fn read(path: &Path, most: u64) -> Result<Vec<u8>, String> {
 
 /// All bytes of the file of a model, which a person named, and which may be a pipe; of a compressed one (gzip), those that it holds.
 pub(super) fn read_model(path: &Path) -> crate::error::Result<Vec<u8>> {
-    let fail = |e: std::io::Error| Error::input(path, format!("can't be read: {e}"));
+    let fail = |e: std::io::Error| Error::input(path, unreadable(e));
     let mut file = File::open(path).map_err(fail)?;
     let mut bytes = Vec::new();
     // The length is a guess only: what the file really holds is read.
@@ -88,7 +88,7 @@ impl ModelReader {
     /// # Errors
     /// As for [`read_model`].
     pub fn open(path: &Path) -> crate::error::Result<ModelReader> {
-        let fail = |e: std::io::Error| Error::input(path, format!("can't be read: {e}"));
+        let fail = |e: std::io::Error| Error::input(path, unreadable(e));
         let mut file = File::open(path).map_err(fail)?;
         let mut start = Vec::new();
         if file.metadata().is_ok_and(|data| data.is_file()) {
@@ -130,12 +130,28 @@ impl Seek for ModelReader {
 /// The beginning of files compressed by gzip.
 pub(super) const GZIP: &[u8] = b"\x1f\x8b";
 
+/// Longest text that is changed by programs, bytes.
+const LONGEST_TEXT: u64 = 1 << 24;
+
+/// The text of a file that is about to be changed; `None` where there is none.
+///
+/// # Errors
+/// An input error if it can't be read or isn't UTF-8.
+pub fn text_of(path: &Path) -> crate::error::Result<Option<String>> {
+    if !path.exists() {
+        return Ok(None);
+    }
+    let bytes = read(path, LONGEST_TEXT).map_err(|why| Error::input(path, why))?;
+    let text = String::from_utf8(bytes).map_err(|_| Error::input(path, "is not UTF-8 text"))?;
+    Ok(Some(text))
+}
+
 /// The names of all files and folders in a folder.
 ///
 /// # Errors
 /// An input error if it can't be read.
 pub fn names_in(folder: &Path) -> crate::error::Result<Vec<String>> {
-    let unreadable = |e| Error::input(folder, format!("can't be read: {e}"));
+    let unreadable = |e| Error::input(folder, unreadable(e));
     let entries = std::fs::read_dir(folder).map_err(unreadable)?;
     entries.map(|entry| Ok(entry.map_err(unreadable)?.file_name().to_string_lossy().into_owned())).collect()
 }
@@ -153,7 +169,10 @@ pub(super) fn open(path: &Path) -> Result<File, String> {
 }
 
 fn unreadable(error: std::io::Error) -> String {
-    format!("can't be read: {error}")
+    match error.kind() {
+        std::io::ErrorKind::NotFound => "there is no such file".to_string(),
+        _ => format!("can't be read: {error}"),
+    }
 }
 
 /// Refuses what is no regular file.

@@ -33,7 +33,7 @@ mod vdb;
 mod words;
 mod zip;
 
-pub use files::names_in;
+pub use files::{names_in, text_of};
 pub use formats::extensions;
 pub use options::{
     BlenderExport, EmptyNode, LONGEST_SHUTTER, LoadOptions, Loaded, SavedFiles, ShutterOptions,

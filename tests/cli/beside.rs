@@ -80,3 +80,25 @@ fn settings_beside_a_model_are_filled_in_and_used() {
     assert_eq!(code(&oscura(folder, &["new", "--beside", "room.oscura.toml"])), 2);
     assert_eq!(code(&oscura(folder, &["new"])), 2);
 }
+
+/// A bare scan gets proposals for a camera, a lamp and its material, which all hold.
+#[test]
+fn a_scan_gets_a_camera_a_lamp_and_its_material() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("scan.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n").unwrap();
+    assert_eq!(code(&oscura(folder, &["new", "--beside", "scan.obj"])), 0);
+    let path = folder.join("scan.oscura.toml");
+    let text = fs::read_to_string(&path).unwrap();
+    for line in
+        ["#[camera]\n#look_from = [", "#[[lights]]", "#[materials.default]\n#type = \"pbr\"\n#base_color"]
+    {
+        assert!(text.contains(line), "'{line}' is not in\n{text}");
+    }
+    fs::write(&path, text.replace("\n#", "\n").replace("\n ", "\n# ")).unwrap();
+    let args = ["render", "scan.obj", "-o", "a.png", "--width", "16", "--spp", "1", "--strict"];
+    let output = oscura(folder, &args);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    assert!(stderr(&output).contains("scan.oscura.toml"), "{}", stderr(&output));
+    assert!(!stderr(&output).contains("stage"), "{}", stderr(&output));
+}

@@ -60,6 +60,18 @@ fn what_is_no_scene_is_answered_with_the_way_to_one() {
         (&["render", "b.max", "-o", "x.png"], 3, &["'.max'", "glTF"]),
         (&["render", "c.PNG", "-o", "x.png"], 3, &["'.png'", "picture", "scene.glb"]),
         (&["rom.glb"], 3, &["rom.glb", "no such file", "room.glb"]),
+        (&["-"], 3, &["standard input"]),
+        // No complaint about the picture of a scene that isn't there.
+        (&["c.glb"], 3, &["c.glb", "no such file"]),
+        (&["room"], 2, &["neither a command nor a file", "scenes of that name: room.glb"]),
+        (&["rendr"], 2, &["neither a command nor a file", "'render'"]),
+        (&["room.glb", "--watch"], 2, &["'--watch' is an option of 'oscura view'"]),
+        (&["room.glb", "--view"], 2, &["'oscura view SCENE'"]),
+        (&["room.glb", "--spp", "many"], 2, &["must be a whole number, 1 or more"]),
+        (&["room.glb", "--width", "0"], 2, &["must be a whole number from 1 to 65536"]),
+        (&["room.glb", "--clamp", "3"], 2, &["direct=5,indirect=5"]),
+        (&["room.glb", "--env", "sky.exr", "-o", "x.png"], 3, &["sky.exr there is no such file"]),
+        (&["merge", "a.part", "a.part", "-o", "x.exr"], 3, &["a.part is given twice"]),
         (&["--spp", "4", "rom.glb"], 3, &["rom.glb", "no such file", "room.glb"]),
     ] {
         let output = oscura(folder.path(), args);

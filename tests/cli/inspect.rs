@@ -50,9 +50,9 @@ fn people_get_a_tree_with_units_and_places() {
     let folder = folder();
     let shown = inspect(folder.path(), &["s.toml"]);
     for part in [
-        "2 meshes of 6 vertices, placed 2 times (2 triangles), 1 sphere, 1 quads",
+        "2 meshes of 6 vertices, placed 2 times (2 triangles), 1 sphere, 1 quad",
         "extent     (-0.5, 0, -1) to (1, 5, 1) m",
-        "\n    house\n      wall\n        north: mesh 'wall/north', 1 triangles, 'brick'\n        south: ",
+        "\n    house\n      wall\n        north: mesh 'wall/north', 1 triangle, 'brick'\n        south: ",
         "\n    ball: sphere of radius 0.5, 'clay'\n",
         "\n    panel: quad of 1.0000 x 2.0000 m, 'panel'\n",
         "'clay': lambert, colour (0.5, 0.25, 0)\n",

@@ -76,6 +76,38 @@ fn a_signal_before_the_first_sample_leaves_the_picture_that_was_there() {
     assert_eq!(names(folder.path()), ["a.exr", "endless.toml"]);
 }
 
+/// Some tiles have their samples, others none: that is no picture.
+#[test]
+fn a_signal_before_all_pixels_have_a_sample_leaves_the_picture_that_was_there() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("a.png"), "precious").unwrap();
+    let scene = cornell();
+    let fixed = ["render", &scene, "-o", "a.png", "--size", "4000x4000", "--spp", "64", "--threads", "1"];
+    let child = start(folder.path(), &fixed, &[]);
+    let begin = Instant::now();
+    while cpu_ticks(child.id()) < 150 {
+        assert!(begin.elapsed() < Duration::from_secs(60), "it does nothing");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    send(&child, "-INT");
+    let output = child.wait_with_output().expect("it ends");
+    assert_eq!(output.status.code(), Some(130), "{}", stderr(&output));
+    assert!(stderr(&output).contains("before each pixel had a sample"), "{}", stderr(&output));
+    assert_eq!(fs::read_to_string(folder.path().join("a.png")).unwrap(), "precious");
+}
+
+#[test]
+fn a_picture_that_nobody_reads_is_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = cornell();
+    let fixed = ["render", &scene, "-o", "exr:-", "--size", "400x300", "--spp", "1"];
+    let mut child = start(folder.path(), &fixed, &[]);
+    drop(child.stdout.take());
+    let output = child.wait_with_output().expect("it ends");
+    assert_eq!(output.status.code(), Some(4), "{}", stderr(&output));
+    assert!(!stderr(&output).contains("wrote"), "{}", stderr(&output));
+}
+
 #[test]
 fn two_signals_within_a_second_are_one() {
     let folder = tempfile::tempdir().unwrap();

@@ -58,15 +58,19 @@ fn section(out: &mut Vec<String>, name: &str, count: usize) {
     out.push(format!("  {name:<10} {count}"));
 }
 
+fn plural(count: usize, one: &str, many: &str) -> String {
+    format!("{count} {}", if count == 1 { one } else { many })
+}
+
 fn geometry(scene: &Scene, out: &mut Vec<String>) {
     let vertices: usize = scene.meshes.iter().map(|m| m.positions.len()).sum();
     out.push(format!(
-        "  geometry   {} meshes of {vertices} vertices, placed {} times ({} triangles), {}{} quads{}",
-        scene.meshes.len(),
-        scene.instances.len(),
-        placed_triangles(scene),
+        "  geometry   {} of {vertices} vertices, placed {} ({}), {}{}{}",
+        plural(scene.meshes.len(), "mesh", "meshes"),
+        plural(scene.instances.len(), "time", "times"),
+        plural(placed_triangles(scene) as usize, "triangle", "triangles"),
         ShapeCounts::of(scene).words(),
-        scene.quads.len(),
+        plural(scene.quads.len(), "quad", "quads"),
         strands(scene)
     ));
     if let Some((low, high)) = scene_extent(scene, &instance_extents(scene)).0 {
@@ -429,7 +433,7 @@ pub fn tree(scene: &Scene) -> Vec<String> {
         let materials: Vec<String> =
             instance_materials(scene, instance).into_iter().map(|m| material_name(scene, m)).collect();
         let made_of = match &mesh.splats {
-            None => format!("{} triangles", mesh.triangles.len()),
+            None => plural(mesh.triangles.len(), "triangle", "triangles"),
             Some(splats) => format!("{} Gaussian splats of degree {}", splats.len(), splats.degree),
         };
         let content = format!("mesh '{}', {made_of}, {}", mesh.name, materials.join(", "));

@@ -112,8 +112,7 @@ fn set_up(loaded: &mut Loaded, options: &StageOptions, is_lit: bool) {
     }
     if is_lit || !options.light.is_stage() {
         let message = format!("no camera: shown from {} ({} decides)", options.view, Choice::ViewFrom);
-        let list = if is_lit { &mut loaded.notes } else { &mut loaded.warnings };
-        list.push(Warning::general(message));
+        loaded.notes.push(Warning::general(message));
         if !is_lit {
             light_plainly(loaded, options);
         }
