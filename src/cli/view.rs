@@ -3,9 +3,10 @@
 
 use super::args::RenderArgs;
 use super::page::{
-    Frame, Page, PageDisplay, Pose, RECORDED, RenderRequest, SceneInfo, Shared, ViewRequest, bind,
-    own_command,
+    Edits, Frame, Page, PageDisplay, Pose, RECORDED, RenderRequest, SceneInfo, Shared, ViewRequest, bind,
+    own_command, strengthen,
 };
+use super::parsers::whole;
 use super::process::Outcome;
 use super::process::cancel_by_signals;
 use super::render::{load_options, load_scene};
@@ -19,11 +20,12 @@ use clap::{Arg, ArgAction, ArgMatches, Args, Command, ValueEnum, value_parser};
 use oscura::compile::{CompiledScene, Compiler, ObjectId, View};
 use oscura::error::{Error, Result, Warning};
 use oscura::film::Aov;
+use oscura::load::scene_file::sidecar_path;
 use oscura::load::{LoadOptions, Loaded, SavedFiles, Up, leaves_up_open};
 use oscura::math::DVec3;
 use oscura::output::PngOptions;
 use oscura::render::{CancelHandle, Guiding, Labels, PassOutcome, Rendering, ResolvedOptions, in_pool};
-use oscura::scene::{Camera, Environment, Scene, instance_extents, scene_extent};
+use oscura::scene::{Camera, Environment, Material, Scene, instance_extents, scene_extent};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -129,7 +131,7 @@ pub(crate) struct ViewArgs {
     #[command(flatten)]
     pub picture: RenderArgs,
     /// Port of the local web server [default: a free one].
-    #[arg(long, value_name = "N", default_value = "0", hide_default_value = true)]
+    #[arg(long, value_name = "N", value_parser = whole::<u16>(0, 65535), default_value = "0", hide_default_value = true)]
     pub port: u16,
     /// Print the page's address without opening a browser.
     #[arg(long)]
@@ -191,6 +193,12 @@ struct Model {
     /// How the environment was turned when it was loaded, degrees.
     own_rotation: Option<f64>,
     rotation: Option<f64>,
+    /// Strength of the environment as it was loaded, if it has one that could be another.
+    own_strength: Option<f64>,
+    strength: Option<f64>,
+    /// The materials as they were loaded, and what was changed of them.
+    own_materials: Arc<[Material]>,
+    edits: Edits,
 }
 
 impl Model {
@@ -229,6 +237,8 @@ impl Model {
         )?;
         let Prepared { scene, resolved, png, notes, warnings, build, .. } = prepared;
         let own_rotation = rotation(&loaded.scene.environment);
+        let own_strength = strength(&loaded.scene.environment, args.env_strength);
+        let own_materials = loaded.scene.materials.clone().into();
         Ok(Model {
             loaded,
             resolved,
@@ -241,6 +251,10 @@ impl Model {
             notes: notes.iter().chain(&warnings).map(Warning::to_string).collect(),
             own_rotation,
             rotation: own_rotation,
+            own_strength,
+            strength: own_strength,
+            own_materials,
+            edits: Edits::default(),
         })
     }
 
@@ -254,9 +268,11 @@ impl Model {
         let pose =
             poses.get(camera).cloned().ok_or_else(|| Error::input(&args.picture.scene, "has no camera"))?;
         let rotation = self.own_rotation.and(args.picture.env_rotation);
+        let strength = args.picture.env_strength.map(f64::from).filter(|_| self.own_strength.is_some());
         let stage = &args.picture.stage;
         let (up, stage) = (Some(stage.up).filter(|up| *up != Up::Auto), stage.stage);
-        Ok(ViewRequest { pose, camera, size, rotation, aov: None, up, stage, loads: self.loads })
+        let (edits, loads) = (Edits::default(), self.loads);
+        Ok(ViewRequest { pose, camera, size, rotation, strength, edits, aov: None, up, stage, loads })
     }
 
     pub fn display(&self) -> PageDisplay {
@@ -273,12 +289,19 @@ impl Model {
             "" => format!("Camera {i}"),
             name => name.to_string(),
         };
+        let scene = &args.picture.scene;
+        let is_model = !scene.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
+        let sidecar = (is_model && !args.picture.no_sidecar).then(|| sidecar_path(scene));
         SceneInfo {
             name,
             cameras: self.loaded.scene.cameras.iter().enumerate().map(camera).collect(),
             triangles: self.triangles,
             sizes: [(1, 4), (1, 2), (3, 4), (1, 1)].map(part).to_vec(),
             rotation: self.own_rotation,
+            strength: self.own_strength,
+            sidecar: sidecar.as_ref().and_then(|path| Some(path.file_name()?.to_string_lossy().into_owned())),
+            sidecar_path: sidecar,
+            materials: self.own_materials.clone(),
             samples: self.samples,
             passes: self.passes(),
             up: leaves_up_open(&args.picture.scene).then(|| args.picture.stage.up.name()),
@@ -344,20 +367,35 @@ impl Model {
     pub fn follow(&mut self, wish: &ViewRequest) -> Result<()> {
         let camera = wish.pose.camera();
         let wanted = wish.rotation.or(self.own_rotation);
+        let strength = wish.strength.or(self.own_strength);
         let view = View::new(&self.compiled, camera, wish.size.0, wish.size.1);
-        if wanted == self.rotation && !view.needs_new_anchor(&self.compiled) {
+        let is_same = wanted == self.rotation && strength == self.strength && wish.edits == self.edits;
+        if is_same && !view.needs_new_anchor(&self.compiled) {
             return Ok(());
         }
-        turn(&mut self.loaded.scene, wanted);
+        let before = (self.rotation, self.strength, self.edits.clone());
+        self.change(wanted, strength, &wish.edits);
         let size = (self.resolved.options.width, self.resolved.options.height);
         match self.compiler.compile(&self.loaded.scene, self.resolved.shading, camera, size) {
-            Ok((compiled, _)) => (self.compiled, self.rotation) = (compiled, wanted),
+            Ok((compiled, _)) => self.compiled = compiled,
             Err(error) => {
-                turn(&mut self.loaded.scene, self.rotation);
+                self.change(before.0, before.1, &before.2);
                 return Err(error);
             }
         }
         Ok(())
+    }
+
+    /// Changes the scene, which is not compiled yet.
+    fn change(&mut self, rotation: Option<f64>, strength: Option<f64>, edits: &Edits) {
+        turn(&mut self.loaded.scene, rotation);
+        if let (Some(before), Some(wanted)) = (self.strength, strength) {
+            strengthen(&mut self.loaded.scene, before, wanted);
+        }
+        if *edits != self.edits {
+            self.loaded.scene.materials = edits.applied(&self.own_materials);
+        }
+        (self.rotation, self.strength, self.edits) = (rotation, strength, edits.clone());
     }
 }
 
@@ -379,6 +417,16 @@ fn rotation(environment: &Environment) -> Option<f64> {
         Environment::Image { rotation_rad, .. } => Some(rotation_rad.to_degrees()),
         _ => None,
     }
+}
+
+/// The strength of an environment, as `--env-strength` has it; `None` where nothing could be stronger.
+fn strength(environment: &Environment, given: Option<f32>) -> Option<f64> {
+    let own = match environment {
+        Environment::Image { strength, .. } => f64::from(*strength),
+        Environment::Black => return None,
+        _ => given.map_or(1.0, f64::from),
+    };
+    Some(own).filter(|strength| *strength > 0.0)
 }
 
 // Renders what the pages want: small at first, then in full, pass by pass.

@@ -216,7 +216,7 @@ fn pictures_so_far_are_saved_as_files() {
     let (status, exr) = view.ask("GET", "/picture.exr", "", &[]);
     assert_eq!((status, &exr[..4]), (200, &[0x76, 0x2f, 0x31, 0x01][..]));
     assert_eq!(&view.ask("GET", "/picture.png", "", &[]).1[1..4], b"PNG");
-    for page in ["/", "/page.css", "/page.js", "/hands.js", "/picture.js", "/icon.svg"] {
+    for page in ["/", "/page.css", "/page.js", "/hands.js", "/materials.js", "/picture.js", "/icon.svg"] {
         assert_eq!(view.ask("GET", page, "", &[]).0, 200, "{page}");
     }
     assert_eq!(view.ask("GET", "/../Cargo.toml", "", &[]).0, 404);
@@ -280,6 +280,88 @@ fn objects_have_outlines_and_names() {
     for nowhere in ["x=0.01&y=0.01", "x=2&y=0", "x=0.5", ""] {
         assert_eq!(view.ask("GET", &format!("/outline?{nowhere}"), "", &[]).0, 404, "{nowhere}");
     }
+}
+
+/// A tetrahedron before the camera with two materials, one of them by its side.
+const PAINTED: &str = "mtllib m.mtl\nusemtl red paint\nv -1 -1 0\nv 1 -1 0\nv 0 1 0\nv 0 0 1\nf 1 2 4\nf 2 3 4\nf 3 1 4\nf 2 1 3\n";
+
+#[test]
+fn materials_are_changed_undone_and_saved_beside_the_model() {
+    let files = [
+        ("model.obj", PAINTED),
+        ("m.mtl", "newmtl red paint\nKd 0.8 0.05 0.05\nKs 0.5 0.5 0.5\nNs 50\nillum 2\n"),
+        ("model.oscura.toml", "# Mine.\n[render]\nexposure = 0.5\n"),
+    ];
+    let view = View::of(
+        &files,
+        &["view", "model.obj", "--no-open", "--spp", "2", "--up", "y", "--view-from", "front"],
+    );
+    let (state, red) = view.finished();
+    assert_eq!((&state["undo"], &state["toml"]), (&0.into(), &"".into()), "{state}");
+    assert_eq!(state["facts"]["sidecar"], "model.oscura.toml");
+    let (status, body) = view.ask("GET", "/material?x=0.5&y=0.5", "", &[]);
+    let found: Value = serde_json::from_slice(&body).expect("a material");
+    assert_eq!(
+        (status, &found["name"], &found["is_editable"]),
+        (200, &"red paint".into(), &true.into()),
+        "{found}"
+    );
+    assert_eq!(view.ask("GET", "/material?x=0.5&y=0.01", "", &[]).0, 404, "the background");
+
+    let is_shown = |undo: u64| move |state: &Value| state["undo"] == undo && state["finished"] == true;
+    view.post("/set", r#"{"material": ["red paint", {"base_color": [0.05, 0.05, 0.8]}]}"#);
+    view.post("/set", r#"{"material": ["red paint", {"base_color": [0.02, 0.02, 0.9]}], "is_same": true}"#);
+    let (state, blue) = view.wait(is_shown(1));
+    let middle = |pixels: &[u8]| pixel(pixels, 32, 24);
+    assert!(
+        middle(&red)[0] > middle(&red)[2] && middle(&blue)[2] > middle(&blue)[0],
+        "{:?} {:?}",
+        middle(&red),
+        middle(&blue)
+    );
+    assert_eq!(state["toml"], "[materials.\"red paint\"]\nbase_color = [0.02, 0.02, 0.9]\n");
+    view.post("/set", r#"{"material": ["red paint", {"roughness": 0.2, "emission": 3}]}"#);
+    view.wait(is_shown(2));
+    view.post("/undo", "");
+    let (_, again) = view.wait(is_shown(1));
+    assert_eq!(again, blue, "as before");
+
+    // Saved, a render shows the same, and the file keeps what it had.
+    view.post("/save", "");
+    let text = fs::read_to_string(view.folder.path().join("model.oscura.toml")).unwrap();
+    assert_eq!(
+        text,
+        "# Mine.\n[render]\nexposure = 0.5\n\n[materials.\"red paint\"]\nbase_color = [0.02, 0.02, 0.9]\n"
+    );
+    assert_command_renders(&view, view.wait(is_shown(0)));
+    assert_eq!(view.ask("POST", "/undo", "", &[]).0, 400);
+    for nonsense in [
+        r#"{"material": ["red paint", {"roughness": 2}]}"#,
+        r#"{"material": ["red paint", {"ior": 2}]}"#,
+        r#"{"strength": 0}"#,
+    ] {
+        assert_eq!(view.ask("POST", "/set", nonsense, &[]).0, 400, "{nonsense}");
+    }
+    fs::write(view.folder.path().join("model.oscura.toml"), "materials.\"red paint\" = { ior = 1.4 }\n")
+        .unwrap();
+    assert_eq!(view.ask("POST", "/save", "", &[]).0, 400, "the same table in another form");
+}
+
+#[test]
+fn scene_files_show_the_lines_and_the_environment_gets_stronger() {
+    let view = View::new(&[]);
+    let (state, before) = view.finished();
+    assert!(state["facts"]["sidecar"].is_null() && state["strength"] == 1.0, "{state}");
+    view.post("/set", r#"{"material": ["ball", {"emission": 0.25}], "strength": 0.5}"#);
+    let (state, after) = view.wait(|state| state["undo"] == 1 && state["finished"] == true);
+    assert_eq!(state["toml"], "[materials.ball]\ntype = \"emissive\"\nradiance = [0.25, 0.0, 0.0]\n");
+    assert!(pixel(&after, 1, 1)[0] < 145 && pixel(&after, 32, 24)[0] < 145, "both are darker");
+    assert!(state["command"].as_str().unwrap().contains("--env-strength 0.5"), "{state}");
+    assert_eq!(view.ask("POST", "/save", "", &[]).0, 400, "the scene's own file is the user's");
+    view.post("/undo", "");
+    assert_eq!(view.wait(|state| state["undo"] == 0 && state["finished"] == true).1, before);
+    view.post("/set", r#"{"strength": 0.5}"#);
+    assert_command_renders(&view, view.wait(|state| state["strength"] == 0.5 && state["finished"] == true));
 }
 
 #[test]

@@ -101,6 +101,25 @@ def check_hosts(address):
             raise AssertionError(f"{url} with {headers} should be refused")
 
 
+def check_material(page, box, pictures):
+    """A click chooses the material, sliders change it, and undo takes a whole drag back."""
+    page.mouse.click(box["x"] + 0.58 * box["width"], box["y"] + 0.5 * box["height"])
+    wait_for(page, "!document.getElementById('material-fields').hidden", "the material's values")
+    before = page.locator("#base_color").input_value()
+    page.locator("#base_color").fill("#2040c0")
+    wait_for(page, "document.getElementById('toml').value.includes('color = [')", "the changes as lines")
+    page.locator("#roughness").focus()
+    page.keyboard.press("ArrowLeft")
+    wait_for(page, "document.getElementById('roughness-value').textContent === '0.99'", "a slider moved by keys")
+    page.locator("#roughness").scroll_into_view_if_needed()
+    pictures(page, "material")
+    while page.locator("#undo").is_enabled():
+        page.keyboard.press("Control+z")
+        page.wait_for_timeout(200)
+    wait_for(page, "document.getElementById('toml').value === ''", "nothing is changed any more")
+    wait_for(page, f"document.getElementById('base_color').value === '{before}'", "the colour as it was")
+
+
 def check_panel(page, pictures):
     """Denoising, passes, outlines, the help, and what screen readers announce."""
     page.locator("#denoise").check()
@@ -121,6 +140,7 @@ def check_panel(page, pictures):
     pictures(page, "outline")
     page.keyboard.press("o")
     wait_for(page, "!document.getElementById('outline').getAttribute('d')", "no outline")
+    check_material(page, box, pictures)
     page.keyboard.press("d")
     wait_for(page, "!document.getElementById('denoise').checked && document.body.dataset.denoised === '0'", "noise")
     page.keyboard.press("?")

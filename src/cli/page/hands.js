@@ -94,6 +94,7 @@ export function listen(canvas, { move, probe, isAiming, focus, tap, leave }) {
     else if (event.key === "+" || event.key === "=") add({ dolly: 1 - STEP });
     else if (event.key === "-") add({ dolly: 1 + STEP });
     else if (event.key === "f") focus(...mouse);
+    else if (event.key === "m") tap(...mouse);
     else return;
     leave();
     event.preventDefault();

@@ -1,6 +1,7 @@
 //! A page in the browser that shows a picture while it renders: what it asks for and how it is served. [`state`] is shared by
 //! the threads that answer requests and the one that renders.
 
+mod edits;
 mod http;
 mod pixels;
 mod pose;
@@ -8,6 +9,7 @@ mod server;
 mod state;
 
 use super::args::RenderArgs;
+pub(super) use edits::{Edits, strengthen};
 use oscura::error::Result;
 use oscura::film::Aov;
 use oscura::output::PngOptions;

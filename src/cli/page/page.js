@@ -2,16 +2,18 @@
 // sent to it, and come back with the next picture, so that several pages stay alike.
 
 import { listen } from "./hands.js";
+import { materials } from "./materials.js";
 import { decode, drawHistogram, outliner, put, thumbnails } from "./picture.js";
 
 const $ = (id) => document.getElementById(id);
 const canvas = $("picture");
 const outline = outliner($("overlay"), $("outline"), $("object"));
 const showThumbnails = thumbnails($("thumbnails"), canvas, (pass) => set({ pass }));
+const material = materials({ set, post: (url) => post(url), copy });
 let status = null, namesObjects = true;
 
 /** Values that every picture has besides the pass that is shown. */
-const RECORDED = /^([RGBAZ]$|N\.|albedo\.|denoising_|object\.)/;
+const RECORDED = /^([RGBAZ]$|N\.|albedo\.|denoising_|object\.|material\.)/;
 
 /** Sends something to the program. */
 async function post(url, body) {
@@ -20,7 +22,9 @@ async function post(url, body) {
   return answer.ok;
 }
 
-const set = (choice) => post("set", choice);
+function set(choice) {
+  return post("set", choice);
+}
 
 function showTrouble(text) {
   $("trouble").textContent = text;
@@ -122,6 +126,9 @@ function showStatus() {
   $("split-line").style.left = `${100 * status.split}%`;
   document.body.classList.toggle("looking-on", !facts.is_live);
   $("rotation-row").hidden = facts.rotation === null;
+  $("strength-row").hidden = facts.strength === null;
+  slide("strength", Math.log2(status.strength ?? 1), (status.strength ?? 1).toPrecision(3));
+  material.update(status);
   slide("rotation", status.rotation ?? 0, `${Math.round(status.rotation ?? 0)}°`);
   fill($("view"), status.views.map((name) => [name, name]), status.view);
   fill($("pass"), [["", "colour"], ...facts.passes.map(([name, about]) => [name, name.replaceAll("_", " "), about])], status.pass);
@@ -129,7 +136,7 @@ function showStatus() {
   const named = (names) => names.map((name) => [name, name]);
   $("stage-row").hidden = status.stage === null;
   $("up-row").hidden = status.up === null;
-  $("light").hidden = status.stage === null && status.up === null && facts.rotation === null;
+  $("light").hidden = status.stage === null && status.up === null && facts.rotation === null && facts.strength === null;
   fill($("stage-light"), named(facts.stages), status.stage);
   fill($("up"), named(facts.ups), status.up);
   fill($("camera"), facts.cameras.map((name, i) => [String(i), name]), String(status.camera));
@@ -157,6 +164,17 @@ async function probe(x, y) {
   $("probe").textContent = `${column}, ${row}  ${rgb}${depth}${more}`;
 }
 
+/** The same for changes that can be undone: those of a slider while it is held are one. */
+function heldLive(input, choice) {
+  let isHeld = false;
+  live(input, (v) => {
+    const sent = { ...choice(v), is_same: isHeld };
+    isHeld = true;
+    return sent;
+  });
+  input.addEventListener("change", () => { isHeld = false; });
+}
+
 /** Sends what an input says, but not more often than answers come. */
 function live(input, choice) {
   let busy = false, again = false;
@@ -172,6 +190,7 @@ function live(input, choice) {
 
 live($("exposure"), (v) => ({ exposure: Number(v) }));
 live($("rotation"), (v) => ({ rotation: Number(v) }));
+heldLive($("strength"), (v) => ({ strength: Number((2 ** v).toPrecision(3)) }));
 live($("defocus"), (v) => ({ defocus: Number(v) }));
 live($("split"), (v) => ({ split: Number(v) }));
 live($("view"), (v) => ({ view: v }));
@@ -183,16 +202,19 @@ $("denoise").addEventListener("input", () => set({ denoise: $("denoise").checked
 $("camera").addEventListener("input", () => post("camera", Number($("camera").value)));
 $("reset").addEventListener("click", () => post("camera", Number($("camera").value)));
 $("reload").addEventListener("click", () => post("reload"));
-$("copy").addEventListener("click", async () => {
+/** Copies what a field has, and says so on the button. */
+async function copy(button, field) {
   try {
-    await navigator.clipboard.writeText($("command").value);
+    await navigator.clipboard.writeText(field.value);
   } catch {
-    $("command").select();
+    field.select();
     document.execCommand("copy");
   }
-  $("copy").textContent = "Copied";
-  setTimeout(() => { $("copy").textContent = "Copy command"; }, 1500);
-});
+  const text = button.textContent;
+  button.textContent = "Copied";
+  setTimeout(() => { button.textContent = text; }, 1500);
+}
+$("copy").addEventListener("click", () => copy($("copy"), $("command")));
 const aim = (on) => {
   $("focus").setAttribute("aria-pressed", on);
   canvas.classList.toggle("aiming", on);
@@ -219,6 +241,11 @@ const stepPass = (by) => {
   set({ pass: list.options[(list.selectedIndex + by + list.length) % list.length].value });
 };
 window.addEventListener("keydown", (event) => {
+  if (status && event.key === "z" && (event.ctrlKey || event.metaKey) && !event.target.matches("textarea")) {
+    event.preventDefault();
+    material.undo();
+    return;
+  }
   const isTyping = event.target.matches("select, textarea") || $("help").open;
   if (!status || isTyping || event.ctrlKey || event.metaKey || event.altKey || !keys[event.key]) return;
   keys[event.key]();
@@ -234,7 +261,10 @@ listen(canvas, {
     if (!status?.facts.is_live) return;
     if (await post("focus", [x, y]) && status.defocus === 0) set({ defocus: 1 });
   },
-  tap: probe,
+  tap: async (x, y) => {
+    await probe(x, y);
+    if (status?.facts.is_live) await material.choose(x, y);
+  },
   leave: () => outline.clear(),
 });
 window.addEventListener("resize", fit);

@@ -5,6 +5,7 @@
 //!
 //! Pages show denoised pictures while the rendering goes on.
 
+use super::edits::{MaterialEdit, MaterialInfo, merged};
 use super::http;
 use super::http::{Answering, Request, Response};
 use super::pixels::{Outline, Pixels};
@@ -13,8 +14,9 @@ use super::state::{Denoised, Frame, RECORDED, Shared, State, state_json};
 use crate::cli::args::RenderArgs;
 use crate::cli::scene_args::{StageArg, up_of};
 use oscura::error::{Error, Result};
-use oscura::film::{Aov, AovSet};
-use oscura::output::{Format, OutputOptions, encode};
+use oscura::film::{Aov, AovSet, Values};
+use oscura::load::text_of;
+use oscura::output::{Format, OutputOptions, encode, write_atomically};
 use oscura::render::{denoise_film, denoising_guides, in_pool};
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -160,11 +162,12 @@ const PATIENCE: Duration = Duration::from_secs(20);
 const LOOK_ON: &str =
     "this picture is rendered to the end as it was begun; 'oscura view' shows what can be turned";
 
-const PAGE: [(&str, &str, &str); 6] = [
+const PAGE: [(&str, &str, &str); 7] = [
     ("/", "text/html; charset=utf-8", include_str!("index.html")),
     ("/page.css", "text/css; charset=utf-8", include_str!("page.css")),
     ("/page.js", "text/javascript; charset=utf-8", include_str!("page.js")),
     ("/hands.js", "text/javascript; charset=utf-8", include_str!("hands.js")),
+    ("/materials.js", "text/javascript; charset=utf-8", include_str!("materials.js")),
     ("/picture.js", "text/javascript; charset=utf-8", include_str!("picture.js")),
     ("/icon.svg", "image/svg+xml", include_str!("icon.svg")),
 ];
@@ -228,11 +231,27 @@ pub(super) fn get(url: &str, shared: &Shared) -> Answer {
                 None => Answer::text(404, "there is no object here"),
             }
         }
+        "/material" => match number("x").zip(number("y")).and_then(|place| material_at(place, shared)) {
+            Some(found) => Answer::json(&json!(found)),
+            None => Answer::text(404, "there is no material here"),
+        },
         "/thumbnail" => thumbnail(query.strip_prefix("pass=").unwrap_or_default(), shared),
         "/picture.exr" => picture(Format::Exr, "picture.exr", shared),
         "/picture.png" => picture(Format::Png, "picture.png", shared),
         _ => Answer::text(404, "there is no such page"),
     }
+}
+
+/// The material that a pixel shows, as it was loaded.
+fn material_at((x, y): (f64, f64), shared: &Shared) -> Option<MaterialInfo> {
+    let (frame, materials) = {
+        let state = shared.lock();
+        (state.frame.clone()?, state.facts.materials.clone())
+    };
+    let (column, row) = frame.pixel(x, y)?;
+    let Values::Uint(ids) = frame.film.aov(Aov::MaterialId)?.into_iter().next()? else { return None };
+    let id = *ids.get((row * frame.film.width() + column) as usize)?;
+    materials.get((id as usize).checked_sub(1)?).map(MaterialInfo::of)
 }
 
 /// The state as JSON and the pixels behind it: the JSON's length as four bytes, the lowest first; the JSON; RGBA, unless who
@@ -315,6 +334,12 @@ struct Settings {
     /// An AOV by its option; "" for colour.
     pass: Option<String>,
     rotation: Option<f64>,
+    /// Of the environment.
+    strength: Option<f64>,
+    /// A material by its name, and what becomes of it.
+    material: Option<(String, MaterialEdit)>,
+    /// This and the change before are one, as of a slider that is still held.
+    is_same: bool,
     size: Option<(u32, u32)>,
     defocus: Option<f64>,
     denoise: Option<bool>,
@@ -335,6 +360,8 @@ pub(super) fn post(url: &str, body: &str, shared: &Shared) -> Answer {
         "/set" => serde_json::from_str(body).map_err(|e| e.to_string()).and_then(|s| set(s, shared)),
         "/focus" => serde_json::from_str(body).map_err(|e| e.to_string()).and_then(|p| focus(p, shared)),
         "/camera" => serde_json::from_str(body).map_err(|e| e.to_string()).and_then(|n| camera(n, shared)),
+        "/undo" => undo(shared),
+        "/save" => save(shared),
         "/reload" => {
             shared.wish(|state| state.wish.loads += 1);
             Ok(())
@@ -395,7 +422,8 @@ fn set(settings: Settings, shared: &Shared) -> std::result::Result<(), String> {
     let stage = stage.transpose()?;
     let loads = up.is_some() || stage.is_some();
     let is_lens = settings.size.is_some() || settings.defocus.is_some();
-    let is_wish = settings.rotation.is_some() || is_lens || loads;
+    let is_edit = settings.strength.is_some() || settings.material.is_some();
+    let is_wish = settings.rotation.is_some() || is_lens || loads || is_edit;
     if is_wish && !shared.lock().facts.is_live {
         return Err(LOOK_ON.to_string());
     }
@@ -422,6 +450,12 @@ fn set(settings: Settings, shared: &Shared) -> std::result::Result<(), String> {
     let is_live = shared.lock().facts.is_live;
     if is_wish || (is_live && settings.pass.is_some() && !is_recorded(&shared.lock())) {
         shared.wish(|state| {
+            let is_new = !settings.is_same || state.before.is_empty();
+            if is_edit && is_new {
+                state.before.push((state.wish.edits.clone(), state.wish.strength));
+            }
+            state.wish.strength = settings.strength.or(state.wish.strength);
+            settings.material.into_iter().for_each(|(name, edit)| state.wish.edits.change(name, edit));
             (state.wish.up, state.wish.stage) = (up.or(state.wish.up), stage.or(state.wish.stage));
             state.wish.loads += u64::from(loads);
             state.wish.aov = aov.filter(|aov| !RECORDED.contains(*aov)).or(state.wish.aov);
@@ -433,9 +467,48 @@ fn set(settings: Settings, shared: &Shared) -> std::result::Result<(), String> {
     Ok(())
 }
 
+/// Takes the last change of materials or of the environment's strength back.
+fn undo(shared: &Shared) -> std::result::Result<(), String> {
+    if shared.lock().before.is_empty() {
+        return Err("there is nothing to undo".to_string());
+    }
+    shared.wish(|state| {
+        if let Some(before) = state.before.pop() {
+            (state.wish.edits, state.wish.strength) = before;
+        }
+    });
+    Ok(())
+}
+
+/// Writes the changes of materials into the model's sidecar, which keeps all else that it has.
+fn save(shared: &Shared) -> std::result::Result<(), String> {
+    let (path, tables) = {
+        let state = shared.lock();
+        let path = state.facts.sidecar_path.clone();
+        (
+            path.ok_or("the scene's own file has its materials: copy the lines")?,
+            state.wish.edits.tables(&state.facts.materials),
+        )
+    };
+    let before = text_of(&path).map_err(|error| error.to_string())?.unwrap_or_default();
+    let after = merged(&before, &tables);
+    if let Err(error) = toml::de::DeTable::parse(&after) {
+        let message = error.message();
+        return Err(format!(
+            "{} has these materials in another form ({message}): copy the lines",
+            path.display()
+        ));
+    }
+    write_atomically(&path, after.as_bytes()).map_err(|error| error.to_string())?;
+    shared.show(|state| state.before.clear());
+    Ok(())
+}
+
 fn check_numbers(settings: &Settings) -> std::result::Result<(), String> {
     let fits = settings.exposure.is_none_or(|exposure| (-100.0..=100.0).contains(&exposure))
         && settings.rotation.is_none_or(f64::is_finite)
+        && settings.strength.is_none_or(|strength| (1e-3..=1e4).contains(&strength))
+        && settings.material.as_ref().is_none_or(|(_, edit)| edit.is_valid())
         && settings.split.is_none_or(|split| (0.0..=1.0).contains(&split));
     fits.then_some(()).ok_or("a number is out of range".to_string())
 }

@@ -1,5 +1,6 @@
 //! What the pages want and what they are shown; shared by the threads that serve them and the one that renders.
 
+use super::edits::{Edits, MaterialInfo, text};
 use super::pose::Pose;
 use crate::cli::process;
 use crate::cli::scene_args::StageArg;
@@ -7,7 +8,9 @@ use oscura::film::{Aov, AovSet, Film, Values};
 use oscura::load::Up;
 use oscura::output::{OutputOptions, PngOptions, ViewTransform};
 use oscura::render::{CancelHandle, Rendering};
+use oscura::scene::Material;
 use serde_json::{Map, Value, json};
+use std::path::PathBuf;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 use std::time::Duration;
 
@@ -21,6 +24,10 @@ pub(crate) struct ViewRequest {
     pub size: (u32, u32),
     /// How far the environment's picture is turned, degrees; without, as the scene has it.
     pub rotation: Option<f64>,
+    /// The environment's strength, as `--env-strength` has it; without, as the scene has it.
+    pub strength: Option<f64>,
+    /// What pages changed of materials.
+    pub edits: Edits,
     /// What to record besides colour and depth.
     pub aov: Option<Aov>,
     /// The axis that points up, and what lights a model, if pages chose them.
@@ -33,7 +40,18 @@ pub(crate) struct ViewRequest {
 impl ViewRequest {
     /// A view by the first camera, with the scene's own settings.
     pub fn new(pose: Pose, size: (u32, u32)) -> ViewRequest {
-        ViewRequest { pose, camera: 0, size, rotation: None, aov: None, up: None, stage: None, loads: 0 }
+        ViewRequest {
+            pose,
+            camera: 0,
+            size,
+            rotation: None,
+            strength: None,
+            edits: Edits::default(),
+            aov: None,
+            up: None,
+            stage: None,
+            loads: 0,
+        }
     }
 
     /// Brings it to a scene that was loaded again, which is shown as `own` says at first; before, there were these sizes.
@@ -49,6 +67,7 @@ impl ViewRequest {
             Some(_) => {}
         }
         self.rotation = facts.rotation.and(self.rotation.or(own.rotation));
+        self.strength = facts.strength.and(self.strength.or(own.strength));
     }
 }
 
@@ -62,6 +81,15 @@ pub(crate) struct SceneInfo {
     pub sizes: Vec<(u32, u32)>,
     /// Degrees; none without a picture as environment.
     pub rotation: Option<f64>,
+    /// The environment's strength; none without an environment.
+    pub strength: Option<f64>,
+    /// The file beside the model that changes of materials are written to; none where the scene's own file has them.
+    pub sidecar: Option<String>,
+    #[serde(skip)]
+    pub sidecar_path: Option<PathBuf>,
+    /// The materials as they were loaded, by number.
+    #[serde(skip)]
+    pub materials: Arc<[Material]>,
     /// Samples of the finished picture.
     pub samples: u32,
     /// Passes that may be shown, with what they are.
@@ -93,6 +121,8 @@ pub(crate) struct State {
     pub facts: SceneInfo,
     /// The scene's cameras.
     pub poses: Vec<Pose>,
+    /// What materials and the environment's strength were before each change that was not saved.
+    pub before: Vec<(Edits, Option<f64>)>,
     /// The latest picture.
     pub frame: Option<Arc<Frame>>,
     /// The latest one that was denoised.
@@ -131,6 +161,7 @@ impl Shared {
             display,
             facts,
             poses,
+            before: Vec::new(),
             frame: None,
             denoised: None,
             trouble: String::new(),
@@ -228,6 +259,10 @@ pub(super) fn state_json(state: &State, frame: &Frame) -> Value {
         "size": state.wish.size,
         "camera": state.wish.camera,
         "rotation": state.wish.rotation.or(state.facts.rotation),
+        "strength": state.wish.strength.or(state.facts.strength),
+        "edited": edited(state),
+        "toml": text(&state.wish.edits.tables(&state.facts.materials)),
+        "undo": state.before.len(),
         "defocus": state.wish.pose.defocus(),
         "exposure": png.exposure,
         "view": png.view.name(),
@@ -235,6 +270,14 @@ pub(super) fn state_json(state: &State, frame: &Frame) -> Value {
         "pass": pass.map_or("", |aov| aov.info().option),
         "command": command(state),
     })
+}
+
+/// The materials that pages changed, as they are now.
+fn edited(state: &State) -> Value {
+    let all = state.wish.edits.applied(&state.facts.materials);
+    let names = all.iter().filter(|material| state.wish.edits.has(&material.name));
+    let infos = names.map(|material| (material.name.clone(), json!(MaterialInfo::of(material))));
+    Value::Object(infos.collect::<Map<_, _>>())
 }
 
 impl State {
@@ -260,6 +303,9 @@ fn command(state: &State) -> String {
     }
     if let Some(rotation) = state.wish.rotation {
         add("--env-rotation", rotation.to_string());
+    }
+    if let Some(strength) = state.wish.strength {
+        add("--env-strength", strength.to_string());
     }
     if let Some(stage) = state.wish.stage {
         add("--stage", stage.name());
@@ -290,7 +336,7 @@ pub(super) fn arguments() -> impl Iterator<Item = String> {
 /// The arguments of this process that a render takes as well and that the page doesn't set.
 fn given(arguments: impl Iterator<Item = String>) -> Vec<String> {
     const FLAGS: [&str; 4] = ["--no-open", "--watch", "--denoise", "--no-denoise"];
-    const SET: [&str; 18] = [
+    const SET: [&str; 19] = [
         "--up",
         "--stage",
         "--size",
@@ -302,6 +348,7 @@ fn given(arguments: impl Iterator<Item = String>) -> Vec<String> {
         "--exposure",
         "--view",
         "--env-rotation",
+        "--env-strength",
         "--eye",
         "--target",
         "--focus",
@@ -378,6 +425,7 @@ pub(crate) const RECORDED: AovSet = AovSet::NONE
     .with(Aov::Normal)
     .with(Aov::Albedo)
     .with(Aov::ObjectId)
+    .with(Aov::MaterialId)
     .with(Aov::DenoisingAlbedo)
     .with(Aov::DenoisingNormal);
 

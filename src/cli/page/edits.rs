@@ -1,0 +1,356 @@
+//! What pages change of a scene's materials and environment, what it was before, and how it is written into a scene file or a sidecar.
+
+use oscura::scene::{ColorSlot, Emission, Environment, FloatSlot, Material, Model, PbrMaterial, Scene};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// Strongest emission that pages ask for, W/sr/m2.
+const MOST: f32 = 1e4;
+
+/// What one material becomes; what is `None` stays.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(crate) struct MaterialEdit {
+    /// Linear Rec. 709, 0..1.
+    pub base_color: Option<[f32; 3]>,
+    /// 0..1.
+    pub roughness: Option<f32>,
+    /// 0..1.
+    pub metallic: Option<f32>,
+    /// The largest component of the radiance, W/sr/m2; its hue is the material's own, else white.
+    pub emission: Option<f32>,
+}
+
+impl MaterialEdit {
+    /// Are all numbers in range?
+    pub fn is_valid(&self) -> bool {
+        let shares = self.base_color.iter().flatten().chain(&self.roughness).chain(&self.metallic);
+        shares.into_iter().all(|v| (0.0..=1.0).contains(v))
+            && self.emission.is_none_or(|v| (0.0..=MOST).contains(&v))
+    }
+
+    /// This one after an earlier one.
+    fn after(self, earlier: MaterialEdit) -> MaterialEdit {
+        MaterialEdit {
+            base_color: self.base_color.or(earlier.base_color),
+            roughness: self.roughness.or(earlier.roughness),
+            metallic: self.metallic.or(earlier.metallic),
+            emission: self.emission.or(earlier.emission),
+        }
+    }
+}
+
+/// What a page shows of a material: its values, and which of them come from textures, whose place a constant takes.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct MaterialInfo {
+    pub name: String,
+    /// Linear; a texture multiplies it.
+    pub base_color: [f32; 3],
+    pub roughness: f32,
+    pub metallic: f32,
+    pub emission: f32,
+    pub textures: Vec<&'static str>,
+    /// Can it be changed?
+    pub is_editable: bool,
+}
+
+impl MaterialInfo {
+    pub fn of(material: &Material) -> MaterialInfo {
+        let own = pbr(material);
+        let is_editable = own.is_some() && !material.name.is_empty();
+        let model = own.unwrap_or_default();
+        let radiance = material.emission.as_ref().map(|emission| emission.radiance);
+        let textured = [
+            ("base_color", model.base_color.texture.is_some()),
+            ("roughness", model.roughness.texture.is_some()),
+            ("metallic", model.metallic.texture.is_some()),
+            ("emission", radiance.is_some_and(|radiance| radiance.texture.is_some())),
+        ];
+        MaterialInfo {
+            name: material.name.clone(),
+            base_color: model.base_color.factor,
+            roughness: model.roughness.factor,
+            metallic: model.metallic.factor,
+            emission: radiance.map_or(0.0, |radiance| largest(radiance.factor)),
+            textures: textured.into_iter().filter(|(_, is)| *is).map(|(key, _)| key).collect(),
+            is_editable,
+        }
+    }
+}
+
+/// The parameters of a material that pages change; those of plain diffuse ones are those of a glTF material that looks alike.
+fn pbr(material: &Material) -> Option<PbrMaterial> {
+    match &material.model {
+        Model::Pbr(model) => Some((**model).clone()),
+        Model::Lambert { albedo } => Some(PbrMaterial {
+            base_color: *albedo,
+            metallic: FloatSlot::constant(0.0),
+            roughness: FloatSlot::constant(1.0),
+            specular: FloatSlot::constant(0.0),
+            ..PbrMaterial::default()
+        }),
+        Model::Black if material.emission.is_some() => Some(PbrMaterial {
+            base_color: ColorSlot::constant([0.0; 3]),
+            metallic: FloatSlot::constant(0.0),
+            specular: FloatSlot::constant(0.0),
+            ..PbrMaterial::default()
+        }),
+        _ => None,
+    }
+}
+
+fn largest(rgb: [f32; 3]) -> f32 {
+    rgb.into_iter().fold(0.0, f32::max)
+}
+
+/// The radiance of an emission of this strength, with the hue that the material has.
+fn radiance(material: &Material, strength: f32) -> [f32; 3] {
+    let own = material.emission.as_ref().map_or([1.0; 3], |emission| emission.radiance.factor);
+    match largest(own) {
+        0.0 => [strength; 3],
+        most => own.map(|v| v / most * strength),
+    }
+}
+
+/// All changes, by the names of materials.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Edits {
+    materials: BTreeMap<String, MaterialEdit>,
+}
+
+impl Edits {
+    /// Was this material changed?
+    pub fn has(&self, name: &str) -> bool {
+        self.materials.contains_key(name)
+    }
+
+    pub fn change(&mut self, name: String, edit: MaterialEdit) {
+        let own = self.materials.entry(name).or_default();
+        *own = edit.after(*own);
+    }
+
+    /// The materials with the changes.
+    pub fn applied(&self, own: &[Material]) -> Vec<Material> {
+        let changed = |material: &Material| match self.materials.get(&material.name) {
+            Some(edit) => changed(material, *edit),
+            None => material.clone(),
+        };
+        own.iter().map(changed).collect()
+    }
+
+    /// The tables of a scene file that say the same; `own` are the materials as they were.
+    pub fn tables(&self, own: &[Material]) -> Vec<Table> {
+        let table = |(name, edit): (&String, &MaterialEdit)| {
+            let material = own.iter().find(|material| material.name == *name)?;
+            Some(Table { header: format!("[materials.{}]", key(name)), lines: lines(material, *edit) })
+        };
+        self.materials.iter().filter_map(table).collect()
+    }
+}
+
+fn changed(material: &Material, edit: MaterialEdit) -> Material {
+    let Some(mut model) = pbr(material) else { return material.clone() };
+    model.base_color = edit.base_color.map_or(model.base_color, ColorSlot::constant);
+    model.roughness = edit.roughness.map_or(model.roughness, FloatSlot::constant);
+    model.metallic = edit.metallic.map_or(model.metallic, FloatSlot::constant);
+    let mut material = material.clone();
+    if let Some(strength) = edit.emission {
+        let two_sided =
+            material.emission.as_ref().map_or(material.double_sided, |emission| emission.two_sided);
+        let radiance = ColorSlot::constant(radiance(&material, strength));
+        material.emission = Some(Emission { radiance, two_sided });
+    }
+    // A plain one stays what it is as long as only its colour changes.
+    let is_plain = edit.roughness.is_none() && edit.metallic.is_none();
+    material.model = match material.model {
+        Model::Lambert { .. } if is_plain => Model::Lambert { albedo: model.base_color },
+        Model::Black if is_plain && edit.base_color.is_none() => Model::Black,
+        _ => Model::Pbr(Box::new(model)),
+    };
+    material
+}
+
+// As TOML.
+
+/// A table: its header, and lines of keys with their values.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Table {
+    header: String,
+    lines: Vec<(&'static str, String)>,
+}
+
+impl Table {
+    fn text(&self) -> String {
+        let lines = self.lines.iter().map(|(key, value)| format!("{key} = {value}\n"));
+        format!("{}\n{}", self.header, lines.collect::<String>())
+    }
+}
+
+/// All tables as text.
+pub(crate) fn text(tables: &[Table]) -> String {
+    tables.iter().map(Table::text).collect::<Vec<_>>().join("\n")
+}
+
+/// The keys of a changed material; all of them where the file has no material of that kind.
+fn lines(material: &Material, edit: MaterialEdit) -> Vec<(&'static str, String)> {
+    let number = |v: f32| format!("{v:?}");
+    let color = |rgb: [f32; 3]| format!("[{:?}, {:?}, {:?}]", rgb[0], rgb[1], rgb[2]);
+    let changed = changed(material, edit);
+    let mut lines: Vec<(&'static str, String)> = Vec::new();
+    let is_other = !matches!(material.model, Model::Pbr(_));
+    match &changed.model {
+        Model::Pbr(model) if is_other => {
+            lines.push(("type", "\"pbr\"".to_string()));
+            lines.push(("base_color", color(model.base_color.factor)));
+            lines.push(("metallic", number(model.metallic.factor)));
+            lines.push(("roughness", number(model.roughness.factor)));
+            lines.push(("specular", number(model.specular.factor)));
+        }
+        Model::Lambert { albedo } => {
+            lines.push(("type", "\"lambert\"".to_string()));
+            lines.push(("color", color(albedo.factor)));
+        }
+        Model::Black => lines.push(("type", "\"emissive\"".to_string())),
+        _ => {
+            lines.extend(edit.base_color.map(|rgb| ("base_color", color(rgb))));
+            lines.extend(edit.metallic.map(|v| ("metallic", number(v))));
+            lines.extend(edit.roughness.map(|v| ("roughness", number(v))));
+        }
+    }
+    if let Some(emission) = changed.emission.filter(|_| is_other || edit.emission.is_some()) {
+        let key = if matches!(changed.model, Model::Black) { "radiance" } else { "emission" };
+        lines.push((key, color(emission.radiance.factor)));
+    }
+    lines
+}
+
+/// A name as a key of a TOML table.
+fn key(name: &str) -> String {
+    let is_bare = !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
+    if is_bare { name.to_string() } else { format!("{name:?}") }
+}
+
+/// A file with these tables: keys of tables that it has are replaced or added, other tables come at its end. All else, with its
+/// comments, stays as it was.
+pub(crate) fn merged(file: &str, tables: &[Table]) -> String {
+    let mut lines: Vec<String> = file.lines().map(str::to_string).collect();
+    for table in tables {
+        match lines.iter().position(|line| line.split('#').next().unwrap_or("").trim() == table.header) {
+            Some(at) => put(&mut lines, at, table),
+            None => {
+                if lines.last().is_some_and(|line| !line.trim().is_empty()) {
+                    lines.push(String::new());
+                }
+                lines.extend(table.text().lines().map(str::to_string));
+            }
+        }
+    }
+    lines.join("\n") + "\n"
+}
+
+/// Replaces and adds keys of the table whose header is the line `at`.
+fn put(lines: &mut Vec<String>, at: usize, table: &Table) {
+    for (key, value) in &table.lines {
+        let end = lines[at + 1..]
+            .iter()
+            .position(|line| line.trim_start().starts_with('['))
+            .map_or(lines.len(), |n| at + 1 + n);
+        let is_it = |line: &String| line.split_once('=').is_some_and(|(own, _)| own.trim() == *key);
+        let own = lines[at + 1..end].iter().position(is_it).map(|n| at + 1 + n);
+        let new = format!("{key} = {value}");
+        match own {
+            Some(own) => lines[own] = new,
+            None => {
+                let blank = lines[at + 1..end].iter().rev().take_while(|line| line.trim().is_empty()).count();
+                lines.insert(end - blank, new);
+            }
+        }
+    }
+}
+
+// The environment's strength.
+
+/// An environment with another strength: that of its picture, else a factor on it, as `--env-strength` has it; its sun, a light of the
+/// scene, along with it.
+pub(crate) fn strengthen(scene: &mut Scene, before: f64, wanted: f64) {
+    let ratio = (wanted / before) as f32;
+    let times = |rgb: [f32; 3]| rgb.map(|v| v * ratio);
+    match &mut scene.environment {
+        Environment::Image { strength, .. } => *strength *= ratio,
+        Environment::Constant(color) => *color = times(*color),
+        Environment::Gradient { nadir, zenith } => (*nadir, *zenith) = (times(*nadir), times(*zenith)),
+        Environment::Black => {}
+    }
+    scene.scale_environment_sun(ratio);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn edits(name: &str, edit: MaterialEdit) -> Edits {
+        let mut edits = Edits::default();
+        edits.change(name.to_string(), edit);
+        edits
+    }
+
+    #[test]
+    fn later_changes_come_on_top_and_undo_leaves_nothing() {
+        let own = [Material::gltf("a", PbrMaterial::default()), Material::lambert("b", [0.5; 3])];
+        let mut both = edits("a", MaterialEdit { roughness: Some(0.25), ..MaterialEdit::default() });
+        both.change("a".to_string(), MaterialEdit { metallic: Some(1.0), ..MaterialEdit::default() });
+        both.change(
+            "b".to_string(),
+            MaterialEdit { base_color: Some([1.0, 0.0, 0.0]), ..MaterialEdit::default() },
+        );
+        let after = both.applied(&own);
+        let Model::Pbr(model) = &after[0].model else { panic!("it is a glTF material") };
+        assert_eq!((model.roughness.factor, model.metallic.factor), (0.25, 1.0));
+        assert_eq!(after[1].model, Model::Lambert { albedo: ColorSlot::constant([1.0, 0.0, 0.0]) });
+        assert_eq!(Edits::default().applied(&own), own);
+        let words = text(&both.tables(&own));
+        assert_eq!(
+            words,
+            "[materials.a]\nmetallic = 1.0\nroughness = 0.25\n\n[materials.b]\ntype = \"lambert\"\ncolor = [1.0, 0.0, 0.0]\n"
+        );
+    }
+
+    #[test]
+    fn files_keep_what_is_not_changed() {
+        let own = [Material::gltf("a b", PbrMaterial::default())];
+        let edits = edits(
+            "a b",
+            MaterialEdit { roughness: Some(0.5), emission: Some(2.0), ..MaterialEdit::default() },
+        );
+        let tables = edits.tables(&own);
+        let file =
+            "# Mine.\n[materials.\"a b\"] # paint\nroughness = 0.1\nior = 1.6\n\n[render]\nsamples = 4\n";
+        let text = merged(file, &tables);
+        assert_eq!(
+            text,
+            "# Mine.\n[materials.\"a b\"] # paint\nroughness = 0.5\nior = 1.6\nemission = [2.0, 2.0, 2.0]\n\n[render]\nsamples = 4\n"
+        );
+        assert_eq!(merged(&text, &tables), text, "once more changes nothing");
+        assert!(
+            merged("[render]\nsamples = 4", &tables)
+                .ends_with("\n\n[materials.\"a b\"]\nroughness = 0.5\nemission = [2.0, 2.0, 2.0]\n")
+        );
+        assert_eq!(merged("", &tables), super::text(&tables));
+    }
+
+    #[test]
+    fn numbers_out_of_range_are_refused() {
+        let is_valid = |edit: MaterialEdit| edit.is_valid();
+        assert!(is_valid(MaterialEdit {
+            base_color: Some([0.0, 0.5, 1.0]),
+            emission: Some(10.0),
+            ..MaterialEdit::default()
+        }));
+        assert!(!is_valid(MaterialEdit { roughness: Some(1.5), ..MaterialEdit::default() }));
+        assert!(!is_valid(MaterialEdit {
+            base_color: Some([0.0, f32::NAN, 1.0]),
+            ..MaterialEdit::default()
+        }));
+        assert!(!is_valid(MaterialEdit { emission: Some(-1.0), ..MaterialEdit::default() }));
+    }
+}

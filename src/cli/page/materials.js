@@ -1,0 +1,87 @@
+// The material that was clicked on: its values, sliders that change them, and the lines that say the same in a file.
+
+const $ = (id) => document.getElementById(id);
+const SLIDERS = ["roughness", "metallic", "emission"];
+const DARKEST = 2 ** -7;       // the left end of the slider of emission is none at all
+
+const toLinear = (v) => (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
+const toShown = (v) => (v <= 0.0031308 ? 12.92 * v : 1.055 * v ** (1 / 2.4) - 0.055);
+const rgbOf = (hex) => [1, 3, 5].map((at) => Number(toLinear(parseInt(hex.slice(at, at + 2), 16) / 255).toPrecision(4)));
+const hexOf = (rgb) => "#" + rgb.map((v) => Math.round(255 * toShown(Math.min(v, 1))).toString(16).padStart(2, "0")).join("");
+
+/** Shows and changes materials; `set` and `post` send something to the program. */
+export function materials({ set, post, copy }) {
+  let own = null, status = null;
+
+  /** Sends a value; those of one drag are one change. */
+  const listen = (input, key, read) => {
+    let isHeld = false, busy = false, again = false;
+    const send = async () => {
+      if (!own) return;
+      if (busy) { again = true; return; }
+      busy = true;
+      const sent = set({ material: [own.name, { [key]: read(input.value) }], is_same: isHeld });
+      isHeld = true;
+      await sent;
+      busy = false;
+      if (again) { again = false; send(); }
+    };
+    input.addEventListener("input", send);
+    input.addEventListener("change", () => { isHeld = false; });
+  };
+  listen($("base_color"), "base_color", rgbOf);
+  listen($("roughness"), "roughness", Number);
+  listen($("metallic"), "metallic", Number);
+  listen($("emission"), "emission", (v) => (2 ** v <= DARKEST ? 0 : Number((2 ** v).toPrecision(3))));
+  const undo = () => (status?.undo ? post("undo") : null);
+  $("undo").addEventListener("click", undo);
+  $("save").addEventListener("click", async () => {
+    if (await post("save")) $("announcement").textContent = `Written: ${status.facts.sidecar}`;
+  });
+  $("copy-toml").addEventListener("click", () => copy($("copy-toml"), $("toml")));
+
+  const put = (id, value) => {
+    if (!$(id).matches(":active") && document.activeElement?.id !== id) $(id).value = value;
+    else if ($(id).type === "range" && !$(id).matches(":active")) $(id).value = value;
+  };
+  const show = () => {
+    const now = own && (status?.edited[own.name] ?? own);
+    $("material-fields").hidden = !now?.is_editable;
+    $("material-hint").hidden = Boolean(now?.is_editable);
+    if (now && !now.is_editable) $("material-hint").textContent = `'${now.name}' is of shaders that have no such sliders.`;
+    if (!now?.is_editable) return;
+    $("material-name").textContent = now.name;
+    for (const key of ["base_color", ...SLIDERS]) {
+      $(`${key}-note`).textContent = now.textures.includes(key) ? "(replaces its texture)" : "";
+    }
+    put("base_color", hexOf(now.base_color));
+    put("roughness", now.roughness);
+    put("metallic", now.metallic);
+    put("emission", Math.log2(Math.max(now.emission, DARKEST)));
+    $("roughness-value").textContent = now.roughness.toFixed(2);
+    $("metallic-value").textContent = now.metallic.toFixed(2);
+    $("emission-value").textContent = now.emission > 0 ? `${Number(now.emission.toPrecision(3))} W/sr/m²` : "none";
+  };
+
+  return {
+    undo,
+    /** Chooses the material at a place of the picture. */
+    choose: async (x, y) => {
+      const answer = await fetch(`material?x=${x}&y=${y}`);
+      if (!answer.ok) return;
+      own = await answer.json();
+      show();
+    },
+    update: (news) => {
+      status = news;
+      $("undo").disabled = !news.undo;
+      $("save").hidden = news.facts.sidecar === null;
+      $("save").disabled = !news.toml;
+      $("save").textContent = "Save";
+      $("save").title = `Write the changes into ${news.facts.sidecar}, beside the model`;
+      $("toml-row").hidden = !news.toml;
+      if (document.activeElement !== $("toml")) $("toml").value = news.toml;
+      show();
+    },
+  };
+}
