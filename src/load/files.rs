@@ -170,7 +170,7 @@ pub(super) fn open(path: &Path) -> Result<File, String> {
 
 fn unreadable(error: std::io::Error) -> String {
     match error.kind() {
-        std::io::ErrorKind::NotFound => "there is no such file".to_string(),
+        std::io::ErrorKind::NotFound => "can't be read: there is no such file".to_string(),
         _ => format!("can't be read: {error}"),
     }
 }
