@@ -134,7 +134,7 @@ fn denoise(
     film: &mut Film,
 ) -> Result<Option<String>> {
     let kept = first.finish.denoise.as_ref();
-    if !args.denoise && kept.is_none() {
+    if args.no_denoise || !args.denoise && kept.is_none() {
         return Ok(None);
     }
     let names = kept.unwrap_or(&first.channels.aovs);
@@ -256,6 +256,9 @@ pub(crate) struct MergeArgs {
     /// need --aov albedo,normal,depth,variance for good results.
     #[arg(long)]
     pub denoise: bool,
+    /// Do not denoise, even if the parts were rendered with --denoise.
+    #[arg(long, conflicts_with = "denoise")]
+    pub no_denoise: bool,
     #[command(flatten)]
     pub denoiser: DenoiserArgs,
     /// Write the colour channels of EXRs as 32-bit floats, as if the parts had been rendered with --float.

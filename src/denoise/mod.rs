@@ -335,6 +335,29 @@ mod tests {
         }
     }
 
+    /// Noise at the edges of squares alone, half of what the halves say, as evenly spread samples have it.
+    #[test]
+    fn edges_with_little_noise_stay() {
+        let chequers = Chequers::new(0.3);
+        let mut random = SplitMix64::new(9);
+        for noise in [0.02, 0.004] {
+            let mut planes = [0, 1].map(|_| vec![0.0; WIDTH * HEIGHT]);
+            for (i, truth) in chequers.truth.iter().enumerate() {
+                let is_edge = (i % WIDTH).is_multiple_of(6) || (i / WIDTH).is_multiple_of(6);
+                let mut error = |scale: f64| match is_edge {
+                    true => truth * (scale * noise * (random.next_unit() - 0.5)) as f32,
+                    false => 0.0,
+                };
+                (planes[0][i], planes[1][i]) = (truth + error(1.0), error(2.0));
+            }
+            let [mean, deviations] = planes.map(|plane| [plane.clone(), plane.clone(), plane]);
+            let denoised = chequers.denoised(&mean, Noise::Deviations(slices(&deviations)), vec![]);
+            let (before, after) = (chequers.error(&mean), chequers.error(&denoised.color));
+            println!("{noise}: {before} -> {after}");
+            assert!(after < 1.1 * before, "{noise}: {before} -> {after}");
+        }
+    }
+
     /// Means of blocks are those of the noisy picture within its noise, and that of the picture almost exactly.
     #[test]
     fn brightness_stays() {

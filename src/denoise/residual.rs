@@ -8,7 +8,11 @@
 //! has nothing to do with the noise, `r^2 = (1 + x) v`, and the error of the result is below `v` for all
 //! `x`: it does not exceed that of the noisy picture. The square instead of James and Stein's
 //! `1 - v / r^2` keeps less of what is noise by chance. But proposals follow the noise somewhat, which hides as much of their bias:
-//! a share of at least `b / (b + v)` is kept, with a small bias `b` that is taken for granted.
+//! a share of at least `b / (b + v)` is kept, with a small bias `b` that is taken for granted. It grows with the contrast around
+//! a pixel, since networks blur textures and edges.
+//!
+//! Where there is little noise, low-discrepancy samples of smooth integrands make it: the halves, which are less evenly spread,
+//! overestimate it (`render/noise.rs`), and it differs from pixel to pixel, so that it is averaged over smaller squares.
 //!
 //! Scales are those of a pyramid of means of four pixels (Burt and Adelson 1983, "The Laplacian Pyramid as a Compact Image
 //! Code"), of the residual relative to the proposal and weighted by it: the mean of a region is the share of light that it
@@ -29,8 +33,18 @@ const MIN_BIAS: f32 = 3.0 * 0.007 * 0.007;
 /// as much where few samples are bright, and the noise of such means is small.
 const LARGE_SCALE: u32 = 5;
 const MIN_BIAS_OF_LARGE: f32 = 3.0 * 0.05 * 0.05;
-/// Radius of the squares over which powers are averaged, pixels of the scale.
+/// The share of the contrast around a pixel that the proposal is taken to be off by, at the smallest [`SCALES`], and the largest
+/// power of the contrast, summed over the channels.
+const SHARE_OF_CONTRAST: f32 = 0.15;
+const SCALES: u32 = 2;
+const LARGEST_CONTRAST: f32 = 0.3;
+/// Radius of the squares over which powers are averaged, pixels of the scale, and where pixels have little noise.
 const RADIUS: usize = 3;
+const NARROW: usize = 1;
+/// The relative power of the noise, summed over the channels, below which it is little, and the least share of the halves'
+/// differences that it is taken for there.
+const LITTLE: f32 = 0.004;
+const LEAST_SHARE_OF_HALVES: f32 = 1.0 / 7.0;
 /// Radius of larger squares, and the share of their noise that there is everywhere in them: samples that are all 0 by chance
 /// show no noise.
 const WIDE: usize = 12;
@@ -58,7 +72,8 @@ pub(super) fn restored(
     let residual = [0, 1, 2].map(|c| relative(c, &|i| noisy[c][i] - proposed[c][i]));
     let deviation = [0, 1, 2].map(|c| relative(c, &|i| deviations[c][i]));
     let independent = (0..width * height).map(|i| power_at(&deviation, i)).collect();
-    let first = Scale { level: 0, width, height, residual, deviation, weight, independent };
+    let contrast = contrast(width, height, &weight);
+    let first = Scale { level: 0, width, height, residual, deviation, weight, independent, contrast };
     let correction = first.kept();
     for c in 0..3 {
         for ((to, w), k) in proposed[c].iter_mut().zip(&first.weight[c]).zip(&correction[c]) {
@@ -66,6 +81,21 @@ pub(super) fn restored(
         }
     }
     proposed
+}
+
+/// The variance of the values around each pixel, relative to their power, summed over the channels.
+fn contrast(width: usize, height: usize, weight: &[Vec<f32>; 3]) -> Vec<f32> {
+    let mut sum = vec![0.0f32; width * height];
+    for plane in weight {
+        let squares: Vec<f32> = plane.iter().map(|v| v * v).collect();
+        let (mean, power) =
+            (smoothed(width, height, plane, NARROW), smoothed(width, height, &squares, NARROW));
+        for (sum, (mean, power)) in sum.iter_mut().zip(mean.iter().zip(&power)) {
+            *sum += (1.0 - mean * mean / power).max(0.0);
+        }
+    }
+    sum.iter_mut().for_each(|v| *v = v.min(LARGEST_CONTRAST));
+    sum
 }
 
 /// Sums of the pixels of a scale.
@@ -81,6 +111,8 @@ struct Scale {
     weight: [Vec<f32>; 3],
     /// The power of the deviations, summed over the channels, if those of pixels had nothing to do with each other.
     independent: Vec<f32>,
+    /// Mean contrast; empty from [`SCALES`] on.
+    contrast: Vec<f32>,
 }
 
 impl Scale {
@@ -99,6 +131,10 @@ impl Scale {
         let of = |i: usize| self.weight[0][i] + self.weight[1][i] + self.weight[2][i];
         let (all, squared) = (sums(&of), sums(&|i| of(i) * of(i) * self.independent[i]));
         let independent = squared.iter().zip(&all).map(|(v, weight)| v / (weight * weight)).collect();
+        let contrast = match self.level + 1 < SCALES {
+            true => sums(&|i| of(i) * self.contrast[i]).iter().zip(&all).map(|(v, w)| v / w).collect(),
+            false => Vec::new(),
+        };
         let weight = [0, 1, 2].map(|c| sums(&|i| self.weight[c][i]));
         let means = |value: &[Vec<f32>; 3]| {
             [0, 1, 2].map(|c| {
@@ -108,7 +144,7 @@ impl Scale {
             })
         };
         let (residual, deviation) = (means(&self.residual), means(&self.deviation));
-        Scale { level: self.level + 1, width, height, residual, deviation, weight, independent }
+        Scale { level: self.level + 1, width, height, residual, deviation, weight, independent, contrast }
     }
 
     /// What is kept of the residual at this scale and all larger ones.
@@ -125,13 +161,14 @@ impl Scale {
                 (0..3).map(|c| (self.residual[c][i] - kept[c][i]) * (self.residual[c][i] - kept[c][i])).sum()
             })
             .collect();
-        let signal = smoothed(self.width, self.height, &signal, RADIUS);
-        let noise = self.noise();
+        let (signal, noise) = self.powers(&signal);
         let side = |length: usize| length.min(2 * RADIUS + 1) as f32;
         let caution = CAUTION + CAUTION_OF_ONE / (side(self.width) * side(self.height));
         let bias = if self.level < LARGE_SCALE { MIN_BIAS } else { MIN_BIAS_OF_LARGE };
         for (i, (signal, noise)) in signal.iter().zip(&noise).enumerate() {
             let ratio = noise / signal.max(1e-30);
+            let of_contrast = self.contrast.get(i).map_or(0.0, |v| SHARE_OF_CONTRAST * SHARE_OF_CONTRAST * v);
+            let bias = bias + of_contrast;
             let least = bias / (bias + noise);
             let caution = caution + CAUTION_OF_NOISE * noise.min(1.0);
             let share = (1.0 - caution * ratio * ratio).max(least);
@@ -140,16 +177,30 @@ impl Scale {
         kept
     }
 
-    /// The power of the noise around each pixel.
-    fn noise(&self) -> Vec<f32> {
+    /// The powers of the residual and of the noise around each pixel, from the residual's of each pixel.
+    fn powers(&self, signal: &[f32]) -> (Vec<f32>, Vec<f32>) {
+        let mean = |plane: &[f32], radius: usize| smoothed(self.width, self.height, plane, radius);
         let deviations: Vec<f32> = (0..self.independent.len())
             .map(|i| power_at(&self.deviation, i).max(self.independent[i]))
             .collect();
-        let mut noise = smoothed(self.width, self.height, &deviations, RADIUS);
+        let (mut signal_near, mut noise) = (mean(signal, RADIUS), mean(&deviations, RADIUS));
         let capped: Vec<f32> = noise.iter().map(|v| v.min(LARGEST_WIDE)).collect();
-        let wide = smoothed(self.width, self.height, &capped, WIDE);
-        noise.iter_mut().zip(&wide).for_each(|(near, wide)| *near = near.max(SHARE_OF_WIDE * wide));
-        noise
+        let wide = mean(&capped, WIDE);
+        let much = |wide: f32| wide / (wide + LITTLE);
+        if self.level == 0 {
+            let narrow = [(&mut signal_near, mean(signal, NARROW)), (&mut noise, mean(&deviations, NARROW))];
+            for (near, narrow) in narrow {
+                for (near, (narrow, wide)) in near.iter_mut().zip(narrow.iter().zip(&wide)) {
+                    *near = narrow + much(*wide) * (*near - narrow);
+                }
+            }
+        }
+        for (near, wide) in noise.iter_mut().zip(&wide) {
+            let much = much(*wide);
+            let least = SHARE_OF_WIDE * wide * much;
+            *near = near.max(least) * (LEAST_SHARE_OF_HALVES + (1.0 - LEAST_SHARE_OF_HALVES) * much);
+        }
+        (signal_near, noise)
     }
 
     /// A plane of this scale at the resolution of the one before: linear between the middles of its pixels.
