@@ -122,6 +122,10 @@ pub struct SequenceFrame {
     pub number: u32,
     /// As messages name it.
     pub label: String,
+    /// Denoised with the frames around it.
+    pub is_averaged: bool,
+    /// Not written: a neighbour of one that is.
+    pub is_neighbour: bool,
 }
 
 /// Shadow terminator of meshes with shading normals.

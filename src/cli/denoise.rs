@@ -3,14 +3,13 @@
 use super::parsers::Frames;
 use super::picture_args::DenoiseArgs;
 use super::process::Outcome;
-use oscura::denoise::temporal::{Frame, REACH, stabilized};
+use oscura::denoise::temporal::{Averaged, Frame, Sequence, with_neighbours};
 use oscura::denoise::{Denoised, Guides, NAME, Noise, Noisy, denoise, slices};
 use oscura::error::{Error, Result};
 use oscura::film::LIGHT_GROUP;
 use oscura::load::image::{Layered, load_layered};
 use oscura::output::{DENOISED, Format, check_target, encode_layered, is_same_target, write_atomically};
 use oscura::render::in_pool;
-use std::ops::RangeInclusive;
 use std::path::Path;
 use std::time::Instant;
 
@@ -169,68 +168,39 @@ fn denoise_sequence(args: &DenoiseArgs) -> Result<Outcome> {
         return Err(Error::usage(message).with_help("such as -o clean.####.exr"));
     }
     let all = Frames::existing(&args.picture)?;
-    let is_wanted = |number: &u32| args.frames.is_none_or(|frames| frames.contains(*number));
-    let numbers: Vec<u32> = all.iter().copied().filter(is_wanted).collect();
+    let is_wanted = |number: u32| args.frames.is_none_or(|frames| frames.contains(number));
+    let numbers = with_neighbours(&all, is_wanted);
     if numbers.is_empty() {
         return Err(Frames::missing(&args.picture));
     }
-    numbers.iter().try_for_each(|&number| check_target(Frames::file(&args.output, number)))?;
+    let mut targets = numbers.iter().filter(|&&number| is_wanted(number));
+    targets.try_for_each(|&number| check_target(Frames::file(&args.output, number)))?;
     if !args.quiet {
         args.denoiser.notes().iter().for_each(|note| say!("note: {note}"));
     }
-    let mut window = Window::default();
+    let mut sequence = Sequence::default();
     for &number in &numbers {
-        let range = neighbourhood(&all, number);
-        window.slide(args, range.clone())?;
-        let at = (number - range.start()) as usize;
-        let file = &window.files[at];
-        let by = format!("{}; frames {}-{}", file.description(), range.start(), range.end());
-        let target = Frames::file(&args.output, number);
-        file.write(&stabilized(&window.frames, at), &by, &target)?;
-        if !args.quiet {
-            say!("wrote    {}", target.display());
-        }
+        let path = Frames::file(&args.picture, number);
+        let other_seed = args.other_seed.as_ref().map(|path| Frames::file(path, number));
+        let file = NoisyFile::load(&path, other_seed.as_deref())?;
+        let frame = file.frame(&path)?;
+        let done = sequence.push(number, frame, is_wanted(number).then_some(file));
+        done.into_iter().try_for_each(|frame| write_frame(args, frame))?;
     }
+    sequence.finish().into_iter().try_for_each(|frame| write_frame(args, frame))?;
     Ok(Outcome::Done)
 }
 
-/// The frames that a frame is averaged with: those around it that follow each other.
-fn neighbourhood(all: &[u32], number: u32) -> RangeInclusive<u32> {
-    let is_there = |number: &u32| all.binary_search(number).is_ok();
-    let reach = REACH as u32;
-    let before = (number.saturating_sub(reach)..number).rev().take_while(is_there).last();
-    let after = (number + 1..=number.saturating_add(reach)).take_while(is_there).last();
-    before.unwrap_or(number)..=after.unwrap_or(number)
-}
-
-/// Frames of a sequence that follow each other, each denoised by itself.
-#[derive(Default)]
-struct Window {
-    /// Number of the first.
-    first: u32,
-    files: Vec<NoisyFile>,
-    frames: Vec<Frame>,
-}
-
-impl Window {
-    /// Moves on to a later range of frames.
-    ///
-    /// # Errors
-    /// If one of them can't be read.
-    fn slide(&mut self, args: &DenoiseArgs, range: RangeInclusive<u32>) -> Result<()> {
-        let passed = (range.start() - self.first) as usize;
-        self.files.drain(..passed.min(self.files.len()));
-        self.frames.drain(..passed.min(self.frames.len()));
-        self.first = *range.start();
-        for number in self.first + self.frames.len() as u32..=*range.end() {
-            let path = Frames::file(&args.picture, number);
-            let other_seed = args.other_seed.as_ref().map(|path| Frames::file(path, number));
-            let file = NoisyFile::load(&path, other_seed.as_deref())?;
-            self.frames.push(file.frame(&path)?);
-            self.files.push(file);
-        }
-        Ok(())
+/// Writes a frame of a sequence.
+fn write_frame(args: &DenoiseArgs, frame: Averaged<NoisyFile>) -> Result<()> {
+    let Averaged { number, item: file, picture, frames } = frame;
+    let by = format!("{}; frames {}-{}", file.description(), frames.start(), frames.end());
+    let target = Frames::file(&args.output, number);
+    file.write(&picture, &by, &target)?;
+    if !args.quiet {
+        say!("wrote    {}", target.display());
     }
+    Ok(())
 }
 
 /// The layers of a file that denoising uses.
@@ -263,6 +233,9 @@ impl Layers {
             let values = triple(names.each_ref().map(String::as_str))?;
             Some((prefix, values))
         });
+        let mut parts: Vec<(String, [Vec<f32>; 3])> = parts.collect();
+        // In the order in which renders denoise them.
+        parts.sort_by(|(a, _), (b, _)| a.cmp(b));
         Layers {
             color: triple(RGB).unwrap_or_default(),
             variance: triple(["variance.R", "variance.G", "variance.B"]),
@@ -270,7 +243,7 @@ impl Layers {
                 .or_else(|| triple(["albedo.R", "albedo.G", "albedo.B"])),
             normal: triple(["denoising_normal.X", "denoising_normal.Y", "denoising_normal.Z"])
                 .or_else(|| triple(["N.X", "N.Y", "N.Z"])),
-            parts: parts.collect(),
+            parts,
         }
     }
 

@@ -39,6 +39,7 @@ mod render;
 mod report;
 mod scene_args;
 mod settings;
+mod shot;
 mod show;
 mod thumbnail;
 mod tips;

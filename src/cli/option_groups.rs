@@ -93,7 +93,7 @@ pub(super) const GROUPS: [(&str, &[&str]); 13] = [
         ],
     ),
     ("Passes", &["aov", "light_groups", "aov_space", "crypto_levels"]),
-    ("Denoising", &["denoise", "no_denoise", "denoiser", "oidn_library"]),
+    ("Denoising", &["denoise", "no_denoise", "denoise_alone", "denoiser", "oidn_library"]),
     (
         "Long renders",
         &[

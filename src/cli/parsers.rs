@@ -204,6 +204,11 @@ impl Frames {
         (self.first..=self.last).step_by(self.step as usize)
     }
 
+    /// Are there several, of which each follows the last?
+    pub(crate) fn are_consecutive(self) -> bool {
+        self.step == 1 && self.last > self.first
+    }
+
     /// The file for a frame: `#` in the name stand for the digits of its number, as `%04d` does for four; without any,
     /// `.####` comes before the extension.
     pub(crate) fn file(path: &Path, number: u32) -> PathBuf {

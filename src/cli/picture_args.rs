@@ -69,6 +69,9 @@ pub(crate) struct PictureArgs {
     /// Do not denoise, even if the scene file asks for it.
     #[arg(long, conflicts_with = "denoise")]
     pub no_denoise: bool,
+    /// Denoise each frame of a sequence alone, not with the two before and after it.
+    #[arg(long, conflicts_with = "no_denoise")]
+    pub denoise_alone: bool,
     #[command(flatten)]
     pub denoiser: DenoiserArgs,
     /// White balance of PNG and other display-referred output: colour temperature that looks white, kelvin (1667 to

@@ -278,7 +278,7 @@ pub(super) struct Denoising<'a> {
 impl<'a> Denoising<'a> {
     /// As the arguments say, of files that are to have these AOVs.
     pub fn of(args: &'a RenderArgs, targets: &Targets, kept: AovSet) -> Denoising<'a> {
-        Denoising { args, kept, has_pictures: targets.has_pictures() }
+        Denoising { args, kept, has_pictures: targets.has_pictures() || targets.parts().is_empty() }
     }
 
     /// AOVs that are kept after denoising; `None` without denoising.
@@ -286,9 +286,16 @@ impl<'a> Denoising<'a> {
         self.args.picture.denoise.then_some(self.kept)
     }
 
-    /// Denoises if that is asked for; returns the time, seconds.
+    /// Is the picture to be denoised with the frames around it?
+    pub fn is_over_frames(&self) -> bool {
+        self.kept().is_some()
+            && self.has_pictures
+            && self.args.frame.as_ref().is_some_and(|frame| frame.is_averaged)
+    }
+
+    /// Denoises the picture alone if that is asked for; returns the time, seconds.
     pub fn run(&self, rendering: &mut Rendering, printed: &mut PrintedMessages) -> Option<f64> {
-        let kept = self.kept().filter(|_| self.has_pictures)?;
+        let kept = self.kept().filter(|_| self.has_pictures && !self.is_over_frames())?;
         if !self.args.quiet {
             printed.notes(&self.args.picture.denoiser.notes());
         }

@@ -8,23 +8,27 @@ use super::pictures::{
     self, AnimationFiles, Denoising, FinishedPicture, Pictures, Targets, check_stdout, still,
 };
 use super::preview::Preview;
+use super::process::cancel_by_signals;
 use super::process::{Outcome, exit_code};
-use super::process::{cancel_by_signals, peak_memory};
 use super::progress::{Progress, ProgressTarget, StageProgress, StopCriteria};
 use super::report::{PrintedMessages, Run, name_options_in_error};
 use super::scene_args::check_scene_path;
 use super::settings::{
-    EnvironmentOverride, PictureUse, Prepared, check_memory_before_loading, completed, idle_option_notes,
-    memory_limit, prepare, requested, unused_option_warnings, watch_memory,
+    EnvironmentOverride, PictureUse, Prepared, averages_frames, check_memory_before_loading, completed,
+    idle_option_notes, memory_limit, prepare, requested, unused_option_warnings, watch_memory,
 };
+use super::shot::{RunState, Shot, refuse_warnings};
 use super::{checkpoint, json, report, show};
-use oscura::compile::Compiler;
-use oscura::error::{Error, ErrorKind, Problem, Result, Warning};
+use oscura::compile::{CompileReport, Compiler};
+use oscura::denoise::temporal::with_neighbours;
+use oscura::error::{Error, ErrorKind, Result, Warning};
 use oscura::film::{Aov, Film};
 use oscura::load::stage::{Background, Turntable, middle};
 use oscura::load::{LoadOptions, Loaded, is_of_blender, load, load_frames};
 use oscura::output::is_same_target;
-use oscura::render::{CancelHandle, PassOutcome, RarePaths, RenderOptions, Rendering, Statistics, in_pool};
+use oscura::render::{
+    CancelHandle, PassOutcome, Picture, RarePaths, RenderOptions, Rendering, Statistics, in_pool,
+};
 use oscura::scene::{Camera, Keyframes, Scene};
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
@@ -66,7 +70,7 @@ fn run_picture(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
         args.output.iter().try_for_each(refuse)?;
     }
     let mut kept = RunState::new(args, Compiler::single())?;
-    run_one(args, cancel, &targets, Some(&environment), &mut loaded, start, &mut kept)
+    run_one(args, cancel, targets, Some(&environment), &mut loaded, start, &mut kept)
 }
 
 /// What helps where a picture without -o would replace something else.
@@ -89,25 +93,29 @@ fn run_frames(args: &RenderArgs, frames: Frames, cancel: &CancelHandle) -> Resul
         Targets::check(&file(number))?;
     }
     // Without numbered files (only --show or video output) all frames are rendered.
-    let is_missing = |&number: &u32| {
-        !args.long.resume || still.is_empty() || !file(number).iter().all(|path| path.exists())
-    };
-    let missing: Vec<u32> = frames.numbers().filter(is_missing).collect();
+    let is_missing =
+        |number: u32| !args.long.resume || still.is_empty() || !file(number).iter().all(|path| path.exists());
+    let all: Vec<u32> = frames.numbers().collect();
+    let missing: Vec<u32> = all.iter().copied().filter(|&number| is_missing(number)).collect();
+    print_existing(args, all.len() - missing.len());
+    // What is averaged with a missing frame is rendered again.
+    let is_averaged = averages_frames(args);
+    let rendered =
+        if is_averaged { with_neighbours(&all, |n| missing.contains(&n)) } else { missing.clone() };
     if let Some(checkpoint) = &args.long.checkpoint {
-        missing
+        rendered
             .iter()
             .try_for_each(|&number| checkpoint::check_file(args, &Frames::file(checkpoint, number)))?;
     }
-    print_existing(args, frames.numbers().count() - missing.len());
-    let (mut start, mut numbers, mut outcome) = (Instant::now(), missing.iter().copied(), Outcome::Done);
+    let (mut start, mut numbers, mut outcome) = (Instant::now(), rendered.iter().copied(), Outcome::Done);
     let mut kept = RunState { moving, ..RunState::new(args, Compiler::sequence())? };
     check_scene_path(&args.scene)?;
     check_memory_before_loading(args)?;
     let environment = EnvironmentOverride::load(args)?;
     // While a frame is rendered, its own limits count.
     let mut watchdog = Some(watch_memory(args));
-    let rendered =
-        load_frames(&args.scene, &load_options(args)?, missing.iter().copied(), args.fps, &mut |loaded| {
+    let mut result =
+        load_frames(&args.scene, &load_options(args)?, rendered.iter().copied(), args.fps, &mut |loaded| {
             watchdog = None;
             let Some(number) = numbers.next() else { return Ok(ControlFlow::Break(())) };
             let targets = Targets::check(&file(number))?;
@@ -116,9 +124,10 @@ fn run_frames(args: &RenderArgs, frames: Frames, cancel: &CancelHandle) -> Resul
                 true => format!("frame    {number}"),
                 false => format!("frame    {number}, {:.3} s", f64::from(number) / args.fps),
             };
-            args.frame = Some(SequenceFrame { number, label });
+            let is_neighbour = !missing.contains(&number);
+            args.frame = Some(SequenceFrame { number, label, is_averaged, is_neighbour });
             args.long.checkpoint = args.long.checkpoint.map(|file| Frames::file(&file, number));
-            outcome = run_one(&args, cancel, &targets, Some(&environment), loaded, start, &mut kept)?;
+            outcome = run_one(&args, cancel, targets, Some(&environment), loaded, start, &mut kept)?;
             start = Instant::now();
             watchdog = Some(watch_memory(&args));
             Ok(match outcome {
@@ -127,11 +136,11 @@ fn run_frames(args: &RenderArgs, frames: Frames, cancel: &CancelHandle) -> Resul
             })
         });
     drop(watchdog);
-    match (&rendered, &outcome) {
-        (Ok(()), Outcome::Done) => kept.moving.map_or(Ok(()), |moving| moving.finish(args.quiet))?,
-        _ => kept.moving.iter().for_each(|moving| moving.print_unfinished(args)),
+    match (&result, &outcome) {
+        (Ok(()), Outcome::Done) => result = kept.finish(args),
+        _ => kept.print_unfinished(args),
     }
-    rendered.map(|()| outcome)
+    result.map(|()| outcome)
 }
 
 /// Reports how many frames are skipped.
@@ -268,6 +277,11 @@ fn print_export(args: &RenderArgs) {
     }
 }
 
+/// Are motion vectors needed?
+fn has_vectors(args: &RenderArgs) -> bool {
+    averages_frames(args) || args.aov.iter().any(|aovs| aovs.contains(Aov::Motion))
+}
+
 pub(super) fn load_options(args: &RenderArgs) -> Result<LoadOptions> {
     let aspect = args.width.zip(args.height).map(|(w, h)| f64::from(w) / f64::from(h));
     let mut stage = args.stage.options(aspect, memory_limit(args), &mut Vec::new())?;
@@ -278,7 +292,7 @@ pub(super) fn load_options(args: &RenderArgs) -> Result<LoadOptions> {
         allow_external: args.allow_external,
         brings_environment: args.env.is_some(),
         gltf: args.asset.options(),
-        shutter: args.shutter.options(args.fps, args.aov.iter().any(|aovs| aovs.contains(Aov::Motion))),
+        shutter: args.shutter.options(args.fps, has_vectors(args)),
         point_radius: args.point_radius,
         up: args.stage.up,
         smooth_rad: args.stage.smooth.map(f64::to_radians),
@@ -291,90 +305,122 @@ pub(super) fn load_options(args: &RenderArgs) -> Result<LoadOptions> {
     })
 }
 
-/// State shared by all pictures of a run.
-pub(super) struct RunState {
-    pub printed: PrintedMessages,
-    pub compiler: Compiler,
-    /// Animation files that frames are added to.
-    pub moving: Option<AnimationFiles>,
-    /// Preview window.
-    pub preview: Option<Preview>,
-}
-
-impl RunState {
-    /// Opens the preview and starts with an empty compiler.
-    ///
-    /// # Errors
-    /// If the preview can't be opened.
-    pub fn new(args: &RenderArgs, compiler: Compiler) -> Result<RunState> {
-        let preview = args.preview.as_ref().map(|how| Preview::open(args, how)).transpose()?;
-        Ok(RunState { printed: PrintedMessages::default(), compiler, moving: None, preview })
-    }
-}
-
 /// Renders one picture of a scene that began to load at `start`; `environment` is what the arguments put in place of the
 /// scene's, unless that has been done.
 pub(super) fn run_one(
     args: &RenderArgs,
     cancel: &CancelHandle,
-    targets: &Targets,
+    targets: Targets,
     environment: Option<&EnvironmentOverride>,
     loaded: &mut Loaded,
     start: Instant,
-    RunState { printed, compiler, moving, preview }: &mut RunState,
+    state: &mut RunState,
 ) -> Result<Outcome> {
-    let (given, args) = (args, &completed(args, &loaded.scene.settings));
-    let prepared = prepare_files((given, args), targets, environment, loaded, start, compiler)?;
-    // Files record everything that is not in the picture.
+    let mut shot = match shoot(args, cancel, targets, environment, loaded, start, state)? {
+        ControlFlow::Continue(shot) => shot,
+        ControlFlow::Break(outcome) => return Ok(outcome),
+    };
+    let Some(frame) = shot.args.frame.clone().filter(|_| shot.is_averaged) else {
+        return shot.write(&mut state.printed, state.moving.as_mut());
+    };
+    let denoising = Instant::now();
+    let alone = shot.picture.frame().expect("all that frames need was rendered");
+    let seconds = denoising.elapsed().as_secs_f64();
+    shot.run.denoise_s = Some(seconds);
+    shot.run.total_s += seconds;
+    let done = state.sequence.push(frame.number, alone, (!frame.is_neighbour).then_some(shot));
+    done.into_iter().try_for_each(|frame| state.write(frame))?;
+    Ok(Outcome::Done)
+}
+
+/// Renders one picture; breaks with how the run ended if there is none.
+fn shoot(
+    args: &RenderArgs,
+    cancel: &CancelHandle,
+    targets: Targets,
+    environment: Option<&EnvironmentOverride>,
+    loaded: &mut Loaded,
+    start: Instant,
+    RunState { printed, compiler, moving, preview, .. }: &mut RunState,
+) -> Result<ControlFlow<Outcome, Shot>> {
+    let (given, args) = (args, completed(args, &loaded.scene.settings));
+    let prepared = prepare_files((given, &args), &targets, environment, loaded, start, compiler)?;
     let Prepared { scene, labels, camera, resolved, how, kept_aovs, png, build, load_s, .. } = prepared;
     let Prepared { mut notes, mut warnings, left_out, .. } = prepared;
     let log: Vec<Warning> = warnings.iter().chain(&build.notes).cloned().collect();
-    let (width, height) = (resolved.options.width, resolved.options.height);
-    check_size(targets, moving.as_ref(), (width, height))?;
-    print_scene(args, printed, (&notes, &warnings, &left_out));
-    refuse_warnings(args, &warnings, ErrorKind::Input)?;
-    stop_before_pixels(cancel)?;
-
-    let denoising = Denoising::of(args, targets, kept_aovs);
-    let encode = |shot: FinishedPicture| Pictures::encode(&how, targets, shot, &png, &log);
-    let mut keeper = CheckpointWriter::new(args, targets, loaded, &resolved, &png, &log, denoising.kept())?;
+    let (size, seed) = ((resolved.options.width, resolved.options.height), resolved.options.seed);
+    check_size(&targets, moving.as_ref(), size)?;
+    begin(&args, cancel, printed, (&notes, &warnings, &left_out))?;
+    let denoising = Denoising::of(&args, &targets, kept_aovs);
+    let encode = |shot: FinishedPicture| Pictures::encode(&how, &targets, shot, &png, &log);
+    let mut keeper = CheckpointWriter::new(&args, &targets, loaded, &resolved, &png, &log, denoising.kept())?;
     let rendering = Rendering::labelled(scene, labels, &camera, resolved.options)?;
     let rendering = keeper.begin(rendering.placed(loaded.scene.backdrop.clone(), loaded.offset))?;
     preview.iter_mut().for_each(|shown| shown.begin(&rendering, &png, &camera, build.triangles, printed));
     let (mut rendering, kept) =
-        take_picture(args, cancel, rendering, &mut keeper, &encode, printed, preview.as_mut())?;
-    if let Some(ended) = end_without_picture(args, &rendering, &resolved.options) {
-        return kept.and(ended);
+        take_picture(&args, cancel, rendering, &mut keeper, &encode, printed, preview.as_mut())?;
+    if let Some(ended) = end_without_picture(&args, &rendering, &resolved.options) {
+        return kept.and(ended).map(ControlFlow::Break);
     }
-    warnings.extend(error_warnings(args, &rendering, printed));
-    let denoise_s = denoising.run(&mut rendering, printed);
+    warnings.extend(error_warnings(&args, &rendering, printed));
+    let (denoise_s, is_averaged) = (denoising.run(&mut rendering, printed), denoising.is_over_frames());
     let (outputs, picture) = (targets.names(rendering.is_complete()), rendering.into_picture());
-    let writing = Instant::now();
-    let pictures = encode(FinishedPicture::from(&picture));
-    print_pictures(args, printed, &pictures, picture.statistics().interrupted)?;
-    warnings.extend(pictures.warnings.iter().cloned());
-    notes.extend(dark_note(args, picture.film(), png.exposure, &loaded.scene, printed));
-    pictures.write()?;
-    kept?; // after the pictures: who runs out of space for the one may have some for the others
-    moving.iter_mut().try_for_each(|moving| moving.add_film(picture.film(), &png))?;
+    notes.extend(dark_note(&args, picture.film(), png.exposure, &loaded.scene, printed));
+    let times = [start.elapsed().as_secs_f64(), load_s];
     let run = Run {
-        total_s: start.elapsed().as_secs_f64(),
-        load_s,
+        size,
         denoise_s,
-        write_s: writing.elapsed().as_secs_f64(),
-        size: (width, height),
-        seed: resolved.options.seed,
-        quality: args.quality,
-        compiled: build,
-        statistics: *picture.statistics(),
-        peak_memory: peak_memory(),
+        seed,
         outputs,
         notes,
         warnings,
         left_out,
+        ..run_of(&args, &picture, build, times)
     };
-    show::draw(args, picture.film(), &png);
-    Ok(print_run(args, &run))
+    Ok(ControlFlow::Continue(Shot {
+        args,
+        targets,
+        how,
+        png,
+        kept_aovs,
+        picture,
+        is_averaged,
+        kept,
+        log,
+        run,
+    }))
+}
+
+/// What is known of a run before its files are written; the total time and that of loading are seconds.
+fn run_of(args: &RenderArgs, picture: &Picture, compiled: CompileReport, [total_s, load_s]: [f64; 2]) -> Run {
+    Run {
+        total_s,
+        load_s,
+        denoise_s: None,
+        write_s: 0.0,
+        size: (0, 0),
+        seed: 0,
+        quality: args.quality,
+        compiled,
+        statistics: *picture.statistics(),
+        peak_memory: None,
+        outputs: Vec::new(),
+        notes: Vec::new(),
+        warnings: Vec::new(),
+        left_out: Vec::new(),
+    }
+}
+
+/// Prints the notes and warnings of loading and what was left out; ends where warnings or a signal do.
+fn begin(
+    args: &RenderArgs,
+    cancel: &CancelHandle,
+    printed: &mut PrintedMessages,
+    found: (&[Warning], &[Warning], &[String]),
+) -> Result<()> {
+    print_scene(args, printed, found);
+    refuse_warnings(args, found.1, ErrorKind::Input)?;
+    stop_before_pixels(cancel)
 }
 
 /// Checks that the outputs can store pictures of this size.
@@ -436,19 +482,6 @@ fn is_unfinished_frame(args: &RenderArgs, rendering: &Rendering) -> bool {
     is_unfinished
 }
 
-/// Reports warnings of encoding. `--strict` does not apply to interrupted runs.
-fn print_pictures(
-    args: &RenderArgs,
-    printed: &mut PrintedMessages,
-    pictures: &Pictures,
-    is_interrupted: bool,
-) -> Result<()> {
-    if !args.quiet {
-        printed.warnings(&pictures.warnings);
-    }
-    if is_interrupted { Ok(()) } else { refuse_warnings(args, &pictures.warnings, ErrorKind::Output) }
-}
-
 /// Notes that the picture is nearly black.
 fn dark_note(
     args: &RenderArgs,
@@ -497,20 +530,6 @@ fn noise_warning(args: &RenderArgs, statistics: &Statistics) -> Option<Warning> 
         None => "there are too few samples to estimate the noise: at least 16 a pixel are needed".to_string(),
     };
     Some(Warning::general(message))
-}
-
-/// Prints the report of a run, and gives how it ended.
-fn print_run(args: &RenderArgs, run: &Run) -> Outcome {
-    if args.verbose {
-        run.print_details();
-    }
-    if !args.quiet {
-        run.print_end(args.frame.as_ref().map(|frame| frame.label.as_str()));
-    }
-    if args.json {
-        json::print(&json::of_run(run));
-    }
-    if run.statistics.interrupted { Outcome::Interrupted } else { Outcome::Done }
 }
 
 /// Prints the notes and warnings of loading, and with --explain what was left out.
@@ -578,16 +597,6 @@ fn take_picture<'a>(
     Ok((rendering, kept))
 }
 
-/// With `--strict`, warnings are problems.
-fn refuse_warnings(args: &RenderArgs, warnings: &[Warning], kind: ErrorKind) -> Result<()> {
-    if !args.strict || warnings.is_empty() {
-        return Ok(());
-    }
-    let problems = warnings.iter().map(|w| Problem::new("", w.to_string())).collect();
-    let error = Error { kind, file: Some(args.scene.clone()), problems, source_text: None };
-    Err(error.with_help("--strict makes warnings errors"))
-}
-
 /// Interrupted before each pixel has a sample: nothing is written, and a picture that is there stays.
 fn stop_before_pixels(cancel: &CancelHandle) -> Result<()> {
     if cancel.is_cancelled() { Err(nothing_written()) } else { Ok(()) }
@@ -620,25 +629,29 @@ fn run_turntable(args: &RenderArgs, count: u32, cancel: &CancelHandle) -> Result
     let table = turntable(&loaded);
     let mut kept = RunState { moving, ..RunState::new(args, Compiler::sequence())? };
     for k in 0..count {
-        let frame = Some(SequenceFrame { number: k, label: format!("frame    {k} of {count}") });
+        let frame = Some(SequenceFrame {
+            number: k,
+            label: format!("frame    {k} of {count}"),
+            is_averaged: averages_frames(args),
+            is_neighbour: false,
+        });
         let args = &RenderArgs { frame, ..args.clone() };
         let angle = |frame: f64| frame / f64::from(count) * TAU;
         let now = f64::from(k);
         let neighbours =
             [now - 1.0, now + 1.0].map(|frame| table.camera(&first, angle(frame)).world_from_camera);
-        let has_vectors = args.aov.iter().any(|aovs| aovs.contains(Aov::Motion));
-        let motion = has_vectors.then(|| Keyframes { keys: Vec::new(), neighbours: Some(neighbours) });
+        let motion = has_vectors(args).then(|| Keyframes { keys: Vec::new(), neighbours: Some(neighbours) });
         loaded.scene.cameras[number] = Camera { motion, ..table.camera(&first, angle(now)) };
         table.light(&mut loaded.scene, angle(now));
         let targets = Targets::check(&files(k))?;
-        let outcome = run_one(args, cancel, &targets, None, &mut loaded, start, &mut kept);
+        let outcome = run_one(args, cancel, targets, None, &mut loaded, start, &mut kept);
         if !matches!(outcome, Ok(Outcome::Done)) {
-            kept.moving.iter().for_each(|moving| moving.print_unfinished(args));
+            kept.print_unfinished(args);
             return outcome;
         }
         start = Instant::now();
     }
-    kept.moving.map_or(Ok(()), |moving| moving.finish(args.quiet))?;
+    kept.finish(args)?;
     Ok(Outcome::Done)
 }
 

@@ -11,6 +11,7 @@ use super::process::{Limits, Watchdog};
 use super::progress::{ProgressTarget, StageProgress};
 use super::report::name_options_in_loaded;
 use oscura::compile::{CompileReport, CompiledScene, Compiler, MemoryPart, texture_memory_for};
+use oscura::denoise::temporal::REACH;
 use oscura::error::{Error, Result, Warning};
 use oscura::film::{Aov, AovSet, AovSpace, Source};
 use oscura::image::Image;
@@ -21,7 +22,7 @@ use oscura::output::part::{PartHeader, Region};
 use oscura::output::{Format, PngOptions, ViewTransform};
 use oscura::render::{
     BvhQuality, Labels, PathReuse, RenderOptions, RequestedOptions, ResolvedOptions, SAMPLE_BLOCK, Splitting,
-    denoising_guides, film_bytes, guiding_bytes, shows_alpha, splat_bytes,
+    denoising_guides, film_bytes, guiding_bytes, sequence_guides, shows_alpha, splat_bytes,
 };
 use oscura::scene::{
     BounceLimits, Camera, Clamp, EnergyCompensation, Environment, Filter, FresnelModel, ImageId, Keyframes,
@@ -205,7 +206,10 @@ pub(super) fn prepare(
     let kept_aovs = resolved.options.aovs;
     resolved.options = without_harmful_techniques(resolved.options, args, loaded.is_stage_lit);
     if args.picture.denoise {
-        resolved.options = resolved.options.aovs(kept_aovs.union(denoising_guides())).halves(true);
+        let is_averaged = args.frame.as_ref().is_some_and(|frame| frame.is_averaged);
+        let of_sequence = if is_averaged { sequence_guides() } else { AovSet::NONE };
+        let needed = denoising_guides().union(of_sequence);
+        resolved.options = resolved.options.aovs(kept_aovs.union(needed)).halves(!is_averaged);
     }
     warnings.extend(environment.map_or(Vec::new(), |e| e.apply(args, &mut loaded.scene)));
     check_glass(args, &loaded.scene)?;
@@ -329,6 +333,16 @@ fn quality_of(args: &RenderArgs, settings: &Settings) -> Option<Quality> {
     args.quality.or((!has_end && !of_scene && !is_part).then_some(Quality::Normal))
 }
 
+/// Are frames denoised with those around them? What scenes say of denoising isn't known before they are loaded.
+pub(super) fn averages_frames(args: &RenderArgs) -> bool {
+    let is_sequence = args.orbit.is_some() || args.frames.is_some_and(|frames| frames.are_consecutive());
+    let is_denoised = || {
+        let quality = quality_of(args, &Settings::default());
+        args.picture.denoise || quality.is_some_and(|quality| quality.preset().denoise)
+    };
+    is_sequence && !args.picture.no_denoise && !args.picture.denoise_alone && is_denoised()
+}
+
 /// True if the arguments give a number of samples or a noise threshold, or ask for a part of a picture, all parts of which have the same
 /// number of samples.
 fn has_stop_condition(args: &RenderArgs) -> bool {
@@ -429,6 +443,7 @@ pub(super) fn check_memory_before_building(
                 "taking the noise out",
                 if args.picture.denoise { denoising_bytes(resolved, &labels) } else { 0 },
             ),
+            ("frames that wait for others", waiting_bytes(args, resolved, &labels)),
         ],
     )
     .map_err(smaller)
@@ -450,6 +465,19 @@ fn denoising_bytes(resolved: &ResolvedOptions, labels: &Labels) -> u64 {
     let planes =
         60 + 9 * (options.aovs.of(Source::PartOfColor).iter().count() + labels.light_groups.len()) as u64;
     u64::from(options.width) * u64::from(options.height) * 4 * planes
+}
+
+/// What frames take that are denoised with those around them: those that are not written yet, and all that these are averaged
+/// with.
+fn waiting_bytes(args: &RenderArgs, resolved: &ResolvedOptions, labels: &Labels) -> u64 {
+    let options = &resolved.options;
+    if !args.picture.denoise || !args.frame.as_ref().is_some_and(|frame| frame.is_averaged) {
+        return 0;
+    }
+    let parts = (options.aovs.of(Source::PartOfColor).iter().count() + labels.light_groups.len()) as u64;
+    let frames = 1 + 2 * REACH as u64;
+    let pixels = u64::from(options.width) * u64::from(options.height);
+    REACH as u64 * film_bytes(options, labels) + frames * pixels * 4 * (16 + 3 * parts)
 }
 
 /// A size in GiB, or in MiB if small.

@@ -14,6 +14,8 @@ use super::Denoised;
 use super::add_up;
 use super::residual::{Color, slices, smoothed};
 use rayon::prelude::*;
+use std::collections::{BTreeSet, VecDeque};
+use std::ops::RangeInclusive;
 
 /// Frames before and after that are averaged.
 pub const REACH: usize = 2;
@@ -182,6 +184,97 @@ pub fn stabilized(frames: &[Frame], at: usize) -> Denoised {
         }
     }
     Denoised { color, parts }
+}
+
+// Frames in order.
+
+/// The frames that a frame is averaged with: those around it that follow each other, of all numbers in order.
+fn neighbourhood(all: &[u32], number: u32) -> RangeInclusive<u32> {
+    let is_there = |number: &u32| all.binary_search(number).is_ok();
+    let reach = REACH as u32;
+    let before = (number.saturating_sub(reach)..number).rev().take_while(is_there).last();
+    let after = (number + 1..=number.saturating_add(reach)).take_while(is_there).last();
+    before.unwrap_or(number)..=after.unwrap_or(number)
+}
+
+/// The numbers of the wanted frames and of those they are averaged with, of all numbers in order.
+pub fn with_neighbours(all: &[u32], is_wanted: impl Fn(u32) -> bool) -> Vec<u32> {
+    let wanted = all.iter().filter(|&&number| is_wanted(number));
+    wanted.flat_map(|&number| neighbourhood(all, number)).collect::<BTreeSet<u32>>().into_iter().collect()
+}
+
+/// Frames that come in order, each of which is averaged as soon as those after it are there; `T` goes with a frame.
+#[derive(Debug)]
+pub struct Sequence<T> {
+    /// Number of the first of `frames`, which follow each other.
+    first: u32,
+    frames: Vec<Frame>,
+    /// Frames that are to be averaged yet.
+    waiting: VecDeque<(u32, T)>,
+}
+
+/// A frame averaged with its neighbours.
+#[derive(Debug)]
+pub struct Averaged<T> {
+    /// Its number.
+    pub number: u32,
+    /// What goes with it.
+    pub item: T,
+    /// Its picture.
+    pub picture: Denoised,
+    /// The numbers of the frames that it was averaged from.
+    pub frames: RangeInclusive<u32>,
+}
+
+impl<T> Default for Sequence<T> {
+    fn default() -> Sequence<T> {
+        Sequence { first: 0, frames: Vec::new(), waiting: VecDeque::new() }
+    }
+}
+
+impl<T> Sequence<T> {
+    /// Adds a frame; without an item only its neighbours are wanted. Gives the frames that no further one changes.
+    pub fn push(&mut self, number: u32, frame: Frame, item: Option<T>) -> Vec<Averaged<T>> {
+        let mut done = if number == self.end() { Vec::new() } else { self.finish() };
+        if self.frames.is_empty() {
+            self.first = number;
+        }
+        self.frames.push(frame);
+        self.waiting.extend(item.map(|item| (number, item)));
+        let reach = REACH as u32;
+        while self.waiting.front().is_some_and(|(number, _)| number + reach < self.end()) {
+            done.extend(self.waiting.pop_front().map(|(number, item)| self.averaged(number, item)));
+        }
+        let next = self.waiting.front().map_or(self.end(), |(number, _)| *number);
+        let passed = next.saturating_sub(reach).saturating_sub(self.first);
+        self.frames.drain(..passed as usize);
+        self.first += passed;
+        done
+    }
+
+    /// Gives the frames that wait for others; the next frame doesn't follow them.
+    pub fn finish(&mut self) -> Vec<Averaged<T>> {
+        let waiting = std::mem::take(&mut self.waiting);
+        let done = waiting.into_iter().map(|(number, item)| self.averaged(number, item)).collect();
+        self.frames.clear();
+        done
+    }
+
+    /// Numbers of the frames that wait for others.
+    pub fn waiting(&self) -> impl Iterator<Item = u32> {
+        self.waiting.iter().map(|(number, _)| *number)
+    }
+
+    fn end(&self) -> u32 {
+        self.first + self.frames.len() as u32
+    }
+
+    fn averaged(&self, number: u32, item: T) -> Averaged<T> {
+        let (reach, last) = (REACH as u32, self.end() - 1);
+        let frames = self.first.max(number.saturating_sub(reach))..=last.min(number + reach);
+        let picture = stabilized(&self.frames, (number - self.first) as usize);
+        Averaged { number, item, picture, frames }
+    }
 }
 
 /// Where each pixel of frame `at` is in frame `other`; not a number where it leaves the picture on the way.

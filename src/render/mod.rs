@@ -34,7 +34,8 @@ pub use options::{
     Splitting, setting_help,
 };
 pub use picture::{
-    Labels, Picture, denoise_film, denoising_guides, film_bytes, film_warnings, shows_alpha, splat_bytes,
+    Labels, Picture, denoise_film, denoising_guides, film_bytes, film_warnings, sequence_guides, shows_alpha,
+    splat_bytes,
 };
 pub use progress::{CancelHandle, Event, PassOutcome, Statistics};
 pub use renderer::{Renderer, in_pool};

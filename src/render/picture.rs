@@ -4,11 +4,13 @@ use super::noise;
 use super::options::{Caustics, RenderOptions};
 use super::progress::Statistics;
 use crate::compile::{CompiledScene, ObjectId};
-use crate::denoise::{Guides, NAME, Noise, Noisy, denoise, slices};
+use crate::denoise::temporal::Frame;
+use crate::denoise::{Denoised, Guides, NAME, Noise, Noisy, denoise, slices};
 use crate::error::{Result, Warning};
 use crate::film::{Aov, AovSet, Channel, Film, LIGHT_GROUP, Layout, MatteIds, Source, Values, matte_id};
 use crate::output::{Format, Matte, OutputOptions, encode, write_atomically};
 use crate::scene::{RayKinds, Scene};
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 /// A rendered picture with its warnings and statistics.
@@ -185,11 +187,7 @@ fn floats(planes: Option<Vec<Values>>) -> Option<[Vec<f32>; 3]> {
 
 /// Denoises the picture and its parts, and names the guides.
 fn denoise_channels(film: &mut Film) -> &'static str {
-    let layer = |names: &[&str]| floats(film.components(names));
-    let Some(color) = layer(&["R", "G", "B"]) else { return Guides::default().names() };
-    let guide = |own: Aov, first: Aov| floats(film.aov(own)).or_else(|| floats(film.aov(first)));
-    let albedo = guide(Aov::DenoisingAlbedo, Aov::Albedo);
-    let normal = guide(Aov::DenoisingNormal, Aov::Normal);
+    let Some(inputs) = Inputs::of(film) else { return Guides::default().names() };
     let deviations = film.deviations();
     let variance = floats(film.aov(Aov::Variance));
     let noise = match (&deviations, &variance) {
@@ -197,33 +195,109 @@ fn denoise_channels(film: &mut Film) -> &'static str {
         (None, Some(planes)) => Noise::Variance(slices(planes)),
         (None, None) => Noise::Unknown,
     };
-    let guides = Guides { albedo: albedo.as_ref().map(slices), normal: normal.as_ref().map(slices) };
-    let parts: Vec<(String, [Vec<f32>; 3])> = film
-        .channels()
-        .iter()
-        .filter(|channel| channel.source == Source::PartOfColor)
-        .filter_map(|channel| {
-            let names: Vec<&str> = channel.names.iter().map(AsRef::as_ref).collect();
-            Some((names[0].to_string(), layer(&names)?))
+    let result = denoise(&inputs.noisy(film, noise));
+    put(film, &result);
+    inputs.guides().names()
+}
+
+/// What denoising takes of a film.
+struct Inputs {
+    color: [Vec<f32>; 3],
+    albedo: Option<[Vec<f32>; 3]>,
+    normal: Option<[Vec<f32>; 3]>,
+    /// Light groups, and light passes: each of the two sets sums to the picture.
+    sets: [Vec<[Vec<f32>; 3]>; 2],
+}
+
+impl Inputs {
+    fn of(film: &Film) -> Option<Inputs> {
+        let layer = |names: &[&str]| floats(film.components(names));
+        let guide = |own: Aov, first: Aov| floats(film.aov(own)).or_else(|| floats(film.aov(first)));
+        let sets = parts(film).map(|set| {
+            let of = |names: &Vec<String>| layer(&names.iter().map(String::as_str).collect::<Vec<_>>());
+            set.iter().filter_map(of).collect()
+        });
+        Some(Inputs {
+            color: layer(&["R", "G", "B"])?,
+            albedo: guide(Aov::DenoisingAlbedo, Aov::Albedo),
+            normal: guide(Aov::DenoisingNormal, Aov::Normal),
+            sets,
         })
-        .collect();
-    // Each of both adds up to the picture.
-    let (groups, passes): (Vec<_>, Vec<_>) =
-        parts.iter().partition(|(name, _)| name.starts_with(LIGHT_GROUP));
-    let sets = [groups, passes];
-    let result = denoise(&Noisy {
-        width: film.width() as usize,
-        height: film.height() as usize,
-        color: slices(&color),
-        noise,
-        guides,
-        parts: sets.iter().map(|set| set.iter().map(|(_, part)| slices(part)).collect()).collect(),
-    });
-    film.set_color(slices(&result.color));
-    for ((first, _), part) in sets.iter().flatten().zip(result.parts.iter().flatten()) {
-        film.set_means(first, slices(part));
     }
-    guides.names()
+
+    fn guides(&self) -> Guides<'_> {
+        Guides { albedo: self.albedo.as_ref().map(slices), normal: self.normal.as_ref().map(slices) }
+    }
+
+    fn noisy<'a>(&'a self, film: &Film, noise: Noise<'a>) -> Noisy<'a> {
+        Noisy {
+            width: film.width() as usize,
+            height: film.height() as usize,
+            color: slices(&self.color),
+            noise,
+            guides: self.guides(),
+            parts: self.sets.iter().map(|set| set.iter().map(slices).collect()).collect(),
+        }
+    }
+}
+
+/// The components of light groups and of light passes, each in the order of names.
+fn parts(film: &Film) -> [Vec<Vec<String>>; 2] {
+    let all = film.channels().iter().filter(|channel| channel.source == Source::PartOfColor);
+    let mut all: Vec<Vec<String>> =
+        all.map(|channel| channel.names.iter().map(ToString::to_string).collect()).collect();
+    let prefix = |names: &Vec<String>| names[0].strip_suffix('R').unwrap_or(&names[0]).to_string();
+    all.sort_by_key(prefix);
+    let (groups, passes) = all.into_iter().partition(|names| names[0].starts_with(LIGHT_GROUP));
+    [groups, passes]
+}
+
+/// Puts what was denoised in place of what was rendered.
+fn put(film: &mut Film, result: &Denoised) {
+    film.set_color(slices(&result.color));
+    for (names, part) in parts(film).iter().flatten().zip(result.parts.iter().flatten()) {
+        film.set_means(&names[0], slices(part));
+    }
+}
+
+// Frames of sequences.
+
+/// The AOVs that frames of a sequence need to be denoised with their neighbours, besides those of [`denoising_guides`].
+pub fn sequence_guides() -> AovSet {
+    AovSet::from([Aov::Variance, Aov::Motion])
+}
+
+impl Picture {
+    /// The picture as a frame of a sequence, denoised by itself as `oscura denoise` does. `None` without what
+    /// [`sequence_guides`] names.
+    pub fn frame(&self) -> Option<Frame> {
+        let inputs = Inputs::of(&self.film)?;
+        let variance = floats(self.film.aov(Aov::Variance))?;
+        let motion: Vec<Vec<f32>> =
+            self.film.aov(Aov::Motion)?.into_iter().map(Values::into_floats).collect();
+        let denoised = denoise(&inputs.noisy(&self.film, Noise::Variance(slices(&variance))));
+        Some(Frame {
+            width: self.film.width() as usize,
+            height: self.film.height() as usize,
+            noisy: inputs.color,
+            variance: Some(variance),
+            normal: inputs.normal,
+            motion: motion.try_into().ok()?,
+            denoised,
+        })
+    }
+
+    /// Puts the average with the neighbouring frames, of these numbers, in place of the picture. AOVs that are not in `keep` are
+    /// left out.
+    pub fn set_denoised(&mut self, result: &Denoised, frames: &RangeInclusive<u32>, keep: AovSet) {
+        put(&mut self.film, result);
+        let needed = denoising_guides().union(sequence_guides());
+        let is_extra = |aov: &Aov| needed.contains(*aov) && !keep.contains(*aov);
+        self.film.forget(Aov::ALL.iter().copied().filter(is_extra));
+        let (first, last) = (frames.start(), frames.end());
+        let by = format!("{NAME}; guides albedo, normal; noise from the variance; frames {first}-{last}");
+        self.output.metadata.denoised = Some(by);
+    }
 }
 
 // Warnings about samples, and alpha in files.

@@ -31,6 +31,9 @@ fn merged_parts_lose_their_noise() {
     let expected = format!("oscura {}; guides albedo, normal", env!("CARGO_PKG_VERSION"));
     assert_eq!((&says, &attribute(&at("whole.exr"), "denoised")), (&text(&expected), &says));
 
+    run(folder, "merge a.part b.part -o plain.exr --quiet --no-denoise");
+    run(folder, &format!("{fixed} -o noisy.exr"));
+    assert_eq!(planes(&at("plain.exr"))["G"], planes(&at("noisy.exr"))["G"]);
     run(folder, "merge plain-a.part plain-b.part -o noisy.exr --quiet");
     run(folder, "merge plain-a.part plain-b.part -o clean.exr --denoise --quiet");
     let (noisy, clean) = (planes(&at("noisy.exr")), planes(&at("clean.exr")));
@@ -73,11 +76,8 @@ fn options_of_a_library_say_that_they_have_no_effect() {
     assert!(messages.contains("built in"), "{messages}");
 }
 
-/// Frames of a sequence are averaged with their neighbours; which frames a command denoises changes none of them.
-#[test]
-fn sequences_are_denoised_over_frames() {
-    let folder = tempfile::tempdir().unwrap();
-    let folder = folder.path();
+/// A ball that a moving camera sees.
+fn moving_scene(folder: &Path) {
     std::fs::write(
         folder.join("scene.toml"),
         "[camera]\nlook_from = [0, 1, 4]\nlook_at = [0, 0, 0]\nvfov = 40\nmotion = { translate = [0.01, 0, 0] }\n\
@@ -86,6 +86,14 @@ fn sequences_are_denoised_over_frames() {
          [[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\nmaterial = \"clay\"\n",
     )
     .unwrap();
+}
+
+/// Frames of a sequence are averaged with their neighbours; which frames a command denoises changes none of them.
+#[test]
+fn sequences_are_denoised_over_frames() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    moving_scene(folder);
     let layers = "--aov denoising_albedo,denoising_normal,variance,motion";
     let render = |name: &str, more: &str| {
         run(
@@ -130,4 +138,65 @@ fn sequences_are_denoised_over_frames() {
         let output = oscura(folder, &line.split(' ').collect::<Vec<_>>());
         assert!(code(&output) != 0 && stderr(&output).contains(expected), "{line}: {}", stderr(&output));
     }
+}
+
+/// Renders denoise frames over their neighbours as `oscura denoise` does those of files; frames that exist already change
+/// nothing in those that are missing.
+#[test]
+fn rendered_frames_are_denoised_over_frames() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    moving_scene(folder);
+    let fixed = "render scene.toml --frames 1-6 --width 40 --spp 4 --quiet --reproducible --animate-seed --float \
+                 --exr-float DiffDir,DiffInd";
+    let guides = "denoising_albedo,denoising_normal,variance,motion,diffuse_direct,diffuse_indirect";
+    run(folder, &format!("{fixed} -o noisy.##.exr --path-reuse off --aov {guides}"));
+    run(folder, "denoise noisy.##.exr -o files.##.exr --quiet");
+    let direct = format!("{fixed} --denoise --aov diffuse_direct,diffuse_indirect");
+    run(folder, &format!("{direct} -o direct.##.exr"));
+    let at = |name: &str| folder.join(name);
+    let shown = |name: &str| {
+        let mut planes = planes(&at(name));
+        planes.retain(|channel, _| {
+            !["Vector", "variance", "denoising"].iter().any(|of| channel.starts_with(of))
+        });
+        planes
+    };
+    for number in 1..=6 {
+        let (file, render) =
+            (shown(&format!("files.0{number}.exr")), shown(&format!("direct.0{number}.exr")));
+        assert_eq!(render, planes(&at(&format!("direct.0{number}.exr"))), "nothing but what was asked for");
+        assert!(file == render, "frame {number}");
+    }
+    let says = attribute(&at("direct.03.exr"), "denoised").expect("the attribute");
+    let says = format!("{says:?}");
+    assert!(says.contains("frames 1-5"), "{says}");
+    // One is rendered again, whose neighbours exist.
+    let before = std::fs::read(at("direct.03.exr")).unwrap();
+    let other = std::fs::metadata(at("direct.02.exr")).unwrap().modified().unwrap();
+    std::fs::remove_file(at("direct.03.exr")).unwrap();
+    run(folder, &format!("{direct} -o direct.##.exr --resume"));
+    assert!(std::fs::read(at("direct.03.exr")).unwrap() == before);
+    assert_eq!(std::fs::metadata(at("direct.02.exr")).unwrap().modified().unwrap(), other);
+    // Alone, each frame is what a render of that frame alone is.
+    run(folder, &format!("{direct} --denoise-alone -o alone.##.exr"));
+    run(folder, &format!("{direct} -o one.##.exr").replace("1-6", "3-3"));
+    assert!(planes(&at("alone.03.exr")) == planes(&at("one.03.exr")));
+    assert!(planes(&at("alone.03.exr"))["R"] != planes(&at("direct.03.exr"))["R"]);
+}
+
+/// Turntables are averaged as well, and moving pictures consist of denoised frames.
+#[test]
+fn moving_pictures_are_denoised() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    moving_scene(folder);
+    let fixed = "render scene.toml --orbit 4 --width 40 --spp 2 --quiet --reproducible --animate-seed";
+    run(folder, &format!("{fixed} --denoise -o clean.apng -o clean.#.png"));
+    run(folder, &format!("{fixed} --denoise -o only.apng"));
+    run(folder, &format!("{fixed} -o noisy.apng"));
+    let bytes = |name: &str| std::fs::read(folder.join(name)).unwrap();
+    assert!(bytes("clean.apng") == bytes("only.apng") && bytes("only.apng") != bytes("noisy.apng"));
+    run(folder, &format!("{fixed} --denoise --denoise-alone -o alone.#.png"));
+    assert!(bytes("clean.1.png") != bytes("alone.1.png"));
 }

@@ -70,7 +70,11 @@ fn what_is_no_scene_is_answered_with_the_way_to_one() {
         (&["room.glb", "--spp", "many"], 2, &["must be a whole number, 1 or more"]),
         (&["room.glb", "--width", "0"], 2, &["must be a whole number from 1 to 65536"]),
         (&["room.glb", "--clamp", "3"], 2, &["direct=5,indirect=5"]),
-        (&["room.glb", "--env", "sky.exr", "-o", "x.png"], 3, &["sky.exr can't be read: there is no such file"]),
+        (
+            &["room.glb", "--env", "sky.exr", "-o", "x.png"],
+            3,
+            &["sky.exr can't be read: there is no such file"],
+        ),
         (&["merge", "a.part", "a.part", "-o", "x.exr"], 3, &["a.part is given twice"]),
         (&["--spp", "4", "rom.glb"], 3, &["rom.glb", "no such file", "room.glb"]),
     ] {
