@@ -116,7 +116,7 @@ pub(crate) fn is_closed(mesh: &Mesh) -> bool {
         let [a, b, c] = [key(a), key(b), key(c)];
         for (a, b) in [(a, b), (b, c), (c, a)] {
             // Each edge is run through once in each direction.
-            let both = mix64(a.wrapping_add(b) ^ mix64(a ^ b));
+            let both = of_edge(a, b);
             sum = if a < b { sum.wrapping_add(both) } else { sum.wrapping_sub(if a > b { both } else { 0 }) };
         }
     }
@@ -143,16 +143,23 @@ impl EdgeHash {
         for &corner in corners {
             let at = key(corner);
             if at != before {
-                self.sum ^= mix64(at.wrapping_add(before) ^ mix64(at ^ before));
+                self.sum ^= of_edge(at, before);
             }
             before = at;
         }
     }
 }
 
+/// A hash of an edge by those of its ends, the same in both directions.
+fn of_edge(a: u64, b: u64) -> u64 {
+    mix64(a.wrapping_add(b))
+}
+
+/// A hash of a position.
 fn key(position: [f32; 3]) -> u64 {
     // Both zeros are one place.
-    position.iter().fold(0x9e37_79b9_7f4a_7c15, |sum, &c| mix64(sum ^ u64::from((c + 0.0).to_bits())))
+    let [x, y, z] = position.map(|c| u64::from((c + 0.0).to_bits()));
+    mix64(mix64(x | y << 32) ^ (z.wrapping_mul(0x9e37_79b9_7f4a_7c15)))
 }
 
 #[cfg(test)]
