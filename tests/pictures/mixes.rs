@@ -63,7 +63,7 @@ fn bodies_are_mixed_by_what_enters_them() {
     };
     let medium = Some(Medium::subsurface([0.6; 3], [0.01; 3], 0.0));
     let wax = Material { medium, ..Material::gltf("wax", model) };
-    let few = options(16, 512, 100);
+    let few = options(16, 256, 100);
     let ball = |of: Material| {
         let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
         let of = material(&mut scene, of);
@@ -104,7 +104,7 @@ fn bodies_and_glass_are_kept_apart() {
         scene.cameras.push(camera(DVec3::new(0.3, 0.2, 5.0), DVec3::ZERO, DVec3::Y, 5.0));
         scene
     };
-    let few = options(16, 512, 100);
+    let few = options(16, 256, 100);
     let (of_wax, error_of_wax) = measure(&ball(wax.clone()), &few);
     for glass_first in [true, false] {
         let share = 0.6f32;

@@ -42,7 +42,7 @@ const COLORED: [[f32; 3]; 2] = [[0.4, 0.1, 0.2], [0.3, 0.9, 0.06]];
 
 /// Kinds of two media with their extinction: some of all.
 fn some_kinds() -> impl Iterator<Item = ([Kind; 2], [[f32; 3]; 2])> {
-    all_kinds().step_by(3)
+    all_kinds().step_by(5)
 }
 
 fn all_kinds() -> impl Iterator<Item = ([Kind; 2], [[f32; 3]; 2])> {
@@ -246,7 +246,7 @@ fn media_scatter(cases: impl Iterator<Item = ([Kind; 2], [[f32; 3]; 2])>) {
                 }
             }
             let what = format!("{what} {kinds:?} {extinction:?}");
-            let found = channels(&scene, &options(16, 256, 1), false);
+            let found = channels(&scene, &options(16, 128, 1), false);
             assert_channels(&what, found, exact(truth), 2e-2);
         }
     }
@@ -308,7 +308,7 @@ fn media_shine(cases: impl Iterator<Item = ([Kind; 2], [[f32; 3]; 2])>) {
 /// What loses nothing in uniform light looks like that light.
 #[test]
 fn overlapping_media_in_a_white_furnace() {
-    white_furnace((0..).zip(KINDS).map(|(i, kinds)| (kinds, i % 2 == 1)));
+    white_furnace((0..).zip(KINDS).step_by(2).map(|(i, kinds)| (kinds, i % 4 == 2)));
 }
 
 #[test]
@@ -362,7 +362,7 @@ fn lumps(shares: &[f32], with_fog: bool) -> Scene {
 #[test]
 fn parts_of_smoke_are_the_whole_together() {
     for (spectral, with_fog) in [(false, false), (false, true), (true, false)] {
-        let of = |shares: &[f32]| channels(&lumps(shares, with_fog), &options(16, 64, 20), spectral);
+        let of = |shares: &[f32]| channels(&lumps(shares, with_fog), &options(16, 32, 20), spectral);
         let whole = of(&[1.0]);
         assert_channels("halves", of(&[0.5, 0.5]), whole, 1.5e-2);
         assert_channels("thirds", of(&[0.5, 0.3, 0.2]), whole, 1.5e-2);
@@ -467,7 +467,7 @@ fn warnings(scene: &Scene) -> Vec<String> {
 /// the floor is met.
 #[test]
 fn boxes_in_one_place_on_a_floor() {
-    for count in [1, 2, 3, 5] {
+    for count in [1, 3, 5] {
         for (is_first, is_inside) in [(true, false), (false, false), (true, true), (false, true)] {
             let mut scene = Scene::default();
             let emissive = material(&mut scene, Material::emitter("floor", [1.0; 3], true));

@@ -146,7 +146,7 @@ fn sharing_lowers_the_noise_of_indirect_light() {
 fn threads_and_cpu_levels_agree() {
     for (name, scene) in [("room", room()), ("waves", waves())] {
         for reuse in [groups("4x4/4"), groups("8x8/4"), PathReuse::Auto] {
-            let options = options(150, 5, 100).path_reuse(reuse);
+            let options = options(80, 5, 100).path_reuse(reuse);
             assert_same_bits(&format!("{name}, {reuse:?}"), &scene, &options);
         }
     }

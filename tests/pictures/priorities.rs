@@ -120,7 +120,7 @@ fn overlapping_solids_look_like_ones_that_touch() {
             let at = DVec3::new(0.0, 1.5, 0.0);
             scene.cameras.push(camera(at + eye, at, DVec3::Z, 1e-3));
             let what = format!("sine {sine}, {depth} deep");
-            assert_radiance(&what, &scene, &options(16, 256, 40), closed_form(sine), 5e-3);
+            assert_radiance(&what, &scene, &options(16, 64, 40), closed_form(sine), 5e-3);
         }
     }
 }

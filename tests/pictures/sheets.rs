@@ -81,7 +81,7 @@ fn what_passes_by_alpha_is_coloured() {
         }
         scene.cameras.push(camera(DVec3::new(0.0, 3.0, 0.0), DVec3::ZERO, DVec3::X, 1e-3));
         let left = (0.75f64 * 0.6).powi(2);
-        assert_radiance(what, &scene, &options(16, 4096, 2), truth * left, 1e-2);
+        assert_radiance(what, &scene, &options(16, 1024, 2), truth * left, 1e-2);
     }
 }
 

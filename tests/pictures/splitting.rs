@@ -125,7 +125,7 @@ fn an_even_sky_takes_one_light_sample() {
 fn threads_and_cpu_levels_agree() {
     let scene = yard();
     for splitting in [Splitting::Auto, Splitting::Into(4), Splitting::Into(16)] {
-        let options = options(200, 4, 100).splitting(splitting);
+        let options = options(100, 4, 100).splitting(splitting);
         assert_same_bits(&format!("{splitting:?}"), &scene, &options);
     }
 }

@@ -120,7 +120,7 @@ fn liquid_that_touches_its_glass_is_one_boundary_with_it() {
                 closed_form(sine, &[(GLASS, thick(0)), (LIQUID, thick(1)), (GLASS, thick(2))])
             };
             let what = format!("{order:?}, sine {sine}, from above: {from_above}");
-            assert_radiance(&what, &scene, &options(8, 128, 40), truth, 5e-3);
+            assert_radiance(&what, &scene, &options(8, 32, 40), truth, 5e-3);
         }
     }
 }
@@ -210,7 +210,7 @@ fn solids_inside_out_reflect_as_others_do() {
             scene.cameras.push(camera(at + DVec3::Y * 9.0, at, DVec3::Z, 1e-3));
             let truth = closed_form(0.0, &[((outer, 0.7), 0.3), ((inner, 0.4), 0.7), ((outer, 0.7), 0.5)]);
             let what = format!("{outer} around {inner}, turned: {outer_turned} {inner_turned}");
-            assert_radiance(&what, &scene, &options(16, 256, 40), truth, 5e-3);
+            assert_radiance(&what, &scene, &options(16, 64, 40), truth, 5e-3);
         }
     }
 }
