@@ -74,6 +74,48 @@ class BesideTest(SceneTest):
         np.testing.assert_allclose(found["z"], expected, atol=1e-4)
         self.assertLess(found["nz"].max(), 0.95)
 
+    def moved(self, kind, feed):
+        """How a displacement of a node of this kind moves the vertices of a plane that is turned about the vertical, in its own space."""
+        material, tree, _, vector, relief = shader_tree("moved", "CombineXYZ", kind)
+        material.displacement_method = "DISPLACEMENT"
+        for socket, value in zip(vector.inputs, (0.1, -0.2, 0.3)):
+            socket.default_value = value
+        feed(tree, vector, relief)
+        tree.links.new(relief.outputs[0], tree.nodes["Material Output"].inputs["Displacement"])
+        shown = self.add_plane(material)
+        shown.rotation_euler = (0, 0, np.pi / 2)
+        places = np.array([vertex.co for vertex in shown.data.vertices])
+        _, settings, answer = self.export()
+        self.assertEqual(answer["warnings"], [])
+        found = self.mesh(settings, "Plane")
+        self.assertEqual(len(found["x"]), len(places))
+        corners = np.stack([found["x"], found["y"], found["z"]], -1)
+        return corners[np.lexsort(corners.round(3).T)] - places[np.lexsort(places.round(3).T)]
+
+    def test_displacement_goes_where_its_normal_points(self):
+        def feed(tree, vector, relief):
+            tree.links.new(vector.outputs[0], relief.inputs["Normal"])
+            relief.inputs["Height"].default_value, relief.inputs["Midlevel"].default_value = 2.0, 0.5
+            relief.inputs["Scale"].default_value = 1.0
+
+        # A quarter turn about the vertical takes x to y; Cycles takes the direction alone.
+        expected = 1.5 * np.array([[-0.2, -0.1, 0.3]] * 4) / np.linalg.norm([0.1, 0.2, 0.3])
+        np.testing.assert_allclose(self.moved("Displacement", feed), expected, atol=1e-4)
+
+    def displaced_by_vectors(self, space):
+        def feed(tree, vector, relief):
+            tree.links.new(vector.outputs[0], relief.inputs["Vector"])
+            relief.inputs["Midlevel"].default_value, relief.inputs["Scale"].default_value = 0.0, 2.0
+            relief.space = space
+
+        return self.moved("VectorDisplacement", feed)
+
+    def test_vectors_of_the_world_displace(self):
+        np.testing.assert_allclose(self.displaced_by_vectors("WORLD"), np.array([[-0.4, -0.2, 0.6]] * 4), atol=1e-4)
+
+    def test_vectors_of_the_object_displace(self):
+        np.testing.assert_allclose(self.displaced_by_vectors("OBJECT"), np.array([[0.2, -0.4, 0.6]] * 4), atol=1e-4)
+
     def test_bumps_of_what_is_displaced_as_well_are_on_its_former_normals(self):
         found, bump = self.relief("BOTH")
         self.assertEqual((bump["type"], bump["distance"], bump["object_scale"]), ("bump", 2.0, 2.0))

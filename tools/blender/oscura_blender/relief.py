@@ -1,5 +1,5 @@
-"""Displacement: heights are evaluated by Cycles at the vertices of a mesh, which is how Cycles displaces, and move them. Where it is meant
-as both, normals stay those of the mesh before it is displaced, of flat faces too, and bumps are a node of the surface's graph."""
+"""Displacement: heights, or vectors where it isn't along the mesh's normals, are evaluated by Cycles at the vertices of a mesh, which is
+how Cycles displaces, and move them. Where it is meant as both, normals stay those of the mesh before it is displaced, of flat faces too, and bumps are a node of the surface's graph."""
 
 import bpy
 import numpy as np
@@ -53,17 +53,34 @@ def _displaces(material):
 
 def _displace(holder, matrix, bake_scene, report):
     mesh = holder.data
+    bake = lambda feed: _baked(holder, matrix, bake_scene, feed)
+    heights = bake(_heights)
+    normals = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertex_normals.foreach_get("vector", normals)
+    offsets = (heights[:, 0] - heights[:, 1])[:, None] * normals.reshape(-1, 3)
+    if any(material is not None and _displaces(material) and not _is_along_normals(material) for material in mesh.materials):
+        if matrix.determinant() == 0.0:
+            report.warn(holder.name, "has no extent in some direction: its displacement by vectors is left out")
+        else:
+            to_object = np.array(matrix.to_3x3().inverted())
+            offsets += (bake(_vectors(1.0)) - bake(_vectors(-1.0))) @ to_object.T
+    _move(mesh, offsets)
+
+
+def _baked(holder, matrix, bake_scene, feed):
+    """Three numbers for each vertex: the light of its materials after `feed` linked nodes to an emission."""
+    mesh = holder.data
     layer = mesh.color_attributes.new(HEIGHTS, "FLOAT_COLOR", "POINT")
     active = mesh.color_attributes.active_color_index
     mesh.color_attributes.active_color = layer
     holder.matrix_world = matrix
     bake_scene.collection.objects.link(holder)
-    undo = [_shine(material, matrix, report) for material in dict.fromkeys(mesh.materials) if material is not None]
+    undo = [_shine(material, matrix, feed) for material in dict.fromkeys(mesh.materials) if material is not None]
     try:
         choose(holder, bake_scene)
         bpy.ops.object.bake(type="EMIT", target="VERTEX_COLORS")
-        moved = np.empty(len(mesh.vertices) * 4, np.float32)
-        mesh.color_attributes[HEIGHTS].data.foreach_get("color", moved)
+        found = np.empty(len(mesh.vertices) * 4, np.float32)
+        mesh.color_attributes[HEIGHTS].data.foreach_get("color", found)
     finally:
         for restore in undo:
             restore()
@@ -71,16 +88,13 @@ def _displace(holder, matrix, bake_scene, report):
         holder.matrix_world.identity()
         mesh.color_attributes.remove(mesh.color_attributes[HEIGHTS])
         mesh.color_attributes.active_color_index = min(active, len(mesh.color_attributes) - 1)
-    _move(mesh, np.nan_to_num(moved.reshape(-1, 4)[:, :3]))
+    return np.nan_to_num(found.reshape(-1, 4)[:, :3])
 
 
-def _move(mesh, heights):
-    """Moves vertices along their normals, by the numbers of the first channel less those of the second. Normals follow, but those of
-    what has bumps beside; generated coordinates stay."""
-    normals, kept, places = np.empty(3 * len(mesh.vertices), np.float32), _kept_normals(mesh), meshes.positions(mesh.vertices)
-    mesh.vertex_normals.foreach_get("vector", normals)
+def _move(mesh, offsets):
+    """Moves vertices. Normals follow, but those of what has bumps beside; generated coordinates stay."""
+    kept, places = _kept_normals(mesh), meshes.positions(mesh.vertices)
     undeformed.keep(mesh, places)
-    offsets = (heights[:, 0] - heights[:, 1])[:, None] * normals.reshape(-1, 3)
     mesh.vertices.foreach_set("co", (places + offsets).astype(np.float32).ravel())
     if mesh.has_custom_normals:
         mesh.attributes.remove(mesh.attributes["custom_normal"])
@@ -101,19 +115,16 @@ def _kept_normals(mesh):
     return normals.reshape(-1, 3) * np.repeat(stays[np.minimum(slots, len(stays) - 1)], corners)[:, None]
 
 
-def _shine(material, matrix, report):
-    """Lets a material shine with its heights above and below; gives what undoes it."""
-    tree, node = material.node_tree, _node(material)
+def _shine(material, matrix, feed):
+    """Lets a material shine with what displaces it; gives what undoes it."""
+    tree = material.node_tree
     end = shaders.end(tree)
     before = shaders.source(end.inputs["Surface"])
     glow = tree.nodes.new("ShaderNodeEmission")
     glow.inputs["Color"].default_value = (0, 0, 0, 1)
     made = [glow]
-    if node is not None and material.displacement_method != "BUMP":
-        if node.bl_idname == "ShaderNodeDisplacement":
-            made += _heights(tree, node, glow, matrix)
-        else:
-            report.warn(material.name, f"displacement by {node.bl_label} is not carried over")
+    if _displaces(material):
+        made += feed(material, glow, matrix)
     tree.links.new(glow.outputs[0], end.inputs["Surface"])
 
     def restore():
@@ -125,8 +136,17 @@ def _shine(material, matrix, report):
     return restore
 
 
-def _heights(tree, node, glow, matrix):
+def _is_along_normals(material):
+    """Does it move vertices along the normals of the mesh?"""
+    node = _node(material)
+    return node.bl_idname == "ShaderNodeDisplacement" and shaders.source(node.inputs["Normal"]) is None
+
+
+def _heights(material, glow, matrix):
     """Feeds (Height - Midlevel) * Scale as its positive and its negative part: light has no sign."""
+    tree, node = material.node_tree, _node(material)
+    if not _is_along_normals(material):
+        return []
     size = abs(matrix.to_3x3().determinant()) ** (1 / 3) if node.space == "WORLD" else 1.0
     math = lambda operation: _math(tree, operation)
     above, scaled, local, below = math("SUBTRACT"), math("MULTIPLY"), math("DIVIDE"), math("MULTIPLY")
@@ -146,6 +166,25 @@ def _heights(tree, node, glow, matrix):
         tree.links.new(part.outputs[0], both.inputs[k])
     tree.links.new(both.outputs[0], glow.inputs["Color"])
     return [above, scaled, local, below, *parts, both]
+
+
+def _vectors(sign):
+    """Feeds the positive or the negative part of the vector in world space that displaces."""
+
+    def feed(material, glow, _):
+        tree = material.node_tree
+        if _is_along_normals(material):
+            return []
+        scaled, part = tree.nodes.new("ShaderNodeVectorMath"), tree.nodes.new("ShaderNodeVectorMath")
+        scaled.operation, part.operation = "MULTIPLY", "MAXIMUM"
+        tree.links.new(shaders.source(shaders.end(tree).inputs["Displacement"]), scaled.inputs[0])
+        scaled.inputs[1].default_value = (sign, sign, sign)
+        tree.links.new(scaled.outputs[0], part.inputs[0])
+        part.inputs[1].default_value = (0.0, 0.0, 0.0)
+        tree.links.new(part.outputs[0], glow.inputs["Color"])
+        return [scaled, part]
+
+    return feed
 
 
 def _math(tree, operation):
