@@ -245,10 +245,20 @@ impl ImageReading {
         self.point(lookup.finest(), uv)
     }
 
-    /// The value of a picture of one texel.
+    /// The value of a picture of one texel. Where pictures end, it is blended with nothing, as codes of sRGB unless it is data.
     pub fn constant(&self, color: [f32; 4], uv: [f32; 2]) -> [f32; 4] {
-        let is_outside = uv.iter().any(|x| !(0.0..=1.0).contains(x));
-        if self.extension == Extension::Clip && is_outside { [0.0; 4] } else { self.with_alpha(color) }
+        if self.extension != Extension::Clip {
+            return self.with_alpha(color);
+        }
+        let share_along = |x: f32| -> f32 {
+            self.taps(x, 1).iter().filter(|tap| tap.texel.is_some()).map(|tap| tap.weight).sum()
+        };
+        let share = share_along(uv[0]) * share_along(1.0 - uv[1]);
+        let blended =
+            |c: f32| if self.is_data { c * share } else { linear_from_srgb(srgb_from_linear(c) * share) };
+        let [r, g, b, alpha] = self.with_alpha(color);
+        let alpha = if self.alpha_mode == AlphaMode::None { 1.0 } else { alpha * share };
+        [blended(r), blended(g), blended(b), alpha]
     }
 
     /// Are colours multiplied by alpha? Files of integers hold them as they are, those of floats multiplied, whatever the mode says.
@@ -402,6 +412,28 @@ mod tests {
 
     fn red(wrap: Wrap, interpolation: Interpolation, u: f32) -> f32 {
         lookup(ramp(), wrap, interpolation).eval(Vec2::new(u, 0.5), 0.0)[0]
+    }
+
+    /// One texel that is clipped fades towards the edges of the picture, as larger pictures do within their last texels.
+    #[test]
+    fn one_texel_that_is_clipped_fades() {
+        let reading = |interpolation, extension| ImageReading {
+            interpolation,
+            extension,
+            alpha_mode: AlphaMode::Straight,
+            is_data: false,
+            reads_alpha: false,
+        };
+        let red = |reading: ImageReading, uv| reading.constant([1.0, 0.0, 1.0, 1.0], uv)[0];
+        let clipped = reading(ImageInterpolation::Linear, Extension::Clip);
+        for (u, code) in [(0.5, 1.0), (0.75, 0.75), (1.0, 0.5), (1.25, 0.25), (1.5, 0.0), (-3.0, 0.0)] {
+            assert!((red(clipped, [u, 0.5]) - linear_from_srgb(code)).abs() < 1e-5, "{u}");
+        }
+        let cubic = reading(ImageInterpolation::Smart, Extension::Clip);
+        assert!((red(cubic, [0.5, 0.5]) - linear_from_srgb(4.0 / 9.0)).abs() < 1e-5);
+        let closest = reading(ImageInterpolation::Closest, Extension::Clip);
+        assert_eq!([0.01, 0.99, 1.01].map(|v| red(closest, [0.5, v])), [1.0, 1.0, 0.0]);
+        assert_eq!(red(reading(ImageInterpolation::Linear, Extension::Repeat), [1.25, 0.5]), 1.0);
     }
 
     #[test]
