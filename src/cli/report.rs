@@ -56,7 +56,7 @@ pub(crate) fn error(error: &Error) {
     match &file {
         Some(file) if count > 1 => say!("error: {file}: {count} problems"),
         Some(file) => say!("error: {file}"),
-        None if count == 1 => return lone(&error.problems[0]),
+        None if count == 1 => return plain(&error.problems[0], "error: ", "  "),
         None => say!("error:"),
     }
     for line in shortened(&error.problems, |problem| &problem.message) {
@@ -71,25 +71,17 @@ pub(crate) fn error(error: &Error) {
             (Some(text), Some(_)) => {
                 say!("{}", snippet(problem, text, file.as_deref().unwrap_or("input")))
             }
-            _ => plain(problem),
+            _ => plain(problem, "  ", "    "),
         }
     }
 }
 
-/// A problem of no file in particular.
-fn lone(problem: &Problem) {
+/// A problem in words alone: its first line after `lead`, what helps after `indent`.
+fn plain(problem: &Problem, lead: &str, indent: &str) {
     let place = if problem.place.is_empty() { String::new() } else { format!("{}: ", problem.place) };
-    say!("error: {place}{}", problem.message);
+    say!("{lead}{place}{}", problem.message);
     if let Some(help) = &problem.help {
-        say!("  help: {help}");
-    }
-}
-
-fn plain(problem: &Problem) {
-    let place = if problem.place.is_empty() { String::new() } else { format!("{}: ", problem.place) };
-    say!("  {place}{}", problem.message);
-    if let Some(help) = &problem.help {
-        say!("    help: {help}");
+        say!("{indent}help: {help}");
     }
 }
 

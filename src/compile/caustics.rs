@@ -1,6 +1,6 @@
 //! Materials that cast and that receive caustics, and bounding spheres of the casters for light tracing.
 
-use super::geometry::Space;
+use super::geometry::{Placement, Space};
 use super::material::CompiledMaterial;
 use super::scene::CompiledScene;
 use crate::bsdf::{Bsdf, BsdfClass, BsdfProgram};
@@ -145,17 +145,15 @@ impl CompiledScene {
             Some(&self.geometries.world.bounds).filter(|bounds| !bounds.is_empty()).map_or(0.0, of_box);
         let placed = self.geometries.placements.iter().map(|placement| {
             let bounds = &self.geometries.shared[placement.geometry as usize].bounds;
-            let place = placement.world_from_object;
             match bounds.is_empty() {
                 true => 0.0,
-                false => of_box(&Bounds3::of(bounds.corners().map(|p| place.linear * p + place.translation))),
+                false => of_box(&Bounds3::of(placed_corners(placement, bounds))),
             }
         });
         placed.fold(world, f32::max)
     }
 }
 
-/// Bounds that hold a ball, too. Most balls are vertices of triangles.
 /// Balls within which all primitives lie that send light on.
 struct Senders<'s> {
     /// Of all vertices.
@@ -219,10 +217,8 @@ impl<'s> Senders<'s> {
                 .material
                 .map_or_else(|| materials.iter().any(|m| sends(roles, *m)), |m| sends(roles, m));
             if is_sender && !space.bounds.is_empty() {
-                let place = placement.world_from_object;
-                let corners = space.bounds.corners().map(|p| place.linear * p + place.translation);
                 self.begin_run(placement.object.0);
-                self.balls.extend(corners.into_iter().map(point));
+                self.balls.extend(placed_corners(placement, &space.bounds).map(point));
                 self.end_run();
             }
         }
@@ -248,11 +244,18 @@ impl<'s> Senders<'s> {
     }
 }
 
+/// The corners of the bounds of a shared geometry where it is placed.
+fn placed_corners(placement: &Placement, bounds: &Bounds3) -> [Vec3; 8] {
+    let place = placement.world_from_object;
+    bounds.corners().map(|p| place.linear * p + place.translation)
+}
+
 /// Does a material send light on?
 fn sends(roles: &[CausticRole], material: u32) -> bool {
     roles.get(material as usize) == Some(&CausticRole::Caster)
 }
 
+/// Bounds that hold a ball, too. Most balls are vertices of triangles.
 fn with_ball(bounds: Bounds3, ball: TargetSphere) -> Bounds3 {
     if ball.radius == 0.0 {
         return bounds.with(ball.center);
