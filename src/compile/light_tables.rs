@@ -181,6 +181,13 @@ impl Links {
         self.of_lights.get(index as usize).copied().unwrap_or_default()
     }
 
+    /// Does no object cast a shadow in the light of this index?
+    #[inline]
+    pub fn is_unblocked(&self, index: u32) -> bool {
+        let blockers = self.of_light(index).blockers;
+        !blockers.is_all() && !self.classes.iter().any(|&class| blockers.holds(class))
+    }
+
     /// Does a light of such links illuminate receivers of a class?
     #[inline]
     pub fn reach(&self, links: LightLinks, class: u32) -> bool {

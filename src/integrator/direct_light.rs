@@ -17,7 +17,7 @@ use super::shading_groups::{
     Closure, GeneralClass, LambertClass, MediumClass, MetalRoughClass, SortedVertices, VertexClass,
 };
 use super::visibility::class;
-use super::wave::{Lanes, Vertices, WAVE, Wave, get, get_rgb, set, set_rgb};
+use super::wave::{Lanes, LightLanes, Vertices, WAVE, Wave, get, get_rgb, set, set_rgb};
 use super::workspace::Workspace;
 use crate::color::Rgb;
 use crate::film::Aov;
@@ -347,7 +347,7 @@ impl Integrator<'_> {
         for i in sorted.lit() {
             let [r, g, b] = &light.contribution;
             if (all_light || self.is_linked_to_light(i, w)) && r[i].max(g[i]).max(b[i]) > 0.0 {
-                let t_max = if light.is_infinite[i] > 0.0 { f32::INFINITY } else { 1.0 };
+                let t_max = self.shadow_ray_end(i, light);
                 let ray = Ray::new(get(&light.origin, i), get(&light.direction, i));
                 w.shadow_rays.push(Ray { t_max, origin_primitive: v.origin_primitives[i], ..ray });
                 w.shadow_vertices.push(i as u32);
@@ -390,6 +390,16 @@ impl Integrator<'_> {
                 });
             }
         }
+    }
+
+    /// The parameter at which the shadow ray of vertex `i` ends: 0 where nothing casts shadows in the sampled light, media included.
+    #[inline(always)]
+    pub(super) fn shadow_ray_end(&self, i: usize, light: &LightLanes) -> f32 {
+        let links = &self.scene.links;
+        if self.scene.features.links && links.is_unblocked(self.only_light.unwrap_or(light.index[i])) {
+            return 0.0;
+        }
+        if light.is_infinite[i] > 0.0 { f32::INFINITY } else { 1.0 }
     }
 
     /// Tests which shadow rays are occluded.

@@ -72,7 +72,7 @@ impl Integrator<'_> {
                 continue;
             }
             let ray = (get(&v.light.origin, i), get(&v.light.direction, i));
-            let end = if v.light.is_infinite[i] > 0.0 { f32::INFINITY } else { 1.0 };
+            let end = self.shadow_ray_end(i, &v.light);
             let wavelengths = times.wavelengths(paths.state.radiance_index[i]);
             let transmittance = self.transmittance_between(
                 self.interior_towards_light(sorted, paths, v, i),

@@ -15,7 +15,8 @@
 //! mean all below these; with a slash before it, that of a node without a parent.
 //!
 //! What receives light is the surface where a path was scattered last: mirrors show a light that they are not linked to as
-//! black, cameras see it. Fog and other media are in no list. Lights with a `shadow_link` light rough surfaces by light samples only.
+//! black, cameras see it. Fog and other media are in no list: they dim all lights but those in which nothing
+//! casts shadows (`shadow_link = { include = [] }`). Lights with a `shadow_link` light rough surfaces by light samples only.
 
 use super::builder::{Names, NamesOnPaths, SceneFileBuilder};
 use super::fields::{Fields, nearest, numbers};

@@ -6,6 +6,8 @@ import math
 import numpy as np
 from mathutils import Vector
 
+from . import meshes
+
 # Faces that an object has at most, and levels.
 MOST_FACES, MOST_LEVELS = 300_000, 10
 
@@ -58,9 +60,7 @@ def _levels(obj, density):
     mesh, count = obj.data, len(obj.data.edges)
     if count == 0 or density == 0:
         return 0
-    places, ends = np.empty(3 * len(mesh.vertices), np.float32), np.empty(2 * count, np.int32)
-    mesh.vertices.foreach_get("co", places)
-    mesh.edges.foreach_get("vertices", ends)
-    placed = places.reshape(-1, 3) @ np.array(obj.matrix_world.to_3x3(), np.float32).T
-    length = np.quantile(np.linalg.norm(placed[ends[::2]] - placed[ends[1::2]], axis=1), SHARE)
+    placed = meshes.positions(mesh) @ np.array(obj.matrix_world.to_3x3(), np.float32).T
+    ends = meshes.edges(mesh)
+    length = np.quantile(np.linalg.norm(placed[ends[:, 0]] - placed[ends[:, 1]], axis=1), SHARE)
     return max(math.ceil(math.log2(max(float(length) * density, 1e-9))), 0)

@@ -14,14 +14,9 @@ def tangents(mesh, axes, corners):
     """Tangents of corners with their handedness, by the axes of slots; 0 where texture coordinates give them. None where all do."""
     if not any(axes):
         return None
-    count = len(mesh.polygons)
-    slots, sizes = np.empty(count, np.int32), np.empty(count, np.int32)
-    mesh.polygons.foreach_get("material_index", slots)
-    mesh.polygons.foreach_get("loop_total", sizes)
-    of_corners = np.repeat(np.clip(slots, 0, len(axes) - 1), sizes)
-    normals, found = np.empty(3 * len(mesh.loops), np.float32), np.zeros((len(mesh.loops), 4), np.float32)
-    mesh.corner_normals.foreach_get("vector", normals)
-    places, normals = meshes.positions(mesh.vertices)[corners].astype(np.float64), normals.reshape(-1, 3).astype(np.float64)
+    of_corners = np.repeat(meshes.material_slots(mesh), meshes.face_sizes(mesh))
+    places, normals = meshes.positions(mesh)[corners].astype(np.float64), meshes.corner_normals(mesh).astype(np.float64)
+    found = np.zeros((len(mesh.loops), 4), np.float32)
     for slot, axis in enumerate(axes):
         used = of_corners == slot
         if axis and used.any():
@@ -36,11 +31,9 @@ def on_sphere(mesh, triangles, vertices):
     corners = triangles.ravel()
     apart = bpy.data.meshes.new("triangles")
     try:
-        apart.from_pydata(meshes.positions(mesh.vertices), [], vertices[triangles])
-        normals = np.empty(3 * len(mesh.loops), np.float32)
-        mesh.corner_normals.foreach_get("vector", normals)
-        apart.normals_split_custom_set(normals.reshape(-1, 3)[corners])
-        coordinates = _longitudes_and_latitudes(meshes.positions(mesh.vertices)[vertices[corners]].astype(np.float64))
+        apart.from_pydata(meshes.positions(mesh), [], vertices[triangles])
+        apart.normals_split_custom_set(meshes.corner_normals(mesh)[corners])
+        coordinates = _longitudes_and_latitudes(meshes.positions(mesh)[vertices[corners]].astype(np.float64))
         apart.uv_layers.new(name="sphere").uv.foreach_set("vector", coordinates.astype(np.float32).ravel())
         apart.calc_tangents(uvmap="sphere")
         directions, signs = np.empty(3 * len(corners), np.float32), np.empty(len(corners), np.float32)

@@ -5,6 +5,8 @@ import os
 import bpy
 import numpy as np
 
+from . import meshes
+
 # Under which name the elements of an attribute have their values.
 VECTORS = ("FLOAT_VECTOR", "FLOAT2")
 COLORS = ("FLOAT_COLOR", "BYTE_COLOR")
@@ -20,12 +22,8 @@ LOOKS = {
 
 def add_mesh(digest, mesh):
     """Adds the shape of a mesh with all its attributes."""
-    starts = np.empty(len(mesh.polygons), np.int32)
-    mesh.polygons.foreach_get("loop_start", starts)
-    normals = np.empty(len(mesh.loops) * 3, np.float32)
-    mesh.corner_normals.foreach_get("vector", normals)
-    digest.update(starts.tobytes() + b"normals")
-    digest.update(normals.tobytes())
+    digest.update(meshes.face_sizes(mesh).tobytes() + b"normals")
+    digest.update(meshes.corner_normals(mesh).tobytes())
     # Their order follows from what was baked on the way.
     for attribute in sorted(mesh.attributes, key=lambda attribute: attribute.name):
         digest.update(f"|{attribute.name}|{attribute.domain}|{attribute.data_type}|".encode())

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from . import context, hair, objectwise, points, trees, undeformed, volumes
+from . import context, hair, meshes, objectwise, points, trees, undeformed, volumes
 from .links import Links
 from .report import listed
 
@@ -272,11 +272,10 @@ def _add_missing_coordinates(mesh):
 
 def _leave_out_unused(mesh):
     """Materials of slots without faces are those of strands, or of nothing."""
-    used = np.empty(len(mesh.polygons), np.int32)
-    mesh.polygons.foreach_get("material_index", used)
-    last = len(mesh.materials) - 1
-    for unused in set(range(last + 1)) - set(np.unique(np.clip(used, 0, max(last, 0))).tolist()):
-        mesh.materials[unused] = None
+    counts = np.bincount(meshes.material_slots(mesh), minlength=len(mesh.materials))
+    for slot in range(len(mesh.materials)):
+        if counts[slot] == 0:
+            mesh.materials[slot] = None
 
 
 def _round_beside_flat(mesh):
@@ -284,15 +283,10 @@ def _round_beside_flat(mesh):
     flat, sharp = (_values(mesh, name, size) for name, size in (("sharp_face", len(mesh.polygons)), ("sharp_edge", len(mesh.edges))))
     if mesh.has_custom_normals or sharp.any() or flat.all() or not flat.any():
         return
-    of_vertices, of_faces = (np.empty(3 * len(part), np.float32) for part in (mesh.vertices, mesh.polygons))
-    mesh.vertex_normals.foreach_get("vector", of_vertices)
-    mesh.polygon_normals.foreach_get("vector", of_faces)
-    vertices, counts = np.empty(len(mesh.loops), np.int32), np.empty(len(mesh.polygons), np.int32)
-    mesh.loops.foreach_get("vertex_index", vertices)
-    mesh.polygons.foreach_get("loop_total", counts)
-    faces = np.repeat(np.arange(len(counts)), counts)
-    normals = np.where(flat[faces, None], of_faces.reshape(-1, 3)[faces], of_vertices.reshape(-1, 3)[vertices])
-    mesh.normals_split_custom_set(normals.tolist())
+    of_vertices, of_faces = meshes.vertex_normals(mesh), meshes.face_normals(mesh)
+    faces = np.repeat(np.arange(len(mesh.polygons)), meshes.face_sizes(mesh))
+    normals = np.where(flat[faces, None], of_faces[faces], of_vertices[meshes.corner_vertices(mesh)])
+    mesh.normals_split_custom_set(normals)
 
 
 def _values(mesh, name, size):

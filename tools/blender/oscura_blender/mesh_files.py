@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from . import brushed, undeformed
-from .meshes import positions
+from . import brushed, meshes, undeformed
 
 # Numbers of an attribute by its type, and the key of its values.
 TYPES = {
@@ -22,25 +21,18 @@ TYPES = {
 MIX = (0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F)
 
 GENERATED = "generated"
+NORMAL = ("nx", "ny", "nz")
 
 
-class Corners:
-    """Values of the corners of faces; those of vertices are spread."""
+class Column:
+    """Values of a mesh, a row of them for each vertex or for each corner of a face, and the names of their properties."""
 
-    def __init__(self, mesh):
-        self.mesh = mesh
-        self.vertices = _read(mesh.loops, "vertex_index", 1, np.int32).ravel()
+    def __init__(self, names, values, is_of_vertices):
+        self.names, self.values, self.is_of_vertices = names, values, is_of_vertices
 
-    def of(self, domain, values):
-        """Values of a domain by corner."""
-        if domain == "POINT":
-            return values[self.vertices]
-        if domain == "FACE":
-            counts = _read(self.mesh.polygons, "loop_total", 1, np.int32).ravel()
-            return np.repeat(values, counts, axis=0)
-        if domain == "EDGE":
-            return values[_read(self.mesh.loops, "edge_index", 1, np.int32).ravel()]
-        return values
+    def of(self, corners, vertices):
+        """Values of these corners."""
+        return self.values[vertices[corners] if self.is_of_vertices else corners]
 
 
 class MeshFile:
@@ -48,51 +40,44 @@ class MeshFile:
 
     def __init__(self, mesh, names, axes=(), has_maps=False):
         """`axes` are those around which faces are brushed, by slot; `has_maps` says that normals are mapped along texture coordinates."""
-        mesh.calc_loop_triangles()
-        corners = Corners(mesh)
-        self.mesh, self.vertices = mesh, corners.vertices
-        self.triangles = _read(mesh.loop_triangles, "loops", 3, np.int32)
-        polygons = _read(mesh.loop_triangles, "polygon_index", 1, np.int32).ravel()
+        self.mesh, self.vertices = mesh, meshes.corner_vertices(mesh)
+        self.triangles, faces = meshes.triangles(mesh)
         self.last = max(len(mesh.materials) - 1, 0)
-        self.materials = np.clip(_read(mesh.polygons, "material_index", 1, np.int32).ravel(), 0, self.last)[polygons]
-        tangents = brushed.tangents(mesh, axes, corners.vertices)
+        self.materials = meshes.material_slots(mesh)[faces]
+        tangents = brushed.tangents(mesh, axes, self.vertices)
         if tangents is None and has_maps and not mesh.uv_layers:
-            tangents = brushed.on_sphere(mesh, self.triangles, corners.vertices)
-        columns, self.labels = _columns(mesh, corners, names, tangents)
-        self.properties = [name for names_of, _ in columns for name in names_of]
-        self.first = None  # the first corner of each vertex of the file, where corners of a vertex may differ
-        if columns:
-            self.values = np.concatenate([values for _, values in columns], 1).astype(np.float32)
-            self.first, welded = _welded(self.vertices, self.values)
+            tangents = brushed.on_sphere(mesh, self.triangles, self.vertices)
+        self.columns, self.labels = _columns(mesh, names, tangents)
+        self.first = None  # the first corner of each vertex of the file, where corners of a vertex differ
+        of_corners = [column.values for column in self.columns if not column.is_of_vertices]
+        if of_corners:
+            self.first, welded = _welded(self.vertices, np.concatenate(of_corners, 1).astype(np.float32), len(mesh.vertices))
             self.triangles = welded[self.triangles]
         else:
             self.triangles = self.vertices[self.triangles]
 
     def write(self, path):
         """Writes the mesh."""
-        values = None if self.first is None else self.values[self.first]
-        self._write(path, self.properties, values, self.labels)
+        self._write(path, self.columns, self.labels)
 
     def write_shape(self, path, places):
         """Writes the same vertices and faces where the mesh has its vertices at other places: what `mesh_keys` name."""
-        now = positions(self.mesh.vertices)
+        now = meshes.positions(self.mesh)
         self.mesh.vertices.foreach_set("co", np.ascontiguousarray(places, np.float32).ravel())
         self.mesh.update()
-        has_normals = "nx" in self.properties
-        normals = _read(self.mesh.corner_normals, "vector", 3, np.float32)[self.first] if has_normals else None
-        self._write(path, ["nx", "ny", "nz"] if has_normals else [], normals, [])
+        normals = [_normals(self.mesh, column.is_of_vertices) for column in self.columns if column.names == NORMAL]
+        self._write(path, normals, [])
         self.mesh.vertices.foreach_set("co", now.ravel())
         self.mesh.update()
 
-    def _write(self, path, properties, values, labels):
-        rows = positions(self.mesh.vertices)
-        if self.first is not None:
-            rows = rows[self.vertices[self.first]]
-        if values is not None:
-            rows = np.concatenate([rows, values], 1)
+    def _write(self, path, columns, labels):
+        columns = [Column(("x", "y", "z"), meshes.positions(self.mesh), True), *columns]
+        read = [column.values if self.first is None else column.of(self.first, self.vertices) for column in columns]
+        rows = np.concatenate(read, 1)
+        properties = [name for column in columns for name in column.names]
         head = ["ply", "format binary_little_endian 1.0"]
         head += [f"comment oscura attribute {index} {width} {name}" for index, width, name in labels]
-        head += [f"element vertex {len(rows)}", *(f"property float {name}" for name in ("x", "y", "z", *properties))]
+        head += [f"element vertex {len(rows)}", *(f"property float {name}" for name in properties)]
         head += [f"element face {len(self.triangles)}", "property list uchar int vertex_indices"]
         kind = [("count", "u1"), ("corners", "<i4", 3)]
         if self.last > 0:
@@ -108,56 +93,61 @@ class MeshFile:
             file.write(faces.tobytes())
 
 
-def _columns(mesh, corners, names, tangents):
-    """What corners have beside their positions: names of properties with their values, and the lines that name attributes."""
+def _columns(mesh, names, tangents):
+    """What vertices and corners have beside their positions, and the lines that name attributes."""
     columns, labels = [], []
-    normals = _normals(mesh, corners) if tangents is None else _read(mesh.corner_normals, "vector", 3, np.float32)
-    if normals is not None:
-        columns.append((("nx", "ny", "nz"), normals))
+    if tangents is not None or mesh.normals_domain != "FACE":
+        columns.append(_normals(mesh, tangents is None and mesh.normals_domain == "POINT"))
     layer = next((layer for layer in mesh.uv_layers if layer.active_render), None)
     if layer is not None:
-        columns.append((("s", "t"), _read(layer.uv, "vector", 2, np.float32)))
-    brushed_along = [("tangent", 4, tangents)] if tangents is not None else []
-    for name, width, values in [*_attributes(mesh, corners, names), *brushed_along]:
-        index = len(labels)
+        columns.append(Column(("s", "t"), meshes.read(layer.uv, "vector", 2, np.float32), False))
+    brushed_along = [("tangent", tangents, False)] if tangents is not None else []
+    for name, values, is_of_vertices in [*_attributes(mesh, names), *brushed_along]:
+        index, width = len(labels), values.shape[1]
         labels.append((index, width, name))
-        columns.append((tuple(f"a{index}_{k}" for k in range(width)), values))
+        columns.append(Column(tuple(f"a{index}_{k}" for k in range(width)), values, is_of_vertices))
     return columns, labels
 
 
-def _normals(mesh, corners):
-    """Normals of corners; None where all faces are flat."""
-    if mesh.normals_domain == "FACE":
-        return None
-    if mesh.normals_domain == "POINT":
-        return _read(mesh.vertex_normals, "vector", 3, np.float32)[corners.vertices]
-    return _read(mesh.corner_normals, "vector", 3, np.float32)
+def _normals(mesh, is_of_vertices):
+    return Column(NORMAL, meshes.vertex_normals(mesh) if is_of_vertices else meshes.corner_normals(mesh), is_of_vertices)
 
 
-def _attributes(mesh, corners, names):
-    """The attributes of these names: name, numbers, values by corner."""
+def _attributes(mesh, names):
+    """The attributes of these names: name, values, and whether they are those of vertices; others are spread to corners."""
     for name in sorted(names):
         found = mesh.attributes.get(undeformed.ATTRIBUTE if name == GENERATED else name)
         if found is not None and found.data_type in TYPES and len(found.data):
             key, width = TYPES[found.data_type]
             kind = {"INT": np.int32, "INT8": np.int32, "BOOLEAN": bool}.get(found.data_type, np.float32)
-            yield name, width, corners.of(found.domain, _read(found.data, key, width, kind).astype(np.float32))
+            values = meshes.read(found.data, key, width, kind).astype(np.float32)
+            yield name, _on_corners(mesh, found.domain, values), found.domain == "POINT"
         elif name == GENERATED and not mesh.use_auto_texspace:
-            yield name, 3, undeformed.coordinates(mesh, positions(mesh.vertices))[corners.vertices]
+            yield name, undeformed.coordinates(mesh, meshes.positions(mesh)), True
 
 
-def _welded(vertices, values):
-    """Corners of one vertex with the same values are one: the first corner of each, and which of them each corner is."""
+def _on_corners(mesh, domain, values):
+    """Values of faces and edges by corner."""
+    if domain == "FACE":
+        return np.repeat(values, meshes.face_sizes(mesh), axis=0)
+    return values[meshes.corner_edges(mesh)] if domain == "EDGE" else values
+
+
+def _welded(vertices, values, count):
+    """Corners of one vertex with the same values are one: the first corner of each, and which of them each corner is. Most agree with one
+    corner of their vertex, and the others alone are sorted."""
     bits = np.ascontiguousarray(values).view(np.uint32)
-    mixed = vertices.astype(np.uint64) * np.uint64(MIX[0])
-    for column in bits.T:
+    some = np.full(count, -1, np.int32)
+    some[vertices] = np.arange(len(vertices), dtype=np.int32)
+    differs = (bits != bits[some[vertices]]).any(1)
+    used = some >= 0
+    number = np.cumsum(used, dtype=np.int32) - 1
+    welded = number[vertices]
+    others = np.flatnonzero(differs)
+    mixed = vertices[others].astype(np.uint64) * np.uint64(MIX[0])
+    for column in bits[others].T:
         mixed = (mixed ^ column) * np.uint64(MIX[1])
         mixed ^= mixed >> np.uint64(29)
-    _, first, welded = np.unique(mixed, return_index=True, return_inverse=True)
-    return first, welded.ravel()
-
-
-def _read(owner, key, width, kind):
-    values = np.empty(width * len(owner), kind)
-    owner.foreach_get(key, values)
-    return values.reshape(-1, width)
+    _, first, among = np.unique(mixed, return_index=True, return_inverse=True)
+    welded[others] = used.sum() + among.ravel()
+    return np.concatenate([some[used], others[first]]), welded

@@ -66,7 +66,7 @@ class Moves:
         if shapes is None:
             return None
         now, count = shapes[self.offsets.index(0.0)], len(holder.data.vertices)
-        if any(len(shape) != count for shape in shapes) or not np.array_equal(now, meshes.positions(holder.data.vertices)):
+        if any(len(shape) != count for shape in shapes) or not np.array_equal(now, meshes.positions(holder.data)):
             report.warn(name, "its change of shape is not blurred: its faces change, or its material moves them")
             return None
         return shapes
@@ -124,7 +124,7 @@ def _look(scene, graph, first, moves, is_open):
         if is_open and obj.type == "VOLUME" and _is_blurred(obj.original):
             moves.volumes.setdefault(mark, []).append(instance.matrix_world.copy())
         if mark in first and obj.type == "MESH" and _may_deform(obj.original):
-            moves.shapes.setdefault(first[mark], []).append(meshes.positions(obj.data.vertices))
+            moves.shapes.setdefault(first[mark], []).append(meshes.positions(obj.data))
     for obj in scene.objects:
         if obj.type == "CAMERA":
             placed = obj.evaluated_get(graph).matrix_world.normalized()

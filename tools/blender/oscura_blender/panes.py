@@ -3,6 +3,8 @@ water) is a sheet that bends light by the sides of its normals, with nothing beh
 
 import numpy as np
 
+from . import meshes
+
 # How much of a normal may point up or down in a pane that stands, and how far normals may differ.
 UPRIGHT, STRAIGHT = 0.5, 1e-3
 
@@ -18,14 +20,11 @@ def tell_of_upright(holder, slot, found, report):
 def _stands(holder, slot, found):
     """Are the faces of a slot parts of one upright plane, wherever the mesh is placed?"""
     mesh = holder.data
-    count = len(mesh.polygons)
-    slots, normals, centers = np.empty(count, np.int32), np.empty(3 * count, np.float32), np.empty(3 * count, np.float32)
-    for key, values in (("material_index", slots), ("normal", normals), ("center", centers)):
-        mesh.polygons.foreach_get(key, values)
-    used = slots == slot
-    normals, centers = normals.reshape(-1, 3)[used], centers.reshape(-1, 3)[used]
-    if not len(normals):
+    used = meshes.material_slots(mesh) == slot
+    if not used.any():
         return False
+    normals = meshes.face_normals(mesh)[used]
+    centers = meshes.read(mesh.polygons, "center", 3, np.float32)[used]
     axis = normals[0]
     heights = (centers - centers[0]) @ axis
     size = float(np.ptp(centers, 0).max())

@@ -46,7 +46,7 @@ def as_mesh(cloud):
     corners, faces = _sphere(LEVELS[_fineness(cloud)])
     radii = np.empty(count, np.float32)
     cloud.points.foreach_get("radius", radii)
-    places = meshes.positions(cloud.points)[:, None] + radii[:, None, None] * corners
+    places = meshes.positions(cloud)[:, None] + radii[:, None, None] * corners
     triangles = faces + len(corners) * np.arange(count)[:, None, None]
     mesh = meshes.of_triangles(cloud.name, places.reshape(-1, 3), triangles.reshape(-1, 3))
     for attribute in cloud.attributes:

@@ -54,11 +54,12 @@ def _displaces(material):
 def _displace(holder, matrix, bake_scene, report):
     mesh = holder.data
     bake = lambda feed: _baked(holder, matrix, bake_scene, feed)
-    heights = bake(_heights)
-    normals = np.empty(3 * len(mesh.vertices), np.float32)
-    mesh.vertex_normals.foreach_get("vector", normals)
-    offsets = (heights[:, 0] - heights[:, 1])[:, None] * normals.reshape(-1, 3)
-    if any(material is not None and _displaces(material) and not _is_along_normals(material) for material in mesh.materials):
+    offsets = np.zeros((len(mesh.vertices), 3), np.float32)
+    along_normals = {_is_along_normals(material) for material in mesh.materials if material is not None and _displaces(material)}
+    if True in along_normals:
+        heights = bake(_heights)
+        offsets += (heights[:, 0] - heights[:, 1])[:, None] * meshes.vertex_normals(mesh)
+    if False in along_normals:
         if matrix.determinant() == 0.0:
             report.warn(holder.name, "has no extent in some direction: its displacement by vectors is left out")
         else:
@@ -93,26 +94,20 @@ def _baked(holder, matrix, bake_scene, feed):
 
 def _move(mesh, offsets):
     """Moves vertices. Normals follow, but those of what has bumps beside; generated coordinates stay."""
-    kept, places = _kept_normals(mesh), meshes.positions(mesh.vertices)
+    kept, places = _kept_normals(mesh), meshes.positions(mesh)
     undeformed.keep(mesh, places)
     mesh.vertices.foreach_set("co", (places + offsets).astype(np.float32).ravel())
     if mesh.has_custom_normals:
         mesh.attributes.remove(mesh.attributes["custom_normal"])
     mesh.update()
     if kept.any():
-        mesh.normals_split_custom_set(kept.tolist())
+        mesh.normals_split_custom_set(kept)
 
 
 def _kept_normals(mesh):
     """The normals of corners that stay as they are; 0 for others."""
-    count = len(mesh.polygons)
-    slots, corners = np.empty(count, np.int32), np.empty(count, np.int32)
-    mesh.polygons.foreach_get("material_index", slots)
-    mesh.polygons.foreach_get("loop_total", corners)
     stays = np.array([material is not None and material.displacement_method == "BOTH" for material in mesh.materials])
-    normals = np.empty(3 * len(mesh.loops), np.float32)
-    mesh.corner_normals.foreach_get("vector", normals)
-    return normals.reshape(-1, 3) * np.repeat(stays[np.minimum(slots, len(stays) - 1)], corners)[:, None]
+    return meshes.corner_normals(mesh) * np.repeat(stays[meshes.material_slots(mesh)], meshes.face_sizes(mesh))[:, None]
 
 
 def _shine(material, matrix, feed):

@@ -3,6 +3,8 @@
 import bmesh
 import numpy as np
 
+from . import meshes
+
 # Holes of a larger share of the surface are not closed.
 LARGEST_HOLES = 0.2
 
@@ -36,11 +38,7 @@ def _is_closed(mesh, slot):
 
 def sides_of_edges(mesh, slot=None):
     """How many faces each edge has, all or those of a slot."""
-    edges = np.empty(len(mesh.loops), np.int32)
-    mesh.loops.foreach_get("edge_index", edges)
+    edges = meshes.corner_edges(mesh)
     if slot is not None:
-        slots, counts = np.empty(len(mesh.polygons), np.int32), np.empty(len(mesh.polygons), np.int32)
-        mesh.polygons.foreach_get("material_index", slots)
-        mesh.polygons.foreach_get("loop_total", counts)
-        edges = edges[np.repeat(slots == slot, counts)]
+        edges = edges[np.repeat(meshes.material_slots(mesh) == slot, meshes.face_sizes(mesh))]
     return np.bincount(edges, minlength=1)
