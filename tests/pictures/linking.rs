@@ -4,8 +4,8 @@ use crate::support::{assert_radiance, camera, material, mean, options, pbr, pict
 use oscura::math::DVec3;
 use oscura::render::RenderOptions;
 use oscura::scene::{
-    ColorSlot, Environment, FloatSlot, Light, LightKind, LightLinks, Link, Material, Model, ObjectSet,
-    ObjectSets, ObjectTraits, Scene,
+    ColorSlot, Environment, FloatSlot, Fog, Light, LightKind, LightLinks, Link, Material, Medium, Model,
+    ObjectSet, ObjectSets, ObjectTraits, Scene,
 };
 
 const EYE: DVec3 = DVec3::new(-3.0, 1.0, -2.0);
@@ -187,6 +187,41 @@ fn what_blocks_nothing_is_passed() {
                 let what = format!("{name}, roughness {roughness}, sheet {number} and {links:?}");
                 assert!((found - free).abs() < 8e-3 * free, "{what}: {found}, not {free}");
             }
+        }
+    }
+}
+
+/// A medium dims light on its way to a surface, but not that of a light in which nothing casts shadows: Beer-Lambert over the distances to the
+/// light and to the camera.
+#[test]
+fn media_do_not_dim_lights_without_shadows() {
+    let density = 0.2;
+    let lit = |links: LightLinks, medium: Option<(Medium, bool)>| {
+        let mut scene = floor(Material::lambert("white", [0.8; 3]));
+        scene.lights.push(Light { links, ..Light::point([0.0, 3.0, 0.0], [2.0; 3]) });
+        if let Some((medium, is_fog)) = medium {
+            if is_fog {
+                scene.fog = Some(Fog { medium, center: DVec3::ZERO, radius: 20.0 });
+            } else {
+                let body = Material { medium: Some(medium), ..Material::new("body", Model::Boundary {}) };
+                let body = material(&mut scene, body);
+                sphere(&mut scene, [0.0; 3], 20.0, body);
+            }
+        }
+        of(&scene)
+    };
+    let free = lit(LightLinks::ALL, None);
+    let to_camera = (-density * EYE.length()).exp();
+    for (albedo, is_fog) in [(0.0, true), (1e-6, true), (0.0, false), (1e-6, false)] {
+        let medium = Medium { albedo: [albedo; 3], ..Medium::scattering([density as f32; 3]) };
+        for (links, to_light) in
+            [(LightLinks::ALL, (-density * 3.0).exp()), (blockers(Link::Only(set(7))), 1.0)]
+        {
+            let (found, expected) = (lit(links, Some((medium, is_fog))), free * to_camera * to_light);
+            let what = format!("albedo {albedo}, fog {is_fog}, {links:?}");
+            // Media that scatter are sampled by distance.
+            let tolerance = if albedo == 0.0 { 1e-3 } else { 2e-2 };
+            assert!((found - expected).abs() < tolerance * expected, "{what}: {found}, not {expected}");
         }
     }
 }
