@@ -10,13 +10,13 @@ use super::picture_args::Quality;
 use super::picture_args::{PictureArgs, views};
 use super::progress::ProgressArg;
 use super::scene_args::{AssetArgs, BlenderArgs, StageArgs};
-use clap::builder::{OsStringValueParser, TypedValueParser};
+use clap::builder::{OsStringValueParser, PossibleValue, TypedValueParser};
 use clap::{Args, ValueEnum};
 use oscura::film::{AovSet, AovSpace};
 use oscura::output::ViewTransform;
 use oscura::output::part::Region;
 use oscura::render::{Guiding, PathReuse, Splitting, setting_help};
-use oscura::scene::{BounceLimits, Clamp};
+use oscura::scene::{BounceLimits, Clamp, ShadowTerminator};
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -129,12 +129,22 @@ pub struct SequenceFrame {
 }
 
 /// Shadow terminator of meshes with shading normals.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum TerminatorArg {
-    /// Fade the light smoothly towards the terminator.
-    Soft,
-    /// Shadow by the triangles as they are.
-    Off,
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct TerminatorArg(pub ShadowTerminator);
+
+impl ValueEnum for TerminatorArg {
+    fn value_variants<'a>() -> &'a [TerminatorArg] {
+        const ALL: [TerminatorArg; 3] = [
+            TerminatorArg(ShadowTerminator::Soft),
+            TerminatorArg(ShadowTerminator::Lifted),
+            TerminatorArg(ShadowTerminator::Off),
+        ];
+        &ALL
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        Some(PossibleValue::new(self.0.name()))
+    }
 }
 
 #[derive(Args, Clone, Debug)]
@@ -279,8 +289,8 @@ pub(crate) struct RenderArgs {
     /// Spectral rendering: sample wavelengths instead of red, green and blue.
     #[arg(long)]
     pub spectral: bool,
-    #[arg(long, help = setting_help("soft_terminator"), default_value = "soft")]
-    pub terminator: TerminatorArg,
+    #[arg(long, help = setting_help("terminator"))]
+    pub terminator: Option<TerminatorArg>,
     #[arg(long, help = setting_help("path_reuse"), value_name = "REUSE", default_value = "auto", hide_default_value = true)]
     pub path_reuse: PathReuse,
     #[arg(long, help = setting_help("splitting"), value_name = "PATHS", default_value = "auto", hide_default_value = true)]

@@ -66,6 +66,7 @@ pub(crate) fn requested(args: &RenderArgs) -> RequestedOptions {
             clamp: args.clamp.or(args.unbiased.then_some(Clamp::NONE)),
             filter_glossy: args.filter_glossy.or(args.unbiased.then_some(0.0)),
             skip_caustics: args.unbiased.then_some(SkippedCaustics::NONE),
+            terminator: args.terminator.map(|TerminatorArg(terminator)| terminator),
             seed: args.seed,
             filter,
             energy_compensation,
@@ -85,7 +86,6 @@ pub(crate) fn requested(args: &RenderArgs) -> RequestedOptions {
             .sample_range(args.long.sample_range)
             .region(args.long.region.or(args.exr.crop))
             .transparent_glass(args.transparent_glass)
-            .soft_terminator(args.terminator == TerminatorArg::Soft)
             .path_reuse(args.path_reuse)
             .splitting(args.splitting)
             .caustics(args.picture.caustics)

@@ -317,6 +317,25 @@ impl Geometries {
         Some(map_each(corners, |c| world_from_object.transform_point3(c.as_dvec3()).as_vec3()))
     }
 
+    /// The corners of a triangle with shading normals in the world at a path's time, positions and unit normals; `None` for all else.
+    pub fn smooth_corners(&self, hit: &Hit, time: f32) -> Option<[[Vec3; 3]; 2]> {
+        let Space { shapes, attributes, .. } = self.space(hit);
+        let Primitive::Triangle(t) = primitive(shapes, hit.prim) else { return None };
+        if attributes.normals.is_empty() {
+            return None;
+        }
+        let positions = map_each(corners_at(shapes, t, time), Vec3::from_array);
+        let normals = map_each(attributes.normals_at(t, time), Vec3::from_array);
+        let Some(i) = hit.instance.checked_sub(1) else { return Some([positions, normals]) };
+        let placement = &self.placements[i as usize];
+        let Transform { linear, translation, normal_from_object } = match placement.moves {
+            true => Transform::of(&self.world_from_object(placement, time)),
+            false => placement.world_from_object,
+        };
+        let positions = map_each(positions, |p| linear * p + translation);
+        Some([positions, map_each(normals, |n| (normal_from_object * n).normalize_or_zero())])
+    }
+
     /// The surface at a hit of `ray`; `time`, in 0..1, is asked for where something moves.
     #[inline]
     pub fn surface(&self, ray: &Ray, hit: &Hit, time: f32) -> Surface {

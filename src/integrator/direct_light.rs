@@ -9,10 +9,11 @@
 
 use super::Integrator;
 use super::guiding::Guided;
+use super::lifted_rays::{exchange_normals, lift_shadow_rays, restore_normals};
 use super::mis::LightPdf;
 use super::radiance_buffer::RadianceOrigin;
 use super::sampling::Purpose;
-use super::shading_geometry::{Horizon, Relief, Sharp, Soft, Terminator};
+use super::shading_geometry::{Horizon, Relief, Sharp, SharpRelief, Soft, Terminator};
 use super::shading_groups::{
     Closure, GeneralClass, LambertClass, MediumClass, MetalRoughClass, SortedVertices, VertexClass,
 };
@@ -322,6 +323,9 @@ impl Integrator<'_> {
     /// Adds the light of one light sample at each vertex.
     pub(super) fn direct_light(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         let guided = self.options.guide.is_some();
+        if self.lifts_shadow_rays() {
+            exchange_normals(sorted, &mut w.wave.vertices);
+        }
         self.weigh_light_samples(sorted, w);
         let (branches, share) =
             (self.bsdf_samples_per_light_sample(bounce), 1.0 / self.light_samples(bounce) as f32);
@@ -330,12 +334,19 @@ impl Integrator<'_> {
             Terminator::Sharp => direct(Sharp, counts, guided, sorted, w),
             Terminator::Soft => direct(Soft, counts, guided, sorted, w),
             Terminator::Relief => direct(Relief, counts, guided, sorted, w),
+            Terminator::SharpRelief => direct(SharpRelief, counts, guided, sorted, w),
+        }
+        if self.lifts_shadow_rays() {
+            lift_shadow_rays(sorted, &mut w.wave.vertices);
         }
         let features = &self.scene.features;
         if (features.absorption || features.scattering) && !features.boundaries {
             self.absorb_light_samples(sorted, &mut w.wave, &w.times);
         }
         self.trace_shadow_rays((bounce, branches), sorted, w);
+        if self.lifts_shadow_rays() {
+            restore_normals(sorted, &mut w.wave.vertices);
+        }
     }
 
     /// Traces a shadow ray for each contribution and adds the unoccluded ones.

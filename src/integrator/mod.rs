@@ -18,6 +18,7 @@ mod guiding;
 mod hit_data;
 mod interfaces;
 mod interior;
+mod lifted_rays;
 mod limits;
 mod medium_segment;
 mod mis;
@@ -49,7 +50,7 @@ pub use workspace::{RayCounts, Workspace};
 use crate::compile::{CompiledScene, View};
 use crate::film::{Aov, AovSet, AovSpace, FilterSampler, MatteIds, Source};
 use crate::sampling::sampler::Dimensions;
-use crate::scene::{BounceLimits, Clamp, SkippedCaustics};
+use crate::scene::{BounceLimits, Clamp, ShadowTerminator, SkippedCaustics};
 use interior::CameraInterior;
 use radiance_buffer::Layers;
 use reuse::Tiling;
@@ -87,8 +88,8 @@ pub struct IntegratorOptions<'a> {
     pub catchers: bool,
     /// Make samples transparent that see where nothing is through clear glass.
     pub transparent_glass: bool,
-    /// Soften the edge of shadows that shading normals lead past the edges of triangles.
-    pub soft_terminator: bool,
+    /// What becomes of light near the horizon of triangles with shading normals.
+    pub terminator: ShadowTerminator,
     /// Which samples share their paths, if any. Blocks are a wave then, and end where regions do.
     pub reuse: Option<Tiling>,
     /// How many paths continue from the first surface of each sample; a power of two, and 1 where samples share paths.
@@ -193,18 +194,21 @@ impl<'a> Integrator<'a> {
         }
     }
 
-    /// Is the shadow terminator softened: requested, and do shading normals differ from geometric ones?
-    fn softens_terminator(&self) -> bool {
-        self.options.soft_terminator && self.scene.features.bent_normals
-    }
-
     /// What shading normals do to light near the horizon.
     fn terminator(&self) -> Terminator {
-        match self.softens_terminator() {
-            false => Terminator::Sharp,
-            true if self.scene.features.mapped_normals => Terminator::Relief,
-            true => Terminator::Soft,
+        let has_relief = self.scene.features.mapped_normals;
+        match self.options.terminator {
+            _ if !self.scene.features.bent_normals => Terminator::Sharp,
+            ShadowTerminator::Soft if has_relief => Terminator::Relief,
+            ShadowTerminator::Soft => Terminator::Soft,
+            ShadowTerminator::Lifted if has_relief => Terminator::SharpRelief,
+            ShadowTerminator::Lifted | ShadowTerminator::Off => Terminator::Sharp,
         }
+    }
+
+    /// Do shadow rays start at the curved surface that triangles stand for?
+    fn lifts_shadow_rays(&self) -> bool {
+        self.options.terminator == ShadowTerminator::Lifted && self.scene.features.normals
     }
 
     fn dimensions(&self, bounce: u32, purpose: Purpose) -> Dimensions {

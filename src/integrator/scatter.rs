@@ -2,7 +2,7 @@
 
 use super::mis::DirectionPdf;
 use super::sampling::{FIRST_ROULETTE, Purpose, ScatterParams, survival};
-use super::shading_geometry::{Horizon, Relief, Sharp, Soft, Terminator};
+use super::shading_geometry::{Horizon, Relief, Sharp, SharpRelief, Soft, Terminator};
 use super::shading_groups::{
     Closure, GeneralClass, LambertClass, MediumClass, MetalRoughClass, SortedVertices, VertexClass,
     sample_on_relief,
@@ -27,6 +27,7 @@ impl Integrator<'_> {
             Terminator::Sharp => self.scatter_all(Sharp, bounce, params, sorted, w),
             Terminator::Soft => self.scatter_all(Soft, bounce, params, sorted, w),
             Terminator::Relief => self.scatter_all(Relief, bounce, params, sorted, w),
+            Terminator::SharpRelief => self.scatter_all(SharpRelief, bounce, params, sorted, w),
         }
         if self.optional.receiver_normal {
             // Light sampling does not reach specular vertices.

@@ -262,6 +262,26 @@ pub(super) enum Terminator {
     Sharp,
     Soft,
     Relief,
+    SharpRelief,
+}
+
+impl Terminator {
+    /// What is left of a BSDF value and its diffuse part for light from `wi`: the value on the relief, and a factor. `normals` are the normal that lobes
+    /// are evaluated around, the smooth and the geometric one; the relief is that of `ns`.
+    pub fn left(
+        self,
+        (value, diffuse): (Rgb, Rgb),
+        relief: f32,
+        (ns, normals): (Vec3, [Vec3; 3]),
+        wi: Vec3,
+    ) -> (Rgb, f32) {
+        let on_relief = || under_relief(value, diffuse, relief_at(relief, [ns, normals[1]], wi));
+        match self {
+            Terminator::Sharp => (value, 1.0),
+            Terminator::SharpRelief => (on_relief(), 1.0),
+            Terminator::Soft | Terminator::Relief => (on_relief(), terminator_at(relief, normals, wi)),
+        }
+    }
 }
 
 /// Surfaces cut off light where their triangles do.
@@ -275,6 +295,24 @@ pub(super) struct Soft;
 /// [`Soft`] in scenes with mapped normals.
 #[derive(Clone, Copy)]
 pub(super) struct Relief;
+
+/// [`Sharp`] in scenes with mapped normals, whose relief shadows light.
+#[derive(Clone, Copy)]
+pub(super) struct SharpRelief;
+
+impl Horizon for SharpRelief {
+    const HAS_RELIEF: bool = true;
+
+    #[inline(always)]
+    fn kept(self, _: &Vertices, _: usize, _: [Vec3; 2], _: f32, _: Vec3) -> f32 {
+        1.0
+    }
+
+    #[inline(always)]
+    fn relief(self, v: &Vertices, i: usize, ns: Vec3, side: f32, wi: Vec3) -> f32 {
+        Relief.relief(v, i, ns, side, wi)
+    }
+}
 
 impl Horizon for Sharp {
     const SOFTENS: bool = false;

@@ -1,6 +1,8 @@
 //! Shading groups: which vertices are shaded by the same loop, their order, and the closure of each group.
 
-use super::shading_geometry::{Horizon, Relief, Soft, Terminator, bent_normal, local_viewer, under_relief};
+use super::shading_geometry::{
+    Horizon, Relief, SharpRelief, Soft, Terminator, bent_normal, local_viewer, under_relief,
+};
 use super::wave::{
     MetalRoughClosures, MetalRoughMaterials, PerPath, Vertices, WAVE, Wave, get, get_rgb, set, set_rgb,
 };
@@ -335,6 +337,7 @@ pub(super) fn eval_at_horizon<C: Closure>(
             let (eval, relief) = closure.on_relief(Relief, (v, i), (ns * side, side), (wi, eval));
             (eval, Relief.kept(v, i, normals, side, wi) * relief)
         }
+        Terminator::SharpRelief => closure.on_relief(SharpRelief, (v, i), (ns * side, side), (wi, eval)),
     }
 }
 

@@ -128,7 +128,7 @@ impl Integrator<'_> {
         if w.bsdfs.len() < general.len() {
             w.bsdfs.resize(general.len(), Bsdf::Black);
         }
-        let links = self.scene.features.links;
+        let (links, lifts) = (self.scene.features.links, self.lifts_shadow_rays());
         for i in 0..w.rays.len() {
             let group = w.groups[i];
             let k = next[group as usize];
@@ -176,6 +176,9 @@ impl Integrator<'_> {
             w.arriving.copy_to(i, &mut w.wave.paths, k, self.optional);
             if links {
                 self.record_receiver_class(i, k, w);
+            }
+            if lifts {
+                self.record_lift(i, k, w);
             }
             w.wave.vertices.origin_primitives[k] = (&w.hits[i]).into();
         }

@@ -415,6 +415,18 @@ pub struct GuidedLanes {
     pub carried: Lanes,
 }
 
+/// The curved surface that the triangles of vertices stand for.
+#[derive(Zeroable)]
+pub struct LiftLanes {
+    /// Its unit normal; zero where shadow rays start at the triangle.
+    pub normal: Lanes3,
+    /// From the triangle to where shadow rays start on the side of that normal, and on the other one, metres.
+    pub above: Lanes3,
+    pub below: Lanes3,
+    /// The geometric normal while lights are sampled: [`Vertices::ng`] is that of the curved surface then.
+    pub ng: Lanes3,
+}
+
 /// The vertices of paths, sorted by [`ShadingGroup`](super::shading_groups::ShadingGroup).
 #[derive(Zeroable)]
 pub struct Vertices {
@@ -433,6 +445,8 @@ pub struct Vertices {
     pub smooth: Lanes3,
     /// Offset of ray origins along the normal, metres.
     pub offset: Lanes,
+    /// Where shadow rays start, in pictures that lift them.
+    pub lifted: LiftLanes,
     /// Shading normal before it is bent for the viewer; at vertices of opaque glTF materials, in scenes with mapped normals.
     pub unbent: Lanes3,
     /// 1 where the shading normal was bent for the viewer, else 0; at vertices of opaque glTF materials.

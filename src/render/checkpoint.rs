@@ -91,7 +91,7 @@ fn options(resolved: &ResolvedOptions) -> impl Iterator<Item = (String, String)>
         ("size", format!("{} x {}", options.width, options.height)),
         ("the number that samples are arranged for", arranged),
         ("the AOVs", aovs.join(",")),
-        ("the terminator", if options.soft_terminator { "soft" } else { "off" }.to_string()),
+        ("the terminator", options.terminator.name().to_string()),
         ("the halves that denoising needs", halves.to_string()),
         ("shading", format!("{PRINT}{:016x}", of_debug(&resolved.shading).value())),
         ("one of the other options", format!("{PRINT}{:016x}", of_debug(&options.hashed()).value())),
@@ -293,7 +293,7 @@ mod tests {
     use super::*;
     use crate::output::part::differences;
     use crate::render::RequestedOptions;
-    use crate::scene::{Camera, Material, Mesh, Shape};
+    use crate::scene::{Camera, Material, Mesh, ShadowTerminator, Shape};
 
     fn scene() -> Scene {
         let mut scene = Scene::default();
@@ -335,7 +335,7 @@ mod tests {
         );
         let other = of(&mut after, |requested| requested.settings.depth = Some(7));
         assert_eq!(differences(&ours, &other), ["depth is 100 here and 7 there"]);
-        let other = of(&mut after, |requested| requested.options.soft_terminator = false);
+        let other = of(&mut after, |requested| requested.settings.terminator = Some(ShadowTerminator::Off));
         assert_eq!(differences(&ours, &other), ["the terminator is soft here and off there"]);
     }
 

@@ -9,7 +9,8 @@ use crate::film::{Aov, AovSet, AovSpace, MATTE_LEVELS};
 use crate::integrator::reuse::GroupShape;
 use crate::output::part::Region;
 use crate::scene::{
-    BounceLimits, Camera, CatcherOutput, Clamp, Filter, Scene, Settings, ShadingModel, SkippedCaustics,
+    BounceLimits, Camera, CatcherOutput, Clamp, Filter, Scene, Settings, ShadingModel, ShadowTerminator,
+    SkippedCaustics,
 };
 use std::str::FromStr;
 use std::time::Duration;
@@ -160,8 +161,8 @@ macro_rules! render_settings {
             "Keep the colour of the first half of each pixel's samples separate, as denoising needs", "" =>
                 /// See [`Film::halves`](crate::film::Film::halves).
                 halves: bool = false, separate, user;
-            "Soften the shadow terminator of meshes with shading normals", "" =>
-                soft_terminator: bool = true, separate, user;
+            "Shadow terminator of meshes with shading normals: soft fades light out towards the horizon of a triangle, lifted starts shadow rays at the curved surface, as Cycles does", "soft" =>
+                terminator: ShadowTerminator = ShadowTerminator::default(), separate, scene(terminator);
             "Path reuse between neighbouring pixels: auto, off, or a pixel block such as 4x4", "auto" =>
                 path_reuse: PathReuse = PathReuse::default(), named("path reuse"), user;
             "Path splitting: number of paths that continue from the first hit of each camera ray; auto, off, 2, 4, 8 or 16", "auto" =>

@@ -9,7 +9,9 @@ use crate::compile::Compiler;
 use crate::error::{Error, Result};
 use crate::film::{Aov, AovSet, AovSpace};
 use crate::load::Loaded;
-use crate::scene::{BounceLimits, Clamp, EnergyCompensation, Filter, FresnelModel, SkippedCaustics};
+use crate::scene::{
+    BounceLimits, Clamp, EnergyCompensation, Filter, FresnelModel, ShadowTerminator, SkippedCaustics,
+};
 use std::sync::Arc;
 use std::time::Duration;
 

@@ -139,7 +139,7 @@ pub(super) fn plain_paths<'a>(
         light_groups: 0,
         catchers: false,
         transparent_glass: false,
-        soft_terminator: options.soft_terminator,
+        terminator: options.terminator,
         reuse: None,
         branches: 1,
         keeps_plain: false,

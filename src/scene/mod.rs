@@ -50,7 +50,9 @@ pub use material::{
 pub use medium::{EmissionGrid, Fog, Grid, Medium, MediumTextures, coefficients};
 pub use motion::{Keyframes, SceneMotion, Vertices};
 pub use object_traits::{LightLinks, Link, ObjectInfo, ObjectSet, ObjectSets, ObjectTraits, RayKinds};
-pub use settings::{BounceLimits, CatcherOutput, Clamp, Filter, Settings, ShadingModel, SkippedCaustics};
+pub use settings::{
+    BounceLimits, CatcherOutput, Clamp, Filter, Settings, ShadingModel, ShadowTerminator, SkippedCaustics,
+};
 pub use slot::{ColorSlot, FloatSlot, NormalMap, Parameter, ParameterMut, Parameters};
 pub use texture::{Interpolation, MAX_TEXTURE_NESTING, Mapping, NoiseKind, Texture, TextureTransform, Wrap};
 pub use watertightness::{MaterialUses, Watertightness};

@@ -27,6 +27,33 @@ pub enum CatcherOutput {
     Shadows,
 }
 
+/// What becomes of light near the horizon of triangles that stand for a curved surface, whose shading normals differ from the geometric one: without
+/// a remedy the triangles cut it off along their edges.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ShadowTerminator {
+    /// It fades out smoothly towards the triangle's horizon.
+    #[default]
+    Soft,
+    /// Shadow rays start at the curved surface, which also has light from below the triangle's horizon: as Cycles' Geometry Offset of 0.1.
+    Lifted,
+    /// It is cut off.
+    Off,
+}
+
+impl ShadowTerminator {
+    /// All, by the names that options and scene files have for them.
+    pub const NAMED: [(&str, ShadowTerminator); 3] = [
+        ("soft", ShadowTerminator::Soft),
+        ("lifted", ShadowTerminator::Lifted),
+        ("off", ShadowTerminator::Off),
+    ];
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        Self::NAMED.iter().find(|(_, other)| *other == self).map_or("", |(name, _)| name)
+    }
+}
+
 /// Scattering models that all materials of a picture share.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ShadingModel {
@@ -131,6 +158,7 @@ scene_settings! {
     clamp: Clamp, "Clamping of the light of single paths";
     filter_glossy: f32, "Glossy filter: roughens what paths hit after a rough bounce; 0 is off";
     skip_caustics: SkippedCaustics, "Caustics to leave out";
+    terminator: ShadowTerminator, "Remedy for the shadow terminator of meshes with shading normals";
     seed: u32, "Random seed";
     filter: Filter, "Reconstruction filter";
     energy_compensation: EnergyCompensation, "Energy compensation of rough surfaces; `microfacet` in scene files";

@@ -11,7 +11,7 @@ use oscura::load::image::load_linear_rgb;
 use oscura::load::{LoadOptions, load};
 use oscura::metrics::z_test;
 use oscura::render::Rendering;
-use oscura::scene::EnergyCompensation;
+use oscura::scene::{EnergyCompensation, ShadowTerminator};
 use std::path::{Path, PathBuf};
 
 /// Edge of the pictures rendered here, pixels.
@@ -93,7 +93,7 @@ fn export(path: &Path) -> Image {
         ..CompileOptions::default()
     };
     let (compiled, _) = compile(&loaded.scene, &compile_options).expect("the scene compiles");
-    let options = options(SIZE, 256, 64).soft_terminator(false);
+    let options = options(SIZE, 256, 64).terminator(ShadowTerminator::Off);
     let mut rendering = Rendering::new(compiled, &loaded.scene.cameras[0], options).expect("the film fits");
     rendering.run();
     to_image(rendering.film())

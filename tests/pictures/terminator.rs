@@ -1,8 +1,9 @@
 //! The softened edge of self-shadowing on smooth shapes of few triangles, where there are no shadows.
 
 use crate::support::{camera, material, mean, options, picture};
+use oscura::film::{Aov, AovSet, Values};
 use oscura::math::{DAffine3, DVec3};
-use oscura::scene::{Environment, Instance, Material, Mesh, Scene};
+use oscura::scene::{Environment, Instance, Light, LightKind, Material, Mesh, Scene, ShadowTerminator};
 use std::f64::consts::{PI, TAU};
 
 /// A ball of few triangles, shaded as a round one, that scatters evenly.
@@ -26,13 +27,46 @@ pub fn ball(rings: u32, around: u32) -> Scene {
     scene
 }
 
+/// Where shadow rays are lifted, a ball of few triangles is as bright in the sun as its normals say, also where its triangles are
+/// turned away from it: Lambert's law with the interpolated normal. Cut off or softened, some of it is darker.
+#[test]
+fn a_ball_of_few_triangles_is_lit_by_its_normals() {
+    let direction = DVec3::new(-0.3, -1.0, -0.2).normalize();
+    let mut scene = ball(8, 12);
+    scene.lights.push(Light::new(LightKind::Sun { direction, angle_rad: 1e-4 }, [1.0; 3]));
+    let off = |terminator| {
+        let options = options(48, 64, 1).terminator(terminator).aovs(AovSet::default().with(Aov::Normal));
+        let picture = picture(&scene, &options);
+        let planes = picture.aov(Aov::Normal).expect("asked for");
+        let planes: Vec<Vec<f32>> = planes.into_iter().map(Values::into_floats).collect();
+        let (mut lit, mut dark) = (0, 0);
+        for (i, color) in picture.rgba().iter().enumerate() {
+            let n = DVec3::new(planes[0][i].into(), planes[1][i].into(), planes[2][i].into());
+            // Pixels on the outline, and those that the terminator crosses, mix light and shadow.
+            let cosine = -n.normalize_or_zero().dot(direction);
+            if color[3] < 1.0 || n.length() < 0.99 || cosine < 0.1 {
+                continue;
+            }
+            lit += 1;
+            let expected = 0.277 / PI * cosine;
+            dark += i32::from((f64::from(color[1]) / expected - 1.0).abs() > 0.02);
+        }
+        assert!(lit > 300, "{lit}");
+        f64::from(dark) / f64::from(lit)
+    };
+    let (lifted, soft, cut) =
+        (off(ShadowTerminator::Lifted), off(ShadowTerminator::Soft), off(ShadowTerminator::Off));
+    println!("{lifted:.3} lifted, {soft:.3} soft, {cut:.3} cut off");
+    assert!(lifted == 0.0 && soft > 0.02 && cut > 0.02, "{lifted} lifted, {soft} soft, {cut} cut off");
+}
+
 /// In even light it changes nothing, neither in all nor in places.
 #[test]
 fn a_ball_of_few_triangles_keeps_even_light() {
     for (rings, around) in [(5, 8), (8, 12)] {
         let scene = Scene { environment: Environment::Constant([1.0; 3]), ..ball(rings, around) };
-        let shown = |soft: bool| picture(&scene, &options(24, 2048, 3).soft_terminator(soft));
-        let (soft, sharp) = (shown(true), shown(false));
+        let shown = |terminator| picture(&scene, &options(24, 2048, 3).terminator(terminator));
+        let (soft, sharp) = (shown(ShadowTerminator::Soft), shown(ShadowTerminator::Off));
         let change = mean(&soft) / mean(&sharp) - 1.0;
         let most =
             soft.rgba().iter().zip(sharp.rgba()).map(|(a, b)| (a[1] / b[1] - 1.0).abs()).fold(0.0, f32::max);

@@ -545,10 +545,10 @@ class BesideTest(SceneTest):
         rough, _, shader = shader_tree("rough")
         shader.distribution, shader.inputs["Metallic"].default_value = "GGX", 1.0
         self.add_plane(rough).is_shadow_catcher = True
-        names = {"depth", "bounces", "clamp", "filter_glossy", "microfacet", "caught"}
+        names = {"depth", "bounces", "clamp", "filter_glossy", "microfacet", "caught", "terminator"}
         found = self.export()[1]["render"]
         self.assertLessEqual(names, set(found))
-        self.assertEqual((found["microfacet"], found["caught"]), ("single", "shadows"))
+        self.assertEqual((found["microfacet"], found["caught"], found["terminator"]), ("single", "shadows", "lifted"))
         # As the add-on registers it, so that Blender keeps its name.
         bpy.utils.register_class(context.Engine)
         self.addCleanup(bpy.utils.unregister_class, context.Engine)

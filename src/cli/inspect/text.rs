@@ -148,6 +148,7 @@ fn settings(scene: &Scene) -> Vec<String> {
     };
     shown.extend(s.skip_caustics.map(skipped));
     shown.extend(s.filter_glossy.map(|f| format!("filter_glossy {f}")));
+    shown.extend(s.terminator.map(|t| format!("terminator {}", t.name())));
     shown.extend(s.filter.map(|f| format!("filter {f:?}")));
     let scattering = |e: EnergyCompensation| match e {
         EnergyCompensation::On => "multi",

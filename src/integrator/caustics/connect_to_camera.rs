@@ -4,9 +4,7 @@ use super::super::Integrator;
 use super::super::interior::{CameraInterior, Interior};
 use super::super::mixes::eval_lobes;
 use super::super::radiance_buffer::PathClass;
-use super::super::shading_geometry::{
-    EvaluatedMaterial, HitPoint, Mapping, relief_at, scattering_normal, terminator_at, under_relief,
-};
+use super::super::shading_geometry::{EvaluatedMaterial, HitPoint, Mapping, Terminator, scattering_normal};
 use super::super::shading_groups::ShadingGroup;
 use super::super::wave::FirstBounce;
 use super::super::workspace::Workspace;
@@ -192,14 +190,11 @@ impl Integrator<'_> {
             (BsdfEval { f_cos, ..eval }, diffuse)
         };
         let side = if height < 0.0 { -1.0 } else { 1.0 };
-        let is_soft = self.softens_terminator() && !crosses;
+        let terminator = if crosses { Terminator::Sharp } else { self.terminator() };
         let normals = [n * side, mapping.smooth * side, *ng * side];
-        let f_cos = if is_soft {
-            let relief = relief_at(evaluated.relief(), [*ns * side, normals[1]], *wi);
-            under_relief(eval.f_cos, diffuse, relief) * terminator_at(evaluated.relief(), normals, *wi)
-        } else {
-            eval.f_cos
-        };
+        let (f_cos, kept) =
+            terminator.left((eval.f_cos, diffuse), evaluated.relief(), (*ns * side, normals), *wi);
+        let f_cos = f_cos * kept;
         (eval.pdf_solid_angle > 0.0).then_some(BsdfEval { f_cos, ..eval })
     }
 

@@ -11,9 +11,7 @@ use crate::film::Splat;
 use crate::integrator::interfaces::CoincidentHit;
 use crate::integrator::interior::Interior;
 use crate::integrator::shading_geometry::HitPoint;
-use crate::integrator::shading_geometry::{
-    EvaluatedMaterial, bent_normal, relief_at, scattering_normal, terminator_at, under_relief,
-};
+use crate::integrator::shading_geometry::{EvaluatedMaterial, bent_normal, scattering_normal};
 use crate::integrator::wave::{get_rgb, set_rgb};
 use crate::integrator::workspace::Workspace;
 use crate::integrator::{Integrator, Purpose};
@@ -376,13 +374,9 @@ impl Integrator<'_> {
         let f_cos = bsdf.eval(viewer, light).f_cos;
         let side = if direction.dot(*ng) < 0.0 { -1.0 } else { 1.0 };
         let normals = [ns * side, evaluated.mapping.smooth * side, *ng * side];
-        let (f_cos, kept) = if self.softens_terminator() {
-            let relief = relief_at(evaluated.relief(), [normals[0], normals[1]], *wo);
-            let f_cos = under_relief(f_cos, bsdf.diffuse_part(viewer, light), relief);
-            (f_cos, terminator_at(evaluated.relief(), normals, *wo))
-        } else {
-            (f_cos, 1.0)
-        };
+        let diffuse = bsdf.diffuse_part(viewer, light);
+        let (f_cos, kept) =
+            self.terminator().left((f_cos, diffuse), evaluated.relief(), (normals[0], normals), *wo);
         Some(Redirected {
             direction,
             weight: f_cos * (kept / sample.pdf_solid_angle),

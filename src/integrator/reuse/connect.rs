@@ -10,7 +10,9 @@ use crate::integrator::interior::Interior;
 use crate::integrator::radiance_buffer::PathClass;
 use crate::integrator::radiance_buffer::RadianceBuffer;
 use crate::integrator::sampling::FIRST_ROULETTE;
-use crate::integrator::shading_geometry::{Horizon, Relief, Sharp, Soft, Terminator, UNMAPPED, bent_normal};
+use crate::integrator::shading_geometry::{
+    Horizon, Relief, Sharp, SharpRelief, Soft, Terminator, UNMAPPED, bent_normal,
+};
 use crate::integrator::shading_groups::SortedVertices;
 use crate::integrator::shading_groups::{Closure, LambertClass, VertexClass};
 use crate::integrator::shading_groups::{MetalRoughClass, copy_metal_rough};
@@ -527,6 +529,7 @@ impl Integrator<'_> {
                 Terminator::Sharp => connect(Sharp, classes, &round.runs, &mut reuse),
                 Terminator::Soft => connect(Soft, classes, &round.runs, &mut reuse),
                 Terminator::Relief => connect(Relief, classes, &round.runs, &mut reuse),
+                Terminator::SharpRelief => connect(SharpRelief, classes, &round.runs, &mut reuse),
             }
             self.guide_pairs(&round, &mut reuse);
             self.test_visibility(&round, &mut reuse, w);

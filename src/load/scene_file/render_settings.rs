@@ -9,6 +9,7 @@
 //! | `clamp` | maximum contribution of a single path, mean of the channels: `{ direct = 50, indirect = 10 }`, either may be left out; direct is after at most one bounce. Removes fireflies and, with them, light | above 0 |
 //! | `filter_glossy` | glossy filter, as Cycles' Filter Glossy: what paths hit after a rough bounce is roughened, which blurs caustics; 0 is off, 1 is Cycles' default | 0 to 1000 |
 //! | `skip_caustics` | caustics to leave out, as where Cycles' Reflective or Refractive Caustics are off: `{ reflective = true, refractive = true }`: on rays that a surface scattered diffusely, surfaces have no glossy reflection, or no transmission | |
+//! | `terminator` | shadow terminator of meshes with shading normals: `soft` (the default) fades light out towards the horizon of a triangle; `lifted` starts shadow rays at the curved surface that triangles stand for, as Cycles does; `off` cuts light off | |
 //! | `seed` | random seed | |
 //! | `filter` | reconstruction filter: `box`, `gaussian`, `blackman-harris` | |
 //! | `microfacet` | `multi` or `single` scattering between microfacets | |
@@ -28,7 +29,8 @@ use super::fields::Fields;
 use crate::color::ViewTransform;
 use crate::load::files;
 use crate::scene::{
-    BounceLimits, CatcherOutput, Clamp, EnergyCompensation, Filter, FresnelModel, Settings, SkippedCaustics,
+    BounceLimits, CatcherOutput, Clamp, EnergyCompensation, Filter, FresnelModel, Settings, ShadowTerminator,
+    SkippedCaustics,
 };
 use std::ops::Range;
 
@@ -111,6 +113,7 @@ pub(super) fn read(build: &SceneFileBuilder, fields: &Fields) -> Settings {
         clamp: clamp(fields),
         filter_glossy: number(fields, "filter_glossy", 0.0..1000.0),
         skip_caustics: skip_caustics(fields),
+        terminator: fields.choice("terminator", &ShadowTerminator::NAMED),
         seed: fields.integer("seed", 0, u32::MAX),
         filter: fields.choice("filter", &filters),
         energy_compensation: fields

@@ -79,6 +79,7 @@ pub const TABLES: &[Table] = &[
             ("bounces", "{ diffuse = 3 }", "{ diffuse = 4 }"),
             ("clamp", "{ indirect = 3 }", "{ indirect = 4 }"),
             ("filter_glossy", "1", "0.5"),
+            ("terminator", "\"soft\"", "\"lifted\""),
             ("skip_caustics", "{ reflective = true }", "{ refractive = true }"),
             ("seed", "5", "6"),
             ("filter", "\"box\"", "\"gaussian\""),

@@ -11,8 +11,8 @@ use oscura::scene::{
     ImageId, Instance, Interpolation, Iridescence, Light, LightKind, LightLinks, LightProfile, Link, Mapping,
     Material, MaterialId, Medium, MediumTextures, Mesh, MeshId, MeshPart, MixComponent, Model, Motion,
     NoiseKind, NormalMap, ObjectInfo, ObjectSet, ObjectSets, ObjectTraits, PbrMaterial, Portal, ProfileId,
-    Projection, Quad, RayKinds, Scene, Settings, Shape, ShapeKind, Sheen, SkippedCaustics, Splats, SpotFade,
-    Texture, TextureId, TextureTransform, ThinLens, VertexAttribute, Wrap,
+    Projection, Quad, RayKinds, Scene, Settings, ShadowTerminator, Shape, ShapeKind, Sheen, SkippedCaustics,
+    Splats, SpotFade, Texture, TextureId, TextureTransform, ThinLens, VertexAttribute, Wrap,
 };
 
 /// Ids mostly change to others that may exist.
@@ -122,7 +122,7 @@ structs! {
     Aperture { blades, rotation_rad, ratio }
     Settings {
         width, height, samples, depth, seed, filter, energy_compensation, fresnel, spectral, exposure, view, white_balance, noise, caught,
-        denoise, crop, aovs, bounces, clamp, filter_glossy, skip_caustics,
+        denoise, crop, aovs, bounces, clamp, filter_glossy, skip_caustics, terminator,
     }
     BounceLimits { diffuse, glossy, transmission, volume }
     Clamp { direct, indirect }
@@ -139,6 +139,7 @@ enums! {
     GlassReflection { White {} Tinted {} None {} } {}
     EnergyCompensation { On {} Off {} } {}
     CatcherOutput { All {} Shadows {} } {}
+    ShadowTerminator { Soft {} Lifted {} Off {} } {}
     Filter { Box {} Gaussian {} BlackmanHarris {} } {}
     Model {
         Black {}

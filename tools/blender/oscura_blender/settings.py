@@ -67,6 +67,7 @@ def read(scene, found, folder, name, report):
             entries.update(_limits(cycles, report))
         if any("is_shadow_catcher" in extras for extras in found.extras.values()):
             entries["caught"] = "shadows"
+        entries["terminator"] = "lifted"
         entries["microfacet"] = facets.model([h for h in found.objects.values() if h is not None])
     entries.update(view(scene, folder, name, report))
     entries["crop"] = _crop(scene.render, width, height)
