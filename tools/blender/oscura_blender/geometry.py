@@ -253,7 +253,7 @@ def _holder(found, obj):
     undeformed.settle(mesh, obj)
     _add_missing_coordinates(mesh)
     _leave_out_unused(mesh)
-    _round_beside_flat(mesh)
+    _settle_normals(mesh)
     holder = bpy.data.objects.new(f"oscura {len(found.objects)}", mesh)
     # The mesh has its shape. Keys would give it another once more, or none where modifiers have made other vertices.
     holder.shape_key_clear()
@@ -276,6 +276,40 @@ def _leave_out_unused(mesh):
     for slot in range(len(mesh.materials)):
         if counts[slot] == 0:
             mesh.materials[slot] = None
+
+
+def _settle_normals(mesh):
+    """Gives corners the normals that Cycles shades them by, which has one for each vertex, once sharp edges are split."""
+    if mesh.has_custom_normals:
+        last, normals = _last_corners(mesh), meshes.corner_normals(mesh)
+        if not np.allclose(normals, normals[last], atol=1e-3):
+            mesh.normals_split_custom_set(normals[last])
+    else:
+        _round_beside_flat(mesh)
+
+
+def _last_corners(mesh):
+    """For each corner the last of those that share a vertex with it and are joined to it by edges that aren't sharp: its normal counts for all."""
+    edges, vertices, sizes = meshes.corner_edges(mesh), meshes.corner_vertices(mesh), meshes.face_sizes(mesh)
+    last, following = np.arange(len(edges)), np.arange(1, len(edges) + 1)
+    ends = np.cumsum(sizes)
+    following[ends - 1] = ends - sizes
+    sharp = _values(mesh, "sharp_edge", len(mesh.edges))
+    # Corners with the same edge, one after the other; the two ends of each edge belong together.
+    order = np.argsort(edges, kind="stable")
+    first, second = order[:-1], order[1:]
+    joined = (edges[first] == edges[second]) & ~sharp[edges[first]]
+    first, second = first[joined], second[joined]
+    is_same_way = vertices[first] == vertices[second]
+    pairs = [(first, np.where(is_same_way, second, following[second])), (following[first], np.where(is_same_way, following[second], second))]
+    while True:
+        before = last.copy()
+        for a, b in pairs:
+            larger = np.maximum(last[a], last[b])
+            np.maximum.at(last, a, larger)
+            np.maximum.at(last, b, larger)
+        if np.array_equal(before, last):
+            return last
 
 
 def _round_beside_flat(mesh):
