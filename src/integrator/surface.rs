@@ -128,7 +128,7 @@ impl Integrator<'_> {
         if w.bsdfs.len() < general.len() {
             w.bsdfs.resize(general.len(), Bsdf::Black);
         }
-        let (links, lifts) = (self.scene.features.links, self.lifts_shadow_rays());
+        let serves_lights = self.scene.features.links || self.lifts_shadow_rays();
         for i in 0..w.rays.len() {
             let group = w.groups[i];
             let k = next[group as usize];
@@ -174,13 +174,20 @@ impl Integrator<'_> {
                 w.radiance_buffer.cover(w.arriving.state.radiance_index[i]);
             }
             w.arriving.copy_to(i, &mut w.wave.paths, k, self.optional);
-            if links {
-                self.record_receiver_class(i, k, w);
-            }
-            if lifts {
-                self.record_lift(i, k, w);
+            if serves_lights {
+                self.record_receiver(i, k, w);
             }
             w.wave.vertices.origin_primitives[k] = (&w.hits[i]).into();
+        }
+    }
+
+    /// Records what light samples ask of a vertex beside its surface, in scenes that need it.
+    fn record_receiver(&self, i: usize, k: usize, w: &mut Workspace) {
+        if self.scene.features.links {
+            self.record_receiver_class(i, k, w);
+        }
+        if self.lifts_shadow_rays() {
+            self.record_lift(i, k, w);
         }
     }
 
