@@ -4,6 +4,7 @@
 """
 
 import math
+import unittest
 from types import SimpleNamespace
 
 import bpy
@@ -157,6 +158,26 @@ class ShapesTest(SceneTest):
         self.assertGreaterEqual(count["Spring"], 4 * 20)
         self.assertGreaterEqual(count["Sheet"], 2 * 6 * 9)
         self.assertGreater(count["Asking"], 4)
+
+    @unittest.skipIf(bpy.app.version < (4, 5), "Blender has no normals that are free of their edges")
+    def test_custom_normals_count_by_vertex(self):
+        """Cycles has one normal for each vertex between sharp edges: where corners have others, the last one's."""
+        leaning = [(0, 0, 1)] * 4 + [(0.6, 0, 0.8)] * 4
+        for is_sharp in (True, False):
+            mesh = bpy.data.meshes.new("fold")
+            mesh.from_pydata([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (2, 0, 0), (2, 1, 0)], [], [(0, 1, 2, 3), (1, 4, 5, 2)])
+            mesh.shade_smooth()
+            mesh.edges[mesh.edge_keys.index((1, 2))].use_edge_sharp = is_sharp
+            normals = mesh.attributes.new("custom_normal", "FLOAT_VECTOR", "CORNER")
+            normals.data.foreach_set("vector", np.array(leaning, np.float32).ravel())
+            obj = bpy.data.objects.new("Fold", mesh)
+            self.scene.collection.objects.link(obj)
+            columns = self.mesh(self.export()[1], "Fold")
+            found = sorted((round(float(x)), round(float(nx), 2)) for x, nx in zip(columns["x"], columns["nx"]))
+            outer = [(0, 0.0)] * 2, [(2, 0.6)] * 2
+            middle = [(1, 0.0)] * 2 + [(1, 0.6)] * 2 if is_sharp else [(1, 0.6)] * 2
+            self.assertEqual(found, outer[0] + middle + outer[1])
+            bpy.data.objects.remove(obj)
 
     def test_instances_on_vertices_and_faces_replace_their_original(self):
         base = self.add("plane", "Base", None, size=4)

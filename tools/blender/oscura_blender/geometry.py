@@ -283,7 +283,7 @@ def _settle_normals(mesh):
     if mesh.has_custom_normals:
         last, normals = _last_corners(mesh), meshes.corner_normals(mesh)
         if not np.allclose(normals, normals[last], atol=1e-3):
-            mesh.normals_split_custom_set(normals[last])
+            meshes.set_custom_normals(mesh, normals[last])
     else:
         _round_beside_flat(mesh)
 
@@ -295,6 +295,7 @@ def _last_corners(mesh):
     ends = np.cumsum(sizes)
     following[ends - 1] = ends - sizes
     sharp = _values(mesh, "sharp_edge", len(mesh.edges))
+    sharp[edges[np.repeat(_values(mesh, "sharp_face", len(sizes)), sizes)]] = True
     # Corners with the same edge, one after the other; the two ends of each edge belong together.
     order = np.argsort(edges, kind="stable")
     first, second = order[:-1], order[1:]

@@ -39,6 +39,15 @@ def corner_normals(mesh):
     return read(mesh.corner_normals, "vector", 3, np.float32)
 
 
+def set_custom_normals(mesh, normals):
+    """Gives the corners of a mesh with custom normals others."""
+    given = mesh.attributes.get("custom_normal")
+    if given is not None and given.data_type == "FLOAT_VECTOR":
+        given.data.foreach_set("vector", normals.ravel())
+    else:
+        mesh.normals_split_custom_set(normals)
+
+
 def vertex_normals(mesh):
     """Shading normals of vertices, where all faces are smooth."""
     return read(mesh.vertex_normals, "vector", 3, np.float32)
