@@ -44,6 +44,7 @@ def set_custom_normals(mesh, normals):
     given = mesh.attributes.get("custom_normal")
     if given is not None and given.data_type == "FLOAT_VECTOR":
         given.data.foreach_set("vector", normals.ravel())
+        mesh.update()
     else:
         mesh.normals_split_custom_set(normals)
 
