@@ -9,26 +9,13 @@ const toShown = (v) => (v <= 0.0031308 ? 12.92 * v : 1.055 * v ** (1 / 2.4) - 0.
 const rgbOf = (hex) => [1, 3, 5].map((at) => Number(toLinear(parseInt(hex.slice(at, at + 2), 16) / 255).toPrecision(4)));
 const hexOf = (rgb) => "#" + rgb.map((v) => Math.round(255 * toShown(Math.min(v, 1))).toString(16).padStart(2, "0")).join("");
 
-/** Shows and changes materials; `set` and `post` send something to the program. */
-export function materials({ set, post, copy }) {
+/** Shows and changes materials; `heldLive` sends the changes of an input, `post` a command. */
+export function materials({ heldLive, post, copy }) {
   let own = null, status = null;
 
-  /** Sends a value; those of one drag are one change. */
-  const listen = (input, key, read) => {
-    let isHeld = false, busy = false, again = false;
-    const send = async () => {
-      if (!own) return;
-      if (busy) { again = true; return; }
-      busy = true;
-      const sent = set({ material: [own.name, { [key]: read(input.value) }], is_same: isHeld });
-      isHeld = true;
-      await sent;
-      busy = false;
-      if (again) { again = false; send(); }
-    };
-    input.addEventListener("input", send);
-    input.addEventListener("change", () => { isHeld = false; });
-  };
+  /** Sends a value of the material. */
+  const listen = (input, key, read) =>
+    heldLive(input, (v) => (own ? { material: [own.name, { [key]: read(v) }] } : null));
   listen($("base_color"), "base_color", rgbOf);
   listen($("roughness"), "roughness", Number);
   listen($("metallic"), "metallic", Number);

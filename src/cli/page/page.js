@@ -9,7 +9,7 @@ const $ = (id) => document.getElementById(id);
 const canvas = $("picture");
 const outline = outliner($("overlay"), $("outline"), $("object"));
 const showThumbnails = thumbnails($("thumbnails"), canvas, (pass) => set({ pass }));
-const material = materials({ set, post: (url) => post(url), copy });
+const material = materials({ heldLive, post: (url) => post(url), copy });
 let status = null, namesObjects = true;
 
 /** Values that every picture has besides the pass that is shown. */
@@ -168,20 +168,24 @@ async function probe(x, y) {
 function heldLive(input, choice) {
   let isHeld = false;
   live(input, (v) => {
-    const sent = { ...choice(v), is_same: isHeld };
+    const chosen = choice(v);
+    if (!chosen) return null;
+    const sent = { ...chosen, is_same: isHeld };
     isHeld = true;
     return sent;
   });
   input.addEventListener("change", () => { isHeld = false; });
 }
 
-/** Sends what an input says, but not more often than answers come. */
+/** Sends the value of an input, but not more often than answers come; nothing where `choice` gives none. */
 function live(input, choice) {
   let busy = false, again = false;
   const send = async () => {
     if (busy) { again = true; return; }
+    const chosen = choice(input.value);
+    if (!chosen) return;
     busy = true;
-    await set(choice(input.value));
+    await set(chosen);
     busy = false;
     if (again) { again = false; send(); }
   };
