@@ -4,9 +4,8 @@ use super::parsers::Frames;
 use super::picture_args::DenoiseArgs;
 use super::process::Outcome;
 use oscura::denoise::temporal::{Averaged, Frame, Sequence, with_neighbours};
-use oscura::denoise::{Denoised, Guides, NAME, Noise, Noisy, denoise, slices};
+use oscura::denoise::{Denoised, NAME, Noise, NoisyLayers};
 use oscura::error::{Error, Result};
-use oscura::film::LIGHT_GROUP;
 use oscura::load::image::{Layered, load_layered};
 use oscura::output::{DENOISED, Format, check_target, encode_layered, is_same_target, write_atomically};
 use oscura::render::in_pool;
@@ -42,13 +41,13 @@ fn denoise_file(args: &DenoiseArgs) -> Result<Outcome> {
     let noisy = NoisyFile::load(&args.picture, args.other_seed.as_deref())?;
     let load_s = start.elapsed().as_secs_f64();
     let start = Instant::now();
-    let result = noisy.denoised();
+    let result = noisy.layers.denoised();
     let denoise_s = start.elapsed().as_secs_f64();
     let by = noisy.description();
     noisy.write(&result, &by, &args.output)?;
     if !args.quiet {
         args.denoiser.notes().iter().for_each(|note| say!("note: {note}"));
-        say!("guides   {}; noise {}", noisy.layers.guides().names(), name_of(&noisy.noise()));
+        say!("guides   {}; noise {}", noisy.layers.guides().names(), name_of(&noisy.layers.noise()));
         say!("time     load {load_s:.3} s, denoise {denoise_s:.3} s");
         say!("wrote    {}", args.output.display());
     }
@@ -60,9 +59,7 @@ struct NoisyFile {
     file: Layered,
     /// The part with the picture.
     part: usize,
-    layers: Layers,
-    /// Half the difference between the picture and that of another seed.
-    deviations: Option<[Vec<f32>; 3]>,
+    layers: NoisyLayers,
 }
 
 impl NoisyFile {
@@ -79,42 +76,21 @@ impl NoisyFile {
         if let Some(second) = &second {
             average(&mut file, second);
         }
-        let layers = Layers::of(&file, part);
-        Ok(NoisyFile { file, part, layers, deviations })
-    }
-
-    fn noise(&self) -> Noise<'_> {
-        match (&self.deviations, &self.layers.variance) {
-            (Some(deviations), _) => Noise::Deviations(slices(deviations)),
-            (None, Some(variance)) => Noise::Variance(slices(variance)),
-            (None, None) => Noise::Unknown,
-        }
-    }
-
-    fn denoised(&self) -> Denoised {
-        let [width, height] = self.file.size(self.part);
-        let layers = &self.layers;
-        denoise(&Noisy {
-            width,
-            height,
-            color: slices(&layers.color),
-            noise: self.noise(),
-            guides: layers.guides(),
-            parts: layers.sets().map(|set| set.map(|(_, part)| slices(part)).collect()).collect(),
-        })
+        let layer = |names: [&str; 3]| file.triple(file.part_with(part, names[0])?, names);
+        let layers = NoisyLayers::read(file.size(part), deviations, part_names(&file, part), layer);
+        let layers = layers.ok_or_else(|| without_color(path))?;
+        Ok(NoisyFile { file, part, layers })
     }
 
     /// Denoiser, guides and noise estimate, for the header.
     fn description(&self) -> String {
-        format!("{NAME}; guides {}; noise {}", self.layers.guides().names(), name_of(&self.noise()))
+        format!("{NAME}; guides {}; noise {}", self.layers.guides().names(), name_of(&self.layers.noise()))
     }
 
     /// Writes the file with the denoised pictures.
     fn write(&self, result: &Denoised, by: &str, target: &Path) -> Result<()> {
         let mut file = self.file.clone();
-        let parts = self.layers.sets().flatten().map(|(prefix, _)| prefix.as_str());
-        let results = std::iter::once(&result.color).chain(result.parts.iter().flatten());
-        for (prefix, values) in std::iter::once("").chain(parts).zip(results) {
+        for (prefix, values) in result.named(self.layers.names()) {
             for (letter, values) in RGB.iter().zip(values) {
                 let name = format!("{prefix}{letter}");
                 let Some(part) = file.part_with(self.part, &name) else { continue };
@@ -131,7 +107,6 @@ impl NoisyFile {
     /// # Errors
     /// If there are no motion vectors.
     fn frame(&self, path: &Path) -> Result<Frame> {
-        let [width, height] = self.file.size(self.part);
         let vectors = MOTION.map(|name| {
             let part = self.file.part_with(self.part, name)?;
             self.file.values(part, name)
@@ -140,19 +115,7 @@ impl NoisyFile {
             return Err(Error::input(path, "has no motion vectors")
                 .with_help("render frames with --aov denoising_albedo,denoising_normal,variance,motion"));
         };
-        let Layers { color, variance, normal, .. } = &self.layers;
-        let half_power = |deviations: &[Vec<f32>; 3]| {
-            deviations.each_ref().map(|plane| plane.iter().map(|v| v * v).collect::<Vec<f32>>())
-        };
-        Ok(Frame {
-            width,
-            height,
-            noisy: color.clone(),
-            variance: self.deviations.as_ref().map(half_power).or_else(|| variance.clone()),
-            normal: normal.clone(),
-            motion: [a, b, c, d],
-            denoised: self.denoised(),
-        })
+        Ok(self.layers.frame([a, b, c, d]))
     }
 }
 
@@ -203,61 +166,19 @@ fn write_frame(args: &DenoiseArgs, frame: Averaged<NoisyFile>) -> Result<()> {
     Ok(())
 }
 
-/// The layers of a file that denoising uses.
-struct Layers {
-    color: [Vec<f32>; 3],
-    variance: Option<[Vec<f32>; 3]>,
-    albedo: Option<[Vec<f32>; 3]>,
-    normal: Option<[Vec<f32>; 3]>,
-    /// Light passes and light groups, by their prefix before `R`.
-    parts: Vec<(String, [Vec<f32>; 3])>,
-}
-
-impl Layers {
-    /// The layers of one part, and of other parts of the same size.
-    fn of(file: &Layered, part: usize) -> Layers {
-        let is_light = |prefix: &str| {
-            !prefix.is_empty()
-                && !DATA.contains(&prefix)
-                && !prefix.to_ascii_lowercase().starts_with("crypto")
-        };
-        let triple = |names: [&str; 3]| file.triple(file.part_with(part, names[0])?, names);
-        let names_in = |part| {
-            let names = file.channels(part).into_iter().map(move |c| file.plain_name(part, &c.name));
-            names.collect::<Vec<String>>()
-        };
-        let all = (0..file.len()).filter(|&other| file.size(other) == file.size(part)).flat_map(names_in);
-        let prefixes = all.filter_map(|name| Some(name.strip_suffix('R')?.to_string()));
-        let parts = prefixes.filter(|prefix| is_light(prefix)).filter_map(|prefix| {
-            let names = RGB.map(|letter| format!("{prefix}{letter}"));
-            let values = triple(names.each_ref().map(String::as_str))?;
-            Some((prefix, values))
-        });
-        let mut parts: Vec<(String, [Vec<f32>; 3])> = parts.collect();
-        // In the order in which renders denoise them.
-        parts.sort_by(|(a, _), (b, _)| a.cmp(b));
-        Layers {
-            color: triple(RGB).unwrap_or_default(),
-            variance: triple(["variance.R", "variance.G", "variance.B"]),
-            albedo: triple(["denoising_albedo.R", "denoising_albedo.G", "denoising_albedo.B"])
-                .or_else(|| triple(["albedo.R", "albedo.G", "albedo.B"])),
-            normal: triple(["denoising_normal.X", "denoising_normal.Y", "denoising_normal.Z"])
-                .or_else(|| triple(["N.X", "N.Y", "N.Z"])),
-            parts,
-        }
-    }
-
-    /// Light groups, and light passes: each of the two sets sums to the picture.
-    fn sets(&self) -> impl Iterator<Item = impl Iterator<Item = &(String, [Vec<f32>; 3])>> {
-        let is_group = |prefix: &str| prefix.starts_with(LIGHT_GROUP);
-        [true, false]
-            .map(|wanted| self.parts.iter().filter(move |(prefix, _)| is_group(prefix) == wanted))
-            .into_iter()
-    }
-
-    fn guides(&self) -> Guides<'_> {
-        Guides { albedo: self.albedo.as_ref().map(slices), normal: self.normal.as_ref().map(slices) }
-    }
+/// Names of light passes and light groups (the part before `R`) in one part of a file, and in others of the same size.
+fn part_names(file: &Layered, part: usize) -> Vec<String> {
+    let is_light = |prefix: &String| {
+        !prefix.is_empty()
+            && !DATA.contains(&prefix.as_str())
+            && !prefix.to_ascii_lowercase().starts_with("crypto")
+    };
+    let names_in = |part| {
+        let names = file.channels(part).into_iter().map(move |c| file.plain_name(part, &c.name));
+        names.collect::<Vec<String>>()
+    };
+    let all = (0..file.len()).filter(|&other| file.size(other) == file.size(part)).flat_map(names_in);
+    all.filter_map(|name| Some(name.strip_suffix('R')?.to_string())).filter(is_light).collect()
 }
 
 fn name_of(noise: &Noise) -> &'static str {
@@ -271,9 +192,11 @@ fn name_of(noise: &Noise) -> &'static str {
 /// The first part with a picture.
 fn part_with_color(file: &Layered, path: &Path) -> Result<usize> {
     let has = |part: &usize| file.triple(*part, RGB).is_some();
-    (0..file.len()).find(has).ok_or_else(|| {
-        Error::input(path, "has no channels R, G and B").with_help("these channels are denoised")
-    })
+    (0..file.len()).find(has).ok_or_else(|| without_color(path))
+}
+
+fn without_color(path: &Path) -> Error {
+    Error::input(path, "has no channels R, G and B").with_help("these channels are denoised")
 }
 
 /// Reads the picture that was rendered with another seed.

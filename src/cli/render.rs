@@ -8,8 +8,7 @@ use super::pictures::{
     self, AnimationFiles, Denoising, FinishedPicture, Pictures, Targets, check_stdout, still,
 };
 use super::preview::Preview;
-use super::process::cancel_by_signals;
-use super::process::{Outcome, exit_code};
+use super::process::{Outcome, cancel_by_signals, exit_code};
 use super::progress::{Progress, ProgressTarget, StageProgress, StopCriteria};
 use super::report::{PrintedMessages, Run, name_options_in_error};
 use super::scene_args::check_scene_path;
@@ -19,16 +18,14 @@ use super::settings::{
 };
 use super::shot::{RunState, Shot, refuse_warnings};
 use super::{checkpoint, json, report, show};
-use oscura::compile::{CompileReport, Compiler};
+use oscura::compile::Compiler;
 use oscura::denoise::temporal::with_neighbours;
 use oscura::error::{Error, ErrorKind, Result, Warning};
 use oscura::film::{Aov, Film};
 use oscura::load::stage::{Background, Turntable, middle};
 use oscura::load::{LoadOptions, Loaded, is_of_blender, load, load_frames};
 use oscura::output::is_same_target;
-use oscura::render::{
-    CancelHandle, PassOutcome, Picture, RarePaths, RenderOptions, Rendering, Statistics, in_pool,
-};
+use oscura::render::{CancelHandle, PassOutcome, RarePaths, RenderOptions, Rendering, Statistics, in_pool};
 use oscura::scene::{Camera, Keyframes, Scene};
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
@@ -73,7 +70,7 @@ fn run_picture(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
     run_one(args, cancel, targets, Some(&environment), &mut loaded, start, &mut kept)
 }
 
-/// What helps where a picture without -o would replace something else.
+/// Help where a picture without -o would overwrite another file.
 const ELSEWHERE: &str = "name the picture by -o FILE, which may replace a file";
 
 /// Says where a picture without `-o` goes, and what else could be done.
@@ -98,7 +95,7 @@ fn run_frames(args: &RenderArgs, frames: Frames, cancel: &CancelHandle) -> Resul
     let all: Vec<u32> = frames.numbers().collect();
     let missing: Vec<u32> = all.iter().copied().filter(|&number| is_missing(number)).collect();
     print_existing(args, all.len() - missing.len());
-    // What is averaged with a missing frame is rendered again.
+    // Frames averaged with a missing one are rendered again.
     let is_averaged = averages_frames(args);
     let rendered =
         if is_averaged { with_neighbours(&all, |n| missing.contains(&n)) } else { missing.clone() };
@@ -270,7 +267,7 @@ pub(super) fn load_scene(args: &RenderArgs, cancel: &CancelHandle, options: &Loa
     loaded
 }
 
-/// Where progress of loading, building and denoising is reported.
+/// Prints that Blender exports the scene.
 fn print_export(args: &RenderArgs) {
     if !args.quiet && is_of_blender(&args.scene) {
         say!("export   {} by Blender", args.scene.display());
@@ -324,7 +321,7 @@ pub(super) fn run_one(
         return shot.write(&mut state.printed, state.moving.as_mut());
     };
     let denoising = Instant::now();
-    let alone = shot.picture.frame().expect("all that frames need was rendered");
+    let alone = shot.picture.frame()?;
     let seconds = denoising.elapsed().as_secs_f64();
     shot.run.denoise_s = Some(seconds);
     shot.run.total_s += seconds;
@@ -366,16 +363,21 @@ fn shoot(
     let (denoise_s, is_averaged) = (denoising.run(&mut rendering, printed), denoising.is_over_frames());
     let (outputs, picture) = (targets.names(rendering.is_complete()), rendering.into_picture());
     notes.extend(dark_note(&args, picture.film(), png.exposure, &loaded.scene, printed));
-    let times = [start.elapsed().as_secs_f64(), load_s];
     let run = Run {
-        size,
+        total_s: start.elapsed().as_secs_f64(),
+        load_s,
         denoise_s,
+        write_s: 0.0,
+        size,
         seed,
+        quality: args.quality,
+        compiled: build,
+        statistics: *picture.statistics(),
+        peak_memory: None,
         outputs,
         notes,
         warnings,
         left_out,
-        ..run_of(&args, &picture, build, times)
     };
     Ok(ControlFlow::Continue(Shot {
         args,
@@ -389,26 +391,6 @@ fn shoot(
         log,
         run,
     }))
-}
-
-/// What is known of a run before its files are written; the total time and that of loading are seconds.
-fn run_of(args: &RenderArgs, picture: &Picture, compiled: CompileReport, [total_s, load_s]: [f64; 2]) -> Run {
-    Run {
-        total_s,
-        load_s,
-        denoise_s: None,
-        write_s: 0.0,
-        size: (0, 0),
-        seed: 0,
-        quality: args.quality,
-        compiled,
-        statistics: *picture.statistics(),
-        peak_memory: None,
-        outputs: Vec::new(),
-        notes: Vec::new(),
-        warnings: Vec::new(),
-        left_out: Vec::new(),
-    }
 }
 
 /// Prints the notes and warnings of loading and what was left out; ends where warnings or a signal do.

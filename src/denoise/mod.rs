@@ -9,13 +9,14 @@ mod residual;
 pub mod temporal;
 
 use crate::color::luminance;
+use crate::film::LIGHT_GROUP;
 use crate::sampling::hash::hash32;
 use network::Network;
 use rayon::prelude::*;
 pub use residual::{Color, slices};
 use std::borrow::Cow;
 
-/// What is known about a picture's noise.
+/// Knowledge about a picture's noise.
 #[derive(Clone, Copy, Debug)]
 pub enum Noise<'a> {
     /// Half of what two pictures differ by whose mean is the picture, signed: an estimate of its error that has nothing to do
@@ -27,7 +28,7 @@ pub enum Noise<'a> {
     Unknown,
 }
 
-/// What the first surface shows, where it is known.
+/// Features of the first surface, where they are known.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Guides<'a> {
     /// Its reflectance.
@@ -65,6 +66,106 @@ pub struct Noisy<'a> {
     pub parts: Vec<Vec<Color<'a>>>,
 }
 
+/// The layers of a film or a file that denoising reads.
+#[derive(Clone, Debug)]
+pub struct NoisyLayers {
+    /// Pixels in a row, and rows.
+    pub size: [usize; 2],
+    /// The picture.
+    pub color: [Vec<f32>; 3],
+    /// See [`Noise::Deviations`]; they count before the variance.
+    pub deviations: Option<[Vec<f32>; 3]>,
+    /// See [`Noise::Variance`].
+    pub variance: Option<[Vec<f32>; 3]>,
+    /// See [`Guides`].
+    pub albedo: Option<[Vec<f32>; 3]>,
+    /// See [`Guides`].
+    pub normal: Option<[Vec<f32>; 3]>,
+    /// Light groups, and light passes, in the order of their names (the part before `R`): each of the two sets sums to the picture.
+    pub parts: [Vec<(String, [Vec<f32>; 3])>; 2],
+}
+
+impl NoisyLayers {
+    /// Reads them by `layer`, which has three planes by the names of channels; the names of parts end before `R`. `None` without
+    /// colour.
+    pub fn read(
+        size: [usize; 2],
+        deviations: Option<[Vec<f32>; 3]>,
+        parts: Vec<String>,
+        layer: impl Fn([&str; 3]) -> Option<[Vec<f32>; 3]>,
+    ) -> Option<NoisyLayers> {
+        let part = |name: String| {
+            let [r, g, b] = ["R", "G", "B"].map(|letter| format!("{name}{letter}"));
+            layer([&r, &g, &b]).map(|planes| (name, planes))
+        };
+        let parts = ordered(parts).map(|set| set.into_iter().filter_map(part).collect());
+        Some(NoisyLayers {
+            size,
+            color: layer(["R", "G", "B"])?,
+            deviations,
+            variance: layer(["variance.R", "variance.G", "variance.B"]),
+            albedo: layer(["denoising_albedo.R", "denoising_albedo.G", "denoising_albedo.B"])
+                .or_else(|| layer(["albedo.R", "albedo.G", "albedo.B"])),
+            normal: layer(["denoising_normal.X", "denoising_normal.Y", "denoising_normal.Z"])
+                .or_else(|| layer(["N.X", "N.Y", "N.Z"])),
+            parts,
+        })
+    }
+
+    /// Its noise.
+    pub fn noise(&self) -> Noise<'_> {
+        match (&self.deviations, &self.variance) {
+            (Some(deviations), _) => Noise::Deviations(slices(deviations)),
+            (None, Some(variance)) => Noise::Variance(slices(variance)),
+            (None, None) => Noise::Unknown,
+        }
+    }
+
+    /// Its guides.
+    pub fn guides(&self) -> Guides<'_> {
+        Guides { albedo: self.albedo.as_ref().map(slices), normal: self.normal.as_ref().map(slices) }
+    }
+
+    /// Denoises all layers.
+    pub fn denoised(&self) -> Denoised {
+        let [width, height] = self.size;
+        denoise(&Noisy {
+            width,
+            height,
+            color: slices(&self.color),
+            noise: self.noise(),
+            guides: self.guides(),
+            parts: self
+                .parts
+                .each_ref()
+                .map(|set| set.iter().map(|(_, planes)| slices(planes)).collect())
+                .into(),
+        })
+    }
+
+    /// The names of the parts.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.parts.iter().flatten().map(|(name, _)| name.as_str())
+    }
+
+    /// A frame of a sequence, denoised by itself, with its motion vectors.
+    pub fn frame(&self, motion: [Vec<f32>; 4]) -> temporal::Frame {
+        let [width, height] = self.size;
+        let squared = |planes: &[Vec<f32>; 3]| {
+            planes.each_ref().map(|plane| plane.iter().map(|v| v * v).collect::<Vec<f32>>())
+        };
+        temporal::Frame {
+            width,
+            height,
+            noisy: self.color.clone(),
+            variance: self.deviations.as_ref().map(squared).or_else(|| self.variance.clone()),
+            normal: self.normal.clone(),
+            motion,
+            denoised: self.denoised(),
+        }
+    }
+}
+
 /// A picture without noise.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Denoised {
@@ -72,6 +173,24 @@ pub struct Denoised {
     pub color: [Vec<f32>; 3],
     /// Its parts.
     pub parts: Vec<Vec<[Vec<f32>; 3]>>,
+}
+
+impl Denoised {
+    /// The picture, under an empty name, and the parts by their names.
+    pub fn named<'a>(
+        &'a self,
+        names: impl Iterator<Item = &'a str>,
+    ) -> impl Iterator<Item = (&'a str, &'a [Vec<f32>; 3])> {
+        let planes = std::iter::once(&self.color).chain(self.parts.iter().flatten());
+        std::iter::once("").chain(names).zip(planes)
+    }
+}
+
+/// Names of parts in the order in which they are denoised: light groups, then light passes.
+pub fn ordered(mut names: Vec<String>) -> [Vec<String>; 2] {
+    names.sort();
+    let (groups, passes) = names.into_iter().partition(|name| name.starts_with(LIGHT_GROUP));
+    [groups, passes]
 }
 
 /// The denoiser with its version, for headers.

@@ -5,9 +5,9 @@ use super::options::{Caustics, RenderOptions};
 use super::progress::Statistics;
 use crate::compile::{CompiledScene, ObjectId};
 use crate::denoise::temporal::Frame;
-use crate::denoise::{Denoised, Guides, NAME, Noise, Noisy, denoise, slices};
-use crate::error::{Result, Warning};
-use crate::film::{Aov, AovSet, Channel, Film, LIGHT_GROUP, Layout, MatteIds, Source, Values, matte_id};
+use crate::denoise::{Denoised, Guides, NAME, NoisyLayers, ordered, slices};
+use crate::error::{Error, Result, Warning};
+use crate::film::{Aov, AovSet, Channel, Film, Layout, MatteIds, Source, Values, matte_id};
 use crate::output::{Format, Matte, OutputOptions, encode, write_atomically};
 use crate::scene::{RayKinds, Scene};
 use std::ops::RangeInclusive;
@@ -65,7 +65,7 @@ impl Picture {
         &self.statistics
     }
 
-    /// What was ignored, approximated or repaired on the way from the file to the picture.
+    /// Parts of the scene that were ignored, approximated or repaired.
     pub fn warnings(&self) -> &[Warning] {
         &self.warnings
     }
@@ -117,7 +117,7 @@ pub struct Labels {
     pub light_groups: Vec<String>,
     /// The ids that mattes show.
     pub ids: MatteIds,
-    /// What the header says about each matte.
+    /// Header entries of each matte.
     pub mattes: Vec<Matte>,
 }
 
@@ -158,7 +158,7 @@ fn object_name(path: &str) -> &str {
     parts().find(|part| !is_number(part)).unwrap_or(path)
 }
 
-/// What stands above all of an object's parents.
+/// The first part of an object's path: the topmost parent.
 fn asset_name(path: &str) -> &str {
     path.split('/').next().unwrap_or(path)
 }
@@ -187,76 +187,31 @@ fn floats(planes: Option<Vec<Values>>) -> Option<[Vec<f32>; 3]> {
 
 /// Denoises the picture and its parts, and names the guides.
 fn denoise_channels(film: &mut Film) -> &'static str {
-    let Some(inputs) = Inputs::of(film) else { return Guides::default().names() };
-    let deviations = film.deviations();
-    let variance = floats(film.aov(Aov::Variance));
-    let noise = match (&deviations, &variance) {
-        (Some(planes), _) => Noise::Deviations(slices(planes)),
-        (None, Some(planes)) => Noise::Variance(slices(planes)),
-        (None, None) => Noise::Unknown,
-    };
-    let result = denoise(&inputs.noisy(film, noise));
-    put(film, &result);
-    inputs.guides().names()
+    let Some(layers) = noisy_layers(film, film.deviations()) else { return Guides::default().names() };
+    put(film, &layers.denoised());
+    layers.guides().names()
 }
 
-/// What denoising takes of a film.
-struct Inputs {
-    color: [Vec<f32>; 3],
-    albedo: Option<[Vec<f32>; 3]>,
-    normal: Option<[Vec<f32>; 3]>,
-    /// Light groups, and light passes: each of the two sets sums to the picture.
-    sets: [Vec<[Vec<f32>; 3]>; 2],
+/// The channels of a film that denoising reads.
+fn noisy_layers(film: &Film, deviations: Option<[Vec<f32>; 3]>) -> Option<NoisyLayers> {
+    let size = [film.width() as usize, film.height() as usize];
+    NoisyLayers::read(size, deviations, part_names(film), |names| floats(film.components(&names)))
 }
 
-impl Inputs {
-    fn of(film: &Film) -> Option<Inputs> {
-        let layer = |names: &[&str]| floats(film.components(names));
-        let guide = |own: Aov, first: Aov| floats(film.aov(own)).or_else(|| floats(film.aov(first)));
-        let sets = parts(film).map(|set| {
-            let of = |names: &Vec<String>| layer(&names.iter().map(String::as_str).collect::<Vec<_>>());
-            set.iter().filter_map(of).collect()
-        });
-        Some(Inputs {
-            color: layer(&["R", "G", "B"])?,
-            albedo: guide(Aov::DenoisingAlbedo, Aov::Albedo),
-            normal: guide(Aov::DenoisingNormal, Aov::Normal),
-            sets,
-        })
-    }
-
-    fn guides(&self) -> Guides<'_> {
-        Guides { albedo: self.albedo.as_ref().map(slices), normal: self.normal.as_ref().map(slices) }
-    }
-
-    fn noisy<'a>(&'a self, film: &Film, noise: Noise<'a>) -> Noisy<'a> {
-        Noisy {
-            width: film.width() as usize,
-            height: film.height() as usize,
-            color: slices(&self.color),
-            noise,
-            guides: self.guides(),
-            parts: self.sets.iter().map(|set| set.iter().map(slices).collect()).collect(),
-        }
-    }
+/// Names of the light groups and light passes.
+fn part_names(film: &Film) -> Vec<String> {
+    let parts = film.channels().iter().filter(|channel| channel.source == Source::PartOfColor);
+    parts.filter_map(|channel| Some(channel.names[0].strip_suffix('R')?.to_string())).collect()
 }
 
-/// The components of light groups and of light passes, each in the order of names.
-fn parts(film: &Film) -> [Vec<Vec<String>>; 2] {
-    let all = film.channels().iter().filter(|channel| channel.source == Source::PartOfColor);
-    let mut all: Vec<Vec<String>> =
-        all.map(|channel| channel.names.iter().map(ToString::to_string).collect()).collect();
-    let prefix = |names: &Vec<String>| names[0].strip_suffix('R').unwrap_or(&names[0]).to_string();
-    all.sort_by_key(prefix);
-    let (groups, passes) = all.into_iter().partition(|names| names[0].starts_with(LIGHT_GROUP));
-    [groups, passes]
-}
-
-/// Puts what was denoised in place of what was rendered.
+/// Replaces the picture and its parts by the denoised ones.
 fn put(film: &mut Film, result: &Denoised) {
-    film.set_color(slices(&result.color));
-    for (names, part) in parts(film).iter().flatten().zip(result.parts.iter().flatten()) {
-        film.set_means(&names[0], slices(part));
+    let names = ordered(part_names(film));
+    for (name, planes) in result.named(names.iter().flatten().map(String::as_str)) {
+        match name {
+            "" => film.set_color(slices(planes)),
+            part => film.set_means(&format!("{part}R"), slices(planes)),
+        }
     }
 }
 
@@ -268,23 +223,17 @@ pub fn sequence_guides() -> AovSet {
 }
 
 impl Picture {
-    /// The picture as a frame of a sequence, denoised by itself as `oscura denoise` does. `None` without what
-    /// [`sequence_guides`] names.
-    pub fn frame(&self) -> Option<Frame> {
-        let inputs = Inputs::of(&self.film)?;
-        let variance = floats(self.film.aov(Aov::Variance))?;
-        let motion: Vec<Vec<f32>> =
-            self.film.aov(Aov::Motion)?.into_iter().map(Values::into_floats).collect();
-        let denoised = denoise(&inputs.noisy(&self.film, Noise::Variance(slices(&variance))));
-        Some(Frame {
-            width: self.film.width() as usize,
-            height: self.film.height() as usize,
-            noisy: inputs.color,
-            variance: Some(variance),
-            normal: inputs.normal,
-            motion: motion.try_into().ok()?,
-            denoised,
-        })
+    /// The picture as a frame of a sequence, denoised by itself as `oscura denoise` does.
+    ///
+    /// # Errors
+    /// Without motion vectors, one of [`sequence_guides`].
+    pub fn frame(&self) -> Result<Frame> {
+        let vectors: Option<[Vec<f32>; 4]> = self.film.aov(Aov::Motion).and_then(|planes| {
+            planes.into_iter().map(Values::into_floats).collect::<Vec<_>>().try_into().ok()
+        });
+        let layers = noisy_layers(&self.film, None).zip(vectors);
+        let (layers, vectors) = layers.ok_or_else(|| Error::usage("the picture has no motion vectors"))?;
+        Ok(layers.frame(vectors))
     }
 
     /// Puts the average with the neighbouring frames, of these numbers, in place of the picture. AOVs that are not in `keep` are
