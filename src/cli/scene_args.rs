@@ -7,7 +7,7 @@ use oscura::load::gltf::{Glass, GltfOptions, LightUnits};
 use oscura::load::image::load_picture;
 use oscura::load::stage::{Background, Ground, StageLight, StageOptions, ViewFrom};
 use oscura::load::subdivide::{MAX_LEVELS, Subdivision};
-use oscura::load::{Up, extensions, is_named_as_scene, names_in};
+use oscura::load::{Up, extensions, is_named_as_scene, is_scene, names_in};
 use std::path::{Path, PathBuf};
 
 // Arguments about glTF assets, the same for all commands that load them.
@@ -116,7 +116,7 @@ pub(crate) struct BlenderArgs {
 }
 
 impl BlenderArgs {
-    /// What they choose.
+    /// The chosen options.
     pub(crate) fn options(&self) -> BlenderOptions {
         let cache = self.cache.clone().or_else(default_cache).filter(|_| !self.no_cache);
         BlenderOptions {
@@ -203,7 +203,7 @@ pub(crate) struct StageArgs {
     pub subdivide: Option<u32>,
 }
 
-/// What `--background` names.
+/// The background named by `--background`.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum BackgroundArg {
     Transparent,
@@ -213,7 +213,7 @@ pub(crate) enum BackgroundArg {
 }
 
 impl StageArgs {
-    /// What `--subdivide` asks for.
+    /// The subdivision that `--subdivide` asks for.
     pub fn subdivision(&self) -> Option<Subdivision> {
         self.subdivide.map(|levels| Subdivision { levels, has_round_corners: false })
     }
@@ -326,7 +326,7 @@ pub(crate) fn up() -> impl TypedValueParser<Value = Up> {
     parser.try_map(|name| up_of(&name).ok_or("is no axis"))
 }
 
-// What was given in the place of a scene: a file that isn't there, or a folder.
+// Errors of the scene argument: a missing file, or a folder.
 
 /// Maximum number of files that a message lists.
 const LISTED: usize = 8;
@@ -380,9 +380,8 @@ pub(super) fn scenes_named(stem: &str) -> Vec<String> {
 fn scenes_in(folder: &Path) -> String {
     let entries = folder.read_dir().into_iter().flatten().flatten();
     let mut names: Vec<String> = entries
-        .map(|entry| entry.file_name())
-        .filter(|name| is_named_as_scene(Path::new(name)))
-        .map(|name| name.to_string_lossy().into_owned())
+        .filter(|entry| is_scene(entry.path()))
+        .map(|entry| entry.file_name().to_string_lossy().into_owned())
         .collect();
     names.sort();
     let more = names.len().saturating_sub(LISTED);

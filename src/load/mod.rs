@@ -209,6 +209,12 @@ pub fn is_named_as_scene(path: impl AsRef<Path>) -> bool {
     !matches!(formats::of(path.as_ref()), Format::Other) || formats::is_named_as_archive(path.as_ref())
 }
 
+/// Is a file a scene, by its name, and a `.toml` file by its tables? Many programs have settings in such files.
+pub fn is_scene(path: impl AsRef<Path>) -> bool {
+    let path = path.as_ref();
+    is_named_as_scene(path) && (!matches!(formats::of(path), Format::SceneFile) || scene_file::is_scene(path))
+}
+
 /// How to get a scene from a file of another program, by its extension.
 fn conversion_hint(extension: &str) -> String {
     let way = match extension {

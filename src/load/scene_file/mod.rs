@@ -14,7 +14,7 @@
 //!
 //! Angles are in degrees, lengths in metres, colours linear Rec. 709, and paths relative to the scene file. Every
 //! problem of the file is reported at once, with its line and, for a misspelt name, the nearest one that exists.
-//! What nothing refers to is not loaded. A file next to a model may add what the model's format can't store (`sidecar`).
+//! Parts that nothing refers to are not loaded. A file next to a model may add what the model's format can't store (`sidecar`).
 //!
 //! # sidecar
 //!
@@ -191,6 +191,16 @@ fn lacks_first_digit(text: &str, offset: usize) -> bool {
         let is_first = !before.ends_with(|c: char| c.is_ascii_digit() || c == '.');
         is_first && rest.strip_prefix('.').is_some_and(|t| t.starts_with(|c: char| c.is_ascii_digit()))
     })
+}
+
+/// Does a file have the tables that each scene needs, and is it no sidecar?
+pub(super) fn is_scene(path: &Path) -> bool {
+    let is_sidecar = path.to_string_lossy().ends_with(".oscura.toml");
+    let Some(text) = TomlText::read(path, &LoadOptions::default()).ok().filter(|_| !is_sidecar) else {
+        return false;
+    };
+    let file = TomlFile::parse(&text);
+    ["objects", "curves"].iter().any(|name| file.root.get_ref().contains_key(*name))
 }
 
 // Sidecars.
