@@ -9,7 +9,6 @@ use crate::math::{Bounds3, Vec3};
 use crate::scene::FloatSlot;
 use crate::shape::Shape;
 use std::collections::BTreeMap;
-use std::ops::Range;
 
 /// Metals up to this perceptual roughness (the square root of GGX alpha) cast caustics.
 const MAX_CASTER_ROUGHNESS: f32 = 0.25;
@@ -17,10 +16,10 @@ const MAX_CASTER_ROUGHNESS: f32 = 0.25;
 /// Maximum number of bounding spheres of casters.
 const MAX_TARGETS: usize = 16;
 
-/// CausticRole of a material for caustics.
+/// The role of a material in caustics.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CausticRole {
-    /// Sends light on: smooth glass, mirrors, polished metals.
+    /// It casts caustics: smooth glass, mirrors, polished metals.
     Caster,
     /// Scatters light into all directions, so that caustics are visible on it.
     Receiver,
@@ -60,7 +59,7 @@ impl CompiledMaterial {
         }
     }
 
-    /// What is smooth in air need not be within another solid.
+    /// A BSDF that is smooth in air need not be within another solid.
     fn is_the_same_in_solids(&self, bsdf: Bsdf) -> bool {
         self.medium_index == 0 || bsdf.with_ior(2.0).is_specular()
     }
@@ -104,18 +103,18 @@ impl CompiledMaterial {
 }
 
 impl CompiledScene {
-    /// CausticRole of each material.
+    /// The role of each material.
     pub fn roles(&self) -> Vec<CausticRole> {
         self.materials.iter().map(CompiledMaterial::role).collect()
     }
 
-    /// Balls around all that sends light on: one for each object, or for neighbouring ones together.
+    /// Bounding spheres of all casters: one for each object, or for neighbouring ones together.
     pub fn targets(&self, roles: &[CausticRole]) -> TargetSpheres {
-        let senders = Senders::of(self, roles);
+        let casters = Casters::of(self, roles);
         let mut boxes: BTreeMap<u32, Bounds3> = BTreeMap::new();
-        for run in &senders.runs {
+        for (i, run) in casters.runs.iter().enumerate() {
             let bounds = boxes.entry(run.object).or_insert(Bounds3::EMPTY);
-            senders.visit(run, |ball| *bounds = with_ball(*bounds, ball));
+            casters.visit(i, |ball| *bounds = with_ball(*bounds, ball));
         }
         let mut groups: Vec<(Bounds3, Vec<u32>)> =
             boxes.into_iter().map(|(object, b)| (b, vec![object])).collect();
@@ -128,9 +127,9 @@ impl CompiledScene {
         let group_of: BTreeMap<u32, usize> = groups.iter().enumerate().flat_map(group_of).collect();
         let mut balls: Vec<TargetSphere> =
             groups.iter().map(|(bounds, _)| TargetSphere { center: bounds.center(), radius: 0.0 }).collect();
-        for run in &senders.runs {
+        for (i, run) in casters.runs.iter().enumerate() {
             let Some(around) = group_of.get(&run.object).map(|&group| &mut balls[group]) else { continue };
-            senders.visit(run, |ball| {
+            casters.visit(i, |ball| {
                 let far = (ball.center - around.center).length() + ball.radius;
                 around.radius = around.radius.max(far * (1.0 + 1e-5));
             });
@@ -154,41 +153,41 @@ impl CompiledScene {
     }
 }
 
-/// Balls within which all primitives lie that send light on.
-struct Senders<'s> {
-    /// Of all vertices.
+/// Points and balls whose bounds hold all primitives of casters.
+struct Casters<'s> {
+    /// Positions of all vertices.
     positions: &'s [[f32; 3]],
-    /// Vertices of triangles that send light on; those that triangles share, once a run.
+    /// Vertices of triangles, each once in a run.
     vertices: Vec<u32>,
     /// Balls of all other primitives.
     balls: Vec<TargetSphere>,
-    runs: Vec<SenderRun>,
+    runs: Vec<CasterRun>,
 }
 
-/// What of an object sends light on, or a part of it.
-struct SenderRun {
+/// Casters of one object; the next run begins where this one ends.
+struct CasterRun {
     object: u32,
-    vertices: Range<usize>,
-    balls: Range<usize>,
+    first_vertex: usize,
+    first_ball: usize,
 }
 
-impl<'s> Senders<'s> {
-    fn of(scene: &'s CompiledScene, roles: &[CausticRole]) -> Senders<'s> {
+impl<'s> Casters<'s> {
+    fn of(scene: &'s CompiledScene, roles: &[CausticRole]) -> Casters<'s> {
         let world = &scene.geometries.world;
         let positions = &world.shapes.positions;
-        let mut senders = Senders { positions, vertices: Vec::new(), balls: Vec::new(), runs: Vec::new() };
-        senders.add_world(world, roles);
-        senders.add_placements(scene, roles);
-        senders
+        let mut casters = Casters { positions, vertices: Vec::new(), balls: Vec::new(), runs: Vec::new() };
+        casters.add_world(world, roles);
+        casters.add_placements(scene, roles);
+        casters
     }
 
     fn add_world(&mut self, world: &Space, roles: &[CausticRole]) {
-        let senders = world.attributes.materials.iter().enumerate().filter(|(_, m)| sends(roles, **m));
-        // Primitives of an object follow each other: maps are asked once for each.
+        let casters = world.attributes.materials.iter().enumerate().filter(|(_, m)| casts(roles, **m));
+        // Primitives of an object follow each other: its number is looked up once.
         let mut end = 0;
         // The run that each vertex was last visited for.
         let mut visited: Vec<u32> = Vec::new();
-        for (prim, _) in senders {
+        for (prim, _) in casters {
             if prim as u32 >= end {
                 end = world.owners.end_of_run(prim as u32);
                 self.begin_run(world.owners.of(prim as u32).0);
@@ -205,7 +204,6 @@ impl<'s> Senders<'s> {
                     }
                 }
             }
-            self.end_run();
         }
     }
 
@@ -213,34 +211,32 @@ impl<'s> Senders<'s> {
         for placement in &scene.geometries.placements {
             let space = &scene.geometries.shared[placement.geometry as usize];
             let materials = &space.attributes.materials;
-            let is_sender = placement
+            let is_caster = placement
                 .material
-                .map_or_else(|| materials.iter().any(|m| sends(roles, *m)), |m| sends(roles, m));
-            if is_sender && !space.bounds.is_empty() {
+                .map_or_else(|| materials.iter().any(|m| casts(roles, *m)), |m| casts(roles, m));
+            if is_caster && !space.bounds.is_empty() {
                 self.begin_run(placement.object.0);
                 self.balls.extend(placed_corners(placement, &space.bounds).map(point));
-                self.end_run();
             }
         }
     }
 
     fn begin_run(&mut self, object: u32) {
-        let (vertices, balls) = (self.vertices.len(), self.balls.len());
-        self.runs.push(SenderRun { object, vertices: vertices..vertices, balls: balls..balls });
+        let (first_vertex, first_ball) = (self.vertices.len(), self.balls.len());
+        self.runs.push(CasterRun { object, first_vertex, first_ball });
     }
 
-    /// Ends the last run after what was added.
-    fn end_run(&mut self) {
-        if let Some(run) = self.runs.last_mut() {
-            (run.vertices.end, run.balls.end) = (self.vertices.len(), self.balls.len());
-        }
-    }
-
-    fn visit(&self, run: &SenderRun, mut visit: impl FnMut(TargetSphere)) {
-        for &vertex in &self.vertices[run.vertices.clone()] {
+    /// Visits the vertices and balls of a run.
+    fn visit(&self, index: usize, mut visit: impl FnMut(TargetSphere)) {
+        let first = &self.runs[index];
+        let (vertices, balls) = self.runs.get(index + 1).map_or_else(
+            || (self.vertices.len(), self.balls.len()),
+            |next| (next.first_vertex, next.first_ball),
+        );
+        for &vertex in &self.vertices[first.first_vertex..vertices] {
             visit(point(Vec3::from_array(self.positions[vertex as usize])));
         }
-        self.balls[run.balls.clone()].iter().for_each(|ball| visit(*ball));
+        self.balls[first.first_ball..balls].iter().for_each(|ball| visit(*ball));
     }
 }
 
@@ -250,8 +246,8 @@ fn placed_corners(placement: &Placement, bounds: &Bounds3) -> [Vec3; 8] {
     bounds.corners().map(|p| place.linear * p + place.translation)
 }
 
-/// Does a material send light on?
-fn sends(roles: &[CausticRole], material: u32) -> bool {
+/// Does a material cast caustics?
+fn casts(roles: &[CausticRole], material: u32) -> bool {
     roles.get(material as usize) == Some(&CausticRole::Caster)
 }
 
@@ -269,7 +265,7 @@ fn point(center: Vec3) -> TargetSphere {
     TargetSphere { center, radius: 0.0 }
 }
 
-/// Calls `visit` with balls of which each sphere that holds them holds a primitive that is no triangle.
+/// Calls `visit` with balls: any sphere around them holds the primitive, which is no triangle.
 fn visit_primitive(space: &Space, prim: usize, mut visit: impl FnMut(TargetSphere)) {
     let shapes = &space.shapes;
     let prim = prim - shapes.triangles.len();
@@ -294,7 +290,7 @@ fn visit_primitive(space: &Space, prim: usize, mut visit: impl FnMut(TargetSpher
         .for_each(|(center, radius)| visit(TargetSphere { center, radius }));
 }
 
-/// Puts groups together in twos that follow each other along the axis in which all are spread most.
+/// Merges pairs of groups that are neighbours along the axis in which all groups are spread most.
 fn unite_neighbours(groups: &mut Vec<(Bounds3, Vec<u32>)>) {
     let spread = Bounds3::of(groups.iter().map(|(bounds, _)| bounds.center())).extent();
     let axis = (0..3).fold(0, |best, c| if spread[c] > spread[best] { c } else { best });
