@@ -4,7 +4,7 @@ use std::fmt;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// What an [`Error`] is about; the command line derives its exit code from it.
+/// The kind of an [`Error`]; the command line derives its exit code from it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ErrorKind {
     /// The arguments or options make no sense together.
@@ -53,9 +53,9 @@ impl<T: Into<String>> From<(&'static str, T)> for Message {
 pub struct Problem {
     /// Where: a JSON pointer (`/accessors/3/count`), `line 12`, or empty for the whole file.
     pub place: String,
-    /// What is wrong, in plain words, with the offending value.
+    /// The message, in plain words, with the offending value.
     pub message: String,
-    /// What would mend it, if known.
+    /// A remedy, if known.
     pub help: Option<String>,
     /// The byte range in [`Error::source_text`] that the problem is about.
     pub span: Option<Range<usize>>,
@@ -105,7 +105,7 @@ impl fmt::Display for Problem {
 /// Why something could not be done: the file and all the problems found in it.
 #[derive(Clone)]
 pub struct Error {
-    /// What the error is about.
+    /// The kind.
     pub kind: ErrorKind,
     /// The file in question, if any.
     pub file: Option<PathBuf>,
@@ -230,7 +230,7 @@ pub struct Warning {
     pub file: Option<PathBuf>,
     /// Where in the file: JSON pointer or line; empty for the whole file.
     pub place: String,
-    /// What happened, with counts.
+    /// The message, with counts.
     pub message: String,
     /// Stable code for programs and tests; empty where there is none.
     pub code: &'static str,
@@ -294,7 +294,7 @@ pub enum Choice {
     AllowExternal,
     /// Channels beside the picture's own.
     Aovs,
-    /// What is behind everything.
+    /// The background.
     Background,
     /// A file beside the model says what its format can't.
     NewSidecar,
@@ -306,11 +306,11 @@ pub enum Choice {
     Float,
     /// Extensions that a file demands may be missing.
     Force,
-    /// What transparent materials without a volume are.
+    /// The look of transparent materials without a volume.
     Glass,
-    /// What a bare model stands on.
+    /// The ground below a bare model.
     Ground,
-    /// What the numbers of lights mean.
+    /// The unit of lights.
     LightUnits,
     /// The memory that one image may take.
     MemoryLimit,
@@ -322,7 +322,7 @@ pub enum Choice {
     Smooth,
     /// `LoadOptions::subdivision`.
     Subdivide,
-    /// What lights scenes without light.
+    /// The lights of scenes without light.
     Stage,
     /// Which axis of a file points up.
     Up,
@@ -358,7 +358,7 @@ impl Choice {
     ];
 }
 
-/// What the library calls it, between backticks.
+/// Its name in the library, between backticks.
 impl fmt::Display for Choice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {

@@ -29,7 +29,7 @@
 //!   number of threads and on every CPU level.
 //! - Vectors and transforms are those of [`glam`].
 //!
-//! What this page does not show is public for the project's own tests and tools, and changes with any version.
+//! Items that this page does not show are public for the project's own tests and tools, and changes with any version.
 
 // For those who work on it:
 //

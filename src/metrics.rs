@@ -126,7 +126,7 @@ pub fn z_test(a: &Image, b: &Image, reference: &Image, variance: &Image) -> Opti
     Some(ZTest { channels, beyond_3_sigma: share(beyond_3), beyond_5_sigma: share(beyond_5) })
 }
 
-/// What one pixel brings to the test, by channel.
+/// Contribution of one pixel to the test, by channel.
 struct Sample {
     mean: [f64; 3],
     reference: [f64; 3],

@@ -4,9 +4,9 @@
 use super::binary_tree::{self, Binary, Effort, NormalizedSpace, Workspace, median_split};
 use super::chunked_build::{self, Threads, TreePart, append, empty_buffer};
 use super::input::{
-    AccelInput, AccelInstance, BuildOptions, Estimate, Geometry, Reuse, TooLarge, TreeQuality,
+    AccelInput, AccelInstance, BuildOptions, Estimate, Geometry, Primitive, PrimitiveKind, Reuse, TooLarge,
+    TreeQuality, collect_primitives, is_in_reach,
 };
-use super::input::{Primitive, PrimitiveKind, collect_primitives, is_in_reach};
 use super::layout::{BufferFull, DONE, InstanceRecord};
 use super::motion::{self, Motions};
 use super::traversal::DeepSlot;

@@ -11,8 +11,7 @@
 //! that threads also share the first touch of the memory.
 
 use super::binary_tree::{self, Effort, NormalizedSpace, Workspace};
-use super::input::{BuildOptions, Estimate, Geometry, TreeQuality};
-use super::input::{Primitive, PrimitiveKind};
+use super::input::{BuildOptions, Estimate, Geometry, Primitive, PrimitiveKind, TreeQuality};
 use super::layout::{
     AnalyticPacket, BufferFull, DONE, InstanceRecord, KIND_ANALYTIC, KIND_INSTANCE, LEAF, MAX_LINE, Node,
     TrianglePacket, kind_of, line_of, view_mut,

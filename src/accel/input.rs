@@ -72,7 +72,7 @@ pub enum TreeQuality {
     Full,
 }
 
-/// What a structure is built over.
+/// The input of a build.
 #[derive(Clone, Copy, Debug)]
 pub struct AccelInput<'a> {
     /// Shapes by geometry; the first is in world space.

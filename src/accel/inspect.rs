@@ -11,7 +11,7 @@ use crate::shape::triangle::LANES;
 use crate::shape::{Analytic, Shape};
 use std::collections::HashSet;
 
-/// What a walk over a tree found.
+/// Primitives and instances that a walk over a tree has reached.
 #[derive(Default)]
 struct Found {
     /// Primitive ids, quads by their first half.

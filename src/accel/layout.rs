@@ -70,7 +70,7 @@ pub struct Node {
     pub padding: [u32; 8],
 }
 
-/// What a lane of a [`TrianglePacket`] is.
+/// Kinds of lanes of a [`TrianglePacket`].
 pub const PART_TRIANGLE: u32 = 0;
 /// The half `corner, corner + u, corner + u + v` of a quad.
 pub const PART_QUAD_FIRST: u32 = 1;
@@ -135,7 +135,7 @@ impl TrianglePacket {
         self.rows[3][lane].to_bits()
     }
 
-    /// What a lane is.
+    /// The kind of a lane.
     #[inline(always)]
     pub fn part(&self, lane: usize) -> u32 {
         self.rows[7][lane].to_bits()

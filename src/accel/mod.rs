@@ -49,7 +49,7 @@ use traversal::{AnyHit, AnyOccluder, ClosestHit, NextHit, Output, RayStream, Sha
 pub struct Accel {
     lines: Vec<Line>,
     root: u32,
-    /// What moves while rays are traced.
+    /// Motion of instances and vertices during the exposure.
     motions: Motions,
     /// Bounding box of everything.
     bounds: Bounds3,

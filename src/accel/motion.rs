@@ -3,8 +3,7 @@
 //! Times of rays come in a separate list, which only the traversal for moving scenes reads. Node boxes bound their contents over
 //! the whole shutter interval.
 
-use super::input::vertices_of;
-use super::input::{AccelInput, Geometry, MovingInstance};
+use super::input::{AccelInput, Geometry, MovingInstance, vertices_of};
 use super::layout::{
     ANALYTIC_LINES, AnalyticPacket, InstanceRecord, MOVING_TRIANGLES, TRIANGLE_LINES, TrianglePacket, view,
     view_mut,
@@ -96,7 +95,7 @@ impl RayTimes for NoMotion {
 pub struct TimeByRay<'a> {
     /// By ray.
     pub times: &'a [f32],
-    /// What moves.
+    /// Motion of instances and vertices.
     pub motions: &'a Motions,
 }
 

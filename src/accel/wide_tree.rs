@@ -4,8 +4,7 @@
 //! lines to nodes, then threads write nodes, each followed by the packets of its leaves.
 
 use super::binary_tree::Binary;
-use super::input::Geometry;
-use super::input::{Primitive, PrimitiveKind, triangle_vertices};
+use super::input::{Geometry, Primitive, PrimitiveKind, triangle_vertices};
 use super::layout::{
     ANALYTIC_LINES, AnalyticPacket, BufferFull, CURVES, CurvePacket, DONE, INSTANCE_LINES, InstanceRecord,
     KIND_ANALYTIC, KIND_INSTANCE, KIND_TRIANGLES, MAX_LINE, NODE_LINES, Node, PART_QUAD_FIRST,
@@ -256,7 +255,7 @@ pub struct TreeWriter<'a> {
     pub collapse: &'a Collapse,
     /// Primitives of its leaves.
     pub primitives: &'a [Primitive],
-    /// What these refer to.
+    /// The shapes that the ids refer to.
     pub shapes: ShapeSource<'a>,
     /// Subtrees that are written already, by index.
     pub subtrees: &'a [Subtree],

@@ -2,8 +2,7 @@
 
 use super::dielectric_table::mean_cosine;
 use super::fresnel::DielectricCurve;
-use super::ggx::MIN_ALPHA;
-use super::ggx::{DirectionalAlbedo, MIN_ROUGHNESS};
+use super::ggx::{DirectionalAlbedo, MIN_ALPHA, MIN_ROUGHNESS};
 use crate::math::Vec3;
 
 /// Largest ratio of the square roots of the two alphas that the table reaches.
@@ -196,7 +195,7 @@ mod tests {
         high * high
     }
 
-    /// What a node holds.
+    /// The two values of a node.
     fn node(index: [usize; 4]) -> [f64; 2] {
         let x: [f32; 4] = std::array::from_fn(|axis| index[axis] as f32 / (NODES[axis] - 1) as f32);
         let small = match x[0] < AT_KINK {

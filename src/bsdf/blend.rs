@@ -1,8 +1,7 @@
 //! The weighted sum of two materials that reflect diffusely, by microfacets, or both.
 
 use super::lobe::MIN_ALBEDO;
-use super::metal_rough::MetalRoughProgram;
-use super::metal_rough::{MetalRough, MetalRoughClosure};
+use super::metal_rough::{MetalRough, MetalRoughClosure, MetalRoughProgram};
 use super::{Appearance, BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Slots, ggx};
 use crate::color::Rgb;
 use crate::math::Vec3;
@@ -86,7 +85,7 @@ impl Lobe for Blend {
         let first = closures[0].1;
         let k = usize::from(u[2] >= first);
         let (closure, probability) = &closures[k];
-        // What is left of the number after the choice is uniform again.
+        // The remainder of the random number after the choice, uniform again.
         let rest = if k == 0 { u[2] / first } else { (u[2] - first) / (1.0 - first) };
         let own = closure.sample(
             &self.parts[k].surface,

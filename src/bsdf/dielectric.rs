@@ -13,17 +13,17 @@ use crate::scene::{ColorSlot, FresnelModel};
 pub struct Dielectric {
     /// Index of refraction of the inside over the outside.
     pub ior: f32,
-    /// What becomes of radiance.
+    /// Scaling of radiance by refraction.
     pub refraction: Refraction,
     /// Factor on transmitted light at each crossing.
     pub tint: Rgb,
     /// Fresnel term.
     pub fresnel: FresnelModel,
-    /// What roughens it gives it facets of Beckmann, not of GGX.
+    /// Rough versions have Beckmann facets instead of GGX.
     pub is_beckmann: bool,
 }
 
-/// What a smooth face of a solid does to light, without the scaling of radiance by refraction.
+/// Reflection and refraction at a smooth face of a solid, without the scaling of radiance by refraction.
 #[derive(Clone, Copy, Debug)]
 pub struct SmoothInterface {
     /// Reflectance.
@@ -35,7 +35,7 @@ pub struct SmoothInterface {
 }
 
 impl Dielectric {
-    /// What it does to light that arrives at cosine `cos_o`, from inside or from outside.
+    /// Reflection and refraction for an incident cosine `cos_o`, from inside or from outside.
     pub(super) fn interface(&self, cos_o: f32, is_inside: bool) -> SmoothInterface {
         let eta = if is_inside { 1.0 / self.ior } else { self.ior };
         let fresnel::Interface { reflectance, cos_transmitted } = match self.fresnel {

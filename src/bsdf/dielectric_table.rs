@@ -7,7 +7,7 @@ use super::ggx::MIN_ROUGHNESS;
 /// cosine, as s (1 + r) / (s + r) with s its square root.
 const NODES: [usize; 3] = [32, 16, 40];
 
-/// What the table holds, from here on over a range of 1 in steps of 1 / 65535.
+/// Smallest value of the table; from it on, values are quantised in 1 / 65535 of a range of 1.
 const MIN: f32 = -0.1;
 
 /// The mean cosine of facets is the cosine at which a smooth surface weighs light as the rough one does on average: the

@@ -160,7 +160,7 @@ impl Toon {
         Toon { color, angle_rad, end_rad: angle_rad + smooth * FRAC_PI_2, is_glossy }
     }
 
-    /// What is left of light at an angle.
+    /// Remaining intensity at an angle.
     fn intensity(&self, angle: f32) -> f32 {
         if angle < self.angle_rad {
             return 1.0;

@@ -149,7 +149,7 @@ mod tests {
     use crate::bsdf::reference::reflected;
     use crate::sampling::chi2::Random;
 
-    /// What a node of the table holds.
+    /// The two values of a node of the table.
     fn node(row: usize, column: usize) -> [f64; 2] {
         let least = f64::from(MIN_ROUGHNESS);
         let r = least + (1.0 - least) * row as f64 / (ROWS - 1) as f64;

@@ -22,7 +22,7 @@ pub struct Hair {
     tangent: Vec2,
     /// Root of the absorption, per radius.
     root_absorption: Rgb,
-    /// What the logarithm of a colour is divided by for it: eq. 9.
+    /// Divisor of the logarithm of a colour for the absorption: eq. 9.
     color_scale: f32,
     ior: f32,
     /// Longitudinal variance of R, TT, and all others.
@@ -144,7 +144,7 @@ impl Hair {
         Around { sine, cosine: (y * y + z * z).sqrt(), angle: poly::atan2(y, z) }
     }
 
-    /// What a viewer sees.
+    /// Albedo for a viewing direction.
     #[inline]
     fn seen(&self, wo: Around) -> HairClosure {
         // Sine and cosine of the angle between the normal and the viewer in the plane across.

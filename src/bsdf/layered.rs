@@ -59,7 +59,7 @@ struct LayeredClosure {
     glass: RoughDielectric,
     /// The diffuse base where it is rough; the opaque part has none then.
     rough: OrenNayar,
-    /// What light takes with it that crosses diffusely.
+    /// Attenuation of light that crosses diffusely.
     crossing: Refracted,
     /// Coat, sheen, opaque, through, rough diffuse base, glass.
     weights: [Rgb; PARTS],
@@ -379,12 +379,12 @@ pub(super) fn facets(pbr: &PbrMaterial) -> MicrosurfaceProgram {
     MicrosurfaceProgram { roughness: pbr.roughness, anisotropy: pbr.anisotropy }
 }
 
-/// What is behind its surface.
+/// The medium behind its surface.
 pub(super) fn walls(pbr: &PbrMaterial) -> Walls {
     if pbr.has_volume || pbr.keeps_radiance { Walls::Solid } else { Walls::Thin }
 }
 
-/// What becomes of radiance where light enters it.
+/// Scaling of radiance where light enters it.
 pub(super) fn refraction(pbr: &PbrMaterial) -> Refraction {
     if pbr.keeps_radiance { Refraction::KeepsRadiance } else { Refraction::Scales }
 }

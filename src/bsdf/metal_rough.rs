@@ -43,13 +43,13 @@ pub struct MetalRough<S = Isotropic> {
 pub struct MetalRoughClosure {
     /// Diffuse colour under what the layer leaves.
     pub diffuse: Rgb,
-    /// What the dielectric layer leaves to what is below it.
+    /// Share of light that the dielectric layer transmits to the layer below.
     pub rest: f32,
     /// Reflectance of the microfacets at normal incidence, compensation included.
     pub f0: Rgb,
-    /// What that rises by to grazing incidence, with Schlick's weight.
+    /// Increase of that towards grazing incidence, with Schlick's weight.
     pub schlick_rise: Rgb,
-    /// What it rises by with the weight of `curve`.
+    /// Increase with the weight of `curve`.
     pub exact_rise: Rgb,
     /// The curve of the dielectric layer.
     pub curve: DielectricCurve,
@@ -82,7 +82,7 @@ impl<S: Facets> MetalRough<S> {
         (self.metal_f0, self.metallic) = (Rgb::ZERO, 0.0);
     }
 
-    /// What a direction above the surface sees.
+    /// Reflectance for a direction above the surface.
     #[inline(always)]
     pub fn closure(&self, above: Vec3) -> MetalRoughClosure {
         let table = self.surface.directional_albedo(above);

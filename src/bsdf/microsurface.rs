@@ -4,8 +4,7 @@
 use super::anisotropic_table::{LARGEST_ROOT_RATIO, anisotropic_albedo, anisotropic_dielectric_grazing};
 use super::dielectric_table::mean_cosine;
 use super::fresnel::DielectricCurve;
-use super::ggx::DirectionalAlbedo;
-use super::ggx::{self, MIN_ALPHA, MIN_COS, Reflection};
+use super::ggx::{self, DirectionalAlbedo, MIN_ALPHA, MIN_COS, Reflection};
 use super::lobe::{LocalFrame, Slots, always};
 use crate::math::{Vec2, Vec3, poly};
 use crate::scene::{Anisotropy, ColorSlot, FloatSlot};
@@ -347,7 +346,7 @@ mod beckmann_tests {
         }
     }
 
-    /// What is seen of the facets along a direction fills its cosine: the mean of `G1 (v . h)` over facets (Heitz 2014, eq. 11).
+    /// The projected area of the visible facets along a direction equals its cosine: the mean of `G1 (v . h)` over facets (Heitz 2014, eq. 11).
     #[test]
     fn visible_facets_fill_the_cosine() {
         let (alpha, cosine) = ([0.6f32, 0.6], 0.35f32);

@@ -48,7 +48,7 @@ pub fn direction(cosine: f64) -> DVec3 {
     DVec3::new((1.0 - cosine * cosine).max(0.0).sqrt(), 0.0, cosine)
 }
 
-/// What single scattering reflects with a reflectance of 1, and the share of it weighted by (1 - cos)^5. Facets of the
+/// Albedo of single scattering with a reflectance of 1, and the share of it weighted by (1 - cos)^5. Facets of the
 /// same roughness in both directions.
 pub fn reflected(cosine: f64, alpha: f64, points: usize) -> [f64; 2] {
     reflected_from(direction(cosine), [alpha; 2], 0.5, points)
@@ -61,7 +61,7 @@ pub fn reflected_from(wo: DVec3, alpha: [f64; 2], turn: f64, points: usize) -> [
         .fold([0.0; 2], |[full, grazing], (c, light)| [full + light, grazing + light * (1.0 - c).powi(5)])
 }
 
-/// What facets reflect once with a reflectance of 1: cosines under which they are seen, and shares of the light.
+/// Single reflections by facets of reflectance 1: cosines between view and facet, and shares of the light.
 pub fn reflections(wo: DVec3, alpha: [f64; 2], turn: f64, points: usize) -> impl Iterator<Item = (f64, f64)> {
     let root_o = smith_root(wo, alpha);
     visible_normals(wo, alpha, turn, points).filter_map(move |(normal, weight)| {
@@ -265,7 +265,7 @@ mod tests {
         }
     }
 
-    /// What each direction gives to all others: under light from everywhere, as bright on both sides as a medium's index
+    /// Light that each direction scatters into all others: under light from everywhere, as bright on both sides as a medium's index
     /// asks for, walks leave as much in every direction. Glass is off by no more than a factor of two.
     #[test]
     fn light_from_everywhere_leaves_nearly_evenly() {

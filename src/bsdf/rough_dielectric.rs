@@ -14,7 +14,7 @@ use crate::scene::{ColorSlot, EnergyCompensation, FloatSlot, GlassReflection, Sk
 /// direction: the surface counts as smooth.
 const MIN_SPREAD: f32 = 1e-4;
 
-/// What is behind the surface.
+/// The medium behind the surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Walls {
     /// A solid: light is refracted.
@@ -23,7 +23,7 @@ pub enum Walls {
     Thin,
 }
 
-/// What the interface reflects.
+/// Reflectance of the interface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum GlassReflectance {
     /// As physics says.
@@ -75,7 +75,7 @@ pub struct RoughDielectric {
     pub ior: f32,
     /// Solid or thin.
     pub walls: Walls,
-    /// What becomes of radiance where it enters a solid.
+    /// Scaling of radiance where it enters a solid.
     pub refraction: Refraction,
     /// Factor on transmitted light at each crossing.
     pub tint: Rgb,
@@ -123,7 +123,7 @@ impl RoughDielectric {
     pub(super) fn roughen(&mut self, least: f32) {
         if self.walls == Walls::Solid && self.surface.alpha.iter().any(|alpha| *alpha < least) {
             self.surface.roughen(least);
-            // What single scattering loses by that is lost, as in Cycles.
+            // The loss of single scattering by that remains a loss, as in Cycles.
             self.energy_compensation = EnergyCompensation::Off;
         }
     }
@@ -289,7 +289,7 @@ impl RoughDielectric {
         (mirrored.z > 0.0).then(|| Vec3::new(mirrored.x, mirrored.y, mirrored.z * side))
     }
 
-    /// What a solid's face does to light without roughness.
+    /// Reflection and refraction at a smooth face of a solid.
     pub(super) fn smooth_interface(&self, cosine: f32, is_inside: bool) -> Option<SmoothInterface> {
         if self.walls != Walls::Solid || !self.is_smooth() {
             return None;
@@ -558,7 +558,7 @@ impl FacetLight {
     }
 }
 
-/// What a facet sends along one direction, and what along that direction lifted.
+/// Values that a facet scatters along one direction, and along that direction lifted.
 #[derive(Clone, Copy)]
 struct FacetLobe {
     direction: Vec3,
@@ -576,7 +576,7 @@ impl SolidGlassClosure<'_> {
         SolidGlassClosure { glass, wo, root: glass.surface.smith_root(wo), eta, shadowed }
     }
 
-    /// What a facet sends along its mirrored and its refracted direction. `known` are these directions where they are at
+    /// Values that a facet scatters along its mirrored and its refracted direction. `known` are these directions where they are at
     /// hand, with all their digits.
     #[inline(always)]
     fn split(&self, normal: Vec3, known: [Option<Vec3>; 2]) -> [FacetLobe; 2] {
@@ -615,7 +615,7 @@ impl SolidGlassClosure<'_> {
     #[inline(always)]
     fn redirect(&self, shadowed: &Shadowed, rarer: (&mut FacetLobe, f32), denser: (&mut FacetLobe, f32)) {
         let ((rarer, open), (denser, open_denser)) = (rarer, denser);
-        // What leads to the wrong side does not stay.
+        // Directions to the wrong side are lost.
         let stays = if open > 0.0 { shadowed.stays } else { 0.0 };
         let hidden = rarer.open.times(1.0 - open);
         rarer.lifted = hidden.times(stays);

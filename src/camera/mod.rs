@@ -402,7 +402,7 @@ impl Camera {
     /// Connects a point to the point of the lens that `lens` in 0..1 squared chooses, as in [`Camera::ray`]; `None` behind the camera and
     /// outside of its clip range.
     ///
-    /// Of a pinhole, a solid angle `dw` at an angle with cosine `c` to the axis covers `dw / c^3` of the plane at distance 1
+    /// For a pinhole, a solid angle `dw` at an angle with cosine `c` to the axis covers `dw / c^3` of the plane at distance 1
     /// (Pharr, Jakob, Humphreys 2016, "Physically Based Rendering", section 16.1.1). The same holds for each point of a lens:
     /// its image on the plane in focus is the film, scaled.
     pub fn connect(&self, p: Vec3, lens: [f32; 2]) -> Option<FilmConnection> {

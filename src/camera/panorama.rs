@@ -89,7 +89,7 @@ impl Panorama {
                 let sideways = (d.x * d.x + d.y * d.y).sqrt();
                 let angle = poly::atan2(sideways, d.z);
                 let r = if law == Law::Equisolid { 2.0 * poly::sin_cos(0.5 * angle).0 } else { angle };
-                // What lies exactly ahead or behind is to no side.
+                // Directions exactly ahead or behind are to no side.
                 let out = if sideways > 0.0 { r / sideways } else { 0.0 };
                 [d.x * out, d.y * out]
             }

@@ -5,9 +5,7 @@ use super::parsers::{
     AovParser, FRAME_RATE, Frames, PreviewArg, ShowArg, bounce_limits, clamp, frames_per_second, number,
     region, stops, whole,
 };
-use super::picture_args::ExrArgs;
-use super::picture_args::Quality;
-use super::picture_args::{PictureArgs, views};
+use super::picture_args::{ExrArgs, PictureArgs, Quality, views};
 use super::progress::ProgressArg;
 use super::scene_args::{AssetArgs, BlenderArgs, StageArgs};
 use clap::builder::{OsStringValueParser, PossibleValue, TypedValueParser};

@@ -8,7 +8,7 @@ use oscura::load::{LONGEST_SHUTTER, Loaded, ShutterOptions, ShutterPosition};
 use oscura::math::DVec3;
 use oscura::scene::{Aperture, Camera, Projection, ThinLens};
 
-/// What a lens without a distance of its own is focused at, if only its opening is given: the target, or this, metres.
+/// Default focus distance of a lens with an aperture alone: the target, or this, metres.
 const DEFAULT_FOCUS: f64 = 10.0;
 
 #[derive(Args, Clone, Debug, Default)]

@@ -7,10 +7,12 @@ use super::merge::MergeArgs;
 use super::option_groups::group;
 use super::picture_args::{ConvertArgs, DenoiseArgs, InfoArgs};
 use super::process::remember_words;
+use super::scene_args::scenes_named;
 use super::thumbnail::{ThumbArgs, ThumbnailerArgs};
-use super::tips::with_tips;
 use super::view;
 use super::view::ViewArgs;
+use clap::builder::StyledStr;
+use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::ffi::OsString;
 use std::path::Path;
@@ -39,11 +41,11 @@ impl Arguments {
     /// Reads a command line, the first word of which is the program's name.
     ///
     /// # Errors
-    /// What clap objects to, and questions for help.
+    /// Errors of clap, and requests for help.
     pub fn read(words: impl Iterator<Item = OsString>) -> Result<Arguments, clap::Error> {
         let command = Arguments::command();
         let words = with_command(words.collect(), &command);
-        // Of the other commands, help is all that would need more; finishing all takes a millisecond.
+        // For the other commands, help alone would need more; finishing all takes a millisecond.
         let name = words.get(1).and_then(|word| word.to_str()).and_then(|word| command.find_subcommand(word));
         let mut command = match name.map(|command| command.get_name().to_string()) {
             Some(name) => command.mut_subcommand(name, finish),
@@ -124,6 +126,69 @@ pub(crate) enum Command {
     Completions(CompletionsArgs),
     /// Print the manual page of the program or of a command.
     Man(ManArgs),
+}
+
+// Help that clap's messages lack: a scene without its extension in place of a command, an option of another command.
+
+/// The error with what probably was meant.
+fn with_tips(error: clap::Error, command: &mut clap::Command) -> clap::Error {
+    match error.kind() {
+        ErrorKind::InvalidSubcommand => of_command(error, command),
+        ErrorKind::UnknownArgument => of_option(error, command),
+        ErrorKind::InvalidValue => of_view(error),
+        _ => error,
+    }
+}
+
+fn context(error: &clap::Error, kind: ContextKind) -> Option<String> {
+    match error.get(kind)? {
+        ContextValue::String(text) => Some(text.clone()),
+        ContextValue::Strings(texts) => texts.first().cloned(),
+        _ => None,
+    }
+}
+
+/// A word that is neither a command nor a file: files of that name with an extension, or the nearest command.
+fn of_command(error: clap::Error, command: &mut clap::Command) -> clap::Error {
+    let Some(word) = context(&error, ContextKind::InvalidSubcommand) else { return error };
+    let files = scenes_named(&word);
+    let near = context(&error, ContextKind::SuggestedSubcommand);
+    let tip = match (files.first(), near) {
+        (Some(_), _) => format!("\n\n  tip: scenes of that name: {}", files.join(", ")),
+        (None, Some(near)) => format!("\n\n  tip: a similar command exists: '{near}'"),
+        (None, None) => String::new(),
+    };
+    command.error(ErrorKind::InvalidSubcommand, format!("'{word}' is neither a command nor a file{tip}"))
+}
+
+/// An option of another command.
+fn of_option(mut error: clap::Error, command: &clap::Command) -> clap::Error {
+    let Some(option) = context(&error, ContextKind::InvalidArg) else { return error };
+    let name = option.trim_start_matches('-');
+    let has_option = |command: &&clap::Command| {
+        let mut arguments = command.get_arguments().filter(|arg| !arg.is_hide_set());
+        arguments.any(|arg| arg.get_long_and_visible_aliases().is_some_and(|names| names.contains(&name)))
+    };
+    let others: Vec<String> = command
+        .get_subcommands()
+        .filter(has_option)
+        .map(|command| format!("'oscura {}'", command.get_name()))
+        .collect();
+    if !others.is_empty() {
+        let tip = format!("'{option}' is an option of {}", others.join(", "));
+        error.remove(ContextKind::SuggestedArg);
+        error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![StyledStr::from(tip)]));
+    }
+    error
+}
+
+/// `--view` is looked for by those who want to see the page.
+fn of_view(mut error: clap::Error) -> clap::Error {
+    if context(&error, ContextKind::InvalidArg).is_some_and(|arg| arg.starts_with("--view ")) {
+        let tip = StyledStr::from("'oscura view SCENE' shows a scene live in the browser");
+        error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip]));
+    }
+    error
 }
 
 #[cfg(test)]

@@ -100,7 +100,7 @@ fn print(measured: &Errors, flip: f64, test: Option<&ZTest>) {
     print_line(if test.agrees() { "the pictures agree" } else { "the pictures disagree" });
 }
 
-/// What `--json` says.
+/// Output of `--json`.
 #[derive(Serialize)]
 struct Report {
     rmse: f64,

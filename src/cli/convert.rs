@@ -303,7 +303,7 @@ impl Layer {
         self.kind = kind;
     }
 
-    /// What `--layer` takes; the picture's own channels without a name.
+    /// Its name for `--layer`; empty for the picture's own channels.
     fn label(&self) -> String {
         if self.name.is_empty() { self.channels.join(" ") } else { self.name.clone() }
     }

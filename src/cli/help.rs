@@ -164,7 +164,7 @@ fn plain_text(text: &str) -> String {
     fill(text, lines_of(WIDTH)) + "\n"
 }
 
-/// What a pass has, and how it is asked for.
+/// Channels of a pass, and the option that adds it.
 fn about_pass(aov: Aov) -> String {
     let info = aov.info();
     plain_text(&format!("--aov {}: {}; EXR channels {}.", info.option, info.about, info.names.join(", ")))

@@ -45,7 +45,7 @@ fn write(writer: &mut impl Write, value: &impl Serialize) -> serde_json::Result<
     value.serialize(&mut serde_json::Serializer::with_formatter(writer, OneLine))
 }
 
-// What `--json` says about a run, or about the error that ended it.
+// Output of `--json`: a run, or the error that ended it.
 
 /// A finished run; times in seconds, sizes in bytes.
 #[derive(Serialize)]

@@ -1,8 +1,7 @@
 //! `oscura merge`: a picture from its parts.
 
 use super::parsers::{stops, whole};
-use super::picture_args::ExrFormatArgs;
-use super::picture_args::{DenoiserArgs, views};
+use super::picture_args::{DenoiserArgs, ExrFormatArgs, views};
 use super::pictures::{EncodeOptions, FinishedPicture, Pictures, Targets};
 use super::process::Outcome;
 use super::report::counted;
@@ -20,7 +19,7 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::time::{Instant, SystemTime};
 
-/// What `--json` says.
+/// Output of `--json`.
 #[derive(Serialize)]
 struct MergeReport {
     parts: usize,
@@ -164,7 +163,7 @@ fn sum(parts: &[(PathBuf, PartHeader)]) -> Result<(Film, Option<oscura::scene::B
     Ok((film, behind))
 }
 
-/// What the headers of pictures say, as those of a single run do.
+/// The metadata of the parts' headers, as a single run writes it.
 fn metadata(parts: &[(PathBuf, PartHeader)], samples: f64, is_complete: bool) -> Metadata {
     let first = &parts[0].1;
     let Finish { seed, world_to_camera, world_to_ndc, pixel_aspect, aov_space, world_offset, mattes, .. } =

@@ -42,7 +42,6 @@ mod settings;
 mod shot;
 mod show;
 mod thumbnail;
-mod tips;
 mod view;
 
 /// Runs the program with these arguments, the first of which is its own name. Returns the exit code: 0 done, 1 pictures

@@ -249,7 +249,7 @@ impl Frames {
         Error::input(path, "there are no such frames")
     }
 
-    /// What stands before the number of a frame in a name, the least digits of the number, and what stands after it.
+    /// Prefix of a name before the frame number, the least number of digits, and the suffix.
     fn parts_of_name(path: &Path) -> (String, usize, String) {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let name = with_marks(&name);

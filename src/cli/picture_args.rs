@@ -162,7 +162,7 @@ pub(crate) struct ConvertArgs {
 
 // Options of earlier versions about the denoiser.
 
-/// What denoises.
+/// Choice of a denoiser.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum DenoiserArg {
     /// The only denoiser.
@@ -173,7 +173,7 @@ pub(crate) enum DenoiserArg {
 
 #[derive(Args, Clone, Debug)]
 pub(crate) struct DenoiserArgs {
-    /// What denoises; there is one denoiser.
+    /// The denoiser; there is one.
     #[arg(long, value_name = "DENOISER", hide = true)]
     pub denoiser: Option<DenoiserArg>,
     /// The library of Open Image Denoise, whose network is built in.
@@ -182,7 +182,7 @@ pub(crate) struct DenoiserArgs {
 }
 
 impl DenoiserArgs {
-    /// What is to be said of options that have no effect.
+    /// Notes about options that have no effect.
     pub fn notes(&self) -> Vec<Warning> {
         let is_given = self.denoiser == Some(DenoiserArg::Oidn) || self.oidn_library.is_some();
         let message =
@@ -311,7 +311,7 @@ impl ExrArgs {
     }
 }
 
-/// What is rendered of a frame, or around it.
+/// The window of a frame that is rendered; it may exceed the frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Framed {
     /// The first pixel of the file, in the frame.
@@ -320,7 +320,7 @@ pub(crate) struct Framed {
     frame: (u32, u32),
     /// Size with overscan.
     pub size: (u32, u32),
-    /// What is rendered of that, if not all, in its own pixels.
+    /// The rendered region, if not all, in its own pixels.
     pub region: Option<Region>,
 }
 

@@ -81,7 +81,7 @@ pub(super) struct Tev {
     /// Until it breaks.
     client: Option<TevClient>,
     address: String,
-    /// What the picture is called there.
+    /// Name of the picture there.
     name: String,
     next: Instant,
 }

@@ -1,4 +1,4 @@
-//! What the program asks of the operating system: signals, its own memory, and the exit
+//! Services of the operating system: signals, its own memory, and the exit
 //! codes by which commands end.
 
 use super::report;
@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 /// group, so that it gets two.
 const SAME_REQUEST: Duration = Duration::from_secs(1);
 
-/// What signals cancel; `None` until they are watched for.
+/// Handle that signals cancel; `None` until signals are watched for.
 static WATCHED: Mutex<Option<Watched>> = Mutex::new(None);
 
 struct Watched {
@@ -150,7 +150,7 @@ impl Drop for Watchdog {
 }
 
 impl Limits {
-    /// What is to be said of the limit that is reached.
+    /// Message about the limit that is reached.
     fn reached(&self, start: Instant) -> Option<String> {
         if let Some(time) = self.time.filter(|time| start.elapsed() >= *time) {
             return Some(format!("takes longer than {} s (--time-limit)", time.as_secs_f64()));

@@ -63,7 +63,7 @@ impl ProgressLine {
     }
 }
 
-/// What was reported to programs.
+/// Progress that programs were sent.
 #[derive(Default)]
 pub(crate) struct LastLine {
     /// When the last line was printed.
@@ -88,12 +88,12 @@ pub(crate) enum Progress {
         /// When the next line is printed.
         next: Mutex<Duration>,
         ends: StopCriteria,
-        /// What lines begin with: the frame of a sequence.
+        /// Prefix of lines: the frame of a sequence.
         label: String,
     },
 }
 
-/// What ends rendering besides the number of samples.
+/// Conditions that end rendering besides the number of samples.
 #[derive(Clone, Copy)]
 pub(crate) struct StopCriteria {
     /// The time that it may take.
@@ -231,7 +231,7 @@ fn left(share: f64, elapsed: Duration, limit: Option<Duration>) -> Option<String
     })
 }
 
-// What is reported while something takes a while before or after rendering: loading, building, taking out noise.
+// Progress of steps before and after rendering: loading, building, denoising.
 
 /// How long something may take before it is reported that it does.
 const PATIENCE: Duration = Duration::from_secs(2);

@@ -149,7 +149,7 @@ pub(crate) fn note_stdout(written: std::io::Result<()>) {
 
 /// The exit code of a run, of which what was printed on standard output may be lost.
 pub(crate) fn code_with_stdout(code: u8) -> u8 {
-    // What is left in the buffer.
+    // The rest of the buffer.
     note_stdout(std::io::stdout().flush());
     match IS_STDOUT_LOST.load(Ordering::Relaxed) {
         true if code == 0 => 4,

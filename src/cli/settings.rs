@@ -3,8 +3,7 @@
 use super::args::{CRYPTO_LEVELS, FilterArg, FresnelArg, MicrofacetArg, RenderArgs, TerminatorArg, TreeArg};
 use super::checkpoint::cropped;
 use super::parsers::FRAME_RATE;
-use super::picture_args::Framed;
-use super::picture_args::{Preset, Quality};
+use super::picture_args::{Framed, Preset, Quality};
 use super::pictures::{EncodeOptions, format_of, is_moving, is_part};
 use super::process;
 use super::process::{Limits, Watchdog};
@@ -152,7 +151,7 @@ pub(crate) fn png(args: &RenderArgs, exposure: f32, is_stage_lit: bool, opaque: 
 
 // Preparation of a loaded scene: resolved options, memory check, compiled geometry.
 
-/// What the pictures are used for.
+/// Use of the pictures.
 pub(super) struct PictureUse {
     /// AOVs can be stored.
     pub has_exr: bool,
@@ -269,7 +268,7 @@ fn compiled(
     compiled.map_err(|error| error.in_file(&args.scene))
 }
 
-/// What textures may take: about what a picture of this size can show of them, but at most a quarter of the machine's memory, unless the
+/// Memory for textures: about as much as a picture of this size can show of them, but at most a quarter of the machine's memory, unless the
 /// user says something else.
 fn texture_memory(args: &RenderArgs, (width, height): (u32, u32)) -> u64 {
     let quarter = process::memory_of_machine().map_or(u64::MAX, |bytes| bytes / 4);
@@ -458,7 +457,7 @@ fn smaller(error: Error) -> Error {
     error.with_help("make the picture smaller, render parts of it by --region, or leave out --aov")
 }
 
-/// What denoising takes besides the film, at most: planes of the picture, its guides and the parts of its light, before and
+/// Maximum memory of denoising, besides the film: planes of the picture, its guides and the parts of its light, before and
 /// after.
 fn denoising_bytes(resolved: &ResolvedOptions, labels: &Labels) -> u64 {
     let options = &resolved.options;
@@ -467,7 +466,7 @@ fn denoising_bytes(resolved: &ResolvedOptions, labels: &Labels) -> u64 {
     u64::from(options.width) * u64::from(options.height) * 4 * planes
 }
 
-/// What frames take that are denoised with those around them: those that are not written yet, and all that these are averaged
+/// Memory of frames that are denoised with their neighbours: those that are not written yet, and all that these are averaged
 /// with.
 fn waiting_bytes(args: &RenderArgs, resolved: &ResolvedOptions, labels: &Labels) -> u64 {
     let options = &resolved.options;

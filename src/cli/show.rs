@@ -88,7 +88,7 @@ impl Variable {
     }
 }
 
-/// What the terminal supports. Multiplexers don't pass graphics through.
+/// Graphics protocol of the terminal. Multiplexers don't pass graphics through.
 fn chosen(how: ShowArg) -> ShowArg {
     let (term, program) = (variable("TERM"), variable("TERM_PROGRAM"));
     let is_shared = !variable("TMUX").0.is_empty() || term.begins_with(&["screen", "tmux"]);

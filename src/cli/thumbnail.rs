@@ -1,9 +1,7 @@
 use super::args::bytes;
 use super::parsers::whole;
 use super::pictures::{check, mark, marked, refuse_part};
-use super::process::cancel_by_signals;
-use super::process::{Limits, Watchdog};
-use super::process::{Outcome, exit_code};
+use super::process::{Limits, Outcome, Watchdog, cancel_by_signals, exit_code};
 use super::report;
 use super::report::{name_options_in_error, print_text};
 use super::scene_args::{StageArgs, check_scene_path};
@@ -28,7 +26,7 @@ use std::time::{Duration, Instant};
 /// Scattering events of a path: more are not seen at this size.
 const DEPTH: u32 = 6;
 
-/// What helps where a picture would replace something else.
+/// Help where a picture would overwrite another file.
 const ELSEWHERE: &str = "give another place by -o FOLDER or --file FILE, or replace it by --force";
 
 /// Makes all pictures; models that fail are listed, and the worst decides the exit code.
@@ -240,7 +238,7 @@ const TYPES: [(&str, &str, &str, Option<&str>); 7] = [
 /// The program that updates the database of MIME types.
 const UPDATE: &str = "update-mime-database";
 
-/// What is written.
+/// Files to write.
 struct Installed {
     thumbnailer: (PathBuf, String),
     types: (PathBuf, String),

@@ -7,8 +7,7 @@ use super::page::{
     own_command, strengthen,
 };
 use super::parsers::whole;
-use super::process::Outcome;
-use super::process::cancel_by_signals;
+use super::process::{Outcome, cancel_by_signals};
 use super::render::{load_options, load_scene};
 use super::scene_args::{BackgroundArg, StageArg, check_scene_path};
 use super::settings::{
@@ -147,7 +146,7 @@ pub(crate) fn adapt(command: Command) -> Command {
         arg.num_args(1)
             .help("The scene: .gltf, .glb, .vrm, .obj, .ply, .spz, .stl, .3mf, .zip, .toml or .blend")
     });
-    // What `render` requires in the place of something else is required by nothing here.
+    // Arguments that `render` requires are optional here.
     let output = Arg::new("output").short('o').long("output").action(ArgAction::Append);
     let command = command.mut_arg("output", |_| output.value_parser(value_parser!(PathBuf)));
     UNUSED.iter().fold(command, |command, id| command.mut_arg(id, |arg| arg.hide(true)))
@@ -258,7 +257,7 @@ impl Model {
         })
     }
 
-    /// What is wanted of it at first.
+    /// The initial settings.
     pub fn wish(&self, args: &ViewArgs, facts: &SceneInfo, poses: &[Pose]) -> Result<ViewRequest> {
         let fits = |&&(w, h): &&(u32, u32)| u64::from(w) * u64::from(h) <= PIXELS;
         let is_chosen = args.picture.width.or(args.picture.height).is_some();
@@ -279,7 +278,7 @@ impl Model {
         PageDisplay::new(self.png.clone())
     }
 
-    /// What pages show about it.
+    /// Facts about it for pages.
     pub fn facts(&self, args: &ViewArgs) -> SceneInfo {
         let (w, h) = (self.resolved.options.width, self.resolved.options.height);
         let part = |(n, of): (u64, u64)| [w, h].map(|v| (u64::from(v) * n / of).max(1) as u32).into();
@@ -315,7 +314,7 @@ impl Model {
         }
     }
 
-    /// What can be shown. Where things go to is known only if that was asked for when they were loaded.
+    /// Passes that can be shown. Motion is known only if it was asked for at loading.
     fn passes(&self) -> Vec<(&'static str, &'static str)> {
         let knows_motion = self.resolved.options.aovs.contains(Aov::Motion);
         let shown = Aov::ALL.iter().filter(|aov| knows_motion || **aov != Aov::Motion);

@@ -4,8 +4,7 @@ use super::geometry::{Attributes, Geometries, Placement, Space, Transform, norma
 use super::material::CompiledMaterial;
 use super::motion;
 use super::motion::{MovingShape, moving_shapes};
-use super::objects::part_materials;
-use super::objects::{Numbering, ObjectId, Owners};
+use super::objects::{Numbering, ObjectId, Owners, part_materials};
 use super::plan::{InstanceMode, Plan, Step, normal_map_set};
 use crate::accel;
 use crate::accel::{AccelInstance, MovingInstance};
@@ -33,7 +32,7 @@ pub(super) struct Baked {
     pub moving: Vec<MovingInstance>,
 }
 
-/// What of an earlier moment's geometry is used again.
+/// Geometry of an earlier time that is used again.
 #[derive(Debug, Default)]
 pub(super) struct EarlierSpaces {
     /// The world.
@@ -42,7 +41,7 @@ pub(super) struct EarlierSpaces {
     pub shared: Vec<Arc<Space>>,
 }
 
-/// What of a mesh the materials need.
+/// The attributes of a mesh that materials need.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Needs {
     normals: bool,

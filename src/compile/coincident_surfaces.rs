@@ -87,7 +87,7 @@ fn is_solid(material: &CompiledMaterial) -> bool {
 }
 
 impl Solid {
-    /// What coordinates may be off by.
+    /// Bound on the rounding error of coordinates.
     fn rounding(&self) -> f64 {
         rounding(&self.bounds)
     }
@@ -99,7 +99,7 @@ impl Solid {
     }
 }
 
-/// What coordinates in a box may be off by.
+/// Bound on the rounding error of coordinates in a box.
 fn rounding(bounds: &Bounds) -> f64 {
     bounds.low.abs().max(bounds.high.abs()).max_element() * f64::from(gamma(64))
 }
@@ -195,7 +195,7 @@ impl Solids {
 }
 
 impl Solid {
-    /// What the coordinates of most of its vertices may be off by: a few that are far away make those of others no less precise.
+    /// Bound on the rounding error of most of its vertices: a few distant ones don't make the others less precise.
     fn least_rounding(&self, scene: &Scene) -> f64 {
         let SolidSurface::Mesh { mesh, placed } = self.surface else { return self.rounding() };
         let size = |p: &[f32; 3]| placed.transform_point3(p.map(f64::from).into()).abs().max_element();
@@ -257,7 +257,7 @@ struct SolidTriangle {
     pub corners: [DVec3; 3],
     /// Number of the solid.
     pub solid: u32,
-    /// What its coordinates may be off by.
+    /// Bound on the rounding error of its coordinates.
     pub rounding: f64,
 }
 
@@ -293,7 +293,7 @@ impl SolidTriangle {
         let (first, rest) = common.split_first()?;
         let area: DVec3 = rest.windows(2).map(|w| (w[0] - first).cross(w[1] - first)).sum();
         let longest = rest.iter().map(|p| p.distance(*first)).fold(0.0, f64::max);
-        // What is as narrow as numbers are precise is an edge.
+        // A triangle as narrow as the rounding error is an edge.
         if area.length() <= 4.0 * reach * longest {
             return None;
         }

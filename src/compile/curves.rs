@@ -8,8 +8,7 @@
 use super::geometry::{CurveAttributes, Space, SurfaceCoordinates, frame_of};
 use super::limits;
 use super::material::CompiledMaterial;
-use super::objects::Numbering;
-use super::objects::ObjectMaterials;
+use super::objects::{Numbering, ObjectMaterials};
 use crate::error::Result;
 use crate::math::{DVec3, Vec3};
 use crate::sampling::hash::mix64;

@@ -384,12 +384,12 @@ const COLORS: usize = 1024;
 /// Factor on the emission of a medium.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CompiledEmissionGrid {
-    /// Of factors on all channels, on the first one, or of temperatures.
+    /// A grid of factors on all channels, on the first one, or of temperatures.
     grid: Arc<DensityGrid>,
     kind: EmissionKind,
 }
 
-/// What the values of an emission grid are.
+/// Meaning of the values of an emission grid.
 #[derive(Clone, Debug, PartialEq)]
 enum EmissionKind {
     /// Factors on all channels.
@@ -481,7 +481,7 @@ impl CompiledEmissionGrid {
 }
 
 impl BlackBodyEmission {
-    /// Of values up to `hottest` that are 1 at `kelvin`.
+    /// A table of values up to `hottest` that are 1 at `kelvin`.
     fn new(kelvin: f32, hottest: f32, scales_with_power: bool) -> BlackBodyEmission {
         let bodies = BlackBodies::relative_to(scene::EmissionGrid::REFERENCE_KELVIN);
         let last = (COLORS - 1) as f32;

@@ -355,7 +355,7 @@ fn right_angled(edges: Edges) -> AreaShape {
     if is_right_angled { AreaShape::Rectangle(edges) } else { AreaShape::Parallelogram(edges) }
 }
 
-/// What a primitive emits. The edges of mirror images are swapped, and so are their texture coordinates.
+/// The radiance of a primitive. The edges of mirror images are swapped, and so are their texture coordinates.
 fn radiance(space: &Space, prim: u32, emission: &CompiledEmission, mirrors: bool) -> Radiance {
     let order = |[a, b, c]: [Vec2; 3]| if mirrors { [a, c, b] } else { [a, b, c] };
     let factor = Rgb::from_array(emission.radiance.factor);

@@ -106,7 +106,7 @@ pub fn of_curves(curves: &Curves) -> Fingerprint {
         .with(u64::from(curves.material.0))
 }
 
-/// What decides on the geometry that materials need. `normal_sets` has the set of texture coordinates that the normal map
+/// A hash of all material properties that affect geometry. `normal_sets` has the set of texture coordinates that the normal map
 /// of each uses.
 pub(super) fn of_materials(materials: &[CompiledMaterial], normal_sets: &[Option<usize>]) -> Fingerprint {
     materials.iter().zip(normal_sets).fold(Fingerprint::START, |sum, (material, set)| {

@@ -256,7 +256,7 @@ impl Geometries {
             && self.world.attributes.uv[1].is_empty()
     }
 
-    /// What textures need of such a triangle.
+    /// Texture needs of such a triangle.
     #[inline(always)]
     pub fn texture_corners(&self, hit: &Hit) -> Option<TextureCorners> {
         let (shapes, attributes) = (&self.world.shapes, &self.world.attributes);
@@ -737,7 +737,7 @@ impl Attributes {
     }
 }
 
-/// What lists say of a triangle's corners, between two keys. The arithmetic is that of the accelerator.
+/// Values at a triangle's corners, interpolated between two keys. The arithmetic is that of the accelerator.
 fn between(keys: &[Vec<[f32; 3]>], t: [u32; 3], time: f32) -> [[f32; 3]; 3] {
     let (key, share) = segment(keys.len(), time);
     let (from, to) = (vertices(&keys[key], t), vertices(&keys[(key + 1).min(keys.len() - 1)], t));

@@ -1,4 +1,4 @@
-//! What graphs of nodes read of a hit.
+//! Inputs of node graphs at a hit.
 
 use super::geometry::{Geometries, SurfaceCoordinates};
 use super::material::CompiledMaterial;
@@ -34,7 +34,7 @@ pub struct SurfaceHit<'a> {
 }
 
 impl<'a> HitReader<'a> {
-    /// What graphs read of a hit that is seen from `wo`, where a path of these properties arrives. `None` where the scene has no objects for
+    /// Inputs of node graphs at a hit seen from `wo` by a path of these properties. `None` where the scene has no objects for
     /// graphs.
     pub fn read(
         &self,

@@ -146,7 +146,7 @@ impl Bodies<'_> {
 
 // Winding numbers by a hierarchy of triangles.
 //
-// What is far away counts as one area with a normal (Barill, Dickson, Schmidt, Levin, Jacobson 2018, "Fast Winding Numbers for Soups and
+// Distant triangles count as one area with a normal (Barill, Dickson, Schmidt, Levin, Jacobson 2018, "Fast Winding Numbers for Soups and
 // Clouds", equation 13, its first term). Where that leaves it open whether a point is within, all triangles are asked.
 
 /// Beyond this multiple of its radius a cluster of triangles is approximated by a dipole.

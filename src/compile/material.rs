@@ -38,7 +38,7 @@ pub struct CompiledMaterial {
     pub pane_thickness: f32,
     /// Index-matched interface: it only bounds a medium.
     pub is_boundary: bool,
-    /// What its solids are filled with; `None` for opaque and thin-walled ones.
+    /// The medium of its solids; `None` for opaque and thin-walled ones.
     pub medium: Option<Medium>,
     /// Number of that medium in [`super::CompiledScene::media`]; 0 where there is none.
     pub medium_index: u16,
@@ -116,12 +116,12 @@ pub struct SurfaceVisibility {
     pub is_catcher: bool,
     /// The sets of objects that its object is in.
     pub sets: ObjectSets,
-    /// What the light that it emits is linked to.
+    /// Light linking of its emission.
     pub links: LightLinks,
 }
 
 impl SurfaceVisibility {
-    /// What rays see of a light's surface.
+    /// Ray visibility of an emitter's surface.
     fn of_emitter(emitter_traits: &EmitterTraits, has_alpha: bool) -> SurfaceVisibility {
         let is_obstacle = emitter_traits.is_obstacle || has_alpha;
         SurfaceVisibility { visible_to: emitter_traits.visible_to, is_obstacle, ..SurfaceVisibility::FULL }
@@ -200,7 +200,7 @@ fn has_axis(model: &Model) -> bool {
     matches!(model, Model::Hair { .. }) || model.pbr().is_some_and(|pbr| pbr.anisotropy.is_some())
 }
 
-/// What a surface emits, and its spectrum where that is the same everywhere.
+/// The emission of a surface, and its spectrum where that is the same everywhere.
 fn emission_of(
     material: &Material,
     textures: &CompiledTextures,
@@ -224,7 +224,7 @@ fn emission_of(
     (emission, light_spectrum)
 }
 
-/// What the solids of a material are filled with.
+/// The medium of a material's solids.
 fn medium_of(material: &Material, model: &Model, class: BsdfClass, shading: ShadingModel) -> Option<Medium> {
     let medium = Medium::of(model, class, material.medium.as_ref());
     match shading.spectral {
@@ -461,7 +461,7 @@ impl CompiledMaterial {
         self.surface_visibility.map_or(ObjectSets::NONE, |v| v.sets)
     }
 
-    /// What the light that it emits is linked to.
+    /// Light linking of its emission.
     #[inline]
     pub fn links(&self) -> LightLinks {
         self.surface_visibility.map_or(LightLinks::ALL, |v| v.links)
@@ -544,7 +544,7 @@ impl CompiledMaterial {
         Some(if self.normal == Some(graph) { ns } else { given_normal(graph, slots, surface).0 })
     }
 
-    /// What the normal map says at a point, in the frame of tangents; not normalised, zero without a map.
+    /// The normal of the normal map at a point, in the tangent frame; not normalised, zero without a map.
     #[inline]
     pub fn mapped(&self, slots: &PointReader<'_>) -> Vec3 {
         self.normal_map.map_or(Vec3::ZERO, |map| local_normal(map, slots))
@@ -610,7 +610,7 @@ fn mapped_normal(
     if bent.dot(surface.ns) > 0.0 { bent } else { surface.ns }
 }
 
-/// What a normal map says, in the frame of the surface; not normalised.
+/// The normal of a normal map, in the frame of the surface; not normalised.
 #[inline(always)]
 fn local_normal(map: NormalMap, slots: &PointReader<'_>) -> Vec3 {
     let [x, y, z, _] = slots.eval(map.texture);

@@ -20,7 +20,7 @@ pub struct Medium {
     /// Extinction coefficient by channel, per metre, of media that only absorb; `None` for clear ones and those that
     /// scatter.
     pub absorption: Option<Rgb>,
-    /// What scatters or emits.
+    /// Scattering and emission.
     pub scattering: Option<Scattering>,
     /// Its boundary is index-matched: no surface reflects or refracts there.
     pub is_boundary: bool,
@@ -29,7 +29,7 @@ pub struct Medium {
     pub adds_up: bool,
     /// Nested dielectrics: where solids overlap, the highest priority counts.
     pub priority: i32,
-    /// What it does to each wavelength; where pictures are rendered by wavelength and it does not treat all alike.
+    /// Its coefficients by wavelength; in spectral rendering, where they depend on the wavelength.
     pub spectra: Option<MediumSpectra>,
 }
 
@@ -43,7 +43,7 @@ pub struct MediumSpectra {
 }
 
 impl Medium {
-    /// What surrounds the scene.
+    /// The surroundings of the scene.
     pub const AIR: Medium = Medium {
         iors: Some([1.0; 3]),
         absorption: None,
@@ -54,7 +54,7 @@ impl Medium {
         spectra: None,
     };
 
-    /// What a material's solids are filled with; `None` for opaque and thin-walled ones.
+    /// The medium of a material's solids; `None` for opaque and thin-walled ones.
     pub(super) fn of(model: &Model, class: BsdfClass, filling: Option<&scene::Medium>) -> Option<Medium> {
         let medium = Medium::of_model(model, class)?;
         let Some(filling) = filling else { return Some(medium) };
@@ -156,7 +156,7 @@ fn relative_to_air(iors: [f32; 3]) -> Option<[f32; 3]> {
     iors.iter().all(|&ior| ior >= 1.0).then_some(iors)
 }
 
-/// What the solid of a glTF material absorbs.
+/// Absorption coefficient of a glTF material.
 fn absorption(pbr: &PbrMaterial) -> Option<Rgb> {
     scene::coefficients(pbr.attenuation_color, pbr.attenuation_distance).map(Rgb::from_array)
 }
@@ -286,7 +286,7 @@ impl Scattering {
     /// Distances beyond this are infinite: nothing of a scene is as far away.
     pub const FARTHEST: f32 = 1e18;
 
-    /// What scatters in a medium; `None` where it only absorbs, the same everywhere.
+    /// The scattering part of a medium; `None` where it only absorbs, the same everywhere.
     pub(super) fn of(medium: &scene::Medium, absorption: Option<Rgb>) -> Option<Scattering> {
         let extinction = Rgb::from_array(medium.extinction);
         let scattered = extinction * Rgb::from_array(medium.albedo);

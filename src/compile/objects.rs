@@ -111,7 +111,7 @@ pub(super) struct ObjectMaterials {
     own: u32,
     /// The numbers of the copies.
     numbers: HashMap<(MaterialId, ObjectTraits), u32>,
-    /// What they are copies of, in the order of their numbers.
+    /// Materials and traits of the copies, in the order of their numbers.
     copies: Vec<(MaterialId, ObjectTraits)>,
     /// By material of a mix, after the copies: the number of the mix.
     components: Vec<u32>,

@@ -271,7 +271,7 @@ pub struct RefractedLights {
 pub struct Refractor {
     /// It lies within.
     pub bounds: Bounds3,
-    /// What fills it; 0 for an open sheet.
+    /// The medium within; 0 for an open sheet.
     pub medium: u16,
     /// Its facets spread light.
     pub is_rough: bool,

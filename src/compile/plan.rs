@@ -79,7 +79,7 @@ pub(super) struct Plan {
     pub inside_out: Vec<bool>,
     /// How far flat lights in the plane of other surfaces are moved.
     pub shifts: Shifts,
-    /// What another moment must have in common to use the same geometry; `None` if nothing is to be kept.
+    /// Keys under which another time can reuse this geometry; `None` if nothing is reused.
     pub keys: Option<Keys>,
 }
 

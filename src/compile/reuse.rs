@@ -66,7 +66,7 @@ pub(super) struct BuiltGeometry {
 }
 
 impl Reusable {
-    /// What an earlier moment, made of `sources`, may have in common with a scene.
+    /// Geometry of an earlier time, made of `sources`, that a scene can reuse.
     pub fn of(
         sources: Sources,
         (accel, geometries): (Accel, Geometries),

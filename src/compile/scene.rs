@@ -22,7 +22,7 @@ use crate::texture::{CompiledTextures, ObjectData, TextureReport};
 use crate::work_counter::WorkCounter;
 use std::sync::Arc;
 
-/// What to compile for.
+/// Options of compiling.
 #[derive(Clone, Debug, Default)]
 pub struct CompileOptions {
     /// Models that all materials share.
@@ -65,16 +65,16 @@ pub struct MemoryPart {
     pub bytes: u64,
 }
 
-/// What compiling did.
+/// A report about compiling.
 #[derive(Clone, Debug, Default)]
 pub struct CompileReport {
     /// Seconds it took.
     pub build_s: f64,
-    /// What was repaired or ignored.
+    /// Repairs and ignored parts.
     pub warnings: Vec<Warning>,
-    /// What was left out, though nothing is amiss: triangles without area.
+    /// Parts left out though nothing is wrong: triangles without area.
     pub notes: Vec<Warning>,
-    /// What the picture does not need, with what leaving it out saved.
+    /// Parts that the picture does not need, with the memory that leaving them out saved.
     pub left_out: Vec<String>,
     /// Triangles that rays can hit; shared meshes count once.
     pub triangles: u64,
@@ -94,7 +94,7 @@ pub struct CompileReport {
     pub bytes: u64,
     /// Memory by part, the accelerator included.
     pub memory: Vec<MemoryPart>,
-    /// What became of the images of textures.
+    /// The images of textures.
     pub textures: TextureReport,
 }
 
@@ -110,7 +110,7 @@ pub struct CompiledScene {
     pub materials: Vec<CompiledMaterial>,
     /// Models that all materials share.
     pub shading: ShadingModel,
-    /// What solids are filled with, by the number that their materials give; the first is what surrounds the scene.
+    /// Media, by the number that materials have; the first one surrounds the scene.
     pub media: Vec<Medium>,
     /// Texture lookups.
     pub textures: CompiledTextures,
@@ -124,17 +124,17 @@ pub struct CompiledScene {
     pub light_groups: LightGroups,
     /// Their spectra, by number; see [`CompiledScene::spectrum_of_light`].
     pub(super) light_spectra: Vec<Option<Arc<Spectrum>>>,
-    /// What each lights, by number; empty where all light everything.
+    /// Rays that each light is visible to, by number; empty where all lights are visible to all.
     pub(super) light_kinds: Vec<RayKinds>,
-    /// What the lights are linked to.
+    /// Light linking.
     pub links: Links,
     /// By light: is it left out of the reference picture of shadow catchers? Empty without catchers.
     pub(super) caught_lights: Vec<bool>,
     /// Materials of the scene that it was compiled from: the first ones. Copies for objects with traits follow.
     pub(super) own_materials: u32,
-    /// What these are copies of, in their order.
+    /// The originals of these copies, in their order.
     pub(super) originals: Vec<MaterialId>,
-    /// What the integrator may skip.
+    /// Features that the integrator may skip.
     pub features: Features,
     /// The objects as graphs of nodes see them, by number; empty where no graph asks.
     pub objects: Vec<ObjectData>,
@@ -142,7 +142,7 @@ pub struct CompiledScene {
     pub(super) emitters: Emitters,
     /// Where objects are at the neighbouring frames.
     pub vectors: MotionVectors,
-    /// What it was made of, for what may be made of it.
+    /// The sources that it was made of, for reuse at another time.
     pub(super) sources: Option<Sources>,
 }
 
@@ -203,7 +203,7 @@ impl Features {
     /// With lights that light some kinds of rays only, or some objects only.
     pub(super) fn with_lights(self, some_kinds: bool, links: bool) -> Features {
         let ray_kinds = self.ray_kinds || some_kinds || links;
-        // What casts no shadows in the light of some is absent for their shadow rays.
+        // Objects that cast no shadow in the light of some lights are absent for their shadow rays.
         Features { ray_kinds, alpha: self.alpha || links, links, ..self }
     }
 }
@@ -251,7 +251,7 @@ impl CompiledScene {
         self.geometries.object(hit)
     }
 
-    /// What another moment may have in common with this one.
+    /// The parts that another time may reuse.
     pub(super) fn into_reusable(self, scene: &Scene) -> Reusable {
         let CompiledScene { accel, geometries, textures, lights, sources, .. } = self;
         match sources {

@@ -36,7 +36,7 @@ pub(super) fn of(scene: &Scene, options: &CompileOptions) -> TextureNeeds {
         return TextureNeeds { finest: Vec::new(), limit };
     }
     let seen = seen(scene, options.picture.as_ref());
-    // Of textures that nothing placed has, there is none.
+    // Textures of nothing placed have no footprint.
     let mut least = vec![None::<f32>; scene.textures.len()];
     for (material, seen) in scene.materials.iter().zip(&seen).filter(|(_, seen)| seen.is_used) {
         let mut note = |id: TextureId, footprint: &dyn Fn(&Mapping) -> f32| {
@@ -119,7 +119,7 @@ impl Footprint {
     }
 }
 
-/// What is seen of each material.
+/// Visible surfaces of each material.
 fn seen(scene: &Scene, picture: Option<&ExpectedPicture>) -> Vec<Footprint> {
     let nothing = || vec![Footprint::NOWHERE; scene.materials.len()];
     let eye = picture.map(Viewpoint::new);
@@ -208,7 +208,7 @@ impl Viewpoint {
         self.cone[0] + self.cone[1] * (nearest - self.lens_radius).max(0.0)
     }
 
-    /// What is seen of a part of a placed mesh, triangle by triangle.
+    /// Visible triangles of a part of a placed mesh.
     fn part(&self, mesh: &Mesh, part: &MeshPart, instance: &Instance) -> Footprint {
         if matches!(instance.motion, Motion::Keyed(_)) {
             return Footprint::POINTS;

@@ -1,4 +1,4 @@
-//! What the network leaves out, or adds, comes back: at each scale, the residual (noisy picture minus proposal) is kept where
+//! Errors of the network are corrected: at each scale, the residual (noisy picture minus proposal) is kept where
 //! it stands out from the noise of that scale, from large scales, where noise is small, to pixels. So regions keep their
 //! brightness at any number of samples, and the result tends to the noisy picture as the noise vanishes.
 //!
@@ -147,7 +147,7 @@ impl Scale {
         Scale { level: self.level + 1, width, height, residual, deviation, weight, independent, contrast }
     }
 
-    /// What is kept of the residual at this scale and all larger ones.
+    /// The accepted residual at this scale and all larger ones.
     fn kept(&self) -> [Vec<f32>; 3] {
         let mut kept = [0, 1, 2].map(|_| vec![0.0; self.width * self.height]);
         if self.width > 1 || self.height > 1 {

@@ -218,7 +218,7 @@ pub struct Sequence<T> {
 pub struct Averaged<T> {
     /// Its number.
     pub number: u32,
-    /// What goes with it.
+    /// Data of the caller that belongs to the frame.
     pub item: T,
     /// Its picture.
     pub picture: Denoised,
@@ -316,7 +316,7 @@ fn places(frames: &[Frame], at: usize, other: usize) -> (Vec<[f32; 2]>, Vec<bool
     (there, is_seen)
 }
 
-/// What two frames show at the pixels of one of them, in one channel; 0 where the other doesn't show a pixel.
+/// Two frames at the pixels of one of them, in one channel; 0 where the other doesn't have the pixel's surface.
 struct Compared {
     /// The noisy pictures.
     own: Vec<f32>,
@@ -471,7 +471,7 @@ mod tests {
         assert!(after < 1.05 * before, "{after} {before}");
     }
 
-    /// What turns away, or hides behind something that moves otherwise, is not read.
+    /// Surfaces that turn away, or hide behind something that moves otherwise, are not read.
     #[test]
     fn other_surfaces_are_not_averaged() {
         let (mut frames, _) = sequence(0.0, [1.0; COUNT]);

@@ -16,9 +16,9 @@ pub const BACKGROUND_DEPTH: f32 = 1e10;
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub struct AovInfo {
-    /// What users call it: `--aov depth`.
+    /// Its name for users: `--aov depth`.
     pub option: &'static str,
-    /// What it is, with its unit.
+    /// Its description, with its unit.
     pub about: &'static str,
     /// Names of the components in files.
     pub names: &'static [&'static str],
@@ -174,7 +174,7 @@ pub enum AovSpace {
 }
 
 impl AovSpace {
-    /// What users call it, and headers.
+    /// Its name for users and in headers.
     pub fn name(self) -> &'static str {
         match self {
             AovSpace::World => "world",
@@ -382,7 +382,7 @@ mod tests {
             assert!(options.insert(info.option), "{} is there twice", info.option);
             let mut fresh = info.names.iter().map(|&name| names.insert(Cow::Borrowed(name)));
             assert!(fresh.all(|is_new| is_new), "{:?}: a name is there twice", info.names);
-            // What the macros spell out is what other numbers of levels follow.
+            // The macros spell out the rule for other numbers of levels.
             assert_eq!(Channel::from(aov).names, info.names);
         }
         assert_eq!(Aov::from_option("colour"), None);

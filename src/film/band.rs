@@ -112,7 +112,7 @@ fn add(planes: &mut [Values], values: impl Iterator<Item = [f64; 3]>) {
 pub(super) struct Sums {
     /// Red, green, blue, alpha.
     pub rgba: Vec<[f64; 4]>,
-    /// What the sums of red, green and blue leave out.
+    /// Lower parts of the sums of red, green and blue.
     pub(super) rgb_low: Vec<[f32; 3]>,
     /// Samples of each pixel.
     pub count: Vec<u32>,

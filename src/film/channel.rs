@@ -1,4 +1,4 @@
-//! What a film is a list of: channels, and how samples become pixels in each. `aov.rs` has the table of those that users may
+//! Channels of a film, and how samples become pixels in each. `aov.rs` has the table of those that users may
 //! ask for.
 
 use super::cryptomatte::Coverage;
@@ -6,7 +6,7 @@ use super::exact_sum::{HalfSum, SumList};
 use std::borrow::Cow;
 use std::ops::Range;
 
-/// What the names of the layers of light groups begin with.
+/// Prefix of the layers of light groups.
 pub const LIGHT_GROUP: &str = "RGBA_";
 
 /// How files store the values of a channel.
@@ -21,7 +21,7 @@ pub enum PixelType {
     Uint,
 }
 
-/// What of a sample a channel is made from.
+/// The part of a sample from which a channel is made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Source {
@@ -73,7 +73,7 @@ pub struct Channel {
     pub pixel_type: PixelType,
     /// Where its values come from.
     pub source: Source,
-    /// What becomes of them.
+    /// How samples become a pixel.
     pub reduction: Reduction,
 }
 
@@ -121,7 +121,7 @@ pub(super) const fn components(reduction: Reduction, names: usize) -> usize {
     }
 }
 
-// What a film keeps for one channel beyond colour, by the channel's reduction.
+// Storage of one channel beyond colour, by the channel's reduction.
 
 /// Values of one component of a channel, one a pixel, rows from the top.
 #[derive(Clone, Debug, PartialEq)]
@@ -167,7 +167,7 @@ pub(super) struct Counts<'a> {
     pub brought: &'a [u32],
 }
 
-/// What is kept for one channel.
+/// Storage of one channel.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Accumulator {
     /// Numbers of a sample.
@@ -398,9 +398,9 @@ fn places(pixels: Range<usize>, width: usize) -> Range<usize> {
     pixels.start * width..pixels.end * width
 }
 
-// What a film holds, and where the numbers of a sample belong.
+// The layout of a film, and where the numbers of a sample belong.
 
-/// What a film is a list of. The first channel is colour.
+/// The channels of a film. The first one is colour.
 #[derive(Debug, PartialEq)]
 pub struct Layout {
     pub(super) channels: Vec<Channel>,

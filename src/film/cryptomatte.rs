@@ -127,7 +127,7 @@ fn murmur3_32(bytes: &[u8]) -> u32 {
     hash ^ hash >> 16
 }
 
-/// What mattes of a scene need: the ids of its objects and materials, by their numbers. Lists that no matte asks for are
+/// Ids for mattes: the ids of its objects and materials, by their numbers. Lists that no matte asks for are
 /// empty.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct MatteIds {

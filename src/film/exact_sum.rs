@@ -42,7 +42,7 @@ pub(super) fn add_exact(high: &mut f64, low: &mut f32, value: f64) {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct SumList {
     pub high: Vec<f64>,
-    /// What `high` leaves out; empty in tiles.
+    /// Lower parts of the sums; empty in tiles.
     pub low: Vec<f32>,
 }
 

@@ -3,7 +3,7 @@
 //! # Shadow catchers
 //! These are objects that appear only by what the rest of the scene changes on them.
 //!
-//! Of samples whose camera rays meet a catcher first the film holds apart, as means over all samples of the pixel: their
+//! For samples whose camera rays hit a catcher first, the film stores as means over all samples of the pixel: their
 //! radiance W with the whole scene, their radiance O with nothing but catchers and lights, and their share c. What is seen
 //! by these samples becomes, channel by channel,
 //!
@@ -128,17 +128,17 @@ impl Film {
         self.height
     }
 
-    /// What it holds; colour comes first.
+    /// Its channels; colour comes first.
     pub fn channels(&self) -> &[Channel] {
         &self.layout.channels
     }
 
-    /// What [planes](Film::planes) are called, in their order.
+    /// Names of [planes](Film::planes), in their order.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.channels().iter().flat_map(|channel| channel.names.iter().map(AsRef::as_ref))
     }
 
-    /// What tiles of it hold.
+    /// The layout of its tiles.
     pub fn layout(&self) -> &Arc<Layout> {
         &self.layout
     }
@@ -494,7 +494,7 @@ impl Film {
     }
 }
 
-// What lies behind a picture where it is transparent.
+// Backgrounds behind transparent pixels.
 
 impl Film {
     /// Lays a scene's backdrop behind the pixels that are transparent.
@@ -540,7 +540,7 @@ pub const CATCHER_PARTS: usize = 3;
 const DARK: f32 = 1e-12;
 
 impl Channel {
-    /// What films of scenes with shadow catchers hold besides.
+    /// The additional channels of scenes with shadow catchers.
     pub fn of_catchers() -> [Channel; CATCHER_PARTS] {
         [&LAYER[..], &WITHOUT, &SHARE].map(|names| Channel {
             names: names.iter().map(|&name| Cow::Borrowed(name)).collect(),

@@ -193,7 +193,7 @@ fn read_sums<T: AsKept>(
     read(reader, parts.iter_mut().filter_map(|part| Some(&mut list(part.kept())?.low[..])))
 }
 
-/// What has lists of sums.
+/// A type with lists of sums.
 trait AsKept {
     type Kept;
     fn kept(&mut self) -> &mut Self::Kept;

@@ -17,7 +17,7 @@ pub struct Splat {
     pub parts: Option<Box<[SplatPart; 3]>>,
 }
 
-/// What a layer has of a splat.
+/// The share of a layer in a splat.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SplatPart {
     /// Which of the channels whose source is `Source::PartOfColor`, in their order; beyond them: none.
@@ -38,7 +38,7 @@ pub(super) struct Splats {
     pub all: Vec<HalfSum>,
     /// Over those of the first half; empty where halves are not kept apart.
     pub first_half: Vec<HalfSum>,
-    /// What each layer has, three numbers per pixel.
+    /// Sums of each layer, three numbers per pixel.
     pub layers: Vec<SumList>,
     /// Sums of squares, three numbers per pixel, where the film keeps a variance.
     pub squares: Option<SumList>,
@@ -232,7 +232,7 @@ mod tests {
         }
         film.merge(tile);
         assert_eq!(of(&film, Aov::Variance), [[2.5, 0.0], [0.625, 0.0], [0.0, 0.0]]);
-        // What is put in place of colour and of a layer leaves the others.
+        // Replacing colour and a layer leaves the others.
         film.set_color([&[5.0; 2]; 3]);
         let first = Aov::DiffuseDirect.info().names[0];
         film.set_means(first, [&[7.0; 2]; 3]);

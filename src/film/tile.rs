@@ -214,7 +214,7 @@ impl Rect {
         u64::from(self.width()) * u64::from(self.height())
     }
 
-    /// What is within both.
+    /// The intersection of both.
     #[must_use]
     pub fn and(self, other: Rect) -> Rect {
         Rect {

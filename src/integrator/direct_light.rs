@@ -237,7 +237,7 @@ impl Kernel for SampleRectangles<'_> {
         for first in (0..self.count.min(WAVE)).step_by(BATCH) {
             let mut numbers = [[0.0; BATCH]; RECTANGLE_NUMBERS];
             for lane in 0..BATCH {
-                // Of many lights, most are not in the caches.
+                // With many lights, most are not in the caches.
                 self.rectangles.prefetch(light.index[(first + lane + PREFETCH_DISTANCE).min(WAVE)]);
             }
             for lane in 0..BATCH {

@@ -54,7 +54,7 @@ const DENOISING_GUIDES: [Aov; 2] = [Aov::DenoisingAlbedo, Aov::DenoisingNormal];
 const OF_OBJECTS: [Aov; 3] = [Aov::ObjectId, Aov::CryptoObject, Aov::CryptoAsset];
 
 impl FirstHit<'_> {
-    /// What AOVs have in common.
+    /// Values that several AOVs use.
     fn common(&self, aovs: AovSet, scene: &CompiledScene) -> Common {
         let shows = |some: &[Aov]| some.iter().any(|&aov| aovs.contains(aov));
         Common {

@@ -240,7 +240,7 @@ mod tests {
         assert_eq!(left, Interior::AIR);
     }
 
-    /// Of these media, 0 to 3 add up, 3 is of a higher priority, and 4 and 5 displace others.
+    /// Media 0 to 3 add up, 3 has a higher priority, and 4 and 5 displace others.
     #[test]
     fn media_in_one_place() {
         let of = |adds_up, priority| Medium { adds_up, priority, ..Medium::AIR };

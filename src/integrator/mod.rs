@@ -15,7 +15,6 @@ mod emission;
 mod first_hit;
 mod generate;
 mod guiding;
-mod hit_data;
 mod interfaces;
 mod interior;
 mod lifted_rays;
@@ -194,7 +193,7 @@ impl<'a> Integrator<'a> {
         }
     }
 
-    /// What shading normals do to light near the horizon.
+    /// The correction of shading normals for light near the horizon.
     fn terminator(&self) -> Terminator {
         let has_relief = self.scene.features.mapped_normals;
         match self.options.terminator {

@@ -11,7 +11,7 @@
 //! by the same densities. A ray that does not pass is reflected, with the reflectance of the whole body, r = R + T^2 R a^2 / (1 - R^2 a^2).
 //! Rays that don't compete (from the camera, from mirrors) meet the two faces as those of any other solid.
 //!
-//! What is neglected: light reflected k times within the body leaves it shifted by 2 k d tan(theta') more, d being the thickness: for
+//! Neglected: light reflected k times within the body leaves it shifted by 2 k d tan(theta') more, d being the thickness: for
 //! glass this moves some 0.2 % of the light by some two thicknesses. Occluders between a vertex and a pane are tested along the straight
 //! connection to lights that are not at infinity: edges of shadows move by less than the thickness. Light reflected to and fro between
 //! two panes is found by scattered rays.
@@ -38,7 +38,7 @@ use crate::scene::EnergyCompensation;
 /// Largest sine of the angle between the two faces.
 const MAX_WEDGE: f32 = 1e-3;
 
-/// What a pane does to a ray that hits it.
+/// Effect of a pane on a ray that hits it.
 #[derive(Clone, Copy, Debug)]
 struct Crossing {
     slab: Slab,

@@ -160,7 +160,7 @@ pub(super) fn survival(throughput: Rgb, roulette_scale: f32, u: f32, roulette: b
     ((u < q) & (brightest > 0.0), 1.0 / if q > 0.0 { q } else { 1.0 })
 }
 
-/// What the random numbers of a path are for. This table decides the set of four Sobol dimensions; [`RandomChoice`] lists the
+/// Purposes of the random numbers of a path. This table decides the set of four Sobol dimensions; [`RandomChoice`] lists the
 /// decisions that take hashed numbers.
 #[derive(Clone, Copy)]
 pub(super) enum Purpose {

@@ -31,7 +31,7 @@ pub(super) struct EvaluatedMaterial {
     pub mapping: Mapping,
 }
 
-/// What maps and bumps did to a shading normal.
+/// Effect of maps and bumps on a shading normal.
 #[derive(Clone, Copy)]
 pub(super) struct Mapping {
     /// The normal that they count against: without maps and bumps, but with the bumps of a displacement.
@@ -84,7 +84,7 @@ impl EvaluatedMaterial {
     }
 }
 
-/// What graphs of nodes know of a path that arrives.
+/// Path properties that node graphs read.
 #[derive(Clone, Copy)]
 pub(super) struct PathOrigin {
     /// Kinds of its ray; none where that isn't known.
@@ -161,7 +161,7 @@ pub(super) fn local_viewer(frame: &Frame, wo: Vec3, ng: Vec3) -> Vec3 {
 /// The height over the geometric surface at which light is whole, over the sine of the angle between the normals.
 const WHOLE: f32 = 0.5;
 
-/// What of even light a diffuse surface would lose by the softened terminator alone, over the squared sine of the angle
+/// Share of uniform light that a diffuse surface would lose by the softened terminator alone, over the squared sine of the angle
 /// between the normals, up to the angle of this cosine: 0.158 to 0.166 by quadrature. Beyond, it falls off with the
 /// cosine.
 const LOST: f32 = 0.16;
@@ -237,7 +237,7 @@ pub(super) fn under_relief(value: Rgb, diffuse: Rgb, relief: f32) -> Rgb {
     value - diffuse.min(value) * (1.0 - relief)
 }
 
-/// What shading normals of a scene do to light from near the horizon.
+/// Correction of shading normals for light near the horizon.
 pub(super) trait Horizon: Copy + Sync {
     /// Is there anything to ask for?
     const SOFTENS: bool = true;

@@ -18,13 +18,12 @@ use super::workspace::Workspace;
 use crate::bsdf::{Bsdf, BsdfClass, LocalFrame, MetalRough};
 use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
-use crate::compile::SurfaceCoordinates;
-use crate::compile::point_reader;
+use crate::compile::{HitReader, SurfaceCoordinates, SurfaceHit, point_reader};
 use crate::math::{Frame, Hit, Ray, Vec2, Vec3, select};
-use crate::scene::SkippedCaustics;
+use crate::scene::{RayKinds, SkippedCaustics};
 use crate::shape::{Surface, shading_normal, triangle_surface};
 use crate::simd::{Kernel, dispatch, map_each};
-use crate::texture::{HitData, PointReader, TexturePoint};
+use crate::texture::{CameraData, HitData, PathData, PointReader, TexturePoint};
 use std::ops::Range;
 
 /// A surface with its BSDF.
@@ -351,7 +350,7 @@ impl Integrator<'_> {
             let has_weights = self.optional.component_weight;
             return if has_weights { get_rgb(&w.arriving.component_weight, i) } else { Rgb::ONE };
         }
-        // What mirrors reflect, without the shares of branches.
+        // The light that mirrors reflect, without the shares of branches.
         let weight = get_rgb(&paths.throughput, k) * paths.roulette_scale[k];
         let weight =
             if self.is_spectral() { Rgb::ONE * ((weight.r + weight.g + weight.b) / 3.0) } else { weight };
@@ -732,4 +731,53 @@ impl Kernel for BendNormals<'_> {
             v.relief[i] = if is_mapped { RELIEF } else { UNMAPPED };
         }
     }
+}
+
+// Inputs of node graphs at a hit.
+
+impl Integrator<'_> {
+    /// Inputs of a material's node graphs at a hit seen from `wo`; `None` where they read nothing.
+    #[inline(always)]
+    pub(super) fn hit_data(
+        &self,
+        at: &HitPoint<'_>,
+        coordinates: &SurfaceCoordinates,
+        wo: Vec3,
+    ) -> Option<HitData<'_>> {
+        if at.material.reads_hit { self.read_hit(at, coordinates, wo) } else { None }
+    }
+
+    #[inline(never)]
+    fn read_hit(&self, at: &HitPoint<'_>, coordinates: &SurfaceCoordinates, wo: Vec3) -> Option<HitData<'_>> {
+        let HitPoint { surface, hit, material, is_back, time, path } = at;
+        let reader = HitReader {
+            geometries: &self.scene.geometries,
+            objects: &self.scene.objects,
+            camera: CameraData {
+                camera_from_world: &self.view.camera_from_world,
+                ndc_from_world: self.view.ndc_from_world.as_ref(),
+            },
+        };
+        let at = SurfaceHit { surface, hit, material, is_back: *is_back, time: *time };
+        reader.read(at, coordinates, wo, path_data(path, hit.t))
+    }
+}
+
+/// The flags of a path in the words of Cycles, which counts refraction and mirrors among what is glossy.
+fn path_data(path: &PathOrigin, length: f32) -> PathData {
+    let is = |kind: RayKinds| path.kinds.contains(kind) && path.kinds != RayKinds::NONE;
+    let (diffuse, glossy, transmission) =
+        (is(RayKinds::DIFFUSE), is(RayKinds::GLOSSY), is(RayKinds::TRANSMISSION));
+    let shadow = is(RayKinds::SHADOW);
+    let kinds = [
+        is(RayKinds::CAMERA) && !shadow,
+        shadow,
+        diffuse && !shadow,
+        (glossy || transmission) && !shadow,
+        path.is_singular,
+        (diffuse || glossy) && !shadow,
+        transmission && !shadow,
+        is(RayKinds::VOLUME) && !shadow,
+    ];
+    PathData { kinds: kinds.map(|is| f32::from(u8::from(is))), length, depth: f32::from(path.bounces) }
 }

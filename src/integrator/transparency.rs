@@ -409,7 +409,7 @@ impl Integrator<'_> {
     }
 }
 
-/// What a ray does at a hit.
+/// Behaviour of a ray at a hit.
 enum HitResponse {
     /// It ends there.
     Stops,

@@ -18,8 +18,7 @@
 use super::Integrator;
 use super::radiance_buffer::PathClass;
 use super::sampling::RandomChoice;
-use super::shading_geometry::PathOrigin;
-use super::shading_geometry::local_viewer;
+use super::shading_geometry::{PathOrigin, local_viewer};
 use super::shading_groups::{
     Closure, GeneralClass, LambertClass, MediumClass, MetalRoughClass, SortedVertices, VertexClass,
 };
@@ -52,7 +51,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// What graphs of nodes know of arriving path `i`.
+    /// Properties of arriving path `i` for node graphs.
     pub(super) fn path_origin(&self, bounce: u32, i: usize, arriving: &Paths) -> PathOrigin {
         PathOrigin {
             kinds: self.kind(bounce, i, arriving),

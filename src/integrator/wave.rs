@@ -192,7 +192,7 @@ impl BounceCounts {
 
 const _: () = assert!(MAX_RECEIVER_CLASSES <= 1 << (u32::BITS - RayVisibility::CLASS_SHIFT));
 
-/// What decides which optional state paths have.
+/// Conditions for the optional state of paths.
 pub struct StateConditions<'a> {
     pub features: &'a Features,
     /// The selection among lights depends on the receiver's normal.
@@ -242,7 +242,7 @@ macro_rules! path_state {
             /// All of it.
             pub const ALL: OptionalState = OptionalState { $($field: true,)* any: true };
 
-            /// What a scene, its outputs and techniques need.
+            /// The state that a scene, its outputs and techniques need.
             pub fn of(conditions: &StateConditions<'_>) -> OptionalState {
                 $(let $field = { let $conditions = conditions; $condition };)*
                 OptionalState { $($field,)* any: false $(|| $field)* }

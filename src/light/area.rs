@@ -37,7 +37,7 @@ pub struct Edges {
     pub edge_v: Vec3,
 }
 
-/// What a surface emits.
+/// Emission of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Radiance {
     /// The same radiance at all points.

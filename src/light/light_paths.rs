@@ -244,7 +244,7 @@ pub struct TargetSample {
 }
 
 impl TargetSphere {
-    /// What points around `p`, as far away as `around`, see of it together.
+    /// The cone of directions to it from points around `p`, up to `around` away.
     fn cone_from(&self, p: Vec3, around: f32) -> DirectionCone {
         let (way, radius) = (self.center - p, self.radius + around);
         let (squared, r2) = (way.length_squared(), radius * radius);

@@ -408,7 +408,7 @@ impl Node {
     }
 }
 
-/// What rounding may change a cosine by.
+/// Bound on the rounding error of a cosine.
 const ROUNDING: f32 = 1e-5;
 
 #[inline(always)]

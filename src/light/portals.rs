@@ -155,7 +155,7 @@ impl Portal {
 }
 
 impl Portal {
-    /// What a direction has of a window's sum, per solid angle; 0 where it leads past it.
+    /// Density of a direction in a window's sum, per solid angle; 0 where it misses the window.
     fn share(&self, window: &Window, direction: Vec3) -> f64 {
         let Some((at, stretch)) = self.axes.angles(direction) else { return 0.0 };
         let is_inside = (0..2).all(|k| window.low[k] <= at[k] && at[k] <= window.high[k]);

@@ -476,7 +476,7 @@ mod tests {
     use crate::light::PunctualLight;
     use crate::scene::{Light, LightKind};
 
-    /// What a spot light of intensity 1 that looks down -z sends to a point at an angle, one metre away.
+    /// Irradiance by a spot light of intensity 1 that looks down -z, one metre away at an angle.
     fn spot(fade: SpotFade, angle: f64) -> f32 {
         let kind = LightKind::Spot {
             position: DVec3::ZERO,

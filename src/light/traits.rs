@@ -6,7 +6,7 @@ use crate::math::{Bounds3, Vec3, poly};
 use crate::texture::CompiledTextures;
 use std::f32::consts::PI;
 
-/// What each light does: emissive surfaces ([`AreaLight`](super::AreaLight)), lights without a surface
+/// The interface of lights: emissive surfaces ([`AreaLight`](super::AreaLight)), lights without a surface
 /// ([`PunctualLight`](super::PunctualLight) and its kinds) and the environment
 /// ([`EnvironmentLight`](super::EnvironmentLight)).
 ///
@@ -32,7 +32,7 @@ pub trait LightSource {
     fn bounds(&self, textures: &CompiledTextures) -> Option<LightBounds>;
 }
 
-/// What a light without a surface does in addition.
+/// Additional methods of lights without a surface.
 pub trait PunctualSource: LightSource + Clone {
     /// Where its light starts.
     fn origin(&self) -> LightOrigin;

@@ -262,7 +262,7 @@ fn key(p: [f32; 3]) -> Key {
     p.map(|x| (x + 0.0).to_bits())
 }
 
-/// What vertices in one place have in common: at seams of texture coordinates and at hard edges they are several, and move as one.
+/// Common displacement of vertices in one place: at seams of texture coordinates and at hard edges there are several, which move as one.
 #[derive(Clone, Copy, Default)]
 struct Place {
     direction: Vec3,

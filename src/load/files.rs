@@ -268,9 +268,9 @@ fn in_other_capitals(path: &Path) -> Option<PathBuf> {
 /// A kind of content.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Content {
-    /// What it is, after "is".
+    /// A description, after "is".
     pub what: &'static str,
-    /// What to do.
+    /// The remedy.
     pub remedy: &'static str,
 }
 
@@ -311,7 +311,7 @@ const HEIC: [&[u8]; 8] = [b"heic", b"heix", b"hevc", b"hevx", b"heim", b"heis", 
 /// Bytes of a text that are searched for its first words.
 pub(super) const HEAD: usize = 512;
 
-/// What a file holds, if that is known.
+/// The content of a file, if it is known.
 pub(super) fn content_of(bytes: &[u8]) -> Option<Content> {
     if bytes.is_empty() {
         return Some(Content { what: "empty", remedy: "export or download the file again" });

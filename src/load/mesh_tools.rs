@@ -8,7 +8,7 @@ use crate::scene::{Mesh, Shape};
 use std::collections::HashMap;
 use std::path::Path;
 
-/// What the only mesh of a file is called whose format has no names.
+/// Name of the only mesh of a file whose format has no names.
 pub const NAMELESS: &str = "mesh";
 
 /// Counts of repairs in the meshes of a file.

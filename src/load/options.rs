@@ -78,7 +78,7 @@ pub struct Loaded {
     pub stand_ins: Vec<MaterialId>,
     /// The polygons of meshes, for subdivision.
     pub polygons: Polygons,
-    /// What the file says about its up axis.
+    /// The up axis by the file.
     pub up_hint: UpHint,
     /// The origin of the model's meshes in world space, metres: coordinates beyond the precision of
     /// f32 are stored relative to it. The scene is placed where the file says.

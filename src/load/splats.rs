@@ -188,7 +188,7 @@ pub(super) fn exp(x: f32) -> f32 {
     }
 }
 
-/// What every file begins with, after it is unpacked.
+/// First bytes of every file, after it is unpacked.
 pub(crate) const MAGIC: &[u8] = b"NGSP";
 
 /// Bytes of the header up to version 3, and from version 4 on.
@@ -241,7 +241,7 @@ impl<'a> Streams<'a> {
     }
 }
 
-/// What the header says.
+/// The header.
 struct Header {
     version: u32,
     count: usize,

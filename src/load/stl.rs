@@ -25,7 +25,7 @@ struct Facets {
     corners: Vec<[f64; 3]>,
     /// Linear RGBA of each triangle; empty where the file has no colours.
     colors: Vec<[f32; 4]>,
-    /// What is wrong but does no harm.
+    /// Harmless errors.
     warnings: Vec<String>,
 }
 

@@ -9,7 +9,7 @@ use std::path::Path;
 /// Maximum number of entries of an archive, and of bytes of all together.
 const MAX_ENTRIES: usize = 1 << 16;
 pub(super) const MAX_BYTES: u64 = 1 << 33;
-/// What deflate packs into a byte at most.
+/// Largest compression ratio of deflate.
 const MAX_RATIO: u64 = 1032;
 
 /// Does a file begin like an archive?
@@ -36,7 +36,7 @@ impl Archive {
         Ok(Archive { bytes, entries })
     }
 
-    /// What it holds.
+    /// Its entries.
     pub fn entries(&self) -> &[Entry] {
         &self.entries
     }

@@ -286,7 +286,7 @@ impl Format {
         Ok(format)
     }
 
-    /// What people call it.
+    /// Its name for users.
     pub fn name(self) -> &'static str {
         match self {
             Format::Exr => "EXR",

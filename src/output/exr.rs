@@ -26,7 +26,7 @@ use std::fmt::Write as _;
 use std::io::Cursor;
 use std::time::SystemTime;
 
-/// What the header says about how the picture was made. What is `None` is left out.
+/// Metadata of the header: how the picture was made. `None` is left out.
 #[derive(Clone, Debug, Default)]
 pub struct Metadata {
     /// Samples a pixel; a fraction if rendering was stopped and pixels differ.
@@ -47,15 +47,15 @@ pub struct Metadata {
     pub pixel_aspect: Option<f64>,
     /// Which space AOVs of places and directions are in.
     pub aov_space: AovSpace,
-    /// What took the noise out of the picture, if something did.
+    /// The denoiser, if the picture was denoised.
     pub denoised: Option<String>,
     /// The mattes that the picture holds.
     pub mattes: Vec<Matte>,
     /// How far from the world's origin the scene's coordinates have theirs; `world_to_camera` is relative to it.
     pub world_offset: Option<DVec3>,
-    /// What stopped rendering before all samples were done.
+    /// The reason why rendering stopped before all samples were done.
     pub stopped_by: Option<String>,
-    /// What was ignored, approximated or repaired on the way to the picture.
+    /// Parts of the scene that were ignored, approximated or repaired.
     pub warnings: Vec<String>,
 }
 
@@ -63,7 +63,7 @@ pub struct Metadata {
 /// too.
 ///
 /// # Errors
-/// What the encoder objects to.
+/// The message of the encoder.
 pub fn encode_exr(
     film: &Film,
     float: bool,
@@ -109,7 +109,7 @@ pub fn encode_exr(
 /// Encodes a file that was read, with all its parts, channels and attributes.
 ///
 /// # Errors
-/// What the encoder objects to.
+/// The message of the encoder.
 pub fn encode_layered(layered: &Layered) -> Result<Vec<u8>, String> {
     encode_image(layered.file())
 }
@@ -367,7 +367,7 @@ fn is_zip(image: &AnyImage) -> bool {
 /// Encodes a file of which [`is_zip`] holds.
 ///
 /// # Errors
-/// What the crate that writes headers objects to.
+/// The message of the crate that writes headers.
 fn encode_zip(image: &AnyImage) -> exr::error::Result<Vec<u8>> {
     let headers = image.layer_data.infer_headers(&image.attributes);
     let blocks: Vec<(usize, usize)> = (image.layer_data.iter().enumerate())
@@ -439,7 +439,7 @@ fn apart(plain: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// What each byte has more than the one before, and 128.
+/// The difference of each byte from the one before, plus 128.
 fn differences(bytes: &[u8]) -> Vec<u8> {
     let mut differences = Vec::with_capacity(bytes.len());
     differences.extend(bytes.first());
@@ -448,7 +448,7 @@ fn differences(bytes: &[u8]) -> Vec<u8> {
     differences
 }
 
-// What headers say about a Cryptomatte (Psyop's specification 1.2.0).
+// The header of a Cryptomatte (Psyop's specification 1.2.0).
 
 /// A matte: the name that its layers have in common, and the names of all that it may show.
 #[derive(Clone, Debug, PartialEq, Eq)]

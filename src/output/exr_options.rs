@@ -48,12 +48,12 @@ impl ExrLayout {
     /// All of them.
     pub const ALL: [ExrLayout; 3] = [ExrLayout::Single, ExrLayout::Multipart, ExrLayout::Layers];
 
-    /// What users call it.
+    /// Its name for users.
     pub fn name(self) -> &'static str {
         self.words().0
     }
 
-    /// What it is, for lists of them.
+    /// A description, for lists.
     pub fn about(self) -> &'static str {
         self.words().1
     }
@@ -84,7 +84,7 @@ impl ExrCompression {
         ExrCompression::Dwab,
     ];
 
-    /// What users call it.
+    /// Its name for users.
     pub fn name(self) -> &'static str {
         match self {
             ExrCompression::None => "none",
@@ -187,7 +187,7 @@ impl ExrOptions {
         self.types.iter().map(|(name, _)| name.as_str()).filter(move |name| !is_known(name))
     }
 
-    /// What a channel is called in the file.
+    /// The name of a channel in the file.
     pub(super) fn name_of(&self, name: &str) -> String {
         match (self.layout, name) {
             (ExrLayout::Layers, "R" | "G" | "B" | "A") => format!("{VIEW_LAYER}.Combined.{name}"),
@@ -198,7 +198,7 @@ impl ExrOptions {
         }
     }
 
-    /// What stands before the names of mattes.
+    /// Prefix of the names of mattes.
     pub(super) fn prefix(&self) -> &'static str {
         if self.layout == ExrLayout::Layers { "ViewLayer." } else { "" }
     }
@@ -238,7 +238,7 @@ impl WorkingSpace {
     /// All of them.
     pub const ALL: [WorkingSpace; 2] = [WorkingSpace::Rec709, WorkingSpace::AcesCg];
 
-    /// What users call it.
+    /// Its name for users.
     pub fn name(self) -> &'static str {
         match self {
             WorkingSpace::Rec709 => "rec709",
@@ -246,7 +246,7 @@ impl WorkingSpace {
         }
     }
 
-    /// What it is, for lists of them.
+    /// A description, for lists.
     pub fn about(self) -> &'static str {
         match self {
             WorkingSpace::Rec709 => "Linear Rec. 709, in which pictures are rendered",

@@ -42,7 +42,7 @@ pub struct OutputOptions {
     pub exr: ExrOptions,
     /// How PNGs and the like look.
     pub png: PngOptions,
-    /// What goes into the EXR's header.
+    /// The metadata of the EXR's header.
     pub metadata: Metadata,
 }
 

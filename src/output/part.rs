@@ -321,7 +321,7 @@ pub struct Channels {
 }
 
 impl Channels {
-    /// What shadow catchers show.
+    /// The output of shadow catchers.
     pub fn caught(&self) -> CatcherOutput {
         if self.shadows_only { CatcherOutput::Shadows } else { CatcherOutput::All }
     }
@@ -408,7 +408,7 @@ pub struct Finish {
 /// Header of a part file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PartHeader {
-    /// What the picture depends on.
+    /// The identity of the picture.
     pub identity: Identity,
     /// Width of the whole picture in pixels.
     pub width: u32,
@@ -451,7 +451,7 @@ fn volume(bounds: &Bounds) -> u128 {
     bounds.iter().map(|(from, to)| u128::from(to - from)).product()
 }
 
-/// What two have in common.
+/// The intersection of two boxes.
 fn common(a: &Bounds, b: &Bounds) -> Option<Bounds> {
     let both: Bounds = std::array::from_fn(|k| (a[k].0.max(b[k].0), a[k].1.min(b[k].1)));
     both.iter().all(|(from, to)| from < to).then_some(both)
@@ -474,7 +474,7 @@ pub fn check_parts(parts: &[(PathBuf, PartHeader)]) -> Result<Vec<String>> {
         {
             different.push("it has other channels or numbers".to_string());
         }
-        // What has no sample yet has been traced in no way.
+        // A film without samples was traced by no strategy.
         let is_empty = |header: &PartHeader| header.first_sample == header.end_sample;
         if header.way != first.way && !is_empty(header) && !is_empty(first) {
             different.push("its paths are traced in another way".to_string());
@@ -524,14 +524,14 @@ fn overlaps(parts: &[(PathBuf, PartHeader)]) -> Vec<Problem> {
     problems
 }
 
-/// What no part has, of parts that don't overlap.
+/// The samples that no part has, of parts that don't overlap.
 fn missing(parts: &[(PathBuf, PartHeader)], first: &PartHeader) -> Vec<String> {
     let whole = [(0, first.width), (0, first.height), (0, first.samples)];
     let all: Vec<Bounds> = parts.iter().map(|(_, header)| bounds(header)).collect();
     if all.iter().map(volume).sum::<u128>() == volume(&whole) {
         return Vec::new();
     }
-    // Of the whole, take away one part after another.
+    // Subtract one part after another from the whole.
     let mut left = vec![whole];
     for part in &all {
         left = left.iter().flat_map(|bounds| without(bounds, part)).collect();
@@ -542,7 +542,7 @@ fn missing(parts: &[(PathBuf, PartHeader)], first: &PartHeader) -> Vec<String> {
     list
 }
 
-/// What is left of a box without another: at most six boxes.
+/// The difference of two boxes: at most six boxes.
 fn without(bounds: &Bounds, other: &Bounds) -> Vec<Bounds> {
     let Some(both) = common(bounds, other) else { return vec![*bounds] };
     let (mut left, mut rest) = (Vec::new(), *bounds);

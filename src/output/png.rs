@@ -46,7 +46,7 @@ pub struct Linear<'a> {
 /// Encodes a film: RGB where the picture is opaque everywhere, else RGBA.
 ///
 /// # Errors
-/// What the encoder objects to.
+/// The message of the encoder.
 pub fn encode_png(film: &Film, options: &PngOptions) -> Result<Encoded, String> {
     let picture = Linear { width: film.width(), height: film.height(), rgba: &film.rgba() };
     Ok(Encoded { bytes: encode_shown(&picture, Format::Png, options)?, warnings: vec![] })
@@ -55,7 +55,7 @@ pub fn encode_png(film: &Film, options: &PngOptions) -> Result<Encoded, String> 
 /// Encodes pixels in a format for looking at. What has no alpha there stands before black.
 ///
 /// # Errors
-/// What the encoder objects to.
+/// The message of the encoder.
 pub fn encode_shown(picture: &Linear, format: Format, options: &PngOptions) -> Result<Vec<u8>, String> {
     if format == Format::Hdr {
         return encode_hdr(picture, options);
@@ -132,7 +132,7 @@ fn crc32(bytes: &[u8]) -> u32 {
     !bytes.iter().fold(!0, |crc, byte| (0..8).fold(crc ^ u32::from(*byte), step))
 }
 
-/// What codes are made.
+/// The layout of the codes.
 struct Shape {
     /// With alpha.
     alpha: bool,
@@ -184,7 +184,7 @@ impl Balance {
 /// Encodes `width * height` pixels of 8-bit RGB.
 ///
 /// # Errors
-/// What the encoder objects to.
+/// The message of the encoder.
 pub fn encode_png_rgb8(data: &[u8], width: u32, height: u32) -> Result<Vec<u8>, String> {
     encode_rgb8(data, width, height, Format::Png)
 }
@@ -192,7 +192,7 @@ pub fn encode_png_rgb8(data: &[u8], width: u32, height: u32) -> Result<Vec<u8>, 
 /// Encodes RGB pixels in a format other than EXR and HDR.
 ///
 /// # Errors
-/// What the encoder objects to.
+/// The message of the encoder.
 pub fn encode_rgb8(data: &[u8], width: u32, height: u32, format: Format) -> Result<Vec<u8>, String> {
     encode(data, width, height, ExtendedColorType::Rgb8, format)
 }

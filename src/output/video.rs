@@ -12,16 +12,16 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 use tempfile::NamedTempFile;
 
-/// What is run.
+/// The program.
 const PROGRAM: &str = "ffmpeg";
 
 /// Lines of what a failed encoder printed that an error shows.
 const SHOWN: usize = 6;
 
-/// What displays expect: even sizes, and the colour matrix of HDTV instead of the one that old players fall back to.
+/// Filters for displays: even sizes, and the colour matrix of HDTV instead of the one that old players fall back to.
 const FILTER: &str = "crop=trunc(iw/2)*2:trunc(ih/2)*2,scale=out_color_matrix=bt709:out_range=tv";
 
-/// What the file says about its colours.
+/// Colour metadata of the file.
 const COLORS: [&str; 8] =
     ["-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "iec61966-2-1", "-color_range", "tv"];
 
@@ -90,7 +90,7 @@ pub struct Video {
 struct Running {
     child: Child,
     frames: Option<ChildStdin>,
-    /// What it prints.
+    /// Its standard error.
     messages: Option<JoinHandle<String>>,
     temporary: Option<NamedTempFile>,
     size: (u32, u32),
@@ -177,7 +177,7 @@ impl Video {
         let messages = child.stderr.take().map(|mut pipe| {
             std::thread::spawn(move || {
                 let mut bytes = Vec::new();
-                // What was read until then is reported.
+                // The part read until then is reported.
                 let _ = pipe.read_to_end(&mut bytes);
                 String::from_utf8_lossy(&bytes).into_owned()
             })
@@ -284,7 +284,7 @@ impl Animation {
     /// Encodes the frames at a frame rate, frames per second.
     ///
     /// # Errors
-    /// What the encoder objects to.
+    /// The message of the encoder.
     pub fn encode(
         &self,
         format: AnimationFormat,

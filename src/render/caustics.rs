@@ -3,9 +3,8 @@
 
 use super::options::{Caustics, RenderOptions};
 use super::path_strategy::LightPathShares;
-use super::progress::Statistics;
+use super::progress::{Statistics, new_task_group};
 use super::technique::{Request, Stopped, Target, Technique, Trial, first_reason};
-use super::timeline;
 use crate::integrator::{
     Block, CausticPlan, CausticTally, Integrator, IntegratorOptions, PathSample, SamplePlan,
 };
@@ -58,7 +57,7 @@ pub(super) struct LightTracing {
 }
 
 impl LightTracing {
-    /// What the paths from lights add to the error and the time of the others.
+    /// Contribution of the paths from lights to error and time, relative to the others.
     pub fn light_path_shares(&self) -> LightPathShares {
         self.shares
     }
@@ -164,7 +163,7 @@ impl LightTrial<'_> {
     /// Traces this many light paths.
     fn try_paths(&self, plan: &CausticPlan, tried: u32) -> Result<CausticTally, Stopped> {
         let integrator = self.integrator(plan);
-        let group = timeline::group();
+        let group = new_task_group();
         let starts: Vec<u32> = (0..tried).step_by(PATHS_AT_A_TIME as usize).collect();
         let tallies = starts.into_par_iter().map(|start| {
             let paths = start..tried.min(start + PATHS_AT_A_TIME);
@@ -192,7 +191,7 @@ impl LightTrial<'_> {
         let integrator = self.integrator(plan);
         let (width, height) = (EDGE.min(self.0.target.view.width), EDGE.min(self.0.target.view.height));
         let place = |fraction: u32, room: u32| ((u64::from(fraction) * u64::from(room + 1)) >> 32) as u32;
-        let group = timeline::group();
+        let group = new_task_group();
         let square = |[x, y]: [u32; 2]| {
             let (x0, y0) =
                 (place(x, self.0.target.view.width - width), place(y, self.0.target.view.height - height));
@@ -249,7 +248,7 @@ fn best_share(one: &CausticTally, rest: &Rest) -> (f64, f64) {
     (share, if is_seen { gain } else { 0.0 })
 }
 
-/// What a number of light paths per pixel and sample adds to the error and the time of the paths from the camera.
+/// Contribution of a number of light paths per pixel and sample to error and time, relative to the paths from the camera.
 fn shares(one: &CausticTally, rest: &Rest, share: f64) -> LightPathShares {
     LightPathShares {
         error: one.squares / share / rest.squares.max(1e-300),

@@ -24,7 +24,7 @@ use std::time::Duration;
 /// Changes when the same scene and options give another picture.
 const PICTURES: &str = concat!(env!("CARGO_PKG_VERSION"), ", pictures 3");
 
-/// What the picture of a scene by settled options depends on: everything in the scene, and all options that change pixels.
+/// The identity of the picture of a scene by resolved options: everything in the scene, and all options that change pixels.
 /// The scene is afterwards as it was.
 ///
 /// # Errors
@@ -32,7 +32,7 @@ const PICTURES: &str = concat!(env!("CARGO_PKG_VERSION"), ", pictures 3");
 pub fn identity(scene: &mut Scene, resolved: &ResolvedOptions) -> Result<Identity> {
     let camera = of_debug(resolved.camera(scene)?);
     let mut rest = take(scene);
-    // What is large goes in by its bytes, all else by what `Debug` says of it, which leaves no field out.
+    // Large data is hashed by its bytes, all else by its `Debug` text, which leaves no field out.
     let (meshes, images, backdrop) =
         (take(&mut rest.meshes), take(&mut rest.images), take(&mut rest.backdrop));
     let (name, cameras, settings) = (take(&mut rest.name), take(&mut rest.cameras), take(&mut rest.settings));

@@ -5,9 +5,8 @@
 //! training passes show whether it falls. (Where direct light or mirrors cause the noise, guides can't lower it.)
 
 use super::options::{Guiding, RenderOptions};
-use super::progress::Statistics;
+use super::progress::{Statistics, divided, new_task_group};
 use super::technique::{Request, Stopped, Target, Technique, Trial, first_reason};
-use super::timeline;
 use crate::bsdf::BsdfClass;
 use crate::integrator::{
     Block, BlockSamples, CellSamples, Grid, Guide, Integrator, IntegratorOptions, SamplePlan, TrainedCells,
@@ -30,7 +29,7 @@ const MIN_PROBE: u64 = 1 << 10;
 
 /// Minimum noise of the radiance that diffuse vertices find (see [`Finds`]) for training.
 ///
-/// Of fifty scenes at 128 x 128 pixels with 64 samples, five had 4 or more: rooms lit through a gap of a door, a slit and a window (1000,
+/// Among fifty scenes at 128 x 128 pixels with 64 samples, five had 4 or more: rooms lit through a gap of a door, a slit and a window (1000,
 /// 330 and 6 to 12), which guided are 4.3, 3.1 and 1.3 times as efficient (learning included), and two with caustics (43 and 10), which don't
 /// gain. The others, with 3 or less, are guided .64 to .88 times as efficient.
 const MIN_NOISE: f64 = 4.0;
@@ -243,7 +242,7 @@ impl Training<'_> {
         let (steps, at_once) = (blocks.len().div_ceil(BLOCKS), steps_at_once());
         let trace = |first: usize| -> Result<Vec<BlockSamples>, Stopped> {
             let of_steps = first..(first + at_once).min(steps);
-            let group = timeline::group();
+            let group = new_task_group();
             let one =
                 |block: &Block| self.0.run(("guiding", group), stop, |w| integrator.learn(block, w, &stop));
             // The blocks of a step are spread over the picture.
@@ -310,7 +309,7 @@ struct TrainingState {
 impl TrainingState {
     /// Updates the cells by one of `of` steps: its blocks in order, in parallel over the cells. The first step decides the size of cells.
     fn learn(&mut self, found: Vec<BlockSamples>, of: u64) {
-        timeline::parallel("learning", || self.learn_from(&found, of));
+        divided("learning", || self.learn_from(&found, of));
     }
 
     fn learn_from(&mut self, found: &[BlockSamples], of: u64) {

@@ -22,8 +22,6 @@ mod rendering;
 mod schedule;
 mod technique;
 mod techniques;
-#[doc(hidden)]
-pub mod timeline;
 
 pub use crate::integrator::reuse::GroupShape;
 pub use checkpoint::identity;
@@ -37,7 +35,7 @@ pub use picture::{
     Labels, Picture, denoise_film, denoising_guides, film_bytes, film_warnings, sequence_guides, shows_alpha,
     splat_bytes,
 };
-pub use progress::{CancelHandle, Event, PassOutcome, Statistics};
+pub use progress::{CancelHandle, Event, PassOutcome, Statistics, TaskSpan, record_tasks, recorded_tasks};
 pub use renderer::{Renderer, in_pool};
 pub use rendering::Rendering;
 pub use schedule::SAMPLE_BLOCK;

@@ -457,7 +457,7 @@ mod tests {
         estimates
     }
 
-    /// What one bright sample leaves is known from when it comes until the end, whenever that was.
+    /// The estimate for one bright sample is the same from its pass until the end.
     #[test]
     fn a_bright_sample_is_not_forgotten() {
         for (at, seed) in [(70, 1), (100, 2), (130, 3)] {
@@ -525,7 +525,7 @@ mod tests {
         around[12] = [50.5; 3];
         lit.observe(&around, 16);
         assert!(resolved(&lit, &around).iter().all(|v| (v - 50.5).abs() < 1e-3));
-        // What went on from a picture that was not looked at.
+        // Rendering that continued from a picture that was not checked.
         let mut late = BrightestPass::default();
         late.observe(&means, 64);
         assert!(late.sums.iter().flatten().all(|sum| *sum == 0.0));

@@ -5,11 +5,10 @@
 
 use super::path_strategy::{self, BlockTally, Errors, PathStrategy, SquareTrial, StrategyTrials};
 use super::picture::Labels;
-use super::progress::{Listener, Progress, Stopwatch};
+use super::progress::{Listener, Progress, Stopwatch, divided, new_task_group, task};
 use super::schedule::{Pass, Tiles, parts, within};
 use super::technique::{Target, WORKSPACE, plain_paths};
 use super::techniques::Techniques;
-use super::timeline;
 use crate::film::{FilmTile, FilterSampler, Layout, SharedFilm, Splat};
 use crate::integrator::{Block, CausticPlan, Integrator, IntegratorOptions, PathSample, WAVE, Workspace};
 use rayon::prelude::*;
@@ -110,7 +109,7 @@ fn take_passes(
             let Planned { work, tracer, blocks, .. } = &passes[pass];
             let block = &blocks[tile + blocks.len() - ends[pass]];
             // No early exit: after a stop, each remaining tile costs one call of `stop`.
-            let is_taken = timeline::item("tiles", work.pass.first_sample, || work.take(tracer, block, None));
+            let is_taken = task("tiles", work.pass.first_sample, || work.take(tracer, block, None));
             if !is_taken {
                 is_done.store(false, Ordering::Relaxed);
             }
@@ -178,10 +177,10 @@ impl<'a> PassWork<'a> {
     fn try_one(&self, strategy: PathStrategy, squares: &[Block]) -> (Option<Errors>, Vec<RenderedTile>) {
         let tracer = self.tracer(strategy, true);
         let blocks: Vec<Block> = squares.iter().flat_map(|s| tracer.tiles.divide(*s)).collect();
-        let group = timeline::group();
+        let group = new_task_group();
         let try_block = |block: &Block| {
             let mut tally = BlockTally::new(block);
-            let taken = timeline::item("trials", group, || self.fill(&tracer, block, Some(&mut tally)))?;
+            let taken = task("trials", group, || self.fill(&tracer, block, Some(&mut tally)))?;
             self.progress.add(0, taken.rays, self.stopwatch.wall(), self.listener);
             Some((tally, RenderedTile { rays: 0, ..taken }))
         };
@@ -235,7 +234,7 @@ impl<'a> PassWork<'a> {
         if (self.stop)() {
             return None;
         }
-        timeline::item("light paths", sample, || {
+        task("light paths", sample, || {
             let paths = start..plan.paths().min(start.saturating_add(WAVE as u32));
             let mut splats = Vec::new();
             let trace = |w: &RefCell<Workspace>| {
@@ -251,7 +250,7 @@ impl<'a> PassWork<'a> {
     /// Adds the splats of consecutive samples from the given first one on, by waves; a sample has `waves` of them.
     fn add_splats(&self, traced: Option<(u32, Vec<Vec<Splat>>)>, waves: usize) {
         let Some((first, splats)) = traced else { return };
-        timeline::parallel("splats", || {
+        divided("splats", || {
             for (sample, of_sample) in (first..).zip(splats.chunks(waves.max(1))) {
                 self.film.add_splats(of_sample, self.is_of_first_half(sample));
             }

@@ -84,7 +84,7 @@ fn obstacle_to_sharing(target: &Target<'_>) -> Option<&'static str> {
 }
 
 impl StrategyTrials {
-    /// What the options leave open.
+    /// The strategies that the options allow.
     pub fn new(target: &Target<'_>) -> StrategyTrials {
         let options = target.options;
         let can_share = obstacle_to_sharing(target).is_none();
@@ -202,7 +202,7 @@ const FAN_CONNECTION_COST: f64 = 0.17;
 /// Time of all connections, relative to that of the other rays, up to which larger groups are tried.
 const MAX_COST: f64 = 0.5;
 
-/// What a trial tries.
+/// The subject of a trial.
 #[derive(Clone, Copy, Debug)]
 enum Tried {
     /// Sharing in groups of a shape.
@@ -359,7 +359,7 @@ pub(super) struct Errors {
     pub light_paths: LightPathShares,
 }
 
-/// What paths from lights add to the squared error of plain paths and to their time, relative to these: no splitting changes it.
+/// Contribution of paths from lights to the squared error and the time, relative to plain paths; splitting doesn't change it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct LightPathShares {
     pub error: f64,

@@ -1,12 +1,12 @@
-//! Progress, statistics, time and cancellation of a rendering.
+//! Progress, statistics, time and cancellation of a rendering, and timings of its tasks.
 
 use crate::integrator::reuse::GroupShape;
 use cpu_time::ProcessTime;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
-/// What a renderer reports while it works.
+/// Reports of a renderer while it works.
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub enum Event {
@@ -112,7 +112,7 @@ pub enum PassOutcome {
     TimedOut,
 }
 
-/// What rendering took so far.
+/// Time and resources of rendering so far.
 #[derive(Clone, Copy, Debug, Default)]
 #[non_exhaustive]
 pub struct Statistics {
@@ -205,4 +205,67 @@ impl CancelHandle {
     pub fn is_cancelled(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
+}
+
+// Timings of tasks, recorded on request: a benchmark replays them for other numbers of threads.
+
+/// A timed task.
+#[derive(Clone, Debug)]
+pub struct TaskSpan {
+    /// Its stage.
+    pub stage: &'static str,
+    /// Tasks of one group may run at the same time, those of different groups may not: the tiles of a pass, by its first sample. `None`
+    /// for work that threads divide evenly.
+    pub group: Option<u32>,
+    /// Start, since the recording began.
+    pub start: Duration,
+    /// Duration.
+    pub took: Duration,
+}
+
+static IS_ON: AtomicBool = AtomicBool::new(false);
+static GROUPS: AtomicU32 = AtomicU32::new(0);
+static SPANS: Mutex<Option<(Instant, Vec<TaskSpan>)>> = Mutex::new(None);
+
+/// Starts to record the tasks of the whole process; meant for one thread, on which tasks follow each other.
+#[doc(hidden)]
+pub fn record_tasks() {
+    *spans() = Some((Instant::now(), Vec::new()));
+    IS_ON.store(true, Ordering::Relaxed);
+}
+
+/// Ends the recording. Returns its duration and the tasks in order.
+#[doc(hidden)]
+pub fn recorded_tasks() -> (Duration, Vec<TaskSpan>) {
+    IS_ON.store(false, Ordering::Relaxed);
+    spans().take().map(|(start, spans)| (start.elapsed(), spans)).unwrap_or_default()
+}
+
+/// The number of a new group.
+pub(super) fn new_task_group() -> u32 {
+    GROUPS.fetch_add(1, Ordering::Relaxed)
+}
+
+/// Runs a task of a group.
+pub(super) fn task<T>(stage: &'static str, group: u32, work: impl FnOnce() -> T) -> T {
+    if IS_ON.load(Ordering::Relaxed) { measured(stage, Some(group), work) } else { work() }
+}
+
+/// Runs work that threads divide evenly.
+pub(super) fn divided<T>(stage: &'static str, work: impl FnOnce() -> T) -> T {
+    if IS_ON.load(Ordering::Relaxed) { measured(stage, None, work) } else { work() }
+}
+
+fn measured<T>(stage: &'static str, group: Option<u32>, work: impl FnOnce() -> T) -> T {
+    let start = Instant::now();
+    let result = work();
+    let took = start.elapsed();
+    if let Some((begin, spans)) = &mut *spans() {
+        spans.push(TaskSpan { stage, group, start: start.saturating_duration_since(*begin), took });
+    }
+    result
+}
+
+fn spans() -> MutexGuard<'static, Option<(Instant, Vec<TaskSpan>)>> {
+    SPANS.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
 }

@@ -1,7 +1,8 @@
 //! From a scene to a picture in one line, or pass by pass.
 
-use super::options::RequestedOptions;
-use super::options::{BvhQuality, Caustics, Guiding, PathReuse, Splitting, parameter, render_settings};
+use super::options::{
+    BvhQuality, Caustics, Guiding, PathReuse, RequestedOptions, Splitting, parameter, render_settings,
+};
 use super::picture::{Labels, Picture};
 use super::progress::{CancelHandle, Event, Listener};
 use super::rendering::Rendering;

@@ -1,16 +1,16 @@
 //! Rendering pass by pass, with a picture after each pass, or several passes at a time.
 
-use super::noise::Noise;
-use super::noise::RarePaths;
-use super::options::DisplaySettings;
-use super::options::RenderOptions;
+use super::noise::{Noise, RarePaths};
+use super::options::{DisplaySettings, RenderOptions};
 use super::pass::{PassWork, take_all, try_strategies};
+use super::picture;
 use super::picture::{Labels, Picture, denoise_film, layout, of_film, shows_alpha};
-use super::progress::{CancelHandle, Event, Listener, PassOutcome, Progress, Spent, Statistics, Stopwatch};
+use super::progress::{
+    CancelHandle, Event, Listener, PassOutcome, Progress, Spent, Statistics, Stopwatch, divided,
+};
 use super::schedule::{Pass, SAMPLE_BLOCK, Schedule};
 use super::technique::{Target, Trial, plain_paths};
 use super::techniques::Techniques;
-use super::{picture, timeline};
 use crate::compile::{CompiledScene, View};
 use crate::error::{Result, Warning};
 use crate::film::{AovSet, Film, FilterSampler, MatteIds};
@@ -245,7 +245,7 @@ impl Rendering {
         Picture { film: self.film, statistics, warnings, output }
     }
 
-    /// What was ignored, approximated or repaired on the way from the file to the picture so far.
+    /// Parts of the scene that were ignored, approximated or repaired so far.
     pub fn warnings(&self) -> Vec<Warning> {
         // Between passes all pixels have the same number.
         let has_stopped = self.outcome != PassOutcome::Progressed;
@@ -372,7 +372,7 @@ impl Rendering {
             self.schedule.finished(*first, start.elapsed());
         }
         if is_finished && let Some(noise) = &mut self.noise {
-            timeline::parallel("noise", || noise.observe(&self.film, self.schedule.next_sample()));
+            divided("noise", || noise.observe(&self.film, self.schedule.next_sample()));
             self.forecast();
         }
         let is_cancelled = self.cancel.is_cancelled();

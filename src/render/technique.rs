@@ -4,8 +4,7 @@
 //! `techniques.rs` lists them and runs their trials.
 
 use super::options::RenderOptions;
-use super::progress::{Listener, Progress, Statistics, Stopwatch};
-use super::timeline;
+use super::progress::{Listener, Progress, Statistics, Stopwatch, task};
 use crate::compile::{CompiledScene, View};
 use crate::error::Warning;
 use crate::film::{AovSet, AovSpace, FilterSampler, MatteIds};
@@ -17,7 +16,7 @@ thread_local! {
     pub(super) static WORKSPACE: RefCell<Workspace> = RefCell::new(Workspace::new());
 }
 
-/// What the options say about a technique.
+/// Setting of a technique by the options.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Request {
     /// It is not used.
@@ -38,7 +37,7 @@ pub(super) struct Target<'a> {
 
 /// A technique. Decisions depend on the scene, the view and the options alone, so that partial renders decide alike.
 pub(super) trait Technique {
-    /// What the options ask for.
+    /// The setting by the options.
     fn request(&self, options: &RenderOptions) -> Request;
 
     /// The first reason that prevents the technique, for a warning.
@@ -70,7 +69,7 @@ pub(super) trait Technique {
     fn report(&self, statistics: &mut Statistics);
 }
 
-/// What a warning says if a technique was asked for and is not used.
+/// The warning where a technique was asked for and is not used.
 pub(super) fn warning(technique: &dyn Technique, target: &Target<'_>) -> Option<Warning> {
     if technique.request(target.options) != Request::On {
         return None;
@@ -112,7 +111,7 @@ impl Trial<'_> {
         WORKSPACE.with(|workspace| {
             let w = &mut *workspace.borrow_mut();
             let before = w.ray_counts;
-            let done = timeline::item(stage, group, || work(w));
+            let done = task(stage, group, || work(w));
             self.progress.add(0, w.ray_counts.since(before).all, self.stopwatch.wall(), self.listener);
             done.filter(|_| !stop()).ok_or(Stopped)
         })

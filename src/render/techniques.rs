@@ -84,12 +84,12 @@ impl Techniques {
         self.light_tracing.plan()
     }
 
-    /// What paths from lights add to the error and the time of paths from the camera.
+    /// Contribution of paths from lights to error and time, relative to paths from the camera.
     pub fn light_path_shares(&self) -> LightPathShares {
         self.light_tracing.light_path_shares()
     }
 
-    /// What is reported where techniques were asked for and are not used.
+    /// Warnings where techniques were asked for and are not used.
     pub fn warnings(&self, target: &Target<'_>) -> Vec<Warning> {
         self.list().iter().filter_map(|technique| warning(*technique, target)).collect()
     }

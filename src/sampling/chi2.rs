@@ -20,7 +20,7 @@ const MAX_SPLITS: u32 = 20;
 /// Where a part is split: the golden section.
 const SPLIT: f64 = 0.381_966_011_250_105_15;
 
-/// What a passed test found.
+/// The result of a passed test.
 #[derive(Clone, Copy, Debug)]
 pub struct Chi2Report {
     /// Probability of a statistic at least this large.

@@ -252,7 +252,7 @@ impl UnevenSamples {
         map
     }
 
-    /// What pixel (`x`, `y`) takes: the seed of its sequence, the index of the first sample there, and how many follow.
+    /// The samples of pixel (`x`, `y`): the seed of its sequence, the index of the first sample there, and how many follow.
     #[inline(always)]
     pub fn of_pixel(&self, x: u32, y: u32) -> (u32, u32, u32) {
         let at = y as usize * self.width as usize + x as usize;

@@ -52,11 +52,11 @@ pub struct Instance {
     pub world_from_object: DAffine3,
     /// Replaces all materials of the mesh.
     pub material: Option<MaterialId>,
-    /// What other moments of the same scene make of it.
+    /// Its motion.
     pub motion: Motion,
-    /// What it is to rays and pictures.
+    /// Ray visibility and other traits.
     pub traits: ObjectTraits,
-    /// What graphs of nodes know of it.
+    /// Properties for node graphs.
     pub info: ObjectInfo,
     /// The group of lights of what it emits, in place of those of its materials; empty for the default one.
     pub light_group: Option<String>,
@@ -90,9 +90,9 @@ pub struct Quad {
     pub edge_v: DVec3,
     /// Its material.
     pub material: MaterialId,
-    /// What it is to rays and pictures.
+    /// Ray visibility and other traits.
     pub traits: ObjectTraits,
-    /// What graphs of nodes know of it.
+    /// Properties for node graphs.
     pub info: ObjectInfo,
 }
 
@@ -111,9 +111,9 @@ pub struct Shape {
     pub rotation: DQuat,
     /// Its material.
     pub material: MaterialId,
-    /// What it is to rays and pictures.
+    /// Ray visibility and other traits.
     pub traits: ObjectTraits,
-    /// What graphs of nodes know of it.
+    /// Properties for node graphs.
     pub info: ObjectInfo,
 }
 
@@ -168,14 +168,14 @@ macro_rules! kinds {
             /// All of them; each is in the place that its number says.
             pub const ALL: &[ShapeTag] = &[$(ShapeTag::$kind),*];
 
-            /// What one is called.
+            /// Name of one.
             pub fn name(self) -> &'static str {
                 match self {
                     $(ShapeTag::$kind => $one,)*
                 }
             }
 
-            /// What many are called.
+            /// Name of several.
             pub fn plural(self) -> &'static str {
                 match self {
                     $(ShapeTag::$kind => $many,)*
@@ -259,7 +259,7 @@ impl CurveBasis {
         }
     }
 
-    /// What [`CurveBasis::takes`] asks for, in words.
+    /// The requirement of [`CurveBasis::takes`], in words.
     pub fn asks_for(self) -> &'static str {
         match self {
             CurveBasis::Linear | CurveBasis::CatmullRom => "2 or more",
@@ -289,9 +289,9 @@ pub struct Curves {
     pub world_from_object: DAffine3,
     /// Their material.
     pub material: MaterialId,
-    /// What they are to rays and pictures.
+    /// Ray visibility and other traits.
     pub traits: ObjectTraits,
-    /// What graphs of nodes know of them.
+    /// Properties for node graphs.
     pub info: ObjectInfo,
 }
 
@@ -373,7 +373,7 @@ pub struct Splats {
     /// Coefficients of the real spherical harmonics, by splat: [`Splats::coefficients_of`] its degree, in the order l, then m = -l to
     /// l. Their relative error is at most 2^-11: of a colour channel near 1 less than a tenth of a step of 8 bits.
     pub coefficients: Vec<[f16; 3]>,
-    /// What the coefficients give, plus 0.5, is linear; else it is encoded as sRGB, as photographs are.
+    /// The value of the coefficients, plus 0.5, is linear; otherwise encoded as sRGB, as photographs are.
     pub is_linear: bool,
 }
 
@@ -385,7 +385,7 @@ impl Splats {
     pub const MAX_DEGREE: u8 = 3;
 
     /// The opacity below which a splat is nothing, where its surface ends: 1/255, with which the splats of the paper are optimised.
-    /// Of its projection, the outermost 1 / (255 opacity) are cut off: 0.4 % where it is opaque.
+    /// The outermost 1 / (255 opacity) of its projection are cut off: 0.4 % where it is opaque.
     pub const MIN_OPACITY: f32 = 1.0 / 255.0;
 
     /// Coefficients of a splat, for a degree of spherical harmonics.

@@ -19,13 +19,13 @@ pub struct Light {
     /// Linear RGB: radiant intensity (W/sr) of point and spot lights, irradiance (W/m2) of
     /// directional ones and suns, on a surface that faces them.
     pub intensity: [f32; 3],
-    /// What a [`LightKind::Profiled`] sends in which direction, in shares of the intensity.
+    /// Intensity of a [`LightKind::Profiled`] by direction, relative to `intensity`.
     pub profile: Option<Arc<LightProfile>>,
     /// Its group, whose light pictures may hold apart; empty for the default one.
     pub group: String,
-    /// What it lights, by the kind of ray that it stands for: [`RayKinds::DIFFUSE`] is diffuse reflection and so on.
+    /// Rays that see it, by kind: [`RayKinds::DIFFUSE`] is diffuse reflection and so on.
     pub visible_to: RayKinds,
-    /// What it lights, and what casts shadows in its light.
+    /// Objects that it lights, and objects that cast shadows in its light.
     pub links: LightLinks,
     /// Its kind at other times, if it moves while the picture is taken.
     pub motion: Option<Keyframes<LightKind>>,
@@ -294,7 +294,7 @@ pub enum Environment {
     },
 }
 
-/// What pictures show where the environment is hidden from cameras and nothing else covers a pixel.
+/// The backdrop where the environment is hidden from cameras and nothing else covers a pixel.
 #[derive(Clone, Debug)]
 pub enum Backdrop {
     /// A colour, linear Rec. 709.

@@ -20,7 +20,7 @@ pub struct Emission {
     pub two_sided: bool,
 }
 
-/// What happens where alpha is below 1.
+/// Use of alpha below 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum AlphaMode {
     /// Alpha is ignored.
@@ -108,13 +108,13 @@ pub struct Material {
     pub name: String,
     /// How it scatters.
     pub model: Model,
-    /// What it emits.
+    /// Emission.
     pub emission: Option<Emission>,
     /// False: seen from behind the surface isn't there (glTF 2.0, section 3.9.5: back faces are culled). What counts is the
     /// direction in which paths from the eye arrive, those that ask whether a light is hidden included. Transmissive
     /// materials scatter on both sides whatever this says.
     pub double_sided: bool,
-    /// What alpha does.
+    /// Alpha mode.
     pub alpha_mode: AlphaMode,
     /// Opacity, used unless the mode is opaque.
     pub alpha: FloatSlot,
@@ -128,14 +128,14 @@ pub struct Material {
     pub bumped_normal: Option<TextureId>,
     /// Vertex colours multiply the base colour.
     pub use_vertex_colors: bool,
-    /// What fills its solids, beside what the model says of their inside; only where the model lets light in.
+    /// Medium of its solids, in addition to the absorption of the model; only where the model transmits light.
     pub medium: Option<Medium>,
     /// Moves the surface. Loading a file applies it; a scene that is built in code is rendered without.
     pub displacement: Option<Displacement>,
     /// Which of several solids counts where they overlap: the one of the highest priority, and among equals the one that light
     /// entered last.
     pub priority: i32,
-    /// What is special about a surface that emits light; only where it is absent nowhere.
+    /// Ray visibility of an emissive surface; only without alpha.
     pub emitter_traits: Option<EmitterTraits>,
     /// A number that graphs of nodes know it by.
     pub index: u32,
@@ -444,7 +444,7 @@ pub struct MixComponent {
     pub material: Material,
 }
 
-/// What light passes that enters a surface.
+/// The interface that light passes on entering a surface.
 #[derive(Clone, Copy, Debug)]
 pub enum Transmission<'a> {
     /// Nothing: the surface is opaque.
@@ -680,7 +680,7 @@ parameters_of_fields! {
 /// Hair is no less rough around its fibre.
 const MIN_ROUGHNESS: f32 = 0.01;
 
-/// What the logarithm of the colour of much hair is divided by for the root of its absorption per radius, at a radial roughness.
+/// Divisor of the logarithm of the colour of dense hair for the root of its absorption per radius, at a radial roughness.
 pub fn hair_color_scale(radial_roughness: f32) -> f32 {
     let b = radial_roughness.clamp(MIN_ROUGHNESS, 1.0);
     ((((0.245 * b + 5.574) * b - 10.73) * b + 2.532) * b - 0.215) * b + 5.969

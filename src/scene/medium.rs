@@ -86,7 +86,7 @@ impl EmissionGrid {
     }
 }
 
-/// What fills the space around all solids.
+/// The medium around all solids.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fog {
     /// The medium.

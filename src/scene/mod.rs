@@ -1,4 +1,4 @@
-//! What the user described, as plain data: no behaviour, no files. Loaders fill it, the renderer reads it.
+//! The scene as the user described it, as plain data: no behaviour, no files. Loaders fill it, the renderer reads it.
 //!
 //! Everything is public: load a scene and change it, or build one in code.
 //!
@@ -88,18 +88,18 @@ pub struct Scene {
     pub profiles: Vec<Arc<LightProfile>>,
     /// Point, spot and directional lights.
     pub lights: Vec<Light>,
-    /// What is seen where nothing is hit.
+    /// Radiance of rays that hit nothing.
     pub environment: Environment,
     /// The environment that camera rays see instead.
     pub camera_environment: Option<Environment>,
-    /// What fills the space around all solids.
+    /// The medium around all solids.
     pub fog: Option<Fog>,
     /// Which rays see the environment. Where those of the camera don't, pictures are transparent.
     pub environment_visible_to: RayKinds,
     /// Only paths that leave the scene find the environment's light, and no light samples: what casts shadows in it is then what
     /// the rays of these paths see, whatever shadow rays see.
     pub environment_unsampled: bool,
-    /// What is laid behind the picture where it is transparent.
+    /// Backdrop of transparent pixels.
     pub backdrop: Option<Backdrop>,
     /// The environment's group of lights; empty for the default one.
     pub environment_group: String,
@@ -112,6 +112,6 @@ pub struct Scene {
     pub cameras: Vec<Camera>,
     /// Which objects move while the picture is taken.
     pub motion: SceneMotion,
-    /// What the scene says about rendering; the command line may override each.
+    /// Render settings of the scene; the command line may override each.
     pub settings: Settings,
 }

@@ -6,10 +6,10 @@ use std::collections::BTreeMap;
 /// Keys of a quantity that changes while the shutter is open.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Keyframes<T> {
-    /// What it is at equal steps from the opening of the shutter to its closing; between two of them it changes evenly. Fewer
+    /// Values at equal steps from the opening of the shutter to its closing, interpolated linearly in between. Fewer
     /// than two: it stands still then.
     pub keys: Vec<T>,
-    /// What it was a frame before the picture's moment, and what it will be a frame after it; for motion vectors.
+    /// Values a frame before and a frame after the picture's time; for motion vectors.
     pub neighbours: Option<[T; 2]>,
 }
 
@@ -24,7 +24,7 @@ impl<T> Keyframes<T> {
         self.keys.iter().chain(self.neighbours.iter().flatten())
     }
 
-    /// What follows from it at each time.
+    /// Maps the value at each time.
     pub fn map<U>(&self, of: impl Fn(&T) -> U) -> Keyframes<U> {
         Keyframes {
             keys: self.keys.iter().map(&of).collect(),
@@ -42,7 +42,7 @@ pub struct Vertices {
     pub normals: Vec<[f32; 3]>,
 }
 
-/// What objects do while a picture is taken. Of cameras and lights without a surface it gives positions:
+/// Motion of objects during the exposure. For cameras and lights without a surface it has positions:
 /// [`Camera::motion`](super::Camera::motion), [`Light::motion`](super::Light::motion).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneMotion {

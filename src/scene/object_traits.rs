@@ -170,7 +170,7 @@ impl Link {
     }
 }
 
-/// What a light is linked to.
+/// Light linking of a light.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct LightLinks {
     /// The objects that it lights, by light samples and by rays that find it. Cameras see it in any case, and what it lights lights
@@ -218,7 +218,7 @@ mod links_tests {
     }
 }
 
-// What graphs of nodes know of an object.
+// Properties of an object for node graphs.
 
 /// Values of an object that graphs of nodes read.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -16,7 +16,7 @@ pub enum Filter {
     BlackmanHarris,
 }
 
-/// What shadow catchers contribute to the picture.
+/// Output of shadow catchers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum CatcherOutput {
     /// Shadows as alpha, and the light that other objects add: composited over a plate of the real surface,

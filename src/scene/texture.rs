@@ -10,7 +10,7 @@ use std::sync::Arc;
 /// How many textures may lie one in the other: checkers and mixes, and what is in the cells of the innermost.
 pub const MAX_TEXTURE_NESTING: u32 = 64;
 
-/// What happens outside 0..1.
+/// Wrapping of coordinates outside 0..1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Wrap {
     /// Starts over.

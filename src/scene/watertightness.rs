@@ -5,7 +5,7 @@ use crate::math::DVec3;
 use crate::sampling::hash::mix64;
 use std::collections::HashSet;
 
-/// What the surfaces of a material are like together.
+/// Properties of a material's surfaces together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Watertightness {
     /// There are none.
@@ -190,7 +190,7 @@ mod tests {
         });
     }
 
-    /// What is looked at for all materials together grows with the objects, not with their product with the materials.
+    /// The work for all materials together grows with the objects, not with their product with the materials.
     #[test]
     fn each_object_is_noted_for_its_own_materials_only() {
         let mut scene = Scene::default();

@@ -462,7 +462,7 @@ mod tests {
         f32::INFINITY
     }
 
-    /// What goes into a curve leaves it unseen, also through the joints of its segments; what leaves it may meet it again where it bends.
+    /// Rays that enter a curve leave it without a hit, also through the joints of its segments; rays that leave it may hit it again where it bends.
     #[test]
     fn the_inside_of_a_curve_is_unseen() {
         let mut random = Random::new(9);

@@ -458,7 +458,7 @@ mod facing_disk_tests {
         }
     }
 
-    /// What lines leave it in some direction bring light to a receiver just where rays from there hit it.
+    /// Lines that leave it in some direction light a receiver just where rays from there hit it.
     #[test]
     fn light_arrives_where_it_is_seen() {
         let disk = disk();

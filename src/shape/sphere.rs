@@ -189,7 +189,7 @@ fn power_of_point(sphere: &Sphere, ray: &PreparedRay, f: [f64; 3]) -> f64 {
     sum + rest
 }
 
-/// What `sum`, the rounded `a + b`, lacks (Knuth's two-sum).
+/// The rounding error of `sum`, the rounded `a + b` (Knuth's two-sum).
 #[inline(always)]
 fn rounding_of_sum(a: f64, b: f64, sum: f64) -> f64 {
     let part = sum - a;

@@ -86,7 +86,7 @@ pub struct ShearedLine {
     pub(super) axes: [usize; 3],
     /// The ray's origin, in the order of the sheared space.
     pub origin: [f32; 3],
-    /// What x and y move by along z.
+    /// Shift of x and y per unit of z.
     pub shear: [f32; 2],
 }
 

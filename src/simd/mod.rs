@@ -138,7 +138,7 @@ fn detect() -> Level {
 
 /// A loop that is compiled once per CPU level.
 pub trait Kernel {
-    /// What it returns.
+    /// The result.
     type Output;
     /// Runs it. Mark the implementation, and all that it calls in its loops, `#[inline(always)]`.
     fn run(self) -> Self::Output;

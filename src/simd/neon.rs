@@ -2,8 +2,7 @@
 //! asked for holds, and none is fused but the box test's.
 
 use super::boxes::{self, BoxRay, Entry, LANES_OF_MASK, Planes};
-use super::wide::Lanes;
-use super::wide::{WIDEN_UNITS, Wide};
+use super::wide::{Lanes, WIDEN_UNITS, Wide};
 use core::arch::aarch64::*;
 
 /// Vectors of NEON, which every AArch64 program is compiled with: that is why the intrinsics below are sound.
@@ -259,7 +258,7 @@ impl Wide for Neon {
                 vbslq_u32(lane_bits, four([0, 1, 2, 3]), distances.0),
                 vbslq_u32(lane_bits, four([4, 5, 6, 7]), distances.1),
             );
-            // What a mask leaves out becomes 0, which sorts behind all others. (Equal keys are one.)
+            // Masked lanes become 0, which sorts behind all others. (Equal keys are one.)
             if mask.count_ones() <= 4 {
                 let keys = sort4(look_up(keys, compressing(mask).0));
                 store(keys, children, distances, to.as_mut_ptr());

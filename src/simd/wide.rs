@@ -48,7 +48,7 @@ pub trait Wide: Copy {
 
 /// A loop over [`Wide`] vectors that is compiled once per CPU level.
 pub trait WideKernel {
-    /// What it returns.
+    /// The result.
     type Output;
     /// The work; mark the implementation and all that its loops call `#[inline(always)]`.
     fn run<W: Wide>(self, wide: W) -> Self::Output;
@@ -186,7 +186,7 @@ pub trait Lanes: Copy {
 
 /// A loop over [`Lanes`] that is compiled once per CPU level.
 pub trait LanesKernel {
-    /// What it returns.
+    /// The result.
     type Output;
     /// The work; mark the implementation and all that its loops call `#[inline(always)]`.
     fn run<L: Lanes>(self, lanes: L) -> Self::Output;

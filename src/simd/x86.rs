@@ -1,8 +1,7 @@
 //! The x86 levels of [`Wide`]: the same registers and instructions, but for AVX-512's compression.
 
 use super::boxes::{BoxRay, Entry, Planes, compress};
-use super::wide::Lanes;
-use super::wide::{WIDEN_UNITS, Wide};
+use super::wide::{Lanes, WIDEN_UNITS, Wide};
 use core::arch::x86_64::*;
 
 /// Vectors of AVX2, with AVX-512's masks where `AVX512`. A value exists only inside a function compiled for the level:

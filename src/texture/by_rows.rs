@@ -15,7 +15,7 @@ pub(super) struct LevelsByRows<'a> {
     store: &'a Store,
 }
 
-/// What was made of an image.
+/// The levels made of an image.
 pub(super) struct MadeLevels {
     /// Compressed levels, by their numbers.
     pub packed: Vec<(usize, PackedLevel)>,
@@ -96,7 +96,7 @@ struct RowLevel {
     kept: Kept,
 }
 
-/// What is kept of a level.
+/// Storage of a level.
 enum Kept {
     Nothing,
     Packed(Packing),

@@ -1,4 +1,4 @@
-//! What graphs of nodes read of a hit beyond what other textures need: attributes of vertices by name, the object and its space,
+//! Inputs of node graphs at a hit, beyond those of other textures: attributes of vertices by name, the object and its space,
 //! the camera, the path.
 //!
 //! Texture coordinates: UV sets with affine maps, world space, triplanar projection, and ray footprints.
@@ -114,7 +114,7 @@ pub struct HitAttributes<'a> {
 }
 
 impl HitAttributes<'_> {
-    /// What Cycles gives where a surface has no such attribute.
+    /// The value of Cycles where a surface has no such attribute.
     pub const MISSING: AttributeValue = AttributeValue { vector: [0.0; 3], alpha: 1.0, factor: 0.0 };
 
     /// The attribute of a number; `None` where the surface has none.
@@ -235,7 +235,7 @@ pub struct CameraData<'a> {
     pub ndc_from_world: Option<&'a DMat4>,
 }
 
-/// What is known of the path that arrives at a hit.
+/// Properties of the path that arrives at a hit.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PathData {
     /// Kinds of the ray, each 0 or 1: of the camera, shadow, diffuse, glossy, singular, reflection, transmission, volume scatter.
@@ -261,7 +261,7 @@ pub struct StrandData {
     pub random: f32,
 }
 
-/// What graphs of nodes read of a hit.
+/// Inputs of node graphs at a hit.
 #[derive(Clone, Copy, Debug)]
 pub struct HitData<'a> {
     /// Named attributes.

@@ -90,7 +90,7 @@ impl ImageLookup {
         std::array::from_fn(|i| a[i] + share * (b[i] - a[i]))
     }
 
-    /// What decides which texels are found at given coordinates.
+    /// Parameters that decide which texels are found at given coordinates.
     pub(super) fn grid(&self) -> (u32, u32, [Wrap; 2], Interpolation) {
         (self.finest.image.width, self.finest.image.height, self.wrap, self.interpolation)
     }
@@ -207,7 +207,7 @@ pub struct ImageReading {
     pub interpolation: ImageInterpolation,
     /// Outside the picture.
     pub extension: Extension,
-    /// What the image's alpha does to its colours.
+    /// Use of the image's alpha.
     pub alpha_mode: AlphaMode,
     /// The image holds data, whose channels have nothing to do with each other.
     pub is_data: bool,

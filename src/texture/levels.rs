@@ -223,7 +223,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 // Levels that no lookup is expected to ask for are left out, and the finest of those that are, where they take more than the limit, are
 // compressed. Images are decoded a few at a time, so that not much more is in memory than what stays there.
 
-/// What a picture needs of the images of its scene's textures.
+/// The levels of images that a picture needs.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TextureNeeds {
     /// The finest level of each image that lookups are expected to ask for, where 0 is the image itself; `None` where none is expected
@@ -253,7 +253,7 @@ impl TextureNeeds {
     }
 }
 
-/// What became of the images of textures.
+/// A report about the images of textures.
 #[derive(Clone, Debug, Default)]
 pub struct TextureReport {
     /// Images that were decoded.
@@ -275,7 +275,7 @@ pub struct TextureReport {
 }
 
 impl TextureReport {
-    /// What the picture does not need, with what leaving it out saved.
+    /// Levels that the picture does not need, with the memory that this saved.
     pub fn left_out(&self) -> Vec<String> {
         const MIB: f64 = 1_048_576.0;
         let mut list = Vec::new();
@@ -334,12 +334,12 @@ pub(super) struct Images {
     pub levels: BTreeMap<ImageId, Option<Levels>>,
     /// Finds what is not in memory.
     store: Option<Arc<Store>>,
-    /// What they are made for.
+    /// The needs that they are made for.
     pub needs: TextureNeeds,
 }
 
 impl Images {
-    /// What was decoded on demand since they were made.
+    /// Images decoded on demand so far.
     pub fn on_demand(&self) -> TexturesOnDemand {
         self.store.as_ref().map_or_else(TexturesOnDemand::default, |store| store.on_demand())
     }
@@ -419,7 +419,7 @@ fn warn_of(plans: &[LevelPlan], report: &mut TextureReport) {
     report.all_bytes = plans.iter().flat_map(|p| (0..p.sizes.len()).map(|level| p.bytes_of(level))).sum();
 }
 
-/// What becomes of an image.
+/// The plan for an image.
 struct LevelPlan<'a> {
     id: ImageId,
     image: &'a Image,

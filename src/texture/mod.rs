@@ -134,7 +134,7 @@ impl CompiledTextures {
         self.images.needs.limit == needs.limit && self.images.needs.cover(needs)
     }
 
-    /// What was decoded on demand since they were made.
+    /// Images decoded on demand so far.
     pub fn on_demand(&self) -> TexturesOnDemand {
         self.images.on_demand()
     }
@@ -336,7 +336,7 @@ fn compile(
     }
 }
 
-/// What a spectrum looks like; colours beyond the gamut at its edge.
+/// The colour of a spectrum; clipped to the gamut.
 fn rgba(spectrum: &Spectrum) -> [f32; 4] {
     let [r, g, b] = spectrum.rgb().to_array().map(|c| c.max(0.0));
     [r, g, b, 1.0]
@@ -606,7 +606,7 @@ impl<'a> PointReader<'a> {
         [r, g, b, 1.0]
     }
 
-    /// What a graph gives here.
+    /// The result of a graph here.
     fn result(&self, program: &Program) -> [f32; 3] {
         program.at(
             self.moved(),

@@ -93,7 +93,7 @@ impl BoxTaps {
         taps
     }
 
-    /// What a row of the next coarser level covers of a level of `fine` rows.
+    /// The rows of a level of `fine` rows that a row of the next coarser level covers.
     fn of_level(i: u32, fine: u32) -> BoxTaps {
         BoxTaps::new(i, (fine / 2).max(1), fine)
     }

@@ -71,7 +71,7 @@ struct StoreCounts {
     file_bytes: AtomicU64,
 }
 
-/// What happened on demand while pictures were rendered.
+/// Decoding on demand during rendering.
 #[derive(Clone, Debug, Default)]
 pub struct TexturesOnDemand {
     /// Images that were decoded; each as often as it was.
@@ -224,7 +224,7 @@ impl Store {
         }
     }
 
-    /// What happened so far.
+    /// Decoding on demand so far.
     pub fn on_demand(&self) -> TexturesOnDemand {
         let StoreCounts { decodes, tiles, evicted_tiles, file_bytes } = &self.counts;
         TexturesOnDemand {

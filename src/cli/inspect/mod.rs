@@ -31,7 +31,7 @@ pub(crate) fn run(args: &InspectArgs) -> Result<Outcome> {
         no_sidecar: args.no_sidecar,
         blender: args.blender.options(),
         gltf: args.asset.options(),
-        // What 'render' adds is listed, but is not in the file.
+        // Additions of 'render' are listed, though they are not in the file.
         stage: StageOptions { is_foretold: true, ..StageOptions::studio() },
         ..LoadOptions::default()
     };
@@ -87,7 +87,7 @@ struct Contents<'a> {
     left_out: &'a [String],
 }
 
-/// What a file holds.
+/// The contents of a file.
 pub fn of(path: &Path, loaded: &Loaded) -> impl Serialize {
     let scene = &loaded.scene;
     let extents = instance_extents(scene);
@@ -184,7 +184,7 @@ struct CameraEntry<'a> {
     lens: Option<LensEntry>,
 }
 
-/// What a panorama shows, degrees.
+/// The angles of a panorama, degrees.
 #[derive(Serialize)]
 struct PanoramaEntry {
     projection: &'static str,

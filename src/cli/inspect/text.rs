@@ -114,7 +114,7 @@ fn join(entries: impl Iterator<Item = String>) -> String {
     entries.collect::<Vec<_>>().join(",")
 }
 
-/// What the scene says about rendering.
+/// The render settings of the scene.
 fn settings(scene: &Scene) -> Vec<String> {
     let s = &scene.settings;
     let numbers = [
@@ -360,7 +360,7 @@ pub fn describe_environment(scene: &Scene) -> String {
     }
 }
 
-/// What a panorama shows.
+/// The angles of a panorama, in words.
 fn words_of_panorama(panorama: &Panorama) -> String {
     let from_to = |[from, to]: [f64; 2]| {
         format!("{} to {} degrees", number(from.to_degrees()), number(to.to_degrees()))
@@ -420,7 +420,7 @@ const MAX_LINES: usize = 400;
 #[derive(Default)]
 struct Node<'a> {
     name: &'a str,
-    /// What is placed here.
+    /// Objects placed here.
     content: Vec<String>,
     children: Vec<usize>,
 }
@@ -491,7 +491,7 @@ fn insert<'a>(
     nodes[at].content.push(content);
 }
 
-/// What a node places, in one line; the same things are counted.
+/// Contents of a node, in one line; equal ones are counted.
 fn described(content: &[String]) -> String {
     let Some(first) = content.first() else { return String::new() };
     if content.iter().all(|c| c == first) && content.len() > 1 {

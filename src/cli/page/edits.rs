@@ -1,4 +1,4 @@
-//! What pages change of a scene's materials and environment, what it was before, and how it is written into a scene file or a sidecar.
+//! Changes of pages to a scene's materials and environment, their undo, and how they are written into a scene file or a sidecar.
 
 use oscura::scene::{ColorSlot, Emission, Environment, FloatSlot, Material, Model, PbrMaterial, Scene};
 use serde::{Deserialize, Serialize};
@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 /// Strongest emission that pages ask for, W/sr/m2.
 const MOST: f32 = 1e4;
 
-/// What one material becomes; what is `None` stays.
+/// New values of one material; `None` stays.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct MaterialEdit {
@@ -40,7 +40,7 @@ impl MaterialEdit {
     }
 }
 
-/// What a page shows of a material: its values, and which of them come from textures, whose place a constant takes.
+/// A material as a page shows it: its values, and which of them come from textures, which a constant replaces.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct MaterialInfo {
     pub name: String,

@@ -41,7 +41,7 @@ impl Request {
     }
 }
 
-/// What is sent back. Length and end of the connection are reported besides.
+/// A response. Content-Length and Connection are added when it is sent.
 pub(super) struct Response {
     pub status: u16,
     pub headers: Vec<(&'static str, String)>,

@@ -1,4 +1,4 @@
-//! What pages show of a frame: colour, the denoised picture or a pass, in 8 bits.
+//! Pictures of a frame for pages: colour, the denoised picture or a pass, in 8 bits.
 
 use super::state::{Denoised, Frame, PageDisplay};
 use oscura::film::{Aov, Film, Values};
@@ -12,7 +12,7 @@ pub(super) struct Pixels {
 }
 
 impl Pixels {
-    /// What the page shows of a frame.
+    /// The picture of a frame for the page.
     pub fn of(frame: &Frame, denoised: Option<&Denoised>, display: &PageDisplay) -> Pixels {
         let pass = display.aov.and_then(|aov| Some((aov, frame.film.aov(aov)?)));
         let of_film = |film: &Film, rgba| Pixels { width: film.width(), height: film.height(), rgba };

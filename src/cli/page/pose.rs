@@ -12,7 +12,7 @@ const POLE: f64 = 0.002;
 #[derive(Clone, Debug)]
 pub(crate) struct Pose {
     camera: Camera,
-    /// What it goes around; straight ahead of the camera.
+    /// Centre of the orbit; straight ahead of the camera.
     target: DVec3,
     is_moved: bool,
     is_lens_changed: bool,
@@ -20,7 +20,7 @@ pub(crate) struct Pose {
     given: Given,
 }
 
-/// What the arguments of the program said about a camera, which a command that renders it has to say again.
+/// Camera options of the command line, repeated in the command that renders the view.
 #[derive(Clone, Copy, Debug, Default)]
 struct Given {
     place: bool,
@@ -30,7 +30,7 @@ struct Given {
     fov: Option<f64>,
 }
 
-/// What a hand does.
+/// A mouse movement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct Move {

@@ -61,7 +61,7 @@ pub(crate) fn bind(port: u16) -> Result<Server> {
 pub(crate) struct Page {
     address: SocketAddr,
     is_over: Arc<AtomicBool>,
-    /// What it shows.
+    /// The shared state.
     pub shared: Arc<Shared>,
 }
 
@@ -153,7 +153,7 @@ fn response(answer: Answer) -> Response {
     Response { status: answer.status, headers, body: answer.body }
 }
 
-// What the page asks for, and the answers.
+// Requests of the page, and the responses.
 
 /// How long a page waits for news before it asks again.
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -325,7 +325,7 @@ fn picture(format: Format, name: &'static str, shared: &Shared) -> Answer {
     }
 }
 
-/// What a page may set; what it doesn't name stays.
+/// Settings that a page may change; `None` stays.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 struct Settings {
@@ -334,7 +334,7 @@ struct Settings {
     /// An AOV by its option; "" for colour.
     pass: Option<String>,
     rotation: Option<f64>,
-    /// Of the environment.
+    /// Strength of the environment.
     strength: Option<f64>,
     /// A material by its name, and what becomes of it.
     material: Option<(String, MaterialEdit)>,

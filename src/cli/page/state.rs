@@ -1,4 +1,4 @@
-//! What the pages want and what they are shown; shared by the threads that serve them and the one that renders.
+//! Requested and shown pictures; shared by the threads that serve them and the one that renders.
 
 use super::edits::{Edits, MaterialInfo, text};
 use super::pose::Pose;
@@ -14,7 +14,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 use std::time::Duration;
 
-/// What the next picture is to be of.
+/// The settings of the next picture.
 #[derive(Clone, Debug)]
 pub(crate) struct ViewRequest {
     pub pose: Pose,
@@ -26,9 +26,9 @@ pub(crate) struct ViewRequest {
     pub rotation: Option<f64>,
     /// The environment's strength, as `--env-strength` has it; without, as the scene has it.
     pub strength: Option<f64>,
-    /// What pages changed of materials.
+    /// Changed materials.
     pub edits: Edits,
-    /// What to record besides colour and depth.
+    /// Further AOV to record, besides colour and depth.
     pub aov: Option<Aov>,
     /// The axis that points up, and what lights a model, if pages chose them.
     pub up: Option<Up>,
@@ -71,7 +71,7 @@ impl ViewRequest {
     }
 }
 
-/// What a page tells about the scene.
+/// Facts about the scene for the page.
 #[derive(Clone, Debug, Default, serde::Serialize)]
 pub(crate) struct SceneInfo {
     pub name: String,
@@ -105,7 +105,7 @@ pub(crate) struct SceneInfo {
     pub notes: Vec<String>,
     /// May pages move the camera and the like? Else they look on.
     pub is_live: bool,
-    /// What renders this scene: words of a command, to which follow the choices of pages.
+    /// The start of a command that renders this scene; choices of pages follow.
     #[serde(skip)]
     pub command: Vec<String>,
     /// Names of the objects, by number.
@@ -121,13 +121,13 @@ pub(crate) struct State {
     pub facts: SceneInfo,
     /// The scene's cameras.
     pub poses: Vec<Pose>,
-    /// What materials and the environment's strength were before each change that was not saved.
+    /// Materials and the environment's strength before each unsaved change.
     pub before: Vec<(Edits, Option<f64>)>,
     /// The latest picture.
     pub frame: Option<Arc<Frame>>,
     /// The latest one that was denoised.
     pub denoised: Option<Denoised>,
-    /// What went wrong the last time; empty if nothing did.
+    /// The last error; empty if there was none.
     pub trouble: String,
     /// Counts all that pages show.
     pub version: u64,
@@ -310,7 +310,7 @@ fn command(state: &State) -> String {
     if let Some(stage) = state.wish.stage {
         add("--stage", stage.name());
     }
-    // What the scene's file says of these may be something else.
+    // The scene file may set other values.
     add("--exposure", state.display.png.exposure.to_string());
     add("--spp", state.facts.samples.to_string());
     add("--view", state.display.png.view.name().to_string());
@@ -419,7 +419,7 @@ impl PageDisplay {
     }
 }
 
-/// What `oscura view` always records: what denoising needs, and what is shown small or at once.
+/// AOVs that `oscura view` always records: those for denoising, and those that are shown small or at once.
 pub(crate) const RECORDED: AovSet = AovSet::NONE
     .with(Aov::Depth)
     .with(Aov::Normal)

@@ -1,7 +1,7 @@
 //! Metals by their measured indices of refraction (Palik 1998, "Handbook of Optical Constants of Solids").
 //! Made by `tools/spectra/tables.py`.
 
-use super::wavelengths::{Curve, Wavelengths};
+use super::{Curve, Wavelengths};
 use crate::color::Rgb;
 use std::sync::OnceLock;
 
@@ -418,7 +418,7 @@ impl Metal {
 
 #[cfg(test)]
 mod tests {
-    use super::super::wavelengths::rgb_of;
+    use super::super::rgb_of;
     use super::*;
 
     /// Reflectance at normal incidence in daylight, against published colours (Akenine-Moeller et al. 2018, "Real-Time Rendering",

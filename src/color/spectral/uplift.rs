@@ -1,7 +1,7 @@
 //! Spectra of colours: spectral uplift by sigmoids of quadratic polynomials (Jakob, Hanika 2019, "A Low-Dimensional Function Space for
 //! Efficient Spectral Upsampling"), and measured spectra.
 
-use super::wavelengths::{Curve, FIRST_NM, LAST_NM, Wavelengths, quadrature};
+use super::{Curve, FIRST_NM, LAST_NM, Wavelengths, quadrature};
 use crate::color::Rgb;
 use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
@@ -245,7 +245,7 @@ pub enum Spectrum {
 /// Colours of lights are scaled so that their brightest channel has this value, where sigmoids are smoothest.
 const MIDDLE: f32 = 0.5;
 
-/// What a colour is divided by to lie within 0..1: shares of light as they are.
+/// Divisor that brings a colour into 0..1: shares of light stay as they are.
 #[inline(always)]
 fn scale_of_share(most: f32) -> f32 {
     if most > 1.0 { most / MIDDLE } else { 1.0 }
@@ -320,7 +320,7 @@ pub fn uplifted_light(rgb: Rgb, waves: &Wavelengths) -> Rgb {
 
 #[cfg(test)]
 mod tests {
-    use super::super::wavelengths::rgb_of;
+    use super::super::rgb_of;
     use super::*;
 
     /// All colours of a grid, and what their spectra look like.

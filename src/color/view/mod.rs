@@ -65,7 +65,7 @@ impl ViewTransform {
         Ok(ViewTransform::Table(Arc::new(ViewTable::read(bytes, path)?)))
     }
 
-    /// What users call it: a name, or the path of a file.
+    /// Its name for users: a name, or the path of a file.
     pub fn name(&self) -> Cow<'static, str> {
         let named = ViewTransform::NAMED.into_iter().find(|named| named.0 == *self).map(|named| named.1);
         match self {
@@ -289,7 +289,7 @@ mod tests {
             .for_each(|(rgb, shown)| assert_near(ViewTransform::AgxPunchy.encode(*rgb), *shown, 0.01));
     }
 
-    /// What the specification promises: colours of dielectrics under white light come out as their base colour, and its
+    /// Promises of the specification: colours of dielectrics under white light come out as their base colour, and its
     /// formula worked out by hand for a highlight.
     #[test]
     fn pbr_neutral_keeps_base_colours() {

@@ -7,14 +7,14 @@
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-/// What `.view` files begin with.
+/// First bytes of `.view` files.
 const MAGIC: &[u8] = b"OSCVIEW1";
 
 /// Maximum number of nodes along an edge of the lattice, and of a table per channel.
 const MAX_NODES: usize = 129;
 const MAX_KNOTS: usize = 65_536;
 
-/// What a display shows of linear colours: curves bring each channel to 0..1 (what lies outside them is held), a lattice of
+/// Display values of linear colours: curves map each channel to 0..1 (clamped outside), a lattice of
 /// display values follows, between whose nodes tetrahedra interpolate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ViewTable {
@@ -43,7 +43,7 @@ impl ViewTable {
     /// The table of a file's bytes.
     ///
     /// # Errors
-    /// What is wrong with it; of a text with the line.
+    /// A description of the error; for text with the line.
     pub fn read(bytes: &[u8], path: &Path) -> Result<ViewTable, String> {
         match bytes.strip_prefix(MAGIC) {
             Some(rest) => ViewTable::from_binary(rest, path),
@@ -73,7 +73,7 @@ impl ViewTable {
     /// The table of a file's text.
     ///
     /// # Errors
-    /// What is wrong with it, with the line.
+    /// A description of the error, with the line.
     pub fn parse(text: &str, path: &Path) -> Result<ViewTable, String> {
         let mut words = Words::new(text);
         let (head, kind) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
@@ -175,7 +175,7 @@ fn colors(words: &mut Words, count: usize) -> Result<Vec<[f32; 3]>, String> {
     Ok(words.numbers(3 * count)?.as_chunks().0.to_vec())
 }
 
-/// What is left of a `.view` file.
+/// The remaining bytes of a `.view` file.
 struct Binary<'a>(&'a [u8]);
 
 impl<'a> Binary<'a> {

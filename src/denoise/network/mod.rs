@@ -12,8 +12,7 @@
 
 use crate::color::luminance;
 use rayon::prelude::*;
-use stage::{Archive, Convolution};
-use stage::{Input, Picture, Stage, Tensor};
+use stage::{Archive, Convolution, Input, Picture, Stage, Tensor};
 
 mod stage;
 

@@ -8,7 +8,7 @@
 //! or S (its *chain*), and whether the last one was an S. The role of a surface follows from its material, and so is the same from both
 //! sides. The environment doesn't count as a light here: paths from the camera find its light.
 //!
-//! Of some receivers only the diffuse lobes take part ([`CausticRole::DiffuseReceiver`](crate::compile::CausticRole)): their other lobes are so smooth,
+//! At some receivers, only the diffuse lobes take part ([`CausticRole::DiffuseReceiver`](crate::compile::CausticRole)): their other lobes are so smooth,
 //! or may be by their textures, that paths from lights would seldom meet the camera in a direction where much is reflected. Paths from
 //! lights find the product of the shares of the diffuse lobes at such vertices, paths from the camera what is missing from 1.
 //!
@@ -25,8 +25,7 @@
 //! Where neighbouring pixels share suffixes of paths, only prefixes that leave out the same light take part: see
 //! [`Prefixes::ends`](super::reuse::Prefixes::ends).
 
-mod connect_to_camera;
-mod emit_light_path;
+mod light_paths;
 mod plan;
 
 pub use plan::{CausticPlan, CausticTally};
@@ -218,7 +217,7 @@ fn is_stretched_at(v: &Vertices, i: usize, wi: Vec3) -> bool {
 // light hits the front. So light both arrives at the front of a one-sided surface and continues behind it, where rays from the
 // camera come from behind; it ends at the back.
 
-/// What light does at a hit.
+/// Whether light passes a hit.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Passage {
     /// It continues as if the surface was absent.
@@ -231,7 +230,7 @@ pub(super) struct Passage {
 pub(super) const STILL: f32 = 0.0;
 
 impl Integrator<'_> {
-    /// What light does at a hit; `salt` decides whether partly transparent surfaces are present. `is_seen`: on the segment to the camera.
+    /// Whether light passes a hit; `salt` decides whether partly transparent surfaces are present. `is_seen`: on the segment to the camera.
     pub(super) fn passage(&self, ray: &Ray, hit: &Hit, salt: u32, is_seen: bool) -> Passage {
         let index = self.scene.geometries.material(hit) as usize;
         if !self.may_be_absent[index] {

@@ -94,7 +94,7 @@ impl LightPath {
     }
 }
 
-/// What paths from lights contributed, to estimate their efficiency.
+/// Contributions of paths from lights, to estimate their efficiency.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CausticTally {
     /// Sum of luminances, each as for a pixel that gets all of it.

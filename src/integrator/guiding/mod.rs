@@ -14,7 +14,7 @@
 //! The expected contribution of a path is its throughput times the albedo times the mean of the cell. Russian roulette compares it with
 //! that at the path's first guided vertex.
 //!
-//! What training paths find is recorded where they scattered.
+//! Training paths record their radiance where they scattered.
 
 use super::Integrator;
 use super::sampling::Block;
@@ -157,7 +157,7 @@ impl Kernel for FindKeys<'_> {
     }
 }
 
-/// What the paths of a block found.
+/// Vertices recorded by the paths of a block.
 #[derive(Clone, Debug, Default)]
 pub struct BlockSamples {
     /// In an order that depends on the block alone.
@@ -226,7 +226,7 @@ impl Integrator<'_> {
 
     /// Makes training samples of the vertices of a wave whose paths have ended.
     ///
-    /// Of a path that came to another such vertex, of which the guide knows something already, what it found up to there counts
+    /// Where a path has come to another such vertex that the guide knows already, its radiance up to there counts
     /// and then what is expected from there on: that is less noisy than what it really found (Dahm, Keller 2017, "Learning Light
     /// Transport the Reinforced Way").
     pub(super) fn make_training_samples(&self, w: &mut Workspace) {

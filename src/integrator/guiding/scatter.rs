@@ -6,10 +6,8 @@ use super::place;
 use crate::integrator::Integrator;
 use crate::integrator::sampling::{FIRST_ROULETTE, ScatterParams, survival};
 use crate::integrator::shading_geometry::Horizon;
-use crate::integrator::shading_groups::MetalRoughClass;
-use crate::integrator::shading_groups::{Closure, VertexClass, sample_on_relief};
-use crate::integrator::wave::{Vertices, Wave};
-use crate::integrator::wave::{WAVE, get, get_rgb, set, set_rgb};
+use crate::integrator::shading_groups::{Closure, MetalRoughClass, VertexClass, sample_on_relief};
+use crate::integrator::wave::{Vertices, WAVE, Wave, get, get_rgb, set, set_rgb};
 use crate::math::{Frame, offset_along};
 use crate::sampling::sampler::SobolPoint;
 use crate::sampling::warp;
@@ -254,7 +252,7 @@ impl<T: Horizon> Kernel for GoOnRough<'_, T> {
             let throughput = before * weight * (1.0 / factor) * kept;
             let roulette_scale = path.roulette_scale[i];
             let plain = survival(throughput, roulette_scale, chances[i], self.params.roulette);
-            // What facets reflect may be much brighter than what is expected of the cell.
+            // Facets may reflect much brighter light than the cell's mean.
             let is_diffuse = closure.is_diffuse(lobes[i]);
             let mean = if is_diffuse { means[i] } else { NO_MEAN };
             let expected = (before * closure.diffuse_weight()).luminance() * roulette_scale * mean;

@@ -1,26 +1,24 @@
-use super::Tiling;
-use super::tiling::{
-    DIRECT, Diffuse, GroupLanes, GroupShape, LAMBERT, METAL_ROUGH, MIN_REST, NONE, Pairs, Prefixes, Reuse,
-    SCATTERED, SharedLayers, Suffixes, layer_rest,
+use super::{
+    DIRECT, Diffuse, Fans, GroupLanes, GroupShape, LAMBERT, METAL_ROUGH, MIN_REST, NONE, Pairs, Prefixes,
+    Reuse, SCATTERED, SharedLayers, Suffixes, Tiling, layer_rest,
 };
 use crate::accel::{PointVisibility, PointVisibilityQuery, SetBits};
 use crate::color::Rgb;
 use crate::integrator::caustics::{leaves_diffuse_light, leaves_light};
 use crate::integrator::interior::Interior;
-use crate::integrator::radiance_buffer::PathClass;
-use crate::integrator::radiance_buffer::RadianceBuffer;
+use crate::integrator::radiance_buffer::{PathClass, RadianceBuffer};
 use crate::integrator::sampling::FIRST_ROULETTE;
 use crate::integrator::shading_geometry::{
     Horizon, Relief, Sharp, SharpRelief, Soft, Terminator, UNMAPPED, bent_normal,
 };
-use crate::integrator::shading_groups::SortedVertices;
-use crate::integrator::shading_groups::{Closure, LambertClass, VertexClass};
-use crate::integrator::shading_groups::{MetalRoughClass, copy_metal_rough};
-use crate::integrator::wave::FirstBounce;
-use crate::integrator::wave::{Paths, PerPath, RgbLanes, WAVE, get, get_rgb, set, set_rgb};
-use crate::integrator::wave::{Vertices, Wave};
+use crate::integrator::shading_groups::{
+    Closure, LambertClass, MetalRoughClass, SortedVertices, VertexClass, copy_metal_rough,
+};
+use crate::integrator::wave::{
+    FirstBounce, Paths, PerPath, RgbLanes, Vertices, WAVE, Wave, get, get_rgb, set, set_rgb,
+};
 use crate::integrator::workspace::Workspace;
-use crate::integrator::{Integrator, guiding};
+use crate::integrator::{Block, Integrator, guiding};
 use crate::math::{Ray, offset_along};
 use crate::simd::{Kernel, Table, dispatch};
 use std::f32::consts::FRAC_1_PI;
@@ -34,6 +32,29 @@ const _: () = assert!(LAST_BOUNCE < FIRST_ROULETTE);
 
 /// Minimum GGX alpha for which connections to other suffixes pay without a diffuse part.
 const MIN_ALPHA: f32 = 0.1;
+
+impl Integrator<'_> {
+    /// Prepares to share the paths of a block that is one wave.
+    pub(in super::super) fn begin_reuse(
+        &self,
+        tiling: &Tiling,
+        block: &Block,
+        count: usize,
+        w: &mut Workspace,
+    ) {
+        debug_assert!(count <= WAVE, "a block is one wave");
+        let reuse = w.reuse.get_or_insert_with(|| Box::new(Reuse::new()));
+        tiling.number(block, count, &mut reuse.places);
+        for (sample, &place) in reuse.places[..count].iter().enumerate() {
+            reuse.samples[usize::from(place)] = sample as u16;
+        }
+        reuse.fans = Fans::default();
+        reuse.prefixes.class.fill(NONE);
+        reuse.suffixes.class.fill(NONE);
+        reuse.layers.reset(self.layers);
+        w.radiance_buffer.extend(3 * WAVE);
+    }
+}
 
 impl Integrator<'_> {
     /// Records the vertices where paths are cut. Radiance of suffixes is gathered separately from here on, with throughput 1.
@@ -316,7 +337,7 @@ pub fn group_of(place: usize, group: usize) -> Range<usize> {
 #[derive(Clone, Copy)]
 pub struct Exchange<'a> {
     /// Places of the suffixes.
-    pub senders: &'a [u16],
+    pub owners: &'a [u16],
     /// Places of a group.
     pub group: usize,
     pub prefixes: &'a Prefixes,
@@ -352,11 +373,11 @@ impl Kernel for Receive<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let Exchange { senders, group, prefixes, suffixes: s, pairs } = self.exchange;
+        let Exchange { owners, group, prefixes, suffixes: s, pairs } = self.exchange;
         let gained = self.gained;
-        for &sender in senders {
-            let sender = usize::from(sender).min(WAVE - 1);
-            let places = group_of(sender, group);
+        for &owner in owners {
+            let owner = usize::from(owner).min(WAVE - 1);
+            let places = group_of(owner, group);
             let mut sums = [0.0; 4];
             let (fours, rest) = pairs.density[places.clone()].as_chunks::<4>();
             for four in fours {
@@ -367,17 +388,17 @@ impl Kernel for Receive<'_> {
             for (sum, density) in sums.iter_mut().zip(rest) {
                 *sum += density;
             }
-            let own = s.own_density(sender, prefixes);
+            let own = s.own_density(owner, prefixes);
             let sum = own + ((sums[0] + sums[1]) + (sums[2] + sums[3]));
-            let radiance = get_rgb(self.radiance, sender);
+            let radiance = get_rgb(self.radiance, owner);
             // Densities of points very close to each other overflow.
             let is_finite = own > 0.0 && sum < f32::INFINITY;
             let share = if is_finite { own / sum } else { 1.0 };
-            let value = get_rgb(self.throughput, sender) * radiance * (s.rest[sender] * share);
-            let total = get_rgb(gained, sender) + value;
-            set_rgb(gained, sender, total);
+            let value = get_rgb(self.throughput, owner) * radiance * (s.rest[owner] * share);
+            let total = get_rgb(gained, owner) + value;
+            set_rgb(gained, owner, total);
             if is_finite {
-                let is_layered = s.class[sender] == METAL_ROUGH;
+                let is_layered = s.class[owner] == METAL_ROUGH;
                 let scaled = (radiance * (1.0 / sum)).to_array();
                 for c in 0..3 {
                     for i in places.clone() {
@@ -436,10 +457,10 @@ impl SharedLayers {
 
     /// Adds radiance of the suffixes of a round to prefixes.
     pub fn receive(&mut self, exchange: Exchange<'_>) {
-        let Exchange { senders, group, prefixes, suffixes: s, pairs } = exchange;
+        let Exchange { owners, group, prefixes, suffixes: s, pairs } = exchange;
         if let Some(diffuse) = &mut self.diffuse {
             let Diffuse { value, throughput, gained } = &mut **diffuse;
-            fill_diffuse(senders, group, prefixes, pairs, value);
+            fill_diffuse(owners, group, prefixes, pairs, value);
             exchange.receive(&s.radiance, throughput, value, gained);
         }
         for group_lanes in &mut self.groups {
@@ -472,10 +493,10 @@ impl SharedLayers {
 }
 
 /// The diffuse part of the contributions of a round.
-fn fill_diffuse(senders: &[u16], group: usize, prefixes: &Prefixes, pairs: &Pairs, value: &mut RgbLanes) {
+fn fill_diffuse(owners: &[u16], group: usize, prefixes: &Prefixes, pairs: &Pairs, value: &mut RgbLanes) {
     let v = &prefixes.vertices;
-    for &sender in senders {
-        for i in group_of(usize::from(sender), group).filter(|&i| pairs.density[i] > 0.0) {
+    for &owner in owners {
+        for i in group_of(usize::from(owner), group).filter(|&i| pairs.density[i] > 0.0) {
             let is_first = prefixes.bounce[i] == 0 && prefixes.class[i] == METAL_ROUGH;
             let share = match is_first {
                 true => {
@@ -534,8 +555,7 @@ impl Integrator<'_> {
             self.guide_pairs(&round, &mut reuse);
             self.test_visibility(&round, &mut reuse, w);
             let Reuse { prefixes, suffixes, pairs, gained, layers, .. } = &mut *reuse;
-            let exchange =
-                Exchange { senders: &round.senders, group: round.group, prefixes, suffixes, pairs };
+            let exchange = Exchange { owners: &round.owners, group: round.group, prefixes, suffixes, pairs };
             exchange.receive(&suffixes.radiance, &suffixes.throughput, &pairs.value, gained);
             layers.receive(exchange);
         }
@@ -586,24 +606,24 @@ impl Integrator<'_> {
     /// Sets the density of prefixes to 0 where the suffix is occluded.
     ///
     /// Surfaces that rays pass at random, or bend rays, count as opaque: the balance heuristic needs the visibility itself, not an estimate.
-    /// What paths find through them stays with its owner. So in scenes with such surfaces the owner is tested like the others.
+    /// Light through them stays with its owner: in scenes with such surfaces the owner is tested like the others.
     fn test_visibility(&self, round: &Round, reuse: &mut Reuse, w: &mut Workspace) {
         let tests_owner = self.scene.features.alpha;
-        for &sender in &round.senders {
-            reuse.pairs.density[usize::from(sender)] = if tests_owner { 1.0 } else { 0.0 };
+        for &owner in &round.owners {
+            reuse.pairs.density[usize::from(owner)] = if tests_owner { 1.0 } else { 0.0 };
         }
         self.test_layers(round, reuse);
         w.shadow_rays.clear();
         w.shadow_vertices.clear();
-        for &sender in &round.senders {
-            let sender = usize::from(sender);
-            let places = group_of(sender, round.group);
+        for &owner in &round.owners {
+            let owner = usize::from(owner);
+            let places = group_of(owner, round.group);
             let mut asked = positive(&reuse.pairs.density[places.clone()]);
             if round.group >= FAN && reuse.fans.are_worth_it() {
-                asked = self.test_fan(sender, round.group, asked, reuse, w);
+                asked = self.test_fan(owner, round.group, asked, reuse, w);
             }
             let Reuse { prefixes, suffixes, .. } = &*reuse;
-            let target = get(&suffixes.target, sender);
+            let target = get(&suffixes.target, owner);
             for k in SetBits(asked) {
                 let i = places.start + k;
                 let origin = get(&prefixes.vertices.next_origin, i);
@@ -623,25 +643,25 @@ impl Integrator<'_> {
             }
         }
         if tests_owner {
-            for &sender in &round.senders {
-                let sender = usize::from(sender);
-                let is_owner_blocked = reuse.pairs.density[sender] == 0.0;
-                let none = if is_owner_blocked { group_of(sender, round.group) } else { sender..sender + 1 };
+            for &owner in &round.owners {
+                let owner = usize::from(owner);
+                let is_owner_blocked = reuse.pairs.density[owner] == 0.0;
+                let none = if is_owner_blocked { group_of(owner, round.group) } else { owner..owner + 1 };
                 reuse.pairs.density[none].fill(0.0);
             }
         }
     }
 
     /// Tests the prefixes of a group against a suffix together. Returns those that must be tested one by one.
-    fn test_fan(&self, sender: usize, group: usize, asked: u64, reuse: &mut Reuse, w: &mut Workspace) -> u64 {
+    fn test_fan(&self, owner: usize, group: usize, asked: u64, reuse: &mut Reuse, w: &mut Workspace) -> u64 {
         if asked.count_ones() < MIN_RAYS {
             return asked;
         }
         let Reuse { prefixes, suffixes, pairs, fans, .. } = reuse;
-        let places = group_of(sender, group);
+        let places = group_of(owner, group);
         let vertices = &prefixes.vertices;
         let fan = PointVisibilityQuery {
-            target: get(&suffixes.target, sender),
+            target: get(&suffixes.target, owner),
             origins: vertices.next_origin.each_ref().map(|lanes| &lanes[places.clone()]),
             origin_primitives: &vertices.origin_primitives[places.clone()],
             rays: asked,
@@ -661,19 +681,18 @@ impl Integrator<'_> {
     /// Transmittances of the layers of glTF materials at the suffixes towards the prefixes; too small ones count as occluded.
     fn test_layers(&self, round: &Round, reuse: &mut Reuse) {
         let Reuse { prefixes, suffixes, pairs, .. } = reuse;
-        for &sender in &round.senders {
-            let sender = usize::from(sender);
-            if suffixes.class[sender] != METAL_ROUGH {
+        for &owner in &round.owners {
+            let owner = usize::from(owner);
+            if suffixes.class[owner] != METAL_ROUGH {
                 continue;
             }
-            let (p, ns, ng) =
-                (get(&suffixes.p, sender), get(&suffixes.ns, sender), get(&suffixes.ng, sender));
-            for i in group_of(sender, round.group) {
+            let (p, ns, ng) = (get(&suffixes.p, owner), get(&suffixes.ns, owner), get(&suffixes.ng, owner));
+            for i in group_of(owner, round.group) {
                 if pairs.density[i] <= 0.0 {
                     continue;
                 }
                 let wo = (get(&prefixes.vertices.next_origin, i) - p).normalize();
-                pairs.rest[i] = layer_rest(&suffixes.material, sender, ns, wo, self.scene.shading);
+                pairs.rest[i] = layer_rest(&suffixes.material, owner, ns, wo, self.scene.shading);
                 let (_, is_bent) = bent_normal(ns, ng, wo);
                 // As for the owner.
                 if is_bent || pairs.rest[i] < MIN_REST {
@@ -699,7 +718,7 @@ struct Round {
     /// Runs of places with a suffix.
     runs: Vec<u16>,
     /// Places of the suffixes.
-    senders: Vec<u16>,
+    owners: Vec<u16>,
 }
 
 impl Round {
@@ -707,21 +726,21 @@ impl Round {
     fn take_turn(&mut self, turn: usize, reuse: &mut Reuse) {
         let Reuse { prefixes, suffixes: s, pairs, .. } = reuse;
         self.turn = turn;
-        self.senders.clear();
+        self.owners.clear();
         self.runs.clear();
         for first in (0..WAVE).step_by(self.group) {
-            let sender = first + turn;
+            let owner = first + turn;
             let places = first..first + self.group;
-            if s.class[sender] == NONE {
+            if s.class[owner] == NONE {
                 pairs.keys[places].fill(NO_KEY);
                 continue;
             }
-            pairs.keys[places.clone()].fill(prefixes.keys[sender]);
+            pairs.keys[places.clone()].fill(prefixes.keys[owner]);
             for c in 0..3 {
-                pairs.y[c][places.clone()].fill(s.p[c][sender]);
-                pairs.ng[c][places.clone()].fill(s.ng[c][sender]);
+                pairs.y[c][places.clone()].fill(s.p[c][owner]);
+                pairs.ng[c][places.clone()].fill(s.ng[c][owner]);
             }
-            self.senders.push(sender as u16);
+            self.owners.push(owner as u16);
             for run in first / RUN..(first + self.group).div_ceil(RUN) {
                 if self.runs.last() != Some(&(run as u16)) {
                     self.runs.push(run as u16);

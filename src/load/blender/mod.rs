@@ -112,7 +112,7 @@ fn leave_out_defaults(loaded: &mut Loaded) {
 }
 
 fn read(exported: &Exported, options: &LoadOptions) -> Result<Loaded> {
-    // What was exported just now may name the pictures where they are.
+    // A fresh export may name the pictures where they are.
     let options = &LoadOptions { allow_external: true, ..options.clone() };
     let text = sidecar_text(&exported.model, options)?;
     let sidecar = text.as_ref().map(Sidecar::parse);

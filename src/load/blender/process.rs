@@ -62,10 +62,10 @@ const PACKAGE: &[(&str, &str)] = &[
     ("world_graph.py", include_str!("../../../tools/blender/oscura_blender/world_graph.py")),
 ];
 
-/// What starts it.
+/// Script that starts it.
 const SCRIPT: &str = include_str!("../../../tools/blender/export.py");
 
-/// What starts it for files of other programs, and what the import of those has to say.
+/// Script that starts it for files of other programs, and the messages of their import.
 const IMPORT: &str = include_str!("../../../tools/blender/import.py");
 const IMPORTED: &str = "imported.json";
 

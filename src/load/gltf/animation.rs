@@ -13,7 +13,7 @@ use std::rc::Rc;
 /// Single weights that pointers name are below this: more morph targets than any mesh has.
 const MAX_WEIGHTS: usize = 1 << 16;
 
-/// What animations say about one node; `None` leaves the file's own value.
+/// Animated properties of one node; `None` leaves the file's own value.
 #[derive(Default)]
 pub(super) struct NodePose {
     /// Translation.
@@ -52,7 +52,7 @@ impl NodePose {
     }
 }
 
-/// What animations say about a list of weights of morph targets.
+/// Animated weights of morph targets.
 #[derive(Clone, Default)]
 pub(super) struct WeightsPose {
     /// All of them.
@@ -99,7 +99,7 @@ impl WeightsPose {
     }
 }
 
-/// What animations move, by index.
+/// Animated properties, by index.
 #[derive(Default)]
 pub(super) struct Pose {
     nodes: HashMap<usize, NodePose>,
@@ -110,23 +110,23 @@ pub(super) struct Pose {
 }
 
 impl Pose {
-    /// What moves a node, if anything does.
+    /// The animation of a node, if any.
     pub fn node(&self, index: usize) -> Option<&NodePose> {
         self.nodes.get(&index)
     }
 
-    /// What moves the weights of a node, if anything does.
+    /// The animation of a node's weights, if any.
     pub fn node_weights(&self, index: usize) -> Option<&WeightsPose> {
         self.node(index).map(|pose| &pose.weights).filter(|weights| weights.moves())
     }
 
-    /// What moves the weights of a mesh, if anything does.
+    /// The animation of a mesh's weights, if any.
     pub fn mesh_weights(&self, index: usize) -> Option<&WeightsPose> {
         self.meshes.get(&index)
     }
 }
 
-/// What of the pose a channel drives.
+/// The part of the pose that a channel drives.
 #[derive(Clone, Copy)]
 pub(super) enum Posed {
     /// A property of a node.
@@ -135,7 +135,7 @@ pub(super) enum Posed {
     MeshWeights(usize, Option<usize>),
 }
 
-/// What of a node a channel drives.
+/// The property of a node that a channel drives.
 #[derive(Clone, Copy)]
 pub(super) enum Property {
     Translation,
@@ -164,7 +164,7 @@ pub(super) fn pose(doc: &Document, time_s: f64, report: &mut Report) -> Pose {
             continue;
         };
         for (c, channel) in channels.iter().enumerate() {
-            // What is wrong with a channel doesn't concern the others.
+            // Errors of a channel don't concern the others.
             let _: Valid<()> = reader.channel(animation, channel, &format!("{at}/{c}"), report);
         }
     }
@@ -247,7 +247,7 @@ impl Reader<'_, '_> {
 }
 
 impl Posed {
-    /// What a key holds.
+    /// The type of a key's value.
     fn element(self) -> Element {
         match self {
             Posed::Node(_, Property::Translation | Property::Scale) => Element::Numbers(3),
@@ -260,7 +260,7 @@ impl Posed {
     }
 }
 
-/// What of a node a path names, if it is of its pose.
+/// The property of a node that a path names, if it is of its pose.
 fn property(path: &str) -> Option<Property> {
     match path {
         "translation" => Some(Property::Translation),
@@ -271,7 +271,7 @@ fn property(path: &str) -> Option<Property> {
     }
 }
 
-/// What of the pose the pointer of a channel's target (KHR_animation_pointer) leads to, if it does.
+/// The part of the pose that the pointer of a channel's target (KHR_animation_pointer) leads to, if it is one.
 pub(super) fn of_pose(target: &Value) -> Option<Posed> {
     let pointer = target.pointer("/extensions/KHR_animation_pointer/pointer")?.as_str()?;
     let steps: Vec<&str> = pointer.split('/').collect();
@@ -299,7 +299,7 @@ fn unit(q: DQuat, at: &str, report: &mut Report) -> Valid<DQuat> {
 
 // Animation samplers: keyframes in accessors, and the value at a time.
 
-/// What a channel drives.
+/// The property that a channel drives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Element {
     /// Values of 1 to 4 numbers.
@@ -464,7 +464,7 @@ fn read<const N: usize>(accessor: &Accessor, count: usize) -> Vec<f32> {
 
 // Keys of one channel of an animation, and what holds between them.
 
-/// What holds between two keys.
+/// Interpolation between two keys.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Interpolation {
     /// The first.
@@ -480,11 +480,11 @@ pub(super) enum Interpolation {
 pub(super) struct Track<'t> {
     /// Seconds, not decreasing.
     pub times: &'t [f32],
-    /// What holds at each key.
+    /// Values at each key.
     pub values: &'t [f32],
     /// Numbers of a value.
     pub width: usize,
-    /// What holds between the keys.
+    /// Interpolation between the keys.
     pub interpolation: Interpolation,
 }
 

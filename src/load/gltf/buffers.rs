@@ -136,7 +136,7 @@ impl<'a> Document<'a> {
         }
     }
 
-    /// What a URI leads to, recorded among the files of the scene.
+    /// The target of a URI, recorded among the files of the scene.
     ///
     /// # Errors
     /// Says why it leads nowhere.
@@ -183,7 +183,7 @@ pub(super) struct Accessor<'d> {
     pub count: usize,
     /// Scalar, vector or matrix.
     pub kind: Type,
-    /// What the components are stored as.
+    /// Type of the stored components.
     pub component: ComponentType,
     /// Are integers normalized to 0..1 or -1..1?
     pub normalized: bool,
@@ -305,7 +305,7 @@ impl<'d> Accessor<'d> {
         Ok(Sparse { indices, values: values? })
     }
 
-    /// What it holds, for messages: `VEC3 of U8`.
+    /// Its type, for messages: `VEC3 of U8`.
     pub fn contents(&self) -> String {
         format!("{} of {:?}", format!("{:?}", self.kind).to_uppercase(), self.component)
     }
@@ -499,7 +499,7 @@ fn plain(uri: &str) -> String {
     percent_decoded(uri.as_bytes()).and_then(|b| String::from_utf8(b).ok()).unwrap_or_else(|| uri.to_string())
 }
 
-/// What a URI may mean, the likeliest first: the path in it, itself as a path, and both without a query and a fragment
+/// Interpretations of a URI, the likeliest first: the path in it, itself as a path, and both without a query and a fragment
 /// (`a.png?v=1`, `a.png#x`).
 fn readings(uri: &str) -> Vec<String> {
     let path = uri.split(['?', '#']).next().unwrap_or_default();
@@ -529,7 +529,7 @@ fn scheme(uri: &str) -> Option<&str> {
     (starts && letters.all(|c| c.is_ascii_alphanumeric() || "+-.".contains(c))).then_some(scheme)
 }
 
-/// What follows `data:` (RFC 2397).
+/// The data after `data:` (RFC 2397).
 fn embedded(rest: &str) -> Result<Target, String> {
     let (head, payload) = rest.split_once(',').ok_or("the data: URI has no comma before its data")?;
     let (mime, is_base64) = match head.strip_suffix(";base64") {

@@ -44,13 +44,13 @@ pub(super) struct Document<'a> {
     decoded: Cell<u64>,
 }
 
-/// What a compressed primitive holds for an accessor: elements without gaps.
+/// The elements of an accessor that a compressed primitive holds, without gaps.
 pub(super) struct DecodedAccessor {
     /// The elements.
     pub bytes: Vec<u8>,
     /// Their number.
     pub count: usize,
-    /// What their components are stored as.
+    /// Type of their stored components.
     pub component: ComponentType,
 }
 
@@ -258,7 +258,7 @@ fn optional<T>(
     Ok(value)
 }
 
-/// What an object must hold: the value of [`index_of`] and its like.
+/// A required value: that of [`index_of`] and its like.
 pub(super) fn required<T>(value: Valid<Option<T>>, key: &str, at: &str, report: &mut Report) -> Valid<T> {
     value?.ok_or_else(|| report.problem(format!("{at}/{key}"), "is missing"))
 }

@@ -140,7 +140,7 @@ impl Cube<'_> {
         sum.map(|s| s * self.intensity / (RAYS * RAYS) as f32)
     }
 
-    /// What is seen in a direction of the cube's own space; between four texels, it is in between.
+    /// Radiance from a direction of the cube's own space, interpolated between four texels.
     fn radiance(&self, d: DVec3) -> [f32; 3] {
         let (face, right, down) = on_cube(d);
         let image = &self.faces[face];

@@ -57,7 +57,7 @@ impl MeshReader<'_, '_> {
             let at = format!("{}/primitives/{i}", pointer("meshes", index));
             if primitive.mode == Checked::Valid(Mode::Points) {
                 let material = || self.materials.of_splats();
-                // What is wrong with them doesn't concern the others.
+                // Their errors don't concern the others.
                 let read = points_lines::read_splats(doc, (index, i), material, &at, self.report);
                 clouds.extend(read.ok().flatten());
             }
@@ -83,7 +83,7 @@ impl MeshReader<'_, '_> {
             // They have no surface, and are no meshes of the scene.
             Checked::Valid(Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip) => {}
             Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) => {
-                // What is wrong with a primitive doesn't concern the others.
+                // Errors of a primitive don't concern the others.
                 let _: Valid<()> = self.add_triangles(primitive, mode, at, groups);
             }
         }
@@ -308,7 +308,7 @@ fn fan(corners: &[u32]) -> impl Iterator<Item = [u32; 3]> {
     corners.get(1..).unwrap_or_default().windows(2).map(move |w| [w[0], w[1], center])
 }
 
-// What files get wrong in the numbers of meshes: each repair is counted in a warning. Valid meshes cost one look.
+// Common errors in the numbers of meshes: each repair is counted in a warning. Valid meshes cost one look.
 
 /// Largest difference of a normal's squared length from 1 that is left alone.
 const UNIT_TOLERANCE: f32 = 1e-4;

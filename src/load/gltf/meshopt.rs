@@ -18,7 +18,7 @@ pub(super) fn packed<'v>(json: &'v Value, at: &str) -> Option<(String, &'v Value
     Some((format!("{at}/extensions/{name}"), extensions.get(name)?))
 }
 
-/// What kind of stream it is.
+/// The kind of a stream.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Mode {
     Attributes,
@@ -26,7 +26,7 @@ enum Mode {
     Indices,
 }
 
-/// What happens to the elements after decoding.
+/// The filter after decoding.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Filter {
     None,
@@ -36,7 +36,7 @@ enum Filter {
     Color,
 }
 
-/// What the JSON says about a compressed view.
+/// The JSON of a compressed view.
 pub(super) struct Layout {
     /// The buffer with the stream.
     pub buffer: usize,
@@ -143,7 +143,7 @@ fn narrowed(indices: Vec<u32>, stride: usize) -> Vec<u8> {
 
 /// A stream read from its start; reading beyond its end is an error.
 struct Stream<'s> {
-    /// What is left.
+    /// The remaining bytes.
     pub bytes: &'s [u8],
 }
 

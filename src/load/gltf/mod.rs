@@ -169,7 +169,7 @@ fn read_scene_extras(doc: &Document, index: Option<usize>, scene: &mut Scene, re
     scene.settings.depth = setting("bounces", 0);
 }
 
-/// What was not read because nothing visible uses it.
+/// The parts that were not read because nothing visible uses them.
 fn left_out(doc: &Document, builder: &SceneBuilder, scene: Option<usize>, pose: &Pose) -> Vec<String> {
     let mut images = builder.images();
     images.extend(image_light::images_of(doc, scene));

@@ -42,12 +42,12 @@ impl Node {
         has_own || self.profiled_light(doc).is_some() || self.area_light(doc).is_some()
     }
 
-    /// What EXT_lights_area says of it.
+    /// Its EXT_lights_area.
     pub fn area_light<'d>(&self, doc: &'d Document) -> Option<&'d Value> {
         doc.json.pointer(&format!("{}/extensions/EXT_lights_area", self.pointer()))
     }
 
-    /// What EXT_lights_ies says of it.
+    /// Its EXT_lights_ies.
     pub fn profiled_light<'d>(&self, doc: &'d Document) -> Option<&'d Value> {
         doc.json.pointer(&format!("{}/extensions/EXT_lights_ies", self.pointer()))
     }

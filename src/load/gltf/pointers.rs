@@ -1,8 +1,7 @@
 //! KHR_animation_pointer: channels that drive what JSON pointers lead to. Transforms of nodes and weights of morph targets are
 //! part of the pose; all other values are written into the document before a time sample is read, and restored after it.
 
-use super::animation::of_pose;
-use super::animation::{Element, Samplers};
+use super::animation::{Element, Samplers, of_pose};
 use super::document::Document;
 use super::report::{Report, Valid};
 use super::scene_builder::SharedAssets;
@@ -120,7 +119,7 @@ const IMAGE_LIGHTS: &str = "/extensions/EXT_lights_image_based/lights/";
 /// The angle that a camera sees, which must be above 0 and below pi.
 const FIELD_OF_VIEW: &str = "/cameras/*/perspective/yfov";
 
-/// What is written at a pointer.
+/// The new value at a pointer.
 type Change = (String, Value);
 
 /// Values that animations wrote into a document for a time sample.
@@ -246,7 +245,7 @@ fn target<'v>(
     Ok(Some((pointer, element)))
 }
 
-/// What a pointer leads to.
+/// The element that a pointer leads to.
 fn element_of(pointer: &str) -> Option<Element> {
     if fits("/nodes/*/extensions/KHR_node_visibility/visible", pointer) {
         return Some(Element::Flag);

@@ -15,9 +15,8 @@ use super::vertices::{AttributeFormat, AttributeReader};
 use crate::error::{Choice, Result, Warning};
 use crate::load::mesh_tools::bound_colors;
 use crate::load::points::Cloud;
-use crate::load::splats;
 use crate::load::splats::{FileSplat, SplatList, exp};
-use crate::load::{LoadOptions, Loaded, files};
+use crate::load::{LoadOptions, Loaded, files, splats};
 use crate::math::{DAffine3, DVec3};
 use crate::scene::{
     CurveBasis, Curves, MaterialId, Mesh, Model, ObjectTraits, Splats, instance_extents, scene_extent,

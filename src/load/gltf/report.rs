@@ -33,7 +33,7 @@ struct Entry {
     warning: Warning,
 }
 
-/// What went wrong and what was repaired, in the order in which it was found; the same is noted once.
+/// Errors and repairs, in the order in which they were found; equal ones are listed once.
 pub(in crate::load::gltf) struct Report {
     file: PathBuf,
     problems: Vec<Problem>,
@@ -100,7 +100,7 @@ impl Report {
         for problem in &own {
             self.seen.remove(&(problem.place.clone(), problem.message.clone()));
         }
-        // What was noted before is noted once.
+        // An error found before is not reported again.
         let known = || Problem::new("", "can't be read: what it refers to has a problem of its own");
         result.map_err(|_| own.into_iter().next().unwrap_or_else(known))
     }

@@ -87,7 +87,7 @@ pub(super) struct Textures {
     known: HashMap<TextureKey, Valid<TextureId>>,
 }
 
-/// What makes two references the same texture.
+/// The identity of a texture reference.
 #[derive(PartialEq, Eq, Hash)]
 struct TextureKey {
     texture: usize,
@@ -394,7 +394,7 @@ fn fetch<'d>(doc: &'d Document, need: ImageNeed, report: &mut Report) -> Valid<S
 struct Decoded {
     image: Result<Image, Problem>,
     warnings: Vec<Warning>,
-    /// What is left aside as glTF demands.
+    /// Parts ignored as glTF demands.
     notes: Vec<Warning>,
 }
 
@@ -422,7 +422,7 @@ fn decode_source(asset: &Path, source: &Source, is_lazy: bool) -> Decoded {
     Decoded { image, warnings, notes }
 }
 
-/// What the asset says of an image that can't be decoded.
+/// The asset's problem of an image that can't be decoded.
 fn problem(error: Error, name: &str, at: &str) -> Problem {
     let messages: Vec<String> = error.problems.iter().map(|p| p.message.clone()).collect();
     let help = error.problems.into_iter().find_map(|p| p.help);

@@ -41,7 +41,7 @@ pub(super) struct Deformation<'s> {
 /// Maximum number of sets of four joints per vertex; files with more are not known.
 const MAX_INFLUENCE_SETS: u32 = 4;
 
-/// What a primitive's vertices are made of, as far as its material needs it. Tangents mean nothing without normals.
+/// The vertex attributes of a primitive that its material needs. Tangents are ignored without normals.
 ///
 /// The first slot of texture coordinates is always filled: a scene file may replace the material.
 pub(super) fn attributes(

@@ -1,7 +1,6 @@
 //! Large images that become textures stay encoded while a scene is loaded: only their headers are read.
 
-use super::repair::Repair;
-use super::source::{ImageFile, Layout, Source, Use};
+use super::source::{ImageFile, Layout, Repair, Source, Use};
 use super::{
     decode, decode_source, format_of, jpeg_is_complete, metadata_warnings, openexr, radiance, source,
 };
@@ -71,7 +70,7 @@ pub(crate) fn read_for_texture(
 ) -> Result<Image> {
     if let Some(open) = Open::new(path) {
         let source = open.source((path, ""), memory_limit);
-        // What goes wrong here is found again, and reported, with the whole file.
+        // Errors here are found again, and reported, with the whole file.
         let layout = || source::guarded(&source, || layout(&source, None, purpose, &mut Vec::new()));
         let is_float =
             matches!(source::signature(source.bytes), Some(ImageFormat::OpenExr | ImageFormat::Hdr));

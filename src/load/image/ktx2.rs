@@ -49,7 +49,7 @@ pub(super) fn layout(source: &Source, warnings: &mut Vec<Warning>) -> Result<Opt
         Some(channels) => Some(channels),
         None => channels(source)?,
     };
-    // What is cut off is best decoded, and reported, at once.
+    // A truncated file is best decoded, and reported, at once.
     let [offset, length, inflated] = header.level;
     let pixels = u64::from(size[0]) * u64::from(size[1]);
     let least = match (plain, header.supercompression) {

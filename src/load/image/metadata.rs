@@ -5,7 +5,7 @@
 //! made by programs that do the same. Environments and backgrounds are photographs: orientation and profile are applied
 //!. Layouts: ISO 10918-1 (JPEG), PNG third edition, RFC 9649 (WebP), TIFF 6.0 and BigTIFF, ICC.1:2022.
 //!
-//! What photographs ask for: their orientation (EXIF) and their colour profile (ICC.1:2022).
+//! Metadata of photographs: their orientation (EXIF) and their colour profile (ICC.1:2022).
 //!
 //! Profiles of cameras, telephones and displays are three primaries with tone curves, or one curve for grey: these are applied.
 //! Those of printers are tables (`A2B0`), which are not read.

@@ -1,6 +1,6 @@
 //! The one reader of images: PNG, JPEG, WebP, GIF, BMP, TGA and TIFF by the crate `image`, Radiance HDR, EXR, and KTX2.
 //!
-//! What was 8-bit in the file stays 8-bit. The format is recognised by the content; TGA, which has no signature, by its media
+//! 8-bit images stay 8-bit. The format is recognised by the content; TGA, which has no signature, by its media
 //! type or name. Sizes are compared with the file's length before anything is allocated (`limits`).
 
 mod deferred;
@@ -9,7 +9,6 @@ mod ktx2;
 mod metadata;
 mod openexr;
 mod radiance;
-mod repair;
 mod source;
 
 pub(crate) use deferred::{OnDamage, for_texture, read_for_texture};
@@ -22,9 +21,7 @@ use crate::load::decoders::Decoder;
 use crate::load::files;
 use crate::load::files::Content;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
-use repair::Repair;
-use source::Source;
-use source::{guarded, read_bytes, signature};
+use source::{Repair, Source, guarded, read_bytes, signature};
 use std::io::Cursor;
 use std::path::Path;
 use std::sync::Arc;

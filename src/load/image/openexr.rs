@@ -42,7 +42,7 @@ pub(super) fn decode(
     Ok(picture.image([size.0 as u32, size.1 as u32], numbers))
 }
 
-/// What [`displayed`] will give, by the header.
+/// The layout that [`displayed`] will give, by the header.
 pub(super) fn layout(source: &Source, alpha: bool) -> Result<Layout> {
     let picture = Picture::open(source, alpha)?;
     let Window { size, .. } = picture.display();
@@ -437,7 +437,7 @@ impl Layered {
             i64::from(corner.1) - i64::from(shown.position.1),
         ];
         let room = [shown.size.0, shown.size.1];
-        // What a file of that size can't justify stays as it is.
+        // A value that a file of that size can't justify stays as it is.
         if room[0].saturating_mul(room[1]) > pixels.len().saturating_mul(64).max(1 << 24) {
             return ([size.0, size.1], pixels.to_vec());
         }

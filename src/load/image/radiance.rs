@@ -31,7 +31,7 @@ const REC709_FROM_XYZ: [[f64; 3]; 3] = [
     [0.055_643_4, -0.204_025_9, 1.057_225_2],
 ];
 
-/// What a header says.
+/// The header.
 struct Header {
     /// Product of all factors on each channel.
     factors: [f32; 3],
@@ -45,7 +45,7 @@ struct Header {
 /// Bytes of numbers that are handed over together.
 const TOGETHER: usize = 1 << 23;
 
-/// What [`decode`] will give, by the header.
+/// The layout that [`decode`] will give, by the header.
 pub(super) fn layout(source: &Source) -> Result<Layout> {
     let header = Header::checked(source)?;
     let rows = header.is_usual().then_some(1);

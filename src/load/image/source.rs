@@ -1,9 +1,8 @@
 //! An image before it is decoded: its bytes, where they come from, and what it is for.
 
 use crate::error::{Choice, Error, Message, Problem, Result, Warning};
-use crate::load::decoders;
 use crate::load::decoders::Decoder;
-use crate::load::files;
+use crate::load::{decoders, files};
 use image::{ImageFormat, Limits};
 use std::borrow::Cow;
 use std::fs::File;
@@ -56,7 +55,7 @@ impl ImageFile<'_> {
     }
 }
 
-/// What the header of an image says of its pixels.
+/// The pixels of an image by its header.
 pub(super) struct Layout {
     pub size: [u32; 2],
     pub channels: u32,
@@ -214,4 +213,42 @@ pub(super) fn for_decoder(source: &Source) -> Limits {
 pub(super) fn be(bytes: &[u8], at: usize, length: usize) -> Option<usize> {
     let digits = bytes.get(at..at.checked_add(length)?)?;
     usize::try_from(digits.iter().fold(0u64, |n, &b| n << 8 | u64::from(b))).ok()
+}
+
+// Numbers that images must not have.
+
+/// Sets NaN, infinite and, in environments, negative numbers to 0, and counts them.
+pub(super) struct Repair {
+    is_environment: bool,
+    not_finite: usize,
+    negative: usize,
+    total: usize,
+}
+
+impl Repair {
+    pub fn new(purpose: Use) -> Repair {
+        Repair { is_environment: purpose == Use::Environment, not_finite: 0, negative: 0, total: 0 }
+    }
+
+    pub fn apply(&mut self, numbers: &mut [f32]) {
+        self.total += numbers.len();
+        for v in numbers {
+            if !v.is_finite() {
+                self.not_finite += 1;
+                *v = 0.0;
+            } else if *v < 0.0 && self.is_environment {
+                self.negative += 1;
+                *v = 0.0;
+            }
+        }
+    }
+
+    pub fn warn(self, source: &Source, warnings: &mut Vec<Warning>) {
+        let total = self.total;
+        for (count, what) in [(self.not_finite, "NaN or infinite"), (self.negative, "negative")] {
+            if count > 0 {
+                warnings.push(source.warning(format!("{count} of {total} numbers are {what} and became 0")));
+            }
+        }
+    }
 }

@@ -79,7 +79,7 @@ impl<R: Read + Seek, C: LineFilter> Cleaning<R, C> {
 
     /// Returns the filtered file chunk by chunk.
     fn run(&mut self, mut give: impl FnMut(Vec<u8>)) -> Result<()> {
-        // What of the file has been read and not been taken: the beginning of a line.
+        // The unread rest of the buffer: the beginning of a line.
         let (mut buffer, mut rest) = (vec![0; CHUNK], 0);
         loop {
             if rest == buffer.len() {

@@ -15,8 +15,7 @@ mod mtl;
 mod statements;
 
 use super::files::{ModelReader, find};
-use super::mesh_tools::Repairs;
-use super::mesh_tools::triangulate;
+use super::mesh_tools::{Repairs, triangulate};
 use super::points::Cloud;
 use super::subdivide::Cage;
 use super::words::is_utf_16;
@@ -28,8 +27,7 @@ use crate::scene::{Instance, Material, MaterialId, Mesh, MeshId, MeshPart};
 use lines::{CountedReader, LineFilter, Words, by_tobj, each_line};
 use materials::Maps;
 use mtl::Mtl;
-use statements::Piece;
-use statements::{MaterialName, Statements};
+use statements::{MaterialName, Piece, Statements};
 use std::collections::{HashMap, HashSet};
 use std::io::{Read, Seek};
 use std::iter::Peekable;
@@ -64,7 +62,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let mut palette = Palette {
         file: path,
         names: &materials,
-        // Of several materials of a name, the first counts.
+        // The first of several materials with one name counts.
         libraries: libraries
             .iter()
             .rev()

@@ -204,7 +204,7 @@ fn clean(
         return Ok((format!("{name} {value}\n"), Vec::new()));
     }
     match (spelt(&MAPS), keyword) {
-        // Of `map_Bump` and `bump` the first counts.
+        // The first of `map_Bump` and `bump` counts.
         (Some(name), _) if maps.contains(&name) => Ok(Default::default()),
         (Some(name), _) => {
             let text = decoded(words.rest());
@@ -315,7 +315,7 @@ fn apply(map: &mut Map, option: &str, values: &[&str]) -> bool {
         // They control filtering, for which the renderer has its own settings.
         "-blendu" | "-blendv" | "-boost" | "-texres" => {}
         "-cc" => return values == ["off"],
-        // What each map is for decides already.
+        // The purpose of each map decides already.
         "-colorspace" => {
             return values.first().is_some_and(|v| COLOR_SPACES.contains(&v.to_ascii_lowercase().as_str()));
         }

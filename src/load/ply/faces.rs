@@ -103,7 +103,7 @@ impl Faces {
         }
     }
 
-    /// What is left out of the faces.
+    /// The faces left out, in words.
     pub fn left_out(&self) -> Vec<String> {
         let mut list = Vec::new();
         if let Some(first) = self.problems.first() {

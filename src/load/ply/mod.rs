@@ -155,7 +155,7 @@ fn take_tangents(mesh: &mut Mesh) {
     }
 }
 
-/// What is wrong with the faces: those with missing vertices are left out where others are there.
+/// Errors of the faces: those with missing vertices are left out where others are there.
 fn problems(mesh: &Mesh, faces: &mut Faces) -> Vec<Problem> {
     let mut problems = faces.problems();
     if !mesh.triangles.is_empty() {
@@ -176,7 +176,7 @@ fn odd_material(materials: &[i64]) -> Option<Problem> {
 
 /// The named attributes that somebody reads.
 struct Attributes {
-    /// What the header calls them.
+    /// Their numbers in the header.
     numbers: Vec<u8>,
     lists: Vec<VertexAttribute>,
 }

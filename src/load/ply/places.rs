@@ -35,7 +35,7 @@ pub(in crate::load) struct Place {
     pub index: Option<f32>,
 }
 
-/// What a file holds.
+/// The contents of a file.
 #[derive(Debug, Default)]
 pub(in crate::load) struct Places {
     /// In order.

@@ -128,7 +128,7 @@ impl Harmonics {
         Harmonics { in_file, degree }
     }
 
-    /// What is left out, in words.
+    /// The splats left out, in words.
     fn left_out(self) -> Option<String> {
         let read = Splats::coefficients_of(self.degree) - 1;
         (self.in_file > read).then(|| {

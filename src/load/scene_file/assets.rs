@@ -52,7 +52,7 @@ pub(super) struct Assets {
     attributes: Arc<BTreeSet<String>>,
     /// Materials of instances that list them.
     listed: Vec<ListedMaterials>,
-    /// What `mesh_keys` say of meshes that deform.
+    /// `mesh_keys` of meshes that deform.
     deformed: HashMap<MeshId, String>,
 }
 
@@ -267,7 +267,7 @@ fn key(path: &Path) -> PathBuf {
 }
 
 fn read(path: &Path, options: &LoadOptions) -> Result<Loaded> {
-    // What a person names may come through a pipe, what a file names must not wait.
+    // Files named on the command line may come through a pipe, those named by a file must not block.
     files::open(path).map_err(|message| Error::input(path, message))?;
     match formats::of(path) {
         Format::Model(model) => (model.load)(path, options),

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// What to do where a file isn't there: run the script `build.py` next to it or in the folder above, or mend the path.
+/// Help for a missing file: run the script `build.py` next to it or in the folder above, or correct the path.
 fn help_for_missing(path: &Path) -> String {
     let script = path.ancestors().skip(1).take(2).map(|folder| folder.join("build.py")).find(|s| s.is_file());
     match script {
@@ -82,7 +82,7 @@ impl<'a> Problems<'a> {
 
 /// One table. Reading a key marks it as known; [`Fields::finish`] reports the rest.
 pub(super) struct Fields<'a> {
-    /// What the table describes, for messages.
+    /// Description of the table, for messages.
     what: String,
     table: &'a DeTable<'a>,
     span: Range<usize>,
@@ -108,7 +108,7 @@ impl<'a> Fields<'a> {
         Fields { what: what.into(), table, span, known: RefCell::new(Vec::new()), problems }
     }
 
-    /// What the table is, in words.
+    /// Description of the table, in words.
     pub fn what(&self) -> &str {
         &self.what
     }
@@ -314,7 +314,7 @@ pub(super) fn color(value: &DeValue) -> Option<[f32; 3]> {
     rgb.iter().all(|x| x.is_finite() && *x >= 0.0).then_some(rgb)
 }
 
-/// What `[materials.NAME]` or `[textures.NAME]` says, from the table of all materials or textures (`kind` in the singular). A
+/// The table `[materials.NAME]` or `[textures.NAME]`, from the table of all materials or textures (`kind` in the singular). A
 /// problem at `span`, where the name is used, if it isn't there.
 pub(super) fn named<'a>(
     all: Option<&Fields<'a>>,

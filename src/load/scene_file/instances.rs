@@ -96,7 +96,7 @@ fn copied(scene: &mut Scene, instance: &Instance, number: usize, place: &Place) 
     Instance { world_from_object, motion, info: info(&instance.info, number, place), ..instance.clone() }
 }
 
-/// What nodes know of a copy: what its place says, else what the object says, and random numbers of their own.
+/// Values of a copy for node graphs: those of its place, else those of the object, and random numbers of its own.
 fn info(of_object: &ObjectInfo, number: usize, place: &Place) -> ObjectInfo {
     ObjectInfo {
         color: place.color.unwrap_or(of_object.color),

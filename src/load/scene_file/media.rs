@@ -1,4 +1,4 @@
-//! What fills a space that light crosses: `fog` of `[environment]` around all solids, `medium` of a material within its
+//! Participating media: `fog` of `[environment]` around all solids, `medium` of a material within its
 //! solids, with densities on a grid or by textures if it has some.
 //!
 //! | Medium | Default | Meaning |
@@ -115,7 +115,7 @@ pub(super) fn filling<'a>(
     }
 }
 
-/// What takes a box along the axes to another.
+/// The transform from one axis-aligned box to another.
 fn between(from: (DVec3, DVec3), to: (DVec3, DVec3)) -> DAffine3 {
     if from == to {
         return DAffine3::IDENTITY;
@@ -134,7 +134,7 @@ struct GlowKeys<'a> {
 
 /// Transform of a file's grids to world space.
 struct GridTransform {
-    /// What takes them from where the file has them to where they are.
+    /// The transform from the grids of the file to the scene.
     moved: DAffine3,
     is_z_up: bool,
     has_margin: bool,
@@ -353,7 +353,7 @@ pub(super) fn subsurface(fields: &Fields, model: &mut PbrMaterial) -> Option<Med
         fields.problems.push(fields.span(), message);
     }
     model.has_volume = true;
-    // What a model's material says tints light on its way in and on its way out.
+    // The tint by a model's material on light's way in and out.
     let tint = model.diffuse_transmission.map_or(ColorSlot::constant([1.0; 3]), |through| through.color);
     model.diffuse_transmission = Some(DiffuseTransmission { factor: FloatSlot::constant(1.0), color: tint });
     let radius = radius.map(|r| (f64::from(r) * scale).clamp(1e-9, 1e9) as f32);

@@ -32,7 +32,7 @@ use toml::de::DeValue;
 /// A value with its place in the file.
 pub(super) type Value<'a> = &'a Spanned<DeValue<'a>>;
 
-/// What links of a graph may lead to.
+/// Targets of links of a graph.
 pub(super) struct Links<'g, 'a> {
     /// Names and kinds of the nodes, in order.
     pub nodes: &'g [(&'a str, NodeKind)],
@@ -283,7 +283,7 @@ fn setting(value: &DeValue) -> Option<SettingValue> {
 }
 
 impl<'a> Links<'_, 'a> {
-    /// What an input or the result is given.
+    /// The value of an input or of the result.
     pub fn input(&mut self, build: &mut SceneFileBuilder, value: Value<'a>) -> Option<NodeInput> {
         if let Some(text) = value.get_ref().as_str() {
             return self.link(build, value, text);

@@ -80,11 +80,11 @@ pub(super) struct Textures<'a> {
     of_models: HashSet<String>,
     /// Only the keys are checked: nothing is opened and nothing added to the scene.
     checking: bool,
-    /// What `"own"` means now; `None` where nothing is.
+    /// The current meaning of `"own"`; `None` where there is none.
     own: Option<Own>,
 }
 
-/// What a model's material has where a texture is named in its place.
+/// The model's own value where a texture is named in its place.
 struct Own {
     texture: Option<TextureId>,
     /// Was it asked for?

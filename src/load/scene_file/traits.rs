@@ -14,7 +14,7 @@
 //! are not in the second. Lights have them, and emissive objects. Names are those of objects of the file or of nodes of a model, and
 //! mean all below these; with a slash before it, that of a node without a parent.
 //!
-//! What receives light is the surface where a path was scattered last: mirrors show a light that they are not linked to as
+//! The receiver of light is the surface where a path was scattered last: mirrors show a light that they are not linked to as
 //! black, cameras see it. Fog and other media are in no list: they dim all lights but those in which nothing
 //! casts shadows (`shadow_link = { include = [] }`). Lights with a `shadow_link` light rough surfaces by light samples only.
 
@@ -81,7 +81,7 @@ pub(super) fn traits(fields: &Fields) -> Option<ObjectTraits> {
     given.contains(&true).then_some(traits)
 }
 
-/// What graphs of nodes know of an object; `None` where none of the keys is given.
+/// Object properties for node graphs; `None` where none of the keys is given.
 pub(super) fn info(fields: &Fields) -> Option<ObjectInfo> {
     let given = ["color", "index", "random"].map(|key| fields.has(key));
     let mut info = ObjectInfo::default();

@@ -278,7 +278,7 @@ fn sun_radiance(turbidity: f64, elevation_rad: f64) -> [f64; 3] {
 mod tests {
     use super::*;
 
-    /// What another program (Mitsuba 3.7's `sunsky`, from the same coefficients in double precision) gives for a sun in the
+    /// Values of another program (Mitsuba 3.7's `sunsky`, from the same coefficients in double precision) for a sun in the
 /// direction of the azimuth 0: turbidity, albedo, elevation, the angle to the zenith, the azimuth, radiance.
 #[rustfmt::skip]
 const SKIES: &[[f64; 8]] = &[

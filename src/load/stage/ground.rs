@@ -1,4 +1,4 @@
-//! What a bare model stands on.
+//! The ground below a bare model.
 //!
 //! Undersides on the ground: one-sided sheets that lie on it and face down. Their fronts are never seen, and they are absent
 //! from behind; but light that the ground reflects would end at them, and leave a black patch in their place.

@@ -1,4 +1,4 @@
-//! What bare models lack: a camera that sees all of them, light, a ground that takes their shadow, a material. What a file
+//! Additions to bare models: a camera that sees all of them, light, a ground that takes their shadow, a material. What a file
 //! contains stays as it is: a scene with a camera is a scene, and only gets light where it has none at all.
 
 mod framing;

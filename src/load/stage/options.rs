@@ -1,4 +1,4 @@
-//! What the caller may choose about the stage of a bare model.
+//! Options for the stage of a bare model.
 
 use crate::image::Image;
 use crate::math::{DMat3, DVec3};

@@ -6,9 +6,7 @@ mod refine;
 pub(super) use refine::Cage;
 
 use crate::scene::{MaterialId, Mesh, MeshId, MeshPart, VertexAttribute};
-use refine::Edges;
-use refine::Layer;
-use refine::{Fans, NONE};
+use refine::{Edges, Fans, Layer, NONE};
 use std::collections::{BTreeMap, HashMap};
 
 /// Maximum number of triangles that all subdivided meshes of a scene may have together.
@@ -42,7 +40,7 @@ impl Polygons {
         self.cages.insert(id, cage);
     }
 
-    /// What a mesh has been subdivided to, if it has.
+    /// The subdivided meshes of a mesh, if any.
     pub(super) fn known(&self, id: MeshId, how: Subdivision) -> Option<MeshId> {
         self.made.get(&(id, how)).copied()
     }

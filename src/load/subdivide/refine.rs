@@ -10,7 +10,7 @@ use std::collections::HashMap;
 use std::f64::consts::TAU;
 use std::hash::Hash;
 
-/// What becomes of open edges and their ends.
+/// Rule for open edges and their ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Edges {
     /// They become cubic B-splines; corners of one face only stay where they are.
@@ -21,7 +21,7 @@ pub(super) enum Edges {
     Fixed,
 }
 
-/// What a value is.
+/// Rule for a vertex.
 enum VertexRule {
     /// The middle of a ring of this many faces.
     Inner(f64),

@@ -321,7 +321,7 @@ fn built(model: &Model, object: &Object) -> Built {
         object.triangles.iter().map(|t| appearance_of(model, object, t)).collect();
     let has_colors = appearances.iter().any(|(appearance, _)| *appearance == Appearance::Colors);
     let has_places = appearances.iter().any(|(appearance, _)| matches!(appearance, Appearance::Texture(_)));
-    // What has no colour is grey beside what has one.
+    // Parts without colour are grey next to coloured ones.
     let as_shown = |appearance: Appearance| {
         if has_colors && appearance == Appearance::Plain { Appearance::Colors } else { appearance }
     };

@@ -4,9 +4,8 @@
 use crate::color::srgb_table;
 use crate::error::Problem;
 use crate::math::{DAffine3, DMat3, DVec3};
-use quick_xml::Reader;
-use quick_xml::XmlVersion;
 use quick_xml::events::{BytesStart, Event};
+use quick_xml::{Reader, XmlVersion};
 use std::collections::{BTreeSet, HashMap};
 
 /// The part that a group or a triangle has no property of.
@@ -20,7 +19,7 @@ pub(super) struct Model {
     pub objects: HashMap<u32, Object>,
     pub groups: HashMap<u32, Group>,
     pub textures: HashMap<u32, TextureFile>,
-    /// What is shown.
+    /// The visible items.
     pub items: Vec<Reference>,
     /// Elements that are not read, by name.
     pub unread: BTreeSet<&'static str>,
@@ -133,7 +132,7 @@ pub(super) fn parse(text: &str) -> Result<Model, Problem> {
 struct Parser {
     model: Model,
     is_model: bool,
-    /// What is open.
+    /// The open elements.
     object: Option<(u32, Object)>,
     group: Option<(u32, Group)>,
 }

@@ -8,8 +8,7 @@ use crate::math::{DAffine3, DMat3, DVec3};
 use crate::scene::Grid;
 use std::collections::HashSet;
 use std::sync::Arc;
-use values::{Bytes, Mask};
-use values::{Number, Values};
+use values::{Bytes, Mask, Number, Values};
 
 const MAGIC: i64 = 0x5644_4220;
 const VERSIONS: std::ops::RangeInclusive<u32> = 222..=224;
@@ -219,7 +218,7 @@ fn read_map(from: &mut Bytes) -> Result<DAffine3, String> {
     }
 }
 
-/// What follows from the scale.
+/// The rest of the header depends on the scale.
 fn skip_vectors(from: &mut Bytes, count: usize) -> Result<(), String> {
     (0..count).try_for_each(|_| from.vector().map(|_| ()))
 }
@@ -443,7 +442,7 @@ mod tests {
         compression: u32,
         kind: &'static str,
         class: &'static str,
-        /// What values are multiplied by.
+        /// Factor on values.
         sign: f32,
     }
 

@@ -1,7 +1,7 @@
 //! The kinds of nodes that a graph may hold: names, settings, inputs and outputs, one row each. Meanings are those of the shader
 //! nodes of Cycles (Blender 5.0), except that vectors without a link or value are points of world space.
 
-/// What an input or output carries. Floats become vectors by repetition, vectors floats by their mean, colours floats by their
+/// Type of an input or output. Floats become vectors by repetition, vectors floats by their mean, colours floats by their
 /// luminance (Rec. 709).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SocketType {
@@ -13,7 +13,7 @@ pub enum SocketType {
     Color,
 }
 
-/// What an input is without a link.
+/// Value of an input without a link.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SocketDefault {
     /// A value; of floats the first component.
@@ -31,9 +31,9 @@ pub enum SocketDefault {
 pub struct Socket {
     /// In files.
     pub name: &'static str,
-    /// What it carries.
+    /// Type.
     pub kind: SocketType,
-    /// What it is without a link; nothing of outputs.
+    /// Value without a link; nothing for outputs.
     pub default: SocketDefault,
 }
 
@@ -100,7 +100,7 @@ impl Setting for String {
 /// A direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Direction(
-    /// Of any length.
+    /// A vector of any length.
     pub [f32; 3],
 );
 
@@ -179,7 +179,7 @@ options! {
         Difference = "difference", Exclusion = "exclusion", Subtract = "subtract", Divide = "divide", Hue = "hue",
         Saturation = "saturation", Color = "color", Value = "value",
     }
-    /// What a mix node mixes.
+    /// Type of the values of a mix node.
     MixType { Float = "float", Vector = "vector", Color = "rgba", }
     /// Whether one factor or one for each component mixes vectors.
     FactorMode { Uniform = "uniform", NonUniform = "non_uniform", }
@@ -187,7 +187,7 @@ options! {
     RangeInterpolation { Linear = "linear", Stepped = "stepped", SmoothStep = "smoothstep", SmootherStep = "smootherstep", }
     /// Order of the ends of a clamp.
     ClampType { MinMax = "minmax", Range = "range", }
-    /// What a mapping node maps.
+    /// Type of the vectors of a mapping node.
     MappingType { Point = "point", Texture = "texture", Vector = "vector", Normal = "normal", }
     /// Components of a colour.
     ColorModel { Rgb = "rgb", Hsv = "hsv", Hsl = "hsl", }
@@ -200,7 +200,7 @@ options! {
     }
     /// In how many dimensions a texture varies.
     Dimensions { Three = "3d", One = "1d", Two = "2d", Four = "4d", }
-    /// What a Voronoi texture shows.
+    /// Output of a Voronoi texture.
     VoronoiFeature {
         F1 = "f1", F2 = "f2", SmoothF1 = "smooth_f1", DistanceToEdge = "distance_to_edge", SphereRadius = "n_sphere_radius",
     }
@@ -227,9 +227,9 @@ options! {
     ImageProjection { Flat = "flat", Box = "box", Sphere = "sphere", Tube = "tube", }
     /// How images of surroundings lie on the sphere of directions.
     EnvironmentProjection { Equirectangular = "equirectangular", MirrorBall = "mirror_ball", }
-    /// What the numbers of an image are: colours as its file has them, or data.
+    /// Colour space of an image: colours as its file has them, or data.
     ColorSpace { Srgb = "srgb", Linear = "linear", NonColor = "non-color", }
-    /// What the alpha of an image does: of the file's colours, which it isn't multiplied into yet, or is; nothing to colours that are data
+    /// Alpha of an image: of the file's colours, which it isn't multiplied into yet, or is; nothing to colours that are data
     /// of their own; or nothing at all.
     AlphaMode { Straight = "straight", Premul = "premul", ChannelPacked = "channel_packed", None = "none", }
     /// In what space normals of a map are.
@@ -238,7 +238,7 @@ options! {
     TangentType { Radial = "radial", UvMap = "uv_map", }
     /// Axes.
     Axis { Z = "z", X = "x", Y = "y", }
-    /// What is transformed.
+    /// Type of the transformed vectors.
     TransformType { Vector = "vector", Point = "point", Normal = "normal", }
     /// Spaces of vectors.
     Space { World = "world", Object = "object", Camera = "camera", }
@@ -301,7 +301,7 @@ macro_rules! output {
 macro_rules! nodes {
     ($($(#[$doc:meta])* $kind:ident $text:literal {$($setting:ident: $type:ty = $default:expr),*}
         ($($input:ident: $in_type:ident $($in_default:expr)?),*) -> ($($output:ident: $out_type:ident),*);)*) => {
-        /// What a node computes, with its settings.
+        /// Operation of a node, with its settings.
         #[derive(Clone, Debug, PartialEq)]
         #[non_exhaustive]
         pub enum NodeKind {$(

@@ -40,7 +40,7 @@ pub enum NodeInput {
 /// A node of a graph.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Node {
-    /// What it computes.
+    /// Operation.
     pub kind: NodeKind,
     /// One an input of the kind.
     pub inputs: Vec<NodeInput>,
@@ -161,7 +161,7 @@ impl NodeGraph {
         Some(order)
     }
 
-    /// What an input is given: what its link or texture carries, `otherwise` for values.
+    /// Type of an input's source: that of its link or texture, `otherwise` for values.
     pub fn given_type(&self, input: &NodeInput, otherwise: SocketType) -> SocketType {
         match *input {
             NodeInput::Link { node, output } => self.nodes[node].kind.outputs()[output].kind,
@@ -256,7 +256,7 @@ impl NodeKind {
         }
     }
 
-    /// What is wrong with its settings.
+    /// The error in its settings.
     fn problem(&self) -> Option<String> {
         let table = |rows: &[Vec<f32>], columns: usize| {
             if rows.is_empty() {

@@ -38,7 +38,7 @@ struct RepeatedProblem {
     count: usize,
 }
 
-/// What was found so far.
+/// The findings so far.
 #[derive(Default)]
 pub(super) struct Findings {
     list: Vec<Problem>,

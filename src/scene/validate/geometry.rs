@@ -173,7 +173,7 @@ fn suits(material: &Material, place: Entry, findings: &mut Findings) {
     findings.require(material.emission.is_none(), place, "material", name, dark);
 }
 
-// What is seen: instances, shapes and quads.
+// Visible objects: instances, shapes and quads.
 
 const MATERIAL: &str = "one of the scene's materials";
 const FINITE: &str = "finite";
@@ -226,7 +226,7 @@ pub(super) fn check_objects(scene: &Scene, findings: &mut Findings) {
     }
 }
 
-// What moves while the picture is taken: objects. (Cameras and lights are checked with their motion.)
+// Motion of objects during the exposure. (Cameras and lights are checked with their motion.)
 
 pub(super) fn check_motion(scene: &Scene, findings: &mut Findings) {
     let motion = &scene.motion;

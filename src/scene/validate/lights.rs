@@ -194,7 +194,7 @@ pub(super) fn check_camera(camera: &Camera, index: usize, findings: &mut Finding
     check_lens(camera, place, findings);
 }
 
-/// What of the scene the picture shows.
+/// Checks the window of the scene that the picture shows.
 fn check_frame(camera: &Camera, place: Entry, findings: &mut Findings) {
     let pixel = camera.pixel_aspect;
     let is_square = pixel == 1.0 || !matches!(camera.projection, Projection::Panorama(_));

@@ -162,7 +162,7 @@ fn check_pbr(pbr: &PbrMaterial, place: Entry, findings: &mut Findings) {
     }
 }
 
-// What fills spaces: fog and the insides of solids.
+// Media: fog and the insides of solids.
 
 /// In denser media, mean free paths are below the precision of positions.
 const MAX_EXTINCTION: f32 = 1e9;

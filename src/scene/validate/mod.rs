@@ -2,7 +2,7 @@
 //! the stages after them need no checks. Loaders run it last, and `compile` first, so scenes that were built in code get
 //! the same answers as files.
 //!
-//! What is repaired on the way to a picture is no problem here: shares beyond 0..1 (clamped), normals of any length
+//! Repairs on the way to a picture are no problem here: shares beyond 0..1 (clamped), normals of any length
 //! (normalised), primitives without area or farther away than 1e18 m and placements that flatten (left out, with a warning).
 
 mod findings;
@@ -116,7 +116,7 @@ mod tests {
         Scene { meshes: vec![mesh], materials, ..Scene::default() }
     }
 
-    /// What is said of a triangle that was changed.
+    /// Problems of a triangle that was changed.
     fn of_mesh(change: impl FnOnce(&mut Mesh)) -> Vec<String> {
         let mut scene = triangle();
         change(&mut scene.meshes[0]);
@@ -198,7 +198,7 @@ mod tests {
                 "textures[1], factor: is TextureId(2), but must be a texture that comes before this one",
             ]
         );
-        // Of three of the one before each: 3 to the power of 7 and of 8.
+        // Each multiplies three of the one before: 3 to the power of 7 and of 8.
         scene.textures =
             (0..9).map(|i| if i == 0 { Texture::Normal } else { mix(i - 1, i - 1, i - 1) }).collect();
         assert_eq!(
@@ -374,7 +374,7 @@ mod tests {
             let problems = with(medium, grids);
             assert!(problems.iter().any(|p| p.to_string().contains(words)), "{words}: {problems:?}");
         }
-        // What is absorbed everywhere has no place in a grid.
+        // Absorption everywhere has no place in a grid.
         let with_attenuation = |medium: Medium| {
             let pbr = PbrMaterial {
                 has_volume: true,

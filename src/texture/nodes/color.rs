@@ -251,7 +251,7 @@ pub fn black_body(kelvin: f32) -> [f32; 3] {
     [of(RED[fit]), of(GREEN[fit]), blue].map(|c| c.max(0.0))
 }
 
-/// What the brightest wavelengths are divided by.
+/// Divisor for the brightest wavelengths.
 const BRIGHTEST: f32 = 2.52;
 
 /// The colour of a wavelength.

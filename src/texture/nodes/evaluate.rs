@@ -1,4 +1,4 @@
-//! What the steps of a program compute, for many points at a time.
+//! The operations of programs, for many points at a time.
 
 use super::color::{self, Table};
 use super::hash::{hash_floats, hash_to_vector};
@@ -23,7 +23,7 @@ pub(super) type ReadImage<'a> = dyn Fn(TextureId, &ImageReading, [f32; 2], f32) 
 pub struct Points<'a> {
     /// At most as many as registers have lanes; `world` is the point before the scene was moved.
     pub points: &'a [TexturePoint],
-    /// What more is known of each; one for all where it is one.
+    /// Further data of each; one for all if there is a single one.
     pub hits: &'a [Option<&'a HitData<'a>>],
     /// Vectors of the world are those of Blender.
     pub is_z_up: bool,
@@ -33,10 +33,10 @@ pub struct Points<'a> {
     pub images: &'a ReadImage<'a>,
 }
 
-/// What a step computes.
+/// The operation of a step.
 #[derive(Clone, Debug)]
 pub enum Operation {
-    /// What points give.
+    /// An input of the point.
     Load(Source),
     /// The source at an offset, for derivatives: along which step, by how much of it.
     LoadMoved { source: Source, step: usize, share: f32 },
@@ -141,7 +141,7 @@ pub const UNUSED: u16 = u16::MAX;
 /// A step of a program.
 #[derive(Clone, Debug)]
 pub struct Compiled {
-    /// What it computes.
+    /// The operation.
     pub operation: Operation,
     /// Registers.
     pub inputs: Vec<u16>,

@@ -175,7 +175,7 @@ struct Builder<'a> {
     /// Names of the attributes of hits.
     attributes: &'a [String],
     is_z_up: bool,
-    /// What is built is read beside points: along which step, by how much of it.
+    /// Offset of the points that nodes under construction read: along which step, by how much of it.
     beside: Option<(usize, f32)>,
     /// Bumps around what is built.
     bumps: u32,
@@ -231,7 +231,7 @@ impl Builder<'_> {
         }
     }
 
-    /// What an input is given, as the type of its socket.
+    /// The value of an input, as the type of its socket.
     fn input(
         &mut self,
         graph: &NodeGraph,

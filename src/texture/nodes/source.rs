@@ -1,11 +1,11 @@
-//! What programs read of a hit.
+//! Inputs of programs at a hit.
 
 use crate::math::{DVec3, Mat3, Vec2, Vec3};
 use crate::scene::TextureId;
 use crate::scene::nodes::Axis;
 use crate::texture::{AttributeValue, HitAttributes, HitData, TexturePoint};
 
-/// What a point gives to a program.
+/// Inputs of a program at a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
     /// World space, metres.

@@ -22,7 +22,7 @@ pub struct Voronoi {
     pub randomness: f32,
 }
 
-/// What is found at a point.
+/// The result at a point.
 #[derive(Clone, Copy, Debug)]
 pub struct Cell<const N: usize> {
     pub distance: f32,

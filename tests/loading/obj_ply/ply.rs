@@ -1,9 +1,8 @@
 //! What PLY files may hold.
 
 use super::{binary_ply, load_ply};
-use oscura::load::Loaded;
 use oscura::load::subdivide::Subdivision;
-use oscura::load::{LoadOptions, load};
+use oscura::load::{LoadOptions, Loaded, load};
 
 #[test]
 fn ply_reads_both_byte_orders_alike_and_refuses_every_truncation() {

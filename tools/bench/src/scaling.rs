@@ -6,7 +6,7 @@
 
 use crate::measure::{Setup, Subject};
 use oscura::error::Result;
-use oscura::render::timeline::{self, Span};
+use oscura::render::{TaskSpan, record_tasks, recorded_tasks};
 use std::collections::BinaryHeap;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -22,7 +22,7 @@ pub struct Timed {
     /// Seconds on one thread, and of them those that one thread would take alone.
     total_s: f64,
     alone_s: f64,
-    spans: Vec<Span>,
+    spans: Vec<TaskSpan>,
     /// Seconds on one and on two threads.
     real_s: Option<[f64; 2]>,
 }
@@ -44,9 +44,9 @@ pub fn time(path: &Path, setup: &Setup) -> Result<Vec<Timed>> {
     let subject = Subject::new(path, setup)?;
     let samples = setup.ladder.last().copied().unwrap_or(64);
     let mut rendering = subject.rendering(samples, 1, None)?;
-    timeline::record();
+    record_tasks();
     rendering.run();
-    let (total, mut spans) = timeline::recorded();
+    let (total, mut spans) = recorded_tasks();
     spans.sort_by_key(|span| span.start);
     let timed: Duration = spans.iter().map(|span| span.took).sum();
     let real = |threads: usize| -> Result<f64> {
@@ -75,8 +75,8 @@ impl Timed {
 }
 
 /// Seconds that parts take on so many threads.
-fn replayed(spans: &[Span], threads: usize, rule: Rule) -> f64 {
-    let is_alone = |span: &Span| {
+fn replayed(spans: &[TaskSpan], threads: usize, rule: Rule) -> f64 {
+    let is_alone = |span: &TaskSpan| {
         rule == Rule::Barriers && matches!(span.stage, "noise" | "splats" | "caustics" | "film")
     };
     let (mut sum, mut group, mut last) = (0.0, Vec::new(), None);
@@ -162,14 +162,14 @@ pub fn markdown(all: &[Timed]) -> String {
 mod tests {
     use super::*;
 
-    fn span(stage: &'static str, group: Option<u32>, seconds: f64) -> Span {
-        Span { stage, group, start: Duration::ZERO, took: Duration::from_secs_f64(seconds) }
+    fn span(stage: &'static str, group: Option<u32>, seconds: f64) -> TaskSpan {
+        TaskSpan { stage, group, start: Duration::ZERO, took: Duration::from_secs_f64(seconds) }
     }
 
     #[test]
     fn passes_that_overlap_wait_once() {
         let pass = |first| [3.0, 1.0, 1.0].map(|s| span("tiles", Some(first), s));
-        let spans: Vec<Span> = [0, 8, 16].into_iter().flat_map(pass).collect();
+        let spans: Vec<TaskSpan> = [0, 8, 16].into_iter().flat_map(pass).collect();
         assert!((replayed(&spans, 2, Rule::Barriers) - 9.0).abs() < 1e-6);
         assert!((replayed(&spans, 2, Rule::Overlap) - 8.0).abs() < 1e-6);
         let noise = [span("noise", None, 4.0)];

@@ -2,8 +2,7 @@
 
 use super::errors::{InputError, texts, usage};
 use super::stage::{BackgroundArgument, Stage};
-use oscura::load::Loaded;
-use oscura::load::stage;
+use oscura::load::{Loaded, stage};
 use pyo3::prelude::*;
 use std::sync::Arc;
 

@@ -136,7 +136,7 @@ const OLD: &str = "KHR_materials_volume_scatter";
 /// Maximum mean cosine of the scattering of media.
 const MAX_ANISOTROPY: f32 = 0.999;
 
-/// What the newer extension says.
+/// The newer extension.
 struct Scatter {
     /// Its JSON pointer.
     at: String,
@@ -146,7 +146,7 @@ struct Scatter {
 }
 
 impl MaterialBuilder<'_, '_> {
-    /// What scatters in the solid. Thin sheets that scatter become such that transmit diffusely.
+    /// Scattering within the solid. Thin sheets that scatter become diffusely transmitting ones.
     pub fn scattering(&mut self, model: &mut PbrMaterial) -> Option<Medium> {
         let is_solid = self.raw.pointer("/extensions/KHR_materials_volume/thicknessFactor");
         let is_solid = is_solid.and_then(Value::as_f64).is_some_and(|thickness| thickness > 0.0);

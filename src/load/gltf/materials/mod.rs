@@ -84,7 +84,7 @@ impl Materials {
         *self = Materials { textures, geometry_only: self.geometry_only, ..Materials::default() };
     }
 
-    /// What a material needs from the meshes that it is on.
+    /// The attributes that a material needs from its meshes.
     pub fn needs(&self, material: MaterialId) -> MaterialNeeds {
         self.needs[material.index()]
     }
@@ -111,7 +111,7 @@ fn priority(raw: &Value, at: &str, report: &mut Report) -> i32 {
     whole.unwrap_or(0.0) as i32
 }
 
-/// What glTF gives to primitives without a material.
+/// The glTF material of primitives without one.
 fn default_material() -> Material {
     let model = Model::Pbr(Box::default());
     Material { double_sided: false, ..Material::new("default", model) }
@@ -202,7 +202,7 @@ struct MaterialBuilder<'b, 'a> {
     pub textures: &'b mut Textures,
     /// Problems and warnings.
     pub report: &'b mut Report,
-    /// What it needs from meshes.
+    /// The attributes that it needs from meshes.
     pub needs: MaterialNeeds,
 }
 
@@ -338,7 +338,7 @@ impl MaterialBuilder<'_, '_> {
         Base { color: self.color([r, g, b], texture, "/pbrMetallicRoughness/baseColorTexture"), alpha }
     }
 
-    /// What alpha does.
+    /// The alpha mode.
     pub fn alpha_mode(&mut self, json: &gltf::json::Material) -> AlphaMode {
         match json.alpha_mode {
             Checked::Valid(AlphaModeJson::Opaque) => AlphaMode::Opaque,
@@ -489,7 +489,7 @@ fn make_solid(model: &mut PbrMaterial) {
     model.has_volume = true;
 }
 
-// What materials need from the meshes that they are on.
+// Attributes that materials need from their meshes.
 
 /// The two sets of texture coordinates that a mesh stores for a material, of the many that a file may have.
 #[derive(Clone, Copy, Default)]
@@ -510,7 +510,7 @@ impl UvSlots {
     }
 }
 
-/// What a material needs from a mesh.
+/// Attributes that a material needs from a mesh.
 #[derive(Clone, Copy, Default)]
 pub(in crate::load::gltf) struct MaterialNeeds {
     /// Which sets of texture coordinates its textures use.

@@ -189,7 +189,7 @@ impl Lowering<'_, '_, '_> {
         ColorSlot::constant(edged)
     }
 
-    /// What becomes of light that one facet mirrors into others: `None` is what the picture says.
+    /// Light that one facet mirrors into others; `None` leaves it to the picture's setting.
     fn energy_compensation(&mut self, index: usize) -> Option<EnergyCompensation> {
         match self.constant(index, "multiscatter", -1.0) {
             unsaid if unsaid < 0.0 => None,
@@ -432,7 +432,7 @@ fn scatter_within(
     let anisotropy = anisotropy.clamp(-0.99, 0.99);
     let paths = paths.map(|path| (path * (1.0 - anisotropy)).max(1e-6));
     let mut medium = Medium::subsurface(color.map(|c| c.clamp(0.0, 1.0)), paths, anisotropy);
-    // What little dark bodies scatter is lost on the surface as well, also by light that passes them without scattering: it is crossed twice.
+    // The little light that dark bodies scatter is also attenuated at the surface, which is crossed twice, as is light that passes without scattering.
     let kept = medium.albedo.map(|albedo| (albedo / MIN_ALBEDO).min(1.0).sqrt());
     medium.albedo = medium.albedo.map(|albedo| albedo.max(MIN_ALBEDO));
     let color = ColorSlot { factor: [0, 1, 2].map(|c| paint.factor[c] * kept[c]), ..paint };

@@ -54,7 +54,7 @@ struct ShaderNode<'a> {
     inputs: Vec<ShaderInput>,
 }
 
-/// What an input of a shader node is given.
+/// The value of an input of a shader node.
 #[derive(Clone, Copy)]
 enum ShaderInput {
     Value(NodeInput),
@@ -191,7 +191,7 @@ struct Lowering<'l, 'b, 'a> {
     emission: NodeInput,
     /// Share of light that passes.
     transparency: NodeInput,
-    /// What passes may have a colour.
+    /// Transmitted light may have a colour.
     is_tinted: bool,
     /// Nothing was added up: weights and transparency sum up to 1.
     only_mixes: bool,
