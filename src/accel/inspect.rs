@@ -189,7 +189,7 @@ impl Accel {
                 LeafPacket::Triangles(triangles) => triangles_distance(triangles, p),
                 LeafPacket::Analytic(shapes) => analytic_distance(shapes, p),
                 LeafPacket::Curves(curves) => curves_distance(curves, p),
-                // They have no surface, and stand in instances.
+                // Splats have no surface, and all are in instances.
                 LeafPacket::Splats(_) => bound,
                 LeafPacket::Instance(record) if record.instance == 0 => {
                     stack.push((record.root, bound));

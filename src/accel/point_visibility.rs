@@ -261,7 +261,7 @@ impl<'a> QueryState<'a> {
                     let Some(packet) = view::<AnalyticPacket, ANALYTIC_LINES>(lines, line) else { return };
                     match curves_at(lines, line, packet) {
                         Some(curves) => self.curves(curves, is_uncertain),
-                        // Splats stand in instances, which are not entered.
+                        // Splats are in instances, which are not entered.
                         None => self.analytic(packet, is_uncertain),
                     }
                     packet.next

@@ -119,7 +119,7 @@ fn levels_and_batch_sizes_agree_to_the_bit() {
     }
 }
 
-/// Triangles met in corners, where edge functions are zero, up to nearly the largest that are taken, and rays from so far
+/// Hits in corners of triangles, where edge functions are zero, up to nearly the largest triangles, and rays from so far
 /// that edge functions overflow.
 #[test]
 fn levels_agree_in_corners_at_any_scale() {
@@ -198,7 +198,7 @@ fn instances_are_hit_in_world_parameters() {
 }
 
 #[test]
-fn rays_that_make_no_sense_hit_nothing() {
+fn invalid_rays_hit_nothing() {
     let accel = build(&[soup(100, 2.0, 3)], &[]);
     let (o, d) = (Vec3::ZERO, Vec3::X);
     let bad = [
@@ -289,10 +289,9 @@ fn a_thousand_instances_take_the_memory_of_one() {
     assert_eq!(thousand.closest_one(&down).instance, 1000);
 }
 
-/// One vertex far below or above all others, and a second mesh a million times as large: before distance counted by its
-/// logarithm, the first took 23 seconds to build and left all rays hundreds of times slower.
+/// One vertex far below or above all others. Before distances counted by their logarithm, such a mesh took 23 seconds to build and left all rays hundreds of times slower.
 #[test]
-fn one_distant_vertex_leaves_the_rest_quick() {
+fn one_distant_vertex_does_not_slow_down_the_rest() {
     let plain = hills(132);
     let rays: Vec<Ray> = (0..20_000)
         .map(|i| Ray::new(Vec3::new((i % 141) as f32 / 141.0, 1.0, (i / 141) as f32 / 142.0), -Vec3::Y))
@@ -332,7 +331,7 @@ fn one_inside_the_next(count: usize, growth: f32, seed: u64) -> Geometry {
 }
 
 #[test]
-fn what_a_ray_leaves_is_not_met_again_unless_it_is_round() {
+fn rays_hit_their_origin_primitive_only_if_it_is_round() {
     let mut soup = soup(400, 0.5, 5);
     let (triangles, quads) = (soup.triangles.len() as u32, soup.quads.len() as u32);
     soup.analytic.truncate(20);
@@ -571,7 +570,7 @@ fn threads_do_not_change_the_buffer() {
 
 /// Where cutting by position fails: all in one place, all but one, on a line, each within the next, each twice as far.
 #[test]
-fn what_cannot_be_cut_is_built_all_the_same() {
+fn primitives_that_positions_cannot_separate_are_built() {
     let triangle =
         |at: Vec3, size: f32| [at, at + Vec3::X * size, at + Vec3::Y * size].map(|p: Vec3| p.to_array());
     let of = |count: usize, place: &dyn Fn(usize) -> [[f32; 3]; 3]| {

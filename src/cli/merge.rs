@@ -65,8 +65,8 @@ fn merge(args: &MergeArgs) -> Result<Outcome> {
     let warnings = film_warnings(&film);
     let denoised = denoise(args, &parts[0], &mut film)?;
     let first = &parts[0].1;
-    film.settle_catchers(first.channels.caught());
-    behind.iter().for_each(|backdrop| film.lay_behind(backdrop));
+    film.resolve_catchers(first.channels.caught());
+    behind.iter().for_each(|backdrop| film.composite_over(backdrop));
     let finish = &first.finish;
     let mut earlier: Vec<Warning> = finish.warnings.iter().map(Warning::general).collect();
     if !missing.is_empty() {

@@ -97,7 +97,7 @@ impl Targets {
     }
 }
 
-/// The format of an output: by the extension, or as said of standard output.
+/// The format of an output: by the extension, or by the option for standard output.
 ///
 /// # Errors
 /// As for [`Format::of`].

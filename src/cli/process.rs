@@ -170,7 +170,7 @@ pub(crate) enum Outcome {
     Disagreement,
     /// Stopped by a signal; what was there is written.
     Interrupted,
-    /// Some of many failed, which has been said; the exit code of the worst.
+    /// Some of many failed, and the errors are printed; the exit code of the worst.
     Failed(u8),
 }
 

@@ -259,7 +259,7 @@ impl Run {
             s.path_reuse.map(|shape| format!(", shared by {} pixels", shape.pixels())).unwrap_or_default();
         let branches = if s.branches > 1 { format!(" of {} branches", s.branches) } else { String::new() };
         let guided = if s.guide_cells.is_some() { ", guided" } else { "" };
-        let caustics = if s.lamp_paths.is_some() { ", caustics by light tracing" } else { "" };
+        let caustics = if s.light_paths.is_some() { ", caustics by light tracing" } else { "" };
         say!(
             "picture  {} x {}, {} samples per pixel, {}{branches}{shared}{guided}{caustics}, {}",
             self.size.0,

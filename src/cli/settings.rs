@@ -436,7 +436,10 @@ pub(super) fn check_memory_before_building(
                 triangles as u64 * BYTES_A_TRIANGLE + of_keys as u64 * BYTES_A_KEY,
             ),
             ("the picture", film_bytes(&resolved.options, &labels)),
-            ("light from lamps", if may_send(scene) { splat_bytes(&resolved.options, &labels) } else { 0 }),
+            (
+                "splats of light paths",
+                if may_send(scene) { splat_bytes(&resolved.options, &labels) } else { 0 },
+            ),
             ("learning what guides paths", guiding_bytes(&resolved.options)),
             (
                 "taking the noise out",

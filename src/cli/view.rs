@@ -170,7 +170,7 @@ pub(crate) fn refuse_unused(
     Err(command.error(ErrorKind::UnknownArgument, message))
 }
 
-// The scene that is viewed: loaded, compiled, and brought to what the pages want.
+// The viewed scene: loaded, compiled, and adjusted to the requests of pages.
 
 /// Samples of a finished picture, unless the arguments say so.
 const SAMPLES: u32 = 1024;
@@ -480,7 +480,7 @@ fn chosen(args: &ViewArgs, wish: &ViewRequest) -> ViewArgs {
     args
 }
 
-/// Shows what is known of a scene that was loaded again, and brings what is wanted to it.
+/// Shows the facts of a scene that was loaded again, and adjusts the request to it.
 fn take_over(args: &ViewArgs, model: &Model, wish: &mut ViewRequest, shared: &Shared) -> Result<()> {
     let (facts, poses) = (model.facts(args), model.poses(args));
     let own = model.wish(args, &facts, &poses)?;

@@ -216,7 +216,7 @@ fn needs_of(used: impl Iterator<Item = MaterialId>, materials: &[CompiledMateria
 }
 
 impl Needs {
-    /// The attributes that a shared mesh needs: every instance may bring its own material.
+    /// The attributes that a shared mesh needs: every instance may have its own material.
     fn of_shared(materials: &[CompiledMaterial], keeps_uv: bool) -> Needs {
         let any = |f: fn(&CompiledMaterial) -> bool| materials.iter().any(f);
         Needs {

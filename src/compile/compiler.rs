@@ -25,7 +25,7 @@ use crate::work_counter::WorkCounter;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Compiles scenes, the moments of a sequence one after another. What does not change is compiled once: textures, the
+/// Compiles scenes, the times of a sequence one after another. What does not change is compiled once: textures, the
 /// environment, and in scenes of many triangles the world that stands still and the meshes that move in it as they are.
 /// Only what moves is placed again then, and meshes that change their shape are built. (Where something moves, pictures of
 /// such scenes may differ from single ones by rounding: a single picture has all in one world.)
@@ -40,12 +40,12 @@ pub struct Compiler {
 }
 
 impl Compiler {
-    /// For one moment, or for several that have nothing to do with each other.
+    /// For one time, or for several that have nothing to do with each other.
     pub fn single() -> Compiler {
         Compiler::new(false)
     }
 
-    /// For the moments of a sequence.
+    /// For the times of a sequence.
     pub fn sequence() -> Compiler {
         Compiler::new(true)
     }
@@ -114,7 +114,7 @@ impl Compiler {
         let picture = (!self.is_free).then(|| ExpectedPicture { camera: camera.clone(), width, height });
         let texture_memory = self.texture_memory;
         let options = CompileOptions { shading, anchor, tree, keeps_uv, counter, picture, texture_memory };
-        // Who still renders the earlier moment keeps it.
+        // Who still renders the earlier time keeps it.
         let earlier = earlier.and_then(|scene| Arc::try_unwrap(scene).ok());
         let (compiled, report) = compile_after(earlier, scene, &options, self.is_sequence)?;
         let compiled = Arc::new(compiled);
@@ -252,7 +252,7 @@ fn warn_of_interpolated_metals(scene: &Scene, shading: ShadingModel, warnings: &
     }
 }
 
-/// The textures; `kept` are those of an earlier moment, if they are the same.
+/// The textures; `kept` are those of an earlier time, if they are the same.
 fn textures(
     kept: Option<CompiledTextures>,
     scene: &Scene,
@@ -280,7 +280,7 @@ fn camera_environment(scene: &Scene) -> Option<EnvironmentLight> {
     scene.camera_environment.as_ref().and_then(|seen| EnvironmentLight::new(seen, &scene.images, false))
 }
 
-/// The environment with its portals; `kept` is that of an earlier moment, if it is the same.
+/// The environment with its portals; `kept` is that of an earlier time, if it is the same.
 fn environment(
     scene: &Scene,
     kept: Option<Option<EnvironmentLight>>,

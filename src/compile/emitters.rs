@@ -64,11 +64,11 @@ enum Sampling {
 /// How light sampling serves a material. Left out is what depends on the path, which light samples and hits would see differently, and the
 /// emission of unlit models, which is not meant as light.
 fn sampling_of(material: &CompiledMaterial) -> Sampling {
-    let needs_hit = material.shines_by_viewer || material.alpha.is_some();
+    let needs_hit = material.emission_depends_on_viewer || material.alpha.is_some();
     let is_unusual = material.reads_path || material.surface_visibility.is_some();
     match material.emission {
         None => Sampling::None,
-        _ if material.shines_by_vertex() || needs_hit && is_unusual => Sampling::None,
+        _ if material.emission_depends_on_vertex() || needs_hit && is_unusual => Sampling::None,
         _ if needs_hit => Sampling::ByHit,
         _ => Sampling::ByPoint,
     }
@@ -452,7 +452,7 @@ pub(super) fn find_flush_lights(scene: &Scene, origin: DVec3, notes: &mut Vec<Wa
 }
 
 fn flat_lights(scene: &Scene, origin: DVec3) -> Vec<FlatLight<'_>> {
-    let shines = |id: MaterialId| scene.materials.get(id.index()).is_some_and(|m| m.emission.is_some());
+    let is_emissive = |id: MaterialId| scene.materials.get(id.index()).is_some_and(|m| m.emission.is_some());
     let new = |index: usize, is_quad, name, corner: DVec3, edges: [DVec3; 2]| {
         let normal = edges[0].cross(edges[1]).try_normalize()?;
         let far = |p: DVec3| (p - origin).abs().max_element();
@@ -460,10 +460,10 @@ fn flat_lights(scene: &Scene, origin: DVec3) -> Vec<FlatLight<'_>> {
         light.reach = light.corners().map(far).into_iter().fold(0.0, f64::max);
         Some(light)
     };
-    let quads = scene.quads.iter().enumerate().filter(|(_, quad)| shines(quad.material));
+    let quads = scene.quads.iter().enumerate().filter(|(_, quad)| is_emissive(quad.material));
     let quads = quads.filter_map(|(i, q)| new(i, true, q.name.as_str(), q.corner, [q.edge_u, q.edge_v]));
     let disks = scene.shapes.iter().enumerate();
-    let disks = disks.filter(|(_, s)| matches!(s.kind, ShapeKind::Disk) && shines(s.material));
+    let disks = disks.filter(|(_, s)| matches!(s.kind, ShapeKind::Disk) && is_emissive(s.material));
     let disks = disks.filter_map(|(i, s)| {
         // The front of a disk faces the z of its own space.
         let [x, y] = [DVec3::X, DVec3::Y].map(|axis| s.rotation * axis * s.radius);

@@ -278,7 +278,7 @@ impl Geometries {
 
     /// From the world to the space of a moving object at a path's time; `None` of objects that stand still.
     pub fn object_from_world(&self, hit: &Hit, time: f32) -> Option<DAffine3> {
-        self.moment(hit, time).map(|moment| moment.world_from_object.inverse())
+        self.at_time(hit, time).map(|at_time| at_time.world_from_object.inverse())
     }
 
     /// The strand of a curve at a hit.
@@ -339,8 +339,8 @@ impl Geometries {
     /// The surface at a hit of `ray`; `time`, in 0..1, is asked for where something moves.
     #[inline]
     pub fn surface(&self, ray: &Ray, hit: &Hit, time: f32) -> Surface {
-        if let Some(moment) = self.moment(hit, time) {
-            return moment.surface(ray, hit);
+        if let Some(at_time) = self.at_time(hit, time) {
+            return at_time.surface(ray, hit);
         }
         let Space { shapes, attributes, .. } = self.space(hit);
         let material = attributes.materials[hit.prim as usize];
@@ -370,8 +370,8 @@ impl Geometries {
     /// Does a ray hit the back of a flat primitive? `None` for others, where it depends on where they are hit.
     #[inline]
     pub fn is_back_of_flat(&self, ray: &Ray, hit: &Hit, time: f32) -> Option<bool> {
-        if let Some(moment) = self.moment(hit, time) {
-            return moment.is_back_of_flat(ray, hit);
+        if let Some(at_time) = self.at_time(hit, time) {
+            return at_time.is_back_of_flat(ray, hit);
         }
         let shapes = &self.space(hit).shapes;
         let corners = match primitive(shapes, hit.prim) {
@@ -405,8 +405,8 @@ impl Geometries {
         footprints: bool,
         time: f32,
     ) -> SurfaceCoordinates {
-        if let Some(moment) = self.moment(hit, time) {
-            return moment.coordinates(surface, hit, footprints);
+        if let Some(at_time) = self.at_time(hit, time) {
+            return at_time.coordinates(surface, hit, footprints);
         }
         let placement = hit.instance.checked_sub(1).map(|i| &self.placements[i as usize]);
         let Space { shapes, attributes, .. } = self.space(hit);
@@ -600,7 +600,7 @@ impl Placement {
 // Motion blur: surfaces of moving and deforming placements at the time of a path.
 
 /// A moving placement at the time of a path.
-pub(super) struct Moment<'a> {
+pub(super) struct AtTime<'a> {
     space: &'a Space,
     placement: Placement,
     world_from_object: DAffine3,
@@ -610,18 +610,18 @@ pub(super) struct Moment<'a> {
 impl Geometries {
     /// The placement of a hit at a path's time, if it moves or deforms.
     #[inline(always)]
-    pub(super) fn moment(&self, hit: &Hit, time: f32) -> Option<Moment<'_>> {
-        if self.moves { self.moment_at(hit, time) } else { None }
+    pub(super) fn at_time(&self, hit: &Hit, time: f32) -> Option<AtTime<'_>> {
+        if self.moves { self.find_at_time(hit, time) } else { None }
     }
 
     #[cold]
     #[inline(never)]
-    fn moment_at(&self, hit: &Hit, time: f32) -> Option<Moment<'_>> {
+    fn find_at_time(&self, hit: &Hit, time: f32) -> Option<AtTime<'_>> {
         let placement = self.placements.get((hit.instance as usize).wrapping_sub(1)).filter(|p| p.moves)?;
         let space = &*self.shared[placement.geometry as usize];
         let world_from_object = self.world_from_object(placement, time);
         let placement = Placement { world_from_object: Transform::of(&world_from_object), ..*placement };
-        Some(Moment { space, placement, world_from_object, time })
+        Some(AtTime { space, placement, world_from_object, time })
     }
 
     /// The transform of a placement at a time in 0..1 of the shutter interval.
@@ -633,7 +633,7 @@ impl Geometries {
     }
 }
 
-impl Moment<'_> {
+impl AtTime<'_> {
     /// The corners of a triangle.
     fn corners(&self, t: [u32; 3]) -> [[f32; 3]; 3] {
         corners_at(&self.space.shapes, t, self.time)

@@ -57,7 +57,7 @@ pub struct CompiledMaterial {
     /// The BSDF's parameters depend on the view direction, so that it can be neither evaluated for another viewer nor traced from lights.
     pub depends_on_viewer: bool,
     /// Its emission depends on the view direction, or on more of a hit than light samples have: light sampling leaves it out.
-    pub shines_by_viewer: bool,
+    pub emission_depends_on_viewer: bool,
     /// Some texture of it needs [`HitData`](crate::texture::HitData).
     pub reads_hit: bool,
     /// A number that graphs of nodes know it by.
@@ -241,7 +241,7 @@ fn usable(map: Option<NormalMap>, textures: &CompiledTextures) -> Option<NormalM
 impl CompiledMaterial {
     /// Is its emission multiplied by the colours of vertices, as that of unlit models is?
     #[inline]
-    pub fn shines_by_vertex(&self) -> bool {
+    pub fn emission_depends_on_vertex(&self) -> bool {
         self.uses_vertex_colors && self.class == BsdfClass::Black
     }
 
@@ -292,7 +292,7 @@ impl CompiledMaterial {
             surface_visibility: visibility.filter(|v| *v != SurfaceVisibility::FULL),
             uses_vertex_colors: material.use_vertex_colors,
             depends_on_viewer: has_texture(&model, |id| textures.depends_on_viewer(id)),
-            shines_by_viewer: emission.and_then(|e| e.radiance.texture).is_some_and(differs),
+            emission_depends_on_viewer: emission.and_then(|e| e.radiance.texture).is_some_and(differs),
             reads_hit: material.textures().any(|id| textures.reads_hit(id)),
             index: material.index as f32,
             reads_tangents: material.textures().any(|id| textures.reads_tangents(id)),

@@ -242,7 +242,7 @@ pub const OVERLAP_LIMIT: usize = 8;
 
 /// Warns if more than [`OVERLAP_LIMIT`] index-matched media may overlap at a point.
 pub(super) fn warn_of_overlaps(scene: &Scene, materials: &[CompiledMaterial], warnings: &mut Vec<Warning>) {
-    let Some(place) = crowded_place(bodies(scene, materials), OVERLAP_LIMIT) else { return };
+    let Some(place) = point_of_overlap(bodies(scene, materials), OVERLAP_LIMIT) else { return };
     warnings.push(Warning::general(format!(
         "more than {OVERLAP_LIMIT} media without a surface overlap, by the boxes around them, as at ({:.4}, {:.4}, {:.4}): paths know the \
          {OVERLAP_LIMIT} that they entered last, and what the others do is missing in such places; make bodies smaller, or one of several",
@@ -277,7 +277,7 @@ fn bodies(scene: &Scene, materials: &[CompiledMaterial]) -> Vec<Bounds> {
 }
 
 /// A point in more than `most` boxes. If there is one, then there is one whose coordinates are those of lower corners of boxes.
-fn crowded_place(mut boxes: Vec<Bounds>, most: usize) -> Option<DVec3> {
+fn point_of_overlap(mut boxes: Vec<Bounds>, most: usize) -> Option<DVec3> {
     if boxes.len() <= most {
         return None;
     }
@@ -308,8 +308,8 @@ fn crowded_place(mut boxes: Vec<Bounds>, most: usize) -> Option<DVec3> {
             if row.len() <= most {
                 continue;
             }
-            let is_crowded = |&z: &f64| row.iter().filter(|b| holds(b, 2, z)).count() > most;
-            if let Some(z) = row.iter().map(|b| b.low.z).find(is_crowded) {
+            let exceeds = |&z: &f64| row.iter().filter(|b| holds(b, 2, z)).count() > most;
+            if let Some(z) = row.iter().map(|b| b.low.z).find(exceeds) {
                 return Some(DVec3::new(x, y, z));
             }
         }
@@ -326,13 +326,13 @@ mod tests {
     }
 
     #[test]
-    fn crowds_are_at_one_point() {
+    fn overlaps_are_found_at_one_point() {
         // Rows that overlap by pairs, around which is one large box.
         let row: Vec<Bounds> = (0..40).map(|k| cube([f64::from(k), 0.0, 0.0], 1.9)).collect();
         let around = [row.clone(), vec![cube([-1.0; 3], 50.0)]].concat();
-        assert_eq!(crowded_place(row, 2), None);
-        assert_eq!(crowded_place(around.clone(), 3), None);
-        let place = crowded_place(around, 2).expect("three");
+        assert_eq!(point_of_overlap(row, 2), None);
+        assert_eq!(point_of_overlap(around.clone(), 3), None);
+        let place = point_of_overlap(around, 2).expect("three");
         assert!(place.x >= 1.0 && place.y == 0.0 && place.z == 0.0, "{place}");
         // Two bars across a third.
         let bars = vec![
@@ -340,9 +340,9 @@ mod tests {
             Bounds { low: DVec3::ZERO, high: DVec3::new(1.0, 9.0, 1.0) },
             Bounds { low: DVec3::new(0.0, 2.0, 0.0), high: DVec3::new(9.0, 3.0, 1.0) },
         ];
-        assert_eq!(crowded_place(bars, 2), None);
+        assert_eq!(point_of_overlap(bars, 2), None);
         let same = vec![cube([1.0, 2.0, 3.0], 4.0); 3];
-        assert_eq!(crowded_place(same.clone(), 2), Some(DVec3::new(1.0, 2.0, 3.0)));
-        assert_eq!(crowded_place(same, 3), None);
+        assert_eq!(point_of_overlap(same.clone(), 2), Some(DVec3::new(1.0, 2.0, 3.0)));
+        assert_eq!(point_of_overlap(same, 3), None);
     }
 }

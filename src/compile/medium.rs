@@ -213,9 +213,9 @@ pub struct Scattering {
     pub spectra: Option<Arc<ScatteringSpectra>>,
 }
 
-/// The kinds of media: where their coefficients hold, and how they vary there. A medium meets its kind in four places, all of them
-/// methods of this file or segments of rays (`integrator/medium_segment.rs`): its extent along a ray, the distance at which a ray is
-/// scattered, transmittance and emission.
+/// The kinds of media: where their coefficients hold, and how they vary there. The interface of a medium has four methods, each of
+/// which covers all kinds: [`Scattering::extent`] and [`Scattering::transmittance_between`] here, sampling a distance (`draw`) and
+/// emission in `integrator/medium_segment.rs`. Sums of media are lists of segments (`integrator/volumes.rs`).
 #[derive(Clone, Debug, PartialEq)]
 pub enum Density {
     /// Homogeneous, in a solid or in all space.
@@ -292,8 +292,8 @@ impl Scattering {
         let scattered = extinction * Rgb::from_array(medium.albedo);
         let emission = Rgb::from_array(medium.emission);
         let extinction = extinction + absorption.unwrap_or(Rgb::ZERO);
-        let shines = emission.max_element() > 0.0;
-        let does_anything = scattered.max_element() > 0.0 || shines || medium.grid.is_some();
+        let is_emissive = emission.max_element() > 0.0;
+        let does_anything = scattered.max_element() > 0.0 || is_emissive || medium.grid.is_some();
         let anisotropy = medium.anisotropy;
         let (density, counts, spectra) = (Density::Homogeneous, true, None);
         let medium = Scattering { extinction, scattered, emission, anisotropy, density, counts, spectra };

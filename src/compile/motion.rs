@@ -30,7 +30,7 @@ pub(super) fn deforms(scene: &Scene, mesh: MeshId) -> bool {
     moving.is_some_and(|m| m.blurs() || m.neighbours.is_some())
 }
 
-/// Is a mesh another at other moments?
+/// Is a mesh another at other times?
 pub(super) fn changes(scene: &Scene, mesh: MeshId) -> bool {
     scene.motion.meshes.contains_key(&mesh.index())
 }
@@ -67,7 +67,7 @@ pub(super) struct MovingShape {
     pub space: Space,
     /// The object that it is.
     pub object: ObjectId,
-    /// Where it stands at the picture's moment.
+    /// Where it stands at the picture's time.
     pub world_from_object: DAffine3,
     /// Where it stands while the shutter is open.
     pub keys: TransformKeys,
@@ -146,10 +146,10 @@ struct ObjectPoses {
     neighbours: [DAffine3; 2],
 }
 
-/// A point of a surface at the picture's moment, a frame before and a frame after.
+/// A point of a surface at the picture's time, a frame before and a frame after.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointMotion {
-    /// At the picture's moment.
+    /// At the picture's time.
     pub now: Vec3,
     /// A frame before, and a frame after.
     pub neighbours: [Vec3; 2],
@@ -213,7 +213,7 @@ impl MotionVectors {
     }
 }
 
-/// A point of a mesh that changes its shape: at the picture's moment, a frame before and a frame after.
+/// A point of a mesh that changes its shape: at the picture's time, a frame before and a frame after.
 fn deformed(geometries: &Geometries, geometry: usize, hit: &Hit) -> Option<[DVec3; 3]> {
     let space = &geometries.shared[geometry];
     let [before, after] = space.neighbours.as_ref()?;

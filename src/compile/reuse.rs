@@ -84,7 +84,7 @@ impl Reusable {
         }
     }
 
-    /// The geometry of a scene, as much of it as can be from the earlier moment.
+    /// The geometry of a scene, as much of it as can be from the earlier time.
     pub fn geometry(
         &mut self,
         scene: &Scene,

@@ -1,6 +1,8 @@
 //! The bands of a film: some rows each, to which threads add without meeting those that add to others (`shared.rs`).
 
-use super::channel::{Accumulator, Channel, Counts, Kept, Layout, Reduction, Source, Values, reciprocal};
+use super::channel::{
+    Accumulator, AccumulatorData, Channel, Counts, Layout, Reduction, Source, Values, reciprocal,
+};
 use super::exact_sum::{HalfSum, add_exact, on_grid};
 use super::splats::{Splat, Splats};
 use super::tile::{FilmTile, Rect, TileSums};
@@ -105,7 +107,7 @@ fn add(planes: &mut [Values], values: impl Iterator<Item = [f64; 3]>) {
     }
 }
 
-// Exact sums of everything that samples bring to some rows of a film.
+// Exact sums of the samples of some rows of a film.
 
 /// Sums and counts, one entry a pixel. Those of tiles are [`TileSums`].
 #[derive(Clone, Debug, PartialEq)]
@@ -167,7 +169,7 @@ impl Sums {
             if !channel.is_summed() {
                 let more = &others.next().expect("a tile has an accumulator for what is not summed").1;
                 into.merge(at, more, from, &before[here.clone()], &added[there.clone()]);
-            } else if let Kept::Sums(list) = &mut into.kept {
+            } else if let AccumulatorData::Sums(list) = &mut into.data {
                 let width = channel.components();
                 let rows = sums.chunks_exact(stride).skip(from).take(length);
                 list.add_strided(at * width, rows.map(|numbers| &numbers[offset..offset + width]));
@@ -252,11 +254,11 @@ impl Sums {
     /// The values of a channel beyond colour, one list a name.
     pub fn planes(&self, index: usize, channel: &Channel) -> Vec<Values> {
         let further = index - 1;
-        let brought = match channel.source {
+        let with_value = match channel.source {
             Source::Color | Source::PartOfColor => &self.count,
             Source::FirstHit => &self.hits,
         };
-        self.further[further].planes(channel, Counts { samples: &self.count, brought })
+        self.further[further].planes(channel, Counts { samples: &self.count, with_value })
     }
 }
 

@@ -33,7 +33,7 @@ pub enum Source {
     PartOfColor,
 }
 
-/// How the values that samples bring become the value of a pixel.
+/// How the values of samples become the value of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Reduction {
@@ -57,7 +57,7 @@ pub enum Reduction {
     VarianceOfMean,
     /// The first of two sums over the sum of both, such as the share of light that is blocked; 0 where both are 0.
     Share,
-    /// How many samples brought a value.
+    /// The number of samples with a value.
     Count,
     /// Which ids (the bits of a float, and never those of a NaN) cover the pixel: pairs of an id and its share of all
     /// samples, the largest share first, as many as there are pairs of names.
@@ -164,7 +164,7 @@ impl Values {
 #[derive(Clone, Copy)]
 pub(super) struct Counts<'a> {
     pub samples: &'a [u32],
-    pub brought: &'a [u32],
+    pub with_value: &'a [u32],
 }
 
 /// Storage of one channel.
@@ -172,12 +172,12 @@ pub(super) struct Counts<'a> {
 pub(super) struct Accumulator {
     /// Numbers of a sample.
     width: usize,
-    pub(super) kept: Kept,
+    pub(super) data: AccumulatorData,
 }
 
 /// Sums and the like. Lists hold a channel's components pixel by pixel; all start at zero.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Kept {
+pub(super) enum AccumulatorData {
     /// Sums of values.
     Sums(SumList),
     /// Sums of values, and of their squares.
@@ -201,15 +201,17 @@ impl Accumulator {
         let width = channel.components();
         let numbers = pixels.checked_mul(width)?;
         let sums = || SumList::try_new(numbers, is_of_film);
-        let kept = match channel.reduction {
-            Reduction::Mean | Reduction::MeanOfHits { .. } | Reduction::Share => Kept::Sums(sums()?),
-            Reduction::VarianceOfMean => Kept::Moments { sums: sums()?, squares: sums()? },
-            Reduction::Minimum { .. } => Kept::Minimum(zeros(numbers)?),
-            Reduction::First => Kept::First(zeros(numbers)?),
-            Reduction::Coverage => Kept::Coverage(Coverage::try_new(pixels)?),
-            Reduction::Count => Kept::Counts,
+        let data = match channel.reduction {
+            Reduction::Mean | Reduction::MeanOfHits { .. } | Reduction::Share => {
+                AccumulatorData::Sums(sums()?)
+            }
+            Reduction::VarianceOfMean => AccumulatorData::Moments { sums: sums()?, squares: sums()? },
+            Reduction::Minimum { .. } => AccumulatorData::Minimum(zeros(numbers)?),
+            Reduction::First => AccumulatorData::First(zeros(numbers)?),
+            Reduction::Coverage => AccumulatorData::Coverage(Coverage::try_new(pixels)?),
+            Reduction::Count => AccumulatorData::Counts,
         };
-        Some(Accumulator { width, kept })
+        Some(Accumulator { width, data })
     }
 
     /// Bytes for one pixel; lists of ids grow beyond it.
@@ -224,11 +226,11 @@ impl Accumulator {
         number * channel.components()
     }
 
-    /// Adds what a sample brought to a pixel, one value a component; `is_first` if none did before.
+    /// Adds the values of a sample to a pixel, one a component; `is_first` for its first sample.
     pub fn add(&mut self, pixel: usize, values: &[f32], is_first: bool) {
         let places = places(pixel..pixel + 1, self.width);
-        match &mut self.kept {
-            Kept::Moments { sums, squares } => {
+        match &mut self.data {
+            AccumulatorData::Moments { sums, squares } => {
                 let (sums, squares) = (&mut sums.high[places.clone()], &mut squares.high[places]);
                 for ((sum, square), v) in sums.iter_mut().zip(squares).zip(values) {
                     let v = f64::from(*v);
@@ -236,47 +238,54 @@ impl Accumulator {
                     *square += v * v;
                 }
             }
-            Kept::Minimum(least) => {
+            AccumulatorData::Minimum(least) => {
                 for (least, &v) in least[places].iter_mut().zip(values) {
                     *least = if is_first { v } else { least.min(v) };
                 }
             }
-            Kept::First(first) if is_first => first[places].copy_from_slice(values),
-            Kept::Coverage(lists) => lists.add(pixel, values[0].to_bits(), 1),
+            AccumulatorData::First(first) if is_first => first[places].copy_from_slice(values),
+            AccumulatorData::Coverage(lists) => lists.add(pixel, values[0].to_bits(), 1),
             // Tiles sum by themselves.
-            Kept::First(_) | Kept::Counts | Kept::Sums(_) => {}
+            AccumulatorData::First(_) | AccumulatorData::Counts | AccumulatorData::Sums(_) => {}
         }
     }
 
     /// Adds pixels of another accumulator of the same channel, which start at `from`, to those that start at `at`.
-    /// `before` and `added` count what this and the other have been brought, a pixel each.
+    /// `before` and `added` are the numbers of samples of this one and of the other, one a pixel.
     pub fn merge(&mut self, at: usize, other: &Accumulator, from: usize, before: &[u32], added: &[u32]) {
         let (length, width) = (added.len(), self.width);
         let (here, there) = (places(at..at + length, width), places(from..from + length, width));
-        match (&mut self.kept, &other.kept) {
-            (Kept::Sums(a), Kept::Sums(b)) => a.merge(here.start, b, there.start, here.len()),
-            (Kept::Moments { sums, squares }, Kept::Moments { sums: b, squares: b2 }) => {
+        match (&mut self.data, &other.data) {
+            (AccumulatorData::Sums(a), AccumulatorData::Sums(b)) => {
+                a.merge(here.start, b, there.start, here.len())
+            }
+            (
+                AccumulatorData::Moments { sums, squares },
+                AccumulatorData::Moments { sums: b, squares: b2 },
+            ) => {
                 sums.merge(here.start, b, there.start, here.len());
                 squares.merge(here.start, b2, there.start, here.len());
             }
-            (Kept::Minimum(a), Kept::Minimum(b)) => {
+            (AccumulatorData::Minimum(a), AccumulatorData::Minimum(b)) => {
                 let less = |is_first: bool, a: f32, b: f32| if is_first { b } else { a.min(b) };
                 combine(&mut a[here], &b[there], width, before, added, less);
             }
-            (Kept::First(a), Kept::First(b)) => {
+            (AccumulatorData::First(a), AccumulatorData::First(b)) => {
                 let first = |is_first: bool, a: f32, b: f32| if is_first { b } else { a };
                 combine(&mut a[here], &b[there], width, before, added, first);
             }
-            (Kept::Coverage(a), Kept::Coverage(b)) => {
+            (AccumulatorData::Coverage(a), AccumulatorData::Coverage(b)) => {
                 (0..length).for_each(|i| a.merge(at + i, b, from + i));
             }
-            (kept, _) => debug_assert!(matches!(kept, Kept::Counts), "accumulators of other channels"),
+            (data, _) => {
+                debug_assert!(matches!(data, AccumulatorData::Counts), "accumulators of other channels")
+            }
         }
     }
 
     /// Sets three components to means of `count` samples; does nothing where the film doesn't store sums.
     pub fn set_means(&mut self, values: [&[f32]; 3], samples: &[u32]) {
-        let Kept::Sums(sums) = &mut self.kept else { return };
+        let AccumulatorData::Sums(sums) = &mut self.data else { return };
         sums.low.fill(0.0);
         for (pixel, (sums, &count)) in sums.high.chunks_exact_mut(self.width).zip(samples).enumerate() {
             for (sum, values) in sums.iter_mut().zip(values) {
@@ -287,35 +296,37 @@ impl Accumulator {
 
     /// The values of all pixels, one list a name of the channel.
     pub fn planes(&self, channel: &Channel, counts: Counts) -> Vec<Values> {
-        let Counts { samples, brought } = counts;
-        match (&self.kept, channel.reduction) {
-            (Kept::Coverage(lists), _) => coverage_planes(lists, channel.names.len(), samples),
-            (Kept::Sums(sums), Reduction::Share) => {
+        let Counts { samples, with_value } = counts;
+        match (&self.data, channel.reduction) {
+            (AccumulatorData::Coverage(lists), _) => coverage_planes(lists, channel.names.len(), samples),
+            (AccumulatorData::Sums(sums), Reduction::Share) => {
                 vec![Values::Float(sums.high.chunks_exact(2).map(|pair| share(pair[0], pair[1])).collect())]
             }
-            (Kept::Sums(sums), Reduction::MeanOfHits { empty }) => {
-                means(&sums.high, self.width, brought, empty)
+            (AccumulatorData::Sums(sums), Reduction::MeanOfHits { empty }) => {
+                means(&sums.high, self.width, with_value, empty)
             }
-            (Kept::Sums(sums), _) => means(&sums.high, self.width, samples, 0.0),
+            (AccumulatorData::Sums(sums), _) => means(&sums.high, self.width, samples, 0.0),
             _ => (0..channel.names.len()).map(|component| self.plane(component, channel, counts)).collect(),
         }
     }
 
     /// The values of one component.
     fn plane(&self, component: usize, channel: &Channel, counts: Counts) -> Values {
-        let Counts { samples, brought } = counts;
-        let floats = match (&self.kept, channel.reduction) {
+        let Counts { samples, with_value } = counts;
+        let floats = match (&self.data, channel.reduction) {
             // Sums and lists make all components at once.
-            (Kept::Counts | Kept::Sums(_) | Kept::Coverage(_), _) => return Values::Uint(brought.to_vec()),
-            (Kept::Moments { sums, squares }, _) => {
+            (AccumulatorData::Counts | AccumulatorData::Sums(_) | AccumulatorData::Coverage(_), _) => {
+                return Values::Uint(with_value.to_vec());
+            }
+            (AccumulatorData::Moments { sums, squares }, _) => {
                 let [sums, squares] =
                     [sums, squares].map(|list| component_of(&list.high, self.width, component));
                 let pixels = sums.zip(squares).zip(samples);
                 pixels.map(|((sum, square), &n)| variance_of_mean(sum, square, n)).collect()
             }
-            (Kept::Minimum(list) | Kept::First(list), reduction) => {
+            (AccumulatorData::Minimum(list) | AccumulatorData::First(list), reduction) => {
                 let empty = if let Reduction::Minimum { empty } = reduction { empty } else { 0.0 };
-                let values = component_of(list, self.width, component).zip(brought);
+                let values = component_of(list, self.width, component).zip(with_value);
                 values.map(|(value, &hits)| if hits == 0 { empty } else { value }).collect::<Vec<f32>>()
             }
         };

@@ -155,7 +155,7 @@ mod tests {
     use super::*;
     use crate::sampling::hash::SplitMix64;
 
-    /// Numbers of very different sizes, as blocks of samples bring them.
+    /// Numbers of very different sizes, as in sums over blocks of samples.
     fn numbers(seed: u64, count: usize) -> Vec<f64> {
         let mut random = SplitMix64::new(seed);
         let size = |random: &mut SplitMix64| 2f64.powf(60.0 * random.next_unit() - 45.0);

@@ -101,7 +101,7 @@ impl Film {
     }
 
     /// A film without pixels, for tiles of this layout.
-    pub(crate) fn nowhere(layout: &Arc<Layout>) -> Film {
+    pub(crate) fn empty(layout: &Arc<Layout>) -> Film {
         let (layout, bands) = (layout.clone(), Vec::new());
         Film { width: 0, height: 0, origin: (0, 0), layout, bands, invalid_samples: 0 }
     }
@@ -185,13 +185,13 @@ impl Film {
     }
 
     /// Counts the samples that were left out, by pixel.
-    pub fn count_invalid(&mut self, brought: u32) {
-        let brought = u64::from(brought) * u64::from(self.width) * u64::from(self.height);
+    pub fn count_invalid(&mut self, taken: u32) {
+        let taken = u64::from(taken) * u64::from(self.width) * u64::from(self.height);
         let valid: u64 = self.counts().map(u64::from).sum();
-        self.invalid_samples = brought.saturating_sub(valid);
+        self.invalid_samples = taken.saturating_sub(valid);
     }
 
-    /// Adds what is within the film of the bands of another.
+    /// Adds the bands of another film, as far as they lie within this one.
     fn add_bands(&mut self, other: &Film) {
         let (place, theirs) = (self.place(), other.place());
         // All bands have splats, or none.
@@ -356,8 +356,8 @@ impl Film {
         places.into_iter().map(|place| planes[place].take()).collect()
     }
 
-    /// Lays a colour behind each pixel where it is transparent; all pixels with samples become opaque.
-    pub fn put_behind(&mut self, color: impl Fn(u32, u32) -> [f32; 3]) {
+    /// Composites each pixel over a colour; all pixels with samples become opaque.
+    pub fn composite_over_color(&mut self, color: impl Fn(u32, u32) -> [f32; 3]) {
         for y in 0..self.height {
             for x in 0..self.width {
                 let pixel = self.index(x, y);
@@ -377,7 +377,7 @@ impl Film {
     }
 }
 
-// Changes of finished films: what a denoiser puts in place of what was rendered, and single pixels taken out.
+// Changes of finished films: denoised values replace rendered ones, and single pixels are extracted.
 
 impl Film {
     /// One pixel as a film of its own: its numbers without those of all others.
@@ -429,7 +429,7 @@ impl Film {
         }
     }
 
-    /// Forgets AOVs that only the way to the picture needed.
+    /// Removes AOVs that only denoising needed.
     pub fn forget(&mut self, aovs: impl IntoIterator<Item = Aov>) {
         self.forget_channels(aovs.into_iter().map(|aov| aov.info().names[0]));
     }
@@ -461,7 +461,7 @@ impl Film {
     }
 }
 
-// Splats arrive at a film.
+// Splats.
 
 impl Film {
     /// Adds splats, in any order. Those outside the film are left out; those that are not finite, too, and counted as invalid
@@ -488,7 +488,7 @@ impl Film {
         }
     }
 
-    /// Which of the channels whose source is a part of colour this one is.
+    /// The index of a channel among those whose source is a part of colour.
     fn layer_of(&self, index: usize) -> usize {
         self.channels()[..index].iter().filter(|channel| channel.source == Source::PartOfColor).count()
     }
@@ -497,15 +497,15 @@ impl Film {
 // Backgrounds behind transparent pixels.
 
 impl Film {
-    /// Lays a scene's backdrop behind the pixels that are transparent.
-    pub fn lay_behind(&mut self, backdrop: &Backdrop) {
+    /// Composites the picture over a scene's backdrop.
+    pub fn composite_over(&mut self, backdrop: &Backdrop) {
         match backdrop {
-            Backdrop::Color(color) => self.put_behind(|_, _| *color),
+            Backdrop::Color(color) => self.composite_over_color(|_, _| *color),
             Backdrop::Picture(image) => {
                 let (width, height) = (self.width(), self.height());
                 let scale = (f64::from(image.width) / f64::from(width))
                     .min(f64::from(image.height) / f64::from(height));
-                self.put_behind(|x, y| {
+                self.composite_over_color(|x, y| {
                     let place = |p: u32, own: u32, of: u32| {
                         let from_middle = f64::from(p) + 0.5 - f64::from(own) / 2.0;
                         f64::from(of) / 2.0 + scale * from_middle
@@ -528,12 +528,12 @@ fn bilinear(image: &Image, x: f64, y: f64) -> [f32; 3] {
     std::array::from_fn(|k| (a[k] * (1.0 - u) + b[k] * u) * (1.0 - v) + (c[k] * (1.0 - u) + d[k] * u) * v)
 }
 
-/// Names of the layer that stays, and of what is only needed on the way.
+/// Names of the layer of factors, and of the channels that are removed with the last step.
 const LAYER: [&str; 3] = ["ShadowCatcher.R", "ShadowCatcher.G", "ShadowCatcher.B"];
 const WITHOUT: [&str; 3] = ["catcher_without.R", "catcher_without.G", "catcher_without.B"];
 const SHARE: [&str; 1] = ["catcher_share.V"];
 
-/// Parts that samples bring for shadow catchers: radiance with the scene, without, and whether it was one.
+/// Parts of a sample for shadow catchers: radiance with the scene, without, and whether it was one.
 pub const CATCHER_PARTS: usize = 3;
 
 /// Less light than this counts as none: nothing to compare with.
@@ -552,9 +552,9 @@ impl Channel {
 }
 
 impl Film {
-    /// Turns what was found on shadow catchers into colour and alpha, and into the layer of factors. Does nothing without
+    /// Converts the radiance on shadow catchers into colour and alpha, and into the layer of factors. Does nothing without
     /// catchers, and the second time.
-    pub fn settle_catchers(&mut self, caught: CatcherOutput) {
+    pub fn resolve_catchers(&mut self, caught: CatcherOutput) {
         let plane = |name: &str| self.plane(name).map(Values::into_floats);
         let Some(share) = plane(SHARE[0]) else { return };
         let of = |names: [&str; 3]| names.map(|name| plane(name).unwrap_or_default());
@@ -615,7 +615,7 @@ mod tests {
             ([0.1, 0.2, 0.3], [0.0, 0.0, 0.0]),
         ] {
             let mut film = film(with, without);
-            film.settle_catchers(CatcherOutput::All);
+            film.resolve_catchers(CatcherOutput::All);
             let [r, g, b, alpha] = film.mean_rgba(0, 0);
             for c in 0..3 {
                 let whole = [r, g, b][c] + (1.0 - alpha) * without[c];
@@ -631,13 +631,13 @@ mod tests {
     #[test]
     fn grey_shadows_are_alpha_alone() {
         let mut film = film([0.1; 3], [0.4; 3]);
-        film.settle_catchers(CatcherOutput::All);
+        film.resolve_catchers(CatcherOutput::All);
         let [r, g, b, alpha] = film.mean_rgba(0, 0);
         assert!([r, g, b].iter().all(|v| (v - 0.25).abs() < 1e-6) && (alpha - 0.5 - 0.375).abs() < 1e-6);
         let factor = film.plane("ShadowCatcher.R").expect("the layer").into_floats();
         assert!((factor[0] - (0.5 + 0.5 * 0.25)).abs() < 1e-6 && factor[1] == 1.0);
         let before = film.rgba();
-        film.settle_catchers(CatcherOutput::All);
+        film.resolve_catchers(CatcherOutput::All);
         assert_eq!(film.rgba(), before);
     }
 
@@ -651,7 +651,7 @@ mod tests {
             ([0.1, 0.1, 0.1], [0.2, 0.1, 0.0], 1.0 / 6.0),
         ] {
             let mut film = film(with, without);
-            film.settle_catchers(CatcherOutput::Shadows);
+            film.resolve_catchers(CatcherOutput::Shadows);
             let [r, g, b, a] = film.mean_rgba(0, 0);
             let is_rest = [r, g, b].iter().all(|v| (v - 0.25).abs() < 1e-6);
             assert!(

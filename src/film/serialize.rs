@@ -1,9 +1,9 @@
 //! The sums of a film as bytes, and back: for partial renders and checkpoints. Each list has the
-//! pixels of the whole film, whatever bands it is kept in.
+//! pixels of the whole film, whatever bands it is data in.
 
 use super::Film;
 use super::band::Band;
-use super::channel::{Accumulator, Kept};
+use super::channel::{Accumulator, AccumulatorData};
 use super::cryptomatte::{Coverage, Entry};
 use super::exact_sum::SumList;
 use super::splats::Splats;
@@ -62,11 +62,13 @@ impl Film {
 }
 
 fn write_channel(writer: &mut dyn Write, parts: &[&Accumulator]) -> io::Result<()> {
-    let all = |list: fn(&Kept) -> Option<&SumList>| parts.iter().filter_map(move |part| list(&part.kept));
+    let all = |list: fn(&AccumulatorData) -> Option<&SumList>| {
+        parts.iter().filter_map(move |part| list(&part.data))
+    };
     write_sums(writer, all(sums))?;
     write_sums(writer, all(squares))?;
-    write(writer, parts.iter().filter_map(|part| values(&part.kept)))?;
-    let lists: Vec<&Coverage> = parts.iter().filter_map(|part| coverage(&part.kept)).collect();
+    write(writer, parts.iter().filter_map(|part| values(&part.data)))?;
+    let lists: Vec<&Coverage> = parts.iter().filter_map(|part| coverage(&part.data)).collect();
     if lists.is_empty() {
         return Ok(());
     }
@@ -77,50 +79,50 @@ fn write_channel(writer: &mut dyn Write, parts: &[&Accumulator]) -> io::Result<(
 }
 
 fn read_channel(reader: &mut dyn Read, mut parts: Vec<&mut Accumulator>) -> io::Result<()> {
-    read_sums(reader, &mut parts, |kept| match kept {
-        Kept::Sums(sums) | Kept::Moments { sums, .. } => Some(sums),
+    read_sums(reader, &mut parts, |data| match data {
+        AccumulatorData::Sums(sums) | AccumulatorData::Moments { sums, .. } => Some(sums),
         _ => None,
     })?;
-    read_sums(reader, &mut parts, |kept| match kept {
-        Kept::Moments { squares, .. } => Some(squares),
+    read_sums(reader, &mut parts, |data| match data {
+        AccumulatorData::Moments { squares, .. } => Some(squares),
         _ => None,
     })?;
-    let lists = parts.iter_mut().filter_map(|part| match &mut part.kept {
-        Kept::Minimum(values) | Kept::First(values) => Some(&mut values[..]),
+    let lists = parts.iter_mut().filter_map(|part| match &mut part.data {
+        AccumulatorData::Minimum(values) | AccumulatorData::First(values) => Some(&mut values[..]),
         _ => None,
     });
     read(reader, lists)?;
-    let lists = parts.iter_mut().filter_map(|part| match &mut part.kept {
-        Kept::Coverage(lists) => Some(lists),
+    let lists = parts.iter_mut().filter_map(|part| match &mut part.data {
+        AccumulatorData::Coverage(lists) => Some(lists),
         _ => None,
     });
     read_coverage(reader, lists.collect())
 }
 
-fn sums(kept: &Kept) -> Option<&SumList> {
-    match kept {
-        Kept::Sums(sums) | Kept::Moments { sums, .. } => Some(sums),
+fn sums(data: &AccumulatorData) -> Option<&SumList> {
+    match data {
+        AccumulatorData::Sums(sums) | AccumulatorData::Moments { sums, .. } => Some(sums),
         _ => None,
     }
 }
 
-fn squares(kept: &Kept) -> Option<&SumList> {
-    match kept {
-        Kept::Moments { squares, .. } => Some(squares),
+fn squares(data: &AccumulatorData) -> Option<&SumList> {
+    match data {
+        AccumulatorData::Moments { squares, .. } => Some(squares),
         _ => None,
     }
 }
 
-fn values(kept: &Kept) -> Option<&[f32]> {
-    match kept {
-        Kept::Minimum(values) | Kept::First(values) => Some(values),
+fn values(data: &AccumulatorData) -> Option<&[f32]> {
+    match data {
+        AccumulatorData::Minimum(values) | AccumulatorData::First(values) => Some(values),
         _ => None,
     }
 }
 
-fn coverage(kept: &Kept) -> Option<&Coverage> {
-    match kept {
-        Kept::Coverage(lists) => Some(lists),
+fn coverage(data: &AccumulatorData) -> Option<&Coverage> {
+    match data {
+        AccumulatorData::Coverage(lists) => Some(lists),
         _ => None,
     }
 }
@@ -184,31 +186,31 @@ fn write_sums<'a>(
 }
 
 /// Reads the sums that each of some parts has, if it has some.
-fn read_sums<T: AsKept>(
+fn read_sums<T: WithSums>(
     reader: &mut dyn Read,
     parts: &mut [&mut T],
-    list: impl Fn(&mut T::Kept) -> Option<&mut SumList>,
+    list: impl Fn(&mut T::Data) -> Option<&mut SumList>,
 ) -> io::Result<()> {
-    read(reader, parts.iter_mut().filter_map(|part| Some(&mut list(part.kept())?.high[..])))?;
-    read(reader, parts.iter_mut().filter_map(|part| Some(&mut list(part.kept())?.low[..])))
+    read(reader, parts.iter_mut().filter_map(|part| Some(&mut list(part.data())?.high[..])))?;
+    read(reader, parts.iter_mut().filter_map(|part| Some(&mut list(part.data())?.low[..])))
 }
 
 /// A type with lists of sums.
-trait AsKept {
-    type Kept;
-    fn kept(&mut self) -> &mut Self::Kept;
+trait WithSums {
+    type Data;
+    fn data(&mut self) -> &mut Self::Data;
 }
 
-impl AsKept for Accumulator {
-    type Kept = Kept;
-    fn kept(&mut self) -> &mut Kept {
-        &mut self.kept
+impl WithSums for Accumulator {
+    type Data = AccumulatorData;
+    fn data(&mut self) -> &mut AccumulatorData {
+        &mut self.data
     }
 }
 
-impl AsKept for Splats {
-    type Kept = Splats;
-    fn kept(&mut self) -> &mut Splats {
+impl WithSums for Splats {
+    type Data = Splats;
+    fn data(&mut self) -> &mut Splats {
         self
     }
 }

@@ -308,7 +308,7 @@ impl Integrator<'_> {
         for number in 0..count {
             Self::number_light_samples(&mut w.wave.paths.state, sorted, number, count);
             self.sample_lights(bounce, sorted, w);
-            if self.scene.lights.shines_by_hit() {
+            if self.scene.lights.emits_by_hit() {
                 self.evaluate_emission_at_hits(sorted, w);
             }
             if self.is_spectral() {

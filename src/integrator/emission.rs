@@ -340,7 +340,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Multiplies light samples of lights that shine by the hit with what a path would find there: the emission towards the vertex, times the
+    /// Multiplies light samples whose emission depends on the hit with what a path would find there: the emission towards the vertex, times the
     /// probability that the surface is there.
     #[cold]
     pub(super) fn evaluate_emission_at_hits(&self, sorted: &SortedVertices, w: &mut Workspace) {
@@ -393,7 +393,7 @@ impl Integrator<'_> {
                 self.slots(&coordinates, surface, wo, 0.0, hit_data.as_ref()).color(&emission.radiance)
             }
         };
-        let rgb = match material.shines_by_vertex() {
+        let rgb = match material.emission_depends_on_vertex() {
             true => rgb * self.vertex_color(at),
             false => rgb,
         };

@@ -2,7 +2,7 @@
 //!
 //! Denoising guides show the first surface that is not a smooth mirror: paths that have hit nothing else so far are
 //! marked ([`super::wave::Paths`]). They stop at glass: what is reflected and what passes differ from sample to sample, and such guides
-//! brought more noise than texture.
+//! have more noise than texture.
 
 use crate::bsdf::{Appearance, Bsdf};
 use crate::color::Rgb;
@@ -47,10 +47,11 @@ struct Common {
     look: Appearance,
 }
 
-/// AOVs of colours, and those of objects.
-const OF_LOOKS: [Aov; 4] = [Aov::Roughness, Aov::DiffuseColor, Aov::GlossyColor, Aov::TransmissionColor];
+/// AOVs of a BSDF's appearance.
+const OF_APPEARANCE: [Aov; 4] = [Aov::Roughness, Aov::DiffuseColor, Aov::GlossyColor, Aov::TransmissionColor];
 /// AOVs of the first surface that is seen in smooth mirrors.
 const DENOISING_GUIDES: [Aov; 2] = [Aov::DenoisingAlbedo, Aov::DenoisingNormal];
+/// AOVs of objects.
 const OF_OBJECTS: [Aov; 3] = [Aov::ObjectId, Aov::CryptoObject, Aov::CryptoAsset];
 
 impl FirstHit<'_> {
@@ -61,7 +62,7 @@ impl FirstHit<'_> {
             material: scene.described_material(self.surface.material),
             object: if shows(&OF_OBJECTS) { scene.object_at(&self.hit).0 } else { 0 },
             side: if self.surface.ng.dot(self.wo) < 0.0 { -1.0 } else { 1.0 },
-            look: if shows(&OF_LOOKS) { self.bsdf.appearance() } else { Appearance::BLACK },
+            look: if shows(&OF_APPEARANCE) { self.bsdf.appearance() } else { Appearance::BLACK },
         }
     }
 
@@ -107,7 +108,7 @@ impl FirstHit<'_> {
             Aov::CryptoObject => id(&mattes.objects, object),
             Aov::CryptoMaterial => id(&mattes.materials, material),
             Aov::CryptoAsset => id(&mattes.assets, object),
-            // Added up by shadow rays, or no matter of first hits: the radiance buffer and the film have them.
+            // Not values of first hits: shadow rays, the radiance buffer and the film have them.
             Aov::Shadow
             | Aov::DiffuseDirect
             | Aov::DiffuseIndirect
@@ -122,8 +123,8 @@ impl FirstHit<'_> {
         }
     }
 
-    /// How far what is seen goes in the picture, in pixels to the right and up: from here to where it was a frame
-    /// before, and to where it will be a frame after. What lies beside the camera then has nowhere to go.
+    /// The motion of the surface in the picture, in pixels to the right and up: to its position a frame before, and to that a frame
+    /// after; 0 where it is beside the camera then.
     fn motion(&self, scene: &CompiledScene, view: &View) -> [f32; 4] {
         let way = scene.vectors.point_motion(&scene.geometries, &self.hit, self.surface.p, self.time);
         let [x, y] = view.camera.film_point(way.now);

@@ -17,7 +17,7 @@ use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
 use crate::compile::{GridMedium, GridRay, Scattering};
 use crate::math::{Ray, Vec3, poly};
-use crate::sampling::hash::hash32;
+use crate::sampling::hash::{hash32, unit};
 use crate::simd::map_each;
 
 /// A segment of a path's ray in one medium.
@@ -195,20 +195,53 @@ impl MediumSegment {
         over(left * medium.scattered, density)
     }
 
-    /// Radiance that the medium's emission adds to a path of some throughput up to distance `to`: an estimate by one point
-    /// of the segment, which `u` selects.
+    /// Radiance that the medium's emission adds to a path of some throughput up to distance `to`: an estimate, by random numbers
+    /// hashed from `salt`. Overlapping media attenuate it at a distance by `others`.
+    pub fn emission(
+        &self,
+        (medium, waves): (&Scattering, Option<&Wavelengths>),
+        ray: &Ray,
+        throughput: Rgb,
+        (to, salt): (f32, u32),
+        others: Option<&dyn Fn(f32) -> Rgb>,
+    ) -> Rgb {
+        let Some(grid) = medium.grid() else {
+            return match others {
+                Some(others) => self.attenuated_emission(medium, throughput, to, unit(salt), others),
+                None => self.own_emission(medium, throughput, to, unit(hash32(salt ^ to.to_bits()))),
+            };
+        };
+        let (line, span) = ((ray.origin, ray.direction), [self.extent[0], to.min(self.scatter_t)]);
+        let own = |t: f32| self.weight_of_passing((medium, waves), ray, t);
+        match (others, medium.is_grey()) {
+            // Segments end at collisions: emission before them is not attenuated.
+            (None, true) => throughput * medium.emission * grid.emission.integral(line, span, salt, waves),
+            (None, false) => {
+                throughput * medium.emission * grid.emission.integral_times(line, span, salt, waves, own)
+            }
+            (Some(others), true) => {
+                throughput * (medium.emission * grid.emission.integral_times(line, span, salt, waves, others))
+            }
+            (Some(others), false) => {
+                let both = |t: f32| own(t) * others(t);
+                throughput * (medium.emission * grid.emission.integral_times(line, span, salt, waves, both))
+            }
+        }
+    }
+
+    /// Emission of a medium without a grid, by one point of the segment, which `u` selects.
     #[inline]
-    pub fn emission(&self, medium: &Scattering, throughput: Rgb, to: f32, u: f32) -> Rgb {
+    fn own_emission(&self, medium: &Scattering, throughput: Rgb, to: f32, u: f32) -> Rgb {
         if !self.draws() {
             let span = self.span_before(to);
             return throughput * medium.emission * medium.mean_transmittance(span) * span;
         }
-        self.overlapping_emission(medium, throughput, to, u, |_| Rgb::ONE)
+        self.attenuated_emission(medium, throughput, to, u, |_| Rgb::ONE)
     }
 
-    /// Emission in overlapping media, which attenuate it at a distance by `others`.
+    /// Emission of a medium without a grid that others attenuate at a distance.
     #[inline]
-    pub fn overlapping_emission(
+    fn attenuated_emission(
         &self,
         medium: &Scattering,
         throughput: Rgb,
@@ -365,12 +398,12 @@ fn over(value: Rgb, density: f32) -> Rgb {
 /// albedo.
 #[inline]
 fn shares(medium: &Scattering, throughput: Rgb) -> [f32; 3] {
-    let (carried, scattered) = (throughput.to_array(), medium.scattered.to_array());
+    let (throughput, scattered) = (throughput.to_array(), medium.scattered.to_array());
     let extinction = medium.extinction.to_array();
     let mut shares = [0.0; 3];
     for c in 0..3 {
         let albedo = if extinction[c] > 0.0 { scattered[c] / extinction[c] } else { 0.0 };
-        shares[c] = carried[c] * (albedo + MIN_ALBEDO);
+        shares[c] = throughput[c] * (albedo + MIN_ALBEDO);
     }
     let sum = shares[0] + shares[1] + shares[2];
     if sum > f32::MIN_POSITIVE { map_each(shares, |s| s / sum) } else { [1.0 / 3.0; 3] }

@@ -40,9 +40,9 @@ pub struct Layers {
     count: usize,
     /// Are layers of shadow catchers recorded?
     catchers: bool,
-    /// Number of light passes, and the layer of each: emission, environment, and diffuse, glossy and transmitted
-    /// light, direct and indirect.
+    /// Number of light passes.
     pass_count: usize,
+    /// The layer of each of [`PASSES`].
     places: [Option<u8>; 2 + 2 * 3],
 }
 

@@ -58,7 +58,7 @@ impl Integrator<'_> {
                 ..
             } = &mut *w;
             let sample = |&i: &u32| arriving.state.radiance_index[i as usize];
-            let mut crowded = Vec::new();
+            let mut coincident = Vec::new();
             pending_rays.clear();
             pending_rays.extend(pending.iter().enumerate().map(|(k, &i)| {
                 let time = times.of(sample(&i));
@@ -66,14 +66,14 @@ impl Integrator<'_> {
                 if let Some(next) = behind_pane(i, crossings) {
                     rays[i] = next;
                 } else if self.advance_past(&mut rays[i], &hits[i], time) {
-                    crowded.push((k, hits[i], time));
+                    coincident.push((k, hits[i], time));
                 }
                 rays[i]
             }));
             self.intersect_past(
                 (times, pending.iter().map(sample)),
                 pending_rays,
-                &mut crowded,
+                &mut coincident,
                 pending_hits,
             );
             for (&i, &hit) in pending.iter().zip(&*pending_hits) {
@@ -173,20 +173,20 @@ impl Integrator<'_> {
         let (shadow_segments, passed_kinds) = (&mut w.shadow_segments, &mut w.passed_kinds);
         let shadow_crossings = &mut w.shadow_crossings;
         let Wave { paths, vertices: Vertices { light, .. }, .. } = &mut **wave;
-        let mut crowded: Vec<(usize, Hit, f32)> = Vec::new();
+        let mut coincident: Vec<(usize, Hit, f32)> = Vec::new();
         let mut passes = 0..MAX_PASSED_SURFACES;
         while let Some(pass) = passes.next().filter(|_| !pending.is_empty()) {
             rays.clear();
             rays.extend(pending.iter().map(|&k| shadow_rays[k as usize]));
             let samples =
                 pending.iter().map(|&k| paths.state.radiance_index[shadow_vertices[k as usize] as usize]);
-            self.intersect_past((times, samples), rays, &mut crowded, pending_hits);
+            self.intersect_past((times, samples), rays, &mut coincident, pending_hits);
             w.ray_counts.all += pending.len() as u64;
             let (mut at, mut kept) = (0, 0);
             let mut advance_past = |ray: &mut Ray, hit: Hit, time: f32, behind_pane: Option<Ray>| {
                 match behind_pane {
                     Some(next) => *ray = next,
-                    None if self.advance_past(ray, &hit, time) => crowded.push((kept, hit, time)),
+                    None if self.advance_past(ray, &hit, time) => coincident.push((kept, hit, time)),
                     None => {}
                 }
                 kept += 1;
@@ -300,24 +300,24 @@ impl Integrator<'_> {
             (ray.t_min, ray.origin_primitive) = (hit.t.next_down(), hit.into());
             return false;
         }
-        let is_crowded = material.is_boundary && (has_neighbours || self.scene.features.overlaps);
+        let may_coincide = material.is_boundary && (has_neighbours || self.scene.features.overlaps);
         ray.t_min = hit.t;
-        is_crowded
+        may_coincide
     }
 
-    /// Finds the nearest hits of rays of paths with these radiance indices; of the rays in `crowded`, the
-    /// next of several coincident surfaces. Empties `crowded`.
+    /// Finds the nearest hits of rays of paths with these radiance indices; of the rays in `coincident`, the
+    /// next of several coincident surfaces. Empties `coincident`.
     fn intersect_past(
         &self,
         (times, samples): (&mut SampleTimes, impl Iterator<Item = u32>),
         rays: &[Ray],
-        crowded: &mut Vec<(usize, Hit, f32)>,
+        coincident: &mut Vec<(usize, Hit, f32)>,
         hits: &mut Vec<Hit>,
     ) {
         hits.clear();
         hits.resize(rays.len(), Hit::MISS);
         times.closest(&self.scene.accel, rays, samples, hits);
-        for (k, hit, time) in crowded.drain(..) {
+        for (k, hit, time) in coincident.drain(..) {
             hits[k] = self.scene.accel.next_one(&rays[k], &hit, time);
         }
     }

@@ -6,7 +6,7 @@
 //! Whether sampled light arrives is decided by one set of objects, however the light is found: for diffuse reflection
 //! and media the set visible to shadow rays, for glossy reflection and transmission the set visible to their own rays,
 //! as in mirrors. So light samples and scattered rays agree where an object is visible to one of them only: a diffuse
-//! ray that passed a shadow caster brings no sampled light from behind it, and a light sample that passed something
+//! ray that passed a shadow caster finds no sampled light behind it, and a light sample that passed something
 //! which stops diffuse rays has MIS weight 1, since they cannot find the light. For environments that are not sampled,
 //! the visibility to the rays that find them decides.
 //!

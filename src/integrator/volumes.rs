@@ -53,9 +53,9 @@ impl Integrator<'_> {
             let light_position = self.equiangular_light(medium, ray.origin, [select0, select1]);
             let throughput = get_rgb(&path.throughput, i);
             let wavelengths = times.wavelengths(path.radiance_index[i]);
-            let carried = (interior, wavelengths);
+            let inside = (interior, wavelengths);
             let segment = self.sample_segment(
-                carried,
+                inside,
                 (ray, 0.0),
                 throughput,
                 light_position,
@@ -137,7 +137,7 @@ impl Integrator<'_> {
         {
             let scattering = &scattering.in_lanes(w.times.wavelengths(w.arriving.state.radiance_index[i]));
             let salt = RandomChoice::MediumEmission.hash(&w.arriving.state, i, bounce);
-            let value = self.segment_emission(segment, scattering, i, to, salt, w);
+            let value = self.segment_emission(segment, scattering, i, (to, salt), None, w);
             self.add_medium_emission(bounce, i, value, w);
         }
         self.weight_of_passing(&w.medium_segments[i], i, to, w)
@@ -166,27 +166,14 @@ impl Integrator<'_> {
         segment: &MediumSegment,
         scattering: &Scattering,
         i: usize,
-        to: f32,
-        salt: u32,
+        (to, salt): (f32, u32),
+        others: Option<&dyn Fn(f32) -> Rgb>,
         w: &Workspace,
     ) -> Rgb {
         let path = &w.arriving.state;
-        let (throughput, wavelengths) =
-            (get_rgb(&path.throughput, i), w.times.wavelengths(path.radiance_index[i]));
-        let ray = (w.rays[i].origin, w.rays[i].direction);
-        let span = [segment.extent[0], to.min(segment.scatter_t)];
-        match scattering.grid() {
-            // Segments end at collisions; emission before them is not attenuated.
-            Some(grid) if scattering.is_grey() => {
-                throughput * scattering.emission * grid.emission.integral(ray, span, salt, wavelengths)
-            }
-            Some(grid) => {
-                let weight = |t: f32| segment.weight_of_passing((scattering, wavelengths), &w.rays[i], t);
-                let integral = grid.emission.integral_times(ray, span, salt, wavelengths, weight);
-                throughput * scattering.emission * integral
-            }
-            None => segment.emission(scattering, throughput, to, unit(hash32(salt ^ to.to_bits()))),
-        }
+        let throughput = get_rgb(&path.throughput, i);
+        let medium = (scattering, w.times.wavelengths(path.radiance_index[i]));
+        segment.emission(medium, &w.rays[i], throughput, (to, salt), others)
     }
 
     /// Adds the emission of a medium to the radiance of path `i`.
@@ -502,19 +489,10 @@ impl Integrator<'_> {
             medium.scattering.as_ref().is_some_and(|s| other.is_unweighted(&s.in_lanes(wavelengths)))
         };
         if others().all(is_clear) {
-            return self.segment_emission(segment, scattering, i, to, salt, w);
+            return self.segment_emission(segment, scattering, i, (to, salt), None, w);
         }
         let factor = |t: f32| self.product_of_passing_weights(others(), i, t, w);
-        let throughput = get_rgb(&w.arriving.state.throughput, i);
-        let ray = (w.rays[i].origin, w.rays[i].direction);
-        let span = [segment.extent[0], to.min(segment.scatter_t)];
-        match scattering.grid() {
-            Some(grid) => {
-                let integral = grid.emission.integral_times(ray, span, salt, wavelengths, factor);
-                throughput * (scattering.emission * integral)
-            }
-            None => segment.overlapping_emission(scattering, throughput, to, unit(salt), factor),
-        }
+        self.segment_emission(segment, scattering, i, (to, salt), Some(&factor), w)
     }
 
     /// Transmittance of overlapping media between two points of a ray.

@@ -412,7 +412,7 @@ pub struct GuidedLanes {
     /// Bins of scattered directions; for training.
     pub bin: Words,
     /// Luminance of the throughput with the albedo, before scattering.
-    pub carried: Lanes,
+    pub throughput_luminance: Lanes,
 }
 
 /// The curved surface that the triangles of vertices stand for.

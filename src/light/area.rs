@@ -138,8 +138,8 @@ impl AreaLight {
         }
     }
 
-    /// Is its radiance that at the hit?
-    pub fn shines_by_hit(&self) -> bool {
+    /// Does its radiance depend on the hit?
+    pub fn emits_by_hit(&self) -> bool {
         matches!(self.radiance, Radiance::AtHit { .. })
     }
 

@@ -62,7 +62,7 @@ impl LightPathSampler {
         }
         let across: f32 = targets.spheres().iter().map(|sphere| PI * sphere.radius * sphere.radius).sum();
         let towards = |p| targets.solid_angle(p).min(4.0 * PI);
-        let of_area = |light: &AreaLight| match light.shines_by_hit() {
+        let of_area = |light: &AreaLight| match light.emits_by_hit() {
             true => 0.0,
             false => light.power(textures) / PI * towards(light.middle()),
         };
@@ -78,7 +78,7 @@ impl LightPathSampler {
             return None;
         }
         let least = MIN_SHARE * total / weights.len() as f32;
-        let is_left_out = |i: usize| lights.is_by_hit(i as u32);
+        let is_left_out = |i: usize| lights.light_emits_by_hit(i as u32);
         weights
             .iter_mut()
             .enumerate()

@@ -122,7 +122,7 @@ impl LightTree {
         goes_on
     }
 
-    /// An estimate of the luminance of the irradiance that all lights bring to a point; 0 only where none reaches it.
+    /// An estimate of the luminance of the irradiance of all lights at a point; 0 only where none reaches it.
     #[inline(always)]
     pub fn irradiance(&self, receiver: &Receiver) -> f32 {
         self.nodes.first().map_or(0.0, |root| sum(&root.estimates(receiver)))
@@ -366,7 +366,7 @@ impl Node {
     /// Estimated irradiance from each child, 0 only where no light arrives: weight times the cosines at the light and at the
     /// receiver over the squared distance (Conty Estevez, Kulla 2018, section 5.1). They take the largest cosines possible, which are
     /// near 1 wherever the sphere around the box takes up a large angle. Here it is at the light how high the receiver is above
-    /// the end of the box that faces it (lights in one plane bring little to a point just below it unless they are next to
+    /// the end of the box that faces it (lights in one plane give little light to a point just below it unless they are next to
     /// it), and at the receiver the mean of the largest one and that of the centre.
     #[inline(always)]
     pub fn estimates(&self, receiver: &Receiver) -> [f32; WIDTH] {

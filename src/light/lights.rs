@@ -26,8 +26,8 @@ pub struct Lights {
     /// All lights if they are static [`UniformRectangle`]s; else empty.
     rectangles: Vec<[f32; RECTANGLE_NUMBERS]>,
     motions: LightMotions,
-    /// Some area lights shine by the hit.
-    shines_by_hit: bool,
+    /// The emission of some area lights depends on the hit.
+    emits_by_hit: bool,
 }
 
 /// A sun among the lights.
@@ -63,9 +63,9 @@ impl Lights {
     ) -> Lights {
         let (suns, rectangles, linked) = (Vec::new(), Vec::new(), Vec::new());
         let sampler = LightSampler::new(&[], 0, &[], false);
-        let shines_by_hit = area.iter().any(AreaLight::shines_by_hit);
+        let emits_by_hit = area.iter().any(AreaLight::emits_by_hit);
         let mut lights =
-            Lights { area, punctual, environment, sampler, linked, suns, rectangles, motions, shines_by_hit };
+            Lights { area, punctual, environment, sampler, linked, suns, rectangles, motions, emits_by_hit };
         lights.sampler = lights.sampler_of(textures, |_| true);
         lights.suns = lights.find_suns();
         lights.rectangles = lights.find_rectangles();
@@ -82,16 +82,16 @@ impl Lights {
             + self.environment.as_ref().map_or(0, EnvironmentLight::bytes)
     }
 
-    /// Do some area lights shine by the hit?
+    /// Does the emission of some area lights depend on the hit?
     #[inline(always)]
-    pub fn shines_by_hit(&self) -> bool {
-        self.shines_by_hit
+    pub fn emits_by_hit(&self) -> bool {
+        self.emits_by_hit
     }
 
-    /// Does a light shine by the hit?
+    /// Does the emission of a light depend on the hit?
     #[inline(always)]
-    pub fn is_by_hit(&self, index: u32) -> bool {
-        self.shines_by_hit && self.area.get(index as usize).is_some_and(AreaLight::shines_by_hit)
+    pub fn light_emits_by_hit(&self, index: u32) -> bool {
+        self.emits_by_hit && self.area.get(index as usize).is_some_and(AreaLight::emits_by_hit)
     }
 
     /// Lets receivers of each class choose among the lights for which `is_linked(class, light)` holds.

@@ -308,7 +308,7 @@ impl Aim {
 
 /// Mean of a profile over all directions relative to its maximum, for the choice among lights.
 pub fn mean_share(profile: &LightProfile) -> f32 {
-    // A narrow beam may lie between the heights.
+    // A narrow beam may lie between the sampled angles.
     profile.mean(STEPS).max(1e-4 * profile.peak())
 }
 
@@ -505,7 +505,7 @@ mod tests {
     }
 
     #[test]
-    fn samples_lie_on_it_and_bring_its_irradiance() {
+    fn samples_lie_on_it_and_have_its_irradiance() {
         let textures = CompiledTextures::resident(&[], &[], Vec3::ZERO);
         for angle_rad in [1e-3, 0.0092, 0.5, 3.0] {
             let sun = Sun::new(DVec3::new(0.3, -1.0, 0.2), angle_rad, Rgb::new(2.0, 2.0, 2.0));

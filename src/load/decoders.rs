@@ -1,4 +1,4 @@
-//! Decoders that a build may lack: Cargo features named like them bring them in.
+//! Optional decoders: each has a Cargo feature of its name.
 
 use std::any::Any;
 use std::cell::Cell;

@@ -10,7 +10,7 @@ pub(super) struct ModelFormat {
     extensions: &'static [&'static str],
     /// Reads a file.
     pub load: fn(&Path, &LoadOptions) -> Result<Loaded>,
-    /// Is it glTF, which choices about glTF assets are about, and which has moments?
+    /// Is it glTF, which choices about glTF assets are about, and which has times?
     pub is_gltf: bool,
     /// Files don't say which of their axes points up.
     pub leaves_up_open: bool,

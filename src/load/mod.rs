@@ -70,13 +70,13 @@ pub fn load(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Loaded> {
 ///
 /// # Errors
 /// As for [`load`], and those of `each`.
-pub fn load_moments(
+pub fn load_times(
     path: impl AsRef<Path>,
     options: &LoadOptions,
-    moments: impl IntoIterator<Item = f64>,
+    times: impl IntoIterator<Item = f64>,
     each: &mut dyn FnMut(&mut Loaded) -> Result<ControlFlow<()>>,
 ) -> Result<()> {
-    load_each(path.as_ref(), options, moments.into_iter().map(Some), each)
+    load_each(path.as_ref(), options, times.into_iter().map(Some), each)
 }
 
 /// The loader of all functions above; without a time (`None`) animations don't play. Archives are unpacked for as long as it
@@ -84,11 +84,11 @@ pub fn load_moments(
 fn load_each(
     path: &Path,
     options: &LoadOptions,
-    moments: impl IntoIterator<Item = Option<f64>>,
+    times: impl IntoIterator<Item = Option<f64>>,
     each: &mut dyn FnMut(&mut Loaded) -> Result<ControlFlow<()>>,
 ) -> Result<()> {
     if !is_archive(path)? {
-        return load_file(path, options, moments, each);
+        return load_file(path, options, times, each);
     }
     options.files.note(path);
     let unpacked = unpack::Unpacked::new(path)?;
@@ -98,7 +98,7 @@ fn load_each(
             *file = Some(path.to_path_buf());
         }
     };
-    let loaded = load_file(&unpacked.model, &inner, moments, &mut |loaded| {
+    let loaded = load_file(&unpacked.model, &inner, times, &mut |loaded| {
         let messages = loaded.warnings.iter_mut().chain(&mut loaded.notes);
         messages.for_each(|warning| of_archive(&mut warning.file));
         unpacked.keep_for(loaded);
@@ -137,7 +137,7 @@ fn is_archive(path: &Path) -> Result<bool> {
 fn load_file(
     path: &Path,
     options: &LoadOptions,
-    moments: impl IntoIterator<Item = Option<f64>>,
+    times: impl IntoIterator<Item = Option<f64>>,
     each: &mut dyn FnMut(&mut Loaded) -> Result<ControlFlow<()>>,
 ) -> Result<()> {
     let format = formats::of(path);
@@ -149,12 +149,12 @@ fn load_file(
     let mut options = sidecar.as_ref().map_or_else(|| options.clone(), |s| s.reader_options(options));
     options.keeps_polygons |= options.subdivision.is_some();
     if matches!(format, Format::Model(model) if model.is_gltf) {
-        return gltf::load_moments(path, &options, moments, &mut |loaded| {
+        return gltf::load_times(path, &options, times, &mut |loaded| {
             complete(path, &options, sidecar.as_ref(), loaded)?;
             each(loaded)
         });
     }
-    for time_s in moments {
+    for time_s in times {
         options.gltf.time_s = time_s;
         let mut loaded = match format {
             Format::Model(model) => (model.load)(path, &options)?,
@@ -175,7 +175,7 @@ fn load_file(
 }
 
 /// Loads the frames of a sequence in order and calls `each` with every one until it breaks. Frames of a `.blend`
-/// file are Blender's own; of all others, frame N is the time N / `fps`, as in [`load_moments`].
+/// file are Blender's own; of all others, frame N is the time N / `fps`, as in [`load_times`].
 ///
 /// # Errors
 /// As for [`load`], and those of `each`.
@@ -187,7 +187,7 @@ pub fn load_frames(
     each: &mut dyn FnMut(&mut Loaded) -> Result<ControlFlow<()>>,
 ) -> Result<()> {
     if !is_of_blender(&path) {
-        return load_moments(path, options, numbers.map(|number| f64::from(number) / fps), each);
+        return load_times(path, options, numbers.map(|number| f64::from(number) / fps), each);
     }
     for frame in numbers {
         let blender = blender::BlenderOptions { frame: Some(frame), ..options.blender.clone() };
@@ -282,7 +282,7 @@ fn complete(
     if leaves_up_open {
         upright::turn_as_guessed(path, options, loaded);
     }
-    // Subdivision is complete; the meshes of the next moment differ.
+    // Subdivision is complete; the meshes of the next time differ.
     loaded.polygons = subdivide::Polygons::default();
     displace::apply(loaded);
     procedural_media::apply(loaded)?;
@@ -296,10 +296,10 @@ fn complete(
 fn warn_of_unused_options(path: &Path, options: &LoadOptions, is_mesh_file: bool, loaded: &mut Loaded) {
     let mut warn = |message: &str| loaded.warnings.push(Warning::new(path, "", message));
     if is_of_blender(path) && options.shutter.is_open() {
-        warn("what moves in files of Blender is not blurred: it is exported at one moment");
+        warn("what moves in files of Blender is not blurred: it is exported at one time");
     }
     if is_mesh_file && options.gltf.time_s.is_some() {
-        warn("nothing moves in files of this type: every frame or moment is the same picture");
+        warn("nothing moves in files of this type: every frame or time is the same picture");
     }
     let of_assets = gltf::GltfOptions { time_s: None, ..options.gltf.clone() };
     if is_mesh_file && of_assets != gltf::GltfOptions::default() {

@@ -534,11 +534,11 @@ impl ShutterOptions {
             let at = |inner: f64| self.frame_at((step as f64 + inner) / steps as f64);
             let to = places(at(1.0));
             for share in (0..between).map(inner) {
-                let met = places(at(share));
-                let all = from.iter().zip(&to).zip(met.iter().zip(ways));
-                is_even &= all
-                    .into_iter()
-                    .all(|((from, to), (met, way))| is_near(&mix(from, to, share), met, tolerance, *way));
+                let sampled = places(at(share));
+                let all = from.iter().zip(&to).zip(sampled.iter().zip(ways));
+                is_even &= all.into_iter().all(|((from, to), (sampled, way))| {
+                    is_near(&mix(from, to, share), sampled, tolerance, *way)
+                });
             }
             if !is_even {
                 return false;
@@ -550,13 +550,14 @@ impl ShutterOptions {
 }
 
 /// Does a transform approximate another within the tolerance? `way` is the length of the trajectory.
-fn is_near(found: &DAffine3, met: &DAffine3, tolerance: f64, way: f64) -> bool {
+fn is_near(found: &DAffine3, sampled: &DAffine3, tolerance: f64, way: f64) -> bool {
     let axes = |m: &DAffine3| [m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis];
-    let is_near = |(found, met): (DVec3, DVec3)| (found - met).length() <= tolerance * met.length();
+    let is_near =
+        |(found, sampled): (DVec3, DVec3)| (found - sampled).length() <= tolerance * sampled.length();
     // Motion below the precision of f64 counts as none.
-    let distance = tolerance * way + 1e-12 * met.translation.length();
-    let is_placed = found.translation.distance(met.translation) <= distance;
-    is_placed && axes(found).into_iter().zip(axes(met)).all(is_near)
+    let distance = tolerance * way + 1e-12 * sampled.translation.length();
+    let is_placed = found.translation.distance(sampled.translation) <= distance;
+    is_placed && axes(found).into_iter().zip(axes(sampled)).all(is_near)
 }
 
 #[cfg(test)]

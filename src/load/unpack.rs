@@ -74,7 +74,7 @@ impl Unpacked {
 pub(super) fn keep_for(folder: &Arc<TempDir>, loaded: &mut Loaded) {
     for image in &mut loaded.scene.images {
         if let Pixels::Encoded(encoded) = &*image.pixels {
-            let source = Arc::new(Kept { source: encoded.source.clone(), _folder: folder.clone() });
+            let source = Arc::new(TemporaryImage { source: encoded.source.clone(), _folder: folder.clone() });
             image.pixels = Arc::new(Pixels::Encoded(Encoded { source, ..encoded.clone() }));
         }
     }
@@ -82,12 +82,12 @@ pub(super) fn keep_for(folder: &Arc<TempDir>, loaded: &mut Loaded) {
 
 /// An image whose file is in a temporary folder.
 #[derive(Debug)]
-struct Kept {
+struct TemporaryImage {
     source: Arc<dyn ImageSource>,
     _folder: Arc<TempDir>,
 }
 
-impl ImageSource for Kept {
+impl ImageSource for TemporaryImage {
     fn decode(&self, warnings: &mut Vec<Warning>) -> std::result::Result<Image, Damage> {
         self.source.decode(warnings)
     }

@@ -1,10 +1,9 @@
 //! Caustics by light tracing: whether paths from lights find them, and how many such paths per pass has. A trial measures what some
-//! of them bring.
+//! of them contribute.
 
 use super::options::{Caustics, RenderOptions};
-use super::path_strategy::LightPathShares;
 use super::progress::{Statistics, new_task_group};
-use super::technique::{Request, Stopped, Target, Technique, Trial, first_reason};
+use super::technique::{LightPathShares, Request, Stopped, Target, Technique, Trial, first_reason};
 use crate::integrator::{
     Block, CausticPlan, CausticTally, Integrator, IntegratorOptions, PathSample, SamplePlan,
 };
@@ -117,7 +116,7 @@ impl Technique for LightTracing {
     }
 
     fn report(&self, statistics: &mut Statistics) {
-        statistics.lamp_paths = self.plan().map(CausticPlan::paths);
+        statistics.light_paths = self.plan().map(CausticPlan::paths);
     }
 }
 

@@ -208,8 +208,8 @@ impl Rendering {
             first_sample: self.options.taken().start,
             end_sample: self.schedule.next_sample(),
             way: Some(Way {
-                branches: self.techniques.strategy.now.branches(),
-                shared: self.techniques.strategy.now.shape().map(|shape| shape.to_string()),
+                branches: self.techniques.strategy.now().branches(),
+                shared: self.techniques.strategy.now().shape().map(|shape| shape.to_string()),
             }),
             channels: self.channels(),
             effort: Effort {

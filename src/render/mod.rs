@@ -2,8 +2,8 @@
 //!
 //! The picture is made in passes of a few samples per pixel. In a pass, threads take tiles in any order and merge each into
 //! the film when it is done; tiles share no pixels, and the tiles of a later pass wait for those of the earlier one where
-//! they lie, so every pixel's sum has one order at any number of threads. Passes overlap where nothing has to look at the
-//! picture between them: a time limit, an estimate of the noise and light paths do.
+//! they lie, so every pixel's sum has one order at any number of threads. Passes overlap unless the picture is needed
+//! between them: by a time limit, an estimate of the noise or light paths.
 //!
 //! A rendering may take a part of a picture (`schedule.rs`), be written to a file and resumed (`checkpoint.rs`): its film's sums
 //! are exact, and the technique that the first pass decides on is part of the file.

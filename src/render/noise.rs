@@ -141,7 +141,7 @@ impl Noise {
         Some((variance, if variance > 0.0 { later / variance } else { ratio }))
     }
 
-    /// Light that single paths brought to the picture, whose pixels have these means now.
+    /// Light of single bright paths in the picture, whose pixels have these means now.
     pub fn rare_paths(&self, means: &[[f32; 3]], width: usize) -> Option<RarePaths> {
         find(means, &self.brightest.values(means, width, self.now), width)
     }
@@ -335,18 +335,18 @@ const MIN_SHARE: f64 = 0.01;
 /// Pixels along each side of the parts of a picture that are compared.
 const PART: usize = 32;
 
-/// Light that single paths brought.
+/// Light of single bright paths.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RarePaths {
     /// Its share of the light of the picture, 0 to 1.
     pub share: f64,
     /// Where most of it is: a pixel, from the upper left corner of what was rendered.
     pub pixel: [u32; 2],
-    /// Estimate of the tail index of what they bring.
+    /// Estimate of the tail index of their contributions.
     pub tail_index: f64,
 }
 
-/// Looks for rare paths: `means` are the pixels, row by row, and `robust` what they are without what a single pass brought.
+/// Looks for rare paths: `means` are the pixels, row by row, and `robust` those without the brightest pass.
 pub(super) fn find(means: &[[f32; 3]], robust: &[[f32; 3]], width: usize) -> Option<RarePaths> {
     let excess =
         |(mean, robust): (&[f32; 3], &[f32; 3])| f64::from(luminance(*mean) - luminance(*robust)).max(0.0);
@@ -514,7 +514,7 @@ mod tests {
         brightest.observe(&means, 8);
         means[12] = [50.5; 3];
         brightest.observe(&means, 16);
-        // The pass of eight samples brought 800 to a pixel that is dark otherwise.
+        // The pass of eight samples added 800 to a pixel that is dark otherwise.
         let resolved = |brightest: &BrightestPass, means: &[[f32; 3]]| brightest.values(means, 5, 16)[12];
         assert!(resolved(&brightest, &means).iter().all(|v| (v - 0.5).abs() < 1e-3));
         // A lamp that lights two more around, in both passes.

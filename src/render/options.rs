@@ -149,7 +149,7 @@ macro_rules! render_settings {
             "Write the contribution of each light group as EXR channels RGBA_group", "" =>
                 light_groups: bool = false, hashed, user;
             "Record shadow catchers", "" =>
-                /// See [`Film::settle_catchers`](crate::film::Film::settle_catchers).
+                /// See [`Film::resolve_catchers`](crate::film::Film::resolve_catchers).
                 catchers: bool = false, hashed, internal;
             "What shadow catchers show", "" =>
                 caught: CatcherOutput = CatcherOutput::default(), hashed, internal;

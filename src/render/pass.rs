@@ -3,16 +3,18 @@
 //! Passes between which nothing has to look at the picture overlap: a thread that finds no tile of a pass left continues with the next
 //! pass.
 
-use super::path_strategy::{self, BlockTally, Errors, PathStrategy, SquareTrial, StrategyTrials};
 use super::picture::Labels;
 use super::progress::{Listener, Progress, Stopwatch, divided, new_task_group, task};
 use super::schedule::{Pass, Tiles, parts, within};
-use super::technique::{Target, WORKSPACE, plain_paths};
+use super::technique::{
+    BlockTally, EDGE, Errors, PassTrial, RenderedSquares, Target, WORKSPACE, plain_paths,
+};
 use super::techniques::Techniques;
 use crate::film::{FilmTile, FilterSampler, Layout, SharedFilm, Splat};
 use crate::integrator::{Block, CausticPlan, Integrator, IntegratorOptions, PathSample, WAVE, Workspace};
 use rayon::prelude::*;
 use std::cell::{Cell, RefCell};
+use std::collections::HashSet;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
 
@@ -44,34 +46,15 @@ pub(super) struct PassWork<'a> {
 
 /// Renders consecutive passes, the first one with its trials and its paths from lights, until `is_due` asks to begin no more. Returns
 /// how many were begun, and false if it was stopped.
-pub(super) fn take_all(
-    works: &[PassWork<'_>],
-    strategies: &mut StrategyTrials,
-    is_due: &(dyn Fn() -> bool + Sync),
-) -> (usize, bool) {
+pub(super) fn take_all(works: &[PassWork<'_>], is_due: &(dyn Fn() -> bool + Sync)) -> (usize, bool) {
     let first = &works[0];
     let take = || {
-        let Some(trials) = try_strategies(first, strategies) else { return (1, false) };
-        take_passes(works, strategies.now, &trials, is_due)
+        let Some(tried) = first.techniques.try_in_pass(first) else { return (1, false) };
+        take_passes(works, &tried, is_due)
     };
     // Threads that find no path from a light left continue with tiles.
     let (is_lit, (begun, is_done)) = rayon::join(|| first.trace_light_paths(), take);
     (begun, is_lit && is_done)
-}
-
-/// Decides on a strategy, if that is open and the pass allows trials. Returns the trials whose squares need not be rendered again;
-/// `None` if it was stopped.
-pub(super) fn try_strategies(
-    work: &PassWork<'_>,
-    strategies: &mut StrategyTrials,
-) -> Option<Vec<SquareTrial>> {
-    let mut trials = path_strategy::trials(*strategies, work.target.view, work.pass);
-    if !trials.is_empty() {
-        let best = work.try_all(&mut trials);
-        *strategies = StrategyTrials::decided(best.unwrap_or(PathStrategy::PLAIN));
-        best?;
-    }
-    Some(trials)
 }
 
 /// A pass with its tiles.
@@ -83,15 +66,10 @@ struct Planned<'a> {
     begins: OnceLock<bool>,
 }
 
-/// Renders the tiles of consecutive passes, except those of trials in the first one. Before each pass but the first, `is_due` may ask to
+/// Renders the tiles of consecutive passes, except the squares that trials have rendered in the first one. Before each pass but the first, `is_due` may ask to
 /// begin no more. Returns how many were begun, and whether all of their tiles were rendered: otherwise rendering was stopped.
-fn take_passes(
-    works: &[PassWork<'_>],
-    strategy: PathStrategy,
-    trials: &[SquareTrial],
-    is_due: &(dyn Fn() -> bool + Sync),
-) -> (usize, bool) {
-    let plan = |work| Planned::new(work, strategy, if work.number == 0 { trials } else { &[] });
+fn take_passes(works: &[PassWork<'_>], tried: &[Block], is_due: &(dyn Fn() -> bool + Sync)) -> (usize, bool) {
+    let plan = |work| Planned::new(work, if work.number == 0 { tried } else { &[] });
     let passes: Vec<Planned<'_>> = works.iter().map(plan).collect();
     let count = |sum: &mut usize, pass: &Planned<'_>| {
         *sum += pass.blocks.len();
@@ -127,9 +105,11 @@ fn begins(passes: &[Planned<'_>], is_due: &(dyn Fn() -> bool + Sync)) -> bool {
 }
 
 impl<'a> Planned<'a> {
-    fn new(work: &'a PassWork<'a>, strategy: PathStrategy, trials: &[SquareTrial]) -> Planned<'a> {
-        let tracer = work.tracer(strategy, false);
-        let mut blocks = work.blocks(strategy, &tracer, trials);
+    fn new(work: &'a PassWork<'a>, tried: &[Block]) -> Planned<'a> {
+        let mut paths = work.paths();
+        work.techniques.configure_pass(work.pass, work.target.options, &mut paths);
+        let tracer = work.tracer(paths);
+        let mut blocks = work.blocks(&tracer, tried);
         // Column by column, so that tiles rendered at the same time lie in different bands of the film.
         blocks.sort_by_key(|block| (block.x0, block.y0));
         // The first pass is always begun, even where trials leave it no tile.
@@ -139,66 +119,18 @@ impl<'a> Planned<'a> {
 }
 
 impl<'a> PassWork<'a> {
-    /// The tiles outside the squares of trials.
-    fn blocks(&self, strategy: PathStrategy, tracer: &Tracer<'_>, trials: &[SquareTrial]) -> Vec<Block> {
-        let blocks = path_strategy::without(tracer.tiles.blocks(self.target.view, self.pass), trials);
+    /// The tiles outside the squares that trials have rendered.
+    fn blocks(&self, tracer: &Tracer<'_>, tried: &[Block]) -> Vec<Block> {
+        let blocks = without(tracer.tiles.blocks(self.target.view, self.pass), tried);
         let region = self.target.options.pixels();
-        let shares = strategy.shape().is_some();
-        blocks.iter().filter_map(|b| within(&region, b, shares)).collect()
-    }
-
-    /// Runs trials, as far as each is worth it, and keeps those in the list whose squares need not be rendered again. Returns the best
-    /// strategy; `None` if it was stopped.
-    pub fn try_all(&self, trials: &mut Vec<SquareTrial>) -> Option<PathStrategy> {
-        let (mut results, mut tried) = (Vec::new(), Vec::new());
-        for trial in trials.drain(..) {
-            if let Some(strategy) = path_strategy::strategy_of(&trial, &results) {
-                let (errors, taken) = self.try_one(strategy, &trial.squares);
-                tried.push((trial, taken));
-                let Some(errors) = errors else {
-                    // These samples are all that the squares will get.
-                    tried.into_iter().for_each(|(_, taken)| self.keep_all(taken));
-                    return None;
-                };
-                results.push((strategy, errors));
-            }
-        }
-        let best = path_strategy::best(&results);
-        for ((trial, taken), (strategy, errors)) in tried.into_iter().zip(&results) {
-            if !best.replaces(*strategy, errors) {
-                self.keep_all(taken);
-                trials.push(trial);
-            }
-        }
-        Some(best.strategy)
-    }
-
-    /// Renders the squares of a trial. The errors are `None` if it was stopped.
-    fn try_one(&self, strategy: PathStrategy, squares: &[Block]) -> (Option<Errors>, Vec<RenderedTile>) {
-        let tracer = self.tracer(strategy, true);
-        let blocks: Vec<Block> = squares.iter().flat_map(|s| tracer.tiles.divide(*s)).collect();
-        let group = new_task_group();
-        let try_block = |block: &Block| {
-            let mut tally = BlockTally::new(block);
-            let taken = task("trials", group, || self.fill(&tracer, block, Some(&mut tally)))?;
-            self.progress.add(0, taken.rays, self.stopwatch.wall(), self.listener);
-            Some((tally, RenderedTile { rays: 0, ..taken }))
-        };
-        let blocks: Vec<Option<(BlockTally, RenderedTile)>> = blocks.par_iter().map(try_block).collect();
-        // In order, so that the sum does not depend on threads.
-        let sum = |sum: Errors, block: &Option<(BlockTally, RenderedTile)>| {
-            Some(sum.plus(block.as_ref()?.0.errors()))
-        };
-        let start = Errors { light_paths: self.techniques.light_path_shares(), ..Errors::default() };
-        let errors = blocks.iter().try_fold(start, sum);
-        (errors, blocks.into_iter().flatten().map(|(_, taken)| taken).collect())
+        blocks.iter().filter_map(|b| within(&region, b, tracer.shares_paths)).collect()
     }
 
     /// Traces the paths from lights of the pass, if there are any. False if it was stopped: samples whose paths were not all traced get
     /// none of them.
     pub fn trace_light_paths(&self) -> bool {
         let Some(plan) = self.techniques.caustics() else { return true };
-        let tracer = self.tracer(PathStrategy::PLAIN, false);
+        let tracer = self.tracer(self.paths());
         let starts: Vec<u32> = (0..plan.paths()).step_by(WAVE).collect();
         let Pass { first_sample, samples } = self.pass;
         let at_once = (PATHS_PER_SPLATTING / plan.paths()).clamp(1, samples);
@@ -262,31 +194,31 @@ impl<'a> PassWork<'a> {
         self.of_first_half(&pixel) > 0
     }
 
-    fn tracer(&self, strategy: PathStrategy, keeps_plain: bool) -> Tracer<'a> {
-        let Target { scene, view, options } = self.target;
+    /// Options of paths of the picture, with what techniques add for all paths.
+    fn paths(&self) -> IntegratorOptions<'a> {
+        let options = self.target.options;
         let mut paths = IntegratorOptions {
             aovs: options.aovs,
             aov_space: options.aov_space,
             light_groups: self.labels.light_groups.len(),
             catchers: options.catchers,
             transparent_glass: options.transparent_glass,
-            keeps_plain,
             ..plain_paths(options, self.filter, &self.labels.ids)
         };
         self.techniques.configure(&mut paths);
-        strategy.configure(self.pass, options, &mut paths);
+        paths
+    }
+
+    fn tracer(&self, paths: IntegratorOptions<'a>) -> Tracer<'a> {
+        let Target { scene, view, .. } = self.target;
         let tiles = Tiles::of(self.pass, paths.reuse.as_ref());
-        Tracer { integrator: Integrator::new(scene, view, paths), tiles }
+        let shares_paths = paths.reuse.is_some();
+        Tracer { integrator: Integrator::new(scene, view, paths), tiles, shares_paths }
     }
 
     /// Renders a tile into the film. False if it was stopped.
     fn take(&self, tracer: &Tracer<'_>, block: &Block, tally: Option<&mut BlockTally>) -> bool {
         self.fill(tracer, block, tally).map(|taken| self.keep(taken)).is_some()
-    }
-
-    /// Adds tiles to the film.
-    fn keep_all(&self, taken: Vec<RenderedTile>) {
-        taken.into_par_iter().for_each(|taken| self.keep(taken));
     }
 
     /// Adds a tile to the film.
@@ -370,4 +302,53 @@ struct RenderedTile {
 struct Tracer<'a> {
     integrator: Integrator<'a>,
     tiles: Tiles,
+    /// Pixels of a tile share paths.
+    shares_paths: bool,
+}
+
+impl PassTrial for PassWork<'_> {
+    fn target(&self) -> Target<'_> {
+        self.target
+    }
+
+    fn pass(&self) -> Pass {
+        self.pass
+    }
+
+    fn render(
+        &self,
+        squares: &[Block],
+        configure: &dyn Fn(&mut IntegratorOptions<'_>),
+    ) -> RenderedSquares<'_> {
+        let mut paths = IntegratorOptions { keeps_plain: true, ..self.paths() };
+        configure(&mut paths);
+        let tracer = self.tracer(paths);
+        let blocks: Vec<Block> = squares.iter().flat_map(|s| tracer.tiles.divide(*s)).collect();
+        let group = new_task_group();
+        let try_block = |block: &Block| {
+            let mut tally = BlockTally::new(block);
+            let taken = task("trials", group, || self.fill(&tracer, block, Some(&mut tally)))?;
+            self.progress.add(0, taken.rays, self.stopwatch.wall(), self.listener);
+            Some((tally, RenderedTile { rays: 0, ..taken }))
+        };
+        let blocks: Vec<Option<(BlockTally, RenderedTile)>> = blocks.par_iter().map(try_block).collect();
+        // In order, so that the sum does not depend on threads.
+        let sum = |sum: Errors, block: &Option<(BlockTally, RenderedTile)>| {
+            Some(sum.plus(block.as_ref()?.0.errors()))
+        };
+        let start = Errors { light_paths: self.techniques.light_path_shares(), ..Errors::default() };
+        let errors = blocks.iter().try_fold(start, sum);
+        let tiles: Vec<RenderedTile> = blocks.into_iter().flatten().map(|(_, tile)| tile).collect();
+        let add_to_film = move || tiles.into_par_iter().for_each(|tile| self.keep(tile));
+        RenderedSquares { errors, add_to_film: Box::new(add_to_film) }
+    }
+}
+
+/// The tiles outside squares.
+fn without(mut tiles: Vec<Block>, squares: &[Block]) -> Vec<Block> {
+    let covered: HashSet<_> = squares.iter().map(|s| (s.x0 / EDGE, s.y0 / EDGE)).collect();
+    let is_in_square = |t: &Block| t.x0 % EDGE + t.width <= EDGE && t.y0 % EDGE + t.height <= EDGE;
+    debug_assert!(covered.is_empty() || tiles.iter().all(is_in_square), "tiles don't cross squares");
+    tiles.retain(|tile| !covered.contains(&(tile.x0 / EDGE, tile.y0 / EDGE)));
+    tiles
 }

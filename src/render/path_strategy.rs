@@ -4,13 +4,16 @@
 use super::options::{PathReuse, RenderOptions, Splitting};
 use super::progress::Statistics;
 use super::schedule::Pass;
-use super::technique::{Request, Target, Technique, first_reason};
+use super::technique::{
+    EDGE, Errors, LightPathShares, PassTrial, RenderedSquares, Request, Target, Technique, first_reason,
+};
 use crate::compile::{Medium, View};
 use crate::integrator::reuse::{GroupShape, INTERVAL, Tiling};
-use crate::integrator::{Block, IntegratorOptions, PathSample, RayCounts, SamplePlan};
+use crate::integrator::{Block, IntegratorOptions, RayCounts, SamplePlan};
 use crate::sampling::ZSobolOrder;
 use crate::sampling::hash::r2_sequence;
 use std::collections::HashSet;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// How samples trace their paths.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -55,11 +58,14 @@ impl PathStrategy {
     }
 }
 
-/// Path sharing or splitting: the strategy, and what trials in the first pass may still decide.
+/// Path sharing or splitting, which trials within the first pass decide on.
+#[derive(Debug)]
+pub(super) struct StrategyTrials(Mutex<Choice>);
+
+/// A strategy, and the strategies that trials may still replace it by.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct StrategyTrials {
-    /// The strategy that holds until trials decide otherwise.
-    pub now: PathStrategy,
+struct Choice {
+    now: PathStrategy,
     may_share: bool,
     may_split: bool,
 }
@@ -98,23 +104,27 @@ impl StrategyTrials {
             Splitting::Into(branches) if can_split => branches,
             _ => 1,
         };
-        StrategyTrials {
+        StrategyTrials(Mutex::new(Choice {
             now: PathStrategy::Alone { branches },
             may_share: can_share
                 && options.path_reuse == PathReuse::Auto
                 && matches!(options.splitting, Splitting::Auto | Splitting::OFF),
             may_split: can_split && options.splitting == Splitting::Auto,
-        }
-    }
-
-    /// May trials still change the strategy?
-    pub fn is_open(self) -> bool {
-        self.may_share || self.may_split
+        }))
     }
 
     /// Without further trials.
     pub fn decided(now: PathStrategy) -> StrategyTrials {
-        StrategyTrials { now, may_share: false, may_split: false }
+        StrategyTrials(Mutex::new(Choice { now, may_share: false, may_split: false }))
+    }
+
+    /// The strategy that holds until trials decide otherwise.
+    pub fn now(&self) -> PathStrategy {
+        self.choice().now
+    }
+
+    fn choice(&self) -> MutexGuard<'_, Choice> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -136,17 +146,31 @@ impl Technique for StrategyTrials {
         obstacle_to_sharing(target)
     }
 
-    // Which strategy a pass has is decided within the first one: `pass.rs` calls `PathStrategy::configure`.
-    fn configure<'a>(&'a self, _paths: &mut IntegratorOptions<'a>) {}
+    fn is_open(&self) -> bool {
+        let choice = *self.choice();
+        choice.may_share || choice.may_split
+    }
+
+    fn try_in_pass(&self, pass: &dyn PassTrial) -> Option<Vec<Block>> {
+        let trials = trials(*self.choice(), pass.target().view, pass.pass());
+        if trials.is_empty() {
+            return Some(Vec::new());
+        }
+        let tried = try_all(trials, pass);
+        let now = tried.as_ref().map_or(PathStrategy::PLAIN, |(best, _)| *best);
+        *self.choice() = Choice { now, may_share: false, may_split: false };
+        tried.map(|(_, squares)| squares)
+    }
+
+    fn configure_pass(&self, pass: Pass, options: &RenderOptions, paths: &mut IntegratorOptions<'_>) {
+        self.now().configure(pass, options, paths);
+    }
 
     fn report(&self, statistics: &mut Statistics) {
-        statistics.path_reuse = self.now.shape();
-        statistics.branches = self.now.branches();
+        statistics.path_reuse = self.now().shape();
+        statistics.branches = self.now().branches();
     }
 }
-
-/// Edge of a square in pixels.
-const EDGE: u32 = 32;
 
 /// One of this many squares takes part in trials.
 const SQUARES_PER_TRIAL: u32 = 24;
@@ -216,13 +240,13 @@ enum Tried {
 }
 
 /// A trial and its squares.
-pub(super) struct SquareTrial {
+struct SquareTrial {
     tried: Tried,
-    pub squares: Vec<Block>,
+    squares: Vec<Block>,
 }
 
 /// The trials of a pass in their order; none if it has a single sample or the picture is too small.
-pub(super) fn trials(open: StrategyTrials, view: &View, pass: Pass) -> Vec<SquareTrial> {
+fn trials(open: Choice, view: &View, pass: Pass) -> Vec<SquareTrial> {
     let (columns, rows) = (view.width / EDGE, view.height / EDGE);
     let shapes = SHAPES.len() as u32;
     let of_each = (columns * rows).div_ceil(SQUARES_PER_TRIAL * shapes).max(MIN_SQUARES);
@@ -260,8 +284,37 @@ fn square(x: u32, y: u32, pass: Pass) -> Block {
     Block { x0: x * EDGE, y0: y * EDGE, width: EDGE, height: EDGE, first_sample, samples }
 }
 
+/// Runs trials, as far as each is worth it. Returns the best strategy and the squares that need not be rendered again; `None` if it was
+/// stopped.
+fn try_all(trials: Vec<SquareTrial>, pass: &dyn PassTrial) -> Option<(PathStrategy, Vec<Block>)> {
+    let (mut results, mut tried) = (Vec::new(), Vec::new());
+    for trial in trials {
+        let Some(strategy) = strategy_of(&trial, &results) else { continue };
+        let configure = |paths: &mut IntegratorOptions<'_>| {
+            strategy.configure(pass.pass(), pass.target().options, paths);
+        };
+        let RenderedSquares { errors, add_to_film } = pass.render(&trial.squares, &configure);
+        tried.push((trial, add_to_film));
+        let Some(errors) = errors else {
+            // These samples are all that the squares will get.
+            tried.into_iter().for_each(|(_, add_to_film)| add_to_film());
+            return None;
+        };
+        results.push((strategy, errors));
+    }
+    let best = best(&results);
+    let mut done = Vec::new();
+    for ((trial, add_to_film), (strategy, errors)) in tried.into_iter().zip(&results) {
+        if !best.replaces(*strategy, errors) {
+            add_to_film();
+            done.extend(trial.squares);
+        }
+    }
+    Some((best.strategy, done))
+}
+
 /// The strategy that a trial tries, by the results of the earlier trials; none if it is skipped.
-pub(super) fn strategy_of(trial: &SquareTrial, results: &[(PathStrategy, Errors)]) -> Option<PathStrategy> {
+fn strategy_of(trial: &SquareTrial, results: &[(PathStrategy, Errors)]) -> Option<PathStrategy> {
     let so_far = best(results);
     let splitting = PathStrategy::Alone { branches: BRANCHES };
     match trial.tried {
@@ -294,88 +347,7 @@ fn square_positions(columns: u32, rows: u32) -> impl Iterator<Item = (u32, u32)>
     (0..).map(r2_sequence).map(move |[x, y]| (scaled(x, columns), scaled(y, rows)))
 }
 
-/// The tiles outside the squares of trials.
-pub(super) fn without(mut tiles: Vec<Block>, trials: &[SquareTrial]) -> Vec<Block> {
-    let squares = trials.iter().flat_map(|trial| &trial.squares);
-    let covered: HashSet<_> = squares.map(|s| (s.x0 / EDGE, s.y0 / EDGE)).collect();
-    let is_in_square = |t: &Block| t.x0 % EDGE + t.width <= EDGE && t.y0 % EDGE + t.height <= EDGE;
-    debug_assert!(covered.is_empty() || tiles.iter().all(is_in_square), "tiles don't cross squares");
-    tiles.retain(|tile| !covered.contains(&(tile.x0 / EDGE, tile.y0 / EDGE)));
-    tiles
-}
-
-/// The samples of a pixel, with the strategy that is tried and without it.
-#[derive(Clone, Copy, Default)]
-struct PixelTally {
-    tried: HalfSums,
-    plain: HalfSums,
-    count: u32,
-}
-
-/// The samples and the rays of a block.
-pub(super) struct BlockTally {
-    pixels: Vec<PixelTally>,
-    /// Half the number of samples of a pixel.
-    half: u32,
-    rays: RayCounts,
-}
-
-impl BlockTally {
-    pub fn new(block: &Block) -> BlockTally {
-        let pixels = vec![PixelTally::default(); (block.width * block.height) as usize];
-        BlockTally { pixels, half: block.samples / 2, rays: RayCounts::default() }
-    }
-
-    pub fn add(&mut self, sample: &PathSample<'_>) {
-        let pixel = &mut self.pixels[sample.pixel as usize];
-        let half = pixel.count / self.half;
-        pixel.count += 1;
-        pixel.tried.add(half, sample.rgb);
-        pixel.plain.add(half, sample.plain);
-    }
-
-    /// Counts rays.
-    pub fn count(&mut self, rays: RayCounts) {
-        self.rays = self.rays.plus(rays);
-    }
-
-    /// The sums of squared errors.
-    pub fn errors(&self) -> Errors {
-        let mut errors = Errors { rays: self.rays, ..Errors::default() };
-        for pixel in &self.pixels {
-            errors.tried += pixel.tried.squared_error(self.half, &pixel.tried);
-            errors.plain += pixel.plain.squared_error(self.half, &pixel.tried);
-        }
-        errors
-    }
-}
-
-/// Sums of relative squared errors of some pixels, with and without what is tried, and their rays.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Errors {
-    pub tried: f64,
-    pub plain: f64,
-    pub rays: RayCounts,
-    pub light_paths: LightPathShares,
-}
-
-/// Contribution of paths from lights to the squared error and the time, relative to plain paths; splitting doesn't change it.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct LightPathShares {
-    pub error: f64,
-    pub time: f64,
-}
-
 impl Errors {
-    pub fn plus(self, other: Errors) -> Errors {
-        Errors {
-            tried: self.tried + other.tried,
-            plain: self.plain + other.plain,
-            rays: self.rays.plus(other.rays),
-            light_paths: self.light_paths,
-        }
-    }
-
     /// Time of the connections, relative to that of all other rays.
     fn cost_of_connections(&self) -> f64 {
         let RayCounts { all, single, in_fans, .. } = self.rays;
@@ -420,8 +392,8 @@ impl Errors {
 
 /// A strategy and its predicted gain.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Candidate {
-    pub strategy: PathStrategy,
+struct Candidate {
+    strategy: PathStrategy,
     /// Ratio of its squared error to that of the plain strategy.
     error: f64,
     /// Ratio of its efficiency to that of the plain strategy.
@@ -431,7 +403,7 @@ pub(super) struct Candidate {
 impl Candidate {
     /// Are squares with the strategy that was tried so noisy that rendering them again with this one pays? Never where the plain strategy
     /// is best.
-    pub fn replaces(&self, tried: PathStrategy, errors: &Errors) -> bool {
+    fn replaces(&self, tried: PathStrategy, errors: &Errors) -> bool {
         let is_other = tried != self.strategy && self.strategy != PathStrategy::PLAIN;
         is_other && errors.error_ratio() > REPLACED_ERROR * self.error
     }
@@ -443,7 +415,7 @@ fn numbers_of_branches() -> impl Iterator<Item = u32> {
 }
 
 /// The strategy with the largest gain, or the plain one if none gains enough.
-pub(super) fn best(results: &[(PathStrategy, Errors)]) -> Candidate {
+fn best(results: &[(PathStrategy, Errors)]) -> Candidate {
     // The sums of all squares that tried the same.
     let of = |strategy: PathStrategy| {
         let same = results.iter().filter(|(other, _)| *other == strategy);
@@ -462,38 +434,6 @@ pub(super) fn best(results: &[(PathStrategy, Errors)]) -> Candidate {
     });
     let plain = Candidate { strategy: PathStrategy::PLAIN, error: 1.0, gain: 1.0 };
     candidates.fold(plain, |best, next| if next.gain > best.gain { next } else { best })
-}
-
-// Error estimates of pixels by the difference of the means of two halves of their samples.
-
-/// Bound on the relative error of a pixel: otherwise a few fireflies would decide.
-const LARGEST_ERROR: f64 = 3.0;
-
-/// Sums over the first and the second half of a pixel's samples.
-#[derive(Clone, Copy, Default)]
-struct HalfSums([[f64; 3]; 2]);
-
-impl HalfSums {
-    /// Adds a sample to half 0 or 1; others are ignored.
-    pub fn add(&mut self, half: u32, rgb: [f32; 3]) {
-        if let Some(sum) = self.0.get_mut(half as usize) {
-            sum.iter_mut().zip(rgb).for_each(|(sum, v)| *sum += f64::from(v));
-        }
-    }
-
-    /// Squared difference of the means of the halves, of `half` samples each, relative to the pixel's value in `whole`; the sum over the
-    /// channels.
-    pub fn squared_error(&self, half: u32, whole: &HalfSums) -> f64 {
-        let scale = 1.0 / f64::from(half);
-        let of_channel = |c: usize| {
-            let mean = 0.5 * scale * (whole.0[0][c] + whole.0[1][c]);
-            let difference = (self.0[0][c] - self.0[1][c]) * scale;
-            let squared = difference * difference / (mean * mean + 0.01);
-            // NaN counts as 0.
-            if squared > 0.0 { squared.min(LARGEST_ERROR * LARGEST_ERROR) } else { 0.0 }
-        };
-        (0..3).map(of_channel).sum()
-    }
 }
 
 #[cfg(test)]

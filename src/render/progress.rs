@@ -131,7 +131,7 @@ pub struct Statistics {
     /// Paths per sample from its first surface on.
     pub branches: u32,
     /// Number of light paths per sample of all pixels, if light tracing finds caustics.
-    pub lamp_paths: Option<u32>,
+    pub light_paths: Option<u32>,
     /// Number of cells of the guide with training data, if paths were guided.
     pub guide_cells: Option<u32>,
     /// Images of textures that were decoded on demand, each as often as it was.

@@ -2,7 +2,7 @@
 
 use super::noise::{Noise, RarePaths};
 use super::options::{DisplaySettings, RenderOptions};
-use super::pass::{PassWork, take_all, try_strategies};
+use super::pass::{PassWork, take_all};
 use super::picture;
 use super::picture::{Labels, Picture, denoise_film, layout, of_film, shows_alpha};
 use super::progress::{
@@ -214,8 +214,8 @@ impl Rendering {
             return Cow::Borrowed(&self.film);
         }
         let mut film = self.film.clone();
-        film.settle_catchers(self.options.caught);
-        self.backdrop.iter().for_each(|backdrop| film.lay_behind(backdrop));
+        film.resolve_catchers(self.options.caught);
+        self.backdrop.iter().for_each(|backdrop| film.composite_over(backdrop));
         Cow::Owned(film)
     }
 
@@ -240,8 +240,8 @@ impl Rendering {
     pub fn into_picture(mut self) -> Picture {
         let (statistics, warnings) = (self.statistics(), self.warnings());
         let output = self.options_with(&warnings);
-        self.film.settle_catchers(self.options.caught);
-        self.backdrop.iter().for_each(|backdrop| self.film.lay_behind(backdrop));
+        self.film.resolve_catchers(self.options.caught);
+        self.backdrop.iter().for_each(|backdrop| self.film.composite_over(backdrop));
         Picture { film: self.film, statistics, warnings, output }
     }
 
@@ -289,7 +289,7 @@ impl Rendering {
         statistics
     }
 
-    /// Light that single paths brought, where the noise is estimated: what that estimate can't know of.
+    /// Light of single bright paths, where the noise is estimated: the estimate can't know of more of them.
     pub fn rare_paths(&self) -> Option<RarePaths> {
         self.noise.as_ref()?.rare_paths(&self.film.means(), self.film.width() as usize)
     }
@@ -356,7 +356,7 @@ impl Rendering {
         if self.has_converged() {
             return PassOutcome::Converged;
         }
-        if !self.try_techniques(stopwatch) || !self.try_strategies(stopwatch) {
+        if !self.try_techniques(stopwatch) || !self.try_in_pass(stopwatch) {
             return PassOutcome::Cancelled;
         }
         let passes = self.plan_passes(most, stopwatch);
@@ -449,9 +449,9 @@ impl Rendering {
     }
 
     /// Runs the trials of the picture's first pass for a partial render of later samples, before its first pass. False if it was stopped.
-    fn try_strategies(&mut self, stopwatch: &Stopwatch) -> bool {
+    fn try_in_pass(&mut self, stopwatch: &Stopwatch) -> bool {
         let first = self.options.taken().start;
-        if first == 0 || self.schedule.next_sample() > first || !self.techniques.strategy.is_open() {
+        if first == 0 || self.schedule.next_sample() > first || !self.techniques.are_open() {
             return true;
         }
         let Some(pass) = Schedule::new(0..self.options.samples, None).next(stopwatch.wall()) else {
@@ -470,7 +470,7 @@ impl Rendering {
     ) -> (usize, bool) {
         let layout = self.film.layout().clone();
         // Trials alone have no film.
-        let mut film = Film::nowhere(&layout);
+        let mut film = Film::empty(&layout);
         if takes == Takes::All {
             std::mem::swap(&mut film, &mut self.film);
         }
@@ -494,18 +494,16 @@ impl Rendering {
             stop: &stop,
         };
         let works: Vec<PassWork<'_>> = passes.iter().enumerate().map(work).collect();
-        let mut strategy = self.techniques.strategy;
         let is_due = || is_due() || self.cancel.is_cancelled();
         let taken = match takes {
-            Takes::All => take_all(&works, &mut strategy, &is_due),
-            Takes::TrialsOnly => (1, try_strategies(&works[0], &mut strategy).is_some()),
+            Takes::All => take_all(&works, &is_due),
+            Takes::TrialsOnly => (1, self.techniques.try_in_pass(&works[0]).is_some()),
         };
         drop(works);
         let film = film.into_film();
         if takes == Takes::All {
             self.film = film;
         }
-        self.techniques.strategy = strategy;
         taken
     }
 }
@@ -514,6 +512,6 @@ impl Rendering {
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Takes {
     All,
-    /// The trials that decide on the strategy; the picture gets nothing of them.
+    /// The trials; the picture gets no samples of them.
     TrialsOnly,
 }

@@ -5,10 +5,11 @@
 
 use super::options::RenderOptions;
 use super::progress::{Listener, Progress, Statistics, Stopwatch, task};
+use super::schedule::Pass;
 use crate::compile::{CompiledScene, View};
 use crate::error::Warning;
 use crate::film::{AovSet, AovSpace, FilterSampler, MatteIds};
-use crate::integrator::{IntegratorOptions, SamplePlan, Workspace};
+use crate::integrator::{Block, IntegratorOptions, PathSample, RayCounts, SamplePlan, Workspace};
 use crate::sampling::ZSobolOrder;
 use std::cell::RefCell;
 
@@ -57,8 +58,21 @@ pub(super) trait Technique {
         Ok(())
     }
 
-    /// Adds to the options of the paths what was decided.
-    fn configure<'a>(&'a self, paths: &mut IntegratorOptions<'a>);
+    /// May a trial within the first pass still decide?
+    fn is_open(&self) -> bool {
+        false
+    }
+
+    /// Decides within the first pass, by squares of it. Returns the squares that need not be rendered again; `None` if it was stopped.
+    fn try_in_pass(&self, _pass: &dyn PassTrial) -> Option<Vec<Block>> {
+        Some(Vec::new())
+    }
+
+    /// Adds to the options of all paths what was decided.
+    fn configure<'a>(&'a self, _paths: &mut IntegratorOptions<'a>) {}
+
+    /// Adds to the options of the camera paths of a pass what was decided.
+    fn configure_pass(&self, _pass: Pass, _options: &RenderOptions, _paths: &mut IntegratorOptions<'_>) {}
 
     /// Must the film be complete between two passes?
     fn separates_passes(&self) -> bool {
@@ -145,5 +159,136 @@ pub(super) fn plain_paths<'a>(
         caustics: None,
         guide: None,
         records_training: false,
+    }
+}
+
+// Trials within the first pass.
+
+/// Edge of a square of a trial in pixels.
+pub(super) const EDGE: u32 = 32;
+
+/// The first pass, which renders squares for a trial.
+pub(super) trait PassTrial {
+    fn target(&self) -> Target<'_>;
+
+    fn pass(&self) -> Pass;
+
+    /// Renders squares by paths with these options.
+    fn render(
+        &self,
+        squares: &[Block],
+        configure: &dyn Fn(&mut IntegratorOptions<'_>),
+    ) -> RenderedSquares<'_>;
+}
+
+/// Squares that were rendered for a trial.
+pub(super) struct RenderedSquares<'a> {
+    /// Their errors; `None` if it was stopped.
+    pub errors: Option<Errors>,
+    pub add_to_film: Box<dyn FnOnce() + 'a>,
+}
+
+/// The samples of a pixel, with the strategy that is tried and without it.
+#[derive(Clone, Copy, Default)]
+struct PixelTally {
+    tried: HalfSums,
+    plain: HalfSums,
+    count: u32,
+}
+
+/// The samples and the rays of a block.
+pub(super) struct BlockTally {
+    pixels: Vec<PixelTally>,
+    /// Half the number of samples of a pixel.
+    half: u32,
+    rays: RayCounts,
+}
+
+impl BlockTally {
+    pub fn new(block: &Block) -> BlockTally {
+        let pixels = vec![PixelTally::default(); (block.width * block.height) as usize];
+        BlockTally { pixels, half: block.samples / 2, rays: RayCounts::default() }
+    }
+
+    pub fn add(&mut self, sample: &PathSample<'_>) {
+        let pixel = &mut self.pixels[sample.pixel as usize];
+        let half = pixel.count / self.half;
+        pixel.count += 1;
+        pixel.tried.add(half, sample.rgb);
+        pixel.plain.add(half, sample.plain);
+    }
+
+    /// Counts rays.
+    pub fn count(&mut self, rays: RayCounts) {
+        self.rays = self.rays.plus(rays);
+    }
+
+    /// The sums of squared errors.
+    pub fn errors(&self) -> Errors {
+        let mut errors = Errors { rays: self.rays, ..Errors::default() };
+        for pixel in &self.pixels {
+            errors.tried += pixel.tried.squared_error(self.half, &pixel.tried);
+            errors.plain += pixel.plain.squared_error(self.half, &pixel.tried);
+        }
+        errors
+    }
+}
+
+/// Sums of relative squared errors of some pixels, with and without what is tried, and their rays.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Errors {
+    pub tried: f64,
+    pub plain: f64,
+    pub rays: RayCounts,
+    pub light_paths: LightPathShares,
+}
+
+/// Contribution of paths from lights to the squared error and the time, relative to plain paths; splitting doesn't change it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct LightPathShares {
+    pub error: f64,
+    pub time: f64,
+}
+
+impl Errors {
+    pub fn plus(self, other: Errors) -> Errors {
+        Errors {
+            tried: self.tried + other.tried,
+            plain: self.plain + other.plain,
+            rays: self.rays.plus(other.rays),
+            light_paths: self.light_paths,
+        }
+    }
+}
+
+// Error estimates of pixels by the difference of the means of two halves of their samples.
+
+/// Bound on the relative error of a pixel: otherwise a few fireflies would decide.
+const LARGEST_ERROR: f64 = 3.0;
+
+/// Sums over the first and the second half of a pixel's samples.
+#[derive(Clone, Copy, Default)]
+struct HalfSums([[f64; 3]; 2]);
+
+impl HalfSums {
+    /// Adds a sample to half 0 or 1; others are ignored.
+    pub fn add(&mut self, half: u32, rgb: [f32; 3]) {
+        if let Some(sum) = self.0.get_mut(half as usize) {
+            sum.iter_mut().zip(rgb).for_each(|(sum, v)| *sum += f64::from(v));
+        }
+    }
+
+    /// Squared difference of the means of the halves, of `half` samples each, relative to the pixel's value in `whole`; the sum over the
+    /// channels.
+    pub fn squared_error(&self, half: u32, whole: &HalfSums) -> f64 {
+        let scale = 1.0 / f64::from(half);
+        let of_channel = |c: usize| {
+            let mean = 0.5 * scale * (whole.0[0][c] + whole.0[1][c]);
+            let difference = (self.0[0][c] - self.0[1][c]) * scale;
+            let squared = difference * difference / (mean * mean + 0.01);
+            // NaN counts as 0.
+            if squared > 0.0 { squared.min(LARGEST_ERROR * LARGEST_ERROR) } else { 0.0 }
+        };
+        (0..3).map(of_channel).sum()
     }
 }

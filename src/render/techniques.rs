@@ -2,11 +2,13 @@
 
 use super::caustics::LightTracing;
 use super::guiding::PathGuiding;
-use super::path_strategy::{LightPathShares, StrategyTrials};
+use super::options::RenderOptions;
+use super::path_strategy::StrategyTrials;
 use super::progress::Statistics;
-use super::technique::{Request, Stopped, Target, Technique, Trial, warning};
+use super::schedule::Pass;
+use super::technique::{LightPathShares, PassTrial, Request, Stopped, Target, Technique, Trial, warning};
 use crate::error::Warning;
-use crate::integrator::{CausticPlan, IntegratorOptions};
+use crate::integrator::{Block, CausticPlan, IntegratorOptions};
 
 /// Makes [`Techniques`] of a list in the order in which they decide: a technique sees in its trial what those before it add. A row: a
 /// field, its type and what makes one.
@@ -72,6 +74,22 @@ impl Techniques {
     /// Adds to the options of the paths of a picture what all techniques add.
     pub fn configure<'a>(&'a self, paths: &mut IntegratorOptions<'a>) {
         self.list().iter().for_each(|technique| technique.configure(paths));
+    }
+
+    /// Runs the trials within the first pass. Returns the squares that need not be rendered again; `None` if it was stopped.
+    pub fn try_in_pass(&self, pass: &dyn PassTrial) -> Option<Vec<Block>> {
+        let squares = self.list().into_iter().map(|technique| technique.try_in_pass(pass));
+        squares.collect::<Option<Vec<_>>>().map(|squares| squares.concat())
+    }
+
+    /// May trials within the first pass still decide?
+    pub fn are_open(&self) -> bool {
+        self.list().iter().any(|technique| technique.is_open())
+    }
+
+    /// Adds to the options of the camera paths of a pass what all techniques add.
+    pub fn configure_pass(&self, pass: Pass, options: &RenderOptions, paths: &mut IntegratorOptions<'_>) {
+        self.list().iter().for_each(|technique| technique.configure_pass(pass, options, paths));
     }
 
     /// Must the film be complete between two passes?

@@ -62,7 +62,7 @@ pub struct Instance {
     pub light_group: Option<String>,
 }
 
-/// How an instance differs between the moments of a scene.
+/// How an instance differs between the times of a scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Motion {
     /// It does not.
@@ -126,7 +126,7 @@ macro_rules! kinds {
         $kind:ident $({ $($(#[$about_number:meta])* $number:ident),* $(,)? })?
         $one:literal $many:literal closed: $closed:literal half_extent: $half_extent:expr;
     )*) => {
-        /// Kinds of shapes that are no meshes. What is said of x, y and z holds before the shape is turned.
+        /// Kinds of shapes that are no meshes. Axes x, y and z are those before the shape is rotated.
         #[derive(Clone, Copy, Debug, PartialEq)]
         #[non_exhaustive]
         pub enum ShapeKind {

@@ -10,7 +10,7 @@ use std::sync::Arc;
 /// Makes some levels of an image.
 pub(super) struct LevelsByRows<'a> {
     levels: Vec<RowLevel>,
-    stand_in: Sketch,
+    fallback: NearestTexels,
     threads: Threads,
     store: &'a Store,
 }
@@ -21,8 +21,8 @@ pub(super) struct MadeLevels {
     pub packed: Vec<(usize, PackedLevel)>,
     /// The level that is to stay in memory as it is.
     pub resident: Option<Image>,
-    /// The nearest texels of a few.
-    pub stand_in: Image,
+    /// A small version by nearest texels.
+    pub fallback: Image,
 }
 
 impl LevelsByRows<'_> {
@@ -38,20 +38,20 @@ impl LevelsByRows<'_> {
         let level = |(level, [width, height]): (usize, [u32; 2])| {
             let pixels = Arc::new(Pixels::F32(Vec::new()));
             let image = Image { width, height, pixels, ..image.clone() };
-            let kept = match resident == Some(level) {
-                true => Kept::AsItIs(Vec::with_capacity(row_length(&image) * height as usize)),
-                false if packed.contains(&level) => Kept::Packed(Packing::new(image.clone())),
-                false => Kept::Nothing,
+            let storage = match resident == Some(level) {
+                true => Storage::Raw(Vec::with_capacity(row_length(&image) * height as usize)),
+                false if packed.contains(&level) => Storage::Packed(Packing::new(image.clone())),
+                false => Storage::Nothing,
             };
-            RowLevel { waiting: Vec::new(), first: 0, arrived: 0, next: 0, image, kept }
+            RowLevel { waiting: Vec::new(), first: 0, arrived: 0, next: 0, image, storage }
         };
         let levels = sizes(image.width, image.height).take(last + 1).enumerate().map(level).collect();
-        LevelsByRows { levels, stand_in: Sketch::new(image), threads, store }
+        LevelsByRows { levels, fallback: NearestTexels::new(image), threads, store }
     }
 
     /// Adds the next rows of the image.
     pub fn add(&mut self, numbers: &[f32]) {
-        self.stand_in.add(numbers);
+        self.fallback.add(numbers);
         let last = self.levels.len() - 1;
         let mut made = self.levels[0].add(numbers, last > 0, self.threads, self.store);
         for (i, level) in self.levels.iter_mut().enumerate().skip(1) {
@@ -62,13 +62,13 @@ impl LevelsByRows<'_> {
 
     /// The levels, once all rows of the image were added.
     pub fn finish(self) -> MadeLevels {
-        let mut made = MadeLevels { packed: Vec::new(), resident: None, stand_in: self.stand_in.image };
-        made.stand_in.pixels = Arc::new(Pixels::F32(self.stand_in.numbers));
+        let mut made = MadeLevels { packed: Vec::new(), resident: None, fallback: self.fallback.image };
+        made.fallback.pixels = Arc::new(Pixels::F32(self.fallback.numbers));
         for (number, level) in self.levels.into_iter().enumerate() {
-            match level.kept {
-                Kept::Nothing => {}
-                Kept::Packed(packing) => made.packed.push((number, packing.finish())),
-                Kept::AsItIs(numbers) => {
+            match level.storage {
+                Storage::Nothing => {}
+                Storage::Packed(packing) => made.packed.push((number, packing.finish())),
+                Storage::Raw(numbers) => {
                     made.resident = Some(Image { pixels: Arc::new(Pixels::F32(numbers)), ..level.image });
                 }
             }
@@ -93,14 +93,14 @@ struct RowLevel {
     arrived: u32,
     /// The next row of the next level.
     next: u32,
-    kept: Kept,
+    storage: Storage,
 }
 
 /// Storage of a level.
-enum Kept {
+enum Storage {
     Nothing,
     Packed(Packing),
-    AsItIs(Vec<f32>),
+    Raw(Vec<f32>),
 }
 
 impl RowLevel {
@@ -112,10 +112,10 @@ impl RowLevel {
         threads: Threads,
         store: &Store,
     ) -> Option<Vec<f32>> {
-        match &mut self.kept {
-            Kept::Nothing => {}
-            Kept::Packed(packing) => packing.add(numbers, threads, store),
-            Kept::AsItIs(kept) => kept.extend_from_slice(numbers),
+        match &mut self.storage {
+            Storage::Nothing => {}
+            Storage::Packed(packing) => packing.add(numbers, threads, store),
+            Storage::Raw(raw) => raw.extend_from_slice(numbers),
         }
         if !wants_next {
             return None;
@@ -146,7 +146,7 @@ fn numbers_of(image: Image) -> Vec<f32> {
 }
 
 /// A small image of the nearest texels of a large one, as [`super::levels::resized`] makes it.
-struct Sketch {
+struct NearestTexels {
     image: Image,
     /// Size of the large one.
     of: [u32; 2],
@@ -155,11 +155,11 @@ struct Sketch {
     arrived: u64,
 }
 
-impl Sketch {
-    fn new(of: &Image) -> Sketch {
+impl NearestTexels {
+    fn new(of: &Image) -> NearestTexels {
         let (width, height) = (of.width.min(SIDE), of.height.min(SIDE));
         let image = Image { width, height, ..of.clone() };
-        Sketch { image, of: [of.width, of.height], numbers: Vec::new(), arrived: 0 }
+        NearestTexels { image, of: [of.width, of.height], numbers: Vec::new(), arrived: 0 }
     }
 
     fn add(&mut self, numbers: &[f32]) {
@@ -241,8 +241,8 @@ mod tests {
                         let found = made.resident.as_ref().map(bits);
                         assert!(found == resident.map(|level| bits(&expected[level])), "{width} x {height}");
                         let side = |size: u32| size.min(SIDE);
-                        let sketch = resized(&whole, side(width), side(height), Encoding::Linear);
-                        assert!(bits(&made.stand_in) == bits(&sketch), "{width} x {height}");
+                        let nearest = resized(&whole, side(width), side(height), Encoding::Linear);
+                        assert!(bits(&made.fallback) == bits(&nearest), "{width} x {height}");
                     }
                 }
             }

@@ -161,7 +161,7 @@ fn floor(x: f32) -> f32 {
     if nearest > x { nearest - 1.0 } else { nearest }
 }
 
-/// A coordinate brought into 0..1.
+/// A coordinate wrapped into 0..1.
 #[inline(always)]
 fn fold(x: f32, wrap: Wrap) -> f32 {
     match wrap {

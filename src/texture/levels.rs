@@ -100,7 +100,7 @@ pub(super) struct PagedImage {
     /// Levels from here on are in memory.
     resident_from: usize,
     /// Shown where the image can't be decoded any more: a coarse copy.
-    stand_in: Image,
+    fallback: Image,
     store: Arc<Store>,
 }
 
@@ -110,7 +110,7 @@ impl PagedImage {
         image: Image,
         levels: usize,
         resident_from: usize,
-        stand_in: Image,
+        fallback: Image,
         store: &Arc<Store>,
     ) -> PagedImage {
         let packed = (0..levels).map(|_| OnceLock::new()).collect();
@@ -119,7 +119,7 @@ impl PagedImage {
             packed,
             decoding: Mutex::default(),
             resident_from,
-            stand_in,
+            fallback,
             store: store.clone(),
         }
     }
@@ -152,7 +152,7 @@ impl PagedImage {
             self.store.decode(self.image.decoding_bytes(), || self.keep_from(asked));
         }
         drop(alone);
-        self.packed[asked].get_or_init(|| PackedLevel::new(&self.stand_in(asked), &self.store))
+        self.packed[asked].get_or_init(|| PackedLevel::new(&self.fallback(asked), &self.store))
     }
 
     fn keep_from(&self, asked: usize) {
@@ -190,9 +190,9 @@ impl PagedImage {
     }
 
     /// A level made of the coarse copy.
-    fn stand_in(&self, level: usize) -> Image {
+    fn fallback(&self, level: usize) -> Image {
         let [width, height] = sizes(self.image.width, self.image.height).nth(level).unwrap_or([1, 1]);
-        resized(&self.stand_in, width, height, self.image.encoding)
+        resized(&self.fallback, width, height, self.image.encoding)
     }
 }
 
@@ -562,7 +562,7 @@ fn build_one(plan: &LevelPlan, full: Option<Image>, store: &Arc<Store>) -> Level
     let mut made: Vec<Option<Image>> = Vec::with_capacity(count);
     let mut kept: Vec<(usize, PackedLevel)> = Vec::new();
     let paged = plan.image.is_encoded() && plan.resident_from > 0;
-    let stand_in = match &full {
+    let fallback = match &full {
         Some(full) if paged => resized(full, full.width.min(SIDE), full.height.min(SIDE), full.encoding),
         _ => plan.image.clone(),
     };
@@ -578,7 +578,7 @@ fn build_one(plan: &LevelPlan, full: Option<Image>, store: &Arc<Store>) -> Level
             made.push(is_resident.then_some(image));
         }
     }
-    assembled(plan, made, kept, stand_in, store)
+    assembled(plan, made, kept, fallback, store)
 }
 
 /// Makes the levels of images with the same pixels while these are decoded.
@@ -598,13 +598,13 @@ fn build_by_rows(group: Vec<LevelPlan>, store: &Arc<Store>, warnings: &mut Vec<W
     }
     let finish = |(plan, made): (LevelPlan, Option<LevelsByRows>)| {
         let Some(levels) = made else { return (plan.id, Ok(build_one(&plan, None, store))) };
-        let MadeLevels { packed, resident, stand_in } = levels.finish();
+        let MadeLevels { packed, resident, fallback } = levels.finish();
         let mut levels = vec![None; plan.resident_from];
         let next = |finer: &Image| ((finer.width, finer.height) != (1, 1)).then(|| halved(finer));
         levels.extend(
             std::iter::successors(resident, next).take(plan.sizes.len() - plan.resident_from).map(Some),
         );
-        (plan.id, Ok(assembled(&plan, levels, packed, stand_in, store)))
+        (plan.id, Ok(assembled(&plan, levels, packed, fallback, store)))
     };
     group.into_iter().zip(made).map(finish).collect()
 }
@@ -614,12 +614,12 @@ fn assembled(
     plan: &LevelPlan,
     mut made: Vec<Option<Image>>,
     kept: Vec<(usize, PackedLevel)>,
-    stand_in: Image,
+    fallback: Image,
     store: &Arc<Store>,
 ) -> Levels {
     let count = plan.sizes.len();
     made.resize_with(count, || None);
-    let of = Arc::new(PagedImage::new(plan.image.clone(), count, plan.resident_from, stand_in, store));
+    let of = Arc::new(PagedImage::new(plan.image.clone(), count, plan.resident_from, fallback, store));
     let level = |(level, image): (usize, Option<Image>)| match image {
         Some(image) => Level::resident(image),
         None => {

@@ -1,7 +1,7 @@
 //! Sequences of an animated asset, from the command line to the pictures.
 
 use oscura::load::gltf::GltfOptions;
-use oscura::load::{LoadOptions, Loaded, load, load_moments};
+use oscura::load::{LoadOptions, Loaded, load, load_times};
 use oscura::math::DVec3;
 use oscura::scene::{LightKind, Model, Projection};
 use std::ops::ControlFlow;
@@ -166,7 +166,7 @@ fn a_sequence_reads_its_files_once() {
     assert_eq!(expected[0].scene.images.len(), 1);
     assert!(whole(&expected[0]) != whole(&expected[1]));
     let mut seen = Vec::new();
-    load_moments(&path, &LoadOptions::default(), times, &mut |loaded| {
+    load_times(&path, &LoadOptions::default(), times, &mut |loaded| {
         seen.push(whole(loaded));
         // What the caller adds to one scene must not be in the next.
         loaded.scene.images.clear();
@@ -189,13 +189,13 @@ fn a_sequence_reads_its_files_once() {
 #[test]
 fn a_sequence_ends_when_its_user_wants() {
     let mut count = 0;
-    let ended = load_moments(reed(), &LoadOptions::default(), [0.0, 1.0, 2.0], &mut |_| {
+    let ended = load_times(reed(), &LoadOptions::default(), [0.0, 1.0, 2.0], &mut |_| {
         count += 1;
         Ok(if count == 2 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
     });
     assert!(ended.is_ok() && count == 2);
     let refused =
-        load_moments(Path::new("missing.glb"), &LoadOptions::default(), [0.0], &mut |_| panic!("no file"));
+        load_times(Path::new("missing.glb"), &LoadOptions::default(), [0.0], &mut |_| panic!("no file"));
     assert!(refused.is_err());
 }
 

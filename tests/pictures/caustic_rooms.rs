@@ -150,7 +150,7 @@ fn rooms_keep_their_means() {
     for (what, scene) in &scenes {
         let mut first = rendering(scene, &options(8, 1, 10).caustics(Caustics::On));
         first.run();
-        assert!(first.statistics().lamp_paths.is_some(), "{what}: there are caustics");
+        assert!(first.statistics().light_paths.is_some(), "{what}: there are caustics");
         let off = plain(options(32, 32, 10)).caustics(Caustics::Off);
         assert_same_means(what, scene, [&off, &off.caustics(Caustics::On)], 64);
     }
@@ -263,6 +263,6 @@ fn a_room_and_its_image_in_a_mirror() {
 fn a_room_takes_few_paths() {
     let mut rendering = rendering(&dim_room(), &options(64, 8, 12));
     rendering.run();
-    let paths = rendering.statistics().lamp_paths.expect("the picture gains");
+    let paths = rendering.statistics().light_paths.expect("the picture gains");
     assert!(paths < 64 * 64, "{paths}");
 }

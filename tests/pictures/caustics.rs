@@ -237,10 +237,10 @@ fn nothing_happens_without_caustics() {
     let scene = stage(ball(Material::lambert("chalk", [0.8; 3])));
     let mut without = rendering(&scene, &options(32, 8, 12).caustics(Caustics::Auto));
     without.run();
-    assert_eq!(without.statistics().lamp_paths, None);
+    assert_eq!(without.statistics().light_paths, None);
     let mut with = rendering(&stage(ball(glass(1.5))), &options(32, 8, 12).caustics(Caustics::On));
     with.run();
-    assert!(with.statistics().lamp_paths.is_some());
+    assert!(with.statistics().light_paths.is_some());
 }
 
 /// From ten million metres away directions are too coarse: the light of all lamps is left to paths from the camera.
@@ -252,7 +252,7 @@ fn nothing_comes_from_lamps_too_far_away() {
         quad(&mut scene, [-1.0, height, -1.0], [2.0, 0.0, 0.0], [0.0, 0.0, 2.0], white);
         let mut rendering = rendering(&scene, &options(32, 1, 12).caustics(Caustics::On));
         rendering.run();
-        rendering.statistics().lamp_paths
+        rendering.statistics().light_paths
     };
     assert!(paths_from_lamps(1e3).is_some());
     assert_eq!(paths_from_lamps(1e7), None);

@@ -96,7 +96,7 @@ fn show(aov: Aov, planes: Vec<Values>, png: &PngOptions) -> Vec<u8> {
         .collect()
 }
 
-/// Values brought to 0..1.
+/// Values scaled to 0..1.
 fn spread(plane: &[f32], is_depth: bool) -> Vec<f32> {
     let value = |v: f32| if is_depth { -v.max(1e-6).ln() } else { v };
     let is_there = |v: f32| v.is_finite() && v < 0.5 * oscura::film::BACKGROUND_DEPTH;

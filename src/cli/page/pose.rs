@@ -157,7 +157,7 @@ impl Pose {
         camera
     }
 
-    /// The arguments of `oscura render` that bring a scene's camera here.
+    /// The arguments of `oscura render` that move a scene's camera here.
     pub fn arguments(&self) -> Vec<String> {
         let point = |p: DVec3| format!("{},{},{}", short(p.x), short(p.y), short(p.z));
         let mut arguments = Vec::new();

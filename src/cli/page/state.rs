@@ -400,7 +400,7 @@ pub(crate) struct PageDisplay {
 }
 
 impl PageDisplay {
-    /// Colour as said.
+    /// The colour setting.
     pub fn new(png: PngOptions) -> PageDisplay {
         let own_view = Some(png.view.clone()).filter(|view| matches!(view, ViewTransform::Table(_)));
         PageDisplay { png, aov: None, own_view, denoise: false, split: 0.0 }

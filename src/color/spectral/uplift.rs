@@ -42,7 +42,7 @@ const MAX_STEPS: usize = 60;
 const MAX_COEFFICIENT: f64 = 300.0;
 
 /// Linear Rec. 709 of a sigmoid reflectance under D65, and its derivatives by the coefficients.
-fn look([a, b, c]: [f64; 3]) -> ([f64; 3], [[f64; 3]; 3]) {
+fn color_of([a, b, c]: [f64; 3]) -> ([f64; 3], [[f64; 3]; 3]) {
     let (mut rgb, mut slopes) = ([0.0; 3], [[0.0; 3]; 3]);
     for (nm, weight) in quadrature() {
         let t = place(*nm);
@@ -66,12 +66,12 @@ fn error(found: [f64; 3], wanted: [f64; 3], scale: f64) -> f64 {
     (0..3).map(|i| ((found[i] - wanted[i]) * scale).powi(2)).sum::<f64>().sqrt()
 }
 
-/// The coefficients of the sigmoid that looks like a colour within 0..1 in daylight, and how far it is from it relative to the brightest
-/// channel: Gauss and Newton's method, damped (Levenberg, Marquardt), from a start.
+/// The coefficients of the sigmoid that has a colour within 0..1 in daylight, and its error relative to the brightest channel: damped
+/// Gauss-Newton iteration (Levenberg, Marquardt) from `start`.
 pub(super) fn fit(rgb: [f64; 3], start: [f64; 3]) -> ([f64; 3], f64) {
     let scale = 1.0 / rgb.into_iter().fold(1e-9, f64::max);
     let mut best = start;
-    let (mut found, mut slopes) = look(best);
+    let (mut found, mut slopes) = color_of(best);
     let (mut now, mut damping) = (error(found, rgb, scale), 1e-6);
     for _ in 0..MAX_STEPS {
         if now < WANTED {
@@ -79,7 +79,7 @@ pub(super) fn fit(rgb: [f64; 3], start: [f64; 3]) -> ([f64; 3], f64) {
         }
         let Some(step) = step(&slopes, found, rgb, damping) else { break };
         let next = [0, 1, 2].map(|i| (best[i] - step[i]).clamp(-MAX_COEFFICIENT, MAX_COEFFICIENT));
-        let (found_next, slopes_next) = look(next);
+        let (found_next, slopes_next) = color_of(next);
         let error_next = error(found_next, rgb, scale);
         if error_next < now {
             (best, found, slopes, now) = (next, found_next, slopes_next, error_next);
@@ -192,7 +192,7 @@ fn column(levels: &[f64; NODES], brightest: usize, y: f64, x: f64) -> Vec<Sigmoi
 }
 
 impl Table {
-    /// The sigmoid of a colour within 0..1 that is not black, and what it must be taken times: 1 for all but the darkest.
+    /// The sigmoid of a colour within 0..1 that is not black, and its factor: 1 for all but the darkest.
     #[inline]
     pub fn of(&self, rgb: [f32; 3]) -> (Sigmoid, f32) {
         let [r, g, b] = rgb;
@@ -245,7 +245,7 @@ pub enum Spectrum {
 /// Colours of lights are scaled so that their brightest channel has this value, where sigmoids are smoothest.
 const MIDDLE: f32 = 0.5;
 
-/// Divisor that brings a colour into 0..1: shares of light stay as they are.
+/// Divisor that scales a colour into 0..1: shares of light stay as they are.
 #[inline(always)]
 fn scale_of_share(most: f32) -> f32 {
     if most > 1.0 { most / MIDDLE } else { 1.0 }
@@ -314,7 +314,7 @@ pub fn uplifted_share(rgb: Rgb, waves: &Wavelengths) -> Rgb {
 pub fn uplifted_light(rgb: Rgb, waves: &Wavelengths) -> Rgb {
     let rgb = rgb.max(Rgb::ZERO);
     let (most, least) = (rgb.max_element(), rgb.min_element());
-    // Infinite light stays what it is, which is counted.
+    // Infinite light stays infinite, and is counted as invalid.
     if most == least || !most.is_finite() { rgb } else { uplifted(rgb, most / MIDDLE, waves) }
 }
 

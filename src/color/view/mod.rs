@@ -136,7 +136,7 @@ fn false_color(luminance: f32) -> [f32; 3] {
 
 // AgX: the look of Blender since 4.0, as in the OpenColorIO configuration of Blender 5.0 and E. Y. Chow's generator of its
 // tables ("AgX", after T. Sobotka). Of random colours over fourteen stops 0.006 (RMS) from Blender's pictures, 0.08 at most:
-// saturated ones, which Blender brings into the display's gamut by a table of its own.
+// saturated ones, which Blender maps into the display's gamut by a table of its own.
 
 /// Rec. 2020 from Rec. 709 and back (ITU-R BT.2087-0).
 const REC2020_FROM_REC709: Matrix = [

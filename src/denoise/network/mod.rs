@@ -152,7 +152,7 @@ const DARKEST: f32 = 1e-8;
 /// The largest value that the transfer function maps to 1.
 const LARGEST: f32 = 65504.0;
 
-/// The factor that brings the geometric mean of the luminance to the key of 0.18 (Reinhard et al. 2002, "Photographic Tone
+/// The factor that scales the geometric mean of the luminance to the key of 0.18 (Reinhard et al. 2002, "Photographic Tone
 /// Reproduction for Digital Images", eq. 1 and 2, on means of 16x16 pixels); 1 for a black picture.
 fn exposure(width: usize, height: usize, color: [&[f32]; 3], factors: &[f32]) -> f32 {
     let (columns, rows) = (width.div_ceil(BIN), height.div_ceil(BIN));

@@ -142,7 +142,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Does a path that comes straight from its light bring light to where it hit? Its ray may start a little too near.
+    /// Does the light of a path on its first ray reach the hit? The ray may start a little too near.
     fn is_lit_along(&self, path: &LightPath, hit: &Hit, salt: u32, w: &mut Workspace) -> bool {
         let Some(emitter) = self.scene.lights.area().get(path.light as usize) else { return true };
         let Some(behind) = emitter.starts_behind(path.ray.at(hit.t), &path.ray) else { return false };

@@ -1,4 +1,4 @@
-//! Which light paths from lights find, the state of such a path, and what the paths bring.
+//! Which light paths from lights find, the state of such a path, and a tally of their contributions.
 
 use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
@@ -11,7 +11,7 @@ use crate::sampling::sampler::SobolPoint;
 /// Which light paths from lights find, and how these paths start.
 #[derive(Clone, Debug)]
 pub struct CausticPlan {
-    /// CausticRole of each material.
+    /// The role of each material.
     pub(super) roles: Vec<CausticRole>,
     /// Paths start at the lights before this index; the environment follows.
     pub(super) light_count: u32,
@@ -47,10 +47,10 @@ impl CausticPlan {
     /// Do paths start at this one of the scene's lights? Not where its emission depends on the hit.
     #[inline(always)]
     pub(super) fn takes(&self, lights: &Lights, light: u32) -> bool {
-        light < self.light_count && !lights.is_by_hit(light)
+        light < self.light_count && !lights.light_emits_by_hit(light)
     }
 
-    /// CausticRole of a material.
+    /// The role of a material.
     #[inline(always)]
     pub(super) fn role(&self, material: u32) -> CausticRole {
         self.roles[material as usize]

@@ -384,7 +384,7 @@ pub struct VertexRecord {
     /// Luminance of its sample before the vertex.
     pub before: f32,
     /// Luminance of the sample for a value of 1.
-    pub carried: f32,
+    pub throughput_luminance: f32,
     /// Expected mean of values by the guide; negative if unknown.
     pub expected: f32,
     pub ends: bool,

@@ -165,7 +165,7 @@ pub struct BlockSamples {
     /// Sum of the luminances of the samples, and how many there are.
     pub luminance: f64,
     pub samples: u64,
-    /// Sum over the vertices of the squared luminance that each brought to its sample.
+    /// Sum over the vertices of the squared luminance that each contributed to its sample.
     pub squares: f64,
 }
 
@@ -173,7 +173,7 @@ pub struct BlockSamples {
 const MIN_SHARE: f32 = 1e-6;
 
 impl Integrator<'_> {
-    /// Traces the samples of a block to learn from them; `None` if `stop` said so.
+    /// Traces the samples of a block to learn from them; `None` if `stop` interrupted it.
     pub fn learn(&self, block: &Block, w: &mut Workspace, stop: &dyn Fn() -> bool) -> Option<BlockSamples> {
         w.training_samples.clear();
         w.vertex_records.clear();
@@ -212,8 +212,8 @@ impl Integrator<'_> {
                 training_sample,
                 sample,
                 before: w.radiance_buffer.radiance(sample).luminance(),
-                carried: vertices.guided.carried[i],
-                // Facets bring more than what is expected of the cell.
+                throughput_luminance: vertices.guided.throughput_luminance[i],
+                // Facets contribute more than the mean of the cell.
                 expected: if is_lambert {
                     guide.histograms[vertices.guided.cell[i] as usize].mean
                 } else {
@@ -236,12 +236,12 @@ impl Integrator<'_> {
         // From the end, so that the next vertex of each path is known.
         let mut next: Vec<Option<VertexRecord>> = vec![None; w.pixels.len()];
         for &record in w.vertex_records.iter().rev() {
-            let VertexRecord { training_sample, sample, before, carried, ends, .. } = record;
+            let VertexRecord { training_sample, sample, before, throughput_luminance, ends, .. } = record;
             let after = match next[sample as usize].replace(record) {
-                Some(next) if next.expected >= 0.0 => next.before + next.carried * next.expected,
+                Some(next) if next.expected >= 0.0 => next.before + next.throughput_luminance * next.expected,
                 _ => w.radiance_buffer.radiance(sample).luminance(),
             };
-            let value = (after - before) / carried;
+            let value = (after - before) / throughput_luminance;
             let counts = !ends && value.is_finite() && after - before > MIN_SHARE * after;
             if counts {
                 w.brought_squares += f64::from(after - before).powi(2);

@@ -21,7 +21,7 @@ const FIRST_JUDGED: u32 = 1;
 /// Minimum probability with which a path continues.
 const MIN: f32 = 0.05;
 
-/// A path that is expected to bring this share of what it might have brought from its first vertex continues for certain.
+/// A path whose expected contribution is at least this share of that at its first vertex continues for certain.
 const WHOLE_SHARE: f32 = 0.5;
 
 /// Vertices of a class that are guided.
@@ -165,20 +165,20 @@ impl<T: Horizon> Kernel for GoOn<'_, T> {
             let local = warp::cosine_hemisphere([us[i], vs[i]]);
             let wi = Frame::from_normal(ns).to_world(local);
             let before = get_rgb(&path.throughput, i) * get_rgb(&v.albedo, i);
-            let carried = before.luminance();
-            v.guided.carried[i] = carried;
+            let throughput_luminance = before.luminance();
+            v.guided.throughput_luminance[i] = throughput_luminance;
             let density = v.guided.density[i];
             let kept = self.horizon.kept(v, i, [ns, ng], 1.0, wi) * self.horizon.relief(v, i, ns, 1.0, wi);
             let throughput = before * (1.0 / density) * kept;
             let roulette_scale = path.roulette_scale[i];
             let plain = survival(throughput, roulette_scale, chances[i], self.params.roulette);
-            let expected = carried * roulette_scale * means[i];
+            let expected = throughput_luminance * roulette_scale * means[i];
             let (survives, scale) =
                 self.judge.survival(expected, means[i], &mut paths.reference[i], chances[i], plain);
             set_rgb(&mut path.throughput, i, throughput * scale);
             set(&mut v.next_origin, i, offset_along(get(&v.p, i), ng, v.offset[i]));
             set(&mut v.next_direction, i, wi);
-            let goes_on = survives & (carried > 0.0) & (wi.dot(ng) > 0.0);
+            let goes_on = survives & (throughput_luminance > 0.0) & (wi.dot(ng) > 0.0);
             let pdf = local.z * FRAC_1_PI * density * self.params.branches;
             path.pdf[i] = DirectionPdf::after_roulette(pdf, goes_on);
         }
@@ -241,9 +241,9 @@ impl<T: Horizon> Kernel for GoOnRough<'_, T> {
             let factor = if s.is_specular { 1.0 } else { factor };
             v.guided.density[i] = factor;
             let before = get_rgb(&path.throughput, i);
-            // The value over the cosine lobe's: what a mean of the cell would bring by this direction.
+            // The value over the cosine lobe's: the expected contribution of this direction by the mean of the cell.
             let over_cosine = s.pdf_solid_angle * PI / s.wi.dot(ns);
-            v.guided.carried[i] = (before * s.weight).luminance() * over_cosine;
+            v.guided.throughput_luminance[i] = (before * s.weight).luminance() * over_cosine;
             let kept = if s.is_specular { 1.0 } else { self.horizon.kept(v, i, [ns, ng], 1.0, s.wi) };
             let weight = match T::HAS_RELIEF && !s.is_specular {
                 true => sample_on_relief(&closure, self.horizon, (v, i), (ns, 1.0), &s),

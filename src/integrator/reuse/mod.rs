@@ -291,7 +291,7 @@ pub struct Pairs {
 }
 
 /// Buffers of a wave for path sharing.
-pub struct Reuse {
+pub(super) struct Reuse {
     /// Place of each sample: see `Tiling::number`.
     pub places: [u16; LENGTH],
     /// By place: the sample.

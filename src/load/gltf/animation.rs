@@ -182,7 +182,7 @@ pub(super) fn pose(doc: &Document, time_s: f64, report: &mut Report) -> Pose {
     if count == 0 {
         report.warn(
             "",
-            "nothing moves: the file has no animations, and every frame or moment is the same picture",
+            "nothing moves: the file has no animations, and every frame or time is the same picture",
         );
     }
     Pose { animations: count, ..reader.pose }

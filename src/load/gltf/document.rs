@@ -36,7 +36,7 @@ pub(super) struct Document<'a> {
     pub(super) buffers: Vec<OnceCell<Valid<Cow<'a, [u8]>>>>,
     /// The contents of compressed buffer views, once decoded.
     pub(super) views: Vec<OnceCell<Valid<Vec<u8>>>>,
-    /// The contents of accessors that compressed primitives bring along, once decoded.
+    /// The contents of accessors from compressed primitives, once decoded.
     pub(super) accessors: Vec<OnceCell<DecodedAccessor>>,
     /// Bytes of all the files read so far.
     read: Cell<u64>,

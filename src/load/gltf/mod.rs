@@ -52,7 +52,7 @@ use std::path::Path;
 /// An input error with all the problems of what the shown scene reaches.
 pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let mut only = Loaded::default();
-    load_moments(path, options, [options.gltf.time_s], &mut |loaded| {
+    load_times(path, options, [options.gltf.time_s], &mut |loaded| {
         only = std::mem::take(loaded);
         Ok(ControlFlow::Break(()))
     })?;
@@ -65,10 +65,10 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
 ///
 /// # Errors
 /// An input error with all the problems of what the shown scene reaches, and the errors of `each`.
-pub(super) fn load_moments(
+pub(super) fn load_times(
     path: &Path,
     options: &LoadOptions,
-    moments: impl IntoIterator<Item = Option<f64>>,
+    times: impl IntoIterator<Item = Option<f64>>,
     each: &mut dyn FnMut(&mut Loaded) -> Result<ControlFlow<()>>,
 ) -> Result<()> {
     options.files.note(path);
@@ -84,19 +84,19 @@ pub(super) fn load_moments(
     }
     shared.materials.geometry_only = options.geometry_only;
     let mut pointer_animation = PointerAnimation::default();
-    for time_s in moments {
+    for time_s in times {
         let mut read = |shared: &mut SharedAssets| {
             report.begin_time();
             doc.begin_time();
             pointer_animation.play(&mut doc, time_s, shared, &mut report);
-            let moments = ShutterSamples::read(&doc, time_s, options, shared, &mut report);
-            at(&doc, options, time_s, moments.as_ref(), shared, &mut report)
+            let times = ShutterSamples::read(&doc, time_s, options, shared, &mut report);
+            at(&doc, options, time_s, times.as_ref(), shared, &mut report)
         };
-        let mut moment = read(&mut shared)?;
+        let mut at_time = read(&mut shared)?;
         if shared.forget_lost_textures() {
-            moment = read(&mut shared)?;
+            at_time = read(&mut shared)?;
         }
-        let (mut loaded, still) = moment;
+        let (mut loaded, still) = at_time;
         if each(&mut loaded)?.is_break() {
             break;
         }
@@ -110,7 +110,7 @@ fn at(
     doc: &Document,
     options: &LoadOptions,
     time_s: Option<f64>,
-    moments: Option<&ShutterSamples>,
+    times: Option<&ShutterSamples>,
     shared: &mut SharedAssets,
     report: &mut Report,
 ) -> Result<(Loaded, Vec<StaticMesh>)> {
@@ -119,10 +119,10 @@ fn at(
     let pose = time_s.map_or_else(Pose::default, |time_s| animation::pose(doc, time_s, report));
     let node_parents = NodeParents::new(doc, &pose);
     let hierarchy = nodes::walk(doc, &pose, &node_parents, report);
-    let mut builder = SceneBuilder::new(doc, &pose, &node_parents, shared).for_shutter(moments.is_some());
+    let mut builder = SceneBuilder::new(doc, &pose, &node_parents, shared).for_shutter(times.is_some());
     builder.add(&hierarchy, report);
     let empty = |(index, name, world_from_node)| {
-        let motion = moments.and_then(|moments| moments.empty(index, &world_from_node));
+        let motion = times.and_then(|times| times.empty(index, &world_from_node));
         EmptyNode { name, world_from_node, motion }
     };
     let empties = hierarchy.empties(doc).into_iter().map(empty).collect();
@@ -131,7 +131,7 @@ fn at(
     let points_and_lines = std::mem::take(&mut builder.points_and_lines);
     let (mut scene, still) = builder.finish(report);
     image_light::light(doc, hierarchy.scene, (&mut scene, shared), report);
-    moments.into_iter().for_each(|moments| moments.apply(&mut scene, report));
+    times.into_iter().for_each(|times| times.apply(&mut scene, report));
     read_scene_extras(doc, hierarchy.scene, &mut scene, report);
     let blender =
         blender_export::blender_losses(doc, &hierarchy, &scene, &shared.materials.export_losses, report);

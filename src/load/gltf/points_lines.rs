@@ -188,7 +188,7 @@ fn read(doc: &Document, materials: &mut Materials, mesh: usize, report: &mut Rep
         let is_loose = matches!(mode, Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip);
         if is_loose && !are_splats(doc, mesh, number, report) {
             let at = format!("{at}/primitives/{number}");
-            match report.apart(|report| primitive_of(doc, materials, primitive, mode, &at, report)) {
+            match report.optional(|report| primitive_of(doc, materials, primitive, mode, &at, report)) {
                 Ok(loose) => list.push(loose),
                 Err(problem) => drop(report.warn(at, format!("is left out: {}", problem.message))),
             }

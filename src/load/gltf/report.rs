@@ -5,8 +5,8 @@ use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 /// Maximum numbers of problems that are listed, and of warnings with the same text.
-const LISTED: usize = 32;
-const ALIKE: usize = 8;
+const MAX_PROBLEMS: usize = 32;
+const MAX_ALIKE: usize = 8;
 
 /// How much something matters.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
@@ -17,12 +17,12 @@ enum Severity {
     Note,
 }
 
-/// The proof that a problem or a warning was noted, which only a [`Report`] gives. What reads a part of a file and can't
-/// returns one, so that nothing is left out in silence.
+/// The proof that a problem or a warning was noted, which only a [`Report`] gives. A reader that fails
+/// returns one, so that nothing is dropped silently.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::load::gltf) struct Reported(());
 
-/// A part of a file, or the proof that what is wrong with it was noted.
+/// A part of a file, or the proof that its error was noted.
 pub(in crate::load::gltf) type Valid<T> = Result<T, Reported>;
 
 /// One warning or note.
@@ -64,7 +64,7 @@ impl Report {
             self.entries.iter().map(|e| (e.warning.place.clone(), e.warning.message.clone())).collect();
     }
 
-    /// Runs `of` for something that is read once: its entries stay for all later time samples.
+    /// Runs `work` for something that is read once: its entries stay for all later time samples.
     pub fn lasting<T>(&mut self, work: impl FnOnce(&mut Report) -> T) -> T {
         let before = std::mem::replace(&mut self.is_lasting, true);
         let result = work(self);
@@ -80,7 +80,7 @@ impl Report {
     /// Adds a problem with help.
     pub fn add(&mut self, problem: Problem) -> Reported {
         let is_new = self.seen.insert((problem.place.clone(), problem.message.clone()));
-        if is_new && self.problems.len() < LISTED {
+        if is_new && self.problems.len() < MAX_PROBLEMS {
             self.problems.push(problem);
         } else if is_new {
             self.unlisted += 1;
@@ -88,11 +88,11 @@ impl Report {
         Reported(())
     }
 
-    /// Runs `work` for something that the file can do without: its first problem is returned, and not counted as one of the file.
+    /// Runs `work` for an optional part of the file: its first problem is returned, and not counted as one of the file.
     ///
     /// # Errors
     /// The problem.
-    pub fn apart<T>(&mut self, work: impl FnOnce(&mut Report) -> Valid<T>) -> Result<T, Problem> {
+    pub fn optional<T>(&mut self, work: impl FnOnce(&mut Report) -> Valid<T>) -> Result<T, Problem> {
         let (problems, unlisted) = (std::mem::take(&mut self.problems), self.unlisted);
         let result = work(self);
         let own = std::mem::replace(&mut self.problems, problems);
@@ -149,7 +149,7 @@ impl Report {
         problems
     }
 
-    /// All warnings, with a line for each kind of which there are many.
+    /// All warnings, with one line for the rest of many with the same text.
     pub fn warnings(&self) -> Vec<Warning> {
         self.list(Severity::Warning)
     }
@@ -164,13 +164,13 @@ impl Report {
         for entry in self.entries.iter().filter(|e| e.kind == kind) {
             let count = alike.entry(&entry.warning.message).or_default();
             *count += 1;
-            if *count <= ALIKE {
+            if *count <= MAX_ALIKE {
                 list.push(entry.warning.clone());
             }
         }
-        let mut many: Vec<(&str, usize)> = alike.into_iter().filter(|(_, n)| *n > ALIKE).collect();
+        let mut many: Vec<(&str, usize)> = alike.into_iter().filter(|(_, n)| *n > MAX_ALIKE).collect();
         many.sort();
-        let rest = |(message, n)| format!("{} more places: {message}", n - ALIKE);
+        let rest = |(message, n)| format!("{} more places: {message}", n - MAX_ALIKE);
         list.extend(many.into_iter().map(|m| Warning::new(&self.file, "", rest(m))));
         list
     }

@@ -175,14 +175,14 @@ impl<'b, 'a> SceneBuilder<'b, 'a> {
         if let Some(known) = self.meshes_by_key.get(&key) {
             return known.clone();
         }
-        let SharedAssets { materials, still, .. } = &mut *self.shared;
+        let SharedAssets { materials, static_meshes, .. } = &mut *self.shared;
         let (doc, from) = (self.doc, format!("{}/mesh", node.pointer()));
         let mut read = |report: &mut Report| {
             let deformation = Deformation { weights, skin };
             MeshReader { doc, materials, report, deformation }.read(mesh, &from)
         };
         let read = match key.is_still() {
-            true => still.remove(&mesh).unwrap_or_else(|| report.lasting(read)),
+            true => static_meshes.remove(&mesh).unwrap_or_else(|| report.lasting(read)),
             false => read(report),
         };
         let first = self.scene.meshes.len() as u32;
@@ -321,7 +321,7 @@ pub(super) struct SharedAssets {
     /// The images that they need, in the order of the needs.
     pub images: Vec<Image>,
     /// Meshes of the file, by index, without the deformation by a skin or morph targets; absent while a scene owns them.
-    pub still: HashMap<usize, Vec<Mesh>>,
+    pub static_meshes: HashMap<usize, Vec<Mesh>>,
     /// The profiles of EXT_lights_ies read so far.
     pub profiles: Profiles,
     /// The equirectangular image of EXT_lights_image_based, once read.
@@ -357,7 +357,7 @@ impl SharedAssets {
     /// Drops the materials, and the meshes, which refer to them by index. Images stay decoded.
     pub fn forget_materials(&mut self) {
         self.materials.forget();
-        self.still.clear();
+        self.static_meshes.clear();
     }
 
     /// Moves static meshes from a finished scene back into the cache. Missing ones will be read again.
@@ -365,7 +365,7 @@ impl SharedAssets {
         for StaticMesh { mesh, meshes } in still {
             let taken = meshes.iter().map(|id| scene.meshes.get_mut(id.index()).map(std::mem::take));
             if let Some(taken) = taken.collect() {
-                self.still.insert(mesh, taken);
+                self.static_meshes.insert(mesh, taken);
             }
         }
     }

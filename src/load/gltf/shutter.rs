@@ -1,4 +1,4 @@
-//! Motion while the shutter is open: the scene is read at several times of that interval, and objects whose transform
+//! Motion blur: the scene is read at several times while the shutter is open, and objects whose transform
 //! or shape differs become animated.
 
 use super::animation;
@@ -28,7 +28,7 @@ struct ShutterSample {
     empties: HashMap<usize, DAffine3>,
 }
 
-/// The moments of the shutter, then, if motion vectors are wanted, those a frame before and after.
+/// Samples while the shutter is open, then, if motion vectors are wanted, those a frame before and after.
 pub(super) struct ShutterSamples {
     keys: Vec<ShutterSample>,
     neighbours: Option<[ShutterSample; 2]>,
@@ -47,20 +47,20 @@ impl ShutterSamples {
             return None;
         }
         if time_s.is_none() && shutter.is_open() {
-            let message = "no moment is asked for: nothing moves while the shutter is open";
+            let message = "no time is given: nothing moves while the shutter is open";
             report.note("/animations", message);
         }
         let time_s = time_s?;
         let at = |frames: f64| time_s + frames / shutter.fps;
         let (keys, is_enough) = shutter.keys_for(&mut |frames| places(doc, at(frames), report, lit));
-        let mut moment = |frames: f64| {
+        let mut sample = |frames: f64| {
             report.begin_time();
             doc.begin_time();
-            moment(doc, at(frames), shared, report)
+            sample_at(doc, at(frames), shared, report)
         };
-        let moments = ShutterSamples {
-            keys: shutter.key_frames(keys).map(&mut moment).collect(),
-            neighbours: shutter.vectors.then(|| [moment(-1.0), moment(1.0)]),
+        let samples = ShutterSamples {
+            keys: shutter.key_frames(keys).map(&mut sample).collect(),
+            neighbours: shutter.vectors.then(|| [sample(-1.0), sample(1.0)]),
         };
         report.begin_time();
         doc.begin_time();
@@ -70,7 +70,7 @@ impl ShutterSamples {
             );
             report.warn("/animations", message);
         }
-        Some(moments)
+        Some(samples)
     }
 
     /// A value at all times; `None` where one is missing.
@@ -87,17 +87,17 @@ impl ShutterSamples {
         let (mut absent, mut unlike) = (0, 0);
         let names = numbered(&scene.instances);
         for (i, name) in names.iter().enumerate() {
-            let Some(met) = self.all(|m| m.instances.get(name).copied()) else {
+            let Some(placed) = self.all(|m| m.instances.get(name).copied()) else {
                 absent += 1;
                 continue;
             };
             let (place, mesh) = (scene.instances[i].world_from_object, scene.instances[i].mesh.index());
             let moving = Keyframes {
-                keys: met.keys.iter().map(|m| m.0).collect(),
-                neighbours: met.neighbours.map(|n| n.map(|m| m.0)),
+                keys: placed.keys.iter().map(|m| m.0).collect(),
+                neighbours: placed.neighbours.map(|n| n.map(|m| m.0)),
             };
-            let deformed = self.vertices(&met, &scene.meshes[mesh]);
-            unlike += usize::from(deformed.is_none() && self.is_deformed(&met));
+            let deformed = self.vertices(&placed, &scene.meshes[mesh]);
+            unlike += usize::from(deformed.is_none() && self.is_deformed(&placed));
             let deforms = deformed.as_ref().is_some_and(|moving| is_other(moving, &scene.meshes[mesh]));
             if differs(&moving, &place) || deforms {
                 scene.instances[i].motion = Motion::Keyed(scene.motion.instances.len() as u32);
@@ -115,7 +115,7 @@ impl ShutterSamples {
         }
         if unlike > 0 {
             let message = format!(
-                "{unlike} meshes have other vertices at some moments that the shutter is open: how they change is not blurred"
+                "{unlike} meshes have other vertices at some times while the shutter is open: how they change is not blurred"
             );
             report.warn("/animations", message);
         }
@@ -125,9 +125,9 @@ impl ShutterSamples {
     }
 
     /// Is an instance's mesh deformed at some time?
-    fn is_deformed(&self, met: &Keyframes<(DAffine3, usize)>) -> bool {
-        let mut keys = self.keys.iter().zip(&met.keys);
-        keys.any(|(moment, met)| moment.meshes.contains_key(&met.1))
+    fn is_deformed(&self, placed: &Keyframes<(DAffine3, usize)>) -> bool {
+        let mut keys = self.keys.iter().zip(&placed.keys);
+        keys.any(|(sample, placed)| sample.meshes.contains_key(&placed.1))
     }
 
     /// The motion of an empty node; `None` if it is static.
@@ -136,13 +136,13 @@ impl ShutterSamples {
     }
 
     /// The vertices of an instance's mesh at all times, if it is deformed.
-    fn vertices(&self, met: &Keyframes<(DAffine3, usize)>, mesh: &Mesh) -> Option<Keyframes<Vertices>> {
+    fn vertices(&self, placed: &Keyframes<(DAffine3, usize)>, mesh: &Mesh) -> Option<Keyframes<Vertices>> {
         let counts = (mesh.positions.len(), mesh.normals.len());
-        let of = |moment: &ShutterSample, mesh: usize| {
-            moment.meshes.get(&mesh).filter(|v| (v.positions.len(), v.normals.len()) == counts).cloned()
+        let of = |sample: &ShutterSample, mesh: usize| {
+            sample.meshes.get(&mesh).filter(|v| (v.positions.len(), v.normals.len()) == counts).cloned()
         };
-        let keys = self.keys.iter().zip(&met.keys).map(|(moment, met)| of(moment, met.1));
-        let neighbours = match (&self.neighbours, &met.neighbours) {
+        let keys = self.keys.iter().zip(&placed.keys).map(|(sample, placed)| of(sample, placed.1));
+        let neighbours = match (&self.neighbours, &placed.neighbours) {
             (Some([before, after]), Some([b, a])) => Some([of(before, b.1)?, of(after, a.1)?]),
             _ => None,
         };
@@ -230,7 +230,7 @@ fn as_place(weight: f32) -> DAffine3 {
 }
 
 /// The scene at a time.
-fn moment(doc: &Document, time_s: f64, shared: &mut SharedAssets, report: &mut Report) -> ShutterSample {
+fn sample_at(doc: &Document, time_s: f64, shared: &mut SharedAssets, report: &mut Report) -> ShutterSample {
     let pose = animation::pose(doc, time_s, report);
     let node_parents = NodeParents::new(doc, &pose);
     let hierarchy = nodes::walk(doc, &pose, &node_parents, report);

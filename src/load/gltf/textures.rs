@@ -326,7 +326,7 @@ fn read_what_can_be(
         if numbers.contains_key(&need.index) {
             continue;
         }
-        match report.apart(|report| fetch(doc, need, report)) {
+        match report.optional(|report| fetch(doc, need, report)) {
             Ok(source) => {
                 bytes += source.fetched.bytes.len();
                 pending.push(source);

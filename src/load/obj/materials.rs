@@ -87,11 +87,11 @@ impl Conversion<'_, '_> {
         let is_given = |key| number(key).is_some() || source.map(&format!("map_{key}")).is_some();
         let is_pbr = ["Pr", "Pm", "Ps", "Pc"].into_iter().any(is_given);
         let ks = source.color("Ks").map_or([0.0; 3], colour);
-        let shines = illum.is_none_or(|i| i > 1) && (ks != [0.0; 3] || source.map("map_Ks").is_some());
+        let is_glossy = illum.is_none_or(|i| i > 1) && (ks != [0.0; 3] || source.map("map_Ks").is_some());
         let roughness = number("Pr").or(number("Ns").map(roughness_of_exponent)).map_or(1.0, unit);
         let base_map = if self.is_ambient_alone() { "map_Ka" } else { "map_Kd" };
         let base_color = self.color(base_map, source.color("Kd").unwrap_or([0.8; 3]), true);
-        if !is_pbr && !shines {
+        if !is_pbr && !is_glossy {
             return Model::Lambert { albedo: base_color };
         }
         let no_diffuse = base_color.factor == [0.0; 3] && base_color.texture.is_none();

@@ -135,7 +135,7 @@ impl Record for Face {
     }
 
     fn set(&mut self, slot: Slot, value: &Property) {
-        // `as` saturates; what is no number is the first.
+        // `as` saturates; NaN becomes 0, the first one.
         match slot {
             Slot::Picture => self.picture = exact(value) as i64,
             Slot::Material => self.material = exact(value) as i64,
@@ -174,7 +174,7 @@ impl Record for SkippedElement {
     }
 }
 
-/// The parser of the header wants a type of rows.
+/// The parser of the header needs a type of rows.
 impl PropertyAccess for SkippedElement {
     fn new() -> SkippedElement {
         SkippedElement
@@ -197,7 +197,7 @@ pub(super) fn number(value: &Property) -> f32 {
     }
 }
 
-/// The same, as exact as it is in the file.
+/// The same in double precision.
 #[inline]
 pub(super) fn exact(value: &Property) -> f64 {
     match *value {
@@ -208,7 +208,7 @@ pub(super) fn exact(value: &Property) -> f64 {
     }
 }
 
-/// A share of 1: integers count in their type's maximum.
+/// A value in 0..1: integers are divided by their type's maximum.
 pub(super) fn unit(value: &Property) -> f32 {
     match *value {
         Property::UChar(v) => f32::from(v) / 255.0,

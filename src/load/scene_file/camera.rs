@@ -17,7 +17,7 @@
 //! | `shift` | lens shift `[x, y]`: the frame moves right and up by these multiples of the picture's height, its content left and down, as in Blender; vertical lines stay parallel | `[0, 0]` |
 //! | `clip` | `[near, far]`: the camera sees only what lies between these distances from its plane (of panoramas from itself), metres, as in Blender; the rest still casts shadows and stands in mirrors | all |
 //! | `shutter` | how long the shutter is open, frames, 0 to 1000: what moves in that time is blurred; `--shutter` has precedence | 0 |
-//! | `shutter_position` | `"centre"`: around the picture's moment; `"start"`: from it on; `"end"`: up to it | `"centre"` |
+//! | `shutter_position` | `"centre"`: around the picture's time; `"start"`: from it on; `"end"`: up to it | `"centre"` |
 //! | `motion` | how the camera moves on, see `motion` | none |
 //!
 //! or `camera = { from = "file.glb", name = "..." }`; without a name the file's first camera. The keys of the lens,
@@ -119,7 +119,7 @@ fn moved(build: &mut SceneFileBuilder, fields: &Fields, assets: &mut Assets) -> 
         let message = "this camera is moved by its file: leave 'motion' out";
         fields.problems.push(fields.span(), message);
     }
-    let world_from_camera = moved.at_moment * camera.world_from_camera;
+    let world_from_camera = moved.at_time * camera.world_from_camera;
     camera.world_from_camera = world_from_camera;
     camera.motion = moved.onwards.map(|onwards| onwards.map(|by| *by * world_from_camera));
     Some(camera)

@@ -10,12 +10,12 @@
 //! The clear sky is given by `sun_elevation` (degrees above the horizon, 0 to 90) and, optionally, `sun_azimuth` (degrees clockwise
 //! seen from above, from -z towards x; 0), `turbidity` (1 is the clearest air, 3 a clear day, 10 haze; 3), `ground_albedo` (a colour from 0 to
 //! 1, also what is seen below the horizon; 0.2), `sun` (`false` leaves the disk out, not its glow), `sun_size` (its diameter in degrees; 0.5358;
-//! larger ones soften shadows and bring as much light) and `strength` (1: W/sr/m2, 683 cd/m2 each). At strength 1 a white wall in
+//! larger ones soften shadows at the same irradiance) and `strength` (1: W/sr/m2, 683 cd/m2 each). At strength 1 a white wall in
 //! the sun has a radiance of some 50: `exposure = -5` in `[render]` suits it. The sun is a light of its own, which cameras and
 //! mirrors see.
 //!
 //! `sun = { direction = [x, y, z], angle = 0.5358, irradiance = [r, g, b] }` adds a sun to an image, a texture or an even environment that shows none: parallel light
-//! that travels that way, of a disk of a diameter of so many degrees, which cameras and mirrors see; what it brings to a surface that faces it is in W/m2.
+//! that travels that way, of a disk of a diameter of so many degrees, which cameras and mirrors see; the irradiance of a surface that faces it is in W/m2.
 //!
 //! `fog = { density = 0.1 }` fills the space around all solids (see `media`), and may stand alone.
 //!

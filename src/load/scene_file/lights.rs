@@ -195,8 +195,8 @@ fn add_profiled(
     let motion = node.and_then(|node| node.motion.as_ref());
     let mut motion = motion.map(|moving| moving.map(|then| at(local, then)));
     if let Some(moved) = &traits.moved {
-        kind = carried(kind, &moved.at_moment);
-        motion = moved.onwards.as_ref().map(|onwards| onwards.map(|by| carried(kind, by)));
+        kind = transformed(kind, &moved.at_time);
+        motion = moved.onwards.as_ref().map(|onwards| onwards.map(|by| transformed(kind, by)));
     }
     match kind {
         LightKind::Profiled { position, rotation, cone } if radius > 0.0 => {
@@ -250,7 +250,7 @@ fn at(mut kind: LightKind, place: &Placement) -> LightKind {
 }
 
 /// A light with a profile that a motion without scales moves.
-fn carried(mut kind: LightKind, by: &DAffine3) -> LightKind {
+fn transformed(mut kind: LightKind, by: &DAffine3) -> LightKind {
     if let LightKind::Profiled { position, rotation, .. } = &mut kind {
         *position = by.transform_point3(*position);
         *rotation = (DQuat::from_mat3(&by.matrix3) * *rotation).normalize();
@@ -397,8 +397,8 @@ fn add_surface(
     let is_ball = |of| matches!(surface, Surface::Ball { kind, .. } if kind == of);
     // A rotation has no effect on it.
     let is_obstacle = emitter_traits.is_obstacle && !is_ball(ShapeKind::FacingDisk);
-    let shines_inwards = is_ball(ShapeKind::Shell);
-    let mut emitter = Material::emitter(&name, color.map(|c| c * radiance as f32), shines_inwards);
+    let emits_inwards = is_ball(ShapeKind::Shell);
+    let mut emitter = Material::emitter(&name, color.map(|c| c * radiance as f32), emits_inwards);
     if let Some(emission) = &mut emitter.emission {
         emission.radiance.texture = picture;
     }
@@ -490,7 +490,7 @@ pub(super) fn local(fields: &Fields, cone: Option<[f64; 2]>) -> LightKind {
     LightKind::Profiled { position: DVec3::ZERO, rotation: DQuat::from_rotation_z(turn_rad), cone }
 }
 
-/// How a ball with a profile moves on from where it is at the picture's moment. One that turns would have another beam at each
+/// How a ball with a profile moves on from where it is at the picture's time. One that turns would have another beam at each
 /// time: it is warned about.
 pub(super) fn profile_ball_motion(
     build: &mut SceneFileBuilder,

@@ -416,7 +416,7 @@ impl Object {
         match transform::read_motion(build, fields, &name) {
             None => Object { name, world_from_object, motion: None },
             Some(moved) => {
-                let world_from_object = moved.at_moment * world_from_object;
+                let world_from_object = moved.at_time * world_from_object;
                 Object { name, world_from_object, motion: moved.onwards }
             }
         }
@@ -610,9 +610,9 @@ fn facing(normal: DVec3) -> DQuat {
 /// spheres asks for round ones.
 fn is_stretched_light(build: &SceneFileBuilder, object: &Object, shape: &Shape) -> bool {
     let material = build.loaded.scene.materials.get(shape.material.index());
-    let shines = material.is_some_and(|material| material.emission.is_some());
+    let is_emissive = material.is_some_and(|material| material.emission.is_some());
     let stretches = |moving: &Keyframes<DAffine3>| moving.all().any(|key| uniform_scale(key).is_none());
-    shines && shape.kind == ShapeKind::Sphere && object.motion.as_ref().is_some_and(stretches)
+    is_emissive && shape.kind == ShapeKind::Sphere && object.motion.as_ref().is_some_and(stretches)
 }
 
 /// Adds a shape under the transform of its object; as a mesh, with a warning, where that bends it.

@@ -164,7 +164,7 @@ fn shears(transform: &DAffine3) -> bool {
 /// A motion evaluated at the picture's time and around it.
 pub(super) struct EvaluatedMotion {
     /// Relative to the object's transform.
-    pub at_moment: DAffine3,
+    pub at_time: DAffine3,
     /// Relative to the picture's time, if other times are sampled.
     pub onwards: Option<Keyframes<DAffine3>>,
 }
@@ -181,7 +181,7 @@ pub(super) fn rigid_motion(
         (m * m.transpose()).abs_diff_eq(DMat3::IDENTITY, 1e-6) && m.determinant() > 0.0
     };
     let others = moved.onwards.iter().flat_map(Keyframes::all);
-    if std::iter::once(&moved.at_moment).chain(others).all(is_rigid) {
+    if std::iter::once(&moved.at_time).chain(others).all(is_rigid) {
         return Some(moved);
     }
     let message = "'motion' of cameras and lights must not scale or mirror";
@@ -200,13 +200,13 @@ pub(super) fn read_motion(
     fields.finish();
     let track = track?;
     let now = build.frame();
-    let at_moment = track.at(now);
-    let back = at_moment.inverse();
+    let at_time = track.at(now);
+    let back = at_time.inverse();
     let moved = |frames: f64| track.at(now + frames) * back;
     let shutter = build.shutter;
     if !shutter.wants_motion() {
         warn_of_closed_shutter(build);
-        return Some(EvaluatedMotion { at_moment, onwards: None });
+        return Some(EvaluatedMotion { at_time, onwards: None });
     }
     let (keys, is_enough) = shutter.keys_for(&mut |frames| vec![moved(frames)]);
     if !is_enough {
@@ -215,7 +215,7 @@ pub(super) fn read_motion(
     }
     let keys = shutter.key_frames(keys).map(&moved).collect();
     let neighbours = shutter.vectors.then(|| [moved(-1.0), moved(1.0)]);
-    Some(EvaluatedMotion { at_moment, onwards: Some(Keyframes { keys, neighbours }) })
+    Some(EvaluatedMotion { at_time, onwards: Some(Keyframes { keys, neighbours }) })
 }
 
 fn warn_of_closed_shutter(build: &mut SceneFileBuilder) {
@@ -323,8 +323,8 @@ pub(super) struct Placement {
 impl MovingPlacement {
     /// With the motion that its table gives it.
     pub fn moved(self, moved: Option<&EvaluatedMotion>) -> MovingPlacement {
-        let Some(EvaluatedMotion { at_moment, onwards }) = moved else { return self };
-        let now = self.now.moved(at_moment);
+        let Some(EvaluatedMotion { at_time, onwards }) = moved else { return self };
+        let now = self.now.moved(at_time);
         MovingPlacement { now, motion: onwards.as_ref().map(|onwards| onwards.map(|by| now.moved(by))) }
     }
 }

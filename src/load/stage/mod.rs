@@ -23,7 +23,7 @@ pub use options::{Background, Ground, StageLight, StageOptions};
 const SOFT_SKY: ([f32; 3], [f32; 3]) = ([0.064, 0.06, 0.056], [1.056, 1.14, 1.224]);
 
 /// Adds what a scene lacks, with notes: a camera that frames the model, unless there is one; light, unless anything
-/// lights it or the caller brings an environment; ground and material by [`StageOptions`], where there is no camera either.
+/// lights it or the caller has an environment; ground and material by [`StageOptions`], where there is no camera either.
 /// Emissive parts light a scene with a camera, unless it is a model ([`Loaded::is_model`]) whose parts only glow; a model
 /// without a camera is to be looked at, and is lit, too. Light that the caller chose takes the place of an environment.
 pub fn complete(loaded: &mut Loaded, options: &StageOptions, brings_environment: bool) {

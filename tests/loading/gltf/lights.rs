@@ -233,7 +233,7 @@ fn surroundings_are_driven_by_pointers() {
     write("a.gltf", asset.to_string().as_bytes());
     let mut blues = Vec::new();
     let path = folder.path().join("a.gltf");
-    oscura::load::load_moments(&path, &LoadOptions::default(), [0.0, 2.0, 0.0], &mut |loaded| {
+    oscura::load::load_times(&path, &LoadOptions::default(), [0.0, 2.0, 0.0], &mut |loaded| {
         blues.push([[0.1, 0.2, 1.0], [1.0, 0.1, 0.2]].map(|way| seen(loaded, way).z));
         Ok(std::ops::ControlFlow::Continue(()))
     })

@@ -3,7 +3,7 @@
 use super::asset::{floats, triangle_bytes};
 use super::materials::RED;
 use super::motion::{at, pointer_target, with_floats};
-use oscura::load::{LoadOptions, Loaded, load_moments};
+use oscura::load::{LoadOptions, Loaded, load_times};
 use oscura::math::DVec3;
 use oscura::scene::{LightKind, Mapping, Model, PbrMaterial, Projection, Quad, Texture};
 use serde_json::{Value, json};
@@ -150,7 +150,7 @@ fn textures_move_and_nodes_vanish() {
         std::fs::write(folder.path().join(name), content).expect("written");
     }
     let mut seen = Vec::new();
-    load_moments(&path, &LoadOptions::default(), [0.0, 1.0, 3.0, 1.0], &mut |loaded| {
+    load_times(&path, &LoadOptions::default(), [0.0, 1.0, 3.0, 1.0], &mut |loaded| {
         let transform = match loaded.scene.textures.first() {
             Some(Texture::Image { mapping: Mapping::Uv { transform, .. }, .. }) => Some(*transform),
             _ => None,

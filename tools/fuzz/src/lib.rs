@@ -60,8 +60,8 @@ fn merge_and_encode(part: PartFile) {
     let layout = part.header.channels.layout().expect("it has been read");
     let Ok(mut film) = Film::of_layout(width, height, layout) else { return };
     film.merge_film(&part.film);
-    film.settle_catchers(CatcherOutput::All);
-    part.backdrop.iter().for_each(|backdrop| film.lay_behind(backdrop));
+    film.resolve_catchers(CatcherOutput::All);
+    part.backdrop.iter().for_each(|backdrop| film.composite_over(backdrop));
     let encoded = encode_exr(&film, false, &ExrOptions::default(), &Metadata::default());
     assert!(encoded.is_ok_and(|encoded| !encoded.bytes.is_empty()), "a picture that can't be encoded");
 }

@@ -406,7 +406,7 @@ impl Materials {
             );
             report.lasting(|report| report.note("", ("glass-panes", message)));
         }
-        // Meshes of other moments have lost their second face already.
+        // Meshes of other times have lost their second face already.
         for (index, pane) in panes.into_iter().flatten() {
             pane.leave_one_face(&mut meshes[index]);
         }

@@ -443,7 +443,7 @@ impl Lowering<'_, '_, '_> {
         }
     }
 
-    /// The probability with which rays pass, and the factor on what they bring. A sheet that scatters and emits nothing is
+    /// The probability with which rays pass, and the factor on their radiance. A sheet that scatters and emits nothing is
     /// passed by all.
     fn passing(&mut self) -> (NodeInput, ColorSlot) {
         const ALL: NodeInput = NodeInput::Value([1.0; 3]);
